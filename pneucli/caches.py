@@ -1,4 +1,4 @@
-"""Compiled functions are kept on disk, where there is a place for them; what cannot be read there is made anew."""
+"""Cache compiled functions on disk where possible; compile them again where the cache is unreadable."""
 
 from __future__ import annotations
 
@@ -37,7 +37,7 @@ def _writable_folder(wanted: Path) -> Path:
 
 
 def _temporary() -> Path:
-    """Return a folder of this user's own; what is in it is run, so nobody else may write there."""
+    """Return a folder that only this user can write, because the program executes its content."""
     if not hasattr(os, "getuid"):
         return Path(tempfile.mkdtemp(prefix="pneucli-"))
     usual = Path(tempfile.gettempdir(), f"pneucli-{os.getuid()}")
@@ -48,12 +48,12 @@ def _temporary() -> Path:
 
 
 def compiled(**options: Any) -> Callable[[Function], Function]:
-    """Return numba's ``njit`` with a cache on disk, and these options, as a decorator."""
+    """Return a decorator: numba's ``njit`` with a cache on disk and these options."""
 
     def decorate(function: Function) -> Function:
         try:
             made = njit(cache=True, **options)(function)
-        except RuntimeError:  # numba finds no place that it may write to
+        except RuntimeError:  # numba finds no writable folder
             numba.config.CACHE_DIR = str(cache_folder())  # type: ignore[attr-defined]
             made = njit(cache=True, **options)(function)
         return cast("Function", with_cache_fallback(made))
@@ -62,23 +62,23 @@ def compiled(**options: Any) -> Callable[[Function], Function]:
 
 
 def with_cache_fallback(function: Any) -> Any:
-    """Return numba's compiled function: where its cache is damaged or cannot be written, it is compiled anew."""
-    kept = function._cache
-    load, save = kept.load_overload, kept.save_overload
+    """Make a compiled function ignore a damaged cache and a cache that cannot be written."""
+    disk_cache = function._cache
+    load, save = disk_cache.load_overload, disk_cache.save_overload
 
     def load_or_empty(*arguments: Any) -> Any:
         try:
             return load(*arguments)
-        except Exception:  # whatever a damaged file may raise
+        except Exception:  # a damaged file may raise anything
             with suppress(OSError):
-                kept.flush()
+                disk_cache.flush()
             return None
 
     def save_or_not(*arguments: Any) -> None:
         try:
             save(*arguments)
         except Exception as error:
-            _LOG.warning("warning: compiled kernels are not kept: %s", error)
+            _LOG.warning("warning: compiled kernels are not cached: %s", error)
 
-    kept.load_overload, kept.save_overload = load_or_empty, save_or_not
+    disk_cache.load_overload, disk_cache.save_overload = load_or_empty, save_or_not
     return function

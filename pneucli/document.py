@@ -1,4 +1,4 @@
-"""The pipeline file as text and as TOML tables, before anything in it is checked."""
+"""Read the pipeline file as text and as TOML tables, before any validation."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from pneucli.paths import require_printable
 def read_toml(path: Path) -> tuple[str, dict[str, Any]]:
     """Return text and tables of a pipeline file.
 
-    Raises InputError where there is no such file, where it is not UTF-8, or not TOML; the message has line and column.
+    Raises InputError where there is no such file, or it is not UTF-8 or not TOML; the message has line and column.
     """
     require_printable(path, str(path))
     text = _text(path)

@@ -1,4 +1,4 @@
-"""Errors that a user can mend, and the exit code each leads to; and the one way in which foreign text is shown."""
+"""Errors that a user can mend, with their exit codes, and the safe display of foreign text."""
 
 from __future__ import annotations
 
@@ -12,10 +12,15 @@ from dataclasses import dataclass
 
 @dataclass
 class InputError(Exception):
-    """The input is at fault: where, what was found, what was wanted, and the mend (exit code 2).
+    """An error in the input (exit code 2).
 
-    ``where`` names file and, as far as known, line, column or key (``"rig.toml, key rig.vessel.volume"``). Where one
-    file has several faults, ``faults`` are these.
+    Attributes:
+        where: The file and, if possible, line, column or key (``"rig.toml, key rig.vessel.volume"``).
+        found: What is there.
+        wanted: What should be there.
+        mend: What the user can do.
+        faults: All faults, where one file has several.
+
     """
 
     where: str
@@ -36,17 +41,17 @@ class InputError(Exception):
 
 
 class UnitError(ValueError):
-    """A unit or quantity string that cannot be read; the door (config, ingest) turns it into an InputError."""
+    """A unit or quantity that cannot be read; config and ingest turn it into an InputError."""
 
 
-MAX_LISTED = 40  # of what is known
+MAX_LISTED = 40  # names in a message
 
 
 def did_you_mean(word: str, choices: Iterable[str]) -> str:
     """Return ``'did you mean "x"?'`` for the closest of ``choices``, or the list (of the first) where none is close."""
     choices = sorted(choices)
     close = difflib.get_close_matches(word, choices, cutoff=0.6)
-    close.sort(key=lambda one: sorted(one) != sorted(word))  # letters that changed places before others
+    close.sort(key=lambda one: sorted(one) != sorted(word))  # transposed letters first
     more = ", ..." * (len(choices) > MAX_LISTED)
     return f'did you mean "{close[0]}"?' if close else f"known: {', '.join(choices[:MAX_LISTED])}{more}"
 
@@ -72,7 +77,7 @@ _DIRECTION_CHANGES = {
 
 
 def printable(text: str, keep: str = "") -> str:
-    """Return ``text`` with every character that acts and is not seen as its escape, such as that of a line end."""
+    """Return ``text`` with control characters and other invisible ones escaped, except those in ``keep``."""
     if text.isprintable():
         return text
     return "".join(c if c in keep or not _is_invisible(c) else c.encode("unicode_escape").decode("ascii") for c in text)
@@ -101,9 +106,9 @@ _ENVIRONMENT_MENDS = {
 
 
 def environment_error(error: OSError | MemoryError) -> InputError | None:
-    """Return what the surroundings refuse, such as space or permission, as an error of exit code 2.
+    """Return an error of the environment, such as a full disk or a missing permission, as an error of exit code 2.
 
-    ``None`` where ``error`` says no such thing: then it may be a fault of the program.
+    ``None`` for any other error, which may be a fault of the program.
     """
     if isinstance(error, MemoryError):
         return InputError("memory", "there is not enough", mend="shorten or leave out recordings, or free some")

@@ -1,4 +1,4 @@
-"""Memory that was freed goes back to the system: the allocators keep it otherwise, beside all that comes next."""
+"""Return freed memory to the system, which the allocators would keep."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ import pyarrow as pa
 
 
 def release_free_memory() -> None:
-    """Return what Arrow and the C library hold of freed memory; where the C library cannot, what Arrow holds."""
+    """Return the freed memory of Arrow and, where it can, of the C library to the system."""
     pa.default_memory_pool().release_unused()
     if sys.platform == "linux":
         trim = getattr(ctypes.CDLL(None), "malloc_trim", None)  # glibc's

@@ -1,4 +1,4 @@
-"""What a path of the pipeline file means: one law for all who follow it."""
+"""The meaning of paths in the pipeline file: relative to the file, with variables, ``~`` and globs."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from pneucli.errors import InputError, printable
 def expand_path(text: str, folder: Path, where: str) -> Path:
     """Return the path or glob ``text``: ``${NAME}`` and ``~`` replaced, relative to ``folder``, that of the file.
 
-    Raises InputError, ``where`` named, for an environment variable that is not set.
+    Raises InputError at ``where`` for an environment variable that is not set.
     """
 
     def value(match: re.Match[str]) -> str:
@@ -26,7 +26,7 @@ def expand_path(text: str, folder: Path, where: str) -> Path:
 
 
 def matching_files(text: str, folder: Path, where: str) -> list[Path]:
-    """Return the files that ``text`` names, in natural order; none of them is a folder, a pipe or a device.
+    """Return the regular files that ``text`` names, in natural order.
 
     Raises InputError for an environment variable that is not set, and for a name that cannot be printed.
     """
@@ -45,14 +45,14 @@ def matching_files_or_path(text: str, folder: Path, where: str) -> list[Path]:
 
 
 def require_printable(path: Path, where: str) -> None:
-    """Raise InputError where a name on the path is not UTF-8 or holds control characters."""
+    """Raise InputError where a name on the path is not UTF-8 or contains control characters."""
     if printable(str(path)) != str(path):
         found = f'the path "{path}" is not UTF-8 or holds control characters'
         raise InputError(where, found, "names that can be printed", "rename the file or its folder")
 
 
 def is_file(path: Path) -> bool:
-    """Return whether there is such a file, which is no folder, pipe or device."""
+    """Return whether the path is an existing file and no folder, pipe or device."""
     try:
         return path.is_file()
     except OSError:  # such as a name that is too long

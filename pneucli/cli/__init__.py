@@ -1,6 +1,6 @@
-"""The command line: a thin skin. Each command parses, brings its stage up to date, and prints.
+"""The command line: each command parses its arguments, brings its stage up to date, and prints the answer.
 
-Nothing heavy is imported before a command's body runs, so that ``--help`` answers at once.
+The body of a command does the heavy imports, so that ``--help`` answers at once.
 """
 
 from __future__ import annotations
@@ -25,12 +25,12 @@ from pneucli.errors import InputError, environment_error
 def main() -> None:
     """Run the program; exit codes: 0 done, 1 a check failed, 2 the input is at fault, 3 the program is, 130 Ctrl-C.
 
-    Who closes the pipe that is printed to has seen enough: that is 0.
+    A closed pipe on standard output is exit code 0.
     """
-    warnings.simplefilter("ignore", RuntimeWarning)  # of numbers on the way; what comes of them is checked
+    warnings.simplefilter("ignore", RuntimeWarning)  # of intermediate numbers; the results are checked
     for stream in (sys.stdout, sys.stderr):
         if isinstance(stream, io.TextIOWrapper):
-            stream.reconfigure(errors="replace")  # a terminal without "×" shows "?", and the answer still comes
+            stream.reconfigure(errors="replace")  # a terminal without "×" shows "?"
     try:
         code = _run()
         sys.stdout.flush()
@@ -44,7 +44,7 @@ def _run() -> int:
     try:
         _call([word for word in sys.argv[1:] if word != "--debug"])
     except SystemExit as leave:
-        if isinstance(leave.__context__, BrokenPipeError):  # typer would have it 1
+        if isinstance(leave.__context__, BrokenPipeError):  # typer's exit code would be 1
             raise leave.__context__ from None
         return int(leave.code or 0)
     except InputError as error:
@@ -61,7 +61,7 @@ def _run() -> int:
 
 
 def _print_refusal(error: InputError) -> int:
-    """Tell what is refused, under ``--json`` as JSON as well; return the exit code."""
+    """Print the error, under ``--json`` as JSON as well; return the exit code."""
     console.print_message(f"error: {error}")
     if "--json" in sys.argv[1:]:
         console.print_error(error)
@@ -69,7 +69,7 @@ def _print_refusal(error: InputError) -> int:
 
 
 def _call(arguments: list[str]) -> None:
-    """Run the command; under ``--json`` a wrong command line is an InputError, so that it is told as JSON as well."""
+    """Run the command; under ``--json`` a wrong command line is an InputError, which is printed as JSON as well."""
     command = build()
     if "--json" not in arguments:
         command(args=arguments, prog_name="pneucli")

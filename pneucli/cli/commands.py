@@ -1,4 +1,4 @@
-"""The commands that this installation has."""
+"""The commands of this installation."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ EXIT_CODES = "Exit codes: 0 done; 1 done, and a check of [checks] failed; 2 the 
 
 
 def build() -> typer.Typer:
-    """Return the program: a command for each stage that is built, and those that are no stages."""
+    """Return the program: a command for each installed stage, and the commands that are no stages."""
     app = typer.Typer(
         name="pneucli",
         help=HELP,
@@ -24,7 +24,7 @@ def build() -> typer.Typer:
         add_completion=True,
         pretty_exceptions_enable=False,
         rich_markup_mode=None,
-        # the defaults keep typer from loading pydantic to read a --help that was not given
+        # with these defaults typer does not load pydantic
         context_settings={"help_option_names": ["-h", "--help"], "default_map": dict.fromkeys(FLAGS, False)},
     )
     app.callback()(_common)
@@ -48,4 +48,4 @@ def _common(
     version: bool = typer.Option(False, "--version", "-V", callback=_version, is_eager=True, help="Print the version."),
     debug: bool = typer.Option(False, "--debug", help="Show the traceback of a fault of the program."),
 ) -> None:
-    """``--debug`` works anywhere on the line: ``main`` takes it out."""
+    """Declare ``--debug``; it works anywhere on the line, because ``main`` removes it."""

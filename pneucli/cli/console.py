@@ -1,4 +1,4 @@
-"""Standard output for answers; standard error, where everything else goes, is :mod:`pneucli.notebook.progress`."""
+"""Print answers on standard output; :mod:`pneucli.notebook.progress` prints everything else on standard error."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ __all__ = ["discard_output", "ignore_message", "print_error", "print_json", "pri
 
 
 def print_text(text: str) -> None:
-    """Print an answer for people; control characters that came in with a name are shown, not obeyed."""
+    """Print an answer for people; control characters in names are escaped."""
     print(printable(text, keep="\n"))
 
 

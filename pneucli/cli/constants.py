@@ -1,4 +1,4 @@
-"""The page of constants: every commented number of identification and diagnosis, as the source has it."""
+"""Make the page of constants: every commented number of identification and diagnosis, from the source."""
 
 from __future__ import annotations
 
@@ -51,10 +51,10 @@ def _pairs(node: ast.Assign) -> Iterator[tuple[str, str]]:
 
 
 def _comment(lines: list[str], node: ast.Assign) -> str:
-    """Return the comment beside an assignment, or else the one above it."""
+    """Return the comment behind an assignment, or else the one above it."""
     line = lines[node.lineno - 1][node.end_col_offset :] if node.end_lineno == node.lineno else ""
-    if beside := re.match(r"\s*#\s*(.+)", line):
-        return beside[1]
+    if trailing := re.match(r"\s*#\s*(.+)", line):
+        return trailing[1]
     above: list[str] = []
     for text in reversed(lines[: node.lineno - 1]):
         if not text.startswith("#"):

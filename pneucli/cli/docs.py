@@ -1,4 +1,4 @@
-"""The pages that are made from the program itself: ``python -m pneucli.cli.docs DOCS`` (``make docs``)."""
+"""Write the pages that are generated from the program: ``python -m pneucli.cli.docs DOCS`` (``make docs``)."""
 
 from __future__ import annotations
 
@@ -20,34 +20,34 @@ both. `pneucli COMMAND --help` prints the same.
 
 
 def command_line_page() -> str:
-    """Return the page: the program, then each command with its arguments and options."""
+    """Return the reference of the command line: the program, then each command with its arguments and options."""
     program: Any = typer.main.get_command(build())
     pages = [_page(f"pneucli {name}", command) for name, command in program.commands.items()]
     return "\n".join([HEAD, _page("pneucli", program), *pages, f"{EXIT_CODES}\n"])
 
 
 def generated_pages() -> dict[str, str]:
-    """Return every page that is made, by its path below ``docs``."""
+    """Return every generated page, by its path below ``docs``."""
     from pneucli.physics.effects import catalogue
     from pneucli.stages.schema import schema_text
 
-    known = [effect for _, effect in sorted(catalogue().items())]
+    all_effects = [effect for _, effect in sorted(catalogue().items())]
     made = {
         "cli.md": command_line_page(),
-        "effects.md": effects.index_page(known),
+        "effects.md": effects.index_page(all_effects),
         "pipeline-file.md": schema.keys_page(),
     }
     made |= {
         "pipeline.schema.json": schema_text(),
-        "gallery.md": effects.gallery_page(known),
+        "gallery.md": effects.gallery_page(all_effects),
         "own-effect.md": _own_effect(),
         "development/constants.md": constants.page(),
     }
-    return made | {f"effects/{effect.name}.md": effects.effect_page(effect) for effect in known}
+    return made | {f"effects/{effect.name}.md": effects.effect_page(effect) for effect in all_effects}
 
 
 def _own_effect() -> str:
-    """Return the page on effects of one's own, its example and its table of ports as they are now."""
+    """Return the page on user-defined effects with the present example and table of ports."""
     text = (DOCS / "own-effect.md").read_text(encoding="utf-8")
     example = (DOCS / "examples" / "rod_wiper.py").read_text(encoding="utf-8")
     return _replace_between_marks(
@@ -56,7 +56,7 @@ def _own_effect() -> str:
 
 
 def _replace_between_marks(text: str, name: str, made: str) -> str:
-    """Return a page with what stands between two marks replaced."""
+    """Return a page with the text between two marks replaced."""
     begin, end = f"<!-- made: {name} -->\n\n", f"\n\n<!-- end of {name} -->"
     before, _, rest = text.partition(begin)
     return f"{before}{begin}{made}{end}{rest.partition(end)[2]}"

@@ -1,4 +1,4 @@
-"""``add`` and ``remove``: change the model's effects, identify anew, show the error before and after."""
+"""``add`` and ``remove``: change the model's effects, identify again, show the error before and after."""
 
 from __future__ import annotations
 

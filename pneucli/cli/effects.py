@@ -1,4 +1,4 @@
-"""``effects``: the catalogue, as a list or one effect's story; the same texts make the pages ``docs/effects/*.md``."""
+"""``effects``: the catalogue as a list, or one effect; the same texts make the pages ``docs/effects/*.md``."""
 
 from __future__ import annotations
 
@@ -100,8 +100,8 @@ def _effects(
     from pneucli.physics.effects import all_effects, select_effects
 
     pipeline, effect = (first, second) if second is not None or (first or "").endswith(".toml") else (None, first)
-    known = all_effects(_plugins(Path(pipeline)) if pipeline else ())
-    chosen = list(known.values()) if effect is None else list(select_effects([effect], known, "effects"))
+    available = all_effects(_plugins(Path(pipeline)) if pipeline else ())
+    chosen = list(available.values()) if effect is None else list(select_effects([effect], available, "effects"))
     if json:
         console.print_json({"schema": "pneucli/effects/1", "effects": [_content(one) for one in chosen]})
     elif effect is None:
@@ -120,13 +120,13 @@ def _plugins(pipeline: Path) -> list[Path]:
 
 
 def effect_page(effect: Effect) -> str:
-    """Return the effect's page in Markdown; its picture lies beside it."""
+    """Return the effect's page in Markdown; its picture is in the same folder."""
     lines = [f"# {effect.title}", "", f"`{effect.name}`, part: {effect.part}", "", effect.equation, ""]
     lines += [f"| {' | '.join(COLUMNS)} |", "| --- " * len(COLUMNS) + "|"]
     lines += [f"| {' | '.join(_row(p))} |" for p in effect.parameters]
     lines += ["", f"![What it looks like]({effect.name}.svg)", "", PICTURE_CAPTION]
-    for heading, words in _story(effect, [f"[{twin}]({twin}.md)" for twin in effect.twins]):
-        lines += ["", f"## {heading}", "", words]
+    for heading, text in _description(effect, [f"[{twin}]({twin}.md)" for twin in effect.twins]):
+        lines += ["", f"## {heading}", "", text]
     return "\n".join([*lines, "", "[All effects](../effects.md)", ""])
 
 
@@ -144,7 +144,7 @@ def index_page(effects: Iterable[Effect]) -> str:
 
 
 def gallery_page(effects: Sequence[Effect]) -> str:
-    """Return the page with a picture of every effect, and of the walks, in Markdown."""
+    """Return the page with the pictures of all effects and walks, in Markdown."""
     shown = [
         f"## [{e.title}](effects/{e.name}.md)\n\n{e.looks_like}\n\n![{e.title}](effects/{e.name}.svg)\n"
         for e in effects
@@ -170,7 +170,7 @@ def _row(parameter: Parameter) -> tuple[str, ...]:
 
 
 def _together(quantities: Sequence[Quantity], between: str) -> str:
-    """Return quantities with the scale that they share named once."""
+    """Return quantities, with a common scale named once."""
     parts = [f"{q:g}" if not isinstance(q, str) else q for q in quantities]
     scales = [part.partition(" ")[2] for part in parts]
     return between.join(
@@ -179,15 +179,15 @@ def _together(quantities: Sequence[Quantity], between: str) -> str:
     )
 
 
-def _story(effect: Effect, twins: Sequence[str]) -> list[tuple[str, str]]:
-    """Return headings and paragraphs; ``twins`` are the names, as they are to be shown."""
+def _description(effect: Effect, twins: Sequence[str]) -> list[tuple[str, str]]:
+    """Return headings and paragraphs; ``twins`` are the names of the confounders as they are to be shown."""
     from pneucli.physics.declaration import PORTS
 
     ports = "; ".join(f"{port} ({PORTS[port].meaning})" for port in effect.ports)
     story = [
         ("In a residual", f"{effect.looks_like} Seen best over: {effect.shows_over}."),
         ("Easily taken for", ", ".join(twins) or "nothing else in the catalogue"),
-        ("What tells them apart" if effect.twins else "How to make sure", effect.separate),
+        ("How to distinguish them" if effect.twins else "How to verify it", effect.separate),
         ("Where it enters the model", f"{ports}."),
         ("Source", effect.source + (THESIS_REFERENCE if "thesis" in effect.source else "")),
     ]
@@ -200,7 +200,7 @@ def _text(effect: Effect) -> str:
     rows = [COLUMNS, *(_row(p) for p in effect.parameters)]
     widths = [max(len(row[i]) for row in rows) for i in range(len(COLUMNS))]
     table = ["  ".join(cell.ljust(w) for cell, w in zip(row, widths, strict=True)).rstrip() for row in rows]
-    story = [f"{heading}: {words}" for heading, words in _story(effect, effect.twins)]
+    story = [f"{heading}: {text}" for heading, text in _description(effect, effect.twins)]
     return "\n".join(
         [f"{effect.name}: {effect.title} (part: {effect.part})", "", effect.equation, "", *table, "", *story]
     )

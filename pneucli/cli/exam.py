@@ -1,4 +1,4 @@
-"""``exam``: sealed cases with hidden effects, answers to them by this program, and their grades."""
+"""``exam``: write sealed cases with hidden effects, answer them by this program, and grade the answers."""
 
 from __future__ import annotations
 
@@ -73,28 +73,26 @@ def _exam(
     if answer:
         with console.progress(quiet) as progress:
             result = workflow.answer(directory, progress, executor)
-        words = _answered_message(result)
+        text = _answered_message(result)
     if grade:
         result = workflow.grade(directory)
-        words = workflow.to_markdown(result).rstrip()
-        if (told := from_pipeline.write_result(directory, directory / workflow.ANSWERS)) is not None:
-            result = result | {"like": told}
-            words = f"{words}\n\n{from_pipeline.read_result_page(directory / workflow.ANSWERS)}"
+        text = workflow.to_markdown(result).rstrip()
+        if (like_result := from_pipeline.write_result(directory, directory / workflow.ANSWERS)) is not None:
+            result = result | {"like": like_result}
+            text = f"{text}\n\n{from_pipeline.read_result_page(directory / workflow.ANSWERS)}"
     if like is not None and not (answer or grade):
         with console.progress(quiet) as progress:
             result = from_pipeline.write(
                 directory, like, repeats=repeats, nulls=nulls, seed=seed or 1, progress=progress
             )
-        words = f"wrote {len(result['cases'])} cases like {result['like']} into {directory}"
+        text = f"wrote {len(result['cases'])} cases like {result['like']} into {directory}"
     elif not (answer or grade):
         result = workflow.write(directory, cases, nulls, size, seed, condition or [conditions.USUAL])
-        words = (
-            f"wrote {len(result['cases'])} cases into {directory}; to answer them: pneucli exam {directory} --answer"
-        )
+        text = f"wrote {len(result['cases'])} cases into {directory}; to answer them: pneucli exam {directory} --answer"
     if json:
         console.print_json(result)
     else:
-        print(words)
+        print(text)
 
 
 def _answered_message(result: dict[str, Any]) -> str:

@@ -1,4 +1,4 @@
-"""An example of each command, which stands at the end of its ``--help``."""
+"""An example of each command, for the end of its ``--help``."""
 
 from __future__ import annotations
 

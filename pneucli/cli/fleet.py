@@ -1,4 +1,4 @@
-"""``fleet``: many rigs and dates from one template, and what changed in which."""
+"""``fleet``: process many rigs and dates from one template, and report the changes."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ Out = Annotated[
     typer.Option(
         "--out",
         metavar="DIR",
-        help="Folder of the results, or its URL (s3://bucket/folder); default: artifacts/NAME beside the fleet file.",
+        help="Folder of the results, or its URL (s3://bucket/folder); default: artifacts/NAME next to the fleet file.",
     ),
 ]
 

@@ -21,10 +21,10 @@ def _history(pipeline: File, out: Out = None, json: Json = False, quiet: Quiet =
 
     opened_pipeline = open_pipeline_file(pipeline, out)
     opened_pipeline.validate()
-    known = history_answer(opened_pipeline.artifacts / "compare")
+    models = history_answer(opened_pipeline.artifacts / "compare")
     if json:
-        console.print_json({"schema": "pneucli/history/1", "pipeline": opened_pipeline.name, "models": known})
+        console.print_json({"schema": "pneucli/history/1", "pipeline": opened_pipeline.name, "models": models})
         return
-    console.print_text("\n".join(history.lines(known, str(pipeline))))
-    if known and opened_pipeline.stage_status(["compare"])["compare"].reasons and not quiet:
+    console.print_text("\n".join(history.lines(models, str(pipeline))))
+    if models and opened_pipeline.stage_status(["compare"])["compare"].reasons and not quiet:
         console.print_message(f"the file or its data have changed since; to compare anew: pneucli compare {pipeline}")

@@ -1,4 +1,4 @@
-"""What the commands share: their common arguments, and what these become."""
+"""Common arguments of the commands."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ File = Annotated[Path, typer.Argument(metavar="PIPELINE", help="The pipeline fil
 Out = Annotated[
     Path | None,
     typer.Option(
-        "--out", metavar="DIR", help="Folder of the artifacts; default: artifacts/NAME beside the pipeline file."
+        "--out", metavar="DIR", help="Folder of the artifacts; default: artifacts/NAME next to the pipeline file."
     ),
 ]
 Json = Annotated[bool, typer.Option("--json", help="Print the answer as one JSON object, and nothing else.")]
@@ -26,17 +26,17 @@ Quiet = Annotated[bool, typer.Option("--quiet", "-q", help="No progress, no mess
 
 
 def open_pipeline_file(file: Path, out: Path | None) -> Pipeline:
-    """Open the pipeline; the file itself is validated only when it has changed (units cost half a second to import)."""
+    """Open the pipeline; validate the file only when it has changed (the units take half a second to import)."""
     from pneucli.notebook.run import open_pipeline_of
 
     return open_pipeline_of(file, out)
 
 
 def shortest_path(path: Path) -> str:
-    """Return a path as short as it can be said from here."""
+    """Return a path relative to the current folder if that is shorter."""
     return str(path.relative_to(Path.cwd()) if path.is_relative_to(Path.cwd()) else path)
 
 
 def built_stages(*names: str) -> list[str]:
-    """Those of the stages that this installation has."""
+    """Return those of the stages that this installation has."""
     return [name for name in names if STAGES[name].built]

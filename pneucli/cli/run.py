@@ -1,4 +1,4 @@
-"""``run``: all that is out of date, the report, then the checks."""
+"""``run``: bring all stages up to date, write the report, then evaluate the checks."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""``schema``: the JSON schema of the pipeline file, and the page that says every key."""
+"""``schema``: the JSON schema of the pipeline file, and the page of all its keys."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""``ingest``, ``identify``, ``compare`` and so on: one stage, after all that it needs."""
+"""``ingest``, ``identify``, ``compare`` and so on: run one stage and the stages that it needs."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 
 
 class Target(StrEnum):
-    """What ``export`` writes for."""
+    """The target of ``export``."""
 
     c = "c"
     mat = "mat"
@@ -29,7 +29,7 @@ class Target(StrEnum):
 
 
 class Precision(StrEnum):
-    """In what arithmetic the C calculates."""
+    """The arithmetic of the exported C."""
 
     float64 = "float64"
     float32 = "float32"
@@ -57,7 +57,7 @@ def run_stage(
     verbose: bool = False,
     options: Mapping[str, Any] | None = None,
 ) -> None:
-    """Bring the stage up to date and print its answer; without ``options`` those of its last run hold."""
+    """Bring the stage up to date and print its answer; ``options`` default to those of its last run."""
     say = console.ignore_message if quiet else console.print_message
     pipeline = open_pipeline_file(file, out)
     with console.progress(quiet) as progress:
@@ -73,13 +73,13 @@ def run_stage(
 
 
 def fails_acceptance(done: Mapping[str, Done]) -> bool:
-    """Whether the design misses what a strict ``[design]`` asks."""
+    """Return whether the design violates a requirement of a strict ``[design]``."""
     designed = done["design"].manifest.answer if "design" in done else None
     return acceptance.fails_acceptance((designed or {}).get("gate"))
 
 
 def print_implausibilities(done: Mapping[str, Done]) -> None:
-    """Print what is implausible in the recordings, behind the answer of every stage that rests on them."""
+    """Print the implausible findings about the recordings, after the answer of every stage that uses them."""
     if "ingest" in done and (answer := done["ingest"].manifest.answer):
         for line in plausibility.lines(answer):
             console.print_text(line)
@@ -135,9 +135,9 @@ def _diagnose(
 
 
 def _baseline_options(old: Path | None, alarm_rate: float | None, quiet: bool, repeats: list[Path]) -> dict[str, Any]:
-    """Return the options that ask what changed since ``old``, a pipeline (diagnosed first) or its artifacts.
+    """Return the options for a comparison with the baseline ``old``, a pipeline (diagnosed first) or its artifacts.
 
-    ``repeats`` are pipelines, or their artifacts, that were held against it before.
+    ``repeats`` are pipelines, or their artifacts, that were compared with it before.
     """
     if old is None:
         return {}
@@ -145,12 +145,14 @@ def _baseline_options(old: Path | None, alarm_rate: float | None, quiet: bool, r
 
     folder = _diagnosis_folder(old, quiet)
     asked = baseline_options(folder, alarm_rate)
-    known = [read_repeat(one / "diagnose" if one.is_dir() else _diagnosis_folder(one, quiet), asked) for one in repeats]
-    return baseline_options(folder, alarm_rate, known)
+    differences = [
+        read_repeat(one / "diagnose" if one.is_dir() else _diagnosis_folder(one, quiet), asked) for one in repeats
+    ]
+    return baseline_options(folder, alarm_rate, differences)
 
 
 def _diagnosis_folder(old: Path, quiet: bool) -> Path:
-    """Return the folder of a diagnosis, which is brought up to date where a pipeline file is named."""
+    """Return the folder of a diagnosis; bring it up to date where ``old`` is a pipeline file."""
     if old.is_dir():
         return old / "diagnose"
     pipeline = open_pipeline_file(old, None)
@@ -172,15 +174,15 @@ def _design(
     verbose: Verbose = False,
     quiet: Quiet = False,
 ) -> None:
-    options = None if compare is None else {"compare": _law_names(compare.split(","), "--compare")}
+    options = None if compare is None else {"compare": _control_law_names(compare.split(","), "--compare")}
     run_stage("design", pipeline, out, json, quiet, verbose, options)
 
 
-def _law_names(names: list[str], where: str) -> list[str]:
-    """Check names of laws before anything runs; raises InputError."""
+def _control_law_names(names: list[str], where: str) -> list[str]:
+    """Return the checked names of control laws; raises InputError before anything runs."""
     from pneucli.controller.laws import select_laws
 
-    return [law.name for law in select_laws([name.strip() for name in names], where)]
+    return [one.name for one in select_laws([name.strip() for name in names], where)]
 
 
 def _simulate(
@@ -198,7 +200,7 @@ def _simulate(
 
 
 def _executor_option(executor: str | None) -> dict[str, Any]:
-    """Return the option that says where work is done; raises InputError at once where nobody is there."""
+    """Return the option that names the executor; raises InputError at once where it does not answer."""
     if executor is None:
         return {}
     from pneucli.executors import require_cluster
@@ -232,13 +234,13 @@ def _export(
         quiet,
         verbose,
         {"to": _with_previous_targets(open_pipeline_file(pipeline, out).artifacts, to)}
-        | ({"controller": _law_names([controller], "--controller")[0]} if controller else {})
+        | ({"controller": _control_law_names([controller], "--controller")[0]} if controller else {})
         | ({"precision": precision.value} if precision != Precision.float64 else {}),
     )
 
 
 def _with_previous_targets(artifacts: Path, to: list[Target]) -> list[str]:
-    """What was exported before stays exported, up to date with the rest."""
+    """Return the targets together with those of earlier exports, which are updated as well."""
     from pneucli.pipeline import manifest
 
     former = manifest.read_manifest(artifacts / "export")

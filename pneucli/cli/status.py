@@ -1,4 +1,4 @@
-"""``status``: what is up to date, what is stale and why."""
+"""``status``: list the stages that are up to date, those that are stale, and why."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ def register(app: typer.Typer) -> None:
 
 
 def _status(pipeline: File, out: Out = None, json: Json = False, quiet: Quiet = False) -> None:
-    """``quiet`` is there for the sake of uniform options: nothing is said on standard error anyway."""
+    """``quiet`` exists for uniform options; this command prints nothing on standard error."""
     opened_pipeline = open_pipeline_file(pipeline, out)
     opened_pipeline.validate()
     verdicts = opened_pipeline.stage_status(built_stages(*STAGES))

@@ -1,6 +1,6 @@
-"""Where many runs of one kind are done: processes of this machine, or a Dask cluster.
+"""Run many jobs: in threads or processes of this machine, or on a Dask cluster.
 
-Everything that is many (rigs of a fleet, cases of an exam, runs of a Monte Carlo study) goes through :func:`stream`.
+The rigs of a fleet, the cases of an exam and the runs of a Monte Carlo study go through :func:`run_jobs`.
 """
 
 from __future__ import annotations

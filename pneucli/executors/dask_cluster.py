@@ -1,4 +1,4 @@
-"""A Dask cluster: reached at its address, or started as a TOML file says; every worker must run the same program."""
+"""Connect to a Dask cluster, or start one from a TOML file; every worker must run the same program."""
 
 from __future__ import annotations
 
@@ -17,15 +17,15 @@ from urllib.parse import urlsplit
 from pneucli.document import read_toml
 from pneucli.errors import InputError
 
-ANSWER_TIMEOUT = 5.0  # s, until a cluster has answered
-START_TIMEOUT = 600.0  # s, until the first worker of a queue has started
+ANSWER_TIMEOUT = 5.0  # s, for the first answer of a cluster
+START_TIMEOUT = 600.0  # s, for the first worker of a queue
 DASK_LOGGERS = ("distributed", "distributed.client", "distributed.core", "tornado.application", "asyncio")
 CLUSTER_KEYS = ("class", "workers", "minimum", "maximum", "options")
 Identity = Callable[[], Mapping[str, str]]
 
 
 class DaskCluster:
-    """Workers of a Dask cluster; what a worker that died had to do is done by another."""
+    """Workers of a Dask cluster; another worker repeats the jobs of a dead one."""
 
     def __init__(self, client: Any, name: str, identity: Identity | None) -> None:
         self._client, self._name = client, name
@@ -35,7 +35,7 @@ class DaskCluster:
 
     @property
     def slots(self) -> int:
-        """How many jobs run at once, now."""
+        """The number of jobs that run at once at present."""
         return max(sum(int(w["nthreads"]) for w in self._client.scheduler_info(n_workers=-1)["workers"].values()), 1)
 
     def submit(self, work: Callable[..., Any], *arguments: Any) -> Future[Any]:
@@ -44,22 +44,22 @@ class DaskCluster:
         return future
 
     def is_worker_death(self, error: BaseException) -> bool:
-        """Whether several workers died of it (``KilledWorker``), or its result was lost with one."""
+        """Return whether the job killed several workers (``KilledWorker``), or its result was lost with one."""
         return type(error).__name__ in {"KilledWorker", "ComputeError"} or isinstance(error, CancelledError)
 
     def replace_workers(self) -> None:
-        """Nothing: nannies start workers again; those that are new must run the same program."""
+        """Check the versions of new workers; Dask's nannies start them."""
         self.check_versions()
 
     def require_alive(self) -> None:
-        """Raise InputError where the scheduler is gone."""
+        """Raise InputError where the scheduler does not run any more."""
         if self._client.status != "running":
             found = f"the cluster at {self._name} went away"
-            mend = "what is done is kept: start the cluster and give the same command again"
+            mend = "finished results are stored: start the cluster and repeat the command"
             raise InputError("--executor", found, "a Dask scheduler that answers", mend)
 
     def check_versions(self) -> None:
-        """Raise InputError where a worker that was not asked yet runs another program than this client."""
+        """Raise InputError where a new worker runs another program than this client."""
         if self._identity is None:
             return
         there = set(self._client.scheduler_info(n_workers=-1)["workers"]) - self._seen
@@ -67,18 +67,18 @@ class DaskCluster:
             return
         try:
             answers = self._client.run(self._identity, workers=sorted(there), on_error="return")
-        except (OSError, TimeoutError):  # gone meanwhile
+        except (OSError, TimeoutError):  # the scheduler ended meanwhile
             return
         require_same_identity(self._identity(), answers, self._name)
         self._seen |= there
 
 
 def require_same_identity(own: Mapping[str, str], answers: Mapping[str, Any], name: str) -> None:
-    """Raise InputError with each difference between this client's identity and the workers' ``answers``."""
+    """Raise InputError that lists the differences between this client's identity and the workers' ``answers``."""
     faults = []
     for worker, theirs in sorted(answers.items()):
         if isinstance(theirs, OSError):
-            continue  # it died while it was asked
+            continue  # it died before it answered
         where = f"--executor {name}, worker {worker}"
         if isinstance(theirs, BaseException):
             found = f"it cannot run this program: {type(theirs).__name__}: {theirs}"
@@ -97,7 +97,7 @@ def require_same_identity(own: Mapping[str, str], answers: Mapping[str, Any], na
 def connect_cluster(address: str, identity: Identity | None = None) -> Iterator[DaskCluster]:
     """Yield the cluster at ``dask://host:port``.
 
-    Raises InputError for another address, where nobody answers, where there are no workers, or one differs.
+    Raises InputError for another address, without an answer, without workers, or where a worker differs.
     """
     require_cluster(address)
     with _silenced_loggers(), _client(address) as client:
@@ -111,8 +111,9 @@ def connect_cluster(address: str, identity: Identity | None = None) -> Iterator[
 def start_cluster(path: Path, identity: Identity | None = None) -> Iterator[DaskCluster]:
     """Start the cluster that a TOML file describes, yield it, and end it.
 
-    ``class`` is a dotted name such as ``dask_jobqueue.SLURMCluster``, ``options`` its arguments; so many ``workers``
-    are asked for, or from ``minimum`` to ``maximum`` as there is work. Raises InputError where that cannot be done.
+    ``class`` is a dotted name such as ``dask_jobqueue.SLURMCluster``, ``options`` its arguments; ``workers`` is the
+    number of workers, or ``minimum`` and ``maximum`` limit it according to the work. Raises InputError where the
+    cluster cannot be started.
     """
     _, tables = read_toml(path)
     table = tables.get("cluster", {})
@@ -122,7 +123,7 @@ def start_cluster(path: Path, identity: Identity | None = None) -> Iterator[Dask
     client_of = _distributed().Client
     try:
         cluster = make(**table.get("options", {}))
-    except Exception as error:  # whatever a queueing system may say
+    except Exception as error:  # a queueing system may raise anything
         raise InputError(f"{path}, key cluster.options", f"{type(error).__name__}: {error}") from error
     with _silenced_loggers(), cluster, client_of(cluster) as client:
         _scale(cluster, table)
@@ -132,7 +133,7 @@ def start_cluster(path: Path, identity: Identity | None = None) -> Iterator[Dask
 
 @contextmanager
 def _silenced_loggers() -> Iterator[None]:
-    """Let Dask's loggers say nothing meanwhile: what is lost and done again is no news, what matters is raised."""
+    """Silence Dask's loggers meanwhile: lost jobs are repeated, and errors that matter are raised."""
     loggers = [logging.getLogger(name) for name in DASK_LOGGERS]
     before = [one.level for one in loggers]
     for one in loggers:
@@ -177,12 +178,12 @@ def _distributed() -> Any:
 
 
 def _client(address: str) -> Any:
-    """Connect in a thread of its own: who listens and never answers is waited for without end."""
+    """Connect in a separate thread, because Dask waits for ever for a port that never answers."""
     client_of = _distributed().Client
     clients: SimpleQueue[Any] = SimpleQueue()
 
     def connect() -> None:
-        with suppress(Exception):  # what answers may be anything
+        with suppress(Exception):  # another program may answer at this port
             clients.put(client_of(address.replace("dask://", "tcp://", 1), timeout=ANSWER_TIMEOUT))
 
     Thread(target=connect, daemon=True).start()
@@ -193,9 +194,9 @@ def _client(address: str) -> Any:
 
 
 def require_cluster(address: str) -> None:
-    """Raise InputError where nobody listens at ``address``: cheap, so that it is known before long work is begun.
+    """Raise InputError where nothing listens at ``address``; this is quick, before long work begins.
 
-    Other executors than an address need nobody who listens.
+    Executors without an address are not checked.
     """
     if address == "local" or address.endswith(".toml"):
         return

@@ -1,4 +1,4 @@
-"""What runs jobs: threads or processes of this machine, or a Dask cluster. One seam for all who have many jobs."""
+"""Engines that run jobs: threads or processes of this machine, or a Dask cluster."""
 
 from __future__ import annotations
 
@@ -15,40 +15,40 @@ from pneucli.executors.dask_cluster import Identity, connect_cluster, start_clus
 
 LOCAL_NAME = "local"
 THREADS_VARIABLE = (
-    "PNEUCLI_THREADS"  # the environment variable that says how many threads simulations of one process take
+    "PNEUCLI_THREADS"  # the environment variable with the number of threads for the simulations of one process
 )
-WORKER_DEATH_ERRORS: tuple[type[BaseException], ...] = (BrokenExecutor,)  # what a job raises whose worker died
+WORKER_DEATH_ERRORS: tuple[type[BaseException], ...] = (BrokenExecutor,)  # raised by a job whose worker died
 
 
 def thread_count() -> int:
-    """Return how many threads run simulations: the cores this process may use, or ``PNEUCLI_THREADS``."""
-    if (said := os.environ.get(THREADS_VARIABLE, "")).isdigit() and int(said) > 0:
-        return int(said)
+    """Return the number of threads for simulations: the cores this process may use, or ``PNEUCLI_THREADS``."""
+    if (stated := os.environ.get(THREADS_VARIABLE, "")).isdigit() and int(stated) > 0:
+        return int(stated)
     return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
 
 
 class Engine(Protocol):
-    """What :func:`pneucli.executors.job_stream` needs; ``slots`` is how many jobs run at once."""
+    """What :func:`pneucli.executors.job_stream.run_jobs` needs."""
 
     @property
     def slots(self) -> int:
-        """How many jobs run at once, now: a cluster may grow and shrink."""
+        """The number of jobs that run at once at present: a cluster may grow and shrink."""
 
     def submit(self, work: Callable[..., Any], *arguments: Any) -> Future[Any]:
         """Run ``work(*arguments)`` somewhere."""
 
     def is_worker_death(self, error: BaseException) -> bool:
-        """Whether a job raised this because its worker died, so that it may be tried again."""
+        """Return whether a job raised this because its worker died, so that the job may be repeated."""
 
     def replace_workers(self) -> None:
-        """Make good what a worker's death broke."""
+        """Restore the workers after one died."""
 
     def require_alive(self) -> None:
-        """Raise InputError where nothing will ever be done again."""
+        """Raise InputError where the engine cannot run any more jobs."""
 
 
 class LocalEngine:
-    """Workers of this machine in a pool that is made anew when one of them dies."""
+    """Workers of this machine in a pool, which is created again when one of them dies."""
 
     def __init__(self, slots: int) -> None:
         self.slots = slots
@@ -58,7 +58,7 @@ class LocalEngine:
         raise NotImplementedError
 
     def submit(self, work: Callable[..., Any], *arguments: Any) -> Future[Any]:
-        """Run ``work(*arguments)`` in a worker; where the pool is broken already, the future says so."""
+        """Run ``work(*arguments)`` in a worker; if the pool is broken, the future has the error."""
         try:
             return self._pool.submit(work, *arguments)
         except BrokenExecutor as error:
@@ -67,7 +67,7 @@ class LocalEngine:
             return failed
 
     def is_worker_death(self, error: BaseException) -> bool:
-        """Whether the worker died."""
+        """Return whether the worker died."""
         return isinstance(error, WORKER_DEATH_ERRORS)
 
     def replace_workers(self) -> None:
@@ -76,24 +76,24 @@ class LocalEngine:
         self._pool = self._new_pool()
 
     def require_alive(self) -> None:
-        """Nothing: this machine is there."""
+        """Do nothing: this machine is alive."""
 
     def close(self) -> None:
-        """End the workers; what has not begun is dropped."""
+        """End the workers; jobs that have not begun are dropped."""
         self._pool.shutdown(wait=True, cancel_futures=True)
 
 
 class ThreadEngine(LocalEngine):
-    """Threads of this process: for jobs that hold the interpreter's lock for a small part of their time."""
+    """Threads of this process, for jobs that rarely hold the interpreter's lock."""
 
     def _new_pool(self) -> Executor:
         return ThreadPoolExecutor(self.slots)
 
 
 class ProcessEngine(LocalEngine):
-    """Processes of this machine, each with one thread: whole pipelines hold the interpreter's lock most of the time.
+    """Processes of this machine, one thread each, because pipelines hold the interpreter's lock most of the time.
 
-    Where they can be forked, a server loads the module ``preload`` once for all, so that a new worker is there at once.
+    Where processes can be forked, a server loads the module ``preload`` once, so that a new worker starts at once.
     """
 
     def __init__(self, slots: int, preload: str | None = None) -> None:
@@ -109,7 +109,7 @@ class ProcessEngine(LocalEngine):
 
 
 def _initialize_worker() -> None:
-    """Let a worker use one core, as many of them run as there are, and end when its client does, however that ends."""
+    """Let a worker use one core, since there is one for each, and end when its client ends or is killed."""
     os.environ[THREADS_VARIABLE] = os.environ["OPENBLAS_NUM_THREADS"] = os.environ["OMP_NUM_THREADS"] = "1"
     Thread(target=_exit_with_client, daemon=True).start()
 
@@ -124,11 +124,11 @@ def _exit_with_client() -> None:
 def engine_from(
     name: str | None, identity: Identity | None = None, *, threads: bool = False, preload: str | None = None
 ) -> Iterator[Engine]:
-    """Yield what ``--executor`` names: ``local`` (or None), ``dask://host:port``, or a TOML file of a cluster.
+    """Yield the engine that ``--executor`` names: ``local`` (or None), ``dask://host:port``, or a cluster's TOML file.
 
-    Locally jobs run in processes that have loaded the module ``preload``, in threads where all is ``threads``. On a
-    cluster, ``identity`` is run here and on every worker and must say the same. Raises InputError for a name that is
-    none of these, where the extra ``cluster`` is missing, where no cluster answers, and where a worker differs.
+    Local jobs run in processes that have loaded the module ``preload``, or in threads. On a cluster, ``identity`` runs
+    here and on every worker and must return the same. Raises InputError for another name, without the extra
+    ``cluster``, where no cluster answers, and where a worker differs.
     """
     if name is None or name == LOCAL_NAME:
         engine = ThreadEngine(thread_count()) if threads else ProcessEngine(thread_count(), preload)

@@ -1,4 +1,4 @@
-"""Many jobs through an engine: few of them under way at once, results as they come, a worker's death survived."""
+"""Run many jobs on an engine: few at once, results in the order of completion, with repeats after a worker's death."""
 
 from __future__ import annotations
 
@@ -10,16 +10,16 @@ from typing import Any, Generic, TypeVar
 
 from pneucli.executors.engine import Engine
 
-JOBS_PER_SLOT = 2  # jobs under way for each that runs: a worker that is done has the next one at hand
-MAX_ATTEMPTS = 3  # of a job that runs alone, until it is what kills its worker
-POLL_INTERVAL = 2.0  # s, after which somebody asks whether the engine is still there
+JOBS_PER_SLOT = 2  # submitted jobs for each running one: a worker that is done has the next one at hand
+MAX_ATTEMPTS = 3  # deaths of a job's worker, while no other job runs, until the job is given up
+POLL_INTERVAL = 2.0  # s, between checks whether the engine is alive
 WORKER_DIED = "its worker died each time it was tried; it may need more memory than there is"
 Job = TypeVar("Job")
 
 
 @dataclass(frozen=True)
 class Outcome(Generic[Job]):
-    """What became of a job: its result, or the error that it raised; its worker's death is a ``ChildProcessError``."""
+    """The result of a job, or the error that it raised; the death of its worker is a ``ChildProcessError``."""
 
     job: Job
     result: Any = None
@@ -27,11 +27,11 @@ class Outcome(Generic[Job]):
 
 
 def run_jobs(engine: Engine, work: Callable[[Job], Any], jobs: deque[Job]) -> Iterator[Outcome[Job]]:
-    """Yield what ``work(job)`` gives for all that is ``jobs``, in the order in which it is done.
+    """Yield the outcome of ``work(job)`` for each of ``jobs``, in the order of completion.
 
-    More may be put into ``jobs`` between two outcomes. No more than a few jobs for each worker are under way, however
-    many wait. A job whose worker died is tried again, from then on with no other beside it, so that a job that kills
-    its worker takes nobody else's work with it; after ``MAX_ATTEMPTS`` such deaths it is given up.
+    The caller may append to ``jobs`` between two outcomes. At most JOBS_PER_SLOT jobs for each worker are submitted.
+    A job whose worker died is repeated while no other job runs, so that a job that kills its worker destroys no other
+    job's work; after ``MAX_ATTEMPTS`` deaths it is given up.
     """
     flying: dict[Future[Any], Job] = {}
     suspects: deque[Job] = deque()
@@ -43,7 +43,7 @@ def run_jobs(engine: Engine, work: Callable[[Job], Any], jobs: deque[Job]) -> It
             job = jobs.popleft()
             flying[engine.submit(work, job)] = job
         done = _wait_for_done(engine, flying)
-        for future in [one for one in flying if one in done]:  # together done, first begun
+        for future in [one for one in flying if one in done]:  # of those done together, the earliest first
             job = flying.pop(future)
             outcome = _outcome(engine, job, future)
             if outcome is None:
@@ -53,7 +53,7 @@ def run_jobs(engine: Engine, work: Callable[[Job], Any], jobs: deque[Job]) -> It
 
 
 def _one_by_one(engine: Engine, work: Callable[[Job], Any], suspects: deque[Job]) -> Iterator[Outcome[Job]]:
-    """Try each job with no other beside it, until it is done or its worker has died too often."""
+    """Run each job while no other runs, until it is done or its worker has died too often."""
     while suspects:
         job = suspects.popleft()
         for _ in range(MAX_ATTEMPTS):
@@ -69,7 +69,7 @@ def _one_by_one(engine: Engine, work: Callable[[Job], Any], suspects: deque[Job]
 
 
 def _wait_for_done(engine: Engine, flying: dict[Future[Any], Job]) -> set[Future[Any]]:
-    """Return the futures that are done, after some time none: then the engine is asked whether it is still there."""
+    """Return the finished futures; after POLL_INTERVAL without any, check that the engine is alive."""
     done, _ = wait(flying, timeout=POLL_INTERVAL, return_when=FIRST_COMPLETED)
     if not done:
         engine.require_alive()
@@ -77,12 +77,12 @@ def _wait_for_done(engine: Engine, flying: dict[Future[Any], Job]) -> set[Future
 
 
 def _outcome(engine: Engine, job: Job, future: Future[Any]) -> Outcome[Job] | None:
-    """Return what became of a job, None where its worker died."""
+    """Return the outcome of a job, None where its worker died."""
     try:
         return Outcome(job, result=future.result())
     except BaseException as error:
         if engine.is_worker_death(error):
-            engine.require_alive()  # where all is gone, no worker in particular died
+            engine.require_alive()  # if the engine ended, the job's worker did not die of the job
             return None
         if isinstance(error, Exception):
             return Outcome(job, error=error)

@@ -128,7 +128,7 @@ def _closed_loop(answer: Answer) -> Iterator[str]:
         alone = answer["pid_alone"][name]
         rows = [(METRIC_TITLES.get(n, n), _figure(v), _figure(alone[n])) for n, v in figures.items() if v is not None]
         yield ""
-        yield from table((f"closed loop, {name}", "with compensation", "PIDs alone"), rows, texts=1)
+        yield from table((f"closed loop, {name}", "with compensation", "PIDs only"), rows, texts=1)
 
 
 def _figure(value: float | None) -> str:

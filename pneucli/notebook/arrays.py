@@ -1,4 +1,4 @@
-"""``pneucli.diagnose``: recordings that are arrays already, through the same pipeline as files."""
+"""``pneucli.diagnose``: diagnose recordings that are arrays, with the same pipeline as files."""
 
 from __future__ import annotations
 
@@ -22,13 +22,13 @@ from pneucli.quantities import SIGNALS
 if TYPE_CHECKING:
     import pandas as pd
 
-PIPELINE_NAME = "arrays"  # of the pipeline that is made
-REQUIRED_KEYS = ("name", "experiment", "use")  # what every recording must say
+PIPELINE_NAME = "arrays"  # of the generated pipeline
+REQUIRED_KEYS = ("name", "experiment", "use")  # of every recording
 
 
 @dataclass(frozen=True)
 class Diagnosis:
-    """What ``pneucli diagnose --json`` says, at hand: the verdict, what is missing, and the ladder of errors."""
+    """The answer of ``pneucli diagnose --json``: verdict, missing effects, candidates and errors."""
 
     run: Run
     answer: Mapping[str, Any]
@@ -45,22 +45,22 @@ class Diagnosis:
 
     @property
     def sentence(self) -> str:
-        """The verdict as an engineer would say it."""
+        """The verdict in one sentence."""
         return str(self.answer["sentence"])
 
     @property
     def confidence(self) -> dict[str, float]:
-        """How sure each named effect is (0 to 1)."""
+        """The probability of each named effect (0 to 1)."""
         return {c["effect"]: c["confidence"] for c in self.answer["candidates"] if c["effect"] in self.missing}
 
     @property
     def ladder(self) -> pd.DataFrame:
-        """The errors as effects are added."""
+        """The error after each added effect."""
         return self.run.ladder
 
     @property
     def candidates(self) -> pd.DataFrame:
-        """Every effect that was tried, and why it is named or not."""
+        """Every tested effect, and why it is named or rejected."""
         return self.run.candidates
 
 
@@ -74,11 +74,20 @@ def diagnose(
     folder: str | Path | None = None,
     quiet: bool = False,
 ) -> Diagnosis:
-    """Say which physical effect the model lacks.
+    """Diagnose which physical effect the model lacks.
 
-    ``recordings`` are arrays (:func:`from_arrays`, with ``rig``, ``effects``, ``tables`` and ``folder``), or a run or
-    the path of a pipeline file, which then says all that. ``exclude`` names effects that are known not to be there.
-    Raises InputError as ``pneucli diagnose`` does.
+    Args:
+        recordings: Arrays (see :func:`from_arrays`), a run, or the path of a pipeline file.
+        rig: The table ``[rig]`` for arrays.
+        effects: The model's effects for arrays.
+        exclude: Effects that are certainly absent.
+        tables: Further tables of the pipeline file for arrays.
+        folder: The folder that keeps the files of arrays.
+        quiet: Print no progress on standard error.
+
+    Raises:
+        InputError: As ``pneucli diagnose``.
+
     """
     if isinstance(recordings, Run | str | Path):
         run = recordings if isinstance(recordings, Run) else open_run(recordings, quiet=quiet)
@@ -97,13 +106,21 @@ def from_arrays(
     folder: str | Path | None = None,
     quiet: bool = False,
 ) -> Run:
-    """Return the run of recordings that are arrays: a pipeline file and Parquet files are written, and opened.
+    """Write arrays as a pipeline file with Parquet files, and return its run.
 
-    Each recording is a dictionary with the keys of ``[[recordings]]`` (``name``, ``experiment``, ``use``,
-    ``chamber_2``, ...), whose signals are arrays of shape (n,) instead of columns of a file: ``time`` in s, ``u`` in V,
-    ``p1`` in Pa absolute, all SI; a DataFrame with such columns may stand under ``data``. ``rig`` is the table
-    ``[rig]``, ``effects`` the model's, ``tables`` any further tables of a pipeline file. ``folder`` keeps the files;
-    by default they go when the run does. Raises InputError for what is not there or does not fit.
+    Args:
+        recordings: A dictionary for each recording with the keys of ``[[recordings]]`` (``name``, ``experiment``,
+            ``use``, ``chamber_2``, ...) and its signals as arrays of shape (n,): ``time`` in s, ``u`` in V, ``p1`` in
+            Pa absolute, all SI. A DataFrame with such columns may be given as ``data``.
+        rig: The table ``[rig]``.
+        effects: The model's effects.
+        tables: Further tables of the pipeline file.
+        folder: The folder that keeps the files; by default they are removed with the run.
+        quiet: Print no progress on standard error.
+
+    Raises:
+        InputError: A key is missing, or the shapes differ.
+
     """
     place = Path(tempfile.mkdtemp(prefix="pneucli-") if folder is None else folder)
     place.mkdir(parents=True, exist_ok=True)

@@ -1,4 +1,4 @@
-"""Artifacts as pandas DataFrames: the columns of the file, and what it says of them in ``attrs``."""
+"""Read artifacts as pandas DataFrames with the metadata of the file in ``attrs``."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ def read_frame(path: Path) -> pd.DataFrame:
     """Return an artifact; ``attrs`` holds ``units`` by column, ``schema``, ``version``, ``inputs``, ``parameters``.
 
     A column whose unit is ``"see column unit"`` has it row by row in the column ``unit``. Numbers are SI, pressures
-    absolute, NaN is what was not measured. Raises InputError where there is no such artifact.
+    absolute, and NaN where nothing was measured. Raises InputError where there is no such artifact.
     """
     found = pd.DataFrame(read_table(path))
     found.attrs.update(read_metadata(path))

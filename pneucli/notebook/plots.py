@@ -1,4 +1,4 @@
-"""``run.plot``: figures of a run, to be shown in a notebook, changed, or saved."""
+"""``run.plot``: figures of a run, to show in a notebook, to change, or to save."""
 
 from __future__ import annotations
 
@@ -43,33 +43,39 @@ class Plots:
         self._run = run
 
     def recording(
-        self, name: str, channels: Sequence[str] | None = None, beside: Iterable[RunData] = ()
+        self, name: str, channels: Sequence[str] | None = None, compare_with: Iterable[RunData] = ()
     ) -> NotebookFigure:
-        """Return a recording, a panel a channel: measured, the model, and the models of other runs ``beside``.
+        """Return a figure of a recording, a panel for each channel: measured, the model, and models of other runs.
 
-        The legend says how well each fits: 100 (1 - |y - model| / |y - mean y|) per cent.
+        The legend has the fit of each model: 100 (1 - |y - model| / |y - mean y|) per cent.
+
+        Args:
+            name: The recording.
+            channels: The channels; all by default.
+            compare_with: Other runs.
+
         """
         models = {MODEL_LABEL: self._run.residuals} | {
-            f"{MODEL_LABEL} of {one.artifacts.name}": one.residuals for one in beside
+            f"{MODEL_LABEL} of {one.artifacts.name}": one.residuals for one in compare_with
         }
         return self._panels(name, channels, models)
 
     def models(self, name: str, channels: Sequence[str] | None = None) -> NotebookFigure:
-        """Return a recording with every model that was compared on the same data, oldest first, and how each fits."""
+        """Return a figure of a recording with every model that was compared on the same data, oldest first."""
         self._run.bring_up("compare")
-        kept = history.recorded_models(self._run.artifacts / "compare")
-        data = next((one.answer["data"] for one in kept if one.current), None)
+        compared = history.recorded_models(self._run.artifacts / "compare")
+        data = next((one.answer["data"] for one in compared if one.current), None)
         models = {
-            _model_label(one.answer["model"]["effects"]) + (" (as it is)" if one.current else ""): read_frame(
+            _model_label(one.answer["model"]["effects"]) + (" (present)" if one.current else ""): read_frame(
                 one.folder / "residuals.parquet"
             )
-            for one in kept
+            for one in compared
             if one.answer["data"] == data
         }
         return self._panels(name, channels, models)
 
     def valve_map(self, chamber: int = 1) -> NotebookFigure:
-        """Return dp/dt of the valve in bar/s over command in V and pressure in bar."""
+        """Return a figure of dp/dt of the valve in bar/s over command in V and pressure in bar."""
         valve = self._run.valve if chamber == 1 else self._run.valve_2
         wide = valve.map.pivot_table(index="p", columns="u", values="p_gradient")
         figure, (axes,) = _canvas(1, 3.6)
@@ -79,9 +85,9 @@ class Plots:
         return figure
 
     def ladder(self) -> NotebookFigure:
-        """Return the errors, in units of the noise, as effects are added one after the other."""
+        """Return a figure of the error over noise after each added effect."""
         table = self._run.ladder
-        names = [name or "as it is" for name in table["add"]]
+        names = [name or "present model" for name in table["add"]]
         figure, (axes,) = _canvas(1, 0.9 + 0.35 * len(names))
         for i, use in enumerate(("test", "train")):
             axes.barh(np.arange(len(names)) + 0.4 * i, table[f"error_{use}"], 0.36, label=use, color=PALETTE[i])
@@ -93,7 +99,7 @@ class Plots:
         return figure
 
     def correlation(self) -> NotebookFigure:
-        """Return the correlation of the fitted parameters: what these recordings can tell only together."""
+        """Return a figure of the correlation of the fitted parameters."""
         table = self._run.correlation
         figure, (axes,) = _canvas(1, 1.5 + 0.22 * len(table))
         mesh = axes.imshow(table.to_numpy(), cmap="RdBu_r", vmin=-1, vmax=1)
@@ -103,7 +109,7 @@ class Plots:
         return figure
 
     def residual_correlation(self, name: str, channel: str) -> NotebookFigure:
-        """Return a residual's correlation with itself and with each input over the lag in s, and its 95 % bounds."""
+        """Return a figure of a residual's correlation with itself and each input over the lag (s), with 95 % bounds."""
         table = self._run.table("compare/correlation")
         rows = _require_rows(select_rows(table, {"channel": channel}), "recording", name)
         others = list(dict.fromkeys(rows["against"]))
@@ -118,10 +124,10 @@ class Plots:
 
     def _panels(self, name: str, channels: Sequence[str] | None, models: dict[str, pd.DataFrame]) -> NotebookFigure:
         first = _require_rows(next(iter(models.values())), "recording", name)
-        known = list(dict.fromkeys(first["channel"]))
+        available = list(dict.fromkeys(first["channel"]))
         for channel in channels or ():
             _require_rows(first, "channel", channel)
-        wanted = [c for c in known if channels is None or c in channels]
+        wanted = [c for c in available if channels is None or c in channels]
         figure, panels = _canvas(len(wanted))
         for axes, channel in zip(panels, wanted, strict=True):
             _draw(

@@ -1,4 +1,4 @@
-"""Standard error: what people are told while something runs, on a terminal, in a log or beside a notebook."""
+"""Print progress and messages on standard error, for a terminal, a log or a notebook."""
 
 from __future__ import annotations
 
@@ -13,11 +13,11 @@ from typing import TextIO
 from pneucli.errors import printable
 from pneucli.pipeline.context import Progress, no_progress
 
-LINE_INTERVAL = 9.0  # s; without a terminal a line comes this often while something runs, and no more often
+LINE_INTERVAL = 9.0  # s, between progress lines without a terminal
 
 
 def print_message(message: str) -> None:
-    """Tell people something, on standard error; where nobody listens, the work goes on."""
+    """Print a message on standard error; a closed pipe does not stop the work."""
     try:
         print(printable(message, keep="\n"), file=sys.stderr, flush=True)
     except BrokenPipeError:
@@ -25,18 +25,18 @@ def print_message(message: str) -> None:
 
 
 def discard_output(stream: TextIO) -> None:
-    """Send what is still to be written into a closed pipe nowhere."""
+    """Discard pending output of a closed pipe."""
     with suppress(OSError):
         os.dup2(os.open(os.devnull, os.O_WRONLY), stream.fileno())
 
 
 def ignore_message(message: str) -> None:
-    """Say nothing."""
+    """Print nothing."""
 
 
 @contextmanager
 def progress(quiet: bool) -> Iterator[Progress]:
-    """Yield the function that stages report to: a bar on a terminal, now and then a plain line elsewhere."""
+    """Yield the function to which stages report: it draws a bar on a terminal, and prints plain lines elsewhere."""
     if quiet:
         yield no_progress
     elif sys.stderr.isatty():
@@ -66,7 +66,7 @@ def _bar() -> Iterator[Progress]:
 
 @contextmanager
 def _lines() -> Iterator[Progress]:
-    """Yield a function that keeps what was reported last; a thread says it every few seconds, come what may."""
+    """Yield a function that stores the last report; a thread prints it every few seconds."""
     last = ["starting"]
     start = time.monotonic()
     done = threading.Event()

@@ -60,7 +60,7 @@ class RunData:
 
     @property
     def signals(self) -> pd.DataFrame:
-        """Every recording in SI: recording, time, then a column a signal."""
+        """Every recording in SI: recording, time, then a column for each signal."""
         return self.table("ingest/signals")
 
     @property
@@ -70,12 +70,12 @@ class RunData:
 
     @property
     def ladder(self) -> pd.DataFrame:
-        """The errors (over the noise) as effects are added: add, error_train, error_test."""
+        """The error over noise after each added effect: add, error_train, error_test."""
         return self.table("diagnose/ladder")
 
     @property
     def candidates(self) -> pd.DataFrame:
-        """Every effect that was tried, a row for each of its parameters: effect, error_before, error_after, ..."""
+        """Every tested effect, a row for each of its parameters: effect, error_before, error_after, ..."""
         return self.table("diagnose/candidates")
 
     @property
@@ -97,12 +97,12 @@ class RunData:
 
     @property
     def valve(self) -> ValveMap:
-        """The valve's map, of the paths of chamber 1 where there are two."""
+        """The valve map of chamber 1."""
         return self._valve_map(1)
 
     @property
     def valve_2(self) -> ValveMap:
-        """The valve's map for chamber 2; raises InputError where the valve drives only chamber 1."""
+        """The valve map of chamber 2; raises InputError where the valve drives only chamber 1."""
         return self._valve_map(2)
 
     def _valve_map(self, chamber: Literal[1, 2]) -> ValveMap:

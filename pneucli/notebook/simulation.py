@@ -1,4 +1,4 @@
-"""``pneucli.simulate``: the identified model under a command of one's own, or under that of a recording."""
+"""``pneucli.simulate``: simulate the identified model under any command, or under that of a recording."""
 
 from __future__ import annotations
 
@@ -42,18 +42,28 @@ def simulate(
     recording: str | None = None,
     parameters: Mapping[str, float] | None = None,
 ) -> pd.DataFrame:
-    """Return what the identified model does, a row a sample: time, the inputs, then its channels, all SI.
+    """Simulate the identified model under a command, or freely under the inputs of a recording.
 
-    ``u`` (V, shape (n,), as it goes to the valve) is the command, ``u2`` that of a second valve, ``p_supply`` (Pa,
-    absolute; (n,) or one value; default: as the rig states it) the supply. ``time`` (s, (n,)) has its stamps, by
-    default 1 ms apart. The piston starts at rest in mid-stroke, at ambient pressure, unless ``start`` says otherwise
-    (``x`` in m, ``v`` in m/s, ``p1`` and ``p2`` in Pa absolute). ``chamber_2`` is ``"closed"``, ``"open"`` or
-    ``"valve"`` (default: as the valve is arranged), ``experiment`` ``"axis"`` or ``"valve"`` (the vessel of a valve
-    test; default: what the rig is).
+    Args:
+        run: The run of the pipeline.
+        u: The command in V as it goes to the valve, shape (n,).
+        u2: The command of a second valve in V, shape (n,).
+        p_supply: The absolute supply pressure in Pa, shape (n,) or one value; default: that of the rig.
+        time: The time stamps in s, shape (n,); default: 1 ms apart.
+        start: The initial state: ``x`` in m, ``v`` in m/s, ``p1`` and ``p2`` in Pa absolute; default: at rest in
+            mid-stroke at ambient pressure.
+        chamber_2: ``"closed"``, ``"open"`` or ``"valve"``; default: by the arrangement of the valve.
+        experiment: ``"axis"`` or ``"valve"`` (the vessel of a valve test); default: by the rig.
+        recording: A recording, whose inputs and measured initial state replace all of the above.
+        parameters: Values that replace those of the model, by name, in SI or the catalogue's unit.
 
-    With ``recording`` the model runs freely under the inputs of that recording, from its measured start; what was
-    measured stands in further columns ``measured_p1`` and so on. ``parameters`` replaces values of the model by name,
-    in SI or the catalogue's unit: what would another parameter do? Raises InputError for what does not fit together.
+    Returns:
+        A row for each sample: time, inputs and channels, all SI; with ``recording`` also the measured channels as
+        ``measured_p1`` and so on.
+
+    Raises:
+        InputError: The arguments contradict each other, or a name is unknown.
+
     """
     model = _with_parameter_values(run.model, parameters or {})
     if recording is not None:
@@ -65,8 +75,8 @@ def simulate(
         raise InputError("simulate", "no command", "u=..., in V, or recording=...")
     kind = experiment or ("axis" if model.rig.has_cylinder else "valve")
     if kind not in EXPERIMENT_KINDS or not EXPERIMENT_KINDS[kind].valve:
-        known = [name for name, one in EXPERIMENT_KINDS.items() if one.valve]
-        raise InputError("simulate, experiment", f'"{kind}"', mend=did_you_mean(kind, known))
+        kinds = [name for name, one in EXPERIMENT_KINDS.items() if one.valve]
+        raise InputError("simulate, experiment", f'"{kind}"', mend=did_you_mean(kind, kinds))
     signals = _inputs({"u": u, "u2": u2, "p_supply": p_supply})
     stamps = _time_stamps(time, signals["u"].size)
     signals |= _initial_state(start or {}, model, kind, stamps.size)
@@ -87,16 +97,16 @@ def simulate(
 
 
 def _with_parameter_values(model: Model, values: Mapping[str, float]) -> Model:
-    """Return the model with values replaced, those of its valves too; raises InputError for a name that it has not."""
-    known = {
+    """Return the model with these values of model and valves; raises InputError for an unknown name."""
+    available = {
         **model.base_values(),
         **model.values,
         **{name: value for name, (value, _) in model.valve_parameters().items()},
     }
     for name in values:
-        if name not in known:
-            raise InputError("simulate, parameters", f'"{name}" is no parameter', mend=did_you_mean(name, known))
-    from pneucli.simulate.model import with_parameters
+        if name not in available:
+            raise InputError("simulate, parameters", f'"{name}" is no parameter', mend=did_you_mean(name, available))
+    from pneucli.simulate.model import with_parameters  # noqa: PLC0415 - it brings the kernel
 
     return with_parameters(model, dict(values)) if values else model
 

@@ -1,4 +1,4 @@
-"""The valve's identified map and its inverse, to be asked at any point."""
+"""Interpolate the identified valve map and its inverse."""
 
 from __future__ import annotations
 
@@ -18,10 +18,10 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True)
 class ValveMap:
-    """The paths of one chamber: ``map`` and ``inverse`` are the artifacts, each a full grid.
+    """The valve map of one chamber: ``map`` and ``inverse`` are the artifacts, each a full grid.
 
-    Gradients are those of the fixed vessel of the valve test, at the stated supply pressure: for a chamber of volume V
-    multiply by (vessel's volume) / V. Between the points of the grid values are interpolated linearly.
+    Gradients are those of the fixed vessel of the valve test at the stated supply pressure; for a chamber of volume V,
+    multiply by (vessel's volume) / V. Interpolation is linear.
     """
 
     map: pd.DataFrame
@@ -30,21 +30,21 @@ class ValveMap:
     def dp_dt(self, u: ArrayLike, p: ArrayLike) -> Array:
         """Return dp/dt in Pa/s at commands ``u`` (V, as they go to the valve) and pressures ``p`` (Pa, absolute).
 
-        Both may be arrays of shapes that fit each other. Outside the map the answer is NaN: nothing was identified.
+        Both may be arrays of shapes that broadcast. Outside the map the result is NaN.
         """
         return _at(self._gradient, u, p)
 
     def command(self, dp_dt: ArrayLike, p: ArrayLike) -> Array:
-        """Return the command in V that makes ``dp_dt`` (Pa/s) at pressures ``p`` (Pa, absolute).
+        """Return the command in V for a gradient ``dp_dt`` (Pa/s) at pressures ``p`` (Pa, absolute).
 
-        What the valve cannot make is answered by the nearest command that it can be given, as a controller does it.
-        Outside the pressures of the map the answer is NaN.
+        A gradient that the valve cannot reach gives the limit of the command, as in a controller. Outside the pressures
+        of the map the result is NaN.
         """
         low, high = (float(self._command.grid[0][end]) for end in (0, -1))
         return _at(self._command, np.clip(np.asarray(dp_dt, dtype=np.float64), low, high), p)
 
     def reachable(self, dp_dt: ArrayLike, p: ArrayLike) -> NDArray[np.bool_]:
-        """Return whether some command that was recorded makes ``dp_dt`` (Pa/s) at ``p`` (Pa, absolute)."""
+        """Return whether a recorded command reaches ``dp_dt`` (Pa/s) at ``p`` (Pa, absolute)."""
         return np.nan_to_num(_at(self._reached, dp_dt, p)) > 0.5
 
     @cached_property

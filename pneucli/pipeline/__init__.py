@@ -1,1 +1,1 @@
-"""The graph of stages: what depends on what, what is out of date and why, and the safe way to bring it up to date."""
+"""The graph of stages: their dependencies, which are stale and why, and how to bring them up to date safely."""

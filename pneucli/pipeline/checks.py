@@ -1,4 +1,4 @@
-"""The checks of a pipeline file: dotted paths into the stages' JSON answers, and what they must be."""
+"""Evaluate the checks of a pipeline file: dotted paths into the stages' JSON answers, and their limits."""
 
 from __future__ import annotations
 
@@ -8,12 +8,12 @@ from typing import Any
 
 from pneucli.errors import InputError, did_you_mean
 
-ITEM_KEYS = ("name", "recording", "channel", "effect", "stage")  # by any of these an item of a list may be called
+ITEM_KEYS = ("name", "recording", "channel", "effect", "stage")  # each of them selects an item of a list
 
 
 @dataclass(frozen=True)
 class CheckResult:
-    """One check: its dotted path, the limit (``{"max": 1.5}``), the value found, and whether it passed."""
+    """One check: its dotted path, the limit (``{"max": 1.5}``), the value, and whether it passed."""
 
     path: str
     limit: Mapping[str, Any]
@@ -29,11 +29,19 @@ class CheckResult:
 def evaluate(
     checks: Mapping[str, Mapping[str, Any]], answers: Mapping[str, Mapping[str, Any]], where: str = "[checks]"
 ) -> list[CheckResult]:
-    """Hold ``answers`` (stage -> JSON answer) against the table ``[checks]``, in the order of the file.
+    """Evaluate the table ``[checks]`` in the order of the file.
 
-    ``checks`` maps a path to its limits, as in ``{"compare.error.test": {"max": 1.5}}``. The first word is the stage;
-    an item of a list is called by its position or by its name, recording, channel or effect. A value that is null or
-    not a number fails ``max`` and ``min``. Raises InputError where a path leads nowhere.
+    A path begins with the stage; its position or its name, recording, channel or effect selects an item of a list. A
+    value that is null or not a number fails ``max`` and ``min``.
+
+    Args:
+        checks: The limits by path, such as ``{"compare.error.test": {"max": 1.5}}``.
+        answers: The JSON answers by stage.
+        where: The place of the table, for errors.
+
+    Raises:
+        InputError: A path leads nowhere.
+
     """
     results = []
     for path, limit in checks.items():
@@ -43,49 +51,49 @@ def evaluate(
 
 
 def require_valid_path(path: str, answer_paths: Mapping[str, Sequence[str]], where: str = "[checks]") -> None:
-    """Raise InputError where ``path`` can lead nowhere, whatever the answers will be.
+    """Raise InputError where ``path`` leads nowhere in any answer.
 
-    ``answer_paths`` holds for each stage where paths into its answer may begin (:class:`pneucli.pipeline.graph.Stage`).
+    ``answer_paths`` has the possible beginnings of paths by stage (:class:`pneucli.pipeline.graph.Stage`).
     """
-    stage, *words = path.split(".")
+    stage, *parts = path.split(".")
     begins = [tuple(begin.split(".")) for begin in answer_paths.get(stage, ())]
     if not begins:
         wanted = "a stage, then a key of its answer"
         raise InputError(
             f"{where}, key {path}", f'"{stage}" has no answer to check', wanted, did_you_mean(stage, answer_paths)
         )
-    for depth, word in enumerate(words):
-        here = {begin[depth] for begin in begins if begin[:depth] == tuple(words[:depth]) and len(begin) > depth}
-        if here and word not in here:
-            raise InputError(f"{where}, key {path}", f'no "{word}" in the answer', mend=did_you_mean(word, here))
+    for depth, part in enumerate(parts):
+        here = {begin[depth] for begin in begins if begin[:depth] == tuple(parts[:depth]) and len(begin) > depth}
+        if here and part not in here:
+            raise InputError(f"{where}, key {path}", f'no "{part}" in the answer', mend=did_you_mean(part, here))
 
 
 def resolve_path(answers: Mapping[str, Any], path: str, where: str = "[checks]") -> Any:
-    """Return what the dotted ``path`` leads to; a key that itself has dots is taken whole where it is there."""
+    """Return the value at the dotted ``path``; keys may contain dots themselves."""
     value: Any = answers
-    words = path.split(".")
-    while words:
-        for count in range(len(words), 0, -1):
-            found, inside = _step(value, ".".join(words[:count]))
+    parts = path.split(".")
+    while parts:
+        for count in range(len(parts), 0, -1):
+            found, inside = _step(value, ".".join(parts[:count]))
             if found:
-                value, words = inside, words[count:]
+                value, parts = inside, parts[count:]
                 break
         else:
             raise InputError(
-                f"{where}, key {path}", f'no "{words[0]}" in the answer', mend=did_you_mean(words[0], _known(value))
+                f"{where}, key {path}", f'no "{parts[0]}" in the answer', mend=did_you_mean(parts[0], _choices(value))
             )
     return value
 
 
-def _step(value: Any, word: str) -> tuple[bool, Any]:
+def _step(value: Any, part: str) -> tuple[bool, Any]:
     if isinstance(value, Mapping):
-        return word in value, value.get(word)
+        return part in value, value.get(part)
     if isinstance(value, Sequence) and not isinstance(value, str):
-        if word.isdigit() and int(word) < len(value):
-            return True, value[int(word)]
-        named = [item for item in value if isinstance(item, Mapping) and word in _names(item)]
+        if part.isdigit() and int(part) < len(value):
+            return True, value[int(part)]
+        named = [item for item in value if isinstance(item, Mapping) and part in _names(item)]
         if len(named) > 1:
-            return True, named  # several channels of one recording: the next word chooses among them
+            return True, named  # several channels of one recording: the next part of the path selects one
         return bool(named), named[0] if named else None
     return False, None
 
@@ -94,7 +102,7 @@ def _names(item: Mapping[str, Any]) -> list[str]:
     return [str(item[key]) for key in ITEM_KEYS if item.get(key) is not None]
 
 
-def _known(value: Any) -> list[str]:
+def _choices(value: Any) -> list[str]:
     if isinstance(value, Mapping):
         return list(value)
     if isinstance(value, Sequence) and not isinstance(value, str):

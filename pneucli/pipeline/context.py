@@ -1,4 +1,4 @@
-"""What a stage receives when it runs."""
+"""The context of one run of a stage."""
 
 from __future__ import annotations
 
@@ -17,19 +17,23 @@ Progress = Callable[[str, float], None]
 
 
 def no_progress(message: str, fraction: float) -> None:
-    """Swallow progress: what a notebook or a test passes."""
+    """Ignore progress."""
 
 
 @dataclass(frozen=True)
 class Context:
     """One run of one stage.
 
-    ``path`` is the pipeline file and ``config`` its validated content. The stage writes its files into ``out``, a
-    fresh and empty folder that replaces the stage's former one only when the stage has returned. ``artifacts`` holds
-    the finished folders of the stages before (``artifacts / "ingest" / "signals.parquet"``) and ``answers`` what they
-    returned; a stage that does not apply to this rig has no entry there. ``progress(message, fraction)`` tells people
-    how far the work is (0 to 1). ``options`` are the stage's own command line options (``{"exclude": [...]}``).
-    ``former`` is the stage's folder as its last run left it, which ``out`` will replace; it need not be there.
+    Attributes:
+        path: The pipeline file.
+        config: Its validated content.
+        artifacts: The folder of the earlier stages' folders (``artifacts / "ingest" / "signals.parquet"``).
+        out: An empty folder for the stage's files; it replaces the former folder when the stage has returned.
+        answers: The answers of the earlier stages; a stage that does not apply to this rig has none.
+        progress: ``progress(message, fraction)`` reports how far the work is (0 to 1).
+        options: The stage's command line options (``{"exclude": [...]}``).
+        former: The stage's folder of its last run, which ``out`` will replace; it need not exist.
+
     """
 
     path: Path
@@ -42,8 +46,8 @@ class Context:
     former: Path | None = None
 
 
-class NotApplicable(InputError):  # noqa: N818 - it says what the stage is, not that something broke
-    """Raised by a stage that this pipeline has no use for, such as a controller's design for a rig without cylinder.
+class NotApplicable(InputError):  # noqa: N818 - it describes the stage, not a failure
+    """A stage does not apply to this pipeline, such as the design of a controller to a rig without cylinder.
 
-    Asked for by name it is the user's error (exit 2); on the way to another stage it is noted and passed over.
+    If the user asked for the stage by name it is an input error (exit 2); else the runner records it and goes on.
     """

@@ -1,11 +1,11 @@
-"""A stage's folder is the old one or the new one, whole, at every moment at which a run may be killed.
+"""Replace a stage's folder atomically: whenever a run is killed, the folder is completely the old or the new one.
 
 A stage writes into ``.NAME.new``. When it is done, ``NAME`` is renamed to ``.NAME.old``, ``.NAME.new`` to ``NAME``, and
-the old one is deleted. :func:`recover_folder`, called under the lock before anything else, puts back an old folder whose
-successor has not arrived, and removes what a killed run left behind.
+the old folder is deleted. :func:`recover_folder`, called first under the lock, restores an old folder whose successor
+is not in place, and removes what a killed run left.
 
-Nothing is removed but what this program wrote: what the folder's manifest lists, and, of a folder that was never
-finished, what lies beside its mark, which is there before anything else and goes last.
+The program removes only what it wrote itself: the files in the folder's manifest and, of an unfinished folder, the
+files next to its mark, which is written first and removed last.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ from pneucli.errors import InputError
 from pneucli.pipeline import manifest as staleness
 
 NO_FOLDER = -1
-INCOMPLETE_MARK = f".{staleness.MANIFEST_FILE}"  # what the manifest is called until it is whole
+INCOMPLETE_MARK = f".{staleness.MANIFEST_FILE}"  # the manifest's name until the folder is complete
 
 
 def _new(artifacts: Path, stage: str) -> Path:
@@ -31,7 +31,7 @@ def _old(artifacts: Path, stage: str) -> Path:
 
 
 def require_own_files(artifacts: Path, stages: Iterable[str]) -> None:
-    """Raise InputError where the place of a stage's folder holds anything that this program did not write."""
+    """Raise InputError where a stage's folder contains files that this program did not write."""
     for stage in stages:
         for folder in (artifacts / stage, _old(artifacts, stage), _new(artifacts, stage)):
             if foreign := _foreign_files(folder):
@@ -42,9 +42,9 @@ def require_own_files(artifacts: Path, stages: Iterable[str]) -> None:
 
 @contextmanager
 def replace_folder(artifacts: Path, stage: str) -> Iterator[Path]:
-    """Yield the empty folder into which the stage writes; it replaces the old one when the block ends well.
+    """Yield an empty folder for the stage; it replaces the old one when the block ends without error.
 
-    Else it is removed. Raises InputError where the old one has got a file meanwhile that no stage wrote.
+    After an error it is removed. Raises InputError where the old folder meanwhile contains a file of no stage.
     """
     final, old, new = artifacts / stage, _old(artifacts, stage), _new(artifacts, stage)
     new.mkdir()
@@ -54,7 +54,7 @@ def replace_folder(artifacts: Path, stage: str) -> Iterator[Path]:
         require_own_files(artifacts, [stage])
     except BaseException as error:
         _remove(new)
-        if isinstance(error, OSError) and error.filename is None:  # a disk that is full says not where
+        if isinstance(error, OSError) and error.filename is None:  # the error of a full disk has no file name
             error.filename = str(final)
         raise
     if final.exists():
@@ -64,7 +64,7 @@ def replace_folder(artifacts: Path, stage: str) -> Iterator[Path]:
 
 
 def recover_folder(artifacts: Path, stage: str) -> None:
-    """Make good what a killed run left of ``stage``."""
+    """Restore the folder of ``stage`` after a killed run."""
     final, old = artifacts / stage, _old(artifacts, stage)
     if old.exists() and not final.exists():
         old.rename(final)
@@ -74,9 +74,9 @@ def recover_folder(artifacts: Path, stage: str) -> None:
 
 
 def _foreign_files(folder: Path) -> list[str]:
-    """Return what in ``folder`` this program did not write, by its path in there.
+    """Return the files in ``folder`` that this program did not write, by their path in it.
 
-    Another run may swap the folder meanwhile: manifest and content are of one moment only where neither has changed.
+    Another run may replace the folder meanwhile, so manifest and content are read again until neither changes.
     """
     seen: tuple[int, set[str]] | None = None
     while seen != (now := _content(folder)):
@@ -97,22 +97,22 @@ def _foreign_files(folder: Path) -> list[str]:
 
 
 def _content(folder: Path) -> tuple[int, set[str]]:
-    """Return which folder this is, and the paths of all that is in it."""
+    """Return the identity of the folder, and the paths of its content."""
     if folder.is_symlink() or not folder.is_dir():
         return NO_FOLDER, set()
     return folder.stat().st_ino, {path.relative_to(folder).as_posix() for path in _walk(folder)}
 
 
 def _walk(folder: Path) -> Iterator[Path]:
-    """Yield all that is in ``folder``, links not followed, what is deeper first."""
+    """Yield the content of ``folder``, the deepest first, without following links."""
     for root, folders, files in os.walk(folder, topdown=False):
         yield from (Path(root, name) for name in (*files, *folders))
 
 
 def _remove(folder: Path) -> None:
-    """Remove what this program wrote, mark and manifest last, and the folder where nothing else is in it."""
-    kept = {folder / name for name in _foreign_files(folder)}
+    """Remove the files that this program wrote, mark and manifest last, and then the folder if it is empty."""
+    foreign = {folder / name for name in _foreign_files(folder)}
     last = [folder / staleness.MANIFEST_FILE, folder / INCOMPLETE_MARK]
-    for path in (*(path for path in _walk(folder) if path not in kept and path not in last), *last, folder):
+    for path in (*(path for path in _walk(folder) if path not in foreign and path not in last), *last, folder):
         with suppress(OSError):
             path.rmdir() if path.is_dir() else path.unlink(missing_ok=True)

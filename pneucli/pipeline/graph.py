@@ -12,10 +12,16 @@ from graphlib import TopologicalSorter
 class Stage:
     """One stage: ``module.run(context) -> answer``.
 
-    ``parents`` must be up to date first; those in ``optional`` too, as far as they are built and apply to the rig.
-    ``tables`` are the tables of the pipeline file that the stage reads itself; what its parents read reaches it
-    through them. ``files`` is a (table, key) that names files, globs allowed, whose content is an input. ``answer_paths``
-    lists where the paths of ``[checks]`` may begin: keys of the answer, dotted as far as they are always the same.
+    Attributes:
+        name: The name of the stage and of its module.
+        title: One line for ``--help``.
+        parents: The stages that must be up to date first.
+        optional: Further ones, as far as they are installed and apply to the rig.
+        tables: The tables of the pipeline file that the stage reads itself, in addition to those of its parents.
+        files: The (table, key) that names input files or globs.
+        answer_paths: Beginnings of the paths of ``[checks]``: keys of the answer, dotted as far as they are constant.
+        package: The package of the module.
+
     """
 
     name: str
@@ -29,12 +35,12 @@ class Stage:
 
     @property
     def module(self) -> str:
-        """Dotted path of the module that does the work."""
+        """Dotted path of the module."""
         return f"{self.package}.{self.name}"
 
     @property
     def built(self) -> bool:
-        """Whether that module is there; looked up without importing it, for it may be heavy."""
+        """Whether the module is installed; it is not imported, because it may be heavy."""
         try:
             return importlib.util.find_spec(self.module) is not None
         except ModuleNotFoundError:
@@ -48,7 +54,7 @@ VALVE_ANSWER_KEYS = (
     "iso",
     "lack_of_fit",
     "residual",
-)  # what is said of each chamber's paths
+)  # keys for each chamber
 
 _ALL_STAGES = (
     Stage(
@@ -88,7 +94,7 @@ _ALL_STAGES = (
     Stage(
         "diagnose",
         "which physical effect is missing",
-        parents=("ingest",),  # it fits by itself: who only asks what is missing need not wait for maps and tables
+        parents=("ingest",),  # it fits the model itself, without waiting for maps and tables
         tables=("pipeline", "model", "compare"),
         files=("model", "plugins"),
         answer_paths=(
@@ -101,7 +107,7 @@ _ALL_STAGES = (
     Stage(
         "design",
         "sliding sector, sliding mode observers, cascade",
-        parents=("identify", "compare"),  # the gate asks how far the model is from its data
+        parents=("identify", "compare"),  # acceptance needs the error of the model
         tables=("pipeline", "design", "scenarios"),
         answer_paths=(
             *("requirements", "corners", "sector", "matching", "surface", "warnings"),
@@ -138,12 +144,12 @@ STAGES: dict[str, Stage] = {stage.name: stage for stage in _ALL_STAGES}
 
 
 def parents_of(stage: Stage, stages: Mapping[str, Stage]) -> tuple[str, ...]:
-    """Names of the stages that ``stage`` reads: its parents, and the optional ones that are built."""
+    """Return the names of the stages that ``stage`` reads: its parents, and the installed optional ones."""
     return stage.parents + tuple(name for name in stage.optional if stages[name].built)
 
 
 def upstream(targets: Iterable[str], stages: Mapping[str, Stage] = STAGES) -> list[str]:
-    """Return ``targets`` and all that they need, parents before children."""
+    """Return ``targets`` and all stages that they need, parents before children."""
     needed: dict[str, tuple[str, ...]] = {}
     waiting = list(targets)
     while waiting:

@@ -1,4 +1,4 @@
-"""One run at a time in one artifacts folder."""
+"""Lock an artifacts folder, so that one run at a time uses it."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ if sys.platform == "win32":
     import msvcrt
 
     def _lock(descriptor: int, wait: bool) -> None:
-        os.lseek(descriptor, 1 << 30, os.SEEK_SET)  # beyond the text, so that others can read who holds it
+        os.lseek(descriptor, 1 << 30, os.SEEK_SET)  # beyond the text, so that others can read the holder
         while True:
             try:
                 msvcrt.locking(descriptor, msvcrt.LK_LOCK if wait else msvcrt.LK_NBLCK, 1)
@@ -30,16 +30,16 @@ else:
     import fcntl
 
     def _lock(descriptor: int, wait: bool) -> None:
-        # lockf and not flock: a worker process that outlives a killed run does not inherit it
+        # lockf, not flock: a worker process that outlives a killed run does not inherit it
         fcntl.lockf(descriptor, fcntl.LOCK_EX if wait else fcntl.LOCK_EX | fcntl.LOCK_NB)
 
 
 @contextmanager
 def folder_lock(folder: Path, notify: Callable[[str], None]) -> Iterator[None]:
-    """Hold the lock of ``folder`` (made where absent); ``notify`` tells whom we wait for.
+    """Hold the lock of ``folder``, which is created if necessary; ``notify`` receives the name of another holder.
 
-    The operating system releases the lock of a process that dies, however it dies. Raises
-    InputError where the folder cannot be made or written to.
+    The operating system releases the lock of a dead process. Raises InputError where the folder cannot be created or
+    written to.
     """
     try:
         folder.mkdir(parents=True, exist_ok=True)

@@ -1,9 +1,8 @@
-"""What made a stage's folder, and whether it would come out the same today.
+"""The manifest of a stage's folder: the digests of its inputs, by which the stage is stale or up to date.
 
-Each folder holds a ``stage.json`` with digests of everything that made it. A file counts as unchanged while its size
-and time stamp are; only where they differ is it read and hashed, so that a file that was merely touched makes nothing
-stale. The key of a stage is a digest of its inputs, the keys of its parents included: it is known without running
-anything.
+Each folder contains a ``stage.json``. A file counts as unchanged while size and time stamp are; otherwise it is read
+and hashed, so that a new time stamp by itself makes nothing stale. The key of a stage is a digest of its inputs,
+including the keys of its parents, so it can be computed without running anything.
 """
 
 from __future__ import annotations
@@ -29,13 +28,13 @@ NEVER_RUN = "never done"
 
 
 def digest(value: object) -> str:
-    """SHA-256 of a value of JSON or TOML."""
+    """Return the SHA-256 of a value of JSON or TOML."""
     return hashlib.sha256(json.dumps(value, sort_keys=True, default=str).encode()).hexdigest()
 
 
 @cache
 def program_digest() -> str:
-    """Version of the program and SHA-256 of its source: a changed program makes everything stale."""
+    """Return the program's version and the SHA-256 of its source; a changed program makes everything stale."""
     package = Path(__file__).parents[1]
     content = hashlib.sha256()
     for path in sorted(p for p in package.rglob("*") if p.is_file() and "__pycache__" not in p.parts):
@@ -53,13 +52,13 @@ class Stamp:
     sha256: str
 
 
-def stamp(path: Path, known: Stamp | None = None) -> Stamp:
-    """Return the stamp of ``path``; the file is read only where size or time differ from those of ``known``."""
+def stamp(path: Path, previous: Stamp | None = None) -> Stamp:
+    """Return the stamp of ``path``; the file is read only where size or time differ from those of ``previous``."""
     if not paths.is_file(path):
         return Stamp(-1, 0, "")
     status = path.stat()
-    if known and (known.size, known.mtime_ns) == (status.st_size, status.st_mtime_ns):
-        return known
+    if previous and (previous.size, previous.mtime_ns) == (status.st_size, status.st_mtime_ns):
+        return previous
     with path.open("rb") as file:
         return Stamp(status.st_size, status.st_mtime_ns, hashlib.file_digest(file, "sha256").hexdigest())
 
@@ -67,7 +66,7 @@ def stamp(path: Path, known: Stamp | None = None) -> Stamp:
 def named_files(tables: Mapping[str, Any], table: str, key: str, pipeline: Path) -> dict[str, Path]:
     """Return the files that ``key`` names in ``table`` (or in each table of that array), by their path from the file.
 
-    What names no file stands for itself. Raises InputError as :mod:`pneucli.paths` does.
+    A name without a file is returned as a path. Raises InputError as :mod:`pneucli.paths` does.
     """
     folder, where = pipeline.parent, f"{pipeline}, key {table}.{key}"
     entries = tables.get(table, [])
@@ -79,7 +78,7 @@ def named_files(tables: Mapping[str, Any], table: str, key: str, pipeline: Path)
 
 @dataclass(frozen=True)
 class Inputs:
-    """All that a stage's result depends on; ``tables`` holds digests, ``parents`` keys."""
+    """Everything that a stage's result depends on; ``tables`` has digests, ``parents`` keys."""
 
     program: str
     tables: Mapping[str, str]
@@ -89,13 +88,13 @@ class Inputs:
 
     @property
     def key(self) -> str:
-        """Digest of it all, time stamps left out."""
+        """Digest of all inputs, without time stamps."""
         return digest({**asdict(self), "files": {name: file.sha256 for name, file in self.files.items()}})
 
 
 @dataclass(frozen=True)
 class Manifest:
-    """What ``stage.json`` holds. ``skipped`` says why the stage does not apply; then there is no ``answer``."""
+    """The content of ``stage.json``; a stage that does not apply has ``skipped``, the reason, and no ``answer``."""
 
     stage: str
     inputs: Inputs
@@ -130,17 +129,17 @@ def _stamps(content: Mapping[str, Mapping[str, Any]]) -> dict[str, Stamp]:
     return {name: Stamp(**stamp) for name, stamp in content.items()}
 
 
-def stamp_files(folder: Path, known: Mapping[str, Stamp] | None = None) -> dict[str, Stamp]:
-    """Return the stamps of all files below ``folder`` but the manifest."""
+def stamp_files(folder: Path, previous: Mapping[str, Stamp] | None = None) -> dict[str, Stamp]:
+    """Return the stamps of all files below ``folder`` except the manifest."""
     files = sorted(
         path for path in folder.rglob("*") if path.is_file() and path.name not in (MANIFEST_FILE, f".{MANIFEST_FILE}")
     )
-    known = known or {}
-    return {name: stamp(path, known.get(name)) for path in files for name in [path.relative_to(folder).as_posix()]}
+    previous = previous or {}
+    return {name: stamp(path, previous.get(name)) for path in files for name in [path.relative_to(folder).as_posix()]}
 
 
 def stale_reasons(before: Manifest | None, now: Inputs, outputs: Mapping[str, Stamp]) -> tuple[str, ...]:
-    """Say what makes a folder stale: inputs that changed since ``before``, and ``outputs`` that are not as written."""
+    """Return why a folder is stale: inputs that changed since ``before``, and ``outputs`` that were modified."""
     if before is None:
         return (NEVER_RUN,)
     was = before.inputs
@@ -177,6 +176,6 @@ NUMERICAL_PACKAGES = ("numpy", "scipy", "numba")
 
 
 def program_versions() -> dict[str, str]:
-    """Return by name the versions of this program (with the hash of its source), of Python and of what computes."""
+    """Return the versions of this program (with the hash of its source), of Python and of the numerical libraries."""
     python = ".".join(platform.python_version_tuple()[:2])
     return {"pneucli": program_digest(), "Python": python, **{name: version(name) for name in NUMERICAL_PACKAGES}}

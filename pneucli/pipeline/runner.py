@@ -1,4 +1,4 @@
-"""Bring stages up to date: only what is stale, saying why, one run at a time, safe against being killed."""
+"""Bring stages up to date: run only stale stages, state why, one run at a time, safe if killed."""
 
 from __future__ import annotations
 
@@ -28,9 +28,9 @@ Options = Mapping[str, Mapping[str, Any]]
 
 @dataclass(frozen=True)
 class StageStatus:
-    """Whether one stage is up to date: ``reasons`` is empty where it is, else it says what is not.
+    """The status of one stage: ``reasons`` says why it is stale, and is empty where it is up to date.
 
-    ``executor_option``: the option that says where it is done, on which no answer depends.
+    ``executor_option`` is the option that names the executor, on which no answer depends.
     """
 
     inputs: Inputs
@@ -41,7 +41,7 @@ class StageStatus:
 
 @dataclass(frozen=True)
 class Done:
-    """One stage that is up to date: its manifest, and why it was run (empty: it was not)."""
+    """One stage that is up to date: its manifest, and the reasons for which it ran (empty: it did not)."""
 
     manifest: Manifest
     reasons: tuple[str, ...] = ()
@@ -56,7 +56,7 @@ class Done:
 
 @dataclass(frozen=True)
 class Pipeline:
-    """One pipeline file and the folder of its artifacts; ``load`` validates the file (raises InputError)."""
+    """A pipeline file and the folder of its artifacts; ``load`` validates the file (raises InputError)."""
 
     path: Path
     tables: Mapping[str, Any]
@@ -71,9 +71,9 @@ class Pipeline:
         return str(self.tables["pipeline"]["name"])
 
     def stage_status(self, targets: Iterable[str], options: Options | None = None) -> dict[str, StageStatus]:
-        """Judge ``targets`` and all that they need, parents first, without running or writing anything.
+        """Return the status of ``targets`` and all stages that they need, parents first; run and write nothing.
 
-        ``options`` maps a stage to its command line options; a stage that is not in it keeps those of its last run.
+        ``options`` maps a stage to its command line options; other stages keep those of their last run.
         """
         verdicts: dict[str, StageStatus] = {}
         for name in upstream(targets, self.stages):
@@ -98,12 +98,12 @@ class Pipeline:
     ) -> Inputs:
         stage = self.stages[name]
         files = staleness.named_files(self.tables, *stage.files, self.path) if stage.files else {}
-        known = manifest.inputs.files if manifest else {}
+        previous = manifest.inputs.files if manifest else {}
         before = manifest.inputs.options if manifest else {}
         return Inputs(
             program=self.program,
             tables={table: staleness.digest(self.tables[table]) for table in stage.tables if table in self.tables},
-            files={label: staleness.stamp(path, known.get(label)) for label, path in files.items()},
+            files={label: staleness.stamp(path, previous.get(label)) for label, path in files.items()},
             parents={parent: verdicts[parent].inputs.key for parent in parents_of(stage, self.stages)},
             options={k: v for k, v in (before if options is None else options).items() if k != EXECUTOR_OPTION},
         )
@@ -115,10 +115,10 @@ class Pipeline:
         progress: Progress = no_progress,
         notify: Callable[[str], None] = lambda message: None,
     ) -> dict[str, Done]:
-        """Bring ``targets`` and all that they need up to date; return each of them, parents first.
+        """Bring ``targets`` and all stages that they need up to date; return each of them, parents first.
 
-        A run that is killed at any point leaves each stage's folder whole, old or new; the next one goes on from there.
-        Raises what the stages raise, and InputError where the pipeline file is at fault.
+        A killed run leaves each stage's folder complete, old or new; the next run continues from there. Raises the
+        errors of the stages, and InputError where the pipeline file is at fault.
         """
         targets = list(targets)
         config = self.validate()
@@ -139,11 +139,11 @@ class Pipeline:
         return done
 
     def validate(self) -> Any:
-        """Return the validated pipeline file; ``None`` where just this text was found valid by just this program."""
+        """Return the validated pipeline file; ``None`` where this program has validated this text before."""
         return None if self._noted_valid() == self._text_digest() else self.load(self.path)
 
     def _remember_valid(self) -> None:
-        if re.fullmatch("[0-9a-f]*", self._noted_valid()):  # else the file is not ours
+        if re.fullmatch("[0-9a-f]*", self._noted_valid()):  # else another program wrote the file
             (self.artifacts / VALIDATED_FILE).write_text(self._text_digest(), encoding="utf-8")
 
     def _noted_valid(self) -> str:
@@ -159,7 +159,7 @@ class Pipeline:
         if verdict.manifest and not verdict.reasons:
             if verdict.manifest != staleness.read_manifest(
                 self.artifacts / name
-            ):  # touched files: remember the new stamps
+            ):  # only time stamps changed: store the new ones
                 verdict.manifest.write(self.artifacts / name)
             return Done(verdict.manifest)
         manifest = Manifest(name, verdict.inputs, skipped=self._skipped_parent(name, done))
@@ -184,7 +184,7 @@ def _run(stage: Stage, context: Context, manifest: Manifest) -> Manifest:
     from threadpoolctl import threadpool_limits  # noqa: PLC0415 - it limits what is loaded when it is asked
 
     try:
-        # on small matrices BLAS threads only wait for each other, and how many there are changes the last digits
+        # on small matrices BLAS threads only wait for each other, and their number changes the last digits
         with (
             axis_motion(rotary=getattr(context.config, "rotary", False)),  # other pipelines have no axis
             threadpool_limits(1, user_api="blas"),
@@ -205,9 +205,9 @@ def _run(stage: Stage, context: Context, manifest: Manifest) -> Manifest:
 def open_pipeline(
     path: Path, load: Callable[[Path], Any], out: Path | None = None, stages: Mapping[str, Stage] = STAGES
 ) -> Pipeline:
-    """Open a pipeline file; its artifacts go to ``out``, by default ``artifacts/NAME`` beside the file.
+    """Open a pipeline file; its artifacts go to ``out``, by default ``artifacts/NAME`` next to the file.
 
-    Raises InputError where the file cannot be read as TOML or has no usable name; all else is found by ``load``.
+    Raises InputError where the file cannot be read as TOML or has no usable name; ``load`` reports all other errors.
     """
     path = Path(path).absolute()
     _, tables = read_toml(path)

@@ -1,4 +1,4 @@
-"""The report: tables and answers of the stages in; HTML page, its tables as data, Markdown summary and JUnit XML out."""
+"""Make one HTML page, its tables as Parquet, a Markdown summary and JUnit XML from the stages' answers and tables."""
 
 from __future__ import annotations
 

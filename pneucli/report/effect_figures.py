@@ -1,4 +1,4 @@
-"""A picture of an effect: a standard manoeuvre simulated with and without it, and where the difference stands."""
+"""Draw an effect: a standard experiment simulated with and without it, and their difference."""
 
 from __future__ import annotations
 
@@ -43,7 +43,7 @@ VALVE = ValveArea((-10.0, -5.0, 5.0, 10.0), (1.8e-6, 0.8e-6, 0.8e-6, 1.8e-6))
 VALUES = {"friction.coulomb": 14.0, "friction.viscous": 45.0, "rig.vessel_volume": 160e-6}
 TIME: Array = np.arange(4001, dtype=np.float64) * 1e-3
 HORIZON = 0.5  # s, the default of the comparison
-# what common sensors of such a rig add, by which channels of different units are ranked
+# noise of common sensors of such a rig, in which channels of different units are compared
 NOISE = {"p1": 400.0, "p2": 400.0, "x": 1e-5, "v": 5e-3, "a": 0.05, "force": 0.3}
 DISPLAY_FACTORS = {"bar": 1e-5, "mm": 1e3, "mm/s": 1e3}
 TITLES = {"direction": "direction of motion", "p_ratio": "pressure ratio", "time": "time in s"}
@@ -57,11 +57,12 @@ FIGURE_STYLE |= {
 
 
 def effect_figure(effect: Effect) -> str:
-    """Return an SVG: left the channel with and without the effect, right the difference over what shows it best.
+    """Return an SVG: left the channel with and without the effect, right the difference over the decisive variable.
 
-    The effect has the middle one of its typical values; the model without it has the same parameters otherwise and is
-    restarted every 0.5 s, as in a comparison. The first of ``standard_experiments`` on which the effect shows is taken, and of its
-    channels the one that differs most in units of its sensor's noise. Raises ValueError where it shows on none.
+    The effect has the middle one of its typical values. The model without it has the same other parameters and is
+    restarted every 0.5 s, as in a comparison. The figure shows the first of ``standard_experiments`` in which the
+    effect is visible, and the channel that differs most in units of its sensor's noise. Raises ValueError where the
+    effect is visible in none.
     """
     for experiment in standard_experiments():
         if experiment.active_effects((effect,)) and effect.shows_over in locator_signals(experiment):
@@ -69,11 +70,11 @@ def effect_figure(effect: Effect) -> str:
             channel, size = max(((c, _noise_ratio(c, seen, base)) for c in base), key=lambda pair: pair[1])
             if size > 1.0:
                 return _draw(effect, seen, channel, base[channel])
-    raise ValueError(f"{effect.name} shows on no standard manoeuvre")
+    raise ValueError(f"{effect.name} is visible in no standard experiment")
 
 
 def standard_experiments() -> Iterator[Experiment]:
-    """Yield the standard manoeuvres: valve on a vessel, chambers and balance of forces under a given motion, a drive.
+    """Yield the standard experiments: a valve test, chambers and force balance under a given motion, a driven axis.
 
     They last 4 s at 1 kHz and have no noise.
     """
@@ -116,7 +117,7 @@ def _experiment(kind: Any, signals: dict[str, Array], rig: Rig = CYLINDER) -> Ex
 
 
 def _with_and_without(effect: Effect, experiment: Experiment) -> tuple[Experiment, dict[str, Array]]:
-    """Return the experiment as recorded on a rig with the effect, and what the model without it says, by channel."""
+    """Return the experiment as recorded on a rig with the effect, and the channels of the model without it."""
     base = Model(experiment.rig, (), VALUES, VALVE)
     facts = rig_quantities(replace(base, rig=CYLINDER))
     values = {f"{effect.name}.{p.name}": p.range_on(facts).typical[len(p.typical) // 2] for p in effect.parameters}
@@ -156,7 +157,7 @@ def _draw(effect: Effect, seen: Experiment, channel: str, base: Array) -> str:
 
 
 def _rounded_coordinates(svg: str) -> str:
-    """Return the file with coordinates in hundredths of a point; the labels, which are no attributes, stay."""
+    """Return the file with coordinates rounded to hundredths of a point; labels, which are no attributes, stay."""
     return re.sub(r'"[^"]*"', lambda found: re.sub(r"(\d\.\d\d)\d+", r"\1", found[0]), svg)
 
 

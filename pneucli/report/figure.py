@@ -1,4 +1,4 @@
-"""Static figures: matplotlib to inline SVG that takes its ink from the page, so that it serves light and dark."""
+"""Draw static figures: inline SVG from matplotlib, whose ink is the page's text colour, light or dark."""
 
 from __future__ import annotations
 
@@ -20,16 +20,16 @@ from numpy.typing import NDArray
 
 from pneucli.report.page_elements import Figure
 
-# Okabe and Ito (2008): told apart by every kind of colour vision
+# Okabe and Ito (2008): distinguishable with every kind of colour vision
 BLUE, ORANGE, GREEN, PINK, SKY, AMBER = "#0072b2", "#d55e00", "#009e73", "#cc79a7", "#56b4e9", "#e69f00"
 GREY = "#888888"
 PALETTE = (BLUE, ORANGE, GREEN, PINK, SKY, AMBER)
-TEXT_COLOUR = "#010203"  # stands for the page's own text colour
+TEXT_COLOUR = "#010203"  # placeholder for the page's own text colour
 HEAT_MAP_LINE_COLOUR = "#222222"  # lines over a heat map, whose colours do not follow the page
 _STYLE: Any = {
     "svg.fonttype": "none",
     "svg.hashsalt": "pneucli",
-    "text.parse_math": False,  # a recording's name may hold a dollar sign
+    "text.parse_math": False,  # a recording's name may contain a dollar sign
     "font.family": "DejaVu Sans",
     "font.size": 8.5,
     "axes.spines.top": False,
@@ -43,13 +43,13 @@ _STYLE: Any = {
     **dict.fromkeys(("text.color", "axes.edgecolor", "axes.labelcolor", "xtick.color", "ytick.color"), TEXT_COLOUR),
     **dict.fromkeys(("figure.facecolor", "axes.facecolor", "savefig.facecolor"), "none"),
 }
-WIDTH, HEIGHT = 4.6, 3.1  # inches; as narrow as a telephone, two abreast on a desk
+WIDTH, HEIGHT = 4.6, 3.1  # inches; one fits on a telephone, two next to each other on a desk
 _MIDDLE = LinearSegmentedColormap.from_list("middle", matplotlib.colormaps["viridis"](np.linspace(0.18, 0.88, 64)))
 
 
 @dataclass
 class Drawing:
-    """A figure in the making: draw on ``axes`` (and ``canvas``); ``figure`` is there after the block."""
+    """An unfinished figure: draw on ``axes`` (and ``canvas``); ``figure`` exists after the block."""
 
     canvas: Canvas
     axes: Axes
@@ -71,7 +71,7 @@ def drawing(caption: str, x: str, y: str, height: float = HEIGHT) -> Iterator[Dr
 
 
 def render(draw: Callable[[Canvas], None], width: float, height: float) -> str:
-    """Return as SVG what ``draw`` draws on a canvas of that size in inches."""
+    """Let ``draw`` draw on a canvas of that size in inches; return the SVG."""
     with matplotlib.rc_context(_STYLE):
         canvas = Canvas(figsize=(width, height), layout="constrained")
         draw(canvas)
@@ -108,16 +108,24 @@ def heat_map(one: Drawing, x: NDArray[Any], y: NDArray[Any], z: NDArray[Any], ti
 
 
 def envelope_indices(curves: Sequence[NDArray[Any]], max_samples: int) -> NDArray[np.int64]:
-    """Return the rising indices, about ``max_samples`` of them, at which the least and the largest of each curve stand.
+    """Return the indices of the minima and maxima of curves, so that a plot of few samples shows every peak.
 
-    The samples are cut into stretches of equal number; each curve of shape (n,) gives two indices a stretch. First
-    and last sample are kept; all samples are where there are no more than ``max_samples``. NaN counts as neither.
+    The samples are divided into blocks of equal length; each curve gives the indices of its minimum and maximum in
+    each block. NaN is ignored. The first and the last sample are included.
+
+    Args:
+        curves: Curves of the same shape (n,).
+        max_samples: About how many indices to return; all n, where n is not larger.
+
+    Returns:
+        Rising indices.
+
     """
     n = curves[0].size
     if n <= max_samples:
         return np.arange(n)
-    stretches = max(1, (max_samples - 2) // (2 * len(curves)))
-    length = -(-n // stretches)
+    blocks = max(1, (max_samples - 2) // (2 * len(curves)))
+    length = -(-n // blocks)
     start = length * np.arange(-(-n // length))
     chosen = [np.array([0, n - 1])]
     for curve in curves:
@@ -129,7 +137,7 @@ def envelope_indices(curves: Sequence[NDArray[Any]], max_samples: int) -> NDArra
 
 
 def with_gaps(values: NDArray[Any], segment: NDArray[Any]) -> NDArray[np.float64]:
-    """Return values of shape (n,) with NaN in the last place of each ``segment`` (n,): a restart shows as a gap."""
+    """Return values (n,) with NaN at the last sample of each ``segment`` (n,), so that a restart appears as a gap."""
     out = np.array(values, dtype=np.float64)
     out[np.flatnonzero(np.diff(segment))] = np.nan
     return out

@@ -1,4 +1,4 @@
-"""The checks as JUnit XML, for continuous integration."""
+"""Write the checks as JUnit XML, for continuous integration."""
 
 from __future__ import annotations
 
@@ -9,9 +9,9 @@ from pneucli.report.report_data import Check
 
 
 def to_junit(name: str, checks: Sequence[Check]) -> str:
-    """Return one test case a check; a failure's text carries value and limit, a skipped case its reason.
+    """Return a test case for each check; a failure's text states value and limit, a skipped case its reason.
 
-    The stage that a check looks into (``compare`` of ``compare.error.test``) is the case's class name.
+    The stage of a check (``compare`` of ``compare.error.test``) is the class name of its test case.
     """
     failures = sum(bool(check.failure) for check in checks)
     skipped = sum(bool(check.skipped) for check in checks)

@@ -1,4 +1,4 @@
-"""The summary as Markdown: what a pull request or a mail needs. SI units, the numbers of the JSON answers."""
+"""Write a summary as Markdown for a pull request or a mail, with the numbers of the JSON answers, SI."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ Row = Sequence[object]
 
 
 def to_markdown(material: ReportData) -> str:
-    """Return the first screen in words, history, checks, errors and where they stand, ladder, parameters, warnings."""
+    """Return overview, history, checks, errors and their location, selection path, parameters and warnings."""
     return "\n".join(_lines(material)) + "\n"
 
 
@@ -38,18 +38,18 @@ def _lines(material: ReportData) -> Iterator[str]:
     yield from _comparison(material.answer("compare"))
     if ladder := material.answer("diagnose").get("ladder"):
         steps = [(s["add"] or "model as given", _number(s["error_train"]), _number(s["error_test"])) for s in ladder]
-        yield from _table("Ladder of effects, error over noise", ("add", "train", "test"), steps)
+        yield from _table("Selection path, error over noise", ("add", "train", "test"), steps)
     if parameters := material.answer("identify").get("model", {}).get("parameters"):
         rows = [(n, _number(p["value"]), *map(_number, p["ci95"]), p["unit"]) for n, p in parameters.items()]
         yield from _table("Parameters", ("name", "value", "95 % from", "to", "unit"), rows)
-    told = [f"{stage}: {w}" for stage, answer in material.answers.items() for w in answer.get("warnings", [])]
-    if told:
-        yield from ("", "## Warnings", "", *(f"- {warning}" for warning in told))
+    warnings = [f"{stage}: {w}" for stage, answer in material.answers.items() for w in answer.get("warnings", [])]
+    if warnings:
+        yield from ("", "## Warnings", "", *(f"- {warning}" for warning in warnings))
 
 
 def _overview_lines(first: Overview) -> Iterator[str]:
     yield first.line
-    yield from (f"**{tile.title}: {tile.large}** {tile.words}" for tile in first.tiles)
+    yield from (f"**{tile.title}: {tile.large}** {tile.text}" for tile in first.tiles)
     yield from filter(None, (first.doubt, first.checks, first.failed, first.following))
 
 

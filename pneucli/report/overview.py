@@ -1,4 +1,4 @@
-"""The first screen: what a colleague must know in ten seconds."""
+"""Compose the first screen of the page: the result in ten seconds of reading."""
 
 from __future__ import annotations
 
@@ -15,22 +15,25 @@ from pneucli.report.report_data import ReportData
 from pneucli.report.worst_recording import find_worst_recording, worst_recording_figure
 
 Answer = Mapping[str, Any]
-MAX_STEPS = 5  # of the ladder: with more models the first and the last ones are drawn
+MAX_STEPS = 5  # of the selection path: of more models, the first and the last ones are drawn
 
 
 @dataclass(frozen=True)
 class Tile:
-    """One of the three answers: a title, a few large words, a sentence, and whether that is good or bad."""
+    """One of the three results: a title, a large figure, a sentence, and whether that is good or bad."""
 
     title: str
     large: str
-    words: str
+    text: str
     tone: str = ""
 
 
 @dataclass(frozen=True)
 class PathStep:
-    """A bar of the ladder: which model, its error over noise, the bar's length (0 to 1); ``only_if`` added."""
+    """A bar of the selection path: the model, its error over noise, the bar's length (0 to 1).
+
+    ``only_if`` marks a model that was only fitted by the diagnosis.
+    """
 
     label: str
     error: str
@@ -40,7 +43,7 @@ class PathStep:
 
 @dataclass(frozen=True)
 class Overview:
-    """All that stands before the first section; the picture is drawn for a desk and for a telephone."""
+    """The contents of the first screen; the picture is drawn for a desk and for a telephone."""
 
     line: str
     tiles: Sequence[Tile]
@@ -54,7 +57,7 @@ class Overview:
 
 
 def overview(material: ReportData) -> Overview:
-    """Return the first screen of whatever is there."""
+    """Return the first screen, from those answers that exist."""
     found = find_worst_recording(material)
     pictures, caption = worst_recording_figure(found) if found else ({}, "")
     return Overview(
@@ -86,12 +89,12 @@ def _headline(material: ReportData) -> str:
 
 
 def _comparable_models(material: ReportData) -> list[Answer]:
-    """Return the models on the data as they are, oldest first, the present one last."""
+    """Return the models that were compared with the present data, oldest first, the present one last."""
     return history.models_on_current_data(material.history) if material.history else []
 
 
 def _model(material: ReportData) -> Tile | None:
-    """Return how far the model is from the measurement, and how far it was."""
+    """Return the error of the model, and that of the first one."""
     answer = material.answer("compare")
     use, error = compare.evaluation_error(answer.get("error", {}))
     if error is None:
@@ -105,43 +108,44 @@ def _model(material: ReportData) -> Tile | None:
     )
     added = [name for name in here[-1]["effects"] if name not in here[0]["effects"]] if here else []
     sizes = format_parameters(run.added_parameters(here[-1], added)) if added else ""
-    words = (
+    text = (
         f"with {join_names(added)}: {sizes}{_stated_probability(material, added)}."
         if added
         else f"{compare.verdict(answer).partition(': ')[2]}."
     )
     if use == "train":
-        words += " No recording was held out: the error is of those that were fitted."
+        text += " No recording was held out: this is the error of the fitted recordings."
     elif worst := compare.worst_channel_sentence(answer):
-        words += f" Worst: {worst}."
-    return Tile("The model", large, _capital(words), compare.rating(error))
+        text += f" Worst: {worst}."
+    return Tile("The model", large, _capital(text), compare.rating(error))
 
 
 def _stated_probability(material: ReportData, added: Sequence[str]) -> str:
-    """Return how probable the diagnosis held what was added, where it said so."""
+    """Return the probability that the diagnosis stated for the added effects; "" where it stated none."""
     candidates = [c for one in material.diagnoses for c in one.answer.get("candidates", [])]
-    held = {c["effect"]: c["confidence"] for c in candidates if c["effect"] in added and c.get("confidence")}
-    if not held:
+    stated = {c["effect"]: c["confidence"] for c in candidates if c["effect"] in added and c.get("confidence")}
+    if not stated:
         return ""
-    alone = len(held) == 1
-    each = [format_percent(p) if alone else f"{name} {format_percent(p)}" for name, p in held.items()]
-    return f"; there with a probability of {join_names(each)}"
+    is_single = len(stated) == 1
+    each = [format_percent(p) if is_single else f"{name} {format_percent(p)}" for name, p in stated.items()]
+    return f"; present with a probability of {join_names(each)}"
 
 
 def _missing(material: ReportData) -> Tile | None:
-    """Return what is still missing, and how sure that is."""
+    """Return the effects that are missing, and the evidence for them."""
     answer = material.answer("diagnose")
     if not answer:
         return None
-    title = "Still missing"
+    title = "Missing effect"
     if answer["verdict"] == "adequate":
-        words = f"{_capital(diagnose.detectability_summary(answer))}; all under Evidence. {diagnose.remaining_discrepancy(answer)}".rstrip()
-        return Tile(title, "nothing that shows", words, "good")
+        detectable = f"{_capital(diagnose.detectability_summary(answer))}; all under Evidence."
+        text = f"{detectable} {diagnose.remaining_discrepancy(answer)}".rstrip()
+        return Tile(title, "nothing further detected", text, "good")
     if answer["verdict"] == "inconclusive":
-        return Tile(title, "cannot be told", answer["sentence"], "bad")
-    words = f"{_capital(diagnose.evidence_summary(answer))}. {diagnose.remaining_discrepancy(answer)}".rstrip()
+        return Tile(title, "inconclusive", answer["sentence"], "bad")
+    text = f"{_capital(diagnose.evidence_summary(answer))}. {diagnose.remaining_discrepancy(answer)}".rstrip()
     if answer["missing"]:
-        return Tile(title, join_names(answer["missing"]), words, "bad")
+        return Tile(title, join_names(answer["missing"]), text, "bad")
     share = format_percent(answer.get("unexplained_share") or 0.0)
     return Tile(
         title,
@@ -152,25 +156,25 @@ def _missing(material: ReportData) -> Tile | None:
 
 
 def _controller(material: ReportData) -> Tile | None:
-    """Return what the controller holds on the identified model, and where it fails."""
+    """Return the accuracy of the controller on the identified model, and the scenarios in which it fails."""
     answer = material.answer("simulate")
     if "closed_loop" not in answer:
         return Tile("The controller", "none", "No axis with its valve was recorded.") if answer else None
     rest, *others = simulate.worst_metrics(answer) or ["nothing measured"]
-    missed = simulate.failed_scenarios(answer)
+    failed = simulate.failed_scenarios(answer)
     large, _, tolerance = rest.partition(" (")
-    words = f"Simulated, {join_names([tolerance.rstrip(')'), *others])}." if tolerance else "Simulated."
-    if laws := law_comparison.comparison_sentence(material.answer("design")):
-        words += f" {laws}"
-    if missed:
-        words += f" Fails: {join_names(missed)}."
-    if weak := simulate.harmful_effects(answer):
-        words += f" Not safe against {join_names(weak)} that it is not told of."
-    return Tile("The controller", large, words, "bad" if missed else "good")
+    text = f"Simulated, {join_names([tolerance.rstrip(')'), *others])}." if tolerance else "Simulated."
+    if comparison := law_comparison.comparison_sentence(material.answer("design")):
+        text += f" {comparison}"
+    if failed:
+        text += f" Fails: {join_names(failed)}."
+    if harmful := simulate.harmful_effects(answer):
+        text += f" Not robust against {join_names(harmful)} if the design does not include it."
+    return Tile("The controller", large, text, "bad" if failed else "good")
 
 
 def selection_path(material: ReportData) -> list[PathStep]:
-    """Return the models on this data, and the one with what the diagnosis names, each with its error."""
+    """Return the models on this data and the one with the diagnosed effects, each with its error."""
     here = _comparable_models(material)
     if not here:
         return []
@@ -188,31 +192,31 @@ def selection_path(material: ReportData) -> list[PathStep]:
 
 
 def _labels(models: Sequence[Answer]) -> Iterator[str]:
-    """Yield what each model has, and after the first one what it has more or less than the one before."""
+    """Yield the effects of the first model, and those that each later model adds and removes."""
     effects = join_names(models[0]["effects"])
     yield f"base model{f' with {effects}' if effects else ''}"
     for before, after in pairwise(models):
         added = [f"+ {n}" for n in after["effects"] if n not in before["effects"]]
         removed = [f"− {n}" for n in before["effects"] if n not in after["effects"]]
-        yield " ".join([*added, *removed]) or "fitted anew"
+        yield " ".join([*added, *removed]) or "fitted again"
 
 
 def _length(error: float | None, most: float) -> float:
-    """Return the length of a bar from the noise floor up, on a logarithmic scale."""
+    """Return the length of a bar on a logarithmic scale that begins at the noise floor."""
     return 0.0 if error is None or error <= 1.0 else math.log(error) / math.log(most)
 
 
 def _worst_failure(material: ReportData, pictured: str) -> str:
-    """Return in one sentence where the model failed, or fails, in the recording that is ``pictured`` if it can."""
+    """Return in one sentence where the model fails worst, preferably in the recording that is ``pictured``."""
     answer = material.first_comparison.answer if material.first_comparison else material.answer("compare")
     found = sorted(compare.grouped_regions(answer), key=lambda event: event[0]["recording"] != pictured)
     if not found:
-        return "No channel errs remarkably beyond its noise." if answer else ""
+        return "No channel exceeds its noise notably." if answer else ""
     return f"{'It failed' if material.first_comparison else 'It fails'} most in {compare.describe_event(found[0])}."
 
 
 def _next_command(material: ReportData) -> str:
-    """Return what to do next, with the command."""
+    """Return the next step, with its command."""
     answer = material.answer("diagnose")
     if not answer:
         return f"Next: pneucli diagnose {material.file}" if material.answer("compare") else ""
@@ -229,11 +233,11 @@ def _checks(material: ReportData) -> str:
 
 
 def _first_doubt(material: ReportData) -> str:
-    """Return the first thing that is implausible in the recordings, and how many more there are."""
+    """Return the first implausible finding about the recordings, and the number of others."""
     first, *more = [*implausibility_sentences(material.answer("ingest").get("plausibility", [])), ""]
-    others = f" {len(more) - 1} more under What was measured." if len(more) > 1 else ""
+    others = f" {len(more) - 1} more under Measurements." if len(more) > 1 else ""
     return f"Doubtful: {first}.{others}" if first else ""
 
 
-def _capital(words: str) -> str:
-    return words[:1].upper() + words[1:]
+def _capital(text: str) -> str:
+    return text[:1].upper() + text[1:]

@@ -24,12 +24,12 @@ SCRIPTS = ("uPlot.iife.min.js", "plots.js")
 
 
 def build_sections(material: ReportData) -> list[Section]:
-    """Return the sections of the page; a section whose artifact is absent is absent."""
+    """Return the sections of the page; a section without its artifact is left out."""
     return [section for make in SECTIONS if (section := make(material)) is not None]
 
 
 def to_html(material: ReportData, sections: Sequence[Section] | None = None) -> str:
-    """Return the whole page, of the given sections or of all that the material has."""
+    """Return the page with the given sections, by default with all of the material."""
     environment = Environment(
         loader=PackageLoader("pneucli.report", "assets"),
         autoescape=True,
@@ -53,7 +53,7 @@ def to_html(material: ReportData, sections: Sequence[Section] | None = None) -> 
 
 
 def _with_label(svg: str, caption: str) -> str:
-    """Return a picture with a name, for who cannot see it."""
+    """Return a picture with a label for screen readers."""
     return svg.replace('role="img"', f'role="img" aria-label="{escape(caption)}"', 1)
 
 
@@ -74,7 +74,7 @@ def _zoom_plots(sections: Sequence[Section]) -> Iterator[ZoomPlot]:
 
 
 def _plots(sections: Sequence[Section]) -> str:
-    """Return the data of the zoomable plots as JSON that can stand in a script element."""
+    """Return the data of the zoomable plots as JSON that is safe inside a script element."""
     content = {
         zoom.name: [{"name": r.name, "panels": [_panel(p) for p in r.panels]} for r in zoom.runs]
         for zoom in _zoom_plots(sections)

@@ -1,4 +1,4 @@
-"""The parts that a page is put together from."""
+"""The elements of a page: tables, figures, notes, zoomable plots and sections."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ class Cell:
 
 @dataclass(frozen=True)
 class Grid:
-    """A table for people; ``head`` has a title a column, ``rows`` texts or cells. Long ones are folded."""
+    """A table for people; ``head`` has a title for each column, ``rows`` texts or cells. Long ones are folded."""
 
     kind: ClassVar[str] = "grid"
     caption: str
@@ -36,7 +36,7 @@ class Grid:
 
 @dataclass(frozen=True)
 class Figure:
-    """A static figure as SVG, and one sentence that says what to see."""
+    """A static figure as SVG, and one sentence that says what it shows."""
 
     kind: ClassVar[str] = "figure"
     svg: str
@@ -95,9 +95,9 @@ Part = Grid | Figure | Note | ZoomPlot
 
 @dataclass(frozen=True)
 class Section:
-    """A chapter of the page: its anchor, title, one leading sentence, and parts.
+    """A chapter of the page: its anchor, title, one introductory sentence, and parts.
 
-    A folded one opens on demand; on paper it stands where it was opened, or is to be ``printed`` in any case.
+    A ``folded`` chapter opens on demand; it is on paper if it is open, or if it is ``printed``.
     """
 
     anchor: str
@@ -109,7 +109,7 @@ class Section:
 
 
 def warning_notes(material: ReportData, stage: str) -> list[Part]:
-    """Return what a stage warns of, to stand where it belongs."""
+    """Return the warnings of a stage, for its chapter."""
     return [Note(f"{warning}.", "warning") for warning in material.answer(stage).get("warnings", [])]
 
 

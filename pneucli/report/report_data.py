@@ -1,4 +1,4 @@
-"""What a report is made of: the stages' answers and tables, and the checks."""
+"""The data of a report: the stages' answers and tables, and the checks."""
 
 from __future__ import annotations
 
@@ -54,16 +54,16 @@ class Table:
             return
         keys = [self[name] for name in names]
         cuts = np.flatnonzero(np.logical_or.reduce([key[1:] != key[:-1] for key in keys])) + 1
-        stretches: dict[tuple[Any, ...], list[NDArray[np.int64]]] = {}
-        for stretch in np.split(np.arange(len(self)), cuts):
-            stretches.setdefault(tuple(key[stretch[0]] for key in keys), []).append(stretch)
-        for combination, parts in stretches.items():
+        blocks: dict[tuple[Any, ...], list[NDArray[np.int64]]] = {}
+        for block in np.split(np.arange(len(self)), cuts):
+            blocks.setdefault(tuple(key[block[0]] for key in keys), []).append(block)
+        for combination, parts in blocks.items():
             yield combination, self.rows(np.concatenate(parts))
 
 
 @dataclass(frozen=True)
 class Check:
-    """One check: its path, the wanted and the found value, why it fails, or why it is skipped (empty: it is not)."""
+    """One check: its path, its limit, the value, why it fails, and why it is skipped (both may be empty)."""
 
     path: str
     wanted: str
@@ -74,7 +74,7 @@ class Check:
 
 @dataclass(frozen=True)
 class EarlierAnswer:
-    """An earlier answer of a stage, to an earlier model on the same data, and a table that was kept with it."""
+    """An earlier answer of a stage about an earlier model on the same data, and a table that was stored with it."""
 
     answer: Mapping[str, Any]
     table: Table = field(default_factory=lambda: Table({}))
@@ -84,10 +84,14 @@ class EarlierAnswer:
 class ReportData:
     """The pipeline's name, the answers by stage, the tables by ``"stage/file"``, and the checks; any may be absent.
 
-    ``history`` lists every model that was compared (as ``pneucli history`` does), ``first_comparison`` is the comparison of the
-    first of them on the same data, with its residuals, and ``diagnoses`` are the earlier diagnoses, oldest first, each
-    with the shapes of its residuals. ``rig`` says what stands on the bench, ``file`` names the pipeline file, and
-    ``footer`` says what made the report: words to be shown in its last lines.
+    Attributes:
+        history: Every model that was compared, as ``pneucli history`` lists them.
+        first_comparison: The comparison of the first of them on the same data, with its residuals.
+        diagnoses: The earlier diagnoses, oldest first, each with the shapes of its residuals.
+        rig: The kind of rig.
+        file: The pipeline file.
+        footer: The origin of the report, for its last lines.
+
     """
 
     name: str

@@ -1,4 +1,4 @@
-"""The picture of the first screen: the held-out recording in which the model failed worst, before and after."""
+"""Draw the picture of the first screen: the held-out recording in which the model is worst, before and after."""
 
 from __future__ import annotations
 
@@ -23,17 +23,15 @@ from pneucli.report.report_data import ReportData, Table
 Array = NDArray[np.float64]
 FIGURE_SIZES = {"wide": (8.6, 4.3), "narrow": (4.3, 4.6)}  # inches, on a desk and on a telephone
 MAX_SAMPLES = 1500  # samples of a curve
-CONTEXT_RESTARTS = (
-    2.0  # restart intervals that are shown on each side of the failing stretch, or the stretch's own length
-)
+CONTEXT_RESTARTS = 2.0  # restart intervals on each side of the marked interval; at least the interval's own length
 BAND_SIGMA = 2.0  # standard deviations
 
 
 @dataclass(frozen=True)
 class WorstRecording:
-    """One channel of one recording, SI: the models before (None where there is one only) and after, each (n,).
+    """One channel of one recording, SI: the models before (None where there is only one) and after, each (n,).
 
-    ``noise`` is the rms that a correct model would show, ``stretch`` from when to when the error is worst (s).
+    ``noise`` is the rms error of a correct model, ``stretch`` the interval (s) in which the error is worst.
     """
 
     recording: str
@@ -54,24 +52,26 @@ class WorstRecording:
 def worst_recording_figure(found: WorstRecording) -> tuple[dict[str, str], str]:
     """Return the picture as SVG in each of ``FIGURE_SIZES``, and its caption."""
     pictures = {name: render(partial(_draw, found), *size) for name, size in FIGURE_SIZES.items()}
-    was, now = found.error_ratios
-    fell = f"{format_noise_ratio(was)} → {format_noise_ratio(now)}" if was is not None else format_noise_ratio(now)
+    before, now = found.error_ratios
+    ratio = format_noise_ratio(now)
+    if before is not None:
+        ratio = f"{format_noise_ratio(before)} → {ratio}"
     return pictures, (
-        f"{found.channel} in {found.recording}, the worst {found.kind}recording: {fell} × noise. Shaded: where it "
-        f"failed worst. Below: measured − model, the band {BAND_SIGMA:g} σ of what a correct model would show. The model is "
-        f"restarted from the measurement every {format_setting(found.horizon)} s (ticks)."
+        f"{found.channel} in {found.recording}, the worst {found.kind}recording: {ratio} × noise. Shaded: the interval "
+        f"with the largest error. Below: measured − model, with the band of ± {BAND_SIGMA:g} σ of a correct model. The "
+        f"model restarts from the measurement every {format_setting(found.horizon)} s (ticks)."
     )
 
 
 def find_worst_recording(material: ReportData) -> WorstRecording | None:
-    """Return the channel that erred most, by the first model where there was one."""
+    """Return the channel with the largest error over noise, that of the first model where there was one."""
     answer, residuals = material.answer("compare"), material.table("compare/residuals")
     first = material.first_comparison
     judge = first.answer if first else answer
     use, _ = evaluation_error(answer.get("error", {}))
-    known = {(c["recording"], c["channel"]): c for c in answer.get("channels", []) if c["noise"]}
+    channels = {(c["recording"], c["channel"]): c for c in answer.get("channels", []) if c["noise"]}
     ratios = [
-        c for c in judge.get("channels", []) if c["use"] == use and c["ratio_to_noise"] and _channel_key(c) in known
+        c for c in judge.get("channels", []) if c["use"] == use and c["ratio_to_noise"] and _channel_key(c) in channels
     ]
     if not ratios or not len(residuals):
         return None
@@ -82,7 +82,7 @@ def find_worst_recording(material: ReportData) -> WorstRecording | None:
         earlier = None
     error = rows["residual"] if earlier is None else earlier["residual"]
     stretch = error_concentration(rows["time"], np.nan_to_num(error) ** 2)
-    now = known[_channel_key(worst)]
+    now = channels[_channel_key(worst)]
     return WorstRecording(
         *(worst["recording"], "held-out " if use == "test" else "", worst["channel"], worst["unit"], now["noise"]),
         *(rows["time"], rows["measured"]),
@@ -104,17 +104,17 @@ def _channel_key(channel: Mapping[str, Any]) -> tuple[str, str]:
 
 def _draw(found: WorstRecording, canvas: Canvas) -> None:
     upper, lower = canvas.subplots(2, 1, sharex=True, height_ratios=[2.4, 1])
-    kept = _shown_samples(found)
-    time = found.time[kept]
+    indices = _shown_samples(found)
+    time = found.time[indices]
     curves = [("measured", found.measured, GREY, "-", 3.0)]
     if found.before is not None:
         curves.append(("before", found.before, BLUE, "--", 1.3))
     curves.append(("model" if found.before is None else "after", found.after, ORANGE, "-", 1.3))
     for label, values, colour, style, width in curves:
-        drawn = values[kept] if label == "measured" else with_gaps(values[kept], found.segment[kept])
+        drawn = values[indices] if label == "measured" else with_gaps(values[indices], found.segment[indices])
         upper.plot(time, in_display_unit(drawn, found.unit), style, color=colour, linewidth=width, label=label)
         if label != "measured":
-            residual = with_gaps((found.measured - values)[kept], found.segment[kept]) / found.noise
+            residual = with_gaps((found.measured - values)[indices], found.segment[indices]) / found.noise
             lower.plot(time, residual, style, color=colour, linewidth=1.0)
     _frame(found, upper, lower, time)
     upper.set_ylabel(axis_title(found.channel).replace(SIGNALS[found.channel].title, found.channel))
@@ -122,7 +122,7 @@ def _draw(found: WorstRecording, canvas: Canvas) -> None:
 
 
 def _frame(found: WorstRecording, upper: Axes, lower: Axes, time: Array) -> None:
-    """Draw the failing stretch, the restarts and the band of the noise."""
+    """Mark the interval with the largest error, the restarts and the band of the noise."""
     starts = found.time[np.flatnonzero(np.diff(found.segment)) + 1]
     for axes in (upper, lower):
         if found.stretch:
@@ -139,7 +139,7 @@ def _frame(found: WorstRecording, upper: Axes, lower: Axes, time: Array) -> None
 
 
 def _shown_samples(found: WorstRecording) -> NDArray[np.int64]:
-    """Return the samples to draw: the failing stretch and as much on either side, every peak kept."""
+    """Return the samples to draw: the marked interval and as much on each side, with every peak."""
     low, high = found.stretch or (found.time[0], found.time[-1])
     margin = max(high - low, CONTEXT_RESTARTS * found.horizon)
     window = np.flatnonzero((found.time >= low - margin) & (found.time <= high + margin))

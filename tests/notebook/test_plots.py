@@ -20,7 +20,7 @@ def test_a_recording_is_drawn_by_channel_with_its_fit(axis: pneucli.Run) -> None
 
 
 def test_models_of_other_runs_stand_in_the_same_panel(axis: pneucli.Run) -> None:
-    (panel,) = axis.plot.recording("driven_2", ["x"], beside=[axis]).axes
+    (panel,) = axis.plot.recording("driven_2", ["x"], compare_with=[axis]).axes
     assert len(panel.lines) == 3
 
 
@@ -28,7 +28,7 @@ def test_every_model_that_was_compared_is_drawn(axis: pneucli.Run) -> None:
     (panel,) = axis.plot.models("driven_2", ["x"]).axes
     labels = [line.get_label() for line in panel.lines]
     assert labels[0] == "measured"
-    assert labels[1].startswith("base (as it is): fit ")
+    assert labels[1].startswith("base (present): fit ")
 
 
 def test_the_other_figures_come_out(valve: pneucli.Run, axis: pneucli.Run) -> None:

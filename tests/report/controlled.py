@@ -125,7 +125,7 @@ def tables() -> dict[str, Table]:
 
 
 def _runs() -> Table:
-    """Two scenarios, each compensated (4 um off at the end) and with the PIDs alone (117 um off)."""
+    """Two scenarios, each compensated (4 um off at the end) and with the PIDs only (117 um off)."""
     columns: dict[str, list[Any]] = {"scenario": [], "controller": []}
     numbers: dict[str, list[Any]] = {}
     reference = np.where(TIME < 0.5, 0.1, 0.13)

@@ -46,7 +46,7 @@ def test_the_figures_stand_side_by_side(section: Section) -> None:
 
 def test_what_is_never_reached_is_told_from_what_is_not_shown(section: Section) -> None:
     rows = texts(next(grid for grid in grids(section) if grid.head[0] == "figure"))
-    # the answer has null for both: the PIDs alone do not settle after the steps, and the load has no steps
+    # the answer has null for both: the PIDs only do not settle after the steps, and the load has no steps
     assert rows["within 50 µm after, s"] == ["0.750 / ∞", "–"]
     assert rows["load rejected to 50 µm after, s"] == ["–", "0.250 / ∞"]
     assert "reversals of the command, 1/s" not in rows  # which no scenario of these shows
@@ -65,7 +65,7 @@ def test_margins_stand_in_a_table_with_what_they_do_not_tell(section: Section) -
 def test_the_design_tells_its_warnings_and_where_the_matching_condition_breaks(section: Section) -> None:
     warned = [part for part in section.parts if isinstance(part, Note)]
     assert (warned[0].tone, warned[0].text) == ("warning", "no PDC: the input bound is too narrow.")
-    rows = texts(next(grid for grid in grids(section) if grid.caption == "How it was designed"))
+    rows = texts(next(grid for grid in grids(section) if grid.caption == "Design"))
     assert rows["whole system"] == ["the matching condition does not hold: friction and load acts on v"]
     assert rows["sliding sector"][0].endswith("too steep for the sample time, so the resolved one is taken")
     assert rows["PDC, weights NO"] == ["none: infeasible"]
@@ -106,7 +106,7 @@ def test_a_second_valve_has_its_panel(material: ReportData) -> None:
 
 def test_without_a_simulation_the_design_stands_alone(material: ReportData) -> None:
     found = closed_loop(without(material, "simulate"))
-    assert [grid.head[0] for grid in grids(found)] == ["what", "loop cut"]
+    assert [grid.head[0] for grid in grids(found)] == ["quantity", "loop cut"]
 
 
 def test_harmful_effects_stand_in_rows_and_the_others_in_a_sentence(material: ReportData) -> None:

@@ -57,7 +57,7 @@ def test_its_law_is_drawn_over_its_signal() -> None:
     (figure,) = _smooth_terms(Table(columns | {"value": np.linspace(1e5, 5e5, 60), "law": np.linspace(-2.0, 2.0, 60)}))
     assert "pressure of chamber 1 in bar" in figure.svg
     assert "dry friction in N" in figure.svg
-    assert "as force shows it" in figure.caption
+    assert "part of force that no effect" in figure.caption
 
 
 def test_where_nothing_is_known_nothing_is_drawn() -> None:

@@ -9,8 +9,8 @@ import pytest
 
 from pneucli.report import ReportData, Table
 from pneucli.report.sections import SECTIONS
-from pneucli.report.sections.law_comparison import section as bench
-from pneucli.report.sections.thesis_figures import section as thesis
+from pneucli.report.sections.law_comparison import section as law_comparison
+from pneucli.report.sections.thesis_figures import section as thesis_figures
 from tests.report import controlled
 
 TIME = 1e-2 * np.arange(600)
@@ -47,25 +47,25 @@ def material() -> ReportData:
 
 
 def test_who_is_poor_is_said_with_its_numbers(material: ReportData) -> None:
-    told = [part.text for part in bench(material).parts if part.kind == "note"]
+    told = [part.text for part in law_comparison(material).parts if part.kind == "note"]
     assert any("pdc stays up to 7.8 mm off" in text and "best" not in text for text in told)
     assert any("sector" in text for text in told)  # could not be made
 
 
 def test_the_laws_the_map_and_the_components_have_a_table_each(material: ReportData) -> None:
-    grids = [part for part in bench(material).parts if part.kind == "grid"]
+    grids = [part for part in law_comparison(material).parts if part.kind == "grid"]
     names = [[row[0].text for row in grid.rows] for grid in grids[:3]]
     assert names == [["best", "pdc", "pid"], ["nothing", "switching"], ["best, no map"]]
 
 
 def test_the_figures_of_the_thesis_on_control_are_named(material: ReportData) -> None:
-    captions = " ".join(part.caption for part in bench(material).parts if part.kind == "figure")
+    captions = " ".join(part.caption for part in law_comparison(material).parts if part.kind == "figure")
     assert all(f"Figure 7.{number}:" in captions for number in range(28, 35))
 
 
 def test_without_a_design_there_is_no_bench_and_without_identification_no_figures() -> None:
-    assert bench(ReportData("none")) is None
-    assert thesis(ReportData("none")) is None
+    assert law_comparison(ReportData("none")) is None
+    assert thesis_figures(ReportData("none")) is None
     assert {bench, thesis} <= set(SECTIONS)
 
 
@@ -74,7 +74,7 @@ def test_one_slip_is_shown_under_every_model_and_the_claim_on_the_flow_function_
     one = {"time": t, "v": t, "v_model": 0.9 * t, "a": t, "a_model": t}
     rows = {name: np.tile(values, 6) for name, values in one.items()}
     table = Table({"model": [m for m in "ABCDEF" for _ in t], **rows})
-    parts = thesis(ReportData("demo", {}, {"identify/friction_replays": table})).parts
+    parts = thesis_figures(ReportData("demo", {}, {"identify/friction_replays": table})).parts
     captions = " ".join(part.caption for part in parts)
     assert all(f"Figure 6.{number}:" in captions for number in (*range(14, 20), *range(34, 40)))
     assert "0.19 % of the maximum and 0.37 % of the value (claimed: 0.3 %)" in captions

@@ -24,29 +24,29 @@ def test_the_tile_of_the_model_says_the_fall_what_was_added_and_its_interval(aft
     tile = overview(after).tiles[0]
     # sqrt((9^2 + 50^2 + 1.2^2) / 3) and sqrt((1 + 9 + 1.21) / 3)
     assert tile.large == "29.3 → 1.93 × noise"
-    assert tile.words.startswith("With piston-leak: area = 0.0520 ± 0.0010 mm².")
-    assert "Worst: x in axis_1, 3.00 × noise" in tile.words
+    assert tile.text.startswith("With piston-leak: area = 0.0520 ± 0.0010 mm².")
+    assert "Worst: x in axis_1, 3.00 × noise" in tile.text
     assert tile.tone == ""  # near the noise, not at it
 
 
 def test_the_tile_of_what_is_missing_says_how_sure_that_is(material: ReportData, after: ReportData) -> None:
     tile = overview(material).tiles[1]
     assert (tile.large, tile.tone) == ("piston-leak", "bad")
-    assert "these recordings cannot tell it from chamber-leak" in tile.words
+    assert "these recordings cannot tell it from chamber-leak" in tile.text
     adequate = overview(after).tiles[1]
-    assert (adequate.large, adequate.tone) == ("nothing that shows", "good")
-    assert adequate.words.startswith("1 of 1 other effects would have shown, such as valve-leak")
+    assert (adequate.large, adequate.tone) == ("nothing further detected", "good")
+    assert adequate.text.startswith("1 of 1 other effects would have shown, such as valve-leak")
 
 
 def test_the_tile_of_the_controller_says_what_it_holds_and_where_it_fails(material: ReportData) -> None:
     tile = overview(material).tiles[2]
     assert (tile.large, tile.tone) == ("5.0 µm at rest", "good")
-    assert "Not safe against presliding" in tile.words
+    assert "Not robust against presliding" in tile.text
     loop = material.answers["simulate"]
     missed = {**loop, "closed_loop": {**loop["closed_loop"], "steps": {"steady_um": 99.0}}}
     tile = overview(replace(material, answers={**material.answers, "simulate": missed})).tiles[2]
     assert (tile.large, tile.tone) == ("99 µm at rest", "bad")
-    assert "Fails: steps." in tile.words
+    assert "Fails: steps." in tile.text
 
 
 def test_the_ladder_goes_down_to_the_noise_floor(after: ReportData) -> None:
@@ -107,7 +107,13 @@ def test_the_first_screen_says_where_it_failed_and_what_to_do_next(material: Rep
 def test_the_verdict_stands_in_the_page_without_any_script(after: ReportData) -> None:
     plain = re.sub(r"<script.*?</script>", "", to_html(after), flags=re.DOTALL)
     top = plain[: plain.index("<nav")]
-    for words in ("29.3 → 1.93 × noise", "nothing that shows", "5.0 µm at rest", "It failed most in", "pneucli export"):
+    for words in (
+        "29.3 → 1.93 × noise",
+        "nothing further detected",
+        "5.0 µm at rest",
+        "It failed most in",
+        "pneucli export",
+    ):
         assert words in top
     assert "cylinder · compared on 2026-11-22 · base model with stribeck and piston-leak · 2 recordings" in top
 
@@ -117,7 +123,7 @@ def test_what_is_implausible_stands_before_all_else(material: ReportData) -> Non
     other = {**finding, "signal": "p2"}
     answers = {**material.answers, "ingest": {**material.answers["ingest"], "plausibility": [finding, other]}}
     doubted = replace(material, answers=answers)
-    assert overview(doubted).doubt == "Doubtful: axis_1, p1 stays; check it. 1 more under What was measured."
+    assert overview(doubted).doubt == "Doubtful: axis_1, p1 stays; check it. 1 more under Measurements."
     page = to_html(doubted)
     assert page.index("Doubtful: axis_1") < page.index('class="tiles"')
     assert overview(material).doubt == ""
@@ -148,6 +154,6 @@ def test_the_first_screen_says_how_sure_what_remains_and_which_law_holds(after: 
     left = {"subsystem": "chambers", "channel": "p1", "size": 1.4, "time_constant_s": 0.3, "over": "x", "share": 0.5}
     answers = {**after.answers, "diagnose": {**after.answers["diagnose"], "discrepancy": [left]}}
     model, missing, controller = overview(replace(after, answers=answers, diagnoses=earlier)).tiles
-    assert "mm²; there with a probability of 97 %" in model.words
-    assert missing.words.endswith("What remains: p1 by 1.40 × noise (chambers, over x, lasting 0.30 s).")
-    assert "Of 3 laws “best” holds it; next is “pid”, 90 µm off." in controller.words
+    assert "mm²; present with a probability of 97 %" in model.text
+    assert missing.text.endswith("What remains: p1 by 1.40 × noise (chambers, over x, lasting 0.30 s).")
+    assert "Of 3 laws “best” holds it; next is “pid”, 90 µm off." in controller.text

@@ -16,7 +16,7 @@ from pneucli.report.page_elements import Cell, Grid, Note
 from pneucli.report.report_data import Table
 from pneucli.report.sections import SECTIONS
 from pneucli.report.sections.comparison import section as comparison
-from pneucli.report.sections.correlations import section as relations
+from pneucli.report.sections.correlations import section as correlations
 from pneucli.report.sections.diagnosis import section as diagnosis
 from pneucli.report.sections.error_location import StateSamples, _grid, _maps
 from pneucli.report.sections.valve import section as valve
@@ -76,7 +76,7 @@ def test_a_warning_stands_in_the_chapter_that_it_is_of(page: str) -> None:
     chapter = page[page.index('<section id="measured">') :].partition("</section>")[0]
     assert '<p class="note warning">axis_1, p1: 3 samples were lost.</p>' in chapter
     assert page.count("3 samples were lost") == 1
-    assert re.search(r"<h2>What was measured</h2>\s*<span>\(1 warning\)</span>", chapter)
+    assert re.search(r"<h2>Measurements</h2>\s*<span>\(1 warning\)</span>", chapter)
 
 
 def test_without_test_recordings_it_says_so(material: ReportData) -> None:
@@ -85,7 +85,8 @@ def test_without_test_recordings_it_says_so(material: ReportData) -> None:
     section = comparison(replace(material, answers=answers))
     assert section is not None
     assert any(
-        isinstance(part, Note) and "the errors are of those that were fitted" in part.text for part in section.parts
+        isinstance(part, Note) and "these are the errors of the fitted recordings" in part.text
+        for part in section.parts
     )
 
 
@@ -200,22 +201,22 @@ def test_only_what_is_missing_is_marked_among_the_candidates(material: ReportDat
     ]
 
 
-def test_what_stands_in_relation_is_said(material: ReportData) -> None:
-    section = relations(material)
+def test_strong_correlations_and_significant_residuals_are_stated(material: ReportData) -> None:
+    section = correlations(material)
     assert section is not None
     (together,) = [part.text for part in section.parts if isinstance(part, Note)]
     assert "friction.coulomb and friction.viscous (−0.95)" in together
-    (felt,) = [part for part in section.parts if isinstance(part, Grid)]
-    assert felt.head == ("parameter", "x", "v")
-    assert [cell.text for cell in felt.rows[0]] == ["friction.coulomb", "0.40", "–"]
+    (sensitivity,) = [part for part in section.parts if isinstance(part, Grid)]
+    assert sensitivity.head == ("parameter", "x", "v")
+    assert [cell.text for cell in sensitivity.rows[0]] == ["friction.coulomb", "0.40", "–"]
     captions = [part.caption for part in section.parts if hasattr(part, "svg")]
-    assert "beyond chance with u at 0.1 s" in captions[-1]
+    assert "significant with u at 0.1 s" in captions[-1]
     table = material.tables["compare/correlation"]
     weak = Table({**table.columns, "correlation": 0.3 * table["correlation"]})  # 0.15 at most: 1.5 bounds, of 101 lags
-    faint = relations(replace(material, tables={**material.tables, "compare/correlation": weak}))
+    faint = correlations(replace(material, tables={**material.tables, "compare/correlation": weak}))
     assert faint is not None
-    assert "nothing to do with the inputs beyond chance" in faint.parts[-1].caption  # type: ignore[union-attr]
-    assert relations(ReportData("bench")) is None
+    assert "no significant correlation with the inputs" in faint.parts[-1].caption  # type: ignore[union-attr]
+    assert correlations(ReportData("bench")) is None
 
 
 def test_the_legend_says_how_well_each_model_fits(material: ReportData) -> None:

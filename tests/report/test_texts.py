@@ -27,7 +27,7 @@ def test_the_summary_holds_the_numbers_of_the_answers(material: ReportData) -> N
 
 def test_the_summary_says_what_the_first_screen_says_and_warnings_last(material: ReportData) -> None:
     text = to_markdown(material)
-    parts = ("**The model: ", "**Still missing: piston-leak**", "## Checks", "## Model against", "## Warnings")
+    parts = ("**The model: ", "**Missing effect: piston-leak**", "## Checks", "## Model against", "## Warnings")
     places = [text.index(part) for part in parts]
     assert places == sorted(places)
 

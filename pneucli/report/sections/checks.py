@@ -1,4 +1,4 @@
-"""The checks of the pipeline file: what was wanted, what was found."""
+"""The checks of the pipeline file: limits and values."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ def section(material: ReportData) -> Section | None:
 
 
 def grid(checks: Sequence[Check], caption: str) -> Grid:
-    """Return a table of checks: what was wanted, what was found, and whether it passed."""
+    """Return a table of checks: the limit, the value, and whether it passed."""
     return Grid(caption, ("check", "wanted", "found", ""), [_row(check) for check in checks])
 
 

@@ -1,4 +1,4 @@
-"""The closed loop: how the controller was designed, and what it reaches on the identified model."""
+"""The closed loop: the design of the controller, and its performance on the identified model."""
 
 from __future__ import annotations
 
@@ -22,9 +22,9 @@ from pneucli.report.sections.checks import grid as checks_grid
 Answer = Mapping[str, Any]
 MAX_SAMPLES = 800  # samples of a curve
 MICROMETRES_PER_METRE = 1e6
-LINEAR_RANGE = 10.0  # um; errors below are drawn to scale, larger ones by their powers of ten
-COMPENSATED, UNCOMPENSATED = "with compensation", "PIDs alone"
-# a figure without bound is null, as is one that the scenario does not show; these are there where it does
+LINEAR_RANGE = 10.0  # um; smaller errors have a linear scale, larger ones a logarithmic one
+COMPENSATED, UNCOMPENSATED = "with compensation", "PIDs only"
+# an unbounded figure is null, like one that the scenario does not have; these companions exist only for the former
 COMPANION_FIGURES = {"rise_s": "overshoot_um", "settling_s": "overshoot_um", "recovery_s": "peak_um"}
 
 
@@ -43,14 +43,14 @@ def section(material: ReportData) -> Section | None:
         parts.append(_figures(answer["closed_loop"], answer["pid_alone"]))
     parts += _scenarios(material.table("simulate/closed_loop"), tolerance)
     lead = (
-        "The designed controller moves the identified model, whose sensors add the noise and the counts that were "
-        "found. Against it stand its PIDs alone, without the estimates and the known friction ahead."
+        "The designed controller moves the identified model, whose sensors have the identified noise and resolution. "
+        "It is compared with its PIDs only, without estimates and without friction feedforward."
     )
     return Section("closed-loop", "Controller", lead, parts, folded=True, printed=True)
 
 
 def _tolerance(gains: Table) -> float:
-    """Return the error at rest in m that is good enough: twice the reach within which the piston is left alone."""
+    """Return the tolerated error at rest in m: twice the band within which the controller holds the piston."""
     return 2.0 * float(gains.where(name="C_HOLDING_BAND")["value"][0])
 
 
@@ -65,31 +65,36 @@ def _design(answer: Answer, tolerance: float) -> Grid:
     rows += [(f"{name} system", describe_matching(m)) for name, m in answer["matching"].items()]
     rows += [(f"PDC, weights {t['weight_type']}", describe_decay_rate(t)) for t in answer["lmi"]["types"]]
     cells = [[Cell(name, numeric=False), Cell(value, numeric=False)] for name, value in rows]
-    return Grid("How it was designed", ("what", "found"), cells, folded=True)
+    return Grid("Design", ("quantity", "value"), cells, folded=True)
 
 
-def _figures(compensated: Answer, alone: Answer) -> Grid:
+def _figures(compensated: Answer, pid_only: Answer) -> Grid:
     names = [n for n in next(iter(compensated.values()), {}) if any(_shows(f, n) for f in compensated.values())]
     rows = [
-        [Cell(METRIC_TITLES.get(n, n), numeric=False), *(Cell(_both(f, alone[s], n)) for s, f in compensated.items())]
+        [
+            Cell(METRIC_TITLES.get(n, n), numeric=False),
+            *(Cell(_both(f, pid_only[s], n)) for s, f in compensated.items()),
+        ]
         for n in names
     ]
-    caption = f"What is reached in each scenario: {COMPENSATED} / {UNCOMPENSATED}; ∞ where it is not reached while things rest."
+    caption = (
+        f"Results of each scenario: {COMPENSATED} / {UNCOMPENSATED}; ∞: not reached before the reference moves on."
+    )
     return Grid(caption, ("figure", *compensated), rows)
 
 
 def _shows(found: Answer, name: str) -> bool:
-    """Return whether a run shows a figure, be it without bound."""
+    """Return whether a run has a figure, bounded or not."""
     return found[name] is not None or found.get(COMPANION_FIGURES.get(name, "")) is not None
 
 
-def _both(compensated: Answer, alone: Answer, name: str) -> str:
-    texts = [format_bounded(found[name]) if _shows(found, name) else "–" for found in (compensated, alone)]
+def _both(compensated: Answer, pid_only: Answer, name: str) -> str:
+    texts = [format_bounded(found[name]) if _shows(found, name) else "–" for found in (compensated, pid_only)]
     return "–" if texts == ["–", "–"] else " / ".join(texts)
 
 
 def format_bounded(value: float | None) -> str:
-    """Return a figure as text, infinity where it is without bound."""
+    """Return a figure as text, infinity where it is unbounded."""
     return "∞" if value is None or math.isinf(value) else format_number(value, 3)
 
 
@@ -98,7 +103,7 @@ def _um(metres: float) -> str:
 
 
 def _scenarios(table: Table, tolerance: float) -> list[Part]:
-    """Return the errors of all scenarios, the loads and their estimates, and all signals to be zoomed."""
+    """Return the errors of all scenarios, the loads and their estimates, and zoomable plots of all signals."""
     pairs = {
         str(name): (rows.where(controller="compensated"), rows.where(controller="pid_alone"))
         for (name,), rows in table.groups("scenario")
@@ -108,8 +113,8 @@ def _scenarios(table: Table, tolerance: float) -> list[Part]:
     drawings = [_error(name, *pair, tolerance) for name, pair in pairs.items()]
     drawings += [_load(name, rows) for name, (rows, _) in pairs.items() if np.any(rows["load"] != 0.0)]
     caption = (
-        "Drag over a stretch to zoom in, down to the micrometres at rest; double-click to see all again. "
-        "The estimate of the load and the pressure are those with compensation."
+        "Drag over an interval to zoom in, down to the micrometres at rest; double-click to see everything again. "
+        "Load estimate and pressure are those with compensation."
     )
     runs = [PlotRun(name, _panels(*pair)) for name, pair in pairs.items()]
     return [*figures(drawings), ZoomPlot("closed-loop", caption, runs)]
@@ -120,17 +125,18 @@ def _deviation(rows: Table) -> NDArray[Any]:
     return np.asarray(MICROMETRES_PER_METRE * (rows["x_ref"] - rows["x"]))
 
 
-def _error(name: str, compensated: Table, alone: Table, tolerance: float) -> Drawing:
-    caption = f"{name}: error of the position; to scale up to {format_number(LINEAR_RANGE, 2)} µm, shaded: ± {_um(tolerance)}."
+def _error(name: str, compensated: Table, pid_only: Table, tolerance: float) -> Drawing:
+    linear = f"linear up to {format_number(LINEAR_RANGE, 2)} µm"
+    caption = f"{name}: position error, {linear}, logarithmic beyond; shaded: ± {_um(tolerance)}."
     with drawing(caption, "time in s", "reference − position in µm") as one:
         axes = one.axes
         axes.axhspan(
             -MICROMETRES_PER_METRE * tolerance, MICROMETRES_PER_METRE * tolerance, color=GREY, alpha=0.25, linewidth=0
         )
-        for rows, label, colour in ((alone, UNCOMPENSATED, BLUE), (compensated, COMPENSATED, ORANGE)):
+        for rows, label, colour in ((pid_only, UNCOMPENSATED, BLUE), (compensated, COMPENSATED, ORANGE)):
             error = _deviation(rows)
-            kept = envelope_indices([error], MAX_SAMPLES)
-            axes.plot(rows["time"][kept], error[kept], color=colour, label=label, linewidth=1.0)
+            indices = envelope_indices([error], MAX_SAMPLES)
+            axes.plot(rows["time"][indices], error[indices], color=colour, label=label, linewidth=1.0)
         axes.set_yscale("symlog", linthresh=LINEAR_RANGE, linscale=1.0)
         axes.yaxis.set_major_formatter(ScalarFormatter())
         axes.yaxis.set_minor_locator(NullLocator())
@@ -139,17 +145,17 @@ def _error(name: str, compensated: Table, alone: Table, tolerance: float) -> Dra
 
 
 def _load(name: str, rows: Table) -> Drawing:
-    caption = f"{name}: the load on the piston and what the controller takes it for, from position and pressures alone."
+    caption = f"{name}: the load on the piston, and the controller's estimate from position and pressures."
     with drawing(caption, "time in s", "load in N") as one:
-        kept = envelope_indices([rows["load"], rows["load_estimate"]], MAX_SAMPLES)
-        one.axes.plot(rows["time"][kept], rows["load"][kept], color=GREY, linewidth=2.5, label="load")
-        one.axes.plot(rows["time"][kept], rows["load_estimate"][kept], color=ORANGE, label="estimate")
+        indices = envelope_indices([rows["load"], rows["load_estimate"]], MAX_SAMPLES)
+        one.axes.plot(rows["time"][indices], rows["load"][indices], color=GREY, linewidth=2.5, label="load")
+        one.axes.plot(rows["time"][indices], rows["load_estimate"][indices], color=ORANGE, label="estimate")
         one.canvas.legend(loc="outside upper right", ncols=2)
     return one
 
 
-def _panels(compensated: Table, alone: Table) -> list[Panel]:
-    both = {UNCOMPENSATED: alone, COMPENSATED: compensated}  # what is judged lies on top
+def _panels(compensated: Table, pid_only: Table) -> list[Panel]:
+    both = {UNCOMPENSATED: pid_only, COMPENSATED: compensated}  # the compensated curve lies on top
     mm = {label: in_display_unit(rows["x"], "m") for label, rows in both.items()}
     bar = {
         name: in_display_unit(compensated[column], "Pa")
@@ -173,6 +179,6 @@ def _moves(title: str, curves: Iterable[NDArray[Any]]) -> bool:
 
 def _panel(title: str, unit: str, time: NDArray[Any], curves: Mapping[str, NDArray[Any]]) -> Panel:
     roles = {"reference": "measured", UNCOMPENSATED: "input"}
-    kept = envelope_indices(list(curves.values()), MAX_SAMPLES)
-    drawn = [Series(label, roles.get(label, "model"), values[kept]) for label, values in curves.items()]
-    return Panel(title, unit, time[kept], drawn)
+    indices = envelope_indices(list(curves.values()), MAX_SAMPLES)
+    drawn = [Series(label, roles.get(label, "model"), values[indices]) for label, values in curves.items()]
+    return Panel(title, unit, time[indices], drawn)

@@ -1,4 +1,4 @@
-"""Model against measurement: how far apart, channel by channel, and both over time, to be zoomed."""
+"""Model and measurement: the error of each channel, and zoomable plots of both over time."""
 
 from __future__ import annotations
 
@@ -16,8 +16,8 @@ from pneucli.report.figure import envelope_indices, with_gaps
 from pneucli.report.page_elements import Cell, Grid, Note, Panel, Part, PlotRun, Section, Series, ZoomPlot
 from pneucli.report.report_data import ReportData, Table
 
-MAX_PLOT_SAMPLES = 80_000  # of all plots together: what keeps the page at a size that can be sent by mail
-FEWEST, MOST = 200, 4000  # of one curve
+MAX_PLOT_SAMPLES = 80_000  # of all plots together: the page stays small enough for a mail
+MIN_CURVE_SAMPLES, MAX_CURVE_SAMPLES = 200, 4000
 MAX_UNFOLDED_RECORDINGS = 12  # recordings; a longer table is folded
 
 
@@ -27,13 +27,13 @@ def section(material: ReportData) -> Section | None:
     if not answer:
         return None
     lead = (
-        f"The model is started anew from the measured state every {format_setting(answer['horizon_s'])} s and runs freely in "
-        "between. An error of 1 × noise is what a correct model would show: sensor noise, also that of the restart "
-        "state and of the measured inputs, carried through the model."
+        f"The model restarts from the measured state every {format_setting(answer['horizon_s'])} s and runs freely in "
+        "between. A correct model has an error of 1 × noise: sensor noise, including that of the restart state and of "
+        "the measured inputs, propagated through the model."
     )
     parts: list[Part] = []
     if answer["error"].get("test") is None:
-        parts.append(Note('No recording has use = "test": the errors are of those that were fitted.', "warning"))
+        parts.append(Note('No recording has use = "test": these are the errors of the fitted recordings.', "warning"))
     residuals = material.table("compare/residuals")
     if len(residuals):
         before = material.first_comparison.table if material.first_comparison else Table({})
@@ -48,17 +48,17 @@ def _overview(channels: Iterable[Mapping[str, Any]], earlier: Iterable[Mapping[s
     before = {(c["recording"], c["channel"]): c["ratio_to_noise"] for c in earlier}
     for c in test_first(channels):
         ratios.setdefault((c["recording"], c["use"]), {})[c["channel"]] = c["ratio_to_noise"]
-    names = [name for name in (*CHANNELS, *COMMANDS) if any(name in known for known in ratios.values())]
+    names = [name for name in (*CHANNELS, *COMMANDS) if any(name in channels for channels in ratios.values())]
     rows = [
         [
             Cell(recording, numeric=False),
             Cell(use, numeric=False),
-            *(_ratio(before.get((recording, name)), known.get(name)) for name in names),
+            *(_ratio(before.get((recording, name)), errors.get(name)) for name in names),
         ]
-        for (recording, use), known in ratios.items()
+        for (recording, use), errors in ratios.items()
     ]
-    how = "first model → model as it is; " if before else ""
-    caption = f"Error of each channel, × noise; {how}test recordings, which the fit has not seen, stand first."
+    models = "first model → present model; " if before else ""
+    caption = f"Error of each channel, × noise; {models}held-out test recordings first."
     return Grid(caption, ("recording", "use", *names), rows, folded=len(rows) > MAX_UNFOLDED_RECORDINGS)
 
 
@@ -87,70 +87,70 @@ def _errors(answer: Mapping[str, Any]) -> Grid:
         ]
         for c in test_first(answer["channels"])
     ]
-    caption = "The same errors in full"
+    caption = "These errors in detail"
     return Grid(caption, head, rows, folded=True)
 
 
-def _zoom(residuals: Table, before: Table, signals: Table, judged: Sequence[Mapping[str, Any]]) -> ZoomPlot:
-    noise = {(c["recording"], c["channel"]): c["noise"] for c in judged if c["noise"]}
+def _zoom(residuals: Table, before: Table, signals: Table, errors: Sequence[Mapping[str, Any]]) -> ZoomPlot:
+    noise = {(c["recording"], c["channel"]): c["noise"] for c in errors if c["noise"]}
     channels = dict(residuals.groups("recording", "channel"))
     earlier = dict(before.groups("recording", "channel"))
-    most = int(np.clip(MAX_PLOT_SAMPLES / (4 * len(channels)), FEWEST, MOST))
+    max_samples = int(np.clip(MAX_PLOT_SAMPLES / (4 * len(channels)), MIN_CURVE_SAMPLES, MAX_CURVE_SAMPLES))
     inputs = {recording: rows for (recording,), rows in signals.groups("recording")}
     runs: dict[tuple[bool, str], list[Panel]] = {}
     for (recording, channel), rows in channels.items():
         panels = runs.setdefault((rows.text("use") != "test", recording), [])
         if not panels and recording in inputs:
-            panels += _command(inputs[recording], most)
-        panels.append(_panel(channel, rows, earlier.get((recording, channel)), most))
+            panels += _command(inputs[recording], max_samples)
+        panels.append(_panel(channel, rows, earlier.get((recording, channel)), max_samples))
     for (_, recording), panels in runs.items():
-        panels.extend(_deviation(recording, channels, noise, most))
+        panels.extend(_deviation(recording, channels, noise, max_samples))
     named = [
         PlotRun(f"{name} ({'train' if train else 'test'})", panels) for (train, name), panels in sorted(runs.items())
     ]
     caption = (
-        "Drag over a stretch to zoom in, double-click or press the button to see all again; keys: + and −, arrows, 0. "
-        "On paper each recording is a small picture. Where a recording has more samples than the "
-        "plot, the least and the largest of each stretch are shown, so that no peak is lost. Ticks at the top: the "
-        "model is restarted from the measurement."
+        "Drag over an interval to zoom in, double-click or press the button to see everything again; keys: + and −, "
+        "arrows, 0. On paper each recording is a small picture. Where a recording has more samples than the plot, the "
+        "plot shows minimum and maximum of each block of samples, so no peak is lost. Ticks at the top mark where the "
+        "model restarts from the measurement."
     )
     return ZoomPlot("comparison", caption, named)
 
 
-def _command(signals: Table, most: int) -> list[Panel]:
-    known = [name for name in ("u", "u2") if name in signals and np.isfinite(signals[name]).any()]
-    if not known:
+def _command(signals: Table, max_samples: int) -> list[Panel]:
+    commands = [name for name in ("u", "u2") if name in signals and np.isfinite(signals[name]).any()]
+    if not commands:
         return []
-    kept = envelope_indices([signals[name] for name in known], most)
-    curves = [Series(name, "input", signals[name][kept]) for name in known]
-    return [Panel("valve command", "V", signals["time"][kept], curves)]
+    indices = envelope_indices([signals[name] for name in commands], max_samples)
+    curves = [Series(name, "input", signals[name][indices]) for name in commands]
+    return [Panel("valve command", "V", signals["time"][indices], curves)]
 
 
-def _panel(channel: str, rows: Table, before: Table | None, most: int) -> Panel:
+def _panel(channel: str, rows: Table, before: Table | None, max_samples: int) -> Panel:
     unit = rows.text("unit")
     models = {"model": rows["model"]}
     if before is not None and len(before) == len(rows):
         models = {"first model": before["model"], "model": rows["model"]}
-    kept = envelope_indices([rows["measured"], rows["residual"]], most)
-    curves = [Series("measured", "measured", in_display_unit(rows["measured"][kept], unit))]
+    indices = envelope_indices([rows["measured"], rows["residual"]], max_samples)
+    curves = [Series("measured", "measured", in_display_unit(rows["measured"][indices], unit))]
     for label, values in models.items():
         role = "model" if label == "model" else "before"
         fit = fit_percent(rows["measured"], values)
-        told = label if math.isnan(fit) else f"{label}, fit {format_number(fit, 3)} %"
-        curves.append(Series(told, role, in_display_unit(with_gaps(values[kept], rows["segment"][kept]), unit)))
+        title = label if math.isnan(fit) else f"{label}, fit {format_number(fit, 3)} %"
+        curves.append(Series(title, role, in_display_unit(with_gaps(values[indices], rows["segment"][indices]), unit)))
     starts = rows["time"][np.flatnonzero(np.diff(rows["segment"])) + 1]
-    return Panel(channel, unit_symbol(unit), rows["time"][kept], curves, starts.tolist())
+    return Panel(channel, unit_symbol(unit), rows["time"][indices], curves, starts.tolist())
 
 
 def _deviation(
-    recording: str, channels: Mapping[tuple[str, str], Table], noise: Mapping[tuple[str, str], float], most: int
+    recording: str, channels: Mapping[tuple[str, str], Table], noise: Mapping[tuple[str, str], float], max_samples: int
 ) -> list[Panel]:
-    """Return measured minus model of all channels, in units of the noise floor, over one time axis."""
+    """Return measured minus model of all channels, in units of the noise floor."""
     here = {c: rows for (r, c), rows in channels.items() if r == recording and (r, c) in noise}
     if not here:
         return []
     time = next(iter(here.values()))["time"]
     scaled = {c: rows["residual"] / noise[recording, c] for c, rows in here.items()}
-    kept = envelope_indices(list(scaled.values()), most)
-    curves = [Series(c, "residual", values[kept]) for c, values in scaled.items()]
-    return [Panel("measured − model", "× noise", time[kept], curves)]
+    indices = envelope_indices(list(scaled.values()), max_samples)
+    curves = [Series(c, "residual", values[indices]) for c, values in scaled.items()]
+    return [Panel("measured − model", "× noise", time[indices], curves)]

@@ -1,4 +1,4 @@
-"""What a user of a toolbox for identification looks for: parameters together, the fit's way, what residuals follow."""
+"""Diagnostics of the identification: correlated parameters, sensitivity, convergence, correlation of residuals."""
 
 from __future__ import annotations
 
@@ -15,13 +15,13 @@ from pneucli.report.figure import BLUE, GREY, PALETTE, Drawing, drawing, figures
 from pneucli.report.page_elements import Cell, Grid, Note, Part, Section
 from pneucli.report.report_data import ReportData, Table
 
-STRONG_CORRELATION = 0.9  # of a correlation: one of the two may stand for the other
-MAX_PAIRS = 5  # that are named
-MAX_RESIDUALS = 6  # residuals that are drawn
+STRONG_CORRELATION = 0.9  # from here on, one parameter can compensate the other
+MAX_PAIRS = 5  # pairs of parameters in the note
+MAX_RESIDUALS = 6  # residuals in figures
 
 
 def section(material: ReportData) -> Section | None:
-    """Return the chapter; absent where neither fit nor residuals were kept."""
+    """Return the chapter; absent where neither fit nor residuals were stored."""
     parts: list[Part] = [
         *_parameter_correlation(material.table("identify/correlation")),
         *_sensitivity(material.table("identify/sensitivity")),
@@ -31,14 +31,14 @@ def section(material: ReportData) -> Section | None:
     if not parts:
         return None
     lead = (
-        "What the recordings know of the parameters only together, what each parameter does, how the fit went, and "
-        "what is left over has to do with itself and with the inputs."
+        "Parameters that the recordings identify only in combination, the sensitivity to each parameter, the "
+        "convergence of the fit, and the correlation of the residuals with themselves and with the inputs."
     )
-    return Section("relations", "Parameters and residuals in relation", lead, parts, folded=True)
+    return Section("relations", "Correlation of parameters and residuals", lead, parts, folded=True)
 
 
 def _parameter_correlation(table: Table) -> Iterator[Part]:
-    """Yield the matrix of correlations, and its strongest pairs in words."""
+    """Yield the correlation matrix, and a note about its strongest pairs."""
     names = list(dict.fromkeys(table["name"])) if len(table) else []
     if len(names) < 2:
         return
@@ -46,10 +46,11 @@ def _parameter_correlation(table: Table) -> Iterator[Part]:
     first, second = np.triu_indices(len(names), 1)
     order = np.argsort(-np.abs(matrix[first, second]))[:MAX_PAIRS]
     strong = [(names[first[i]], names[second[i]], matrix[first[i], second[i]]) for i in order]
-    told = [f"{a} and {b} ({format_number(float(r), 2)})" for a, b, r in strong if abs(r) >= STRONG_CORRELATION]
-    if told:
-        yield Note(f"These recordings know only together: {join_names(told)}. One that moves but one of them helps.")
-    caption = "Correlation of the fitted parameters: near 1 or −1 one of two stands for the other."
+    pairs = [f"{a} and {b} ({format_number(float(r), 2)})" for a, b, r in strong if abs(r) >= STRONG_CORRELATION]
+    if pairs:
+        combined = f"These recordings identify only in combination: {join_names(pairs)}."
+        yield Note(f"{combined} Record an experiment in which only one of them acts.")
+    caption = "Correlation of the fitted parameters: near 1 or −1, one parameter can compensate the other."
     with drawing(caption, "", "", height=1.1 + 0.1 * len(names)) as one:
         heat_map(
             one, np.arange(len(names)), np.arange(len(names)), matrix, "correlation", cmap="RdBu_r", vmin=-1, vmax=1
@@ -63,17 +64,20 @@ def _parameter_correlation(table: Table) -> Iterator[Part]:
 
 
 def _sensitivity(table: Table) -> Iterator[Part]:
-    """Yield what 1 % of each parameter does to each channel."""
+    """Yield the effect of 1 % of each parameter on each channel."""
     if not len(table):
         return
-    felt = {
+    sensitivities = {
         (str(n), str(c)): float(v)
         for n, c, v in zip(table["name"], table["channel"], table["times_noise"], strict=True)
     }
-    channels = [c for c in CHANNELS if any(c == channel for _, channel in felt)]
-    names = list(dict.fromkeys(name for name, _ in felt))
-    rows = [[Cell(name, numeric=False), *(_sensitivity_cell(felt.get((name, c))) for c in channels)] for name in names]
-    caption = "What a change by 1 % does to each channel of the fit, rms over all samples, × noise."
+    channels = [c for c in CHANNELS if any(c == channel for _, channel in sensitivities)]
+    names = list(dict.fromkeys(name for name, _ in sensitivities))
+    rows = [
+        [Cell(name, numeric=False), *(_sensitivity_cell(sensitivities.get((name, c))) for c in channels)]
+        for name in names
+    ]
+    caption = "Change of each channel for a change of 1 % of a parameter: rms over all samples, × noise."
     yield Grid(caption, ("parameter", *channels), rows, folded=len(rows) > 12)
 
 
@@ -82,11 +86,13 @@ def _sensitivity_cell(value: float | None) -> Cell:
 
 
 def _iterations(table: Table) -> Iterator[Drawing]:
-    """Yield the residual over the rounds of the searches, those of each set of effects in one colour."""
+    """Yield the residual over the iterations of the searches, one colour for each set of effects."""
     if not len(table):
         return
-    caption = "The fit at work: rms residual after each round; a line a search, a colour a set of effects."
-    with drawing(caption, "round, all searches one after the other", "rms residual, × noise") as one:
+    caption = (
+        "Convergence of the fit: rms residual after each iteration; a line for each search, a colour for each model."
+    )
+    with drawing(caption, "iteration, all searches in sequence", "rms residual, × noise") as one:
         colours = {effects: PALETTE[i % len(PALETTE)] for i, effects in enumerate(dict.fromkeys(table["effects"]))}
         begin = 0
         for (effects, _), rows in table.groups("effects", "search"):
@@ -104,12 +110,12 @@ def _iterations(table: Table) -> Iterator[Drawing]:
 
 
 def _residuals(material: ReportData) -> Iterator[Drawing]:
-    """Yield the correlations of the residuals that are furthest above their noise, test recordings first."""
+    """Yield the correlations of the residuals with the largest errors over noise, test recordings first."""
     table = material.table("compare/correlation")
     if not len(table):
         return
-    judged = [c for c in material.answer("compare").get("channels", []) if c["ratio_to_noise"] is not None]
-    worst = sorted(judged, key=lambda c: (c["use"] != "test", -c["ratio_to_noise"]))[:MAX_RESIDUALS]
+    errors = [c for c in material.answer("compare").get("channels", []) if c["ratio_to_noise"] is not None]
+    worst = sorted(errors, key=lambda c: (c["use"] != "test", -c["ratio_to_noise"]))[:MAX_RESIDUALS]
     for channel in worst:
         rows = table.where(recording=channel["recording"], channel=channel["channel"])
         if len(rows):
@@ -117,7 +123,7 @@ def _residuals(material: ReportData) -> Iterator[Drawing]:
 
 
 def _of_many(lags: int) -> float:
-    """Return by how much the bound grows where the largest of many lags is looked at (Bonferroni)."""
+    """Return the factor of the bound for the largest of many lags (Bonferroni)."""
     return float(norm.ppf(1.0 - 0.025 / max(lags, 1)) / norm.ppf(0.975))
 
 
@@ -125,7 +131,7 @@ def _correlation(rows: Table, channel: Mapping[str, Any]) -> Drawing:
     name = channel["channel"]
     beyond = []
     caption = f"Residual of {name} in {channel['recording']} ({format_number(channel['ratio_to_noise'], 3)} × noise)"
-    with drawing(caption, "lag in s; above 0 the input came first", "correlation") as one:
+    with drawing(caption, "lag in s; positive: the input leads", "correlation") as one:
         for i, ((against,), part) in enumerate(rows.groups("against")):
             own = str(against) == name
             label = "with itself" if own else f"with {SIGNALS[str(against)].symbol}"
@@ -139,8 +145,8 @@ def _correlation(rows: Table, channel: Mapping[str, Any]) -> Drawing:
                     beyond.append(f"{against} at {format_setting(float(part['lag'][most]))} s")
         one.axes.axhline(0.0, color=BLUE, linewidth=0.4)
         one.axes.legend()
-    told = f"beyond chance with {join_names(beyond)}" if beyond else "nothing to do with the inputs beyond chance"
-    one.caption = f"{caption}: {told} (dotted: 95 % at one lag, by Bartlett's formula)."
+    result = f"significant with {join_names(beyond)}" if beyond else "no significant correlation with the inputs"
+    one.caption = f"{caption}: {result} (dotted: 95 % at one lag, by Bartlett's formula)."
     if one.figure is not None:
         one.figure = type(one.figure)(one.figure.svg, one.caption)
     return one

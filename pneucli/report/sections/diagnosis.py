@@ -1,4 +1,4 @@
-"""The diagnosis: which physical effect is missing, and what the residual shows of it."""
+"""The diagnosis: the missing physical effect, and its evidence in the residual."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ MAX_SHAPES = 4
 
 
 def section(material: ReportData) -> Section | None:
-    """Return the evidence for what was named and the rivals that were refused; absent where nothing was diagnosed."""
+    """Return the evidence for the named effects and the rejected rivals; absent where nothing was diagnosed."""
     answer = material.answer("diagnose")
     if not answer:
         return None
@@ -39,14 +39,14 @@ def section(material: ReportData) -> Section | None:
         parts.append(moved)
     parts += [*_remarks(answer), *_smooth_terms(material.table("diagnose/law")), *warning_notes(material, "diagnose")]
     lead = (
-        "Each effect of the catalogue was added in turn, refitted, and judged by how much of the error it explains on "
-        "recordings that were not fitted."
+        "The diagnosis added each effect of the catalogue in turn, fitted the model again, and measured by how much "
+        "the error of held-out recordings falls."
     )
     return Section("diagnosis", "Evidence", lead, parts)
 
 
 def _evidence(answer: Answer, shape: Table) -> list[Part]:
-    """Return what a diagnosis named, the residual over what tells it, and the rivals with their reasons."""
+    """Return the named effects of a diagnosis, the residual over their decisive variable, and the rivals."""
     missing = answer["missing"]
     tone = "good" if answer["verdict"] == "adequate" else ""
     effects = join_names(answer["model"]["effects"])
@@ -60,7 +60,7 @@ def _evidence(answer: Answer, shape: Table) -> list[Part]:
 
 
 def _shapes(shape: Table, missing: Sequence[str]) -> list[Figure]:
-    """Return the residual over the variable that tells an effect, before and after."""
+    """Return the residual over the variable that distinguishes an effect, before and after adding it."""
     groups = shape.groups("effect", "recording", "channel", "variable")
     found = [one for one in groups if one[0][0] in missing]
     return figures([_shape(*map(str, key), rows=rows) for key, rows in found[:MAX_SHAPES]])
@@ -69,33 +69,33 @@ def _shapes(shape: Table, missing: Sequence[str]) -> list[Figure]:
 def _shape(effect: str, recording: str, channel: str, variable: str, *, rows: Table) -> Drawing:
     unit = rows.text("unit")
     caption = (
-        f"{effect}: the residual of {channel} in {recording} before and after adding it; dashed, what the effect takes "
-        "away. The closer the dashed curve lies to the one before, the more it explains."
+        f"{effect}: the residual of {channel} in {recording} before and after adding it; dashed: the contribution of "
+        "the effect. The closer the dashed curve lies to the one before, the more the effect explains."
     )
     with drawing(caption, axis_title(variable), f"residual of {channel} in {unit_symbol(unit)}") as one:
         x = in_display_unit(rows["value"], signal_unit(variable))
         curves = {name: in_display_unit(rows[name], unit) for name in ("residual_before", "residual_after", "expected")}
         one.axes.plot(x, curves["residual_before"], color=ORANGE, alpha=0.5, linewidth=3.5, label="before")
         one.axes.plot(x, curves["residual_after"], color=BLUE, label="after")
-        one.axes.plot(x, curves["expected"], "--", color=TEXT_COLOUR, linewidth=1.0, label="taken away")
+        one.axes.plot(x, curves["expected"], "--", color=TEXT_COLOUR, linewidth=1.0, label="contribution")
         one.canvas.legend(loc="outside upper right", ncols=3)
     return one
 
 
-def _smooth_terms(law: Table) -> list[Figure]:
-    """Return the law of what no effect accounts for, over its signal."""
-    if not len(law):
+def _smooth_terms(term: Table) -> list[Figure]:
+    """Return the smooth term that the model lacks, over its signal."""
+    if not len(term):
         return []
-    channel, way, variable, unit = (law.text(name) for name in ("channel", "acts_as", "variable", "unit"))
+    channel, kind, variable, unit = (term.text(name) for name in ("channel", "acts_as", "variable", "unit"))
     caption = (
-        f"What no effect of the catalogue accounts for, as {channel} shows it: as a function of this signal it "
-        "explains most of what was left out. Where the curve has a shape that you know, that is what to look for."
+        f"The part of {channel} that no effect of the catalogue explains, as a function of the signal that explains "
+        "most of the held-out residual. If you know a mechanism with a curve of this shape, look for it."
     )
-    title = f"{way} in {unit_symbol(unit)}" if unit_symbol(unit) else way
+    title = f"{kind} in {unit_symbol(unit)}" if unit_symbol(unit) else kind
     with drawing(caption, axis_title(variable), title) as one:
         one.axes.axhline(0.0, color=TEXT_COLOUR, linewidth=0.6)
         one.axes.plot(
-            in_display_unit(law["value"], signal_unit(variable)), in_display_unit(law["law"], unit), color=ORANGE
+            in_display_unit(term["value"], signal_unit(variable)), in_display_unit(term["law"], unit), color=ORANGE
         )
     return figures([one])
 
@@ -116,8 +116,17 @@ def _candidates(candidates: Sequence[Answer], missing: Sequence[str]) -> Grid | 
         ]
         for c in candidates
     ]
-    head = ("effect", "supported", "probability", "error before", "after", "would be", "not told apart from", "why")
-    return Grid("What was tried, and why it was taken or refused; errors are × noise", head, rows, folded=True)
+    head = (
+        "effect",
+        "supported",
+        "probability",
+        "error before",
+        "after",
+        "parameters",
+        "indistinguishable from",
+        "why",
+    )
+    return Grid("All candidates, and why each was accepted or rejected; errors are × noise", head, rows, folded=True)
 
 
 def _changed_parameters(moved: Sequence[Answer]) -> Grid | None:
@@ -132,14 +141,14 @@ def _changed_parameters(moved: Sequence[Answer]) -> Grid | None:
         ]
         for m in moved
     ]
-    return Grid("Parameters that moved when it was added.", ("parameter", "from", "to", "plausible"), rows)
+    return Grid("Parameters that changed when the effect was added.", ("parameter", "from", "to", "plausible"), rows)
 
 
 def _remarks(answer: Answer) -> list[Part]:
     parts: list[Part] = []
     share = answer.get("unexplained_share")
     if share and answer["verdict"] != "adequate":
-        parts.append(Note(f"{format_percent(share)} of the error beyond noise stays unexplained."))
+        parts.append(Note(f"{format_percent(share)} of the error beyond noise remains unexplained."))
     if rest := answer.get("unexplained"):
         parts.append(Note(diagnose.describe_discrepancy(rest)))
     parts += _discrepancy(answer.get("discrepancy", []))
@@ -147,12 +156,12 @@ def _remarks(answer: Answer) -> list[Part]:
         parts.append(Note(f"Next experiment: {following}"))
     if limits := answer.get("detectable"):
         rows = [[Cell(diagnose.describe_detection_limit(one), numeric=False)] for one in limits]
-        parts.append(Grid("From which size on each effect would have shown", ("effect",), rows, folded=True))
+        parts.append(Grid("Minimum detectable size of each effect", ("effect",), rows, folded=True))
     return parts
 
 
-def _discrepancy(left: Sequence[Answer]) -> list[Part]:
-    """Return the table of what is more than noise beside all that was found."""
+def _discrepancy(discrepancies: Sequence[Answer]) -> list[Part]:
+    """Return the table of the discrepancies that remain with all named effects."""
     rows = [
         [
             Cell(one["channel"], numeric=False),
@@ -162,7 +171,9 @@ def _discrepancy(left: Sequence[Answer]) -> list[Part]:
             Cell(one["over"] or "–", numeric=False),
             Cell(format_percent(one["share"])),
         ]
-        for one in left
+        for one in discrepancies
     ]
-    head = ("channel", "subsystem", "× noise", "alike over", "function of", "share")
-    return [Grid("What stays beside all that was found, by channel", head, rows, folded=True)] if rows else []
+    head = ("channel", "subsystem", "× noise", "correlation time", "function of", "share")
+    return (
+        [Grid("Discrepancies that remain with all named effects, by channel", head, rows, folded=True)] if rows else []
+    )

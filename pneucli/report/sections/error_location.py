@@ -1,4 +1,4 @@
-"""Where the model fails: stretches in words, worst first, and maps of the residual over two state variables."""
+"""The location of the error: intervals, worst first, and maps of the residual over two state variables."""
 
 from __future__ import annotations
 
@@ -30,9 +30,9 @@ from pneucli.report.report_data import ReportData, Table
 Array = NDArray[np.float64]
 MAP_CELLS = 24  # along each side of a map
 MIN_CELL_SAMPLES = 5  # samples that a cell needs to be drawn
-MAX_MAPS = 3  # channels, those in which the first model failed worst
+MAX_MAPS = 3  # channels, those with the largest error of the first model
 COLOUR_FLOOR = 0.3  # times the noise: the end of the colours; no cell of five samples of pure noise lies far below
-MAX_LOCATIONS = 3  # of one event, in words
+MAX_LOCATIONS = 3  # locations of one event in the table
 STATES = ("u", "p1", "p2", "x", "v")
 
 
@@ -52,7 +52,7 @@ class StateSamples:
 
 
 def section(material: ReportData) -> Section | None:
-    """Return maps of the first model and of the one as it is, and the stretches; absent where nothing was compared."""
+    """Return maps of the first and the present model, and the worst intervals; absent where nothing was compared."""
     answer = material.answer("compare")
     if not answer:
         return None
@@ -64,12 +64,12 @@ def section(material: ReportData) -> Section | None:
     for key in worst:
         parts += figures(_maps(first.get(key), now[key]))
     events = compare.grouped_regions(answer)
-    parts += [_events(events)] if events else [Note("No channel errs remarkably beyond noise.", "good")]
+    parts += [_events(events)] if events else [Note("No channel exceeds its noise notably.", "good")]
     lead = (
-        "The maps pool all recordings of an experiment, each over those two variables over which the error is least "
-        "even; the line in the colour bar is 1, the noise floor."
+        "Each map pools all recordings of an experiment over the two variables over which the error varies most; the "
+        "line in the colour bar is 1, the noise floor."
     )
-    return Section("where", "Where it fails", lead, parts)
+    return Section("where", "Where the model fails", lead, parts)
 
 
 def _events(events: Sequence[Sequence[Mapping[str, Any]]]) -> Grid:
@@ -84,7 +84,7 @@ def _events(events: Sequence[Sequence[Mapping[str, Any]]]) -> Grid:
         for event in events
     ]
     head = ("recording", "channels", "where", "share of error", "share of samples")
-    caption = "Stretches that hold at least twice as much of the squared error as of the samples, worst first"
+    caption = "Intervals whose share of the squared error is at least twice their share of the samples, worst first"
     return Grid(caption, head, rows, folded=True)
 
 
@@ -126,9 +126,9 @@ def _states(signals: Table, speed: Array | None) -> dict[str, Array]:
 
 
 def _maps(first: StateSamples | None, now: StateSamples) -> list[Drawing]:
-    """Draw the rms residual of both models over the pair of states over which that of the first is least even.
+    """Draw the rms residual of both models over the pair of states over which the first model's error varies most.
 
-    One scale for both; none is drawn where there is no pair of states that move.
+    Both maps have the same scale; there is none where fewer than two states move.
     """
     judge = first or now
     moving = [name for name, values in judge.states.items() if np.nanmax(values) > np.nanmin(values)]
@@ -138,7 +138,7 @@ def _maps(first: StateSamples | None, now: StateSamples) -> list[Drawing]:
     (*_, rms, _), pair = max(grids, key=lambda grid: grid[0][3])
     most = max(2.0, float(np.nanmax(rms, initial=0.0)))
     if first is None:
-        return [_map("as it is", now, pair, most)]
+        return [_map("present model", now, pair, most)]
     return [_map("before", first, pair, most), _map("after", now, pair, most)]
 
 
@@ -147,8 +147,8 @@ def _map(when: str, cloud: StateSamples, pair: tuple[str, str], most: float) -> 
     edges_x, edges_y, rms, _ = _grid(cloud, x, y)
     worst = format_number(float(np.nanmax(rms, initial=0.0)), 3)
     caption = (
-        f"{cloud.channel} in {cloud.experiment} recordings, {when}: {format_number(cloud.rms, 3)} × noise over all samples, "
-        f"up to {worst} × in the worst cell."
+        f"{cloud.channel} in {cloud.experiment} recordings, {when}: {format_number(cloud.rms, 3)} × noise over all "
+        f"samples, up to {worst} × in the worst cell."
     )
     with drawing(caption, axis_title(x), axis_title(y)) as one:
         ends = in_display_unit(edges_x, signal_unit(x)), in_display_unit(edges_y, signal_unit(y))

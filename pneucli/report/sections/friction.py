@@ -1,4 +1,4 @@
-"""Friction: what was measured of it, its two branches, models A to F, and how well each replays the recordings."""
+"""Friction: measurements, its two branches, models A to F, and the error of each model on the recordings."""
 
 from __future__ import annotations
 
@@ -17,13 +17,13 @@ MODELS = {
     "B": "TP of A",
     "C": "TP direct from the measurement",
     "D": "parametric with hysteresis",
-    "E": "TP of D, one a branch",
-    "F": "TP direct, one a branch",
+    "E": "TP of D, one for each branch",
+    "F": "TP direct, one for each branch",
 }
 _COLOURS = dict(zip(MODELS, (TEXT_COLOUR, ORANGE, GREEN, PINK, SKY, BLUE), strict=True))
 _LINES = dict(zip(MODELS, ("-", "--", ":", "-", "--", ":"), strict=True))
 CHANNELS = ("a", "v", "force")
-STRIBECK_RANGE = 0.15  # of the range of velocity: where Stribeck friction is
+STRIBECK_RANGE = 0.15  # of the range of velocity: the part in which Stribeck friction is visible
 MAX_DOTS = 1500  # dots of a figure
 
 
@@ -37,24 +37,26 @@ def section(material: ReportData) -> Section | None:
     drawings += [_curves(curves)] if len(curves) else []
     names = [str(name) for name in dict.fromkeys(models["model"])]
     for group in ([n for n in names if n in "ABC"], [n for n in names if n in "DEF"]):
-        drawings += [_models(models, group, curves, near) for near in (False, True) if group]
+        drawings += [
+            _models(models, group, curves, is_near_standstill) for is_near_standstill in (False, True) if group
+        ]
     if len(kinetic := material.table("identify/friction_kinetic")):
         drawings.append(_kinetic(kinetic))
-    lead = "Friction is the force on the piston less mass times acceleration; the sign is that of the velocity."
+    lead = "Friction is the force on the piston minus mass times acceleration; its sign is that of the velocity."
     if taken_out := material.answer("identify").get("friction", {}).get("taken_out"):
-        lead += f" What the model states beside it is taken out: {', '.join(taken_out)}."
+        lead += f" Other forces of the model are subtracted: {', '.join(taken_out)}."
     parts: list[Part] = [*friction_warnings(material), *figures(drawings), *_tables(material)]
     return Section("friction", "Friction", lead, parts, folded=True)
 
 
 def friction_warnings(material: ReportData) -> list[Part]:
-    """Return what the identification of friction warns of."""
-    told = material.answer("identify").get("friction", {}).get("warnings", [])
-    return [Note(f"{warning}.", "warning") for warning in told]
+    """Return the warnings of the identification of friction."""
+    warnings = material.answer("identify").get("friction", {}).get("warnings", [])
+    return [Note(f"{warning}.", "warning") for warning in warnings]
 
 
 def _scatter(cuts: Table) -> Drawing:
-    caption = "Stick-slips cut out of the recordings: friction over speed, one line a slip; direction by colour."
+    caption = "Stick-slip events in the recordings: friction over speed, one line for each slip; direction by colour."
     with drawing(caption, "speed in mm/s", "friction in N") as one:
         step = max(1, len(cuts) // MAX_DOTS)
         for (direction, _), rows in cuts.groups("direction", "cut"):
@@ -80,7 +82,7 @@ def _curves(curves: Table) -> Drawing:
 
 
 def _with_interval_band(one: Drawing, rows: Table, colour: str, label: str) -> None:
-    """Draw a branch for each direction, so that no line crosses standstill."""
+    """Draw each direction as a separate line, so that none crosses standstill."""
     for i, side in enumerate((rows["v"] < 0, rows["v"] > 0)):
         part = rows.rows(np.flatnonzero(side)[np.argsort(rows["v"][side])])
         v = in_display_unit(part["v"], "m/s")
@@ -88,12 +90,12 @@ def _with_interval_band(one: Drawing, rows: Table, colour: str, label: str) -> N
         one.axes.plot(v, part["force"], color=colour, label=label if i else None)
 
 
-def _models(models: Table, names: list[str], curves: Table, near: bool) -> Drawing:
-    told = "; ".join(f"{name}: {MODELS.get(name, '')}" for name in names)
-    caption = f"Models over the measured friction (dots). {told}."
+def _models(models: Table, names: list[str], curves: Table, is_near_standstill: bool) -> Drawing:
+    titles = "; ".join(f"{name}: {MODELS.get(name, '')}" for name in names)
+    caption = f"Models and measured friction (dots). {titles}."
     if set(names) & set("DEF"):
-        caption += " Each has a branch for speeding up and one for slowing down."
-    if near:
+        caption += " Each has a branch for accelerating and one for slowing down."
+    if is_near_standstill:
         caption = f"Models {', '.join(names)} near standstill."
     with drawing(caption, "velocity in mm/s", "friction in N") as one:
         if len(curves):
@@ -106,7 +108,7 @@ def _models(models: Table, names: list[str], curves: Table, near: bool) -> Drawi
                 label = name if i == 0 else None
                 one.axes.plot(v, rows["force"], _LINES.get(name, "-"), color=_COLOURS.get(name, GREY), label=label)
         reach = 1.1 * float(np.abs(in_display_unit((curves if len(curves) else models)["v"], "m/s")).max())
-        reach *= STRIBECK_RANGE if near else 1.0
+        reach *= STRIBECK_RANGE if is_near_standstill else 1.0
         one.axes.set_xlim(-reach, reach)
         one.axes.legend()
     return one
@@ -115,7 +117,7 @@ def _models(models: Table, names: list[str], curves: Table, near: bool) -> Drawi
 def _kinetic(kinetic: Table) -> Drawing:
     over_pressure = np.isfinite(kinetic["p1"]).all()
     x = in_display_unit(kinetic["p1"], "Pa") if over_pressure else in_display_unit(kinetic["speed"], "m/s")
-    caption = "Kinetic friction with 95 % intervals, one point a recording."
+    caption = "Kinetic friction with 95 % intervals, one point for each recording."
     title = "pressure of chamber 1 in bar" if over_pressure else "speed in mm/s"
     with drawing(caption, title, "friction in N") as one:
         middle = kinetic["friction"]
@@ -142,7 +144,7 @@ def _tables(material: ReportData) -> Iterator[Part]:
 
 
 def _deviations(table: Table) -> Iterator[Grid]:
-    """Yield what tables 6.2 and 6.3 of the thesis hold, for each channel, test recordings first."""
+    """Yield the contents of tables 6.2 and 6.3 of the thesis for each channel, test recordings first."""
     whole = table.where(recording="all") if (table["recording"] == "all").any() else table
     shown_in = [(use, c) for use in ("test", "train") for c in CHANNELS if len(whole.where(use=use, channel=c))]
     rows = []
@@ -153,10 +155,10 @@ def _deviations(table: Table) -> Iterator[Grid]:
         rows.append([*cells, Cell(of_model.text("lacks") or "–", numeric=False)])
     titles = [title for use, c in shown_in for title in (f"{c}, {use}", "of range", "times noise")]
     caption = (
-        "Root mean square deviation of each model when the measured drive moves it, beside the pipeline's other forces "
-        "(the thesis's tables 6.2, 6.3); all recordings of a use together. Times noise: over what the noise of the "
-        "sensors alone makes of it, which near a break-away or a stop can be much. Lacks: the pipeline's effects on "
-        "friction that the model cannot show."
+        "Root mean square deviation of each model under the measured drive and the pipeline's other forces (tables 6.2 "
+        "and 6.3 of the thesis); all recordings of a use together. Times noise: relative to the deviation that sensor "
+        "noise causes, which can be large near a break-away or a stop. Lacks: effects on friction in the pipeline that "
+        "the model cannot represent."
     )
     yield Grid(caption, ("model", "", *titles, "lacks"), rows)
 

@@ -1,4 +1,4 @@
-"""The controllers side by side: their figures, what the inverse map and each component bring, figures 7.28 to 7.34."""
+"""Comparison of control laws: results, the benefit of the inverse map and of each component, figures 7.28 to 7.34."""
 
 from __future__ import annotations
 
@@ -17,34 +17,32 @@ from pneucli.report.report_data import ReportData, Table
 Answer = Mapping[str, Any]
 MAX_SAMPLES = 800  # samples of a curve
 MICROMETRES_PER_METRE = 1e6
-THESIS_LAW = "compensated"  # the law whose results the thesis shows
-PRESSURE_WINDOW = 0.25  # s after a step of pressure that are magnified
+THESIS_LAW = "compensated"  # the control law in the figures of the thesis
+PRESSURE_WINDOW = 0.25  # s on each side of a pressure step in the magnified figure
 
 
 def section(material: ReportData) -> Section | None:
-    """Return the bench of controllers; absent where none was designed."""
+    """Return the comparison of control laws; absent where no controller was designed."""
     design = material.answer("design")
     if not design.get("compare"):
         return None
     signals = material.table("design/comparison_signals")
     tolerance = design["tolerance_um"]
-    parts: list[Part] = [_grid("What each controller reaches", design["compare"], tolerance)]
+    parts: list[Part] = [_grid("Results of each controller", design["compare"], tolerance)]
     if poor := law_comparison.shortcomings(design["compare"], tolerance):
-        parts.append(Note(f"On friction that is a set at rest {'; '.join(poor)}."))
-    parts += [Note(f"Not made: {name}: {why}.", "warning") for name, why in design["not_made"].items()]
+        parts.append(Note(f"With set-valued friction at rest {'; '.join(poor)}."))
+    parts += [Note(f"Not designed: {name}: {why}.", "warning") for name, why in design["not_made"].items()]
     if design["ablation"]:
-        parts.append(
-            _grid("What becomes of best without one component, all else the same", design["ablation"], tolerance)
-        )
+        parts.append(_grid("Results of best without one component, otherwise unchanged", design["ablation"], tolerance))
     parts.append(_grid("The same controllers without the inverse of the valve's map", design["without_map"], tolerance))
     parts.append(_titles(design["controllers"]))
     if len(signals):
         parts += figures([*_errors(signals), *_thesis(signals)])
     lead = (
-        "The same axis, sensors and scenarios under each law, which is faithful to its equations in the source thesis "
-        "first; each can be exported."
+        "The same axis, sensors and scenarios under each control law. Each law follows its equations in the source "
+        "thesis and can be exported."
     )
-    return Section("bench", "Controllers side by side", lead, parts, folded=True)
+    return Section("bench", "Comparison of controllers", lead, parts, folded=True)
 
 
 def _grid(caption: str, cases: Answer, tolerance: float) -> Grid:
@@ -57,22 +55,22 @@ def _grid(caption: str, cases: Answer, tolerance: float) -> Grid:
 
 def _titles(titles: Mapping[str, str]) -> Grid:
     rows = [[Cell(name, numeric=False), Cell(title, numeric=False)] for name, title in titles.items()]
-    return Grid("What each name stands for.", ("controller", "law"), rows, folded=True)
+    return Grid("The controllers.", ("controller", "control law"), rows, folded=True)
 
 
 def _errors(signals: Table) -> Iterator[Drawing]:
-    """Yield the error of all laws over time, one figure a scenario in which the position is asked for."""
+    """Yield the error of all control laws over time, one figure for each scenario of position control."""
     for (scenario,), rows in signals.groups("scenario"):
         if np.isnan(rows["x_ref"]).all():
             continue
-        caption = f"{scenario}: error of the position under each law; to scale up to 10 µm."
+        caption = f"{scenario}: position error under each control law; linear up to 10 µm, logarithmic beyond."
         with drawing(caption, "time in s", "|reference − position| in µm", height=3.4) as one:
             for i, ((name,), mine) in enumerate(rows.groups("controller")):
                 error = MICROMETRES_PER_METRE * np.abs(mine["x_ref"] - mine["x"])
-                kept = envelope_indices([error], MAX_SAMPLES // 2)
+                indices = envelope_indices([error], MAX_SAMPLES // 2)
                 colour = GREY if name == "best" else PALETTE[(i - 1) % len(PALETTE)]
                 width = 2.0 if name == "best" else 0.9
-                one.axes.plot(mine["time"][kept], error[kept], color=colour, linewidth=width, label=str(name))
+                one.axes.plot(mine["time"][indices], error[indices], color=colour, linewidth=width, label=str(name))
             one.axes.set_yscale("symlog", linthresh=10.0)
             one.axes.yaxis.set_major_formatter(ScalarFormatter())
             one.axes.yaxis.set_minor_locator(NullLocator())
@@ -81,7 +79,7 @@ def _errors(signals: Table) -> Iterator[Drawing]:
 
 
 def _thesis(signals: Table) -> Iterator[Drawing]:
-    """Yield figures 7.28 to 7.34 for the law of the thesis, as far as the scenarios show them."""
+    """Yield figures 7.28 to 7.34 for the control law of the thesis, as far as the scenarios contain them."""
     bare = signals.where(controller=f"{THESIS_LAW}, no map")
     mine = signals.where(controller=THESIS_LAW)
     for (_,), rows in mine.groups("scenario"):
@@ -103,18 +101,18 @@ def _pressure(rows: Table, bare: Table) -> Iterator[Drawing]:
         begin = float(rows["time"][jumps[0]])
         one = _pressures("Figure 7.29: the same, magnified about the first step.", rows, bare, begin)
         yield one
-    told = (
+    further_figures = (
         ("Figure 7.30: voltage of the valve in pressure control.", "u", "valve command in V", 1.0),
         (
             "Figure 7.31: filtered disturbance of the pressure loop, as a gradient before the inverse map.",
             "flow_estimate", "estimate in bar/s", 1e-5,
         ),
     )  # fmt: skip
-    for caption, column, title, scale in told:
+    for caption, column, title, scale in further_figures:
         with drawing(caption, "time in s", title) as one:
             values = scale * rows[column]
-            kept = envelope_indices([values], MAX_SAMPLES)
-            one.axes.plot(rows["time"][kept], values[kept], color=BLUE)
+            indices = envelope_indices([values], MAX_SAMPLES)
+            one.axes.plot(rows["time"][indices], values[indices], color=BLUE)
         yield one
 
 
@@ -127,8 +125,10 @@ def _pressures(caption: str, rows: Table, bare: Table, about: float | None = Non
         ):
             if not len(table):
                 continue
-            near = np.full(len(table), True) if about is None else np.abs(table["time"] - about) < PRESSURE_WINDOW
-            one.axes.plot(table["time"][near], in_display_unit(table[column][near], "Pa"), color=colour, label=label)
+            window = np.full(len(table), True) if about is None else np.abs(table["time"] - about) < PRESSURE_WINDOW
+            one.axes.plot(
+                table["time"][window], in_display_unit(table[column][window], "Pa"), color=colour, label=label
+            )
         one.axes.legend(loc="upper right")
     return one
 
@@ -142,26 +142,26 @@ def _position(rows: Table) -> Drawing:
 
 
 def _inner(rows: Table) -> Drawing:
-    caption = "Figure 7.33: the pressure of the inner loop and what the position loop asks of it."
+    caption = "Figure 7.33: the pressure of the inner loop and its reference from the position loop."
     with drawing(caption, "time in s", "pressure in bar") as one:
         for column, label, colour in (("p1_ref", "reference", GREY), ("p1", "pressure of chamber 1", BLUE)):
             values = in_display_unit(rows[column], "Pa")
-            kept = envelope_indices([values], MAX_SAMPLES)
-            one.axes.plot(rows["time"][kept], values[kept], color=colour, label=label, linewidth=0.9)
+            indices = envelope_indices([values], MAX_SAMPLES)
+            one.axes.plot(rows["time"][indices], values[indices], color=colour, label=label, linewidth=0.9)
         one.axes.legend(loc="upper right")
     return one
 
 
 def _load(rows: Table, best: Table) -> Drawing:
     caption = (
-        "Figure 7.34: the disturbance estimate against the known load. What the thesis's observer takes for a load "
-        "holds dry friction as well; that of best knows it as a set."
+        "Figure 7.34: the disturbance estimate and the true load. The estimate of the thesis's observer includes dry "
+        "friction; the observer of best models dry friction as a set."
     )
     with drawing(caption, "time in s", "force in N") as one:
         one.axes.plot(rows["time"], rows["load"], color=GREY, linewidth=2.5, label="load")
         for table, label, colour in ((rows, THESIS_LAW, BLUE), (best, "best", GREEN)):
             if len(table):
-                kept = envelope_indices([table["load_estimate"]], MAX_SAMPLES)
-                one.axes.plot(table["time"][kept], table["load_estimate"][kept], color=colour, label=label)
+                indices = envelope_indices([table["load_estimate"]], MAX_SAMPLES)
+                one.axes.plot(table["time"][indices], table["load_estimate"][indices], color=colour, label=label)
         one.axes.legend(loc="upper right")
     return one

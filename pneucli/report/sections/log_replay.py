@@ -1,4 +1,4 @@
-"""Logs of a running controller: what was foretold of the loop beside what came."""
+"""Logs of a running controller: the predicted and the measured figures of the loop."""
 
 from __future__ import annotations
 
@@ -8,22 +8,22 @@ from pneucli.report.report_data import ReportData
 
 
 def section(material: ReportData) -> Section | None:
-    """Return a table a log; absent where no controller was logged whose numbers are known."""
+    """Return a table for each log; absent where no log belongs to an exported controller."""
     found = material.answer("compare").get("closed_loop", [])
     parts: list[Part] = [
         Grid(
             f"{one['recording']}: controller {one['controller']}, {one['precision']}, hash {one['hash'][:12]}.",
             controller_logs.COLUMN_TITLES,
             [
-                [Cell(title, numeric=False), Cell(told), Cell(came)]
-                for title, told, came in controller_logs.figure_rows(one)
+                [Cell(title, numeric=False), Cell(predicted), Cell(measured)]
+                for title, predicted, measured in controller_logs.figure_rows(one)
             ],
         )
         for one in found
     ]
     lead = (
-        "The model with this controller in it, under the references that were logged, against the machine. Where the "
-        "command that is replayed from the readings is the one that was logged (channel u of the comparison), the "
-        "controller is the one that was exported, and what differs is the axis: the diagnosis names it."
+        "The model with this controller under the logged references, compared with the machine. Where the command that "
+        "is computed from the logged readings equals the logged one (channel u of the comparison), the machine runs "
+        "the exported controller, and any difference comes from the axis: the diagnosis names it."
     )
     return Section("logs", "On the machine", lead, parts) if parts else None

@@ -1,4 +1,4 @@
-"""Open-loop scenarios: the model alone, from the start to the end."""
+"""Open-loop scenarios: a free run of the model from start to end."""
 
 from __future__ import annotations
 
@@ -33,10 +33,10 @@ def section(material: ReportData) -> Section | None:
     ]
     if rows:
         head = ("scenario", "channel", "range", "at the end", "RMSD from the recording", "fit")
-        parts.insert(0, Grid("What the model does in each scenario.", head, rows, folded=len(rows) > MAX_UNFOLDED_ROWS))
+        parts.insert(0, Grid("Results of each scenario.", head, rows, folded=len(rows) > MAX_UNFOLDED_ROWS))
     lead = (
-        "The model runs on its inputs alone and is never set back to the measurement; errors that the comparison "
-        "above forgets at each restart add up here."
+        "The model runs freely on its inputs and never restarts from the measurement; errors that the comparison above "
+        "forgets at each restart accumulate here."
     )
     return Section("open-loop", "Open loop", lead, parts, folded=True)
 
@@ -46,14 +46,14 @@ def _zoom(table: Table) -> ZoomPlot:
         PlotRun(str(scenario), [_panel(str(channel), part) for (channel,), part in rows.groups("channel")])
         for (scenario,), rows in table.groups("scenario")
     ]
-    return ZoomPlot("open-loop", "Drag over a stretch to zoom in, double-click to see all again.", runs)
+    return ZoomPlot("open-loop", "Drag over an interval to zoom in, double-click to see everything again.", runs)
 
 
 def _panel(channel: str, rows: Table) -> Panel:
     unit = rows.text("unit")
     role = "input" if channel in ("u", "u2") else "model"
-    kept = envelope_indices([rows["value"]], MAX_SAMPLES)
-    curves = [Series(role, role, in_display_unit(rows["value"][kept], unit))]
+    indices = envelope_indices([rows["value"]], MAX_SAMPLES)
+    curves = [Series(role, role, in_display_unit(rows["value"][indices], unit))]
     if np.isfinite(rows["measured"]).any():
-        curves.insert(0, Series("measured", "measured", in_display_unit(rows["measured"][kept], unit)))
-    return Panel(channel, unit_symbol(unit), rows["time"][kept], curves)
+        curves.insert(0, Series("measured", "measured", in_display_unit(rows["measured"][indices], unit)))
+    return Panel(channel, unit_symbol(unit), rows["time"][indices], curves)

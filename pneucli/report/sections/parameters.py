@@ -19,21 +19,21 @@ def section(material: ReportData) -> Section | None:
         return None
     rows = [_row(name, p) for name, p in model["parameters"].items()]
     effects = ", ".join(model["effects"])
-    lead = f"The base model with {effects}." if effects else "The base model, without further effects."
+    lead = f"The base model with {effects}." if effects else "The base model without additional effects."
     head = ("parameter", "value, 95 % interval", "half width")
-    grid = Grid("Identified parameters; the wider the bar, the less is known.", head, rows)
-    told = [note for note in warning_notes(material, "identify") if note not in friction_warnings(material)]
-    parts: list[Part] = [*told, grid, *_looked_up(material.answer("identify"))]
+    grid = Grid("Identified parameters; a wide bar is a wide interval.", head, rows)
+    warnings = [note for note in warning_notes(material, "identify") if note not in friction_warnings(material)]
+    parts: list[Part] = [*warnings, grid, *_summary(material.answer("identify"))]
     return Section("parameters", "Parameters", lead, parts, folded=True, printed=True)
 
 
-def _looked_up(answer: Mapping[str, Any]) -> Iterator[Part]:
-    """Yield what people look up: friction and break-away by recording, growth with pressure, agreement, leaks."""
+def _summary(answer: Mapping[str, Any]) -> Iterator[Part]:
+    """Yield friction and break-away by recording, growth with pressure, repeatability, and leaks."""
     friction = answer.get("friction", {})
     if rows := friction_rows(friction):
         cells = [[Cell(text, numeric=False) for text in row] for row in rows]
         yield Grid("Friction by recording; in brackets the number of break-aways.", FRICTION_COLUMNS, cells)
-    yield from (Note(f"{said}.") for said in (*friction_lines(friction), *leak_lines(answer.get("leaks", {}))))
+    yield from (Note(f"{line}.") for line in (*friction_lines(friction), *leak_lines(answer.get("leaks", {}))))
 
 
 def _row(name: str, parameter: Mapping[str, Any]) -> list[Cell]:

@@ -1,4 +1,4 @@
-"""What was measured: the recordings, the signals of each, what the sensors add, and what was mended on the way in."""
+"""The measurements: recordings, their signals, sensor noise, and repairs while reading."""
 
 from __future__ import annotations
 
@@ -27,8 +27,8 @@ def section(material: ReportData) -> Section | None:
     if answer.get("repairs"):
         parts.append(_repairs(answer["repairs"]))
     uses = [sum(r["use"] == use for r in recordings) for use in ("train", "test")]
-    lead = f"{len(recordings)} recordings: {uses[0]} to train on, {uses[1]} to test with."
-    return Section("measured", "What was measured", lead, parts, folded=True)
+    lead = f"{len(recordings)} recordings: {uses[0]} for training, {uses[1]} for testing."
+    return Section("measured", "Measurements", lead, parts, folded=True)
 
 
 def _doubts(answer: Mapping[str, Any]) -> list[Note]:
@@ -53,14 +53,14 @@ def _recordings(recordings: list[Mapping[str, Any]]) -> Grid:
         for r in recordings
     ]
     return Grid(
-        "Recordings, all signals in SI and absolute pressure inside.", head, rows, folded=len(rows) > MAX_UNFOLDED_ROWS
+        "Recordings; all signals are in SI, pressures absolute.", head, rows, folded=len(rows) > MAX_UNFOLDED_ROWS
     )
 
 
 def _noise(recordings: list[Mapping[str, Any]]) -> Grid:
     names = list(dict.fromkeys(name for r in recordings for name in r["noise"]))
     rows = [[Cell(r["name"], numeric=False), *(_rms(r["noise"].get(name)) for name in names)] for r in recordings]
-    caption = "What each sensor adds, rms: given in the pipeline file, or estimated from the recordings."
+    caption = "Noise of each sensor, rms: stated in the pipeline file, or estimated from the recordings."
     return Grid(caption, ("recording", *names), rows, folded=True)
 
 
@@ -78,6 +78,4 @@ def _repairs(repairs: list[Mapping[str, Any]]) -> Grid:
         ]
         for r in repairs
     ]
-    return Grid(
-        "What was mended while reading.", ("recording", "signal", "samples", "what"), rows, folded=len(rows) > 8
-    )
+    return Grid("Repairs while reading.", ("recording", "signal", "samples", "repair"), rows, folded=len(rows) > 8)

@@ -1,4 +1,4 @@
-"""Robustness: on axes that differ from the model, which checks still hold, and what each effect leaves of the error."""
+"""Robustness: the checks that hold on axes that differ from the model, and the error under each effect."""
 
 from __future__ import annotations
 
@@ -14,12 +14,7 @@ from pneucli.report.report_data import ReportData, Table
 from pneucli.report.sections.closed_loop import format_bounded
 
 Answer = Mapping[str, Any]
-RESIDUAL_ERROR_FIGURES = (
-    "steady_um",
-    "tracking_rms_um",
-    "recovery_s",
-    "load_error",
-)  # what an effect may leave of the error
+RESIDUAL_ERROR_FIGURES = ("steady_um", "tracking_rms_um", "recovery_s", "load_error")
 BASE = {"all": "all runs", "": "none"}  # rows that belong to no effect
 
 
@@ -33,12 +28,12 @@ def section(material: ReportData) -> Section | None:
     effects = sorted({effect for effect, _ in rates}, key=lambda e: (e != "all", e != "", _share(rates, e, checks), e))
     lead = (
         f"The same controller on {answer['runs']} axes that differ from the model: parameters drawn from their "
-        "intervals, the rig's values from tolerances, and one effect in turn that the controller does not know, at a "
+        "intervals, the rig's values from tolerances, and in turn one effect that the design does not include, of "
         f"plausible size (seed {answer['seed']})."
     )
-    told = [e for e in effects if e in BASE or _share(rates, e, checks) < 1.0]
-    parts: list[Part] = [_rates(rates, checks, told)]
-    if harmless := [e for e in effects if e not in told]:
+    harmful = [e for e in effects if e in BASE or _share(rates, e, checks) < 1.0]
+    parts: list[Part] = [_rates(rates, checks, harmful)]
+    if harmless := [e for e in effects if e not in harmful]:
         parts.append(Note(f"Every check held with {', '.join(harmless)}.", "good"))
     parts += _residual_errors(material.table("simulate/robust"), effects)
     return Section("robustness", "Robustness", lead, parts, folded=True)
@@ -48,7 +43,8 @@ def _rates(rates: Mapping[tuple[str, str], Answer], checks: Mapping[str, Answer]
     head = ("effect", *(f"{METRIC_TITLES.get(c, c)} ≤ {format_setting(v['limit'])}" for c, v in checks.items()))
     rows = [[_effect(e), *(_pass_rate(rates.get((e, c))) for c in checks)] for e in effects]
     caption = (
-        "In how many runs each check held, every scenario counted; and the worst found. The most harmful effects first."
+        "Number of runs in which each check held, over all scenarios, and the worst value. The most harmful effects "
+        "come first."
     )
     return Grid(caption, head, rows)
 
@@ -70,12 +66,12 @@ def _pass_rate(rate: Answer | None) -> Cell:
 
 
 def _residual_errors(runs: Table, effects: Sequence[str]) -> list[Grid]:
-    """Return the median figures of each effect's runs, which tell what of the error the effect leaves."""
+    """Return the median error figures of the runs with each effect."""
     if not len(runs):
         return []
     names = [name for name in RESIDUAL_ERROR_FIGURES if name in runs]
     rows = [[_effect(e), *(_median(runs if e == "all" else runs.where(effect=e), n) for n in names)] for e in effects]
-    caption = "What each effect leaves of the error, the median of its runs; “none” is what stays without any"
+    caption = "Error under each effect, median of its runs; “none”: without any additional effect"
     return [Grid(caption, ("effect", *(METRIC_TITLES[n] for n in names)), rows, folded=True)]
 
 

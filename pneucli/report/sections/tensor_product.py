@@ -22,14 +22,14 @@ def section(material: ReportData) -> Section | None:
         parts.append(_vertices(vertices))
     lead = (
         "a22(v), friction over mass and velocity, as a convex combination of vertex systems: at every velocity the "
-        "weights are not negative and sum to one."
+        "weights are non-negative and sum to one."
     )
     return Section("tensor", "Tensor-product models", lead, parts, folded=True)
 
 
 def _weights(model: str, branch: str, rows: Table) -> Drawing:
     of_branch = "" if branch == "both" else f", {branch}"
-    caption = f"Weighting functions of model {model} ({MODELS.get(model, '')}){of_branch}, where they change."
+    caption = f"Weighting functions of model {model} ({MODELS.get(model, '')}){of_branch}, over the range of change."
     with drawing(caption, "velocity in mm/s", "weight", height=2.3) as one:
         for (vertex,), of_vertex in rows.groups("vertex"):
             one.axes.plot(
@@ -42,7 +42,7 @@ def _weights(model: str, branch: str, rows: Table) -> Drawing:
 
 
 def _bend(rows: Table) -> tuple[float, float]:
-    """Return the range of velocity (mm/s) outside of which no weight changes by more than the last per cent or two."""
+    """Return the range of velocity (mm/s) outside of which no weight changes by more than 2 %."""
     bent = in_display_unit(
         rows["v"][(rows["weight"] > MIN_WEIGHT_RANGE) & (rows["weight"] < 1 - MIN_WEIGHT_RANGE)], "m/s"
     )

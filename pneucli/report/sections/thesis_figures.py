@@ -1,4 +1,4 @@
-"""Figures of the source thesis that no other chapter shows, each named with its number there."""
+"""The figures of the source thesis that no other chapter contains, with their numbers in the thesis."""
 
 from __future__ import annotations
 
@@ -19,45 +19,45 @@ Array = NDArray[np.float64]
 KAPPA = 1.4  # of the thesis' own figures
 TYPICAL_PRESSURE_RATIOS = (0.2, 0.8)  # pressure ratios of the claim
 MAX_SAMPLES = 600  # samples of a curve
-FIRST_FIGURE = {"A": 14, "B": 16, "C": 18, "D": 34, "E": 36, "F": 38}  # 6.14: of each model acceleration, then velocity
+FIRST_FIGURE = {"A": 14, "B": 16, "C": 18, "D": 34, "E": 36, "F": 38}  # 6.14 and on: acceleration, then velocity
 REFERENCE_PRESSURE = 5e5  # Pa, of figure 7.24
-COMMANDS_PER_SIDE = 3  # commands to either side of the null that figure 7.25 shows
+COMMANDS_PER_SIDE = 3  # commands on each side of the null in figure 7.25
 
 
 def section(material: ReportData) -> Section | None:
-    """Return the figures; absent where nothing was identified that they could show."""
+    """Return the figures; absent where neither valve nor friction was identified."""
     drawings = [*_valve(material), *_slip(material.table("identify/friction_replays"))]
     if not drawings:
         return None
     parts: list[Part] = [*figures([*_flow_function(), *drawings])]
     lead = (
-        "The figures of the source thesis on this rig's own data, each with its number there. Tables 6.2 and 6.3 and "
+        "The figures of the source thesis with this rig's data and the numbers of the thesis. Tables 6.2 and 6.3 and "
         "figures 6.8 to 6.12 and 6.20 to 6.33 are in the chapters on friction and on tensor-product models, figures "
-        "7.28 to 7.34 in that on controllers."
+        "7.28 to 7.34 in the one on controllers."
     )
     return Section("thesis", "Figures of the thesis", lead, parts, folded=True)
 
 
 def _flow_function() -> Iterator[Drawing]:
-    """Yield figures 2.4 and 2.5, the claim of 0.3 % beside what is found."""
+    """Yield figures 2.4 and 2.5, with the error of the approximation and the thesis's claim of 0.3 %."""
     ratio = np.linspace(0.0, 1.0, 2001)
     exact = np.array([exact_flow_function(float(r), KAPPA) for r in ratio])
-    near = flow_functions(ratio, CRITICAL_RATIO)
+    approximation = flow_functions(ratio, CRITICAL_RATIO)
     with drawing("Figure 2.4: the flow function of isentropic outflow (2.34).", "pressure ratio", "Ψ") as one:
         one.axes.plot(ratio, exact, color=BLUE)
     yield one
-    off, open_ = np.abs(near - exact), exact > 0.0
+    off, open_ = np.abs(approximation - exact), exact > 0.0
     usual = (ratio >= TYPICAL_PRESSURE_RATIOS[0]) & (ratio <= TYPICAL_PRESSURE_RATIOS[1])
     of_value = off[open_] / exact[open_]
-    told = (
+    caption = (
         f"Figure 2.5: the flow function and its approximation (2.42, 2.43). It errs by at most "
         f"{_percent(off.max() / exact.max())} of the maximum and {_percent(of_value.max())} of the value "
         f"(claimed: 0.3 %), and by {_percent((off[usual] / exact[usual]).max())} of the value for ratios of 0.2 "
         "to 0.8 (claimed: less than 0.2 %)."
     )
-    with drawing(told, "pressure ratio", "Ψ") as one:
+    with drawing(caption, "pressure ratio", "Ψ") as one:
         one.axes.plot(ratio, exact, color=BLUE, label="exact")
-        one.axes.plot(ratio, near, "--", color=ORANGE, label="approximation")
+        one.axes.plot(ratio, approximation, "--", color=ORANGE, label="approximation")
         error = one.axes.twinx()
         error.plot(ratio[open_], 100.0 * of_value, color=GREY, linewidth=0.9)
         error.set_ylabel("error in % of the value")
@@ -81,13 +81,17 @@ def _valve(material: ReportData) -> Iterator[Drawing]:
         if vent is not None:
             yield from _deflation(vent)
     if len(areas):
-        caption = "Figure 7.23: characteristic of the servo valve, as effective area over command, either way."
+        caption = "Figure 7.23: characteristic of the servo valve, as effective area over command, both directions."
         yield _areas(caption, areas, np.full(len(areas), True))
     if len(grid):
         yield _over_voltage(grid)
     if len(areas):
         opening = areas["opening" if "opening" in areas else "u"]
-        yield _areas("Figure 7.25: overlap of the spool: the area near the null command.", areas, _near(areas, opening))
+        yield _areas(
+            "Figure 7.25: overlap of the spool: the area near the null command.",
+            areas,
+            _nearest_commands(areas, opening),
+        )
         yield _areas("Figure 7.26: area of the inlet over the command.", areas, opening > 0)
 
 
@@ -96,7 +100,7 @@ def _first_chamber(table: Table) -> Table:
 
 
 def _strongest(curves: Table, sign: float) -> Table | None:
-    """Return the curve that rises (or falls) most; of those within a tenth of it the one with the most samples."""
+    """Return the curve with the most samples among those that rise (or fall) at least 0.9 times the largest change."""
     pairs = [rows for _, rows in curves.groups("recording", "u")]
     moved = [(sign * float(rows["fitted"][-1] - rows["fitted"][0]), rows) for rows in pairs]
     most = max(change for change, _ in moved)
@@ -106,8 +110,8 @@ def _strongest(curves: Table, sign: float) -> Table | None:
 def _curve(caption: str, rows: Table, scale: str = "linear") -> Drawing:
     with drawing(f"{caption} Command {format_setting(float(rows['u'][0]))} V.", "time in s", "pressure in bar") as one:
         for column, style, colour, label in (("measured", ".", GREY, "measured"), ("fitted", "-", BLUE, "fitted")):
-            kept = envelope_indices([rows[column]], MAX_SAMPLES)
-            time, values = rows["time"][kept] - rows["time"][0], in_display_unit(rows[column][kept], "Pa")
+            indices = envelope_indices([rows[column]], MAX_SAMPLES)
+            time, values = rows["time"][indices] - rows["time"][0], in_display_unit(rows[column][indices], "Pa")
             one.axes.plot(time, values, style, color=colour, markersize=2, label=label)
         one.axes.set_yscale(scale)
         if scale == "log":
@@ -122,14 +126,14 @@ def _inflation(rows: Table, supply: float) -> Iterator[Drawing]:
     yield _curve("Figures 7.16 and 7.19: inflation pressure curve.", rows)
     p, gradient = in_display_unit(rows["fitted"], "Pa"), in_display_unit(rows["gradient"], "Pa/s")
     most = float(np.nanmax(gradient))
-    caption = "Figure 7.18: flow coefficient from the inflation curve, over its largest value, and (2.42) beside it."
-    with drawing(caption, "pressure over the highest that is reached", "Ψ / Ψ max") as one:
+    caption = "Figure 7.18: flow coefficient from the inflation curve, relative to its maximum, and equation (2.42)."
+    with drawing(caption, "pressure over the highest pressure", "Ψ / Ψ max") as one:
         ratio = p / supply
         one.axes.plot(ratio, gradient / most, color=BLUE, label="measured")
         one.axes.plot(ratio, flow_functions(ratio, CRITICAL_RATIO) / 0.484, "--", color=ORANGE, label="(2.42)")
         one.axes.legend(loc="upper right")
     yield one
-    caption = "Figure 7.20: mass flow of the inflation, as the gradient that it makes (2.22): constant while choked."
+    caption = "Figure 7.20: mass flow of the inflation as pressure gradient (2.22): constant while choked."
     with drawing(caption, "pressure in bar", "pressure gradient in bar/s") as one:
         one.axes.plot(p, gradient, color=BLUE)
         one.axes.set_ylim(bottom=0)
@@ -138,7 +142,7 @@ def _inflation(rows: Table, supply: float) -> Iterator[Drawing]:
 
 def _deflation(rows: Table) -> Iterator[Drawing]:
     yield _curve("Figure 7.17: deflation pressure curve.", rows)
-    caption = "Figure 7.21: the same over a logarithmic scale: while choked it is exponential, a straight line."
+    caption = "Figure 7.21: deflation on a logarithmic scale: while choked it is exponential, a straight line."
     yield _curve(caption, rows, "log")
     p, gradient = in_display_unit(rows["fitted"], "Pa"), in_display_unit(rows["gradient"], "Pa/s")
     choked = p > 1.05 * float(p.min()) / CRITICAL_RATIO
@@ -164,8 +168,8 @@ def _over_voltage(grid: Table) -> Drawing:
     return one
 
 
-def _near(areas: Table, opening: Array) -> NDArray[np.bool_]:
-    """Return which commands lie nearest to the null, to either side."""
+def _nearest_commands(areas: Table, opening: Array) -> NDArray[np.bool_]:
+    """Return the mask of the commands that are nearest to the null on each side."""
     chosen = np.zeros(len(areas), dtype=bool)
     for side in (opening > 0, opening < 0):
         mine = np.flatnonzero(side)
@@ -188,7 +192,7 @@ def _areas(caption: str, areas: Table, chosen: NDArray[np.bool_]) -> Drawing:
 
 
 def _slip(replays: Table) -> Iterator[Drawing]:
-    """Yield figures 6.14 to 6.19 and 6.34 to 6.39: one stick-slip as measured, and as each model gives it."""
+    """Yield figures 6.14 to 6.19 and 6.34 to 6.39: one stick-slip, measured and by each model."""
     for (model,), rows in replays.groups("model"):
         for i, (name, title) in enumerate((("a", "acceleration in m/s²"), ("v", "velocity in m/s"))):
             what = title.split()[0]

@@ -1,4 +1,4 @@
-"""The valve: its curves, the pressure gradient over command and pressure, the inverse, the area of each command."""
+"""The valve: curves, pressure gradient over command and pressure, inverse map, effective area of each command."""
 
 from __future__ import annotations
 
@@ -37,15 +37,15 @@ from pneucli.report.report_data import ReportData, Table
 
 Array = NDArray[np.float64]
 MAX_CURVE_SAMPLES = 100  # samples of a curve
-MAX_SWITCHING_COMMANDS = 3  # commands of a switching valve, between which there is nothing
-MAX_LABELS = 7  # sizes of the command that a figure shows
+MAX_SWITCHING_COMMANDS = 3  # commands of a switching valve, between which there are no contours
+MAX_LABELS = 7  # sizes of the command in a figure
 MEASUREMENT_FIGURES = (
-    "Pressure gradients of the vessel behind the valve, measured directly by charging and discharging it at each "
-    "command, and how far the model's valve (area × flow function × effects) is off them."
+    "Pressure gradients of the vessel behind the valve, measured by charging and discharging it with each command, and "
+    "the deviation of the model's valve (area × flow function × effects)."
 )
 MODEL_FIGURES = (
-    "Pressure gradients that the model's valve (area × flow function × effects) gives, as fitted to the driven piston "
-    "since no vessel was filled, and how far measured ones are off them."
+    "Pressure gradients of the model's valve (area × flow function × effects), fitted to the driven piston because "
+    "there is no test with a vessel, and the deviation of the measured gradients."
 )
 
 
@@ -54,20 +54,22 @@ def section(material: ReportData) -> Section | None:
     if not len(material.table("identify/valve_map")):
         return None
     answer = material.answer("identify")
-    known = {chamber: answer[name] for chamber, name in ((1, "valve"), (2, "valve_2")) if name in answer}
+    valves = {chamber: answer[name] for chamber, name in ((1, "valve"), (2, "valve_2")) if name in answer}
     parts: list[Part] = []
-    for chamber, valve in (known or {1: {}}).items():
+    for chamber, valve in (valves or {1: {}}).items():
         of_chamber = partial(_table, material, chamber)
         mine: list[Figure | Grid] = [*(_figures(of_chamber) if not parts else _maps(of_chamber)), *_tables(valve)]
-        parts += [replace(one, caption=f"Chamber {chamber}. {one.caption}") for one in mine] if len(known) > 1 else mine
-    measured = any(valve.get("map") != "model" for valve in known.values())
+        parts += (
+            [replace(one, caption=f"Chamber {chamber}. {one.caption}") for one in mine] if len(valves) > 1 else mine
+        )
+    measured = any(valve.get("map") != "model" for valve in valves.values())
     return Section(
         "valve", "Valve: map and inverse", MEASUREMENT_FIGURES if measured else MODEL_FIGURES, parts, folded=True
     )
 
 
 def _table(material: ReportData, chamber: int, name: str) -> Table:
-    """Return a table's rows of one chamber; where gas flows into one alone there is no such column."""
+    """Return a table's rows of one chamber; where the valve drives one chamber only, all rows."""
     table = material.table(f"identify/valve_{name}")
     return table.where(chamber=chamber) if "chamber" in table else table
 
@@ -92,7 +94,7 @@ def _maps(table: Callable[[str], Table]) -> Iterator[Figure]:
 
 
 def _steps(curves: Table) -> list[tuple[float, Table]]:
-    """Return the longest curve of each command, of commands evenly chosen among those recorded for long."""
+    """Return the longest curve of each command, for commands chosen evenly among those with long curves."""
     longest: dict[float, Table] = {}
     for (_, u), rows in curves.groups("recording", "u"):
         if _duration(rows) > (_duration(longest[u]) if u in longest else 0.0):
@@ -121,15 +123,15 @@ def _legend(one: Drawing, steps: list[tuple[float, Table]]) -> None:
 
 def _inflation(curves: Table) -> Drawing:
     steps = _steps(curves)
-    caption = "Charging and discharging: what was measured (dots) and what was fitted (lines), one pair a command."
+    caption = "Charging and discharging: measured (dots) and fitted (lines), one pair of curves for each command."
     with drawing(caption, "time from the step in s", "pressure in bar") as one:
         for u, rows in steps:
-            kept = envelope_indices([rows["measured"]], MAX_CURVE_SAMPLES)
+            indices = envelope_indices([rows["measured"]], MAX_CURVE_SAMPLES)
             time = rows["time"] - rows["time"][0]
             colour = _colour(u, steps)
-            dots = kept[:: max(1, kept.size // 40)]
+            dots = indices[:: max(1, indices.size // 40)]
             one.axes.plot(time[dots], in_display_unit(rows["measured"][dots], "Pa"), ".", color=colour, markersize=2.5)
-            one.axes.plot(time[kept], in_display_unit(rows["fitted"][kept], "Pa"), color=colour, linewidth=1.0)
+            one.axes.plot(time[indices], in_display_unit(rows["fitted"][indices], "Pa"), color=colour, linewidth=1.0)
         _legend(one, steps)
     return one
 
@@ -137,8 +139,8 @@ def _inflation(curves: Table) -> Drawing:
 def _gradients(curves: Table) -> Drawing:
     steps = _steps(curves)
     caption = (
-        "The gradient over the pressure in the vessel, with its 95 % band. While the flow is choked, discharging gives "
-        "a straight line through the origin of absolute pressure, and charging a constant."
+        "The gradient over the pressure in the vessel, with its 95 % band. While the flow is choked, discharging is a "
+        "straight line through zero absolute pressure, and charging a constant."
     )
     with drawing(caption, "pressure in bar", "pressure gradient in bar/s") as one:
         for u, rows in steps:
@@ -156,7 +158,7 @@ def _gradients(curves: Table) -> Drawing:
 
 
 def _square(table: Table, x: str, y: str, z: str) -> tuple[Array, Array, Array]:
-    """Return the axes and the values (y, x) of a table that holds a full grid."""
+    """Return the axes and the values (y, x) of a table with a full grid."""
     xs, ys = np.unique(table[x]), np.unique(table[y])
     values = np.full((ys.size, xs.size), np.nan)
     values[np.searchsorted(ys, table[y]), np.searchsorted(xs, table[x])] = table[z]
@@ -178,14 +180,16 @@ def _map(grid: Table) -> Drawing:
         if "covered" in grid and not grid["covered"].all():
             covered = _square(grid, "u", "p", "covered")[2]
             one.axes.contourf(u, p, covered, [-0.5, 0.5], colors="none", hatches=["///"])
-            one.caption += " Hatched: no measurement reaches there, the model extends it."
+            one.caption += " Hatched: extrapolated by the model, without measurements."
     return one
 
 
 def _over_command(grid: Table) -> Drawing:
     levels = np.unique(grid["p"])
     chosen = levels[np.unique(np.linspace(0, levels.size - 1, 7).round().astype(int)[1:-1])]
-    caption = "Cuts through the map at constant pressure, with the 95 % band; flat around zero is the spool's overlap."
+    caption = (
+        "Sections of the map at constant pressure, with the 95 % band; the flat part at zero is the spool's overlap."
+    )
     with drawing(caption, "valve command in V", "pressure gradient in bar/s") as one:
         for i, level in enumerate(chosen):
             rows = grid.where(p=level)
@@ -207,8 +211,8 @@ def _lack_of_fit(lack: Table) -> Drawing:
     levels = np.unique(lack["p"])
     chosen = levels[np.unique(np.linspace(0, levels.size - 1, 7).round().astype(int)[1:-1])]
     caption = (
-        "Lack of fit: measured map minus the model's valve at constant pressure. Bands: what the wider of both 95 % "
-        "intervals allows for; dots: outside both."
+        "Lack of fit: measured map minus the model's valve at constant pressure. Bands: the wider of both 95 % "
+        "intervals; dots: outside of both."
     )
     with drawing(caption, "valve command in V", "measured − model in bar/s") as one:
         for i, level in enumerate(chosen):
@@ -232,8 +236,8 @@ def _inverse(inverse: Table) -> Drawing:
     reachable = _square(inverse, "p_gradient", "p", "reachable")[2]
     gradient, p = in_display_unit(gradient, "Pa/s"), in_display_unit(p, "Pa")
     most = float(np.nanmax(np.abs(u)))
-    caption = "The inverse map: the command that gives a wanted gradient at a pressure. Hatched: out of reach, clipped."
-    with drawing(caption, "wanted pressure gradient in bar/s", "pressure in bar") as one:
+    caption = "The inverse map: the command for a required gradient at a pressure. Hatched: not reachable, clipped."
+    with drawing(caption, "required pressure gradient in bar/s", "pressure in bar") as one:
         heat_map(one, gradient, p, u, "valve command in V", cmap="PuOr", vmin=-most, vmax=most, shading="nearest")
         if not reachable.all():
             one.axes.contourf(gradient, p, reachable, [-0.5, 0.5], colors="none", hatches=["///"])
@@ -270,10 +274,10 @@ def _tables(valve: Mapping[str, Any]) -> Iterator[Grid]:
 
 
 def _fit(lack: Mapping[str, Any], residual: Mapping[str, Any]) -> Grid:
-    """Return how well the map follows its curves, and the model the map."""
+    """Return the deviation of the model from the map, and the residual of the map."""
     shares = (
-        ("model off the measured map, median", lack["median"]),
-        ("model off the measured map, 95th percentile", lack["p95"]),
+        ("deviation of the model from the measured map, median", lack["median"]),
+        ("deviation of the model from the measured map, 95th percentile", lack["p95"]),
         ("points outside both 95 % intervals", lack["share_outside"]),
     )
     noise = (("map on its own curves", residual["train"]), ("map on held-out curves", residual["test"]))
@@ -281,7 +285,9 @@ def _fit(lack: Mapping[str, Any], residual: Mapping[str, Any]) -> Grid:
     rows += [
         [Cell(name, numeric=False), Cell("–" if n is None else f"{format_noise_ratio(n)} × noise")] for name, n in noise
     ]
-    caption = "Lack of fit of the model's valve, over the measured gradient, and residuals of the map, over the noise."
+    caption = (
+        "Lack of fit of the model's valve, relative to the measured gradient, and residuals of the map over noise."
+    )
     return Grid(caption, ("", "value"), rows)
 
 
