@@ -92,7 +92,12 @@ def score(truth: dict[str, Any], found: dict[str, Any] | None, seconds: float) -
 def row(name: str, s: Score) -> str:
     """Return one row of the table."""
     cells = [name, f"{s.found}/{s.effects}", f"{s.exact}/{s.cases}", s.false, s.mild, f"{s.silent}/{s.nulls}"]
-    cells += [f"{s.close}/{s.parameters}", f"{s.covered}/{s.parameters}", s.faults, f"{s.seconds / max(s.cases, 1):.0f}"]
+    cells += [
+        f"{s.close}/{s.parameters}",
+        f"{s.covered}/{s.parameters}",
+        s.faults,
+        f"{s.seconds / max(s.cases, 1):.0f}",
+    ]
     return "| " + " | ".join(map(str, cells)) + " |"
 
 

@@ -15,7 +15,7 @@ from pneucli.noise import NoiseModel
 from pneucli.notebook.model import is_rotary
 from pneucli.quantities import SIGNALS, axis_motion, axis_unit
 from pneucli.recording import Recording
-from pneucli.simulate.model import Model
+from pneucli.simulate.model import Model, with_parameters
 from pneucli.simulate.open_loop import SAMPLING_PERIOD, free_run
 from pneucli.simulate.outputs import simulate_outputs
 from pneucli.simulate.preparation import prepare
@@ -106,8 +106,6 @@ def _with_parameter_values(model: Model, values: Mapping[str, float]) -> Model:
     for name in values:
         if name not in available:
             raise InputError("simulate, parameters", f'"{name}" is no parameter', mend=did_you_mean(name, available))
-    from pneucli.simulate.model import with_parameters  # noqa: PLC0415 - it brings the kernel
-
     return with_parameters(model, dict(values)) if values else model
 
 

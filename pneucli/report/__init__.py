@@ -8,4 +8,14 @@ from pneucli.report.page import build_sections, to_html
 from pneucli.report.report_data import Check, EarlierAnswer, ReportData, Table
 from pneucli.report.section_tables import section_tables
 
-__all__ = ["Check", "EarlierAnswer", "ReportData", "Table", "build_sections", "section_tables", "to_html", "to_junit", "to_markdown"]
+__all__ = [
+    "Check",
+    "EarlierAnswer",
+    "ReportData",
+    "Table",
+    "build_sections",
+    "section_tables",
+    "to_html",
+    "to_junit",
+    "to_markdown",
+]

@@ -63,10 +63,10 @@ def test_the_figures_of_the_thesis_on_control_are_named(material: ReportData) ->
     assert all(f"Figure 7.{number}:" in captions for number in range(28, 35))
 
 
-def test_without_a_design_there_is_no_bench_and_without_identification_no_figures() -> None:
+def test_without_a_design_there_is_no_comparison_and_without_identification_no_figures() -> None:
     assert law_comparison(ReportData("none")) is None
     assert thesis_figures(ReportData("none")) is None
-    assert {bench, thesis} <= set(SECTIONS)
+    assert {law_comparison, thesis_figures} <= set(SECTIONS)
 
 
 def test_one_slip_is_shown_under_every_model_and_the_claim_on_the_flow_function_is_checked() -> None:
