@@ -225,7 +225,7 @@ def test_what_the_base_does_as_well_or_what_runs_away_promises_nothing(change: s
     assert (mine.gain, mine.step, mine.step_error) == (0.0, 0.0, np.inf)
 
 
-EXTENT = SignalRanges(command=10.0, pressure=6e5, force=500.0, speed=0.5, low=0.0, high=0.2, period=1e-3)
+EXTENT = SignalRanges(command=10.0, pressure=6e5, force=400.0, speed=0.5, low=0.0, high=0.2, period=1e-3)
 
 
 class View:
