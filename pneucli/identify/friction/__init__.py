@@ -1,4 +1,4 @@
-"""Friction over velocity from recordings of a cylinder: measured curves, models A to F, and how well each drives."""
+"""Friction over velocity from recordings of a cylinder: measured curves, models A to F, and their simulation errors."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Friction over velocity, per branch, as measured: means in bins of velocity with their intervals."""
+"""Measured friction over velocity for each branch: means in bins of velocity with their intervals."""
 
 from __future__ import annotations
 
@@ -7,15 +7,15 @@ from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.stats import t as student
+from scipy.stats import t as student_t
 
 from pneucli.identify.friction.samples import MovingSamples
 
 Array = NDArray[np.float64]
 Branch = Literal["accelerating", "slowing", "both"]
 
-BINS_PER_DIRECTION = 40  # per direction, narrower toward standstill
-MIN_BLOCKS = 3  # blocks in a bin, below which it has no interval of its own
+BINS_PER_DIRECTION = 40  # of velocity, narrower toward standstill
+MIN_BLOCKS = 3  # of a bin, below which its scatter gives no interval
 BRANCH_SIGNS: dict[Branch, tuple[int, ...]] = {"accelerating": (1,), "slowing": (-1,), "both": (-1, 0, 1)}
 
 
@@ -23,8 +23,8 @@ BRANCH_SIGNS: dict[Branch, tuple[int, ...]] = {"accelerating": (1,), "slowing": 
 class FrictionCurve:
     """Measured friction of one branch, arrays of shape (n,): mean velocity (m/s) and force (N) of each bin.
 
-    ``ci_low`` and ``ci_high`` are the 95 % interval of the mean (N): scatter between the blocks of a bin, which are
-    independent, the samples within one being not. ``count`` is the number of samples.
+    ``ci_low`` and ``ci_high`` are the 95 % interval of the mean (N) from the scatter between blocks, which are
+    independent while samples within a block are not. ``count`` is the number of samples.
     """
 
     branch: Branch
@@ -36,27 +36,36 @@ class FrictionCurve:
 
 
 def binned_curve(samples: MovingSamples, branch: Branch) -> FrictionCurve:
-    """Return friction over velocity of one branch; bins without a sample are left out."""
+    """Average the friction of one branch in bins of velocity.
+
+    Args:
+        samples: The moving samples.
+        branch: Which branch: accelerating, slowing, or both.
+
+    Returns:
+        The curve; bins without a sample are left out.
+
+    """
     s = samples.select(np.isin(samples.branch, BRANCH_SIGNS[branch]))
     if not len(s):
         empty = np.zeros(0)
         return FrictionCurve(branch, empty, empty, empty, empty, np.zeros(0, dtype=np.int64))
     edges = np.abs(s.v).max() * np.linspace(0, 1, BINS_PER_DIRECTION + 1) ** 2
-    number = np.sign(s.v).astype(np.int64) * (
+    bins = np.sign(s.v).astype(np.int64) * (
         1 + np.clip(np.searchsorted(edges, np.abs(s.v)) - 1, 0, BINS_PER_DIRECTION - 1)
     )
-    rows = np.array([_bin(s.select(number == k)) for k in np.unique(number)])
-    v, force, half, count = rows.T
-    return FrictionCurve(branch, v, force, force - half, force + half, count.astype(np.int64))
+    rows = np.array([_bin(s.select(bins == k)) for k in np.unique(bins)])
+    v, force, half_width, count = rows.T
+    return FrictionCurve(branch, v, force, force - half_width, force + half_width, count.astype(np.int64))
 
 
 def _bin(s: MovingSamples) -> tuple[float, float, float, float]:
-    """Return mean velocity, mean force, half its interval, and the number of samples."""
+    """Return mean velocity, mean force, half its 95 % interval, and the number of samples."""
     mean, n = float(np.mean(s.friction)), len(s)
     _, index = np.unique(s.block, return_inverse=True)
     sums = np.bincount(index, weights=s.friction - mean)
     blocks = sums.size
-    if blocks < MIN_BLOCKS:  # the sensors' noise alone, as if it were common to a block
+    if blocks < MIN_BLOCKS:  # the sensors' noise alone, taken as common to a block
         return float(np.mean(s.v)), mean, float(1.96 * np.mean(s.sigma) / np.sqrt(blocks)), n
     error = np.sqrt(blocks / (blocks - 1) * np.sum(sums**2)) / n
-    return float(np.mean(s.v)), mean, float(student.ppf(0.975, blocks - 1) * error), n
+    return float(np.mean(s.v)), mean, float(student_t.ppf(0.975, blocks - 1) * error), n

@@ -35,24 +35,22 @@ from pneucli.messages.formatting import format_number, format_quantity
 from pneucli.recording import Recording
 from pneucli.simulate.model import Model
 
-MIN_MOVING_SAMPLES = 100  # moving samples
-MAX_RESIDUAL_TO_NOISE = 1.5  # times the sensors' noise, beyond which the residual of model A is not noise
-MAX_RELATIVE_MASS_ERROR = (
-    0.5  # half the interval of an identified mass over its value, beyond which it counts as not identifiable
-)
+MIN_MOVING_SAMPLES = 100  # of all training recordings
+MAX_RESIDUAL_TO_NOISE = 1.5  # times the sensors' noise: a larger residual of model A is not noise
+MAX_RELATIVE_MASS_ERROR = 0.5  # half the interval over the value: a less certain mass counts as not identifiable
 
 
 @dataclass(frozen=True)
 class FrictionIdentification:
-    """All that the friction tests tell.
+    """The results of the friction tests.
 
-    ``mass`` (kg) as given (interval of no width) or identified; None where it can't be: inertia is then neglected and
-    a22 of the TP models is that of 1 kg. ``parameters``: model A's, with ``offset``, the constant force beside friction
-    (N, positive where it pushes toward x = 0). ``models`` A to F (A to C where only one branch was measured).
-    ``deviations`` are the tables 6.2 and 6.3, ``replays`` one slip under each model; they, ``kinetic`` friction,
-    ``break_aways``, growth ``pressure_dependence`` and ``repeatability`` have the test recordings in them; all else
-    rests on the training ones. ``removed_effects`` names the effects of forces, mass and sensors that are no friction
-    and were allowed for, ``unmodelled_effects`` for each of A to F the effects on friction that it cannot show.
+    ``mass`` (kg) is stated (interval of no width) or identified; None where it is not identifiable: inertia is then
+    neglected and a22 of the TP models is that of 1 kg. ``parameters`` are model A's, with ``offset``, the constant
+    force (N, positive where it pushes toward x = 0). ``models`` are A to F (A to C where only one branch was measured).
+    ``deviations`` are the thesis tables 6.2 and 6.3, ``replays`` one stick-slip under each model. ``deviations``,
+    ``replays``, ``kinetic`` friction, ``break_aways``, ``pressure_dependence`` and ``repeatability`` include the test
+    recordings; all else uses the training ones. ``removed_effects`` names the effects of forces, mass and sensors that
+    were removed, ``unmodelled_effects`` for each of A to F the effects on friction that it cannot represent.
     """
 
     mass: IntervalEstimate | None
@@ -75,11 +73,11 @@ class FrictionIdentification:
 
     @property
     def offset(self) -> float:
-        """The constant force beside friction in N."""
+        """The constant force in N."""
         return self.parameters["offset"].value if "offset" in self.parameters else 0.0
 
     def model(self, name: str) -> FrictionModel:
-        """Return a model by its letter; raises InputError where these recordings did not give it."""
+        """Return a model by its letter; raise InputError where these recordings did not give it."""
         for one in self.models:
             if one.name == name:
                 return one
@@ -93,54 +91,65 @@ def identify_friction(
     max_velocity: float | None = None,
     sign_steepness: float | None = None,
 ) -> FrictionIdentification:
-    """Identify friction from the friction tests among ``recordings``, or, where there are none, from axis recordings.
+    """Identify friction from the friction tests, or from axis recordings without any.
 
-    What the ``model`` states of forces, mass and sensors is taken out before and simulated beside. Of the TP models
-    ``nodes`` is the number of grid points, ``max_velocity`` (m/s) the end of their velocities, by default the highest
-    of the tests, ``sign_steepness`` (s/m) the steepness of the smoothed sign, by default what the sensors resolve. Fits
-    the recordings of use ``train``. Raises InputError where there is none, where the drive or the motion was not
-    recorded, or where hardly anything moves.
+    Forces, mass and sensor faults of the model are removed first, and act in every simulation. Recordings of use
+    ``train`` are fitted.
+
+    Args:
+        recordings: The recordings.
+        model: The model with the rig and its effects.
+        nodes: Number of grid points of the TP models.
+        max_velocity: End of their velocities in m/s; by default the highest of the tests.
+        sign_steepness: Steepness of the smoothed sign in s/m; by default what the sensors resolve.
+
+    Returns:
+        The identification.
+
+    Raises:
+        InputError: There is no such recording, drive or motion was not recorded, or hardly anything moves.
+
     """
     motions = tuple(estimate_motion(r, model) for r in _friction_recordings(recordings))
     train = [m for m in motions if m.recording.use == "train"]
     warnings: list[str] = []
     mass = _mass(train, warnings)
     inertia = mass.value if mass else 0.0
-    samples, lacks = pool_samples(train, inertia), unmodelled_effects(model, train)
+    samples, unmodelled = pool_samples(train, inertia), unmodelled_effects(model, train)
     if len(samples) < MIN_MOVING_SAMPLES:
         raise InputError(
             "friction recordings", f"{len(samples)} moving samples", f"at least {MIN_MOVING_SAMPLES}", "move further"
         )
     if not samples.both_directions:
         warnings.append("motion in one direction only: a constant force can't be told from dry friction")
-    both = fit_stribeck(samples, offset=samples.both_directions)
-    fastest = max(float(np.abs(m.v[m.valid]).max()) for m in motions)  # the models must go as fast as the tests do
+    fit_a = fit_stribeck(samples, offset=samples.both_directions)
+    max_speed = max(float(np.abs(m.v[m.valid]).max()) for m in motions)  # the models cover the velocities of the tests
     domain = VelocityDomain(
-        max_velocity or fastest, max(m.rest_speed for m in train), nodes or DEFAULT_NODES, sign_steepness
+        max_velocity or max_speed, max(m.rest_speed for m in train), nodes or DEFAULT_NODES, sign_steepness
     )
-    models, missing = identify_models(samples, both, domain, inertia or 1.0)
-    cuts = tuple(c for m in train if not m.imposed for c in find_stick_slips(m, inertia))
+    models, missing = identify_models(samples, fit_a, domain, inertia or 1.0)
+    stick_slips = tuple(c for m in train if not m.imposed for c in find_stick_slips(m, inertia))
     levels = tuple(k for m in motions if (k := kinetic_friction(m, inertia)))
     ambient, imposed = model.rig.ambient_pressure, {m.recording.name for m in motions if m.imposed}
-    strokes = [k for k in levels if k.recording in imposed]  # of others the pressure changes as they move
+    strokes = [k for k in levels if k.recording in imposed]  # in other recordings the pressure changes during motion
     return FrictionIdentification(
         mass=mass,
-        parameters=both.values(),
+        parameters=fit_a.values(),
         domain=domain,
         motions=motions,
         curves=tuple(binned_curve(samples, branch) for branch in ("accelerating", "slowing", "both")),
-        stick_slips=cuts,
-        averages=tuple(average_stick_slips(cuts)),
+        stick_slips=stick_slips,
+        averages=tuple(average_stick_slips(stick_slips)),
         models=models,
         deviations=model_deviations(models, motions, inertia),
-        replays=replay_stick_slip(models, motions, cuts, inertia),
+        replays=replay_stick_slip(models, motions, stick_slips, inertia),
         kinetic=levels,
         break_aways=tuple(b for m in motions if (b := break_away(m, inertia))),
         pressure_dependence=pressure_dependence(strokes, ambient),
         repeatability=tuple(repeatability(strokes, ambient)),
         removed_effects=train[0].non_friction.effect_names,
-        unmodelled_effects={m.name: lacks[m.name] for m in models},
-        warnings=(*warnings, *missing, *_model_a_warnings(both, samples, lacks), *_level_warnings(strokes)),
+        unmodelled_effects={m.name: unmodelled[m.name] for m in models},
+        warnings=(*warnings, *missing, *_model_a_warnings(fit_a, samples, unmodelled), *_level_warnings(strokes)),
     )
 
 
@@ -153,31 +162,31 @@ def _friction_recordings(recordings: Sequence[Recording]) -> list[Recording]:
 
 
 def _mass(train: Sequence[Motion], warnings: list[str]) -> IntervalEstimate | None:
-    """Return all mass that moves: given, or fitted together with Coulomb and viscous friction where it shows."""
-    if given := train[0].non_friction.model.rig.moving_mass:
-        mass = given + train[0].non_friction.added_mass
+    """Return the moving mass: stated, or fitted together with Coulomb and viscous friction where it is observable."""
+    if stated_mass := train[0].non_friction.model.rig.moving_mass:
+        mass = stated_mass + train[0].non_friction.added_mass
         return IntervalEstimate(mass, mass, mass, "kg")
     samples = pool_samples(train, 0.0)
     fit = fit_coulomb(samples, offset=samples.both_directions, mass=True)
-    found = fit.values()["mass"]
-    if found.value and found.ci_high - found.value < MAX_RELATIVE_MASS_ERROR * found.value:
-        return found
+    estimate = fit.values()["mass"]
+    if estimate.value and estimate.ci_high - estimate.value < MAX_RELATIVE_MASS_ERROR * estimate.value:
+        return estimate
     if not all(m.imposed for m in train):
         raise InputError("rig.cylinder.moving_mass", "missing, and these recordings do not tell it", "the moving mass")
     warnings.append("the moving mass does not show in these recordings: inertia is neglected, a22 is that of 1 kg")
     return None
 
 
-def _misfit_reason(lacks: Mapping[ModelName, tuple[str, ...]]) -> str:
-    """Return why a function of velocity alone does not describe the friction, as far as the pipeline's model knows."""
-    if not lacks["A"]:
+def _misfit_reason(unmodelled: Mapping[ModelName, tuple[str, ...]]) -> str:
+    """Return why a function of velocity alone does not describe the friction, given the pipeline's model."""
+    if not unmodelled["A"]:
         return (
             "something acts that neither A, a function of velocity alone, nor the pipeline's effects have; if D, E or "
             "F leave less, slowing differs from speeding up; else ask pneucli diagnose"
         )
-    better = [name for name in lacks if set(lacks[name]) < set(lacks["A"])]
-    told = f"; {' and '.join(better)} have more of it" if better else "; none of A to F has it"
-    return f"A, a function of velocity alone, lacks {', '.join(lacks['A'])}, which the pipeline's model has{told}"
+    better = [name for name in unmodelled if set(unmodelled[name]) < set(unmodelled["A"])]
+    comparison = f"; {' and '.join(better)} have more of it" if better else "; none of A to F has it"
+    return f"A, a function of velocity alone, lacks {', '.join(unmodelled['A'])}, which the pipeline's model has{comparison}"
 
 
 def _level_warnings(levels: Sequence[KineticFriction]) -> list[str]:
@@ -190,18 +199,18 @@ def _level_warnings(levels: Sequence[KineticFriction]) -> list[str]:
 
 
 def _model_a_warnings(
-    both: FrictionFit, samples: MovingSamples, lacks: Mapping[ModelName, tuple[str, ...]]
+    fit_a: FrictionFit, samples: MovingSamples, unmodelled: Mapping[ModelName, tuple[str, ...]]
 ) -> list[str]:
-    """Return what the user should know about the fit of model A."""
+    """Return warnings about the fit of model A."""
     out = []
-    values = both.values()
+    values = fit_a.values()
     if "offset" in values and (values["offset"].ci_low > 0 or values["offset"].ci_high < 0):
         force = values["offset"].value
         otherwise = "or friction differs by direction, or a sensor or an area errs"
         out.append(f"a constant force of {format_quantity(force, 'N', 3)} acts beside friction ({otherwise})")
-    if both.deviation > MAX_RESIDUAL_TO_NOISE:
+    if fit_a.deviation > MAX_RESIDUAL_TO_NOISE:
         out.append(
-            f"model A leaves {both.deviation:.1f} times the sensors' noise of these forces: {_misfit_reason(lacks)}"
+            f"model A leaves {fit_a.deviation:.1f} times the sensors' noise of these forces: {_misfit_reason(unmodelled)}"
         )
     if values["coulomb"].ci_low <= 0:
         out.append("dry friction is not told from zero")

@@ -1,4 +1,4 @@
-"""What a recording says of motion and friction: velocity, acceleration, driving force, and how sure they are."""
+"""Motion and friction of a recording: velocity, acceleration, driving force, and their uncertainty."""
 
 from __future__ import annotations
 
@@ -30,25 +30,25 @@ Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
 Kinematics = Callable[[Array, Array], tuple[Array, Array]]
 
-REST_SIGMA = 5.0  # standard deviations of the velocity, below which a piston counts as resting
-RINGING_RATIO = 1e-3  # of the highest speed: what smoothing leaves of it beside a stop
-MIN_NOISE_RATIO = 1e-5  # of a signal's spread: below, a computed signal's sampling errs more than its sensor
-MIN_BLOCKS = 10  # that a recording falls into at least
-MAX_DRAWS = 6  # of the sensors' noise, at most
-MAX_DRAWN_SAMPLES = 600_000  # samples of them: what so many tell, more draws of a long recording do not tell better
-ACCELERATION_SIGMA = 4.0  # standard deviations of the acceleration, within which it neither speeds up nor slows
+REST_SIGMA = 5.0  # standard deviations of the velocity, below which the piston counts as resting
+RINGING_RATIO = 1e-3  # of the highest speed: the ringing of the smoothed velocity next to a stop
+MIN_NOISE_RATIO = 1e-5  # of a signal's spread: sampling errors of a computed signal exceed smaller noise
+MIN_BLOCKS = 10  # of a recording
+MAX_DRAWS = 6  # of the sensors' noise
+MAX_DRAWN_SAMPLES = 600_000  # over all draws; a long recording needs fewer draws
+ACCELERATION_SIGMA = 4.0  # standard deviations of the acceleration, within which its sign is uncertain
 
 
 @dataclass(frozen=True)
 class Motion:
-    """Signals of one recording, each of shape (n,), SI; forces toward +x.
+    """Signals of one recording, each of shape (n,), SI; forces act toward +x.
 
-    ``drive`` is all that acts on the piston but friction and inertia: pressures as true sensors would read them, a
-    measured force, and the ``load`` that the model's effects state (``non_friction``). ``smooth_drive`` and
-    ``smooth_a`` are freed from noise, ``drive_noise_draws`` (draws, n) is what the sensors' noise leaves in the smooth
-    drive; ``a`` is without the sensor's bias. ``sigma_v``, ``sigma_a`` (of ``smooth_a``) and ``sigma_drive`` (of what
-    is not smoothed) are standard deviations, ``accelerometer_noise`` that of the accelerometer (0: none). ``valid``:
-    measured. Velocity and force are smoothed over ``smoothing_samples`` samples to each side.
+    ``drive`` is every force on the piston except friction and inertia: pressures as faultless sensors would read them,
+    a measured force, and the ``load`` of the model's effects (``non_friction``). ``smooth_drive`` and ``smooth_a`` are
+    smoothed; ``drive_noise_draws`` (draws, n) is the noise that remains in the smooth drive; ``a`` has no sensor bias.
+    ``sigma_v``, ``sigma_a`` (of ``smooth_a``) and ``sigma_drive`` (of ``drive``) are standard deviations,
+    ``accelerometer_noise`` that of the accelerometer (0 without one). ``valid`` marks measured samples. Smoothing of
+    velocity and force reaches ``smoothing_samples`` samples to each side.
     """
 
     recording: Recording
@@ -75,47 +75,47 @@ class Motion:
 
     @property
     def imposed(self) -> bool:
-        """Whether the motion was forced on the piston."""
+        """Whether a machine imposed the motion."""
         return self.recording.imposed == "motion"
 
     @property
     def rest_speed(self) -> float:
-        """The velocity in m/s below which the piston counts as resting."""
+        """The speed in m/s below which the piston counts as resting."""
         return max(REST_SIGMA * self.sigma_v, RINGING_RATIO * float(np.abs(self.v).max()))
 
     @property
     def moving(self) -> Mask:
-        """Samples of certain motion: velocities that the sensors resolve, of one sign as far as smoothing reaches."""
+        """Samples of certain motion: a resolved velocity that keeps its sign as far as smoothing reaches."""
         return self.sliding(self.smoothing_samples)
 
     def sliding(self, reach: int) -> Mask:
-        """Return where the sensors resolve a velocity, and one of the same sign ``reach`` samples to either side."""
-        way = np.where(np.abs(self.v) > self.rest_speed, np.sign(self.v), 0.0)
+        """Mask samples whose velocity the sensors resolve, with one sign over ``reach`` samples to either side."""
+        direction = np.where(np.abs(self.v) > self.rest_speed, np.sign(self.v), 0.0)
         size = 2 * reach + 1
-        forward = minimum_filter1d(way, size, mode="constant") > 0
-        backward = maximum_filter1d(way, size, mode="constant") < 0
+        forward = minimum_filter1d(direction, size, mode="constant") > 0
+        backward = maximum_filter1d(direction, size, mode="constant") < 0
         return np.asarray((forward | backward) & self.valid)
 
     @cached_property
     def block_length(self) -> float:
-        """How long residuals may be correlated, in s: a slide in one direction (half of all motion is in ones as long).
+        """How long residuals may be correlated, in s: the median duration of a slide, weighted by its length.
 
-        What a law of friction does not say comes back with every slide.
+        Errors of a friction model return with every slide.
         """
-        way = np.where(self.moving, np.sign(self.v), 0.0)
-        edges = np.flatnonzero(np.diff(way, prepend=0.0, append=0.0))
-        lasting = np.diff(self.time[np.minimum(edges, way.size - 1)])
-        lasting = np.sort(lasting[way[edges[:-1]] != 0.0])
-        most = (self.time[-1] - self.time[0]) / MIN_BLOCKS
-        half = np.searchsorted(np.cumsum(lasting), 0.5 * lasting.sum())
-        return float(min(lasting[half], most)) if lasting.sum() else float(most)
+        direction = np.where(self.moving, np.sign(self.v), 0.0)
+        edges = np.flatnonzero(np.diff(direction, prepend=0.0, append=0.0))
+        durations = np.diff(self.time[np.minimum(edges, direction.size - 1)])
+        durations = np.sort(durations[direction[edges[:-1]] != 0.0])
+        longest = (self.time[-1] - self.time[0]) / MIN_BLOCKS
+        half = np.searchsorted(np.cumsum(durations), 0.5 * durations.sum())
+        return float(min(durations[half], longest)) if durations.sum() else float(longest)
 
     @property
     def branch(self) -> NDArray[np.int8]:
-        """1 where the piston speeds up for certain, -1 where it slows, 0 where that is open, shape (n,)."""
-        along = np.sign(self.v) * self.smooth_a
-        sure = np.abs(along) > ACCELERATION_SIGMA * self.sigma_a
-        return np.where(self.moving & sure, np.sign(along), 0).astype(np.int8)
+        """1 where the piston certainly accelerates, -1 where it certainly slows, 0 elsewhere, shape (n,)."""
+        acceleration_along = np.sign(self.v) * self.smooth_a
+        is_certain = np.abs(acceleration_along) > ACCELERATION_SIGMA * self.sigma_a
+        return np.where(self.moving & is_certain, np.sign(acceleration_along), 0).astype(np.int8)
 
     def friction(self, mass: float) -> Array:
         """Return the friction force in N, positive where it brakes motion toward +x, for a moving mass in kg."""
@@ -127,41 +127,51 @@ class Motion:
 
 
 def estimate_motion(recording: Recording, model: Model) -> Motion:
-    """Return motion and driving force of a recording with x, a or both, and p1, p2, force or several of them.
+    """Estimate motion and driving force of a recording.
 
-    What the model's effects state of sensors, forces and mass is taken out. A pressure that was not recorded counts as
-    ambient. Raises InputError where motion or drive were not recorded, where pressures are the drive but the piston's
-    area is missing, where p2 is missing of a chamber that is not open, and where a force depends on a position that
-    was not recorded.
+    Sensor faults, forces and mass of the model's effects are removed. A pressure that was not recorded counts as
+    ambient.
+
+    Args:
+        recording: The recording.
+        model: The model with the rig and its effects.
+
+    Returns:
+        The motion.
+
+    Raises:
+        InputError: Motion or drive was not recorded, a piston area is missing, p2 of a closed chamber is missing, or a
+            force depends on a position that was not recorded.
+
     """
-    parts, beside, time = _drive_parts(recording, model.rig), NonFrictionForces(model), recording.time
+    parts, non_friction, time = _drive_parts(recording, model.rig), NonFrictionForces(model), recording.time
     raw = {n: fill_gaps(time, recording[n]) for n in (*parts, "x", "a") if n in recording}
     noise = {n: _noise(recording, n, y) for n, y in raw.items()}
-    derive, smoothers, a, blur = _estimators(recording, raw, noise)
+    derive, smoothers, a, smoothing_samples = _estimators(recording, raw, noise)
 
-    def push(readings: Mapping[str, Array]) -> Array:
-        true = beside.corrected_readings(time, readings)
-        return np.asarray(sum(gain * (true[n] - zero) for n, (gain, zero) in parts.items()))
+    def drive_force(readings: Mapping[str, Array]) -> Array:
+        true_readings = non_friction.corrected_readings(time, readings)
+        return np.asarray(sum(gain * (true_readings[n] - zero) for n, (gain, zero) in parts.items()))
 
     x = raw.get("x", np.full(time.size, np.nan))
     v, smooth_a = derive(raw.get("x", np.zeros(time.size)), a)
-    load = _non_friction_force(recording, beside, x, v)
+    load = _non_friction_force(recording, non_friction, x, v)
     rng = np.random.default_rng(0)
     redrawn = np.empty((int(np.clip(MAX_DRAWN_SAMPLES // time.size, 1, MAX_DRAWS)), time.size))
-    draws = ({n: its.draw(time, rng) for n, its in noise.items()} for _ in redrawn)
-    first = next(draws)
-    v_error, a_error = derive(*(first.get(n, np.zeros(time.size)) for n in ("x", "a")))
-    quiet = {n: smoothers[n](raw[n]) for n in parts}
-    smooth, rough = push(quiet), push({n: raw[n] for n in parts})
-    for out, one in zip(redrawn, chain([first], draws), strict=True):
-        out[:] = push({n: y + smoothers[n](one[n]) for n, y in quiet.items()}) - smooth
-    missed = push({n: raw[n] + first[n] for n in parts}) - rough
-    moved = beside.forces(x + first.get("x", 0.0), v + v_error) - load
+    draws = ({n: model_of_noise.draw(time, rng) for n, model_of_noise in noise.items()} for _ in redrawn)
+    first_draw = next(draws)
+    v_error, a_error = derive(*(first_draw.get(n, np.zeros(time.size)) for n in ("x", "a")))
+    smooth_readings = {n: smoothers[n](raw[n]) for n in parts}
+    smooth, rough = drive_force(smooth_readings), drive_force({n: raw[n] for n in parts})
+    for out, one in zip(redrawn, chain([first_draw], draws), strict=True):
+        out[:] = drive_force({n: y + smoothers[n](one[n]) for n, y in smooth_readings.items()}) - smooth
+    drive_error = drive_force({n: raw[n] + first_draw[n] for n in parts}) - rough
+    load_error = non_friction.forces(x + first_draw.get("x", 0.0), v + v_error) - load
     # without an accelerometer the force is smoothed as the motion is, so that both sides of the equation agree
     accelerometer = "a" in raw
     return Motion(
         recording=recording,
-        non_friction=beside,
+        non_friction=non_friction,
         x=x,
         v=v,
         a=a if accelerometer else smooth_a,
@@ -171,31 +181,31 @@ def estimate_motion(recording: Recording, model: Model) -> Motion:
         load=load,
         drive_noise_draws=redrawn,
         valid=np.logical_and.reduce([~np.isnan(recording[n]) for n in raw]),
-        smoothing_samples=blur,
+        smoothing_samples=smoothing_samples,
         sigma_v=float(np.std(v_error)),
         sigma_a=float(np.std(a_error)),
-        sigma_drive=float(np.hypot(np.std(missed), np.std(moved))),
+        sigma_drive=float(np.hypot(np.std(drive_error), np.std(load_error))),
         accelerometer_noise=noise["a"].rms if accelerometer else 0.0,
     )
 
 
-def _non_friction_force(recording: Recording, beside: NonFrictionForces, x: Array, v: Array) -> Array:
-    load = beside.forces(x, v)
+def _non_friction_force(recording: Recording, non_friction: NonFrictionForces, x: Array, v: Array) -> Array:
+    load = non_friction.forces(x, v)
     if np.isfinite(load).all():
         return load
-    names = ", ".join(e.name for e in beside.model.effects if "force" in e.ports)
+    names = ", ".join(e.name for e in non_friction.model.effects if "force" in e.ports)
     raise InputError(f"recording {recording.name}", f"x was not recorded, and a force depends on it ({names})", "x")
 
 
 def _noise(recording: Recording, name: str, values: Array) -> NoiseModel:
-    """Return a signal's noise, as given or estimated, but no less than ``MIN_NOISE_RATIO`` of its spread (or of its level)."""
-    given = recording.noise.get(name) or estimate_noise(recording.time, values)
-    least = MIN_NOISE_RATIO * float(np.std(values) or np.abs(values).max() or 1.0)
-    return given if given.rms >= least else replace(given, white=least)
+    """Return a signal's noise, given or estimated, at least ``MIN_NOISE_RATIO`` of its spread (or of its level)."""
+    noise = recording.noise.get(name) or estimate_noise(recording.time, values)
+    min_noise = MIN_NOISE_RATIO * float(np.std(values) or np.abs(values).max() or 1.0)
+    return noise if noise.rms >= min_noise else replace(noise, white=min_noise)
 
 
 def _drive_parts(recording: Recording, rig: Rig) -> dict[str, tuple[float, float]]:
-    """Return gain and zero of every signal that drives the piston."""
+    """Return gain and zero of each signal that drives the piston."""
     name = f"recording {recording.name}"
     if recording.chamber_2 in ("closed", "valve") and "p1" in recording and "p2" not in recording:
         raise InputError(name, f"chamber 2 is {recording.chamber_2}, p2 was not recorded", "p2", "record or state p2")
@@ -213,24 +223,29 @@ def _drive_parts(recording: Recording, rig: Rig) -> dict[str, tuple[float, float
 def _estimators(
     recording: Recording, raw: dict[str, Array], noise: dict[str, NoiseModel]
 ) -> tuple[Kinematics, dict[str, Smoother], Array, int]:
-    """Return the map (x, a) -> (v, smoothed a), each signal's smoother, the acceleration without bias, and the blur."""
+    """Return the map (x, a) -> (v, smoothed a), each signal's smoother, the unbiased acceleration, the smoothing's reach."""
     time = recording.time
     if "a" not in raw and "x" not in raw:
         raise InputError(f"recording {recording.name}", "neither x nor a", "position, acceleration, or both")
     if "a" not in raw:
         smoother = fit_position_smoother(time, raw["x"], noise["x"])
-        blur = int(np.ceil(np.pi * smoother.memory / recording.period))
+        smoothing_samples = int(np.ceil(np.pi * smoother.memory / recording.period))
         # the forces too: so both sides of the equation of motion are smoothed alike
-        return lambda x, _: smoother(x)[1:], dict.fromkeys(raw, lambda y: smoother(y)[0]), np.zeros(time.size), blur
-    fits: dict[str, Smoother] = {n: choose_windows(y, noise[n], recording.period) for n, y in raw.items()}
+        return (
+            lambda x, _: smoother(x)[1:],
+            dict.fromkeys(raw, lambda y: smoother(y)[0]),
+            np.zeros(time.size),
+            smoothing_samples,
+        )
+    smoothers: dict[str, Smoother] = {n: choose_windows(y, noise[n], recording.period) for n, y in raw.items()}
     if "x" in raw:
         velocity = fuse_position_and_acceleration(time, raw["a"], noise["x"].rms, noise["a"].rms)
         bias = velocity(raw["x"], raw["a"])[1]
-        derive: Kinematics = lambda x, a: (velocity(x, a)[0], fits["a"](a))  # noqa: E731
+        derive: Kinematics = lambda x, a: (velocity(x, a)[0], smoothers["a"](a))  # noqa: E731
     else:
         rest = rest_mask(time, raw["a"], noise["a"])
         if not rest.any():
             raise InputError(f"recording {recording.name}", "never at rest", "x, or rests to integrate from")
         bias = float(np.mean(raw["a"][rest]))
-        derive = lambda _, a: (integrate_between_rests(time, a, rest), fits["a"](a))  # noqa: E731
-    return derive, fits, raw["a"] - bias, 1
+        derive = lambda _, a: (integrate_between_rests(time, a, rest), smoothers["a"](a))  # noqa: E731
+    return derive, smoothers, raw["a"] - bias, 1

@@ -1,4 +1,4 @@
-"""Each model driven by the measured forces, and how far it misses acceleration and velocity (tables 6.2 and 6.3)."""
+"""Errors of the friction models under the measured forces, in acceleration and velocity (thesis tables 6.2, 6.3)."""
 
 from __future__ import annotations
 
@@ -16,8 +16,8 @@ from pneucli.identify.friction.stick_slip import StickSlip
 Array = NDArray[np.float64]
 Channel = Literal["a", "v", "force"]
 
-SUBSTEPS = 10  # of the simulation, from one sample to the next
-TABLE_REFINEMENT = 4  # nodes of the simulator's table to one of the models' grid, so that the grid's own error shows
+SUBSTEPS = 10  # of the simulation between two samples
+TABLE_REFINEMENT = 4  # nodes of the simulator's table for each node of the models' grid, so that its error shows
 UNITS: dict[Channel, str] = {"a": "m/s^2", "v": "m/s", "force": "N"}
 POOLED = "all"
 
@@ -27,7 +27,7 @@ class Deviation:
     """Root mean square deviation of one model in one channel of one recording (or of ``all`` of a use).
 
     ``rmsd`` in ``unit``; ``percent`` of the measured range; ``relative_percent`` 100 |y - model| / |y|, 2-norms.
-    ``noise`` is what the noise of the sensors alone makes of it, in the channel and through the drive (``unit``).
+    ``noise`` is the deviation from the noise of the sensors alone, in the channel and through the drive (``unit``).
     """
 
     model: ModelName
@@ -42,22 +42,30 @@ class Deviation:
 
 
 class ChannelSums(NamedTuple):
-    """How a channel compares: the number of its samples, and sums of squares over them.
+    """Sums over the samples of one channel: squares of the ``measured`` values, of the model error, and of noise alone.
 
-    Of what was ``measured``, of what the model ``missed`` of it, and of what ``noise`` makes of that, the mean over
-    draws; ``low`` and ``high`` are the least and the largest measured value. The draws themselves fill the memory.
+    ``missed`` is the sum for the model error, ``noise`` the mean over draws of the noise; ``low`` and ``high`` are the
+    smallest and largest measured value.
     """
 
     samples: int
     measured: float
-    missed: float
+    error: float
     noise: float
     low: float
     high: float
 
 
 def level_tables(model: FrictionModel) -> tuple[Array, float]:
-    """Return the friction levels (N), shape (2, 2, n): toward +x and -x, then speeding up and slowing; and the step."""
+    """Tabulate the friction levels of a model for the simulator.
+
+    Args:
+        model: The friction model.
+
+    Returns:
+        The levels in N, shape (2, 2, n): toward +x and -x, then accelerating and slowing; and the step of speed in m/s.
+
+    """
     n = TABLE_REFINEMENT * model.domain.nodes // 2
     step = model.domain.max_velocity / n
     speed = np.asarray(step * (np.arange(n) + 0.5), dtype=np.float64)
@@ -68,14 +76,24 @@ def level_tables(model: FrictionModel) -> tuple[Array, float]:
 def simulate_driven(
     model: FrictionModel, motion: Motion, mass: float, noise: Array | float = 0.0, span: slice = slice(None)
 ) -> Array:
-    """Return v (m/s) and a (m/s^2), shape (2, n), of the model under a recording's drive, started once at its v.
+    """Simulate a friction model under the measured drive of a recording, from its initial velocity.
 
-    The effects' forces act at the measured position and the model's own velocity. ``noise`` (N) disturbs the drive.
-    ``span`` is the stretch of samples that is driven.
+    The effects' forces act at the measured position and the simulated velocity.
+
+    Args:
+        model: The friction model.
+        motion: Motion and driving force of the recording.
+        mass: Moving mass in kg.
+        noise: Disturbance of the drive in N.
+        span: The samples to simulate.
+
+    Returns:
+        v (m/s) and a (m/s^2), shape (2, n).
+
     """
     tables, step = level_tables(model)
-    begin = float(motion.v[span][0])
-    start = begin if abs(begin) > motion.rest_speed else 0.0
+    initial_velocity = float(motion.v[span][0])
+    start = initial_velocity if abs(initial_velocity) > motion.rest_speed else 0.0
     drive = motion.smooth_drive - motion.load - model.offset + noise
     return motion.non_friction.simulate_driven(
         motion.time[span], drive[span], motion.x[span], start, mass, tables, step, SUBSTEPS
@@ -84,7 +102,7 @@ def simulate_driven(
 
 @dataclass(frozen=True)
 class StickSlipReplay:
-    """One stick-slip as measured and as a model gives it under the same drive; arrays of shape (n,), SI."""
+    """One stick-slip cycle as measured and as a model simulates it under the same drive; arrays of shape (n,), SI."""
 
     model: ModelName
     recording: str
@@ -96,15 +114,29 @@ class StickSlipReplay:
 
 
 def replay_stick_slip(
-    models: Sequence[FrictionModel], motions: Sequence[Motion], cuts: Sequence[StickSlip], mass: float
+    models: Sequence[FrictionModel], motions: Sequence[Motion], stick_slips: Sequence[StickSlip], mass: float
 ) -> tuple[StickSlipReplay, ...]:
-    """Return what each model makes of the single stick-slip with the highest speed (figures 6.14-6.19, 6.34-6.39)."""
+    """Simulate the stick-slip cycle with the highest speed under each model.
+
+    Args:
+        models: The friction models.
+        motions: The motions of all recordings.
+        stick_slips: The stick-slip cycles.
+        mass: Moving mass in kg.
+
+    Returns:
+        One replay a model; none without a cycle.
+
+    References:
+        Thesis, figures 6.14 to 6.19 and 6.34 to 6.39.
+
+    """
     by_name = {m.recording.name: m for m in motions}
-    one = max(cuts, key=lambda c: c.peak_speed, default=None)
+    one = max(stick_slips, key=lambda c: c.peak_speed, default=None)
     if one is None:
         return ()
-    motion, slide = by_name[one.recording], one.stop - one.breakaway
-    span = slice(max(one.start, one.breakaway - slide), min(one.end, one.stop + slide))
+    motion, duration = by_name[one.recording], one.stop - one.breakaway
+    span = slice(max(one.start, one.breakaway - duration), min(one.end, one.stop + duration))
     out = []
     for model in models:
         v, a = simulate_driven(model, motion, mass, span=span)
@@ -117,31 +149,56 @@ def replay_stick_slip(
 
 
 def predicted_force(model: FrictionModel, motion: Motion, mass: float) -> Array:
-    """Return the driving force (N), shape (n,), that a model asks for an imposed motion; the sign smoothed (6.22)."""
+    """Compute the driving force that a model needs for an imposed motion, with the smoothed sign.
+
+    Args:
+        model: The friction model.
+        motion: The imposed motion.
+        mass: Moving mass in kg.
+
+    Returns:
+        The force in N, shape (n,).
+
+    References:
+        Thesis, equation 6.22.
+
+    """
     inertia: Array = mass * motion.smooth_a
     return inertia + model.force(motion.v, motion.v * motion.smooth_a >= 0) + model.offset - motion.load
 
 
 def model_deviations(models: Sequence[FrictionModel], motions: Sequence[Motion], mass: float) -> tuple[Deviation, ...]:
-    """Return the tables 6.2 and 6.3: per model, recording and channel, and pooled per use.
+    """Compute the deviations of each model for each recording and channel, and pooled over each use.
 
     Acceleration is compared where an accelerometer measured it; an imposed motion is compared by its force.
+
+    Args:
+        models: The friction models.
+        motions: The motions of all recordings.
+        mass: Moving mass in kg.
+
+    Returns:
+        The deviations.
+
+    References:
+        Thesis, tables 6.2 and 6.3.
+
     """
     out: list[Deviation] = []
     for model in models:
         pairs: dict[tuple[Literal["train", "test"], Channel], list[ChannelSums]] = {}
         for m in motions:
-            for channel, compared in _channel_sums(model, m, mass).items():
+            for channel, sums in _channel_sums(model, m, mass).items():
                 use = m.recording.use
-                out.append(_deviation(model.name, m.recording.name, use, channel, compared))
-                pairs.setdefault((use, channel), []).append(compared)
-        for (use, channel), several in pairs.items():
-            out.append(_deviation(model.name, POOLED, use, channel, _pooled(several)))
+                out.append(_deviation(model.name, m.recording.name, use, channel, sums))
+                pairs.setdefault((use, channel), []).append(sums)
+        for (use, channel), all_sums in pairs.items():
+            out.append(_deviation(model.name, POOLED, use, channel, _pooled(all_sums)))
     return tuple(out)
 
 
 def _channel_sums(model: FrictionModel, m: Motion, mass: float) -> dict[Channel, ChannelSums]:
-    """Return how the model compares with the channels that were measured."""
+    """Return the sums of each measured channel."""
     rng = np.random.default_rng(0)
     if m.imposed:
         spread = mass * m.sigma_a
@@ -149,39 +206,39 @@ def _channel_sums(model: FrictionModel, m: Motion, mass: float) -> dict[Channel,
             [_sum_of_squares(one + spread * rng.standard_normal(one.size), m) for one in m.drive_noise_draws]
         )
         return {"force": _sums(m, m.drive - m.load, predicted_force(model, m, mass), float(drawn))}
-    nominal, own = simulate_driven(model, m, mass), np.array([[m.sigma_v], [m.accelerometer_noise]])
+    nominal, sensor_noise = simulate_driven(model, m, mass), np.array([[m.sigma_v], [m.accelerometer_noise]])
     powers = []
     for noise in m.drive_noise_draws:
-        missed = simulate_driven(model, m, mass, noise)
-        missed -= nominal
-        missed += own * rng.standard_normal(missed.shape)
-        powers.append([_sum_of_squares(one, m) for one in missed])
-    of_v, of_a = np.mean(powers, axis=0)
-    v, a = _sums(m, m.v, nominal[0], of_v), _sums(m, m.a, nominal[1], of_a)
+        error = simulate_driven(model, m, mass, noise)
+        error -= nominal
+        error += sensor_noise * rng.standard_normal(error.shape)
+        powers.append([_sum_of_squares(one, m) for one in error])
+    noise_v, noise_a = np.mean(powers, axis=0)
+    v, a = _sums(m, m.v, nominal[0], noise_v), _sums(m, m.a, nominal[1], noise_a)
     return {"a": a, "v": v} if m.accelerometer_noise else {"v": v}
 
 
 def _sum_of_squares(values: Array, m: Motion) -> float:
-    """Return the sum of squares where the recording is valid."""
+    """Return the sum of squares over valid samples."""
     return float(np.sum(values[m.valid] ** 2))
 
 
 def _sums(m: Motion, measured: Array, modelled: Array, noise: float) -> ChannelSums:
-    seen = measured[m.valid]
-    power, missed = _sum_of_squares(measured, m), _sum_of_squares(measured - modelled, m)
-    return ChannelSums(seen.size, power, missed, noise, float(seen.min()), float(seen.max()))
+    valid = measured[m.valid]
+    power, error = _sum_of_squares(measured, m), _sum_of_squares(measured - modelled, m)
+    return ChannelSums(valid.size, power, error, noise, float(valid.min()), float(valid.max()))
 
 
-def _pooled(several: Sequence[ChannelSums]) -> ChannelSums:
-    samples, measured, missed, noise, low, high = zip(*several, strict=True)
-    return ChannelSums(sum(samples), sum(measured), sum(missed), sum(noise), min(low), max(high))
+def _pooled(all_sums: Sequence[ChannelSums]) -> ChannelSums:
+    samples, measured, error, noise, low, high = zip(*all_sums, strict=True)
+    return ChannelSums(sum(samples), sum(measured), sum(error), sum(noise), min(low), max(high))
 
 
 def _deviation(
-    name: ModelName, recording: str, use: Literal["train", "test"], channel: Channel, compared: ChannelSums
+    name: ModelName, recording: str, use: Literal["train", "test"], channel: Channel, sums: ChannelSums
 ) -> Deviation:
-    size, rmsd, noise = (np.sqrt(power / compared.samples) for power in compared[1:4])
-    spread = compared.high - compared.low
+    size, rmsd, noise = (np.sqrt(power / sums.samples) for power in sums[1:4])
+    spread = sums.high - sums.low
     return Deviation(
         model=name,
         recording=recording,

@@ -1,8 +1,8 @@
 """Friction models A to F (thesis 6.1 to 6.3): parametric and tensor-product, without and with hysteresis.
 
-A: Stribeck (3.6). B: TP model of A. C: TP model directly from the measurement. D: Stribeck while speeding up, Coulomb
-and viscous with constants of its own while slowing (6.21). E: TP models of D, F: directly from the measurement, one
-per branch. The TP models hold S(v) = a22(v) = F(v) / (m v) of (2.48), so that F(v) = m v S(v).
+A: Stribeck (3.6). B: TP model of A. C: TP model directly from the measurement. D: Stribeck while accelerating, Coulomb
+and viscous with constants of its own while slowing (6.21). E: TP models of D, F: directly from the measurement, one a
+branch. The TP models hold S(v) = a22(v) = F(v) / (m v) of (2.48), so that F(v) = m v S(v).
 """
 
 from __future__ import annotations
@@ -30,21 +30,21 @@ TITLES: dict[ModelName, str] = {
     "E": "TP models of D, one per branch",
     "F": "TP models of the measurement, one per branch",
 }
-DEFAULT_NODES = 1000  # nodes of the thesis
-SIGN_AT_RESOLVED_VELOCITY = 0.95  # what the smoothed sign reaches at the velocity that the sensors resolve
-MIN_BRANCH_SAMPLES = 50  # samples that a branch, or one direction of it, is identified from
-MIN_NODE_SUPPORT = 0.5  # samples at a node, below which the outermost nodes of a direct model do not count as measured
+DEFAULT_NODES = 1000  # as in the thesis
+SIGN_AT_RESOLVED_VELOCITY = 0.95  # value of the smoothed sign at the velocity that the sensors resolve
+MIN_BRANCH_SAMPLES = 50  # of a branch, or of one direction of it
+MIN_NODE_SUPPORT = 0.5  # samples at an outermost node of a direct model, below which it does not count as measured
 
 
 @dataclass(frozen=True)
 class VelocityDomain:
-    """Velocities on which the models live: ``nodes`` from -``max_velocity`` to ``max_velocity`` (m/s), and the sign's steepness.
+    """The velocities of the models: ``nodes`` from -``max_velocity`` to ``max_velocity`` (m/s), and the sign's slope.
 
-    The nodes' distance grows with the velocity beyond what the sensors resolve, as a22 falls with it: at equal
-    distances its straight lines would lie above friction near standstill, by as much as holds a piston that has just
-    broken away. ``eta`` (s/m) is such that the sign of (6.22) reaches 0.95 at the velocity that the sensors resolve
-    (``resolved_velocity``, m/s) or at two steps of the grid, whichever is larger: below, neither tells friction from
-    its smoothing. ``steepness`` (s/m) states eta instead.
+    The distance of nodes grows with the velocity beyond what the sensors resolve, as a22 falls with it: at equal
+    distances its straight lines would lie above friction near standstill by enough to hold a piston that has just
+    broken away. ``eta`` (s/m) is chosen so that the sign of (6.22) reaches 0.95 at the velocity that the sensors
+    resolve (``resolved_velocity``, m/s) or at two steps of the grid, whichever is larger: below it, friction and its
+    smoothing cannot be distinguished. ``steepness`` (s/m) states eta instead.
     """
 
     max_velocity: float
@@ -54,19 +54,19 @@ class VelocityDomain:
 
     @property
     def grid(self) -> Array:
-        """The nodes, shape (nodes,), m/s; standstill is none of them where their number is even."""
-        most = np.arcsinh(self.max_velocity / self.resolved_velocity)
-        return np.asarray(self.resolved_velocity * np.sinh(np.linspace(-most, most, self.nodes)))
+        """The nodes, shape (nodes,), m/s; an even number of nodes excludes standstill."""
+        end = np.arcsinh(self.max_velocity / self.resolved_velocity)
+        return np.asarray(self.resolved_velocity * np.sinh(np.linspace(-end, end, self.nodes)))
 
     @property
     def uniform_speeds(self) -> Array:
-        """As many positive speeds, (n,), in m/s at equal distances: a measurement is averaged alike at all of them."""
+        """Equally spaced positive speeds, (n,), in m/s, at which measurements are averaged alike."""
         speeds = np.linspace(-self.max_velocity, self.max_velocity, self.nodes)
         return speeds[speeds > 0]
 
     @property
     def step(self) -> float:
-        """Distance of the two nodes beside standstill in m/s."""
+        """Distance of the two nodes next to standstill in m/s."""
         return float(np.min(np.diff(self.grid)))
 
     @property
@@ -86,9 +86,9 @@ class VelocityDomain:
 
 @dataclass(frozen=True)
 class ModelBranch:
-    """One branch of a model: ``force`` (N) over ``v`` (m/s), shape (n,) or any other, the sign smoothed (6.22).
+    """One branch of a model: ``force`` (N) over ``v`` (m/s), of any shape, with the smoothed sign (6.22).
 
-    ``parameters`` are those of a parametric branch, ``tp`` the TP model of a22 (1/s) of the others.
+    A parametric branch has ``parameters``, the others the TP model ``tp`` of a22 (1/s).
     """
 
     branch: Branch
@@ -99,10 +99,10 @@ class ModelBranch:
 
 @dataclass(frozen=True)
 class FrictionModel:
-    """One of the models A to F; ``branches`` holds one for both, or one while speeding up and one while slowing.
+    """One of the models A to F; ``branches`` holds one for both, or one for acceleration and one for deceleration.
 
-    Friction is without the constant force ``offset`` (N, positive where it pushes toward x = 0) found beside it: by
-    A for A to C, by D for D to F, since one law for two branches would take their difference for a force.
+    The constant force ``offset`` (N, positive where it pushes toward x = 0) is not part of friction. A determines it
+    for A to C, D for D to F, since a single function for two branches would take their difference for a force.
     """
 
     name: ModelName
@@ -116,31 +116,42 @@ class FrictionModel:
         return TITLES[self.name]
 
     def branch(self, *, accelerating: bool) -> ModelBranch:
-        """Return the branch that holds while speeding up, or while slowing."""
+        """Return the branch for acceleration or deceleration."""
         return self.branches[0 if accelerating else -1]
 
     def force(self, v: Array, accelerating: NDArray[np.bool_] | bool = True) -> Array:
-        """Return the friction force (N) at ``v`` (m/s) where ``accelerating`` says which branch; shapes broadcast.
+        """Return the friction force (N) at ``v`` (m/s) on the branch of ``accelerating``; shapes broadcast.
 
-        The domain's ends hold for velocities beyond it.
+        Beyond the domain the value at its end holds.
         """
         inside = np.clip(v, -self.domain.max_velocity, self.domain.max_velocity)
         up, down = (self.branch(accelerating=b).force(inside) for b in (True, False))
         return np.where(accelerating, up, down)
 
     def level(self, v: Array, *, accelerating: bool) -> Array:
-        """Return the magnitude of friction (N) at ``v`` (m/s) with a true sign in place of the smoothed.
+        """Return the magnitude of friction (N) at ``v`` (m/s) with a true sign instead of the smoothed one.
 
-        Nearer to standstill than half a step of the grid (m/s) the value there holds.
+        Within half a step of the grid from standstill the value at half a step holds.
         """
-        clear = np.where(v < 0, -1.0, 1.0) * np.maximum(np.abs(v), 0.5 * self.domain.step)
-        return np.asarray(self.force(clear, accelerating) / self.domain.sign(clear))
+        nonzero = np.where(v < 0, -1.0, 1.0) * np.maximum(np.abs(v), 0.5 * self.domain.step)
+        return np.asarray(self.force(nonzero, accelerating) / self.domain.sign(nonzero))
 
 
 def parametric_model(
     name: ModelName, domain: VelocityDomain, fits: Mapping[Branch, FrictionFit], offset: float
 ) -> FrictionModel:
-    """Return model A (one fit, of ``both``) or D (``accelerating`` and ``slowing``)."""
+    """Build model A or D from parametric fits.
+
+    Args:
+        name: "A" or "D".
+        domain: The velocities of the model.
+        fits: One fit of ``both``, or one of ``accelerating`` and one of ``slowing``.
+        offset: Constant force in N.
+
+    Returns:
+        The model.
+
+    """
     return FrictionModel(name, domain, tuple(_parametric(domain, branch, fit) for branch, fit in fits.items()), offset)
 
 
@@ -154,15 +165,27 @@ def _parametric(domain: VelocityDomain, branch: Branch, fit: FrictionFit) -> Mod
 
 
 def tp_from_model(name: ModelName, source: FrictionModel, mass: float) -> FrictionModel:
-    """Return model B or E: the TP models of the branches of A or D."""
-    branches = tuple(_tp_on_grid(one, source.domain, source.domain.grid, mass) for one in source.branches)
+    """Build model B or E: the TP models of the branches of A or D.
+
+    Args:
+        name: "B" or "E".
+        source: Model A or D.
+        mass: Moving mass in kg.
+
+    Returns:
+        The model.
+
+    """
+    branches = tuple(
+        _tp_on_grid(branch_model, source.domain, source.domain.grid, mass) for branch_model in source.branches
+    )
     return FrictionModel(name, source.domain, branches, source.offset)
 
 
-def _tp_on_grid(one: ModelBranch, domain: VelocityDomain, grid: Array, mass: float) -> ModelBranch:
-    """Return the TP model of a branch on any grid."""
-    safe = np.where(grid == 0, 1e-6 / domain.eta, grid)  # a22's limit at standstill
-    return _tp_branch(grid, one.branch, one.force(safe) / (mass * safe), mass)
+def _tp_on_grid(branch_model: ModelBranch, domain: VelocityDomain, grid: Array, mass: float) -> ModelBranch:
+    """Return the TP model of a branch on a grid of velocities."""
+    nonzero = np.where(grid == 0, 1e-6 / domain.eta, grid)  # a22's limit at standstill
+    return _tp_branch(grid, branch_model.branch, branch_model.force(nonzero) / (mass * nonzero), mass)
 
 
 def tp_from_samples(
@@ -173,20 +196,35 @@ def tp_from_samples(
     offset: float,
     mass: float,
 ) -> FrictionModel | None:
-    """Return model C or F: TP models directly from the measured samples of each branch, less the ``offset`` (N).
+    """Build model C or F: TP models directly from the measured samples of each branch.
 
     A direction with fewer than ``MIN_BRANCH_SAMPLES`` samples mirrors the other. Beyond the measured velocities
-    friction goes on with the slope ``viscous`` (N s/m), toward standstill it is held. None where a branch has too few
-    in either.
+    friction continues with the viscous slope; toward standstill it is constant.
+
+    Args:
+        name: "C" or "F".
+        domain: The velocities of the model.
+        samples: The moving samples of each branch.
+        viscous: Viscous friction in N s/m.
+        offset: Constant force in N, which is subtracted.
+        mass: Moving mass in kg.
+
+    Returns:
+        The model; None where a branch has too few samples in both directions.
+
     """
     speed = np.maximum(np.abs(domain.grid), 1e-6 * domain.step)
     smoothed = np.abs(domain.sign(speed)) / (mass * speed)
     branches = []
     for branch, s in samples.items():
-        sides = [side for d in (1, -1) if (side := _friction_of_direction(domain, s, viscous, offset, d))]
-        if not sides:
+        directions = [
+            direction_friction
+            for d in (1, -1)
+            if (direction_friction := _friction_of_direction(domain, s, viscous, offset, d))
+        ]
+        if not directions:
             return None
-        levels = [np.interp(speed, *side) for side in (sides[0], sides[-1])]
+        levels = [np.interp(speed, *direction_friction) for direction_friction in (directions[0], directions[-1])]
         level = np.where(domain.grid >= 0, *levels)
         branches.append(_tp_branch(domain.grid, branch, level * smoothed, mass))
     return FrictionModel(name, domain, tuple(branches), offset)
@@ -195,16 +233,16 @@ def tp_from_samples(
 def _friction_of_direction(
     domain: VelocityDomain, s: MovingSamples, viscous: float, offset: float, direction: int
 ) -> tuple[Array, Array] | None:
-    """Return speeds (m/s) and the friction (N) measured in one direction, by least squares; None without."""
+    """Return speeds (m/s) and measured friction (N) of one direction, by least squares; None with too few samples."""
     nodes = domain.uniform_speeds
     speed = direction * s.v
-    mine = (speed >= max(nodes[0], domain.resolved_velocity)) & (speed <= nodes[-1])
-    if np.count_nonzero(mine) < MIN_BRANCH_SAMPLES:
+    in_direction = (speed >= max(nodes[0], domain.resolved_velocity)) & (speed <= nodes[-1])
+    if np.count_nonzero(in_direction) < MIN_BRANCH_SAMPLES:
         return None
-    friction = direction * (s.friction[mine] - offset)
-    found = fit_samples(speed[mine], friction, (nodes,), sigma=s.sigma[mine])
-    seen = np.flatnonzero(found.support >= MIN_NODE_SUPPORT)
-    first, last = seen[0], seen[-1]
+    friction = direction * (s.friction[in_direction] - offset)
+    found = fit_samples(speed[in_direction], friction, (nodes,), sigma=s.sigma[in_direction])
+    supported = np.flatnonzero(found.support >= MIN_NODE_SUPPORT)
+    first, last = supported[0], supported[-1]
     beyond = viscous * np.maximum(nodes - nodes[last], 0.0)
     return nodes, found.samples[np.clip(np.arange(nodes.size), first, last)] + beyond
 
@@ -221,53 +259,85 @@ def _tp_branch(grid: Array, branch: Branch, a22: Array, mass: float) -> ModelBra
 def identify_models(
     samples: MovingSamples, both: FrictionFit, domain: VelocityDomain, mass: float
 ) -> tuple[tuple[FrictionModel, ...], list[str]]:
-    """Return the models A to F of the samples, and warnings about those that too few samples do not give."""
+    """Identify the models A to F from moving samples.
+
+    Args:
+        samples: The moving samples.
+        both: The Stribeck fit of all samples.
+        domain: The velocities of the models.
+        mass: Moving mass in kg.
+
+    Returns:
+        The models, and warnings about those that too few samples prevent.
+
+    """
     a, viscous = parametric_model("A", domain, {"both": both}, both["offset"]), both.values()["viscous"].ci_low
-    found: list[FrictionModel | None] = [
+    candidates: list[FrictionModel | None] = [
         a,
         tp_from_model("B", a, mass),
         tp_from_samples("C", domain, {"both": samples}, viscous, a.offset, mass),
     ]
-    parts: dict[Branch, MovingSamples] = {
+    branch_samples: dict[Branch, MovingSamples] = {
         "accelerating": samples.select(samples.branch > 0),
         "slowing": samples.select(samples.branch < 0),
     }
-    if all(len(s) >= MIN_BRANCH_SAMPLES for s in parts.values()):
-        offset = _common_offset(parts)
-        d = parametric_model("D", domain, _branch_fits(parts, offset), offset)
-        found += [d, tp_from_model("E", d, mass), tp_from_samples("F", domain, parts, viscous, offset, mass)]
-    models = tuple(m for m in found if m is not None)
+    if all(len(s) >= MIN_BRANCH_SAMPLES for s in branch_samples.values()):
+        offset = _common_offset(branch_samples)
+        d = parametric_model("D", domain, _branch_fits(branch_samples, offset), offset)
+        candidates += [
+            d,
+            tp_from_model("E", d, mass),
+            tp_from_samples("F", domain, branch_samples, viscous, offset, mass),
+        ]
+    models = tuple(m for m in candidates if m is not None)
     missing = [name for name in TITLES if name not in {m.name for m in models}]
-    counts = ", ".join(f"{len(s)} {name}" for name, s in parts.items())
+    counts = ", ".join(f"{len(s)} {name}" for name, s in branch_samples.items())
     return models, [f"no model {', '.join(missing)}: too few moving samples ({counts})"] if missing else []
 
 
-def _common_offset(parts: Mapping[Branch, MovingSamples]) -> float:
-    """Return the constant force in N beside both branches, weighed by how sure each is; 0 where it can't be told."""
-    if not all(s.both_directions for s in parts.values()):
+def _common_offset(branch_samples: Mapping[Branch, MovingSamples]) -> float:
+    """Return the constant force (N) of both branches, weighted by their precision; 0 where it is not identifiable."""
+    if not all(s.both_directions for s in branch_samples.values()):
         return 0.0
-    told = [
+    offsets = [
         fit.values()["offset"]
-        for fit in (fit_stribeck(parts["accelerating"], offset=True), fit_coulomb(parts["slowing"], offset=True))
+        for fit in (
+            fit_stribeck(branch_samples["accelerating"], offset=True),
+            fit_coulomb(branch_samples["slowing"], offset=True),
+        )
     ]
-    return float(np.average([v.value for v in told], weights=[(v.ci_high - v.ci_low) ** -2.0 for v in told]))
+    return float(np.average([v.value for v in offsets], weights=[(v.ci_high - v.ci_low) ** -2.0 for v in offsets]))
 
 
-def _branch_fits(parts: Mapping[Branch, MovingSamples], offset: float) -> dict[Branch, FrictionFit]:
-    rising, falling = (replace(parts[b], friction=parts[b].friction - offset) for b in ("accelerating", "slowing"))
+def _branch_fits(branch_samples: Mapping[Branch, MovingSamples], offset: float) -> dict[Branch, FrictionFit]:
+    rising, falling = (
+        replace(branch_samples[b], friction=branch_samples[b].friction - offset) for b in ("accelerating", "slowing")
+    )
     return {"accelerating": fit_stribeck(rising, offset=False), "slowing": fit_coulomb(falling, offset=False)}
 
 
 def grid_convergence(source: FrictionModel, mass: float, sizes: Sequence[int]) -> list[tuple[int, float]]:
-    """Return, for each number of nodes, the rms deviation in N of the TP models (E of D, B of A) from their source.
+    """Compute the error of the TP models (E of D, B of A) over the number of grid nodes.
 
-    The smoothed sign is the source's throughout: the grid alone changes.
+    The smoothed sign is that of the source throughout, so only the grid changes.
+
+    Args:
+        source: Model A or D.
+        mass: Moving mass in kg.
+        sizes: Numbers of nodes.
+
+    Returns:
+        For each number of nodes, the rms deviation of force in N.
+
     """
     fine = np.linspace(-source.domain.max_velocity, source.domain.max_velocity, 40_001)
     out = []
     for nodes in sizes:
         grid = replace(source.domain, nodes=nodes).grid
-        copies = [_tp_on_grid(one, source.domain, grid, mass) for one in source.branches]
-        errors = [copy.force(fine) - one.force(fine) for copy, one in zip(copies, source.branches, strict=True)]
+        copies = [_tp_on_grid(branch_model, source.domain, grid, mass) for branch_model in source.branches]
+        errors = [
+            copy.force(fine) - branch_model.force(fine)
+            for copy, branch_model in zip(copies, source.branches, strict=True)
+        ]
         out.append((nodes, float(np.sqrt(np.mean(np.square(errors))))))
     return out

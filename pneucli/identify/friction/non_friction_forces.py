@@ -1,4 +1,4 @@
-"""What a model says beside friction: other forces on the piston, mass and sensors."""
+"""The model's forces, mass and sensor faults that are not friction."""
 
 from __future__ import annotations
 
@@ -24,22 +24,22 @@ REMOVED_SIDES = {
 
 @dataclass(frozen=True)
 class NonFrictionForces:
-    """A model's equations at the ports of the sides ``REMOVED_SIDES``."""
+    """The equations of a model's effects at the ports of ``REMOVED_SIDES``."""
 
     model: Model
 
     @property
     def effect_names(self) -> tuple[str, ...]:
-        """The effects that are taken out of the forces before friction is sought in them."""
+        """The effects whose forces are removed before friction is identified."""
         return tuple(e.name for e in self.model.effects if REMOVED_SIDES & e.balances)
 
     @property
     def added_mass(self) -> float:
-        """What moves beside the rig's mass in kg."""
+        """The mass in kg that effects add to the rig's."""
         return self.model.sum_of_port("mass")
 
     def corrected_readings(self, time: Array, readings: Mapping[str, Array]) -> dict[str, Array]:
-        """Return readings, each (n,), those of p1 and p2 as sensors without fault would have read them."""
+        """Return readings, each (n,), with the faults of the sensors of p1 and p2 removed."""
         inputs = np.full((time.size, len(at.INPUTS)), self.model.rig.ambient_pressure)
         columns = {"p1": at.IN_P1, "p2": at.IN_P2}
         for name in columns.keys() & readings.keys():

@@ -1,4 +1,4 @@
-"""Fits of friction laws to the equation of motion, robust, with intervals that allow for correlated residuals."""
+"""Robust fits of friction models to the equation of motion, with intervals that allow for correlated residuals."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ UNITS = {"coulomb": "N", "viscous": "N s/m", "static": "N", "velocity": "m/s", "
 
 @dataclass(frozen=True)
 class FrictionFit:
-    """A fitted law: values by name, their covariance in the names' order, and the residuals' robust deviation (N)."""
+    """A fitted friction model: values by name, their covariance in that order, and the residuals' robust deviation."""
 
     names: tuple[str, ...]
     theta: Array
@@ -35,25 +35,53 @@ class FrictionFit:
         return float(self.theta[self.names.index(name)]) if name in self.names else 0.0
 
     def values(self) -> dict[str, IntervalEstimate]:
-        """Return every parameter with its interval; forces and masses are kept from leaving their range."""
-        half = Z95 * np.sqrt(np.diag(self.covariance))
+        """Return each parameter with its 95 % interval; the interval of a force or mass is cut at zero."""
+        half_width = Z95 * np.sqrt(np.diag(self.covariance))
         out = {}
-        for name, value, h in zip(self.names, self.theta, half, strict=True):
-            low = value - h if name == "offset" else max(0.0, value - h)
-            out[name] = IntervalEstimate(float(value), float(low), float(value + h), UNITS[name])
+        for name, value, h in zip(self.names, self.theta, half_width, strict=True):
+            lower = value - h if name == "offset" else max(0.0, value - h)
+            out[name] = IntervalEstimate(float(value), float(lower), float(value + h), UNITS[name])
         return out
 
 
 def velocity_friction(v: Array, p: Mapping[str, float] | FrictionFit) -> Array:
-    """Return Stribeck friction (3.6) in N without the offset; without ``velocity``, Coulomb and viscous friction."""
-    curved = p["velocity"] > 0
+    """Evaluate Stribeck friction without the offset; without a Stribeck velocity, Coulomb and viscous friction.
+
+    Args:
+        v: Velocity in m/s.
+        p: ``coulomb``, ``viscous``, ``static``, ``velocity`` in N, N s/m, N, m/s.
+
+    Returns:
+        The friction in N, of the shape of ``v``.
+
+    References:
+        Thesis, equation 3.6.
+
+    >>> velocity_friction(np.array([-0.1]), {"coulomb": 10.0, "viscous": 20.0, "static": 10.0, "velocity": 0.0}).tolist()
+    [-12.0]
+
+    """
+    has_peak = p["velocity"] > 0
     return stribeck_friction(
-        v, p["coulomb"], p["viscous"], p["static" if curved else "coulomb"], p["velocity"] if curved else np.inf
+        v, p["coulomb"], p["viscous"], p["static" if has_peak else "coulomb"], p["velocity"] if has_peak else np.inf
     )
 
 
 def fit_coulomb(samples: MovingSamples, *, offset: bool, mass: bool = False) -> FrictionFit:
-    """Fit drive = mass a + coulomb sign v + viscous v + offset (3.4); the mass only where it is asked for."""
+    """Fit drive = mass a + coulomb sign v + viscous v + offset.
+
+    Args:
+        samples: The moving samples.
+        offset: Whether a constant force is fitted too.
+        mass: Whether the moving mass is fitted too.
+
+    Returns:
+        The fit.
+
+    References:
+        Thesis, equation 3.4.
+
+    """
     s = samples
     columns = {"coulomb": np.sign(s.v), "viscous": s.v}
     if offset:
@@ -62,70 +90,90 @@ def fit_coulomb(samples: MovingSamples, *, offset: bool, mass: bool = False) -> 
         columns["mass"] = s.a
     design = np.column_stack(list(columns.values())) / s.sigma[:, None]
     target = (s.drive if mass else s.friction) / s.sigma
-    low = np.array([-np.inf if name == "offset" else 0.0 for name in columns])
+    lower = np.array([-np.inf if name == "offset" else 0.0 for name in columns])
     start = np.asarray(np.linalg.lstsq(design, target)[0], dtype=np.float64)
-    return _refine(tuple(columns), lambda p: design @ p - target, start, low, s)
+    return _refine(tuple(columns), lambda p: design @ p - target, start, lower, s)
 
 
 def fit_stribeck(samples: MovingSamples, *, offset: bool) -> FrictionFit:
-    """Fit Stribeck friction (3.6); return Coulomb and viscous friction where a fall with velocity is not there.
+    """Fit Stribeck friction, or Coulomb and viscous friction where friction does not fall with velocity.
 
-    The fall is kept where twice the gain in likelihood, divided by the residuals' correlation (long-run over sample
-    variance), exceeds twice the Schwarz penalty of its two parameters, and where static friction less Coulomb
-    friction is more than three standard errors.
+    The Stribeck effect is kept where twice the gain in likelihood, divided by the residuals' correlation (long-run over
+    sample variance), exceeds twice the Schwarz penalty of its two parameters, and where static friction exceeds Coulomb
+    friction by more than three standard errors.
+
+    Args:
+        samples: The moving samples.
+        offset: Whether a constant force is fitted too.
+
+    Returns:
+        The fit.
+
+    References:
+        Thesis, equation 3.6.
+        Schwarz, G., Ann. Statist. 6 (1978) 461.
+
     """
     s = samples
-    plain = fit_coulomb(s, offset=offset)
+    coulomb_fit = fit_coulomb(s, offset=offset)
     names = ("coulomb", "viscous", "static", "velocity") + (("offset",) if offset else ())
     start = _stribeck_start(s, offset=offset)
     if start is None:
-        return plain
+        return coulomb_fit
     speed = np.abs(s.v)
 
     def residual(p: Array) -> Array:
         model = velocity_friction(s.v, dict(zip(names, p, strict=True)))
         return np.asarray((model + (p[4] if offset else 0.0) - s.friction) / s.sigma)
 
-    low = np.array([0.0, 0.0, 0.0, 0.5 * speed.min(), -np.inf][: len(names)])
-    curved = _refine(names, residual, start, low, s)
-    gain = _huber_loss(scaled_residual(plain, s), curved.deviation) - _huber_loss(
-        residual(curved.theta), curved.deviation
-    )
-    inflation = _correlation_inflation(residual(curved.theta), s.block)
-    return curved if _has_stribeck_effect(curved) and 2 * gain / inflation > 4 * np.log(len(s)) else plain
+    lower = np.array([0.0, 0.0, 0.0, 0.5 * speed.min(), -np.inf][: len(names)])
+    stribeck = _refine(names, residual, start, lower, s)
+    remaining = residual(stribeck.theta)
+    gain = _huber_loss(scaled_residual(coulomb_fit, s), stribeck.deviation) - _huber_loss(remaining, stribeck.deviation)
+    inflation = _correlation_inflation(remaining, s.block)
+    return stribeck if _has_stribeck_effect(stribeck) and 2 * gain / inflation > 4 * np.log(len(s)) else coulomb_fit
 
 
 def _has_stribeck_effect(fit: FrictionFit) -> bool:
-    """Whether static friction lies above Coulomb friction by more than three standard errors."""
+    """Return whether static friction exceeds Coulomb friction by more than three standard errors."""
     contrast = np.array([{"static": 1.0, "coulomb": -1.0}.get(name, 0.0) for name in fit.names])
     return bool(contrast @ fit.theta > 3.0 * np.sqrt(contrast @ fit.covariance @ contrast))
 
 
 def scaled_residual(fit: FrictionFit, s: MovingSamples) -> Array:
-    """Return what a fit leaves of the friction force, in standard deviations, shape (n,)."""
+    """Return the residual of a friction fit in standard deviations.
+
+    Args:
+        fit: The fit.
+        s: The moving samples.
+
+    Returns:
+        The residual, shape (n,).
+
+    """
     return np.asarray((velocity_friction(s.v, fit) + fit["offset"] - s.friction) / s.sigma)
 
 
 def _stribeck_start(s: MovingSamples, *, offset: bool) -> Array | None:
-    """Return the best of a search over the Stribeck velocity, the other parameters by linear least squares."""
+    """Return the best start of a search over the Stribeck velocity, the other parameters by linear least squares."""
     speed, target = np.abs(s.v), s.friction / s.sigma
     best: tuple[float, Array | None] = (np.inf, None)
     for velocity in np.geomspace(max(speed.min(), 1e-3 * speed.max()), 0.5 * speed.max(), VELOCITY_GRID_POINTS):
         shape = {"coulomb": 0.0, "viscous": 0.0, "static": 0.0, "velocity": velocity}
-        laws = [velocity_friction(s.v, {**shape, name: 1.0}) for name in ("coulomb", "viscous", "static")]
-        design = np.column_stack([*laws, *[np.ones(len(s))] * offset]) / s.sigma[:, None]
-        found = np.linalg.lstsq(design, target)[0]
-        cost = float(np.sum((design @ found - target) ** 2))
-        if cost < best[0] and found[2] > found[0] > 0.0:
-            best = (cost, np.array([*found[:3], velocity, *found[3:]]))
+        columns = [velocity_friction(s.v, {**shape, name: 1.0}) for name in ("coulomb", "viscous", "static")]
+        design = np.column_stack([*columns, *[np.ones(len(s))] * offset]) / s.sigma[:, None]
+        coefficients = np.linalg.lstsq(design, target)[0]
+        cost = float(np.sum((design @ coefficients - target) ** 2))
+        if cost < best[0] and coefficients[2] > coefficients[0] > 0.0:
+            best = (cost, np.array([*coefficients[:3], velocity, *coefficients[3:]]))
     return best[1]
 
 
-def _refine(names: tuple[str, ...], residual: Residual, start: Array, low: Array, s: MovingSamples) -> FrictionFit:
-    """Polish with Huber's loss; covariance by the sandwich over blocks (Liang and Zeger, Biometrika 73 (1986))."""
+def _refine(names: tuple[str, ...], residual: Residual, start: Array, lower: Array, s: MovingSamples) -> FrictionFit:
+    """Minimise Huber's loss; the covariance is a sandwich over blocks (Liang and Zeger, Biometrika 73 (1986) 13)."""
     theta, scale = start, _robust_scale(residual(start))
-    for _ in range(2):  # the scale belongs to the fit that it scales
-        theta = _minimise_huber_loss(residual, theta, low, HUBER_THRESHOLD * scale)
+    for _ in range(2):  # the second pass uses the scale of the first fit
+        theta = _minimise_huber_loss(residual, theta, lower, HUBER_THRESHOLD * scale)
         scale = _robust_scale(residual(theta))
     r = residual(theta)
     jacobian = _jacobian(residual, theta)
@@ -133,29 +181,31 @@ def _refine(names: tuple[str, ...], residual: Residual, start: Array, low: Array
     clipped = np.clip(r, -HUBER_THRESHOLD * scale, HUBER_THRESHOLD * scale)
     _, block = np.unique(s.block, return_inverse=True)
     sums = group_scores(jacobian, clipped, block)
-    bread = np.linalg.pinv((jacobian * inside[:, None]).T @ jacobian)
-    few = len(sums) / max(len(sums) - theta.size, 1)
-    return FrictionFit(names, theta, few * bread @ (sums.T @ sums) @ bread, float(scale))
+    inverse_hessian = np.linalg.pinv((jacobian * inside[:, None]).T @ jacobian)
+    small_sample_factor = len(sums) / max(len(sums) - theta.size, 1)
+    return FrictionFit(
+        names, theta, small_sample_factor * inverse_hessian @ (sums.T @ sums) @ inverse_hessian, float(scale)
+    )
 
 
-def _minimise_huber_loss(residual: Residual, start: Array, low: Array, knee: float) -> Array:
-    """Return the parameters of least loss: residuals beyond the ``knee`` count by the root of their loss."""
+def _minimise_huber_loss(residual: Residual, start: Array, lower: Array, knee: float) -> Array:
+    """Return the minimiser of Huber's loss: a residual beyond the ``knee`` enters as the root of its loss."""
 
-    def tempered(p: Array) -> Array:
+    def root_loss(p: Array) -> Array:
         r = residual(p)
         return np.sign(r) * np.sqrt(np.where(np.abs(r) <= knee, r**2, knee * (2.0 * np.abs(r) - knee)))
 
-    def slopes(p: Array) -> Array:
+    def root_loss_jacobian(p: Array) -> Array:
         r = residual(p)
-        beyond = np.maximum(np.abs(r), knee)
-        return np.asarray(np.sqrt(knee / (2.0 * beyond - knee))[:, None] * _jacobian(residual, p))
+        magnitude = np.maximum(np.abs(r), knee)
+        return np.asarray(np.sqrt(knee / (2.0 * magnitude - knee))[:, None] * _jacobian(residual, p))
 
-    bounds = (low, np.full(low.size, np.inf))
-    return minimise(tempered, slopes, start, bounds, max_iterations=MAX_ITERATIONS, tolerance=TOLERANCE).z
+    bounds = (lower, np.full(lower.size, np.inf))
+    return minimise(root_loss, root_loss_jacobian, start, bounds, max_iterations=MAX_ITERATIONS, tolerance=TOLERANCE).z
 
 
 def _jacobian(residual: Residual, theta: Array) -> Array:
-    """Return the derivatives by central differences; but for the Stribeck velocity the laws are linear."""
+    """Return the derivatives by central differences; the model is linear except in the Stribeck velocity."""
     steps = 1e-5 * np.where(theta == 0.0, 1.0, np.abs(theta))
     columns = [
         (residual(theta + d) - residual(theta - d)) / (2 * h) for h, d in zip(steps, np.diag(steps), strict=True)
@@ -168,7 +218,7 @@ def _robust_scale(r: Array) -> float:
 
 
 def _huber_loss(r: Array, scale: float) -> float:
-    """Return Huber's loss of residuals in units of ``scale``: minus the log likelihood, but for a constant."""
+    """Return Huber's loss of residuals in units of ``scale``: the negative log likelihood up to a constant."""
     z = np.abs(r) / scale
     return float(np.sum(np.where(z <= HUBER_THRESHOLD, 0.5 * z**2, HUBER_THRESHOLD * z - 0.5 * HUBER_THRESHOLD**2)))
 

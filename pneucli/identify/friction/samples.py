@@ -1,4 +1,4 @@
-"""Numbers with intervals, and the samples that they rest on."""
+"""Moving samples of several recordings, and numbers with intervals."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from pneucli.identify.friction.kinematics import Motion
 
 Array = NDArray[np.float64]
-Z95 = 1.96
+Z95 = 1.96  # 97.5 % quantile of the normal distribution
 
 
 @dataclass(frozen=True)
@@ -29,8 +29,8 @@ class IntervalEstimate:
 class MovingSamples:
     """Moving samples of several recordings, each of shape (n,): velocity (m/s), acceleration (m/s^2), drive (N).
 
-    ``friction`` is drive - mass a (N), ``sigma`` its standard deviation (N), ``branch`` as in :class:`Motion`, and
-    ``block`` numbers the stretches (:attr:`Motion.block`) within which residuals may be correlated.
+    ``friction`` is drive - mass a (N), ``sigma`` its standard deviation (N), ``branch`` as in :class:`Motion`;
+    ``block`` labels the spans (:attr:`Motion.block_length`) within which residuals may be correlated.
     """
 
     v: Array
@@ -50,18 +50,37 @@ class MovingSamples:
 
     @property
     def both_directions(self) -> bool:
-        """Whether either direction has at least a tenth of the samples."""
-        share = float(np.mean(self.v > 0)) if self.v.size else 0.0
-        return 0.1 <= share <= 0.9
+        """Whether each direction has at least a tenth of the samples."""
+        forward_share = float(np.mean(self.v > 0)) if self.v.size else 0.0
+        return 0.1 <= forward_share <= 0.9
 
 
 def pool_samples(motions: Sequence[Motion], mass: float) -> MovingSamples:
-    """Return the moving samples of all recordings, for a moving mass in kg."""
+    """Pool the moving samples of several recordings.
+
+    Args:
+        motions: The motions.
+        mass: Moving mass in kg.
+
+    Returns:
+        The samples.
+
+    """
     parts: list[list[NDArray[Any]]] = []
-    for number, m in enumerate(motions):
-        keep = m.moving
-        friction = m.friction(mass)[keep]
-        block = number * 10**6 + ((m.time[keep] - m.time[0]) / m.block_length).astype(np.int64)
-        sigma = np.full(friction.size, m.sigma_friction(mass))
-        parts.append([m.v[keep], m.smooth_a[keep], m.drive[keep], friction, sigma, m.branch[keep], block])
+    for index, motion in enumerate(motions):
+        moving = motion.moving
+        friction = motion.friction(mass)[moving]
+        block = index * 10**6 + ((motion.time[moving] - motion.time[0]) / motion.block_length).astype(np.int64)
+        sigma = np.full(friction.size, motion.sigma_friction(mass))
+        parts.append(
+            [
+                motion.v[moving],
+                motion.smooth_a[moving],
+                motion.drive[moving],
+                friction,
+                sigma,
+                motion.branch[moving],
+                block,
+            ]
+        )
     return MovingSamples(*(np.concatenate(column) for column in zip(*parts, strict=True)))

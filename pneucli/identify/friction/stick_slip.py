@@ -1,4 +1,4 @@
-"""Single stick-slips, cut out and averaged over repeats (thesis 6.1.1)."""
+"""Single stick-slip cycles, and their mean friction over repeats (thesis 6.1.1)."""
 
 from __future__ import annotations
 
@@ -15,19 +15,19 @@ Array = NDArray[np.float64]
 Indices = NDArray[np.intp]
 BranchName = Literal["accelerating", "slowing"]
 
-MIN_REST_RATIO = 0.1  # of a slide's duration: the rest before and after, without which it is no stick-slip
-MIN_SLIDE_SPEED_RATIO = 0.02  # of the highest speed
-MIN_SLIDE_SAMPLES = 5  # moving samples
+MIN_REST_RATIO = 0.1  # of a slide's duration: the shortest rest before and after a stick-slip
+MIN_SLIDE_SPEED_RATIO = 0.02  # of the highest speed of the recording, which a slide reaches
+MIN_SLIDE_SAMPLES = 5  # of a slide
 SPEED_NODES = 60
 
 
 @dataclass(frozen=True)
 class StickSlip:
-    """One stick-slip: rest, break-away, slide, stop.
+    """One stick-slip cycle: rest, break-away, slide, stop.
 
     ``start`` (of the rest before), ``breakaway``, ``peak`` (of the speed), ``stop`` and ``end`` (of the rest after) are
-    samples of the recording. ``time`` (s) counts from break-away; ``speed`` (m/s) and ``friction`` (N) along the
-    motion are those of the slide, shape (n,). ``breakaway_force`` (N) is the driving force that it took.
+    samples of the recording. ``time`` (s) counts from break-away; ``speed`` (m/s) and ``friction`` (N) along the motion
+    are those of the slide, shape (n,). ``breakaway_force`` (N) is the driving force at break-away.
     """
 
     recording: str
@@ -50,10 +50,10 @@ class StickSlip:
 
 @dataclass(frozen=True)
 class AveragedFriction:
-    """The mean friction (N) of repeated cuts over speed (m/s), one branch of one direction; arrays of shape (n,).
+    """The mean friction (N) of repeated cycles over speed (m/s), one branch of one direction; arrays of shape (n,).
 
-    ``error`` is the standard error of the mean from the scatter between cuts (NaN where fewer than two reach that
-    speed), ``count`` how many do.
+    ``error`` is the standard error of the mean from the scatter between cycles (NaN where fewer than two reach that
+    speed), ``count`` their number.
     """
 
     branch: BranchName
@@ -65,16 +65,23 @@ class AveragedFriction:
 
 
 def find_stick_slips(motion: Motion, mass: float) -> list[StickSlip]:
-    """Return every single stick-slip of a recording, for a moving mass in kg.
+    """Find every single stick-slip cycle of a recording.
 
-    A slide counts that the piston rests ``MIN_REST_RATIO`` of its duration before and after; what is slower than
-    ``MIN_SLIDE_SPEED_RATIO`` of the recording's highest speed throughout is rest, since velocity from position alone
-    rings beside a stop.
+    A slide counts if the piston rests for ``MIN_REST_RATIO`` of its duration before and after. A slide that stays below
+    ``MIN_SLIDE_SPEED_RATIO`` of the highest speed is rest, since a velocity from position alone rings next to a stop.
+
+    Args:
+        motion: Motion and driving force of the recording.
+        mass: Moving mass in kg.
+
+    Returns:
+        The cycles in the order of time.
+
     """
     begins, stops = _slides(motion)
-    before = np.concatenate([[0], stops])[:-1]
-    after = np.concatenate([begins, [motion.v.size]])[1:]
-    slides = zip(before, begins, stops, after, strict=True)
+    rest_starts = np.concatenate([[0], stops])[:-1]
+    rest_ends = np.concatenate([begins, [motion.v.size]])[1:]
+    slides = zip(rest_starts, begins, stops, rest_ends, strict=True)
     return [
         _stick_slip(motion, mass, start, begin, stop, end)
         for start, begin, stop, end in slides
@@ -83,14 +90,14 @@ def find_stick_slips(motion: Motion, mass: float) -> list[StickSlip]:
 
 
 def _slides(motion: Motion) -> tuple[Indices, Indices]:
-    """Return where slides begin and where they have ended, as samples; a slide keeps its direction."""
+    """Return the first samples of slides and those after their ends; a slide keeps its direction."""
     sign = np.where(np.abs(motion.v) > motion.rest_speed, np.sign(motion.v), 0.0)
     edges = np.flatnonzero(np.diff(sign, prepend=0.0, append=0.0))
     begins, stops = edges[:-1], edges[1:]
-    fast = MIN_SLIDE_SPEED_RATIO * np.abs(motion.v).max()
+    min_peak_speed = MIN_SLIDE_SPEED_RATIO * np.abs(motion.v).max()
     peaks = [np.abs(motion.v[i:j]).max() if sign[i] else 0.0 for i, j in zip(begins, stops, strict=True)]
-    keep = np.array(peaks) > fast
-    return begins[keep], stops[keep]
+    is_fast = np.array(peaks) > min_peak_speed
+    return begins[is_fast], stops[is_fast]
 
 
 def _stick_slip(motion: Motion, mass: float, start: int, begin: int, stop: int, end: int) -> StickSlip:
@@ -111,33 +118,44 @@ def _stick_slip(motion: Motion, mass: float, start: int, begin: int, stop: int, 
     )
 
 
-def average_stick_slips(cuts: Sequence[StickSlip]) -> list[AveragedFriction]:
-    """Return the mean friction over speed of cuts, per direction and branch, up to what half of them reach."""
+def average_stick_slips(stick_slips: Sequence[StickSlip]) -> list[AveragedFriction]:
+    """Average the friction of cycles over speed, for each direction and branch, up to the speed that half of them reach.
+
+    Args:
+        stick_slips: The cycles.
+
+    Returns:
+        The mean friction of each direction and branch.
+
+    """
     out = []
     for direction in (1, -1):
-        mine = [c for c in cuts if c.direction == direction]
-        if mine:
-            top = float(np.median([c.peak_speed for c in mine]))
-            speed = np.linspace(top / SPEED_NODES, top, SPEED_NODES)
-            out += [_mean(mine, direction, "accelerating", speed), _mean(mine, direction, "slowing", speed)]
+        of_direction = [c for c in stick_slips if c.direction == direction]
+        if of_direction:
+            peak_speed = float(np.median([c.peak_speed for c in of_direction]))
+            speed = np.linspace(peak_speed / SPEED_NODES, peak_speed, SPEED_NODES)
+            out += [
+                _mean(of_direction, direction, "accelerating", speed),
+                _mean(of_direction, direction, "slowing", speed),
+            ]
     return out
 
 
-def _mean(cuts: Sequence[StickSlip], direction: int, branch: BranchName, speed: Array) -> AveragedFriction:
-    """Average over nodes of speed the cuts that reach them; the slide up to its peak, or from it."""
-    rows = np.array([_over_speed(c, branch, speed) for c in cuts])
+def _mean(stick_slips: Sequence[StickSlip], direction: int, branch: BranchName, speed: Array) -> AveragedFriction:
+    """Average the cycles that reach each speed; one branch ends at the peak, the other starts there."""
+    rows = np.array([_over_speed(c, branch, speed) for c in stick_slips])
     count = np.sum(~np.isnan(rows), axis=0)
     mean = np.nansum(rows, axis=0) / np.maximum(count, 1)
     spread = np.sqrt(np.nansum((rows - mean) ** 2, axis=0) / np.maximum(count - 1, 1))
     error = np.where(count > 1, spread / np.sqrt(np.maximum(count, 1)), np.nan)
-    known = count > 0
-    return AveragedFriction(branch, direction, speed[known], mean[known], error[known], count[known])
+    reached = count > 0
+    return AveragedFriction(branch, direction, speed[reached], mean[reached], error[reached], count[reached])
 
 
 def _over_speed(one: StickSlip, branch: BranchName, speed: Array) -> Array:
-    """Return one cut's friction at ``speed``, NaN where it does not get there."""
-    turn = one.peak - one.breakaway
-    part = slice(0, turn + 1) if branch == "accelerating" else slice(turn, None)
+    """Return the friction of one cycle at ``speed``, NaN beyond its own speeds."""
+    peak = one.peak - one.breakaway
+    part = slice(0, peak + 1) if branch == "accelerating" else slice(peak, None)
     order = np.argsort(one.speed[part], kind="stable")
-    have, friction = one.speed[part][order], one.friction[part][order]
-    return np.interp(speed, have, friction, left=np.nan, right=np.nan)
+    own_speed, friction = one.speed[part][order], one.friction[part][order]
+    return np.interp(speed, own_speed, friction, left=np.nan, right=np.nan)

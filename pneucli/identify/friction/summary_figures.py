@@ -1,4 +1,4 @@
-"""What people look up of friction: its growth with pressure, break-away, and how far repeats agree."""
+"""Summary figures of friction: dependence on pressure, break-away force, and repeatability."""
 
 from __future__ import annotations
 
@@ -15,19 +15,17 @@ from pneucli.identify.friction.samples import Z95, IntervalEstimate
 
 Array = NDArray[np.float64]
 
-MIN_REST_SAMPLES = 5  # samples at rest, before which nothing broke away
-BREAKAWAY_SAMPLES = 3  # of them, whose mean force is the one that broke away
-MAX_PRESSURE_DIFFERENCE = 0.1  # of a level of pressure above ambient, within which recordings repeat each other
-MAX_SPEED_DIFFERENCE = 0.3  # of their speed, with which kinetic friction changes little
-BREAKAWAY_STROKE_RATIO = 0.2  # of a stroke, in which the force of its break-away is sought
-MIN_LEVELS = 3  # levels, from which a line has an error of its own
+MIN_REST_SAMPLES = 5  # at rest before a break-away
+BREAKAWAY_SAMPLES = 3  # the last samples at rest, whose mean force is the break-away force
+MAX_PRESSURE_DIFFERENCE = 0.1  # of the gauge pressure, within which recordings repeat each other
+MAX_SPEED_DIFFERENCE = 0.3  # of the speed, within which kinetic friction changes little
+BREAKAWAY_STROKE_RATIO = 0.2  # of a stroke: the part that contains its break-away
+MIN_LEVELS = 3  # of pressure, from which a line has a standard error
 
 
 @dataclass(frozen=True)
 class BreakAway:
-    """The friction in N that held before the piston moved, of one recording: the median over ``count`` break-aways,
-    and their least and largest.
-    """
+    """The break-away force (N) of one recording: median over ``count`` break-aways, smallest and largest."""
 
     recording: str
     force: IntervalEstimate
@@ -38,7 +36,7 @@ class BreakAway:
 
 @dataclass(frozen=True)
 class PressureDependence:
-    """Kinetic friction over the pressure of chamber 1 above ambient: N at ambient pressure, and N/Pa."""
+    """Kinetic friction over the gauge pressure of chamber 1: N at ambient pressure, and N/Pa."""
 
     at_ambient: IntervalEstimate
     slope: IntervalEstimate
@@ -46,7 +44,7 @@ class PressureDependence:
 
 @dataclass(frozen=True)
 class Repeatability:
-    """Recordings at one pressure and speed: the mean of their friction, and its standard deviation over the mean."""
+    """Recordings at one pressure and speed: mean friction (N), and its standard deviation over the mean."""
 
     recordings: tuple[str, ...]
     friction: float
@@ -66,41 +64,50 @@ def break_away(motion: Motion, mass: float = 0.0) -> BreakAway | None:
     forces = forces[np.isfinite(forces)]
     if not forces.size:
         return None
-    middle, error = float(np.median(forces)), 1.2533 * float(np.std(forces)) / np.sqrt(forces.size)  # of a median
-    low, high = (middle - Z95 * error, middle + Z95 * error) if forces.size > 1 else (np.nan, np.nan)
-    force = IntervalEstimate(middle, low, high, "N")
+    median, error = float(np.median(forces)), 1.2533 * float(np.std(forces)) / np.sqrt(forces.size)  # of a median
+    low, high = (median - Z95 * error, median + Z95 * error) if forces.size > 1 else (np.nan, np.nan)
+    force = IntervalEstimate(median, low, high, "N")
     return BreakAway(motion.recording.name, force, float(forces.min()), float(forces.max()), forces.size)
 
 
 def _breakaway_forces_at_rest(motion: Motion) -> Iterator[float]:
-    """Yield the force at the end of each rest, of a piston that is free to rest until it is pushed enough."""
-    still = np.abs(motion.v) <= motion.rest_speed
-    for k in np.flatnonzero(still[:-1] & ~still[1:]):
-        if k + 1 >= MIN_REST_SAMPLES and still[k + 1 - MIN_REST_SAMPLES : k + 1].all():
+    """Yield the driving force at the end of each rest of a free piston."""
+    is_rest = np.abs(motion.v) <= motion.rest_speed
+    for k in np.flatnonzero(is_rest[:-1] & ~is_rest[1:]):
+        if k + 1 >= MIN_REST_SAMPLES and is_rest[k + 1 - MIN_REST_SAMPLES : k + 1].all():
             yield abs(float(np.nanmean(motion.drive[k + 1 - BREAKAWAY_SAMPLES : k + 1])))
 
 
 def _breakaway_forces_of_strokes(motion: Motion, mass: float) -> Iterator[float]:
     """Yield the largest friction at the start of each stroke that a machine makes: it turns before the seal lets go."""
     friction = motion.smooth_drive - mass * motion.smooth_a
-    way = np.where(np.abs(motion.v) > motion.rest_speed, np.sign(motion.v), 0.0)
-    edges = np.flatnonzero(np.diff(way, prepend=0.0, append=0.0))
+    direction = np.where(np.abs(motion.v) > motion.rest_speed, np.sign(motion.v), 0.0)
+    edges = np.flatnonzero(np.diff(direction, prepend=0.0, append=0.0))
     for first, end in pairwise(edges):
-        if way[first] and end - first >= MIN_REST_SAMPLES / BREAKAWAY_STROKE_RATIO:
+        if direction[first] and end - first >= MIN_REST_SAMPLES / BREAKAWAY_STROKE_RATIO:
             early = friction[max(first - MIN_REST_SAMPLES, 0) : first + int(BREAKAWAY_STROKE_RATIO * (end - first))]
-            yield float(np.max(way[first] * early))
+            yield float(np.max(direction[first] * early))
 
 
 def pressure_dependence(levels: Sequence[KineticFriction], ambient: float) -> PressureDependence | None:
-    """Return the line through the recordings' friction; None where they are fewer than three, or at one pressure."""
-    known = [k for k in levels if "p1" in k.pressures]
-    p = np.array([k.pressures["p1"] - ambient for k in known])
+    """Fit a line to the kinetic friction of recordings over pressure.
+
+    Args:
+        levels: Kinetic friction of the recordings.
+        ambient: Ambient pressure in Pa.
+
+    Returns:
+        The line; None with fewer than three recordings, or at one pressure.
+
+    """
+    with_pressure = [k for k in levels if "p1" in k.pressures]
+    p = np.array([k.pressures["p1"] - ambient for k in with_pressure])
     if p.size < MIN_LEVELS or np.ptp(p) <= MAX_PRESSURE_DIFFERENCE * np.abs(p).max():
         return None
-    design, force = np.column_stack([np.ones(p.size), p / 1e5]), np.array([k.friction.value for k in known])
-    found, squares, *_ = np.linalg.lstsq(design, force, rcond=None)
+    design, force = np.column_stack([np.ones(p.size), p / 1e5]), np.array([k.friction.value for k in with_pressure])
+    coefficients, squares, *_ = np.linalg.lstsq(design, force, rcond=None)
     errors = np.sqrt(np.diag(np.linalg.inv(design.T @ design)) * float(np.sum(squares)) / (p.size - 2))
-    (at_ambient, slope), (e0, e1) = found.tolist(), errors.tolist()
+    (at_ambient, slope), (e0, e1) = coefficients.tolist(), errors.tolist()
     return PressureDependence(
         IntervalEstimate(at_ambient, at_ambient - Z95 * e0, at_ambient + Z95 * e0, "N"),
         IntervalEstimate(1e-5 * slope, 1e-5 * (slope - Z95 * e1), 1e-5 * (slope + Z95 * e1), "N/Pa"),
@@ -108,7 +115,16 @@ def pressure_dependence(levels: Sequence[KineticFriction], ambient: float) -> Pr
 
 
 def repeatability(levels: Sequence[KineticFriction], ambient: float) -> list[Repeatability]:
-    """Return the groups of recordings at one pressure and speed, in the recordings' order."""
+    """Group recordings at one pressure and speed.
+
+    Args:
+        levels: Kinetic friction of the recordings.
+        ambient: Ambient pressure in Pa.
+
+    Returns:
+        The groups of at least two recordings, in the recordings' order.
+
+    """
     groups: list[list[KineticFriction]] = []
     for level in levels:
         group = next((g for g in groups if _is_repeat(g[0], level, ambient)), None)

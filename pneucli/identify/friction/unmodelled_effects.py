@@ -1,4 +1,4 @@
-"""Which of the pipeline's effects on friction each of the models A to F has no way to show."""
+"""Effects on friction in the pipeline's model that the models A to F cannot represent."""
 
 from __future__ import annotations
 
@@ -14,14 +14,23 @@ from pneucli.simulate.model import Model
 
 Array = NDArray[np.float64]
 
-MAX_STATES = 100  # of each recording, at which a factor is looked at
+MAX_STATES = 100  # of each recording, at which a factor is evaluated
 BY_BRANCH, BY_DIRECTION, NO_MODEL = set("DEF"), set("CF"), set[str]()
-# ports of friction, and the models that can show what enters there; a rise in both branches is more than D has
+# the models that can represent an effect at each port of friction; D has no Stribeck rise while slowing
 MODELS_BY_PORT = {"dry_rise": set("ABCF"), "slowing": BY_BRANCH, "viscous_factor": BY_DIRECTION}
 
 
 def unmodelled_effects(model: Model, motions: Sequence[Motion]) -> dict[ModelName, tuple[str, ...]]:
-    """Return for each of A to F the model's effects on friction that it cannot show in these recordings."""
+    """List for each of the models A to F the effects on friction that it cannot represent in these recordings.
+
+    Args:
+        model: The pipeline's model.
+        motions: The motions of the training recordings.
+
+    Returns:
+        Names of effects by model.
+
+    """
     return {name: tuple(e.name for e in model.effects if not _represents(name, e, model, motions)) for name in TITLES}
 
 
@@ -39,22 +48,24 @@ def _representing_models(port: str, effect: Effect, model: Model, motions: Seque
 
 
 def _by_direction_alone(effect: Effect, model: Model, motions: Sequence[Motion]) -> bool:
-    """Whether the factor on dry friction is one number for each direction wherever the piston moved."""
-    ambient, own = model.rig.ambient_pressure, model.effect_parameters(effect)
+    """Return whether the factor on dry friction is one number for each direction wherever the piston moved."""
+    ambient, values = model.rig.ambient_pressure, model.effect_parameters(effect)
     for direction in (1.0, -1.0):
         factors = [
-            effect.ports["dry_factor"](direction, *state, ambient, *own)
-            for m in motions
-            for state in _sampled_states(m, ambient)
+            effect.ports["dry_factor"](direction, *state, ambient, *values)
+            for motion in motions
+            for state in _sampled_states(motion, ambient)
         ]
         if factors and np.ptp(np.array(factors, dtype=np.float64)) > 0.0:
             return False
     return True
 
 
-def _sampled_states(m: Motion, ambient: float) -> list[tuple[float, float, float]]:
-    """Return some positions and pressures p1, p2 at which the piston moved."""
-    at = np.flatnonzero(m.moving)
-    at = at[:: max(1, at.size // MAX_STATES)]
-    p1, p2 = (m.recording[n][at] if n in m.recording else np.full(at.size, ambient) for n in ("p1", "p2"))
-    return [(float(x), float(a), float(b)) for x, a, b in zip(m.x[at], p1, p2, strict=True)]
+def _sampled_states(motion: Motion, ambient: float) -> list[tuple[float, float, float]]:
+    """Return some positions and pressures p1, p2 of the moving piston."""
+    indices = np.flatnonzero(motion.moving)
+    indices = indices[:: max(1, indices.size // MAX_STATES)]
+    p1, p2 = (
+        motion.recording[n][indices] if n in motion.recording else np.full(indices.size, ambient) for n in ("p1", "p2")
+    )
+    return [(float(x), float(a), float(b)) for x, a, b in zip(motion.x[indices], p1, p2, strict=True)]
