@@ -1,4 +1,4 @@
-"""Model against recordings: how much they differ, against what a correct model would show, and where."""
+"""Compare a model with recordings: its errors, those of a correct model, and the regions of large errors."""
 
 from __future__ import annotations
 

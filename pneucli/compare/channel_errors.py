@@ -20,10 +20,7 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True)
 class ChannelResult:
-    """Errors of one channel in one recording, SI; ``noise`` is the rms that a correct model would show.
-
-    ``measured_range`` is the largest less the smallest reading.
-    """
+    """Errors of one channel in one recording, SI; ``noise`` is the rms error of a correct model."""
 
     recording: str
     use: str
@@ -40,7 +37,7 @@ class ChannelResult:
 
 @dataclass(frozen=True)
 class Comparison:
-    """One experiment: its channels' errors, what was measured and what the model says, each (n,)."""
+    """One experiment: errors of its channels, measured and simulated signals, each (n,)."""
 
     experiment: Experiment
     results: tuple[ChannelResult, ...]
@@ -58,16 +55,24 @@ class Comparison:
 
 
 def compare(model: Model, experiment: Experiment, noise: dict[str, float] | None = None) -> Comparison:
-    """Compare a model with one experiment; ``noise`` by channel is drawn where it is not given.
+    """Compare a model with one experiment.
 
-    Where an end decides on the motion, it is not compared. A channel of which nothing is left has no result.
+    Where an end of the stroke determines the motion, the motion is not compared.
+
+    Args:
+        model: The model.
+        experiment: The experiment.
+        noise: Rms error of a correct model by channel, SI; None: estimated by draws of the noise.
+
+    Returns:
+        The comparison.
     """
     noise = expected_rms(model, experiment) if noise is None else noise
     modelled = simulate_outputs(model, experiment)
     measured = {channel: experiment.measured(channel) for channel in experiment.channels}
     if "x" in modelled:
-        given = {c: in_end_contact(experiment, modelled["x"], c) for c in MOTION_CHANNELS if c in measured}
-        measured |= {c: np.where(ends, np.nan, measured[c]) for c, ends in given.items()}
+        contact = {c: in_end_contact(experiment, modelled["x"], c) for c in MOTION_CHANNELS if c in measured}
+        measured |= {c: np.where(touches, np.nan, measured[c]) for c, touches in contact.items()}
     results = tuple(
         evaluate_channel(experiment, channel, measured[channel], modelled[channel], noise[channel])
         for channel in experiment.channels
@@ -77,9 +82,20 @@ def compare(model: Model, experiment: Experiment, noise: dict[str, float] | None
 
 
 def evaluate_channel(experiment: Experiment, channel: str, y: Array, model: Array, noise: float) -> ChannelResult:
-    """Return the errors of one channel: measured and modelled of shape (n,), NaN where there is nothing."""
-    seen = ~np.isnan(y) & ~np.isnan(model)
-    y, error = y[seen], (y - model)[seen]
+    """Return the errors of one channel.
+
+    Args:
+        experiment: The experiment.
+        channel: Name of the channel.
+        y: Measured signal, SI, NaN where it was not measured, shape (n,).
+        model: Simulated signal, shape (n,).
+        noise: Rms error of a correct model.
+
+    Returns:
+        The errors.
+    """
+    valid = ~np.isnan(y) & ~np.isnan(model)
+    y, error = y[valid], (y - model)[valid]
     rmsd = float(np.sqrt(np.mean(error**2)))
     return ChannelResult(
         recording=experiment.recording.name,
@@ -97,14 +113,33 @@ def evaluate_channel(experiment: Experiment, channel: str, y: Array, model: Arra
 
 
 def fit_percent(measured: Array, modelled: Array) -> float:
-    """Return 100 (1 - |y - model| / |y - mean y|), NaN where nothing changes; samples with NaN are left out."""
-    seen = ~np.isnan(measured) & ~np.isnan(modelled)
-    y, error = measured[seen], (measured - modelled)[seen]
+    """Return the fit 100 (1 - |y - model| / |y - mean y|).
+
+    Args:
+        measured: Measured signal, shape (n,); samples with NaN are left out.
+        modelled: Simulated signal, shape (n,).
+
+    Returns:
+        The fit in per cent; NaN for a constant signal.
+
+    >>> fit_percent(np.array([0.0, 1.0, 2.0]), np.array([0.0, 1.0, 2.0]))
+    100.0
+    """
+    valid = ~np.isnan(measured) & ~np.isnan(modelled)
+    y, error = measured[valid], (measured - modelled)[valid]
     spread = float(np.linalg.norm(y - y.mean())) if y.size else 0.0
     return 100 * (1 - float(np.linalg.norm(error)) / (spread or np.nan))
 
 
 def overall_error(results: Sequence[ChannelResult], use: str) -> float | None:
-    """Return the root mean square of ``ratio_to_noise`` over the channels of that use; None where there is none."""
+    """Return the root mean square of ``ratio_to_noise`` over channels.
+
+    Args:
+        results: Errors of channels.
+        use: Use of the recordings, ``train`` or ``test``.
+
+    Returns:
+        The ratio; None without a channel of that use.
+    """
     ratios = [r.ratio_to_noise for r in results if r.use == use and np.isfinite(r.ratio_to_noise)]
     return float(np.sqrt(np.mean(np.square(ratios)))) if ratios else None

@@ -15,10 +15,11 @@ from pneucli.compare.expected_error import MOTION_CHANNELS
 from pneucli.diagnose.adequacy import LackOfFit
 from pneucli.identify.residuals import ForceBalance, FreeRun, ResidualModel
 from pneucli.simulate.end_stops import in_end_contact
-from pneucli.simulate.experiment import Experiment, segment_lengths
+from pneucli.simulate.experiment import Experiment
 from pneucli.simulate.model import Model
 from pneucli.simulate.noise_propagation import sample_deviations
 from pneucli.simulate.outputs import simulate_outputs
+from pneucli.simulate.restarts import segment_lengths
 
 Array = NDArray[np.float64]
 

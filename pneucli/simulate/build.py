@@ -1,7 +1,7 @@
-"""Make the compiled kernel for a set of effects: write its text, compile it once, keep it on disk.
+"""Build the compiled kernel for a set of effects: write its text, compile it once, keep it on disk.
 
-numba's own cache does not notice edits in other modules, so the file's name holds a hash of its whole text, which
-contains every equation that it runs.
+The cache of numba does not notice edits in other modules, so the name of the file holds a hash of its whole text,
+which contains every equation that it runs.
 """
 
 from __future__ import annotations
@@ -44,8 +44,13 @@ ENTRY_POINTS = (
 
 @dataclass(frozen=True)
 class Kernel:
-    """A compiled kernel: ``run`` (see :func:`pneucli.simulate.kernel.run.run`), the effects in the order of their
-    switches, and where each EFFECT.PARAMETER stands in the vector ``th``.
+    """A compiled kernel.
+
+    Attributes:
+        run: See :func:`pneucli.simulate.kernel.run.run`.
+        functions: The module with every function of the kernel.
+        effects: Names of the effects in the order of their switches.
+        index: Place of each EFFECT.PARAMETER in the vector ``th``.
     """
 
     run: Callable[..., None]
@@ -54,7 +59,7 @@ class Kernel:
     index: dict[str, int]
 
     def effect_vector(self, values: Mapping[str, float]) -> NDArray[np.float64]:
-        """Return ``th`` from values by EFFECT.PARAMETER; those of an effect that is off may be left out."""
+        """Return the vector ``th`` of values by EFFECT.PARAMETER; those of an effect that is off may be missing."""
         th = np.zeros(len(self.index) + 1)
         for name, value in values.items():
             th[self.index[name]] = value
@@ -66,10 +71,16 @@ class Kernel:
 
 
 def build(effects: Sequence[Effect], *, compiled: bool = True, control: str | None = None) -> Kernel:
-    """Return the kernel of the base model with ``effects`` in it, each behind a switch.
+    """Build the kernel of the base model with effects, each behind a switch.
 
-    ``compiled=False`` gives the same text as plain Python, which tests compare and step through. ``control``: text of
-    functions, ``control`` of :mod:`pneucli.simulate.kernel.run` among them, which take the place of the one there.
+    Args:
+        effects: Effects.
+        compiled: Whether to compile; otherwise the same text runs as plain Python, which tests compare and step
+            through.
+        control: Text of functions that replace ``control`` of :mod:`pneucli.simulate.kernel.run`, which is among them.
+
+    Returns:
+        The kernel.
     """
     with _LOCK:
         return _build(tuple(sorted(effects, key=lambda e: (e.order, e.name))), compiled, control)
@@ -84,7 +95,19 @@ def _build(effects: tuple[Effect, ...], compiled: bool, control: str | None) -> 
 
 
 def source(effects: Sequence[Effect], *, compiled: bool = True, control: str | None = None) -> str:
-    """Return the text of the kernel's module."""
+    """Return the text of the kernel's module.
+
+    Args:
+        effects: Effects.
+        compiled: Whether functions have numba's decorators.
+        control: Text of functions that replace ``control``.
+
+    Returns:
+        Python text.
+
+    >>> "def run(" in source(())
+    True
+    """
     physics = "\n\n\n".join(_functions(part) for part in PARTS) + "\n"
     if control is not None:
         before, after = re.split(r"^def control\(.*?(?=^def )", physics, flags=re.MULTILINE | re.DOTALL)
@@ -105,9 +128,9 @@ def source(effects: Sequence[Effect], *, compiled: bool = True, control: str | N
 def _decorate(match: re.Match[str]) -> str:
     """Return a function with its decorator.
 
-    All but the outermost functions are inlined, as calls with arrays are dear, and those that make no array do not
-    count references to arrays (``_nrt=False``), which took a third of the time. A function inherits that from its
-    caller where it does not say.
+    All functions but the entry points are inlined, since calls with arrays are expensive. Functions that create no
+    array do not count references to arrays (``_nrt=False``), which took a third of the time; a function inherits this
+    setting from its caller without an own one.
     """
     text, name = match[0], match[1]
     how = "cache=True, nogil=True" if name in ENTRY_POINTS else "forceinline=True"
@@ -135,7 +158,7 @@ def _prefix(effect: Effect) -> str:
 
 
 def _equations(effect: Effect) -> str:
-    """Return the effect's port functions, and what they call of their own file, under names of their own."""
+    """Return the effect's port functions and helpers, under unique names."""
     return effect_source(effect, _prefix(effect)) + "\n"
 
 
@@ -158,7 +181,7 @@ def _port(name: str, effects: Sequence[Effect]) -> str:
 
 
 def _scalars(effects: Sequence[Effect]) -> str:
-    """Return the function that takes the parameters out of their arrays, once a run: tuples live in registers."""
+    """Return the function that unpacks the parameters once a run: tuples live in registers."""
     sizes = {"base": len(layout.BASE_NAMES), "th": len(parameters_of(effects)), "on": len(effects)}
     tuples = [
         f"({''.join(f'{name}[{i}], ' for i in range(size + 1 - (name == 'base')))})" for name, size in sizes.items()
@@ -180,7 +203,7 @@ def _port_contribution(name: str, effect: Effect, i: int, begin: int, value: str
 
 
 def _load(text: str) -> ModuleType:
-    """Import the text as a module from the cache folder, writing it there first where it is new."""
+    """Import the text as a module from the cache folder; write it there first where it is missing."""
     digest = hashlib.sha256(text.encode()).hexdigest()[:24]
     name = f"pneucli_kernel_{digest}"
     if name in sys.modules:
@@ -205,5 +228,12 @@ def _load(text: str) -> ModuleType:
 
 
 def parameters_of(effects: Sequence[Effect]) -> dict[str, Parameter]:
-    """Return every parameter of the effects by EFFECT.PARAMETER."""
+    """Return every parameter of effects.
+
+    Args:
+        effects: Effects.
+
+    Returns:
+        Parameters by EFFECT.PARAMETER.
+    """
     return {f"{e.name}.{p.name}": p for e in effects for p in e.parameters}

@@ -1,11 +1,11 @@
-"""A recording made ready for the kernel: smoothed inputs, restarts, switches, and what it can be compared with."""
+"""An experiment: a recording with smoothed inputs, restarts, switches, and the measurements to compare with."""
 
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import NamedTuple, TypeVar
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,26 +20,35 @@ from pneucli.simulate.imposed_motion import detect_reversals
 from pneucli.simulate.kernel_settings import max_filling_step, max_motion_step
 from pneucli.simulate.local_polynomials import LocalPolynomialSmoother, choose_windows
 from pneucli.simulate.motion_smoother import MotionSmoother, input_errors
+from pneucli.simulate.noise_draws import cache_draws, draw_sensor_noise
 from pneucli.simulate.position_smoother import PositionSmoother
+from pneucli.simulate.restarts import restart_samples
 
 Array = NDArray[np.float64]
-Draw = TypeVar("Draw")
 
 OUTPUT_COLUMNS = {"p1": at.R1, "p2": at.R2, "x": at.X, "v": at.V, "a": at.A, "temperature": at.GAS_T, "flow": at.FLOW}
-SMEAR_MEMORY_FACTOR = 3.0  # times the smoothing's memory, over which it spreads a stop
-MAX_GAP_PERIODS = 20  # sampling periods
-MIN_SEGMENT_SMEARS = 4.0  # times what smears a restart's state: a shorter stretch leaves the model nothing to say
-MAX_CACHE_BYTES = 16 << 20  # bytes, of one recording
+SMEAR_MEMORY_FACTOR = 3.0  # times the smoother's memory, over which it spreads a stop
+MIN_SEGMENT_SMEARS = 4.0  # times ``smear_time``: in a shorter segment the error of the restart dominates
 
 
 @dataclass(frozen=True)
 class Experiment:
-    """One recording, smoothed, with what the kernel needs to run it.
+    """One recording, prepared for the kernel.
 
-    ``raw`` holds the measured signals with gaps filled, ``noise`` what each sensor adds, ``inputs`` (n, 8) the
-    smoothed readings in the kernel's layout, ``restart_samples`` the samples at which the model is set to them; ``standstill_speed`` is
-    the speed in m/s below which the piston is taken to rest; ``stroke_limits`` the least and the largest x in m that it can
-    have, None as the rig states them, ``detected_ends`` the ends that recordings show, infinite where they show none.
+    Attributes:
+        recording: The recording as it was read.
+        rig: The rig on which it was made.
+        raw: Measured signals with gaps filled, each (n,).
+        noise: Noise of each sensor.
+        smoothers: Smoother of each signal.
+        motion_smoother: Smoother of the motion, None where there is none.
+        inputs: Smoothed signals in the kernel's layout, shape (n, 8).
+        restarts: Samples at which the state of the model is set to the smoothed measurement.
+        flags: Switches of the kernel, shape (9,).
+        low_pass: Frequency in Hz of the filter behind which model and measurement are compared; None: no filter.
+        standstill_speed: Speed in m/s below which the piston counts as at rest.
+        stroke_limits: Lowest and highest x in m; None: as the rig states them.
+        detected_ends: Ends in m that recordings show, infinite where they show none.
     """
 
     recording: Recording
@@ -68,26 +77,26 @@ class Experiment:
 
     @cached_property
     def parts(self) -> frozenset[Part]:
-        """What stands on the bench and can show."""
+        """The parts of the rig whose effects can act in this experiment."""
         recorded, shut = "p_supply" in self.recording, self.recording.chamber_2 in ("closed", "valve")
         return self.recording.kind.parts(
             cylinder_known=self.rig.has_cylinder, supply_recorded=recorded, chamber_2_shut=shut
         )
 
     def can_show(self, effect: Effect) -> bool:
-        """Whether the effect's part stands on this bench; of a sensor's fault, whether that sensor was recorded."""
+        """Return whether the effect's part takes part, and for a sensor's fault whether that sensor was recorded."""
         recorded = self.raw.keys()
         read = not effect.sensors or bool(effect.sensors & recorded)
         return effect.part in self.parts and read and effect.needs <= recorded
 
     @property
     def p2_is_unmeasured(self) -> bool:
-        """Whether no sensor reads p2, though it acts."""
+        """Whether p2 acts on the piston without a sensor that reads it."""
         return self.recording.chamber_2 in ("closed", "valve") and "p2" not in self.raw
 
     @cached_property
     def infers_p2(self) -> bool:
-        """Whether a p2 that no sensor reads follows from the model, the motion and the commands."""
+        """Whether an unmeasured p2 follows from the model, the motion and the commands."""
         return (
             self.p2_is_unmeasured
             and self.recording.kind.valve
@@ -97,52 +106,52 @@ class Experiment:
         )
 
     def without_mechanics(self) -> Experiment:
-        """Return the same with its motion imposed."""
+        """Return the experiment with the measured motion imposed."""
         flags = self.flags.copy()
         flags[at.MECHANICS] = 0.0
         return replace(self, flags=flags)
 
     @cached_property
     def with_imposed_motion(self) -> Experiment:
-        """The same with its motion imposed, started at the first sample and after each gap in the record."""
+        """The experiment with the measured motion imposed, restarted after gaps only."""
         return replace(self.without_mechanics(), restarts=restart_samples(self.time, None))
 
     @cached_property
     def max_step(self) -> float:
-        """The longest step of the kernel in s: a piston's that forces move, else that of chambers which are filled."""
+        """Longest step of the kernel in s, for a moving piston or for chambers that fill."""
         filled = [p for p in ("p1", "p2") if p in self.raw]
         if self.flags[at.MECHANICS] > 0.0 or not filled:
             return max_motion_step(self.rig, self.recording.period)
         return min(self._filling_step(p) for p in filled)
 
     def _filling_step(self, name: str) -> float:
-        known = self.smoothers.get(name)
-        slope = known.slope(self.raw[name]) if known else np.gradient(self.raw[name], self.time)
+        smoother = self.smoothers.get(name)
+        slope = smoother.slope(self.raw[name]) if smoother else np.gradient(self.raw[name], self.time)
         return max_filling_step(self.inputs[:, at.INPUTS.index(name)], slope, self.recording.period)
 
     @cached_property
     def channels(self) -> tuple[str, ...]:
-        """The signals that a model's output is compared with."""
+        """The signals in which model and measurement are compared."""
         r = self.recording
         if r.imposed == "motion":
             return ("force",)
         compared = tuple(c for c in r.kind.compared_channels if c != "p2" or r.chamber_2 != "open")
-        known = {*self.raw, "v"} if "x" in self.raw else set(self.raw)
-        return tuple(c for c in (*compared, *r.kind.optional_channels) if c in known)
+        available = {*self.raw, "v"} if "x" in self.raw else set(self.raw)
+        return tuple(c for c in (*compared, *r.kind.optional_channels) if c in available)
 
     @cached_property
     def smear_time(self) -> float:
-        """The time in s on either side of a stop or a break-away in which neither smoothing nor sampling tells it."""
+        """Time in s on each side of a stop or a break-away that smoothing and sampling blur."""
         smoother = self.motion_smoother
         return self.recording.period + (SMEAR_MEMORY_FACTOR * smoother.memory if smoother else 0.0)
 
     @cached_property
     def signal_ranges(self) -> SignalRanges:
-        """The largest command, pressure, force and speed, the range of x, and the sampling period."""
+        """Largest command, pressure, force and speed, range of x, sampling period."""
 
         def largest(*columns: int) -> float:
-            mine = [c for c in columns if at.INPUTS[c] in self.raw]
-            return float(np.abs(self.inputs[:, mine]).max()) if mine else 0.0
+            measured = [c for c in columns if at.INPUTS[c] in self.raw]
+            return float(np.abs(self.inputs[:, measured]).max()) if measured else 0.0
 
         x = self.inputs[:, at.IN_X] if "x" in self.raw else np.zeros(1)
         speed = float(np.abs(self.inputs[:, at.IN_V]).max())
@@ -152,44 +161,57 @@ class Experiment:
         return SignalRanges(command, pressure, largest(at.IN_FORCE), speed, *bounds, self.recording.period)
 
     def measured(self, channel: str) -> Array:
-        """Return the measured channel, filtered where the comparison asks for it.
+        """Return a measured channel, filtered where the comparison filters.
 
-        NaN where it was not measured, and a force where an imposed motion turns: dry friction may have either sign.
+        Args:
+            channel: Name of the channel.
+
+        Returns:
+            The signal in SI units, shape (n,); NaN where it was not measured, and of the force where an imposed motion
+            reverses: there dry friction may have either sign.
         """
-        seen = self._measured_unmasked(channel)
-        return np.where(self.reversals, np.nan, seen) if channel == "force" and self.recording.imposed else seen
+        values = self._measured_unmasked(channel)
+        return np.where(self.reversals, np.nan, values) if channel == "force" and self.recording.imposed else values
 
     def _measured_unmasked(self, channel: str) -> Array:
         if channel == "force" and "force" not in self.recording:
             return self.low_passed(self.net_pressure_force())
         if channel == "v" and "v" not in self.raw:
             return self.low_passed(self.inputs[:, at.IN_V])
-        whole = self.raw[channel] is self.recording.signals.get(channel)
-        seen = self.low_passed(self.raw[channel])
-        return seen if whole else np.where(np.isnan(self.recording[channel]), np.nan, seen)
+        complete = self.raw[channel] is self.recording.signals.get(channel)
+        values = self.low_passed(self.raw[channel])
+        return values if complete else np.where(np.isnan(self.recording[channel]), np.nan, values)
 
     @cached_property
     def reversals(self) -> NDArray[np.bool_]:
-        """At which samples (n,) the measured motion does not tell its direction."""
+        """Samples (n,) at which the direction of the measured motion is uncertain."""
         return detect_reversals(self)
 
     def net_pressure_force(self) -> Array:
-        """Return the force of the measured pressures on the piston, toward +x, in N."""
+        """Return the force in N of the measured pressures on the piston toward +x, shape (n,)."""
         a1, a2 = self.rig.piston_areas
         ambient = np.full(self.time.size, self.rig.ambient_pressure)
         p1, p2 = self.raw.get("p1", ambient), self.raw.get("p2", ambient)
         return np.asarray(a1 * (p1 - ambient) - a2 * (p2 - ambient))
 
     def net_pressure_noise(self, noise: Mapping[str, Array]) -> Array:
-        """Return what the pressures' noise adds to that force."""
+        """Return the error in N that the noise of the pressures adds to this force, shape (n,)."""
         a1, a2 = self.rig.piston_areas
         zero = np.zeros(self.time.size)
         return np.asarray(a1 * noise.get("p1", zero) - a2 * noise.get("p2", zero))
 
     def low_passed(self, values: Array, bandwidth_factor: float = 1.0) -> Array:
-        """Return values low-passed, where the comparison asks for it (at ``bandwidth_factor`` times its frequency).
+        """Filter a signal where the comparison filters.
 
-        A Butterworth filter of second order, forward and backward: no phase shift, half the amplitude at its frequency.
+        A Butterworth filter of second order runs forward and backward: no phase shift, half the amplitude at its
+        frequency.
+
+        Args:
+            values: Signal, shape (n,).
+            bandwidth_factor: Factor on the frequency of the filter.
+
+        Returns:
+            The filtered signal, shape (n,); the signal itself without a filter.
         """
         nyquist = 0.5 / self.recording.period
         if self.low_pass is None or bandwidth_factor * self.low_pass >= nyquist:
@@ -198,17 +220,24 @@ class Experiment:
         return np.asarray(sosfiltfilt(sections, values))
 
     def active_effects(self, effects: tuple[Effect, ...]) -> list[str]:
-        """Return the names of the effects whose part stands on this bench."""
+        """Return the names of the effects whose part takes part in this experiment."""
         return [e.name for e in effects if e.part in self.parts]
 
     def draw_noise(self, rng: np.random.Generator) -> dict[str, Array]:
-        """Return one realisation of every sensor's noise."""
+        """Draw the noise of every sensor once."""
         return draw_sensor_noise(self.noise, self.time, rng)
 
     def resample_inputs(self, noise: Mapping[str, Array]) -> Array:
-        """Return the inputs (n, 8) that other readings of the same run would give: smoothed, with noise, smoothed.
+        """Return inputs that other readings of the same run would give.
 
-        Windows are chosen anew, since their choice follows the noise; the motion's least squares is linear.
+        The smoothed signals get noise and are smoothed again. Windows are chosen anew, since the choice depends on the
+        noise; the least squares of the motion are linear.
+
+        Args:
+            noise: Noise of each sensor, each (n,).
+
+        Returns:
+            Inputs, shape (n, 8).
         """
         inputs = self.inputs + input_errors(noise, self.smoothers, self.motion_smoother, self.time)
         for name in self.smoothers.keys() - {"x"}:
@@ -219,9 +248,16 @@ class Experiment:
         return inputs
 
     def noise_draws(self, draws: int, seed: int) -> Iterable[tuple[dict[str, Array], Array]]:
-        """Return noise and inputs (n, 8) of other readings of the same run, for as many ``draws``.
+        """Return noise and inputs of other readings of the same run.
 
-        They do not depend on a model: those of a short recording are kept, since smoothing takes longest.
+        They do not depend on a model. Those of a short recording are cached, since smoothing dominates the time.
+
+        Args:
+            draws: Number of draws.
+            seed: Seed of the generator.
+
+        Returns:
+            Pairs of the noise of each sensor and the inputs, shape (n, 8).
         """
         drawn = ((noise, self.resample_inputs(noise)) for noise in self.iterate_noise(draws, seed))
         return cache_draws(
@@ -229,7 +265,7 @@ class Experiment:
         )
 
     def iterate_noise(self, draws: int, seed: int) -> Iterator[dict[str, Array]]:
-        """Yield as many realisations of every sensor's noise."""
+        """Yield draws of the noise of every sensor."""
         rng = np.random.default_rng(seed)
         return (self.draw_noise(rng) for _ in range(draws))
 
@@ -238,37 +274,12 @@ class Experiment:
         return {}
 
     def with_restarts(self, horizon: float | None) -> Experiment:
-        """Return the experiment with the model restarted every ``horizon`` s (None: at the start alone)."""
+        """Return the experiment with a restart every ``horizon`` s (None: at the start and after gaps only)."""
         return replace(self, restarts=restart_samples(self.time, horizon, MIN_SEGMENT_SMEARS * self.smear_time))
 
 
-def draw_sensor_noise(noise: Mapping[str, NoiseModel], time: Array, rng: np.random.Generator) -> dict[str, Array]:
-    """Return one realisation of the noise of every sensor."""
-    return {name: model.draw(time, rng) for name, model in noise.items()}
-
-
-def restart_samples(time: Array, horizon: float | None, shortest: float = 0.0) -> NDArray[np.int64]:
-    """Return the samples at which the model starts anew: every ``horizon`` s, and after each gap in the record.
-
-    A horizon below the ``shortest`` (s) counts as that.
-    """
-    period = float(np.median(np.diff(time)))
-    gaps = 1 + np.flatnonzero(np.diff(time) > MAX_GAP_PERIODS * period)
-    grid = np.arange(0.0, time[-1] - time[0], max(horizon, shortest)) if horizon else np.zeros(1)
-    return np.unique(np.concatenate([np.searchsorted(time, time[0] + grid - 1e-9), gaps])).astype(np.int64)
-
-
-def cache_draws(
-    cache: dict[tuple[int, int], list[Draw]], key: tuple[int, int], drawn: Iterable[Draw], size: int
-) -> Iterable[Draw]:
-    """Return what was drawn under a key before, else what is ``drawn`` now, kept if so many ``size`` fit."""
-    if key in cache:
-        return cache[key]
-    return cache.setdefault(key, list(drawn)) if 8 * size <= MAX_CACHE_BYTES else drawn
-
-
 class SignalRanges(NamedTuple):
-    """How far one recording's signals go, SI: what a rig's scales are worked out from; 0 for what was not recorded."""
+    """Ranges of the signals of one recording, SI, from which the scales of a rig follow; 0 where not recorded."""
 
     command: float
     pressure: float
@@ -277,8 +288,3 @@ class SignalRanges(NamedTuple):
     low: float
     high: float
     period: float
-
-
-def segment_lengths(restarts: NDArray[np.int64], n: int) -> NDArray[np.int64]:
-    """Return the number of samples in each segment of n samples; a segment runs from one restart to the next."""
-    return np.diff(np.append(restarts, n))

@@ -1,4 +1,4 @@
-"""The measured motion: smoothed; and where a recording imposes it, its derivatives and its turns."""
+"""The measured motion where a recording imposes it: its derivatives and its reversals."""
 
 from __future__ import annotations
 
@@ -16,10 +16,8 @@ from pneucli.simulate.position_smoother import PositionSmoother
 
 Array = NDArray[np.float64]
 
-DIFFERENTIATION_BANDWIDTH_FACTOR = (
-    4.0  # times the frequency of a low-pass: x is filtered there before it is differentiated
-)
-RISE_TIME_FACTOR = 0.35  # times one over the frequency of a low-pass: from 10 to 90 % of a step
+DIFFERENTIATION_BANDWIDTH_FACTOR = 4.0  # times the frequency of the low-pass, before differentiation
+RISE_TIME_FACTOR = 0.35  # rise time from 10 to 90 % of a step times the frequency of the low-pass
 
 
 class MeasuredMotion(Protocol):
@@ -66,11 +64,17 @@ class MeasuredMotion(Protocol):
 
 
 def imposed_motion(experiment: MeasuredMotion, noise: Mapping[str, Array] | None = None) -> tuple[Array, Array, Array]:
-    """Return x, v, a of an imposed motion, each (n,); derived from x where they were not measured.
+    """Return the imposed motion; derivatives that were not measured follow from x.
 
-    With a low-pass, x is filtered by it at ``DIFFERENTIATION_BANDWIDTH_FACTOR`` times its frequency before it is differentiated: what the
-    comparison's own filter takes away is not needed, and differentiated noise would come back through the friction's
-    sign.
+    With a low-pass, x is filtered at ``DIFFERENTIATION_BANDWIDTH_FACTOR`` times its frequency before differentiation:
+    the filter of the comparison removes more, and differentiated noise would return through the sign of friction.
+
+    Args:
+        experiment: The experiment.
+        noise: Noise added to the readings, by signal, each (n,).
+
+    Returns:
+        Position in m, velocity in m/s, acceleration in m/s^2, each (n,).
     """
     time, raw = experiment.time, experiment.raw
     x = raw["x"] if noise is None else raw["x"] + noise.get("x", 0.0)
@@ -87,7 +91,14 @@ def imposed_motion(experiment: MeasuredMotion, noise: Mapping[str, Array] | None
 
 
 def smooth_acceleration(experiment: MeasuredMotion) -> Array:
-    """Return the acceleration (n,) in m/s^2 that the measured position shows."""
+    """Return the acceleration that the measured position shows.
+
+    Args:
+        experiment: The experiment.
+
+    Returns:
+        Acceleration in m/s^2, shape (n,).
+    """
     if isinstance(experiment.motion_smoother, PositionSmoother):
         return experiment.motion_smoother(experiment.raw["x"])[2]
     v = experiment.raw["v"] if "v" in experiment.raw else np.gradient(experiment.raw["x"], experiment.time)
@@ -95,24 +106,37 @@ def smooth_acceleration(experiment: MeasuredMotion) -> Array:
 
 
 def detect_reversals(experiment: MeasuredMotion) -> NDArray[np.bool_]:
-    """Return at which samples (n,) the measured motion does not tell its direction.
+    """Return the samples at which the direction of the measured motion is uncertain.
 
-    From the last one that goes one way to the first that goes the other: a turn, which sampling and smoothing move by
-    up to a period. Where the comparison asks for a low-pass, as long before and after as it takes to rise. Nowhere in a
-    recording that would hold nothing else.
+    A reversal lasts from the last sample in one direction to the first in the other; sampling and smoothing shift it by
+    up to a period. A low-pass widens it by its rise time on both sides.
+
+    Args:
+        experiment: The experiment.
+
+    Returns:
+        True at a reversal, shape (n,); nowhere in a recording that would contain nothing else.
     """
     v, period = imposed_motion(experiment)[1], experiment.recording.period
     moving = np.flatnonzero(np.abs(v) > standstill_speed(experiment, v))
-    turned = np.flatnonzero(np.diff(np.sign(v[moving])))
+    reversed_after = np.flatnonzero(np.diff(np.sign(v[moving])))
     rise = 0 if experiment.low_pass is None else round(RISE_TIME_FACTOR / experiment.low_pass / period)
-    found = np.zeros(v.size, dtype=bool)
-    for last, first in zip(moving[turned], moving[turned + 1], strict=True):
-        found[max(last - rise, 0) : first + rise + 1] = True
-    return found if not found.all() else np.zeros_like(found)
+    uncertain = np.zeros(v.size, dtype=bool)
+    for last, first in zip(moving[reversed_after], moving[reversed_after + 1], strict=True):
+        uncertain[max(last - rise, 0) : first + rise + 1] = True
+    return uncertain if not uncertain.all() else np.zeros_like(uncertain)
 
 
 def standstill_speed(experiment: MeasuredMotion, v: Array) -> float:
-    """Return the speed in m/s below which the measured motion does not tell its direction."""
+    """Return the speed below which the direction of the measured motion is uncertain.
+
+    Args:
+        experiment: The experiment.
+        v: Velocity in m/s, shape (n,).
+
+    Returns:
+        Speed in m/s.
+    """
     period = experiment.recording.period
     noise = experiment.noise["x"].rms / period if "x" in experiment.noise else 0.0
     return float(min(max(noise, 1e-6), 0.05 * np.max(np.abs(v)) + 1e-9))

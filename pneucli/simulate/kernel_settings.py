@@ -1,4 +1,4 @@
-"""The switches of a recording, as the kernel takes them (:mod:`pneucli.simulate.layout`)."""
+"""The switches of a recording and the longest step, as the kernel takes them (:mod:`pneucli.simulate.layout`)."""
 
 from __future__ import annotations
 
@@ -13,9 +13,26 @@ from pneucli.simulate import layout as at
 
 Array = NDArray[np.float64]
 
+MIN_STEPS_PER_STROKE = 150.0  # while the force of the supply moves the mass over the stroke
+MIN_STEPS_PER_FILLING = 300.0  # while a chamber fills at the highest measured rate
+MAX_PERIOD_SHARE = 0.5  # of a sampling period: a recording at rest does not show how fast a command fills a chamber
+FULL_PERIOD_STEP = 0.5e-3  # s: a shorter sampling period may be one step
+STEPS_PER_PERIOD = 4.0  # of a sampling period, where the rig's mass, stroke or supply is unknown
+FILLING_RATE_QUANTILE = 0.99  # of the samples: higher rates are noise or last an instant
+
 
 def recording_flags(recording: Recording, rig: Rig, raw: Mapping[str, Array], noise: Mapping[str, NoiseModel]) -> Array:
-    """Return the switches of a recording (9,), from its filled signals and their noise."""
+    """Return the switches of a recording.
+
+    Args:
+        recording: The recording.
+        rig: The rig.
+        raw: Signals with gaps filled, each (n,).
+        noise: Noise of each sensor.
+
+    Returns:
+        Switches in the kernel's layout, shape (9,).
+    """
     flags = np.zeros(at.FLAGS)
     flags[at.MECHANICS] = recording.kind.cylinder
     flags[at.PNEUMATICS] = recording.kind.valve
@@ -30,12 +47,12 @@ def recording_flags(recording: Recording, rig: Rig, raw: Mapping[str, Array], no
 
 
 def _max_opening(rig: Rig, raw: Mapping[str, Array]) -> float:
-    """Return how far in V a command goes from the null one; 1 where there is none."""
+    """Return the largest distance of a command from the null command in V; 1 without a command."""
     return max((float(np.abs(raw[n] - rig.valve_null).max()) for n in ("u", "u2") if n in raw), default=0.0) or 1.0
 
 
 def _chamber_2(recording: Recording, rig: Rig) -> int:
-    """Return what closes chamber 2, as the kernel counts it; that of a vessel takes no part."""
+    """Return what closes chamber 2, in the numbers of the kernel; that of a vessel is open."""
     if recording.kind.vessel or recording.chamber_2 == "open":
         return at.OPEN
     if recording.chamber_2 != "valve":
@@ -46,23 +63,27 @@ def _chamber_2(recording: Recording, rig: Rig) -> int:
 def _initial_opening(
     command: str, pressure: str, rig: Rig, raw: Mapping[str, Array], noise: Mapping[str, NoiseModel]
 ) -> float:
-    """Return where a valve stood before the recording: centred where the pressure has not begun to move."""
+    """Return the opening before the recording: closed where the pressure does not move at its start."""
     if command not in raw or pressure not in raw or raw[pressure].size < 10:
         return 0.0
     moving = abs(raw[pressure][3] - raw[pressure][0]) > 5 * noise[pressure].rms
     return float(raw[command][0] - rig.valve_null) if moving else 0.0
 
 
-MIN_STEPS_PER_STROKE = 150.0  # at least, while the supply's force moves the mass over the stroke
-MIN_STEPS_PER_FILLING = 300.0  # while a chamber whose volume is known would be filled at the highest rate seen
-MAX_PERIOD_SHARE = 0.5  # of a sampling period, at most: a recording at rest does not tell how fast a command fills
-FULL_PERIOD_STEP = 0.5e-3  # s: of a step that is shorter, a sampling period may be one
-STEPS_PER_PERIOD = 4.0  # of a sampling period, where the rig does not tell how fast its piston may be
-FILLING_RATE_QUANTILE = 0.99  # of the samples: what is faster is noise or an instant
-
-
 def max_motion_step(rig: Rig, period: float) -> float:
-    """Return the longest step in s, where a piston moves; from the sampling ``period`` (s) if need be."""
+    """Return the longest step for a moving piston: a share of the time in which the supply moves it over the stroke.
+
+    Args:
+        rig: The rig.
+        period: Sampling period in s, from which the step follows where the rig is not described.
+
+    Returns:
+        Step in s.
+
+    >>> rig = Rig(supply_pressure=7e5, piston_area_1=8e-4, stroke=0.2, moving_mass=2.0)
+    >>> round(1e6 * max_motion_step(rig, 1e-3), 1)
+    192.7
+    """
     if not (rig.supply_pressure and rig.piston_area_1 and rig.stroke and rig.moving_mass):
         return period / STEPS_PER_PERIOD
     force = abs(rig.supply_pressure - rig.ambient_pressure) * rig.piston_area_1
@@ -74,11 +95,22 @@ def max_motion_step(rig: Rig, period: float) -> float:
 
 
 def max_filling_step(pressure: Array, slope: Array, period: float) -> float:
-    """Return the longest step in s of a chamber that showed such a pressure in Pa and its slope in Pa/s, each (n,).
+    """Return the longest step for a chamber that fills.
 
-    At most half the sampling ``period`` (s), or all of one that is short itself: how often a logger samples does not
-    change how fast a chamber fills.
+    The step is at most half the sampling period, or all of a period that is short: the rate of a logger does not change
+    how fast a chamber fills.
+
+    Args:
+        pressure: Pressure in Pa, shape (n,).
+        slope: Its slope in Pa/s, shape (n,).
+        period: Sampling period in s.
+
+    Returns:
+        Step in s.
+
+    >>> max_filling_step(np.array([6e5]), np.array([1e7]), 1e-3)
+    0.0002
     """
-    most = min(max(MAX_PERIOD_SHARE * period, FULL_PERIOD_STEP), period)
+    longest = min(max(MAX_PERIOD_SHARE * period, FULL_PERIOD_STEP), period)
     fastest = float(np.quantile(np.abs(slope), FILLING_RATE_QUANTILE))
-    return min(most, float(pressure.max()) / (MIN_STEPS_PER_FILLING * fastest)) if fastest > 0.0 else most
+    return min(longest, float(pressure.max()) / (MIN_STEPS_PER_FILLING * fastest)) if fastest > 0.0 else longest

@@ -25,11 +25,22 @@ Array = NDArray[np.float64]
 Chosen = NDArray[np.int8]
 Index = NDArray[np.int64]
 WINDOW_HALF_WIDTHS = (0, 1, 2, 4, 8, 16, 32, 64, 128)
-ICI_THRESHOLD = 1.0  # standard deviations; low, since a bias is worse than noise that is accounted for
+ICI_THRESHOLD = 1.0  # standard deviations; low, since the noise is accounted for and a bias is not
 
 
 def autocovariance(noise: NoiseModel, n: int) -> Array:
-    """Return the covariance of a sensor's noise at lags 0..n-1 samples."""
+    """Return the autocovariance of a sensor's noise.
+
+    Args:
+        noise: The noise.
+        n: Number of lags.
+
+    Returns:
+        Autocovariance at lags of 0 to n - 1 samples, in the squared unit of the signal, shape (n,).
+
+    >>> autocovariance(NoiseModel(white=2.0), 3)
+    array([4., 0., 0.])
+    """
     lags = np.arange(n)
     r = noise.coloured**2 * noise.pole**lags if noise.coloured else np.zeros(n)
     for frequency, amplitude in noise.lines:
@@ -43,8 +54,10 @@ def autocovariance(noise: NoiseModel, n: int) -> Array:
 class PolynomialWindow:
     """Polynomial fits in windows of 2 ``half`` + 1 samples, moved inward at the ends of a record.
 
-    ``value`` and ``slope`` (per sample) have shape (2 half + 1, 2 half + 1): row i are the weights for the sample that
-    stands i-th in its window.
+    Attributes:
+        half: Half width in samples.
+        value: Weights for the value; row i is for the i-th sample of the window, shape (2 half + 1, 2 half + 1).
+        slope: Weights for the slope per sample, of the same shape.
     """
 
     half: int
@@ -54,7 +67,18 @@ class PolynomialWindow:
 
 @lru_cache(maxsize=64)
 def polynomial_window(half: int, degree: int) -> PolynomialWindow:
-    """Return the window of one half width (samples) and degree of its polynomial."""
+    """Return a window of one half width and degree.
+
+    Args:
+        half: Half width in samples.
+        degree: Degree of the polynomial.
+
+    Returns:
+        The window.
+
+    >>> polynomial_window(1, 1).slope[1].round(6) + 0.0
+    array([-0.5,  0. ,  0.5])
+    """
     scale = max(half, 1)
     powers = np.vander(np.arange(-half, half + 1) / scale, degree + 1, increasing=True)
     fit = np.linalg.pinv(powers)
@@ -64,7 +88,19 @@ def polynomial_window(half: int, degree: int) -> PolynomialWindow:
 
 @lru_cache(maxsize=256)
 def window_deviations(noise: NoiseModel, half: int, degree: int) -> Array:
-    """Return the standard deviation of a window's values by the sample's place in it, shape (2 half + 1,)."""
+    """Return the standard deviations of the values of a window.
+
+    Args:
+        noise: Noise of the sensor.
+        half: Half width in samples.
+        degree: Degree of the polynomial.
+
+    Returns:
+        Standard deviation by the place of the sample in the window, shape (2 half + 1,).
+
+    >>> window_deviations(NoiseModel(white=3.0), 4, 0)[0].round(6)
+    np.float64(1.0)
+    """
     weights = polynomial_window(half, degree).value
     lags = np.abs(np.subtract.outer(np.arange(2 * half + 1), np.arange(2 * half + 1)))
     variance = np.sum(weights @ autocovariance(noise, 2 * half + 1)[lags] * weights, axis=1)
@@ -72,10 +108,15 @@ def window_deviations(noise: NoiseModel, half: int, degree: int) -> Array:
 
 
 class WindowBank(NamedTuple):
-    """All windows that fit into a record, those of one degree after another, growing; laid out for compiled code.
+    """All windows that fit into a record, by degree and growing width, in the layout of compiled code.
 
-    ``degree`` and ``half`` have a number a window; ``value`` and ``slope`` hold the windows' weights, row by row, the
-    first of each window at ``first``; its rows begin at ``row`` among all rows.
+    Attributes:
+        degree: Degree of each window.
+        half: Half width of each window in samples.
+        first: Place of its first weight in ``value`` and ``slope``.
+        row: Place of its first row among all rows.
+        value: Weights for values, row by row.
+        slope: Weights for slopes, row by row.
     """
 
     degree: Index
@@ -88,7 +129,17 @@ class WindowBank(NamedTuple):
 
 @lru_cache(maxsize=16)
 def window_bank(longest: int) -> WindowBank:
-    """Return the windows of at most ``longest`` samples."""
+    """Return the windows of limited width.
+
+    Args:
+        longest: Largest width in samples.
+
+    Returns:
+        The windows.
+
+    >>> window_bank(3).half
+    array([0, 1, 1])
+    """
     kinds = [(d, h) for d in (0, 1, 2) for h in WINDOW_HALF_WIDTHS if 2 * h + 1 <= longest and h >= d]
     degree, half = np.array(kinds, dtype=np.int64).T
     width = 2 * half + 1
@@ -105,7 +156,14 @@ def window_bank(longest: int) -> WindowBank:
 
 @dataclass(frozen=True)
 class LocalPolynomialSmoother:
-    """Which window each sample of a record takes, for its value and for its slope; linear once that is chosen."""
+    """The window of each sample of a record, for its value and for its slope; linear once windows are chosen.
+
+    Attributes:
+        bank: The windows.
+        for_value: Window of each sample for its value, shape (n,).
+        for_slope: Window of each sample for its slope, shape (n,).
+        period: Sampling period in s.
+    """
 
     bank: WindowBank
     for_value: Chosen
@@ -114,7 +172,7 @@ class LocalPolynomialSmoother:
 
     @property
     def memory(self) -> float:
-        """The time in s over which the slope is taken: half of the window, in the median of the samples."""
+        """Half width in s of the median window for slopes."""
         return float(np.median(self.bank.half[self.for_slope])) * self.period
 
     def __call__(self, y: Array) -> Array:
@@ -127,9 +185,21 @@ class LocalPolynomialSmoother:
 
 
 def choose_windows(y: Array, noise: NoiseModel, period: float) -> LocalPolynomialSmoother:
-    """Return the smoother of one signal of shape (n,); samples are taken as equidistant, NaN is not allowed.
+    """Choose the windows of one signal.
 
-    Constants, lines and parabolas are grown apart; each sample takes the surest, so that a rest is a rest.
+    Windows of constants, lines and parabolas grow separately; each sample takes the one with the smallest variance.
+
+    Args:
+        y: Signal without NaN, taken as equidistant, shape (n,).
+        noise: Noise of the sensor.
+        period: Sampling period in s.
+
+    Returns:
+        The smoother.
+
+    >>> smoother = choose_windows(np.arange(100.0), NoiseModel(white=1.0), 0.1)
+    >>> smoother.slope(np.arange(100.0)).round(6)[:3]
+    array([10., 10., 10.])
     """
     windows = window_bank(min(y.size, 2 * WINDOW_HALF_WIDTHS[-1] + 1))
     kinds = zip(windows.half.tolist(), windows.degree.tolist(), strict=True)
@@ -139,12 +209,12 @@ def choose_windows(y: Array, noise: NoiseModel, period: float) -> LocalPolynomia
     return LocalPolynomialSmoother(windows, for_value, for_slope, period)
 
 
-_compiled = njit(cache=True, nogil=True, fastmath={"reassoc", "contract"})  # sums in any order; NaN and inf stay
+_compiled = njit(cache=True, nogil=True, fastmath={"reassoc", "contract"})  # sums in any order; NaN and inf propagate
 
 
 @_compiled
 def _fit(y: Array, k: int, half: int, weights: Array) -> tuple[float, int]:
-    """Return the fit at sample k by the window whose ``weights`` these are, and the sample's place in the window."""
+    """Return the fit at sample k by the window of these ``weights``, and the place of the sample in the window."""
     width = 2 * half + 1
     begin = min(max(k - half, 0), y.size - width)
     mine, around, total = weights[(k - begin) * width :], y[begin:], 0.0
@@ -166,9 +236,9 @@ def _fits(y: Array, chosen: Chosen, half: Index, first: Index, weights: Array) -
 def _choose_windows(
     y: Array, bank: WindowBank, deviation: Array, agreement: float, for_value: Chosen, for_slope: Chosen
 ) -> None:
-    """Write which window each sample takes: of those that agree with all smaller ones the surest.
+    """Write the window of each sample: of those that agree with all narrower ones, the one with the smallest variance.
 
-    A constant has no slope to tell; the smallest window with one is taken where none agrees.
+    A constant has no slope; the narrowest window with a slope is taken where none agrees.
     """
     for k in range(y.size):
         surest_value = surest_slope = low = np.inf

@@ -22,10 +22,15 @@ ValveForm = ValveArea | LinearValve | SwitchingValve
 
 @dataclass(frozen=True)
 class Model:
-    """Effects that are on, and values by name: base parameters (layout.BASE) and EFFECT.PARAMETER; SI.
+    """A rig, active effects, the valve's area, and values by name, SI.
 
-    A base parameter that ``values`` leaves out has the rig's value. An effect's parameter has the catalogue's unit.
-    ``valve`` has the paths of chamber 1; ``valve_2`` those of chamber 2, where they are known by themselves.
+    Attributes:
+        rig: The rig; its values are those of base parameters that ``values`` omits.
+        effects: Effects that are on.
+        values: Values of base parameters (:data:`pneucli.simulate.layout.BASE_NAMES`) and of EFFECT.PARAMETER, the
+            latter in the unit of the catalogue.
+        valve: Effective areas of the paths of chamber 1.
+        valve_2: Those of chamber 2 where they differ from chamber 1; None: the same.
     """
 
     rig: Rig
@@ -43,16 +48,16 @@ class Model:
 
     @property
     def valves(self) -> tuple[ValveForm, ...]:
-        """The valves that have parameters of their own."""
+        """The valves that have parameters."""
         return (self.valve,) if self.valve_2 is None else (self.valve, self.valve_2)
 
     def valve_parameters(self) -> dict[str, tuple[float, str]]:
-        """Return value and unit of the valves' parameters by name."""
+        """Return value and unit of the parameters of the valves by name."""
         return {name: value for valve in self.valves for name, value in valve.parameters().items()}
 
     @property
     def chamber_2_valve(self) -> ValveForm:
-        """The paths of chamber 2, which are like those of chamber 1 where nothing tells them apart."""
+        """The paths of chamber 2; the same as those of chamber 1 without data of their own."""
         return self.valve if self.valve_2 is None else self.valve_2
 
     def valve_of_chamber(self, chamber: int) -> ValveForm:
@@ -72,12 +77,12 @@ class Model:
         return [self.values[f"{effect.name}.{p.name}"] for p in effect.parameters]
 
     def sum_of_port(self, port: str, *arguments: float) -> float:
-        """Return what the effects give to a port that sums them up, at the port's arguments."""
+        """Return the sum of the effects at a port, for the port's arguments."""
         users = [e for e in self.effects if port in e.ports]
         return float(sum(e.ports[port](*arguments, *self.effect_parameters(e)) for e in users))  # type: ignore[misc]
 
     def chain_of_port(self, port: str, value: float, *more: float) -> float:
-        """Return a value after the effects of a port that each map it, ``more`` being the port's other arguments."""
+        """Return a value mapped by the effects of a chained port; ``more`` holds the port's other arguments."""
         for effect in sorted(self.effects, key=lambda e: (e.order, e.name)):
             if port in effect.ports:
                 value = float(effect.ports[port](value, *more, *self.effect_parameters(effect)))  # type: ignore[arg-type]
@@ -89,7 +94,17 @@ class Model:
 
 
 def base_values_of_rig(rig: Rig) -> dict[str, float]:
-    """Return the base parameters that a rig's description gives; unknown ones get harmless stand-ins."""
+    """Return the base parameters of a rig.
+
+    Args:
+        rig: The rig.
+
+    Returns:
+        Values by name, SI; a missing one has a value without influence, NaN for the supply pressure.
+
+    >>> base_values_of_rig(Rig(stroke=0.2))["rig.upper_end"]
+    0.2
+    """
     area_1 = rig.piston_area_1 or 0.0
     return {
         "friction.coulomb": 0.0,
@@ -115,7 +130,18 @@ def base_values_of_rig(rig: Rig) -> dict[str, float]:
 
 
 def parameter_value(model: Model, name: str) -> float:
-    """Return the value of any parameter of a model by its name."""
+    """Return the value of a parameter of any kind.
+
+    Args:
+        model: The model.
+        name: Name of the parameter.
+
+    Returns:
+        Its value in its unit.
+
+    Raises:
+        KeyError: The model has no such parameter.
+    """
     named = model.valve_parameters()
     if name in named:
         return named[name][0]
@@ -123,12 +149,28 @@ def parameter_value(model: Model, name: str) -> float:
 
 
 def has_parameter(model: Model, name: str) -> bool:
-    """Return whether a model has a parameter of that name."""
+    """Return whether a model has a parameter.
+
+    Args:
+        model: The model.
+        name: Name of the parameter.
+
+    Returns:
+        Whether it is a parameter of the valves, the base model, or an effect.
+    """
     return name in model.valve_parameters() or name in model.base_values() or name in model.values
 
 
 def with_parameters(model: Model, values: dict[str, float]) -> Model:
-    """Return the model with parameters of any kind replaced."""
+    """Return a model with parameters of any kind replaced.
+
+    Args:
+        model: The model.
+        values: New values by name.
+
+    Returns:
+        The new model.
+    """
     valves = model.valve_parameters()
     rest = {name: v for name, v in values.items() if name not in valves}
     second = None if model.valve_2 is None else model.valve_2.with_parameters(values)
@@ -136,6 +178,15 @@ def with_parameters(model: Model, values: dict[str, float]) -> Model:
 
 
 def with_effect(model: Model, effect: Effect, values: dict[str, float]) -> Model:
-    """Return the model with the effect switched on at values."""
+    """Return a model with an effect switched on.
+
+    Args:
+        model: The model.
+        effect: The effect.
+        values: Values of its parameters by EFFECT.PARAMETER.
+
+    Returns:
+        The new model.
+    """
     others = tuple(e for e in model.effects if e.name != effect.name)
     return replace(model.with_values(values), effects=(*others, effect))

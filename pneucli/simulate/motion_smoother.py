@@ -24,10 +24,14 @@ MAX_LATENESS_RESIDUAL_RATIO = 0.5  # of the squared difference
 
 @dataclass(frozen=True)
 class MotionSmoother:
-    """The map from measured x and a, shape (n,), to smoothed x, v and the accelerometer's bias.
+    """The map from position and acceleration to smoothed position, velocity and the accelerometer's bias.
 
-    Each step obeys the integrated acceleration, which errs by its noise and by what the sampling misses of a jerk.
-    ``memory`` is the time in s over which it spreads what the accelerometer does not show: there x and a weigh alike.
+    Each step obeys the integrated acceleration, which errs by its noise and by the jerk between two samples.
+
+    Attributes:
+        time: Time stamps in s, shape (n,).
+        x_noise: Standard deviation of the position's noise in m.
+        a_noise: Standard deviation of the acceleration's noise in m/s^2.
     """
 
     time: Array
@@ -36,41 +40,68 @@ class MotionSmoother:
 
     @property
     def memory(self) -> float:
-        """The time constant of the stationary smoother in s, whatever the sampling."""
+        """Time constant of the stationary smoother in s, at which x and a have equal weight."""
         return float(np.sqrt(self.x_noise / (ACCELERATION_ERROR_FACTOR * self.a_noise)))
 
     def __call__(self, x: Array, a: Array) -> tuple[Array, Array, float]:
         """Return x, v, both (n,), and the bias of a."""
         dt = np.diff(self.time)
         slack = np.sqrt(dt) * ACCELERATION_ERROR_FACTOR * self.a_noise * np.sqrt(np.median(dt))  # m/s a step
-        # factorised each time, which takes no longer than the rest; to hold it takes more than all signals do
+        # factorised at each call: it takes as long as the rest, and a stored factor takes more memory than all signals
         return least_squares_motion(dt, 1.0 / self.x_noise, 1.0 / slack, 1.0 / (slack * dt))(x, a)
 
 
 def estimate_acceleration_delay(x: Array, a: Array, period: float, memory: float) -> int:
-    """Return by how many samples an accelerometer reads later than x (n,) says, as behind a filter of its own.
+    """Estimate by how many samples an accelerometer reads later than the position, as behind a filter of its own.
 
-    Both are seen through one parabola's curvature, in windows some times as long as the ``memory`` (s) of the smoother.
-    Only a shift after which they agree far better counts: half a sample stays.
+    The curvatures of both are compared through one parabola, in windows some times as long as the memory of the
+    smoother. Only a shift with a far smaller difference counts; half a sample remains.
+
+    Args:
+        x: Position in m, shape (n,).
+        a: Acceleration in m/s^2, shape (n,).
+        period: Sampling period in s.
+        memory: Memory of the smoother in s.
+
+    Returns:
+        Delay in samples.
     """
     half = max(round(LATENESS_WINDOW_FACTOR * memory / period), 3)
     if 6 * half > x.size:
         return 0
     path = np.concatenate([[0.0], np.cumsum(np.cumsum(a))[:-1]]) * period**2
-    seen, told = (savgol_filter(y, 2 * half + 1, 2, deriv=2, delta=period) for y in (x, path))
-    left = [float(np.var(seen[half : -2 * half] - told[half + k : k - 2 * half or None])) for k in range(half)]
-    best = int(np.argmin(left))
-    return best if left[best] < MAX_LATENESS_RESIDUAL_RATIO * left[0] else 0
+    x_curvature, a_curvature = (savgol_filter(y, 2 * half + 1, 2, deriv=2, delta=period) for y in (x, path))
+    residuals = [
+        float(np.var(x_curvature[half : -2 * half] - a_curvature[half + k : k - 2 * half or None])) for k in range(half)
+    ]
+    best = int(np.argmin(residuals))
+    return best if residuals[best] < MAX_LATENESS_RESIDUAL_RATIO * residuals[0] else 0
 
 
 def least_squares_motion(
     dt: Array, wx: float, wv: Array, wp: Array
 ) -> Callable[[Array, Array], tuple[Array, Array, float]]:
-    """Return the map from x and a, shape (n,), to x, v and one constant bias of a, by least squares.
+    """Return the least squares estimate of motion from position and acceleration.
 
-    x is measured with the weight ``wx``; each of the n - 1 steps ``dt`` (s) obeys the acceleration, linear in between,
-    v with the weight ``wv`` and x with ``wp``. With x and v of a sample side by side the normal equations have five
-    diagonals, and the bias borders them.
+    The position is measured with the weight ``wx``. Each step obeys the acceleration, linear in between, the velocity
+    with the weight ``wv`` and the position with ``wp``. The normal equations have five diagonals; the bias borders
+    them.
+
+    Args:
+        dt: Steps in s, shape (n - 1,).
+        wx: Inverse standard deviation of the position in 1/m.
+        wv: Inverse standard deviation of the velocity's change in s/m, shape (n - 1,).
+        wp: Inverse standard deviation of the position's change in 1/m, shape (n - 1,).
+
+    Returns:
+        The map from x in m and a in m/s^2, each (n,), to x in m, v in m/s, each (n,), and a constant bias of a in
+        m/s^2.
+
+    >>> time = np.linspace(0.0, 1.0, 11)
+    >>> smooth = least_squares_motion(np.diff(time), 1e3, np.full(10, 10.0), np.full(10, 1e2))
+    >>> x, v, bias = smooth(time**2, np.full(11, 2.5))
+    >>> v[[0, -1]].round(6) + 0.0, round(bias, 6)
+    (array([0., 2.]), 0.5)
     """
     n, place, speed = dt.size + 1, wp**2, wv**2
     bands = np.zeros((3, 2 * n), order="F")  # above the diagonal by two and by one, and the diagonal itself
@@ -86,8 +117,8 @@ def least_squares_motion(
     border[1:-1:2] -= 0.5 * dt**3 * place
     corner = float(np.sum(dt**2 * speed) + np.sum(0.25 * dt**4 * place))
     factor = cholesky_banded(bands, overwrite_ab=True, check_finite=False), False
-    carried = cho_solve_banded(factor, border, check_finite=False)
-    stiffness = corner - float(border @ carried)
+    border_solution = cho_solve_banded(factor, border, check_finite=False)
+    stiffness = corner - float(border @ border_solution)
 
     def smooth(x: Array, a: Array) -> tuple[Array, Array, float]:
         push, jump = place * dt**2 * (2.0 * a[:-1] + a[1:]) / 6.0, speed * dt * 0.5 * (a[1:] + a[:-1])
@@ -98,7 +129,7 @@ def least_squares_motion(
         right[1:-1:2] -= dt * push
         free = cho_solve_banded(factor, right, overwrite_b=True, check_finite=False)
         bias = (float(np.sum(dt * jump) + np.sum(0.5 * dt**2 * push)) - float(border @ free)) / stiffness
-        free -= bias * carried
+        free -= bias * border_solution
         return free[::2].copy(), free[1::2].copy(), bias
 
     return smooth
@@ -110,7 +141,17 @@ def smooth_motion(
     motion_smoother: MotionSmoother | PositionSmoother | None,
     time: Array,
 ) -> tuple[Array, Array]:
-    """Return smoothed position and velocity, each (n,)."""
+    """Smooth the motion.
+
+    Args:
+        raw: Signals, or draws of their noise, each (n,).
+        smoothers: Smoother of each signal.
+        motion_smoother: Smoother of the motion, if any.
+        time: Time stamps in s, shape (n,).
+
+    Returns:
+        Position in m and velocity in m/s, each (n,).
+    """
     if isinstance(motion_smoother, MotionSmoother):
         return motion_smoother(raw["x"], raw["a"])[:2]
     if motion_smoother is not None:
@@ -126,7 +167,17 @@ def smooth_inputs(
     motion_smoother: MotionSmoother | PositionSmoother | None,
     time: Array,
 ) -> Array:
-    """Return the kernel's inputs (n, 8) from raw signals, which may be readings or draws of their noise."""
+    """Smooth the inputs of the kernel.
+
+    Args:
+        raw: Signals, or draws of their noise, each (n,).
+        smoothers: Smoother of each signal.
+        motion_smoother: Smoother of the motion, if any.
+        time: Time stamps in s, shape (n,).
+
+    Returns:
+        Inputs in the kernel's layout, shape (n, 8).
+    """
     inputs = np.zeros((time.size, len(at.INPUTS)))
     for column, name in enumerate(at.INPUTS):
         if name in raw:
@@ -142,9 +193,18 @@ def input_errors(
     motion_smoother: MotionSmoother | PositionSmoother | None,
     time: Array,
 ) -> Array:
-    """Return the errors of the kernel's inputs (n, 8) from draws of the sensors' noise.
+    """Return the errors of the kernel's inputs from draws of the sensors' noise.
 
-    Where only a position sensor shows the motion, what its smoother misses of the motion is part of the error.
+    Where only a position sensor measures the motion, the part of the motion that its smoother misses is an error too.
+
+    Args:
+        noise: Noise of each sensor, each (n,).
+        smoothers: Smoother of each signal.
+        motion_smoother: Smoother of the motion, if any.
+        time: Time stamps in s, shape (n,).
+
+    Returns:
+        Errors in the kernel's layout, shape (n, 8).
     """
     errors = smooth_inputs(noise, smoothers, motion_smoother, time)
     if isinstance(motion_smoother, PositionSmoother):

@@ -1,7 +1,6 @@
-"""How far readings of a run may lie from a correct model: the sensors' noise, drawn and carried through all of it.
+"""Propagate sensor noise through smoothing and simulation: how far the readings of a run deviate from a correct model.
 
-It passes through the same smoothing as the measurement, and the recording is simulated with it; the smoothing being
-linear, the draws need no truth.
+The noise passes through the same smoothing as the measurement. Smoothing is linear, so the draws need no true signal.
 """
 
 from __future__ import annotations
@@ -22,15 +21,35 @@ NOISE_SEED = 20151
 
 
 def sample_deviations(model: Model, experiment: Experiment, draws: int, seed: int = NOISE_SEED) -> dict[str, Array]:
-    """Return draws of (measured - model) of a correct model, shape (draws, n) for each channel."""
-    found = list(iterate_deviations(model, experiment, draws, seed))
-    return {channel: np.array([one[channel] for one in found]) for channel in experiment.channels}
+    """Draw deviations (measured - model) of a correct model.
+
+    Args:
+        model: The model.
+        experiment: The experiment.
+        draws: Number of draws.
+        seed: Seed of the generator.
+
+    Returns:
+        Deviations by channel in SI units, each (draws, n).
+    """
+    deviations = list(iterate_deviations(model, experiment, draws, seed))
+    return {channel: np.array([one[channel] for one in deviations]) for channel in experiment.channels}
 
 
 def iterate_deviations(
     model: Model, experiment: Experiment, draws: int, seed: int = NOISE_SEED
 ) -> Iterator[dict[str, Array]]:
-    """Yield such draws one after the other, shape (n,) for each channel."""
+    """Yield deviations (measured - model) of a correct model.
+
+    Args:
+        model: The model.
+        experiment: The experiment.
+        draws: Number of draws.
+        seed: Seed of the generator.
+
+    Returns:
+        Iterator over draws: deviations by channel in SI units, each (n,).
+    """
     nominal = simulate_outputs(model, experiment)
     for noise, inputs in experiment.noise_draws(draws, seed):
         disturbed = simulate_outputs(model, experiment, inputs, noise)

@@ -1,4 +1,4 @@
-"""Open-loop scenarios: the model alone, on recorded inputs or on a command of one's own, never set back."""
+"""Open-loop scenarios: the model alone, on recorded inputs or on a command, without restarts."""
 
 from __future__ import annotations
 
@@ -47,7 +47,7 @@ KEYS = ("kind", "name", "recording", "values", *CHOICES, *UNITS)
 
 @dataclass(frozen=True)
 class OpenLoopRun:
-    """One scenario: time in s, the commands, what the model says and what was measured by channel; each (n,), SI."""
+    """One scenario: time in s, commands, simulated and measured channels; each (n,), SI."""
 
     scenario: str
     time: Array
@@ -56,35 +56,42 @@ class OpenLoopRun:
     measured: Mapping[str, Array]
 
     def metrics(self) -> list[dict[str, Any]]:
-        """Return for each channel: least, largest and last value, and RMSD and fit where there is a measurement."""
+        """Return lowest, highest and last value of each channel, and RMSD and fit where it was measured."""
         return [self._metrics(channel) for channel in self.modelled]
 
     def _metrics(self, channel: str) -> dict[str, Any]:
         values = self.modelled[channel]
-        found: dict[str, Any] = {
+        metrics: dict[str, Any] = {
             "channel": channel,
             "unit": SIGNALS[channel].unit,
             "from": float(values.min()),
             "to": float(values.max()),
             "end": float(values[-1]),
         }
-        return found | self._against_measurement(channel)
+        return metrics | self._against_measurement(channel)
 
     def _against_measurement(self, channel: str) -> dict[str, float | None]:
         if channel not in self.measured:
             return {"rmsd": None, "fit_percent": None}
         error = self.measured[channel] - self.modelled[channel]
-        seen = np.isfinite(error)
-        y = self.measured[channel][seen]
+        valid = np.isfinite(error)
+        y = self.measured[channel][valid]
         spread = float(np.linalg.norm(y - y.mean()))
-        fit = 100 * (1 - float(np.linalg.norm(error[seen])) / spread) if spread else None
-        return {"rmsd": float(np.sqrt(np.mean(error[seen] ** 2))), "fit_percent": fit}
+        fit = 100 * (1 - float(np.linalg.norm(error[valid])) / spread) if spread else None
+        return {"rmsd": float(np.sqrt(np.mean(error[valid] ** 2))), "fit_percent": fit}
 
 
 def default_free_runs(model: Model, experiments: Sequence[Experiment]) -> list[OpenLoopRun]:
-    """Return the free run of the test recordings of each experiment; of its first one where none is for testing.
+    """Return the free runs of the test recordings of each experiment, of its first recording where none is for testing.
 
-    Recordings with imposed motion are left out: nothing in them runs freely.
+    Recordings with imposed motion are left out: they have nothing that runs freely.
+
+    Args:
+        model: The model.
+        experiments: Experiments.
+
+    Returns:
+        The runs.
     """
     free = [e for e in experiments if e.recording.imposed is None]
     chosen: list[Experiment] = []
@@ -95,7 +102,16 @@ def default_free_runs(model: Model, experiments: Sequence[Experiment]) -> list[O
 
 
 def free_run(model: Model, experiment: Experiment, name: str) -> OpenLoopRun:
-    """Return the model from the measured start on, under the recorded inputs; only a gap sets it back."""
+    """Simulate an experiment from its measured start, with restarts after gaps only.
+
+    Args:
+        model: The model.
+        experiment: The experiment.
+        name: Name of the run.
+
+    Returns:
+        The run with the measured channels.
+    """
     once = experiment.with_restarts(None)
     measured = {channel: once.measured(channel) for channel in once.channels}
     return OpenLoopRun(name, once.time, _commands(once), simulate_outputs(model, once), measured)
@@ -108,11 +124,23 @@ def _commands(experiment: Experiment) -> dict[str, Array]:
 def run_scenario(
     model: Model, table: Mapping[str, Any], experiments: Mapping[str, Experiment], where: str
 ) -> OpenLoopRun:
-    """Return one table of ``[[scenarios]]``; raises InputError, ``where`` and key named, for what cannot be read.
+    """Simulate one table of ``[[scenarios]]``.
 
-    ``command = "recorded"`` replays ``recording``; else ``steps`` holds each of ``values`` for ``dwell``, ``sine`` is
+    ``command = "recorded"`` replays ``recording``. ``steps`` holds each of ``values`` for ``dwell``, ``sine`` is
     offset + amplitude sin(2 pi frequency t), ``ramp`` goes from offset - amplitude to offset + amplitude. A command
-    runs for ``duration``, from rest at ``x`` (default: half the stroke) and ``p1``, ``p2`` (default: ambient).
+    lasts ``duration`` and starts at rest at ``x`` (default: half the stroke), ``p1`` and ``p2`` (default: ambient).
+
+    Args:
+        model: The model.
+        table: The table.
+        experiments: Experiments by name of their recording.
+        where: The place of the table, for messages.
+
+    Returns:
+        The run.
+
+    Raises:
+        InputError: A key or value cannot be read.
     """
     values = parse_scenario(table, where)
     if values["command"] == "recorded":
@@ -126,7 +154,21 @@ def run_scenario(
 
 
 def parse_scenario(table: Mapping[str, Any], where: str) -> dict[str, Any]:
-    """Return a table of ``[[scenarios]]`` in SI; raises InputError for a key or value that cannot be read."""
+    """Parse one table of ``[[scenarios]]``.
+
+    Args:
+        table: The table.
+        where: The place of the table, for messages.
+
+    Returns:
+        Values by key, quantities in SI.
+
+    Raises:
+        InputError: A key is unknown, or a value cannot be read.
+
+    >>> parse_scenario({"command": "sine", "amplitude": "500 mV"}, "scenarios[0]")["amplitude"]
+    0.5
+    """
     values: dict[str, Any] = {"command": "recorded" if "recording" in table else "steps"}
     for key, value in table.items():
         if key not in KEYS:
@@ -154,12 +196,29 @@ def _in_si(key: str, value: Any) -> Any:
 
 
 def scenario_recording(values: Mapping[str, Any], rig: Rig) -> Recording:
-    """Return the recording that a bench would begin with: the command over time, and the state at its start."""
+    """Return the recording with which a scenario starts: the command over time, and the initial state.
+
+    Args:
+        values: Values as of :func:`parse_scenario`.
+        rig: The rig.
+
+    Returns:
+        The recording.
+    """
     return command_recording(_command(values), values, rig)
 
 
 def command_recording(command: Array, values: Mapping[str, Any], rig: Rig) -> Recording:
-    """Return the recording of a command (n,) in V at PERIOD, from the state that ``values`` states or from rest."""
+    """Return the recording of a command from a stated state, or from rest.
+
+    Args:
+        command: Command in V at ``SAMPLING_PERIOD``, shape (n,).
+        values: Kind of experiment and initial state, SI.
+        rig: The rig.
+
+    Returns:
+        The recording.
+    """
     kind = values.get("experiment", "axis" if rig.has_cylinder else "valve")
     start = {"p1": values.get("p1", rig.ambient_pressure)}
     if EXPERIMENT_KINDS[kind].cylinder:
@@ -177,7 +236,16 @@ def command_recording(command: Array, values: Mapping[str, Any], rig: Rig) -> Re
 def noise_free_recording(
     kind: ExperimentName, signals: Mapping[str, Array], chamber_2: Literal["closed", "open", "valve"]
 ) -> Recording:
-    """Return signals (n,) at PERIOD as a recording without noise, for the model to run on."""
+    """Return signals as a recording without noise, on which a model runs.
+
+    Args:
+        kind: Kind of experiment.
+        signals: Signals at ``SAMPLING_PERIOD``, SI, each (n,).
+        chamber_2: What closes chamber 2.
+
+    Returns:
+        The recording.
+    """
     samples = next(iter(signals.values())).size
     return Recording(
         name="command",
@@ -191,7 +259,7 @@ def noise_free_recording(
 
 
 def _command(values: Mapping[str, Any]) -> Array:
-    """Return the command in V, sampled at PERIOD."""
+    """Return the command in V, sampled at ``SAMPLING_PERIOD``."""
     amplitude, offset = values.get("amplitude", 1.0), values.get("offset", 0.0)
     if values["command"] == "steps":
         held = round(values.get("dwell", 1.0) / SAMPLING_PERIOD)

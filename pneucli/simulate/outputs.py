@@ -1,4 +1,4 @@
-"""A model's answer to an experiment, channel by channel, filtered as the comparison asks for."""
+"""Simulate the channels that are compared, filtered as the comparison filters, and estimate an unmeasured p2."""
 
 from __future__ import annotations
 
@@ -8,20 +8,31 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pneucli.simulate import layout as at
-from pneucli.simulate.experiment import Experiment, restart_samples
+from pneucli.simulate.experiment import Experiment
 from pneucli.simulate.imposed_motion import imposed_motion, smooth_acceleration, standstill_speed
 from pneucli.simulate.model import Model
+from pneucli.simulate.restarts import restart_samples
 from pneucli.simulate.run import base_vector, kernel_for, simulate, with_p2
 
 Array = NDArray[np.float64]
+
+RELATIVE_P2_STEP = 1e-3  # of the start, for a difference quotient
+MIN_DENOMINATOR = 1e-300
 
 
 def simulate_outputs(
     model: Model, experiment: Experiment, inputs: Array | None = None, noise: Mapping[str, Array] | None = None
 ) -> dict[str, Array]:
-    """Return the channels that are compared, each of shape (n,), low-passed where the comparison asks for it.
+    """Simulate the channels that are compared.
 
-    ``inputs`` and ``noise`` disturb the measured inputs (see :mod:`pneucli.compare.expected_error`).
+    Args:
+        model: The model.
+        experiment: The experiment.
+        inputs: Inputs in place of the experiment's own, shape (n, 8).
+        noise: Noise added to an imposed motion, by signal, each (n,).
+
+    Returns:
+        Channels in SI units, each (n,), low-passed where the comparison filters.
     """
     if experiment.recording.imposed == "motion":
         return {"force": experiment.low_passed(required_force(model, experiment, noise))}
@@ -32,9 +43,19 @@ def simulate_outputs(
 
 
 def required_force(model: Model, experiment: Experiment, noise: Mapping[str, Array] | None = None) -> Array:
-    """Return the force in N, shape (n,): the driving force, or without one the net force of the pressures.
+    """Return the force that the model needs for the measured motion.
 
-    Where both are measured, the force of the pressures counts as known and the driving force is compared.
+    Args:
+        model: The model.
+        experiment: An experiment with an imposed motion.
+        noise: Noise added to the motion, by signal, each (n,).
+
+    Returns:
+        Force in N, shape (n,): the driving force where it was measured, then less the net force of the pressures; else
+        the net force of the pressures.
+
+    References:
+        Thesis 6.1-6.7.
     """
     kernel = kernel_for(model.effects)
     inputs = experiment.inputs.copy()
@@ -51,7 +72,15 @@ def required_force(model: Model, experiment: Experiment, noise: Mapping[str, Arr
 
 
 def accelerometer_offset(model: Model, experiment: Experiment) -> float:
-    """Return what the model's accelerometer reads at rest in m/s^2."""
+    """Return the reading of the model's accelerometer at rest.
+
+    Args:
+        model: The model.
+        experiment: The experiment.
+
+    Returns:
+        Reading in m/s^2.
+    """
     reading = 0.0
     for effect in model.effects:
         if "read_a" in effect.ports and effect.name in experiment.active_effects((effect,)):
@@ -59,32 +88,36 @@ def accelerometer_offset(model: Model, experiment: Experiment) -> float:
     return reading
 
 
-RELATIVE_P2_STEP = 1e-3  # of a start, to see what becomes of it
-MIN_DENOMINATOR = 1e-300
-
-
 def with_estimated_p2(model: Model, experiment: Experiment, inputs: Array) -> Array:
-    """Return inputs (n, 8) with the model's p2, of which each stretch without a gap starts as the forces ask for.
+    """Return inputs with the p2 of the model, started so that the force balance holds best.
 
-    Least squares of the force that the model lacks for the measured motion; p2 is linear in its start while a gas is
-    shut in, and nearly so where a valve lets it out.
+    The start of each segment between gaps minimises the squared residual of the force balance for the measured motion.
+    p2 is linear in its start while the gas is trapped, and nearly so while a valve vents it.
+
+    Args:
+        model: The model.
+        experiment: An experiment without a sensor of p2.
+        inputs: Inputs, shape (n, 8).
+
+    Returns:
+        Inputs with p2, shape (n, 8).
     """
     e, area_2 = experiment, experiment.rig.piston_areas[1]
-    moved, settled = inputs.copy(), with_p2(model, e, inputs)
-    moved[:, at.IN_P2] *= 1.0 + RELATIVE_P2_STEP
-    grown = (with_p2(model, e, moved) - settled)[:, at.IN_P2] / RELATIVE_P2_STEP
-    asked = -_force_residual(model, e, settled) / area_2
+    shifted, estimate = inputs.copy(), with_p2(model, e, inputs)
+    shifted[:, at.IN_P2] *= 1.0 + RELATIVE_P2_STEP
+    sensitivity = (with_p2(model, e, shifted) - estimate)[:, at.IN_P2] / RELATIVE_P2_STEP
+    missing = -_force_residual(model, e, estimate) / area_2
     begins, moving = restart_samples(e.time, None), inputs[:, at.IN_V] != 0.0
-    share = np.add.reduceat(grown * asked * moving, begins) / (
-        np.add.reduceat(grown**2 * moving, begins) + MIN_DENOMINATOR
+    share = np.add.reduceat(sensitivity * missing * moving, begins) / (
+        np.add.reduceat(sensitivity**2 * moving, begins) + MIN_DENOMINATOR
     )
-    stretches = np.diff(np.append(begins, e.time.size))
-    settled[:, at.IN_P2] += np.repeat(np.maximum(share, RELATIVE_P2_STEP - 1.0), stretches) * grown
-    return settled
+    lengths = np.diff(np.append(begins, e.time.size))
+    estimate[:, at.IN_P2] += np.repeat(np.maximum(share, RELATIVE_P2_STEP - 1.0), lengths) * sensitivity
+    return estimate
 
 
 def _force_residual(model: Model, e: Experiment, inputs: Array) -> Array:
-    """Return the force (n,) in N toward +x that the model lacks for the measured motion."""
+    """Return the residual of the force balance (n,) in N toward +x for the measured motion."""
     kernel, out = kernel_for(model.effects), np.zeros(e.time.size)
     measured = "a" in e.raw
     a = e.raw["a"] - accelerometer_offset(model, e) if measured else smooth_acceleration(e)

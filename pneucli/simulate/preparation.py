@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from pneucli.noise import NoiseModel, estimate_noise
 from pneucli.recording import Recording, Rig
 from pneucli.simulate import layout as at
-from pneucli.simulate.experiment import Experiment, draw_sensor_noise, restart_samples
+from pneucli.simulate.experiment import Experiment
 from pneucli.simulate.kernel_settings import recording_flags
 from pneucli.simulate.local_polynomials import LocalPolynomialSmoother, choose_windows
 from pneucli.simulate.motion_smoother import (
@@ -19,7 +19,9 @@ from pneucli.simulate.motion_smoother import (
     smooth_inputs,
     smooth_motion,
 )
+from pneucli.simulate.noise_draws import draw_sensor_noise
 from pneucli.simulate.position_smoother import PositionSmoother, fit_position_smoother
+from pneucli.simulate.restarts import restart_samples
 from pneucli.simulate.substitutes import substitute_missing_inputs
 
 Array = NDArray[np.float64]

@@ -1,4 +1,4 @@
-"""The model's valve on a vessel at rest: dp/dt over command, pressure and supply, by the kernel's own equations."""
+"""The pressure gradient of a valve on a vessel at held commands, by the kernel's own equations."""
 
 from __future__ import annotations
 
@@ -18,13 +18,25 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True)
 class QuasiStaticGradient:
-    """The gradient of the vessel of ``experiment`` (a valve test) that a model gives at held commands, without memory."""
+    """The pressure gradient of a model at held commands, without memory, for the vessel of a valve test."""
 
     model: Model
     experiment: Experiment
 
     def __call__(self, u: Array, p: Array, supply: Array) -> Array:
-        """Return dp/dt in Pa/s as the sensor reads it; u in V from the null, p and supply in Pa, of one shape."""
+        """Return the gradient as the sensor reads it.
+
+        Args:
+            u: Command in V from the null command.
+            p: Pressure in Pa.
+            supply: Supply pressure in Pa; all three of one shape.
+
+        Returns:
+            Gradient in Pa/s, of the same shape.
+
+        References:
+            Thesis 7.4.
+        """
         out = np.empty(u.size)
         flat = [np.ascontiguousarray(a, dtype=np.float64).ravel() for a in (u, p, supply)]
         self._gradient(*flat, *self._fixed, out)

@@ -1,8 +1,8 @@
-"""The slow, trusted reference: the base equations once more, integrated by scipy to tight tolerances.
+"""The reference solution: the base equations, implemented a second time and integrated by scipy to tight tolerances.
 
-Nothing is shared with the kernel but the model's values and its valve's areas. Friction is a hybrid system: the piston
-slides up, slides down or rests, and each mode ends at an event that scipy locates. Some hundred times slower than the
-kernel, which tests hold to it.
+It shares nothing with the kernel but the values of the model and the areas of its valve. Friction is a hybrid system:
+the piston slides up, slides down or sticks, and each mode ends at an event that scipy locates. It is some hundred
+times slower than the kernel; tests compare both.
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ Force = Callable[[float], float]
 
 X, V, P1, P2, T1, T2 = range(6)
 RTOL, ATOL = 1e-9, np.array([1e-11, 1e-10, 1e-4, 1e-4, 1e-7, 1e-7])
-BREAKAWAY_SPEED = 1e-9  # m/s, with which a piston that breaks away leaves the event behind
+BREAKAWAY_SPEED = 1e-9  # m/s of a piston that breaks away, to leave the event
 SUPPORTED_EFFECTS = {"stribeck", "friction-hysteresis", "heat-transfer"}
 
 
@@ -38,15 +38,29 @@ def solve(
     u2: Array | None = None,
     force: Force = lambda _: 0.0,
 ) -> Array:
-    """Return x, v, p1, p2, T1, T2 at ``time``, shape (n, 6), in m, m/s, Pa, K.
+    """Solve the equations of the axis.
 
-    ``u`` and ``u2`` (V, shape (n,)) are held from sample to sample; ``start`` (6,) is the state at the first;
-    ``force(t)`` (N) pushes toward +x beside the pressures. State space 2.47-2.52, flow 2.42-2.46, friction 3.4, 3.6
-    and 6.21 (between its branches neither holds and dv/dt = 0, Filippov). Of the effects stribeck,
-    friction-hysteresis and heat-transfer are known; raises ValueError for a model with others.
+    Args:
+        model: A model with no effects but stribeck, friction-hysteresis and heat-transfer.
+        time: Time stamps in s, shape (n,).
+        u: Command of chamber 1 in V, held from sample to sample, shape (n,).
+        start: State at the first sample, shape (6,).
+        chamber_2: What closes chamber 2.
+        u2: Command of chamber 2 in V, shape (n,).
+        force: External force in N toward +x over time in s.
+
+    Returns:
+        x in m, v in m/s, p1 and p2 in Pa, T1 and T2 in K, shape (n, 6).
+
+    Raises:
+        ValueError: The model has other effects.
+
+    References:
+        Thesis 2.42-2.46 (flow), 2.47-2.52 (state space), 3.4, 3.6 and 6.21 (friction). Between the branches of friction
+        dv/dt = 0 (Filippov).
     """
     if unknown := {e.name for e in model.effects} - SUPPORTED_EFFECTS:
-        raise ValueError(f"the reference does not know {sorted(unknown)}")
+        raise ValueError(f"the reference has no equations for {sorted(unknown)}")
     plant = Plant(
         model.base_values() | dict(model.values), "heat-transfer.conductance" in model.values, chamber_2, force
     )
@@ -63,7 +77,7 @@ def solve(
 
 @dataclass(frozen=True)
 class Plant:
-    """The equations, with parameters by name as in a :class:`Model`; ``areas`` (m^2) below are negative for exhaust."""
+    """The equations with parameters by name; effective ``areas`` (m^2) in arguments are negative for exhaust."""
 
     values: dict[str, float]
     has_heat_transfer: bool
@@ -71,7 +85,7 @@ class Plant:
     force: Force
 
     def integrate(self, time: Array, y: Array, areas: tuple[float, float]) -> Array:
-        """Return the states at ``time[1:]``, the commands being held; one call of scipy for each mode."""
+        """Return the states at ``time[1:]`` for held commands; scipy is called once for each mode."""
         rows, t = [], float(time[0])
         mode = self.motion_direction(t, y)
         while True:
@@ -103,7 +117,7 @@ class Plant:
         return t, y, self.motion_direction(t, y)
 
     def events(self, mode: float) -> list[Callable[[float, Array], float]]:
-        """Return scipy's events: a rest ends by breaking away, a slide by stopping or at an end of the stroke."""
+        """Return scipy's events: sticking ends at break-away, sliding at a stop or at an end of the stroke."""
         if mode == 0.0:
             return [_falling(lambda t, y: -self.breakaway_excess(t, y))]
         stroke = self.values["rig.stroke"]
@@ -111,20 +125,20 @@ class Plant:
         return [_falling(lambda _, y: mode * y[V]), _falling(room)]
 
     def motion_direction(self, t: float, y: Array) -> float:
-        """Return the direction of motion, or of the motion that begins; 0 at rest."""
+        """Return the direction of motion, or of the motion that begins; 0 while sticking."""
         if y[V] != 0.0:
             return math.copysign(1.0, y[V])
         return math.copysign(1.0, self.driving_force(t, y)) if self.breakaway_excess(t, y) > 0.0 else 0.0
 
     def breakaway_excess(self, t: float, y: Array) -> float:
-        """Force in N beyond what holds the piston at rest; a stop holds whatever pushes against it."""
+        """Force in N beyond the friction that holds at rest; an end holds any force against it."""
         push = self.driving_force(t, y)
         if (push < 0.0 and y[X] <= 0.0) or (push > 0.0 and y[X] >= self.values["rig.stroke"]):
             return -1.0
         return abs(push) - self.dry_friction(0.0)[0]
 
     def driving_force(self, t: float, y: Array) -> float:
-        """All forces in N toward +x but dry friction."""
+        """All forces in N toward +x without dry friction."""
         p_amb, a_1, a_2 = (self.values[f"rig.{n}"] for n in ("ambient_pressure", "piston_area_1", "piston_area_2"))
         net = a_1 * (y[P1] - p_amb) - a_2 * (y[P2] - p_amb)
         return float(net + self.force(t) - self.values["friction.viscous"] * y[V])

@@ -22,31 +22,64 @@ Array = NDArray[np.float64]
 
 @cache
 def kernel_for(effects: tuple[Effect, ...]) -> Kernel:
-    """Return a compiled kernel that has these effects: the bare one, the catalogue's, or one with a user's own."""
+    """Return a compiled kernel that contains these effects.
+
+    Args:
+        effects: Effects of the catalogue, their variants, or plugins; none: the base model.
+
+    Returns:
+        The kernel.
+    """
     if not effects:
         return build(())
     return build(tuple({**catalogue_with_sides(), **{e.name: e for e in effects}}.values()))
 
 
 def simulate(model: Model, experiment: Experiment, inputs: Array | None = None) -> dict[str, Array]:
-    """Return what the sensors would read, by channel, each of shape (n,), in SI units.
+    """Simulate the readings of every sensor.
 
-    ``inputs`` replaces the experiment's own smoothed inputs (for draws of their noise).
+    Args:
+        model: The model.
+        experiment: The experiment.
+        inputs: Inputs in place of the experiment's own, shape (n, 8).
+
+    Returns:
+        Readings by channel in SI units, each (n,).
     """
     out = run(model, experiment, inputs)
     return {channel: out[:, column] for channel, column in OUTPUT_COLUMNS.items()}
 
 
 def run(model: Model, experiment: Experiment, inputs: Array | None = None) -> Array:
-    """Return the kernel's whole output, shape (n, 10) in the order of :mod:`pneucli.simulate.layout`."""
+    """Run the kernel.
+
+    Args:
+        model: The model.
+        experiment: The experiment.
+        inputs: Inputs in place of the experiment's own, shape (n, 8).
+
+    Returns:
+        Output of the kernel, shape (n, 10), in the order of :mod:`pneucli.simulate.layout`.
+
+    References:
+        Thesis 2.47-2.52 (state space), 3.1-3.7 (friction).
+    """
     inputs = experiment.inputs if inputs is None else inputs
     return _run(model, experiment, with_p2(model, experiment, inputs))
 
 
 def with_p2(model: Model, experiment: Experiment, inputs: Array) -> Array:
-    """Return inputs (n, 8) that have p2 also where no sensor reads it: as the model has it with the measured motion.
+    """Return inputs in which an unmeasured p2 is that of the model under the measured motion.
 
-    It starts from what ``inputs`` say of it first, and after each gap in the record.
+    p2 starts from its value in ``inputs``, at the first sample and after each gap.
+
+    Args:
+        model: The model.
+        experiment: The experiment.
+        inputs: Inputs, shape (n, 8).
+
+    Returns:
+        Inputs, shape (n, 8); the same array where p2 was measured.
     """
     if not experiment.infers_p2:
         return inputs
@@ -77,13 +110,29 @@ def _run(model: Model, experiment: Experiment, inputs: Array) -> Array:
 
 
 def area_tables(model: Model, experiment: Experiment) -> tuple[Array, Array]:
-    """Return the areas of the paths that fill and vent chamber 1, or the vessel in its place, and chamber 2."""
+    """Return the tables of effective area for both chambers.
+
+    Args:
+        model: The model.
+        experiment: The experiment; a vessel takes the place of chamber 1.
+
+    Returns:
+        Areas in m^2 over the commands of both directions, for chamber 1 and chamber 2.
+    """
     largest = experiment.flags[at.U_MAX]
     return model.valve_of_chamber(experiment.recording.chamber).table(largest), model.chamber_2_valve.table(largest)
 
 
 def base_vector(model: Model, experiment: Experiment) -> Array:
-    """Return the base parameters in the kernel's order; a valve test's vessel stands in for chamber 1."""
+    """Return the base parameters in the order of the kernel.
+
+    Args:
+        model: The model.
+        experiment: The experiment; the vessel of a valve test takes the place of chamber 1.
+
+    Returns:
+        Base parameters, shape (19,), SI.
+    """
     base = model.base_values()
     if experiment.vessel:
         base |= {"rig.piston_area_1": 0.0, "rig.dead_volume_1": model.values.get("rig.vessel_volume", 0.0)}
@@ -95,7 +144,14 @@ def base_vector(model: Model, experiment: Experiment) -> Array:
 
 
 def run_many(runs: Sequence[tuple[Model, Experiment]]) -> list[Array]:
-    """Return the outputs of many runs, in order, on all cores (the kernel releases the interpreter's lock)."""
+    """Run many simulations on all cores; the kernel releases the interpreter's lock.
+
+    Args:
+        runs: Pairs of model and experiment.
+
+    Returns:
+        Outputs as of :func:`run`, in order.
+    """
     if len(runs) <= 1:
         return [run(model, experiment) for model, experiment in runs]
     with ThreadPoolExecutor(thread_count()) as pool:

@@ -1,4 +1,4 @@
-"""What stands in for readings that a recording lacks."""
+"""Substitutes for inputs that a recording lacks."""
 
 from __future__ import annotations
 
@@ -13,10 +13,16 @@ Array = NDArray[np.float64]
 
 
 def substitute_missing_inputs(inputs: Array, recording: Recording, rig: Rig) -> None:
-    """Fill in what was not measured, in inputs (n, 8): ambient pressure, the regulator's setting, a shut chamber's p2.
+    """Fill in inputs that were not measured, in place.
 
-    p2 of a shut chamber is that of a gas shut in, as much of it as the forces on the moving piston ask for; behind a
-    valve it is held at what carries the piston at the start. Either needs p1, x and the areas, the former the stroke.
+    Pressures are ambient, the supply pressure is the stated one. p2 of a closed chamber is that of trapped gas, as much
+    as the force balance of the moving piston needs; behind a valve p2 holds the piston at the start. Both need p1, x
+    and the areas, the first also the stroke.
+
+    Args:
+        inputs: Inputs in the kernel's layout, shape (n, 8).
+        recording: The recording.
+        rig: The rig.
     """
     for column, name, value in (
         (at.IN_P1, "p1", rig.ambient_pressure),
@@ -39,9 +45,9 @@ def _balancing_p2(inputs: Array, rig: Rig) -> float:
 
 
 def _trapped_gas_p2(inputs: Array, time: Array, rig: Rig, stroke: float) -> Array:
-    """Return the pressure (n,) of a gas shut in chamber 2, from the balance of forces while the piston moves.
+    """Return the pressure (n,) of gas trapped in chamber 2, from the force balance while the piston moves.
 
-    What p1 drives is held by that gas, the mass, dry and viscous friction, each of which can but resist.
+    The gas, the mass, dry and viscous friction balance the force of p1; each of them can only resist.
     """
     area_1, area_2 = rig.piston_areas
     x, v = inputs[:, at.IN_X], inputs[:, at.IN_V]
@@ -51,5 +57,5 @@ def _trapped_gas_p2(inputs: Array, time: Array, rig: Rig, stroke: float) -> Arra
     design = np.stack([area_2 * rise, np.sign(v), v, np.gradient(v, time)], axis=1)
     moving = v != 0.0
     sizes = np.abs(design[moving]).max(axis=0, initial=1e-300)
-    found = nnls(design[moving] / sizes, force[moving] + area_2 * rig.ambient_pressure)[0] / sizes
-    return np.asarray(found[0] * rise)
+    coefficients = nnls(design[moving] / sizes, force[moving] + area_2 * rig.ambient_pressure)[0] / sizes
+    return np.asarray(coefficients[0] * rise)

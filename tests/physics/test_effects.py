@@ -117,7 +117,7 @@ def test_ports_take_their_arguments_and_then_the_parameters(effect: Effect) -> N
         # "from" and "to" are no names in Python
         assert [{"start": "from", "end": "to"}.get(n, n) if "from" in declared else n for n in own] == declared
         assert function.__doc__
-        assert function.__doc__.strip().endswith(".")
+        assert function.__doc__.strip().splitlines()[0].endswith(".")
 
 
 def test_twins_are_effects_of_the_catalogue_and_others_than_the_effect() -> None:

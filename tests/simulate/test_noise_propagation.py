@@ -1,4 +1,4 @@
-"""Other readings of one run: drawn once, whatever model is held against them."""
+"""Noise draws of one run are cached for every model that is compared with it."""
 
 from dataclasses import replace
 
@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from pneucli.noise import NoiseModel
-from pneucli.simulate import experiment as made
+from pneucli.simulate import noise_draws
 from pneucli.simulate.noise_propagation import sample_deviations
 from tests.simulate.synthetic_experiments import make_experiment, model, time_grid
 
@@ -14,17 +14,17 @@ NOISE = {"p1": NoiseModel(300.0, 0.0), "p2": NoiseModel(300.0, 0.0)}
 E = replace(make_experiment("axis", time_grid(0.3), {"u": 1.0, "p1": 3e5, "p2": 2.5e5, "x": 0.1}), noise=NOISE)
 
 
-def test_readings_that_are_kept_are_those_that_are_drawn(monkeypatch: pytest.MonkeyPatch) -> None:
-    kept = sample_deviations(model(), E, 2)
+def test_cached_draws_equal_fresh_draws(monkeypatch: pytest.MonkeyPatch) -> None:
+    cached = sample_deviations(model(), E, 2)
     assert E.noise_draws(2, 20151) is E.noise_draws(2, 20151)
-    monkeypatch.setattr(made, "MAX_CACHE_BYTES", 0)
+    monkeypatch.setattr(noise_draws, "MAX_CACHE_BYTES", 0)
     fresh = E.with_restarts(None)
     assert fresh.noise_draws(2, 20151) is not fresh.noise_draws(2, 20151)
     again = sample_deviations(model(), fresh, 2)
-    assert all(np.array_equal(kept[c], again[c]) for c in kept)
+    assert all(np.array_equal(cached[c], again[c]) for c in cached)
 
 
-def test_other_draws_are_other_readings() -> None:
+def test_draws_differ_between_each_other_and_between_seeds() -> None:
     (one, _), (two, _) = E.noise_draws(2, 1)
     ((other, _),) = E.noise_draws(1, 2)
     assert not np.array_equal(one["p1"], two["p1"])

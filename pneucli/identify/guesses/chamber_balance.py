@@ -10,7 +10,8 @@ from numpy.typing import NDArray
 
 from pneucli.recording import Rig
 from pneucli.simulate import layout as at
-from pneucli.simulate.experiment import Experiment, segment_lengths
+from pneucli.simulate.experiment import Experiment
+from pneucli.simulate.restarts import segment_lengths
 
 Array = NDArray[np.float64]
 Chamber = Literal[1, 2]

@@ -21,10 +21,10 @@ from pneucli.identify.residuals.chambers import ChamberPressures
 from pneucli.physics.declaration import Effect, Side
 from pneucli.simulate import layout as at
 from pneucli.simulate.end_stops import contact_side
-from pneucli.simulate.experiment import cache_draws
 from pneucli.simulate.imposed_motion import smooth_acceleration
 from pneucli.simulate.model import Model
 from pneucli.simulate.motion_smoother import input_errors, smooth_motion
+from pneucli.simulate.noise_draws import cache_draws
 from pneucli.simulate.outputs import accelerometer_offset, with_estimated_p2
 from pneucli.simulate.position_smoother import PositionSmoother
 from pneucli.simulate.run import base_vector, kernel_for

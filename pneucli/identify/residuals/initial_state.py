@@ -10,9 +10,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pneucli.simulate import layout as at
-from pneucli.simulate.experiment import Experiment, segment_lengths
+from pneucli.simulate.experiment import Experiment
 from pneucli.simulate.model import Model
 from pneucli.simulate.motion_smoother import input_errors
+from pneucli.simulate.restarts import segment_lengths
 from pneucli.simulate.run import simulate
 
 Array = NDArray[np.float64]

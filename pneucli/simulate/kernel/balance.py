@@ -1,4 +1,4 @@
-"""The residual of the force balance: measured friction minus the model's."""
+"""The residual of the force balance: measured friction minus that of the model."""
 
 import math
 
@@ -23,7 +23,10 @@ from pneucli.simulate.layout import AMBIENT, IN_FORCE, IN_V, IN_X, MASS, STROKE,
 
 
 def mean_clipped_drive(drive, falling, rising, spread):
-    """The drive between both branches, in the mean over its normal spread; and how likely it is between them."""
+    """Return the drive clipped to the branches of friction, and the probability that it lies between them.
+
+    Both are means over the normal spread of the drive.
+    """
     if rising == falling or spread == 0.0:
         return min(max(drive, falling), rising), 0.0
     low, high = (drive - falling) / spread, (drive - rising) / spread
@@ -34,16 +37,16 @@ def mean_clipped_drive(drive, falling, rising, spread):
 
 
 def alternating_sign(k):
-    """A sign that changes from sample to sample, for noise that is put back."""
+    """Return a sign that alternates from sample to sample, for noise that is added again."""
     return 1.0 if k % 2 else -1.0
 
 
 def apply_sensor_lag(time, inputs, true, readings, unsure, lag, noise, base, out, back):
-    """Turn what is left over while the piston moves into what sensors with a lag would read of it, in place.
+    """Convert the residual while the piston moves into that of sensors with a lag, in place.
 
-    The force that the model needs, as its sensors would read it, against the force that they read: to undo the lag in
-    the readings would leave its noise and lose what smoothing took out of their slope, so that a lag came out too
-    small. Each stretch of motion starts with nothing left over; the noise that this takes away is put back.
+    The force that the model needs, as its sensors would read it, is compared with the force that they read. Correcting
+    the readings for the lag would keep their noise and lose the slope that smoothing removed, so the lag would be
+    estimated too small. Each segment of motion starts with residual 0; the noise removed by this is added again.
     """
     reading = needed = begun = 0.0
     moving = False
@@ -63,17 +66,31 @@ def apply_sensor_lag(time, inputs, true, readings, unsure, lag, noise, base, out
 
 
 def run_balance(time, inputs, a, rough, leaving, unsure, contact, noise, base_values, th_values, on_values, out, gap):
-    """Write what the balance of forces leaves over in N, shape (n,): measured friction minus the model's.
+    """Write the residual of the force balance: measured friction minus that of the model.
 
-    inputs (n, 8) with smoothed p1, p2 and the motion (v = 0 where at rest), a (n,) its reading, rough (n,) the
-    force in N of the noise taken out of the pressures, leaving (n,) the velocity in m/s of a piston that breaks away at
-    this sample, else 0, unsure (n,) where the direction of motion is not known: 0 is written there, contact (n,) the
-    side on which an end may carry the piston. At rest only a force that is more than the model can hold counts, of the
-    smoothed pressures, so that noise does not pass for it, and none that an end may carry.
-    Between the branches of friction the drive itself is the friction, smoothing noise and all. That noise is known,
-    noise (2,) in N and N/s; what taking it out gains is put back, with a changing sign (Stein's unbiased estimate of
-    risk, 1981). gap (n,) gets the chance that the drive is between the branches, where the model states bounds and no
-    force.
+    At rest only a force beyond the model's holding friction counts, of the smoothed pressures, so that noise does not
+    count as such a force; none that an end may carry counts. Between the branches of friction the drive itself is the
+    friction, including smoothing noise. That noise is known; what subtracting it gains is added again with an
+    alternating sign.
+
+    Args:
+        time: Time stamps in s, shape (n,).
+        inputs: Smoothed p1, p2 and motion (v = 0 at rest), shape (n, 8).
+        a: Reading of the acceleration in m/s^2, shape (n,).
+        rough: Force in N of the noise removed from the pressures, shape (n,).
+        leaving: Velocity in m/s of a piston that breaks away at this sample, else 0, shape (n,).
+        unsure: Samples with an uncertain direction, where 0 is written, shape (n,).
+        contact: Side on which an end may carry the piston, shape (n,).
+        noise: Noise of the force in N and N/s, shape (2,).
+        base_values: Base parameters, shape (19,).
+        th_values: Parameters of effects.
+        on_values: Switches of effects.
+        out: Filled with the residual in N, shape (n,).
+        gap: Filled with the probability that the drive lies between the branches, where the model predicts an interval
+            of forces, shape (n,).
+
+    References:
+        C. Stein, Ann. Stat. 9 (1981) 1135-1151 (unbiased estimate of risk).
     """
     base, th, on = scalars(base_values, th_values, on_values)
     m, stiffness, z, rest = base[MASS] + mass(th, on), bristle_stiffness(th, on), 0.0, 0.0

@@ -1,4 +1,4 @@
-"""A chamber's balances of mass and energy."""
+"""Balances of mass and energy of a chamber."""
 
 import numpy as np
 
@@ -19,9 +19,26 @@ from pneucli.simulate.layout import AMBIENT, CRITICAL, DEAD_1, EXPONENT, GAMMA, 
 
 
 def pressure_rate(p, T, volume, growth, q_in, q_out, heat_flow, base):
-    """dp/dt in Pa/s by the energy balance; at constant T and without heat the isentropic chamber (2.14, 2.22).
+    """Return the pressure gradient of a chamber from the energy balance.
 
-    The exponent is that of the gas, kappa, or less where heat that is not simulated flows: 1 is the isothermal chamber.
+    At constant temperature and without heat it is the isentropic chamber. The exponent is that of the gas, or less
+    where heat flows that is not simulated; 1 is the isothermal chamber.
+
+    Args:
+        p: Pressure in Pa.
+        T: Gas temperature in K.
+        volume: Volume in m^3.
+        growth: Growth of the volume in m^3/s.
+        q_in: Mass flow in, in kg/s.
+        q_out: Mass flow out, in kg/s.
+        heat_flow: Heat flow into the gas in W.
+        base: Base parameters.
+
+    Returns:
+        dp/dt in Pa/s.
+
+    References:
+        Thesis 2.14, 2.22.
     """
     gamma = base[EXPONENT]
     enthalpy = base[GAS] * (base[TEMP] * q_in - T * q_out)
@@ -29,9 +46,26 @@ def pressure_rate(p, T, volume, growth, q_in, q_out, heat_flow, base):
 
 
 def chamber_step(p, p_mid, mass, h, volume, growth, q_in, q_out, hot, base, th, on):
-    """Advance one chamber by h; returns p, dp/dt, gas mass, gas temperature (constant in the base model).
+    """Advance one chamber by a step.
 
-    Heat to the wall is implicit in the pressure (at the midpoint), so that it may settle within a step.
+    Heat to the wall is implicit in the pressure at the midpoint, so that it may settle within a step.
+
+    Args:
+        p: Pressure in Pa.
+        p_mid: Pressure at the midpoint in Pa.
+        mass: Mass of the gas in kg.
+        h: Step in s.
+        volume: Volume at the midpoint in m^3.
+        growth: Growth of the volume in m^3/s.
+        q_in: Mass flow in, in kg/s.
+        q_out: Mass flow out, in kg/s.
+        hot: Whether heat is simulated.
+        base: Base parameters.
+        th: Parameters of effects.
+        on: Switches of effects.
+
+    Returns:
+        Pressure in Pa, its gradient in Pa/s, mass in kg, temperature in K (constant in the base model).
     """
     T, warm, drag, flow = base[TEMP], 0.0, 0.0, q_in - q_out
     if hot:
@@ -45,10 +79,20 @@ def chamber_step(p, p_mid, mass, h, volume, growth, q_in, q_out, hot, base, th, 
 
 
 def run_gradient(u, p, p_supply, base_values, th_values, on_values, u_max, areas, out):
-    """Write the gradient of chamber 1 in Pa/s as its sensor reads it, shape (n,), at held commands and a fixed volume.
+    """Write the pressure gradient of chamber 1 at held commands and a fixed volume, as its sensor reads it.
 
-    u (n,) in V, readings p (n,) and p_supply (n,) in Pa, the gas at its usual temperature. Nothing that has a memory
-    takes part: the spool has settled, a play is centred, no heat has been exchanged, what flows arrives at once.
+    Nothing with a memory takes part: the spool has settled, a play is centred, no heat flows, flow arrives at once.
+
+    Args:
+        u: Command in V, shape (n,).
+        p: Reading of the pressure in Pa, shape (n,).
+        p_supply: Reading of the supply pressure in Pa, shape (n,).
+        base_values: Base parameters, shape (19,).
+        th_values: Parameters of effects.
+        on_values: Switches of effects.
+        u_max: Largest opening in V.
+        areas: Areas in m^2 over openings of -u_max..u_max.
+        out: Filled with the gradient in Pa/s, shape (n,).
     """
     base, th, on = scalars(base_values, th_values, on_values)
     p_amb, volume = base[AMBIENT], base[DEAD_1] + volume_1(th, on)

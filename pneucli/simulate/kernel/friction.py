@@ -15,8 +15,10 @@ from pneucli.simulate.layout import AMBIENT, COULOMB, VISCOUS
 
 
 def friction_levels(direction, speed, x, p1, p2, base, th, on):
-    """Dry friction in N while speeding up and while slowing; equal without hysteresis. Never below 1e-9 N: factors
-    beyond what they are valid for must not make it push, and bristles need a level.
+    """Return dry friction in N while speeding up and while slowing; both are equal without hysteresis.
+
+    It is at least 1e-9 N: factors outside their range of validity must not make friction push, and bristles need a
+    level.
     """
     factor = dry_factor(direction, x, p1, p2, base[AMBIENT], th, on)
     rising = max((base[COULOMB] + dry_rise(base[COULOMB], speed, th, on)) * factor, 1e-9)
@@ -26,7 +28,7 @@ def friction_levels(direction, speed, x, p1, p2, base, th, on):
 
 
 def net_driving_force(drive, rising, falling):
-    """What of the driving force along the motion dry friction leaves: zero between the branches (Filippov)."""
+    """Return the driving force along the motion less dry friction; 0 between the branches (Filippov)."""
     if drive > rising:
         return drive - rising
     if drive < falling:
@@ -35,7 +37,7 @@ def net_driving_force(drive, rising, falling):
 
 
 def hold_or_break_away(x, push, h, rest, m, p1, p2, base, th, on):
-    """Hold, or break away and move for h; returns x, v, time at rest."""
+    """Stick, or break away and move for h; return x, v, and the time at rest."""
     direction = 1.0 if push > 0.0 else -1.0
     rising, _ = friction_levels(direction, 0.0, x, p1, p2, base, th, on)
     if abs(push) <= rising * static_factor(rest, th, on) or h <= 0.0:
@@ -46,7 +48,7 @@ def hold_or_break_away(x, push, h, rest, m, p1, p2, base, th, on):
 
 
 def slide(x, v, v_guess, push, h, rest, m, p1, p2, base, th, on):
-    """Move for h under the force push (all but friction, at midpoint); returns x, v, time at rest."""
+    """Move for h under ``push`` (all forces but friction, at the midpoint); return x, v, and the time at rest."""
     if v == 0.0:
         return hold_or_break_away(x, push, h, rest, m, p1, p2, base, th, on)
     direction = 1.0 if v > 0.0 else -1.0
@@ -60,14 +62,22 @@ def slide(x, v, v_guess, push, h, rest, m, p1, p2, base, th, on):
 
 
 def mean_decay(y):
-    """(1 - exp(-y)) / y for y >= 0: the mean of exp(-y s) over s = 0..1; by its series (to 5e-8) where y is small."""
+    """Return (1 - exp(-y)) / y for y >= 0, the mean of exp(-y s) over s = 0..1; below 0.25 by its series, to 5e-8.
+
+    >>> mean_decay(0.0), round(mean_decay(1.0), 6)
+    (1.0, 0.632121)
+    """
     if y < 0.25:
         return 1.0 - y * (1 / 2 - y * (1 / 6 - y * (1 / 24 - y * (1 / 120 - y * (1 / 720)))))
     return (1.0 - math.exp(-y)) / y
 
 
 def slide_on_bristles(x, v, z, dv, push, h, m, p1, p2, stiffness, base, th, on):
-    """Move for h with LuGre bristles of deflection z; returns x, v, z. Implicit in the velocity, exact in z."""
+    """Move for h with LuGre bristles of deflection z; return x, v, z. Implicit in the velocity, exact in z.
+
+    References:
+        C. Canudas de Wit, H. Olsson, K. J. Astrom, P. Lischinsky, IEEE Trans. Autom. Control 40 (1995) 419-425.
+    """
     direction = 1.0 if v > 0.0 or (v == 0.0 and push > 0.0) else -1.0
     speed = abs(v + 0.5 * dv)
     rising, falling = friction_levels(direction, speed, x, p1, p2, base, th, on)
@@ -83,7 +93,7 @@ def slide_on_bristles(x, v, z, dv, push, h, m, p1, p2, stiffness, base, th, on):
 
 
 def bristle_force(z, dx, h, level, stiffness, th, on):
-    """Deflection after a displacement dx within h, and the force of the LuGre model's bristles, exact in z."""
+    """Return the deflection after a displacement dx within h, and the bristles' force in N, exact in z."""
     rate = stiffness * abs(dx) / level
     change = (dx - rate * z) * mean_decay(rate)
     speed = change / h if h > 0.0 else 0.0
@@ -91,7 +101,7 @@ def bristle_force(z, dx, h, level, stiffness, th, on):
 
 
 def acceleration(v, z, push, dv, rest, x, m, p1, p2, stiffness, base, th, on):
-    """dv/dt in m/s^2 at one instant, with the same friction as the step."""
+    """Return dv/dt in m/s^2 at one instant, with the friction of the step."""
     direction = 1.0 if v > 0.0 or (v == 0.0 and push > 0.0) else -1.0
     rising, falling = friction_levels(direction, abs(v), x, p1, p2, base, th, on)
     c = base[VISCOUS] * viscous_factor(direction, th, on)

@@ -1,4 +1,4 @@
-"""The driving force that the model needs for a given motion."""
+"""The driving force that a model needs for a given motion."""
 
 from pneucli.simulate.kernel.friction import bristle_force, friction_levels
 from pneucli.simulate.kernel.ports import bristle_stiffness, force, mass, scalars, sensor_lag, viscous_factor
@@ -7,15 +7,25 @@ from pneucli.simulate.layout import AMBIENT, AREA_1, AREA_2, IN_V, IN_X, MASS, S
 
 
 def net_pressure_force(pressures, k, base):
-    """Force in N of the pressures on the piston at sample k, over that of the ambient pressure."""
+    """Return the net force in N of the pressures above ambient on the piston at sample k."""
     return base[AREA_1] * (pressures[k, 0] - base[AMBIENT]) - base[AREA_2] * (pressures[k, 1] - base[AMBIENT])
 
 
 def run_imposed(time, inputs, a, v_still, driven, base_values, th_values, on_values, out):
-    """Write the driving force in N that the model needs for a given motion, shape (n,): the net force of the pressures,
-    or what is left to a measured one beside them, where it is ``driven`` by one.
+    """Write the driving force that a model needs for a given motion.
 
-    Within ``v_still`` dry friction goes through zero in a straight line: what it is at rest, motion does not tell.
+    Within ``v_still`` dry friction is proportional to the velocity: there the motion does not determine its sign.
+
+    Args:
+        time: Time stamps in s, shape (n,).
+        inputs: Inputs in the kernel's layout, shape (n, 8).
+        a: Acceleration in m/s^2, shape (n,).
+        v_still: Speed in m/s below which the direction is uncertain.
+        driven: Whether a driving force was measured; the force of the pressures is then subtracted.
+        base_values: Base parameters, shape (19,).
+        th_values: Parameters of effects.
+        on_values: Switches of effects.
+        out: Filled with the force in N, shape (n,).
     """
     base, th, on = scalars(base_values, th_values, on_values)
     m, stiffness, z = base[MASS] + mass(th, on), bristle_stiffness(th, on), 0.0

@@ -76,12 +76,12 @@ from pneucli.simulate.layout import (
 
 
 def control(k, x_ref, x, p1, p2, cs, cp):
-    """The controller in the loop, called at each sample; here proportional with a limit (benchmarks, tests)."""
+    """Return both commands in V, called at each sample; proportional with a limit (tests, benchmarks)."""
     return min(max(cp[0] * (x_ref - x), -cp[1]), cp[1]), 0.0
 
 
 def max_steps_within(time, h_max, span):
-    """The largest number of steps of the kernel that begin within ``span`` s."""
+    """Return the largest number of steps that begin within ``span`` s."""
     most = count = first = 0
     for k in range(time.size - 1):
         count += steps_between(time[k], time[k + 1], h_max)
@@ -98,12 +98,27 @@ def steps_between(t, t_next, h_max):
 
 
 def run(time, inputs, restarts, base_values, th_values, on_values, flags, areas, areas_2, h_max, cs, cp, out):
-    """Simulate one recording; every array is laid out as in :mod:`pneucli.simulate.layout`.
+    """Simulate one recording.
 
-    time (n,), inputs (n, 8) of smoothed readings, restarts (r,) sample indices at which x, v, p1, p2 are set to what
-    they say of the truth, base (19,) and th parameters, on (effects + 1,) switches, flags (9,), areas and areas_2
-    (any,) of the paths of both chambers over openings of -U_MAX..U_MAX, out (n, 10) is filled. States without a sensor
-    go on over a restart.
+    Arrays have the layout of :mod:`pneucli.simulate.layout`. States without a sensor continue over a restart.
+
+    Args:
+        time: Time stamps in s, shape (n,).
+        inputs: Smoothed readings, shape (n, 8).
+        restarts: Samples at which x, v, p1, p2 are set to the pressures and motion of the readings, shape (r,).
+        base_values: Base parameters, shape (19,).
+        th_values: Parameters of effects.
+        on_values: Switches of effects, shape (effects + 1,).
+        flags: Switches of the recording, shape (9,).
+        areas: Areas in m^2 of chamber 1 over openings of -U_MAX..U_MAX.
+        areas_2: The same of chamber 2.
+        h_max: Longest step in s.
+        cs: State of the controller.
+        cp: Parameters of the controller.
+        out: Filled with the output, shape (n, 10).
+
+    References:
+        Thesis 2.47-2.52.
     """
     n = time.size
     base, th, on = scalars(base_values, th_values, on_values)

@@ -1,4 +1,4 @@
-"""What the sensors of p1 and p2 read, and the pressures that follow from readings."""
+"""The readings of the sensors of p1 and p2, and the pressures that follow from readings."""
 
 import math
 
@@ -7,9 +7,9 @@ from pneucli.simulate.layout import AMBIENT, IN_P1, IN_P2, P1, P2, R1, R2
 
 
 def undo_lag(time, inputs, column, lag, true, chamber):
-    """Turn what a first-order sensor reads into what it saw: ``lag`` times the slope is added.
+    """Correct a measured column for a first-order lag: add ``lag`` times the slope.
 
-    The slope is taken over half the lag to each side: over single samples it would mostly be noise.
+    The slope is taken over half the lag on each side; over single samples it would mostly be noise.
     """
     half, i, j = 0.5 * lag + 1e-9, 0, 0
     for k in range(time.size):
@@ -23,7 +23,7 @@ def undo_lag(time, inputs, column, lag, true, chamber):
 def undo_delay(time, inputs, column, delay, true, chamber):
     """Move a measured column earlier in time by ``delay``; its last value is held.
 
-    From the nearest sample along the readings' slope over 4 samples to each side: the mean of two neighbours would
+    The nearest sample is extrapolated along the slope over 4 samples on each side: the mean of two neighbours would
     have less noise than either, and a delay could gain by it.
     """
     last, j = time.size - 1, 0
@@ -38,7 +38,7 @@ def undo_delay(time, inputs, column, delay, true, chamber):
 
 
 def true_pressures(time, inputs, lag, base, th, on):
-    """Return the pressures (n, 2) of which the measured (smoothed) ones are what the sensors read; ``lag`` in s."""
+    """Return the pressures (n, 2) in Pa whose readings are the measured (smoothed) ones; ``lag`` in s."""
     true, delay = inputs[:, IN_P1 : IN_P2 + 1].copy(), sensor_delay(th, on)
     for chamber in range(2):
         if lag > 0.0:
@@ -52,7 +52,7 @@ def true_pressures(time, inputs, lag, base, th, on):
 
 
 def past_pressure(time, measured, simulated, first, k, t):
-    """Pressure at an earlier time t: simulated since the restart at sample first, measured before it."""
+    """Return a pressure at an earlier time t: simulated since the restart at sample ``first``, measured before."""
     j = k
     while j > 0 and time[j] > t:
         j -= 1
@@ -64,7 +64,10 @@ def past_pressure(time, measured, simulated, first, k, t):
 
 
 def first_order_lag(time, now, k, lag, reading, before):
-    """What a first-order sensor reads at sample k, exact for a linear change since the last (Tustin would ring)."""
+    """Return the reading of a first-order sensor at sample k, exact for a linear change since the last sample.
+
+    The bilinear (Tustin) rule would ring.
+    """
     step = time[k] - time[k - 1]
     e = math.exp(-step / lag)
     g = (1.0 - e) * lag / step
@@ -72,7 +75,7 @@ def first_order_lag(time, now, k, lag, reading, before):
 
 
 def read_pressures(time, inputs, true, out, before, first, k, base, th, on):
-    """Write what the sensors of p1 and p2 read at sample k; ``before`` keeps their last undelayed inputs."""
+    """Write the readings of p1 and p2 at sample k; ``before`` holds their last undelayed inputs."""
     lag, delay = sensor_lag(th, on), sensor_delay(th, on)
     now_1, now_2 = out[k, P1], out[k, P2]
     if delay > 0.0:
@@ -91,7 +94,15 @@ def read_pressures(time, inputs, true, out, before, first, k, base, th, on):
 
 
 def run_true_pressures(time, inputs, base_values, th_values, on_values):
-    """Turn what is read of p1 and p2 into what it says of the truth, in place; inputs (n, 8)."""
+    """Replace the readings of p1 and p2 by the pressures that they stand for, in place.
+
+    Args:
+        time: Time stamps in s, shape (n,).
+        inputs: Inputs in the kernel's layout, shape (n, 8).
+        base_values: Base parameters, shape (19,).
+        th_values: Parameters of effects.
+        on_values: Switches of effects.
+    """
     base, th, on = scalars(base_values, th_values, on_values)
     true = true_pressures(time, inputs, sensor_lag(th, on), base, th, on)
     for k in range(time.size):

@@ -1,4 +1,4 @@
-"""A piston under measured forces whose friction is a table over speed, sticking exactly.
+"""A piston under measured forces whose friction is a table over speed, with exact sticking.
 
 A table holds N, shape (2, 2, n): toward +x and -x, speeding up and slowing, at speeds step/2, 3 step/2, ... in m/s.
 """
@@ -8,7 +8,7 @@ from pneucli.simulate.layout import STROKE
 
 
 def table_friction_force(tables, side, branch, step, speed):
-    """Friction in N at a speed in m/s; held beyond both ends."""
+    """Return friction in N at a speed in m/s; constant beyond both ends of the table."""
     at, last = speed / step - 0.5, tables.shape[2] - 1
     if at <= 0.0:
         return tables[side, branch, 0]
@@ -20,10 +20,10 @@ def table_friction_force(tables, side, branch, step, speed):
 
 
 def table_net_force(along, speed, side, tables, step, speeding_up):
-    """The net force along the motion in N and the branch.
+    """Return the net force along the motion in N and the branch.
 
-    Where the drive lies between both branches neither holds and the velocity stays (Filippov); where it would agree
-    with both, the branch stays.
+    Where the drive lies between both branches neither holds and the velocity is constant (Filippov); where it agrees
+    with both, the branch is kept.
     """
     rising, falling = (
         table_friction_force(tables, side, 0, step, speed),
@@ -37,7 +37,7 @@ def table_net_force(along, speed, side, tables, step, speeding_up):
 
 
 def table_acceleration(drive, x, v, m, tables, step, speeding_up, stroke, th, on):
-    """dv/dt in m/s^2 under the drive and the effects' forces; 0 where friction holds."""
+    """Return dv/dt in m/s^2 under the drive and the effects' forces; 0 while friction holds."""
     push = drive + force(x, v, stroke, th, on)
     toward = v if v != 0.0 else push
     side, direction = (0, 1.0) if toward > 0.0 else (1, -1.0)
@@ -48,7 +48,7 @@ def table_acceleration(drive, x, v, m, tables, step, speeding_up, stroke, th, on
 
 
 def table_slide(drive, x, v, h, m, tables, step, speeding_up, stroke, th, on):
-    """Velocity and branch after a midpoint step of h; a piston that would turn rests first."""
+    """Return velocity and branch after a midpoint step of h; a piston that would reverse stops first."""
     if v == 0.0:
         a = table_acceleration(drive, x, v, m, tables, step, True, stroke, th, on)
         if a == 0.0:
@@ -65,9 +65,23 @@ def table_slide(drive, x, v, h, m, tables, step, speeding_up, stroke, th, on):
 
 
 def run_table_friction(time, drive, x, v_start, m, tables, step, parts, base_values, th_values, on_values, out):
-    """Write v in m/s and a in m/s^2, out (2, n), of mass m under ``drive`` (n,) in N and the effects' forces.
+    """Write velocity and acceleration of a piston under measured forces.
 
-    Drive and measured position x (n,) are linear between the samples, each of which takes ``parts`` steps.
+    Drive and position are linear between samples.
+
+    Args:
+        time: Time stamps in s, shape (n,).
+        drive: Driving force in N, shape (n,).
+        x: Measured position in m, shape (n,).
+        v_start: Velocity at the first sample in m/s.
+        m: Mass in kg.
+        tables: Friction in N, shape (2, 2, k).
+        step: Step of the tables in m/s.
+        parts: Steps between two samples.
+        base_values: Base parameters, shape (19,).
+        th_values: Parameters of effects.
+        on_values: Switches of effects.
+        out: Filled with v in m/s and a in m/s^2, shape (2, n).
     """
     base, th, on = scalars(base_values, th_values, on_values)
     stroke, v, speeding_up = base[STROKE], v_start, True
@@ -84,7 +98,16 @@ def run_table_friction(time, drive, x, v_start, m, tables, step, parts, base_val
 
 
 def run_forces(x, v, base_values, th_values, on_values, out):
-    """Write the effects' forces on the piston in N, shape (n,), at x in m and v in m/s."""
+    """Write the forces of effects on the piston.
+
+    Args:
+        x: Position in m, shape (n,).
+        v: Velocity in m/s, shape (n,).
+        base_values: Base parameters, shape (19,).
+        th_values: Parameters of effects.
+        on_values: Switches of effects.
+        out: Filled with the force in N toward +x, shape (n,).
+    """
     base, th, on = scalars(base_values, th_values, on_values)
     for k in range(x.size):
         out[k] = force(x[k], v[k], base[STROKE], th, on)

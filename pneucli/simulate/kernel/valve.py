@@ -4,7 +4,20 @@ from pneucli.physics.gas import orifice_flow
 
 
 def effective_area(u, u_max, areas):
-    """Effective area in m^2 at opening u, from a table over -u_max..u_max (linear in between)."""
+    """Return the effective area at an opening, linear between the points of a table.
+
+    Args:
+        u: Opening in V.
+        u_max: Largest opening in V.
+        areas: Areas in m^2 over openings of -u_max..u_max, shape (k,).
+
+    Returns:
+        Area in m^2; beyond the table that of its end.
+
+    >>> import numpy as np
+    >>> float(effective_area(5.0, 10.0, np.array([2e-6, 0.0, 1e-6])))
+    5e-07
+    """
     last = areas.size - 1
     place = (u + u_max) * (last / (2.0 * u_max))
     if place <= 0.0:
@@ -16,7 +29,26 @@ def effective_area(u, u_max, areas):
 
 
 def valve_flow(opening, p, p_s, p_amb, b, leak, k, k_gas, u_max, areas):
-    """Flow in kg/s from supply to outlet and from outlet to exhaust (thesis 2.46); k_gas is the supply gas's."""
+    """Return the flows of a valve from supply to outlet and from outlet to exhaust.
+
+    Args:
+        opening: Opening in V, positive toward filling.
+        p: Pressure at the outlet in Pa.
+        p_s: Supply pressure in Pa.
+        p_amb: Ambient pressure in Pa.
+        b: Critical ratio.
+        leak: Area in m^2 that is always open in both paths.
+        k: Flow constant of the chamber's gas in s/m.
+        k_gas: Flow constant of the supply's gas in s/m.
+        u_max: Largest opening in V.
+        areas: Areas in m^2 over openings of -u_max..u_max.
+
+    Returns:
+        Both mass flows in kg/s.
+
+    References:
+        Thesis 2.46.
+    """
     area = effective_area(opening, u_max, areas)
     fill = leak
     vent = leak
@@ -34,10 +66,15 @@ def valve_flow(opening, p, p_s, p_amb, b, leak, k, k_gas, u_max, areas):
 
 
 def delayed_flows(ring, tail, t):
-    """Flows into and out of either chamber at time t from a ring of (time, in, out, in 2, out 2), 0 before the first;
-    returns the four and the new tail.
+    """Return the flows into and out of both chambers at an earlier time.
 
-    The tail is the newest entry that is not after t; t must not go back, nor reach the newest of all.
+    Args:
+        ring: Ring buffer of (time, in, out, in 2, out 2), shape (k, 5).
+        tail: Newest entry not after the time of the last call.
+        t: Time in s; it must not decrease, nor reach the newest entry.
+
+    Returns:
+        Four mass flows in kg/s, 0 before the first entry, and the new tail.
     """
     size = ring.shape[0]
     nxt = tail + 1 if tail + 1 < size else 0

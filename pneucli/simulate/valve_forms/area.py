@@ -1,4 +1,4 @@
-"""The valve's effective area over its command: knots, overlap, and the interpolation between them."""
+"""The effective area of a valve over its command: knots, overlap, and interpolation."""
 
 from __future__ import annotations
 
@@ -15,23 +15,41 @@ from pneucli.experiments import Part
 
 Array = NDArray[np.float64]
 TABLE_POINTS = 8001  # of the kernel's table over both directions
-MIN_AREA = 1e-14  # m^2, stands for zero where a logarithm is taken
-MAX_OVERLAP_RATIO = 0.95  # of the smallest command with a knot: an overlap beyond it leaves no area to fit
+MIN_AREA = 1e-14  # m^2, in place of zero in a logarithm
+MAX_OVERLAP_RATIO = 0.95  # of the smallest command with a knot; a larger overlap leaves no area to fit
 OVERLAP_FIELDS = ("overlap_fill", "overlap_vent")
 Knots = tuple[float, tuple[tuple[float, float], ...]]  # of one direction: overlap (V), and (opening in V, area in m^2)
 
 
 def area_parameter_name(command: float, label: str = "valve") -> str:
-    """Return the parameter's name of the effective area at a command in V from the null one."""
+    """Return the name of the parameter for an effective area.
+
+    Args:
+        command: Command in V from the null command.
+        label: Name of the valve.
+
+    Returns:
+        The name.
+
+    >>> area_parameter_name(2.5)
+    'valve.effective_area(+2.5 V)'
+    """
     return f"{label}.effective_area({command:+.4g} V)"
 
 
 @dataclass(frozen=True)
 class ValveArea:
-    """Effective areas in m^2 at signed commands in V from the null one, and the overlap (V) of each direction.
+    """Effective areas at signed commands, and the overlap of each direction.
 
-    Between knots the area follows a monotone cubic in (log(|u| - overlap), log A), which is exact for a power law
-    beyond the overlap; outside them the power law of the two nearest knots goes on.
+    Between knots the area follows a monotone cubic in (log(|u| - overlap), log A), exact for a power law beyond the
+    overlap. Outside it continues the power law of the two nearest knots.
+
+    Attributes:
+        commands: Commands of the knots in V from the null command.
+        areas: Effective areas in m^2.
+        overlap_fill: Overlap in V toward filling.
+        overlap_vent: Overlap in V toward venting.
+        label: Name of the valve, with which its parameters' names begin.
     """
 
     commands: tuple[float, ...]
@@ -40,31 +58,31 @@ class ValveArea:
     overlap_vent: float = 0.0
     label: str = "valve"
     form: ClassVar[Literal["map", "linear", "switching"]] = "map"
-    covers: ClassVar[frozenset[Part]] = frozenset({"linear valve"})  # parts whose effects its knots already show
+    covers: ClassVar[frozenset[Part]] = frozenset({"linear valve"})  # parts whose effects are part of the map
 
     def __call__(self, u: Array) -> Array:
-        """Return the effective area in m^2 at u, shape of u."""
+        """Return the effective area in m^2 at commands u in V, of their shape."""
         u = np.asarray(u, dtype=np.float64)
         return np.where(u > 0, _areas(u, self._knots(1.0)), _areas(-u, self._knots(-1.0)))
 
     def table(self, largest: float) -> Array:
-        """Return the area at commands up to the ``largest`` (V), both ways, shape (POINTS,); not to be written to."""
+        """Return the area at commands up to ``largest`` V in both directions, shape (TABLE_POINTS,), read-only."""
         return _table(self, largest)
 
     @property
     def area_names(self) -> Mapping[float, str]:
-        """The name of the parameter that is the effective area at a command (V)."""
+        """Names of the parameters for effective areas, by command in V."""
         return _area_names(self.commands, self.label)
 
     def parameters(self) -> dict[str, tuple[float, str]]:
-        """Return value and unit of each parameter by name: the knots' areas, and both overlaps if there are any."""
+        """Return value and unit of each parameter by name: the knots' areas and both overlaps."""
         areas = {name: (a, "m^2") for name, a in zip(self.area_names.values(), self.areas, strict=True)}
         return areas | (
             {f"{self.label}.{name}": (getattr(self, name), "V") for name in OVERLAP_FIELDS} if areas else {}
         )
 
     def with_parameters(self, values: Mapping[str, float]) -> ValveArea:
-        """Return the valve with parameters replaced; other names are left alone."""
+        """Return the valve with parameters replaced; other names are ignored."""
         areas = tuple(values.get(n, a) for n, a in zip(self.area_names.values(), self.areas, strict=True))
         fill, vent = (values.get(f"{self.label}.{name}", getattr(self, name)) for name in OVERLAP_FIELDS)
         return replace(self, areas=areas, overlap_fill=fill, overlap_vent=vent)
@@ -74,10 +92,7 @@ class ValveArea:
         return replace(self, areas=tuple(a * factor for a in self.areas))
 
     def roughness(self) -> Array:
-        """Return how far each inner knot's log area lies off the line through its neighbours.
-
-        Over log(|u| - overlap), in which a power law is one.
-        """
+        """Return the distance of the log area of each inner knot from the line through its neighbours."""
         rows = []
         for sign, overlap in ((1.0, self.overlap_fill), (-1.0, self.overlap_vent)):
             side = sorted((sign * c, a) for c, a in zip(self.commands, self.areas, strict=True) if sign * c > overlap)
@@ -88,9 +103,9 @@ class ValveArea:
         return np.concatenate(rows) if rows else np.zeros(0)
 
     def changed_ranges(self, other: ValveArea) -> tuple[tuple[float, float], ...]:
-        """Return the ranges of commands (V) in which another valve with the same knots may have another area.
+        """Return the ranges of commands in V in which another valve with the same knots may differ.
 
-        A cubic bends with its knots to the second neighbour, and the power laws go on from the two last ones.
+        The cubic depends on knots up to the second neighbour, the power laws on the two last ones.
         """
         return _changed(self, other)
 
@@ -113,7 +128,7 @@ def _changed(one: ValveArea, other: ValveArea) -> tuple[tuple[float, float], ...
 
 
 def _changed_openings(mine: Knots, its: Knots) -> tuple[float, float]:
-    """Return the openings (V) between which two sides with different knots may differ."""
+    """Return the openings in V between which two sides with different knots may differ."""
     commands = [c for c, _ in mine[1]]
     if mine[0] != its[0] or commands != [c for c, _ in its[1]]:
         return 0.0, np.inf
@@ -140,7 +155,7 @@ def _areas(u: Array, side: Knots) -> Array:
 
 @lru_cache(maxsize=256)
 def _curve(side: Knots) -> tuple[Array, Array, PchipInterpolator | None]:
-    """Return log openings, log areas and the cubic through them; None of a single knot."""
+    """Return log openings, log areas and the cubic through them; None for a single knot."""
     overlap, knots = side
     place = np.log([c - overlap for c, _ in knots])
     value = np.log([max(a, MIN_AREA) for _, a in knots])

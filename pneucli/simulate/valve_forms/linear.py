@@ -1,4 +1,4 @@
-"""A valve whose effective area is proportional to the command, where no valve test tells more."""
+"""A valve whose effective area is proportional to the command, for rigs without a valve test."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True)
 class LinearValve:
-    """One gain in m^2/V for both directions, up to the ``max_command`` V; ``label`` begins its parameter's name."""
+    """One gain in m^2/V for both directions, up to ``max_command`` V; ``label`` begins its parameter's name."""
 
     gain: float
     max_command: float
@@ -30,17 +30,17 @@ class LinearValve:
         return self.gain * np.abs(u)
 
     def table(self, largest: float) -> Array:
-        """Return the area at commands up to the ``max_command`` (V), both ways, shape (POINTS,)."""
+        """Return the area at commands up to ``largest`` V in both directions, shape (TABLE_POINTS,)."""
         return self(np.linspace(-largest, largest, TABLE_POINTS))
 
     @property
     def commands(self) -> tuple[float, ...]:
-        """The ends of the line."""
+        """Both ends of the line in V."""
         return (-self.max_command, self.max_command)
 
     @property
     def area_names(self) -> dict[float, str]:
-        """No area is a parameter: they follow from the gain."""
+        """No area is a parameter; all follow from the gain."""
         return {}
 
     def parameters(self) -> dict[str, tuple[float, str]]:
@@ -48,7 +48,7 @@ class LinearValve:
         return {f"{self.label}.gain": (self.gain, "m^2/V")}
 
     def with_parameters(self, values: Mapping[str, float]) -> LinearValve:
-        """Return the valve with parameters replaced; other names are left alone."""
+        """Return the valve with parameters replaced; other names are ignored."""
         return replace(self, gain=values.get(f"{self.label}.gain", self.gain))
 
     def scaled(self, factor: float) -> LinearValve:
@@ -56,9 +56,9 @@ class LinearValve:
         return replace(self, gain=self.gain * factor)
 
     def roughness(self) -> Array:
-        """Return how far the area is from a power law: a line is one."""
+        """Return no residuals: a line is a power law."""
         return np.zeros(0)
 
     def changed_ranges(self, other: LinearValve) -> tuple[tuple[float, float], ...]:
-        """Return the ranges of commands (V) in which another valve of this form may have another area."""
+        """Return the ranges of commands in V in which another valve of this form may differ."""
         return ((-np.inf, np.inf),) if self != other else ()

@@ -1,4 +1,4 @@
-"""A valve that is open one way or the other, or shut: no map between."""
+"""A valve that fills, vents, or is shut, without an area in between."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True)
 class SwitchingValve:
-    """Effective areas in m^2 of filling and venting, at commands up to the ``max_command`` in V.
+    """Effective areas in m^2 of filling and venting, at commands up to ``max_command`` V.
 
     ``label`` begins the names of its parameters.
     """
@@ -30,21 +30,21 @@ class SwitchingValve:
     covers: ClassVar[frozenset[Part]] = frozenset({"linear valve"})
 
     def __call__(self, u: Array) -> Array:
-        """Return the effective area in m^2 at u, shape of u; 0 at the null command alone."""
+        """Return the effective area in m^2 at commands u in V, of their shape; 0 at the null command only."""
         return np.where(u > 0.0, self.fill, np.where(u < 0.0, self.vent, 0.0))
 
     def table(self, largest: float) -> Array:
-        """Return the area at commands up to the ``max_command`` (V), both ways, shape (POINTS,)."""
+        """Return the area at commands up to ``largest`` V in both directions, shape (TABLE_POINTS,)."""
         return self(np.linspace(-largest, largest, TABLE_POINTS))
 
     @property
     def commands(self) -> tuple[float, ...]:
-        """Any of either sign."""
+        """A command of each sign in V."""
         return (-self.max_command, self.max_command)
 
     @property
     def area_names(self) -> dict[float, str]:
-        """The name of the parameter that is the effective area at a command (V)."""
+        """Names of the parameters for effective areas, by command in V."""
         return {-self.max_command: f"{self.label}.area_vent", self.max_command: f"{self.label}.area_fill"}
 
     def parameters(self) -> dict[str, tuple[float, str]]:
@@ -52,7 +52,7 @@ class SwitchingValve:
         return {f"{self.label}.area_fill": (self.fill, "m^2"), f"{self.label}.area_vent": (self.vent, "m^2")}
 
     def with_parameters(self, values: Mapping[str, float]) -> SwitchingValve:
-        """Return the valve with parameters replaced; other names are left alone."""
+        """Return the valve with parameters replaced; other names are ignored."""
         fill, vent = (values.get(name, value) for name, (value, _) in self.parameters().items())
         return replace(self, fill=fill, vent=vent)
 
@@ -61,10 +61,10 @@ class SwitchingValve:
         return replace(self, fill=self.fill * factor, vent=self.vent * factor)
 
     def roughness(self) -> Array:
-        """Return how far the area is from a power law: it has no shape."""
+        """Return no residuals: two areas have no shape."""
         return np.zeros(0)
 
     def changed_ranges(self, other: SwitchingValve) -> tuple[tuple[float, float], ...]:
-        """Return the ranges of commands (V) in which another valve of this form may have another area."""
+        """Return the ranges of commands in V in which another valve of this form may differ."""
         both = ((-np.inf, 0.0), self.vent != other.vent), ((0.0, np.inf), self.fill != other.fill)
         return tuple(side for side, differs in both if differs)
