@@ -28,9 +28,14 @@ def with_end_stops(experiments: Sequence[Experiment], rig: Rig) -> list[Experime
     """Return the experiments of one rig, knowing where its piston can go and which ends it is seen to strike."""
     struck = detect_end_stops(experiments, rig)
     ends = estimate_stroke_limits(experiments, rig, struck)
-    return [
-        replace(e, stroke_limits=ends, detected_ends=struck) if e.recording.kind.cylinder else e for e in experiments
-    ]
+    return [_with_ends(e, ends, struck) if e.recording.kind.cylinder else e for e in experiments]
+
+
+def _with_ends(e: Experiment, ends: tuple[float, float], struck: tuple[float, float]) -> Experiment:
+    """Return an experiment with the ends; without a position sensor nobody knows how far they are."""
+    nowhere = (-np.inf, np.inf)
+    located = "x" in e.raw or not e.motion_is_known
+    return replace(e, stroke_limits=ends if located else nowhere, detected_ends=struck if located else nowhere)
 
 
 def estimate_stroke_limits(

@@ -13,6 +13,7 @@ from scipy.signal import savgol_filter
 from pneucli.simulate import layout as at
 from pneucli.simulate.local_polynomials import LocalPolynomialSmoother
 from pneucli.simulate.position_smoother import PositionSmoother
+from pneucli.simulate.velocity_integration import IntegratedMotion
 
 Array = NDArray[np.float64]
 
@@ -107,10 +108,12 @@ def least_squares_motion(
 def smooth_motion(
     raw: Mapping[str, Array],
     smoothers: Mapping[str, LocalPolynomialSmoother],
-    motion_smoother: MotionSmoother | PositionSmoother | None,
+    motion_smoother: MotionSmoother | PositionSmoother | IntegratedMotion | None,
     time: Array,
 ) -> tuple[Array, Array]:
     """Return smoothed position and velocity, each (n,)."""
+    if isinstance(motion_smoother, IntegratedMotion):
+        return motion_smoother(raw)
     if isinstance(motion_smoother, MotionSmoother):
         return motion_smoother(raw["x"], raw["a"])[:2]
     if motion_smoother is not None:
@@ -123,7 +126,7 @@ def smooth_motion(
 def smooth_inputs(
     raw: Mapping[str, Array],
     smoothers: Mapping[str, LocalPolynomialSmoother],
-    motion_smoother: MotionSmoother | PositionSmoother | None,
+    motion_smoother: MotionSmoother | PositionSmoother | IntegratedMotion | None,
     time: Array,
 ) -> Array:
     """Return the kernel's inputs (n, 8) from raw signals, which may be readings or draws of their noise."""
@@ -131,7 +134,7 @@ def smooth_inputs(
     for column, name in enumerate(at.INPUTS):
         if name in raw:
             inputs[:, column] = smoothers[name](raw[name]) if name in smoothers else raw[name]
-    if "x" in raw:
+    if "x" in raw or isinstance(motion_smoother, IntegratedMotion):
         inputs[:, at.IN_X], inputs[:, at.IN_V] = smooth_motion(raw, smoothers, motion_smoother, time)
     return inputs
 
@@ -139,7 +142,7 @@ def smooth_inputs(
 def input_errors(
     noise: Mapping[str, Array],
     smoothers: Mapping[str, LocalPolynomialSmoother],
-    motion_smoother: MotionSmoother | PositionSmoother | None,
+    motion_smoother: MotionSmoother | PositionSmoother | IntegratedMotion | None,
     time: Array,
 ) -> Array:
     """Return the errors of the kernel's inputs (n, 8) from draws of the sensors' noise.
