@@ -21,7 +21,7 @@ class ExperimentKind:
 
     ``valve``: gas flows through one. ``cylinder``: a piston moves. ``needs`` are the signals that nothing can do
     without, ``compared_channels`` the channels that a model of it is held against, where they are recorded. ``controlled``: a
-    controller follows ``x_ref``.
+    controller follows ``x_ref``. ``motion_signals``: one of them is needed, and motion follows from it.
     """
 
     name: ExperimentName
@@ -31,6 +31,7 @@ class ExperimentKind:
     compared_channels: tuple[str, ...]
     bench: str
     controlled: bool = False
+    motion_signals: tuple[str, ...] = ()
 
     @property
     def optional_channels(self) -> tuple[str, ...]:
@@ -41,7 +42,8 @@ class ExperimentKind:
         """Return the signals without which nothing can be identified, beside those that are ``present``."""
         driven = {"u"} if self.vessel and not valve_shut else set()
         pushed = {"p1"} if not self.valve and "force" not in present else set()
-        return set(self.needs) | driven | pushed
+        moved = {self.motion_signals[0]} if self.motion_signals and not {*self.motion_signals} & {*present} else set()
+        return set(self.needs) | driven | pushed | moved
 
     @property
     def min_parameters(self) -> int:
@@ -81,7 +83,13 @@ EXPERIMENT_KINDS: dict[str, ExperimentKind] = {
     for kind in (
         ExperimentKind("valve", valve=True, cylinder=False, needs=("p1",), compared_channels=("p1",), bench="vessel"),
         ExperimentKind(
-            "friction", valve=False, cylinder=True, needs=("x",), compared_channels=("x", "v", "a"), bench="cylinder"
+            "friction",
+            valve=False,
+            cylinder=True,
+            needs=(),
+            compared_channels=("x", "v", "a"),
+            bench="cylinder",
+            motion_signals=("x", "v", "a"),
         ),
         ExperimentKind(
             "axis",

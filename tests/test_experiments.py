@@ -55,5 +55,5 @@ def test_flow_is_not_felt_where_pressures_are_given():
 
 
 def test_two_branches_of_friction_alone_state_bounds():
-    assert [name for name, port in PORTS.items() if port.is_set_valued] == ["slowing"]
+    assert [name for name, port in PORTS.items() if port.is_set_valued] == ["slowing", "slowing_viscous"]
     assert [e.name for e in catalogue().values() if e.is_set_valued] == ["friction-hysteresis"]

@@ -118,7 +118,8 @@ def _change(naming: ChangeSelection, chosen: Hypotheses, place: int, p_value: fl
     if mine.direction is not None:
         assert tested is not None
         return _parameter_change(naming.comparison.old, tested, confidence, alone, twins)
-    effect, fitted = naming.effects[mine.name], naming.refit_cost(chosen).fit
+    fitted = naming.refit_cost(chosen).fit
+    effect = naming.effects[mine.name].in_model_with(fitted.model.effects)
     leading = next((p for p in effect.parameters if p.null is not None), effect.parameters[0])
     estimate, before = fitted[f"{effect.name}.{leading.name}"], null_value(leading, fitted.model)
     known = (estimate.name, effect.name, before, estimate.value, estimate.unit, estimate.ci95)
@@ -169,6 +170,7 @@ def _detectable_changes(
 def _detectable_effect_change(
     effect: Effect, new: Baseline, start: int, model: Model, least: float
 ) -> DetectableChange:
+    effect = effect.in_model_with(model.effects)
     leading = next((p for p in effect.parameters if p.null is not None), effect.parameters[0])
     name = f"{effect.name}.{leading.name}"
     value, null = new.typical_effects[start].values[name], null_value(leading, model)

@@ -226,7 +226,8 @@ def _typical_effects(
 ) -> Iterable[TypicalEffect]:
     facts: RigQuantities = rig_quantities(found.model, [v.experiment for v in views])
     for name, effect in effects.items():
-        alone = [p for p in effect.parameters if p.null is not None]
+        declared = effect.in_model_with(found.model.effects)
+        alone = [p for p in declared.main_parameters if p.null is not None]
         only = len(alone) == 1 and null_value(alone[0], found.model) == alone[0].range_on(facts).lower
         yield from (
             TypicalEffect(name, values, only) for values in initial_guesses(effect, facts, found.model.rig.priors)

@@ -75,7 +75,9 @@ def closed_loop_kernel(effects: tuple[Effect, ...]) -> Kernel:
     """Return the compiled kernel with the controller in it: bare, or with the catalogue and a user's own effects."""
     if not effects:
         return build((), control=controller_source())
-    return build(tuple({**catalogue_with_sides(), **{e.name: e for e in effects}}.values()), control=controller_source())
+    return build(
+        tuple({**catalogue_with_sides(), **{e.name: e for e in effects}}.values()), control=controller_source()
+    )
 
 
 def simulate(model: Model, controller: Controller, scenario: Scenario, setup: ClosedLoopSetup, seed: int = 0) -> Run:

@@ -73,7 +73,7 @@ def locator_signals(e: Experiment) -> dict[str, Array]:
     inputs = e.inputs
     signals: dict[str, Array] = {"time": e.time}
     for name, column in (("u", at.IN_U), ("p1", at.IN_P1), ("p2", at.IN_P2), ("x", at.IN_X), ("v", at.IN_V)):
-        if name in e.raw or (name == "v" and "x" in e.raw):
+        if name in e.raw or (name == "v" and e.motion_is_known):
             signals[name] = inputs[:, column]
     if "a" in e.raw:
         signals["a"] = e.raw["a"]

@@ -60,7 +60,7 @@ def friction_feedforward(s, c):
     if (s[S_X_SHAPED] - s[S_X]) * v > 0.0:
         speed = min(speed, 2.0 * math.fabs(s[S_V]))
     level = dry_friction(speed, s, c)
-    if s[S_A_SHAPED] * v < 0.0 and c[C_DECELERATION_RATIO] < 1.0:
+    if s[S_A_SHAPED] * v < 0.0 and c[C_DECELERATION_RATIO] >= 0.0:
         level = min(level, c[C_COULOMB] * c[C_DECELERATION_RATIO])
     floor = min(c[C_V_FLOOR], 0.01 * c[C_V_MAX])  # the reference has no quantisation
     return level * dry_friction_factor(s[S_X_SHAPED] + c[C_FRICTION_LEAD] * v, v, s, c) * clamp(v / floor, -1.0, 1.0)

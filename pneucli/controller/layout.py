@@ -104,7 +104,7 @@ S_OPENING_LINE1, S_OPENING_LINE2, S_PRESSURE_LINE1, S_PRESSURE_LINE2 = (63 + i *
     C_STRIBECK,
     C_VISCOUS,
     C_VISCOUS_BACK,  # N s/m toward x = 0
-    C_DECELERATION_RATIO,  # 1: dry friction while decelerating over Coulomb friction
+    C_DECELERATION_RATIO,  # 1: dry friction while decelerating over Coulomb friction; -1: one branch
     C_DRY_P1,  # 1/Pa: relative increase of dry friction with the pressures above ambient
     C_DRY_P2,
     C_V_FLOOR,  # m/s: resolution of the speed; below it the direction of motion is unknown

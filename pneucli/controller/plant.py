@@ -58,7 +58,9 @@ def speed_after(x, v, force, h, s, c):
     way = sign(v) if v != 0.0 else sign(force)
     factor = dry_friction_factor(x, way, s, c)
     rising = dry_friction(math.fabs(v), s, c) * factor
-    falling = min(c[C_COULOMB] * c[C_DECELERATION_RATIO] * factor, rising) if c[C_DECELERATION_RATIO] < 1.0 else rising
+    falling = rising
+    if c[C_DECELERATION_RATIO] >= 0.0:
+        falling = min(c[C_COULOMB] * c[C_DECELERATION_RATIO] * factor, rising)
     drive = way * force - damping(x, way, c) * math.fabs(v)
     left = drive - rising if drive > rising else drive - falling if drive < falling else 0.0
     faster = v + way * h * left / c[C_MASS]

@@ -108,8 +108,11 @@ def bristle_stiffness(model: Model) -> float:
 
 
 def deceleration_friction_ratio(model: Model) -> float:
-    """Return dry friction while slowing over Coulomb's; 1 where both branches are one."""
-    return _product(model, "slowing")
+    """Return dry friction while slowing over Coulomb's; -1 where both branches are one.
+
+    The ratio may be 1 with two branches: while slowing there is no Stribeck rise then.
+    """
+    return _product(model, "slowing") if any("slowing" in effect.ports for effect in model.effects) else -1.0
 
 
 def critical_ratio(model: Model) -> float:

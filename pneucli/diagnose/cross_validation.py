@@ -56,7 +56,8 @@ def parameters_without(found: Fit, problem: LeastSquaresProblem, out: NDArray[np
 
 def _distances_from_null(found: Fit, z: Array) -> Array:
     """Return by how much each parameter of an effect is off the value at which it is absent (k,), 0 without one."""
-    declared = {f"{e.name}.{p.name}": p for e in found.model.effects for p in e.parameters}
+    effects = found.model.effects
+    declared = {f"{e.name}.{p.name}": p for e in effects for p in e.in_model_with(effects).parameters}
     absent = [absent_value(declared[f.name], found.model, f.upper) if f.name in declared else None for f in found.free]
     return np.array(
         [0.0 if n is None else c - f.to_coordinate(n) for n, f, c in zip(absent, found.free, z, strict=True)]

@@ -89,7 +89,7 @@ class DiagnosisData:
     @cached_property
     def hypothesis_count(self) -> int:
         """How many starts are screened in all: the size of the family of tests."""
-        return sum(1 for e in self.effects.values() if self.is_observable(e) for _ in e.parameters)
+        return sum(1 for e in self.effects.values() if self.is_observable(e) for _ in e.main_parameters)
 
     def is_observable(self, effect: Effect) -> bool:
         """Whether the effect acts in any view that is fitted."""
@@ -250,7 +250,7 @@ class DiagnosisData:
         """Return what the step from one state to the other is worth."""
         train, test = score_gain(before.train_costs, after.train_costs), score_gain(before.test_costs, after.test_costs)
         return Candidate(
-            effect, before, after, train, test, self._p_value(wald_p_value(after.fit, effect), train, test)
+            effect, before, after, train, test, self._p_value(wald_p_value(after.fit, effect, self.train), train, test)
         )
 
     def _p_value(self, p_value: float, train: ScoreGain, test: ScoreGain) -> float:

@@ -64,15 +64,16 @@ def undetectable_effects(bench: DiagnosisData, sizes: Sequence[MinimumDetectable
 
 def _minimum_detectable_effect(effect: Effect, found: list[ScoreTest], state: FittedModel) -> MinimumDetectableEffect:
     """The typical value nearest to none, moved in proportion to what its signature would show."""
+    effect = effect.in_model_with(state.model.effects)
     leading = next((p for p in effect.parameters if p.null is not None), effect.parameters[0])
     name = f"{effect.name}.{leading.name}"
-    seen = [s for s in found if np.isfinite(s.step_error) and s.step_error > 0.0]
+    seen = [s for s in found if not s.direct and np.isfinite(s.step_error) and s.step_error > 0.0]
     if not seen:
         return MinimumDetectableEffect(effect, leading, np.inf, plausible=False, typical=False)
     best = min(seen, key=lambda s: s.step_error)
     null = null_value(leading, state.model)
     where = {
-        p: best.values[f"{effect.name}.{p.name}"] for p in effect.parameters if p.null is None and p is not leading
+        p: best.values[f"{effect.name}.{p.name}"] for p in effect.main_parameters if p.null is None and p is not leading
     }
     size = MDE_SIGMA * best.step_error
     if null is None:

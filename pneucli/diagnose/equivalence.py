@@ -29,7 +29,7 @@ def best_candidate(bench: DiagnosisData, trials: Sequence[Candidate]) -> Candida
     """
     best = min(trials, key=lambda t: t.full.cost)
     alike = [t for t in trials if not_inferior(t.full, best.full) or is_simpler(t, best)]
-    alike.sort(key=lambda t: (len(t.effect.parameters), _is_sensor_fault(t), t.full.cost))
+    alike.sort(key=lambda t: (len(t.effect.main_parameters), _is_sensor_fault(t), t.full.cost))
     return next(t for t in alike if not any(_set_valued_and_diverges(bench, t, other) for other in alike))
 
 
@@ -63,7 +63,7 @@ def is_simpler(trial: Candidate, best: Candidate) -> bool:
         min_relevant_reduction(best.full.cost, best.full.residual_count),
         NEGLIGIBLE_SHARE * (trial.reduced.cost - trial.full.cost),
     )
-    return len(trial.effect.parameters) < len(best.effect.parameters) and more < matters
+    return len(trial.effect.main_parameters) < len(best.effect.main_parameters) and more < matters
 
 
 def indistinguishable(rival: Candidate, best: FittedModel) -> bool:

@@ -83,7 +83,7 @@ def _end_locations(trial: Candidate) -> list[Literal["null", "bound", "inside"]]
     """Return where each parameter with a null ended: at its null, at another bound of what is plausible, or inside."""
     model, effect = trial.full.model, trial.effect
     upper = {f.name: f.upper for f in trial.full.fit.free}
-    names = {f"{effect.name}.{p.name}": p for p in effect.parameters}
+    names = {f"{effect.name}.{p.name}": p for p in effect.in_model_with(model.effects).parameters}
     values = {name: absent_value(p, model, upper.get(name, math.inf)) for name, p in names.items()}
     nulls = {name: value for name, value in values.items() if value is not None}
     return [

@@ -233,7 +233,8 @@ def acts_only_under_imposed_motion(bench: DiagnosisData, effect: Effect) -> bool
 
 def _significance_and_size(bench: DiagnosisData, state: FittedModel, effect: Effect) -> tuple[float, float]:
     facts = rig_quantities(state.model, [view.experiment for view in bench.train])
-    return significance(state.fit, effect), relative_effect_size(state.fit, effect, facts)
+    size = relative_effect_size(state.fit, effect, facts, bench.train)
+    return significance(state.fit, effect, bench.train), size
 
 
 def disagreement_between_recordings(bench: DiagnosisData, state: FittedModel, name: str) -> float:
@@ -244,7 +245,7 @@ def disagreement_between_recordings(bench: DiagnosisData, state: FittedModel, na
         _quarters(view) if alone else np.full(_residual_count(view), i)
         for view, i in zip(bench.train, number, strict=True)
     ]
-    return disagreement(state.fit, bench.effects[name], np.concatenate(parts))
+    return disagreement(state.fit, bench.effects[name], np.concatenate(parts), bench.train)
 
 
 def _residual_count(view: ResidualModel) -> int:

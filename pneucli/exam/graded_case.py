@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
@@ -113,8 +114,14 @@ class GradedCase:
 
     @property
     def parameters_within_tolerance(self) -> list[bool]:
-        """For each parameter of a true effect that was named: whether it is within 15 % of the truth."""
-        return [abs(found["value"] - true) <= PARAMETER_TOLERANCE * abs(true) for found, true in self._parameters()]
+        """For each parameter of a true effect that was named: whether it is within 15 % of the truth.
+
+        Of a truth of 0, which has no per cent: whether the interval holds it.
+        """
+        return [
+            abs(found["value"] - true) <= PARAMETER_TOLERANCE * abs(true) if true else _holds_zero(found)
+            for found, true in self._parameters()
+        ]
 
     @property
     def intervals_cover_truth(self) -> list[bool]:
@@ -207,3 +214,9 @@ class GradedCase:
         lost = sorted(self.hidden - self.answer_set)
         reasons = {str(everything[e]["reason"]) for e in lost if everything.get(e, {}).get("reason")}
         return f" ({', '.join(sorted(reasons))})" if reasons else ""
+
+
+def _holds_zero(found: Mapping[str, Any]) -> bool:
+    """Whether the interval of a parameter holds 0."""
+    low, high = found.get("ci95") or (None, None)
+    return low is not None and high is not None and low <= 0.0 <= high

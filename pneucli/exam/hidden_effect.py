@@ -78,6 +78,12 @@ def draw_stribeck(par: Parameters, rng: np.random.Generator) -> dict[str, float]
     return {"static": par.coulomb * rng.uniform(1.6, 2.1), "stribeck_velocity": rng.uniform(0.01, 0.025)}
 
 
+def draw_hysteresis(par: Parameters, rng: np.random.Generator) -> dict[str, float]:
+    """Draw the drop of friction; where friction falls with speed, half of the rigs lose that rise alone (6.21)."""
+    drop = 0.45 * rng.uniform(0.75, 1.25)
+    return {"drop": 0.0 if par.static > par.coulomb and rng.random() < 0.5 else drop}
+
+
 def draw_patch(_: Parameters, rng: np.random.Generator) -> dict[str, float]:
     """Draw a stretch of the stroke of 15 to 30 mm with additional friction."""
     start = rng.uniform(0.06, 0.12)

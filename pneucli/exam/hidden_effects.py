@@ -12,6 +12,7 @@ from pneucli.exam.hidden_effect import (
     RIGS_WITH_VALVE,
     HiddenEffect,
     disturbance,
+    draw_hysteresis,
     draw_patch,
     draw_payload,
     draw_scale,
@@ -81,7 +82,7 @@ CATALOGUE = (
     si_effect(
         "stribeck", RIGS_WITH_PISTON, draw_stribeck, {"static": 0.0}, static="static", velocity="stribeck_velocity"
     ),
-    si_effect("friction-hysteresis", RIGS_WITH_PISTON, near(drop=0.45), {"drop": 0.0}, drop="drop"),
+    si_effect("friction-hysteresis", RIGS_WITH_PISTON, draw_hysteresis, {"drop": 0.0}, drop="drop"),
     HiddenEffect(
         "presliding",
         RIGS_WITH_PISTON,

@@ -9,8 +9,8 @@ functions of :mod:`pneucli.physics.gas` only, since the kernel compiles its sour
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
-from dataclasses import dataclass
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass, replace
 from typing import Literal, NamedTuple
 
 from pneucli.errors import InputError
@@ -35,6 +35,8 @@ class Port:
         meaning: Unit and meaning of the value.
         is_set_valued: Whether the port widens the set of possible forces.
         memory: Whether its value depends on the past without a ``state``.
+        distinct_with: Ports of other effects beside which an effect that enters here changes the model at any value,
+            its null included.
     """
 
     arguments: tuple[str, ...]
@@ -43,6 +45,7 @@ class Port:
     meaning: str
     is_set_valued: bool = False
     memory: bool = False
+    distinct_with: tuple[str, ...] = ()
 
     @property
     def has_memory(self) -> bool:
@@ -81,6 +84,14 @@ PORTS: dict[str, Port] = {
         "factor",
         "friction",
         "1: dry friction while slowing, over Coulomb's; its presence makes two branches",
+        is_set_valued=True,
+        distinct_with=("dry_rise",),
+    ),
+    "slowing_viscous": Port(
+        (),
+        "factor",
+        "friction",
+        "1: viscous friction while slowing, over that while speeding up; acts where an effect enters at slowing",
         is_set_valued=True,
     ),
     "dry_factor": Port(("direction", "x", "p1", "p2", "p_amb"), "factor", "friction", "1: factor on all dry friction"),
@@ -128,6 +139,10 @@ class Parameter:
         typical: Plausible values; a fit starts from each.
         title: Meaning in words.
         step: Smallest change with an effect on the residual, where the effect is not smooth in the parameter.
+        direct: Name under which the balance of forces gives a start of its own
+            (:func:`pneucli.identify.guesses.direct_friction.direct_friction`).
+        refines: Whether it stays at its null, a number, until a fit shows that it differs or the pipeline file states
+            it.
 
     Raises:
         UnitError: A size is neither a number nor a number of a known scale of the right dimension.
@@ -141,6 +156,8 @@ class Parameter:
     typical: tuple[Quantity, ...]
     title: str = ""
     step: Quantity = 0.0
+    direct: str | None = None
+    refines: bool = False
 
     def __post_init__(self) -> None:
         for quantity in (self.lower, self.upper, *self.typical, self.step):
@@ -188,7 +205,7 @@ class Effect:
         order: Rank among the effects of a chained port.
         nested: Whether the base model is this effect at the null values.
         side: Chamber of a variant (:mod:`pneucli.physics.sides`); None for the declaration itself.
-        needs: Signals without which the variant equals the declaration.
+        needs: Signals without which it cannot show, or the variant equals the declaration.
     """
 
     name: str
@@ -206,6 +223,29 @@ class Effect:
     nested: bool = True
     side: Literal[1, 2] | None = None
     needs: frozenset[str] = frozenset()
+
+    @property
+    def main_parameters(self) -> tuple[Parameter, ...]:
+        """The parameters without which the effect is not described."""
+        return tuple(p for p in self.parameters if not p.refines)
+
+    def in_model_with(self, effects: Iterable[Effect]) -> Effect:
+        """Return the declaration as it holds beside other effects.
+
+        Beside some, no value of the parameters makes the effect absent. Friction with two branches is an example:
+        without a drop, the Stribeck rise still holds on one of them alone.
+
+        Args:
+            effects: The effects of the model; this one may be among them.
+
+        Returns:
+            The effect itself, or a copy that is not nested and whose parameters have no nulls.
+
+        """
+        taken = {port for other in effects if other.name != self.name for port in other.ports}
+        if not any(taken.intersection(PORTS[port].distinct_with) for port in self.ports):
+            return self
+        return replace(self, parameters=tuple(replace(p, null=None) for p in self.parameters), nested=False)
 
     @property
     def balances(self) -> frozenset[Side]:

@@ -38,10 +38,14 @@ def with_end_stops(experiments: Sequence[Experiment], rig: Rig) -> list[Experime
     """
     detected = detect_end_stops(experiments, rig)
     limits = estimate_stroke_limits(experiments, rig, detected)
-    return [
-        replace(e, stroke_limits=limits, detected_ends=detected) if e.recording.kind.cylinder else e
-        for e in experiments
-    ]
+    return [_with_ends(e, limits, detected) if e.recording.kind.cylinder else e for e in experiments]
+
+
+def _with_ends(e: Experiment, limits: tuple[float, float], detected: tuple[float, float]) -> Experiment:
+    """Return an experiment with its ends; without a position sensor their distance is unknown."""
+    unlimited = (-np.inf, np.inf)
+    located = "x" in e.raw or not e.motion_is_known
+    return replace(e, stroke_limits=limits if located else unlimited, detected_ends=detected if located else unlimited)
 
 
 def estimate_stroke_limits(

@@ -23,6 +23,7 @@ from pneucli.simulate.motion_smoother import MotionSmoother, input_errors
 from pneucli.simulate.noise_draws import cache_draws, draw_sensor_noise
 from pneucli.simulate.position_smoother import PositionSmoother
 from pneucli.simulate.restarts import restart_samples
+from pneucli.simulate.velocity_integration import IntegratedMotion
 
 Array = NDArray[np.float64]
 
@@ -56,7 +57,7 @@ class Experiment:
     raw: Mapping[str, Array]
     noise: Mapping[str, NoiseModel]
     smoothers: Mapping[str, LocalPolynomialSmoother]
-    motion_smoother: MotionSmoother | PositionSmoother | None
+    motion_smoother: MotionSmoother | PositionSmoother | IntegratedMotion | None
     inputs: Array
     restarts: NDArray[np.int64]
     flags: Array
@@ -136,8 +137,13 @@ class Experiment:
         if r.imposed == "motion":
             return ("force",)
         compared = tuple(c for c in r.kind.compared_channels if c != "p2" or r.chamber_2 != "open")
-        available = {*self.raw, "v"} if "x" in self.raw else set(self.raw)
+        available = {*self.raw, "v"} if self.motion_is_known else set(self.raw)
         return tuple(c for c in (*compared, *r.kind.optional_channels) if c in available)
+
+    @property
+    def motion_is_known(self) -> bool:
+        """Whether position, velocity or an integrable acceleration was recorded."""
+        return "x" in self.raw or isinstance(self.motion_smoother, IntegratedMotion)
 
     @cached_property
     def smear_time(self) -> float:

@@ -13,6 +13,7 @@ from pneucli.recording import Recording
 from pneucli.simulate.local_polynomials import LocalPolynomialSmoother
 from pneucli.simulate.motion_smoother import MotionSmoother
 from pneucli.simulate.position_smoother import PositionSmoother
+from pneucli.simulate.velocity_integration import IntegratedMotion
 
 Array = NDArray[np.float64]
 
@@ -49,8 +50,8 @@ class MeasuredMotion(Protocol):
         ...
 
     @property
-    def motion_smoother(self) -> MotionSmoother | PositionSmoother | None:
-        """Smoother of position, with the acceleration where that is measured."""
+    def motion_smoother(self) -> MotionSmoother | PositionSmoother | IntegratedMotion | None:
+        """Smoother of position, with the acceleration where that is measured; or what integrates one of v and a."""
         ...
 
     @property
@@ -77,6 +78,10 @@ def imposed_motion(experiment: MeasuredMotion, noise: Mapping[str, Array] | None
         Position in m, velocity in m/s, acceleration in m/s^2, each (n,).
     """
     time, raw = experiment.time, experiment.raw
+    if isinstance(experiment.motion_smoother, IntegratedMotion):
+        readings = raw if noise is None else {n: y + noise.get(n, 0.0) for n, y in raw.items()}
+        x, v = experiment.motion_smoother(readings)
+        return x, v, raw["a"] if "a" in raw else np.gradient(v, time)
     x = raw["x"] if noise is None else raw["x"] + noise.get("x", 0.0)
     if isinstance(experiment.motion_smoother, MotionSmoother):
         x, v, _ = experiment.motion_smoother(x, raw["a"])
@@ -91,7 +96,7 @@ def imposed_motion(experiment: MeasuredMotion, noise: Mapping[str, Array] | None
 
 
 def smooth_acceleration(experiment: MeasuredMotion) -> Array:
-    """Return the acceleration that the measured position shows.
+    """Return the acceleration that the measured position or velocity shows.
 
     Args:
         experiment: The experiment.
@@ -99,6 +104,8 @@ def smooth_acceleration(experiment: MeasuredMotion) -> Array:
     Returns:
         Acceleration in m/s^2, shape (n,).
     """
+    if isinstance(experiment.motion_smoother, IntegratedMotion):
+        return np.asarray(np.gradient(experiment.motion_smoother(experiment.raw)[1], experiment.time))
     if isinstance(experiment.motion_smoother, PositionSmoother):
         return experiment.motion_smoother(experiment.raw["x"])[2]
     v = experiment.raw["v"] if "v" in experiment.raw else np.gradient(experiment.raw["x"], experiment.time)

@@ -8,7 +8,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from pneucli.physics.declaration import Effect
+from pneucli.physics.declaration import Effect, Parameter
 from pneucli.physics.gas import critical_ratio_of
 from pneucli.recording import Rig
 from pneucli.simulate.layout import BASE_NAMES
@@ -70,11 +70,18 @@ class Model:
 
     def effect_values(self) -> dict[str, float]:
         """Return the values of the effects' parameters by EFFECT.PARAMETER."""
-        return {f"{e.name}.{p.name}": self.values[f"{e.name}.{p.name}"] for e in self.effects for p in e.parameters}
+        return {f"{e.name}.{p.name}": self._value(e, p) for e in self.effects for p in e.parameters}
 
     def effect_parameters(self, effect: Effect) -> list[float]:
         """Return the values of one effect's parameters, in the order of its declaration."""
-        return [self.values[f"{effect.name}.{p.name}"] for p in effect.parameters]
+        return [self._value(effect, p) for p in effect.parameters]
+
+    def _value(self, effect: Effect, parameter: Parameter) -> float:
+        """Return the value of an effect's parameter; one that refines the effect may have none and is at its null."""
+        name = f"{effect.name}.{parameter.name}"
+        if parameter.refines and isinstance(parameter.null, float):
+            return self.values.get(name, parameter.null)
+        return self.values[name]
 
     def sum_of_port(self, port: str, *arguments: float) -> float:
         """Return the sum of the effects at a port, for the port's arguments."""
@@ -189,4 +196,5 @@ def with_effect(model: Model, effect: Effect, values: dict[str, float]) -> Model
         The new model.
     """
     others = tuple(e for e in model.effects if e.name != effect.name)
-    return replace(model.with_values(values), effects=(*others, effect))
+    kept = {name: value for name, value in model.values.items() if not name.startswith(f"{effect.name}.")}
+    return replace(model, values=kept | values, effects=(*others, effect))

@@ -13,6 +13,7 @@ from scipy.signal import savgol_filter
 from pneucli.simulate import layout as at
 from pneucli.simulate.local_polynomials import LocalPolynomialSmoother
 from pneucli.simulate.position_smoother import PositionSmoother
+from pneucli.simulate.velocity_integration import IntegratedMotion
 
 Array = NDArray[np.float64]
 
@@ -138,7 +139,7 @@ def least_squares_motion(
 def smooth_motion(
     raw: Mapping[str, Array],
     smoothers: Mapping[str, LocalPolynomialSmoother],
-    motion_smoother: MotionSmoother | PositionSmoother | None,
+    motion_smoother: MotionSmoother | PositionSmoother | IntegratedMotion | None,
     time: Array,
 ) -> tuple[Array, Array]:
     """Smooth the motion.
@@ -152,6 +153,8 @@ def smooth_motion(
     Returns:
         Position in m and velocity in m/s, each (n,).
     """
+    if isinstance(motion_smoother, IntegratedMotion):
+        return motion_smoother(raw)
     if isinstance(motion_smoother, MotionSmoother):
         return motion_smoother(raw["x"], raw["a"])[:2]
     if motion_smoother is not None:
@@ -164,7 +167,7 @@ def smooth_motion(
 def smooth_inputs(
     raw: Mapping[str, Array],
     smoothers: Mapping[str, LocalPolynomialSmoother],
-    motion_smoother: MotionSmoother | PositionSmoother | None,
+    motion_smoother: MotionSmoother | PositionSmoother | IntegratedMotion | None,
     time: Array,
 ) -> Array:
     """Smooth the inputs of the kernel.
@@ -182,7 +185,7 @@ def smooth_inputs(
     for column, name in enumerate(at.INPUTS):
         if name in raw:
             inputs[:, column] = smoothers[name](raw[name]) if name in smoothers else raw[name]
-    if "x" in raw:
+    if "x" in raw or isinstance(motion_smoother, IntegratedMotion):
         inputs[:, at.IN_X], inputs[:, at.IN_V] = smooth_motion(raw, smoothers, motion_smoother, time)
     return inputs
 
@@ -190,7 +193,7 @@ def smooth_inputs(
 def input_errors(
     noise: Mapping[str, Array],
     smoothers: Mapping[str, LocalPolynomialSmoother],
-    motion_smoother: MotionSmoother | PositionSmoother | None,
+    motion_smoother: MotionSmoother | PositionSmoother | IntegratedMotion | None,
     time: Array,
 ) -> Array:
     """Return the errors of the kernel's inputs from draws of the sensors' noise.

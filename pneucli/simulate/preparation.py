@@ -23,6 +23,7 @@ from pneucli.simulate.noise_draws import draw_sensor_noise
 from pneucli.simulate.position_smoother import PositionSmoother, fit_position_smoother
 from pneucli.simulate.restarts import restart_samples
 from pneucli.simulate.substitutes import substitute_missing_inputs
+from pneucli.simulate.velocity_integration import IntegratedMotion, integrated_motion, without_constant_position
 
 Array = NDArray[np.float64]
 
@@ -51,13 +52,15 @@ def prepare(recording: Recording, rig: Rig, horizon: float | None, low_pass: flo
     time = recording.time
     raw = {name: fill_gaps(time, values) for name, values in recording.signals.items()}
     noise = {n: recording.noise.get(n) or estimate_noise(time, recording[n]) for n in raw}
+    if recording.kind.motion_signals:
+        raw = without_constant_position(raw, noise)
     smoothers = _smoothers(recording, raw, noise)
-    motion_smoother = _motion_smoother(time, raw, noise)
+    motion_smoother = integrated_motion(recording, raw, noise, smoothers) or _motion_smoother(time, raw, noise)
     if isinstance(motion_smoother, MotionSmoother):
         raw["a"] = _without_delay(raw["x"], raw["a"], recording.period, motion_smoother)
     inputs = smooth_inputs(raw, smoothers, motion_smoother, time)
     standstill_speed = 0.0
-    if "x" in raw:
+    if "x" in raw or isinstance(motion_smoother, IntegratedMotion):
         drawn = draw_sensor_noise(noise, time, np.random.default_rng(0))
         noise_speed = float(np.std(smooth_motion(drawn, smoothers, motion_smoother, time)[1]))
         standstill_speed = STANDSTILL_SIGMA * noise_speed
@@ -104,7 +107,8 @@ def _smoothers(
 ) -> dict[str, LocalPolynomialSmoother]:
     if recording.time.size < MIN_SMOOTHED_SAMPLES:
         return {}
-    smoothed = [name for name in (*SMOOTHED_PRESSURES, "force") if name in raw]
+    motion = ("v",) if recording.kind.motion_signals and "x" not in raw else ()
+    smoothed = [name for name in (*SMOOTHED_PRESSURES, *motion, "force") if name in raw]
     return {name: choose_windows(raw[name], noise[name], recording.period) for name in smoothed}
 
 

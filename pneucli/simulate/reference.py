@@ -151,7 +151,10 @@ class Plant:
             rise = self.values["stribeck.static"] - coulomb
             rising += rise / (1.0 + (v / self.values["stribeck.velocity"]) ** 2)
         drop = self.values.get("friction-hysteresis.drop")
-        return rising, rising if drop is None else coulomb * (1.0 - drop)
+        if drop is None:
+            return rising, rising
+        lost = self.values.get("friction-hysteresis.viscous_drop", 0.0) * self.values["friction.viscous"] * abs(v)
+        return rising, min(coulomb * (1.0 - drop) - lost, rising)
 
     def acceleration(self, t: float, y: Array, mode: float) -> float:
         """dv/dt in m/s^2."""

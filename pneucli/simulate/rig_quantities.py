@@ -8,6 +8,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from pneucli.physics.declaration import BASE_PARAMETERS
 from pneucli.physics.scales import NAN, RigQuantities
 from pneucli.simulate.experiment import Experiment, SignalRanges
 from pneucli.simulate.model import Model
@@ -66,6 +67,9 @@ def _complete(facts: RigQuantities, experiments: Sequence[Experiment]) -> RigQua
     if math.isnan(facts.valve_area) and shut:
         unit = replace(facts, valve_area=1.0)
         facts = replace(facts, valve_area=unit.fill_time / (LEAK_EMPTYING_TIME_SHARE * max(shut)))
+    if facts.coulomb == 0.0:  # a fit without dry friction: what is usual is the scale, so that its effects can start
+        usual = BASE_PARAMETERS["friction.coulomb"].range_on(facts).typical
+        facts = replace(facts, coulomb=usual[0] if usual else NAN)
     if math.isnan(facts.max_speed):
         facts = replace(facts, max_speed=facts.conductance * facts.specific_energy / facts.bore_area)
     return facts

@@ -153,7 +153,9 @@ def _recorded_signals(source: RecordingSource, file: SignalReader | MultiFileRec
         columns = ", ".join(f'"{column}"' for column in file.names[:30])
         mend = f'describe it in [signals], or state a constant, {name} = "... {SIGNALS[name].unit}"'
         mend += SPOOL_VALVE_HINT if name == "u2" else ""
-        wanted = f'{name}, which experiment = "{table.experiment}" needs (columns: {columns})'
+        others = [n for n in EXPERIMENT_KINDS[table.experiment].motion_signals if n != name]
+        either = f"{name} (or {', '.join(others)})" if name == "x" and others else name
+        wanted = f'{either}, which experiment = "{table.experiment}" needs (columns: {columns})'
         raise InputError(f"{source.where}, file {source.path}", found, wanted, mend)
     return [name for name in SIGNALS if name in present], set(file.positions) - {"time"}
 

@@ -25,7 +25,7 @@ ROUND = {
     "AREA_FILL": 2e-6, "AREA_VENT": 1e-6, "AREA_FILL_2": 2e-6, "AREA_VENT_2": 1e-6, "MIRRORED": 0.0,
     "OBS_SENSOR": 0.25, "SPOOL_SHARE": 1.0, "SPOOL_MEAN_SHARE": 1.0, "SPOOL_LEAD": 1.0, "PLAY": 0.0, "PLAY_DEADBAND": 0.0, "FLOW_DELAY": 0.0,
     "SENSOR_SHARE": 1.0, "SENSOR_DELAY": 0.0, "SCALE_1": 1.0, "SCALE_2": 1.0, "OFFSET_1": 0.0, "OFFSET_2": 0.0, "LEAK_1": 0.0,
-    "LEAK_2": 0.0, "LEAK_12": 0.0, "LEAK_VALVE": 0.0, "VISCOUS_BACK": 50.0, "DECELERATION_RATIO": 1.0,
+    "LEAK_2": 0.0, "LEAK_12": 0.0, "LEAK_VALVE": 0.0, "VISCOUS_BACK": 50.0, "DECELERATION_RATIO": -1.0,
     "DRY_P1": 0.0, "DRY_P2": 0.0, "FRICTION_LEAD": 0.0, "PRESLIDING_DISTANCE": 5e-4, "RAMP_GROWTH_RATE": 10.0, "UNLOADING_RATE": 50.0, "CLOSING_RATE": 10.0,
     "BRAKE_DAMPING": 100.0, "RELEASE_FORCE_MAX": 60.0, "BREAKAWAY_MAX": 40.0, "DEADBAND_GAIN_MAX": 10.0, "STROKE_NODES": 2.0, "TABLE_NODES": float(NODES),
 }  # fmt: skip
@@ -493,7 +493,7 @@ def test_a_piston_that_turns_has_not_broken_away() -> None:
 
 # a piston of 2 kg, dry friction of 10 N at any speed, no damping; pressures follow at 100 1/s, the valves let them
 COASTING = settings(
-    MASS=2.0, COULOMB=10.0, VISCOUS=0.0, VISCOUS_BACK=0.0, P_KP=100.0, STRIBECK=1e-6, DECELERATION_RATIO=1.0, LEVEL_RATE=1e9,
+    MASS=2.0, COULOMB=10.0, VISCOUS=0.0, VISCOUS_BACK=0.0, P_KP=100.0, STRIBECK=1e-6, DECELERATION_RATIO=-1.0, LEVEL_RATE=1e9,
     GAMMA=0.0,
 )  # fmt: skip
 

@@ -117,6 +117,18 @@ def test_between_both_branches_of_friction_the_speed_stays() -> None:
     assert plant.speed_after(0.1, 0.0, 0.9 * coulomb, 1e-3, s, c) == 0.0
 
 
+def test_hysteresis_without_a_drop_has_no_stribeck_rise_while_slowing() -> None:
+    """Between Coulomb friction and 1.8 times as much the speed stays; with one branch the piston slows."""
+    c, s = numbers("friction-hysteresis").copy(), np.zeros(at.L_STATES)
+    coulomb, v = c[at.C_COULOMB], 0.005
+    c[at.C_STRIBECK], s[at.S_BREAKAWAY_FORCE] = 0.01, 2.0 * coulomb
+    between = 1.4 * coulomb + c[at.C_VISCOUS] * v
+    c[at.C_DECELERATION_RATIO] = 1.0
+    assert plant.speed_after(0.1, v, between, 1e-4, s, c) == v
+    c[at.C_DECELERATION_RATIO] = -1.0
+    assert plant.speed_after(0.1, v, between, 1e-4, s, c) < v
+
+
 def test_springs_and_weights_push_and_a_cushion_brakes_toward_its_end() -> None:
     spring, cushion = numbers("spring-force"), numbers("end-cushion")
     assert plant.stroke_table(0.15, 4, spring) == pytest.approx(-200.0 * 0.05, rel=1e-6)

@@ -289,7 +289,7 @@ def test_what_effects_know_of_the_axis_goes_into_the_controller() -> None:
         "C_GAMMA_R_T": pytest.approx(base["rig.heat_capacity_ratio"] * rt), "C_K_GAS": pytest.approx((2 / rt) ** 0.5),
         "C_CRITICAL_RATIO": 0.3, "C_COULOMB": axis.TRUTH["coulomb"], "C_STATIC": pytest.approx(axis.TRUTH["static"]),
         "C_STRIBECK": pytest.approx(axis.TRUTH["stribeck_velocity"]), "C_VISCOUS": axis.TRUTH["viscous"],
-        "C_VISCOUS_BACK": axis.TRUTH["viscous"], "C_DECELERATION_RATIO": 1.0, "C_DRY_P1": 0.0, "C_DRY_P2": 0.0,
+        "C_VISCOUS_BACK": axis.TRUTH["viscous"], "C_DECELERATION_RATIO": -1.0, "C_DRY_P1": 0.0, "C_DRY_P2": 0.0,
         **dict.fromkeys(("C_SCALE_1", "C_SCALE_2"), pytest.approx(1.0)), "C_OFFSET_1": pytest.approx(0.0, abs=1e-6),
         "C_OFFSET_2": pytest.approx(0.0, abs=1e-6),
         **dict.fromkeys(("C_LEAK_1", "C_LEAK_2", "C_LEAK_12", "C_LEAK_VALVE"), 0.0),

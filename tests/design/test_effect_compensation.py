@@ -11,6 +11,7 @@ from pneucli.design.effect_compensation import (
     breakaway_friction,
     critical_ratio,
     dead_volumes,
+    deceleration_friction_ratio,
     flow_delay,
     has_restoring_force,
     identify_spool,
@@ -102,3 +103,10 @@ def test_springs_and_weights_pull_toward_the_start_of_the_stroke() -> None:
     assert not has_restoring_force(
         with_("spring-force", stiffness=1000.0, rest_position=0.01)
     )  # pushes outward at the start
+
+
+def test_hysteresis_is_there_at_any_drop():
+    """Without a drop dry friction while slowing is Coulomb's: a ratio of 1, which one branch alone does not have."""
+    assert deceleration_friction_ratio(model()) == -1.0
+    assert deceleration_friction_ratio(with_("friction-hysteresis", drop=0.0)) == 1.0
+    assert deceleration_friction_ratio(with_("friction-hysteresis", drop=0.3)) == pytest.approx(0.7)

@@ -48,7 +48,9 @@ def fitted(left: Sequence[np.ndarray], own: Sequence[np.ndarray] = ()) -> Any:
     """A fit with its ``own`` derivatives that leaves so much over."""
     residual = np.concatenate(left)
     jacobian = np.concatenate(own, axis=0) if own else np.zeros((residual.size, 0))
-    return SimpleNamespace(model=model(), residual=residual, jacobian=jacobian, initial_state_sensitivities=[{}] * len(left))
+    return SimpleNamespace(
+        model=model(), residual=residual, jacobian=jacobian, initial_state_sensitivities=[{}] * len(left)
+    )
 
 
 def rival(

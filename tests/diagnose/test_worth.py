@@ -182,9 +182,9 @@ def bench(**given: Any) -> DiagnosisData:
     return DiagnosisData(**{"train": [], "held_out": [], "effects": {}, **given})
 
 
-ONE: Any = SimpleNamespace(name="one", part="valve", balances=frozenset({"gas"}), parameters=(1, 2))
-TWO: Any = SimpleNamespace(name="two", part="cylinder", balances=frozenset({"gas"}), parameters=(1,))
-THREE: Any = SimpleNamespace(name="three", part="gas", balances=frozenset({"gas"}), parameters=(1, 2, 3))
+ONE: Any = SimpleNamespace(name="one", part="valve", balances=frozenset({"gas"}), main_parameters=(1, 2))
+TWO: Any = SimpleNamespace(name="two", part="cylinder", balances=frozenset({"gas"}), main_parameters=(1,))
+THREE: Any = SimpleNamespace(name="three", part="gas", balances=frozenset({"gas"}), main_parameters=(1, 2, 3))
 
 
 def seen(*names: str) -> Any:

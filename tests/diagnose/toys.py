@@ -20,7 +20,9 @@ def effect(name: str, *, parameters: int = 1, part: str = "cylinder", **more: An
     known = [
         SimpleNamespace(name=f"p{k}", unit="1", null=0.0, lower=-9.0, upper=9.0, **more) for k in range(parameters)
     ]
-    return SimpleNamespace(name=name, parameters=tuple(known), part=part, is_set_valued=False, ports={})
+    made = SimpleNamespace(name=name, parameters=tuple(known), part=part, is_set_valued=False, ports={})
+    made.main_parameters, made.in_model_with = made.parameters, lambda effects: made
+    return made
 
 
 class Toys:

@@ -64,3 +64,13 @@ def test_an_unknown_effect_is_refused_with_the_closest_name(tmp_path):
 def test_an_effect_that_does_not_show_on_the_rig_is_refused(tmp_path):
     with pytest.raises(InputError, match="does not show"):
         generate_case(tmp_path / "case", "valve", ["stribeck"], "", 1.0, 1)
+
+
+def test_where_friction_falls_with_speed_hysteresis_may_lose_no_more_than_the_rise():
+    hysteresis = next(e for e in CATALOGUE if e.name == "friction-hysteresis")
+    par = Parameters(coulomb=12.0, static=20.0)
+    drops = [hysteresis.apply(par, 1.0, np.random.default_rng(seed)).drop for seed in range(40)]
+    assert 10 <= drops.count(0.0) <= 30
+    assert all(drop == 0.0 or 0.3 < drop < 0.6 for drop in drops)
+    plain = [hysteresis.apply(Parameters(), 1.0, np.random.default_rng(seed)).drop for seed in range(10)]
+    assert min(plain) > 0.3

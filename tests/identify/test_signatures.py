@@ -149,6 +149,7 @@ def parameter(name: str, *typical: float | str) -> Parameter:
 
 def made_of(*parameters: Parameter) -> Effect:
     one: Any = SimpleNamespace(name="e", parameters=parameters)
+    one.in_model_with = lambda effects: one
     return one  # type: ignore[no-any-return]
 
 

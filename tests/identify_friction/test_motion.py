@@ -11,11 +11,11 @@ from hypothesis import strategies as st
 
 from pneucli.errors import InputError
 from pneucli.identify.friction import estimate_motion, kinematics
-from pneucli.identify.friction.velocity_estimation import integrate_between_rests, rest_mask
 from pneucli.noise import NoiseModel
 from pneucli.physics.effects import catalogue
 from pneucli.recording import Rig
 from pneucli.simulate.model import Model
+from pneucli.simulate.velocity_integration import integrate_between_rests, rest_mask
 from tests.identify_friction.benches import BENCH, RIG, pressed, pulses, recorded
 
 STICKY = BENCH._replace(static=18.0, stribeck_velocity=0.015, acceleration_bias=0.3)
@@ -99,7 +99,7 @@ def test_samples_that_were_not_measured_are_left_out() -> None:
 @pytest.mark.parametrize(
     ("signals", "rig", "says"),
     [
-        (("p1", "p2"), RIG, ("neither x nor a", "position, acceleration, or both", "")),
+        (("p1", "p2"), RIG, ("neither x, v nor a", "position, velocity or acceleration", "")),
         (
             ("p1", "p2", "x", "a"),
             replace(RIG, piston_area_1=None, piston_area_2=None),

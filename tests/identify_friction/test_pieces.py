@@ -22,14 +22,14 @@ from pneucli.identify.friction.regression import (
 )
 from pneucli.identify.friction.samples import MovingSamples
 from pneucli.identify.friction.stick_slip import StickSlip, average_stick_slips
-from pneucli.identify.friction.velocity_estimation import (
+from pneucli.identify.friction.velocity_estimation import fuse_position_and_acceleration
+from pneucli.noise import NoiseModel
+from pneucli.simulate.velocity_integration import (
     MIN_REST_SAMPLES,
     correlation_samples,
-    fuse_position_and_acceleration,
     integrate_between_rests,
     rest_mask,
 )
-from pneucli.noise import NoiseModel
 
 RNG = np.random.default_rng
 

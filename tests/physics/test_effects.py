@@ -30,6 +30,7 @@ from pneucli.units import parse_quantity
 from tests.simulate.synthetic_experiments import (
     FRICTION,
     RIG,
+    STRIBECK,
     held_commands,
     make_experiment,
     model,
@@ -134,6 +135,58 @@ def test_at_null_the_effect_is_absent(effect: Effect) -> None:
         assert with_it == pytest.approx(without, rel=1e-12, abs=1e-15)
 
 
+def test_which_effects_are_present_at_their_null() -> None:
+    """Heat transfer always; hysteresis beside a Stribeck rise, of which it takes one branch. No other, beside no other."""
+    assert {e.name for e in EFFECTS if not e.nested} == {"heat-transfer"}
+    pairs = {(e.name, o.name) for e in EFFECTS for o in EFFECTS if e.in_model_with((e, o)) is not e}
+    assert pairs == {("friction-hysteresis", "stribeck")}
+    known = catalogue()
+    beside = known["friction-hysteresis"].in_model_with([known["stribeck"]])
+    assert not beside.nested
+    assert all(p.null is None for p in beside.parameters)
+    assert known["friction-hysteresis"].nested
+
+
+@every_effect
+def test_at_null_every_port_is_neutral(effect: Effect) -> None:
+    """So beside any other effect nothing changes, but where a port's presence alone does."""
+    if any(p.null is None or p.null == math.inf for p in effect.parameters if p.name in ("conductance", "stiffness")):
+        return  # heat transfer, a stiff regulator, rigid bristles: not absent at a finite value
+    own = [nulls(effect)[f"{effect.name}.{p.name}"] for p in effect.parameters]
+    if any(p.null == math.inf for p in effect.parameters):
+        return
+    samples = {"u": 2.0, "s": 2.0, "h": 1e-3, "b": 0.528, "coulomb": FRICTION["friction.coulomb"]}
+    for port, function in effect.ports.items():
+        arguments = [samples.get(a, 0.1 if a in ("x", "v") else 1.0) for a in PORTS[port].arguments]
+        found = function(*arguments, *own)
+        neutral = {"sum": 0.0, "factor": 1.0, "chain": arguments[0] if arguments else 0.0}
+        value = found[0] if PORTS[port].combine == "state" else found  # type: ignore[index]
+        assert value == pytest.approx(neutral.get(PORTS[port].combine, arguments[0] if arguments else 0.0)), port
+
+
+def test_hysteresis_without_a_drop_changes_friction_beside_stribeck() -> None:
+    at_null = STRIBECK | {"friction-hysteresis.drop": 0.0}
+    experiment = make_experiment("friction", TIME, {"p1": FILL, "p2": 3e5})
+    both = run(model(["stribeck", "friction-hysteresis"], VESSEL_VOLUME | at_null), experiment)
+    alone = run(model(["stribeck"], VESSEL_VOLUME | STRIBECK), experiment)
+    assert np.abs(both - alone)[:, at.V].max() > 1e-5
+
+
+def test_hysteresis_has_a_viscous_constant_of_its_own_while_slowing() -> None:
+    """Nouri (3.7): 14 N and 45 N s/m; while slowing 30 % of the one and half of the other are lost."""
+    values = STRIBECK | {"friction-hysteresis.drop": 0.3, "friction-hysteresis.viscous_drop": 0.5}
+    fitted = model(["stribeck", "friction-hysteresis"], values)
+    kernel = build(fitted.effects, compiled=False)
+    th, on = kernel.effect_vector(fitted.effect_values()), kernel.effect_switches([e.name for e in fitted.effects])
+    base = base_vector(fitted, make_experiment("friction", TIME, {}))
+    levels = kernel.functions.friction_levels(1.0, 0.1, 0.1, 1e5, 1e5, base, th, on)
+    assert levels[0] == pytest.approx(14.0 + 8.0 / (1.0 + (0.1 / 0.015) ** 2))
+    assert levels[1] + 45.0 * 0.1 == pytest.approx(0.7 * 14.0 + 0.5 * 45.0 * 0.1)
+    refined = model(["friction-hysteresis"], {"friction-hysteresis.drop": 0.3})
+    assert refined.effect_values() == {"friction-hysteresis.drop": 0.3, "friction-hysteresis.viscous_drop": 0.0}
+    assert fitted.effect_parameters(fitted.effects[1]) == [0.3, 0.5]
+
+
 @pytest.mark.parametrize(
     ("name", "value"),
     [("supply-droop", "regulator_conductance"), ("presliding", "stiffness"), ("heat-transfer", "conductance")],
@@ -188,7 +241,8 @@ def test_friction_never_adds_energy(effect: Effect, corner: int, v: float, x: fl
     base = tuple(base_vector(model(), make_experiment("friction", TIME, {})))
     direction = 1.0 if v > 0 else -1.0
     rising, falling = kernel.functions.friction_levels(direction, abs(v), x, p1, p2, base, th, on)
-    assert 0.0 < falling <= rising
+    viscous = base[at.VISCOUS] * kernel.functions.viscous_factor(direction, th, on) * abs(v)
+    assert 0.0 < falling + viscous <= rising + viscous
     assert kernel.functions.viscous_factor(direction, th, on) >= 0.0
     assert kernel.functions.static_factor(1.0, th, on) >= 1.0
 

@@ -111,7 +111,11 @@ def test_what_is_simulated_for_a_p2_that_no_sensor_reads_is_made_ready_once() ->
         "axis", time_grid(1.0), {"x": 0.1, "p1": 3e5 + 1e5 * np.sin(2 * np.pi * time_grid(1.0))}, restarts=(0, 300)
     )
     assert e.with_imposed_motion is e.with_imposed_motion
-    assert (e.flags[at.MECHANICS], e.with_imposed_motion.flags[at.MECHANICS], e.with_imposed_motion.restarts.tolist()) == (1.0, 0.0, [0])
+    assert (
+        e.flags[at.MECHANICS],
+        e.with_imposed_motion.flags[at.MECHANICS],
+        e.with_imposed_motion.restarts.tolist(),
+    ) == (1.0, 0.0, [0])
 
 
 @pytest.mark.parametrize("rise", [0.0, 1e4])

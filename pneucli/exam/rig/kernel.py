@@ -133,7 +133,7 @@ def dry_friction(par: Parameters, t: float, s: Array, direction: float) -> tuple
     factor *= (1.0 + par.asymmetry * direction) * (1.0 - par.running_in * (1.0 - math.exp(-t / DRIFT_TIME_CONSTANT)))
     rise = max(par.static - par.coulomb, 0.0) / (1.0 + (s[V] / par.stribeck_velocity) ** 2)
     rising = factor * (par.coulomb + rise)
-    return rising, factor * par.coulomb * (1.0 - par.drop) if par.drop > 0.0 else rising
+    return rising, factor * par.coulomb * (1.0 - par.drop) if par.drop >= 0.0 else rising
 
 
 @compiled()

@@ -49,7 +49,7 @@ class Parameters(NamedTuple):
     # the catalogue: friction and forces
     static: float = 0.0  # N; not above coulomb: no Stribeck rise
     stribeck_velocity: float = 0.01
-    drop: float = 0.0
+    drop: float = -1.0  # of dry friction while slowing; below zero: both branches are one
     bristle_stiffness: float = 0.0  # zero: rigid contact
     bristle_damping: float = 0.0
     asymmetry: float = 0.0

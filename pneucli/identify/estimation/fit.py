@@ -174,9 +174,12 @@ def parameter_estimates(
         degrees_of_freedom: Degrees of freedom of each variance, shape (k,); infinite where absent.
 
     Returns:
-        One estimate a parameter; the interval is Student's, symmetric in the fit's coordinate.
+        One estimate a parameter; the interval is Student's, symmetric in the fit's coordinate. Where no value makes an
+        effect absent, the interval ends at the bounds: what lies beyond is no value of it.
 
     """
+    effects = model.effects
+    distinct = {e.name for e in effects if e.in_model_with(effects) is not e}
     quantile = np.asarray(
         student_t.ppf(0.975, np.full(len(free), np.inf) if degrees_of_freedom is None else degrees_of_freedom)
     )
@@ -186,6 +189,8 @@ def parameter_estimates(
         z, error = f.to_coordinate(value), float(np.sqrt(max(covariance[j, j], 0.0)))
         half_width = float(quantile[j]) * error
         low, high = f.from_coordinate(z - half_width), f.from_coordinate(z + half_width)
+        if f.name.partition(".")[0] in distinct:
+            low, high = max(low, f.lower), min(high, f.upper)
         at_bound = bool(z - f.to_coordinate(f.lower) < 1e-6 or f.to_coordinate(f.upper) - z < 1e-6)
         estimates.append(Estimate(f.name, f.unit, value, error * f.derivative(value), (low, high), at_bound))
     return tuple(estimates)

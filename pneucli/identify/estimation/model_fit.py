@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from pneucli.errors import InputError
 from pneucli.identify.estimation.blocks import residual_counts
+from pneucli.identify.estimation.direct_starts import direct_base_friction
 from pneucli.identify.estimation.fit import FULL_CONVERGENCE, Fit, StoppingRule, fit, merge_partial_fit
 from pneucli.identify.estimation.parameters import (
     DIFFERENCE_STEP,
@@ -29,6 +30,8 @@ from pneucli.simulate.valve_forms.area import ValveArea
 Array = NDArray[np.float64]
 
 MAX_EDGE_STARTS = 4  # best starts of an effect with an edge: its residual is not smooth, so a fit ends near its start
+REFINEMENT_SIGMA = 4.0  # standard errors from its null, beyond which a parameter that refines an effect is fitted
+MIN_REFINEMENT_SHARE = 0.02  # of the cost that it must take: as much as matters where little more than noise is left
 TIME_SCAN_POINTS = 32  # values of a time constant or delay, from its smallest typical value to its bound
 
 
@@ -56,15 +59,25 @@ def fit_model(
     """
     for effect in effects:
         if not any(one.is_sensitive_to(effect) for one in residual_models):
-            fault = f'"{effect.name}" acts on a part that no training recording has ({effect.part})'
-            raise InputError("key model.effects", fault, "effects that can show", "remove it, or record its part")
+            raise _cannot_show(effect, residual_models)
     require_finite(model, residual_models)
     experiments = [one.experiment for one in residual_models]
     fitted = fit(replace(model, effects=()), residual_models, base_parameters(model, experiments), stopping=stopping)
     fitted = _with_overlap_reestimated(fitted, residual_models, stopping=stopping)
+    fitted = _with_friction_reestimated(fitted, residual_models, stopping=stopping)
     for effect in effects:
         fitted = fit_with_effect(fitted, residual_models, effect, stopping=stopping)
     return fitted
+
+
+def _cannot_show(effect: Effect, residual_models: Sequence[ResidualModel]) -> InputError:
+    """Return what to say of an effect that no training recording can show."""
+    wanted, stands = "effects that can show", any(effect.part in one.experiment.parts for one in residual_models)
+    if effect.needs and stands:
+        fault = f'"{effect.name}" needs {", ".join(sorted(effect.needs))}, which no training recording has'
+        return InputError("key model.effects", fault, wanted, "remove it, or record what it needs")
+    fault = f'"{effect.name}" acts on a part that no training recording has ({effect.part})'
+    return InputError("key model.effects", fault, wanted, "remove it, or record its part")
 
 
 def require_finite(model: Model, residual_models: Sequence[ResidualModel]) -> None:
@@ -132,13 +145,31 @@ def fit_with_effect(
 
     if any(p.step for p in effect.parameters):  # a fit of an edge ends near its start
         return min((fit_from_test(test, 1.0) for test in ranked[:MAX_EDGE_STARTS]), key=lambda f: f.cost)
-    first = fit_from_test(ranked[0], 1.0)
+    promising = [ranked[0], *(test for test in ranked[1:] if test.direct and test.gain > 0.0)]
+    first = min((fit_from_test(test, 1.0) for test in promising), key=lambda f: f.cost)
     if first.cost > fitted.cost:  # the predicted step was too long: start close to the null
         first = fit_from_test(ranked[0], 0.05)
     profile_minimum = lower_profile_minimum(first, residual_models, effect, quantities)
-    if profile_minimum is None:
-        return first
-    return min(first, fit_from(first.model.with_values(profile_minimum)), key=lambda f: f.cost)
+    if profile_minimum is not None:
+        first = min(first, fit_from(first.model.with_values(profile_minimum)), key=lambda f: f.cost)
+    return _refined(first, effect, fit_from)
+
+
+def _refined(fitted: Fit, effect: Effect, fit_from: Callable[[Model], Fit]) -> Fit:
+    """Return the fit with the parameters that refine the effect, where they show.
+
+    One shows that is far from its null and takes a share of the cost that matters.
+    """
+    for p in effect.parameters:
+        name = f"{effect.name}.{p.name}"
+        if not p.refines or not isinstance(p.null, float) or name in {*fitted.model.values, *fitted.model.rig.priors}:
+            continue
+        more = fit_from(fitted.model.with_values({name: p.null}))
+        estimate = more[name]
+        differs = abs(estimate.value - p.null) > REFINEMENT_SIGMA * estimate.error and not estimate.at_bound
+        if differs and more.cost < (1.0 - MIN_REFINEMENT_SHARE) * fitted.cost:
+            fitted = more
+    return fitted
 
 
 def lower_profile_minimum(
@@ -227,6 +258,15 @@ def _with_overlap_reestimated(fitted: Fit, residual_models: Sequence[ResidualMod
     model = with_parameters(fitted.model, overlaps)
     refitted = _fit_coarse_to_fine(model, residual_models, _with_current_values(model, fitted.free), stopping=stopping)
     return min(fitted, refitted, key=lambda f: f.cost)
+
+
+def _with_friction_reestimated(fitted: Fit, residual_models: Sequence[ResidualModel], *, stopping: StoppingRule) -> Fit:
+    """Return the fit, or a better one from the balance of forces where it ended without Coulomb friction."""
+    if not any(e.name == "friction.coulomb" and e.at_bound and e.value == 0.0 for e in fitted.estimates):
+        return fitted
+    starts = [with_parameters(fitted.model, v) for v in direct_base_friction(fitted.model, residual_models)]
+    again = [fit(one, residual_models, _with_current_values(one, fitted.free), stopping=stopping) for one in starts]
+    return min([fitted, *again], key=lambda f: f.cost)
 
 
 def free_parameters(model: Model, residual_models: Sequence[ResidualModel]) -> list[FreeParameter]:

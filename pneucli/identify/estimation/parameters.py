@@ -196,8 +196,10 @@ def effect_parameters(
 
     """
     free = []
-    for p in effect.parameters:
+    for p in effect.in_model_with(model.effects).parameters:
         name, valid_range = f"{effect.name}.{p.name}", p.range_on(quantities)
+        if p.refines and name not in {*model.values, *model.rig.priors}:
+            continue
         typical = valid_range.typical[0] if valid_range.typical else 0.0
         start = (initial_values or {}).get(name, model.values.get(name, typical))
         start = float(np.clip(start, valid_range.lower, valid_range.upper))

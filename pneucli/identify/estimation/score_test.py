@@ -8,6 +8,7 @@ References:
 from __future__ import annotations
 
 import itertools
+import math
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from types import MappingProxyType
@@ -16,6 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pneucli.identify.estimation.blocks import residual_counts
+from pneucli.identify.estimation.direct_starts import direct_guesses
 from pneucli.identify.estimation.fit import Fit
 from pneucli.identify.estimation.parameters import null_value
 from pneucli.identify.estimation.problem import LeastSquaresProblem
@@ -35,12 +37,14 @@ class ScoreTest:
 
     ``gain`` is the decrease of the squared cost by a linear ``step`` along the change of the residuals, the other
     parameters adjusting; ``step_error`` is the step's standard error, from the scores of blocks.
+    ``direct``: the values are those of a direct fit, and ``gain`` is the decrease of the cost at them.
     """
 
     values: dict[str, float]
     gain: float
     step: float
     step_error: float
+    direct: bool = False
 
 
 def initial_guesses(
@@ -57,10 +61,10 @@ def initial_guesses(
         Start values by EFFECT.PARAMETER; none where a scale is unknown. A range ``from`` .. ``to`` is in order.
 
     """
-    names = [f"{effect.name}.{p.name}" for p in effect.parameters]
+    stated = [p for p in effect.parameters if not p.refines or f"{effect.name}.{p.name}" in priors]
+    names = [f"{effect.name}.{p.name}" for p in stated]
     lists = [
-        _typical_values(p.range_on(quantities).typical, priors.get(name))
-        for p, name in zip(effect.parameters, names, strict=True)
+        _typical_values(p.range_on(quantities).typical, priors.get(name)) for p, name in zip(stated, names, strict=True)
     ]
     combinations = [dict(zip(names, values, strict=True)) for values in itertools.product(*lists)]
     stretch = (f"{effect.name}.from", f"{effect.name}.to")
@@ -110,7 +114,7 @@ def residual_changes(
 
 
 def score_tests(effect: Effect, fitted: Fit, residual_models: Sequence[ResidualModel]) -> list[ScoreTest]:
-    """Compute the score test of an effect at each of its typical values.
+    """Compute the score test of an effect at each of its typical values, and at those of a direct fit.
 
     Args:
         effect: The effect.
@@ -124,11 +128,23 @@ def score_tests(effect: Effect, fitted: Fit, residual_models: Sequence[ResidualM
     typical = initial_guesses(
         effect, rig_quantities(fitted.model, [one.experiment for one in residual_models]), fitted.model.rig.priors
     )
+    nested = effect.in_model_with(fitted.model.effects).nested
     out = [
-        _score_test(values, change, fitted, nested=effect.nested)
+        _score_test(values, change, fitted, nested=nested)
         for values, change in zip(typical, residual_changes(effect, fitted, residual_models, typical), strict=False)
     ]
-    return sorted(out, key=lambda test: -test.gain)
+    guesses = direct_guesses(effect, fitted.model, residual_models)
+    direct = [_direct_test(values, effect, fitted, residual_models) for values in guesses]
+    return sorted([*out, *direct], key=lambda test: -test.gain)
+
+
+def _direct_test(
+    values: dict[str, float], effect: Effect, fitted: Fit, residual_models: Sequence[ResidualModel]
+) -> ScoreTest:
+    model, target = with_effect(fitted.model, effect, values), fitted.projected_residual
+    problem = LeastSquaresProblem(model, residual_models, (), fitted.initial_state_sensitivities)
+    gain = float(target @ target) - float(sum(part @ part for part in problem.data_residuals(model)))
+    return ScoreTest(values, gain if math.isfinite(gain) else -math.inf, 1.0, math.inf, direct=True)
 
 
 def _score_test(values: dict[str, float], change: Array, fitted: Fit, *, nested: bool) -> ScoreTest:
@@ -159,11 +175,14 @@ def scaled_initial_guess(
         Start values by EFFECT.PARAMETER; a parameter without a null keeps the tested value.
 
     """
+    if test.direct:
+        return dict(test.values)
     step = step_share * float(np.clip(test.step, 0.05, 5.0))
     values = dict(test.values)
-    for p in effect.parameters:
+    for p in effect.in_model_with(model.effects).parameters:
         name = f"{effect.name}.{p.name}"
-        if (null := null_value(p, model)) is not None:  # steps between the typical values, no further
+        null = null_value(p, model) if name in values else None
+        if null is not None:  # steps between the typical values, no further
             size = p.range_on(quantities)
             values[name] = float(np.clip(null + step * (values[name] - null), size.lower, size.upper))
     return values

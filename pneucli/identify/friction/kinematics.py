@@ -13,18 +13,14 @@ from scipy.ndimage import maximum_filter1d, minimum_filter1d
 
 from pneucli.errors import InputError
 from pneucli.identify.friction.non_friction_forces import NonFrictionForces
-from pneucli.identify.friction.velocity_estimation import (
-    Smoother,
-    fuse_position_and_acceleration,
-    integrate_between_rests,
-    rest_mask,
-)
+from pneucli.identify.friction.velocity_estimation import Smoother, fuse_position_and_acceleration
 from pneucli.noise import NoiseModel, estimate_noise
 from pneucli.recording import Recording, Rig
 from pneucli.simulate.local_polynomials import choose_windows
 from pneucli.simulate.model import Model
 from pneucli.simulate.position_smoother import fit_position_smoother
 from pneucli.simulate.preparation import fill_gaps
+from pneucli.simulate.velocity_integration import integrate_between_rests, rest_mask, without_constant_position
 
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
@@ -145,8 +141,12 @@ def estimate_motion(recording: Recording, model: Model) -> Motion:
 
     """
     parts, non_friction, time = _drive_parts(recording, model.rig), NonFrictionForces(model), recording.time
-    raw = {n: fill_gaps(time, recording[n]) for n in (*parts, "x", "a") if n in recording}
+    raw = {n: fill_gaps(time, recording[n]) for n in (*parts, "x", "v", "a") if n in recording}
     noise = {n: _noise(recording, n, y) for n, y in raw.items()}
+    raw = without_constant_position(raw, noise)
+    if "x" in raw:
+        raw.pop("v", None)
+    source = "x" if "x" in raw else "v"
     derive, smoothers, a, smoothing_samples = _estimators(recording, raw, noise)
 
     def drive_force(readings: Mapping[str, Array]) -> Array:
@@ -154,13 +154,13 @@ def estimate_motion(recording: Recording, model: Model) -> Motion:
         return np.asarray(sum(gain * (true_readings[n] - zero) for n, (gain, zero) in parts.items()))
 
     x = raw.get("x", np.full(time.size, np.nan))
-    v, smooth_a = derive(raw.get("x", np.zeros(time.size)), a)
+    v, smooth_a = derive(raw.get(source, np.zeros(time.size)), a)
     load = _non_friction_force(recording, non_friction, x, v)
     rng = np.random.default_rng(0)
     redrawn = np.empty((int(np.clip(MAX_DRAWN_SAMPLES // time.size, 1, MAX_DRAWS)), time.size))
     draws = ({n: model_of_noise.draw(time, rng) for n, model_of_noise in noise.items()} for _ in redrawn)
     first_draw = next(draws)
-    v_error, a_error = derive(*(first_draw.get(n, np.zeros(time.size)) for n in ("x", "a")))
+    v_error, a_error = derive(*(first_draw.get(n, np.zeros(time.size)) for n in (source, "a")))
     smooth_readings = {n: smoothers[n](raw[n]) for n in parts}
     smooth, rough = drive_force(smooth_readings), drive_force({n: raw[n] for n in parts})
     for out, one in zip(redrawn, chain([first_draw], draws), strict=True):
@@ -225,8 +225,12 @@ def _estimators(
 ) -> tuple[Kinematics, dict[str, Smoother], Array, int]:
     """Return the map (x, a) -> (v, smoothed a), each signal's smoother, the unbiased acceleration, the smoothing's reach."""
     time = recording.time
+    if not {"x", "v", "a"} & raw.keys():
+        raise InputError(f"recording {recording.name}", "neither x, v nor a", "position, velocity or acceleration")
     if "a" not in raw and "x" not in raw:
-        raise InputError(f"recording {recording.name}", "neither x nor a", "position, acceleration, or both")
+        smooth = choose_windows(raw["v"], noise["v"], recording.period)
+        blur = int(np.ceil(smooth.memory / recording.period)) + 1
+        return lambda v, _: (smooth(v), smooth.slope(v)), dict.fromkeys(raw, smooth), np.zeros(time.size), blur
     if "a" not in raw:
         smoother = fit_position_smoother(time, raw["x"], noise["x"])
         smoothing_samples = int(np.ceil(np.pi * smoother.memory / recording.period))
@@ -242,6 +246,9 @@ def _estimators(
         velocity = fuse_position_and_acceleration(time, raw["a"], noise["x"].rms, noise["a"].rms)
         bias = velocity(raw["x"], raw["a"])[1]
         derive: Kinematics = lambda x, a: (velocity(x, a)[0], smoothers["a"](a))  # noqa: E731
+    elif "v" in raw:
+        bias = float(np.mean(raw["a"] - np.gradient(smoothers["v"](raw["v"]), time)))
+        derive = lambda v, a: (smoothers["v"](v), smoothers["a"](a))  # noqa: E731
     else:
         rest = rest_mask(time, raw["a"], noise["a"])
         if not rest.any():

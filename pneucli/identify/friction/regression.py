@@ -11,13 +11,13 @@ from numpy.typing import NDArray
 from pneucli.identify.estimation.blocks import group_scores
 from pneucli.identify.estimation.least_squares import minimise
 from pneucli.identify.friction.samples import Z95, IntervalEstimate, MovingSamples
+from pneucli.identify.guesses.direct_friction import search_stribeck
 from pneucli.physics.vectorised import stribeck_friction
 
 Array = NDArray[np.float64]
 Residual = Callable[[Array], Array]
 
 HUBER_THRESHOLD = 1.345  # robust standard deviations: 95 % efficient for normal residuals
-VELOCITY_GRID_POINTS = 24
 MAX_ITERATIONS, TOLERANCE = 50, 1e-10
 UNITS = {"coulomb": "N", "viscous": "N s/m", "static": "N", "velocity": "m/s", "offset": "N", "mass": "kg"}
 
@@ -117,7 +117,7 @@ def fit_stribeck(samples: MovingSamples, *, offset: bool) -> FrictionFit:
     s = samples
     coulomb_fit = fit_coulomb(s, offset=offset)
     names = ("coulomb", "viscous", "static", "velocity") + (("offset",) if offset else ())
-    start = _stribeck_start(s, offset=offset)
+    start = search_stribeck(s.v, s.friction, s.sigma, offset=offset)
     if start is None:
         return coulomb_fit
     speed = np.abs(s.v)
@@ -152,21 +152,6 @@ def scaled_residual(fit: FrictionFit, s: MovingSamples) -> Array:
 
     """
     return np.asarray((velocity_friction(s.v, fit) + fit["offset"] - s.friction) / s.sigma)
-
-
-def _stribeck_start(s: MovingSamples, *, offset: bool) -> Array | None:
-    """Return the best start of a search over the Stribeck velocity, the other parameters by linear least squares."""
-    speed, target = np.abs(s.v), s.friction / s.sigma
-    best: tuple[float, Array | None] = (np.inf, None)
-    for velocity in np.geomspace(max(speed.min(), 1e-3 * speed.max()), 0.5 * speed.max(), VELOCITY_GRID_POINTS):
-        shape = {"coulomb": 0.0, "viscous": 0.0, "static": 0.0, "velocity": velocity}
-        columns = [velocity_friction(s.v, {**shape, name: 1.0}) for name in ("coulomb", "viscous", "static")]
-        design = np.column_stack([*columns, *[np.ones(len(s))] * offset]) / s.sigma[:, None]
-        coefficients = np.linalg.lstsq(design, target)[0]
-        cost = float(np.sum((design @ coefficients - target) ** 2))
-        if cost < best[0] and coefficients[2] > coefficients[0] > 0.0:
-            best = (cost, np.array([*coefficients[:3], velocity, *coefficients[3:]]))
-    return best[1]
 
 
 def _refine(names: tuple[str, ...], residual: Residual, start: Array, lower: Array, s: MovingSamples) -> FrictionFit:

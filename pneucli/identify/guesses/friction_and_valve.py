@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import lsq_linear
 
+from pneucli.identify.guesses.direct_friction import has_both_directions
 from pneucli.identify.guesses.flow_paths import FlowPathData, flow_path_data
 from pneucli.plausibility.required_inputs import volumes_to_identify
 from pneucli.recording import Rig
@@ -89,7 +90,7 @@ def guess_friction(experiments: Sequence[Experiment], rig: Rig) -> dict[str, flo
     """Fit Coulomb and viscous friction, and the mass where it is unknown, to the forces by linear least squares.
 
     Args:
-        experiments: Experiments with a cylinder; those without x are left out.
+        experiments: Experiments with a cylinder; those without a known motion are left out.
         rig: The rig with areas and mass.
 
     Returns:
@@ -99,7 +100,7 @@ def guess_friction(experiments: Sequence[Experiment], rig: Rig) -> dict[str, flo
     """
     rows, targets = [], []
     for experiment in experiments:
-        if "x" not in experiment.raw:
+        if not experiment.motion_is_known:
             continue
         _, v, a = imposed_motion(experiment)
         force = _driving_force(experiment, rig)
@@ -114,6 +115,8 @@ def guess_friction(experiments: Sequence[Experiment], rig: Rig) -> dict[str, flo
         design = np.delete(design, 2, axis=1)
     lower = np.zeros(design.shape[1])
     lower[-1] = -np.inf  # the constant force has no bounds, so that it does not bias the friction
+    if not has_both_directions(design[:, 0]):  # nothing tells a constant force from dry friction
+        design[:, -1] = 0.0
     solution = lsq_linear(design, target, bounds=(lower, np.inf)).x
     values = {"friction.coulomb": float(solution[0]), "friction.viscous": float(solution[1])}
     if rig.moving_mass is None:

@@ -56,7 +56,7 @@ def _models_of_recording(e: Experiment, *, whiten_initial_state: bool) -> list[R
         return [ImposedMotion(e)]
     if e.recording.kind.vessel:
         return [ChamberPressures(e, whiten_initial_state)]
-    if "x" not in e.raw:
+    if not e.motion_is_known:
         return [FreeRun(e)]
     if not e.recording.kind.valve:
         return [ForceBalance(e)]

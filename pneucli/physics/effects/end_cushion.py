@@ -59,4 +59,5 @@ EFFECT = Effect(
     twins=("position-friction",),
     separate="Run into each end at two speeds.",
     source="adjustable pneumatic end cushioning",
+    needs=frozenset({"x"}),
 )

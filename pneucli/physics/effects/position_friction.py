@@ -65,4 +65,5 @@ EFFECT = Effect(
     twins=("pressure-friction",),
     separate="One slow pass over the whole stroke in each direction at constant pressure.",
     source="wear or a tight stretch of the bore",
+    needs=frozenset({"x"}),
 )

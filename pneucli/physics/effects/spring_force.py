@@ -53,4 +53,5 @@ EFFECT = Effect(
     twins=("constant-force", "dead-volume"),
     separate="Vent both chambers, push the piston by hand to five positions and read the force.",
     source="Hooke",
+    needs=frozenset({"x"}),
 )

@@ -38,6 +38,7 @@ EFFECT = Effect(
             "2 supply forces",  # a piston that moves was driven by more than it
             ("1.3 Coulomb forces", "1.8 Coulomb forces"),
             "static friction",
+            direct="static",
         ),
         Parameter(
             "velocity",
@@ -47,6 +48,7 @@ EFFECT = Effect(
             "1 top speeds",
             ("0.0125 top speeds", "0.04 top speeds", "0.1 top speeds"),
             "Stribeck velocity",
+            direct="velocity",
         ),
     ),
     ports={"dry_rise": dry_rise},

@@ -123,7 +123,7 @@ def run_balance(time, inputs, a, rough, leaving, unsure, contact, noise, base_va
         if v != 0.0:
             back[k] = rough[read]
         if stiffness > 0.0:
-            z, held = bristle_force(z, x - inputs[max(k - 1, 0), IN_X], h, branch, stiffness, th, on)
+            z, held = bristle_force(z, x - inputs[max(k - 1, 0), IN_X], h, max(branch, 1e-9), stiffness, th, on)
             out[k] = friction - held - c * v
             continue
         if v == 0.0:

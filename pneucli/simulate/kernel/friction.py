@@ -8,6 +8,7 @@ from pneucli.simulate.kernel.ports import (
     dry_rise,
     has_slowing,
     slowing,
+    slowing_viscous,
     static_factor,
     viscous_factor,
 )
@@ -18,12 +19,13 @@ def friction_levels(direction, speed, x, p1, p2, base, th, on):
     """Return dry friction in N while speeding up and while slowing; both are equal without hysteresis.
 
     It is at least 1e-9 N: factors outside their range of validity must not make friction push, and bristles need a
-    level.
+    level. Viscous friction that is less while slowing counts in the second level.
     """
     factor = dry_factor(direction, x, p1, p2, base[AMBIENT], th, on)
     rising = max((base[COULOMB] + dry_rise(base[COULOMB], speed, th, on)) * factor, 1e-9)
     if has_slowing(on):
-        return rising, min(max(base[COULOMB] * slowing(th, on) * factor, 1e-9), rising)
+        lost = (1.0 - slowing_viscous(th, on)) * base[VISCOUS] * viscous_factor(direction, th, on) * speed
+        return rising, min(max(base[COULOMB] * slowing(th, on) * factor, 1e-9) - lost, rising)
     return rising, rising
 
 
@@ -81,7 +83,7 @@ def slide_on_bristles(x, v, z, dv, push, h, m, p1, p2, stiffness, base, th, on):
     direction = 1.0 if v > 0.0 or (v == 0.0 and push > 0.0) else -1.0
     speed = abs(v + 0.5 * dv)
     rising, falling = friction_levels(direction, speed, x, p1, p2, base, th, on)
-    level = falling if dv * direction < 0.0 else rising
+    level = max(falling, 1e-9) if dv * direction < 0.0 else rising
     sigma = bristle_damping(th, on)
     c = base[VISCOUS] * viscous_factor(direction, th, on)
     # z at midpoint is (z + h/2 v_mid) / (1 + h/2 rate); all is multiplied by the level, which spares two divisions
@@ -106,7 +108,7 @@ def acceleration(v, z, push, dv, rest, x, m, p1, p2, stiffness, base, th, on):
     rising, falling = friction_levels(direction, abs(v), x, p1, p2, base, th, on)
     c = base[VISCOUS] * viscous_factor(direction, th, on)
     if stiffness > 0.0:
-        level = falling if dv * direction < 0.0 else rising
+        level = max(falling, 1e-9) if dv * direction < 0.0 else rising
         flow = v - stiffness * abs(v) / level * z
         return (push - stiffness * z - bristle_damping(th, on) * flow - c * v) / m
     if v == 0.0 and abs(push) <= rising * static_factor(rest, th, on):

@@ -39,7 +39,7 @@ def run_imposed(time, inputs, a, v_still, driven, base_values, th_values, on_val
         friction = level * min(max(v / v_still, -1.0), 1.0) + c * v
         if stiffness > 0.0:
             dx, h = x - inputs[max(k - 1, 0), IN_X], time[k] - time[max(k - 1, 0)]
-            z, friction = bristle_force(z, dx, h, level, stiffness, th, on)
+            z, friction = bristle_force(z, dx, h, max(level, 1e-9), stiffness, th, on)
             friction += c * v
         known = net_pressure_force(true, k, base) if driven else 0.0
         out[k] = m * a[k] + friction - force(x, v, base[STROKE], th, on) - known

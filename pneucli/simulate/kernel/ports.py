@@ -57,6 +57,10 @@ def slowing(th, on):
     return 1.0
 
 
+def slowing_viscous(th, on):
+    return 1.0
+
+
 def has_slowing(on):
     return False
 

@@ -1,0 +1,70 @@
+"""Starts of friction's effects as the balance of forces gives them, in the model's names of parameters."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+
+from pneucli.identify.guesses.direct_friction import direct_friction, force_samples
+from pneucli.identify.residuals import ForceBalance, ResidualModel
+from pneucli.physics.declaration import Effect
+from pneucli.physics.scales import RigQuantities
+from pneucli.recording import ParameterPrior
+from pneucli.simulate.model import Model
+from pneucli.simulate.rig_quantities import rig_quantities
+
+
+def direct_guesses(effect: Effect, model: Model, views: Sequence[ResidualModel]) -> list[dict[str, float]]:
+    """Return values of an effect and of all friction beside it, by name, as the balance of forces gives them.
+
+    None where the effect declares no such parameter. What the pipeline file says of a parameter takes its place.
+    """
+    if not any(p.direct for p in effect.parameters):
+        return []
+    effects = (*(e for e in model.effects if e.name != effect.name), effect)
+    facts = rig_quantities(model, [view.experiment for view in views])
+    known = _direct_friction(model, views, two_branches=any(e.is_set_valued for e in effects))
+    return [_with_priors(_named(direct, effects, effect, facts), model.rig.priors) for direct in known]
+
+
+def direct_base_friction(model: Model, views: Sequence[ResidualModel]) -> list[dict[str, float]]:
+    """Return Coulomb friction above zero with viscous friction, by name, as the balance of forces gives them."""
+    known = _direct_friction(model, views, two_branches=False)
+    return [_with_priors(_base(direct), model.rig.priors) for direct in known if direct["coulomb"] > 0.0]
+
+
+def _direct_friction(model: Model, views: Sequence[ResidualModel], *, two_branches: bool) -> list[dict[str, float]]:
+    balanced = [
+        view.experiment for view in views if isinstance(view, ForceBalance) and not view.experiment.p2_is_unmeasured
+    ]
+    mass = model.base_values()["rig.moving_mass"] + model.sum_of_port("mass")
+    return direct_friction(force_samples(balanced, mass), two_branches=two_branches)
+
+
+def _base(direct: Mapping[str, float]) -> dict[str, float]:
+    return {f"friction.{name}": direct[name] for name in ("coulomb", "viscous")}
+
+
+def _named(
+    direct: Mapping[str, float], effects: Sequence[Effect], added: Effect, facts: RigQuantities
+) -> dict[str, float]:
+    """Return direct values by the names of parameters; of the effect to be added the others are as usual."""
+    values = _base(direct)
+    for effect in effects:
+        for p in effect.parameters:
+            size, value = p.range_on(facts), direct.get(p.direct or "")
+            if value is not None:
+                values[f"{effect.name}.{p.name}"] = float(np.clip(value, size.lower, size.upper))
+            elif effect is added and size.typical and not p.refines:
+                values[f"{effect.name}.{p.name}"] = size.typical[0]
+    return values
+
+
+def _with_priors(values: dict[str, float], priors: Mapping[str, ParameterPrior]) -> dict[str, float]:
+    return {name: _with_prior(value, priors[name]) if name in priors else value for name, value in values.items()}
+
+
+def _with_prior(value: float, prior: ParameterPrior) -> float:
+    stated = prior.start if prior.fixed is None else prior.fixed
+    return float(np.clip(value if stated is None else stated, prior.lower, prior.upper))
