@@ -118,7 +118,7 @@ def rejection_time(error: Array) -> float:
 
 
 def load_error(run: Trace, load: Array) -> float:
-    """Return the error of the load estimate at the end of the load, over the load; the rig's load pushes toward x = 0."""
+    """Return the error of the load estimate at the end of the load, over the load, which pushes toward x = 0."""
     estimate = float(np.mean(run.states[4000 - REST : 4000, layout.S_LOAD]))
     return abs(estimate + load.max()) / load.max()
 
