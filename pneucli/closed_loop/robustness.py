@@ -2,8 +2,8 @@
 
 Each run draws an axis: identified parameters from their intervals, values of the rig from stated tolerances, and in
 turn one effect of the catalogue at a plausible size (one run in as many as there are effects has none). Run k depends
-on the seed and k alone. Chunks of runs go to any engine (:mod:`pneucli.executors`); finished chunks stay on disk, so that an
-interrupted study continues.
+on the seed and k alone. Chunks of runs go to any engine (:mod:`pneucli.executors`); finished chunks stay on disk, so
+that an interrupted study continues.
 """
 
 from __future__ import annotations

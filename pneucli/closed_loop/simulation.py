@@ -75,7 +75,7 @@ class Scenario:
 
 @dataclass(frozen=True)
 class Run:
-    """A closed-loop run: output of the model ``(n, 9)`` (simulate.layout), log of the controller (``L_ROW`` columns)."""
+    """A closed-loop run: output of the model ``(n, 9)`` (simulate.layout), log of the controller (L_ROW columns)."""
 
     scenario: Scenario
     time: Array
