@@ -125,7 +125,7 @@ def test_every_law_stands_on_the_bench_with_and_without_the_map(designed: Demo) 
     assert set(answer["without_map"]) == {f"{name}, no map" for name in LAWS}
     assert list(answer["ablation"]) == ["nothing", *COMPONENTS]
     assert answer["ablation"]["nothing"] == answer["compare"]["best"]
-    rest = {name: messages.bench.worst_of(by, "steady_um") for name, by in answer["compare"].items()}
+    rest = {name: messages.law_comparison.worst_value(by, "steady_um") for name, by in answer["compare"].items()}
     assert max(rest["best"], rest["sector"]) <= answer["tolerance_um"] < min(rest["relay"], rest["pdc"])
     told = messages.render("design", answer, "demo.toml", verbose=True)
     assert "cascade without" in told
