@@ -7,6 +7,8 @@ the stroke, or what the reference's largest speed allows); largest error at rest
 8 cm^2) and the time to reject it to 50 um; error of the load estimate over the load; the least share of samples in
 sliding of the load and the flow observer.
 
+``python -m benchmarks.thesis_laws --write`` also writes the table into ``docs/development/experiments.md``.
+
 ``before``: the sector from the identified model's eta and without a load estimate, and ``compensated`` with the bounds
 M_k of ``best`` (0.05 of the valve's rate, a quarter of break-away friction).
 """
@@ -16,6 +18,7 @@ from __future__ import annotations
 import sys
 from collections.abc import Iterator
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
@@ -43,6 +46,8 @@ SEED = 1
 STRIBECK_SIZE = 0.4  # of the catalogue's typical size
 IDENTIFIED_ETA = 2.0 / 1.4e-4  # s/m: of the friction model that identify finds on fixtures/demo
 PERIOD, DURATION, REST = 1e-3, 6.5, 500  # s, s, samples
+PAGE = Path(__file__).parents[1] / "docs/development/experiments.md"
+MARKS = ("<!-- made: benchmarks.thesis_laws -->", "<!-- end of benchmarks.thesis_laws -->")
 STATES = {"load": layout.S_LOAD, "flow": layout.S_FLOW1}
 HEAD = ("rig", "law", "rest, um", "cycle, um", "sine, um", "load, um", "rejected, s", "load estimate off", "sliding")
 
@@ -118,7 +123,7 @@ def rejection_time(error: Array) -> float:
 
 
 def load_error(run: Trace, load: Array) -> float:
-    """Return the error of the load estimate at the end of the load, over the load; the rig's load pushes toward x = 0."""
+    """Return the error of the load estimate at the end of the load, over the load, which pushes toward x = 0."""
     estimate = float(np.mean(run.states[4000 - REST : 4000, layout.S_LOAD]))
     return abs(estimate + load.max()) / load.max()
 
@@ -136,18 +141,30 @@ def sliding_share(run: Trace, controller: Controller, observer: str) -> float:
     return float(np.mean(np.abs(np.diff(run.states[:, STATES[observer]])) <= (1.0 - ROUNDING) * increment))
 
 
-def main() -> None:
-    """Print a row for each rig and controller."""
-    print(f"| {' | '.join(HEAD)} |\n|{' --- |' * len(HEAD)}")
-    for name in sys.argv[1:] or RIGS:
+def table(names: list[str]) -> Iterator[str]:
+    """Yield the lines of the table, a row for each rig and controller."""
+    yield f"| {' | '.join(HEAD)} |"
+    yield f"|{' --- |' * len(HEAD)}"
+    for name in names:
         par = rig(name)
         for title, controller in controllers(design_data(par)):
-            estimated = LAWS[controller.law].estimates_load
             row = figures(par, controller)
-            shown = [f"{value:.3g}" for value in row[:5]] + (
-                [f"{value:.3g}" for value in row[5:]] if estimated else ["–", "–"]
-            )
-            print(f"| {name} | {title} | {' | '.join(shown)} |", flush=True)
+            estimated = LAWS[controller.law].estimates_load
+            shown = [f"{value:.3g}" for value in (row if estimated else row[:5])] + ["–"] * (0 if estimated else 2)
+            yield f"| {name} | {title} | {' | '.join(shown)} |"
+
+
+def main() -> None:
+    """Print the table; with ``--write`` put it between the marks of its page as well."""
+    lines = []
+    for line in table([name for name in sys.argv[1:] if name != "--write"] or list(RIGS)):
+        print(line, flush=True)
+        lines.append(line)
+    if "--write" in sys.argv:
+        before, _, rest = PAGE.read_text(encoding="utf-8").partition(MARKS[0])
+        _, _, after = rest.partition(MARKS[1])
+        text = "\n".join([f"{before}{MARKS[0]}", "", *lines, "", f"{MARKS[1]}{after}"])
+        PAGE.write_text(text, encoding="utf-8")
 
 
 if __name__ == "__main__":

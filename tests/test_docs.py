@@ -25,7 +25,7 @@ from pneucli.report.effect_figures import effect_figure
 
 ROOT = Path(__file__).parents[1]
 DOCS = ROOT / "docs"
-MADE = docs.pages()
+MADE = docs.generated_pages()
 PAGES = [ROOT / "README.md", ROOT / "CHANGELOG.md", *sorted(DOCS.rglob("*.md"))]
 REFERENCES = {"cli.md", "pipeline-file.md"}  # made by the program, and as long as it has commands and keys
 METHOD = "method.md"
@@ -84,7 +84,7 @@ def test_the_picture_is_the_same_every_time() -> None:
 
 def test_an_effect_that_changes_nothing_has_no_picture() -> None:
     mute = replace(catalogue()["constant-force"], ports={})
-    with pytest.raises(ValueError, match="shows on no standard manoeuvre"):
+    with pytest.raises(ValueError, match="is visible in no standard experiment"):
         effect_figure(mute)
 
 
@@ -112,6 +112,18 @@ def test_no_page_rests_on_a_commit_or_on_a_script_that_is_gone(page: Path) -> No
     text = page.read_text(encoding="utf-8")
     assert re.findall(r"\b(?=[0-9]*[a-f])(?=[a-f]*[0-9])[0-9a-f]{7,40}\b", text) == []
     assert re.findall(r"(?:scripts?|trials?) that (?:was|were) not kept", text) == []
+
+
+@pytest.mark.parametrize("page", PAGES, ids=lambda page: page.relative_to(ROOT).as_posix())
+def test_every_module_that_a_page_names_exists(page: Path) -> None:
+    modules = {path.relative_to(ROOT).as_posix() for folder in ("pneucli", "tests", "benchmarks", "docs")
+               for path in (ROOT / folder).rglob("*.py")}  # fmt: skip
+    text = page.read_text(encoding="utf-8")
+    named = re.findall(r"`(?:pneucli/)?([\w/]+\.py)`", text)
+    assert [name for name in named if not any(f"/{path}".endswith(f"/{name}") for path in modules)] == []
+    run = re.findall(r"python -m ((?:pneucli|tests|benchmarks)(?:\.[a-z_]+)+)", text)
+    assert [name for name in run if not ROOT.joinpath(*name.split(".")).with_suffix(".py").is_file()
+            and not ROOT.joinpath(*name.split("."), "__main__.py").is_file()] == []  # fmt: skip
 
 
 def test_links_anchors_and_menus_lead_somewhere() -> None:

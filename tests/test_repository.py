@@ -102,9 +102,9 @@ def git(*arguments: str) -> str:
 
 
 def subjects_since_the_hook() -> list[str]:
-    """Subjects of all commits from the one that added the hook on; in a shallow clone, of those that are there."""
-    added = git("log", "--diff-filter=A", "--format=%H", "--", HOOK.relative_to(ROOT).as_posix()).split()
-    return git("log", "--no-merges", "--format=%s", f"{added[-1]}..HEAD").splitlines() if added else []
+    """Subjects of the commits after the last change of the hook's rules; in a shallow clone, of those that are there."""
+    changed = git("log", "-1", "--format=%H", "--", HOOK.relative_to(ROOT).as_posix()).strip()
+    return git("log", "--no-merges", "--format=%s", f"{changed}..HEAD").splitlines() if changed else []
 
 
 def refusal(subject: str, folder: Path) -> str:
@@ -137,6 +137,10 @@ def refusal(subject: str, folder: Path) -> str:
 def test_a_subject_is_short_imperative_and_no_sentence(subject: str, reason: str, tmp_path: Path) -> None:
     found = refusal(subject, tmp_path)
     assert (reason in found) if reason else found == ""
+
+
+def test_a_blank_line_separates_subject_and_body(tmp_path: Path) -> None:
+    assert "not blank" in refusal("Add a test\nbecause it was missing", tmp_path)
 
 
 def test_every_commit_since_the_hook_keeps_its_rules(tmp_path: Path) -> None:

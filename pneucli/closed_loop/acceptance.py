@@ -1,8 +1,8 @@
-"""Does the controller keep what was asked: on the model, at the ends of its parameters' intervals, on draws of them?
+"""Acceptance test: the controller against its requirements, on the model, at the ends of intervals, and on draws.
 
-Always asked: that the piston comes to rest within the tolerance, and that it does not cycle there. As stated in
-``[design]``: settling time, overshoot, error on the way, stiffness. What is missed on the model, at an end, or on more
-than one draw in twenty is told, with its cause where it is one of the plant: then no controller reaches it.
+Two criteria always hold: rest within the tolerance, and no limit cycle there. ``[design]`` may state settling time,
+overshoot, tracking error and stiffness. A violation on the model, at an end of an interval, or on more than one draw in
+twenty is reported, with its cause if a limit of the plant causes it.
 """
 
 from __future__ import annotations
@@ -32,9 +32,9 @@ MICROMETRES_PER_METRE = 1e6
 
 @dataclass(frozen=True)
 class Criterion:
-    """One thing that is asked: its name and limit in ``unit``, and how the figure of a run is found; NaN: not shown.
+    """A criterion: name, limit in ``unit``, and the figure of a run (NaN: the run does not show it).
 
-    ``at_least``: the figure shall not be below the limit, else not above.
+    ``at_least``: the figure must not be below the limit, else not above.
     """
 
     name: str
@@ -44,15 +44,15 @@ class Criterion:
     at_least: bool = False
 
     def is_violated(self, value: float) -> bool:
-        """Whether a figure misses the limit; one that is not shown does not."""
+        """Whether a figure violates the limit; NaN does not."""
         return not math.isnan(value) and (value < self.limit if self.at_least else value > self.limit)
 
 
 @dataclass(frozen=True)
 class Violation:
-    """A demand that is missed: the worst figure, on which axis and in which scenario, and the cause ("" if unknown).
+    """A violated criterion: worst figure, axis and scenario of it, and the cause ("": unknown).
 
-    ``share`` is that of the draws that miss it.
+    ``share``: share of the draws that violate it.
     """
 
     demand: str
@@ -67,7 +67,7 @@ class Violation:
 
 @dataclass(frozen=True)
 class AcceptanceResult:
-    """What the gate found: demands that are missed, all that was asked, and how many axes were run."""
+    """Result of the acceptance test: violations, all criteria, and the number of axes."""
 
     violations: tuple[Violation, ...]
     criteria: tuple[Criterion, ...]
@@ -75,7 +75,7 @@ class AcceptanceResult:
 
 
 def acceptance_criteria(requirements: Requirements, controller: Controller) -> list[Criterion]:
-    """Return what is asked of the loop: rest without a cycle always, the rest as stated."""
+    """Return the criteria of the loop: rest and limit cycle always, others as stated."""
     tolerance, push = 2.0 * controller.values["C_HOLDING_BAND"], nominal_load(controller.values)
     found = [
         Criterion("tolerance", tolerance, "m", lambda m: m.steady_um / MICROMETRES_PER_METRE),
@@ -107,7 +107,7 @@ def acceptance_criteria(requirements: Requirements, controller: Controller) -> l
 
 
 def gas_spring_criteria(requirements: Requirements) -> list[Criterion]:
-    """Return what is asked of the enclosed gas, which no run shows: arrangement and supply tell whether it can be."""
+    """Return the criteria of the enclosed gas, which arrangement and supply decide, not a run."""
     asked = (
         ("pressure_level", requirements.pressure_level, "Pa"),
         ("air_stiffness", requirements.air_stiffness, "N/m"),
@@ -120,7 +120,7 @@ def gas_spring_criteria(requirements: Requirements) -> list[Criterion]:
 def axis_variants(
     model: Model, intervals: Mapping[str, tuple[float, float]], sigma: Mapping[str, float], draws: int = DRAW_COUNT
 ) -> Iterator[tuple[str, Model]]:
-    """Yield axes by name: the model, one parameter at a time at an end of its interval, and draws of all of them."""
+    """Yield axes by name: the model, one parameter at a time at an end of its interval, and draws of all."""
     yield NOMINAL_AXIS, model
     known = model.base_values() | dict(model.values)
     for name, ends in sorted(intervals.items()):
@@ -140,7 +140,17 @@ def check_acceptance(
     axes: Sequence[tuple[str, Model]],
     progress: Callable[[float], None] = lambda share: None,
 ) -> AcceptanceResult:
-    """Run the controller on every axis and return what it misses."""
+    """Run the controller on every axis and return its violations.
+
+    Args:
+        controller: The controller to test.
+        requirements: Limits of the criteria.
+        scenarios: Scenarios of each axis.
+        setup: Noise, quanta and delay of the sensors.
+        axes: Axes by name, see :func:`axis_variants`.
+        progress: Called with the share of the axes that are done, 0 to 1.
+
+    """
     asked = acceptance_criteria(requirements, controller)
     rows: list[tuple[str, str, dict[str, float]]] = []
     for i, (name, model) in enumerate(axes):
@@ -165,7 +175,7 @@ def _violation(
     wanted: Requirements,
     scenarios: Sequence[Scenario],
 ) -> Violation | None:
-    """Return how a demand is missed, None where it is kept."""
+    """Return the violation of a criterion, or None."""
     drawn = [demand.is_violated(figures[demand.name]) for axis, _, figures in rows if axis == DRAWN_AXIS]
     per_draw = np.reshape(drawn, (-1, len(scenarios))).any(axis=1) if drawn else np.zeros(1, dtype=bool)
     share = float(np.mean(per_draw))
@@ -185,7 +195,7 @@ def _violation(
 def limiting_cause(
     demand: Criterion, controller: Controller, requirements: Requirements, scenarios: Sequence[Scenario]
 ) -> str:
-    """Return what of the plant keeps a demand from being reached, in words; "" where it is none of these."""
+    """Return the limit of the plant that causes a violation, in words; "" if there is none."""
     c = controller.values
     if demand.name == "settling_time":
         way, least = _longest_step(scenarios), min_travel_time(c, _longest_step(scenarios))
@@ -205,15 +215,15 @@ def limiting_cause(
 
 
 def min_travel_time(c: Mapping[str, float], distance: float) -> float:
-    """Return the least time in s that a way in m takes: at the speed that the valve keeps up with."""
+    """Return the least time in s of a distance in m, at the largest speed of the valve."""
     return distance / reachable_speed_and_gradient(c)[0]
 
 
 def max_load_stiffness(c: Mapping[str, float]) -> float:
-    """Return the largest load over deflection in N/m that any controller reaches when a usual load jumps on.
+    """Return the largest load stiffness in N/m that any controller reaches under a step of the nominal load.
 
-    What friction leaves of the load F meets the force that the valve builds at its full rate R from the first moment:
-    ``m dv/dt = F - R t`` comes to rest after ``2 F^3 / (3 m R^2)``. The enclosed gas helps beside it.
+    The load F above friction acts against a force that the valve builds at its full rate R from the first instant:
+    ``m dv/dt = F - R t`` comes to rest after ``2 F^3 / (3 m R^2)``. The stiffness of the enclosed gas adds to it.
     """
     push, rate = nominal_load(c), max_force_rate(c)
     left = push - c["C_STATIC"]
@@ -223,7 +233,7 @@ def max_load_stiffness(c: Mapping[str, float]) -> float:
 
 
 def max_force_rate(c: Mapping[str, float]) -> float:
-    """Return the most in N/s at which the open valve builds force in the middle of the stroke: both ways choked."""
+    """Return the largest rate of force in N/s of the open valve at mid-stroke, choked both ways."""
     choked, half = c["C_GAMMA_R_T"] * c["C_K_GAS"] * c["C_SUPPLY"] * PSI_MAX, 0.5 * c["C_STROKE"]
     one = c["C_AREA_1"] / (c["C_DEAD_VOLUME_1"] + c["C_AREA_1"] * half) * max(c["C_AREA_FILL"], c["C_AREA_VENT"])
     two = c["C_AREA_2"] / (c["C_DEAD_VOLUME_2"] + c["C_AREA_2"] * half) * max(c["C_AREA_FILL_2"], c["C_AREA_VENT_2"])
@@ -245,7 +255,7 @@ def _longest_step(scenarios: Sequence[Scenario]) -> float:
 
 
 def _fastest(scenario: Scenario, period: float) -> float:
-    """Return the largest speed in m/s of a reference that does not jump; 0 where it does."""
+    """Return the largest speed in m/s of a reference without jumps; 0 for one with jumps."""
     rate = np.abs(np.diff(scenario.reference)) / period
     smooth = np.max(np.abs(np.diff(rate)), initial=0.0) < 0.5 * np.max(rate, initial=0.0)
     return float(np.max(rate, initial=0.0)) if smooth else 0.0

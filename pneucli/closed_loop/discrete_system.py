@@ -1,4 +1,4 @@
-"""Sampled linear systems: answers, delays, and the realisation of an answer that was seen."""
+"""Discrete-time linear systems: impulse responses, delays, and realisation from an impulse response."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ SINGULAR_VALUE_TOLERANCE = (
 
 @dataclass(frozen=True)
 class DiscreteSystem:
-    """A sampled linear system: ``x+ = A x + B u``, ``y = C x + D u``; u and y in SI."""
+    """A discrete-time linear system: ``x+ = A x + B u``, ``y = C x + D u``; u and y in SI."""
 
     A: Array
     B: Array
@@ -32,10 +32,13 @@ class DiscreteSystem:
 
 
 def realise_impulse_response(markov: Array) -> tuple[DiscreteSystem, float]:
-    """Return a system whose answer to an impulse is ``markov`` (n, outputs, inputs), and what it misses of it (share).
+    """Return a system with the impulse response ``markov`` (n, outputs, inputs), and the relative error of it.
 
-    Ho and Kalman (1966), by the singular values of the block Hankel matrix (Kung 1978); outputs and inputs are to be
-    scaled to answers of about 1.
+    Scale outputs and inputs to responses of about 1.
+
+    References:
+        Ho and Kalman (1966); Kung (1978), by the singular values of the block Hankel matrix.
+
     """
     n, outputs, inputs = markov.shape
     half = n // 2
@@ -51,7 +54,7 @@ def realise_impulse_response(markov: Array) -> tuple[DiscreteSystem, float]:
 
 
 def with_input_delay(system: DiscreteSystem, samples: int) -> DiscreteSystem:
-    """Return a system whose inputs take effect so many samples later."""
+    """Return a system whose inputs are delayed by a number of samples."""
     m = system.B.shape[1]
     for _ in range(samples):
         A = np.block([[system.A, system.B], [np.zeros((m, len(system.A) + m))]])
@@ -61,7 +64,7 @@ def with_input_delay(system: DiscreteSystem, samples: int) -> DiscreteSystem:
 
 
 def impulse_response(A: Array, B: Array, C: Array, n: int) -> Array:
-    """Return the answer of a sampled system to an impulse, from the sample after it on: (n, outputs, inputs)."""
+    """Return the impulse response from the next sample on, shape (n, outputs, inputs)."""
     found, state = np.empty((n, len(C), B.shape[1])), B
     for i in range(n):
         found[i] = C @ state
@@ -70,7 +73,7 @@ def impulse_response(A: Array, B: Array, C: Array, n: int) -> Array:
 
 
 def observable_part(system: DiscreteSystem) -> DiscreteSystem:
-    """Return a system without the states that no way leads from to an output."""
+    """Return a system without the states that do not reach an output."""
     kept = np.any(system.C != 0.0, axis=0)
     while np.any(more := np.any(system.A[kept] != 0.0, axis=0) & ~kept):
         kept |= more

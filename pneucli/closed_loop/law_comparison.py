@@ -1,4 +1,4 @@
-"""Every law for one axis: the plan that they share, and the controllers that can be made of it."""
+"""Comparison of controllers: laws on the same scenarios, without the inverse map, or without a component."""
 
 from __future__ import annotations
 
@@ -23,14 +23,25 @@ NO_COMPONENT = "nothing"
 
 
 def without_component(controller: Controller, component: str) -> Controller:
-    """Return a controller without one of the ``COMPONENTS``, all else the same; ``NO_COMPONENT`` takes nothing out."""
+    """Return a controller without one of ``COMPONENTS``, all else equal; ``NO_COMPONENT`` changes nothing."""
     return controller.with_values(**dict.fromkeys(COMPONENTS.get(component, ()), 0.0))
 
 
 def compare_laws(
     model: Model, controllers: Mapping[str, Controller], scenarios: Sequence[Scenario], setup: ClosedLoopSetup
 ) -> dict[str, dict[str, tuple[Run, Metrics]]]:
-    """Return runs and figures by controller and scenario; a law without pressure loop has none of pressures."""
+    """Simulate controllers on scenarios.
+
+    Args:
+        model: The axis.
+        controllers: Controllers by name.
+        scenarios: Scenarios of all; a law without pressure loop skips those of pressure control.
+        setup: Noise, quanta and delay of the sensors.
+
+    Returns:
+        Runs with their figures, by name of the controller and of the scenario.
+
+    """
     found: dict[str, dict[str, tuple[Run, Metrics]]] = {}
     for name, controller in controllers.items():
         able = [s for s in scenarios if LAWS[controller.law].controls_pressure or not s.controls_pressure]

@@ -1,8 +1,8 @@
-"""The loop that is exported, linearised while the piston slides slowly: its controller and its axis, numerically.
+"""Linearisation of the exported loop about a slowly sliding piston, numerically.
 
-The controller by perturbing the function that is exported, state by state and reading by reading; the axis by an
-impulse of each command on the simulated model, and a realisation of its answer (Ho and Kalman 1966). Whatever stands in
-either of them, observers, inverse map, lags, delays, sample-and-hold, is in the result.
+The controller by perturbation of its exported function, state by state and reading by reading; the axis by an impulse
+of each command on the simulated model and a realisation of its response (Ho and Kalman 1966). Observers, inverse map,
+lags, delays and sample-and-hold are therefore included.
 """
 
 from __future__ import annotations
@@ -58,9 +58,12 @@ SPEED_TOLERANCE = 0.02  # of its speed by which it may be off then
 class LinearisedLoop:
     """The loop about one operating point: the piston slides through ``x`` (m) at ``speed`` (m/s, signed).
 
-    ``axis``: commands (V) -> readings of x, p1, p2 one sample later and on; ``controller``: readings -> commands. ``asymmetry``:
-    by how much the answers to both signs of a small impulse differ, over their size; ``realisation_error``: of the axis's answer,
-    what the realisation leaves.
+    Attributes:
+        axis: Commands (V) to the readings of x, p1, p2 from the next sample on.
+        controller: Readings to commands.
+        asymmetry: Relative difference of the responses to impulses of both signs.
+        realisation_error: Relative error of the realisation of the axis.
+
     """
 
     x: float
@@ -73,9 +76,9 @@ class LinearisedLoop:
 
 
 def without_nonsmooth_effects(model: Model) -> tuple[Model, tuple[str, ...]]:
-    """Return the model without the effects that have no small-signal answer, and their titles.
+    """Return the model without the effects that have no small-signal response, and their titles.
 
-    These leave a band in which nothing follows: a play between command and opening, two branches of friction.
+    These are a play between command and opening, and two branches of friction: within their band nothing follows.
     """
     kept = tuple(e for e in model.effects if not (e.is_set_valued or _has_play(model, e)))
     left = tuple(e.title for e in model.effects if e not in kept)
@@ -83,7 +86,7 @@ def without_nonsmooth_effects(model: Model) -> tuple[Model, tuple[str, ...]]:
 
 
 def _has_play(model: Model, effect: Effect) -> bool:
-    """Whether a small impulse of the command, up or down, comes through otherwise than a large one."""
+    """Whether the response to a small impulse of the command differs from that to a large one."""
     if "command" not in effect.ports:
         return False
     top, own = max((abs(c) for c in model.valve.commands), default=1.0), model.effect_parameters(effect)
@@ -106,9 +109,9 @@ def _has_play(model: Model, effect: Effect) -> bool:
 def linearise(
     model: Model, controller: Controller, setup: ClosedLoopSetup, corner: float, x: float, direction: float
 ) -> LinearisedLoop | None:
-    """Return the loop where the piston slides through ``x`` (m) that way; None where it sticks at every speed.
+    """Return the loop about a piston that slides through ``x`` (m); None if it sticks at every speed.
 
-    ``corner``: that of the position loop in rad/s.
+    ``corner``: corner of the position loop in rad/s.
     """
     h, quiet = controller.period, replace(setup, noise_x=0.0, noise_p=0.0, quantum_x=0.0, quantum_p=0.0)
     before = math.ceil(SETTLING_TIME_CONSTANTS / corner / h)
@@ -125,7 +128,7 @@ def linearise(
 
 
 def _ramp(controller: Controller, x: float, speed: float, before: int, seen: int) -> Scenario:
-    """Return a reference at one speed that passes x (m) in the middle of what is seen."""
+    """Return a reference of constant speed that passes x (m) in the middle of the evaluated samples."""
     time = controller.period * (np.arange(before + seen + 1) - before - 0.5 * seen)
     reference = np.clip(x + speed * time, 0.0, controller.values["C_STROKE"])
     supply = np.full(time.size, controller.values["C_SUPPLY"])
@@ -135,9 +138,9 @@ def _ramp(controller: Controller, x: float, speed: float, before: int, seen: int
 
 @dataclass(frozen=True)
 class _OpenLoop:
-    """The loop of a run cut open: the axis under the run's commands, which begins anew at sample k.
+    """The open loop of a run: the axis under the commands of the run, restarted at sample k.
 
-    ``counted``: in what x, v, p1, p2 are counted: so much follows within three samples from 1 Pa.
+    ``counted``: scale of x, v, p1, p2, their response to 1 Pa within three samples.
     """
 
     model: Model
@@ -148,7 +151,7 @@ class _OpenLoop:
     counted: Array
 
     def answer(self, size: float, valve: int = -1, state: int = -1) -> Array:
-        """Return what is seen (n, 6) where a command at sample k (V), or a state from k on (SI), is off by ``size``."""
+        """Return the response (n, 6) to a deviation of a command at sample k (V), or of a state from k on (SI)."""
         commands, readings = self.commands.copy(), self.base.model[:, RESTARTED_STATES]
         if valve >= 0:
             commands[self.k, valve] += size
@@ -170,7 +173,7 @@ def _open_loop(model: Model, controller: Controller, base: Run, k: int, delay: i
 def _linearise_axis(
     model: Model, controller: Controller, base: Run, over: slice, delay: int
 ) -> tuple[DiscreteSystem, float, float]:
-    """Return the axis from the commands as computed to the readings, how uneven its answer is, and what is missed."""
+    """Return the axis from computed commands to readings, its asymmetry, and the error of the realisation."""
     k, n = over.start, over.stop - over.start
     loop = _open_loop(model, controller, base, k, delay)
     rest, size, valves = loop.answer(0.0), IMPULSE_RATIO * controller.values["C_U_MAX"], _valves(controller)
@@ -202,14 +205,14 @@ def _valves(controller: Controller) -> int:
 
 @dataclass(frozen=True)
 class _ControllerFunction:
-    """The controller's own function, along the readings and references of a run."""
+    """The function of the controller along the readings and references of a run."""
 
     law: int
     numbers: list[float]
     base: Run
 
     def sample(self, k: int, off: Array | float, state: Array) -> Array:
-        """Return the state after sample k, the readings being off by that much (3,)."""
+        """Return the state after sample k with deviations of the readings (3,)."""
         s = state.tolist()
         x, p1, p2 = (self.base.log[k, LOGGED_READINGS] + off).tolist()
         operate(self.law, float(self.base.scenario.reference[k]), x, p1, p2, 0.0, 0.0, 0.0, s, self.numbers)
@@ -223,7 +226,7 @@ class _ControllerFunction:
         return state
 
     def state_sensitivity(self, k: int, state: Array) -> Array:
-        """Return by how much each state moves from sample k on where the readings are shaken."""
+        """Return how far each state moves from sample k on under perturbed readings."""
         rng, plain, most = np.random.default_rng(0), state, np.zeros(layout.L_STATES)
         for i in range(k, k + PERTURBED_SAMPLES):
             plain, state = (
@@ -235,7 +238,7 @@ class _ControllerFunction:
 
 
 def _align_delay_lines(state: Array) -> Array:
-    """Return a state whose rings are turned back, so that the same delay stands in the same place at every sample."""
+    """Return a state with its ring buffers rotated, so that equal delays have equal indices at every sample."""
     turns = int(state[layout.S_LINE_INDEX])
     for ring in DELAY_LINES:
         places = slice(ring, ring + layout.DELAY_LINE_SAMPLES)
@@ -245,7 +248,7 @@ def _align_delay_lines(state: Array) -> Array:
 
 
 def _linearise_controller(controller: Controller, base: Run, k: int) -> DiscreteSystem:
-    """Return the controller at sample k of a run, by perturbing its function, less the states that no reading moves."""
+    """Return the controller at sample k of a run by perturbation, without the states that no reading moves."""
     function = _ControllerFunction(list(LAWS).index(controller.law), controller.vector().tolist(), base)
     state = function.state_before(k)
     sizes = STATE_STEP_RATIO * function.state_sensitivity(k, state)

@@ -1,4 +1,4 @@
-"""A log of a running controller: its commands replayed from what it read, and what the model foretells of the loop."""
+"""Logs of a running controller: replay of its commands from its readings, and prediction of the loop by the model."""
 
 from __future__ import annotations
 
@@ -29,9 +29,12 @@ SEED = 0
 
 @dataclass(frozen=True)
 class ControllerLog:
-    """A log on the controller's own grid: sample k at ``k`` periods, NaN where nothing was logged.
+    """A log on the sample grid of the controller, NaN at gaps.
 
-    ``signals`` by name, each of shape (n,); ``grid_indices``: sample of the grid at which each sample of the recording lies.
+    Attributes:
+        signals: Signals (n,) by name, in SI.
+        grid_indices: Index on the grid of each sample of the recording.
+
     """
 
     signals: dict[str, Array]
@@ -43,9 +46,13 @@ class ControllerLog:
 
 @dataclass(frozen=True)
 class Replay:
-    """What the controller commands at a log's readings: ``log`` rows of design.layout (n, L_ROW), and how it began.
+    """Commands of the controller at the readings of a log.
 
-    ``readings``: the signals that it is taken to have read, a logged supply pressure among them where it was told it.
+    Attributes:
+        log: Rows of the log of :mod:`pneucli.controller.layout` (n, L_ROW).
+        start_mode: How the controller began.
+        readings: The signals that it is assumed to have read, a logged supply pressure included if it was told it.
+
     """
 
     log: Array
@@ -59,7 +66,7 @@ class Replay:
 
 
 def log_on_grid(recording: Recording, controller: Controller) -> ControllerLog:
-    """Return a recording on the controller's grid; raises InputError where it was not logged at every sample."""
+    """Return a recording on the sample grid of the controller; raises InputError if samples are missing."""
     if abs(recording.period - controller.period) > PERIOD_TOLERANCE * controller.period:
         found = f"a sample every {recording.period:g} s, and the controller has a period of {controller.period:g} s"
         mend = 'log every sample of the controller, or write controller = "unknown"'
@@ -73,10 +80,10 @@ def log_on_grid(recording: Recording, controller: Controller) -> ControllerLog:
 
 
 def find_replay(engine: Engine, log: ControllerLog) -> Replay:
-    """Return what the controller commands at what was logged that it read.
+    """Return the replay of a log that explains the logged commands best.
 
-    It began with the log, or ran before: then as a reset from the first readings and commands. A supply pressure that
-    was logged it was told, or not. What explains the logged commands best is taken.
+    Two alternatives each: the controller began with the log, or had run before (then a reset from the first readings
+    and commands); it was told a logged supply pressure, or not.
     """
     told = [log.signals]
     if "p_supply" in log.signals:
@@ -86,11 +93,11 @@ def find_replay(engine: Engine, log: ControllerLog) -> Replay:
 
 
 def replay_rounding_error(engine: Engine, log: ControllerLog, replay: Replay, steps: Mapping[str, float]) -> float:
-    """Return by how much in V (rms) a replay is off because a log rounds readings to ``steps`` (SI, by signal).
+    """Return the error of a replay in V (rms) that the rounding of the log causes; ``steps`` in SI by signal.
 
-    From DRAWS of that rounding: most commands follow it in proportion, and a few decisions, such as to leave the
-    piston in peace, fall a sample earlier or later, which costs most of it. As these are few, what follows in
-    proportion is found by itself, from a hundredth of the rounding, and is the least.
+    Draws of the rounding give it. Most commands follow the rounding linearly; a few decisions, such as a hold, fall a
+    sample earlier or later and dominate the rms. The linear part follows from a hundredth of the rounding and is the
+    lower bound.
     """
     rng, squares = np.random.default_rng(SEED), []
     for size in (SMALL_ROUNDING, *NOISE_DRAWS * (1.0,)):
@@ -106,13 +113,13 @@ def replay_rounding_error(engine: Engine, log: ControllerLog, replay: Replay, st
 
 
 def _is_moving(values: Array) -> Array:
-    """Return 1 where a signal changes from its neighbours before and after, else 0."""
+    """Return 1 where a signal differs from its neighbours before and after, else 0."""
     changes = np.concatenate([[False], np.diff(values) != 0.0, [False]])
     return np.asarray(changes[:-1] & changes[1:], dtype=np.float64)
 
 
 def log_resolution(values: Array) -> float:
-    """Return the decimal step to which a log rounds a signal, in its unit; 0 where it shows none."""
+    """Return the decimal step to which a log rounds a signal, in its unit; 0 for none."""
     steps = np.abs(np.diff(values[np.isfinite(values)]))
     steps = steps[steps > 0.0]
     if not steps.size:
@@ -127,9 +134,9 @@ def log_resolution(values: Array) -> float:
 
 
 def predict_loop(model: Model, controller: Controller, log: ControllerLog, setup: ClosedLoopSetup) -> Run:
-    """Return the loop as the model has it, under the log's references, from where the log begins.
+    """Return the closed loop by the model under the references of a log, from its start on.
 
-    Noise decides how a piston sticks at each turn: of ``NOISE_DRAWS`` draws of it the one whose error is the median.
+    Noise decides where the piston sticks at each reversal: of ``NOISE_DRAWS`` draws, the one with the median error.
     """
     scenario = _scenario(model, controller, log)
     runs = [simulate(model, controller, scenario, setup, SEED + k) for k in range(NOISE_DRAWS)]
@@ -139,7 +146,7 @@ def predict_loop(model: Model, controller: Controller, log: ControllerLog, setup
 
 
 def logged_loop(model: Model, controller: Controller, log: ControllerLog, replay: Replay) -> Run:
-    """Return the loop as it was logged, in the form of a simulated one; the estimates are those of the replay."""
+    """Return the logged loop in the form of a simulated one; its estimates are those of the replay."""
     scenario = _scenario(model, controller, log)
     out, rows = np.zeros((scenario.reference.size, at.OUTPUTS)), replay.log.copy()
     for place, name in ((at.X, "x"), (at.P1, "p1"), (at.P2, "p2")):
@@ -165,13 +172,13 @@ def _scenario(model: Model, controller: Controller, log: ControllerLog) -> Scena
 
 
 def _interpolate_gaps(values: Array) -> Array:
-    """Return a signal, its gaps bridged by straight lines."""
+    """Return a signal with its gaps interpolated linearly."""
     known = np.flatnonzero(np.isfinite(values))
     return np.interp(np.arange(values.size), known, values[known]) if known.size else np.zeros(values.size)
 
 
 def setup_from_recording(recording: Recording, designed_setup: ClosedLoopSetup) -> ClosedLoopSetup:
-    """Return sensors as noisy as the log's own; what it does not tell is as in the design."""
+    """Return sensors with the noise of a recording; other values are those of the design."""
     noise = recording.noise
     x, p = noise.get("x"), noise.get("p1")
     coarse = x is not None and x.rms <= x.step

@@ -1,9 +1,8 @@
-"""Margins of the loop that is exported: gain, phase, delay, and its poles, at a few places along the stroke.
+"""Margins of the exported loop: gain, phase and delay, and its poles, at operating points along the stroke.
 
-Where a loop is cut, all others being closed, its return ratio L tells by how much gain may rise or fall, and by how
-long an answer may come later, before it oscillates (Nyquist). It is cut at each valve's command and at the position's
-reading. These are statements for small signals about a piston that slides: what sticks or lies within an overlap of the
-valve does not follow small signals at all.
+The return ratio L of a loop that is cut with all others closed gives the gain and the delay at which it oscillates
+(Nyquist). The cuts are at each valve's command and at the reading of the position. Margins are small-signal statements
+about a sliding piston; a sticking piston, or a valve within its overlap, does not follow small signals.
 """
 
 from __future__ import annotations
@@ -35,9 +34,14 @@ COMMAND_LOOPS, POSITION_LOOP = ("command", "command 2"), "position"
 class Margins:
     """Margins of one loop.
 
-    ``gain_up``, ``gain_down``: factors by which the gain may rise and fall (inf, 0: any); ``phase`` in rad; ``delay``:
-    s by which the answer may come later (inf: any); ``modulus``: least distance of L from -1; ``crossover`` in rad/s:
-    the highest at which |L| = 1 (NaN: nowhere).
+    Attributes:
+        gain_up: Factor by which the gain may rise; infinite: any.
+        gain_down: Factor by which the gain may fall; 0: any.
+        phase: Phase margin in rad.
+        delay: Additional delay in s; infinite: any.
+        modulus: Least distance of L from -1.
+        crossover: Highest frequency in rad/s with ``|L| = 1``; NaN: none.
+
     """
 
     gain_up: float
@@ -50,7 +54,7 @@ class Margins:
 
 @dataclass(frozen=True)
 class LoopCut:
-    """A loop cut open at one operating point: where, its return ratio over the frequencies in rad/s, its margins."""
+    """A cut loop at one operating point: place of the cut, return ratio over frequencies (rad/s), margins."""
 
     loop: str
     x: float
@@ -62,10 +66,12 @@ class LoopCut:
 
 @dataclass(frozen=True)
 class MarginAnalysis:
-    """All cuts, the poles (1/s) of the closed loop at each operating point (x, speed), and what was left out.
+    """All cuts, the closed-loop poles (1/s) at each operating point (x, speed), and what was excluded.
 
-    ``sticking_points``: operating points (x, direction) at which the piston does not slide steadily, so that nothing can be said.
-    ``excluded_effects``: titles of effects without a small-signal answer.
+    Attributes:
+        sticking_points: Operating points (x, direction) without steady sliding, which have no margins.
+        excluded_effects: Titles of effects without a small-signal response.
+
     """
 
     cuts: tuple[LoopCut, ...]
@@ -75,7 +81,7 @@ class MarginAnalysis:
     slow_pole_limit: float
 
     def is_unstable(self, point: tuple[float, float]) -> bool:
-        """Whether a loop grows at an operating point, other than so slowly that the piston has gone by then."""
+        """Whether the loop grows at an operating point faster than the piston leaves it."""
         return bool(np.max(self.poles[point].real) > self.slow_pole_limit)
 
 
@@ -86,7 +92,7 @@ def analyse_margins(
     corner: float,
     progress: Callable[[float], None] = lambda share: None,
 ) -> MarginAnalysis:
-    """Return margins and poles at PLACES of the stroke, both ways; ``corner`` is the position loop's in rad/s."""
+    """Return margins and poles at PLACES of the stroke in both directions; ``corner`` of the position loop in rad/s."""
     smoothed, left = without_nonsmooth_effects(model)
     cuts: list[LoopCut] = []
     poles, stuck = {}, []
@@ -102,7 +108,7 @@ def analyse_margins(
 
 
 def cut_loops(one: LinearisedLoop, lowest: float) -> list[LoopCut]:
-    """Return the loop cut at each command and at the position's reading, from ``lowest`` (rad/s) on."""
+    """Return the loop cut at each command and at the reading of the position, from ``lowest`` (rad/s) on."""
     frequency = np.geomspace(lowest, math.pi / one.period, FREQUENCY_COUNT)
     z = np.exp(1j * frequency * one.period)
     P, C = one.axis.transfer_matrix(z), one.controller.transfer_matrix(z)
@@ -113,13 +119,13 @@ def cut_loops(one: LinearisedLoop, lowest: float) -> list[LoopCut]:
 
 
 def return_ratio(loops: NDArray[Any], i: int) -> Complex:
-    """Return the return ratio of loop i of several (n, m, m), the others closed: ``1 + L = det / det of these``."""
+    """Return the return ratio of loop i of several (n, m, m) with the others closed: ``1 + L = det / det of these``."""
     whole, others = np.eye(loops.shape[1]) + loops, np.delete(np.arange(loops.shape[1]), i)
     return np.asarray(np.linalg.det(whole) / np.linalg.det(whole[:, others][:, :, others]) - 1.0)
 
 
 def stability_margins(frequency: Array, L: Complex) -> Margins:
-    """Return the margins of a return ratio over frequencies in rad/s; between samples by straight lines."""
+    """Return the margins of a return ratio over frequencies (rad/s), with linear interpolation."""
     size, angle = np.log(np.abs(L)), np.unwrap(np.angle(-L))  # of -L, which is 0 where L lies on the negative axis
     at_one = _crossings(size)
     phases = np.array([_interpolate(angle, i, w) for i, w in at_one])
@@ -137,7 +143,7 @@ def stability_margins(frequency: Array, L: Complex) -> Margins:
 
 
 def _phase_crossovers(angle: Array) -> list[tuple[int, float]]:
-    """Return where L lies on the negative axis, an end of the band that is near enough among them."""
+    """Return where L crosses the negative axis, or an end of the band that is close to it."""
     turn = 2.0 * math.pi
     first, last = int(angle.min() // turn), int(angle.max() // turn) + 1
     found = [place for k in range(first, last + 1) for place in _crossings(angle - turn * k)]
@@ -146,7 +152,7 @@ def _phase_crossovers(angle: Array) -> list[tuple[int, float]]:
 
 
 def _crossings(values: Array) -> list[tuple[int, float]]:
-    """Return where values go through 0: the sample before, and the share of the way to the next."""
+    """Return where values cross 0: the sample before, and the fraction to the next."""
     places = np.flatnonzero((values[:-1] < 0.0) != (values[1:] < 0.0))
     return [(int(i), float(values[i] / (values[i] - values[i + 1]))) for i in places]
 
@@ -162,7 +168,7 @@ def closed_loop_matrix(one: LinearisedLoop) -> Array:
 
 
 def closed_loop_poles(one: LinearisedLoop) -> Complex:
-    """Return the poles of the closed loop in 1/s, slowest first; those that are gone within a sample are left out."""
+    """Return the closed-loop poles in 1/s, slowest first, without those that decay within a sample."""
     z = np.linalg.eigvals(closed_loop_matrix(one)).astype(complex)
     s = np.log(z[np.abs(z) > math.exp(-math.pi)]) / one.period
     return np.asarray(s[np.argsort(np.abs(s))])

@@ -1,4 +1,4 @@
-"""What a closed-loop run is judged by, in SI except where a name says otherwise."""
+"""Figures of a closed-loop run, in SI unless the name has a unit."""
 
 from __future__ import annotations
 
@@ -33,17 +33,29 @@ MIN_REST_DURATION = 1.2  # s that a stretch without change lasts at least
 
 @dataclass(frozen=True)
 class Metrics:
-    """Figures of one run; NaN where the scenario does not show one.
+    """Figures of one run; NaN if the scenario does not show a figure.
 
-    ``steady_um``, ``cycle_um``: largest error, and largest range of x, over the last 0.4 s of all stretches in which
-    reference, load and supply rest. ``tracking_*``: error while the reference moves smoothly (from 1 s on).
-    ``overshoot_um``, ``rise_s`` (10-90 %), ``settling_s`` (to 50 um): the worst of all steps of the reference.
-    ``recovery_s``, ``peak_um``: the worst after changes of load. ``load_error``: estimate minus true load, over the
-    largest true load. ``switching_hz``: reversals of u by more than 1 % of its range; ``fast_share``: share of u's
-    variance above 50 Hz; ``fast_v``: its rms in V. ``air_kg``: drawn from the supply. ``pressure_rest_pa``,
-    ``pressure_rms_pa``: error of pressure control, the largest at rest and the rms of all; ``pressure_settling_s``: time
-    to within 2 % of a step, the worst. ``sliding_load``, ``sliding_flow``: share of samples in which the disturbance
-    observers slide, that is their feedback is within M_k.
+    Attributes:
+        steady_um: Largest error over the last 0.4 s of all segments with constant reference, load and supply.
+        cycle_um: Largest range of x there.
+        tracking_rms_um: Error while the reference moves smoothly, rms from 1 s on.
+        tracking_max_um: The same, largest value.
+        overshoot_um: Largest overshoot of all steps of the reference.
+        rise_s: Longest rise time, 10 to 90 %.
+        settling_s: Longest settling time to 50 um.
+        recovery_s: Longest time after a change of load until the error stays within 50 um.
+        peak_um: Largest error after a change of load.
+        load_error: Estimated less true load over the largest true load.
+        switching_hz: Reversals of u by more than 1 % of its range, per second.
+        fast_share: Share of the variance of u above 50 Hz.
+        fast_v: Rms of u above 50 Hz in V.
+        air_kg: Air drawn from the supply.
+        pressure_rest_pa: Largest error of pressure control at rest; runs of it have no figures of position.
+        pressure_rms_pa: Rms error of pressure control.
+        pressure_settling_s: Longest time of pressure control to within 2 % of a step.
+        sliding_load: Share of samples in which the feedback of the load observer is within M_k.
+        sliding_flow: The same of the flow observer.
+
     """
 
     steady_um: float
@@ -68,7 +80,14 @@ class Metrics:
 
 
 def evaluate_run(run: Run, model: Model, controller: Controller) -> Metrics:
-    """Return the figures of a run."""
+    """Return the figures of a run.
+
+    Args:
+        run: The run.
+        model: The axis that was simulated; its valve gives the air.
+        controller: The controller that ran.
+
+    """
     s, time, x = run.scenario, run.time, run.model[:, at.X]
     if s.controls_pressure:
         return _pressure_metrics(run, model, controller)
@@ -105,7 +124,7 @@ def _sliding(run: Run, controller: Controller) -> dict[str, float]:
 
 
 def _pressure_metrics(run: Run, model: Model, controller: Controller) -> Metrics:
-    """Return the figures of a run in which a pressure is asked for."""
+    """Return the figures of a run of pressure control."""
     error = run.scenario.reference - run.model[:, at.P1]
     rests = [
         r
@@ -129,7 +148,7 @@ def _pressure_metrics(run: Run, model: Model, controller: Controller) -> Metrics
 
 
 def _pressure_settling(run: Run, segment: slice) -> float:
-    """Return the time in s after which a pressure stays within PRESSURE_SETTLING_BAND of its step; infinite: never."""
+    """Return the time in s after which a pressure stays in its settling band; infinite: never."""
     reference, p = run.scenario.reference, run.model[segment, at.P1]
     step = abs(reference[segment.start] - reference[segment.start - 1])
     outside = np.flatnonzero(np.abs(reference[segment] - p) > PRESSURE_SETTLING_BAND * step)
@@ -141,18 +160,18 @@ def _pressure_settling(run: Run, segment: slice) -> float:
 
 
 def _switching(run: Run, controller: Controller) -> float:
-    """Return the reversals of u a second."""
+    """Return the reversals of u per second."""
     times = _reversals(run.log[:, layout.L_U1], 0.02 * controller.values["C_U_MAX"])
     return times / float(run.time[-1] - run.time[0])
 
 
 def _worst(values: object) -> float:
-    """Return the largest, NaN where there is none."""
+    """Return the largest value; NaN without values."""
     return max(values, default=float("nan"))  # type: ignore[call-overload,no-any-return]
 
 
 def _constant_segments(run: Run, moving: NDArray[np.bool_]) -> list[slice]:
-    """Return the stretches in which reference, load and supply do not change."""
+    """Return the segments with constant reference, load and supply."""
     s = run.scenario
     change = moving.copy()
     for signal in (s.reference, s.force, s.supply):
@@ -212,7 +231,7 @@ def _chattering(u: Array, period: float) -> tuple[float, float]:
 
 
 def air_consumption(run: Run, model: Model, controller: Controller) -> float:
-    """Return the gas in kg that the valves drew from the supply (2.46), at the commands the controller gave."""
+    """Return the gas in kg that the valves drew from the supply at the commands of the run (2.46)."""
     base = model.base_values()
     gas = (base[f"rig.{name}"] for name in ("gas_constant", "gas_temperature", "heat_capacity_ratio"))
     k, b = flow_constant(*gas), critical_ratio(model)

@@ -1,9 +1,9 @@
-"""Monte Carlo: does the controller hold on axes that differ from the model it was designed for?
+"""Monte Carlo study: the controller on axes that differ from the model of its design.
 
-Every run draws an axis: identified parameters from their intervals, the rig's values from stated tolerances, and in
-turn one effect of the catalogue at a plausible size (one run in as many as there are effects has none). The draw of run
-k depends on the seed and k alone, so any run can be repeated by itself. Runs are done in chunks, on any engine
-(:mod:`pneucli.executors`); a chunk that is done is kept on disk, and an interrupted study goes on after it.
+Each run draws an axis: identified parameters from their intervals, values of the rig from stated tolerances, and in
+turn one effect of the catalogue at a plausible size (one run in as many as there are effects has none). Run k depends
+on the seed and k alone. Chunks of runs go to any engine (:mod:`pneucli.executors`); finished chunks stay on disk, so
+that an interrupted study continues.
 """
 
 from __future__ import annotations
@@ -54,7 +54,7 @@ MAX_RUNS = 1_000_000  # runs
 
 @dataclass(frozen=True)
 class MonteCarloSettings:
-    """What a pipeline file may state of a study; ``tolerances`` are 1 sigma, relative, ``checks`` limits of figures."""
+    """Settings of a study in a pipeline file; ``tolerances`` are relative 1 sigma, ``checks`` limits of figures."""
 
     runs: int = 112  # each effect of the catalogue four times
     seed: int = 0
@@ -95,7 +95,7 @@ def _numbers(values: Any, where: str, known: Sequence[str]) -> dict[str, float]:
 
 @dataclass(frozen=True)
 class AxisDistribution:
-    """What the drawn axes vary in: 1 sigma of parameters by name (identified), relative tolerances, and effects."""
+    """Distribution of axes: 1 sigma of identified parameters by name, relative tolerances, and effects."""
 
     model: Model
     sigma: Mapping[str, float]
@@ -152,7 +152,7 @@ class MonteCarloStudy:
     checks: Mapping[str, float]
 
     def key(self) -> str:
-        """Return a hash of all that decides the rows, so that rows of another study are not taken for this one's."""
+        """Return a hash of all inputs of the study, so that finished chunks of another study are not used."""
         model = self.distribution.model
         about = {
             "program": source(tuple(catalogue_with_sides().values()), control=controller_source()),
@@ -170,7 +170,7 @@ class MonteCarloStudy:
 
 
 def run_draw(study: MonteCarloStudy, k: int) -> list[dict[str, Any]]:
-    """Return one row a scenario of run k: the draw, the figures, and which checks they hold (none where not shown)."""
+    """Return a row a scenario of run k: draw, figures, and passed checks (None if not shown)."""
     model, effect, sizes = study.distribution.draw(study.seed, k)
     rows = []
     for scenario in study.scenarios:
@@ -192,7 +192,7 @@ def run_study(
     folder: Path,
     progress: Callable[[str, float], None] = lambda message, share: None,
 ) -> list[dict[str, Any]]:
-    """Return the rows of all runs, in order; chunks that ``folder`` holds from before are not run again."""
+    """Return the rows of all runs, in order; finished chunks in ``folder`` are not run again."""
     place = folder / study.key()[:16]
     place.mkdir(parents=True, exist_ok=True)
     first = range(0, study.runs, CHUNK_SIZE)
@@ -210,7 +210,7 @@ def run_study(
 
 @dataclass(frozen=True)
 class SuccessRate:
-    """In how many runs with one effect ("" none, "all" any) a check held, and the worst of them."""
+    """Runs with one effect ("": none, "all": any) in which a check passed, and the worst of them."""
 
     check: str
     limit: float
@@ -236,7 +236,7 @@ def success_rates(rows: Sequence[Mapping[str, Any]], checks: Mapping[str, float]
 
 
 def sigma_from_intervals(intervals: Mapping[str, tuple[float, float]], model: Model) -> dict[str, float]:
-    """Return 1 sigma of the model's parameters from their 95 % intervals; names that the model has not are left out."""
+    """Return 1 sigma of the parameters of the model from their 95 % intervals; unknown names are left out."""
     known = model.base_values() | dict(model.values)
     return {
         n: (high - low) / (2 * Z95) for n, (low, high) in intervals.items() if n in known and np.isfinite(high - low)

@@ -1,4 +1,4 @@
-"""Scenarios of the closed loop: what the reference, the load, the supply and the sensors do over time."""
+"""Scenarios of the closed loop: reference, load, supply and sensor dropouts over time."""
 
 from __future__ import annotations
 
@@ -66,10 +66,17 @@ PRESSURE_STEP_FRACTION = 0.1  # of the same, up and down: of a pressure that is 
 def read_scenarios(
     tables: Sequence[Mapping[str, Any]], controller: Controller, where: str, recorded: Recorded | None = None
 ) -> list[Scenario]:
-    """Return the scenarios of ``[[scenarios]]`` tables, or the default ones where there is none.
+    """Return the scenarios of ``[[scenarios]]`` tables, or the default ones without a table.
 
-    ``recorded`` holds time (s) and reference (m) of recordings by name, of pressures (Pa) by name and ``PRESSURE_SUFFIX``.
-    Raises InputError for what cannot be read.
+    Args:
+        tables: Tables of the pipeline file.
+        controller: The controller, whose limits give the default sizes.
+        where: File and key, for messages.
+        recorded: Time (s) and reference (m) of recordings by name; of pressures (Pa) by name and ``PRESSURE_SUFFIX``.
+
+    Raises:
+        InputError: A key or value cannot be read.
+
     """
     found = []
     for i, table in enumerate(tables or DEFAULTS):
@@ -132,9 +139,9 @@ def _scenario(values: Mapping[str, Any], controller: Controller, recorded: Recor
 
 
 def _sizes(values: Mapping[str, Any], c: Mapping[str, float], pressed: bool) -> dict[str, Any]:
-    """Return centre, amplitude, points and the time of the way: those stated, else such as suit the rig.
+    """Return centre, amplitude, points and duration: stated ones, else such as suit the rig.
 
-    A sine is no faster than the reference may be, an S-curve takes as long as it needs for that.
+    A sine is no faster than the largest speed of the reference, an S-curve lasts as long as it needs.
     """
     if pressed:
         _, middle, _ = equilibrium_at(c, CENTRE * c["C_STROKE"])
@@ -151,7 +158,7 @@ def _sizes(values: Mapping[str, Any], c: Mapping[str, float], pressed: bool) -> 
 
 
 def equilibrium_at(c: Mapping[str, float], x: float) -> tuple[float, float, float]:
-    """Return x (m) and the pressures (Pa) that hold the piston there against the air spring, friction aside."""
+    """Return x (m) and the pressures (Pa) of the piston in equilibrium at x, without friction."""
     p2 = float(chamber_2_pressure(c, np.array([x]))[0])
     p1 = (c["C_AREA_2"] * p2 + (c["C_AREA_1"] - c["C_AREA_2"]) * c["C_AMBIENT"]) / c["C_AREA_1"]
     return x, p1, p2
@@ -165,7 +172,7 @@ def _between(time: Array, values: Mapping[str, Any], what: str) -> Array:
 def _reference(
     values: Mapping[str, Any], time: Array, sizes: Mapping[str, Any], recorded: Recorded, where: str
 ) -> Array:
-    """Return the reference in m, or in Pa where the pressure is controlled; each begins with half a second at rest."""
+    """Return the reference in m, or in Pa for pressure control; each begins with half a second at rest."""
     centre, amplitude = sizes["centre"], sizes["amplitude"]
     moving = np.maximum(time - 0.5, 0.0)
     kind = values["reference"]
@@ -185,7 +192,7 @@ def _reference(
 
 
 def _recorded(values: Mapping[str, Any], time: Array, recorded: Recorded, where: str) -> Array:
-    """Return what a recording asked for or did, held at its ends."""
+    """Return the recorded reference, or the recorded signal, constant beyond its ends."""
     name = values.get("recording", "")
     pressed = values["control"] == "pressure"
     known = {

@@ -1,4 +1,4 @@
-"""The controller against a model: one run of the compiled kernel with the controller's own code in it."""
+"""Closed-loop simulation: the compiled kernel with the code of the controller in it."""
 
 from __future__ import annotations
 
@@ -25,9 +25,16 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True)
 class ClosedLoopSetup:
-    """What stands between controller and axis: sensors' noise (1 sigma) and quanta in m and Pa, delay in samples.
+    """Sensors and delay between axis and controller.
 
-    ``supply``: whether the controller is told the supply pressure.
+    Attributes:
+        noise_x: 1 sigma of the position in m.
+        noise_p: 1 sigma of the pressures in Pa.
+        quantum_x: Quantum of the position in m, 0: none.
+        quantum_p: Quantum of the pressures in Pa, 0: none.
+        delay: Samples from reading to valve.
+        supply: Whether the controller reads the supply pressure.
+
     """
 
     noise_x: float = 0.0
@@ -40,13 +47,19 @@ class ClosedLoopSetup:
 
 @dataclass(frozen=True)
 class Scenario:
-    """What happens to the axis, one value a sample of the controller: shapes ``(n,)``, SI.
+    """Inputs of the axis over time, one value a sample of the controller: shapes ``(n,)``, SI.
 
-    ``reference`` (m), ``force`` on the piston toward +x (N), ``supply`` (Pa). ``start``: x (m) and both pressures (Pa).
-    ``controls_pressure``: the reference is the pressure of chamber 1 in Pa, and the piston is clamped where it starts.
-    ``dropouts`` names readings ("x", "p1", "p2") that are missing, with the first and the last time in s. ``operating_mode``: what is
-    asked of the controller's operation, places of ``layout.DUTIES`` (None: to run). ``level``: the mean of both
-    pressures in Pa that is set, 0 where it is as designed (None: all along).
+    Attributes:
+        name: Name of the scenario.
+        reference: Position reference in m, or pressure of chamber 1 in Pa with ``controls_pressure``.
+        force: Load on the piston toward +x in N.
+        supply: Supply pressure in Pa.
+        start: Initial x (m) and both pressures (Pa).
+        dropouts: Missing readings ("x", "p1", "p2"), each with first and last time in s.
+        controls_pressure: Pressure control; the piston is clamped at its start.
+        operating_mode: Indices of ``layout.OPERATING_MODES``; None: run.
+        level: Mean of both pressures that the user sets in Pa, 0: as designed; None: 0 throughout.
+
     """
 
     name: str
@@ -62,7 +75,7 @@ class Scenario:
 
 @dataclass(frozen=True)
 class Run:
-    """One closed-loop run: the model's output ``(n, 9)`` (simulate.layout) and the controller's log (design.layout)."""
+    """A closed-loop run: output of the model ``(n, 9)`` (simulate.layout), log of the controller (L_ROW columns)."""
 
     scenario: Scenario
     time: Array
@@ -72,7 +85,7 @@ class Run:
 
 @cache
 def closed_loop_kernel(effects: tuple[Effect, ...]) -> Kernel:
-    """Return the compiled kernel with the controller in it: bare, or with the catalogue and a user's own effects."""
+    """Return the compiled kernel with the controller: without effects, or with the catalogue and plug-ins."""
     if not effects:
         return build((), control=controller_source())
     return build(
@@ -95,9 +108,9 @@ def simulate(model: Model, controller: Controller, scenario: Scenario, setup: Cl
 def simulate_open_loop(
     model: Model, controller: Controller, scenario: Scenario, commands: Array, restart: tuple[int, Array] | None = None
 ) -> Array:
-    """Return the model's output (n, 10) on a scenario under the given ``commands`` (n, 2) in V, the loop being open.
+    """Return the output of the model (n, 10) on a scenario under given ``commands`` (n, 2) in V.
 
-    ``restart``: a sample, and readings (n, 4) of x, v, p1, p2, at which the states with a sensor begin anew there.
+    ``restart``: a sample, and readings (n, 4) of x, v, p1, p2 at which the measured states restart there.
     """
     inputs, flags, restarts = _inputs(scenario), _flags(controller), [0]
     inputs[:, [at.IN_U, at.IN_U2]] = commands
@@ -117,7 +130,7 @@ def _simulate(
     bench: ClosedLoopSetup,
     restarts: Sequence[int] = (0,),
 ) -> Array:
-    """Run the kernel over the inputs (n, 8), one row a period; the ``state`` of the loop is filled. Returns (n, 10)."""
+    """Run the kernel over inputs (n, 8), a row a period, and fill the ``state`` of the loop; returns (n, 10)."""
     kernel, n = closed_loop_kernel(model.effects), len(inputs)
     out = np.zeros((n, at.OUTPUTS))
     kernel.run(
@@ -138,11 +151,15 @@ def _simulate(
 
 
 def replay_log(model: Model, controller: Controller, signals: Mapping[str, Array], start_mode: str) -> Array:
-    """Return the log (n, L_ROW) of a controller that reads what was logged: the kernel with the axis standing still.
+    """Return the log (n, L_ROW) of a controller at logged readings, in the kernel with the axis at rest.
 
-    ``signals``: x_ref, x (m), p1, p2 where it is measured, p_supply likewise (Pa), u and u2 (V); NaN where a reading is
-    missing. ``start_mode``: ``with`` the first sample, or ``before``: then it starts from the first readings and commands,
-    and its observers follow the logged commands: what they had learned is not in the log, and is learned again.
+    Args:
+        model: Any model of the axis.
+        controller: The controller that ran.
+        signals: x_ref, x (m), p1, p2 and p_supply if measured (Pa), u and u2 (V); NaN for a missing reading.
+        start_mode: ``with`` the first sample, or ``before``: a reset from the first readings and commands; then the
+            observers track the logged commands and converge anew.
+
     """
     n = signals["x_ref"].size
     inputs = np.zeros((n, len(at.INPUTS)))
@@ -165,12 +182,12 @@ def replay_log(model: Model, controller: Controller, signals: Mapping[str, Array
 
 
 def _settings(controller: Controller, bench: ClosedLoopSetup) -> list[float]:
-    """Return what stands behind the controller's numbers: the sensors' quanta, the delay, and the law's place."""
+    """Return the numbers that follow the parameters of the controller: quanta, delay, index of the law."""
     return [bench.quantum_x, bench.quantum_p, bench.delay, list(LAWS).index(controller.law)]
 
 
 def initial_log(scenario: Scenario, setup: ClosedLoopSetup, time: Array, seed: int) -> Array:
-    """Return the log, shape ``(n, L_ROW)``, with the sensors' noise in it; NaN where a reading is missing."""
+    """Return the log, shape ``(n, L_ROW)``, with sensor noise, and NaN for missing readings."""
     rows = np.zeros((time.size, layout.L_ROW))
     sigma = np.array([setup.noise_x, setup.noise_p, setup.noise_p])
     rows[:, :3] = sigma * np.random.default_rng(seed).standard_normal((time.size, 3))
@@ -186,7 +203,7 @@ def initial_log(scenario: Scenario, setup: ClosedLoopSetup, time: Array, seed: i
 
 
 def _inputs(scenario: Scenario) -> Array:
-    """Return the kernel's inputs: the reference stands where a command would, the start in the first row."""
+    """Return the inputs of the kernel: the reference in place of the command, the initial state in the first row."""
     x, p1, p2 = scenario.start
     out = np.zeros((scenario.reference.size, len(at.INPUTS)))
     out[:, at.IN_U], out[:, at.IN_FORCE], out[:, at.IN_SUPPLY] = scenario.reference, scenario.force, scenario.supply

@@ -141,6 +141,7 @@ def _keys_of_stages() -> Iterator[tuple[str, str, str, str, tuple[str, ...]]]:
     choices: dict[str, tuple[str, ...]] = {
         "chamber_2": ("closed", "open", "valve"),
         "surface": ("poles", "lq"),
+        "relay": ("implicit", "switching"),
         "controller": tuple(LAWS),
     }
     for one in fields(design.Requirements):

@@ -1,8 +1,8 @@
-"""The enclosed gas as a spring: its stiffness, the pressure level that sets it, and the arrangements that can set it.
+"""The enclosed gas as a spring: stiffness, the pressure level that sets it, and arrangements that can set it.
 
 ``k = gamma (A1^2 p1 / V1 + A2^2 p2 / V2)``, isentropic. Two valves set both pressures, hence the level. One 5/3 spool
-fills one chamber as it vents the other: their mean follows from leaks and overlap alone, too slowly to be a reference.
-A chamber without a valve has what was sealed in, or what is around.
+fills one chamber and vents the other: their mean follows from leaks and overlap alone, too slowly for a reference. A
+chamber without a valve keeps its sealed gas, or is at ambient pressure.
 """
 
 from __future__ import annotations
@@ -101,7 +101,7 @@ def unmet_requirements(requirements: Requirements, c: Values, min_stiffness: flo
 
 
 def _settable_stiffness(c: Values) -> Array:
-    """Return the stiffness in N/m over the stroke that two valves make of the level, within what supply allows."""
+    """Return the stiffness in N/m over the stroke that two valves reach within the supply pressure."""
     x = STROKE_FRACTIONS * c["C_STROKE"]
     one, two = stiffness_per_pressure(c, x)
     level = np.clip(level_for_stiffness(c, c["C_AIR_STIFFNESS"], x), c["C_P_LOW"], c["C_P_HIGH"])

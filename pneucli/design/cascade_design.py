@@ -1,12 +1,10 @@
-"""The cascade: position PID, pressure PID, inverse valve map (thesis 7.1-7.3), its gains from requirements by rule.
+"""Design of the cascade: position loop, pressure loop, inverse valve map (thesis 7.1-7.3), by rules.
 
-The whole system does not satisfy the matching condition (:mod:`pneucli.design.sliding`), so the piston is driven by a
-pressure that an inner, faster loop makes. The rules for the gains stand in :mod:`pneucli.design.bandwidths`, that
-of the reference is this:
-
-- closing speed 0.7 of what the slower direction of the valve just keeps up with, anywhere in the middle 60 %
-  of the stroke where the pressures lie well within range; the acceleration whose force that direction builds within
-  half the position loop's time constant.
+The whole axis violates the matching condition (:mod:`pneucli.design.sliding`), so an inner, faster loop makes the
+pressure that drives the piston. :mod:`pneucli.design.bandwidths` has the rules for the gains. The rule for the
+reference: its largest speed is 0.7 of the speed that the slower direction of the valve reaches, anywhere in the middle
+60 % of the stroke with pressures well within their range; its largest acceleration is that whose force this direction
+builds within half the time constant of the position loop.
 """
 
 from __future__ import annotations
@@ -50,10 +48,20 @@ PRESSURE_MARGIN = (
 
 
 def design_cascade(model: Model, requirements: Requirements, sealed_pressure: float | None = None) -> Controller:
-    """Return the controller for an identified model.
+    """Design the controller ``best`` for an identified model.
 
-    ``sealed_pressure``: pressure in Pa that chamber 2 has when the piston stands in the middle (None: the geometric mean of
-    ambient and supply pressure). Raises InputError where the model has no cylinder, mass, supply pressure or valve.
+    Args:
+        model: The identified model.
+        requirements: The table ``[design]``.
+        sealed_pressure: Pressure in Pa of a closed chamber 2 with the piston at mid-stroke; None: the geometric mean of
+            ambient and supply pressure.
+
+    Raises:
+        InputError: The model has no cylinder, mass, supply pressure, or no valve in both directions.
+
+    References:
+        Thesis 7.1 to 7.3.
+
     """
     _require(model)
     tables = [inverse_table(model, valve, way) for valve in (model.valve, model.chamber_2_valve) for way in (1.0, -1.0)]
@@ -96,7 +104,7 @@ def mirrored_commands(commands: Sequence[float], null: float) -> tuple[float, ..
 
 
 def stroke_tables(model: Model, speed: float) -> tuple[tuple[float, ...], ...]:
-    """Return the tables of ``layout.ALONG``; what brakes by speed is taken at ``speed`` (m/s)."""
+    """Return the tables of ``layout.STROKE_TABLES``; added damping is evaluated at ``speed`` (m/s)."""
     x = effect_compensation.stroke_grid(model)
     both = (1.0, -1.0)
     tables = [effect_compensation.dry_friction_factors(model, x, way) for way in both]
@@ -127,9 +135,9 @@ def _require(model: Model) -> None:
 
 
 def inverse_table(model: Model, valve: ValveForm, direction: float) -> tuple[tuple[float, ...], float]:
-    """Return commands in V at areas (i / (n - 1))^2 of the largest one, and that area in m^2.
+    """Return commands in V at areas (i / (n - 1))^2 of the largest one, and the largest area in m^2.
 
-    The largest area is that of the largest command tested: what lies beyond is not known, hence not reachable.
+    The largest area is that of the largest tested command; larger openings are not known.
     """
     top, stem = (
         max(direction * c for c in valve.commands if direction * c > 0),
@@ -146,7 +154,7 @@ def inverse_table(model: Model, valve: ValveForm, direction: float) -> tuple[tup
 def axis_parameters(
     model: Model, requirements: Requirements, areas: Sequence[float], sealed_pressure: float | None
 ) -> dict[str, float]:
-    """Return what the controller knows of the axis: the model's nominal values by the layout's names.
+    """Return the parameters of the axis by the names of the layout: nominal values of the model.
 
     ``areas``: the largest in m^2 of filling and venting chamber 1, and chamber 2.
     """
@@ -193,7 +201,7 @@ def axis_parameters(
 
 
 def friction_parameters(model: Model) -> dict[str, float]:
-    """Return what does not change along the stroke of friction."""
+    """Return the parameters of friction that are constant along the stroke."""
     (static, fallen), coulomb = effect_compensation.breakaway_friction(model), model.base_values()["friction.coulomb"]
     first, second = effect_compensation.dry_friction_per_pressure(model)
     return {
@@ -209,7 +217,7 @@ def friction_parameters(model: Model) -> dict[str, float]:
 
 
 def sensor_parameters(model: Model) -> dict[str, float]:
-    """Return how the pressures are read."""
+    """Return scale and offset of the pressure sensors."""
     first, second = (effect_compensation.sensor_line(model, chamber) for chamber in (1, 2))
     return {
         "C_SCALE_1": first.scale,
@@ -220,7 +228,7 @@ def sensor_parameters(model: Model) -> dict[str, float]:
 
 
 def leak_parameters(model: Model) -> dict[str, float]:
-    """Return what leaks."""
+    """Return the areas of the leaks."""
     found = effect_compensation.leak_areas(model)
     names = ("C_LEAK_1", "C_LEAK_2", "C_LEAK_12", "C_LEAK_VALVE")
     return dict(zip(names, (found.chamber_1, found.chamber_2, found.between, found.valve), strict=True))
@@ -232,7 +240,7 @@ def reference_limits(
     requirements: Requirements,
     restoring_force: RestoringForce = np.zeros_like,
 ) -> dict[str, float]:
-    """Return the largest speed and acceleration of the shaped reference, and the time over which it closes in."""
+    """Return the limits of the shaped reference and its time constant, and the rates that follow from the valve."""
     speed, rate = reachable_speed_and_gradient(axis, restoring_force)
     force_rate = axis["C_AREA_1"] * rate
     highest = requirements.max_speed or 0.7 * speed
@@ -253,10 +261,10 @@ def reference_limits(
 def reachable_speed_and_gradient(
     axis: Mapping[str, float], restoring_force: RestoringForce = np.zeros_like
 ) -> tuple[float, float]:
-    """Return speed (m/s) and pressure gradient (Pa/s) that both valve directions reach.
+    """Return the speed (m/s) and the pressure gradient (Pa/s) that both valve directions reach.
 
-    All over the middle 60 % of the stroke, as far as the pressures that balance the air spring, and what ``restoring_force`` the
-    piston at x (m) toward x = 0 (N), lie well within range.
+    The minimum over the middle 60 % of the stroke, where the pressures in equilibrium with the air spring and
+    ``restoring_force`` (N toward x = 0, at x in m) are well within their range.
     """
     area_1, area_2, stroke, gamma = axis["C_AREA_1"], axis["C_AREA_2"], axis["C_STROKE"], axis["C_GAMMA"]
     x = np.linspace(0.2, 0.8, 25) * stroke
@@ -282,7 +290,7 @@ def reachable_speed_and_gradient(
 
 
 def chamber_2_pressure(axis: Mapping[str, float], x: Array) -> Array:
-    """Return the pressure in Pa of chamber 2 at x: closed in the middle (isentropic), or held by its own valve."""
+    """Return the pressure in Pa of chamber 2 at x: sealed at mid-stroke (isentropic), or held by its valve."""
     if axis["C_TWO_VALVES"] > 0.5 or axis["C_MIRRORED"] > 0.5:
         return np.full_like(x, axis["C_P_MEAN"])
     half = axis["C_DEAD_VOLUME_2"] + 0.5 * axis["C_AREA_2"] * axis["C_STROKE"]

@@ -1,4 +1,4 @@
-"""What the controller takes from a model's effects: read at the ports where they enter, whatever they are called."""
+"""Parameters of the controller from the effects of a model, evaluated at the ports at which effects enter."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ BAR = 1e5  # Pa
 
 
 def moving_mass(model: Model) -> float:
-    """Return all that is moved, in kg."""
+    """Return the total moving mass in kg."""
     return model.base_values()["rig.moving_mass"] + model.sum_of_port("mass")
 
 
@@ -38,22 +38,22 @@ def dead_volumes(model: Model) -> tuple[float, float]:
 
 
 def stroke_grid(model: Model) -> Array:
-    """Return the places along the stroke in m, shape (PLACES,)."""
+    """Return the nodes along the stroke in m, shape (STROKE_NODES,)."""
     return np.linspace(0.0, model.base_values()["rig.stroke"], STROKE_NODES)
 
 
 def restoring_force(model: Model, x: Array) -> Array:
-    """Return the force in N toward x = 0 with which springs, weights and the like pull the resting piston at x (m)."""
+    """Return the static force in N toward x = 0 on the resting piston at x (m): springs, weights."""
     return -_over_stroke(x, lambda at: model.sum_of_port("force", at, 0.0, model.base_values()["rig.stroke"]))
 
 
 def has_restoring_force(model: Model) -> bool:
-    """Whether something pulls the piston toward x = 0 all over the stroke."""
+    """Whether a static force pulls the piston toward x = 0 all along the stroke."""
     return bool(np.all(restoring_force(model, stroke_grid(model)) > 0.0))
 
 
 def added_damping(model: Model, x: Array, v: float) -> Array:
-    """Return what brakes beside friction, in N s/m, at x (m) and a speed v (m/s) that tells the direction."""
+    """Return the damping in N s/m beside friction at x (m) and a signed speed v (m/s)."""
     stroke = model.base_values()["rig.stroke"]
     return _over_stroke(
         x, lambda at: (model.sum_of_port("force", at, 0.0, stroke) - model.sum_of_port("force", at, v, stroke)) / v
@@ -71,7 +71,7 @@ def dry_friction_factors(model: Model, x: Array, direction: float) -> Array:
 
 
 def dry_friction_per_pressure(model: Model) -> tuple[float, float]:
-    """Return by how much dry friction grows with p1 and with p2, in 1/Pa: over a bar, in the middle, in the mean."""
+    """Return the relative growth of dry friction with p1 and p2 in 1/Pa: mean over a bar at mid-stroke."""
     middle = 0.5 * model.base_values()["rig.stroke"]
     found = []
     for p1, p2 in ((BAR, 0.0), (0.0, BAR)):
@@ -90,27 +90,27 @@ def _dry_friction_factor(model: Model, way: float, x: float, p1: float, p2: floa
 
 @dataclass(frozen=True)
 class DwellStrengthening:
-    """What a rest makes of the friction that holds: its factor after a long one, and the rate in 1/s it begins with."""
+    """Growth of break-away with the time at rest: factor after a long rest, and initial rate in 1/s."""
 
     max_factor: float
     initial_rate: float
 
 
 def dwell_strengthening(model: Model) -> DwellStrengthening:
-    """Return how the friction that holds grows while the piston rests."""
+    """Return the growth of break-away with the time at rest."""
     least, soon, late = (_product(model, "static_factor", t) for t in (0.0, SHORT_DWELL, SETTLING_TIME))
     return DwellStrengthening(max(late, 1.0), max((soon - least) / SHORT_DWELL, 0.0))
 
 
 def bristle_stiffness(model: Model) -> float:
-    """Return the stiffness in N/m of what gives way before the piston slides; 0 where that is rigid."""
+    """Return the presliding stiffness in N/m; 0 for a rigid contact."""
     return model.sum_of_port("bristle_stiffness")
 
 
 def deceleration_friction_ratio(model: Model) -> float:
-    """Return dry friction while slowing over Coulomb's; -1 where both branches are one.
+    """Return dry friction while decelerating over Coulomb friction; -1 for one branch.
 
-    The ratio may be 1 with two branches: while slowing there is no Stribeck rise then.
+    The ratio may be 1 with two branches: friction has no Stribeck rise while decelerating then.
     """
     return _product(model, "slowing") if any("slowing" in effect.ports for effect in model.effects) else -1.0
 
@@ -121,9 +121,9 @@ def critical_ratio(model: Model) -> float:
 
 
 def breakaway_friction(model: Model) -> tuple[float, float]:
-    """Return friction at break-away in N, and the speed in m/s at which half of its rise over Coulomb's is left.
+    """Return break-away friction in N, and the speed in m/s at which half of its rise over Coulomb friction remains.
 
-    With thesis 3.6 these are its static friction and its Stribeck velocity. 1 m/s where nothing rises.
+    In (3.6) these are static friction and Stribeck velocity. Without a rise the speed is 1 m/s.
     """
     coulomb = model.base_values()["friction.coulomb"]
     rise = model.sum_of_port("dry_rise", coulomb, 0.0)
@@ -139,7 +139,7 @@ def breakaway_friction(model: Model) -> tuple[float, float]:
 
 @dataclass(frozen=True)
 class LeakAreas:
-    """Areas in m^2 of the orifices that leak as the model does: chambers to ambient, between them, in the valve."""
+    """Equivalent orifice areas in m^2 of the leaks: chambers to ambient, between them, in the valve."""
 
     chamber_1: float
     chamber_2: float
@@ -148,7 +148,7 @@ class LeakAreas:
 
 
 def leak_areas(model: Model) -> LeakAreas:
-    """Return the leaks, each taken between ambient and supply pressure."""
+    """Return the leaks, evaluated between ambient and supply pressure."""
     base = model.base_values()
     high, low = base["rig.supply_pressure"], base["rig.ambient_pressure"]
     k = math.sqrt(2.0 / (base["rig.gas_constant"] * base["rig.gas_temperature"]))
@@ -161,14 +161,14 @@ def leak_areas(model: Model) -> LeakAreas:
 
 @dataclass(frozen=True)
 class SensorLine:
-    """How a pressure sensor reads: ``scale`` p + ``offset`` (Pa)."""
+    """Static characteristic of a pressure sensor: ``scale`` p + ``offset`` (Pa)."""
 
     scale: float
     offset: float
 
 
 def sensor_line(model: Model, chamber: int) -> SensorLine:
-    """Return the static reading of the sensor of p1 or p2, as a line through ambient and supply pressure."""
+    """Return the static characteristic of the sensor of p1 or p2, a line through ambient and supply pressure."""
     ambient, supply = model.base_values()["rig.ambient_pressure"], model.base_values()["rig.supply_pressure"]
     low, high = (model.chain_of_port(f"read_p{chamber}", p, ambient) for p in (ambient, supply))
     scale = (high - low) / (supply - ambient)
@@ -176,25 +176,25 @@ def sensor_line(model: Model, chamber: int) -> SensorLine:
 
 
 def sensor_lag(model: Model) -> float:
-    """Return the time constant in s of the sensors of pressure."""
+    """Return the time constant in s of the pressure sensors."""
     return model.sum_of_port("sensor_lag")
 
 
 def sensor_delay(model: Model) -> float:
-    """Return the time in s by which pressures are read late."""
+    """Return the delay in s of the pressure sensors."""
     return model.sum_of_port("sensor_delay")
 
 
 def flow_delay(model: Model) -> float:
-    """Return the time in s that the flow takes from valve to chamber."""
+    """Return the delay in s of the flow from valve to chamber."""
     return model.sum_of_port("flow_delay")
 
 
 @dataclass(frozen=True)
 class SpoolModel:
-    """What stands between command and opening: a play of ``play_half_width`` (V), then a first-order ``lag`` (s).
+    """Model between command and opening: a play of ``play_half_width`` (V), then a first-order ``lag`` (s).
 
-    ``openings`` (V) are what it settles at, the play aside, over ``commands`` (V from the null one).
+    ``openings`` (V): static openings without the play, over ``commands`` (V from the null command).
     """
 
     play_half_width: float
@@ -204,9 +204,9 @@ class SpoolModel:
 
 
 def identify_spool(model: Model) -> SpoolModel:
-    """Return what the effects between command and opening do, found by driving them: slowly, and by a step.
+    """Identify play and lag of the effects between command and opening, by a slow cycle and a step.
 
-    The play is half of what the ways to and fro are apart, the lag the mean time by which a step is followed.
+    The play is half the distance between both directions, the lag the mean delay of the step response.
     """
     largest = max((abs(c) for c in model.valve.commands), default=0.0)
     up = np.linspace(-largest, largest, SWEEP_STEPS + 1)
@@ -224,7 +224,7 @@ def identify_spool(model: Model) -> SpoolModel:
 
 
 def _max_slope(u: Array, opening: Array) -> float:
-    """Return by how much the opening grows with the command beyond whatever is overlapped."""
+    """Return the slope of the opening over the command beyond the overlap."""
     return float(np.max(np.diff(opening)) / (u[1] - u[0])) or 1.0
 
 
@@ -242,7 +242,7 @@ def _opening_response(model: Model, commands: Array, step: float) -> Array:
 
 
 def _product(model: Model, port: str, *arguments: float) -> float:
-    """Return what the effects of a port multiply to."""
+    """Return the product of the effects at a port."""
     users = [effect for effect in model.effects if port in effect.ports]
     factors = [effect.ports[port](*arguments, *model.effect_parameters(effect)) for effect in users]
     return float(np.prod(np.array(factors, dtype=np.float64)))

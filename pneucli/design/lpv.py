@@ -1,6 +1,6 @@
-"""The axis as a TP model of speed and position, and which weight type lets its PDC decay fastest.
+"""TP model of the axis over speed and position, and the weight types that its PDC allows.
 
-States: error of position x (m), speed v (m/s), force of the pressures F (N) about balance; input: gas flow q (kg/s).
+States: position error x (m), speed v (m/s), pressure force F (N) about equilibrium; input: gas flow q (kg/s).
 ``dv/dt = F / m - a22(v) v``, ``dF/dt = - k(x) v + g(x) q`` with the stiffness k of both chambers (2.47-2.52).
 """
 
@@ -30,10 +30,17 @@ WEIGHT_TYPES: tuple[WeightType, ...] = get_args(WeightType)
 
 @dataclass(frozen=True)
 class WeightStudy:
-    """One weight type: its PDC (None: ``failure`` says why), and what a simulation of it showed.
+    """Result of one weight type.
 
-    ``peak_input_ratio``: largest |q| over its bound, ``lyapunov_ratio``: largest ``V(t) exp(2 rate t) / V(0)`` of the Lyapunov function.
-    ``model``: the TP model whose vertices the gains belong to.
+    Attributes:
+        weight_type: Type of the weighting functions.
+        vertices: Number of vertices.
+        pdc: The PDC; None without one.
+        failure: The reason for None.
+        peak_input_ratio: Largest |q| over its bound, in a simulation.
+        lyapunov_ratio: Largest ``V(t) exp(2 rate t) / V(0)`` of the Lyapunov function, in a simulation.
+        model: TP model of the gains.
+
     """
 
     weight_type: WeightType
@@ -46,9 +53,9 @@ class WeightStudy:
 
 
 def axis_matrices(c: Mapping[str, float], v: Array, x: Array, speed_floor: float) -> Array:
-    """Return ``[A | B]``, shape (..., 3, 4), over arrays of v (m/s) and x (m) of one shape.
+    """Return ``[A | B]``, shape (..., 3, 4), at arrays of v (m/s) and x (m) of one shape.
 
-    ``c`` holds a controller's values; below ``speed_floor`` (m/s) a22 is resolved no further.
+    ``c``: parameters of a controller by name; a22 is constant below ``speed_floor`` (m/s).
     """
     out = np.zeros((*np.shape(v), 3, 4))
     speed = np.hypot(v, speed_floor)
@@ -66,7 +73,7 @@ def axis_matrices(c: Mapping[str, float], v: Array, x: Array, speed_floor: float
 
 
 def axis_model(c: Mapping[str, float], speed_floor: float, weight_type: WeightType) -> TPModel:
-    """Return the TP model over speeds up to the reference's limit and the middle 60 % of the stroke."""
+    """Return the TP model over speeds up to the limit of the reference and the middle 60 % of the stroke."""
     speeds = np.linspace(-c["C_V_MAX"], c["C_V_MAX"], GRID_SHAPE[0])
     positions = np.linspace(0.2, 0.8, GRID_SHAPE[1]) * c["C_STROKE"]
     samples = sample(lambda v, x: axis_matrices(c, v, x, speed_floor), (speeds, positions))
@@ -76,9 +83,9 @@ def axis_model(c: Mapping[str, float], speed_floor: float, weight_type: WeightTy
 def compare_weight_types(
     c: Mapping[str, float], speed_floor: float, types: tuple[WeightType, ...] = WEIGHT_TYPES
 ) -> list[WeightStudy]:
-    """Return the largest decay rate that each weight type allows for one start and one bound of the flow.
+    """Return the largest decay rate of each weight type, for equal initial state and input bound.
 
-    From 15 % of the stroke off at rest, with half the flow that the slower direction gives at mean pressure.
+    Initial state: at rest, 15 % of the stroke off. Bound: half the flow of the slower direction at mean pressure.
     """
     x0 = np.array([0.15 * c["C_STROKE"], 0.0, 0.0])
     force = 0.5 * c["C_AREA_1"] * (WORKING_PRESSURES[1] * c["C_SUPPLY"] - WORKING_PRESSURES[0] * c["C_AMBIENT"])
@@ -101,9 +108,9 @@ def _weight_study(
 
 
 def simulate_pdc(c: Mapping[str, float], floor: float, model: TPModel, pdc: Pdc, x0: Array) -> tuple[float, float]:
-    """Simulate the nonlinear axis (RK4) under the PDC about the middle; return the peak of |q| in kg/s and the decay.
+    """Simulate the nonlinear axis (RK4) under the PDC about mid-stroke; return the peak of |q| (kg/s) and the decay.
 
-    The decay is the largest ``V(t) exp(2 rate t) / V(0)``: at most 1 where the rate that the LMIs promise is kept.
+    The decay is the largest ``V(t) exp(2 rate t) / V(0)``: at most 1 if the rate of the LMIs holds.
     """
     middle, state, peak, decayed = 0.5 * c["C_STROKE"], x0.copy(), 0.0, 0.0
 

@@ -27,11 +27,17 @@ RATE_TOLERANCE = 5e-3  # of the decay rate
 
 @dataclass(frozen=True)
 class Pdc:
-    """Gains F (R, m, n), Lyapunov matrix P (n, n) in the plant's units, decay rate (1/s), and the solver's status.
+    """A PDC: gains, Lyapunov matrix, decay rate, and its verification by eigenvalues.
 
-    ``worst_pole``: largest real part (1/s) over all vertices and pairs of them, ``worst_lmi``: largest eigenvalue of
-    the decay inequality, normalised (negative where it holds); ``vertex_poles`` (R, n): the poles (1/s) of every vertex loop.
-    All are found by eigenvalues after the solver.
+    Attributes:
+        gains: F (R, m, n), one a vertex.
+        P: Lyapunov matrix (n, n), in the units of the plant.
+        rate: Decay rate in 1/s.
+        status: Status of the solver.
+        worst_pole: Largest real part in 1/s over all vertices and pairs of them.
+        worst_lmi: Largest normalised eigenvalue of the decay inequality, negative if it holds.
+        vertex_poles: Poles (R, n) in 1/s of every vertex loop.
+
     """
 
     gains: Array
@@ -45,16 +51,27 @@ class Pdc:
 
     @property
     def verified(self) -> bool:
-        """Whether the eigenvalues confirm what the solver says."""
+        """Whether the eigenvalues confirm the solver."""
         least = float(np.linalg.eigvalsh(self.P).min())
         return self.status == "optimal" and self.worst_lmi <= 0.0 and self.worst_pole <= -self.rate < 0.0 < least
 
 
 def design_pdc(A: Array, B: Array, x0: Array, scale: Array, u_max: float) -> Pdc:
-    """Return the gains of the largest decay rate that keeps |u| <= u_max from x0 on.
+    """Return the gains of the largest decay rate with |u| <= u_max from x0 on.
 
-    A (R, n, n), B (R, n, m), x0 (n,), ``scale`` (n,): what each state typically is, above 0. Raises InputError where
-    the extra is missing or no rate above 0 is feasible.
+    Args:
+        A: State matrices (R, n, n).
+        B: Input matrices (R, n, m).
+        x0: Initial state (n,).
+        u_max: Bound of the input.
+        scale: Typical size (n,) of each state, above 0.
+
+    Raises:
+        InputError: The extra ``lmi`` is missing, or no rate above 0 is feasible.
+
+    References:
+        Tanaka and Wang, Fuzzy Control Systems Design and Analysis (2001).
+
     """
     A_n, B_n = A * scale[None, None, :] / scale[None, :, None], B * u_max / scale[None, :, None]
     time = float(max(np.abs(A_n).max(), np.abs(B_n).max()))  # 1/s: the fastest entry, which becomes 1
@@ -97,7 +114,7 @@ class _Problem:
         self._problem = cp.Problem(cp.Minimize(cp.trace(X)), rules)
 
     def solve(self, rate: float) -> tuple[Array, Array] | None:
-        """Return X and M (R, m, n) for a normalised rate, None where the solver does not call it optimal."""
+        """Return X and M (R, m, n) for a normalised rate; None unless the solver finds an optimum."""
         self._rate.value = rate
         try:
             with warnings.catch_warnings():  # "may be inaccurate": then the status is not "optimal"
@@ -115,14 +132,14 @@ def _decay(A: Array, B: Array, X: Any, M: Any, r: int, q: int) -> Any:
 
 
 def _largest_eigenvalue(A: Array, B: Array, X: Array, M: Array, rate: float) -> float:
-    """Return the largest eigenvalue of all decay inequalities, recomputed without the solver."""
+    """Return the largest eigenvalue of all decay inequalities, computed without the solver."""
     pairs = [(r, q) for r in range(len(A)) for q in range(r, len(A))]
     both = [0.5 * (_decay(A, B, X, M, r, q) + _decay(A, B, X, M, q, r)) + 2 * rate * X for r, q in pairs]
     return max(float(np.linalg.eigvalsh(b).max()) for b in both)
 
 
 def _worst_pole(A: Array, B: Array, F: Array) -> float:
-    """Return the largest real part of the closed loop's poles over vertices and the means of pairs of them."""
+    """Return the largest real part of the closed-loop poles over vertices and means of pairs."""
     pairs = [(r, q) for r in range(len(A)) for q in range(r, len(A))]
     loops = [0.5 * (A[r] - B[r] @ F[q] + A[q] - B[q] @ F[r]) for r, q in pairs]
     return max(float(np.linalg.eigvals(loop).real.max()) for loop in loops)

@@ -46,8 +46,8 @@ class Requirements:
     to valve. ``chamber_2``: ``closed`` (air spring), ``open`` (to ambient) or ``valve`` (driven).
 
     Criteria of the loop (:mod:`pneucli.closed_loop.acceptance`): ``settling_time`` of a step to 50 um, ``overshoot``,
-    ``tracking_error`` (rms, on a sine), ``stiffness``: a load over its largest deviation. ``strict``: a missed criterion
-    fails like a check.
+    ``tracking_error`` (rms, on a sine), ``stiffness``: a load over its largest deviation. ``strict``: a missed
+    criterion fails like a check.
 
     ``pressure_level`` (Pa): mean of both pressures, where two valves drive the chambers; ``air_stiffness``: of the
     enclosed gas, which sets that mean along the stroke (:mod:`pneucli.design.air_spring`).

@@ -1,8 +1,8 @@
 """Regular form, matching condition and sliding surfaces of linear systems (thesis 5.1, 5.2, 7.1).
 
-``dx/dt = A x + B u + E d`` with m inputs. A disturbance that enters through the span of B is matched (Drazenovic):
-in sliding mode it does not act. The whole pneumatic axis has friction and load in the row of the velocity, where the
-valve does not act, hence the cascade of two subsystems, each of which does satisfy the condition.
+``dx/dt = A x + B u + E d`` with m inputs. A disturbance in the span of B is matched (Drazenovic): it does not act in
+sliding mode. Friction and load of the pneumatic axis act on the velocity, where the valve does not act; hence the
+cascade of two subsystems that each satisfy the condition.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ ROUNDING_TOLERANCE = 1e-9
 
 @dataclass(frozen=True)
 class LinearSystem:
-    """A linear system: states by name, A (n, n), B (n, m), E (n, k) with the disturbances' names, in SI."""
+    """A linear system: names of the states, A (n, n), B (n, m), E (n, k) with names of the disturbances, in SI."""
 
     states: tuple[str, ...]
     A: Array
@@ -35,7 +35,7 @@ class LinearSystem:
 
 @dataclass(frozen=True)
 class RegularForm:
-    """``z = T x`` in which the inputs act on the last m states alone: A11 (n - m, n - m), A12, A21, A22, B2 (m, m)."""
+    """Regular form ``z = T x``: inputs act on the last m states only; A11 (n - m, n - m), A12, A21, A22, B2 (m, m)."""
 
     T: Array
     A11: Array
@@ -47,17 +47,25 @@ class RegularForm:
 
 @dataclass(frozen=True)
 class SlidingSurface:
-    """``s = S x`` with S (m, n), and the poles (1/s) with which the system slides on it."""
+    """A sliding surface ``s = S x`` with S (m, n), and the poles (1/s) of the sliding motion."""
 
     S: Array
     poles: NDArray[np.complex128]
 
 
 def axis_systems(c: Mapping[str, float], x: float, p1: float, p2: float) -> dict[str, LinearSystem]:
-    """Return the axis at rest at x, p1, p2, linear (2.47-2.52): ``whole``, ``mechanical`` and ``pneumatic``.
+    """Return the linear axis at rest at x, p1, p2 (2.47-2.52): ``whole``, ``mechanical`` and ``pneumatic``.
 
-    ``c`` holds a controller's values. Input of the whole and of the pneumatic system is the pressure gradient that the
-    valve makes (Pa/s), of the mechanical one the force (N). Disturbances: friction and load (N), other flows (Pa/s).
+    Args:
+        c: Parameters of a controller by name.
+        x: Position in m.
+        p1: Pressure of chamber 1 in Pa.
+        p2: Pressure of chamber 2 in Pa.
+
+    Returns:
+        Systems by name. Input of ``whole`` and ``pneumatic``: pressure gradient of the valve (Pa/s); of ``mechanical``:
+        force (N). Disturbances: friction and load (N), other flows (Pa/s).
+
     """
     m, area_1, area_2, gamma = c["C_MASS"], c["C_AREA_1"], c["C_AREA_2"], c["C_GAMMA"]
     volume_1 = c["C_DEAD_VOLUME_1"] + area_1 * x
@@ -89,7 +97,7 @@ def axis_systems(c: Mapping[str, float], x: float, p1: float, p2: float) -> dict
 
 
 def unmatched_disturbances(system: LinearSystem) -> dict[str, list[str]]:
-    """Return the disturbances that break the matching condition, each with the states in which it acts beside B."""
+    """Return the disturbances that violate the matching condition, with the states that they act on beside B."""
     projector = np.eye(len(system.states)) - system.B @ np.linalg.pinv(system.B)
     found = {}
     for name, column in zip(system.disturbances, system.E.T, strict=True):
@@ -105,7 +113,7 @@ def unmatched_disturbances(system: LinearSystem) -> dict[str, list[str]]:
 
 
 def require_matching(system: LinearSystem, where: str) -> None:
-    """Raise InputError where a disturbance is not matched, saying which, where it acts, and the way out."""
+    """Raise InputError for an unmatched disturbance, with the states that it acts on and the remedy."""
     broken = unmatched_disturbances(system)
     if broken:
         words = "; ".join(
@@ -118,7 +126,12 @@ def require_matching(system: LinearSystem, where: str) -> None:
 
 
 def regular_form(A: Array, B: Array) -> RegularForm:
-    """Return the regular form, checked. Raises InputError where B has not full column rank."""
+    """Return the regular form.
+
+    Raises:
+        InputError: B does not have full column rank.
+
+    """
     n, m = B.shape
     if np.linalg.matrix_rank(B) < m:
         raise InputError("the input matrix", f"rank below {m}", "inputs that act independently")
@@ -132,9 +145,14 @@ def regular_form(A: Array, B: Array) -> RegularForm:
 
 
 def surface_by_poles(A: Array, B: Array, poles: Sequence[complex]) -> SlidingSurface:
-    """Return the surface on which the system slides with the given n - m poles (1/s).
+    """Return the surface whose sliding motion has the given n - m poles (1/s).
 
-    Raises InputError where their number is wrong or the pair (A11, A12) cannot be placed.
+    Raises:
+        InputError: The number of poles is wrong, or the pair (A11, A12) cannot be placed.
+
+    >>> surface_by_poles(np.array([[0.0, 1.0], [0.0, -2.0]]), np.array([[0.0], [1.0]]), [-30.0]).poles
+    array([-30.+0.j])
+
     """
     form = regular_form(A, B)
     if len(poles) != len(form.A11):
@@ -147,7 +165,12 @@ def surface_by_poles(A: Array, B: Array, poles: Sequence[complex]) -> SlidingSur
 
 
 def surface_by_lq(A: Array, B: Array, Q: Array) -> SlidingSurface:
-    """Return the surface that minimises the integral of ``x' Q x`` while sliding (Utkin and Young); Q > 0, (n, n)."""
+    """Return the surface that minimises the integral of ``x' Q x`` in sliding mode; Q > 0, (n, n).
+
+    References:
+        Utkin and Young (1978).
+
+    """
     form = regular_form(A, B)
     k = len(form.A11)
     if np.linalg.eigvalsh(Q).min() <= 0.0:

@@ -58,12 +58,13 @@ class SlidingSector:
 
     @property
     def warning(self) -> str:
-        """What is wrong with it for a sampled controller; empty where nothing is."""
+        """The reason why a sampled controller cannot follow the lines; empty if it can."""
         if self.steepness <= MAX_SLOPE_PER_SAMPLE:
             return ""
         return (
-            f"too steep for the sample time (lambda2 T = {self.steepness:.3g}, at most {MAX_SLOPE_PER_SAMPLE}; a22(0) = "
-            f"{self.a_2:.3g} 1/s with friction resolved down to {self.speed_floor:.2g} m/s): the law takes the sector of [design] eta"
+            f"too steep for the sample time (lambda2 T = {self.steepness:.3g}, at most {MAX_SLOPE_PER_SAMPLE}; "
+            f"a22(0) = {self.a_2:.3g} 1/s with friction resolved down to {self.speed_floor:.2g} m/s): "
+            "the law takes the sector of [design] eta"
         )
 
     def equivalent_force(self, v: ArrayLike, x2: ArrayLike, acceleration: ArrayLike = 0.0) -> Array:

@@ -16,11 +16,13 @@ COLUMN_TITLES = (
     "load, s",
     "over 50 Hz, V",
     "air, g",
+    "in sliding",
     "so that it",
 )
 COLUMN_LEGEND = (
-    "the largest error at rest, how far the piston moves there, the rms error on the way, after how long a load is "
-    "rejected to 50 µm, the command's rms above 50 Hz: each the worst of all scenarios; and the air of all of them"
+    "the largest error at rest, how far the piston moves there, the rms error on the way, the time to reject a load to "
+    "50 µm, the command's rms above 50 Hz, the share of samples in which the disturbance observers slide: each the "
+    "worst of all scenarios; and the air of all of them"
 )
 
 
@@ -40,8 +42,16 @@ def table_rows(cases: Cases, tolerance_um: float) -> Iterator[list[str]]:
             else format_number(max(r for r in recovery if r is not None), 2),
             "–" if fast is None else format_number(fast, 2),
             format_number(1e3 * air, 3),
+            _sliding(figures),
             rest_verdict(figures, tolerance_um),
         ]
+
+
+def _sliding(figures: Figures) -> str:
+    """Return the least share of samples in sliding, of both observers over all scenarios."""
+    shares = [f.get(key) for f in figures.values() for key in ("sliding_load", "sliding_flow")]
+    known = [share for share in shares if share is not None]
+    return f"{100.0 * min(known):.0f} %" if known else "–"
 
 
 def worst_value(figures: Figures, key: str) -> float | None:

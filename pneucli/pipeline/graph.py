@@ -112,7 +112,7 @@ _ALL_STAGES = (
         answer_paths=(
             *("requirements", "corners", "sector", "matching", "surface", "warnings"),
             *("lmi.best", "lmi.types", "lmi.vertex_loops", "controllers"),
-            *("not_made", "tolerance_um", "compare", "without_map", "ablation", "gate"),
+            *("not_made", "tolerance_um", "compare", "without_map", "ablation", "variants", "gate"),
             *("margins.worst", "margins.points", "margins.poles", "margins.stable", "margins.stuck"),
             *("margins.left_out", "margins.overlap", "margins.units"),
         ),
@@ -123,11 +123,11 @@ _ALL_STAGES = (
         parents=("identify",),
         optional=("design",),
         tables=("pipeline", "scenarios"),
-        answer_paths=("open_loop", "closed_loop", "pid_alone", "tolerance_um", "robust"),
+        answer_paths=("open_loop", "closed_loop", "pid_alone", "tolerance_um", "exported_c", "robust"),
     ),
     Stage(
         "report",
-        "one HTML file, a Markdown summary, JUnit XML",
+        "one HTML file with its tables as Parquet, a Markdown summary, JUnit XML",
         parents=("compare",),
         optional=("design", "simulate", "diagnose"),
         tables=("pipeline", "checks"),

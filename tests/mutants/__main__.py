@@ -19,7 +19,9 @@ PACKAGES = {
     "pneucli/diagnose": ("tests/diagnose",),
     "pneucli/compare": ("tests/compare",),
     "pneucli/noise": ("tests/noise",),
+    "pneucli/controller": ("tests/controller",),
     "pneucli/design": ("tests/design",),
+    "pneucli/closed_loop": ("tests/closed_loop",),
     "pneucli/exam": ("tests/exam",),
 }
 WANTED = 0.85

@@ -46,6 +46,22 @@ def test_the_worked_example_slows_the_way_back_by_what_it_says() -> None:
     assert start[1] == pytest.approx(2 * start[0], rel=1e-3)
 
 
+@pytest.mark.parametrize("exponent", [0.5, 1.0, 2.0])
+@pytest.mark.parametrize("v", [0.01, 0.03, -0.02])
+def test_stribeck_friction_with_an_exponent_is_a_choice_of_the_simulation(exponent: float, v: float) -> None:
+    """A piston that slides freely decelerates by the friction of (3.5) at its speed."""
+    effect = load_plugin(ROOT / "docs" / "examples" / "stribeck_exponent.py")
+    own = {"static": 30.0, "velocity": 0.02, "exponent": exponent}
+    values = {"friction.coulomb": 20.0} | {f"stribeck-exponent.{name}": value for name, value in own.items()}
+    which = Model(model().rig, (effect,), values)
+    time = 1e-5 * np.arange(3)
+    experiment = make_experiment("friction", time, {"p1": 101_300.0, "p2": 101_300.0, "v": v})
+    moved = run_in(build((effect,), compiled=False), which, experiment)[:, at.V]
+    friction = 20.0 + 10.0 * np.exp(-(abs(v / 0.02) ** exponent))
+    assert moved[0] == pytest.approx(v)
+    assert (moved[1] - moved[0]) / (time[1] - time[0]) == pytest.approx(-np.sign(v) * friction / 2.2, rel=0.01)
+
+
 def test_the_tests_that_the_page_proposes_pass() -> None:
     page = (ROOT / "docs" / "own-effect.md").read_text(encoding="utf-8")
     (tests,) = [block for block in page.split("```python\n")[1:] if block.startswith("import rod_wiper")]

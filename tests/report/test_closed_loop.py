@@ -67,7 +67,9 @@ def test_the_design_tells_its_warnings_and_where_the_matching_condition_breaks(s
     assert (warned[0].tone, warned[0].text) == ("warning", "no PDC: the input bound is too narrow.")
     rows = texts(next(grid for grid in grids(section) if grid.caption == "Design"))
     assert rows["whole system"] == ["the matching condition does not hold: friction and load acts on v"]
-    assert rows["sliding sector"][0].endswith("too steep for the sample time, so the resolved one is taken")
+    assert rows["sliding sector"][0].endswith(
+        "too steep for the sample time, so the law takes the sector of [design] eta"
+    )
     assert rows["PDC, weights NO"] == ["none: infeasible"]
     assert rows["tolerance at rest"] == ["10.0 µm"]  # twice the reach of the bench
 

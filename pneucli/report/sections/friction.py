@@ -143,8 +143,8 @@ def _tables(material: ReportData) -> Iterator[Part]:
         yield Grid("Parameters of the parametric models.", head, rows)
 
 
-def _deviations(table: Table) -> Iterator[Grid]:
-    """Yield the contents of tables 6.2 and 6.3 of the thesis for each channel, test recordings first."""
+def _deviations(table: Table) -> Iterator[Part]:
+    """Yield tables 6.2 and 6.3 of the thesis for each channel, test recordings first, and who runs away."""
     whole = table.where(recording="all") if (table["recording"] == "all").any() else table
     shown_in = [(use, c) for use in ("test", "train") for c in CHANNELS if len(whole.where(use=use, channel=c))]
     rows = []
@@ -161,6 +161,19 @@ def _deviations(table: Table) -> Iterator[Grid]:
         "the model cannot represent."
     )
     yield Grid(caption, ("model", "", *titles, "lacks"), rows)
+    yield from _runaways(whole)
+
+
+def _runaways(table: Table) -> Iterator[Note]:
+    """Yield a note for each model whose velocity deviates by more than the measured range: its piston runs away."""
+    for (model, use), rows in table.where(channel="v").groups("model", "use"):
+        if float(rows["percent"].mean()) > 100.0:
+            rmsd = format_quantity(float(rows["rmsd"].mean()), rows.text("unit"), 3)
+            yield Note(
+                f"The piston of model {model} runs away on the {use} recordings: its velocity deviates by {rmsd}, more "
+                "than the measured range. Beyond its measured velocities the model lacks the friction that holds it.",
+                "warning",
+            )
 
 
 def _deviation(rows: Table) -> list[Cell]:

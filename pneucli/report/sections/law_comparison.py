@@ -13,11 +13,13 @@ from pneucli.messages.formatting import in_display_unit
 from pneucli.report.figure import BLUE, GREEN, GREY, ORANGE, PALETTE, Drawing, drawing, envelope_indices, figures
 from pneucli.report.page_elements import Cell, Grid, Note, Part, Section
 from pneucli.report.report_data import ReportData, Table
+from pneucli.report.sections.closed_loop import format_bounded
 
 Answer = Mapping[str, Any]
 MAX_SAMPLES = 800  # samples of a curve
 MICROMETRES_PER_METRE = 1e6
 THESIS_LAW = "compensated"  # the control law in the figures of the thesis
+OBSERVER_CHOICES = ("friction in the observer", "friction compensated")  # of THESIS_LAW; the selected one is absent
 PRESSURE_WINDOW = 0.25  # s on each side of a pressure step in the magnified figure
 
 
@@ -34,7 +36,10 @@ def section(material: ReportData) -> Section | None:
     parts += [Note(f"Not designed: {name}: {why}.", "warning") for name, why in design["not_made"].items()]
     if design["ablation"]:
         parts.append(_grid("Results of best without one component, otherwise unchanged", design["ablation"], tolerance))
+    if design.get("variants"):
+        parts.append(_grid("Choices of a law that [design] does not select", design["variants"], tolerance))
     parts.append(_grid("The same controllers without the inverse of the valve's map", design["without_map"], tolerance))
+    parts += _pressure_control(design)
     parts.append(_titles(design["controllers"]))
     if len(signals):
         parts += figures([*_errors(signals), *_thesis(signals)])
@@ -51,6 +56,23 @@ def _grid(caption: str, cases: Answer, tolerance: float) -> Grid:
         for name, *figures, verdict in law_comparison.table_rows(cases, tolerance)
     ]
     return Grid(f"{caption}: {law_comparison.COLUMN_LEGEND}.", ("controller", *law_comparison.COLUMN_TITLES), rows)
+
+
+def _pressure_control(design: Answer) -> Iterator[Grid]:
+    """Yield settling time and error of pressure control, with and without the inverse valve map."""
+    rows = []
+    for name, by_scenario in design["compare"].items():
+        bare = design["without_map"].get(f"{name}, no map", {})
+        for scenario, mapped in by_scenario.items():
+            if mapped.get("pressure_rest_pa") is not None:
+                pair = (mapped, bare.get(scenario, {}))
+                settling = [Cell(format_bounded(one.get("pressure_settling_s"))) for one in pair]
+                rest = [Cell(format_bounded(one.get("pressure_rest_pa"))) for one in pair]
+                rows.append([Cell(name, numeric=False), *settling, *rest])
+    if rows:
+        head = ("controller", "settles, s", "without the map", "at rest, Pa", "without the map")
+        caption = "Pressure control with the piston clamped: time to within 2 % of a step, and largest error at rest."
+        yield Grid(caption, head, rows)
 
 
 def _titles(titles: Mapping[str, str]) -> Grid:
@@ -91,7 +113,7 @@ def _thesis(signals: Table) -> Iterator[Drawing]:
         yield _inner(steps)
     loaded = [rows for _, rows in mine.groups("scenario") if np.any(rows["load"] != 0.0)]
     if loaded:
-        yield _load(loaded[0], signals.where(scenario=loaded[0].text("scenario"), controller="best"))
+        yield _load(loaded[0], signals.where(scenario=loaded[0].text("scenario")))
 
 
 def _pressure(rows: Table, bare: Table) -> Iterator[Drawing]:
@@ -152,16 +174,17 @@ def _inner(rows: Table) -> Drawing:
     return one
 
 
-def _load(rows: Table, best: Table) -> Drawing:
+def _load(rows: Table, signals: Table) -> Drawing:
     caption = (
-        "Figure 7.34: the disturbance estimate and the true load. The estimate of the thesis's observer includes dry "
-        "friction; the observer of best models dry friction as a set."
+        "Figure 7.34: the estimate of the disturbance against the known load. An observer with the friction a22(v) "
+        "(7.5, 7.6) estimates the load; one without it estimates the sum of load and dry friction."
     )
+    titles = [THESIS_LAW, *(f"{THESIS_LAW}, {choice}" for choice in OBSERVER_CHOICES), "best"]
     with drawing(caption, "time in s", "force in N") as one:
         one.axes.plot(rows["time"], rows["load"], color=GREY, linewidth=2.5, label="load")
-        for table, label, colour in ((rows, THESIS_LAW, BLUE), (best, "best", GREEN)):
-            if len(table):
-                indices = envelope_indices([table["load_estimate"]], MAX_SAMPLES)
-                one.axes.plot(table["time"][indices], table["load_estimate"][indices], color=colour, label=label)
+        for title, colour in zip(titles, (BLUE, ORANGE, ORANGE, GREEN), strict=True):
+            if len(table := signals.where(controller=title)):
+                kept = envelope_indices([table["load_estimate"]], MAX_SAMPLES)
+                one.axes.plot(table["time"][kept], table["load_estimate"][kept], color=colour, label=title)
         one.axes.legend(loc="upper right")
     return one

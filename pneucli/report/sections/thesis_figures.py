@@ -9,11 +9,12 @@ from matplotlib.ticker import ScalarFormatter
 from numpy.typing import NDArray
 
 from pneucli.messages.formatting import format_number, format_setting, in_display_unit
-from pneucli.physics.gas import CRITICAL_RATIO, exact_flow_function
+from pneucli.physics.gas import CRITICAL_RATIO, PSI_MAX, choked_maximum, choked_ratio, exact_flow_function
 from pneucli.physics.vectorised import flow_functions
 from pneucli.report.figure import BLUE, GREY, ORANGE, Drawing, drawing, envelope_indices, figures
 from pneucli.report.page_elements import Part, Section
 from pneucli.report.report_data import ReportData, Table
+from pneucli.report.sections.thesis_laws import friction_laws, sliding_sectors
 
 Array = NDArray[np.float64]
 KAPPA = 1.4  # of the thesis' own figures
@@ -25,48 +26,59 @@ COMMANDS_PER_SIDE = 3  # commands on each side of the null in figure 7.25
 
 
 def section(material: ReportData) -> Section | None:
-    """Return the figures; absent where neither valve nor friction was identified."""
-    drawings = [*_valve(material), *_slip(material.table("identify/friction_replays"))]
+    """Return the figures; absent where nothing was identified that they could show."""
+    drawings = [*friction_laws(material), *_valve(material), *sliding_sectors(material)]
+    drawings += _slip(material.table("identify/friction_replays"))
     if not drawings:
         return None
     parts: list[Part] = [*figures([*_flow_function(), *drawings])]
     lead = (
         "The figures of the source thesis with this rig's data and the numbers of the thesis. Tables 6.2 and 6.3 and "
-        "figures 6.8 to 6.12 and 6.20 to 6.33 are in the chapters on friction and on tensor-product models, figures "
+        "figures 6.8 to 6.12 and 6.21 to 6.33 are in the chapters on friction and on tensor-product models, figures "
         "7.28 to 7.34 in the one on controllers."
     )
     return Section("thesis", "Figures of the thesis", lead, parts, folded=True)
 
 
 def _flow_function() -> Iterator[Drawing]:
-    """Yield figures 2.4 and 2.5, with the error of the approximation and the thesis's claim of 0.3 %."""
-    ratio = np.linspace(0.0, 1.0, 2001)
+    """Yield figures 2.4 and 2.5, with the claimed and the found error of the approximation."""
+    ratio = np.linspace(0.0, 1.0, 20001)
     exact = np.array([exact_flow_function(float(r), KAPPA) for r in ratio])
-    approximation = flow_functions(ratio, CRITICAL_RATIO)
+    critical, largest = choked_ratio(KAPPA), choked_maximum(KAPPA)
+    above = np.maximum((ratio - critical) / (1.0 - critical), 0.0)
+    near = largest * np.sqrt(np.maximum(1.0 - above**2, 0.0))
     with drawing("Figure 2.4: the flow function of isentropic outflow (2.34).", "pressure ratio", "Ψ") as one:
         one.axes.plot(ratio, exact, color=BLUE)
     yield one
-    off, open_ = np.abs(approximation - exact), exact > 0.0
-    usual = (ratio >= TYPICAL_PRESSURE_RATIOS[0]) & (ratio <= TYPICAL_PRESSURE_RATIOS[1])
-    of_value = off[open_] / exact[open_]
+    open_ = exact > 0.0
+    error = np.abs(near[open_] / exact[open_] - 1.0)
+    rounded = np.abs(flow_functions(ratio[open_], CRITICAL_RATIO) / exact[open_] - 1.0)
     caption = (
-        f"Figure 2.5: the flow function and its approximation (2.42, 2.43). It errs by at most "
-        f"{_percent(off.max() / exact.max())} of the maximum and {_percent(of_value.max())} of the value "
-        f"(claimed: 0.3 %), and by {_percent((off[usual] / exact[usual]).max())} of the value for ratios of 0.2 "
-        "to 0.8 (claimed: less than 0.2 %)."
+        "Figure 2.5: the flow function and its approximation (2.42, 2.43). "
+        f"{_claim(ratio[open_], error, 'With the constants unrounded the approximation')} "
+        f"{_claim(ratio[open_], rounded, 'With 0.528 and 0.484, as the program has them, it')}"
     )
     with drawing(caption, "pressure ratio", "Ψ") as one:
         one.axes.plot(ratio, exact, color=BLUE, label="exact")
-        one.axes.plot(ratio, approximation, "--", color=ORANGE, label="approximation")
-        error = one.axes.twinx()
-        error.plot(ratio[open_], 100.0 * of_value, color=GREY, linewidth=0.9)
-        error.set_ylabel("error in % of the value")
+        one.axes.plot(ratio, near, "--", color=ORANGE, label="approximation")
+        axes = one.axes.twinx()
+        axes.plot(ratio[open_], 100.0 * error, color=GREY, linewidth=0.9)
+        axes.set_ylabel("error in % of the value")
         one.axes.legend(loc="lower left")
     yield one
 
 
+def _claim(ratio: Array, error: Array, subject: str) -> str:
+    """Return the largest relative error over all ratios and over the usual ones, with the claims of the thesis."""
+    usual = (ratio >= TYPICAL_PRESSURE_RATIOS[0]) & (ratio <= TYPICAL_PRESSURE_RATIOS[1])
+    return (
+        f"{subject} is off by at most {_percent(error.max())} of the value (claimed: 0.3 %), and by "
+        f"{_percent(error[usual].max())} for ratios of 0.2 to 0.8 (claimed: less than 0.2 %)."
+    )
+
+
 def _percent(share: float) -> str:
-    return f"{format_number(100.0 * float(share), 2)} %"
+    return f"{format_number(100.0 * float(share), 3)} %"
 
 
 def _valve(material: ReportData) -> Iterator[Drawing]:
@@ -77,7 +89,7 @@ def _valve(material: ReportData) -> Iterator[Drawing]:
     if len(curves):
         fill, vent = (_strongest(curves, sign) for sign in (1.0, -1.0))
         if fill is not None:
-            yield from _inflation(fill, float(in_display_unit(curves["fitted"].max(), "Pa")))
+            yield from _inflation(fill, *_supply(material, fill, curves))
         if vent is not None:
             yield from _deflation(vent)
     if len(areas):
@@ -121,21 +133,34 @@ def _curve(caption: str, rows: Table, scale: str = "linear") -> Drawing:
     return one
 
 
-def _inflation(rows: Table, supply: float) -> Iterator[Drawing]:
-    """Yield the figures of one inflation; ``supply`` (bar) is the highest pressure that any curve reaches."""
+def _supply(material: ReportData, rows: Table, curves: Table) -> tuple[float, str]:
+    """Return the supply pressure in bar of a curve and its origin: the recording, or the highest pressure reached."""
+    signals = material.table("ingest/signals")
+    if "p_supply" in signals:
+        recorded = signals.where(recording=rows.text("recording"))["p_supply"]
+        if len(recorded) and np.isfinite(recorded).any():
+            return float(in_display_unit(np.nanmedian(recorded), "Pa")), "recorded supply pressure"
+    return float(in_display_unit(curves["fitted"].max(), "Pa")), "highest pressure reached"
+
+
+def _inflation(rows: Table, supply: float, origin: str) -> Iterator[Drawing]:
+    """Yield the figures of one inflation; ``supply`` (bar) is the ``origin`` of its pressure ratio."""
     yield _curve("Figures 7.16 and 7.19: inflation pressure curve.", rows)
     p, gradient = in_display_unit(rows["fitted"], "Pa"), in_display_unit(rows["gradient"], "Pa/s")
     most = float(np.nanmax(gradient))
-    caption = "Figure 7.18: flow coefficient from the inflation curve, relative to its maximum, and equation (2.42)."
-    with drawing(caption, "pressure over the highest pressure", "Ψ / Ψ max") as one:
+    caption = "Figure 7.18: flow coefficient from the inflation curve, over its largest value, and (2.42)."
+    with drawing(caption, f"pressure over the {origin}", "Ψ / Ψ max") as one:
         ratio = p / supply
         one.axes.plot(ratio, gradient / most, color=BLUE, label="measured")
-        one.axes.plot(ratio, flow_functions(ratio, CRITICAL_RATIO) / 0.484, "--", color=ORANGE, label="(2.42)")
+        one.axes.plot(ratio, flow_functions(ratio, CRITICAL_RATIO) / PSI_MAX, "--", color=ORANGE, label="(2.42)")
         one.axes.legend(loc="upper right")
     yield one
-    caption = "Figure 7.20: mass flow of the inflation as pressure gradient (2.22): constant while choked."
-    with drawing(caption, "pressure in bar", "pressure gradient in bar/s") as one:
-        one.axes.plot(p, gradient, color=BLUE)
+    known = "mass_flow" in rows and bool(np.isfinite(rows["mass_flow"]).any())
+    flow, title = (1e3 * rows["mass_flow"], "mass flow in g/s") if known else (gradient, "pressure gradient in bar/s")
+    told = "" if known else ", as the gradient that it makes (2.22), since the volume of the vessel is not known"
+    caption = f"Figure 7.20: mass flow of the inflation{told}: constant while choked."
+    with drawing(caption, "pressure in bar", title) as one:
+        one.axes.plot(p, flow, color=BLUE)
         one.axes.set_ylim(bottom=0)
     yield one
 

@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 from pneucli.identify.estimation.fit import Estimate
 from pneucli.identify.valve import IsoConductance, LackOfFit, ValveIdentification
+from pneucli.identify.valve.identification import known_vessel_volume
 from pneucli.identify.valve.iso6358 import Characteristic
 from pneucli.identify.valve.maps import Z95
 from pneucli.io.artifacts import Provenance, write_table
@@ -48,7 +49,8 @@ def write_valves(
         ),
         "valve_curves": (
             _curves,
-            {"time": "s", "measured": "Pa", "fitted": "Pa"} | dict.fromkeys(GRADIENT_COLUMNS, "Pa/s"),
+            {"time": "s", "measured": "Pa", "fitted": "Pa", "mass_flow": "kg/s"}
+            | dict.fromkeys(GRADIENT_COLUMNS, "Pa/s"),
         ),
     }
     both = valves[0].area_model.model_gradient.model.rig.arrangement.drives_both
@@ -132,7 +134,19 @@ def _curves(valve: ValveIdentification) -> Columns:
     columns: Columns = {"recording": named, "u": np.repeat(np.array([c.u for c in curves]), sizes)}
     for name in ("time", "measured", "fitted", *GRADIENT_COLUMNS):
         columns[name] = np.concatenate([np.zeros(0), *(getattr(c, name) for c in curves)])
+    columns["mass_flow"] = mass_flow(valve, columns["gradient"])
     return columns
+
+
+def mass_flow(valve: ValveIdentification, gradient: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return the mass flow (kg/s) of a gradient dp/dt (Pa/s) in the vessel, q = V dp/dt / (n R T), thesis (2.22).
+
+    NaN if the volume of the vessel is not known.
+    """
+    model = valve.area_model.model_gradient.model
+    base, volume = model.base_values(), known_vessel_volume(model)
+    per_flow = base["rig.polytropic_exponent"] * base["rig.gas_constant"] * base["rig.gas_temperature"]
+    return gradient * ((np.nan if volume is None else volume) / per_flow)
 
 
 def iso_parameters(valve: ValveIdentification) -> list[Row]:

@@ -1,0 +1,111 @@
+"""Figures of the thesis on friction laws and sliding sectors: 3.1 to 3.4, 3.6, 5.1, 6.20 and 8.6."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pneucli.physics.vectorised import stribeck_friction
+from pneucli.report.figure import BLUE, GREEN, GREY, ORANGE, Drawing, drawing, envelope_indices
+from pneucli.report.report_data import ReportData, Table
+
+Array = NDArray[np.float64]
+MAX_SAMPLES = 2000  # of a curve
+SPEEDS = 20.0  # Stribeck velocities that the friction figures show to either side
+MARGIN = 1.1  # of the axes beyond the trajectory
+
+
+def friction_laws(material: ReportData) -> Iterator[Drawing]:
+    """Yield figures 3.1 to 3.4 from the parameters of model A, and 3.6 from those of model D."""
+    parameters = material.table("identify/friction_parameters")
+    found = {str(model): _values(rows) for (model,), rows in parameters.groups("model")} if len(parameters) else {}
+    if "A" in found:
+        yield _steady_laws(found["A"][""])
+    if {"accelerating", "slowing"} <= set(found.get("D", {})):
+        yield _branches(found["D"])
+
+
+def _values(rows: Table) -> dict[str, dict[str, float]]:
+    """Return the parameters of a model by branch; those of both branches under the empty name."""
+    found: dict[str, dict[str, float]] = {}
+    for branch, name, value in zip(rows["branch"], rows["name"], rows["value"], strict=True):
+        found.setdefault("" if branch == "both" else str(branch), {})[str(name)] = float(value)
+    return found
+
+
+def _speeds(velocity: float) -> Array:
+    top = SPEEDS * velocity
+    return np.concatenate([np.linspace(-top, -1e-9, MAX_SAMPLES // 2), np.linspace(1e-9, top, MAX_SAMPLES // 2)])
+
+
+def _steady_laws(c: Mapping[str, float]) -> Drawing:
+    coulomb, viscous, static, velocity = (c[name] for name in ("coulomb", "viscous", "static", "velocity"))
+    v = _speeds(velocity)
+    plain = stribeck_friction(v, coulomb, viscous, coulomb)
+    caption = (
+        "Figures 3.1 to 3.4: Coulomb friction (3.1), with viscous friction (3.3), with a break-away force (3.4), and "
+        "Stribeck friction (3.6), with the parameters of model A."
+    )
+    with drawing(caption, "velocity in mm/s", "friction in N") as one:
+        one.axes.plot(1e3 * v, coulomb * np.sign(v), color=GREY, label="3.1: Coulomb")
+        one.axes.plot(1e3 * v, plain, color=GREEN, label="3.2: and viscous")
+        one.axes.plot([0.0, 0.0], [-static, static], "o", color=ORANGE, markersize=4, label="3.3: break-away force")
+        stribeck = stribeck_friction(v, coulomb, viscous, static, velocity)
+        one.axes.plot(1e3 * v, stribeck, color=BLUE, label="3.4: Stribeck")
+        one.axes.legend(loc="upper left")
+    return one
+
+
+def _branches(branches: Mapping[str, Mapping[str, float]]) -> Drawing:
+    up, down = branches["accelerating"], branches["slowing"]
+    v = _speeds(up["velocity"])
+    v = v[v > 0.0]
+    caption = "Figure 3.6: friction on two branches (3.7): Stribeck accelerating, Coulomb and viscous slowing."
+    with drawing(caption, "velocity in mm/s", "friction in N") as one:
+        rising = stribeck_friction(v, up["coulomb"], up["viscous"], up["static"], up["velocity"])
+        one.axes.plot(1e3 * v, rising, color=BLUE, label="accelerating")
+        falling = stribeck_friction(v, down["coulomb"], down["viscous"], down["coulomb"])
+        one.axes.plot(1e3 * v, falling, color=ORANGE, label="slowing")
+        one.axes.set_ylim(bottom=0)
+        one.axes.legend(loc="upper right")
+    return one
+
+
+def sliding_sectors(material: ReportData) -> Iterator[Drawing]:
+    """Yield figures 5.1, 6.20 and 8.6: the sector of the law, and the trajectory of its steps in it."""
+    sector = material.answer("design").get("sector", {}).get("design")
+    signals = material.table("design/comparison_signals")
+    if sector is None or not len(signals):
+        return
+    rows = signals.where(controller="sector", scenario="steps")
+    if len(rows):
+        yield _trajectory(sector, rows)
+
+
+def _trajectory(sector: Mapping[str, Any], rows: Table) -> Drawing:
+    x1 = 1e3 * (rows["x"] - rows["x_shaped"])
+    x2 = 1e3 * (rows["v"] - np.gradient(rows["x_shaped"], rows["time"]))
+    caption = (
+        "Figures 5.1, 6.20 and 8.6: the sliding sector (5.11-5.14) between lines of slope "
+        f"{sector['lambda_1']:.3g} and {sector['lambda_2']:.3g} 1/s (eta {sector['eta']:.3g} s/m), regions R1 (M acts "
+        "against +x), R2 (M acts toward +x) and R3 (the sector), and the trajectory of the law in the scenario steps."
+    )
+    with drawing(caption, "error x1 of the position in mm", "rate x2 of the error in mm/s", height=3.4) as one:
+        edge = MARGIN * float(np.max(np.abs(x1)))
+        line = np.array([-edge, edge])
+        lower, upper = -sector["lambda_1"] * line, -sector["lambda_2"] * line
+        one.axes.fill_between(line, lower, upper, color=GREY, alpha=0.2, linewidth=0)
+        one.axes.plot(line, lower, color=GREEN, linewidth=0.9, label="s1 = 0")
+        one.axes.plot(line, upper, color=ORANGE, linewidth=0.9, label="s2 = 0")
+        kept = envelope_indices([x1, x2], MAX_SAMPLES)
+        one.axes.plot(x1[kept], x2[kept], color=BLUE, linewidth=0.8, label="trajectory")
+        top = MARGIN * float(np.max(np.abs(x2)))
+        one.axes.set_xlim(-edge, edge)
+        one.axes.set_ylim(-top, top)
+        for name, x, y in (("R1", 0.6, 0.8), ("R2", -0.7, -0.85), ("R3", -0.9, 0.6)):
+            one.axes.annotate(name, (x * edge, y * top))
+        one.axes.legend(loc="lower left")
+    return one
