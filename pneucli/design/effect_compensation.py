@@ -183,8 +183,8 @@ def sensor_delay(model: Model) -> float:
 
 
 def flow_delay(model: Model) -> float:
-    """Return the time in s that the flow takes from valve to chamber."""
-    return model.sum_of_port("flow_delay")
+    """Return the time in s that the flow takes from valve to chamber, the longer one of both."""
+    return model.sum_of_port("flow_delay") + max(model.sum_of_port(f"flow_delay_{chamber}") for chamber in (1, 2))
 
 
 @dataclass(frozen=True)
