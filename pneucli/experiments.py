@@ -10,7 +10,7 @@ from dataclasses import dataclass
 from typing import Literal
 
 ExperimentName = Literal["valve", "friction", "axis", "closed-loop"]
-Part = Literal["gas", "chamber", "chamber 2", "cylinder", "supply", "line", "valve", "linear valve", "sensor"]
+Part = Literal["gas", "chamber", "chamber 2", "cylinder", "supply", "line", "line 2", "valve", "linear valve", "sensor"]
 
 PNEUMATIC_PARTS: frozenset[Part] = frozenset({"gas", "line", "valve", "linear valve", "supply"})
 
@@ -60,11 +60,11 @@ class ExperimentKind:
         """Whether a valve drives a piston."""
         return self.valve and self.cylinder
 
-    def parts(self, *, cylinder_known: bool, supply_recorded: bool, chamber_2_shut: bool = False) -> frozenset[Part]:
+    def parts(self, *, cylinder_known: bool, supply_recorded: bool, chamber_2: str | None = None) -> frozenset[Part]:
         """Return the parts that stand on the bench and can show (interface, section 5).
 
-        A vessel is the chamber of a rig without a cylinder; a supply that is recorded is an input. Chamber 2 shows
-        where it is ``chamber_2_shut``, by its end or by a valve.
+        A vessel is the chamber of a rig without a cylinder; a supply that is recorded is an input. ``chamber_2`` as
+        a recording has it: it shows where it is shut, its hose where a valve fills it.
         """
         found: set[Part] = {"sensor"}
         if self.valve:
@@ -73,8 +73,10 @@ class ExperimentKind:
             found.add("cylinder")
         if self.axis or (self.vessel and not cylinder_known):
             found.add("chamber")
-        if self.axis and chamber_2_shut:
+        if self.axis and chamber_2 in ("closed", "valve"):
             found.add("chamber 2")
+        if self.axis and chamber_2 == "valve":
+            found.add("line 2")
         return frozenset(found)
 
 

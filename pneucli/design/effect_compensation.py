@@ -186,8 +186,8 @@ def sensor_delay(model: Model) -> float:
 
 
 def flow_delay(model: Model) -> float:
-    """Return the delay in s of the flow from valve to chamber."""
-    return model.sum_of_port("flow_delay")
+    """Return the delay in s of the flow from valve to chamber, the longer one of both chambers."""
+    return model.sum_of_port("flow_delay") + max(model.sum_of_port(f"flow_delay_{chamber}") for chamber in (1, 2))
 
 
 @dataclass(frozen=True)

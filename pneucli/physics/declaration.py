@@ -76,6 +76,8 @@ PORTS: dict[str, Port] = {
         "Pa: supply pressure at the valve, q kg/s leaving, k_gas = kappa R T; a state of 0 means not yet set",
     ),
     "flow_delay": Port((), "sum", "gas", "s by which the valve's flow arrives later in the chamber", memory=True),
+    "flow_delay_1": Port((), "sum", "gas", "s by which it arrives later still in chamber 1", memory=True),
+    "flow_delay_2": Port((), "sum", "gas", "s by which it arrives later still in chamber 2", memory=True),
     "dry_rise": Port(
         ("coulomb", "v"), "sum", "friction", "N of dry friction above Coulomb's at v while speeding up or at rest"
     ),

@@ -11,12 +11,14 @@ from collections.abc import Iterable
 from dataclasses import replace
 from typing import Literal
 
+from pneucli.experiments import Part
 from pneucli.physics.declaration import PORTS, Effect
 
 Chamber = Literal[1, 2]
 SEPARATOR = ":"
 _SIDED_TEXT = re.compile(r"(?<![\w.])(chamber |[pVA]_?|V_\{0|p_\{)([12])(?!\d|\.\d)")
 _FROM_THE_OTHER_END = {"x = 0": "x = stroke", "A_1 x": "A_1 (L - x)"}
+_SPLIT_PORTS = ("flow_delay",)  # of both sides; each has a port of its own as well
 _SIDED_PORT = re.compile(r"(leak|volume|read_p|unread_p)(_?)([12])(_ambient)?")
 
 
@@ -33,8 +35,8 @@ def variants(effect: Effect) -> list[Effect]:
     >>> [variant.name for variant in variants(catalogue()["chamber-leak"])]
     ['chamber-leak:2']
     """
-    sides = {_side_of(port) for port in effect.ports}
-    if None in sides or not sides:
+    sides = {side for port in effect.ports for side in _sides_of(port)}
+    if not sides or not all(_sides_of(port) for port in effect.ports):
         return []
     wanted: tuple[Chamber, ...] = (1, 2) if sides == {1, 2} else (2,)
     return [_on_side(effect, chamber) for chamber in wanted]
@@ -73,29 +75,51 @@ def declared_name(name: str) -> str:
     return name.partition(SEPARATOR)[0]
 
 
-def _side_of(port: str) -> int | None:
-    """Return the chamber of a port; None for a port of no single chamber."""
+def _sides_of(port: str) -> set[int]:
+    """Return the chambers at which a port stands; none for one that has no side."""
+    if port in _SPLIT_PORTS:
+        return {1, 2}
     parts = _SIDED_PORT.fullmatch(port)
-    return int(parts[3]) if parts else None
+    return {int(parts[3])} if parts else set()
 
 
 def _on_side(effect: Effect, chamber: Chamber) -> Effect:
-    both = {_side_of(port) for port in effect.ports} == {1, 2}
-    kept = {p: f for p, f in effect.ports.items() if not both or _side_of(p) == chamber}
-    ports = {_mirrored(port) if chamber == 2 and not both else port: f for port, f in kept.items()}
+    both = {side for port in effect.ports for side in _sides_of(port)} == {1, 2}
+    split = any(port in _SPLIT_PORTS for port in effect.ports)
+    kept = {p: f for p, f in effect.ports.items() if not both or chamber in _sides_of(p)}
+    ports = {_port_of(port, chamber, mirrored=not both): f for port, f in kept.items()}
     return replace(
         effect,
         name=f"{effect.name}{SEPARATOR}{chamber}",
-        title=f"{effect.title} of p{chamber} alone" if both else _mirrored_text(effect.title),
-        part="chamber 2" if chamber == 2 and effect.part == "chamber" else effect.part,
+        title=_title_of(effect.title, chamber, both=both, split=split),
+        part=_part_of(effect.part, chamber),
         ports=ports,
         equation=effect.equation if both else _mirrored_text(effect.equation),
         looks_like=effect.looks_like if both else _mirrored_text(effect.looks_like),
         shows_over=effect.shows_over if both else _mirrored_text(effect.shows_over),
         separate=effect.separate if both else _mirrored_text(effect.separate),
-        needs=frozenset({"p1", "p2"}) if both else frozenset(),
+        needs=frozenset({"p1", "p2"}) if both and not split else frozenset(),
         side=chamber,
     )
+
+
+def _title_of(title: str, chamber: Chamber, *, both: bool, split: bool) -> str:
+    if split:
+        return f"{title} {chamber}"
+    return f"{title}: p{chamber} alone" if both else _mirrored_text(title)
+
+
+def _part_of(part: Part, chamber: Chamber) -> Part:
+    """Return the part of a variant: a hose shows its side only where a valve fills the other one as well."""
+    if part == "line":
+        return "line 2"
+    return "chamber 2" if chamber == 2 and part == "chamber" else part
+
+
+def _port_of(port: str, chamber: Chamber, *, mirrored: bool) -> str:
+    if port in _SPLIT_PORTS:
+        return f"{port}_{chamber}"
+    return _mirrored(port) if chamber == 2 and mirrored else port
 
 
 def _mirrored(port: str) -> str:

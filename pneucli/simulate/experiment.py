@@ -79,9 +79,11 @@ class Experiment:
     @cached_property
     def parts(self) -> frozenset[Part]:
         """The parts of the rig whose effects can act in this experiment."""
-        recorded, shut = "p_supply" in self.recording, self.recording.chamber_2 in ("closed", "valve")
-        return self.recording.kind.parts(
-            cylinder_known=self.rig.has_cylinder, supply_recorded=recorded, chamber_2_shut=shut
+        recording = self.recording
+        return recording.kind.parts(
+            cylinder_known=self.rig.has_cylinder,
+            supply_recorded="p_supply" in recording,
+            chamber_2=recording.chamber_2,
         )
 
     def can_show(self, effect: Effect) -> bool:

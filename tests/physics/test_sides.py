@@ -4,12 +4,15 @@ from __future__ import annotations
 
 from dataclasses import replace
 
+import numpy as np
 import pytest
 
 from pneucli.physics.declaration import PORTS
 from pneucli.physics.effects import all_effects, catalogue, catalogue_with_sides
 from pneucli.physics.sides import declared_name, variants
-from tests.simulate.synthetic_experiments import make_experiment, time_grid
+from pneucli.simulate.model import Model
+from pneucli.simulate.run import simulate
+from tests.simulate.synthetic_experiments import FRICTION, VALVE, make_experiment, time_grid
 
 
 @pytest.mark.parametrize(
@@ -19,6 +22,8 @@ from tests.simulate.synthetic_experiments import make_experiment, time_grid
         ("laminar-leak:2", {"leak_2_ambient"}),
         ("dead-volume:2", {"volume_2"}),
         ("pressure-offset:2", {"read_p2", "unread_p2"}),
+        ("line-delay:1", {"flow_delay_1"}),
+        ("line-delay:2", {"flow_delay_2"}),
         ("pressure-scale:1", {"read_p1", "unread_p1"}),
         ("pressure-scale:2", {"read_p2", "unread_p2"}),
     ],
@@ -47,7 +52,7 @@ def test_a_variant_speaks_of_its_chamber() -> None:
     assert known["dead-volume:2"].equation == "$V_2 = V_{02} + V_{add} + A_2 (L - x)$"
     assert "leaving chamber 2" in known["laminar-leak:2"].equation
     assert known["pressure-offset:2"].shows_over == "p2"
-    assert known["pressure-scale:2"].title.endswith("of p2 alone")
+    assert known["pressure-scale:2"].title.endswith("p2 alone")
 
 
 def test_the_declared_effects_are_as_they_were() -> None:
@@ -58,19 +63,23 @@ def test_the_declared_effects_are_as_they_were() -> None:
 @pytest.mark.parametrize(
     ("signals", "chamber_2", "shown"),
     [
-        ({"u", "p1", "x"}, "open", {"chamber-leak", "pressure-scale", "pressure-offset"}),
-        ({"u", "p1", "x"}, "closed", {"chamber-leak", "chamber-leak:2", "pressure-scale", "pressure-offset"}),
+        ({"u", "p1", "x"}, "open", {"chamber-leak", "line-delay", "pressure-scale", "pressure-offset"}),
+        (
+            {"u", "p1", "x"},
+            "closed",
+            {"chamber-leak", "chamber-leak:2", "line-delay", "pressure-scale", "pressure-offset"},
+        ),
         (
             {"u", "p1", "p2", "x"},
             "valve",
             {"chamber-leak", "chamber-leak:2", "pressure-scale", "pressure-scale:1", "pressure-scale:2"}
-            | {"pressure-offset", "pressure-offset:2"},
+            | {"pressure-offset", "pressure-offset:2", "line-delay", "line-delay:1", "line-delay:2"},
         ),
         (
             {"u", "p1", "p2", "x", "a"},
             "open",
             {"chamber-leak", "pressure-scale", "pressure-scale:1", "pressure-scale:2", "acceleration-bias"}
-            | {"pressure-offset", "pressure-offset:2"},
+            | {"pressure-offset", "pressure-offset:2", "line-delay"},
         ),
     ],
 )
@@ -80,6 +89,23 @@ def test_an_effect_can_show_where_its_chamber_is_shut_and_its_sensor_recorded(
     e = make_experiment("axis", time_grid(0.1), dict.fromkeys(signals, 0.0), chamber_2=chamber_2)
     raw = {name: values for name, values in e.raw.items() if name in signals}
     e = replace(e, raw=raw)
-    asked = {"chamber-leak", "pressure-scale", "pressure-offset", "acceleration-bias"}
+    asked = {"chamber-leak", "line-delay", "pressure-scale", "pressure-offset", "acceleration-bias"}
     found = {n for n, effect in catalogue_with_sides().items() if declared_name(n) in asked and e.can_show(effect)}
     assert found == shown
+
+
+@pytest.mark.parametrize("chamber", [1, 2])
+def test_a_hose_delays_the_flow_of_its_own_chamber(chamber: int) -> None:
+    """Both chambers are filled from 10 ms on; through a hose of 20 ms one begins that much later."""
+    time = time_grid(0.08)
+    signals = {"u": np.where(time < 0.01, 0.0, 5.0), "u2": np.where(time < 0.01, 0.0, 5.0), "x": 0.1, "v": 0.0}
+    e = make_experiment("axis", time, signals, chamber_2="valve").without_mechanics()
+    name = f"line-delay:{chamber}"
+    delayed = replace(
+        Model(e.rig, (catalogue_with_sides()[name],), {**FRICTION, f"{name}.delay": 0.02}, VALVE), valve_2=VALVE
+    )
+    plain = Model(e.rig, (), FRICTION, VALVE, VALVE)
+    for side in (1, 2):
+        late, soon = simulate(delayed, e)[f"p{side}"], simulate(plain, e)[f"p{side}"]
+        shift = 20 if side == chamber else 0
+        assert late[shift:] == pytest.approx(soon[: soon.size - shift], rel=1e-3)

@@ -49,6 +49,14 @@ def flow_delay(th, on):
     return 0.0
 
 
+def flow_delay_1(th, on):
+    return 0.0
+
+
+def flow_delay_2(th, on):
+    return 0.0
+
+
 def dry_rise(coulomb, v, th, on):
     return 0.0
 

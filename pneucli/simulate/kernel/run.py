@@ -12,6 +12,8 @@ from pneucli.simulate.kernel.ports import (
     command,
     critical_ratio,
     flow_delay,
+    flow_delay_1,
+    flow_delay_2,
     force,
     has_heat,
     leak_1_2,
@@ -137,9 +139,11 @@ def run(time, inputs, restarts, base_values, th_values, on_values, flags, areas,
     bias = (area_1 - area_2) * p_amb
     null, lower, upper = base[NULL], base[LOWER_END], base[UPPER_END]
 
-    delay = flow_delay(th, on)
+    delay_1 = flow_delay(th, on) + flow_delay_1(th, on)
+    delay_2 = flow_delay(th, on) + flow_delay_2(th, on)
+    delay = max(delay_1, delay_2)
     ring = np.full((max_steps_within(time, h_max, delay + h_max) + 2 if delay > 0.0 else 1, 5), -1e30)
-    head, tail = 0, ring.shape[0] - 1
+    head, tail, tail_2 = 0, ring.shape[0] - 1, ring.shape[0] - 1
     s1, s2 = np.full(on_values.size, flags[INITIAL_U]), np.full(on_values.size, flags[INITIAL_U2])
     s_supply, before = np.zeros(on_values.size), np.zeros(2)
 
@@ -237,7 +241,10 @@ def run(time, inputs, restarts, base_values, th_values, on_values, flags, areas,
                 # without back-flow: delayed, it would oscillate as no hose does
                 ring[head, 0], ring[head, 1], ring[head, 2] = t, max(q_in, 0.0), max(q_out, 0.0)
                 ring[head, 3], ring[head, 4] = max(more_in, 0.0), max(more_out, 0.0)
-                q_in, q_out, more_in, more_out, tail = delayed_flows(ring, tail, t - delay)
+                if delay_1 > 0.0:
+                    q_in, q_out, _, _, tail = delayed_flows(ring, tail, t - delay_1)
+                if delay_2 > 0.0:
+                    _, _, more_in, more_out, tail_2 = delayed_flows(ring, tail_2, t - delay_2)
                 head = head + 1 if head + 1 < ring.shape[0] else 0
             across = leak_1_2(p1_mid, p2_mid, k1, th, on)
             q_out += across + leak_1_ambient(p1_mid, p_amb, k1, th, on)
