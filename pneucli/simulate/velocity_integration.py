@@ -21,10 +21,10 @@ from pneucli.simulate.local_polynomials import LocalPolynomialSmoother
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
 
-MIN_REST_SAMPLES = 9  # samples at least, over which a rest is recognised
-REST_NOISE_RATIO = 1.5  # times the sensor's noise, beyond which an accelerometer is not at rest
-ZERO_VELOCITY_SIGMA = 5.0  # standard deviations of the integrated noise
-JUMP_ERROR_RATIO = 0.3  # of a jump in acceleration times the period: uniform over the period, 1 / sqrt(12)
+MIN_REST_SAMPLES = 9  # over which a rest is recognised
+REST_NOISE_RATIO = 1.5  # times the sensor's noise, beyond which the piston is not at rest
+ZERO_VELOCITY_SIGMA = 5.0  # standard deviations of the integrated noise, within which the velocity counts as zero
+JUMP_ERROR_RATIO = 0.3  # of a jump in acceleration times the period: a uniform instant has 1 / sqrt(12)
 
 
 @dataclass(frozen=True)
@@ -52,7 +52,7 @@ class IntegratedMotion:
         else:
             v = integrate_between_rests(self.time, signals["a"], self.rest)
             v[self.rest] = 0.0
-        return self.start + cumulative_trapezoid(v, self.time, initial=0), v
+        return self.start + cumulative_trapezoid(v, self.time, initial=0.0), v
 
 
 def integrated_motion(
@@ -88,55 +88,84 @@ def without_constant_position(signals: Mapping[str, Array], noise: Mapping[str, 
 
 
 def integrate_between_rests(time: Array, a: Array, rest: Mask) -> Array:
-    """Return the velocity (m/s) from acceleration (m/s^2), shape (n,), made zero at every sample of ``rest``.
+    """Integrate an acceleration to a velocity that is zero at every rest (zero-velocity update).
 
-    What has gathered between two rests is taken away as a straight line (zero-velocity update).
+    The drift between two rests is removed as a straight line.
+
+    Args:
+        time: Stamps in s, shape (n,).
+        a: Acceleration in m/s^2, shape (n,).
+        rest: Where the piston rests, shape (n,).
+
+    Returns:
+        The velocity in m/s, shape (n,).
+
     """
     v = np.concatenate([[0.0], cumulative_trapezoid(a, time)])
     return np.asarray(v - np.interp(time, time[rest], v[rest]))
 
 
 def rest_mask(time: Array, a: Array, noise: NoiseModel) -> Mask:
-    """Return where an accelerometer says that the piston rests, shape (n,).
+    """Detect rests from an accelerometer.
 
-    Quiet stretches, but not those of steady sliding: the velocity gathered since the last rest must be zero within
-    what the sensor's noise, the uncertainty of its bias and the sampling of jumps add up to. The first quiet stretch
-    is a rest.
+    Rests are quiet spans except those of steady sliding: the velocity gained since the last rest must be zero within
+    the tolerance of the sensor's noise, of the bias, and of the sampling of jumps. The first quiet span is a rest.
+
+    Args:
+        time: Stamps in s, shape (n,).
+        a: Acceleration in m/s^2, shape (n,).
+        noise: Noise of the accelerometer.
+
+    Returns:
+        The mask, shape (n,).
+
     """
     window = correlation_samples(a, noise)
-    at_median = a[_is_quiet(a - np.median(a), noise, window)] if a.size else a
-    if not at_median.size:
+    near_median = a[_is_quiet(a - np.median(a), noise, window)] if a.size else a
+    if not near_median.size:
         return np.zeros(a.size, dtype=bool)
-    level = np.median(at_median)
-    quiet = _is_quiet(a - level, noise, window)
-    edges = np.flatnonzero(np.diff(np.concatenate([[0], quiet.astype(np.int8), [0]])))
+    bias_guess = np.median(near_median)
+    is_quiet = _is_quiet(a - bias_guess, noise, window)
+    edges = np.flatnonzero(np.diff(np.concatenate([[0], is_quiet.astype(np.int8), [0]])))
     rest = np.zeros(a.size, dtype=bool)
     dt = float(np.median(np.diff(time)))
-    known, total, last = 0, 0.0, 0
+    rest_samples, rest_sum, last_rest_end = 0, 0.0, 0
     for start, stop in edges.reshape(-1, 2):
-        bias = total / known if known else float(np.mean(a[start:stop]))
-        gathered = float(np.sum(a[last:start] - bias)) * dt
-        steps = start - last
-        missed = JUMP_ERROR_RATIO * float(np.linalg.norm(np.diff(a[last : start + 1])))
-        spread = dt * np.hypot(noise.rms * np.sqrt(steps + steps**2 / max(known, window)), missed)
-        if known == 0 or abs(gathered) <= ZERO_VELOCITY_SIGMA * spread:
+        bias = rest_sum / rest_samples if rest_samples else float(np.mean(a[start:stop]))
+        gained_velocity = float(np.sum(a[last_rest_end:start] - bias)) * dt
+        steps = start - last_rest_end
+        jump_error = JUMP_ERROR_RATIO * float(np.linalg.norm(np.diff(a[last_rest_end : start + 1])))
+        tolerance = dt * np.hypot(noise.rms * np.sqrt(steps + steps**2 / max(rest_samples, window)), jump_error)
+        if rest_samples == 0 or abs(gained_velocity) <= ZERO_VELOCITY_SIGMA * tolerance:
             rest[start:stop] = True
-            known, total, last = known + stop - start, total + float(np.sum(a[start:stop])), int(stop)
+            rest_samples, rest_sum, last_rest_end = (
+                rest_samples + stop - start,
+                rest_sum + float(np.sum(a[start:stop])),
+                int(stop),
+            )
     return rest
 
 
 def correlation_samples(a: Array, noise: NoiseModel) -> int:
-    """Return over how many samples an acceleration stays what it is, at least ``MIN_REST_SAMPLES``.
+    """Estimate over how many samples an acceleration is correlated.
 
-    Half of the time after which its autocovariance has halved.
+    That is half of the time in which its autocovariance halves.
+
+    Args:
+        a: Acceleration in m/s^2, shape (n,).
+        noise: Noise of the accelerometer.
+
+    Returns:
+        The number of samples, at least ``MIN_REST_SAMPLES``.
+
     """
     power = np.abs(np.fft.rfft(a - a.mean(), 2 * a.size)) ** 2
     covariance = np.fft.irfft(power)[: a.size] / a.size
-    below = np.flatnonzero(covariance < 0.5 * (covariance[0] - noise.rms**2))
-    return max(int(below[0]) // 2, MIN_REST_SAMPLES) if below.size else MIN_REST_SAMPLES
+    halved = np.flatnonzero(covariance < 0.5 * (covariance[0] - noise.rms**2))
+    return max(int(halved[0]) // 2, MIN_REST_SAMPLES) if halved.size else MIN_REST_SAMPLES
 
 
 def _is_quiet(a: Array, noise: NoiseModel, window: int) -> Mask:
-    """Return windows whose power is that of the noise alone; a window's outer quarters stay outside."""
-    loud = uniform_filter1d(a**2, window, mode="reflect") > (REST_NOISE_RATIO * noise.rms) ** 2
-    return np.asarray(~loud)
+    """Mask samples whose windowed power is that of the noise alone."""
+    exceeds_noise = uniform_filter1d(a**2, window, mode="reflect") > (REST_NOISE_RATIO * noise.rms) ** 2
+    return np.asarray(~exceeds_noise)
