@@ -13,7 +13,6 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.stats import norm
 
 from pneucli.changes.baseline import Baseline
 from pneucli.changes.comparison import ALARM_RATE, UNEXPLAINED, Comparison, HypothesisTest
@@ -23,6 +22,7 @@ from pneucli.identify.estimation.fit import Fit
 from pneucli.identify.estimation.parameters import null_value
 from pneucli.identify.residuals import ResidualModel
 from pneucli.physics.declaration import Effect
+from pneucli.quantities import Z95
 from pneucli.simulate.model import Model
 
 Array = NDArray[np.float64]
@@ -101,7 +101,7 @@ def attribute_changes(
 
 def _unexplained(level: HypothesisTest, confidence: float) -> Change:
     """Return that the residual has changed, in units of noise, and nothing that is known accounts for it."""
-    edge = norm.ppf(0.975) * level.error
+    edge = Z95 * level.error
     after, low, high = (float(np.exp(0.5 * (level.size + e))) for e in (0.0, -edge, edge))
     return Change(UNEXPLAINED, None, 1.0, after, "1", (low, high), confidence, confidence)
 
@@ -134,7 +134,7 @@ def _parameter_change(
     (places,) = np.nonzero(hypothesis.direction)
     one = old.coordinates[places[0]]
     place, before, unit = (one.place, one.value, one.unit) if places.size == 1 else (0.0, 1.0, "1")
-    edge = norm.ppf(0.975) * tested.error
+    edge = Z95 * tested.error
     ends = [place + tested.size + e for e in (0.0, -edge, edge)]
     after, low, high = (float(np.exp(e)) if one.logarithmic else float(e) for e in ends)
     known, _, _ = hypothesis.name.partition(".")

@@ -27,7 +27,7 @@ def lines(
 def missing_effect_line(answer: Answer, models: Sequence[Answer], file: str) -> str:
     """Return what is missing with the command that adds it, or what was and is in the model now."""
     if answer["missing"]:
-        return f"{diagnose.verdict_sentence(answer)}; {diagnose.error_reduction(answer)}: {diagnose.next_step(answer, file)}"
+        return f"{diagnose.verdict_line(answer)}; {diagnose.error_reduction(answer)}: {diagnose.next_step(answer, file)}"
     here = history.models_on_current_data(models) if models else []
     was = [name for name in here[-1]["effects"] if name not in here[0]["effects"]] if here else []
     if was:
@@ -36,7 +36,7 @@ def missing_effect_line(answer: Answer, models: Sequence[Answer], file: str) -> 
     return (
         "nothing that these recordings could show"
         if answer["verdict"] == "adequate"
-        else diagnose.verdict_sentence(answer)
+        else diagnose.verdict_line(answer)
     )
 
 

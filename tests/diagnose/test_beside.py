@@ -22,10 +22,10 @@ from pneucli.diagnose.posterior import (
     disagreement_between_recordings,
     explained_excess_cost,
     has_calibration,
-    has_unmeasured_force,
     passes_fallback,
     retest_without_refused,
 )
+from pneucli.diagnose.validity import has_unmeasured_force
 from pneucli.identify.residuals import ChamberPressures, ForceBalance, FreeRun, ImposedMotion
 from pneucli.physics.effects import catalogue
 from tests.diagnose import trials

@@ -18,7 +18,7 @@ from pneucli.diagnose.calibration import (
     probability,
 )
 from pneucli.diagnose.candidate import Reason
-from pneucli.diagnose.data import FittedModel
+from pneucli.diagnose.score import FittedModel
 from pneucli.exam.hidden_effects import CATALOGUE
 from tests.diagnose.trials import costing
 

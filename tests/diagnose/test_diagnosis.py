@@ -12,8 +12,7 @@ import pytest
 from pneucli.diagnose import diagnosis, free_run_error
 from pneucli.diagnose.adequacy import LackOfFit
 from pneucli.diagnose.calibration import Evidence, presence_rate, probability
-from pneucli.diagnose.candidate import Decision, Reason
-from pneucli.diagnose.data import Candidate
+from pneucli.diagnose.candidate import Candidate, Decision, Reason
 from pneucli.diagnose.evidence import ScoreGain
 from pneucli.diagnose.selection import SelectionPath
 from pneucli.identify.residuals import ForceBalance, FreeRun

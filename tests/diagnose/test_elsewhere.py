@@ -58,7 +58,7 @@ class Slow:
 
 def asked(names: Sequence[str] = NAMES) -> list[Refit]:
     before: Any = Ended("as it is", 0, catalogue()["stribeck"])
-    return [Refit("with", before, catalogue()[n]) for n in names]
+    return [Refit("add", before, catalogue()[n]) for n in names]
 
 
 def done(seconds: float, folder: Path, rounds: int = 1) -> list[list[Any]]:
@@ -77,7 +77,7 @@ def test_long_ones_are_done_by_workers_and_come_back_in_their_order(
     monkeypatch.setattr(executor_refit, "MIN_FIRST_SAVING", 0.02)
     monkeypatch.setattr(executor_refit, "MIN_SAVING", 0.02)
     first, second = done(0.05, tmp_path, rounds=2)
-    assert [e.done for e in second] == [f"as it is, with {n}" for n in NAMES]
+    assert [e.done for e in second] == [f"as it is, add {n}" for n in NAMES]
     assert all(e.effect is catalogue()[n] for e, n in zip(second, NAMES, strict=True))
     assert [e.worker == os.getpid() for e in first] == [True, False, False, False]  # the first one is measured here
     assert os.getpid() not in {e.worker for e in second}
@@ -92,7 +92,7 @@ def test_short_ones_stay_here(tmp_path: Path) -> None:
 def test_an_effect_of_the_users_that_differs_on_a_worker_is_refused(tmp_path: Path) -> None:
     plugin = tmp_path / "own.py"
     plugin.write_text("EFFECT = None\n", encoding="utf-8")
-    job = executor_refit.RefitJob("", "", "", "with", "own", None, ((str(plugin), "0" * 64),))
+    job = executor_refit.RefitJob("", "", "", "add", "own", None, ((str(plugin), "0" * 64),))
     with pytest.raises(InputError, match="on a worker"):
         executor_refit.run_refit_job(job)
 

@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import pytest
 
-from pneucli.diagnose.data import Candidate
+from pneucli.diagnose.candidate import Candidate
 from pneucli.diagnose.equivalence import best_candidate, indistinguishable, is_simpler, not_inferior
 from tests.diagnose.trials import bench, shaky, state, trial
 

@@ -9,8 +9,9 @@ from typing import Any
 import numpy as np
 import pytest
 
-from pneucli.diagnose import smooth_term
-from pneucli.diagnose.smooth_term import KNOTS, SmoothTerm, SplineRegression, linear_bspline_basis
+from pneucli.diagnose import spline_regression
+from pneucli.diagnose.smooth_term import KNOTS, SmoothTerm, linear_bspline_basis
+from pneucli.diagnose.spline_regression import SplineRegression
 from pneucli.identify.residuals import ForceBalance
 from pneucli.identify.residuals.base import DiscrepancyTerm
 from tests.simulate.synthetic_experiments import make_experiment, model, time_grid
@@ -48,7 +49,9 @@ def fitted(left: Sequence[np.ndarray], own: Sequence[np.ndarray] = ()) -> Any:
     """A fit with its ``own`` derivatives that leaves so much over."""
     residual = np.concatenate(left)
     jacobian = np.concatenate(own, axis=0) if own else np.zeros((residual.size, 0))
-    return SimpleNamespace(model=model(), residual=residual, jacobian=jacobian, initial_state_sensitivities=[{}] * len(left))
+    return SimpleNamespace(
+        model=model(), residual=residual, jacobian=jacobian, initial_state_sensitivities=[{}] * len(left)
+    )
 
 
 def rival(
@@ -191,7 +194,7 @@ def test_what_was_not_read_says_nothing() -> None:
 def test_long_recordings_are_thinned(monkeypatch: pytest.MonkeyPatch) -> None:
     views = runs()
     whole = best(views, left_by(views, cogging))
-    monkeypatch.setattr(smooth_term, "MAX_SAMPLES", 3000)
+    monkeypatch.setattr(spline_regression, "MAX_SAMPLES", 3000)
     few = best(views, left_by(views, cogging))
     assert (few.signal, few.acts_as) == (whole.signal, whole.acts_as)
     assert few.share == pytest.approx(whole.share, abs=0.02)
@@ -201,7 +204,7 @@ def test_long_recordings_are_thinned(monkeypatch: pytest.MonkeyPatch) -> None:
     ("force", "words"),
     [
         (lambda x, v, t: 0.0 * x + 4.0, "a constant"),
-        (lambda x, v, t: 100.0 * (x - 0.1), "a straight line"),
+        (lambda x, v, t: 100.0 * (x - 0.1), "line"),
         (lambda x, v, t: 3000.0 * (x - 0.1) ** 2, "a parabola"),
         (cogging, None),
     ],
@@ -222,7 +225,7 @@ def test_a_signal_that_is_never_known_has_no_law() -> None:
 
 def test_what_is_left_is_counted_by_block_of_time_and_as_its_share_says(monkeypatch: pytest.MonkeyPatch) -> None:
     """Of a law that was found without each recording; zeros, which were not read, stay zeros."""
-    monkeypatch.setattr(smooth_term, "MAX_SAMPLES", 20_000)
+    monkeypatch.setattr(spline_regression, "MAX_SAMPLES", 20_000)
     views = runs()
     left = left_by(views, cogging)
     left[0][:500] = 0.0
@@ -239,7 +242,7 @@ def test_a_law_of_a_simple_course_has_few_parts() -> None:
     views = runs()
     fit, channel = rival(views, left_by(views, lambda x, v, t: 100.0 * (x - 0.1)))
     law = next(one for one in channel.ranked_terms(fit) if (one.signal, one.acts_as) == ("x", "force"))
-    line = next(one for one in channel.simple_terms(fit, law) if one.simple_shape == "a straight line")
+    line = next(one for one in channel.simple_terms(fit, law) if one.simple_shape == "line")
     assert (line.signal, line.acts_as, line.basis.shape) == ("x", "force", (2, KNOTS))
     x = np.linspace(line.low, line.high, KNOTS)
     assert line.values == pytest.approx(100.0 * (x - 0.1), abs=0.3)  # 3000 readings of 1 N and more

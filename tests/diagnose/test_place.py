@@ -7,8 +7,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from pneucli.diagnose.data import Candidate, DiagnosisData, FittedModel
+from pneucli.diagnose.candidate import Candidate
+from pneucli.diagnose.data import DiagnosisData
 from pneucli.diagnose.equivalence import MIN_REMAINING_SHARE, Term
+from pneucli.diagnose.score import FittedModel
 from tests.diagnose.trials import BLOCKS, SAMPLES, bench, state, trial
 
 BENCH = bench(held_out=False)

@@ -9,15 +9,20 @@ import numpy as np
 import pytest
 
 from pneucli.diagnose import hypothesis_tests
-from pneucli.diagnose.data import Candidate, FittedModel
+from pneucli.diagnose.candidate import Candidate
 from pneucli.diagnose.evidence import ScoreGain, score_gain
 from pneucli.diagnose.hypothesis_tests import passing_candidates
+from pneucli.diagnose.score import FittedModel
 from pneucli.physics.effects import catalogue
 from tests.simulate.synthetic_experiments import model
 
 VIEW = SimpleNamespace(experiment=SimpleNamespace(recording=SimpleNamespace(period=1e-3)))
 BENCH: Any = SimpleNamespace(
-    hypothesis_count=50, has_held_out_data=True, train=[VIEW], base_effects=(), sensitive_cost=lambda state, _: (float(state.train_costs.sum()), 2000)
+    hypothesis_count=50,
+    has_held_out_data=True,
+    train=[VIEW],
+    base_effects=(),
+    sensitive_cost=lambda state, _: (float(state.train_costs.sum()), 2000),
 )
 BEFORE: Any = SimpleNamespace(train_costs=np.full(40, 100.0), cost=8000.0, residual_count=4000, effect_names=[])
 SURELY = ScoreGain(400.0, 300.0, 1e-9, 30.0)

@@ -11,8 +11,9 @@ import pytest
 
 from pneucli.diagnose import evidence, hypothesis_tests, next_term, selection
 from pneucli.diagnose.adequacy import LackOfFit
-from pneucli.diagnose.data import Candidate, FittedModel
+from pneucli.diagnose.candidate import Candidate
 from pneucli.diagnose.evidence import ScoreGain
+from pneucli.diagnose.score import FittedModel
 from pneucli.diagnose.selection import SelectionPath, screen_and_refit, select_effects
 from pneucli.identify.residuals import ForceBalance
 from tests.diagnose.toys import Toys, adding, effect

@@ -8,9 +8,10 @@ import pytest
 
 from pneucli.diagnose import next_term, selection
 from pneucli.diagnose.adequacy import LackOfFit
-from pneucli.diagnose.candidate import Decision
-from pneucli.diagnose.data import Candidate, DiagnosisData, FittedModel
+from pneucli.diagnose.candidate import Candidate, Decision
+from pneucli.diagnose.data import DiagnosisData
 from pneucli.diagnose.equivalence import Term
+from pneucli.diagnose.score import FittedModel
 from pneucli.identify.residuals import ChamberPressures, ForceBalance
 from tests.diagnose.trials import bench, state, trial
 

@@ -10,8 +10,9 @@ import numpy as np
 import pytest
 
 from pneucli.diagnose import data as trials
-from pneucli.diagnose.data import DiagnosisData, FittedModel
+from pneucli.diagnose.data import DiagnosisData
 from pneucli.diagnose.evidence import score_gain
+from pneucli.diagnose.score import FittedModel
 from pneucli.physics.effects import catalogue
 from tests.diagnose.trials import BLOCKS, bench, state
 from tests.simulate.synthetic_experiments import make_experiment as recorded

@@ -9,7 +9,8 @@ from typing import Any
 import numpy as np
 
 from pneucli.diagnose.equivalence import Term, nonparametric_rival
-from pneucli.diagnose.smooth_term import SmoothTerm, SplineRegression
+from pneucli.diagnose.smooth_term import SmoothTerm
+from pneucli.diagnose.spline_regression import SplineRegression
 from pneucli.identify.estimation.fit import Fit
 from pneucli.identify.estimation.parameters import effect_parameters
 from pneucli.identify.residuals import ForceBalance

@@ -13,7 +13,8 @@ from scipy.stats import f as fisher
 
 from pneucli.diagnose import data as trials
 from pneucli.diagnose import detectability as visible
-from pneucli.diagnose.data import Candidate, DiagnosisData, FittedModel
+from pneucli.diagnose.candidate import Candidate
+from pneucli.diagnose.data import DiagnosisData
 from pneucli.diagnose.diagnosis import ParameterShift, _parameter_shifts, distinguishing_experiment
 from pneucli.diagnose.equivalence import indistinguishable, not_inferior
 from pneucli.diagnose.evidence import (
@@ -25,6 +26,7 @@ from pneucli.diagnose.evidence import (
     significance,
     wald_p_value,
 )
+from pneucli.diagnose.score import FittedModel
 from pneucli.identify.estimation.fit import Estimate, Fit
 from pneucli.identify.estimation.parameters import FreeParameter, effect_parameters
 from pneucli.physics.effects import catalogue

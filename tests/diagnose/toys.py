@@ -8,8 +8,9 @@ from typing import Any
 
 import numpy as np
 
-from pneucli.diagnose.data import Candidate, FittedModel
+from pneucli.diagnose.candidate import Candidate
 from pneucli.diagnose.evidence import score_gain
+from pneucli.diagnose.score import FittedModel
 
 TRAIN, TEST, SAMPLES = 40, 20, 250  # blocks, and residuals in each
 Takes = Callable[[frozenset[str]], float]

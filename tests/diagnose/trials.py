@@ -8,8 +8,10 @@ from typing import Any
 
 import numpy as np
 
-from pneucli.diagnose.data import Candidate, DiagnosisData, FittedModel
+from pneucli.diagnose.candidate import Candidate
+from pneucli.diagnose.data import DiagnosisData
 from pneucli.diagnose.evidence import ScoreGain
+from pneucli.diagnose.score import FittedModel
 from pneucli.physics.effects import catalogue
 from tests.simulate.synthetic_experiments import model
 

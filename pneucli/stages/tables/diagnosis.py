@@ -10,9 +10,10 @@ from numpy.typing import NDArray
 
 from pneucli.compare.error_regions import locator_signals
 from pneucli.diagnose.adequacy import bins_of
-from pneucli.diagnose.data import DiagnosisData, FittedModel
+from pneucli.diagnose.data import DiagnosisData
 from pneucli.diagnose.diagnosis import Diagnosis
 from pneucli.diagnose.discrepancy import UnexplainedResidual
+from pneucli.diagnose.score import FittedModel
 from pneucli.identify.residuals import ResidualModel
 from pneucli.io.artifacts import write_table
 from pneucli.physics.declaration import Effect

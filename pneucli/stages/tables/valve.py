@@ -14,9 +14,9 @@ from numpy.typing import NDArray
 from pneucli.identify.estimation.fit import Estimate
 from pneucli.identify.valve import IsoConductance, LackOfFit, ValveIdentification
 from pneucli.identify.valve.iso6358 import Characteristic
-from pneucli.identify.valve.maps import Z95
 from pneucli.io.artifacts import Provenance, write_table
 from pneucli.messages.formatting import format_noise_ratio, format_percent, format_quantity
+from pneucli.quantities import Z95
 
 Row = tuple[str, float, str, float, float]
 Columns = dict[str, NDArray[Any]]
