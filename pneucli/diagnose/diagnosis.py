@@ -108,22 +108,18 @@ def diagnose(data: DiagnosisData, base: Fit) -> Diagnosis:
     confidence = _confidence(data, decisions, evidence, shares)
     shown = path.last if unexplained and missing else path.models[_named_prefix_length([d for d, _ in decided])]
     lacks = unexplained if shown is path.last else _unexplained(data, shown, decided, unexplained)
-    residual = describe_lack_of_fit(data, shown.fit, lacks[0]) if lacks else None
-    shifts = tuple(_parameter_shifts(start.fit, path.last.fit))
-    verdict = _verdict(data, lacks, missing, sizes)
-    remaining = describe_discrepancies(data, path.last.fit, [*path.test, *path.train])
     return Diagnosis(
-        verdict=verdict,
+        verdict=_verdict(data, lacks, missing, sizes),
         missing=tuple(missing),
         decisions=decisions,
         equivalents=equivalent_names,
         path=path,
-        parameter_shifts=shifts,
+        parameter_shifts=tuple(_parameter_shifts(start.fit, path.last.fit)),
         detectable=tuple(sizes),
-        unexplained=residual,
+        unexplained=describe_lack_of_fit(data, shown.fit, lacks[0]) if lacks else None,
         confidence=confidence,
         evidence=evidence,
-        discrepancies=tuple(remaining),
+        discrepancies=tuple(describe_discrepancies(data, path.last.fit, [*path.test, *path.train])),
     )
 
 

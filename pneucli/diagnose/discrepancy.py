@@ -94,7 +94,7 @@ DiscrepancyKind = Literal[
 
 @dataclass(frozen=True)
 class UnexplainedResidual:
-    """The residual that no effect explains: its channel, how many times its noise, and of which signal it is a function.
+    """The residual that no effect explains: its channel, its ratio to noise, and the signal that it depends on.
 
     ``share`` is the part of the squares that a function of the ``variable`` explains in left-out recordings; for a
     periodic one it may be that in the fitted ones. ``acts_as`` has the quantities as which it may act, the best first.

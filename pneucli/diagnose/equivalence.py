@@ -1,4 +1,4 @@
-"""Equivalence: which of several effects that explain the data equally well is named, and which are indistinguishable."""
+"""Equivalence: effects that explain the data equally well, and which of them is named."""
 
 from __future__ import annotations
 
@@ -87,13 +87,13 @@ CHANCE_COST_RATIO = math.exp(
 
 
 def _similar_share(remaining: float, own_share: float) -> bool:
-    """Whether one remaining share is not larger, and its removed share not smaller, than another one, but for chance."""
+    """Whether a remaining share is no larger, and its removed share no smaller, than another but for chance."""
     return remaining < CHANCE_COST_RATIO * own_share and CHANCE_COST_RATIO * (1.0 - remaining) > 1.0 - own_share
 
 
 @dataclass(frozen=True)
 class Term:
-    """One effect of the last model: ``candidate`` is the step from the model without it, ``rivals`` pass in its place."""
+    """One effect of the last model: ``candidate`` is the step to it, ``rivals`` pass in its place."""
 
     candidate: Candidate
     rivals: tuple[Candidate, ...]

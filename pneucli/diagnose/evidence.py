@@ -171,7 +171,7 @@ def disagreement(fit: Fit, effect: Effect, recordings: NDArray[np.int64]) -> flo
 
 
 def offset_from_null(fit: Fit, effect: Effect) -> Array | None:
-    """Return the offset of the fit's coordinates (k,) from the absence of an effect; None where it has no finite null."""
+    """Return the offset of the coordinates (k,) from the absence of an effect; None without a finite null."""
     distance = _offsets_from_null(fit, effect, without_null=0.0)
     return distance if np.any(distance) and np.all(np.isfinite(distance)) else None
 

@@ -1,6 +1,4 @@
-"""The probability that an effect is present, and the decision whether it is named, where unmodelled effects may act,
-too.
-"""
+"""The probability that an effect is present, and the decision whether it is named."""
 
 from __future__ import annotations
 
@@ -146,9 +144,7 @@ def _reduces_free_run_error(data: DiagnosisData, candidate: Candidate, term: Ter
 
 
 def predicts_point_force(effect: Effect, unexplained: Sequence[LackOfFit]) -> bool:
-    """Whether an effect predicts a force where one is unexplained; a set-valued law could hide any force in its
-    interval.
-    """
+    """Whether an effect predicts the force where one is unexplained; a set-valued law could hide any force."""
     return not (effect.is_set_valued and any(r.kind.predicts_force for r in unexplained))
 
 
@@ -208,9 +204,7 @@ def collect_evidence(
 
 
 def posterior_probability(data: DiagnosisData, term: Term) -> float:
-    """Return the probability that a term's effect, or one of its equivalents, is present, with an unmodelled effect
-    present.
-    """
+    """Return the probability of a term's effect or its equivalents, with an unmodelled effect present."""
     equivalents = [c.effect.name for c in term.equivalents(data, complete=False)]
     return probability(collect_evidence(data, term.candidate.full, term.candidate, term, equivalents, complete=False))
 
@@ -244,7 +238,7 @@ def _significance_and_size(data: DiagnosisData, fitted: FittedModel, effect: Eff
 
 
 def disagreement_between_recordings(data: DiagnosisData, fitted: FittedModel, name: str) -> float:
-    """Return the share of an effect's size by which single recordings would change it; quarters of a single recording."""
+    """Return the share of an effect's size by which recordings (or quarters of one) would change it."""
     names = [residual_model.experiment.recording.name for residual_model in data.train]
     single, recording_index = len(set(names)) == 1, np.unique(names, return_inverse=True)[1]
     parts = [

@@ -114,7 +114,7 @@ def likelihood_costs(
     residual: Array,
     errors: Sequence[Mapping[str, Array]],
 ) -> Array:
-    """Return the cost by block of residuals (N,): their squares, and the log determinants of the initial-state errors."""
+    """Return the cost by block of residuals (N,): squares, and log determinants of the initial-state errors."""
     blocks = block_labels(residual_models)
     log_determinants = np.concatenate(
         [residual_model.log_determinant(mine) for residual_model, mine in zip(residual_models, errors, strict=True)]

@@ -1,4 +1,4 @@
-"""Whether a fitted effect is a finding at all: was it observed, does it end at a bound, does a direct reading refute it?"""
+"""Whether a fitted effect is a finding: was it observed, does it end at a bound, does a reading refute it?"""
 
 from __future__ import annotations
 

@@ -44,7 +44,7 @@ def verdict_line(answer: Answer) -> str:
         named = [f"{c['effect']} ({c['title'][:1].lower()}{c['title'][1:]})" for c in _named(answer)]
         return f"the model lacks {join_names(named)}"
     if answer["verdict"] == "adequate":
-        return "no missing effect that these recordings could show"
+        return "nothing is missing that these recordings could show"
     return f"{answer['verdict']}: {answer['sentence']}"
 
 

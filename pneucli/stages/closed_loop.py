@@ -76,7 +76,9 @@ def _monte_carlo_study(
     effects = tuple(
         e
         for e in study.available_effects.values()
-        if e.name not in active and e.side is None and e.part in EXPERIMENT_KINDS["axis"].parts(cylinder_known=True, supply_recorded=False)
+        if e.name not in active
+        and e.side is None
+        and e.part in EXPERIMENT_KINDS["axis"].parts(cylinder_known=True, supply_recorded=False)
     )
     axes = robustness.AxisDistribution(
         model, robustness.sigma_from_intervals(intervals, model), wanted.tolerances, effects

@@ -98,7 +98,7 @@ def _discriminating_experiment(data: DiagnosisData, found: Diagnosis, name: str,
 
 
 def proposed_experiment(data: DiagnosisData, found: Diagnosis) -> str | None:
-    """Return the experiment to do next: for indistinguishable effects, for the discrepancy, or for an undetectable one."""
+    """Return the next experiment: for indistinguishable effects, the discrepancy, or an undetectable effect."""
     pairs = [(n, other) for n in found.missing for other in found.equivalents[n]]
     if pairs:
         return " ".join(_discriminating_experiment(data, found, a, b) for a, b in pairs[:2])

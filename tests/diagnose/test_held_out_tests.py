@@ -22,7 +22,7 @@ BENCH: Any = SimpleNamespace(
     has_held_out_data=True,
     train=[VIEW],
     base_effects=(),
-    sensitive_cost=lambda state, _: (float(state.train_costs.sum()), 2000),
+    sensitive_cost=lambda model_fit, _: (float(model_fit.train_costs.sum()), 2000),
 )
 BEFORE: Any = SimpleNamespace(train_costs=np.full(40, 100.0), cost=8000.0, residual_count=4000, effect_names=[])
 SURELY = ScoreGain(400.0, 300.0, 1e-9, 30.0)
@@ -33,13 +33,13 @@ WORSE = ScoreGain(-5.0, -20.0, 0.8, 1.0)
 
 @pytest.fixture(autouse=True)
 def nothing_left(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(hypothesis_tests, "lack_of_fit", lambda bench, state: ([], []))
+    monkeypatch.setattr(hypothesis_tests, "lack_of_fit", lambda diagnosis_data, model_fit: ([], []))
 
 
-def trial(test: ScoreGain, p_value: float) -> Candidate:
+def candidate(test: ScoreGain, p_value: float) -> Candidate:
     fitted: Any = SimpleNamespace(estimates=(), free=(), model=model(["dwell-breakaway"]))
-    state = FittedModel(fitted, np.full(40, 90.0), np.zeros(0), np.full(40, 90.0), np.full(40, 100.0))
-    return Candidate(catalogue()["dwell-breakaway"], BEFORE, state, SURELY, test, p_value)
+    model_fit = FittedModel(fitted, np.full(40, 90.0), np.zeros(0), np.full(40, 90.0), np.full(40, 100.0))
+    return Candidate(catalogue()["dwell-breakaway"], BEFORE, model_fit, SURELY, test, p_value)
 
 
 @pytest.mark.parametrize(
@@ -54,7 +54,7 @@ def trial(test: ScoreGain, p_value: float) -> Candidate:
 )
 def test_data_held_out_must_be_certain_unless_they_show_the_effect_rarely(test: ScoreGain, p_value: float, named: bool):
     """50 hypotheses: a chance of 1e-5 is one of 5e-4 for the family, beyond the 1e-4 asked of what is rarely shown."""
-    assert bool(passing_candidates(BENCH, BEFORE, [trial(test, p_value)])) == named
+    assert bool(passing_candidates(BENCH, BEFORE, [candidate(test, p_value)])) == named
 
 
 def test_the_number_of_a_gain_counts_the_blocks_in_which_it_shows():

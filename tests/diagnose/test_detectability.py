@@ -10,7 +10,7 @@ from pneucli.diagnose.candidate import Decision
 from pneucli.diagnose.detectability import MinimumDetectableEffect, undetectable_effects
 from pneucli.diagnose.diagnosis import _first_decision_each
 from pneucli.physics.effects import catalogue
-from tests.diagnose.trials import VIEW, bench, trial
+from tests.diagnose.candidates import VIEW, candidate, diagnosis_data
 
 KNOWN = catalogue()
 
@@ -18,7 +18,7 @@ KNOWN = catalogue()
 def test_what_no_view_feels_and_what_shows_at_no_plausible_size() -> None:
     deaf: Any = SimpleNamespace(**vars(VIEW) | {"is_sensitive_to": lambda effect: effect.name != "valve-lag"})
     names = ("valve-lag", "extra-mass", "stribeck")
-    where = replace(bench(), train=[deaf], effects={n: KNOWN[n] for n in names})
+    where = replace(diagnosis_data(), train=[deaf], effects={n: KNOWN[n] for n in names})
     sizes = [
         MinimumDetectableEffect(
             KNOWN["extra-mass"], KNOWN["extra-mass"].parameters[0], 90.0, plausible=False, typical=False
@@ -33,7 +33,7 @@ def test_that_it_cannot_show_says_more_than_that_the_screen_left_it_out_and_less
     mass, lag = KNOWN["extra-mass"], KNOWN["valve-lag"]
     said = [
         Decision(mass, "not-promising"),
-        Decision(lag, "vanishes", trial("valve-lag")),
+        Decision(lag, "vanishes", candidate("valve-lag")),
         Decision(mass, "cannot-show"),
         Decision(lag, "cannot-show"),
     ]

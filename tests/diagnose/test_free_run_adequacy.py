@@ -53,9 +53,9 @@ def test_errors_of_twice_the_noise_everywhere_are_not(monkeypatch: pytest.Monkey
 
 
 def test_too_few_stretches_say_nothing(monkeypatch: pytest.MonkeyPatch):
-    views = seen(np.full(STRETCHES, 5.0), monkeypatch)
-    views[0].experiment.restarts = np.arange(0, N, N // 10)
-    assert free_run_adequacy.free_run_lack_of_fit(None, views) == []
+    residual_models = seen(np.full(STRETCHES, 5.0), monkeypatch)
+    residual_models[0].experiment.restarts = np.arange(0, N, N // 10)
+    assert free_run_adequacy.free_run_lack_of_fit(None, residual_models) == []
 
 
 @pytest.mark.parametrize(
@@ -78,12 +78,12 @@ def test_most_of_twenty_stretches_err_beyond_every_draw_and_by_much_in_the_media
 
 
 def test_where_an_end_decides_on_the_motion_pressures_count_all_the_same(monkeypatch: pytest.MonkeyPatch) -> None:
-    (view,) = seen(np.full(STRETCHES, 3.0), monkeypatch)
+    (residual_model,) = seen(np.full(STRETCHES, 3.0), monkeypatch)
     draws = np.random.default_rng(1).normal(size=(6, N))
     monkeypatch.setattr(free_run_adequacy, "simulate_outputs", lambda model, e: {"x": np.zeros(N), "p1": np.zeros(N)})
     monkeypatch.setattr(free_run_adequacy, "sample_deviations", lambda model, e, number: {"x": draws, "p1": draws})
     monkeypatch.setattr(free_run_adequacy, "in_end_contact", lambda e, x, channel: np.ones(N, dtype=bool))
-    found = free_run_adequacy._error_ratios(model(), view.experiment)
+    found = free_run_adequacy._error_ratios(model(), residual_model.experiment)
     assert not found["x"].any()
     assert found["p1"][:, 1] == pytest.approx(np.full(STRETCHES, 3.0), rel=0.4)
     assert found["p1"].mean() > 2.0

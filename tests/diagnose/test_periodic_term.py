@@ -43,9 +43,9 @@ class Balance(Seen):
     is_simulated = False
 
 
-def found(*views: Seen) -> PeriodicTerm | None:
+def found(*residual_models: Seen) -> PeriodicTerm | None:
     """The period of p1."""
-    return find_period(None, views, "p1")  # type: ignore[arg-type]
+    return find_period(None, residual_models, "p1")  # type: ignore[arg-type]
 
 
 def noise(seed: int, n: int = TIME.size) -> np.ndarray:
@@ -53,9 +53,9 @@ def noise(seed: int, n: int = TIME.size) -> np.ndarray:
     return np.random.default_rng(seed).standard_normal(n)
 
 
-def told(*views: Seen) -> PeriodicTerm:
+def told(*residual_models: Seen) -> PeriodicTerm:
     """The period, where there is one."""
-    one = found(*views)
+    one = found(*residual_models)
     assert one is not None
     return one
 
@@ -102,19 +102,19 @@ def test_what_grows_from_restart_to_restart_is_the_comparisons() -> None:
 
 def test_a_period_over_position_is_found() -> None:
     """A pitch of 4 mm, of which no spline of a law would know; over time it has no period."""
-    views = []
+    residual_models = []
     for seed in range(3):
         x = wandering(seed)
-        views.append(Seen(3.0 * np.sin(2.0 * np.pi * x / 0.004) + noise(seed), x))
-    one = told(*views)
+        residual_models.append(Seen(3.0 * np.sin(2.0 * np.pi * x / 0.004) + noise(seed), x))
+    one = told(*residual_models)
     assert (one.variable, one.length) == ("x", pytest.approx(0.004, rel=0.01))
     assert one.share == pytest.approx(4.5 / 5.5, abs=0.05)
 
 
 def test_recordings_that_cover_little_do_not_hide_it() -> None:
     x, still = wandering(0), 0.1 + 1e-4 * np.sin(TIME)
-    views = [Seen(3.0 * np.sin(2.0 * np.pi * x / 0.01) + noise(1), x), Seen(noise(2), still)]
-    assert told(*views).length == pytest.approx(0.01, rel=0.01)
+    residual_models = [Seen(3.0 * np.sin(2.0 * np.pi * x / 0.01) + noise(1), x), Seen(noise(2), still)]
+    assert told(*residual_models).length == pytest.approx(0.01, rel=0.01)
 
 
 def test_a_recording_that_says_nothing_has_no_period() -> None:

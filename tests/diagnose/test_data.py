@@ -9,12 +9,12 @@ from typing import Any
 import numpy as np
 import pytest
 
-from pneucli.diagnose import data as trials
+from pneucli.diagnose import data as data_module
 from pneucli.diagnose.data import DiagnosisData
 from pneucli.diagnose.evidence import score_gain
 from pneucli.diagnose.score import FittedModel
 from pneucli.physics.effects import catalogue
-from tests.diagnose.trials import BLOCKS, bench, state
+from tests.diagnose.candidates import BLOCKS, diagnosis_data, model_fit
 from tests.simulate.synthetic_experiments import make_experiment as recorded
 from tests.simulate.synthetic_experiments import model as of_rig
 from tests.simulate.synthetic_experiments import time_grid
@@ -24,17 +24,17 @@ SPREAD = np.where(np.arange(BLOCKS) % 2, 90.0, 10.0)  # of what falls block by b
 
 def chance(monkeypatch: pytest.MonkeyPatch, wald: float, *, held_out: bool) -> float:
     """The chance of an effect that takes 50 of 200 in the mean block, fitted and held out, by a bench."""
-    before = held(state().train_costs)
+    before = held(model_fit().train_costs)
     after = held(before.train_costs - SPREAD)
-    monkeypatch.setattr(trials, "wald_p_value", lambda fit, effect: wald)
-    views: Any = (object(),) if held_out else ()
-    where = replace(bench(), held_out=views)
+    monkeypatch.setattr(data_module, "wald_p_value", lambda fit, effect: wald)
+    residual_models: Any = (object(),) if held_out else ()
+    where = replace(diagnosis_data(), held_out=residual_models)
     return DiagnosisData.candidate(where, before, after, next(iter(where.effects.values()))).p_value
 
 
 def held(costs: Any) -> FittedModel:
     """A state that costs the same fitted and held out."""
-    return FittedModel(state().fit, costs, costs, np.tile(costs, 2), np.full(2 * BLOCKS, 100.0))
+    return FittedModel(model_fit().fit, costs, costs, np.tile(costs, 2), np.full(2 * BLOCKS, 100.0))
 
 
 def test_parameters_known_only_together_are_sure_by_what_they_gain_on_held_out_recordings(
@@ -62,6 +62,9 @@ def test_an_effect_without_a_null_is_judged_by_what_it_gains_where_it_was_fitted
 def test_what_is_counted_in_dry_friction_has_no_size_where_there_is_none(coulomb: float, starts: bool) -> None:
     seen: Any = SimpleNamespace(experiment=recorded("friction", time_grid(0.1), {"p1": 3e5, "p2": 3e5, "x": 0.1}))
     fitted: Any = SimpleNamespace(model=of_rig((), {"friction.coulomb": coulomb}))
-    before = replace(state(), fit=fitted)
-    assert DiagnosisData.has_initial_guess(replace(bench(), train=[seen]), before, catalogue()["stribeck"]) == starts
-    assert DiagnosisData.has_initial_guess(replace(bench(), train=[seen]), before, catalogue()["extra-mass"])
+    before = replace(model_fit(), fit=fitted)
+    assert (
+        DiagnosisData.has_initial_guess(replace(diagnosis_data(), train=[seen]), before, catalogue()["stribeck"])
+        == starts
+    )
+    assert DiagnosisData.has_initial_guess(replace(diagnosis_data(), train=[seen]), before, catalogue()["extra-mass"])

@@ -13,15 +13,15 @@ from pneucli.diagnose.data import DiagnosisData
 from pneucli.diagnose.equivalence import Term
 from pneucli.diagnose.score import FittedModel
 from pneucli.identify.residuals import ChamberPressures, ForceBalance
-from tests.diagnose.trials import bench, state, trial
+from tests.diagnose.candidates import candidate, diagnosis_data, model_fit
 
-BEFORE = state()
+BEFORE = model_fit()
 
 
 @pytest.fixture(autouse=True)
 def nothing_left(monkeypatch: pytest.MonkeyPatch) -> None:
     for module in (selection, next_term):
-        monkeypatch.setattr(module, "lack_of_fit", lambda bench, state: ([], []))
+        monkeypatch.setattr(module, "lack_of_fit", lambda diagnosis_data, model_fit: ([], []))
 
 
 def decision(tried: Candidate) -> Decision:
@@ -40,8 +40,8 @@ def decision(tried: Candidate) -> Decision:
     ],
 )
 def test_what_raises_the_error_that_the_user_sees_does_not_lead(after: tuple[float, float | None], reason: str):
-    tried = trial("extra-mass", before=BEFORE)
-    where = bench([(BEFORE, 10.0, None if after[1] is None else 12.0), (tried.full, *after)])
+    tried = candidate("extra-mass", before=BEFORE)
+    where = diagnosis_data([(BEFORE, 10.0, None if after[1] is None else 12.0), (tried.full, *after)])
     leader, (decided,) = next_term.next_term(where, [decision(tried)])
     assert decided.reason == reason
     assert (leader is tried) == (reason == "supported")
@@ -57,15 +57,15 @@ def test_what_raises_the_error_that_the_user_sees_does_not_lead(after: tuple[flo
 )
 def test_where_noise_is_left_the_error_must_fall_by_more_than_chance_moves_it(cost: float, after, reason: str):
     """A healthy model: a mass of 5 g more, for sure, and nothing that a user would see."""
-    start = state(cost=cost)
-    tried = trial("extra-mass", 0.9 * cost, before=start, ends={"mass": (0.005, False)})
-    where = bench([(start, 1.1, 1.1), (tried.full, *after)])
+    start = model_fit(cost=cost)
+    tried = candidate("extra-mass", 0.9 * cost, before=start, ends={"mass": (0.005, False)})
+    where = diagnosis_data([(start, 1.1, 1.1), (tried.full, *after)])
     assert next_term.next_term(where, [decision(tried)])[1][0].reason == reason
 
 
 def test_where_the_best_raises_the_error_the_next_leads():
-    best, second = trial("extra-mass", 3000.0, before=BEFORE), trial("stribeck", 5000.0, before=BEFORE)
-    where = bench([(BEFORE, 10.0, 10.0), (best.full, 11.0, 11.0), (second.full, 5.0, 5.0)])
+    best, second = candidate("extra-mass", 3000.0, before=BEFORE), candidate("stribeck", 5000.0, before=BEFORE)
+    where = diagnosis_data([(BEFORE, 10.0, 10.0), (best.full, 11.0, 11.0), (second.full, 5.0, 5.0)])
     leader, decisions = next_term.next_term(where, [decision(best), decision(second)])
     assert leader is second
     assert [d.reason for d in decisions] == ["raises-error", "supported"]
@@ -83,22 +83,27 @@ def test_where_the_best_raises_the_error_the_next_leads():
 )
 def test_what_states_bounds_leads_where_a_force_is_left_only_if_it_is_likely(monkeypatch, kind, chance, leads: bool):
     """Between two branches of friction any force stays hidden; another effect, however small, may lead then."""
-    bounds, other = trial("friction-hysteresis", 1000.0, before=BEFORE), trial("stribeck", 5000.0, before=BEFORE)
-    where = bench([(BEFORE, 10.0, 10.0), (bounds.full, 3.0, 3.0), (other.full, 5.0, 5.0)])
-    left = [LackOfFit(kind, "force", 9.0, 9.0, ())] if kind else []
-    monkeypatch.setattr(next_term, "lack_of_fit", lambda bench, state: (left, []))
-    monkeypatch.setattr(
-        next_term, "posterior_probability", lambda bench, place: chance if place.candidate is bounds else 0.3
+    bounds, other = (
+        candidate("friction-hysteresis", 1000.0, before=BEFORE),
+        candidate("stribeck", 5000.0, before=BEFORE),
     )
-    monkeypatch.setattr(next_term, "log_odds_among_equivalents", lambda bench, one: 0.6 if one is bounds else 0.5)
+    where = diagnosis_data([(BEFORE, 10.0, 10.0), (bounds.full, 3.0, 3.0), (other.full, 5.0, 5.0)])
+    left = [LackOfFit(kind, "force", 9.0, 9.0, ())] if kind else []
+    monkeypatch.setattr(next_term, "lack_of_fit", lambda diagnosis_data, model_fit: (left, []))
+    monkeypatch.setattr(
+        next_term, "posterior_probability", lambda diagnosis_data, place: chance if place.candidate is bounds else 0.3
+    )
+    monkeypatch.setattr(
+        next_term, "log_odds_among_equivalents", lambda diagnosis_data, one: 0.6 if one is bounds else 0.5
+    )
     leader, decisions = next_term.next_term(where, [decision(bounds), decision(other)])
     assert leader is (bounds if leads else other)
     assert decisions[0].reason == ("supported" if leads else "explained-by-unknown")
 
 
 def test_without_a_supported_trial_nobody_leads():
-    tried = trial("extra-mass", before=BEFORE)
-    assert next_term.next_term(bench(), [Decision(tried.effect, "at-bound", tried)])[0] is None
+    tried = candidate("extra-mass", before=BEFORE)
+    assert next_term.next_term(diagnosis_data(), [Decision(tried.effect, "at-bound", tried)])[0] is None
 
 
 class Climbing(DiagnosisData):
@@ -108,20 +113,22 @@ class Climbing(DiagnosisData):
         return self.__dict__["states"][frozenset(names)]
 
     def refit_with(self, before: FittedModel, effects, ranked=()) -> list[Candidate]:
-        return [replace(trial(e.name, before=before), full=self.of((*before.effect_names, e.name))) for e in effects]
+        return [
+            replace(candidate(e.name, before=before), full=self.of((*before.effect_names, e.name))) for e in effects
+        ]
 
     def has_initial_guess(self, before: FittedModel, effect) -> bool:
         return effect.name not in self.__dict__["unsized"]
 
     def candidate(self, before: FittedModel, after: FittedModel, effect) -> Candidate:
-        return replace(trial(effect.name, before=before), full=after)
+        return replace(candidate(effect.name, before=before), full=after)
 
 
 def climbing(*rows: tuple[str, float, float, float], unsized: str = "") -> Climbing:
     """A bench of rows: effects, cost, errors on training and on test."""
-    states = {frozenset(names.split()): state(names.split(), cost) for names, cost, _, _ in rows}
+    states = {frozenset(names.split()): model_fit(names.split(), cost) for names, cost, _, _ in rows}
     shown = [(states[frozenset(names.split())], train, test) for names, _, train, test in rows]
-    made = bench(shown)
+    made = diagnosis_data(shown)
     lent = Climbing(made.train, made.held_out, made.effects, free_run_errors=made.free_run_errors)
     lent.__dict__["states"], lent.__dict__["unsized"] = states, unsized
     return lent
@@ -178,15 +185,17 @@ def test_what_the_others_make_needless_is_dropped_with_that_reason(
 ):
     """Without the lag nothing is missed, without the mass very much: that stays, and the lag if it passes its tests."""
     where = climbing(("", 9000.0, 9.0, 9.0), (MASS, 5000.0, 5.0, 5.0), (LAG, 8000.0, 8.0, 8.0))
-    last = state([MASS, LAG], 4999.0)
+    last = model_fit([MASS, LAG], 4999.0)
     monkeypatch.setattr(
         Climbing,
         "refit_without",
-        lambda self, state, effects: [self.of(tuple(n for n in state.effect_names if n != e.name)) for e in effects],
+        lambda self, model_fit, effects: [
+            self.of(tuple(n for n in model_fit.effect_names if n != e.name)) for e in effects
+        ],
         raising=False,
     )
     monkeypatch.setattr(
-        selection, "passing_candidates", lambda bench, before, ts: [t for t in ts if t.effect.name in stands]
+        selection, "passing_candidates", lambda diagnosis_data, before, ts: [t for t in ts if t.effect.name in stands]
     )
     found, refused, _ = selection._without_needless(where, where.of(()), last)
     assert found.effect_names == kept
@@ -200,17 +209,19 @@ def test_a_model_without_one_of_its_effects_is_fitted_once(monkeypatch: pytest.M
     )
     last, asked, started = where.of((MASS, LAG)), [], {}
 
-    def without(self: Climbing, state: FittedModel, effects) -> list[FittedModel]:
+    def without(self: Climbing, model_fit: FittedModel, effects) -> list[FittedModel]:
         asked.extend(e.name for e in effects)
-        return [self.of(tuple(n for n in state.effect_names if n != e.name)) for e in effects]
+        return [self.of(tuple(n for n in model_fit.effect_names if n != e.name)) for e in effects]
 
-    def tried(bench: DiagnosisData, before: FittedModel, names: list[str], named: FittedModel) -> list[Decision]:
+    def tried(
+        diagnosis_data: DiagnosisData, before: FittedModel, names: list[str], named: FittedModel
+    ) -> list[Decision]:
         started[names[0]] = before.effect_names
         assert named is last
         return []
 
     monkeypatch.setattr(Climbing, "refit_without", without, raising=False)
-    monkeypatch.setattr(selection, "passing_candidates", lambda bench, before, trials: trials)
+    monkeypatch.setattr(selection, "passing_candidates", lambda diagnosis_data, before, candidates: candidates)
     monkeypatch.setattr(selection, "screen_and_refit", tried)
     _, places, _ = selection._revise(where, [where.of(()), where.of((MASS,)), last], [[], []])
     assert sorted(asked) == sorted([MASS, LAG])
@@ -220,7 +231,7 @@ def test_a_model_without_one_of_its_effects_is_fitted_once(monkeypatch: pytest.M
 
 def test_everything_that_was_screened_has_one_decision():
     names = ["extra-mass", "stribeck", "pressure-lag", "time-skew", "constant-force", "end-cushion"]
-    mass, rise, lag, skew, force, cushion = (trial(n) for n in names)
+    mass, rise, lag, skew, force, cushion = (candidate(n) for n in names)
     first = [
         decision(mass),
         decision(rise),
@@ -245,7 +256,7 @@ def test_everything_that_was_screened_has_one_decision():
 
 
 def test_effects_are_in_the_order_of_the_rungs_whatever_the_last_model_has_first():
-    rungs = (state(), state([MASS]), state([LAG, MASS]))
+    rungs = (model_fit(), model_fit([MASS]), model_fit([LAG, MASS]))
     found = selection.SelectionPath(rungs, {}, (), (), ())
     assert found.added == [MASS, LAG]
 
@@ -262,11 +273,14 @@ def test_beside_something_unknown_the_likeliest_of_what_is_not_told_apart_stands
     monkeypatch: pytest.MonkeyPatch, law: dict[str, float], first: str
 ):
     """Heat transfer is likelier by far, and leaves twice as much."""
-    named, *rivals = (trial(n, 5000.0, before=BEFORE) for n in ("stribeck", *law))
-    far = trial("heat-transfer", 7900.0, before=BEFORE)
+    named, *rivals = (candidate(n, 5000.0, before=BEFORE) for n in ("stribeck", *law))
+    far = candidate("heat-transfer", 7900.0, before=BEFORE)
     likely = law | {"stribeck": 0.5, "heat-transfer": 0.99}
-    monkeypatch.setattr(next_term, "log_odds_among_equivalents", lambda bench, one: likely[one.effect.name])
-    assert next_term.most_probable_equivalent(bench(held_out=False), Term(named, (*rivals, far))).effect.name == first
+    monkeypatch.setattr(next_term, "log_odds_among_equivalents", lambda diagnosis_data, one: likely[one.effect.name])
+    assert (
+        next_term.most_probable_equivalent(diagnosis_data(held_out=False), Term(named, (*rivals, far))).effect.name
+        == first
+    )
 
 
 @pytest.mark.parametrize("shown", [True, False])
@@ -277,7 +291,7 @@ def test_what_readings_show_alone_is_taken_though_the_error_rises(monkeypatch: p
     base, last = where.of(()), where.of((bias,))
     squares = {id(base): 900.0 if shown else 100.0, id(last): 100.0}
     monkeypatch.setattr(
-        DiagnosisData, "exclusive_channel_costs", lambda self, state, effect: [(squares[id(state)], 100.0)]
+        DiagnosisData, "exclusive_channel_costs", lambda self, model_fit, effect: [(squares[id(model_fit)], 100.0)]
     )
     tried = where.candidate(base, last, where.effects[bias])
     assert (next_term.next_term(where, [decision(tried)])[0] is tried) == shown

@@ -20,7 +20,7 @@ from pneucli.diagnose.calibration import (
 from pneucli.diagnose.candidate import Reason
 from pneucli.diagnose.score import FittedModel
 from pneucli.exam.hidden_effects import CATALOGUE
-from tests.diagnose.trials import costing
+from tests.diagnose.candidates import costing
 
 MIDDLING = Evidence(share=0.5, significance=10.0, size=0.3, left=0.3)
 COMPLETE = MIDDLING._replace(complete=True)
@@ -169,3 +169,7 @@ def test_what_several_effects_explain_resembles_the_unknown_as_much_as_they_do_i
 
 def test_exams_have_hidden_every_effect_whose_resemblance_is_known() -> None:
     assert set(EFFECT_INTERCEPTS) <= {effect.name for effect in CATALOGUE}
+
+
+def test_the_reasons_with_a_presence_rate_are_reasons() -> None:
+    assert set(calibration.PRESENCE_RATE_BY_REASON) <= set(get_args(Reason))

@@ -16,12 +16,12 @@ TIME = time_grid(2.0)
 NOISE = {"p1": NoiseModel(500.0), "p2": NoiseModel(500.0), "x": NoiseModel(1e-5)}
 
 
-def views(kind: str, **signals) -> list[ResidualModel]:
+def residual_models(kind: str, **signals) -> list[ResidualModel]:
     return [ChamberPressures(replace(make_experiment(kind, TIME, signals), noise=NOISE))]
 
 
-DRIVEN = views("axis", u=held_commands(TIME, [4.0, -4.0], 1.0))
-PUSHED = views("friction", p1=3e5)
+DRIVEN = residual_models("axis", u=held_commands(TIME, [4.0, -4.0], 1.0))
+PUSHED = residual_models("friction", p1=3e5)
 
 
 def test_equal_models_are_not_separated():
@@ -33,7 +33,7 @@ def test_a_leak_shows_best_where_the_chamber_is_held():
     leak = model(["chamber-leak"], {"chamber-leak.area": 2e-8})
     found = most_discriminating_experiment(model(), leak, DRIVEN)
     assert found is not None
-    assert "hold for 30 s" in found.manoeuvre
+    assert found.manoeuvre.kind in ("charge-and-hold", "discharge-and-hold")
 
 
 def test_friction_that_grows_with_pressure_shows_over_three_pressures():

@@ -20,7 +20,7 @@ from pneucli.changes.repeatability import (
     quantity_names,
     repeat_differences,
 )
-from tests.diagnose.test_change import linear
+from tests.changes.test_comparison import linear
 
 NAMES = ("a", "b", "bend#0")
 

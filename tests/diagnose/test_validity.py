@@ -32,7 +32,7 @@ def recorded(noise: float = NOISE, **pressures: np.ndarray) -> Experiment:
     return replace(e, noise={name: NoiseModel(noise) for name in pressures})
 
 
-def views(**pressures: np.ndarray) -> Any:
+def residual_models(**pressures: np.ndarray) -> Any:
     return [SimpleNamespace(experiment=recorded(**pressures))]
 
 
@@ -42,45 +42,45 @@ def refuted(offset: float, seen: Any) -> bool:
 
 @pytest.mark.parametrize("offset", [9500.0, -9500.0, 3100.0])
 def test_an_offset_is_refuted_where_the_vented_chamber_reads_ambient_pressure(offset: float) -> None:
-    assert refuted(offset, views(p1=read(VENTED)))
+    assert refuted(offset, residual_models(p1=read(VENTED)))
 
 
 @pytest.mark.parametrize("offset", [2900.0, -2900.0])
 def test_an_offset_within_what_weather_moves_is_not(offset: float) -> None:
     """Three times 1 % of ambient pressure is 3040 Pa."""
-    assert not refuted(offset, views(p1=read(VENTED)))
+    assert not refuted(offset, residual_models(p1=read(VENTED)))
 
 
 def test_an_offset_that_shows_at_rest_is_not_refuted() -> None:
     """The vented chamber reads 9500 Pa too little."""
-    assert not refuted(-9500.0, views(p1=read(VENTED - 9500.0)))
+    assert not refuted(-9500.0, residual_models(p1=read(VENTED - 9500.0)))
 
 
 def test_where_no_chamber_is_vented_nothing_is_known() -> None:
-    assert not refuted(-9500.0, views(p1=read(NEVER)))
-    assert not refuted(-9500.0, views())
+    assert not refuted(-9500.0, residual_models(p1=read(NEVER)))
+    assert not refuted(-9500.0, residual_models())
 
 
 def test_one_recording_that_knows_is_enough_and_each_sensor_speaks_for_itself() -> None:
-    assert refuted(-9500.0, [*views(p1=read(NEVER)), *views(p1=read(VENTED))])
-    assert not refuted(-9500.0, views(p1=read(NEVER), p2=read(VENTED)))
+    assert refuted(-9500.0, [*residual_models(p1=read(NEVER)), *residual_models(p1=read(VENTED))])
+    assert not refuted(-9500.0, residual_models(p1=read(NEVER), p2=read(VENTED)))
 
 
 def test_a_fault_of_p2s_sensor_is_held_against_p2() -> None:
     """No effect of the catalogue offsets p2 alone; one of both has both ports."""
     of_p2 = replace(OFFSET, ports={"read_p2": OFFSET.ports["read_p1"]})
     faulty = replace(model(["pressure-offset"], {"pressure-offset.offset": 9500.0}), effects=(of_p2,))
-    assert refuted_by_reading(faulty, of_p2, views(p1=read(NEVER), p2=read(VENTED)))
-    assert not refuted_by_reading(faulty, of_p2, views(p1=read(VENTED), p2=read(NEVER)))
+    assert refuted_by_reading(faulty, of_p2, residual_models(p1=read(NEVER), p2=read(VENTED)))
+    assert not refuted_by_reading(faulty, of_p2, residual_models(p1=read(VENTED), p2=read(NEVER)))
 
 
 def test_a_scale_of_what_exceeds_ambient_pressure_reads_that_right() -> None:
     scaled = model(["pressure-scale"], {"pressure-scale.scale": 1.2})
-    assert not refuted_by_reading(scaled, catalogue()["pressure-scale"], views(p1=read(VENTED)))
+    assert not refuted_by_reading(scaled, catalogue()["pressure-scale"], residual_models(p1=read(VENTED)))
 
 
 def test_what_is_no_reading_of_a_pressure_cannot_be_contradicted() -> None:
-    assert not refuted_by_reading(model(["extra-mass"]), catalogue()["extra-mass"], views(p1=read(VENTED)))
+    assert not refuted_by_reading(model(["extra-mass"]), catalogue()["extra-mass"], residual_models(p1=read(VENTED)))
 
 
 # --- where a chamber rests

@@ -12,9 +12,9 @@ import pytest
 from pneucli.diagnose import screening as rounds
 from pneucli.diagnose.data import DiagnosisData
 from pneucli.physics.effects import catalogue
-from tests.diagnose.trials import bench, state, trial
+from tests.diagnose.candidates import candidate, diagnosis_data, model_fit
 
-BEFORE = state()
+BEFORE = model_fit()
 
 
 def signature(gain: float) -> Any:
@@ -24,14 +24,14 @@ def signature(gain: float) -> Any:
 def test_what_the_screen_leaves_out_is_said_so(monkeypatch: pytest.MonkeyPatch):
     """Beside a promise of 5000 one of 40 is no start worth a fit."""
     ranked = [(catalogue()["extra-mass"], [signature(5000.0)]), (catalogue()["stribeck"], [signature(40.0)])]
-    monkeypatch.setattr(DiagnosisData, "ranked_signatures", lambda self, state: ranked)
+    monkeypatch.setattr(DiagnosisData, "ranked_signatures", lambda self, model_fit: ranked)
     monkeypatch.setattr(
         DiagnosisData,
         "refit_with",
-        lambda self, before, effects, found: [trial(e.name, before=before) for e in effects],
+        lambda self, before, effects, found: [candidate(e.name, before=before) for e in effects],
     )
     monkeypatch.setattr(DiagnosisData, "refit_to_convergence", lambda self, tried: tried)
-    where = replace(bench(), effects={n: catalogue()[n] for n in ("extra-mass", "stribeck", "heat-transfer")})
+    where = replace(diagnosis_data(), effects={n: catalogue()[n] for n in ("extra-mass", "stribeck", "heat-transfer")})
     where.__dict__["hypothesis_count"] = 50
     assert {d.effect.name: d.reason for d in rounds.screen_and_refit(where, BEFORE)} == {
         "extra-mass": "supported",
@@ -47,12 +47,16 @@ def test_what_does_not_come_close_to_the_named_one_is_not_fitted_to_the_end(
     monkeypatch: pytest.MonkeyPatch, named: float | None, ended: int
 ):
     """A rival that leaves 4000: it is the best of its round, and far from what leaves 3000."""
-    rival, polished = trial("extra-mass", 4000.0, before=BEFORE), []
-    monkeypatch.setattr(DiagnosisData, "ranked_signatures", lambda self, state: [(rival.effect, [signature(5000.0)])])
+    rival, polished = candidate("extra-mass", 4000.0, before=BEFORE), []
+    monkeypatch.setattr(
+        DiagnosisData, "ranked_signatures", lambda self, model_fit: [(rival.effect, [signature(5000.0)])]
+    )
     monkeypatch.setattr(DiagnosisData, "refit_with", lambda *_: [rival])
-    monkeypatch.setattr(DiagnosisData, "refit_to_convergence", lambda self, trials: polished.extend(trials) or trials)
-    where = replace(bench(), effects={n: catalogue()[n] for n in ("extra-mass", "stribeck")})
-    rounds.screen_and_refit(where, BEFORE, ["stribeck"], None if named is None else state(["stribeck"], named))
+    monkeypatch.setattr(
+        DiagnosisData, "refit_to_convergence", lambda self, candidates: polished.extend(candidates) or candidates
+    )
+    where = replace(diagnosis_data(), effects={n: catalogue()[n] for n in ("extra-mass", "stribeck")})
+    rounds.screen_and_refit(where, BEFORE, ["stribeck"], None if named is None else model_fit(["stribeck"], named))
     assert len(polished) == ended
 
 
@@ -66,7 +70,7 @@ def test_refits_are_shared_out_by_where_the_residual_stands(monkeypatch: pytest.
     monkeypatch.setattr(DiagnosisData, "sensitive_blocks", lambda self, effect: blocks[effect.name in in_gas])
     costs, counts = np.array([9000.0, 1000.0]), np.array([100, 100])
     left = SimpleNamespace(train_costs=costs, costs=costs, residual_counts=counts)
-    kept = [e.name for e, _ in rounds.score_test_screen(bench(), left, ranked)]  # type: ignore[arg-type]
+    kept = [e.name for e, _ in rounds.score_test_screen(diagnosis_data(), left, ranked)]  # type: ignore[arg-type]
     assert "chamber-leak" in kept
     assert kept[:5] == forces[:5]
     assert len(kept) == rounds.MAX_REFITS

@@ -11,11 +11,11 @@ import numpy as np
 import pytest
 from scipy.stats import f as fisher
 
-from pneucli.diagnose import data as trials
+from pneucli.diagnose import data as data_module
 from pneucli.diagnose import detectability as visible
 from pneucli.diagnose.candidate import Candidate
 from pneucli.diagnose.data import DiagnosisData
-from pneucli.diagnose.diagnosis import ParameterShift, _parameter_shifts, distinguishing_experiment
+from pneucli.diagnose.diagnosis import ParameterShift, _parameter_shifts
 from pneucli.diagnose.equivalence import indistinguishable, not_inferior
 from pneucli.diagnose.evidence import (
     ScoreGain,
@@ -31,6 +31,7 @@ from pneucli.identify.estimation.fit import Estimate, Fit
 from pneucli.identify.estimation.parameters import FreeParameter, effect_parameters
 from pneucli.physics.effects import catalogue
 from pneucli.simulate.rig_quantities import rig_quantities
+from pneucli.stages.diagnosis_answer import detectability_answer
 from tests.simulate.synthetic_experiments import model
 
 RNG = np.random.default_rng
@@ -174,13 +175,13 @@ def test_recordings_of_which_one_knows_nothing_agree() -> None:
 # --- states and trials
 
 
-def state(train: list[float], test: list[float] | None = None, **more: Any) -> FittedModel:
+def model_fit(train: list[float], test: list[float] | None = None, **more: Any) -> FittedModel:
     fit: Any = SimpleNamespace(residual=np.array([1.0, 0.0, 2.0]), model=SimpleNamespace(effects=()), **more)
     costs = np.array([*train, *(test or [])])
     return FittedModel(fit, np.array(train), np.array(test or []), costs, np.ones(costs.size))
 
 
-def bench(**given: Any) -> DiagnosisData:
+def diagnosis_data(**given: Any) -> DiagnosisData:
     return DiagnosisData(**{"train": [], "held_out": [], "effects": {}, **given})
 
 
@@ -194,23 +195,25 @@ def seen(*names: str) -> Any:
 
 
 def test_the_family_is_all_parameters_of_the_effects_that_can_show() -> None:
-    found = bench(train=[seen("one"), seen("two")], effects={e.name: e for e in (ONE, TWO, THREE)})
+    found = diagnosis_data(train=[seen("one"), seen("two")], effects={e.name: e for e in (ONE, TWO, THREE)})
     assert found.hypothesis_count == 3
     assert [found.is_observable(e) for e in (ONE, TWO, THREE)] == [True, True, False]
 
 
 def test_what_the_models_valve_shows_already_cannot_be_missing() -> None:
-    found = bench(train=[seen("one", "two")], effects={"one": ONE, "two": TWO}, modelled_parts=frozenset({"valve"}))
+    found = diagnosis_data(
+        train=[seen("one", "two")], effects={"one": ONE, "two": TWO}, modelled_parts=frozenset({"valve"})
+    )
     assert not found.is_observable(ONE)
     assert found.hypothesis_count == 1
 
 
 def test_what_an_effect_acts_in_is_the_cost_of_the_views_that_feel_it() -> None:
     """Two fitted views of two blocks and one held out of one block."""
-    views = [seen("one", "two"), seen("one"), seen("two")]
-    for view, end in zip(views, (0.3, 0.3, 0.1), strict=True):
-        view.experiment, view.channels = SimpleNamespace(time=np.array([0.0, end])), ("force",)
-    found = bench(train=views[:2], held_out=views[2:], effects={})
+    residual_models = [seen("one", "two"), seen("one"), seen("two")]
+    for residual_model, end in zip(residual_models, (0.3, 0.3, 0.1), strict=True):
+        residual_model.experiment, residual_model.channels = SimpleNamespace(time=np.array([0.0, end])), ("force",)
+    found = diagnosis_data(train=residual_models[:2], held_out=residual_models[2:], effects={})
     train, test = np.array([1.0, 2.0, 4.0, 8.0]), np.array([16.0])
     fitted = FittedModel(None, train, test, np.concatenate([train, test]), np.array([4, 3, 2, 1, 9]))  # type: ignore[arg-type]
     assert found.sensitive_blocks(ONE).tolist() == [True] * 4 + [False]
@@ -234,7 +237,7 @@ def test_what_readings_show_alone_is_a_matter_of_these_readings() -> None:
 
     none = np.zeros(0)
     fitted = FittedModel(SimpleNamespace(model="fitted"), none, none, none, none)  # type: ignore[arg-type]
-    found = bench(train=[reading([4.0, 0.0])], held_out=[reading([2.0, 2.0, 2.0])])
+    found = diagnosis_data(train=[reading([4.0, 0.0])], held_out=[reading([2.0, 2.0, 2.0])])
     assert found.exclusive_channel_costs(fitted, ONE) == [(4.0, 1.0), (3.0, 3.0)]
     assert found.exclusive_channel_costs(fitted, TWO) == [(0.0, 0.0)] * 2
     assert replace(found, held_out=[]).exclusive_channel_costs(fitted, ONE) == [(4.0, 1.0), (0.0, 0.0)]
@@ -243,10 +246,12 @@ def test_what_readings_show_alone_is_a_matter_of_these_readings() -> None:
 def test_effects_are_screened_by_what_they_promise(monkeypatch: pytest.MonkeyPatch) -> None:
     promised = {"one": [5.0, 1.0], "two": [9.0], "three": []}
     monkeypatch.setattr(
-        trials, "score_tests", lambda effect, fit, views: [SimpleNamespace(gain=g) for g in promised[effect.name]]
+        data_module,
+        "score_tests",
+        lambda effect, fit, residual_models: [SimpleNamespace(gain=g) for g in promised[effect.name]],
     )
     told: list[str] = []
-    found = bench(
+    found = diagnosis_data(
         train=[seen("one", "two", "three")], effects={e.name: e for e in (ONE, TWO, THREE)}, progress=told.append
     )
     known: Any = SimpleNamespace(effect_names=[], fit=None)
@@ -259,13 +264,13 @@ def test_effects_are_screened_by_what_they_promise(monkeypatch: pytest.MonkeyPat
 
 
 def test_a_trial_is_worth_what_falls_on_either_data_and_its_own_test(monkeypatch: pytest.MonkeyPatch) -> None:
-    before, after = state([10.0, 11.0, 12.0], [5.0, 6.0]), state([5.0, 5.5, 6.5], [4.0, 4.0])
-    monkeypatch.setattr(trials, "wald_p_value", lambda fit, effect: 0.25)
-    found = bench().candidate(before, after, ONE)
+    before, after = model_fit([10.0, 11.0, 12.0], [5.0, 6.0]), model_fit([5.0, 5.5, 6.5], [4.0, 4.0])
+    monkeypatch.setattr(data_module, "wald_p_value", lambda fit, effect: 0.25)
+    found = diagnosis_data().candidate(before, after, ONE)
     assert (found.effect, found.reduced, found.full, found.p_value) == (ONE, before, after, 0.25)
     assert (found.train_gain.total, found.test_gain.total) == (16.0, 3.0)
-    monkeypatch.setattr(trials, "wald_p_value", lambda fit, effect: math.nan)
-    assert bench().candidate(before, after, ONE).p_value == found.train_gain.p_value
+    monkeypatch.setattr(data_module, "wald_p_value", lambda fit, effect: math.nan)
+    assert diagnosis_data().candidate(before, after, ONE).p_value == found.train_gain.p_value
 
 
 def errors(**values: dict[str, float | None]) -> Any:
@@ -291,35 +296,37 @@ NEW: Any = SimpleNamespace(model="new")
 def test_a_step_may_raise_the_error_of_one_use_by_five_percent_in_the_mean_of_both(
     train: float | None, test: float, raises: bool
 ) -> None:
-    found = bench(free_run_errors=errors(old={"train": 1.0, "test": 1.0}, new={"train": train, "test": test}))
+    found = diagnosis_data(free_run_errors=errors(old={"train": 1.0, "test": 1.0}, new={"train": train, "test": test}))
     assert found.free_run_error_rises(OLD, NEW) == raises
 
 
 def test_without_errors_nothing_rises() -> None:
-    assert not bench().free_run_error_rises(OLD, NEW)
-    assert not bench(free_run_errors=errors(old={"train": None}, new={"train": None})).free_run_error_rises(OLD, NEW)
+    assert not diagnosis_data().free_run_error_rises(OLD, NEW)
+    assert not diagnosis_data(free_run_errors=errors(old={"train": None}, new={"train": None})).free_run_error_rises(
+        OLD, NEW
+    )
 
 
 @pytest.mark.parametrize(
     ("train", "test", "falls"), [(0.9, 0.9, True), (1.2, 0.8, True), (1.3, 0.8, False), (1.0, 1.0, False)]
 )
 def test_the_ladder_falls_where_the_mean_of_both_errors_does(train: float, test: float, falls: bool) -> None:
-    found = bench(free_run_errors=errors(old={"train": 1.0, "test": 1.0}, new={"train": train, "test": test}))
+    found = diagnosis_data(free_run_errors=errors(old={"train": 1.0, "test": 1.0}, new={"train": train, "test": test}))
     assert found.free_run_error_falls(OLD, NEW) == falls
-    assert bench().free_run_error_falls(OLD, NEW)
+    assert diagnosis_data().free_run_error_falls(OLD, NEW)
 
 
 # --- the verdict
 
 
 def rival(cost: float, gained: float) -> Candidate:
-    before, after = state([(cost + gained) / 2] * 2), state([cost / 2] * 2)
+    before, after = model_fit([(cost + gained) / 2] * 2), model_fit([cost / 2] * 2)
     return Candidate(ONE, before, after, ScoreGain(gained, 1.0, 0.0, 9.0), ScoreGain(gained, 1.0, 0.0, 9.0), 0.0)
 
 
 def test_chance_is_counted_in_units_of_what_is_left() -> None:
     """1000 readings at ten times the noise: a parameter takes up a hundred times as much by chance."""
-    best = replace(state([5e4, 5e4]), residual_counts=np.full(2, 500.0))
+    best = replace(model_fit([5e4, 5e4]), residual_counts=np.full(2, 500.0))
     assert not_inferior(rival(1e5 + 300.0, 5e5).full, best)
     assert not not_inferior(rival(1e5 + 500.0, 5e5).full, best)
 
@@ -338,7 +345,7 @@ def test_chance_is_counted_in_units_of_what_is_left() -> None:
 def test_a_rival_is_equal_where_it_costs_no_more_or_slightly_more_at_the_noise(
     more: float, gained: float, equals: bool
 ) -> None:
-    best = replace(state([500.0, 500.0]), residual_counts=np.full(2, 500.0))
+    best = replace(model_fit([500.0, 500.0]), residual_counts=np.full(2, 500.0))
     assert indistinguishable(rival(1000.0 + more, gained), best) == equals
 
 
@@ -365,13 +372,6 @@ def test_a_base_parameter_that_effects_moved_far_is_told(before: Estimate, after
     assert _parameter_shifts(one, SimpleNamespace(estimates=())) == []  # type: ignore[arg-type]
 
 
-def test_two_effects_are_told_apart_by_what_both_say() -> None:
-    one, other = (SimpleNamespace(name=n, separate=s) for n, s in (("a", "Do this."), ("b", "Do that.")))
-    assert distinguishing_experiment(one, other) == "To tell a from b: Do this. Do that."  # type: ignore[arg-type]
-    same = SimpleNamespace(name="c", separate="Do this.")
-    assert distinguishing_experiment(one, same) == "To tell a from c: Do this."  # type: ignore[arg-type]
-
-
 # --- what would have shown
 
 
@@ -383,30 +383,35 @@ def size_of(name: str, *found: tuple[dict[str, float], float]) -> visible.Minimu
     return visible._minimum_detectable_effect(catalogue()[name], signatures, known)
 
 
+def sentence(one: visible.MinimumDetectableEffect) -> str:
+    """The sentence of the answer."""
+    return str(detectability_answer(one)["would_show"])
+
+
 def test_what_would_have_shown_is_four_standard_errors_of_the_clearest_signature() -> None:
     found = size_of("constant-force", ({"force": 20.0}, 0.5), ({"force": 10.0}, 0.05))
     assert (found.size, found.plausible, found.parameter.name) == (pytest.approx(4 * 0.05 * 10.0), True, "force")
-    assert "above 2 N" in found.would_show
+    assert "above 2 N" in sentence(found)
 
 
 def test_a_size_counts_from_the_null() -> None:
     found = size_of("pressure-scale", ({"scale": 1.1}, 0.25))
     assert found.size == pytest.approx(0.1)
-    assert "from a difference of 0.1" in found.would_show
+    assert "from a difference of 0.1" in sentence(found)
 
 
 def test_what_would_have_shown_says_where_it_acts() -> None:
     """A shorter cushion that the piston hardly reaches may be far stiffer."""
     long, short = {"length": 0.08, "damping": 100.0}, {"length": 0.03, "damping": 100.0}
     found = size_of("end-cushion", (short, np.inf), (long, 0.02))
-    assert "above 8 N s/m (damping at the very end; length of each cushion 0.08 m) it would" in found.would_show
+    assert "above 8 N s/m (damping at the very end; length of each cushion 0.08 m)" in sentence(found)
 
 
 @pytest.mark.parametrize(("error", "plausible"), [(0.74, True), (0.76, False)])
 def test_beyond_three_typical_sizes_no_plausible_one_would_have_shown(error: float, plausible: bool) -> None:
     found = size_of("constant-force", ({"force": 10.0}, error))
     assert found.plausible == plausible
-    assert ("cannot tell" in found.would_show) != plausible
+    assert ("cannot detect" in sentence(found)) != plausible
 
 
 @pytest.mark.parametrize("signature", [None, ({"force": 10.0}, np.inf), ({"force": 10.0}, 0.0)])
@@ -420,7 +425,7 @@ def test_an_effect_without_a_null_shows_at_its_typical_size_or_not(error: float,
     found = size_of("presliding", ({"stiffness": 2e4, "damping": 50.0}, error))
     assert (found.size, found.plausible) == (2e4, plausible)
     if plausible:
-        assert "at 2e+04 N/m" in found.would_show
+        assert "at 2e+04 N/m" in sentence(found)
 
 
 def test_every_effect_that_the_model_lacks_and_can_show_has_a_size(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -431,12 +436,12 @@ def test_every_effect_that_the_model_lacks_and_can_show_has_a_size(monkeypatch: 
         "constant-force": {"constant-force.force": 10.0},
     }
 
-    def found_for(effect: Any, fit: Any, views: Any) -> list[Any]:
+    def found_for(effect: Any, fit: Any, residual_models: Any) -> list[Any]:
         known = values.get(effect.name)
         return [SimpleNamespace(values=known, step_error=0.1, gain=1.0)] if known else []
 
-    monkeypatch.setattr(trials, "score_tests", found_for)
-    ready = bench(train=[seen("constant-force", "stribeck", "extra-mass")], effects=effects)
+    monkeypatch.setattr(data_module, "score_tests", found_for)
+    ready = diagnosis_data(train=[seen("constant-force", "stribeck", "extra-mass")], effects=effects)
     has: Any = SimpleNamespace(effect_names=["extra-mass"], fit=None, model=model())
     found = visible.minimum_detectable_effects(ready, has)
     assert [d.effect.name for d in found] == ["constant-force", "stribeck"]

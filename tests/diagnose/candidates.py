@@ -34,7 +34,7 @@ def costing(fitted: Any, costs: np.ndarray) -> FittedModel:
     return FittedModel(fitted, costs, np.zeros(0), costs, COUNTS)
 
 
-def state(names: Sequence[str] = (), cost: float = 8000.0) -> FittedModel:
+def model_fit(names: Sequence[str] = (), cost: float = 8000.0) -> FittedModel:
     """A fit with effects that costs the same in every block."""
     fitted: Any = SimpleNamespace(
         model=model(names), estimates=(), residual=np.ones(SAMPLES), blocks=np.arange(SAMPLES) * BLOCKS // SAMPLES
@@ -47,10 +47,10 @@ def shaky(before: FittedModel, fall: float, scatter: float, names: Sequence[str]
     """A state that costs less in all, by some blocks' falls and other blocks' rises."""
     turns = np.where(np.arange(BLOCKS) % 2, scatter, -scatter)
     costs = before.costs - fall / BLOCKS - turns
-    return FittedModel(state(names).fit, costs, np.zeros(0), costs, COUNTS)
+    return FittedModel(model_fit(names).fit, costs, np.zeros(0), costs, COUNTS)
 
 
-def trial(
+def candidate(
     effect: str,
     cost: float = 4000.0,
     *,
@@ -61,8 +61,8 @@ def trial(
     test: ScoreGain = SURE,
 ) -> Candidate:
     """The step to a model with one effect more; ``ends`` has value and whether at a bound by parameter."""
-    before = before or state()
-    after = state([effect], cost)
+    before = before or model_fit()
+    after = model_fit([effect], cost)
     ended = ends or {p.name: (1e-3, False) for p in catalogue()[effect].parameters}
     values = {f"{effect}.{name}": value for name, (value, _) in ended.items()}
     fitted: Any = SimpleNamespace(
@@ -83,7 +83,7 @@ def trial(
     )
 
 
-def bench(
+def diagnosis_data(
     errors: Sequence[tuple[FittedModel, float, float | None]] = (), *, held_out: bool = True, **changes: Any
 ) -> DiagnosisData:
     """A bench with one view; ``errors`` are those that the user sees of a state, on training and on test."""

@@ -19,7 +19,7 @@ RNG = np.random.default_rng(5)
 TURN = np.arange(N) // 100
 
 
-def view(name: str) -> Any:
+def residual_model(name: str) -> Any:
     return SimpleNamespace(experiment=SimpleNamespace(recording=SimpleNamespace(name=name)))
 
 
@@ -75,8 +75,10 @@ def test_a_recording_without_information_changes_nothing_by_its_turn():
 
 
 def test_each_recording_has_its_turn_and_its_views_share_it():
-    assert cross_validation.folds_of([view("a"), view("a"), view("b"), view("c")]) == (0, 0, 1, 2)
+    assert cross_validation.folds_of(
+        [residual_model("a"), residual_model("a"), residual_model("b"), residual_model("c")]
+    ) == (0, 0, 1, 2)
 
 
 def test_one_recording_alone_cannot_be_held_out():
-    assert cross_validation.folds_of([view("a"), view("a")]) == ()
+    assert cross_validation.folds_of([residual_model("a"), residual_model("a")]) == ()

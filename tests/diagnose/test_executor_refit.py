@@ -52,8 +52,8 @@ class Slow:
 
     def run_refit(self, one: Refit) -> Ended:
         time.sleep(self.seconds)
-        state: Any = one.base
-        return Ended(f"{state.done}, {one.kind} {one.effect.name}", os.getpid(), one.effect)
+        model_fit: Any = one.base
+        return Ended(f"{model_fit.done}, {one.kind} {one.effect.name}", os.getpid(), one.effect)
 
 
 def asked(names: Sequence[str] = NAMES) -> list[Refit]:
@@ -65,8 +65,8 @@ def done(seconds: float, folder: Path, rounds: int = 1) -> list[list[Any]]:
     engine = ProcessEngine(2)
     try:
         refits = ExecutorRefits(engine, folder, [])
-        bench: Any = Slow(seconds)
-        return [refits(bench, asked()) for _ in range(rounds)]
+        diagnosis_data: Any = Slow(seconds)
+        return [refits(diagnosis_data, asked()) for _ in range(rounds)]
     finally:
         engine.close()
 

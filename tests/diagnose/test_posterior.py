@@ -28,22 +28,22 @@ from pneucli.diagnose.posterior import (
 from pneucli.diagnose.validity import has_unmeasured_force
 from pneucli.identify.residuals import ChamberPressures, ForceBalance, FreeRun, ImposedMotion
 from pneucli.physics.effects import catalogue
-from tests.diagnose import trials
-from tests.diagnose.trials import bench, trial
+from tests.diagnose import candidates
+from tests.diagnose.candidates import candidate, diagnosis_data
 from tests.simulate.synthetic_experiments import make_experiment as recorded
 from tests.simulate.synthetic_experiments import time_grid
 
 STRONG = Evidence(share=0.98, significance=100.0, size=1.0, left=0.01)
 WEAK = Evidence(share=0.02, significance=2.0, size=0.1)
-TRIED = trial("extra-mass")
+TRIED = candidate("extra-mass")
 
 
 def kinds(*each: Any, feels: bool = True) -> list[Any]:
     """Views of these kinds, which feel every effect or none, of one and the same recording."""
-    views = [object.__new__(kind) for kind in each]
-    for view in views:
-        view.__dict__.update(experiment="fitted", is_sensitive_to=lambda effect: feels)
-    return views
+    residual_models = [object.__new__(kind) for kind in each]
+    for residual_model in residual_models:
+        residual_model.__dict__.update(experiment="fitted", is_sensitive_to=lambda effect: feels)
+    return residual_models
 
 
 @pytest.fixture
@@ -60,16 +60,16 @@ def judged(monkeypatch: pytest.MonkeyPatch) -> Any:
         law: bool = False,
     ) -> str:
         place = None if read is None else Term(TRIED, ())
-        monkeypatch.setattr(DiagnosisData, "exclusive_channel_costs", lambda self, state, effect: [(read, 100.0)])
+        monkeypatch.setattr(DiagnosisData, "exclusive_channel_costs", lambda self, model_fit, effect: [(read, 100.0)])
         monkeypatch.setattr(posterior, "collect_evidence", lambda *_, complete: evidence._replace(complete=complete))
-        monkeypatch.setattr(posterior, "refuted_by_reading", lambda model, effect, views: contradicted)
+        monkeypatch.setattr(posterior, "refuted_by_reading", lambda model, effect, residual_models: contradicted)
         monkeypatch.setattr(
-            posterior, "nonparametric_rival", lambda bench, one: "a law" if law and one is place else None
+            posterior, "nonparametric_rival", lambda diagnosis_data, one: "a law" if law and one is place else None
         )
         errors = [(TRIED.reduced, 10.0, 10.0), (TRIED.full, *((5.0, 5.0) if falls else (10.5, 10.5)))]
         left = [LackOfFit(ForceBalance, "force", 5.0, 5.0, ())] * unknown
-        monkeypatch.setattr(posterior, "has_calibration", lambda bench, effect: True)
-        decision, rests_on = decide(bench(errors), TRIED.full, TRIED, left, place)
+        monkeypatch.setattr(posterior, "has_calibration", lambda diagnosis_data, effect: True)
+        decision, rests_on = decide(diagnosis_data(errors), TRIED.full, TRIED, left, place)
         assert (decision.effect, decision.candidate) == (TRIED.effect, TRIED)
         assert rests_on == evidence._replace(complete=not unknown)
         return decision.reason
@@ -119,9 +119,10 @@ def test_what_a_reading_contradicts_is_not_named_however_likely(judged: Any, unk
 @pytest.mark.parametrize("unseen", [True, False])
 def test_a_force_that_nobody_recorded_names_nothing(unseen: bool) -> None:
     """Without p2 what a shut chamber 2 does to the piston looks like a spring."""
-    view = object.__new__(ForceBalance)
-    object.__setattr__(view, "experiment", SimpleNamespace(p2_is_unmeasured=unseen, parts={"cylinder"}))
-    assert has_unmeasured_force([view], catalogue()["spring-force"]) == unseen
+    residual_model = object.__new__(ForceBalance)
+    experiment = SimpleNamespace(p2_is_unmeasured=unseen, can_show=lambda effect: True)
+    object.__setattr__(residual_model, "experiment", experiment)
+    assert has_unmeasured_force([residual_model], catalogue()["spring-force"]) == unseen
     assert not has_unmeasured_force([], catalogue()["spring-force"])
 
 
@@ -144,7 +145,7 @@ def test_where_no_exam_tells_an_effect_takes_most_or_much_is_left(
     share: float, disagreement: float, ratio: float, held_out: bool, named: bool
 ) -> None:
     left = [LackOfFit(ForceBalance, "force", ratio, ratio, ())]
-    assert passes_fallback(bench(held_out=held_out), share, disagreement, left) == named
+    assert passes_fallback(diagnosis_data(held_out=held_out), share, disagreement, left) == named
 
 
 @pytest.mark.parametrize(
@@ -160,19 +161,19 @@ def test_exams_hold_recordings_out_and_have_what_each_subsystem_needs(kind: Any,
 # --- what it rests on
 
 
-def state(squares: float, samples: int = 100, **more: Any) -> Any:
+def model_fit(squares: float, samples: int = 100, **more: Any) -> Any:
     return SimpleNamespace(cost=squares, residual_count=samples, **more)
 
 
 def test_the_share_that_a_step_takes_is_of_what_exceeds_noise() -> None:
-    assert explained_excess_cost(state(300.0), state(150.0)) == pytest.approx(0.75)
-    assert explained_excess_cost(state(300.0), state(350.0)) == pytest.approx(-0.25)
+    assert explained_excess_cost(model_fit(300.0), model_fit(150.0)) == pytest.approx(0.75)
+    assert explained_excess_cost(model_fit(300.0), model_fit(350.0)) == pytest.approx(-0.25)
 
 
 def evidence(monkeypatch: pytest.MonkeyPatch, shown: Any, *, complete: bool = False, placed: bool = True) -> Evidence:
-    last = state(140.0, fit="last fit", model="last model")
+    last = model_fit(140.0, fit="last fit", model="last model")
     tried: Any = SimpleNamespace(
-        reduced=state(0.0, model="without"), full=state(0.0, model="with"), effect=catalogue()["extra-mass"]
+        reduced=model_fit(0.0, model="without"), full=model_fit(0.0, model="with"), effect=catalogue()["extra-mass"]
     )
     where: Any = SimpleNamespace(train=kinds(ForceBalance), free_run_errors=shown)
     monkeypatch.setattr(posterior, "rig_quantities", lambda model, experiments: (model, *experiments))
@@ -181,7 +182,7 @@ def evidence(monkeypatch: pytest.MonkeyPatch, shown: Any, *, complete: bool = Fa
         posterior, "significance", lambda fit, effect: {("last fit", "extra-mass"): 20.0}[fit, effect.name]
     )
     monkeypatch.setattr(posterior, "relative_effect_size", lambda fit, effect, facts: sizes[fit, effect.name, facts])
-    stood: Any = SimpleNamespace(remaining_share=lambda bench: 0.2 if bench is where else None)
+    stood: Any = SimpleNamespace(remaining_share=lambda diagnosis_data: 0.2 if diagnosis_data is where else None)
     return collect_evidence(where, last, tried, stood if placed else None, ["pressure-scale"], complete=complete)
 
 
@@ -205,10 +206,10 @@ def test_beside_something_unknown_an_effect_is_as_likely_as_the_law_says_of_it_i
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     """What it takes of the error that the user sees counts, too: of 4 and 2 times the noise 12 of 15 parts."""
-    tried, other = trial("time-skew", before=trials.state()), trial("valve-lag")
+    tried, other = candidate("time-skew", before=candidates.model_fit()), candidate("valve-lag")
     errors = {id(tried.reduced.model): 4.0, id(tried.full.model): 2.0}
     where = replace(
-        bench(held_out=False),
+        diagnosis_data(held_out=False),
         train=kinds(ImposedMotion, ForceBalance),
         free_run_errors=lambda model: {"train": 9.0, "test": errors[id(model)]},
     )
@@ -217,8 +218,8 @@ def test_beside_something_unknown_an_effect_is_as_likely_as_the_law_says_of_it_i
     )
     monkeypatch.setattr(posterior, "significance", lambda fit, effect: 20.0 if fit is tried.full.fit else 0.0)
     monkeypatch.setattr(posterior, "relative_effect_size", lambda fit, effect, facts: 0.5 if facts == "facts" else 0.0)
-    monkeypatch.setattr(Term, "remaining_share", lambda self, bench: 0.3 if self.candidate is tried else None)
-    monkeypatch.setattr(Term, "equivalents", lambda self, bench, complete: () if complete else self.rivals)
+    monkeypatch.setattr(Term, "remaining_share", lambda self, diagnosis_data: 0.3 if self.candidate is tried else None)
+    monkeypatch.setattr(Term, "equivalents", lambda self, diagnosis_data, complete: () if complete else self.rivals)
     known = Evidence(0.8, 20.0, 0.5, complete=False, left=0.3)
     assert posterior.posterior_probability(where, Term(tried, ())) == probability(
         known._replace(effects=("time-skew",))
@@ -242,21 +243,23 @@ def test_of_what_leaves_as_much_the_error_that_the_user_sees_counts_as_ten_readi
     """Stribeck friction and a break-away that grows leave as much of a balance of forces, which has few break-aways."""
     monkeypatch.setattr(posterior, "collect_evidence", lambda *_, complete: WEAK)
     monkeypatch.setattr(posterior, "probability", lambda evidence: 0.75)
-    where = replace(bench(held_out=False), free_run_errors=None if errors is None else lambda model: errors)
-    assert posterior.log_odds_among_equivalents(where, trial("stribeck", before=trials.state())) == pytest.approx(
-        expected
-    )
+    where = replace(diagnosis_data(held_out=False), free_run_errors=None if errors is None else lambda model: errors)
+    assert posterior.log_odds_among_equivalents(
+        where, candidate("stribeck", before=candidates.model_fit())
+    ) == pytest.approx(expected)
     monkeypatch.setattr(posterior, "probability", lambda evidence: 1.0)
-    assert np.isfinite(posterior.log_odds_among_equivalents(where, trial("stribeck", before=trials.state())))
+    named = candidate("stribeck", before=candidates.model_fit())
+    assert np.isfinite(posterior.log_odds_among_equivalents(where, named))
 
 
 def test_of_what_leaves_as_much_it_does_not_count_which_effect_it_is(monkeypatch: pytest.MonkeyPatch) -> None:
     """The unknown that one of them resembles, all of them do."""
-    where = replace(bench(held_out=False), free_run_errors=None)
-    monkeypatch.setattr(posterior, "_significance_and_size", lambda bench, state, effect: (20.0, 0.5))
-    monkeypatch.setattr(Term, "remaining_share", lambda self, bench: 0.3)
+    where = replace(diagnosis_data(held_out=False), free_run_errors=None)
+    monkeypatch.setattr(posterior, "_significance_and_size", lambda diagnosis_data, model_fit, effect: (20.0, 0.5))
+    monkeypatch.setattr(Term, "remaining_share", lambda self, diagnosis_data: 0.3)
     clock, spool = (
-        posterior.log_odds_among_equivalents(where, trial(n, before=trials.state())) for n in ("time-skew", "valve-lag")
+        posterior.log_odds_among_equivalents(where, candidate(n, before=candidates.model_fit()))
+        for n in ("time-skew", "valve-lag")
     )
     assert clock == spool
 
@@ -266,25 +269,31 @@ def test_one_that_is_larger_than_usual_is_no_likelier_than_its_twin(
     monkeypatch: pytest.MonkeyPatch, size: float, less: bool
 ) -> None:
     """Of a force of its usual size and an offset of four times its own a rig has rather the force."""
-    where = replace(bench(held_out=False), free_run_errors=None)
+    where = replace(diagnosis_data(held_out=False), free_run_errors=None)
     sizes = {"constant-force": 1.0, "pressure-offset": size}
-    monkeypatch.setattr(posterior, "_significance_and_size", lambda bench, state, effect: (20.0, sizes[effect.name]))
-    monkeypatch.setattr(Term, "remaining_share", lambda self, bench: 0.3)
-    force, offset = (posterior.log_odds_among_equivalents(where, trial(name, before=trials.state())) for name in sizes)
+    monkeypatch.setattr(
+        posterior, "_significance_and_size", lambda diagnosis_data, model_fit, effect: (20.0, sizes[effect.name])
+    )
+    monkeypatch.setattr(Term, "remaining_share", lambda self, diagnosis_data: 0.3)
+    force, offset = (
+        posterior.log_odds_among_equivalents(where, candidate(name, before=candidates.model_fit())) for name in sizes
+    )
     assert offset < force if less else offset == force
 
 
 def test_an_effect_is_seen_with_imposed_motion_where_all_recordings_that_feel_it_are_such() -> None:
     effect = catalogue()["extra-mass"]
     unfelt = kinds(ChamberPressures, feels=False)
-    assert acts_only_under_imposed_motion(replace(bench(), train=[*kinds(ImposedMotion), *unfelt]), effect)
-    assert not acts_only_under_imposed_motion(replace(bench(), train=kinds(ImposedMotion, ForceBalance)), effect)
+    assert acts_only_under_imposed_motion(replace(diagnosis_data(), train=[*kinds(ImposedMotion), *unfelt]), effect)
+    assert not acts_only_under_imposed_motion(
+        replace(diagnosis_data(), train=kinds(ImposedMotion, ForceBalance)), effect
+    )
 
 
 def test_recordings_are_asked_each_by_all_its_views(monkeypatch: pytest.MonkeyPatch) -> None:
     """Two views of ``b`` count as one recording; every channel has its residuals."""
 
-    def view(name: str, n: int, *channels: str) -> Any:
+    def residual_model(name: str, n: int, *channels: str) -> Any:
         experiment = SimpleNamespace(recording=SimpleNamespace(name=name), time=np.zeros(n))
         return SimpleNamespace(experiment=experiment, channels=channels)
 
@@ -292,7 +301,8 @@ def test_recordings_are_asked_each_by_all_its_views(monkeypatch: pytest.MonkeyPa
         posterior, "disagreement", lambda fit, effect, recordings: (fit, effect.name, recordings.tolist())
     )
     where: Any = SimpleNamespace(
-        train=[view("b", 2, "p1", "p2"), view("a", 3, "p1"), view("b", 1, "force")], effects=catalogue()
+        train=[residual_model("b", 2, "p1", "p2"), residual_model("a", 3, "p1"), residual_model("b", 1, "force")],
+        effects=catalogue(),
     )
     fit, name, recordings = disagreement_between_recordings(where, SimpleNamespace(fit="fit"), "extra-mass")  # type: ignore[misc, arg-type]
     assert (fit, name, recordings) == ("fit", "extra-mass", [1] * 4 + [0] * 3 + [1])
@@ -310,18 +320,18 @@ def test_only_what_passes_without_the_effects_that_are_refused_is_named(
     monkeypatch: pytest.MonkeyPatch, moved: tuple[float, float], passes: bool, named: str
 ) -> None:
     """An offset is refused; the mass beside it must pass, and lower the error, in the model that lacks the offset."""
-    mass, offset = (trial(n) for n in ("extra-mass", "pressure-offset"))
-    last, alone, neither = (trials.state(n) for n in (["extra-mass", "pressure-offset"], ["extra-mass"], []))
+    mass, offset = (candidate(n) for n in ("extra-mass", "pressure-offset"))
+    last, alone, neither = (candidates.model_fit(n) for n in (["extra-mass", "pressure-offset"], ["extra-mass"], []))
     ways = {(id(last), "pressure-offset"): alone, (id(alone), "extra-mass"): neither}
     monkeypatch.setattr(DiagnosisData, "refit_without", lambda self, one, effects: [ways[id(one), effects[0].name]])
     step = replace(mass, reduced=neither, full=alone)
     monkeypatch.setattr(DiagnosisData, "candidate", lambda self, before, after, effect: step)
-    monkeypatch.setattr(posterior, "passing_candidates", lambda bench, before, tried: tried if passes else [])
+    monkeypatch.setattr(posterior, "passing_candidates", lambda diagnosis_data, before, tried: tried if passes else [])
     there = STRONG if passes else WEAK
     monkeypatch.setattr(posterior, "collect_evidence", lambda *_, complete: there._replace(complete=complete))
-    monkeypatch.setattr(posterior, "has_calibration", lambda bench, effect: True)
-    monkeypatch.setattr(posterior, "refuted_by_reading", lambda model, effect, views: False)
-    found = bench([(neither, moved[0], moved[0]), (alone, moved[1], moved[1])])
+    monkeypatch.setattr(posterior, "has_calibration", lambda diagnosis_data, effect: True)
+    monkeypatch.setattr(posterior, "refuted_by_reading", lambda model, effect, residual_models: False)
+    found = diagnosis_data([(neither, moved[0], moved[0]), (alone, moved[1], moved[1])])
     left = [LackOfFit(ForceBalance, "force", 5.0, 5.0, ())]
     weights = [(Decision(mass.effect, "supported", mass), STRONG), (Decision(offset.effect, "at-bound", offset), WEAK)]
     (first, _), (second, _) = retest_without_refused(found, last, weights, left)
@@ -336,25 +346,28 @@ def test_beside_what_a_law_outdoes_something_is_left_though_it_passed_for_noise(
     monkeypatch: pytest.MonkeyPatch, left: float, likely: bool, named: bool
 ) -> None:
     """With a spring, which a law outdoes, the mass seemed to be complete; it is weighed anew beside what is left."""
-    mass, spring = (trial(n) for n in ("extra-mass", "spring-force"))
-    last, alone, neither = (trials.state(n) for n in (["extra-mass", "spring-force"], ["extra-mass"], []))
+    mass, spring = (candidate(n) for n in ("extra-mass", "spring-force"))
+    last, alone, neither = (candidates.model_fit(n) for n in (["extra-mass", "spring-force"], ["extra-mass"], []))
     ways = {(id(last), "spring-force"): alone, (id(alone), "extra-mass"): neither}
     monkeypatch.setattr(DiagnosisData, "refit_without", lambda self, one, effects: [ways[id(one), effects[0].name]])
     monkeypatch.setattr(
         DiagnosisData, "candidate", lambda self, before, after, effect: replace(mass, reduced=before, full=after)
     )
-    monkeypatch.setattr(posterior, "passing_candidates", lambda bench, before, tried: tried)
+    monkeypatch.setattr(posterior, "passing_candidates", lambda diagnosis_data, before, tried: tried)
     monkeypatch.setattr(
         posterior,
         "lack_of_fit",
-        lambda bench, one: ([LackOfFit(ForceBalance, "force", left, left, ())] * (one.model is alone.model), []),
+        lambda diagnosis_data, one: (
+            [LackOfFit(ForceBalance, "force", left, left, ())] * (one.model is alone.model),
+            [],
+        ),
     )
     there = STRONG if likely else WEAK
     monkeypatch.setattr(posterior, "collect_evidence", lambda *_, complete: there._replace(complete=complete))
-    monkeypatch.setattr(posterior, "has_calibration", lambda bench, effect: True)
-    monkeypatch.setattr(posterior, "refuted_by_reading", lambda model, effect, views: False)
-    monkeypatch.setattr(posterior, "nonparametric_rival", lambda bench, one: None)
-    found = bench([(neither, 10.0, 10.0), (alone, 5.0, 5.0)])
+    monkeypatch.setattr(posterior, "has_calibration", lambda diagnosis_data, effect: True)
+    monkeypatch.setattr(posterior, "refuted_by_reading", lambda model, effect, residual_models: False)
+    monkeypatch.setattr(posterior, "nonparametric_rival", lambda diagnosis_data, one: None)
+    found = diagnosis_data([(neither, 10.0, 10.0), (alone, 5.0, 5.0)])
     weights = [
         (Decision(mass.effect, "supported", mass), STRONG._replace(complete=True)),
         (Decision(spring.effect, "explained-by-signal", spring), STRONG),

@@ -31,16 +31,18 @@ def run(phase: float, time: np.ndarray = TIME) -> ForceBalance:
     x = 0.1 + 0.06 * np.sin(pace * time + phase) + 0.03 * np.sin(3.7 * time - phase)
     v = 0.06 * pace * np.cos(pace * time + phase) + 0.111 * np.cos(3.7 * time - phase)
     p1 = 3e5 + 5e4 * np.sin(1.3 * time + 2.0 * phase) + 2e4 * np.sin(5.3 * time)
-    view = ForceBalance(make_experiment("friction", time, {"x": x, "v": v, "p1": p1}))
-    view.__dict__.update(noise={"force": 1.0}, channels=("force",))
-    return view
+    residual_model = ForceBalance(make_experiment("friction", time, {"x": x, "v": v, "p1": p1}))
+    residual_model.__dict__.update(noise={"force": 1.0}, channels=("force",))
+    return residual_model
 
 
-def left_by(views: Sequence[ForceBalance], force: Force, seed: int = 1, noise: float = 1.0) -> list[np.ndarray]:
+def left_by(
+    residual_models: Sequence[ForceBalance], force: Force, seed: int = 1, noise: float = 1.0
+) -> list[np.ndarray]:
     """What a force of (x, v, time) leaves over in each view, beside noise."""
     rng, left = np.random.default_rng(seed), []
-    for view in views:
-        e = view.experiment
+    for residual_model in residual_models:
+        e = residual_model.experiment
         left.append(force(e.raw["x"], e.raw["v"], e.time) + noise * rng.standard_normal(e.time.size))
     return left
 
@@ -55,33 +57,33 @@ def fitted(left: Sequence[np.ndarray], own: Sequence[np.ndarray] = ()) -> Any:
 
 
 def rival(
-    views: Sequence[ForceBalance], left: Sequence[np.ndarray], own: Sequence[np.ndarray] = ()
+    residual_models: Sequence[ForceBalance], left: Sequence[np.ndarray], own: Sequence[np.ndarray] = ()
 ) -> tuple[Any, SplineRegression]:
     """The same fit, its residuals in blocks of 0.25 s, and its channel."""
     fit = fitted(left, own)
     fit.blocks = np.arange(fit.residual.size) // 250
-    return fit, SplineRegression(fit, views, ForceBalance, "force")
+    return fit, SplineRegression(fit, residual_models, ForceBalance, "force")
 
 
 def ranked(
-    views: Sequence[ForceBalance], left: Sequence[np.ndarray], own: Sequence[np.ndarray] = ()
+    residual_models: Sequence[ForceBalance], left: Sequence[np.ndarray], own: Sequence[np.ndarray] = ()
 ) -> list[SmoothTerm]:
     """The laws of what is left, the best first."""
     fit = fitted(left, own)
-    return SplineRegression(fit, views, ForceBalance, "force").ranked_terms(fit)
+    return SplineRegression(fit, residual_models, ForceBalance, "force").ranked_terms(fit)
 
 
-def best(views: Sequence[ForceBalance], left: Sequence[np.ndarray]) -> SmoothTerm:
+def best(residual_models: Sequence[ForceBalance], left: Sequence[np.ndarray]) -> SmoothTerm:
     """The law that explains most."""
-    return ranked(views, left)[0]
+    return ranked(residual_models, left)[0]
 
 
 def simple(
-    views: Sequence[ForceBalance], left: Sequence[np.ndarray], own: Sequence[np.ndarray], signal: str
+    residual_models: Sequence[ForceBalance], left: Sequence[np.ndarray], own: Sequence[np.ndarray], signal: str
 ) -> str | None:
     """The simple course of a force of a signal."""
     fit = fitted(left, own)
-    channel = SplineRegression(fit, views, ForceBalance, "force")
+    channel = SplineRegression(fit, residual_models, ForceBalance, "force")
     return channel.simplest_shape(
         fit, next(w for w in channel.ranked_terms(fit) if (w.signal, w.acts_as) == (signal, "force"))
     )
@@ -123,79 +125,80 @@ def drag(x: np.ndarray, v: np.ndarray, time: np.ndarray) -> np.ndarray:
     ],
 )
 def test_a_law_is_found_over_its_own_signal_and_as_what_it_acts(force: Force, signal: str, ways: set[str]) -> None:
-    views = runs()
-    found = best(views, left_by(views, force))
+    residual_models = runs()
+    found = best(residual_models, left_by(residual_models, force))
     assert found.signal == signal
     assert found.acts_as in ways
 
 
 def test_its_share_is_that_of_the_squares_that_are_no_noise() -> None:
     """5 N of amplitude beside 1 N rms: 12.5 of 13.5, which 60 coefficients for 18,000 samples hardly change."""
-    views = runs()
-    assert best(views, left_by(views, cogging)).share == pytest.approx(12.5 / 13.5, abs=0.02)
+    residual_models = runs()
+    assert best(residual_models, left_by(residual_models, cogging)).share == pytest.approx(12.5 / 13.5, abs=0.02)
 
 
 def test_its_values_are_the_force() -> None:
     """To 0.5 N in the middle of the range: 250 samples a knot with 1 N of noise, and a sine of 8 knots a cycle."""
-    views = runs()
-    found = best(views, left_by(views, cogging))
+    residual_models = runs()
+    found = best(residual_models, left_by(residual_models, cogging))
     x = np.linspace(found.low, found.high, KNOTS)[5:-5]
     assert found.values[5:-5] == pytest.approx(cogging(x, x, x), abs=0.5)
 
 
 def test_noise_has_no_law() -> None:
-    views = runs()
+    residual_models = runs()
     for seed in range(5):
-        assert best(views, left_by(views, lambda x, v, t: 0.0 * x, seed)).share < 0.005
+        assert best(residual_models, left_by(residual_models, lambda x, v, t: 0.0 * x, seed)).share < 0.005
 
 
 def test_what_each_recording_has_its_own_way_is_no_law() -> None:
     """Of one sign in two of them, of the other in the third: it explains nothing of one that was left out."""
-    views = runs()
-    left = left_by(views, cogging)
+    residual_models = runs()
+    left = left_by(residual_models, cogging)
     left[1] = -left[1]
-    found = [law for law in ranked(views, left) if law.signal == "x"]
+    found = [law for law in ranked(residual_models, left) if law.signal == "x"]
     assert all(law.share < 0.2 for law in found)
 
 
 def test_what_the_model_can_do_itself_is_beside_it() -> None:
     """What its own dry and viscous friction have taken of a force of the pressure is seen through."""
-    views = runs()
-    left = left_by(views, lambda x, v, t: 0.0 * x)
-    left = [r + 2e-9 * (v.experiment.raw["p1"] - 3e5) ** 2 for r, v in zip(left, views, strict=True)]
-    own = [np.column_stack([np.sign(v.experiment.raw["v"]), v.experiment.raw["v"]]) for v in views]
+    residual_models = runs()
+    left = left_by(residual_models, lambda x, v, t: 0.0 * x)
+    left = [r + 2e-9 * (v.experiment.raw["p1"] - 3e5) ** 2 for r, v in zip(left, residual_models, strict=True)]
+    own = [np.column_stack([np.sign(v.experiment.raw["v"]), v.experiment.raw["v"]]) for v in residual_models]
     design, target = np.concatenate(own), np.concatenate(left)
     target = target - design @ np.linalg.lstsq(design, target, rcond=None)[0]
-    law = ranked(views, np.split(target, len(views)), own)[0]
+    law = ranked(residual_models, np.split(target, len(residual_models)), own)[0]
     assert (law.signal, law.acts_as) == ("p1", "force")
-    assert simple(views, np.split(target, len(views)), own, "p1") == "a parabola"
+    assert simple(residual_models, np.split(target, len(residual_models)), own, "p1") == "a parabola"
 
 
 def test_the_only_recording_is_held_out_by_quarters() -> None:
     """A force that comes once, in the first quarter, is of no signal; one that comes back is."""
-    view = run(0.0)
-    once = left_by([view], lambda x, v, t: np.where(t < 1.5, cogging(x, v, t), 0.0))
-    assert best([view], once).share < 0.2
-    assert best([view], left_by([view], cogging)).share > 0.8
+    residual_model = run(0.0)
+    once = left_by([residual_model], lambda x, v, t: np.where(t < 1.5, cogging(x, v, t), 0.0))
+    assert best([residual_model], once).share < 0.2
+    assert best([residual_model], left_by([residual_model], cogging)).share > 0.8
 
 
 def test_what_was_not_read_says_nothing() -> None:
     """Zeros of a residual stand for that: they are no readings in which nothing acted."""
-    views = runs()
+    residual_models = runs()
     left = [
-        np.where(v.experiment.time % 0.4 < 0.2, 0.0, r) for r, v in zip(left_by(views, cogging), views, strict=True)
+        np.where(v.experiment.time % 0.4 < 0.2, 0.0, r)
+        for r, v in zip(left_by(residual_models, cogging), residual_models, strict=True)
     ]
-    found = best(views, left)
+    found = best(residual_models, left)
     x = np.linspace(found.low, found.high, KNOTS)[8:-8]
     assert (found.signal, found.share) == ("x", pytest.approx(12.5 / 13.5, abs=0.02))
     assert found.values[8:-8] == pytest.approx(cogging(x, x, x), abs=0.7)
 
 
 def test_long_recordings_are_thinned(monkeypatch: pytest.MonkeyPatch) -> None:
-    views = runs()
-    whole = best(views, left_by(views, cogging))
+    residual_models = runs()
+    whole = best(residual_models, left_by(residual_models, cogging))
     monkeypatch.setattr(spline_regression, "MAX_SAMPLES", 3000)
-    few = best(views, left_by(views, cogging))
+    few = best(residual_models, left_by(residual_models, cogging))
     assert (few.signal, few.acts_as) == (whole.signal, whole.acts_as)
     assert few.share == pytest.approx(whole.share, abs=0.02)
 
@@ -210,26 +213,26 @@ def test_long_recordings_are_thinned(monkeypatch: pytest.MonkeyPatch) -> None:
     ],
 )
 def test_a_simple_course_is_named_where_it_says_it_all(force: Force, words: str | None) -> None:
-    views = runs()
-    assert simple(views, left_by(views, force), (), "x") == words
+    residual_models = runs()
+    assert simple(residual_models, left_by(residual_models, force), (), "x") == words
 
 
 def test_a_signal_that_is_never_known_has_no_law() -> None:
     """Such as the pressure ratio at a valve that was never opened."""
-    views = runs()
-    for view in views:
-        view.experiment.raw["u"] = np.zeros(TIME.size)
-        view.experiment.raw["p1"] = np.full(TIME.size, 3e5)
-    assert "p_ratio" not in {law.signal for law in ranked(views, left_by(views, cogging))}
+    residual_models = runs()
+    for residual_model in residual_models:
+        residual_model.experiment.raw["u"] = np.zeros(TIME.size)
+        residual_model.experiment.raw["p1"] = np.full(TIME.size, 3e5)
+    assert "p_ratio" not in {law.signal for law in ranked(residual_models, left_by(residual_models, cogging))}
 
 
 def test_what_is_left_is_counted_by_block_of_time_and_as_its_share_says(monkeypatch: pytest.MonkeyPatch) -> None:
     """Of a law that was found without each recording; zeros, which were not read, stay zeros."""
     monkeypatch.setattr(spline_regression, "MAX_SAMPLES", 20_000)
-    views = runs()
-    left = left_by(views, cogging)
+    residual_models = runs()
+    left = left_by(residual_models, cogging)
     left[0][:500] = 0.0
-    fit, channel = rival(views, left)
+    fit, channel = rival(residual_models, left)
     law = channel.ranked_terms(fit)[0]
     costs, unseen = channel.block_costs(fit), channel.held_out_costs(fit, law)
     assert costs == pytest.approx(np.bincount(fit.blocks, np.concatenate(left) ** 2))
@@ -239,8 +242,8 @@ def test_what_is_left_is_counted_by_block_of_time_and_as_its_share_says(monkeypa
 
 
 def test_a_law_of_a_simple_course_has_few_parts() -> None:
-    views = runs()
-    fit, channel = rival(views, left_by(views, lambda x, v, t: 100.0 * (x - 0.1)))
+    residual_models = runs()
+    fit, channel = rival(residual_models, left_by(residual_models, lambda x, v, t: 100.0 * (x - 0.1)))
     law = next(one for one in channel.ranked_terms(fit) if (one.signal, one.acts_as) == ("x", "force"))
     line = next(one for one in channel.simple_terms(fit, law) if one.simple_shape == "line")
     assert (line.signal, line.acts_as, line.basis.shape) == ("x", "force", (2, KNOTS))
@@ -251,10 +254,10 @@ def test_a_law_of_a_simple_course_has_few_parts() -> None:
 
 def test_a_law_lacks_what_it_cannot_be_beside_the_fit_itself() -> None:
     """A line is a part of a spline over the same signal, and of none over another; what the fit can do is no matter."""
-    views = runs()
-    own = [np.ones((TIME.size, 1)) for _ in views]
-    fit, channel = rival(views, left_by(views, cogging), own)
-    line = np.concatenate([100.0 * (v.experiment.raw["x"] - 0.1) + 30.0 for v in views])
+    residual_models = runs()
+    own = [np.ones((TIME.size, 1)) for _ in residual_models]
+    fit, channel = rival(residual_models, left_by(residual_models, cogging), own)
+    line = np.concatenate([100.0 * (v.experiment.raw["x"] - 0.1) + 30.0 for v in residual_models])
     of = {(law.signal, law.acts_as): channel.unrepresented_share(fit, law, line) for law in channel.ranked_terms(fit)}
     assert of["x", "force"] < 1e-3
     assert of["time", "force"] > 0.8
@@ -262,19 +265,19 @@ def test_a_law_lacks_what_it_cannot_be_beside_the_fit_itself() -> None:
 
 def test_a_law_must_be_nothing_where_the_change_is_nothing() -> None:
     """A force over the position is a law of it, not so if it is there in the first second alone."""
-    views = runs()
-    fit, channel = rival(views, left_by(views, cogging))
+    residual_models = runs()
+    fit, channel = rival(residual_models, left_by(residual_models, cogging))
     law = next(one for one in channel.ranked_terms(fit) if (one.signal, one.acts_as) == ("x", "force"))
-    change = np.concatenate([cogging(v.experiment.raw["x"], TIME, TIME) for v in views])
-    once = np.concatenate([np.where(TIME < 1.0, 1.0, 0.0) for _ in views]) * change
+    change = np.concatenate([cogging(v.experiment.raw["x"], TIME, TIME) for v in residual_models])
+    once = np.concatenate([np.where(TIME < 1.0, 1.0, 0.0) for _ in residual_models]) * change
     assert channel.unrepresented_share(fit, law, change) < 0.01
     assert channel.unrepresented_share(fit, law, once) > 0.5
     assert channel.unrepresented_share(fit, law, np.zeros(change.size)) == 0.0
 
 
 def test_where_nothing_was_read_a_law_leaves_nothing() -> None:
-    views = runs()
-    fit, channel = rival(views, left_by(views, cogging))
+    residual_models = runs()
+    fit, channel = rival(residual_models, left_by(residual_models, cogging))
     law = channel.ranked_terms(fit)[0]
     fit.residual = np.zeros(fit.residual.size)
     assert not np.any(channel.held_out_costs(fit, law))
@@ -297,14 +300,16 @@ def test_where_a_signal_is_not_known_nothing_is_made_of_it() -> None:
 
 def test_what_a_way_has_of_the_model_is_the_signal_of_its_law(monkeypatch: pytest.MonkeyPatch) -> None:
     """It errs over what the model reads, here the position a quarter of a second late, not over what was measured."""
-    views = runs()
-    late = {id(view): np.roll(view.experiment.raw["x"], 250) for view in views}
+    residual_models = runs()
+    late = {id(residual_model): np.roll(residual_model.experiment.raw["x"], 250) for residual_model in residual_models}
 
-    def lacking(view: ForceBalance, *_: object) -> list[DiscrepancyTerm]:
-        return [DiscrepancyTerm("error of its sensor", "m", np.ones(TIME.size), lambda q: q, "x", late[id(view)])]
+    def lacking(residual_model: ForceBalance, *_: object) -> list[DiscrepancyTerm]:
+        return [
+            DiscrepancyTerm("error of its sensor", "m", np.ones(TIME.size), lambda q: q, "x", late[id(residual_model)])
+        ]
 
     monkeypatch.setattr(ForceBalance, "discrepancy_terms", lacking)
     left = [cogging(x, x, x) + np.random.default_rng(1).standard_normal(TIME.size) for x in late.values()]
-    (law,) = ranked(views, left)
+    (law,) = ranked(residual_models, left)
     assert law.signal == "x"
     assert law.share == pytest.approx(12.5 / 13.5, abs=0.02)

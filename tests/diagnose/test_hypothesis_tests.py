@@ -10,7 +10,7 @@ from pneucli.diagnose.data import DiagnosisData
 from pneucli.diagnose.evidence import ScoreGain
 from pneucli.diagnose.hypothesis_tests import apply_tests, passing_candidates
 from pneucli.identify.residuals import ForceBalance
-from tests.diagnose.trials import UNSURE, bench, state, trial
+from tests.diagnose.candidates import UNSURE, candidate, diagnosis_data, model_fit
 
 MUCH = LackOfFit(ForceBalance, "force", 5.0, 5.0, ())
 INSIDE = {"asymmetry": (0.2, False), "viscous_asymmetry": (0.1, False)}
@@ -18,12 +18,12 @@ INSIDE = {"asymmetry": (0.2, False), "viscous_asymmetry": (0.1, False)}
 
 @pytest.fixture(autouse=True)
 def nothing_left(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(hypothesis_tests, "lack_of_fit", lambda bench, state: ([], []))
+    monkeypatch.setattr(hypothesis_tests, "lack_of_fit", lambda diagnosis_data, model_fit: ([], []))
 
 
 def reason(*args, before=None, held_out=True, **how):
-    before = before or state()
-    (decision,) = apply_tests(bench(held_out=held_out), before, [trial(*args, before=before, **how)])
+    before = before or model_fit()
+    (decision,) = apply_tests(diagnosis_data(held_out=held_out), before, [candidate(*args, before=before, **how)])
     return decision.reason
 
 
@@ -61,7 +61,7 @@ def test_a_time_shorter_than_half_a_sample_is_below_the_resolution(delay: float,
 def test_what_a_reading_refutes_does_not_stand_in_the_way_of_its_twin(monkeypatch: pytest.MonkeyPatch):
     """A force that looks like an offset of a pressure: were the offset refused only at the end, none was named."""
     monkeypatch.setattr(
-        hypothesis_tests, "refuted_by_reading", lambda model, effect, views: effect.name == "pressure-offset"
+        hypothesis_tests, "refuted_by_reading", lambda model, effect, residual_models: effect.name == "pressure-offset"
     )
     assert reason("pressure-offset", ends={"offset": (16e3, False)}) == "contradicted-by-reading"
     assert reason("constant-force", ends={"force": (17.0, False)}) == "supported"
@@ -85,7 +85,7 @@ def test_four_thousandths_of_a_cost_beyond_noise_matter(fall: float, said: str):
 @pytest.mark.parametrize(("fall", "said"), [(79.0, "immaterial"), (81.0, "supported")])
 def test_where_noise_is_left_two_hundredths_matter_for_the_first_effect_too(fall: float, said: str):
     """A cost of 4000 from 4000 samples: what is left is noise, and a hundredth of it no finding."""
-    assert reason("friction-asymmetry", 4000.0 - fall, before=state(cost=4000.0), ends=INSIDE) == said
+    assert reason("friction-asymmetry", 4000.0 - fall, before=model_fit(cost=4000.0), ends=INSIDE) == said
 
 
 def test_what_matters_is_a_share_of_what_the_effect_acts_in(monkeypatch: pytest.MonkeyPatch):
@@ -107,16 +107,16 @@ def test_what_does_not_hold_on_data_not_seen_says_so():
 def test_beside_something_unknown_it_is_enough_that_the_cost_of_data_not_seen_falls(
     monkeypatch: pytest.MonkeyPatch, left: list[LackOfFit], fall: float, said: str
 ):
-    monkeypatch.setattr(hypothesis_tests, "lack_of_fit", lambda bench, state: (left, []))
+    monkeypatch.setattr(hypothesis_tests, "lack_of_fit", lambda diagnosis_data, model_fit: (left, []))
     assert reason("friction-asymmetry", ends=INSIDE, test=ScoreGain(fall, -100.0, 0.3, 30.0)) == said
 
 
 def test_turns_are_data_not_seen():
-    by_turns = bench(held_out=False, folds=(0,))
-    (decision,) = apply_tests(by_turns, state(), [trial("friction-asymmetry", ends=INSIDE, test=UNSURE)])
+    by_turns = diagnosis_data(held_out=False, folds=(0,))
+    (decision,) = apply_tests(by_turns, model_fit(), [candidate("friction-asymmetry", ends=INSIDE, test=UNSURE)])
     assert decision.reason == "not-on-held-out"
 
 
 def test_supported_are_those_with_that_reason():
-    good, bad = trial("friction-asymmetry", ends=INSIDE), trial("extra-mass", p_value=0.3)
-    assert passing_candidates(bench(), state(), [bad, good]) == [good]
+    good, bad = candidate("friction-asymmetry", ends=INSIDE), candidate("extra-mass", p_value=0.3)
+    assert passing_candidates(diagnosis_data(), model_fit(), [bad, good]) == [good]

@@ -24,7 +24,7 @@ def effect(name: str, *, parameters: int = 1, part: str = "cylinder", **more: An
     return SimpleNamespace(name=name, parameters=tuple(known), part=part, is_set_valued=False, ports={})
 
 
-class Toys:
+class SyntheticData:
     """Stands in for :class:`pneucli.diagnose.data.DiagnosisData`.
 
     ``takes`` says what a set of effects takes of the cost, as a share of what noise leaves, in the fitted and in the
@@ -43,8 +43,8 @@ class Toys:
         self.sized_by: dict[str, set[str]] = more.get("sized_by", {})  # what an effect needs to have a size at all
         self.polished_names: list[str] = []
         self.added_names: list[tuple[str, ...]] = []
-        view = SimpleNamespace(experiment=SimpleNamespace(recording=SimpleNamespace(period=1e-3)))
-        self.train, self.held_out = [view], [view] if more.get("held_out", True) else []
+        residual_model = SimpleNamespace(experiment=SimpleNamespace(recording=SimpleNamespace(period=1e-3)))
+        self.train, self.held_out = [residual_model], [residual_model] if more.get("held_out", True) else []
         self.has_held_out_data = bool(self.held_out)
 
     def model_with(self, names: Sequence[str]) -> FittedModel:
@@ -65,41 +65,48 @@ class Toys:
             return FittedModel(fit, train, np.zeros(0), train, np.full(TRAIN, SAMPLES))
         return FittedModel(fit, train, test, np.concatenate([train, test]), np.full(TRAIN + TEST, SAMPLES))
 
-    def ranked_signatures(self, state: FittedModel) -> list[Any]:
+    def ranked_signatures(self, model_fit: FittedModel) -> list[Any]:
         promised = [
-            (e, self.takes(frozenset([*state.effect_names, e.name])) - self.takes(frozenset(state.effect_names)))
+            (
+                e,
+                self.takes(frozenset([*model_fit.effect_names, e.name]))
+                - self.takes(frozenset(model_fit.effect_names)),
+            )
             for e in self.effects.values()
         ]
         found = [
             (e, [SimpleNamespace(gain=SAMPLES * TRAIN * max(p, 0.0) + 20.0)])
             for e, p in promised
-            if e.name not in state.effect_names and self.has_initial_guess(state, e)
+            if e.name not in model_fit.effect_names and self.has_initial_guess(model_fit, e)
         ]
         return sorted(found, key=lambda pair: -pair[1][0].gain)
 
-    def sensitive_cost(self, state: FittedModel, one: Any) -> tuple[float, int]:
-        return float(state.train_costs.sum()), TRAIN * SAMPLES
+    def sensitive_cost(self, model_fit: FittedModel, one: Any) -> tuple[float, int]:
+        return float(model_fit.train_costs.sum()), TRAIN * SAMPLES
 
-    def sensitive_costs(self, state: FittedModel, one: Any) -> list[tuple[float, float]]:
+    def sensitive_blocks(self, one: Any) -> np.ndarray:
+        return np.ones(TRAIN + TEST, dtype=bool)
+
+    def sensitive_costs(self, model_fit: FittedModel, one: Any) -> list[tuple[float, float]]:
         return [
-            (float(state.train_costs.sum()), TRAIN * SAMPLES),
-            (float(state.test_costs.sum()), state.test_costs.size * SAMPLES),
+            (float(model_fit.train_costs.sum()), TRAIN * SAMPLES),
+            (float(model_fit.test_costs.sum()), model_fit.test_costs.size * SAMPLES),
         ]
 
-    def exclusive_channel_costs(self, state: FittedModel, one: Any) -> list[tuple[float, float]]:
+    def exclusive_channel_costs(self, model_fit: FittedModel, one: Any) -> list[tuple[float, float]]:
         return []
 
-    def refit_with(self, state: FittedModel, effects: Sequence[Any], ranked: Any = ()) -> list[Candidate]:
-        assert all(self.has_initial_guess(state, one) for one in effects)
-        self.added_names += [(*state.effect_names, one.name) for one in effects]
-        return [self.candidate(state, self.model_with([*state.effect_names, one.name]), one) for one in effects]
+    def refit_with(self, model_fit: FittedModel, effects: Sequence[Any], ranked: Any = ()) -> list[Candidate]:
+        assert all(self.has_initial_guess(model_fit, one) for one in effects)
+        self.added_names += [(*model_fit.effect_names, one.name) for one in effects]
+        return [self.candidate(model_fit, self.model_with([*model_fit.effect_names, one.name]), one) for one in effects]
 
-    def refit_to_convergence(self, trials: Sequence[Candidate]) -> list[Candidate]:
-        self.polished_names += [t.effect.name for t in trials]
-        return list(trials)
+    def refit_to_convergence(self, candidates: Sequence[Candidate]) -> list[Candidate]:
+        self.polished_names += [t.effect.name for t in candidates]
+        return list(candidates)
 
-    def refit_without(self, state: FittedModel, effects: Sequence[Any]) -> list[FittedModel]:
-        return [self.model_with([n for n in state.effect_names if n != one.name]) for one in effects]
+    def refit_without(self, model_fit: FittedModel, effects: Sequence[Any]) -> list[FittedModel]:
+        return [self.model_with([n for n in model_fit.effect_names if n != one.name]) for one in effects]
 
     def candidate(self, before: FittedModel, after: FittedModel, one: Any) -> Candidate:
         train = score_gain(before.train_costs, after.train_costs)
@@ -112,11 +119,11 @@ class Toys:
             self.chance.get(one.name, train.p_value),
         )
 
-    def absent_effects(self, state: FittedModel) -> list[Any]:
-        return [e for e in self.effects.values() if e.name not in state.effect_names]
+    def absent_effects(self, model_fit: FittedModel) -> list[Any]:
+        return [e for e in self.effects.values() if e.name not in model_fit.effect_names]
 
-    def has_initial_guess(self, state: FittedModel, one: Any) -> bool:
-        return self.sized_by.get(one.name, set()) <= set(state.effect_names)
+    def has_initial_guess(self, model_fit: FittedModel, one: Any) -> bool:
+        return self.sized_by.get(one.name, set()) <= set(model_fit.effect_names)
 
     def free_run_error_rises(self, before: FittedModel, after: FittedModel) -> bool:
         return bool(self.worse & (set(after.effect_names) - set(before.effect_names)))

@@ -16,7 +16,7 @@ from pneucli.identify.estimation.parameters import effect_parameters
 from pneucli.identify.residuals import ForceBalance
 from pneucli.physics.effects import catalogue
 from pneucli.simulate.rig_quantities import rig_quantities
-from tests.diagnose.test_laws import TIME
+from tests.diagnose.test_smooth_term import TIME
 from tests.simulate.synthetic_experiments import make_experiment, model
 
 Course = Callable[[Any], np.ndarray]
@@ -25,16 +25,16 @@ BLOCK = 250  # samples
 
 def runs(wander: float = 5e4) -> list[ForceBalance]:
     """Balances of forces of three motions whose pressure goes with the position, but for ``wander`` in Pa."""
-    views = []
+    residual_models = []
     for phase in range(3):
         pace = 2.1 + 0.3 * phase
         x = 0.1 + 0.06 * np.sin(pace * TIME + phase) + 0.03 * np.sin(3.7 * TIME - phase)
         v = 0.06 * pace * np.cos(pace * TIME + phase) + 0.111 * np.cos(3.7 * TIME - phase)
         p1 = 2e5 + 2e6 * x + wander * np.sin(5.3 * TIME + 2.0 * phase)
-        view = ForceBalance(make_experiment("friction", TIME, {"x": x, "v": v, "p1": p1}))
-        view.__dict__.update(noise={"force": 1.0}, channels=("force",))
-        views.append(view)
-    return views
+        residual_model = ForceBalance(make_experiment("friction", TIME, {"x": x, "v": v, "p1": p1}))
+        residual_model.__dict__.update(noise={"force": 1.0}, channels=("force",))
+        residual_models.append(residual_model)
+    return residual_models
 
 
 def pressed(e: Any) -> np.ndarray:
@@ -72,12 +72,14 @@ def seldom(e: Any) -> np.ndarray:
     return np.asarray(np.sign(e.raw["v"]) * (6.0 * e.raw["x"] + 20.0 * (e.raw["x"] > 0.187)))
 
 
-def tried(name: str, acts: Course, views: Sequence[ForceBalance], *there: Course) -> tuple[Any, Term]:
+def tried(name: str, acts: Course, residual_models: Sequence[ForceBalance], *there: Course) -> tuple[Any, Term]:
     """A bench, and an effect that ``acts`` so in its place, where other things are ``there``; noise of 1 N."""
     rng = np.random.default_rng(5)
-    left = np.concatenate([sum(c(v.experiment) for c in there) + rng.standard_normal(TIME.size) for v in views])
-    own = np.concatenate([np.sign(v.experiment.raw["v"]) for v in views])
-    of_effect = np.concatenate([acts(v.experiment) for v in views])
+    left = np.concatenate(
+        [sum(c(v.experiment) for c in there) + rng.standard_normal(TIME.size) for v in residual_models]
+    )
+    own = np.concatenate([np.sign(v.experiment.raw["v"]) for v in residual_models])
+    of_effect = np.concatenate([acts(v.experiment) for v in residual_models])
     effect = catalogue()[name]
     ended = model([name], {f"{name}.{p.name}": 1.0 for p in effect.parameters})
     first, *_ = effect_parameters(effect, ended, rig_quantities(ended))
@@ -87,7 +89,7 @@ def tried(name: str, acts: Course, views: Sequence[ForceBalance], *there: Course
         rest = left - design @ np.linalg.lstsq(design, left, rcond=None)[0]
         blocks = np.arange(left.size) // BLOCK
         scale = 1.0 if not free else np.linalg.lstsq(design, left, rcond=None)[0][0] / size
-        return Fit(ended, free, (), rest, -design * scale, blocks, np.zeros((1, 1)), 0.0, [{}] * len(views))
+        return Fit(ended, free, (), rest, -design * scale, blocks, np.zeros((1, 1)), 0.0, [{}] * len(residual_models))
 
     base = SimpleNamespace(name="friction.coulomb")
     before, after = fitted(own[:, None], ()), fitted(np.column_stack([of_effect, own]), (first, base))
@@ -95,9 +97,9 @@ def tried(name: str, acts: Course, views: Sequence[ForceBalance], *there: Course
     known: dict[Any, SplineRegression] = {}
 
     def channel(fit: Fit, kind: Any, name: str) -> SplineRegression:
-        return known.setdefault(name, SplineRegression(fit, views, kind, name))
+        return known.setdefault(name, SplineRegression(fit, residual_models, kind, name))
 
-    return SimpleNamespace(train=views, spline_regression=channel), Term(step, ())
+    return SimpleNamespace(train=residual_models, spline_regression=channel), Term(step, ())
 
 
 def rival(name: str, acts: Course, *there: Course) -> SmoothTerm | None:

@@ -60,12 +60,14 @@ def test_residuals_are_counted_block_by_block_and_those_that_say_nothing_are_not
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     """Two blocks of 250 samples of two channels; three residuals of the first are zero."""
-    monkeypatch.setattr(counted, "drawn_rms", lambda model, view, errors: dict.fromkeys(view.channels, 1.0))
-    view, residual = view_of(), np.ones(1000)
-    view.initial_state_sensitivity, view.states_force = lambda _: {}, False
+    monkeypatch.setattr(
+        counted, "drawn_rms", lambda model, residual_model, errors: dict.fromkeys(residual_model.channels, 1.0)
+    )
+    residual_model, residual = view_of(), np.ones(1000)
+    residual_model.initial_state_sensitivity, residual_model.states_force = lambda _: {}, False
     residual[:3] = 0.0
     found: Any = SimpleNamespace(model=model(), residual=residual, initial_state_sensitivities=[{}])
-    _, counts = fitted_costs(found, [view])
+    _, counts = fitted_costs(found, [residual_model])
     assert counts.tolist() == [497.0, 500.0]
 
 
@@ -87,11 +89,11 @@ def chamber(fill: float = 1.0, vent: float = 1.0) -> ChamberPressures:
     return ChamberPressures(ready, whiten_initial_state=True)
 
 
-def size_of_flow(view: ChamberPressures, of: Model) -> float:
+def size_of_flow(residual_model: ChamberPressures, of: Model) -> float:
     """The standard deviation of the flow's relative error over that by which a command of its own size errs."""
-    starts = [view.initial_state_sensitivity(of)]
-    (errors,) = with_flow_gain_errors([of], [view], [view.residual(of, {})], starts)
-    flow = view.flow_gain_sensitivity(of)["p1"]
+    starts = [residual_model.initial_state_sensitivity(of)]
+    (errors,) = with_flow_gain_errors([of], [residual_model], [residual_model.residual(of, {})], starts)
+    flow = residual_model.flow_gain_sensitivity(of)["p1"]
     return float(np.linalg.norm(errors["p1"][1:]) / np.linalg.norm(flow)) if len(errors["p1"]) > 1 else 0.0
 
 
@@ -106,24 +108,24 @@ def test_a_gain_that_is_another_one_is_seen_as_such(fill: float, vent: float) ->
 
 def test_a_gain_that_is_another_one_costs_little_more_than_noise(monkeypatch: pytest.MonkeyPatch) -> None:
     """Noise costs 1 a sample; 5 % of the gain cost more than 10 of them without the allowance."""
-    view = chamber(1.05)
-    monkeypatch.setattr(counted, "drawn_rms", lambda model, view, errors: {"p1": 1.0})
-    found, counts = held_out_costs([model()], [view], [view.initial_state_sensitivity(model())])
+    residual_model = chamber(1.05)
+    monkeypatch.setattr(counted, "drawn_rms", lambda model, residual_model, errors: {"p1": 1.0})
+    found, counts = held_out_costs([model()], [residual_model], [residual_model.initial_state_sensitivity(model())])
     samples = counts.sum()
     assert samples == 2001
     assert counts.size == found.size
-    plain = view.residual(model())["p1"] / view.noise["p1"]
+    plain = residual_model.residual(model())["p1"] / residual_model.noise["p1"]
     assert plain @ plain > 10.0 * samples
     assert found.sum() < 1.2 * samples
 
 
 def test_what_does_not_look_like_a_gain_stays_in_the_cost(monkeypatch: pytest.MonkeyPatch) -> None:
     """A drift of 20 times the noise while the valve is shut, which no error of a flow makes."""
-    view = chamber()
-    monkeypatch.setattr(counted, "drawn_rms", lambda model, view, errors: {"p1": 1.0})
-    drifting = view.measured["p1"] + 20.0 * NOISE * np.sin(60.0 * view.experiment.time)
-    view.experiment.raw["p1"][:] = drifting
-    found, counts = held_out_costs([model()], [view], [view.initial_state_sensitivity(model())])
+    residual_model = chamber()
+    monkeypatch.setattr(counted, "drawn_rms", lambda model, residual_model, errors: {"p1": 1.0})
+    drifting = residual_model.measured["p1"] + 20.0 * NOISE * np.sin(60.0 * residual_model.experiment.time)
+    residual_model.experiment.raw["p1"][:] = drifting
+    found, counts = held_out_costs([model()], [residual_model], [residual_model.initial_state_sensitivity(model())])
     assert found.sum() > 100.0 * counts.sum()
 
 

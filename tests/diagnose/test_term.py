@@ -11,15 +11,15 @@ from pneucli.diagnose.candidate import Candidate
 from pneucli.diagnose.data import DiagnosisData
 from pneucli.diagnose.equivalence import MIN_REMAINING_SHARE, Term
 from pneucli.diagnose.score import FittedModel
-from tests.diagnose.trials import BLOCKS, SAMPLES, bench, state, trial
+from tests.diagnose.candidates import BLOCKS, SAMPLES, candidate, diagnosis_data, model_fit
 
-BENCH = bench(held_out=False)
-BEFORE = state(cost=SAMPLES + 10000.0)  # 10000 beyond noise
+BENCH = diagnosis_data(held_out=False)
+BEFORE = model_fit(cost=SAMPLES + 10000.0)  # 10000 beyond noise
 
 
 def leaving(effect: str, beyond: float) -> Candidate:
     """A trial that leaves so much beyond noise."""
-    return trial(effect, SAMPLES + beyond, before=BEFORE)
+    return candidate(effect, SAMPLES + beyond, before=BEFORE)
 
 
 def place(beyond: float, **rivals: float) -> Term:
@@ -43,7 +43,7 @@ def test_what_is_left_is_that_of_the_fitted_recordings_or_of_those_held_out_of_w
         return replace(one, full=FittedModel(one.full.fit, costs[:BLOCKS], costs[BLOCKS:], costs, counts))
 
     def left(before: tuple[float, float], after: tuple[float, float]) -> float:
-        return Term(replace(costing(*after), reduced=costing(*before).full), ()).remaining_share(bench())
+        return Term(replace(costing(*after), reduced=costing(*before).full), ()).remaining_share(diagnosis_data())
 
     assert left((50.0, 50.0), (0.0, 25.0)) == pytest.approx(0.5)
     assert left((50.0, 50.0), (25.0, 5.0)) == pytest.approx(0.5)
@@ -58,7 +58,7 @@ def test_what_readings_show_alone_counts_where_they_show_it(
     """Of 100 readings 200 beyond noise, of which 20 stay; of hardly more than noise the forces tell: a quarter."""
     found = place(2500.0)
     read = {id(BEFORE): [(before, 100.0), (0.0, 0.0)], id(found.candidate.full): [(after, 100.0), (0.0, 0.0)]}
-    monkeypatch.setattr(DiagnosisData, "exclusive_channel_costs", lambda self, state, effect: read[id(state)])
+    monkeypatch.setattr(DiagnosisData, "exclusive_channel_costs", lambda self, model_fit, effect: read[id(model_fit)])
     assert found.remaining_share(BENCH) == pytest.approx(left)
 
 
