@@ -13,6 +13,8 @@ from contextlib import contextmanager
 from contextvars import ContextVar
 from dataclasses import dataclass
 
+Z95 = 1.959963984540054  # standard normal quantile of 0.975: half of a 95 % interval, in standard errors
+
 
 @dataclass(frozen=True)
 class Quantity:

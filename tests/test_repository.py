@@ -13,6 +13,8 @@ from pathlib import Path
 
 import pytest
 
+from pneucli.physics.effects import catalogue
+
 ROOT = Path(__file__).parents[1]
 PACKAGE = ROOT / "pneucli"
 TEXT = {".py", ".md", ".toml", ".html", ".js", ".css", ".yml", ".yaml", ".c", ".h", ".j2", ".sh", ""}
@@ -69,6 +71,44 @@ def test_functions_are_short_and_half_of_them_have_at_most_eight_lines() -> None
     assert statistics.median(lengths.values()) <= 8
     long = [f"{name}: {lines} lines" for name, lines in lengths.items() if lines > 45]
     assert not long, "\n".join(long)
+
+
+def string_literals(path: Path) -> Iterator[tuple[int, str]]:
+    """Line and value of each string in the code of a module; docstrings are no code."""
+    tree = ast.parse(path.read_text(encoding="utf-8"))
+    documented = (ast.Module, ast.ClassDef, ast.FunctionDef)
+    docs = {
+        id(node.body[0].value) for node in ast.walk(tree) if isinstance(node, documented) and ast.get_docstring(node)
+    }
+    for node in ast.walk(tree):
+        if isinstance(node, ast.Constant) and isinstance(node.value, str) and id(node) not in docs:
+            yield node.lineno, node.value
+
+
+def test_no_effect_of_the_catalogue_is_named_outside_it_and_the_exam() -> None:
+    """What is true of one effect alone stands in its declaration, so that a user's own effect is treated alike.
+
+    The reference simulation has its own equations of some effects, and help texts show the use of real names.
+    """
+    apart = ("physics/effects", "exam", "simulate/reference.py", "cli/examples.py", "cli/effects.py")
+    names = "|".join(re.escape(name) for name in sorted(catalogue(), key=len, reverse=True))
+    named = re.compile(rf"(?<![\w-])(?:{names})(?![\w-])")
+    found = [
+        f"{path.relative_to(ROOT)}:{line}: {text[:60]}"
+        for path in MODULES
+        if not path.relative_to(PACKAGE).as_posix().startswith(apart)
+        for line, text in string_literals(path)
+        if named.search(text)
+    ]
+    assert not found, "\n".join(found)
+
+
+def test_the_normal_quantile_of_95_percent_intervals_is_written_once() -> None:
+    quantile = re.compile(r"1\.9599|1\.96\b|ppf\(0\.975\)")
+    found = [
+        path.relative_to(PACKAGE).as_posix() for path in MODULES if quantile.search(path.read_text(encoding="utf-8"))
+    ]
+    assert found == ["quantities.py"]
 
 
 def test_every_package_of_the_program_has_its_layer() -> None:

@@ -1,9 +1,8 @@
-"""The changes between two sets of recordings, named: found by linear tests, told apart by refits.
+"""Attribution of the changes between two sets of recordings: detected by linear tests, attributed by refits.
 
-That something changed is found by :class:`pneucli.changes.comparison.Comparison`, whose chances are for all hypotheses
-together. What it is is asked of the few that stand out: each is fitted to the new recordings in full, everything else
-is held to what it was, and the one with the least cost is named. Those that cost no more, within what chance does, are
-its twins.
+:class:`pneucli.changes.comparison.Comparison` detects that something changed, with a p value for all hypotheses
+together. The most significant hypotheses are then fitted to the new recordings in full, with everything else held at
+its old value. The one with the lowest cost is named; those with about the same cost are its equivalents.
 """
 
 from __future__ import annotations
@@ -13,7 +12,6 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.stats import norm
 
 from pneucli.changes.baseline import Baseline
 from pneucli.changes.comparison import ALARM_RATE, UNEXPLAINED, Comparison, HypothesisTest
@@ -23,21 +21,21 @@ from pneucli.identify.estimation.fit import Fit
 from pneucli.identify.estimation.parameters import null_value
 from pneucli.identify.residuals import ResidualModel
 from pneucli.physics.declaration import Effect
+from pneucli.quantities import Z95
 from pneucli.simulate.model import Model
 
 Array = NDArray[np.float64]
 
-CANDIDATES = 6  # hypotheses of different names that are refitted
-MIN_EQUIVALENT_SHARE = 0.05  # of the likelihood of all that were refitted: one with less can be told from the first
-AKAIKE = 2.0  # what a further parameter must take off the cost
+MIN_EQUIVALENT_SHARE = 0.05  # of the likelihood of all refits; one with less is distinguishable from the first
 
 
 @dataclass(frozen=True)
 class Change:
-    """One thing that changed, by the name of its parameter; ``effect`` where it belongs to one.
+    """One change, by the name of its parameter; ``effect`` where it belongs to one.
 
-    ``ci95`` is of ``after``. ``confidence``: one less the chance that a healthy repeat seems so changed in anything;
-    ``confidence_alone``: of this one, where it has ``equivalents``, other names that explain the change as well.
+    ``ci95`` is that of ``after``. ``confidence`` is one minus the probability that a healthy repeat looks as changed in
+    any quantity, ``confidence_alone`` that of this change among its ``equivalents``, which explain the change equally
+    well.
     """
 
     name: str
@@ -53,7 +51,7 @@ class Change:
 
 @dataclass(frozen=True)
 class DetectableChange:
-    """The size of a change of a parameter from which it would have been named; ``plausible``: within a typical one."""
+    """The minimum detectable change of a parameter; ``plausible``: it is within a typical size."""
 
     name: str
     size: float
@@ -63,7 +61,7 @@ class DetectableChange:
 
 @dataclass(frozen=True)
 class Changes:
-    """What changed, the strongest first, and what could not have been seen; ``p_value`` that nothing did."""
+    """The changes, the most significant first, and the detection limits; ``p_value`` is that of no change."""
 
     changes: tuple[Change, ...]
     limits: tuple[DetectableChange, ...]
@@ -74,16 +72,16 @@ def attribute_changes(
     old: Baseline,
     new: Baseline,
     fitted: Fit,
-    views: Sequence[ResidualModel],
+    residual_models: Sequence[ResidualModel],
     effects: Mapping[str, Effect],
     alarm_rate: float = ALARM_RATE,
     repeatability: Repeatability = NO_DRIFT,
     names: Sequence[str] = (),
 ) -> Changes:
-    """Return what differs between ``old`` and the fit ``fitted`` of new recordings, whose reference is ``new``.
+    """Return the changes from ``old`` to the fit ``fitted`` of new recordings, whose baseline is ``new``.
 
-    ``alarm_rate`` is the chance that anything is named where nothing changed; ``repeatability`` is what the rig varies by from
-    date to date, of the quantities called by ``names``.
+    ``alarm_rate`` is the probability of naming anything where nothing changed; ``repeatability`` is the rig's variation
+    from date to date of the quantities called ``names``.
     """
     comparison = Comparison(old, new, repeatability=repeatability, names=tuple(names))
     tested = comparison.test_all()
@@ -92,87 +90,89 @@ def attribute_changes(
     limits = tuple(_detectable_changes(tested, new, effects, fitted.model, alarm_rate / family))
     if p_value > alarm_rate:
         return Changes((), limits, p_value)
-    naming = ChangeSelection(comparison, fitted, views, effects, alarm_rate / family)
-    chosen = naming.select()
-    if not chosen:
+    selection = ChangeSelection(comparison, fitted, residual_models, effects, alarm_rate / family)
+    selected = selection.select()
+    if not selected:
         return Changes((_unexplained(level, 1.0 - p_value),), limits, p_value)
-    return Changes(tuple(_change(naming, chosen, i, p_value, family) for i in range(len(chosen))), limits, p_value)
+    return Changes(
+        tuple(_change(selection, selected, i, p_value, family) for i in range(len(selected))), limits, p_value
+    )
 
 
 def _unexplained(level: HypothesisTest, confidence: float) -> Change:
-    """Return that the residual has changed, in units of noise, and nothing that is known accounts for it."""
-    edge = norm.ppf(0.975) * level.error
-    after, low, high = (float(np.exp(0.5 * (level.size + e))) for e in (0.0, -edge, edge))
+    """Return a change of the residual in units of noise that no hypothesis explains."""
+    half_width = Z95 * level.error
+    after, low, high = (float(np.exp(0.5 * (level.size + e))) for e in (0.0, -half_width, half_width))
     return Change(UNEXPLAINED, None, 1.0, after, "1", (low, high), confidence, confidence)
 
 
-def _change(naming: ChangeSelection, chosen: Hypotheses, place: int, p_value: float, family: int) -> Change:
-    """Return one of the things that changed, the first as sure as that anything did, the others by their own tests."""
-    mine = chosen[place]
-    tested = naming.test(naming.without(chosen, place), mine)
-    chance = p_value if place == 0 or tested is None else min(1.0, family * tested.p_value)
-    shares = naming.likelihood_shares(chosen, place)
-    share = shares.pop(mine.name)
-    twins = tuple(name for name, other in shares.items() if other >= MIN_EQUIVALENT_SHARE)
-    confidence, alone = 1.0 - chance, share * (1.0 - chance)
-    if mine.direction is not None:
+def _change(selection: ChangeSelection, selected: Hypotheses, position: int, p_value: float, family: int) -> Change:
+    """Return a selected change; the first is as certain as that anything changed, the others by their own tests."""
+    hypothesis = selected[position]
+    tested = selection.test(selection.without(selected, position), hypothesis)
+    chance = p_value if position == 0 or tested is None else min(1.0, family * tested.p_value)
+    shares = selection.likelihood_shares(selected, position)
+    share = shares.pop(hypothesis.name)
+    equivalents = tuple(name for name, other in shares.items() if other >= MIN_EQUIVALENT_SHARE)
+    confidence, confidence_alone = 1.0 - chance, share * (1.0 - chance)
+    if hypothesis.direction is not None:
         assert tested is not None
-        return _parameter_change(naming.comparison.old, tested, confidence, alone, twins)
-    fitted = naming.refit_cost(chosen).fit
-    effect = naming.effects[mine.name].in_model_with(fitted.model.effects)
+        return _parameter_change(selection.comparison.old, tested, confidence, confidence_alone, equivalents)
+    fitted = selection.refit_cost(selected).fit
+    effect = selection.effects[hypothesis.name].in_model_with(fitted.model.effects)
     leading = next((p for p in effect.parameters if p.null is not None), effect.parameters[0])
     estimate, before = fitted[f"{effect.name}.{leading.name}"], null_value(leading, fitted.model)
-    known = (estimate.name, effect.name, before, estimate.value, estimate.unit, estimate.ci95)
-    return Change(*known, confidence, alone, twins)
+    described = (estimate.name, effect.name, before, estimate.value, estimate.unit, estimate.ci95)
+    return Change(*described, confidence, confidence_alone, equivalents)
 
 
 def _parameter_change(
-    old: Baseline, tested: HypothesisTest, confidence: float, alone: float, twins: tuple[str, ...]
+    old: Baseline, tested: HypothesisTest, confidence: float, confidence_alone: float, equivalents: tuple[str, ...]
 ) -> Change:
-    """Return the change of a parameter, or of all areas of a valve by one factor, all else being as it was."""
+    """Return the change of a parameter, or of all areas of a valve by one factor."""
     hypothesis = tested.hypothesis
     assert hypothesis.direction is not None
-    (places,) = np.nonzero(hypothesis.direction)
-    one = old.coordinates[places[0]]
-    place, before, unit = (one.place, one.value, one.unit) if places.size == 1 else (0.0, 1.0, "1")
-    edge = norm.ppf(0.975) * tested.error
-    ends = [place + tested.size + e for e in (0.0, -edge, edge)]
+    (indices,) = np.nonzero(hypothesis.direction)
+    one = old.coordinates[indices[0]]
+    position, before, unit = (one.transformed, one.value, one.unit) if indices.size == 1 else (0.0, 1.0, "1")
+    half_width = Z95 * tested.error
+    ends = [position + tested.size + e for e in (0.0, -half_width, half_width)]
     after, low, high = (float(np.exp(e)) if one.logarithmic else float(e) for e in ends)
-    known, _, _ = hypothesis.name.partition(".")
-    effect = None if known in {"friction", "rig", "valve", "valve_2"} else known
-    return Change(hypothesis.name, effect, before, after, unit, (low, high), confidence, alone, twins)
+    group, _, _ = hypothesis.name.partition(".")
+    effect = None if group in {"friction", "rig", "valve", "valve_2"} else group
+    return Change(hypothesis.name, effect, before, after, unit, (low, high), confidence, confidence_alone, equivalents)
 
 
 def _detectable_changes(
     tested: Sequence[HypothesisTest], new: Baseline, effects: Mapping[str, Effect], model: Model, p_value: float
 ) -> list[DetectableChange]:
-    """Return for each name the least size that would have been named, those first that could not have been seen."""
-    found: dict[str, DetectableChange] = {}
+    """Return the minimum detectable change by name, the implausible ones first."""
+    limits: dict[str, DetectableChange] = {}
     for one in sorted(tested, key=lambda t: t.error):
-        hypothesis, least = one.hypothesis, one.minimum_detectable_size(p_value)
-        if hypothesis.name in found:
+        hypothesis, min_size = one.hypothesis, one.minimum_detectable_size(p_value)
+        if hypothesis.name in limits:
             continue
         if hypothesis.direction is not None:
             coordinate = new.coordinates[int(np.flatnonzero(hypothesis.direction)[0])]
             single = np.count_nonzero(hypothesis.direction) == 1
-            size = coordinate.value * np.expm1(least) if coordinate.logarithmic and single else least
+            size = coordinate.value * np.expm1(min_size) if coordinate.logarithmic and single else min_size
             unit = coordinate.unit if single else "1"
-            found[hypothesis.name] = DetectableChange(
+            limits[hypothesis.name] = DetectableChange(
                 hypothesis.name, float(size), unit, bool(size < abs(coordinate.value))
             )
         elif hypothesis.effect_index is not None:
-            found[hypothesis.name] = _detectable_effect_change(
-                effects[hypothesis.name], new, hypothesis.effect_index, model, least
+            limits[hypothesis.name] = _detectable_effect_change(
+                effects[hypothesis.name], new, hypothesis.effect_index, model, min_size
             )
-    return sorted(found.values(), key=lambda limit: limit.plausible)
+    return sorted(limits.values(), key=lambda limit: limit.plausible)
 
 
 def _detectable_effect_change(
-    effect: Effect, new: Baseline, start: int, model: Model, least: float
+    effect: Effect, new: Baseline, start: int, model: Model, min_size: float
 ) -> DetectableChange:
     effect = effect.in_model_with(model.effects)
     leading = next((p for p in effect.parameters if p.null is not None), effect.parameters[0])
     name = f"{effect.name}.{leading.name}"
     value, null = new.typical_effects[start].values[name], null_value(leading, model)
-    size = abs(value - null) * least if null is not None else value
-    return DetectableChange(name, float(size), leading.unit, bool(least < 1.0))
+    size = abs(value - null) * min_size if null is not None else value
+    return DetectableChange(name, float(size), leading.unit, bool(min_size < 1.0))

@@ -1,7 +1,8 @@
-"""What a fitted model leaves for later comparisons: its parameters, and what each block of data says of them.
+"""The baseline of a fitted model for later comparisons: its parameters, and the influence of each block of data on
+them.
 
-All recordings are fitted together, held out or not: what is asked later is not whether the model is right, but whether
-the same model fits other recordings with the same parameters.
+All recordings are fitted together, held out or not. A later comparison asks whether the same model fits other
+recordings with the same parameters, not whether the model is correct.
 """
 
 from __future__ import annotations
@@ -28,14 +29,12 @@ from pneucli.simulate.rig_quantities import rig_quantities
 
 Array = NDArray[np.float64]
 
-MIN_RELATIVE_POWER = (
-    1e-6  # of the power of an effect's signature: less is left of it where the model's parameters do the same
-)
+MIN_RELATIVE_POWER = 1e-6  # of a signature: the model's parameters span an effect with less orthogonal power
 
 
 @dataclass(frozen=True)
 class Coordinate:
-    """One parameter of the model as it is compared: its value, or the logarithm of it."""
+    """One parameter as it is compared: its value, or the logarithm of it."""
 
     name: str
     unit: str
@@ -45,19 +44,19 @@ class Coordinate:
 
     @property
     def transformed(self) -> float:
-        """The coordinate."""
+        """The value or its logarithm."""
         return float(np.log(self.value)) if self.logarithmic else self.value
 
-    def with_transformed(self, place: float) -> Coordinate:
-        """Return the parameter at another place."""
-        return replace(self, value=float(np.exp(place)) if self.logarithmic else place)
+    def with_transformed(self, transformed: float) -> Coordinate:
+        """Return the parameter at another value or logarithm."""
+        return replace(self, value=float(np.exp(transformed)) if self.logarithmic else transformed)
 
 
 @dataclass(frozen=True)
 class TypicalEffect:
-    """An effect at typical values (by EFFECT.PARAMETER), which one step turns on by degrees.
+    """An effect at typical values (by EFFECT.PARAMETER), which a step of 1 turns on.
 
-    ``one_sided``: its null is a bound, so that a step below none means nothing.
+    ``one_sided``: its null is a bound, so that a negative step has no meaning.
     """
 
     effect: str
@@ -67,15 +66,15 @@ class TypicalEffect:
 
 @dataclass(frozen=True)
 class Baseline:
-    """A fit in its coordinates (k,), and effects that it lacks, by their starts (m,).
+    """A fit in its coordinates (k,), and absent effects at typical values (m,).
 
-    ``influence`` (B, k): by how much each of B blocks of data moves the estimates; ``white_noise_covariance`` (k, k): their covariance
-    were the residuals white. ``steps`` (m,): by how many of its starts each effect is wanted, ``step_influence`` (B, m)
-    what each block says of it, ``power`` (m,): the inverse of its variance were the residuals white, ``bias`` (k, m):
-    what a step of it, not modelled, does to the estimates. ``levels`` (B,): the logarithm of each block's mean squared
-    residual in units of noise. ``gram`` (m, m): the products of the effects' changes of the residual, where known.
-    What is not kept for later: ``step_cross_influence`` (m, B, k), by how much a step taken changes what each block adds to
-    ``influence``, and ``block_power_share`` (B, m), the part of the power that stands in each block.
+    ``influence`` (B, k): the influence of each of B blocks of data on the estimates; ``white_noise_covariance`` (k, k):
+    their covariance for white residuals. ``steps`` (m,): the linear estimate of each effect's step, ``step_influence``
+    (B, m) the influence of each block on it, ``power`` (m,): the inverse of its variance for white residuals, ``bias``
+    (k, m): the change of the estimates that a step causes if it is not modelled. ``levels`` (B,): the logarithm of each
+    block's mean squared residual in units of noise. ``gram`` (m, m): the inner products of the effects' changes of the
+    residual, where known. Not stored: ``step_cross_influence`` (m, B, k), the change of ``influence`` by a step, and
+    ``block_power_share`` (B, m), the share of each block in the power.
     """
 
     coordinates: tuple[Coordinate, ...]
@@ -96,14 +95,14 @@ class Baseline:
         """The estimates (k,)."""
         return np.array([c.transformed for c in self.coordinates])
 
-    def restricted_to(self, names: Sequence[str], starts: Sequence[TypicalEffect]) -> Baseline:
-        """Return the reference with these coordinates and starts alone; what is left out is let free."""
+    def restricted_to(self, names: Sequence[str], typical_effects: Sequence[TypicalEffect]) -> Baseline:
+        """Return the baseline with these coordinates and effects only; the others are free."""
         k = [[c.name for c in self.coordinates].index(n) for n in names]
-        m = [self.typical_effects.index(s) for s in starts]
+        m = [self.typical_effects.index(s) for s in typical_effects]
         return replace(
             self,
             coordinates=tuple(self.coordinates[i] for i in k),
-            typical_effects=tuple(starts),
+            typical_effects=tuple(typical_effects),
             influence=self.influence[:, k],
             white_noise_covariance=self.white_noise_covariance[np.ix_(k, k)],
             steps=self.steps[m],
@@ -120,24 +119,24 @@ class Baseline:
         )
 
     def with_effect_free(self, i: int) -> Baseline:
-        """Return the reference with the effect of one start in the model, let free, so far as a linear step tells."""
+        """Return the baseline with one effect added as a free parameter, to first order."""
         if self.gram is None or self.power[i] <= 0.0:
             return self
-        leans = self.gram[i] / self.gram[i, i]
-        gram = self.gram - np.outer(leans, self.gram[i])
+        projection = self.gram[i] / self.gram[i, i]
+        gram = self.gram - np.outer(projection, self.gram[i])
         power = np.where(np.diag(gram) > MIN_RELATIVE_POWER * self.power, np.diag(gram), 0.0)
-        inverted = np.divide(1.0, power, out=np.zeros_like(power), where=power > 0.0)
+        inverse_power = np.divide(1.0, power, out=np.zeros_like(power), where=power > 0.0)
         scores, by_block = self.power * self.steps, self.power * self.step_influence
-        bias, places = self.bias[:, i], self.estimates - self.bias[:, i] * self.steps[i]
+        bias, estimates = self.bias[:, i], self.estimates - self.bias[:, i] * self.steps[i]
         return replace(
             self,
-            coordinates=tuple(c.with_transformed(float(p)) for c, p in zip(self.coordinates, places, strict=True)),
+            coordinates=tuple(c.with_transformed(float(p)) for c, p in zip(self.coordinates, estimates, strict=True)),
             influence=self.influence - np.outer(self.step_influence[:, i], bias),
             white_noise_covariance=self.white_noise_covariance + np.outer(bias, bias) / self.power[i],
-            steps=(scores - leans * scores[i]) * inverted,
-            step_influence=(by_block - np.outer(by_block[:, i], leans)) * inverted,
+            steps=(scores - projection * scores[i]) * inverse_power,
+            step_influence=(by_block - np.outer(by_block[:, i], projection)) * inverse_power,
             power=power,
-            bias=self.bias - np.outer(bias, leans),
+            bias=self.bias - np.outer(bias, projection),
             gram=gram,
             step_cross_influence=None,
             block_power_share=None,
@@ -145,127 +144,135 @@ class Baseline:
 
 
 def align(old: Baseline, new: Baseline) -> tuple[Baseline, Baseline]:
-    """Return both with the coordinates and starts that both have, in the order of the old one."""
+    """Return both baselines with their common coordinates and effects, in the order of the old one."""
     names = [c.name for c in old.coordinates if c.name in {n.name for n in new.coordinates}]
-    starts = [s for s in old.typical_effects if s in new.typical_effects]
-    return old.restricted_to(names, starts), new.restricted_to(names, starts)
+    typical_effects = [s for s in old.typical_effects if s in new.typical_effects]
+    return old.restricted_to(names, typical_effects), new.restricted_to(names, typical_effects)
 
 
 def fit_baseline(
     model: Model,
-    views: Sequence[ResidualModel],
+    residual_models: Sequence[ResidualModel],
     effects: Iterable[Effect],
     typical_effects: Sequence[TypicalEffect] | None = None,
 ) -> tuple[Fit, Baseline]:
-    """Fit a model to all views; return the fit and what it leaves for comparisons.
+    """Fit a model to all data; return the fit and its baseline.
 
-    ``effects`` are those that it lacks; they stand at their typical values, or at the ``typical_effects`` starts of another
-    reference, so that both can be compared.
+    ``effects`` are those that it lacks. They are at their typical values, or at the ``typical_effects`` of another
+    baseline, so that both are comparable.
     """
-    found = fit(model, views, free_parameters(model, views))
-    return found, baseline_at_fit(found, views, effects, typical_effects)
+    fitted = fit(model, residual_models, free_parameters(model, residual_models))
+    return fitted, baseline_at_fit(fitted, residual_models, effects, typical_effects)
 
 
 def baseline_at_fit(
-    found: Fit,
-    views: Sequence[ResidualModel],
+    fitted: Fit,
+    residual_models: Sequence[ResidualModel],
     effects: Iterable[Effect],
     typical_effects: Sequence[TypicalEffect] | None = None,
 ) -> Baseline:
-    """Return what a fit leaves for comparisons, as :func:`fit_baseline`."""
-    bread, scale = _inverse_hessian(found, views), _scales(found)
-    lacking = {e.name: e for e in effects}
-    asked = (
-        list(_typical_effects(lacking, found, views))
+    """Return the baseline of a fit, see :func:`fit_baseline`."""
+    inverse_hessian, scale = _inverse_hessian(fitted, residual_models), _scales(fitted)
+    absent = {e.name: e for e in effects}
+    typical_list = (
+        list(_typical_effects(absent, fitted, residual_models))
         if typical_effects is None
-        else [s for s in typical_effects if s.effect in lacking]
+        else [s for s in typical_effects if s.effect in absent]
     )
-    bounded = [lacking[start.effect].is_set_valued for start in asked]
-    beyond, rows = np.zeros((len(asked), found.residual.size), dtype=np.float32), []
-    for i, (change, only) in enumerate(zip(_residual_changes(asked, lacking, found, views), bounded, strict=True)):
-        row, beyond[i] = _effect_step(found, bread, change, known=not only)
+    set_valued = [absent[typical.effect].is_set_valued for typical in typical_list]
+    projected, rows = np.zeros((len(typical_list), fitted.residual.size), dtype=np.float32), []
+    for i, (change, is_set_valued) in enumerate(
+        zip(_residual_changes(typical_list, absent, fitted, residual_models), set_valued, strict=True)
+    ):
+        row, projected[i] = _effect_step(fitted, inverse_hessian, change, has_scatter=not is_set_valued)
         rows.append(row)
     power, steps, step_influence, bias, cross, share = zip(*rows, strict=True) if rows else ((),) * 6
-    count, k = int(found.blocks.max()) + 1, len(found.free)
+    count, k = int(fitted.blocks.max()) + 1, len(fitted.free)
     return Baseline(
-        coordinates=tuple(_coordinate(found, name.name, name.unit, name.logarithmic) for name in found.free),
-        typical_effects=tuple(asked),
-        influence=-group_scores(found.jacobian, found.residual, found.blocks) @ bread * scale,
-        white_noise_covariance=bread * np.outer(scale, scale),
+        coordinates=tuple(_coordinate(fitted, name.name, name.unit, name.logarithmic) for name in fitted.free),
+        typical_effects=tuple(typical_list),
+        influence=-group_scores(fitted.jacobian, fitted.residual, fitted.blocks) @ inverse_hessian * scale,
+        white_noise_covariance=inverse_hessian * np.outer(scale, scale),
         steps=np.array(steps, dtype=np.float64),
         step_influence=np.array(step_influence).reshape(len(rows), count).T,
         power=np.array(power, dtype=np.float64),
         bias=np.array(bias).reshape(len(rows), k).T * scale[:, None],
-        levels=_levels(found),
-        gram=np.asarray(beyond @ beyond.T, dtype=np.float64),
+        levels=_levels(fitted),
+        gram=np.asarray(projected @ projected.T, dtype=np.float64),
         step_cross_influence=np.array(cross).reshape(len(rows), count, k) * scale,
         block_power_share=np.array(share).reshape(len(rows), count).T,
     )
 
 
-def _inverse_hessian(found: Fit, views: Sequence[ResidualModel]) -> Array:
-    """Return the inverse of the curvature that data and prior give (k, k)."""
-    problem = LeastSquaresProblem(found.model, views, found.free, found.initial_state_sensitivities)
-    at = np.array([f.to_coordinate(found[f.name].value) for f in found.free])
-    prior = problem.prior_jacobian(at)
-    return pseudo_inverse(found.jacobian.T @ found.jacobian + prior.T @ prior)
+def _inverse_hessian(fitted: Fit, residual_models: Sequence[ResidualModel]) -> Array:
+    """Return the inverse of the Gauss-Newton Hessian of data and prior (k, k)."""
+    problem = LeastSquaresProblem(fitted.model, residual_models, fitted.free, fitted.initial_state_sensitivities)
+    z = np.array([f.to_coordinate(fitted[f.name].value) for f in fitted.free])
+    prior = problem.prior_jacobian(z)
+    return pseudo_inverse(fitted.jacobian.T @ fitted.jacobian + prior.T @ prior)
 
 
-def _scales(found: Fit) -> Array:
+def _scales(fitted: Fit) -> Array:
     """Return d coordinate / d (the fit's coordinate), shape (k,)."""
-    return np.array([1.0 if f.logarithmic else f.scale for f in found.free])
+    return np.array([1.0 if f.logarithmic else f.scale for f in fitted.free])
 
 
-def _coordinate(found: Fit, name: str, unit: str, logarithmic: bool) -> Coordinate:
-    estimate = found[name]
+def _coordinate(fitted: Fit, name: str, unit: str, logarithmic: bool) -> Coordinate:
+    estimate = fitted[name]
     return Coordinate(name, unit, estimate.value, logarithmic, estimate.at_bound)
 
 
 def _typical_effects(
-    effects: Mapping[str, Effect], found: Fit, views: Sequence[ResidualModel]
+    effects: Mapping[str, Effect], fitted: Fit, residual_models: Sequence[ResidualModel]
 ) -> Iterable[TypicalEffect]:
-    facts: RigQuantities = rig_quantities(found.model, [v.experiment for v in views])
+    rig: RigQuantities = rig_quantities(fitted.model, [v.experiment for v in residual_models])
     for name, effect in effects.items():
-        declared = effect.in_model_with(found.model.effects)
-        alone = [p for p in declared.main_parameters if p.null is not None]
-        only = len(alone) == 1 and null_value(alone[0], found.model) == alone[0].range_on(facts).lower
+        declared = effect.in_model_with(fitted.model.effects)
+        with_null = [p for p in declared.main_parameters if p.null is not None]
+        one_sided = len(with_null) == 1 and null_value(with_null[0], fitted.model) == with_null[0].range_on(rig).lower
         yield from (
-            TypicalEffect(name, values, only) for values in initial_guesses(effect, facts, found.model.rig.priors)
+            TypicalEffect(name, values, one_sided) for values in initial_guesses(effect, rig, fitted.model.rig.priors)
         )
 
 
 def _residual_changes(
-    asked: Sequence[TypicalEffect], effects: Mapping[str, Effect], found: Fit, views: Sequence[ResidualModel]
+    typical_list: Sequence[TypicalEffect],
+    effects: Mapping[str, Effect],
+    fitted: Fit,
+    residual_models: Sequence[ResidualModel],
 ) -> Iterable[Array]:
-    for start in asked:
-        change = next(iter(residual_changes(effects[start.effect], found, views, [dict(start.values)])), None)
-        yield np.zeros(found.residual.size) if change is None else change
+    for typical in typical_list:
+        change = next(
+            iter(residual_changes(effects[typical.effect], fitted, residual_models, [dict(typical.values)])), None
+        )
+        yield np.zeros(fitted.residual.size) if change is None else change
 
 
-def _effect_step(found: Fit, bread: Array, change: Array, *, known: bool) -> tuple[tuple[Any, ...], Array]:
-    """Return of an effect's change of the residual (N,) what the parameters cannot do (N,), and before that its power,
-    step, influence of each block (B,), bias (k,), what a step changes of the parameters' influence (B, k), and the
-    blocks' shares (B,).
+def _effect_step(
+    fitted: Fit, inverse_hessian: Array, change: Array, *, has_scatter: bool
+) -> tuple[tuple[Any, ...], Array]:
+    """Return an effect's power, step, block influence (B,), bias (k,), cross influence (B, k) and block shares (B,),
+    and its change of the residual (N,) orthogonal to the parameters.
 
-    What it leaves is not ``known`` where it states bounds: within them it takes noise out as well.
+    A set-valued law (``has_scatter`` false) takes noise out within its bounds, so that its cross influence is unknown.
     """
-    count = int(found.blocks.max()) + 1
+    count = int(fitted.blocks.max()) + 1
     change = np.where(np.isfinite(change), change, 0.0)
-    bias = bread @ (found.jacobian.T @ change)
-    new = change - found.jacobian @ bias
-    power = float(new @ new)
+    bias = inverse_hessian @ (fitted.jacobian.T @ change)
+    orthogonal = change - fitted.jacobian @ bias
+    power = float(orthogonal @ orthogonal)
     if power <= MIN_RELATIVE_POWER * float(change @ change):
-        none = 0.0, 0.0, np.zeros(count), np.zeros(bias.size), np.zeros((count, bias.size)), np.zeros(count)
-        return none, np.zeros(change.size)
-    cross = -group_scores(found.jacobian, new, found.blocks) @ bread
-    share = np.bincount(found.blocks, weights=new**2, minlength=count) / power
-    scored = np.bincount(found.blocks, weights=new * found.residual, minlength=count)
-    kept = (cross, share) if known else (np.zeros_like(cross), np.zeros_like(share))
-    return (power, -float(scored.sum()) / power, -scored / power, bias, *kept), new
+        zeros = 0.0, 0.0, np.zeros(count), np.zeros(bias.size), np.zeros((count, bias.size)), np.zeros(count)
+        return zeros, np.zeros(change.size)
+    cross = -group_scores(fitted.jacobian, orthogonal, fitted.blocks) @ inverse_hessian
+    share = np.bincount(fitted.blocks, weights=orthogonal**2, minlength=count) / power
+    block_scores = np.bincount(fitted.blocks, weights=orthogonal * fitted.residual, minlength=count)
+    scatter = (cross, share) if has_scatter else (np.zeros_like(cross), np.zeros_like(share))
+    return (power, -float(block_scores.sum()) / power, -block_scores / power, bias, *scatter), orthogonal
 
 
-def _levels(found: Fit) -> Array:
-    """Return the logarithm of each block's mean square (B,), NaN where nothing in it counts."""
-    count = np.bincount(found.blocks, weights=found.residual != 0.0)
-    squares = np.bincount(found.blocks, weights=found.residual**2)
+def _levels(fitted: Fit) -> Array:
+    """Return the logarithm of each block's mean square (B,), NaN without residuals that count."""
+    count = np.bincount(fitted.blocks, weights=fitted.residual != 0.0)
+    squares = np.bincount(fitted.blocks, weights=fitted.residual**2)
     return np.log(np.where(count > 0.0, squares, np.nan) / np.maximum(count, 1.0))

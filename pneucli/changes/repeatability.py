@@ -1,9 +1,8 @@
-"""How well a rig repeats: what its parameters vary by from one healthy date to another, beyond their own errors.
+"""Repeatability of a rig: the variation of its parameters from one healthy date to another, in excess of their errors.
 
-Each healthy date was held against the same old model. Of every quantity the variance between dates is set over the mean
-variance of the estimates; few dates tell little of it, so it is drawn towards what many such ratios say together (of
-all rigs of a fleet, or of all quantities of the rig), as much as these agree. Source: G. K. Smyth, Stat. Appl. Genet.
-Mol. Biol. 3 (2004) 3.
+Each healthy date is compared with the same old model. The variance between dates is divided by the mean variance of the
+estimates. Few dates determine this ratio badly, so it is shrunk toward the distribution of many ratios (of all rigs of
+a fleet, or of all quantities of the rig). Source: G. K. Smyth, Stat. Appl. Genet. Mol. Biol. 3 (2004) 3.
 """
 
 from __future__ import annotations
@@ -18,28 +17,26 @@ from scipy.special import digamma, polygamma
 from pneucli.changes.baseline import Baseline
 
 Array = NDArray[np.float64]
-RepeatDifferences = Mapping[
-    str, Sequence[float]
-]  # by name: difference from the old model, its error, the error of the old one
-VariancePrior = tuple[
-    float, float
-]  # degrees of freedom of what is known beforehand of a ratio of variances, and that ratio
+RepeatDifferences = Mapping[str, Sequence[float]]
+"""By name: the difference from the old model, its error, and the error of the old model."""
+VariancePrior = tuple[float, float]
+"""The degrees of freedom and the ratio of variances that are known beforehand."""
 
 RESIDUAL_LEVEL = "level"
-MIN_RATIOS = 8  # ratios from which something is known beforehand
-MAX_DEGREES_OF_FREEDOM = 1024.0  # degrees of freedom: as good as any number
-MIN_RATIO = 1e-12  # of a ratio: its logarithm is taken
+MIN_RATIOS = 8  # ratios, for a prior
+MAX_DEGREES_OF_FREEDOM = 1024.0  # as good as infinitely many
+MIN_RATIO = 1e-12  # so that the logarithm is finite
 
 
 @dataclass(frozen=True)
 class Repeatability:
-    """The variance of each quantity from one healthy date to another, by name, and the degrees of freedom of it."""
+    """The variance of each quantity from one healthy date to another, by name, and its degrees of freedom."""
 
     variance: Mapping[str, float]
     degrees_of_freedom: Mapping[str, float]
 
     def variance_and_freedom(self, names: Sequence[str]) -> tuple[Array, Array]:
-        """Return variances and degrees of freedom (n,); what no healthy date has shown is taken not to vary."""
+        """Return variances and degrees of freedom (n,); the variance is 0 for quantities without healthy dates."""
         variance = np.array([self.variance.get(n, 0.0) for n in names], dtype=np.float64)
         return variance, np.array(
             [self.degrees_of_freedom.get(n, MAX_DEGREES_OF_FREEDOM) for n in names], dtype=np.float64
@@ -50,12 +47,12 @@ NO_DRIFT = Repeatability({}, {})
 
 
 def quantity_names(whole: Baseline, part: Baseline) -> list[str]:
-    """Return the names of the coordinates and starts of ``part``, one of ``whole`` with some left out.
+    """Return the names of the coordinates and typical effects of ``part``, a restriction of ``whole``.
 
-    A start is called by its effect and its number among those that the effect has in ``whole``.
+    A typical effect is called by its effect and its index among those of this effect in ``whole``.
     """
-    own = [s.effect for s in whole.typical_effects]
-    numbered = [f"{name}#{own[:i].count(name)}" for i, name in enumerate(own)]
+    effects = [s.effect for s in whole.typical_effects]
+    numbered = [f"{name}#{effects[:i].count(name)}" for i, name in enumerate(effects)]
     return [
         *(c.name for c in part.coordinates),
         *(numbered[whole.typical_effects.index(s)] for s in part.typical_effects),
@@ -63,28 +60,32 @@ def quantity_names(whole: Baseline, part: Baseline) -> list[str]:
 
 
 def repeat_differences(whole: Baseline, old: Baseline, new: Baseline) -> dict[str, list[float]]:
-    """Return what a date says of the old model: for each quantity the difference, its error and that of the old one.
+    """Return by name the difference of a date from the old model, its error, and that of the old model.
 
-    ``old`` and ``new`` are aligned, ``whole`` is the old reference as it was.
+    ``old`` and ``new`` are aligned, ``whole`` is the complete old baseline.
     """
     both = [
         (one.estimates, _standard_errors(one.influence), one.steps, _standard_errors(one.step_influence))
         for one in (old, new)
     ]
-    (places, errors, steps, step_errors), (moved, now, stepped, steps_now) = both
-    known = [not a.at_bound and not b.at_bound for a, b in zip(old.coordinates, new.coordinates, strict=True)]
-    known += [bool(p > 0.0) for p in np.minimum(old.power, new.power)]
+    (old_estimates, old_errors, old_steps, old_step_errors), (new_estimates, new_errors, new_steps, new_step_errors) = (
+        both
+    )
+    is_free = [not a.at_bound and not b.at_bound for a, b in zip(old.coordinates, new.coordinates, strict=True)]
+    is_free += [bool(p > 0.0) for p in np.minimum(old.power, new.power)]
     rows = np.column_stack(
         [
-            np.append(moved - places, stepped - steps),
-            np.append(now, steps_now),
-            np.append(errors, step_errors),
+            np.append(new_estimates - old_estimates, new_steps - old_steps),
+            np.append(new_errors, new_step_errors),
+            np.append(old_errors, old_step_errors),
         ]
     )
-    told = {n: row.tolist() for n, row, use in zip(quantity_names(whole, old), rows, known, strict=True) if use}
+    differences = {
+        n: row.tolist() for n, row, use in zip(quantity_names(whole, old), rows, is_free, strict=True) if use
+    }
     levels = [one.levels[np.isfinite(one.levels)] for one in (old, new)]
     errors_of = [float(one.std(ddof=1) / np.sqrt(one.size)) for one in levels]
-    return told | {RESIDUAL_LEVEL: [float(levels[1].mean() - levels[0].mean()), errors_of[1], errors_of[0]]}
+    return differences | {RESIDUAL_LEVEL: [float(levels[1].mean() - levels[0].mean()), errors_of[1], errors_of[0]]}
 
 
 def _standard_errors(influence: Array) -> Array:
@@ -92,39 +93,39 @@ def _standard_errors(influence: Array) -> Array:
 
 
 def variance_ratios(repeats: Sequence[RepeatDifferences]) -> dict[str, tuple[float, float, float]]:
-    """Return for each quantity the variance between dates over that of its estimates, the dates' degrees of freedom,
-    and the mean variance of its estimates. The old model is a date as well.
+    """Return for each quantity the variance between dates over that of its estimates, its degrees of freedom, and the
+    mean variance of the estimates. The old model counts as a date.
     """
-    found = {}
+    ratios = {}
     for name in dict.fromkeys(n for one in repeats for n in one):
-        mine = np.array([one[name] for one in repeats if name in one], dtype=np.float64)
-        known = float(np.mean(np.append(mine[:, 1], mine[0, 2]) ** 2))
-        if known > 0.0 and np.isfinite(known):
-            between = float(np.var(np.append(mine[:, 0], 0.0), ddof=1))
-            found[name] = between / known, float(len(mine)), known
-    return found
+        rows = np.array([one[name] for one in repeats if name in one], dtype=np.float64)
+        mean_variance = float(np.mean(np.append(rows[:, 1], rows[0, 2]) ** 2))
+        if mean_variance > 0.0 and np.isfinite(mean_variance):
+            between = float(np.var(np.append(rows[:, 0], 0.0), ddof=1))
+            ratios[name] = between / mean_variance, float(len(rows)), mean_variance
+    return ratios
 
 
-def fit_variance_prior(found: Iterable[tuple[float, float]]) -> VariancePrior | None:
-    """Return what many ratios (with their degrees of freedom) say together; None where there are too few.
+def fit_variance_prior(ratios: Iterable[tuple[float, float]]) -> VariancePrior | None:
+    """Return the prior of many ratios (with their degrees of freedom); None where there are too few.
 
-    By the moments of their logarithms: were they all of one true ratio, these would scatter as those of chi-square do.
+    It follows from the moments of their logarithms, which for a common true ratio are those of chi-square.
     """
-    table = np.array([(max(ratio, MIN_RATIO), freedom) for ratio, freedom in found])
+    table = np.array([(max(ratio, MIN_RATIO), freedom) for ratio, freedom in ratios])
     if len(table) < MIN_RATIOS:
         return None
     logs = np.log(table[:, 0]) - digamma(table[:, 1] / 2) + np.log(table[:, 1] / 2)
-    beyond = float(np.var(logs, ddof=1) - np.mean(polygamma(1, table[:, 1] / 2)))
-    freedom = min(2.0 * _trigamma_inverse(beyond), MAX_DEGREES_OF_FREEDOM) if beyond > 0.0 else MAX_DEGREES_OF_FREEDOM
+    excess = float(np.var(logs, ddof=1) - np.mean(polygamma(1, table[:, 1] / 2)))
+    freedom = min(2.0 * _trigamma_inverse(excess), MAX_DEGREES_OF_FREEDOM) if excess > 0.0 else MAX_DEGREES_OF_FREEDOM
     return freedom, float(np.exp(np.mean(logs) + digamma(freedom / 2) - np.log(freedom / 2)))
 
 
 def _trigamma_inverse(value: float) -> float:
-    """Return where the trigamma function has a value, by Newton's method on its inverse, which is convex."""
+    """Return the inverse of the trigamma function, by Newton's method on its convex reciprocal."""
     x = 0.5 + 1.0 / value
     for _ in range(50):
-        here = float(polygamma(1, x))
-        step = here * (1.0 - here / value) / float(polygamma(2, x))
+        value_here = float(polygamma(1, x))
+        step = value_here * (1.0 - value_here / value) / float(polygamma(2, x))
         x += step
         if abs(step) < 1e-8 * x:
             break
@@ -134,25 +135,25 @@ def _trigamma_inverse(value: float) -> float:
 def estimate_repeatability(
     repeats: Sequence[RepeatDifferences], prior: Mapping[str, VariancePrior] | None = None
 ) -> Repeatability:
-    """Return what the healthy ``repeats`` of a rig say of its drift; ``prior``: what is known beforehand, by name.
+    """Return the repeatability of a rig from healthy ``repeats``; ``prior`` by name.
 
-    Where nothing is known beforehand of a quantity, all quantities of the rig together tell.
+    Without a prior of a quantity all quantities of the rig together give one.
     """
-    found = variance_ratios(repeats)
-    own = fit_variance_prior((ratio, freedom) for ratio, freedom, _ in found.values()) or (0.0, 1.0)
+    ratios = variance_ratios(repeats)
+    effects = fit_variance_prior((ratio, freedom) for ratio, freedom, _ in ratios.values()) or (0.0, 1.0)
     variance, freedom = {}, {}
-    for name, (ratio, dates, known) in found.items():
-        degrees, expected = (prior or {}).get(name, own)
-        drawn = (degrees * expected + dates * ratio) / (degrees + dates)
-        variance[name], freedom[name] = max(drawn - 1.0, 0.0) * known, degrees + dates
+    for name, (ratio, dates, mean_variance) in ratios.items():
+        degrees, expected = (prior or {}).get(name, effects)
+        shrunk = (degrees * expected + dates * ratio) / (degrees + dates)
+        variance[name], freedom[name] = max(shrunk - 1.0, 0.0) * mean_variance, degrees + dates
     return Repeatability(variance, freedom)
 
 
 def pool_priors(rigs: Iterable[Sequence[RepeatDifferences]]) -> dict[str, VariancePrior]:
-    """Return by name what the healthy repeats of many rigs of a kind say together."""
+    """Return the priors by name from the healthy repeats of many rigs of a kind."""
     by_name: dict[str, list[tuple[float, float]]] = {}
     for repeats in rigs:
         for name, (ratio, dates, _) in variance_ratios(repeats).items():
             by_name.setdefault(name, []).append((ratio, dates))
-    known = {name: fit_variance_prior(found) for name, found in sorted(by_name.items())}
-    return {name: one for name, one in known.items() if one is not None}
+    priors = {name: fit_variance_prior(ratios) for name, ratios in sorted(by_name.items())}
+    return {name: one for name, one in priors.items() if one is not None}

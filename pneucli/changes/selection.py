@@ -1,7 +1,7 @@
-"""Which things changed: hypotheses that stand out are fitted to the new recordings in full, all else as it was.
+"""Selection of changes: significant hypotheses are fitted to the new recordings in full, everything else held constant.
 
-One is taken after another, as long as the data call for more; then each is held against others in its place, and what
-the others make needless goes, as in the diagnosis of what is missing.
+Changes are added one after another while the data require more. Then each is compared with alternatives in its place,
+and those that the others make needless are dropped, as in the selection of missing effects.
 """
 
 from __future__ import annotations
@@ -25,15 +25,15 @@ from pneucli.physics.declaration import Effect
 Array = NDArray[np.float64]
 Hypotheses = tuple[Hypothesis, ...]
 
-MAX_CANDIDATES = 6  # hypotheses of different names that are refitted in one round
-AKAIKE_PENALTY = 2.0  # what a further parameter must take off the cost
-MAX_CHANGES = 3  # changes at once
-MAX_SWAP_ROUNDS = 2  # rounds in which each is held against others in its place
+MAX_CANDIDATES = 6  # hypotheses in one round
+AKAIKE_PENALTY = 2.0  # on the cost, for each parameter
+MAX_CHANGES = 3  # in one comparison
+MAX_SWAP_ROUNDS = 2  # rounds of alternatives
 
 
 @dataclass(frozen=True)
 class RefitCost:
-    """Things that changed, fitted in full: what they cost with all else as it was, and how many parameters are free."""
+    """The cost of changes fitted in full, everything else held constant, and the number of free parameters."""
 
     cost: float
     parameter_count: int
@@ -42,81 +42,85 @@ class RefitCost:
 
 @dataclass
 class ChangeSelection:
-    """What may have changed in a ``comparison``, and the ``fitted`` fit of the old model to the new recordings.
+    """The selection in a ``comparison``, with the ``fitted`` fit of the old model to the new recordings.
 
-    ``significance_level``: the chance below which one test of the family tells.
+    ``significance_level``: that of a single test of the family.
     """
 
     comparison: Comparison
     fitted: Fit
-    views: Sequence[ResidualModel]
+    residual_models: Sequence[ResidualModel]
     effects: Mapping[str, Effect]
     significance_level: float
     _fits: dict[tuple[str, ...], Fit | None] = field(default_factory=dict)
     _comparisons: dict[tuple[str, ...], Comparison] = field(default_factory=dict)
 
     def select(self) -> Hypotheses:
-        """Return what changed, what explains most first; nothing where nothing known is worth its parameters."""
-        taken: Hypotheses = ()
-        while len(taken) < MAX_CHANGES and (more := self._add_one(taken)):
-            taken = more
-        for _ in range(MAX_SWAP_ROUNDS if len(taken) > 1 else 0):
-            swapped = self._swap_each(taken)
-            if swapped == taken:
+        """Return the changes, the largest first; nothing where no hypothesis is worth its parameters."""
+        selected: Hypotheses = ()
+        while len(selected) < MAX_CHANGES and (extended := self._add_one(selected)):
+            selected = extended
+        for _ in range(MAX_SWAP_ROUNDS if len(selected) > 1 else 0):
+            swapped = self._swap_each(selected)
+            if swapped == selected:
                 break
-            taken = swapped
-        return self._drop_needless(taken)
+            selected = swapped
+        return self._drop_needless(selected)
 
-    def _add_one(self, taken: Hypotheses) -> Hypotheses:
-        """Return one thing more, where the data call for it and it is worth its parameters; else nothing."""
-        tested = self.comparison_given(taken).test_all()
-        if taken and (not tested or tested[0].p_value > self.significance_level):
+    def _add_one(self, selected: Hypotheses) -> Hypotheses:
+        """Return the changes with one more, where the data require it and it is worth its parameters; else nothing."""
+        tested = self.comparison_given(selected).test_all()
+        if selected and (not tested or tested[0].p_value > self.significance_level):
             return ()
-        options = [(*taken, one) for one in self._candidates(taken)]
+        options = [(*selected, one) for one in self._candidates(selected)]
         best = self._best(options) if options else ()
-        return best if best and self._gain_is_significant(taken, best) else ()
+        return best if best and self._gain_is_significant(selected, best) else ()
 
     def _best(self, options: Sequence[Hypotheses]) -> Hypotheses:
-        """Return what costs least, with what each parameter must take off, by what the residuals then vary by."""
-        spread = self.overdispersion(min(options, key=lambda one: self.refit_cost(one).cost))
-        return min(options, key=lambda one: self._penalised_cost(one, spread))
+        """Return the option with the lowest cost, penalised by its number of parameters times the overdispersion."""
+        dispersion = self.overdispersion(min(options, key=lambda one: self.refit_cost(one).cost))
+        return min(options, key=lambda one: self._penalised_cost(one, dispersion))
 
-    def _gain_is_significant(self, less: Hypotheses, more: Hypotheses) -> bool:
-        before, after = self.refit_cost(less), self.refit_cost(more)
-        gain = (before.cost - after.cost) / self.overdispersion(more)
+    def _gain_is_significant(self, reduced: Hypotheses, extended: Hypotheses) -> bool:
+        before, after = self.refit_cost(reduced), self.refit_cost(extended)
+        gain = (before.cost - after.cost) / self.overdispersion(extended)
         return bool(
             np.isfinite(gain)
             and gain > chi2.isf(self.significance_level, max(after.parameter_count - before.parameter_count, 1))
         )
 
-    def _candidates(self, taken: Hypotheses) -> list[Hypothesis]:
-        """Return the hypotheses that stand out beside those taken, one of each name."""
-        names = {one.name for one in taken}
-        first = {t.hypothesis.name: t for t in reversed(self.comparison_given(taken).test_all())}
+    def _candidates(self, selected: Hypotheses) -> list[Hypothesis]:
+        """Return the most significant hypotheses given the selected ones, one of each name."""
+        names = {one.name for one in selected}
+        first = {t.hypothesis.name: t for t in reversed(self.comparison_given(selected).test_all())}
         ranked = sorted(first.values(), key=lambda t: -abs(t.t_statistic))
-        found = [t.hypothesis for t in ranked if t.hypothesis.name not in names][:MAX_CANDIDATES]
-        here, first_of = self.comparison_given(taken).old.typical_effects, self.comparison.old.typical_effects
+        hypotheses = [t.hypothesis for t in ranked if t.hypothesis.name not in names][:MAX_CANDIDATES]
+        current, original = self.comparison_given(selected).old.typical_effects, self.comparison.old.typical_effects
         return [
-            h if h.effect_index is None else replace(h, effect_index=first_of.index(here[h.effect_index]))
-            for h in found
+            h if h.effect_index is None else replace(h, effect_index=original.index(current[h.effect_index]))
+            for h in hypotheses
         ]
 
-    def test(self, taken: Hypotheses, one: Hypothesis) -> HypothesisTest | None:
-        """Return what the data say of one hypothesis beside things that are known to have changed."""
-        beside = self.comparison_given(taken)
+    def test(self, selected: Hypotheses, one: Hypothesis) -> HypothesisTest | None:
+        """Return the test of one hypothesis given accepted changes."""
+        comparison = self.comparison_given(selected)
         if one.effect_index is None:
-            return beside.test(one)
-        start = self.comparison.old.typical_effects[one.effect_index]
-        known = start in beside.old.typical_effects
-        return beside.test(replace(one, effect_index=beside.old.typical_effects.index(start))) if known else None
+            return comparison.test(one)
+        typical = self.comparison.old.typical_effects[one.effect_index]
+        is_tested = typical in comparison.old.typical_effects
+        return (
+            comparison.test(replace(one, effect_index=comparison.old.typical_effects.index(typical)))
+            if is_tested
+            else None
+        )
 
-    def comparison_given(self, taken: Hypotheses) -> Comparison:
-        """Return the comparison in which things are known to have changed; their effects are in the fitted model."""
-        effects = {one.name: one for one in taken if one.effect_index is not None}
+    def comparison_given(self, selected: Hypotheses) -> Comparison:
+        """Return the comparison with accepted changes; their effects are in the fitted model."""
+        effects = {one.name: one for one in selected if one.effect_index is not None}
         key = tuple(sorted(effects))
         if key not in self._comparisons:
             self._comparisons[key] = self._comparison_with_effects(tuple(effects.values()))
-        return self._comparisons[key].with_accepted(*(one for one in taken if one.effect_index is None))
+        return self._comparisons[key].with_accepted(*(one for one in selected if one.effect_index is None))
 
     def _comparison_with_effects(self, effects: Hypotheses) -> Comparison:
         fitted = self._fitted(tuple(one.name for one in effects))
@@ -126,113 +130,123 @@ class ChangeSelection:
         for one in effects:
             assert one.effect_index is not None
             old = old.with_effect_free(one.effect_index)
-        lacking = [e for name, e in self.effects.items() if name not in names]
-        new = baseline_at_fit(fitted, self.views, lacking, old.typical_effects)
-        kept = [s for s in old.typical_effects if s.effect not in names]
+        absent = [e for name, e in self.effects.items() if name not in names]
+        new = baseline_at_fit(fitted, self.residual_models, absent, old.typical_effects)
+        remaining = [s for s in old.typical_effects if s.effect not in names]
         coordinates = [c.name for c in old.coordinates]
         first, k = self.comparison.old.typical_effects, len(coordinates)
-        called = self.comparison.names
-        called = (*called[:k], *(called[k + first.index(s)] for s in kept)) if called else ()
+        quantity_names = self.comparison.names
+        quantity_names = (
+            (*quantity_names[:k], *(quantity_names[k + first.index(s)] for s in remaining)) if quantity_names else ()
+        )
         return replace(
             self.comparison,
-            old=old.restricted_to(coordinates, kept),
-            new=new.restricted_to(coordinates, kept),
-            names=called,
+            old=old.restricted_to(coordinates, remaining),
+            new=new.restricted_to(coordinates, remaining),
+            names=quantity_names,
         )
 
-    def _swap_each(self, taken: Hypotheses) -> Hypotheses:
-        """Return the things with each replaced by what explains more in its place, the others staying."""
-        for i in range(len(taken)):
-            taken = self._best(self._alternatives(taken, i))
-        return taken
+    def _swap_each(self, selected: Hypotheses) -> Hypotheses:
+        """Return the changes, each replaced by the best alternative in its place."""
+        for i in range(len(selected)):
+            selected = self._best(self._alternatives(selected, i))
+        return selected
 
-    def _alternatives(self, taken: Hypotheses, place: int) -> list[Hypotheses]:
-        """Return what was taken, first as it is, then with others in one place."""
-        rest = self.without(taken, place)
-        others = [one for one in self._candidates(rest) if one.name != taken[place].name]
-        return [taken, *((*taken[:place], one, *taken[place + 1 :]) for one in others)]
+    def _alternatives(self, selected: Hypotheses, position: int) -> list[Hypotheses]:
+        """Return the selected changes, first as they are, then with alternatives in one position."""
+        rest = self.without(selected, position)
+        others = [one for one in self._candidates(rest) if one.name != selected[position].name]
+        return [selected, *((*selected[:position], one, *selected[position + 1 :]) for one in others)]
 
-    def _drop_needless(self, taken: Hypotheses) -> Hypotheses:
-        """Return the things without those that the others make needless."""
-        while len(taken) > 1:
-            needless = [i for i in range(len(taken)) if not self._gain_is_significant(self.without(taken, i), taken)]
+    def _drop_needless(self, selected: Hypotheses) -> Hypotheses:
+        """Return the changes without those that the others make needless."""
+        while len(selected) > 1:
+            needless = [
+                i for i in range(len(selected)) if not self._gain_is_significant(self.without(selected, i), selected)
+            ]
             if not needless:
                 break
-            taken = self._best([self.without(taken, i) for i in needless])
-        return taken
+            selected = self._best([self.without(selected, i) for i in needless])
+        return selected
 
     @staticmethod
-    def without(taken: Hypotheses, place: int) -> Hypotheses:
-        """Return all but one."""
-        return (*taken[:place], *taken[place + 1 :])
+    def without(selected: Hypotheses, position: int) -> Hypotheses:
+        """Return all changes but one."""
+        return (*selected[:position], *selected[position + 1 :])
 
-    def likelihood_shares(self, taken: Hypotheses, place: int) -> dict[str, float]:
-        """Return how likely each is in one place, by name: what was taken, and what stands out beside the others."""
-        options = self._alternatives(taken, place)
-        spread = self.overdispersion(taken)
-        costs = np.array([self._penalised_cost(one, spread) for one in options])
-        likely = np.exp(-0.5 * (costs - costs.min()) / spread)
-        return {one[place].name: float(p) for one, p in zip(options, likely / likely.sum(), strict=True)}
+    def likelihood_shares(self, selected: Hypotheses, position: int) -> dict[str, float]:
+        """Return by name the likelihood share of the selected change and its alternatives in one position."""
+        options = self._alternatives(selected, position)
+        dispersion = self.overdispersion(selected)
+        costs = np.array([self._penalised_cost(one, dispersion) for one in options])
+        likelihood = np.exp(-0.5 * (costs - costs.min()) / dispersion)
+        return {one[position].name: float(p) for one, p in zip(options, likelihood / likelihood.sum(), strict=True)}
 
-    def refit_cost(self, taken: Hypotheses) -> RefitCost:
-        """Return what things that changed together cost."""
-        fitted = self._fitted(tuple(one.name for one in taken if one.effect_index is not None))
+    def refit_cost(self, selected: Hypotheses) -> RefitCost:
+        """Return the cost of changes together."""
+        fitted = self._fitted(tuple(one.name for one in selected if one.effect_index is not None))
         if fitted is None:
-            return RefitCost(np.inf, len(taken), self.fitted)
-        directions = [one.direction for one in taken if one.direction is not None]
+            return RefitCost(np.inf, len(selected), self.fitted)
+        directions = [one.direction for one in selected if one.direction is not None]
         extra = sum(
-            f.name.partition(".")[0] in {o.name for o in taken if o.effect_index is not None} for f in fitted.free
+            f.name.partition(".")[0] in {o.name for o in selected if o.effect_index is not None} for f in fitted.free
         )
         return RefitCost(self._cost(fitted, directions), len(directions) + extra, fitted)
 
-    def _penalised_cost(self, taken: Hypotheses, spread: float) -> float:
-        one = self.refit_cost(taken)
-        return one.cost + AKAIKE_PENALTY * spread * one.parameter_count
+    def _penalised_cost(self, selected: Hypotheses, dispersion: float) -> float:
+        one = self.refit_cost(selected)
+        return one.cost + AKAIKE_PENALTY * dispersion * one.parameter_count
 
     def _fitted(self, names: tuple[str, ...]) -> Fit | None:
-        """Return the fit with these effects more, in whatever order they come; None where one has no size there."""
+        """Return the fit with these effects, in any order; None where one has no initial guess."""
         key = tuple(sorted(names))
         if not names:
             return self.fitted
         if key not in self._fits:
             before, effect = self._fitted(names[:-1]), self.effects[names[-1]]
-            ranked = score_tests(effect, before, self.views) if before is not None else []
+            ranked = score_tests(effect, before, self.residual_models) if before is not None else []
             fitted = (
-                fit_with_effect(before, self.views, effect, ranked=ranked) if before is not None and ranked else None
+                fit_with_effect(before, self.residual_models, effect, ranked=ranked)
+                if before is not None and ranked
+                else None
             )
             self._fits[key] = fitted
         return self._fits[key]
 
     def _cost(self, fitted: Fit, directions: Sequence[Array]) -> float:
-        """Return the cost of a fit, its estimates held to what they were, but for directions in which they may move."""
+        """Return the cost of a fit whose estimates are held at their old values, except in free directions."""
         old = self.comparison.old
-        bread = pseudo_inverse(fitted.jacobian.T @ fitted.jacobian)
-        mine = [[f.name for f in fitted.free].index(c.name) for c in old.coordinates]
-        scale = np.array([1.0 if f.logarithmic else f.scale for f in (fitted.free[i] for i in mine)])
+        inverse_hessian = pseudo_inverse(fitted.jacobian.T @ fitted.jacobian)
+        columns = [[f.name for f in fitted.free].index(c.name) for c in old.coordinates]
+        scale = np.array([1.0 if f.logarithmic else f.scale for f in (fitted.free[i] for i in columns)])
         values = [fitted[c.name].value for c in old.coordinates]
-        places = [np.log(v) if c.logarithmic else v for v, c in zip(values, old.coordinates, strict=True)]
-        moved = np.array(places) - old.estimates
-        varies, _ = self.comparison.repeat_variance()
+        transformed = [np.log(v) if c.logarithmic else v for v, c in zip(values, old.coordinates, strict=True)]
+        difference = np.array(transformed) - old.estimates
+        drift_variance, _ = self.comparison.repeat_variance()
         weight = pseudo_inverse(
-            bread[np.ix_(mine, mine)] * np.outer(scale, scale) + old.white_noise_covariance + np.diag(varies)
+            inverse_hessian[np.ix_(columns, columns)] * np.outer(scale, scale)
+            + old.white_noise_covariance
+            + np.diag(drift_variance)
         )
         if directions:
             free = np.array(directions).T
-            moved = moved - free @ (pseudo_inverse(free.T @ weight @ free) @ (free.T @ weight @ moved))
-        return float(fitted.residual @ fitted.residual) + float(moved @ weight @ moved)
+            difference = difference - free @ (pseudo_inverse(free.T @ weight @ free) @ (free.T @ weight @ difference))
+        return float(fitted.residual @ fitted.residual) + float(difference @ weight @ difference)
 
-    def overdispersion(self, taken: Hypotheses) -> float:
-        """Return by how much more than white residuals would the estimates vary, things being known to have changed.
+    def overdispersion(self, selected: Hypotheses) -> float:
+        """Return the variance of the estimates over that for white residuals, given accepted changes.
 
-        The median over the parameters; a change that is not in the model makes residuals vary more than they do.
+        It is the median over the parameters. A change that is not modelled increases the variance of the residuals.
         """
-        beside = self.comparison_given(taken)
-        varies, _ = beside.repeat_variance()
+        comparison = self.comparison_given(selected)
+        drift_variance, _ = comparison.repeat_variance()
         weight, ratios = (
-            pseudo_inverse(beside.old.white_noise_covariance + beside.new.white_noise_covariance + np.diag(varies)),
+            pseudo_inverse(
+                comparison.old.white_noise_covariance + comparison.new.white_noise_covariance + np.diag(drift_variance)
+            ),
             [],
         )
-        for one in beside.test_all():
+        for one in comparison.test_all():
             if (direction := one.hypothesis.direction) is not None:
                 ratios.append(one.error**2 * float(direction @ weight @ direction))
         return max(float(np.median(ratios)), 1.0) if ratios else 1.0

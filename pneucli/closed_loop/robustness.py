@@ -29,6 +29,7 @@ from pneucli.executors import Engine, run_jobs
 from pneucli.io.artifacts import atomic_path
 from pneucli.physics.declaration import Effect
 from pneucli.physics.effects import catalogue_with_sides
+from pneucli.quantities import Z95
 from pneucli.simulate.build import source
 from pneucli.simulate.layout import BASE_NAMES
 from pneucli.simulate.model import Model
@@ -37,7 +38,6 @@ from pneucli.simulate.rig_quantities import rig_quantities
 Array = NDArray[np.float64]
 
 CHUNK_SIZE = 16  # runs
-Z95 = 1.959964
 TOLERANCES = {  # 1 sigma, relative: weighing, measuring drawings, a regulator's setting
     "rig.moving_mass": 0.02,
     "rig.dead_volume_1": 0.03,

@@ -17,11 +17,11 @@ from numpy.typing import NDArray
 from scipy.signal import correlate
 
 from pneucli.compare.channel_errors import Comparison
+from pneucli.quantities import Z95
 
 Array = NDArray[np.float64]
 
 MAX_LAGS = 100  # lags up to the horizon
-Z95 = 1.959964
 NON_INPUT_SIGNALS = ("x_ref", "p_ref", "flow", "temperature")  # recorded, but no input of the model
 
 

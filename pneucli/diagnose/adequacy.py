@@ -1,4 +1,4 @@
-"""What a model leaves over: is it more than noise, and over which variable does it have a shape?"""
+"""The lack of fit of a model by channel: is the residual more than noise, and is it a function of a variable?"""
 
 from __future__ import annotations
 
@@ -15,29 +15,29 @@ from pneucli.identify.estimation.blocks import block_labels
 from pneucli.identify.estimation.fit import MAX_DERIVATIVE, Fit
 from pneucli.identify.estimation.problem import LeastSquaresProblem
 from pneucli.identify.residuals import ResidualModel
+from pneucli.quantities import Z95
 from pneucli.simulate.model import Model, parameter_value
 
 Array = NDArray[np.float64]
 
-NOISE_DRAWS = 1  # of each view; many views and restarts are pooled
+NOISE_DRAWS = 1  # of each recording; many recordings and restarts are pooled
 NOISE_SEED = 11
 BINS = 12
-TRIMMED_SHARE = 0.005  # share of the samples
-FRICTION_SIGNALS = ("time", "x", "p1", "p2", "u")  # over which friction may change
-MIN_BLOCKS_PER_BIN = 4  # in a bin, to know how its mean scatters
-TRAIN_LIMIT = 1.2  # of the rms that a correct model would show; measured on exams: docs/method.md
-TEST_LIMIT = 1.4  # commands between the fitted ones are interpolated
-UNTRIMMED_FACTOR = 2.0  # times these limits for the rms with the worst samples
-MIN_SHAPE_SHARE = 0.2  # share of the squared residual that a shape may hold
-NORMAL_QUANTILE = float(norm.ppf(0.975))  # standard errors by which a parameter may be off
-MIN_TRIMMED_RATIO = 1.06  # a ratio below which a shape is too small to matter
+TRIMMED_SHARE = 0.005  # of the samples
+FRICTION_SIGNALS = ("time", "x", "p1", "p2", "u")  # of which friction may be a function
+MIN_BLOCKS_PER_BIN = 4  # in a bin, for the variance of its mean
+TRAIN_LIMIT = 1.2  # times the rms of a correct model; measured on exams (docs/method.md)
+TEST_LIMIT = 1.4  # the same on held-out data, where commands between the fitted ones are interpolated
+UNTRIMMED_FACTOR = 2.0  # times these limits for the untrimmed rms
+MIN_SHAPE_SHARE = 0.2  # of the squared residual
+MIN_TRIMMED_RATIO = 1.06  # with a smaller ratio a shape is immaterial
 
 
 @dataclass(frozen=True)
 class Shape:
-    """The residual over one variable: the ``share`` of the squares that means over bins hold beyond what scatter gives.
+    """The residual as a function of one variable: the ``share`` of the squares that bin means hold in excess of chance.
 
-    ``p_value`` is the chance of such means where the residual does not depend on the variable.
+    ``p_value`` is that of such means where the residual does not depend on the variable.
     """
 
     variable: str
@@ -47,11 +47,11 @@ class Shape:
 
 @dataclass(frozen=True)
 class LackOfFit:
-    """One channel seen through one kind of view, over all recordings of a use.
+    """The residual of one channel of one kind of residual model, over all recordings of a use.
 
-    ``ratio`` is its rms over what a correct model would show, ``trimmed_ratio`` the same without the worst samples: those at
-    the edge of a stretch or at a stop, which no sampling resolves. ``parameter_uncertainty``, in the same unit: how much of it the
-    parameters' own uncertainty may cause, in recordings that were not fitted.
+    ``ratio`` is its rms over that of a correct model, ``trimmed_ratio`` the same without the worst samples, at the ends
+    of segments or at an end stop, which no sampling resolves. ``parameter_uncertainty``: the rms in held-out recordings
+    that the parameters' uncertainty causes, in the same unit.
     """
 
     kind: type[ResidualModel]
@@ -62,72 +62,75 @@ class LackOfFit:
     parameter_uncertainty: float = 0.0
 
 
-def lack_of_fit_by_channel(model: Model, views: Sequence[ResidualModel]) -> list[LackOfFit]:
-    """Return what the model leaves over in each channel of each kind of view."""
+def lack_of_fit_by_channel(model: Model, residual_models: Sequence[ResidualModel]) -> list[LackOfFit]:
+    """Return the lack of fit of each channel of each kind of residual model."""
     groups: dict[tuple[type[ResidualModel], str], list[tuple[ResidualModel, Array, float]]] = {}
-    for view in views:
-        errors = view.initial_state_sensitivity(model)
-        residual, expected = view.residual(model, errors), expected_rms(model, view, errors)
-        stated = residual.get("gap", np.zeros(1)) < 0.5  # bounds are kept by anything within them
-        for channel in view.channels:
-            scaled = np.where(stated, residual[channel] / view.noise[channel], 0.0)
+    for residual_model in residual_models:
+        errors = residual_model.initial_state_sensitivity(model)
+        residual, expected = residual_model.residual(model, errors), expected_rms(model, residual_model, errors)
+        is_predicted = residual.get("gap", np.zeros(1)) < 0.5  # a set-valued law predicts no force here
+        for channel in residual_model.channels:
+            scaled = np.where(is_predicted, residual[channel] / residual_model.noise[channel], 0.0)
             if np.any(scaled):
-                groups.setdefault((type(view), channel), []).append((view, scaled, expected[channel]))
+                groups.setdefault((type(residual_model), channel), []).append(
+                    (residual_model, scaled, expected[channel])
+                )
     return [_channel_lack_of_fit(kind, channel, members) for (kind, channel), members in groups.items()]
 
 
-def held_out_lack_of_fit(found: Fit, views: Sequence[ResidualModel]) -> list[LackOfFit]:
-    """Return what a fitted model leaves over in views that were not fitted, and what its parameters leave open there.
+def held_out_lack_of_fit(fit: Fit, residual_models: Sequence[ResidualModel]) -> list[LackOfFit]:
+    """Return the lack of fit on held-out data, with the part that the parameters' uncertainty may cause.
 
-    To first order, by their covariance; asked for only where something is large, since it costs a simulation for each
-    parameter.
+    That part is linearised with the parameters' covariance. It costs a simulation for each parameter and is computed
+    only where a channel exceeds the limit.
     """
-    left = lack_of_fit_by_channel(found.model, views)
-    if not found.free or not any(_exceeds(r, TEST_LIMIT) for r in left):
-        return left
-    known = _parameter_uncertainty(found, views)
-    return [replace(r, parameter_uncertainty=known.get((r.kind, r.channel), 0.0)) for r in left]
+    lacks = lack_of_fit_by_channel(fit.model, residual_models)
+    if not fit.free or not any(_exceeds(r, TEST_LIMIT) for r in lacks):
+        return lacks
+    uncertainty = _parameter_uncertainty(fit, residual_models)
+    return [replace(r, parameter_uncertainty=uncertainty.get((r.kind, r.channel), 0.0)) for r in lacks]
 
 
-def _parameter_uncertainty(found: Fit, views: Sequence[ResidualModel]) -> dict[tuple[type[ResidualModel], str], float]:
-    """Return by channel of each kind of view the rms that the parameters' uncertainty makes, of what is expected."""
-    problem = LeastSquaresProblem(found.model, views, found.free)
-    at = np.array([f.to_coordinate(parameter_value(found.model, f.name)) for f in found.free])
-    derivatives = problem.jacobian(at)
-    derivatives[~(np.abs(derivatives) < MAX_DERIVATIVE)] = 0.0  # of a model that runs away nothing is known
-    variance = np.einsum("ij,jk,ik->i", derivatives, found.covariance, derivatives)
+def _parameter_uncertainty(
+    fit: Fit, residual_models: Sequence[ResidualModel]
+) -> dict[tuple[type[ResidualModel], str], float]:
+    """Return by kind and channel the rms that the parameters' uncertainty causes, over the expected rms."""
+    problem = LeastSquaresProblem(fit.model, residual_models, fit.free)
+    z = np.array([f.to_coordinate(parameter_value(fit.model, f.name)) for f in fit.free])
+    derivatives = problem.jacobian(z)
+    derivatives[~(np.abs(derivatives) < MAX_DERIVATIVE)] = 0.0  # of a diverging model
+    variance = np.einsum("ij,jk,ik->i", derivatives, fit.covariance, derivatives)
     parts: dict[tuple[type[ResidualModel], str], list[Array]] = {}
     first = 0
-    for view, errors in zip(views, problem.errors, strict=True):
-        expected = expected_rms(found.model, view, errors)
-        for channel in view.channels:
-            last = first + view.experiment.time.size
-            parts.setdefault((type(view), channel), []).append(variance[first:last] / expected[channel] ** 2)
+    for residual_model, errors in zip(residual_models, problem.errors, strict=True):
+        expected = expected_rms(fit.model, residual_model, errors)
+        for channel in residual_model.channels:
+            last = first + residual_model.experiment.time.size
+            parts.setdefault((type(residual_model), channel), []).append(variance[first:last] / expected[channel] ** 2)
             first = last
-    return {key: float(np.sqrt(np.mean(np.concatenate(each)))) for key, each in parts.items()}
+    return {key: float(np.sqrt(np.mean(np.concatenate(variances)))) for key, variances in parts.items()}
 
 
-def expected_rms(model: Model, view: ResidualModel, errors: Mapping[str, Array]) -> dict[str, float]:
-    """Return the rms by channel that a correct model would show in this view, in units of the sensors' noise.
+def expected_rms(model: Model, residual_model: ResidualModel, errors: Mapping[str, Array]) -> dict[str, float]:
+    """Return the rms by channel of a correct model, in units of the sensors' noise, at least 1.
 
-    ``errors`` of the starts are what the view says is carried. No less than that noise: what a draw lacks of it may be
-    chance.
+    ``errors`` are the sensitivities to the initial states. A smaller Monte Carlo rms may be chance.
     """
-    return {c: max(r, 1.0) for c, r in drawn_rms(model, view, errors).items()}
+    return {c: max(r, 1.0) for c, r in drawn_rms(model, residual_model, errors).items()}
 
 
-def drawn_rms(model: Model, view: ResidualModel, errors: Mapping[str, Array]) -> dict[str, float]:
-    """Return the rms by channel of drawn noise sent through the model, in units of the sensors' noise."""
-    return view.monte_carlo_rms(model, errors, NOISE_DRAWS, NOISE_SEED)
+def drawn_rms(model: Model, residual_model: ResidualModel, errors: Mapping[str, Array]) -> dict[str, float]:
+    """Return the rms by channel of random noise sent through the model, in units of the sensors' noise."""
+    return residual_model.monte_carlo_rms(model, errors, NOISE_DRAWS, NOISE_SEED)
 
 
 def _channel_lack_of_fit(
     kind: type[ResidualModel], channel: str, members: list[tuple[ResidualModel, Array, float]]
 ) -> LackOfFit:
     relative = np.concatenate([(r / e)[r != 0.0] for _, r, e in members])
-    blocks = block_labels([_one_channel(view) for view, _, _ in members])
+    blocks = block_labels([_one_channel(residual_model) for residual_model, _, _ in members])
     residual = np.concatenate([r for _, r, _ in members])
-    variables = [locator_signals(view.experiment) for view, _, _ in members]
+    variables = [locator_signals(residual_model.experiment) for residual_model, _, _ in members]
     over = {
         name: np.concatenate([v[name] - (v[name][0] if name == "time" else 0.0) for v in variables])
         for name in variables[0]
@@ -136,78 +139,78 @@ def _channel_lack_of_fit(
     shapes = [binned_shape(name, values, residual, blocks) for name, values in over.items()]
     if channel == "force" and "direction" in over:
         friction = residual * over["direction"]
-        laws = {name: over[name] for name in FRICTION_SIGNALS if name in over}
-        shapes += [binned_shape(name, values, friction, blocks) for name, values in laws.items()]
+        signals = {name: over[name] for name in FRICTION_SIGNALS if name in over}
+        shapes += [binned_shape(name, values, friction, blocks) for name, values in signals.items()]
     ranked = tuple(sorted((s for s in shapes if s is not None), key=lambda s: -s.share))
     return LackOfFit(kind, channel, float(np.sqrt(np.mean(relative**2))), trimmed_rms(relative), ranked)
 
 
 def trimmed_rms(values: Array) -> float:
-    """Return the rms (over that of a normal distribution cut alike) without the WORST share of the values."""
+    """Return the rms without the TRIMMED_SHARE largest values, over that of a normal distribution trimmed alike."""
     cut = float(norm.ppf(1.0 - TRIMMED_SHARE / 2.0))
     kept = np.sort(values**2)[: max(int(values.size * (1.0 - TRIMMED_SHARE)), 1)]
     normal = 1.0 - 2.0 * cut * float(norm.pdf(cut)) / (1.0 - TRIMMED_SHARE)  # variance of a normal cut at +-cut
     return float(np.sqrt(np.mean(kept) / normal))
 
 
-def _one_channel(view: ResidualModel) -> ResidualModel:
-    single = type(view)(view.experiment)
-    single.__dict__["channels"] = view.channels[:1]
+def _one_channel(residual_model: ResidualModel) -> ResidualModel:
+    single = type(residual_model)(residual_model.experiment)
+    single.__dict__["channels"] = residual_model.channels[:1]
     return single
 
 
 def binned_shape(variable: str, values: Array, residual: Array, blocks: NDArray[np.int64]) -> Shape | None:
-    """Return the residual's shape over a variable, None where that does not vary.
+    """Return the shape of the residual over a variable, None where that is constant.
 
-    Each bin holds as many samples as the others; the scatter of its mean comes from the blocks' sums.
+    All bins hold equally many samples; the variance of a bin's mean comes from the sums of blocks.
     """
-    seen = np.isfinite(values) & (residual != 0.0)
-    values, residual, blocks = values[seen], residual[seen], blocks[seen]
-    place = bins_of(values, BINS)
-    if place.max(initial=0) == 0:
+    valid = np.isfinite(values) & (residual != 0.0)
+    values, residual, blocks = values[valid], residual[valid], blocks[valid]
+    bin_index = bins_of(values, BINS)
+    if bin_index.max(initial=0) == 0:
         return None
-    keys, inverse = np.unique(place * (int(blocks.max()) + 1) + blocks, return_inverse=True)
+    keys, inverse = np.unique(bin_index * (int(blocks.max()) + 1) + blocks, return_inverse=True)
     bins = keys // (int(blocks.max()) + 1)
     sums, counts = np.bincount(inverse, residual), np.bincount(inverse)
     total = np.bincount(bins, counts)
     means = np.bincount(bins, sums) / np.maximum(total, 1)
     scatter = np.bincount(bins, (sums - counts * means[bins]) ** 2)
-    number = total**2 / np.maximum(np.bincount(bins, counts**2.0), 1)  # of blocks in a bin, as of equal ones
-    enough = np.bincount(bins) >= MIN_BLOCKS_PER_BIN
-    if not enough.any():
+    block_count = total**2 / np.maximum(np.bincount(bins, counts**2.0), 1)  # equivalent number of equal blocks in a bin
+    resolved = np.bincount(bins) >= MIN_BLOCKS_PER_BIN
+    if not resolved.any():
         return None
-    means, total, number = means[enough], total[enough], number[enough]
-    freedom = np.maximum(number - 1.0, 1.0)
-    errors = np.sqrt(scatter[enough] * number / freedom) / total
-    held = float(np.sum(total * (means**2 - errors**2)))
-    share = max(held, 0.0) / max(float(np.sum(residual**2)), 1e-300)
+    means, total, block_count = means[resolved], total[resolved], block_count[resolved]
+    freedom = np.maximum(block_count - 1.0, 1.0)
+    errors = np.sqrt(scatter[resolved] * block_count / freedom) / total
+    explained = float(np.sum(total * (means**2 - errors**2)))
+    share = max(explained, 0.0) / max(float(np.sum(residual**2)), 1e-300)
     return Shape(variable, share, _p_value(means / np.maximum(errors, 1e-12), freedom))
 
 
 def _p_value(ratios: Array, freedom: Array) -> float:
-    """Return the chance of means so far from zero, over errors that are known with so many degrees of freedom each."""
+    """Return the p value of means over standard errors that have so many degrees of freedom each."""
     normal = norm.isf(np.maximum(student.sf(np.abs(ratios), freedom), 1e-300))
     return float(chi2.sf(normal @ normal, normal.size))
 
 
-def bins_of(values: Array, most: int) -> NDArray[np.int64]:
-    """Return the bin of each value: one a level where they are few, else ``most`` that hold as many values each."""
+def bins_of(values: Array, max_bins: int) -> NDArray[np.int64]:
+    """Return the bin of each value: one a level where these are few, else ``max_bins`` of equally many values."""
     levels = np.unique(values)
-    edges = levels[1:] if levels.size <= most else np.unique(np.quantile(values, np.arange(1, most) / most))
+    edges = levels[1:] if levels.size <= max_bins else np.unique(np.quantile(values, np.arange(1, max_bins) / max_bins))
     return np.searchsorted(edges, values, side="right").astype(np.int64)
 
 
 def significant_lack_of_fit(train: Sequence[LackOfFit], test: Sequence[LackOfFit]) -> list[LackOfFit]:
-    """Return the remainders that are more than noise and known uncertainty, worst first."""
-    rest = [r for r in train if _exceeds(r, TRAIN_LIMIT) or (r.trimmed_ratio > MIN_TRIMMED_RATIO and _has_shape(r))]
-    rest += [
-        r for r in test if _exceeds(r, TEST_LIMIT * float(np.hypot(1.0, NORMAL_QUANTILE * r.parameter_uncertainty)))
+    """Return the channels whose lack of fit exceeds noise and parameter uncertainty, worst first."""
+    significant = [
+        r for r in train if _exceeds(r, TRAIN_LIMIT) or (r.trimmed_ratio > MIN_TRIMMED_RATIO and _has_shape(r))
     ]
-    return sorted(rest, key=lambda r: -r.ratio)
+    significant += [r for r in test if _exceeds(r, TEST_LIMIT * float(np.hypot(1.0, Z95 * r.parameter_uncertainty)))]
+    return sorted(significant, key=lambda r: -r.ratio)
 
 
 def within_parameter_uncertainty(test: Sequence[LackOfFit]) -> list[LackOfFit]:
-    """Return the remainders that are more than noise, but no more than the parameters leave open."""
+    """Return the channels whose lack of fit exceeds noise, but not the parameters' uncertainty."""
     return [r for r in test if _exceeds(r, TEST_LIMIT) and not significant_lack_of_fit([], [r])]
 
 

@@ -1,34 +1,51 @@
-"""What became of an effect, and why: written down where it is decided, and only printed afterwards."""
+"""A candidate effect, and the decision about it with its reason."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
 from typing import Literal
 
-from pneucli.diagnose.data import Candidate
+from pneucli.diagnose.evidence import ScoreGain
+from pneucli.diagnose.score import FittedModel
 from pneucli.physics.declaration import Effect
 
 Reason = Literal[
-    "supported",  # all tests passed
-    "cannot-show",  # no recording feels it, or none would at any plausible size
-    "not-promising",  # the screen promises no more than chance, or far less than of others: not fitted
-    "vanishes",  # fitted, it takes the value at which it is absent
-    "at-bound",  # fitted, it stands at the bound of what is plausible
-    "below-resolution",  # a time that the sampling cannot tell from none
-    "not-significant",  # chance does as much in the family of all that was looked for
-    "immaterial",  # sure or not, it takes too little
-    "not-on-held-out",  # what it takes off fitted data it does not take off data that were not fitted
-    "raises-error",  # the error of the comparison, which the user sees, rises
-    "needless",  # it passed alone, and beside what was taken nothing is left for it
+    "supported",  # the candidate passed all tests
+    "cannot-show",  # no residual is sensitive to the effect, or no plausible size would have been detected
+    "not-promising",  # the score test predicts no more than chance, or far less than others; the effect was not fitted
+    "vanishes",  # the fit ended at the value at which the effect is absent
+    "at-bound",  # the fit ended at a bound of the plausible range
+    "below-resolution",  # the sampling cannot distinguish the fitted time from zero
+    "not-significant",  # not significant in the family of all hypotheses
+    "immaterial",  # significant or not, the reduction is too small
+    "not-on-held-out",  # the reduction on fitted data is not confirmed on held-out data
+    "raises-error",  # the free-run error of the comparison rises
+    "needless",  # it passed by itself, and adds nothing to the selected effects
     "contradicted-by-reading",  # samples at a known pressure refute the fault of a sensor
-    "explained-by-unknown",  # something unknown remains, and it may but stand in for that
-    "explained-by-signal",  # a function of one signal, without a name, stands better in its place
+    "explained-by-unknown",  # an unmodelled effect remains, and this effect probably only resembles it
+    "explained-by-signal",  # a smooth function of one signal explains more
 ]
 
 
 @dataclass(frozen=True)
+class Candidate:
+    """The step from the ``reduced`` to the ``full`` model by one effect.
+
+    ``train_gain`` and ``test_gain`` are its gains on fitted and held-out data, ``p_value`` that of its parameters, not
+    adjusted for the family.
+    """
+
+    effect: Effect
+    reduced: FittedModel
+    full: FittedModel
+    train_gain: ScoreGain
+    test_gain: ScoreGain
+    p_value: float
+
+
+@dataclass(frozen=True)
 class Decision:
-    """One effect and its reason; ``candidate`` is None where it was not fitted."""
+    """One effect and its reason; ``candidate`` is None where the effect was not fitted."""
 
     effect: Effect
     reason: Reason
@@ -41,5 +58,5 @@ class Decision:
 
 
 def supported_candidates(decisions: list[Decision]) -> list[Candidate]:
-    """Return the trials that are supported."""
+    """Return the candidates that are supported."""
     return [d.candidate for d in decisions if d.supported and d.candidate is not None]

@@ -1,7 +1,7 @@
-"""Holding out by turns where no recording is set apart: each one is judged by a model that has not seen it.
+"""Leave-one-recording-out cross-validation, for data without held-out recordings.
 
-Not a fit for each turn, which would cost as many fits as there are recordings, but one Newton step from the fit of all,
-with the derivatives that it has left: near a minimum that is what leaving the recording out does to the parameters.
+A complete fit for each fold would cost as many fits as there are recordings. Instead each fold takes one Newton step
+from the fit of all recordings with its derivatives, which near a minimum gives the parameters without the recording.
 """
 
 from __future__ import annotations
@@ -20,45 +20,43 @@ from pneucli.simulate.model import Model, parameter_value
 Array = NDArray[np.float64]
 
 
-def folds_of(views: Sequence[ResidualModel]) -> tuple[int, ...]:
-    """Return the turn in which each view is held out: one a recording, none where there is but one."""
-    names = [view.experiment.recording.name for view in views]
-    each = {name: i for i, name in enumerate(dict.fromkeys(names))}
-    return tuple(each[name] for name in names) if len(each) > 1 else ()
+def folds_of(residual_models: Sequence[ResidualModel]) -> tuple[int, ...]:
+    """Return the fold of each residual model, one fold a recording; nothing for a single recording."""
+    names = [residual_model.experiment.recording.name for residual_model in residual_models]
+    fold_of = {name: i for i, name in enumerate(dict.fromkeys(names))}
+    return tuple(fold_of[name] for name in names) if len(fold_of) > 1 else ()
 
 
-def leave_one_out_models(found: Fit, views: Sequence[ResidualModel], folds: Sequence[int]) -> list[Model]:
-    """Return for each view the model as it is fitted without the view's turn."""
-    problem = LeastSquaresProblem(found.model, views, found.free, found.initial_state_sensitivities)
-    sizes = [view.experiment.time.size * len(view.channels) for view in views]
+def leave_one_out_models(fit: Fit, residual_models: Sequence[ResidualModel], folds: Sequence[int]) -> list[Model]:
+    """Return for each residual model the model fitted without its fold."""
+    problem = LeastSquaresProblem(fit.model, residual_models, fit.free, fit.initial_state_sensitivities)
+    sizes = [residual_model.experiment.time.size * len(residual_model.channels) for residual_model in residual_models]
     rows = np.repeat(np.asarray(folds), sizes)
-    models = {turn: problem.model_at(parameters_without(found, problem, rows == turn)) for turn in set(folds)}
-    return [models[turn] for turn in folds]
+    models = {fold: problem.model_at(parameters_without(fit, problem, rows == fold)) for fold in set(folds)}
+    return [models[fold] for fold in folds]
 
 
-def parameters_without(found: Fit, problem: LeastSquaresProblem, out: NDArray[np.bool_]) -> Array:
-    """Return the fit's coordinates (k,) without the residuals that are ``out`` (N,).
+def parameters_without(fit: Fit, problem: LeastSquaresProblem, is_held_out: NDArray[np.bool_]) -> Array:
+    """Return the fit's coordinates (k,) without the residuals that are held out (N,).
 
-    What the others do not tell stays where it is, but an effect of which they tell nothing is absent: its own size,
-    one way or the other, counts as one more reading.
+    Parameters that the remaining recordings do not identify keep their value. An effect's own parameters are shrunk to
+    their null by one pseudo-observation of their size.
     """
-    z = np.array([f.to_coordinate(parameter_value(found.model, f.name)) for f in found.free])
+    z = np.array([f.to_coordinate(parameter_value(fit.model, f.name)) for f in fit.free])
     if not z.size:
         return z
-    jacobian, known = found.jacobian[~out], problem.prior_jacobian(z)
-    sizes = _distances_from_null(found, z)
-    own = np.divide(1.0, sizes, out=np.zeros_like(sizes), where=sizes != 0.0)
-    gradient = jacobian.T @ found.residual[~out] + known.T @ problem.prior_residuals(z) + own
-    curvature = jacobian.T @ jacobian + known.T @ known + np.diag(own**2)
+    jacobian, prior = fit.jacobian[~is_held_out], problem.prior_jacobian(z)
+    sizes = _distances_from_null(fit, z)
+    inverse_size = np.divide(1.0, sizes, out=np.zeros_like(sizes), where=sizes != 0.0)
+    gradient = jacobian.T @ fit.residual[~is_held_out] + prior.T @ problem.prior_residuals(z) + inverse_size
+    curvature = jacobian.T @ jacobian + prior.T @ prior + np.diag(inverse_size**2)
     step = np.linalg.pinv(curvature, hermitian=True) @ gradient
     return np.clip(z - step, *problem.bounds())
 
 
-def _distances_from_null(found: Fit, z: Array) -> Array:
-    """Return by how much each parameter of an effect is off the value at which it is absent (k,), 0 without one."""
-    effects = found.model.effects
+def _distances_from_null(fit: Fit, z: Array) -> Array:
+    """Return the distance of each parameter of an effect from its null (k,), 0 where it has none."""
+    effects = fit.model.effects
     declared = {f"{e.name}.{p.name}": p for e in effects for p in e.in_model_with(effects).parameters}
-    absent = [absent_value(declared[f.name], found.model, f.upper) if f.name in declared else None for f in found.free]
-    return np.array(
-        [0.0 if n is None else c - f.to_coordinate(n) for n, f, c in zip(absent, found.free, z, strict=True)]
-    )
+    nulls = [absent_value(declared[f.name], fit.model, f.upper) if f.name in declared else None for f in fit.free]
+    return np.array([0.0 if n is None else c - f.to_coordinate(n) for n, f, c in zip(nulls, fit.free, z, strict=True)])

@@ -1,29 +1,29 @@
-"""How large an effect would have had to be to be seen: absent is not the same as invisible."""
+"""The minimum detectable size of each effect: an absent effect differs from an undetectable one."""
 
 from __future__ import annotations
 
-import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
 
 from pneucli.diagnose.candidate import Decision
-from pneucli.diagnose.data import DiagnosisData, FittedModel
+from pneucli.diagnose.data import DiagnosisData
+from pneucli.diagnose.score import FittedModel
 from pneucli.identify.estimation.parameters import null_value
 from pneucli.identify.estimation.score_test import ScoreTest
 from pneucli.physics.declaration import Effect, Parameter
-from pneucli.units import unit_suffix
 
-MDE_SIGMA = 4.0  # standard errors: found in 80 of 100 such data sets at 5 % over the whole catalogue
+MDE_SIGMA = 4.0  # standard errors: detected in 80 of 100 data sets at a level of 5 % for the catalogue
 
 
 @dataclass(frozen=True)
 class MinimumDetectableEffect:
-    """The size of one effect's leading parameter from which it would have shown, in the parameter's unit.
+    """The size of an effect's leading parameter from which it is detectable, in the parameter's unit.
 
-    ``size`` is inf where no plausible size would have shown; ``typical`` tells whether a typical one would. ``where``
-    has the values of parameters that tell where, when or how fast it acts: of another value another size would show.
+    ``size`` is inf where no plausible size is detectable; ``typical``: a typical size is. ``where`` has the values of
+    the parameters without a null, which say where, when or how fast the effect acts; other values have another
+    detectable size.
     """
 
     effect: Effect
@@ -33,51 +33,40 @@ class MinimumDetectableEffect:
     typical: bool
     where: Mapping[Parameter, float] = field(default_factory=dict)
 
-    @property
-    def would_show(self) -> str:
-        """A sentence for a person."""
-        title, unit = self.effect.title, unit_suffix(self.parameter.unit)
-        told = [f"{p.title or p.name} {value:.2g}{unit_suffix(p.unit)}" for p, value in self.where.items()]
-        name = "; ".join([self.parameter.title or self.parameter.name, *told])
-        if not self.plausible:
-            return f"{title}: these recordings cannot tell; no plausible size of it would have shown"
-        null = self.parameter.null
-        if null == 0.0:
-            return f"{title}: above {self.size:.2g}{unit} ({name}) it would have shown"
-        if null is None or null == math.inf:
-            return f"{title}: at {self.size:.2g}{unit} ({name}) it would have shown"
-        return f"{title}: from a difference of {self.size:.2g}{unit} ({name}) on it would have shown"
+
+def minimum_detectable_effects(data: DiagnosisData, fitted: FittedModel) -> list[MinimumDetectableEffect]:
+    """Return the minimum detectable size of every observable effect that the model lacks."""
+    absent = data.absent_effects(fitted)
+    tests_by_effect = {e.name: tests for e, tests in data.signatures_of(fitted, absent)}
+    return [_minimum_detectable_effect(effect, tests_by_effect.get(effect.name, []), fitted) for effect in absent]
 
 
-def minimum_detectable_effects(bench: DiagnosisData, state: FittedModel) -> list[MinimumDetectableEffect]:
-    """Return, for every effect that the model lacks, the size that would have been seen."""
-    lacking = bench.absent_effects(state)
-    ranked = {e.name: found for e, found in bench.signatures_of(state, lacking)}
-    return [_minimum_detectable_effect(effect, ranked.get(effect.name, []), state) for effect in lacking]
+def undetectable_effects(data: DiagnosisData, sizes: Sequence[MinimumDetectableEffect]) -> list[Decision]:
+    """Return decisions about effects without a sensitive residual, or without a detectable plausible size."""
+    insensitive = [e for e in data.effects.values() if not data.is_observable(e)]
+    return [Decision(e, "cannot-show") for e in [*(d.effect for d in sizes if not d.plausible), *insensitive]]
 
 
-def undetectable_effects(bench: DiagnosisData, sizes: Sequence[MinimumDetectableEffect]) -> list[Decision]:
-    """Return the effects that no recording feels, and those of which no plausible size would have shown."""
-    unfelt = [e for e in bench.effects.values() if not bench.is_observable(e)]
-    return [Decision(e, "cannot-show") for e in [*(d.effect for d in sizes if not d.plausible), *unfelt]]
-
-
-def _minimum_detectable_effect(effect: Effect, found: list[ScoreTest], state: FittedModel) -> MinimumDetectableEffect:
-    """The typical value nearest to none, moved in proportion to what its signature would show."""
-    effect = effect.in_model_with(state.model.effects)
+def _minimum_detectable_effect(effect: Effect, tests: list[ScoreTest], fitted: FittedModel) -> MinimumDetectableEffect:
+    """Return the detectable size: the typical value nearest to the null, scaled by its standard error."""
+    effect = effect.in_model_with(fitted.model.effects)
     leading = next((p for p in effect.parameters if p.null is not None), effect.parameters[0])
     name = f"{effect.name}.{leading.name}"
-    seen = [s for s in found if not s.direct and np.isfinite(s.step_error) and s.step_error > 0.0]
-    if not seen:
+    finite = [s for s in tests if not s.direct and np.isfinite(s.step_error) and s.step_error > 0.0]
+    if not finite:
         return MinimumDetectableEffect(effect, leading, np.inf, plausible=False, typical=False)
-    best = min(seen, key=lambda s: s.step_error)
-    null = null_value(leading, state.model)
+    best = min(finite, key=lambda s: s.step_error)
+    null = null_value(leading, fitted.model)
     where = {
         p: best.values[f"{effect.name}.{p.name}"] for p in effect.main_parameters if p.null is None and p is not leading
     }
-    size = MDE_SIGMA * best.step_error
+    relative_size = MDE_SIGMA * best.step_error
     if null is None:
-        once = size < 1.0
-        return MinimumDetectableEffect(effect, leading, best.values[name], plausible=once, typical=once, where=where)
-    away = size * abs(best.values[name] - null)
-    return MinimumDetectableEffect(effect, leading, away, plausible=size < 3.0, typical=size < 1.0, where=where)
+        detectable = relative_size < 1.0
+        return MinimumDetectableEffect(
+            effect, leading, best.values[name], plausible=detectable, typical=detectable, where=where
+        )
+    distance = relative_size * abs(best.values[name] - null)
+    return MinimumDetectableEffect(
+        effect, leading, distance, plausible=relative_size < 3.0, typical=relative_size < 1.0, where=where
+    )

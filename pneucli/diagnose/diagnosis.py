@@ -1,4 +1,4 @@
-"""The diagnosis as a whole: verdict, effects, sets that the data cannot split, and what to measure next."""
+"""The complete diagnosis: verdict, named effects, equivalents, probabilities, and the remaining discrepancy."""
 
 from __future__ import annotations
 
@@ -12,8 +12,8 @@ from scipy.special import softmax
 
 from pneucli.diagnose.adequacy import LackOfFit, significant_lack_of_fit
 from pneucli.diagnose.calibration import Evidence, likelihood_shares, presence_rate, probability
-from pneucli.diagnose.candidate import Decision
-from pneucli.diagnose.data import Candidate, DiagnosisData, FittedModel, lack_of_fit
+from pneucli.diagnose.candidate import Candidate, Decision
+from pneucli.diagnose.data import DiagnosisData, lack_of_fit
 from pneucli.diagnose.detectability import MinimumDetectableEffect, minimum_detectable_effects, undetectable_effects
 from pneucli.diagnose.discrepancy import Discrepancy, UnexplainedResidual, describe_discrepancies, describe_lack_of_fit
 from pneucli.diagnose.equivalence import Term
@@ -26,19 +26,19 @@ from pneucli.diagnose.posterior import (
     log_odds_among_equivalents,
     retest_without_refused,
 )
+from pneucli.diagnose.score import FittedModel
 from pneucli.diagnose.selection import SelectionPath, select_effects
 from pneucli.identify.estimation.fit import Estimate, Fit
-from pneucli.physics.declaration import Effect
 
 Verdict = Literal["adequate", "missing-effect", "unexplained", "inconclusive"]
 
-MAX_UNDETECTABLE_SHARE = 0.5  # of the effects that could act: where more would not have shown, nothing is adequate
-MIN_PARAMETER_SHIFT = 0.2  # of a base parameter's value, beyond its interval
+MAX_UNDETECTABLE_SHARE = 0.5  # of the observable effects: with more undetectable ones no model is called adequate
+MIN_PARAMETER_SHIFT = 0.2  # of a base parameter's value, if it also exceeds two standard errors
 
 
 @dataclass(frozen=True)
 class ParameterShift:
-    """A base parameter that the found effects moved; not plausible where it left its bounds."""
+    """A base parameter that the added effects changed; not plausible where it ended at a bound."""
 
     parameter: str
     before: float
@@ -48,7 +48,7 @@ class ParameterShift:
 
 
 class Confidence(NamedTuple):
-    """The probability that an effect, or one that the data cannot tell from it, is there; and that it is this one."""
+    """The probability that an effect or one of its equivalents is present, and that it is this effect."""
 
     of_set: float
     alone: float
@@ -56,10 +56,10 @@ class Confidence(NamedTuple):
 
 @dataclass(frozen=True)
 class Diagnosis:
-    """What the recordings say, and what they cannot say.
+    """The result of a diagnosis.
 
-    ``missing`` in the order to add them; ``equivalents`` names for each that was added what explains as much.
-    ``decisions``: one for every effect that the model lacked, those that were added first.
+    ``missing`` has the named effects in the order to add them, ``equivalents`` the indistinguishable effects of each
+    added one, ``decisions`` one for every effect that the model lacked, the added ones first.
     """
 
     verdict: Verdict
@@ -75,127 +75,130 @@ class Diagnosis:
     discrepancies: tuple[Discrepancy, ...]
 
 
-def diagnose(bench: DiagnosisData, base: Fit) -> Diagnosis:
-    """Find which effects are missing in a fitted model."""
-    start = bench.fitted_model(base)
-    found = select_effects(bench, start)
-    left = significant_lack_of_fit(found.train, found.test) or free_run_lack_of_fit(
-        found.last.model, [*bench.train, *bench.held_out]
+def diagnose(data: DiagnosisData, base: Fit) -> Diagnosis:
+    """Find the effects that a fitted model lacks."""
+    start = data.fitted_model(base)
+    path = select_effects(data, start)
+    unexplained = significant_lack_of_fit(path.train, path.test) or free_run_lack_of_fit(
+        path.last.model, [*data.train, *data.held_out]
     )
-    places = found.terms
-    twins = {name: place.equivalents(bench, complete=not left) for name, place in places.items()}
-    equals = {name: tuple(t.effect.name for t in twins.get(name, [])) for name in found.added}
-    weights = [
-        decide(bench, found.last, t, left, places.get(name), equals[name])
-        for name, t in zip(found.added, _path_candidates(bench, found), strict=True)
+    terms = path.terms
+    equivalents = {name: term.equivalents(data, complete=not unexplained) for name, term in terms.items()}
+    equivalent_names = {name: tuple(c.effect.name for c in equivalents.get(name, [])) for name in path.added}
+    decided = [
+        decide(data, path.last, c, unexplained, terms.get(name), equivalent_names[name])
+        for name, c in zip(path.added, _path_candidates(data, path), strict=True)
     ]
-    weights = retest_without_refused(bench, found.last, weights, left)
-    missing = [d.effect.name for d, _ in weights if d.supported]
-    alike = [Decision(t.effect, "supported", t) for name in missing for t in twins.get(name, [])]
-    sizes = minimum_detectable_effects(bench, found.last)
+    decided = retest_without_refused(data, path.last, decided, unexplained)
+    missing = [d.effect.name for d, _ in decided if d.supported]
+    equal_decisions = [Decision(c.effect, "supported", c) for name in missing for c in equivalents.get(name, [])]
+    sizes = minimum_detectable_effects(data, path.last)
     decisions = _first_decision_each(
-        [*(d for d, _ in weights), *alike, *found.decisions, *undetectable_effects(bench, sizes)]
+        [*(d for d, _ in decided), *equal_decisions, *path.decisions, *undetectable_effects(data, sizes)]
     )
-    doubted = {t.effect.name: collect_evidence(bench, t.full, t, Term(t, ()), complete=False) for t in found.improbable}
-    evidence = doubted | {
-        d.effect.name: e for d, e in weights if d.reason not in ("cannot-show", "explained-by-signal")
+    improbable = {
+        c.effect.name: collect_evidence(data, c.full, c, Term(c, ()), complete=False) for c in path.improbable
     }
-    parts = {n: _shares_in_term(bench, places[n], twins[n], complete=not left) for n in missing if n in places}
-    sure = _confidence(bench, decisions, evidence, parts)
-    shown = found.last if left and missing else found.models[_named_prefix_length([d for d, _ in weights])]
-    unexplained = left if shown is found.last else _unexplained(bench, shown, weights, left)
-    unknown = describe_lack_of_fit(bench, shown.fit, unexplained[0]) if unexplained else None
-    moved = tuple(_parameter_shifts(start.fit, found.last.fit))
-    verdict = _verdict(bench, unexplained, missing, sizes)
-    remaining = describe_discrepancies(bench, found.last.fit, [*found.test, *found.train])
+    evidence = improbable | {
+        d.effect.name: e for d, e in decided if d.reason not in ("cannot-show", "explained-by-signal")
+    }
+    shares = {
+        n: _shares_in_term(data, terms[n], equivalents[n], complete=not unexplained) for n in missing if n in terms
+    }
+    confidence = _confidence(data, decisions, evidence, shares)
+    shown = path.last if unexplained and missing else path.models[_named_prefix_length([d for d, _ in decided])]
+    lacks = unexplained if shown is path.last else _unexplained(data, shown, decided, unexplained)
     return Diagnosis(
-        verdict=verdict,
+        verdict=_verdict(data, lacks, missing, sizes),
         missing=tuple(missing),
         decisions=decisions,
-        equivalents=equals,
-        path=found,
-        parameter_shifts=moved,
+        equivalents=equivalent_names,
+        path=path,
+        parameter_shifts=tuple(_parameter_shifts(start.fit, path.last.fit)),
         detectable=tuple(sizes),
-        unexplained=unknown,
-        confidence=sure,
+        unexplained=describe_lack_of_fit(data, shown.fit, lacks[0]) if lacks else None,
+        confidence=confidence,
         evidence=evidence,
-        discrepancies=tuple(remaining),
+        discrepancies=tuple(describe_discrepancies(data, path.last.fit, [*path.test, *path.train])),
     )
 
 
 def _unexplained(
-    bench: DiagnosisData, shown: FittedModel, weights: Sequence[DecisionWithEvidence], left: Sequence[LackOfFit]
+    data: DiagnosisData, shown: FittedModel, decided: Sequence[DecisionWithEvidence], unexplained: Sequence[LackOfFit]
 ) -> Sequence[LackOfFit]:
-    """Return what a state leaves that is more than noise, worst first, or what the last one did.
+    """Return the significant lack of fit of a model, worst first, or else that of the last model.
 
-    Where a law of a signal explains more than an effect, what that acts in: faint or not, it is sure.
+    Where a smooth function of a signal explains more than an effect, it is that of the channels on which the effect
+    acts, however small: the function explains it significantly.
     """
-    train, test = lack_of_fit(bench, shown)
-    effects = [d.effect for d, _ in weights if d.reason == "explained-by-signal"]
-    kinds = {type(v) for v in bench.train for effect in effects if v.is_sensitive_to(effect)}
-    faint = sorted((r for r in train if r.kind in kinds), key=lambda r: -r.ratio)
-    return significant_lack_of_fit(train, test) or left or faint[:1]
+    train, test = lack_of_fit(data, shown)
+    effects = [d.effect for d, _ in decided if d.reason == "explained-by-signal"]
+    kinds = {type(v) for v in data.train for effect in effects if v.is_sensitive_to(effect)}
+    minor = sorted((r for r in train if r.kind in kinds), key=lambda r: -r.ratio)
+    return significant_lack_of_fit(train, test) or unexplained or minor[:1]
 
 
 def _verdict(
-    bench: DiagnosisData, left: Sequence[LackOfFit], missing: Sequence[str], sizes: Sequence[MinimumDetectableEffect]
+    data: DiagnosisData,
+    unexplained: Sequence[LackOfFit],
+    missing: Sequence[str],
+    sizes: Sequence[MinimumDetectableEffect],
 ) -> Verdict:
-    if left:
+    if unexplained:
         return "unexplained"
     if missing:
         return "missing-effect"
-    blind = sum(not d.typical for d in sizes)
-    return "inconclusive" if bench.implausible or blind > MAX_UNDETECTABLE_SHARE * len(sizes) else "adequate"
+    undetectable = sum(not d.typical for d in sizes)
+    return "inconclusive" if data.implausible or undetectable > MAX_UNDETECTABLE_SHARE * len(sizes) else "adequate"
 
 
-def _path_candidates(bench: DiagnosisData, found: SelectionPath) -> list[Candidate]:
-    """Return the step to each rung."""
-    return [
-        bench.candidate(a, b, bench.effects[n]) for n, (a, b) in zip(found.added, pairwise(found.models), strict=True)
-    ]
+def _path_candidates(data: DiagnosisData, path: SelectionPath) -> list[Candidate]:
+    """Return the candidate of each step of the path."""
+    return [data.candidate(a, b, data.effects[n]) for n, (a, b) in zip(path.added, pairwise(path.models), strict=True)]
 
 
 def _confidence(
-    bench: DiagnosisData,
+    data: DiagnosisData,
     decisions: Sequence[Decision],
     added: Mapping[str, Evidence],
-    parts: Mapping[str, Mapping[str, float]],
+    shares: Mapping[str, Mapping[str, float]],
 ) -> dict[str, Confidence]:
-    """Return for each effect the probability that it, or one of its twins, is there, and that it is that one.
+    """Return the probabilities of each effect that has a calibration.
 
-    ``parts`` are the likelihoods of the named effects and their twins. Nothing is said of effects that only recordings
-    show of which there is no exam.
+    ``shares`` has the likelihood shares of the named effects and their equivalents.
     """
-    sure = {
-        d.effect.name: Confidence(*[presence_rate(d.reason)] * 2) for d in decisions if has_calibration(bench, d.effect)
+    confidence = {
+        d.effect.name: Confidence(*[presence_rate(d.reason)] * 2) for d in decisions if has_calibration(data, d.effect)
     }
-    known = {name: probability(evidence) for name, evidence in added.items() if name in sure}
-    sure |= {name: Confidence(p, p) for name, p in known.items()}
-    for name, of_each in parts.items():
-        if name in known:
-            sure |= {one: Confidence(known[name], part * known[name]) for one, part in of_each.items()}
-    return sure
+    probabilities = {name: probability(evidence) for name, evidence in added.items() if name in confidence}
+    confidence |= {name: Confidence(p, p) for name, p in probabilities.items()}
+    for name, share_by_effect in shares.items():
+        if name in probabilities:
+            confidence |= {
+                effect: Confidence(probabilities[name], share * probabilities[name])
+                for effect, share in share_by_effect.items()
+            }
+    return confidence
 
 
 def _shares_in_term(
-    bench: DiagnosisData, place: Term, alike: Sequence[Candidate], *, complete: bool
+    data: DiagnosisData, term: Term, equivalents: Sequence[Candidate], *, complete: bool
 ) -> dict[str, float]:
-    """Return the likelihood of an effect and of those alike over that of all, by name.
+    """Return the share of an effect and of each equivalent in their common likelihood, by name.
 
-    Beside something unknown squares do not tell: there it is how each stands against the others, one of them being
-    there.
+    With an unmodelled effect present the likelihood is overconfident; the log odds among equivalents decide instead.
     """
-    trials = [place.candidate, *alike]
-    parts = (
-        likelihood_shares([t.full for t in trials])
+    candidates = [term.candidate, *equivalents]
+    shares = (
+        likelihood_shares([c.full for c in candidates])
         if complete
-        else softmax([log_odds_among_equivalents(bench, t) for t in trials]).tolist()
+        else softmax([log_odds_among_equivalents(data, c) for c in candidates]).tolist()
     )
-    return dict(zip([t.effect.name for t in trials], parts, strict=True))
+    return dict(zip([c.effect.name for c in candidates], shares, strict=True))
 
 
 def _first_decision_each(decisions: Sequence[Decision]) -> tuple[Decision, ...]:
-    """Return the first decision about each effect, those that a fit can prove before those that a screen left out."""
+    """Return the first decision about each effect, where one after a fit precedes one after the screening."""
     first: dict[str, Decision] = {}
     for d in sorted(decisions, key=lambda d: d.reason == "not-promising"):
         first.setdefault(d.effect.name, d)
@@ -203,28 +206,21 @@ def _first_decision_each(decisions: Sequence[Decision]) -> tuple[Decision, ...]:
 
 
 def _named_prefix_length(added: Sequence[Decision]) -> int:
-    """Return how many of the effects added are named before the first that is not: what it took is unexplained."""
+    """Return the number of added effects before the first that is not named: its reduction stays unexplained."""
     return next((i for i, d in enumerate(added) if not d.supported), len(added))
 
 
 def _parameter_shifts(before: Fit, after: Fit) -> list[ParameterShift]:
-    now = {e.name: e for e in after.estimates}
+    after_by_name = {e.name: e for e in after.estimates}
     return [
-        ParameterShift(e.name, e.value, now[e.name].value, e.unit, not now[e.name].at_bound)
+        ParameterShift(e.name, e.value, after_by_name[e.name].value, e.unit, not after_by_name[e.name].at_bound)
         for e in before.estimates
-        if e.name in now and _has_shifted(e, now[e.name])
+        if e.name in after_by_name and _has_shifted(e, after_by_name[e.name])
     ]
 
 
 def _has_shifted(before: Estimate, after: Estimate) -> bool:
-    apart = abs(after.value - before.value)
+    difference = abs(after.value - before.value)
     return after.at_bound or bool(
-        apart > MIN_PARAMETER_SHIFT * abs(before.value) and apart > 2.0 * np.hypot(before.error, after.error)
-    )
-
-
-def distinguishing_experiment(one: Effect, other: Effect) -> str:
-    """Return what recording tells two effects apart, as their declarations say."""
-    return f"To tell {one.name} from {other.name}: {one.separate}" + (
-        f" {other.separate}" if other.separate != one.separate else ""
+        difference > MIN_PARAMETER_SHIFT * abs(before.value) and difference > 2.0 * np.hypot(before.error, after.error)
     )

@@ -1,9 +1,12 @@
-"""What stays unexplained beside what is named: where it is, how large, how slow, and over which signal."""
+"""The discrepancy that no named effect explains: its channel, size and time constant, and the signal that it depends
+on.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,8 +18,6 @@ from pneucli.diagnose.periodic_term import PeriodicTerm, find_period
 from pneucli.diagnose.smooth_term import SmoothTerm
 from pneucli.identify.estimation.fit import Fit
 from pneucli.identify.residuals import ResidualModel
-from pneucli.messages.formatting import format_percent
-from pneucli.quantities import signal_title
 from pneucli.simulate.model import Model
 
 Array = NDArray[np.float64]
@@ -24,8 +25,8 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True)
 class Discrepancy:
-    """One channel of one subsystem: its rms over that of noise, the time in s over which it stays alike (None where
-    that is not known), the signal of which it is a function (or None), and its part of all squares beyond noise.
+    """One channel of one subsystem: its rms over that of noise (``size``), the correlation time in s (None where
+    unknown), the signal of which it is a function (or None), and its share of all squares in excess of noise.
     """
 
     subsystem: str
@@ -36,40 +37,42 @@ class Discrepancy:
     share: float
 
 
-def describe_discrepancies(bench: DiagnosisData, fit: Fit, left: Sequence[LackOfFit]) -> list[Discrepancy]:
-    """Return what is more than noise of what a fit leaves over in all views, the largest part first."""
-    seen = {(r.kind, r.channel): r for r in reversed(left) if r.ratio > MIN_TRIMMED_RATIO}
-    residuals = {key: _residuals(fit.model, bench.views, *key) for key in seen}
-    beyond = {key: sum(max(float(r @ r) - np.count_nonzero(r), 0.0) for r, _ in residuals[key]) for key in seen}
-    signals = [describe_lack_of_fit(bench, fit, r).variable for r in seen.values()]
-    total = max(sum(beyond.values()), 1e-9)
+def describe_discrepancies(data: DiagnosisData, fit: Fit, lacks: Sequence[LackOfFit]) -> list[Discrepancy]:
+    """Return the channels in which a fit leaves more than noise, the largest share first."""
+    lack_by_channel = {(r.kind, r.channel): r for r in reversed(lacks) if r.ratio > MIN_TRIMMED_RATIO}
+    residuals = {key: _residuals(fit.model, data.residual_models, *key) for key in lack_by_channel}
+    excess = {
+        key: sum(max(float(r @ r) - np.count_nonzero(r), 0.0) for r, _ in residuals[key]) for key in lack_by_channel
+    }
+    signals = [describe_lack_of_fit(data, fit, r).variable for r in lack_by_channel.values()]
+    total = max(sum(excess.values()), 1e-9)
     found = [
-        Discrepancy(r.kind.title, r.channel, r.ratio, _correlation_time(residuals[key]), over, beyond[key] / total)
-        for (key, r), over in zip(seen.items(), signals, strict=True)
+        Discrepancy(r.kind.title, r.channel, r.ratio, _correlation_time(residuals[key]), over, excess[key] / total)
+        for (key, r), over in zip(lack_by_channel.items(), signals, strict=True)
     ]
     return sorted(found, key=lambda d: -d.share)
 
 
 def _residuals(
-    model: Model, views: Sequence[ResidualModel], kind: type[ResidualModel], channel: str
+    model: Model, residual_models: Sequence[ResidualModel], kind: type[ResidualModel], channel: str
 ) -> list[tuple[Array, float]]:
-    """Return the residuals (n,) in units of noise and the sampling period (s) of each view."""
-    mine = [v for v in views if type(v) is kind and channel in v.channels]
-    return [(v.residual(model)[channel] / v.noise[channel], v.experiment.recording.period) for v in mine]
+    """Return the residuals (n,) in units of noise and the sampling period (s) of each recording."""
+    members = [v for v in residual_models if type(v) is kind and channel in v.channels]
+    return [(v.residual(model)[channel] / v.noise[channel], v.experiment.recording.period) for v in members]
 
 
 def _correlation_time(residuals: Sequence[tuple[Array, float]]) -> float | None:
-    """Return the time in s after which the autocorrelation has fallen to 1/e of that at one sample, pooled."""
+    """Return the time in s in which the pooled autocorrelation falls to 1/e of its value at one sample."""
     if not residuals:
         return None
     period = min(p for _, p in residuals)
-    alike = [_autocovariance(r) for r, p in residuals if p == period]
-    length = min(c.size for c in alike)
-    pooled = np.sum([c[:length] for c in alike], axis=0)
+    covariances = [_autocovariance(r) for r, p in residuals if p == period]
+    length = min(c.size for c in covariances)
+    pooled = np.sum([c[:length] for c in covariances], axis=0)
     if length < 3 or not pooled[1] > 0.0:
         return None
-    fallen = np.flatnonzero(pooled[1:] < pooled[1] / np.e)
-    return float(fallen[0] * period) if fallen.size else None
+    decayed = np.flatnonzero(pooled[1:] < pooled[1] / np.e)
+    return float(decayed[0] * period) if decayed.size else None
 
 
 def _autocovariance(values: Array) -> Array:
@@ -78,84 +81,71 @@ def _autocovariance(values: Array) -> Array:
     return np.asarray(np.fft.irfft(power)[: values.size // 2])
 
 
-MIN_EXPLAINED_SHARE = 0.05  # share that a law of a signal must explain to be spoken of
-FREE_RUN_ONLY_TEXT = "something that shows only where all is simulated together (by itself each subsystem fits)"
-SHAPELESS_TEXT = "something without a shape over any signal"
+MIN_EXPLAINED_SHARE = 0.05  # of the squares: a function of a signal that explains less is not reported
+
+DiscrepancyKind = Literal[
+    "free-run",  # only the free run fails; each subsystem fits by itself
+    "shapeless",  # the residual is no function of any signal
+    "irregular",  # a smooth function of a signal explains a minor part
+    "smooth",  # a smooth function of a signal
+    "periodic",  # the residual repeats over time or position
+]
 
 
 @dataclass(frozen=True)
 class UnexplainedResidual:
-    """Where the unexplained stands, how many times its noise, and of what it is a function, in words.
+    """The residual that no effect explains: its channel, its ratio to noise, and the signal that it depends on.
 
-    ``share`` is the part of the squares that a function of the ``variable`` explains of recordings that were left out;
-    of a sine (``law``) it may be a part of the fitted ones. Functions of those in ``other_signals`` explain about as much, and
-    each of the ways to act over the ``variable`` that ``character`` tells.
-    ``smooth_term`` is the function itself, ``law`` the name of a simple one that comes near it.
+    ``share`` is the part of the squares that a function of the ``variable`` explains in left-out recordings; for a
+    periodic one it may be that in the fitted ones. ``acts_as`` has the quantities as which it may act, the best first.
+    ``simple_shape`` is a key of SIMPLE_SHAPES that explains about as much, ``other_signals`` explain about as much as
+    the variable. ``period`` is in s or m. ``smooth_term`` is the function itself.
     """
 
     subsystem: str
     channel: str
     ratio: float
-    variable: str | None
-    character: str
-    law: str | None = None
+    kind: DiscrepancyKind
+    variable: str | None = None
+    acts_as: tuple[str, ...] = ()
+    period: float | None = None
+    simple_shape: str | None = None
     share: float | None = None
     other_signals: tuple[str, ...] = ()
     smooth_term: SmoothTerm | None = None
 
 
-def describe_lack_of_fit(bench: DiagnosisData, fit: Fit, worst: LackOfFit) -> UnexplainedResidual:
-    """Describe a remainder of a fit, such as the worst."""
-    where = worst.kind.title, worst.channel, worst.ratio
-    same = [v for v in bench.train if type(v) is worst.kind and worst.channel in v.channels]
-    if not same:
-        return UnexplainedResidual(*where, None, FREE_RUN_ONLY_TEXT)
-    channel = bench.spline_regression(fit, worst.kind, worst.channel)
+def describe_lack_of_fit(data: DiagnosisData, fit: Fit, worst: LackOfFit) -> UnexplainedResidual:
+    """Describe a significant lack of fit."""
+    where = UnexplainedResidual(worst.kind.title, worst.channel, worst.ratio, "free-run")
+    members = [m for m in data.train if type(m) is worst.kind and worst.channel in m.channels]
+    if not members:
+        return where
+    channel = data.spline_regression(fit, worst.kind, worst.channel)
     ranked = channel.ranked_terms(fit)
-    repeats = find_period(fit.model, same, worst.channel)
+    periodic = find_period(fit.model, members, worst.channel)
     best = ranked[0] if ranked and ranked[0].share > MIN_EXPLAINED_SHARE else None
-    if repeats is not None and (best is None or repeats.variable == best.signal or repeats.share > best.share):
-        course = best if best is not None and best.signal == repeats.variable else None
-        share = repeats.share if course is None else max(course.share, repeats.share)
-        return UnexplainedResidual(
-            *where, repeats.variable, _describe_period(repeats, course), "a sine", share, (), course
-        )
+    if periodic is not None and (best is None or periodic.variable == best.signal or periodic.share > best.share):
+        return _periodic(where, periodic, best if best is not None and best.signal == periodic.variable else None)
     if best is None:
-        return UnexplainedResidual(*where, None, SHAPELESS_TEXT)
+        return replace(where, kind="shapeless")
+    found = replace(where, variable=best.signal, share=best.share, smooth_term=best, acts_as=(best.acts_as,))
+    found = replace(found, simple_shape=channel.simplest_shape(fit, best))
     if CHANCE_COST_RATIO * (1.0 - best.share) > 1.0:
-        character = f"mostly without a shape; {format_percent(best.share)} of it is {_describe_smooth_term(best)}"
-        return UnexplainedResidual(
-            *where, best.signal, character, channel.simplest_shape(fit, best), best.share, (), best
-        )
-    close = [law for law in ranked if 1.0 - law.share < CHANCE_COST_RATIO * (1.0 - best.share)]
-    ways = [law.acts_as for law in close if law.signal == best.signal]
-    also = tuple(name for name in dict.fromkeys(law.signal for law in close) if name != best.signal)
-    return UnexplainedResidual(
-        *where,
-        best.signal,
-        _describe_smooth_term(best, ways),
-        channel.simplest_shape(fit, best),
-        best.share,
-        also,
-        best,
+        return replace(found, kind="irregular")
+    close = [one for one in ranked if 1.0 - one.share < CHANCE_COST_RATIO * (1.0 - best.share)]
+    acts_as = dict.fromkeys([best.acts_as, *(one.acts_as for one in close if one.signal == best.signal)])
+    others = tuple(name for name in dict.fromkeys(one.signal for one in close) if name != best.signal)
+    return replace(found, kind="smooth", acts_as=tuple(acts_as), other_signals=others)
+
+
+def _periodic(where: UnexplainedResidual, periodic: PeriodicTerm, smooth: SmoothTerm | None) -> UnexplainedResidual:
+    return replace(
+        where,
+        kind="periodic",
+        variable=periodic.variable,
+        acts_as=() if smooth is None else (smooth.acts_as,),
+        period=periodic.length,
+        share=periodic.share if smooth is None else max(smooth.share, periodic.share),
+        smooth_term=smooth,
     )
-
-
-def _describe_period(repeats: PeriodicTerm, course: SmoothTerm | None) -> str:
-    unit, what = (
-        "s" if repeats.variable == "time" else "m",
-        "something" if course is None else _with_article(course.acts_as),
-    )
-    return f"{what} that repeats over {signal_title(repeats.variable)}, period {repeats.length:.3g} {unit}"
-
-
-def _describe_smooth_term(law: SmoothTerm, ways: Sequence[str] = ()) -> str:
-    """Return a law in words, as whichever of some ways it may act: those that explain about as much."""
-    acts = " or ".join(_with_article(way) for way in dict.fromkeys([law.acts_as, *ways]))
-    if law.signal == "time":
-        return f"{acts} that drifts over each recording"
-    return f"{acts}, a function of {signal_title(law.signal)}"
-
-
-def _with_article(way: str) -> str:
-    return f"an {way}" if way[0] in "aeio" else f"a {way}"

@@ -1,4 +1,4 @@
-"""Of effects that explain the data alike: which one to name, and which are told beside it."""
+"""Equivalence: effects that explain the data equally well, and which of them is named."""
 
 from __future__ import annotations
 
@@ -10,128 +10,132 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-from pneucli.diagnose.data import Candidate, DiagnosisData, FittedModel
+from pneucli.diagnose.candidate import Candidate
+from pneucli.diagnose.data import DiagnosisData
 from pneucli.diagnose.evidence import offset_from_null, score_gain
 from pneucli.diagnose.hypothesis_tests import ALPHA, NOISE_COST_RATIO, min_relevant_reduction
-from pneucli.diagnose.smooth_term import SmoothTerm, SplineRegression
+from pneucli.diagnose.score import FittedModel
+from pneucli.diagnose.smooth_term import SmoothTerm
+from pneucli.diagnose.spline_regression import SplineRegression
 from pneucli.identify.estimation.fit import Fit
 from pneucli.physics.declaration import Effect
 
-CHI2_95_ONE_PARAMETER = 3.84  # chi-square of one degree of freedom, exceeded by chance once in 20
-NEGLIGIBLE_SHARE = 0.05  # of the cost, and of what an effect takes of it
+CHI2_95_ONE_PARAMETER = 3.84  # 0.95 quantile of chi-square with one degree of freedom
+NEGLIGIBLE_SHARE = 0.05  # of the cost, and of its reduction by an effect
 
 
-def best_candidate(bench: DiagnosisData, trials: Sequence[Candidate]) -> Candidate:
-    """Return the trial that leaves least, or the simplest of those that leave as little.
+def best_candidate(data: DiagnosisData, candidates: Sequence[Candidate]) -> Candidate:
+    """Return the candidate with the lowest cost, or the simplest of those that explain the data equally well.
 
-    Of equals a sensor's fault comes last: sensors are calibrated, rigs are not. Bounds of a force hold as well as the
-    law of it, and say little of how the piston moves: that must replay as well.
+    Among equals a sensor fault comes last, because sensors are calibrated. A set-valued friction law predicts an
+    interval of force, which fits as well as the correct law and says little about the motion: it must also not diverge
+    in a free run.
     """
-    best = min(trials, key=lambda t: t.full.cost)
-    alike = [t for t in trials if not_inferior(t.full, best.full) or is_simpler(t, best)]
-    alike.sort(key=lambda t: (len(t.effect.main_parameters), _is_sensor_fault(t), t.full.cost))
-    return next(t for t in alike if not any(_set_valued_and_diverges(bench, t, other) for other in alike))
+    best = min(candidates, key=lambda c: c.full.cost)
+    equals = [c for c in candidates if not_inferior(c.full, best.full) or is_simpler(c, best)]
+    equals.sort(key=lambda c: (len(c.effect.main_parameters), _is_sensor_fault(c), c.full.cost))
+    return next(c for c in equals if not any(_set_valued_and_diverges(data, c, other) for other in equals))
 
 
-def _set_valued_and_diverges(bench: DiagnosisData, trial: Candidate, other: Candidate) -> bool:
-    """Whether a trial states bounds of a force and replays far worse than another does."""
-    return trial.effect.is_set_valued and bench.free_run_error_diverges(other.full, trial.full)
+def _set_valued_and_diverges(data: DiagnosisData, candidate: Candidate, other: Candidate) -> bool:
+    """Whether a candidate with a set-valued law has a much larger free-run error than another one."""
+    return candidate.effect.is_set_valued and data.free_run_error_diverges(other.full, candidate.full)
 
 
-def _is_sensor_fault(trial: Candidate) -> bool:
-    return trial.effect.part == "sensor"
+def _is_sensor_fault(candidate: Candidate) -> bool:
+    return candidate.effect.part == "sensor"
 
 
-def not_inferior(state: FittedModel, best: FittedModel) -> bool:
-    """Whether the data cannot tell that ``state`` explains them less well than ``best``.
+def not_inferior(fitted: FittedModel, best: FittedModel) -> bool:
+    """Whether the data cannot show that ``fitted`` explains them less well than ``best``.
 
-    It costs no more for certain or, in units of the variance that is left, no more than one parameter takes up by
-    chance: twins differ by the last digits of their fits, which is certain in every block.
+    Its cost is not significantly higher or, in units of the remaining variance, exceeds the other by no more than one
+    parameter takes up by chance: equivalent effects differ by rounding errors of the fit, consistently in every block.
     """
-    more = state.cost - best.cost
-    within_chance = more < CHI2_95_ONE_PARAMETER * max(best.cost / max(best.residual_count, 1), 1.0)
-    return within_chance or not score_gain(state.costs, best.costs).significant
+    excess = fitted.cost - best.cost
+    within_chance = excess < CHI2_95_ONE_PARAMETER * max(best.cost / max(best.residual_count, 1), 1.0)
+    return within_chance or not score_gain(fitted.costs, best.costs).significant
 
 
-def is_simpler(trial: Candidate, best: Candidate) -> bool:
-    """Whether a trial has fewer parameters and leaves no more than does not matter.
+def is_simpler(candidate: Candidate, best: Candidate) -> bool:
+    """Whether a candidate has fewer parameters and an immaterially higher cost, however significant.
 
-    However certain: one parameter more takes up what the true law leaves of the rig's imperfections.
+    One more parameter would take up a part of the rig's imperfections that the correct effect leaves.
     """
-    more = trial.full.cost - best.full.cost
-    matters = min(
+    excess = candidate.full.cost - best.full.cost
+    material = min(
         min_relevant_reduction(best.full.cost, best.full.residual_count),
-        NEGLIGIBLE_SHARE * (trial.reduced.cost - trial.full.cost),
+        NEGLIGIBLE_SHARE * (candidate.reduced.cost - candidate.full.cost),
     )
-    return len(trial.effect.main_parameters) < len(best.effect.main_parameters) and more < matters
+    return len(candidate.effect.main_parameters) < len(best.effect.main_parameters) and excess < material
 
 
 def indistinguishable(rival: Candidate, best: FittedModel) -> bool:
-    """Whether the data cannot tell an effect's rival from it, where noise alone is left.
+    """Whether the data cannot distinguish a rival from the best model, with a white residual.
 
-    It is as good, or costs so little more that what is known of the noise and of the state at each restart does not
-    decide.
+    The excess cost is insignificant, or within the errors of the noise levels and of the initial states.
     """
-    more, gained = rival.full.cost - best.cost, rival.reduced.cost - rival.full.cost
-    return not_inferior(rival.full, best) or more < NEGLIGIBLE_SHARE * min(best.cost, gained + more)
+    excess, reduction = rival.full.cost - best.cost, rival.reduced.cost - rival.full.cost
+    return not_inferior(rival.full, best) or excess < NEGLIGIBLE_SHARE * min(best.cost, reduction + excess)
 
 
-MIN_REMAINING_SHARE = 0.005  # of what there was: what is left beyond noise is not known better
-DISCREPANCY_READINGS = 10  # readings, as which what is unknown besides counts (docs/diagnosis.md)
+MIN_REMAINING_SHARE = 0.005  # resolution of the remaining share
+DISCREPANCY_READINGS = 10  # independent readings that an unmodelled effect is worth (docs/method.md)
 CHANCE_COST_RATIO = math.exp(
     CHI2_95_ONE_PARAMETER / DISCREPANCY_READINGS
-)  # the ratio of what two leave that is no more than chance
+)  # ratio of two remaining shares that is within chance
 
 
-def _similar_share(left: float, mine: float) -> bool:
-    """Whether what one leaves is no more than what another does, and what it takes no less, but for chance."""
-    return left < CHANCE_COST_RATIO * mine and CHANCE_COST_RATIO * (1.0 - left) > 1.0 - mine
+def _similar_share(remaining: float, own_share: float) -> bool:
+    """Whether a remaining share is no larger, and its removed share no smaller, than another but for chance."""
+    return remaining < CHANCE_COST_RATIO * own_share and CHANCE_COST_RATIO * (1.0 - remaining) > 1.0 - own_share
 
 
 @dataclass(frozen=True)
 class Term:
-    """One effect of the last model: ``candidate``, the step to it from the model without, and what passed all tests there
-    in its place.
-    """
+    """One effect of the last model: ``candidate`` is the step to it, ``rivals`` pass in its place."""
 
     candidate: Candidate
     rivals: tuple[Candidate, ...]
 
-    def equivalents(self, bench: DiagnosisData, *, complete: bool) -> list[Candidate]:
-        """Return the rivals that the data cannot tell from the named effect.
+    def equivalents(self, data: DiagnosisData, *, complete: bool) -> list[Candidate]:
+        """Return the rivals that the data cannot distinguish from the term's effect.
 
-        Where it is not ``complete``, what is left is no noise that would average out, but a few independent readings of
-        something unknown: of two that leave about as much of what the named one acts in, and take about as much, the
-        one may be ahead by chance. What explains more of something else is no rival there.
+        With an unmodelled effect present (not ``complete``) the residual is not noise that averages out, but a few
+        independent readings of that effect. Rivals with about the same remaining and removed share of the cost, in the
+        residuals that the term's effect influences, may then differ by chance. A rival that explains another part of
+        the residual is none.
         """
         if complete:
-            return [t for t in self.rivals if indistinguishable(t, self.candidate.full)]
-        mine = self.remaining_share(bench)
-        return [t for t in self.rivals if _similar_share(self.remaining_share(bench, t), mine)]
+            return [c for c in self.rivals if indistinguishable(c, self.candidate.full)]
+        own_share = self.remaining_share(data)
+        return [c for c in self.rivals if _similar_share(self.remaining_share(data, c), own_share)]
 
-    def is_measured_exclusively(self, bench: DiagnosisData) -> bool:
-        """Whether readings show such an effect alone, and show anything of it: a direct reading beats an inference."""
-        return bool(self._remaining_shares(bench.exclusive_channel_costs, self.candidate.full))
-
-    def remaining_share(self, bench: DiagnosisData, trial: Candidate | None = None) -> float:
-        """Return the part of the squares beyond noise that a trial leaves there, the named one if none is given.
-
-        Of readings that show such an effect alone, where there are such (:meth:`is_measured_exclusively`). Else of what the named
-        effect acts in. Of the fitted recordings or of those held out, of which it leaves more: a stand-in takes up the
-        ones and not the others.
+    def is_measured_exclusively(self, data: DiagnosisData) -> bool:
+        """Whether the effect has exclusive channels with a cost in excess of noise: a direct reading beats an
+        inference.
         """
-        after = (trial or self.candidate).full
-        left = self._remaining_shares(bench.exclusive_channel_costs, after) or self._remaining_shares(
-            bench.sensitive_costs, after
+        return bool(self._remaining_shares(data.exclusive_channel_costs, self.candidate.full))
+
+    def remaining_share(self, data: DiagnosisData, candidate: Candidate | None = None) -> float:
+        """Return the part of the cost in excess of noise that a candidate (default: the term's own) leaves.
+
+        It is that of the effect's exclusive channels where it has such (:meth:`is_measured_exclusively`), else of the
+        residuals that it influences; the larger one of fitted and held-out data, because an effect that only resembles
+        another fits the former and not the latter.
+        """
+        full = (candidate or self.candidate).full
+        remaining = self._remaining_shares(data.exclusive_channel_costs, full) or self._remaining_shares(
+            data.sensitive_costs, full
         )
-        return min(max([MIN_REMAINING_SHARE, *left]), 1.0 / MIN_REMAINING_SHARE) if left else 1.0
+        return min(max([MIN_REMAINING_SHARE, *remaining]), 1.0 / MIN_REMAINING_SHARE) if remaining else 1.0
 
     def _remaining_shares(
-        self, parts: Callable[[FittedModel, Effect], Sequence[tuple[float, float]]], after: FittedModel
+        self, parts: Callable[[FittedModel, Effect], Sequence[tuple[float, float]]], full: FittedModel
     ) -> list[float]:
-        """Return what a state leaves of each part in which more than noise was."""
+        """Return the remaining share of each part that had a cost in excess of noise."""
         pairs = zip(
-            parts(self.candidate.reduced, self.candidate.effect), parts(after, self.candidate.effect), strict=True
+            parts(self.candidate.reduced, self.candidate.effect), parts(full, self.candidate.effect), strict=True
         )
         return [(end - n) / (start - n) for (start, n), (end, _) in pairs if start > NOISE_COST_RATIO * n]
 
@@ -139,52 +143,70 @@ class Term:
 Array = NDArray[np.float64]
 
 
-def nonparametric_rival(bench: DiagnosisData, place: Term) -> SmoothTerm | None:
-    """Return a law of one signal that stands better in the place of an effect; None where none surely does.
+def nonparametric_rival(data: DiagnosisData, term: Term) -> SmoothTerm | None:
+    """Return a smooth function of one signal that explains significantly more than the effect; None where none does.
 
-    In the channel of which the effect takes most the law leaves less, as surely as if it were one effect more and by as
-    much as matters, and beside it next to nothing is left for the effect. A law of which the effect is a part says
-    nothing against it: a sensor with a curved characteristic has a scale, too.
+    It must leave less in the channel on which the effect acts most, with the significance and materiality that are
+    required of an effect, and the effect must add next to nothing to it. A function that contains the effect is no
+    rival: a sensor with a curved characteristic has a scale, too.
     """
-    channel = _most_affected_channel(bench, place)
-    return None if channel is None else _SmoothRivalTest(channel, place).better_rival()
+    channel = _most_affected_channel(data, term)
+    return None if channel is None else _SmoothRivalTest(channel, term).better_rival()
 
 
 @dataclass(frozen=True)
 class _SmoothRivalTest:
-    """An effect in its place against laws, in one channel."""
+    """The comparison of a term with smooth functions in one channel."""
 
     channel: SplineRegression
     term: Term
 
     def better_rival(self) -> SmoothTerm | None:
-        """Return the law that wins: it explains what the model without the effect leaves, and better than this does."""
+        """Return the first smooth function that explains the residual without the effect significantly better."""
         ranked = self.channel.ranked_terms(self._before)
-        laws = [*ranked, *(self.channel.simple_terms(self._before, ranked[0]) if ranked else ())]
-        there, named = float(self.channel.block_costs(self._before).sum()), float(self._cost_with_effect.sum())
-        able = [law for law in laws if there * (1.0 - law.share) < named]
-        return next((law for law in able if not self._contains_effect(law) and self._better(law, len(laws))), None)
-
-    def _contains_effect(self, law: SmoothTerm) -> bool:
-        """Whether the effect, to first order, is a part of what a law may be; not known of one that has no null.
-
-        Beside the derivatives of the model without it: friction that grows with the pressure is so many times the dry
-        friction, whose own derivative has the effect in it where that is in the model.
-        """
-        away = offset_from_null(self._after, self.term.candidate.effect)
-        return (
-            away is not None
-            and self.channel.unrepresented_share(self._before, law, self._after.jacobian @ away) < NEGLIGIBLE_SHARE
+        smooth_terms = [*ranked, *(self.channel.simple_terms(self._before, ranked[0]) if ranked else ())]
+        reduced_cost, full_cost = (
+            float(self.channel.block_costs(self._before).sum()),
+            float(self._cost_with_effect.sum()),
+        )
+        competing = [
+            smooth_term for smooth_term in smooth_terms if reduced_cost * (1.0 - smooth_term.share) < full_cost
+        ]
+        return next(
+            (
+                smooth_term
+                for smooth_term in competing
+                if not self._contains_effect(smooth_term) and self._better(smooth_term, len(smooth_terms))
+            ),
+            None,
         )
 
-    def _better(self, law: SmoothTerm, tried: int) -> bool:
-        left, named = self.channel.held_out_costs(self._before, law), float(self._cost_with_effect.sum())
-        better = score_gain(self._cost_with_effect, left)
-        sure = better.significant and better.p_value * tried < ALPHA
-        if not (sure and better.total > min_relevant_reduction(named, self.channel.residual_count(self._after))):
+    def _contains_effect(self, smooth_term: SmoothTerm) -> bool:
+        """Whether the effect, linearised, is in the span of a smooth function; unknown for an effect without a null.
+
+        The derivatives of the model without the effect are projected out. Those of the model with it would contain the
+        effect: friction that grows with the pressure is a multiple of the Coulomb friction.
+        """
+        distance = offset_from_null(self._after, self.term.candidate.effect)
+        return (
+            distance is not None
+            and self.channel.unrepresented_share(self._before, smooth_term, self._after.jacobian @ distance)
+            < NEGLIGIBLE_SHARE
+        )
+
+    def _better(self, smooth_term: SmoothTerm, tested_count: int) -> bool:
+        remaining, full_cost = (
+            self.channel.held_out_costs(self._before, smooth_term),
+            float(self._cost_with_effect.sum()),
+        )
+        gain = score_gain(self._cost_with_effect, remaining)
+        is_certain = gain.significant and gain.p_value * tested_count < ALPHA
+        if not (
+            is_certain and gain.total > min_relevant_reduction(full_cost, self.channel.residual_count(self._after))
+        ):
             return False
-        beside = float((left - self.channel.held_out_costs(self._after, law)).sum())
-        return beside < NEGLIGIBLE_SHARE * (self.channel.cost_after_adjustment(self._before) - named)
+        further_reduction = float((remaining - self.channel.held_out_costs(self._after, smooth_term)).sum())
+        return further_reduction < NEGLIGIBLE_SHARE * (self.channel.cost_after_adjustment(self._before) - full_cost)
 
     @property
     def _before(self) -> Fit:
@@ -199,10 +221,10 @@ class _SmoothRivalTest:
         return self.channel.block_costs(self._after)
 
 
-def _most_affected_channel(bench: DiagnosisData, place: Term) -> SplineRegression | None:
-    """Return the channel of which an effect takes most; None where it takes nothing of any."""
-    before, after, effect = place.candidate.reduced.fit, place.candidate.full.fit, place.candidate.effect
-    where = dict.fromkeys((type(v), name) for v in bench.train if v.is_sensitive_to(effect) for name in v.channels)
-    channels = [bench.spline_regression(after, *each) for each in where]
-    taken = [float((c.block_costs(before) - c.block_costs(after)).sum()) for c in channels]
-    return channels[int(np.argmax(taken))] if taken and max(taken) > 0.0 else None
+def _most_affected_channel(data: DiagnosisData, term: Term) -> SplineRegression | None:
+    """Return the channel whose cost an effect reduces most; None where it reduces none."""
+    reduced, full, effect = term.candidate.reduced.fit, term.candidate.full.fit, term.candidate.effect
+    keys = dict.fromkeys((type(v), name) for v in data.train if v.is_sensitive_to(effect) for name in v.channels)
+    channels = [data.spline_regression(full, *key) for key in keys]
+    reductions = [float((c.block_costs(reduced) - c.block_costs(full)).sum()) for c in channels]
+    return channels[int(np.argmax(reductions))] if reductions and max(reductions) > 0.0 else None

@@ -1,7 +1,8 @@
-"""What a fall of the residual is worth: blocks of time instead of samples, since residuals are correlated.
+"""Evidence for an effect: gains of the cost by block of time, Wald tests of its parameters, and its relative size.
 
-All costs are sums of squared residuals in units of noise, block by block; a block is a stretch of one view, longer
-than the residual's memory (:func:`pneucli.identify.estimation.blocks.block_numbers`).
+All costs are sums of squared residuals in units of noise by block. Residuals are correlated, so blocks count instead of
+samples; a block is a segment of one recording that is longer than the correlation time of the residual
+(:func:`pneucli.identify.estimation.blocks.block_labels`).
 """
 
 from __future__ import annotations
@@ -33,16 +34,11 @@ SEED = 7
 TINY = 1e-300
 
 
-def block_costs(residual: Array, blocks: NDArray[np.int64]) -> Array:
-    """Return the sum of squares of each block."""
-    return np.bincount(blocks, weights=residual**2).astype(np.float64)
-
-
 @dataclass(frozen=True)
 class ScoreGain:
-    """The fall of a cost over all blocks, its one-sided 95 % lower bound, and the chance that there is none.
+    """The reduction of a cost over all blocks, its one-sided 95 % lower bound, and the p value of no reduction.
 
-    ``effective_blocks`` tells in how many blocks it shows, counted as :func:`effective_degrees_of_freedom` does.
+    ``effective_blocks`` is the number of blocks in which the reduction occurs (:func:`effective_degrees_of_freedom`).
     """
 
     total: float
@@ -57,25 +53,25 @@ class ScoreGain:
 
 
 def score_gain(before: Array, after: Array) -> ScoreGain:
-    """Return how far the cost falls from ``before`` to ``after``, both by block; the interval by block bootstrap.
+    """Return the reduction from ``before`` to ``after``, both by block, with a block-bootstrap lower bound.
 
-    The chance is that of a paired t test over the blocks, with as many degrees of freedom as blocks that matter
-    (Vuong's test where neither model contains the other).
+    The p value is that of a paired t test over the blocks with the effective degrees of freedom (for models that are
+    not nested: Vuong's test).
     """
     fall = before - after
     total = float(fall.sum())
     if fall.size < 2 or not np.any(fall):
         return ScoreGain(total, min(total, 0.0), 1.0, 0.0)
     rng = np.random.default_rng(SEED)
-    drawn = fall[rng.integers(fall.size, size=(RESAMPLES, fall.size))].sum(axis=1)
+    resampled = fall[rng.integers(fall.size, size=(RESAMPLES, fall.size))].sum(axis=1)
     spread = float(np.std(fall, ddof=1) * np.sqrt(fall.size))
     freedom = effective_degrees_of_freedom(fall - fall.mean())
     p_value = float(student.sf(total / max(spread, TINY), freedom))
-    return ScoreGain(total, float(np.quantile(drawn, 0.05)), p_value, freedom)
+    return ScoreGain(total, float(np.quantile(resampled, 0.05)), p_value, freedom)
 
 
 def effective_degrees_of_freedom(parts: Array) -> float:
-    """Return how many equal normal parts vary as much as these do: rare large ones count as few."""
+    """Return the number of equal normal terms that have the same kurtosis as these: few large terms count as few."""
     squares = parts**2
     fourth = float((squares**2).sum())
     return max(3.0 * float(squares.sum()) ** 2 / fourth - 2.0, 1.0) if fourth > 0.0 else 1.0
@@ -83,10 +79,10 @@ def effective_degrees_of_freedom(parts: Array) -> float:
 
 @dataclass(frozen=True)
 class WaldDistance:
-    """How far an effect's parameters are from their nulls, and what the noise of blocks makes of that by chance.
+    """The distance of an effect's parameters from their nulls, as a Wald statistic.
 
-    ``squared`` is the distance d^T C^-1 d with the covariance C of blocks, ``parameter_count`` of how many parameters,
-    ``degrees_of_freedom`` of how many blocks; ``one_sided``: all nulls are bounds that can be left to one side only.
+    ``squared`` is d^T C^-1 d with the covariance C by blocks, ``parameter_count`` the number of parameters,
+    ``degrees_of_freedom`` the effective number of blocks. ``one_sided``: every null is a bound of its parameter.
     """
 
     squared: float
@@ -95,129 +91,140 @@ class WaldDistance:
     one_sided: bool
 
 
-def wald_distance(found: Fit, effect: Effect, views: Sequence[ResidualModel] = ()) -> WaldDistance | None:
+def wald_distance(fit: Fit, effect: Effect, residual_models: Sequence[ResidualModel] = ()) -> WaldDistance | None:
     """Return the distance of the effect's fitted values from their nulls; None where it has no null.
 
-    Where the null is infinite the reciprocal counts. Parameters without a null are held at their values: where the
-    effect is absent they mean nothing (Davies, Biometrika 74, 1987). Beside effects that make the nulls meaningless
-    the distance is that of a switch at 1 from 0 (:func:`switch_distance`). ``views`` are those of the fit.
+    For an infinite null the reciprocal counts. Parameters without a null are held at their values, because they have no
+    meaning where the effect is absent (Davies, Biometrika 74, 1987). With effects that make the nulls meaningless, the
+    distance is that of a switch at 1 from 0 (:func:`switch_distance`). ``residual_models`` are those of the fit.
     """
-    if effect.in_model_with(found.model.effects) is not effect:
-        return switch_distance(found, effect, views)
-    held = {f"{effect.name}.{p.name}" for p in effect.parameters if p.null is None}
-    free = [f for f in found.free if f.name not in held]
+    if effect.in_model_with(fit.model.effects) is not effect:
+        return switch_distance(fit, effect, residual_models)
+    without_null_names = {f"{effect.name}.{p.name}" for p in effect.parameters if p.null is None}
+    free = [f for f in fit.free if f.name not in without_null_names]
     names = [f.name for f in free]
-    rows, away, bounded = [], [], True
+    rows, distance, bounded = [], [], True
     for p in effect.parameters:
         name = f"{effect.name}.{p.name}"
         if name not in names:
             continue
-        row, value, null = np.zeros(len(names)), parameter_value(found.model, name), null_value(p, found.model)
+        row, value, null = np.zeros(len(names)), parameter_value(fit.model, name), null_value(p, fit.model)
         row[names.index(name)] = 1.0 if null is not None else -1.0 / value**2
         if isinstance(p.null, str) and p.null in names:
             row[names.index(p.null)] = -1.0
         rows.append(row)
-        away.append(value - null if null is not None else 1.0 / value)
+        distance.append(value - null if null is not None else 1.0 / value)
         bounded &= null is None or p.lower == null
     if not rows:
         return None
-    contrast = np.array(rows) * [f.derivative(parameter_value(found.model, f.name)) for f in free]
-    jacobian = found.jacobian[:, [f.name not in held for f in found.free]]
+    contrast = np.array(rows) * [f.derivative(parameter_value(fit.model, f.name)) for f in free]
+    jacobian = fit.jacobian[:, [f.name not in without_null_names for f in fit.free]]
     influence = jacobian @ (pseudo_inverse(jacobian.T @ jacobian) @ contrast.T)
-    scored = group_scores(influence, found.residual, found.blocks)
-    from_null = np.array(away)
+    scored = group_scores(influence, fit.residual, fit.blocks)
+    from_null = np.array(distance)
     tested = pseudo_inverse(scored.T @ scored) @ from_null
-    return WaldDistance(float(from_null @ tested), len(away), effective_degrees_of_freedom(scored @ tested), bounded)
+    return WaldDistance(
+        float(from_null @ tested), len(distance), effective_degrees_of_freedom(scored @ tested), bounded
+    )
 
 
-def residual_change_without(found: Fit, effect: Effect, views: Sequence[ResidualModel]) -> Array:
-    """Return by how much the residuals (N,) change when an effect of the model is switched off, all else being held."""
-    off = replace(found.model, effects=tuple(e for e in found.model.effects if e.name != effect.name))
-    problem = LeastSquaresProblem(off, views, (), found.initial_state_sensitivities)
-    return np.asarray(np.concatenate(problem.data_residuals(off)) - found.residual)
+def residual_change_without(fit: Fit, effect: Effect, residual_models: Sequence[ResidualModel]) -> Array:
+    """Return the change of the residuals (N,) when an effect of the model is switched off, all else being held."""
+    off = replace(fit.model, effects=tuple(e for e in fit.model.effects if e.name != effect.name))
+    problem = LeastSquaresProblem(off, residual_models, (), fit.initial_state_sensitivities)
+    return np.asarray(np.concatenate(problem.data_residuals(off)) - fit.residual)
 
 
-def switch_distance(found: Fit, effect: Effect, views: Sequence[ResidualModel]) -> WaldDistance:
+def switch_distance(fit: Fit, effect: Effect, residual_models: Sequence[ResidualModel]) -> WaldDistance:
     """Return the distance of an effect that is on from off: that of a switch at 1 from 0.
 
     The switch moves the residuals in a straight line from those of the fit to those without the effect. The model's
-    other parameters adjust, the effect's own are held: without it they mean nothing. The switch stands where the
-    residuals want it: at 1 where the effect explains them, at 0 where they are better without.
+    other parameters adjust; the effect's own are held, because they have no meaning without it. The estimate of the
+    switch is 1 where the effect explains the residuals and 0 where they are smaller without it.
     """
-    own = [f.name.startswith(f"{effect.name}.") for f in found.free]
-    others = replace(found, jacobian=found.jacobian[:, np.logical_not(own)])
-    change = others.project_out_nuisance(residual_change_without(found, effect, views))
+    own = [f.name.startswith(f"{effect.name}.") for f in fit.free]
+    others = replace(fit, jacobian=fit.jacobian[:, np.logical_not(own)])
+    change = others.project_out_nuisance(residual_change_without(fit, effect, residual_models))
     power = float(change @ change)
     if not np.isfinite(power) or power <= TINY:
         return WaldDistance(0.0, 1, 1.0, one_sided=False)
-    scored = np.bincount(found.blocks, weights=change * found.residual) / power
-    switch = max(1.0 + float(scored.sum()), 0.0)  # where the residuals want it on that line
+    scored = np.bincount(fit.blocks, weights=change * fit.residual) / power
+    switch = max(1.0 + float(scored.sum()), 0.0)  # its estimate on that line
     distance = switch**2 / max(float(scored @ scored), TINY)
     return WaldDistance(distance, 1, effective_degrees_of_freedom(scored), one_sided=False)
 
 
-def wald_p_value(found: Fit, effect: Effect, views: Sequence[ResidualModel] = ()) -> float:
-    """Return the chance of the effect's fitted values where its nulls are true; NaN where it has no null.
+def wald_p_value(fit: Fit, effect: Effect, residual_models: Sequence[ResidualModel] = ()) -> float:
+    """Return the p value of the effect's fitted values under its nulls; NaN where it has no null.
 
-    A Wald test, halved where the null is a bound that can be left to one side only.
+    It is halved for a single parameter whose null is a bound.
     """
-    away = wald_distance(found, effect, views)
-    if away is None:
+    distance = wald_distance(fit, effect, residual_models)
+    if distance is None:
         return float("nan")
-    chance = float(fisher.sf(away.squared / away.parameter_count, away.parameter_count, away.degrees_of_freedom))
-    return chance / (2.0 if away.one_sided and away.parameter_count == 1 else 1.0)
+    chance = float(
+        fisher.sf(distance.squared / distance.parameter_count, distance.parameter_count, distance.degrees_of_freedom)
+    )
+    return chance / (2.0 if distance.one_sided and distance.parameter_count == 1 else 1.0)
 
 
-def significance(found: Fit, effect: Effect, views: Sequence[ResidualModel] = ()) -> float:
-    """Return how far an effect is from where it is absent, over its standard error.
+def significance(fit: Fit, effect: Effect, residual_models: Sequence[ResidualModel] = ()) -> float:
+    """Return the distance of an effect from its absence over its standard error.
 
-    Of an effect that no value makes absent it is its first parameter over its own.
+    For an effect without a null it is the first parameter over its standard error.
     """
-    away = wald_distance(found, effect, views)
-    if away is not None:
-        return math.sqrt(max(away.squared, 0.0))
-    first = next((e for e in found.estimates if e.name == f"{effect.name}.{effect.parameters[0].name}"), None)
+    distance = wald_distance(fit, effect, residual_models)
+    if distance is not None:
+        return math.sqrt(max(distance.squared, 0.0))
+    first = next((e for e in fit.estimates if e.name == f"{effect.name}.{effect.parameters[0].name}"), None)
     return abs(first.value) / max(first.error, TINY) if first is not None else 0.0
 
 
 def disagreement(
-    found: Fit, effect: Effect, recordings: NDArray[np.int64], views: Sequence[ResidualModel] = ()
+    fit: Fit, effect: Effect, recordings: NDArray[np.int64], residual_models: Sequence[ResidualModel] = ()
 ) -> float:
-    """Return by which share of its size single recordings want the effect changed, as a root mean square.
+    """Return the share of its size by which single recordings would change the effect, as a root mean square.
 
-    ``recordings`` (N,) numbers the recording of each residual; each counts by what it knows of the effect, the other
-    parameters adjusting. Near 0 one law holds for all; near 1 what the recordings show is not this effect.
+    ``recordings`` (N,) has the index of the recording of each residual. Each recording counts by its information about
+    the effect, after the other parameters have adjusted. Near 0 all recordings agree; near 1 they do not show this
+    effect.
     """
-    rest = found.jacobian[:, [not f.name.startswith(f"{effect.name}.") for f in found.free]]
-    if effect.in_model_with(found.model.effects) is effect:
-        change = found.jacobian @ _offsets_from_null(found, effect, without_null=1.0)
+    rest = fit.jacobian[:, [not f.name.startswith(f"{effect.name}.") for f in fit.free]]
+    if effect.in_model_with(fit.model.effects) is effect:
+        change = fit.jacobian @ _offsets_from_null(fit, effect, without_null=1.0)
     else:
-        change = -residual_change_without(found, effect, views)
+        change = -residual_change_without(fit, effect, residual_models)
     change -= rest @ (pseudo_inverse(rest.T @ rest) @ (rest.T @ change))
-    known = np.bincount(recordings, change**2)
-    wanted = np.bincount(recordings, change * found.residual)[known > 0.0] / known[known > 0.0]
-    return float(np.sqrt(np.average(wanted**2, weights=known[known > 0.0]))) if wanted.size else 0.0
+    information = np.bincount(recordings, change**2)
+    requested_change = (
+        np.bincount(recordings, change * fit.residual)[information > 0.0] / information[information > 0.0]
+    )
+    return (
+        float(np.sqrt(np.average(requested_change**2, weights=information[information > 0.0])))
+        if requested_change.size
+        else 0.0
+    )
 
 
-def offset_from_null(found: Fit, effect: Effect) -> Array | None:
-    """Return how far the fit's coordinates (k,) are from where an effect is absent; None where no value makes it so."""
-    away = _offsets_from_null(found, effect, without_null=0.0)
-    return away if np.any(away) and np.all(np.isfinite(away)) else None
+def offset_from_null(fit: Fit, effect: Effect) -> Array | None:
+    """Return the offset of the coordinates (k,) from the absence of an effect; None without a finite null."""
+    distance = _offsets_from_null(fit, effect, without_null=0.0)
+    return distance if np.any(distance) and np.all(np.isfinite(distance)) else None
 
 
-def _offsets_from_null(found: Fit, effect: Effect, *, without_null: float) -> Array:
-    """Return how far the fit's coordinates (k,) of an effect are from their nulls, those of all others being 0."""
-    away = np.zeros(len(found.free))
-    for j, f in enumerate(found.free):
-        for p in effect.in_model_with(found.model.effects).parameters:
+def _offsets_from_null(fit: Fit, effect: Effect, *, without_null: float) -> Array:
+    """Return the offsets (k,) of an effect's coordinates from their nulls; those of other parameters are 0."""
+    distance = np.zeros(len(fit.free))
+    for j, f in enumerate(fit.free):
+        for p in effect.in_model_with(fit.model.effects).parameters:
             if f.name == f"{effect.name}.{p.name}":
-                null = null_value(p, found.model)
-                away[j] = (
+                null = null_value(p, fit.model)
+                distance[j] = (
                     without_null
                     if null is None
-                    else f.to_coordinate(parameter_value(found.model, f.name)) - f.to_coordinate(null)
+                    else f.to_coordinate(parameter_value(fit.model, f.name)) - f.to_coordinate(null)
                 )
-    return away
+    return distance
 
 
 def holm_adjusted(p_values: Sequence[float], hypotheses: int) -> list[float]:
@@ -229,39 +236,39 @@ def holm_adjusted(p_values: Sequence[float], hypotheses: int) -> list[float]:
 
 
 def relative_effect_size(
-    found: Fit, effect: Effect, facts: RigQuantities, views: Sequence[ResidualModel] = ()
+    fit: Fit, effect: Effect, rig: RigQuantities, residual_models: Sequence[ResidualModel] = ()
 ) -> float:
-    """Return the distance of an effect from where it is absent over that of usual values, on the rig of these facts.
+    """Return the distance of an effect from its null over the typical distance on this rig.
 
-    Usual is the geometric mean of the typical values' distances: sizes of rigs differ by factors. Of several parameters
-    the one that is farthest counts. Of an effect that no value makes absent nothing is said: 1. Beside effects that
-    make the nulls meaningless, what it changes in the residuals (``views`` are those of the fit) is the distance.
+    The typical distance is the geometric mean of those of the typical values, because rigs differ in size by factors.
+    The largest ratio of several parameters counts; for an effect without a null the result is 1. With effects that make
+    the nulls meaningless, the change of the residuals is the distance (``residual_models`` are those of the fit).
     """
-    if effect.in_model_with(found.model.effects) is not effect:
-        return _relative_residual_change(found, effect, facts, views)
-    fitted = {e.name for e in found.estimates}
-    mine = [p for p in effect.parameters if p.null is not None and f"{effect.name}.{p.name}" in fitted]
-    return max((_relative_parameter_size(found, effect, p, facts) for p in mine), default=1.0)
+    if effect.in_model_with(fit.model.effects) is not effect:
+        return _relative_residual_change(fit, effect, rig, residual_models)
+    fitted = {e.name for e in fit.estimates}
+    parameters = [p for p in effect.parameters if p.null is not None and f"{effect.name}.{p.name}" in fitted]
+    return max((_relative_parameter_size(fit, effect, p, rig) for p in parameters), default=1.0)
 
 
 def _relative_residual_change(
-    found: Fit, effect: Effect, facts: RigQuantities, views: Sequence[ResidualModel]
+    fit: Fit, effect: Effect, rig: RigQuantities, residual_models: Sequence[ResidualModel]
 ) -> float:
-    """Return what an effect changes in the residuals over what it would change at usual values."""
-    off = residual_change_without(found, effect, views)
-    usual = initial_guesses(effect, facts, found.model.rig.priors)
-    sizes = [float(np.linalg.norm(change - off)) for change in residual_changes(effect, found, views, usual)]
+    """Return the change of the residuals by an effect over that by its typical values."""
+    off = residual_change_without(fit, effect, residual_models)
+    typical = initial_guesses(effect, rig, fit.model.rig.priors)
+    sizes = [float(np.linalg.norm(on - off)) for on in residual_changes(effect, fit, residual_models, typical)]
     sizes = [size for size in sizes if size > 0.0 and math.isfinite(size)]
     return float(np.linalg.norm(off)) / _geometric_mean(sizes) if sizes else 1.0
 
 
-def _relative_parameter_size(found: Fit, effect: Effect, parameter: Parameter, facts: RigQuantities) -> float:
-    """Return the same by one parameter; where its null is infinite the reciprocal is what grows from nothing."""
-    null, typical = null_value(parameter, found.model), parameter.range_on(facts).typical
-    value = parameter_value(found.model, f"{effect.name}.{parameter.name}")
+def _relative_parameter_size(fit: Fit, effect: Effect, parameter: Parameter, rig: RigQuantities) -> float:
+    """Return the ratio for one parameter; for an infinite null that of the reciprocals."""
+    null, typical = null_value(parameter, fit.model), parameter.range_on(rig).typical
+    value = parameter_value(fit.model, f"{effect.name}.{parameter.name}")
     if null is None:
         return _geometric_mean(typical) / max(abs(value), TINY) if typical else 1.0
-    distances = [abs(one - null) for one in typical if one != null]
+    distances = [abs(v - null) for v in typical if v != null]
     return abs(value - null) / _geometric_mean(distances) if distances else 1.0
 
 

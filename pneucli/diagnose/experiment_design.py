@@ -1,10 +1,10 @@
-"""What to record next: of the manoeuvres that the models can be run through, the one that tells two of them apart."""
+"""Experiment design: the manoeuvre in which two fitted models differ most."""
 
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
-from typing import Any
+from dataclasses import dataclass, replace
+from typing import Any, Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -25,29 +25,53 @@ CHAMBER_2_PRESSURES = (2e5, 4e5, 6e5)  # Pa, of chamber 2
 FORCE_FACTOR = 2.5  # times the dry friction
 
 
+ManoeuvreKind = Literal[
+    "charge-and-hold",
+    "discharge-and-hold",
+    "full-steps",
+    "stairs",
+    "command-sine",
+    "pressure-triangles",
+    "pressure-sine",
+    "pushes-after-rests",
+]
+
+
+@dataclass(frozen=True)
+class Manoeuvre:
+    """A recording to make: its kind, the command's level in V and frequency in Hz where it has such, and the bench."""
+
+    kind: ManoeuvreKind
+    level: float | None = None
+    frequency: float | None = None
+    bench: str | None = None
+
+
 @dataclass(frozen=True)
 class Discrimination:
-    """How far two models are apart in a manoeuvre: the rms of their difference in the channel that shows it best."""
+    """The separation of two models in a manoeuvre: the rms of their difference in the channel with the largest one."""
 
-    manoeuvre: str
+    manoeuvre: Manoeuvre
     channel: str
     times_noise: float
 
 
-def most_discriminating_experiment(one: Model, other: Model, views: Sequence[ResidualModel]) -> Discrimination | None:
-    """Return the manoeuvre that separates two fitted models most; None where none does by more than its noise.
+def most_discriminating_experiment(
+    one: Model, other: Model, residual_models: Sequence[ResidualModel]
+) -> Discrimination | None:
+    """Return the manoeuvre that separates two fitted models most; None where none exceeds MIN_SEPARATION.
 
-    Only manoeuvres that the benches of ``views`` can do: commands where a valve was driven, pressures where they were
-    imposed on a cylinder. The models are taken as they are, not fitted again: what they agree on they were fitted to.
+    It considers only manoeuvres that the benches of the recordings can do: commands where a valve was driven, pressures
+    where they were imposed on a cylinder. The models are not fitted again, because both were fitted to all they share.
     """
-    noise = {c: n.rms for view in views for c, n in view.experiment.noise.items() if n.rms > 0.0}
+    noise = {c: n.rms for m in residual_models for c, n in m.experiment.noise.items() if n.rms > 0.0}
     found = [
-        Discrimination(words, channel, apart / noise[channel])
-        for words, experiment in candidate_experiments(one, views)
-        for channel, apart in _rms_differences(one, other, experiment).items()
-        if channel in noise and np.isfinite(apart)
+        Discrimination(manoeuvre, channel, difference / noise[channel])
+        for manoeuvre, experiment in candidate_experiments(one, residual_models)
+        for channel, difference in _rms_differences(one, other, experiment).items()
+        if channel in noise and np.isfinite(difference)
     ]
-    best = max(found, key=lambda s: s.times_noise, default=None)
+    best = max(found, key=lambda one: one.times_noise, default=None)
     return best if best is not None and best.times_noise > MIN_SEPARATION else None
 
 
@@ -56,24 +80,28 @@ def _rms_differences(one: Model, other: Model, experiment: Experiment) -> dict[s
     return {channel: float(np.sqrt(np.mean((a[channel] - b[channel]) ** 2))) for channel in a}
 
 
-def candidate_experiments(model: Model, views: Sequence[ResidualModel]) -> Iterator[tuple[str, Experiment]]:
-    """Yield words and a ready experiment for each manoeuvre that the benches of the views allow."""
-    benches = {view.experiment.recording.experiment: view.experiment for view in views}
-    for seen in benches.values():
-        if seen.recording.imposed or seen.recording.valve_shut or _two_commands(seen):
+def candidate_experiments(
+    model: Model, residual_models: Sequence[ResidualModel]
+) -> Iterator[tuple[Manoeuvre, Experiment]]:
+    """Yield each manoeuvre that the benches of the recordings can do, with a prepared experiment."""
+    benches = {m.experiment.recording.experiment: m.experiment for m in residual_models}
+    for recorded in benches.values():
+        if recorded.recording.imposed or recorded.recording.valve_shut or _has_two_commands(recorded):
             continue
-        if not seen.recording.kind.valve:
-            for words, push in _force_profiles(FORCE_FACTOR * max(parameter_value(model, "friction.coulomb"), 1.0)):
-                yield words, prepare(_imposed_force_recording(push, seen.rig), seen.rig, None)
-        elif "u" in seen.raw:
-            null = seen.rig.valve_null
-            largest = float(np.abs(seen.inputs[:, at.IN_U] - null).max()) or 1.0
-            for words, command in _commands(largest):
-                yield f"{words} ({seen.recording.kind.bench})", _commanded(null + command, seen)
+        if not recorded.recording.kind.valve:
+            force = FORCE_FACTOR * max(parameter_value(model, "friction.coulomb"), 1.0)
+            for manoeuvre, profile in _force_profiles(force):
+                yield manoeuvre, prepare(_imposed_force_recording(profile, recorded.rig), recorded.rig, None)
+        elif "u" in recorded.raw:
+            null = recorded.rig.valve_null
+            largest = float(np.abs(recorded.inputs[:, at.IN_U] - null).max()) or 1.0
+            for manoeuvre, command in _commands(largest):
+                bench = recorded.recording.kind.bench
+                yield replace(manoeuvre, bench=bench), _commanded(null + command, recorded)
 
 
-def _two_commands(seen: Experiment) -> bool:
-    return seen.recording.chamber_2 == "valve" and seen.rig.arrangement.chamber_2 == "own"
+def _has_two_commands(recorded: Experiment) -> bool:
+    return recorded.recording.chamber_2 == "valve" and recorded.rig.arrangement.chamber_2 == "own"
 
 
 def _steps(values: Sequence[float], dwell: float) -> Array:
@@ -84,46 +112,42 @@ def _time(duration: float) -> Array:
     return np.arange(0.0, duration, SAMPLING_PERIOD)
 
 
-def _commands(u: float) -> Iterator[tuple[str, Array]]:
-    yield f"charge with {u:.3g} V for 2 s, shut the valve and hold for 30 s", _steps([u, *[0.0] * 15], 2.0)
-    yield f"discharge with {-u:.3g} V for 2 s, shut the valve and hold for 30 s", _steps([u, -u, *[0.0] * 15], 2.0)
-    yield f"full steps of {u:.3g} V, up and down every 0.5 s", _steps([u, -u] * 6, 0.5)
-    yield (
-        f"stairs of {0.1 * u:.2g} to {0.3 * u:.2g} V, up and down, 1 s each",
-        _steps([step * u for step in (0.1, -0.1, 0.2, -0.2, 0.3, -0.3)] * 2, 1.0),
-    )
+def _commands(u: float) -> Iterator[tuple[Manoeuvre, Array]]:
+    """Yield manoeuvres with their commands in V, relative to the null command."""
+    yield Manoeuvre("charge-and-hold", u), _steps([u, *[0.0] * 15], 2.0)
+    yield Manoeuvre("discharge-and-hold", -u), _steps([u, -u, *[0.0] * 15], 2.0)
+    yield Manoeuvre("full-steps", u), _steps([u, -u] * 6, 0.5)
+    stairs = [step * u for step in (0.1, -0.1, 0.2, -0.2, 0.3, -0.3)] * 2
+    yield Manoeuvre("stairs", u), _steps(stairs, 1.0)
     for frequency in (0.5, 3.0, 10.0):
-        yield f"a sine of {0.5 * u:.3g} V at {frequency:g} Hz", 0.5 * u * np.sin(2 * np.pi * frequency * _time(6.0))
+        yield Manoeuvre("command-sine", 0.5 * u, frequency), 0.5 * u * np.sin(2 * np.pi * frequency * _time(6.0))
 
 
-def _commanded(command: Array, seen: Experiment) -> Experiment:
-    values: dict[str, Any] = {"experiment": seen.recording.experiment}
-    if seen.recording.chamber_2 in ("open", "valve"):
-        values["chamber_2"] = seen.recording.chamber_2
-    if "p_supply" in seen.raw and seen.rig.supply_pressure:
-        values["p_supply"] = seen.rig.supply_pressure
-    return prepare(command_recording(command, values, seen.rig), seen.rig, None)
+def _commanded(command: Array, recorded: Experiment) -> Experiment:
+    values: dict[str, Any] = {"experiment": recorded.recording.experiment}
+    if recorded.recording.chamber_2 in ("open", "valve"):
+        values["chamber_2"] = recorded.recording.chamber_2
+    if "p_supply" in recorded.raw and recorded.rig.supply_pressure:
+        values["p_supply"] = recorded.rig.supply_pressure
+    return prepare(command_recording(command, values, recorded.rig), recorded.rig, None)
 
 
-def _force_profiles(force: float) -> Iterator[tuple[str, tuple[Array, Array]]]:
-    """Yield words, and the force on the piston in N with the pressure of chamber 2 in Pa, over time."""
-    slow = np.abs((0.5 * _time(6.0) + 0.5) % 2.0 - 1.0) * 2.0 - 1.0  # a triangle between -1 and 1
-    levels = np.repeat(CHAMBER_2_PRESSURES, slow.size)
-    yield "slow triangles of the pressure difference at 2, 4 and 6 bar (absolute)", (force * np.tile(slow, 3), levels)
+def _force_profiles(force: float) -> Iterator[tuple[Manoeuvre, tuple[Array, Array]]]:
+    """Yield manoeuvres with the force on the piston in N and the pressure of chamber 2 in Pa over time."""
+    triangle = np.abs((0.5 * _time(6.0) + 0.5) % 2.0 - 1.0) * 2.0 - 1.0  # between -1 and 1
+    levels = np.repeat(CHAMBER_2_PRESSURES, triangle.size)
+    yield Manoeuvre("pressure-triangles"), (force * np.tile(triangle, 3), levels)
     for frequency in (1.0, 4.0):
         wave = force * np.sin(2 * np.pi * frequency * _time(6.0))
-        yield (
-            f"a sine of the pressure difference at {frequency:g} Hz and 4 bar (absolute)",
-            (wave, np.full(wave.size, CHAMBER_2_PRESSURES[1])),
-        )
+        yield Manoeuvre("pressure-sine", None, frequency), (wave, np.full(wave.size, CHAMBER_2_PRESSURES[1]))
     rests = [np.concatenate([_steps([0.0], rest), force * _time(0.4) / 0.4]) for rest in (0.1, 1.0, 10.0)]
-    pushed = np.concatenate(rests)
-    yield "slow pushes after rests of 0.1, 1 and 10 s", (pushed, np.full(pushed.size, CHAMBER_2_PRESSURES[1]))
+    pushes = np.concatenate(rests)
+    yield Manoeuvre("pushes-after-rests"), (pushes, np.full(pushes.size, CHAMBER_2_PRESSURES[1]))
 
 
-def _imposed_force_recording(push: tuple[Array, Array], rig: Rig) -> Recording:
-    """Return the recording in which the pressures give the force: chamber 2 as stated, chamber 1 to match."""
-    (force, p2), (area_1, area_2) = push, rig.piston_areas
+def _imposed_force_recording(profile: tuple[Array, Array], rig: Rig) -> Recording:
+    """Return the recording in which the pressures make the force: chamber 2 as given, chamber 1 to match."""
+    (force, p2), (area_1, area_2) = profile, rig.piston_areas
     p1 = rig.ambient_pressure + (area_2 * (p2 - rig.ambient_pressure) + force) / area_1
     start = {"x": np.full(force.size, 0.5 * (rig.stroke or 0.2)), "v": np.zeros(force.size)}
     return noise_free_recording("friction", {"p1": p1, "p2": p2, **start}, "closed")

@@ -1,7 +1,7 @@
-"""Whether the fitted model runs astray where all of it is simulated, as the user will run it.
+"""The free-run test: does the fitted model diverge in a simulation of the complete axis, as the user will run it?
 
-The fit and the search see one subsystem at a time. What passes there may still not replay: an effect that another one
-feigns, or a force too small in the balance that decides when a piston breaks away.
+Fits and selection use one subsystem at a time. A model that passes there may still fail as a whole, because of an
+effect that compensates for another one, or a small error of force that decides when the piston breaks away.
 """
 
 from __future__ import annotations
@@ -23,21 +23,21 @@ from pneucli.simulate.restarts import segment_lengths
 
 Array = NDArray[np.float64]
 
-NOISE_DRAWS = 6  # of noise, of which a correct model's error exceeds all in one stretch out of seven
-MIN_SEGMENTS = 20  # stretches, to tell a share of them
-MIN_EXCEEDING_SHARE = 0.5  # of the stretches
-MAX_MEDIAN_RATIO = 1.4  # times what the draws show, in the median
+NOISE_DRAWS = 6  # a correct model exceeds all of them in one segment of seven
+MIN_SEGMENTS = 20  # fewer give no usable share
+MIN_EXCEEDING_SHARE = 0.5  # of the segments
+MAX_MEDIAN_RATIO = 1.4  # times the typical draw, in the median
 
 
-def free_run_lack_of_fit(model: Model, views: Sequence[ResidualModel]) -> list[LackOfFit]:
-    """Return the channels in which most stretches between restarts err by more than every draw of noise, worst first.
+def free_run_lack_of_fit(model: Model, residual_models: Sequence[ResidualModel]) -> list[LackOfFit]:
+    """Return the channels whose error exceeds every noise draw in most segments between restarts, worst first.
 
-    And by much more in the median. Ranks, since single stretches with stick-slip scatter widely even where the model
-    is true. Such a remainder is one of the whole and has no shape: the errors of a free run do not tell where they
+    It must exceed the typical draw clearly in the median, too. Ranks are used because single segments with stick-slip
+    scatter widely even for a correct model. The result has no shape, because a free run does not show where an error
     began.
     """
     scores: dict[tuple[str, str], list[Array]] = {}
-    for e in (v.experiment for v in views if isinstance(v, ForceBalance)):
+    for e in (v.experiment for v in residual_models if isinstance(v, ForceBalance)):
         for channel, ratios in _error_ratios(model, e).items():
             scores.setdefault((e.recording.experiment, channel), []).append(ratios)
     found = [_channel_lack_of_fit(channel, np.concatenate(parts)) for (_, channel), parts in scores.items()]
@@ -45,27 +45,31 @@ def free_run_lack_of_fit(model: Model, views: Sequence[ResidualModel]) -> list[L
 
 
 def _channel_lack_of_fit(channel: str, ratios: Array) -> LackOfFit | None:
-    """Return what ratios (stretches, 2) to the largest and to the typical draw say, None where noise may do as much."""
-    beyond, typical = np.mean(ratios[:, 0] > 1.0), float(np.median(ratios[:, 1]))
-    if len(ratios) < MIN_SEGMENTS or beyond < MIN_EXCEEDING_SHARE or typical < MAX_MEDIAN_RATIO:
+    """Return the lack of fit from ratios (segments, 2) to the largest and the typical draw; None within the noise."""
+    exceeding, typical = np.mean(ratios[:, 0] > 1.0), float(np.median(ratios[:, 1]))
+    if len(ratios) < MIN_SEGMENTS or exceeding < MIN_EXCEEDING_SHARE or typical < MAX_MEDIAN_RATIO:
         return None
     return LackOfFit(FreeRun, channel, typical, typical, ())
 
 
 def _error_ratios(model: Model, experiment: Experiment) -> dict[str, Array]:
-    """Return by channel the error of each stretch over the largest and over the typical draw (stretches, 2)."""
-    simulated, drawn, found = simulate_outputs(model, experiment), sample_deviations(model, experiment, NOISE_DRAWS), {}
-    for channel, draws in drawn.items():
-        left = np.nan_to_num(experiment.measured(channel) - simulated[channel])
+    """Return by channel the error of each segment over the largest and over the typical draw (segments, 2)."""
+    simulated, deviations, found = (
+        simulate_outputs(model, experiment),
+        sample_deviations(model, experiment, NOISE_DRAWS),
+        {},
+    )
+    for channel, draws in deviations.items():
+        residual = np.nan_to_num(experiment.measured(channel) - simulated[channel])
         if channel in MOTION_CHANNELS and "x" in simulated:
-            left[in_end_contact(experiment, simulated["x"], channel)] = 0.0
-        error = _segment_rms(left, experiment)
+            residual[in_end_contact(experiment, simulated["x"], channel)] = 0.0
+        error = _segment_rms(residual, experiment)
         noise = np.maximum(np.array([_segment_rms(d, experiment) for d in draws]), 1e-12)
         found[channel] = np.column_stack([error / noise.max(axis=0), error / np.sqrt(np.mean(noise**2, axis=0))])
     return found
 
 
 def _segment_rms(values: Array, experiment: Experiment) -> Array:
-    """Return the rms of each stretch between restarts, shape (stretches,)."""
-    starts = experiment.restarts
-    return np.asarray(np.sqrt(np.add.reduceat(values**2, starts) / segment_lengths(starts, values.size)))
+    """Return the rms of each segment between restarts, shape (segments,)."""
+    restarts = experiment.restarts
+    return np.asarray(np.sqrt(np.add.reduceat(values**2, restarts) / segment_lengths(restarts, values.size)))

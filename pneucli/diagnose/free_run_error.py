@@ -1,4 +1,4 @@
-"""The error that the user sees: that of ``compare``, for any model of the search."""
+"""The free-run error of ``compare`` for every model of the selection."""
 
 from __future__ import annotations
 
@@ -7,16 +7,16 @@ from dataclasses import dataclass, field
 
 from pneucli.compare import ChannelResult, compare, overall_error
 from pneucli.compare.expected_error import expected_rms_of_all
-from pneucli.diagnose.data import ErrorsByUse
+from pneucli.diagnose.score import ErrorsByUse
 from pneucli.simulate.experiment import Experiment
 from pneucli.simulate.model import Model
 
 
 @dataclass(frozen=True)
 class FreeRunErrors:
-    """The errors of models over what each would show itself were it correct, as ``compare`` has them.
+    """The free-run errors of models in units of the error of a correct model, as ``compare`` states them.
 
-    The noise is drawn and simulated, which takes as long as a fit: what was asked for once is kept.
+    The Monte Carlo simulation of the noise takes as long as a fit, so results are cached.
     """
 
     experiments: Sequence[Experiment]
@@ -29,8 +29,8 @@ class FreeRunErrors:
 
     def channels(self, model: Model) -> list[ChannelResult]:
         """Return the model's error in every channel of every recording."""
-        for seen, known in self._cache:
-            if seen is model:
+        for cached_model, known in self._cache:
+            if cached_model is model:
                 return known
         noise = expected_rms_of_all(model, self.experiments)
         pairs = zip(self.experiments, noise, strict=True)
@@ -40,12 +40,12 @@ class FreeRunErrors:
 
 
 def held_out_error(errors: ErrorsByUse) -> float | None:
-    """Return the error that speaks for itself: that of held-out recordings, where there are any."""
+    """Return the error on held-out recordings; on fitted ones where none is held out."""
     return errors["train"] if errors["test"] is None else errors["test"]
 
 
 def remaining_error_share(first: ErrorsByUse, last: ErrorsByUse) -> float | None:
-    """Return the part of the squared error beyond noise that remains; None where there is no error."""
+    """Return the remaining part of the squared error in excess of noise; None where an error is unknown."""
     before, after = held_out_error(first), held_out_error(last)
     if before is None or after is None:
         return None
@@ -55,6 +55,6 @@ def remaining_error_share(first: ErrorsByUse, last: ErrorsByUse) -> float | None
 
 
 def removed_error_share(first: ErrorsByUse, last: ErrorsByUse) -> float | None:
-    """Return the part of the squared error beyond noise that goes; None where there is no such error."""
-    before, left = held_out_error(first), remaining_error_share(first, last)
-    return None if before is None or before <= 1.0 or left is None else 1.0 - left
+    """Return the removed part of the squared error in excess of noise; None where there is no such error."""
+    before, remaining = held_out_error(first), remaining_error_share(first, last)
+    return None if before is None or before <= 1.0 or remaining is None else 1.0 - remaining

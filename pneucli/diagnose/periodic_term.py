@@ -1,4 +1,4 @@
-"""Whether what is left over repeats: over time, with or without keeping its phase, or over position."""
+"""Periodic residuals: over time, with or without a constant phase, or over position."""
 
 from __future__ import annotations
 
@@ -15,106 +15,111 @@ from pneucli.simulate.model import Model
 
 Array = NDArray[np.float64]
 
-MIN_PERIODIC_SHARE = 0.3  # share of the squared residual that one period must hold
-BAND_RATIO = 1.1  # between the edge of a band and its middle: a swing that dies out has no line
-FREQUENCY_RESOLUTION = 0.5  # cycles over a range, by which two periods can be told apart
-MIN_CYCLES = 2.0  # over the range; fewer cannot be told from a drift
+MIN_PERIODIC_SHARE = 0.3  # of the squared residual
+BAND_RATIO = 1.1  # of a band's edge to its centre: a decaying oscillation has no sharp line
+FREQUENCY_RESOLUTION = 0.5  # cycles over the range that distinguish two periods
+MIN_CYCLES = 2.0  # over the range; fewer cannot be distinguished from a drift
 MAX_CYCLES = 250.0
-MIN_SAMPLES_PER_CYCLE = 16  # in a cycle
-MIN_SAMPLES = 100  # readings of a view that say anything of a period
+MIN_SAMPLES_PER_CYCLE = 16
+MIN_SAMPLES = 100  # residuals of a recording, to estimate a period
 MAX_SAMPLES = 4000
 BINS = int(MIN_SAMPLES_PER_CYCLE * MAX_CYCLES)  # of the range
-CYCLE_STEP, FINE_STEPS = 0.125, 21  # cycles between two that are tried, and how many are tried about the best
+CYCLE_STEP, FINE_STEPS = 0.125, 21  # grid step in cycles, and points of the fine grid about the best
 
 
 class PeriodicTerm(NamedTuple):
-    """Over which signal a residual repeats, with which period (s or m), and which share of its squares does."""
+    """The signal over which a residual repeats, its period (s or m), and the share of the squares that it holds."""
 
     variable: str
     length: float
     share: float
 
 
-def find_period(model: Model, views: Sequence[ResidualModel], channel: str) -> PeriodicTerm | None:
-    """Return the period that holds most of the squares of a channel, None where none holds much."""
-    left = [(view, view.residual(model)[channel] / view.noise[channel]) for view in views]
-    left = [(view, r) for view, r in left if np.count_nonzero(r) >= MIN_SAMPLES]
-    found = [_over_time(left), _over_position([(v, r) for v, r in left if "x" in v.experiment.raw])]
+def find_period(model: Model, residual_models: Sequence[ResidualModel], channel: str) -> PeriodicTerm | None:
+    """Return the period that holds most of a channel's squares, None where none holds MIN_PERIODIC_SHARE."""
+    residuals = [
+        (residual_model, residual_model.residual(model)[channel] / residual_model.noise[channel])
+        for residual_model in residual_models
+    ]
+    residuals = [(residual_model, r) for residual_model, r in residuals if np.count_nonzero(r) >= MIN_SAMPLES]
+    candidates = [_over_time(residuals), _over_position([(v, r) for v, r in residuals if "x" in v.experiment.raw])]
     return max(
-        (p for p in found if p is not None and p.share > MIN_PERIODIC_SHARE), key=lambda p: p.share, default=None
+        (p for p in candidates if p is not None and p.share > MIN_PERIODIC_SHARE), key=lambda p: p.share, default=None
     )
 
 
-def _over_time(left: Sequence[tuple[ResidualModel, Array]]) -> PeriodicTerm | None:
-    """Return the middle of the narrow band of frequencies that holds most of the power."""
-    powers = [_powers(view, r) for view, r in left]
+def _over_time(residuals: Sequence[tuple[ResidualModel, Array]]) -> PeriodicTerm | None:
+    """Return the centre of the narrow frequency band that holds most of the power."""
+    powers = [_powers(residual_model, r) for residual_model, r in residuals]
     lowest = min((MIN_CYCLES * f[1] for f, _ in powers), default=np.inf)
     highest = max((f[-1] * 2.0 / MIN_SAMPLES_PER_CYCLE for f, _ in powers), default=0.0)
     if not lowest < highest:
         return None
     middles = np.geomspace(lowest, highest, 1 + round(np.log(highest / lowest) / np.log(BAND_RATIO) * 4))
-    held = sum(
+    held_power = sum(
         _cumulative_power(f, p, middles * BAND_RATIO) - _cumulative_power(f, p, middles / BAND_RATIO) for f, p in powers
     )
-    total = sum(float(r @ r) for _, r in left)
-    best = int(np.argmax(held))
-    if not np.asarray(held)[best] > 0.0:
+    total_power = sum(float(r @ r) for _, r in residuals)
+    best = int(np.argmax(held_power))
+    if not np.asarray(held_power)[best] > 0.0:
         return None
     within = [(f, np.where(np.abs(f - middles[best]) < (BAND_RATIO - 1.0) * middles[best], p, 0.0)) for f, p in powers]
     mean = sum(float(f @ p) for f, p in within) / sum(float(p.sum()) for _, p in within)
-    return PeriodicTerm("time", 1.0 / mean, float(np.asarray(held)[best]) / total)
+    return PeriodicTerm("time", 1.0 / mean, float(np.asarray(held_power)[best]) / total_power)
 
 
-def _powers(view: ResidualModel, residual: Array) -> tuple[Array, Array]:
-    """Return frequencies in Hz and what each holds of the squares; nothing at those of the restarts.
+def _powers(residual_model: ResidualModel, residual: Array) -> tuple[Array, Array]:
+    """Return frequencies in Hz and the power at each, 0 at multiples of the restart frequency.
 
-    What grows from restart to restart has their period: it is the comparison's, not the rig's.
+    An error that grows between restarts has their period; it comes from the comparison, not from the rig.
     """
-    e, n = view.experiment, residual.size
+    e, n = residual_model.experiment, residual.size
     frequency = np.asarray(np.fft.rfftfreq(n, e.recording.period), dtype=np.float64)
     power = np.abs(np.fft.rfft(residual)) ** 2 * 2.0 / n
-    if view.is_simulated and e.restarts.size > 1:
-        each = 1.0 / float(np.median(np.diff(e.time[e.restarts])))
-        away = np.abs(frequency - each * np.maximum(np.round(frequency / each), 1.0))
-        power[away < FREQUENCY_RESOLUTION * frequency[1]] = 0.0
+    if residual_model.is_simulated and e.restarts.size > 1:
+        restart_frequency = 1.0 / float(np.median(np.diff(e.time[e.restarts])))
+        distance = np.abs(frequency - restart_frequency * np.maximum(np.round(frequency / restart_frequency), 1.0))
+        power[distance < FREQUENCY_RESOLUTION * frequency[1]] = 0.0
     return frequency, np.asarray(power)
 
 
 def _cumulative_power(frequency: Array, power: Array, edges: Array) -> Array:
-    """Return what is held below each of some frequencies."""
+    """Return the power below each of some frequencies."""
     return np.asarray(np.concatenate([[0.0], np.cumsum(power)])[np.searchsorted(frequency, edges)])
 
 
-def _over_position(left: Sequence[tuple[ResidualModel, Array]]) -> PeriodicTerm | None:
-    """Return the sine over position that holds most, of the same length in all views."""
-    pairs = [(view.experiment.inputs[r != 0.0, at.IN_X], r[r != 0.0]) for view, r in left]
+def _over_position(residuals: Sequence[tuple[ResidualModel, Array]]) -> PeriodicTerm | None:
+    """Return the sine over position, of one length for all recordings, that holds most of the power."""
+    pairs = [(residual_model.experiment.inputs[r != 0.0, at.IN_X], r[r != 0.0]) for residual_model, r in residuals]
     pairs = [(x, r - r.mean()) for x, r in pairs if np.ptp(x) > 0.0]
     if not pairs:
         return None
-    reach = max(float(np.ptp(x)) for x, _ in pairs)
-    power = sum(_periodogram(x, r, reach) / r.size for x, r in pairs)
+    span = max(float(np.ptp(x)) for x, _ in pairs)
+    power = sum(_periodogram(x, r, span) / r.size for x, r in pairs)
     cycles = CYCLE_STEP * np.arange(round(MAX_CYCLES / CYCLE_STEP))
-    able = (cycles >= MIN_CYCLES) & (cycles <= max(x.size for x, _ in pairs) / MIN_SAMPLES_PER_CYCLE)
-    near = cycles[able][np.argmax(np.asarray(power)[able])] + np.linspace(-CYCLE_STEP, CYCLE_STEP, FINE_STEPS)
-    held = sum(_explained_squares(x, r, near / reach) for x, r in pairs)
-    best = int(np.argmax(held))
+    admissible = (cycles >= MIN_CYCLES) & (cycles <= max(x.size for x, _ in pairs) / MIN_SAMPLES_PER_CYCLE)
+    fine_cycles = cycles[admissible][np.argmax(np.asarray(power)[admissible])] + np.linspace(
+        -CYCLE_STEP, CYCLE_STEP, FINE_STEPS
+    )
+    held_power = sum(_explained_squares(x, r, fine_cycles / span) for x, r in pairs)
+    best = int(np.argmax(held_power))
     return PeriodicTerm(
-        "x", reach / float(near[best]), float(np.asarray(held)[best]) / sum(float(r @ r) for _, r in pairs)
+        "x", span / float(fine_cycles[best]), float(np.asarray(held_power)[best]) / sum(float(r @ r) for _, r in pairs)
     )
 
 
-def _periodogram(x: Array, r: Array, reach: float) -> Array:
-    """Return how strong a sine of each number of cycles over the reach is, up to a factor.
+def _periodogram(x: Array, r: Array, span: float) -> Array:
+    """Return the power of a sine of each number of cycles over the span, up to a factor.
 
-    Of sums over narrow bins of x: readings over x are no even samples.
+    It uses sums over narrow bins of x, because readings are not evenly spaced over x.
     """
-    place = np.minimum(((x - x.min()) * (BINS / reach)).astype(np.int64), BINS - 1)
-    sums = np.bincount(place, weights=r, minlength=BINS)
+    bin_index = np.minimum(((x - x.min()) * (BINS / span)).astype(np.int64), BINS - 1)
+    sums = np.bincount(bin_index, weights=r, minlength=BINS)
     return np.asarray(np.abs(np.fft.rfft(sums, round(BINS / CYCLE_STEP))[: round(MAX_CYCLES / CYCLE_STEP)]) ** 2)
 
 
 def _explained_squares(x: Array, r: Array, frequency: Array) -> Array:
-    """Return what sines of each frequency (1/m) hold of the squares."""
-    few = slice(None, None, max(x.size // MAX_SAMPLES, 1))
-    shares = lombscargle(x[few], r[few], 2.0 * np.pi * frequency, normalize=True)
+    """Return the squares that a sine of each frequency (1/m) explains."""
+    thinned = slice(None, None, max(x.size // MAX_SAMPLES, 1))
+    shares = lombscargle(x[thinned], r[thinned], 2.0 * np.pi * frequency, normalize=True)
     return np.asarray(shares * float(r @ r))

@@ -1,18 +1,18 @@
-"""What recordings cost: squares of residuals in units of noise by block of time, of those fitted and of those not seen.
+"""Costs of a model: sums of squared residuals in units of noise by block of time, for fitted and for held-out data.
 
-Squares that can be compared between models: less what a correct model of the kind would show of noise, more for what a
-model leaves unsaid, and with the volume of what is allowed for.
+The costs of different models are comparable. They exclude the noise that a correct model of the kind would show, they
+charge for residuals that a model does not predict, and they include the log determinant of the marginalised errors.
 """
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
 from pneucli.diagnose.adequacy import drawn_rms
-from pneucli.diagnose.evidence import block_costs
 from pneucli.diagnose.flow_gain_variance import with_flow_gain_errors
 from pneucli.identify.estimation.blocks import block_labels
 from pneucli.identify.estimation.fit import Fit
@@ -22,64 +22,121 @@ from pneucli.simulate.model import Model
 
 Array = NDArray[np.float64]
 
-MIN_NOISE_POWER = 0.8  # of the noise's power, at least
-MIN_STATED_SHARE = 0.02  # of the readings: a model that states less is charged no more
+MIN_NOISE_POWER = 0.8  # of the power of the sensors' noise, which is known no better
+MIN_STATED_SHARE = 0.02  # of the readings; a model that predicts a force for fewer is charged as for this share
+ErrorsByUse = Mapping[str, float | None]
 
 
-def fitted_costs(found: Fit, views: Sequence[ResidualModel]) -> tuple[Array, Array]:
-    """Return the cost by block of the views that a model was fitted to, and how many residuals are behind each."""
-    drawn = [drawn_rms(found.model, view, view.initial_state_sensitivity(found.model)) for view in views]
-    said = np.concatenate([coverage_weights(found.model, view) for view in views])
-    return likelihood_costs(views, drawn, said * found.residual, found.initial_state_sensitivities), _residual_counts(
-        views, found.residual
-    )
+@dataclass(frozen=True, eq=False)
+class FittedModel:
+    """A fitted model and its costs by block: ``train_costs`` on fitted data, ``test_costs`` on held-out data.
+
+    ``costs`` counts each reading once, as held out where it is held out. ``residual_counts`` has the number of
+    residuals of each block, without the zeros of residuals that do not count.
+    """
+
+    fit: Fit
+    train_costs: Array
+    test_costs: Array
+    costs: Array
+    residual_counts: Array
+
+    @property
+    def residual_count(self) -> int:
+        """The number of residuals behind the costs, which is the expected cost of noise alone."""
+        return int(self.residual_counts.sum())
+
+    @property
+    def model(self) -> Model:
+        """The fitted model."""
+        return self.fit.model
+
+    @property
+    def effect_names(self) -> list[str]:
+        """The names of the model's effects."""
+        return [e.name for e in self.fit.model.effects]
+
+    @property
+    def cost(self) -> float:
+        """The sum of all costs."""
+        return float(self.costs.sum())
+
+
+def block_costs(residual: Array, blocks: NDArray[np.int64]) -> Array:
+    """Return the sum of squares of each block."""
+    return np.bincount(blocks, weights=residual**2).astype(np.float64)
+
+
+def fitted_costs(fit: Fit, residual_models: Sequence[ResidualModel]) -> tuple[Array, Array]:
+    """Return the cost and the number of residuals by block of the data that the model was fitted to."""
+    drawn = [
+        drawn_rms(fit.model, residual_model, residual_model.initial_state_sensitivity(fit.model))
+        for residual_model in residual_models
+    ]
+    coverage = np.concatenate([coverage_weights(fit.model, residual_model) for residual_model in residual_models])
+    return likelihood_costs(
+        residual_models, drawn, coverage * fit.residual, fit.initial_state_sensitivities
+    ), _residual_counts(residual_models, fit.residual)
 
 
 def held_out_costs(
-    models: Sequence[Model], views: Sequence[ResidualModel], initial_state_errors: Sequence[Mapping[str, Array]]
+    models: Sequence[Model],
+    residual_models: Sequence[ResidualModel],
+    initial_state_errors: Sequence[Mapping[str, Array]],
 ) -> tuple[Array, Array]:
-    """Return the same of views that were not fitted, each by its model; ``initial_state_errors`` are the errors of their starts.
+    """Return the cost and the number of residuals by block of held-out data, each residual model with its own model.
 
-    The flow through the valve may err there besides (:mod:`pneucli.diagnose.flow_gain_variance`).
+    ``initial_state_errors`` are the sensitivities to the initial states. The flow through the valve may have another
+    gain in each held-out recording, too (:mod:`pneucli.diagnose.flow_gain_variance`).
     """
-    plain = [view.residual(model, {}) for view, model in zip(views, models, strict=True)]
-    errors = with_flow_gain_errors(models, views, plain, initial_state_errors)
-    settled = [in_noise_units(v, v.apply_whitening(r, e)) for v, r, e in zip(views, plain, errors, strict=True)]
-    drawn = [drawn_rms(m, v, e) for m, v, e in zip(models, views, errors, strict=True)]
-    said = np.concatenate([coverage_weights(model, view) for model, view in zip(models, views, strict=True)])
-    residual = np.concatenate(settled)
-    return likelihood_costs(views, drawn, said * residual, errors), _residual_counts(views, residual)
+    plain = [residual_model.residual(model, {}) for residual_model, model in zip(residual_models, models, strict=True)]
+    errors = with_flow_gain_errors(models, residual_models, plain, initial_state_errors)
+    whitened = [
+        in_noise_units(v, v.apply_whitening(r, e)) for v, r, e in zip(residual_models, plain, errors, strict=True)
+    ]
+    drawn = [drawn_rms(m, v, e) for m, v, e in zip(models, residual_models, errors, strict=True)]
+    coverage = np.concatenate(
+        [coverage_weights(model, residual_model) for model, residual_model in zip(models, residual_models, strict=True)]
+    )
+    residual = np.concatenate(whitened)
+    return likelihood_costs(residual_models, drawn, coverage * residual, errors), _residual_counts(
+        residual_models, residual
+    )
 
 
-def _residual_counts(views: Sequence[ResidualModel], residual: Array) -> Array:
-    return block_costs((residual != 0.0).astype(np.float64), block_labels(views))
+def _residual_counts(residual_models: Sequence[ResidualModel], residual: Array) -> Array:
+    return block_costs((residual != 0.0).astype(np.float64), block_labels(residual_models))
 
 
 def likelihood_costs(
-    views: Sequence[ResidualModel],
+    residual_models: Sequence[ResidualModel],
     drawn: Sequence[Mapping[str, float]],
     residual: Array,
     errors: Sequence[Mapping[str, Array]],
 ) -> Array:
-    """Return the cost by block of residuals (N,): their squares, and the volume of what the starts may err by."""
-    blocks = block_labels(views)
-    volume = np.concatenate([view.log_determinant(mine) for view, mine in zip(views, errors, strict=True)])
-    return block_costs(correct_for_model_noise(views, drawn, residual), blocks) + np.bincount(blocks, weights=volume)
+    """Return the cost by block of residuals (N,): squares, and log determinants of the initial-state errors."""
+    blocks = block_labels(residual_models)
+    log_determinants = np.concatenate(
+        [residual_model.log_determinant(mine) for residual_model, mine in zip(residual_models, errors, strict=True)]
+    )
+    return block_costs(correct_for_model_noise(residual_models, drawn, residual), blocks) + np.bincount(
+        blocks, weights=log_determinants
+    )
 
 
 def correct_for_model_noise(
-    views: Sequence[ResidualModel], drawn: Sequence[Mapping[str, float]], residual: Array
+    residual_models: Sequence[ResidualModel], drawn: Sequence[Mapping[str, float]], residual: Array
 ) -> Array:
-    """Return residuals (N,) scaled, channel by channel, for what a correct model of this kind would show of noise.
+    """Return residuals (N,) scaled by channel for the noise that a correct model of this kind would show.
 
-    A model that undoes a lag amplifies noise, one that smooths over it (a lag in the balance of forces, a delay by half
-    a sample) shows less; without the allowance a wrong one could leave less. The noise is no more than what is left; a
-    channel is made smaller than the sensors' noise only so far as that is not known better.
+    A model that inverts a lag amplifies noise; a model that smooths over it (a lag in the force balance, a delay of
+    half a sample) reduces noise, and a wrong model could cost less without this correction. The assumed noise is at
+    most the residual itself, and a channel is reduced below the sensors' noise only by MIN_NOISE_POWER.
     """
     parts, first = [], 0
-    for view, noises in zip(views, drawn, strict=True):
-        for channel in view.channels:
-            part = residual[first : first + view.experiment.time.size]
+    for residual_model, noises in zip(residual_models, drawn, strict=True):
+        for channel in residual_model.channels:
+            part = residual[first : first + residual_model.experiment.time.size]
             first += part.size
             cost, noise = float(part @ part), float(np.count_nonzero(part))
             more = max(noises[channel] ** 2, MIN_NOISE_POWER)
@@ -88,16 +145,15 @@ def correct_for_model_noise(
     return np.concatenate(parts)
 
 
-def coverage_weights(model: Model, view: ResidualModel) -> Array:
-    """Return by how much each residual of a view (N,) counts: those at which the model states no force but bounds, not
-    at all, and the others of the channel so much more.
+def coverage_weights(model: Model, residual_model: ResidualModel) -> Array:
+    """Return the weight of each residual (N,): 0 where the model predicts only bounds of a force, more for the others.
 
-    Where a model states only bounds it explains nothing: such a reading costs what the others cost on average.
+    A model that predicts bounds explains nothing there: such a reading costs as much as the others do on average.
     """
-    parts, n = [], view.experiment.time.size
+    parts, n = [], residual_model.experiment.time.size
     bounded = any(effect.is_set_valued for effect in model.effects)
-    residual = view.residual(model) if bounded and view.predicts_force else {}
-    for channel in view.channels:
+    residual = residual_model.residual(model) if bounded and residual_model.predicts_force else {}
+    for channel in residual_model.channels:
         stated = 1.0 - residual["gap"] if channel == "force" and "gap" in residual else np.ones(n)
         seen = residual[channel] != 0.0 if "gap" in residual else np.ones(n, dtype=bool)
         share = max(float(np.mean(stated[seen])), MIN_STATED_SHARE) if seen.any() else 1.0

@@ -1,73 +1,76 @@
-"""Which effects are worth a fit: those whose signatures promise most of what they act in."""
+"""Screening: a score test ranks the effects that the model lacks, and only the most promising are refitted."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 
 from pneucli.diagnose.candidate import Decision
-from pneucli.diagnose.data import DiagnosisData, FittedModel, ScreenedEffect
+from pneucli.diagnose.data import DiagnosisData, ScreenedEffect
 from pneucli.diagnose.hypothesis_tests import MIN_COST_SHARE, apply_tests
+from pneucli.diagnose.score import FittedModel
 
-MAX_REFITS = 6  # of the effects that promise most
-SHARED_REFITS = 3  # of them, that go to the subsystems by their parts of the residual
-MIN_CHI2 = 12.0  # the fall of the cost that a signature must promise: a chi-square that chance gives once in 2000
-MIN_RELATIVE_SHARE = 0.01  # of the share that the best signature promises
+MAX_REFITS = 6  # effects at most in one round
+SHARED_REFITS = 3  # of them are divided among the subsystems by their shares of the cost
+MIN_CHI2 = 12.0  # predicted reduction of the cost, chi-square with one degree of freedom: p = 1/2000
+MIN_RELATIVE_SHARE = 0.01  # of the largest predicted share
 
 
 def score_test_screen(
-    bench: DiagnosisData, state: FittedModel, screened: Sequence[ScreenedEffect]
+    data: DiagnosisData, fitted: FittedModel, screened: Sequence[ScreenedEffect]
 ) -> list[ScreenedEffect]:
-    """Return the effects whose best signatures promise most, the best first.
+    """Return the effects with the largest predicted cost reduction, the best first.
 
-    What counts is the share of what they act in: where gas and valve are 20 times their noise off, all that friction
-    may explain is less than a hundredth of all.
+    The reduction is divided by the cost of the residuals that the effect influences. Without this a friction effect
+    would lose against effects on gas and valve wherever those residuals are 20 times their noise.
     """
-    worth = [(s[0].gain / bench.sensitive_cost(state, e)[0], (e, s)) for e, s in screened if s[0].gain > MIN_CHI2]
-    worth.sort(key=lambda one: -one[0])
-    chosen = [pair for _, pair in _subsystem_leaders(bench, state, worth)]
-    promising = [pair for share, pair in worth if share > MIN_RELATIVE_SHARE * worth[0][0] and pair not in chosen]
-    kept = [*chosen, *promising[: MAX_REFITS - len(chosen)]]
-    return [pair for _, pair in worth if pair in kept]
+    scored = [(s[0].gain / data.sensitive_cost(fitted, e)[0], (e, s)) for e, s in screened if s[0].gain > MIN_CHI2]
+    scored.sort(key=lambda one: -one[0])
+    leaders = [pair for _, pair in _subsystem_leaders(data, fitted, scored)]
+    promising = [pair for share, pair in scored if share > MIN_RELATIVE_SHARE * scored[0][0] and pair not in leaders]
+    selected = [*leaders, *promising[: MAX_REFITS - len(leaders)]]
+    return [pair for _, pair in scored if pair in selected]
 
 
 def _subsystem_leaders(
-    bench: DiagnosisData, state: FittedModel, worth: Sequence[tuple[float, ScreenedEffect]]
+    data: DiagnosisData, fitted: FittedModel, scored: Sequence[tuple[float, ScreenedEffect]]
 ) -> list[tuple[float, ScreenedEffect]]:
-    """Return the best effects of each subsystem, so many as its part of the residual is of ``SHARED_REFITS``.
+    """Return the best effects of each subsystem; their number is its share of the cost, times SHARED_REFITS.
 
-    An effect that acts everywhere, such as a sensor's fault, belongs to no subsystem.
+    An effect that influences every residual, such as a fault of a sensor, belongs to no subsystem.
     """
-    total = float(state.train_costs.sum())
-    groups: dict[bytes, list[tuple[float, ScreenedEffect]]] = {}
-    for one in worth:
-        groups.setdefault(bench.sensitive_blocks(one[1][0]).tobytes(), []).append(one)
+    total = float(fitted.train_costs.sum())
+    subsystems: dict[bytes, list[tuple[float, ScreenedEffect]]] = {}
+    for one in scored:
+        subsystems.setdefault(data.sensitive_blocks(one[1][0]).tobytes(), []).append(one)
     leaders = []
-    for group in groups.values():
-        cost = bench.sensitive_cost(state, group[0][1][0])[0]
+    for members in subsystems.values():
+        cost = data.sensitive_cost(fitted, members[0][1][0])[0]
         if cost < total:
-            leaders += group[: int(SHARED_REFITS * cost / total)]
+            leaders += members[: int(SHARED_REFITS * cost / total)]
     return leaders
 
 
-CONVERGED_COST_RATIO = 1.05  # times the least cost: such trials are fitted to the end before they are compared
-Decisions = list[Decision]  # about the effects that a rung lacks
+CONVERGED_COST_RATIO = (
+    1.05  # times the lowest cost: candidates within it are refitted to convergence before the comparison
+)
+Decisions = list[Decision]  # about the effects that a model lacks
 
 
 def screen_and_refit(
-    bench: DiagnosisData, state: FittedModel, without: Sequence[str] = (), named: FittedModel | None = None
+    data: DiagnosisData, fitted: FittedModel, excluded: Sequence[str] = (), reference: FittedModel | None = None
 ) -> Decisions:
-    """Decide on every effect that the state lacks: the best of the screen are refitted and come first.
+    """Decide on every effect that the model lacks; the refitted ones come first.
 
-    ``named`` is what they are to be compared with, besides one another.
+    ``excluded`` effects are not considered. ``reference`` is a further model that the candidates compete with.
     """
-    likely = score_test_screen(
-        bench, state, [(e, s) for e, s in bench.ranked_signatures(state) if e.name not in without]
+    screened_in = score_test_screen(
+        data, fitted, [(e, s) for e, s in data.ranked_signatures(fitted) if e.name not in excluded]
     )
-    trials = bench.refit_with(state, [effect for effect, _ in likely], [found for _, found in likely])
-    rivals = [*(t.full for t in trials), *([named] if named else [])]
-    close = CONVERGED_COST_RATIO * min((rival.cost for rival in rivals), default=0.0)
-    matter = [t for t in trials if t.train_gain.total > MIN_COST_SHARE * bench.sensitive_cost(state, t.effect)[0]]
-    polished = bench.refit_to_convergence([t for t in matter if t.full.cost < close])
-    ended = {t.effect.name: t for t in [*trials, *polished]}
-    others = [Decision(e, "not-promising") for e in bench.absent_effects(state) if e.name not in {*without, *ended}]
-    return apply_tests(bench, state, sorted(ended.values(), key=lambda t: t.full.cost)) + others
+    candidates = data.refit_with(fitted, [effect for effect, _ in screened_in], [tests for _, tests in screened_in])
+    rivals = [*(c.full for c in candidates), *([reference] if reference else [])]
+    cost_limit = CONVERGED_COST_RATIO * min((rival.cost for rival in rivals), default=0.0)
+    material = [c for c in candidates if c.train_gain.total > MIN_COST_SHARE * data.sensitive_cost(fitted, c.effect)[0]]
+    converged = data.refit_to_convergence([c for c in material if c.full.cost < cost_limit])
+    refitted = {c.effect.name: c for c in [*candidates, *converged]}
+    others = [Decision(e, "not-promising") for e in data.absent_effects(fitted) if e.name not in {*excluded, *refitted}]
+    return apply_tests(data, fitted, sorted(refitted.values(), key=lambda c: c.full.cost)) + others

@@ -1,4 +1,4 @@
-"""Which set of effects: forward, backward, and pairs where no single effect opens the way."""
+"""Selection of a set of effects: forward steps, backward elimination, and pairs where no single effect is supported."""
 
 from __future__ import annotations
 
@@ -8,13 +8,14 @@ from itertools import pairwise
 
 from pneucli.diagnose.adequacy import LackOfFit, significant_lack_of_fit
 from pneucli.diagnose.calibration import MIN_NAMED_PROBABILITY
-from pneucli.diagnose.candidate import Decision, supported_candidates
-from pneucli.diagnose.data import Candidate, DiagnosisData, FittedModel, lack_of_fit
+from pneucli.diagnose.candidate import Candidate, Decision, supported_candidates
+from pneucli.diagnose.data import DiagnosisData, lack_of_fit
 from pneucli.diagnose.equivalence import Term
 from pneucli.diagnose.evidence import score_gain
 from pneucli.diagnose.hypothesis_tests import min_relevant_reduction, passing_candidates
 from pneucli.diagnose.next_term import next_term, raises_free_run_error
 from pneucli.diagnose.posterior import posterior_probability
+from pneucli.diagnose.score import FittedModel
 from pneucli.diagnose.screening import Decisions, screen_and_refit
 from pneucli.identify.estimation.score_test import ScoreTest
 from pneucli.physics.declaration import Effect
@@ -25,10 +26,10 @@ MAX_PAIRS = 3
 
 @dataclass(frozen=True)
 class SelectionPath:
-    """The way taken: ``models`` from the model as it is to the last, each with one effect more.
+    """The selection path: ``models`` from the given model to the last, each with one effect more.
 
-    ``terms`` holds every effect of the last model with what passed in its place; ``decisions`` what became of the
-    others that were screened, one for each; ``improbable`` are those of them that were added and were likelier absent.
+    ``terms`` has the term of every added effect; ``decisions`` has one decision for each other screened effect;
+    ``improbable`` are those of them that were added and then dropped as more probably absent.
     """
 
     models: tuple[FittedModel, ...]
@@ -40,12 +41,12 @@ class SelectionPath:
 
     @property
     def last(self) -> FittedModel:
-        """The model with all that was found."""
+        """The model with all added effects."""
         return self.models[-1]
 
     @property
     def added(self) -> list[str]:
-        """The effects found, in the order to add them: that of the rungs, which may not be that of the last model."""
+        """The added effects in the order of the path, which may differ from that of the last model."""
         return [
             next(n for n in after.effect_names if n not in before.effect_names)
             for before, after in pairwise(self.models)
@@ -53,24 +54,24 @@ class SelectionPath:
 
     @property
     def adequate(self) -> bool:
-        """Whether nothing is left over beyond noise."""
+        """Whether the last model has no significant lack of fit."""
         return not significant_lack_of_fit(self.train, self.test)
 
 
-def select_effects(bench: DiagnosisData, base: FittedModel) -> SelectionPath:
-    """Find the effects that explain what ``base`` leaves over."""
-    rungs, rounds = _forward(bench, [base], [])
-    if len(rungs) <= 2 and significant_lack_of_fit(*lack_of_fit(bench, rungs[-1])):
-        rungs, rounds = _pairs(bench, rungs, rounds)
-    rungs, places, refused = _revise(bench, rungs, rounds)
-    last = rungs[-1]
-    doubted = [d for d in refused if d.reason == "explained-by-unknown" and d.effect.name not in last.effect_names]
-    train, test = lack_of_fit(bench, last)
+def select_effects(data: DiagnosisData, base: FittedModel) -> SelectionPath:
+    """Select the effects that explain the lack of fit of ``base``."""
+    path, rounds = _forward(data, [base], [])
+    if len(path) <= 2 and significant_lack_of_fit(*lack_of_fit(data, path[-1])):
+        path, rounds = _pairs(data, path, rounds)
+    path, terms, refused = _revise(data, path, rounds)
+    last = path[-1]
+    improbable = [d for d in refused if d.reason == "explained-by-unknown" and d.effect.name not in last.effect_names]
+    train, test = lack_of_fit(data, last)
     return SelectionPath(
-        models=tuple(rungs),
-        terms=places,
+        models=tuple(path),
+        terms=terms,
         decisions=final_decisions(rounds, refused, last.effect_names),
-        improbable=tuple(d.candidate for d in doubted if d.candidate is not None),
+        improbable=tuple(d.candidate for d in improbable if d.candidate is not None),
         train=tuple(train),
         test=tuple(test),
     )
@@ -79,13 +80,13 @@ def select_effects(bench: DiagnosisData, base: FittedModel) -> SelectionPath:
 def final_decisions(
     rounds: Sequence[Decisions], refused: Sequence[Decision], names: Sequence[str]
 ) -> tuple[Decision, ...]:
-    """Return the decision about each effect that was screened and is not among ``names``.
+    """Return one decision for each screened effect that is not among ``names``.
 
-    What was ``refused`` after it was taken stays so; else the first fit decides, against the model that lacked most.
-    What passed and is not in the last model is needless there: the last round found nothing left for it.
+    A refusal after the addition counts first, then the first fit, which is against the most incomplete model. An effect
+    that passed and is not in the last model is needless there: the last round found no use for it.
     """
-    tried = [d for each in rounds for d in each]
-    ranked = [*refused, *(d for d in tried if d.candidate is not None), *(d for d in tried if d.candidate is None)]
+    decided = [d for each in rounds for d in each]
+    ranked = [*refused, *(d for d in decided if d.candidate is not None), *(d for d in decided if d.candidate is None)]
     found: dict[str, Decision] = {}
     for d in ranked:
         if d.effect.name not in names:
@@ -94,172 +95,180 @@ def final_decisions(
 
 
 def _forward(
-    bench: DiagnosisData, rungs: list[FittedModel], rounds: list[Decisions]
+    data: DiagnosisData, path: list[FittedModel], rounds: list[Decisions]
 ) -> tuple[list[FittedModel], list[Decisions]]:
-    while len(rungs) <= MAX_EFFECTS:
-        leader, decisions = next_term(bench, screen_and_refit(bench, rungs[-1]))
+    while len(path) <= MAX_EFFECTS:
+        added, decisions = next_term(data, screen_and_refit(data, path[-1]))
         rounds.append(decisions)
-        if leader is None:
+        if added is None:
             break
-        rungs.append(leader.full)
-    return rungs, rounds
+        path.append(added.full)
+    return path, rounds
 
 
 def _revise(
-    bench: DiagnosisData, rungs: list[FittedModel], rounds: list[Decisions]
+    data: DiagnosisData, path: list[FittedModel], rounds: list[Decisions]
 ) -> tuple[list[FittedModel], dict[str, Term], Decisions]:
-    """Drop what should not stay beside later additions.
+    """Drop effects that are not needed besides later ones.
 
-    Returns the rungs, the place of each effect, and what was refused after it was taken.
+    Returns the path, the term of each effect, and the decisions about the dropped effects.
     """
-    base = rungs[0]
-    rungs, without, refused = _pruned(bench, base, rungs)
-    return rungs, _terms(bench, base, rungs[-1], rounds[0], without), refused
+    base = path[0]
+    path, without, refused = _pruned(data, base, path)
+    return path, _terms(data, base, path[-1], rounds[0], without), refused
 
 
 def _pruned(
-    bench: DiagnosisData, base: FittedModel, rungs: list[FittedModel]
+    data: DiagnosisData, base: FittedModel, path: list[FittedModel]
 ) -> tuple[list[FittedModel], dict[str, FittedModel], Decisions]:
-    """Return the rungs without what should not stay, states without single effects of the last, and what was refused.
+    """Return the path without dropped effects, the models without single effects of the last, and the decisions.
 
-    What made others needless and may not stay itself gives them back.
+    The path before a dropped effect is restored if that effect had made others needless.
     """
-    last, needless, without = _without_needless(bench, base, rungs[-1])
-    ladder, raising = _reordered_path(bench, base, last, rungs)
-    before = [state for state in rungs if not {d.effect.name for d in raising} & set(state.effect_names)]
-    if raising and len(before) > len(ladder):
+    last, needless, without = _without_needless(data, base, path[-1])
+    reordered, raising = _reordered_path(data, base, last, path)
+    before = [fitted for fitted in path if not {d.effect.name for d in raising} & set(fitted.effect_names)]
+    if raising and len(before) > len(reordered):
         return before, {}, raising
-    return ladder, without if ladder[-1] is last else {}, needless + raising
+    return reordered, without if reordered[-1] is last else {}, needless + raising
 
 
 def _terms(
-    bench: DiagnosisData, base: FittedModel, last: FittedModel, known: Decisions, less: Mapping[str, FittedModel]
+    data: DiagnosisData,
+    base: FittedModel,
+    last: FittedModel,
+    first_round: Decisions,
+    without: Mapping[str, FittedModel],
 ) -> dict[str, Term]:
-    """Return the place of each effect: with it what passes there in its stead.
+    """Return the term of each added effect, with the candidates that pass in its place.
 
-    ``known`` is the round of the base, which lacks one effect alone where one was found; ``less`` are states without
-    single effects.
+    ``first_round`` are the decisions at the base model, which lacks a single effect where one was added. ``without``
+    has models that lack a single effect.
     """
-    places: dict[str, Term] = {}
+    terms: dict[str, Term] = {}
     names = last.effect_names[len(base.effect_names) :]
     for name in names:
-        alone = base if len(names) == 1 else less.get(name)
-        before = bench.refit_without(last, [bench.effects[name]])[0] if alone is None else alone
-        decisions = known if len(names) == 1 else screen_and_refit(bench, before, [name], last)
-        rivals = tuple(t for t in supported_candidates(decisions) if t.effect.name != name)
-        places[name] = Term(bench.candidate(before, last, bench.effects[name]), rivals)
-    return places
+        reduced = base if len(names) == 1 else without.get(name)
+        before = data.refit_without(last, [data.effects[name]])[0] if reduced is None else reduced
+        decisions = first_round if len(names) == 1 else screen_and_refit(data, before, [name], last)
+        rivals = tuple(c for c in supported_candidates(decisions) if c.effect.name != name)
+        terms[name] = Term(data.candidate(before, last, data.effects[name]), rivals)
+    return terms
 
 
 def _without_needless(
-    bench: DiagnosisData, base: FittedModel, last: FittedModel
+    data: DiagnosisData, base: FittedModel, last: FittedModel
 ) -> tuple[FittedModel, Decisions, dict[str, FittedModel]]:
-    """Return the state without effects that should not stay beside the others, one after the other; and these.
-
-    Returns, too, the states that lack one more, by its name, where more than one effect is left.
-    """
+    """Return the model after backward elimination, the decisions, and its models that lack a single effect, by name."""
     refused: Decisions = []
     without: dict[str, FittedModel] = {}
     while len(names := last.effect_names[len(base.effect_names) :]) > 1:
-        effects = [bench.effects[name] for name in names]
-        without = dict(zip(names, bench.refit_without(last, effects), strict=True))
-        least = _least_needed(bench, last, [bench.candidate(without[e.name], last, e) for e in effects])
-        if least is None:
+        effects = [data.effects[name] for name in names]
+        without = dict(zip(names, data.refit_without(last, effects), strict=True))
+        weakest = _least_needed(data, last, [data.candidate(without[e.name], last, e) for e in effects])
+        if weakest is None:
             break
-        refused.append(least)
-        last = without[least.effect.name]
+        refused.append(weakest)
+        last = without[weakest.effect.name]
     return last, refused, without
 
 
-def _least_needed(bench: DiagnosisData, last: FittedModel, trials: Sequence[Candidate]) -> Decision | None:
-    """Return which of the last state's effects should go first, None where all should stay.
+def _least_needed(data: DiagnosisData, last: FittedModel, candidates: Sequence[Candidate]) -> Decision | None:
+    """Return the effect to drop next, None where all are needed.
 
-    Beside something unknown the least likely, if it is likelier absent: such a one takes from the others what is
-    theirs, so that these are not missed. Then one that is not supported beside the others, the least missed; but what
-    the data would certainly and noticeably miss stays: it may not be supported alone, and yet carry the others.
+    With an unmodelled effect present it is the least probable effect, if that is more probably absent: it takes cost
+    from the others, which then seem needless. Otherwise it is the cheapest to drop of the effects that are not
+    supported given the others, unless the cost would rise by a certain and material amount: such an effect may support
+    the others.
     """
-    if significant_lack_of_fit(*lack_of_fit(bench, last)):
-        chance, unlikely = min(
-            ((posterior_probability(bench, Term(t, ())), t) for t in trials), key=lambda each: each[0]
+    if significant_lack_of_fit(*lack_of_fit(data, last)):
+        probability, improbable = min(
+            ((posterior_probability(data, Term(c, ())), c) for c in candidates), key=lambda each: each[0]
         )
-        if chance < MIN_NAMED_PROBABILITY:
-            return Decision(unlikely.effect, "explained-by-unknown", unlikely)
-    needless = [t for t in trials if not passing_candidates(bench, t.reduced, [t]) and not _is_missed(t.reduced, last)]
-    least = min(needless, key=lambda t: t.reduced.cost, default=None)
-    return None if least is None else Decision(least.effect, "needless", least)
+        if probability < MIN_NAMED_PROBABILITY:
+            return Decision(improbable.effect, "explained-by-unknown", improbable)
+    needless = [
+        c for c in candidates if not passing_candidates(data, c.reduced, [c]) and not _is_missed(c.reduced, last)
+    ]
+    weakest = min(needless, key=lambda c: c.reduced.cost, default=None)
+    return None if weakest is None else Decision(weakest.effect, "needless", weakest)
 
 
 def _is_missed(before: FittedModel, last: FittedModel) -> bool:
-    missed = score_gain(before.costs, last.costs)
-    return missed.significant and missed.total > min_relevant_reduction(before.cost, before.residual_count)
+    gain = score_gain(before.costs, last.costs)
+    return gain.significant and gain.total > min_relevant_reduction(before.cost, before.residual_count)
 
 
 def _reordered_path(
-    bench: DiagnosisData, base: FittedModel, last: FittedModel, known: Sequence[FittedModel]
+    data: DiagnosisData, base: FittedModel, last: FittedModel, original: Sequence[FittedModel]
 ) -> tuple[list[FittedModel], Decisions]:
-    """Return the states from base to last, the effect that explains most first, and what no rung can take.
+    """Return the models from base to last, the effect with the largest reduction first, and the effects left out.
 
-    No rung spoils the error that the user sees: what does so wherever it is added is left out, and what has no size to
-    start from on any rung.
+    No step may raise the free-run error: an effect that does so wherever it is added is left out, and so is an effect
+    that has no initial guess at any step.
     """
-    if known[-1] is last and not any(bench.free_run_error_rises(before, after) for before, after in pairwise(known)):
-        return list(known), []
-    rungs, refused = [base], []
-    waiting = [e for e in last.model.effects if e.name not in base.effect_names]
-    while waiting:
-        ended = len(waiting) == 1
-        here = [e for e in waiting if ended or bench.has_initial_guess(rungs[-1], e)]
-        trials = [bench.candidate(rungs[-1], last, here[0])] if ended else bench.refit_with(rungs[-1], here)
-        able = [t for t in trials if not raises_free_run_error(bench, t)]
-        if not able:
-            refused += [Decision(t.effect, "raises-error", t) for t in trials]
-            refused += [Decision(e, "cannot-show") for e in waiting if e not in here]
+    if original[-1] is last and not any(
+        data.free_run_error_rises(before, after) for before, after in pairwise(original)
+    ):
+        return list(original), []
+    path, refused = [base], []
+    remaining = [e for e in last.model.effects if e.name not in base.effect_names]
+    while remaining:
+        ended = len(remaining) == 1
+        addable = [e for e in remaining if ended or data.has_initial_guess(path[-1], e)]
+        candidates = [data.candidate(path[-1], last, addable[0])] if ended else data.refit_with(path[-1], addable)
+        passing = [c for c in candidates if not raises_free_run_error(data, c)]
+        if not passing:
+            refused += [Decision(c.effect, "raises-error", c) for c in candidates]
+            refused += [Decision(e, "cannot-show") for e in remaining if e not in addable]
             break
-        first = min(able, key=lambda t: t.full.cost)
-        rungs.append(first.full)
-        waiting.remove(first.effect)
-    return rungs, refused
+        first = min(passing, key=lambda c: c.full.cost)
+        path.append(first.full)
+        remaining.remove(first.effect)
+    return path, refused
 
 
 def _pairs(
-    bench: DiagnosisData, rungs: list[FittedModel], rounds: list[Decisions]
+    data: DiagnosisData, path: list[FittedModel], rounds: list[Decisions]
 ) -> tuple[list[FittedModel], list[Decisions]]:
-    """Try pairs where single effects led nowhere: beside each of the best fits what promises most there.
+    """Try pairs where no single effect is supported: each of the best candidates with the most promising second one.
 
-    A base that lacks two bends to both, and hides the signature of the one under what the other bent. Pairs that the
-    last round has fitted are known.
+    The parameters of a model that lacks two effects compensate for both, which hides the signature of each. Sets that
+    the last round has fitted are skipped.
     """
-    base, last = rungs[0], rungs[-1]
-    known = [{*last.effect_names, d.effect.name} for d in rounds[-1] if d.candidate is not None]
-    fitted = [d.candidate for d in rounds[0] if d.candidate is not None and d.effect.name not in last.effect_names]
-    best = rungs
-    for first in sorted(fitted, key=lambda t: float(t.full.train_costs.sum()))[:MAX_PAIRS]:
-        for other, found in bench.ranked_signatures(first.full)[:1]:
-            if {*first.full.effect_names, other.name} in known:
+    base, last = path[0], path[-1]
+    fitted_sets = [{*last.effect_names, d.effect.name} for d in rounds[-1] if d.candidate is not None]
+    refitted = [d.candidate for d in rounds[0] if d.candidate is not None and d.effect.name not in last.effect_names]
+    best = path
+    for first in sorted(refitted, key=lambda c: float(c.full.train_costs.sum()))[:MAX_PAIRS]:
+        for other, tests in data.ranked_signatures(first.full)[:1]:
+            if {*first.full.effect_names, other.name} in fitted_sets:
                 continue
-            way = _pair_path(bench, base, first, other, found)
-            if way is not None and score_gain(best[-1].costs, way[-1].costs).significant:
-                best = way
-    if best is rungs:
-        return rungs, rounds
-    return _forward(bench, best, rounds[:1])
+            pair_path = _pair_path(data, base, first, other, tests)
+            if pair_path is not None and score_gain(best[-1].costs, pair_path[-1].costs).significant:
+                best = pair_path
+    if best is path:
+        return path, rounds
+    return _forward(data, best, rounds[:1])
 
 
 def _pair_path(
-    bench: DiagnosisData, base: FittedModel, first: Candidate, other: Effect, found: Sequence[ScoreTest]
+    data: DiagnosisData, base: FittedModel, first: Candidate, other: Effect, tests: Sequence[ScoreTest]
 ) -> list[FittedModel] | None:
-    """Return the way over both effects, where each is supported beside the other.
+    """Return the path over both effects, where each is supported given the other.
 
-    Where even both leave something unknown each must be likely, too.
+    Where the pair leaves an unmodelled effect, both must be probable, too.
     """
-    (second,) = bench.refit_with(first.full, [other], [found])
-    if not passing_candidates(bench, first.full, [second]):
+    (second,) = data.refit_with(first.full, [other], [tests])
+    if not passing_candidates(data, first.full, [second]):
         return None
-    (without,) = bench.refit_without(second.full, [first.effect])
-    beside = bench.candidate(without, second.full, first.effect)
-    if not passing_candidates(bench, without, [beside]):
+    (without,) = data.refit_without(second.full, [first.effect])
+    first_given_second = data.candidate(without, second.full, first.effect)
+    if not passing_candidates(data, without, [first_given_second]):
         return None
-    stand_in = min(posterior_probability(bench, Term(t, ())) for t in (second, beside)) < MIN_NAMED_PROBABILITY
-    if stand_in and significant_lack_of_fit(*lack_of_fit(bench, second.full)):
+    is_improbable = (
+        min(posterior_probability(data, Term(c, ())) for c in (second, first_given_second)) < MIN_NAMED_PROBABILITY
+    )
+    if is_improbable and significant_lack_of_fit(*lack_of_fit(data, second.full)):
         return None
     return [base, first.full, second.full]

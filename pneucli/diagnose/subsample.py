@@ -1,4 +1,4 @@
-"""Long recordings, thinned to stretches: minutes tell how a rig behaves as well as hours do."""
+"""Long recordings reduced to segments: minutes describe a rig as well as hours."""
 
 from __future__ import annotations
 
@@ -9,40 +9,42 @@ import numpy as np
 
 from pneucli.recording import Recording
 
-MAX_SAMPLES = 100_000  # samples in all: their derivatives for all parameters fit into a gigabyte
-MAX_SEGMENTS = 10  # of one recording, so that what drifts over it is seen
-MIN_HORIZONS = 4.0  # of the comparison, at least, in one stretch
+MAX_SAMPLES = 100_000  # in all: the derivatives for all parameters need less than a gigabyte
+MAX_SEGMENTS = 10  # of one recording, so that a drift over it is visible
+MIN_HORIZONS = 4.0  # of the comparison, at least, in one segment
 
 
 def subsample(recordings: Sequence[Recording], max_samples: int, horizon: float) -> list[Recording]:
-    """Return recordings of at most ``max_samples`` samples in all: the longest are cut to stretches, spread evenly over them.
+    """Return recordings of at most ``max_samples`` samples in all: evenly spaced segments of the longest ones.
 
-    What is short, such as the steps of a valve test, stays whole. Stretches keep their recording's name and are at
-    least some horizons (s) long; no sample is moved or averaged, so that nothing fast is lost.
+    Short recordings, such as the steps of a valve test, stay complete. A segment keeps the name of its recording and
+    lasts at least MIN_HORIZONS horizons (s). No sample is moved or averaged, so that fast effects remain.
     """
-    level = _common_size([one.time.size for one in recordings], max_samples)
-    return [piece for one in recordings for piece in _segments(one, level, horizon)]
+    size_limit = _common_size([recording.time.size for recording in recordings], max_samples)
+    return [segment for recording in recordings for segment in _segments(recording, size_limit, horizon)]
 
 
-def _common_size(sizes: Sequence[int], most: int) -> int:
-    """Return the size to which the larger ones are cut so that all together are no more than ``most``."""
-    if sum(sizes) <= most:
+def _common_size(sizes: Sequence[int], max_samples: int) -> int:
+    """Return the size to which larger recordings are cut so that all together have at most ``max_samples``."""
+    if sum(sizes) <= max_samples:
         return max(sizes, default=0)
-    left, waiting = most, sorted(sizes)
-    while waiting and waiting[0] * len(waiting) <= left:
-        left -= waiting.pop(0)
-    return left // len(waiting)
+    remaining, waiting_sizes = max_samples, sorted(sizes)
+    while waiting_sizes and waiting_sizes[0] * len(waiting_sizes) <= remaining:
+        remaining -= waiting_sizes.pop(0)
+    return remaining // len(waiting_sizes)
 
 
-def _segments(one: Recording, level: int, horizon: float) -> Iterator[Recording]:
-    n = one.time.size
-    if n <= level:
-        yield one
+def _segments(recording: Recording, size_limit: int, horizon: float) -> Iterator[Recording]:
+    n = recording.time.size
+    if n <= size_limit:
+        yield recording
         return
-    shortest = max(int(MIN_HORIZONS * horizon / one.period), 1)
-    number = int(np.clip(level // shortest, 1, MAX_SEGMENTS))
-    size = level // number
-    for start in np.linspace(0, n - size, number).astype(int):
+    shortest = max(int(MIN_HORIZONS * horizon / recording.period), 1)
+    count = int(np.clip(size_limit // shortest, 1, MAX_SEGMENTS))
+    size = size_limit // count
+    for start in np.linspace(0, n - size, count).astype(int):
         part = slice(start, start + size)
-        signals = {name: s[part].copy() for name, s in one.signals.items()}  # a view would keep the whole in memory
-        yield replace(one, time=one.time[part].copy(), signals=signals)
+        signals = {
+            name: s[part].copy() for name, s in recording.signals.items()
+        }  # a view would keep the whole in memory
+        yield replace(recording, time=recording.time[part].copy(), signals=signals)

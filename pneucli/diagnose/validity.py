@@ -1,29 +1,82 @@
-"""Samples at a known pressure: a direct reading of a sensor's fault beats what a fit infers."""
+"""Whether a fitted effect is a finding: was it observed, does it end at a bound, does a reading refute it?"""
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
+from typing import Literal
 
 import numpy as np
 
-from pneucli.identify.residuals import ResidualModel
+from pneucli.diagnose.candidate import Candidate
+from pneucli.identify.estimation.parameters import absent_value
+from pneucli.identify.residuals import ForceBalance, ResidualModel
 from pneucli.physics.declaration import Effect
 from pneucli.simulate.experiment import Experiment
 from pneucli.simulate.model import Model
 
 SENSOR_PORTS = {"p1": "read_p1", "p2": "read_p2"}
-AMBIENT_TOLERANCE = 0.01  # of ambient pressure: so much weather moves it, where it is stated and not measured
+AMBIENT_TOLERANCE = 0.01  # of ambient pressure: the weather moves a pressure that is stated and not measured by as much
 MIN_REST_TIME = 0.2  # s, at the lowest level
-REST_NOISE_FACTOR = 4.0  # times the sensor's, around that level
-REFUTATION_FACTOR = 3.0  # times that doubt, by which a fault would have to show
+REST_NOISE_FACTOR = 4.0  # times the sensor's noise, around that level
+REFUTATION_FACTOR = 3.0  # times AMBIENT_TOLERANCE: a fault that changes the reading by less is not refuted
+MIN_RESOLVED_PERIODS = 0.5  # of a sampling period: the clock or the model's own step may cause a shorter time
+
+EndLocation = Literal["null", "bound", "inside"]
 
 
-def refuted_by_reading(model: Model, effect: Effect, views: Sequence[ResidualModel]) -> bool:
-    """Whether samples at ambient pressure refute the fault of a pressure sensor that a model has.
+def has_unmeasured_force(residual_models: Sequence[ResidualModel], effect: Effect) -> bool:
+    """Whether an effect acts only in force balances that lack the pressure of a chamber.
 
-    Such as an offset of -95 mbar where the sensor rests at ambient pressure in the same recordings.
+    Chamber 2 is shut or driven and p2 was not recorded. Its force is missing from the balance, and an effect such as a
+    spring would replace it.
     """
-    experiments = {id(view.experiment.recording): view.experiment for view in views}.values()
+    sensitive = [model for model in residual_models if model.is_sensitive_to(effect)]
+    return bool(sensitive) and all(lacks_p2(model) for model in sensitive)
+
+
+def lacks_p2(residual_model: ResidualModel) -> bool:
+    """Whether this is a force balance of a piston whose chamber 2 is shut or driven and has no recorded pressure."""
+    return type(residual_model) is ForceBalance and residual_model.experiment.p2_is_unmeasured
+
+
+def end_locations(candidate: Candidate) -> list[EndLocation]:
+    """Return where the fit ended for each parameter with a null: at the null, at another bound, or inside."""
+    model, effect = candidate.full.model, candidate.effect
+    upper = {f.name: f.upper for f in candidate.full.fit.free}
+    parameters = {f"{effect.name}.{p.name}": p for p in effect.parameters}
+    absent = {name: absent_value(p, model, upper.get(name, math.inf)) for name, p in parameters.items()}
+    nulls = {name: value for name, value in absent.items() if value is not None}
+    return [
+        "null" if np.isclose(e.value, nulls[e.name], rtol=1e-5, atol=0.0) else "bound" if e.at_bound else "inside"
+        for e in candidate.full.fit.estimates
+        if e.name in nulls
+    ]
+
+
+def at_any_bound(candidate: Candidate) -> bool:
+    """Whether any parameter of the effect ended at a bound."""
+    return any(e.at_bound and e.name.startswith(f"{candidate.effect.name}.") for e in candidate.full.fit.estimates)
+
+
+def below_resolution(residual_models: Sequence[ResidualModel], candidate: Candidate) -> bool:
+    """Whether the effect consists of times alone, and the sampling cannot distinguish them from zero."""
+    period = max(model.experiment.recording.period for model in residual_models)
+    times = [
+        candidate.full.model.values[f"{candidate.effect.name}.{p.name}"]
+        for p in candidate.effect.parameters
+        if p.unit == "s" and p.null == 0.0
+    ]
+    all_are_times = len(times) == len(candidate.effect.parameters)
+    return all_are_times and all(abs(t) < MIN_RESOLVED_PERIODS * period for t in times)
+
+
+def refuted_by_reading(model: Model, effect: Effect, residual_models: Sequence[ResidualModel]) -> bool:
+    """Whether samples at ambient pressure refute a fault of a pressure sensor that the model contains.
+
+    An example is an offset of -95 mbar, where the sensor reads ambient pressure at rest in the same recordings.
+    """
+    experiments = {id(one.experiment.recording): one.experiment for one in residual_models}.values()
     return any(
         abs(float(effect.ports[port](ambient, ambient, *model.effect_parameters(effect))) - ambient)  # type: ignore[arg-type]
         > REFUTATION_FACTOR * AMBIENT_TOLERANCE * ambient
@@ -34,9 +87,9 @@ def refuted_by_reading(model: Model, effect: Effect, views: Sequence[ResidualMod
 
 
 def rests_at_ambient(experiment: Experiment, signal: str) -> bool:
-    """Whether the lowest level at which a pressure rests reads as ambient pressure: there the chamber is vented.
+    """Whether a pressure rests at its lowest level, and this level reads as ambient pressure.
 
-    With an offset the level would be elsewhere, and no vented chamber is below it.
+    The chamber is vented there: an offset of the sensor would shift the level, and no vented chamber is below it.
     """
     recording, ambient = experiment.recording, experiment.rig.ambient_pressure
     if signal not in recording:
@@ -46,8 +99,6 @@ def rests_at_ambient(experiment: Experiment, signal: str) -> bool:
         return False
     level = float(np.quantile(values, 0.01))
     noise = experiment.noise[signal].rms if signal in experiment.noise else 0.0
-    rested = (
-        np.count_nonzero(np.abs(values - level) < AMBIENT_TOLERANCE * ambient + REST_NOISE_FACTOR * noise)
-        * recording.period
-    )
-    return bool(abs(level - ambient) < AMBIENT_TOLERANCE * ambient and rested > MIN_REST_TIME)
+    band = AMBIENT_TOLERANCE * ambient + REST_NOISE_FACTOR * noise
+    rest_time = np.count_nonzero(np.abs(values - level) < band) * recording.period
+    return bool(abs(level - ambient) < AMBIENT_TOLERANCE * ambient and rest_time > MIN_REST_TIME)

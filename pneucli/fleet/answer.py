@@ -9,8 +9,8 @@ from typing import Any
 
 from pneucli.config.fleet_file import FleetTable
 from pneucli.fleet.trends import Trend
+from pneucli.quantities import Z95
 
-Z95 = 1.959964  # standard normal quantile of 0.975
 Result = Mapping[str, Any]
 
 

@@ -34,6 +34,7 @@ from pneucli.pipeline.runner import Pipeline, open_pipeline
 from pneucli.stages import changes, diagnose, ingest
 from pneucli.stages.pipeline_data import MODEL_FILE
 from pneucli.stages.pipeline_file import load_pipeline_file
+from pneucli.stages.tables.baseline import REFERENCE_FILE
 
 PIPELINE, REFERENCE, REPORT = "pipeline.toml", "reference", "report.html"
 PRELOADED_STAGES = (ingest, diagnose)  # imported with this module, so that forked workers have them
@@ -223,7 +224,7 @@ def _fetch_inputs(job: Job, scratch: Path) -> tuple[str, dict[str, str]]:
 def _store_row_files(job: Job, pipeline: Pipeline) -> None:
     """Store the row's pipeline file and, for the first date, the baseline of later comparisons."""
     job.store.write(f"{job.folder}/{PIPELINE}", job.text)
-    for name in (changes.REFERENCE_FILE, MODEL_FILE, MANIFEST) if job.store_reference else ():
+    for name in (REFERENCE_FILE, MODEL_FILE, MANIFEST) if job.store_reference else ():
         job.store.copy_file(f"{job.folder}/{REFERENCE}/{name}", pipeline.artifacts / "diagnose" / name)
 
 

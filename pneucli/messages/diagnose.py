@@ -1,4 +1,4 @@
-"""What is missing from the model, how sure that is, what it changes, and what to do."""
+"""The diagnosis: verdict, evidence, parameter shifts, and the next step."""
 
 from __future__ import annotations
 
@@ -16,14 +16,13 @@ from pneucli.messages.formatting import (
     format_quantity,
     join_names,
 )
-from pneucli.quantities import signal_title
 
 Answer = Mapping[str, Any]
 
 
 def lines(answer: Answer, file: str, verbose: bool) -> Iterator[str]:
-    """Yield the verdict, the evidence, what moves, what to do; behind ``-v`` ladder, candidates and limits."""
-    yield from labelled("found", verdict_sentence(answer))
+    """Yield verdict, evidence, shifts and next step; with ``-v`` also path, candidates and detection limits."""
+    yield from labelled("found", verdict_line(answer))
     yield from labelled("sure", evidence_summary(answer))
     if changes := parameter_shifts(answer):
         yield from labelled("changes", changes)
@@ -39,7 +38,7 @@ def lines(answer: Answer, file: str, verbose: bool) -> Iterator[str]:
         )
 
 
-def verdict_sentence(answer: Answer) -> str:
+def verdict_line(answer: Answer) -> str:
     """Return the verdict in one sentence."""
     if answer["verdict"] == "missing-effect":
         named = [f"{c['effect']} ({c['title'][:1].lower()}{c['title'][1:]})" for c in _named(answer)]
@@ -49,35 +48,8 @@ def verdict_sentence(answer: Answer) -> str:
     return f"{answer['verdict']}: {answer['sentence']}"
 
 
-def describe_discrepancy(unexplained: Answer) -> str:
-    """Return what is known of what no effect accounts for: where it is, of what it is a function, how much of it."""
-    share = ""
-    if unexplained.get("share"):
-        fitted = unexplained.get("law") == "a sine"  # a period is found in all recordings, none is left out of it
-        what, held = (
-            ("This", "")
-            if fitted
-            else (f"A function of {unexplained['variable']}", " in recordings that were left out")
-        )
-        share = f" {what} explains {format_percent(unexplained['share'])} of it{held}."
-    return f"What remains is {discrepancy_character(unexplained)}: {discrepancy_location(unexplained)}.{share}"
-
-
-def discrepancy_character(unexplained: Answer) -> str:
-    """Return as what the unknown acts, over which signal, and over which others as well."""
-    law = f" ({unexplained['law']})" if unexplained.get("law") else ""
-    return f"{unexplained['character']}{law}" + "".join(
-        f", or of {signal_title(name)}" for name in unexplained.get("also_over") or []
-    )
-
-
-def discrepancy_location(unexplained: Answer) -> str:
-    """Return in which channel the unknown is, and how large."""
-    return f"{unexplained['channel']} errs by {format_number(unexplained['times_noise'], 2)} times its noise ({unexplained['subsystem']})"
-
-
 def evidence_summary(answer: Answer) -> str:
-    """Return the evidence: how the error moves, on which recordings, with which size, and what else it could be."""
+    """Return the evidence: the error reduction, the sizes of the named effects, and their equivalents."""
     if answer["verdict"] in ("adequate", "inconclusive"):
         return f"{error_reduction(answer)}; {detectability_summary(answer)}"
     named = [f"{c['effect']} {format_parameters(c['parameters'])}{probability_clause(c)}" for c in _named(answer)]
@@ -88,15 +60,15 @@ def evidence_summary(answer: Answer) -> str:
 
 
 def probability_clause(candidate: Answer) -> str:
-    """Return how probable an effect is, with its set where it has one; nothing where that is not stated."""
+    """Return the probability of an effect or its equivalents; nothing where it is not stated."""
     if candidate.get("confidence") is None:
         return ""
-    of = ", or one that it cannot be told from," if candidate["indistinguishable_from"] else ""
-    return f"{of} is there with {format_percent(candidate['confidence'])} probability"
+    of = ", or one that is indistinguishable from it," if candidate["indistinguishable_from"] else ""
+    return f"{of} is present with {format_percent(candidate['confidence'])} probability"
 
 
 def error_reduction(answer: Answer) -> str:
-    """Return what becomes of the error with what is named, on the recordings that it is judged by."""
+    """Return how the named effects change the error, and on which recordings."""
     first, last = answer["ladder"][0], selected_step(answer)
     use, before = evaluation_error({"train": first["error_train"], "test": first["error_test"]})
     on = VALIDATION_PHRASES["apart" if use == "test" else answer.get("held_out", "none")]
@@ -108,48 +80,48 @@ def error_reduction(answer: Answer) -> str:
 
 
 def selected_step(answer: Answer) -> Answer:
-    """Return the rung with all that is named; what was tried after it does not count."""
+    """Return the step of the path with all named effects."""
     first: Answer = answer["ladder"][0]
     return next((step for step in reversed(answer["ladder"]) if step["add"] in answer["missing"]), first)
 
 
 def equivalence_clause(answer: Answer) -> str:
-    """Return what the named effects cannot be told from."""
+    """Return the effects that are indistinguishable from the named ones."""
     equals = sorted({other for c in _named(answer) for other in c["indistinguishable_from"]})
     if equals:
-        return f"these recordings cannot tell it from {join_names(equals)}"
+        return f"these recordings cannot distinguish it from {join_names(equals)}"
     return "no other effect of the catalogue explains these recordings as well"
 
 
 def parameter_shifts(answer: Answer) -> str:
-    """Return which other parameters move when the effects are added."""
+    """Return the base parameters that the named effects change."""
     moved = [
         f"{m['parameter']} {format_quantity(m['from'], m['unit'], 3)} → {format_quantity(m['to'], m['unit'], 3)}"
-        f"{'' if m['plausible'] else ' (not plausible)'}"
+        f"{'' if m['plausible'] else ' (at its bound)'}"
         for m in answer.get("moved") or []
     ]
     return ", ".join(moved)
 
 
 def changes_since_baseline(answer: Answer) -> str:
-    """Return what changed since the old model, or from which sizes on a change would have shown."""
+    """Return the changes since the baseline, or the sizes from which a change is detectable."""
     if answer["changes"]:
         return "; ".join(describe_change(one) for one in answer["changes"])
     unseen = [one for one in answer["since"]["unseen"] if one["plausible"]]
     sizes = [f"{one['name']} by {format_quantity(one['size'], one['unit'], 2)}" for one in unseen[:3]]
-    text = f"nothing changed that {len(answer['since']['unseen'])} parameters and effects would show"
-    text += f"; from these sizes on a change would have been named: {join_names(sizes)}" if sizes else ""
-    unknown = "; how much the rig differs from date to date without a change is not known (--repeat)"
+    text = f"no change detected in {len(answer['since']['unseen'])} parameters and effects"
+    text += f"; a change from these sizes on would have been named: {join_names(sizes)}" if sizes else ""
+    unknown = "; the variation from date to date without a change is unknown (--repeat)"
     return text if answer["since"].get("repeatability") else text + unknown
 
 
 def describe_change(one: Answer) -> str:
-    """Return one change: from what to what, how sure, and what else it could be."""
+    """Return one change with its interval, its false-alarm probability, and its equivalents."""
     before = "nothing" if one["before"] is None else format_quantity(one["before"], one["unit"], 3)
     after = "–" if one["ci95"] is None else format_interval(one["after"], one["unit"], one["ci95"])
-    twins = f", or {join_names(one['indistinguishable_from'])}" if one["indistinguishable_from"] else ""
+    equivalents = f", or {join_names(one['indistinguishable_from'])}" if one["indistinguishable_from"] else ""
     chance = format_number(max(1.0 - one["confidence"], 1e-12), 1)
-    return f"{one['name']}{twins} changed from {before} to {after} (chance of a false alarm {chance})"
+    return f"{one['name']}{equivalents} changed from {before} to {after} (chance of a false alarm {chance})"
 
 
 def next_step(answer: Answer, file: str) -> str:
@@ -160,28 +132,17 @@ def next_step(answer: Answer, file: str) -> str:
     return "; or: ".join(parts) or f"pneucli run {file}"
 
 
-def remaining_discrepancy(answer: Answer) -> str:
-    """Return what stays beyond noise, and where: the largest discrepancy; nothing where none is known."""
-    found = answer.get("discrepancy") or []
-    if not found:
-        return ""
-    worst = max(found, key=lambda one: one["size"])
-    over = f", over {worst['over']}" if worst.get("over") else ""
-    lasts = f", lasting {format_quantity(worst['time_constant_s'], 's', 2)}" if worst.get("time_constant_s") else ""
-    return f"What remains: {worst['channel']} by {format_noise_ratio(worst['size'])} × noise ({worst['subsystem']}{over}{lasts})."
-
-
 def detectability_summary(answer: Answer) -> str:
-    """Return how much of the catalogue would have shown, with an example: absent is not the same as invisible."""
-    known = answer.get("detectable", [])
-    able = [describe_detection_limit(one) for one in known if one["size"] is not None]
-    if not able:
-        return "no other effect of the catalogue would have shown"
-    return f"{len(able)} of {len(known)} other effects would have shown, such as {able[0]}"
+    """Return how many effects of the catalogue are detectable, with an example."""
+    limits = answer.get("detectable", [])
+    detectable = [describe_detection_limit(one) for one in limits if one["size"] is not None]
+    if not detectable:
+        return "no other effect of the catalogue is detectable"
+    return f"{len(detectable)} of {len(limits)} other effects are detectable, such as {detectable[0]}"
 
 
 def describe_detection_limit(one: Answer) -> str:
-    """Return from which size on an effect would have shown, and where it acts then."""
+    """Return the detection limit of an effect, and where it acts at this limit."""
     if one["size"] is None:
         return str(one["would_show"])
     where = [f", {at['parameter']} {format_quantity(at['value'], at['unit'], 2)}" for at in one.get("where", [])]
@@ -189,24 +150,26 @@ def describe_detection_limit(one: Answer) -> str:
 
 
 REJECTION_REASONS = {
-    "cannot-show": "These recordings could not show it: no recording feels it, or none would at any plausible size.",
-    "not-promising": "The residual holds too little of what it would leave there; it was not fitted.",
-    "vanishes": "Fitted, it vanishes: the recordings want none of it.",
-    "at-bound": "It would have to be larger or smaller than is plausible: fitted, it stands at a bound.",
-    "below-resolution": "Fitted, it is a time shorter than the sampling can tell from none.",
-    "not-significant": "Adding it changes no more than chance would.",
-    "immaterial": "What it takes off the error is too little to matter.",
-    "not-on-held-out": "It helps where it was fitted, but not for certain on recordings that were not fitted.",
-    "raises-error": "It fits each part by itself, but the error of the whole model rises with it.",
-    "needless": "It helps alone, but beside what was taken nothing is left for it.",
+    "cannot-show": "These recordings cannot detect it: no residual is sensitive to it, or to any plausible size of it.",
+    "not-promising": "The residual contains too little of its signature; it was not fitted.",
+    "vanishes": "The fit returns zero.",
+    "at-bound": "The fit ends at a bound of the plausible range.",
+    "below-resolution": "The fitted time is too short for the sampling.",
+    "not-significant": "The improvement is no larger than chance.",
+    "immaterial": "The improvement is too small to matter.",
+    "not-on-held-out": "It improves the fitted recordings, but not for certain recordings that were not fitted.",
+    "raises-error": "It improves a subsystem, but raises the error of the whole model.",
+    "needless": "It helps by itself, but adds nothing to the effects that were selected.",
     "contradicted-by-reading": "Samples at ambient pressure in these recordings refute it.",
     "explained-by-unknown": (
-        "It more likely stands in for something unknown: it takes too little, is too small or not sure enough beside "
-        "what remains."
+        "It probably only resembles an effect outside the catalogue: it explains too little, is too small or too "
+        "uncertain."
     ),
-    "explained-by-signal": "A function of one signal explains more in its place: it stands in for something unknown.",
+    "explained-by-signal": (
+        "A function of one signal explains more: it probably only resembles an effect outside the catalogue."
+    ),
 }
-"""What is said of an effect that is not named, by its ``reason``: the only place."""
+"""Why an effect is not named, by its ``reason``."""
 VALIDATION_PHRASES = {
     "apart": "on recordings that were not fitted",
     "by turns": "on the fitted recordings (each held out in turn)",
@@ -215,14 +178,14 @@ VALIDATION_PHRASES = {
 
 
 def reason_sentence(candidate: Answer, missing: Sequence[str], held_out: str, looks_like: str = "") -> str:
-    """Return why a candidate is named or not, in a sentence that a person understands."""
+    """Return why a candidate is named or not."""
     if not candidate["supported"]:
         return f"{candidate['title']}. {REJECTION_REASONS[candidate['reason']]}"
     if candidate["effect"] not in missing:
         alike = join_names([n for n in candidate["indistinguishable_from"] if n in missing])
-        return f"{candidate['title']}: in place of {alike} it explains these recordings as well; they cannot tell."
+        return f"{candidate['title']}: in place of {alike} it explains these recordings equally well."
     errors = [format_number(candidate[f"error_{when}"], 3) for when in ("before", "after")]
-    text = f"{candidate['title']}: adding it takes the error from {errors[0]} to {errors[1]} times the noise"
+    text = f"{candidate['title']}: with it the error goes from {errors[0]} to {errors[1]} times the noise"
     return f"{text} {VALIDATION_PHRASES[held_out]}. {looks_like}".rstrip()
 
 

@@ -27,16 +27,16 @@ def lines(
 def missing_effect_line(answer: Answer, models: Sequence[Answer], file: str) -> str:
     """Return what is missing with the command that adds it, or what was and is in the model now."""
     if answer["missing"]:
-        return f"{diagnose.verdict_sentence(answer)}; {diagnose.error_reduction(answer)}: {diagnose.next_step(answer, file)}"
+        return (
+            f"{diagnose.verdict_line(answer)}; {diagnose.error_reduction(answer)}: {diagnose.next_step(answer, file)}"
+        )
     here = history.models_on_current_data(models) if models else []
     was = [name for name in here[-1]["effects"] if name not in here[0]["effects"]] if here else []
     if was:
         sizes = format_parameters(added_parameters(here[-1], was))
         return f"{join_names(was)} was missing and is in the model now{f': {sizes}' if sizes else ''}"
     return (
-        "nothing that these recordings could show"
-        if answer["verdict"] == "adequate"
-        else diagnose.verdict_sentence(answer)
+        "nothing that these recordings could show" if answer["verdict"] == "adequate" else diagnose.verdict_line(answer)
     )
 
 

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from itertools import pairwise
 from typing import Any
 
-from pneucli.messages import compare, diagnose, history, law_comparison, run, simulate
+from pneucli.messages import compare, diagnose, discrepancy, history, law_comparison, run, simulate
 from pneucli.messages.formatting import format_noise_ratio, format_number, format_parameters, format_percent, join_names
 from pneucli.messages.plausibility import implausibility_sentences
 from pneucli.report.report_data import ReportData
@@ -139,18 +139,18 @@ def _missing(material: ReportData) -> Tile | None:
     title = "Missing effect"
     if answer["verdict"] == "adequate":
         detectable = f"{_capital(diagnose.detectability_summary(answer))}; all under Evidence."
-        text = f"{detectable} {diagnose.remaining_discrepancy(answer)}".rstrip()
+        text = f"{detectable} {discrepancy.remaining_discrepancy(answer)}".rstrip()
         return Tile(title, "nothing further detected", text, "good")
     if answer["verdict"] == "inconclusive":
         return Tile(title, "inconclusive", answer["sentence"], "bad")
-    text = f"{_capital(diagnose.evidence_summary(answer))}. {diagnose.remaining_discrepancy(answer)}".rstrip()
+    text = f"{_capital(diagnose.evidence_summary(answer))}. {discrepancy.remaining_discrepancy(answer)}".rstrip()
     if answer["missing"]:
         return Tile(title, join_names(answer["missing"]), text, "bad")
     share = format_percent(answer.get("unexplained_share") or 0.0)
     return Tile(
         title,
         f"{share} unexplained",
-        f"{_capital(answer['sentence'])} {diagnose.remaining_discrepancy(answer)}".rstrip(),
+        f"{_capital(answer['sentence'])} {discrepancy.remaining_discrepancy(answer)}".rstrip(),
         "bad",
     )
 

@@ -23,6 +23,7 @@ from pneucli.identify.valve import ValveIdentification, identify_valve, identify
 from pneucli.io.artifacts import write_table
 from pneucli.messages.formatting import format_number
 from pneucli.messages.friction import friction_warning
+from pneucli.messages.valve import valve_warning
 from pneucli.pipeline.context import Context
 from pneucli.plausibility.required_inputs import Assumption, assumptions, volumes_to_identify
 from pneucli.quantities import axis_parameter_name
@@ -31,7 +32,7 @@ from pneucli.simulate.model import Model, has_parameter, parameter_value
 from pneucli.stages.pipeline_data import PipelineData, save_model
 from pneucli.stages.tables.correlation import write_parameter_relations
 from pneucli.stages.tables.friction import friction_answer, write_friction
-from pneucli.stages.tables.valve import iso_parameters, valve_answer, valve_warnings, write_valves
+from pneucli.stages.tables.valve import iso_parameters, valve_answer, valve_findings, write_valves
 
 PIPELINE_KEYS = {
     "rig.moving_mass": "rig.cylinder.moving_mass",
@@ -151,7 +152,7 @@ def _identify_valves(study: PipelineData, found: Fit, warnings: list[str]) -> li
     ]
     for valve in valves:
         which = " (chamber 2)" if valve.chamber == 2 else ""
-        warnings += [f"{text}{which}" for text in valve_warnings(valve)]
+        warnings += [f"{valve_warning(code, **numbers)}{which}" for code, numbers in valve_findings(valve)]
     return valves
 
 

@@ -12,12 +12,11 @@ import pytest
 from pneucli.diagnose import diagnosis, free_run_error
 from pneucli.diagnose.adequacy import LackOfFit
 from pneucli.diagnose.calibration import Evidence, presence_rate, probability
-from pneucli.diagnose.candidate import Decision, Reason
-from pneucli.diagnose.data import Candidate
+from pneucli.diagnose.candidate import Candidate, Decision, Reason
 from pneucli.diagnose.evidence import ScoreGain
 from pneucli.diagnose.selection import SelectionPath
 from pneucli.identify.residuals import ForceBalance, FreeRun
-from tests.diagnose.toys import Toys, adding, effect
+from tests.diagnose.synthetic_data import SyntheticData, adding, effect
 
 A, B, C, D = (effect(name) for name in "abcd")
 RESTS_ON = {"a": Evidence(0.8, 50.0, 1.0), "b": Evidence(0.2, 9.0, 0.3)}
@@ -30,7 +29,7 @@ class Diagnosed:
     """A diagnosis whose search ended after ``a`` and ``b``; what is left over and what stands is stated."""
 
     def __init__(self, monkeypatch: pytest.MonkeyPatch, **given: Any) -> None:
-        self.toys = Toys([A, B], adding(a=0.6, b=0.4))
+        self.toys = SyntheticData([A, B], adding(a=0.6, b=0.4))
         self.rungs = tuple(self.toys.model_with(names) for names in ([], ["a"], ["a", "b"]))
         for rung in self.rungs:
             rung.fit.estimates[:] = []  # type: ignore[index]
@@ -43,7 +42,7 @@ class Diagnosed:
         def place(one: Any, rivals: list[Candidate]) -> Any:
             return SimpleNamespace(
                 candidate=Candidate(one, self.rungs[0], self.rungs[-1], none, none, 0.0),
-                equivalents=lambda bench, *, complete: rivals if complete != unknown else None,
+                equivalents=lambda diagnosis_data, *, complete: rivals if complete != unknown else None,
             )
 
         places = {"a": place(A, []), "b": place(B, [rival])}
@@ -51,7 +50,7 @@ class Diagnosed:
         standing = given.get("standing", {"a", "b"})
 
         def weighed(
-            bench: Any, last: Any, step: Candidate, left: Any, place: Any, alike: Any
+            diagnosis_data: Any, last: Any, step: Candidate, left: Any, place: Any, alike: Any
         ) -> tuple[Decision, Evidence]:
             assert place is places[step.effect.name]
             assert alike == (() if place is places["a"] else (rival.effect.name,))
@@ -60,32 +59,38 @@ class Diagnosed:
             reason: Reason = "supported" if stands else given.get("why", "explained-by-unknown")
             return Decision(step.effect, reason, step), RESTS_ON[step.effect.name]
 
-        def without_refused(bench: Any, last: Any, weights: Any, left: Any) -> Any:
+        def without_refused(diagnosis_data: Any, last: Any, weights: Any, left: Any) -> Any:
             assert bool(left) == unknown
             falls = given.get("falls", ())
             return [(replace(d, reason="raises-error") if d.effect.name in falls else d, e) for d, e in weights]
 
-        def describe(bench: Any, fit: Any, worst: LackOfFit) -> str:
+        def describe(diagnosis_data: Any, fit: Any, worst: LackOfFit) -> str:
             self.described.append(([e.name for e in fit.model.effects], worst))
             return "unknown"
 
-        monkeypatch.setattr(diagnosis, "select_effects", lambda bench, start: found)
-        monkeypatch.setattr(diagnosis, "free_run_lack_of_fit", lambda model, views: given.get("astray", []))
-        monkeypatch.setattr(diagnosis, "lack_of_fit", lambda bench, state: (given.get("remains", [MUCH]), []))
+        monkeypatch.setattr(diagnosis, "select_effects", lambda diagnosis_data, start: found)
+        monkeypatch.setattr(diagnosis, "free_run_lack_of_fit", lambda model, residual_models: given.get("astray", []))
+        monkeypatch.setattr(
+            diagnosis, "lack_of_fit", lambda diagnosis_data, model_fit: (given.get("remains", [MUCH]), [])
+        )
         monkeypatch.setattr(diagnosis, "decide", weighed)
         monkeypatch.setattr(diagnosis, "retest_without_refused", without_refused)
         odds = np.log([1.0, 9.0])
         monkeypatch.setattr(
-            diagnosis, "log_odds_among_equivalents", lambda bench, one: odds[0] if one is rival else odds[1]
+            diagnosis, "log_odds_among_equivalents", lambda diagnosis_data, one: odds[0] if one is rival else odds[1]
         )
-        monkeypatch.setattr(diagnosis, "has_calibration", lambda bench, effect: given.get("examined", True))
+        monkeypatch.setattr(diagnosis, "has_calibration", lambda diagnosis_data, effect: given.get("examined", True))
         monkeypatch.setattr(diagnosis, "describe_lack_of_fit", describe)
         self.sizes = [SimpleNamespace(typical=typical) for typical in given.get("typical", [True])]
         monkeypatch.setattr(
-            diagnosis, "minimum_detectable_effects", lambda bench, state: self.sizes if state is found.last else []
+            diagnosis,
+            "minimum_detectable_effects",
+            lambda diagnosis_data, model_fit: self.sizes if model_fit is found.last else [],
         )
-        monkeypatch.setattr(diagnosis, "describe_discrepancies", lambda bench, fit, left: [(fit.model, len(left))])
-        monkeypatch.setattr(diagnosis, "undetectable_effects", lambda bench, sizes: [])
+        monkeypatch.setattr(
+            diagnosis, "describe_discrepancies", lambda diagnosis_data, fit, left: [(fit.model, len(left))]
+        )
+        monkeypatch.setattr(diagnosis, "undetectable_effects", lambda diagnosis_data, sizes: [])
         self.bench: Any = SimpleNamespace(
             fitted_model=lambda base: self.rungs[0], train=given.get("train", []), held_out=[],
             effects=self.toys.effects, candidate=self.toys.candidate, implausible=given.get("implausible", False),
@@ -95,8 +100,8 @@ class Diagnosed:
     def of_nothing(self, monkeypatch: pytest.MonkeyPatch) -> diagnosis.Diagnosis:
         """The diagnosis where the search added nothing."""
         alone = SelectionPath(self.rungs[:1], {}, (), (), ())
-        monkeypatch.setattr(diagnosis, "select_effects", lambda bench, start: alone)
-        monkeypatch.setattr(diagnosis, "minimum_detectable_effects", lambda bench, state: self.sizes)
+        monkeypatch.setattr(diagnosis, "select_effects", lambda diagnosis_data, start: alone)
+        monkeypatch.setattr(diagnosis, "minimum_detectable_effects", lambda diagnosis_data, model_fit: self.sizes)
         return diagnosis.diagnose(self.bench, None)  # type: ignore[arg-type]
 
     @property

@@ -56,18 +56,18 @@ def left(kind: Any = Gas, channel: str = "p1", ratio: float = 3.0) -> LackOfFit:
 def over(monkeypatch: pytest.MonkeyPatch) -> dict[str, str]:
     """Of which signal each channel's remainder is a function: what is told of it is tested by itself."""
     known: dict[str, str] = {}
-    told = lambda bench, fit, one: SimpleNamespace(variable=known.get(one.channel))  # noqa: E731
+    told = lambda diagnosis_data, fit, one: SimpleNamespace(variable=known.get(one.channel))  # noqa: E731
     monkeypatch.setattr(discrepancy, "describe_lack_of_fit", told)
     return known
 
 
-def remaining(views: Sequence[Gas], left: Sequence[LackOfFit]) -> list[Discrepancy]:
-    return describe_discrepancies(SimpleNamespace(views=views), SimpleNamespace(model=None), left)  # type: ignore[arg-type]
+def remaining(residual_models: Sequence[Gas], left: Sequence[LackOfFit]) -> list[Discrepancy]:
+    return describe_discrepancies(SimpleNamespace(residual_models=residual_models), SimpleNamespace(model=None), left)  # type: ignore[arg-type]
 
 
-def memory(*views: Gas) -> float | None:
+def memory(*residual_models: Gas) -> float | None:
     """The time constant that is told of p1."""
-    (found,) = remaining(views, [left()])
+    (found,) = remaining(residual_models, [left()])
     return found.time_constant
 
 
@@ -83,8 +83,8 @@ def test_the_time_constant_of_a_first_order_drift_is_found(time_constant: float,
 
 def test_recordings_are_pooled() -> None:
     """The time constant is a hundredth of each of 16 recordings: one alone tells it to a fifth or worse."""
-    views = [Gas(p1=drifting(0.2, seed=seed)) for seed in range(16)]
-    assert memory(*views) == pytest.approx(0.2, rel=0.1)
+    residual_models = [Gas(p1=drifting(0.2, seed=seed)) for seed in range(16)]
+    assert memory(*residual_models) == pytest.approx(0.2, rel=0.1)
 
 
 def test_the_fastest_sampling_tells_it() -> None:

@@ -6,7 +6,6 @@ import numpy as np
 import pytest
 
 from pneucli.diagnose.evidence import (
-    block_costs,
     disagreement,
     effective_degrees_of_freedom,
     holm_adjusted,
@@ -15,6 +14,7 @@ from pneucli.diagnose.evidence import (
     significance,
     wald_p_value,
 )
+from pneucli.diagnose.score import block_costs
 from pneucli.identify.estimation.fit import Fit
 from pneucli.identify.estimation.parameters import effect_parameters
 from pneucli.physics.declaration import Effect

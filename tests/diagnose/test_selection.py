@@ -11,11 +11,12 @@ import pytest
 
 from pneucli.diagnose import evidence, hypothesis_tests, next_term, selection
 from pneucli.diagnose.adequacy import LackOfFit
-from pneucli.diagnose.data import Candidate, FittedModel
+from pneucli.diagnose.candidate import Candidate
 from pneucli.diagnose.evidence import ScoreGain
+from pneucli.diagnose.score import FittedModel
 from pneucli.diagnose.selection import SelectionPath, screen_and_refit, select_effects
 from pneucli.identify.residuals import ForceBalance
-from tests.diagnose.toys import Toys, adding, effect
+from tests.diagnose.synthetic_data import SyntheticData, adding, effect
 
 
 @pytest.fixture(autouse=True)
@@ -24,9 +25,11 @@ def sure(monkeypatch: pytest.MonkeyPatch) -> dict[str, float]:
     known: dict[str, float] = {}
     for module in (selection, next_term):
         monkeypatch.setattr(
-            module, "posterior_probability", lambda bench, place: known.get(place.candidate.effect.name, 0.9)
+            module, "posterior_probability", lambda diagnosis_data, place: known.get(place.candidate.effect.name, 0.9)
         )
-    monkeypatch.setattr(next_term, "log_odds_among_equivalents", lambda bench, trial: known.get(trial.effect.name, 0.9))
+    monkeypatch.setattr(
+        next_term, "log_odds_among_equivalents", lambda diagnosis_data, candidate: known.get(candidate.effect.name, 0.9)
+    )
     return known
 
 
@@ -34,8 +37,8 @@ def sure(monkeypatch: pytest.MonkeyPatch) -> dict[str, float]:
 def remainder(monkeypatch: pytest.MonkeyPatch) -> None:
     """What is left of a state is its cost over its samples."""
 
-    def left(bench: Any, state: FittedModel) -> tuple[list[LackOfFit], list[LackOfFit]]:
-        ratio = float(np.sqrt(state.cost / state.residual_count))
+    def left(diagnosis_data: Any, model_fit: FittedModel) -> tuple[list[LackOfFit], list[LackOfFit]]:
+        ratio = float(np.sqrt(model_fit.cost / model_fit.residual_count))
         return [LackOfFit(ForceBalance, "force", ratio, ratio, ())], []
 
     for module in (selection, next_term, hypothesis_tests):
@@ -43,8 +46,8 @@ def remainder(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(evidence, "RESAMPLES", 200)  # falls are far from chance or far from certain
 
 
-def found(bench: Toys, *base: str) -> SelectionPath:
-    return select_effects(bench, bench.model_with(base))  # type: ignore[arg-type]
+def found(diagnosis_data: SyntheticData, *base: str) -> SelectionPath:
+    return select_effects(diagnosis_data, diagnosis_data.model_with(base))  # type: ignore[arg-type]
 
 
 def names(result: SelectionPath) -> set[str]:
@@ -55,7 +58,7 @@ A, B, C, D, E = (effect(name) for name in "abcde")
 
 
 def test_the_effect_that_explains_all_is_found_and_nothing_else() -> None:
-    result = found(Toys([A, B, C], adding(a=1.0)))
+    result = found(SyntheticData([A, B, C], adding(a=1.0)))
     assert result.added == ["a"]
     assert result.adequate
     assert [s.effect_names for s in result.models] == [[], ["a"]]
@@ -63,51 +66,51 @@ def test_the_effect_that_explains_all_is_found_and_nothing_else() -> None:
 
 
 def test_what_was_tried_from_the_model_as_it_is_is_not_tried_again() -> None:
-    toys = Toys([A, B, C], adding(a=1.0))
-    found(toys)
-    assert sorted(toys.added_names) == [("a",), ("a", "b"), ("a", "c")]
+    synthetic = SyntheticData([A, B, C], adding(a=1.0))
+    found(synthetic)
+    assert sorted(synthetic.added_names) == [("a",), ("a", "b"), ("a", "c")]
 
 
 def test_where_noise_alone_is_left_nothing_is_found() -> None:
-    result = found(Toys([A, B, C], adding(), excess=0.0))
+    result = found(SyntheticData([A, B, C], adding(), excess=0.0))
     assert result.added == []
     assert result.adequate
     assert len(result.models) == 1
 
 
 def test_two_effects_are_found_the_larger_one_first() -> None:
-    result = found(Toys([A, B, C], adding(a=0.3, b=0.7)))
+    result = found(SyntheticData([A, B, C], adding(a=0.3, b=0.7)))
     assert result.added == ["b", "a"]
     assert result.adequate
 
 
 def test_effects_that_the_model_has_are_not_found_again() -> None:
-    result = found(Toys([A, B, C], adding(a=0.5, b=0.5)), "a")
+    result = found(SyntheticData([A, B, C], adding(a=0.5, b=0.5)), "a")
     assert result.added == ["b"]
     assert [s.effect_names for s in result.models] == [["a"], ["a", "b"]]
 
 
 def test_what_no_effect_explains_is_left_over() -> None:
-    result = found(Toys([A, B, C], adding(a=0.3)))
+    result = found(SyntheticData([A, B, C], adding(a=0.3)))
     assert result.added == ["a"]
     assert not result.adequate
 
 
 def test_what_falls_on_the_fitted_data_alone_is_not_found() -> None:
-    assert found(Toys([A, B], adding(a=0.5), unseen=adding(a=-0.02), excess=0.5)).added == []
+    assert found(SyntheticData([A, B], adding(a=0.5), unseen=adding(a=-0.02), excess=0.5)).added == []
 
 
 def test_without_held_out_data_the_fitted_ones_decide() -> None:
-    assert found(Toys([A, B], adding(a=0.5), unseen=adding(), excess=0.5, held_out=False)).added == ["a"]
+    assert found(SyntheticData([A, B], adding(a=0.5), unseen=adding(), excess=0.5, held_out=False)).added == ["a"]
 
 
 def test_an_effect_that_raises_the_error_the_user_sees_is_not_found() -> None:
-    assert found(Toys([A, B], adding(a=1.0), worse={"a"})).added == []
+    assert found(SyntheticData([A, B], adding(a=1.0), worse={"a"})).added == []
 
 
 def test_no_more_than_four_effects_are_found_one_by_one() -> None:
     six = [effect(n) for n in "abcdef"]
-    assert len(found(Toys(six, adding(**dict.fromkeys("abcdef", 0.3)), excess=2.0)).added) == 4
+    assert len(found(SyntheticData(six, adding(**dict.fromkeys("abcdef", 0.3)), excess=2.0)).added) == 4
 
 
 def test_an_effect_that_stood_in_for_two_others_goes_when_they_are_there() -> None:
@@ -115,7 +118,7 @@ def test_an_effect_that_stood_in_for_two_others_goes_when_they_are_there() -> No
         pair = 0.5 * len(chosen & {"b", "c"})
         return max(pair, 0.6 + 0.3 * pair) if "a" in chosen else pair
 
-    assert names(found(Toys([A, B, C], takes))) == {"b", "c"}
+    assert names(found(SyntheticData([A, B, C], takes))) == {"b", "c"}
 
 
 def test_an_effect_that_has_no_size_without_another_one_comes_after_it() -> None:
@@ -125,9 +128,9 @@ def test_an_effect_that_has_no_size_without_another_one_comes_after_it() -> None
         pair = 0.7 * ("b" in chosen) + 0.3 * ("c" in chosen)
         return max(pair, 0.75 + 0.2 * pair) if "a" in chosen else pair
 
-    result = found(Toys([A, B, C], takes, sized_by={"b": {"c"}}))
+    result = found(SyntheticData([A, B, C], takes, sized_by={"b": {"c"}}))
     assert result.added == ["c", "b"]
-    circle = found(Toys([A, B, C], takes, sized_by={"b": {"c"}, "c": {"a"}}))
+    circle = found(SyntheticData([A, B, C], takes, sized_by={"b": {"c"}, "c": {"a"}}))
     assert circle.added[0] == "a"
 
 
@@ -137,22 +140,24 @@ def test_where_something_unknown_is_left_the_likeliest_leads(sure: dict[str, flo
     def takes(chosen: frozenset[str]) -> float:
         return max({"a": 0.605, "b": 0.6}.get(n, 0.0) for n in {*chosen, "c"})
 
-    assert found(Toys([A, B, C], takes, excess=2.0)).added == ["a"]
+    assert found(SyntheticData([A, B, C], takes, excess=2.0)).added == ["a"]
     sure["b"] = 0.95
-    assert found(Toys([A, B, C], takes, excess=2.0)).added == ["b"]
-    assert found(Toys([A, B, C], takes, worse={"b"}, excess=2.0)).added == ["a"]
-    assert found(Toys([A, B, C], lambda chosen: max(takes(chosen), 2.0 * ("a" in chosen)), excess=2.0)).added == ["a"]
+    assert found(SyntheticData([A, B, C], takes, excess=2.0)).added == ["b"]
+    assert found(SyntheticData([A, B, C], takes, worse={"b"}, excess=2.0)).added == ["a"]
+    assert found(
+        SyntheticData([A, B, C], lambda chosen: max(takes(chosen), 2.0 * ("a" in chosen)), excess=2.0)
+    ).added == ["a"]
 
 
 def test_what_is_likelier_absent_goes_where_something_unknown_is_left(sure: dict[str, float]) -> None:
     """The least likely first; what is there alone stays, and all that leave nothing together."""
     sure.update(b=0.4, c=0.3)
-    result = found(Toys([A, B, C], adding(a=0.4, b=0.2, c=0.2), excess=2.0))
+    result = found(SyntheticData([A, B, C], adding(a=0.4, b=0.2, c=0.2), excess=2.0))
     assert result.added == ["a"]
     assert [t.effect.name for t in result.improbable] == ["c", "b"]
     assert {d.effect.name: d.reason for d in result.decisions} == dict.fromkeys("bc", "explained-by-unknown")
-    assert found(Toys([B, C], adding(b=0.4), excess=2.0)).added == ["b"]
-    assert names(found(Toys([A, B, C], adding(a=0.8, b=0.6, c=0.6), excess=2.0))) == {"a", "b", "c"}
+    assert found(SyntheticData([B, C], adding(b=0.4), excess=2.0)).added == ["b"]
+    assert names(found(SyntheticData([A, B, C], adding(a=0.8, b=0.6, c=0.6), excess=2.0))) == {"a", "b", "c"}
 
 
 def test_what_is_likelier_absent_goes_before_what_it_makes_needless(sure: dict[str, float]) -> None:
@@ -162,8 +167,10 @@ def test_what_is_likelier_absent_goes_before_what_it_makes_needless(sure: dict[s
     def takes(chosen: frozenset[str]) -> float:
         return 0.62 if {"a", "b"} <= chosen else 0.619 if "b" in chosen else 0.6 * ("a" in chosen)
 
-    bench = Toys([A, B], takes, excess=2.0)
-    kept, refused, _ = selection._without_needless(bench, bench.model_with(()), bench.model_with(("a", "b")))  # type: ignore[arg-type]
+    diagnosis_data = SyntheticData([A, B], takes, excess=2.0)
+    kept, refused, _ = selection._without_needless(
+        diagnosis_data, diagnosis_data.model_with(()), diagnosis_data.model_with(("a", "b"))
+    )  # type: ignore[arg-type]
     assert kept.effect_names == ["a"]
     assert [(d.effect.name, d.reason) for d in refused] == [("b", "explained-by-unknown")]
 
@@ -172,9 +179,9 @@ def test_a_pair_beside_something_unknown_must_be_likely(sure: dict[str, float]) 
     def takes(chosen: frozenset[str]) -> float:
         return 0.7 if {"a", "b"} <= chosen else 0.002 * len(chosen & {"a", "b"})
 
-    assert names(found(Toys([A, B], takes, excess=2.0))) == {"a", "b"}
+    assert names(found(SyntheticData([A, B], takes, excess=2.0))) == {"a", "b"}
     sure["a"] = 0.4
-    assert names(found(Toys([A, B], takes, excess=2.0))) == set()
+    assert names(found(SyntheticData([A, B], takes, excess=2.0))) == set()
 
 
 def test_what_was_needless_beside_one_that_may_not_stay_comes_back() -> None:
@@ -184,9 +191,9 @@ def test_what_was_needless_beside_one_that_may_not_stay_comes_back() -> None:
         return 0.9 if {"a", "b"} <= chosen else 0.89 if "b" in chosen else 0.5 * ("a" in chosen)
 
     way = [["a"], ["a", "b"]]
-    bench = Toys([A, B], takes, worse={"b"})
-    rungs = [bench.model_with(()), *(bench.model_with(names) for names in way)]
-    kept, _, refused = selection._revise(bench, rungs, [[]])  # type: ignore[arg-type]
+    diagnosis_data = SyntheticData([A, B], takes, worse={"b"})
+    rungs = [diagnosis_data.model_with(()), *(diagnosis_data.model_with(names) for names in way)]
+    kept, _, refused = selection._revise(diagnosis_data, rungs, [[]])  # type: ignore[arg-type]
     assert kept[-1].effect_names == ["a"]
     assert [(d.effect.name, d.reason) for d in refused] == [("b", "raises-error")]
 
@@ -195,13 +202,13 @@ def test_equals_of_an_effect_are_its_rivals() -> None:
     def takes(chosen: frozenset[str]) -> float:
         return 1.0 if chosen & {"a", "b"} else 0.0
 
-    result = found(Toys([A, B, C], takes))
+    result = found(SyntheticData([A, B, C], takes))
     (name,) = result.added
     assert {t.effect.name for t in result.terms[name].rivals} == {"a", "b"} - {name}
 
 
 def test_a_pair_of_which_neither_leads_anywhere_alone_is_found() -> None:
-    result = found(Toys([A, B, C], lambda chosen: 1.0 if {"a", "b"} <= chosen else 0.0))
+    result = found(SyntheticData([A, B, C], lambda chosen: 1.0 if {"a", "b"} <= chosen else 0.0))
     assert names(result) == {"a", "b"}
     assert result.adequate
 
@@ -213,16 +220,16 @@ def test_the_second_of_a_pair_is_what_promises_most_beside_the_first() -> None:
         single = max((0.3, "a" in chosen), (0.2, "c" in chosen), (0.1, "d" in chosen), key=lambda one: one[0] * one[1])
         return 1.0 if {"a", "b"} <= chosen else single[0] * single[1]
 
-    toys = Toys([A, B, C, D], takes, unseen=lambda chosen: 1.0 if {"a", "b"} <= chosen else 0.0)
-    assert names(found(toys)) == {"a", "b"}
-    assert ("c", "d") not in toys.added_names
+    synthetic = SyntheticData([A, B, C, D], takes, unseen=lambda chosen: 1.0 if {"a", "b"} <= chosen else 0.0)
+    assert names(found(synthetic)) == {"a", "b"}
+    assert ("c", "d") not in synthetic.added_names
 
 
 def test_a_pair_that_was_fitted_from_the_one_side_is_not_fitted_from_the_other() -> None:
     """Held-out data refuse b and c; beside each a promises most, and both were fitted beside a."""
-    toys = Toys([A, B, C], adding(a=0.5, b=0.06, c=0.05), unseen=adding(a=0.5))
-    assert found(toys).added == ["a"]
-    fitted = [frozenset(one) for one in toys.added_names]
+    synthetic = SyntheticData([A, B, C], adding(a=0.5, b=0.06, c=0.05), unseen=adding(a=0.5))
+    assert found(synthetic).added == ["a"]
+    fitted = [frozenset(one) for one in synthetic.added_names]
     assert len(fitted) == len(set(fitted))
 
 
@@ -231,7 +238,7 @@ def test_the_rungs_of_what_was_revised_begin_with_what_explains_most() -> None:
         pair = 0.3 * ("b" in chosen) + 0.7 * ("c" in chosen)
         return max(pair, 0.75 + 0.2 * pair) if "a" in chosen else pair
 
-    assert found(Toys([A, B, C], takes)).added == ["c", "b"]
+    assert found(SyntheticData([A, B, C], takes)).added == ["c", "b"]
 
 
 # --- what is tried
@@ -248,18 +255,18 @@ def costing(cost: float) -> FittedModel:
 BEFORE = costing(10000.0)
 
 
-class Screened(Toys):
+class Screened(SyntheticData):
     """Signatures promise what is stated; fits cost what is stated."""
 
     def __init__(self, promised: dict[str, float], costs: dict[str, float] | None = None) -> None:
         super().__init__([effect(n) for n in promised], adding())
         self.promised, self.costs = promised, costs or {}
 
-    def ranked_signatures(self, state: FittedModel) -> list[Any]:
+    def ranked_signatures(self, model_fit: FittedModel) -> list[Any]:
         ranked = sorted(self.promised.items(), key=lambda pair: -pair[1])
         return [(self.effects[n], [SimpleNamespace(gain=g)]) for n, g in ranked]
 
-    def refit_with(self, state: FittedModel, effects: Sequence[Any], ranked: Any = ()) -> list[Candidate]:
+    def refit_with(self, model_fit: FittedModel, effects: Sequence[Any], ranked: Any = ()) -> list[Candidate]:
         costs = [self.costs.get(one.name, 9000.0) for one in effects]
         gains = [ScoreGain(10000.0 - cost, 1.0, 1e-9, 30.0) for cost in costs]
         return [
@@ -267,9 +274,9 @@ class Screened(Toys):
         ]
 
 
-def order(bench: Screened, without: tuple[str, ...] = ()) -> list[str]:
+def order(diagnosis_data: Screened, without: tuple[str, ...] = ()) -> list[str]:
     """The effects that were fitted."""
-    return [d.effect.name for d in screen_and_refit(bench, BEFORE, without) if d.candidate is not None]  # type: ignore[arg-type]
+    return [d.effect.name for d in screen_and_refit(diagnosis_data, BEFORE, without) if d.candidate is not None]  # type: ignore[arg-type]
 
 
 def test_no_more_than_six_are_refitted_those_that_promise_most() -> None:
@@ -290,7 +297,7 @@ def test_of_the_share_that_the_best_promises_of_what_it_acts_in() -> None:
     """A tenth of little counts as much as a tenth of much that it does not act in."""
 
     class Apart(Screened):
-        def sensitive_cost(self, state: FittedModel, one: Any) -> tuple[float, int]:
+        def sensitive_cost(self, model_fit: FittedModel, one: Any) -> tuple[float, int]:
             return (1e6, 100) if one.name == "a" else (1e3, 100)
 
     assert set(order(Apart({"a": 1e5, "b": 100.0, "c": 13.0}))) == {"a", "b", "c"}
@@ -303,17 +310,17 @@ def test_an_effect_may_be_left_out_and_then_the_next_is_the_best() -> None:
 
 
 def test_trials_come_with_the_least_cost_first_and_only_close_ones_are_fitted_to_the_end() -> None:
-    bench = Screened({"a": 50.0, "b": 60.0, "c": 70.0}, {"a": 8000.0, "b": 8500.0, "c": 8300.0})
-    assert order(bench) == ["a", "c", "b"]
-    assert set(bench.polished_names) == {"a", "c"}  # within 5 %
+    diagnosis_data = Screened({"a": 50.0, "b": 60.0, "c": 70.0}, {"a": 8000.0, "b": 8500.0, "c": 8300.0})
+    assert order(diagnosis_data) == ["a", "c", "b"]
+    assert set(diagnosis_data.polished_names) == {"a", "c"}  # within 5 %
     slight = Screened({"a": 50.0}, {"a": 9970.0})
     order(slight)
     assert slight.polished_names == []  # 0.3 % of the cost
 
 
 def test_a_search_knows_what_was_added_to_what() -> None:
-    toys = Toys([A, B, C], adding())
-    rungs = tuple(toys.model_with(n) for n in (["a"], ["a", "b"], ["a", "b", "c"]))
+    synthetic = SyntheticData([A, B, C], adding())
+    rungs = tuple(synthetic.model_with(n) for n in (["a"], ["a", "b"], ["a", "b", "c"]))
     result = SelectionPath(rungs, (), {}, (), ())
     assert result.added == ["b", "c"]
     assert result.adequate

@@ -122,9 +122,9 @@ def moved(speed: float, viscous: float, seed: int) -> ForceBalance:
     v, x = speed * np.cos(2 * np.pi * time), 0.1 + speed / (2 * np.pi) * np.sin(2 * np.pi * time)
 
     def read(p1: np.ndarray | float) -> ForceBalance:
-        view = ForceBalance(make_experiment("friction", time, {"x": x, "v": v, "p1": p1}))
-        view.__dict__.update(noise={"force": 1.0}, channels=("force",))
-        return view
+        residual_model = ForceBalance(make_experiment("friction", time, {"x": x, "v": v, "p1": p1}))
+        residual_model.__dict__.update(noise={"force": 1.0}, channels=("force",))
+        return residual_model
 
     lacking = read(3e5).residual(model(values={"friction.viscous": viscous}))["force"]
     noise = RNG(seed).standard_normal(time.size)
@@ -173,7 +173,7 @@ def test_a_model_that_runs_away_leaves_nothing_open(monkeypatch: pytest.MonkeyPa
 # --- over all recordings
 
 
-def view() -> Any:
+def residual_model() -> Any:
     signals = {"u": SWING, "p1": 3e5, "p2": 3e5, "x": 0.1 + 0.05 * SWING, "v": 0.05 * np.cos(TIME)}
     found = ForceBalance(make_experiment("axis", TIME, signals))
     found.__dict__["channels"] = ("force",)
@@ -182,7 +182,9 @@ def view() -> Any:
 
 def test_a_channels_remainder_is_over_what_a_correct_model_would_show() -> None:
     residual = RNG(7).standard_normal(N)
-    found = _channel_lack_of_fit(ForceBalance, "force", [(view(), 2.0 * residual, 0.5), (view(), residual, 1.0)])
+    found = _channel_lack_of_fit(
+        ForceBalance, "force", [(residual_model(), 2.0 * residual, 0.5), (residual_model(), residual, 1.0)]
+    )
     assert (found.kind, found.channel) == (ForceBalance, "force")
     assert found.ratio == pytest.approx(np.sqrt((16.0 + 1.0) / 2.0), rel=0.05)
     assert found.trimmed_ratio < found.ratio * 1.05
@@ -230,7 +232,7 @@ def test_residuals_of_a_kind_of_view_are_pooled_by_channel_in_units_of_noise(mon
 
 
 def test_a_friction_that_drifts_shows_against_the_motion() -> None:
-    one = view()
+    one = residual_model()
     direction = np.sign(np.cos(TIME))
     found = _channel_lack_of_fit(
         ForceBalance, "force", [(one, direction * (0.5 * TIME - 2.0) + RNG(8).standard_normal(N), 1.0)]
@@ -242,7 +244,7 @@ def test_a_friction_that_drifts_shows_against_the_motion() -> None:
 
 def test_samples_that_do_not_count_do_not_thin_the_ratio() -> None:
     residual = np.where(TIME < 4.0, 0.0, 2.0)
-    assert _channel_lack_of_fit(ForceBalance, "force", [(view(), residual, 1.0)]).ratio == pytest.approx(2.0)
+    assert _channel_lack_of_fit(ForceBalance, "force", [(residual_model(), residual, 1.0)]).ratio == pytest.approx(2.0)
 
 
 # --- manoeuvres
@@ -308,7 +310,9 @@ def test_a_push_is_the_force_of_both_pressures_at_rest_in_the_middle() -> None:
 
 def test_the_manoeuvre_in_which_models_differ_most_over_the_noise_is_proposed(monkeypatch: pytest.MonkeyPatch) -> None:
     apart = {"one": {"p1": 500.0, "x": 1e-3}, "two": {"p1": 900.0, "x": np.inf}, "three": {"force": 1e9}}
-    monkeypatch.setattr(experiment_design, "candidate_experiments", lambda model, views: [(w, w) for w in apart])
+    monkeypatch.setattr(
+        experiment_design, "candidate_experiments", lambda model, residual_models: [(w, w) for w in apart]
+    )
     monkeypatch.setattr(experiment_design, "_rms_differences", lambda one, other, experiment: apart[experiment])
     noise = {"p1": SimpleNamespace(rms=100.0), "x": SimpleNamespace(rms=2e-4), "p2": SimpleNamespace(rms=0.0)}
     seen: Any = [SimpleNamespace(experiment=SimpleNamespace(noise=noise))]

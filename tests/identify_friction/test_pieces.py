@@ -24,6 +24,7 @@ from pneucli.identify.friction.samples import MovingSamples
 from pneucli.identify.friction.stick_slip import StickSlip, average_stick_slips
 from pneucli.identify.friction.velocity_estimation import fuse_position_and_acceleration
 from pneucli.noise import NoiseModel
+from pneucli.quantities import Z95
 from pneucli.simulate.velocity_integration import (
     MIN_REST_SAMPLES,
     correlation_samples,
@@ -76,7 +77,7 @@ def test_a_curve_has_the_mean_and_the_interval_of_its_bins_by_blocks() -> None:
 
 def test_too_few_blocks_have_the_interval_of_the_sensors_noise() -> None:
     found = binned_curve(samples([0.1, 0.1], [9.0, 11.0], sigma=np.array([2.0, 4.0])), "both")
-    assert found.ci_high - found.force == pytest.approx([1.96 * 3.0 / 2**0.5])
+    assert found.ci_high - found.force == pytest.approx([Z95 * 3.0 / 2**0.5])
 
 
 def test_bins_are_finer_toward_standstill_and_keep_the_directions_apart() -> None:
@@ -131,7 +132,7 @@ def test_coulomb_and_viscous_friction_are_found_with_honest_errors() -> None:
         half = np.array([v[name].ci_high - v[name].value for v in values])
         assert {v[name].unit for v in values} == {unit}
         assert np.mean(found) == pytest.approx(true, abs=np.mean(half))
-        assert np.mean(half) / 1.96 == pytest.approx(np.std(found), rel=0.4)
+        assert np.mean(half) / Z95 == pytest.approx(np.std(found), rel=0.4)
         assert np.mean(np.abs(found - true) < half) > 0.8
 
 
@@ -375,7 +376,7 @@ def test_kinetic_friction_is_half_the_difference_of_both_directions() -> None:
     assert halves[2] == pytest.approx(np.hypot(*halves[:2]) / 2)
     assert halves[2] == pytest.approx(halves[3])
     # the median of 3840 normal numbers: 1.25 / sqrt(3840) of their deviation
-    assert halves[0] == pytest.approx(1.96 * 1.25 * 0.5 / 3840**0.5, rel=0.5)
+    assert halves[0] == pytest.approx(Z95 * 1.25 * 0.5 / 3840**0.5, rel=0.5)
 
 
 def test_the_mass_goes_into_the_friction_force() -> None:

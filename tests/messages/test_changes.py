@@ -25,10 +25,10 @@ def test_a_change_is_told_with_its_size_its_twins_and_how_sure_it_is() -> None:
 
 def test_where_nothing_changed_it_is_told_what_would_have_shown() -> None:
     text = changes_since_baseline(answer())
-    assert "nothing changed that 2 parameters and effects would show" in text
+    assert "no change detected in 2 parameters and effects" in text
     assert "friction.coulomb by 0.20 N" in text
     assert "end-cushion" not in text
-    assert text.endswith("is not known (--repeat)")
+    assert text.endswith("is unknown (--repeat)")
     known = {"unseen": LIMITS, "repeatability": {"dates": 3}}
     assert changes_since_baseline({"changes": [], "since": known}).endswith("0.20 N")
 

@@ -120,7 +120,7 @@ def test_diagnose_says_what_is_missing_how_sure_what_changes_and_what_to_do() ->
     told = one_line(messages.render("diagnose", DIAGNOSED, "p.toml"))
     assert told.startswith("found the model lacks piston-leak (leak across the piston) sure the error falls from 18.1")
     assert "to 0.83 × noise on recordings that were not fitted; piston-leak area = 0.100 ± 0.010 mm²; no other" in told
-    assert "changes valve.overlap_fill 0.475 V → 0.206 V (not plausible)" in told
+    assert "changes valve.overlap_fill 0.475 V → 0.206 V (at its bound)" in told
     assert told.endswith("do pneucli add p.toml --suggested")
 
 
@@ -134,19 +134,19 @@ def test_what_was_tried_after_the_named_effect_does_not_count_as_its_fall() -> N
 def test_twins_are_named() -> None:
     twin = {**DIAGNOSED["candidates"][0], "indistinguishable_from": ["dead-volume", "chamber-leak"]}
     told = diagnose.evidence_summary(DIAGNOSED | {"candidates": [twin]})
-    assert "these recordings cannot tell it from chamber-leak and dead-volume" in told
+    assert "these recordings cannot distinguish it from chamber-leak and dead-volume" in told
 
 
 def test_an_adequate_model_comes_with_what_would_have_shown() -> None:
     told = one_line(messages.render("diagnose", ADEQUATE, "p.toml"))
     assert "found nothing is missing that these recordings could show" in told
-    assert "1 of 1 other effects would have shown, such as chamber-leak (area 0.00030 mm²)" in told
+    assert "1 of 1 other effects are detectable, such as chamber-leak (area 0.00030 mm²)" in told
     cushion = {"effect": "end-cushion", "parameter": "damping", "size": 8.3, "unit": "N s/m"}
     somewhere = [cushion | {"where": [{"parameter": "length", "value": 0.08, "unit": "m"}]}]
     told = diagnose.evidence_summary(ADEQUATE | {"detectable": somewhere})
     assert "such as end-cushion (damping 8.3 N·s/m, length 80 mm)" in told
     blind = [{**DIAGNOSED["detectable"][0], "size": None}]
-    assert "no other effect of the catalogue would have shown" in diagnose.evidence_summary(
+    assert "no other effect of the catalogue is detectable" in diagnose.evidence_summary(
         ADEQUATE | {"detectable": blind}
     )
 

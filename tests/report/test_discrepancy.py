@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from pneucli.messages import diagnose
+from pneucli.messages import discrepancy
 from pneucli.report.report_data import Table
 from pneucli.report.sections.diagnosis import _smooth_terms
 
@@ -17,7 +17,7 @@ REST: dict[str, Any] = {
 
 
 def test_it_is_told_where_it_is_and_of_what_it_is_a_function() -> None:
-    assert diagnose.describe_discrepancy(REST) == (
+    assert discrepancy.describe_discrepancy(REST) == (
         "What remains is a force, a function of piston position (a parabola), or of pressure of chamber 1, or of "
         "pressure of chamber 2: force errs by 13 times its noise (mechanics). A function of x explains 95 % of it in "
         "recordings that were left out."
@@ -32,7 +32,7 @@ def test_a_period_is_not_said_to_hold_in_what_was_left_out() -> None:
         "also_over": [],
         "character": "something that repeats over time",
     }
-    assert diagnose.describe_discrepancy(rest) == (
+    assert discrepancy.describe_discrepancy(rest) == (
         "What remains is something that repeats over time (a sine): force errs by 13 times its noise (mechanics). "
         "This explains 95 % of it."
     )
@@ -46,7 +46,7 @@ def test_of_what_has_no_shape_that_is_said() -> None:
         "also_over": [],
         "character": "something without a shape",
     }
-    assert diagnose.describe_discrepancy(rest) == (
+    assert discrepancy.describe_discrepancy(rest) == (
         "What remains is something without a shape: force errs by 13 times its noise (mechanics)."
     )
 

@@ -20,7 +20,7 @@ from pneucli.io.artifacts import read_table
 from pneucli.physics.effects import catalogue
 from pneucli.pipeline.context import Context
 from pneucli.stages import diagnose, ingest
-from pneucli.stages.diagnose_sentence import verdict_sentence
+from pneucli.stages.diagnosis_answer import verdict_answer
 from tests.stages.chain import known_as_declared
 
 Diagnosed = tuple[Path, dict[str, Any]]
@@ -118,8 +118,8 @@ def test_what_the_parameters_leave_open_is_said_and_what_to_record() -> None:
 @pytest.mark.parametrize(
     ("typical", "words"),
     [
-        ([False, False, True], "2 of 3 effects would not have shown at a typical size"),
-        ([True, True, False], "what the recordings say does not fit together"),
+        ([False, False, True], "2 of 3 effects are undetectable at a typical size"),
+        ([True, True, False], "the recordings contradict each other or the stated rig"),
     ],
 )
 def test_where_nothing_can_be_said_it_is_told_why(typical: list[bool], words: str) -> None:
@@ -128,8 +128,8 @@ def test_where_nothing_can_be_said_it_is_told_why(typical: list[bool], words: st
         verdict="inconclusive", missing=(), path=SimpleNamespace(last=last),
         detectable=[SimpleNamespace(typical=t) for t in typical],
     )  # fmt: skip
-    told = verdict_sentence(found, [{"train": 1.1, "test": None}], None)
-    assert told == f"Nothing can be said: {words} (error 1.1 times the noise)."
+    sentence = verdict_answer(found, [{"train": 1.1, "test": None}], None)
+    assert sentence == f"No statement is possible: {words} (error 1.1 times the noise)."
 
 
 def test_the_ladder_falls_to_the_noise_floor(hysteresis: Diagnosed) -> None:

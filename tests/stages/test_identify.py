@@ -14,7 +14,8 @@ import pytest
 
 from pneucli import messages
 from pneucli.io.artifacts import read_metadata, read_table
-from pneucli.stages.tables.valve import MAX_TRAIN_RESIDUAL, _lack_warning, valve_warnings
+from pneucli.messages.valve import valve_warning
+from pneucli.stages.tables.valve import MAX_TRAIN_RESIDUAL, lack_of_fit_findings, valve_findings
 from tests.stages.conftest import DEMO
 
 Demo = tuple[Path, dict[str, Any]]
@@ -107,32 +108,32 @@ def test_one_valve(demo: Demo) -> None:
 
 
 def test_what_the_model_lacks_of_the_valve_is_a_warning_with_numbers() -> None:
-    lack = SimpleNamespace(noticeable=True, median=0.047, p95=0.2, share_outside=0.61)
-    assert list(_lack_warning(lack)) == [  # type: ignore[arg-type]
+    lack = SimpleNamespace(is_significant=True, median=0.047, p95=0.2, share_outside=0.61)
+    assert [valve_warning(code, **numbers) for code, numbers in lack_of_fit_findings(lack)] == [  # type: ignore[arg-type]
         "valve-lack-of-fit: the model's valve is off the measured map by 5 % in the median, 20 % at the 95th "
         "percentile, outside both 95 % intervals at 61 % of the points: pneucli diagnose says what it may lack"
     ]
-    lack.noticeable = False
-    assert not list(_lack_warning(lack))  # type: ignore[arg-type]
+    lack.is_significant = False
+    assert not list(lack_of_fit_findings(lack))  # type: ignore[arg-type]
 
 
 def test_a_map_beyond_all_measure_is_named() -> None:
     """A gradient far above what the curves themselves show, and curves that no map follows, are not passed over."""
-    calm = SimpleNamespace(noticeable=False)
+    calm = SimpleNamespace(is_significant=False)
     valve = SimpleNamespace(
-        described=False,
-        steepest=1e13,
-        shown=2e6,
-        lack=calm,
+        is_consistent=False,
+        max_gradient=1e13,
+        max_measured_gradient=2e6,
+        lack_of_fit=calm,
         iso=(),
-        uneven=(),
+        resampled=(),
         measured=True,
-        over_noise=lambda use: 7.0,
+        residual_to_noise=lambda use: 7.0,
     )
-    names = [text.partition(":")[0] for text in valve_warnings(valve)]  # type: ignore[arg-type]
+    names = [code for code, _ in valve_findings(valve)]  # type: ignore[arg-type]
     assert names == ["valve-not-described", "valve-curves-not-followed"]
-    valve.described, valve.over_noise = True, {"train": 1.0, "test": 9.0}.__getitem__
-    assert [text.partition(":")[0] for text in valve_warnings(valve)] == ["valve-not-foreseen"]  # type: ignore[arg-type]
+    valve.is_consistent, valve.residual_to_noise = True, {"train": 1.0, "test": 9.0}.__getitem__
+    assert [code for code, _ in valve_findings(valve)] == ["valve-not-foreseen"]  # type: ignore[arg-type]
 
 
 def test_the_answer_is_json_and_words(demo: Demo) -> None:

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from scipy.stats import t as student_t
 
 from pneucli.identify.friction.samples import MovingSamples
+from pneucli.quantities import Z95
 
 Array = NDArray[np.float64]
 Branch = Literal["accelerating", "slowing", "both"]
@@ -65,7 +66,7 @@ def _bin(s: MovingSamples) -> tuple[float, float, float, float]:
     _, index = np.unique(s.block, return_inverse=True)
     sums = np.bincount(index, weights=s.friction - mean)
     blocks = sums.size
-    if blocks < MIN_BLOCKS:  # the sensors' noise alone, taken as common to a block
-        return float(np.mean(s.v)), mean, float(1.96 * np.mean(s.sigma) / np.sqrt(blocks)), n
+    if blocks < MIN_BLOCKS:  # the sensors' noise alone, as if it were common to a block
+        return float(np.mean(s.v)), mean, float(Z95 * np.mean(s.sigma) / np.sqrt(blocks)), n
     error = np.sqrt(blocks / (blocks - 1) * np.sum(sums**2)) / n
     return float(np.mean(s.v)), mean, float(student_t.ppf(0.975, blocks - 1) * error), n

@@ -8,7 +8,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pneucli.identify.friction.kinematics import Motion
-from pneucli.identify.friction.samples import Z95, IntervalEstimate
+from pneucli.identify.friction.samples import IntervalEstimate
+from pneucli.quantities import Z95
 
 Array = NDArray[np.float64]
 

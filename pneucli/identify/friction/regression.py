@@ -10,9 +10,10 @@ from numpy.typing import NDArray
 
 from pneucli.identify.estimation.blocks import group_scores
 from pneucli.identify.estimation.least_squares import minimise
-from pneucli.identify.friction.samples import Z95, IntervalEstimate, MovingSamples
+from pneucli.identify.friction.samples import IntervalEstimate, MovingSamples
 from pneucli.identify.guesses.direct_friction import search_stribeck
 from pneucli.physics.vectorised import stribeck_friction
+from pneucli.quantities import Z95
 
 Array = NDArray[np.float64]
 Residual = Callable[[Array], Array]

@@ -12,7 +12,6 @@ from numpy.typing import NDArray
 from pneucli.identify.friction.kinematics import Motion
 
 Array = NDArray[np.float64]
-Z95 = 1.96  # 97.5 % quantile of the normal distribution
 
 
 @dataclass(frozen=True)

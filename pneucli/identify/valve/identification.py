@@ -26,7 +26,6 @@ from pneucli.identify.valve.fit import (
 from pneucli.identify.valve.iso6358 import IsoConductance, iso_conductances
 from pneucli.identify.valve.lack_of_fit import LackOfFit, compare_with_map
 from pneucli.identify.valve.maps import (
-    Z95,
     Coverage,
     GradientMap,
     InverseMap,
@@ -41,6 +40,7 @@ from pneucli.identify.valve.noise_covariance import averaged_noise_autocovarianc
 from pneucli.identify.valve.resampling import interpolation_error, is_unevenly_sampled
 from pneucli.identify.valve.transients import Transients, cut_transients
 from pneucli.noise import NoiseModel, pool_noise
+from pneucli.quantities import Z95
 from pneucli.recording import Recording, Rig
 from pneucli.simulate.experiment import Experiment
 from pneucli.simulate.model import Model

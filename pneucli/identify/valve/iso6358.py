@@ -19,9 +19,10 @@ from pneucli.identify.estimation.fit import Estimate, Fit
 from pneucli.identify.estimation.least_squares import minimise
 from pneucli.identify.valve.area_model import AreaModel
 from pneucli.identify.valve.fit import Posterior
-from pneucli.identify.valve.maps import Z95, Coverage, gradient_with_error
+from pneucli.identify.valve.maps import Coverage, gradient_with_error
 from pneucli.identify.valve.model_gradient import whitening_matrix
 from pneucli.physics.gas import PSI_MAX, flow_constant
+from pneucli.quantities import Z95
 from pneucli.simulate.model import Model
 
 Array = NDArray[np.float64]

@@ -8,8 +8,9 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-from pneucli.identify.valve.maps import Z95, GradientMap
+from pneucli.identify.valve.maps import GradientMap
 from pneucli.identify.valve.model_gradient import ModelGradient
+from pneucli.quantities import Z95
 
 Array = NDArray[np.float64]
 

@@ -10,10 +10,10 @@ from numpy.typing import NDArray
 from pneucli.identify.valve.area_model import AreaModel
 from pneucli.identify.valve.fit import JACOBIAN_MEMORY, Posterior
 from pneucli.identify.valve.transients import Transients
+from pneucli.quantities import Z95
 
 Array = NDArray[np.float64]
 
-Z95 = 1.959964  # 97.5 % quantile of the normal distribution
 INVERSE_COMMANDS = 801  # commands at which the inverse is prepared
 COVERAGE_DISTANCE = 0.1  # of the largest command: the distance up to which a tested command covers others
 MAX_LEVELS = 200  # of the command; more are rounded to this number

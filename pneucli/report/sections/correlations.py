@@ -10,7 +10,7 @@ from matplotlib.ticker import FuncFormatter, NullFormatter
 from scipy.stats import norm
 
 from pneucli.messages.formatting import format_number, format_setting, join_names
-from pneucli.quantities import CHANNELS, SIGNALS
+from pneucli.quantities import CHANNELS, SIGNALS, Z95
 from pneucli.report.figure import BLUE, GREY, PALETTE, Drawing, drawing, figures, heat_map
 from pneucli.report.page_elements import Cell, Grid, Note, Part, Section
 from pneucli.report.report_data import ReportData, Table
@@ -124,7 +124,7 @@ def _residuals(material: ReportData) -> Iterator[Drawing]:
 
 def _of_many(lags: int) -> float:
     """Return the factor of the bound for the largest of many lags (Bonferroni)."""
-    return float(norm.ppf(1.0 - 0.025 / max(lags, 1)) / norm.ppf(0.975))
+    return float(norm.ppf(1.0 - 0.025 / max(lags, 1)) / Z95)
 
 
 def _correlation(rows: Table, channel: Mapping[str, Any]) -> Drawing:

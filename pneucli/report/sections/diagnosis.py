@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from typing import Any
 
-from pneucli.messages import diagnose
+from pneucli.messages import diagnose, discrepancy
 from pneucli.messages.formatting import (
     axis_title,
     format_number,
@@ -51,9 +51,7 @@ def _evidence(answer: Answer, shape: Table) -> list[Part]:
     tone = "good" if answer["verdict"] == "adequate" else ""
     effects = join_names(answer["model"]["effects"])
     start = f"Base model{f' with {effects}' if effects else ''}"
-    parts: list[Part] = [
-        Note(f"{start}: {diagnose.verdict_sentence(answer)}; {diagnose.evidence_summary(answer)}.", tone)
-    ]
+    parts: list[Part] = [Note(f"{start}: {diagnose.verdict_line(answer)}; {diagnose.evidence_summary(answer)}.", tone)]
     parts += _shapes(shape, missing)
     grid = _candidates(answer.get("candidates", []), missing)
     return [*parts, *([grid] if grid else [])]
@@ -150,7 +148,7 @@ def _remarks(answer: Answer) -> list[Part]:
     if share and answer["verdict"] != "adequate":
         parts.append(Note(f"{format_percent(share)} of the error beyond noise remains unexplained."))
     if rest := answer.get("unexplained"):
-        parts.append(Note(diagnose.describe_discrepancy(rest)))
+        parts.append(Note(discrepancy.describe_discrepancy(rest)))
     parts += _discrepancy(answer.get("discrepancy", []))
     if following := answer.get("next_experiment"):
         parts.append(Note(f"Next experiment: {following}"))

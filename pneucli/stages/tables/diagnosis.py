@@ -1,4 +1,4 @@
-"""The tables that ``diagnose`` writes: candidates, the ladder, and the residual over the telling variable."""
+"""The tables that ``diagnose`` writes: candidates, the selection path, and residuals over variables."""
 
 from __future__ import annotations
 
@@ -10,9 +10,10 @@ from numpy.typing import NDArray
 
 from pneucli.compare.error_regions import locator_signals
 from pneucli.diagnose.adequacy import bins_of
-from pneucli.diagnose.data import DiagnosisData, FittedModel
+from pneucli.diagnose.data import DiagnosisData
 from pneucli.diagnose.diagnosis import Diagnosis
 from pneucli.diagnose.discrepancy import UnexplainedResidual
+from pneucli.diagnose.score import FittedModel
 from pneucli.identify.residuals import ResidualModel
 from pneucli.io.artifacts import write_table
 from pneucli.physics.declaration import Effect
@@ -25,8 +26,8 @@ SHAPE_FILE = "shape.parquet"
 MAX_SHAPE_RECORDINGS = 3  # recordings a picture is drawn of
 
 
-def write_diagnosis(study: PipelineData, bench: DiagnosisData, found: Diagnosis, answer: dict[str, Any]) -> None:
-    """Write ``candidates``, ``ladder``, ``shape`` and ``law`` into the stage's folder."""
+def write_diagnosis(pipeline: PipelineData, data: DiagnosisData, diagnosis: Diagnosis, answer: dict[str, Any]) -> None:
+    """Write ``candidates``, ``ladder``, ``shape`` and ``law`` into the folder of the stage."""
     inputs = ("ingest/signals.parquet",)
     candidates = [
         (
@@ -38,7 +39,7 @@ def write_diagnosis(study: PipelineData, bench: DiagnosisData, found: Diagnosis,
         for name, p in (c["parameters"] or NOT_FITTED).items()
     ]
     _write(
-        study,
+        pipeline,
         "candidates",
         "effect error_before error_after parameter value unit ci_low ci_high supported missing "
         "indistinguishable_from reason why",
@@ -47,17 +48,17 @@ def write_diagnosis(study: PipelineData, bench: DiagnosisData, found: Diagnosis,
         inputs,
     )
     ladder = [(s["add"] or "", s["error_train"], s["error_test"]) for s in answer["ladder"]]
-    _write(study, "ladder", "add error_train error_test", ladder, {"error_train": "1", "error_test": "1"}, inputs)
-    shapes = [row for i, name in enumerate(found.path.added) for row in _residual_shapes(bench, found, i, name)]
+    _write(pipeline, "ladder", "add error_train error_test", ladder, {"error_train": "1", "error_test": "1"}, inputs)
+    shapes = [row for i, name in enumerate(diagnosis.path.added) for row in _residual_shapes(data, diagnosis, i, name)]
     columns = "effect recording channel variable unit value residual_before residual_after expected"
     values = dict.fromkeys(("residual_before", "residual_after", "expected"), "see column unit")
-    _write(study, "shape", columns, shapes, values | {"value": "SI"}, inputs)
+    _write(pipeline, "shape", columns, shapes, values | {"value": "SI"}, inputs)
     columns = "channel acts_as variable unit value law"
     _write(
-        study,
+        pipeline,
         "law",
         columns,
-        list(_smooth_term_rows(found.unexplained)),
+        list(_smooth_term_rows(diagnosis.unexplained)),
         {"value": "SI", "law": "see column unit"},
         inputs,
     )
@@ -74,7 +75,7 @@ BOOLEAN_COLUMNS = {"supported", "missing"}
 
 
 def _write(
-    study: PipelineData,
+    pipeline: PipelineData,
     name: str,
     columns: str,
     rows: Sequence[tuple[Any, ...]],
@@ -91,49 +92,61 @@ def _write(
         else:
             table[column] = np.array([np.nan if c is None else c for c in cells], dtype=np.float64)
     write_table(
-        study.context.out / f"{name}.parquet",
+        pipeline.context.out / f"{name}.parquet",
         table,
         units=units,
         schema=f"pneucli/diagnose/{name}/1",
-        provenance=study.provenance(*inputs),
+        provenance=pipeline.provenance(*inputs),
     )
 
 
-def _smooth_term_rows(unknown: UnexplainedResidual | None) -> Iterable[tuple[Any, ...]]:
-    """Yield the law of what remains, over its signal."""
-    law = None if unknown is None else unknown.smooth_term
-    if unknown is not None and law is not None:
-        for place, value in zip(np.linspace(law.low, law.high, law.values.size), law.values, strict=True):
-            yield unknown.channel, law.acts_as, law.signal, law.unit, float(place), float(value)
+def _smooth_term_rows(residual: UnexplainedResidual | None) -> Iterable[tuple[Any, ...]]:
+    """Yield the smooth function of the unexplained residual over its signal."""
+    smooth_term = None if residual is None else residual.smooth_term
+    if residual is not None and smooth_term is not None:
+        for position, value in zip(
+            np.linspace(smooth_term.low, smooth_term.high, smooth_term.values.size), smooth_term.values, strict=True
+        ):
+            yield (
+                residual.channel,
+                smooth_term.acts_as,
+                smooth_term.signal,
+                smooth_term.unit,
+                float(position),
+                float(value),
+            )
 
 
-def _residual_shapes(bench: DiagnosisData, found: Diagnosis, i: int, name: str) -> Iterable[tuple[Any, ...]]:
-    """Yield the residual before and after, and what the effect changes, over the variable in which it shows."""
-    before, after = found.path.models[i], found.path.models[i + 1]
-    effect = bench.effects[name]
-    falls = []
-    for view in [*bench.held_out, *bench.train]:
-        if view.is_sensitive_to(effect):
-            falls += [_residual_reduction(view, channel, effect, before, after) for channel in view.channels]
-    known = [f for f in falls if f is not None]
-    for _, rows in sorted(known, key=lambda f: -f[0])[:MAX_SHAPE_RECORDINGS]:
+def _residual_shapes(data: DiagnosisData, diagnosis: Diagnosis, i: int, name: str) -> Iterable[tuple[Any, ...]]:
+    """Yield the residual before and after an effect, and the change, over the variable in which the effect shows."""
+    before, after = diagnosis.path.models[i], diagnosis.path.models[i + 1]
+    effect = data.effects[name]
+    reductions = []
+    for residual_model in [*data.held_out, *data.train]:
+        if residual_model.is_sensitive_to(effect):
+            reductions += [
+                _residual_reduction(residual_model, channel, effect, before, after)
+                for channel in residual_model.channels
+            ]
+    finite = [f for f in reductions if f is not None]
+    for _, rows in sorted(finite, key=lambda f: -f[0])[:MAX_SHAPE_RECORDINGS]:
         yield from rows
 
 
 def _residual_reduction(
-    view: ResidualModel, channel: str, effect: Effect, before: FittedModel, after: FittedModel
+    residual_model: ResidualModel, channel: str, effect: Effect, before: FittedModel, after: FittedModel
 ) -> tuple[float, list[tuple[Any, ...]]] | None:
-    old, new = view.residual(before.model)[channel], view.residual(after.model)[channel]
-    variables = locator_signals(view.experiment)
+    old, new = residual_model.residual(before.model)[channel], residual_model.residual(after.model)[channel]
+    variables = locator_signals(residual_model.experiment)
     variable = effect.shows_over if effect.shows_over in variables else "time"
     q = variables[variable]
-    seen = np.isfinite(q) & ((old != 0.0) | (new != 0.0))
-    if np.count_nonzero(seen) < SHAPE_BINS:
+    valid = np.isfinite(q) & ((old != 0.0) | (new != 0.0))
+    if np.count_nonzero(valid) < SHAPE_BINS:
         return None
-    q, old, new = q[seen], old[seen], new[seen]
-    place = bins_of(q, SHAPE_BINS)
-    count = np.maximum(np.bincount(place), 1)
-    mean = [np.bincount(place, part) / count for part in (q, old, new, old - new)]
-    head = (effect.name, view.experiment.recording.name, channel, variable, SIGNALS[channel].unit)
-    fall = float(np.sum(old**2) - np.sum(new**2)) / view.noise[channel] ** 2
-    return fall, [(*head, *(float(part[b]) for part in mean)) for b in range(count.size)]
+    q, old, new = q[valid], old[valid], new[valid]
+    position = bins_of(q, SHAPE_BINS)
+    count = np.maximum(np.bincount(position), 1)
+    mean = [np.bincount(position, part) / count for part in (q, old, new, old - new)]
+    keys = (effect.name, residual_model.experiment.recording.name, channel, variable, SIGNALS[channel].unit)
+    reduction = float(np.sum(old**2) - np.sum(new**2)) / residual_model.noise[channel] ** 2
+    return reduction, [(*keys, *(float(part[b]) for part in mean)) for b in range(count.size)]

@@ -1,4 +1,4 @@
-"""The valve's identification as artifacts, as answer, and as warnings."""
+"""The valve's identification as artifacts, as answer, and as findings."""
 
 from __future__ import annotations
 
@@ -15,20 +15,20 @@ from pneucli.identify.estimation.fit import Estimate
 from pneucli.identify.valve import IsoConductance, LackOfFit, ValveIdentification
 from pneucli.identify.valve.identification import known_vessel_volume
 from pneucli.identify.valve.iso6358 import Characteristic
-from pneucli.identify.valve.maps import Z95
 from pneucli.io.artifacts import Provenance, write_table
-from pneucli.messages.formatting import format_noise_ratio, format_percent, format_quantity
+from pneucli.quantities import Z95
 
 Row = tuple[str, float, str, float, float]
 Columns = dict[str, NDArray[Any]]
+Finding = tuple[str, dict[str, Any]]
 INTERVAL_COLUMNS = ("ci_low", "ci_high")
 GRADIENT_COLUMNS = ("gradient", *INTERVAL_COLUMNS)
 LACK_OF_FIT_COLUMNS = (
     "difference",
     *(f"{name}{end}" for name in ("model", "measured") for end in ("", "_ci_low", "_ci_high")),
 )
-MAX_TRAIN_RESIDUAL = 3.0  # times the noise: more on curves than a good map leaves
-MAX_TEST_TO_TRAIN = 2.0  # times what it leaves on the curves that were fitted
+MAX_TRAIN_RESIDUAL = 3.0  # times the noise: the limit of a good map on its own curves
+MAX_TEST_TO_TRAIN = 2.0  # times the residual on fitted curves
 
 
 def write_valves(
@@ -183,50 +183,32 @@ def valve_answer(valve: ValveIdentification, estimates: Sequence[Estimate]) -> d
     }
 
 
-def valve_warnings(valve: ValveIdentification) -> Iterator[str]:
-    """Yield what people must know before they use the map or the model of the valve."""
+def valve_findings(valve: ValveIdentification) -> Iterator[Finding]:
+    """Yield what users must know before they use the map or the model of the valve: a code and its numbers."""
     if not valve.is_consistent:
-        yield (
-            f"valve-not-described: the map of the valve reaches {format_quantity(valve.max_gradient, 'Pa/s')}, its curves show no "
-            f"more than {format_quantity(valve.max_measured_gradient, 'Pa/s')}; do not use it, and see what ingest finds implausible"
-        )
+        yield "valve-not-described", {"largest": valve.max_gradient, "measured": valve.max_measured_gradient}
     if valve.resampled:
-        name, off = max(valve.resampled, key=lambda one: one[1])
-        yield (
-            f"valve-resampled: {len(valve.resampled)} recordings are sampled unevenly and were put on an even clock "
-            f"for the map, which brings p1 an error of up to {format_quantity(off, 'Pa')} ({name})"
-        )
+        recording, error = max(valve.resampled, key=lambda one: one[1])
+        yield "valve-resampled", {"count": len(valve.resampled), "error": error, "recording": recording}
     train, test = valve.residual_to_noise("train") or 0.0, valve.residual_to_noise("test") or 0.0
     if train > MAX_TRAIN_RESIDUAL:
-        yield (
-            f"valve-curves-not-followed: the map leaves {format_noise_ratio(train)} × noise on its own curves; no gradient over "
-            "command and pressure can: heat, a lag, play or a supply that gives way, which the model lacks, or a "
-            "vessel that is full within some samples"
-        )
+        yield "valve-curves-not-followed", {"residual": train}
     if test > max(MAX_TRAIN_RESIDUAL, MAX_TEST_TO_TRAIN * train):
-        yield (
-            f"valve-not-foreseen: the map leaves {format_noise_ratio(test)} × noise on held-out curves; take commands between those "
-            "that were fitted, or record more of them"
-        )
-    yield from _lack_warning(valve.lack_of_fit, "map" if valve.measured else "gradients")
-    yield from _ratio_warning([one for one in valve.iso if one.b.is_contradicted], len(valve.iso))
+        yield "valve-not-foreseen", {"residual": test}
+    yield from lack_of_fit_findings(valve.lack_of_fit, "map" if valve.measured else "gradients")
+    yield from _critical_ratio_findings([one for one in valve.iso if one.b.is_contradicted], len(valve.iso))
 
 
-def _lack_warning(lack: LackOfFit, seen: str = "map") -> Iterator[str]:
+def lack_of_fit_findings(lack: LackOfFit, reference: str = "map") -> Iterator[Finding]:
+    """Yield the difference of the model's valve from the measured one, where it is significant."""
     if lack.is_significant:
-        median, p95, outside = (format_percent(n or 0.0) for n in (lack.median, lack.p95, lack.share_outside))
-        yield (
-            f"valve-lack-of-fit: the model's valve is off the measured {seen} by {median} in the median, {p95} at the "
-            f"95th percentile, outside both 95 % intervals at {outside} of the points: pneucli diagnose says what it "
-            "may lack"
-        )
+        numbers = {"median": lack.median, "p95": lack.p95, "outside": lack.share_outside}
+        yield "valve-lack-of-fit", {"reference": reference} | numbers
 
 
-def _ratio_warning(others: Sequence[IsoConductance], commands: int) -> Iterator[str]:
-    if others:
-        one = max(others, key=lambda i: abs((i.b.measured or (i.b.value,))[0] - i.b.value))
-        value, low, high = one.b.measured or (one.b.value, one.b.low, one.b.high)
-        yield (
-            f"valve-critical-ratio: at {len(others)} of {commands} commands the curve shows another critical ratio "
-            f"than the model has, {one.b.value:.3g}; most at {one.u:+.4g} V: {value:.3g} ({low:.3g} to {high:.3g})"
-        )
+def _critical_ratio_findings(contradicted: Sequence[IsoConductance], commands: int) -> Iterator[Finding]:
+    if contradicted:
+        one = max(contradicted, key=lambda i: abs((i.b.measured or (i.b.value,))[0] - i.b.value))
+        measured = one.b.measured or (one.b.value, one.b.low, one.b.high)
+        numbers = {"count": len(contradicted), "commands": commands, "model": one.b.value, "command": one.u}
+        yield "valve-critical-ratio", {**numbers, "measured": measured}

@@ -1,0 +1,192 @@
+"""The regression of a channel's residual on smooth functions of signals."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pneucli.compare.error_regions import locator_signals
+from pneucli.diagnose.normal_equations import Folds, NormalEquations, adjusted_cost, scaled_derivatives
+from pneucli.diagnose.smooth_term import KNOTS, SIMPLE_SHAPES, SmoothTerm, linear_bspline_basis
+from pneucli.identify.estimation.fit import Fit
+from pneucli.identify.residuals import ResidualModel
+from pneucli.identify.residuals.base import DiscrepancyTerm
+
+Array = NDArray[np.float64]
+
+PENALTIES = (1e-5, 1e-3, 1e-1, 1e1, 1e3)  # of the second differences, over the mean curvature
+MAX_SAMPLES = 8000  # of a channel
+SINGLE_RECORDING_FOLDS = 4  # of a single recording
+MIN_SIMPLE_SHARE = 0.95  # of the share of a spline: a simple shape with as much replaces it
+EXCLUDED_SIGNAL = "a"  # the accelerometer's noise is in the force, too
+
+
+class SplineRegression:
+    """The regression of one channel's residuals on smooth functions of every signal.
+
+    It is linearised, so that the flows of one model serve for others nearby.
+    """
+
+    def __init__(
+        self, fit: Fit, residual_models: Sequence[ResidualModel], kind: type[ResidualModel], name: str
+    ) -> None:
+        """Select the residual models with the channel from those to which ``fit`` was made."""
+        edges = np.cumsum([0, *(v.experiment.time.size for v in residual_models for _ in v.channels)])
+        every = [(i, v, c) for i, v in enumerate(residual_models) for c in v.channels]
+        members = [(edges[row], *one) for row, one in enumerate(every) if type(one[1]) is kind and one[2] == name]
+        self._model, self._name = fit.model, name
+        self._residual_models = [residual_model for _, _, residual_model, _ in members]
+        self._errors = [fit.initial_state_sensitivities[i] for _, i, _, _ in members]
+        step = max(sum(v.experiment.time.size for v in self._residual_models) // MAX_SAMPLES, 1)
+        self._kept = [np.arange(0, v.experiment.time.size, step) for v in self._residual_models]
+        self._rows = [first + kept for (first, _, _, _), kept in zip(members, self._kept, strict=True)]
+
+    def ranked_terms(self, fit: Fit) -> list[SmoothTerm]:
+        """Return smooth functions of a fit's residual, the largest share first."""
+        residuals, derivatives = self._residuals_and_derivatives(fit)
+        smooth_terms = [_fit_smooth_term(column, residuals, derivatives) for column in self._columns]
+        return sorted(
+            (smooth_term for smooth_term in smooth_terms if smooth_term is not None),
+            key=lambda smooth_term: -smooth_term.share,
+        )
+
+    def simplest_shape(self, fit: Fit, smooth_term: SmoothTerm) -> str | None:
+        """Return the first of SIMPLE_SHAPES that explains about as much as a spline; None where none does."""
+        return next(
+            (
+                one.simple_shape
+                for one in self.simple_terms(fit, smooth_term)
+                if one.share > MIN_SIMPLE_SHARE * smooth_term.share
+            ),
+            None,
+        )
+
+    def simple_terms(self, fit: Fit, smooth_term: SmoothTerm) -> Iterator[SmoothTerm]:
+        """Yield functions of simple shape of the same signal that act as a spline does."""
+        residuals, derivatives = self._residuals_and_derivatives(fit)
+        for shape in SIMPLE_SHAPES:
+            one = replace(smooth_term, simple_shape=shape)
+            share, values = NormalEquations(self._responses_of(one), residuals, derivatives).explained(one)
+            yield replace(one, share=share, values=values @ one.basis)
+
+    def block_costs(self, fit: Fit) -> Array:
+        """Return the squares of a fit's residual by block."""
+        return self._costs_by_block(fit, self._residuals_and_derivatives(fit)[0])
+
+    def residual_count(self, fit: Fit) -> int:
+        """Return the number of residuals."""
+        return sum(int(np.count_nonzero(fit.residual[rows])) for rows in self._rows)
+
+    def held_out_costs(self, fit: Fit, smooth_term: SmoothTerm) -> Array:
+        """Return the squares by block that remain in each recording with the function fitted without it."""
+        sums = NormalEquations(self._responses_of(smooth_term), *self._residuals_and_derivatives(fit))
+        _, adjustment, left_out = sums.solved(smooth_term)
+        parts = zip(sums.parts, left_out, strict=True)
+        return self._costs_by_block(
+            fit, [np.where(r == 0.0, 0.0, r - coefficients @ x - adjustment @ j) for (x, r, j), coefficients in parts]
+        )
+
+    def cost_after_adjustment(self, fit: Fit) -> float:
+        """Return the squares of a fit's residual after a linear adjustment of its own parameters."""
+        return adjusted_cost(*self._residuals_and_derivatives(fit))
+
+    def unrepresented_share(self, fit: Fit, smooth_term: SmoothTerm, change: Array) -> float:
+        """Return the part of the squares of a change of all residuals (N,) that neither the function nor the parameters
+        span.
+        """
+        reference, derivatives = self._residuals_and_derivatives(fit)
+        residuals = self._folds([np.where(fit.residual[r] == 0.0, 0.0, change[r]) for r in self._rows])
+        sums = NormalEquations(self._responses_of(smooth_term), residuals, derivatives, reference)
+        values, adjustment, _ = sums.solved(smooth_term)
+        unrepresented = sum(float(np.sum((r - values @ x - adjustment @ j) ** 2)) for x, r, j in sums.parts)
+        return unrepresented / max(adjusted_cost(residuals, derivatives), 1e-300)
+
+    def _costs_by_block(self, fit: Fit, residuals: Folds) -> Array:
+        blocks = np.concatenate([fit.blocks[r] for r in self._rows])
+        costs = np.bincount(np.unique(blocks, return_inverse=True)[1], np.concatenate(residuals) ** 2)
+        return costs.astype(np.float64)
+
+    def _responses_of(self, smooth_term: SmoothTerm) -> list[Array]:
+        """Return by fold the response of the residual to each basis function (k, n)."""
+        folds = next(
+            c.folds for c in self._columns if (c.signal, c.number) == (smooth_term.signal, smooth_term.term_index)
+        )
+        return [smooth_term.basis @ rows for rows in folds]
+
+    def _residuals_and_derivatives(self, fit: Fit) -> tuple[list[Array], list[Array]]:
+        """Return by fold a fit's residual in this channel, and its derivatives."""
+        residuals, derivatives = [fit.residual[r] for r in self._rows], [fit.jacobian[r].T for r in self._rows]
+        return self._folds(residuals), scaled_derivatives(self._folds(derivatives))
+
+    def _folds(self, rows: Sequence[Array]) -> list[Array]:
+        """Return the rows (..., n) by fold: by recording, or by quarter of a single recording."""
+        return list(rows) if len(rows) != 1 else np.array_split(rows[0], SINGLE_RECORDING_FOLDS, axis=-1)
+
+    @cached_property
+    def _columns(self) -> list[_TermDesign]:
+        return list(self._term_designs())
+
+    def _term_designs(self) -> Iterator[_TermDesign]:
+        """Yield the design of each function of each signal."""
+        signals = [locator_signals(residual_model.experiment) for residual_model in self._residual_models]
+        terms_by_model = [
+            residual_model.discrepancy_terms(self._model, self._name) for residual_model in self._residual_models
+        ]
+        for signal in [name for name in signals[0] if all(name in s for s in signals) and name != EXCLUDED_SIGNAL]:
+            values = [s[signal] - (s[signal][0] if signal == "time" else 0.0) for s in signals]
+            finite = np.concatenate(values)
+            finite = finite[np.isfinite(finite)]
+            if not finite.size or not np.ptp(finite) > 0.0:
+                continue
+            low, high = float(finite.min()), float(finite.max())
+            knots = [linear_bspline_basis((v - low) / (high - low)) for v in values]
+            for number, terms in enumerate(zip(*terms_by_model, strict=True)):
+                if terms[0].argument in (None, signal):
+                    bases = [
+                        k if w.modelled is None else linear_bspline_basis((w.modelled - low) / (high - low))
+                        for k, w in zip(knots, terms, strict=True)
+                    ]
+                    rows_by_model = [
+                        self._thinned_response(i, term.to_residual(bases[i] * term.unit_signal))
+                        for i, term in enumerate(terms)
+                    ]
+                    yield _TermDesign(signal, terms[0], number, low, high, self._folds(rows_by_model))
+
+    def _thinned_response(self, i: int, response: Array) -> Array:
+        """Return the whitened response (k, m) of a recording at the samples in use."""
+        whitened = self._residual_models[i].apply_whitening({self._name: response}, self._errors[i])
+        kept = whitened[self._name][:, self._kept[i]]
+        finite = np.nan_to_num(kept, posinf=0.0, neginf=0.0)  # of a diverging model
+        return finite.astype(np.float32)  # about 30 of these are in memory
+
+
+@dataclass(frozen=True)
+class _TermDesign:
+    """A signal and a discrepancy term; by fold the response of the residual to a unit at each knot (KNOTS, n)."""
+
+    signal: str
+    term: DiscrepancyTerm
+    number: int
+    low: float
+    high: float
+    folds: Folds
+
+
+def _fit_smooth_term(column: _TermDesign, residuals: Folds, derivatives: Folds) -> SmoothTerm | None:
+    """Return the spline with the penalty that explains most of the left-out squares; None where the residual is
+    insensitive.
+    """
+    sums = NormalEquations(column.folds, residuals, derivatives)
+    if not np.any(sum(sums.xx)):
+        return None
+    term, zeros = column.term, np.zeros(KNOTS)
+    options = [
+        SmoothTerm(column.signal, term.name, term.unit, column.number, 0.0, column.low, column.high, zeros, smooth)
+        for smooth in PENALTIES
+    ]
+    (share, values), smooth_term = max(((sums.explained(one), one) for one in options), key=lambda pair: pair[0][0])
+    return replace(smooth_term, share=share, values=values)

@@ -1,0 +1,80 @@
+"""The residual that no effect of the catalogue explains, in words."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+from pneucli.messages.formatting import format_noise_ratio, format_number, format_percent, format_quantity
+from pneucli.quantities import signal_title
+
+SHAPES = {
+    "constant": "a constant",
+    "proportional": "proportional to it",
+    "sign": "a constant that changes sign with it",
+    "signed-square": "growing with its square, sign kept",
+    "line": "a straight line",
+    "parabola": "a parabola",
+}
+PERIODIC_SHAPE = "a sine"
+FREE_RUN = "an error of the complete simulation alone (by itself each subsystem fits)"
+SHAPELESS = "an error that is no function of any signal"
+
+
+def discrepancy_kind_text(
+    kind: str, acts_as: Sequence[str], variable: str | None, *, share: float | None = None, period: float | None = None
+) -> str:
+    """Return as what a discrepancy acts, and over which signal.
+
+    ``kind`` is that of :class:`pneucli.diagnose.discrepancy.UnexplainedResidual`, ``share`` the explained part of the
+    squares, ``period`` in s or m.
+    """
+    if variable is None:
+        return FREE_RUN if kind == "free-run" else SHAPELESS
+    what = " or ".join(_with_article(one) for one in acts_as) or "something"
+    if kind == "periodic":
+        unit = "s" if variable == "time" else "m"
+        return f"{what} that repeats over {signal_title(variable)}, period {period:.3g} {unit}"
+    over = "that drifts over each recording" if variable == "time" else f", a function of {signal_title(variable)}"
+    text = f"{what} {over}".replace(" ,", ",")
+    return f"mostly irregular; {format_percent(share or 0.0)} of it is {text}" if kind == "irregular" else text
+
+
+def _with_article(noun: str) -> str:
+    return f"an {noun}" if noun[0] in "aeio" else f"a {noun}"
+
+
+def describe_discrepancy(unexplained: Mapping[str, Any]) -> str:
+    """Return where the unexplained residual is, of which signal it is a function, and how much that explains."""
+    share = ""
+    if unexplained.get("share"):
+        periodic = unexplained.get("law") == PERIODIC_SHAPE  # a period is estimated from all recordings
+        what = "This" if periodic else f"A function of {unexplained['variable']}"
+        where = "" if periodic else " in recordings that were left out"
+        share = f" {what} explains {format_percent(unexplained['share'])} of it{where}."
+    return f"What remains is {discrepancy_character(unexplained)}: {discrepancy_location(unexplained)}.{share}"
+
+
+def discrepancy_character(unexplained: Mapping[str, Any]) -> str:
+    """Return as what the discrepancy acts, over which signal, and over which others equally well."""
+    shape = f" ({unexplained['law']})" if unexplained.get("law") else ""
+    others = [f", or of {signal_title(name)}" for name in unexplained.get("also_over") or []]
+    return f"{unexplained['character']}{shape}{''.join(others)}"
+
+
+def discrepancy_location(unexplained: Mapping[str, Any]) -> str:
+    """Return the channel of the discrepancy, its size, and the subsystem."""
+    ratio = format_number(unexplained["times_noise"], 2)
+    return f"{unexplained['channel']} errs by {ratio} times its noise ({unexplained['subsystem']})"
+
+
+def remaining_discrepancy(answer: Mapping[str, Any]) -> str:
+    """Return the largest discrepancy in excess of noise; nothing where none is known."""
+    found = answer.get("discrepancy") or []
+    if not found:
+        return ""
+    worst = max(found, key=lambda one: one["size"])
+    over = f", over {worst['over']}" if worst.get("over") else ""
+    duration = f", lasting {format_quantity(worst['time_constant_s'], 's', 2)}" if worst.get("time_constant_s") else ""
+    ratio = format_noise_ratio(worst["size"])
+    return f"What remains: {worst['channel']} by {ratio} × noise ({worst['subsystem']}{over}{duration})."

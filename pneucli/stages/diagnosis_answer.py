@@ -1,0 +1,111 @@
+"""Parts of the answer of ``diagnose``: numbers, and the sentences that messages make of them."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import asdict
+from typing import Any
+
+from pneucli.diagnose.data import DiagnosisData
+from pneucli.diagnose.detectability import MinimumDetectableEffect
+from pneucli.diagnose.diagnosis import MAX_UNDETECTABLE_SHARE, Diagnosis
+from pneucli.diagnose.discrepancy import Discrepancy, UnexplainedResidual
+from pneucli.diagnose.experiment_design import most_discriminating_experiment
+from pneucli.diagnose.free_run_error import held_out_error
+from pneucli.diagnose.score import ErrorsByUse
+from pneucli.messages.discrepancy import PERIODIC_SHAPE, SHAPES, discrepancy_kind_text
+from pneucli.messages.experiment_design import (
+    detecting_experiment,
+    discrepancy_experiment,
+    discriminating_manoeuvre,
+    distinguishing_experiment,
+    manoeuvre_text,
+)
+from pneucli.messages.verdict import detection_limit_sentence, location_phrase, verdict_explanation
+
+
+def unexplained_answer(one: UnexplainedResidual) -> dict[str, Any]:
+    """Return the entry about the unexplained residual."""
+    return {
+        "subsystem": one.subsystem,
+        "channel": one.channel,
+        "times_noise": one.ratio,
+        "variable": one.variable,
+        "character": discrepancy_kind_text(one.kind, one.acts_as, one.variable, share=one.share, period=one.period),
+        "law": PERIODIC_SHAPE if one.kind == "periodic" else SHAPES.get(one.simple_shape or ""),
+        "share": one.share,
+        "also_over": list(one.other_signals),
+    }
+
+
+def detectability_answer(one: MinimumDetectableEffect) -> dict[str, Any]:
+    """Return the entry about the detection limit of an effect."""
+    return {
+        "effect": one.effect.name,
+        "parameter": one.parameter.name,
+        "size": one.size if one.plausible else None,
+        "unit": one.parameter.unit,
+        "where": [{"parameter": p.name, "value": value, "unit": p.unit} for p, value in one.where.items()],
+        "would_show": _detection_limit(one),
+    }
+
+
+def _detection_limit(one: MinimumDetectableEffect) -> str:
+    where = [location_phrase(p.title or p.name, value, p.unit) for p, value in one.where.items()]
+    name, size = one.parameter.title or one.parameter.name, one.size if one.plausible else None
+    return detection_limit_sentence(one.effect.title, name, size, one.parameter.unit, one.parameter.null, where)
+
+
+def verdict_answer(found: Diagnosis, errors: Sequence[ErrorsByUse], rest: Mapping[str, Any] | None) -> str:
+    """Return the verdict with its reason; ``rest`` is the entry about the unexplained residual."""
+    titles = {e.name: e.title for e in found.path.last.model.effects}
+    undetectable = sum(not d.typical for d in found.detectable)
+    return verdict_explanation(
+        found.verdict,
+        [(titles[n], n) for n in found.missing],
+        (held_out_error(errors[0]), held_out_error(errors[-1])),
+        sorted({e for n in found.missing for e in found.equivalents[n]}),
+        (undetectable, len(found.detectable))
+        if undetectable > MAX_UNDETECTABLE_SHARE * len(found.detectable)
+        else None,
+        rest,
+    )
+
+
+def discrepancy_answer(one: Discrepancy) -> dict[str, Any]:
+    """Return the entry about the discrepancy of a channel."""
+    return {
+        "subsystem": one.subsystem,
+        "channel": one.channel,
+        "size": one.size,
+        "time_constant_s": one.time_constant,
+        "over": one.over,
+        "share": one.share,
+    }
+
+
+def _discriminating_experiment(data: DiagnosisData, found: Diagnosis, name: str, other: str) -> str:
+    """Return how to distinguish two effects: as declared, and the manoeuvre in which both fitted models differ most."""
+    procedures = data.effects[name].separate, data.effects[other].separate
+    rival = next(c.full.model for c in found.path.terms[name].rivals if c.effect.name == other)
+    best = most_discriminating_experiment(found.path.last.model, rival, data.residual_models)
+    simulated = (
+        discriminating_manoeuvre(None)
+        if best is None
+        else discriminating_manoeuvre(manoeuvre_text(**asdict(best.manoeuvre)), best.channel, best.times_noise)
+    )
+    return f"{distinguishing_experiment((name, other), procedures)} {simulated}"
+
+
+def proposed_experiment(data: DiagnosisData, found: Diagnosis) -> str | None:
+    """Return the next experiment: for indistinguishable effects, the discrepancy, or an undetectable effect."""
+    pairs = [(n, other) for n in found.missing for other in found.equivalents[n]]
+    if pairs:
+        return " ".join(_discriminating_experiment(data, found, a, b) for a, b in pairs[:2])
+    if (rest := found.unexplained) is not None:
+        refused = [(n, data.effects[n].separate) for n in found.path.added if n not in found.missing]
+        return discrepancy_experiment(refused, rest.channel, rest.subsystem, rest.variable)
+    undetectable = [d.effect for d in found.detectable if not d.plausible]
+    if found.verdict in ("adequate", "inconclusive") and undetectable:
+        return detecting_experiment(undetectable[0].name, undetectable[0].separate)
+    return None

@@ -1,0 +1,94 @@
+"""Trials and benches made by hand: what a step of the selection sees, without a rig behind it."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+
+from pneucli.diagnose.candidate import Candidate
+from pneucli.diagnose.data import DiagnosisData
+from pneucli.diagnose.evidence import ScoreGain
+from pneucli.diagnose.score import FittedModel
+from pneucli.physics.effects import catalogue
+from tests.simulate.synthetic_experiments import model
+
+BLOCKS, SAMPLES = 40, 4000
+COUNTS = np.full(BLOCKS, SAMPLES / BLOCKS)
+SURE = ScoreGain(400.0, 300.0, 1e-9, 30.0)
+UNSURE = ScoreGain(90.0, -10.0, 0.16, 30.0)
+VIEW: Any = SimpleNamespace(
+    experiment=SimpleNamespace(
+        recording=SimpleNamespace(period=1e-3, name="one"), time=np.arange(SAMPLES) * 0.25 * BLOCKS / SAMPLES
+    ),
+    channels=("force",),
+    is_sensitive_to=lambda effect: True,
+    exclusive_channels=lambda effect: (),
+)
+
+
+def costing(fitted: Any, costs: np.ndarray) -> FittedModel:
+    """A state with these costs by block."""
+    return FittedModel(fitted, costs, np.zeros(0), costs, COUNTS)
+
+
+def model_fit(names: Sequence[str] = (), cost: float = 8000.0) -> FittedModel:
+    """A fit with effects that costs the same in every block."""
+    fitted: Any = SimpleNamespace(
+        model=model(names), estimates=(), residual=np.ones(SAMPLES), blocks=np.arange(SAMPLES) * BLOCKS // SAMPLES
+    )
+    costs = np.full(BLOCKS, cost / BLOCKS)
+    return FittedModel(fitted, costs, np.zeros(0), costs, COUNTS)
+
+
+def shaky(before: FittedModel, fall: float, scatter: float, names: Sequence[str] = ()) -> FittedModel:
+    """A state that costs less in all, by some blocks' falls and other blocks' rises."""
+    turns = np.where(np.arange(BLOCKS) % 2, scatter, -scatter)
+    costs = before.costs - fall / BLOCKS - turns
+    return FittedModel(model_fit(names).fit, costs, np.zeros(0), costs, COUNTS)
+
+
+def candidate(
+    effect: str,
+    cost: float = 4000.0,
+    *,
+    before: FittedModel | None = None,
+    ends: Mapping[str, tuple[float, bool]] | None = None,
+    p_value: float = 1e-9,
+    train: ScoreGain | None = None,
+    test: ScoreGain = SURE,
+) -> Candidate:
+    """The step to a model with one effect more; ``ends`` has value and whether at a bound by parameter."""
+    before = before or model_fit()
+    after = model_fit([effect], cost)
+    ended = ends or {p.name: (1e-3, False) for p in catalogue()[effect].parameters}
+    values = {f"{effect}.{name}": value for name, (value, _) in ended.items()}
+    fitted: Any = SimpleNamespace(
+        model=model([effect], values),
+        estimates=tuple(
+            SimpleNamespace(name=f"{effect}.{name}", value=value, at_bound=at_bound)
+            for name, (value, at_bound) in ended.items()
+        ),
+        free=tuple(
+            SimpleNamespace(name=f"{effect}.{name}", upper=value if at_bound else 1e9)
+            for name, (value, at_bound) in ended.items()
+        ),
+    )
+    after = FittedModel(fitted, after.train_costs, after.test_costs, after.costs, after.residual_counts)
+    fall = before.cost - cost
+    return Candidate(
+        catalogue()[effect], before, after, train or ScoreGain(fall, 0.9 * fall, p_value, 30.0), test, p_value
+    )
+
+
+def diagnosis_data(
+    errors: Sequence[tuple[FittedModel, float, float | None]] = (), *, held_out: bool = True, **changes: Any
+) -> DiagnosisData:
+    """A bench with one view; ``errors`` are those that the user sees of a state, on training and on test."""
+    seen = {id(s.model): {"train": train, "test": test} for s, train, test in errors}
+    shown = (lambda m: seen[id(m)]) if errors else None
+    made = DiagnosisData([VIEW], [VIEW] if held_out else [], catalogue(), free_run_errors=shown, **changes)
+    made.__dict__["hypothesis_count"] = 50
+    return made

@@ -1,0 +1,175 @@
+"""How sure an effect is: surer by all that tells it from a stand-in, and among equals no surer than the data are."""
+
+from __future__ import annotations
+
+from typing import get_args
+
+import numpy as np
+import pytest
+
+from pneucli.diagnose import calibration
+from pneucli.diagnose.calibration import (
+    EFFECT_INTERCEPTS,
+    MIN_NAMED_PROBABILITY,
+    Evidence,
+    likelihood_shares,
+    mean_effect_intercept,
+    presence_rate,
+    probability,
+)
+from pneucli.diagnose.candidate import Reason
+from pneucli.diagnose.score import FittedModel
+from pneucli.exam.hidden_effects import CATALOGUE
+from tests.diagnose.candidates import costing
+
+MIDDLING = Evidence(share=0.5, significance=10.0, size=0.3, left=0.3)
+COMPLETE = MIDDLING._replace(complete=True)
+IMPOSED = MIDDLING._replace(imposed=True)
+WITHIN: list[tuple[Evidence, str, list[float]]] = [
+    *[(one, "share", [0.05, 0.3, 0.6, 0.9]) for one in (COMPLETE, MIDDLING)],
+    *[(one, "significance", [2.0, 5.0, 20.0, 80.0]) for one in (COMPLETE, MIDDLING)],
+    (COMPLETE, "size", [0.05, 0.2, 0.5, 0.9]),
+    (MIDDLING, "size", [0.05, 0.2, 0.9, 1.5, 2.0]),
+    (MIDDLING, "left", [0.9, 0.5, 0.1, 0.02]),
+]
+BEYOND: list[tuple[Evidence, str, float, float]] = [
+    (COMPLETE, "share", 0.02, -0.5),
+    (COMPLETE, "share", 0.98, 1.0),
+    (MIDDLING, "share", 0.0, -0.5),
+    (MIDDLING, "share", 0.99, 1.0),
+    (MIDDLING, "significance", 1.0, 0.0),
+    (MIDDLING, "significance", 300.0, 1e9),
+    (MIDDLING, "size", 0.03, 0.0),
+    (COMPLETE, "size", 1.0, 100.0),
+    (MIDDLING, "size", 2.0, 100.0),
+    (IMPOSED, "size", 1.0, 100.0),
+    (MIDDLING, "left", 1.0, 20.0),
+    (MIDDLING, "left", 0.01, 0.005),
+]
+
+
+def sure(evidence: Evidence, feature: str, value: float) -> float:
+    return probability(evidence._replace(**{feature: value}))
+
+
+@pytest.mark.parametrize(("evidence", "feature", "values"), WITHIN)
+def test_an_effect_is_surer_the_more_it_explains_and_the_larger_it_is(
+    evidence: Evidence, feature: str, values: list[float]
+) -> None:
+    found = [sure(evidence, feature, value) for value in values]
+    assert found == sorted(found)
+    assert found[0] < found[-1]
+
+
+@pytest.mark.parametrize(("evidence", "feature", "end", "beyond"), BEYOND)
+def test_beyond_what_exams_have_shown_the_law_says_no_more(
+    evidence: Evidence, feature: str, end: float, beyond: float
+) -> None:
+    assert sure(evidence, feature, beyond) == pytest.approx(sure(evidence, feature, end), abs=1e-12)
+
+
+def test_a_share_that_is_not_known_speaks_neither_for_nor_against() -> None:
+    assert probability(COMPLETE._replace(share=None)) == probability(COMPLETE._replace(share=0.5))
+
+
+def test_beside_something_unknown_an_error_that_was_not_compared_does_not_fall() -> None:
+    assert probability(MIDDLING._replace(share=None)) == probability(MIDDLING._replace(share=0.0))
+
+
+def test_more_than_the_usual_size_is_surer_but_not_where_effects_that_resemble_grow_against_each_other() -> None:
+    """Recordings with an imposed motion have one channel: an offset and a force may both be several times too large."""
+    large = {"size": 1.9}
+    assert probability(IMPOSED) == probability(MIDDLING)
+    assert probability(IMPOSED._replace(**large)) < probability(MIDDLING._replace(**large))
+    assert probability(COMPLETE._replace(imposed=True, **large)) == probability(COMPLETE._replace(**large))
+
+
+@pytest.mark.parametrize(
+    ("evidence", "weights"),
+    [(MIDDLING, calibration.WEIGHTS_DISCREPANCY), (COMPLETE, calibration.WEIGHTS_WHITE_RESIDUAL)],
+)
+def test_each_feature_has_its_weight(evidence: Evidence, weights: tuple[float, ...]) -> None:
+    assert len(evidence.features) == len(weights)
+
+
+def test_the_best_evidence_is_named_and_the_worst_is_not() -> None:
+    best = Evidence(share=0.98, significance=300.0, size=1.0, left=0.01)
+    worst = Evidence(share=0.02, significance=2.0, size=0.1, left=0.98)
+    for complete in (True, False):
+        assert 1.0 > probability(best._replace(complete=complete)) > 0.9
+        assert MIN_NAMED_PROBABILITY > 0.1 > probability(worst._replace(complete=complete)) > 0.0
+
+
+@pytest.mark.parametrize("reason", sorted(set(get_args(Reason)) - {"supported"}))
+def test_what_is_refused_is_more_likely_absent(reason: Reason) -> None:
+    assert 0.0 < presence_rate(reason) < MIN_NAMED_PROBABILITY
+
+
+# --- among equals
+
+
+BLOCKS = 40
+
+
+def leaving(*costs: np.ndarray) -> list[FittedModel]:
+    return [costing(None, cost) for cost in costs]
+
+
+def scattered(seed: int) -> np.ndarray:
+    return 100.0 + 20.0 * np.random.default_rng(seed).standard_normal(BLOCKS)
+
+
+@pytest.mark.parametrize("number", [1, 2, 3, 5])
+def test_shares_of_equals_sum_to_one(number: int) -> None:
+    assert sum(likelihood_shares(leaving(*(scattered(k) for k in range(number))))) == pytest.approx(1.0)
+
+
+def test_one_that_is_better_in_every_block_has_all() -> None:
+    assert likelihood_shares(leaving(scattered(1), scattered(1) - 5.0)) == pytest.approx([0.0, 1.0], abs=1e-3)
+
+
+def test_of_two_that_lead_in_other_blocks_the_better_in_all_has_more() -> None:
+    lead = np.where(np.arange(BLOCKS) % 2, 20.0, -20.0)
+    one, other = likelihood_shares(leaving(scattered(1), scattered(1) + lead - 2.0))
+    assert 0.02 < one < 0.5 < other < 0.98
+
+
+def test_twins_share_equally() -> None:
+    assert likelihood_shares(leaving(scattered(1), scattered(1))) == pytest.approx([0.5, 0.5])
+
+
+def test_what_rounding_leaves_between_twins_decides_nothing() -> None:
+    """A total of a hundredth, of the same sign in every block: far less than a chi-square of one parameter."""
+    assert likelihood_shares(leaving(scattered(1), scattered(1) - 0.01 / BLOCKS)) == pytest.approx([0.5, 0.5], abs=0.05)
+
+
+def of(*effects: str, evidence: Evidence = MIDDLING) -> float:
+    return probability(evidence._replace(effects=effects))
+
+
+def test_what_often_stands_in_for_the_unknown_is_less_likely_beside_it() -> None:
+    """A spool's play is what many unknown things resemble, a leak what few do.
+
+    Where noise is left, or the motion is imposed, all are alike.
+    """
+    assert of("valve-hysteresis") < of() < of("chamber-leak")
+    assert of("of-a-plugin") == of()
+    for where in (COMPLETE, IMPOSED):
+        assert of("chamber-leak", evidence=where) == of("valve-hysteresis", evidence=where)
+
+
+def test_what_several_effects_explain_resembles_the_unknown_as_much_as_they_do_in_the_mean() -> None:
+    """Sensors that lag seldom stand in, a slow spool often: where nobody can tell them apart it may be either."""
+    sensors, spool = of("pressure-lag"), of("valve-lag")
+    assert spool < of("pressure-lag", "valve-lag") == of("valve-lag", "pressure-lag") < sensors
+    both = 0.5 * (EFFECT_INTERCEPTS["valve-leak"] + EFFECT_INTERCEPTS["valve-lag"])
+    assert mean_effect_intercept(["valve-leak", "valve-lag"]) == pytest.approx(both)
+    assert mean_effect_intercept(["valve-leak", "of-a-plugin"]) == pytest.approx(0.5 * EFFECT_INTERCEPTS["valve-leak"])
+
+
+def test_exams_have_hidden_every_effect_whose_resemblance_is_known() -> None:
+    assert set(EFFECT_INTERCEPTS) <= {effect.name for effect in CATALOGUE}
+
+
+def test_the_reasons_with_a_presence_rate_are_reasons() -> None:
+    assert set(calibration.PRESENCE_RATE_BY_REASON) <= set(get_args(Reason))

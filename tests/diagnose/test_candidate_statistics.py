@@ -1,0 +1,449 @@
+"""What is left of a diagnosis after the search: evidence, costs, equals, what moved, and what would have shown."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+import pytest
+from scipy.stats import f as fisher
+
+from pneucli.diagnose import data as data_module
+from pneucli.diagnose import detectability as visible
+from pneucli.diagnose.candidate import Candidate
+from pneucli.diagnose.data import DiagnosisData
+from pneucli.diagnose.diagnosis import ParameterShift, _parameter_shifts
+from pneucli.diagnose.equivalence import indistinguishable, not_inferior
+from pneucli.diagnose.evidence import (
+    ScoreGain,
+    disagreement,
+    effective_degrees_of_freedom,
+    holm_adjusted,
+    score_gain,
+    significance,
+    wald_p_value,
+)
+from pneucli.diagnose.score import FittedModel
+from pneucli.identify.estimation.fit import Estimate, Fit
+from pneucli.identify.estimation.parameters import FreeParameter, effect_parameters
+from pneucli.physics.effects import catalogue
+from pneucli.simulate.rig_quantities import rig_quantities
+from pneucli.stages.diagnosis_answer import detectability_answer
+from tests.simulate.synthetic_experiments import model
+
+RNG = np.random.default_rng
+N = 4000
+BLOCKS = np.arange(N) // 50
+
+
+# --- gains
+
+
+def test_a_gain_is_its_bootstraps_lower_five_percent() -> None:
+    fall = 10.0 + RNG(1).normal(scale=5.0, size=60)
+    found = score_gain(fall, np.zeros(60))
+    error = np.std(fall) * np.sqrt(60)
+    assert found.total == pytest.approx(fall.sum())
+    assert found.lower_95 == pytest.approx(fall.sum() - 1.645 * error, abs=0.15 * error)
+
+
+def test_the_chance_is_a_paired_t_test_over_the_blocks_that_matter() -> None:
+    from scipy.stats import t as student
+
+    fall = 1.0 + RNG(2).normal(scale=5.0, size=60)
+    found = score_gain(fall, np.zeros(60))
+    assert found.effective_blocks == pytest.approx(effective_degrees_of_freedom(fall - fall.mean()))
+    statistic = fall.mean() / (np.std(fall, ddof=1) / np.sqrt(60))
+    assert found.p_value == pytest.approx(student.sf(statistic, found.effective_blocks))
+    assert score_gain(np.zeros(60), fall).p_value == pytest.approx(1.0 - found.p_value)
+
+
+@pytest.mark.parametrize(("fall", "low"), [([5.0], 0.0), ([-5.0], -5.0), ([], 0.0)])
+def test_one_block_is_never_certain(fall: list[float], low: float) -> None:
+    found = score_gain(np.array(fall), np.zeros(len(fall)))
+    assert (found.total, found.lower_95, found.p_value, found.effective_blocks) == (sum(fall), low, 1.0, 0.0)
+    assert not found.significant
+
+
+def test_equal_falls_in_all_blocks_are_beyond_chance() -> None:
+    assert score_gain(np.full(9, 3.0), np.full(9, 1.0)).p_value < 1e-12
+
+
+def test_nothing_counts_as_one_part() -> None:
+    assert effective_degrees_of_freedom(np.zeros(5)) == 1.0
+    assert effective_degrees_of_freedom(np.array([1.0, -1.0] * 20)) == pytest.approx(3 * 40 - 2)
+
+
+def test_a_family_is_adjusted_step_by_step() -> None:
+    """Holm: the smallest times the family, the next times one less, never falling."""
+    assert holm_adjusted([0.01, 0.02, 0.02], 10) == pytest.approx([0.1, 0.18, 0.18])
+    assert holm_adjusted([0.5, 0.01], 2) == pytest.approx([0.5, 0.02])
+    assert holm_adjusted([], 0) == []
+
+
+# --- Wald
+
+
+def ended(name: str, values: dict[str, float], columns: np.ndarray, left: np.ndarray) -> Fit:
+    one = catalogue()[name]
+    model_ = model([name], {f"{name}.{n}": v for n, v in values.items()})
+    free = tuple(effect_parameters(one, model_, rig_quantities(model_)))
+    unused = np.zeros((len(free), len(free)))
+    return Fit(model_, free, (), left, columns, BLOCKS, unused, float(left @ left), ())
+
+
+@pytest.mark.parametrize(("name", "size", "half"), [("constant-force", 10.0, 1.0), ("chamber-leak", 1e-8, 0.5)])
+def test_a_parameter_is_tested_by_its_distance_from_null_over_the_error_of_blocks(
+    name: str, size: float, half: float
+) -> None:
+    """Halved where the null is a bound: a leak cannot be negative, a force can."""
+    wave, noise = 0.02 * np.sin(np.arange(N) / 40.0), RNG(3).normal(size=N)
+    parameter = catalogue()[name].parameters[0].name
+    found = ended(name, {parameter: size}, wave[:, None], noise - wave * (wave @ noise) / (wave @ wave))
+    scores = np.bincount(BLOCKS, wave * found.residual) / (wave @ wave)
+    distance = size / found.free[0].scale
+    statistic = distance**2 / float(scores @ scores)
+    wanted = half * fisher.sf(statistic, 1, effective_degrees_of_freedom(scores))
+    assert wald_p_value(found, catalogue()[name]) == pytest.approx(wanted, rel=1e-6)
+    assert significance(found, catalogue()[name]) == pytest.approx(math.sqrt(statistic), rel=1e-6)
+
+
+def test_two_parameters_are_tested_together() -> None:
+    """Asymmetry of dry and of viscous friction, of which neither is certain alone; both nulls are zero."""
+    t = np.arange(N) / 40.0
+    columns = 0.035 * np.column_stack([np.sin(t), np.cos(t)])
+    noise = RNG(4).normal(size=N)
+    left = noise - columns @ np.linalg.lstsq(columns, noise, rcond=None)[0]
+    both = ended("friction-asymmetry", {"asymmetry": 0.2, "viscous_asymmetry": 0.2}, columns, left)
+    none = ended("friction-asymmetry", {"asymmetry": 0.0, "viscous_asymmetry": 0.0}, columns, left)
+    assert wald_p_value(both, catalogue()["friction-asymmetry"]) < 0.2
+    assert wald_p_value(none, catalogue()["friction-asymmetry"]) == pytest.approx(1.0)
+
+
+@pytest.mark.parametrize("with_base", [False, True])
+def test_a_null_that_is_another_parameter_moves_with_it_where_that_is_fitted_too(with_base: bool) -> None:
+    """Static friction against Coulomb's: the covariance of both goes into the distance; the velocity is held."""
+    rng = RNG(5)
+    columns = 0.02 * rng.standard_normal((N, 3))
+    columns[:, 1] += 0.5 * columns[:, 0]
+    found = ended("stribeck", {"static": 16.0, "velocity": 0.01}, columns[:, 1:], rng.standard_normal(N))
+    if with_base:
+        base = FreeParameter("friction.coulomb", "N", 14.0, 0.0, 1e5, 14.0)
+        found = replace(found, free=(base, *found.free), jacobian=columns)
+    kept = columns[:, :2] if with_base else columns[:, 1:2]
+    slopes = np.array([-14.0, found.free[1].scale]) if with_base else np.array([found.free[0].scale])
+    influence = kept @ np.linalg.inv(kept.T @ kept) @ slopes
+    scores = np.bincount(BLOCKS, influence * found.residual)
+    statistic = (16.0 - 14.0) ** 2 / float(scores @ scores)
+    wanted = fisher.sf(statistic, 1, effective_degrees_of_freedom(scores))
+    assert wald_p_value(found, catalogue()["stribeck"]) == pytest.approx(wanted, rel=1e-6)
+
+
+def test_an_effect_without_fitted_parameters_has_no_test() -> None:
+    found = replace(ended("constant-force", {"force": 1.0}, np.ones((N, 1)), np.ones(N)), free=())
+    found = replace(found, jacobian=np.zeros((N, 0)))
+    assert math.isnan(wald_p_value(found, catalogue()["constant-force"]))
+    assert significance(found, catalogue()["constant-force"]) == 0.0
+
+
+def test_an_effect_that_no_value_makes_absent_stands_over_its_own_error() -> None:
+    found = ended("heat-transfer", {"conductance": 0.6}, np.ones((N, 1)), np.ones(N))
+    estimate = Estimate("heat-transfer.conductance", "W/K", 0.6, 0.1, (0.4, 0.8), False)
+    assert significance(replace(found, estimates=(estimate,)), catalogue()["heat-transfer"]) == pytest.approx(6.0)
+
+
+@pytest.mark.parametrize("scale", [5.0, 40.0])
+def test_recordings_disagree_by_a_share_of_the_effects_size_whatever_its_scale(scale: float) -> None:
+    """One recording wants 20 N as they are, the other half as much again; the column is of one scale."""
+    force, halves = catalogue()["constant-force"], np.arange(N) // (N // 2)
+    found = ended("constant-force", {"force": 20.0}, np.full((N, 1), scale), halves * -0.5 * 20.0)
+    found = replace(found, free=(replace(found.free[0], scale=scale),))
+    assert disagreement(found, force, halves) == pytest.approx(0.5 / 2**0.5)
+
+
+def test_recordings_of_which_one_knows_nothing_agree() -> None:
+    force, column = catalogue()["constant-force"], np.repeat([1.0, 0.0], N // 2)
+    found = ended("constant-force", {"force": 10.0}, column[:, None], np.repeat([0.0, 50.0], N // 2))
+    assert disagreement(found, force, np.arange(N) // (N // 2)) == 0.0
+    blind = replace(found, jacobian=np.zeros((N, 1)))
+    assert disagreement(blind, force, np.arange(N) // (N // 2)) == 0.0
+
+
+# --- states and trials
+
+
+def model_fit(train: list[float], test: list[float] | None = None, **more: Any) -> FittedModel:
+    fit: Any = SimpleNamespace(residual=np.array([1.0, 0.0, 2.0]), model=SimpleNamespace(effects=()), **more)
+    costs = np.array([*train, *(test or [])])
+    return FittedModel(fit, np.array(train), np.array(test or []), costs, np.ones(costs.size))
+
+
+def diagnosis_data(**given: Any) -> DiagnosisData:
+    return DiagnosisData(**{"train": [], "held_out": [], "effects": {}, **given})
+
+
+ONE: Any = SimpleNamespace(name="one", part="valve", balances=frozenset({"gas"}), main_parameters=(1, 2))
+TWO: Any = SimpleNamespace(name="two", part="cylinder", balances=frozenset({"gas"}), main_parameters=(1,))
+THREE: Any = SimpleNamespace(name="three", part="gas", balances=frozenset({"gas"}), main_parameters=(1, 2, 3))
+
+
+def seen(*names: str) -> Any:
+    return SimpleNamespace(is_sensitive_to=lambda effect: effect.name in names, exclusive_channels=lambda effect: ())
+
+
+def test_the_family_is_all_parameters_of_the_effects_that_can_show() -> None:
+    found = diagnosis_data(train=[seen("one"), seen("two")], effects={e.name: e for e in (ONE, TWO, THREE)})
+    assert found.hypothesis_count == 3
+    assert [found.is_observable(e) for e in (ONE, TWO, THREE)] == [True, True, False]
+
+
+def test_what_the_models_valve_shows_already_cannot_be_missing() -> None:
+    found = diagnosis_data(
+        train=[seen("one", "two")], effects={"one": ONE, "two": TWO}, modelled_parts=frozenset({"valve"})
+    )
+    assert not found.is_observable(ONE)
+    assert found.hypothesis_count == 1
+
+
+def test_what_an_effect_acts_in_is_the_cost_of_the_views_that_feel_it() -> None:
+    """Two fitted views of two blocks and one held out of one block."""
+    residual_models = [seen("one", "two"), seen("one"), seen("two")]
+    for residual_model, end in zip(residual_models, (0.3, 0.3, 0.1), strict=True):
+        residual_model.experiment, residual_model.channels = SimpleNamespace(time=np.array([0.0, end])), ("force",)
+    found = diagnosis_data(train=residual_models[:2], held_out=residual_models[2:], effects={})
+    train, test = np.array([1.0, 2.0, 4.0, 8.0]), np.array([16.0])
+    fitted = FittedModel(None, train, test, np.concatenate([train, test]), np.array([4, 3, 2, 1, 9]))  # type: ignore[arg-type]
+    assert found.sensitive_blocks(ONE).tolist() == [True] * 4 + [False]
+    assert found.sensitive_cost(fitted, ONE) == (15.0, 10)
+    assert found.sensitive_cost(fitted, TWO) == (3.0, 7)
+    assert found.sensitive_costs(fitted, ONE) == [(15.0, 10.0)]
+    assert found.sensitive_costs(fitted, TWO) == [(3.0, 7.0), (16.0, 9.0)]
+
+
+def test_what_readings_show_alone_is_a_matter_of_these_readings() -> None:
+    """Of noise 2: readings 4 and 0 (none) are four squares of one, 2, 2, 2 three of three."""
+
+    def reading(values: list[float]) -> Any:
+        read = {"a": np.array(values), "force": np.full(len(values), 99.0)}
+        alone = {"one": ("a",), "two": ()}
+        return SimpleNamespace(
+            residual=lambda model: read if model == "fitted" else {},
+            noise={"a": 2.0, "force": 1.0},
+            exclusive_channels=lambda effect: alone[effect.name],
+        )
+
+    none = np.zeros(0)
+    fitted = FittedModel(SimpleNamespace(model="fitted"), none, none, none, none)  # type: ignore[arg-type]
+    found = diagnosis_data(train=[reading([4.0, 0.0])], held_out=[reading([2.0, 2.0, 2.0])])
+    assert found.exclusive_channel_costs(fitted, ONE) == [(4.0, 1.0), (3.0, 3.0)]
+    assert found.exclusive_channel_costs(fitted, TWO) == [(0.0, 0.0)] * 2
+    assert replace(found, held_out=[]).exclusive_channel_costs(fitted, ONE) == [(4.0, 1.0), (0.0, 0.0)]
+
+
+def test_effects_are_screened_by_what_they_promise(monkeypatch: pytest.MonkeyPatch) -> None:
+    promised = {"one": [5.0, 1.0], "two": [9.0], "three": []}
+    monkeypatch.setattr(
+        data_module,
+        "score_tests",
+        lambda effect, fit, residual_models: [SimpleNamespace(gain=g) for g in promised[effect.name]],
+    )
+    told: list[str] = []
+    found = diagnosis_data(
+        train=[seen("one", "two", "three")], effects={e.name: e for e in (ONE, TWO, THREE)}, progress=told.append
+    )
+    known: Any = SimpleNamespace(effect_names=[], fit=None)
+    assert [(e.name, s[0].gain) for e, s in found.ranked_signatures(known)] == [("two", 9.0), ("one", 5.0)]
+    assert told == ["screening one, 2 left", "screening two, 1 left", "screening three, 0 left"]
+    has: Any = SimpleNamespace(effect_names=["two"], fit=None)
+    assert [e.name for e, _ in found.ranked_signatures(has)] == ["one"]
+    promised["one"] = [0.0]
+    assert [e.name for e, _ in found.ranked_signatures(known)] == ["two"]
+
+
+def test_a_trial_is_worth_what_falls_on_either_data_and_its_own_test(monkeypatch: pytest.MonkeyPatch) -> None:
+    before, after = model_fit([10.0, 11.0, 12.0], [5.0, 6.0]), model_fit([5.0, 5.5, 6.5], [4.0, 4.0])
+    monkeypatch.setattr(data_module, "wald_p_value", lambda fit, effect: 0.25)
+    found = diagnosis_data().candidate(before, after, ONE)
+    assert (found.effect, found.reduced, found.full, found.p_value) == (ONE, before, after, 0.25)
+    assert (found.train_gain.total, found.test_gain.total) == (16.0, 3.0)
+    monkeypatch.setattr(data_module, "wald_p_value", lambda fit, effect: math.nan)
+    assert diagnosis_data().candidate(before, after, ONE).p_value == found.train_gain.p_value
+
+
+def errors(**values: dict[str, float | None]) -> Any:
+    return lambda model: values[model]
+
+
+OLD: Any = SimpleNamespace(model="old")
+NEW: Any = SimpleNamespace(model="new")
+
+
+@pytest.mark.parametrize(
+    ("train", "test", "raises"),
+    [
+        (1.0, 1.04, False),
+        (1.0, 1.15, True),
+        (1.2, 0.9, False),
+        (1.3, 0.9, True),
+        (1.01, 1.01, True),
+        (None, 0.99, False),
+        (None, 1.01, True),
+    ],
+)
+def test_a_step_may_raise_the_error_of_one_use_by_five_percent_in_the_mean_of_both(
+    train: float | None, test: float, raises: bool
+) -> None:
+    found = diagnosis_data(free_run_errors=errors(old={"train": 1.0, "test": 1.0}, new={"train": train, "test": test}))
+    assert found.free_run_error_rises(OLD, NEW) == raises
+
+
+def test_without_errors_nothing_rises() -> None:
+    assert not diagnosis_data().free_run_error_rises(OLD, NEW)
+    assert not diagnosis_data(free_run_errors=errors(old={"train": None}, new={"train": None})).free_run_error_rises(
+        OLD, NEW
+    )
+
+
+@pytest.mark.parametrize(
+    ("train", "test", "falls"), [(0.9, 0.9, True), (1.2, 0.8, True), (1.3, 0.8, False), (1.0, 1.0, False)]
+)
+def test_the_ladder_falls_where_the_mean_of_both_errors_does(train: float, test: float, falls: bool) -> None:
+    found = diagnosis_data(free_run_errors=errors(old={"train": 1.0, "test": 1.0}, new={"train": train, "test": test}))
+    assert found.free_run_error_falls(OLD, NEW) == falls
+    assert diagnosis_data().free_run_error_falls(OLD, NEW)
+
+
+# --- the verdict
+
+
+def rival(cost: float, gained: float) -> Candidate:
+    before, after = model_fit([(cost + gained) / 2] * 2), model_fit([cost / 2] * 2)
+    return Candidate(ONE, before, after, ScoreGain(gained, 1.0, 0.0, 9.0), ScoreGain(gained, 1.0, 0.0, 9.0), 0.0)
+
+
+def test_chance_is_counted_in_units_of_what_is_left() -> None:
+    """1000 readings at ten times the noise: a parameter takes up a hundred times as much by chance."""
+    best = replace(model_fit([5e4, 5e4]), residual_counts=np.full(2, 500.0))
+    assert not_inferior(rival(1e5 + 300.0, 5e5).full, best)
+    assert not not_inferior(rival(1e5 + 500.0, 5e5).full, best)
+
+
+@pytest.mark.parametrize(
+    ("more", "gained", "equals"),
+    [
+        (0.0, 500.0, True),
+        (40.0, 5000.0, True),  # 4 % of the cost, nearly nothing of what it takes
+        (60.0, 5000.0, False),  # 6 % of the cost
+        (40.0, 500.0, False),  # 8 % of what it takes
+        (3.0, 50.0, True),  # chance gives one parameter as much
+        (5.0, 50.0, False),
+    ],
+)
+def test_a_rival_is_equal_where_it_costs_no_more_or_slightly_more_at_the_noise(
+    more: float, gained: float, equals: bool
+) -> None:
+    best = replace(model_fit([500.0, 500.0]), residual_counts=np.full(2, 500.0))
+    assert indistinguishable(rival(1000.0 + more, gained), best) == equals
+
+
+def estimate(value: float, error: float = 0.01, *, at_bound: bool = False, name: str = "friction.coulomb") -> Estimate:
+    return Estimate(name, "N", value, error, (value - error, value + error), at_bound)
+
+
+@pytest.mark.parametrize(
+    ("before", "after", "told"),
+    [
+        (estimate(10.0), estimate(12.1), True),
+        (estimate(10.0), estimate(11.9), False),  # less than a fifth
+        (estimate(10.0, 1.0), estimate(12.1, 1.0), False),  # within two standard errors of both
+        (estimate(-10.0), estimate(-12.1), True),
+        (estimate(10.0), estimate(10.0, at_bound=True), True),
+    ],
+)
+def test_a_base_parameter_that_effects_moved_far_is_told(before: Estimate, after: Estimate, told: bool) -> None:
+    one, other = (SimpleNamespace(estimates=(e, estimate(1.0, name="x"))) for e in (before, after))
+    found = _parameter_shifts(one, other)  # type: ignore[arg-type]
+    assert bool(found) == told
+    if told:
+        assert found == [ParameterShift("friction.coulomb", before.value, after.value, "N", not after.at_bound)]
+    assert _parameter_shifts(one, SimpleNamespace(estimates=())) == []  # type: ignore[arg-type]
+
+
+# --- what would have shown
+
+
+def size_of(name: str, *found: tuple[dict[str, float], float]) -> visible.MinimumDetectableEffect:
+    signatures: Any = [
+        SimpleNamespace(values={f"{name}.{k}": v for k, v in values.items()}, step_error=e) for values, e in found
+    ]
+    known: Any = SimpleNamespace(model=model([name], {}))
+    return visible._minimum_detectable_effect(catalogue()[name], signatures, known)
+
+
+def sentence(one: visible.MinimumDetectableEffect) -> str:
+    """The sentence of the answer."""
+    return str(detectability_answer(one)["would_show"])
+
+
+def test_what_would_have_shown_is_four_standard_errors_of_the_clearest_signature() -> None:
+    found = size_of("constant-force", ({"force": 20.0}, 0.5), ({"force": 10.0}, 0.05))
+    assert (found.size, found.plausible, found.parameter.name) == (pytest.approx(4 * 0.05 * 10.0), True, "force")
+    assert "above 2 N" in sentence(found)
+
+
+def test_a_size_counts_from_the_null() -> None:
+    found = size_of("pressure-scale", ({"scale": 1.1}, 0.25))
+    assert found.size == pytest.approx(0.1)
+    assert "from a difference of 0.1" in sentence(found)
+
+
+def test_what_would_have_shown_says_where_it_acts() -> None:
+    """A shorter cushion that the piston hardly reaches may be far stiffer."""
+    long, short = {"length": 0.08, "damping": 100.0}, {"length": 0.03, "damping": 100.0}
+    found = size_of("end-cushion", (short, np.inf), (long, 0.02))
+    assert "above 8 N s/m (damping at the very end; length of each cushion 0.08 m)" in sentence(found)
+
+
+@pytest.mark.parametrize(("error", "plausible"), [(0.74, True), (0.76, False)])
+def test_beyond_three_typical_sizes_no_plausible_one_would_have_shown(error: float, plausible: bool) -> None:
+    found = size_of("constant-force", ({"force": 10.0}, error))
+    assert found.plausible == plausible
+    assert ("cannot detect" in sentence(found)) != plausible
+
+
+@pytest.mark.parametrize("signature", [None, ({"force": 10.0}, np.inf), ({"force": 10.0}, 0.0)])
+def test_what_leaves_no_signature_would_not_have_shown(signature: Any) -> None:
+    found = size_of("constant-force", *([signature] if signature else []))
+    assert (found.size, found.plausible) == (np.inf, False)
+
+
+@pytest.mark.parametrize(("error", "plausible"), [(0.24, True), (0.26, False)])
+def test_an_effect_without_a_null_shows_at_its_typical_size_or_not(error: float, plausible: bool) -> None:
+    found = size_of("presliding", ({"stiffness": 2e4, "damping": 50.0}, error))
+    assert (found.size, found.plausible) == (2e4, plausible)
+    if plausible:
+        assert "at 2e+04 N/m" in sentence(found)
+
+
+def test_every_effect_that_the_model_lacks_and_can_show_has_a_size(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Static friction counts from the model's Coulomb friction of 14 N: 22 N are 8 N beyond, known to a tenth."""
+    effects = {n: catalogue()[n] for n in ("constant-force", "stribeck", "extra-mass", "valve-lag")}
+    values = {
+        "stribeck": {"stribeck.static": 22.0, "stribeck.velocity": 0.01},
+        "constant-force": {"constant-force.force": 10.0},
+    }
+
+    def found_for(effect: Any, fit: Any, residual_models: Any) -> list[Any]:
+        known = values.get(effect.name)
+        return [SimpleNamespace(values=known, step_error=0.1, gain=1.0)] if known else []
+
+    monkeypatch.setattr(data_module, "score_tests", found_for)
+    ready = diagnosis_data(train=[seen("constant-force", "stribeck", "extra-mass")], effects=effects)
+    has: Any = SimpleNamespace(effect_names=["extra-mass"], fit=None, model=model())
+    found = visible.minimum_detectable_effects(ready, has)
+    assert [d.effect.name for d in found] == ["constant-force", "stribeck"]
+    assert [d.size for d in found] == pytest.approx([4.0, 4 * 0.1 * 8.0])
+    assert [d.parameter.name for d in found] == ["force", "static"]

@@ -1,0 +1,84 @@
+"""Held out by turns: each recording is judged by what the others say, and what only one shows is not held out."""
+
+from __future__ import annotations
+
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+import pytest
+
+from pneucli.diagnose import cross_validation
+from pneucli.identify.estimation.fit import Fit
+from pneucli.identify.estimation.parameters import FreeParameter
+from pneucli.physics.effects import catalogue
+from tests.simulate.synthetic_experiments import model
+
+N = 300
+RNG = np.random.default_rng(5)
+TURN = np.arange(N) // 100
+
+
+def residual_model(name: str) -> Any:
+    return SimpleNamespace(experiment=SimpleNamespace(recording=SimpleNamespace(name=name)))
+
+
+def linear(columns: np.ndarray, wanted: np.ndarray, values: dict[str, float]) -> tuple[Fit, Any]:
+    """A fit of ``columns`` (N, k) z to ``wanted`` (N,) and its problem; a Newton step is exact there."""
+    effect = catalogue()["constant-force"]
+    z = np.linalg.lstsq(columns, wanted, rcond=None)[0]
+    ended = model([effect.name], dict(zip(values, z, strict=True)))
+    free = tuple(FreeParameter(name, "N", 0.0, -1e9, 1e9, 1.0) for name in values)
+    left = columns @ z - wanted
+    fit = Fit(ended, free, (), left, columns, TURN, np.zeros((len(z), len(z))), 0.0, ())
+    bounds = np.full(len(z), -1e9), np.full(len(z), 1e9)
+    none: Any = SimpleNamespace(prior_residuals=lambda z: np.zeros(0), prior_jacobian=lambda z: np.zeros((0, len(z))))
+    none.bounds = lambda: bounds
+    return fit, none
+
+
+def test_a_recording_is_judged_by_a_fit_of_the_others():
+    """Against least squares of the others; an effect of 1000 times its noise is not drawn to its absence."""
+    columns = RNG.normal(size=(N, 2))
+    wanted = columns @ [3.0, 1000.0] + RNG.normal(size=N)
+    fit, problem = linear(columns, wanted, {"friction.viscous": 0.0, "constant-force.force": 0.0})
+    out = TURN == 1
+    exact = np.linalg.lstsq(columns[~out], wanted[~out], rcond=None)[0]
+    assert cross_validation.parameters_without(fit, problem, out) == pytest.approx(exact, abs=1e-3)
+    of_all = np.linalg.lstsq(columns, wanted, rcond=None)[0]
+    assert not np.allclose(exact, of_all, atol=1e-3)
+
+
+def test_an_effect_that_one_recording_alone_shows_is_absent_where_that_one_is_out():
+    columns = np.column_stack([RNG.normal(size=N), np.where(TURN == 2, 1.0, 0.0)])
+    wanted = columns @ [3.0, 20.0] + RNG.normal(size=N)
+    fit, problem = linear(columns, wanted, {"friction.viscous": 0.0, "constant-force.force": 0.0})
+    assert cross_validation.parameters_without(fit, problem, TURN == 2)[1] == pytest.approx(0.0, abs=1e-9)
+    assert cross_validation.parameters_without(fit, problem, TURN == 0)[1] == pytest.approx(20.0, abs=0.5)
+
+
+def test_what_the_others_do_not_tell_of_the_base_stays():
+    columns = np.column_stack([np.where(TURN == 2, 1.0, 0.0), np.ones(N)])
+    wanted = columns @ [7.0, 20.0] + RNG.normal(size=N)
+    fit, problem = linear(columns, wanted, {"friction.viscous": 0.0, "constant-force.force": 0.0})
+    kept = fit.model.values["friction.viscous"]
+    assert cross_validation.parameters_without(fit, problem, TURN == 2)[0] == pytest.approx(kept)
+
+
+def test_a_recording_without_information_changes_nothing_by_its_turn():
+    """As one in which nothing moves: whichever way it is held out, the model is that of all."""
+    columns = np.where(TURN == 1, 0.0, 1.0)[:, None] * np.column_stack([RNG.normal(size=N), np.ones(N)])
+    wanted = columns @ [3.0, 20.0] + np.where(TURN == 1, 0.0, RNG.normal(size=N))
+    fit, problem = linear(columns, wanted, {"friction.viscous": 0.0, "constant-force.force": 0.0})
+    z = [fit.model.values[f.name] for f in fit.free]
+    assert cross_validation.parameters_without(fit, problem, TURN == 1) == pytest.approx(z, rel=1e-3)
+
+
+def test_each_recording_has_its_turn_and_its_views_share_it():
+    assert cross_validation.folds_of(
+        [residual_model("a"), residual_model("a"), residual_model("b"), residual_model("c")]
+    ) == (0, 0, 1, 2)
+
+
+def test_one_recording_alone_cannot_be_held_out():
+    assert cross_validation.folds_of([residual_model("a"), residual_model("a")]) == ()

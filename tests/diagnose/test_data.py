@@ -1,0 +1,70 @@
+"""The chance of an effect: by its parameters, or by what it gains on recordings that were held out."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+import pytest
+
+from pneucli.diagnose import data as data_module
+from pneucli.diagnose.data import DiagnosisData
+from pneucli.diagnose.evidence import score_gain
+from pneucli.diagnose.score import FittedModel
+from pneucli.physics.effects import catalogue
+from tests.diagnose.candidates import BLOCKS, diagnosis_data, model_fit
+from tests.simulate.synthetic_experiments import make_experiment as recorded
+from tests.simulate.synthetic_experiments import model as of_rig
+from tests.simulate.synthetic_experiments import time_grid
+
+SPREAD = np.where(np.arange(BLOCKS) % 2, 90.0, 10.0)  # of what falls block by block
+
+
+def chance(monkeypatch: pytest.MonkeyPatch, wald: float, *, held_out: bool) -> float:
+    """The chance of an effect that takes 50 of 200 in the mean block, fitted and held out, by a bench."""
+    before = held(model_fit().train_costs)
+    after = held(before.train_costs - SPREAD)
+    monkeypatch.setattr(data_module, "wald_p_value", lambda fit, effect: wald)
+    residual_models: Any = (object(),) if held_out else ()
+    where = replace(diagnosis_data(), held_out=residual_models)
+    return DiagnosisData.candidate(where, before, after, next(iter(where.effects.values()))).p_value
+
+
+def held(costs: Any) -> FittedModel:
+    """A state that costs the same fitted and held out."""
+    return FittedModel(model_fit().fit, costs, costs, np.tile(costs, 2), np.full(2 * BLOCKS, 100.0))
+
+
+def test_parameters_known_only_together_are_sure_by_what_they_gain_on_held_out_recordings(
+    monkeypatch: pytest.MonkeyPatch,
+):
+    seen = score_gain(SPREAD, np.zeros(BLOCKS)).p_value
+    assert seen < 1e-6
+    assert chance(monkeypatch, 0.4, held_out=True) == pytest.approx(2.0 * seen)
+
+
+def test_the_better_of_two_tests_counts_twice(monkeypatch: pytest.MonkeyPatch):
+    assert chance(monkeypatch, 1e-30, held_out=True) == pytest.approx(2e-30)
+
+
+def test_where_nothing_is_held_out_the_parameters_alone_tell(monkeypatch: pytest.MonkeyPatch):
+    assert chance(monkeypatch, 0.4, held_out=False) == 0.4
+
+
+def test_an_effect_without_a_null_is_judged_by_what_it_gains_where_it_was_fitted(monkeypatch: pytest.MonkeyPatch):
+    seen = score_gain(SPREAD, np.zeros(BLOCKS)).p_value
+    assert chance(monkeypatch, float("nan"), held_out=True) == pytest.approx(seen)
+
+
+@pytest.mark.parametrize(("coulomb", "starts"), [(14.0, True), (0.0, False)])
+def test_what_is_counted_in_dry_friction_has_no_size_where_there_is_none(coulomb: float, starts: bool) -> None:
+    seen: Any = SimpleNamespace(experiment=recorded("friction", time_grid(0.1), {"p1": 3e5, "p2": 3e5, "x": 0.1}))
+    fitted: Any = SimpleNamespace(model=of_rig((), {"friction.coulomb": coulomb}))
+    before = replace(model_fit(), fit=fitted)
+    assert (
+        DiagnosisData.has_initial_guess(replace(diagnosis_data(), train=[seen]), before, catalogue()["stribeck"])
+        == starts
+    )
+    assert DiagnosisData.has_initial_guess(replace(diagnosis_data(), train=[seen]), before, catalogue()["extra-mass"])

@@ -1,0 +1,377 @@
+"""Beside something unknown an effect is named only where it is more likely there than not."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+import pytest
+
+from pneucli.diagnose import posterior
+from pneucli.diagnose.adequacy import LackOfFit
+from pneucli.diagnose.calibration import Evidence, probability
+from pneucli.diagnose.candidate import Decision
+from pneucli.diagnose.data import DiagnosisData
+from pneucli.diagnose.equivalence import Term
+from pneucli.diagnose.posterior import (
+    acts_only_under_imposed_motion,
+    collect_evidence,
+    decide,
+    disagreement_between_recordings,
+    explained_excess_cost,
+    has_calibration,
+    passes_fallback,
+    retest_without_refused,
+)
+from pneucli.diagnose.validity import has_unmeasured_force
+from pneucli.identify.residuals import ChamberPressures, ForceBalance, FreeRun, ImposedMotion
+from pneucli.physics.effects import catalogue
+from tests.diagnose import candidates
+from tests.diagnose.candidates import candidate, diagnosis_data
+from tests.simulate.synthetic_experiments import make_experiment as recorded
+from tests.simulate.synthetic_experiments import time_grid
+
+STRONG = Evidence(share=0.98, significance=100.0, size=1.0, left=0.01)
+WEAK = Evidence(share=0.02, significance=2.0, size=0.1)
+TRIED = candidate("extra-mass")
+
+
+def kinds(*each: Any, feels: bool = True) -> list[Any]:
+    """Views of these kinds, which feel every effect or none, of one and the same recording."""
+    residual_models = [object.__new__(kind) for kind in each]
+    for residual_model in residual_models:
+        residual_model.__dict__.update(experiment="fitted", is_sensitive_to=lambda effect: feels)
+    return residual_models
+
+
+@pytest.fixture
+def judged(monkeypatch: pytest.MonkeyPatch) -> Any:
+    """The decision about an effect with evidence, a reading that contradicts it, and the error that the user sees."""
+
+    def reason(
+        evidence: Evidence,
+        *,
+        unknown: bool,
+        contradicted: bool = False,
+        falls: bool = True,
+        read: float | None = None,
+        law: bool = False,
+    ) -> str:
+        place = None if read is None else Term(TRIED, ())
+        monkeypatch.setattr(DiagnosisData, "exclusive_channel_costs", lambda self, model_fit, effect: [(read, 100.0)])
+        monkeypatch.setattr(posterior, "collect_evidence", lambda *_, complete: evidence._replace(complete=complete))
+        monkeypatch.setattr(posterior, "refuted_by_reading", lambda model, effect, residual_models: contradicted)
+        monkeypatch.setattr(
+            posterior, "nonparametric_rival", lambda diagnosis_data, one: "a law" if law and one is place else None
+        )
+        errors = [(TRIED.reduced, 10.0, 10.0), (TRIED.full, *((5.0, 5.0) if falls else (10.5, 10.5)))]
+        left = [LackOfFit(ForceBalance, "force", 5.0, 5.0, ())] * unknown
+        monkeypatch.setattr(posterior, "has_calibration", lambda diagnosis_data, effect: True)
+        decision, rests_on = decide(diagnosis_data(errors), TRIED.full, TRIED, left, place)
+        assert (decision.effect, decision.candidate) == (TRIED.effect, TRIED)
+        assert rests_on == evidence._replace(complete=not unknown)
+        return decision.reason
+
+    return reason
+
+
+@pytest.mark.parametrize("unknown", [False, True])
+def test_only_what_is_likely_there_is_named(judged: Any, unknown: bool) -> None:
+    assert probability(WEAK) < 0.5 < probability(STRONG)
+    assert judged(STRONG, unknown=unknown) == "supported"
+    assert judged(WEAK, unknown=unknown) == "explained-by-unknown"
+
+
+@pytest.mark.parametrize("unknown", [False, True])
+def test_what_a_law_of_a_signal_outdoes_is_not_named_however_likely(judged: Any, unknown: bool) -> None:
+    assert judged(STRONG, unknown=unknown, read=100.0, law=True) == "explained-by-signal"
+    assert judged(WEAK, unknown=unknown, read=100.0, law=True) == "explained-by-unknown"
+
+
+@pytest.mark.parametrize("unknown", [False, True])
+def test_a_direct_reading_beats_any_law(judged: Any, unknown: bool) -> None:
+    assert judged(STRONG, unknown=unknown, read=200.0, law=True) == "supported"
+
+
+def test_where_nothing_unknown_is_left_the_error_that_the_user_sees_may_stay(judged: Any) -> None:
+    assert judged(STRONG, unknown=False, falls=False) == "supported"
+
+
+def test_beside_something_unknown_the_error_that_the_user_sees_must_fall(judged: Any) -> None:
+    assert judged(STRONG, unknown=True, falls=False) == "raises-error"
+    assert judged(WEAK, unknown=True, falls=False) == "explained-by-unknown"
+
+
+def test_of_what_readings_show_alone_it_need_not_fall(judged: Any) -> None:
+    """A resting accelerometer tells its bias, whatever else makes the error of a trajectory."""
+    assert judged(STRONG, unknown=True, falls=False, read=200.0) == "supported"
+    assert judged(STRONG, unknown=True, falls=False, read=104.0) == "raises-error"
+    assert judged(WEAK, unknown=True, falls=False, read=200.0) == "explained-by-unknown"
+
+
+@pytest.mark.parametrize("unknown", [False, True])
+def test_what_a_reading_contradicts_is_not_named_however_likely(judged: Any, unknown: bool) -> None:
+    assert judged(STRONG, unknown=unknown, contradicted=True) == "contradicted-by-reading"
+
+
+@pytest.mark.parametrize("unseen", [True, False])
+def test_a_force_that_nobody_recorded_names_nothing(unseen: bool) -> None:
+    """Without p2 what a shut chamber 2 does to the piston looks like a spring."""
+    residual_model = object.__new__(ForceBalance)
+    experiment = SimpleNamespace(p2_is_unmeasured=unseen, can_show=lambda effect: True)
+    object.__setattr__(residual_model, "experiment", experiment)
+    assert has_unmeasured_force([residual_model], catalogue()["spring-force"]) == unseen
+    assert not has_unmeasured_force([], catalogue()["spring-force"])
+
+
+# --- where no exam tells
+
+
+@pytest.mark.parametrize(
+    ("share", "disagreement", "ratio", "held_out", "named"),
+    [
+        (0.70, 0.3, 5.0, True, True),  # 70 % taken, and much left: two things act
+        (0.70, 0.3, 2.0, True, False),  # 70 % taken, little left: what resembles one unknown does the same
+        (0.98, 0.3, 2.0, True, True),
+        (0.10, 0.3, 9.0, True, False),
+        (0.98, 0.6, 9.0, True, False),  # recordings want it changed by more than half
+        (0.80, 0.0, 9.0, False, False),  # nothing was held out to contradict it
+        (0.95, 0.6, 9.0, False, True),
+    ],
+)
+def test_where_no_exam_tells_an_effect_takes_most_or_much_is_left(
+    share: float, disagreement: float, ratio: float, held_out: bool, named: bool
+) -> None:
+    left = [LackOfFit(ForceBalance, "force", ratio, ratio, ())]
+    assert passes_fallback(diagnosis_data(held_out=held_out), share, disagreement, left) == named
+
+
+@pytest.mark.parametrize(
+    ("kind", "held_out", "known"),
+    [(ForceBalance, True, True), (ImposedMotion, True, True), (FreeRun, True, False), (ForceBalance, False, False)],
+)
+def test_exams_hold_recordings_out_and_have_what_each_subsystem_needs(kind: Any, held_out: bool, known: bool) -> None:
+    seen = kind(recorded("friction", time_grid(0.1), {"p1": 3e5, "p2": 3e5, "x": 0.1}))
+    where: Any = SimpleNamespace(train=[seen], has_held_out_data=held_out)
+    assert has_calibration(where, catalogue()["stribeck"]) == known
+
+
+# --- what it rests on
+
+
+def model_fit(squares: float, samples: int = 100, **more: Any) -> Any:
+    return SimpleNamespace(cost=squares, residual_count=samples, **more)
+
+
+def test_the_share_that_a_step_takes_is_of_what_exceeds_noise() -> None:
+    assert explained_excess_cost(model_fit(300.0), model_fit(150.0)) == pytest.approx(0.75)
+    assert explained_excess_cost(model_fit(300.0), model_fit(350.0)) == pytest.approx(-0.25)
+
+
+def evidence(monkeypatch: pytest.MonkeyPatch, shown: Any, *, complete: bool = False, placed: bool = True) -> Evidence:
+    last = model_fit(140.0, fit="last fit", model="last model")
+    tried: Any = SimpleNamespace(
+        reduced=model_fit(0.0, model="without"), full=model_fit(0.0, model="with"), effect=catalogue()["extra-mass"]
+    )
+    where: Any = SimpleNamespace(train=kinds(ForceBalance), free_run_errors=shown)
+    monkeypatch.setattr(posterior, "rig_quantities", lambda model, experiments: (model, *experiments))
+    sizes = {("last fit", "extra-mass", ("last model", "fitted")): 0.5}
+    monkeypatch.setattr(
+        posterior, "significance", lambda fit, effect: {("last fit", "extra-mass"): 20.0}[fit, effect.name]
+    )
+    monkeypatch.setattr(posterior, "relative_effect_size", lambda fit, effect, facts: sizes[fit, effect.name, facts])
+    stood: Any = SimpleNamespace(remaining_share=lambda diagnosis_data: 0.2 if diagnosis_data is where else None)
+    return collect_evidence(where, last, tried, stood if placed else None, ["pressure-scale"], complete=complete)
+
+
+def test_evidence_is_of_the_step_and_of_the_effect_in_the_last_model(monkeypatch: pytest.MonkeyPatch) -> None:
+    errors = {"without": {"train": 9.0, "test": 5.0}, "with": {"train": 8.0, "test": 13.0**0.5}}
+    for complete in (True, False):
+        found = evidence(monkeypatch, errors.__getitem__, complete=complete)
+        assert found[:3] == pytest.approx((0.5, 20.0, 0.5))
+        assert found[3:] == (complete, 0.2, False, ("extra-mass", "pressure-scale"))
+
+
+def test_where_no_error_is_shown_no_share_of_it_is_known(monkeypatch: pytest.MonkeyPatch) -> None:
+    assert evidence(monkeypatch, None).share is None
+
+
+def test_what_has_no_place_in_the_last_model_leaves_all(monkeypatch: pytest.MonkeyPatch) -> None:
+    assert evidence(monkeypatch, None, placed=False).left == 1.0
+
+
+def test_beside_something_unknown_an_effect_is_as_likely_as_the_law_says_of_it_in_its_place(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """What it takes of the error that the user sees counts, too: of 4 and 2 times the noise 12 of 15 parts."""
+    tried, other = candidate("time-skew", before=candidates.model_fit()), candidate("valve-lag")
+    errors = {id(tried.reduced.model): 4.0, id(tried.full.model): 2.0}
+    where = replace(
+        diagnosis_data(held_out=False),
+        train=kinds(ImposedMotion, ForceBalance),
+        free_run_errors=lambda model: {"train": 9.0, "test": errors[id(model)]},
+    )
+    monkeypatch.setattr(
+        posterior, "rig_quantities", lambda model, experiments: "facts" if model is tried.full.model else None
+    )
+    monkeypatch.setattr(posterior, "significance", lambda fit, effect: 20.0 if fit is tried.full.fit else 0.0)
+    monkeypatch.setattr(posterior, "relative_effect_size", lambda fit, effect, facts: 0.5 if facts == "facts" else 0.0)
+    monkeypatch.setattr(Term, "remaining_share", lambda self, diagnosis_data: 0.3 if self.candidate is tried else None)
+    monkeypatch.setattr(Term, "equivalents", lambda self, diagnosis_data, complete: () if complete else self.rivals)
+    known = Evidence(0.8, 20.0, 0.5, complete=False, left=0.3)
+    assert posterior.posterior_probability(where, Term(tried, ())) == probability(
+        known._replace(effects=("time-skew",))
+    )
+    assert posterior.posterior_probability(where, Term(tried, (other,))) == probability(
+        known._replace(effects=("time-skew", "valve-lag"))
+    )
+
+
+@pytest.mark.parametrize(
+    ("errors", "expected"),
+    [
+        (None, np.log(3.0)),
+        ({"train": 2.0, "test": None}, np.log(3.0) - 10.0 * np.log(2.0)),
+        ({"train": 2.0, "test": 8.0}, np.log(3.0) - 10.0 * np.log(4.0)),
+    ],
+)
+def test_of_what_leaves_as_much_the_error_that_the_user_sees_counts_as_ten_readings(
+    monkeypatch: pytest.MonkeyPatch, errors: dict[str, float | None] | None, expected: float
+) -> None:
+    """Stribeck friction and a break-away that grows leave as much of a balance of forces, which has few break-aways."""
+    monkeypatch.setattr(posterior, "collect_evidence", lambda *_, complete: WEAK)
+    monkeypatch.setattr(posterior, "probability", lambda evidence: 0.75)
+    where = replace(diagnosis_data(held_out=False), free_run_errors=None if errors is None else lambda model: errors)
+    assert posterior.log_odds_among_equivalents(
+        where, candidate("stribeck", before=candidates.model_fit())
+    ) == pytest.approx(expected)
+    monkeypatch.setattr(posterior, "probability", lambda evidence: 1.0)
+    named = candidate("stribeck", before=candidates.model_fit())
+    assert np.isfinite(posterior.log_odds_among_equivalents(where, named))
+
+
+def test_of_what_leaves_as_much_it_does_not_count_which_effect_it_is(monkeypatch: pytest.MonkeyPatch) -> None:
+    """The unknown that one of them resembles, all of them do."""
+    where = replace(diagnosis_data(held_out=False), free_run_errors=None)
+    monkeypatch.setattr(posterior, "_significance_and_size", lambda diagnosis_data, model_fit, effect: (20.0, 0.5))
+    monkeypatch.setattr(Term, "remaining_share", lambda self, diagnosis_data: 0.3)
+    clock, spool = (
+        posterior.log_odds_among_equivalents(where, candidate(n, before=candidates.model_fit()))
+        for n in ("time-skew", "valve-lag")
+    )
+    assert clock == spool
+
+
+@pytest.mark.parametrize(("size", "less"), [(0.5, True), (1.0, False), (4.0, False)])
+def test_one_that_is_larger_than_usual_is_no_likelier_than_its_twin(
+    monkeypatch: pytest.MonkeyPatch, size: float, less: bool
+) -> None:
+    """Of a force of its usual size and an offset of four times its own a rig has rather the force."""
+    where = replace(diagnosis_data(held_out=False), free_run_errors=None)
+    sizes = {"constant-force": 1.0, "pressure-offset": size}
+    monkeypatch.setattr(
+        posterior, "_significance_and_size", lambda diagnosis_data, model_fit, effect: (20.0, sizes[effect.name])
+    )
+    monkeypatch.setattr(Term, "remaining_share", lambda self, diagnosis_data: 0.3)
+    force, offset = (
+        posterior.log_odds_among_equivalents(where, candidate(name, before=candidates.model_fit())) for name in sizes
+    )
+    assert offset < force if less else offset == force
+
+
+def test_an_effect_is_seen_with_imposed_motion_where_all_recordings_that_feel_it_are_such() -> None:
+    effect = catalogue()["extra-mass"]
+    unfelt = kinds(ChamberPressures, feels=False)
+    assert acts_only_under_imposed_motion(replace(diagnosis_data(), train=[*kinds(ImposedMotion), *unfelt]), effect)
+    assert not acts_only_under_imposed_motion(
+        replace(diagnosis_data(), train=kinds(ImposedMotion, ForceBalance)), effect
+    )
+
+
+def test_recordings_are_asked_each_by_all_its_views(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Two views of ``b`` count as one recording; every channel has its residuals."""
+
+    def residual_model(name: str, n: int, *channels: str) -> Any:
+        experiment = SimpleNamespace(recording=SimpleNamespace(name=name), time=np.zeros(n))
+        return SimpleNamespace(experiment=experiment, channels=channels)
+
+    monkeypatch.setattr(
+        posterior, "disagreement", lambda fit, effect, recordings: (fit, effect.name, recordings.tolist())
+    )
+    where: Any = SimpleNamespace(
+        train=[residual_model("b", 2, "p1", "p2"), residual_model("a", 3, "p1"), residual_model("b", 1, "force")],
+        effects=catalogue(),
+    )
+    fit, name, recordings = disagreement_between_recordings(where, SimpleNamespace(fit="fit"), "extra-mass")  # type: ignore[misc, arg-type]
+    assert (fit, name, recordings) == ("fit", "extra-mass", [1] * 4 + [0] * 3 + [1])
+
+
+@pytest.mark.parametrize(
+    ("moved", "passes", "named"),
+    [
+        ((10.0, 5.0), True, "supported"),
+        ((10.0, 10.5), True, "raises-error"),
+        ((10.0, 9.9), False, "explained-by-unknown"),
+    ],
+)
+def test_only_what_passes_without_the_effects_that_are_refused_is_named(
+    monkeypatch: pytest.MonkeyPatch, moved: tuple[float, float], passes: bool, named: str
+) -> None:
+    """An offset is refused; the mass beside it must pass, and lower the error, in the model that lacks the offset."""
+    mass, offset = (candidate(n) for n in ("extra-mass", "pressure-offset"))
+    last, alone, neither = (candidates.model_fit(n) for n in (["extra-mass", "pressure-offset"], ["extra-mass"], []))
+    ways = {(id(last), "pressure-offset"): alone, (id(alone), "extra-mass"): neither}
+    monkeypatch.setattr(DiagnosisData, "refit_without", lambda self, one, effects: [ways[id(one), effects[0].name]])
+    step = replace(mass, reduced=neither, full=alone)
+    monkeypatch.setattr(DiagnosisData, "candidate", lambda self, before, after, effect: step)
+    monkeypatch.setattr(posterior, "passing_candidates", lambda diagnosis_data, before, tried: tried if passes else [])
+    there = STRONG if passes else WEAK
+    monkeypatch.setattr(posterior, "collect_evidence", lambda *_, complete: there._replace(complete=complete))
+    monkeypatch.setattr(posterior, "has_calibration", lambda diagnosis_data, effect: True)
+    monkeypatch.setattr(posterior, "refuted_by_reading", lambda model, effect, residual_models: False)
+    found = diagnosis_data([(neither, moved[0], moved[0]), (alone, moved[1], moved[1])])
+    left = [LackOfFit(ForceBalance, "force", 5.0, 5.0, ())]
+    weights = [(Decision(mass.effect, "supported", mass), STRONG), (Decision(offset.effect, "at-bound", offset), WEAK)]
+    (first, _), (second, _) = retest_without_refused(found, last, weights, left)
+    assert (first.reason, second.reason) == (named, "at-bound")
+    assert retest_without_refused(found, last, weights, []) == weights  # noise alone is left
+    assert retest_without_refused(found, last, weights[:1], left) == weights[:1]  # nothing is refused
+    assert retest_without_refused(found, last, weights[1:], left) == weights[1:]  # nothing is named
+
+
+@pytest.mark.parametrize(("left", "likely", "named"), [(5.0, False, False), (5.0, True, True), (1.0, False, True)])
+def test_beside_what_a_law_outdoes_something_is_left_though_it_passed_for_noise(
+    monkeypatch: pytest.MonkeyPatch, left: float, likely: bool, named: bool
+) -> None:
+    """With a spring, which a law outdoes, the mass seemed to be complete; it is weighed anew beside what is left."""
+    mass, spring = (candidate(n) for n in ("extra-mass", "spring-force"))
+    last, alone, neither = (candidates.model_fit(n) for n in (["extra-mass", "spring-force"], ["extra-mass"], []))
+    ways = {(id(last), "spring-force"): alone, (id(alone), "extra-mass"): neither}
+    monkeypatch.setattr(DiagnosisData, "refit_without", lambda self, one, effects: [ways[id(one), effects[0].name]])
+    monkeypatch.setattr(
+        DiagnosisData, "candidate", lambda self, before, after, effect: replace(mass, reduced=before, full=after)
+    )
+    monkeypatch.setattr(posterior, "passing_candidates", lambda diagnosis_data, before, tried: tried)
+    monkeypatch.setattr(
+        posterior,
+        "lack_of_fit",
+        lambda diagnosis_data, one: (
+            [LackOfFit(ForceBalance, "force", left, left, ())] * (one.model is alone.model),
+            [],
+        ),
+    )
+    there = STRONG if likely else WEAK
+    monkeypatch.setattr(posterior, "collect_evidence", lambda *_, complete: there._replace(complete=complete))
+    monkeypatch.setattr(posterior, "has_calibration", lambda diagnosis_data, effect: True)
+    monkeypatch.setattr(posterior, "refuted_by_reading", lambda model, effect, residual_models: False)
+    monkeypatch.setattr(posterior, "nonparametric_rival", lambda diagnosis_data, one: None)
+    found = diagnosis_data([(neither, 10.0, 10.0), (alone, 5.0, 5.0)])
+    weights = [
+        (Decision(mass.effect, "supported", mass), STRONG._replace(complete=True)),
+        (Decision(spring.effect, "explained-by-signal", spring), STRONG),
+    ]
+    (first, evidence), (second, _) = retest_without_refused(found, last, weights, [])
+    assert (first.supported, second.reason) == (named, "explained-by-signal")
+    assert evidence.complete == (left == 1.0)

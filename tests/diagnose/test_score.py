@@ -1,0 +1,177 @@
+"""What recordings cost, those that were fitted and those that were not."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+import pytest
+
+from pneucli.diagnose import score as counted
+from pneucli.diagnose.flow_gain_variance import flow_gain_deviation, with_flow_gain_errors
+from pneucli.diagnose.score import correct_for_model_noise, fitted_costs, held_out_costs, likelihood_costs
+from pneucli.identify.residuals import ChamberPressures
+from pneucli.simulate import layout as at
+from pneucli.simulate.model import Model
+from pneucli.simulate.preparation import prepare
+from pneucli.simulate.run import simulate
+from tests.simulate.synthetic_experiments import held_commands, make_experiment, model, time_grid
+
+NOISE = 500.0  # Pa
+
+
+def view_of(n: int = 500) -> Any:
+    e = SimpleNamespace(time=1e-3 * np.arange(n))
+    return SimpleNamespace(experiment=e, channels=("p1", "p2"), log_determinant=lambda _: np.full(2 * n, 0.1))
+
+
+def test_a_cost_is_the_squares_of_a_block_and_the_volume_of_what_starts_err_by() -> None:
+    """Noise as drawn: no allowance. Two blocks of 250 samples of two channels."""
+    residual = np.where(np.arange(1000) < 500, 2.0, 1.0)
+    found = likelihood_costs([view_of()], [{"p1": 1.0, "p2": 1.0}], residual, [{}])
+    assert found == pytest.approx([250 * 5.0 + 50.0] * 2)
+
+
+@pytest.mark.parametrize(
+    ("drawn", "level", "left"),
+    [
+        (1.0, 3.0, 3.0),  # as much noise as the sensors': nothing is allowed
+        (2.0, 3.0, np.sqrt(9.0 - 3.0)),  # four times the power: the sensors' and three more
+        (2.0, 1.0, np.sqrt(1.0 - 0.75)),  # no more noise than what is left
+        (0.95, 3.0, np.sqrt(9.0 + 0.0975)),  # less than the sensors' is shown: the difference is added
+        (0.5, 3.0, np.sqrt(9.0 + 0.2)),  # but no more than a fifth of the power
+    ],
+)
+def test_residuals_are_allowed_what_the_model_makes_of_the_noise(drawn: float, level: float, left: float) -> None:
+    residual = np.concatenate([np.full(500, level), np.full(500, 7.0)])
+    found = correct_for_model_noise([view_of()], [{"p1": drawn, "p2": 1.0}], residual)
+    assert found[0] == pytest.approx(max(left, np.sqrt(0.8 * min(level**2, 1.0))))
+    assert np.ptp(found[:500]) == pytest.approx(0.0)
+    assert found[500:] == pytest.approx(np.full(500, 7.0))
+
+
+def test_what_is_zero_stays_zero() -> None:
+    assert not correct_for_model_noise([view_of()], [{"p1": 2.0, "p2": 2.0}], np.zeros(1000)).any()
+
+
+def test_residuals_are_counted_block_by_block_and_those_that_say_nothing_are_not(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """Two blocks of 250 samples of two channels; three residuals of the first are zero."""
+    monkeypatch.setattr(
+        counted, "drawn_rms", lambda model, residual_model, errors: dict.fromkeys(residual_model.channels, 1.0)
+    )
+    residual_model, residual = view_of(), np.ones(1000)
+    residual_model.initial_state_sensitivity, residual_model.states_force = lambda _: {}, False
+    residual[:3] = 0.0
+    found: Any = SimpleNamespace(model=model(), residual=residual, initial_state_sensitivities=[{}])
+    _, counts = fitted_costs(found, [residual_model])
+    assert counts.tolist() == [497.0, 500.0]
+
+
+# --- the flow in recordings that were not fitted
+
+
+def chamber(fill: float = 1.0, vent: float = 1.0) -> ChamberPressures:
+    """A chamber that is filled and vented by commands so many times those recorded, restarted every 0.5 s."""
+    time, rng = time_grid(2.0), np.random.default_rng(2)
+    stated = held_commands(time, [2.0, -2.0, 1.0, -1.0], 0.5)
+    acting = np.where(stated > 0.0, fill, vent) * stated
+    given = {"x": np.full(time.size, 0.1)}
+    exact = make_experiment("axis", time, {**given, "u": acting, "v": np.zeros(time.size), "p1": 2e5}, chamber_2="open")
+    exact.flags[at.MECHANICS] = 0.0
+    readings = simulate(model(), exact)["p1"] + rng.normal(scale=NOISE, size=time.size)
+    recording = replace(exact.recording, signals={**given, "u": stated, "p1": readings})
+    ready = prepare(recording, exact.rig, 0.5)
+    ready.flags[at.MECHANICS] = 0.0
+    return ChamberPressures(ready, whiten_initial_state=True)
+
+
+def size_of_flow(residual_model: ChamberPressures, of: Model) -> float:
+    """The standard deviation of the flow's relative error over that by which a command of its own size errs."""
+    starts = [residual_model.initial_state_sensitivity(of)]
+    (errors,) = with_flow_gain_errors([of], [residual_model], [residual_model.residual(of, {})], starts)
+    flow = residual_model.flow_gain_sensitivity(of)["p1"]
+    return float(np.linalg.norm(errors["p1"][1:]) / np.linalg.norm(flow)) if len(errors["p1"]) > 1 else 0.0
+
+
+def test_a_flow_that_is_as_in_the_model_has_no_error_worth_the_name() -> None:
+    assert size_of_flow(chamber(), model()) < 2e-3
+
+
+@pytest.mark.parametrize(("fill", "vent"), [(1.05, 1.0), (1.0, 1.05), (0.95, 0.95)])
+def test_a_gain_that_is_another_one_is_seen_as_such(fill: float, vent: float) -> None:
+    assert 0.01 < size_of_flow(chamber(fill, vent), model()) < 0.1
+
+
+def test_a_gain_that_is_another_one_costs_little_more_than_noise(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Noise costs 1 a sample; 5 % of the gain cost more than 10 of them without the allowance."""
+    residual_model = chamber(1.05)
+    monkeypatch.setattr(counted, "drawn_rms", lambda model, residual_model, errors: {"p1": 1.0})
+    found, counts = held_out_costs([model()], [residual_model], [residual_model.initial_state_sensitivity(model())])
+    samples = counts.sum()
+    assert samples == 2001
+    assert counts.size == found.size
+    plain = residual_model.residual(model())["p1"] / residual_model.noise["p1"]
+    assert plain @ plain > 10.0 * samples
+    assert found.sum() < 1.2 * samples
+
+
+def test_what_does_not_look_like_a_gain_stays_in_the_cost(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A drift of 20 times the noise while the valve is shut, which no error of a flow makes."""
+    residual_model = chamber()
+    monkeypatch.setattr(counted, "drawn_rms", lambda model, residual_model, errors: {"p1": 1.0})
+    drifting = residual_model.measured["p1"] + 20.0 * NOISE * np.sin(60.0 * residual_model.experiment.time)
+    residual_model.experiment.raw["p1"][:] = drifting
+    found, counts = held_out_costs([model()], [residual_model], [residual_model.initial_state_sensitivity(model())])
+    assert found.sum() > 100.0 * counts.sum()
+
+
+def test_the_most_likely_size_is_that_of_what_was_drawn() -> None:
+    """Powers of 1e4, sizes of 0.1: the residual along them varies by P + s^2 P^2."""
+    rng, power = np.random.default_rng(4), np.full(4000, 1e4)
+    along = rng.normal(size=4000) * np.sqrt(power + 0.01 * power**2)
+    assert flow_gain_deviation(np.array([power, along])) == pytest.approx(0.1, rel=0.04)
+    assert flow_gain_deviation(np.array([power, np.sqrt(0.5 * power)])) == 0.0
+    assert flow_gain_deviation(np.zeros((2, 0))) == 0.0
+
+
+TIME = np.arange(4000) * 1e-3
+VIEW = SimpleNamespace(channels=("force",), experiment=SimpleNamespace(time=TIME))
+
+
+@pytest.mark.parametrize(
+    ("rms", "expected", "left"),
+    [
+        (1.0, 1.0, 1.0),
+        (2.0, 2.0, 1.0),
+        (3.0, 1.0, 3.0),
+        (3.0, 2.0, np.sqrt(9.0 - 3.0)),
+        (0.95, 1.05, 0.95 / 1.05),  # the noise is known a little less well than that: in proportion
+        (0.95, 0.95, 1.0),  # a model that smooths over noise leaves less of it
+        (3.0, 0.9, np.sqrt(9.0 + 0.19)),
+        (3.0, 0.0, np.sqrt(9.0 + 0.2)),  # nothing drawn: noise is known to four fifths
+        (0.8, 2.0, np.sqrt(0.8) * 0.8),
+        (1.5, 4.0, np.sqrt(0.8)),
+    ],
+)
+def test_what_noise_explains_is_taken_off(rms: float, expected: float, left: float):
+    """In squares: rms^2 - (drawn^2 - 1), in proportion where that is noise, but not below 0.8 of the sensors' 1."""
+    residual = rms * np.where(np.arange(TIME.size) % 2, 1.0, -1.0)
+    seen = correct_for_model_noise([VIEW], [{"force": expected}], residual)
+    assert np.sqrt(np.mean(seen**2)) == pytest.approx(left)
+
+
+def test_each_channel_of_each_view_has_its_own_allowance() -> None:
+    """Four channels of two views, one after the other; only the last one's noise is allowed for."""
+    one, two = (SimpleNamespace(channels=c, experiment=VIEW.experiment) for c in (("p1", "p2", "x"), ("force",)))
+    residual = 3.0 * np.where(np.arange(4 * TIME.size) % 2, 1.0, -1.0)
+    seen = correct_for_model_noise([one, two], [{"p1": 1.0, "p2": 1.0, "x": 1.0}, {"force": 2.0}], residual)  # type: ignore[list-item]
+    parts = np.sqrt(np.mean(seen.reshape(4, -1) ** 2, axis=1))
+    assert parts == pytest.approx([3.0, 3.0, 3.0, np.sqrt(6.0)])
+
+
+def test_samples_that_do_not_count_stay_out():
+    assert not correct_for_model_noise([VIEW], [{"force": 2.0}], np.zeros(TIME.size)).any()

@@ -1,0 +1,76 @@
+"""One round of the search: what the screen leaves out."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+import pytest
+
+from pneucli.diagnose import screening as rounds
+from pneucli.diagnose.data import DiagnosisData
+from pneucli.physics.effects import catalogue
+from tests.diagnose.candidates import candidate, diagnosis_data, model_fit
+
+BEFORE = model_fit()
+
+
+def signature(gain: float) -> Any:
+    return SimpleNamespace(gain=gain)
+
+
+def test_what_the_screen_leaves_out_is_said_so(monkeypatch: pytest.MonkeyPatch):
+    """Beside a promise of 5000 one of 40 is no start worth a fit."""
+    ranked = [(catalogue()["extra-mass"], [signature(5000.0)]), (catalogue()["stribeck"], [signature(40.0)])]
+    monkeypatch.setattr(DiagnosisData, "ranked_signatures", lambda self, model_fit: ranked)
+    monkeypatch.setattr(
+        DiagnosisData,
+        "refit_with",
+        lambda self, before, effects, found: [candidate(e.name, before=before) for e in effects],
+    )
+    monkeypatch.setattr(DiagnosisData, "refit_to_convergence", lambda self, tried: tried)
+    where = replace(diagnosis_data(), effects={n: catalogue()[n] for n in ("extra-mass", "stribeck", "heat-transfer")})
+    where.__dict__["hypothesis_count"] = 50
+    assert {d.effect.name: d.reason for d in rounds.screen_and_refit(where, BEFORE)} == {
+        "extra-mass": "supported",
+        "stribeck": "not-promising",
+        "heat-transfer": "not-promising",  # its signature raises the cost: the screen does not even rank it
+    }
+    beside = rounds.screen_and_refit(where, BEFORE, ["extra-mass"])
+    assert {d.effect.name: d.reason for d in beside} == {"stribeck": "supported", "heat-transfer": "not-promising"}
+
+
+@pytest.mark.parametrize(("named", "ended"), [(None, 1), (4001.0, 1), (3000.0, 0)])
+def test_what_does_not_come_close_to_the_named_one_is_not_fitted_to_the_end(
+    monkeypatch: pytest.MonkeyPatch, named: float | None, ended: int
+):
+    """A rival that leaves 4000: it is the best of its round, and far from what leaves 3000."""
+    rival, polished = candidate("extra-mass", 4000.0, before=BEFORE), []
+    monkeypatch.setattr(
+        DiagnosisData, "ranked_signatures", lambda self, model_fit: [(rival.effect, [signature(5000.0)])]
+    )
+    monkeypatch.setattr(DiagnosisData, "refit_with", lambda *_: [rival])
+    monkeypatch.setattr(
+        DiagnosisData, "refit_to_convergence", lambda self, candidates: polished.extend(candidates) or candidates
+    )
+    where = replace(diagnosis_data(), effects={n: catalogue()[n] for n in ("extra-mass", "stribeck")})
+    rounds.screen_and_refit(where, BEFORE, ["stribeck"], None if named is None else model_fit(["stribeck"], named))
+    assert len(polished) == ended
+
+
+def test_refits_are_shared_out_by_where_the_residual_stands(monkeypatch: pytest.MonkeyPatch):
+    """Seven effects promise more of a force that leaves a tenth than one promises of the gas, which leaves the rest."""
+    forces = [n for n, e in catalogue().items() if e.balances == {"friction"}][:7]
+    ranked = [(catalogue()[name], [signature(900.0 - i)]) for i, name in enumerate(forces)]
+    ranked.append((catalogue()["chamber-leak"], [signature(1800.0)]))
+    in_gas = {"chamber-leak"}
+    blocks = {True: np.array([True, False]), False: np.array([False, True])}
+    monkeypatch.setattr(DiagnosisData, "sensitive_blocks", lambda self, effect: blocks[effect.name in in_gas])
+    costs, counts = np.array([9000.0, 1000.0]), np.array([100, 100])
+    left = SimpleNamespace(train_costs=costs, costs=costs, residual_counts=counts)
+    kept = [e.name for e, _ in rounds.score_test_screen(diagnosis_data(), left, ranked)]  # type: ignore[arg-type]
+    assert "chamber-leak" in kept
+    assert kept[:5] == forces[:5]
+    assert len(kept) == rounds.MAX_REFITS
