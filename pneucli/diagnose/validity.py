@@ -44,7 +44,7 @@ def end_locations(candidate: Candidate) -> list[EndLocation]:
     """Return where the fit ended for each parameter with a null: at the null, at another bound, or inside."""
     model, effect = candidate.full.model, candidate.effect
     upper = {f.name: f.upper for f in candidate.full.fit.free}
-    parameters = {f"{effect.name}.{p.name}": p for p in effect.parameters}
+    parameters = {f"{effect.name}.{p.name}": p for p in effect.in_model_with(model.effects).parameters}
     absent = {name: absent_value(p, model, upper.get(name, math.inf)) for name, p in parameters.items()}
     nulls = {name: value for name, value in absent.items() if value is not None}
     return [

@@ -52,7 +52,7 @@ class IntegratedMotion:
         else:
             v = integrate_between_rests(self.time, signals["a"], self.rest)
             v[self.rest] = 0.0
-        return self.start + cumulative_trapezoid(v, self.time, initial=0.0), v
+        return self.start + np.concatenate([[0.0], cumulative_trapezoid(v, self.time)]), v
 
 
 def integrated_motion(
