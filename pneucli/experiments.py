@@ -45,12 +45,12 @@ class ExperimentKind:
         return ("temperature", "flow") if self.valve else ("temperature",)
 
     def required_signals(self, present: Collection[str], *, valve_shut: bool) -> set[str]:
-        """Return the signals that identification requires.
+        """Return the signals that identification requires, given the signals that are present.
 
-        >>> sorted(EXPERIMENT_KINDS["friction"].required_signals({"x", "force"}, valve_shut=False))
-        ['x']
-        >>> sorted(EXPERIMENT_KINDS["friction"].required_signals({"x"}, valve_shut=False))
-        ['p1', 'x']
+        >>> EXPERIMENT_KINDS["friction"].required_signals({"x"}, valve_shut=False)
+        {'p1'}
+        >>> EXPERIMENT_KINDS["friction"].required_signals({"x", "force"}, valve_shut=False)
+        set()
         """
         driven = {"u"} if self.vessel and not valve_shut else set()
         pushed = {"p1"} if not self.valve and "force" not in present else set()
@@ -72,7 +72,7 @@ class ExperimentKind:
         """Whether a valve drives a piston."""
         return self.valve and self.cylinder
 
-    def parts(self, *, cylinder_known: bool, supply_recorded: bool, chamber_2_shut: bool = False) -> frozenset[Part]:
+    def parts(self, *, has_cylinder: bool, supply_recorded: bool, chamber_2_shut: bool = False) -> frozenset[Part]:
         """Return the parts of the rig whose effects can act (interface, section 5).
 
         A vessel is the chamber of a rig without a cylinder, and a recorded supply pressure is an input. Chamber 2 takes
@@ -83,7 +83,7 @@ class ExperimentKind:
             found |= PNEUMATIC_PARTS - ({"supply"} if supply_recorded else set())
         if self.cylinder:
             found.add("cylinder")
-        if self.axis or (self.vessel and not cylinder_known):
+        if self.axis or (self.vessel and not has_cylinder):
             found.add("chamber")
         if self.axis and chamber_2_shut:
             found.add("chamber 2")

@@ -26,7 +26,7 @@ def test_every_name_of_the_pipeline_file_has_its_entry():
     ],
 )
 def test_parts_stand_on_the_bench_as_the_interface_says(kind, cylinder, recorded, stands, lacks):
-    parts = EXPERIMENT_KINDS[kind].parts(cylinder_known=cylinder, supply_recorded=recorded)
+    parts = EXPERIMENT_KINDS[kind].parts(has_cylinder=cylinder, supply_recorded=recorded)
     assert stands <= parts
     assert not lacks & parts
 

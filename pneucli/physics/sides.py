@@ -81,8 +81,8 @@ def _side_of(port: str) -> int | None:
 
 def _on_side(effect: Effect, chamber: Chamber) -> Effect:
     both = {_side_of(port) for port in effect.ports} == {1, 2}
-    kept = {p: f for p, f in effect.ports.items() if not both or _side_of(p) == chamber}
-    ports = {_mirrored(port) if chamber == 2 and not both else port: f for port, f in kept.items()}
+    selected = {p: f for p, f in effect.ports.items() if not both or _side_of(p) == chamber}
+    ports = {_mirrored(port) if chamber == 2 and not both else port: f for port, f in selected.items()}
     return replace(
         effect,
         name=f"{effect.name}{SEPARATOR}{chamber}",

@@ -81,7 +81,7 @@ class Experiment:
         """The parts of the rig whose effects can act in this experiment."""
         recorded, shut = "p_supply" in self.recording, self.recording.chamber_2 in ("closed", "valve")
         return self.recording.kind.parts(
-            cylinder_known=self.rig.has_cylinder, supply_recorded=recorded, chamber_2_shut=shut
+            has_cylinder=self.rig.has_cylinder, supply_recorded=recorded, chamber_2_shut=shut
         )
 
     def can_show(self, effect: Effect) -> bool:
