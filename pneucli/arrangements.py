@@ -1,7 +1,7 @@
-"""How valves are connected to the chambers of a cylinder (interface, ``[rig.valve]``).
+"""Arrangements of valves at the chambers of a cylinder (interface, ``[rig.valve]``).
 
-A new arrangement is one entry of ``ARRANGEMENTS``: which command opens the paths of chamber 2. A path set is a map of
-its own: fill and vent of one chamber. Openings count from the null command, positive where the chamber is filled.
+A new arrangement is one entry of ``ARRANGEMENTS``: it states which command opens the paths of chamber 2. The fill and
+vent paths of one chamber have a map of their own. Openings count from the null command, positive toward filling.
 """
 
 from __future__ import annotations
@@ -15,14 +15,14 @@ Chamber2Supply = Literal["none", "mirrored", "own"]
 
 @dataclass(frozen=True)
 class Arrangement:
-    """One arrangement: chamber 2 has no valve, the other way of the first one's spool, or a valve with command u2."""
+    """One arrangement; chamber 2 has no valve, the other way of the first valve's spool, or a valve with command u2."""
 
     name: ArrangementName
     chamber_2: Chamber2Supply
 
     @property
     def commands(self) -> tuple[str, ...]:
-        """The signals that command it."""
+        """The signals that command its valves."""
         return ("u", "u2") if self.chamber_2 == "own" else ("u",)
 
     @property

@@ -1,6 +1,6 @@
-"""The kinds of experiment (interface, section 1): what stands on the bench, what is needed of it, what is compared.
+"""The kinds of experiment (interface, section 1): the parts of the rig, the required signals, the compared channels.
 
-A new kind is one entry of ``EXPERIMENT_KINDS``; what follows from it is asked of the entry, not of its name.
+A new kind is one entry of ``EXPERIMENT_KINDS``. Code asks the entry for its properties, never for its name.
 """
 
 from __future__ import annotations
@@ -19,9 +19,15 @@ PNEUMATIC_PARTS: frozenset[Part] = frozenset({"gas", "line", "valve", "linear va
 class ExperimentKind:
     """One kind of experiment.
 
-    ``valve``: gas flows through one. ``cylinder``: a piston moves. ``needs`` are the signals that nothing can do
-    without, ``compared_channels`` the channels that a model of it is held against, where they are recorded. ``controlled``: a
-    controller follows ``x_ref``. ``motion_signals``: one of them is needed, and motion follows from it.
+    Attributes:
+        name: Name in the pipeline file.
+        valve: Whether gas flows through a valve.
+        cylinder: Whether a piston moves.
+        needs: Signals that every analysis requires.
+        compared_channels: Channels in which model and measurement are compared, where they were recorded.
+        bench: The rig in one word.
+        controlled: Whether a controller follows ``x_ref``.
+        motion_signals: Signals of which one is needed, from which the motion follows.
     """
 
     name: ExperimentName
@@ -35,11 +41,17 @@ class ExperimentKind:
 
     @property
     def optional_channels(self) -> tuple[str, ...]:
-        """The channels that are compared too, where they were recorded."""
+        """Channels that are compared too, where they were recorded."""
         return ("temperature", "flow") if self.valve else ("temperature",)
 
     def required_signals(self, present: Collection[str], *, valve_shut: bool) -> set[str]:
-        """Return the signals without which nothing can be identified, beside those that are ``present``."""
+        """Return the signals that identification requires, given the signals that are present.
+
+        >>> EXPERIMENT_KINDS["friction"].required_signals({"x"}, valve_shut=False)
+        {'p1'}
+        >>> EXPERIMENT_KINDS["friction"].required_signals({"x", "force"}, valve_shut=False)
+        set()
+        """
         driven = {"u"} if self.vessel and not valve_shut else set()
         pushed = {"p1"} if not self.valve and "force" not in present else set()
         moved = {self.motion_signals[0]} if self.motion_signals and not {*self.motion_signals} & {*present} else set()
@@ -47,12 +59,12 @@ class ExperimentKind:
 
     @property
     def min_parameters(self) -> int:
-        """How many parameters the base model has at least: an area; Coulomb and viscous friction."""
+        """Smallest number of parameters of the base model: an area; Coulomb and viscous friction."""
         return self.valve + 2 * self.cylinder
 
     @property
     def vessel(self) -> bool:
-        """Whether a vessel of fixed volume stands in for chamber 1."""
+        """Whether a vessel of fixed volume takes the place of chamber 1."""
         return not self.cylinder
 
     @property
@@ -60,18 +72,18 @@ class ExperimentKind:
         """Whether a valve drives a piston."""
         return self.valve and self.cylinder
 
-    def parts(self, *, cylinder_known: bool, supply_recorded: bool, chamber_2: str | None = None) -> frozenset[Part]:
-        """Return the parts that stand on the bench and can show (interface, section 5).
+    def parts(self, *, has_cylinder: bool, supply_recorded: bool, chamber_2: str | None = None) -> frozenset[Part]:
+        """Return the parts of the rig whose effects can act (interface, section 5).
 
-        A vessel is the chamber of a rig without a cylinder; a supply that is recorded is an input. ``chamber_2`` as
-        a recording has it: it shows where it is shut, its hose where a valve fills it.
+        A vessel is the chamber of a rig without a cylinder, and a recorded supply pressure is an input. Chamber 2 takes
+        part where its end or a valve closes it (``chamber_2`` as a recording has it), its hose where a valve fills it.
         """
         found: set[Part] = {"sensor"}
         if self.valve:
             found |= PNEUMATIC_PARTS - ({"supply"} if supply_recorded else set())
         if self.cylinder:
             found.add("cylinder")
-        if self.axis or (self.vessel and not cylinder_known):
+        if self.axis or (self.vessel and not has_cylinder):
             found.add("chamber")
         if self.axis and chamber_2 in ("closed", "valve"):
             found.add("chamber 2")

@@ -1,4 +1,4 @@
-"""The gases that a rig may be filled with, by name."""
+"""Gases that a rig may be filled with, by name."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ GasName = Literal["air", "nitrogen", "helium", "argon"]
 
 @dataclass(frozen=True)
 class Gas:
-    """Ratio of heat capacities, and gas constant in J/(kg K), at 300 K (VDI Heat Atlas; air as the thesis has it)."""
+    """Ratio of heat capacities, and gas constant in J/(kg K), at 300 K (VDI Heat Atlas; air as in the thesis)."""
 
     heat_capacity_ratio: float
     gas_constant: float

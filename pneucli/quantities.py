@@ -1,9 +1,7 @@
-"""The nomenclature: every signal's name, symbol, SI unit and title, in one place.
+"""The nomenclature: name, symbol, SI unit and title of every signal.
 
 Pressures are absolute. ``x = 0`` where chamber 1 is smallest; ``u > 0`` fills chamber 1; a ``force`` is positive
-toward +x.
-
-On a rotary axis the same names stand for an angle, torques and a moment of inertia (:data:`ROTARY_UNITS`).
+toward +x. On a rotary axis the same names denote an angle, torques and a moment of inertia (:data:`ROTARY_UNITS`).
 """
 
 from __future__ import annotations
@@ -18,7 +16,7 @@ Z95 = 1.959963984540054  # standard normal quantile of 0.975: half of a 95 % int
 
 @dataclass(frozen=True)
 class Quantity:
-    """One signal: its key in files and code, symbol, SI unit, the unit people read it in, and its title."""
+    """One signal: its name in files and code, symbol, SI unit, unit for display, and title."""
 
     name: str
     symbol: str
@@ -48,18 +46,18 @@ SIGNALS: dict[str, Quantity] = {q.name: q for q in _ALL}
 
 
 def signal_title(signal: str) -> str:
-    """Return the words for a signal, or for what is made of signals, such as p_ratio."""
+    """Return the title of a signal, or the words of a derived one such as p_ratio."""
     return SIGNALS[signal].title if signal in SIGNALS else signal.replace("_", " ")
 
 
-# the channels that `compare` reports, in the order in which people read them
+# channels of `compare`, in the order of reports
 CHANNELS = ("p1", "p2", "x", "v", "a", "force", "temperature", "flow")
-COMMANDS = ("u", "u2")  # compared too where the controller that gave them is known
+COMMANDS = ("u", "u2")  # compared too where the controller is given
 
 # where a residual may concentrate (interface, section 3)
 RESIDUAL_VARIABLES = ("time", "u", "p1", "p2", "x", "v", "a", "direction", "p_ratio")
 
-# SI units of a rotary axis, by those of a linear one in the same place
+# SI units of a rotary axis by those of a linear one
 ROTARY_UNITS = {
     "m": "rad",
     "m/s": "rad/s",
@@ -69,15 +67,15 @@ ROTARY_UNITS = {
     "N s/m": "N m s/rad",
     "kg": "kg m^2",
 }
-_DISPLAY_UNITS = {"rad": "deg", "rad/s": "deg/s"}  # to people
-PISTON_AREA_UNITS = ("m^2", "m^3/rad")  # an area is one elsewhere
+_DISPLAY_UNITS = {"rad": "deg", "rad/s": "deg/s"}
+PISTON_AREA_UNITS = ("m^2", "m^3/rad")  # of linear and rotary axes
 
 _rotary: ContextVar[bool] = ContextVar("rotary", default=False)
 
 
 @contextmanager
 def axis_motion(*, rotary: bool) -> Iterator[None]:
-    """Let units that are shown or written be those of a rotary axis, or of a linear one, while it lasts."""
+    """Set whether units that are shown or written are those of a rotary axis, within a ``with`` block."""
     token = _rotary.set(rotary)
     try:
         yield
@@ -86,19 +84,19 @@ def axis_motion(*, rotary: bool) -> Iterator[None]:
 
 
 def axis_unit(unit: str) -> str:
-    """Return an SI unit as it is on the axis at hand."""
+    """Return an SI unit as it is on the current axis."""
     return ROTARY_UNITS.get(unit, unit) if _rotary.get() else unit
 
 
 def display_unit(signal: str, unit: str | None = None) -> str:
-    """Return the unit in which people read a signal whose SI unit is ``unit``, by default that of the axis at hand."""
+    """Return the unit in which a signal is displayed whose SI unit is ``unit`` (default: that of the current axis)."""
     own = SIGNALS[signal]
     unit = axis_unit(own.unit) if unit is None else unit
     return own.display_unit if unit == own.unit else _DISPLAY_UNITS.get(unit, unit)
 
 
 def in_axis_units(answer: object, name: str = "") -> object:
-    """Return an answer, of any depth, with the units and names of the axis at hand; ``name`` is its own key."""
+    """Return an answer of any depth with the units and names of the current axis; ``name`` is its own key."""
     if not _rotary.get():
         return answer
     if isinstance(answer, dict):
@@ -109,5 +107,5 @@ def in_axis_units(answer: object, name: str = "") -> object:
 
 
 def axis_parameter_name(key: str) -> str:
-    """Return the name of a parameter, or of its key in the file, on the axis at hand."""
+    """Return the name of a parameter, or of its key in the file, on the current axis."""
     return key.replace("moving_mass", "moment_of_inertia") if _rotary.get() else key

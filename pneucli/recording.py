@@ -1,4 +1,4 @@
-"""One checked recording in SI units, as every domain package receives it."""
+"""A checked recording in SI units, and the rig, as every package of the domain receives them."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from pneucli.arrangements import ArrangementName as ArrangementName
 from pneucli.experiments import EXPERIMENT_KINDS, ExperimentKind
 from pneucli.experiments import ExperimentName as Experiment
 
-if TYPE_CHECKING:  # who only reads the pipeline file need not wait for scipy
+if TYPE_CHECKING:  # reading the pipeline file alone does not import scipy
     from pneucli.noise import NoiseModel
 
 Array = NDArray[np.float64]
@@ -24,13 +24,20 @@ Use = Literal["train", "test"]
 
 @dataclass(frozen=True)
 class Recording:
-    """Signals of one recording over strictly increasing time stamps (s), which need not be equidistant.
+    """Signals of one recording.
 
-    ``signals`` maps names of :mod:`pneucli.quantities` (without ``time``) to arrays of shape ``(n,)`` in SI units,
-    pressures absolute; NaN marks a sample that was not measured. ``noise`` holds one model per signal.
-    ``chamber_2``: ``closed`` (air spring), ``open`` (to ambient) or ``valve`` (as the rig's valves are arranged).
-    ``chamber``: of a valve test, the chamber whose valve fills the vessel.
-    ``imposed = "motion"``: the motion is taken as given and the force is compared. ``valve_shut``: no flow through it.
+    Attributes:
+        name: Name of the recording.
+        experiment: Kind of experiment.
+        use: Whether it is for training or testing.
+        time: Time stamps in s, strictly increasing, not necessarily equidistant, shape (n,).
+        signals: Signals by names of :mod:`pneucli.quantities` without ``time``, SI, pressures absolute, each (n,); NaN
+            where a sample is missing.
+        noise: Noise of each signal.
+        chamber_2: ``closed`` (air spring), ``open`` (to ambient) or ``valve`` (as the valves are arranged).
+        imposed: ``motion``: the motion is an input and the force is compared.
+        valve_shut: Whether no gas flows through the valve.
+        chamber: In a valve test, the chamber whose valve fills the vessel.
     """
 
     name: str
@@ -46,7 +53,7 @@ class Recording:
 
     @property
     def kind(self) -> ExperimentKind:
-        """What its kind of experiment means."""
+        """Properties of the kind of experiment."""
         return EXPERIMENT_KINDS[self.experiment]
 
     @property
@@ -63,8 +70,15 @@ class Recording:
 
 @dataclass(frozen=True)
 class ParameterPrior:
-    """What is known of a parameter before it is identified, in its unit: ``fixed``, or its start, its bounds, and the
-    standard deviation ``sigma`` of what is known of its ``start``; None where it is not known.
+    """Prior knowledge of a parameter, in its unit; None where there is none.
+
+    Attributes:
+        unit: Unit of the parameter.
+        fixed: Value that identification does not change.
+        start: Initial guess.
+        lower: Lower bound.
+        upper: Upper bound.
+        sigma: Standard deviation of ``start``.
     """
 
     unit: str
@@ -77,13 +91,19 @@ class ParameterPrior:
 
 @dataclass(frozen=True)
 class Rig:
-    """What is known of the rig, SI; ``None`` where the pipeline file leaves it out (then it is identified).
+    """Description of the rig, SI; None where the pipeline file omits a value, which is then identified.
 
-    Areas in m^2, volumes in m^3, stroke in m, mass in kg, pressures absolute in Pa, temperature in K,
-    ``gas_constant`` in J/(kg K); ``valve_null``, the command in V at which nothing flows, to be identified where it is
-    ``null_free``, then with the ``null_range`` in which it lies, and ``null_ranges``, those that recordings which fill
-    and vent show by themselves. ``polytropic_exponent`` of the gas in a chamber: None is that of an adiabatic one;
-    to be identified where it is ``exponent_free``. ``priors``: what is known beforehand of parameters by name.
+    Areas in m^2, volumes in m^3, stroke in m, mass in kg, pressures absolute in Pa, temperature in K, ``gas_constant``
+    in J/(kg K).
+
+    Attributes:
+        polytropic_exponent: Exponent of the gas in a chamber; None: that of an adiabatic chamber.
+        exponent_free: Whether the exponent is identified.
+        valve_null: Command in V at which nothing flows.
+        null_free: Whether ``valve_null`` is identified.
+        null_range: Range in V in which it lies.
+        null_ranges: Ranges in V that recordings with filling and venting show, by recording.
+        priors: Prior knowledge of parameters by name.
     """
 
     gas_temperature: float = 293.15
@@ -114,16 +134,16 @@ class Rig:
         return ARRANGEMENTS[self.valve_arrangement]
 
     def command_sign(self, chamber: Literal[1, 2]) -> float:
-        """Return 1 where a larger command fills a chamber, or the vessel on its port; -1 where it vents it."""
+        """Return 1 where a larger command fills a chamber (or the vessel on its port), -1 where it vents it."""
         return -1.0 if chamber == 2 and self.arrangement.chamber_2 == "mirrored" else 1.0
 
     @property
     def has_cylinder(self) -> bool:
-        """Whether the pipeline describes a cylinder at all."""
+        """Whether the pipeline file describes a cylinder."""
         return self.piston_area_1 is not None
 
     @property
     def piston_areas(self) -> tuple[float, float]:
-        """Areas in m^2 on which p1 and p2 act: 0 where there is no piston, equal where only one is given."""
+        """Areas in m^2 on which p1 and p2 act; 0 without a piston, equal where only one is given."""
         area_1 = self.piston_area_1 or 0.0
         return area_1, area_1 if self.piston_area_2 is None else self.piston_area_2

@@ -25,8 +25,8 @@ def test_every_name_of_the_pipeline_file_has_its_entry():
         ("axis", True, False, {"gas", "valve", "chamber", "cylinder", "supply"}, set()),
     ],
 )
-def test_parts_stand_on_the_bench_as_the_interface_says(kind, cylinder, recorded, stands, lacks):
-    parts = EXPERIMENT_KINDS[kind].parts(cylinder_known=cylinder, supply_recorded=recorded)
+def test_parts_follow_the_interface(kind, cylinder, recorded, stands, lacks):
+    parts = EXPERIMENT_KINDS[kind].parts(has_cylinder=cylinder, supply_recorded=recorded)
     assert stands <= parts
     assert not lacks & parts
 
@@ -47,13 +47,13 @@ def test_every_effect_shows_in_a_subsystem_by_its_ports_alone():
         assert FreeRun.sides >= effect.balances
 
 
-def test_flow_is_not_felt_where_pressures_are_given():
+def test_measured_pressures_hide_effects_on_flow():
     assert not ForceBalance.sides & catalogue()["piston-leak"].balances
     assert not ImposedMotion.sides & catalogue()["piston-leak"].balances
     assert not ChamberPressures.sides & catalogue()["stribeck"].balances
     assert all(view.sides & catalogue()["pressure-offset"].balances for view in (ChamberPressures, ForceBalance))
 
 
-def test_two_branches_of_friction_alone_state_bounds():
+def test_only_two_branches_of_friction_are_set_valued():
     assert [name for name, port in PORTS.items() if port.is_set_valued] == ["slowing", "slowing_viscous"]
     assert [e.name for e in catalogue().values() if e.is_set_valued] == ["friction-hysteresis"]

@@ -33,14 +33,14 @@ def test_an_answer_of_a_rotary_axis() -> None:
     }
 
 
-def test_a_linear_axis_is_told_as_it_is() -> None:
+def test_an_answer_of_a_linear_axis_is_unchanged() -> None:
     assert in_axis_units(ANSWER) is ANSWER
     with axis_motion(rotary=False):
         assert in_axis_units(ANSWER) is ANSWER
         assert axis_unit("N") == "N"
 
 
-def test_people_read_degrees(tmp_path: Path) -> None:
+def test_angles_are_displayed_in_degrees(tmp_path: Path) -> None:
     with axis_motion(rotary=True):
         assert format_quantity(0.5, "m", 3) == "28.6 °"
         assert format_quantity(1.0, "N") == "1.000 N·m"
@@ -49,7 +49,7 @@ def test_people_read_degrees(tmp_path: Path) -> None:
     assert display_unit("x", "rad") == "deg"
 
 
-def test_artifacts_say_so_in_metadata_and_in_columns_of_units(tmp_path: Path) -> None:
+def test_artifacts_state_rotary_units_in_metadata_and_columns(tmp_path: Path) -> None:
     path = tmp_path / "one.parquet"
     with axis_motion(rotary=True):
         columns = {"x": [1.0], "value": [2.0], "unit": ["N s/m"]}
@@ -59,7 +59,7 @@ def test_artifacts_say_so_in_metadata_and_in_columns_of_units(tmp_path: Path) ->
     assert in_axis_units({"unit": "m"}) == {"unit": "m"}
 
 
-def test_the_axis_at_hand_ends_with_its_stage() -> None:
+def test_the_axis_ends_with_its_stage() -> None:
     with pytest.raises(ZeroDivisionError), axis_motion(rotary=True):
         _ = 1 / 0
     assert axis_unit("m") == "m"

@@ -179,11 +179,11 @@ class Parameter:
             value_of(q, self.unit, facts) for q in (self.lower, self.upper, self.step, *self.typical)
         )
         lower, upper = (-math.inf if math.isnan(lower) else lower), (math.inf if math.isnan(upper) else upper)
-        known = not any(map(math.isnan, typical))
+        complete = not any(map(math.isnan, typical))
         return ParameterRange(
             lower,
             upper,
-            tuple(min(max(t, lower), upper) for t in typical) if known else (),
+            tuple(min(max(t, lower), upper) for t in typical) if complete else (),
             0.0 if math.isnan(step) else step,
         )
 

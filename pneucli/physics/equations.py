@@ -54,9 +54,9 @@ def effect_source(effect: Effect, prefix: str) -> str:
         EquationError: As :func:`function_tree`.
 
     >>> from pneucli.physics.effects import catalogue
-    >>> print(effect_source(catalogue()["friction-hysteresis"], "f"))
-    def f__slowing(drop):
-        return 1.0 - drop
+    >>> print(effect_source(catalogue()["acceleration-bias"], "a"))
+    def a__read_a(a, bias):
+        return a + bias
     """
     functions = {f.__name__: f for port in effect.ports.values() for f in _with_helpers(_require_plain_function(port))}
     names = {name: f"{prefix}__{name}" for name in functions}

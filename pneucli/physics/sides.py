@@ -86,8 +86,8 @@ def _sides_of(port: str) -> set[int]:
 def _on_side(effect: Effect, chamber: Chamber) -> Effect:
     both = {side for port in effect.ports for side in _sides_of(port)} == {1, 2}
     split = any(port in _SPLIT_PORTS for port in effect.ports)
-    kept = {p: f for p, f in effect.ports.items() if not both or chamber in _sides_of(p)}
-    ports = {_port_of(port, chamber, mirrored=not both): f for port, f in kept.items()}
+    selected = {p: f for p, f in effect.ports.items() if not both or chamber in _sides_of(p)}
+    ports = {_port_of(port, chamber, mirrored=not both): f for port, f in selected.items()}
     return replace(
         effect,
         name=f"{effect.name}{SEPARATOR}{chamber}",

@@ -81,7 +81,7 @@ class Experiment:
         """The parts of the rig whose effects can act in this experiment."""
         recording = self.recording
         return recording.kind.parts(
-            cylinder_known=self.rig.has_cylinder,
+            has_cylinder=self.rig.has_cylinder,
             supply_recorded="p_supply" in recording,
             chamber_2=recording.chamber_2,
         )

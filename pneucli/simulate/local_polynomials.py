@@ -241,19 +241,19 @@ def _choose_windows(
     A constant has no slope; the narrowest window with a slope is taken where none agrees.
     """
     for k in range(y.size):
-        surest_value = surest_slope = low = np.inf
+        min_sigma_value = min_sigma_slope = low = np.inf
         high, growing, degree = -np.inf, False, -1
         for w in range(bank.half.size):
             if bank.degree[w] != degree:
                 low, high, growing, degree = -np.inf, np.inf, True, bank.degree[w]
-            sloped = degree > 0 and surest_slope == np.inf
+            sloped = degree > 0 and min_sigma_slope == np.inf
             if not growing and not sloped:
                 continue
             estimate, place = _fit(y, k, bank.half[w], bank.value[bank.first[w] :])
-            sure = deviation[bank.row[w] + place]
-            low, high = max(low, estimate - agreement * sure), min(high, estimate + agreement * sure)
+            sigma = deviation[bank.row[w] + place]
+            low, high = max(low, estimate - agreement * sigma), min(high, estimate + agreement * sigma)
             growing = growing and low <= high
-            if growing and sure < surest_value:
-                for_value[k], surest_value = w, sure
-            if degree > 0 and (growing or surest_slope == np.inf) and sure < surest_slope:
-                for_slope[k], surest_slope = w, sure
+            if growing and sigma < min_sigma_value:
+                for_value[k], min_sigma_value = w, sigma
+            if degree > 0 and (growing or min_sigma_slope == np.inf) and sigma < min_sigma_slope:
+                for_slope[k], min_sigma_slope = w, sigma

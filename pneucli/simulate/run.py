@@ -158,7 +158,18 @@ def run_many(runs: Sequence[tuple[Model, Experiment]]) -> list[Array]:
         return list(pool.map(lambda job: run(*job), runs))
 
 
-def effects_by_name(names: Iterable[str], known: Mapping[str, Effect] | None = None) -> tuple[Effect, ...]:
-    """Return effects by name, from the catalogue where ``known`` is not given."""
-    known = catalogue_with_sides() if known is None else known
-    return tuple(known[name] for name in names)
+def effects_by_name(names: Iterable[str], available: Mapping[str, Effect] | None = None) -> tuple[Effect, ...]:
+    """Return effects by their names.
+
+    Args:
+        names: Names of effects.
+        available: Effects by name; None: the catalogue with its variants.
+
+    Returns:
+        The effects in the order of ``names``.
+
+    Raises:
+        KeyError: A name is unknown.
+    """
+    available = catalogue_with_sides() if available is None else available
+    return tuple(available[name] for name in names)

@@ -87,10 +87,10 @@ def tighten(h: Array, simplex: Array) -> Array:
     >>> (h @ tighten(h, regular_simplex(h))).min(axis=0).round(12) + 0.0
     array([0., 0., 0.])
     """
-    least = (h @ simplex).min(axis=0)
+    minima = (h @ simplex).min(axis=0)
     moved = simplex.copy()
-    moved[-1] -= least
-    return moved / float(1.0 - least.sum())
+    moved[-1] -= minima
+    return moved / float(1.0 - minima.sum())
 
 
 def regular_simplex(h: Array) -> Array:

@@ -100,9 +100,9 @@ def _equalise_maxima(h: Array, simplex: Array, iterations: int = 500) -> Array |
         gradients = gradients / np.ptp(h[:, :-1] @ gradients, axis=0)
         gradients = gradients - gradients.mean(axis=1, keepdims=True)
         if np.ptp(np.ptp(h[:, :-1] @ gradients, axis=0)) < 1e-13:
-            least = (h[:, :-1] @ gradients).min(axis=0)
-            functions = np.concatenate((gradients, -least[None, :]))
-            return functions / float(-least.sum())
+            minima = (h[:, :-1] @ gradients).min(axis=0)
+            functions = np.concatenate((gradients, -minima[None, :]))
+            return functions / float(-minima.sum())
     return None
 
 

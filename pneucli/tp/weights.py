@@ -36,7 +36,7 @@ WeightType = Literal["snnn", "ino", "no", "cno", "irno", "mvs"]
 
 INVARIANT_TOLERANCE = 1e-12  # to which sums, signs, minima and maxima hold
 _MAX_SEARCH_DIMENSION = 8  # measured: 3 s at 5, 8 s at 6
-_CONTACT_TOLERANCE = 1e-7  # a sample this near a facet touches it
+_CONTACT_TOLERANCE = 1e-7  # weight of a sample that touches a facet
 
 
 @dataclass(frozen=True)
@@ -68,9 +68,9 @@ def convex_weights(frame: sx.AffineFrame, weight_type: WeightType) -> tuple[Arra
     >>> convex_weights(frame, "cno")[0][:, 0].round(6)
     array([1.  , 0.75, 0.5 , 0.25, 0.  ])
     """
-    known = get_args(WeightType)
-    if weight_type not in known:
-        raise InputError("weight type", repr(weight_type), ", ".join(known), did_you_mean(weight_type, known))
+    types = get_args(WeightType)
+    if weight_type not in types:
+        raise InputError("weight type", repr(weight_type), ", ".join(types), did_you_mean(weight_type, types))
     h = sx.homogeneous(frame.points)
     simplex = _simplex(h, weight_type)
     return h @ simplex, np.asarray(np.linalg.solve(simplex, frame.back), dtype=np.float64)
@@ -100,9 +100,9 @@ def _simplex(h: Array, weight_type: WeightType) -> Array:
 
 def _normal(h: Array) -> Array:
     simplex = sx.spanned_simplex(h)
-    least = float((h @ simplex).min())
-    if least < -1e-9:
-        found = f"samples lie outside the simplex of their own extremes (least weight {least:.2g})"
+    smallest = float((h @ simplex).min())
+    if smallest < -1e-9:
+        found = f"samples lie outside the simplex of their own extremes (smallest weight {smallest:.2g})"
         raise InputError("weight type no", found, "samples whose hull is a simplex", "take cno, the closest to it")
     return sx.tighten(h, simplex)
 
@@ -130,13 +130,13 @@ def violations(weights: Array, weight_type: WeightType, parameter: int) -> list[
     >>> [v.invariant for v in violations(np.array([[0.5, 0.4]]), "snnn", 0)]
     ['SN: rows sum to 1']
     """
-    largest, least = weights.max(axis=0), weights.min(axis=0)
+    maxima, minima = weights.max(axis=0), weights.min(axis=0)
     found = {
         "SN: rows sum to 1": float(np.abs(weights.sum(axis=1) - 1).max()),
-        "NN: not negative": float(-least.min()),
+        "NN: not negative": float(-minima.min()),
     }
     if weights.shape[1] > 1:
-        found |= _tightness(weights, weight_type, largest, least)
+        found |= _tightness(weights, weight_type, maxima, minima)
     limits = {"MVS: facet centroids supported": 1e-3}
     return [
         Violation(parameter, name, value, limits.get(name, INVARIANT_TOLERANCE))
@@ -145,14 +145,14 @@ def violations(weights: Array, weight_type: WeightType, parameter: int) -> list[
     ]
 
 
-def _tightness(weights: Array, weight_type: WeightType, largest: Array, least: Array) -> dict[str, float]:
+def _tightness(weights: Array, weight_type: WeightType, maxima: Array, minima: Array) -> dict[str, float]:
     found = {}
     if weight_type != "snnn":
-        found["INO: minima are 0"] = float(np.abs(least).max())
+        found["INO: minima are 0"] = float(np.abs(minima).max())
     if weight_type == "no":
-        found["NO: maxima are 1"] = float(np.abs(largest - 1).max())
+        found["NO: maxima are 1"] = float(np.abs(maxima - 1).max())
     if weight_type == "irno":
-        found["RNO: maxima are equal"] = float(np.ptp(largest))
+        found["RNO: maxima are equal"] = float(np.ptp(maxima))
     if weight_type == "mvs":
         found["MVS: facet centroids supported"] = max(_unsupported(weights, i) for i in range(weights.shape[1]))
     return found

@@ -1,4 +1,4 @@
-"""Figures of merit by their definitions (interface, section 3), and where an error stands."""
+"""Figures of merit by their definitions (interface, section 3), and the regions of errors."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ def recording(force: np.ndarray) -> Recording:
     return Recording("given", "friction", "test", TIME, {"x": X, "force": force}, noise, "open", "motion")
 
 
-def test_figures_are_their_definitions() -> None:
+def test_figures_follow_their_definitions() -> None:
     """Over all samples but those beside the four turns of the motion."""
     error = np.random.default_rng(0).standard_normal(TIME.size)
     found = comparison(error, noise=2.0)
@@ -95,7 +95,7 @@ def test_noise_has_no_region() -> None:
     assert find_error_regions([comparison(2.0 * error)]) == []  # too much, but nowhere in particular
 
 
-def test_one_error_seen_over_several_signals_is_one_event_and_another_one_is_another() -> None:
+def test_one_error_over_several_signals_is_one_event() -> None:
     error = np.random.default_rng(3).standard_normal(TIME.size)
     first, second = (TIME > 0.3) & (TIME < 0.4), (TIME > 1.5) & (TIME < 1.52)
     one = find_error_regions([comparison(error + 9.0 * first)])

@@ -34,12 +34,12 @@ def test_figures_by_hand() -> None:
     assert (r.recording, r.use, r.channel, r.unit, r.noise) == ("bench", "train", "p1", "Pa", 0.5)
 
 
-def test_where_the_model_says_nothing_nothing_counts() -> None:
+def test_samples_without_a_prediction_do_not_count() -> None:
     r = figures(Y, np.array([0.0, np.nan, 3.0, 4.0, 9.0]))
     assert r.rmsd == pytest.approx(np.sqrt(5 / 3))
 
 
-def test_figures_that_have_no_measure_are_not_numbers() -> None:
+def test_undefined_figures_are_nan() -> None:
     constant, zero = figures(np.full(5, 2.0), np.full(5, 1.0)), figures(np.zeros(5), np.ones(5), noise=0.0)
     assert np.isnan(constant.percent)
     assert np.isnan(constant.fit_percent)
@@ -48,7 +48,7 @@ def test_figures_that_have_no_measure_are_not_numbers() -> None:
     assert np.isnan(zero.ratio_to_noise)
 
 
-def test_every_sample_knows_the_restart_that_it_follows() -> None:
+def test_every_sample_has_the_number_of_its_restart() -> None:
     e = make_experiment("axis", time_grid(0.006), {"u": 0.0}, restarts=(0, 3, 5))
     assert Comparison(e, (), {}, {}).segment.tolist() == [0, 0, 0, 1, 1, 2, 2]
 
@@ -68,7 +68,7 @@ def test_the_noise_of_a_correct_model_is_drawn_where_it_is_not_given(monkeypatch
     assert {r.noise for r in channel_errors.compare(model(), e, dict.fromkeys(e.channels, 0.125)).results} == {0.125}
 
 
-def test_motion_is_not_compared_where_an_end_decides_on_it(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_motion_is_not_compared_in_contact_with_an_end(monkeypatch: pytest.MonkeyPatch) -> None:
     """The first ten samples, as far as the ends know; pressures are compared all along."""
     e = make_experiment("axis", time_grid(0.1), {"u": 0.0, "p1": 3e5, "p2": 3e5, "x": 0.1, "v": 0.0, "a": 0.0})
     held = np.arange(e.time.size) < 10
@@ -126,7 +126,7 @@ def still(noise: dict[str, float], low_pass: float | None = None) -> Any:
     return e
 
 
-def test_draws_have_the_shape_that_was_asked_for_and_the_level_of_the_sensor() -> None:
+def test_draws_have_the_requested_shape_and_the_sensors_level() -> None:
     e = still({"p1": 1.0, "p2": 1.0, "x": 2e-6})
     drawn = noise_propagation.sample_deviations(model(), e, draws=5)
     assert drawn["x"].shape == (5, e.time.size)
@@ -135,7 +135,7 @@ def test_draws_have_the_shape_that_was_asked_for_and_the_level_of_the_sensor() -
     assert 2e-6 <= rms < 6e-6
 
 
-def test_what_shows_is_not_less_than_the_sensors_noise_unless_it_is_smoothed(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_the_expected_error_is_at_least_the_sensors_noise_unless_filtered(monkeypatch: pytest.MonkeyPatch) -> None:
     e = still({"p1": 1.0, "p2": 1.0, "x": 2e-6})
     quiet = {c: np.full(e.time.size, 1e-9) for c in e.channels}
     monkeypatch.setattr(expected_error, "iterate_deviations", lambda *_: iter([quiet, quiet]))
@@ -154,7 +154,7 @@ def test_the_level_is_the_root_of_the_mean_square_over_all_draws(monkeypatch: py
     assert expected_error.expected_rms(model(), e)["x"] == pytest.approx(np.sqrt(12.5))
 
 
-def test_what_is_read_of_velocity_errs_by_its_reading_again(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_the_velocity_errs_by_its_smoothed_noise(monkeypatch: pytest.MonkeyPatch) -> None:
     e = still({})
     inputs = e.inputs.copy()
     inputs[:, at.IN_V] += 0.3

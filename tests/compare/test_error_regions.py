@@ -1,4 +1,4 @@
-"""Where an error stands: the run of bins that holds most, over each signal that was recorded."""
+"""Regions of errors: the run of bins with the largest excess of error, over each recorded signal."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ N = 2000
 LINE = np.linspace(0.0, 1.0, N)
 
 
-def test_the_worst_stretch_is_where_the_error_exceeds_its_share() -> None:
+def test_the_region_is_where_the_error_exceeds_its_share() -> None:
     """Bins of 0.05: all the error lies in three of the twenty."""
     squared = ((LINE > 0.3) & (LINE < 0.45)).astype(float)
     low, high, error, samples = error_concentration(LINE, squared)  # type: ignore[misc]
@@ -26,14 +26,14 @@ def test_the_worst_stretch_is_where_the_error_exceeds_its_share() -> None:
     assert samples == pytest.approx(0.15, abs=0.005)
 
 
-def test_two_neighbouring_humps_with_little_between_are_one_stretch() -> None:
+def test_two_close_peaks_are_one_region() -> None:
     squared = np.where(((LINE > 0.2) & (LINE < 0.3)) | ((LINE > 0.35) & (LINE < 0.45)), 1.0, 0.0)
     low, high, error, samples = error_concentration(LINE, squared)  # type: ignore[misc]
     assert (low, high) == (pytest.approx(0.2), pytest.approx(0.45))
     assert (error, samples) == (pytest.approx(1.0, abs=0.01), pytest.approx(0.25, abs=0.005))
 
 
-def test_the_shares_are_those_of_the_stretch_alone() -> None:
+def test_the_shares_are_those_of_the_region() -> None:
     """A hump of 9 in a tenth of the samples above a level of 1: 0.9 of 1.8."""
     squared = np.where((LINE > 0.4) & (LINE < 0.5), 9.0, 1.0)
     low, high, error, samples = error_concentration(LINE, squared)  # type: ignore[misc]
@@ -42,7 +42,7 @@ def test_the_shares_are_those_of_the_stretch_alone() -> None:
     assert samples == pytest.approx(0.1, abs=0.002)
 
 
-def test_a_hump_far_from_a_larger_one_is_left_out() -> None:
+def test_a_peak_far_from_a_larger_one_is_left_out() -> None:
     squared = np.where((LINE > 0.1) & (LINE < 0.15), 1.0, np.where((LINE > 0.7) & (LINE < 0.8), 2.0, 0.0))
     low, high, error, _ = error_concentration(LINE, squared)  # type: ignore[misc]
     assert (low, high) == (pytest.approx(0.7), pytest.approx(0.8))
@@ -50,13 +50,13 @@ def test_a_hump_far_from_a_larger_one_is_left_out() -> None:
 
 
 @pytest.mark.parametrize(("height", "found"), [(3.2, True), (2.6, False)])
-def test_less_than_twice_its_share_is_not_remarkable(height: float, found: bool) -> None:
+def test_less_than_twice_its_share_is_no_region(height: float, found: bool) -> None:
     """Half of the samples hold ``h / (1 + h)`` of the error over 1/2; a quarter may hold twice its share from 3 on."""
     squared = np.where(LINE < 0.25, height, 1.0)
     assert (error_concentration(LINE, squared) is not None) == found
 
 
-def test_twice_its_share_is_remarkable() -> None:
+def test_twice_its_share_is_a_region() -> None:
     """Twenty samples in a bin each: a quarter of them holds 15 of 30."""
     values = np.arange(20.0)
     found = error_concentration(values, np.where(values < 5, 3.0, 1.0))
@@ -64,7 +64,7 @@ def test_twice_its_share_is_remarkable() -> None:
     assert found[2:] == (0.5, 0.25)
 
 
-def test_what_is_not_known_of_a_signal_belongs_to_no_stretch() -> None:
+def test_missing_samples_belong_to_no_region() -> None:
     values, squared = LINE.copy(), np.zeros(N)
     values[:1000] = np.nan
     squared[:1000] = 0.02
@@ -81,7 +81,7 @@ def test_what_is_not_known_of_a_signal_belongs_to_no_stretch() -> None:
     [(np.ones(N), np.ones(N)), (LINE, np.zeros(N)), (np.full(N, np.nan), np.ones(N))],
     ids=["a constant signal", "no error", "an unknown signal"],
 )
-def test_there_is_no_stretch_without_a_range_or_an_error(values: np.ndarray, squared: np.ndarray) -> None:
+def test_there_is_no_region_without_a_range_or_an_error(values: np.ndarray, squared: np.ndarray) -> None:
     assert error_concentration(values, squared) is None
 
 
@@ -115,7 +115,7 @@ def test_every_recorded_signal_is_taken_from_its_own_column() -> None:
     assert np.array_equal(found["time"], e.time)
 
 
-def test_a_recorded_position_tells_the_velocity() -> None:
+def test_a_recorded_position_gives_the_velocity() -> None:
     e = axis(x=0.1)
     e.raw.pop("v", None)
     e.inputs[:, at.IN_V] = 0.25
@@ -158,7 +158,7 @@ HUMP = np.where((time_grid(1.0) > 0.4) & (time_grid(1.0) < 0.5), 1.0, 0.0)
 
 
 @pytest.mark.parametrize(("ratio", "found"), [(1.19, False), (1.2, True), (5.0, True)])
-def test_what_is_near_the_noise_has_no_region(ratio: float, found: bool) -> None:
+def test_an_error_at_the_noise_has_no_region(ratio: float, found: bool) -> None:
     regions = find_error_regions([comparison(HUMP, ratio)])
     assert bool(regions) == found
 
@@ -184,19 +184,19 @@ def test_the_recording_that_errs_more_comes_first_and_is_an_event_of_its_own() -
     assert [(r.recording, r.event) for r in find_error_regions([mild, bad])] == [("bad", 0), ("mild", 1)]
 
 
-def test_the_last_sample_belongs_to_the_stretch_that_ends_there() -> None:
+def test_the_last_sample_belongs_to_the_last_region() -> None:
     """Over time and over a signal that grows, its error is one event."""
     time = time_grid(1.0)
     regions = find_error_regions([comparison(np.where(time == time[-1], 1.0, 0.0), 3.0, u=time)])
     assert {(r.signal, r.event) for r in regions} == {("time", 0), ("u", 0)}
 
 
-def test_samples_that_were_not_measured_hold_no_error() -> None:
+def test_unmeasured_samples_hold_no_error() -> None:
     error = HUMP.copy()
     error[:100] = np.nan
     (region,) = find_error_regions([comparison(error, 3.0)])
     assert region.share_of_error == pytest.approx(1.0, abs=0.01)
 
 
-def test_no_more_than_forty_regions_are_told() -> None:
+def test_at_most_forty_regions_are_reported() -> None:
     assert len(find_error_regions([comparison(HUMP, 2.0, str(k)) for k in range(45)])) == 40

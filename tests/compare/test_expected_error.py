@@ -1,4 +1,4 @@
-"""What a correct model shows: with the true parameters, errors come out at the noise that is expected of them."""
+"""With the true parameters, errors are as large as the expected error of a correct model."""
 
 from __future__ import annotations
 
@@ -43,7 +43,7 @@ def test_motion_is_at_its_noise(piston: FixtureExperiments) -> None:
         assert overall_error(results(piston), use) == pytest.approx(1.0, abs=0.25)
 
 
-def test_a_wrong_parameter_stands_out(vessel: FixtureExperiments, piston: FixtureExperiments) -> None:
+def test_a_wrong_parameter_exceeds_the_expected_error(vessel: FixtureExperiments, piston: FixtureExperiments) -> None:
     model, experiments = piston
     rough = model.with_values({"friction.coulomb": 1.2 * model.values["friction.coulomb"]})
     assert overall_error(results((rough, experiments)), "test") > 4.0
@@ -52,7 +52,7 @@ def test_a_wrong_parameter_stands_out(vessel: FixtureExperiments, piston: Fixtur
     assert overall_error(results((wide, experiments)), "test") > 3.0
 
 
-def test_the_restart_state_is_noisy_and_its_noise_is_carried(vessel: FixtureExperiments) -> None:
+def test_the_noise_of_the_restart_state_is_propagated(vessel: FixtureExperiments) -> None:
     """Just after a restart a correct model is off by the sensor's noise and the restart's, which are not the same."""
     model, experiments = vessel
     e = experiments[0]

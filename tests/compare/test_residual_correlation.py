@@ -1,4 +1,4 @@
-"""A residual's correlation with itself and with the inputs, and the bounds that chance gives."""
+"""A residual's correlation with itself and with the inputs, and its bounds under independence."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ def of(residual: np.ndarray, other: np.ndarray) -> dict[str, Correlation]:
     return {c.against: c for c in residual_correlations(made, 0.1)}
 
 
-def test_a_residual_that_follows_the_input_late_shows_at_that_lag() -> None:
+def test_a_delayed_response_shows_at_its_lag() -> None:
     rng = np.random.default_rng(0)
     u = rng.standard_normal(N)
     late = np.roll(u, 30) + 0.5 * rng.standard_normal(N)
@@ -45,7 +45,7 @@ def test_a_residual_that_follows_the_input_late_shows_at_that_lag() -> None:
     assert 1.0 <= found.bound / (1.96 / np.sqrt(N)) < 2.0
 
 
-def test_with_itself_it_begins_with_one_and_white_noise_stays_inside() -> None:
+def test_autocorrelation_starts_at_one_and_white_noise_stays_within_the_bound() -> None:
     found = of(np.random.default_rng(1).standard_normal(N), np.ones(N))
     assert list(found) == ["p1"]  # what does not change has no correlation
     own = found["p1"]
@@ -65,7 +65,7 @@ def test_the_bound_holds_for_series_that_change_slowly() -> None:
     assert white / 400 < 0.5
 
 
-def test_every_channel_is_held_against_every_input() -> None:
+def test_every_channel_is_correlated_with_every_input() -> None:
     rng = np.random.default_rng(3)
     found = comparison(rng.standard_normal(TIME.size))
     raw = {**found.experiment.raw, "u": rng.standard_normal(TIME.size)}

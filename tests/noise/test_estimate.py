@@ -96,7 +96,7 @@ def test_a_stepped_command_has_no_noise():
 
 
 @pytest.mark.parametrize("step", [10.0, 1000.0])
-def test_never_below_the_quantisation_step(step):
+def test_noise_is_never_below_the_quantisation_step(step):
     time, values = noisy(motion, NoiseModel(white=20.0, step=step, period=PERIOD), 3)
     found = estimate_noise(time, values)
     assert found.step == pytest.approx(step, rel=1e-6)
@@ -131,7 +131,7 @@ def test_pooling_ignores_the_one_recording_that_is_off():
     assert pool_noise(models).rms == pytest.approx(101.0, rel=0.01)
 
 
-def test_the_draw_of_an_estimate_sounds_like_the_original():
+def test_draws_of_an_estimate_have_the_original_noise():
     truth = NoiseModel(white=0.0, coloured=400.0, pole=0.8, period=PERIOD)
     time, values = noisy(charge_and_discharge, truth, 11)
     drawn = estimate_noise(time, values).draw(np.arange(0, 20, PERIOD), np.random.default_rng(0))
@@ -151,7 +151,7 @@ def switched(time: np.ndarray, seed: int) -> tuple[np.ndarray, np.ndarray]:
 
 
 @pytest.mark.parametrize("seed", [1, 2, 3])
-def test_kinks_of_a_switching_valve_are_not_taken_for_coloured_noise(seed):
+def test_bends_by_a_switching_valve_are_not_taken_for_coloured_noise(seed):
     time = np.arange(0.0, 8.0, PERIOD)
     u, p = switched(time, seed)
     values = p + NoiseModel(white=0.0, coloured=400.0, pole=0.8, period=PERIOD).draw(time, np.random.default_rng(seed))
@@ -165,7 +165,7 @@ def test_a_command_jumps_where_a_tenth_of_its_range_passes_within_a_sample():
     assert not detect_jumps([], 101).any()
 
 
-def test_segments_are_free_where_no_jump_lies_in_them_and_enough_of_them_are():
+def test_segments_count_as_free_where_they_contain_no_jump():
     jumps = np.zeros(8000, dtype=bool)
     jumps[1000] = True
     free = jump_free_segments(jumps, PERIOD)  # 256 samples a segment, one every 128
@@ -186,7 +186,7 @@ def test_noise_of_a_force_is_found_between_the_turns_of_dry_friction(seed: int, 
     assert estimate_noise(time, force).rms > 2.0 * rms  # as slow noise, all the turns would be noise
 
 
-def test_where_a_signal_jumps_all_the_time_its_spectrum_is_that_of_all_of_it():
+def test_a_signal_that_always_jumps_uses_all_segments():
     time, values = 0.01 * np.arange(2000), np.random.default_rng(0).normal(size=2000)
     everywhere = np.ones(2000, dtype=bool)
     assert estimate_noise(time, values, signal_jumps=everywhere) == estimate_noise(time, values)

@@ -1,4 +1,4 @@
-"""The noise model: its level, its draws, and what several estimates say together."""
+"""The noise model: its level, its draws, and the pool of several estimates."""
 
 from __future__ import annotations
 
@@ -85,7 +85,7 @@ def test_the_pole_is_weighted_by_the_coloured_power() -> None:
     assert found.pole == pytest.approx((0.9 + 9 * 0.5) / 10)
 
 
-def test_the_pool_of_silence_is_silent() -> None:
+def test_the_pool_of_noise_free_sensors_is_noise_free() -> None:
     found = pool_noise([NoiseModel(0.0), NoiseModel(0.0)])
     assert (found.white, found.coloured, found.pole, found.rms) == (0.0, 0.0, 0.0, 0.0)
 
@@ -98,7 +98,7 @@ def test_period_and_step_are_the_median_and_the_finest() -> None:
 
 
 @pytest.mark.parametrize(("heard", "kept"), [(1, False), (2, True), (4, True)])
-def test_hum_that_half_of_the_recordings_have_is_the_sensors(heard: int, kept: bool) -> None:
+def test_hum_in_half_of_the_recordings_belongs_to_the_sensor(heard: int, kept: bool) -> None:
     """Its power is the mean over all of them, also those without."""
     models = [NoiseModel(1.0, lines=((50.0 + 0.1 * k, 2.0),)) for k in range(heard)]
     found = pool_noise([*models, *[NoiseModel(1.0)] * (4 - heard)]).lines
@@ -109,12 +109,12 @@ def test_hum_that_half_of_the_recordings_have_is_the_sensors(heard: int, kept: b
         assert amplitude == pytest.approx(2.0 * np.sqrt(heard / 4))
 
 
-def test_hum_of_two_in_five_recordings_is_not_the_sensors() -> None:
+def test_hum_in_two_of_five_recordings_does_not_belong_to_the_sensor() -> None:
     heard = [NoiseModel(1.0, lines=((50.0, 2.0),))] * 2
     assert pool_noise([*heard, *[NoiseModel(1.0)] * 3]).lines == ()
 
 
-def test_hum_and_its_harmonics_are_pooled_each_by_itself() -> None:
+def test_hum_and_its_harmonics_are_pooled_separately() -> None:
     lines = pool_noise(
         [NoiseModel(1.0, lines=((49.9, 3.0), (100.1, 1.0))), NoiseModel(1.0, lines=((50.1, 3.0), (60.0, 1.0)))]
     )

@@ -1,4 +1,4 @@
-"""The noise floor's spectrum, lines and steps, each by itself."""
+"""The noise floor's spectrum, lines and steps, separately."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ def test_segments_are_powers_of_two_of_at_most_a_fifth_and_of_three_tenths_of_a_
 
 
 @pytest.mark.parametrize(("period", "length"), [(1e-4, 2048), (2e-4, 1024), (1e-2, 256)])
-def test_but_they_are_never_kept_below_256_samples_by_time(period: float, length: int) -> None:
+def test_segments_are_never_limited_below_256_samples_by_time(period: float, length: int) -> None:
     assert segment_length(10**6, period) == length
 
 
@@ -34,7 +34,7 @@ def test_white_noise_has_its_variance_at_every_frequency(sigma: float) -> None:
     assert floor.power.min() > 0.6 * sigma**2
 
 
-def test_the_bins_leave_out_what_the_parabola_takes_and_the_last() -> None:
+def test_the_lowest_bins_and_the_last_are_left_out() -> None:
     floor = noise_floor(RNG(1).standard_normal(1280), 1e-3)
     assert floor is not None
     assert floor.omega == pytest.approx(2 * np.pi * np.arange(3, 128) / 256)
@@ -45,7 +45,7 @@ def test_the_bins_leave_out_what_the_parabola_takes_and_the_last() -> None:
     assert short.weight == pytest.approx(0.25 * 9)
 
 
-def test_a_parabola_leaves_nothing_and_a_cubic_something() -> None:
+def test_a_parabola_is_removed_and_a_cubic_is_not() -> None:
     t = np.arange(1280) / 256.0
     bent, more = (noise_floor(values, 1e-3) for values in (5.0 + 3.0 * t - 2.0 * t * t, t**3))
     assert bent is not None
@@ -54,7 +54,7 @@ def test_a_parabola_leaves_nothing_and_a_cubic_something() -> None:
     assert more.power.max() > 1e-12
 
 
-def test_a_burst_in_half_of_the_segments_does_not_enter() -> None:
+def test_a_burst_in_half_of_the_segments_has_no_influence() -> None:
     values = RNG(2).standard_normal(20_000)
     values[:10_000] *= 50.0
     floor = noise_floor(values, 1e-3)
@@ -74,14 +74,14 @@ def test_gaps_are_left_out_and_too_many_leave_no_floor() -> None:
 
 
 @pytest.mark.parametrize(("whole", "there"), [(3, False), (4, True)])
-def test_four_whole_segments_are_enough(whole: int, there: bool) -> None:
+def test_four_complete_segments_suffice(whole: int, there: bool) -> None:
     """Segments of 16 samples begin every 8."""
     values = np.full(80, np.nan)
     values[: 16 + 8 * (whole - 1)] = RNG(4).standard_normal(16 + 8 * (whole - 1))
     assert (noise_floor(values, 1e-3) is not None) == there
 
 
-def test_a_floor_too_short_is_none() -> None:
+def test_a_short_signal_has_no_floor() -> None:
     assert noise_floor(RNG(1).standard_normal(79), 1e-3) is None
 
 
@@ -94,18 +94,18 @@ def hum(frequency: float, amplitude: float = 1.0, seconds: float = 4.0, period: 
 
 
 @pytest.mark.parametrize("frequency", [50.0, 100.0, 150.0, 60.0, 120.0, 180.0])
-def test_mains_and_their_harmonics_are_heard(frequency: float) -> None:
+def test_mains_and_harmonics_are_detected(frequency: float) -> None:
     (found,) = detect_mains_lines(hum(frequency), 1e-3)
     assert found[0] == pytest.approx(frequency, abs=0.1)
     assert found[1] == pytest.approx(1.0, rel=0.1)
 
 
 @pytest.mark.parametrize("frequency", [40.0, 51.5, 55.0, 200.0, 240.0])
-def test_what_is_not_of_the_mains_is_not_hum(frequency: float) -> None:
+def test_other_frequencies_are_not_hum(frequency: float) -> None:
     assert detect_mains_lines(hum(frequency, 0.5), 1e-3) == ()
 
 
-def test_two_lines_are_told_apart() -> None:
+def test_two_lines_are_distinguished() -> None:
     both = detect_mains_lines(hum(50.0) + hum(150.0, 0.6), 1e-3)
     assert [f for f, _ in both] == pytest.approx([50.0, 150.0], abs=0.1)
     assert [a for _, a in both] == pytest.approx([1.0, 0.6], rel=0.15)
@@ -119,7 +119,7 @@ def test_a_line_must_lie_well_below_half_the_sampling_rate_and_last_half_a_secon
     assert detect_mains_lines(hum(50.0, 9.0, seconds=0.6), 1e-3) != ()
 
 
-def test_where_samples_are_missing_no_line_is_sought() -> None:
+def test_with_missing_samples_no_line_is_reported() -> None:
     values = hum(50.0)
     values[100] = np.nan
     assert detect_mains_lines(values, 1e-3) == ()
@@ -134,14 +134,14 @@ def test_slow_content_hides_no_hum() -> None:
 # --- steps
 
 
-def test_what_is_rounded_shows_its_step_whatever_its_offset() -> None:
+def test_a_rounded_signal_shows_its_step_at_any_offset() -> None:
     values = 0.123 + 0.25 * np.round(20.0 * RNG(6).standard_normal(2000))
     assert quantisation_step(values) == pytest.approx(0.25)
     values[::7] = np.nan
     assert quantisation_step(values) == pytest.approx(0.25)
 
 
-def test_what_is_not_rounded_shows_none() -> None:
+def test_an_unrounded_signal_shows_no_step() -> None:
     assert quantisation_step(RNG(7).standard_normal(2000)) == 0.0
     assert quantisation_step(np.array([1.0, 2.0, 3.0])) == 0.0
     assert quantisation_step(np.full(100, 3.0)) == 0.0
@@ -168,7 +168,7 @@ def test_rounding_errors_of_the_levels_are_no_steps() -> None:
 # --- the estimate as a whole
 
 
-def test_too_few_samples_for_a_spectrum_are_judged_by_their_differences() -> None:
+def test_few_samples_are_estimated_from_differences() -> None:
     """60 samples at 0.1 s: white noise beneath a parabola; period and level are kept."""
     time = 0.1 * np.arange(60)
     levels = []
@@ -187,21 +187,21 @@ def test_two_samples_give_their_difference_over_the_root_of_two(values: list[flo
     assert found.period == 1e-3
 
 
-def test_one_outlier_among_few_samples_does_not_decide() -> None:
+def test_one_outlier_among_few_samples_has_no_influence() -> None:
     time = 0.1 * np.arange(60)
     values = RNG(1).standard_normal(60)
     values[30] = 1e4
     assert estimate_noise(time, values).white < 3.0
 
 
-def test_a_held_command_is_silent_and_keeps_its_period() -> None:
+def test_a_held_command_has_no_noise_and_its_period() -> None:
     found = estimate_noise(2e-3 * np.arange(400), np.repeat([0.0, 1.0, 0.5, 2.0], 100))
     assert (found.rms, found.step, found.lines) == (0.0, 0.0, ())
     assert found.period == pytest.approx(2e-3)
 
 
 @pytest.mark.parametrize("pole", [0.5, 0.9])
-def test_colour_is_told_from_white(pole: float) -> None:
+def test_coloured_noise_is_distinguished_from_white(pole: float) -> None:
     time = 1e-3 * np.arange(20_000)
     coloured = estimate_noise(time, NoiseModel(0.0, coloured=3.0, pole=pole).draw(time, RNG(1)))
     white = estimate_noise(time, NoiseModel(3.0).draw(time, RNG(1)))
@@ -212,7 +212,7 @@ def test_colour_is_told_from_white(pole: float) -> None:
     assert white.white == pytest.approx(3.0, rel=0.05)
 
 
-def test_both_together_are_told_apart() -> None:
+def test_white_and_coloured_noise_are_separated() -> None:
     time = 1e-3 * np.arange(40_000)
     found = estimate_noise(time, NoiseModel(2.0, coloured=4.0, pole=0.95).draw(time, RNG(1)))
     assert found.white == pytest.approx(2.0, rel=0.15)

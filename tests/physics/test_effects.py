@@ -1,4 +1,4 @@
-"""What every effect of the catalogue promises, taken from its declaration: nothing here names the effects one by one,
+"""Properties of every effect of the catalogue, from its declaration: nothing here names the effects one by one,
 but where physics makes one an exception.
 """
 
@@ -101,7 +101,7 @@ def test_bounds_hold_null_and_typical_values(effect: Effect) -> None:
 
 
 @every_effect
-def test_every_text_is_there(effect: Effect) -> None:
+def test_every_effect_has_all_texts(effect: Effect) -> None:
     for text in (effect.title, effect.equation, effect.looks_like, effect.shows_over, effect.separate, effect.source):
         assert text.strip()
     assert all(p.title for p in effect.parameters)
@@ -207,7 +207,7 @@ def test_effects_without_a_finite_null_vanish_at_the_end_of_their_bounds(name: s
 
 
 @every_effect
-def test_typical_values_show(effect: Effect) -> None:
+def test_typical_values_have_an_influence(effect: Effect) -> None:
     """Somewhere the effect changes what is compared, by more than rounding."""
     changes = []
     for experiment in runs(effect):
@@ -268,7 +268,7 @@ EFFECT = Effect("drag", "Drag", "cylinder", (Parameter("gain", "kg/m", 0.0, 0.0,
 """
 
 
-def test_a_users_effect_joins_the_catalogue(tmp_path: Path) -> None:
+def test_a_plugin_joins_the_catalogue(tmp_path: Path) -> None:
     (tmp_path / "drag.py").write_text(PLUGIN)
     known = all_effects([tmp_path / "drag.py"])
     assert set(known) == {*catalogue(), "drag"}

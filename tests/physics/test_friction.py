@@ -1,4 +1,4 @@
-"""The friction law by what defines it, and that there is but one."""
+"""Properties of Stribeck friction; the effect and the vectorised function agree."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ def test_stribeck_friction_falls_from_static_to_coulomb(
     assert np.all(np.diff(dry[V > 0]) <= 1e-9)
 
 
-def test_the_effect_stribeck_is_law_3_6() -> None:
+def test_the_effect_stribeck_equals_equation_3_6() -> None:
     rise = catalogue()["stribeck"].ports["dry_rise"]
     law = stribeck_friction(V[V > 0], 14.0, 0.0, 22.0, 0.015)
     assert np.allclose([14.0 + rise(14.0, v, 22.0, 0.015) for v in V[V > 0]], law)

@@ -61,6 +61,6 @@ def test_another_gas_has_its_own_maximum_and_critical_ratio(kappa: float) -> Non
     assert critical_ratio_of(kappa) == pytest.approx(ratios[outflow.argmax()], abs=5e-4)
 
 
-def test_air_keeps_the_constants_of_the_thesis_to_the_last_digit() -> None:
+def test_air_has_the_constants_of_the_thesis() -> None:
     assert critical_ratio_of(1.4) == CRITICAL_RATIO
     assert flow_constant(287.0, 293.15, 1.4) == np.sqrt(2.0 / (287.0 * 293.15))

@@ -1,4 +1,4 @@
-"""A user's own effect: helpers and constants of its file work, and each fault of it is told with the file's name."""
+"""Plugins: helpers and constants of the file work, and each error names the file."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ def written(folder: Path, functions: str, port: str = "force", part: str = "cyli
     return file
 
 
-def test_the_worked_example_slows_the_way_back_by_what_it_says() -> None:
+def test_the_worked_example_slows_the_way_back_by_its_parameter() -> None:
     """Wiper full: friction is (1 + gain) times as much, and the piston stops in that much less time."""
     effect = load_plugin(EXAMPLE)
     runs = []
@@ -62,7 +62,7 @@ def test_stribeck_friction_with_an_exponent_is_a_choice_of_the_simulation(expone
     assert (moved[1] - moved[0]) / (time[1] - time[0]) == pytest.approx(-np.sign(v) * friction / 2.2, rel=0.01)
 
 
-def test_the_tests_that_the_page_proposes_pass() -> None:
+def test_the_tests_on_the_page_pass() -> None:
     page = (ROOT / "docs" / "own-effect.md").read_text(encoding="utf-8")
     (tests,) = [block for block in page.split("```python\n")[1:] if block.startswith("import rod_wiper")]
     module = SimpleNamespace(**runpy.run_path(str(EXAMPLE)))
@@ -124,9 +124,7 @@ FAULTS = {
 
 
 @pytest.mark.parametrize(("functions", "more", "said"), FAULTS.values(), ids=FAULTS)
-def test_a_fault_is_told_with_the_name_of_the_file(
-    tmp_path: Path, functions: str, more: dict[str, str], said: str
-) -> None:
+def test_an_error_names_the_file(tmp_path: Path, functions: str, more: dict[str, str], said: str) -> None:
     file = written(tmp_path, functions, **more)
     with pytest.raises(InputError, match=said) as error:
         load_plugin(file)
@@ -134,12 +132,12 @@ def test_a_fault_is_told_with_the_name_of_the_file(
     assert error.value.exit_code == 2
 
 
-def test_a_name_of_the_catalogue_is_taken(tmp_path: Path) -> None:
+def test_a_plugin_cannot_take_a_name_of_the_catalogue(tmp_path: Path) -> None:
     file = written(tmp_path, RIGHT)
     file.write_text(file.read_text().replace('"own"', '"stribeck"'))
     with pytest.raises(InputError, match="is an effect of the catalogue"):
         load_plugin(file)
 
 
-def test_what_divides_by_zero_at_one_is_not_refused_for_it(tmp_path: Path) -> None:
+def test_a_division_by_zero_at_the_probe_is_accepted(tmp_path: Path) -> None:
     assert load_plugin(written(tmp_path, RIGHT.replace("* v", "/ (1.0 - v)"))).name == "own"

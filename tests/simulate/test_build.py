@@ -76,13 +76,13 @@ def run_in(kernel: Kernel, which: Model, experiment: Experiment, **changes: np.n
 
 @pytest.mark.parametrize("kind", RUNS)
 @pytest.mark.parametrize("which", [bare, whole])
-def test_the_kernel_as_plain_python_gives_the_same(kind: str, which: Callable[[], Model]) -> None:
+def test_plain_python_and_compiled_kernel_agree(kind: str, which: Callable[[], Model]) -> None:
     plain = build(which().effects, compiled=False)
     assert run_in(plain, which(), RUNS[kind]()) == pytest.approx(run(which(), RUNS[kind]()), rel=1e-9, abs=1e-12)
 
 
 @pytest.mark.parametrize("kind", RUNS)
-def test_with_every_effect_off_the_whole_kernel_is_the_bare_one(kind: str) -> None:
+def test_with_every_effect_off_the_full_kernel_equals_the_bare_one(kind: str) -> None:
     whole_kernel = kernel_for(tuple(catalogue().values()))
     assert np.array_equal(run_in(whole_kernel, bare(), RUNS[kind]()), run(bare(), RUNS[kind]()))
 
@@ -96,7 +96,7 @@ def test_the_inputs_are_not_changed_and_a_run_repeats_exactly(kind: str) -> None
     assert np.array_equal(experiment.inputs, before)
 
 
-def test_many_runs_at_once_are_the_runs_one_by_one_in_order() -> None:
+def test_parallel_runs_equal_sequential_runs_in_order() -> None:
     jobs = [(model((), {"friction.coulomb": f}), RUNS["axis"]()) for f in np.linspace(5.0, 30.0, 20)]
     for (one, experiment), out in zip(jobs, run_many(jobs), strict=True):
         assert np.array_equal(run(one, experiment), out)
@@ -126,7 +126,7 @@ def test_a_users_effect_works_and_an_edit_of_its_file_is_noticed(tmp_path: Path)
     assert np.abs(results[0] - results[1]).max() > 0.01
 
 
-def test_kernels_are_kept_on_disk_and_one_text_is_one_file(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_kernels_are_cached_on_disk_one_file_per_text(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("PNEUCLI_CACHE", str(tmp_path))
     monkeypatch.setattr(kernels, "_build", kernels._build.__wrapped__)  # as a new process would find it
     for name in [n for n in sys.modules if n.startswith("pneucli_kernel_")]:

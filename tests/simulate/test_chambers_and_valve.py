@@ -50,7 +50,7 @@ def test_a_shut_chamber_is_isentropic() -> None:
     assert np.ptp(adiabate) / adiabate[0] < 1e-5
 
 
-def test_with_strong_heat_transfer_it_is_isothermal_and_with_hardly_any_isentropic() -> None:
+def test_strong_heat_transfer_is_isothermal_and_weak_heat_transfer_isentropic() -> None:
     out, volume = compressed({"heat-transfer.conductance": 50.0})
     # but for a lag of some ms all work of compression goes through the wall: T_wall - T = p A v / conductance
     warmer = out[:, at.P1] * RIG.piston_area_1 * out[:, at.V] / 50.0
@@ -68,11 +68,11 @@ def test_choked_charging_is_a_straight_line() -> None:
     assert np.all(p[:101] == p[0])
 
 
-def test_a_valve_that_is_shut_lets_nothing_through() -> None:
+def test_a_shut_valve_has_no_flow() -> None:
     assert np.ptp(charged(valve_shut=True)) == 0.0
 
 
-def test_adiabatic_charging_heats_the_gas_as_its_energy_says() -> None:
+def test_adiabatic_charging_heats_the_gas_by_its_energy_balance() -> None:
     """The enthalpy that enters stays as internal energy (2.13): m = m0 + (p - p0) V / (kappa R T_supply)."""
     values = {"heat-transfer.conductance": 1e-6, "rig.vessel_volume": 1e-4}
     e = make_experiment("valve", TIME, {"u": STEP, "p1": 101_300.0}, rig=VESSEL)
@@ -83,7 +83,7 @@ def test_adiabatic_charging_heats_the_gas_as_its_energy_says() -> None:
     assert out[-1, at.GAS_T] > T + 50
 
 
-def test_heat_that_settles_within_a_step_makes_an_isothermal_chamber() -> None:
+def test_heat_transfer_faster_than_a_step_makes_an_isothermal_chamber() -> None:
     """At 500 W/K 0.1 g of air follow the wall in 0.2 ms, a step is 0.5 ms: 1/kappa of the isentropic rate."""
     values = {"heat-transfer.conductance": 500.0, "rig.vessel_volume": 1e-4}
     e = make_experiment("valve", TIME, {"u": STEP, "p1": np.linspace(1e5, 5e5, TIME.size)}, rig=VESSEL)
@@ -96,7 +96,7 @@ def test_heat_that_settles_within_a_step_makes_an_isothermal_chamber() -> None:
 
 
 @pytest.mark.parametrize("name", ["p1", "p2"])
-def test_steps_are_a_300th_of_the_time_in_which_the_faster_chamber_fills_where_the_motion_is_imposed(name: str) -> None:
+def test_with_imposed_motion_a_step_is_a_300th_of_the_faster_filling_time(name: str) -> None:
     """A sine of 5 Hz between 2 and 4 bar rises by at most 31.4 bar/s, and would fill 4 bar in 0.13 s."""
     wave = {name: 3e5 + 1e5 * np.sin(10 * np.pi * time_grid(1.0))}
     e = make_experiment("axis", time_grid(1.0), {"x": 0.1, "p1": 3e5, "p2": 3e5} | wave)
@@ -106,7 +106,7 @@ def test_steps_are_a_300th_of_the_time_in_which_the_faster_chamber_fills_where_t
     assert e.max_step == pytest.approx(4e5 / (10e5 * np.pi) / 300, rel=1e-3)
 
 
-def test_what_is_simulated_for_a_p2_that_no_sensor_reads_is_made_ready_once() -> None:
+def test_the_experiment_for_an_unmeasured_p2_is_prepared_once() -> None:
     e = make_experiment(
         "axis", time_grid(1.0), {"x": 0.1, "p1": 3e5 + 1e5 * np.sin(2 * np.pi * time_grid(1.0))}, restarts=(0, 300)
     )
@@ -119,7 +119,7 @@ def test_what_is_simulated_for_a_p2_that_no_sensor_reads_is_made_ready_once() ->
 
 
 @pytest.mark.parametrize("rise", [0.0, 1e4])
-def test_what_hardly_fills_takes_two_steps_a_sample(rise: float) -> None:
+def test_a_chamber_that_hardly_fills_takes_two_steps_a_sample(rise: float) -> None:
     """A full vessel behind an open valve would ring with longer ones: its flow has no slope at equal pressures."""
     e = make_experiment(
         "valve", TIME, {"u": STEP, "p1": np.linspace(101_300.0, 101_300.0 + rise, TIME.size)}, rig=VESSEL
@@ -128,7 +128,7 @@ def test_what_hardly_fills_takes_two_steps_a_sample(rise: float) -> None:
 
 
 @pytest.mark.parametrize(("period", "step"), [(5e-3, 2.5e-3), (1e-3, 0.5e-3), (0.7e-3, 0.5e-3), (0.2e-3, 0.2e-3)])
-def test_where_samples_are_short_each_is_one_step(period: float, step: float) -> None:
+def test_a_short_sampling_period_is_one_step(period: float, step: float) -> None:
     """How often a logger samples does not change how fast a chamber fills."""
     still = np.full(100, 2e5)
     assert max_filling_step(still, np.zeros(100), period) == max_filling_step(still, np.full(100, 1e3), period) == step
@@ -168,7 +168,7 @@ def test_a_spool_lags_exponentially(lag: float) -> None:
 
 @settings(max_examples=20, deadline=None)
 @given(half=st.floats(0.01, 1.0))
-def test_play_holds_back_the_opening_by_its_half_width(half: float) -> None:
+def test_play_delays_the_opening_by_its_half_width(half: float) -> None:
     u = held_commands(TIME, (0.0, 4.0, 3.0, 3.0), 0.1)
     rate = np.diff(charged({"valve-hysteresis.half_width": half}, u)) / 1e-3 / CHOKED * 4.0  # V, the opening
     assert rate[150] == pytest.approx(4.0 - half, abs=1e-6)
@@ -196,7 +196,7 @@ def test_leaks_of_a_shut_chamber_follow_the_orifice(name: str) -> None:
         assert (p[1] - p[0]) / 1e-3 == pytest.approx(inflow - k * p0, rel=1e-3)
 
 
-def test_a_leak_across_the_piston_keeps_the_gas() -> None:
+def test_a_leak_across_the_piston_conserves_mass() -> None:
     time = time_grid(2.0)
     e = make_experiment("axis", time, {"p1": 5e5, "p2": 2e5}, valve_shut=True)
     e.flags[at.MECHANICS] = 0.0
@@ -207,7 +207,7 @@ def test_a_leak_across_the_piston_keeps_the_gas() -> None:
     assert abs(out[-1, at.P1] - out[-1, at.P2]) < 0.5 * 3e5
 
 
-def test_the_supply_settles_where_the_regulator_feeds_what_is_drawn() -> None:
+def test_the_supply_pressure_settles_where_the_regulator_balances_the_flow() -> None:
     """At rest of the buffer, conductance (p_set - p) = q = area k p: p = p_set / (1 + area k / conductance)."""
     conductance, k = 2e-9, 0.484 * np.sqrt(2 / (R * T))
     values = {"supply-droop.vessel_volume": 1e-5, "supply-droop.regulator_conductance": conductance}
@@ -222,7 +222,7 @@ def test_an_open_chamber_2_stays_at_ambient_pressure() -> None:
     assert np.all(run(model(), make_experiment("axis", TIME, signals, "open"))[:, at.P2] == 101_300.0)
 
 
-def test_a_step_restarts_the_model_from_the_measured_state() -> None:
+def test_a_restart_sets_the_model_to_the_measured_state() -> None:
     x = 0.1 + 0.01 * np.sin(TIME)
     signals = {"u": STEP, "x": x, "v": 0.01 * np.cos(TIME), "p1": 3e5 + 1e4 * TIME, "p2": 3e5 - 1e4 * TIME}
     e = replace(make_experiment("axis", TIME, signals), restarts=np.array([0, 57, 300]))
@@ -253,7 +253,7 @@ def test_a_leak_empties_an_isothermal_vessel_slower_by_the_ratio_of_heat_capacit
     assert rates[1] / rates[0] == pytest.approx(KAPPA, rel=1e-3)
 
 
-def test_where_heat_is_simulated_the_exponent_has_no_say() -> None:
+def test_simulated_heat_overrides_the_polytropic_exponent() -> None:
     warm = {"heat-transfer.conductance": 0.5}
     e = make_experiment("valve", TIME, {"u": STEP, "p1": 101_300.0}, rig=VESSEL)
     rigs = [replace(VESSEL, polytropic_exponent=exponent) for exponent in (None, 1.0)]
@@ -261,7 +261,7 @@ def test_where_heat_is_simulated_the_exponent_has_no_say() -> None:
     assert np.array_equal(first[:, at.R1], second[:, at.R1])
 
 
-def test_helium_fills_by_its_own_flow_function() -> None:
+def test_helium_has_its_own_flow_function() -> None:
     """Choked, kappa R T / V A p k PSI: PSI of helium is 6 % more than that of air."""
     helium = replace(VESSEL, heat_capacity_ratio=5 / 3, gas_constant=2077.1)
     vessel = model(values={"rig.vessel_volume": VOLUME}, rig=helium)
@@ -272,7 +272,7 @@ def test_helium_fills_by_its_own_flow_function() -> None:
     assert np.polyfit(TIME[held], p[held], 1)[0] == pytest.approx(slope, rel=1e-3)
 
 
-def test_the_flow_is_what_fills_the_vessel() -> None:
+def test_the_flow_output_integrates_to_the_gas_in_the_vessel() -> None:
     """By the balance of mass: q = V dp/dt / (kappa R T), where no leak takes part."""
     vessel = model(values={"rig.vessel_volume": VOLUME}, rig=VESSEL)
     out = run(vessel, make_experiment("valve", TIME, {"u": STEP, "p1": 101_300.0}, rig=VESSEL))
@@ -283,7 +283,7 @@ def test_the_flow_is_what_fills_the_vessel() -> None:
     assert abs(out[0, at.FLOW]) == 0.0
 
 
-def test_a_valve_that_vents_has_a_flow_below_zero() -> None:
+def test_a_venting_valve_has_a_negative_flow() -> None:
     vessel = model(values={"rig.vessel_volume": VOLUME}, rig=VESSEL)
     out = run(vessel, make_experiment("valve", TIME, {"u": -STEP, "p1": 6e5}, rig=VESSEL))
     assert out[TIME > 0.15, at.FLOW].max() < 0.0
@@ -292,14 +292,14 @@ def test_a_valve_that_vents_has_a_flow_below_zero() -> None:
 SHUT = np.zeros_like(TIME)
 
 
-def test_a_laminar_leak_empties_a_vessel_as_its_closed_form_says() -> None:
+def test_a_laminar_leak_follows_its_closed_form() -> None:
     """dp/dt = -kappa R T / V G (p^2 - p_amb^2) / (2 p_amb) is a coth: (p - p_amb) / (p + p_amb) falls exponentially."""
     p, g = charged({"laminar-leak.conductance": 2e-9}, u=SHUT, p1=7e5), 2e-9
     left = (p - 101_300.0) / (p + 101_300.0)
     assert np.log(left[-1] / left[0]) / (TIME[-1] - TIME[0]) == pytest.approx(-KAPPA * R * T / VOLUME * g, rel=1e-4)
 
 
-def test_a_leak_that_opens_under_pressure_leaves_what_is_below_alone() -> None:
+def test_a_leak_that_opens_under_pressure_stops_at_its_opening_pressure() -> None:
     values = {"opening-leak.growth": 2e-12, "opening-leak.opening": 2e5}
     held = charged(values, u=SHUT, p1=3.0e5)
     assert np.ptp(held) == 0.0
@@ -309,7 +309,7 @@ def test_a_leak_that_opens_under_pressure_leaves_what_is_below_alone() -> None:
 
 
 @pytest.mark.parametrize("recorded", [True, False])
-def test_a_supply_that_was_not_recorded_is_that_of_the_model(recorded: bool) -> None:
+def test_an_unrecorded_supply_pressure_is_the_models(recorded: bool) -> None:
     flow = []
     for supply in (7e5, 3.5e5):
         vessel = model((), {"rig.vessel_volume": VOLUME, "rig.supply_pressure": supply}, rig=VESSEL)

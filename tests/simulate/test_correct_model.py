@@ -1,4 +1,4 @@
-"""With the true parameters, recordings of a rig without hidden effects differ from the model by noise alone.
+"""With the true parameters, recordings of a rig without hidden effects deviate from the model by noise only.
 
 The recordings are the fixtures, made by the exam's rig with a code and integrator of its own; the truth is what was
 set there. A correct model of noise and restarts gives ratios of about 1. Pressures do so one by one. Motion under dry
@@ -79,14 +79,18 @@ def compared(tmp_path_factory: pytest.TempPathFactory) -> Callable[[str], list[C
 
 
 @pytest.mark.parametrize("name", ["valve_null", "demo"])
-def test_every_pressure_differs_by_its_noise(name: str, compared: Callable[[str], list[ChannelResult]]) -> None:
+def test_pressures_of_a_correct_model_deviate_by_their_noise(
+    name: str, compared: Callable[[str], list[ChannelResult]]
+) -> None:
     ratios = {(r.recording, r.channel): r.ratio_to_noise for r in compared(name) if r.channel in PRESSURES}
     assert len(ratios) >= 5
     assert {where: ratio for where, ratio in ratios.items() if not 0.75 <= ratio <= 1.25} == {}
     assert 0.9 <= np.mean(list(ratios.values())) <= 1.1
 
 
-def test_motion_differs_by_its_noise_on_the_whole(compared: Callable[[str], list[ChannelResult]]) -> None:
+def test_motion_of_a_correct_model_deviates_by_its_noise_on_average(
+    compared: Callable[[str], list[ChannelResult]],
+) -> None:
     results = [r for name in RECORDINGS for r in compared(name) if r.channel not in PRESSURES]
     # a run in which the piston rests throughout has a velocity of 0, and no noise of it
     ratios = [r.ratio_to_noise for r in results if np.isfinite(r.ratio_to_noise)]

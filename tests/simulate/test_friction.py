@@ -47,7 +47,7 @@ def test_a_load_above_breakaway_moves_it(direction: float) -> None:
 
 @settings(max_examples=25, deadline=None)
 @given(rate=st.floats(5.0, 500.0), values=st.sampled_from([{}, STRIBECK]))
-def test_under_a_rising_force_it_breaks_away_when_the_force_reaches_what_holds(rate: float, values: dict) -> None:
+def test_a_rising_force_breaks_away_at_the_static_friction(rate: float, values: dict) -> None:
     time = time_grid(6.0)
     out = pushed(rate * time, values, time)
     broken = time[np.flatnonzero(out[:, at.V] != 0.0)[0]]
@@ -57,7 +57,7 @@ def test_under_a_rising_force_it_breaks_away_when_the_force_reaches_what_holds(r
 
 @settings(max_examples=25, deadline=None)
 @given(v=st.floats(0.01, 0.5), coulomb=st.floats(5.0, 100.0), direction=st.sampled_from([-1.0, 1.0]))
-def test_it_stops_after_the_distance_of_a_constant_deceleration_and_stays(v, coulomb, direction) -> None:
+def test_it_stops_after_the_distance_of_a_constant_deceleration_and_sticks(v, coulomb, direction) -> None:
     values = {"friction.coulomb": coulomb, "friction.viscous": 0.0}
     lasting, distance = 2.2 * v / coulomb, 0.5 * 2.2 * v * v / coulomb  # m v / F and m v^2 / (2 F)
     if distance > 0.09:  # reaches a stop
@@ -73,13 +73,13 @@ def test_viscous_friction_alone_slows_exponentially() -> None:
     assert np.abs(out[:, at.V] - exact).max() < 1e-5
 
 
-def test_between_the_branches_of_hysteresis_the_velocity_stays_the_same() -> None:
+def test_between_the_branches_of_hysteresis_the_velocity_is_constant() -> None:
     values = {"friction-hysteresis.drop": 0.4, "friction.viscous": 0.0}
     out = pushed(0.8 * COULOMB, values, time_grid(0.5), v=0.1)
     assert np.all(out[:, at.V] == 0.1)
 
 
-def test_the_hold_grows_with_the_time_at_rest() -> None:
+def test_static_friction_grows_with_the_time_at_rest() -> None:
     """22 N, and half as much again after a long rest: 30 N hold after three time constants, not at once."""
     time = time_grid(3.0)
     late = pushed(np.where(time < 2.0, 0.0, 30.0), DWELL, time)
@@ -110,7 +110,7 @@ def test_time_pressed_against_a_stop_counts_as_rest() -> None:
 BRISTLES = {"presliding.stiffness": 1e5, "presliding.damping": 100.0}
 
 
-def test_bristles_yield_to_a_load_as_their_law_says_and_then_hold_it() -> None:
+def test_bristles_yield_to_a_load_by_its_force_over_stiffness_and_hold_it() -> None:
     """Loaded slowly, dz = dx (1 - z / z_max), so that x = -z_max ln(1 - F / g) with z_max = g / stiffness."""
     time = time_grid(6.0)
     out = pushed(np.minimum(time / 4.0, 1.0) * 0.5 * COULOMB, BRISTLES, time)
@@ -125,7 +125,7 @@ def test_bristles_slide_with_the_same_friction_as_a_rigid_contact() -> None:
 
 
 @pytest.mark.parametrize("gap", [0.1, 0.5, 2.0, 10.0])
-def test_noise_alone_makes_no_gap_between_the_branches_worth_while(gap: float) -> None:
+def test_noise_does_not_favour_a_gap_between_the_branches(gap: float) -> None:
     """Friction of one level, drive and friction read with the same noise: no gap may lower the cost, at any level."""
     soft_clip = kernel_for(()).functions.mean_clipped_drive
     rng = np.random.default_rng(5)

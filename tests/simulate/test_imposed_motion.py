@@ -1,4 +1,4 @@
-"""Where an imposed motion turns, it does not tell its direction, and dry friction may have either sign."""
+"""At reversals of an imposed motion the direction is uncertain, and dry friction may have either sign."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ def driven(low_pass: float | None = None) -> Experiment:
     return prepare(recording, RIG, None, low_pass)
 
 
-def test_the_samples_beside_a_turn_are_those_where_the_velocity_changes_its_sign() -> None:
+def test_a_reversal_is_where_the_velocity_changes_its_sign() -> None:
     e = driven()
     crossings = np.flatnonzero(np.diff(np.sign(SPEED)))
     found = np.flatnonzero(detect_reversals(e))
@@ -43,14 +43,14 @@ def test_the_samples_beside_a_turn_are_those_where_the_velocity_changes_its_sign
     assert found.size == pytest.approx(2 * crossings.size, abs=2)
 
 
-def test_a_low_pass_spreads_a_turn_over_as_long_as_it_takes_to_rise() -> None:
+def test_a_low_pass_widens_a_reversal_by_its_rise_time() -> None:
     """0.35 / 5 Hz is 7 samples, before and after."""
     turns = detect_reversals(driven(5.0))
     runs = np.diff(np.flatnonzero(np.diff(np.concatenate([[0], turns.astype(int), [0]]))))[::2]
     assert set(runs.tolist()) <= {16, 17}  # one more where a sample stands at the turn
 
 
-def test_a_true_model_leaves_noise_where_the_motion_turns() -> None:
+def test_a_correct_model_has_residuals_of_noise_around_reversals() -> None:
     """The jump of 40 N that comes a sample early or late would be 80 times the noise."""
     e = driven()
     (found,) = compare(TRUE, e).results
@@ -60,19 +60,19 @@ def test_a_true_model_leaves_noise_where_the_motion_turns() -> None:
     assert np.sqrt(np.mean(left**2)) < 1.2 * NOISE
 
 
-def test_drawn_noise_says_nothing_there_either() -> None:
+def test_drawn_noise_is_masked_at_reversals_too() -> None:
     e = driven()
     assert expected_rms(TRUE, e)["force"] < 1.5 * NOISE
     assert ImposedMotion(e).monte_carlo_rms(TRUE, {}, 6, 0)["force"] < 1.5
 
 
-def test_where_the_friction_is_wrong_the_error_stays() -> None:
+def test_an_error_of_friction_is_not_masked() -> None:
     wrong = replace(TRUE, values={**TRUE.values, "friction.coulomb": COULOMB - 5.0})
     (found,) = compare(wrong, driven()).results
     assert found.rmsd == pytest.approx(np.hypot(5.0, NOISE), rel=0.05)
 
 
-def test_a_piston_at_rest_turns_nowhere_and_one_that_only_shakes_is_compared_all_the_same() -> None:
+def test_a_piston_at_rest_has_no_reversal_and_a_shaking_one_is_still_compared() -> None:
     e = driven()
     still = prepare(replace(e.recording, signals={**e.recording.signals, "x": np.full(TIME.size, 0.1)}), RIG, None)
     assert not detect_reversals(still).any()
@@ -84,7 +84,7 @@ def test_a_piston_at_rest_turns_nowhere_and_one_that_only_shakes_is_compared_all
     assert not detect_reversals(prepare(replace(e.recording, signals=shaken), RIG, None)).any()
 
 
-def test_a_rest_between_two_ways_is_part_of_the_turn() -> None:
+def test_a_standstill_between_two_directions_is_part_of_the_reversal() -> None:
     v = np.concatenate([np.full(300, 0.02), np.zeros(100), np.full(400, -0.02)])
     e = driven()
     rested = {**e.recording.signals, "x": 0.05 + np.cumsum(v) * PERIOD, "v": v}

@@ -1,4 +1,4 @@
-"""A valve of one gain: its area is proportional to the command, and it says what it cannot show."""
+"""A valve of one gain: its area is proportional to the command, and it covers no overlap."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ def test_the_area_is_proportional_to_the_command_both_ways():
     assert VALVE(np.array([-3.0, 0.0, 5.0])) == pytest.approx([6e-7, 0.0, 1e-6])
 
 
-def test_the_table_ends_at_the_largest_command_asked_for():
+def test_the_table_ends_at_the_requested_command():
     table = VALVE.table(10.0)
     assert table.shape == (TABLE_POINTS,)
     assert table[0] == table[-1] == pytest.approx(2e-6)
@@ -27,6 +27,6 @@ def test_one_parameter_is_read_and_set_by_name():
     assert VALVE.scaled(2.0).gain == 4e-7
 
 
-def test_a_map_covers_the_overlap_a_gain_does_not():
+def test_a_map_covers_the_overlap_but_a_gain_does_not():
     assert "linear valve" in ValveArea((-1.0, 1.0), (1e-7, 1e-7)).covers
     assert not VALVE.covers

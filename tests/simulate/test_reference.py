@@ -56,7 +56,7 @@ def test_the_kernel_follows_the_reference(name: str) -> None:
     assert {name: error for name, error in found.items() if error > limits[name]} == {}
 
 
-def test_these_runs_slide_both_ways_reverse_and_rest() -> None:
+def test_the_reference_runs_slide_both_ways_reverse_and_stick() -> None:
     v = solution("stribeck")[:, 1]
     assert v.max() > 0.1
     assert v.min() < -0.1
@@ -117,7 +117,7 @@ def test_at_an_end_of_the_stroke_the_kernel_follows_the_reference() -> None:
     assert max(found["p1"], found["p2"]) < 100.0
 
 
-def test_stamps_that_jitter_do_not_matter() -> None:
+def test_jitter_of_time_stamps_has_no_influence() -> None:
     rng = np.random.default_rng(1)
     time = time_grid(0.5)
     time[1:-1] += rng.uniform(-4e-4, 4e-4, time.size - 2)
@@ -128,6 +128,6 @@ def test_stamps_that_jitter_do_not_matter() -> None:
     assert max(found["p1"], found["p2"]) < 20.0
 
 
-def test_the_reference_refuses_effects_that_it_does_not_know() -> None:
+def test_the_reference_refuses_unsupported_effects() -> None:
     with pytest.raises(ValueError, match="piston-leak"):
         solve(model(["piston-leak"], {"piston-leak.area": 1e-8}), TIME, U, start())

@@ -1,4 +1,4 @@
-"""Sensor effects: what is read, and the truth that is worked back from readings that are inputs."""
+"""Sensor effects: readings, and the true pressures computed from readings."""
 
 from __future__ import annotations
 
@@ -42,7 +42,7 @@ READINGS = {
 
 
 @pytest.mark.parametrize("name", SENSORS)
-def test_the_truth_is_worked_back_from_a_reading(name: str) -> None:
+def test_true_pressures_are_computed_from_readings(name: str) -> None:
     out = read(SENSORS[name], READINGS[name])
     # a time skew cannot know what was read after the end; a slope over half the lag to each side errs by
     # (omega lag / 2)^2 / 6 of lag omega amplitude
@@ -51,21 +51,21 @@ def test_the_truth_is_worked_back_from_a_reading(name: str) -> None:
 
 
 @pytest.mark.parametrize("name", [*SENSORS, "all"])
-def test_reading_what_was_worked_back_gives_the_measurement_again(name: str) -> None:
+def test_reading_the_true_pressures_gives_the_measurement(name: str) -> None:
     measured = READINGS["pressure-lag"]
     out = read(ALL if name == "all" else SENSORS[name], measured)
     inner = (TIME > 0.02) & (TIME < 0.96)
     assert np.abs(out[:, at.R1] - measured)[inner].max() < 1e-3 * 5e4
 
 
-def test_an_offset_belongs_to_p1_and_a_scale_to_both() -> None:
+def test_an_offset_acts_on_p1_and_a_scale_on_both_sensors() -> None:
     offset, scale = read(SENSORS["pressure-offset"], kind="axis"), read(SENSORS["pressure-scale"], kind="axis")
     assert np.all(offset[:, at.R2] == offset[:, at.P2])
     assert scale[:, at.R2] == pytest.approx(AMBIENT + 1.06 * (scale[:, at.P2] - AMBIENT), rel=1e-12)
 
 
 @pytest.mark.parametrize("name", ["pressure-lag", "time-skew"])
-def test_simulated_pressures_are_read_late(name: str) -> None:
+def test_a_sensor_lag_delays_simulated_pressures(name: str) -> None:
     u = held_commands(TIME, (0.0, 2.0, -2.0, 0.0), 0.25)
     e = make_experiment("axis", TIME, {"u": u, "x": 0.1, "p1": 3e5, "p2": 3e5})
     e.flags[at.MECHANICS] = 0.0
@@ -90,7 +90,7 @@ def test_at_a_restart_the_sensors_read_what_was_measured() -> None:
     assert out[e.restarts, at.R1] == pytest.approx(TRUE[e.restarts], abs=1e-3 * 5e4)
 
 
-def test_a_biased_accelerometer_reads_its_bias_at_rest_and_on_the_move() -> None:
+def test_a_biased_accelerometer_adds_its_bias_at_rest_and_in_motion() -> None:
     force = np.where(TIME < 0.2, 0.0, 40.0)
     plain = run(model(), make_experiment("friction", TIME, {"force": force}))
     biased = run(
@@ -102,7 +102,7 @@ def test_a_biased_accelerometer_reads_its_bias_at_rest_and_on_the_move() -> None
 
 
 @pytest.mark.parametrize("delay", [0.003, 0.00345])
-def test_a_delay_that_is_undone_takes_no_noise_away(delay: float):
+def test_undoing_a_delay_keeps_the_noise(delay: float):
     """The mean of two neighbours would have half the power of white noise; along a slope it keeps it to 3 %."""
     noise = np.random.default_rng(1).normal(size=TIME.size)
     inputs = np.zeros((TIME.size, len(at.INPUTS)))

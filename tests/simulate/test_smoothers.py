@@ -30,7 +30,7 @@ def test_it_is_linear() -> None:
     assert smoother(2.0 * one - 3.0 * other) == pytest.approx(2.0 * smoother(one) - 3.0 * smoother(other), abs=1e-12)
 
 
-def test_a_kink_stays_a_kink() -> None:
+def test_a_bend_in_the_signal_is_not_smoothed_away() -> None:
     """A ramp of 100 noises that begins within a sample: away from it noise is averaged, at it nothing is rounded."""
     ramp = 100.0 * np.maximum(TIME - 0.3, 0.0) / 0.1
     smoother = choose_windows(ramp + DRAWN, NOISE, PERIOD)
@@ -38,12 +38,12 @@ def test_a_kink_stays_a_kink() -> None:
     assert np.abs(smoother(ramp) - ramp).max() < 3.0
 
 
-def test_a_rest_is_averaged_long() -> None:
+def test_a_standstill_is_averaged_over_a_long_window() -> None:
     smoother = choose_windows(DRAWN, NOISE, PERIOD)
     assert np.std(smoother(DRAWN)) < 0.25
 
 
-def test_the_deviation_of_a_window_is_that_of_its_estimates() -> None:
+def test_the_deviation_of_a_window_matches_its_estimates() -> None:
     drawn = np.array([NOISE.draw(TIME[:17], RNG) for _ in range(400)])
     estimates = drawn @ polynomial_window(8, 1).value[8]
     assert window_deviations(NOISE, 8, 1)[8] == pytest.approx(1 / np.sqrt(17), rel=1e-9)
@@ -55,7 +55,7 @@ def test_the_deviation_of_a_window_is_that_of_its_estimates() -> None:
     [NoiseModel(1.0), NoiseModel(0.5, coloured=1.0, pole=0.9), NoiseModel(0.3, lines=((50.0, 1.0),))],
     ids=["white", "coloured", "hum"],
 )
-def test_the_autocovariance_is_that_of_the_draws(noise: NoiseModel) -> None:
+def test_the_autocovariance_matches_the_draws(noise: NoiseModel) -> None:
     drawn = np.array([noise.draw(TIME, RNG) for _ in range(2000)])
     measured = np.mean(drawn[:, :1] * drawn[:, :30], axis=0)
     assert measured == pytest.approx(autocovariance(noise, 30), abs=4 * noise.rms**2 / np.sqrt(2000))
@@ -74,7 +74,7 @@ def test_position_and_acceleration_give_a_velocity_without_drift() -> None:
     assert np.std(found_x - x) < x_noise
 
 
-def test_every_sample_takes_the_fit_of_its_own_window() -> None:
+def test_every_sample_uses_its_own_window() -> None:
     smoother = choose_windows(100 * np.sin(20 * TIME) + DRAWN, NOISE, PERIOD)
     y = RNG.standard_normal(N)
     for k in (0, 3, 300, N - 2):
@@ -85,7 +85,7 @@ def test_every_sample_takes_the_fit_of_its_own_window() -> None:
         assert smoother(y)[k] == pytest.approx(line(TIME[k]), abs=1e-12)
 
 
-def test_the_path_is_the_least_squares_of_all_readings_and_steps() -> None:
+def test_the_motion_minimises_the_squares_of_readings_and_steps() -> None:
     """The bands against numpy's own solution of the equations as they are written down."""
     n, wx = 12, 3.0
     dt, wv, wp = RNG.uniform(0.5, 2.0, (3, n - 1))
@@ -106,7 +106,7 @@ def test_the_path_is_the_least_squares_of_all_readings_and_steps() -> None:
 
 
 @pytest.mark.parametrize(("late", "found"), [(0, 0), (1, 0), (9, 4)])
-def test_an_accelerometer_behind_a_filter_of_its_own_is_late_by_whole_samples(late: int, found: int) -> None:
+def test_the_delay_of_a_filtered_accelerometer_is_found_in_samples(late: int, found: int) -> None:
     """The mean of ``late`` + 1 readings comes late by half as many; what is less than a sample stays."""
     rng, time = np.random.default_rng(3), 2e-4 * np.arange(5000)
     a = np.interp(time, time[::100], rng.choice([-4.0, 0.0, 4.0], 50))
@@ -116,5 +116,5 @@ def test_an_accelerometer_behind_a_filter_of_its_own_is_late_by_whole_samples(la
     assert estimate_acceleration_delay(x, reading, 2e-4, 1.4e-3) == found
 
 
-def test_a_short_record_tells_no_lateness() -> None:
+def test_a_short_record_gives_no_delay() -> None:
     assert estimate_acceleration_delay(np.zeros(40), np.zeros(40), 1e-3, 1.4e-3) == 0

@@ -1,4 +1,4 @@
-"""What stands in for a pressure that a recording lacks."""
+"""Substitutes for pressures that a recording lacks."""
 
 from __future__ import annotations
 
@@ -35,12 +35,12 @@ def filled(out: np.ndarray, recorded: set[str], chamber_2: str, **rig: float | N
     return inputs
 
 
-def test_a_gas_shut_in_has_the_pressure_that_the_forces_ask_for(moved: np.ndarray):
+def test_trapped_gas_has_the_pressure_of_the_force_balance(moved: np.ndarray):
     """Within 2 % of the truth, whatever dry and viscous friction are."""
     assert filled(moved, {"p1", "x"}, "closed")[:, at.IN_P2] == pytest.approx(moved[:, at.P2], rel=0.02)
 
 
-def test_behind_a_valve_p2_begins_where_it_holds_the_piston(moved: np.ndarray):
+def test_behind_a_valve_p2_starts_at_the_pressure_that_holds_the_piston(moved: np.ndarray):
     """3 bar on 8.04 cm^2 are held by what ``BALANCED`` has on 7 cm^2; how p2 goes on, no reading tells."""
     assert filled(moved, {"p1", "x"}, "valve")[:, at.IN_P2] == pytest.approx(float(BALANCED["p2"]), rel=0.001)
 
@@ -51,11 +51,11 @@ def test_behind_a_valve_p2_begins_where_it_holds_the_piston(moved: np.ndarray):
      ({"p1", "x"}, "closed", {"stroke": None}),
      ({"p1", "x"}, "closed", {"piston_area_1": None, "piston_area_2": None})],
 )  # fmt: skip
-def test_elsewhere_ambient_pressure_stands_in(moved: np.ndarray, recorded: set[str], chamber_2: str, rig: dict):
+def test_other_missing_pressures_are_ambient(moved: np.ndarray, recorded: set[str], chamber_2: str, rig: dict):
     assert filled(moved, recorded, chamber_2, **rig)[:, at.IN_P2] == pytest.approx(RIG.ambient_pressure)
 
 
-def test_what_was_recorded_stays(moved: np.ndarray):
+def test_recorded_signals_are_not_substituted(moved: np.ndarray):
     inputs = filled(moved, {"p1", "p2", "p_supply"}, "closed")
     assert inputs[:, at.IN_P1] == pytest.approx(moved[:, at.P1])
     assert not inputs[:, [at.IN_P2, at.IN_SUPPLY]].any()

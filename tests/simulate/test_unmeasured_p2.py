@@ -1,4 +1,4 @@
-"""Where no sensor reads p2: it follows from the model, and its start from the forces on the moving piston."""
+"""An unmeasured p2 follows from the model, and its start from the force balance of the moving piston."""
 
 from __future__ import annotations
 
@@ -38,14 +38,13 @@ def unread(request: pytest.FixtureRequest) -> tuple[Experiment, np.ndarray]:
     return prepare(recording, replace(RIG, valve_arrangement="two"), 0.5), out[:, at.P2]
 
 
-def test_only_a_pressure_that_acts_and_that_no_sensor_reads_is_inferred(unread: tuple[Experiment, np.ndarray]):
+def test_only_an_unmeasured_pressure_that_acts_is_inferred(unread: tuple[Experiment, np.ndarray]):
     e, p2 = unread
     read = replace(e.recording, signals={**e.recording.signals, "p2": p2})
     still = {n: y for n, y in e.recording.signals.items() if n != "x"}
     assert e.infers_p2
-    assert [replace(e, recording=replace(e.recording, chamber_2=c)).p2_is_unmeasured for c in ("closed", "valve", "open")] == [
-        True, True, False,
-    ]  # fmt: skip
+    of_ends = {c: replace(e, recording=replace(e.recording, chamber_2=c)) for c in ("closed", "valve", "open")}
+    assert [one.p2_is_unmeasured for one in of_ends.values()] == [True, True, False]
     assert not prepare(read, e.rig, 0.5).p2_is_unmeasured
     assert not prepare(read, e.rig, 0.5).infers_p2
     assert not prepare(replace(e.recording, chamber_2="open"), e.rig, 0.5).infers_p2
@@ -55,7 +54,7 @@ def test_only_a_pressure_that_acts_and_that_no_sensor_reads_is_inferred(unread: 
     assert next(type(v) for v in residual_models([prepare(read, e.rig, 0.5)])) is ForceBalance
 
 
-def test_the_with_settled_p2_follows_from_the_balance_of_forces(unread: tuple[Experiment, np.ndarray]):
+def test_the_estimated_p2_follows_from_the_force_balance(unread: tuple[Experiment, np.ndarray]):
     """Within 0.5 % of the truth from a start that errs by a third: sensors and smoothing leave no more."""
     e, p2 = unread
     true = TRUE[e.recording.chamber_2]
@@ -67,7 +66,7 @@ def test_the_with_settled_p2_follows_from_the_balance_of_forces(unread: tuple[Ex
     assert with_p2(true, e, wrong)[:, at.IN_P2] == pytest.approx(p2, rel=0.005)
 
 
-def test_what_the_accelerometer_reads_at_rest_is_no_force(unread: tuple[Experiment, np.ndarray]):
+def test_the_offset_of_the_accelerometer_is_no_force(unread: tuple[Experiment, np.ndarray]):
     """A known bias of 0.5 m/s^2, 1.1 N of this mass, changes neither the start of p2 nor an imposed force."""
     e, _ = unread
     true = TRUE[e.recording.chamber_2]
@@ -80,7 +79,7 @@ def test_what_the_accelerometer_reads_at_rest_is_no_force(unread: tuple[Experime
     )
 
 
-def test_p2_starts_anew_only_after_a_gap_in_the_record(unread: tuple[Experiment, np.ndarray]):
+def test_p2_restarts_after_gaps_only(unread: tuple[Experiment, np.ndarray]):
     e, p2 = unread
     later = e.time + np.where(np.arange(e.time.size) >= 2000, 1.0, 0.0)
     torn = replace(e, recording=replace(e.recording, time=later))
@@ -91,7 +90,7 @@ def test_p2_starts_anew_only_after_a_gap_in_the_record(unread: tuple[Experiment,
     assert inferred[2000] == pytest.approx(2.0 * p2[2000])
 
 
-def test_the_model_keeps_its_p2_over_a_restart(unread: tuple[Experiment, np.ndarray]):
+def test_p2_of_the_model_continues_over_a_restart(unread: tuple[Experiment, np.ndarray]):
     """Every 0.5 s the piston is set to what was measured; p2, which was not, goes on."""
     e, p2 = unread
     given = e.inputs.copy()
@@ -100,21 +99,21 @@ def test_the_model_keeps_its_p2_over_a_restart(unread: tuple[Experiment, np.ndar
     assert replayed[e.restarts] == pytest.approx(p2[e.restarts], rel=0.01)
 
 
-def test_a_true_model_errs_by_noise_where_p2_is_not_read(unread: tuple[Experiment, np.ndarray]):
+def test_a_correct_model_deviates_by_noise_without_a_sensor_of_p2(unread: tuple[Experiment, np.ndarray]):
     """Within 0.3 mm after each 0.5 s: an ambient p2, as before, would let the piston run to its end."""
     e, _ = unread
     modelled = simulate_outputs(TRUE[e.recording.chamber_2], e)
     assert np.abs(modelled["x"] - e.inputs[:, at.IN_X]).max() < 3e-4
 
 
-def test_an_effect_on_the_piston_is_found_without_p2(unread: tuple[Experiment, np.ndarray]):
+def test_an_effect_on_the_piston_is_found_without_a_sensor_of_p2(unread: tuple[Experiment, np.ndarray]):
     """The load within 10 %: a start of p2 that is not known takes the place of a part of it."""
     e, _ = unread
     found = fit_model(TRUE[e.recording.chamber_2], residual_models([e]), [catalogue()["constant-force"]])
     assert found["constant-force.force"].value == pytest.approx(20.0, rel=0.1)
 
 
-def test_a_diagnosis_says_where_p2_was_inferred_and_where_it_could_not_be(unread: tuple[Experiment, np.ndarray]):
+def test_a_diagnosis_states_where_p2_was_inferred_and_where_not(unread: tuple[Experiment, np.ndarray]):
     e, p2 = unread
     read = prepare(replace(e.recording, signals={**e.recording.signals, "p2": p2}), e.rig, 0.5)
     assert unmeasured_p2_warnings(residual_models([read])) == []

@@ -1,4 +1,4 @@
-"""Where two valves with the same knots may differ: what tells which recordings a knot matters to."""
+"""The commands at which two valves with the same knots may differ."""
 
 from dataclasses import replace
 
@@ -18,7 +18,7 @@ U = np.linspace(-12.0, 12.0, 4801)
 
 
 @given(knot=st.integers(0, len(COMMANDS) - 1), factor=st.sampled_from((0.6, 0.95, 1.05, 1.7)))
-def test_outside_the_range_that_is_told_a_moved_knot_changes_nothing(knot: int, factor: float) -> None:
+def test_a_moved_knot_changes_nothing_outside_the_changed_range(knot: int, factor: float) -> None:
     moved = replace(VALVE, areas=tuple(a * factor if i == knot else a for i, a in enumerate(AREAS)))
     ((low, high),) = VALVE.changed_ranges(moved)
     outside = (low > U) | (high < U)
@@ -27,7 +27,7 @@ def test_outside_the_range_that_is_told_a_moved_knot_changes_nothing(knot: int, 
     assert moved(U[~outside]) != pytest.approx(VALVE(U[~outside]), rel=1e-3, abs=0.0)
 
 
-def test_an_inner_knot_reaches_to_its_second_neighbours_and_no_further() -> None:
+def test_an_inner_knot_influences_up_to_its_second_neighbours() -> None:
     moved = replace(VALVE, areas=(*AREAS[:7], 7.7e-7, *AREAS[8:]))  # at 3 V
     assert VALVE.changed_ranges(moved) == ((1.0, 7.0),)
     mirrored = replace(VALVE, areas=(*AREAS[:2], 1e-6, *AREAS[3:]))  # at -4 V
@@ -42,13 +42,13 @@ def test_an_overlap_changes_the_whole_of_its_direction() -> None:
     assert VALVE.changed_ranges(VALVE) == ()
 
 
-def test_a_table_is_the_area_at_its_points() -> None:
+def test_a_table_holds_the_area_at_its_points() -> None:
     u = np.linspace(-8.0, 8.0, TABLE_POINTS)
     assert VALVE.table(8.0) == pytest.approx(VALVE(u), rel=1e-12, abs=1e-20)
     assert VALVE.table(8.0)[TABLE_POINTS // 2] == 0.0
 
 
-def test_other_forms_tell_their_directions() -> None:
+def test_other_forms_report_their_changed_directions() -> None:
     line, pair = LinearValve(2e-7, 10.0), SwitchingValve(2e-6, 1e-6, 24.0)
     assert line.changed_ranges(line.scaled(1.1)) == ((-np.inf, np.inf),)
     assert line.changed_ranges(line) == ()

@@ -1,4 +1,4 @@
-"""The decomposition: true singular values, orthonormal bases, honest ranks."""
+"""The decomposition: true singular values, orthonormal bases, correct ranks."""
 
 from __future__ import annotations
 

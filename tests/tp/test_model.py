@@ -101,7 +101,7 @@ def test_samples_that_do_not_fit_are_refused(samples, grids, message):
         transform(samples, grids)
 
 
-def test_scaling_must_be_known_and_positive():
+def test_scaling_must_be_valid_and_positive():
     for scaling in ("peaks", 0.0):
         with pytest.raises(InputError, match="scaling"):
             transform(CASES["a"].samples, CASES["a"].grids, scaling=scaling)

@@ -16,7 +16,7 @@ from .cases import CASES, damping
 LINE = np.linspace(-1.0, 1.0, 21)
 
 
-def test_a_limit_that_is_missing_is_named():
+def test_a_missing_limit_is_named():
     with np.errstate(invalid="ignore"), pytest.raises(InputError, match=r"sample at \(0\)"):
         sample(lambda v: np.sin(v) / v, [np.array([-1.0, 0.0, 1.0])])
 
@@ -28,7 +28,7 @@ def test_a_function_of_the_wrong_shape_is_refused():
 
 @settings(max_examples=25, deadline=None)
 @given(seed=st.integers(0, 2**32 - 1), parameters=st.integers(1, 3))
-def test_what_is_linear_in_each_parameter_is_recovered_exactly(seed, parameters):
+def test_multilinear_functions_are_recovered_exactly(seed, parameters):
     rng = np.random.default_rng(seed)
     grids = [np.sort(rng.uniform(-1, 1, 5)) for _ in range(parameters)]
     grids = [np.concatenate(([-1.1], g, [1.1])) for g in grids]

@@ -1,4 +1,4 @@
-"""Every type of weights keeps its promises, and is as good as the reference."""
+"""Every type of weights has its properties and is as good as the reference."""
 
 from __future__ import annotations
 
@@ -106,7 +106,7 @@ def test_smallest_volume_does_not_change_when_the_points_are_rotated(cloud, seed
 
 @settings(max_examples=15, deadline=None)
 @given(cloud=clouds)
-def test_each_type_is_best_at_what_it_is_for(cloud):
+def test_each_weight_type_is_best_by_its_own_criterion(cloud):
     h = sx.homogeneous(cloud)
     smallest, closest, equal = (
         simplex_search.smallest_simplices(h)[0],
@@ -120,7 +120,7 @@ def test_each_type_is_best_at_what_it_is_for(cloud):
     assert all(sx.distance_to_vertices(h @ closest) <= sx.distance_to_vertices(h @ m) + 1e-3 for m in others)
 
 
-def test_no_exists_where_the_samples_span_a_simplex_and_says_so_where_not():
+def test_type_no_exists_only_where_samples_span_a_simplex():
     share = np.linspace(0, 1, 31)
     corners = np.array([[0.0, 0.0], [1.0, 0.0], [0.0, 2.0]])
     path = np.concatenate([a + share[:, None] * (b - a) for a, b in itertools.pairwise(corners)])
@@ -170,6 +170,6 @@ def test_smallest_triangle_around_a_circle_is_the_equilateral_one():
     assert area == pytest.approx(3 * np.sqrt(3) * np.cos(np.pi / 60) ** 2, rel=1e-6)
 
 
-def test_an_unknown_type_is_answered_with_the_known_ones():
+def test_an_unknown_type_is_answered_with_the_available_ones():
     with pytest.raises(InputError, match='did you mean "irno"'):
         transform(CASES["a"].samples, CASES["a"].grids, "irnoo")

@@ -128,13 +128,13 @@ def all_effects(plugins: Iterable[Path] = ()) -> dict[str, Effect]:
 
 
 def select_effects(
-    names: Iterable[str], known: dict[str, Effect], where: str = "[model] effects"
+    names: Iterable[str], available: dict[str, Effect], where: str = "[model] effects"
 ) -> tuple[Effect, ...]:
     """Return effects by their names.
 
     Args:
         names: Names of effects.
-        known: Effects by name.
+        available: Effects by name.
         where: The place of the names in the pipeline file, for the message.
 
     Returns:
@@ -148,7 +148,7 @@ def select_effects(
     """
     chosen = []
     for name in names:
-        if name not in known:
-            raise InputError(where, f'unknown effect "{name}"', mend=did_you_mean(name, known))
-        chosen.append(known[name])
+        if name not in available:
+            raise InputError(where, f'unknown effect "{name}"', mend=did_you_mean(name, available))
+        chosen.append(available[name])
     return tuple(chosen)
