@@ -32,10 +32,10 @@ def test_the_tile_of_the_model_says_the_fall_what_was_added_and_its_interval(aft
 def test_the_tile_of_what_is_missing_says_how_sure_that_is(material: ReportData, after: ReportData) -> None:
     tile = overview(material).tiles[1]
     assert (tile.large, tile.tone) == ("piston-leak", "bad")
-    assert "these recordings cannot tell it from chamber-leak" in tile.text
+    assert "these recordings cannot distinguish it from chamber-leak" in tile.text
     adequate = overview(after).tiles[1]
     assert (adequate.large, adequate.tone) == ("nothing further detected", "good")
-    assert adequate.text.startswith("1 of 1 other effects would have shown, such as valve-leak")
+    assert adequate.text.startswith("1 of 1 other effects are detectable, such as valve-leak")
 
 
 def test_the_tile_of_the_controller_says_what_it_holds_and_where_it_fails(material: ReportData) -> None:
