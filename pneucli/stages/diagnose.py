@@ -29,6 +29,7 @@ from pneucli.memory import release_free_memory
 from pneucli.messages.diagnose import reason_sentence
 from pneucli.pipeline.context import Context
 from pneucli.pipeline.manifest import program_versions
+from pneucli.plausibility.repaired import REPAIRS
 from pneucli.simulate.model import Model
 from pneucli.stages import history
 from pneucli.stages.changes import compare_with_baseline, write_baseline
@@ -67,7 +68,7 @@ def run(context: Context) -> dict[str, Any]:
     context.progress("fitting the model as it is", 0.2)
     fitted = [view.experiment for view in bench.train]
     guess = guess_base_model(fitted, study.rig, study.valve)
-    implausible = bool(context.answers["ingest"]["plausibility"])
+    implausible = any(one["check"] not in REPAIRS for one in context.answers["ingest"]["plausibility"])
     bench = replace(
         bench,
         modelled_parts=guess.valve.covers,
