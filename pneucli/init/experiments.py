@@ -127,8 +127,10 @@ def _only_falls(kind: FileGroup) -> bool:
     for values in kind.values_per_file("p1"):
         tenths = np.array([np.median(part) for part in np.array_split(values, min(10, values.size)) if part.size])
         falls += (np.diff(tenths) <= 0).tolist()
-    return float(np.mean(falls)) >= MIN_FALLING_SHARE and all(
-        values[-1] < values[0] for values in kind.values_per_file("p1")
+    return (
+        bool(falls)
+        and float(np.mean(falls)) >= MIN_FALLING_SHARE
+        and all(values[-1] < values[0] for values in kind.values_per_file("p1"))
     )
 
 

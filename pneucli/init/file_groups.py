@@ -168,9 +168,11 @@ def is_moving(kind: FileGroup, one: Survey) -> bool:
     """Return whether what a recording is about moves in it: the piston, else the pressure."""
     signal = next((name for name in ("x", "p1", "force") if name in kind.guesses_by_signal), "")
     values = column_values(one, kind.guesses_by_signal[signal]) if signal else np.zeros(0)
+    if values.size < 2:
+        return False
     steps = np.abs(np.diff(values))
     few = values.size < 5 * MIN_MOTION_STEPS
-    return bool(values.size) and float(np.ptp(values)) > (2.0 if few else MIN_MOTION_STEPS) * float(np.median(steps))
+    return values.size > 1 and float(np.ptp(values)) > (2.0 if few else MIN_MOTION_STEPS) * float(np.median(steps))
 
 
 def pressure_references(found: Sequence[FileGroup]) -> dict[str, tuple[str, str]]:

@@ -59,6 +59,8 @@ def _survey_text(raw: RawFile) -> Survey:
     columns, unused = _text_columns(reader, found)
     if not columns:
         raise InputError(str(raw.path), "no column of numbers", "rows of numbers", "say --skip-rows or --delimiter")
+    if max(one.values.size for one in columns) < 2:
+        raise InputError(str(raw.path), "one row of numbers", "a recording of at least 2", "record it again")
     bare = replace(stated, delimiter=raw.delimiter)
     plain = raw.delimiter is None and _same_table(bare, reader)
     columns = _aligned(paired_clocks([*computed_clocks(columns), *columns]))

@@ -134,5 +134,5 @@ def _change(stamps: Array, values: Array, shift: Array, longest: float) -> Array
         return np.zeros_like(values)
     steps, rises = np.diff(stamps), np.diff(values)
     slopes = np.where(steps <= longest, rises / steps, 0.0)
-    after, before = np.append(slopes, 0.0), np.insert(slopes, 0, 0.0)
+    after, before = np.append(slopes, slopes[-1]), np.insert(slopes, 0, slopes[0])  # at either end the only slope
     return np.asarray(shift * np.where(shift >= 0, after, before))
