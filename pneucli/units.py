@@ -1,119 +1,63 @@
-"""Units as laboratories write them -> SI floats. A table: it needs no import and knows what a gauge pressure is.
+"""Units as laboratories write them -> SI floats.
 
-``"m/s2"``, ``"m/s^2"``, ``"m s⁻²"``, ``"N*s/m"``, ``"J/(kg K)"``, ``"mm2"``, ``"°C"``, ``"barg"``, ``"bar(g)"`` and
-``"l/min"`` are all read. A product binds as tightly as a quotient, from left to right. Factors: SI brochure (9th
-edition, 2019), NIST SP 811 (2008) for units outside the SI.
+``"m/s2"``, ``"m/s^2"``, ``"m s⁻²"``, ``"N*s/m"``, ``"J/(kg K)"``, ``"mm2"``, ``"°C"``, ``"barg"``, ``"bar(g)"``,
+``"l/min"``, ``"Psi"``, ``"Volts"``, ``"cmH2O"`` and ``"slpm"`` are all read. A product binds as tightly as a quotient,
+from left to right. The tables stand in :mod:`pneucli.unit_table`.
 """
 
 from __future__ import annotations
 
 import math
 import re
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import lru_cache
 
 from pneucli.errors import UnitError, did_you_mean
+from pneucli.unit_table import (
+    AIR_DENSITY,
+    DIMENSIONLESS,
+    PLAIN,
+    PREFIXED,
+    PREFIXES,
+    STANDARD_ATMOSPHERE,
+    STANDARD_FLOWS,
+    STANDARD_GRAVITY,
+    SYMBOLS_BY_DIMENSION,
+    Dimension,
+    Unit,
+    by_spelling,
+    is_count,
+    normalize_spelling,
+)
 
-STANDARD_ATMOSPHERE = 101_325.0  # Pa
+__all__ = [
+    "STANDARD_ATMOSPHERE",
+    "STANDARD_GRAVITY",
+    "Dimension",
+    "Unit",
+    "factor_and_offset",
+    "is_count",
+    "parse_quantity",
+    "parse_scaled_unit",
+    "parse_unit",
+    "parse_unit_as",
+    "same_dimension",
+    "unit_suffix",
+]
+
 MAX_UNIT_LENGTH = 60  # characters of a unit
 MAX_MAGNITUDE = 1e18  # of any number of a rig, in SI: its powers stay finite
 
-Dimension = tuple[int, int, int, int, int]  # exponents of m, kg, s, K, A
-
-
-@dataclass(frozen=True)
-class Unit:
-    """``value in SI = factor * value + offset``, plus ambient pressure where ``gauge``.
-
-    ``of_air``: a mass stated as the volume of air, of which another gas has R_air / R as much.
-    """
-
-    factor: float
-    dimension: Dimension
-    offset: float = 0.0
-    gauge: bool = False
-    absolute: bool = False
-    of_air: bool = False
-
-    def __mul__(self, other: Unit) -> Unit:
-        exponents = tuple(a + b for a, b in zip(self.dimension, other.dimension, strict=True))
-        return Unit(self.factor * other.factor, exponents)  # type: ignore[arg-type]
-
-    def __pow__(self, power: int) -> Unit:
-        return Unit(self.factor**power, tuple(power * a for a in self.dimension))  # type: ignore[arg-type]
-
-
-_ONE = (0, 0, 0, 0, 0)
-_PRESSURE = (-1, 1, -2, 0, 0)
-
-_PREFIXED = {  # these take SI prefixes
-    "m": Unit(1.0, (1, 0, 0, 0, 0)),
-    "g": Unit(1e-3, (0, 1, 0, 0, 0)),
-    "s": Unit(1.0, (0, 0, 1, 0, 0)),
-    "K": Unit(1.0, (0, 0, 0, 1, 0)),
-    "A": Unit(1.0, (0, 0, 0, 0, 1)),
-    "N": Unit(1.0, (1, 1, -2, 0, 0)),
-    "Pa": Unit(1.0, _PRESSURE),
-    "bar": Unit(1e5, _PRESSURE),
-    "J": Unit(1.0, (2, 1, -2, 0, 0)),
-    "W": Unit(1.0, (2, 1, -3, 0, 0)),
-    "V": Unit(1.0, (2, 1, -3, 0, -1)),
-    "Ohm": Unit(1.0, (2, 1, -3, 0, -2)),
-    "Hz": Unit(1.0, (0, 0, -1, 0, 0)),
-    "Nm": Unit(1.0, (2, 1, -2, 0, 0)),
-    "l": Unit(1e-3, (3, 0, 0, 0, 0)),
-    "L": Unit(1e-3, (3, 0, 0, 0, 0)),
-}
-
-_PLAIN = {
-    "1": Unit(1.0, _ONE),
-    "-": Unit(1.0, _ONE),
-    "%": Unit(1e-2, _ONE),
-    "rad": Unit(1.0, _ONE),
-    "deg": Unit(math.pi / 180, _ONE),
-    "°": Unit(math.pi / 180, _ONE),
-    "rev": Unit(2 * math.pi, _ONE),
-    "rpm": Unit(2 * math.pi / 60, (0, 0, -1, 0, 0)),
-    "min": Unit(60.0, (0, 0, 1, 0, 0)),
-    "h": Unit(3600.0, (0, 0, 1, 0, 0)),
-    "sec": Unit(1.0, (0, 0, 1, 0, 0)),
-    "d": Unit(86_400.0, (0, 0, 1, 0, 0)),
-    "t": Unit(1e3, (0, 1, 0, 0, 0)),
-    "cc": Unit(1e-6, (3, 0, 0, 0, 0)),
-    "in": Unit(0.0254, (1, 0, 0, 0, 0)),
-    "inch": Unit(0.0254, (1, 0, 0, 0, 0)),
-    "ft": Unit(0.3048, (1, 0, 0, 0, 0)),
-    "lb": Unit(0.453_592_37, (0, 1, 0, 0, 0)),
-    "lbf": Unit(4.448_221_615_260_5, (1, 1, -2, 0, 0)),
-    "kgf": Unit(9.806_65, (1, 1, -2, 0, 0)),
-    "kp": Unit(9.806_65, (1, 1, -2, 0, 0)),
-    "psi": Unit(6894.757_293_168_361, _PRESSURE),
-    "atm": Unit(STANDARD_ATMOSPHERE, _PRESSURE),
-    "at": Unit(98_066.5, _PRESSURE),
-    "Torr": Unit(STANDARD_ATMOSPHERE / 760, _PRESSURE),
-    "torr": Unit(STANDARD_ATMOSPHERE / 760, _PRESSURE),
-    "mmHg": Unit(133.322_387_415, _PRESSURE),
-    "degC": Unit(1.0, (0, 0, 0, 1, 0), 273.15),
-    "°C": Unit(1.0, (0, 0, 0, 1, 0), 273.15),
-    "degF": Unit(5 / 9, (0, 0, 0, 1, 0), 273.15 - 32 * 5 / 9),
-    "°F": Unit(5 / 9, (0, 0, 0, 1, 0), 273.15 - 32 * 5 / 9),
-}
-
-STANDARD_GRAVITY = 9.806_65  # m/s^2
-# kg/m^3 of air: ISO 8778 (20 °C, 100 kPa, 65 % humidity), DIN 1343 (0 °C, 101.325 kPa, dry)
-_AIR = {"ANR": 1.185, "N": 1.2929}
-_ACCELERATION = (1, 0, -2, 0, 0)
-# what a symbol means where another dimension than its own is wanted
-_SYMBOLS_BY_DIMENSION = {
-    _ACCELERATION: {f"{m}g": Unit(f * STANDARD_GRAVITY, _ACCELERATION) for m, f in (("", 1.0), ("m", 1e-3))}
-}
-
-_PREFIXES = {"n": 1e-9, "u": 1e-6, "µ": 1e-6, "m": 1e-3, "c": 1e-2, "d": 1e-1, "h": 1e2, "k": 1e3, "M": 1e6, "G": 1e9}
-
 _SUPERSCRIPTS = str.maketrans("⁰¹²³⁴⁵⁶⁷⁸⁹⁻μ℃", "0123456789-µC")
 _TOKEN = re.compile(r"\s*(?:([A-Za-zµ°%]+|-(?!\d)|1(?!\d))(?:(?:\^|\*\*)?\s*(-?\d+))?|([/*·()]))\s*")
-_PRESSURE_KIND = re.compile(r"(?i)^(.*?(?:bar|pa|psi|atm))[\s_]*\(?(g|gauge|ü|rel|a|abs|absolute)\)?$")
+_PRESSURE_KIND = re.compile(
+    r"(?i)^(.*?(?:bar|pa|psi|atm))[\s_]*\(?(g|gauge|gage|ü|rel|rel\.|relativ|relative|a|abs|abs\.|absolut|absolute)\)?$"
+)
+_ABSOLUTE = ("a", "abs", "abs.", "absolut", "absolute")
 _QUANTITY = re.compile(r"\s*([+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?)\s*(.*?)\s*$", re.DOTALL)
+_NUMBER = r"(10(?:\^|\*\*)-?\d+|\d+(?:[.,]\d+)?(?:[eE][+-]?\d+)?)"
+_FACTOR_FIRST = re.compile(rf"\s*(1\s*/)?\s*{_NUMBER}\s*[*x×·]?\s*([^\d\s*x×·/].*?)\s*")
+_FACTOR_LAST = re.compile(rf"\s*(.*?[^\d\s^])\s*([*x×·/÷])\s*{_NUMBER}\s*")
 
 
 @lru_cache(maxsize=512)
@@ -125,7 +69,7 @@ def parse_unit(text: str) -> Unit:
     try:
         unit = _parse(text)
     except (OverflowError, ZeroDivisionError):  # of powers that no unit has
-        unit = Unit(math.inf, _ONE)
+        unit = Unit(math.inf, DIMENSIONLESS)
     if not 0.0 < unit.factor < math.inf:
         raise UnitError(f'unit "{text}" is beyond all numbers')
     return unit
@@ -134,25 +78,31 @@ def parse_unit(text: str) -> Unit:
 def _parse(text: str) -> Unit:
     if len(text) > MAX_UNIT_LENGTH:
         raise UnitError(f'"{text[:MAX_UNIT_LENGTH]}..." is no unit')
-    spelled = text.strip().replace("℃", "°C").translate(_SUPERSCRIPTS)
+    if is_count(text):
+        raise UnitError(f'"{text}" are counts and no unit; state what one count is: scale, and the unit')
+    spelled = normalize_spelling(text.strip().replace("℃", "°C").translate(_SUPERSCRIPTS))
     if of_air := _of_air(spelled):
         return of_air
     if kind := _PRESSURE_KIND.match(spelled):
-        gauge = kind[2].lower() in ("g", "gauge", "ü", "rel")
-        return replace(_product(kind[1]), gauge=gauge, absolute=not gauge)
+        absolute = kind[2].lower() in _ABSOLUTE
+        return replace(_product(kind[1].rstrip(" _-")), gauge=not absolute, absolute=absolute)
     return _product(spelled)
 
 
 def _of_air(text: str) -> Unit | None:
     """Read a flow or amount as a volume of air under standard conditions: "l/min ANR", "Nl/min"; None if it is none."""
-    state = "ANR" if (anr := re.fullmatch(r"(.+?)[\s_]*\(?ANR\)?", text)) else "N"
-    volume = anr[1] if anr else text[1:] if re.match(r"N[lL]\b|Nm(?:3|\^3)\b", text) else None
-    if volume is None:
+    if text.lower() in STANDARD_FLOWS:
+        state, volume = STANDARD_FLOWS[text.lower()]
+    elif anr := re.fullmatch(r"(.+?)[\s_]*\(?ANR\)?", text):
+        state, volume = "ANR", anr[1]
+    elif re.match(r"N[lL]\b|Nm(?:3|\^3)\b", text):
+        state, volume = "N", text[1:]
+    else:
         return None
     unit = _product(volume)
     if unit.dimension[0] != 3:
         raise UnitError(f'"{volume}" is no volume, of which "{state}" would tell the state')
-    return replace(unit * Unit(_AIR[state], (-3, 1, 0, 0, 0)), of_air=True)
+    return replace(unit * Unit(AIR_DENSITY[state], (-3, 1, 0, 0, 0)), of_air=True)
 
 
 def _product(text: str) -> Unit:
@@ -177,20 +127,30 @@ def _tokens(text: str) -> list[Unit | str]:
 
 
 def _symbol(symbol: str) -> Unit:
-    if symbol in _PLAIN:
-        return _PLAIN[symbol]
-    if symbol in _PREFIXED:
-        return _PREFIXED[symbol]
-    if symbol[0] in _PREFIXES and symbol[1:] in _PREFIXED:
-        unit = _PREFIXED[symbol[1:]]
-        return Unit(_PREFIXES[symbol[0]] * unit.factor, unit.dimension)
-    prefixed = [p + u for p in ("", "m", "k") for u in _PREFIXED]
-    raise UnitError(f'unit "{symbol}" is not known; {did_you_mean(symbol, [*_PLAIN, *prefixed])}')
+    unit = _table_symbol(symbol)
+    if unit is None and (spelled := by_spelling(symbol)) is not None:
+        unit = _table_symbol(spelled)
+    if unit is not None:
+        return unit
+    prefixed = [p + u for p in ("", "m", "k") for u in PREFIXED]
+    raise UnitError(f'unit "{symbol}" is not known; {did_you_mean(symbol, [*PLAIN, *prefixed])}')
+
+
+def _table_symbol(symbol: str) -> Unit | None:
+    """Return the unit of a symbol as the tables have it, with or without a prefix."""
+    if symbol in PLAIN:
+        return PLAIN[symbol]
+    if symbol in PREFIXED:
+        return PREFIXED[symbol]
+    if symbol[0] in PREFIXES and symbol[1:] in PREFIXED:
+        unit = PREFIXED[symbol[1:]]
+        return Unit(PREFIXES[symbol[0]] * unit.factor, unit.dimension)
+    return None
 
 
 def _reduce(tokens: list[Unit | str], text: str, depth: int) -> Unit:
     """Multiply from left to right; consumes ``tokens`` up to the closing bracket of this depth."""
-    result, pending, empty = Unit(1.0, _ONE), "", True
+    result, pending, empty = Unit(1.0, DIMENSIONLESS), "", True
     while tokens and tokens[0] != ")":
         token = tokens.pop(0)
         if token in ("/", "*", "·") and not pending and not empty:
@@ -216,7 +176,37 @@ def unit_suffix(unit: str) -> str:
 def parse_unit_as(text: str, wanted: str) -> Unit:
     """Read a unit of what is measured in ``wanted``: ``"g"`` is gravity where an acceleration is wanted."""
     dimension = parse_unit(wanted).dimension
-    return _SYMBOLS_BY_DIMENSION.get(dimension, {}).get(text.strip()) or parse_unit(text)
+    return SYMBOLS_BY_DIMENSION.get(dimension, {}).get(text.strip().strip("[]")) or parse_unit(text)
+
+
+def parse_scaled_unit(text: str) -> tuple[str, float, bool]:
+    """Read a unit that a header writes with a factor, such as ``"0.1 mm"``, ``"1/10 bar"`` or ``"bar x 100"``.
+
+    Returns:
+        The unit, what one of the column's numbers is in it, and whether the text alone says so: after a factor behind
+        the unit the numbers may be larger or smaller than the unit's by it, and smaller units are taken.
+
+    Raises:
+        UnitError: if it is no unit, with or without a factor.
+
+    """
+    if first := _FACTOR_FIRST.fullmatch(text):
+        number = _factor(first[2])
+        unit, scale, certain = first[3], 1.0 / number if first[1] else number, True
+    elif last := _FACTOR_LAST.fullmatch(text):
+        unit, scale, certain = last[1], 1.0 / _factor(last[3]), False
+    else:
+        unit, scale, certain = text.strip(), 1.0, True
+    parse_unit(unit)
+    return unit, scale, certain
+
+
+def _factor(text: str) -> float:
+    base, _, power = text.replace("**", "^").partition("^")
+    number = float(base.replace(",", ".")) ** (int(power) if power else 1)
+    if not 1e-12 < number < 1e12:
+        raise UnitError(f'"{text}" is no factor of a unit')
+    return number
 
 
 def same_dimension(unit: str, wanted: str) -> bool:
@@ -255,6 +245,8 @@ def parse_quantity(
         raise UnitError(f'"{value}" has a decimal comma; write a point')
     number = _finite(float(parts[1]), value)
     if not parts[2]:
+        if parse_unit(unit).dimension != DIMENSIONLESS or parse_unit(unit).factor != 1.0:
+            raise UnitError(f'"{value}" has no unit; wanted {wanted}, or a bare number, which is SI')
         return number
     if not same_dimension(parts[2], unit):
         raise UnitError(f'"{value}" has not the dimension of {unit}; wanted {wanted}')

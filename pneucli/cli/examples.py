@@ -17,6 +17,7 @@ _EXAMPLES = {
     "history": "pneucli history axis-7/pipeline.toml",
     "run": "pneucli run axis-7/pipeline.toml",
     "open": "pneucli open axis-7/pipeline.toml",
+    "check": "pneucli check axis-7/pipeline.toml",
     "status": "pneucli status axis-7/pipeline.toml",
     "effects": "pneucli effects friction-hysteresis",
     "schema": "pneucli schema > axis-7/pipeline.schema.json",

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import importlib
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Annotated
 
@@ -39,13 +40,33 @@ def _init(
         str | None, typer.Option("--delimiter", metavar="MARK", help="What stands between columns.")
     ] = None,
     decimal: Annotated[str | None, typer.Option("--decimal", metavar="MARK", help="The decimal mark: . or ,")] = None,
+    ask: Annotated[
+        bool, typer.Option("--ask", help="Ask what raw files cannot tell: bore, rod, stroke, supply.")
+    ] = False,
     json: Json = False,
 ) -> None:
     init = importlib.import_module("pneucli.stages.init")
     mark = {"\\t": "\t", "tab": "\t"}.get(delimiter or "", delimiter)
     stated = {"header": not no_header, "skip_rows": skip_rows, "delimiter": mark, "decimal": decimal}
     answer = init.create(directory, [*(raw or []), *(more or [])], **stated)
+    if ask:
+        answer |= init.fill_in(Path(answer["pipeline"]), _ask(init.questions(answer["fill_in"])))
     if json:
         console.print_json(answer)
     else:
         print(messages.render("init", answer, shortest_path(Path(answer["pipeline"]))))
+
+
+def _ask(questions: Sequence[tuple[str, str, str]]) -> dict[str, str]:
+    """Ask on the terminal; an empty answer leaves the ``?`` in the file, as does the end of the input."""
+    answers: dict[str, str] = {}
+    for name, text, example in questions:
+        try:
+            said = typer.prompt(
+                f"{text}, such as {example} (Enter: fill it in later)", default="", show_default=False, err=True
+            )
+        except typer.Abort:
+            break
+        if said.strip():
+            answers[name] = said.strip()
+    return answers

@@ -2,9 +2,9 @@
 
 from pneucli.config.fleet_file import FleetConfig, load_fleet
 from pneucli.config.load import join_faults, keys_at, load, validate
-from pneucli.config.pipeline_tables import PipelineConfig, RecordingTable, SignalTable, WhereTable
+from pneucli.config.pipeline_tables import PipelineConfig, RecordingTable
 from pneucli.config.recording_sources import RecordingSource, plugin_files, raw_files, recording_sources
-from pneucli.config.signal_tables import TextTable
+from pneucli.config.signal_tables import SignalTable, TextTable, WhereTable
 from pneucli.config.stage_tables import CheckTable, ParameterTable
 
 __all__ = [

@@ -18,8 +18,9 @@ from pydantic import BaseModel
 from pydantic.fields import FieldInfo
 from pydantic_core import PydanticUndefined
 
-from pneucli.config.pipeline_tables import MoreTable, PipelineTable, RecordingTable, SignalTable, WhereTable
+from pneucli.config.pipeline_tables import MoreTable, PipelineTable, RecordingTable
 from pneucli.config.rig_table import CylinderTable, RigTable, ValveTable, VesselTable
+from pneucli.config.signal_tables import ClockTable, SignalTable, WhereTable
 from pneucli.config.stage_tables import (
     CheckTable,
     CompareTable,
@@ -39,6 +40,7 @@ MODELS: dict[str, type[BaseModel]] = {
     "rig.cylinder": CylinderTable,
     "signals.NAME": SignalTable,
     "signals.NAME.where": WhereTable,
+    "signals.NAME.time": ClockTable,
     "recordings": RecordingTable,
     "recordings.more": MoreTable,
     "model": ModelTable,

@@ -6,150 +6,38 @@ from pathlib import Path
 from typing import Annotated, Any, Literal
 
 from pydantic import (
-    AfterValidator,
     Field,
     PrivateAttr,
-    ValidationInfo,
     model_validator,
 )
 
 from pneucli.arrangements import ArrangementName as ArrangementName
 from pneucli.config.rig_table import RigTable
-from pneucli.config.signal_tables import TextTable
+from pneucli.config.signal_tables import SignalName, SignalsTable, TextTable
 from pneucli.config.stage_tables import CheckTable, CompareTable, IdentifyTable, ModelTable
 from pneucli.config.value_types import (
     Acceleration,
-    Column,
-    DecimalMark,
     Force,
     Instant,
     MassFlow,
     Name,
     Position,
     Pressure,
-    Scale,
     Table,
     Temperature,
-    Thousands,
     Velocity,
     Voltage,
 )
-from pneucli.errors import UnitError
 from pneucli.experiments import EXPERIMENT_KINDS
 from pneucli.experiments import ExperimentName as Experiment
-from pneucli.io.expression import Expression
 from pneucli.quantities import ROTARY_UNITS, SIGNALS
 from pneucli.recording import Rig, Use
-from pneucli.units import parse_quantity, parse_unit, same_dimension
-
-SignalName = Literal[
-    "time", "u", "u2", "p_supply", "p1", "p2", "x", "v", "a", "force", "temperature", "flow", "x_ref", "p_ref"
-]
-
-STANDARD_VOLUME_HINT = ', or a volume of air under standard conditions, "l/min ANR" or "Nl/min"'
 
 
 class PipelineTable(Table):
     """``[pipeline]``."""
 
     name: Name
-
-
-class WhereTable(Table):
-    """Which rows of a long table belong to a signal."""
-
-    column: Column
-    equals: str | float
-
-
-class SignalTable(Table):
-    """How raw columns become a signal: ``scale * column + offset``, read in ``unit``, with one column or an expression.
-
-    Where no unit is stated, and no scale, it is what the file says of the column, else SI; ``noise`` becomes SI while
-    it is checked.
-    """
-
-    column: Column | None = None
-    expression: str | None = None
-    unit: str | None = None
-    reference: Literal["gauge", "absolute"] | None = None
-    scale: Scale = 1.0
-    offset: float = 0.0
-    thousands: Thousands | None = None
-    decimal: DecimalMark | None = None
-    where: WhereTable | None = None
-    noise: str | float | None = None
-
-    @model_validator(mode="after")
-    def _one_origin(self) -> SignalTable:
-        if (self.column is None) == (self.expression is None):
-            raise ValueError(
-                'a signal needs either a column or an expression; wanted column = "..." or expression = "..."'
-            )
-        if self.expression is not None:
-            Expression(self.expression).check()
-        return self
-
-    @model_validator(mode="after")
-    def _two_marks(self) -> SignalTable:
-        if self.decimal is not None and self.decimal == self.thousands:
-            raise ValueError(f'"{self.decimal}" cannot be the decimal mark and stand between thousands too')
-        return self
-
-    @property
-    def gauge(self) -> bool:
-        """Whether the column counts from ambient pressure."""
-        return self.reference == "gauge" or (self.unit is not None and parse_unit(self.unit).gauge)
-
-
-def _checked_against(name: str) -> AfterValidator:
-    """Check unit and reference of an entry of ``[signals]`` against what the signal is."""
-    quantity = SIGNALS[name]
-
-    def check(signal: SignalTable | None, info: ValidationInfo) -> SignalTable | None:
-        if signal is None:
-            return None
-        wanted = ROTARY_UNITS.get(quantity.unit, quantity.unit) if (info.context or {}).get("rotary") else quantity.unit
-        if signal.unit is not None and not same_dimension(signal.unit, wanted):
-            more = STANDARD_VOLUME_HINT if name == "flow" else ""
-            raise UnitError(
-                f'unit "{signal.unit}" does not measure {quantity.title}; wanted one such as "{wanted}"{more}'
-            )
-        if signal.reference is not None and quantity.unit != "Pa":
-            raise UnitError(f"{name} is not a pressure and takes no reference")
-        if signal.reference == "absolute" and signal.gauge:
-            raise UnitError(f'the unit "{signal.unit}" is gauge, the reference says absolute; leave one of them out')
-        if signal.noise is None:
-            return signal
-        noise = parse_quantity(signal.noise, wanted, difference=True)
-        if noise < 0:
-            raise UnitError(f"noise {signal.noise} is negative; wanted a standard deviation")
-        return signal.model_copy(update={"noise": noise})
-
-    return AfterValidator(check)
-
-
-class SignalsTable(Table):
-    """``[signals]`` and ``[recordings.signals]``: one entry for each signal that is recorded."""
-
-    time: Annotated[SignalTable | None, _checked_against("time")] = None
-    u: Annotated[SignalTable | None, _checked_against("u")] = None
-    u2: Annotated[SignalTable | None, _checked_against("u2")] = None
-    p_supply: Annotated[SignalTable | None, _checked_against("p_supply")] = None
-    p1: Annotated[SignalTable | None, _checked_against("p1")] = None
-    p2: Annotated[SignalTable | None, _checked_against("p2")] = None
-    x: Annotated[SignalTable | None, _checked_against("x")] = None
-    v: Annotated[SignalTable | None, _checked_against("v")] = None
-    a: Annotated[SignalTable | None, _checked_against("a")] = None
-    force: Annotated[SignalTable | None, _checked_against("force")] = None
-    temperature: Annotated[SignalTable | None, _checked_against("temperature")] = None
-    flow: Annotated[SignalTable | None, _checked_against("flow")] = None
-    x_ref: Annotated[SignalTable | None, _checked_against("x_ref")] = None
-    p_ref: Annotated[SignalTable | None, _checked_against("p_ref")] = None
-
-    def present(self) -> dict[str, SignalTable]:
-        """Return the signals that the file describes."""
-        return {name: getattr(self, name) for name in SIGNALS if getattr(self, name) is not None}
 
 
 class MoreTable(TextTable):

@@ -10,7 +10,8 @@ from pathlib import Path
 from pneucli import paths
 from pneucli.arrangements import ARRANGEMENTS
 from pneucli.config.load import line_of
-from pneucli.config.pipeline_tables import MoreTable, PipelineConfig, RecordingTable, SignalTable
+from pneucli.config.pipeline_tables import MoreTable, PipelineConfig, RecordingTable
+from pneucli.config.signal_tables import SignalTable
 from pneucli.errors import InputError, did_you_mean
 from pneucli.experiments import EXPERIMENT_KINDS
 
@@ -89,7 +90,7 @@ def _sources_of(config: PipelineConfig, index: int, text: str) -> list[Recording
         raise InputError(where, "no signal is called time", "a column of time stamps", mend)
     signals = {name: signal for name, signal in signals.items() if name not in table.held_constant}
     found = _paths(config.path, table.file, where)
-    names = _names(table.name, found)
+    names = _names(table.name, found, table.part)
     required &= signals.keys()
     is_driven = table.chamber_2 == "valve" and EXPERIMENT_KINDS[table.experiment].axis
     commands = ARRANGEMENTS[config.arrangement].commands if is_driven else ()
@@ -146,9 +147,9 @@ def _check_take(table: RecordingTable, signals: dict[str, SignalTable], where: s
             )
 
 
-def _names(name: str | None, found: list[Path]) -> list[str]:
+def _names(name: str | None, found: list[Path], part: int | None) -> list[str]:
     if name is None:
-        return [path.stem for path in found]
+        return [path.stem if part is None else f"{path.stem}_{part}" for path in found]
     return [name] if len(found) == 1 else [f"{name}_{number}" for number in range(1, len(found) + 1)]
 
 

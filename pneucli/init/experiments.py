@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from pneucli.init.columns import quantity_kind
+from pneucli.init.column_names import quantity_kind
 from pneucli.init.file_groups import Array, FileGroup
 from pneucli.units import same_dimension
 
@@ -115,7 +115,7 @@ def _force_difference_by_direction(force: Array, x: Array) -> float | None:
 def _command(kind: FileGroup) -> Iterator[Line]:
     if "u" in kind.signals:
         return
-    if _only_falls(kind):
+    if "p1" in kind.signals and _only_falls(kind):
         other = 'where it was emptied through an opening: u = "-10 V"'
         yield "valve", '"shut"', f"CHECK no command is recorded, and p1 only falls: a shut chamber that leaks? {other}"
     else:
@@ -127,8 +127,10 @@ def _only_falls(kind: FileGroup) -> bool:
     for values in kind.values_per_file("p1"):
         tenths = np.array([np.median(part) for part in np.array_split(values, min(10, values.size)) if part.size])
         falls += (np.diff(tenths) <= 0).tolist()
-    return float(np.mean(falls)) >= MIN_FALLING_SHARE and all(
-        values[-1] < values[0] for values in kind.values_per_file("p1")
+    return (
+        bool(falls)
+        and float(np.mean(falls)) >= MIN_FALLING_SHARE
+        and all(values[-1] < values[0] for values in kind.values_per_file("p1"))
     )
 
 

@@ -12,8 +12,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pneucli.init.columns import guess_columns
-from pneucli.init.survey import Column, Guess, Survey
+from pneucli.init.survey_types import Column, Guess, Survey
 from pneucli.init.units import pressure_reference, pressure_reference_from_force, to_si
+from pneucli.io.clock_repairs import CounterClock, spread_stamps
 from pneucli.quantities import SIGNALS
 from pneucli.units import parse_unit
 
@@ -26,7 +27,7 @@ _NUMBER = re.compile(r"\d+(?:[.,]\d+)?")
 class FileGroup:
     """Files that are read alike and are called alike: ``file`` is their path or glob, ``held_out`` those held out.
 
-    ``guesses_by_signal`` are by signal; ``unused`` the columns that are none; ``further_files`` are further files of the same recording.
+    ``unused`` are the columns that are no signal; ``further_files`` are further files of the same recording.
     """
 
     surveys: Sequence[Survey]
@@ -55,13 +56,29 @@ class FileGroup:
 
     def values_per_file(self, signal: str) -> list[Array]:
         """Return the values of a signal in SI, without references, a file each."""
-        return [to_si(values, self.signals[signal].unit) for values in self.raw_numbers(signal)]
+        one = self.signals[signal]
+        return [to_si(scaled(values, one), one.unit) for values in self.raw_numbers(signal)]
 
 
 def column_values(found: Survey, one: Guess) -> Array:
     """Return the numbers of a guess in one of the files that it is made for; of others none."""
     same = (c.finite_values for c in found.columns if (c.key, c.where) == (one.column.key, one.column.where))
-    return next(same, np.zeros(0))
+    values = next(same, np.zeros(0))
+    if one.signal == "time":
+        return continuous_stamps(values)
+    return values[~np.isin(values, one.missing)] if one.missing else values
+
+
+def scaled(values: Array, one: Guess) -> Array:
+    """Return numbers of a column in the unit of a guess; as they are where people have to say the scale."""
+    return values if one.scale == 1.0 or not np.isfinite(one.scale) else values * one.scale
+
+
+def continuous_stamps(values: Array) -> Array:
+    """Return the stamps of a clock as they are read: over the wraps of its counter, and spread where it is coarse."""
+    stamps = CounterClock().unwrap(values)
+    spread = spread_stamps(stamps)
+    return stamps if spread is None else spread
 
 
 def group_files(surveys: Sequence[Survey]) -> list[FileGroup]:
@@ -74,7 +91,7 @@ def _same_layout(surveys: Sequence[Survey]) -> list[list[Survey]]:
     """Return files that are read alike: with the same signals in the same columns."""
     groups: dict[object, list[Survey]] = {}
     for one in surveys:
-        layout = (one.is_text, one.raw.header, one.raw.skip_rows, one.raw.delimiter, one.raw.decimal)
+        layout = (one.is_text, one.raw.header, one.raw.skip_rows, one.raw.delimiter, one.raw.decimal, one.raw.part)
         taken = tuple((g.column.key, g.column.where, g.column.unit, g.signal) for g in guess_columns([one]) if g.signal)
         nameless = all(isinstance(column.key, int) for column in one.columns)
         groups.setdefault((layout, len(one.columns) if nameless else taken), []).append(one)
@@ -151,9 +168,11 @@ def is_moving(kind: FileGroup, one: Survey) -> bool:
     """Return whether what a recording is about moves in it: the piston, else the pressure."""
     signal = next((name for name in ("x", "p1", "force") if name in kind.guesses_by_signal), "")
     values = column_values(one, kind.guesses_by_signal[signal]) if signal else np.zeros(0)
+    if values.size < 2:
+        return False
     steps = np.abs(np.diff(values))
     few = values.size < 5 * MIN_MOTION_STEPS
-    return bool(values.size) and float(np.ptp(values)) > (2.0 if few else MIN_MOTION_STEPS) * float(np.median(steps))
+    return values.size > 1 and float(np.ptp(values)) > (2.0 if few else MIN_MOTION_STEPS) * float(np.median(steps))
 
 
 def pressure_references(found: Sequence[FileGroup]) -> dict[str, tuple[str, str]]:
@@ -166,7 +185,7 @@ def pressure_references(found: Sequence[FileGroup]) -> dict[str, tuple[str, str]
         for signal, one in kind.signals.items():
             if not signal.startswith("p"):
                 continue
-            columns = kind.raw_numbers(signal)
+            columns = [scaled(values, one) for values in kind.raw_numbers(signal)]
             answer = pressure_reference(columns, one.unit, one.reference)
             if answer[1].startswith("CHECK") and signal == "p1" and "force" in kind.signals:
                 answer = pressure_reference_from_force(columns, kind.raw_numbers("force"), one.unit) or answer
@@ -212,4 +231,6 @@ def _clock_and_reading(one: Survey) -> tuple[Guess, Column] | None:
 def _overlap_in_time(clocks: Sequence[Guess]) -> bool:
     """Return whether all files have a time in common."""
     times = [parse_unit(one.unit).factor * one.column.finite_values for one in clocks]
+    if any(values.size == 0 for values in times):
+        return False
     return bool(max(float(np.min(t)) for t in times) < min(float(np.max(t)) for t in times))

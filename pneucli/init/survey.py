@@ -3,91 +3,75 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Sequence
-from dataclasses import dataclass, field, replace
-from pathlib import Path
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from pneucli.errors import InputError
+from pneucli.init.clock_columns import computed_clocks, is_increasing, paired_clocks
+from pneucli.init.survey_types import Column, Guess, Survey
+from pneucli.io.channel_clocks import align_tables
+from pneucli.io.clock_repairs import CounterClock, spread_stamps
 from pneucli.io.delimited import DelimitedReader
-from pneucli.io.formats import is_text, open_raw
+from pneucli.io.file_units import unit_in_file
+from pneucli.io.formats import is_text, open_raw, unpacked
+from pneucli.io.packed import named_as
 from pneucli.io.raw_file import ColumnKey, ColumnRequest, ColumnValues, RawFile, Reader
-from pneucli.io.signal_reader import unit_in_file
-from pneucli.io.text_sniffer import SniffedLayout, apply_sniffed, sniff
+from pneucli.io.text_sniffer import SniffedLayout, apply_sniffed, sniff, stated_numbers
+from pneucli.io.timestamp_order import Table
+from pneucli.units import parse_unit, same_dimension
+
+__all__ = ["Column", "Guess", "Survey", "survey_file"]
 
 Array = NDArray[np.float64]
 MAX_SURVEY_ROWS = 200_000  # rows that are looked at
+SPARSE = 0.1  # of the rows of the longest clock: fewer are those of a command that is logged on change
 MAX_LABELS = 30  # of a long table, at most
 
 
-@dataclass(frozen=True)
-class Column:
-    """One column of numbers: its ``key`` in the pipeline file, its ``name``, the unit that the file says, its values.
+def survey_parts(raw: RawFile) -> list[Survey]:
+    """Read what there is; a text in which the header and the clock start anew is several recordings.
 
-    ``where`` is the label column and the label, of the channel of a long table. ``thousands`` is its own mark.
+    Raises InputError as :func:`survey_file` does.
     """
-
-    key: ColumnKey
-    name: str
-    unit: str
-    values: Array = field(repr=False)
-    where: tuple[ColumnKey, str] | None = None
-    thousands: str | None = None
-
-    @property
-    def finite_values(self) -> Array:
-        """The values that are numbers."""
-        return self.values[np.isfinite(self.values)]
-
-
-@dataclass(frozen=True)
-class Survey:
-    """A raw file: how it has to be read, its columns, and what it has one value of only."""
-
-    raw: RawFile
-    is_text: bool
-    columns: Sequence[Column]
-    scalars: dict[str, float]
-
-    @property
-    def path(self) -> Path:
-        """The file."""
-        return self.raw.path
-
-
-@dataclass(frozen=True)
-class Guess:
-    """One column and the signal it is taken for, read in ``unit``; ``signal`` is empty where nothing fits.
-
-    ``unit_stated``: whether the file says the unit; ``reference``: gauge or absolute, where the name says it; ``note``: what
-    speaks for it.
-    """
-
-    column: Column
-    signal: str
-    unit: str = ""
-    unit_stated: bool = False
-    reference: str = ""
-    note: str = ""
+    found = survey_file(raw)
+    if not found.parts:
+        return [found]
+    return [survey_file(replace(raw, part=number)) for number in range(1, found.parts + 1)]
 
 
 def survey_file(raw: RawFile) -> Survey:
     """Read what there is; raises InputError where it cannot be read, or holds no numbers."""
     if not raw.path.exists():
         raise InputError(str(raw.path), "no such file", "a raw file", "check the path")
-    if not is_text(raw.path):
-        return _survey_binary(raw)
+    inner = unpacked(raw.path)
+    with named_as(raw.path, inner):
+        found = _survey_text(replace(raw, path=inner)) if is_text(inner) else _survey_binary(replace(raw, path=inner))
+    return replace(found, raw=replace(found.raw, path=raw.path))
+
+
+def _survey_text(raw: RawFile) -> Survey:
     found = sniff(raw)
     stated = apply_sniffed(raw, found)
     reader = DelimitedReader(stated)
-    columns = _text_columns(reader, found)
+    columns, unused = _text_columns(reader, found)
     if not columns:
         raise InputError(str(raw.path), "no column of numbers", "rows of numbers", "say --skip-rows or --delimiter")
+    if max(one.values.size for one in columns) < 2:
+        raise InputError(str(raw.path), "one row of numbers", "a recording of at least 2", "record it again")
     bare = replace(stated, delimiter=raw.delimiter)
     plain = raw.delimiter is None and _same_table(bare, reader)
-    return Survey(bare if plain else stated, True, columns, {})
+    columns = _aligned(paired_clocks([*computed_clocks(columns), *columns]))
+    parts = reader.header_lines + 1 if reader.header_lines and _starts_anew(columns) else 0
+    return Survey(bare if plain else stated, True, columns, stated_numbers(raw, found), unused, parts)
+
+
+def _starts_anew(columns: Sequence[Column]) -> bool:
+    """Return whether a clock goes back where the header stands again."""
+    clocks = [one.finite_values for one in columns if is_increasing(one.finite_values)]
+    return any(bool(np.any(np.diff(CounterClock().unwrap(values)) < 0)) for values in clocks[:1])
 
 
 def _same_table(raw: RawFile, reader: DelimitedReader) -> bool:
@@ -98,8 +82,9 @@ def _same_table(raw: RawFile, reader: DelimitedReader) -> bool:
         return False
 
 
-def _text_columns(reader: DelimitedReader, found: SniffedLayout) -> list[Column]:
-    numbers = [n for n in range(len(reader.names)) if n not in reader.labels]
+def _text_columns(reader: DelimitedReader, found: SniffedLayout) -> tuple[list[Column], list[str]]:
+    """Return the columns of numbers, and why the others are left out."""
+    numbers = [n for n in range(len(reader.names)) if n not in reader.labels | reader.dates]
     asks = [ColumnRequest(n, thousands=found.thousands.get(n)) for n in numbers]
     labels = [ColumnRequest(n, text=True) for n in sorted(reader.labels)]
     read = _read(reader, [*asks, *labels])
@@ -108,12 +93,24 @@ def _text_columns(reader: DelimitedReader, found: SniffedLayout) -> list[Column]
         name = found.names[ask.position] if ask.position < len(found.names) else ""
         often = reader.names.count(reader.names[ask.position]) > 1
         key: ColumnKey = ask.position + 1 if not found.header or often or not name else name
-        unit = "s" if ask.position in reader.stamps else unit_in_file(reader, ask.position) or ""
-        columns.append(Column(key, name, unit, values, thousands=ask.thousands))
-    long = _long_table_channels(
-        reader, columns, dict(zip((ask.position for ask in labels), read[len(asks) :], strict=True))
-    )
-    return long or columns
+        columns.append(_column(reader, ask.position, key, name, values, ask.thousands))
+    texts = {ask.position: values for ask, values in zip(labels, read[len(asks) :], strict=True)}
+    if long := _long_table_channels(reader, columns, texts):
+        return long, []
+    return columns, [f'"{reader.names[place]}": texts, such as "{texts[place][0]}"' for place in texts]
+
+
+def _column(
+    reader: Reader, place: int, key: ColumnKey, name: str, values: Array, thousands: str | None = None
+) -> Column:
+    """Return a column with the unit that the file states; stamps of a calendar are read in s."""
+    if place in getattr(reader, "stamps", ()):
+        return Column(key, name, "s", values, thousands=thousands)
+    said = unit_in_file(reader, place)
+    if said is None:
+        return Column(key, name, "", values, thousands=thousands)
+    written = "" if said.unit and said.certain else said.text
+    return Column(key, name, said.unit, values, thousands=thousands, scale=said.scale, written=written)
 
 
 def _read(reader: Reader, asks: Sequence[ColumnRequest]) -> list[ColumnValues]:
@@ -122,10 +119,12 @@ def _read(reader: Reader, asks: Sequence[ColumnRequest]) -> list[ColumnValues]:
         parts.append(batch)
         if sum(one[0].size for one in parts) >= MAX_SURVEY_ROWS:
             break
+    if not parts:
+        return [np.empty(0) for _ in asks]
     return [np.concatenate(column) for column in zip(*parts, strict=True)]
 
 
-def _long_table_channels(reader: Reader, columns: list[Column], labels: dict[int, ColumnValues]) -> list[Column]:
+def _long_table_channels(reader: Reader, columns: list[Column], labels: Mapping[int, ColumnValues]) -> list[Column]:
     """Return clock and channels of a long table (a label, a stamp, a value); nothing where it is none."""
     if len(columns) != 2 or not labels:
         return []
@@ -139,18 +138,81 @@ def _long_table_channels(reader: Reader, columns: list[Column], labels: dict[int
 
 
 def _survey_binary(raw: RawFile) -> Survey:
-    """Survey a binary file, column by column: what has another length than most is passed over."""
+    """Survey a binary file, column by column or clock by clock: what has another length than most is left out."""
     reader = open_raw(raw)
-    columns = []
-    for position, name in enumerate(reader.names):
+    stamps = set(reader.clocks.values())
+    columns, unused = [], []
+    for place, name in enumerate(reader.names):
+        if stamps and place in reader.clock_names and place not in reader.clocks:
+            continue  # stands for the clocks of the others
         try:
-            (values,) = _read(reader, [ColumnRequest(position)])
-        except InputError:
-            continue  # of no numbers
-        columns.append(Column(name, name, unit_in_file(reader, position) or "", values))
+            (values,) = _read(reader, [ColumnRequest(place)])
+        except InputError as error:
+            unused.append(f'"{name}": {error.found}')
+            continue
+        clock = reader.names[reader.clocks[place]] if place in reader.clocks else None
+        columns.append(replace(_column(reader, place, name, name, values), clock=clock))
     scalars = {one.name: float(one.values[0]) for one in columns if one.values.size == 1}
-    sizes = Counter(one.values.size for one in columns if one.values.size > 1)
-    if not sizes:
+    columns = [one for one in columns if one.values.size > 1]
+    if not columns:
         raise InputError(str(raw.path), "no column of numbers", "a recording", "export vectors of one clock")
+    if stamps:
+        shared = next(
+            (_column(reader, n, reader.names[n], reader.names[n], np.empty(0)) for n in reader.clock_names), None
+        )
+        return Survey(raw, False, _aligned(columns, shared), scalars, unused)
+    sizes = Counter(one.values.size for one in columns)
     usual = max(sizes, key=lambda size: (sizes[size], size))
-    return Survey(raw, False, [one for one in columns if one.values.size == usual], scalars)
+    other = [
+        f'"{one.name}": {one.values.size} values, most have {usual}' for one in columns if one.values.size != usual
+    ]
+    kept = [one for one in columns if one.values.size == usual]
+    return Survey(raw, False, [*computed_clocks(kept), *kept], scalars, [*unused, *other])
+
+
+def _aligned(columns: Sequence[Column], shared: Column | None = None) -> list[Column]:
+    """Return columns over one table of stamps, where some have clocks of their own; the clock that is shared first.
+
+    ``shared`` is the column that stands for each column's own clock, where the file has one.
+    """
+    clocks = {column.clock for column in columns if column.clock is not None}
+    if not clocks:
+        return list(columns)
+    by_key = {column.key: column for column in columns}
+    first = next(column for column in columns if column.key in clocks)
+    owners: dict[ColumnKey, list[Column]] = {}
+    for column in columns:
+        if column.key not in clocks:
+            owners.setdefault(first.key if column.clock is None else column.clock, []).append(column)
+    tables, start = [], 0
+    for clock, own in owners.items():
+        time = _seconds(by_key[clock])
+        known = np.flatnonzero(np.isfinite(time[: min(one.values.size for one in own)]))
+        tables.append(
+            Table(
+                time[known],
+                {str(n): one.values[known] for n, one in enumerate(columns) if one in own},
+                np.arange(start, start + known.size),
+            )
+        )
+        start += known.size
+    longest = max(table.time.size for table in tables)
+    sparse = [name for one in tables if one.time.size < SPARSE * longest for name in one.columns]
+    table = align_tables(tables, sparse, lambda row: f"row {row + 1}").table
+    time = first if shared is None else replace(shared, unit=shared.unit or first.unit or "s")
+    factor = parse_unit(time.unit).factor if _is_timed(time) else 1.0
+    aligned = [replace(one, values=table.columns[str(n)]) for n, one in enumerate(columns) if str(n) in table.columns]
+    aligned = [replace(one, clock=None) if shared or one.clock == first.key else one for one in aligned]
+    return [replace(time, values=table.time / factor, is_clock=True), *aligned]
+
+
+def _is_timed(clock: Column) -> bool:
+    return bool(clock.unit) and same_dimension(clock.unit, "s")
+
+
+def _seconds(clock: Column) -> Array:
+    """Return the stamps of a clock in s, or in its own numbers where it says no unit."""
+    time = CounterClock().unwrap(clock.values)
+    spread = spread_stamps(time)
+    time = time if spread is None else spread
+    return np.asarray(time * parse_unit(clock.unit).factor) if _is_timed(clock) else time

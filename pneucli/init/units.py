@@ -7,25 +7,37 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
+from pneucli.plausibility.motion import MAX_SPEED, MAX_STROKE
+from pneucli.plausibility.readings import MAX_COMMAND, MAX_FLOW, MAX_PRESSURE
 from pneucli.quantities import SIGNALS
-from pneucli.units import factor_and_offset, parse_unit
+from pneucli.units import factor_and_offset, parse_unit, same_dimension
 
 Array = NDArray[np.float64]
 AMBIENT_RANGE = (0.94e5, 1.06e5)  # Pa, of laboratories up to some 600 m
 MIN_ABSOLUTE_PRESSURE = 0.5e5  # Pa, absolute, that no chamber of a rig has
 MIN_PRESSURE_CHANGE = 0.3e5  # Pa, by which a pressure moves that has come from ambient
 REST_SHARE = 0.02  # share of the samples that a rest has at least
-CLOCK_UNITS = (("s", 1.0), ("ms", 1e-3), ("us", 1e-6), ("ns", 1e-9))
-MAX_ONE_SECOND_SAMPLES = 3000  # samples: more of them, one a second, would be an hour
+LOWEST_GAUGE = -1.013e5  # Pa: below it no gas is left
 
 
 def guess_unit(signal: str, values: Array, *, angle: bool) -> tuple[str, str]:
     """Return the unit that numbers without one are most likely in, and why."""
-    if signal == "time":
-        return _clock(values)
-    unit = _most_likely_unit(signal, values, angle)
+    if not values.size:
+        return SIGNALS[signal].unit, "CHECK no value, and no unit"
     low, high = float(values.min()), float(values.max())
-    return unit, f"no unit is said: {low:.4g} to {high:.4g} is taken for {unit}"
+    if SIGNALS[signal].unit == "Pa" and (unit := _unit_at_ambient(values)):
+        return (
+            unit,
+            f"CHECK no unit is said: taken for {unit}, in which it rests at ambient pressure and moves from there",
+        )
+    unit = _most_likely_unit(signal, values, angle)
+    return unit, f"CHECK no unit is said: {low:.4g} to {high:.4g} is taken for {unit}"
+
+
+def _unit_at_ambient(values: Array) -> str:
+    """Return the unit in which a pressure begins or ends at ambient pressure, absolute; empty where there is none."""
+    units = ("bar", "kPa", "mbar", "Pa", "psi")
+    return next((unit for unit in units if ambient_rest_pressure(to_si(values, unit)) is not None), "")
 
 
 def _most_likely_unit(signal: str, values: Array, angle: bool) -> str:
@@ -43,17 +55,6 @@ def _most_likely_unit(signal: str, values: Array, angle: bool) -> str:
     return SIGNALS[signal].unit
 
 
-def _clock(values: Array) -> tuple[str, str]:
-    """Take stamps for the largest unit in which they come faster than once a second."""
-    period = float(np.median(np.diff(values))) if values.size > 1 else 1.0
-    if period == 1.0 and values.size < MAX_ONE_SECOND_SAMPLES:
-        return "s", "no unit is said: a sample every 1 may be every second or every millisecond; few, so seconds"
-    unit, factor = next(((name, factor) for name, factor in CLOCK_UNITS if period * factor < 0.6), CLOCK_UNITS[0])
-    if period < 60 and values.size < 200:
-        unit, factor = "s", 1.0
-    return unit, f"no unit is said: a sample every {period:.4g} is taken for {1 / (period * factor):.4g} Hz"
-
-
 def pressure_reference(columns: Sequence[Array], unit: str, stated: str) -> tuple[str, str]:
     """Return whether pressures count from ambient, ``"gauge"``, or ``"absolute"``, and the evidence.
 
@@ -64,7 +65,12 @@ def pressure_reference(columns: Sequence[Array], unit: str, stated: str) -> tupl
         found = stated or ("gauge" if parsed.gauge else "absolute")
         return found, f"{found}: said by the file"
     pascals = [to_si(values, unit) for values in columns]
-    least = min(float(values.min()) for values in pascals)
+    least = min((float(values.min()) for values in pascals if values.size), default=np.inf)
+    if least < LOWEST_GAUGE:
+        return (
+            "gauge",
+            f"CHECK its unit: it reads down to {least / 1e5:.4g} bar, and no gauge pressure is below -1.013 bar",
+        )
     if least < MIN_ABSOLUTE_PRESSURE:
         return "gauge", f"gauge: it reads down to {least / 1e5:.4g} bar, and no gas of a rig has so little"
     if rest := next(filter(None, map(ambient_rest_pressure, pascals)), None):
@@ -109,3 +115,33 @@ def ambient_rest_pressure(pascals: Array) -> float | None:
     few = max(1, int(REST_SHARE * pascals.size))
     ends = [float(np.median(part)) for part in (pascals[:few], pascals[-few:])]
     return next((end for end in ends if AMBIENT_RANGE[0] <= end <= AMBIENT_RANGE[1]), None)
+
+
+LIMITS = {  # in SI, gauge: what no pneumatic rig has, and why
+    "x": (-MAX_STROKE, MAX_STROKE, "no cylinder has such a stroke"),
+    "v": (-MAX_SPEED, MAX_SPEED, "no piston is so fast"),
+    "flow": (-MAX_FLOW, MAX_FLOW, "no valve of a rig lets so much through"),
+    "u": (-MAX_COMMAND, MAX_COMMAND, "no valve's electronics take so much"),
+    "temperature": (150.0, 600.0, "no gas of a rig is so cold or hot"),
+    **dict.fromkeys(("p1", "p2", "p_supply", "p_ref"), (LOWEST_GAUGE, MAX_PRESSURE, "no pneumatic supply has so much")),
+}
+
+
+def implausibility(signal: str, unit: str, values: Array) -> str:
+    """Return why numbers in a unit cannot be a signal of a pneumatic rig; nothing where they can."""
+    limits = LIMITS.get({"u2": "u", "x_ref": "x"}.get(signal, signal))
+    if (
+        limits is None
+        or not values.size
+        or (signal in ("x", "x_ref", "v") and not same_dimension(unit, SIGNALS[signal].unit))
+    ):
+        return ""
+    found = to_si(values, unit)
+    low, high = float(found.min()), float(found.max())
+    if signal.startswith("x"):
+        low, high = 0.0, high - low
+    if limits[0] <= low and high <= limits[1]:
+        return ""
+    worst = high if high > limits[1] else low
+    why = "no gauge pressure is below -1.013 bar" if worst < 0 and signal.startswith("p") else limits[2]
+    return f"CHECK unit and column: {worst:.3g} {SIGNALS[signal].unit}, {why}"

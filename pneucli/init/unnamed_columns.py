@@ -8,7 +8,8 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from pneucli.init.survey import Guess, Survey
+from pneucli.init.clock_units import guess_clock_unit
+from pneucli.init.survey_types import Guess, Survey
 from pneucli.init.units import guess_unit
 from pneucli.io.text_sniffer import is_unit
 from pneucli.units import same_dimension
@@ -29,7 +30,7 @@ def guess_unnamed_columns(surveys: Sequence[Survey], clock: int | None) -> list[
     twins = _copied_columns(surveys)
     own = [n for n in range(len(columns)) if n not in twins and n != clock]
     medians = {n: np.array([np.median(one.columns[n].finite_values) for one in surveys]) for n in own}
-    found = {} if clock is None else {clock: ("time", *guess_unit("time", columns[clock].finite_values, angle=False))}
+    found = {} if clock is None else {clock: ("time", *_clock_unit(surveys[0], clock))}
     found |= _pressure(surveys, medians)
     found |= _position(surveys, [n for n in own if n not in found])
     found |= _force(medians, found)
@@ -42,6 +43,11 @@ def guess_unnamed_columns(surveys: Sequence[Survey], clock: int | None) -> list[
         note = f"column {columns[twins[n]].key} in other numbers" if n in twins else note
         guesses.append(Guess(column, signal, unit, False, "", note))
     return guesses
+
+
+def _clock_unit(found: Survey, clock: int) -> tuple[str, str]:
+    column = found.columns[clock]
+    return (column.unit, "") if column.unit else guess_clock_unit(column, found.columns, found.scalars)
 
 
 def _copied_columns(alike: Sequence[Survey]) -> dict[int, int]:

@@ -4,20 +4,21 @@ from __future__ import annotations
 
 import os
 import re
+from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path, PurePath
 
 import numpy as np
 import tomlkit
 
+from pneucli.init.clock_units import is_rate, stated_period
 from pneucli.init.experiments import GuessedExperiment, Line, rig_tables, sign_conventions
 from pneucli.init.file_groups import FileGroup
-from pneucli.init.survey import Guess
+from pneucli.init.survey_types import Guess
+from pneucli.io.raw_file import ColumnKey
 from pneucli.units import parse_unit
 
 References = Mapping[str, tuple[str, str]]
-_PERIOD_NAMES = re.compile(r"(?i)^(ts|t_s|dt|tsample|sampletime|sample_time|period)$")
-_RATE_NAMES = re.compile(r"(?i)^(fs|f_s|fsample|rate|samplerate|sample_rate|sampling_rate)$")
 MAX_DEFAULT_PERIOD, MIN_HORIZON_SAMPLES = (
     0.02,
     20,
@@ -39,8 +40,10 @@ def pipeline_text(
         lines += ["", f"[{table}]", *map(_line, keys)]
     lines += ["", "[signals]  # least, median and most of each, in its column's unit", *shared.values()]
     lines += [*_unused_columns(groups)]
-    for kind, one in zip(groups, experiments, strict=True):
-        lines += ["", *_recording(directory, kind, one), *_own_signals(kind, references, shared, "recordings.signals")]
+    names = _names(groups)
+    for kind, one, name in zip(groups, experiments, names, strict=True):
+        lines += ["", *_recording(directory, kind, one, name)]
+        lines += _own_signals(kind, references, shared, "recordings.signals")
         for further in kind.further_files:
             lines += ["", "[[recordings.more]]  # of the same recording, its clock as it is; or offset"]
             lines += [f"file = {toml_string(relative_path(further.file, directory))}", *_layout(further)]
@@ -72,6 +75,10 @@ def _shared(kinds: Sequence[FileGroup], references: References) -> dict[str, str
                 shared.setdefault(name, _signal(kind, guess, references))
     if "time" not in shared:
         shared = {"time": _clock(kinds), **shared}
+    if not any(kind.signals.keys() & {"p1", "x"} for kind in kinds):
+        shared["p1"] = (
+            'p1 = { column = "?", unit = "bar" }  # no column looks like a pressure or a position: see those below'
+        )
     if any("x" in kind.signals and not kind.signals.keys() & {"p1", "force"} for kind in kinds):
         shared["force"] = (
             'force = { column = "?", unit = "N" }  # no pressure and no force is recognised: one is needed'
@@ -81,10 +88,14 @@ def _shared(kinds: Sequence[FileGroup], references: References) -> dict[str, str
 
 def _signal(kind: FileGroup, one: Guess, references: References) -> str:
     column = one.column
-    parts = [
-        f"column = {column.key if isinstance(column.key, int) else toml_string(column.key)}",
-        f"unit = {toml_string(one.unit)}",
-    ]
+    source = "expression" if column.computed else "column"
+    parts = [f"{source} = {_key(column.key)}", f"unit = {toml_string(one.unit)}"]
+    if one.scale != 1.0:
+        parts.append(f"scale = {one.scale:.10g}" if np.isfinite(one.scale) else 'scale = "?"')
+    if column.clock is not None:
+        parts.append(f"time = {_key(column.clock)}")
+    if one.missing:
+        parts.append(f"missing = [{', '.join(f'{mark:.10g}' for mark in one.missing)}]")
     if column.thousands:
         parts.append(f"thousands = {toml_string(column.thousands)}")
     if column.where:
@@ -96,19 +107,29 @@ def _signal(kind: FileGroup, one: Guess, references: References) -> str:
         parts += [f'reference = "{reference}"'] * (not parse_unit(one.unit).gauge and not parse_unit(one.unit).absolute)
         notes.append(why)
     if one.signal in (flip := sign_conventions(kind)):
-        parts.append("scale = -1.0")
+        parts = [part for part in parts if not part.startswith("scale")]
+        parts.append(f"scale = {-one.scale:.10g}" if one.scale != 1.0 else "scale = -1.0")
         notes.append(flip[one.signal])
     return f"{one.signal} = {{ {', '.join(parts)} }}  # {'; '.join(filter(None, notes))}"
+
+
+def _key(key: ColumnKey) -> str:
+    return str(key) if isinstance(key, int) else toml_string(key)
 
 
 def _value_range(kind: FileGroup, one: Guess) -> str:
     each = kind.raw_numbers(one.signal)
     if one.signal == "time":
         factor = parse_unit(one.unit).factor
-        steps = float(np.median(np.concatenate([np.diff(values) for values in each]))) * factor
-        longest = max(float(np.ptp(values)) for values in each) * factor
-        return f"{1 / steps:.4g} Hz, up to {longest:.4g} s"
+        steps = np.concatenate([np.diff(values) for values in each])
+        steps = steps[steps > 0]
+        if not steps.size:
+            return "CHECK its stamps do not go on"
+        longest = max(float(np.ptp(values)) for values in each if values.size) * factor
+        return f"{1 / (float(np.median(steps)) * factor):.4g} Hz, up to {longest:.4g} s"
     values = np.concatenate(each)
+    if not values.size:
+        return "no numbers"
     return f"{values.min():.4g}, {np.median(values):.4g}, {values.max():.4g}"
 
 
@@ -118,9 +139,9 @@ def _compare(kinds: Sequence[FileGroup]) -> list[str]:
         values for kind in kinds if "time" in kind.signals for values in kind.values_per_file("time") if values.size > 1
     ]
     period = max((float(np.median(np.diff(values))) for values in clocks), default=0.0)
-    if period <= MAX_DEFAULT_PERIOD:
+    longest = max((float(np.ptp(values)) for values in clocks), default=0.0)
+    if period <= MAX_DEFAULT_PERIOD or not 0.0 < longest < np.inf:
         return []
-    longest = max(float(np.ptp(values)) for values in clocks)
     horizon = min(longest, max(longest / 5, MIN_HORIZON_SAMPLES * period))
     tens = 10.0 ** np.floor(np.log10(horizon))
     horizon = float(np.ceil(horizon / tens) * tens)
@@ -138,10 +159,10 @@ def _without_comment(line: str) -> str:
 def _clock(kinds: Sequence[FileGroup]) -> str:
     """Return the clock of files that have none: the number of the row over the sampling rate."""
     scalars = {name: value for kind in kinds for name, value in kind.surveys[0].scalars.items()}
-    for name, value in scalars.items():
-        if _PERIOD_NAMES.match(name) or _RATE_NAMES.match(name):
-            text = f"row * {value:.9g}" if _PERIOD_NAMES.match(name) else f"row / {value:.9g}"
-            return f'time = {{ expression = "{text}" }}  # CHECK no column rises like a clock; {name} = {value:.9g}'
+    if (said := stated_period(scalars)) is not None:
+        name, value = said[0], scalars[said[0]]
+        text = f"row / {value:.9g}" if is_rate(name) else f"row * {value:.9g}"
+        return f'time = {{ expression = "{text}" }}  # CHECK no column rises like a clock; {name} = {value:.9g}'
     return 'time = { expression = "row / ?" }  # no column rises like a clock: put in the samples per second'
 
 
@@ -160,7 +181,7 @@ def _own_signals(kind: FileGroup, references: References, shared: Mapping[str, s
 
 def _unused_columns(kinds: Sequence[FileGroup]) -> Iterator[str]:
     """Yield comments with the columns that are not taken, and with single values."""
-    told = set()
+    told: set[object] = set()
     for kind in kinds:
         for one in kind.unused:
             if (key := (one.column.key, one.column.where)) in told:
@@ -170,15 +191,31 @@ def _unused_columns(kinds: Sequence[FileGroup]) -> Iterator[str]:
             seen = f"{known.min():.4g} to {known.max():.4g} {one.unit}".strip() if known.size else "no numbers"
             name = one.column.key if isinstance(one.column.key, int) else toml_string(one.column.name)
             yield f"# not taken: column {name}, {seen}" + (f"; {one.note}" if one.note else "")
+    for kind in kinds:
+        yield from (f"# not taken: {reason}" for one in kind.surveys for reason in one.unused if reason not in told)
+        told |= {reason for one in kind.surveys for reason in one.unused}
     scalars = {f"{n} = {v:.9g}": None for kind in kinds for n, v in kind.surveys[0].scalars.items()}
     if scalars:
         yield f"# single values: {', '.join(scalars)}"
 
 
-def _recording(directory: Path, kind: FileGroup, one: GuessedExperiment) -> list[str]:
+def _names(groups: Sequence[FileGroup]) -> list[str]:
+    """Return a name for each group whose files are called like those of another one; empty for the others."""
+    stems = [{(survey.path.stem, survey.raw.part) for survey in kind.surveys} for kind in groups]
+    often = Counter(stem for own in stems for stem in own)
+    names = []
+    for kind, own in zip(groups, stems, strict=True):
+        path, part = kind.surveys[0].path, kind.surveys[0].raw.part
+        plain = f"{path.parent.name}_{path.name}".replace(".", "_") + (f"_{part}" if part else "")
+        names.append(plain if any(often[stem] > 1 for stem in own) else "")
+    return names
+
+
+def _recording(directory: Path, kind: FileGroup, one: GuessedExperiment, name: str) -> list[str]:
     many = len(kind.surveys) > 1
     alone_held = not many and bool(kind.held_out)
     lines = ["[[recordings]]" + f"  # {len(kind.surveys)} files" * many]
+    lines += [f"name = {toml_string(name)}"] if name else []
     lines += [f"file = {toml_string(relative_path(kind.file, directory))}", f'experiment = "{one.experiment}"']
     lines += [f'use = "{"test" if alone_held else "train"}"']
     if many and kind.held_out:
@@ -191,8 +228,9 @@ def _recording(directory: Path, kind: FileGroup, one: GuessedExperiment) -> list
 def _layout(kind: FileGroup) -> list[str]:
     """Return how the text has to be read, as far as reading does not find it by itself."""
     raw = kind.surveys[0].raw
-    stated = {"header": raw.header, "skip_rows": raw.skip_rows, "delimiter": raw.delimiter, "decimal": raw.decimal}
-    usual = {"header": True, "skip_rows": 0, "delimiter": None, "decimal": None}
+    keys = ("header", "skip_rows", "part", "delimiter", "decimal")
+    stated = {key: getattr(raw, key) for key in keys}
+    usual = {"header": True, "skip_rows": 0, "part": None, "delimiter": None, "decimal": None}
     return [f"{key} = {tomlkit.item(value).as_string()}" for key, value in stated.items() if value != usual[key]]
 
 

@@ -1,8 +1,8 @@
 """Checks and repairs of one recording, batch by batch. Good data pass bit by bit; no value is invented.
 
-Rows are left out by the law of :mod:`pneucli.io.timestamp_order`, and where they lie outside the stretch that is wanted; infinite
-values and spikes become NaN; all with counts. Noticed only: NaN, tiny values, pressures below
-none, gaps, a clock that jitters, frozen and saturated channels.
+Rows are left out by the rules of :mod:`pneucli.io.timestamp_order`, and where they lie outside the stretch that is
+wanted; infinite values, spikes and saturated samples become NaN; all with counts. Noticed only: NaN, tiny values,
+pressures below none, gaps, a clock that jitters, and frozen channels.
 """
 
 from __future__ import annotations
@@ -121,8 +121,8 @@ class Cleaner:
         values = _with_nan_at(values, spikes)
         if name in PRESSURES:
             self._count(name, "vacuum", int(np.count_nonzero(values[start:end] <= 0.0)))
-        self._runs.setdefault(name, StuckChannelDetector(name)).update(values[start:end])
-        return values
+        saturated = self._runs.setdefault(name, StuckChannelDetector(name)).update(values[start:end])
+        return _with_nan_at(values, start + np.flatnonzero(saturated))
 
     def _count(self, signal: str, kind: str, count: int) -> None:
         if count:

@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import importlib
+import re
 from collections import Counter
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from datetime import datetime
 from pathlib import Path
@@ -21,7 +22,11 @@ FetchColumns = Callable[[Sequence[str]], list[ColumnValues]]
 
 @dataclass
 class ColumnReader:
-    """A file of the format ``format``; ``fetch`` opens it and returns the columns of the given names, no others."""
+    """A file of the format ``format``; ``fetch`` opens it and returns the columns of the given names, no others.
+
+    ``own_clocks`` has the column of stamps of each column whose clock the file knows, both by name; the column
+    ``shared_clock`` stands for the clock of whatever column it is read with.
+    """
 
     path: Path
     format: str
@@ -32,6 +37,47 @@ class ColumnReader:
     rows: int = 0
     losses: Counter[str] = field(default_factory=Counter)
     start: datetime | None = None
+    own_clocks: Mapping[str, str] = field(default_factory=dict)
+    shared_clock: str | None = None
+
+    @classmethod
+    def of_columns(
+        cls,
+        path: Path,
+        format: str,
+        columns: Mapping[str, ColumnValues],
+        units: Mapping[str, str],
+        clocks: Mapping[str, str],
+    ) -> ColumnReader:
+        """Return the reader of columns that were read already; units and clocks are by the names of columns."""
+        if clocks and "time" not in columns:  # stands for each column's own clock
+            longest = max(dict.fromkeys(clocks.values()), key=lambda name: columns[name].size)
+            columns = {**columns, "time": columns[longest]}
+            units = {**units, **({"time": units[longest]} if longest in units else {})}
+        names = list(columns)
+        said = {names.index(name): unit for name, unit in units.items() if unit and name in columns}
+        return cls(
+            path,
+            format,
+            names,
+            lambda wanted: [columns[name] for name in wanted],
+            said,
+            own_clocks=clocks,
+            shared_clock="time" if clocks else None,
+        )
+
+    @property
+    def clocks(self) -> Mapping[int, int]:
+        """The position of the stamps of each column whose clock the file knows, by the position of the column."""
+        place = {name: number for number, name in enumerate(self.names)}
+        return {
+            place[name]: place[clock] for name, clock in self.own_clocks.items() if name in place and clock in place
+        }
+
+    @property
+    def clock_names(self) -> Collection[int]:
+        """The position of the column that stands for every column's own clock, if there is one."""
+        return [number for number, name in enumerate(self.names) if name == self.shared_clock]
 
     def batches(self, asks: Sequence[ColumnRequest]) -> Iterator[list[ColumnValues]]:
         """Yield all rows at once; raises InputError where the columns differ in length."""
@@ -43,7 +89,7 @@ class ColumnReader:
                 found = f'{column.size} values, but "{wanted[0]}" has {fetched[wanted[0]].size}'
                 where = f'{self.path}, column "{name}"'
                 raise InputError(where, found, "columns of one length", "take signals of one clock only")
-        self.rows = fetched[wanted[0]].size
+        self.rows += fetched[wanted[0]].size
         yield [fetched[name] for name in wanted]
 
     def locate(self, row: int) -> str:
@@ -51,13 +97,14 @@ class ColumnReader:
         return f"{self.path}, row {row + 1}"
 
 
-def import_extra(module: str, extra: str, path: Path) -> Any:
+def import_extra(module: str, extra: str, path: Path, found: str = "") -> Any:
     """Import what a format needs; raises InputError that names the extra where it is not installed."""
     try:
         return importlib.import_module(module)
     except ImportError as error:
         wanted = f'the extra "{extra}"'
-        raise InputError(str(path), f"{module} is not installed", wanted, f'pip install "pneucli[{extra}]"') from error
+        found = found or f"{module} is not installed"
+        raise InputError(str(path), found, wanted, f'pip install "pneucli[{extra}]"') from error
 
 
 def column_names(name: str, shape: Sequence[int]) -> list[str]:
@@ -91,3 +138,40 @@ def seconds_since_first(stamps: ColumnValues, first: dict[int, Any], key: int = 
         first[key] = stamps[valid[0]]
     start = first.get(key, np.datetime64("NaT"))
     return np.asarray((stamps - start) / np.timedelta64(1, "s"), dtype=np.float64)
+
+
+_CLOCK_WORDS = (
+    "time",
+    "t",
+    "zeit",
+    "timestamp",
+    "timestamps",
+    "stamp",
+    "tout",
+    "temps",
+    "tiempo",
+    "clock",
+    "time_s",
+    "t_s",
+)
+
+
+def clocks_by_group(names: Sequence[str], sizes: Mapping[str, int]) -> dict[str, str]:
+    """Return the clock of each column by name: the column of its group that is called like one and is as long.
+
+    None where there is one group, or one clock for all: then every column of stamps is a column like others.
+    """
+    own: dict[str, str] = {}
+    for name in names:
+        group, slash, last = name.rpartition("/")
+        if slash and _CLOCK_NAME.fullmatch(last):
+            own.setdefault(group, name)
+    found = {}
+    for name in names:
+        clock = own.get(name.rpartition("/")[0])
+        if clock is not None and clock != name and sizes.get(clock) == sizes.get(name):
+            found[name] = clock
+    return found if len(set(found.values())) > 1 else {}
+
+
+_CLOCK_NAME = re.compile(rf"(?i)(?:{'|'.join(_CLOCK_WORDS)})\s*(?:[\[(].*[\])])?")

@@ -15,14 +15,16 @@ from pneucli.io.raw_file import ColumnValues
 
 pc: Any = pyarrow.compute  # whose types do not know what an array of text may be compared with
 
-_DAY = r"(?P<day>\d{1,4}[-./]\d{1,2}[-./]\d{1,4}|\d{1,2}[- ][A-Za-z]{3}[- ]\d{2,4})"
+_DATE = r"\d{1,4}[-./]\d{1,2}[-./]\d{1,4}|\d{1,2}[- ][A-Za-z]{3,9}\.?[- ]\d{2,4}|[A-Za-z]{3,9}\.? \d{1,2},? \d{4}"
+_DAY = rf"(?P<day>{_DATE})"
 _PATTERN = (
     rf"^\s*(?:{_DAY}(?:[T,]|\s)\s*)?"
-    r"(?P<hour>\d{1,2}):(?P<minute>\d{2})(?::(?P<second>\d{2}(?:[.,]\d+)?))?\s*(?P<half>[AaPp]\.?[Mm]\.?)?"
-    r"\s*(?:Z|UTC|[+-]\d{2}:?\d{2})?\s*$"
+    r"(?P<hour>\d{1,2}):(?P<minute>\d{2})(?::(?P<second>\d{2}(?:[.,:]\d+)?))?\s*(?P<half>[AaPp]\.?[Mm]\.?)?"
+    r"\s*(?P<zone>Z|UTC|GMT|[+-]\d{2}(?::?\d{2})?)?\s*$"
 )
 _STAMP = re.compile(_PATTERN)
-_FIELDS = ("day", "hour", "minute", "second", "half")
+_FIELDS = ("day", "hour", "minute", "second", "half", "zone")
+_ONLY_DATE = re.compile(rf"\s*(?:{_DATE})\s*")
 SECONDS_PER_DAY = 86_400.0  # s
 
 
@@ -31,11 +33,27 @@ def is_date_or_time(text: str) -> bool:
     return ":" in text and bool(_STAMP.match(text))
 
 
+def is_date(text: str) -> bool:
+    """Return whether ``text`` is a date without a time of day."""
+    if not _ONLY_DATE.fullmatch(text):
+        return False
+    try:
+        return 1900 < _parse_date(text, day_first=True).year < 2200
+    except ValueError:
+        return False
+
+
+def has_date(text: str) -> bool:
+    """Return whether ``text`` is a time of day with its date."""
+    found = _STAMP.match(text) if ":" in text else None
+    return bool(found and found["day"])
+
+
 class CalendarClock:
     """Turns the texts of one column into seconds, batch by batch; ``start`` is the first stamp, if it has a date.
 
     Whether the day or the month comes first is told by which of them makes the shorter recording. A clock without dates
-    goes on after midnight. Zones are those of one place, and passed over.
+    goes on after midnight. Offsets from UTC count, so that a change of summer time is none of the clock.
     """
 
     def __init__(self) -> None:
@@ -44,13 +62,16 @@ class CalendarClock:
         self._day_first: bool | None = None  # None as long as nothing tells
         self._last = -np.inf
         self._midnights = 0.0
+        self._zone: float | None = None  # s, of the first stamp, where one is written
 
     @property
     def start(self) -> datetime | None:
         """The first stamp, if it has a date."""
         if not self._day or self._first is None:
             return None
-        return _parse_date(self._day, self._day_first is not False) + timedelta(seconds=self._first)
+        return _parse_date(self._day, self._day_first is not False) + timedelta(
+            seconds=self._first - (self._zone or 0.0)
+        )
 
     def seconds(self, texts: Any) -> ColumnValues:
         """Return seconds since the first stamp, NaN where there is none.
@@ -62,9 +83,7 @@ class CalendarClock:
         if pc.any(lost).as_py():
             text = texts.filter(lost)[0].as_py()
             raise ValueError(f'"{text}"')
-        field: dict[str, Any] = {
-            name: pc.struct_field(parts, name) for name in ("day", "hour", "minute", "second", "half")
-        }
+        field: dict[str, Any] = {name: pc.struct_field(parts, name) for name in _FIELDS}
         hour, minute, second = (_number(field[name]) for name in ("hour", "minute", "second"))
         half = np.array([text[:1].lower() for text in pc.fill_null(field["half"], "").to_pylist()])
         hour = np.where(half != "", hour % 12 + 12 * (half == "p"), hour)
@@ -75,7 +94,17 @@ class CalendarClock:
         if self._first is None:
             self._first, self._day = float(clock[known[0]]), field["day"][int(known[0])].as_py() or ""
         since = self._days(field["day"].dictionary_encode()) if self._day else self._over_midnight(clock, known)
-        return np.asarray(clock - self._first + since)
+        return np.asarray(clock - self._first + since - self._zone_change(field["zone"].dictionary_encode()))
+
+    def _zone_change(self, zones: Any) -> ColumnValues:
+        """Return by how many seconds the offset from UTC of each stamp differs from that of the first one."""
+        offsets = [_offset(text) for text in zones.dictionary.to_pylist()]
+        written = [offset for offset in offsets if offset is not None]
+        if self._zone is None and written:
+            self._zone = written[0]
+        first = self._zone or 0.0
+        changes = np.array([*(0.0 if offset is None else offset - first for offset in offsets), 0.0])
+        return np.asarray(changes[pc.fill_null(zones.indices, len(offsets)).to_numpy(zero_copy_only=False)])
 
     def _days(self, days: Any) -> ColumnValues:
         """Return seconds from the first stamp's midnight to that of each stamp."""
@@ -96,8 +125,18 @@ class CalendarClock:
         return since
 
 
+def _offset(text: str | None) -> float | None:
+    """Return an offset from UTC in s; None where none is written."""
+    if not text:
+        return None
+    if not text[1:].replace(":", "").isdigit():
+        return 0.0  # Z, UTC
+    hours, minutes = text[1:3], text[3:].strip(":") or "0"
+    return (-1.0 if text[0] == "-" else 1.0) * (3600.0 * int(hours) + 60.0 * int(minutes))
+
+
 def _number(texts: Any) -> ColumnValues:
-    plain = pc.replace_substring(texts, ",", ".")
+    plain = pc.replace_substring_regex(texts, "[,:]", ".")
     numbers = pc.if_else(pc.equal(plain, ""), pa.scalar(None, pa.string()), plain)
     return np.asarray(numbers.cast(pa.float64()).to_numpy(zero_copy_only=False), dtype=np.float64)
 

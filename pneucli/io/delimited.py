@@ -6,7 +6,7 @@ from collections import Counter
 from collections.abc import Iterator, Sequence
 from datetime import datetime
 from itertools import islice
-from typing import Any, Literal, cast
+from typing import Any, Literal
 
 import numpy as np
 import pyarrow as pa
@@ -15,8 +15,9 @@ import pyarrow.csv as pcsv
 
 from pneucli.errors import InputError
 from pneucli.io.date_parsing import CalendarClock
-from pneucli.io.raw_file import ColumnRequest, ColumnValues, RawFile, Repair
-from pneucli.io.text_layout import NULL_TEXTS, NormalizedTextStream, TextLayout, detect_layout
+from pneucli.io.raw_file import NO_CLOCKS, ColumnRequest, ColumnValues, RawFile, Repair
+from pneucli.io.text_layout import NULL_TEXTS, TextLayout, detect_layout
+from pneucli.io.text_stream import NormalizedTextStream
 
 BLOCK_BYTES = 4 << 20
 TAIL_BYTES = 1 << 16
@@ -31,17 +32,30 @@ class DelimitedReader:
         self.names: Sequence[str] = self._look.names
         self.repairs: list[Repair] = []
         self.rows = 0
+        self.clocks = NO_CLOCKS
+        self.clock_names: frozenset[int] = frozenset()
         self.losses: Counter[str] = Counter()
         self.units = {number: unit for number, unit in enumerate(self._look.units) if unit not in NULL_TEXTS}
         if self._look.units:
             self.repairs.append(Repair("", "units-line", 1, "the line below the header holds no number: units"))
+        self._date_of = _dates_beside(self._look)
+        if self._date_of:
+            place, date = next(iter(self._date_of.items()))
+            message = f'the dates of "{self.names[place]}" stand in "{self.names[date]}"'
+            self.repairs.append(Repair("time", "date-column", 1, message))
         self._stamps = {number: CalendarClock() for number in self._look.stamps}
+        self.header_lines = 0
         self._bad: list[str] = []
 
     @property
     def labels(self) -> frozenset[int]:
         """The columns (from 0) that hold text, and no numbers and no stamps."""
         return self._look.labels
+
+    @property
+    def dates(self) -> frozenset[int]:
+        """The columns (from 0) that hold dates alone."""
+        return self._look.dates
 
     @property
     def stamps(self) -> frozenset[int]:
@@ -58,15 +72,21 @@ class DelimitedReader:
         self._bad = []
         try:
             with NormalizedTextStream(self._raw.path, self._look) as stream:
-                for batch in self._open(stream, asks):
-                    self.rows += batch.num_rows
-                    yield [self._values(batch.column(f"c{ask.position}"), ask) for ask in asks]
+                while block := stream.read(BLOCK_BYTES):
+                    if block.strip():
+                        table = self._parse(block, asks)
+                        self.rows += table.num_rows
+                        yield [self._values(table, ask) for ask in asks]
         except (pa.ArrowInvalid, UnicodeDecodeError) as error:
             raise self._first_fault(asks, str(error)) from error
         if self._bad:
             self._drop_truncated_last_line(asks)
         elif not stream.ends_with_newline:
             self._note_unterminated_last_line()
+        self.header_lines = stream.header_lines
+        if stream.header_lines:
+            message = f"the header stands again {stream.header_lines} times among the rows and was passed over"
+            self.repairs.append(Repair("", "header-again", stream.header_lines, message))
         if stream.comment_lines:
             message = f"{stream.comment_lines} comment lines (#) among the rows were passed over"
             self.repairs.append(Repair("", "comment", stream.comment_lines, message))
@@ -76,14 +96,14 @@ class DelimitedReader:
         number = next(islice((n for n, _ in self._rows()), row, None), 0)
         return f"{self._raw.path}, line {number}"
 
-    def _open(self, stream: NormalizedTextStream, asks: Sequence[ColumnRequest]) -> Any:
+    def _parse(self, block: bytes, asks: Sequence[ColumnRequest]) -> Any:
+        """Return a table of whole rows; Arrow reads from memory only, so that none of its threads calls Python."""
         types = {f"c{ask.position}": pa.string() if self._as_text(ask) else pa.float64() for ask in asks}
+        types |= {f"c{self._date_of[ask.position]}": pa.string() for ask in asks if ask.position in self._date_of}
         delimiter = "\t" if self._look.delimiter == " " else self._look.delimiter
-        return pcsv.open_csv(
-            cast("Any", pa.PythonFile(stream, mode="r")),
-            read_options=pcsv.ReadOptions(
-                block_size=BLOCK_BYTES, column_names=[f"c{n}" for n in range(len(self.names))]
-            ),
+        table = pcsv.read_csv(
+            pa.BufferReader(block),
+            read_options=pcsv.ReadOptions(column_names=[f"c{n}" for n in range(len(self.names))]),
             parse_options=pcsv.ParseOptions(delimiter=delimiter, invalid_row_handler=self._on_bad_row),
             convert_options=pcsv.ConvertOptions(
                 check_utf8=False,
@@ -93,6 +113,7 @@ class DelimitedReader:
                 decimal_point=self._look.decimal,
             ),
         )
+        return table.combine_chunks()
 
     def _as_text(self, ask: ColumnRequest) -> bool:
         own = ask.decimal is not None and ask.decimal != self._look.decimal
@@ -102,20 +123,25 @@ class DelimitedReader:
         self._bad.append(row.text)
         return "skip" if len(self._bad) == 1 else "error"
 
-    def _values(self, column: Any, ask: ColumnRequest) -> ColumnValues:
+    def _values(self, table: Any, ask: ColumnRequest) -> ColumnValues:
+        column = _array(table, ask.position)
         if ask.text:
             return np.array([str(value).strip() for value in column.to_pylist()], dtype=object)
         if ask.position in self._stamps:
-            return self._seconds(column, ask)
+            return self._seconds(table, ask)
         if pa.types.is_string(column.type):
             column = self._numbers(column, ask)
         return np.asarray(column.to_numpy(zero_copy_only=False))
 
-    def _seconds(self, column: Any, ask: ColumnRequest) -> ColumnValues:
+    def _seconds(self, table: Any, ask: ColumnRequest) -> ColumnValues:
+        texts = _array(table, ask.position)
+        if ask.position in self._date_of:
+            dates = _array(table, self._date_of[ask.position])
+            texts = pc.binary_join_element_wise(pc.utf8_trim_whitespace(dates), pc.utf8_trim_whitespace(texts), " ")
         try:
-            return self._stamps[ask.position].seconds(column)
+            return self._stamps[ask.position].seconds(texts)
         except ValueError as error:
-            bad = str(error)[1:-1]
+            bad = str(error)[1:-1].rpartition(" ")[2] if ask.position in self._date_of else str(error)[1:-1]
             where = next((f"{self._raw.path}, line {n}" for n, line in self._rows() if bad in line), self._raw.path)
             where = f'{where}, column "{self.names[ask.position]}"'
             raise InputError(where, f'"{bad}"', "a date or time of day as above it", "mend the line") from error
@@ -132,9 +158,11 @@ class DelimitedReader:
 
     def _rows(self) -> Iterator[tuple[int, str]]:
         """Yield line number (from 1) and text of every data row."""
+        last = None if self._look.lines is None else self._look.skip + self._look.lines
         with self._raw.path.open(encoding=self._look.encoding, errors="replace", newline=self._look.line_end) as file:
-            for number, line in enumerate(file, 1):
-                if number > self._look.skip and line.strip() and not line.lstrip().startswith("#"):
+            for number, line in enumerate(islice(file, last), 1):
+                plain = line.strip()
+                if number > self._look.skip and plain and plain[0] != "#" and plain not in self._look.repeated:
                     yield number, line.rstrip("\r\n")
 
     def _tail(self) -> list[str]:
@@ -188,3 +216,17 @@ class DelimitedReader:
         except pa.ArrowInvalid:
             return False
         return True
+
+
+def _array(table: Any, position: int) -> Any:
+    column = table.column(f"c{position}")
+    return column.chunk(0) if column.num_chunks else pa.array([], column.type)
+
+
+def _dates_beside(look: TextLayout) -> dict[int, int]:
+    """Return the column of dates for each column of times of day without dates, where one stands beside it."""
+    return {
+        place: min(look.dates, key=lambda date: (abs(date - place), date))
+        for place in look.stamps - look.dated_stamps
+        if look.dates
+    }

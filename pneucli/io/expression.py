@@ -6,12 +6,13 @@ import ast
 import operator
 import re
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 
 from pneucli.io.raw_file import ColumnKey, ColumnValues
 
+SUM = "cumsum"  # of a column, from the first row on: the clock of a column of time steps
 ROW = "row"  # the number of the row, from 0, where no column is called so
 FUNCTIONS: dict[str, Callable[[ColumnValues], ColumnValues]] = {
     **{"sqrt": np.sqrt, "sin": np.sin, "cos": np.cos, "tan": np.tan, "abs": np.abs, "exp": np.exp, "log": np.log}
@@ -31,6 +32,7 @@ class Expression:
     """``text`` over columns: names as they are, or in backticks; a column's number in backticks too."""
 
     text: str
+    _totals: dict[int, float] = field(default_factory=dict, compare=False, repr=False)
 
     @property
     def columns(self) -> tuple[ColumnKey, ...]:
@@ -42,7 +44,7 @@ class Expression:
         if not self._names():
             raise ValueError(f'"{self.text}" reads no column; wanted arithmetic over columns')
         with np.errstate(all="ignore"):
-            self._value(self._tree(), dict.fromkeys(self._names(), np.ones(1)), 0)
+            Expression(self.text)._value(self._tree(), dict.fromkeys(self._names(), np.ones(1)), 0)
 
     def values(self, columns: Mapping[ColumnKey, ColumnValues]) -> ColumnValues:
         """Return the value of every row, shape ``(n,)``; ``columns`` holds those of :attr:`columns`."""
@@ -57,7 +59,9 @@ class Expression:
         quoted = dict.fromkeys(_QUOTED.findall(self.text))
         marks: dict[str, ColumnKey] = {_placeholder(n): int(q) if q.isdigit() else q for n, q in enumerate(quoted)}
         bare = (node.id for node in ast.walk(self._tree()) if isinstance(node, ast.Name))
-        return {name: marks.get(name, name) for name in bare if name not in FUNCTIONS and name not in _CONSTANTS}
+        return {
+            name: marks.get(name, name) for name in bare if name not in (*FUNCTIONS, SUM) and name not in _CONSTANTS
+        }
 
     def _tree(self) -> ast.AST:
         quoted = list(dict.fromkeys(_QUOTED.findall(self.text)))
@@ -85,12 +89,19 @@ class Expression:
         if (
             isinstance(node, ast.Call)
             and isinstance(node.func, ast.Name)
-            and node.func.id in FUNCTIONS
+            and node.func.id in (*FUNCTIONS, SUM)
             and len(inner) == 1
         ):
-            return FUNCTIONS[node.func.id](inner[0])
-        known = f"+ - * / ** and {', '.join(FUNCTIONS)}"
+            return self._sum(inner[0], node) if node.func.id == SUM else FUNCTIONS[node.func.id](inner[0])
+        known = f"+ - * / ** and {', '.join((*FUNCTIONS, SUM))}"
         raise ValueError(f'"{ast.unparse(node)[:60]}" is no part of an expression; wanted columns, numbers, {known}')
+
+    def _sum(self, values: ColumnValues, node: ast.AST) -> ColumnValues:
+        """Return the sum of a column from its first row on; later batches go on from where the last one ended."""
+        place = getattr(node, "col_offset", 0)
+        sums = np.cumsum(np.nan_to_num(np.atleast_1d(values))) + self._totals.get(place, 0.0)
+        self._totals[place] = float(sums[-1]) if sums.size else self._totals.get(place, 0.0)
+        return np.asarray(sums)
 
 
 def _operands(node: ast.AST) -> list[ast.AST]:

@@ -3,13 +3,18 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
+from typing import cast
 
 from pneucli.errors import InputError
-from pneucli.io import hdf5, mat, mdf, parquet, tdms
+from pneucli.io import arrow_file, hdf5, json_file, mat, mat4, mdf, numpy_file, parquet, ros_bag, scope_export, tdms
 from pneucli.io.damaged_files import library_errors_as_input_errors
 from pneucli.io.delimited import DelimitedReader
+from pneucli.io.packed import PackedReader, named_as, packed_format, unpack
 from pneucli.io.raw_file import RawFile, Reader, Repair
+
+HEAD_BYTES = 4096  # by which formats are told
 
 
 def open_raw(raw: RawFile) -> Reader:
@@ -17,25 +22,48 @@ def open_raw(raw: RawFile) -> Reader:
 
     Raises InputError where it is unreadable, cut off, no regular file, or needs an extra that is not installed.
     """
+    inner = unpacked(raw.path)
+    if inner != raw.path:
+        with named_as(raw.path, inner):
+            return cast("Reader", PackedReader(open_raw(replace(raw, path=inner)), raw.path, inner))
     if (found := _format(raw.path)) is not None:
         return _open_reader(found[0], raw.path, found[1])
     return DelimitedReader(raw)
 
 
 def is_text(path: Path) -> bool:
-    """Return whether a file is of none of the binary formats; raises InputError where it is no regular file."""
-    return _format(path) is None
+    """Return whether a file, unpacked, is a table of text; raises InputError where it is no regular file."""
+    return _format(unpacked(path)) is None
 
 
-def _format(path: Path) -> tuple[Callable[[Path], Reader], str] | None:
+def unpacked(path: Path) -> Path:
+    """Return what a packed file or a workbook holds, as a file of its own; other files as they are."""
+    kind = packed_format(path, _head(path))
+    return path if kind in (None, numpy_file.NAME) else unpack(path, kind)
+
+
+def _head(path: Path) -> bytes:
     if not path.is_file():
         found = "a folder" if path.is_dir() else "no regular file (a pipe or a device)"
         raise InputError(str(path), found, "a file of recorded numbers", "copy what it delivers into a file")
     with path.open("rb") as file:
-        head = file.read(1024)
+        return file.read(HEAD_BYTES)
+
+
+def _format(path: Path) -> tuple[Callable[[Path], Reader], str] | None:
+    head = _head(path)
     for magic, (opener, name) in _FORMATS.items():
         if head.startswith(magic) or (name == hdf5.NAME and head[512 : 512 + len(magic)] == magic):
             return opener, name
+    for magic, found in _UNREADABLE.items():
+        if head.startswith(magic):
+            raise InputError(str(path), f"this is a {found}", "a file of recorded numbers", "export it as CSV")
+    if mat4.is_mat4(head):
+        return mat4.open_mat4, mat4.NAME
+    if json_file.is_json(head):
+        return json_file.open_json, json_file.NAME
+    if (scope := scope_export.scope_format(head)) is not None:
+        return scope_export.open_scope, scope
     if path.suffix.lower() in _BINARY_SUFFIXES and not head.strip():
         raise InputError(str(path), "the file is empty", "a recording", "record it again or leave it out")
     return None
@@ -57,5 +85,20 @@ _FORMATS: dict[bytes, tuple[Callable[[Path], Reader], str]] = {
     b"MDF ": (mdf.MdfReader, mdf.NAME),
     b"\x89HDF\r\n\x1a\n": (hdf5.open_hdf5, hdf5.NAME),
     b"MATLAB 5.0": (mat.open_mat, mat.NAME),
+    b"PK\x03\x04": (numpy_file.open_numpy, numpy_file.NAME),
+    b"\x93NUMPY": (numpy_file.open_numpy, numpy_file.NAME),
+    b"ARROW1": (arrow_file.open_feather, arrow_file.NAME),
+    b"FEA1": (arrow_file.open_feather, arrow_file.NAME),
+    b"\x89MCAP0\r\n": (ros_bag.open_mcap, ros_bag.NAME),
+    b"SQLite format 3\x00": (ros_bag.open_rosbag2, ros_bag.NAME),
+}
+_UNREADABLE = {
+    b"#ROSBAG V": "bag of ROS 1; convert it with rosbags-convert, then use the mcap file",
+    b"\x80\x04": "pickle of Python, which could run anything; save the arrays with numpy.savez",
+    b"\x80\x05": "pickle of Python, which could run anything; save the arrays with numpy.savez",
+    b"%PDF": "PDF document",
+    b"\xff\xd8\xff": "picture (JPEG)",
+    b"\x89PNG": "picture (PNG)",
+    b"MDF     3": "file of MDF 3; convert it to MDF 4",
 }
 _BINARY_SUFFIXES = (".mat", ".tdms", ".mf4", ".mdf", ".h5", ".hdf5", ".parquet")

@@ -6,8 +6,13 @@ from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import Any
 
-from pneucli.io.column_reader import ColumnReader, column_names, import_extra, split_columns, to_vector
+import numpy as np
+
+from pneucli.errors import InputError
+from pneucli.io.column_reader import ColumnReader, clocks_by_group, column_names, import_extra, split_columns, to_vector
 from pneucli.io.damaged_files import check_expanded_size
+from pneucli.io.hdf5_layouts import Place, frame_columns, is_matlab_object, is_no_number, struct_array_columns
+from pneucli.io.mat import SAVE_AS_STRUCT
 from pneucli.io.raw_file import ColumnValues
 
 NAME = "HDF5"
@@ -16,30 +21,58 @@ NAME = "HDF5"
 def open_hdf5(path: Path) -> ColumnReader:
     """List the columns: a dataset, ``matrix/2``, or a field of a table, each below its path."""
     h5py = import_extra("h5py", "hdf5", path)
-    owner: dict[str, tuple[str, str | None]] = {}  # column -> dataset, field
+    owner: dict[str, Place] = {}
     units: dict[str, str] = {}
+    sizes: dict[str, int] = {}
+    objects: list[str] = []
     with h5py.File(path, "r") as file:
-        for name, dataset in _datasets(h5py, file):
-            for field in dataset.dtype.names or [None]:
-                kind = (dataset.dtype[field] if field else dataset.dtype).kind
-                if kind in "fiub":
-                    own = f"{name}/{field}" if field else name
-                    owner |= dict.fromkeys(column_names(own, dataset.shape), (name, field))
-                    units |= dict.fromkeys(column_names(own, dataset.shape), _unit(dataset))
+        for name, node in _nodes(h5py, file):
+            if is_matlab_object(node):
+                objects.append(name)
+            elif isinstance(node, h5py.Dataset):
+                found = dict(_dataset_columns(name, node))
+                owner |= found
+                units |= dict.fromkeys(found, _unit(node))
+                sizes |= dict.fromkeys(found, max(node.shape, default=1))
+            else:
+                found = frame_columns(node, name) or struct_array_columns(file, node, name)
+                owner |= found
+                sizes |= {column: max(file[place.dataset].shape) for column, place in found.items()}
+    if objects and not owner:
+        found_there = f'"{objects[0]}": an object of MATLAB (timeseries, timetable, Dataset), which only MATLAB reads'
+        raise InputError(str(path), found_there, "vectors, or structs of vectors", SAVE_AS_STRUCT)
 
     def fetch(wanted: Sequence[str]) -> list[ColumnValues]:
-        columns: dict[str, ColumnValues] = {}
         with h5py.File(path, "r") as file:
-            parts = dict.fromkeys(owner[name] for name in wanted)
-            check_expanded_size(path, sum(file[name].size * file[name].dtype.itemsize for name, _ in parts))
-            for name, field in parts:
-                array = file[name][()] if field is None else file[name][field]
-                own = f"{name}/{field}" if field else name
-                columns |= {key: to_vector(part) for key, part in split_columns(own, array).items() if key in wanted}
-        return [columns[name] for name in wanted]
+            datasets = {owner[name].dataset for name in wanted}
+            check_expanded_size(path, sum(file[name].size * file[name].dtype.itemsize for name in datasets))
+            return [_read(file, owner[name]) for name in wanted]
 
-    said = {number: units[name] for number, name in enumerate(owner) if units[name]}
-    return ColumnReader(path, NAME, list(owner), fetch, said)
+    names = list(owner)
+    units |= {name: "s" for name, place in owner.items() if place.calendar}
+    said = {number: units[name] for number, name in enumerate(names) if units.get(name)}
+    return ColumnReader(path, NAME, names, fetch, said, own_clocks=clocks_by_group(names, sizes))
+
+
+def _dataset_columns(name: str, dataset: Any) -> Iterator[tuple[str, Place]]:
+    if is_no_number(dataset):
+        return
+    for field in dataset.dtype.names or [None]:
+        kind = dataset.dtype[field] if field else dataset.dtype
+        if kind.kind in "fiub":
+            own = f"{name}/{field}" if field else name
+            columns = column_names(own, dataset.shape)
+            for number, column in enumerate(columns):
+                yield column, Place(name, field, number if len(columns) > 1 else None)
+
+
+def _read(file: Any, place: Place) -> ColumnValues:
+    array = file[place.dataset][()] if place.field is None else file[place.dataset][place.field]
+    if place.column is not None:
+        array = list(split_columns("", array).values())[place.column] if array.ndim > 1 else array
+    if place.calendar:
+        return np.asarray((array - array[0]) * 1e-9)
+    return to_vector(array)
 
 
 def _unit(dataset: Any) -> str:
@@ -49,8 +82,11 @@ def _unit(dataset: Any) -> str:
     return next((text for text in texts if isinstance(text, str)), "")
 
 
-def _datasets(h5py: Any, file: Any) -> Iterator[tuple[str, Any]]:
-    """Yield path and dataset, in order; each group once, as groups may hold one another, and nothing of other files."""
+def _nodes(h5py: Any, file: Any) -> Iterator[tuple[str, Any]]:
+    """Yield path and node of every dataset, and of the groups that hold a frame, an array of structs or an object.
+
+    In order; each group once, as groups may hold one another, and nothing of other files.
+    """
     seen = set()
     waiting = [("", file)]
     while waiting:
@@ -63,7 +99,12 @@ def _datasets(h5py: Any, file: Any) -> Iterator[tuple[str, Any]]:
         if address in seen:
             continue
         seen.add(address)
+        if is_matlab_object(node) or "pandas_type" in node.attrs:
+            yield prefix, node
+            continue
         inner = [key for key in node if not key.startswith("#") and _is_own(h5py, node, key)]
+        if any(isinstance(node[key], h5py.Dataset) and node[key].dtype.kind == "O" for key in inner):
+            yield prefix, node
         waiting += [(f"{prefix}/{key}".lstrip("/"), node[key]) for key in reversed(inner)]
 
 

@@ -14,9 +14,10 @@ from scipy.optimize import minimize_scalar
 from scipy.signal import correlate
 
 from pneucli.errors import InputError
+from pneucli.io.channel_clocks import align_tables
 from pneucli.io.raw_file import Repair
 from pneucli.io.signal_reader import Batch, SignalReader, rebatch
-from pneucli.io.timestamp_order import Array, Table, join_tables, loss_repairs
+from pneucli.io.timestamp_order import Array, Table, loss_repairs
 
 MIN_OVERLAP = 0.3  # of the shorter recording
 MIN_CORRELATION = 0.9  # correlation that the same signal has at least in both files
@@ -69,7 +70,7 @@ class MultiFileRecording:
     @property
     def repairs(self) -> list[Repair]:
         """What had to be mended or noticed to read the files, and how their clocks were moved."""
-        noted = [repair for one in self._all for repair in one.reader.repairs]
+        noted = [repair for one in self._all for repair in one.own_repairs]
         return [*noted, *self._found, *loss_repairs(self.losses)]
 
     def locate(self, row: int) -> str:
@@ -91,8 +92,10 @@ class MultiFileRecording:
             columns = {name: own[name] for name in names if name != "time"}
             self._tables.append(Table(own["time"] + offset, columns, rows))
             first += rows.size
-        table, self._losses = join_tables(self._tables, self.locate)
-        self._rows = table.rows
+        held = {name for one in self._all for name in one.held}
+        aligned = align_tables(self._tables, held, self.locate)
+        table, self._losses, self._rows = aligned.table, aligned.losses, aligned.table.rows
+        self._found += aligned.repairs
         yield from rebatch(iter([{"time": table.time, **table.columns}]), list(self.positions))
 
     def _offset(self, part: AdditionalFile, first: Batch, own: Batch) -> float:

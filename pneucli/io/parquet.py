@@ -15,7 +15,7 @@ import pyarrow.parquet as pq
 from pneucli.errors import InputError
 from pneucli.io.column_reader import seconds_since_first
 from pneucli.io.damaged_files import check_expanded_size, library_errors_as_input_errors
-from pneucli.io.raw_file import ColumnRequest, ColumnValues, Repair
+from pneucli.io.raw_file import NO_CLOCKS, ColumnRequest, ColumnValues, Repair
 
 NAME = "Parquet"
 BATCH_ROWS = 1 << 17
@@ -33,6 +33,8 @@ class ParquetReader:
         self.start: datetime | None = None
         self.repairs: list[Repair] = []
         self.rows = 0
+        self.clocks = NO_CLOCKS
+        self.clock_names: frozenset[int] = frozenset()
         self.losses: Counter[str] = Counter()
 
     def batches(self, asks: Sequence[ColumnRequest]) -> Iterator[list[ColumnValues]]:
@@ -65,17 +67,18 @@ class ParquetReader:
                 column = column.dictionary_decode()
             if ask.text:
                 return np.array([str(value).strip() for value in column.to_pylist()], dtype=object)
-            return _numbers(column, first, ask.position)
+            return column_numbers(column, first, ask.position)
         except (pa.ArrowException, UnicodeDecodeError, ValueError) as error:
             where = f'{self._path}, column "{name}" of {column.type}'
             raise InputError(where, str(error).splitlines()[0], "numbers", "export it as float64") from error
 
 
-def _numbers(column: Any, first: dict[int, Any], key: int) -> ColumnValues:
+def column_numbers(column: Any, first: dict[int, Any] | None = None, key: int = 0) -> ColumnValues:
+    """Return a column of Arrow as float64; times of day in s, calendar time in s since the first of it."""
     if pa.types.is_time(column.type):
         return np.asarray(column.cast(pa.time64("ns")).cast(pa.int64()).cast(pa.float64()).to_numpy(False)) * 1e-9
     if pa.types.is_temporal(column.type):
-        return seconds_since_first(column.to_numpy(zero_copy_only=False), first, key)
+        return seconds_since_first(column.to_numpy(zero_copy_only=False), {} if first is None else first, key)
     return np.asarray(column.cast(pa.float64(), safe=False).to_numpy(zero_copy_only=False))
 
 

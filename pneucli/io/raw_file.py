@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from datetime import datetime
 from pathlib import Path
+from types import MappingProxyType
 from typing import Any, Protocol
 
+import numpy as np
 from numpy.typing import NDArray
 
 from pneucli.errors import InputError, did_you_mean
@@ -16,6 +18,8 @@ from pneucli.units import STANDARD_ATMOSPHERE
 
 ColumnKey = str | int
 ColumnValues = NDArray[Any]
+Array = NDArray[np.float64]
+NO_CLOCKS: Mapping[int, int] = MappingProxyType({})
 
 
 @dataclass(frozen=True)
@@ -25,6 +29,8 @@ class Channel:
     A column is named, or counted from 1; an ``expression`` over columns may take its place. ``decimal`` and
     ``thousands`` are this column's own marks in text files. ``unit`` is what the pipeline file states. Where it states
     nothing (None) of a signal whose SI unit is ``si``, a unit that the raw file itself says counts.
+    ``clock`` is the column of its own stamps, where they are not those of ``time``. ``hold``: whether the value holds
+    until the next stamp; ``missing``: the numbers that mark no value. Of both None: found from the signal and the file.
     """
 
     column: ColumnKey
@@ -36,12 +42,16 @@ class Channel:
     expression: str | None = None
     unit: str | None = None
     si: str | None = None
+    clock: Channel | None = None
+    hold: bool | None = None
+    missing: tuple[float, ...] | None = None
 
 
 @dataclass(frozen=True)
 class RawFile:
     """A raw file and its channels by signal; those in ``required`` must be there. ``None``: found from the file.
 
+    ``part`` counts (from 1) the tables of a text in which the header stands again; None: they are one table.
     ``ambient`` is the pressure (Pa) that units such as barg, said by the file itself, count from.
     """
 
@@ -54,6 +64,7 @@ class RawFile:
     thousands: str | None = None
     encoding: str | None = None
     skip_rows: int = 0
+    part: int | None = None
     ambient: float = STANDARD_ATMOSPHERE
 
 
@@ -81,12 +92,17 @@ class Reader(Protocol):
     """An opened raw file; ``names`` are its columns in order, ``repairs`` what had to be mended to read it.
 
     ``rows`` counts the rows of numbers that were read so far; ``losses`` those that the reader left out, by kind.
+    ``clocks`` has the position of the stamps of each column whose clock the file itself knows, by the position of the
+    column; the columns at ``clock_names`` stand for the clock of whatever column they are read with. Columns of
+    several clocks are read one clock at a time.
     """
 
     names: Sequence[str]
     repairs: list[Repair]
     rows: int
     losses: Counter[str]
+    clocks: Mapping[int, int]
+    clock_names: Collection[int]
 
     @property
     def units(self) -> Mapping[int, str]:

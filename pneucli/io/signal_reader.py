@@ -1,20 +1,20 @@
-"""From raw columns to signals in SI, batch by batch; long tables become one table over all their time stamps."""
+"""From raw columns to signals in SI, batch by batch; channels with clocks of their own become one table."""
 
 from __future__ import annotations
 
-import re
 from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import replace
-from math import isclose
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
-from pneucli.errors import InputError, UnitError
+from pneucli.errors import InputError
+from pneucli.io.channel_clocks import align_tables
+from pneucli.io.clock_repairs import spread_repeated_stamps, spread_stamps
 from pneucli.io.expression import ROW, Expression
-from pneucli.io.formats import open_raw
 from pneucli.io.raw_file import (
+    Array,
     Channel,
     ColumnKey,
     ColumnRequest,
@@ -25,28 +25,45 @@ from pneucli.io.raw_file import (
     column_position,
     missing_column,
 )
-from pneucli.io.timestamp_order import Array, Table, join_tables, loss_repairs
-from pneucli.units import factor_and_offset, parse_unit, same_dimension
+from pneucli.io.signal_repairs import SignalRepairs, is_held
+from pneucli.io.timestamp_order import Table, loss_repairs
 
 Batch = dict[str, Array]
 
-_BRACKETED = re.compile(r"[\[(<]([^\[\](){}<>]*)[\])>]\s*$")
 BATCH_ROWS = 1 << 17  # rows: as many in every format, so that what is judged batch by batch is judged alike
+
+
+@dataclass(frozen=True)
+class _Group:
+    """Signals of one clock: the position of its stamps, or None where they are computed, and the rows that count."""
+
+    clock: int | None
+    where: tuple[ColumnKey, str | float] | None
 
 
 class SignalReader:
     """A raw file, its reader, and the position of each channel that it has a column for, ``time`` first.
 
     The position of a channel that is computed is None: ``columns`` has those that it is computed from, by their keys.
+    ``clocks`` has the position of the stamps of each signal whose clock is not that of ``time``.
     """
 
     def __init__(
-        self, raw: RawFile, reader: Reader, positions: Mapping[str, int | None], columns: Mapping[ColumnKey, int]
+        self,
+        raw: RawFile,
+        reader: Reader,
+        positions: Mapping[str, int | None],
+        columns: Mapping[ColumnKey, int],
+        clocks: Mapping[str, int],
     ) -> None:
-        self.raw, self.reader, self.positions, self._columns = raw, reader, positions, columns
+        self.raw, self.reader, self.positions, self._columns, self._clocks = raw, reader, positions, columns, clocks
         self._first = 0  # row of the next batch
         self._losses: Counter[str] = Counter()
         self._rows: NDArray[np.intp] | None = None  # of the file, that the signals' rows come from
+        self._starts: list[int] = [0]  # first row of each clock that was read by itself
+        self._repairs = {name: SignalRepairs(name, raw.channels[name]) for name in positions}
+        self._expressions = {n: Expression(c.expression) for n, c in self.channels.items() if c.expression is not None}
+        self._noted: list[Repair] = []
 
     @property
     def channels(self) -> dict[str, Channel]:
@@ -69,76 +86,141 @@ class SignalReader:
         return self.reader.losses + self._losses
 
     @property
+    def own_repairs(self) -> list[Repair]:
+        """What had to be mended or noticed to read the file, but for the rows that were left out."""
+        return [*self.reader.repairs, *self._noted, *(one for own in self._repairs.values() for one in own.told())]
+
+    @property
     def repairs(self) -> list[Repair]:
         """What had to be mended or noticed to read the file."""
-        return [*self.reader.repairs, *loss_repairs(self.losses)]
+        return [*self.own_repairs, *loss_repairs(self.losses)]
+
+    @property
+    def held(self) -> set[str]:
+        """The signals that keep their value until their next stamp."""
+        return {name for name, channel in self.channels.items() if is_held(name, channel)}
 
     def locate(self, row: int) -> str:
         """Return where a row of :meth:`batches` stands in the file."""
-        return self.reader.locate(row if self._rows is None or row >= self._rows.size else int(self._rows[row]))
+        row = row if self._rows is None or row >= self._rows.size else int(self._rows[row])
+        return self.reader.locate(row - max(start for start in self._starts if start <= max(row, 0)))
 
     def batches(self) -> Iterator[Batch]:
-        """Yield signals in SI, ``time`` among them, in the file's order of rows, BATCH rows at a time."""
-        long = any(channel.where for channel in self.channels.values())
-        yield from rebatch(iter([self._read_long_table()]) if long else self._wide_batches(), list(self.positions))
+        """Yield signals in SI, ``time`` among them, in the file's order of rows, BATCH_ROWS rows at a time."""
+        one_clock = len(set(self._groups().values())) <= 1 and not any(c.where for c in self.channels.values())
+        read = self._wide_batches() if one_clock else iter([self._read_clocks()])
+        yield from rebatch(spread_repeated_stamps(read, self._noted), list(self.positions))
+
+    def _groups(self) -> dict[str, _Group]:
+        """Return the group of each signal but ``time``."""
+        shared = self.positions["time"]
+        names = [name for name in self.positions if name != "time"]
+        return {name: _Group(self._clocks.get(name, shared), self.raw.channels[name].where) for name in names}
 
     def _wide_batches(self) -> Iterator[Batch]:
-        for columns in self.reader.batches(self._column_requests()):
-            yield self._values(columns)
+        names = list(self.positions)
+        clock = next((group.clock for group in self._groups().values()), self.positions["time"])
+        for columns in self.reader.batches(self._column_requests(names, clock)):
+            yield self._values(names, columns)
 
-    def _column_requests(self) -> list[ColumnRequest]:
-        plain = [(place, self.raw.channels[name]) for name, place in self.positions.items() if place is not None]
-        asks = [_column_request(place, channel) for place, channel in plain]
-        asks += [ColumnRequest(place) for place in self._columns.values()]
-        return asks or [ColumnRequest(0, text=True)]  # any column tells how many rows there are
+    def _column_requests(self, names: Sequence[str], clock: int | None) -> list[ColumnRequest]:
+        """Return the requests for the columns of signals, ``time`` read from ``clock``, and of their expressions."""
+        places = {name: clock if name == "time" else self.positions[name] for name in names}
+        plain = [(place, self.raw.channels[name]) for name, place in places.items() if place is not None]
+        requests = [_column_request(place, channel) for place, channel in plain]
+        requests += [ColumnRequest(self._columns[key]) for key in self._read_by(names)]
+        return requests or [ColumnRequest(0, text=True)]  # any column tells how many rows there are
 
-    def _values(self, columns: Sequence[ColumnValues]) -> Batch:
-        """Return the signals in SI; ``columns`` are those of :meth:`_column_requests`."""
+    def _read_by(self, names: Sequence[str]) -> list[ColumnKey]:
+        """Return the columns that the expressions of signals read."""
+        keys = [key for name in names if name in self._expressions for key in self._expressions[name].columns]
+        return [key for key in dict.fromkeys(keys) if key in self._columns]
+
+    def _values(self, names: Sequence[str], columns: Sequence[ColumnValues]) -> Batch:
+        """Return signals in SI, repaired; ``columns`` are those of :meth:`_column_requests`."""
         waiting = iter(columns)
-        found = {name: next(waiting) for name, place in self.positions.items() if place is not None}
-        by_key = dict(zip(self._columns, waiting, strict=False))
+        found = {name: next(waiting) for name in names if name not in self._expressions}
+        by_key = dict(zip(self._read_by(names), waiting, strict=False))
         rows = columns[0].size
         by_key.setdefault(ROW, np.arange(self._first, self._first + rows, dtype=np.float64))
         self._first += rows
-        for name, channel in self.channels.items():
-            if channel.expression is not None:
-                own = Expression(channel.expression)
+        for name in names:
+            if name in self._expressions:
+                own = self._expressions[name]
                 found[name] = own.values({key: by_key[key] for key in own.columns})
-        return {name: _to_si(found[name], channel) for name, channel in self.channels.items()}
+        return {name: _to_si(self._repairs[name].repair(found[name]), self.raw.channels[name]) for name in names}
 
-    def _read_long_table(self) -> Batch:
-        keys = {channel.where[0]: None for channel in self.channels.values() if channel.where}
-        places = [self._required_position("where", key) for key in keys]
-        asks = self._column_requests()
-        texts = [ColumnRequest(place, text=True) for place in places]
-        whole = [np.concatenate(parts) for parts in zip(*self.reader.batches([*asks, *texts]), strict=True)]
-        values = self._values(whole[: len(asks)])
-        labels = dict(zip(keys, whole[len(asks) :], strict=True))
-        tables = [self._table(where, values, labels) for where in dict.fromkeys(self._row_filters().values())]
+    def _read_clocks(self) -> Batch:
+        """Read the channels clock by clock, and return one table."""
+        groups = self._groups()
+        if self.reader.clocks:
+            tables = [
+                self._read_clock(group, [n for n, own in groups.items() if own == group]) for group in _unique(groups)
+            ]
+        else:
+            tables = self._read_rows(groups)
+        aligned = align_tables(tables, self.held, self.locate)
         taken = np.unique(np.concatenate([table.rows for table in tables])).size
-        table, losses = join_tables(tables, self.reader.locate)
-        self._rows = table.rows
-        self._losses = losses + Counter({"other-channel": values["time"].size - taken})
-        return {"time": table.time, **table.columns}
+        self._rows = aligned.table.rows
+        self._noted += aligned.repairs
+        self._losses = aligned.losses + Counter({"other-channel": self._first - taken})
+        return {"time": aligned.table.time, **aligned.table.columns}
 
-    def _row_filters(self) -> dict[str, tuple[ColumnKey, str | float] | None]:
-        return {name: channel.where for name, channel in self.channels.items() if name != "time"}
+    def _read_clock(self, group: _Group, names: Sequence[str]) -> Table:
+        """Return the channels of one of the file's own clocks, as a table of its own."""
+        first = self._first
+        asked = ["time", *names]
+        parts = [
+            self._values(asked, columns) for columns in self.reader.batches(self._column_requests(asked, group.clock))
+        ]
+        values = {name: np.concatenate([part[name] for part in parts]) for name in asked}
+        self._repairs["time"] = SignalRepairs("time", self.raw.channels["time"])
+        self._starts.append(first)
+        time = values.pop("time")
+        return Table(_spread(time), values, np.arange(first, first + time.size))
+
+    def _read_rows(self, groups: Mapping[str, _Group]) -> list[Table]:
+        """Return the channels whose clocks and labels are further columns of the same rows, a table for each."""
+        labels = list(dict.fromkeys(group.where[0] for group in groups.values() if group.where))
+        clocks = [clock for clock in dict.fromkeys(self._clocks.values()) if clock is not None]
+        names = list(self.positions)
+        requests = self._column_requests(names, self.positions["time"])
+        own = [_column_request(clock, self._clock_channel(clock)) for clock in clocks]
+        texts = [ColumnRequest(self._required_position("where", key), text=True) for key in labels]
+        whole = [np.concatenate(parts) for parts in zip(*self.reader.batches([*requests, *own, *texts]), strict=True)]
+        values = self._values(names, whole[: len(requests)])
+        stamps = dict(zip(clocks, whole[len(requests) :], strict=False))
+        by_label = dict(zip(labels, whole[len(requests) + len(own) :], strict=True))
+        return [self._table(group, groups, values, stamps, by_label) for group in _unique(groups)]
+
+    def _clock_channel(self, clock: int) -> Channel:
+        """Return the channel that says how the stamps at a position are read: its signal's own, else that of time."""
+        owner = next(name for name, place in self._clocks.items() if place == clock)
+        return self.raw.channels[owner].clock or self.raw.channels["time"]
 
     def _table(
         self,
-        where: tuple[ColumnKey, str | float] | None,
+        group: _Group,
+        groups: Mapping[str, _Group],
         values: Mapping[str, Array],
+        stamps: Mapping[int, ColumnValues],
         labels: Mapping[ColumnKey, ColumnValues],
     ) -> Table:
-        """Return the rows that belong to the channels of one ``where``."""
-        names = [name for name, other in self._row_filters().items() if other == where]
-        time = values["time"]
+        """Return the rows that belong to the channels of one group; a clock of its own ends where its stamps end."""
+        names = [name for name, other in groups.items() if other == group]
+        time, where = values["time"], group.where
+        if group.clock in stamps:
+            channel = self._clock_channel(group.clock)  # type: ignore[arg-type]
+            time = _to_si(SignalRepairs("time", channel).repair(stamps[group.clock]), channel)  # type: ignore[index]
         rows = np.flatnonzero(_label_mask(labels[where[0]], where[1])) if where else np.arange(time.size)
         if where and not rows.size:
             seen = sorted({str(text) for column in labels.values() for text in column[:10_000]})
             found, mend = f'no row where the label is "{where[1]}"', f"labels: {', '.join(seen[:30])}"
             raise InputError(f"{self.raw.path}, signal {names[0]}", found, "", mend)
-        return Table(time[rows], {name: values[name][rows] for name in names}, rows)
+        if not where and self._clocks:
+            known = np.flatnonzero(np.isfinite(time))
+            rows = rows[: int(known[-1]) + 1 if known.size else 0]
+        return Table(_spread(time[rows]), {name: values[name][rows] for name in names}, rows)
 
     def _required_position(self, signal: str, column: ColumnKey) -> int:
         place = column_position(self.raw.path, signal, column, self.reader.names)
@@ -147,96 +229,14 @@ class SignalReader:
         return place
 
 
-def open_signals(raw: RawFile) -> SignalReader:
-    """Open ``raw`` and find the columns of its channels.
-
-    A channel without a column is passed over, unless it is required: then InputError lists the columns there are. It
-    is raised too where several columns are called alike, or one column is asked for two signals, and where the unit
-    that the file says of a column cannot be that of its signal.
-    """
-    reader = open_raw(raw)
-    computed = {name: Expression(one.expression) for name, one in raw.channels.items() if one.expression is not None}
-    found = {
-        name: column_position(raw.path, name, channel.column, reader.names)
-        for name, channel in raw.channels.items()
-        if name not in computed
-    }
-    columns = {name: _columns_of(raw, name, one, reader.names) for name, one in computed.items()}
-    for name in sorted(raw.required):
-        lacking = [key for key, place in columns.get(name, {}).items() if place is None]
-        if lacking or (name in found and found[name] is None):
-            key = lacking[0] if lacking else raw.channels[name].column
-            raise missing_column(raw.path, name, key, reader.names)
-    places = {name: place for name, place in found.items() if place is not None}
-    _require_own_columns(raw, places, reader.names)
-    reader.repairs += _duplicate_names(reader)
-    raw = replace(
-        raw, channels={n: _with_unit_of_file(raw, n, c, places.get(n), reader) for n, c in raw.channels.items()}
-    )
-    whole = {name: own for name, own in columns.items() if None not in own.values()}
-    inner = {key: place for own in whole.values() for key, place in own.items() if place is not None}
-    order = {name: places.get(name) for name in raw.channels if name in places or name in whole}
-    return SignalReader(raw, reader, {"time": order.pop("time"), **order}, inner)
+def _spread(time: Array) -> Array:
+    """Return the stamps of a clock, spread over the rows that share them where the clock is coarse."""
+    spread = spread_stamps(time)
+    return time if spread is None else spread
 
 
-def _columns_of(raw: RawFile, name: str, expression: Expression, names: Sequence[str]) -> dict[ColumnKey, int | None]:
-    """Return where the columns of an expression stand; the rows' number is none of them."""
-    found = {key: column_position(raw.path, name, key, names) for key in expression.columns}
-    return {key: place for key, place in found.items() if place is not None or key != ROW}
-
-
-def _with_unit_of_file(raw: RawFile, name: str, channel: Channel, place: int | None, reader: Reader) -> Channel:
-    """Return ``channel`` in the unit that the file says of its column, where the pipeline file states none."""
-    said = None if place is None else unit_in_file(reader, place)
-    if said is None or place is None or (channel.si is None and channel.unit is None):
-        return channel
-    where, column = f"{raw.path}, signal {name}", f'"{reader.names[place]}"'
-    if channel.unit is not None:
-        if same_dimension(said, channel.unit) and not isclose(
-            parse_unit(said).factor, parse_unit(channel.unit).factor, rel_tol=1e-6
-        ):
-            message = f"the file says {said} of {column}; read in {channel.unit}, as stated"
-            reader.repairs.append(Repair(name, "unit", 1, message))
-        return channel
-    if not same_dimension(said, channel.si or ""):
-        found = f"the file says {said} of column {column}, and no unit is stated"
-        raise InputError(
-            where, found, f"a unit such as {channel.si}", f'state unit = "...", with scale if {said} is right'
-        )
-    factor, offset = factor_and_offset(said, 0.0 if channel.offset else raw.ambient)
-    reader.repairs.append(Repair(name, "unit-said", 1, f"read in {said}, as the file says of {column}"))
-    return replace(channel, factor=factor, offset=offset + channel.offset)
-
-
-def unit_in_file(reader: Reader, place: int) -> str | None:
-    """Return the unit that a file says of its column: below the header, as a property, or in brackets in its name."""
-    in_name = _BRACKETED.search(reader.names[place])
-    for text in (reader.units.get(place), in_name and in_name[1]):
-        try:
-            if text and parse_unit(text):
-                return text
-        except UnitError:
-            continue
-    return None
-
-
-def _require_own_columns(raw: RawFile, places: Mapping[str, int], names: Sequence[str]) -> None:
-    """Raise InputError where two signals are read from one column: of a long table, from the same rows of it."""
-    taken: dict[tuple[int, tuple[ColumnKey, str | float] | None], str] = {}
-    for name, place in places.items():
-        if (other := taken.setdefault((place, raw.channels[name].where), name)) != name:
-            found = f'{other} and {name} are both column "{names[place]}"'
-            mend = "correct one of them in [signals], or leave out of take what was not recorded"
-            raise InputError(f"{raw.path}, signal {name}", found, "a column for each signal", mend)
-
-
-def _duplicate_names(reader: Reader) -> list[Repair]:
-    often = Counter(name for name in reader.names if name)
-    alike = {name: count for name, count in often.items() if count > 1}
-    listed = ", ".join(f'{count} "{name}"' for name, count in list(alike.items())[:5])
-    return [Repair("", "same-name", sum(alike.values()), f"columns share a name: {listed}; none is taken")] * bool(
-        alike
-    )
+def _unique(groups: Mapping[str, _Group]) -> list[_Group]:
+    return list(dict.fromkeys(groups.values()))
 
 
 def rebatch(batches: Iterator[Batch], names: list[str]) -> Iterator[Batch]:

@@ -1,4 +1,6 @@
-"""Channels that stand still exactly: frozen, or saturated at the end of their range. Noticed, never altered.
+"""Channels that stand still exactly: frozen, or saturated at the end of their range.
+
+A saturated sample says only that the quantity lies beyond: it becomes missing. What is frozen is noticed, and kept.
 
 A sensor at rest still shows its noise. So a run of one value is odd only in a channel whose noise is visible elsewhere
 and where equal neighbours are rare; a quantised channel at rest, or a chamber at ambient pressure, repeats itself all
@@ -36,14 +38,16 @@ class StuckChannelDetector:
     def __init__(self, signal: str) -> None:
         self._signal = signal
         self._long: list[_Run] = []
+        self._repeats_in_runs = 0  # samples of these runs that equal the one before
         self._equal = self._pairs = self._turns = self._steps = 0
         self._low, self._high = np.inf, -np.inf
+        self._clipped: dict[float, int] = {}  # samples at each end of the range that the sensor clips at
         self._step = self._resolution = np.inf
 
-    def update(self, values: Array) -> None:
-        """Take note of the next samples."""
+    def update(self, values: Array) -> NDArray[np.bool_]:
+        """Take note of the next samples; return which of them are saturated."""
         if values.size < 2:
-            return
+            return np.zeros(values.size, dtype=np.bool_)
         steps = np.diff(values[:65_536])
         moving = steps[(steps != 0) & np.isfinite(steps)]
         self._turns += int(np.sum(moving[1:] * moving[:-1] < 0))
@@ -54,6 +58,11 @@ class StuckChannelDetector:
         self._low = min(self._low, float(np.fmin.reduce(values)))
         self._high = max(self._high, float(np.fmax.reduce(values)))
         self._collect_runs(values)
+        ends = {run.value for run in self._long if run.value in (self._low, self._high) and self._is_too_long(run)}
+        saturated = np.isin(values, [*ends]) if ends else np.zeros(values.size, dtype=np.bool_)
+        for level in ends:
+            self._clipped[level] = self._clipped.get(level, 0) + int(np.count_nonzero(values == level))
+        return saturated
 
     def _collect_runs(self, values: Array) -> None:
         same = values[1:] == values[:-1]
@@ -64,26 +73,32 @@ class StuckChannelDetector:
         for start, end in zip(edges[long], edges[long + 1], strict=True):
             if same[start]:
                 jump = abs(values[end + 1] - values[end]) if end + 1 < values.size else 0.0
+                self._repeats_in_runs += int(end - start)
                 self._long.append(_Run(int(end - start) + 1, float(values[start]), float(jump)))
 
     def repairs(self) -> list[Repair]:
         """Return what is odd, as warnings."""
-        odd = [run for run in self._long if self._is_odd(run)]
-        ends = [run for run in odd if run.value in (self._low, self._high)]
-        inner = [run for run in odd if run not in ends]
-        return [self._repair(kind, runs) for kind, runs in (("saturated", ends), ("frozen", inner)) if runs]
+        inner = [run for run in self._long if run.value not in self._clipped and self._is_odd(run)]
+        clipped = [self._saturated(level, count) for level, count in sorted(self._clipped.items())]
+        return [*clipped, *([self._frozen(inner)] if inner else [])]
 
     def _is_odd(self, run: _Run) -> bool:
-        if self._signal == "x" and run.jump > JUMP_RATIO * self._step:
-            return True
-        inside = sum(other.length - 1 for other in self._long)
+        return (self._signal == "x" and run.jump > JUMP_RATIO * self._step) or self._is_too_long(run)
+
+    def _is_too_long(self, run: _Run) -> bool:
+        """Return whether a run is longer than the noise of the channel lets any be."""
+        inside = self._repeats_in_runs
         repeats = max(self._equal - inside, 1) / max(self._pairs - inside, 1)
         noisy = self._turns > MIN_TURN_SHARE * self._steps > 0 and self._step > MIN_STEP_RESOLUTIONS * self._resolution
         return noisy and np.log(self._pairs) + (run.length - 1) * np.log(min(repeats, 1.0)) < np.log(FALSE_ALARM_COUNT)
 
-    def _repair(self, kind: str, runs: list[_Run]) -> Repair:
+    def _saturated(self, level: float, count: int) -> Repair:
+        message = f"saturated: {count} samples stand at the end of the range, {level:.6g}; they are missing"
+        return Repair(self._signal, "saturated", count, message)
+
+    def _frozen(self, runs: list[_Run]) -> Repair:
         count, longest = sum(run.length for run in runs), max(runs, key=lambda run: run.length)
         message = (
-            f"{kind}: {count} samples stand still exactly, {longest.length} at a stretch at {longest.value:.6g}; kept"
+            f"frozen: {count} samples stand still exactly, {longest.length} at a stretch at {longest.value:.6g}; kept"
         )
-        return Repair(self._signal, kind, count, message)
+        return Repair(self._signal, "frozen", count, message)

@@ -1,10 +1,9 @@
-"""The look of a text file: encoding, delimiter, decimal mark, header; and its bytes made plain for the CSV parser."""
+"""The look of a text file: encoding, delimiter, decimal mark, header."""
 
 from __future__ import annotations
 
 import codecs
 import csv
-import io
 import re
 import string
 from collections.abc import Callable
@@ -13,18 +12,14 @@ from itertools import zip_longest
 from pathlib import Path
 
 from pneucli.errors import InputError
-from pneucli.io.date_parsing import is_date_or_time
+from pneucli.io.date_parsing import has_date, is_date, is_date_or_time
 from pneucli.io.raw_file import RawFile
 
 HEAD_BYTES = 1 << 18
-MAX_LINE_BYTES = 16 << 20  # bytes of a line
 NULL_TEXTS = (
     *("", "-", "--", "NaN", "nan", "NAN", "-nan", "n/a", "N/A", "NA", "null", "NULL", "None", "#N/A", "#NV"),
     *("1.#QNAN", "-1.#IND"),
 )
-_COMMENT = re.compile(rb"^[ \t]*#[^\n]*\n?", re.MULTILINE)
-_BLANKS = re.compile(rb"[ \t]+")
-_EDGES = re.compile(rb"^[ \t]+|[ \t]+(?=\r?$)", re.MULTILINE)
 _BRACKETS = re.compile(r"^[\[(<{]\s*(.*?)\s*[\])>}]$")
 _DELIMITERS = ("\t", ";", ",", " ")
 _BLANK_NAMES = (" ", r"\s+", "whitespace")  # as some programs call blanks
@@ -35,8 +30,10 @@ _DELIMITER_MARKS = (*_BLANK_NAMES, "\t", *(mark for mark in string.punctuation i
 class TextLayout:
     """How a text file is written; ``skip`` physical lines stand before the first row, ``delimiter`` " " is blanks.
 
-    ``units`` is the line below the header, if that is none of numbers; ``stamps`` are the columns (from 0) of dates and
-    times of day, ``labels`` those of other text.
+    ``units`` is the line below the header, if that is none of numbers; ``stamps`` are the columns (from 0) of times of
+    day, with or without their dates, ``dates`` those of dates alone, ``labels`` those of other text;
+    ``dated_stamps`` are those of ``stamps`` that have their dates. ``repeated`` are the lines of the header, which may
+    stand again among the rows; ``lines`` is how many lines after ``skip`` are read, all where it is None.
     """
 
     encoding: str
@@ -47,7 +44,11 @@ class TextLayout:
     units: tuple[str, ...] = ()
     stamps: frozenset[int] = frozenset()
     labels: frozenset[int] = frozenset()
+    dates: frozenset[int] = frozenset()
+    dated_stamps: frozenset[int] = frozenset()
     line_end: str = "\n"
+    repeated: tuple[str, ...] = ()
+    lines: int | None = None
 
     def split(self, line: str) -> list[str]:
         """Return the fields of one line, without blanks around them."""
@@ -84,7 +85,30 @@ def detect_layout(raw: RawFile) -> TextLayout:
     delimiter = raw.delimiter or _delimiter(sample[raw.header :], sample[0])
     delimiter = " " if delimiter in _BLANK_NAMES else delimiter
     plain = TextLayout(encoding, delimiter, ".", rows[raw.header], (), line_end=line_end)
-    return _with_names(raw, plain, [plain.split(line) for line in sample], rows)
+    found = _with_names(raw, plain, [plain.split(line) for line in sample], rows)
+    if raw.header:
+        header = [lines[rows[0]], *([lines[rows[1]]] if found.units else [])]
+        found = replace(found, repeated=tuple(line.strip() for line in header))
+    return found if raw.part is None else _part(raw, found)
+
+
+def _part(raw: RawFile, look: TextLayout) -> TextLayout:
+    """Return the layout of one part of a file in which the header stands again: where it begins, and how long it is.
+
+    Raises InputError where the file has not so many parts.
+    """
+    header = look.repeated[0] if look.repeated else ""
+    with raw.path.open(encoding=look.encoding, errors="replace", newline=look.line_end) as file:
+        at = [number for number, line in enumerate(file, 1) if line.strip() == header]
+        file.seek(0)
+        total = sum(1 for _ in file)
+    if not at or not 1 <= (raw.part or 0) <= len(at):
+        found = f"part {raw.part} is asked for, and the header stands {len(at)} times in the file"
+        raise InputError(f"{raw.path}, key part", found, f"1 to {len(at)}", "change part")
+    number = raw.part or 1
+    begin = at[number - 1] + len(look.repeated) - 1
+    end = at[number] - 1 if number < len(at) else total
+    return replace(look, skip=begin, lines=end - begin)
 
 
 def _with_names(raw: RawFile, plain: TextLayout, sample: list[list[str]], rows: list[int]) -> TextLayout:
@@ -102,8 +126,9 @@ def _with_names(raw: RawFile, plain: TextLayout, sample: list[list[str]], rows: 
     decimal = raw.decimal or _decimal(body, plain.delimiter)
     skip = rows[raw.header + units]
     said = tuple(_BRACKETS.sub(r"\1", field) for field in first) if units else ()
-    stamps, labels = (_columns_of(body, test, len(names)) for test in (is_date_or_time, _is_label))
-    return replace(plain, decimal=decimal, skip=skip, names=tuple(names), units=said, stamps=stamps, labels=labels)
+    kinds = {"stamps": is_date_or_time, "labels": _is_label, "dates": is_date, "dated_stamps": has_date}
+    columns = {kind: _columns_of(body, test, len(names)) for kind, test in kinds.items()}
+    return replace(plain, decimal=decimal, skip=skip, names=tuple(names), units=said, **columns)  # type: ignore[arg-type]
 
 
 def _columns_of(body: list[list[str]], test: Callable[[str], bool], width: int) -> frozenset[int]:
@@ -114,7 +139,7 @@ def _columns_of(body: list[list[str]], test: Callable[[str], bool], width: int) 
 
 def is_value(field: str) -> bool:
     """Return whether a field is a number, a date or a time of day."""
-    return _is_number(field) or is_date_or_time(field)
+    return _is_number(field) or is_date_or_time(field) or is_date(field)
 
 
 def _is_label(field: str) -> bool:
@@ -190,83 +215,6 @@ def _delimiter(body: list[str], header: str) -> str:
 
 def _decimal(body: list[list[str]], delimiter: str) -> str:
     """A comma is the decimal mark where it cannot be the delimiter and no number has a point."""
-    fields = [field for row in body for field in row if _is_number(field)]
+    fields = [field for row in body for field in row if _is_number(field) and not is_date(field)]
     comma = delimiter != "," and any("," in field for field in fields)
     return "," if comma and not any("." in field for field in fields) else "."
-
-
-class NormalizedTextStream(io.RawIOBase):
-    """The rows of a text file as plain UTF-8 without comment lines; blanks as delimiters become one tab.
-
-    Reads the file once, from the front, in whole lines, so that a file of any size passes through bounded memory.
-    ``comment_lines`` counts the comment lines among the rows; ``ends_with_newline`` says whether the last row had an end of line.
-    """
-
-    def __init__(self, path: Path, look: TextLayout) -> None:
-        self._path = path
-        self._file = path.open("rb", buffering=0)
-        self._encoding = look.encoding
-        self._decoder = (
-            None if _is_ascii_compatible(look.encoding) else codecs.getincrementaldecoder(look.encoding)("replace")
-        )
-        self._blanks = look.delimiter == " "
-        self._line_end = look.line_end.encode()
-        self._skip = look.skip
-        self._rest = b""
-        self._over = False
-        self.comment_lines = 0
-        self.ends_with_newline = True
-
-    def readable(self) -> bool:
-        """Return True."""
-        return True
-
-    def read(self, size: int = -1) -> bytes:
-        """Return about ``size`` bytes of whole rows; nothing at the end."""
-        while not self._over:
-            if block := self._plain(self._lines(max(size, HEAD_BYTES))):
-                return block
-        return b""
-
-    def _lines(self, size: int) -> bytes:
-        block = self._file.read(size)
-        self._over = not block
-        if self._decoder:
-            block = self._decoder.decode(block, final=self._over).encode()
-        if self._line_end != b"\n":
-            block = block.replace(self._line_end, b"\n")
-        if self._over:
-            block, self._rest = self._rest + block, b""
-            self.ends_with_newline = not block.strip()
-            return block
-        end = block.rfind(b"\n") + 1
-        lines, self._rest = (self._rest + block[:end], block[end:]) if end else (b"", self._rest + block)
-        if len(self._rest) > MAX_LINE_BYTES:
-            found, mend = f"a line of more than {MAX_LINE_BYTES >> 20} MB", "check the file, record or copy it again"
-            raise InputError(str(self._path), found, "rows of numbers", mend)
-        return lines
-
-    def _plain(self, block: bytes) -> bytes:
-        while self._skip and block:
-            block = block.partition(b"\n")[2]
-            self._skip -= 1
-        if not self._decoder and not block.isascii():
-            block = block.decode(self._encoding, "replace").encode()
-        if b"#" in block:
-            block, comments = _COMMENT.subn(b"", block)
-            self.comment_lines += comments
-        return _BLANKS.sub(b"\t", _EDGES.sub(b"", block)) if self._blanks else block
-
-    def close(self) -> None:
-        """Close the file."""
-        self._file.close()
-        super().close()
-
-
-def _is_ascii_compatible(encoding: str) -> bool:
-    """Return whether the first 128 characters are bytes as in ASCII: then lines may be told before they are decoded."""
-    plain = bytes(range(128))
-    try:
-        return plain.decode(encoding).encode() == plain
-    except UnicodeDecodeError:
-        return False

@@ -14,7 +14,7 @@ from itertools import pairwise
 from pneucli.errors import InputError, UnitError
 from pneucli.io.raw_file import RawFile
 from pneucli.io.text_layout import HEAD_BYTES, NULL_TEXTS, TextLayout, decode_head, detect_encoding, is_value
-from pneucli.units import parse_unit
+from pneucli.units import is_count, parse_scaled_unit, parse_unit, same_dimension
 
 MAX_LINES = 2000  # lines that are looked at
 DELIMITERS = ("\t", ";", ",", " ", "|")
@@ -61,6 +61,32 @@ def sniff(raw: RawFile) -> SniffedLayout:
     return found.describe(raw.header)
 
 
+def stated_numbers(raw: RawFile, found: SniffedLayout) -> dict[str, float]:
+    """Return what the lines above a table say of its sampling rate (Hz) or period (s), by the names that they use."""
+    with raw.path.open("rb") as file:
+        head = file.read(HEAD_BYTES)
+    text = decode_head(raw.path, head, raw.encoding or detect_encoding(raw.path, head))
+    numbers: dict[str, float] = {}
+    for line in text.splitlines()[: max(found.skip_rows, 1) + MAX_PREAMBLE_LINES]:
+        if match := _STATED_RATE.match(line):
+            name, unit = match[1].strip(), (match[2] or match[4] or "").strip()
+            number = float(match[3].replace(",", "."))
+            wanted = "Hz" if re.search(r"(?i)rate|freq|^fs", name) else "s"
+            try:
+                numbers[name] = number * (parse_unit(unit).factor if unit and same_dimension(unit, wanted) else 1.0)
+            except UnitError:
+                continue
+    return numbers
+
+
+MAX_PREAMBLE_LINES = 60
+_STATED_RATE = re.compile(
+    r'(?i)^[#%;"\s]*((?:sampl\w*|scan|data|acquisition|record\w*)?[ _]?(?:rate|freq\w*|fs|interval|period|dt|increment|'
+    r'time[ _]?step|x[ _]?increment|delta[ _]?[tx]))\s*(?:[\[(]([^\])]*)[\])])?["\s]*[:=,;\t]\s*"?'
+    r"(\d+(?:[.,]\d+)?(?:[eE][+-]?\d+)?)\s*([A-Za-zµ/]*)"
+)
+
+
 class _DelimitedTable:
     """The lines of a text, cut by one delimiter."""
 
@@ -71,12 +97,11 @@ class _DelimitedTable:
         tail = [row for row in self._rows[max(skip, len(lines) // 2) :] if row] or [r for r in self._rows[skip:] if r]
         self.width = Counter(map(len, tail)).most_common(1)[0][0] if tail else 0
         self._tail = [row for row in tail if len(row) == self.width]
-        self._numeric = [
-            n for n in range(self.width) if _share(is_value(row[n]) for row in self._tail) >= MIN_VALUE_SHARE
-        ]
+        there = [[row[n] for row in self._tail if row[n] not in NULL_TEXTS] for n in range(self.width)]
+        self._numeric = [n for n in range(self.width) if _share(map(is_value, there[n])) >= MIN_VALUE_SHARE]
         self.start = self._first_row()
         usual = len(self._tail) / max(len(tail), 1)
-        cells = _share(n in self._numeric for n in range(self.width))
+        cells = _share(n in self._numeric or not there[n] for n in range(self.width))
         single = 0.1 if self.width == 1 else 1.0  # cut by nothing
         self.score = (
             usual * cells * single if self._numeric and self.start is not None and self.width < _MAX_COLUMNS else 0
@@ -115,7 +140,7 @@ class _DelimitedTable:
         if not wide or any(is_value(field) for field in self._rows[wide[-1]] if field not in NULL_TEXTS):
             return (), (), None
         for names, units in reversed([*pairwise(wide[-MAX_HEADER_LINES:])]):
-            if _are_units(self._rows[units]) and not any(map(is_value, self._rows[names])):
+            if _are_units(self._rows[units]) and not all(map(is_value, self._rows[names])):
                 return self._rows[names][: self.width], self._rows[units][: self.width], names
         return self._rows[wide[-1]][: self.width], (), wide[-1]
 
@@ -141,14 +166,18 @@ def is_unit(text: str) -> bool:
     """Return whether a field says a unit, other than none."""
     bare = text.strip("[](){}<> ")
     try:
-        return bool(parse_unit(bare)) and bare != "1"
+        return bool(parse_scaled_unit(bare)) and bare != "1"
     except UnitError:
         return False
 
 
 def _are_units(fields: Sequence[str]) -> bool:
     """Return whether most of what stands in a line are units; dates, times and nothing have none."""
-    return sum(map(is_unit, fields)) >= 0.6 * sum(field not in NULL_TEXTS for field in fields) > 0
+    return (
+        sum(is_unit(field) or is_count(field.strip("[](){}<> ")) for field in fields)
+        >= 0.6 * sum(field not in NULL_TEXTS for field in fields)
+        > 0
+    )
 
 
 def _is_skipped(line: str) -> bool:

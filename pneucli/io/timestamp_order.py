@@ -1,4 +1,4 @@
-"""One law for the rows of all formats: which stamps are kept, which rows are left out, and tables of several clocks.
+"""The rows of all formats: which stamps are kept, which rows are left out, and tables over several clocks.
 
 Rows read = samples + the rows of each kind of loss. Rows without a stamp, rows that repeat one (the first is kept) and
 up to three rows in a row that are out of order are left out and counted; a clock that runs back for longer is refused.
@@ -29,6 +29,7 @@ LOSS_MESSAGES = {
     "outside": "rows lie outside from and to",
     "other-channel": "rows belong to channels that are not taken",
     "joined": "rows share the sample of another channel's row",
+    "no-overlap": "rows lie outside the time that all channels share",
 }
 ROW_CLASSES = ("kept", "no-stamp", "duplicate", "backward")
 MAX_BACKWARD_ROWS = 3  # rows in a row whose stamps go back
@@ -46,7 +47,7 @@ class Table:
 
 
 class TimestampCheck:
-    """The law over the stamps of one clock, batch by batch."""
+    """Classifies the rows of one clock by their stamps, batch by batch."""
 
     def __init__(self, place: RowLocator) -> None:
         self._place = place
@@ -55,17 +56,17 @@ class TimestampCheck:
         self._late: _BackwardRun | None = None  # that goes on where the next batch begins
 
     def classify_rows(self, time: Array, count: int) -> RowClasses:
-        """Return what becomes of the first ``count`` rows, by number in FATES; those after are only looked at.
+        """Return the class of each of the first ``count`` rows, by number in ROW_CLASSES; later rows only give context.
 
         Raises InputError, with its place, where the clock runs back or more than half of the stamps repeat.
         """
         first, self._row = self._row, self._row + count
-        fates = np.zeros(count, dtype=np.int8)
+        classes = np.zeros(count, dtype=np.int8)
         if not count:
-            return fates
+            return classes
         if max(self._highest, -MAX_MAGNITUDE) < time[0] and np.all(time[1:] > time[:-1]) and time[-1] <= MAX_MAGNITUDE:
             self._highest, self._late = float(time[count - 1]), None
-            return fates
+            return classes
         usable = np.abs(time) <= MAX_MAGNITUDE
         time = np.where(usable, time, np.nan)
         inline = usable & ~self._isolated_ahead(time)
@@ -75,8 +76,8 @@ class TimestampCheck:
         self._reject_backward_clock(same[:count], back[:count], before, time, first)
         self._highest = float(highest[count])
         for kind, mask in (("no-stamp", ~usable), ("duplicate", same), ("backward", back | (usable & ~inline))):
-            fates[mask[:count]] = ROW_CLASSES.index(kind)
-        return fates
+            classes[mask[:count]] = ROW_CLASSES.index(kind)
+        return classes
 
     def _isolated_ahead(self, time: Array) -> Mask:
         """Mark single stamps that run ahead of both stamps after them, which go on from the one before."""
@@ -96,7 +97,8 @@ class TimestampCheck:
         longest = max(runs, key=lambda run: run.length, default=None)
         if longest and (longest.length > MAX_BACKWARD_ROWS or len(runs) > max(MAX_BACKWARD_ROWS, 0.01 * back.size)):
             found = f"the time goes back from {longest.before:g} s to {longest.time:g} s"
-            mend = "a clock that starts anew makes another recording: cut the file there, or use skip_rows"
+            mend = "a clock that starts anew makes another recording: state part = 1 where the header stands again "
+            mend += "there, else cut the file there, or use skip_rows"
             raise InputError(self._place(longest.row), found, "rising time stamps", mend)
         if same.sum() > 0.5 * same.size > MAX_BACKWARD_ROWS:
             where, found = self._place(first + int(np.argmax(same))), "more than half of the time stamps repeat"
@@ -113,14 +115,14 @@ class _BackwardRun:
     time: float
 
 
-def count_losses(fates: RowClasses) -> Counter[str]:
+def count_losses(classes: RowClasses) -> Counter[str]:
     """Return how many rows were left out, by kind."""
-    counts = np.bincount(fates, minlength=len(ROW_CLASSES))
+    counts = np.bincount(classes, minlength=len(ROW_CLASSES))
     return Counter({kind: int(count) for kind, count in zip(ROW_CLASSES[1:], counts[1:], strict=True) if count})
 
 
 def loss_repairs(losses: Mapping[str, int]) -> list[Repair]:
-    """Return what the law left out, as repairs of the clock."""
+    """Return the rows that were left out, as repairs of the clock."""
     return [
         Repair("time", kind, losses[kind], f"{losses[kind]} {LOSS_MESSAGES[kind]}")
         for kind in ROW_CLASSES
@@ -128,36 +130,50 @@ def loss_repairs(losses: Mapping[str, int]) -> list[Repair]:
     ]
 
 
-def join_tables(tables: Sequence[Table], place: RowLocator) -> tuple[Table, Counter[str]]:
+def join_tables(tables: Sequence[Table], locate: RowLocator) -> tuple[Table, Counter[str]]:
     """Return one table over all stamps of ``tables``, NaN where a column has no row, and what became of the rows.
 
-    Tables of equal clocks are one table, its stamps as they are. Else the law holds in each of them, and its losses
-    are counted; ``joined`` are the rows that share a sample with a row of another table.
+    Tables of equal clocks are one table, its stamps as they are. Otherwise each clock is checked by itself, and its
+    losses are counted; ``joined`` are the rows that share a sample with a row of another table.
     """
-    if all(np.array_equal(table.time, tables[0].time, equal_nan=True) for table in tables[1:]):
+    if have_one_clock(tables):
         columns = {name: values for table in tables for name, values in table.columns.items()}
-        return Table(tables[0].time, columns, tables[0].rows), _count_shared_samples(tables, tables[0].rows.size)
-    kept, fates = zip(*(_drop_disordered_rows(table, place) for table in tables), strict=True)
-    of_row = np.full(max(int(table.rows.max(initial=-1)) for table in tables) + 1, len(ROW_CLASSES), dtype=np.int8)
-    for table, fate in zip(tables, fates, strict=True):  # a row that two tables share is lost where both leave it out
-        of_row[table.rows] = np.minimum(of_row[table.rows], fate)
+        return Table(tables[0].time, columns, tables[0].rows), count_joined_rows(tables, tables[0].rows.size)
+    kept, losses = drop_disordered(tables, locate)
     clock = np.unique(np.concatenate([table.time for table in kept]))
     columns = {name: _on_clock(clock, table.time, values) for table in kept for name, values in table.columns.items()}
-    losses = count_losses(of_row[of_row < len(ROW_CLASSES)]) + _count_shared_samples(kept, clock.size)
-    return Table(clock, columns, np.empty(0, dtype=np.intp)), losses
+    return Table(clock, columns, np.empty(0, dtype=np.intp)), losses + count_joined_rows(kept, clock.size)
 
 
-def _count_shared_samples(tables: Sequence[Table], samples: int) -> Counter[str]:
+def have_one_clock(tables: Sequence[Table]) -> bool:
+    """Return whether all tables have the same stamps."""
+    return all(np.array_equal(table.time, tables[0].time, equal_nan=True) for table in tables[1:])
+
+
+def drop_disordered(tables: Sequence[Table], locate: RowLocator) -> tuple[list[Table], Counter[str]]:
+    """Return each table without the rows that its clock leaves out, and how many rows of the file these are, by kind.
+
+    A row that several tables share is lost only where each of them leaves it out.
+    """
+    kept, classes = zip(*(_drop_disordered_rows(table, locate) for table in tables), strict=True)
+    of_row = np.full(max(int(table.rows.max(initial=-1)) for table in tables) + 1, len(ROW_CLASSES), dtype=np.int8)
+    for table, own in zip(tables, classes, strict=True):
+        of_row[table.rows] = np.minimum(of_row[table.rows], own)
+    return list(kept), count_losses(of_row[of_row < len(ROW_CLASSES)])
+
+
+def count_joined_rows(tables: Sequence[Table], samples: int) -> Counter[str]:
+    """Return how many rows of the file share one of ``samples`` with a row of another table."""
     rows = np.unique(np.concatenate([table.rows for table in tables])).size if len(tables) > 1 else samples
     return Counter({"joined": rows - samples} if rows > samples else {})
 
 
 def _drop_disordered_rows(table: Table, place: RowLocator) -> tuple[Table, RowClasses]:
-    fates = TimestampCheck(lambda row: place(int(table.rows[row]))).classify_rows(table.time, table.time.size)
-    keep = fates == 0
+    classes = TimestampCheck(lambda row: place(int(table.rows[row]))).classify_rows(table.time, table.time.size)
+    keep = classes == 0
     return Table(
         table.time[keep], {name: values[keep] for name, values in table.columns.items()}, table.rows[keep]
-    ), fates
+    ), classes
 
 
 def _on_clock(clock: Array, stamps: Array, values: Array) -> Array:

@@ -256,4 +256,26 @@ def quantisation_step(values: Array) -> float:
         narrow = gaps[gaps < 50 * step]  # wide gaps carry rounding errors
         if narrow.size >= 3 and np.all(np.abs(narrow / step - np.round(narrow / step)) < 0.02):
             return float(np.median(narrow / np.round(narrow / step)))
-    return 0.0
+    return _rounded_step(levels, gaps)
+
+
+MAX_ROUNDING = 0.3  # of a converter's step, to which its readings may be rounded where they are written
+MIN_SINGLE_STEPS = 8  # gaps of one step that tell it
+
+
+def _rounded_step(levels: Array, gaps: Array) -> float:
+    """Return the step of a converter whose readings are written with few digits; 0 where there is none.
+
+    Steps of 0.12875 written with two digits are gaps of 0.12 and 0.13: no level is a multiple of a step, but each is
+    one within the rounding.
+    """
+    single = gaps[gaps < 1.5 * gaps.min()] if gaps.size else gaps
+    rounding = float(np.ptp(single)) if single.size else 0.0
+    if single.size < MIN_SINGLE_STEPS or not 0.0 < rounding < MAX_ROUNDING * float(single.min()):
+        return 0.0
+    step = float(single.mean())
+    for _ in range(3):
+        count = np.round((levels - levels[0]) / step)
+        step = float(np.sum(count * (levels - levels[0])) / np.sum(count**2))
+    left = np.abs(levels - levels[0] - np.round((levels - levels[0]) / step) * step)
+    return step if float(left.max()) <= 1.001 * rounding else 0.0

@@ -73,6 +73,7 @@ def simulate(
         return _free_run(run, model, recording)
     if u is None:
         raise InputError("simulate", "no command", "u=..., in V, or recording=...")
+    _require_valve(run)
     kind = experiment or ("axis" if model.rig.has_cylinder else "valve")
     if kind not in EXPERIMENT_KINDS or not EXPERIMENT_KINDS[kind].valve:
         kinds = [name for name, one in EXPERIMENT_KINDS.items() if one.valve]
@@ -94,6 +95,14 @@ def simulate(
     ready = prepare(imagined, model.rig, None)
     inputs: dict[str, Any] = {name: signals[name] for name in INPUTS if name in signals}
     return _frame({"time": stamps} | inputs | simulate_outputs(model, ready), rotary=is_rotary(run.artifacts))
+
+
+def _require_valve(run: RunData) -> None:
+    """Raise InputError where no recording of the run has a valve that lets gas through: a command would do nothing."""
+    recordings = run.answer("ingest")["recordings"]
+    if not any(EXPERIMENT_KINDS[one["experiment"]].valve and not one["valve_shut"] for one in recordings):
+        found = "this run has no valve: its recordings are of friction, or of a valve that is shut"
+        raise InputError("simulate, u", found, "recording=..., or a run with a valve test or an axis", "leave out u")
 
 
 def _with_parameter_values(model: Model, values: Mapping[str, float]) -> Model:

@@ -71,6 +71,7 @@ def check(rig_check: RigCheck) -> Iterator[Finding]:
         yield from _command_direction(flow, rig_check.rig)
     for one in driven:
         if one.kind.vessel:
+            yield from _above_supply(one, rig_check)
             yield from _undersampled(one)
             yield from _settled_pressure(one, rig_check)
     yield from _implausible_areas(flows)
@@ -138,6 +139,19 @@ def _supply_below_chamber(flow: ChamberFlow, bench: RigCheck) -> Iterator[Findin
         found = f"p1 is charged at {format_in_display_unit(p, 'p1')} from a supply of {format_in_display_unit(supply, 'p_supply')}"
         mend = "check column, unit and reference in [signals] p_supply and p1"
         yield Finding("supply", "p_supply", flow.recording.name, found, mend)
+
+
+def _above_supply(one: Recording, bench: RigCheck) -> Iterator[Finding]:
+    """A vessel is filled to the stated supply at most."""
+    supply = bench.rig.supply_pressure
+    if supply is None or "p_supply" in one:
+        return
+    highest = float(np.nanpercentile(one["p1"], 99))
+    if highest - supply > _max_supply_difference(supply, bench):
+        reached, stated = format_in_display_unit(highest, "p1"), format_in_display_unit(supply, "p_supply")
+        found = f"p1 reaches {reached}, above the supply of {stated}"
+        mend = "check unit, scale and reference in [signals] p1, and [rig] supply_pressure"
+        yield Finding("supply", "p1", one.name, found, mend)
 
 
 def _max_supply_difference(supply: float, bench: RigCheck) -> float:

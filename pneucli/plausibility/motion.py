@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from pneucli.plausibility.blocks import Blocks, fit_linear, resolved_blocks
 from pneucli.plausibility.rig_check import T_QUANTILE, UNIT_SLIP_FACTOR, Finding, RigCheck, format_in_display_unit
+from pneucli.quantities import axis_unit
 from pneucli.recording import Recording
 
 Array = NDArray[np.float64]
@@ -21,12 +22,24 @@ def check(rig_check: RigCheck) -> Iterator[Finding]:
     """Yield findings of all recordings with a piston."""
     moved = [one for one in rig_check.recordings if "x" in one and one.kind.cylinder]
     for one in moved:
+        yield from _travel(one)
         yield from _stroke(one, rig_check)
         yield from _speed(one)
         for signal, order in (("v", 1), ("a", 2)):
             if signal in one and (found := resolved_blocks(one, "x", order)):
                 yield from _derivative(one, signal, order, found)
     yield from _motionless(moved, rig_check)
+
+
+MAX_STROKE = 12.0  # m: rodless cylinders end at 10 m
+
+
+def _travel(one: Recording) -> Iterator[Finding]:
+    """No cylinder is as long as a wrong unit makes it; an angle may turn for ever."""
+    low, high = np.nanpercentile(one["x"], (0.1, 99.9))
+    if high - low > MAX_STROKE and axis_unit("m") == "m":
+        found = f"x travels {high - low:.3g} m, further than any cylinder's stroke ({MAX_STROKE:.3g} m)"
+        yield Finding("unit", "x", one.name, found, "check unit and scale in [signals] x")
 
 
 def _stroke(one: Recording, bench: RigCheck) -> Iterator[Finding]:

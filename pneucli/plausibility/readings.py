@@ -30,6 +30,7 @@ def check(rig_check: RigCheck) -> Iterator[Finding]:
             if signal in one:
                 yield from _pressure(one, signal, rig_check)
         yield from _command(one)
+        yield from _flow(one)
         yield from _temperature(one, rig_check)
         yield from _supply(one, rig_check)
 
@@ -90,6 +91,15 @@ def _open_chamber(one: Recording, middle: float, ambient: float) -> Iterator[Fin
     else:
         mend = f'p1 and p2 swapped, or not chamber_2 = "open" in [[recordings]] {one.name}'
         yield Finding("swapped", "p2", one.name, found, mend)
+
+
+MAX_FLOW = 6.0  # kg/s: 5 cm^2, the bore of a one-inch port, at 50 bar and 293 K (A p 0.0404 / sqrt(T), choked)
+
+
+def _flow(one: Recording) -> Iterator[Finding]:
+    if "flow" in one and (most := float(np.nanmax(np.abs(one["flow"])))) > MAX_FLOW:
+        found = f"flow reaches {most:.3g} kg/s, more than any valve of a rig lets through ({MAX_FLOW:.3g} kg/s)"
+        yield Finding("unit", "flow", one.name, found, "check unit and scale in [signals] flow")
 
 
 def _command(one: Recording) -> Iterator[Finding]:

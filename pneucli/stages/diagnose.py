@@ -33,6 +33,7 @@ from pneucli.messages.progress import (
 from pneucli.messages.verdict import warning_text
 from pneucli.pipeline.context import Context
 from pneucli.pipeline.manifest import program_versions
+from pneucli.plausibility.repaired import REPAIRS
 from pneucli.simulate.model import Model
 from pneucli.stages import history
 from pneucli.stages.changes import compare_with_baseline, write_baseline
@@ -65,7 +66,7 @@ def run(context: Context) -> dict[str, Any]:
     context.progress(GIVEN_MODEL_PROGRESS, 0.2)
     fitted = [one.experiment for one in data.train]
     guess = guess_base_model(fitted, pipeline.rig, pipeline.valve)
-    implausible = bool(context.answers["ingest"]["plausibility"])
+    implausible = any(one["check"] not in REPAIRS for one in context.answers["ingest"]["plausibility"])
     data = replace(
         data,
         modelled_parts=guess.valve.covers,

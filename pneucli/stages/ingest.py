@@ -18,9 +18,10 @@ from pneucli.gases import AIR
 from pneucli.io.artifacts import Provenance, TableWriter, sha256_of
 from pneucli.io.cleaning import Cleaner
 from pneucli.io.multi_file import AdditionalFile, MultiFileRecording
+from pneucli.io.open_signals import open_signals
 from pneucli.io.raw_file import Channel, RawFile, Repair, missing_column
 from pneucli.io.recordings import SIGNALS_FILE, signals_schema
-from pneucli.io.signal_reader import SignalReader, open_signals
+from pneucli.io.signal_reader import SignalReader
 from pneucli.io.timestamp_order import LOSS_MESSAGES
 from pneucli.messages.ingest import repair_location
 from pneucli.noise import NoiseModel, detect_jumps, estimate_noise, jump_free_segments, pool_noise
@@ -37,6 +38,7 @@ MIN_PERIOD, MAX_PERIOD = 1e-9, 1e6  # s, of a sampling period
 WARNING_REPAIRS = (
     *("frozen", "saturated", "spike", "gap", "no-stamp", "backward", "duplicate", "truncated"),
     *("vacuum", "cut-number", "empty", "reader", "unit"),
+    *("mark", "roll-over", "jumps", "held", "spread", "counter", "matlab-object", "header-again"),
 )
 
 Array = NDArray[np.float64]
@@ -49,9 +51,9 @@ def run(context: Context) -> dict[str, Any]:
     """
     config = context.config
     found = recording_sources(config)
-    opened = [_open(source, config) for source in found]
+    opened = [open_recording(source, config) for source in found]
     done = [
-        IngestedRecording(source, *_recorded_signals(source, file)) for source, file in zip(found, opened, strict=True)
+        IngestedRecording(source, *recorded_signals(source, file)) for source, file in zip(found, opened, strict=True)
     ]
     names = {name for one in done for name in one.signals}
     with ThreadPoolExecutor(2) as threads:
@@ -68,7 +70,7 @@ def run(context: Context) -> dict[str, Any]:
             writer.add_inputs(about)
     _pool_noise(done)
     write_tables(context.out, done, about)
-    return _answer(config, done) | inspect_signals(context, found)
+    return _answer(config, done) | inspect_signals(context, done)
 
 
 def _progress_at(progress: Progress, fraction: float) -> Callable[[str], None]:
@@ -82,7 +84,7 @@ def _dropped_rows_message(one: dict[str, Any]) -> str:
     return f"{one['name']}: of {one['rows_read']} rows {one['samples']} became samples: {kinds}"
 
 
-def _open(source: RecordingSource, config: PipelineConfig) -> SignalReader | MultiFileRecording:
+def open_recording(source: RecordingSource, config: PipelineConfig) -> SignalReader | MultiFileRecording:
     """Open the files of a recording; raises InputError where one of them, or a required signal, is not there."""
     required = frozenset({"time"}) if source.additional_files else source.required
     first = open_signals(_raw_file(source.path, source.table, source.signals, required, config))
@@ -116,6 +118,7 @@ def _raw_file(
         thousands=table.thousands,
         encoding=table.encoding,
         skip_rows=table.skip_rows,
+        part=table.part,
         ambient=rig.ambient_pressure,
     )
 
@@ -127,6 +130,7 @@ def _channel(signal: SignalTable, unit: str, rig: Rig) -> Channel:
     above = rig.ambient_pressure if signal.gauge else 0.0
     where = (signal.where.column, signal.where.equals) if signal.where else None
     plain = signal.unit is None and signal.expression is None and (signal.scale, signal.offset) == (1.0, 0.0)
+    clock = signal.clock
     return Channel(
         signal.column or 0,
         factor * signal.scale,
@@ -137,10 +141,13 @@ def _channel(signal: SignalTable, unit: str, rig: Rig) -> Channel:
         signal.expression,
         unit=signal.unit if signal.scale == 1.0 else None,
         si=unit if plain else None,
+        clock=None if clock is None else Channel(clock.column, unit=clock.unit),
+        hold=signal.hold,
+        missing=None if signal.missing is None else tuple(signal.missing),
     )
 
 
-def _recorded_signals(source: RecordingSource, file: SignalReader | MultiFileRecording) -> tuple[list[str], set[str]]:
+def recorded_signals(source: RecordingSource, file: SignalReader | MultiFileRecording) -> tuple[list[str], set[str]]:
     """Return the signals of a recording, and which of them have columns.
 
     Raises InputError where the experiment cannot do without another one.

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import glob
 import os
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from importlib.resources import files
 from pathlib import Path
 from typing import Any
@@ -23,7 +23,10 @@ from pneucli.init.file_groups import (
     natural_sort_key,
     pressure_references,
 )
-from pneucli.init.survey import Guess, Survey, survey_file
+from pneucli.init.questions import Question, values_of, with_values
+from pneucli.init.questions import questions as asked_questions
+from pneucli.init.survey import survey_parts
+from pneucli.init.survey_types import Guess, Survey
 from pneucli.init.writer import References, fields_to_fill_in, pipeline_text, toml_string
 from pneucli.io.artifacts import atomic_path
 from pneucli.io.raw_file import RawFile
@@ -44,12 +47,15 @@ def create(directory: Path, raw: Sequence[Path] = (), **stated: Any) -> dict[str
         raise InputError(str(target), "exists already", "a new folder", "choose another folder, or move the file away")
     left: list[str] = []
     surveys = [*_survey_files(raw, stated, left)]
-    together = join_single_signal_files(surveys)
-    found = [together] if together else group_files(surveys)
     if left and not surveys:
-        found_there = f"no recording among {len(left)} files: {left[0]}"
-        raise InputError(str(raw[0]), found_there, "files of recorded numbers", "name them")
+        more = f" (and {len(left) - 1} more files)" if len(left) > 1 else ""
+        raise InputError(
+            str(raw[0]), f"no recording in {left[0]}{more}", "files of recorded numbers", "export them as CSV"
+        )
+    together = join_single_signal_files(surveys)
+    found = _recordings([together] if together else group_files(surveys), left)
     content = _from_raw(directory, found) if raw else _example(directory)
+    content = "\n".join([content, *(f"# left out: {one}" for one in left)]) + "\n" * bool(left)
     content = f"{DIRECTIVE}\n{content}"
     told = pressure_references(found)
     with atomic_path(target) as temporary:
@@ -69,6 +75,22 @@ def create(directory: Path, raw: Sequence[Path] = (), **stated: Any) -> dict[str
     }
 
 
+def questions(waiting: Sequence[Mapping[str, Any]]) -> list[Question]:
+    """Return what is to be asked for the fields that wait, as :func:`create` returns them under ``fill_in``."""
+    return asked_questions([str(one["key"]) for one in waiting])
+
+
+def fill_in(path: Path, answers: Mapping[str, str]) -> dict[str, Any]:
+    """Write answers to :func:`questions` into the pipeline file; return what still waits, as :func:`create` does.
+
+    Raises InputError where an answer is no quantity of its kind.
+    """
+    content = with_values(path.read_text(encoding="utf-8"), values_of(answers))
+    with atomic_path(path) as temporary:
+        temporary.write_text(content, encoding="utf-8")
+    return {"fill_in": [{"line": line, "key": key} for line, key in fields_to_fill_in(content)]}
+
+
 def _survey_files(raw: Sequence[Path], stated: dict[str, Any], left: list[str]) -> Iterator[Survey]:
     """Yield the files that are meant, each once: those of folders and of globs, which not every shell fills in.
 
@@ -85,9 +107,9 @@ def _survey_files(raw: Sequence[Path], stated: dict[str, Any], left: list[str]) 
                 continue
             seen.add(one)
             try:
-                yield survey_file(RawFile(one, {}, **stated))
+                yield from survey_parts(RawFile(one, {}, **stated))
             except InputError as error:
-                if len(inside) < 2:
+                if len(inside) < 2 and len(hits) < 2 and len(raw) < 2:
                     raise
                 left.append(f"{one.name}: {error.found}")
 
@@ -97,13 +119,18 @@ def _example(directory: Path) -> str:
     return found.replace('"my-rig"', toml_string(directory.resolve().name), 1)
 
 
-def _from_raw(directory: Path, found: Sequence[FileGroup]) -> str:
+def _recordings(found: Sequence[FileGroup], left: list[str]) -> Sequence[FileGroup]:
+    """Return the groups that have a pressure or a position, or all where none has; the others are said in ``left``."""
+    usable = [one for one in found if one.signals.keys() & {"p1", "x"}]
+    if not usable:
+        return found
     for kind in found:
-        if not kind.signals.keys() & {"p1", "x"}:
-            listed = ", ".join(f'"{one.column.name or one.column.key}"' for one in kind.unused)
-            wanted = "a pressure or a position, by a name such as p1 or pos, or by a unit such as [bar] or [mm]"
-            mend = f"name them in the file, or describe them by hand in [signals]; columns: {listed}"
-            raise InputError(str(kind.surveys[0].path), "no column looks like a pressure or a position", wanted, mend)
+        if kind not in usable:
+            left += [f"{one.path.name}: no column looks like a pressure or a position" for one in kind.surveys]
+    return usable
+
+
+def _from_raw(directory: Path, found: Sequence[FileGroup]) -> str:
     return pipeline_text(directory, found, [guess_experiment(kind) for kind in found], pressure_references(found))
 
 

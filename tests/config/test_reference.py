@@ -44,7 +44,11 @@ def placed(key: Key) -> dict[str, Any]:
         first["more"] = [further | ({"offset": "find"} if key.name == "match" else {})]
     elif key.table.startswith("signals.NAME"):
         column = {} if key.name == "expression" else {"column": "c"}
-        signal = {"where": {"column": "c", "equals": 1, key.name: value}} if "where" in key.table else {key.name: value}
+        inner = {
+            "signals.NAME.where": {"where": {"column": "c", "equals": 1, key.name: value}},
+            "signals.NAME.time": {"time": {"column": "c", key.name: value}},
+        }
+        signal = inner.get(key.table, {key.name: value})
         document["signals"] = {"p1": column | signal}
     elif key.table == "model.parameters.NAME":
         document["model"] = {"parameters": {"friction.viscous": {key.name: value}}}

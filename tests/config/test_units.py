@@ -8,7 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from pneucli.errors import UnitError
-from pneucli.units import factor_and_offset, parse_quantity, parse_unit, same_dimension
+from pneucli.units import factor_and_offset, parse_quantity, parse_scaled_unit, parse_unit, same_dimension
 
 WITNESS = pint.UnitRegistry()
 
@@ -60,7 +60,13 @@ def test_absolute_units_do_not(unit: str) -> None:
 @given(st.floats(-1e9, 1e9))
 def test_a_bare_number_is_si(number: float) -> None:
     assert parse_quantity(number, "Pa") == number
-    assert parse_quantity(repr(number), "Pa") == number
+    assert parse_quantity(repr(number), "1") == number
+
+
+@pytest.mark.parametrize("unit", ["m", "Pa", "V", "s", "m^2", "K"])
+def test_a_text_without_its_unit_is_refused(unit: str) -> None:
+    with pytest.raises(UnitError, match=f'"250" has no unit; wanted a quantity such as "1 {unit}"'.replace("^", ".")):
+        parse_quantity("250", unit)
 
 
 @given(st.floats(-1e6, 1e6), st.sampled_from(["bar", "kPa", "psi", "mbar"]))
@@ -130,3 +136,71 @@ def test_a_flow_of_air_as_a_volume_is_a_mass(unit: str, density: float) -> None:
 def test_only_volumes_have_a_standard_state() -> None:
     with pytest.raises(UnitError, match="no volume"):
         parse_unit("kg/s ANR")
+
+
+@pytest.mark.parametrize(
+    ("spelling", "unit"),
+    [
+        *((one, "psi") for one in ("Psi", "PSI")),
+        *((one, "kPa") for one in ("KPa", "kpa", "KPA", "kilopascals")),
+        *((one, "bar") for one in ("Bar", "BAR")),
+        *((one, "mbar") for one in ("mBar", "MBAR", "millibar")),
+        *((one, "MPa") for one in ("MPA", "mpa", "Mpa")),
+        *((one, "V") for one in ("Volt", "volts", "Volt(s)", "v")),
+        *((one, "s") for one in ("sec", "secs", "seconds", "Second(s)", "SEC")),
+        *((one, "ms") for one in ("msec", "mSec", "milliseconds", "MS")),
+        *((one, "us") for one in ("usec", "microseconds")),
+        *((one, "mm") for one in ("MM", "millimeters", "millimetre")),
+        *((one, "in") for one in ("inch", "inches", "Inch(es)".replace("(es)", ""))),
+        *((one, "deg") for one in ("degree", "degrees", "Deg")),
+        *((one, "degC") for one in ("Celsius", "deg C", "° C", "Deg. C", "degrees C")),
+        *((one, "N") for one in ("Newton", "Newton(s)", "newtons")),
+        *((one, "Nl/min") for one in ("slpm", "SLPM", "ln/min")),
+        *((one, "l/min") for one in ("LPM", "L/min", "L/MIN")),
+        *((one, "rpm") for one in ("RPM", "U/min")),
+    ],
+)
+def test_units_are_read_however_they_are_spelled(spelling: str, unit: str) -> None:
+    assert parse_unit(spelling) == parse_unit(unit)
+
+
+@pytest.mark.parametrize(
+    ("unit", "pascals"),
+    [
+        *(("cmH2O", 98.0665), ("mm H2O", 9.80665), ("inH2O", 249.08891), ("inches of water", 249.08891)),
+        *(("mWC", 9806.65), ("daPa", 10.0), ("inHg", 3386.38864), ("PSIG", 6894.757293)),
+    ],
+)
+def test_columns_of_water_and_mercury(unit: str, pascals: float) -> None:
+    assert parse_unit(unit).factor == pytest.approx(pascals, rel=1e-8)
+
+
+@pytest.mark.parametrize("text", ["counts", "Count", "ticks", "ADC", "raw", "encoder counts", "LSB"])
+def test_counts_are_no_unit(text: str) -> None:
+    with pytest.raises(UnitError, match="counts and no unit; state what one count is"):
+        parse_unit(text)
+
+
+@pytest.mark.parametrize(
+    ("text", "found"),
+    [
+        ("0.1 mm", ("mm", 0.1, True)),
+        ("1/10 bar", ("bar", 0.1, True)),
+        ("10^-3 V", ("V", 1e-3, True)),
+        ("10 kPa", ("kPa", 10.0, True)),
+        ("bar x 100", ("bar", 0.01, False)),
+        ("bar*10", ("bar", 0.1, False)),
+        ("m/s^2", ("m/s^2", 1.0, True)),
+        ("m/s2", ("m/s2", 1.0, True)),
+    ],
+)
+def test_factors_beside_units(text: str, found: tuple[str, float, bool]) -> None:
+    unit, scale, certain = parse_scaled_unit(text)
+    assert (unit, certain) == found[::2]
+    assert scale == pytest.approx(found[1])
+
+
+@pytest.mark.parametrize("text", ["x 100", "10", "foo x 10", "bar x 0"])
+def test_a_factor_alone_is_no_unit(text: str) -> None:
+    with pytest.raises(UnitError):
+        parse_scaled_unit(text)

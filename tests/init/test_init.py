@@ -1,5 +1,6 @@
 """``init``: an example that is valid; from raw files a pipeline that says what was seen, and what people must add."""
 
+import tomllib
 from pathlib import Path
 
 import numpy as np
@@ -13,6 +14,7 @@ from pneucli.init.survey import Column, Survey, survey_file
 from pneucli.io.raw_file import RawFile
 from pneucli.pipeline.context import Context
 from pneucli.stages import ingest, init
+from pneucli.units import parse_quantity
 
 T = np.arange(600) * 0.01
 
@@ -229,10 +231,49 @@ def test_without_a_clock_the_rate_is_asked_for_or_found(tmp_path: Path) -> None:
     assert line(found, "time").startswith('time = { expression = "row / 500" }')
 
 
-def test_what_no_experiment_can_use_is_refused_in_a_sentence(tmp_path: Path) -> None:
-    with pytest.raises(InputError, match=r'looks like a pressure or a position\n.*\n.*columns: "when", "gain"'):
-        init.create(tmp_path / "rig", [write(tmp_path / "a.csv", {"when": T, "gain": T % 1})])
-    assert not (tmp_path / "rig").exists()
+def test_init_ends_with_a_file_to_edit_where_no_column_is_recognised(tmp_path: Path) -> None:
+    answer = init.create(tmp_path / "rig", [write(tmp_path / "a.csv", {"when": T, "gain": T % 1})])
+    text = "\n".join(lines_of(answer))
+    assert 'p1 = { column = "?"' in text
+    assert '# not taken: column "gain"' in text
+    assert "signals.p1" in [one["key"] for one in answer["fill_in"]]
+
+
+def test_one_bad_file_stops_no_others_and_is_listed(tmp_path: Path) -> None:
+    good = write(tmp_path / "a.csv", {"t [s]": T, "u [V]": T % 3, "p1 [bar]": 1.013 + T})
+    bad = tmp_path / "b.csv"
+    bad.write_text("nothing\nto\nread\n", encoding="utf-8")
+    answer = init.create(tmp_path / "rig", [good, bad])
+    assert [one["files"] for one in answer["recordings"]] == [1]
+    assert answer["left_out"][0].startswith("b.csv: ")
+    assert "# left out: b.csv" in "\n".join(lines_of(answer))
+
+
+def test_answers_become_areas_and_lengths(tmp_path: Path) -> None:
+    raw = write(tmp_path / "a.csv", {"t [s]": T, "u [V]": T % 3, "p1 [bar]": 1.013 + T, "x [mm]": 50 * np.sin(T)})
+    answer = init.create(tmp_path / "rig", [raw])
+    asked = [name for name, _, _ in init.questions(answer["fill_in"])]
+    assert asked == ["rig.supply_pressure", "bore", "rod", "rig.cylinder.stroke"]
+    path = Path(answer["pipeline"])
+    left = init.fill_in(path, {"rig.supply_pressure": "7 bar", "bore": "32 mm", "rod": "12 mm"})
+    cylinder = tomllib.loads(path.read_text(encoding="utf-8"))["rig"]["cylinder"]
+    assert parse_quantity(cylinder["piston_area_1"], "m^2") == pytest.approx(np.pi / 4 * 0.032**2, rel=1e-5)
+    assert parse_quantity(cylinder["piston_area_2"], "m^2") == pytest.approx(
+        np.pi / 4 * (0.032**2 - 0.012**2), rel=1e-5
+    )
+    assert "rig.cylinder.stroke" in [one["key"] for one in left["fill_in"]]
+
+
+@pytest.mark.parametrize(
+    "answers", [{"bore": "32"}, {"bore": "12 mm", "rod": "32 mm"}, {"rig.supply_pressure": "7 mm"}]
+)
+def test_an_answer_that_is_none_is_refused(answers: dict[str, str], tmp_path: Path) -> None:
+    raw = write(tmp_path / "a.csv", {"t [s]": T, "u [V]": T % 3, "p1 [bar]": 1.013 + T, "x [mm]": 50 * np.sin(T)})
+    path = Path(init.create(tmp_path / "rig", [raw])["pipeline"])
+    before = path.read_text(encoding="utf-8")
+    with pytest.raises(InputError):
+        init.fill_in(path, answers)
+    assert path.read_text(encoding="utf-8") == before
 
 
 def test_how_a_text_is_written_may_be_said(tmp_path: Path) -> None:

@@ -233,3 +233,15 @@ def test_exact_multiples_of_a_step_have_no_noise_below_rounding() -> None:
     found = estimate_noise(time, np.round(300.0 * np.sin(2 * np.pi * 0.5 * time)))
     assert found.step == pytest.approx(1.0)
     assert found.white < 0.6
+
+
+@pytest.mark.parametrize("step", [0.12875, 0.1893, 0.3217])
+def test_a_converter_whose_readings_are_written_with_two_digits_has_its_step(step: float) -> None:
+    ramp = np.linspace(0.0, 5.0, 1200) + 0.4 * step * np.random.default_rng(3).standard_normal(1200)
+    written = np.round(np.round(ramp / step) * step, 2)
+    assert quantisation_step(written) == pytest.approx(step, rel=0.01)
+
+
+def test_noise_without_steps_has_none() -> None:
+    rng = np.random.default_rng(4)
+    assert [quantisation_step(np.cumsum(rng.standard_normal(400))) for _ in range(20)] == [0.0] * 20

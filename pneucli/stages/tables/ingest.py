@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 from collections import Counter
-from collections.abc import Iterable
+from collections.abc import Sequence
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from typing import Any
@@ -19,6 +19,7 @@ from pneucli.io.timestamp_order import LOSS_MESSAGES
 from pneucli.noise import NoiseModel
 from pneucli.pipeline.context import Context
 from pneucli.plausibility import findings, summarize_signal, without_empty_signals
+from pneucli.plausibility.repaired import repair_findings
 from pneucli.quantities import SIGNALS
 
 
@@ -97,14 +98,18 @@ def loss_column(kind: str) -> str:
     return kind.replace("-", "_")
 
 
-def inspect_signals(context: Context, sources: Iterable[RecordingSource]) -> dict[str, Any]:
-    """Return ``looks`` and ``plausibility`` of the answer: what signals look like, and what cannot be true of them."""
+def inspect_signals(context: Context, done: Sequence[IngestedRecording]) -> dict[str, Any]:
+    """Return ``looks`` and ``plausibility`` of the answer.
+
+    What signals look like, what cannot be true of them, and what was repaired that bears on what they say.
+    """
     context.progress("looking at what was read", 1.0)
     recordings = load_recordings(context.out)
     looks = {
         one.name: {name: asdict(summarize_signal(one, name)) for name in without_empty_signals(one).signals}
         for one in recordings
     }
-    stated = {source.name: source.table.held_constant.keys() for source in sources}
-    found = findings(recordings, context.config.to_rig(), stated)
+    stated = {one.source.name: one.source.table.held_constant.keys() for one in done}
+    repairs = [(one.source.name, r.signal, r.kind, r.message) for one in done for r in one.repairs]
+    found = [*findings(recordings, context.config.to_rig(), stated), *repair_findings(repairs)]
     return {"looks": looks, "plausibility": [asdict(finding) for finding in found]}

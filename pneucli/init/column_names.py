@@ -1,0 +1,183 @@
+"""Part of ``init``: what the name and the unit of a column say of it.
+
+A name is cut into words. A noun says the quantity (``Kolbenweg`` a position), other words which one of its kind
+(``Soll`` a reference, ``source`` the supply); a unit alone says the quantity too.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+
+from pneucli.init.survey_types import Column
+from pneucli.io.file_units import read_unit
+from pneucli.io.text_sniffer import is_unit
+from pneucli.units import same_dimension
+
+# whole words, or with a hyphen before or behind them the ends of words; most telling first
+NOUNS: dict[str, str] = {
+    "time": "t time- -time zeit -zeit uhrzeit temps tiempo tempo tijd timestamp clock uhr stamp datetime elapsed czas "
+    "tout",
+    "pressure": "p pa pb ps p0 press- -pressure druck -druck druck- pression presion pressione druk cisnienie",
+    "force": "f force- -force kraft- -kraft fuerza effort kracht forza load- cell torque -moment moment tau",
+    "position": "x q y s qm qg pos position- -position weg- -weg hub -hub stroke displacement- laser lvdt encoder "
+    "angle -winkel winkel- theta phi deplacement course posicion desplazamiento spostamento verplaatsing",
+    "velocity": "v vel velocity- speed- geschw- -geschwindigkeit vitesse velocidad velocita omega dq qd xd rpm",
+    "acceleration": "a acc accel- -beschleunigung beschleunigung- acceleracion aceleracion",
+    "temperature": "temp temperature- -temperature temperatur- -temperatur temperatura temperature",
+    "command": "u cmd command- valve- -valve ventil- -ventil voltage spannung stell- control- duty pwm vanne valvula "
+    "ansteuer- drive- volt input pump- relay- solenoid- magnet- switch-",
+    "flow": "flow- -flow durchfluss- volumenstrom massenstrom mdot debit caudal portata",
+}
+_COMMANDED = "cmd command- control-"
+ANGLES = "angle winkel- -winkel theta phi q"
+SUPPLY = "s ps supply- source- versorgung- speise- netz- rail- compressor- kompressor- line pump- p0 alimentation"
+_TANK = "tank- kessel- reservoir- vessel- behalter- accumulator"
+_REFERENCE = "ref soll- -soll reference- set setpoint- target- desired des goal- qg sollwert demand consigne"
+_FIRST = "1 a pa i one first links left vorn front cap blind bottom boden kolbenseite head extend"
+_SECOND = "2 b pb ii two second rechts right hinten rear rod stange- ring- stangenseite retract"
+_DERIVED = "filt- smooth- mean avg average glatt- est- calc- model- sim- raw adc"  # made of another column
+ABSOLUTE, GAUGE = "abs absolut absolute", "gauge rel relativ relative uberdruck"
+
+_KINDS = {
+    "s": "time",
+    "Pa": "pressure",
+    "m": "position",
+    "m/s": "velocity",
+    "m/s^2": "acceleration",
+    "N": "force",
+    "N m": "force",
+    "rad/s": "velocity",
+    "rad/s^2": "acceleration",
+    "K": "temperature",
+    "V": "command",
+    "A": "command",
+    "kg/s": "flow",
+    "m^3/s": "flow",
+}
+_ANGLE = re.compile("m?rad|deg|°")
+_PLAIN = str.maketrans("äöüéèó", "aoueeo")
+_MARKED = re.compile(r"^(.*?)\s*[\[(<{]\s*([^\])>}]*)\s*[\])>}]\s*$|^(.+?)\s+in\s+(\S+)$|^(.+?),\s*(\S+)$")
+_SUFFIX = re.compile(r"^(.+)_([^_\s]+)$")
+_NO_NAMES = ("data", "value", "values", "signal")  # last parts of paths that say nothing
+_WORDS_TOO = ("in", "at", "min")  # units that are words of names more often: p_in is no pressure in inches
+_SLASH = re.compile(r"^([^/\[(<]+?)\s*/\s*([^/\d][^/]*)$")  # "p / bar", as standards write it
+
+
+@dataclass(frozen=True)
+class ColumnName:
+    """What a column's name says: its words, the unit at its end, and the quantities that its words may mean."""
+
+    words: tuple[str, ...]
+    unit: str
+
+    def has(self, vocabulary: str) -> bool:
+        """Whether one of the words is in a vocabulary."""
+        return any(_matches(word, self.words) for word in vocabulary.split())
+
+    @property
+    def nouns(self) -> list[str]:
+        """The quantities that the words may mean, but for time."""
+        return [kind for kind, words in NOUNS.items() if kind != "time" and self.has(words)]
+
+    @property
+    def kind(self) -> str:
+        """The quantity, by unit and noun; empty where they contradict each other, or say nothing."""
+        nouns, by_unit = self.nouns, quantity_kind(self.unit)
+        if not self.unit:
+            return next(iter(nouns), "")
+        if by_unit in nouns or not nouns:
+            return by_unit
+        return "command" if nouns == ["command"] and by_unit not in ("pressure", "position", "flow") else ""
+
+
+def quantity_kind(unit: str) -> str:
+    """Return the kind of quantity that a unit measures; empty where there is none that a rig records."""
+    if _ANGLE.fullmatch(unit):
+        return "position"
+    return (
+        ""
+        if not unit or same_dimension(unit, "1")
+        else next((kind for base, kind in _KINDS.items() if same_dimension(unit, base)), "")
+    )
+
+
+def signal_scores(name: ColumnName) -> Iterator[tuple[str, float]]:
+    """Yield the signals that a name may mean, and how well it fits."""
+    kind, nouns = name.kind, name.nouns
+    sure = 1.0 + bool(nouns) - 0.5 * name.has(_DERIVED)
+    is_reference = name.has(_REFERENCE) or ("command" in nouns and kind != "command" and name.has(_COMMANDED))
+    second = name.has(_SECOND)
+    if kind == "pressure":
+        yield from ([("p_ref", sure + 1.0)] if is_reference else _pressure_scores(name, sure))
+    elif kind == "position":
+        yield "x_ref" if is_reference else "x", sure
+    elif kind == "command" and nouns:  # volts alone may be any sensor's
+        yield "u", sure - second
+        yield "u2", sure - (not second)
+    elif kind not in ("", "time", "command"):  # volts alone may be any sensor's
+        yield {"velocity": "v", "acceleration": "a"}.get(kind, kind), sure
+
+
+def _pressure_scores(name: ColumnName, sure: float) -> Iterator[tuple[str, float]]:
+    """Yield how well a pressure's name fits each place; one that says no place is a chamber's."""
+    if name.has(SUPPLY):
+        yield "p_supply", sure + 1.0
+    elif name.has(_TANK):
+        yield "p_supply", sure + 0.6
+        yield "p1", sure
+    elif name.has(_SECOND):
+        yield "p2", sure + 0.8
+    else:
+        yield "p1", sure + (0.8 if name.has(_FIRST) else 0.1)
+        yield "p2", sure
+
+
+def read_name(column: Column, is_text: bool) -> ColumnName:
+    """Return what the name of a column says; ``is_text``: whether a slash before a unit divides."""
+    stem, unit, sure = _stem_and_unit(column.name, is_text)
+    if column.written and not column.unit:
+        return ColumnName(_words(f"{stem} {column.written}"), "")
+    name = ColumnName(_words(stem), column.unit or unit)
+    if not sure and not column.unit and name.nouns and not name.kind:
+        return ColumnName(_words(f"{stem}_{unit}"), "")  # p_s is no pressure in seconds
+    return name
+
+
+def _words(stem: str) -> tuple[str, ...]:
+    plain = stem.translate(_PLAIN)
+    return tuple(part.lower() for part in re.findall(r"[A-Z]?[a-z]+|[A-Z]+(?![a-z])|\d+", plain))
+
+
+def _stem_and_unit(column: str, is_text: bool) -> tuple[str, str, bool]:
+    """Cut ``"P1 [bar]"``, ``"t in ms"``, ``"p / bar"`` or ``"time_s"`` in two, and say whether it is surely a unit.
+
+    The unit is empty where the end of the name is none.
+    """
+    name = column.strip()
+    for pattern in (_SLASH, _MARKED, _SUFFIX) if is_text else (_MARKED, _SUFFIX):
+        if match := pattern.match(name):
+            stem, unit = (part for part in match.groups() if part is not None)
+            if is_unit(unit) and not unit.isdigit():
+                sure = pattern is not _SUFFIX or unit == "V" or (len(unit) > 1 and unit.lower() not in _WORDS_TOO)
+                return stem, unit, sure
+            if pattern is _MARKED:
+                return stem if read_unit(unit).unit else f"{stem} {unit}", "", True
+    return _telling_part(name), "", True
+
+
+def _telling_part(name: str) -> str:
+    """Return the last part of a path, or the one before where the last is a word such as ``data``."""
+    parts = [part for part in re.split(r"/(?![^\[(]*[\])])", name) if part]
+    while len(parts) > 1 and parts[-1].lower() in _NO_NAMES:
+        parts.pop()
+    return parts[-1] if parts else name
+
+
+def _matches(word: str, words: Sequence[str]) -> bool:
+    if word.startswith("-"):
+        return any(one.endswith(word[1:]) for one in words)
+    if word.endswith("-"):
+        return any(one.startswith(word[:-1]) for one in words)
+    return word in words

@@ -1,0 +1,72 @@
+"""Part of ``init``: what raw files cannot tell is asked, and written into the pipeline file."""
+
+from __future__ import annotations
+
+import math
+import re
+from collections.abc import Collection, Mapping
+
+from pneucli.errors import InputError, UnitError
+from pneucli.units import parse_quantity
+
+Question = tuple[str, str, str]  # name, text, example
+
+BORE, ROD = "bore", "rod"
+_AREAS = ("rig.cylinder.piston_area_1", "rig.cylinder.piston_area_2")
+_ASKED = {  # by key of the pipeline file: what is asked, an example, and the unit that it has to measure
+    "rig.supply_pressure": ("supply pressure before the valve, absolute", "7 bar", "Pa"),
+    "rig.vessel.volume": ("volume of the vessel that is filled", "0.4 l", "m^3"),
+    BORE: ("bore of the cylinder", "32 mm", "m"),
+    ROD: ("diameter of the rod, 0 mm where there is none in chamber 2", "12 mm", "m"),
+    "rig.cylinder.stroke": ("stroke of the cylinder", "200 mm", "m"),
+}
+
+
+def questions(keys: Collection[str]) -> list[Question]:
+    """Return what is to be asked so that the ``keys`` that wait are filled in; areas follow from bore and rod."""
+    asked = []
+    for name, (text, example, _) in _ASKED.items():
+        wanted = {BORE: _AREAS[:1], ROD: _AREAS[1:]}.get(name, (name,))
+        if any(key in keys for key in wanted):
+            asked.append((name, text, example))
+    return asked
+
+
+def values_of(answers: Mapping[str, str]) -> dict[str, str]:
+    """Return the values of keys of the pipeline file, by key.
+
+    Raises InputError where an answer is no quantity of its kind, or the rod is thicker than the bore.
+    """
+    found = {name: text for name, text in answers.items() if name not in (BORE, ROD)}
+    sizes = {name: _size(name, text) for name, text in answers.items()}
+    if BORE in sizes:
+        area = math.pi / 4 * sizes[BORE] ** 2
+        found[_AREAS[0]] = f"{1e4 * area:.6g} cm^2"
+        if ROD in sizes:
+            if sizes[ROD] >= sizes[BORE]:
+                raise InputError("rod", f'"{answers[ROD]}"', f"less than the bore, {answers[BORE]}", "answer again")
+            found[_AREAS[1]] = f"{1e4 * (area - math.pi / 4 * sizes[ROD] ** 2):.6g} cm^2"
+    return found
+
+
+def _size(name: str, text: str) -> float:
+    unit = _ASKED[name][2]
+    try:
+        size = parse_quantity(text, unit)
+    except UnitError as error:
+        raise InputError(name, str(error), f"such as {_ASKED[name][1]}", "answer again") from error
+    if size < 0.0 or (size == 0.0 and name != ROD):
+        raise InputError(name, f'"{text}"', f"such as {_ASKED[name][1]}", "answer again")
+    return size
+
+
+def with_values(text: str, values: Mapping[str, str]) -> str:
+    """Return the text of a pipeline file with the values of keys that wait with a ``?``."""
+    table, lines = "", []
+    for line in text.splitlines():
+        if header := re.match(r"\[+([\w.]+)\]+", line):
+            table = header[1]
+        key = f"{table}.{line.split('=')[0].strip()}"
+        waits = key in values and "?" in line.split("  #")[0]
+        lines.append(re.sub(r'"[^"]*\?[^"]*"', lambda _, k=key: f'"{values[k]}"', line, count=1) if waits else line)
+    return "\n".join(lines) + "\n"

@@ -1,0 +1,51 @@
+"""Feather and Arrow: read as a whole; only the wanted columns are read."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+import pyarrow as pa
+from pyarrow import feather
+
+from pneucli.io.column_reader import ColumnReader
+from pneucli.io.parquet import column_numbers
+from pneucli.io.raw_file import ColumnValues
+
+NAME = "Feather"
+
+
+def open_feather(path: Path) -> ColumnReader:
+    """List the columns of numbers and of times, with the units that their metadata say."""
+    schema = _schema(path)
+    fields = [field for field in schema if _is_numeric(field.type)]
+    units = [(field.metadata or {}).get(b"unit", b"").decode(errors="replace") for field in fields]
+
+    def fetch(wanted: Sequence[str]) -> list[ColumnValues]:
+        table = feather.read_table(path, columns=list(wanted))
+        return [column_numbers(table[name].combine_chunks()) for name in wanted]
+
+    said = {number: unit for number, unit in enumerate(units) if unit}
+    return ColumnReader(path, NAME, [field.name for field in fields], fetch, said)
+
+
+def _schema(path: Path) -> Any:
+    with path.open("rb") as file:
+        is_new = file.read(6) == b"ARROW1"
+    if is_new:
+        with pa.memory_map(str(path)) as source:
+            return pa.ipc.open_file(source).schema
+    return feather.read_table(path, memory_map=True).schema
+
+
+def _is_numeric(kind: Any) -> bool:
+    if pa.types.is_dictionary(kind):
+        kind = kind.value_type
+    return bool(
+        pa.types.is_integer(kind)
+        or pa.types.is_floating(kind)
+        or pa.types.is_temporal(kind)
+        or pa.types.is_boolean(kind)
+        or pa.types.is_decimal(kind)
+    )

@@ -1,0 +1,107 @@
+"""The units that raw files state: below the header, as a property, or in brackets in the name of a column."""
+
+from __future__ import annotations
+
+import re
+from dataclasses import dataclass, replace
+from math import isclose
+
+from pneucli.errors import InputError, UnitError
+from pneucli.io.raw_file import Channel, RawFile, Reader, Repair
+from pneucli.units import factor_and_offset, is_count, parse_scaled_unit, parse_unit, same_dimension
+
+_BRACKETED = re.compile(r"([\[(<])([^\[\](){}<>]*(?:\([^()]*\)[^\[\](){}<>]*)?)[\])>]\s*$")
+_UNIT_LIKE = re.compile(r"(?=.*[A-Za-zµ°%])[\w\s.,*/^·×²³⁻°%µ-]{1,24}")
+_WORDS = (
+    "abs absolute rel relative gauge filt filtered mean avg left right top bottom in out front rear soll ist set "
+    "actual first second upper lower main signal float double int value"
+)
+_NO_UNITS = frozenset(_WORDS.split())
+
+
+@dataclass(frozen=True)
+class WrittenUnit:
+    """A unit as a file writes it: the number in ``unit`` is ``scale`` times that of the column.
+
+    ``unit`` is empty where the text is none that is known; ``certain``: whether the text alone says the scale.
+    """
+
+    text: str
+    unit: str
+    scale: float = 1.0
+    certain: bool = True
+
+    @property
+    def is_plain(self) -> bool:
+        """Whether it is a known unit without a factor."""
+        return bool(self.unit) and self.scale == 1.0 and self.certain
+
+
+def unit_in_file(reader: Reader, place: int) -> WrittenUnit | None:
+    """Return the unit that a file states for its column; None where it states none."""
+    in_name = _BRACKETED.search(reader.names[place])
+    texts = [reader.units.get(place), in_name and in_name[2]]
+    found = [read_unit(text) for text in texts if text]
+    known = next((one for one in found if one.unit), None)
+    said = next((one for one in found if _is_stated(one.text, in_name)), None)
+    return known or said
+
+
+def read_unit(text: str) -> WrittenUnit:
+    """Return a unit as it is written, known or not."""
+    try:
+        unit, scale, certain = parse_scaled_unit(text)
+    except UnitError:
+        return WrittenUnit(text.strip(), "")
+    return WrittenUnit(text.strip(), unit, scale, certain)
+
+
+def _is_stated(text: str, in_name: re.Match[str] | None) -> bool:
+    """Return whether a text that is no known unit was meant as one: counts, or a short word where units stand."""
+    plain = text.strip()
+    if is_count(plain):
+        return True
+    rounded = in_name is not None and in_name[1] == "(" and in_name[2] == text
+    words = plain.lower().split()
+    if not words or any(word in _NO_UNITS for word in words) or (rounded and len(words) > 1):
+        return False
+    return _UNIT_LIKE.fullmatch(plain) is not None
+
+
+def with_unit_of_file(raw: RawFile, name: str, channel: Channel, place: int | None, reader: Reader) -> Channel:
+    """Return ``channel`` in the unit that the file states for its column, where the pipeline file states none.
+
+    Raises InputError where that unit is not known, or cannot be the signal's.
+    """
+    said = None if place is None else unit_in_file(reader, place)
+    if said is None or place is None or (channel.si is None and channel.unit is None):
+        return channel
+    where, column = f"{raw.path}, signal {name}", f'"{reader.names[place]}"'
+    if channel.unit is not None:
+        if said.unit and _differ(said, channel.unit):
+            message = f"the file says {said.text} of {column}; read in {channel.unit}, as stated"
+            reader.repairs.append(Repair(name, "unit", 1, message))
+        return channel
+    wanted = f"a unit such as {channel.si}"
+    if not said.unit:
+        found = f'the file says "{said.text}" of column {column}, which is no known unit'
+        mend = (
+            'state unit = "...", and scale = ... for what one count is' if is_count(said.text) else 'state unit = "..."'
+        )
+        raise InputError(where, found, wanted, mend)
+    if not said.certain:
+        found = f'the file says "{said.text}" of column {column}, a unit with a factor that may be meant either way'
+        raise InputError(
+            where, found, wanted, f'state unit = "{said.unit}" and scale = {said.scale:g} (or its inverse)'
+        )
+    if not same_dimension(said.unit, channel.si or ""):
+        found = f"the file says {said.text} of column {column}, and no unit is stated"
+        raise InputError(where, found, wanted, f'state unit = "...", with scale if {said.text} is right')
+    factor, offset = factor_and_offset(said.unit, 0.0 if channel.offset else raw.ambient, channel.si)
+    reader.repairs.append(Repair(name, "unit-said", 1, f"read in {said.text}, as the file says of {column}"))
+    return replace(channel, factor=factor * said.scale, offset=offset + channel.offset)
+
+
+def _differ(said: WrittenUnit, stated: str) -> bool:
+    factor = parse_unit(said.unit).factor * said.scale
+    return same_dimension(said.unit, stated) and not isclose(factor, parse_unit(stated).factor, rel_tol=1e-6)

@@ -1,0 +1,94 @@
+"""JSON: an object a line (JSON lines), a list of objects, or lists by name; columns by their paths."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterator, Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from pneucli.errors import InputError
+from pneucli.io.column_reader import ColumnReader
+from pneucli.io.damaged_files import check_expanded_size
+from pneucli.io.date_parsing import CalendarClock, is_date_or_time
+from pneucli.io.raw_file import ColumnValues
+
+NAME = "JSON"
+EXPANSION = 8  # bytes in memory for one of the text, at most: numbers of two digits become objects
+
+
+def open_json(path: Path) -> ColumnReader:
+    """List the columns; one whose values are texts of dates and times is read in seconds since the first of them."""
+    check_expanded_size(path, EXPANSION * path.stat().st_size)
+    columns = _columns(path)
+
+    def fetch(wanted: Sequence[str]) -> list[ColumnValues]:
+        return [columns[name] for name in wanted]
+
+    return ColumnReader(path, NAME, list(columns), fetch)
+
+
+def is_json(head: bytes) -> bool:
+    """Return whether the first bytes of a file begin JSON: an object or a list, and no text in brackets."""
+    start = head.lstrip(b"\xef\xbb\xbf \t\r\n")[:256].replace(b" ", b"").replace(b"\n", b"").replace(b"\r", b"")
+    return start.startswith((b'{"', b'[{"', b"[{}", b"{}"))
+
+
+def _columns(path: Path) -> dict[str, ColumnValues]:
+    text = path.read_text(encoding="utf-8-sig", errors="replace")
+    try:
+        whole = json.loads(text)
+    except json.JSONDecodeError:
+        whole = _lines(path, text)
+    rows = whole if isinstance(whole, list) else _rows(whole)
+    if isinstance(rows, Mapping):
+        return {name: _vector(values) for name, values in rows.items() if _is_column(values)}
+    flat = [dict(_leaves(row, "")) for row in rows if isinstance(row, Mapping)]
+    names = dict.fromkeys(name for row in flat for name in row)
+    read = {name: [row.get(name) for row in flat] for name in names}
+    return {name: _vector(values) for name, values in read.items() if _is_column(values)}
+
+
+def _lines(path: Path, text: str) -> list[Any]:
+    rows = []
+    lines = [(number, line) for number, line in enumerate(text.splitlines(), 1) if line.strip()]
+    for number, line in lines:
+        try:
+            rows.append(json.loads(line))
+        except json.JSONDecodeError as error:
+            if number == lines[-1][0] and rows:
+                break  # cut off where the logger stopped
+            where = f"{path}, line {number}"
+            raise InputError(where, f"no JSON: {error.msg}", "an object a line", "mend the line") from error
+    return rows
+
+
+def _rows(whole: Mapping[str, Any]) -> Any:
+    """Return lists by name, or the list of objects that an object holds under its only such name."""
+    inside = [value for value in whole.values() if isinstance(value, list) and value and isinstance(value[0], Mapping)]
+    return inside[0] if len(inside) == 1 else dict(_leaves(whole, ""))
+
+
+def _leaves(node: Any, prefix: str) -> Iterator[tuple[str, Any]]:
+    for key, value in node.items():
+        name = f"{prefix}/{key}" if prefix else str(key)
+        if isinstance(value, Mapping):
+            yield from _leaves(value, name)
+        else:
+            yield name, value
+
+
+def _is_column(values: Any) -> bool:
+    known = [value for value in values if value is not None] if isinstance(values, list) else []
+    numbers = all(isinstance(value, int | float) for value in known)
+    return bool(known) and (numbers or all(isinstance(value, str) and is_date_or_time(value) for value in known))
+
+
+def _vector(values: Sequence[Any]) -> ColumnValues:
+    if any(isinstance(value, str) for value in values):
+        import pyarrow as pa  # noqa: PLC0415 - brings a second of imports where no text is read
+
+        return CalendarClock().seconds(pa.array(values, pa.string()))
+    return np.array([np.nan if value is None else value for value in values], dtype=np.float64)

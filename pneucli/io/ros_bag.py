@@ -1,0 +1,139 @@
+"""Logs of robots: MCAP and rosbag2; the numbers of each topic on the topic's own clock.
+
+The clock is the header's stamp where messages have one, else when a message was logged.
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterator, Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from pneucli.errors import InputError
+from pneucli.io.column_reader import ColumnReader, import_extra
+from pneucli.io.raw_file import ColumnValues
+
+NAME = "MCAP or rosbag2"
+EXTRA = "mcap"
+MAX_ARRAY = 64  # numbers of one message that become columns: more are pictures and clouds of points
+_UNITS = {  # by type of message and field, as their definitions say
+    ("FluidPressure", "fluid_pressure"): "Pa",
+    ("Temperature", "temperature"): "degC",
+    ("Range", "range"): "m",
+}
+_Row = tuple[int, dict[str, float]]  # stamp in ns, numbers by field
+
+
+def open_mcap(path: Path) -> ColumnReader:
+    """Read an MCAP file: messages of ROS 2, and JSON."""
+    found = "this is an MCAP file, and mcap is not installed"
+    reader_module = import_extra("mcap.reader", EXTRA, path, found)
+    decoders = [import_extra("mcap_ros2.decoder", EXTRA, path, found).DecoderFactory(), _Json()]
+    topics: dict[str, list[_Row]] = {}
+    types: dict[str, str] = {}
+    with path.open("rb") as file:
+        reader = reader_module.make_reader(file, decoder_factories=decoders)
+        _check_encodings(path, reader)
+        for schema, channel, message, decoded in reader.iter_decoded_messages():
+            topics.setdefault(channel.topic, []).append(_row(decoded, message.log_time))
+            types[channel.topic] = schema.name if schema is not None else ""
+    return _reader(path, topics, types)
+
+
+def open_rosbag2(path: Path) -> ColumnReader:
+    """Read the database of a rosbag2; types that it does not define are those of ROS 2 itself."""
+    found = "this is a database of rosbag2, and rosbags is not installed"
+    highlevel = import_extra("rosbags.highlevel", EXTRA, path, found)
+    typesys = import_extra("rosbags.typesys", EXTRA, path, found)
+    known = typesys.get_typestore(typesys.Stores.LATEST)
+    topics: dict[str, list[_Row]] = {}
+    types: dict[str, str] = {}
+    with highlevel.AnyReader([path], default_typestore=known) as reader:
+        for connection, stamp, raw in reader.messages():
+            decoded = reader.deserialize(raw, connection.msgtype)
+            topics.setdefault(connection.topic, []).append(_row(decoded, stamp))
+            types[connection.topic] = connection.msgtype
+    return _reader(path, topics, types)
+
+
+class _Json:
+    """Decodes messages of JSON, as ``mcap`` asks of a decoder."""
+
+    def decoder_for(self, message_encoding: str, _schema: Any) -> Any:
+        return json.loads if message_encoding == "json" else None
+
+
+def _check_encodings(path: Path, reader: Any) -> None:
+    summary = reader.get_summary()
+    encodings = {channel.message_encoding for channel in summary.channels.values()} if summary is not None else set()
+    if unread := sorted(encodings - {"cdr", "json"}):
+        found = f"an MCAP file whose messages are in {', '.join(unread)}"
+        raise InputError(str(path), found, "messages of ROS 2 (cdr) or JSON", "convert it, or export it as CSV")
+
+
+def _reader(path: Path, topics: Mapping[str, list[_Row]], types: Mapping[str, str]) -> ColumnReader:
+    columns: dict[str, ColumnValues] = {}
+    clocks: dict[str, str] = {}
+    units: dict[str, str] = {}
+    first = min((rows[0][0] for rows in topics.values() if rows), default=0)
+    for topic, rows in topics.items():
+        fields = dict.fromkeys(field for _, numbers in rows for field in numbers)
+        if not fields:
+            continue
+        base = topic.strip("/")
+        clock = f"{base}/time"
+        columns[clock], units[clock] = 1e-9 * np.array([stamp - first for stamp, _ in rows]), "s"
+        for field in fields:
+            name = f"{base}/{field}"
+            columns[name] = np.array([numbers.get(field, np.nan) for _, numbers in rows])
+            clocks[name] = clock
+            units[name] = _UNITS.get((types.get(topic, "").rpartition("/")[2], field), "")
+    return ColumnReader.of_columns(path, NAME, columns, units, clocks)
+
+
+def _row(message: Any, logged: int) -> _Row:
+    fields = dict(_fields(message))
+    stamp = _stamp(fields.pop("header", None))
+    numbers: dict[str, float] = {}
+    for name, value in fields.items():
+        numbers |= dict(_numbers(name, value, fields.get("name")))
+    return (logged if stamp is None else stamp), numbers
+
+
+def _fields(message: Any) -> Iterator[tuple[str, Any]]:
+    if isinstance(message, Mapping):
+        yield from message.items()
+        return
+    names = getattr(message, "__slots__", None) or vars(message)
+    for name in names:
+        if not name.startswith("_"):
+            yield name, getattr(message, name)
+
+
+def _stamp(header: Any) -> int | None:
+    stamp = dict(_fields(header)).get("stamp") if header is not None else None
+    if stamp is None:
+        return None
+    parts = dict(_fields(stamp))
+    seconds, rest = (
+        parts.get("sec", parts.get("secs", 0)),
+        parts.get("nanosec", parts.get("nsec", parts.get("nsecs", 0))),
+    )
+    return int(seconds) * 10**9 + int(rest) if seconds else None
+
+
+def _numbers(name: str, value: Any, labels: Any) -> Iterator[tuple[str, float]]:
+    """Yield the numbers of a field, at any depth; those of a list by the message's own names, if it has as many."""
+    if isinstance(value, bool | int | float | np.number):
+        yield name, float(value)
+    elif isinstance(value, list | tuple | np.ndarray):
+        if 0 < len(value) <= MAX_ARRAY:
+            named = isinstance(labels, list) and len(labels) == len(value) and name != "name"
+            for number, one in enumerate(value, 1):
+                yield from _numbers(f"{name}/{labels[number - 1] if named else number}", one, None)
+    elif not isinstance(value, str | bytes) and (isinstance(value, Mapping) or hasattr(value, "__slots__")):
+        for inner, one in _fields(value):
+            yield from _numbers(f"{name}/{inner}", one, None)

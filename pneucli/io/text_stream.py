@@ -1,0 +1,114 @@
+"""The rows of a text file as plain UTF-8 for the CSV parser."""
+
+from __future__ import annotations
+
+import codecs
+import io
+import re
+from pathlib import Path
+
+from pneucli.errors import InputError
+from pneucli.io.text_layout import HEAD_BYTES, TextLayout
+
+MAX_LINE_BYTES = 16 << 20  # bytes of a line
+_COMMENT = re.compile(rb"^[ \t]*#[^\n]*\n?", re.MULTILINE)
+_BLANKS = re.compile(rb"[ \t]+")
+_EDGES = re.compile(rb"^[ \t]+|[ \t]+(?=\r?$)", re.MULTILINE)
+
+
+class NormalizedTextStream(io.RawIOBase):
+    """The rows of a text file as plain UTF-8 without comment lines; blanks as delimiters become one tab.
+
+    Reads the file once, from the front, in whole lines, so that a file of any size passes through bounded memory.
+    ``header_lines`` counts the headers that stand again among the rows and were passed over, ``comment_lines``
+    counts the comment lines among the rows; ``ends_with_newline`` says whether the last row had an end of line.
+    """
+
+    def __init__(self, path: Path, look: TextLayout) -> None:
+        self._path = path
+        self._file = path.open("rb", buffering=0)
+        self._encoding = look.encoding
+        self._decoder = (
+            None if _is_ascii_compatible(look.encoding) else codecs.getincrementaldecoder(look.encoding)("replace")
+        )
+        self._blanks = look.delimiter == " "
+        self._line_end = look.line_end.encode()
+        self._skip = look.skip
+        self._left = look.lines
+        self._repeated = [line.encode() for line in look.repeated]
+        self._rest = b""
+        self._over = False
+        self.comment_lines = 0
+        self.header_lines = 0
+        self.ends_with_newline = True
+
+    def readable(self) -> bool:
+        """Return True."""
+        return True
+
+    def read(self, size: int = -1) -> bytes:
+        """Return about ``size`` bytes of whole rows; nothing at the end."""
+        while not self._over:
+            if block := self._plain(self._lines(max(size, HEAD_BYTES))):
+                return block
+        return b""
+
+    def _lines(self, size: int) -> bytes:
+        block = self._file.read(size)
+        self._over = not block
+        if self._decoder:
+            block = self._decoder.decode(block, final=self._over).encode()
+        if self._line_end != b"\n":
+            block = block.replace(self._line_end, b"\n")
+        if self._over:
+            block, self._rest = self._rest + block, b""
+            self.ends_with_newline = not block.strip()
+            return block
+        end = block.rfind(b"\n") + 1
+        lines, self._rest = (self._rest + block[:end], block[end:]) if end else (b"", self._rest + block)
+        if len(self._rest) > MAX_LINE_BYTES:
+            found, mend = f"a line of more than {MAX_LINE_BYTES >> 20} MB", "check the file, record or copy it again"
+            raise InputError(str(self._path), found, "rows of numbers", mend)
+        return lines
+
+    def _plain(self, block: bytes) -> bytes:
+        while self._skip and block:
+            block = block.partition(b"\n")[2]
+            self._skip -= 1
+        if self._left is not None:
+            block = self._within_part(block)
+        if not self._decoder and not block.isascii():
+            block = block.decode(self._encoding, "replace").encode()
+        if self._repeated and self._repeated[0] and self._repeated[0] in block:
+            block = self._without_headers(block)
+        if b"#" in block:
+            block, comments = _COMMENT.subn(b"", block)
+            self.comment_lines += comments
+        return _BLANKS.sub(b"\t", _EDGES.sub(b"", block)) if self._blanks else block
+
+    def _within_part(self, block: bytes) -> bytes:
+        """Return the lines of a block that belong to the part that is read."""
+        lines = block.splitlines(keepends=True)[: self._left]
+        self._left = (self._left or 0) - len(lines)
+        return b"".join(lines)
+
+    def _without_headers(self, block: bytes) -> bytes:
+        """Return a block without the lines of the header that stand again in it."""
+        lines = block.splitlines(keepends=True)
+        kept = [line for line in lines if line.strip() not in self._repeated]
+        self.header_lines += sum(line.strip() == self._repeated[0] for line in lines)
+        return b"".join(kept)
+
+    def close(self) -> None:
+        """Close the file."""
+        self._file.close()
+        super().close()
+
+
+def _is_ascii_compatible(encoding: str) -> bool:
+    """Return whether the first 128 characters are bytes as in ASCII: then lines may be told before they are decoded."""
+    plain = bytes(range(128))
+    try:
+        return plain.decode(encoding).encode() == plain
+    except UnicodeDecodeError:
+        return False

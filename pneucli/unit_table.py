@@ -1,0 +1,261 @@
+"""Tables of units: symbols with SI prefixes, symbols without, names in words, and the ways in which they are spelled.
+
+Factors: SI brochure (9th edition, 2019); NIST SP 811 (2008) for units outside the SI, conventional water and mercury
+columns included. Standard volumes: ISO 8778 (20 °C, 100 kPa, 65 % humidity), DIN 1343 and SEMI E12 (0 °C, 101.325 kPa,
+dry), ISO 1217 (20 °C, 100 kPa, dry).
+"""
+
+from __future__ import annotations
+
+import math
+import re
+from dataclasses import dataclass
+
+STANDARD_ATMOSPHERE = 101_325.0  # Pa
+STANDARD_GRAVITY = 9.806_65  # m/s^2
+
+Dimension = tuple[int, int, int, int, int]  # exponents of m, kg, s, K, A
+
+
+@dataclass(frozen=True)
+class Unit:
+    """``value in SI = factor * value + offset``, plus ambient pressure where ``gauge``.
+
+    ``of_air``: a mass stated as the volume of air, of which another gas has R_air / R as much.
+    """
+
+    factor: float
+    dimension: Dimension
+    offset: float = 0.0
+    gauge: bool = False
+    absolute: bool = False
+    of_air: bool = False
+
+    def __mul__(self, other: Unit) -> Unit:
+        exponents = tuple(a + b for a, b in zip(self.dimension, other.dimension, strict=True))
+        return Unit(self.factor * other.factor, exponents)  # type: ignore[arg-type]
+
+    def __pow__(self, power: int) -> Unit:
+        return Unit(self.factor**power, tuple(power * a for a in self.dimension))  # type: ignore[arg-type]
+
+
+DIMENSIONLESS: Dimension = (0, 0, 0, 0, 0)
+_PRESSURE: Dimension = (-1, 1, -2, 0, 0)
+_LENGTH: Dimension = (1, 0, 0, 0, 0)
+_ACCELERATION: Dimension = (1, 0, -2, 0, 0)
+_TEMPERATURE: Dimension = (0, 0, 0, 1, 0)
+_WATER = 1000.0 * STANDARD_GRAVITY  # Pa/m, of a conventional column of water
+
+PREFIXED = {  # these take SI prefixes
+    "m": Unit(1.0, _LENGTH),
+    "g": Unit(1e-3, (0, 1, 0, 0, 0)),
+    "s": Unit(1.0, (0, 0, 1, 0, 0)),
+    "K": Unit(1.0, _TEMPERATURE),
+    "A": Unit(1.0, (0, 0, 0, 0, 1)),
+    "N": Unit(1.0, (1, 1, -2, 0, 0)),
+    "Pa": Unit(1.0, _PRESSURE),
+    "bar": Unit(1e5, _PRESSURE),
+    "J": Unit(1.0, (2, 1, -2, 0, 0)),
+    "W": Unit(1.0, (2, 1, -3, 0, 0)),
+    "V": Unit(1.0, (2, 1, -3, 0, -1)),
+    "Ohm": Unit(1.0, (2, 1, -3, 0, -2)),
+    "Hz": Unit(1.0, (0, 0, -1, 0, 0)),
+    "Nm": Unit(1.0, (2, 1, -2, 0, 0)),
+    "l": Unit(1e-3, (3, 0, 0, 0, 0)),
+    "L": Unit(1e-3, (3, 0, 0, 0, 0)),
+    "sec": Unit(1.0, (0, 0, 1, 0, 0)),
+    "mWC": Unit(_WATER, _PRESSURE),  # metres of water
+}
+
+PLAIN = {
+    "1": Unit(1.0, DIMENSIONLESS),
+    "-": Unit(1.0, DIMENSIONLESS),
+    "%": Unit(1e-2, DIMENSIONLESS),
+    "rad": Unit(1.0, DIMENSIONLESS),
+    "mrad": Unit(1e-3, DIMENSIONLESS),
+    "deg": Unit(math.pi / 180, DIMENSIONLESS),
+    "°": Unit(math.pi / 180, DIMENSIONLESS),
+    "rev": Unit(2 * math.pi, DIMENSIONLESS),
+    "rpm": Unit(2 * math.pi / 60, (0, 0, -1, 0, 0)),
+    "min": Unit(60.0, (0, 0, 1, 0, 0)),
+    "h": Unit(3600.0, (0, 0, 1, 0, 0)),
+    "d": Unit(86_400.0, (0, 0, 1, 0, 0)),
+    "t": Unit(1e3, (0, 1, 0, 0, 0)),
+    "cc": Unit(1e-6, (3, 0, 0, 0, 0)),
+    "lpm": Unit(1e-3 / 60, (3, 0, -1, 0, 0)),
+    "in": Unit(0.0254, _LENGTH),
+    "inch": Unit(0.0254, _LENGTH),
+    "ft": Unit(0.3048, _LENGTH),
+    "lb": Unit(0.453_592_37, (0, 1, 0, 0, 0)),
+    "lbf": Unit(4.448_221_615_260_5, (1, 1, -2, 0, 0)),
+    "kgf": Unit(9.806_65, (1, 1, -2, 0, 0)),
+    "kp": Unit(9.806_65, (1, 1, -2, 0, 0)),
+    "daN": Unit(10.0, (1, 1, -2, 0, 0)),
+    "daPa": Unit(10.0, _PRESSURE),
+    "psi": Unit(6894.757_293_168_361, _PRESSURE),
+    "atm": Unit(STANDARD_ATMOSPHERE, _PRESSURE),
+    "at": Unit(98_066.5, _PRESSURE),
+    "Torr": Unit(STANDARD_ATMOSPHERE / 760, _PRESSURE),
+    "torr": Unit(STANDARD_ATMOSPHERE / 760, _PRESSURE),
+    "mmHg": Unit(133.322_387_415, _PRESSURE),
+    "inHg": Unit(25.4 * 133.322_387_415, _PRESSURE),
+    "inWC": Unit(0.0254 * _WATER, _PRESSURE),
+    "ftWC": Unit(0.3048 * _WATER, _PRESSURE),
+    "degC": Unit(1.0, _TEMPERATURE, 273.15),
+    "°C": Unit(1.0, _TEMPERATURE, 273.15),
+    "degK": Unit(1.0, _TEMPERATURE),
+    "degF": Unit(5 / 9, _TEMPERATURE, 273.15 - 32 * 5 / 9),
+    "°F": Unit(5 / 9, _TEMPERATURE, 273.15 - 32 * 5 / 9),
+}
+
+PREFIXES = {"n": 1e-9, "u": 1e-6, "µ": 1e-6, "m": 1e-3, "c": 1e-2, "d": 1e-1, "h": 1e2, "k": 1e3, "M": 1e6, "G": 1e9}
+
+# kg/m^3 of air, by the mark of the standard state
+AIR_DENSITY = {"ANR": 1.185, "N": 1.2929, "scfm": 1.189}
+# flows that are masses, stated as a volume of air: symbol -> mark of the standard state, volume flow
+STANDARD_FLOWS = {
+    "slpm": ("N", "l/min"),
+    "slm": ("N", "l/min"),
+    "nlpm": ("N", "l/min"),
+    "sccm": ("N", "cm^3/min"),
+    "sccs": ("N", "cm^3/s"),
+    "ln/min": ("N", "l/min"),
+    "mln/min": ("N", "ml/min"),
+    "scfm": ("scfm", "ft^3/min"),
+}
+
+# what a symbol means where another dimension than its own is wanted
+SYMBOLS_BY_DIMENSION: dict[Dimension, dict[str, Unit]] = {
+    _ACCELERATION: {f"{m}g": Unit(f * STANDARD_GRAVITY, _ACCELERATION) for m, f in (("", 1.0), ("m", 1e-3))},
+    _PRESSURE: {f"kg/cm{two}": PLAIN["at"] for two in ("2", "^2", "²")},
+    _TEMPERATURE: {"C": PLAIN["degC"], "F": PLAIN["degF"]},
+}
+
+# symbols that keep their meaning whatever their case: no two of them differ by case alone
+_ANY_CASE = [
+    "V",
+    "mV",
+    "kV",
+    "A",
+    "mA",
+    "N",
+    "kN",
+    "mN",
+    "daN",
+    "m",
+    "mm",
+    "cm",
+    "um",
+    "s",
+    "ms",
+    "us",
+    "ns",
+    "min",
+    "K",
+    "degC",
+    "degF",
+    "degK",
+    "kg",
+    "g",
+    "mg",
+    "l",
+    "ml",
+    "Pa",
+    "hPa",
+    "kPa",
+    "MPa",
+    "daPa",
+    "bar",
+    "mbar",
+    "psi",
+    "atm",
+    "Torr",
+    "mmHg",
+    "inHg",
+    "inWC",
+    "ftWC",
+    "Hz",
+    "kHz",
+    "MHz",
+    "rad",
+    "mrad",
+    "deg",
+    "rev",
+    "rpm",
+    "Nm",
+    "in",
+    "inch",
+    "ft",
+    "lb",
+    "lbf",
+    "kgf",
+    "cc",
+    "lpm",
+    "sec",
+    "msec",
+    "usec",
+    "nsec",
+    "Ohm",
+    "kW",
+]
+_TOO_SHORT = {"n", "a", "m", "k", "g", "l"}  # one letter in the other case is a name more often than a unit
+_NAMES = {
+    **{"volt": "V", "newton": "N", "second": "s", "minute": "min", "hour": "h", "hr": "h", "day": "d"},
+    **{"foot": "ft", "feet": "ft", "inche": "in", "degree": "deg", "radian": "rad", "celsius": "degC"},
+    **{"centigrade": "degC", "fahrenheit": "degF", "kelvin": "K", "pascal": "Pa", "meter": "m", "metre": "m"},
+    **{"gram": "g", "ampere": "A", "amp": "A", "hertz": "Hz", "litre": "l", "liter": "l", "percent": "%"},
+    **{"revolution": "rev", "joule": "J", "watt": "W", "ohm": "Ohm", "pound": "lb", "newtonmeter": "Nm", "bar": "bar"},
+    **{"sekunde": "s", "millimeter": "mm", "micron": "um"},
+}
+_PREFIX_NAMES = {
+    **{"nano": "n", "micro": "u", "milli": "m", "centi": "c", "deci": "d", "hecto": "h", "kilo": "k", "mega": "M"},
+}
+_COUNTS = re.compile(
+    r"(?i)\s*(?:encoder|adc|raw)?[\s_]*"
+    r"(?:counts?|cnts?|cts|incs?|increments?|pulses?|ticks?|digits?|lsbs?|impulses?|inkremente?|adc|raw)\s*"
+)
+_SPELLINGS = (  # patterns of whole units, and how the table has them
+    (re.compile(r"(?i)(?:deg(?:ree)?s?\.?|°)\s*([CFK])\b"), lambda m: f"deg{m[1].upper()}"),
+    (
+        re.compile(r"(?i)\b(mm|cm|m|in|inch(?:es)?|ft)\.?\s*(?:of\s+)?(?:H[2₂]O|WC|W\.C\.?|WG|WS|water)(?![A-Za-z])"),
+        None,
+    ),
+    (re.compile(r"(?i)\(s\)"), lambda m: "s"),
+    (re.compile(r"(?i)\bU/min\b"), lambda m: "rpm"),
+)
+
+
+def by_spelling(symbol: str) -> str | None:
+    """Return the symbol of the table that a spelling such as ``"Psi"``, ``"Volts"`` or ``"KPa"`` means, if one."""
+    lower = symbol.lower()
+    if lower in _BY_LOWER_CASE:
+        return _BY_LOWER_CASE[lower]
+    for name in (lower, lower.removesuffix("s")):
+        if name in _NAMES:
+            return _NAMES[name]
+        for prefix, mark in _PREFIX_NAMES.items():
+            if name.startswith(prefix) and _NAMES.get(name[len(prefix) :]) in PREFIXED:
+                return mark + _NAMES[name[len(prefix) :]]
+        if name in _BY_LOWER_CASE and len(name) > 2:
+            return _BY_LOWER_CASE[name]
+    return None
+
+
+def normalize_spelling(text: str) -> str:
+    """Return a unit with columns of water, degrees and plurals in brackets written as the table has them."""
+    for pattern, replacement in _SPELLINGS:
+        text = pattern.sub(replacement or _water_column, text)
+    return text
+
+
+def _water_column(match: re.Match[str]) -> str:
+    length = match[1].lower().replace("inches", "in").replace("inch", "in")
+    return f"{length}WC"
+
+
+def is_count(text: str) -> bool:
+    """Return whether a unit is counts of an encoder or a converter, which no table turns into a quantity."""
+    return _COUNTS.fullmatch(text) is not None
+
+
+_BY_LOWER_CASE = {symbol.lower(): symbol for symbol in _ANY_CASE if symbol.lower() not in _TOO_SHORT}

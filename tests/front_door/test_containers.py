@@ -1,0 +1,292 @@
+"""Containers of other programs, each with clocks of its own: told by their first bytes, read, or refused in one line."""
+
+import json
+import struct
+import zlib
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from pneucli.errors import InputError
+from pneucli.io.formats import open_raw
+from pneucli.io.open_signals import open_signals
+from pneucli.io.raw_file import Channel, ColumnRequest, RawFile
+
+from .judge import judge
+from .laboratory import COUNT, RATE, Array, command, position, pressure, write_workbook
+
+T = np.arange(COUNT) / RATE
+U, P, X = command(T), pressure(T) / 1e5, 1e3 * position(T)
+SLOW = T[::4] * (1 + 5e-5) + 2e-4  # a clock four times slower, with offset and drift
+Writer = Callable[[Path], Path]
+
+
+def tdms_waveforms(folder: Path) -> Path:
+    from nptdms import ChannelObject, TdmsWriter
+
+    start = np.datetime64("2024-03-21T14:05:07")
+    late = np.datetime64("2024-03-21T14:05:07.050000")
+
+    def waveform(name: str, values: Array, begin: np.datetime64, step: float, unit: str) -> ChannelObject:
+        properties = {"wf_start_time": begin, "wf_increment": step, "wf_start_offset": 0.0, "unit_string": unit}
+        return ChannelObject("Messung", name, values, properties=properties)
+
+    path = folder / "run.tdms"
+    with TdmsWriter(path) as writer:
+        writer.write_segment(
+            [
+                waveform("U", U[::10].copy(), start, 0.01, "V"),
+                waveform("P1", P[50:].copy(), late, 0.001, "bar"),
+                waveform("Pos", X[::4].copy(), start, 0.004, "mm"),
+            ]
+        )
+    return path
+
+
+def tdms_groups(folder: Path) -> Path:
+    from nptdms import ChannelObject, TdmsWriter
+
+    path = folder / "run.tdms"
+    channels = [("Fast", "Time [s]", T), ("Fast", "P1 [bar]", P), ("Slow", "Time [s]", SLOW)]
+    channels += [("Slow", "Pos [mm]", 1e3 * position(SLOW)), ("Slow", "U [V]", command(SLOW))]
+    with TdmsWriter(path) as writer:
+        writer.write_segment([ChannelObject(group, name, values) for group, name, values in channels])
+    return path
+
+
+def mdf_rasters(folder: Path) -> Path:
+    from asammdf import MDF, Signal
+
+    changes = np.concatenate([[0], np.flatnonzero(np.diff(U)) + 1])
+    path = folder / "run.mf4"
+    with MDF(version="4.10") as mdf:
+        mdf.append([Signal(U[changes], T[changes], name="u", unit="V")])
+        mdf.append([Signal(P, T, name="p1", unit="bar")])
+        mdf.append([Signal(1e3 * position(SLOW), SLOW, name="x", unit="mm")])
+        mdf.save(path)
+    return path
+
+
+def twincat(folder: Path) -> Path:
+    head = ["Name\tScope\tName\tScope\tName\tScope", "Starttime of export\t1\tStarttime of export\t1", ""]
+    head += ["Name\tU\tName\tP1 [bar]\tName\tPos [mm]", "SymbolComment\t\tSymbolComment\t\tSymbolComment\t"]
+    head += ["Data-Type\tREAL64\tData-Type\tREAL64\tData-Type\tREAL64", "SampleTime[ms]\t10\tSampleTime[ms]\t1"]
+    head += ["SymbolName\tMAIN.u\tSymbolName\tMAIN.p\tSymbolName\tMAIN.x", ""]
+    rows = []
+    for n in range(COUNT):
+        u = f"{10 * n}\t{U[10 * n]}" if 10 * n < COUNT else "\t"
+        x = f"{4 * n}\t{X[4 * n]:.4f}" if 4 * n < COUNT else "\t"
+        rows.append(f"{u}\t{n}\t{P[n]:.5f}\t{x}")
+    path = folder / "run.csv"
+    path.write_text("\n".join([*head, *rows, "EOF"]) + "\n", encoding="utf-8")
+    return path
+
+
+def mcap_json(folder: Path) -> Path:
+    from mcap.writer import Writer
+
+    path = folder / "run.mcap"
+    with path.open("wb") as file:
+        writer = Writer(file)
+        writer.start()
+        schema = writer.register_schema(name="P", encoding="jsonschema", data=b'{"type": "object"}')
+        topics = {
+            name: writer.register_channel(topic=name, message_encoding="json", schema_id=schema) for name in "upx"
+        }
+        for n in range(COUNT):
+            stamp = 1_711_000_000_000_000_000 + n * 1_000_000
+            sent = {"p": {"p1": 1e5 * P[n]}} | ({"u": {"u": U[n]}} if n % 10 == 0 else {})
+            sent |= {"x": {"position": position(T)[n]}} if n % 4 == 0 else {}
+            for topic, values in sent.items():
+                content = json.dumps({name: float(value) for name, value in values.items()}).encode()
+                writer.add_message(channel_id=topics[topic], log_time=stamp, publish_time=stamp, data=content)
+        writer.finish()
+    return path
+
+
+def rosbag2(folder: Path) -> Path:
+    from rosbags.rosbag2 import StoragePlugin, Writer
+    from rosbags.typesys import Stores, get_typestore
+
+    store = get_typestore(Stores.LATEST)
+    number = store.types["std_msgs/msg/Float64"]
+    with Writer(folder / "bag", version=9, storage_plugin=StoragePlugin.SQLITE3) as writer:
+        topics = {n: writer.add_connection(n, "std_msgs/msg/Float64", typestore=store) for n in ("/u", "/p1", "/pos")}
+        for n in range(COUNT):
+            stamp = 1_711_000_000_000_000_000 + n * 1_000_000
+            values = {"/u": U[n], "/p1": 1e5 * P[n], "/pos": position(T)[n]}
+            for topic, value in values.items():
+                if topic != "/u" or n % 10 == 0:
+                    writer.write(
+                        topics[topic], stamp, store.serialize_cdr(number(float(value)), "std_msgs/msg/Float64")
+                    )
+    return folder / "bag" / "bag.db3"
+
+
+def clocks_in_one_table(folder: Path) -> Path:
+    rows = ["t1 [s],P1 [bar],t2 [s],Pos [mm],U [V]"]
+    for n in range(COUNT):
+        slow = f"{SLOW[n]:.6f},{1e3 * position(SLOW)[n]:.4f},{command(SLOW)[n]}" if n < SLOW.size else ",,"
+        rows.append(f"{T[n]:.4f},{P[n]:.5f},{slow}")
+    path = folder / "run.csv"
+    path.write_text("\n".join(rows) + "\n", encoding="utf-8")
+    return path
+
+
+def pandas_frame(folder: Path) -> Path:
+    """A frame as pandas lays it out in its fixed format."""
+    import h5py
+
+    path = folder / "run.h5"
+    with h5py.File(path, "w") as file:
+        group = file.create_group("run")
+        group.attrs["pandas_type"] = b"frame"
+        names = np.array([b"u [V]", b"p1 [bar]", b"x [mm]"])
+        group["axis0"], group["block0_items"] = names, names
+        group["axis1"] = T
+        group["block0_values"] = np.stack([U, P, X], axis=1)
+    return path
+
+
+def logged_signals(folder: Path) -> Path:
+    from scipy.io import savemat
+
+    logged = np.zeros(3, dtype=[("Name", object), ("Values", object)])
+    logged[0] = ("U [V]", {"Time": T[::10, None], "Data": U[::10, None]})
+    logged[1] = ("P1 [bar]", {"Time": T[:, None], "Data": P[:, None]})
+    logged[2] = ("Pos [mm]", {"Time": SLOW[:, None], "Data": 1e3 * position(SLOW)[:, None]})
+    savemat(folder / "run.mat", {"logsout": logged})
+    return folder / "run.mat"
+
+
+def dspace(folder: Path) -> Path:
+    from scipy.io import savemat
+
+    stamps = np.zeros(2, dtype=[("Name", object), ("Data", object)])
+    stamps[0], stamps[1] = ("fast", T), ("slow", SLOW)
+    signals = np.zeros(3, dtype=[("Name", object), ("Data", object), ("Unit", object), ("XIndex", object)])
+    signals[0] = ("U_valve", U, "V", 1)
+    signals[1] = ("P1", P, "bar", 1)
+    signals[2] = ("Pos", 1e3 * position(SLOW), "mm", 2)
+    savemat(folder / "run.mat", {"exp_001": {"X": stamps, "Y": signals}})
+    return folder / "run.mat"
+
+
+WRITERS: list[Writer] = [
+    *(tdms_waveforms, tdms_groups, mdf_rasters, twincat, mcap_json, rosbag2, clocks_in_one_table, pandas_frame),
+    *(logged_signals, dspace),
+]
+
+
+@pytest.mark.parametrize("write", WRITERS, ids=lambda write: write.__name__)
+def test_each_channel_is_read_on_its_own_clock(write: Writer, tmp_path: Path) -> None:
+    path = write(tmp_path)
+    outcome = judge(path, tmp_path / "work", 0.0)
+    assert set(outcome.verdicts.values()) == {"right"}, f"{outcome.verdicts}\n{outcome.why}"
+
+
+def columns(path: Path) -> dict[str, Array]:
+    reader = open_raw(RawFile(path, {}))
+    return {name: next(iter(reader.batches([ColumnRequest(n)])))[0] for n, name in enumerate(reader.names)}
+
+
+def test_dymola_names_its_trajectories(tmp_path: Path) -> None:
+    from scipy.io import savemat
+
+    names = ["time", "p1", "minus_p1"]
+    letters = np.array([list(name.ljust(8)) for name in names])
+    data = np.stack([T, P], axis=1)
+    info = np.array([[0, 1, 0, -1], [2, 2, 0, -1], [2, -2, 0, -1]])
+    kind = np.array(
+        [list(text.ljust(10)) for text in ("Atrajectory", "1.1", "", "binNormal")][1:] + [list("binNormal ")]
+    )
+    savemat(tmp_path / "r.mat", {"Aclass": kind, "name": letters, "dataInfo": info, "data_2": data}, format="4")
+    found = columns(tmp_path / "r.mat")
+    np.testing.assert_allclose(found["p1"], P)
+    np.testing.assert_allclose(found["minus_p1"], -P)
+
+
+def test_objects_of_matlab_are_refused_with_the_way_to_save_them(tmp_path: Path) -> None:
+    def element(kind: int, content: bytes) -> bytes:
+        return struct.pack("<II", kind, len(content)) + content + b"\0" * (-len(content) % 8)
+
+    flags = element(6, struct.pack("<II", 17, 0))  # mxOPAQUE_CLASS
+    texts = b"".join(element(1, text) for text in (b"ts", b"MCOS", b"timeseries"))
+    inner = element(
+        14,
+        element(6, struct.pack("<II", 13, 0))
+        + element(5, struct.pack("<ii", 1, 1))
+        + element(1, b"")
+        + element(6, b"\0\0\0\0"),
+    )
+    variable = element(14, flags + texts + inner)
+    packed = zlib.compress(variable)
+    path = tmp_path / "a.mat"
+    head = b"MATLAB 5.0 MAT-file".ljust(116) + b"\0" * 8 + b"\x00\x01IM"
+    path.write_bytes(head + struct.pack("<II", 15, len(packed)) + packed)
+    with pytest.raises(InputError) as caught:
+        open_raw(RawFile(path, {}))
+    assert "objects of MATLAB" in caught.value.found or "cannot be read as MATLAB" in caught.value.found
+
+
+@pytest.mark.parametrize(
+    ("content", "says"),
+    [
+        (b"\x89PNG\r\n\x1a\n" + b"\0" * 99, "this is a picture"),
+        (b"7z\xbc\xaf\x27\x1c" + b"\0" * 99, "this is a 7-Zip archive"),
+        (b"#ROSBAG V2.0\n" + b"\0" * 99, "this is a bag of ROS 1"),
+        (b"\x80\x04\x95" + b"\0" * 99, "this is a pickle of Python"),
+        (b"\x1f\x8b" + b"\0" * 99, "cannot be read as gzip"),
+        (b"PK\x03\x04" + b"\0" * 99, "cannot be read as zip"),
+    ],
+)
+def test_what_cannot_be_read_is_named(content: bytes, says: str, tmp_path: Path) -> None:
+    (tmp_path / "a").write_bytes(content)
+    with pytest.raises(InputError, match=says):
+        open_raw(RawFile(tmp_path / "a", {}))
+
+
+def test_a_workbook_without_its_library_names_the_extra(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    import sys
+
+    write_workbook(tmp_path / "a.xlsx", [["t", "p1"], [0.0, 1.0], [1.0, 2.0]])
+    monkeypatch.setitem(sys.modules, "python_calamine", None)
+    with pytest.raises(InputError, match="this is an Excel file") as caught:
+        open_raw(RawFile(tmp_path / "a.xlsx", {}))
+    assert caught.value.mend == 'pip install "pneucli[excel]"'
+
+
+def test_a_zip_of_several_recordings_is_refused_with_their_names(tmp_path: Path) -> None:
+    import zipfile
+
+    with zipfile.ZipFile(tmp_path / "a.zip", "w") as archive:
+        archive.writestr("one.csv", "t,p\n0,1\n")
+        archive.writestr("two.csv", "t,p\n0,1\n")
+    with pytest.raises(InputError, match=r"a zip archive of 2 files: one\.csv, two\.csv"):
+        open_raw(RawFile(tmp_path / "a.zip", {}))
+
+
+def test_errors_in_packed_files_name_the_packed_file(tmp_path: Path) -> None:
+    import gzip
+
+    (tmp_path / "a.csv.gz").write_bytes(gzip.compress(b"t,p\n0,1\n1,2\n2,apple\n3,4\n"))
+    raw = RawFile(tmp_path / "a.csv.gz", {"time": Channel("t"), "p1": Channel("p")})
+    with pytest.raises(InputError) as caught:
+        list(open_signals(raw).batches())
+    assert caught.value.where == f'{tmp_path}/a.csv.gz, line 4, column "p"'
+
+
+def test_a_broken_row_of_text_leaves_no_thread_behind(tmp_path: Path) -> None:
+    import threading
+
+    (tmp_path / "a.csv").write_text(
+        "t,p\n" + "".join(f"{n},{n}\n" for n in range(50_000)) + "x,y,z\n1,2\n", encoding="utf-8"
+    )
+    raw = RawFile(tmp_path / "a.csv", {"time": Channel("t"), "p1": Channel("p")})
+    before = threading.active_count()
+    for _ in range(5):
+        with pytest.raises(InputError):
+            list(open_signals(raw).batches())
+    assert threading.active_count() <= before
