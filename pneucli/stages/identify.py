@@ -22,6 +22,7 @@ from pneucli.identify.residuals import ResidualModel, with_channel_weights
 from pneucli.identify.valve import ValveIdentification, identify_valve, identify_valve_on_piston
 from pneucli.io.artifacts import write_table
 from pneucli.messages.formatting import format_number
+from pneucli.messages.friction import friction_warning
 from pneucli.pipeline.context import Context
 from pneucli.plausibility.required_inputs import Assumption, assumptions, volumes_to_identify
 from pneucli.quantities import axis_parameter_name
@@ -187,7 +188,7 @@ def _identify_friction(study: PipelineData, model: Model, warnings: list[str]) -
     except InputError as error:
         warnings.append(f"no friction models: {error.where}: {error.found}")
         return None
-    warnings += found.warnings
+    warnings += [friction_warning(one.kind, one.values) for one in found.warnings]
     return found
 
 

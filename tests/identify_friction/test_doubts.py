@@ -1,4 +1,4 @@
-"""What is said of a fit of friction, word for word, and when: the user acts on it."""
+"""Warnings about identified friction, and the parameters that they rest on."""
 
 from __future__ import annotations
 
@@ -9,10 +9,10 @@ import numpy as np
 import pytest
 
 from pneucli.errors import InputError
-from pneucli.identify.friction import identification
+from pneucli.identify.friction import identification, warnings
 from pneucli.identify.friction.regression import UNITS, FrictionFit
 from pneucli.identify.friction.samples import IntervalEstimate
-from pneucli.messages.formatting import format_number
+from pneucli.identify.friction.warnings import FrictionWarning, level_warnings, model_a_warnings
 from pneucli.recording import Recording
 from tests.identify_friction.test_pieces import samples
 
@@ -23,65 +23,61 @@ NONE: dict[Any, tuple[str, ...]] = {"A": ()}
 
 
 def fitted(deviation: float = 1.0, error: float = 1.0, **values: float) -> FrictionFit:
-    """A law whose parameters have 95 % intervals of +- ``error``."""
+    """A friction model whose parameters have 95 % intervals of +- ``error``."""
     names = tuple(n for n in NAMES if n not in values or not np.isnan(values[n]))
     theta = np.array([(USUAL | values)[n] for n in names])
     return FrictionFit(names, theta, (error / 1.96) ** 2 * np.eye(len(names)), deviation)
 
 
-def doubts(law: FrictionFit, lacks: Any = None) -> list[str]:
-    return identification._model_a_warnings(law, FAST, lacks or NONE)
+def warned(fit: FrictionFit, unmodelled: Any = None) -> list[FrictionWarning]:
+    return list(model_a_warnings(fit, FAST, unmodelled or NONE))
 
 
-def test_of_a_law_that_describes_its_samples_nothing_is_said() -> None:
-    assert doubts(fitted()) == []
-    assert doubts(fitted(static=np.nan, velocity=np.nan, offset=np.nan)) == []
+def kinds(fit: FrictionFit) -> list[str]:
+    return [warning.kind for warning in warned(fit)]
 
 
-@pytest.mark.parametrize(("offset", "said"), [(0.99, False), (1.01, True), (-0.99, False), (-1.01, True), (30.0, True)])
-def test_a_constant_force_is_one_whose_interval_leaves_zero_out(offset: float, said: bool) -> None:
-    told = (
-        f"a constant force of {format_number(offset, 3)} N acts beside friction "
-        "(or friction differs by direction, or a sensor or an area errs)"
-    )
-    assert doubts(fitted(offset=offset)) == [told] * said
-
-
-@pytest.mark.parametrize(("coulomb", "said"), [(1.01, False), (0.99, True)])
-def test_dry_friction_is_told_from_zero_where_its_interval_is_above(coulomb: float, said: bool) -> None:
-    assert doubts(fitted(coulomb=coulomb)) == ["dry friction is not told from zero"] * said
-
-
-@pytest.mark.parametrize(("velocity", "said"), [(0.0249, False), (0.0251, True)])
-def test_a_stribeck_velocity_beyond_a_quarter_of_the_fastest_motion_leaves_static_friction_open(
-    velocity: float, said: bool
-) -> None:
-    told = "the Stribeck velocity lies near the end of the measured velocities: static friction is uncertain"
-    assert doubts(fitted(velocity=velocity)) == [told] * said
-
-
-OTHERS = (
-    "something acts that neither A, a function of velocity alone, nor the pipeline's effects have; if D, E or F leave "
-    "less, slowing differs from speeding up; else ask pneucli diagnose"
-)
-LACKS = "A, a function of velocity alone, lacks hysteresis, which the pipeline's model has"
-TWO = LACKS.replace("hysteresis", "hysteresis, position")
+def test_a_model_that_describes_its_samples_has_no_warning() -> None:
+    assert warned(fitted()) == []
+    assert warned(fitted(static=np.nan, velocity=np.nan, offset=np.nan)) == []
 
 
 @pytest.mark.parametrize(
-    ("lacks", "reason"),
+    ("offset", "expected"), [(0.99, False), (1.01, True), (-0.99, False), (-1.01, True), (30.0, True)]
+)
+def test_a_constant_force_is_significant_where_its_interval_excludes_zero(offset: float, expected: bool) -> None:
+    assert warned(fitted(offset=offset)) == [FrictionWarning("constant-force", {"force": offset})] * expected
+
+
+@pytest.mark.parametrize(("coulomb", "expected"), [(1.01, False), (0.99, True)])
+def test_dry_friction_is_significant_where_its_interval_lies_above_zero(coulomb: float, expected: bool) -> None:
+    assert kinds(fitted(coulomb=coulomb)) == ["dry-friction-not-significant"] * expected
+
+
+@pytest.mark.parametrize(("velocity", "expected"), [(0.0249, False), (0.0251, True)])
+def test_static_friction_is_uncertain_with_a_stribeck_velocity_beyond_a_quarter_of_the_highest_speed(
+    velocity: float, expected: bool
+) -> None:
+    assert kinds(fitted(velocity=velocity)) == ["static-friction-uncertain"] * expected
+
+
+@pytest.mark.parametrize(
+    ("unmodelled", "better"),
     [
-        ({"A": (), "D": ()}, OTHERS),
-        ({"A": ("hysteresis",), "D": ("hysteresis",)}, f"{LACKS}; none of A to F has it"),
-        ({"A": ("hysteresis",), "D": (), "E": ()}, f"{LACKS}; D and E have more of it"),
-        ({"A": ("hysteresis", "position"), "D": ("position",), "E": ("other",)}, f"{TWO}; D have more of it"),
+        ({"A": (), "D": ()}, []),
+        ({"A": ("hysteresis",), "D": ("hysteresis",)}, []),
+        ({"A": ("hysteresis",), "D": (), "E": ()}, ["D", "E"]),
+        ({"A": ("hysteresis", "position"), "D": ("position",), "E": ("other",)}, ["D"]),
     ],
 )
-def test_why_a_leaves_more_than_noise(lacks: Any, reason: str) -> None:
-    most = identification.MAX_RESIDUAL_TO_NOISE
-    (told,) = doubts(fitted(most + 0.06), lacks)
-    assert told == f"model A leaves {most + 0.06:.1f} times the sensors' noise of these forces: {reason}"
-    assert doubts(fitted(most), lacks) == []
+def test_a_misfit_names_the_effects_that_a_cannot_represent_and_the_models_that_can(
+    unmodelled: Any, better: list[str]
+) -> None:
+    limit = warnings.MAX_RESIDUAL_TO_NOISE
+    (misfit,) = warned(fitted(limit + 0.06), unmodelled)
+    assert (misfit.kind, misfit.values["ratio"]) == ("misfit", limit + 0.06)
+    assert (misfit.values["unmodelled"], misfit.values["better"]) == (unmodelled["A"], better)
+    assert warned(fitted(limit), unmodelled) == []
 
 
 def level(low: float, value: float, high: float) -> Any:
@@ -89,10 +85,10 @@ def level(low: float, value: float, high: float) -> Any:
 
 
 def test_levels_of_recordings_differ_where_their_intervals_are_apart() -> None:
-    assert identification._level_warnings([]) == []
-    assert identification._level_warnings([level(10.0, 11.0, 12.0), level(12.0, 13.0, 14.0)]) == []
-    assert identification._level_warnings([level(10.0, 11.0, 12.0), level(12.1, 13.0, 14.0)]) == [
-        "kinetic friction differs between recordings (11.0 to 13.0 N): model A pools them; see each one's own level"
+    assert list(level_warnings([])) == []
+    assert list(level_warnings([level(10.0, 11.0, 12.0), level(12.0, 13.0, 14.0)])) == []
+    assert list(level_warnings([level(10.0, 11.0, 12.0), level(12.1, 13.0, 14.0)])) == [
+        FrictionWarning("levels-differ", {"lowest": 11.0, "highest": 13.0})
     ]
 
 

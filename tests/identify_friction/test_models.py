@@ -9,6 +9,7 @@ from pneucli.identify.friction import FrictionModel, VelocityDomain, grid_conver
 from pneucli.identify.friction.models_a_to_f import identify_models, tp_from_samples
 from pneucli.identify.friction.regression import fit_coulomb
 from pneucli.identify.friction.samples import MovingSamples
+from pneucli.identify.friction.warnings import missing_model_warnings
 from pneucli.physics.vectorised import stribeck_friction
 from pneucli.tp import check
 from tests.identify_friction.benches import FIXTURES, Array, identified
@@ -39,8 +40,7 @@ def samples(repeats: int, seed: int) -> MovingSamples:
 
 def models(repeats: int = 1, seed: int = 0, domain: VelocityDomain = DOMAIN) -> dict[str, FrictionModel]:
     s = samples(repeats, seed)
-    found, warnings = identify_models(s, fit_coulomb(s, offset=True), domain, MASS)
-    assert warnings == []
+    found = identify_models(s, fit_coulomb(s, offset=True), domain, MASS)
     return {m.name: m for m in found}
 
 
@@ -76,7 +76,7 @@ def test_two_branches_have_a_constant_force_of_their_own() -> None:
     s = samples(4, 2)
     lopsided = s.select((s.branch > 0) | (s.v > 0) | (np.arange(len(s)) % 4 == 0))
     both = fit_coulomb(lopsided, offset=True)
-    found = {m.name: m for m in identify_models(lopsided, both, DOMAIN, MASS)[0]}
+    found = {m.name: m for m in identify_models(lopsided, both, DOMAIN, MASS)}
     assert abs(found["A"].offset) > 0.5
     for name in "DEF":
         assert found[name].offset == pytest.approx(0.0, abs=0.1)
@@ -178,7 +178,9 @@ def test_no_model_is_made_of_no_samples() -> None:
     s = samples(1, 0)
     none = s.select(np.zeros(len(s), dtype=bool))
     assert tp_from_samples("F", DOMAIN, {"accelerating": s, "slowing": none}, 40.0, 0.0, MASS) is None
-    found, warnings = identify_models(s.select(s.branch > 0), fit_coulomb(s, offset=True), DOMAIN, MASS)
+    found = identify_models(s.select(s.branch > 0), fit_coulomb(s, offset=True), DOMAIN, MASS)
     assert [m.name for m in found] == ["A", "B", "C"]
-    assert "no model D, E, F" in warnings[0]
-    assert "0 slowing" in warnings[0]
+    (warning,) = missing_model_warnings(found, s.select(s.branch > 0))
+    assert warning.values["models"] == ["D", "E", "F"]
+    assert warning.values["samples"]["slowing"] == 0
+    assert not list(missing_model_warnings(tuple(models().values()), s))

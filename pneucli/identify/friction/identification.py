@@ -19,8 +19,8 @@ from pneucli.identify.friction.models_a_to_f import (
     VelocityDomain,
     identify_models,
 )
-from pneucli.identify.friction.regression import FrictionFit, fit_coulomb, fit_stribeck
-from pneucli.identify.friction.samples import IntervalEstimate, MovingSamples, pool_samples
+from pneucli.identify.friction.regression import fit_coulomb, fit_stribeck
+from pneucli.identify.friction.samples import IntervalEstimate, pool_samples
 from pneucli.identify.friction.stick_slip import AveragedFriction, StickSlip, average_stick_slips, find_stick_slips
 from pneucli.identify.friction.summary_figures import (
     BreakAway,
@@ -31,12 +31,11 @@ from pneucli.identify.friction.summary_figures import (
     repeatability,
 )
 from pneucli.identify.friction.unmodelled_effects import unmodelled_effects
-from pneucli.messages.formatting import format_number, format_quantity
+from pneucli.identify.friction.warnings import FrictionWarning, level_warnings, missing_model_warnings, model_a_warnings
 from pneucli.recording import Recording
 from pneucli.simulate.model import Model
 
 MIN_MOVING_SAMPLES = 100  # of all training recordings
-MAX_RESIDUAL_TO_NOISE = 1.5  # times the sensors' noise: a larger residual of model A is not noise
 MAX_RELATIVE_MASS_ERROR = 0.5  # half the interval over the value: a less certain mass counts as not identifiable
 
 
@@ -69,7 +68,7 @@ class FrictionIdentification:
     repeatability: tuple[Repeatability, ...]
     removed_effects: tuple[str, ...]
     unmodelled_effects: Mapping[ModelName, tuple[str, ...]]
-    warnings: tuple[str, ...]
+    warnings: tuple[FrictionWarning, ...]
 
     @property
     def offset(self) -> float:
@@ -112,7 +111,7 @@ def identify_friction(
     """
     motions = tuple(estimate_motion(r, model) for r in _friction_recordings(recordings))
     train = [m for m in motions if m.recording.use == "train"]
-    warnings: list[str] = []
+    warnings: list[FrictionWarning] = []
     mass = _mass(train, warnings)
     inertia = mass.value if mass else 0.0
     samples, unmodelled = pool_samples(train, inertia), unmodelled_effects(model, train)
@@ -121,13 +120,13 @@ def identify_friction(
             "friction recordings", f"{len(samples)} moving samples", f"at least {MIN_MOVING_SAMPLES}", "move further"
         )
     if not samples.both_directions:
-        warnings.append("motion in one direction only: a constant force can't be told from dry friction")
+        warnings.append(FrictionWarning("one-direction"))
     fit_a = fit_stribeck(samples, offset=samples.both_directions)
     max_speed = max(float(np.abs(m.v[m.valid]).max()) for m in motions)  # the models cover the velocities of the tests
     domain = VelocityDomain(
         max_velocity or max_speed, max(m.rest_speed for m in train), nodes or DEFAULT_NODES, sign_steepness
     )
-    models, missing = identify_models(samples, fit_a, domain, inertia or 1.0)
+    models = identify_models(samples, fit_a, domain, inertia or 1.0)
     stick_slips = tuple(c for m in train if not m.imposed for c in find_stick_slips(m, inertia))
     levels = tuple(k for m in motions if (k := kinetic_friction(m, inertia)))
     ambient, imposed = model.rig.ambient_pressure, {m.recording.name for m in motions if m.imposed}
@@ -149,7 +148,12 @@ def identify_friction(
         repeatability=tuple(repeatability(strokes, ambient)),
         removed_effects=train[0].non_friction.effect_names,
         unmodelled_effects={m.name: unmodelled[m.name] for m in models},
-        warnings=(*warnings, *missing, *_model_a_warnings(fit_a, samples, unmodelled), *_level_warnings(strokes)),
+        warnings=(
+            *warnings,
+            *missing_model_warnings(models, samples),
+            *model_a_warnings(fit_a, samples, unmodelled),
+            *level_warnings(strokes),
+        ),
     )
 
 
@@ -161,7 +165,7 @@ def _friction_recordings(recordings: Sequence[Recording]) -> list[Recording]:
     return tests
 
 
-def _mass(train: Sequence[Motion], warnings: list[str]) -> IntervalEstimate | None:
+def _mass(train: Sequence[Motion], warnings: list[FrictionWarning]) -> IntervalEstimate | None:
     """Return the moving mass: stated, or fitted together with Coulomb and viscous friction where it is observable."""
     if stated_mass := train[0].non_friction.model.rig.moving_mass:
         mass = stated_mass + train[0].non_friction.added_mass
@@ -172,48 +176,8 @@ def _mass(train: Sequence[Motion], warnings: list[str]) -> IntervalEstimate | No
     if estimate.value and estimate.ci_high - estimate.value < MAX_RELATIVE_MASS_ERROR * estimate.value:
         return estimate
     if not all(m.imposed for m in train):
-        raise InputError("rig.cylinder.moving_mass", "missing, and these recordings do not tell it", "the moving mass")
-    warnings.append("the moving mass does not show in these recordings: inertia is neglected, a22 is that of 1 kg")
+        raise InputError(
+            "rig.cylinder.moving_mass", "missing, and these recordings do not identify it", "the moving mass"
+        )
+    warnings.append(FrictionWarning("mass-not-identifiable"))
     return None
-
-
-def _misfit_reason(unmodelled: Mapping[ModelName, tuple[str, ...]]) -> str:
-    """Return why a function of velocity alone does not describe the friction, given the pipeline's model."""
-    if not unmodelled["A"]:
-        return (
-            "something acts that neither A, a function of velocity alone, nor the pipeline's effects have; if D, E or "
-            "F leave less, slowing differs from speeding up; else ask pneucli diagnose"
-        )
-    better = [name for name in unmodelled if set(unmodelled[name]) < set(unmodelled["A"])]
-    comparison = f"; {' and '.join(better)} have more of it" if better else "; none of A to F has it"
-    return f"A, a function of velocity alone, lacks {', '.join(unmodelled['A'])}, which the pipeline's model has{comparison}"
-
-
-def _level_warnings(levels: Sequence[KineticFriction]) -> list[str]:
-    """Return a warning where kinetic friction differs between recordings by more than both intervals."""
-    if not levels or max(k.friction.ci_low for k in levels) <= min(k.friction.ci_high for k in levels):
-        return []
-    values = [k.friction.value for k in levels]
-    spread = f"{format_number(min(values), 3)} to {format_quantity(max(values), 'N', 3)}"
-    return [f"kinetic friction differs between recordings ({spread}): model A pools them; see each one's own level"]
-
-
-def _model_a_warnings(
-    fit_a: FrictionFit, samples: MovingSamples, unmodelled: Mapping[ModelName, tuple[str, ...]]
-) -> list[str]:
-    """Return warnings about the fit of model A."""
-    out = []
-    values = fit_a.values()
-    if "offset" in values and (values["offset"].ci_low > 0 or values["offset"].ci_high < 0):
-        force = values["offset"].value
-        otherwise = "or friction differs by direction, or a sensor or an area errs"
-        out.append(f"a constant force of {format_quantity(force, 'N', 3)} acts beside friction ({otherwise})")
-    if fit_a.deviation > MAX_RESIDUAL_TO_NOISE:
-        out.append(
-            f"model A leaves {fit_a.deviation:.1f} times the sensors' noise of these forces: {_misfit_reason(unmodelled)}"
-        )
-    if values["coulomb"].ci_low <= 0:
-        out.append("dry friction is not told from zero")
-    if "velocity" in values and samples.v.size and values["velocity"].value > 0.25 * np.abs(samples.v).max():
-        out.append("the Stribeck velocity lies near the end of the measured velocities: static friction is uncertain")
-    return out

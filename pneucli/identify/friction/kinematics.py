@@ -223,7 +223,7 @@ def _drive_parts(recording: Recording, rig: Rig) -> dict[str, tuple[float, float
 def _estimators(
     recording: Recording, raw: dict[str, Array], noise: dict[str, NoiseModel]
 ) -> tuple[Kinematics, dict[str, Smoother], Array, int]:
-    """Return the map (x, a) -> (v, smoothed a), each signal's smoother, the unbiased acceleration, the smoothing's reach."""
+    """Return the map (x, a) -> (v, smoothed a), smoothers by signal, unbiased acceleration, and reach of smoothing."""
     time = recording.time
     if not {"x", "v", "a"} & raw.keys():
         raise InputError(f"recording {recording.name}", "neither x, v nor a", "position, velocity or acceleration")

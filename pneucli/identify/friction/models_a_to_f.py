@@ -258,7 +258,7 @@ def _tp_branch(grid: Array, branch: Branch, a22: Array, mass: float) -> ModelBra
 
 def identify_models(
     samples: MovingSamples, both: FrictionFit, domain: VelocityDomain, mass: float
-) -> tuple[tuple[FrictionModel, ...], list[str]]:
+) -> tuple[FrictionModel, ...]:
     """Identify the models A to F from moving samples.
 
     Args:
@@ -268,7 +268,7 @@ def identify_models(
         mass: Moving mass in kg.
 
     Returns:
-        The models, and warnings about those that too few samples prevent.
+        The models; those that need a branch with too few samples are missing.
 
     """
     a, viscous = parametric_model("A", domain, {"both": both}, both["offset"]), both.values()["viscous"].ci_low
@@ -289,10 +289,7 @@ def identify_models(
             tp_from_model("E", d, mass),
             tp_from_samples("F", domain, branch_samples, viscous, offset, mass),
         ]
-    models = tuple(m for m in candidates if m is not None)
-    missing = [name for name in TITLES if name not in {m.name for m in models}]
-    counts = ", ".join(f"{len(s)} {name}" for name, s in branch_samples.items())
-    return models, [f"no model {', '.join(missing)}: too few moving samples ({counts})"] if missing else []
+    return tuple(m for m in candidates if m is not None)
 
 
 def _common_offset(branch_samples: Mapping[Branch, MovingSamples]) -> float:

@@ -57,7 +57,8 @@ def velocity_friction(v: Array, p: Mapping[str, float] | FrictionFit) -> Array:
     References:
         Thesis, equation 3.6.
 
-    >>> velocity_friction(np.array([-0.1]), {"coulomb": 10.0, "viscous": 20.0, "static": 10.0, "velocity": 0.0}).tolist()
+    >>> values = {"coulomb": 10.0, "viscous": 20.0, "static": 10.0, "velocity": 0.0}
+    >>> velocity_friction(np.array([-0.1]), values).tolist()
     [-12.0]
 
     """

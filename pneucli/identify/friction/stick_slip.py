@@ -119,7 +119,7 @@ def _stick_slip(motion: Motion, mass: float, start: int, begin: int, stop: int, 
 
 
 def average_stick_slips(stick_slips: Sequence[StickSlip]) -> list[AveragedFriction]:
-    """Average the friction of cycles over speed, for each direction and branch, up to the speed that half of them reach.
+    """Average the friction of cycles over speed, for each direction and branch, up to their median peak speed.
 
     Args:
         stick_slips: The cycles.

@@ -11,6 +11,7 @@ import numpy as np
 from pneucli.identify.friction import FrictionIdentification, IntervalEstimate
 from pneucli.identify.friction.stick_slip import StickSlip
 from pneucli.io.artifacts import Provenance, write_table
+from pneucli.messages.friction import friction_warning
 
 MODEL_POINTS = 401
 
@@ -19,7 +20,7 @@ def friction_answer(friction: FrictionIdentification) -> dict[str, Any]:
     """Return what the JSON answer holds of friction."""
     line = friction.pressure_dependence
     return {
-        "warnings": list(friction.warnings),
+        "warnings": [friction_warning(one.kind, one.values) for one in friction.warnings],
         "taken_out": list(friction.removed_effects),
         "domain": {
             "velocity_range": {"value": friction.domain.max_velocity, "unit": "m/s"},
