@@ -10,7 +10,16 @@ import pytest
 from pneucli.errors import InputError
 from pneucli.identify.friction import identify_friction
 from pneucli.simulate.model import Model
-from tests.identify_friction.benches import BENCH, FIXTURES, RIG, identified, load, pressed, pulses, recorded
+from tests.identify_friction.synthetic_recordings import (
+    BENCH,
+    FIXTURES,
+    RIG,
+    identified,
+    load,
+    pressed,
+    pulses,
+    recorded,
+)
 
 STICKY = BENCH._replace(static=18.0, stribeck_velocity=0.015)
 RUN = recorded(STICKY, pressed(STICKY, pulses(2, 30.0)), 1)

@@ -12,7 +12,7 @@ from pneucli.identify.friction.samples import MovingSamples
 from pneucli.identify.friction.warnings import missing_model_warnings
 from pneucli.physics.vectorised import stribeck_friction
 from pneucli.tp import check
-from tests.identify_friction.benches import FIXTURES, Array, identified
+from tests.identify_friction.synthetic_recordings import FIXTURES, Array, identified
 
 HYSTERETIC = FIXTURES / "friction_hysteresis"
 RISING, FALLING = (12.0, 40.0, 18.0, 0.02), (8.0, 45.0, 8.0)

@@ -21,7 +21,7 @@ from pneucli.noise import NoiseModel
 from pneucli.recording import Recording, Rig
 from pneucli.simulate.preparation import prepare
 from pneucli.stages.tables.valve import iso_parameters, write_valves
-from tests.identify_valve.bench import (
+from tests.identify_valve.synthetic_tests import (
     AREA,
     COMMANDS,
     EXPONENT,

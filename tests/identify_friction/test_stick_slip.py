@@ -8,7 +8,7 @@ import pytest
 from pneucli.identify.friction import estimate_motion
 from pneucli.identify.friction.stick_slip import MIN_REST_RATIO, average_stick_slips, find_stick_slips
 from pneucli.simulate.model import Model
-from tests.identify_friction.benches import BENCH, RIG, pressed, pulses, recorded
+from tests.identify_friction.synthetic_recordings import BENCH, RIG, pressed, pulses, recorded
 
 STICKY = BENCH._replace(static=18.0, stribeck_velocity=0.015)
 TRUTH = pressed(STICKY, pulses(3, 30.0))

@@ -11,7 +11,7 @@ from scipy.signal import lfilter
 from pneucli.identify.friction.regression import fit_coulomb, fit_stribeck, velocity_friction
 from pneucli.identify.friction.samples import MovingSamples
 from pneucli.physics.vectorised import stribeck_friction
-from tests.identify_friction.benches import FIXTURES, case, fixture_truth, identified
+from tests.identify_friction.synthetic_recordings import FIXTURES, case, fixture_truth, identified
 
 BLOCK = 0.2  # s
 WITHIN = 0.03  # the issue's: friction parameters within 3 % on null fixtures

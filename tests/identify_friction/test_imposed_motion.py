@@ -10,7 +10,7 @@ from pneucli.identify.friction import FrictionIdentification, identify_friction
 from pneucli.noise import NoiseModel
 from pneucli.recording import Recording, Rig
 from pneucli.simulate.model import Model
-from tests.identify_friction.benches import real
+from tests.identify_friction.synthetic_recordings import real
 
 AMBIENT = 101_325.0
 

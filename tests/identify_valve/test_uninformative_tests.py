@@ -23,7 +23,7 @@ from pneucli.simulate.preparation import prepare
 from pneucli.simulate.run import simulate
 from pneucli.simulate.valve_forms.area import ValveArea
 from pneucli.stages.tables.valve import valve_warnings
-from tests.identify_valve.bench import identify
+from tests.identify_valve.synthetic_tests import identify
 
 LAW = (1.0, 2.0, 5.0, 10.0)
 SIDES = {"both": (1.0, -1.0), "filling": (1.0,), "venting": (-1.0,)}

@@ -16,7 +16,7 @@ from pneucli.identify.friction.unmodelled_effects import unmodelled_effects
 from pneucli.physics.effects import catalogue
 from pneucli.recording import Recording
 from pneucli.simulate.model import Model
-from tests.identify_friction.benches import BENCH, RIG, pressed, pulses, recorded
+from tests.identify_friction.synthetic_recordings import BENCH, RIG, pressed, pulses, recorded
 
 LOADED = BENCH._replace(constant_force=4.0, spring_stiffness=150.0, spring_rest=0.1)
 LOADS = {"constant-force.force": 4.0, "spring-force.stiffness": 150.0, "spring-force.rest_position": 0.1}

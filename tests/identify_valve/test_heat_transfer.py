@@ -15,7 +15,7 @@ from pneucli.simulate.preparation import prepare
 from pneucli.simulate.quasi_static_gradient import QuasiStaticGradient
 from pneucli.simulate.run import simulate
 from pneucli.simulate.valve_forms.area import ValveArea
-from tests.identify_valve.bench import identify
+from tests.identify_valve.synthetic_tests import identify
 
 RIG = Rig(ambient_pressure=1.013e5, supply_pressure=7.5e5, vessel_volume=160e-6)
 NOISE = NoiseModel(white=250.0)
