@@ -115,7 +115,7 @@ def test_a_gap_between_commands_is_the_range_of_the_null():
     assert (low, high) == (pytest.approx(3.0, abs=0.1), pytest.approx(7.0, abs=0.1))
 
 
-def test_a_null_that_nothing_shows_is_refused():
+def test_an_unobservable_null_is_refused():
     rig = replace(RIG, valve_arrangement="5/3")
     filling = axis(rig, Model(rig, (), FRICTION, FIRST, SECOND), np.full(1000, 3.0))
     with pytest.raises(InputError, match="never both filled and vented"):

@@ -83,7 +83,7 @@ def test_what_a_leak_takes_is_what_the_simulation_makes_of_it() -> None:
     assert found == pytest.approx(leaking - bare, abs=0.05 * most)
 
 
-def test_each_stretch_starts_anew() -> None:
+def test_each_segment_starts_anew() -> None:
     e = moved()
     gas = modelled_gas(e, RIG, 1, 1.0, followed(e)[:, at.P1])
     found = pressure_deviation(e, gas, np.full((2, TIME.size), 1e-5), np.ones(TIME.size))
@@ -106,7 +106,7 @@ def test_a_flow_acts_on_its_own_chamber() -> None:
     assert np.all(first[0].to_residual(np.full((1, TIME.size), 1e-5))[0, [399, 699, 1000]] > 0.0)
 
 
-def test_a_wrong_reading_is_an_error_of_its_own_and_of_the_start() -> None:
+def test_a_wrong_reading_also_makes_a_wrong_initial_state() -> None:
     """Readings wrong by up to 60 Pa: measured less simulated, which starts from them, within 2 % of that."""
     e = moved()
     wrong = 60.0 * np.sin(7.0 * TIME)
@@ -126,7 +126,7 @@ def test_a_wrong_reading_is_an_error_of_its_own_and_of_the_start() -> None:
     )
 
 
-def test_a_sensor_errs_over_what_the_model_reads() -> None:
+def test_a_sensor_error_is_a_function_of_the_modelled_reading() -> None:
     """Of what was measured all that the model lacks is a part, and an error of the whole reading would explain that."""
     time = time_grid(2.0)
     held = 3e5 + 2e4 * np.sin(time)  # a shut chamber whose pressure nothing in the model moves

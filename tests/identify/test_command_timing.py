@@ -64,7 +64,7 @@ def ringing(late: float) -> np.ndarray:
 
 @pytest.mark.parametrize("every", [5, 10])
 @pytest.mark.parametrize("late", [0.0, 0.001, 0.003])
-def test_where_commands_jump_and_ring_the_way_between_them_is_told_all_the_same(every: int, late: float) -> None:
+def test_intersample_commands_are_identified_where_commands_jump_and_ring(every: int, late: float) -> None:
     """The mean to within a tenth of a jump, root mean square: half of one, were it not told when it jumped."""
     rung, stood = logged(u := ringing(late), every), logged(np.repeat(ringing(late)[::every], every), every)
     true, seen, found = u.reshape(-1, every).mean(axis=1), rung.raw["u"], between(rung)
@@ -86,7 +86,7 @@ def test_late_flow_is_no_held_command_and_no_changed_one() -> None:
     assert between(lagging) == pytest.approx(SWING[::EVERY])
 
 
-def test_a_logger_as_fast_as_a_loop_shows_every_command() -> None:
+def test_a_logger_as_fast_as_a_loop_records_every_command() -> None:
     seen = logged(SWING, every=1)
     assert between(seen) == pytest.approx(seen.raw["u"])
 
@@ -103,7 +103,7 @@ def test_readings_beyond_all_numbers_tell_nothing() -> None:
     assert between(endless) == pytest.approx(seen.raw["u"])
 
 
-def test_one_range_of_commands_serves_all_recordings_and_leaves_them_as_they_are() -> None:
+def test_a_common_range_of_commands_does_not_change_the_recordings() -> None:
     small, large = logged(0.1 * SWING), logged(SWING)
     shared = with_common_command_range([small, large])
     assert [e.flags[at.U_MAX] for e in shared] == [large.flags[at.U_MAX]] * 2

@@ -33,7 +33,7 @@ def test_parameters_of_one_channel_each_are_hardly_correlated() -> None:
     assert together[0, 1] == 0.0
 
 
-def test_what_only_the_sum_shows_is_known_only_together() -> None:
+def test_parameters_of_which_only_the_sum_is_observable_are_correlated() -> None:
     """Of J'J = [[1, c], [c, 1]] the inverse has the correlation -c; a column of zeros tells nothing."""
     c = 0.96
     rows = np.array([[1.0, c], [0.0, np.sqrt(1 - c**2)]])
@@ -52,7 +52,7 @@ def test_a_percent_of_a_parameter_does_to_its_channel_what_the_model_says() -> N
     assert felt["friction.coulomb", "x"] == pytest.approx(wanted, rel=1e-4)
 
 
-def test_each_round_is_told_and_the_residual_falls_to_the_noise() -> None:
+def test_each_iteration_is_reported_and_the_residual_falls_to_the_noise() -> None:
     rounds: list[Iteration] = []
     with report_iterations_to(rounds.append):
         fitted(Line())
@@ -65,7 +65,7 @@ def test_each_round_is_told_and_the_residual_falls_to_the_noise() -> None:
     assert first[-1].residual == pytest.approx(1.0, abs=0.03)
 
 
-def test_a_channel_without_weight_tells_nothing_and_others_tell_the_same() -> None:
+def test_a_channel_of_weight_zero_informs_no_parameter() -> None:
     whole, ignoring = Line(), Line()
     ignoring.weights = {"a": 0.0}
     found, less = fitted(whole), fitted(ignoring)
@@ -82,7 +82,7 @@ def test_weights_decide_between_channels_that_disagree() -> None:
     assert found["friction.coulomb"].value == pytest.approx((4 * 15 + 25) / 5, rel=1e-3)
 
 
-def test_views_take_the_weights_of_the_pipeline_file() -> None:
+def test_residual_models_take_the_weights_of_the_pipeline_file() -> None:
     one = ChamberPressures(replace(make_experiment("axis", TIME, {"u": 1.0}), noise={"p1": NoiseModel(1.0)}))
     assert with_channel_weights([one], {})[0].weights == {}
     assert with_channel_weights([one], {"p1": 0.5})[0].weights == {"p1": 0.5}

@@ -110,9 +110,7 @@ def test_a_logarithmic_parameter_has_an_interval_that_is_a_factor() -> None:
 
 
 @pytest.mark.parametrize(("bounds", "value"), [((0.0, 12.0), 12.0), ((20.0, 1e3), 20.0)])
-def test_a_parameter_that_presses_against_a_bound_stands_there_and_says_so(
-    bounds: tuple[float, float], value: float
-) -> None:
+def test_a_parameter_at_a_bound_is_marked(bounds: tuple[float, float], value: float) -> None:
     found = fitted(replace(COULOMB, start=15.0, lower=bounds[0], upper=bounds[1]))["friction.coulomb"]
     assert found.value == pytest.approx(value)
     assert found.at_bound
@@ -167,7 +165,7 @@ def test_a_long_recording_has_forty_blocks_and_a_few() -> None:
     assert np.bincount(numbers)[:40].tolist() == [2500] * 40 or abs(np.bincount(numbers)[0] - 2500) <= 1
 
 
-def test_blocks_of_different_views_are_different() -> None:
+def test_residual_models_do_not_share_blocks() -> None:
     numbers = block_labels([view_of(0.5), view_of(0.5, 2)])
     assert numbers.tolist() == [*np.repeat([0, 1], 250), *np.repeat([2, 3], 250), *np.repeat([2, 3], 250)]
 
@@ -208,7 +206,7 @@ E = make_experiment("axis", time_grid(0.1), {"u": 4.0, "p1": 3e5, "p2": 3e5, "x"
         (ImposedMotion, "valve.critical_ratio", False),
     ],
 )
-def test_only_views_that_feel_a_parameter_are_run(kind: Any, changed: str, differs: bool) -> None:
+def test_only_sensitive_residual_models_are_evaluated(kind: Any, changed: str, differs: bool) -> None:
     known = model(values={changed: 1.0})
     assert kind(E).differs(known, known.with_values({changed: 1.1})) == differs
     assert not kind(E).differs(known, known)
@@ -218,7 +216,7 @@ def test_only_views_that_feel_a_parameter_are_run(kind: Any, changed: str, diffe
     ("kind", "most", "differs"),
     [(ChamberPressures, 6.0, True), (FreeRun, 6.0, True), (ForceBalance, 6.0, False), (ChamberPressures, 4.0, False)],
 )
-def test_a_valve_shows_where_its_opening_passes(kind: Any, most: float, differs: bool) -> None:
+def test_a_change_of_the_valve_matters_only_where_its_openings_pass(kind: Any, most: float, differs: bool) -> None:
     """A knot at 10 V bends the area from 5 V on, the second knot below; one recording opens that far."""
     valve = ValveArea((-10.0, -5.0, 2.0, 5.0, 7.0, 10.0), (2e-6, 1e-6, 2e-7, 1e-6, 1.4e-6, 2e-6))
     known = replace(model(), valve=valve)
@@ -227,7 +225,7 @@ def test_a_valve_shows_where_its_opening_passes(kind: Any, most: float, differs:
     assert kind(seen).differs(known, grown) == differs
 
 
-def test_an_effects_parameter_shows_where_the_effect_does() -> None:
+def test_an_effects_parameter_changes_the_residuals_that_the_effect_changes() -> None:
     known = model(["stribeck"], {"stribeck.static": 20.0, "stribeck.velocity": 0.01})
     other = known.with_values({"stribeck.static": 21.0})
     assert ForceBalance(E).differs(known, other)
@@ -281,7 +279,7 @@ def test_long_recordings_are_simulated_one_at_a_time(monkeypatch: pytest.MonkeyP
 # --- joining
 
 
-def test_a_part_fitted_by_itself_joins_what_was_found_of_the_rest() -> None:
+def test_a_partial_fit_merges_into_the_fit_of_all() -> None:
     """Two views of which each tells one parameter: joined, the fit is that of both together."""
     views: list[Any] = [Line(("x",), 1), Line(("a",), 2)]
     start = model(values={"friction.coulomb": 10.0, "friction.viscous": 50.0})

@@ -41,14 +41,14 @@ INSIDE = slice(20, -20)
 @pytest.mark.parametrize(
     ("v", "force", "left"), [(0.1, 30.0, 30.0 - 14.0 - 4.5), (-0.1, -30.0, -30.0 + 14.0 + 4.5), (0.2, 14.0, -9.0)]
 )
-def test_in_motion_what_friction_does_not_take_is_left(v: float, force: float, left: float) -> None:
+def test_in_motion_the_residual_is_the_force_beyond_friction(v: float, force: float, left: float) -> None:
     """Coulomb friction of 14 N and 45 N s/m."""
     found = pushed(force, v).residual(model())["force"]
     assert found[INSIDE] == pytest.approx(np.full(961, left), abs=0.05)
 
 
 @pytest.mark.parametrize(("force", "left"), [(10.0, 0.0), (-13.0, 0.0), (20.0, 6.0), (-20.0, -6.0)])
-def test_at_rest_only_what_friction_cannot_hold_is_left(force: float, left: float) -> None:
+def test_at_rest_the_residual_is_the_force_beyond_static_friction(force: float, left: float) -> None:
     found = pushed(force).residual(model())["force"]
     assert found[INSIDE] == pytest.approx(np.full(961, left), abs=0.2)
 
@@ -65,7 +65,7 @@ def test_acceleration_is_a_force_of_the_mass() -> None:
         assert ForceBalance(e).residual(model())["force"][INSIDE] == pytest.approx(np.zeros(961), abs=0.05)
 
 
-def test_what_smoothing_took_out_of_the_pressures_is_a_force() -> None:
+def test_the_smoothed_away_part_of_the_pressures_is_a_force() -> None:
     view = pushed(0.0, a=7.0)
     raw = {"p1": np.full(TIME.size, 100.0), "p2": np.full(TIME.size, 50.0)}
     inputs = np.zeros((TIME.size, len(at.INPUTS)))
@@ -74,7 +74,7 @@ def test_what_smoothing_took_out_of_the_pressures_is_a_force() -> None:
     assert view._acceleration_and_removed_force[0] == pytest.approx(np.full(TIME.size, 7.0))
 
 
-def test_without_an_accelerometer_the_position_tells_the_acceleration_and_its_error() -> None:
+def test_without_an_accelerometer_position_gives_the_acceleration_and_its_error() -> None:
     time = 1e-3 * np.arange(2000)
     read = 0.01 * np.sin(10.0 * time) + 2e-6 * np.random.default_rng(0).standard_normal(time.size)
     noise = {"x": NoiseModel(2e-6), "p1": NoiseModel(100.0)}
@@ -130,7 +130,7 @@ def test_smoothing_takes_its_share_of_the_noise() -> None:
     assert rate == pytest.approx(0.8 * AREA_1 * 500.0 / 2**0.5 / 1e-3, rel=0.1)
 
 
-def test_noise_that_is_drawn_shows_as_much_as_the_sensors_have() -> None:
+def test_drawn_noise_propagates_like_the_sensors_noise() -> None:
     """A balance of unsmoothed pressures in motion: the noise of both, once; the accelerometer always its own."""
     view = pushed(30.0, 0.1)
     view.experiment.noise.update({"p1": NoiseModel(300.0), "p2": NoiseModel(400.0)})

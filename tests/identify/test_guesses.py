@@ -82,7 +82,7 @@ def test_all_recordings_count_and_those_without_position_do_not() -> None:
     assert mean == pytest.approx(15.0, rel=1e-2)
 
 
-def test_what_hardly_moves_tells_no_friction() -> None:
+def test_hardly_any_motion_gives_no_friction() -> None:
     """Below a fiftieth of the largest speed the force is anything."""
     e = pushed()
     e.inputs[np.abs(V) < 0.019 * np.abs(V).max(), at.IN_P1] += 1e6
@@ -166,7 +166,7 @@ def test_areas_are_guessed_at_the_commands_that_were_held() -> None:
     assert found.overlap_vent == pytest.approx(0.2, abs=0.011)
 
 
-def test_a_vessel_of_unknown_volume_stands_in_for_a_litre() -> None:
+def test_a_vessel_of_unknown_volume_counts_as_a_litre() -> None:
     assert guess_map(shown([driven(LEVELS)], {}), "valve").areas == pytest.approx(tuple(AREAS.values()), rel=1e-6)
 
 
@@ -178,7 +178,7 @@ def test_both_directions_have_their_own_areas_and_overlap() -> None:
     assert found.overlap_vent == pytest.approx(0.5, abs=0.011)
 
 
-def test_what_follows_a_jump_of_the_command_within_five_samples_is_left_out_on_a_vessel() -> None:
+def test_five_samples_after_a_jump_of_the_command_are_left_out_on_a_vessel() -> None:
     e = driven(LEVELS)
     spoiled = e.smoothers["p1"].slope(None).copy()
     for jump in range(500, spoiled.size - 1, 500):
@@ -250,7 +250,7 @@ def test_two_areas_tell_no_overlap() -> None:
     assert guess_overlap(np.array([1.0, 2.0]), np.array([1e-7, 3e-7])) == 0.0
 
 
-def test_the_first_guess_takes_from_each_experiment_what_it_tells() -> None:
+def test_the_first_guess_uses_each_experiment_for_its_own_subsystem() -> None:
     found = guess_base_model([driven(LEVELS), pushed()], RIG)
     assert found.effects == ()
     assert found.values["friction.coulomb"] == pytest.approx(12.0, rel=1e-3)
@@ -275,7 +275,7 @@ def covariance(first: int, last: int) -> np.ndarray:
     return np.eye(e.size) + np.outer(e, e)
 
 
-def test_a_residual_is_whitened_by_the_inverse_root_of_each_stretches_covariance() -> None:
+def test_a_residual_is_whitened_by_the_inverse_root_of_each_segments_covariance() -> None:
     residual = np.random.default_rng(1).standard_normal(1000)
     found = initial_state.apply_whitening(residual, ERROR[None], STARTS)
     for first, last in ((0, 300), (300, 700), (700, 1000)):
@@ -284,7 +284,7 @@ def test_a_residual_is_whitened_by_the_inverse_root_of_each_stretches_covariance
         assert found[first:last] == pytest.approx(root @ residual[first:last], abs=1e-9)
 
 
-def test_the_volume_is_the_log_determinant_spread_over_the_stretch() -> None:
+def test_the_log_determinant_is_spread_over_the_segment() -> None:
     found = initial_state.log_determinant(ERROR[None], STARTS)
     for first, last in ((0, 300), (300, 700), (700, 1000)):
         determinant = np.linalg.slogdet(covariance(first, last))[1]
@@ -314,7 +314,7 @@ def test_without_any_error_nothing_is_whitened() -> None:
     assert not initial_state.log_determinant(none, STARTS).any()
 
 
-def test_lengths_of_stretches_go_to_the_next_restart() -> None:
+def test_a_segment_lasts_until_the_next_restart() -> None:
     assert segment_lengths(STARTS, 1000).tolist() == [300, 400, 300]
 
 
@@ -341,7 +341,7 @@ def drawn_as_they_are(noise: dict[str, np.ndarray], *_: Any) -> np.ndarray:
     return out
 
 
-def test_a_start_errs_by_what_smoothing_leaves_and_its_slope(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_initial_state_errors_are_the_smoothed_noise_and_its_slope(monkeypatch: pytest.MonkeyPatch) -> None:
     """White noise of 1 (3) unsmoothed: 1.4 times that, and a central difference over 2 ms."""
     monkeypatch.setattr(initial_state, "input_errors", drawn_as_they_are)
     found = initial_state.initial_state_errors(Read())  # type: ignore[arg-type]
@@ -349,7 +349,7 @@ def test_a_start_errs_by_what_smoothing_leaves_and_its_slope(monkeypatch: pytest
     assert found["p2"] == pytest.approx((1.4 * 3.0, 3e3 / 2**0.5), rel=0.03)
 
 
-def test_an_error_of_a_start_is_carried_as_far_as_the_model_keeps_it(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_an_initial_error_persists_as_the_model_keeps_it(monkeypatch: pytest.MonkeyPatch) -> None:
     """A model that keeps half of an error of p1 and none of p2; a lag of 30 ms adds the error of the slope."""
     monkeypatch.setattr(
         initial_state,
@@ -375,7 +375,7 @@ def test_an_error_of_a_start_is_carried_as_far_as_the_model_keeps_it(monkeypatch
         {"noise": {c: SimpleNamespace(rms=50.0 * (c == "p2")) for c in ("p1", "p2")}},
     ],
 )
-def test_unsmoothed_silent_or_absent_pressures_carry_no_error(
+def test_unsmoothed_noiseless_or_absent_pressures_have_no_initial_error(
     monkeypatch: pytest.MonkeyPatch, changed: dict[str, Any]
 ) -> None:
     monkeypatch.setattr(
@@ -418,13 +418,13 @@ def test_twenty_samples_after_it_must_move_one_way(moving: int, found: bool) -> 
     assert bool(breakaway_velocities(v, v, 0.5, 20).any()) == found
 
 
-def test_five_samples_about_each_change_of_direction_and_at_both_ends_are_unsure() -> None:
+def test_five_samples_about_each_reversal_and_at_both_ends_are_uncertain() -> None:
     v = np.concatenate([np.ones(50), -np.ones(50)])
     doubtful = uncertain_direction(v, np.zeros(100), 5)
     assert np.flatnonzero(doubtful).tolist() == [*range(5), *range(45, 55), *range(95, 100)]
 
 
-def test_from_a_break_away_on_all_is_unsure_until_it_certainly_moves_but_the_sample_itself() -> None:
+def test_samples_after_a_break_away_are_uncertain_until_the_piston_certainly_moves() -> None:
     v = np.concatenate([np.zeros(60), np.ones(40)])
     leaving = np.zeros(100)
     leaving[40] = 1e-9

@@ -96,7 +96,7 @@ def test_intervals_are_those_of_students_t(monkeypatch: pytest.MonkeyPatch) -> N
     assert (level.ci95[1] - level.ci95[0]) / 2.0 == pytest.approx(student.ppf(0.975, 9.3) * level.error, rel=0.02)
 
 
-def test_what_one_group_alone_tells_is_not_left_out_of_it() -> None:
+def test_a_direction_that_one_group_determines_keeps_that_group() -> None:
     found = mean_of(np.random.default_rng(1).standard_normal(N), np.arange(N) // 20)
     assert np.isfinite(intervals._jackknife_variance(Groups(found, np.zeros(N, dtype=int)))).all()
     growth, freedom = variance_inflation(found, iter([np.zeros(N, dtype=int)]))
@@ -121,7 +121,7 @@ def test_groups_are_recordings_and_bins_of_each_signal_with_as_many_samples() ->
     assert np.unique(u).size == 1
 
 
-def test_a_fit_with_nothing_free_is_left_alone() -> None:
+def test_a_fit_without_free_parameters_is_unchanged() -> None:
     found = mean_of(np.zeros(N), np.arange(N) // 20)
     bare = Fit(found.model, (), (), found.residual, np.zeros((N, 0)), found.blocks, np.zeros((0, 0)), 0.0, ())
     assert with_intervals(bare, []) is bare

@@ -16,7 +16,7 @@ TIME = time_grid(100.0)[::100]
 FALLING = np.linspace(6e5, 5e5, TIME.size)
 
 
-def test_a_shut_vessel_tells_its_flow_by_both_ways_in_which_the_gas_may_change() -> None:
+def test_a_shut_vessel_gives_its_leak_for_isothermal_and_adiabatic_gas() -> None:
     """2 l losing 1 bar in 100 s: 2e-3 x 1000 Pa/s / (287 x 293.15) kg/s, over 1.185 kg/m^3."""
     shut = make_experiment("valve", TIME, {"p1": FALLING}, valve_shut=True, rig=RIG)
     (found,) = pressure_losses([shut], RIG)
@@ -28,7 +28,7 @@ def test_a_shut_vessel_tells_its_flow_by_both_ways_in_which_the_gas_may_change()
     assert found.volume_known
 
 
-def test_of_an_unknown_volume_it_is_that_of_a_litre() -> None:
+def test_an_unknown_volume_counts_as_a_litre() -> None:
     bare = replace(RIG, vessel_volume=None)
     shut = make_experiment("valve", TIME, {"p1": FALLING}, valve_shut=True, rig=RIG)
     (known,), (unknown,) = pressure_losses([shut], RIG), pressure_losses([shut], bare)

@@ -68,7 +68,7 @@ class Decay:
         )
 
 
-def test_derivatives_that_are_known_at_the_start_are_not_asked_for():
+def test_given_initial_derivatives_are_not_recomputed():
     one = Decay()
     known = one.jacobian(np.array([3.0, 0.7]))
     assert one.fitted((3.0, 0.7), known).z == pytest.approx([3.0, 0.7])
@@ -109,5 +109,5 @@ def test_an_inverse_is_right_whatever_the_sizes_of_the_coordinates():
     assert found * size[:, None] * size == pytest.approx(expected, rel=1e-9)
 
 
-def test_of_a_coordinate_that_nothing_tells_the_inverse_is_none():
+def test_the_inverse_is_zero_for_an_undetermined_coordinate():
     assert pseudo_inverse(np.diag([4.0, 0.0])) == pytest.approx(np.diag([0.25, 0.0]))

@@ -44,6 +44,6 @@ def test_an_overlap_that_ended_at_its_upper_bound_is_guessed_from_the_areas(
     assert (found.cost == cost_anew) == better
 
 
-def test_an_overlap_within_its_bounds_is_left_alone():
+def test_an_overlap_within_its_bounds_is_not_reestimated():
     fit = ended(100.0, STUCK, at_bound=False)
     assert model_fit._with_overlap_reestimated(fit, (), stopping=FULL_CONVERGENCE) is fit

@@ -57,14 +57,14 @@ def test_a_prior_draws_the_estimate_by_its_weight_wherever_the_fit_starts() -> N
     assert held[0] == pytest.approx(0.5 * (5.0 + alone["friction.coulomb"].value), rel=1e-4)
 
 
-def test_a_rig_value_that_is_stated_becomes_free_where_the_file_is_not_sure_of_it() -> None:
+def test_a_rig_value_with_a_prior_is_free() -> None:
     axis = make_experiment("axis", time_grid(0.5), {"u": 1.0, **BALANCED})
     sure = {f.name for f in base_parameters(model(), [axis])}
     doubted = knowing(rig__piston_area_1=ParameterPrior("m^2", start=8e-4, sigma=1e-5))
     assert {f.name for f in base_parameters(model(rig=doubted), [axis])} - sure == {"rig.piston_area_1"}
 
 
-def test_a_supply_pressure_that_the_file_is_not_sure_of_is_free_where_nobody_recorded_it() -> None:
+def test_a_supply_pressure_with_a_prior_is_free_where_it_was_not_recorded() -> None:
     rig = knowing(rig__supply_pressure=ParameterPrior("Pa", start=6e5))
     bare, told = ({"u": 1.0, **BALANCED}, {"u": 1.0, **BALANCED, "p_supply": 7e5})
     for signals, free in ((bare, True), (told, False)):

@@ -39,7 +39,7 @@ def test_a_break_away_is_where_the_velocity_begins_to_grow():
     assert leaving[49] == 1e-5
 
 
-def test_samples_from_the_break_away_to_the_first_certain_motion_are_unsure():
+def test_samples_from_the_break_away_to_the_first_certain_motion_are_uncertain():
     smoothed = np.concatenate([np.zeros(50), 1e-5 * np.arange(1, 200)])
     v = np.where(smoothed < 1e-3, 0.0, smoothed)
     leaving = breakaway_velocities(v, smoothed, 0.9e-3, 20)
@@ -106,7 +106,7 @@ def chamber() -> ResidualModel:
     return ChamberPressures(ready, whiten_initial_state=True)
 
 
-def test_errors_of_the_starts_are_taken_out_of_a_chamber(chamber: ResidualModel):
+def test_initial_state_errors_are_whitened_in_a_chamber(chamber: ResidualModel):
     """White noise of 1 remains, where the errors of the starts, carried on, would add to it."""
     scale = chamber.noise["p1"]
     plain = chamber.residual(model(), {})["p1"] / scale
@@ -115,14 +115,14 @@ def test_errors_of_the_starts_are_taken_out_of_a_chamber(chamber: ResidualModel)
     assert np.std(settled) == pytest.approx(1.0, abs=0.05)
 
 
-def test_what_is_no_error_of_a_start_stays(chamber: ResidualModel):
+def test_other_errors_are_not_whitened_away(chamber: ResidualModel):
     """A sine that does not look like one loses less than a tenth."""
     sine = {"p1": 1000.0 * np.sin(2 * np.pi * 50.0 * chamber.experiment.time)}
     left = chamber.apply_whitening(sine, chamber.initial_state_sensitivity(model()))
     assert np.std(left["p1"]) > 0.9 * np.std(sine["p1"])
 
 
-def test_starts_that_err_more_cost_their_volume(chamber: ResidualModel):
+def test_larger_initial_state_errors_cost_their_log_determinant(chamber: ResidualModel):
     """A lag of 20 ms that is undone makes the starts err more; the squares fall by no more than the volume grows."""
     late = model(["pressure-lag"], {"pressure-lag.time_constant": 0.02})
     plain, lagging = chamber.initial_state_sensitivity(model()), chamber.initial_state_sensitivity(late)
@@ -161,7 +161,7 @@ def test_a_channel_that_never_changes_has_no_measure_and_is_left_out():
     assert [type(view) for view in residual_models([both])] == [ForceBalance]
 
 
-def test_a_model_that_runs_away_errs_very_much_and_is_finite():
+def test_a_diverging_model_has_large_finite_residuals():
     measured = np.array([1.0, np.nan, 2.0, 3.0])
     left = bounded_difference(measured, np.array([0.5, 1.0, np.nan, -np.inf]), noise=0.1)
     np.testing.assert_array_equal(left, [0.5, 0.0, 0.1 * MAX_RESIDUAL, 0.1 * MAX_RESIDUAL])

@@ -105,7 +105,7 @@ def test_plain_numbers_stay_as_they_are() -> None:
     assert parameter.range_on(RigQuantities()) == (0.0, 1e3, (10.0,), 0.0)
 
 
-def test_what_is_not_known_neither_bounds_nor_starts() -> None:
+def test_an_unknown_scale_gives_neither_bounds_nor_starts() -> None:
     effect = catalogue()["constant-force"]
     unknown = rig_quantities(Model(Rig()))
     assert effect.parameters[0].range_on(unknown) == (-np.inf, np.inf, (), 0.0)
@@ -116,12 +116,12 @@ def test_what_is_not_known_neither_bounds_nor_starts() -> None:
     ("text", "told"),
     [("0.2 suply forces", "supply forces"), ("many supply forces", "no number"), ("2 strokes", "wanted a scale")],
 )
-def test_a_quantity_that_cannot_be_read_is_told_when_it_is_declared(text: str, told: str) -> None:
+def test_an_unreadable_quantity_is_refused_at_declaration(text: str, told: str) -> None:
     with pytest.raises(UnitError, match=told):
         Parameter("force", "N", 0.0, 0.0, text, (1.0,))
 
 
-def test_every_scale_is_used_and_known_on_a_rig_that_is_described_and_recorded() -> None:
+def test_every_scale_is_used_and_has_a_value_on_a_complete_rig() -> None:
     declared = [*BASE_PARAMETERS.values(), *(p for e in catalogue().values() for p in e.parameters)]
     quantities = [q for p in declared for q in (p.lower, p.upper, p.step, *p.typical) if isinstance(q, str)]
     assert {q.partition(" ")[2] for q in quantities} == set(SCALES)
@@ -239,7 +239,7 @@ def test_a_preloaded_spring_on_a_large_rig_stands_at_no_bound() -> None:
         assert found[name].value == pytest.approx(value, rel=0.03)
 
 
-def test_an_effect_whose_size_nothing_tells_is_refused_by_name() -> None:
+def test_an_effect_without_a_scale_is_refused_by_name() -> None:
     base = base_of(SMALL)
     lost = replace(catalogue()["constant-force"], name="lost", parameters=(
         Parameter("force", "N", 0.0, 0.0, 1e3, ("1 supply forces",)),

@@ -97,7 +97,7 @@ def test_areas_are_fitted_as_logarithms_and_friction_from_its_guess() -> None:
     assert none["friction.coulomb"].scale > 0.0
 
 
-def test_an_effects_parameters_start_at_what_is_given_known_or_typical() -> None:
+def test_an_effects_parameters_start_at_given_present_or_typical_values() -> None:
     force = catalogue()["constant-force"]
     declared = force.parameters[0].range_on(FACTS)
     (typical,) = effect_parameters(force, model(), FACTS)
@@ -158,11 +158,11 @@ def test_starts_are_typical_values_on_this_rig() -> None:
     assert initial_guesses(shares, RigQuantities(coulomb=14.0)) == [{"e.a": 7.0}, {"e.a": 28.0}]
 
 
-def test_what_is_a_share_of_something_unknown_has_no_start() -> None:
+def test_a_share_of_an_unknown_quantity_gives_no_start() -> None:
     assert initial_guesses(made_of(parameter("a", "0.5 Coulomb forces")), RigQuantities()) == []
 
 
-def test_starts_are_all_combinations_in_which_a_stretch_goes_forward() -> None:
+def test_starts_are_all_combinations_with_from_below_to() -> None:
     one = made_of(parameter("from", 1.0, 2.0), parameter("to", 2.0, 3.0), parameter("gain", 5.0))
     assert initial_guesses(one, RigQuantities()) == [
         {"e.from": 1.0, "e.to": 2.0, "e.gain": 5.0}, {"e.from": 1.0, "e.to": 3.0, "e.gain": 5.0},
@@ -190,7 +190,7 @@ def fitted(columns: np.ndarray, residual: np.ndarray, blocks: int = 20) -> Fit:
     return Fit(model(), free, (), residual, columns, numbers, none, float(residual @ residual), ())
 
 
-def test_a_signature_promises_the_fall_of_the_best_step_along_it_base_parameters_adjusting() -> None:
+def test_the_score_test_predicts_the_gain_of_the_best_step_with_base_parameters_adjusting() -> None:
     rng = RNG(1)
     base, change = rng.standard_normal((N, 1)), rng.standard_normal(N)
     residual = rng.standard_normal(N) - 0.3 * change + 2.0 * base[:, 0]
@@ -207,7 +207,7 @@ def test_a_signature_promises_the_fall_of_the_best_step_along_it_base_parameters
     assert mine.values == {"e.a": 1.0}
 
 
-def test_what_cannot_be_switched_on_by_degrees_is_taken_whole() -> None:
+def test_an_effect_that_is_not_nested_is_tested_at_full_size() -> None:
     rng = RNG(2)
     base, change = rng.standard_normal((N, 1)), rng.standard_normal(N)
     found = fitted(base, rng.standard_normal(N) - 0.7 * change)
@@ -218,7 +218,7 @@ def test_what_cannot_be_switched_on_by_degrees_is_taken_whole() -> None:
 
 
 @pytest.mark.parametrize("change", ["base", "nan", "none"])
-def test_what_the_base_does_as_well_or_what_runs_away_promises_nothing(change: str) -> None:
+def test_a_change_within_the_base_model_or_a_diverging_one_has_no_gain(change: str) -> None:
     base = RNG(3).standard_normal((N, 1))
     columns = {"base": 2.0 * base[:, 0], "nan": np.full(N, np.nan), "none": np.zeros(N)}
     with np.errstate(invalid="ignore"):
@@ -251,7 +251,7 @@ class View:
         return {"x": 10.0 - model.values.get("constant-force.force", 0.0) * self.wave}
 
 
-def test_signatures_are_what_switching_on_changes_best_first_in_the_views_that_feel_it() -> None:
+def test_score_tests_are_sorted_by_gain_and_evaluate_sensitive_residual_models() -> None:
     force = catalogue()["constant-force"]
     views: Any = [View(np.ones(400)), View(np.ones(600), felt=False)]
     found = replace(fitted(np.zeros((1000, 0)), np.full(1000, 5.0)), initial_state_sensitivities=({}, {}))
@@ -267,7 +267,7 @@ def test_signatures_are_what_switching_on_changes_best_first_in_the_views_that_f
 @pytest.mark.parametrize(
     ("step", "share", "value"), [(0.5, 1.0, 5.0), (0.5, 0.1, 0.5), (0.01, 1.0, 0.5), (9.0, 1.0, 50.0), (-2.0, 1.0, 0.5)]
 )
-def test_a_start_is_the_promised_step_from_null_within_a_twentieth_and_five(
+def test_a_start_is_the_predicted_step_from_null_limited_to_a_twentieth_and_five(
     step: float, share: float, value: float
 ) -> None:
     signature = ScoreTest({"constant-force.force": 10.0}, 1.0, step, 1.0)
@@ -275,7 +275,7 @@ def test_a_start_is_the_promised_step_from_null_within_a_twentieth_and_five(
     assert found == {"constant-force.force": pytest.approx(value)}
 
 
-def test_a_start_moves_from_its_null_only_what_has_one_and_stays_within_bounds() -> None:
+def test_only_parameters_with_a_null_are_scaled_and_within_bounds() -> None:
     signature = ScoreTest({"stribeck.static": 24.0, "stribeck.velocity": 0.01}, 1.0, 2.0, 1.0)
     found = scaled_initial_guess(catalogue()["stribeck"], signature, model(), FACTS)
     assert found == {"stribeck.static": pytest.approx(34.0), "stribeck.velocity": 0.01}
@@ -327,7 +327,7 @@ def promised(*values: float, step: float = 1.0) -> list[ScoreTest]:
 FOUND: Any = SimpleNamespace(model=model(), cost=100.0)
 
 
-def test_an_effect_is_fitted_from_its_best_signature(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_an_effect_is_fitted_from_its_best_score_test(monkeypatch: pytest.MonkeyPatch) -> None:
     scripted = Scripted(monkeypatch, lambda values: 50.0)
     found = FOUND
     fit = fit_with_effect(found, [View(np.ones(9))], catalogue()["constant-force"], ranked=promised(10.0, 20.0))  # type: ignore[list-item]
@@ -335,7 +335,7 @@ def test_an_effect_is_fitted_from_its_best_signature(monkeypatch: pytest.MonkeyP
     assert [e.name for e in fit.model.effects] == ["constant-force"]
 
 
-def test_where_the_promised_step_leads_astray_it_starts_from_nearly_nothing(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_after_a_step_that_raises_the_cost_the_fit_starts_close_to_the_null(monkeypatch: pytest.MonkeyPatch) -> None:
     scripted = Scripted(monkeypatch, lambda values: 150.0 if values["constant-force.force"] > 5.0 else 90.0)
     found = FOUND
     fit = fit_with_effect(found, [View(np.ones(9))], catalogue()["constant-force"], ranked=promised(10.0))  # type: ignore[list-item]
@@ -343,7 +343,7 @@ def test_where_the_promised_step_leads_astray_it_starts_from_nearly_nothing(monk
     assert fit.cost == 90.0
 
 
-def test_an_edge_is_sought_from_its_four_best_starts(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_an_effect_with_an_edge_is_fitted_from_its_four_best_starts(monkeypatch: pytest.MonkeyPatch) -> None:
     patch = catalogue()["position-friction"]
     scripted = Scripted(monkeypatch, lambda values: values["position-friction.from"])
     ranked = [
@@ -361,7 +361,7 @@ def test_an_edge_is_sought_from_its_four_best_starts(monkeypatch: pytest.MonkeyP
     assert fit.cost == 0.03
 
 
-def test_an_effect_whose_size_nothing_tells_is_refused_by_name() -> None:
+def test_an_effect_without_a_scale_is_refused_by_name() -> None:
     found = fitted(np.zeros((9, 0)), np.ones(9), blocks=9)
     with pytest.raises(InputError, match="constant-force"):
         fit_with_effect(found, [], catalogue()["constant-force"], ranked=[])
@@ -405,7 +405,7 @@ def seen(kind: str, *signals: str, **given: Any) -> list[str]:
     return [view.name for view in residual_models([replace(e, noise=NOISE)])]
 
 
-def test_each_kind_of_recording_is_seen_through_the_subsystems_that_it_tells_of() -> None:
+def test_each_kind_of_recording_has_the_residual_models_of_its_subsystems() -> None:
     assert seen("valve", "u", "p1") == ["bench: chamberpressures"]
     assert seen("friction", "p1", "p2", "x") == ["bench: forcebalance"]
     assert seen("axis", "u", "p1", "p2", "x") == ["bench: forcebalance", "bench: chamberpressures"]
@@ -448,7 +448,7 @@ def test_the_openings_reach_from_rest_to_the_largest_commands() -> None:
         (ImposedMotion, "valve-lag", False),
     ],
 )
-def test_an_effect_shows_in_the_balances_in_which_it_stands(kind: Any, effect: str, felt: bool) -> None:
+def test_an_effect_changes_the_residuals_of_its_own_balances(kind: Any, effect: str, felt: bool) -> None:
     assert kind(DRIVEN).is_sensitive_to(catalogue()[effect]) == felt
 
 

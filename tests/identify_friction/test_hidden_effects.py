@@ -55,7 +55,7 @@ def test_parameters_of_another_virtual_rig_are_within_3_percent(number: str) -> 
         assert found["velocity"].value == pytest.approx(hidden["stribeck"]["velocity"], rel=WITHIN)
 
 
-def test_friction_that_drifts_is_said_to_be_more_than_a_function_of_velocity() -> None:
+def test_friction_that_drifts_is_a_misfit_of_a_function_of_velocity() -> None:
     assert "misfit" in {warning.kind for warning in identified(case("17")).warnings}
 
 
@@ -98,7 +98,7 @@ def test_single_wild_samples_do_not_move_the_fit() -> None:
     assert fit_coulomb(wild, offset=True)["offset"] == pytest.approx(0.0, abs=0.1)
 
 
-def test_the_fitted_law_is_that_of_the_physics() -> None:
+def test_the_fitted_friction_is_that_of_the_physics() -> None:
     v = np.linspace(-0.3, 0.3, 101)
     values = {"coulomb": 8.0, "viscous": 30.0, "static": 13.0, "velocity": 0.02}
     assert velocity_friction(v, values) == pytest.approx(stribeck_friction(v, 8.0, 30.0, 13.0, 0.02))

@@ -35,7 +35,7 @@ def test_everything_for_tables_and_figures_is_there() -> None:
     assert found.model("D").title.startswith("Stribeck")
 
 
-def test_measured_curves_hold_the_law_within_their_intervals() -> None:
+def test_measured_curves_contain_the_true_friction_within_their_intervals() -> None:
     found = identified(FIXTURES / "friction_null_stribeck")
     model = found.model("A")
     for curve in found.curves:
@@ -59,7 +59,7 @@ def test_axis_recordings_serve_where_there_is_no_friction_test() -> None:
     assert found.parameters["coulomb"].value == pytest.approx(12.0, rel=0.03)
 
 
-def test_a_constant_force_is_told_from_friction_only_where_both_directions_were_measured() -> None:
+def test_a_constant_force_is_identifiable_only_from_both_directions() -> None:
     rising = pressed(STICKY, np.abs(pulses(2, 30.0)) * 0.8)
     one_way = identify_friction([recorded(STICKY, rising, 2)], Model(RIG))
     assert "offset" not in one_way.parameters

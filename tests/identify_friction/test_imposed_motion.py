@@ -42,14 +42,14 @@ def test_kinetic_friction_is_half_the_difference_of_the_directions() -> None:
     assert "levels-differ" in {warning.kind for warning in found.warnings}
 
 
-def test_a_mass_that_does_not_show_is_neglected_and_said_so() -> None:
+def test_an_unidentifiable_mass_is_neglected_with_a_warning() -> None:
     found = identify_friction([stroking(4.0, 1e5)], Model(RIG))
     assert found.mass is None
     assert "mass-not-identifiable" in {warning.kind for warning in found.warnings}
     assert {d.channel for d in found.deviations} == {"force"}
 
 
-def test_a_mass_that_shows_is_identified() -> None:
+def test_an_observable_mass_is_identified() -> None:
     time = 1e-3 * np.arange(8000)
     x = 0.1 + 0.05 * np.sin(2 * np.pi * time) + 0.02 * np.sin(2 * np.pi * 2.3 * time)
     v = np.gradient(x, time)

@@ -34,7 +34,7 @@ def test_velocity_has_no_drift_whatever_measures_the_motion(sensors: tuple[str, 
 
 
 @pytest.mark.parametrize("sensors", [("x", "a"), ("a",)], ids=["x and a", "a"])
-def test_friction_force_errs_by_what_its_sigma_says(sensors: tuple[str, ...]) -> None:
+def test_the_error_of_the_friction_force_agrees_with_its_sigma(sensors: tuple[str, ...]) -> None:
     kinematics = estimate_motion(recorded(STICKY, TRUTH, 2, ("p1", "p2", *sensors)), Model(RIG))
     truth = STICKY.piston_area_1 * (TRUTH["p1"] - TRUTH["p2"]) - 2.0 * TRUTH["a"]
     error = (kinematics.friction(2.0) - truth)[kinematics.moving]
@@ -124,7 +124,7 @@ def test_what_is_missing_is_named(
         assert alone.drive == pytest.approx(RIG.piston_area_1 * (r["p1"] - RIG.ambient_pressure))
 
 
-def test_without_position_a_force_that_depends_on_it_is_not_known() -> None:
+def test_a_force_that_depends_on_position_needs_the_position() -> None:
     r = recorded(STICKY, TRUTH, 8)
     values = {"spring-force.stiffness": 100.0, "spring-force.rest_position": 0.1}
     sprung = Model(RIG, (catalogue()["spring-force"],), values)

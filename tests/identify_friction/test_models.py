@@ -82,7 +82,7 @@ def test_two_branches_have_a_constant_force_of_their_own() -> None:
         assert found[name].offset == pytest.approx(0.0, abs=0.1)
 
 
-def test_model_d_is_nouris_law_but_for_the_smoothed_sign() -> None:
+def test_model_d_is_nouris_model_except_for_the_smoothed_sign() -> None:
     d = models()["D"]
     v = np.concatenate([np.linspace(-0.3, -0.01, 50), np.linspace(0.01, 0.3, 50)])
     truth = nouri(v, v)

@@ -41,20 +41,20 @@ def times_noise(found: FrictionIdentification, name: str, channel: str) -> float
     return pooled.rmsd / pooled.noise
 
 
-def test_the_parameters_of_a_lie_in_their_intervals_beside_a_spring_and_a_constant_force() -> None:
+def test_the_parameters_of_a_lie_in_their_intervals_with_a_spring_and_a_constant_force() -> None:
     assert WITH.removed_effects == ("constant-force", "spring-force")
     for name, truth in (("coulomb", LOADED.coulomb), ("viscous", LOADED.viscous), ("offset", 0.0)):
         assert WITH.parameters[name].ci_low <= truth <= WITH.parameters[name].ci_high, name
 
 
 @pytest.mark.parametrize("name", "AB")
-def test_its_replay_is_at_the_noise_with_the_other_effects_in_it(name: str) -> None:
+def test_its_replay_is_at_the_noise_with_the_other_effects(name: str) -> None:
     assert times_noise(WITH, name, "a") < 1.3
     assert times_noise(WITH, name, "v") < 2.0
     assert times_noise(WITHOUT, name, "v") > 3.0 * times_noise(WITH, name, "v")
 
 
-def test_without_them_it_is_said_that_something_else_acts() -> None:
+def test_without_them_a_constant_force_and_a_misfit_are_reported() -> None:
     assert WITH.warnings == ()
     warnings = {warning.kind: warning.values for warning in WITHOUT.warnings}
     assert "constant-force" in warnings
@@ -70,7 +70,7 @@ def test_without_them_it_is_said_that_something_else_acts() -> None:
     ],
     ids=["offset of p1", "scale", "skew"],
 )
-def test_faults_of_pressure_sensors_are_undone(values: dict[str, float], distortion) -> None:  # type: ignore[no-untyped-def]
+def test_faults_of_pressure_sensors_are_removed(values: dict[str, float], distortion) -> None:  # type: ignore[no-untyped-def]
     time = 1e-3 * np.arange(2000)
     p1, p2 = 3e5 + 5e4 * np.sin(2 * np.pi * time), 3e5 + 3e4 * np.cos(2 * np.pi * time)
     read = {"p1": distortion(p1, time), "p2": distortion(p2, time)}
@@ -120,11 +120,11 @@ HYSTERESIS = {"friction-hysteresis.drop": 0.4}
     ],
     ids=["loads", "stribeck", "hysteresis", "asymmetry", "pressure", "position", "presliding", "dwell"],
 )
-def test_what_each_model_lacks(values: dict[str, float], without: str) -> None:
+def test_effects_that_each_model_cannot_represent(values: dict[str, float], without: str) -> None:
     assert {name for name, effects in shown(values).items() if effects} == set(without)
 
 
-def test_a_residual_of_a_is_put_down_to_what_it_lacks() -> None:
+def test_a_misfit_of_a_is_attributed_to_effects_that_it_cannot_represent() -> None:
     friction = BENCH._replace(viscous_asymmetry=0.5)
     values = {"friction-asymmetry.asymmetry": 0.0, "friction-asymmetry.viscous_asymmetry": 0.5}
     found = identify_friction(runs(friction), model(values))

@@ -117,7 +117,7 @@ def measured(force: np.ndarray, seed: int = 1, **given: Any) -> MovingSamples:
     return samples(V, force + 0.5 * RNG(seed).standard_normal(V.size), sigma=np.full(V.size, 0.5), block=block, **given)
 
 
-def test_a_law_is_dry_and_viscous_friction_with_a_fall_where_it_has_one() -> None:
+def test_a_fit_is_dry_and_viscous_friction_with_an_optional_stribeck_effect() -> None:
     v = np.array([-0.02, 0.0, 0.02, 0.2])
     plain = {"coulomb": 12.0, "viscous": 40.0, "static": 20.0, "velocity": 0.0}
     assert velocity_friction(v, plain) == pytest.approx([-12.8, 0.0, 12.8, 20.0])
@@ -135,7 +135,7 @@ def test_coulomb_and_viscous_friction_are_found_with_honest_errors() -> None:
         assert np.mean(np.abs(found - true) < half) > 0.8
 
 
-def test_a_constant_force_is_told_where_it_is_asked_for_and_may_be_negative() -> None:
+def test_a_constant_force_is_fitted_on_request_and_may_be_negative() -> None:
     pushed = measured(truth() - 5.0)
     found = fit_coulomb(pushed, offset=True)
     assert found["offset"] == pytest.approx(-5.0, abs=0.1)
@@ -159,7 +159,7 @@ def test_friction_is_never_negative() -> None:
     assert min(found["coulomb"].ci_low, found["viscous"].ci_low) == 0.0
 
 
-def test_a_fit_says_how_much_it_leaves_over_the_sensors_noise() -> None:
+def test_the_deviation_of_a_fit_is_relative_to_the_sensors_noise() -> None:
     assert fit_coulomb(measured(truth()), offset=False).deviation == pytest.approx(1.0, abs=0.05)
     twice = measured(truth() + 0.5 * 3**0.5 * RNG(5).standard_normal(V.size))
     found = fit_coulomb(twice, offset=True)
@@ -237,7 +237,7 @@ def law_of(**values: float) -> FrictionFit:
 
 
 @pytest.mark.parametrize(("static", "falls"), [(10.0, False), (13.3, False), (13.4, True), (20.0, True)])
-def test_static_friction_is_told_from_coulombs_by_three_standard_errors(static: float, falls: bool) -> None:
+def test_static_friction_exceeds_coulomb_friction_by_three_standard_errors(static: float, falls: bool) -> None:
     """sqrt(1 + 0.25) apart, whatever viscous friction errs by."""
     assert regression._has_stribeck_effect(law_of(coulomb=10.0, viscous=99.0, static=static)) == falls
 
@@ -384,7 +384,7 @@ def test_the_mass_goes_into_the_friction_force() -> None:
     assert heavier.offset.value == pytest.approx(3.0 + 3.0, abs=0.1)
 
 
-def test_motion_in_one_direction_or_none_tells_no_level() -> None:
+def test_motion_in_one_direction_or_none_gives_no_kinetic_friction() -> None:
     one_way = stroked()
     one_way.v = np.abs(one_way.v)
     assert kinetic_friction(one_way, 0.0) is None

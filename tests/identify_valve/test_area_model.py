@@ -84,7 +84,7 @@ def test_a_polynomial_is_summed_from_its_lowest_power() -> None:
     assert polynomial(np.array([2.0, -1.0]), np.array([1.0, 10.0, 100.0])) == pytest.approx([421.0, 91.0])
 
 
-def test_weights_are_hats_over_the_logarithm_of_the_command() -> None:
+def test_node_weights_are_linear_in_the_logarithm_of_the_command() -> None:
     d = Direction(-1, np.array([1.0, 4.0]))
     assert d.node_weights(np.array([-0.5, -1.0, -2.0, -4.0, -9.0])) == pytest.approx(
         np.array([[1, 0], [1, 0], [0.5, 0.5], [0, 1], [0, 1]])
@@ -114,7 +114,7 @@ def test_the_ratio_is_that_of_the_lower_to_the_higher_pressure(u: float, p: floa
     assert LAW.pressure_ratio(*at)[0] == pytest.approx(ratio)
 
 
-def test_without_corrections_it_is_the_trend() -> None:
+def test_without_corrections_the_gradient_is_the_models() -> None:
     assert LAW.gradient(LAW.initial_theta(), U, P, S) == pytest.approx(TREND.at_coordinates(TREND.start)(U, P, S))
 
 
@@ -225,7 +225,7 @@ def test_a_signal_is_whitened_by_the_filter_where_all_of_it_is_seen() -> None:
     assert one.whiten(np.ones((300, 2, 3)))[..., 1] == pytest.approx(found)
 
 
-def test_stretches_shorter_than_the_filter_are_not_seen() -> None:
+def test_transients_shorter_than_the_filter_have_no_residuals() -> None:
     whole = part()
     short = stretches(samples=61).select(np.array([1]))
     one = replace(whole, data=short, whitening=np.eye(9)[0], start=START[1:])
@@ -235,7 +235,7 @@ def test_stretches_shorter_than_the_filter_are_not_seen() -> None:
     assert one.improved_initial_pressures(THETA).tolist() == [6e5]
 
 
-def test_residuals_are_whitened_errors_without_what_a_start_can_take_up() -> None:
+def test_residuals_are_whitened_errors_with_initial_pressures_eliminated() -> None:
     one = part()
     found = one.residuals(THETA)
     p = simulate_transients(LAW, THETA, START, one.data)
@@ -257,7 +257,7 @@ def test_the_jacobian_leads_the_residuals() -> None:
         assert found[:, k] == pytest.approx(slope, abs=1e-2 * np.abs(slope).max())
 
 
-def test_a_wrong_start_is_mended() -> None:
+def test_a_wrong_initial_pressure_is_corrected() -> None:
     one = part(noise=1.0)
     one.start = START + np.array([30.0, -20.0])
     assert one.improved_initial_pressures(THETA) == pytest.approx(START, abs=2.0)
@@ -273,7 +273,7 @@ def problem(memory: int, repeated: int = 3) -> TransientProblem:
     return TransientProblem(LAW, data, one.whitening, one.noise, prior, START[which], memory)
 
 
-def test_stretches_taken_together_are_of_like_length_and_all_are_taken_once() -> None:
+def test_batches_have_similar_lengths_and_contain_each_transient_once() -> None:
     data = stretches().select(np.tile([0, 1], 3))
     assert data.lengths.tolist() == 3 * [300, 240]
     assert [some.tolist() for some in data.batches(600)] == [[0, 2], [1, 4], [3, 5]]
@@ -295,7 +295,7 @@ def test_a_problem_in_parts_is_the_same_problem() -> None:
     assert parts.improved_initial_pressures(THETA) == pytest.approx(whole.improved_initial_pressures(THETA), rel=1e-9)
 
 
-def test_what_is_known_beforehand_counts_once() -> None:
+def test_the_prior_counts_once() -> None:
     one, known = problem(8 * LAW.size * 500), 2.0 * (THETA - LAW.initial_theta())
     assert one.residuals(THETA)[-LAW.size :] == pytest.approx(known)
     without = TransientProblem(LAW, stretches(), np.array([1.0]), 1e12, 2.0 * np.eye(LAW.size), START, 1)
@@ -304,7 +304,7 @@ def test_what_is_known_beforehand_counts_once() -> None:
     assert curvature == pytest.approx(4.0 * np.eye(LAW.size), abs=1e-3)
 
 
-def test_derivatives_of_all_stretches_are_never_held_at_once() -> None:
+def test_derivatives_of_all_transients_are_never_held_at_once() -> None:
     many = problem(100_000, repeated=100)
     many.residuals(THETA)
     tracemalloc.start()
@@ -389,7 +389,7 @@ def test_straight_curves_are_averaged_to_at_least_eight_samples() -> None:
 
 
 @pytest.mark.parametrize(("period", "steps"), [(10e-3, 3), (3e-3, 1), (4.1e-3, 2), (0.5, 13)])
-def test_a_sample_is_as_many_steps_as_keep_the_steepest_curve_nearly_straight(period: float, steps: int) -> None:
+def test_a_sample_has_enough_substeps_for_the_steepest_curve(period: float, steps: int) -> None:
     """3 MPa/s: a fiftieth of the range takes 4 ms where that is 0.2 s, and 40 ms where it is 2 s."""
     time = period * np.arange(max(round(0.2 / period), 4) + 1)
     signals = {"u": np.full(time.size, 5.0), "p1": 1e5 + 3e6 * time}

@@ -46,7 +46,7 @@ def test_curves_are_followed_though_the_model_knows_nothing_of_heat() -> None:
     assert found.lack_of_fit.is_significant
 
 
-def test_a_model_with_heat_leaves_a_map_of_the_valve_alone() -> None:
+def test_heat_transfer_in_the_model_does_not_change_the_map_of_the_valve() -> None:
     """What the model's heat adds in these very tests is taken off: the map is the valve's, the gas as the wall."""
     found = identify(TESTS, RIG, ["heat-transfer"])
     assert found.residual_to_noise("train") == pytest.approx(1.0, abs=0.1)

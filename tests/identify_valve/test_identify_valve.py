@@ -251,7 +251,7 @@ def test_the_other_way_of_a_spool_has_a_map_at_the_commands_that_went_out():
     assert {name.partition("(")[0] for name, *_ in iso_parameters(found)} >= {"valve_2.sonic_conductance"}
 
 
-def test_two_chambers_are_told_apart_by_a_column_and_one_needs_none(tmp_path, base):
+def test_two_chambers_have_a_column_and_one_has_none(tmp_path, base):
     both = replace(base, law=_arranged(base, "5/3"))
     second = replace(both, chamber=2, map=replace(base.map, gradient=2.0 * base.map.gradient))
     for valves in ([base], [both, second]):

@@ -24,7 +24,7 @@ UNIT = 0.484 * np.sqrt(2.0 / (287.0 * 293.15)) / 1.185  # m^3/(s Pa) of 1 m^2
 @pytest.mark.parametrize(
     ("value", "contradicted"), [(0.1, True), (0.2, False), (0.3, False), (0.4, False), (0.5, True)]
 )
-def test_a_figure_is_contradicted_by_a_curve_whose_interval_leaves_it_out(value: float, contradicted: bool) -> None:
+def test_a_characteristic_is_contradicted_by_an_interval_that_excludes_it(value: float, contradicted: bool) -> None:
     assert Characteristic(value, 0.0, 1.0, (0.3, 0.2, 0.4)).is_contradicted == contradicted
     assert not Characteristic(value, 0.0, 1.0).is_contradicted
 
@@ -73,7 +73,7 @@ def known_of(label: str = "valve", names: tuple[str, ...] = (), values: dict[str
 
 
 @pytest.mark.parametrize("label", ["valve", "valve_2"])
-def test_each_known_area_is_a_conductance_and_only_tested_commands_show_b_and_m(
+def test_each_identified_area_gives_a_conductance_and_tested_commands_b_and_m(
     monkeypatch: pytest.MonkeyPatch, label: str
 ) -> None:
     law, fitted = known_of(label)
@@ -92,7 +92,7 @@ def test_each_known_area_is_a_conductance_and_only_tested_commands_show_b_and_m(
     assert found[-10.0].b.high == pytest.approx(0.35 + 1.959964 * 0.2)
 
 
-def test_a_model_with_heat_leaves_no_doubt_of_the_gas() -> None:
+def test_a_model_with_heat_transfer_determines_the_polytropic_index() -> None:
     values = {f"heat-transfer.{p.name}": 0.5 for p in catalogue()["heat-transfer"].parameters}
     law, fitted = known_of(names=("heat-transfer",), values=values)
     for tested in ([99.0], []):
@@ -123,7 +123,7 @@ def test_an_ellipse_is_found_from_its_points(b: float, m: float) -> None:
     assert np.sqrt(coarse[0, 0] / covariance[0, 0]) == pytest.approx(100.0, rel=0.1)
 
 
-def test_where_a_curve_is_silent_b_and_m_are_the_usual_ones() -> None:
+def test_b_and_m_that_a_curve_does_not_determine_are_typical() -> None:
     r = np.linspace(0.15, 0.98, 40)
     (_, b, m), covariance = iso6358._fit_ellipse(flow(r, 0.1, 0.8), r, 1e-6 * np.eye(40))
     assert (b, m) == (pytest.approx(0.35, abs=1e-3), pytest.approx(0.5, abs=1e-3))
@@ -153,7 +153,7 @@ def everywhere(u: np.ndarray, p: np.ndarray) -> np.ndarray:
 
 
 @pytest.mark.parametrize("u", [5.0, -5.0])
-def test_a_curve_shows_the_b_and_m_of_its_flow(u: float) -> None:
+def test_a_curve_determines_b_and_m_of_its_flow(u: float) -> None:
     b, m = iso6358._measured_b_m(LAW, SURE, everywhere, u, 1.0)  # type: ignore[arg-type, misc]
     assert b is not None
     assert m is not None
@@ -188,7 +188,7 @@ def test_a_quarter_of_the_pressures_must_have_been_seen() -> None:
         assert (iso6358._measured_b_m(LAW, SURE, few, 5.0, 1.4) is not None) == told  # type: ignore[arg-type]
 
 
-def test_a_curve_that_is_not_sure_of_itself_or_where_nothing_flows_tells_neither() -> None:
+def test_an_uncertain_curve_or_one_without_flow_determines_neither() -> None:
     class Vague(Curve):
         size = iso6358.PRESSURE_POINTS
 

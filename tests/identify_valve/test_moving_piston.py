@@ -105,7 +105,7 @@ def _scaled(fitted: Fit, factor: float) -> tuple:
     return tuple(replace(e, value=factor * e.value) if e.name.startswith("valve.eff") else e for e in fitted.estimates)
 
 
-def test_paths_that_nothing_shows_have_no_map() -> None:
+def test_unrecorded_paths_have_no_map() -> None:
     shown, fitted = driven()
     held_out = [replace(shown[0], recording=replace(shown[0].recording, use="test"))]
     with pytest.raises(InputError, match="no flow into chamber 1"):

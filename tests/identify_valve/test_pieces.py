@@ -60,7 +60,7 @@ WENT = Coverage(np.array([-10.0, -4.0, 2.0, 6.0]), np.array([1e5, 1e5, 1e5, 3e5]
         (0.31, 6.5e5, False),
     ],
 )  # fmt: skip
-def test_recordings_tell_of_commands_near_theirs_and_between_them(u: float, p: float, told: bool) -> None:
+def test_recordings_cover_commands_close_to_theirs_and_between_them(u: float, p: float, told: bool) -> None:
     assert bool(WENT(np.array([[u]]), np.array([[p]]))[0, 0]) == told
 
 
@@ -170,7 +170,7 @@ def test_the_inverse_is_on_its_grid_and_answers_what_a_shut_valve_gives_by_the_m
     assert near.u[:, 0] == pytest.approx([-0.06, 0.0, 0.0, 0.06], abs=1e-9)
 
 
-def test_a_switching_valve_answers_the_nearest_of_its_gradients_reached_within_its_interval_alone() -> None:
+def test_a_switching_valve_has_the_closest_gradient_reachable_within_its_interval() -> None:
     """At 3 bar -4 V, 0 and 4 V give -3.7e5, 3e4 and 4.3e5 Pa/s, to 3000 Pa/s."""
 
     class Switching(Straight):
@@ -273,7 +273,7 @@ def test_residual_over_noise_is_a_root_mean_square_over_the_recordings_of_a_use(
     assert not replace(found, max_gradient=3.01).is_consistent
 
 
-def test_curves_are_stretches_of_one_command_that_is_not_zero() -> None:
+def test_curves_are_transients_at_a_constant_command_other_than_zero() -> None:
     u = np.array([[2.0, 0.0, 3.0], [2.0, 0.0, 3.5], [9.0, 0.0, 3.5]])
     p = np.array([[1e5, 2e5, 3e5], [1.1e5, 2e5, 3e5], [9e5, 2e5, 3e5]])
     valid = np.ones((3, 3), dtype=bool)
@@ -329,7 +329,7 @@ def quiet(names: list[str], values: dict[str, float], restarts: tuple[int, ...] 
     return known, test
 
 
-def test_a_valve_without_memory_has_nothing_beside_its_gradient() -> None:
+def test_a_valve_without_memory_has_its_quasi_static_gradient() -> None:
     """Nor are there derivatives, which would take the room of as many simulations."""
     known, test = quiet([], {})
     assert not has_memory(known)
@@ -351,13 +351,13 @@ def test_a_memory_comes_with_its_derivatives() -> None:
 
 
 @pytest.mark.parametrize("chamber", [1, 2])
-def test_the_valve_of_a_trend_is_what_fills_and_vents_its_tests_chamber(chamber: int) -> None:
+def test_the_valve_of_a_model_gradient_belongs_to_the_tested_chamber(chamber: int) -> None:
     both: Any = SimpleNamespace(valve_of_chamber={1: "first", 2: "second"}.get)
     of: Any = SimpleNamespace(recording=SimpleNamespace(chamber=chamber))
     assert str(ModelGradient(both, of, NONE, NONE, NONE).valve) == {1: "first", 2: "second"}[chamber]
 
 
-def test_what_heat_adds_is_what_the_simulation_shows_beside_the_gradient() -> None:
+def test_the_contribution_of_heat_is_the_simulated_minus_the_quasi_static_gradient() -> None:
     values = {"heat-transfer.conductance": 0.7}
     known, test = quiet(["heat-transfer"], values, (0, 400))
     found, p = memory_gradient(known, test), simulate(known, test)["p1"]
@@ -382,7 +382,7 @@ def test_the_prior_is_three_standard_errors_wide() -> None:
     assert np.diag(np.abs(sure.prior_whitening)) == pytest.approx([1e3, 1e3])
 
 
-def test_moves_of_a_parameter_show_by_differences_to_both_sides() -> None:
+def test_the_sensitivity_to_a_parameter_is_a_central_difference() -> None:
     class Square(ModelGradient):
         def at_coordinates(self, z: np.ndarray) -> Any:
             return lambda u, p, supply: u * z[0] ** 2 + p * z[1]

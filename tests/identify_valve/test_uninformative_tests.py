@@ -126,7 +126,7 @@ def test_commands_between_two_far_ones_are_not_reachable_where_one_never_was() -
     assert found.map.covered[np.ix_(between, (found.map.p > 1.5e5) & (found.map.p < reached_by_1_volt - 5e3))].all()
 
 
-def test_where_every_other_sample_is_missing_neighbours_are_not_known_to_be_alike() -> None:
+def test_with_every_other_sample_missing_there_is_no_correlation_of_neighbours() -> None:
     valid = (np.arange(400) % 2 == 0)[:, None]
     residual = np.random.default_rng(0).standard_normal((400, 1))
     found = autocovariances(residual, valid)
