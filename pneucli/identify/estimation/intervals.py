@@ -30,9 +30,7 @@ Array = NDArray[np.float64]
 Labels = NDArray[np.int64]
 
 BINS_PER_SIGNAL = 10  # of a signal, each with as many samples
-COMMON_ERROR_FACTOR = (
-    6.0  # times the added variance where the residual exceeds noise: groups do not show the error they have in common
-)
+COMMON_ERROR_FACTOR = 6.0  # times the added variance beyond noise: groups do not show the error they have in common
 MAX_LEVERAGE = 0.9  # of the curvature of a direction: beyond it the other groups do not determine that direction
 
 

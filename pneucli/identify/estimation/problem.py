@@ -18,10 +18,8 @@ from pneucli.simulate.model import Model, with_parameters
 
 Array = NDArray[np.float64]
 
-SIMULATION_MEMORY, BYTES_PER_SAMPLE = (
-    256 << 20,
-    200,
-)  # bytes: of all simulations that run at once, and of one simulation for each sample
+SIMULATION_MEMORY = 256 << 20  # bytes of all simulations that run at once
+BYTES_PER_SAMPLE = 200  # of one simulation
 POWER_LAW_SIGMA = 0.02  # of the logarithm of the area: prior departure of a valve from a power law between knots
 
 

@@ -21,11 +21,9 @@ from pneucli.identify.valve.model_gradient import ModelGradient
 Array = NDArray[np.float64]
 Gradient = Callable[[Array, Array, Array], Array]
 
-SHARED_COEFFICIENTS, OWN_COEFFICIENTS, LEAK_COEFFICIENTS = (
-    9,
-    3,
-    4,
-)  # numbers of coefficients: of the correction shared by a direction, of a command's own, and of the leak
+SHARED_COEFFICIENTS = 9  # of the correction that a direction shares
+OWN_COEFFICIENTS = 3  # of the correction of one command
+LEAK_COEFFICIENTS = 4  # of the leak
 MAX_LOG_CORRECTION = 5.0  # of h: exp(5), more than a hundredfold flow, is no correction
 
 

@@ -9,12 +9,9 @@ from pneucli.recording import Recording
 
 Array = NDArray[np.float64]
 
-MAX_JITTER_RATIO = (
-    0.1  # median departure from the sampling period, over the period: jitter and a few gaps stay below it
-)
-INTERPOLATION_ERROR_RATIO = (
-    30.0**-0.5
-)  # rms error of a straight line between readings over its largest error for readings twice as far apart
+MAX_JITTER_RATIO = 0.1  # median departure of the steps from the period, over it: jitter and a few gaps stay below
+# rms error of a straight line between readings, over its largest error for readings twice as far apart
+INTERPOLATION_ERROR_RATIO = 30.0**-0.5
 MAX_RESAMPLING_ERROR = 1 / 3  # of the noise: resampling then adds 5 % to the noise
 LEAVE_ONE_OUT_VARIANCE = 1.5  # variances of the noise: a reading minus the mean of its neighbours has 1 + 1/2
 
