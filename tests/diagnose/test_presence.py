@@ -21,7 +21,7 @@ from pneucli.identify.residuals import ResidualModel, residual_models
 from pneucli.physics.effects import catalogue
 from pneucli.simulate.preparation import prepare
 from pneucli.simulate.rig_quantities import rig_quantities
-from tests.identify_friction.benches import BENCH, RIG, pressed, pulses, recorded
+from tests.identify_friction.synthetic_recordings import BENCH, RIG, pressed, pulses, recorded
 
 STRIBECK, HYSTERESIS = catalogue()["stribeck"], catalogue()["friction-hysteresis"]
 STICKY = BENCH._replace(static=20.0, stribeck_velocity=0.02)

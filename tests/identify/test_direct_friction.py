@@ -25,7 +25,7 @@ from pneucli.recording import ParameterPrior
 from pneucli.simulate.experiment import Experiment
 from pneucli.simulate.preparation import prepare
 from pneucli.simulate.rig_quantities import rig_quantities
-from tests.identify_friction.benches import BENCH, RIG, pressed, pulses, recorded
+from tests.identify_friction.synthetic_recordings import BENCH, RIG, pressed, pulses, recorded
 from tests.simulate.synthetic_experiments import model
 
 STICKY = BENCH._replace(static=20.0, stribeck_velocity=0.02)

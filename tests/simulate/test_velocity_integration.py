@@ -21,7 +21,7 @@ from pneucli.simulate.end_stops import with_end_stops
 from pneucli.simulate.model import Model
 from pneucli.simulate.outputs import simulate_outputs
 from pneucli.simulate.preparation import prepare
-from tests.identify_friction.benches import BENCH, NOISE, RIG, pressed, pulses, recorded
+from tests.identify_friction.synthetic_recordings import BENCH, NOISE, RIG, pressed, pulses, recorded
 
 STICKY = BENCH._replace(static=18.0, stribeck_velocity=0.015, acceleration_bias=0.3)
 TRUTH = pressed(STICKY, pulses(4, 30.0))
