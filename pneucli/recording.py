@@ -10,8 +10,7 @@ from typing import TYPE_CHECKING, Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from pneucli.arrangements import ARRANGEMENTS, Arrangement
-from pneucli.arrangements import ArrangementName as ArrangementName
+from pneucli.arrangements import ARRANGEMENTS, Arrangement, ArrangementName
 from pneucli.experiments import EXPERIMENT_KINDS, ExperimentKind
 from pneucli.experiments import ExperimentName as Experiment
 

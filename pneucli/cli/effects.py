@@ -28,8 +28,8 @@ and the experiment that distinguishes them. `make docs` makes the pages from the
 INDEX_TAIL = """
 An effect of chamber 1, its hose or its sensor acts on chamber 2 as well: `NAME:2` (`"chamber-leak:2"`,
 `"dead-volume:2"`, `"pressure-offset:2"`), with the same equations and parameters. An effect that both sides share may
-be split: `"line-delay:1"`, `"pressure-scale:1"`. `diagnose` tries either side where both chambers are shut or both sensors
-recorded.
+be split: `"line-delay:1"`, `"pressure-scale:1"`. `diagnose` tries either side where both chambers are shut or both
+sensors recorded.
 
 [An effect of your own](own-effect.md) is the same declaration in a Python file that the pipeline file names
 (`[model] plugins`); `pneucli effects PIPELINE` lists it, too. [A gallery](gallery.md) has a picture of each.

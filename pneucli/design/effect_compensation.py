@@ -232,7 +232,8 @@ def _opening_response(model: Model, commands: Array, step: float) -> Array:
     """Return the openings in V after each of the ``commands`` (V), each held for ``step`` (s)."""
     users = sorted((e for e in model.effects if "command" in e.ports), key=lambda e: (e.order, e.name))
     states, opened = dict.fromkeys((e.name for e in users), float(commands[0])), np.zeros(commands.size)
-    for k, u in enumerate(commands.tolist()):
+    for k, command in enumerate(commands.tolist()):
+        u = command
         for effect in users:
             u, states[effect.name] = effect.ports["command"](
                 u, states[effect.name], step, *model.effect_parameters(effect)

@@ -31,7 +31,10 @@ def violations(acceptance: Row) -> Iterator[str]:
         yield text + (f": {one['cause']}" if one["cause"] else "")
     error = acceptance["model_error"]
     if error is not None and error > acceptance["model_error_limit"]:
-        yield f"the model is {format_noise_ratio(error)} × noise from its data: what is designed for it need not hold on the machine"
+        yield (
+            f"the model is {format_noise_ratio(error)} × noise from its data: what is designed for it need not hold on "
+            "the machine"
+        )
 
 
 def fails_acceptance(acceptance: Row | None) -> bool:

@@ -65,7 +65,8 @@ def verdict(answer: Row) -> str:
         else ""
     )
     kind = "test recordings" if use == "test" else "the recordings that were fitted; none was held out"
-    return f"{format_noise_ratio(error)} × noise on {kind}{other}: {_VERDICTS.get(rating(error), 'the model comes near the noise')}"
+    rated = _VERDICTS.get(rating(error), "the model comes near the noise")
+    return f"{format_noise_ratio(error)} × noise on {kind}{other}: {rated}"
 
 
 def worst_channel_sentence(answer: Row) -> str:
@@ -74,7 +75,8 @@ def worst_channel_sentence(answer: Row) -> str:
     if worst is None or rating(worst["ratio_to_noise"]) != "bad":
         return ""
     rmsd = format_quantity(worst["rmsd"], worst["unit"], 3)
-    return f"{worst['channel']} in {worst['recording']}, {format_noise_ratio(worst['ratio_to_noise'])} × noise ({rmsd} rms)"
+    ratio = format_noise_ratio(worst["ratio_to_noise"])
+    return f"{worst['channel']} in {worst['recording']}, {ratio} × noise ({rmsd} rms)"
 
 
 def test_first(channels: Iterable[Row]) -> list[Row]:

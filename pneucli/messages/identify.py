@@ -50,7 +50,8 @@ def _valve(valve: Mapping[str, Any]) -> str:
     """Return how well the measured map follows its curves, and the model the map."""
     residual, lack = valve["residual"], valve["lack_of_fit"]
     if valve["map"] == "model":
-        return f"no vessel was filled: the map is that of the model's valve, which{_lack_of_fit_clause(lack, 'measured gradients')}"
+        clause = _lack_of_fit_clause(lack, "measured gradients")
+        return f"no vessel was filled: the map is that of the model's valve, which{clause}"
     held = "" if residual["test"] is None else f", {format_noise_ratio(residual['test'])} × noise on held-out ones"
     said = f"the measured map leaves {format_noise_ratio(residual['train'])} × noise on its curves{held}"
     if lack["median"] is None:
@@ -101,7 +102,8 @@ def friction_lines(friction: Mapping[str, Any]) -> Iterator[str]:
         yield f"kinetic, over p1 above ambient: {force} + {growth}"
     for one in friction.get("repeats", []):
         force, spread = format_quantity(one["friction"], one["unit"], 3), format_percent(one["spread"])
-        yield f"{join_names(one['recordings'])}, at one pressure and speed: {force} with a standard deviation of {spread}"
+        recordings = join_names(one["recordings"])
+        yield f"{recordings}, at one pressure and speed: {force} with a standard deviation of {spread}"
 
 
 def leak_lines(leaks: Mapping[str, Any]) -> Iterator[str]:
@@ -110,8 +112,8 @@ def leak_lines(leaks: Mapping[str, Any]) -> Iterator[str]:
         of = "" if one["volume_known"] else " for each litre of volume"
         yield (
             f"{one['recording']}: {format_quantity(one['start'], 'Pa')} to {format_quantity(one['end'], 'Pa')} in "
-            f"{format_number(one['seconds'], 3)} s, {format_number(one['percent'], 2)} %/s of the pressure above ambient at first; "
-            f"in the mean {format_number(one['isothermal'], 3)} l/min ANR{of} if the gas kept the wall's temperature, "
+            f"{format_number(one['seconds'], 3)} s, {format_number(one['percent'], 2)} %/s of the pressure above ambient "
+            f"at first; in the mean {format_number(one['isothermal'], 3)} l/min ANR{of} if the gas kept the wall's temperature, "
             f"{format_number(one['adiabatic'], 3)} if it took none of its heat"
         )
     for one in leaks.get("flows", []):
@@ -121,6 +123,6 @@ def leak_lines(leaks: Mapping[str, Any]) -> Iterator[str]:
     for one in leaks.get("areas", []):
         isothermal, adiabatic = (format_quantity(one[name], one["unit"]) for name in ("isothermal", "adiabatic"))
         yield (
-            f"{one['name']} goes with the exponent {format_number(one['exponent'], 3)} ([rig] thermal): {isothermal} if the "
-            f"gas keeps the wall's temperature, {adiabatic} if it takes none of its heat"
+            f"{one['name']} goes with the exponent {format_number(one['exponent'], 3)} ([rig] thermal): {isothermal} if "
+            f"the gas keeps the wall's temperature, {adiabatic} if it takes none of its heat"
         )

@@ -46,7 +46,8 @@ def stability_warnings(answer: Answer) -> Iterator[str]:
         yield f"the loop is not stable for small signals at {join_names(grows)}"
     if answer["stuck"]:
         places = sorted({format_quantity(p["x"], "m", 3) for p in answer["stuck"]})
-        yield f"the piston does not slide steadily at {join_names(places)} at any slow speed, so no margin is known there"
+        where = join_names(places)
+        yield f"the piston does not slide steadily at {where} at any slow speed, so no margin is known there"
 
 
 def validity_note(answer: Answer) -> str:
@@ -58,7 +59,8 @@ def validity_note(answer: Answer) -> str:
     text += f" to {format_quantity(max(speeds), 'm/s', 2)}" if max(speeds) > 1.01 * min(speeds) else ""
     text += "; a piston that sticks does not follow small signals, and the scenarios tell of it."
     if (width := answer["overlap"]["value"]) > 0.0:
-        text += f" Nor does the valve within its overlap of {format_quantity(width, 'V', 2)}, over which the inverse map jumps."
+        overlap = format_quantity(width, "V", 2)
+        text += f" Nor does the valve within its overlap of {overlap}, over which the inverse map jumps."
     if answer["left_out"]:
         text += f" Left out, as small signals are lost in it: {join_names([t.lower() for t in answer['left_out']])}."
     return text

@@ -18,8 +18,7 @@ from pneucli.design.cascade_design import design_cascade
 from pneucli.design.control_laws import design_controllers, design_variants, designed_sector
 from pneucli.design.design_data import DesignData, collect_design_data, sliding_surfaces
 from pneucli.design.effect_compensation import has_restoring_force
-from pneucli.design.lpv import WeightStudy as WeightStudy
-from pneucli.design.lpv import compare_weight_types
+from pneucli.design.lpv import WeightStudy, compare_weight_types
 from pneucli.design.requirements import Requirements, read_requirements
 from pneucli.design.sliding import axis_systems, unmatched_disturbances
 from pneucli.design.sliding_sector import SlidingSector, limit_slope, sector_from_vertices

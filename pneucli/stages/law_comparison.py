@@ -104,7 +104,8 @@ def observer_warnings(found: LawComparison) -> list[str]:
             if known and (least := min(known, key=known.__getitem__)) and known[least] < MIN_SLIDING_SHARE:
                 told.append(
                     f"{name}: the {observer} observer is at its bound M_k in {100 * (1 - known[least]):.0f} % of the "
-                    f"samples of {least}, above {100 * (1 - MIN_SLIDING_SHARE):.0f} %: its estimate is not the disturbance"
+                    f"samples of {least}, above {100 * (1 - MIN_SLIDING_SHARE):.0f} %: its estimate is not the "
+                    "disturbance"
                 )
     return told
 

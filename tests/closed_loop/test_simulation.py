@@ -151,7 +151,8 @@ def test_the_compiled_loop_is_the_python_text() -> None:
         flags = simulation._flags(CONTROLLER)
         kernel.run(
             TIME[:200], simulation._inputs(scene), np.zeros(1, dtype=np.int64), base, kernel.effect_vector({}),
-            kernel.effect_switches(()), flags, *(valve.table(flags[at.U_MAX]) for valve in (MODEL.valve, MODEL.chamber_2_valve)),
+            kernel.effect_switches(()), flags,
+            *(valve.table(flags[at.U_MAX]) for valve in (MODEL.valve, MODEL.chamber_2_valve)),
             max_motion_step(MODEL.rig, CONTROLLER.period), state, cp, out,
         )  # fmt: skip
         outs.append(out)
