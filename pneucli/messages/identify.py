@@ -112,9 +112,9 @@ def leak_lines(leaks: Mapping[str, Any]) -> Iterator[str]:
         of = "" if one["volume_known"] else " for each litre of volume"
         yield (
             f"{one['recording']}: {format_quantity(one['start'], 'Pa')} to {format_quantity(one['end'], 'Pa')} in "
-            f"{format_number(one['seconds'], 3)} s, {format_number(one['percent'], 2)} %/s of the pressure above ambient "
-            f"at first; in the mean {format_number(one['isothermal'], 3)} l/min ANR{of} if the gas kept the wall's temperature, "
-            f"{format_number(one['adiabatic'], 3)} if it took none of its heat"
+            f"{format_number(one['seconds'], 3)} s, {format_number(one['percent'], 2)} %/s of the pressure above "
+            f"ambient at first; in the mean {format_number(one['isothermal'], 3)} l/min ANR{of} if the gas kept the "
+            f"wall's temperature, {format_number(one['adiabatic'], 3)} if it took none of its heat"
         )
     for one in leaks.get("flows", []):
         of = "" if one["volume_known"] else " for each litre of volume"
@@ -123,6 +123,6 @@ def leak_lines(leaks: Mapping[str, Any]) -> Iterator[str]:
     for one in leaks.get("areas", []):
         isothermal, adiabatic = (format_quantity(one[name], one["unit"]) for name in ("isothermal", "adiabatic"))
         yield (
-            f"{one['name']} goes with the exponent {format_number(one['exponent'], 3)} ([rig] thermal): {isothermal} if "
-            f"the gas keeps the wall's temperature, {adiabatic} if it takes none of its heat"
+            f"{one['name']} goes with the exponent {format_number(one['exponent'], 3)} ([rig] thermal): {isothermal} "
+            f"if the gas keeps the wall's temperature, {adiabatic} if it takes none of its heat"
         )
