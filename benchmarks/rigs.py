@@ -1,7 +1,7 @@
 """The controller's own sample on the exam's rig, compiled together: what ``benchmarks.learning`` drives.
 
-Rig and model share no code; the controller's code is that of :mod:`pneucli.controller.cascade`, of which the exported C is a
-translation that gives the same commands to the last bit (``tests/export``).
+Rig and model share no code; the controller's code is that of :mod:`pneucli.controller.cascade`, of which the exported
+C is a translation that gives the same commands to the last bit (``tests/export``).
 """
 
 from __future__ import annotations

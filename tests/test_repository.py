@@ -142,7 +142,7 @@ def git(*arguments: str) -> str:
 
 
 def subjects_since_the_hook() -> list[str]:
-    """Subjects of the commits after the last change of the hook's rules; in a shallow clone, of those that are there."""
+    """Subjects of the commits after the last change of the hook; in a shallow clone, of those that are there."""
     changed = git("log", "-1", "--format=%H", "--", HOOK.relative_to(ROOT).as_posix()).strip()
     return git("log", "--no-merges", "--format=%s", f"{changed}..HEAD").splitlines() if changed else []
 
