@@ -24,6 +24,7 @@ from typing import Any
 
 import numpy as np
 
+from benchmarks import small
 from pneucli.config import load
 from pneucli.exam.graded_case import GradedCase
 from pneucli.exam.grading import graded_cases
@@ -130,6 +131,17 @@ RULES = {
                    ("identify.residuals.chambers:initial_state_sensitivity", lambda *_: True),
                    {"identify.residuals.chambers:initial_state_sensitivity": always({})}),
 }  # fmt: skip
+
+
+SMALL_RULES = ("chance", "matters")
+COMPARED = ("verdict", "missing", "answer_set")  # of two answers to one case
+
+
+def require_rules() -> None:
+    """Raise AttributeError where a rule names a function or a constant that the program no longer has."""
+    for rule in RULES.values():
+        for name in (rule.watch[0], *rule.without):
+            getattr(*place(name))
 
 
 def least(able: Sequence[Any]) -> Any:
@@ -247,17 +259,27 @@ def judged(exam: Path, cases: Sequence[GradedCase], rules: Mapping[str, Rule]) -
             whole.add(as_it_is, seconds)
             for name, (other, spent) in found.items():
                 one, count = GradedCase(g.case, g.truth, other, None), without[name]
-                count.changed += any(getattr(one, k) != getattr(as_it_is, k) for k in ("verdict", "missing", "covered"))
+                count.changed += any(getattr(one, k) != getattr(as_it_is, k) for k in COMPARED)
                 count.add(one, spent)
                 count.add(as_it_is, seconds, -1)
             print(f"{i} of {len(cases)}: {g.case}", file=sys.stderr, flush=True)
     return whole, without
 
 
-def main(exam: Path, only: Sequence[str]) -> None:
+def main(arguments: Sequence[str]) -> None:
     """Diagnose the cases, each without every rule that acted in it, and print the table."""
-    os.environ["PNEUCLI_THREADS"] = "1"
-    rules = {n: RULES[n] for n in os.environ.get("RULES", ",".join(RULES)).split(",")}
+    require_rules()
+    if small.SMALL in arguments:
+        with tempfile.TemporaryDirectory() as folder:
+            table(small.exam(Path(folder)), (), SMALL_RULES)
+    else:
+        os.environ["PNEUCLI_THREADS"] = "1"
+        table(Path(arguments[0]), arguments[1:], os.environ.get("RULES", ",".join(RULES)).split(","))
+
+
+def table(exam: Path, only: Sequence[str], names: Sequence[str]) -> None:
+    """Print what each rule of these names is worth on the cases of an exam."""
+    rules = {name: RULES[name] for name in names}
     cases = [g for g in graded_cases(exam, exam / "answers") if not only or g.case in only]
     random.Random(0).shuffle(cases)  # so that the first are as good as any
     whole, without = judged(exam, cases, rules)
@@ -269,4 +291,4 @@ def main(exam: Path, only: Sequence[str]) -> None:
 
 
 if __name__ == "__main__":
-    main(Path(sys.argv[1]), sys.argv[2:])
+    main(sys.argv[1:])

@@ -37,6 +37,7 @@ from __future__ import annotations
 
 import argparse
 import json
+import sys
 from collections import Counter
 from collections.abc import Sequence
 from itertools import pairwise
@@ -61,6 +62,7 @@ from pneucli.exam.reliability import BIN_EDGES
 
 Array = NDArray[np.float64]
 RIDGES = (0.3, 1.0, 3.0, 10.0, 30.0)
+SMALL_CASES = 30
 OF_EFFECTS = (0.3, 1.0, 3.0)  # the same of the weights of single effects
 ROUNDED = 0.1  # a weight of an effect that is smaller is not stated
 FEATURES = {
@@ -228,13 +230,31 @@ def estimate(name: str, cases: Sequence[GradedCase], exams: int, *, complete: bo
             print(f"{cases[i].case}: {one:.2f}")
 
 
-def main() -> None:
+def drawn(number: int) -> list[GradedCase]:
+    """Return cases of one candidate each, whose effect is there with the probability that the present weights state."""
+    rng = np.random.default_rng(1)
+    cases = []
+    for k in range(number):
+        evidence = {"share": rng.uniform(0.0, 1.0), "significance": 10.0 ** rng.uniform(0.0, 2.5),
+                    "size": 10.0 ** rng.uniform(-1.5, 0.0), "left": 1.0, "imposed": False}  # fmt: skip
+        candidate = {"effect": "stribeck", "indistinguishable_from": [], "supported": True, "evidence": evidence}
+        stated = probability(Evidence(**evidence, complete=True, effects=("stribeck",)))
+        truth = {"hidden": {"stribeck": {}} if rng.random() < stated else {}, "outside_the_catalogue": ""}
+        answer = {"verdict": "missing-effect", "candidates": [candidate]}
+        cases.append(GradedCase(f"case-{k:03d}", truth, answer, None))
+    return cases
+
+
+def main(arguments: list[str]) -> None:
     """Print the weights, the value of each term, the reliability, and the frequencies of refused effects."""
+    if "--small" in arguments:
+        estimate("COMPLETE", drawn(SMALL_CASES), SMALL_CASES, complete=True, anew=True)
+        return
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("exams", nargs="+", type=Path)
     parser.add_argument("--real", type=Path, help="folder with the answers to real recordings")
     parser.add_argument("--anew", action="store_true", help="do not use the present weights")
-    asked = parser.parse_args()
+    asked = parser.parse_args(arguments)
     exams = [g for exam in asked.exams for g in graded_cases(exam, exam / "answers") if "candidates" in g.answer]
     recorded = real(asked.real) if asked.real else []
     print(f"{len(exams)} cases of exams, {len(recorded)} real ones")
@@ -245,4 +265,4 @@ def main() -> None:
 
 
 if __name__ == "__main__":
-    main()
+    main(sys.argv[1:])

@@ -14,12 +14,15 @@ import json
 import sys
 import tempfile
 import time
+from collections.abc import Sequence
 from dataclasses import asdict, replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
+from benchmarks import small
+from benchmarks.thesis_laws import design_data
 from pneucli import config
 from pneucli.closed_loop import robustness
 from pneucli.closed_loop.metrics import evaluate_run
@@ -27,7 +30,9 @@ from pneucli.closed_loop.scenarios import equilibrium_at
 from pneucli.closed_loop.simulation import ClosedLoopSetup, Scenario, simulate
 from pneucli.controller import layout
 from pneucli.controller.parameters import Controller
+from pneucli.design.control_laws import controller_for
 from pneucli.executors import engine_from
+from pneucli.physics.declaration import Effect
 from pneucli.physics.effects import catalogue, select_effects
 from pneucli.simulate.model import Model
 from pneucli.simulate.rig_quantities import rig_quantities
@@ -42,9 +47,13 @@ SINE = 0.1 + 0.03 * np.sin(2 * np.pi * 0.5 * np.maximum(TIME - 0.5, 0.0))
 LOAD = -50.0 * ((TIME >= 1.0) & (TIME < 3.0))
 
 
-def main() -> int:
-    folder = Path(sys.argv[1])
-    runs = int(sys.argv[2]) if len(sys.argv) > 2 else 1000
+def main(arguments: Sequence[str]) -> int:
+    """Print every figure and its limit; return the exit code, which ``--small`` leaves at 0."""
+    if small.SMALL in arguments:
+        main_small()
+        return 0
+    folder = Path(arguments[0])
+    runs = int(arguments[1]) if len(arguments) > 1 else 1000
     settings = config.load(PIPELINE)
     model = load_model(folder / "identify", settings.to_rig(), select_effects(settings.model.effects, catalogue()))
     controller, alone, relay = (load_controller(folder / "design", name) for name in ("best", "pid", "relay"))
@@ -59,6 +68,16 @@ def main() -> int:
     return int(not held)
 
 
+def main_small() -> None:
+    """Run the controllers of an exact model: one seed, one effect, two draws."""
+    data = design_data(small.laboratory().parameters)
+    controller, alone, relay = (controller_for(law, data) for law in ("best", "pid", "relay"))
+    _, model, bench = small.design(small.laboratory())
+    figures(model, controller, alone, relay, bench, seeds=1)
+    effects_table(model, controller, bench, list(catalogue().values())[:1])
+    monte_carlo(model, controller, bench, 2, threads=True)
+
+
 def scene(c: Controller, reference: np.ndarray, force: np.ndarray | float = 0.0) -> Scenario:
     n = reference.size
     supply = np.full(n, c.values["C_SUPPLY"])
@@ -66,13 +85,20 @@ def scene(c: Controller, reference: np.ndarray, force: np.ndarray | float = 0.0)
     return Scenario("benchmark", reference, np.broadcast_to(force, n).astype(float), supply, start)
 
 
-def figures(model: Model, controller: Controller, alone: Controller, relay: Controller, bench: ClosedLoopSetup) -> bool:
-    """Print what issue 4 asks of the identified axis, the worst of five seeds; return whether all of it holds."""
+def figures(
+    model: Model,
+    controller: Controller,
+    alone: Controller,
+    relay: Controller,
+    bench: ClosedLoopSetup,
+    seeds: int = 5,
+) -> bool:
+    """Print the figures of the identified axis, the worst of the seeds; return whether all limits hold."""
 
     def worst(name: str, reference: np.ndarray, force: np.ndarray | float = 0.0, c: Controller = controller) -> float:
         return max(
             getattr(evaluate_run(simulate(model, c, scene(c, reference, force), bench, s), model, c), name)
-            for s in range(5)
+            for s in range(seeds)
         )
 
     sine, sine_alone = worst("tracking_rms_um", SINE), worst("tracking_rms_um", SINE, c=alone)
@@ -97,14 +123,16 @@ def chattering(model: Model, controller: Controller, bench: ClosedLoopSetup) -> 
     return float(np.mean(np.abs(np.diff(result.log[-1000:, layout.L_U1]))))
 
 
-def effects_table(model: Model, controller: Controller, bench: ClosedLoopSetup) -> None:
-    """Print what the controller makes of an axis with one more effect, at its smallest and largest typical size."""
+def effects_table(
+    model: Model, controller: Controller, bench: ClosedLoopSetup, effects: Sequence[Effect] | None = None
+) -> None:
+    """Print the figures of an axis with one more effect, at its smallest and largest typical size."""
     print("\nController designed without the effect; each figure at the effect's first / last typical size:")
     heads = ("steady um", "cycle um", "sine um", "recovery s", "estimate")
     print(f"{'effect':22s} " + " ".join(f"{head:>15s}" for head in heads))
     facts = rig_quantities(model)
     active = {e.name for e in model.effects}
-    for effect in catalogue().values():
+    for effect in effects or catalogue().values():
         if effect.name in active:
             continue
         both = []
@@ -129,7 +157,9 @@ def all_figures(model: Model, c: Controller, bench: ClosedLoopSetup) -> list[flo
     ]
 
 
-def monte_carlo(model: Model, controller: Controller, bench: ClosedLoopSetup, runs: int) -> bool:
+def monte_carlo(
+    model: Model, controller: Controller, bench: ClosedLoopSetup, runs: int, *, threads: bool = False
+) -> bool:
     """Time a study against single simulations and print its success rates; whether it takes minutes at most."""
     active = {e.name for e in model.effects}
     effects = tuple(e for e in catalogue().values() if e.name not in active)
@@ -137,7 +167,7 @@ def monte_carlo(model: Model, controller: Controller, bench: ClosedLoopSetup, ru
     scenarios = (scene(controller, STEPS),)
     study = robustness.MonteCarloStudy(axes, controller, scenarios, bench, runs, 0, robustness.DEFAULT_LIMITS)
     robustness.run_draw(study, 1)  # compiles
-    with tempfile.TemporaryDirectory() as place, engine_from(None) as engine:
+    with tempfile.TemporaryDirectory() as place, engine_from(None, threads=threads) as engine:
         start = time.perf_counter()
         rows: list[dict[str, Any]] = robustness.run_study(study, engine, Path(place))
         took = time.perf_counter() - start
@@ -156,4 +186,4 @@ def monte_carlo(model: Model, controller: Controller, bench: ClosedLoopSetup, ru
 
 
 if __name__ == "__main__":
-    sys.exit(main())
+    sys.exit(main(sys.argv[1:]))

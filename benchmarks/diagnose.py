@@ -32,6 +32,7 @@ PHASES = {
     "for later comparisons": [("stages/changes.py", "write_baseline")],
 }
 ALL = ("stages/diagnose.py", "run")
+SMALL_PIPELINE = Path(__file__).parents[1] / "fixtures" / "valve_null" / "pipeline.toml"
 
 
 def seconds(path: Path, out: Path) -> float:
@@ -56,11 +57,12 @@ def shares(path: Path, out: Path) -> dict[str, float]:
     return {phase: spent / times[ALL] for phase, spent in found.items()}
 
 
-def main(paths: list[Path]) -> None:
+def main(arguments: list[str]) -> None:
     """Measure each pipeline file, then the median."""
     os.environ["PNEUCLI_THREADS"] = "1"
     spent = []
-    for path in paths:
+    small = "--small" in arguments
+    for path in [SMALL_PIPELINE] if small else [Path(one) for one in arguments] or [Path("pipelines/demo.toml")]:
         with tempfile.TemporaryDirectory() as name:
             for out in ("timed", "profiled"):
                 command = [sys.executable, "-m", "pneucli", "ingest", str(path), "--out", f"{name}/{out}", "--quiet"]
@@ -74,4 +76,4 @@ def main(paths: list[Path]) -> None:
 
 
 if __name__ == "__main__":
-    main([Path(a) for a in sys.argv[1:]] or [Path("pipelines/demo.toml")])
+    main(sys.argv[1:])

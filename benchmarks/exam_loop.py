@@ -18,6 +18,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from benchmarks import small
 from pneucli.caches import compiled
 from pneucli.exam.cases import generate_case, prepare_case
 from pneucli.exam.conditions import parse
@@ -164,12 +165,16 @@ def designed(folder: Path, *commands: list[str]) -> Path:
     return folder / "out" / "export"
 
 
-def main() -> None:
+def main(arguments: list[str]) -> None:
+    """Print a row for each condition."""
     seed = int(os.environ.get("SEED", "1"))
     print(
         "| condition | at rest after steps, um | sine, rms, um | at rest under a load, um |\n| --- | --- | --- | --- |"
     )
-    for name in sys.argv[1:] or ASKED:
+    if small.SMALL in arguments:
+        main_small()
+        return
+    for name in arguments or ASKED:
         conditions = parse(name)
         with tempfile.TemporaryDirectory() as folder:
             generate_case(Path(folder), "axis", (), "", 1.0, seed, conditions)
@@ -182,5 +187,13 @@ def main() -> None:
         print(f"| `{name}` | {' | '.join(shown)} |", flush=True)
 
 
+def main_small() -> None:
+    """Print the row of a controller for the exact model."""
+    rig = small.laboratory()
+    with tempfile.TemporaryDirectory() as folder:
+        found = figures(rig.parameters, rig.sensors, small.exported(Path(folder), rig), False)
+    print(f"| `usual` | {' | '.join(f'{value:.3g}' for value in found)} |")
+
+
 if __name__ == "__main__":
-    main()
+    main(sys.argv[1:])

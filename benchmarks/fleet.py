@@ -197,10 +197,10 @@ def _content(path: Path) -> list[dict[str, Any]]:
     return sorted(rows, key=lambda row: (row["rig"], row["date"], str(row.get("name"))))
 
 
-def main() -> None:
+def main(arguments: list[str]) -> None:
     """Run one of the benchmarks, in a temporary folder where none is named."""
     parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("what", choices=["find", "scale", "kill"])
+    parser.add_argument("what", choices=["find", "scale", "kill"], nargs="?", default="find")
     parser.add_argument("rigs", type=int, nargs="?", default=20)
     parser.add_argument("--dates", type=int, default=2)
     parser.add_argument("--changed", type=float, default=0.05, help="share of the rigs with a change")
@@ -208,7 +208,10 @@ def main() -> None:
     parser.add_argument("--drift", type=float, default=0.0, help="of friction from date to date, relative")
     parser.add_argument("--healthy", type=int, default=1, help="first dates that are stated to be healthy")
     parser.add_argument("--folder", type=Path)
-    asked = parser.parse_args()
+    parser.add_argument("--small", action="store_true", help="one rig")
+    asked = parser.parse_args(arguments)
+    if asked.small:
+        asked.rigs = 1
     with ExitStack() as stack:
         folder = asked.folder or Path(stack.enter_context(TemporaryDirectory(prefix="pneucli-fleet-")))
         folder = folder.absolute()
@@ -220,4 +223,4 @@ def main() -> None:
 
 
 if __name__ == "__main__":
-    main()
+    main(sys.argv[1:])

@@ -11,9 +11,12 @@ what the rig always has a little of: ``background`` and ``present_small``), null
 from __future__ import annotations
 
 import json
+import shutil
 import subprocess
 import sys
+import tempfile
 import time
+from collections.abc import Sequence
 from dataclasses import dataclass, fields
 from pathlib import Path
 from typing import Any
@@ -21,6 +24,7 @@ from typing import Any
 CLOSE = 0.15  # of the true value
 CATALOGUE_NAMES = {"rod-seal-leak": "chamber-leak:2"}  # of effects that an author counts as unknown
 TIMEOUT = 1800  # s a case
+FIXTURE = Path(__file__).parents[1] / "fixtures" / "valve_null"
 
 
 @dataclass
@@ -106,7 +110,23 @@ def row(name: str, s: Score) -> str:
 
 def main(arguments: list[str]) -> None:
     """Diagnose the cases of each folder and print the table."""
-    out, folders = Path(arguments[0]), [Path(one) for one in arguments[1:]]
+    if "--small" in arguments:
+        with tempfile.TemporaryDirectory() as folder:
+            table(Path(folder) / "out", [small_rig(Path(folder) / "rig")])
+    else:
+        table(Path(arguments[0]), [Path(one) for one in arguments[1:]])
+
+
+def small_rig(folder: Path) -> Path:
+    """Write one case, a fixture whose rig is healthy; return the folder of the rig."""
+    shutil.copytree(FIXTURE, folder / "case-01")
+    truth = {"hidden": [], "unknown": [], "parameters": {}}
+    (folder / "case-01" / "truth.json").write_text(json.dumps(truth))
+    return folder
+
+
+def table(out: Path, folders: Sequence[Path]) -> None:
+    """Print a row for each folder of cases."""
     out.mkdir(parents=True, exist_ok=True)
     print("| rig | effect in answer | exactly | false | mild | nulls | within 15 % | interval holds | faults | s |")
     print("| --- | --- | --- | --- | --- | --- | --- | --- | --- | --- |")

@@ -22,6 +22,7 @@ from typing import Any
 import numpy as np
 import tomlkit
 
+from benchmarks import small
 from benchmarks.exam_loop import Exported, driven
 from pneucli.closed_loop.acceptance import ACCEPTANCE_SCENARIOS, acceptance_criteria
 from pneucli.closed_loop.metrics import evaluate_run
@@ -69,7 +70,21 @@ def variants() -> list[Variant]:
     return [*good, *left, *rest]
 
 
-def main() -> None:
+def main_small() -> None:
+    """Print whether the C of a controller for the exact model holds the rig."""
+    rig = small.laboratory()
+    wanted = Requirements(quantum_x=rig.sensors.position_step, noise_p=rig.sensors.pressure)
+    with tempfile.TemporaryDirectory() as place:
+        small.exported(Path(place), rig)
+        held, found = on_the_rig(Path(place), rig.parameters, rig.sensors, wanted, noises=1)
+    print(f"| exact model | {'holds' if held else 'fails'} | {' | '.join(f'{value:.3g}' for value in found)} |")
+
+
+def main(arguments: list[str]) -> None:
+    """Print a row for each model, then the counts by kind of model."""
+    if small.SMALL in arguments:
+        main_small()
+        return
     counts: Counter[tuple[str, bool, bool]] = Counter()
     print("| model | hidden | rig | gate | model's error | on the rig | at rest, um | moves, um |")
     print("| --- | --- | --- | --- | --- | --- | --- | --- |")
@@ -133,14 +148,16 @@ def told(folder: Path, *command: str) -> dict[str, Any]:
     return dict(json.loads(done.stdout))
 
 
-def on_the_rig(out: Path, par: Parameters, sensors: Sensors, wanted: Requirements) -> tuple[bool, tuple[float, float]]:
+def on_the_rig(
+    out: Path, par: Parameters, sensors: Sensors, wanted: Requirements, noises: int = NOISES
+) -> tuple[bool, tuple[float, float]]:
     """Return whether the exported C keeps what the gate asks on the rig, the error at rest and the cycle in um."""
     text = (out / "design" / "controllers" / f"{wanted.controller}.json").read_text()
     controller = Controller.from_json(text)
     found = []
     for scenario in read_scenarios([], controller, ""):
         if scenario.name in ACCEPTANCE_SCENARIOS:
-            for seed in range(NOISES):
+            for seed in range(noises):
                 control = Exported(out / "export")
                 asked = (scenario.reference, -scenario.force, False, controller.period, seed)
                 trace = driven(par, sensors, control, *asked)
@@ -162,4 +179,4 @@ def as_run(scenario: Scenario, controller: Controller, x: np.ndarray, u: np.ndar
 
 
 if __name__ == "__main__":
-    main()
+    main(sys.argv[1:])

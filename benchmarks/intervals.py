@@ -15,6 +15,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from benchmarks import small
 from benchmarks.cases import study_of, truths
 from pneucli.identify.estimation.intervals import with_intervals
 from pneucli.identify.estimation.model_fit import fit_model
@@ -48,8 +49,17 @@ def rows(case: Path, truth: dict) -> Iterator[Row]:  # type: ignore[type-arg]
                 yield Row(bool(truth["mess"]), made, low <= true <= high, (high - low) / abs(true))
 
 
-def main(exams: list[Path]) -> None:
+def main(arguments: list[str]) -> None:
     """Fit every case and print the shares."""
+    if small.SMALL in arguments:
+        with tempfile.TemporaryDirectory() as folder:
+            table([small.exam(Path(folder))])
+    else:
+        table([Path(name) for name in arguments])
+
+
+def table(exams: list[Path]) -> None:
+    """Print the shares over all cases of the exams."""
     seen: list[Row] = []
     for exam in exams:
         for case, truth in truths(exam):
@@ -65,4 +75,4 @@ def main(exams: list[Path]) -> None:
 
 
 if __name__ == "__main__":
-    main([Path(name) for name in sys.argv[1:]])
+    main(sys.argv[1:])

@@ -21,6 +21,7 @@ from types import ModuleType
 import numpy as np
 from scipy.signal import welch
 
+from benchmarks import small
 from benchmarks.exam_loop import LOAD, SETTLED, TIME, Array, Exported, Trace, designed, driven
 from pneucli.controller.laws import LAWS
 from pneucli.exam.cases import generate_case, prepare_case
@@ -112,10 +113,23 @@ def poles(out: Path) -> None:
     print(f"  PDC, weights {answer['lmi']['best']}, 1/s: {shown}", flush=True)
 
 
-def main() -> None:
+def main_small() -> None:
+    """Print the row of the default law, designed for the exact model."""
+    rig = small.laboratory()
+    with tempfile.TemporaryDirectory() as place:
+        control = small.exported(Path(place), rig)
+        shown = [f"{value:.3g}" for value in [*figures(rig, control), difference(control)]]
+    print(f"| usual | `best` | {' | '.join(shown)} |")
+
+
+def main(arguments: list[str]) -> None:
+    """Print a row for each rig and control law."""
     seed = int(os.environ.get("SEED", "1"))
     print(f"| {' | '.join(HEAD)} |\n|{' --- |' * len(HEAD)}")
-    for name in sys.argv[1:] or ASKED:
+    if small.SMALL in arguments:
+        main_small()
+        return
+    for name in arguments or ASKED:
         with tempfile.TemporaryDirectory() as place:
             folder = Path(place)
             laboratory = laboratory_of(name, folder, seed)
@@ -137,4 +151,4 @@ def main() -> None:
 
 
 if __name__ == "__main__":
-    main()
+    main(sys.argv[1:])

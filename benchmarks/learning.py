@@ -197,10 +197,11 @@ def broken(name: str, without: Array, known: Array, none: Array) -> list[str]:
     return said
 
 
-def main() -> None:
+def main(arguments: list[str]) -> None:
+    """Print the figures without and with each effect, and where learning did not pay."""
     period = 1e-3 * float(os.environ.get("PERIOD", "1"))
     seeds = range(1, 1 + int(os.environ.get("SEEDS", "1")))
-    asked = sys.argv[1:] or WORST
+    asked = ["none"] if "--small" in arguments else arguments or WORST
     if asked == ["all"]:
         asked = ["none", *(e.name for e in CATALOGUE if "axis" in e.kinds or "friction" in e.kinds)]
     held, count, worse = np.zeros(2, dtype=int), 0, []
@@ -227,4 +228,4 @@ def main() -> None:
 
 
 if __name__ == "__main__":
-    main()
+    main(sys.argv[1:])

@@ -13,6 +13,7 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import NamedTuple
 
+from benchmarks import small
 from benchmarks.cases import study_of, truths
 from pneucli.diagnose.adequacy import significant_lack_of_fit
 from pneucli.diagnose.calibration import MIN_NAMED_PROBABILITY, probability
@@ -75,8 +76,17 @@ def rows(case: Path, truth: dict) -> Iterator[Row]:  # type: ignore[type-arg]
             yield Row(case.name, effect.name, probability(found), found.left)
 
 
-def main(exams: list[Path]) -> None:
+def main(arguments: list[str]) -> None:
     """Fit every case that hides effects, and print what could be named."""
+    if small.SMALL in arguments:
+        with tempfile.TemporaryDirectory() as folder:
+            table([small.exam(Path(folder))])
+    else:
+        table([Path(name) for name in arguments])
+
+
+def table(exams: list[Path]) -> None:
+    """Print what could be named in the cases of the exams."""
     seen: list[Row] = []
     for exam in exams:
         for case, truth in truths(exam):
@@ -94,4 +104,4 @@ def main(exams: list[Path]) -> None:
 
 
 if __name__ == "__main__":
-    main([Path(name) for name in sys.argv[1:]])
+    main(sys.argv[1:])

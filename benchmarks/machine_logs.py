@@ -15,7 +15,7 @@ import os
 import subprocess
 import sys
 import tempfile
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -23,6 +23,7 @@ import numpy as np
 import pandas as pd
 import tomlkit
 
+from benchmarks import small
 from benchmarks.exam_loop import Exported, Trace, designed, driven
 from pneucli.exam.cases import Case, generate_case, prepare_case
 from pneucli.exam.conditions import Conditions
@@ -41,7 +42,23 @@ CONDITIONS = Conditions()
 ACCELEROMETER = os.environ.get("ACCELEROMETER", "1") != "0"
 
 
-def main() -> None:
+def main_small() -> None:
+    """Log one short run of a controller for the exact model, and ingest the log."""
+    with tempfile.TemporaryDirectory() as place:
+        folder = Path(place)
+        generate_case(folder, "axis", (), "", 1.0, 1, CONDITIONS)
+        case = prepare_case("rig", "axis", (), "", 1.0, 1, CONDITIONS)
+        export = small.exported(folder / "out", case.laboratory)
+        write_logs(folder, export, case, case.laboratory.parameters, "unknown", LOGS[-1:])
+        recordings = answer(folder, "ingest")["recordings"]
+    print(f"{len(recordings)} recordings, {sum(r['experiment'] == 'closed-loop' for r in recordings)} logs")
+
+
+def main(arguments: list[str]) -> None:
+    """Print a row for each rig and effect."""
+    if small.SMALL in arguments:
+        main_small()
+        return
     controller = os.environ.get("CONTROLLER", "pneucli_controller.json")
     print("| effect | rig | verdict | named | right | error, train / test | foretold / measured, um | u |")
     print("| --- | --- | --- | --- | --- | --- | --- | --- |")
@@ -51,7 +68,7 @@ def main() -> None:
             generate_case(folder, "axis", (), "", 1.0, seed, CONDITIONS)
             case = prepare_case("rig", "axis", (), "", 1.0, seed, CONDITIONS)
             export = designed(folder)
-            for name in sys.argv[1:] or ASKED:
+            for name in arguments or ASKED:
                 print(row(folder, export, case, name, seed, controller), flush=True)
 
 
@@ -100,14 +117,21 @@ def answer(folder: Path, stage: str) -> dict[str, Any]:
     return dict(json.loads(told.stdout))
 
 
-def write_logs(folder: Path, export: Path, case: Case, par: Parameters, controller: str) -> None:
+def write_logs(
+    folder: Path,
+    export: Path,
+    case: Case,
+    par: Parameters,
+    controller: str,
+    logs: Sequence[tuple[str, str]] = LOGS,
+) -> None:
     """Let the exported controller drive the rig, and write its logs and the pipeline that reads them."""
     document = tomlkit.parse((folder / "pipeline.toml").read_text())
     recordings = tomlkit.aot()
     for table in document["recordings"]:
         if table["experiment"] == "valve":
             recordings.append(table)
-    for i, (name, use) in enumerate(LOGS):
+    for i, (name, use) in enumerate(logs):
         reference = moves(par, i)
         trace = driven(
             par, case.laboratory.sensors, Exported(export), reference, np.zeros(reference.size), False, seed=i
@@ -152,4 +176,4 @@ def columns(trace: Trace, reference: np.ndarray, par: Parameters) -> pd.DataFram
 
 
 if __name__ == "__main__":
-    main()
+    main(sys.argv[1:])

@@ -51,8 +51,13 @@ def make(folder: Path, kind: str, samples: int) -> None:
     (folder / "pipeline.toml").write_text(laboratory.pipeline(takes, "raw"))
 
 
-def main(kind: str, samples: int) -> None:
-    """Make the recording and time the three stages."""
+def main(arguments: list[str]) -> None:
+    """Make the recording and time the stages."""
+    kind = arguments[0] if arguments else "axis"
+    samples = int(arguments[1]) if len(arguments) > 1 else 1_000_000
+    stages = ("ingest", "identify", "compare", "diagnose")
+    if "--small" in arguments:
+        kind, samples, stages = "valve", 6000, ("ingest", "identify")
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
         maker = multiprocessing.get_context("spawn").Process(target=make, args=(folder, kind, samples))
@@ -60,7 +65,7 @@ def main(kind: str, samples: int) -> None:
         maker.join()
         size = (folder / "raw" / "long.csv").stat().st_size / 1e6
         print(f"{kind}: {samples} samples, {size:.0f} MB of CSV")
-        for stage in ("ingest", "identify", "compare", "diagnose"):
+        for stage in stages:
             print(f"{stage:9} {measured(stage, folder / 'pipeline.toml')}", flush=True)
 
 
@@ -76,4 +81,4 @@ def measured(stage: str, pipeline: Path) -> str:
 
 
 if __name__ == "__main__":
-    main(sys.argv[1] if len(sys.argv) > 1 else "axis", int(sys.argv[2]) if len(sys.argv) > 2 else 1_000_000)
+    main(sys.argv[1:])

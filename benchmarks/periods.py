@@ -17,6 +17,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from benchmarks import small
 from benchmarks.laws import ASKED, laboratory_of
 from benchmarks.learning import HEAD, design, figures, identified
 from benchmarks.rigs import driven
@@ -33,11 +34,23 @@ COARSE = 20e-6  # m
 SINE = 0.3  # of the stroke: 60 mm of 200 mm
 
 
-def main() -> None:
+def main_small() -> None:
+    """Print the row of one sample time, and the sine, for the exact model."""
+    laboratory = small.laboratory()
+    controller, model, _ = small.design(laboratory)
+    show("usual", "1 ms", laboratory, laboratory.parameters, model, 1e-3, laboratory.sensors.position_step)
+    print(f"sine of 0.3 strokes: {wide_sine(laboratory.parameters, controller, laboratory):.3g} um")
+
+
+def main(arguments: list[str]) -> None:
+    """Print the rows of each rig."""
     seed = int(os.environ.get("SEED", "1"))
     print(f"| rig | what | {' | '.join(HEAD)} | gain margin | phase, deg | delay, ms |")
     print(f"|{' --- |' * (len(HEAD) + 5)}")
-    for name in sys.argv[1:] or ASKED:
+    if small.SMALL in arguments:
+        main_small()
+        return
+    for name in arguments or ASKED:
         with tempfile.TemporaryDirectory() as place:
             folder = Path(place)
             laboratory = laboratory_of(name, folder, seed)
@@ -69,7 +82,7 @@ def show(
 
 
 def corner_of(controller: Controller) -> float:
-    """Return the corner of the position loop in rad/s, from its integral gain (that of ``rules.loop_gains``)."""
+    """Return the corner of the position loop in rad/s, from the integral gain that ``pneucli.design`` gives it."""
     return float(controller.values["C_KI"] ** (1.0 / 3.0))
 
 
@@ -83,4 +96,4 @@ def wide_sine(par: Parameters, controller: Controller, laboratory: Laboratory) -
 
 
 if __name__ == "__main__":
-    main()
+    main(sys.argv[1:])

@@ -11,20 +11,26 @@ import sys
 import tempfile
 from pathlib import Path
 
+from benchmarks import small
 from benchmarks.exam_loop import designed, figures
 from benchmarks.laws import ASKED, laboratory_of
 
 PRECISIONS = ("float64", "float32")
 
 
-def main() -> None:
+def main(arguments: list[str]) -> None:
+    """Print a row for each rig."""
     print("| rig | at rest: double / float | sine, rms | at rest under a load |\n| --- | --- | --- | --- |")
-    for name in sys.argv[1:] or ASKED:
+    is_small = small.SMALL in arguments
+    for name in ("usual",) if is_small else arguments or ASKED:
         with tempfile.TemporaryDirectory() as place:
             folder, found = Path(place), []
-            laboratory = laboratory_of(name, folder, 1)
+            laboratory = small.laboratory() if is_small else laboratory_of(name, folder, 1)
             for precision in PRECISIONS:
-                control = designed(folder, ["export", "--to", "c", "--precision", precision])
+                if is_small:
+                    control = small.exported(folder / "out", laboratory, precision)
+                else:
+                    control = designed(folder, ["export", "--to", "c", "--precision", precision])
                 control = Path(shutil.copytree(control, folder / precision))
                 found.append(figures(laboratory.parameters, laboratory.sensors, control, False))
         shown = [" / ".join(f"{value:.3g}" for value in pair) for pair in zip(*found, strict=True)]
@@ -32,4 +38,4 @@ def main() -> None:
 
 
 if __name__ == "__main__":
-    main()
+    main(sys.argv[1:])

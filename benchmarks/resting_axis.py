@@ -6,6 +6,7 @@ memory. pyarrow and polars read the text and write Parquet, and do nothing else.
 
 from __future__ import annotations
 
+import sys
 import tempfile
 from pathlib import Path
 
@@ -18,6 +19,7 @@ from pneucli.pipeline.context import Context
 from pneucli.stages import ingest
 
 ROWS = 1_000_000
+SMALL_ROWS = 20_000
 COUNT_MM = 0.005  # of the encoder
 PIPELINE = """
 [pipeline]
@@ -44,13 +46,13 @@ chamber_2 = "valve"
 """
 
 
-def make(path: Path) -> None:
+def make(path: Path, count: int) -> None:
     """Write an axis that travels to and fro at 0.2 Hz and rests a third of the time, 1 kHz."""
     rng = np.random.default_rng(0)
-    t = np.arange(ROWS) * 1e-3
+    t = np.arange(count) * 1e-3
     move = np.clip(1.6 * np.sin(2 * np.pi * t / 5), -1, 1)
     x = np.round((100 + 80 * move) / COUNT_MM) * COUNT_MM
-    pressures = [4 + sign * move + 4e-3 * rng.standard_normal(ROWS) for sign in (1, -1)]
+    pressures = [4 + sign * move + 4e-3 * rng.standard_normal(count) for sign in (1, -1)]
     u = 3 * np.cos(2 * np.pi * t / 5)
     with path.open("w") as file:
         file.write("t [s],U [V],P1 [bar],P2 [bar],Pos [mm]\n")
@@ -69,15 +71,16 @@ def ours(folder: Path) -> None:
     ingest.run(Context(path, load(path), folder / "out", folder))
 
 
-def main() -> None:
+def main(arguments: list[str]) -> None:
     """Print times, ratios and peak memory."""
+    is_small = "--small" in arguments
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
-        make(folder / "large.csv")
+        make(folder / "large.csv", SMALL_ROWS if is_small else ROWS)
         (folder / "large.toml").write_text(PIPELINE)
         (folder / "out").mkdir()
         works = {"pyarrow": plain, "polars": with_polars, "ingest": ours}
-        runs = [{label: measure(work, folder) for label, work in works.items()} for _ in range(2)]
+        runs = [{label: measure(work, folder) for label, work in works.items()} for _ in range(1 if is_small else 2)]
     for label in works:
         seconds, memory = (min(run[label][part] for run in runs) for part in (0, 1))
         ratio = seconds / min(run["pyarrow"][0] for run in runs)
@@ -85,4 +88,4 @@ def main() -> None:
 
 
 if __name__ == "__main__":
-    main()
+    main(sys.argv[1:])

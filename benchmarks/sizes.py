@@ -50,14 +50,15 @@ def with_images(folder: Path, *, image: bool) -> Path:
     return path
 
 
-def main(counts: list[int]) -> None:
-    """Make the files and run the stages."""
-    for count in counts:
+def main(arguments: list[str]) -> None:
+    """Make the files and run the stages; ``--small``: ingest of two recordings."""
+    is_small = "--small" in arguments
+    for count in (2,) if is_small else [int(count) for count in arguments] or COUNTS:
         with tempfile.TemporaryDirectory() as name:
             path = valve_tests(Path(name), count)
-            for stage in STAGES:
+            for stage in STAGES[:1] if is_small else STAGES:
                 print(f"{count} recordings, {stage:9} {measured(stage, path)}", flush=True)
-    for image in (True, False):
+    for image in (False,) if is_small else (True, False):
         with tempfile.TemporaryDirectory() as name:
             path = with_images(Path(name), image=image)
             size = sum(raw.stat().st_size for raw in path.parent.glob("raw/*.h5")) / 1e6
@@ -65,4 +66,4 @@ def main(counts: list[int]) -> None:
 
 
 if __name__ == "__main__":
-    main([int(count) for count in sys.argv[1:]] or list(COUNTS))
+    main(sys.argv[1:])

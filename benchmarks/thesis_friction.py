@@ -192,8 +192,21 @@ def reference(rng: np.random.Generator) -> tuple[Array, Array]:
     return 0.5 + 1e-3 * np.cumsum(rate), rate
 
 
-def main() -> None:
-    seed = int(sys.argv[1]) if len(sys.argv) > 1 else 1
+def main_small() -> None:
+    """Write one rig without hysteresis and ingest its recordings."""
+    rng, f = np.random.default_rng(1), Friction()
+    with tempfile.TemporaryDirectory() as name:
+        write(Path(name), [driven(f, *reference(rng)) for _ in range(RUNS)], (0.1, 1e-6, 1e-4, 0.04), rng)
+        found = answer("ingest", pipeline(Path(name), f, "force", "xa", '"stribeck"'))
+    print(f"{len(found['recordings'])} recordings")
+
+
+def main(arguments: list[str]) -> None:
+    """Print the answers and the models of each rig."""
+    if "--small" in arguments:
+        main_small()
+        return
+    seed = int(arguments[0]) if arguments else 1
     with tempfile.TemporaryDirectory() as name:
         for drop, viscous_drop in ((0.0, 0.0), (0.2, 0.0), (0.4, 0.0), (0.1, 0.4)):
             rng, f = np.random.default_rng(seed), Friction(drop=drop, viscous_drop=viscous_drop)
@@ -213,4 +226,4 @@ def main() -> None:
 
 
 if __name__ == "__main__":
-    main()
+    main(sys.argv[1:])

@@ -18,11 +18,13 @@ from __future__ import annotations
 import sys
 from collections.abc import Iterator
 from dataclasses import replace
+from itertools import islice
 from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
+from benchmarks import small
 from benchmarks.laws import _make
 from benchmarks.rigs import Trace, driven, model_of
 from pneucli.closed_loop.sliding_share import OBSERVERS, ROUNDING
@@ -141,26 +143,29 @@ def sliding_share(run: Trace, controller: Controller, observer: str) -> float:
     return float(np.mean(np.abs(np.diff(run.states[:, STATES[observer]])) <= (1.0 - ROUNDING) * increment))
 
 
-def table(names: list[str]) -> Iterator[str]:
-    """Yield the lines of the table, a row for each rig and controller."""
+def table(names: list[str], most: int | None = None) -> Iterator[str]:
+    """Yield the lines of the table, a row for each rig and controller, at most so many controllers."""
     yield f"| {' | '.join(HEAD)} |"
     yield f"|{' --- |' * len(HEAD)}"
     for name in names:
         par = rig(name)
-        for title, controller in controllers(design_data(par)):
+        for title, controller in islice(controllers(design_data(par)), most):
             row = figures(par, controller)
             estimated = LAWS[controller.law].estimates_load
             shown = [f"{value:.3g}" for value in (row if estimated else row[:5])] + ["–"] * (0 if estimated else 2)
             yield f"| {name} | {title} | {' | '.join(shown)} |"
 
 
-def main() -> None:
+def main(arguments: list[str]) -> None:
     """Print the table; with ``--write`` put it between the marks of its page as well."""
+    if small.SMALL in arguments:
+        print("\n".join(table(["usual"], 1)))
+        return
     lines = []
-    for line in table([name for name in sys.argv[1:] if name != "--write"] or list(RIGS)):
+    for line in table([name for name in arguments if name != "--write"] or list(RIGS)):
         print(line, flush=True)
         lines.append(line)
-    if "--write" in sys.argv:
+    if "--write" in arguments:
         before, _, rest = PAGE.read_text(encoding="utf-8").partition(MARKS[0])
         _, _, after = rest.partition(MARKS[1])
         text = "\n".join([f"{before}{MARKS[0]}", "", *lines, "", f"{MARKS[1]}{after}"])
@@ -168,4 +173,4 @@ def main() -> None:
 
 
 if __name__ == "__main__":
-    main()
+    main(sys.argv[1:])

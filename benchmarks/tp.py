@@ -23,20 +23,23 @@ from pneucli.tp.hosvd import Array, contract
 from tests.tp.cases import CASES, pressure_damping
 
 BIG = (200, 160, 120)
+SMALL_GRID = (20, 16, 12)
 
 
-def main() -> int:
-    """Print every figure beside its limit; return the exit code."""
+def main(arguments: list[str]) -> int:
+    """Print every figure and its limit; return the exit code, which ``--small`` leaves at 0."""
+    is_small = "--small" in arguments
+    shape = SMALL_GRID if is_small else BIG
     figures = [(f"hosvd, case {name}: ratio to numpy", small(name), 1.5) for name in CASES]
     figures.append(("smallest simplex, case c: s", smallest(), 0.1))
-    samples = big()
+    samples = big(shape)
     ours, theirs = once(lambda: hosvd(samples, 3)), once(lambda: numpy_svd(samples, 3))
-    print(f"big grid {BIG}: ours {ours:.2f} s, numpy {theirs:.2f} s")
+    print(f"big grid {shape}: ours {ours:.2f} s, numpy {theirs:.2f} s")
     figures.append(("hosvd, big grid: ratio to numpy", ours / theirs, 0.1))
     figures.append(("hosvd, big grid: largest error / largest sample", error(samples), 1.6e-13))
     for name, value, limit in figures:
         print(f"{name:50s} {value:9.3g}  (limit {limit:g}) {'ok' if value <= limit else 'FAILED'}")
-    return int(any(value > limit for _, value, limit in figures))
+    return int(not is_small and any(value > limit for _, value, limit in figures))
 
 
 def numpy_svd(samples: Array, parameters: int) -> list[Array]:
@@ -61,10 +64,10 @@ def smallest() -> float:
     return fastest(lambda: simplex_search.smallest_simplices(h), runs=10)
 
 
-def big() -> Array:
+def big(shape: tuple[int, int, int]) -> Array:
     """A system matrix whose entries depend on all three parameters; of low, not equal, ranks."""
-    v, p, x = np.linspace(-0.05, 0.05, BIG[0]), np.linspace(0, 6e5, BIG[1]), np.linspace(0, 0.2, BIG[2])
-    samples = np.zeros((*BIG, 3, 3))
+    v, p, x = np.linspace(-0.05, 0.05, shape[0]), np.linspace(0, 6e5, shape[1]), np.linspace(0, 0.2, shape[2])
+    samples = np.zeros((*shape, 3, 3))
     samples[..., 0, 1] = 1.0
     samples[..., 1, 1] = pressure_damping(*np.meshgrid(v, p, indexing="ij"))[..., None] / 2e3
     samples[..., 1, 2] = np.sin(30 * v)[:, None, None] * x
@@ -92,4 +95,4 @@ def fastest(run: Callable[[], object], runs: int = 50) -> float:
 
 
 if __name__ == "__main__":
-    sys.exit(main())
+    sys.exit(main(sys.argv[1:]))

@@ -111,7 +111,7 @@ def environment_error(error: OSError | MemoryError) -> InputError | None:
     ``None`` for any other error, which may be a fault of the program.
     """
     if isinstance(error, MemoryError):
-        return InputError("memory", "there is not enough", mend="shorten or leave out recordings, or free some")
+        return InputError("memory", "too little memory", mend="shorten or leave out recordings, or free some")
     if error.errno not in _ENVIRONMENT_MENDS:
         return None
     return InputError(str(error.filename or "files"), os.strerror(error.errno), mend=_ENVIRONMENT_MENDS[error.errno])

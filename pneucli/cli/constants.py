@@ -10,7 +10,7 @@ from pathlib import Path
 PACKAGES = ("diagnose", "identify")
 HEAD = """# Constants of identification and diagnosis
 
-Made by `make docs` from the source: each constant, its value, and the comment beside it. This reference table is longer
+Made by `make docs` from the source: each constant, its value, and its comment. This reference table is longer
 than other pages. [Inside the diagnosis](diagnosis.md) explains where they act, [The method](../method.md) what for.
 
 | constant | value | comment |

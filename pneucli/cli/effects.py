@@ -193,20 +193,21 @@ def _description(effect: Effect, twins: Sequence[str]) -> list[tuple[str, str]]:
     ]
     if not effect.nested:
         story.insert(0, ("Not nested", "No value of its parameters gives the model without it; it is there or not."))
-    if beside := _distinct_beside(effect):
-        text = f"Beside {beside} no value of its parameters gives the model without it: it is compared on and off."
+    if others := _effects_without_null(effect):
+        text = (
+            f"Together with {others}, no value of its parameters gives the model without it: it is compared on and off."
+        )
         story.insert(0, ("Present at its null", text))
     if effect.needs:
         story.append(("Needs", f"A recording of {', '.join(effect.needs)}."))
     return story
 
 
-def _distinct_beside(effect: Effect) -> str:
-    """Return the effects of the catalogue beside which this one is present at its null."""
+def _effects_without_null(effect: Effect) -> str:
+    """Return the effects of the catalogue together with which this one acts even at its null."""
     from pneucli.physics.effects import catalogue
 
-    known = catalogue()
-    return ", ".join(name for name, other in known.items() if effect.in_model_with((other,)) is not effect)
+    return ", ".join(name for name, other in catalogue().items() if effect.in_model_with((other,)) is not effect)
 
 
 def _text(effect: Effect) -> str:

@@ -98,7 +98,7 @@ def _diagnose(
     pipeline: File,
     exclude: Annotated[
         list[str] | None,
-        typer.Option("--exclude", metavar="EFFECT", help="Known not to be there (repeatable)."),
+        typer.Option("--exclude", metavar="EFFECT", help="An effect that is certainly absent (repeatable)."),
     ] = None,
     since: Annotated[
         Path | None,
@@ -216,7 +216,7 @@ def _export(
     ],
     controller: Annotated[
         str | None,
-        typer.Option("--controller", metavar="NAME", help="Another law than that of [design].", show_default=False),
+        typer.Option("--controller", metavar="NAME", help="Another than [design] names.", show_default=False),
     ] = None,
     precision: Annotated[
         Precision, typer.Option("--precision", help="Arithmetic of the C: double, or float for small targets.")

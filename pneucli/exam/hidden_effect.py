@@ -54,7 +54,7 @@ class HiddenEffect:
         return {name: float(getattr(par, field)) / factor for name, (field, factor) in self.fields.items()}
 
 
-def near(**centres: float) -> Draw:
+def around(**centres: float) -> Draw:
     """Draw every field within 25 % of its centre."""
     return lambda _, rng: {name: centre * rng.uniform(0.75, 1.25) for name, centre in centres.items()}
 
@@ -79,7 +79,7 @@ def draw_stribeck(par: Parameters, rng: np.random.Generator) -> dict[str, float]
 
 
 def draw_hysteresis(par: Parameters, rng: np.random.Generator) -> dict[str, float]:
-    """Draw the drop of friction; where friction falls with speed, half of the rigs lose that rise alone (6.21)."""
+    """Draw the drop of friction; where friction falls with speed, half of the rigs lose only that rise (6.21)."""
     drop = 0.45 * rng.uniform(0.75, 1.25)
     return {"drop": 0.0 if par.static > par.coulomb and rng.random() < 0.5 else drop}
 

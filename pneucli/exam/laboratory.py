@@ -110,7 +110,7 @@ class Laboratory:
     def pipeline(self, plans: Sequence[RecordingPlan], folder: str, checks: str = "") -> str:
         """Return the pipeline file's text; ``folder`` is that of the recordings, relative to it."""
         parts = [
-            "# measurements of one rig; what each column is, and what is known of the rig",
+            "# measurements of one rig: its columns, and the stated values of the rig",
             f'[pipeline]\nname = "{self.name}"\n',
             self._rig(),
             self._columns(plans),

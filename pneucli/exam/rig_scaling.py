@@ -17,7 +17,7 @@ from pneucli.exam.rig.sensors import Sensors
 LENGTH, AREA, PRESSURE, VOLTAGE = (1, 0, 0, 0, 0), (0, 1, 0, 0, 0), (0, 0, 1, 0, 0), (0, 0, 0, 0, 1)
 VOLUME = OPENING = (1, 1, 0, 0, 0)  # an opening fills the volume in the same time
 FORCE, STIFFNESS, PER_LENGTH_SQUARED = (0, 1, 1, 0, 0), (-1, 1, 1, 0, 0), (-2, 1, 1, 0, 0)
-MASS = DAMPING = STIFFNESS  # times are kept
+MASS = DAMPING = STIFFNESS  # times stay
 PER_LENGTH, OPENING_PER_PRESSURE = (-1, 0, 0, 0, 0), (1, 1, -1, 0, 0)
 PER_PRESSURE, HEAT_CONDUCTANCE, FLOW_PER_PRESSURE, PER_FLOW = (
     (0, 0, -1, 0, 0),

@@ -76,17 +76,17 @@ def _write(path: Path, name: str, records: Sequence[Mapping[str, Any]], provenan
         writer.write({column: [record.get(column) for record in records] for column in types})
 
 
-def _remove_others(folder: Path, kept: set[str]) -> None:
-    """Remove the parts of dates that are no more; nothing but what this program wrote."""
+def _remove_others(folder: Path, present: set[str]) -> None:
+    """Remove the parts of dates that the table no longer has, and only files that this program wrote."""
     for old in folder.glob(f"date=*/{PART_FILE}"):
-        if old.parent.name not in kept:
+        if old.parent.name not in present:
             old.unlink()
             if not any(old.parent.iterdir()):
                 old.parent.rmdir()
 
 
 def write_trends(path: Path, trends: Sequence[Trend], provenance: Provenance) -> None:
-    """Write a row a rig, parameter and date; ``level`` numbers the stretches between change points, from 0."""
+    """Write a row for each rig, parameter and date; ``level`` numbers the levels between change points, from 0."""
     types: dict[str, Any] = {
         "rig": _TEXT,
         "name": _TEXT,

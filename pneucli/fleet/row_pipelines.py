@@ -16,7 +16,7 @@ from pneucli.fleet.table import FleetRow
 from pneucli.io.remote_files import is_remote
 
 RECORDINGS = "recordings"
-SAFE_CHARACTERS = " +,=@()"  # kept in a folder's name, in addition to letters, digits and _.-~
+SAFE_CHARACTERS = " +,=@()"  # unchanged in a folder's name, in addition to letters, digits and _.-~
 
 
 def folder_name(text: str) -> str:

@@ -25,7 +25,7 @@ def read_frame(path: Path) -> pd.DataFrame:
 
 
 def select_rows(found: pd.DataFrame, equals: Mapping[str, object]) -> pd.DataFrame:
-    """Return the rows in which columns have these values, numbered from 0; ``attrs`` are kept."""
+    """Return the rows in which columns have these values, numbered from 0, with the same ``attrs``."""
     mask = pd.Series(True, index=found.index)
     for column, value in equals.items():
         mask &= found[column] == value

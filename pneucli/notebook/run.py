@@ -1,4 +1,4 @@
-"""One run: a pipeline file and the folder of its artifacts, or such a folder alone."""
+"""One run: a pipeline file and the folder of its artifacts, or only such a folder."""
 
 from __future__ import annotations
 

@@ -33,7 +33,7 @@ class RunData:
     quiet: bool = False
 
     def bring_up(self, *stages: str, options: Mapping[str, Mapping[str, Any]] | None = None) -> None:
-        """Bring stages (``"compare"``, ``"diagnose"``) and what they need up to date; a folder alone stays as it is.
+        """Bring stages (``"compare"``, ``"diagnose"``) up to date; without a pipeline file do nothing.
 
         ``options`` are command line options by stage. Raises InputError as the stages do.
         """

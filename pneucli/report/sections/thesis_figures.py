@@ -46,12 +46,12 @@ def _flow_function() -> Iterator[Drawing]:
     exact = np.array([exact_flow_function(float(r), KAPPA) for r in ratio])
     critical, largest = choked_ratio(KAPPA), choked_maximum(KAPPA)
     above = np.maximum((ratio - critical) / (1.0 - critical), 0.0)
-    near = largest * np.sqrt(np.maximum(1.0 - above**2, 0.0))
+    approximation = largest * np.sqrt(np.maximum(1.0 - above**2, 0.0))
     with drawing("Figure 2.4: the flow function of isentropic outflow (2.34).", "pressure ratio", "Ψ") as one:
         one.axes.plot(ratio, exact, color=BLUE)
     yield one
     open_ = exact > 0.0
-    error = np.abs(near[open_] / exact[open_] - 1.0)
+    error = np.abs(approximation[open_] / exact[open_] - 1.0)
     rounded = np.abs(flow_functions(ratio[open_], CRITICAL_RATIO) / exact[open_] - 1.0)
     caption = (
         "Figure 2.5: the flow function and its approximation (2.42, 2.43). "
@@ -60,7 +60,7 @@ def _flow_function() -> Iterator[Drawing]:
     )
     with drawing(caption, "pressure ratio", "Ψ") as one:
         one.axes.plot(ratio, exact, color=BLUE, label="exact")
-        one.axes.plot(ratio, near, "--", color=ORANGE, label="approximation")
+        one.axes.plot(ratio, approximation, "--", color=ORANGE, label="approximation")
         axes = one.axes.twinx()
         axes.plot(ratio[open_], 100.0 * error, color=GREY, linewidth=0.9)
         axes.set_ylabel("error in % of the value")
@@ -155,10 +155,12 @@ def _inflation(rows: Table, supply: float, origin: str) -> Iterator[Drawing]:
         one.axes.plot(ratio, flow_functions(ratio, CRITICAL_RATIO) / PSI_MAX, "--", color=ORANGE, label="(2.42)")
         one.axes.legend(loc="upper right")
     yield one
-    known = "mass_flow" in rows and bool(np.isfinite(rows["mass_flow"]).any())
-    flow, title = (1e3 * rows["mass_flow"], "mass flow in g/s") if known else (gradient, "pressure gradient in bar/s")
-    told = "" if known else ", as the gradient that it makes (2.22), since the volume of the vessel is not known"
-    caption = f"Figure 7.20: mass flow of the inflation{told}: constant while choked."
+    has_flow = "mass_flow" in rows and bool(np.isfinite(rows["mass_flow"]).any())
+    flow, title = (
+        (1e3 * rows["mass_flow"], "mass flow in g/s") if has_flow else (gradient, "pressure gradient in bar/s")
+    )
+    instead = "" if has_flow else ", as pressure gradient (2.22), because the volume of the vessel is not stated"
+    caption = f"Figure 7.20: mass flow of the inflation{instead}: constant while choked."
     with drawing(caption, "pressure in bar", title) as one:
         one.axes.plot(p, flow, color=BLUE)
         one.axes.set_ylim(bottom=0)

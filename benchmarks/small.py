@@ -1,0 +1,60 @@
+"""Small inputs for ``python -m benchmarks.NAME --small``, with which a benchmark runs to its end in seconds.
+
+So small a run measures nothing; it shows that a benchmark still runs. A pipeline that a benchmark otherwise identifies
+is replaced by the exact model of the exam's rig.
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+
+from benchmarks.rigs import model_of
+from pneucli.closed_loop.simulation import ClosedLoopSetup
+from pneucli.controller.parameters import Controller
+from pneucli.design.cascade_design import design_cascade
+from pneucli.design.requirements import Requirements
+from pneucli.exam.cases import generate_case, prepare_case, seal
+from pneucli.exam.conditions import parse
+from pneucli.exam.laboratory import Laboratory
+from pneucli.exam.rig.parameters import ONE_CHAMBER
+from pneucli.export.export_files import write_c
+from pneucli.simulate.model import Model
+
+SMALL = "--small"
+CONTROLLERS = "design/controllers"
+
+
+def exam(folder: Path) -> Path:
+    """Write an exam of one valve test with a lag of the spool; return its folder."""
+    seal(folder, "case-001.json", generate_case(folder / "case-001", "valve", ("valve-lag",), "", 1.0, 2))
+    return folder
+
+
+def laboratory(condition: str = "usual") -> Laboratory:
+    """Return a healthy axis of the exam."""
+    return prepare_case("rig", "axis", (), "", 1.0, 1, parse(condition)).laboratory
+
+
+def design(rig: Laboratory) -> tuple[Controller, Model, ClosedLoopSetup]:
+    """Return the controller for the exact model of a rig, the model, and the sensors that the design assumes."""
+    par, sensors = rig.parameters, rig.sensors
+    one_chamber = par.arrangement == ONE_CHAMBER
+    requirements = Requirements(
+        quantum_x=sensors.position_step, noise_p=sensors.pressure, chamber_2="closed" if one_chamber else "valve"
+    )
+    model = model_of(par)
+    p2 = float(np.sqrt(par.ambient * par.supply)) if one_chamber else None
+    setup = ClosedLoopSetup(noise_p=sensors.pressure, quantum_x=sensors.position_step)
+    return design_cascade(model, requirements, p2), model, setup
+
+
+def exported(out: Path, rig: Laboratory, precision: str = "float64") -> Path:
+    """Design for a rig; write controller and C as ``pneucli export --out OUT`` does; return the folder of the C."""
+    controller, model, setup = design(rig)
+    (out / CONTROLLERS).mkdir(parents=True, exist_ok=True)
+    (out / CONTROLLERS / "best.json").write_text(controller.to_json(), encoding="utf-8")
+    (out / "export").mkdir(exist_ok=True)
+    write_c(out / "export", controller, model, setup, "small", precision)
+    return out / "export"
