@@ -19,7 +19,7 @@ from pneucli.config.value_types import (
     Volume,
 )
 from pneucli.gases import GASES
-from pneucli.gases import GasName as GasName
+from pneucli.gases import GasName
 from pneucli.units import STANDARD_ATMOSPHERE
 
 
