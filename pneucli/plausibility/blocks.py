@@ -138,7 +138,7 @@ class LinearFit:
 def fit_linear(columns: list[Array], target: Array) -> LinearFit | None:
     """Fit ``target`` by ``columns``, shape ``(n,)`` each, by least squares; None where there are too few.
 
-    The jackknife over ``JACKKNIFE_GROUPS`` successive parts gives the errors, because the residual is not white. Source:
+    The jackknife over ``JACKKNIFE_GROUPS`` successive parts gives the errors: the residual is not white. Source:
     R. G. Miller, Biometrika 61 (1974).
     """
     if target.size < JACKKNIFE_GROUPS * (len(columns) + 1):

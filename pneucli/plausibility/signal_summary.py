@@ -20,7 +20,7 @@ PERIOD_PERCENTILE = (
 
 @dataclass(frozen=True)
 class SignalSummary:
-    """One signal in its SI ``unit``; ``rate`` in samples per second, ``missing_share`` as a share of the recording's time.
+    """One signal in its SI ``unit``: ``rate`` in samples per second, ``missing_share`` of the recording's time.
 
     ``speed`` is the change per second that 1 % of the steps exceed, so that one spike does not stand for all. What too
     few samples cannot tell is None.
