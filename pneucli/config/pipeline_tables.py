@@ -11,7 +11,7 @@ from pydantic import (
     model_validator,
 )
 
-from pneucli.arrangements import ArrangementName as ArrangementName
+from pneucli.arrangements import ArrangementName
 from pneucli.config.rig_table import RigTable
 from pneucli.config.signal_tables import SignalName, SignalsTable, TextTable
 from pneucli.config.stage_tables import CheckTable, CompareTable, IdentifyTable, ModelTable

@@ -18,8 +18,7 @@ from pneucli.config.value_types import (
     Voltage,
     Volume,
 )
-from pneucli.gases import GASES
-from pneucli.gases import GasName as GasName
+from pneucli.gases import GASES, GasName
 from pneucli.units import STANDARD_ATMOSPHERE
 
 

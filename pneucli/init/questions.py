@@ -67,6 +67,6 @@ def with_values(text: str, values: Mapping[str, str]) -> str:
         if header := re.match(r"\[+([\w.]+)\]+", line):
             table = header[1]
         key = f"{table}.{line.split('=')[0].strip()}"
-        waits = key in values and "?" in line.split("  #")[0]
-        lines.append(re.sub(r'"[^"]*\?[^"]*"', lambda _, k=key: f'"{values[k]}"', line, count=1) if waits else line)
+        waits = re.search(r'"[^"]*\?[^"]*"', line.split("  #")[0]) if key in values else None
+        lines.append(f'{line[: waits.start()]}"{values[key]}"{line[waits.end() :]}' if waits else line)
     return "\n".join(lines) + "\n"

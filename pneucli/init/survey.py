@@ -199,11 +199,11 @@ def _aligned(columns: Sequence[Column], shared: Column | None = None) -> list[Co
     longest = max(table.time.size for table in tables)
     sparse = [name for one in tables if one.time.size < SPARSE * longest for name in one.columns]
     table = align_tables(tables, sparse, lambda row: f"row {row + 1}").table
-    time = first if shared is None else replace(shared, unit=shared.unit or first.unit or "s")
-    factor = parse_unit(time.unit).factor if _is_timed(time) else 1.0
+    clock_column = first if shared is None else replace(shared, unit=shared.unit or first.unit or "s")
+    factor = parse_unit(clock_column.unit).factor if _is_timed(clock_column) else 1.0
     aligned = [replace(one, values=table.columns[str(n)]) for n, one in enumerate(columns) if str(n) in table.columns]
     aligned = [replace(one, clock=None) if shared or one.clock == first.key else one for one in aligned]
-    return [replace(time, values=table.time / factor, is_clock=True), *aligned]
+    return [replace(clock_column, values=table.time / factor, is_clock=True), *aligned]
 
 
 def _is_timed(clock: Column) -> bool:

@@ -101,8 +101,9 @@ class DelimitedReader:
         types = {f"c{ask.position}": pa.string() if self._as_text(ask) else pa.float64() for ask in asks}
         types |= {f"c{self._date_of[ask.position]}": pa.string() for ask in asks if ask.position in self._date_of}
         delimiter = "\t" if self._look.delimiter == " " else self._look.delimiter
+        source: Any = pa.BufferReader(block)
         table = pcsv.read_csv(
-            pa.BufferReader(block),
+            source,
             read_options=pcsv.ReadOptions(column_names=[f"c{n}" for n in range(len(self.names))]),
             parse_options=pcsv.ParseOptions(delimiter=delimiter, invalid_row_handler=self._on_bad_row),
             convert_options=pcsv.ConvertOptions(

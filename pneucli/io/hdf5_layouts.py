@@ -67,7 +67,9 @@ def _pickled_texts(pickled: Any) -> list[str]:
     raw = pickled.encode("latin-1") if isinstance(pickled, str) else bytes(pickled or b"")
     try:
         return [
-            argument for code, argument, _ in pickletools.genops(raw) if "UNICODE" in code.name or "STRING" in code.name
+            str(argument)
+            for code, argument, _ in pickletools.genops(raw)
+            if "UNICODE" in code.name or "STRING" in code.name
         ]
     except ValueError:
         return []
@@ -83,7 +85,7 @@ def struct_array_columns(file: Any, group: Any, path: str) -> dict[str, Place]:
     labels = next((by_word[word] for word in LABELS if word in by_word), None)
     found: dict[str, Place] = {}
     for number, reference in enumerate(np.ravel(group[numbers][()])):
-        dataset = file[reference] if reference else None
+        dataset: Any = file[reference] if reference else None
         label = _referenced_text(file, group, labels, number) or str(number + 1)
         if getattr(dataset, "dtype", None) is not None and dataset.dtype.kind in "iufb":
             found[f"{path}/{label}"] = Place(dataset.name)

@@ -47,7 +47,7 @@ def open_mat4(path: Path) -> ColumnReader:
 
     def fetch(wanted: Sequence[str]) -> list[ColumnValues]:
         tree = loadmat(path, variable_names=list({owner[name] for name in wanted}))
-        found = {}
+        found: dict[str, ColumnValues] = {}
         for name in dict.fromkeys(owner[name] for name in wanted):
             found |= split_columns(name, np.asarray(tree[name], dtype=np.float64))
         return [np.ravel(found[name]) for name in wanted]

@@ -88,7 +88,9 @@ class MdfReader:
             listed = ", ".join(f'"{name}"' for name in names[:10])
             mend = "read each as a signal of its own, not in one expression"
             raise InputError(str(self._path), f"{listed} are of several groups", "columns of one clock", mend)
-        return next(iter(groups), max(file.masters_db, key=lambda group: file.groups[group].channel_group.cycles_nr))
+        if groups:
+            return groups.pop()
+        return int(max(file.masters_db, key=lambda group: file.groups[group].channel_group.cycles_nr))
 
     def _check_clock(self, file: Any, group: int, names: Sequence[str]) -> None:
         if group not in file.masters_db and not _remote_master(file, group):

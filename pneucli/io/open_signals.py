@@ -80,8 +80,8 @@ def _clocks(
         elif by_file and name != "time":
             read = Expression(channel.expression).columns if channel.expression is not None else ()
             places = [place, *(columns.get(key) for key in read)]
-            own = [reader.clocks[one] for one in places if one is not None and one in reader.clocks]
-            found |= {name: own[0]} if own else {}
+            by_column = [reader.clocks[one] for one in places if one is not None and one in reader.clocks]
+            found |= {name: by_column[0]} if by_column else {}
     return found
 
 

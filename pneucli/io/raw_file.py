@@ -101,8 +101,14 @@ class Reader(Protocol):
     repairs: list[Repair]
     rows: int
     losses: Counter[str]
-    clocks: Mapping[int, int]
-    clock_names: Collection[int]
+
+    @property
+    def clocks(self) -> Mapping[int, int]:
+        """The position of the stamps of each column whose clock the file knows, by the position of the column."""
+
+    @property
+    def clock_names(self) -> Collection[int]:
+        """The positions of the columns that stand for every column's own clock."""
 
     @property
     def units(self) -> Mapping[int, str]:

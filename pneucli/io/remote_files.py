@@ -42,7 +42,10 @@ def content_stamp(url: str) -> str:
 
 
 def fetch(url: str, folder: Path) -> Path:
-    """Copy a remote file into ``folder`` under its own name; return its path there. Raises InputError as ``content_stamp``."""
+    """Copy a remote file into ``folder`` under its own name; return its path there.
+
+    Raises InputError as ``content_stamp``.
+    """
     target = folder / (Path(urlsplit(url).path).name or "file")
     try:
         with _open_stream(url) as source, target.open("wb") as file:

@@ -85,11 +85,11 @@ def detect_layout(raw: RawFile) -> TextLayout:
     delimiter = raw.delimiter or _delimiter(sample[raw.header :], sample[0])
     delimiter = " " if delimiter in _BLANK_NAMES else delimiter
     plain = TextLayout(encoding, delimiter, ".", rows[raw.header], (), line_end=line_end)
-    found = _with_names(raw, plain, [plain.split(line) for line in sample], rows)
+    layout = _with_names(raw, plain, [plain.split(line) for line in sample], rows)
     if raw.header:
-        header = [lines[rows[0]], *([lines[rows[1]]] if found.units else [])]
-        found = replace(found, repeated=tuple(line.strip() for line in header))
-    return found if raw.part is None else _part(raw, found)
+        header = [lines[rows[0]], *([lines[rows[1]]] if layout.units else [])]
+        layout = replace(layout, repeated=tuple(line.strip() for line in header))
+    return layout if raw.part is None else _part(raw, layout)
 
 
 def _part(raw: RawFile, look: TextLayout) -> TextLayout:

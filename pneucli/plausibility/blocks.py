@@ -138,8 +138,8 @@ class LinearFit:
 def fit_linear(columns: list[Array], target: Array) -> LinearFit | None:
     """Fit ``target`` by ``columns``, shape ``(n,)`` each, by least squares; None where there are too few.
 
-    Errors are those of the jackknife over ``JACKKNIFE_GROUPS`` stretches one after the other, since what is left over is not
-    white. Source: R. G. Miller, Biometrika 61 (1974).
+    Errors are those of the jackknife over ``JACKKNIFE_GROUPS`` stretches one after the other, since what is left over
+    is not white. Source: R. G. Miller, Biometrika 61 (1974).
     """
     if target.size < JACKKNIFE_GROUPS * (len(columns) + 1):
         return None

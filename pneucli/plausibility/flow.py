@@ -117,7 +117,10 @@ def _unresponsive_pressure(driven: list[Recording], bench: RigCheck) -> Iterator
         swing = swings[one.name]
         if not bench.is_inactive(one, "p1") or swing == 0.0 or swing < min(answered, default=0.0):
             continue
-        found = f"p1 stays at {format_in_display_unit(float(np.nanmedian(one['p1'])), 'p1')} while u changes by {format_in_display_unit(swing, 'u')}"
+        found = (
+            f"p1 stays at {format_in_display_unit(float(np.nanmedian(one['p1'])), 'p1')} "
+            f"while u changes by {format_in_display_unit(swing, 'u')}"
+        )
         other = bench.active_signals(one, "p_supply")
         if other:
             found += ", and p_supply moves instead: swapped?"
@@ -136,7 +139,10 @@ def _supply_below_chamber(flow: ChamberFlow, bench: RigCheck) -> Iterator[Findin
         return
     p, supply = float(np.median(flow.p[charging])), float(np.median(flow.supply[charging]))
     if p - supply > _max_supply_difference(supply, bench):
-        found = f"p1 is charged at {format_in_display_unit(p, 'p1')} from a supply of {format_in_display_unit(supply, 'p_supply')}"
+        found = (
+            f"p1 is charged at {format_in_display_unit(p, 'p1')} from "
+            f"a supply of {format_in_display_unit(supply, 'p_supply')}"
+        )
         mend = "check column, unit and reference in [signals] p_supply and p1"
         yield Finding("supply", "p_supply", flow.recording.name, found, mend)
 
@@ -191,7 +197,10 @@ def _undersampled(one: Recording) -> Iterator[Finding]:
     span, step = float(np.ptp(p)), float(np.max(np.abs(np.diff(p)), initial=0.0))
     noise = one.noise["p1"].rms if "p1" in one.noise else 0.0
     if step > max((1 - np.exp(-1.0)) * span, MIN_SIGNAL_TO_NOISE * noise):
-        found = f"p1 changes by {format_in_display_unit(step, 'p1')} of {format_in_display_unit(span, 'p1')} from one sample to the next"
+        found = (
+            f"p1 changes by {format_in_display_unit(step, 'p1')} of "
+            f"{format_in_display_unit(span, 'p1')} from one sample to the next"
+        )
         mend = f"record faster than at {1 / one.period:.3g} Hz, or check the unit in [signals] time"
         yield Finding("sampling", "time", one.name, found, mend)
 
@@ -210,7 +219,10 @@ def _settled_pressure(one: Recording, bench: RigCheck) -> Iterator[Finding]:
         elif "p_supply" in one:
             supply = float(np.nanmedian(one["p_supply"][rows]))
             off, apart = level - supply, _max_supply_difference(supply, bench)
-            seen = f"p1 rests at {format_in_display_unit(level, 'p1')} in a chamber that is charged from {format_in_display_unit(supply, 'p_supply')}"
+            seen = (
+                f"p1 rests at {format_in_display_unit(level, 'p1')} in a chamber "
+                f"that is charged from {format_in_display_unit(supply, 'p_supply')}"
+            )
             if apart < off < (1 + AMBIENT_SLIP_SHARE) * ambient:
                 yield gauge_finding(one, "p_supply", seen)
             elif abs(off) > apart:

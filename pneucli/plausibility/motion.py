@@ -46,7 +46,10 @@ def _stroke(one: Recording, bench: RigCheck) -> Iterator[Finding]:
     stroke, (low, high) = bench.rig.stroke, np.nanpercentile(one["x"], (0.1, 99.9))
     if stroke is None:
         return
-    seen = f"x goes from {format_in_display_unit(low, 'x')} to {format_in_display_unit(high, 'x')}, the stroke is {format_in_display_unit(stroke, 'x')}"
+    seen = (
+        f"x goes from {format_in_display_unit(low, 'x')} to {format_in_display_unit(high, 'x')}, "
+        f"the stroke is {format_in_display_unit(stroke, 'x')}"
+    )
     if high - low > (1 + MAX_ZERO_ERROR) * stroke:
         mend = "check unit and scale in [signals] x, and [rig.cylinder] stroke"
         yield Finding("stroke", "x", one.name, seen, mend)
@@ -64,7 +67,10 @@ def _speed(one: Recording) -> Iterator[Finding]:
         return
     speed = float(np.percentile(np.abs(np.diff(one["x"][at]) / np.diff(one.time[at])), 99.0))
     if speed > MAX_SPEED:
-        found = f"x moves at {format_in_display_unit(speed, 'v')}, faster than any piston ({format_in_display_unit(MAX_SPEED, 'v')})"
+        found = (
+            f"x moves at {format_in_display_unit(speed, 'v')}, faster "
+            f"than any piston ({format_in_display_unit(MAX_SPEED, 'v')})"
+        )
         yield Finding("speed", "x", one.name, found, "check the units in [signals] time and x")
 
 

@@ -51,7 +51,10 @@ def absolute_finding(one: Recording, signal: str, found: str) -> Finding:
 def _surroundings(bench: RigCheck) -> Iterator[Finding]:
     rig, name = bench.rig, bench.recordings[0].name
     if not MIN_AMBIENT_PRESSURE < rig.ambient_pressure < MAX_AMBIENT_PRESSURE:
-        found = f"ambient_pressure is {format_in_display_unit(rig.ambient_pressure, 'p1')}, which is nowhere in a laboratory"
+        found = (
+            f"ambient_pressure is {format_in_display_unit(rig.ambient_pressure, 'p1')}, "
+            "which is nowhere in a laboratory"
+        )
         yield Finding("rig", "p1", name, found, 'write the air pressure in [rig] ambient_pressure, such as "1.013 bar"')
     if not MIN_ROOM_TEMPERATURE < rig.gas_temperature < MAX_ROOM_TEMPERATURE:
         found = f"gas_temperature is {rig.gas_temperature:.4g} K"
@@ -78,7 +81,10 @@ def _pressure(one: Recording, signal: str, bench: RigCheck) -> Iterator[Finding]
         found = f"{signal} goes down to {format_in_display_unit(least, signal)} absolute, below vacuum"
         yield Finding("reference", signal, one.name, found, f"check unit, offset and reference in [signals] {signal}")
     if most > MAX_PRESSURE:
-        found = f"{signal} reaches {format_in_display_unit(most, signal)}, above any pneumatic supply ({format_in_display_unit(MAX_PRESSURE, signal)})"
+        found = (
+            f"{signal} reaches {format_in_display_unit(most, signal)}, above any "
+            f"pneumatic supply ({format_in_display_unit(MAX_PRESSURE, signal)})"
+        )
         yield Finding("unit", signal, one.name, found, f"check unit and scale in [signals] {signal}")
 
 
@@ -105,7 +111,10 @@ def _flow(one: Recording) -> Iterator[Finding]:
 def _command(one: Recording) -> Iterator[Finding]:
     for signal in ("u", "u2"):
         if signal in one and (most := float(np.nanmax(np.abs(one[signal])))) > MAX_COMMAND:
-            found = f"{signal} reaches {format_in_display_unit(most, signal)}, more than a valve's electronics take: mV, or another column?"
+            found = (
+                f"{signal} reaches {format_in_display_unit(most, signal)}, "
+                "more than a valve's electronics take: mV, or another column?"
+            )
             yield Finding("unit", signal, one.name, found, f"check column and unit in [signals] {signal}")
 
 
@@ -132,6 +141,9 @@ def _supply(one: Recording, bench: RigCheck) -> Iterator[Finding]:
     read = float(np.nanmedian(one["p_supply"]))
     ratio = max(read - ambient, 0.0) / max(stated - ambient, 1.0)
     if stated - ambient > 0 and not 1 / UNIT_SLIP_FACTOR < ratio < UNIT_SLIP_FACTOR:
-        found = f"p_supply is {format_in_display_unit(read, 'p_supply')}, and {format_in_display_unit(stated, 'p_supply')} are stated"
+        found = (
+            f"p_supply is {format_in_display_unit(read, 'p_supply')}, "
+            f"and {format_in_display_unit(stated, 'p_supply')} are stated"
+        )
         mend = "check column, unit and reference in [signals] p_supply, and [rig] supply_pressure"
         yield Finding("supply", "p_supply", one.name, found, mend)

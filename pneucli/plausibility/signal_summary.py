@@ -20,7 +20,7 @@ PERIOD_PERCENTILE = (
 
 @dataclass(frozen=True)
 class SignalSummary:
-    """One signal in its SI ``unit``; ``rate`` is in samples per second, ``missing_share`` a share of the recording's time.
+    """One signal in its SI ``unit``; ``rate`` is in samples per second, ``missing_share`` a share of its time.
 
     ``speed`` is the change per second that 1 % of the steps exceed, so that one spike does not stand for all. What too
     few samples cannot tell is None.
@@ -66,8 +66,8 @@ def without_empty_signals(recording: Recording) -> Recording:
 def missing_share(recording: Recording, signal: str) -> float:
     """Return the share of a recording's time in which ``signal`` ought to have been measured and was not.
 
-    A signal with a slower clock of its own misses nothing: what counts are gaps of more than ``GAP_PERIODS`` of its own periods
-    in which other signals were measured, and what is cut off at either end.
+    A signal with a slower clock of its own misses nothing: what counts are gaps of more than ``GAP_PERIODS`` of its own
+    periods in which other signals were measured, and what is cut off at either end.
     """
     finite = np.isfinite(recording[signal])
     if finite.all():

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 from dataclasses import asdict
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -29,7 +30,7 @@ def check_pipeline(path: Path) -> Answer:
     config = load(path)
     faults: list[InputError] = []
     sources = _attempt(lambda: recording_sources(config), faults) or []
-    rows = [(source, _attempt(lambda s=source: _beginning(s, config), faults)) for source in sources]  # type: ignore[misc]
+    rows = [(source, _attempt(partial(_beginning, source, config), faults)) for source in sources]
     if not config.model.plugins:  # which would be run to tell the names of their effects
         where = f"{path}, key model.effects"
         _attempt(lambda: select_effects(config.model.effects, all_effects(), where), faults)
