@@ -1,4 +1,4 @@
-"""Containers of other programs, each with clocks of its own: told by their first bytes, read, or refused in one line."""
+"""Containers of other programs, with clocks of their own: told by their first bytes, read, or refused in one line."""
 
 import json
 import struct
@@ -199,9 +199,7 @@ def test_dymola_names_its_trajectories(tmp_path: Path) -> None:
     letters = np.array([list(name.ljust(8)) for name in names])
     data = np.stack([T, P], axis=1)
     info = np.array([[0, 1, 0, -1], [2, 2, 0, -1], [2, -2, 0, -1]])
-    kind = np.array(
-        [list(text.ljust(10)) for text in ("Atrajectory", "1.1", "", "binNormal")][1:] + [list("binNormal ")]
-    )
+    kind = np.array([list(text.ljust(10)) for text in ("1.1", "", "binNormal", "binNormal")])
     savemat(tmp_path / "r.mat", {"Aclass": kind, "name": letters, "dataInfo": info, "data_2": data}, format="4")
     found = columns(tmp_path / "r.mat")
     np.testing.assert_allclose(found["p1"], P)

@@ -1,7 +1,7 @@
 """False but well-formed data sets, each made of good recordings by one mistake.
 
-``python -m tests.plausibility.faulty_data_sets`` prints a table of what ``ingest`` finds in each; with ``--diagnose`` also
-what ``diagnose`` answers.
+``python -m tests.plausibility.faulty_data_sets`` prints a table of what ``ingest`` finds in each; with ``--diagnose``
+also what ``diagnose`` answers.
 """
 
 from __future__ import annotations
