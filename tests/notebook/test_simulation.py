@@ -60,3 +60,8 @@ def test_another_parameter_changes_the_run(valve: pneucli.Run) -> None:
 def test_what_does_not_fit_is_said(valve: pneucli.Run, given: dict[str, Any], said: str) -> None:
     with pytest.raises(pneucli.InputError, match=said):
         pneucli.simulate(valve, **given)
+
+
+def test_a_command_is_refused_where_the_run_has_no_valve(axis: pneucli.Run) -> None:
+    with pytest.raises(pneucli.InputError, match="no valve"):
+        pneucli.simulate(axis, u=[1.0, 2.0])

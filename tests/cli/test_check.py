@@ -1,0 +1,81 @@
+"""``pneucli check``: what a pipeline reads and lacks is said, and nothing is run."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from tests.cli.conftest import Command
+
+FRICTION = """
+[pipeline]
+name = "slow"
+[signals]
+time = { column = "t", unit = "s" }
+force = { column = "F", unit = "N" }
+x = { column = "X", unit = "mm" }
+[[recordings]]
+name = "strokes"
+file = "strokes.csv"
+experiment = "friction"
+use = "train"
+chamber_2 = "open"
+"""
+
+
+@pytest.fixture
+def strokes(tmp_path: Path) -> Path:
+    """A pipeline of one slow to-and-fro motion, with its raw file."""
+    time = 0.01 * np.arange(400)
+    rows = np.column_stack([time, 30.0 * np.sign(np.cos(time)), 50.0 * np.sin(time), 2.0 + 0.1 * np.sin(time)])
+    np.savetxt(tmp_path / "strokes.csv", rows, delimiter=",", header="t,F,X,P", comments="", fmt="%.6f")
+    file = tmp_path / "slow.toml"
+    file.write_text(FRICTION)
+    return file
+
+
+def test_a_pipeline_that_reads_is_listed_signal_by_signal(pneucli: Command, strokes: Path) -> None:
+    answer = json.loads(pneucli("check", strokes, "--json").out)
+    assert answer["faults"] == []
+    (one,) = answer["recordings"]
+    assert {row["signal"]: (row["column"], row["unit"]) for row in one["signals"]} == {
+        "time": ("t", "s"),
+        "force": ("F", "N"),
+        "x": ("X", "mm"),
+    }
+
+
+def test_where_nothing_is_missing_the_exit_code_is_0_and_run_comes_next(pneucli: Command, strokes: Path) -> None:
+    result = pneucli("check", strokes)
+    assert result.code == 0, result.out + result.err
+    assert "pneucli run" in result.out
+
+
+def test_a_piston_area_that_a_pressure_asks_for_is_missing_with_exit_2(pneucli: Command, strokes: Path) -> None:
+    strokes.write_text(FRICTION.replace("[[recordings]]", 'p1 = { column = "P", unit = "bar" }\n[[recordings]]'))
+    result = pneucli("check", strokes)
+    assert result.code == 2
+    assert "piston_area_1" in result.out
+
+
+def test_a_column_that_is_not_there_is_named_with_exit_2(pneucli: Command, strokes: Path) -> None:
+    strokes.write_text(FRICTION.replace('column = "X"', 'column = "Y"'))
+    result = pneucli("check", strokes)
+    assert result.code == 2
+    assert 'no column "Y"' in result.out
+
+
+def test_a_raw_file_that_is_not_there_is_named_with_exit_2(pneucli: Command, strokes: Path) -> None:
+    (strokes.parent / "strokes.csv").unlink()
+    result = pneucli("check", strokes)
+    assert result.code == 2
+    assert "strokes.csv" in result.out + result.err
+
+
+def test_no_stage_is_run_and_nothing_is_written(pneucli: Command, strokes: Path) -> None:
+    before = sorted(strokes.parent.rglob("*"))
+    pneucli("check", strokes)
+    assert sorted(strokes.parent.rglob("*")) == before
