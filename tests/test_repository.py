@@ -60,8 +60,17 @@ def test_no_file_names_a_path_of_one_machine() -> None:
     assert not found, "\n".join(found)
 
 
+def code_lines(path: Path) -> int:
+    """Lines of a module without its docstrings, which specify and may be as long as that takes."""
+    text = path.read_text(encoding="utf-8")
+    kinds = (ast.Module, ast.ClassDef, ast.FunctionDef)
+    nodes = (node for node in ast.walk(ast.parse(text)) if isinstance(node, kinds) and ast.get_docstring(node))
+    docstrings = sum((node.body[0].end_lineno or 0) - node.body[0].lineno + 1 for node in nodes)
+    return len(text.splitlines()) - docstrings
+
+
 def test_modules_are_short() -> None:
-    lengths = {path: len(path.read_text(encoding="utf-8").splitlines()) for path in MODULES}
+    lengths = {path: code_lines(path) for path in MODULES}
     long = [f"{path.relative_to(ROOT)}: {lines} lines" for path, lines in lengths.items() if lines > 300]
     assert not long, "\n".join(long)
 

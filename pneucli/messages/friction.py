@@ -40,7 +40,7 @@ def _models_missing(values: Mapping[str, Any]) -> str:
     return f"no model {', '.join(values['models'])}: too few moving samples ({counts})"
 
 
-def _constant_force(values: Mapping[str, Any]) -> str:
+def _force_offset(values: Mapping[str, Any]) -> str:
     force = format_quantity(values["force"], "N", 3)
     otherwise = "or friction differs by direction, or a sensor or an area is wrong"
     return f"a constant force of {force} acts in addition to friction ({otherwise})"
@@ -66,7 +66,7 @@ def _levels_differ(values: Mapping[str, Any]) -> str:
 
 WORDED = {
     "models-missing": _models_missing,
-    "constant-force": _constant_force,
+    "force-offset": _force_offset,
     "misfit": _misfit,
     "levels-differ": _levels_differ,
 }

@@ -57,7 +57,7 @@ def test_its_replay_is_at_the_noise_with_the_other_effects(name: str) -> None:
 def test_without_them_a_constant_force_and_a_misfit_are_reported() -> None:
     assert WITH.warnings == ()
     warnings = {warning.kind: warning.values for warning in WITHOUT.warnings}
-    assert "constant-force" in warnings
+    assert "force-offset" in warnings
     assert warnings["misfit"]["unmodelled"] == ()
 
 

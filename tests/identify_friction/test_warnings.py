@@ -46,7 +46,7 @@ def test_a_model_that_describes_its_samples_has_no_warning() -> None:
     ("offset", "expected"), [(0.99, False), (1.01, True), (-0.99, False), (-1.01, True), (30.0, True)]
 )
 def test_a_constant_force_is_significant_where_its_interval_excludes_zero(offset: float, expected: bool) -> None:
-    assert warned(fitted(offset=offset)) == [FrictionWarning("constant-force", {"force": offset})] * expected
+    assert warned(fitted(offset=offset)) == [FrictionWarning("force-offset", {"force": offset})] * expected
 
 
 @pytest.mark.parametrize(("coulomb", "expected"), [(1.01, False), (0.99, True)])

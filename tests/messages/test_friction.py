@@ -26,7 +26,7 @@ def test_every_kind_of_warning_has_a_sentence() -> None:
             "no model D, E, F: too few moving samples (700 accelerating, 12 slowing)",
         ),
         (
-            "constant-force",
+            "force-offset",
             {"force": 3.21},
             "a constant force of 3.21 N acts in addition to friction "
             "(or friction differs by direction, or a sensor or an area is wrong)",

@@ -123,9 +123,8 @@ def identify_friction(
         warnings.append(FrictionWarning("one-direction"))
     fit_a = fit_stribeck(samples, offset=samples.both_directions)
     max_speed = max(float(np.abs(m.v[m.valid]).max()) for m in motions)  # the models cover the velocities of the tests
-    domain = VelocityDomain(
-        max_velocity or max_speed, max(m.rest_speed for m in train), nodes or DEFAULT_NODES, sign_steepness
-    )
+    resolution = max(m.rest_speed for m in train)
+    domain = VelocityDomain(max_velocity or max_speed, resolution, nodes or DEFAULT_NODES, sign_steepness)
     models = identify_models(samples, fit_a, domain, inertia or 1.0)
     stick_slips = tuple(c for m in train if not m.imposed for c in find_stick_slips(m, inertia))
     levels = tuple(k for m in motions if (k := kinetic_friction(m, inertia)))

@@ -144,9 +144,8 @@ def estimate_motion(recording: Recording, model: Model) -> Motion:
     raw = {n: fill_gaps(time, recording[n]) for n in (*parts, "x", "v", "a") if n in recording}
     noise = {n: _noise(recording, n, y) for n, y in raw.items()}
     raw = without_constant_position(raw, noise)
-    if "x" in raw:
-        raw.pop("v", None)
     source = "x" if "x" in raw else "v"
+    raw = {n: y for n, y in raw.items() if n != "v" or source == "v"}
     derive, smoothers, a, smoothing_samples = _estimators(recording, raw, noise)
 
     def drive_force(readings: Mapping[str, Array]) -> Array:
@@ -167,8 +166,7 @@ def estimate_motion(recording: Recording, model: Model) -> Motion:
         out[:] = drive_force({n: y + smoothers[n](one[n]) for n, y in smooth_readings.items()}) - smooth
     drive_error = drive_force({n: raw[n] + first_draw[n] for n in parts}) - rough
     load_error = non_friction.forces(x + first_draw.get("x", 0.0), v + v_error) - load
-    # without an accelerometer the force is smoothed as the motion is, so that both sides of the equation agree
-    accelerometer = "a" in raw
+    accelerometer = "a" in raw  # without one the force is smoothed as the motion is, so that both sides agree
     return Motion(
         recording=recording,
         non_friction=non_friction,

@@ -17,7 +17,7 @@ Kind = Literal[
     "one-direction",
     "mass-not-identifiable",
     "models-missing",
-    "constant-force",
+    "force-offset",
     "misfit",
     "dry-friction-not-significant",
     "static-friction-uncertain",
@@ -72,7 +72,7 @@ def model_a_warnings(
     """
     values = fit.values()
     if "offset" in values and (values["offset"].ci_low > 0 or values["offset"].ci_high < 0):
-        yield FrictionWarning("constant-force", {"force": values["offset"].value})
+        yield FrictionWarning("force-offset", {"force": values["offset"].value})
     if fit.deviation > MAX_RESIDUAL_TO_NOISE:
         better = [name for name in unmodelled if set(unmodelled[name]) < set(unmodelled["A"])]
         yield FrictionWarning("misfit", {"ratio": fit.deviation, "unmodelled": unmodelled["A"], "better": better})
