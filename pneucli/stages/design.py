@@ -88,10 +88,9 @@ def run(context: Context) -> dict[str, Any]:
     _write(study, designed)
     write_comparison(found, context.out, study.provenance("identify/model.parquet"))
     about = (context, model, designed.selected)
-    margins = margins_answer(
-        *about, _setup_from_requirements(wanted), designed.corners.position, study.provenance("identify/model.parquet")
-    )
-    held = acceptance_answer(*about, wanted, _setup_from_requirements(wanted))
+    setup, provenance = _setup_from_requirements(wanted), study.provenance("identify/model.parquet")
+    margins = margins_answer(*about, setup, designed.corners.position, provenance)
+    held = acceptance_answer(*about, wanted, setup)
     return _answer(study, designed, found) | {"margins": margins, "gate": held}
 
 
