@@ -11,8 +11,8 @@ from scipy.stats import t as student
 
 from pneucli.identify.friction import regression
 from pneucli.identify.friction.binned_curve import binned_curve
+from pneucli.identify.friction.friction_model import TITLES, FrictionModel, ModelBranch, VelocityDomain
 from pneucli.identify.friction.imposed_motion import kinetic_friction
-from pneucli.identify.friction.models_a_to_f import TITLES, FrictionModel, ModelBranch, VelocityDomain
 from pneucli.identify.friction.regression import (
     FrictionFit,
     fit_coulomb,

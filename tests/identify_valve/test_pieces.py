@@ -11,8 +11,7 @@ import pytest
 
 from pneucli.identify.valve import identification, maps, model_gradient
 from pneucli.identify.valve.area_model import AreaModel
-from pneucli.identify.valve.fit import Posterior, initial_pressures
-from pneucli.identify.valve.identification import RecordingResidual, ValveIdentification
+from pneucli.identify.valve.fit import Posterior
 from pneucli.identify.valve.lack_of_fit import LackOfFit, compare_with_map
 from pneucli.identify.valve.maps import (
     Coverage,
@@ -23,6 +22,8 @@ from pneucli.identify.valve.maps import (
     transient_coverage,
 )
 from pneucli.identify.valve.model_gradient import ModelGradient, has_memory, memory_gradient, whitening_matrix
+from pneucli.identify.valve.result import RecordingResidual, ValveIdentification
+from pneucli.identify.valve.simulation import initial_pressures
 from pneucli.identify.valve.transients import Transients
 from pneucli.simulate.quasi_static_gradient import QuasiStaticGradient
 from pneucli.simulate.run import simulate

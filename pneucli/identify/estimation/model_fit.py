@@ -18,11 +18,11 @@ from pneucli.identify.estimation.parameters import (
     base_parameters,
     effect_parameters,
 )
-from pneucli.identify.estimation.score_test import ScoreTest, residual_changes, scaled_initial_guess, score_tests
+from pneucli.identify.estimation.profile import lower_profile_minimum
+from pneucli.identify.estimation.score_test import ScoreTest, scaled_initial_guess, score_tests
 from pneucli.identify.guesses.friction_and_valve import guess_overlap
 from pneucli.identify.residuals import ResidualModel
 from pneucli.physics.declaration import Effect
-from pneucli.physics.scales import RigQuantities
 from pneucli.simulate.model import Model, parameter_value, with_effect, with_parameters
 from pneucli.simulate.rig_quantities import rig_quantities
 from pneucli.simulate.valve_forms.area import ValveArea
@@ -32,7 +32,6 @@ Array = NDArray[np.float64]
 MAX_EDGE_STARTS = 4  # best starts of an effect with an edge: its residual is not smooth, so a fit ends near its start
 REFINEMENT_SIGMA = 4.0  # standard errors from its null, beyond which a parameter that refines an effect is fitted
 MIN_REFINEMENT_SHARE = 0.02  # of the cost that it must take: as much as matters where little more than noise is left
-TIME_SCAN_POINTS = 32  # values of a time constant or delay, from its smallest typical value to its bound
 
 
 def fit_model(
@@ -170,42 +169,6 @@ def _refined(fitted: Fit, effect: Effect, fit_from: Callable[[Model], Fit]) -> F
         if differs and more.cost < (1.0 - MIN_REFINEMENT_SHARE) * fitted.cost:
             fitted = more
     return fitted
-
-
-def lower_profile_minimum(
-    fitted: Fit, residual_models: Sequence[ResidualModel], effect: Effect, quantities: RigQuantities
-) -> dict[str, float] | None:
-    """Search the profile of a delay or time constant for a lower minimum.
-
-    The residual over a shift in time behaves like a correlation: it has several minima, and a fit ends in the
-    nearest one. The profile is the cost over that time, all other parameters adjusting to first order.
-
-    Args:
-        fitted: The fit with the effect.
-        residual_models: The residual models it was fitted to.
-        effect: The effect; only one with a single time of null 0 s is searched.
-        quantities: The quantities that scale the effect's range.
-
-    Returns:
-        The value of the parameter with a lower cost than the fit's; None where there is none.
-
-    """
-    if [(p.unit, p.null) for p in effect.parameters] != [("s", 0.0)]:
-        return None
-    (time,) = effect.parameters
-    name, size = f"{effect.name}.{time.name}", time.range_on(quantities)
-    values = [{name: float(t)} for t in np.geomspace(min(size.typical), size.upper, TIME_SCAN_POINTS)]
-    others = replace(fitted, jacobian=fitted.jacobian[:, [f.name != name for f in fitted.free]])
-    profile = [
-        _sum_of_squares(others.project_out_nuisance(fitted.residual + change))
-        for change in residual_changes(effect, fitted, residual_models, values)
-    ]
-    lowest = int(np.argmin(profile))
-    return values[lowest] if profile[lowest] < _sum_of_squares(others.projected_residual) else None
-
-
-def _sum_of_squares(residual: Array) -> float:
-    return float(residual @ residual)
 
 
 def _affected_residual_models(

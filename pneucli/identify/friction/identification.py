@@ -9,16 +9,11 @@ import numpy as np
 
 from pneucli.errors import InputError
 from pneucli.identify.friction.binned_curve import FrictionCurve, binned_curve
+from pneucli.identify.friction.friction_model import DEFAULT_NODES, FrictionModel, ModelName, VelocityDomain
 from pneucli.identify.friction.imposed_motion import KineticFriction, kinetic_friction
 from pneucli.identify.friction.kinematics import Motion, estimate_motion
 from pneucli.identify.friction.model_error import Deviation, StickSlipReplay, model_deviations, replay_stick_slip
-from pneucli.identify.friction.models_a_to_f import (
-    DEFAULT_NODES,
-    FrictionModel,
-    ModelName,
-    VelocityDomain,
-    identify_models,
-)
+from pneucli.identify.friction.models_a_to_f import identify_models
 from pneucli.identify.friction.regression import fit_coulomb, fit_stribeck
 from pneucli.identify.friction.samples import IntervalEstimate, pool_samples
 from pneucli.identify.friction.stick_slip import AveragedFriction, StickSlip, average_stick_slips, find_stick_slips

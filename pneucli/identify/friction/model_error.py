@@ -9,8 +9,8 @@ from typing import Literal, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from pneucli.identify.friction.friction_model import FrictionModel, ModelName
 from pneucli.identify.friction.kinematics import Motion
-from pneucli.identify.friction.models_a_to_f import FrictionModel, ModelName
 from pneucli.identify.friction.stick_slip import StickSlip
 
 Array = NDArray[np.float64]

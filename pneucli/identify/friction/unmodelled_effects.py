@@ -7,8 +7,8 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
+from pneucli.identify.friction.friction_model import TITLES, ModelName
 from pneucli.identify.friction.kinematics import Motion
-from pneucli.identify.friction.models_a_to_f import TITLES, ModelName
 from pneucli.physics.declaration import PORTS, Effect
 from pneucli.simulate.model import Model
 

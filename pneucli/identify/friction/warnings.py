@@ -8,8 +8,8 @@ from typing import Any, Literal
 
 import numpy as np
 
+from pneucli.identify.friction.friction_model import TITLES, FrictionModel, ModelName
 from pneucli.identify.friction.imposed_motion import KineticFriction
-from pneucli.identify.friction.models_a_to_f import TITLES, FrictionModel, ModelName
 from pneucli.identify.friction.regression import FrictionFit
 from pneucli.identify.friction.samples import MovingSamples
 

@@ -21,11 +21,12 @@ from pneucli.identify.guesses.flow_paths import (
 )
 from pneucli.identify.valve.area_model import AreaModel, Direction
 from pneucli.identify.valve.fit import Posterior
-from pneucli.identify.valve.identification import ValveIdentification, assemble_identification, with_null_at_zero
+from pneucli.identify.valve.identification import assemble_identification, with_null_at_zero
 from pneucli.identify.valve.iso6358 import iso_conductances
 from pneucli.identify.valve.lack_of_fit import LackOfFit
 from pneucli.identify.valve.maps import sample_coverage
 from pneucli.identify.valve.model_gradient import ModelGradient, model_gradient_of
+from pneucli.identify.valve.result import ValveIdentification
 from pneucli.simulate import layout as at
 from pneucli.simulate.experiment import Experiment
 from pneucli.simulate.model import Model

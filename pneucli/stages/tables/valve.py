@@ -13,8 +13,8 @@ from numpy.typing import NDArray
 
 from pneucli.identify.estimation.fit import Estimate
 from pneucli.identify.valve import IsoConductance, LackOfFit, ValveIdentification
-from pneucli.identify.valve.identification import known_vessel_volume
 from pneucli.identify.valve.iso6358 import Characteristic
+from pneucli.identify.valve.result import known_vessel_volume
 from pneucli.io.artifacts import Provenance, write_table
 from pneucli.quantities import Z95
 

@@ -1,0 +1,56 @@
+"""The profile of the cost over a delay or a time constant, and its lowest minimum."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pneucli.identify.estimation.fit import Fit
+from pneucli.identify.estimation.score_test import residual_changes
+from pneucli.identify.residuals import ResidualModel
+from pneucli.physics.declaration import Effect
+from pneucli.physics.scales import RigQuantities
+
+Array = NDArray[np.float64]
+
+
+TIME_SCAN_POINTS = 32  # values of a time constant or delay, from its smallest typical value to its bound
+
+
+def lower_profile_minimum(
+    fitted: Fit, residual_models: Sequence[ResidualModel], effect: Effect, quantities: RigQuantities
+) -> dict[str, float] | None:
+    """Search the profile of a delay or time constant for a lower minimum.
+
+    The residual over a shift in time behaves like a correlation: it has several minima, and a fit ends in the
+    nearest one. The profile is the cost over that time, all other parameters adjusting to first order.
+
+    Args:
+        fitted: The fit with the effect.
+        residual_models: The residual models it was fitted to.
+        effect: The effect; only one with a single time of null 0 s is searched.
+        quantities: The quantities that scale the effect's range.
+
+    Returns:
+        The value of the parameter with a lower cost than the fit's; None where there is none.
+
+    """
+    if [(p.unit, p.null) for p in effect.parameters] != [("s", 0.0)]:
+        return None
+    (time,) = effect.parameters
+    name, size = f"{effect.name}.{time.name}", time.range_on(quantities)
+    values = [{name: float(t)} for t in np.geomspace(min(size.typical), size.upper, TIME_SCAN_POINTS)]
+    others = replace(fitted, jacobian=fitted.jacobian[:, [f.name != name for f in fitted.free]])
+    profile = [
+        _sum_of_squares(others.project_out_nuisance(fitted.residual + change))
+        for change in residual_changes(effect, fitted, residual_models, values)
+    ]
+    lowest = int(np.argmin(profile))
+    return values[lowest] if profile[lowest] < _sum_of_squares(others.projected_residual) else None
+
+
+def _sum_of_squares(residual: Array) -> float:
+    return float(residual @ residual)
