@@ -265,11 +265,11 @@ def test_effects_are_screened_by_what_they_promise(monkeypatch: pytest.MonkeyPat
 
 def test_a_trial_is_worth_what_falls_on_either_data_and_its_own_test(monkeypatch: pytest.MonkeyPatch) -> None:
     before, after = model_fit([10.0, 11.0, 12.0], [5.0, 6.0]), model_fit([5.0, 5.5, 6.5], [4.0, 4.0])
-    monkeypatch.setattr(data_module, "wald_p_value", lambda fit, effect: 0.25)
+    monkeypatch.setattr(data_module, "wald_p_value", lambda fit, effect, *_: 0.25)
     found = diagnosis_data().candidate(before, after, ONE)
     assert (found.effect, found.reduced, found.full, found.p_value) == (ONE, before, after, 0.25)
     assert (found.train_gain.total, found.test_gain.total) == (16.0, 3.0)
-    monkeypatch.setattr(data_module, "wald_p_value", lambda fit, effect: math.nan)
+    monkeypatch.setattr(data_module, "wald_p_value", lambda fit, effect, *_: math.nan)
     assert diagnosis_data().candidate(before, after, ONE).p_value == found.train_gain.p_value
 
 
@@ -377,7 +377,7 @@ def test_a_base_parameter_that_effects_moved_far_is_told(before: Estimate, after
 
 def size_of(name: str, *found: tuple[dict[str, float], float]) -> visible.MinimumDetectableEffect:
     signatures: Any = [
-        SimpleNamespace(values={f"{name}.{k}": v for k, v in values.items()}, step_error=e) for values, e in found
+        SimpleNamespace(values={f"{name}.{k}": v for k, v in values.items()}, step_error=e, direct=False) for values, e in found
     ]
     known: Any = SimpleNamespace(model=model([name], {}))
     return visible._minimum_detectable_effect(catalogue()[name], signatures, known)
@@ -438,7 +438,7 @@ def test_every_effect_that_the_model_lacks_and_can_show_has_a_size(monkeypatch: 
 
     def found_for(effect: Any, fit: Any, residual_models: Any) -> list[Any]:
         known = values.get(effect.name)
-        return [SimpleNamespace(values=known, step_error=0.1, gain=1.0)] if known else []
+        return [SimpleNamespace(values=known, step_error=0.1, gain=1.0, direct=False)] if known else []
 
     monkeypatch.setattr(data_module, "score_tests", found_for)
     ready = diagnosis_data(train=[seen("constant-force", "stribeck", "extra-mass")], effects=effects)

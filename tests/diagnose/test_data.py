@@ -26,7 +26,7 @@ def chance(monkeypatch: pytest.MonkeyPatch, wald: float, *, held_out: bool) -> f
     """The chance of an effect that takes 50 of 200 in the mean block, fitted and held out, by a bench."""
     before = held(model_fit().train_costs)
     after = held(before.train_costs - SPREAD)
-    monkeypatch.setattr(data_module, "wald_p_value", lambda fit, effect: wald)
+    monkeypatch.setattr(data_module, "wald_p_value", lambda fit, effect, *_: wald)
     residual_models: Any = (object(),) if held_out else ()
     where = replace(diagnosis_data(), held_out=residual_models)
     return DiagnosisData.candidate(where, before, after, next(iter(where.effects.values()))).p_value

@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 
 from pneucli.diagnose.evidence import disagreement, relative_effect_size, significance, wald_p_value
-from pneucli.diagnose.hypothesis_tests import _end_locations
+from pneucli.diagnose.validity import end_locations
 from pneucli.identify.estimation.fit import Fit, parameter_estimates
 from pneucli.identify.estimation.model_fit import fit_model, fit_with_effect, score_tests
 from pneucli.identify.guesses.friction_and_valve import guess_base_model
@@ -62,7 +62,7 @@ def test_an_interval_ends_where_a_drop_does() -> None:
 def test_a_drop_of_zero_does_not_say_that_the_effect_vanishes() -> None:
     _, after, _ = fitted(0.0)
     trial: Any = SimpleNamespace(effect=HYSTERESIS, full=SimpleNamespace(model=after.model, fit=after))
-    assert "null" not in _end_locations(trial)
+    assert "null" not in end_locations(trial)
 
 
 def test_its_size_is_what_it_changes_over_what_usual_values_would() -> None:

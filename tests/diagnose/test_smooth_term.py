@@ -170,7 +170,7 @@ def test_what_the_model_can_do_itself_is_beside_it() -> None:
     target = target - design @ np.linalg.lstsq(design, target, rcond=None)[0]
     law = ranked(residual_models, np.split(target, len(residual_models)), own)[0]
     assert (law.signal, law.acts_as) == ("p1", "force")
-    assert simple(residual_models, np.split(target, len(residual_models)), own, "p1") == "a parabola"
+    assert simple(residual_models, np.split(target, len(residual_models)), own, "p1") == "parabola"
 
 
 def test_the_only_recording_is_held_out_by_quarters() -> None:
@@ -206,9 +206,9 @@ def test_long_recordings_are_thinned(monkeypatch: pytest.MonkeyPatch) -> None:
 @pytest.mark.parametrize(
     ("force", "words"),
     [
-        (lambda x, v, t: 0.0 * x + 4.0, "a constant"),
+        (lambda x, v, t: 0.0 * x + 4.0, "constant"),
         (lambda x, v, t: 100.0 * (x - 0.1), "line"),
-        (lambda x, v, t: 3000.0 * (x - 0.1) ** 2, "a parabola"),
+        (lambda x, v, t: 3000.0 * (x - 0.1) ** 2, "parabola"),
         (cogging, None),
     ],
 )
