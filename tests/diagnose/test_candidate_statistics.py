@@ -377,7 +377,8 @@ def test_a_base_parameter_that_effects_moved_far_is_told(before: Estimate, after
 
 def size_of(name: str, *found: tuple[dict[str, float], float]) -> visible.MinimumDetectableEffect:
     signatures: Any = [
-        SimpleNamespace(values={f"{name}.{k}": v for k, v in values.items()}, step_error=e, direct=False) for values, e in found
+        SimpleNamespace(values={f"{name}.{k}": v for k, v in values.items()}, step_error=e, direct=False)
+        for values, e in found
     ]
     known: Any = SimpleNamespace(model=model([name], {}))
     return visible._minimum_detectable_effect(catalogue()[name], signatures, known)

@@ -58,8 +58,10 @@ def test_an_effect_without_a_null_is_judged_by_what_it_gains_where_it_was_fitted
     assert chance(monkeypatch, float("nan"), held_out=True) == pytest.approx(seen)
 
 
-@pytest.mark.parametrize(("coulomb", "starts"), [(14.0, True), (0.0, False)])
-def test_what_is_counted_in_dry_friction_has_no_size_where_there_is_none(coulomb: float, starts: bool) -> None:
+@pytest.mark.parametrize(("coulomb", "starts"), [(14.0, True), (0.0, True)])
+def test_an_effect_in_units_of_dry_friction_has_a_size_at_a_fit_without_friction_too(
+    coulomb: float, starts: bool
+) -> None:
     seen: Any = SimpleNamespace(experiment=recorded("friction", time_grid(0.1), {"p1": 3e5, "p2": 3e5, "x": 0.1}))
     fitted: Any = SimpleNamespace(model=of_rig((), {"friction.coulomb": coulomb}))
     before = replace(model_fit(), fit=fitted)

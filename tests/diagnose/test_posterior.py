@@ -181,7 +181,9 @@ def evidence(monkeypatch: pytest.MonkeyPatch, shown: Any, *, complete: bool = Fa
     monkeypatch.setattr(
         posterior, "significance", lambda fit, effect, *_: {("last fit", "extra-mass"): 20.0}[fit, effect.name]
     )
-    monkeypatch.setattr(posterior, "relative_effect_size", lambda fit, effect, facts, *_: sizes[fit, effect.name, facts])
+    monkeypatch.setattr(
+        posterior, "relative_effect_size", lambda fit, effect, facts, *_: sizes[fit, effect.name, facts]
+    )
     stood: Any = SimpleNamespace(remaining_share=lambda diagnosis_data: 0.2 if diagnosis_data is where else None)
     return collect_evidence(where, last, tried, stood if placed else None, ["pressure-scale"], complete=complete)
 
@@ -217,7 +219,9 @@ def test_beside_something_unknown_an_effect_is_as_likely_as_the_law_says_of_it_i
         posterior, "rig_quantities", lambda model, experiments: "facts" if model is tried.full.model else None
     )
     monkeypatch.setattr(posterior, "significance", lambda fit, effect, *_: 20.0 if fit is tried.full.fit else 0.0)
-    monkeypatch.setattr(posterior, "relative_effect_size", lambda fit, effect, facts, *_: 0.5 if facts == "facts" else 0.0)
+    monkeypatch.setattr(
+        posterior, "relative_effect_size", lambda fit, effect, facts, *_: 0.5 if facts == "facts" else 0.0
+    )
     monkeypatch.setattr(Term, "remaining_share", lambda self, diagnosis_data: 0.3 if self.candidate is tried else None)
     monkeypatch.setattr(Term, "equivalents", lambda self, diagnosis_data, complete: () if complete else self.rivals)
     known = Evidence(0.8, 20.0, 0.5, complete=False, left=0.3)

@@ -74,7 +74,7 @@ def test_a_closed_chamber_as_it_is_stated_is_plausible() -> None:
 
 def test_a_piston_is_not_faster_than_air() -> None:
     found = seen(recorded(x=500 * SWING), Rig(piston_area_1=8e-4))
-    assert list(found) == [("speed", "x")]
+    assert list(found) == [("unit", "x"), ("speed", "x")]
     assert "faster than any piston (30000 mm/s)" in found["speed", "x"]
 
 
