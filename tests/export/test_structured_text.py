@@ -43,7 +43,7 @@ def test_the_parser_would_find_a_fault() -> None:
 
 def test_no_condition_is_chosen_from_two_values_that_were_both_calculated() -> None:
     assert "SEL(" not in text()
-    part = next(p for p in parts("best") if "FUNCTION pneucli_switching " in p)
+    part = next(p for p in parts("best") if "FUNCTION pneucli_sector_switching_term " in p)
     assert re.search(r"IF \(v_total > 0\.0\) THEN\s+chosen_1 := \(\(v_s1 \+ v_s2\) / v_total\);", part)
 
 
