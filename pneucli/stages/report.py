@@ -109,13 +109,13 @@ def _earlier_models(artifacts: Path) -> dict[str, Any]:
     compared = history.recorded_models(artifacts / "compare")
     data = next((one.answer["data"] for one in compared if one.current), None)
     former = [one for one in compared if one.answer["data"] == data and not one.current]
-    before = EarlierAnswer(former[0].answer, _table(former[0].folder / RESIDUALS_FILE)) if former else None
+    first = EarlierAnswer(former[0].answer, _table(former[0].folder / RESIDUALS_FILE)) if former else None
     diagnoses = [
         EarlierAnswer(one.answer, _table(one.folder / SHAPE_FILE))
         for one in history.recorded_models(artifacts / "diagnose")
         if one.answer["data"] == data and not one.current
     ]
-    return {"history": history.history_answer(artifacts / "compare"), "before": before, "diagnoses": diagnoses}
+    return {"history": history.history_answer(artifacts / "compare"), "first_comparison": first, "diagnoses": diagnoses}
 
 
 def _table(path: Path) -> Table:

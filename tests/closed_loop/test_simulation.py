@@ -72,13 +72,13 @@ def test_what_the_valve_cannot_do_saturates_and_is_recovered_from() -> None:
 
 @pytest.mark.parametrize("lost", ["x", "p1", "p2"])
 def test_a_sensor_that_drops_out_for_20_ms_does_not_upset_it(lost: str) -> None:
-    found = figures(STEPS, lost=((lost, 3.3, 3.32),))
+    found = figures(STEPS, dropouts=((lost, 3.3, 3.32),))
     assert found.steady_um <= 10.0
     assert found.overshoot_um <= 500.0
 
 
 def test_without_a_sensor_of_p2_it_still_rests_on_the_reference() -> None:
-    found = figures(STEPS, lost=(("p2", 0.0, 1e9),))
+    found = figures(STEPS, dropouts=(("p2", 0.0, 1e9),))
     assert found.steady_um <= 10.0
 
 

@@ -102,7 +102,9 @@ def axis(**signals: Any) -> Any:
 
 def test_signals_that_were_not_recorded_locate_nothing() -> None:
     e = make_experiment("valve", time_grid(1.0), {})
-    e = SimpleNamespace(time=e.time, inputs=e.inputs, raw={"p1": e.raw["p1"]}, recording=e.recording, rig=RIG)
+    e = SimpleNamespace(
+        time=e.time, inputs=e.inputs, raw={"p1": e.raw["p1"]}, recording=e.recording, rig=RIG, motion_is_known=False
+    )
     assert list(locator_signals(e)) == ["time", "p1"]  # type: ignore[arg-type]
 
 

@@ -12,7 +12,7 @@ from pneucli.controller import layout as at
 from pneucli.controller import operation, plant, valve_dynamics
 from pneucli.controller.laws import LAWS
 from pneucli.simulate import layout as sim
-from tests.controller.test_cascade import C, settings, state
+from tests.controller.test_cascade import FILL_2, VENT_2, C, opened_share, settings, state
 from tests.design import axis
 
 TIME = 1e-3 * np.arange(4000)
@@ -30,7 +30,7 @@ def driven(law: str, arrangement: str, duties: dict[str, slice], load: float = 0
     for name, when in duties.items():
         duty[when] = at.OPERATING_MODES.index(name)
     reference = np.where(TIME < 0.2, 0.1, 0.13)
-    return simulate(model, made[law], axis.scenario(made[law], reference, load, duty=duty), axis.BENCH)
+    return simulate(model, made[law], axis.scenario(made[law], reference, load, operating_mode=duty), axis.BENCH)
 
 
 # --- the measured supply
@@ -70,7 +70,7 @@ def test_a_position_that_is_read_every_fourth_sample_is_enough() -> None:
     """The pressures go on at every sample; between its readings the position is missing."""
     c = axis.bench_of_laws()[1]["best"]
     gaps = tuple(("x", 1e-3 * k + 5e-4, 1e-3 * k + 3.5e-3) for k in range(0, TIME.size, 4))
-    found = simulate(axis.model(), c, axis.scenario(c, np.where(TIME < 0.5, 0.1, 0.13), lost=gaps), axis.BENCH)
+    found = simulate(axis.model(), c, axis.scenario(c, np.where(TIME < 0.5, 0.1, 0.13), dropouts=gaps), axis.BENCH)
     assert np.isfinite(found.log[:, at.L_READ_X]).sum() == TIME.size // 4
     assert np.abs(found.model[-400:, sim.X] - 0.13).max() < 10e-6
 
@@ -160,10 +160,10 @@ def test_an_end_stop_carries_what_pushes_toward_it(x: float, p1: float, load: fl
 
 def test_one_spool_drives_the_other_chamber_against_the_first() -> None:
     mirrored = settings(MIRRORED=1.0)
-    for u, rate in ((4.0, -0.25 * 1e-6), (-5.0, 0.25 * 2e-6)):
+    for u, area in ((4.0, -1e-6 * opened_share(4.0, VENT_2)), (-5.0, 2e-6 * opened_share(-5.0, FILL_2))):
         s = states()
         operation.reset(0.1, 4e5, 3e5, u, 0.0, s, mirrored)
-        assert s[at.S_RATE2] == pytest.approx(rate * plant.pressure_rate_per_area(u < 0.0, 3e5, 9e-5, s, C))
+        assert s[at.S_RATE2] == pytest.approx(area * plant.pressure_rate_per_area(u < 0.0, 3e5, 9e-5, s, C))
 
 
 def test_what_is_forgotten_leaves_the_supply_and_what_was_switched() -> None:

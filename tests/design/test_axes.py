@@ -309,10 +309,10 @@ AXES = AxisDistribution(MODEL, {"friction.coulomb": 0.1}, {"valve.areas": 0.1}, 
 def study(**changed: Any) -> robustness.MonteCarloStudy:
     scene = axis.scenario(axis.controller(), np.full(50, 0.1))
     known = {
-        "axes": AXES,
+        "distribution": AXES,
         "controller": axis.controller(),
         "scenarios": (scene,),
-        "bench": ClosedLoopSetup(),
+        "setup": ClosedLoopSetup(),
         "runs": 40,
         "seed": 1,
     }
@@ -323,14 +323,14 @@ def study(**changed: Any) -> robustness.MonteCarloStudy:
     "changed",
     [
         {"seed": 2},
-        {"bench": ClosedLoopSetup(noise_x=1e-6)},
+        {"setup": ClosedLoopSetup(noise_x=1e-6)},
         {"controller": axis.controller().with_values(C_KP=1.0)},
         {"scenarios": (axis.scenario(axis.controller(), np.full(50, 0.11)),)},
         {"scenarios": (axis.scenario(axis.controller(), np.full(50, 0.1), 1.0),)},
-        {"axes": replace(AXES, sigma={"friction.coulomb": 0.2})},
-        {"axes": replace(AXES, tolerances={"valve.areas": 0.2})},
-        {"axes": replace(AXES, effects=())},
-        {"axes": replace(AXES, model=MODEL.with_values({"friction.viscous": 1.0}))},
+        {"distribution": replace(AXES, sigma={"friction.coulomb": 0.2})},
+        {"distribution": replace(AXES, tolerances={"valve.areas": 0.2})},
+        {"distribution": replace(AXES, effects=())},
+        {"distribution": replace(AXES, model=MODEL.with_values({"friction.viscous": 1.0}))},
     ],
 )  # fmt: skip
 def test_what_decides_the_rows_decides_the_key(changed: dict[str, Any]) -> None:

@@ -64,7 +64,7 @@ def test_static_friction_is_met_at_break_aways(stribeck: FixtureExperiments):
 
 
 def leftover(view: ResidualModel, true: object) -> np.ndarray:
-    return view.residual(true)["force"][view._turns[0] != 0.0]
+    return view.residual(true)["force"][view._breakaways_and_uncertain_direction[0] != 0.0]
 
 
 def test_a_lag_of_the_pressures_is_not_found_too_small(stribeck: FixtureExperiments):

@@ -255,7 +255,7 @@ def test_base_parameters_are_bounded_by_the_rig() -> None:
         model = base_of(rig)
         facts = rig_quantities(model)
         free = {f.name: f for f in base_parameters(model, [driven(model)])}
-        assert free["friction.coulomb"].upper == pytest.approx(10.0 * facts.force)
+        assert free["friction.coulomb"].upper == pytest.approx(2.0 * facts.force)
         assert free["friction.viscous"].upper > 100.0 * model.values["friction.viscous"]
 
 

@@ -72,6 +72,17 @@ def test_a_machine_finds_the_break_away_at_the_start_of_its_stroke() -> None:
     assert (found.count, found.minimum, found.maximum) == (2, 7.0, 9.0)
 
 
+def test_a_fault_of_the_position_of_a_few_samples_makes_no_second_stroke() -> None:
+    """Back and forth for two samples each, as a laser that loses its spot, and at once after the turn."""
+    v = np.concatenate([np.zeros(10), np.ones(100), np.zeros(1), -np.ones(100), np.zeros(10)])
+    for k in (60, 66, 112, 180):
+        v[k : k + 2] *= -1.0
+    drive = np.where(np.arange(v.size) < 110, 5.0, -7.0)
+    found = break_away(motion(v, drive, imposed=True))
+    assert found is not None
+    assert (found.count, found.minimum, found.maximum) == (2, 5.0, 7.0)
+
+
 def test_what_a_machine_accelerates_is_no_friction_that_breaks_away() -> None:
     """95 kg that it starts with 1 m/s^2, against 20 N of dry friction."""
     v = np.concatenate([np.zeros(10), np.linspace(0.0, 5.0, 50), np.full(200, 5.0), np.zeros(10)])

@@ -13,6 +13,7 @@ from pneucli.identify.friction import identification, warnings
 from pneucli.identify.friction.regression import UNITS, FrictionFit
 from pneucli.identify.friction.samples import IntervalEstimate
 from pneucli.identify.friction.warnings import FrictionWarning, level_warnings, model_a_warnings
+from pneucli.quantities import Z95
 from pneucli.recording import Recording
 from tests.identify_friction.test_pieces import samples
 
@@ -26,7 +27,7 @@ def fitted(deviation: float = 1.0, error: float = 1.0, **values: float) -> Frict
     """A friction model whose parameters have 95 % intervals of +- ``error``."""
     names = tuple(n for n in NAMES if n not in values or not np.isnan(values[n]))
     theta = np.array([(USUAL | values)[n] for n in names])
-    return FrictionFit(names, theta, (error / 1.96) ** 2 * np.eye(len(names)), deviation)
+    return FrictionFit(names, theta, (error / Z95) ** 2 * np.eye(len(names)), deviation)
 
 
 def warned(fit: FrictionFit, unmodelled: Any = None) -> list[FrictionWarning]:

@@ -72,15 +72,15 @@ def test_intervals_hold_the_truth_as_often_as_they_say():
 
 def test_the_model_of_the_valve_is_the_map(base):
     """One valve: where the curves need nothing that the model lacks, its area x flow function is what they show."""
-    assert base.lack.median < 0.005
-    assert base.lack.p95 < 0.02
-    assert not base.lack.noticeable
-    assert base.described
+    assert base.lack_of_fit.median < 0.005
+    assert base.lack_of_fit.p95 < 0.02
+    assert not base.lack_of_fit.is_significant
+    assert base.is_consistent
 
 
 def test_residuals_of_fitted_and_held_out_curves_are_noise(base):
-    assert base.over_noise("train") == pytest.approx(1.0, abs=0.1)
-    assert base.over_noise("test") == pytest.approx(1.0, abs=0.2)
+    assert base.residual_to_noise("train") == pytest.approx(1.0, abs=0.1)
+    assert base.residual_to_noise("test") == pytest.approx(1.0, abs=0.2)
     assert {one.recording for one in base.residuals if one.use == "test"} == {"step 3.5 V"}
 
 
@@ -178,11 +178,11 @@ def test_iso_characteristics_are_those_of_the_models_area(base):
     """C = A 0.484 sqrt(2 / (R T0)) / rho0 by comparing ISO 6358-1 with thesis 2.46; b = 0.528, m = 0.5 (ellipse)."""
     largest = next(i for i in base.iso if i.u == 10.0)
     unit = 0.484 * np.sqrt(2 / (287.0 * 293.15)) / 1.185
-    modelled = float(base.law.model_gradient.model.valve(np.array(10.0)))
+    modelled = float(base.area_model.model_gradient.model.valve(np.array(10.0)))
     assert largest.C.value == pytest.approx(unit * modelled, rel=1e-6)
     assert largest.C.value == pytest.approx(unit * AREA, rel=0.01)
     assert largest.b.value == 0.528
-    assert largest.b.seen[0] == pytest.approx(0.528, abs=0.05)
+    assert largest.b.measured[0] == pytest.approx(0.528, abs=0.05)
     assert largest.m.value == 0.5
 
 
@@ -252,7 +252,7 @@ def test_the_other_way_of_a_spool_has_a_map_at_the_commands_that_went_out():
 
 
 def test_two_chambers_have_a_column_and_one_has_none(tmp_path, base):
-    both = replace(base, law=_arranged(base, "5/3"))
+    both = replace(base, area_model=_arranged(base, "5/3"))
     second = replace(both, chamber=2, map=replace(base.map, gradient=2.0 * base.map.gradient))
     for valves in ([base], [both, second]):
         write_valves(valves, (), tmp_path, Provenance({}, {}))

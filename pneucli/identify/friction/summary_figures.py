@@ -82,12 +82,28 @@ def _breakaway_forces_at_rest(motion: Motion) -> Iterator[float]:
 def _breakaway_forces_of_strokes(motion: Motion, mass: float) -> Iterator[float]:
     """Yield the largest friction at the start of each stroke that a machine makes: it turns before the seal lets go."""
     friction = motion.smooth_drive - mass * motion.smooth_a
-    direction = np.where(np.abs(motion.v) > motion.rest_speed, np.sign(motion.v), 0.0)
-    edges = np.flatnonzero(np.diff(direction, prepend=0.0, append=0.0))
+    for direction, first, end in _strokes(motion):
+        early = friction[max(first - MIN_REST_SAMPLES, 0) : first + int(BREAKAWAY_STROKE_RATIO * (end - first))]
+        yield float(np.max(direction * early))
+
+
+def _strokes(motion: Motion) -> list[tuple[float, int, int]]:
+    """Return direction, first sample and end of each stroke; faults of the position of a few samples end none."""
+    directions = np.where(np.abs(motion.v) > motion.rest_speed, np.sign(motion.v), 0.0)
+    edges = np.flatnonzero(np.diff(directions, prepend=0.0, append=0.0)).tolist()
+    strokes: list[tuple[float, int, int]] = []
+    has_rested = False
     for first, end in pairwise(edges):
-        if direction[first] and end - first >= MIN_REST_SAMPLES / BREAKAWAY_STROKE_RATIO:
-            early = friction[max(first - MIN_REST_SAMPLES, 0) : first + int(BREAKAWAY_STROKE_RATIO * (end - first))]
-            yield float(np.max(direction[first] * early))
+        direction, is_short = float(directions[first]), end - first < MIN_REST_SAMPLES
+        has_rested |= not direction and not is_short
+        if not direction or is_short:
+            continue
+        if strokes and strokes[-1][0] == direction and not has_rested:
+            strokes[-1] = direction, strokes[-1][1], end
+        else:
+            strokes.append((direction, first, end))
+        has_rested = False
+    return [one for one in strokes if one[2] - one[1] >= MIN_REST_SAMPLES / BREAKAWAY_STROKE_RATIO]
 
 
 def pressure_dependence(levels: Sequence[KineticFriction], ambient: float) -> PressureDependence | None:

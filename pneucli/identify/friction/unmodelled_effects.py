@@ -17,7 +17,12 @@ Array = NDArray[np.float64]
 MAX_STATES = 100  # of each recording, at which a factor is evaluated
 BY_BRANCH, BY_DIRECTION, NO_MODEL = set("DEF"), set("CF"), set[str]()
 # the models that can represent an effect at each port of friction; D has no Stribeck rise while slowing
-MODELS_BY_PORT = {"dry_rise": set("ABCF"), "slowing": BY_BRANCH, "viscous_factor": BY_DIRECTION}
+MODELS_BY_PORT = {
+    "dry_rise": set("ABCF"),
+    "slowing": BY_BRANCH,
+    "slowing_viscous": BY_BRANCH,
+    "viscous_factor": BY_DIRECTION,
+}
 
 
 def unmodelled_effects(model: Model, motions: Sequence[Motion]) -> dict[ModelName, tuple[str, ...]]:

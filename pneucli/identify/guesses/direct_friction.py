@@ -44,7 +44,7 @@ class ForceSamples:
 
 def has_both_directions(v: Array) -> bool:
     """Whether moving samples of a velocity (n,) tell a constant force from dry friction."""
-    return bool(MIN_DIRECTION_SHARE <= np.mean(v > 0.0) <= 1.0 - MIN_DIRECTION_SHARE)
+    return v.size > 0 and bool(MIN_DIRECTION_SHARE <= np.mean(v > 0.0) <= 1.0 - MIN_DIRECTION_SHARE)
 
 
 def force_samples(experiments: Sequence[Experiment], mass: float) -> ForceSamples:

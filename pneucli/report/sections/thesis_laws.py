@@ -15,6 +15,7 @@ from pneucli.report.report_data import ReportData, Table
 Array = NDArray[np.float64]
 MAX_SAMPLES = 2000  # of a curve
 SPEEDS = 20.0  # Stribeck velocities that the friction figures show to either side
+STRIBECK_PARAMETERS = ("coulomb", "viscous", "static", "velocity")
 MARGIN = 1.1  # of the axes beyond the trajectory
 
 
@@ -22,7 +23,7 @@ def friction_laws(material: ReportData) -> Iterator[Drawing]:
     """Yield figures 3.1 to 3.4 from the parameters of model A, and 3.6 from those of model D."""
     parameters = material.table("identify/friction_parameters")
     found = {str(model): _values(rows) for (model,), rows in parameters.groups("model")} if len(parameters) else {}
-    if "A" in found:
+    if set(STRIBECK_PARAMETERS) <= set(found.get("A", {}).get("", {})):
         yield _steady_laws(found["A"][""])
     if {"accelerating", "slowing"} <= set(found.get("D", {})):
         yield _branches(found["D"])
@@ -42,7 +43,7 @@ def _speeds(velocity: float) -> Array:
 
 
 def _steady_laws(c: Mapping[str, float]) -> Drawing:
-    coulomb, viscous, static, velocity = (c[name] for name in ("coulomb", "viscous", "static", "velocity"))
+    coulomb, viscous, static, velocity = (c[name] for name in STRIBECK_PARAMETERS)
     v = _speeds(velocity)
     plain = stribeck_friction(v, coulomb, viscous, coulomb)
     caption = (
