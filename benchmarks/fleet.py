@@ -216,8 +216,8 @@ def main(arguments: list[str]) -> None:
         folder = asked.folder or Path(stack.enter_context(TemporaryDirectory(prefix="pneucli-fleet-")))
         folder = folder.absolute()
         if asked.what == "find":
-            more = {key: getattr(asked, key) for key in ("healthy", "changed", "at_once", "drift")}
-            find(folder, asked.rigs, asked.dates, **more)
+            more = {key: getattr(asked, key) for key in ("healthy", "changed", "drift")}
+            find(folder, asked.rigs, asked.dates, changes_per_rig=asked.at_once, **more)
         else:
             {"scale": scale, "kill": kill}[asked.what](folder, asked.rigs)
 

@@ -63,12 +63,12 @@ def test_the_lock_of_windows_waits_until_the_other_run_has_ended(
         context.setattr(sys, "platform", "win32")
         spec.loader.exec_module(twin)  # type: ignore[union-attr]
     said: list[str] = []
-    with twin.held(tmp_path, said.append):
+    with twin.folder_lock(tmp_path, said.append):
         assert (tmp_path / lock.LOCK_FILE).read_text() == str(os.getpid())
         assert [mode for _, mode in fake.calls] == [fake.LK_NBLCK]
         fake.calls.clear()
     fake.holder = 0  # another run
-    with twin.held(tmp_path, said.append):
+    with twin.folder_lock(tmp_path, said.append):
         assert [mode for _, mode in fake.calls] == [fake.LK_NBLCK, *[fake.LK_LOCK] * 4]
     assert len(said) == 1
     assert said[0].startswith("waiting for another run")

@@ -115,6 +115,8 @@ def _column(
 
 def _read(reader: Reader, asks: Sequence[ColumnRequest]) -> list[ColumnValues]:
     parts: list[list[ColumnValues]] = []
+    if not asks:  # all columns hold dates alone
+        return []
     for batch in reader.batches(asks):
         parts.append(batch)
         if sum(one[0].size for one in parts) >= MAX_SURVEY_ROWS:

@@ -13,6 +13,7 @@ from collections.abc import Collection, Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
+from numpy.typing import NDArray
 
 from pneucli.errors import InputError
 from pneucli.io.raw_file import Repair
@@ -63,21 +64,30 @@ def _on_fastest_clock(
     if start > end:
         found = f"one channel begins at {start:.6g} s, and another one ends at {end:.6g} s"
         raise InputError(locate(int(fastest.rows[0])), found, "channels that were recorded at one time", MEND)
-    inside = (fastest.time >= start - 0.5 * period) & (fastest.time <= end + 0.5 * period)
+    span = start - 0.5 * period, end + 0.5 * period
+    inside = _inside(fastest, span)
     time = fastest.time[inside]
     columns = {name: values[inside] for name, values in fastest.columns.items()}
     repairs = []
-    for table in tables:
-        if table is fastest:
-            continue
+    others = [table for table in tables if table is not fastest]
+    for table in others:
         for name, values in table.columns.items():
             placed = _held(time, table.time, values, period) if name in held else _measured(time, table.time, values)
             columns[name] = placed
             repairs.append(Repair(name, "clock", int(table.time.size), _told(name, table.time, period, name in held)))
-    rows = np.unique(np.concatenate([table.rows for table in tables])).size
-    cut = int(np.count_nonzero(~inside))
-    losses = losses + Counter({"joined": rows - int(fastest.time.size), "no-overlap": cut})
+    shared = [fastest.rows[inside], *(_shared_rows(table, held, span) for table in others)]
+    read, used = (np.unique(np.concatenate(rows)).size for rows in ([table.rows for table in tables], shared))
+    losses = losses + Counter({"joined": used - int(time.size), "no-overlap": read - used})
     return Alignment(Table(time, columns, fastest.rows[inside]), losses, repairs)
+
+
+def _inside(table: Table, span: tuple[float, float]) -> NDArray[np.bool_]:
+    return (table.time >= span[0]) & (table.time <= span[1])
+
+
+def _shared_rows(table: Table, held: Collection[str], span: tuple[float, float]) -> NDArray[np.intp]:
+    """Return the rows of a table that are used; commands from before the span hold their value in it."""
+    return table.rows if table.columns.keys() <= set(held) else table.rows[_inside(table, span)]
 
 
 def _told(name: str, stamps: Array, period: float, is_held: bool) -> str:

@@ -138,6 +138,13 @@ class SignalReader:
 
     def _values(self, names: Sequence[str], columns: Sequence[ColumnValues]) -> Batch:
         """Return signals in SI, repaired; ``columns`` are those of :meth:`_column_requests`."""
+        return {name: self._repaired(name, numbers) for name, numbers in self._numbers(names, columns).items()}
+
+    def _repaired(self, name: str, numbers: ColumnValues) -> Array:
+        return _to_si(self._repairs[name].repair(numbers), self.raw.channels[name])
+
+    def _numbers(self, names: Sequence[str], columns: Sequence[ColumnValues]) -> dict[str, ColumnValues]:
+        """Return the numbers of signals as they stand in ``columns``, which are those of :meth:`_column_requests`."""
         waiting = iter(columns)
         found = {name: next(waiting) for name in names if name not in self._expressions}
         by_key = dict(zip(self._read_by(names), waiting, strict=False))
@@ -148,7 +155,7 @@ class SignalReader:
             if name in self._expressions:
                 own = self._expressions[name]
                 found[name] = own.values({key: by_key[key] for key in own.columns})
-        return {name: _to_si(self._repairs[name].repair(found[name]), self.raw.channels[name]) for name in names}
+        return {name: found[name] for name in names}
 
     def _read_clocks(self) -> Batch:
         """Read the channels clock by clock, and return one table."""
@@ -188,10 +195,11 @@ class SignalReader:
         own = [_column_request(clock, self._clock_channel(clock)) for clock in clocks]
         texts = [ColumnRequest(self._required_position("where", key), text=True) for key in labels]
         whole = [np.concatenate(parts) for parts in zip(*self.reader.batches([*requests, *own, *texts]), strict=True)]
-        values = self._values(names, whole[: len(requests)])
+        numbers = self._numbers(names, whole[: len(requests)])
+        time = self._repaired("time", numbers["time"])
         stamps = dict(zip(clocks, whole[len(requests) :], strict=False))
         by_label = dict(zip(labels, whole[len(requests) + len(own) :], strict=True))
-        return [self._table(group, groups, values, stamps, by_label) for group in _unique(groups)]
+        return [self._table(group, groups, {**numbers, "time": time}, stamps, by_label) for group in _unique(groups)]
 
     def _clock_channel(self, clock: int) -> Channel:
         """Return the channel that says how the stamps at a position are read: its signal's own, else that of time."""
@@ -202,11 +210,14 @@ class SignalReader:
         self,
         group: _Group,
         groups: Mapping[str, _Group],
-        values: Mapping[str, Array],
+        values: Mapping[str, ColumnValues],
         stamps: Mapping[int, ColumnValues],
         labels: Mapping[ColumnKey, ColumnValues],
     ) -> Table:
-        """Return the rows that belong to the channels of one group; a clock of its own ends where its stamps end."""
+        """Return the rows that belong to the channels of one group; a clock of its own ends where its stamps end.
+
+        ``values`` has the repaired time and, of each channel, the numbers of all rows: only its own rows are repaired.
+        """
         names = [name for name, other in groups.items() if other == group]
         time, where = values["time"], group.where
         if group.clock in stamps:
@@ -220,7 +231,7 @@ class SignalReader:
         if not where and self._clocks:
             known = np.flatnonzero(np.isfinite(time))
             rows = rows[: int(known[-1]) + 1 if known.size else 0]
-        return Table(_spread(time[rows]), {name: values[name][rows] for name in names}, rows)
+        return Table(_spread(time[rows]), {name: self._repaired(name, values[name][rows]) for name in names}, rows)
 
     def _required_position(self, signal: str, column: ColumnKey) -> int:
         place = column_position(self.raw.path, signal, column, self.reader.names)

@@ -88,7 +88,7 @@ _ALL_STAGES = (
         files=("recordings", "controller"),
         answer_paths=(
             *("horizon_s", "model.effects", "model.parameters", "channels", "error.train", "error.test", "where"),
-            *("data", "number", "when", "closed_loop"),
+            *("data", "number", "when", "closed_loop", "purpose.adequate", "purpose.worst"),
         ),
     ),
     Stage(
@@ -98,7 +98,8 @@ _ALL_STAGES = (
         tables=("pipeline", "model", "compare"),
         files=("model", "plugins"),
         answer_paths=(
-            *("verdict", "missing", "ladder", "candidates", "unexplained_share", "next_experiment", "sentence"),
+            *("verdict", "missing", "ladder", "candidates", "next_experiment", "sentence"),
+            *("unexplained_share", "explained_share", "purpose.adequate", "purpose.worst"),
             *("detectable", "moved", "unexplained", "discrepancy", "plausibility", "warnings"),
             *("model.effects", "data", "held_out", "excluded", "number", "when", "thinned"),
             *("parameters", "since", "changes"),

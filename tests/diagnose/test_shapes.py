@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import asdict
 from types import SimpleNamespace
 from typing import Any, ClassVar
 
@@ -22,6 +23,7 @@ from pneucli.diagnose.adequacy import (
 from pneucli.identify.estimation.fit import fit
 from pneucli.identify.estimation.parameters import base_parameters
 from pneucli.identify.residuals import ChamberPressures, ForceBalance
+from pneucli.messages.experiment_design import manoeuvre_text
 from tests.simulate.synthetic_experiments import RIG, make_experiment, model, time_grid
 
 RNG = np.random.default_rng
@@ -265,7 +267,8 @@ def test_commands_charge_discharge_step_climb_and_swing() -> None:
     assert [s.max() for s in sines] == pytest.approx([2.5] * 3, rel=1e-3)
     turns = [np.count_nonzero(np.diff(np.sign(s[1:]))) for s in sines]
     assert turns == pytest.approx([6, 36, 120], abs=2)
-    assert all("5 V" in words or "2.5 V" in words or "0.5 to 1.5 V" in words for words in commands())
+    words = [manoeuvre_text(**asdict(manoeuvre)) for manoeuvre in commands()]
+    assert all("5 V" in one or "2.5 V" in one or "0.5 to 1.5 V" in one for one in words)
 
 
 def test_pushes_are_triangles_sines_and_slow_pushes_after_rests() -> None:

@@ -62,7 +62,7 @@ def case(
     ],
 )
 def test_every_failure_has_its_cause(graded, failure):
-    assert graded.failure == failure
+    assert graded.failure_cause == failure
 
 
 def test_a_failed_run_tells_the_kind_of_its_error():

@@ -37,17 +37,17 @@ def test_an_effect_shows_at_full_size_and_vanishes_at_almost_none(effect):
     par = Parameters(overlap=0.0 if effect.name == "valve-deadband" else 0.2)
     for kind in set(effect.kinds) - {"friction"}:
         without = recorded(par, kind)
-        assert change(recorded(effect.set(par, 1.0, np.random.default_rng(2)), kind), without) > 5.0
+        assert change(recorded(effect.apply(par, 1.0, np.random.default_rng(2)), kind), without) > 5.0
         if not effect.inverse:
-            tiny = change(recorded(effect.set(par, 1e-9, np.random.default_rng(2)), kind), without)
+            tiny = change(recorded(effect.apply(par, 1e-9, np.random.default_rng(2)), kind), without)
             assert tiny < 0.5, kind
 
 
 @pytest.mark.parametrize("effect", SCALED, ids=lambda e: e.name)
 def test_a_third_of_the_size_is_a_third_of_the_way_from_null(effect):
     par = Parameters()
-    full, third = (effect.set(par, size, np.random.default_rng(3)) for size in (1.0, 1 / 3))
-    for field, value in effect.scaled.items():
+    full, third = (effect.apply(par, size, np.random.default_rng(3)) for size in (1.0, 1 / 3))
+    for field, value in effect.null_values.items():
         null = par.coulomb if field == "static" else value
         there, here = getattr(full, field), getattr(third, field)
         if effect.inverse:

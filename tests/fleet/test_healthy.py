@@ -120,7 +120,7 @@ def test_a_repeat_that_was_held_against_another_model_is_refused(rig: list[Path]
 
 def test_two_changes_at_once_are_both_in_the_answer(tmp_path: Path) -> None:
     """On this rig; of forty like it 28 (docs/development/experiments.md)."""
-    truth = write_fleet(tmp_path, rigs=1, dates=2, changed=1.0, seed=6, at_once=2)
+    truth = write_fleet(tmp_path, rigs=1, dates=2, changed=1.0, seed=6, changes_per_rig=2)
     with (tmp_path / FLEET_FILE).open("a", encoding="utf-8") as file:
         file.write('reports = "none"\n')
     answer = stage.run(load_fleet(tmp_path / FLEET_FILE), tmp_path / "out")

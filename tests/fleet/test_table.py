@@ -58,7 +58,11 @@ def test_a_parquet_table_says_the_same(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize(
     ("cells", "says"),
-    [("a,yesterday", "no date"), (",2026-01-01", "name of a rig"), ("ok,2026-01-01\nok,2026-01-01", "line 2 already")],
+    [
+        ("a,yesterday", "no date"),
+        (",2026-01-01", "name of a rig"),
+        ("ok,2026-01-01\nok,2026-01-01", "already in line 2"),
+    ],
 )
 def test_a_row_that_is_wrong_by_itself_says_so_and_the_others_stay(tmp_path: Path, cells: str, says: str) -> None:
     rows = read_rows(table(tmp_path, f"rig,date\n{cells}\nlast,2026-01-01\n"))

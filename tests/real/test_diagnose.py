@@ -71,4 +71,4 @@ def test_half_a_per_cent_of_a_pressure_lost_is_not_called_a_leak(diagnosis: Diag
     """7.315 -> 7.284 bar in 145 s: settling or leak, the file alone cannot say (README of the recordings)."""
     answer = diagnosis("zillen-decay-aluminium")
     assert (answer["verdict"], answer["missing"]) == ("unexplained", [])
-    assert any("no recording to hold out" in w for w in answer["warnings"])
+    assert any("no recording is held out" in w for w in answer["warnings"])

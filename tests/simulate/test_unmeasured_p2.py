@@ -118,5 +118,5 @@ def test_a_diagnosis_states_where_p2_was_inferred_and_where_not(unread: tuple[Ex
     read = prepare(replace(e.recording, signals={**e.recording.signals, "p2": p2}), e.rig, 0.5)
     assert unmeasured_p2_warnings(residual_models([read])) == []
     inferred, blind = unmeasured_p2_warnings([*residual_models([e]), ForceBalance(e)])
-    assert inferred.startswith("bench: p2 was not recorded and follows from the model")
+    assert inferred.startswith("bench: p2 was not recorded and is inferred from the model")
     assert "record p2" in blind

@@ -17,7 +17,7 @@ from pneucli.errors import InputError
 from pneucli.exam.cases import generate_case
 from pneucli.identify.residuals import ChamberPressures
 from pneucli.io.artifacts import read_table
-from pneucli.physics.effects import catalogue
+from pneucli.physics.effects import catalogue_with_sides
 from pneucli.pipeline.context import Context
 from pneucli.stages import diagnose, ingest
 from pneucli.stages.diagnosis_answer import verdict_answer
@@ -213,7 +213,7 @@ def test_no_rung_raises_both_errors_and_each_entry_has_its_reason(hysteresis: Di
     effects = [c["effect"] for c in answer["candidates"]]
     assert len(effects) == len(set(effects))
     given = set(answer["model"]["effects"])
-    assert set(effects) == set(catalogue()) - given  # nothing is passed over in silence
+    assert set(effects) == set(catalogue_with_sides()) - given  # nothing is passed over in silence
     for c in answer["candidates"]:
         assert c["reason"] in get_args(Reason)
         assert c["supported"] == (c["reason"] == "supported")
