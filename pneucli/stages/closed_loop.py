@@ -20,9 +20,11 @@ from pneucli.export.replay_check import replay_exported_c
 from pneucli.io.artifacts import read_table, write_table
 from pneucli.pipeline.manifest import program_versions
 from pneucli.simulate.model import Model
-from pneucli.stages.design import closed_loop_setup, load_controller, selected_controller
-from pneucli.stages.law_comparison import closed_loop_scenarios, metrics_answer, unit_from_name, write_runs
-from pneucli.stages.pipeline_data import PipelineData, load_model
+from pneucli.stages.designed_controller import closed_loop_setup, load_controller, selected_controller
+from pneucli.stages.law_comparison import closed_loop_scenarios, metrics_answer
+from pneucli.stages.model_file import load_model
+from pneucli.stages.pipeline_data import PipelineData
+from pneucli.stages.tables.comparison import unit_from_name, write_runs
 
 REST_TOLERANCE_RATIO = (
     2.0  # times the reach within which the piston is left alone: the error at rest that is good enough

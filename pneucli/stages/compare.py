@@ -19,7 +19,8 @@ from pneucli.io.artifacts import TableWriter, schema_of, write_table
 from pneucli.pipeline.context import Context
 from pneucli.quantities import SIGNALS
 from pneucli.stages import controller_logs, history
-from pneucli.stages.pipeline_data import PipelineData, load_model
+from pneucli.stages.model_file import load_model
+from pneucli.stages.pipeline_data import PipelineData
 
 RESIDUALS_FILE = "residuals.parquet"
 
