@@ -250,7 +250,7 @@ def test_samples_that_do_not_count_do_not_thin_the_ratio() -> None:
 # --- manoeuvres
 
 
-def commands(u: float = 5.0) -> dict[str, np.ndarray]:
+def commands(u: float = 5.0) -> dict[experiment_design.Manoeuvre, np.ndarray]:
     return dict(experiment_design._commands(u))
 
 
@@ -265,7 +265,8 @@ def test_commands_charge_discharge_step_climb_and_swing() -> None:
     assert [s.max() for s in sines] == pytest.approx([2.5] * 3, rel=1e-3)
     turns = [np.count_nonzero(np.diff(np.sign(s[1:]))) for s in sines]
     assert turns == pytest.approx([6, 36, 120], abs=2)
-    assert all("5 V" in words or "2.5 V" in words or "0.5 to 1.5 V" in words for words in commands())
+    assert [m.level for m in commands()] == [5.0, -5.0, 5.0, 5.0, 2.5, 2.5, 2.5]
+    assert [m.frequency for m in commands()] == [*[None] * 4, 0.5, 3.0, 10.0]
 
 
 def test_pushes_are_triangles_sines_and_slow_pushes_after_rests() -> None:

@@ -132,7 +132,7 @@ def test_every_law_stands_on_the_bench_with_and_without_the_map(designed: Demo) 
     assert "cascade without" in told
     assert "off" in next(line for line in told.splitlines() if line.strip().startswith("pdc"))
     table = read_table(designed[0] / "design" / "comparison.parquet")
-    assert set(table["group"]) == {"law", "without map", "without"}
+    assert set(table["group"]) == {"law", "without map", "without", "variant"}
 
 
 def test_only_the_laws_that_are_asked_for_are_compared(designed: Demo) -> None:
