@@ -1,4 +1,4 @@
-"""The closed-loop part of ``simulate``: the designed controller in its scenarios, and its PIDs alone beside it."""
+"""The closed-loop part of ``simulate``: the designed controller in its scenarios, and its PID loops for comparison."""
 
 from __future__ import annotations
 
@@ -54,8 +54,8 @@ def simulate_closed_loop(study: PipelineData) -> dict[str, Any]:
             study.provenance("identify/model.parquet", "design/gains.parquet"),
             "pneucli/simulate/closed_loop/1",
         )
-        told = {kind: {name: metrics_answer(m) for name, (_, m) in by.items()} for kind, by in found.items()}
-        answer["closed_loop"], answer["pid_alone"] = told["compensated"], told["pid_alone"]
+        metrics = {kind: {name: metrics_answer(m) for name, (_, m) in by.items()} for kind, by in found.items()}
+        answer["closed_loop"], answer["pid_alone"] = metrics["compensated"], metrics["pid_alone"]
         answer["tolerance_um"] = REST_TOLERANCE_RATIO * 1e6 * controller.values["C_HOLDING_BAND"]
         replayed = replay_exported_c(controller, model, bench, context.config.name)
         answer["exported_c"] = asdict(replayed)

@@ -1,4 +1,4 @@
-"""``diagnose``: which physical effect is missing, how sure that is, what else it could be, and what to measure next."""
+"""``diagnose``: the missing physical effects, their probabilities and equivalents, and the next experiment."""
 
 from __future__ import annotations
 

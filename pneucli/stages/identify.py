@@ -98,7 +98,7 @@ def _null_warnings(rig: Rig) -> list[str]:
 
 
 def _round_observer(study: PipelineData, rounds: list[Iteration]) -> Callable[[Iteration], None]:
-    """Return what keeps each round of the fit, and tells people how far it is."""
+    """Return the observer that stores each iteration of the fit and reports the progress."""
 
     def see(one: Iteration) -> None:
         rounds.append(one)

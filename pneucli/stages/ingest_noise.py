@@ -37,8 +37,10 @@ def noise_of(one: IngestedRecording, heads: list[dict[str, Array]]) -> dict[str,
         elif np.isfinite(values).sum() >= MIN_NOISE_SAMPLES:
             measured = _sample_mask(values)
             own = detect_jumps([values], time.size)[measured] if _has_friction_jumps(name, one.source) else None
-            alone = name == "x" and "a" not in one.signals
-            models[name] = estimate_noise(time[measured], values[measured], jumps[measured], own, is_motion=alone)
+            is_lone_position = name == "x" and "a" not in one.signals
+            models[name] = estimate_noise(
+                time[measured], values[measured], jumps[measured], own, is_motion=is_lone_position
+            )
     return models
 
 
@@ -56,7 +58,7 @@ def _sample_mask(values: Array) -> NDArray[np.bool_]:
 
 
 def pool_noise_by_sensor(done: list[IngestedRecording]) -> None:
-    """Let all recordings of one sensor at one rate share what is known of its noise; kinked ones count if all are."""
+    """Share the noise model of a sensor at one rate; recordings with jumping commands count only if all have them."""
     groups: dict[tuple[str, str, int], list[IngestedRecording]] = {}
     for one in done:
         for name in one.noise.keys() & one.source.signals.keys():

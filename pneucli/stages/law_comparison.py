@@ -83,18 +83,18 @@ def compare_controllers(
 
 def observer_warnings(found: LawComparison) -> list[str]:
     """Return a warning for each law whose disturbance observer is at its bound M_k in over 20 % of the samples."""
-    told = []
+    warnings = []
     for name, by in found.laws.items():
         for observer in OBSERVERS:
             shares = {s: getattr(m, f"sliding_{observer}") for s, (_, m) in by.items()}
-            known = {s: share for s, share in shares.items() if not math.isnan(share)}
-            if known and (least := min(known, key=known.__getitem__)) and known[least] < MIN_SLIDING_SHARE:
-                told.append(
-                    f"{name}: the {observer} observer is at its bound M_k in {100 * (1 - known[least]):.0f} % of the "
-                    f"samples of {least}, above {100 * (1 - MIN_SLIDING_SHARE):.0f} %: its estimate is not the "
+            finite = {s: share for s, share in shares.items() if not math.isnan(share)}
+            if finite and (worst := min(finite, key=finite.__getitem__)) and finite[worst] < MIN_SLIDING_SHARE:
+                warnings.append(
+                    f"{name}: the {observer} observer is at its bound M_k in {100 * (1 - finite[worst]):.0f} % of "
+                    f"the samples of {worst}, above {100 * (1 - MIN_SLIDING_SHARE):.0f} %: its estimate is not the "
                     "disturbance"
                 )
-    return told
+    return warnings
 
 
 def comparison_answer(found: LawComparison) -> dict[str, Any]:

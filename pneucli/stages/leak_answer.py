@@ -22,7 +22,7 @@ def only_ratio_identifiable(study: PipelineData) -> bool:
 
 
 def per_vessel_volume(estimate: Estimate, study: PipelineData) -> Estimate:
-    """Return the estimate, per volume of the vessel where that volume is not known: only the ratio can be told."""
+    """Return the estimate, per volume of the vessel where that volume is unknown: only the ratio is identifiable."""
     counted = estimate.unit.startswith(("m^2", "m^3", "W/K", "kg/")) and not estimate.name.startswith("rig.")
     if not (counted and only_ratio_identifiable(study)):
         return estimate

@@ -34,14 +34,14 @@ LONG_RECORDING_HOURS = 1.0  # h of recordings in all: one run of the model throu
 
 @dataclass(frozen=True)
 class PipelineData:
-    """The pipeline as the domain packages see it; ``max_samples`` samples in all, of long recordings stretches."""
+    """The pipeline as the domain packages see it; at most ``max_samples`` samples, of long recordings segments."""
 
     context: Context
     max_samples: int | None = None
 
     @cached_property
     def rig(self) -> Rig:
-        """What is known of the rig and of parameters, its null command identified where the file asks for it.
+        """The stated rig with its priors; the null command is identified where the file asks for it.
 
         Raises InputError where the recordings need more of it than the file says.
         """
@@ -53,8 +53,8 @@ class PipelineData:
     def _parameter_priors(self) -> dict[str, ParameterPrior]:
         """What the file says of the model's parameters; those of an effect that is not in the model wait for it."""
         there = {e.name for e in self.effects} | {"friction", "rig", "valve", "valve_2"}
-        known = parameter_priors(self.context.config, self.available_effects)
-        return {name: one for name, one in known.items() if name.partition(".")[0] in there}
+        priors = parameter_priors(self.context.config, self.available_effects)
+        return {name: one for name, one in priors.items() if name.partition(".")[0] in there}
 
     @cached_property
     def recordings(self) -> list[Recording]:
@@ -106,7 +106,7 @@ class PipelineData:
         still = ("p2",) if recording.chamber_2 == "open" else ()
         for name in experiment.channels:
             if name in experiment.noise and name not in still and not experiment.noise[name].rms > 0.0:
-                found = f"{name} never changes in {recording.name} or any like it, so its noise is not known"
+                found = f"{name} never changes in {recording.name} or any like it, so its noise is unknown"
                 mend = f"leave {name} out of take if the sensor was dead, or state its noise in [signals] {name}"
                 raise InputError(f"{self.context.path}, recording {recording.name}", found, "", mend)
 

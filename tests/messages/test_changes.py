@@ -42,7 +42,7 @@ def test_a_fleet_is_told_by_who_changed_and_what_failed() -> None:
     assert "12 of 400 rigs changed, 3 of 800 rows failed; missing from the model: stribeck (4)" in text
     assert text.count("axis-7") == 10
     assert "and 2 more" in text
-    assert "is not known: state [fleet] healthy" in text
+    assert "is unknown: state [fleet] healthy" in text
     known = {"rigs": 24, "dates": 4, "parameters": {"friction.coulomb": 0.0312, "friction.viscous": 0.0}}
     said = "a healthy rig differs by friction.coulomb 3.1 % (24 rigs, 4 dates each)"
     assert said in messages.render("fleet", told | {"repeatability": known}, "fleet.toml")
