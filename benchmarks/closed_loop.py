@@ -36,8 +36,8 @@ from pneucli.physics.declaration import Effect
 from pneucli.physics.effects import catalogue, select_effects
 from pneucli.simulate.model import Model
 from pneucli.simulate.rig_quantities import rig_quantities
-from pneucli.stages.design import closed_loop_setup, load_controller
-from pneucli.stages.pipeline_data import load_model
+from pneucli.stages.designed_controller import closed_loop_setup, load_controller
+from pneucli.stages.model_file import load_model
 
 PIPELINE = Path(__file__).parents[1] / "pipelines/demo.toml"
 TIME = 1e-3 * np.arange(5000)

@@ -41,7 +41,7 @@ from pneucli.exam.hidden_effects import BY_NAME, CATALOGUE
 from pneucli.exam.rig.parameters import ONE_CHAMBER, Parameters
 from pneucli.physics.effects import catalogue, select_effects
 from pneucli.simulate.model import Model
-from pneucli.stages.pipeline_data import load_model
+from pneucli.stages.model_file import load_model
 
 Array = NDArray[np.float64]
 WORST = (

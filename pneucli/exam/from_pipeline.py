@@ -23,7 +23,8 @@ from pneucli.pipeline.runner import open_pipeline
 from pneucli.recording import Recording, Rig
 from pneucli.simulate.model import Model
 from pneucli.simulate.valve_forms.area import ValveArea
-from pneucli.stages.pipeline_data import PipelineData, load_model
+from pneucli.stages.model_file import load_model
+from pneucli.stages.pipeline_data import PipelineData
 from pneucli.stages.pipeline_file import load_pipeline_file
 
 VALVE_ARRANGEMENTS = {"one-chamber": ONE_CHAMBER, "5/3": FIVE_THREE, "two": TWO_VALVES}

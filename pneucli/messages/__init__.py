@@ -1,6 +1,6 @@
 """What the program says of an answer to a person: the verdict first, in bar, mm and mm/s.
 
-One module a stage or command, each with ``lines(answer, file, verbose)``: what was found, how sure that is, what it
+One module a stage or command, each with ``lines(answer, file, verbose)``: what was found, how certain it is, what it
 changes, what to do, and the tables behind ``-v``. Terminal and report say the same sentences. Nothing heavy is
 imported here.
 """
@@ -17,7 +17,7 @@ LABEL_WIDTH = 9  # of the word that a line starts with
 
 
 def render(stage: str, answer: Mapping[str, Any], file: str, *, verbose: bool = False) -> str:
-    """Return what is said of a stage's answer; ``file`` is the pipeline file as it was typed, for the commands."""
+    """Return a stage's answer as text; ``file`` is the pipeline file as the user typed it, for the commands."""
     module = importlib.import_module(f"{__name__}.{stage}")
     return "\n".join(module.lines(answer, file, verbose))
 

@@ -11,17 +11,17 @@ Row = Mapping[str, Any]
 
 
 def acceptance_verdict(acceptance: Row) -> str:
-    """Return in one line whether all that was asked is kept."""
+    """Return in one line whether every requirement is met."""
     asked = ", ".join(
         f"{d['demand'].replace('_', ' ')} {format_quantity(d['limit'], d['unit'], 3)}" for d in acceptance["asked"]
     )
     if not acceptance["missed"]:
-        return f"kept on the model, at the ends of its intervals and on draws ({acceptance['axes']} axes): {asked}"
-    return f"{len(acceptance['missed'])} of {len(acceptance['asked'])} demands are missed"
+        return f"met on the model, at the ends of its intervals and on draws ({acceptance['axes']} axes): {asked}"
+    return f"{len(acceptance['missed'])} of {len(acceptance['asked'])} requirements are not met"
 
 
 def violations(acceptance: Row) -> Iterator[str]:
-    """Yield a sentence for each demand that is missed, and one where the model is far from its data."""
+    """Yield a sentence for each requirement that is not met, and one where the model is far from its data."""
     for one in acceptance["missed"]:
         found = "never" if one["found"] is None else format_quantity(one["found"], one["unit"], 3)
         text = (
@@ -38,5 +38,5 @@ def violations(acceptance: Row) -> Iterator[str]:
 
 
 def fails_acceptance(acceptance: Row | None) -> bool:
-    """Whether what is missed fails like a check."""
+    """Whether an unmet requirement fails like a check."""
     return bool(acceptance and acceptance["strict"] and not acceptance["passed"])

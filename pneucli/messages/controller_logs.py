@@ -1,4 +1,4 @@
-"""What is said of logs of a running controller: what was foretold of the loop, and what came."""
+"""Logs of a running controller: the predicted and the measured performance of the loop."""
 
 from __future__ import annotations
 
@@ -23,9 +23,9 @@ COLUMN_TITLES = ("figure", "foretold", "measured")
 def figure_rows(log: Row) -> Iterator[tuple[str, str, str]]:
     """Yield title, what was foretold and what came, of the figures that the log shows."""
     for name, title, unit, scale in FIGURES:
-        told, came = log["foretold"].get(name), log["measured"].get(name)
-        if told is not None or came is not None:
-            yield title, _shown(told, unit, scale), _shown(came, unit, scale)
+        predicted, measured = log["foretold"].get(name), log["measured"].get(name)
+        if predicted is not None or measured is not None:
+            yield title, _shown(predicted, unit, scale), _shown(measured, unit, scale)
 
 
 def _shown(value: float | None, unit: str, scale: float) -> str:
@@ -35,5 +35,7 @@ def _shown(value: float | None, unit: str, scale: float) -> str:
 def lines(answer: Row) -> Iterator[str]:
     """Yield a sentence for each log."""
     for log in answer.get("closed_loop", ()):
-        told = "; ".join(f"{title} {came} ({told} foretold)" for title, told, came in figure_rows(log))
-        yield f"{log['recording']}, {log['controller']}: {told}"
+        figures = "; ".join(
+            f"{title} {measured} ({predicted} predicted)" for title, predicted, measured in figure_rows(log)
+        )
+        yield f"{log['recording']}, {log['controller']}: {figures}"

@@ -1,4 +1,4 @@
-"""The residual that no effect of the catalogue explains, in words."""
+"""The residual that no effect of the catalogue explains."""
 
 from __future__ import annotations
 
@@ -69,7 +69,7 @@ def discrepancy_location(unexplained: Mapping[str, Any]) -> str:
 
 
 def remaining_discrepancy(answer: Mapping[str, Any]) -> str:
-    """Return the largest discrepancy in excess of noise; nothing where none is known."""
+    """Return the largest discrepancy in excess of noise; nothing where there is none."""
     found = answer.get("discrepancy") or []
     if not found:
         return ""

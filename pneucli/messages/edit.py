@@ -36,8 +36,8 @@ def error_change(answer: Answer) -> str:
     """Return the error before and after on test recordings, and on those that were fitted."""
     uses = {"test": "test recordings", "train": "those fitted"}
     parts = [
-        f"{format_noise_ratio(answer['before'][use])} → {format_noise_ratio(answer['after'][use])} × noise on {words}"
-        for use, words in uses.items()
+        f"{format_noise_ratio(answer['before'][use])} → {format_noise_ratio(answer['after'][use])} × noise on {name}"
+        for use, name in uses.items()
         if answer["after"].get(use) is not None
     ]
     return ", ".join(parts) or "nothing was compared"

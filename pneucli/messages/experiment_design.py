@@ -1,4 +1,4 @@
-"""The experiment that a diagnosis proposes, in words."""
+"""The experiment that a diagnosis proposes."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ STAIRS = (0.1, 0.3)  # of the level: the lowest and the highest step
 def manoeuvre_text(
     kind: str, level: float | None = None, frequency: float | None = None, bench: str | None = None
 ) -> str:
-    """Return a manoeuvre of :class:`pneucli.diagnose.experiment_design.Manoeuvre` (V, Hz) in words."""
+    """Return a manoeuvre of :class:`pneucli.diagnose.experiment_design.Manoeuvre` (V, Hz) as a phrase."""
     low, high = (share * (level or 0.0) for share in STAIRS)
     text = MANOEUVRES[kind].format(level=level, frequency=frequency, low=low, high=high)
     return text if bench is None else f"{text} ({bench})"

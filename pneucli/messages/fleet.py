@@ -47,11 +47,13 @@ def progress_text(done: int, rows: int, failed: int, seconds_left: float) -> str
 
 def repeatability_sentence(answer: Answer) -> str:
     """Return how well the rigs repeat from one healthy date to another, or that nobody knows."""
-    known = answer["repeatability"]
-    if known is None:
-        return "how much a healthy rig differs from date to date is not known: state [fleet] healthy"
-    sizes = [f"{name} {format_number(100 * size, 2)} %" for name, size in known["parameters"].items() if size > 0.0]
+    repeatability = answer["repeatability"]
+    if repeatability is None:
+        return "the variation of a healthy rig from date to date is unknown: state [fleet] healthy"
+    sizes = [
+        f"{name} {format_number(100 * size, 2)} %" for name, size in repeatability["parameters"].items() if size > 0.0
+    ]
     within = (
         f"from date to date a healthy rig differs by {join_names(sizes)}" if sizes else "healthy dates differ by noise"
     )
-    return f"{within} ({known['rigs']} rigs, {known['dates']} dates each)"
+    return f"{within} ({repeatability['rigs']} rigs, {repeatability['dates']} dates each)"

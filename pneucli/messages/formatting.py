@@ -80,9 +80,11 @@ def format_interval(value: float | None, unit: str, ci95: Sequence[float | None]
     largest = max(abs(low), abs(high))
     power = _exponent(largest) if not 1e-4 <= largest < 1e6 else 0
     places = max(0, 1 - _exponent(half) + power)
-    middle, least, most, width = (f"{v / 10**power:.{places}f}".replace("-", "−") for v in (value, low, high, half))
+    middle, low_text, high_text, width = (
+        f"{v / 10**power:.{places}f}".replace("-", "−") for v in (value, low, high, half)
+    )
     even = abs(high + low - 2 * value) < 0.2 * half
-    text = f"{middle} ± {width}" if even else f"{middle} ({least} to {most})"
+    text = f"{middle} ± {width}" if even else f"{middle} ({low_text} to {high_text})"
     scale = f"·10{str(power).translate(_RAISED)}" if power else ""
     return f"{f'({text}){scale}' if scale else text} {unit_symbol(unit)}".rstrip()
 

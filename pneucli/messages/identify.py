@@ -39,8 +39,8 @@ def lines(answer: Mapping[str, Any], file: str, verbose: bool) -> Iterator[str]:
     friction = answer.get("friction", {})
     if by_recording := friction_rows(friction):
         yield from table(FRICTION_COLUMNS, by_recording, texts=4)
-    for name, said in (("friction", friction_lines(friction)), ("leak", leak_lines(answer.get("leaks", {})))):
-        for one in said:
+    for name, texts in (("friction", friction_lines(friction)), ("leak", leak_lines(answer.get("leaks", {})))):
+        for one in texts:
             yield from labelled(name, one)
     yield from warnings(answer)
     yield from labelled("do", f"pneucli compare {file}")
@@ -53,10 +53,10 @@ def _valve(valve: Mapping[str, Any]) -> str:
         clause = _lack_of_fit_clause(lack, "measured gradients")
         return f"no vessel was filled: the map is that of the model's valve, which{clause}"
     held = "" if residual["test"] is None else f", {format_noise_ratio(residual['test'])} × noise on held-out ones"
-    said = f"the measured map leaves {format_noise_ratio(residual['train'])} × noise on its curves{held}"
+    text = f"the measured map leaves {format_noise_ratio(residual['train'])} × noise on its curves{held}"
     if lack["median"] is None:
-        return f"{said}; no command was covered"
-    return f"{said}; the model's valve{_lack_of_fit_clause(lack, 'it')}"
+        return f"{text}; no command was covered"
+    return f"{text}; the model's valve{_lack_of_fit_clause(lack, 'it')}"
 
 
 def _lack_of_fit_clause(lack: Mapping[str, Any], what: str) -> str:
@@ -118,8 +118,8 @@ def leak_lines(leaks: Mapping[str, Any]) -> Iterator[str]:
         )
     for one in leaks.get("flows", []):
         of = "" if one["volume_known"] else " for each litre of volume"
-        said = f"{one['effect']}: {format_number(one['flow'], 3)} {one['unit']}{of}"
-        yield f"{said} from {format_quantity(one['pressure'], 'Pa', 3)} to ambient"
+        text = f"{one['effect']}: {format_number(one['flow'], 3)} {one['unit']}{of}"
+        yield f"{text} from {format_quantity(one['pressure'], 'Pa', 3)} to ambient"
     for one in leaks.get("areas", []):
         isothermal, adiabatic = (format_quantity(one[name], one["unit"]) for name in ("isothermal", "adiabatic"))
         yield (

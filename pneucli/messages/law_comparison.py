@@ -50,8 +50,8 @@ def table_rows(cases: Cases, tolerance_um: float) -> Iterator[list[str]]:
 def _sliding(figures: Figures) -> str:
     """Return the least share of samples in sliding, of both observers over all scenarios."""
     shares = [f.get(key) for f in figures.values() for key in ("sliding_load", "sliding_flow")]
-    known = [share for share in shares if share is not None]
-    return f"{100.0 * min(known):.0f} %" if known else "–"
+    finite = [share for share in shares if share is not None]
+    return f"{100.0 * min(finite):.0f} %" if finite else "–"
 
 
 def worst_value(figures: Figures, key: str) -> float | None:
@@ -62,9 +62,9 @@ def worst_value(figures: Figures, key: str) -> float | None:
 def rest_verdict(figures: Figures, tolerance_um: float) -> str:
     """Return what becomes of the piston at rest: held, off the reference, moving."""
     off, moved = (worst_value(figures, key) or 0.0 for key in ("steady_um", "cycle_um"))
-    said = [f"stays up to {_length(off)} off"] if off > tolerance_um else []
-    said += [f"moves by {_length(moved)} at rest"] if moved > tolerance_um else []
-    return ", ".join(said) or "holds"
+    faults = [f"stays up to {_length(off)} off"] if off > tolerance_um else []
+    faults += [f"moves by {_length(moved)} at rest"] if moved > tolerance_um else []
+    return ", ".join(faults) or "holds"
 
 
 def comparison_sentence(answer: Mapping[str, Any]) -> str:
@@ -76,9 +76,9 @@ def comparison_sentence(answer: Mapping[str, Any]) -> str:
     hold = [name for name, figures in cases.items() if rest_verdict(figures, tolerance) == "holds"]
     others = sorted((um, name) for name, um in off.items() if name not in hold and um is not None)
     named = join_names([f"“{name}”" for name in hold]) or "none"
-    told = f"of {len(cases)} laws {named} {'holds' if len(hold) < 2 else 'hold'} it"
-    near = f"; next is “{others[0][1]}”, {_length(others[0][0])} off" if others else ""
-    return f"{told[:1].upper()}{told[1:]}{near}."
+    text = f"of {len(cases)} laws {named} {'holds' if len(hold) < 2 else 'hold'} it"
+    runner_up = f"; next is “{others[0][1]}”, {_length(others[0][0])} off" if others else ""
+    return f"{text[:1].upper()}{text[1:]}{runner_up}."
 
 
 def _length(um: float) -> str:
@@ -88,5 +88,5 @@ def _length(um: float) -> str:
 
 def shortcomings(cases: Cases, tolerance_um: float) -> list[str]:
     """Return a sentence for each controller that does not hold the tolerance at rest."""
-    told = {name: rest_verdict(figures, tolerance_um) for name, figures in cases.items()}
-    return [f"{name} {text}" for name, text in told.items() if text != "holds"]
+    verdicts = {name: rest_verdict(figures, tolerance_um) for name, figures in cases.items()}
+    return [f"{name} {verdict}" for name, verdict in verdicts.items() if verdict != "holds"]

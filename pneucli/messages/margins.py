@@ -1,4 +1,4 @@
-"""What is said of the margins of the loop."""
+"""The stability margins of the loop."""
 
 from __future__ import annotations
 
@@ -14,11 +14,11 @@ LOOP_TITLES = {
     "command 2": "at the second command",
     "position": "at the position's reading",
 }
-COLUMN_TITLES = ("loop cut", "gain may rise", "may fall", "phase", "later by", "least distance from −1")
+COLUMN_TITLES = ("loop cut", "gain may rise", "may fall", "phase", "later by", "distance from −1")
 
 
 def table_row(loop: str, worst: Answer) -> tuple[str, ...]:
-    """Return the least margins of one loop as texts, in the order of HEAD."""
+    """Return the smallest margins of one loop as texts, in the order of COLUMN_TITLES."""
     rise = "× any" if worst["gain_up"] is None else f"× {format_number(worst['gain_up'], 3)}"
     fall = "× any" if not worst["gain_down"] else f"× {format_number(worst['gain_down'], 2)}"
     later = "any" if worst["delay"] is None else f"{format_number(1e3 * worst['delay'], 2)} ms"
@@ -47,7 +47,7 @@ def stability_warnings(answer: Answer) -> Iterator[str]:
     if answer["stuck"]:
         places = sorted({format_quantity(p["x"], "m", 3) for p in answer["stuck"]})
         where = join_names(places)
-        yield f"the piston does not slide steadily at {where} at any slow speed, so no margin is known there"
+        yield f"the piston does not slide steadily at {where} at any slow speed, so it has no margin there"
 
 
 def validity_note(answer: Answer) -> str:

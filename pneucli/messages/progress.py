@@ -1,4 +1,4 @@
-"""What a stage is doing, in the words of its progress line."""
+"""The progress line of a stage."""
 
 from __future__ import annotations
 

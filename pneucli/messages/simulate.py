@@ -71,14 +71,16 @@ def worst_metrics(answer: Answer) -> list[str]:
 
 def failures(answer: Answer) -> list[str]:
     """Return the scenarios that miss the tolerance, and how often each check of the Monte Carlo study fails."""
-    told = [f"scenario {join_names(failed_scenarios(answer))}"] if failed_scenarios(answer) else []
+    parts = [f"scenario {join_names(failed_scenarios(answer))}"] if failed_scenarios(answer) else []
     robust = answer.get("robust", {})
     for name, check in robust.get("checks", {}).items():
         if check["held"] < check["runs"]:
             limit = f"{METRIC_TITLES.get(name, name)} ≤ {check['limit']:g}"
-            count = f"missed in {check['runs'] - check['held']} of {check['runs']} runs with an effect it was not told"
-            told.append(f"{limit}: {count}, most with {join_names(_harmful(robust['by_effect'], name))}")
-    return told
+            count = (
+                f"missed in {check['runs'] - check['held']} of {check['runs']} runs with an effect outside its model"
+            )
+            parts.append(f"{limit}: {count}, most with {join_names(_harmful(robust['by_effect'], name))}")
+    return parts
 
 
 def failed_scenarios(answer: Answer) -> list[str]:
@@ -88,7 +90,7 @@ def failed_scenarios(answer: Answer) -> list[str]:
 
 
 def harmful_effects(answer: Answer) -> list[str]:
-    """Return the effects that make the controller miss most checks where it is not told of them, worst first."""
+    """Return the effects that make the controller miss most checks because its model lacks them, worst first."""
     robust = answer.get("robust", {})
     worst = [name for check in robust.get("checks", {}) for name in _harmful(robust["by_effect"], check)]
     return sorted(dict.fromkeys(worst), key=lambda name: -worst.count(name))[:MAX_NAMED_EFFECTS]
@@ -106,7 +108,7 @@ def _misses(figures: Answer, tolerance: float) -> bool:
 
 
 def _harmful(rates: list[Answer], check: str) -> list[str]:
-    """Return the effects beside which most runs miss a check, worst first."""
+    """Return the effects with which most runs fail a check, worst first."""
     mine = [r for r in rates if r["check"] == check and r["effect"] not in ("", "all") and r["held"] < r["runs"]]
     return [r["effect"] for r in sorted(mine, key=lambda r: r["held"] / r["runs"])[:MAX_NAMED_EFFECTS]]
 
@@ -125,8 +127,8 @@ def _open_loop(answer: Answer) -> Iterator[str]:
 
 def _closed_loop(answer: Answer) -> Iterator[str]:
     for name, figures in answer.get("closed_loop", {}).items():
-        alone = answer["pid_alone"][name]
-        rows = [(METRIC_TITLES.get(n, n), _figure(v), _figure(alone[n])) for n, v in figures.items() if v is not None]
+        pid = answer["pid_alone"][name]
+        rows = [(METRIC_TITLES.get(n, n), _figure(v), _figure(pid[n])) for n, v in figures.items() if v is not None]
         yield ""
         yield from table((f"closed loop, {name}", "with compensation", "PIDs only"), rows, texts=1)
 

@@ -1,4 +1,4 @@
-"""The warnings about an identified valve, in words."""
+"""The warnings about an identified valve."""
 
 from __future__ import annotations
 

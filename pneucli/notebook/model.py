@@ -13,7 +13,8 @@ from pneucli.pipeline.context import Context
 from pneucli.pipeline.runner import Pipeline
 from pneucli.quantities import ROTARY_UNITS, axis_motion
 from pneucli.simulate.model import Model
-from pneucli.stages.pipeline_data import MODEL_FILE, PipelineData, load_model
+from pneucli.stages.model_file import MODEL_FILE, load_model
+from pneucli.stages.pipeline_data import PipelineData
 
 Answers = Mapping[str, dict[str, Any]]  # of the stages ingest and identify, by stage
 

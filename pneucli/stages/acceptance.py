@@ -53,5 +53,5 @@ def parameter_intervals(context: Context) -> dict[str, tuple[float, float]]:
 
 
 def model_error(answers: Mapping[str, Mapping[str, Any]]) -> float | None:
-    """Return the model's error over the noise floor, of the recordings that it is judged by."""
+    """Return the model's error over the noise floor, on test recordings, or on training recordings without any."""
     return evaluation_error(answers.get("compare", {}).get("error", {}))[1]

@@ -29,7 +29,8 @@ from pneucli.io.artifacts import sha256_of
 from pneucli.physics.effects import select_effects
 from pneucli.pipeline import manifest as staleness
 from pneucli.simulate.model import Model
-from pneucli.stages.pipeline_data import PipelineData, load_model, save_model
+from pneucli.stages.model_file import load_model, save_model
+from pneucli.stages.pipeline_data import PipelineData
 from pneucli.stages.tables.baseline import REFERENCE_FILE, read_baseline, write_baseline_table
 
 

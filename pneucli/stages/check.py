@@ -1,4 +1,4 @@
-"""``check``: all that can be said of a pipeline without running it: its file, its raw files, their signals, the rig."""
+"""``check``: a pipeline without running it: its file, its raw files, their signals, the rig."""
 
 from __future__ import annotations
 
@@ -88,9 +88,9 @@ def _signal(name: str, source: RecordingSource, file: SignalReader | MultiFileRe
     """Return how a signal is read: from which column, in which unit, and what of it was repaired."""
     asked = source.signals.get(name)
     column = "" if asked is None else str(asked.column or asked.expression)
-    told = "; ".join(one.message for one in file.repairs if one.signal == name)
+    notes = "; ".join(one.message for one in file.repairs if one.signal == name)
     held = "held" if name in source.table.held_constant else column
-    return {"signal": name, "column": held, "unit": (asked.unit or "") if asked is not None else "", "told": told}
+    return {"signal": name, "column": held, "unit": (asked.unit or "") if asked is not None else "", "told": notes}
 
 
 def _row(source: RecordingSource, signals: list[dict[str, str]]) -> dict[str, Any]:

@@ -1,4 +1,4 @@
-"""The closed-loop part of ``simulate``: the designed controller in its scenarios, and its PIDs alone beside it."""
+"""The closed-loop part of ``simulate``: the designed controller in its scenarios, and its PID loops for comparison."""
 
 from __future__ import annotations
 
@@ -20,9 +20,11 @@ from pneucli.export.replay_check import replay_exported_c
 from pneucli.io.artifacts import read_table, write_table
 from pneucli.pipeline.manifest import program_versions
 from pneucli.simulate.model import Model
-from pneucli.stages.design import closed_loop_setup, load_controller, selected_controller
-from pneucli.stages.law_comparison import closed_loop_scenarios, metrics_answer, unit_from_name, write_runs
-from pneucli.stages.pipeline_data import PipelineData, load_model
+from pneucli.stages.designed_controller import closed_loop_setup, load_controller, selected_controller
+from pneucli.stages.law_comparison import closed_loop_scenarios, metrics_answer
+from pneucli.stages.model_file import load_model
+from pneucli.stages.pipeline_data import PipelineData
+from pneucli.stages.tables.comparison import unit_from_name, write_runs
 
 REST_TOLERANCE_RATIO = (
     2.0  # times the reach within which the piston is left alone: the error at rest that is good enough
@@ -52,8 +54,8 @@ def simulate_closed_loop(study: PipelineData) -> dict[str, Any]:
             study.provenance("identify/model.parquet", "design/gains.parquet"),
             "pneucli/simulate/closed_loop/1",
         )
-        told = {kind: {name: metrics_answer(m) for name, (_, m) in by.items()} for kind, by in found.items()}
-        answer["closed_loop"], answer["pid_alone"] = told["compensated"], told["pid_alone"]
+        metrics = {kind: {name: metrics_answer(m) for name, (_, m) in by.items()} for kind, by in found.items()}
+        answer["closed_loop"], answer["pid_alone"] = metrics["compensated"], metrics["pid_alone"]
         answer["tolerance_um"] = REST_TOLERANCE_RATIO * 1e6 * controller.values["C_HOLDING_BAND"]
         replayed = replay_exported_c(controller, model, bench, context.config.name)
         answer["exported_c"] = asdict(replayed)

@@ -19,7 +19,8 @@ from pneucli.io.artifacts import TableWriter, schema_of, write_table
 from pneucli.pipeline.context import Context
 from pneucli.quantities import SIGNALS
 from pneucli.stages import controller_logs, history
-from pneucli.stages.pipeline_data import PipelineData, load_model
+from pneucli.stages.model_file import load_model
+from pneucli.stages.pipeline_data import PipelineData
 
 RESIDUALS_FILE = "residuals.parquet"
 
@@ -35,9 +36,11 @@ def run(context: Context) -> dict[str, Any]:
 
     noise = expected_rms_of_all(model, experiments, progress)
     comparisons = [compare(model, e, expected) for e, expected in zip(experiments, noise, strict=True)]
-    known = controller_logs.controllers_by_recording(context)
+    controllers = controller_logs.controllers_by_recording(context)
     looked = {
-        r.name: controller_logs.replay_recording(model, r, known[r.name]) for r in study.recordings if r.name in known
+        r.name: controller_logs.replay_recording(model, r, controllers[r.name])
+        for r in study.recordings
+        if r.name in controllers
     }
     comparisons = [controller_logs.with_commands(c, looked, model) for c in comparisons]
     _write_residuals(study, comparisons)
@@ -71,7 +74,7 @@ def purpose_answer(results: Sequence[ChannelResult], tolerances: Mapping[Channel
 
 
 def _nan_to_null(row: dict[str, Any]) -> dict[str, Any]:
-    """JSON knows no NaN: null stands for what cannot be told, such as a percentage of a range of zero."""
+    """JSON knows no NaN: null stands for an undefined number, such as a percentage of a zero range."""
     return {k: None if isinstance(v, float) and not math.isfinite(v) else v for k, v in row.items()}
 
 

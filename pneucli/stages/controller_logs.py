@@ -51,7 +51,7 @@ class ReplayedLog:
 
 
 def controllers_by_recording(context: Context) -> dict[str, ExportedController]:
-    """Return the controllers that ran, by recording; those that are not known are left out. Raises InputError."""
+    """Return the controllers that ran, by recording; unnamed ones are left out. Raises InputError."""
     found = {}
     for source in recording_sources(context.config):
         name = source.table.controller
@@ -83,15 +83,16 @@ def with_commands(found: Comparison, replayed: Mapping[str, ReplayedLog], model:
     off = replay_rounding_error(looked.engine, looked.log, replay, steps) if steps else 0.0
     names = ["u", *(["u2"] if "u2" in recording else [])]
     read = {name: recording[name] for name in names}
-    said = {name: replay.commands[places, i] for i, name in enumerate(names)}
+    commands = {name: replay.commands[places, i] for i, name in enumerate(names)}
     results = tuple(
-        evaluate_channel(found.experiment, n, read[n], said[n], _command_error_floor(recording, n, off)) for n in names
+        evaluate_channel(found.experiment, n, read[n], commands[n], _command_error_floor(recording, n, off))
+        for n in names
     )
     return replace(
         found,
         results=found.results + results,
         measured={**found.measured, **read},
-        modelled={**found.modelled, **said},
+        modelled={**found.modelled, **commands},
     )
 
 
@@ -127,7 +128,7 @@ def _loop_answer(run: Run, model: Model, looked: ReplayedLog) -> Mapping[str, An
 
 
 def mean_estimates(run: Run) -> dict[str, float]:
-    """Return the means of the controller's estimates: of the load in N, and of the flow beside the valve's in Pa/s."""
+    """Return the means of the controller's estimates: of the load in N, and of the flow past the valve in Pa/s."""
     return {
         "load_estimate_n": float(np.mean(run.log[:, layout.L_LOAD])),
         "flow_estimate_pa_s": float(np.mean(run.log[:, layout.L_FLOW1])),

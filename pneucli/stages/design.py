@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from pneucli.closed_loop.simulation import ClosedLoopSetup
 from pneucli.controller import layout
 from pneucli.controller.laws import LAWS, select_laws
 from pneucli.controller.parameters import Controller
@@ -23,23 +22,24 @@ from pneucli.design.requirements import Requirements, read_requirements
 from pneucli.design.sliding import axis_systems, unmatched_disturbances
 from pneucli.design.sliding_sector import SlidingSector, limit_slope, sector_from_vertices
 from pneucli.errors import InputError
-from pneucli.io.artifacts import Provenance, atomic_path, read_table, write_table
+from pneucli.io.artifacts import atomic_path, read_table, write_table
 from pneucli.pipeline.context import Context, NotApplicable
 from pneucli.recording import Recording
 from pneucli.simulate.model import Model
 from pneucli.stages.acceptance import acceptance_answer
+from pneucli.stages.designed_controller import CONTROLLERS_FOLDER, setup_from_requirements
 from pneucli.stages.law_comparison import (
     LawComparison,
     closed_loop_scenarios,
     compare_controllers,
     comparison_answer,
     observer_warnings,
-    write_comparison,
 )
 from pneucli.stages.margins import margins_answer
-from pneucli.stages.pipeline_data import PipelineData, load_model
-
-CONTROLLERS_FOLDER = "controllers"  # a file a law
+from pneucli.stages.model_file import load_model
+from pneucli.stages.pipeline_data import PipelineData
+from pneucli.stages.tables.comparison import write_comparison
+from pneucli.stages.tables.design import write_sectors, write_weight_studies
 
 
 @dataclass(frozen=True)
@@ -83,12 +83,12 @@ def run(context: Context) -> dict[str, Any]:
     chosen = {name: designed.controllers[name] for name in names if name in designed.controllers}
     scenarios = closed_loop_scenarios(context, study.recordings, designed.selected)
     variants = design_variants(designed.data, chosen)
-    found = compare_controllers(model, chosen, scenarios, _setup_from_requirements(wanted), variants)
+    found = compare_controllers(model, chosen, scenarios, setup_from_requirements(wanted), variants)
     designed.warnings.extend(observer_warnings(found))
     _write(study, designed)
     write_comparison(found, context.out, study.provenance("identify/model.parquet"))
     about = (context, model, designed.selected)
-    setup, provenance = _setup_from_requirements(wanted), study.provenance("identify/model.parquet")
+    setup, provenance = setup_from_requirements(wanted), study.provenance("identify/model.parquet")
     margins = margins_answer(*about, setup, designed.corners.position, provenance)
     held = acceptance_answer(*about, wanted, setup)
     return _answer(study, designed, found) | {"margins": margins, "gate": held}
@@ -215,68 +215,9 @@ def _write(study: PipelineData, designed: DesignResult) -> None:
         schema="pneucli/design/gains/1",
         provenance=provenance,
     )
-    _write_sectors(out, designed, provenance)
+    write_sectors(out, designed.sectors, provenance)
     if designed.weight_studies:
-        _write_lmi(out, designed.weight_studies, provenance)
-
-
-def _write_sectors(out: Path, designed: DesignResult, provenance: Provenance) -> None:
-    units = {"a_1": "1/s", "a_2": "1/s", "lambda_1": "1/s", "lambda_2": "1/s", "speed_floor": "m/s"}
-    rows = designed.sectors
-    write_table(
-        out / "sector.parquet",
-        {"name": list(rows)}
-        | {
-            n: np.array([getattr(s, n) for s in rows.values()], dtype=np.float64)
-            for n in [*units, "middle", "steepness"]
-        }
-        | {"warning": [s.warning for s in rows.values()]},
-        units=units | {"middle": "1/s", "steepness": "1"},
-        schema="pneucli/design/sector/1",
-        provenance=provenance,
-    )
-
-
-def _write_lmi(out: Path, weights: Sequence[WeightStudy], provenance: Provenance) -> None:
-    numbers = ("rate", "worst_pole", "worst_lmi")
-    write_table(
-        out / "lmi.parquet",
-        {
-            "weight_type": [str(w.weight_type) for w in weights],
-            "vertices": np.array([w.vertices for w in weights]),
-            **{n: np.array([getattr(w.pdc, n) if w.pdc else np.nan for w in weights]) for n in numbers},
-            "status": [w.pdc.status if w.pdc else w.failure for w in weights],
-            "verified": np.array([bool(w.pdc and w.pdc.verified) for w in weights]),
-            "peak": np.array([w.peak_input_ratio for w in weights]),
-            "decayed": np.array([w.lyapunov_ratio for w in weights]),
-        },
-        units={"vertices": "1", "rate": "1/s", "worst_pole": "1/s"}
-        | dict.fromkeys(("worst_lmi", "peak", "decayed", "verified"), "1"),
-        schema="pneucli/design/lmi/1",
-        provenance=provenance,
-    )
-
-
-def load_controller(folder: Path, name: str) -> Controller:
-    """Return the controller of that name; raises InputError where the stage could not make it."""
-    if not (path := folder / CONTROLLERS_FOLDER / f"{name}.json").is_file():
-        made = ", ".join(sorted(one.stem for one in path.parent.iterdir()))
-        raise InputError(f"controller {name}", "it could not be designed for this axis", f"one of {made}")
-    return Controller.from_json(path.read_text(encoding="utf-8"))
-
-
-def selected_controller(folder: Path, answer: Mapping[str, Any]) -> Controller:
-    """Return the controller that ``[design] controller`` names."""
-    return load_controller(folder, answer["requirements"]["controller"])
-
-
-def closed_loop_setup(answer: Mapping[str, Any]) -> ClosedLoopSetup:
-    """Return the sensors and the delay that the design reckoned with."""
-    return _setup_from_requirements(Requirements(**answer["requirements"]))
-
-
-def _setup_from_requirements(wanted: Requirements) -> ClosedLoopSetup:
-    return ClosedLoopSetup(wanted.noise_x, wanted.noise_p, wanted.quantum_x, 0.0, round(wanted.delay / wanted.period))
+        write_weight_studies(out, designed.weight_studies, provenance)
 
 
 def _answer(study: PipelineData, designed: DesignResult, found: LawComparison) -> dict[str, Any]:

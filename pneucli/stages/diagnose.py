@@ -1,4 +1,4 @@
-"""``diagnose``: which physical effect is missing, how sure that is, what else it could be, and what to measure next."""
+"""``diagnose``: the missing physical effects, their probabilities and equivalents, and the next experiment."""
 
 from __future__ import annotations
 
@@ -45,7 +45,8 @@ from pneucli.stages.diagnosis_answer import (
     unexplained_answer,
     verdict_answer,
 )
-from pneucli.stages.identify import parameters_answer, per_vessel_volume
+from pneucli.stages.identify import parameters_answer
+from pneucli.stages.leak_answer import per_vessel_volume
 from pneucli.stages.pipeline_data import PipelineData
 from pneucli.stages.tables.diagnosis import SHAPE_FILE, write_diagnosis
 

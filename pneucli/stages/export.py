@@ -11,8 +11,9 @@ from pneucli.export import export_files
 from pneucli.export.controller_program import controller_hash
 from pneucli.io.artifacts import read_table
 from pneucli.pipeline.context import Context
-from pneucli.stages.design import closed_loop_setup, load_controller
-from pneucli.stages.pipeline_data import PipelineData, load_model
+from pneucli.stages.designed_controller import closed_loop_setup, load_controller
+from pneucli.stages.model_file import load_model
+from pneucli.stages.pipeline_data import PipelineData
 
 TARGETS = ("c", "mat", "csv", "st")
 TABLES = (

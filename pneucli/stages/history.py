@@ -1,4 +1,4 @@
-"""The models before the one as it is: kept in the stage's own folder, ``history``, one folder a model.
+"""Earlier models: stored in the folder ``history`` of the stage, one folder a model.
 
 A stage that is run anew takes the former models over as links, and the model that it replaces with them; a model that
 comes back is not kept twice. So the history is whole or as before at every moment, as the stage's folder is.

@@ -15,9 +15,8 @@ from pneucli.identify.estimation.progress import Iteration, report_iterations_to
 from pneucli.identify.friction import FrictionIdentification, identify_friction
 from pneucli.identify.guesses.chamber_balance import Chamber
 from pneucli.identify.guesses.flow_paths import opening_from_null, valve_driven
-from pneucli.identify.guesses.friction_and_valve import PLACEHOLDER_VOLUME, guess_base_model
+from pneucli.identify.guesses.friction_and_valve import guess_base_model
 from pneucli.identify.guesses.null_command import drifting_recordings
-from pneucli.identify.leak_rate import FLOW_UNIT, leak_flows, pressure_losses
 from pneucli.identify.residuals import ResidualModel, with_channel_weights
 from pneucli.identify.valve import ValveIdentification, identify_valve, identify_valve_on_piston
 from pneucli.io.artifacts import write_table
@@ -25,21 +24,16 @@ from pneucli.messages.formatting import format_number
 from pneucli.messages.friction import friction_warning
 from pneucli.messages.valve import valve_warning
 from pneucli.pipeline.context import Context
-from pneucli.plausibility.required_inputs import Assumption, assumptions, volumes_to_identify
-from pneucli.quantities import axis_parameter_name
 from pneucli.recording import Rig
-from pneucli.simulate.model import Model, has_parameter, parameter_value
-from pneucli.stages.pipeline_data import PipelineData, save_model
+from pneucli.simulate.model import Model
+from pneucli.stages.assumptions import assumed_values, fixed_parameters, null_command_estimate
+from pneucli.stages.leak_answer import leak_answer, per_vessel_volume
+from pneucli.stages.model_file import save_model
+from pneucli.stages.pipeline_data import PipelineData
 from pneucli.stages.tables.correlation import write_parameter_relations
 from pneucli.stages.tables.friction import friction_answer, write_friction
 from pneucli.stages.tables.valve import iso_parameters, valve_answer, valve_findings, write_valves
 
-PIPELINE_KEYS = {
-    "rig.moving_mass": "rig.cylinder.moving_mass",
-    "rig.dead_volume_1": "rig.cylinder.dead_volume_1",
-    "rig.dead_volume_2": "rig.cylinder.dead_volume_2",
-    "rig.vessel_volume": "rig.vessel.volume",
-}  # where the pipeline file says what is identified where it does not
 AT_STATED_BOUND = (
     "{} stands at its bound, which [model.parameters] may set: these recordings ask for more, or do not show it"
 )
@@ -62,14 +56,14 @@ def run(context: Context) -> dict[str, Any]:
     del whole, views  # their derivatives fill the memory with a long recording
     context.progress("identifying the valve", 0.5)
     valves = _identify_valves(study, found, warnings)
-    leaks = _leak_answer(study, found.model, [per_vessel_volume(e, study) for e in found.estimates])
+    leaks = leak_answer(study, found.model, [per_vessel_volume(e, study) for e in found.estimates])
     study.release_experiments()
     context.progress("identifying friction", 0.7)
     model, estimates = (
         found.model,
-        [per_vessel_volume(e, study) for e in found.estimates] + _null_command_estimate(study.rig),
+        [per_vessel_volume(e, study) for e in found.estimates] + null_command_estimate(study.rig),
     )
-    estimates += _fixed_parameters(found.model)
+    estimates += fixed_parameters(found.model)
     warnings += _unused_prior_warnings(study, found.free)
     warnings += [_at_bound_warning(e.name, study.rig) for e in found.estimates if e.at_bound]
     friction = _identify_friction(study, model, warnings)
@@ -77,25 +71,8 @@ def run(context: Context) -> dict[str, Any]:
     return _answer(study, estimates, valves, friction, warnings) | leaks
 
 
-def _null_command_estimate(rig: Rig) -> list[Estimate]:
-    """Return the null command where it was identified: anywhere in its range it explains the recordings as well."""
-    if rig.null_range is None:
-        return []
-    low, high = rig.null_range
-    return [Estimate("valve.null", "V", rig.valve_null, 0.25 * (high - low), (low, high), False)]
-
-
 def _at_bound_warning(name: str, rig: Rig) -> str:
     return (AT_STATED_BOUND if name in rig.priors else AT_DEFAULT_BOUND).format(name)
-
-
-def _fixed_parameters(model: Model) -> list[Estimate]:
-    """Return the parameters that the pipeline file fixes: the interval has no width."""
-    fixed = {name: k for name, k in model.rig.priors.items() if k.fixed is not None and has_parameter(model, name)}
-    return [
-        Estimate(name, k.unit, value := parameter_value(model, name), 0.0, (value, value), False)
-        for name, k in fixed.items()
-    ]
 
 
 def _unused_prior_warnings(study: PipelineData, free: Sequence[FreeParameter]) -> list[str]:
@@ -121,7 +98,7 @@ def _null_warnings(rig: Rig) -> list[str]:
 
 
 def _round_observer(study: PipelineData, rounds: list[Iteration]) -> Callable[[Iteration], None]:
-    """Return what keeps each round of the fit, and tells people how far it is."""
+    """Return the observer that stores each iteration of the fit and reports the progress."""
 
     def see(one: Iteration) -> None:
         rounds.append(one)
@@ -193,30 +170,6 @@ def _identify_friction(study: PipelineData, model: Model, warnings: list[str]) -
     return found
 
 
-def _only_ratio_identifiable(study: PipelineData) -> bool:
-    """Whether vessels of unknown volume are all that gas flows into."""
-    unknown = study.rig.vessel_volume is None and "rig.vessel_volume" not in volumes_to_identify(
-        study.recordings, study.rig
-    )
-    return unknown and {r.kind.cylinder for r in study.recordings if r.kind.valve} == {False}
-
-
-def per_vessel_volume(estimate: Estimate, study: PipelineData) -> Estimate:
-    """Return the estimate, per volume of the vessel where that volume is not known: only the ratio can be told."""
-    counted = estimate.unit.startswith(("m^2", "m^3", "W/K", "kg/")) and not estimate.name.startswith("rig.")
-    if not (counted and _only_ratio_identifiable(study)):
-        return estimate
-    low, high = estimate.ci95
-    return Estimate(
-        estimate.name,
-        f"{estimate.unit}/m^3",
-        estimate.value / PLACEHOLDER_VOLUME,
-        estimate.error / PLACEHOLDER_VOLUME,
-        (low / PLACEHOLDER_VOLUME, high / PLACEHOLDER_VOLUME),
-        estimate.at_bound,
-    )
-
-
 def _write(
     study: PipelineData,
     model: Model,
@@ -242,28 +195,6 @@ def _write(
     )
 
 
-def assumed_values(study: PipelineData, names: set[str]) -> list[Assumption]:
-    """Return what stands in for what the pipeline file does not say of the rig; ``names`` are of what was fitted."""
-    rig, stated = study.rig, study.context.config.document.get("rig", {})
-    gas = any(r.kind.valve for r in study.recordings)
-    pressed = gas or any("p1" in r or "p2" in r for r in study.recordings)
-    found = []
-    if pressed and "ambient_pressure" not in stated:
-        found.append(Assumption(f"ambient pressure is {rig.ambient_pressure / 1e5:.5g} bar", "rig.ambient_pressure"))
-    if gas and "gas_temperature" not in stated:
-        found.append(Assumption(f"the gas has {rig.gas_temperature:g} K", "rig.gas_temperature"))
-    unstated = {name for name in names & PIPELINE_KEYS.keys() if getattr(rig, name.removeprefix("rig.")) is None}
-    keys = {
-        axis_parameter_name(name): axis_parameter_name(PIPELINE_KEYS[name])
-        for name in PIPELINE_KEYS
-        if name in unstated
-    }
-    instead = [Assumption(f"{name} is not stated and identified", key) for name, key in keys.items()]
-    if _only_ratio_identifiable(study):
-        instead.append(Assumption("areas, volumes and flows are per volume of the vessel", "rig.vessel.volume"))
-    return [*found, *assumptions(study.recordings, rig), *instead]
-
-
 def parameters_answer(estimates: list[Estimate]) -> dict[str, Any]:
     """Return the parameters as the JSON answers hold them."""
     return {e.name: {"value": e.value, "unit": e.unit, "ci95": list(e.ci95)} for e in estimates}
@@ -287,27 +218,3 @@ def _answer(
     if friction is not None:
         answer["friction"] = friction_answer(friction)
     return answer
-
-
-def _leak_answer(study: PipelineData, model: Model, estimates: list[Estimate]) -> dict[str, Any]:
-    """Return what the answer says of leaks, in the units of the trade, and what an area takes for granted of heat."""
-    lost = [asdict(one) for one in pressure_losses(study.experiments, study.rig)]
-    flows = [
-        asdict(one) | {"unit": FLOW_UNIT}
-        for one in leak_flows(model, study.experiments, volume_known=not _only_ratio_identifiable(study))
-    ]
-    leaking = {f"{e.name}.area" for e in model.effects if any(port.startswith("leak_") for port in e.ports)}
-    simulated = any("heat" in e.ports for e in model.effects)
-    mine = [e for e in estimates if e.name in leaking and not simulated]
-    exponent, kappa = model.base_values()["rig.polytropic_exponent"], study.rig.heat_capacity_ratio
-    areas = [
-        {
-            "name": e.name,
-            "unit": e.unit,
-            "exponent": exponent,
-            "isothermal": e.value * exponent,
-            "adiabatic": e.value * exponent / kappa,
-        }
-        for e in mine
-    ]
-    return {"leaks": {"lost": lost, "flows": flows, "areas": areas}} if lost or flows else {}

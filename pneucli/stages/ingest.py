@@ -24,15 +24,13 @@ from pneucli.io.recordings import SIGNALS_FILE, signals_schema
 from pneucli.io.signal_reader import SignalReader
 from pneucli.io.timestamp_order import LOSS_MESSAGES
 from pneucli.messages.ingest import repair_location
-from pneucli.noise import NoiseModel, detect_jumps, estimate_noise, jump_free_segments, pool_noise
 from pneucli.pipeline.context import Context, Progress
 from pneucli.quantities import SIGNALS
 from pneucli.recording import Rig
+from pneucli.stages.ingest_noise import MAX_NOISE_SAMPLES, noise_of, pool_noise_by_sensor, stated_noise
 from pneucli.stages.tables.ingest import IngestedRecording, inspect_signals, loss_column, recording_row, write_tables
 from pneucli.units import factor_and_offset, parse_unit_as
 
-MAX_NOISE_SAMPLES = 200_000  # of a long recording, its start stands for the whole
-MIN_NOISE_SAMPLES = 8  # samples that noise is estimated from
 SPOOL_VALVE_HINT = '; where one valve drives both chambers, say [rig.valve] arrangement = "5/3"'
 MIN_PERIOD, MAX_PERIOD = 1e-9, 1e6  # s, of a sampling period
 WARNING_REPAIRS = (
@@ -68,7 +66,7 @@ def run(context: Context) -> dict[str, Any]:
                 one.sha256 = hashes[one.source.path].result()
             about = Provenance({str(path): hashed.result() for path, hashed in hashes.items()}, about.parameters)
             writer.add_inputs(about)
-    _pool_noise(done)
+    pool_noise_by_sensor(done)
     write_tables(context.out, done, about)
     return _answer(config, done) | inspect_signals(context, done)
 
@@ -182,7 +180,7 @@ def _ingest(
     tell: Callable[[str], None],
 ) -> None:
     """Clean one file batch by batch; a batch is written while the next one is read."""
-    cleaner = Cleaner(file.locate, _stated_noise(one.source), (one.source.table.from_, one.source.table.to))
+    cleaner = Cleaner(file.locate, stated_noise(one.source), (one.source.table.from_, one.source.table.to))
     heads: list[dict[str, Array]] = []
     writing: Future[None] | None = None
     for batch in _cleaned_batches(cleaner, file.batches()):
@@ -205,7 +203,7 @@ def _ingest(
     one.losses = file.losses + cleaner.losses
     one.repairs = [*file.repairs, *cleaner.repairs()]
     _require_usable(one)
-    one.noise = _noise_of(one, heads)
+    one.noise = noise_of(one, heads)
 
 
 def _cleaned_batches(cleaner: Cleaner, batches: Iterator[dict[str, Array]]) -> Iterator[dict[str, Array]]:
@@ -231,60 +229,6 @@ def _require_usable(one: IngestedRecording) -> None:
         raise InputError(f"{where}, signal {name}", found, "a recorded signal", "check its column, or leave it out")
     one.signals = [name for name in one.signals if name not in one.empty]
     one.repairs += [Repair(name, "empty", one.samples, "has no value in any row; left out") for name in one.empty]
-
-
-def _stated_noise(source: RecordingSource) -> dict[str, float]:
-    return {name: float(signal.noise) for name, signal in source.signals.items() if signal.noise is not None}
-
-
-def _noise_of(one: IngestedRecording, heads: list[dict[str, Array]]) -> dict[str, NoiseModel]:
-    """Return the noise of each signal: 0 for constants, as stated, else estimated."""
-    stated = _stated_noise(one.source)
-    time = np.concatenate([head["time"] for head in heads])
-    commands = [np.concatenate([head[u] for head in heads]) for u in ("u", "u2") if u in heads[0]]
-    jumps = detect_jumps(commands, time.size)
-    one.command_always_jumps = jump_free_segments(jumps, one.period) is None and bool(jumps.any())
-    models = {name: NoiseModel(white=0.0, period=one.period) for name in one.source.table.held_constant}
-    for name in one.signals:
-        if name == "time" or name in models:
-            continue
-        values = np.concatenate([head[name] for head in heads])
-        if name in stated:
-            models[name] = NoiseModel(white=stated[name], period=one.period)
-        elif np.isfinite(values).sum() >= MIN_NOISE_SAMPLES:
-            measured = _sample_mask(values)
-            own = detect_jumps([values], time.size)[measured] if _has_friction_jumps(name, one.source) else None
-            alone = name == "x" and "a" not in one.signals
-            models[name] = estimate_noise(time[measured], values[measured], jumps[measured], own, is_motion=alone)
-    return models
-
-
-def _has_friction_jumps(name: str, source: RecordingSource) -> bool:
-    """Whether dry friction makes a signal jump: the force of a motion that is imposed and turns, and the acceleration
-    of a piston that breaks away or stops. Over such jumps its spectrum would be that of slow noise.
-    """
-    return name == "a" or (name == "force" and source.table.imposed is not None)
-
-
-def _sample_mask(values: Array) -> NDArray[np.bool_]:
-    """Return which samples count: all but those that were not measured, where a signal has a clock of its own."""
-    finite = np.isfinite(values)
-    return np.asarray(finite if finite.mean() <= 0.8 else np.ones_like(finite))
-
-
-def _pool_noise(done: list[IngestedRecording]) -> None:
-    """Let all recordings of one sensor at one rate share what is known of its noise; kinked ones count if all are."""
-    groups: dict[tuple[str, str, int], list[IngestedRecording]] = {}
-    for one in done:
-        for name in one.noise.keys() & one.source.signals.keys():
-            rate = round(float(np.log(one.period)) / 0.1)
-            groups.setdefault((name, repr(one.source.signals[name]), rate), []).append(one)
-    for (name, _, _), members in groups.items():
-        shared = pool_noise(
-            [one.noise[name] for one in members if not one.command_always_jumps] or [one.noise[name] for one in members]
-        )
-        for one in members:
-            one.noise[name] = shared
 
 
 def _answer(config: PipelineConfig, done: list[IngestedRecording]) -> dict[str, Any]:

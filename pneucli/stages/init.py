@@ -57,7 +57,7 @@ def create(directory: Path, raw: Sequence[Path] = (), **stated: Any) -> dict[str
     content = _from_raw(directory, found) if raw else _example(directory)
     content = "\n".join([content, *(f"# left out: {one}" for one in left)]) + "\n" * bool(left)
     content = f"{DIRECTIVE}\n{content}"
-    told = pressure_references(found)
+    references = pressure_references(found)
     with atomic_path(target) as temporary:
         temporary.write_text(content, encoding="utf-8")
     with atomic_path(directory / SCHEMA) as temporary:
@@ -65,7 +65,7 @@ def create(directory: Path, raw: Sequence[Path] = (), **stated: Any) -> dict[str
     return {
         "schema": "pneucli/init/1",
         "pipeline": str(target),
-        "columns": [row for kind in found for row in _column_rows(kind, told)],
+        "columns": [row for kind in found for row in _column_rows(kind, references)],
         "left_out": left,
         "recordings": [_recording_row(kind) for kind in found],
         "fill_in": [{"line": line, "key": key} for line, key in fields_to_fill_in(content)],
@@ -134,13 +134,13 @@ def _from_raw(directory: Path, found: Sequence[FileGroup]) -> str:
     return pipeline_text(directory, found, [guess_experiment(kind) for kind in found], pressure_references(found))
 
 
-def _column_rows(kind: FileGroup, told: References) -> Iterator[dict[str, Any]]:
+def _column_rows(kind: FileGroup, references: References) -> Iterator[dict[str, Any]]:
     """Yield what was seen of each column of a kind of file."""
     guesses: list[Guess] = [*kind.signals.values(), *kind.unused]
     for one in guesses:
         each = kind.raw_numbers(one.signal) if one.signal else [column_values(survey, one) for survey in kind.surveys]
         values = np.concatenate(each)
-        reference, why = told.get(one.unit, ("", "")) if one.signal.startswith("p") else ("", "")
+        reference, why = references.get(one.unit, ("", "")) if one.signal.startswith("p") else ("", "")
         yield {
             "file": kind.file,
             "column": one.column.name or one.column.key,

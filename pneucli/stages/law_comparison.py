@@ -20,26 +20,13 @@ from pneucli.closed_loop.metrics import Metrics
 from pneucli.closed_loop.scenarios import PRESSURE_SUFFIX, read_scenarios
 from pneucli.closed_loop.simulation import ClosedLoopSetup, Run, Scenario
 from pneucli.closed_loop.sliding_share import MIN_SLIDING_SHARE, OBSERVERS
-from pneucli.controller import layout
 from pneucli.controller.laws import DEFAULT
 from pneucli.controller.parameters import Controller
-from pneucli.io.artifacts import Provenance, write_table
 from pneucli.pipeline.context import Context
 from pneucli.recording import Recording
-from pneucli.simulate import layout as at
 from pneucli.simulate.model import Model
 
 RunsByLaw = Mapping[str, Mapping[str, tuple[Run, Metrics]]]
-MAX_PLOT_SAMPLES = 2000  # samples of a run that are kept for pictures
-MODEL_SIGNALS = {"x": (at.X, "m"), "v": (at.V, "m/s"), "p1": (at.P1, "Pa"), "p2": (at.P2, "Pa")}
-CONTROLLER_SIGNALS = {
-    "u": (layout.L_U1, "V"),
-    "u2": (layout.L_U2, "V"),
-    "p1_ref": (layout.L_P1_REF, "Pa"),
-    "x_shaped": (layout.L_X_SHAPED, "m"),
-    "load_estimate": (layout.L_LOAD, "N"),
-    "flow_estimate": (layout.L_FLOW1, "Pa/s"),
-}
 
 
 @dataclass(frozen=True)
@@ -96,18 +83,18 @@ def compare_controllers(
 
 def observer_warnings(found: LawComparison) -> list[str]:
     """Return a warning for each law whose disturbance observer is at its bound M_k in over 20 % of the samples."""
-    told = []
+    warnings = []
     for name, by in found.laws.items():
         for observer in OBSERVERS:
             shares = {s: getattr(m, f"sliding_{observer}") for s, (_, m) in by.items()}
-            known = {s: share for s, share in shares.items() if not math.isnan(share)}
-            if known and (least := min(known, key=known.__getitem__)) and known[least] < MIN_SLIDING_SHARE:
-                told.append(
-                    f"{name}: the {observer} observer is at its bound M_k in {100 * (1 - known[least]):.0f} % of the "
-                    f"samples of {least}, above {100 * (1 - MIN_SLIDING_SHARE):.0f} %: its estimate is not the "
+            finite = {s: share for s, share in shares.items() if not math.isnan(share)}
+            if finite and (worst := min(finite, key=finite.__getitem__)) and finite[worst] < MIN_SLIDING_SHARE:
+                warnings.append(
+                    f"{name}: the {observer} observer is at its bound M_k in {100 * (1 - finite[worst]):.0f} % of "
+                    f"the samples of {worst}, above {100 * (1 - MIN_SLIDING_SHARE):.0f} %: its estimate is not the "
                     "disturbance"
                 )
-    return told
+    return warnings
 
 
 def comparison_answer(found: LawComparison) -> dict[str, Any]:
@@ -127,81 +114,3 @@ def _metrics_by_law(found: RunsByLaw) -> dict[str, Any]:
 def metrics_answer(found: Metrics) -> dict[str, float | None]:
     """Return figures as JSON has them: null where a scenario does not show one, or it is without bound."""
     return {n: v if math.isfinite(v) else None for n, v in asdict(found).items()}
-
-
-def write_comparison(found: LawComparison, out: Any, provenance: Provenance) -> None:
-    """Write the figures of all cases, and the signals of the laws, thinned out for pictures."""
-    rows = [
-        {"group": group, "controller": name, "scenario": s} | asdict(m)
-        for group, cases in (
-            ("law", found.laws),
-            ("without map", found.without_inverse_map),
-            ("without", found.ablation),
-            ("variant", found.variants),
-        )
-        for name, by in cases.items()
-        for s, (_, m) in by.items()
-    ]
-    if not rows:
-        return
-    numbers = [n for n, v in rows[0].items() if isinstance(v, float)]
-    texts = {n: [str(r[n]) for r in rows] for n in ("group", "controller", "scenario")}
-    write_table(
-        out / "comparison.parquet",
-        texts | {n: np.array([r[n] for r in rows]) for n in numbers},
-        units={n: unit_from_name(n) for n in numbers},
-        schema="pneucli/design/comparison/1",
-        provenance=provenance,
-    )
-    write_runs(
-        out / "comparison_signals.parquet",
-        {
-            (name, s): r
-            for name, by in {
-                **found.laws,
-                **_pressure_control_runs(found.without_inverse_map),
-                **found.variants,
-            }.items()
-            for s, (r, _) in by.items()
-        },
-        provenance,
-        "pneucli/design/comparison_signals/1",
-        MAX_PLOT_SAMPLES,
-    )
-
-
-def _pressure_control_runs(found: RunsByLaw) -> RunsByLaw:
-    """Return the runs in which a pressure is asked for: those that the map's pictures show."""
-    return {name: {s: one for s, one in by.items() if one[0].scenario.controls_pressure} for name, by in found.items()}
-
-
-def write_runs(
-    path: Any, runs: Mapping[tuple[str, str], Run], provenance: Provenance, schema: str, max_samples: int | None = None
-) -> None:
-    """Write signals of runs by (controller, scenario), of each at most ``max_samples`` samples."""
-    texts: dict[str, list[str]] = {"scenario": [], "controller": []}
-    numbers: dict[str, list[Any]] = {}
-    for (name, scenario), one in runs.items():
-        s, step = one.scenario, 1 if max_samples is None else -(-one.time.size // max_samples)
-        parts = {"time": one.time, "x_ref": s.reference, "load": s.force, "p_supply": s.supply}
-        if s.controls_pressure:
-            parts["x_ref"] = np.full(one.time.size, np.nan)
-        parts |= {signal: one.model[:, place] for signal, (place, _) in MODEL_SIGNALS.items()}
-        parts |= {signal: one.log[:, place] for signal, (place, _) in CONTROLLER_SIGNALS.items()}
-        for signal, part in parts.items():
-            numbers.setdefault(signal, []).append(part[::step])
-        count = parts["time"][::step].size
-        texts["scenario"] += [scenario] * count
-        texts["controller"] += [name] * count
-    write_table(
-        path,
-        {**texts, **{n: np.concatenate(parts) for n, parts in numbers.items()}},
-        units={n: u for n, (_, u) in (MODEL_SIGNALS | CONTROLLER_SIGNALS).items()} | {"load": "N"},
-        schema=schema,
-        provenance=provenance,
-    )
-
-
-def unit_from_name(figure: str) -> str:
-    """Return the unit that a figure's name ends in."""
-    return {"um": "um", "s": "s", "hz": "Hz", "v": "V", "kg": "kg", "pa": "Pa"}.get(figure.rsplit("_", 1)[-1], "1")

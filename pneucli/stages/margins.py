@@ -66,22 +66,22 @@ def _point(cut: LoopCut, found: MarginAnalysis) -> dict[str, Any]:
 
 def _worst(points: Sequence[dict[str, Any]]) -> dict[str, float | None]:
     """Return of each margin the smallest one; null where there is no limit."""
-    known = {n: [p[n] for p in points if p[n] is not None] for n in WORST_OF_MARGIN}
-    return {n: worst(known[n]) if known[n] else None for n, worst in WORST_OF_MARGIN.items()}
+    finite = {n: [p[n] for p in points if p[n] is not None] for n in WORST_OF_MARGIN}
+    return {n: worst(finite[n]) if finite[n] else None for n, worst in WORST_OF_MARGIN.items()}
 
 
 def _write(context: Context, cuts: Sequence[LoopCut], provenance: Provenance) -> None:
-    kept = [np.unique(np.linspace(0, c.frequency.size - 1, MAX_FREQUENCIES).astype(int)) for c in cuts]
+    indices = [np.unique(np.linspace(0, c.frequency.size - 1, MAX_FREQUENCIES).astype(int)) for c in cuts]
     columns = {
-        "x": [np.full(k.size, c.x) for c, k in zip(cuts, kept, strict=True)],
-        "speed": [np.full(k.size, c.speed) for c, k in zip(cuts, kept, strict=True)],
-        "frequency": [c.frequency[k] for c, k in zip(cuts, kept, strict=True)],
-        "real": [c.ratio.real[k] for c, k in zip(cuts, kept, strict=True)],
-        "imaginary": [c.ratio.imag[k] for c, k in zip(cuts, kept, strict=True)],
+        "x": [np.full(k.size, c.x) for c, k in zip(cuts, indices, strict=True)],
+        "speed": [np.full(k.size, c.speed) for c, k in zip(cuts, indices, strict=True)],
+        "frequency": [c.frequency[k] for c, k in zip(cuts, indices, strict=True)],
+        "real": [c.ratio.real[k] for c, k in zip(cuts, indices, strict=True)],
+        "imaginary": [c.ratio.imag[k] for c, k in zip(cuts, indices, strict=True)],
     }
     write_table(
         context.out / "margins.parquet",
-        {"loop": [c.loop for c, k in zip(cuts, kept, strict=True) for _ in k]}
+        {"loop": [c.loop for c, k in zip(cuts, indices, strict=True) for _ in k]}
         | {name: np.concatenate([*parts, np.zeros(0)]) for name, parts in columns.items()},
         units={"x": "m", "speed": "m/s", "frequency": "1/s", "real": "1", "imaginary": "1"},
         schema="pneucli/design/margins/1",

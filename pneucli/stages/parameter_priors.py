@@ -1,4 +1,4 @@
-"""``[model.parameters]``: what is known beforehand of parameters that are identified."""
+"""``[model.parameters]``: priors of identified parameters."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ def parameter_priors(config: PipelineConfig, effects: Mapping[str, Effect]) -> d
         units = {name: ROTARY_UNITS.get(unit, unit) for name, unit in units.items()}
         units |= dict.fromkeys(("rig.piston_area_1", "rig.piston_area_2"), PISTON_AREA_UNITS[1])
         units[MOVING_MASS_NAMES[1]] = units[MOVING_MASS_NAMES[0]]
-    known, faults = dict[str, ParameterPrior](), []
+    priors, faults = dict[str, ParameterPrior](), []
     for name, table in config.model.parameters.items():
         valve = _VALVE.fullmatch(name)
         unit = _VALVE_UNITS[valve[1]] if valve else units.get(name)
@@ -40,12 +40,12 @@ def parameter_priors(config: PipelineConfig, effects: Mapping[str, Effect]) -> d
             continue
         try:
             own = MOVING_MASS_NAMES[0] if name == MOVING_MASS_NAMES[1] else name
-            known[own] = _prior_from_table(table, unit, where, stated=_stated_value(config, own))
+            priors[own] = _prior_from_table(table, unit, where, stated=_stated_value(config, own))
         except InputError as error:
             faults.append(error)
     if faults:
         raise join_faults(config.path, faults)
-    return known
+    return priors
 
 
 def _stated_value(config: PipelineConfig, name: str) -> float | None:

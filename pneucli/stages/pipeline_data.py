@@ -8,15 +8,13 @@ from functools import cached_property
 from pathlib import Path
 from typing import Literal
 
-import numpy as np
-
 from pneucli.config import join_faults, plugin_files
 from pneucli.diagnose.subsample import subsample
 from pneucli.errors import InputError
 from pneucli.identify.guesses.command_timing import with_common_command_range, with_intersample_commands
 from pneucli.identify.guesses.null_command import with_identified_null
 from pneucli.identify.residuals import ResidualModel, residual_models
-from pneucli.io.artifacts import Provenance, read_table, sha256_of, write_table
+from pneucli.io.artifacts import Provenance, sha256_of
 from pneucli.io.recordings import load_recordings
 from pneucli.memory import release_free_memory
 from pneucli.physics.declaration import Effect
@@ -27,28 +25,23 @@ from pneucli.plausibility.required_inputs import RequiredInput, required_inputs
 from pneucli.recording import ParameterPrior, Recording, Rig
 from pneucli.simulate.end_stops import with_end_stops
 from pneucli.simulate.experiment import Experiment
-from pneucli.simulate.model import Model, ValveForm
 from pneucli.simulate.preparation import prepare
-from pneucli.simulate.valve_forms.area import ValveArea
-from pneucli.simulate.valve_forms.linear import LinearValve
-from pneucli.simulate.valve_forms.switching import SwitchingValve
 from pneucli.stages.parameter_priors import parameter_priors
 
-MODEL_FILE = "model.parquet"
 MIN_HORIZON_SAMPLES = 5  # samples within a horizon
 LONG_RECORDING_HOURS = 1.0  # h of recordings in all: one run of the model through them takes a second and more
 
 
 @dataclass(frozen=True)
 class PipelineData:
-    """The pipeline as the domain packages see it; ``max_samples`` samples in all, of long recordings stretches."""
+    """The pipeline as the domain packages see it; at most ``max_samples`` samples, of long recordings segments."""
 
     context: Context
     max_samples: int | None = None
 
     @cached_property
     def rig(self) -> Rig:
-        """What is known of the rig and of parameters, its null command identified where the file asks for it.
+        """The stated rig with its priors; the null command is identified where the file asks for it.
 
         Raises InputError where the recordings need more of it than the file says.
         """
@@ -60,8 +53,8 @@ class PipelineData:
     def _parameter_priors(self) -> dict[str, ParameterPrior]:
         """What the file says of the model's parameters; those of an effect that is not in the model wait for it."""
         there = {e.name for e in self.effects} | {"friction", "rig", "valve", "valve_2"}
-        known = parameter_priors(self.context.config, self.available_effects)
-        return {name: one for name, one in known.items() if name.partition(".")[0] in there}
+        priors = parameter_priors(self.context.config, self.available_effects)
+        return {name: one for name, one in priors.items() if name.partition(".")[0] in there}
 
     @cached_property
     def recordings(self) -> list[Recording]:
@@ -113,7 +106,7 @@ class PipelineData:
         still = ("p2",) if recording.chamber_2 == "open" else ()
         for name in experiment.channels:
             if name in experiment.noise and name not in still and not experiment.noise[name].rms > 0.0:
-                found = f"{name} never changes in {recording.name} or any like it, so its noise is not known"
+                found = f"{name} never changes in {recording.name} or any like it, so its noise is unknown"
                 mend = f"leave {name} out of take if the sensor was dead, or state its noise in [signals] {name}"
                 raise InputError(f"{self.context.path}, recording {recording.name}", found, "", mend)
 
@@ -171,59 +164,3 @@ def require_stated(missing: Sequence[RequiredInput], path: Path) -> None:
         faults.append(InputError(f"{path}, key {key}", "missing", one.wanted, mend))
     if faults:
         raise join_faults(path, faults)
-
-
-def save_model(model: Model, folder: Path, provenance: Provenance) -> None:
-    """Write a model's values and its valve."""
-    rows = [("value", name, np.nan, value) for name, value in model.values.items()]
-    rows += [row for valve in model.valves for row in _valve_rows(valve)]
-    kind, name, command, value = zip(*rows, strict=True)
-    write_table(
-        folder / MODEL_FILE,
-        {"kind": list(kind), "name": list(name), "command": np.array(command), "value": np.array(value)},
-        units={"command": "V", "value": "SI"},
-        schema="pneucli/identify/model/1",
-        provenance=provenance,
-    )
-
-
-def _valve_rows(valve: ValveForm) -> list[tuple[str, str, float, float]]:
-    """Return a valve's rows: kind, name, command, value; the name begins with its label."""
-    name = valve.label
-    if isinstance(valve, LinearValve):
-        return [("gain", name, valve.max_command, valve.gain)]
-    if isinstance(valve, SwitchingValve):
-        return [("switching", name, valve.max_command, valve.fill), ("switching", name, -valve.max_command, valve.vent)]
-    overlaps = ((1.0, valve.overlap_fill), (-1.0, valve.overlap_vent))
-    rows = [("area", name, c, a) for c, a in zip(valve.commands, valve.areas, strict=True)]
-    return rows + [("overlap", name, sign, value) for sign, value in overlaps]
-
-
-def _valve_from_rows(rows: list[tuple[str, float, float]], label: str) -> ValveForm:
-    """Return the valve whose rows (kind, command, value) these are."""
-    by_kind: dict[str, list[tuple[float, float]]] = {}
-    for kind, command, value in rows:
-        by_kind.setdefault(kind, []).append((command, value))
-    if "gain" in by_kind:
-        (largest, gain), *_ = by_kind["gain"]
-        return LinearValve(gain, largest, label)
-    if "switching" in by_kind:
-        (largest, fill), (_, vent) = by_kind["switching"]
-        return SwitchingValve(fill, vent, largest, label)
-    knots, overlap = by_kind.get("area", []), dict(by_kind["overlap"])
-    return ValveArea(tuple(c for c, _ in knots), tuple(a for _, a in knots), overlap[1.0], overlap[-1.0], label=label)
-
-
-def load_model(folder: Path, rig: Rig, effects: tuple[Effect, ...]) -> Model:
-    """Return the model that ``identify`` wrote."""
-    table = read_table(folder / MODEL_FILE)
-    rows = [
-        (str(k), str(n), float(c), float(v))
-        for k, n, c, v in zip(table["kind"], table["name"], table["command"], table["value"], strict=True)
-    ]
-    values = {n: v for k, n, _, v in rows if k == "value"}
-    valves = {
-        label: [(k, c, v) for k, n, c, v in rows if k != "value" and n == label] for label in ("valve", "valve_2")
-    }
-    second = _valve_from_rows(valves["valve_2"], "valve_2") if valves["valve_2"] else None
-    return Model(rig, effects, values, _valve_from_rows(valves["valve"], "valve"), second)

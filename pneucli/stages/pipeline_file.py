@@ -37,9 +37,9 @@ def _faults(loaded: PipelineConfig) -> Iterator[InputError]:
         from pneucli.stages.parameter_priors import parameter_priors  # noqa: PLC0415 - likewise
 
         yield from _errors_of(parameter_priors, loaded, catalogue_with_sides())
-    known = {stage.name: stage.answer_paths for stage in STAGES.values() if stage.answer_paths}
+    answer_paths = {stage.name: stage.answer_paths for stage in STAGES.values() if stage.answer_paths}
     for path in loaded.checks:
-        yield from _errors_of(require_valid_path, path, known, f"{where}, [checks]")
+        yield from _errors_of(require_valid_path, path, answer_paths, f"{where}, [checks]")
 
 
 def _errors_of(check: Callable[..., Any], *arguments: Any) -> Iterator[InputError]:

@@ -105,7 +105,7 @@ def rig_description(config: PipelineConfig) -> str:
 
 
 def _earlier_models(artifacts: Path) -> dict[str, Any]:
-    """Return what was kept of earlier models and diagnoses on the data as they are."""
+    """Return earlier models and diagnoses on the present data."""
     compared = history.recorded_models(artifacts / "compare")
     data = next((one.answer["data"] for one in compared if one.current), None)
     former = [one for one in compared if one.answer["data"] == data and not one.current]

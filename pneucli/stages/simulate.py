@@ -12,7 +12,8 @@ from pneucli.pipeline.context import Context
 from pneucli.quantities import SIGNALS
 from pneucli.simulate.open_loop import OpenLoopRun, default_free_runs, run_scenario
 from pneucli.stages.closed_loop import simulate_closed_loop
-from pneucli.stages.pipeline_data import PipelineData, load_model
+from pneucli.stages.model_file import load_model
+from pneucli.stages.pipeline_data import PipelineData
 
 
 def run(context: Context) -> dict[str, Any]:

@@ -45,7 +45,7 @@ def linear(rng: np.random.Generator, theta: tuple[float, float], effect: float =
     )
 
 
-def test_where_nothing_changed_the_chances_are_what_they_say() -> None:
+def test_without_a_change_the_p_values_are_uniform() -> None:
     """400 pairs and two parameters: a chance below 0.05 in 5 % of them, within four standard errors."""
     rng = np.random.default_rng(1)
     pairs = [Comparison(linear(rng, (1.0, 2.0)), linear(rng, (1.0, 2.0))) for _ in range(400)]
@@ -56,9 +56,7 @@ def test_where_nothing_changed_the_chances_are_what_they_say() -> None:
 
 @pytest.mark.parametrize(("theta", "effect", "name"), [((1.3, 2.0), 0.0, "a"), ((1.0, 2.5), 0.0, "b"),
                                                        ((1.0, 2.0), 1.0, "bend")])  # fmt: skip
-def test_the_one_thing_that_changed_stands_first_with_its_size(
-    theta: tuple[float, float], effect: float, name: str
-) -> None:
+def test_the_changed_quantity_is_first_with_its_size(theta: tuple[float, float], effect: float, name: str) -> None:
     rng = np.random.default_rng(2)
     first = Comparison(linear(rng, (1.0, 2.0)), linear(rng, theta, effect)).test_all()[0]
     size = {"a": 0.3, "b": 0.5, "bend": 1.0}[name]
@@ -66,13 +64,13 @@ def test_the_one_thing_that_changed_stands_first_with_its_size(
     assert first.size == pytest.approx(size, abs=4 * first.error)
 
 
-def test_what_the_model_lacks_on_both_sides_is_no_change() -> None:
+def test_an_effect_missing_on_both_sides_is_no_change() -> None:
     rng = np.random.default_rng(3)
     tested = Comparison(linear(rng, (1.0, 2.0), 5.0), linear(rng, (1.0, 2.0), 5.0)).test_all()
     assert min(t.p_value for t in tested) > 1e-3
 
 
-def test_a_second_change_shows_beside_the_first() -> None:
+def test_a_second_change_is_detected_given_the_first() -> None:
     rng = np.random.default_rng(4)
     both = Comparison(linear(rng, (1.0, 2.0)), linear(rng, (1.5, 2.6)))
     (a,) = [h for h in both.hypotheses if h.name == "a"]
@@ -80,7 +78,7 @@ def test_a_second_change_shows_beside_the_first() -> None:
     assert (beside.hypothesis.name, beside.size) == ("b", pytest.approx(0.6, abs=4 * beside.error))
 
 
-def test_a_residual_that_grew_is_seen_and_a_noise_that_is_estimated_a_little_otherwise_is_not() -> None:
+def test_a_larger_residual_is_detected_and_a_slightly_different_noise_is_not() -> None:
     rng = np.random.default_rng(5)
     old = linear(rng, (1.0, 2.0))
     assert Comparison(old, linear(rng, (1.0, 2.0), noise=2.0)).residual_level_test().p_value < 1e-6
@@ -89,7 +87,7 @@ def test_a_residual_that_grew_is_seen_and_a_noise_that_is_estimated_a_little_oth
     assert Comparison(fewer, linear(rng, (1.0, 2.0), noise=2.0)).residual_level_test().p_value < 1e-6
 
 
-def test_one_block_that_alone_shows_an_effect_is_no_proof_of_it() -> None:
+def test_a_single_block_does_not_prove_an_effect() -> None:
     """Its power stands in one block, which a step of it fits perfectly: nothing else says that it is there."""
     rng = np.random.default_rng(6)
     old, new = linear(rng, (1.0, 2.0)), linear(rng, (1.0, 2.0))
@@ -102,7 +100,7 @@ def test_one_block_that_alone_shows_an_effect_is_no_proof_of_it() -> None:
     assert tested.p_value > 1e-3
 
 
-def test_what_only_one_side_has_is_left_out() -> None:
+def test_quantities_of_one_side_only_are_excluded() -> None:
     rng = np.random.default_rng(7)
     old, new = linear(rng, (1.0, 2.0)), linear(rng, (1.0, 2.0))
     fewer = new.restricted_to(["b"], [])
@@ -112,7 +110,7 @@ def test_what_only_one_side_has_is_left_out() -> None:
     assert Comparison(one, other).test_all()[0].p_value > 1e-3
 
 
-def test_a_parameter_at_its_bound_tells_nothing_and_areas_of_a_valve_move_together() -> None:
+def test_a_parameter_at_its_bound_has_no_hypothesis_and_areas_have_a_common_one() -> None:
     rng = np.random.default_rng(8)
     names = ("valve.effective_area(+1 V)", "valve.effective_area(+2 V)")
     sides = [linear(rng, (1.0, 2.0)) for _ in range(2)]
@@ -125,7 +123,7 @@ def test_a_parameter_at_its_bound_tells_nothing_and_areas_of_a_valve_move_togeth
     assert [h.name for h in Comparison(bound, sides[1]).hypotheses] == ["b", "bend"]
 
 
-def test_an_effect_that_cannot_fall_below_none_is_not_named_for_doing_so() -> None:
+def test_a_one_sided_effect_cannot_fall_below_its_null() -> None:
     rng = np.random.default_rng(9)
     sides = [linear(rng, (1.0, 2.0), effect) for effect in (0.0, -1.0, 1.0)]
     none, below, there = (replace(s, typical_effects=(replace(s.typical_effects[0], one_sided=True),)) for s in sides)

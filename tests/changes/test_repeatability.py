@@ -52,7 +52,7 @@ def alarms(drift: float, healthy: int, prior: bool, rigs: int = 150) -> tuple[fl
     return found[0], found[1]
 
 
-def test_a_rig_that_drifts_alarms_where_nothing_is_known_of_it_and_at_the_stated_rate_where_it_is() -> None:
+def test_a_known_drift_restores_the_stated_alarm_rate() -> None:
     unknown, _ = alarms(drift=0.3, healthy=1, prior=False)
     false, found = alarms(drift=0.3, healthy=3, prior=True)
     assert unknown > 0.5
@@ -60,13 +60,13 @@ def test_a_rig_that_drifts_alarms_where_nothing_is_known_of_it_and_at_the_stated
     assert found > 0.9
 
 
-def test_a_rig_that_repeats_loses_nothing_by_being_known() -> None:
+def test_a_repeatable_rig_loses_no_power() -> None:
     false, found = alarms(drift=0.0, healthy=3, prior=True)
     assert false == pytest.approx(0.05, abs=4 * np.sqrt(0.05 * 0.95 / 150))
     assert found == 1.0
 
 
-def test_what_many_ratios_say_together_is_their_scatter_beyond_chance() -> None:
+def test_the_prior_of_many_ratios_is_their_excess_scatter() -> None:
     rng = np.random.default_rng(4)
     alike = rng.chisquare(3, 4000) / 3 * 2.5
     freedom, ratio = fit_variance_prior([(float(r), 3.0) for r in alike]) or (0.0, 0.0)
@@ -78,11 +78,11 @@ def test_what_many_ratios_say_together_is_their_scatter_beyond_chance() -> None:
     assert ratio == pytest.approx(2.5, rel=0.1)
 
 
-def test_few_ratios_say_nothing_beforehand() -> None:
+def test_few_ratios_give_no_prior() -> None:
     assert fit_variance_prior([(1.0, 3.0)] * 7) is None
 
 
-def test_rigs_of_a_kind_tell_of_every_quantity() -> None:
+def test_rigs_of_a_kind_give_a_prior_of_each_quantity() -> None:
     rng = np.random.default_rng(5)
     rigs = [repeats_of(dates(rng, 3, 0.3)) for _ in range(60)]
     assert set(pool_priors(rigs)) == {*NAMES, "level"}
@@ -90,7 +90,7 @@ def test_rigs_of_a_kind_tell_of_every_quantity() -> None:
     assert pool_priors(rigs)["b"][1] == pytest.approx(1.0, abs=0.6)
 
 
-def test_a_date_says_how_each_quantity_differs_and_with_which_errors() -> None:
+def test_a_date_has_the_difference_and_errors_of_each_quantity() -> None:
     rng = np.random.default_rng(6)
     old, new = linear(rng, (1.0, 2.0)), linear(rng, (1.5, 2.0))
     difference, error, error_old = repeat_differences(old, old, new)["a"]
@@ -101,7 +101,7 @@ def test_a_date_says_how_each_quantity_differs_and_with_which_errors() -> None:
     assert "a" not in repeat_differences(old, old, bound)
 
 
-def test_a_start_keeps_its_number_where_others_are_left_out() -> None:
+def test_a_typical_effect_keeps_its_index_in_a_restriction() -> None:
     whole = linear(np.random.default_rng(7), (1.0, 2.0))
     twice = replace(
         whole, typical_effects=(whole.typical_effects[0], replace(whole.typical_effects[0], values={"bend.size": 2.0}))
@@ -110,7 +110,7 @@ def test_a_start_keeps_its_number_where_others_are_left_out() -> None:
     assert quantity_names(twice, part) == ["a", "b", "bend#1"]
 
 
-def test_what_no_healthy_date_has_shown_is_taken_not_to_vary() -> None:
+def test_a_quantity_without_healthy_dates_has_no_variance() -> None:
     variance, freedom = Repeatability({"a": 4.0}, {"a": 3.0}).variance_and_freedom(["a", "c"])
     assert variance.tolist() == [4.0, 0.0]
     assert freedom.tolist() == [3.0, MAX_DEGREES_OF_FREEDOM]

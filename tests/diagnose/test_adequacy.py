@@ -33,7 +33,7 @@ def test_coloured_noise_has_no_shape():
     assert sum(f.p_value < 0.001 for f in found) < 5
 
 
-def test_a_square_law_is_found_over_its_variable():
+def test_a_quadratic_residual_has_a_shape_over_its_variable():
     v = np.sin(np.arange(N) / 250.0)
     found = binned_shape("v", v, RNG.normal(size=N) + 2.0 * v * np.abs(v), BLOCKS)
     assert found.share > 0.4
@@ -44,7 +44,7 @@ def test_a_constant_variable_has_no_shape():
     assert binned_shape("u", np.ones(N), RNG.normal(size=N), BLOCKS) is None
 
 
-def test_what_does_not_count_is_left_out():
+def test_zero_residuals_do_not_count():
     """Half of the samples are zero for it: the step of 1 stands in the other half, and is all that there is."""
     x = np.linspace(0.0, 1.0, N)
     residual = np.where(x < 0.5, 0.0, 1.0)

@@ -53,7 +53,7 @@ def sure(evidence: Evidence, feature: str, value: float) -> float:
 
 
 @pytest.mark.parametrize(("evidence", "feature", "values"), WITHIN)
-def test_an_effect_is_surer_the_more_it_explains_and_the_larger_it_is(
+def test_the_probability_grows_with_share_significance_and_size(
     evidence: Evidence, feature: str, values: list[float]
 ) -> None:
     found = [sure(evidence, feature, value) for value in values]
@@ -62,21 +62,21 @@ def test_an_effect_is_surer_the_more_it_explains_and_the_larger_it_is(
 
 
 @pytest.mark.parametrize(("evidence", "feature", "end", "beyond"), BEYOND)
-def test_beyond_what_exams_have_shown_the_law_says_no_more(
+def test_features_are_clipped_to_the_range_of_the_exams(
     evidence: Evidence, feature: str, end: float, beyond: float
 ) -> None:
     assert sure(evidence, feature, beyond) == pytest.approx(sure(evidence, feature, end), abs=1e-12)
 
 
-def test_a_share_that_is_not_known_speaks_neither_for_nor_against() -> None:
+def test_an_unknown_share_counts_as_one_half() -> None:
     assert probability(COMPLETE._replace(share=None)) == probability(COMPLETE._replace(share=0.5))
 
 
-def test_beside_something_unknown_an_error_that_was_not_compared_does_not_fall() -> None:
+def test_with_an_unmodelled_effect_an_unknown_share_counts_as_zero() -> None:
     assert probability(MIDDLING._replace(share=None)) == probability(MIDDLING._replace(share=0.0))
 
 
-def test_more_than_the_usual_size_is_surer_but_not_where_effects_that_resemble_grow_against_each_other() -> None:
+def test_a_size_above_typical_counts_except_with_imposed_motion() -> None:
     """Recordings with an imposed motion have one channel: an offset and a force may both be several times too large."""
     large = {"size": 1.9}
     assert probability(IMPOSED) == probability(MIDDLING)
@@ -92,7 +92,7 @@ def test_each_feature_has_its_weight(evidence: Evidence, weights: tuple[float, .
     assert len(evidence.features) == len(weights)
 
 
-def test_the_best_evidence_is_named_and_the_worst_is_not() -> None:
+def test_strong_evidence_is_above_one_half_and_weak_below() -> None:
     best = Evidence(share=0.98, significance=300.0, size=1.0, left=0.01)
     worst = Evidence(share=0.02, significance=2.0, size=0.1, left=0.98)
     for complete in (True, False):
@@ -101,7 +101,7 @@ def test_the_best_evidence_is_named_and_the_worst_is_not() -> None:
 
 
 @pytest.mark.parametrize("reason", sorted(set(get_args(Reason)) - {"supported"}))
-def test_what_is_refused_is_more_likely_absent(reason: Reason) -> None:
+def test_a_refused_effect_is_more_probably_absent(reason: Reason) -> None:
     assert 0.0 < presence_rate(reason) < MIN_NAMED_PROBABILITY
 
 
@@ -134,11 +134,11 @@ def test_of_two_that_lead_in_other_blocks_the_better_in_all_has_more() -> None:
     assert 0.02 < one < 0.5 < other < 0.98
 
 
-def test_twins_share_equally() -> None:
+def test_equal_models_have_equal_shares() -> None:
     assert likelihood_shares(leaving(scattered(1), scattered(1))) == pytest.approx([0.5, 0.5])
 
 
-def test_what_rounding_leaves_between_twins_decides_nothing() -> None:
+def test_rounding_errors_do_not_decide_between_equal_models() -> None:
     """A total of a hundredth, of the same sign in every block: far less than a chi-square of one parameter."""
     assert likelihood_shares(leaving(scattered(1), scattered(1) - 0.01 / BLOCKS)) == pytest.approx([0.5, 0.5], abs=0.05)
 
@@ -147,7 +147,7 @@ def of(*effects: str, evidence: Evidence = MIDDLING) -> float:
     return probability(evidence._replace(effects=effects))
 
 
-def test_what_often_stands_in_for_the_unknown_is_less_likely_beside_it() -> None:
+def test_an_effect_that_unmodelled_ones_often_resemble_is_less_probable() -> None:
     """A spool's play is what many unknown things resemble, a leak what few do.
 
     Where noise is left, or the motion is imposed, all are alike.
@@ -158,7 +158,7 @@ def test_what_often_stands_in_for_the_unknown_is_less_likely_beside_it() -> None
         assert of("chamber-leak", evidence=where) == of("valve-hysteresis", evidence=where)
 
 
-def test_what_several_effects_explain_resembles_the_unknown_as_much_as_they_do_in_the_mean() -> None:
+def test_equivalents_have_the_mean_of_their_intercepts() -> None:
     """Sensors that lag seldom stand in, a slow spool often: where nobody can tell them apart it may be either."""
     sensors, spool = of("pressure-lag"), of("valve-lag")
     assert spool < of("pressure-lag", "valve-lag") == of("valve-lag", "pressure-lag") < sensors
@@ -167,7 +167,7 @@ def test_what_several_effects_explain_resembles_the_unknown_as_much_as_they_do_i
     assert mean_effect_intercept(["valve-leak", "of-a-plugin"]) == pytest.approx(0.5 * EFFECT_INTERCEPTS["valve-leak"])
 
 
-def test_exams_have_hidden_every_effect_whose_resemblance_is_known() -> None:
+def test_every_effect_with_an_intercept_is_in_the_exams() -> None:
     assert set(EFFECT_INTERCEPTS) <= {effect.name for effect in CATALOGUE}
 
 

@@ -72,7 +72,7 @@ def test_equal_falls_in_all_blocks_are_beyond_chance() -> None:
     assert score_gain(np.full(9, 3.0), np.full(9, 1.0)).p_value < 1e-12
 
 
-def test_nothing_counts_as_one_part() -> None:
+def test_zeros_count_as_one_part() -> None:
     assert effective_degrees_of_freedom(np.zeros(5)) == 1.0
     assert effective_degrees_of_freedom(np.array([1.0, -1.0] * 20)) == pytest.approx(3 * 40 - 2)
 
@@ -149,7 +149,7 @@ def test_an_effect_without_fitted_parameters_has_no_test() -> None:
     assert significance(found, catalogue()["constant-force"]) == 0.0
 
 
-def test_an_effect_that_no_value_makes_absent_stands_over_its_own_error() -> None:
+def test_without_a_null_the_significance_is_that_of_the_first_parameter() -> None:
     found = ended("heat-transfer", {"conductance": 0.6}, np.ones((N, 1)), np.ones(N))
     estimate = Estimate("heat-transfer.conductance", "W/K", 0.6, 0.1, (0.4, 0.8), False)
     assert significance(replace(found, estimates=(estimate,)), catalogue()["heat-transfer"]) == pytest.approx(6.0)
@@ -164,7 +164,7 @@ def test_recordings_disagree_by_a_share_of_the_effects_size_whatever_its_scale(s
     assert disagreement(found, force, halves) == pytest.approx(0.5 / 2**0.5)
 
 
-def test_recordings_of_which_one_knows_nothing_agree() -> None:
+def test_a_recording_without_information_does_not_disagree() -> None:
     force, column = catalogue()["constant-force"], np.repeat([1.0, 0.0], N // 2)
     found = ended("constant-force", {"force": 10.0}, column[:, None], np.repeat([0.0, 50.0], N // 2))
     assert disagreement(found, force, np.arange(N) // (N // 2)) == 0.0
@@ -200,7 +200,7 @@ def test_the_family_is_all_parameters_of_the_effects_that_can_show() -> None:
     assert [found.is_observable(e) for e in (ONE, TWO, THREE)] == [True, True, False]
 
 
-def test_what_the_models_valve_shows_already_cannot_be_missing() -> None:
+def test_an_effect_of_a_modelled_part_is_not_observable() -> None:
     found = diagnosis_data(
         train=[seen("one", "two")], effects={"one": ONE, "two": TWO}, modelled_parts=frozenset({"valve"})
     )
@@ -208,7 +208,7 @@ def test_what_the_models_valve_shows_already_cannot_be_missing() -> None:
     assert found.hypothesis_count == 1
 
 
-def test_what_an_effect_acts_in_is_the_cost_of_the_views_that_feel_it() -> None:
+def test_the_sensitive_cost_is_that_of_the_sensitive_residual_models() -> None:
     """Two fitted views of two blocks and one held out of one block."""
     residual_models = [seen("one", "two"), seen("one"), seen("two")]
     for residual_model, end in zip(residual_models, (0.3, 0.3, 0.1), strict=True):
@@ -223,7 +223,7 @@ def test_what_an_effect_acts_in_is_the_cost_of_the_views_that_feel_it() -> None:
     assert found.sensitive_costs(fitted, TWO) == [(3.0, 7.0), (16.0, 9.0)]
 
 
-def test_what_readings_show_alone_is_a_matter_of_these_readings() -> None:
+def test_exclusive_channels_have_their_own_cost_and_count() -> None:
     """Of noise 2: readings 4 and 0 (none) are four squares of one, 2, 2, 2 three of three."""
 
     def reading(values: list[float]) -> Any:
@@ -243,7 +243,7 @@ def test_what_readings_show_alone_is_a_matter_of_these_readings() -> None:
     assert replace(found, held_out=[]).exclusive_channel_costs(fitted, ONE) == [(4.0, 1.0), (0.0, 0.0)]
 
 
-def test_effects_are_screened_by_what_they_promise(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_effects_are_ranked_by_their_best_score_test(monkeypatch: pytest.MonkeyPatch) -> None:
     promised = {"one": [5.0, 1.0], "two": [9.0], "three": []}
     monkeypatch.setattr(
         data_module,
@@ -263,7 +263,7 @@ def test_effects_are_screened_by_what_they_promise(monkeypatch: pytest.MonkeyPat
     assert [e.name for e, _ in found.ranked_signatures(known)] == ["two"]
 
 
-def test_a_trial_is_worth_what_falls_on_either_data_and_its_own_test(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_candidate_has_its_gains_and_its_p_value(monkeypatch: pytest.MonkeyPatch) -> None:
     before, after = model_fit([10.0, 11.0, 12.0], [5.0, 6.0]), model_fit([5.0, 5.5, 6.5], [4.0, 4.0])
     monkeypatch.setattr(data_module, "wald_p_value", lambda fit, effect, *_: 0.25)
     found = diagnosis_data().candidate(before, after, ONE)
@@ -300,7 +300,7 @@ def test_a_step_may_raise_the_error_of_one_use_by_five_percent_in_the_mean_of_bo
     assert found.free_run_error_rises(OLD, NEW) == raises
 
 
-def test_without_errors_nothing_rises() -> None:
+def test_without_free_run_errors_none_rises() -> None:
     assert not diagnosis_data().free_run_error_rises(OLD, NEW)
     assert not diagnosis_data(free_run_errors=errors(old={"train": None}, new={"train": None})).free_run_error_rises(
         OLD, NEW
@@ -324,7 +324,7 @@ def rival(cost: float, gained: float) -> Candidate:
     return Candidate(ONE, before, after, ScoreGain(gained, 1.0, 0.0, 9.0), ScoreGain(gained, 1.0, 0.0, 9.0), 0.0)
 
 
-def test_chance_is_counted_in_units_of_what_is_left() -> None:
+def test_chance_scales_with_the_remaining_variance() -> None:
     """1000 readings at ten times the noise: a parameter takes up a hundred times as much by chance."""
     best = replace(model_fit([5e4, 5e4]), residual_counts=np.full(2, 500.0))
     assert not_inferior(rival(1e5 + 300.0, 5e5).full, best)
@@ -363,7 +363,9 @@ def estimate(value: float, error: float = 0.01, *, at_bound: bool = False, name:
         (estimate(10.0), estimate(10.0, at_bound=True), True),
     ],
 )
-def test_a_base_parameter_that_effects_moved_far_is_told(before: Estimate, after: Estimate, told: bool) -> None:
+def test_a_base_parameter_with_a_large_significant_shift_is_reported(
+    before: Estimate, after: Estimate, told: bool
+) -> None:
     one, other = (SimpleNamespace(estimates=(e, estimate(1.0, name="x"))) for e in (before, after))
     found = _parameter_shifts(one, other)  # type: ignore[arg-type]
     assert bool(found) == told
@@ -389,7 +391,7 @@ def sentence(one: visible.MinimumDetectableEffect) -> str:
     return str(detectability_answer(one)["would_show"])
 
 
-def test_what_would_have_shown_is_four_standard_errors_of_the_clearest_signature() -> None:
+def test_the_detection_limit_is_four_standard_errors_of_the_best_score_test() -> None:
     found = size_of("constant-force", ({"force": 20.0}, 0.5), ({"force": 10.0}, 0.05))
     assert (found.size, found.plausible, found.parameter.name) == (pytest.approx(4 * 0.05 * 10.0), True, "force")
     assert "above 2 N" in sentence(found)
@@ -401,7 +403,7 @@ def test_a_size_counts_from_the_null() -> None:
     assert "from a difference of 0.1" in sentence(found)
 
 
-def test_what_would_have_shown_says_where_it_acts() -> None:
+def test_the_detection_limit_states_where_the_effect_acts() -> None:
     """A shorter cushion that the piston hardly reaches may be far stiffer."""
     long, short = {"length": 0.08, "damping": 100.0}, {"length": 0.03, "damping": 100.0}
     found = size_of("end-cushion", (short, np.inf), (long, 0.02))
@@ -409,14 +411,14 @@ def test_what_would_have_shown_says_where_it_acts() -> None:
 
 
 @pytest.mark.parametrize(("error", "plausible"), [(0.74, True), (0.76, False)])
-def test_beyond_three_typical_sizes_no_plausible_one_would_have_shown(error: float, plausible: bool) -> None:
+def test_a_limit_above_three_typical_sizes_is_implausible(error: float, plausible: bool) -> None:
     found = size_of("constant-force", ({"force": 10.0}, error))
     assert found.plausible == plausible
     assert ("cannot detect" in sentence(found)) != plausible
 
 
 @pytest.mark.parametrize("signature", [None, ({"force": 10.0}, np.inf), ({"force": 10.0}, 0.0)])
-def test_what_leaves_no_signature_would_not_have_shown(signature: Any) -> None:
+def test_an_effect_without_a_finite_score_test_is_undetectable(signature: Any) -> None:
     found = size_of("constant-force", *([signature] if signature else []))
     assert (found.size, found.plausible) == (np.inf, False)
 

@@ -37,7 +37,7 @@ def linear(columns: np.ndarray, wanted: np.ndarray, values: dict[str, float]) ->
     return fit, none
 
 
-def test_a_recording_is_judged_by_a_fit_of_the_others():
+def test_the_held_out_parameters_are_those_of_a_fit_to_the_others():
     """Against least squares of the others; an effect of 1000 times its noise is not drawn to its absence."""
     columns = RNG.normal(size=(N, 2))
     wanted = columns @ [3.0, 1000.0] + RNG.normal(size=N)
@@ -49,7 +49,7 @@ def test_a_recording_is_judged_by_a_fit_of_the_others():
     assert not np.allclose(exact, of_all, atol=1e-3)
 
 
-def test_an_effect_that_one_recording_alone_shows_is_absent_where_that_one_is_out():
+def test_an_effect_of_a_single_recording_is_absent_without_it():
     columns = np.column_stack([RNG.normal(size=N), np.where(TURN == 2, 1.0, 0.0)])
     wanted = columns @ [3.0, 20.0] + RNG.normal(size=N)
     fit, problem = linear(columns, wanted, {"friction.viscous": 0.0, "constant-force.force": 0.0})
@@ -57,7 +57,7 @@ def test_an_effect_that_one_recording_alone_shows_is_absent_where_that_one_is_ou
     assert cross_validation.parameters_without(fit, problem, TURN == 0)[1] == pytest.approx(20.0, abs=0.5)
 
 
-def test_what_the_others_do_not_tell_of_the_base_stays():
+def test_unidentified_base_parameters_keep_their_value():
     columns = np.column_stack([np.where(TURN == 2, 1.0, 0.0), np.ones(N)])
     wanted = columns @ [7.0, 20.0] + RNG.normal(size=N)
     fit, problem = linear(columns, wanted, {"friction.viscous": 0.0, "constant-force.force": 0.0})
@@ -65,7 +65,7 @@ def test_what_the_others_do_not_tell_of_the_base_stays():
     assert cross_validation.parameters_without(fit, problem, TURN == 2)[0] == pytest.approx(kept)
 
 
-def test_a_recording_without_information_changes_nothing_by_its_turn():
+def test_holding_out_a_recording_without_information_changes_nothing():
     """As one in which nothing moves: whichever way it is held out, the model is that of all."""
     columns = np.where(TURN == 1, 0.0, 1.0)[:, None] * np.column_stack([RNG.normal(size=N), np.ones(N)])
     wanted = columns @ [3.0, 20.0] + np.where(TURN == 1, 0.0, RNG.normal(size=N))
@@ -80,5 +80,5 @@ def test_each_recording_has_its_turn_and_its_views_share_it():
     ) == (0, 0, 1, 2)
 
 
-def test_one_recording_alone_cannot_be_held_out():
+def test_a_single_recording_has_no_folds():
     assert cross_validation.folds_of([residual_model("a"), residual_model("a")]) == ()

@@ -37,7 +37,7 @@ def held(costs: Any) -> FittedModel:
     return FittedModel(model_fit().fit, costs, costs, np.tile(costs, 2), np.full(2 * BLOCKS, 100.0))
 
 
-def test_parameters_known_only_together_are_sure_by_what_they_gain_on_held_out_recordings(
+def test_jointly_identified_parameters_are_tested_by_their_held_out_gain(
     monkeypatch: pytest.MonkeyPatch,
 ):
     seen = score_gain(SPREAD, np.zeros(BLOCKS)).p_value
@@ -49,11 +49,11 @@ def test_the_better_of_two_tests_counts_twice(monkeypatch: pytest.MonkeyPatch):
     assert chance(monkeypatch, 1e-30, held_out=True) == pytest.approx(2e-30)
 
 
-def test_where_nothing_is_held_out_the_parameters_alone_tell(monkeypatch: pytest.MonkeyPatch):
+def test_without_held_out_data_the_wald_test_decides(monkeypatch: pytest.MonkeyPatch):
     assert chance(monkeypatch, 0.4, held_out=False) == 0.4
 
 
-def test_an_effect_without_a_null_is_judged_by_what_it_gains_where_it_was_fitted(monkeypatch: pytest.MonkeyPatch):
+def test_without_a_null_the_fitted_gain_is_tested(monkeypatch: pytest.MonkeyPatch):
     seen = score_gain(SPREAD, np.zeros(BLOCKS)).p_value
     assert chance(monkeypatch, float("nan"), held_out=True) == pytest.approx(seen)
 

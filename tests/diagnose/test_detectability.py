@@ -15,7 +15,7 @@ from tests.diagnose.candidates import VIEW, candidate, diagnosis_data
 KNOWN = catalogue()
 
 
-def test_what_no_view_feels_and_what_shows_at_no_plausible_size() -> None:
+def test_insensitive_and_implausible_effects_are_undetectable() -> None:
     deaf: Any = SimpleNamespace(**vars(VIEW) | {"is_sensitive_to": lambda effect: effect.name != "valve-lag"})
     names = ("valve-lag", "extra-mass", "stribeck")
     where = replace(diagnosis_data(), train=[deaf], effects={n: KNOWN[n] for n in names})
@@ -29,7 +29,7 @@ def test_what_no_view_feels_and_what_shows_at_no_plausible_size() -> None:
     assert {d.effect.name: d.reason for d in found} == {"valve-lag": "cannot-show", "extra-mass": "cannot-show"}
 
 
-def test_that_it_cannot_show_says_more_than_that_the_screen_left_it_out_and_less_than_a_fit() -> None:
+def test_cannot_show_precedes_the_screening_and_follows_a_fit() -> None:
     mass, lag = KNOWN["extra-mass"], KNOWN["valve-lag"]
     said = [
         Decision(mass, "not-promising"),

@@ -109,7 +109,7 @@ class Diagnosed:
         return {d.effect.name: d.reason for d in self.result.decisions}
 
 
-def test_where_noise_is_left_all_that_was_found_is_missing(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_with_a_white_residual_every_added_effect_is_missing(monkeypatch: pytest.MonkeyPatch) -> None:
     d = Diagnosed(monkeypatch)
     assert (d.result.verdict, d.result.missing, d.result.unexplained) == ("missing-effect", ("a", "b"), None)
     assert d.result.equivalents == {"a": (), "b": ("a",)}
@@ -119,7 +119,7 @@ def test_where_noise_is_left_all_that_was_found_is_missing(monkeypatch: pytest.M
 
 
 @pytest.mark.parametrize("given", [{"left": [MUCH]}, {"astray": [ASTRAY]}])
-def test_beside_something_unknown_only_what_stands_is_named(
+def test_with_an_unmodelled_effect_only_supported_effects_are_named(
     monkeypatch: pytest.MonkeyPatch, given: dict[str, Any]
 ) -> None:
     d = Diagnosed(monkeypatch, standing={"b"}, **given)
@@ -129,7 +129,7 @@ def test_beside_something_unknown_only_what_stands_is_named(
     assert d.described == [(["a", "b"], (given.get("left") or given["astray"])[0])]
 
 
-def test_what_a_law_outdoes_leaves_something_unknown_however_faint(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_an_effect_with_a_smooth_rival_leaves_an_unexplained_residual(monkeypatch: pytest.MonkeyPatch) -> None:
     """The model without it passed for noise; what the effect acted in is described, the largest there."""
     faint = [LackOfFit(ForceBalance, c, r, r, ()) for c, r in (("a", 1.01), ("force", 1.04))]
     elsewhere = LackOfFit(FreeRun, "x", 1.05, 1.05, ())
@@ -143,19 +143,19 @@ def test_what_a_law_outdoes_leaves_something_unknown_however_faint(monkeypatch: 
     assert "b" not in d.result.evidence
 
 
-def test_what_does_not_stand_without_the_refused_ones_is_not_named(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_an_effect_that_fails_without_the_refused_ones_is_not_named(monkeypatch: pytest.MonkeyPatch) -> None:
     d = Diagnosed(monkeypatch, left=[MUCH], standing={"b"}, falls={"b"})
     assert (d.result.missing, d.reasons) == ((), {"a": "explained-by-unknown", "b": "raises-error"})
 
 
-def test_where_nothing_stands_what_the_first_rung_leaves_is_described(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_without_named_effects_the_residual_of_the_first_model_is_described(monkeypatch: pytest.MonkeyPatch) -> None:
     d = Diagnosed(monkeypatch, left=[MUCH], standing=set())
     assert (d.result.verdict, d.result.missing) == ("unexplained", ())
     assert [names for names, _ in d.described] == [[]]
 
 
 @pytest.mark.parametrize(("doubted", "missing", "described"), [("ab", (), []), ("b", ("a",), ["a"])])
-def test_what_an_effect_took_that_is_not_named_is_unexplained(
+def test_the_reduction_by_an_unnamed_effect_is_unexplained(
     monkeypatch: pytest.MonkeyPatch, doubted: str, missing: tuple[str, ...], described: list[str]
 ) -> None:
     """With it nothing but noise is left; without it, as the answer has it, the model errs."""
@@ -164,7 +164,7 @@ def test_what_an_effect_took_that_is_not_named_is_unexplained(
     assert [names for names, _ in d.described] == [described]
 
 
-def test_nothing_found_and_nothing_left_is_adequate(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_no_effect_and_no_lack_of_fit_is_adequate(monkeypatch: pytest.MonkeyPatch) -> None:
     found = Diagnosed(monkeypatch).of_nothing(monkeypatch)
     assert (found.verdict, found.missing, found.unexplained, dict(found.equivalents)) == ("adequate", (), None, {})
 
@@ -178,7 +178,7 @@ def test_nothing_found_and_nothing_left_is_adequate(monkeypatch: pytest.MonkeyPa
         ([], False, "adequate"),
     ],
 )
-def test_what_could_not_have_shown_is_not_adequate(
+def test_too_many_undetectable_effects_are_inconclusive(
     monkeypatch: pytest.MonkeyPatch, typical: list[bool], implausible: bool, verdict: str
 ) -> None:
     found = Diagnosed(monkeypatch, typical=typical, implausible=implausible).of_nothing(monkeypatch)
@@ -186,7 +186,7 @@ def test_what_could_not_have_shown_is_not_adequate(
 
 
 @pytest.mark.parametrize(("left", "verdict"), [([], "missing-effect"), ([MUCH], "unexplained")])
-def test_what_was_found_or_is_left_over_is_told_however_blind_the_recordings_are(
+def test_findings_precede_the_detectability(
     monkeypatch: pytest.MonkeyPatch, left: list[LackOfFit], verdict: str
 ) -> None:
     assert Diagnosed(monkeypatch, left=left, typical=[False], implausible=True).result.verdict == verdict
@@ -203,18 +203,18 @@ def test_each_effect_that_was_decided_on_has_a_probability(monkeypatch: pytest.M
     assert sure["d"] == (presence_rate("vanishes"), presence_rate("vanishes"))
 
 
-def test_beside_something_unknown_equals_share_by_what_each_leaves(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_with_an_unmodelled_effect_equivalents_share_by_their_log_odds(monkeypatch: pytest.MonkeyPatch) -> None:
     sure = Diagnosed(monkeypatch, left=[MUCH], equals=C).result.confidence
     assert sure["b"] == (SURE["b"], pytest.approx(0.9 * SURE["b"]))
     assert sure["c"] == (SURE["b"], pytest.approx(0.1 * SURE["b"]))
 
 
-def test_an_effect_that_is_not_named_has_its_probability_all_the_same(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_an_unnamed_effect_has_a_probability(monkeypatch: pytest.MonkeyPatch) -> None:
     d = Diagnosed(monkeypatch, left=[MUCH], standing={"a"})
     assert d.result.confidence["b"] == (SURE["b"], SURE["b"])
 
 
-def test_what_stays_beside_the_last_model_is_told(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_the_discrepancy_of_the_last_model_is_reported(monkeypatch: pytest.MonkeyPatch) -> None:
     """Remainders of fitted recordings and of those held out."""
     d = Diagnosed(monkeypatch, left=[MUCH])
     assert d.result.discrepancies == ((d.rungs[-1].model, 1),)

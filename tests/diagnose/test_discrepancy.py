@@ -87,7 +87,7 @@ def test_recordings_are_pooled() -> None:
     assert memory(*residual_models) == pytest.approx(0.2, rel=0.1)
 
 
-def test_the_fastest_sampling_tells_it() -> None:
+def test_the_correlation_time_is_that_of_the_fastest_sampling() -> None:
     """At 20 ms a drift of 10 ms is alike over no sample."""
     slow = Gas(period=0.02, p1=drifting(0.01, period=0.02, seed=2))
     assert memory(slow, Gas(p1=drifting(0.01))) == pytest.approx(0.01, rel=0.2)
@@ -99,12 +99,12 @@ def test_slower_recordings_have_no_say_in_it() -> None:
     assert memory(Gas(p1=drifting(0.01)), wandering) == pytest.approx(0.01, rel=0.2)
 
 
-def test_white_noise_beside_a_drift_does_not_shorten_it() -> None:
+def test_added_white_noise_does_not_shorten_the_correlation_time() -> None:
     """As much of it as of the drift: half of the power is alike after a sample, 1/e of that after the time constant."""
     assert memory(Gas(p1=drifting(0.02, size=1.0))) == pytest.approx(0.02, rel=0.2)
 
 
-def test_what_alternates_has_no_time_constant() -> None:
+def test_an_alternating_residual_has_no_correlation_time() -> None:
     assert memory(Gas(p1=3.0 * np.where(np.arange(N) % 2, 1.0, -1.0))) is None
 
 
@@ -118,13 +118,13 @@ def test_a_time_is_counted_in_the_recordings_own_samples() -> None:
     assert memory(Gas(period=4e-3, p1=drifting(0.1, period=4e-3))) == pytest.approx(0.1, rel=0.2)
 
 
-def test_white_noise_is_alike_over_a_sample_at_most_but_by_chance() -> None:
+def test_white_noise_is_correlated_over_at_most_one_sample() -> None:
     found = [memory(Gas(p1=3.0 * np.random.default_rng(seed).standard_normal(N))) or 0.0 for seed in range(20)]
     assert np.mean(np.array(found) < 1.5e-3) >= 0.8
     assert max(found) < 5e-3
 
 
-def test_what_never_falls_has_no_time_constant() -> None:
+def test_a_correlation_that_never_decays_has_no_time() -> None:
     """An offset is alike for ever."""
     assert memory(Gas(p1=5.0 + np.random.default_rng(1).standard_normal(N))) is None
 
@@ -144,25 +144,25 @@ def test_shares_are_of_all_squares_beyond_noise_and_sum_to_one() -> None:
     assert [d.share for d in found] == pytest.approx([24 / 44, 12 / 44, 8 / 44])
 
 
-def test_subsystems_that_share_a_channel_are_told_apart() -> None:
+def test_subsystems_with_a_common_channel_are_separate() -> None:
     found = remaining([Gas(p1=3.0 * np.ones(N)), Axis(p1=5.0 * np.ones(N))], [left(), left(Axis)])
     assert [(d.subsystem, d.share) for d in found] == [(FreeRun.title, 0.75), (ChamberPressures.title, 0.25)]
 
 
-def test_what_is_hardly_more_than_noise_is_not_told() -> None:
+def test_a_channel_near_the_noise_is_not_reported() -> None:
     one = Gas(p1=3.0 * np.ones(N), p2=1.03 * np.ones(N))
     found = remaining([one], [left(ratio=1.07), left(channel="p2", ratio=1.05)])
     assert [(d.channel, d.share) for d in found] == [("p1", 1.0)]
     assert remaining([one], []) == []
 
 
-def test_of_a_channel_that_is_left_over_twice_the_first_one_tells_its_size() -> None:
+def test_the_first_lack_of_fit_of_a_channel_gives_its_size() -> None:
     """Held-out remainders come first."""
     found = remaining([Gas(p1=3.0 * np.ones(N))], [left(ratio=2.5), left(ratio=3.5)])
     assert [d.size for d in found] == [2.5]
 
 
-def test_it_says_of_which_signal_it_is_a_function(over: dict[str, str]) -> None:
+def test_a_discrepancy_names_its_signal(over: dict[str, str]) -> None:
     over["p1"] = "x"
     one = Gas(p1=3.0 * np.ones(N), p2=2.0 * np.ones(N))
     assert {d.channel: d.over for d in remaining([one], [left(), left(channel="p2")])} == {"p1": "x", "p2": None}

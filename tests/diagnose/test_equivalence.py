@@ -19,7 +19,7 @@ def rival(effect: str, fall: float, scatter: float = 0.0, than: Candidate = CONS
     return replace(candidate(effect, before=BEFORE), full=shaky(than.full, fall, scatter, [effect]))
 
 
-def test_a_spring_does_not_lead_by_what_the_force_leaves_of_small_imperfections():
+def test_an_immaterial_advantage_does_not_justify_a_parameter():
     """300 of the 300 000 that the force takes, the same in every block: sure, and no reason for one parameter more."""
     spring = rival("spring-force", 300.0)
     assert not not_inferior(CONSTANT.full, spring.full)
@@ -47,25 +47,25 @@ def test_bounds_that_replay_far_worse_than_an_equal_do_not_lead(train: float, te
     assert best_candidate(seen, [BOUNDS, law]) is (BOUNDS if holds else law)
 
 
-def test_bounds_lead_where_what_replays_better_leaves_more():
+def test_a_set_valued_law_wins_over_a_worse_fit():
     law = rival("friction-asymmetry", -5000.0, than=BOUNDS)
     seen = diagnosis_data([(law.full, 1.0, 1.0), (BOUNDS.full, 9.0, 9.0)])
     assert best_candidate(seen, [BOUNDS, law]) is BOUNDS
 
 
-def test_a_law_leads_however_it_replays():
+def test_a_point_valued_law_wins_whatever_its_free_run_error():
     """Stick-slips hang on few break-aways: of two laws the balance tells more."""
     spring = rival("spring-force", 300.0)
     seen = diagnosis_data([(spring.full, 1.0, 1.0), (CONSTANT.full, 9.0, 9.0)])
     assert best_candidate(seen, [CONSTANT, spring]) is CONSTANT
 
 
-def test_a_sensor_that_is_surely_better_is_no_equal():
+def test_a_significantly_better_sensor_fault_is_no_equal():
     offset = rival("pressure-offset", 300.0)
     assert best_candidate(diagnosis_data(), [offset, CONSTANT]) is offset
 
 
-def test_less_than_matters_is_a_part_of_the_cost_and_of_what_the_effect_takes():
+def test_materiality_is_relative_to_the_cost_and_to_the_reduction():
     """4 thousandths of 99 700 beyond noise; of a small effect 5 hundredths."""
     assert is_simpler(CONSTANT, rival("spring-force", 390.0))
     assert not is_simpler(CONSTANT, rival("spring-force", 410.0))
@@ -75,13 +75,13 @@ def test_less_than_matters_is_a_part_of_the_cost_and_of_what_the_effect_takes():
     assert not is_simpler(rival("spring-force", -10.0), CONSTANT)  # it has one parameter more
 
 
-def test_equals_are_told_where_noise_alone_decides():
+def test_rivals_within_chance_are_indistinguishable():
     assert indistinguishable(rival("friction-asymmetry", -4000.0), CONSTANT.full)
     assert not indistinguishable(rival("friction-asymmetry", -6000.0), CONSTANT.full)
     assert indistinguishable(rival("friction-asymmetry", -100.0, 200.0), CONSTANT.full)
 
 
-def test_of_twins_the_last_digits_of_their_fits_decide_nothing():
+def test_rounding_errors_do_not_decide_between_equivalents():
     """One parameter takes up 3.84 by chance, of a variance of 1.5; by as much in every block is certain."""
     best = model_fit(cost=6000.0)
     assert best.cost / best.residual_count == 1.5

@@ -48,7 +48,7 @@ def test_a_fall_in_every_block_is_certain():
     assert found.p_value < 1e-6
 
 
-def test_a_fall_in_one_block_alone_is_not_certain():
+def test_a_gain_in_a_single_block_is_not_certain():
     before = np.full(40, 100.0)
     after = before.copy()
     after[7] = 0.0
@@ -80,7 +80,7 @@ def test_a_larger_family_costs_more():
     assert holm_adjusted([], 5) == []
 
 
-def test_what_has_no_meaning_without_the_effect_does_not_hide_it():
+def test_parameters_without_a_null_are_held():
     """Gain and time constant of a dwell trade off exactly; that they are something together is certain all the same."""
     dwell = catalogue()["dwell-breakaway"]
     wave = np.sin(np.arange(N) / 40.0)
@@ -117,7 +117,7 @@ def test_where_an_effect_is_absent_is_so_far_in_the_coordinates_of_the_fit():
     assert away.tolist() == [10.0 / found.free[0].scale]
 
 
-def test_what_no_value_makes_absent_is_nowhere_absent():
+def test_an_effect_without_a_null_has_no_offset():
     """Rigid bristles have an infinite stiffness."""
     bristles = catalogue()["presliding"]
     found = fitted(bristles, {"stiffness": 1e5, "damping": 100.0}, np.ones((N, 2)))

@@ -50,7 +50,7 @@ def test_a_difference_below_the_noise_is_not_called_a_separation():
 
 
 @pytest.mark.parametrize(("seen", "kinds"), [(DRIVEN, {"axis"}), (PUSHED, {"friction"})])
-def test_only_what_the_bench_can_do_is_proposed(seen: list[ResidualModel], kinds: set[str]):
+def test_proposed_manoeuvres_suit_the_bench(seen: list[ResidualModel], kinds: set[str]):
     proposed = list(candidate_experiments(model(), seen))
     assert {e.recording.experiment for _, e in proposed} == kinds
     assert len({words for words, _ in proposed}) == len(proposed)

@@ -11,7 +11,7 @@ def errors(train: float | None, test: float | None) -> dict[str, float | None]:
     return {"train": train, "test": test}
 
 
-def test_held_out_recordings_speak_where_there_are_any() -> None:
+def test_the_held_out_error_counts_where_it_exists() -> None:
     assert held_out_error(errors(3.0, 5.0)) == 5.0
     assert held_out_error(errors(3.0, None)) == 3.0
 
@@ -29,7 +29,7 @@ def test_less_than_noise_is_all_and_more_than_before_is_nothing(after: float, le
     assert removed_error_share(errors(None, 5.0), errors(None, after)) == 1.0 - left
 
 
-def test_where_no_more_than_noise_was_seen_nothing_can_go() -> None:
+def test_at_the_noise_floor_no_error_is_removed() -> None:
     assert remaining_error_share(errors(0.9, None), errors(0.8, None)) == 0.0
     assert removed_error_share(errors(0.9, None), errors(0.8, None)) is None
     assert (

@@ -52,12 +52,14 @@ def candidate(test: ScoreGain, p_value: float) -> Candidate:
         (WORSE, 1e-12, False),  # the data held out speak against it
     ],
 )
-def test_data_held_out_must_be_certain_unless_they_show_the_effect_rarely(test: ScoreGain, p_value: float, named: bool):
+def test_the_held_out_gain_must_be_significant_unless_the_effect_acts_rarely(
+    test: ScoreGain, p_value: float, named: bool
+):
     """50 hypotheses: a chance of 1e-5 is one of 5e-4 for the family, beyond the 1e-4 asked of what is rarely shown."""
     assert bool(passing_candidates(BENCH, BEFORE, [candidate(test, p_value)])) == named
 
 
-def test_the_number_of_a_gain_counts_the_blocks_in_which_it_shows():
+def test_effective_blocks_count_where_a_gain_occurs():
     before, once = np.full(40, 100.0), np.full(40, 100.0)
     once[7] = 0.0
     all_over = 90.0 + np.random.default_rng(1).normal(size=40)

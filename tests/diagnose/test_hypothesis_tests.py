@@ -27,11 +27,11 @@ def reason(*args, before=None, held_out=True, **how):
     return decision.reason
 
 
-def test_what_passes_all_tests_is_supported():
+def test_a_candidate_that_passes_all_tests_is_supported():
     assert reason("friction-asymmetry", ends=INSIDE) == "supported"
 
 
-def test_what_ends_at_its_null_vanishes_whatever_chance_says():
+def test_an_effect_at_its_null_vanishes_whatever_its_p_value():
     assert reason("chamber-leak", ends={"area": (0.0, True)}, p_value=0.5) == "vanishes"
 
 
@@ -42,12 +42,12 @@ def test_bristles_that_end_as_stiff_as_may_be_are_none():
 
 
 @pytest.mark.parametrize("p_value", [1e-12, 0.7])
-def test_of_what_stands_at_a_bound_nothing_is_said_of_chance(p_value: float):
+def test_an_effect_at_a_bound_is_refused_whatever_its_p_value(p_value: float):
     assert reason("friction-hysteresis", ends={"drop": (0.95, True)}, p_value=p_value) == "at-bound"
 
 
 @pytest.mark.parametrize(("p_value", "said"), [(0.7, "at-bound"), (1e-9, "supported")])
-def test_a_bound_of_what_means_nothing_alone_counts_only_where_the_effect_is_not_sure(p_value: float, said: str):
+def test_a_bound_of_a_parameter_without_null_counts_only_without_significance(p_value: float, said: str):
     """The time constant of a dwell at its bound: with a sure gain an instant growth, without one no finding at all."""
     ends = {"gain": (0.5, False), "time_constant": (1e-3, True)}
     assert reason("dwell-breakaway", ends=ends, p_value=p_value) == said
@@ -58,7 +58,7 @@ def test_a_time_shorter_than_half_a_sample_is_below_the_resolution(delay: float,
     assert reason("line-delay", ends={"delay": (delay, False)}) == said
 
 
-def test_what_a_reading_refutes_does_not_stand_in_the_way_of_its_twin(monkeypatch: pytest.MonkeyPatch):
+def test_a_refuted_fault_does_not_exclude_its_equivalent(monkeypatch: pytest.MonkeyPatch):
     """A force that looks like an offset of a pressure: were the offset refused only at the end, none was named."""
     monkeypatch.setattr(
         hypothesis_tests, "refuted_by_reading", lambda model, effect, residual_models: effect.name == "pressure-offset"
@@ -73,7 +73,7 @@ def test_chance_is_that_of_the_whole_family(p_value: float, said: str):
     assert reason("friction-asymmetry", ends=INSIDE, p_value=p_value) == said
 
 
-def test_a_chance_that_is_not_known_is_no_proof():
+def test_an_undefined_p_value_is_not_significant():
     assert reason("friction-asymmetry", ends=INSIDE, p_value=float("nan")) == "not-significant"
 
 
@@ -83,19 +83,19 @@ def test_four_thousandths_of_a_cost_beyond_noise_matter(fall: float, said: str):
 
 
 @pytest.mark.parametrize(("fall", "said"), [(79.0, "immaterial"), (81.0, "supported")])
-def test_where_noise_is_left_two_hundredths_matter_for_the_first_effect_too(fall: float, said: str):
+def test_at_the_noise_floor_two_percent_are_material(fall: float, said: str):
     """A cost of 4000 from 4000 samples: what is left is noise, and a hundredth of it no finding."""
     assert reason("friction-asymmetry", 4000.0 - fall, before=model_fit(cost=4000.0), ends=INSIDE) == said
 
 
-def test_what_matters_is_a_share_of_what_the_effect_acts_in(monkeypatch: pytest.MonkeyPatch):
+def test_materiality_is_relative_to_the_sensitive_cost(monkeypatch: pytest.MonkeyPatch):
     """31 of 8000 are too little; of 1000 in the views that feel it they are not, but where noise is left there, 2 %."""
     for felt, said in (((1000.0, 500), "supported"), ((1500.0, 1500), "supported"), ((1600.0, 1600), "immaterial")):
         monkeypatch.setattr(DiagnosisData, "sensitive_cost", lambda *_, felt=felt: felt)
         assert reason("friction-asymmetry", 8000.0 - 31.0, ends=INSIDE) == said
 
 
-def test_what_does_not_hold_on_data_not_seen_says_so():
+def test_a_gain_without_held_out_confirmation_is_refused():
     assert reason("friction-asymmetry", ends=INSIDE, test=UNSURE) == "not-on-held-out"
     assert reason("friction-asymmetry", ends=INSIDE, test=UNSURE, held_out=False) == "supported"
 
@@ -104,14 +104,14 @@ def test_what_does_not_hold_on_data_not_seen_says_so():
     ("left", "fall", "said"),
     [([MUCH], 90.0, "supported"), ([MUCH], -90.0, "not-on-held-out"), ([], 90.0, "not-on-held-out")],
 )
-def test_beside_something_unknown_it_is_enough_that_the_cost_of_data_not_seen_falls(
+def test_with_an_unmodelled_effect_any_held_out_reduction_suffices(
     monkeypatch: pytest.MonkeyPatch, left: list[LackOfFit], fall: float, said: str
 ):
     monkeypatch.setattr(hypothesis_tests, "lack_of_fit", lambda diagnosis_data, model_fit: (left, []))
     assert reason("friction-asymmetry", ends=INSIDE, test=ScoreGain(fall, -100.0, 0.3, 30.0)) == said
 
 
-def test_turns_are_data_not_seen():
+def test_folds_are_held_out_data():
     by_turns = diagnosis_data(held_out=False, folds=(0,))
     (decision,) = apply_tests(by_turns, model_fit(), [candidate("friction-asymmetry", ends=INSIDE, test=UNSURE)])
     assert decision.reason == "not-on-held-out"

@@ -74,7 +74,7 @@ def test_a_period_over_time_is_found(frequency: float, share: float) -> None:
     assert share < one.share < 4.5 / 5.5 + 0.05
 
 
-def test_a_swing_that_dies_out_and_starts_anew_has_a_period() -> None:
+def test_a_decaying_oscillation_has_a_period() -> None:
     """A load on a spring, 12 Hz and 5 % of critical damping, struck at random: its power stands in a band."""
     rng, turn = np.random.default_rng(4), 2.0 * np.pi * 12.0 * STEP
     struck = np.where(rng.uniform(size=TIME.size) < 2e-3, 1.0, 0.0) * rng.standard_normal(TIME.size)
@@ -93,7 +93,7 @@ def test_noise_and_drifts_have_no_period() -> None:
     assert found(Seen(5.0 * TIME / TIME[-1] + noise(3))) is None
 
 
-def test_what_grows_from_restart_to_restart_is_the_comparisons() -> None:
+def test_an_error_with_the_period_of_the_restarts_is_excluded() -> None:
     """An error that grows after each of the restarts and is set back at the next; a balance starts nowhere anew."""
     saw = 50.0 * (TIME % 0.5 - 0.25) + noise(1)
     assert found(Seen(saw)) is None
@@ -117,7 +117,7 @@ def test_recordings_that_cover_little_do_not_hide_it() -> None:
     assert told(*residual_models).length == pytest.approx(0.01, rel=0.01)
 
 
-def test_a_recording_that_says_nothing_has_no_period() -> None:
+def test_an_empty_recording_has_no_period() -> None:
     """Such as one in which the piston rests all the time, so that no reading of the force is compared."""
     assert found(Seen(np.zeros(TIME.size))) is None
     assert found(Seen(np.r_[1.0, np.zeros(TIME.size - 1)], np.full(TIME.size, 0.1))) is None
@@ -130,7 +130,7 @@ def test_few_readings_have_no_period(readings: int) -> None:
     assert found(Seen(left, wandering(0))) is None
 
 
-def test_what_stands_at_the_restarts_alone_has_no_period() -> None:
+def test_power_at_the_restart_frequency_has_no_period() -> None:
     """Nothing is left of its power."""
     saw = np.tile(np.arange(500.0) - 249.5, TIME.size // 500)
     assert found(Seen(saw)) is None

@@ -78,33 +78,33 @@ def judged(monkeypatch: pytest.MonkeyPatch) -> Any:
 
 
 @pytest.mark.parametrize("unknown", [False, True])
-def test_only_what_is_likely_there_is_named(judged: Any, unknown: bool) -> None:
+def test_only_a_probable_effect_is_named(judged: Any, unknown: bool) -> None:
     assert probability(WEAK) < 0.5 < probability(STRONG)
     assert judged(STRONG, unknown=unknown) == "supported"
     assert judged(WEAK, unknown=unknown) == "explained-by-unknown"
 
 
 @pytest.mark.parametrize("unknown", [False, True])
-def test_what_a_law_of_a_signal_outdoes_is_not_named_however_likely(judged: Any, unknown: bool) -> None:
+def test_an_effect_with_a_smooth_rival_is_not_named_however_probable(judged: Any, unknown: bool) -> None:
     assert judged(STRONG, unknown=unknown, read=100.0, law=True) == "explained-by-signal"
     assert judged(WEAK, unknown=unknown, read=100.0, law=True) == "explained-by-unknown"
 
 
 @pytest.mark.parametrize("unknown", [False, True])
-def test_a_direct_reading_beats_any_law(judged: Any, unknown: bool) -> None:
+def test_an_exclusive_measurement_has_no_smooth_rival(judged: Any, unknown: bool) -> None:
     assert judged(STRONG, unknown=unknown, read=200.0, law=True) == "supported"
 
 
-def test_where_nothing_unknown_is_left_the_error_that_the_user_sees_may_stay(judged: Any) -> None:
+def test_with_a_white_residual_the_free_run_error_may_stay(judged: Any) -> None:
     assert judged(STRONG, unknown=False, falls=False) == "supported"
 
 
-def test_beside_something_unknown_the_error_that_the_user_sees_must_fall(judged: Any) -> None:
+def test_with_an_unmodelled_effect_the_free_run_error_must_fall(judged: Any) -> None:
     assert judged(STRONG, unknown=True, falls=False) == "raises-error"
     assert judged(WEAK, unknown=True, falls=False) == "explained-by-unknown"
 
 
-def test_of_what_readings_show_alone_it_need_not_fall(judged: Any) -> None:
+def test_an_exclusive_measurement_needs_no_lower_free_run_error(judged: Any) -> None:
     """A resting accelerometer tells its bias, whatever else makes the error of a trajectory."""
     assert judged(STRONG, unknown=True, falls=False, read=200.0) == "supported"
     assert judged(STRONG, unknown=True, falls=False, read=104.0) == "raises-error"
@@ -112,12 +112,12 @@ def test_of_what_readings_show_alone_it_need_not_fall(judged: Any) -> None:
 
 
 @pytest.mark.parametrize("unknown", [False, True])
-def test_what_a_reading_contradicts_is_not_named_however_likely(judged: Any, unknown: bool) -> None:
+def test_a_refuted_effect_is_not_named_however_probable(judged: Any, unknown: bool) -> None:
     assert judged(STRONG, unknown=unknown, contradicted=True) == "contradicted-by-reading"
 
 
 @pytest.mark.parametrize("unseen", [True, False])
-def test_a_force_that_nobody_recorded_names_nothing(unseen: bool) -> None:
+def test_an_unmeasured_force_names_no_effect(unseen: bool) -> None:
     """Without p2 what a shut chamber 2 does to the piston looks like a spring."""
     residual_model = object.__new__(ForceBalance)
     experiment = SimpleNamespace(p2_is_unmeasured=unseen, can_show=lambda effect: True)
@@ -141,7 +141,7 @@ def test_a_force_that_nobody_recorded_names_nothing(unseen: bool) -> None:
         (0.95, 0.6, 9.0, False, True),
     ],
 )
-def test_where_no_exam_tells_an_effect_takes_most_or_much_is_left(
+def test_the_fallback_requires_a_large_share_or_a_large_lack_of_fit(
     share: float, disagreement: float, ratio: float, held_out: bool, named: bool
 ) -> None:
     left = [LackOfFit(ForceBalance, "force", ratio, ratio, ())]
@@ -152,7 +152,9 @@ def test_where_no_exam_tells_an_effect_takes_most_or_much_is_left(
     ("kind", "held_out", "known"),
     [(ForceBalance, True, True), (ImposedMotion, True, True), (FreeRun, True, False), (ForceBalance, False, False)],
 )
-def test_exams_hold_recordings_out_and_have_what_each_subsystem_needs(kind: Any, held_out: bool, known: bool) -> None:
+def test_a_calibration_requires_held_out_data_and_a_known_residual_model(
+    kind: Any, held_out: bool, known: bool
+) -> None:
     seen = kind(recorded("friction", time_grid(0.1), {"p1": 3e5, "p2": 3e5, "x": 0.1}))
     where: Any = SimpleNamespace(train=[seen], has_held_out_data=held_out)
     assert has_calibration(where, catalogue()["stribeck"]) == known
@@ -165,7 +167,7 @@ def model_fit(squares: float, samples: int = 100, **more: Any) -> Any:
     return SimpleNamespace(cost=squares, residual_count=samples, **more)
 
 
-def test_the_share_that_a_step_takes_is_of_what_exceeds_noise() -> None:
+def test_the_explained_share_is_of_the_excess_cost() -> None:
     assert explained_excess_cost(model_fit(300.0), model_fit(150.0)) == pytest.approx(0.75)
     assert explained_excess_cost(model_fit(300.0), model_fit(350.0)) == pytest.approx(-0.25)
 
@@ -196,15 +198,15 @@ def test_evidence_is_of_the_step_and_of_the_effect_in_the_last_model(monkeypatch
         assert found[3:] == (complete, 0.2, False, ("extra-mass", "pressure-scale"))
 
 
-def test_where_no_error_is_shown_no_share_of_it_is_known(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_without_free_run_errors_the_share_is_unknown(monkeypatch: pytest.MonkeyPatch) -> None:
     assert evidence(monkeypatch, None).share is None
 
 
-def test_what_has_no_place_in_the_last_model_leaves_all(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_without_a_term_everything_remains(monkeypatch: pytest.MonkeyPatch) -> None:
     assert evidence(monkeypatch, None, placed=False).left == 1.0
 
 
-def test_beside_something_unknown_an_effect_is_as_likely_as_the_law_says_of_it_in_its_place(
+def test_the_posterior_uses_the_evidence_of_the_term_and_its_equivalents(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     """What it takes of the error that the user sees counts, too: of 4 and 2 times the noise 12 of 15 parts."""
@@ -241,7 +243,7 @@ def test_beside_something_unknown_an_effect_is_as_likely_as_the_law_says_of_it_i
         ({"train": 2.0, "test": 8.0}, np.log(3.0) - 10.0 * np.log(4.0)),
     ],
 )
-def test_of_what_leaves_as_much_the_error_that_the_user_sees_counts_as_ten_readings(
+def test_among_equivalents_the_free_run_error_counts_as_ten_readings(
     monkeypatch: pytest.MonkeyPatch, errors: dict[str, float | None] | None, expected: float
 ) -> None:
     """Stribeck friction and a break-away that grows leave as much of a balance of forces, which has few break-aways."""
@@ -256,7 +258,7 @@ def test_of_what_leaves_as_much_the_error_that_the_user_sees_counts_as_ten_readi
     assert np.isfinite(posterior.log_odds_among_equivalents(where, named))
 
 
-def test_of_what_leaves_as_much_it_does_not_count_which_effect_it_is(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_among_equivalents_the_intercepts_do_not_count(monkeypatch: pytest.MonkeyPatch) -> None:
     """The unknown that one of them resembles, all of them do."""
     where = replace(diagnosis_data(held_out=False), free_run_errors=None)
     monkeypatch.setattr(posterior, "_significance_and_size", lambda diagnosis_data, model_fit, effect: (20.0, 0.5))
@@ -269,7 +271,7 @@ def test_of_what_leaves_as_much_it_does_not_count_which_effect_it_is(monkeypatch
 
 
 @pytest.mark.parametrize(("size", "less"), [(0.5, True), (1.0, False), (4.0, False)])
-def test_one_that_is_larger_than_usual_is_no_likelier_than_its_twin(
+def test_a_size_above_typical_is_no_more_probable_among_equivalents(
     monkeypatch: pytest.MonkeyPatch, size: float, less: bool
 ) -> None:
     """Of a force of its usual size and an offset of four times its own a rig has rather the force."""
@@ -285,7 +287,7 @@ def test_one_that_is_larger_than_usual_is_no_likelier_than_its_twin(
     assert offset < force if less else offset == force
 
 
-def test_an_effect_is_seen_with_imposed_motion_where_all_recordings_that_feel_it_are_such() -> None:
+def test_an_effect_acts_only_under_imposed_motion_if_every_sensitive_recording_has_it() -> None:
     effect = catalogue()["extra-mass"]
     unfelt = kinds(ChamberPressures, feels=False)
     assert acts_only_under_imposed_motion(replace(diagnosis_data(), train=[*kinds(ImposedMotion), *unfelt]), effect)
@@ -294,7 +296,7 @@ def test_an_effect_is_seen_with_imposed_motion_where_all_recordings_that_feel_it
     )
 
 
-def test_recordings_are_asked_each_by_all_its_views(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_recordings_are_grouped_by_name(monkeypatch: pytest.MonkeyPatch) -> None:
     """Two views of ``b`` count as one recording; every channel has its residuals."""
 
     def residual_model(name: str, n: int, *channels: str) -> Any:
@@ -320,7 +322,7 @@ def test_recordings_are_asked_each_by_all_its_views(monkeypatch: pytest.MonkeyPa
         ((10.0, 9.9), False, "explained-by-unknown"),
     ],
 )
-def test_only_what_passes_without_the_effects_that_are_refused_is_named(
+def test_a_named_effect_must_pass_without_the_refused_ones(
     monkeypatch: pytest.MonkeyPatch, moved: tuple[float, float], passes: bool, named: str
 ) -> None:
     """An offset is refused; the mass beside it must pass, and lower the error, in the model that lacks the offset."""
@@ -346,7 +348,7 @@ def test_only_what_passes_without_the_effects_that_are_refused_is_named(
 
 
 @pytest.mark.parametrize(("left", "likely", "named"), [(5.0, False, False), (5.0, True, True), (1.0, False, True)])
-def test_beside_what_a_law_outdoes_something_is_left_though_it_passed_for_noise(
+def test_with_a_smooth_rival_the_residual_is_tested_again(
     monkeypatch: pytest.MonkeyPatch, left: float, likely: bool, named: bool
 ) -> None:
     """With a spring, which a law outdoes, the mass seemed to be complete; it is weighed anew beside what is left."""

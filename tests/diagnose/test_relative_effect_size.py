@@ -27,7 +27,7 @@ def size(effect: Effect, base: dict[str, float] | None = None, **values: float) 
     return relative_effect_size(fitted, effect, FACTS)
 
 
-def test_an_effect_that_vanishes_at_nothing_stands_over_its_typical_value() -> None:
+def test_a_size_from_a_null_of_zero_is_relative_to_the_typical_value() -> None:
     """Of 2 % of the supply's force, either way."""
     assert size(catalogue()["constant-force"], force=-0.01 * FACTS.force) == pytest.approx(0.5)
 

@@ -27,7 +27,7 @@ def view_of(n: int = 500) -> Any:
     return SimpleNamespace(experiment=e, channels=("p1", "p2"), log_determinant=lambda _: np.full(2 * n, 0.1))
 
 
-def test_a_cost_is_the_squares_of_a_block_and_the_volume_of_what_starts_err_by() -> None:
+def test_a_cost_is_the_squares_and_log_determinants_of_a_block() -> None:
     """Noise as drawn: no allowance. Two blocks of 250 samples of two channels."""
     residual = np.where(np.arange(1000) < 500, 2.0, 1.0)
     found = likelihood_costs([view_of()], [{"p1": 1.0, "p2": 1.0}], residual, [{}])
@@ -44,7 +44,7 @@ def test_a_cost_is_the_squares_of_a_block_and_the_volume_of_what_starts_err_by()
         (0.5, 3.0, np.sqrt(9.0 + 0.2)),  # but no more than a fifth of the power
     ],
 )
-def test_residuals_are_allowed_what_the_model_makes_of_the_noise(drawn: float, level: float, left: float) -> None:
+def test_residuals_are_corrected_for_the_noise_of_the_model(drawn: float, level: float, left: float) -> None:
     residual = np.concatenate([np.full(500, level), np.full(500, 7.0)])
     found = correct_for_model_noise([view_of()], [{"p1": drawn, "p2": 1.0}], residual)
     assert found[0] == pytest.approx(max(left, np.sqrt(0.8 * min(level**2, 1.0))))
@@ -52,11 +52,11 @@ def test_residuals_are_allowed_what_the_model_makes_of_the_noise(drawn: float, l
     assert found[500:] == pytest.approx(np.full(500, 7.0))
 
 
-def test_what_is_zero_stays_zero() -> None:
+def test_zero_residuals_stay_zero() -> None:
     assert not correct_for_model_noise([view_of()], [{"p1": 2.0, "p2": 2.0}], np.zeros(1000)).any()
 
 
-def test_residuals_are_counted_block_by_block_and_those_that_say_nothing_are_not(
+def test_nonzero_residuals_are_counted_by_block(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     """Two blocks of 250 samples of two channels; three residuals of the first are zero."""
@@ -102,7 +102,7 @@ def test_a_flow_that_is_as_in_the_model_has_no_error_worth_the_name() -> None:
 
 
 @pytest.mark.parametrize(("fill", "vent"), [(1.05, 1.0), (1.0, 1.05), (0.95, 0.95)])
-def test_a_gain_that_is_another_one_is_seen_as_such(fill: float, vent: float) -> None:
+def test_a_changed_flow_gain_is_estimated(fill: float, vent: float) -> None:
     assert 0.01 < size_of_flow(chamber(fill, vent), model()) < 0.1
 
 
@@ -119,7 +119,7 @@ def test_a_gain_that_is_another_one_costs_little_more_than_noise(monkeypatch: py
     assert found.sum() < 1.2 * samples
 
 
-def test_what_does_not_look_like_a_gain_stays_in_the_cost(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_an_error_of_another_shape_stays_in_the_cost(monkeypatch: pytest.MonkeyPatch) -> None:
     """A drift of 20 times the noise while the valve is shut, which no error of a flow makes."""
     residual_model = chamber()
     monkeypatch.setattr(counted, "drawn_rms", lambda model, residual_model, errors: {"p1": 1.0})
@@ -129,7 +129,7 @@ def test_what_does_not_look_like_a_gain_stays_in_the_cost(monkeypatch: pytest.Mo
     assert found.sum() > 100.0 * counts.sum()
 
 
-def test_the_most_likely_size_is_that_of_what_was_drawn() -> None:
+def test_the_most_likely_deviation_is_that_of_the_random_draws() -> None:
     """Powers of 1e4, sizes of 0.1: the residual along them varies by P + s^2 P^2."""
     rng, power = np.random.default_rng(4), np.full(4000, 1e4)
     along = rng.normal(size=4000) * np.sqrt(power + 0.01 * power**2)
@@ -157,7 +157,7 @@ VIEW = SimpleNamespace(channels=("force",), experiment=SimpleNamespace(time=TIME
         (1.5, 4.0, np.sqrt(0.8)),
     ],
 )
-def test_what_noise_explains_is_taken_off(rms: float, expected: float, left: float):
+def test_noise_is_subtracted_from_the_deviation(rms: float, expected: float, left: float):
     """In squares: rms^2 - (drawn^2 - 1), in proportion where that is noise, but not below 0.8 of the sensors' 1."""
     residual = rms * np.where(np.arange(TIME.size) % 2, 1.0, -1.0)
     seen = correct_for_model_noise([VIEW], [{"force": expected}], residual)
@@ -173,5 +173,5 @@ def test_each_channel_of_each_view_has_its_own_allowance() -> None:
     assert parts == pytest.approx([3.0, 3.0, 3.0, np.sqrt(6.0)])
 
 
-def test_samples_that_do_not_count_stay_out():
+def test_zero_samples_stay_zero():
     assert not correct_for_model_noise([VIEW], [{"force": 2.0}], np.zeros(TIME.size)).any()

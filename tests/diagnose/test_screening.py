@@ -21,7 +21,7 @@ def signature(gain: float) -> Any:
     return SimpleNamespace(gain=gain)
 
 
-def test_what_the_screen_leaves_out_is_said_so(monkeypatch: pytest.MonkeyPatch):
+def test_effects_below_the_screening_limit_are_not_promising(monkeypatch: pytest.MonkeyPatch):
     """Beside a promise of 5000 one of 40 is no start worth a fit."""
     ranked = [(catalogue()["extra-mass"], [signature(5000.0)]), (catalogue()["stribeck"], [signature(40.0)])]
     monkeypatch.setattr(DiagnosisData, "ranked_signatures", lambda self, model_fit: ranked)
@@ -43,7 +43,7 @@ def test_what_the_screen_leaves_out_is_said_so(monkeypatch: pytest.MonkeyPatch):
 
 
 @pytest.mark.parametrize(("named", "ended"), [(None, 1), (4001.0, 1), (3000.0, 0)])
-def test_what_does_not_come_close_to_the_named_one_is_not_fitted_to_the_end(
+def test_only_candidates_near_the_reference_are_refitted_to_convergence(
     monkeypatch: pytest.MonkeyPatch, named: float | None, ended: int
 ):
     """A rival that leaves 4000: it is the best of its round, and far from what leaves 3000."""
@@ -60,7 +60,7 @@ def test_what_does_not_come_close_to_the_named_one_is_not_fitted_to_the_end(
     assert len(polished) == ended
 
 
-def test_refits_are_shared_out_by_where_the_residual_stands(monkeypatch: pytest.MonkeyPatch):
+def test_refits_are_divided_among_subsystems_by_their_cost(monkeypatch: pytest.MonkeyPatch):
     """Seven effects promise more of a force that leaves a tenth than one promises of the gas, which leaves the rest."""
     forces = [n for n, e in catalogue().items() if e.balances == {"friction"}][:7]
     ranked = [(catalogue()[name], [signature(900.0 - i)]) for i, name in enumerate(forces)]

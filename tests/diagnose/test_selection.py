@@ -57,7 +57,7 @@ def names(result: SelectionPath) -> set[str]:
 A, B, C, D, E = (effect(name) for name in "abcde")
 
 
-def test_the_effect_that_explains_all_is_found_and_nothing_else() -> None:
+def test_a_single_sufficient_effect_is_selected() -> None:
     result = found(SyntheticData([A, B, C], adding(a=1.0)))
     assert result.added == ["a"]
     assert result.adequate
@@ -65,55 +65,55 @@ def test_the_effect_that_explains_all_is_found_and_nothing_else() -> None:
     assert result.last.effect_names == ["a"]
 
 
-def test_what_was_tried_from_the_model_as_it_is_is_not_tried_again() -> None:
+def test_candidates_of_the_base_model_are_fitted_once() -> None:
     synthetic = SyntheticData([A, B, C], adding(a=1.0))
     found(synthetic)
     assert sorted(synthetic.added_names) == [("a",), ("a", "b"), ("a", "c")]
 
 
-def test_where_noise_alone_is_left_nothing_is_found() -> None:
+def test_with_a_white_residual_no_effect_is_selected() -> None:
     result = found(SyntheticData([A, B, C], adding(), excess=0.0))
     assert result.added == []
     assert result.adequate
     assert len(result.models) == 1
 
 
-def test_two_effects_are_found_the_larger_one_first() -> None:
+def test_two_effects_are_selected_the_larger_one_first() -> None:
     result = found(SyntheticData([A, B, C], adding(a=0.3, b=0.7)))
     assert result.added == ["b", "a"]
     assert result.adequate
 
 
-def test_effects_that_the_model_has_are_not_found_again() -> None:
+def test_effects_of_the_given_model_are_not_selected() -> None:
     result = found(SyntheticData([A, B, C], adding(a=0.5, b=0.5)), "a")
     assert result.added == ["b"]
     assert [s.effect_names for s in result.models] == [["a"], ["a", "b"]]
 
 
-def test_what_no_effect_explains_is_left_over() -> None:
+def test_an_unexplained_residual_makes_the_path_inadequate() -> None:
     result = found(SyntheticData([A, B, C], adding(a=0.3)))
     assert result.added == ["a"]
     assert not result.adequate
 
 
-def test_what_falls_on_the_fitted_data_alone_is_not_found() -> None:
+def test_an_overfitted_effect_is_not_selected() -> None:
     assert found(SyntheticData([A, B], adding(a=0.5), unseen=adding(a=-0.02), excess=0.5)).added == []
 
 
-def test_without_held_out_data_the_fitted_ones_decide() -> None:
+def test_without_held_out_data_the_fitted_gain_decides() -> None:
     assert found(SyntheticData([A, B], adding(a=0.5), unseen=adding(), excess=0.5, held_out=False)).added == ["a"]
 
 
-def test_an_effect_that_raises_the_error_the_user_sees_is_not_found() -> None:
+def test_an_effect_that_raises_the_free_run_error_is_not_selected() -> None:
     assert found(SyntheticData([A, B], adding(a=1.0), worse={"a"})).added == []
 
 
-def test_no_more_than_four_effects_are_found_one_by_one() -> None:
+def test_at_most_four_effects_are_selected() -> None:
     six = [effect(n) for n in "abcdef"]
     assert len(found(SyntheticData(six, adding(**dict.fromkeys("abcdef", 0.3)), excess=2.0)).added) == 4
 
 
-def test_an_effect_that_stood_in_for_two_others_goes_when_they_are_there() -> None:
+def test_an_effect_that_resembles_two_others_is_dropped_with_both() -> None:
     def takes(chosen: frozenset[str]) -> float:
         pair = 0.5 * len(chosen & {"b", "c"})
         return max(pair, 0.6 + 0.3 * pair) if "a" in chosen else pair
@@ -121,7 +121,7 @@ def test_an_effect_that_stood_in_for_two_others_goes_when_they_are_there() -> No
     assert names(found(SyntheticData([A, B, C], takes))) == {"b", "c"}
 
 
-def test_an_effect_that_has_no_size_without_another_one_comes_after_it() -> None:
+def test_an_effect_without_an_initial_guess_follows_the_one_that_gives_it() -> None:
     """As Stribeck's, which is counted in dry friction, where the base has none before a load takes its part."""
 
     def takes(chosen: frozenset[str]) -> float:
@@ -134,7 +134,7 @@ def test_an_effect_that_has_no_size_without_another_one_comes_after_it() -> None
     assert circle.added[0] == "a"
 
 
-def test_where_something_unknown_is_left_the_likeliest_leads(sure: dict[str, float]) -> None:
+def test_with_an_unmodelled_effect_the_most_probable_candidate_is_first(sure: dict[str, float]) -> None:
     """Not where the user would see the error rise by it, nor where the other leaves nothing."""
 
     def takes(chosen: frozenset[str]) -> float:
@@ -149,7 +149,7 @@ def test_where_something_unknown_is_left_the_likeliest_leads(sure: dict[str, flo
     ).added == ["a"]
 
 
-def test_what_is_likelier_absent_goes_where_something_unknown_is_left(sure: dict[str, float]) -> None:
+def test_with_an_unmodelled_effect_an_improbable_effect_is_dropped(sure: dict[str, float]) -> None:
     """The least likely first; what is there alone stays, and all that leave nothing together."""
     sure.update(b=0.4, c=0.3)
     result = found(SyntheticData([A, B, C], adding(a=0.4, b=0.2, c=0.2), excess=2.0))
@@ -160,7 +160,7 @@ def test_what_is_likelier_absent_goes_where_something_unknown_is_left(sure: dict
     assert names(found(SyntheticData([A, B, C], adding(a=0.8, b=0.6, c=0.6), excess=2.0))) == {"a", "b", "c"}
 
 
-def test_what_is_likelier_absent_goes_before_what_it_makes_needless(sure: dict[str, float]) -> None:
+def test_an_improbable_effect_is_dropped_before_a_needless_one(sure: dict[str, float]) -> None:
     """A weak spring far from its rest takes the place of an asymmetry, and something unknown besides."""
     sure["b"] = 0.1
 
@@ -175,7 +175,7 @@ def test_what_is_likelier_absent_goes_before_what_it_makes_needless(sure: dict[s
     assert [(d.effect.name, d.reason) for d in refused] == [("b", "explained-by-unknown")]
 
 
-def test_a_pair_beside_something_unknown_must_be_likely(sure: dict[str, float]) -> None:
+def test_with_an_unmodelled_effect_a_pair_must_be_probable(sure: dict[str, float]) -> None:
     def takes(chosen: frozenset[str]) -> float:
         return 0.7 if {"a", "b"} <= chosen else 0.002 * len(chosen & {"a", "b"})
 
@@ -184,7 +184,7 @@ def test_a_pair_beside_something_unknown_must_be_likely(sure: dict[str, float]) 
     assert names(found(SyntheticData([A, B], takes, excess=2.0))) == set()
 
 
-def test_what_was_needless_beside_one_that_may_not_stay_comes_back() -> None:
+def test_dropping_an_effect_restores_those_that_it_made_needless() -> None:
     """Beside b, which explains more and raises the error that the user sees, a has nothing left to explain."""
 
     def takes(chosen: frozenset[str]) -> float:
@@ -198,7 +198,7 @@ def test_what_was_needless_beside_one_that_may_not_stay_comes_back() -> None:
     assert [(d.effect.name, d.reason) for d in refused] == [("b", "raises-error")]
 
 
-def test_equals_of_an_effect_are_its_rivals() -> None:
+def test_equivalents_of_an_effect_are_its_rivals() -> None:
     def takes(chosen: frozenset[str]) -> float:
         return 1.0 if chosen & {"a", "b"} else 0.0
 
@@ -207,13 +207,13 @@ def test_equals_of_an_effect_are_its_rivals() -> None:
     assert {t.effect.name for t in result.terms[name].rivals} == {"a", "b"} - {name}
 
 
-def test_a_pair_of_which_neither_leads_anywhere_alone_is_found() -> None:
+def test_a_pair_without_a_supported_single_effect_is_selected() -> None:
     result = found(SyntheticData([A, B, C], lambda chosen: 1.0 if {"a", "b"} <= chosen else 0.0))
     assert names(result) == {"a", "b"}
     assert result.adequate
 
 
-def test_the_second_of_a_pair_is_what_promises_most_beside_the_first() -> None:
+def test_the_second_of_a_pair_has_the_best_score_given_the_first() -> None:
     """Beside the base b promises nothing, c and d much; beside a, which held-out data refuse, it leaves nothing."""
 
     def takes(chosen: frozenset[str]) -> float:
@@ -225,7 +225,7 @@ def test_the_second_of_a_pair_is_what_promises_most_beside_the_first() -> None:
     assert ("c", "d") not in synthetic.added_names
 
 
-def test_a_pair_that_was_fitted_from_the_one_side_is_not_fitted_from_the_other() -> None:
+def test_a_pair_is_fitted_in_one_order_only() -> None:
     """Held-out data refuse b and c; beside each a promises most, and both were fitted beside a."""
     synthetic = SyntheticData([A, B, C], adding(a=0.5, b=0.06, c=0.05), unseen=adding(a=0.5))
     assert found(synthetic).added == ["a"]
@@ -233,7 +233,7 @@ def test_a_pair_that_was_fitted_from_the_one_side_is_not_fitted_from_the_other()
     assert len(fitted) == len(set(fitted))
 
 
-def test_the_rungs_of_what_was_revised_begin_with_what_explains_most() -> None:
+def test_the_revised_path_starts_with_the_largest_reduction() -> None:
     def takes(chosen: frozenset[str]) -> float:
         pair = 0.3 * ("b" in chosen) + 0.7 * ("c" in chosen)
         return max(pair, 0.75 + 0.2 * pair) if "a" in chosen else pair
@@ -279,21 +279,21 @@ def order(diagnosis_data: Screened, without: tuple[str, ...] = ()) -> list[str]:
     return [d.effect.name for d in screen_and_refit(diagnosis_data, BEFORE, without) if d.candidate is not None]  # type: ignore[arg-type]
 
 
-def test_no_more_than_six_are_refitted_those_that_promise_most() -> None:
+def test_at_most_six_effects_are_refitted() -> None:
     assert set(order(Screened({n: 100.0 + k for k, n in enumerate("abcdefgh")}))) == set("hgfedc")
 
 
 @pytest.mark.parametrize(("promise", "refitted"), [(12.1, True), (11.9, False)])
-def test_a_signature_must_promise_a_chi_square_of_twelve(promise: float, refitted: bool) -> None:
+def test_a_score_test_requires_a_chi_square_of_twelve(promise: float, refitted: bool) -> None:
     assert ("b" in order(Screened({"a": 100.0, "b": promise}))) == refitted
 
 
-def test_and_a_hundredth_of_the_best() -> None:
+def test_a_score_test_requires_one_percent_of_the_best() -> None:
     assert order(Screened({"a": 10000.0, "b": 99.0})) == ["a"]
     assert set(order(Screened({"a": 10000.0, "b": 101.0}))) == {"a", "b"}
 
 
-def test_of_the_share_that_the_best_promises_of_what_it_acts_in() -> None:
+def test_scores_are_relative_to_the_sensitive_cost() -> None:
     """A tenth of little counts as much as a tenth of much that it does not act in."""
 
     class Apart(Screened):
@@ -304,12 +304,12 @@ def test_of_the_share_that_the_best_promises_of_what_it_acts_in() -> None:
     assert order(Apart({"a": 2e3, "b": 500.0})) == ["b"]
 
 
-def test_an_effect_may_be_left_out_and_then_the_next_is_the_best() -> None:
+def test_an_excluded_effect_is_not_the_reference() -> None:
     assert order(Screened({"a": 10000.0, "b": 99.0}), ("a",)) == ["b"]
     assert order(Screened({"a": 10000.0}), ("a",)) == []
 
 
-def test_trials_come_with_the_least_cost_first_and_only_close_ones_are_fitted_to_the_end() -> None:
+def test_candidates_are_sorted_by_cost_and_only_the_best_converge() -> None:
     diagnosis_data = Screened({"a": 50.0, "b": 60.0, "c": 70.0}, {"a": 8000.0, "b": 8500.0, "c": 8300.0})
     assert order(diagnosis_data) == ["a", "c", "b"]
     assert set(diagnosis_data.polished_names) == {"a", "c"}  # within 5 %
@@ -318,7 +318,7 @@ def test_trials_come_with_the_least_cost_first_and_only_close_ones_are_fitted_to
     assert slight.polished_names == []  # 0.3 % of the cost
 
 
-def test_a_search_knows_what_was_added_to_what() -> None:
+def test_a_path_knows_its_added_effects() -> None:
     synthetic = SyntheticData([A, B, C], adding())
     rungs = tuple(synthetic.model_with(n) for n in (["a"], ["a", "b"], ["a", "b", "c"]))
     result = SelectionPath(rungs, (), {}, (), ())

@@ -39,7 +39,7 @@ def decision(tried: Candidate) -> Decision:
         ((10.1, None), "raises-error"),
     ],
 )
-def test_what_raises_the_error_that_the_user_sees_does_not_lead(after: tuple[float, float | None], reason: str):
+def test_a_candidate_that_raises_the_free_run_error_is_refused(after: tuple[float, float | None], reason: str):
     tried = candidate("extra-mass", before=BEFORE)
     where = diagnosis_data([(BEFORE, 10.0, None if after[1] is None else 12.0), (tried.full, *after)])
     leader, (decided,) = next_term.next_term(where, [decision(tried)])
@@ -55,7 +55,7 @@ def test_what_raises_the_error_that_the_user_sees_does_not_lead(after: tuple[flo
         (8000.0, (1.06, 1.06), "supported"),
     ],
 )
-def test_where_noise_is_left_the_error_must_fall_by_more_than_chance_moves_it(cost: float, after, reason: str):
+def test_at_the_noise_floor_the_free_run_error_must_fall_clearly(cost: float, after, reason: str):
     """A healthy model: a mass of 5 g more, for sure, and nothing that a user would see."""
     start = model_fit(cost=cost)
     tried = candidate("extra-mass", 0.9 * cost, before=start, ends={"mass": (0.005, False)})
@@ -63,7 +63,7 @@ def test_where_noise_is_left_the_error_must_fall_by_more_than_chance_moves_it(co
     assert next_term.next_term(where, [decision(tried)])[1][0].reason == reason
 
 
-def test_where_the_best_raises_the_error_the_next_leads():
+def test_the_second_best_candidate_follows_a_refused_one():
     best, second = candidate("extra-mass", 3000.0, before=BEFORE), candidate("stribeck", 5000.0, before=BEFORE)
     where = diagnosis_data([(BEFORE, 10.0, 10.0), (best.full, 11.0, 11.0), (second.full, 5.0, 5.0)])
     leader, decisions = next_term.next_term(where, [decision(best), decision(second)])
@@ -81,7 +81,7 @@ def test_where_the_best_raises_the_error_the_next_leads():
         (None, 0.4, True),
     ],
 )
-def test_what_states_bounds_leads_where_a_force_is_left_only_if_it_is_likely(monkeypatch, kind, chance, leads: bool):
+def test_a_set_valued_law_that_leaves_a_force_must_be_probable(monkeypatch, kind, chance, leads: bool):
     """Between two branches of friction any force stays hidden; another effect, however small, may lead then."""
     bounds, other = (
         candidate("friction-hysteresis", 1000.0, before=BEFORE),
@@ -101,7 +101,7 @@ def test_what_states_bounds_leads_where_a_force_is_left_only_if_it_is_likely(mon
     assert decisions[0].reason == ("supported" if leads else "explained-by-unknown")
 
 
-def test_without_a_supported_trial_nobody_leads():
+def test_without_a_supported_candidate_none_is_selected():
     tried = candidate("extra-mass", before=BEFORE)
     assert next_term.next_term(diagnosis_data(), [Decision(tried.effect, "at-bound", tried)])[0] is None
 
@@ -137,7 +137,7 @@ def climbing(*rows: tuple[str, float, float, float], unsized: str = "") -> Climb
 MASS, LAG = "extra-mass", "pressure-lag"
 
 
-def test_no_rung_raises_both_errors_though_the_cost_would_have_it_first():
+def test_no_step_raises_both_errors_even_with_the_lowest_cost():
     """The lag alone leaves less cost and raises both errors; after the mass it lowers them."""
     where = climbing(
         ("", 9000.0, 10.0, 10.0),
@@ -151,7 +151,7 @@ def test_no_rung_raises_both_errors_though_the_cost_would_have_it_first():
     assert refused == []
 
 
-def test_what_has_no_size_on_any_rung_is_none():
+def test_an_effect_without_an_initial_guess_anywhere_is_refused():
     """Two that each have a size only beside the other one, or beside what is no longer there."""
     where = climbing(("", 9000.0, 9.0, 9.0), (f"{MASS} {LAG}", 4000.0, 1.0, 1.0), unsized=f"{MASS} {LAG}")
     rungs, refused = selection._reordered_path(where, where.of(()), where.of((MASS, LAG)), [where.of(())])
@@ -159,7 +159,7 @@ def test_what_has_no_size_on_any_rung_is_none():
     assert {(d.effect.name, d.reason) for d in refused} == {(MASS, "cannot-show"), (LAG, "cannot-show")}
 
 
-def test_what_raises_both_errors_wherever_it_is_added_is_no_rung():
+def test_an_effect_that_raises_the_errors_everywhere_is_refused():
     """As on a rig with several small unknowns: each step fits better by itself, and the whole gets worse."""
     where = climbing(
         ("", 9000.0, 87.3, 72.6),
@@ -173,16 +173,14 @@ def test_what_raises_both_errors_wherever_it_is_added_is_no_rung():
     assert [(d.effect.name, d.reason) for d in refused] == [(LAG, "raises-error")]
 
 
-def test_rungs_that_are_known_and_sound_are_kept():
+def test_a_sound_path_is_unchanged():
     where = climbing(("", 9000.0, 10.0, 10.0), (MASS, 6000.0, 8.0, 8.0))
     known = [where.of(()), where.of((MASS,))]
     assert selection._reordered_path(where, known[0], known[1], known) == (known, [])
 
 
 @pytest.mark.parametrize(("stands", "kept"), [(set(), [MASS]), ({LAG}, [MASS, LAG])])
-def test_what_the_others_make_needless_is_dropped_with_that_reason(
-    monkeypatch: pytest.MonkeyPatch, stands: set[str], kept: list[str]
-):
+def test_a_needless_effect_is_dropped(monkeypatch: pytest.MonkeyPatch, stands: set[str], kept: list[str]):
     """Without the lag nothing is missed, without the mass very much: that stays, and the lag if it passes its tests."""
     where = climbing(("", 9000.0, 9.0, 9.0), (MASS, 5000.0, 5.0, 5.0), (LAG, 8000.0, 8.0, 8.0))
     last = model_fit([MASS, LAG], 4999.0)
@@ -255,7 +253,7 @@ def test_everything_that_was_screened_has_one_decision():
     assert all(d.candidate is not None for d in found)
 
 
-def test_effects_are_in_the_order_of_the_rungs_whatever_the_last_model_has_first():
+def test_added_effects_have_the_order_of_the_path():
     rungs = (model_fit(), model_fit([MASS]), model_fit([LAG, MASS]))
     found = selection.SelectionPath(rungs, {}, (), (), ())
     assert found.added == [MASS, LAG]
@@ -269,9 +267,7 @@ def test_effects_are_in_the_order_of_the_rungs_whatever_the_last_model_has_first
         ({"extra-mass": 0.4, "presliding": 0.3}, "stribeck"),  # the named one is likelier than both
     ],
 )
-def test_beside_something_unknown_the_likeliest_of_what_is_not_told_apart_stands_best(
-    monkeypatch: pytest.MonkeyPatch, law: dict[str, float], first: str
-):
+def test_the_most_probable_equivalent_is_selected(monkeypatch: pytest.MonkeyPatch, law: dict[str, float], first: str):
     """Heat transfer is likelier by far, and leaves twice as much."""
     named, *rivals = (candidate(n, 5000.0, before=BEFORE) for n in ("stribeck", *law))
     far = candidate("heat-transfer", 7900.0, before=BEFORE)
@@ -284,7 +280,7 @@ def test_beside_something_unknown_the_likeliest_of_what_is_not_told_apart_stands
 
 
 @pytest.mark.parametrize("shown", [True, False])
-def test_what_readings_show_alone_is_taken_though_the_error_rises(monkeypatch: pytest.MonkeyPatch, shown: bool):
+def test_an_exclusive_measurement_may_raise_the_free_run_error(monkeypatch: pytest.MonkeyPatch, shown: bool):
     """Of 100 resting samples of an accelerometer, off by three times their noise, its bias leaves noise alone."""
     bias = "acceleration-bias"
     where = climbing(("", 9000.0, 10.0, 12.0), (bias, 5000.0, 10.1, 12.1))

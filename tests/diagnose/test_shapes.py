@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import asdict
 from types import SimpleNamespace
 from typing import Any, ClassVar
 
@@ -23,7 +22,6 @@ from pneucli.diagnose.adequacy import (
 from pneucli.identify.estimation.fit import fit
 from pneucli.identify.estimation.parameters import base_parameters
 from pneucli.identify.residuals import ChamberPressures, ForceBalance
-from pneucli.messages.experiment_design import manoeuvre_text
 from tests.simulate.synthetic_experiments import RIG, make_experiment, model, time_grid
 
 RNG = np.random.default_rng
@@ -59,7 +57,7 @@ def shaped(share: float, p_value: float) -> Shape:
         (left(1.1, 1.07, shaped(0.1, 1e-7), shaped(0.5, 1e-9)), False, False),  # the first is the one with most
     ],
 )
-def test_what_is_more_than_noise_on_fitted_and_on_held_out_data(one: LackOfFit, train: bool, test: bool) -> None:
+def test_the_limits_on_fitted_and_held_out_data_differ(one: LackOfFit, train: bool, test: bool) -> None:
     assert bool(significant_lack_of_fit([one], [])) == train
     assert bool(significant_lack_of_fit([], [one])) == test
 
@@ -102,7 +100,7 @@ def test_few_levels_are_bins_of_their_own() -> None:
     assert found.share == pytest.approx(1.0 / 3.0, abs=0.03)
 
 
-def test_unknown_places_are_left_out() -> None:
+def test_nan_positions_are_excluded() -> None:
     """What stands there, of whichever size, is in no bin and counts for nothing."""
     x, slope = np.where(TIME < 4.0, np.nan, TIME), np.where(TIME < 4.0, 100.0, TIME - 6.0)
     found = binned_shape("x", x, slope, BLOCKS)
@@ -111,7 +109,7 @@ def test_unknown_places_are_left_out() -> None:
 
 
 @pytest.mark.parametrize("values", [np.full(N, np.nan), np.zeros(N)])
-def test_what_is_unknown_or_constant_has_no_shape(values: np.ndarray) -> None:
+def test_a_constant_variable_has_no_shape(values: np.ndarray) -> None:
     assert binned_shape("x", values, RNG(5).standard_normal(N), BLOCKS) is None
 
 
@@ -133,7 +131,7 @@ def moved(speed: float, viscous: float, seed: int) -> ForceBalance:
     return read(3e5 + (noise - lacking) / RIG.piston_area_1)
 
 
-def test_what_slow_motions_leave_open_is_not_held_against_a_fast_one() -> None:
+def test_parameter_uncertainty_excuses_a_held_out_error() -> None:
     """At up to 3 mm/s the viscous friction is known within 10.4 N s/m, so that 0.3 m/s may be off by 2.2 N.
 
     Which is more than noise in half of all draws (beyond 0.44 standard errors), and too much beyond 2.7: of 30 draws in
@@ -154,13 +152,13 @@ def test_what_slow_motions_leave_open_is_not_held_against_a_fast_one() -> None:
     assert not within_parameter_uncertainty([other])
 
 
-def test_what_fits_asks_nothing_of_the_parameters() -> None:
+def test_a_good_fit_needs_no_parameter_uncertainty() -> None:
     slow = moved(0.003, 45.0, 1)
     found = fit(model(), [slow], base_parameters(model(), [slow.experiment]))
     assert [r.parameter_uncertainty for r in held_out_lack_of_fit(found, [moved(0.003, 45.0, 2)])] == [0.0]
 
 
-def test_a_model_that_runs_away_leaves_nothing_open(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_diverging_model_has_no_parameter_uncertainty(monkeypatch: pytest.MonkeyPatch) -> None:
     """What it misses is too much: without a number for its derivatives, nothing was."""
     slow = moved(0.003, 45.0, 1)
     found = fit(model(), [slow], base_parameters(model(), [slow.experiment]))
@@ -182,7 +180,7 @@ def residual_model() -> Any:
     return found
 
 
-def test_a_channels_remainder_is_over_what_a_correct_model_would_show() -> None:
+def test_a_lack_of_fit_is_relative_to_a_correct_model() -> None:
     residual = RNG(7).standard_normal(N)
     found = _channel_lack_of_fit(
         ForceBalance, "force", [(residual_model(), 2.0 * residual, 0.5), (residual_model(), residual, 1.0)]
@@ -244,7 +242,7 @@ def test_a_friction_that_drifts_shows_against_the_motion() -> None:
     assert best.share > 0.2  # over time with its sign it has none
 
 
-def test_samples_that_do_not_count_do_not_thin_the_ratio() -> None:
+def test_zero_samples_do_not_dilute_the_ratio() -> None:
     residual = np.where(TIME < 4.0, 0.0, 2.0)
     assert _channel_lack_of_fit(ForceBalance, "force", [(residual_model(), residual, 1.0)]).ratio == pytest.approx(2.0)
 
@@ -252,7 +250,7 @@ def test_samples_that_do_not_count_do_not_thin_the_ratio() -> None:
 # --- manoeuvres
 
 
-def commands(u: float = 5.0) -> dict[str, np.ndarray]:
+def commands(u: float = 5.0) -> dict[experiment_design.Manoeuvre, np.ndarray]:
     return dict(experiment_design._commands(u))
 
 
@@ -267,8 +265,8 @@ def test_commands_charge_discharge_step_climb_and_swing() -> None:
     assert [s.max() for s in sines] == pytest.approx([2.5] * 3, rel=1e-3)
     turns = [np.count_nonzero(np.diff(np.sign(s[1:]))) for s in sines]
     assert turns == pytest.approx([6, 36, 120], abs=2)
-    words = [manoeuvre_text(**asdict(manoeuvre)) for manoeuvre in commands()]
-    assert all("5 V" in one or "2.5 V" in one or "0.5 to 1.5 V" in one for one in words)
+    assert [m.level for m in commands()] == [5.0, -5.0, 5.0, 5.0, 2.5, 2.5, 2.5]
+    assert [m.frequency for m in commands()] == [*[None] * 4, 0.5, 3.0, 10.0]
 
 
 def test_pushes_are_triangles_sines_and_slow_pushes_after_rests() -> None:
@@ -311,7 +309,7 @@ def test_a_push_is_the_force_of_both_pressures_at_rest_in_the_middle() -> None:
     assert found.experiment == "friction"
 
 
-def test_the_manoeuvre_in_which_models_differ_most_over_the_noise_is_proposed(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_the_manoeuvre_with_the_largest_ratio_to_noise_is_proposed(monkeypatch: pytest.MonkeyPatch) -> None:
     apart = {"one": {"p1": 500.0, "x": 1e-3}, "two": {"p1": 900.0, "x": np.inf}, "three": {"force": 1e9}}
     monkeypatch.setattr(
         experiment_design, "candidate_experiments", lambda model, residual_models: [(w, w) for w in apart]
@@ -329,7 +327,7 @@ def test_the_manoeuvre_in_which_models_differ_most_over_the_noise_is_proposed(mo
 
 
 @pytest.mark.parametrize("chamber_2", ["open", "closed"])
-def test_a_command_is_given_to_the_bench_as_it_was_seen(chamber_2: str) -> None:
+def test_a_command_uses_the_recorded_bench(chamber_2: str) -> None:
     signals = {"u": 4.0, "p1": 3e5, "p2": 3e5, "x": 0.1, "p_supply": 6e5}
     seen = make_experiment("axis", time_grid(0.1), signals, chamber_2=chamber_2)
     found = experiment_design._commanded(np.full(200, 3.0), seen)
@@ -343,7 +341,7 @@ def test_a_command_is_given_to_the_bench_as_it_was_seen(chamber_2: str) -> None:
 
 
 @pytest.mark.parametrize("changed", [{"valve_shut": True}, {"imposed": "motion"}])
-def test_benches_that_cannot_repeat_it_are_left_out(changed: dict[str, Any]) -> None:
+def test_benches_that_cannot_do_a_manoeuvre_are_excluded(changed: dict[str, Any]) -> None:
     from dataclasses import replace
 
     e = make_experiment("axis", time_grid(0.5), {"u": 4.0, "p1": 3e5, "p2": 3e5, "x": 0.1})

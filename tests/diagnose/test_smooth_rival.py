@@ -107,14 +107,14 @@ def rival(name: str, acts: Course, *there: Course) -> SmoothTerm | None:
     return nonparametric_rival(*tried(name, acts, runs(), *there))
 
 
-def test_an_effect_that_resembles_something_unknown_is_outdone_by_its_law() -> None:
+def test_an_effect_that_resembles_an_unmodelled_one_has_a_smooth_rival() -> None:
     """A bent guide looks like a friction that grows with the pressure, where that goes with the position."""
     law = rival("pressure-friction", pressed, bent)
     assert law is not None
     assert (law.signal, law.acts_as) == ("x", "dry friction")
 
 
-def test_a_simple_course_is_a_rival_that_cannot_be_the_effect_too() -> None:
+def test_a_simple_shape_can_be_a_rival() -> None:
     """Where the pressure follows the position closely any friction over that may be one over the pressure."""
     law = nonparametric_rival(*tried("pressure-friction", pressed, runs(3e4), bent))
     assert law is not None
@@ -122,7 +122,7 @@ def test_a_simple_course_is_a_rival_that_cannot_be_the_effect_too() -> None:
     assert law.simple_shape is not None
 
 
-def test_a_base_that_takes_the_effect_up_itself_does_not_make_it_needless() -> None:
+def test_a_base_that_compensates_for_the_effect_makes_no_rival() -> None:
     """What the effect takes beside a law is held against what it takes without, from the same model.
 
     That it took more before the base was bent says nothing.
@@ -133,38 +133,38 @@ def test_a_base_that_takes_the_effect_up_itself_does_not_make_it_needless() -> N
     assert nonparametric_rival(where, place) is None
 
 
-def test_of_an_effect_that_no_value_makes_absent_a_law_is_held_not_to_have_it() -> None:
+def test_an_effect_without_a_null_is_not_in_the_span_of_a_rival() -> None:
     where, place = tried("pressure-friction", pressed, runs(), bent)
     place.candidate.full.fit.model.values["pressure-friction.gain"] = 0.0
     assert nonparametric_rival(where, place) is not None
 
 
-def test_an_effect_that_is_there_is_not_outdone() -> None:
+def test_a_true_effect_has_no_rival() -> None:
     assert rival("pressure-friction", pressed, pressed) is None
 
 
-def test_a_law_of_which_the_effect_is_a_part_says_nothing_against_it() -> None:
+def test_a_function_that_contains_the_effect_is_no_rival() -> None:
     """Any force over the position has a spring in it, which may be there beside the rest."""
     assert rival("spring-force", spring, spring, cogging) is None
     assert rival("spring-force", spring, spring, cogging, swinging) is None  # what else is there is no matter
 
 
-def test_what_is_there_beside_something_larger_is_not_outdone_by_that() -> None:
+def test_a_larger_independent_disturbance_is_no_rival() -> None:
     """A force over the position explains more than the friction does, and leaves all of that."""
     assert rival("pressure-friction", pressed, pressed, cogging, cogging) is None
 
 
-def test_a_law_that_is_hardly_better_says_nothing() -> None:
+def test_an_immaterially_better_function_is_no_rival() -> None:
     """1 % less than the effect leaves does not matter, however sure."""
     assert rival("pressure-friction", pressed, slight) is None
 
 
-def test_a_law_that_is_better_in_few_blocks_of_time_says_nothing() -> None:
+def test_a_function_that_is_better_in_few_blocks_is_no_rival() -> None:
     """Chance may have made it so there."""
     assert rival("pressure-friction", pressed, seldom) is None
 
 
-def test_an_effect_that_takes_nothing_has_no_rival() -> None:
+def test_an_effect_without_a_reduction_has_no_rival() -> None:
     where, place = tried("pressure-friction", pressed, runs(), bent)
     place.candidate.full.fit.residual[:] *= 10.0
     assert nonparametric_rival(where, place) is None

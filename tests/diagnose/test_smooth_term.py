@@ -124,7 +124,7 @@ def drag(x: np.ndarray, v: np.ndarray, time: np.ndarray) -> np.ndarray:
         (drag, "v", {"force", "dry friction", "viscous friction"}),  # of the velocity these are one
     ],
 )
-def test_a_law_is_found_over_its_own_signal_and_as_what_it_acts(force: Force, signal: str, ways: set[str]) -> None:
+def test_a_smooth_term_is_found_over_its_signal_and_quantity(force: Force, signal: str, ways: set[str]) -> None:
     residual_models = runs()
     found = best(residual_models, left_by(residual_models, force))
     assert found.signal == signal
@@ -145,13 +145,13 @@ def test_its_values_are_the_force() -> None:
     assert found.values[5:-5] == pytest.approx(cogging(x, x, x), abs=0.5)
 
 
-def test_noise_has_no_law() -> None:
+def test_noise_has_no_smooth_term() -> None:
     residual_models = runs()
     for seed in range(5):
         assert best(residual_models, left_by(residual_models, lambda x, v, t: 0.0 * x, seed)).share < 0.005
 
 
-def test_what_each_recording_has_its_own_way_is_no_law() -> None:
+def test_a_function_that_differs_between_recordings_explains_nothing() -> None:
     """Of one sign in two of them, of the other in the third: it explains nothing of one that was left out."""
     residual_models = runs()
     left = left_by(residual_models, cogging)
@@ -160,7 +160,7 @@ def test_what_each_recording_has_its_own_way_is_no_law() -> None:
     assert all(law.share < 0.2 for law in found)
 
 
-def test_what_the_model_can_do_itself_is_beside_it() -> None:
+def test_the_adjustment_of_the_model_is_excluded() -> None:
     """What its own dry and viscous friction have taken of a force of the pressure is seen through."""
     residual_models = runs()
     left = left_by(residual_models, lambda x, v, t: 0.0 * x)
@@ -173,7 +173,7 @@ def test_what_the_model_can_do_itself_is_beside_it() -> None:
     assert simple(residual_models, np.split(target, len(residual_models)), own, "p1") == "parabola"
 
 
-def test_the_only_recording_is_held_out_by_quarters() -> None:
+def test_a_single_recording_is_held_out_by_quarters() -> None:
     """A force that comes once, in the first quarter, is of no signal; one that comes back is."""
     residual_model = run(0.0)
     once = left_by([residual_model], lambda x, v, t: np.where(t < 1.5, cogging(x, v, t), 0.0))
@@ -181,7 +181,7 @@ def test_the_only_recording_is_held_out_by_quarters() -> None:
     assert best([residual_model], left_by([residual_model], cogging)).share > 0.8
 
 
-def test_what_was_not_read_says_nothing() -> None:
+def test_zero_residuals_carry_no_information() -> None:
     """Zeros of a residual stand for that: they are no readings in which nothing acted."""
     residual_models = runs()
     left = [
@@ -212,12 +212,12 @@ def test_long_recordings_are_thinned(monkeypatch: pytest.MonkeyPatch) -> None:
         (cogging, None),
     ],
 )
-def test_a_simple_course_is_named_where_it_says_it_all(force: Force, words: str | None) -> None:
+def test_a_simple_shape_replaces_an_equal_spline(force: Force, words: str | None) -> None:
     residual_models = runs()
     assert simple(residual_models, left_by(residual_models, force), (), "x") == words
 
 
-def test_a_signal_that_is_never_known_has_no_law() -> None:
+def test_a_signal_of_nan_has_no_smooth_term() -> None:
     """Such as the pressure ratio at a valve that was never opened."""
     residual_models = runs()
     for residual_model in residual_models:
@@ -226,7 +226,7 @@ def test_a_signal_that_is_never_known_has_no_law() -> None:
     assert "p_ratio" not in {law.signal for law in ranked(residual_models, left_by(residual_models, cogging))}
 
 
-def test_what_is_left_is_counted_by_block_of_time_and_as_its_share_says(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_held_out_costs_by_block_match_the_share(monkeypatch: pytest.MonkeyPatch) -> None:
     """Of a law that was found without each recording; zeros, which were not read, stay zeros."""
     monkeypatch.setattr(spline_regression, "MAX_SAMPLES", 20_000)
     residual_models = runs()
@@ -241,7 +241,7 @@ def test_what_is_left_is_counted_by_block_of_time_and_as_its_share_says(monkeypa
     assert unseen.sum() == pytest.approx((1.0 - law.share) * costs.sum())
 
 
-def test_a_law_of_a_simple_course_has_few_parts() -> None:
+def test_a_simple_shape_has_few_coefficients() -> None:
     residual_models = runs()
     fit, channel = rival(residual_models, left_by(residual_models, lambda x, v, t: 100.0 * (x - 0.1)))
     law = next(one for one in channel.ranked_terms(fit) if (one.signal, one.acts_as) == ("x", "force"))
@@ -252,7 +252,7 @@ def test_a_law_of_a_simple_course_has_few_parts() -> None:
     assert channel.held_out_costs(fit, line).sum() == pytest.approx((1.0 - line.share) * channel.block_costs(fit).sum())
 
 
-def test_a_law_lacks_what_it_cannot_be_beside_the_fit_itself() -> None:
+def test_the_unrepresented_share_excludes_the_span_of_the_fit() -> None:
     """A line is a part of a spline over the same signal, and of none over another; what the fit can do is no matter."""
     residual_models = runs()
     own = [np.ones((TIME.size, 1)) for _ in residual_models]
@@ -263,7 +263,7 @@ def test_a_law_lacks_what_it_cannot_be_beside_the_fit_itself() -> None:
     assert of["time", "force"] > 0.8
 
 
-def test_a_law_must_be_nothing_where_the_change_is_nothing() -> None:
+def test_a_smooth_term_must_vanish_with_the_change() -> None:
     """A force over the position is a law of it, not so if it is there in the first second alone."""
     residual_models = runs()
     fit, channel = rival(residual_models, left_by(residual_models, cogging))
@@ -275,7 +275,7 @@ def test_a_law_must_be_nothing_where_the_change_is_nothing() -> None:
     assert channel.unrepresented_share(fit, law, np.zeros(change.size)) == 0.0
 
 
-def test_where_nothing_was_read_a_law_leaves_nothing() -> None:
+def test_without_residuals_nothing_remains() -> None:
     residual_models = runs()
     fit, channel = rival(residual_models, left_by(residual_models, cogging))
     law = channel.ranked_terms(fit)[0]
@@ -294,11 +294,11 @@ def test_splines_sum_to_one_and_keep_straight_lines() -> None:
     assert np.linspace(0.0, 1.0, KNOTS) @ made == pytest.approx(np.clip(place, 0.0, 1.0))
 
 
-def test_where_a_signal_is_not_known_nothing_is_made_of_it() -> None:
+def test_nan_samples_have_no_response() -> None:
     assert np.all(linear_bspline_basis(np.array([np.nan, 0.5]))[:, 0] == 0.0)
 
 
-def test_what_a_way_has_of_the_model_is_the_signal_of_its_law(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_modelled_signal_replaces_the_measured_one(monkeypatch: pytest.MonkeyPatch) -> None:
     """It errs over what the model reads, here the position a quarter of a second late, not over what was measured."""
     residual_models = runs()
     late = {id(residual_model): np.roll(residual_model.experiment.raw["x"], 250) for residual_model in residual_models}

@@ -18,7 +18,7 @@ def recording(samples: int, name: str = "one", period: float = 1e-3) -> Recordin
     return Recording(name, "axis", "train", time, {"x": np.arange(samples, dtype=float)})
 
 
-def test_what_is_within_the_limit_stays_as_it_is() -> None:
+def test_recordings_within_the_limit_are_unchanged() -> None:
     recordings = [recording(500), recording(400, "two")]
     assert subsample(recordings, 900, 0.01) == recordings
 

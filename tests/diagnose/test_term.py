@@ -27,13 +27,13 @@ def place(beyond: float, **rivals: float) -> Term:
     return Term(leaving("stribeck", beyond), tuple(leaving(n.replace("_", "-"), much) for n, much in rivals.items()))
 
 
-def test_what_is_left_is_a_part_of_what_there_was_beyond_noise() -> None:
+def test_the_remaining_share_is_of_the_excess_cost() -> None:
     assert place(2500.0).remaining_share(BENCH) == pytest.approx(0.25)
     assert place(0.0).remaining_share(BENCH) == MIN_REMAINING_SHARE
     assert place(-500.0).remaining_share(BENCH) == MIN_REMAINING_SHARE
 
 
-def test_what_is_left_is_that_of_the_fitted_recordings_or_of_those_held_out_of_which_more_is() -> None:
+def test_the_remaining_share_is_the_larger_of_fitted_and_held_out() -> None:
     """A stand-in takes all of the ones and half of the others; where no more than noise was, nothing is asked."""
 
     def costing(fitted: float, held_out: float) -> Candidate:
@@ -52,7 +52,7 @@ def test_what_is_left_is_that_of_the_fitted_recordings_or_of_those_held_out_of_w
 
 
 @pytest.mark.parametrize(("before", "after", "left"), [(300.0, 120.0, 0.1), (104.0, 100.0, 0.25)])
-def test_what_readings_show_alone_counts_where_they_show_it(
+def test_the_remaining_share_is_that_of_exclusive_channels_where_they_measure(
     monkeypatch: pytest.MonkeyPatch, before: float, after: float, left: float
 ) -> None:
     """Of 100 readings 200 beyond noise, of which 20 stay; of hardly more than noise the forces tell: a quarter."""
@@ -63,18 +63,18 @@ def test_what_readings_show_alone_counts_where_they_show_it(
 
 
 @pytest.mark.parametrize(("ratio", "told"), [(1.48, False), (1.45, True)])
-def test_beside_something_unknown_what_leaves_about_as_much_is_not_told_from_it(ratio: float, told: bool) -> None:
+def test_with_an_unmodelled_effect_similar_remaining_shares_are_equivalent(ratio: float, told: bool) -> None:
     """Ten readings: a ratio of exp(3.84 / 10) = 1.468 is exceeded by chance once in twenty."""
     found = place(1000.0, extra_mass=ratio * 1000.0, presliding=9000.0)
     assert [t.effect.name for t in found.equivalents(BENCH, complete=False)] == ["extra-mass"] * told
 
 
 @pytest.mark.parametrize(("beyond", "told"), [(8600.0, True), (8700.0, False)])
-def test_nor_what_takes_about_as_much(beyond: float, told: bool) -> None:
+def test_with_an_unmodelled_effect_similar_removed_shares_are_equivalent(beyond: float, told: bool) -> None:
     """Of 10000 the one takes 2000; what takes 1362 or more, that over exp(3.84 / 10), is not told from it."""
     found = place(8000.0, extra_mass=beyond)
     assert [t.effect.name for t in found.equivalents(BENCH, complete=False)] == ["extra-mass"] * told
 
 
-def test_where_noise_alone_is_left_a_difference_of_as_much_tells() -> None:
+def test_with_a_white_residual_the_same_difference_distinguishes() -> None:
     assert place(1000.0, extra_mass=1400.0).equivalents(BENCH, complete=True) == []

@@ -47,7 +47,7 @@ def described(
     )  # type: ignore[arg-type]
 
 
-def test_it_is_a_function_of_the_signal_that_explains_most(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_the_discrepancy_is_a_function_of_the_signal_with_the_largest_share(monkeypatch: pytest.MonkeyPatch) -> None:
     found = described(monkeypatch, law("x", 0.9, "dry friction"), law("p1", 0.5), simple="parabola")
     assert (found.subsystem, found.channel, found.ratio) == (ForceBalance.title, "force", 3.0)
     assert (found.variable, found.share, found.simple_shape, found.other_signals) == ("x", 0.9, "parabola", ())
@@ -56,30 +56,30 @@ def test_it_is_a_function_of_the_signal_that_explains_most(monkeypatch: pytest.M
     assert (found.smooth_term.signal, found.smooth_term.acts_as) == ("x", "dry friction")
 
 
-def test_of_time_it_drifts(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_function_of_time_is_a_drift(monkeypatch: pytest.MonkeyPatch) -> None:
     assert text(described(monkeypatch, law("time", 0.9))) == "a force that drifts over each recording"
 
 
-def test_signals_that_explain_about_as_much_are_told(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_signals_with_about_the_same_share_are_reported(monkeypatch: pytest.MonkeyPatch) -> None:
     """They leave 0.1, 0.14 and 0.15: ten independent readings vary by 1.47, as the answer's sets of effects have it."""
     found = described(monkeypatch, law("p1", 0.9), law("p2", 0.86), law("p1", 0.88, "dry friction"), law("x", 0.85))
     assert found.other_signals == ("p2",)
 
 
-def test_ways_to_act_over_the_signal_that_explain_about_as_much_are_told(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_quantities_with_about_the_same_share_are_reported(monkeypatch: pytest.MonkeyPatch) -> None:
     """Of the velocity a force, a dry and a viscous friction may be one: they leave 0.1, 0.14 and 0.5."""
     ways = law("v", 0.9), law("v", 0.86, "dry friction"), law("v", 0.5, "viscous friction"), law("p1", 0.86, "flow")
     assert text(described(monkeypatch, *ways)) == "a force or a dry friction, a function of piston velocity"
 
 
-def test_where_no_signal_stands_out_that_is_said(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_small_share_is_irregular(monkeypatch: pytest.MonkeyPatch) -> None:
     """What leaves 0.7 leaves about as much as what explains nothing."""
     found = described(monkeypatch, law("x", 0.3), law("p1", 0.29))
     assert (found.variable, found.other_signals) == ("x", ())
     assert text(found) == "mostly irregular; 30 % of it is a force, a function of piston position"
 
 
-def test_what_explains_little_is_not_spoken_of(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_negligible_share_is_shapeless(monkeypatch: pytest.MonkeyPatch) -> None:
     found = described(monkeypatch, law("x", 0.04))
     assert (found.variable, found.share) == (None, None)
     assert text(found) == SHAPELESS
@@ -87,7 +87,7 @@ def test_what_explains_little_is_not_spoken_of(monkeypatch: pytest.MonkeyPatch) 
     assert described(monkeypatch, law("x", 0.06)).variable == "x"
 
 
-def test_a_period_over_the_same_signal_is_told(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_period_over_the_same_signal_is_reported(monkeypatch: pytest.MonkeyPatch) -> None:
     found = described(monkeypatch, law("x", 0.9), repeats=PeriodicTerm("x", 0.02, 0.6))
     assert (found.variable, found.kind, found.share) == ("x", "periodic", 0.9)
     assert text(found) == "a force that repeats over piston position, period 0.02 m"
@@ -95,7 +95,7 @@ def test_a_period_over_the_same_signal_is_told(monkeypatch: pytest.MonkeyPatch) 
     assert found.smooth_term.signal == "x"
 
 
-def test_what_repeats_over_time_without_a_law_is_told(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_period_over_time_without_a_smooth_term_is_reported(monkeypatch: pytest.MonkeyPatch) -> None:
     """Such as a load that swings on a spring: no signal has its phase."""
     found = described(monkeypatch, law("x", 0.1), repeats=PeriodicTerm("time", 0.12, 0.6))
     assert (found.variable, found.share, found.smooth_term) == ("time", 0.6, None)
@@ -103,7 +103,7 @@ def test_what_repeats_over_time_without_a_law_is_told(monkeypatch: pytest.Monkey
     assert described(monkeypatch, repeats=PeriodicTerm("time", 0.12, 0.4)).variable == "time"
 
 
-def test_a_law_that_explains_more_than_a_period_is_told(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_smooth_term_with_a_larger_share_precedes_a_period(monkeypatch: pytest.MonkeyPatch) -> None:
     """What is a function of the position comes back with the motion."""
     assert described(monkeypatch, law("x", 0.9), repeats=PeriodicTerm("time", 1.0, 0.6)).variable == "x"
 
@@ -116,7 +116,7 @@ def test_a_law_that_explains_more_than_a_period_is_told(monkeypatch: pytest.Monk
         (ImposedMotion, "mechanics: friction, load or a force on the piston"),
     ],
 )
-def test_what_no_view_shows_is_one_of_the_replay(kind: Any, words: str) -> None:
+def test_without_a_fitted_residual_the_free_run_alone_fails(kind: Any, words: str) -> None:
     found = describe_lack_of_fit(SimpleNamespace(train=[VIEW]), None, LackOfFit(kind, "x", 2.0, 2.0, ()))  # type: ignore[arg-type]
     assert (found.subsystem, found.channel, text(found)) == (words, "x", FREE_RUN)
     assert found.variable is None

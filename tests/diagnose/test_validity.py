@@ -46,7 +46,7 @@ def test_an_offset_is_refuted_where_the_vented_chamber_reads_ambient_pressure(of
 
 
 @pytest.mark.parametrize("offset", [2900.0, -2900.0])
-def test_an_offset_within_what_weather_moves_is_not(offset: float) -> None:
+def test_an_offset_within_the_weather_is_not_refuted(offset: float) -> None:
     """Three times 1 % of ambient pressure is 3040 Pa."""
     assert not refuted(offset, residual_models(p1=read(VENTED)))
 
@@ -56,7 +56,7 @@ def test_an_offset_that_shows_at_rest_is_not_refuted() -> None:
     assert not refuted(-9500.0, residual_models(p1=read(VENTED - 9500.0)))
 
 
-def test_where_no_chamber_is_vented_nothing_is_known() -> None:
+def test_without_a_vented_chamber_nothing_is_refuted() -> None:
     assert not refuted(-9500.0, residual_models(p1=read(NEVER)))
     assert not refuted(-9500.0, residual_models())
 
@@ -74,12 +74,12 @@ def test_a_fault_of_p2s_sensor_is_held_against_p2() -> None:
     assert not refuted_by_reading(faulty, of_p2, residual_models(p1=read(VENTED), p2=read(NEVER)))
 
 
-def test_a_scale_of_what_exceeds_ambient_pressure_reads_that_right() -> None:
+def test_a_gauge_scale_reads_ambient_pressure_correctly() -> None:
     scaled = model(["pressure-scale"], {"pressure-scale.scale": 1.2})
     assert not refuted_by_reading(scaled, catalogue()["pressure-scale"], residual_models(p1=read(VENTED)))
 
 
-def test_what_is_no_reading_of_a_pressure_cannot_be_contradicted() -> None:
+def test_only_pressure_sensor_faults_can_be_refuted() -> None:
     assert not refuted_by_reading(model(["extra-mass"]), catalogue()["extra-mass"], residual_models(p1=read(VENTED)))
 
 

@@ -33,7 +33,7 @@ def test_the_procedures_of_two_effects_are_joined_and_a_common_one_stands_once()
     assert words.distinguishing_experiment(names, ("Do this.", "Do this.")) == "To tell a from b: Do this."
 
 
-def test_a_manoeuvre_that_separates_nothing_says_so() -> None:
+def test_no_separating_manoeuvre_is_stated() -> None:
     assert "by more than noise" in words.discriminating_manoeuvre(None)
     assert "p1 differs by 12 times its noise" in words.discriminating_manoeuvre("a sine", "p1", 12.3)
 

@@ -35,7 +35,7 @@ def test_digits_are_those_that_the_interval_supports(
 
 
 @given(st.floats(-1e5, 1e5).filter(lambda v: abs(v) > 1e-3), st.floats(1e-4, 1.0))
-def test_the_shown_interval_holds_what_the_true_one_holds(value: float, share: float) -> None:
+def test_the_shown_interval_contains_the_true_one(value: float, share: float) -> None:
     half = share * abs(value)
     found = re.fullmatch(r"([−\d.]+) ± ([\d.]+)", format_interval(value, "1", (value - half, value + half)))
     assert found is not None

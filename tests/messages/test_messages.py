@@ -16,7 +16,7 @@ def region(channel: str, signal: str, low: float, high: float, unit: str, event:
     return {**where, "share_of_error": 0.61, "share_of_samples": 0.10, "event": event}
 
 
-def test_what_is_implausible_is_said_behind_every_answer() -> None:
+def test_implausible_data_is_stated_after_every_answer() -> None:
     finding = {
         "check": "reference",
         "signal": "p2",
@@ -90,7 +90,7 @@ def test_one_event_over_several_signals_is_one_line() -> None:
     assert messages.render("compare", COMPARED, "p.toml").count("driven_2: ") == 2
 
 
-def test_the_table_of_channels_stands_behind_verbose() -> None:
+def test_verbose_prints_the_table_of_channels() -> None:
     assert "rms error" not in messages.render("compare", COMPARED, "p.toml")
     assert "driven_2   test  x          5.31 mm" in messages.render("compare", COMPARED, "p.toml", verbose=True)
 
@@ -112,11 +112,11 @@ def test_the_verdict_of_a_comparison(errors: dict[str, float | None], said: str)
     ("low", "high", "said"),
     [(0.9, 1.0, "toward +x"), (-1.0, -0.9, "toward −x"), (-0.1, 0.0, "at rest"), (-1.0, 0.1, "toward −x or at rest")],
 )
-def test_directions_are_said_in_words(low: float, high: float, said: str) -> None:
+def test_directions_are_words(low: float, high: float, said: str) -> None:
     assert compare.region_span({"signal": "direction", "from": low, "to": high, "unit": "1"}) == said
 
 
-def test_diagnose_says_what_is_missing_how_sure_what_changes_and_what_to_do() -> None:
+def test_diagnose_states_missing_effects_evidence_changes_and_the_next_step() -> None:
     told = one_line(messages.render("diagnose", DIAGNOSED, "p.toml"))
     assert told.startswith("found the model lacks piston-leak (leak across the piston) sure the error falls from 18.1")
     assert "to 0.83 × noise on recordings that were not fitted; piston-leak area = 0.100 ± 0.010 mm²; no other" in told
@@ -124,20 +124,20 @@ def test_diagnose_says_what_is_missing_how_sure_what_changes_and_what_to_do() ->
     assert told.endswith("do pneucli add p.toml --suggested")
 
 
-def test_what_was_tried_after_the_named_effect_does_not_count_as_its_fall() -> None:
+def test_effects_after_the_last_named_one_do_not_count_in_its_reduction() -> None:
     tried = [*DIAGNOSED["ladder"], {"add": "presliding", "error_train": 0.5, "error_test": 5.0}]
     assert "from 18.1 to 0.83" in diagnose.evidence_summary(DIAGNOSED | {"verdict": "unexplained", "ladder": tried})
     nothing = DIAGNOSED | {"verdict": "unexplained", "missing": [], "ladder": tried, "unexplained_share": None}
     assert diagnose.evidence_summary(nothing) == "the error is 18.1 × noise on recordings that were not fitted"
 
 
-def test_twins_are_named() -> None:
+def test_equivalents_are_named() -> None:
     twin = {**DIAGNOSED["candidates"][0], "indistinguishable_from": ["dead-volume", "chamber-leak"]}
     told = diagnose.evidence_summary(DIAGNOSED | {"candidates": [twin]})
     assert "these recordings cannot distinguish it from chamber-leak and dead-volume" in told
 
 
-def test_an_adequate_model_comes_with_what_would_have_shown() -> None:
+def test_an_adequate_model_states_its_detection_limits() -> None:
     told = one_line(messages.render("diagnose", ADEQUATE, "p.toml"))
     assert "found nothing is missing that these recordings could show" in told
     assert "1 of 1 other effects are detectable, such as chamber-leak (area 0.00030 mm²)" in told
@@ -151,7 +151,7 @@ def test_an_adequate_model_comes_with_what_would_have_shown() -> None:
     )
 
 
-def test_what_is_unexplained_comes_with_the_experiment() -> None:
+def test_an_unexplained_residual_comes_with_an_experiment() -> None:
     rest = {"verdict": "unexplained", "missing": [], "sentence": "Something remains.", "unexplained_share": 0.3}
     answer = ADEQUATE | rest | {"next_experiment": "Hold the piston."}
     told = one_line(messages.render("diagnose", answer, "p.toml"))
@@ -169,7 +169,7 @@ def model(*effects: str, test: float, current: bool = False, data: str = "here")
 MODELS = [model(test=18.1), model("piston-leak", test=0.834, current=True)]
 
 
-def test_where_the_error_rises_with_what_readings_show_it_is_said() -> None:
+def test_an_error_that_rises_is_stated() -> None:
     """A bias of an accelerometer, on which what is unknown of friction had leant."""
     rising = {**DIAGNOSED["ladder"][1], "error_test": 19.2}
     told = diagnose.error_reduction({**DIAGNOSED, "ladder": [DIAGNOSED["ladder"][0], rising]})
@@ -191,11 +191,11 @@ def test_models_on_other_data_are_never_on_one_line() -> None:
     assert told.index("not to be compared") < told.index("99.0")
 
 
-def test_a_removed_effect_is_said() -> None:
+def test_a_removed_effect_is_stated() -> None:
     assert history.effect_changes(MODELS[1], model("stribeck", test=2.0)) == "stribeck without piston-leak"
 
 
-def test_run_says_what_was_missing_and_is_there_now() -> None:
+def test_run_states_an_effect_that_was_added() -> None:
     answers = {"diagnose": ADEQUATE, "report": {"checks": [{}, {}]}}
     assert list(summary.lines(answers, MODELS, [], "report.html", "p.toml")) == [
         "error    18.1 → 0.83 × noise on test recordings with piston-leak",
@@ -206,7 +206,7 @@ def test_run_says_what_was_missing_and_is_there_now() -> None:
     ]
 
 
-def test_run_says_what_is_missing_what_is_left_and_which_checks_failed() -> None:
+def test_run_states_missing_effects_the_remainder_and_failed_checks() -> None:
     lines = list(summary.lines({"diagnose": DIAGNOSED}, MODELS[:1], ["a = 3 (max 1): FAILED"], "report.html", "p.toml"))
     told = one_line("\n".join(lines))
     assert "missing the model lacks piston-leak" in told
@@ -233,7 +233,7 @@ LOOP = {
 }
 
 
-def test_the_controller_is_told_by_its_worst_figures() -> None:
+def test_a_controller_states_its_worst_figures() -> None:
     said = "4.0 µm at rest (tolerance 10 µm), 55 µm rms on the way (sine), a load is rejected to 50 µm in 0.26 s"
     assert simulate.performance_line(LOOP) == said
     assert simulate.failed_scenarios(LOOP) == []

@@ -29,23 +29,23 @@ def test_every_reason_has_a_sentence_of_its_own() -> None:
 
 
 @pytest.mark.parametrize("reason", sorted(set(get_args(Reason)) - {"supported", "not-significant"}))
-def test_chance_is_spoken_of_only_where_chance_decided(reason: str) -> None:
+def test_chance_is_stated_only_where_it_decided(reason: str) -> None:
     assert "chance" not in said(reason)
     assert "chance" in said("not-significant")
 
 
-def test_what_is_named_says_what_it_takes_and_how_it_looks() -> None:
+def test_a_named_effect_states_its_reduction_and_appearance() -> None:
     text = said("supported", ["piston-leak"])
     assert "from 9.40 to 1.05 times the noise on recordings that were not fitted" in text
     assert text.endswith("The pressures creep toward each other.")
 
 
 @pytest.mark.parametrize("held_out", VALIDATION_PHRASES)
-def test_what_the_errors_are_errors_of_is_said(held_out: str) -> None:
+def test_the_recordings_of_an_error_are_stated(held_out: str) -> None:
     assert VALIDATION_PHRASES[held_out] in said("supported", ["piston-leak"], held_out)
 
 
-def test_a_twin_says_of_what_it_cannot_be_told() -> None:
+def test_an_equivalent_names_the_named_effect() -> None:
     text = said("supported", ["chamber-leak"], indistinguishable_from=["chamber-leak", "heat-transfer"])
     assert "in place of chamber-leak" in text
     assert "heat-transfer" not in text

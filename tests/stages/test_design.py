@@ -16,6 +16,7 @@ from pneucli.errors import InputError
 from pneucli.io.artifacts import read_metadata, read_table
 from pneucli.pipeline.context import Context, NotApplicable
 from pneucli.stages import closed_loop, design, export
+from pneucli.stages.designed_controller import load_controller, selected_controller
 from pneucli.stages.pipeline_data import PipelineData
 from tests.stages.chain import known_as_declared
 from tests.stages.conftest import DEMO
@@ -79,7 +80,7 @@ def test_the_sensors_come_from_the_recordings(designed: Demo) -> None:
     wanted = designed[1]["design"]["requirements"]
     assert wanted["noise_p"] == pytest.approx(400.0, rel=0.05)
     assert wanted["quantum_x"] == pytest.approx(1e-6)
-    assert design.load_controller(designed[0] / "design", "best").values["C_P_MEAN"] == pytest.approx(
+    assert load_controller(designed[0] / "design", "best").values["C_P_MEAN"] == pytest.approx(
         (1.013e5 * 7e5) ** 0.5, rel=1e-3
     )
 
@@ -148,7 +149,7 @@ def test_the_controller_of_the_file_is_simulated_and_exported_and_another_one_on
     folder = context_of(designed, "relays", path)
     answer = design.run(folder)
     assert next(line for line in answer["surface"] if line["taken"])["slope"] == pytest.approx(30.0)
-    assert design.selected_controller(folder.out, answer).law == "relay"
+    assert selected_controller(folder.out, answer).law == "relay"
     asked = context_of(designed, "export", options={"to": ["c"], "controller": "pdc"})
     assert export.run(asked)["controller"] == "pdc"
     assert "parallel distributed" in (asked.out / "pneucli_controller.h").read_text(encoding="utf-8")

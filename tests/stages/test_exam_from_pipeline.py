@@ -15,7 +15,8 @@ from pneucli.exam.from_pipeline import exam_rig
 from pneucli.exam.rig.kernel import valve_area
 from pneucli.pipeline.context import Context
 from pneucli.recording import Rig
-from pneucli.stages.pipeline_data import PipelineData, load_model
+from pneucli.stages.model_file import load_model
+from pneucli.stages.pipeline_data import PipelineData
 from tests.stages.conftest import DEMO
 
 

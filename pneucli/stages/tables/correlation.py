@@ -30,13 +30,13 @@ def write_parameter_relations(
         schema="pneucli/identify/correlation/1",
         provenance=provenance,
     )
-    felt = sensitivities(found, views)
+    influences = sensitivities(found, views)
     write_table(
         out / "sensitivity.parquet",
         {
-            "name": [s.name for s in felt],
-            "channel": [s.channel for s in felt],
-            "times_noise": np.array([s.times_noise for s in felt], dtype=np.float64),
+            "name": [s.name for s in influences],
+            "channel": [s.channel for s in influences],
+            "times_noise": np.array([s.times_noise for s in influences], dtype=np.float64),
         },
         units={"times_noise": "1"},
         schema="pneucli/identify/sensitivity/1",

@@ -1,4 +1,4 @@
-"""The artifacts of ``ingest`` beside the signals: recordings with their rows, noise, repairs."""
+"""The artifacts of ``ingest`` other than the signals: recordings with their rows, noise, repairs."""
 
 from __future__ import annotations
 

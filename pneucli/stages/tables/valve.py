@@ -36,7 +36,7 @@ def write_valves(
 ) -> None:
     """Write map, inverse, lack of fit, areas and curves of the valve's paths (interface, section 4).
 
-    Commands are those that went to the valve. Where gas is driven into both chambers a column tells which it is.
+    Commands are those that went to the valve. A column has the chamber where both are driven.
     """
     gradients = ("p_gradient", "p_gradient_ci_low", "p_gradient_ci_high")
     tables: dict[str, tuple[Callable[[ValveIdentification], Columns], dict[str, str]]] = {
@@ -73,7 +73,7 @@ def _with_chamber(columns: Columns, chamber: int) -> Columns:
 
 
 def area_unit(estimates: Sequence[Estimate]) -> str:
-    """Return the unit of effective areas, which may be known over a volume alone."""
+    """Return the unit of effective areas, which may be identifiable per volume only."""
     return next((e.unit for e in estimates if e.unit.startswith("m^2") and "area" in e.name), "m^2")
 
 
@@ -98,7 +98,7 @@ def _inverse(valve: ValveIdentification) -> Columns:
 
 
 def _lack_of_fit_columns(valve: ValveIdentification) -> Columns:
-    """Return the model's valve beside what was measured, where something was."""
+    """Return the model's valve and the measured gradients at covered commands."""
     lack = valve.lack_of_fit
     columns = {
         "u": valve.command_conversion.from_opening(lack.u),
@@ -141,7 +141,7 @@ def _curves(valve: ValveIdentification) -> Columns:
 def mass_flow(valve: ValveIdentification, gradient: NDArray[np.float64]) -> NDArray[np.float64]:
     """Return the mass flow (kg/s) of a gradient dp/dt (Pa/s) in the vessel, q = V dp/dt / (n R T), thesis (2.22).
 
-    NaN if the volume of the vessel is not known.
+    NaN if the volume of the vessel is unknown.
     """
     model = valve.area_model.model_gradient.model
     base, volume = model.base_values(), known_vessel_volume(model)

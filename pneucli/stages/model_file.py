@@ -1,0 +1,73 @@
+"""The identified model as a file."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+
+from pneucli.io.artifacts import Provenance, read_table, write_table
+from pneucli.physics.declaration import Effect
+from pneucli.recording import Rig
+from pneucli.simulate.model import Model, ValveForm
+from pneucli.simulate.valve_forms.area import ValveArea
+from pneucli.simulate.valve_forms.linear import LinearValve
+from pneucli.simulate.valve_forms.switching import SwitchingValve
+
+MODEL_FILE = "model.parquet"
+
+
+def save_model(model: Model, folder: Path, provenance: Provenance) -> None:
+    """Write a model's values and its valve."""
+    rows = [("value", name, np.nan, value) for name, value in model.values.items()]
+    rows += [row for valve in model.valves for row in _valve_rows(valve)]
+    kind, name, command, value = zip(*rows, strict=True)
+    write_table(
+        folder / MODEL_FILE,
+        {"kind": list(kind), "name": list(name), "command": np.array(command), "value": np.array(value)},
+        units={"command": "V", "value": "SI"},
+        schema="pneucli/identify/model/1",
+        provenance=provenance,
+    )
+
+
+def _valve_rows(valve: ValveForm) -> list[tuple[str, str, float, float]]:
+    """Return a valve's rows: kind, name, command, value; the name begins with its label."""
+    name = valve.label
+    if isinstance(valve, LinearValve):
+        return [("gain", name, valve.max_command, valve.gain)]
+    if isinstance(valve, SwitchingValve):
+        return [("switching", name, valve.max_command, valve.fill), ("switching", name, -valve.max_command, valve.vent)]
+    overlaps = ((1.0, valve.overlap_fill), (-1.0, valve.overlap_vent))
+    rows = [("area", name, c, a) for c, a in zip(valve.commands, valve.areas, strict=True)]
+    return rows + [("overlap", name, sign, value) for sign, value in overlaps]
+
+
+def _valve_from_rows(rows: list[tuple[str, float, float]], label: str) -> ValveForm:
+    """Return the valve whose rows (kind, command, value) these are."""
+    by_kind: dict[str, list[tuple[float, float]]] = {}
+    for kind, command, value in rows:
+        by_kind.setdefault(kind, []).append((command, value))
+    if "gain" in by_kind:
+        (largest, gain), *_ = by_kind["gain"]
+        return LinearValve(gain, largest, label)
+    if "switching" in by_kind:
+        (largest, fill), (_, vent) = by_kind["switching"]
+        return SwitchingValve(fill, vent, largest, label)
+    knots, overlap = by_kind.get("area", []), dict(by_kind["overlap"])
+    return ValveArea(tuple(c for c, _ in knots), tuple(a for _, a in knots), overlap[1.0], overlap[-1.0], label=label)
+
+
+def load_model(folder: Path, rig: Rig, effects: tuple[Effect, ...]) -> Model:
+    """Return the model that ``identify`` wrote."""
+    table = read_table(folder / MODEL_FILE)
+    rows = [
+        (str(k), str(n), float(c), float(v))
+        for k, n, c, v in zip(table["kind"], table["name"], table["command"], table["value"], strict=True)
+    ]
+    values = {n: v for k, n, _, v in rows if k == "value"}
+    valves = {
+        label: [(k, c, v) for k, n, c, v in rows if k != "value" and n == label] for label in ("valve", "valve_2")
+    }
+    second = _valve_from_rows(valves["valve_2"], "valve_2") if valves["valve_2"] else None
+    return Model(rig, effects, values, _valve_from_rows(valves["valve"], "valve"), second)
