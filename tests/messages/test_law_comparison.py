@@ -22,7 +22,7 @@ def test_the_share_in_sliding_is_the_least_of_both_observers_and_all_scenarios()
     assert row[7] == "23 %"
 
 
-def test_who_is_poor_is_said_with_its_numbers() -> None:
+def test_a_poor_control_law_is_named_with_its_figures() -> None:
     assert law_comparison.shortcomings(CASES, 10.0) == [
         "pdc stays up to 7.8 mm off",
         "relay stays up to 30 µm off, moves by 40 µm at rest",
