@@ -197,7 +197,7 @@ def test_the_exam_pages_list_every_condition_and_every_disturbance():
     docs = Path(__file__).parents[2] / "docs"
     page = (docs / "exam.md").read_text()
     inside = (docs / "development" / "exam-rig.md").read_text()
-    names = [condition.form.partition("#")[0] for condition in CONDITIONS]
+    names = [condition.pattern.partition("#")[0] for condition in CONDITIONS]
     assert [name for name in names if f"`{name}" not in page] == []
     rows = [f"{effect.part} | {effect.variable} |" for effect in UNCATALOGUED if effect.name in inside]
     assert len(rows) == len(UNCATALOGUED)
