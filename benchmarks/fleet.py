@@ -204,7 +204,7 @@ def main(arguments: list[str]) -> None:
     parser.add_argument("rigs", type=int, nargs="?", default=20)
     parser.add_argument("--dates", type=int, default=2)
     parser.add_argument("--changed", type=float, default=0.05, help="share of the rigs with a change")
-    parser.add_argument("--at-once", type=int, default=1, help="changes of such a rig")
+    parser.add_argument("--changes-per-rig", type=int, default=1, help="changes of such a rig")
     parser.add_argument("--drift", type=float, default=0.0, help="of friction from date to date, relative")
     parser.add_argument("--healthy", type=int, default=1, help="first dates that are stated to be healthy")
     parser.add_argument("--folder", type=Path)
@@ -216,7 +216,7 @@ def main(arguments: list[str]) -> None:
         folder = asked.folder or Path(stack.enter_context(TemporaryDirectory(prefix="pneucli-fleet-")))
         folder = folder.absolute()
         if asked.what == "find":
-            more = {key: getattr(asked, key) for key in ("healthy", "changed", "at_once", "drift")}
+            more = {key: getattr(asked, key) for key in ("healthy", "changed", "changes_per_rig", "drift")}
             find(folder, asked.rigs, asked.dates, **more)
         else:
             {"scale": scale, "kill": kill}[asked.what](folder, asked.rigs)

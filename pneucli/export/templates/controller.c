@@ -62,10 +62,10 @@ void pneucli_controller_step(pneucli_controller *c, @REAL@ x_ref, @REAL@ x, @REA
 {
     @REAL@ *s = c->state;
     if (s[S_DISABLED] > 0) {
-        shut(s, PARAMETERS);
+        close_valves(s, PARAMETERS);
     } else {
-        @STEP@(asked(x_ref, x, p1, p2, s, PARAMETERS), x, p1, p2, s, PARAMETERS);
-        finish(s, PARAMETERS);
+        @STEP@(active_reference(x_ref, x, p1, p2, s, PARAMETERS), x, p1, p2, s, PARAMETERS);
+        finish_commands(s, PARAMETERS);
     }
     u[0] = s[S_U1];
     u[1] = s[S_U2];
