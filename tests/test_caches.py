@@ -50,7 +50,7 @@ def kept(tmp_path: Path) -> Path:
 
 @pytest.mark.parametrize("kind", ["nbi", "nbc"])
 @pytest.mark.parametrize("harm", [lambda b: b[: len(b) // 2], lambda b: b"", lambda b: b"foreign"])
-def test_what_is_truncated_or_foreign_is_made_anew_and_kept(
+def test_a_truncated_or_foreign_cache_is_compiled_again_and_stored(
     kept: Path, kind: str, harm: Callable[[bytes], bytes]
 ) -> None:
     (file,) = (kept.parent / "__pycache__").glob(f"*.{kind}")
@@ -84,7 +84,7 @@ def test_a_kernels_text_that_is_foreign_is_written_anew(tmp_path: Path, monkeypa
     assert path.read_text() == text
 
 
-def test_where_the_home_cannot_be_written_a_temporary_folder_is_taken_with_one_warning(
+def test_a_read_only_home_gives_a_temporary_cache_and_one_warning(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
 ) -> None:
     (tmp_path / "home").write_text("a file, where a folder should be made")
@@ -98,9 +98,7 @@ def test_where_the_home_cannot_be_written_a_temporary_folder_is_taken_with_one_w
     assert len(caplog.records) == 1
 
 
-def test_a_temporary_folder_that_others_may_write_to_is_not_taken(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_temporary_folder_that_others_can_write_is_not_used(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("tempfile.tempdir", str(tmp_path))
     open_to_all = caches._temporary()
     open_to_all.chmod(0o777)

@@ -45,17 +45,17 @@ SITE = _module(DOCS / "build_site.py")
 
 
 @pytest.mark.parametrize("name", MADE)
-def test_a_made_page_is_what_the_program_says(name: str) -> None:
+def test_a_generated_page_is_up_to_date(name: str) -> None:
     if (DOCS / name).read_text(encoding="utf-8") != MADE[name]:
         pytest.fail(f"docs/{name} has drifted: run `make docs`")
 
 
-def test_there_are_no_pages_or_pictures_of_effects_that_are_gone() -> None:
+def test_every_effect_page_and_picture_belongs_to_an_effect() -> None:
     kept = {path.name for path in (DOCS / "effects").iterdir()}
     assert kept == {f"{name}.{kind}" for name in catalogue() for kind in ("md", "svg")}
 
 
-def test_every_page_of_an_effect_has_its_story() -> None:
+def test_every_effect_page_has_all_its_texts() -> None:
     for effect in catalogue().values():
         text = MADE[f"effects/{effect.name}.md"]
         told = (effect.title, effect.equation, effect.looks_like, effect.separate, effect.source, *effect.twins)
@@ -67,7 +67,7 @@ def test_every_page_of_an_effect_has_its_story() -> None:
     ("effect", "label"),
     [("stribeck", "difference of F in N"), ("chamber-leak", "difference of p1 in bar"), ("dwell-breakaway", "in mm")],
 )
-def test_a_picture_is_drawn_from_the_declaration_of_what_shows_it(effect: str, label: str) -> None:
+def test_a_picture_shows_the_declared_variable(effect: str, label: str) -> None:
     words = [
         node.text or ""
         for node in ET.fromstring(effect_figure(catalogue()[effect])).iter()
@@ -206,7 +206,7 @@ def test_the_constants_are_those_of_the_code() -> None:
 
 
 @pytest.mark.parametrize("page", PAGES, ids=lambda page: page.relative_to(ROOT).as_posix())
-def test_every_piece_of_a_pipeline_file_is_one(page: Path) -> None:
+def test_every_toml_example_is_valid(page: Path) -> None:
     """It is TOML, and each key of a table that the program knows is a key of it."""
     known: dict[str, set[str]] = {}
     for key in all_keys():

@@ -23,12 +23,12 @@ from pneucli.executors.job_stream import JOBS_PER_SLOT, MAX_ATTEMPTS
 
 
 @pytest.mark.parametrize("address", ["ray://here:8786", "dask://here", "dask://here:port", "dask://", "here:8786"])
-def test_what_is_no_address_of_a_cluster_is_refused(address: str) -> None:
+def test_an_invalid_cluster_address_is_refused(address: str) -> None:
     with pytest.raises(InputError, match="dask://host:port"), engine_from(address):
         pass
 
 
-def test_a_port_where_nobody_listens_is_refused_before_anything_is_begun() -> None:
+def test_a_closed_port_is_refused_before_any_work() -> None:
     with socket.socket() as free:
         free.bind(("127.0.0.1", 0))
         port = free.getsockname()[1]
@@ -36,7 +36,7 @@ def test_a_port_where_nobody_listens_is_refused_before_anything_is_begun() -> No
         require_cluster(f"dask://127.0.0.1:{port}")
 
 
-def test_who_listens_and_never_answers_is_not_waited_for(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_port_that_never_answers_times_out(monkeypatch: pytest.MonkeyPatch) -> None:
     pytest.importorskip("distributed")
     monkeypatch.setattr(dask_cluster, "ANSWER_TIMEOUT", 0.3)
     with socket.socket() as mute:
@@ -71,7 +71,7 @@ def test_a_job_that_fails_stops_no_other() -> None:
     assert isinstance(found[-1].error, ValueError)
 
 
-def test_what_becomes_ready_meanwhile_is_done_too() -> None:
+def test_jobs_that_are_added_meanwhile_run_too() -> None:
     ready = deque([1])
     seen = []
     for outcome in run_jobs(ThreadEngine(1), double, ready):
@@ -147,7 +147,7 @@ def here() -> dict[str, str]:
     return {"process": str(os.getpid())}
 
 
-def test_a_cluster_is_started_from_a_file_and_asked_what_it_runs(tmp_path: Path) -> None:
+def test_a_cluster_starts_from_a_file_and_reports_its_versions(tmp_path: Path) -> None:
     pytest.importorskip("distributed")
     file = tmp_path / "cluster.toml"
     file.write_text(CLUSTER)

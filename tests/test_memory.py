@@ -15,7 +15,7 @@ def resident() -> int:
 
 
 @pytest.mark.skipif(sys.platform != "linux", reason="only Linux says what a process holds")
-def test_what_was_freed_below_what_is_still_held_goes_back() -> None:
+def test_freed_memory_below_used_memory_is_returned() -> None:
     held = [np.ones(8 << 10) for _ in range(2000)]  # 64 kB each: too small to have pages of their own
     last, before = held.pop(), resident()
     held.clear()

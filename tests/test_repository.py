@@ -134,7 +134,7 @@ def test_the_layers_are_described() -> None:
 
 
 @pytest.mark.parametrize("path", ["Makefile", ".ci/run", "LICENSE", "docs/development/architecture.md", "docs/cli.md"])
-def test_what_a_newcomer_looks_for_is_there(path: str) -> None:
+def test_the_repository_has_the_usual_files(path: str) -> None:
     assert (ROOT / path).is_file()
 
 

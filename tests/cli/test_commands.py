@@ -46,11 +46,11 @@ def test_json_is_one_object_on_standard_output_and_the_same_when_nothing_is_to_d
     assert second.err == ""
 
 
-def test_without_a_terminal_what_is_soon_done_is_said_in_one_line(pneucli: Command, bench: Path) -> None:
+def test_without_a_terminal_short_work_prints_one_line(pneucli: Command, bench: Path) -> None:
     assert pneucli("ingest", bench).err == "running ingest (first time)\n"
 
 
-def test_without_a_terminal_a_long_work_says_now_and_then_how_far_it_is(
+def test_without_a_terminal_long_work_prints_progress_lines(
     capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(progress, "LINE_INTERVAL", 0.05)
@@ -69,7 +69,7 @@ def test_quiet_says_nothing_on_standard_error(pneucli: Command, bench: Path) -> 
     assert result.err == ""
 
 
-def test_artifacts_go_beside_the_file_or_where_out_says(pneucli: Command, bench: Path) -> None:
+def test_artifacts_go_next_to_the_file_or_to_out(pneucli: Command, bench: Path) -> None:
     pneucli("report", bench)
     assert (bench.parent / "artifacts" / "bench" / "report" / "report.html").is_file()
     pneucli("report", bench, "--out", bench.parent / "elsewhere")
@@ -83,9 +83,7 @@ def test_run_exits_1_where_a_check_fails_and_says_value_and_limit(pneucli: Comma
     assert pneucli("run", with_effects(bench, "valve-lag", "valve-leak")).code == 0
 
 
-def test_run_says_in_five_lines_where_the_model_stands(
-    pneucli: Command, bench: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_run_summarises_the_model_in_five_lines(pneucli: Command, bench: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(bench.parent)
     pneucli("add", bench, "--suggested")
     lines = [line.split(maxsplit=1) for line in pneucli("run", bench).out.splitlines()]
@@ -98,7 +96,7 @@ def test_run_says_in_five_lines_where_the_model_stands(
     ]
 
 
-def test_run_names_what_is_missing_and_the_command_that_adds_it(pneucli: Command, bench: Path) -> None:
+def test_run_names_the_missing_effect_and_the_command_that_adds_it(pneucli: Command, bench: Path) -> None:
     out = pneucli("run", bench).out
     assert "error    2.00 × noise on test recordings\n" in out
     assert "missing  the model lacks valve-leak (leak in the valve)" in out
@@ -127,7 +125,7 @@ def test_the_history_lists_every_model_once_the_oldest_first(pneucli: Command, b
     assert pneucli("history", bench).out.startswith("error    2.00 → 1.00 × noise on test recordings with valve-leak\n")
 
 
-def test_errors_on_other_data_are_told_apart(pneucli: Command, bench: Path) -> None:
+def test_errors_on_other_data_are_listed_separately(pneucli: Command, bench: Path) -> None:
     pneucli("compare", bench)
     bench.write_text(PIPELINE + '\n[compare]\nhorizon = "1 s"\n')
     assert "have changed since" in pneucli("history", bench).err
@@ -152,7 +150,7 @@ def test_add_without_an_effect_says_what_it_wants(pneucli: Command, bench: Path)
     assert "--suggested" in result.err
 
 
-def test_diagnosing_what_run_has_diagnosed_takes_no_second_time(pneucli: Command, bench: Path) -> None:
+def test_diagnose_after_run_does_not_run_again(pneucli: Command, bench: Path) -> None:
     pneucli("run", bench)
     assert pneucli("diagnose", bench).err == ""
 
@@ -166,7 +164,7 @@ def test_open_shows_the_report_in_the_browser(pneucli: Command, bench: Path, mon
     assert "no browser was found" in pneucli("open", bench).out
 
 
-def test_run_tells_what_it_did_and_what_does_not_apply(pneucli: Command, bench: Path) -> None:
+def test_run_lists_the_stages_that_ran_and_those_that_do_not_apply(pneucli: Command, bench: Path) -> None:
     first, second = (answer(pneucli("run", bench, "--json").out) for _ in range(2))
     assert [stage["stage"] for stage in first["stages"] if stage["ran"]][:2] == ["ingest", "identify"]
     assert not any(stage["ran"] for stage in second["stages"])
@@ -175,7 +173,7 @@ def test_run_tells_what_it_did_and_what_does_not_apply(pneucli: Command, bench: 
     assert first["checks"] == [{"path": "compare.error.test", "limit": {"max": 1.5}, "value": 2.0, "passed": False}]
 
 
-def test_a_check_that_leads_nowhere_is_the_users_error(pneucli: Command, bench: Path) -> None:
+def test_a_check_path_without_a_value_is_an_input_error(pneucli: Command, bench: Path) -> None:
     bench.write_text(PIPELINE.replace("compare.error.test", "compare.eror.test"))
     result = pneucli("run", bench)
     assert result.code == 2
@@ -190,7 +188,7 @@ def test_a_stage_that_does_not_apply_is_an_error_when_asked_by_name(pneucli: Com
     assert pneucli("export", bench, "--to", "c").code == 2
 
 
-def test_what_was_exported_before_stays_exported(pneucli: Command, bench: Path) -> None:
+def test_earlier_export_targets_are_exported_again(pneucli: Command, bench: Path) -> None:
     bench.write_text(PIPELINE.replace("[signals]", '[rig.cylinder]\nstroke = "0.2 m"\n[signals]'))
     pneucli("export", bench, "--to", "csv")
     assert answer(pneucli("export", bench, "--to", "c", "--json").out)["to"] == ["c", "csv"]
@@ -204,7 +202,7 @@ def test_exclude_reaches_the_stage_and_holds_for_the_report(pneucli: Command, be
     assert answer(pneucli("diagnose", bench, "--json").out)["excluded"] == []
 
 
-def test_status_says_what_is_stale_and_why_and_runs_nothing(pneucli: Command, bench: Path) -> None:
+def test_status_lists_stale_stages_with_reasons_and_runs_nothing(pneucli: Command, bench: Path) -> None:
     assert "ingest    stale: never done" in pneucli("status", bench).out
     assert not (bench.parent / "artifacts").exists()
     pneucli("compare", bench)
@@ -290,7 +288,7 @@ def test_too_little_memory_is_exit_2(pneucli: Command, bench: Path, monkeypatch:
     assert pneucli("ingest", bench).code == 2
 
 
-def test_what_a_stage_tells_of_raw_files_does_not_act_on_the_terminal(
+def test_control_characters_in_raw_files_do_not_reach_the_terminal(
     pneucli: Command, bench: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr("pneucli.messages.render", lambda *what, **how: "column \x1b[2J\nsecond line")

@@ -46,7 +46,7 @@ def exam(tmp_path: Path) -> Path:
     return tmp_path / "exam"
 
 
-def test_it_writes_cases_and_tells_how_to_answer_them(pneucli: Command, exam: Path) -> None:
+def test_exam_writes_cases_and_prints_the_next_command(pneucli: Command, exam: Path) -> None:
     result = pneucli("exam", exam, "--cases", 1, "--nulls", 1, "--seed", 5)
     assert result.code == 0
     assert "wrote 2 cases" in result.out
@@ -65,7 +65,7 @@ def test_every_case_is_answered_with_what_diagnose_answers_and_its_seconds(pneuc
     assert sorted(json.loads((exam / "answers" / "seconds.json").read_text())) == ["a", "b"]
 
 
-def test_it_goes_on_where_it_was_interrupted(pneucli: Command, exam: Path) -> None:
+def test_an_interrupted_exam_resumes(pneucli: Command, exam: Path) -> None:
     case(exam, "a")
     case(exam, "b")
     kept = answered(exam, "a", {"verdict": "adequate", "missing": [], "by": "somebody"})
@@ -115,13 +115,13 @@ def test_answer_and_grade_go_together(pneucli: Command, exam: Path) -> None:
 
 
 @pytest.mark.parametrize("what", ["--answer", "--grade"])
-def test_a_folder_that_is_no_exam_is_the_users_error(pneucli: Command, tmp_path: Path, what: str) -> None:
+def test_a_folder_without_an_exam_is_an_input_error(pneucli: Command, tmp_path: Path, what: str) -> None:
     result = pneucli("exam", tmp_path, what)
     assert result.code == 2
     assert "pneucli exam" in result.err or "write an exam" in result.err
 
 
-def test_conditions_are_asked_for_by_name_and_a_wrong_one_is_the_users_error(pneucli: Command, exam: Path) -> None:
+def test_conditions_have_names_and_an_unknown_one_is_an_input_error(pneucli: Command, exam: Path) -> None:
     wrong = pneucli("exam", exam, "--condition", "rate-20kHz")
     assert wrong.code == 2
     assert "rate-#Hz" in wrong.err
@@ -133,7 +133,7 @@ def test_conditions_are_asked_for_by_name_and_a_wrong_one_is_the_users_error(pne
     assert len(written["cases"]) == 2
 
 
-def test_without_a_seed_it_follows_from_the_program_and_both_are_sealed_and_graded(
+def test_the_default_seed_is_the_programs_hash_and_both_are_sealed(
     pneucli: Command, exam: Path, tmp_path: Path
 ) -> None:
     pneucli("exam", exam, "--cases", 0, "--nulls", 1)
@@ -152,7 +152,7 @@ def test_without_a_seed_it_follows_from_the_program_and_both_are_sealed_and_grad
     assert (other["seed"], other["seed_from"]) == (7, "given")
 
 
-def test_an_answer_says_which_program_gave_it(pneucli: Command, exam: Path) -> None:
+def test_an_answer_states_the_program_that_gave_it(pneucli: Command, exam: Path) -> None:
     case(exam, "a")
     pneucli("exam", exam, "--answer")
     assert json.loads((exam / "answers" / "a.json").read_text())["program"] == program_digest()

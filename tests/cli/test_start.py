@@ -77,7 +77,7 @@ def test_the_page_about_the_command_line_is_what_the_commands_say() -> None:
 
 @pytest.mark.parametrize("unbuffered", ["", "1"])  # what is printed meets the closed pipe at the end, or at once
 @pytest.mark.parametrize("words", [["effects"], ["effects", "--json"], ["--help"]])
-def test_a_closed_pipe_is_no_fault(words: list[str], unbuffered: str) -> None:
+def test_a_closed_pipe_exits_with_zero(words: list[str], unbuffered: str) -> None:
     command, env = [sys.executable, "-m", "pneucli", *words], os.environ | {"PYTHONUNBUFFERED": unbuffered}
     with subprocess.Popen(command, cwd=ROOT, env=env, stdout=subprocess.PIPE, stderr=subprocess.PIPE) as process:
         assert process.stdout is not None
@@ -87,7 +87,7 @@ def test_a_closed_pipe_is_no_fault(words: list[str], unbuffered: str) -> None:
 
 
 @pytest.mark.skipif(not Path("/dev/full").exists(), reason="a device that is always full")
-def test_a_full_disk_is_said_so() -> None:
+def test_a_full_disk_is_reported() -> None:
     with open("/dev/full", "wb") as full:
         command = [sys.executable, "-m", "pneucli", "effects"]
         result = subprocess.run(command, cwd=ROOT, stdout=full, stderr=subprocess.PIPE, text=True, check=False)
@@ -97,7 +97,7 @@ def test_a_full_disk_is_said_so() -> None:
     assert "Traceback" not in result.stderr
 
 
-def test_work_goes_on_where_nobody_reads_its_messages(tmp_path: Path) -> None:
+def test_work_continues_if_nobody_reads_its_messages(tmp_path: Path) -> None:
     (tmp_path / "raw.csv").write_text("t,p\n" + "".join(f"{0.01 * i},{i % 3}\n" for i in range(40)))
     (tmp_path / "bench.toml").write_text(PIPELINE.replace('"test"', '"test"\nu = "1 V"'))
     command = [sys.executable, "-m", "pneucli", "ingest", str(tmp_path / "bench.toml"), "--json"]
@@ -109,7 +109,7 @@ def test_work_goes_on_where_nobody_reads_its_messages(tmp_path: Path) -> None:
         assert process.wait() == 0
 
 
-def test_a_cluster_that_is_not_there_is_told_before_any_stage_runs(tmp_path: Path) -> None:
+def test_an_unreachable_cluster_is_reported_before_any_stage_runs(tmp_path: Path) -> None:
     (tmp_path / "bench.toml").write_text(PIPELINE)
     words = ["simulate", str(tmp_path / "bench.toml"), "--executor", "dask://127.0.0.1:1"]
     command = [sys.executable, "-m", "pneucli", *words]

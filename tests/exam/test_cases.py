@@ -21,7 +21,7 @@ from pneucli.exam.rig.sensors import Sensors
 from pneucli.physics.effects import catalogue
 
 
-def test_a_case_is_what_a_lab_hands_over_and_does_not_tell(tmp_path):
+def test_a_case_has_the_files_of_a_laboratory_and_reveals_nothing(tmp_path):
     truth = generate_case(tmp_path / "case-001", "valve", ["valve-lag"], "", 1.0, 7)
     files = sorted(p.relative_to(tmp_path).as_posix() for p in tmp_path.rglob("*") if p.is_file())
     pipeline = tomllib.loads((tmp_path / "case-001" / "pipeline.toml").read_text())
@@ -34,7 +34,7 @@ def test_a_case_is_what_a_lab_hands_over_and_does_not_tell(tmp_path):
 @pytest.mark.parametrize(
     ("kind", "hidden"), [("friction", ["stribeck"]), ("axis", ["supply-droop"]), ("axis", ["valve-deadband"])]
 )
-def test_the_pipeline_says_what_the_effect_needs(tmp_path, kind, hidden):
+def test_the_pipeline_file_has_the_signals_that_the_effect_needs(tmp_path, kind, hidden):
     generate_case(tmp_path / "case", kind, hidden, "", 1.0, 8)
     pipeline = tomllib.loads((tmp_path / "case" / "pipeline.toml").read_text())
     assert ("p_supply" in pipeline["signals"]) <= (hidden != ["supply-droop"])
@@ -51,7 +51,7 @@ def test_the_same_seed_gives_the_same_case_and_another_seed_another(tmp_path):
     assert text["a"] == text["b"] != text["d"]
 
 
-def test_an_exam_has_nulls_strangers_and_pairs_and_its_names_do_not_tell(tmp_path):
+def test_an_exam_has_nulls_disturbances_and_pairs_and_its_names_reveal_nothing(tmp_path):
     workflow.write(tmp_path / "exam", cases=6, nulls=2, seed=3)
     truths = [json.loads(p.read_text()) for p in sorted((tmp_path / "exam" / ".sealed").glob("case-*.json"))]
     assert sorted(t["verdict"] for t in truths) == ["adequate"] * 2 + ["missing-effect"] * 5 + ["unexplained"]
@@ -69,7 +69,7 @@ def laboratory(**changed):
     )
 
 
-def test_the_truth_says_what_is_hidden_and_what_the_rig_is():
+def test_the_truth_has_the_hidden_effects_and_the_rig():
     (hidden,) = [e for e in BY_NAME.values() if e.name == "extra-mass"]
     truth = _truth(laboratory(), [hidden], "", Conditions())
     base = {
@@ -88,7 +88,7 @@ def test_the_truth_says_what_is_hidden_and_what_the_rig_is():
     assert two["base"] == base | more
 
 
-def test_the_truth_of_a_stranger_says_where_it_acts():
+def test_the_truth_of_a_disturbance_states_its_location():
     stranger = next(e for e in BY_NAME.values() if not e.fields)
     truth = _truth(laboratory(), [stranger], stranger.name, Conditions(names=("narrow",)))
     assert (truth["outside_the_catalogue"], truth["verdict"]) == (stranger.name, "unexplained")

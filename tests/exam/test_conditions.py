@@ -22,7 +22,7 @@ from pneucli.exam.conditions import (
 from pneucli.exam.hidden_effects import BY_NAME, CATALOGUE, UNCATALOGUED
 
 
-def test_names_joined_by_plus_hold_at_once():
+def test_names_joined_by_plus_hold_together():
     both = parse("bore-6mm+rate-200Hz")
     assert (both.bore, both.rate, both.supply) == (pytest.approx(6e-3), 200.0, None)
     assert both.names == ("bore-6mm", "rate-200Hz")
@@ -39,7 +39,7 @@ def test_names_joined_by_plus_hold_at_once():
         ("", "one of usual"),
     ],
 )
-def test_what_is_no_condition_is_refused_with_what_would_be(name, words):
+def test_an_unknown_condition_is_refused_with_the_valid_ones(name, words):
     with pytest.raises(InputError, match=words):
         parse(name)
 
@@ -139,7 +139,7 @@ def _conditions(folder, kind, name, seed=5, hidden=()):
     return truth, tomllib.loads((folder / "pipeline.toml").read_text())
 
 
-def test_small_unknown_effects_act_besides_in_messy_cases_and_may_stay_unexplained(tmp_path):
+def test_messy_cases_have_small_disturbances_and_may_be_unexplained(tmp_path):
     truth, _ = _conditions(tmp_path / "a", "axis", "messy", hidden=["extra-mass"])
     clean, _ = _conditions(tmp_path / "b", "axis", "usual", hidden=["extra-mass"])
     assert 3 <= len(truth["mess"]) <= 4
@@ -151,7 +151,7 @@ def test_small_unknown_effects_act_besides_in_messy_cases_and_may_stay_unexplain
     assert np.std(table[:, 3] - pure[:, 3]) > 0.005  # bar: more than the noise
 
 
-def test_on_an_uneven_rig_nothing_acts_besides_that_resembles_an_effect_of_the_catalogue(tmp_path):
+def test_an_uneven_rig_has_only_disturbances_unlike_the_catalogue(tmp_path):
     of_valve, _ = _conditions(tmp_path / "a", "valve", "uneven")
     assert set(of_valve["mess"]) == {"supply ripple that its sensor misses", "valve gain drifts over each recording"}
     of_axis, _ = _conditions(tmp_path / "b", "axis", "uneven", hidden=["extra-mass"])
@@ -167,7 +167,7 @@ def test_a_healthy_rig_may_be_messy_too(tmp_path):
 
 
 @pytest.mark.parametrize(("name", "gone"), [("no-acceleration", "a"), ("no-p2", "p2"), ("no-p2+no-acceleration", "p2")])
-def test_what_is_not_measured_is_neither_in_the_files_nor_in_the_pipeline(tmp_path, name, gone):
+def test_an_absent_signal_is_neither_in_the_files_nor_in_the_pipeline(tmp_path, name, gone):
     _, pipeline = _conditions(tmp_path / "case", "axis", name)
     assert gone not in pipeline["signals"]
     assert ("a" in pipeline["signals"]) == ("acceleration" not in name)
@@ -186,14 +186,14 @@ def test_converters_leave_so_many_steps(tmp_path, bits):
         assert levels.size <= 2**bits
 
 
-def test_unknown_effects_are_of_more_than_a_dozen_kinds_and_say_where_they_act():
+def test_there_are_more_than_a_dozen_disturbances_with_locations():
     assert len(UNCATALOGUED) >= 12
     assert {effect.part for effect in UNCATALOGUED} == {"force", "flow", "sensor"}
     assert all(effect.variable in ("time", "x", "v", "u", "p1") for effect in UNCATALOGUED)
     assert not {effect.name for effect in UNCATALOGUED} & {effect.name for effect in CATALOGUE}
 
 
-def test_the_pages_of_the_exam_tell_every_condition_and_every_unknown_effect():
+def test_the_exam_pages_list_every_condition_and_every_disturbance():
     docs = Path(__file__).parents[2] / "docs"
     page = (docs / "exam.md").read_text()
     inside = (docs / "development" / "exam-rig.md").read_text()

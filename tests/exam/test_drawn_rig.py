@@ -28,7 +28,7 @@ def made(
     return draw_variant(par, kind, parse(conditions), rng)
 
 
-def test_the_usual_rig_has_one_chamber_driven_and_nothing_else_that_its_file_knows() -> None:
+def test_the_usual_rig_has_one_driven_chamber_and_no_stated_effect() -> None:
     par, known = made("usual")
     assert known == ()
     ends = {"stop_stiffness": par.stop_stiffness, "stop_damping": par.stop_damping}
@@ -88,11 +88,11 @@ def test_a_second_path_is_nearly_the_first_ones(name: str, code: float, factor: 
 
 
 @pytest.mark.parametrize(("name", "null"), [("5/3", 0.0), ("5/3-5V", 5.0), ("5/3-null", 5.03)])
-def test_a_null_that_is_to_be_identified_lies_near_the_stated_one(name: str, null: float) -> None:
+def test_an_unstated_null_is_close_to_the_usual_one(name: str, null: float) -> None:
     assert made(name)[0].command_null == pytest.approx(null)
 
 
-def test_valves_that_switch_say_so() -> None:
+def test_the_pipeline_file_states_switching_valves() -> None:
     assert [made(name)[0].switching for name in ("usual", "switching")] == [0.0, 1.0]
 
 

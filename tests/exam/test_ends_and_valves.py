@@ -162,7 +162,7 @@ TABLES = {
 
 
 @pytest.mark.parametrize("name", TABLES)
-def test_the_pipeline_file_tells_the_arrangement(tmp_path, name):
+def test_the_pipeline_file_states_the_arrangement(tmp_path, name):
     truth = generate_case(tmp_path / "case", "axis", [], "", 1.0, 4, parse(name))
     pipeline = tomllib.loads((tmp_path / "case" / "pipeline.toml").read_text())
     assert pipeline["rig"]["valve"] == TABLES[name]
@@ -179,12 +179,12 @@ def test_the_pipeline_file_tells_the_arrangement(tmp_path, name):
         assert 0.0 < abs(truth["base"]["null_V"] - 5.0) < 0.2
 
 
-def test_the_usual_arrangement_goes_without_saying(tmp_path):
+def test_the_usual_arrangement_is_not_in_the_pipeline_file(tmp_path):
     generate_case(tmp_path / "case", "axis", [], "", 1.0, 4)
     assert "valve" not in tomllib.loads((tmp_path / "case" / "pipeline.toml").read_text())["rig"]
 
 
-def test_springs_and_weights_are_known_to_the_pipeline_and_carried_at_the_start(tmp_path):
+def test_springs_and_weights_are_in_the_pipeline_file_and_balanced_at_the_start(tmp_path):
     for name, effect in (("return-spring", "spring-force"), ("hanging-load", "constant-force")):
         generate_case(tmp_path / name, "axis", [], "", 1.0, 4, parse(name))
         pipeline = tomllib.loads((tmp_path / name / "pipeline.toml").read_text())
@@ -214,7 +214,7 @@ def test_a_leak_of_the_cylinder_stays_with_the_cylinder():
 
 
 @pytest.mark.parametrize(("name", "least"), [("ends", 0.2), ("5/3+ends", 0.2), ("return-spring+ends", 0.4)])
-def test_the_piston_rests_at_its_ends_and_the_truth_says_how_long(tmp_path, name, least):
+def test_the_piston_rests_at_its_ends_and_the_truth_has_the_share(tmp_path, name, least):
     truth = generate_case(tmp_path / "case", "axis", [], "", 1.0, 6, parse(name))
     assert least < max(truth["share_at_ends"].values()) < 0.95
     assert set(truth["share_at_ends"]) == {"axis_1", "axis_2", "axis_3", "axis_4"}

@@ -80,7 +80,7 @@ def test_the_report_of_three_cases() -> None:
     assert to_markdown(RESULT) == TOLD
 
 
-def test_where_nothing_failed_nothing_is_said_of_it() -> None:
+def test_without_failures_there_is_no_sentence_about_them() -> None:
     clean = RESULT | {"failures": {}, "set_size": None, "error_after": None, "seconds": None, "calibration": None}
     told = to_markdown(clean)
     assert "failure" not in told
@@ -103,7 +103,7 @@ def test_where_nothing_failed_nothing_is_said_of_it() -> None:
         ),
     ],
 )
-def test_where_the_seed_came_from_says_who_may_have_seen_the_cases(source: str, by: list[str], words: str) -> None:
+def test_the_grades_state_the_origin_of_the_seed(source: str, by: list[str], words: str) -> None:
     about = {"seed": 7, "seed_from": source, "program": "p1"}
     first, _, line, blank, *_ = to_markdown(RESULT | {"exam": about, "answered_by": by}).splitlines()
     assert (first, line, blank) == ("3 cases, 1 without an answer", f"Seed 7, {words} Program: p1", "")

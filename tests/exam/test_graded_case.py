@@ -37,20 +37,20 @@ def graded(hidden: dict[str, dict[str, float]], said: dict[str, Any], outside: s
 LEAK = {"chamber-leak": {"area": 2.0}}
 
 
-def test_what_is_named_covers_its_twins_too() -> None:
+def test_the_answer_set_includes_indistinguishable_effects() -> None:
     g = graded(LEAK, answer("missing-effect", candidate("valve-leak", ("chamber-leak", "piston-leak"))))
     assert g.missing == {"valve-leak"}
     assert g.answer_set == {"valve-leak", "chamber-leak", "piston-leak"}
     assert g.hidden <= g.answer_set
 
 
-def test_a_candidate_that_is_not_named_covers_nothing() -> None:
+def test_an_unnamed_candidate_adds_nothing_to_the_answer_set() -> None:
     g = graded(LEAK, answer("adequate", others=(candidate("chamber-leak", ("x",), area=2.0),)))
     assert g.answer_set == set()
     assert g.parameters_within_tolerance == []
 
 
-def test_an_answer_without_candidates_covers_what_it_names() -> None:
+def test_without_candidates_the_answer_set_is_the_named_effects() -> None:
     assert graded(LEAK, {"verdict": "missing-effect", "missing": ["chamber-leak"]}).answer_set == {"chamber-leak"}
 
 
@@ -70,7 +70,7 @@ def test_a_parameter_is_right_within_15_percent_of_the_truth(true: float, value:
     assert g.parameters_within_tolerance == [right]
 
 
-def test_parameters_that_are_not_told_and_effects_that_are_not_hidden_do_not_count() -> None:
+def test_unstated_parameters_and_absent_effects_do_not_count() -> None:
     said = answer("missing-effect", candidate("stribeck", static=20.0), candidate("extra-mass", mass=1.0))
     g = graded({"stribeck": {"static": 20.0, "velocity": 0.01}, "dead-volume": {"volume_added": 1.0}}, said)
     assert g.parameters_within_tolerance == [True]
@@ -85,7 +85,7 @@ def test_parameters_that_are_not_told_and_effects_that_are_not_hidden_do_not_cou
         ({}, "backlash", "backlash"),
     ],
 )
-def test_rows_are_what_was_hidden(hidden: dict, outside: str | None, row: str) -> None:
+def test_the_rows_of_the_matrix_are_the_hidden_effects(hidden: dict, outside: str | None, row: str) -> None:
     assert graded(hidden, answer("adequate"), outside).truth_label == row
 
 
@@ -98,7 +98,7 @@ def test_rows_are_what_was_hidden(hidden: dict, outside: str | None, row: str) -
         (answer("unexplained", candidate("valve-lag")), "valve-lag (unexplained)"),
     ],
 )
-def test_columns_are_what_was_answered(said: dict[str, Any], column: str) -> None:
+def test_the_columns_are_those_of_the_answer(said: dict[str, Any], column: str) -> None:
     assert graded({}, said).answer_label == column
 
 
@@ -113,7 +113,7 @@ def test_columns_are_what_was_answered(said: dict[str, Any], column: str) -> Non
         ([{"error_train": 3.0, "error_test": 0.0}], 0.0),
     ],
 )
-def test_the_error_is_that_of_the_last_rung_held_out_where_there_is_one(ladder: Any, error: float | None) -> None:
+def test_the_final_error_is_that_of_the_last_step_preferably_held_out(ladder: Any, error: float | None) -> None:
     said = answer("adequate") | ({} if ladder is None else {"ladder": ladder})
     assert graded({}, said).final_error == error
 
@@ -168,7 +168,7 @@ def test_every_share_counts_its_own_cases(tmp_path: Path) -> None:
     assert (result["schema"], result["cases"], result["unanswered"]) == ("pneucli/exam/1", 8, ["h"])
 
 
-def test_only_right_answers_tell_the_error_that_is_left(tmp_path: Path) -> None:
+def test_the_final_error_counts_only_exact_answers(tmp_path: Path) -> None:
     assert written(tmp_path, CASES)["error_after"] == {"median": pytest.approx(1.3), "largest": 1.5}
 
 

@@ -65,13 +65,13 @@ def test_every_failure_has_its_cause(graded, failure):
     assert graded.failure_cause == failure
 
 
-def test_a_failed_run_tells_the_kind_of_its_error():
+def test_a_failed_run_has_the_class_of_its_error_as_cause():
     graded = case(verdict="failed")
     graded.answer["error"] = "LinAlgError: singular"
     assert graded.failure_cause == "failed: LinAlgError"
 
 
-def test_truths_of_other_rigs_tell_their_mess_in_other_words():
+def test_small_disturbances_in_truths_of_other_rigs_are_recognised():
     """The shared example cases: small unknown effects beside the one that is to be named."""
     truth = {"hidden": {}, "outside_the_catalogue": "several small ones", "verdict": "unexplained"}
     null = GradedCase("messy-07", truth, {"verdict": "adequate", "missing": []})
@@ -85,7 +85,7 @@ def test_truths_of_other_rigs_tell_their_mess_in_other_words():
     assert known.failure_cause is None
 
 
-def test_a_case_counts_for_its_conditions_together_and_for_each():
+def test_a_case_counts_for_its_combined_and_for_each_single_condition():
     assert case(conditions=("messy", "rate-200Hz")).conditions == ["messy+rate-200Hz", "messy", "rate-200Hz"]
     assert case(conditions=("wide", "5/3", "ends")).conditions == ["wide", "5/3", "ends"]
 

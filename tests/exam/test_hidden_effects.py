@@ -33,7 +33,7 @@ def change(one: dict[str, np.ndarray], other: dict[str, np.ndarray]) -> float:
 
 
 @pytest.mark.parametrize("effect", SCALED, ids=lambda e: e.name)
-def test_an_effect_shows_at_full_size_and_vanishes_at_almost_none(effect):
+def test_an_effect_is_visible_at_full_size_and_not_at_almost_none(effect):
     par = Parameters(overlap=0.0 if effect.name == "valve-deadband" else 0.2)
     for kind in set(effect.kinds) - {"friction"}:
         without = recorded(par, kind)
@@ -61,7 +61,7 @@ def test_an_unknown_effect_is_refused_with_the_closest_name(tmp_path):
         generate_case(tmp_path / "case", "axis", ["stribek"], "", 1.0, 1)
 
 
-def test_an_effect_that_does_not_show_on_the_rig_is_refused(tmp_path):
+def test_an_effect_that_is_invisible_on_the_rig_is_refused(tmp_path):
     with pytest.raises(InputError, match="does not show"):
         generate_case(tmp_path / "case", "valve", ["stribeck"], "", 1.0, 1)
 

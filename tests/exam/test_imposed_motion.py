@@ -63,7 +63,7 @@ def test_an_imposed_case_says_so_and_holds_out_a_pressure_between_the_others(tmp
 
 
 @pytest.mark.parametrize("seed", range(4))
-def test_a_machine_passes_over_the_place_where_friction_is_higher(tmp_path: Path, seed: int) -> None:
+def test_a_machine_crosses_the_friction_patch(tmp_path: Path, seed: int) -> None:
     truth = generate_case(tmp_path / "case", "friction", ["position-friction"], "", 1.0, seed, parse("imposed"))
     place = truth["hidden"]["position-friction"]
     for file in sorted((tmp_path / "case" / "raw").glob("*.csv")):

@@ -151,14 +151,14 @@ def energies(ds: np.ndarray) -> tuple[float, float]:
     return VOLUMES[0] * ds[P1] / 0.4, VOLUMES[1] * ds[P2] / 0.4
 
 
-def test_the_valve_feeds_chamber_1_alone(plain: SimpleNamespace) -> None:
+def test_the_valve_feeds_only_chamber_1(plain: SimpleNamespace) -> None:
     s = state()
     ds = gas(plain, WARM, s, 2e-3, 5e-4)
     assert masses(s, ds) == pytest.approx((1.5e-3, 0.0))
     assert energies(ds) == pytest.approx((KAPPA * C_V * (2e-3 * WARM.temperature - 5e-4 * 290.0), 0.0))
 
 
-def test_a_second_valve_feeds_chamber_2_alone(plain: SimpleNamespace) -> None:
+def test_a_second_valve_feeds_only_chamber_2(plain: SimpleNamespace) -> None:
     s, ds = state(T2=280.0), np.zeros(10)
     plain.gas_rates(WARM, s, (0.0, 0.0, 2e-3, 5e-4), 0, ds)
     assert masses(s, ds) == pytest.approx((0.0, 1.5e-3))
@@ -280,9 +280,7 @@ def test_pressures_push_by_their_areas_above_ambient(plain: SimpleNamespace) -> 
         ({"cushion_length": 0.06, "cushion_damping": 100.0}, {"V": 0.5, "X": 0.1}, 0.0, 0.0),
     ],
 )
-def test_what_acts_on_the_piston_beside_the_pressures(
-    plain: SimpleNamespace, changed: dict, s: dict, t: float, more: float
-) -> None:
+def test_other_forces_on_the_piston(plain: SimpleNamespace, changed: dict, s: dict, t: float, more: float) -> None:
     found = plain.net_force(PAR._replace(**changed), t, state(**s)) - plain.net_force(PAR, t, state(**s))
     assert found == pytest.approx(more, abs=1e-9)
 
@@ -425,7 +423,7 @@ def test_imposed_pressures_are_linear_between_samples_and_held_at_the_end(plain:
     assert plain._interpolated(rows, 1, 0.25) == pytest.approx([3.0, 30.0])
 
 
-def test_the_rows_begin_with_what_is_given(plain: SimpleNamespace) -> None:
+def test_the_rows_begin_with_the_initial_state(plain: SimpleNamespace) -> None:
     move = Excitation(np.zeros(2), chamber_2_open=True, position=0.15, velocity=0.2, pressure_1=2e5, pressure_2=3e5)
     seen = {name: values[0] for name, values in plain.simulate_rig(PAR, move).items()}
     assert [seen[n] for n in ("x", "v", "p1", "p2", "p_supply", "temperature")] == [
@@ -444,7 +442,7 @@ def test_a_controller_commands_in_proportion_within_10_v_in_steps_of_a_tenth_of_
     assert plain.simulate_rig(PAR, Excitation(np.array([0.05]), gain=1000.0, position=0.1))["u"][0] == -10.0
 
 
-def test_chamber_2_is_held_where_it_is_open_and_both_where_they_are_imposed(plain: SimpleNamespace) -> None:
+def test_open_and_imposed_chambers_keep_their_pressure(plain: SimpleNamespace) -> None:
     moving = {"velocity": 0.5, "position": 0.1, "pressure_1": 3e5, "pressure_2": 2e5}
     free, open_ = (plain.simulate_rig(PAR, Excitation(np.zeros(3), chamber_2_open=o, **moving)) for o in (False, True))
     assert free["p2"][2] > 2e5

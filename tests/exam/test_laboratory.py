@@ -102,7 +102,7 @@ def readings(par: Parameters, sensors: Sensors, **truth: np.ndarray) -> dict[str
 QUIET = Sensors(pressure=0.0, acceleration=0.0, position_step=0.0)
 
 
-def test_a_sensor_without_faults_reads_above_ambient_what_is_there() -> None:
+def test_an_ideal_sensor_reads_the_true_gauge_pressure() -> None:
     ramp = np.linspace(0.0, 1.0, 1000)
     seen = readings(PAR, QUIET, u=ramp, x=ramp, a=ramp, p1=2e5 + ramp, p2=3e5 + ramp, p_supply=7e5 + ramp)
     for name, offset in (("u", 0.0), ("x", 0.0), ("a", 0.0), ("p1", 2e5), ("p2", 3e5), ("p_supply", 7e5)):
@@ -206,7 +206,7 @@ def test_a_rig_with_everything_says_everything() -> None:
     assert said["compare"] == {"horizon": "0.5 s"}
 
 
-def test_a_bench_for_valves_says_nothing_of_a_cylinder_nor_of_a_supply_that_is_not_recorded() -> None:
+def test_a_valve_test_file_has_no_cylinder_and_no_unrecorded_supply() -> None:
     lab = Laboratory("b", PAR, Sensors(), vessel_volume=160e-6, has_cylinder=False, supply_recorded=False)
     said = pipeline(lab, RecordingPlan("s", "valve", "train", STEP))
     assert "cylinder" not in said["rig"]
@@ -230,7 +230,7 @@ def test_the_bench_has_the_vessel_and_not_the_cylinders_faults() -> None:
     assert Laboratory("b", par, Sensors()).valve_test_rig.dead_volume_1 == 0.0
 
 
-def test_what_is_recorded_is_the_take_on_its_own_rig(tmp_path: Path) -> None:
+def test_a_recording_is_simulated_on_its_own_rig(tmp_path: Path) -> None:
     par = PAR._replace(piston_area_1=8e-4)
     lab = Laboratory("b", par, Sensors(pressure=0.0), vessel_volume=160e-6, supply_recorded=False)
     held = Excitation(np.zeros(5), pressure_1=2e5, pressure_2=2e5, position=0.05)
@@ -307,7 +307,7 @@ def drawn(name: str, field: str) -> np.ndarray:
 
 
 @pytest.mark.parametrize("name", [*ABOUT, *BETWEEN])
-def test_a_hidden_effect_is_of_a_size_that_shows(name: str) -> None:
+def test_a_hidden_effect_is_large_enough_to_be_visible(name: str) -> None:
     bounds = BETWEEN.get(name) or {f: (0.75 * c, 1.25 * c) for f, c in ABOUT[name].items()}
     for field, (low, high) in bounds.items():
         sizes = drawn(name, field)
@@ -317,7 +317,7 @@ def test_a_hidden_effect_is_of_a_size_that_shows(name: str) -> None:
         assert high - 0.1 * (high - low) < sizes.max() <= high
 
 
-def test_scales_and_patches_are_drawn_about_what_they_change() -> None:
+def test_scales_and_patches_are_drawn_around_their_base_values() -> None:
     scale = drawn("pressure-scale", "pressure_scale") - 1.0
     assert 0.04 <= np.abs(scale).min() < 0.045
     assert 0.075 < np.abs(scale).max() <= 0.08
@@ -354,7 +354,7 @@ def test_units_of_the_catalogue_are_not_always_the_rigs() -> None:
     assert BY_NAME["pressure-friction"].true_parameters(Parameters(pressure_gain=2e-6)) == {"gain": pytest.approx(0.2)}
 
 
-def test_an_effect_shows_on_the_rigs_that_have_its_part() -> None:
+def test_an_effect_is_visible_on_the_rigs_that_have_its_part() -> None:
     kinds = {e.name: set(e.kinds) for e in CATALOGUE + UNCATALOGUED}
     assert kinds["chamber-leak"] == kinds["clogged silencer"] == {"valve", "axis"}
     assert kinds["piston-leak"] == kinds["valve-deadband"] == {"axis"}
@@ -365,7 +365,7 @@ def test_an_effect_shows_on_the_rigs_that_have_its_part() -> None:
 # --- cases
 
 
-def test_a_refusal_names_the_rigs_on_which_an_effect_shows() -> None:
+def test_a_refusal_names_the_rigs_on_which_an_effect_is_visible() -> None:
     with pytest.raises(InputError, match=r'(?s)"stribeck" does not show on the rig "valve".*friction or axis'):
         cases._effect("stribeck", "valve")
     with pytest.raises(InputError, match=r'(?s)no effect "stribek".*an effect that the rig can hide.*stribeck'):
@@ -424,7 +424,7 @@ def test_the_rig_of_a_case_has_what_is_hidden_in_its_size(tmp_path: Path, monkey
     assert full.name == tmp_path.name
 
 
-def test_cases_differ_in_what_a_lab_differs_in(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_cases_differ_as_laboratories_do(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     labs = [handed_over(tmp_path, monkeypatch, "axis", ["chamber-leak"], seed) for seed in range(60)]
     assert {lab.sensors.pressure for lab in labs} == {250.0, 400.0, 800.0}
     assert {lab.sensors.pole for lab in labs} == {0.0, 0.5, 0.8}
@@ -440,7 +440,7 @@ def test_cases_differ_in_what_a_lab_differs_in(tmp_path: Path, monkeypatch: pyte
         assert lab.has_cylinder
 
 
-def test_what_an_effect_needs_to_show_is_so(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_the_rig_satisfies_what_a_hidden_effect_needs(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     for seed in range(8):
         assert handed_over(tmp_path, monkeypatch, "axis", ["valve-deadband"], seed).linear_valve
         assert not handed_over(tmp_path, monkeypatch, "axis", ["supply-droop"], seed).supply_recorded

@@ -33,7 +33,7 @@ BENCH = UserRig(Parameters(coulomb=30.0, mass=1.0), Sensors(), (MOVED,), has_cyl
 TWICE = replace(BENCH, parameters=BENCH.parameters._replace(piston_area_1=16e-4, piston_area_2=16e-4))
 
 
-def test_what_is_hidden_is_as_large_for_the_rig_as_for_the_usual_one() -> None:
+def test_hidden_effects_are_scaled_to_the_rig() -> None:
     draw = Chosen(0.5)
     force = [with_hidden_effect(b, BY_NAME["constant-force"], 1.0, draw).constant_force for b in (BENCH, TWICE)]  # type: ignore[arg-type]
     assert force[1] == pytest.approx(2.0 * force[0])
@@ -58,7 +58,7 @@ def test_a_valve_test_repeats_the_commands() -> None:
     assert done.pressure_1 == 1e5
 
 
-def test_cases_are_sealed_with_size_and_effect_and_hold_what_the_bench_recorded(tmp_path: Path) -> None:
+def test_cases_have_the_users_recordings_and_sealed_effects_and_sizes(tmp_path: Path) -> None:
     names = write_like(tmp_path / "exam", BENCH, sizes=(1.0,), repeats=1, nulls=1)
     truths = [json.loads((tmp_path / "exam" / ".sealed" / f"{n}.json").read_text()) for n in names]
     hidden = [effect for t in truths for effect in t["hidden"]]
@@ -75,7 +75,7 @@ def case(name: str, size: float, *missing: str) -> GradedCase:
     return GradedCase("c", truth, {"missing": list(missing), "verdict": "", "candidates": []})
 
 
-def test_a_size_counts_from_which_on_nine_in_ten_are_named() -> None:
+def test_the_smallest_named_size_is_named_in_nine_of_ten_cases() -> None:
     small = [case("stribeck", 0.1, "stribeck"), case("stribeck", 0.1, "presliding")]
     found = summarize([*small, *[case("stribeck", 1.0, "stribeck")] * 3, case("", 0.0), case("", 0.0, "dead-volume")])
     (row,) = found["effects"]

@@ -45,12 +45,12 @@ def test_probabilities_are_gathered_by_what_was_stated() -> None:
     assert "| 0.5 to 0.7 | 0.59 | 1 | 2 |" in reliability_table(found)
 
 
-def test_where_nothing_is_stated_nothing_is_told() -> None:
+def test_without_probabilities_there_is_no_reliability_table() -> None:
     assert reliability([stating()]) is None
     assert reliability_table(None) == []
 
 
-def test_what_is_stated_of_a_set_is_true_where_one_of_it_is_there() -> None:
+def test_the_probability_of_a_set_counts_as_true_if_one_member_is() -> None:
     """The twin of a named effect has the set's probability; it is not counted again."""
     one = graded(
         ["twin"], ["named"],
@@ -60,13 +60,13 @@ def test_what_is_stated_of_a_set_is_true_where_one_of_it_is_there() -> None:
     assert one.stated_probabilities == [(0.9, True), (0.2, False)]
 
 
-def test_an_effect_that_was_refused_speaks_for_itself_alone() -> None:
+def test_the_probability_of_a_refused_effect_counts_only_for_itself() -> None:
     one = graded(["other"], [], candidate("refused", 0.4, "other"), candidate("other", 0.1))
     assert (0.4, True) not in one.stated_probabilities
 
 
 @pytest.mark.parametrize(("confidence", "found"), [(0.9, [True, False]), (0.89, [False, False]), (None, [False] * 2)])
-def test_true_effects_are_surely_found_where_they_or_a_twin_are_named_so(
+def test_a_true_effect_is_confidently_found_if_it_or_an_equivalent_is_named(
     confidence: float | None, found: list[bool]
 ) -> None:
     one = graded(["a", "b"], ["c"], candidate("c", confidence, "a"))
@@ -84,7 +84,7 @@ def test_true_effects_are_surely_found_where_they_or_a_twin_are_named_so(
         (None, None, None, [], True),  # a truth that does not say where it is
     ],
 )
-def test_an_unknown_is_flagged_rightly_in_its_subsystem_over_its_signal(
+def test_a_disturbance_is_located_by_subsystem_and_signal(
     part: str | None, subsystem: str | None, variable: str | None, over: list[str], *, right: bool
 ) -> None:
     truth = {"hidden": {}, "outside_the_catalogue": "a stranger", "verdict": "unexplained", "part": part, "over": "x"}

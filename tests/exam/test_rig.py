@@ -215,7 +215,7 @@ def test_another_rate_records_the_same_motion(rate):
     assert np.array_equal(seen["u"], other["u"][:: sensors.decimation])
 
 
-def test_the_loop_has_its_own_clock_so_that_commands_change_between_samples_or_stand_over_many():
+def test_the_loop_has_its_own_clock():
     usual = moved(Parameters())["u"]
     assert np.all(np.diff(usual[5:200]) != 0.0)
     quick = moved(Parameters(), rate=10_000.0)["u"].reshape(-1, 10)
@@ -229,7 +229,7 @@ def test_a_rate_that_does_not_divide_the_loops_changes_the_motion_little():
     assert odd["x"] == pytest.approx(usual, abs=1e-3)
 
 
-def test_slow_sensors_are_followed_finely_before_the_logger_thins_them():
+def test_sensors_are_simulated_finely_before_the_logger_decimates():
     sensors = Sensors(pressure=0.0, rate=100.0)
     par = Parameters(pressure_lag=0.02)
     step = par.ambient + 1e5 * (np.arange(1000) >= 305)
@@ -271,7 +271,7 @@ def test_a_patch_of_friction_lies_at_the_same_share_of_the_stroke():
     assert shares == pytest.approx([0.25, 0.5])
 
 
-def test_supplies_are_what_was_asked_for():
+def test_the_supply_pressure_is_that_of_the_condition():
     assert RigScaling.for_target(Parameters(), None, 50e5).scale_rig(Parameters()).supply == pytest.approx(50e5)
     assert set(DIMENSIONS) < set(Parameters._fields)
 

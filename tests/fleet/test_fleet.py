@@ -58,7 +58,7 @@ def test_the_rig_that_changed_is_named_with_what_changed_and_no_other(done: Done
     assert found == done.truth
 
 
-def test_a_row_that_cannot_be_done_stops_no_other_and_says_why(done: Done) -> None:
+def test_a_failed_row_states_its_cause_and_stops_no_other(done: Done) -> None:
     assert (done.answer["rows"], done.answer["failed"]) == (8, 2)
     results = ds.dataset(done.out / "results", partitioning="hive").to_table().to_pylist()
     failures = {(r["rig"], r["date"]): r["failure"] for r in results if r["failure"]}
@@ -88,7 +88,7 @@ def test_the_dataset_is_read_by(library: str, done: Done) -> None:
         assert module.connect().execute(query).fetchone() == (8, 3)
 
 
-def test_junit_metrics_and_checks_tell_continuous_integration(done: Done) -> None:
+def test_junit_metrics_and_checks_are_written_for_continuous_integration(done: Done) -> None:
     suite = ElementTree.parse(done.out / "junit.xml").getroot()[0]
     assert (suite.get("tests"), suite.get("failures")) == ("10", "4")  # two that failed, one that changed, one check
     assert [c.passed for c in evaluate_checks(load_fleet(done.folder / FLEET_FILE), done.answer)] == [False, True]
@@ -103,7 +103,7 @@ def result_of(done: Done, rig: str, date: str) -> Path:
     return done.out / "rows" / rig / date / "row.json"
 
 
-def test_only_what_changed_is_done_again(done: Done, tmp_path: Path) -> None:
+def test_only_changed_rows_run_again(done: Done, tmp_path: Path) -> None:
     copy = Done(tmp_path / "plant", done.truth, done.answer)
     shutil.copytree(done.folder, copy.folder)
     config = load_fleet(copy.folder / FLEET_FILE)
@@ -123,7 +123,7 @@ def test_a_second_run_does_nothing_and_gives_the_same(done: Done) -> None:
     }
 
 
-def test_a_file_that_was_touched_is_looked_at_and_one_that_changed_is_done_again(done: Done) -> None:
+def test_a_new_time_stamp_is_checked_and_a_changed_file_runs_again(done: Done) -> None:
     raw = sorted((done.folder / "raw" / "rig-00001" / "2026-01-02").glob("*.csv"))[0]
     os.utime(raw, (1e9, 1e9))
     assert done.again()["done"] == 0
@@ -132,7 +132,7 @@ def test_a_file_that_was_touched_is_looked_at_and_one_that_changed_is_done_again
     assert (again["done"], again["unchanged"]) == (1, 7)
 
 
-def test_a_result_that_was_lost_is_made_again(done: Done) -> None:
+def test_a_lost_result_is_computed_again(done: Done) -> None:
     """What a kill leaves: some results are there, others not."""
     lost = result_of(done, "rig-00000", "2026-01-02")
     before = json.loads(lost.read_text(encoding="utf-8"))

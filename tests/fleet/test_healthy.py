@@ -60,7 +60,7 @@ def done(fleet: stage.Fleet, monkeypatch: pytest.MonkeyPatch, bad: tuple[str, st
     return jobs
 
 
-def test_other_dates_wait_until_all_healthy_ones_are_known(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_other_dates_wait_for_all_healthy_ones(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     jobs = done(plant(tmp_path, rigs=9, healthy=3), monkeypatch)
     assert len(jobs) == 45
     first = deque(job.row.date in DATES[:3] for job in jobs)
@@ -72,13 +72,13 @@ def test_other_dates_wait_until_all_healthy_ones_are_known(tmp_path: Path, monke
     assert all(job.repeats == () and job.prior is None for job in jobs[:27])
 
 
-def test_a_first_date_that_is_bad_is_none_of_the_repeats(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_failed_first_date_is_not_a_repeat(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     jobs = done(plant(tmp_path, rigs=1, healthy=3), monkeypatch, bad=("rig-00", DATES[0]))
     assert [job.reference_date for job in jobs] == [None, None, DATES[1], DATES[1], DATES[1]]
     assert [len(job.repeats) for job in jobs] == [0, 0, 0, 1, 1]
 
 
-def test_where_nothing_is_stated_dates_do_not_wait(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_without_stated_healthy_dates_no_date_waits(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     jobs = done(plant(tmp_path, rigs=2, healthy=1), monkeypatch)
     assert len(jobs) == 10
     assert not any(job.stated_healthy or job.repeats for job in jobs)
@@ -113,7 +113,7 @@ def test_a_rig_that_never_repeats_alarms_until_healthy_dates_are_stated(rig: lis
     assert known["since"]["repeatability"]["parameters"]["friction.coulomb"]["value"] > 0.0
 
 
-def test_a_repeat_that_was_held_against_another_model_is_refused(rig: list[Path]) -> None:
+def test_a_repeat_of_another_model_is_refused(rig: list[Path]) -> None:
     with pytest.raises(InputError, match="no comparison in it"):
         _baseline_options(rig[0], None, True, [rig[0]])
 

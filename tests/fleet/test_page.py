@@ -64,7 +64,7 @@ def data(page: str) -> Any:
     return json.loads(found[1])
 
 
-def test_the_most_surely_changed_stand_first_then_those_whose_level_changed() -> None:
+def test_rigs_are_sorted_by_evidence_of_change_then_by_change_points() -> None:
     answer, results, trends = fleet(60, 3)
     broken = [
         Trend(t.rig, t.name, t.unit, t.dates, t.values, t.errors, (2,)) if t.rig == "axis-00007" else t for t in trends
@@ -74,7 +74,7 @@ def test_the_most_surely_changed_stand_first_then_those_whose_level_changed() ->
     assert len(rigs) == 60
 
 
-def test_the_page_carries_what_changed_with_a_link_and_what_failed_with_its_cause() -> None:
+def test_the_page_lists_changes_with_links_and_failures_with_causes() -> None:
     found = data(to_html(*fleet(60, 3)))
     first = found["rigs"][0]
     words = found["words"]
@@ -85,7 +85,7 @@ def test_the_page_carries_what_changed_with_a_link_and_what_failed_with_its_caus
     assert found["changes"] == {"piston-leak.area": 3}
 
 
-def test_a_trend_says_from_when_to_when_it_goes_of_which_parameter_in_which_unit() -> None:
+def test_a_trend_states_parameter_unit_and_dates() -> None:
     found = data(to_html(*fleet(3, 4)))
     named = [[found["words"][i] for i in panel[1:5]] for panel in found["trends"]]
     assert named[0] == ["friction.coulomb", "N", "2026-11-01", "2026-11-04"]

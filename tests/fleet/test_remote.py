@@ -54,7 +54,7 @@ def web(tmp_path_factory: pytest.TempPathFactory) -> Iterator[str]:
         server.shutdown()
 
 
-def test_what_is_a_url_is_no_path() -> None:
+def test_a_url_is_not_a_path() -> None:
     assert is_remote("s3://b/x.csv")
     assert is_remote("https://host/x.csv")
     assert not is_remote("raw/x.csv")
@@ -62,7 +62,7 @@ def test_what_is_a_url_is_no_path() -> None:
 
 
 @pytest.mark.parametrize(("where", "name"), [("store", "a b.csv"), ("web", "a.csv")])
-def test_a_remote_file_is_fetched_as_it_is_and_known_again(
+def test_a_remote_file_is_fetched_unchanged_and_recognised(
     where: str, name: str, tmp_path: Path, request: pytest.FixtureRequest
 ) -> None:
     url = request.getfixturevalue(where).format(name.replace(" ", "%20"))
@@ -73,20 +73,18 @@ def test_a_remote_file_is_fetched_as_it_is_and_known_again(
 
 
 @pytest.mark.parametrize("where", ["store", "web"])
-def test_a_remote_file_that_is_not_there_is_the_inputs_fault(
-    where: str, tmp_path: Path, request: pytest.FixtureRequest
-) -> None:
+def test_a_missing_remote_file_is_an_input_error(where: str, tmp_path: Path, request: pytest.FixtureRequest) -> None:
     url = request.getfixturevalue(where).format("none.csv")
     for ask in (content_stamp, partial(fetch, folder=tmp_path)):
         with pytest.raises(InputError, match=r"none\.csv.*cannot be read"):
             ask(url)
 
 
-def test_an_error_does_not_tell_a_password() -> None:
+def test_an_error_hides_passwords() -> None:
     assert "secret" not in str(store_error("s3://user:secret@b/x.csv", OSError("no")))
 
 
-def test_a_folder_of_a_store_is_as_one_of_this_machine(store: str, tmp_path: Path) -> None:
+def test_a_remote_folder_behaves_like_a_local_one(store: str, tmp_path: Path) -> None:
     """What is written is read, listed, fetched, and gone when it is removed; what is not there is None."""
     raw = tmp_path / "raw"
     raw.write_bytes(CONTENT)
@@ -103,7 +101,7 @@ def test_a_folder_of_a_store_is_as_one_of_this_machine(store: str, tmp_path: Pat
         assert place.names("rows") == {"rows/a/reference/model"}
 
 
-def test_a_store_becomes_like_a_folder_and_keeps_what_is_not_ours(store: str, tmp_path: Path) -> None:
+def test_a_store_mirrors_a_folder_and_keeps_foreign_files(store: str, tmp_path: Path) -> None:
     place = store_at(store.format("mirrored"))
     for name in ("results/date=1/part-0.parquet", "results/date=1/notes.txt", "rows/a/row.json"):
         place.write(name, "old")
@@ -113,7 +111,7 @@ def test_a_store_becomes_like_a_folder_and_keeps_what_is_not_ours(store: str, tm
     assert place.names("") == {"results/date=2/part-0.parquet", "results/date=1/notes.txt", "rows/a/row.json"}
 
 
-def test_a_fleet_leaves_on_a_store_what_it_leaves_here_and_goes_on_there(store: str, tmp_path: Path) -> None:
+def test_a_remote_store_gets_the_same_files_and_resumes(store: str, tmp_path: Path) -> None:
     write_fleet(tmp_path, rigs=2, dates=2, changed=0.5, seed=4)
     with (tmp_path / FLEET_FILE).open("a", encoding="utf-8") as file:
         file.write('reports = "none"\n')
@@ -132,6 +130,6 @@ def test_a_fleet_leaves_on_a_store_what_it_leaves_here_and_goes_on_there(store: 
     assert [one["rig"] for one in read] == [one["rig"] for one in here["changes"]]
 
 
-def test_a_store_that_refuses_is_the_inputs_fault(tmp_path: Path) -> None:
+def test_a_store_that_refuses_is_an_input_error(tmp_path: Path) -> None:
     with pytest.raises(InputError, match="s3://rigs/x"):
         store_at("s3://rigs/x?endpoint_override=127.0.0.1:1&scheme=http&region=us-east-1").read("a")

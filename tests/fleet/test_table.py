@@ -44,7 +44,7 @@ def test_cells_are_numbers_where_they_look_so_and_files_stay_texts(tmp_path: Pat
     assert row.values == {"compare.horizon": 0.2, "recordings.stairs.file": "7"}
 
 
-def test_a_parquet_table_says_the_same(tmp_path: Path) -> None:
+def test_a_parquet_table_has_the_same_rows(tmp_path: Path) -> None:
     path = tmp_path / "rigs.parquet"
     columns = {"rig": ["a", "b"], "date": [date(2026, 1, 2), date(2026, 1, 3)], "compare.horizon": [0.2, None]}
     pq.write_table(pa.table(columns), path)
@@ -64,7 +64,7 @@ def test_a_parquet_table_says_the_same(tmp_path: Path) -> None:
         ("ok,2026-01-01\nok,2026-01-01", "already in line 2"),
     ],
 )
-def test_a_row_that_is_wrong_by_itself_says_so_and_the_others_stay(tmp_path: Path, cells: str, says: str) -> None:
+def test_a_faulty_row_has_a_fault_and_the_others_none(tmp_path: Path, cells: str, says: str) -> None:
     rows = read_rows(table(tmp_path, f"rig,date\n{cells}\nlast,2026-01-01\n"))
     assert says in rows[-2].fault
     assert rows[-1].fault == ""
@@ -75,7 +75,7 @@ def test_a_row_that_is_wrong_by_itself_says_so_and_the_others_stay(tmp_path: Pat
     ("text", "says"),
     [("rig,when\na,b\n", "no column date"), ("rig,date,x,x\n", "two columns"), ("rig,date\na\n", "line 2: 1 cells")],
 )
-def test_a_table_that_is_none_is_refused_as_a_whole(tmp_path: Path, text: str, says: str) -> None:
+def test_an_unreadable_table_is_refused(tmp_path: Path, text: str, says: str) -> None:
     with pytest.raises(InputError, match=says):
         read_rows(table(tmp_path, text))
 
@@ -84,7 +84,7 @@ def test_a_table_that_is_none_is_refused_as_a_whole(tmp_path: Path, text: str, s
     ("column", "says"),
     [("rig.cylinder.moving_mas", "moving_mass"), ("recordings.stars.file", "stairs"), ("rigg.gas", "rig")],
 )
-def test_a_column_that_is_no_key_is_refused_with_the_one_that_was_meant(column: str, says: str) -> None:
+def test_an_unknown_column_is_refused_with_the_closest_key(column: str, says: str) -> None:
     with pytest.raises(InputError, match=f'did you mean "{says}"'):
         require_columns(tomllib.loads(TEMPLATE), [column], keys_at, "rigs.csv")
     require_columns(tomllib.loads(TEMPLATE), ["recordings.stairs.from", "rig.vessel.volume"], keys_at, "rigs.csv")

@@ -11,18 +11,18 @@ RNG = np.random.default_rng(3)
 
 
 @pytest.mark.parametrize("cuts", [(), (8,), (5, 12)])
-def test_a_level_that_steps_by_six_errors_is_cut_where_it_steps(cuts: tuple[int, ...]) -> None:
+def test_a_step_of_six_errors_is_a_change_point(cuts: tuple[int, ...]) -> None:
     levels = np.searchsorted(cuts, np.arange(20), side="right") * 6.0
     assert find_change_points(levels + RNG.standard_normal(20), np.ones(20)) == cuts
 
 
-def test_noise_alone_is_cut_seldom() -> None:
+def test_pure_noise_rarely_has_a_change_point() -> None:
     """200 series of 20 dates: Schwarz's penalty leaves few with a cut."""
     cut = [bool(find_change_points(RNG.standard_normal(20), np.ones(20))) for _ in range(200)]
     assert np.mean(cut) < 0.05
 
 
-def test_errors_that_are_stated_too_small_do_not_cut_what_scatters() -> None:
+def test_understated_errors_give_no_change_points() -> None:
     cut = [bool(find_change_points(5.0 + RNG.standard_normal(30), np.full(30, 1e-3))) for _ in range(200)]
     assert np.mean(cut) < 0.15
     assert robust_scatter(np.array([1.0, 2.0])) < 1e-9

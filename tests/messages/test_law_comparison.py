@@ -15,14 +15,14 @@ def test_a_row_holds_the_worst_of_all_scenarios_and_the_air_of_all() -> None:
     assert next(iter(law_comparison.table_rows(back, 10.0)))[4] == "0.25"
 
 
-def test_the_share_in_sliding_is_the_smallest_of_all_observers_and_scenarios() -> None:
+def test_the_share_in_sliding_is_the_least_of_both_observers_and_all_scenarios() -> None:
     steps = CASES["best"]["steps"] | {"sliding_load": 0.97, "sliding_flow": 0.23}
     load = CASES["best"]["load"] | {"sliding_load": 0.99, "sliding_flow": None}
     (row,) = law_comparison.table_rows({"compensated": {"steps": steps, "load": load}}, 10.0)
     assert row[7] == "23 %"
 
 
-def test_a_poor_controller_is_named_with_its_numbers() -> None:
+def test_a_poor_control_law_is_named_with_its_figures() -> None:
     assert law_comparison.shortcomings(CASES, 10.0) == [
         "pdc stays up to 7.8 mm off",
         "relay stays up to 30 µm off, moves by 40 µm at rest",

@@ -58,7 +58,7 @@ def test_a_mutant_is_python_that_differs_in_what_is_run(tree: Path) -> None:
         assert "Words" not in before
 
 
-def test_a_mutant_knows_the_lines_of_its_statement(tree: Path) -> None:
+def test_a_mutant_states_the_lines_of_its_statement(tree: Path) -> None:
     for mutant in drawn(tree, 1000, 1):
         changed = [
             k for k, (a, b) in enumerate(zip(SOURCE.splitlines(), mutant.text.splitlines(), strict=False), 1) if a != b
@@ -97,7 +97,7 @@ def test_a_line_meets_the_tests_that_run_it_fastest_first_within_the_time() -> N
     assert contexts.tests(at("code/half.py", 4, 9)) == ["other"]
 
 
-def test_what_a_shared_fixture_runs_meets_all_tests_that_share_it() -> None:
+def test_lines_of_a_shared_fixture_belong_to_all_its_tests() -> None:
     """Its time counts once, whichever of them comes first: three of four here, with one of a tenth without it."""
     contexts = known(
         {"made": 0.5 * BUDGET, "a": 0.1 * BUDGET, "b": 0.2 * BUDGET, "c": 0.4 * BUDGET, "d": 0.1 * BUDGET},
@@ -108,7 +108,7 @@ def test_what_a_shared_fixture_runs_meets_all_tests_that_share_it() -> None:
     assert contexts.tests(at("code/half.py", 4)) == ["a"]
 
 
-def test_what_no_tracer_sees_meets_the_tests_of_its_folder() -> None:
+def test_untraced_lines_belong_to_the_tests_of_their_folder() -> None:
     contexts = known(
         {"a": 0.1, "b": 0.2, "c": 0.1}, {"code/x.py": {"1": ["b"]}, "code/y.py": {"1": ["a"]}, "z/x.py": {"1": ["c"]}}
     )
@@ -141,7 +141,7 @@ def test_a_mutant_is_taken_back_whatever_happens(tree: Path) -> None:
     assert kept.read_text() == "compiled"
 
 
-def test_compiled_functions_are_forgotten_where_they_hold_what_was_mutated(tree: Path) -> None:
+def test_the_cache_of_a_mutated_function_and_its_callers_is_removed(tree: Path) -> None:
     """Of the file itself and of those of its folder that import it, directly or through another."""
     code = tree / "code"
     (code / "near.py").write_text("from code.half import half\n")

@@ -40,7 +40,7 @@ def test_arrays_and_files_have_the_same_diagnosis(
     assert len(of_arrays.candidates) == len(of_files.candidates)
 
 
-def test_an_effect_that_is_put_in_is_named(recordings: list[dict[str, Any]], rig: dict[str, Any]) -> None:
+def test_a_simulated_effect_is_named(recordings: list[dict[str, Any]], rig: dict[str, Any]) -> None:
     """The pull of a slope, 25 N toward x = 0, as pressures would show it: p1 carries it."""
     heavier = []
     for one in recordings:
@@ -54,7 +54,7 @@ def test_an_effect_that_is_put_in_is_named(recordings: list[dict[str, Any]], rig
     assert found.confidence["constant-force"] > 0.9
 
 
-def test_the_files_are_kept_where_one_says(
+def test_the_files_are_kept_in_the_given_folder(
     recordings: list[dict[str, Any]], rig: dict[str, Any], tmp_path: Path
 ) -> None:
     run = pneucli.from_arrays(recordings, rig, folder=tmp_path / "kept", quiet=True)
@@ -73,6 +73,6 @@ FAULTY = [
 
 
 @pytest.mark.parametrize(("one", "said"), FAULTY)
-def test_what_is_wrong_with_arrays_is_said(one: dict[str, Any], said: str) -> None:
+def test_faulty_arrays_are_input_errors(one: dict[str, Any], said: str) -> None:
     with pytest.raises(pneucli.InputError, match=said):
         pneucli.from_arrays([one], {})

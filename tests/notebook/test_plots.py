@@ -19,7 +19,7 @@ def test_a_recording_is_drawn_by_channel_with_its_fit(axis: pneucli.Run) -> None
     assert figure._repr_png_().startswith(b"\x89PNG")
 
 
-def test_models_of_other_runs_stand_in_the_same_panel(axis: pneucli.Run) -> None:
+def test_models_of_other_runs_are_in_the_same_panel(axis: pneucli.Run) -> None:
     (panel,) = axis.plot.recording("driven_2", ["x"], compare_with=[axis]).axes
     assert len(panel.lines) == 3
 
@@ -42,6 +42,6 @@ def test_the_other_figures_come_out(valve: pneucli.Run, axis: pneucli.Run) -> No
 
 
 @pytest.mark.parametrize("name", ["driven_9", "x"])
-def test_a_name_that_is_none_is_said(axis: pneucli.Run, name: str) -> None:
+def test_an_unknown_name_is_an_input_error(axis: pneucli.Run, name: str) -> None:
     with pytest.raises(pneucli.InputError, match="was not compared"):
         axis.plot.recording(name)

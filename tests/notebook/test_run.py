@@ -42,14 +42,14 @@ def test_units_of_signals_are_si(axis: pneucli.Run) -> None:
     assert axis.signals.attrs["schema"] == "pneucli/ingest/signals/1"
 
 
-def test_a_pipeline_file_is_brought_up_to_date_by_what_is_asked(axis: pneucli.Run) -> None:
+def test_asking_for_a_table_brings_its_stage_up_to_date(axis: pneucli.Run) -> None:
     axis.residuals  # noqa: B018 - asking is what brings it up
     before = (axis.artifacts / "compare" / "stage.json").stat().st_mtime_ns
     assert axis.answer("compare")["error"]["test"] < 1.5
     assert (axis.artifacts / "compare" / "stage.json").stat().st_mtime_ns == before
 
 
-def test_a_folder_is_taken_as_it_stands_without_its_pipeline(valve: pneucli.Run, tmp_path: Path) -> None:
+def test_a_folder_of_artifacts_opens_without_its_pipeline_file(valve: pneucli.Run, tmp_path: Path) -> None:
     valve.residuals  # noqa: B018
     sent = shutil.copytree(valve.artifacts, tmp_path / "sent")
     here = pneucli.open(sent)
@@ -61,7 +61,7 @@ def test_a_folder_is_taken_as_it_stands_without_its_pipeline(valve: pneucli.Run,
         here.answer("design")
 
 
-def test_what_is_no_run_is_said(tmp_path: Path) -> None:
+def test_a_folder_without_artifacts_is_an_input_error(tmp_path: Path) -> None:
     with pytest.raises(pneucli.InputError, match="no stage's artifacts are here"):
         pneucli.open(tmp_path)
     with pytest.raises(pneucli.InputError, match="no such file"):
@@ -77,7 +77,7 @@ def test_the_map_is_that_of_the_artifact_at_its_points_and_lies_between_them_els
     assert min(low, high) <= middle <= max(low, high)
 
 
-def test_a_command_gives_back_the_gradient_that_was_asked_for(valve: pneucli.Run) -> None:
+def test_the_command_for_a_gradient_gives_that_gradient(valve: pneucli.Run) -> None:
     wanted = valve.valve.dp_dt([1.5, 4.0, 8.0], 4e5)
     command = valve.valve.command(wanted, 4e5)
     np.testing.assert_allclose(command, [1.5, 4.0, 8.0], atol=0.05)
@@ -85,7 +85,7 @@ def test_a_command_gives_back_the_gradient_that_was_asked_for(valve: pneucli.Run
     assert valve.valve.reachable(wanted, 4e5).all()
 
 
-def test_what_the_valve_cannot_do_is_its_limit_and_what_was_not_identified_is_nan(valve: pneucli.Run) -> None:
+def test_an_unreachable_gradient_gives_the_limit_and_an_unidentified_one_nan(valve: pneucli.Run) -> None:
     most = valve.valve.inverse["u"].max()
     assert valve.valve.command(1e12, 4e5) == pytest.approx(most, rel=1e-6)
     assert not valve.valve.reachable(1e12, 4e5)

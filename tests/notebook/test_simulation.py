@@ -11,7 +11,7 @@ import pneucli
 from pneucli.io.artifacts import read_table
 
 
-def test_a_recording_runs_as_the_stage_lets_it_run(valve: pneucli.Run) -> None:
+def test_a_simulated_recording_equals_that_of_the_stage(valve: pneucli.Run) -> None:
     valve.bring_up("simulate")
     stage = read_table(valve.artifacts / "simulate" / "open_loop.parquet")
     mine = (np.array(stage["scenario"]) == "stairs_2") & (np.array(stage["channel"]) == "p1")
@@ -57,7 +57,7 @@ def test_another_parameter_changes_the_run(valve: pneucli.Run) -> None:
         ({"recording": "stairs_2", "u": [1.0, 2.0]}, "its own inputs"),
     ],
 )
-def test_what_does_not_fit_is_said(valve: pneucli.Run, given: dict[str, Any], said: str) -> None:
+def test_contradicting_arguments_are_input_errors(valve: pneucli.Run, given: dict[str, Any], said: str) -> None:
     with pytest.raises(pneucli.InputError, match=said):
         pneucli.simulate(valve, **given)
 

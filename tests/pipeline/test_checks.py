@@ -66,11 +66,11 @@ def test_limits_are_inclusive(value: float, limit: float) -> None:
 
 
 @pytest.mark.parametrize("value", [None, "2", True, float("nan"), []])
-def test_what_is_no_number_fails_a_limit(value: object) -> None:
+def test_a_value_that_is_no_number_fails_a_limit(value: object) -> None:
     assert not evaluate({"s.v": {"max": 3.0}}, {"s": {"v": value}})[0].passed
 
 
-def test_all_limits_of_a_check_must_hold_and_the_text_carries_value_and_limit() -> None:
+def test_every_limit_of_a_check_must_hold_and_its_text_has_value_and_limit() -> None:
     low, inside = (evaluate({"s.v": {"min": 1, "max": 2}}, {"s": {"v": value}})[0] for value in (0.5, 1.5))
     assert (low.passed, inside.passed) == (False, True)
     assert str(low) == "s.v = 0.5 (min 1, max 2): FAILED"

@@ -68,7 +68,7 @@ def test_a_swap_that_was_cut_in_the_middle_is_undone(tmp_path: Path) -> None:
     assert [path.name for path in tmp_path.iterdir()] == ["model"]
 
 
-def test_what_was_finished_before_the_kill_is_not_done_again(tmp_path: Path) -> None:
+def test_finished_stages_do_not_run_again_after_a_kill(tmp_path: Path) -> None:
     file = new(tmp_path / "toy")
     process = start(file)
     assert process.stderr is not None

@@ -50,7 +50,7 @@ def test_a_run_with_nothing_to_do_does_not_validate_the_file_again_but_a_changed
     assert runs(file) == ALL
 
 
-def test_a_stage_brings_up_only_what_it_needs(file: Path) -> None:
+def test_a_stage_runs_only_the_stages_that_it_needs(file: Path) -> None:
     bring_up(file, "model")
     assert runs(file) == ["raw", "model"]
     bring_up(file, "judge")
@@ -78,7 +78,7 @@ def test_a_file_of_known_size_and_time_is_not_read(tmp_path: Path) -> None:
     assert stamp(path, Stamp(status.st_size, 0, "as it was")).sha256 != "as it was"
 
 
-def test_a_changed_raw_file_is_named_and_all_that_follows_runs(file: Path) -> None:
+def test_a_changed_raw_file_is_named_and_all_later_stages_run(file: Path) -> None:
     bring_up(file)
     runs(file)
     (file.parent / "raw" / "b.csv").write_text("1")
@@ -112,7 +112,7 @@ def test_environment_variables_in_file_names_are_followed(tmp_path: Path, monkey
         (TEXT.replace("[model]", "# words\n[model]  # and more words"), []),
     ],
 )
-def test_a_changed_table_makes_stale_who_reads_it_and_who_follows(file: Path, text: str, again: list[str]) -> None:
+def test_a_changed_table_makes_its_readers_and_their_children_stale(file: Path, text: str, again: list[str]) -> None:
     bring_up(file)
     runs(file)
     file.write_text(text)
@@ -126,7 +126,7 @@ def test_a_changed_program_makes_all_stale(file: Path) -> None:
 
 
 @pytest.mark.parametrize("harm", [Path.unlink, lambda path: path.write_text("scribble")])
-def test_an_artifact_that_was_harmed_is_made_again_and_only_it(file: Path, harm: object) -> None:
+def test_a_damaged_artifact_and_only_it_is_made_again(file: Path, harm: object) -> None:
     bring_up(file)
     runs(file)
     harm(file.parent / "artifacts" / "toy" / "model" / "part-2.txt")  # type: ignore[operator]
@@ -134,7 +134,7 @@ def test_an_artifact_that_was_harmed_is_made_again_and_only_it(file: Path, harm:
     assert runs(file) == ["model"]
 
 
-def test_where_the_manifest_is_broken_nobody_knows_whose_the_files_are(file: Path) -> None:
+def test_with_a_broken_manifest_all_files_count_as_foreign(file: Path) -> None:
     bring_up(file)
     judge = file.parent / "artifacts" / "toy" / "judge"
     (judge / "stage.json").write_text('{"schema": "pneucli/st')
@@ -155,7 +155,7 @@ def test_options_stay_until_the_stage_is_asked_with_others(file: Path) -> None:
     assert ask({"judge": {"exclude": [], "executor": "dask://here:8786"}}) == []  # where it is done changes no answer
 
 
-def test_a_stage_that_does_not_apply_is_passed_over_once_and_told_when_asked_by_name(file: Path) -> None:
+def test_an_inapplicable_stage_is_skipped_once_and_an_error_by_name(file: Path) -> None:
     done = toy(file).update(["page", "plan"])
     with pytest.raises(NotApplicable, match="no \\[plan\\]"):
         _ = done["plan"].answer
@@ -169,7 +169,7 @@ def test_an_answer_is_the_same_when_it_is_made_and_when_it_is_read(file: Path, m
 
 
 @pytest.mark.parametrize("value", [float("nan"), float("inf"), {1, 2}])
-def test_an_answer_that_json_cannot_hold_is_refused_before_it_is_kept(
+def test_an_answer_that_json_cannot_represent_is_refused(
     file: Path, monkeypatch: pytest.MonkeyPatch, value: object
 ) -> None:
     monkeypatch.setattr("tests.pipeline.toys.model.run", lambda context: {"value": value})
@@ -192,7 +192,7 @@ def test_a_stage_has_one_blas_thread_whatever_the_machine_has(file: Path, monkey
     assert set(threads) == {1}
 
 
-def test_a_stage_that_fails_leaves_what_was_there(file: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_failed_stage_keeps_the_former_folder(file: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     bring_up(file)
     runs(file)
     before = (file.parent / "artifacts" / "toy" / "model" / "part-0.txt").read_text()
@@ -220,12 +220,12 @@ def harm_nothing(file: Path, place: str, *targets: str) -> None:
 
 
 @pytest.mark.parametrize("place", ["model/mine.txt", "model", ".model.new/mine.txt", ".model.old/mine.txt", ".lock"])
-def test_a_file_that_stood_there_before_is_refused_and_stays(file: Path, place: str) -> None:
+def test_a_foreign_file_in_place_of_a_folder_is_refused_and_stays(file: Path, place: str) -> None:
     harm_nothing(file, place)
 
 
 @pytest.mark.parametrize("place", ["model/mine.txt", "model/folder/mine.txt", "model/.mine", ".model.new/mine.txt"])
-def test_a_file_that_came_into_a_stages_folder_is_refused_and_stays(file: Path, place: str) -> None:
+def test_a_foreign_file_in_a_stages_folder_is_refused_and_stays(file: Path, place: str) -> None:
     bring_up(file)
     harm_nothing(file, place)
     (file.parent / "raw" / "a.csv").write_text("1")
@@ -233,7 +233,7 @@ def test_a_file_that_came_into_a_stages_folder_is_refused_and_stays(file: Path, 
     assert bring_up(file, "raw") == ["running raw (changed raw/a.csv)"]  # for what does not touch it, it is no matter
 
 
-def test_a_file_that_comes_while_the_stage_runs_stays_and_the_run_is_refused(
+def test_a_foreign_file_that_appears_during_a_run_stays_and_the_run_fails(
     file: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     bring_up(file)
@@ -307,7 +307,7 @@ def test_survey_writes_nothing(file: Path) -> None:
         ("pipeline = 3\n", "no name"),
     ],
 )
-def test_an_unusable_file_is_the_users_error(tmp_path: Path, text: str, message: str) -> None:
+def test_an_unreadable_file_is_an_input_error(tmp_path: Path, text: str, message: str) -> None:
     file = tmp_path / "bad.toml"
     file.write_text(text)
     with pytest.raises(InputError, match=message):

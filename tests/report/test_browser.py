@@ -70,7 +70,7 @@ def drag(browser: Any, start: float, end: float) -> None:
     actions.release().perform()
 
 
-def test_it_renders_without_an_error_in_the_console(browser: Any) -> None:
+def test_the_page_renders_without_console_errors(browser: Any) -> None:
     assert browser.title == "bench & co – pneucli report"
     figures = browser.find_elements(By.CSS_SELECTOR, "figure svg")
     assert len(figures) >= 14
@@ -83,7 +83,7 @@ def test_it_renders_without_an_error_in_the_console(browser: Any) -> None:
     assert browser.get_log("browser") == []
 
 
-def test_a_link_opens_the_chapter_that_it_leads_to(browser: Any) -> None:
+def test_a_link_opens_its_folded_chapter(browser: Any) -> None:
     chapter = browser.find_element(By.CSS_SELECTOR, "#valve details")
     assert not chapter.get_property("open")
     link = browser.find_element(By.CSS_SELECTOR, "nav a[href='#valve']")

@@ -34,17 +34,17 @@ def section(material: ReportData) -> Section:
     return found
 
 
-def test_every_figure_that_the_design_judges_by_has_its_words() -> None:
+def test_every_figure_of_the_design_has_a_title() -> None:
     assert set(METRIC_TITLES) == set(Metrics.__annotations__)
 
 
-def test_the_figures_stand_side_by_side(section: Section) -> None:
+def test_the_figures_are_next_to_each_other(section: Section) -> None:
     reached = next(grid for grid in grids(section) if grid.head[0] == "figure")
     assert list(reached.head[1:]) == list(SCENARIOS)
     assert texts(reached)["error at rest, µm"] == ["4.00 / 117", "5.00 / 5.00"]
 
 
-def test_what_is_never_reached_is_told_from_what_is_not_shown(section: Section) -> None:
+def test_an_unreached_figure_differs_from_an_absent_one(section: Section) -> None:
     rows = texts(next(grid for grid in grids(section) if grid.head[0] == "figure"))
     # the answer has null for both: the PIDs only do not settle after the steps, and the load has no steps
     assert rows["within 50 µm after, s"] == ["0.750 / ∞", "–"]
@@ -52,7 +52,7 @@ def test_what_is_never_reached_is_told_from_what_is_not_shown(section: Section) 
     assert "reversals of the command, 1/s" not in rows  # which no scenario of these shows
 
 
-def test_margins_stand_in_a_table_with_what_they_do_not_tell(section: Section) -> None:
+def test_margins_have_a_table_with_the_excluded_points(section: Section) -> None:
     rows = texts(next(grid for grid in grids(section) if grid.head[0] == "loop cut"))
     assert rows["at the command"] == ["× any", "× 0.50", "29°", "2.4 ms", "0.40"]
     notes = [part.text for part in section.parts if isinstance(part, Note)]
@@ -62,7 +62,7 @@ def test_margins_stand_in_a_table_with_what_they_do_not_tell(section: Section) -
     assert "play between command and opening" in notes[-1]
 
 
-def test_the_design_tells_its_warnings_and_where_the_matching_condition_breaks(section: Section) -> None:
+def test_the_design_lists_its_warnings_and_violations_of_the_matching_condition(section: Section) -> None:
     warned = [part for part in section.parts if isinstance(part, Note)]
     assert (warned[0].tone, warned[0].text) == ("warning", "no PDC: the input bound is too narrow.")
     rows = texts(next(grid for grid in grids(section) if grid.caption == "Design"))
@@ -74,7 +74,7 @@ def test_the_design_tells_its_warnings_and_where_the_matching_condition_breaks(s
     assert rows["tolerance at rest"] == ["10.0 µm"]  # twice the reach of the bench
 
 
-def test_the_checks_of_design_and_simulation_stand_there_too(material: ReportData) -> None:
+def test_the_chapter_has_the_checks_of_design_and_simulation(material: ReportData) -> None:
     failed = Check("simulate.closed_loop.steps.steady_um", "max 3", 4.0, "FAILED")
     found = grids(closed_loop(replace(material, checks=[*material.checks, failed])))
     assert list(texts(found[0])) == [failed.path]
@@ -106,12 +106,12 @@ def test_a_second_valve_has_its_panel(material: ReportData) -> None:
     assert "command of the second valve" in [panel.title for panel in zoom.runs[0].panels]
 
 
-def test_without_a_simulation_the_design_stands_alone(material: ReportData) -> None:
+def test_without_a_simulation_only_the_design_is_shown(material: ReportData) -> None:
     found = closed_loop(without(material, "simulate"))
     assert [grid.head[0] for grid in grids(found)] == ["quantity", "loop cut"]
 
 
-def test_harmful_effects_stand_in_rows_and_the_others_in_a_sentence(material: ReportData) -> None:
+def test_harmful_effects_are_rows_and_the_others_a_sentence(material: ReportData) -> None:
     section = robustness(material)
     rates, medians = grids(section)
     assert texts(rates) == {

@@ -16,7 +16,7 @@ REST: dict[str, Any] = {
 }  # fmt: skip
 
 
-def test_it_is_told_where_it_is_and_of_what_it_is_a_function() -> None:
+def test_a_discrepancy_has_its_location_and_its_variable() -> None:
     assert discrepancy.describe_discrepancy(REST) == (
         "What remains is a force, a function of piston position (a parabola), or of pressure of chamber 1, or of "
         "pressure of chamber 2: force errs by 13 times its noise (mechanics). A function of x explains 95 % of it in "
@@ -24,7 +24,7 @@ def test_it_is_told_where_it_is_and_of_what_it_is_a_function() -> None:
     )
 
 
-def test_a_period_is_not_said_to_hold_in_what_was_left_out() -> None:
+def test_a_period_is_stated_only_for_fitted_recordings() -> None:
     """It is found in all recordings at once."""
     rest = REST | {
         "variable": "time",
@@ -38,7 +38,7 @@ def test_a_period_is_not_said_to_hold_in_what_was_left_out() -> None:
     )
 
 
-def test_of_what_has_no_shape_that_is_said() -> None:
+def test_a_discrepancy_without_a_shape_is_called_so() -> None:
     rest = REST | {
         "variable": None,
         "share": None,
@@ -51,7 +51,7 @@ def test_of_what_has_no_shape_that_is_said() -> None:
     )
 
 
-def test_its_law_is_drawn_over_its_signal() -> None:
+def test_the_smooth_term_is_drawn_over_its_signal() -> None:
     texts = {"channel": "force", "acts_as": "dry friction", "variable": "p1", "unit": "N"}
     columns = {name: [text] * 60 for name, text in texts.items()}
     (figure,) = _smooth_terms(Table(columns | {"value": np.linspace(1e5, 5e5, 60), "law": np.linspace(-2.0, 2.0, 60)}))
@@ -60,5 +60,5 @@ def test_its_law_is_drawn_over_its_signal() -> None:
     assert "part of force that no effect" in figure.caption
 
 
-def test_where_nothing_is_known_nothing_is_drawn() -> None:
+def test_without_data_there_is_no_figure() -> None:
     assert _smooth_terms(Table({})) == []

@@ -46,7 +46,7 @@ def material() -> ReportData:
     return ReportData("demo", {"design": controlled.design()}, {"design/comparison_signals": runs(*names)})
 
 
-def test_who_is_poor_is_said_with_its_numbers(material: ReportData) -> None:
+def test_a_poor_control_law_is_named_with_its_figures(material: ReportData) -> None:
     told = [part.text for part in law_comparison(material).parts if part.kind == "note"]
     assert any("pdc stays up to 7.8 mm off" in text and "best" not in text for text in told)
     assert any("sector" in text for text in told)  # could not be made

@@ -199,7 +199,7 @@ def test_on_a_telephone_a_table_stacks_and_says_each_column(opened: Any) -> None
     assert wide <= shown
 
 
-def test_on_paper_every_recording_stands_and_nothing_scrolls(opened: Any) -> None:
+def test_on_paper_every_recording_is_printed_and_nothing_scrolls(opened: Any) -> None:
     browser = opened(1000, dark=True)
     browser.execute_script("window.dispatchEvent(new Event('beforeprint'))")
     names, inked, unfolded = browser.execute_script(PRINTED)

@@ -20,7 +20,7 @@ def after() -> ReportData:
     return fallen()
 
 
-def test_the_tile_of_the_model_says_the_fall_what_was_added_and_its_interval(after: ReportData) -> None:
+def test_the_tile_of_the_model_states_error_added_effect_and_interval(after: ReportData) -> None:
     tile = overview(after).tiles[0]
     # sqrt((9^2 + 50^2 + 1.2^2) / 3) and sqrt((1 + 9 + 1.21) / 3)
     assert tile.large == "29.3 → 1.93 × noise"
@@ -29,7 +29,7 @@ def test_the_tile_of_the_model_says_the_fall_what_was_added_and_its_interval(aft
     assert tile.tone == ""  # near the noise, not at it
 
 
-def test_the_tile_of_what_is_missing_says_how_sure_that_is(material: ReportData, after: ReportData) -> None:
+def test_the_tile_of_the_missing_effect_states_its_evidence(material: ReportData, after: ReportData) -> None:
     tile = overview(material).tiles[1]
     assert (tile.large, tile.tone) == ("piston-leak", "bad")
     assert "these recordings cannot distinguish it from chamber-leak" in tile.text
@@ -38,7 +38,7 @@ def test_the_tile_of_what_is_missing_says_how_sure_that_is(material: ReportData,
     assert adequate.text.startswith("1 of 1 other effects are detectable, such as valve-leak")
 
 
-def test_the_tile_of_the_controller_says_what_it_holds_and_where_it_fails(material: ReportData) -> None:
+def test_the_tile_of_the_controller_states_accuracy_and_failures(material: ReportData) -> None:
     tile = overview(material).tiles[2]
     assert (tile.large, tile.tone) == ("5.0 µm at rest", "good")
     assert "Not robust against presliding" in tile.text
@@ -56,7 +56,7 @@ def test_the_ladder_goes_down_to_the_noise_floor(after: ReportData) -> None:
     assert steps[-1].length == pytest.approx(np.log(1.93) / np.log(29.3), rel=0.01)
 
 
-def test_what_the_diagnosis_names_is_the_last_step_and_marked_as_not_yet_added(material: ReportData) -> None:
+def test_the_diagnosed_effect_is_the_last_step_and_marked_as_not_added(material: ReportData) -> None:
     last = selection_path(replace(material, answers={**material.answers, "diagnose": _judged_by_train(material)}))[-1]
     assert (last.label, last.error, last.only_if) == ("+ piston-leak", "1.02", True)
 
@@ -66,7 +66,7 @@ def _judged_by_train(material: ReportData) -> dict[str, object]:
     return {**material.answers["diagnose"], "ladder": ladder}
 
 
-def test_the_picture_is_of_the_held_out_recording_that_the_first_model_failed_worst(after: ReportData) -> None:
+def test_the_picture_shows_the_held_out_recording_with_the_first_models_largest_error(after: ReportData) -> None:
     found = find_worst_recording(after)
     assert found is not None
     assert (found.recording, found.channel, found.kind) == ("axis_<b>&_$2$", "x", "held-out ")
@@ -95,7 +95,7 @@ def test_without_an_earlier_model_the_picture_has_one_model(material: ReportData
     assert "before" not in words
 
 
-def test_the_first_screen_says_where_it_failed_and_what_to_do_next(material: ReportData, after: ReportData) -> None:
+def test_the_first_screen_states_the_worst_failure_and_the_next_step(material: ReportData, after: ReportData) -> None:
     now = overview(replace(material, file="axis.toml"))
     assert now.failed.startswith("It fails most in axis_1: x at piston position 120 to 140 mm; 61 % of the error of x")
     assert now.following.startswith("Next: pneucli add axis.toml --suggested")
@@ -118,7 +118,7 @@ def test_the_verdict_stands_in_the_page_without_any_script(after: ReportData) ->
     assert "cylinder · compared on 2026-11-22 · base model with stribeck and piston-leak · 2 recordings" in top
 
 
-def test_what_is_implausible_stands_before_all_else(material: ReportData) -> None:
+def test_implausible_findings_come_first(material: ReportData) -> None:
     finding = {"check": "silent", "signal": "p1", "recording": "axis_1", "found": "p1 stays", "mend": "check it"}
     other = {**finding, "signal": "p2"}
     answers = {**material.answers, "ingest": {**material.answers["ingest"], "plausibility": [finding, other]}}
@@ -148,7 +148,7 @@ def test_a_restart_is_a_gap() -> None:
     )
 
 
-def test_the_first_screen_says_how_sure_what_remains_and_which_law_holds(after: ReportData) -> None:
+def test_the_first_screen_states_probability_discrepancy_and_control_law(after: ReportData) -> None:
     candidate = {"effect": "piston-leak", "confidence": 0.97}
     earlier = [EarlierAnswer({"candidates": [candidate], "missing": ["piston-leak"]})]
     left = {"subsystem": "chambers", "channel": "p1", "size": 1.4, "time_constant_s": 0.3, "over": "x", "share": 0.5}

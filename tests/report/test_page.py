@@ -72,14 +72,14 @@ def test_the_page_needs_no_network(page: str) -> None:
     assert re.findall(r"url\((?!#|data:)[^)]*\)|@import", page) == []
 
 
-def test_a_warning_stands_in_the_chapter_that_it_is_of(page: str) -> None:
+def test_a_warning_is_in_the_chapter_of_its_stage(page: str) -> None:
     chapter = page[page.index('<section id="measured">') :].partition("</section>")[0]
     assert '<p class="note warning">axis_1, p1: 3 samples were lost.</p>' in chapter
     assert page.count("3 samples were lost") == 1
     assert re.search(r"<h2>Measurements</h2>\s*<span>\(1 warning\)</span>", chapter)
 
 
-def test_without_test_recordings_it_says_so(material: ReportData) -> None:
+def test_missing_test_recordings_are_noted(material: ReportData) -> None:
     error = {"train": 1.0, "test": None}
     answers = {**material.answers, "compare": {**material.answers["compare"], "error": error}}
     section = comparison(replace(material, answers=answers))
@@ -116,7 +116,7 @@ def test_figures_take_their_ink_from_the_page(page: str) -> None:
     assert all("currentColor" in figure and 'id="figure' not in figure for figure in figures)
 
 
-def test_each_figure_says_what_to_see(page: str) -> None:
+def test_each_figure_has_a_caption(page: str) -> None:
     captions = re.findall(r"<figcaption>(.*?)</figcaption>", page, re.DOTALL)
     assert len(captions) == page.count("<figure>")
     assert all(len(caption) > 20 for caption in captions)
@@ -127,7 +127,7 @@ def cloud(fault: np.ndarray, **states: np.ndarray) -> StateSamples:
     return StateSamples("axis", "x", rng.standard_normal(fault.size) + 6 * fault, states)
 
 
-def test_two_chambers_have_a_map_each_and_their_captions_say_whose(material: ReportData) -> None:
+def test_two_chambers_have_a_map_each_and_captions_name_the_chamber(material: ReportData) -> None:
     names = ("map", "inverse", "lack_of_fit", "areas", "curves")
     tables = dict(material.tables)
     for name in (f"identify/valve_{name}" for name in names):
@@ -151,7 +151,7 @@ def test_two_chambers_have_a_map_each_and_their_captions_say_whose(material: Rep
     assert not any(part.caption.startswith("Chamber ") for part in alone.parts)  # type: ignore[union-attr]
 
 
-def test_the_residual_map_is_drawn_over_the_pair_that_tells_most() -> None:
+def test_the_residual_map_is_over_the_pair_with_the_largest_variation() -> None:
     rng = np.random.default_rng(2)
     u, p1, x = rng.uniform(-1, 1, (3, 60_000))
     (one,) = _maps(None, cloud((u > 0.5) & (x > 0.5), u=u, p1=p1, x=x))
@@ -219,7 +219,7 @@ def test_strong_correlations_and_significant_residuals_are_stated(material: Repo
     assert correlations(ReportData("bench")) is None
 
 
-def test_the_legend_says_how_well_each_model_fits(material: ReportData) -> None:
+def test_the_legend_has_the_fit_of_each_model(material: ReportData) -> None:
     section = comparison(material)
     assert section is not None
     zoom = next(part for part in section.parts if part.kind == "zoom")

@@ -22,7 +22,7 @@ def test_columns_of_numbers_are_numbers_and_others_are_text() -> None:
     assert table.columns["so"] == ["holds", "∞"]
 
 
-def test_titles_that_repeat_or_are_empty_are_told_apart_and_empty_tables_left_out() -> None:
+def test_repeated_and_empty_titles_get_distinct_names_and_empty_tables_none() -> None:
     grids = [Grid("", ("x", "x", ""), [["1", "2", "3"]]), Grid("", ("y",), [])]
     (table,) = section_tables([Section("s", "S", "", grids)])
     assert list(table.columns) == ["x (1)", "x (2)", "column 3"]

@@ -25,7 +25,7 @@ def test_the_summary_holds_the_numbers_of_the_answers(material: ReportData) -> N
     assert "| piston-leak | 1.02 | – |" in text
 
 
-def test_the_summary_says_what_the_first_screen_says_and_warnings_last(material: ReportData) -> None:
+def test_the_summary_repeats_the_first_screen_and_ends_with_warnings(material: ReportData) -> None:
     text = to_markdown(material)
     parts = ("**The model: ", "**Missing effect: piston-leak**", "## Checks", "## Model against", "## Warnings")
     places = [text.index(part) for part in parts]
@@ -99,7 +99,7 @@ def test_the_envelope_keeps_peaks_ends_and_order_in_few_samples(n: int, most: in
         assert curve[kept].min() == curve.min()
 
 
-def test_the_envelope_knows_gaps() -> None:
+def test_the_envelope_ignores_gaps() -> None:
     curve = np.full(1000, np.nan)
     curve[400:600] = np.arange(200.0)
     kept = envelope_indices([curve], 50)
