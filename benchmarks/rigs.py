@@ -6,8 +6,11 @@ translation of it that gives the same commands to the last bit (``tests/export``
 
 from __future__ import annotations
 
+import hashlib
+import importlib.util
 import inspect
 import math
+import sys
 from dataclasses import dataclass, replace
 from functools import cache
 from typing import Any
@@ -16,7 +19,7 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-from pneucli.caches import compiled
+from pneucli.caches import cache_folder, compiled
 from pneucli.controller import layout
 from pneucli.controller.laws import LAWS
 from pneucli.controller.laws.base import callees_first
@@ -67,14 +70,22 @@ def _map(par: Parameters, largest: float, overlap: float, exponent: float) -> Va
 
 @cache
 def compiled_step(law: str) -> Any:
-    """Return a law's sample as numba compiles it."""
+    """Return a law's sample as numba compiles it; a module in the cache holds its text, so that it is compiled once."""
     functions = callees_first(LAWS[law].step)
-    names: dict[str, Any] = {"math": math, **vars(layout), **LAWS[law].constants}
-    names |= {n: v for n, v in vars(gas).items() if isinstance(v, float)}
-    for function in functions:
-        exec(inspect.getsource(function), names)
-        names[function.__name__] = njit(nogil=True)(names[function.__name__])
-    return names[LAWS[law].step.__name__]
+    names = {**vars(layout), **LAWS[law].constants, **{n: v for n, v in vars(gas).items() if isinstance(v, float)}}
+    values = [f"{name} = {value!r}" for name, value in names.items() if isinstance(value, int | float)]
+    sources = [f"@njit(cache=True, nogil=True)\n{inspect.getsource(function)}" for function in functions]
+    text = "\n".join(["import math", "from numba import njit", *values, *sources])
+    name = f"benchmark_{law.replace('-', '_')}_{hashlib.sha256(text.encode()).hexdigest()[:24]}"
+    path = cache_folder() / f"{name}.py"
+    if not path.is_file():
+        path.write_text(text, encoding="utf-8")
+    spec = importlib.util.spec_from_file_location(name, path)
+    assert spec is not None
+    assert spec.loader is not None
+    module = sys.modules[name] = importlib.util.module_from_spec(spec)  # where what numba kept looks for it
+    spec.loader.exec_module(module)
+    return getattr(module, LAWS[law].step.__name__)
 
 
 @dataclass(frozen=True)

@@ -76,4 +76,4 @@ def inflation(**more: object) -> str:
 def test_the_flow_coefficient_is_over_the_recorded_supply_and_the_mass_flow_in_grams() -> None:
     assert "recorded supply pressure" in inflation()
     assert "mass flow in g/s" in inflation()
-    assert "volume of the vessel is not known" in inflation(mass_flow=np.full(60, np.nan))
+    assert "volume of the vessel is not stated" in inflation(mass_flow=np.full(60, np.nan))
