@@ -20,7 +20,9 @@ from pneucli.io.text_layout import NULL_TEXTS, TextLayout, detect_layout
 from pneucli.io.text_stream import NormalizedTextStream
 
 BLOCK_BYTES = 4 << 20
+BLOCK_ROWS = 4096  # read at once in the search for a fault
 TAIL_BYTES = 1 << 16
+Row = tuple[int, str, list[str]]  # line number, text, fields
 
 
 class DelimitedReader:
@@ -194,26 +196,36 @@ class DelimitedReader:
         return row.split() if self._look.delimiter == " " else self._look.split(row.rstrip("\r\n"))
 
     def _first_fault(self, asks: Sequence[ColumnRequest], error: str) -> InputError:
-        """Find the first row that does not fit."""
-        for number, line in self._rows():
-            fields = self._look.split(line)
-            where = f"{self._raw.path}, line {number}"
-            if len(fields) != len(self.names):
-                wanted = f"{len(self.names)} (delimiter {self._look.delimiter!r})"
-                return InputError(
-                    where, f"{len(fields)} columns: {line[:60]!r}", wanted, "mend the line, or state delimiter"
-                )
-            for ask in asks:
-                if not ask.text and not self._readable(fields[ask.position], ask):
-                    column = f'{where}, column "{self.names[ask.position]}"'
-                    mend = "mend the line, or state decimal, thousands, skip_rows or header = false"
-                    return InputError(column, f'"{fields[ask.position]}"', "a number", mend)
+        """Find the first row that does not fit; rows are read by thousands, and one by one where thousands hold one."""
+        rows = self._rows()
+        while block := [(number, line, self._look.split(line)) for number, line in islice(rows, BLOCK_ROWS)]:
+            if any(len(fields) != len(self.names) for *_, fields in block) or not self._readable(block, asks):
+                for row in block:
+                    if found := self._fault_of(row, asks):
+                        return found
         return InputError(str(self._raw.path), error, "rows of numbers", "mend the file")
 
-    def _readable(self, field: str, ask: ColumnRequest) -> bool:
+    def _fault_of(self, row: Row, asks: Sequence[ColumnRequest]) -> InputError | None:
+        number, line, fields = row
+        where = f"{self._raw.path}, line {number}"
+        if len(fields) != len(self.names):
+            wanted = f"{len(self.names)} (delimiter {self._look.delimiter!r})"
+            return InputError(
+                where, f"{len(fields)} columns: {line[:60]!r}", wanted, "mend the line, or state delimiter"
+            )
+        for ask in asks:
+            if not self._readable([row], [ask]):
+                column = f'{where}, column "{self.names[ask.position]}"'
+                mend = "mend the line, or state decimal, thousands, skip_rows or header = false"
+                return InputError(column, f'"{fields[ask.position]}"', "a number", mend)
+        return None
+
+    def _readable(self, rows: Sequence[Row], asks: Sequence[ColumnRequest]) -> bool:
+        """Return whether the numbers that are asked for can be read in all rows, each as long as the header."""
+        numeric = (ask for ask in asks if not ask.text and ask.position not in self._stamps)
         try:
-            if field not in NULL_TEXTS and ask.position not in self._stamps:
-                self._numbers(pa.array([field]), ask)
+            for ask in numeric:
+                self._numbers(pa.array([fields[ask.position] for *_, fields in rows]), ask)
         except pa.ArrowInvalid:
             return False
         return True
