@@ -18,8 +18,8 @@ from pneucli.identify.estimation.blocks import group_scores
 from pneucli.identify.estimation.fit import Fit, fit
 from pneucli.identify.estimation.least_squares import pseudo_inverse
 from pneucli.identify.estimation.model_fit import free_parameters
+from pneucli.identify.estimation.objective import LeastSquaresProblem
 from pneucli.identify.estimation.parameters import null_value
-from pneucli.identify.estimation.problem import LeastSquaresProblem
 from pneucli.identify.estimation.score_test import initial_guesses, residual_changes
 from pneucli.identify.residuals import ResidualModel
 from pneucli.physics.declaration import Effect

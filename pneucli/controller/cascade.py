@@ -34,7 +34,7 @@ from pneucli.controller.plant import (
 )
 from pneucli.controller.pressure_level import update_level
 from pneucli.controller.reference import follow_reference
-from pneucli.controller.stiction import braking_force, breakaway_ramp, drive_elastic_piston, update_hold
+from pneucli.controller.standstill import braking_force, breakaway_ramp, drive_elastic_piston, update_hold
 from pneucli.controller.valve_dynamics import (
     chamber_volume_1,
     chamber_volume_2,

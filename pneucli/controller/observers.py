@@ -8,7 +8,7 @@ import math
 
 from pneucli.controller.layout import *
 from pneucli.controller.plant import clamp, is_plausible, net_force, speed_after
-from pneucli.controller.stiction import detect_motion, load_observable
+from pneucli.controller.standstill import detect_motion, load_observable
 from pneucli.controller.valve_dynamics import (
     apply_valve_dynamics,
     chamber_volume_1,

@@ -107,7 +107,8 @@ def reset(x, p1, p2, u1, u2, s, c):
 def active_reference(x_ref, x, p1, p2, s, c):
     """Return the reference of the law: that of the caller, or the position of a hold.
 
-    An axis that was disabled is reset first. A start within the holding band holds at once.
+    An axis that was disabled is reset first. A start within the tolerance, twice the holding band, holds
+    at once.
     """
     if s[S_RESET_PHASE] > 1.5:
         reset(x, p1, p2, null_command_1(c), null_command_2(c), s, c)

@@ -254,7 +254,7 @@ def stiction_parameters(
     stiffness: float,
     dwell: effect_compensation.DwellStrengthening,
 ) -> dict[str, float]:
-    """Return the parameters of hold and release (:mod:`pneucli.controller.stiction`).
+    """Return the parameters of hold and release (:mod:`pneucli.controller.standstill`).
 
     Forces and their rates are multiples of the break-away force.
 

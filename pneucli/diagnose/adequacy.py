@@ -13,7 +13,7 @@ from scipy.stats import t as student
 from pneucli.compare.error_regions import locator_signals
 from pneucli.identify.estimation.blocks import block_labels
 from pneucli.identify.estimation.fit import MAX_DERIVATIVE, Fit
-from pneucli.identify.estimation.problem import LeastSquaresProblem
+from pneucli.identify.estimation.objective import LeastSquaresProblem
 from pneucli.identify.residuals import ResidualModel
 from pneucli.quantities import Z95
 from pneucli.simulate.model import Model, parameter_value

@@ -1,4 +1,8 @@
-"""A candidate effect, and the decision about it with its reason."""
+"""A candidate effect, and the decision about it with its reason.
+
+Where each reason is decided: the table "Reasons" of docs/development/diagnosis.md; where it is worded:
+:mod:`pneucli.messages.diagnose`.
+"""
 
 from __future__ import annotations
 

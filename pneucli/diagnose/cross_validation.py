@@ -12,8 +12,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pneucli.identify.estimation.fit import Fit
+from pneucli.identify.estimation.objective import LeastSquaresProblem
 from pneucli.identify.estimation.parameters import absent_value
-from pneucli.identify.estimation.problem import LeastSquaresProblem
 from pneucli.identify.residuals import ResidualModel
 from pneucli.simulate.model import Model, parameter_value
 

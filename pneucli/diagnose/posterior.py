@@ -1,4 +1,4 @@
-"""The probability that an effect is present, and the decision whether it is named."""
+"""The evidence for the probability of an effect (:mod:`pneucli.diagnose.calibration`), and whether it is named."""
 
 from __future__ import annotations
 

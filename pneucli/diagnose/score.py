@@ -16,7 +16,7 @@ from pneucli.diagnose.adequacy import drawn_rms
 from pneucli.diagnose.flow_gain_variance import with_flow_gain_errors
 from pneucli.identify.estimation.blocks import block_labels
 from pneucli.identify.estimation.fit import Fit
-from pneucli.identify.estimation.problem import in_noise_units
+from pneucli.identify.estimation.objective import in_noise_units
 from pneucli.identify.residuals import ResidualModel
 from pneucli.simulate.model import Model
 

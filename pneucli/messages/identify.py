@@ -61,7 +61,7 @@ def _valve(valve: Mapping[str, Any]) -> str:
 
 def _lack_of_fit_clause(lack: Mapping[str, Any], what: str) -> str:
     if lack["median"] is None:
-        return f" has no {what} to be held against"
+        return f" cannot be compared with {what}: there are no points with flow"
     off = f"{format_percent(lack['median'])} in the median, {format_percent(lack['p95'])} at the 95th percentile"
     return f" is off {what} by {off}, outside both intervals at {format_percent(lack['share_outside'])}"
 

@@ -17,7 +17,7 @@ COLUMN_TITLES = (
     "over 50 Hz, V",
     "air, g",
     "in sliding",
-    "so that it",
+    "result at rest",
 )
 COLUMN_LEGEND = (
     "the largest error at rest, how far the piston moves there, the rms error on the way, the time to reject a load to "

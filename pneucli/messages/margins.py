@@ -14,7 +14,7 @@ LOOP_TITLES = {
     "command 2": "at the second command",
     "position": "at the position's reading",
 }
-COLUMN_TITLES = ("loop cut", "gain may rise", "may fall", "phase", "later by", "distance from −1")
+COLUMN_TITLES = ("loop cut", "upper gain margin", "lower gain margin", "phase margin", "delay margin", "modulus margin")
 
 
 def table_row(loop: str, worst: Answer) -> tuple[str, ...]:
@@ -57,7 +57,7 @@ def validity_note(answer: Answer) -> str:
         return "Nothing slid steadily: there are no margins."
     text = f"Small signals about a piston that slides at {format_quantity(min(speeds), 'm/s', 2)}"
     text += f" to {format_quantity(max(speeds), 'm/s', 2)}" if max(speeds) > 1.01 * min(speeds) else ""
-    text += "; a piston that sticks does not follow small signals, and the scenarios tell of it."
+    text += "; a piston that sticks does not follow small signals: see the closed-loop scenarios."
     if (width := answer["overlap"]["value"]) > 0.0:
         overlap = format_quantity(width, "V", 2)
         text += f" Nor does the valve within its overlap of {overlap}, over which the inverse map jumps."

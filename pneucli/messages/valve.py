@@ -8,7 +8,7 @@ from typing import Any
 from pneucli.messages.formatting import format_noise_ratio, format_percent, format_quantity
 
 MISSING_PHYSICS = (
-    "no gradient over command and pressure can: heat, a lag, play or a supply that gives way, which the model lacks, "
+    "no static map can describe this: heat transfer, valve lag, hysteresis or supply droop, which the model lacks, "
     "or a vessel that is full within some samples"
 )
 

@@ -64,7 +64,7 @@ def orifice_flow(p_from: float, p_to: float, b: float, k_from: float, k_to: floa
     return -p_to * k_to * flow_function(p_from / p_to, b)
 
 
-def exact_flow_function(r: float, kappa: float) -> float:
+def isentropic_flow_function(r: float, kappa: float) -> float:
     """Return the outflow function of isentropic flow.
 
     Args:
@@ -77,7 +77,7 @@ def exact_flow_function(r: float, kappa: float) -> float:
     References:
         Thesis 2.34.
 
-    >>> round(exact_flow_function(0.9, 1.4), 4)
+    >>> round(isentropic_flow_function(0.9, 1.4), 4)
     0.2988
     """
     r = min(max(r, choked_ratio(kappa)), 1.0)

@@ -7,7 +7,7 @@ import math
 import numpy as np
 import pytest
 
-from pneucli.controller import cascade, codegen, observers, plant, stiction
+from pneucli.controller import cascade, codegen, observers, plant, standstill
 from pneucli.controller import layout as at
 from pneucli.controller import reference as shape
 
@@ -493,15 +493,15 @@ def test_positions_a_little_beyond_the_stroke_can_be(x: float, used: bool) -> No
 
 
 def test_the_sector_is_the_mean_sign_of_both_lines_weighted_by_their_size() -> None:
-    assert stiction.sector_switching_term(1e-3, 0.0, C) == 1.0
-    assert stiction.sector_switching_term(-1e-3, -0.01, C) == -1.0
-    assert stiction.sector_switching_term(1e-3, -0.025, C) == pytest.approx((-5.0 + 15.0) / 20.0)
-    assert stiction.sector_switching_term(0.0, 0.0, C) == 0.0
+    assert standstill.sector_switching_term(1e-3, 0.0, C) == 1.0
+    assert standstill.sector_switching_term(-1e-3, -0.01, C) == -1.0
+    assert standstill.sector_switching_term(1e-3, -0.025, C) == pytest.approx((-5.0 + 15.0) / 20.0)
+    assert standstill.sector_switching_term(0.0, 0.0, C) == 0.0
 
 
 def loosened(error: float, **given: float) -> np.ndarray:
     s = balanced(**({"force": 0.0, "MOVING_COUNT": 0.0, "RAMP_GAIN": 1.0, "LAST_SIGN": 1.0} | given))
-    stiction.breakaway_ramp(error, s, C)
+    standstill.breakaway_ramp(error, s, C)
     return s
 
 
@@ -585,13 +585,13 @@ COASTING = settings(
 def test_what_nothing_drives_coasts_until_friction_has_taken_its_speed(way: float) -> None:
     """From 0.1 m/s against 10 N: 2 kg x (0.1 m/s)^2 / (2 x 10 N) = 1 mm."""
     s = balanced(0.0, V=0.1 * way, BREAKAWAY_FORCE=10.0)
-    assert stiction.stopping_distance(s, COASTING) == pytest.approx(1e-3 * way, rel=1e-3)
+    assert standstill.stopping_distance(s, COASTING) == pytest.approx(1e-3 * way, rel=1e-3)
 
 
 def test_the_way_until_a_command_arrives_counts() -> None:
     s = balanced(0.0, V=0.1, BREAKAWAY_FORCE=10.0)
     s[at.S_PREDICTED_X] += 2e-3
-    assert stiction.stopping_distance(s, COASTING) == pytest.approx(3e-3, rel=1e-3)
+    assert standstill.stopping_distance(s, COASTING) == pytest.approx(3e-3, rel=1e-3)
 
 
 def test_what_drives_it_fades_as_the_pressures_follow() -> None:
@@ -602,7 +602,7 @@ def test_what_drives_it_fades_as_the_pressures_follow() -> None:
     q = 3.92069
     way = (4e-3 * (q - 1.0 + math.exp(-q)) - 5e-4 * q * q) / 2.0
     assert 4.0 * (1.0 - math.exp(-q)) == pytest.approx(q, rel=1e-4)
-    assert stiction.stopping_distance(balanced(40.0, V=0.0, BREAKAWAY_FORCE=10.0), COASTING) == pytest.approx(
+    assert standstill.stopping_distance(balanced(40.0, V=0.0, BREAKAWAY_FORCE=10.0), COASTING) == pytest.approx(
         way, rel=0.12
     )
 
@@ -636,7 +636,7 @@ def test_what_drives_it_is_taken_away_no_faster_than_spool_valve_and_expanding_g
     p1, p2 = of(s, "P1", "P2")
     stiff = gamma * (8e-4**2 * p1 / VOLUME_1 + 6e-4**2 * p2 / VOLUME_2)
     wanted = way * coasted(800.0, stiff, 1e-3 * (1.0 / share - 1.0))
-    assert stiction.stopping_distance(s, c) == pytest.approx(wanted, rel=0.1)
+    assert standstill.stopping_distance(s, c) == pytest.approx(wanted, rel=0.1)
 
 
 def test_valves_that_open_fully_relieve_both_chambers() -> None:
@@ -646,19 +646,19 @@ def test_valves_that_open_fully_relieve_both_chambers() -> None:
     first = {1.0: 8e-4 * fill / VOLUME_1, -1.0: 8e-4 * vent / VOLUME_1}
     second = {1.0: 6e-4 * vent / VOLUME_2, -1.0: 6e-4 * fill / VOLUME_2}
     for way in (1.0, -1.0):
-        assert stiction.max_unloading_rate(way, s, settings(LEVEL_RATE=0.0)) == pytest.approx(first[way])
+        assert standstill.max_unloading_rate(way, s, settings(LEVEL_RATE=0.0)) == pytest.approx(first[way])
         both = first[way] + second[way]
         mirrored = first[way] + (second[way] if way < 0.0 else 6e-4 * vent / VOLUME_2)
-        assert stiction.max_unloading_rate(way, s, settings(LEVEL_RATE=0.0, MIRRORED=1.0)) == pytest.approx(mirrored)
-        assert stiction.max_unloading_rate(way, s, settings(LEVEL_RATE=0.0, TWO_VALVES=1.0)) == pytest.approx(both)
-        assert stiction.max_unloading_rate(way, s, settings(LEVEL_RATE=1e7)) == pytest.approx(8e3)
+        assert standstill.max_unloading_rate(way, s, settings(LEVEL_RATE=0.0, MIRRORED=1.0)) == pytest.approx(mirrored)
+        assert standstill.max_unloading_rate(way, s, settings(LEVEL_RATE=0.0, TWO_VALVES=1.0)) == pytest.approx(both)
+        assert standstill.max_unloading_rate(way, s, settings(LEVEL_RATE=1e7)) == pytest.approx(8e3)
 
 
 def test_near_breaking_away_is_what_the_force_comes_to_when_a_command_arrives() -> None:
     """18 N now, 18.5 N when what is under way has arrived: 92 % of 20 N lie between."""
     s = balanced(force=18.0, MOVING_COUNT=0.0, RAMP_GAIN=1.0, LAST_SIGN=1.0)
     s[at.S_PREDICTED_P1] += 0.5 / 8e-4
-    stiction.breakaway_ramp(1e-3, s, C)
+    standstill.breakaway_ramp(1e-3, s, C)
     assert of(s, "RELEASE_FORCE") == pytest.approx([0.1])
 
 
@@ -666,7 +666,7 @@ def test_a_freed_piston_is_let_go_where_it_coasts_to_its_reference() -> None:
     """It coasts 1 mm; within twice the reach of 10 um of that its force is taken away."""
     s = {"V": 0.1, "force": 0.0, "RELEASE_FORCE": 15.0, "MOVING_COUNT": 2.0, "BREAKAWAY_FORCE": 10.0}
     for error, kept in ((1.03e-3, 15.0), (1.01e-3, 0.0), (-1e-3, 0.0)):
-        stiction.breakaway_ramp(error, found := balanced(**s), COASTING)
+        standstill.breakaway_ramp(error, found := balanced(**s), COASTING)
         assert of(found, "RELEASE_FORCE") == [kept]
         assert of(found, "BRAKING_TIME") == pytest.approx([0.0 if kept else COASTING[at.C_MOTION_WINDOW]])
 
@@ -688,7 +688,7 @@ def test_half_of_a_jump_that_half_the_pace_did_not_shorten_is_put_up_with_by_and
         MOVING_COUNT=0.0,
         BRAKING_TIME=1e-3,
     )
-    stiction.breakaway_ramp(error, s, C)
+    standstill.breakaway_ramp(error, s, C)
     assert of(s, "DEADBAND_GAIN", "LAST_JUMP") == pytest.approx([wide, 1e-4])
 
 
@@ -699,7 +699,7 @@ def test_no_force_is_piled_up_that_the_pressures_cannot_make() -> None:
     two = settings(TWO_VALVES=1.0)
     for p2, stick in ((3e5, 0.5), (1.05e5, 0.0)):
         s = balanced(force=0.0, MOVING_COUNT=0.0, RAMP_GAIN=1.0, LAST_SIGN=1.0, P1_REF=6.5e5, P2_REF=p2)
-        stiction.breakaway_ramp(1e-3, s, two)
+        standstill.breakaway_ramp(1e-3, s, two)
         assert of(s, "RELEASE_FORCE") == pytest.approx([stick])
 
 
@@ -745,7 +745,7 @@ def held(x_ref: float = 0.1, **given: float) -> tuple[bool, np.ndarray]:
             | given
         )
     )
-    return bool(stiction.update_hold(x_ref, s, C)), s
+    return bool(standstill.update_hold(x_ref, s, C)), s
 
 
 def test_near_a_resting_reference_it_is_held_and_half_of_its_force_is_loosened() -> None:

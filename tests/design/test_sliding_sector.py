@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from pneucli.controller.stiction import sector_switching_term
+from pneucli.controller.standstill import sector_switching_term
 from pneucli.design.sliding_sector import SlidingSector, limit_slope, sector_from_vertices
 from pneucli.errors import InputError
 from tests.design import axis

@@ -13,8 +13,8 @@ from pneucli.identify.estimation import model_fit
 from pneucli.identify.estimation import problem as problems
 from pneucli.identify.estimation.blocks import block_labels, group_scores
 from pneucli.identify.estimation.fit import Fit, fit, merge_partial_fit
+from pneucli.identify.estimation.objective import LeastSquaresProblem
 from pneucli.identify.estimation.parameters import FreeParameter
-from pneucli.identify.estimation.problem import LeastSquaresProblem
 from pneucli.identify.residuals import ChamberPressures, ForceBalance, FreeRun, ImposedMotion
 from pneucli.simulate.model import parameter_value
 from pneucli.simulate.valve_forms.area import ValveArea

@@ -18,8 +18,8 @@ from scipy.stats import t as student_t
 
 from pneucli.identify.estimation.blocks import group_scores, residual_mask
 from pneucli.identify.estimation.least_squares import minimise, pseudo_inverse
+from pneucli.identify.estimation.objective import LeastSquaresProblem
 from pneucli.identify.estimation.parameters import FreeParameter
-from pneucli.identify.estimation.problem import LeastSquaresProblem
 from pneucli.identify.estimation.progress import iteration_callback
 from pneucli.identify.residuals import ResidualModel
 from pneucli.simulate.model import Model, parameter_value

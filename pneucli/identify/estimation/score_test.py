@@ -19,8 +19,8 @@ from numpy.typing import NDArray
 from pneucli.identify.estimation.blocks import residual_counts
 from pneucli.identify.estimation.direct_starts import direct_guesses
 from pneucli.identify.estimation.fit import Fit
+from pneucli.identify.estimation.objective import LeastSquaresProblem
 from pneucli.identify.estimation.parameters import null_value
-from pneucli.identify.estimation.problem import LeastSquaresProblem
 from pneucli.identify.residuals import ResidualModel
 from pneucli.physics.declaration import Effect
 from pneucli.physics.scales import RigQuantities

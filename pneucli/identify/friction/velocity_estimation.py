@@ -1,4 +1,8 @@
-"""Velocity and acceleration from position, acceleration or both, without drift."""
+"""Velocity and acceleration from position and acceleration together, without drift.
+
+From a position alone, see :mod:`pneucli.simulate.position_smoother`; from an acceleration alone,
+:mod:`pneucli.simulate.velocity_integration`.
+"""
 
 from __future__ import annotations
 

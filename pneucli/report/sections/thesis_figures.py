@@ -9,7 +9,7 @@ from matplotlib.ticker import ScalarFormatter
 from numpy.typing import NDArray
 
 from pneucli.messages.formatting import format_number, format_setting, in_display_unit
-from pneucli.physics.gas import CRITICAL_RATIO, PSI_MAX, choked_maximum, choked_ratio, exact_flow_function
+from pneucli.physics.gas import CRITICAL_RATIO, PSI_MAX, choked_maximum, choked_ratio, isentropic_flow_function
 from pneucli.physics.vectorised import flow_functions
 from pneucli.report.figure import BLUE, GREY, ORANGE, Drawing, drawing, envelope_indices, figures
 from pneucli.report.page_elements import Part, Section
@@ -43,7 +43,7 @@ def section(material: ReportData) -> Section | None:
 def _flow_function() -> Iterator[Drawing]:
     """Yield figures 2.4 and 2.5, with the claimed and the found error of the approximation."""
     ratio = np.linspace(0.0, 1.0, 20001)
-    exact = np.array([exact_flow_function(float(r), KAPPA) for r in ratio])
+    exact = np.array([isentropic_flow_function(float(r), KAPPA) for r in ratio])
     critical, largest = choked_ratio(KAPPA), choked_maximum(KAPPA)
     above = np.maximum((ratio - critical) / (1.0 - critical), 0.0)
     approximation = largest * np.sqrt(np.maximum(1.0 - above**2, 0.0))

@@ -9,8 +9,8 @@ import pytest
 
 from pneucli.closed_loop.simulation import simulate
 from pneucli.controller import layout as at
-from pneucli.controller import observers, stiction
-from pneucli.controller import stiction as still
+from pneucli.controller import observers, standstill
+from pneucli.controller import standstill as still
 from pneucli.design.cascade_design import design_cascade
 from pneucli.physics.effects import catalogue
 from pneucli.simulate import layout as sim
@@ -54,7 +54,7 @@ def test_no_more_force_is_put_on_while_the_pressures_are_behind() -> None:
     for ahead, grows in ((26e3, False), (24e3, True)):
         s = balanced(8.0, REF_REST_TIME=1.0, V=0.0, MOVING_COUNT=0.0, ELASTIC=1.0, RELEASE_FORCE=3.0)
         s[at.STATE.index("S_P1_REF")] = of(s, "P1")[0] + ahead
-        stiction.drive_elastic_piston(1e-4, s, C)
+        standstill.drive_elastic_piston(1e-4, s, C)
         assert (of(s, "RELEASE_FORCE")[0] > 3.0) == grows
 
 
@@ -100,19 +100,19 @@ def test_an_elastic_piston_near_its_rest_tells_no_load(given: dict[str, float], 
 def test_the_force_on_one_that_sticks_grows_in_proportion_to_what_it_has_grown_by() -> None:
     """10 1/s of 8 N, and at least twice static friction a second."""
     s = state(MOVING_COUNT=0.0, FORCE_RAMP=8.0)
-    stiction.drive_elastic_piston(2e-5, s, C)
+    standstill.drive_elastic_piston(2e-5, s, C)
     assert of(s, "RELEASE_FORCE", "FORCE_RAMP") == pytest.approx([0.08, 8.08])
     s = state(MOVING_COUNT=0.0)
-    stiction.drive_elastic_piston(-2e-5, s, C)
+    standstill.drive_elastic_piston(-2e-5, s, C)
     assert of(s, "RELEASE_FORCE") == pytest.approx([-0.04])
 
 
 def test_each_landing_on_the_other_side_puts_up_with_half_as_much_again() -> None:
     s = state(LAST_SIGN=1.0)
-    stiction.drive_elastic_piston(-2e-5, s, C)
+    standstill.drive_elastic_piston(-2e-5, s, C)
     assert of(s, "DEADBAND_GAIN") == [1.5]
     s = state(LAST_SIGN=1.0, DEADBAND_GAIN=9.0)
-    stiction.drive_elastic_piston(-2e-5, s, C)
+    standstill.drive_elastic_piston(-2e-5, s, C)
     assert of(s, "DEADBAND_GAIN") == [10.0]
 
 
@@ -127,9 +127,9 @@ def test_a_rigid_piston_that_lands_on_the_other_side_again_and_again_is_put_up_w
 
 
 def test_what_moves_past_closing_in_is_braked_by_no_more_than_twice_dry_friction() -> None:
-    assert stiction.braking_force(1e-4, state(V=5e-4), C) == 0.0  # slower than 10 1/s x 0.1 mm
-    assert stiction.braking_force(1e-4, state(V=3e-3), C) == pytest.approx(-100.0 * 2e-3)
-    assert stiction.braking_force(0.0, state(V=-1.0), C) == pytest.approx(2.0 * COULOMB)
+    assert standstill.braking_force(1e-4, state(V=5e-4), C) == 0.0  # slower than 10 1/s x 0.1 mm
+    assert standstill.braking_force(1e-4, state(V=3e-3), C) == pytest.approx(-100.0 * 2e-3)
+    assert standstill.braking_force(0.0, state(V=-1.0), C) == pytest.approx(2.0 * COULOMB)
 
 
 def test_held_an_elastic_piston_keeps_its_force() -> None:

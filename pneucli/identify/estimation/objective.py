@@ -25,10 +25,10 @@ POWER_LAW_SIGMA = 0.02  # of the logarithm of the area: prior departure of a val
 
 @dataclass
 class LeastSquaresProblem:
-    """Residuals of all residual models in units of their noise, and their derivatives.
+    """The objective of the fit: residuals in units of their noise, those of prior knowledge, and all derivatives.
 
-    The residuals are whitened for the errors of the initial states, as the start model has them, or for
-    ``given_sensitivities``.
+    Where a residual model whitens the errors of its initial states (the diagnosis; ``identify`` and ``add`` do not),
+    it does so as the start model has them, or for ``given_sensitivities``.
     """
 
     model: Model

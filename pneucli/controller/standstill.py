@@ -1,10 +1,11 @@
-"""Stiction: how the controller frees a piston that sticks off a resting reference, and when it leaves it alone.
+"""Standstill: how the controller frees a piston that sticks off a resting reference, and when it holds it.
 
 State chart (state variable in brackets; "at rest": the reference has rested for more than 0.05 s [S_REF_REST_TIME])::
 
     TRACKING   the reference moves: release force 0, ramp gain 4, dead-band gain 1, loop gain 1
       -> HOLD                at rest, |v| < C_V_FLOOR and |error| < C_HOLDING_BAND x dead-band gain
       -> RAMP or ELASTIC     at rest and outside that band, by [S_ELASTIC]
+    a bumpless start within 2 C_HOLDING_BAND of the reference begins in HOLD (active_reference in operation.py)
     HOLD       [S_HOLD = 1] force frozen, valves shut while the pressures stay within C_PRESSURE_BAND
       entry: half of the net force is released (rigid piston only), release force 0
       -> TRACKING, RAMP or ELASTIC   |v| >= C_V_FLOOR, the reference moves, or |error| > 1.8 x band (hysteresis)
