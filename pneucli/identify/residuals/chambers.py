@@ -127,7 +127,7 @@ class ChamberPressures(ResidualModel):
         return np.concatenate([log_determinant(errors[c], starts) if c in errors else none for c in self.channels])
 
     @cached_property
-    def _initial_state_errors(self) -> dict[str, tuple[float, float]]:
+    def _initial_state_errors(self) -> dict[str, float]:
         return initial_state_errors(self.experiment)
 
 
