@@ -13,6 +13,7 @@ from scipy.special import softmax
 from pneucli.diagnose.adequacy import LackOfFit, significant_lack_of_fit
 from pneucli.diagnose.calibration import Evidence, likelihood_shares, presence_rate, probability
 from pneucli.diagnose.candidate import Candidate, Decision
+from pneucli.diagnose.constraints import violated_constraint
 from pneucli.diagnose.data import DiagnosisData, lack_of_fit
 from pneucli.diagnose.detectability import MinimumDetectableEffect, minimum_detectable_effects, undetectable_effects
 from pneucli.diagnose.discrepancy import Discrepancy, UnexplainedResidual, describe_discrepancies, describe_lack_of_fit
@@ -83,7 +84,10 @@ def diagnose(data: DiagnosisData, base: Fit) -> Diagnosis:
         path.last.model, [*data.train, *data.held_out]
     )
     terms = path.terms
-    equivalents = {name: term.equivalents(data, complete=not unexplained) for name, term in terms.items()}
+    equivalents = {
+        name: [c for c in term.equivalents(data, complete=not unexplained) if violated_constraint(data, c) is None]
+        for name, term in terms.items()
+    }
     equivalent_names = {name: tuple(c.effect.name for c in equivalents.get(name, [])) for name in path.added}
     decided = [
         decide(data, path.last, c, unexplained, terms.get(name), equivalent_names[name])
@@ -105,7 +109,8 @@ def diagnose(data: DiagnosisData, base: Fit) -> Diagnosis:
     shares = {
         n: _shares_in_term(data, terms[n], equivalents[n], complete=not unexplained) for n in missing if n in terms
     }
-    confidence = _confidence(data, decisions, evidence, shares)
+    weighed = improbable | {d.effect.name: e for d, e in decided if d.supported or d.reason == "explained-by-unknown"}
+    confidence = _confidence(data, decisions, weighed, shares)
     shown = path.last if unexplained and missing else path.models[_named_prefix_length([d for d, _ in decided])]
     lacks = unexplained if shown is path.last else _unexplained(data, shown, decided, unexplained)
     return Diagnosis(

@@ -156,6 +156,11 @@ REJECTION_REASONS = {
     "at-bound": "The fit ends at a bound of the plausible range.",
     "below-resolution": "The fitted time is too short for the sampling.",
     "not-significant": "The improvement is no larger than chance.",
+    "interval-contains-null": "The 95 % interval of its size contains the value at which it is absent.",
+    "varies-with-horizon": (
+        "Its time changes where the model restarts half as often: it shortens what is predicted, and no part of the "
+        "rig is late."
+    ),
     "immaterial": "The improvement is too small to matter.",
     "not-on-held-out": "It improves the fitted recordings, but not for certain recordings that were not fitted.",
     "raises-error": "It improves a subsystem, but raises the error of the whole model.",
