@@ -28,7 +28,7 @@ from pneucli.diagnose.posterior import (
     retest_without_refused,
 )
 from pneucli.diagnose.score import FittedModel
-from pneucli.diagnose.selection import SelectionPath, select_effects
+from pneucli.diagnose.selection import SelectionPath, select_effects, unsearched_path
 from pneucli.identify.estimation.fit import Estimate, Fit
 
 Verdict = Literal["adequate", "missing-effect", "unexplained", "inconclusive"]
@@ -77,9 +77,9 @@ class Diagnosis:
 
 
 def diagnose(data: DiagnosisData, base: Fit) -> Diagnosis:
-    """Find the effects that a fitted model lacks."""
+    """Find the effects that a fitted model lacks; none is looked for in recordings that cannot be true."""
     start = data.fitted_model(base)
-    path = select_effects(data, start)
+    path = unsearched_path(data, start) if data.implausible else select_effects(data, start)
     unexplained = significant_lack_of_fit(path.train, path.test) or free_run_lack_of_fit(
         path.last.model, [*data.train, *data.held_out]
     )
@@ -112,7 +112,13 @@ def diagnose(data: DiagnosisData, base: Fit) -> Diagnosis:
     weighed = improbable | {d.effect.name: e for d, e in decided if d.supported or d.reason == "explained-by-unknown"}
     confidence = _confidence(data, decisions, weighed, shares)
     shown = path.last if unexplained and missing else path.models[_named_prefix_length([d for d, _ in decided])]
-    lacks = unexplained if shown is path.last else _unexplained(data, shown, decided, unexplained)
+    lacks = (
+        []
+        if data.implausible
+        else unexplained
+        if shown is path.last
+        else _unexplained(data, shown, decided, unexplained)
+    )
     return Diagnosis(
         verdict=_verdict(data, lacks, missing, sizes),
         missing=tuple(missing),
@@ -149,12 +155,14 @@ def _verdict(
     missing: Sequence[str],
     sizes: Sequence[MinimumDetectableEffect],
 ) -> Verdict:
+    if data.implausible:
+        return "inconclusive"
     if unexplained:
         return "unexplained"
     if missing:
         return "missing-effect"
     undetectable = sum(not d.typical for d in sizes)
-    return "inconclusive" if data.implausible or undetectable > MAX_UNDETECTABLE_SHARE * len(sizes) else "adequate"
+    return "inconclusive" if undetectable > MAX_UNDETECTABLE_SHARE * len(sizes) else "adequate"
 
 
 def _path_candidates(data: DiagnosisData, path: SelectionPath) -> list[Candidate]:

@@ -50,6 +50,8 @@ def verdict_line(answer: Answer) -> str:
 
 def evidence_summary(answer: Answer) -> str:
     """Return the evidence: the error reduction, the sizes of the named effects, and their equivalents."""
+    if answer.get("impossible"):
+        return error_reduction(answer)
     if answer["verdict"] in ("adequate", "inconclusive"):
         return f"{error_reduction(answer)}; {detectability_summary(answer)}"
     named = [f"{c['effect']} {format_parameters(c['parameters'])}{probability_clause(c)}" for c in _named(answer)]
@@ -126,6 +128,8 @@ def describe_change(one: Answer) -> str:
 
 def next_step(answer: Answer, file: str) -> str:
     """Return what to do next, with the command."""
+    if answer.get("impossible"):
+        return f"mend the recordings; or, to have an answer all the same: pneucli diagnose {file} --force"
     parts = [f"pneucli add {file} --suggested"] if answer["missing"] else []
     if answer.get("next_experiment"):
         parts.append(answer["next_experiment"])

@@ -128,7 +128,7 @@ SCALES = {
         Scale("full commands", "V", "the largest command", lambda f: f.max_command),
         Scale("response times", "s", "the longer of filling the chamber through the open valve and crossing the range "
               "of x at top speed", lambda f: f.response_time),
-        Scale("longest delays", "s", "a tenth of the time between two restarts of the model, at most 0.3 response times",
+        Scale("longest delays", "s", "a tenth of the time between two restarts, at most 0.3 response times",
               lambda f: f.longest_delay),
         Scale("sampling periods", "s", "between samples", lambda f: f.sampling_period),
         Scale("gas conductances", "W/K", "heat capacity of the full chamber's gas over the time to fill it",

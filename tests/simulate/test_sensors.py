@@ -104,7 +104,7 @@ def test_no_model_uses_a_pressure_that_is_read_after_its_restart(name: str) -> N
     """With a delay, a lag or neither, the prediction from 0.4 s on rests on readings up to 0.4 s."""
     values = {"none": {}, "all": ALL}.get(name, SENSORS.get(name, {}))
     readings = 3e5 + 5e4 * np.sin(4 * np.pi * TIME)
-    other = np.where(TIME > TIME[400], readings + 1e5, readings)
+    other = np.where(TIME[400] < TIME, readings + 1e5, readings)
     one, another = (
         run(model(sorted({k.partition(".")[0] for k in values}), values), chambers(r, [0, 200, 400]))
         for r in (readings, other)
