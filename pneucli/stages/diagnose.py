@@ -122,7 +122,7 @@ def parameter_uncertainty_warnings(held_out: Sequence[LackOfFit]) -> list[str]:
 
 
 def _diagnosis_data(pipeline: PipelineData) -> tuple[DiagnosisData, list[str]]:
-    train, test = (pipeline.residual_models(use, whitened=True) for use in ("train", "test"))
+    train, test = (pipeline.residual_models(use) for use in ("train", "test"))
     folds = () if test else folds_of(train)
     warnings = [] if test else [warning_text("cross-validated" if folds else "no-held-out")]
     warnings += unmeasured_p2_warnings(train)

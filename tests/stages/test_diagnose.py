@@ -23,7 +23,7 @@ from pneucli.pipeline.context import Context
 from pneucli.stages import diagnose, ingest
 from pneucli.stages.diagnosis_answer import verdict_answer
 from tests.plausibility.faulty_data_sets import SETS
-from tests.stages.chain import known_as_declared
+from tests.stages.chain import known_as_declared, run_stages
 
 Diagnosed = tuple[Path, dict[str, Any]]
 
@@ -147,6 +147,15 @@ def test_no_verdict_is_given_on_recordings_that_cannot_be_true(name: str, words:
     text = messages.render("diagnose", answer, "a.toml", verbose=False)
     assert "pneucli diagnose a.toml --force" in text
     assert "--suggested" not in text
+
+
+def test_compare_and_diagnose_state_the_same_error_of_a_model(tmp_path: Path) -> None:
+    """Recordings with a wrong supply, so that fits of different costs end at different models."""
+    pipeline = SETS["valve, p_supply a tenth"].make(noise=True).write(tmp_path)
+    given = diagnosed(pipeline, tmp_path / "diagnosed")["ladder"][0]
+    error = run_stages(pipeline, tmp_path / "compared")["compare"]["error"]
+    assert given["error_train"] == pytest.approx(error["train"], rel=1e-9)
+    assert given["error_test"] == (None if error["test"] is None else pytest.approx(error["test"], rel=1e-9))
 
 
 def test_an_answer_on_impossible_recordings_can_be_forced(tmp_path: Path) -> None:

@@ -39,9 +39,7 @@ PLAY_WIDTHS = (0.02, 0.06, 0.18)  # of the range of openings: half widths of a p
 class ChamberPressures(ResidualModel):
     """Gas and valve.
 
-    ``whiten_initial_state`` whitens the residuals for the errors of the initial states, which costs that are compared
-    need. Where the model is wrong, the plain sum of squares is the better guide, since it is the error that the user
-    sees.
+    ``whiten_initial_state`` whitens the residuals for the errors of the initial states, as every stage does.
     """
 
     whiten_initial_state: bool = False
