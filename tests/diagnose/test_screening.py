@@ -77,7 +77,7 @@ def test_refits_are_divided_among_subsystems_by_their_cost(monkeypatch: pytest.M
 
 
 def test_overlapping_subsystems_leave_refits_to_the_best_effect(monkeypatch: pytest.MonkeyPatch):
-    """Three subsystems share the recording that leaves nearly all; a lag of the sensors acts everywhere, and does more."""
+    """Three subsystems share the recording that leaves nearly all; a lag of the sensors acts in all, and does more."""
     groups = {
         (True, True, False, False): ("valve-lag", "line-delay"),
         (False, True, False, False): ("dead-volume", "laminar-leak"),
