@@ -38,7 +38,7 @@ def rows(case: Path, truth: dict) -> Iterator[Row]:  # type: ignore[type-arg]
     known |= {f"{e}.{n}": v for e, values in truth["hidden"].items() for n, v in values.items()}
     with tempfile.TemporaryDirectory() as out:
         study = study_of(case, Path(out))
-        views = study.residual_models("train", whitened=True)
+        views = study.residual_models("train")
         guess = guess_base_model([v.experiment for v in views], study.rig, study.valve)
         names = dict.fromkeys((*truth["baseline"], *truth["hidden"]))
         found = fit_model(guess, views, tuple(catalogue()[n] for n in names))

@@ -56,7 +56,7 @@ def rows(case: Path, truth: dict) -> Iterator[Row]:  # type: ignore[type-arg]
     """Yield the true effects of one case."""
     with tempfile.TemporaryDirectory() as out:
         study = study_of(case, Path(out), MAX_SAMPLES)
-        train, test = (study.residual_models(use, whitened=True) for use in ("train", "test"))
+        train, test = (study.residual_models(use) for use in ("train", "test"))
         guess = guess_base_model([v.experiment for v in train], study.rig, study.valve)
         bench = DiagnosisData(
             train,

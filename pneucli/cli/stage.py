@@ -116,6 +116,9 @@ def _diagnose(
         str | None,
         typer.Option("--executor", metavar="WHERE", help=f"Where a long search is done: {EXECUTORS}."),
     ] = None,
+    force: Annotated[
+        bool, typer.Option("--force", help="Look for effects even in recordings that cannot be true.")
+    ] = False,
     out: Out = None,
     json: Json = False,
     verbose: Verbose = False,
@@ -129,6 +132,7 @@ def _diagnose(
         quiet,
         verbose,
         ({"exclude": sorted(set(exclude))} if exclude else {})
+        | ({"force": True} if force else {})
         | _baseline_options(since, alarm_rate, quiet, repeat or [])
         | _executor_option(executor),
     )

@@ -21,9 +21,11 @@ Reason = Literal[
     "at-bound",  # the fit ended at a bound of the plausible range
     "below-resolution",  # the sampling cannot distinguish the fitted time from zero
     "not-significant",  # not significant in the family of all hypotheses
+    "interval-contains-null",  # the 95 % interval contains the value at which the effect is absent
+    "varies-with-horizon",  # the fitted time changes where the model restarts half as often
     "immaterial",  # significant or not, the reduction is too small
     "not-on-held-out",  # the reduction on fitted data is not confirmed on held-out data
-    "raises-error",  # the free-run error of the comparison rises
+    "raises-error",  # the free-run error of the comparison rises with the effect
     "needless",  # it passed by itself, and adds nothing to the selected effects
     "contradicted-by-reading",  # samples at a known pressure refute the fault of a sensor
     "explained-by-unknown",  # an unmodelled effect remains, and this effect probably only resembles it

@@ -69,8 +69,8 @@ class DiagnosisData:
     Without held-out recordings ``folds`` has the fold of each fitted residual model
     (:mod:`pneucli.diagnose.cross_validation`). ``modelled_parts``: parts whose effects the valve's model contains
     already. ``base_effects``: names of the effects of the given model. ``free_run_errors``: the error of ``compare`` by
-    use. ``implausible``: a check of the recordings failed. ``run_refits``: does independent refits, perhaps in
-    parallel.
+    use. ``implausible``: the recordings cannot be true, so nothing is looked for in them. ``run_refits``: does
+    independent refits, perhaps in parallel.
     """
 
     train: Sequence[ResidualModel]

@@ -13,6 +13,7 @@ from scipy.special import softmax
 from pneucli.diagnose.adequacy import LackOfFit, significant_lack_of_fit
 from pneucli.diagnose.calibration import Evidence, likelihood_shares, presence_rate, probability
 from pneucli.diagnose.candidate import Candidate, Decision
+from pneucli.diagnose.constraints import violated_constraint
 from pneucli.diagnose.data import DiagnosisData, lack_of_fit
 from pneucli.diagnose.detectability import MinimumDetectableEffect, minimum_detectable_effects, undetectable_effects
 from pneucli.diagnose.discrepancy import Discrepancy, UnexplainedResidual, describe_discrepancies, describe_lack_of_fit
@@ -27,7 +28,7 @@ from pneucli.diagnose.posterior import (
     retest_without_refused,
 )
 from pneucli.diagnose.score import FittedModel
-from pneucli.diagnose.selection import SelectionPath, select_effects
+from pneucli.diagnose.selection import SelectionPath, select_effects, unsearched_path
 from pneucli.identify.estimation.fit import Estimate, Fit
 
 Verdict = Literal["adequate", "missing-effect", "unexplained", "inconclusive"]
@@ -76,14 +77,17 @@ class Diagnosis:
 
 
 def diagnose(data: DiagnosisData, base: Fit) -> Diagnosis:
-    """Find the effects that a fitted model lacks."""
+    """Find the effects that a fitted model lacks; none is looked for in recordings that cannot be true."""
     start = data.fitted_model(base)
-    path = select_effects(data, start)
+    path = unsearched_path(data, start) if data.implausible else select_effects(data, start)
     unexplained = significant_lack_of_fit(path.train, path.test) or free_run_lack_of_fit(
         path.last.model, [*data.train, *data.held_out]
     )
     terms = path.terms
-    equivalents = {name: term.equivalents(data, complete=not unexplained) for name, term in terms.items()}
+    equivalents = {
+        name: [c for c in term.equivalents(data, complete=not unexplained) if violated_constraint(data, c) is None]
+        for name, term in terms.items()
+    }
     equivalent_names = {name: tuple(c.effect.name for c in equivalents.get(name, [])) for name in path.added}
     decided = [
         decide(data, path.last, c, unexplained, terms.get(name), equivalent_names[name])
@@ -105,9 +109,16 @@ def diagnose(data: DiagnosisData, base: Fit) -> Diagnosis:
     shares = {
         n: _shares_in_term(data, terms[n], equivalents[n], complete=not unexplained) for n in missing if n in terms
     }
-    confidence = _confidence(data, decisions, evidence, shares)
+    weighed = improbable | {d.effect.name: e for d, e in decided if d.supported or d.reason == "explained-by-unknown"}
+    confidence = _confidence(data, decisions, weighed, shares)
     shown = path.last if unexplained and missing else path.models[_named_prefix_length([d for d, _ in decided])]
-    lacks = unexplained if shown is path.last else _unexplained(data, shown, decided, unexplained)
+    lacks = (
+        []
+        if data.implausible
+        else unexplained
+        if shown is path.last
+        else _unexplained(data, shown, decided, unexplained)
+    )
     return Diagnosis(
         verdict=_verdict(data, lacks, missing, sizes),
         missing=tuple(missing),
@@ -144,12 +155,14 @@ def _verdict(
     missing: Sequence[str],
     sizes: Sequence[MinimumDetectableEffect],
 ) -> Verdict:
+    if data.implausible:
+        return "inconclusive"
     if unexplained:
         return "unexplained"
     if missing:
         return "missing-effect"
     undetectable = sum(not d.typical for d in sizes)
-    return "inconclusive" if data.implausible or undetectable > MAX_UNDETECTABLE_SHARE * len(sizes) else "adequate"
+    return "inconclusive" if undetectable > MAX_UNDETECTABLE_SHARE * len(sizes) else "adequate"
 
 
 def _path_candidates(data: DiagnosisData, path: SelectionPath) -> list[Candidate]:

@@ -6,10 +6,11 @@ from collections.abc import Sequence
 
 from pneucli.diagnose.adequacy import significant_lack_of_fit
 from pneucli.diagnose.candidate import Candidate, Decision, Reason, supported_candidates
+from pneucli.diagnose.constraints import violations_of_estimate
 from pneucli.diagnose.data import DiagnosisData, lack_of_fit
 from pneucli.diagnose.evidence import holm_adjusted
 from pneucli.diagnose.score import FittedModel
-from pneucli.diagnose.validity import at_any_bound, below_resolution, end_locations, refuted_by_reading
+from pneucli.diagnose.validity import at_any_bound
 
 ALPHA = 0.02  # rate at which a healthy rig yields any name, before the held-out test
 ALPHA_RARELY_SHOWN = 1e-4  # the same for effects that act too rarely for a certain held-out test
@@ -32,13 +33,9 @@ def passing_candidates(data: DiagnosisData, reduced: FittedModel, candidates: Se
 
 def _reason(data: DiagnosisData, reduced: FittedModel, candidate: Candidate, p_value: float) -> Reason:
     """Return why a candidate passes or fails. Its end location comes before its p value, which a bound distorts."""
-    ends = end_locations(candidate)
     required = min_relevant_reduction(*data.sensitive_cost(reduced, candidate.effect))
     failed: list[tuple[bool, Reason]] = [
-        (bool(ends) and set(ends) == {"null"}, "vanishes"),
-        ("bound" in ends, "at-bound"),
-        (below_resolution(data.train, candidate), "below-resolution"),
-        (refuted_by_reading(candidate.full.model, candidate.effect, data.train), "contradicted-by-reading"),
+        *violations_of_estimate(data, candidate),
         (not p_value < ALPHA, "at-bound" if at_any_bound(candidate) else "not-significant"),
         (not candidate.train_gain.total > required, "immaterial"),
     ]

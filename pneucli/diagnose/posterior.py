@@ -11,13 +11,13 @@ from numpy.typing import NDArray
 from pneucli.diagnose.adequacy import LackOfFit, significant_lack_of_fit
 from pneucli.diagnose.calibration import MIN_NAMED_PROBABILITY, Evidence, probability
 from pneucli.diagnose.candidate import Candidate, Decision, Reason
+from pneucli.diagnose.constraints import violated_constraint
 from pneucli.diagnose.data import DiagnosisData, lack_of_fit
 from pneucli.diagnose.equivalence import DISCREPANCY_READINGS, Term, nonparametric_rival
 from pneucli.diagnose.evidence import disagreement, relative_effect_size, significance
 from pneucli.diagnose.free_run_error import removed_error_share
 from pneucli.diagnose.hypothesis_tests import passing_candidates
 from pneucli.diagnose.score import FittedModel
-from pneucli.diagnose.validity import has_unmeasured_force, refuted_by_reading
 from pneucli.identify.residuals import (
     ChamberPressures,
     ForceBalance,
@@ -48,18 +48,15 @@ def decide(
 ) -> DecisionWithEvidence:
     """Return the decision about an added effect and its evidence.
 
-    An effect that probably only resembles an unmodelled one is not named. Recordings without a calibration of the
+    An effect that probably only resembles an unmodelled one is not named, nor is one that violates a hard constraint
+    (:mod:`pneucli.diagnose.constraints`). Recordings without a calibration of the
     probability use a fallback where something is ``unexplained``. ``term`` is the effect in the ``last`` model,
     ``equivalents`` are the effects that the data cannot distinguish from it.
     """
     evidence = collect_evidence(data, last, candidate, term, equivalents, complete=not unexplained)
-    failed: list[tuple[bool, Reason]] = [
-        (refuted_by_reading(candidate.full.model, candidate.effect, data.train), "contradicted-by-reading"),
-        (has_unmeasured_force(data.train, candidate.effect), "cannot-show"),
-        (not _is_probable(data, last, candidate, unexplained, evidence), "explained-by-unknown"),
-        (bool(unexplained) and not _reduces_free_run_error(data, candidate, term), "raises-error"),
-    ]
-    reason: Reason = next((why for fails, why in failed if fails), "supported")
+    reason: Reason = _violated_constraint(data, candidate, term) or "supported"
+    if reason == "supported" and not _is_probable(data, last, candidate, unexplained, evidence):
+        reason = "explained-by-unknown"
     if reason == "supported" and term is not None and _has_better_smooth_rival(data, term):
         reason = "explained-by-signal"
     return Decision(candidate.effect, reason, candidate), evidence
@@ -95,19 +92,20 @@ def retest_without_refused(
     The user will not add the refused effects. For example a force on the piston may compensate for the offset of a
     pressure sensor that only resembles an unmodelled effect; by itself the force explains nothing.
     """
-    refused = [d.effect for d, _ in decided if not d.supported]
-    has_smooth_rival = any(d.reason == "explained-by-signal" for d, _ in decided)
-    if not (unexplained or has_smooth_rival) or not refused or len(refused) == len(decided):
+    refused = [d.effect for d, _ in decided if not d.supported and d.effect.name in last.effect_names]
+    kept_by_noise = not unexplained and all(d.supported or d.reason == "explained-by-unknown" for d, _ in decided)
+    if kept_by_noise or not refused or not any(d.supported for d, _ in decided):
         return list(decided)
     for effect in refused:
         (last,) = data.refit_without(last, [effect])
     unexplained_now = unexplained or significant_lack_of_fit(*lack_of_fit(data, last))
-    return [
+    retested = [
         _retested(data, last, one, unexplained_now, same=bool(unexplained) or not unexplained_now)
         if one[0].supported
         else one
         for one in decided
     ]
+    return retest_without_refused(data, last, retested, unexplained_now)
 
 
 def _retested(
@@ -125,22 +123,18 @@ def _retested(
     effect = previous[0].effect
     (reduced,) = data.refit_without(last, [effect])
     term = Term(data.candidate(reduced, last, effect), ())
-    stays = bool(passing_candidates(data, reduced, [term.candidate])) and _reduces_free_run_error(
-        data, term.candidate, term
-    )
+    passes = bool(passing_candidates(data, reduced, [term.candidate]))
+    stays = passes and _violated_constraint(data, term.candidate, term) is None
     return (
         previous if stays and same else decide(data, last, term.candidate, unexplained, term, previous[1].effects[1:])
     )
 
 
-def _reduces_free_run_error(data: DiagnosisData, candidate: Candidate, term: Term | None) -> bool:
-    """Whether the free-run error falls at the effect's step of the path, or in the last model.
-
-    An effect that an exclusive channel measures needs no such confirmation.
-    """
-    if data.free_run_error_falls(candidate.reduced, candidate.full) or term is None:
-        return data.free_run_error_falls(candidate.reduced, candidate.full)
-    return data.free_run_error_falls(term.candidate.reduced, term.candidate.full) or term.is_measured_exclusively(data)
+def _violated_constraint(data: DiagnosisData, candidate: Candidate, term: Term | None) -> Reason | None:
+    """Return the hard constraint that an effect violates in the last model, or at its step of the path."""
+    if term is None:
+        return violated_constraint(data, candidate)
+    return violated_constraint(data, term.candidate, measured_exclusively=term.is_measured_exclusively(data))
 
 
 def predicts_point_force(effect: Effect, unexplained: Sequence[LackOfFit]) -> bool:

@@ -34,9 +34,11 @@ def score_test_screen(
 def _subsystem_leaders(
     data: DiagnosisData, fitted: FittedModel, scored: Sequence[tuple[float, ScreenedEffect]]
 ) -> list[tuple[float, ScreenedEffect]]:
-    """Return the best effects of each subsystem; their number is its share of the cost, times SHARED_REFITS.
+    """Return the best effects of each subsystem, the best first; their number is its share of the cost, times
+    SHARED_REFITS, and SHARED_REFITS in all.
 
-    An effect that influences every residual, such as a fault of a sensor, belongs to no subsystem.
+    An effect that influences every residual, such as a fault of a sensor, belongs to no subsystem. Subsystems overlap
+    (chamber 1, chamber 2, both), so without the limit their effects would take every refit from the best one.
     """
     total = float(fitted.train_costs.sum())
     subsystems: dict[bytes, list[tuple[float, ScreenedEffect]]] = {}
@@ -47,7 +49,7 @@ def _subsystem_leaders(
         cost = data.sensitive_cost(fitted, members[0][1][0])[0]
         if cost < total:
             leaders += members[: int(SHARED_REFITS * cost / total)]
-    return leaders
+    return sorted(leaders, key=lambda one: -one[0])[:SHARED_REFITS]
 
 
 CONVERGED_COST_RATIO = (

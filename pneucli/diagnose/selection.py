@@ -77,6 +77,12 @@ def select_effects(data: DiagnosisData, base: FittedModel) -> SelectionPath:
     )
 
 
+def unsearched_path(data: DiagnosisData, base: FittedModel) -> SelectionPath:
+    """Return the path of the given model alone, without a search."""
+    train, test = lack_of_fit(data, base)
+    return SelectionPath((base,), {}, (), tuple(train), tuple(test))
+
+
 def final_decisions(
     rounds: Sequence[Decisions], refused: Sequence[Decision], names: Sequence[str]
 ) -> tuple[Decision, ...]:

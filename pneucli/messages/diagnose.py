@@ -50,6 +50,8 @@ def verdict_line(answer: Answer) -> str:
 
 def evidence_summary(answer: Answer) -> str:
     """Return the evidence: the error reduction, the sizes of the named effects, and their equivalents."""
+    if answer.get("impossible"):
+        return error_reduction(answer)
     if answer["verdict"] in ("adequate", "inconclusive"):
         return f"{error_reduction(answer)}; {detectability_summary(answer)}"
     named = [f"{c['effect']} {format_parameters(c['parameters'])}{probability_clause(c)}" for c in _named(answer)]
@@ -126,6 +128,8 @@ def describe_change(one: Answer) -> str:
 
 def next_step(answer: Answer, file: str) -> str:
     """Return what to do next, with the command."""
+    if answer.get("impossible"):
+        return f"mend the recordings; or, to have an answer all the same: pneucli diagnose {file} --force"
     parts = [f"pneucli add {file} --suggested"] if answer["missing"] else []
     if answer.get("next_experiment"):
         parts.append(answer["next_experiment"])
@@ -156,6 +160,11 @@ REJECTION_REASONS = {
     "at-bound": "The fit ends at a bound of the plausible range.",
     "below-resolution": "The fitted time is too short for the sampling.",
     "not-significant": "The improvement is no larger than chance.",
+    "interval-contains-null": "The 95 % interval of its size contains the value at which it is absent.",
+    "varies-with-horizon": (
+        "Its time changes where the model restarts half as often: it shortens what is predicted, and no part of the "
+        "rig is late."
+    ),
     "immaterial": "The improvement is too small to matter.",
     "not-on-held-out": "It improves the fitted recordings, but not for certain recordings that were not fitted.",
     "raises-error": "It improves a subsystem, but raises the error of the whole model.",

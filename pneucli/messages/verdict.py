@@ -49,8 +49,8 @@ def verdict_explanation(
         named: Titles and names of the named effects.
         errors: Error of the given and of the last model in units of noise.
         equivalents: Names of the effects that are indistinguishable from the named ones.
-        undetectable: Number of effects that are undetectable at a typical size, and of all; None where the recordings
-            contradict the rig instead.
+        undetectable: Number of effects that are undetectable at a typical size, and of all, if the verdict is
+            inconclusive.
         unexplained: The answer's entry about the unexplained residual.
 
     """
@@ -59,9 +59,8 @@ def verdict_explanation(
     if verdict == "adequate":
         return f"Nothing in the residual exceeds noise and parameter uncertainty (error {after} times the noise)."
     if verdict == "inconclusive":
-        why = "the recordings contradict each other or the stated rig"
-        if undetectable is not None:
-            why = f"{undetectable[0]} of {undetectable[1]} effects are undetectable at a typical size"
+        assert undetectable is not None
+        why = f"{undetectable[0]} of {undetectable[1]} effects are undetectable at a typical size"
         return f"No statement is possible: {why} (error {after} times the noise)."
     if verdict == "missing-effect":
         pronoun = "it" if len(named) == 1 else "them"
@@ -75,6 +74,19 @@ def verdict_explanation(
         f"{discrepancy_location(unexplained)}."
     )
     return text + (f" These effects reduce the error: {effects}." if effects else "")
+
+
+def impossible_data_sentence(findings: Sequence[str]) -> str:
+    """Return why nothing was looked for: the first finding with its mend, and the number of others.
+
+    Args:
+        findings: Sentences of the findings, at least one.
+
+    >>> print(impossible_data_sentence(["run_1, x moves at 112 m/s; check [signals] x", "run_1, p1 below vacuum"]))
+    run_1, x moves at 112 m/s; check [signals] x (and 1 more). Such recordings cannot be true: no effect was looked for.
+    """
+    others = f" (and {len(findings) - 1} more)" if len(findings) > 1 else ""
+    return f"{findings[0]}{others}. Such recordings cannot be true: no effect was looked for."
 
 
 def _format_error(value: float | None) -> str:

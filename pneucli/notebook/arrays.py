@@ -70,6 +70,7 @@ def diagnose(
     *,
     effects: Sequence[str] = (),
     exclude: Sequence[str] = (),
+    force: bool = False,
     tables: Mapping[str, Any] | None = None,
     folder: str | Path | None = None,
     quiet: bool = False,
@@ -81,6 +82,7 @@ def diagnose(
         rig: The table ``[rig]`` for arrays.
         effects: The model's effects for arrays.
         exclude: Effects that are certainly absent.
+        force: Look for effects even in recordings that cannot be true.
         tables: Further tables of the pipeline file for arrays.
         folder: The folder that keeps the files of arrays.
         quiet: Print no progress on standard error.
@@ -93,7 +95,8 @@ def diagnose(
         run = recordings if isinstance(recordings, Run) else open_run(recordings, quiet=quiet)
     else:
         run = from_arrays(recordings, rig or {}, effects=effects, tables=tables, folder=folder, quiet=quiet)
-    run.bring_up("diagnose", options={"diagnose": {"exclude": sorted(set(exclude))} if exclude else {}})
+    options = ({"exclude": sorted(set(exclude))} if exclude else {}) | ({"force": True} if force else {})
+    run.bring_up("diagnose", options={"diagnose": options})
     return Diagnosis(run, run.answer("diagnose"))
 
 

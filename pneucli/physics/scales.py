@@ -18,6 +18,8 @@ from pneucli.units import parse_unit
 
 NAN = math.nan
 Quantity = float | str
+HORIZON_SHARE = 0.1  # of the horizon, for a delay of a sensor: nine tenths are predicted
+RESPONSE_TIME_SHARE = 0.3  # of a response time: a slower sensor could not have been meant for this rig
 
 
 @dataclass(frozen=True)
@@ -31,6 +33,7 @@ class RigQuantities:
         dead_volume: Volume of chamber 1 at x = 0, or of the vessel.
         valve_area: Effective area at the largest command ``max_command``.
         x_min, x_max: Range of the position.
+        horizon: Longest time in s from one restart of the model to the next.
     """
 
     supply: float = NAN
@@ -48,6 +51,7 @@ class RigQuantities:
     valve_area: float = NAN
     max_command: float = NAN
     sampling_period: float = NAN
+    horizon: float = NAN
     gas_temperature: float = NAN
     specific_energy: float = NAN  # J/kg, R T of the gas
     heat_capacity_ratio: float = NAN
@@ -71,6 +75,15 @@ class RigQuantities:
         """The longer of the time to fill the chamber and the time to cross the range of x at top speed, in s."""
         crossing = (self.x_max - self.x_min) / self.max_speed if self.max_speed > 0 else NAN
         return max((t for t in (self.fill_time, crossing) if t > 0), default=NAN)
+
+    @property
+    def longest_delay(self) -> float:
+        """The longest delay or lag of a sensor that is considered, in s.
+
+        Beyond it a model would predict little of what it is compared with.
+        """
+        bounds = HORIZON_SHARE * self.horizon, RESPONSE_TIME_SHARE * self.response_time
+        return min((t for t in bounds if t > 0), default=NAN)
 
 
 @dataclass(frozen=True)
@@ -115,6 +128,8 @@ SCALES = {
         Scale("full commands", "V", "the largest command", lambda f: f.max_command),
         Scale("response times", "s", "the longer of filling the chamber through the open valve and crossing the range "
               "of x at top speed", lambda f: f.response_time),
+        Scale("longest delays", "s", "a tenth of the time between two restarts, at most 0.3 response times",
+              lambda f: f.longest_delay),
         Scale("sampling periods", "s", "between samples", lambda f: f.sampling_period),
         Scale("gas conductances", "W/K", "heat capacity of the full chamber's gas over the time to fill it",
               lambda f: f.supply * f.volume / (f.gas_temperature * (f.heat_capacity_ratio - 1.0) * f.fill_time)),

@@ -101,7 +101,7 @@ _ALL_STAGES = (
             *("verdict", "missing", "ladder", "candidates", "next_experiment", "sentence"),
             *("unexplained_share", "explained_share", "purpose.adequate", "purpose.worst"),
             *("detectable", "moved", "unexplained", "discrepancy", "plausibility", "warnings"),
-            *("model.effects", "data", "held_out", "excluded", "number", "when", "thinned"),
+            *("model.effects", "data", "held_out", "excluded", "forced", "impossible", "number", "when", "thinned"),
             *("parameters", "since", "changes"),
         ),
     ),

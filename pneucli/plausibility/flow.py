@@ -131,8 +131,8 @@ def _unresponsive_pressure(driven: list[Recording], bench: RigCheck) -> Iterator
 
 
 def _supply_below_chamber(flow: ChamberFlow, bench: RigCheck) -> Iterator[Finding]:
-    """What charges a chamber stands above it."""
-    if "p_supply" not in flow.recording:
+    """What charges a chamber stands above it, as recorded or as stated."""
+    if not np.isfinite(flow.supply).all():
         return
     charging = flow.flow > MIN_RELATIVE_FLOW * float(np.max(flow.flow))
     if not charging.any():
@@ -143,8 +143,12 @@ def _supply_below_chamber(flow: ChamberFlow, bench: RigCheck) -> Iterator[Findin
             f"p1 is charged at {format_in_display_unit(p, 'p1')} from "
             f"a supply of {format_in_display_unit(supply, 'p_supply')}"
         )
-        mend = "check column, unit and reference in [signals] p_supply and p1"
-        yield Finding("supply", "p_supply", flow.recording.name, found, mend)
+        if "p_supply" in flow.recording:
+            mend = "check column, unit and reference in [signals] p_supply and p1"
+            yield Finding("supply", "p_supply", flow.recording.name, found, mend)
+        elif not flow.recording.kind.vessel:  # which the next check looks at
+            mend = "check unit, scale and reference in [signals] p1, and [rig] supply_pressure"
+            yield Finding("supply", "p1", flow.recording.name, found, mend)
 
 
 def _above_supply(one: Recording, bench: RigCheck) -> Iterator[Finding]:
@@ -206,7 +210,7 @@ def _undersampled(one: Recording) -> Iterator[Finding]:
 
 
 def _settled_pressure(one: Recording, bench: RigCheck) -> Iterator[Finding]:
-    """Where a vessel has been vented it rests at ambient pressure, where it has been charged at that of the supply."""
+    """Where a vessel has been vented it rests at ambient pressure, where it has been charged not above the supply."""
     ambient = bench.rig.ambient_pressure
     for charged, level, rows in _settled_levels(one):
         if not charged:
@@ -225,7 +229,7 @@ def _settled_pressure(one: Recording, bench: RigCheck) -> Iterator[Finding]:
             )
             if apart < off < (1 + AMBIENT_SLIP_SHARE) * ambient:
                 yield gauge_finding(one, "p_supply", seen)
-            elif abs(off) > apart:
+            elif off > apart or level - ambient < (supply - ambient) / UNIT_SLIP_FACTOR:  # between them: a leak
                 mend = "check column, unit and reference in [signals] p_supply and p1"
                 yield Finding("supply", "p_supply", one.name, seen, mend)
 

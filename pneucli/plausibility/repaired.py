@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Mapping
 
 from pneucli.plausibility.rig_check import Finding
 
@@ -18,6 +18,20 @@ _MENDS = {
     "counter": "export the stamps with more digits, or from a clock that does not wrap",
 }
 REPAIRS = frozenset(_MENDS)  # checks of these names say how a recording was read, not that it cannot be true
+
+GAPS = "missing"  # the check that says that a recording holds less than it could, and nothing false
+
+
+def impossible_findings(findings: Iterable[Mapping[str, str]]) -> list[Mapping[str, str]]:
+    """Return the findings with which recordings and the stated rig cannot both be true, or show no dynamics at all.
+
+    Args:
+        findings: Findings as the answer of ``ingest`` has them.
+
+    >>> impossible_findings([{"check": "speed"}, {"check": "missing"}, {"check": "roll-over"}])
+    [{'check': 'speed'}]
+    """
+    return [one for one in findings if one["check"] not in REPAIRS | {GAPS}]
 
 
 def repair_findings(repairs: Iterable[tuple[str, str, str, str]]) -> Iterator[Finding]:

@@ -33,6 +33,7 @@ _LOCK = Lock()  # threads ask for kernels
 PARTS = (valve, chamber, friction, sensors, run, imposed, balance, table_friction)  # in the order of the text
 ENTRY_POINTS = (
     "run",
+    "advance",  # called twice, and too long to be inlined twice
     "run_imposed",
     "run_balance",
     "run_table_friction",

@@ -72,6 +72,11 @@ class Experiment:
         return self.recording.time
 
     @property
+    def horizon(self) -> float:
+        """Longest time in s from one restart to the next, or to the end of the recording."""
+        return float(np.diff(np.append(self.time[self.restarts], self.time[-1])).max())
+
+    @property
     def vessel(self) -> bool:
         """Whether the chamber is the fixed vessel of a valve test."""
         return self.recording.kind.vessel

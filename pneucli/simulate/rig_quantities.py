@@ -54,6 +54,7 @@ def rig_quantities(model: Model, experiments: Sequence[Experiment] = ()) -> RigQ
         valve_area=_max_positive(model.valve(np.array([command, -command]))) if model.valve.commands else NAN,
         max_command=command,
         sampling_period=float(np.median([s.period for s in ranges])) if ranges else NAN,
+        horizon=_max_positive(e.horizon for e in experiments),
         gas_temperature=rig.gas_temperature,
         specific_energy=rig.gas_constant * rig.gas_temperature,
         heat_capacity_ratio=rig.heat_capacity_ratio,

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from typing import Any
 
@@ -25,6 +25,7 @@ from pneucli.identify.guesses.friction_and_valve import guess_base_model
 from pneucli.identify.residuals import ForceBalanceInferredP2, ResidualModel
 from pneucli.memory import release_free_memory
 from pneucli.messages.diagnose import reason_sentence
+from pneucli.messages.plausibility import implausibility_sentences
 from pneucli.messages.progress import (
     BASELINE_PROGRESS,
     FREE_RUN_PROGRESS,
@@ -33,7 +34,7 @@ from pneucli.messages.progress import (
 from pneucli.messages.verdict import warning_text
 from pneucli.pipeline.context import Context
 from pneucli.pipeline.manifest import program_versions
-from pneucli.plausibility.repaired import REPAIRS
+from pneucli.plausibility.repaired import impossible_findings
 from pneucli.simulate.model import Model
 from pneucli.stages import history
 from pneucli.stages.changes import compare_with_baseline, write_baseline
@@ -67,12 +68,12 @@ def run(context: Context) -> dict[str, Any]:
     context.progress(GIVEN_MODEL_PROGRESS, 0.2)
     fitted = [one.experiment for one in data.train]
     guess = guess_base_model(fitted, pipeline.rig, pipeline.valve)
-    implausible = any(one["check"] not in REPAIRS for one in context.answers["ingest"]["plausibility"])
+    impossible = impossible_findings(context.answers["ingest"]["plausibility"])
     data = replace(
         data,
         modelled_parts=guess.valve.covers,
         free_run_errors=FreeRunErrors(pipeline.experiments),
-        implausible=implausible,
+        implausible=bool(impossible) and not context.options.get("force", False),
     )
     model, answer = _run_diagnosis(pipeline, data, guess)
     release_free_memory()  # the derivatives of all candidates
@@ -93,7 +94,8 @@ def _run_diagnosis(pipeline: PipelineData, data: DiagnosisData, guess: Model) ->
     with executor_refit.open_refits(context.options.get("executor"), context.out, plugins, program_versions) as refits:
         found = diagnose(replace(data, run_refits=refits), base)
     context.progress(FREE_RUN_PROGRESS, 0.9)
-    answer = _answer(pipeline, data, found)
+    impossible = impossible_findings(context.answers["ingest"]["plausibility"]) if data.implausible else []
+    answer = _answer(pipeline, data, found, impossible)
     write_diagnosis(pipeline, data, found, answer)
     return base.model, answer
 
@@ -120,7 +122,7 @@ def parameter_uncertainty_warnings(held_out: Sequence[LackOfFit]) -> list[str]:
 
 
 def _diagnosis_data(pipeline: PipelineData) -> tuple[DiagnosisData, list[str]]:
-    train, test = (pipeline.residual_models(use, whitened=True) for use in ("train", "test"))
+    train, test = (pipeline.residual_models(use) for use in ("train", "test"))
     folds = () if test else folds_of(train)
     warnings = [] if test else [warning_text("cross-validated" if folds else "no-held-out")]
     warnings += unmeasured_p2_warnings(train)
@@ -140,7 +142,9 @@ def _diagnosis_data(pipeline: PipelineData) -> tuple[DiagnosisData, list[str]]:
     return DiagnosisData(train, test, effects, base_effects=base_effects, progress=progress, folds=folds), warnings
 
 
-def _answer(pipeline: PipelineData, data: DiagnosisData, found: Diagnosis) -> dict[str, Any]:
+def _answer(
+    pipeline: PipelineData, data: DiagnosisData, found: Diagnosis, impossible: Sequence[Mapping[str, str]]
+) -> dict[str, Any]:
     assert isinstance(data.free_run_errors, FreeRunErrors)
     errors = [dict(data.free_run_errors(fitted.model)) for fitted in found.path.models]
     ladder = [
@@ -158,6 +162,8 @@ def _answer(pipeline: PipelineData, data: DiagnosisData, found: Diagnosis) -> di
         "data": pipeline.data_digest,
         "held_out": validation_method(data),
         "excluded": pipeline.context.options.get("exclude", []),
+        "forced": bool(pipeline.context.options.get("force", False)),
+        "impossible": implausibility_sentences(impossible),
         "verdict": found.verdict,
         "missing": list(found.missing),
         "ladder": ladder,
@@ -166,7 +172,7 @@ def _answer(pipeline: PipelineData, data: DiagnosisData, found: Diagnosis) -> di
         "explained_share": removed_error_share(errors[0], data.free_run_errors(selected)),
         "purpose": purpose_answer(data.free_run_errors.channels(selected), pipeline.context.config.compare.tolerance),
         "next_experiment": proposed_experiment(data, found),
-        "sentence": verdict_answer(found, errors, rest),
+        "sentence": verdict_answer(found, errors, rest, implausibility_sentences(impossible)),
         "detectable": [detectability_answer(d) for d in found.detectable],
         "discrepancy": [discrepancy_answer(d) for d in found.discrepancies],
         "moved": [

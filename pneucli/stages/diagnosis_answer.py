@@ -21,7 +21,12 @@ from pneucli.messages.experiment_design import (
     distinguishing_experiment,
     manoeuvre_text,
 )
-from pneucli.messages.verdict import detection_limit_sentence, location_phrase, verdict_explanation
+from pneucli.messages.verdict import (
+    detection_limit_sentence,
+    impossible_data_sentence,
+    location_phrase,
+    verdict_explanation,
+)
 
 
 def unexplained_answer(one: UnexplainedResidual) -> dict[str, Any]:
@@ -56,8 +61,15 @@ def _detection_limit(one: MinimumDetectableEffect) -> str:
     return detection_limit_sentence(one.effect.title, name, size, one.parameter.unit, one.parameter.null, where)
 
 
-def verdict_answer(found: Diagnosis, errors: Sequence[ErrorsByUse], rest: Mapping[str, Any] | None) -> str:
-    """Return the verdict with its reason; ``rest`` is the entry about the unexplained residual."""
+def verdict_answer(
+    found: Diagnosis, errors: Sequence[ErrorsByUse], rest: Mapping[str, Any] | None, impossible: Sequence[str] = ()
+) -> str:
+    """Return the verdict with its reason; ``rest`` is the entry about the unexplained residual.
+
+    ``impossible`` has a sentence for each finding that forbids a verdict.
+    """
+    if impossible:
+        return impossible_data_sentence(impossible)
     titles = {e.name: e.title for e in found.path.last.model.effects}
     undetectable = sum(not d.typical for d in found.detectable)
     return verdict_explanation(
@@ -99,6 +111,8 @@ def _discriminating_experiment(data: DiagnosisData, found: Diagnosis, name: str,
 
 def proposed_experiment(data: DiagnosisData, found: Diagnosis) -> str | None:
     """Return the next experiment: for indistinguishable effects, the discrepancy, or an undetectable effect."""
+    if data.implausible:
+        return None
     pairs = [(n, other) for n in found.missing for other in found.equivalents[n]]
     if pairs:
         return " ".join(_discriminating_experiment(data, found, a, b) for a, b in pairs[:2])

@@ -143,9 +143,9 @@ class PipelineData:
         self.__dict__.pop("experiments", None)
         release_free_memory()
 
-    def residual_models(self, use: str, *, whitened: bool = False) -> list[ResidualModel]:
-        """The recordings of one use, one subsystem at a time."""
-        return residual_models([e for e in self.experiments if e.recording.use == use], whiten_initial_state=whitened)
+    def residual_models(self, use: str) -> list[ResidualModel]:
+        """The recordings of one use, one subsystem at a time; the same for every stage, so that they fit one model."""
+        return residual_models([e for e in self.experiments if e.recording.use == use], whiten_initial_state=True)
 
     def provenance(self, *inputs: str) -> Provenance:
         """What made an artifact of this stage: earlier artifacts by path, and the file's own model and comparison."""

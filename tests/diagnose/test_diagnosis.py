@@ -53,7 +53,8 @@ class Diagnosed:
             diagnosis_data: Any, last: Any, step: Candidate, left: Any, place: Any, alike: Any
         ) -> tuple[Decision, Evidence]:
             assert place is places[step.effect.name]
-            assert alike == (() if place is places["a"] else (rival.effect.name,))
+            shared = () if place is places["a"] or given.get("violated") else (rival.effect.name,)
+            assert alike == shared
             self.steps.append((step.effect.name, step.reduced.effect_names, step.full.effect_names, bool(left)))
             stands = step.effect.name in standing or not (left or step.effect.name in given.get("doubted", ()))
             reason: Reason = "supported" if stands else given.get("why", "explained-by-unknown")
@@ -73,6 +74,7 @@ class Diagnosed:
         monkeypatch.setattr(
             diagnosis, "lack_of_fit", lambda diagnosis_data, model_fit: (given.get("remains", [MUCH]), [])
         )
+        monkeypatch.setattr(diagnosis, "violated_constraint", lambda *_: given.get("violated"))
         monkeypatch.setattr(diagnosis, "decide", weighed)
         monkeypatch.setattr(diagnosis, "retest_without_refused", without_refused)
         odds = np.log([1.0, 9.0])
@@ -170,18 +172,17 @@ def test_no_effect_and_no_lack_of_fit_is_adequate(monkeypatch: pytest.MonkeyPatc
 
 
 @pytest.mark.parametrize(
-    ("typical", "implausible", "verdict"),
+    ("typical", "verdict"),
     [
-        ([True, False], False, "adequate"),
-        ([True, False, False], False, "inconclusive"),  # most effects of a typical size would not have shown
-        ([True], True, "inconclusive"),  # what the recordings say does not fit together
-        ([], False, "adequate"),
+        ([True, False], "adequate"),
+        ([True, False, False], "inconclusive"),  # most effects of a typical size would not have shown
+        ([], "adequate"),
     ],
 )
 def test_too_many_undetectable_effects_are_inconclusive(
-    monkeypatch: pytest.MonkeyPatch, typical: list[bool], implausible: bool, verdict: str
+    monkeypatch: pytest.MonkeyPatch, typical: list[bool], verdict: str
 ) -> None:
-    found = Diagnosed(monkeypatch, typical=typical, implausible=implausible).of_nothing(monkeypatch)
+    found = Diagnosed(monkeypatch, typical=typical).of_nothing(monkeypatch)
     assert (found.verdict, found.missing, found.unexplained) == (verdict, (), None)
 
 
@@ -189,7 +190,27 @@ def test_too_many_undetectable_effects_are_inconclusive(
 def test_findings_precede_the_detectability(
     monkeypatch: pytest.MonkeyPatch, left: list[LackOfFit], verdict: str
 ) -> None:
-    assert Diagnosed(monkeypatch, left=left, typical=[False], implausible=True).result.verdict == verdict
+    assert Diagnosed(monkeypatch, left=left, typical=[False]).result.verdict == verdict
+
+
+@pytest.mark.parametrize("left", [[], [MUCH]])
+def test_in_recordings_that_cannot_be_true_nothing_is_looked_for(
+    monkeypatch: pytest.MonkeyPatch, left: list[LackOfFit]
+) -> None:
+    """Whatever a search would have found, and however large the residual is."""
+    monkeypatch.setattr(
+        diagnosis, "unsearched_path", lambda data, start: SelectionPath((start,), {}, (), tuple(left), ())
+    )
+    d = Diagnosed(monkeypatch, left=left, implausible=True)
+    assert (d.result.verdict, d.result.missing, d.result.unexplained) == ("inconclusive", (), None)
+    assert d.steps == []
+
+
+def test_an_equivalent_that_violates_a_constraint_is_not_listed(monkeypatch: pytest.MonkeyPatch) -> None:
+    assert Diagnosed(monkeypatch, equals=C).result.equivalents["b"] == ("c",)
+    d = Diagnosed(monkeypatch, equals=C, violated="raises-error")
+    assert d.result.equivalents["b"] == ()
+    assert "c" not in d.reasons
 
 
 def test_each_effect_that_was_decided_on_has_a_probability(monkeypatch: pytest.MonkeyPatch) -> None:

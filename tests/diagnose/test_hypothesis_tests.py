@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from pneucli.diagnose import hypothesis_tests
+from pneucli.diagnose import constraints, hypothesis_tests
 from pneucli.diagnose.adequacy import LackOfFit
 from pneucli.diagnose.data import DiagnosisData
 from pneucli.diagnose.evidence import ScoreGain
@@ -61,7 +61,7 @@ def test_a_time_shorter_than_half_a_sample_is_below_the_resolution(delay: float,
 def test_a_refuted_fault_does_not_exclude_its_equivalent(monkeypatch: pytest.MonkeyPatch):
     """A force that looks like an offset of a pressure: were the offset refused only at the end, none was named."""
     monkeypatch.setattr(
-        hypothesis_tests, "refuted_by_reading", lambda model, effect, residual_models: effect.name == "pressure-offset"
+        constraints, "refuted_by_reading", lambda model, effect, residual_models: effect.name == "pressure-offset"
     )
     assert reason("pressure-offset", ends={"offset": (16e3, False)}) == "contradicted-by-reading"
     assert reason("constant-force", ends={"force": (17.0, False)}) == "supported"

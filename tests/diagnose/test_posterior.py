@@ -48,28 +48,26 @@ def kinds(*each: Any, feels: bool = True) -> list[Any]:
 
 @pytest.fixture
 def judged(monkeypatch: pytest.MonkeyPatch) -> Any:
-    """The decision about an effect with evidence, a reading that contradicts it, and the error that the user sees."""
+    """The decision about an effect with evidence, and a hard constraint that it violates."""
 
     def reason(
         evidence: Evidence,
         *,
         unknown: bool,
-        contradicted: bool = False,
-        falls: bool = True,
+        violated: str | None = None,
         read: float | None = None,
         law: bool = False,
     ) -> str:
         place = None if read is None else Term(TRIED, ())
         monkeypatch.setattr(DiagnosisData, "exclusive_channel_costs", lambda self, model_fit, effect: [(read, 100.0)])
         monkeypatch.setattr(posterior, "collect_evidence", lambda *_, complete: evidence._replace(complete=complete))
-        monkeypatch.setattr(posterior, "refuted_by_reading", lambda model, effect, residual_models: contradicted)
+        monkeypatch.setattr(posterior, "violated_constraint", lambda *_, **__: violated)
         monkeypatch.setattr(
             posterior, "nonparametric_rival", lambda diagnosis_data, one: "a law" if law and one is place else None
         )
-        errors = [(TRIED.reduced, 10.0, 10.0), (TRIED.full, *((5.0, 5.0) if falls else (10.5, 10.5)))]
         left = [LackOfFit(ForceBalance, "force", 5.0, 5.0, ())] * unknown
         monkeypatch.setattr(posterior, "has_calibration", lambda diagnosis_data, effect: True)
-        decision, rests_on = decide(diagnosis_data(errors), TRIED.full, TRIED, left, place)
+        decision, rests_on = decide(diagnosis_data(), TRIED.full, TRIED, left, place)
         assert (decision.effect, decision.candidate) == (TRIED.effect, TRIED)
         assert rests_on == evidence._replace(complete=not unknown)
         return decision.reason
@@ -95,25 +93,10 @@ def test_an_exclusive_measurement_has_no_smooth_rival(judged: Any, unknown: bool
     assert judged(STRONG, unknown=unknown, read=200.0, law=True) == "supported"
 
 
-def test_with_a_white_residual_the_free_run_error_may_stay(judged: Any) -> None:
-    assert judged(STRONG, unknown=False, falls=False) == "supported"
-
-
-def test_with_an_unmodelled_effect_the_free_run_error_must_fall(judged: Any) -> None:
-    assert judged(STRONG, unknown=True, falls=False) == "raises-error"
-    assert judged(WEAK, unknown=True, falls=False) == "explained-by-unknown"
-
-
-def test_an_exclusive_measurement_needs_no_lower_free_run_error(judged: Any) -> None:
-    """A resting accelerometer tells its bias, whatever else makes the error of a trajectory."""
-    assert judged(STRONG, unknown=True, falls=False, read=200.0) == "supported"
-    assert judged(STRONG, unknown=True, falls=False, read=104.0) == "raises-error"
-    assert judged(WEAK, unknown=True, falls=False, read=200.0) == "explained-by-unknown"
-
-
 @pytest.mark.parametrize("unknown", [False, True])
-def test_a_refuted_effect_is_not_named_however_probable(judged: Any, unknown: bool) -> None:
-    assert judged(STRONG, unknown=unknown, contradicted=True) == "contradicted-by-reading"
+@pytest.mark.parametrize("evidence", [STRONG, WEAK])
+def test_no_probability_outweighs_a_hard_constraint(judged: Any, evidence: Evidence, unknown: bool) -> None:
+    assert judged(evidence, unknown=unknown, violated="interval-contains-null") == "interval-contains-null"
 
 
 @pytest.mark.parametrize("unseen", [True, False])
@@ -336,12 +319,14 @@ def test_a_named_effect_must_pass_without_the_refused_ones(
     there = STRONG if passes else WEAK
     monkeypatch.setattr(posterior, "collect_evidence", lambda *_, complete: there._replace(complete=complete))
     monkeypatch.setattr(posterior, "has_calibration", lambda diagnosis_data, effect: True)
-    monkeypatch.setattr(posterior, "refuted_by_reading", lambda model, effect, residual_models: False)
-    found = diagnosis_data([(neither, moved[0], moved[0]), (alone, moved[1], moved[1])])
+    rises = moved[1] > moved[0]
+    monkeypatch.setattr(posterior, "violated_constraint", lambda *_, **__: "raises-error" if rises else None)
+    found = diagnosis_data()
     left = [LackOfFit(ForceBalance, "force", 5.0, 5.0, ())]
-    weights = [(Decision(mass.effect, "supported", mass), STRONG), (Decision(offset.effect, "at-bound", offset), WEAK)]
+    refusal = "explained-by-unknown"
+    weights = [(Decision(mass.effect, "supported", mass), STRONG), (Decision(offset.effect, refusal, offset), WEAK)]
     (first, _), (second, _) = retest_without_refused(found, last, weights, left)
-    assert (first.reason, second.reason) == (named, "at-bound")
+    assert (first.reason, second.reason) == (named, refusal)
     assert retest_without_refused(found, last, weights, []) == weights  # noise alone is left
     assert retest_without_refused(found, last, weights[:1], left) == weights[:1]  # nothing is refused
     assert retest_without_refused(found, last, weights[1:], left) == weights[1:]  # nothing is named
@@ -371,7 +356,7 @@ def test_with_a_smooth_rival_the_residual_is_tested_again(
     there = STRONG if likely else WEAK
     monkeypatch.setattr(posterior, "collect_evidence", lambda *_, complete: there._replace(complete=complete))
     monkeypatch.setattr(posterior, "has_calibration", lambda diagnosis_data, effect: True)
-    monkeypatch.setattr(posterior, "refuted_by_reading", lambda model, effect, residual_models: False)
+    monkeypatch.setattr(posterior, "violated_constraint", lambda *_, **__: None)
     monkeypatch.setattr(posterior, "nonparametric_rival", lambda diagnosis_data, one: None)
     found = diagnosis_data([(neither, 10.0, 10.0), (alone, 5.0, 5.0)])
     weights = [

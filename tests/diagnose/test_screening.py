@@ -11,7 +11,7 @@ import pytest
 
 from pneucli.diagnose import screening as rounds
 from pneucli.diagnose.data import DiagnosisData
-from pneucli.physics.effects import catalogue
+from pneucli.physics.effects import catalogue, catalogue_with_sides
 from tests.diagnose.candidates import candidate, diagnosis_data, model_fit
 
 BEFORE = model_fit()
@@ -73,4 +73,23 @@ def test_refits_are_divided_among_subsystems_by_their_cost(monkeypatch: pytest.M
     kept = [e.name for e, _ in rounds.score_test_screen(diagnosis_data(), left, ranked)]  # type: ignore[arg-type]
     assert "chamber-leak" in kept
     assert kept[:5] == forces[:5]
+    assert len(kept) == rounds.MAX_REFITS
+
+
+def test_overlapping_subsystems_leave_refits_to_the_best_effect(monkeypatch: pytest.MonkeyPatch):
+    """Three subsystems share the recording that leaves nearly all; a lag of the sensors acts in all, and does more."""
+    groups = {
+        (True, True, False, False): ("valve-lag", "line-delay"),
+        (False, True, False, False): ("dead-volume", "laminar-leak"),
+        (False, True, True, False): ("pressure-scale:1", "pressure-scale:2"),
+        (True, True, True, True): ("pressure-lag",),
+    }
+    blocks = {name: np.array(group) for group, names in groups.items() for name in names}
+    effects = catalogue_with_sides()
+    ranked = [(effects[name], [signature(9000.0 if name == "pressure-lag" else 3000.0)]) for name in blocks]
+    monkeypatch.setattr(DiagnosisData, "sensitive_blocks", lambda self, effect: blocks[effect.name])
+    costs = np.array([100.0, 9700.0, 100.0, 100.0])
+    left = SimpleNamespace(train_costs=costs, costs=costs, residual_counts=np.full(4, 100))
+    kept = [e.name for e, _ in rounds.score_test_screen(diagnosis_data(), left, ranked)]  # type: ignore[arg-type]
+    assert kept[0] == "pressure-lag"
     assert len(kept) == rounds.MAX_REFITS

@@ -100,6 +100,14 @@ def test_a_chamber_is_charged_from_above() -> None:
     assert seen(recorded("valve", p1=6e5 - 5e5 * np.exp(-T), u=5 + 0 * T, p_supply=8e5 + 0 * T), vessel) == {}
 
 
+def test_the_chamber_of_a_cylinder_is_charged_from_the_stated_supply() -> None:
+    """Where no supply was recorded the stated one counts: it charges the chamber to 6 bar, and is 2 bar or 8 bar."""
+    rising = recorded("axis", p1=6e5 - 5e5 * np.exp(-T), p2=2e5 + 0 * T, x=0.1 + 0 * T, u=5 + np.sin(T))
+    cylinder = {**vars(CYLINDER)}
+    assert ("supply", "p1") in seen(rising, Rig(**{**cylinder, "supply_pressure": 2e5}))
+    assert ("supply", "p1") not in seen(rising, Rig(**{**cylinder, "supply_pressure": 8e5}))
+
+
 def test_surroundings_are_those_of_a_laboratory() -> None:
     one = recorded(p1=SLOW)
     assert ("rig", "p1") in seen(one, Rig(ambient_pressure=1013e5))

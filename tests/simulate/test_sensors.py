@@ -90,6 +90,40 @@ def test_at_a_restart_the_sensors_read_what_was_measured() -> None:
     assert out[e.restarts, at.R1] == pytest.approx(TRUE[e.restarts], abs=1e-3 * 5e4)
 
 
+def chambers(readings: np.ndarray | float, restarts: list[int]):
+    """Chambers under known motion and commands, restarted from readings of both pressures."""
+    u = held_commands(TIME, (0.0, 2.0, -2.0, 1.0), 0.25)
+    signals = {"u": u, "u2": -u, "x": 0.1, "p1": readings, "p2": readings}
+    e = make_experiment("axis", TIME, signals, chamber_2="valve", restarts=restarts)
+    e.flags[at.MECHANICS] = 0.0
+    return e
+
+
+@pytest.mark.parametrize("name", ["none", *SENSORS, "all"])
+def test_no_model_uses_a_pressure_that_is_read_after_its_restart(name: str) -> None:
+    """With a delay, a lag or neither, the prediction from 0.4 s on rests on readings up to 0.4 s."""
+    values = {"none": {}, "all": ALL}.get(name, SENSORS.get(name, {}))
+    readings = 3e5 + 5e4 * np.sin(4 * np.pi * TIME)
+    other = np.where(TIME[400] < TIME, readings + 1e5, readings)
+    one, another = (
+        run(model(sorted({k.partition(".")[0] for k in values}), values), chambers(r, [0, 200, 400]))
+        for r in (readings, other)
+    )
+    assert np.array_equal(one, another)
+
+
+@pytest.mark.parametrize("name", ["pressure-lag", "time-skew"])
+def test_a_true_lag_of_the_sensors_costs_nothing_at_restarts(name: str) -> None:
+    """Readings of late sensors, predicted anew every 0.1 s by the model that made them, and by one without the lag."""
+    late = model([name], SENSORS[name])
+    measured = run(late, chambers(3e5, [0]))[:, at.R1 : at.R2 + 1]
+    again = chambers(measured[:, 0], list(range(0, TIME.size, 100)))
+    again.inputs[:, at.IN_P2] = measured[:, 1]
+    right, wrong = (np.abs(run(one, again)[:, at.R1] - measured[:, 0]).max() for one in (late, model()))
+    assert right < 0.01 * wrong
+    assert wrong > 5e3
+
+
 def test_a_biased_accelerometer_adds_its_bias_at_rest_and_in_motion() -> None:
     force = np.where(TIME < 0.2, 0.0, 40.0)
     plain = run(model(), make_experiment("friction", TIME, {"force": force}))

@@ -10,6 +10,7 @@ from typing import Any, get_args
 
 import pytest
 
+from pneucli import messages
 from pneucli.config import load
 from pneucli.diagnose.adequacy import LackOfFit
 from pneucli.diagnose.candidate import Reason
@@ -21,20 +22,21 @@ from pneucli.physics.effects import catalogue_with_sides
 from pneucli.pipeline.context import Context
 from pneucli.stages import diagnose, ingest
 from pneucli.stages.diagnosis_answer import verdict_answer
-from tests.stages.chain import known_as_declared
+from tests.plausibility.faulty_data_sets import SETS
+from tests.stages.chain import known_as_declared, run_stages
 
 Diagnosed = tuple[Path, dict[str, Any]]
 
 FIXTURES = Path(__file__).parents[2] / "fixtures"
 
 
-def diagnosed(pipeline: Path, out: Path, *exclude: str) -> dict[str, Any]:
+def diagnosed(pipeline: Path, out: Path, *exclude: str, **options: Any) -> dict[str, Any]:
     """Ingest and diagnose, as the runner does it."""
     config = load(pipeline)
     answers: dict[str, dict[str, Any]] = {}
     for name, stage in (("ingest", ingest), ("diagnose", diagnose)):
         (out / name).mkdir(parents=True)
-        context = Context(pipeline, config, out / name, out, answers=answers, options={"exclude": exclude})
+        context = Context(pipeline, config, out / name, out, answers=answers, options={"exclude": exclude, **options})
         answers[name] = stage.run(context)
     return answers["diagnose"]
 
@@ -115,21 +117,54 @@ def test_what_the_parameters_leave_open_is_said_and_what_to_record() -> None:
     assert "record such commands or speeds" in said
 
 
-@pytest.mark.parametrize(
-    ("typical", "words"),
-    [
-        ([False, False, True], "2 of 3 effects are undetectable at a typical size"),
-        ([True, True, False], "the recordings contradict each other or the stated rig"),
-    ],
-)
-def test_where_nothing_can_be_said_it_is_told_why(typical: list[bool], words: str) -> None:
+def test_where_most_effects_are_undetectable_it_is_said() -> None:
     last = SimpleNamespace(model=SimpleNamespace(effects=()))
     found: Any = SimpleNamespace(
         verdict="inconclusive", missing=(), path=SimpleNamespace(last=last),
-        detectable=[SimpleNamespace(typical=t) for t in typical],
+        detectable=[SimpleNamespace(typical=t) for t in (False, False, True)],
     )  # fmt: skip
     sentence = verdict_answer(found, [{"train": 1.1, "test": None}], None)
-    assert sentence == f"No statement is possible: {words} (error 1.1 times the noise)."
+    assert sentence == (
+        "No statement is possible: 2 of 3 effects are undetectable at a typical size (error 1.1 times the noise)."
+    )
+
+
+@pytest.mark.parametrize(
+    ("name", "words"),
+    [
+        ("friction, s declared as ms", "faster than any piston"),
+        ("valve, p_supply a tenth", "p_supply is 1.61 bar, and 7 bar are stated"),
+        ("valve, u another signal", "has nothing to do with u"),
+    ],
+)
+def test_no_verdict_is_given_on_recordings_that_cannot_be_true(name: str, words: str, tmp_path: Path) -> None:
+    """The finding comes first, nothing is named or suggested; with --force it is looked for all the same."""
+    pipeline = SETS[name].make(noise=True).write(tmp_path)
+    answer = diagnosed(pipeline, tmp_path / "out")
+    assert (answer["verdict"], answer["missing"], answer["unexplained"]) == ("inconclusive", [], None)
+    assert words in answer["sentence"]
+    assert answer["sentence"].endswith("Such recordings cannot be true: no effect was looked for.")
+    text = messages.render("diagnose", answer, "a.toml", verbose=False)
+    assert "pneucli diagnose a.toml --force" in text
+    assert "--suggested" not in text
+
+
+def test_compare_and_diagnose_state_the_same_error_of_a_model(tmp_path: Path) -> None:
+    """Recordings with a wrong supply, so that fits of different costs end at different models."""
+    pipeline = SETS["valve, p_supply a tenth"].make(noise=True).write(tmp_path)
+    given = diagnosed(pipeline, tmp_path / "diagnosed")["ladder"][0]
+    error = run_stages(pipeline, tmp_path / "compared")["compare"]["error"]
+    assert given["error_train"] == pytest.approx(error["train"], rel=1e-9)
+    assert given["error_test"] == (None if error["test"] is None else pytest.approx(error["test"], rel=1e-9))
+
+
+def test_an_answer_on_impossible_recordings_can_be_forced(tmp_path: Path) -> None:
+    pipeline = SETS["valve, p_supply a tenth"].make(noise=True).write(tmp_path)
+    answer = diagnosed(pipeline, tmp_path / "out", force=True)
+    assert answer["forced"]
+    assert answer["impossible"] == []
+    assert answer["plausibility"]
+    assert answer["verdict"] != "inconclusive"
 
 
 def test_the_ladder_falls_to_the_noise_floor(hysteresis: Diagnosed) -> None:

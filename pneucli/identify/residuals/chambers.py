@@ -39,9 +39,7 @@ PLAY_WIDTHS = (0.02, 0.06, 0.18)  # of the range of openings: half widths of a p
 class ChamberPressures(ResidualModel):
     """Gas and valve.
 
-    ``whiten_initial_state`` whitens the residuals for the errors of the initial states, which costs that are compared
-    need. Where the model is wrong, the plain sum of squares is the better guide, since it is the error that the user
-    sees.
+    ``whiten_initial_state`` whitens the residuals for the errors of the initial states, as every stage does.
     """
 
     whiten_initial_state: bool = False
@@ -127,7 +125,7 @@ class ChamberPressures(ResidualModel):
         return np.concatenate([log_determinant(errors[c], starts) if c in errors else none for c in self.channels])
 
     @cached_property
-    def _initial_state_errors(self) -> dict[str, tuple[float, float]]:
+    def _initial_state_errors(self) -> dict[str, float]:
         return initial_state_errors(self.experiment)
 
 

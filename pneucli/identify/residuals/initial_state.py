@@ -1,7 +1,7 @@
 """Errors of a simulation's initial state, and the whitening of residuals for them.
 
-Each segment between restarts starts from the smoothed pressure, with the sensor's lag removed. Its error persists for
-as long as no gas flows. Pressures without a smoother (recordings of few samples) are taken as exact.
+Each segment between restarts starts from the smoothed pressure, whatever the model. Its error persists for as long as
+no gas flows. Pressures without a smoother (recordings of few samples) are taken as exact.
 """
 
 from __future__ import annotations
@@ -24,14 +24,14 @@ SMOOTHING_BIAS_FACTOR = 1.4  # times the noise left after smoothing: sqrt(2), si
 PRESSURE_PERTURBATION = 2e-4  # of the highest pressure, for forward differences
 
 
-def initial_state_errors(experiment: Experiment) -> dict[str, tuple[float, float]]:
-    """Estimate the standard deviations of initial pressures and of their rates.
+def initial_state_errors(experiment: Experiment) -> dict[str, float]:
+    """Estimate the standard deviations of initial pressures.
 
     Args:
         experiment: The experiment with its smoothers and noise.
 
     Returns:
-        By pressure, the standard deviation in Pa and that of the rate in Pa/s.
+        By pressure, the standard deviation in Pa.
 
     """
     e, rng = experiment, np.random.default_rng(0)
@@ -39,22 +39,16 @@ def initial_state_errors(experiment: Experiment) -> dict[str, tuple[float, float
         input_errors(e.draw_noise(rng), e.smoothers, e.motion_smoother, e.time) for _ in range(NOISE_DRAWS)
     ]
     values = np.array([d[e.restarts] for d in errors_of_inputs])
-    rates = np.array([np.gradient(d, e.time, axis=0)[e.restarts] for d in errors_of_inputs])
-    return {
-        n: (SMOOTHING_BIAS_FACTOR * float(np.std(values[..., c])), float(np.std(rates[..., c])))
-        for n, c in PRESSURE_COLUMNS.items()
-    }
+    return {n: SMOOTHING_BIAS_FACTOR * float(np.std(values[..., c])) for n, c in PRESSURE_COLUMNS.items()}
 
 
-def initial_state_sensitivity(
-    model: Model, experiment: Experiment, errors: dict[str, tuple[float, float]]
-) -> dict[str, Array]:
+def initial_state_sensitivity(model: Model, experiment: Experiment, errors: dict[str, float]) -> dict[str, Array]:
     """Compute the effect of initial-state errors on the pressure readings.
 
     Args:
         model: The model.
         experiment: The experiment.
-        errors: Standard deviations of :func:`initial_state_errors`; with a sensor lag the rate contributes.
+        errors: Standard deviations of :func:`initial_state_errors`.
 
     Returns:
         By pressure, shape (1, n), in units of the sensor's noise.
@@ -62,13 +56,10 @@ def initial_state_sensitivity(
     """
     perturbed, e, out = experiment.inputs.copy(), experiment, {}
     perturbation = PRESSURE_PERTURBATION * float(perturbed[:, list(PRESSURE_COLUMNS.values())].max())
-    perturbed[:, list(PRESSURE_COLUMNS.values())] += (
-        perturbation  # at all samples: with a delay, later readings enter the initial state
-    )
+    perturbed[:, list(PRESSURE_COLUMNS.values())] += perturbation
     nominal, shifted = simulate(model, e), simulate(model, e, perturbed)
     for channel in (c for c in PRESSURE_COLUMNS if c in e.smoothers and c in e.channels and e.noise[c].rms):
-        value, rate = errors[channel]
-        error = float(np.hypot(value, model.sum_of_port("sensor_lag") * rate)) / e.noise[channel].rms
+        error = errors[channel] / e.noise[channel].rms
         out[channel] = error * (shifted[channel] - nominal[channel])[None] / perturbation
     return out
 

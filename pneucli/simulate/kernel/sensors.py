@@ -37,6 +37,13 @@ def undo_delay(time, inputs, column, delay, true, chamber):
             true[k, chamber] += (time[k] + delay - time[j]) * slope
 
 
+def unread(readings, base, th, on):
+    """Replace steady readings (n, 2) of p1 and p2 by the pressures that they stand for, in place."""
+    for k in range(readings.shape[0]):
+        readings[k, 0] = unread_p1(readings[k, 0], base[AMBIENT], th, on)
+        readings[k, 1] = unread_p2(readings[k, 1], base[AMBIENT], th, on)
+
+
 def true_pressures(time, inputs, lag, base, th, on):
     """Return the pressures (n, 2) in Pa whose readings are the measured (smoothed) ones; ``lag`` in s."""
     true, delay = inputs[:, IN_P1 : IN_P2 + 1].copy(), sensor_delay(th, on)
@@ -45,21 +52,35 @@ def true_pressures(time, inputs, lag, base, th, on):
             undo_lag(time, inputs, IN_P1 + chamber, lag, true, chamber)
         if delay > 0.0:
             undo_delay(time, inputs, IN_P1 + chamber, delay, true, chamber)
-    for k in range(time.size):
-        true[k, 0] = unread_p1(true[k, 0], base[AMBIENT], th, on)
-        true[k, 1] = unread_p2(true[k, 1], base[AMBIENT], th, on)
+    unread(true, base, th, on)
     return true
 
 
-def past_pressure(time, measured, simulated, first, k, t):
-    """Return a pressure at an earlier time t: simulated since the restart at sample ``first``, measured before."""
+def add_unread_change(first_pass, restarts, base, th, on, true):
+    """Add to the pressures ``true`` at each restart what the model's sensors do not show there yet, in place.
+
+    ``first_pass`` (n, 10) is the output of a model that has forgotten its own start. Before a restart its pressures
+    are taken, shifted to that restart's.
+    """
+    shown, before = first_pass[:, R1 : R2 + 1].copy(), 0
+    unread(shown, base, th, on)
+    for k in restarts:
+        for chamber in range(2):
+            shift = true[k, chamber] - shown[k, chamber]
+            for j in range(before, k + 1):
+                true[j, chamber] = first_pass[j, P1 + chamber] + shift
+        before = k + 1
+
+
+def past_pressure(time, before, simulated, first, k, t):
+    """Return a pressure at an earlier time t: simulated since the restart at sample ``first``, ``before`` before."""
     j = k
     while j > 0 and time[j] > t:
         j -= 1
-    a = simulated[j] if j >= first else measured[j]
+    a = simulated[j] if j >= first else before[j]
     if j == k:
         return a
-    b = simulated[j + 1] if j + 1 >= first else measured[j + 1]
+    b = simulated[j + 1] if j + 1 >= first else before[j + 1]
     return a + (b - a) * (t - time[j]) / (time[j + 1] - time[j])
 
 

@@ -1,0 +1,164 @@
+"""Hard constraints: an effect that violates one is neither named nor suggested, however probable it is.
+
+Each constraint has one reason. They hold in the model with all effects that are to be named: an estimate says little
+while another effect is missing.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from pneucli.diagnose.candidate import Candidate, Reason
+from pneucli.diagnose.data import DiagnosisData
+from pneucli.diagnose.evidence import score_gain
+from pneucli.diagnose.free_run_error import held_out_error
+from pneucli.diagnose.validity import below_resolution, end_locations, has_unmeasured_force, refuted_by_reading
+from pneucli.identify.estimation.fit import Fit, fit
+from pneucli.identify.estimation.intervals import with_intervals
+from pneucli.identify.estimation.model_fit import free_parameters
+from pneucli.identify.estimation.parameters import absent_value
+from pneucli.identify.residuals import ResidualModel
+from pneucli.physics.declaration import Effect, Parameter
+
+MIN_ERROR_RISE = 1.005  # ratio of free-run errors: the smallest that three digits show
+HORIZON_FACTOR = 2.0  # of the second horizon, at which a time is estimated again
+MAX_HORIZON_SHIFT = 0.2  # of a time, by which the second horizon may change it; and no more than its interval
+
+Violation = tuple[bool, Reason]
+
+
+def violations_of_estimate(data: DiagnosisData, candidate: Candidate) -> list[Violation]:
+    """Return the constraints on the fitted values themselves, in the order in which they count."""
+    ends = end_locations(candidate)
+    return [
+        (bool(ends) and set(ends) == {"null"}, "vanishes"),
+        ("bound" in ends, "at-bound"),
+        (below_resolution(data.train, candidate), "below-resolution"),
+        (refuted_by_reading(candidate.full.model, candidate.effect, data.train), "contradicted-by-reading"),
+    ]
+
+
+def violated_constraint(
+    data: DiagnosisData, candidate: Candidate, *, measured_exclusively: bool = False
+) -> Reason | None:
+    """Return the reason why an effect must not be named; None where it may be.
+
+    Args:
+        data: The data of the diagnosis.
+        candidate: The step to the model with all effects, from the same one without this effect.
+        measured_exclusively: Whether channels of its own measure the effect. Another missing effect may have
+            compensated for it, so the free-run error may rise.
+
+    Returns:
+        The reason of the first violated constraint.
+    """
+    return next(
+        (reason for fails, reason in _violations(data, candidate, measured_exclusively=measured_exclusively) if fails),
+        None,
+    )
+
+
+def _violations(data: DiagnosisData, candidate: Candidate, *, measured_exclusively: bool) -> Iterator[Violation]:
+    """Yield each constraint with its reason, the cheap ones first."""
+    effect = candidate.effect
+    yield has_unmeasured_force(data.train, effect), "cannot-show"
+    yield from violations_of_estimate(data, candidate)
+    if has_null(candidate.full.fit, effect):
+        fitted = with_intervals(candidate.full.fit, data.train)
+        yield interval_contains_null(fitted, effect), "interval-contains-null"
+    else:
+        yield not score_gain(candidate.reduced.costs, candidate.full.costs).significant, "not-significant"
+        fitted = candidate.full.fit
+    yield not measured_exclusively and raises_held_out_error(data, candidate), "raises-error"
+    yield varies_with_horizon(fitted, effect, data.train), "varies-with-horizon"
+
+
+def _parameters_with_null(fitted: Fit, effect: Effect) -> list[tuple[str, Parameter]]:
+    """Return the fitted parameters of an effect that have a null in this model, by their full names."""
+    names = {e.name for e in fitted.estimates}
+    parameters = effect.in_model_with(fitted.model.effects).parameters
+    return [(name, p) for p in parameters if p.null is not None and (name := f"{effect.name}.{p.name}") in names]
+
+
+def has_null(fitted: Fit, effect: Effect) -> bool:
+    """Whether values of its parameters make an effect absent; otherwise it is judged on against off."""
+    return bool(_parameters_with_null(fitted, effect))
+
+
+def interval_contains_null(fitted: Fit, effect: Effect) -> bool:
+    """Whether the interval of every parameter contains the value at which the effect is absent.
+
+    An infinite null is replaced by the upper bound. Where the null is another fitted parameter, the interval is that of
+    their difference.
+    """
+    upper = {f.name: f.upper for f in fitted.free}
+    for name, parameter in _parameters_with_null(fitted, effect):
+        absent = absent_value(parameter, fitted.model, upper[name])
+        assert absent is not None
+        low, high = fitted[name].ci95
+        if isinstance(parameter.null, str) and parameter.null in upper:
+            half_width = 0.5 * (high - low) * _relative_difference_error(fitted, name, parameter.null)
+            low, high = fitted[name].value - half_width, fitted[name].value + half_width
+        if not low <= absent <= high:
+            return False
+    return True
+
+
+def _relative_difference_error(fitted: Fit, name: str, other: str) -> float:
+    """Return the standard error of the difference of two parameters over that of the first."""
+    names = [f.name for f in fitted.free]
+    i, j = names.index(name), names.index(other)
+    contrast = np.zeros(len(names))
+    contrast[i] = fitted.free[i].derivative(fitted[name].value)
+    own = abs(contrast[i]) * np.sqrt(max(fitted.covariance[i, i], 0.0))
+    contrast[j] = -fitted.free[j].derivative(fitted[other].value)
+    variance = max(float(contrast @ fitted.covariance @ contrast), 0.0)
+    return float(np.sqrt(variance) / own) if own > 0.0 else 1.0
+
+
+def raises_held_out_error(data: DiagnosisData, candidate: Candidate) -> bool:
+    """Whether the free-run error on held-out recordings is larger with the effect than without it.
+
+    It is that of the fitted recordings where none is held out.
+    """
+    if data.free_run_errors is None:
+        return False
+    before, after = (held_out_error(data.free_run_errors(one.model)) for one in (candidate.reduced, candidate.full))
+    return before is not None and after is not None and after > MIN_ERROR_RISE * before
+
+
+def varies_with_horizon(fitted: Fit, effect: Effect, residual_models: Sequence[ResidualModel]) -> bool:
+    """Whether a delay or time constant changes by more than its interval where the horizon is doubled.
+
+    A delay of the rig does not depend on how often the model restarts. A time that only shortens what is predicted
+    grows with the horizon.
+
+    Args:
+        fitted: The fit with the effect and its intervals.
+        effect: The effect; only one whose parameters are all times with a null of 0 s can vary.
+        residual_models: The residual models of the fit.
+    """
+    if any((p.unit, p.null) != ("s", 0.0) for p in effect.parameters):
+        return False
+    doubled = [with_longer_horizon(one, HORIZON_FACTOR) for one in residual_models]
+    if all(new is old for new, old in zip(doubled, residual_models, strict=True)):
+        return False
+    again = fit(fitted.model, doubled, free_parameters(fitted.model, doubled))
+    for name in (f"{effect.name}.{p.name}" for p in effect.parameters):
+        before, low, high = fitted[name].value, *fitted[name].ci95
+        shift = abs(again[name].value - before)
+        if shift > MAX_HORIZON_SHIFT * abs(before) and shift > 0.5 * (high - low):
+            return True
+    return False
+
+
+def with_longer_horizon(residual_model: ResidualModel, factor: float) -> ResidualModel:
+    """Return a residual model restarted less often; the same one where it is not simulated or never restarted."""
+    e = residual_model.experiment
+    if not residual_model.is_simulated or e.restarts.size < 2:
+        return residual_model
+    horizon = float(np.median(np.diff(e.time[e.restarts])))
+    return replace(residual_model, experiment=e.with_restarts(factor * horizon))
