@@ -74,12 +74,16 @@ class Truth:
         return np.asarray(area * (np.maximum(opening - overlap, 0.0) / (full - overlap)) ** exponent)
 
 
-def rows(folder: Path, kind: str, condition: str, seed: int) -> Iterator[tuple[int, str, list[float]]]:
+def rows(
+    folder: Path, kind: str, condition: str, seed: int, *, is_small: bool = False
+) -> Iterator[tuple[int, str, list[float]]]:
     """Yield chamber, what the map is, and the figures, of each chamber of a case."""
     truth = generate_case(folder, kind, (), "", 1.0, seed, parse(condition))
     path = folder / "pipeline.toml"
     if kind == "axis":
         path.write_text(_without_vessel(path.read_text()))
+    if is_small:
+        small.shorten(path)
     seen = ingest.run(Context(path, load(path), folder / "ingest", folder))
     answer = identify.run(Context(path, load(path), folder / "identify", folder, answers={"ingest": seen}))
     true = Truth(truth["base"], tomllib.loads(path.read_text())["rig"])  # type: ignore[arg-type]
@@ -130,7 +134,7 @@ def main(arguments: list[str]) -> None:
         found: dict[tuple[int, str], list[list[float]]] = {}
         for seed in seeds:
             with tempfile.TemporaryDirectory() as folder:
-                for chamber, what, figures in rows(Path(folder) / "case", kind, condition, seed):
+                for chamber, what, figures in rows(Path(folder) / "case", kind, condition, seed, is_small=is_small):
                     found.setdefault((chamber, what), []).append(figures)
         for (chamber, what), figures in found.items():
             means = [f"{100 * x:.3g} %" for x in np.nanmean(figures, axis=0)]

@@ -65,8 +65,7 @@ def main(arguments: list[str]) -> None:
     for path in [SMALL_PIPELINE] if small else [Path(one) for one in arguments] or [Path("pipelines/demo.toml")]:
         with tempfile.TemporaryDirectory() as name:
             for out in ("timed", "profiled"):
-                command = [sys.executable, "-m", "pneucli", "ingest", str(path), "--out", f"{name}/{out}", "--quiet"]
-                subprocess.run(command, check=True, stdout=subprocess.DEVNULL)
+                open_pipeline_of(path, Path(name) / out).update(["ingest"])
             spent.append(seconds(path, Path(name) / "timed"))
             parts = shares(path, Path(name) / "profiled")
         told = ", ".join(f"{phase} {100 * share:.0f} %" for phase, share in parts.items() if share > 0.005)

@@ -76,7 +76,8 @@ class Exported:
     def __init__(self, folder: Path) -> None:
         library = folder / "controller.so"
         source = folder / "pneucli_controller.c"
-        subprocess.run(["gcc", "-O2", "-std=c99", "-shared", "-fPIC", source, "-o", library, "-lm"], check=True)
+        if not library.exists() or library.stat().st_mtime_ns <= source.stat().st_mtime_ns:
+            subprocess.run(["gcc", "-O2", "-std=c99", "-shared", "-fPIC", source, "-o", library, "-lm"], check=True)
         self._library = ctypes.CDLL(str(library))
         self._state = ctypes.create_string_buffer(1 << 16)
         self._step = self._library.pneucli_controller_step

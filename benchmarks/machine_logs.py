@@ -47,6 +47,7 @@ def main_small() -> None:
     with tempfile.TemporaryDirectory() as place:
         folder = Path(place)
         generate_case(folder, "axis", (), "", 1.0, 1, CONDITIONS)
+        small.shorten(folder / "pipeline.toml")
         case = prepare_case("rig", "axis", (), "", 1.0, 1, CONDITIONS)
         export = small.exported(folder / "out", case.laboratory)
         write_logs(folder, export, case, case.laboratory.parameters, "unknown", LOGS[-1:])

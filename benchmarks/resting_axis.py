@@ -80,7 +80,10 @@ def main(arguments: list[str]) -> None:
         (folder / "large.toml").write_text(PIPELINE)
         (folder / "out").mkdir()
         works = {"pyarrow": plain, "polars": with_polars, "ingest": ours}
-        runs = [{label: measure(work, folder) for label, work in works.items()} for _ in range(1 if is_small else 2)]
+        runs = [
+            {label: measure(work, folder, apart=not is_small) for label, work in works.items()}
+            for _ in range(1 if is_small else 2)
+        ]
     for label in works:
         seconds, memory = (min(run[label][part] for run in runs) for part in (0, 1))
         ratio = seconds / min(run["pyarrow"][0] for run in runs)

@@ -16,7 +16,6 @@ from functools import cache
 from typing import Any
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
 from pneucli.caches import cache_folder, compiled
@@ -25,6 +24,7 @@ from pneucli.controller.laws import LAWS
 from pneucli.controller.laws.base import callees_first
 from pneucli.controller.parameters import Controller
 from pneucli.exam.hidden_effects import BY_NAME
+from pneucli.exam.rig import kernel, parameters, simulation
 from pneucli.exam.rig.kernel import MAX_STEP, P1, P2, PS, T1, T2, XL, X
 from pneucli.exam.rig.parameters import FIVE_THREE, TWO_VALVES, Parameters
 from pneucli.exam.rig.simulation import empty_delay_line, limit_opening, step_rig
@@ -69,13 +69,9 @@ def _map(par: Parameters, largest: float, overlap: float, exponent: float) -> Va
 
 
 @cache
-def compiled_step(law: str) -> Any:
-    """Return a law's sample as numba compiles it; a module in the cache holds its text, so that it is compiled once."""
-    functions = callees_first(LAWS[law].step)
-    names = {**vars(layout), **LAWS[law].constants, **{n: v for n, v in vars(gas).items() if isinstance(v, float)}}
-    values = [f"{name} = {value!r}" for name, value in names.items() if isinstance(value, int | float)]
-    sources = [f"@njit(cache=True, nogil=True)\n{inspect.getsource(function)}" for function in functions]
-    text = "\n".join(["import math", "from numba import njit", *values, *sources])
+def compiled_loop(law: str) -> Any:
+    """Return :func:`_loop` with a law's sample, compiled; a module in the cache holds both, to be compiled once."""
+    text = _loop_source(law)
     name = f"benchmark_{law.replace('-', '_')}_{hashlib.sha256(text.encode()).hexdigest()[:24]}"
     path = cache_folder() / f"{name}.py"
     if not path.is_file():
@@ -85,7 +81,29 @@ def compiled_step(law: str) -> Any:
     assert spec.loader is not None
     module = sys.modules[name] = importlib.util.module_from_spec(spec)  # where what numba kept looks for it
     spec.loader.exec_module(module)
-    return getattr(module, LAWS[law].step.__name__)
+    return module._loop
+
+
+def _loop_source(law: str) -> str:
+    functions = callees_first(LAWS[law].step)
+    names = {**vars(layout), **LAWS[law].constants, **{n: v for n, v in vars(gas).items() if isinstance(v, float)}}
+    values = [f"{name} = {value!r}" for name, value in names.items() if isinstance(value, int | float)]
+    rig = "".join(inspect.getsource(module) for module in (kernel, parameters, simulation))  # numba sees no edit there
+    imports = [
+        "import math",
+        "import numpy as np",
+        "from numba import njit",
+        "from benchmarks.rigs import read",
+        f"from {kernel.__name__} import MAX_STEP, P1, P2, PS, T1, T2, XL, X",
+        f"from {parameters.__name__} import TWO_VALVES",
+        f"from {simulation.__name__} import empty_delay_line, limit_opening, step_rig",
+    ]
+    compiled_functions: list[Any] = [*functions, _loop]
+    sources = [f"@njit(cache=True, nogil=True)\n{inspect.getsource(one)}" for one in compiled_functions]
+    renamed = f"step = {LAWS[law].step.__name__}"
+    return "\n".join(
+        [f"# {hashlib.sha256(rig.encode()).hexdigest()}", *imports, *values, *sources[:-1], renamed, sources[-1]]
+    )
 
 
 @dataclass(frozen=True)
@@ -115,8 +133,7 @@ def read(par: Parameters, s: Array, lagged: Array, skewed: Array, row: int, h: f
     )
 
 
-@njit(nogil=True)
-def _loop(step, par, pushed, c, cs, every, period, reference, load, noise, quantum, is_open, start, out):  # type: ignore[no-untyped-def]
+def _loop(par, pushed, c, cs, every, period, reference, load, noise, quantum, is_open, start, out):  # type: ignore[no-untyped-def]
     s, o, work, rest, air = np.zeros(10), np.zeros(2), np.zeros((3, 10)), 1.0, 0.0
     spools, line = np.zeros(6), empty_delay_line(par, MAX_STEP)
     s[X], s[P1], s[P2] = start[0], start[1], start[2]
@@ -130,7 +147,7 @@ def _loop(step, par, pushed, c, cs, every, period, reference, load, noise, quant
         seen = s[X]
         if quantum > 0.0:
             seen = quantum * math.floor(seen / quantum + 0.5)
-        step(reference[k], seen, p1 + noise[k, 0], p2 + noise[k, 1], cs, c)
+        step(reference[k], seen, p1 + noise[k, 0], p2 + noise[k, 1], cs, c)  # type: ignore[name-defined]  # noqa: F821 - see compiled_loop
         out[k, 1] = cs[1]
         out[k, 2:] = cs
         o[0] = limit_opening(par, par.command_sign * (cs[1] - par.command_null))
@@ -155,8 +172,8 @@ def driven(
     states = np.zeros(layout.FIRST_LAW_STATE + layout.MAX_LAW_STATES)
     out = np.zeros((reference.size, 2 + states.size))
     noises = noise * np.random.default_rng(seed).standard_normal((reference.size, 2))
-    air = _loop(
-        compiled_step(controller.law), par, pushed, controller.vector(), states, round(controller.period / MAX_STEP),
+    air = compiled_loop(controller.law)(
+        par, pushed, controller.vector(), states, round(controller.period / MAX_STEP),
         controller.period, reference, load, noises, quantum, int(is_open), np.array([x, p1, p2]), out,
     )  # fmt: skip
     return Trace(out[:, 0], out[:, 1], air, out[:, 2:])

@@ -35,9 +35,9 @@ def valve_tests(folder: Path, count: int) -> Path:
     return folder / "pipeline.toml"
 
 
-def with_images(folder: Path, *, image: bool) -> Path:
-    """Write FILES step responses as HDF5, an image in each; return the pipeline file."""
-    path = valve_tests(folder, FILES)
+def with_images(folder: Path, *, image: bool, count: int = FILES) -> Path:
+    """Write so many step responses as HDF5, an image in each; return the pipeline file."""
+    path = valve_tests(folder, count)
     for raw in sorted((folder / "raw").glob("*.csv")):
         lines = [line for line in raw.read_text().splitlines() if not line.startswith("#")]
         names, values = lines[0].split(","), np.loadtxt(lines[1:], delimiter=",")
@@ -51,18 +51,19 @@ def with_images(folder: Path, *, image: bool) -> Path:
 
 
 def main(arguments: list[str]) -> None:
-    """Make the files and run the stages; ``--small``: ingest of two recordings."""
+    """Make the files and run the stages; ``--small``: ingest of the HDF5 files without an image."""
     is_small = "--small" in arguments
-    for count in (2,) if is_small else [int(count) for count in arguments] or COUNTS:
+    for count in () if is_small else [int(count) for count in arguments] or COUNTS:
         with tempfile.TemporaryDirectory() as name:
             path = valve_tests(Path(name), count)
-            for stage in STAGES[:1] if is_small else STAGES:
+            for stage in STAGES:
                 print(f"{count} recordings, {stage:9} {measured(stage, path)}", flush=True)
     for image in (False,) if is_small else (True, False):
         with tempfile.TemporaryDirectory() as name:
-            path = with_images(Path(name), image=image)
+            count = 2 if is_small else FILES
+            path = with_images(Path(name), image=image, count=count)
             size = sum(raw.stat().st_size for raw in path.parent.glob("raw/*.h5")) / 1e6
-            print(f"{FILES} HDF5 files, {size:.0f} MB, ingest {measured('ingest', path)}", flush=True)
+            print(f"{count} HDF5 files, {size:.0f} MB, ingest {measured('ingest', path)}", flush=True)
 
 
 if __name__ == "__main__":

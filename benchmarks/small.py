@@ -7,8 +7,10 @@ is replaced by the exact model of the exam's rig.
 from __future__ import annotations
 
 from pathlib import Path
+from typing import Any
 
 import numpy as np
+import tomlkit
 
 from benchmarks.rigs import model_of
 from pneucli.closed_loop.simulation import ClosedLoopSetup
@@ -19,17 +21,32 @@ from pneucli.exam.cases import generate_case, prepare_case, seal
 from pneucli.exam.conditions import parse
 from pneucli.exam.laboratory import Laboratory
 from pneucli.exam.rig.parameters import ONE_CHAMBER
+from pneucli.export import c_source
 from pneucli.export.export_files import write_c
 from pneucli.simulate.model import Model
 
 SMALL = "--small"
 CONTROLLERS = "design/controllers"
+KEPT = ("step_+1.0V", "step_+3.5V", "step_+10.0V")  # of a test of a valve
 
 
 def exam(folder: Path) -> Path:
     """Write an exam of one valve test with a lag of the spool; return its folder."""
     seal(folder, "case-001.json", generate_case(folder / "case-001", "valve", ("valve-lag",), "", 1.0, 2))
+    shorten(folder / "case-001" / "pipeline.toml")
     return folder
+
+
+def shorten(path: Path) -> None:
+    """Leave few valve tests in a pipeline file, one of them held out."""
+    document = tomlkit.parse(path.read_text(encoding="utf-8"))
+    recordings: Any = document["recordings"]
+    kept = tomlkit.aot()
+    for table in recordings:
+        if table["experiment"] != "valve" or table["name"] in KEPT:
+            kept.append(table)
+    document["recordings"] = kept
+    path.write_text(tomlkit.dumps(document), encoding="utf-8")
 
 
 def laboratory(condition: str = "usual") -> Laboratory:
@@ -50,11 +67,19 @@ def design(rig: Laboratory) -> tuple[Controller, Model, ClosedLoopSetup]:
     return design_cascade(model, requirements, p2), model, setup
 
 
-def exported(out: Path, rig: Laboratory, precision: str = "float64") -> Path:
-    """Design for a rig; write controller and C as ``pneucli export --out OUT`` does; return the folder of the C."""
+def exported(out: Path, rig: Laboratory, precision: str = "float64", *, replay: bool = False) -> Path:
+    """Design for a rig; write controller and C as ``pneucli export --out OUT`` does; return the folder of the C.
+
+    The replay of a minute, which takes longest, only where it is asked for.
+    """
     controller, model, setup = design(rig)
     (out / CONTROLLERS).mkdir(parents=True, exist_ok=True)
     (out / CONTROLLERS / "best.json").write_text(controller.to_json(), encoding="utf-8")
     (out / "export").mkdir(exist_ok=True)
-    write_c(out / "export", controller, model, setup, "small", precision)
+    if replay:
+        write_c(out / "export", controller, model, setup, "small", precision)
+    else:
+        header, source = (make(controller, "small", precision) for make in (c_source.header, c_source.source))
+        (out / "export" / f"{c_source.BASE_NAME}.h").write_text(header, encoding="utf-8")
+        (out / "export" / f"{c_source.BASE_NAME}.c").write_text(source, encoding="utf-8")
     return out / "export"

@@ -23,8 +23,9 @@ from typing import Any, NamedTuple
 
 import numpy as np
 import pyarrow.parquet as pq
-from numba import njit
 from numpy.typing import NDArray
+
+from pneucli.caches import compiled
 
 Array = NDArray[np.float64]
 STEP, EVERY = 1e-5, 100  # s; of which one is recorded
@@ -48,7 +49,7 @@ THESIS = Friction(0.15, 2.0, 3.7, 0.019, 15.0)
 AREA, DEAD_VOLUME = 4.91e-4, 30e-6
 
 
-@njit
+@compiled()
 def acceleration(f: Friction, v: float, push: float) -> float:
     """Acceleration in m/s^2 under all forces but friction (N)."""
     way = math.copysign(1.0, v if v else push)
@@ -60,7 +61,7 @@ def acceleration(f: Friction, v: float, push: float) -> float:
     return way * (max(drive - rising, 0.0) + min(drive - slowing, 0.0)) / f.mass
 
 
-@njit
+@compiled()
 def moved(x: float, v: float, a: float) -> tuple[float, float]:
     """Position in m and speed in m/s after a step; a piston that turns stops first."""
     after = v + STEP * a
@@ -68,7 +69,7 @@ def moved(x: float, v: float, a: float) -> tuple[float, float]:
     return x + 0.5 * STEP * (v + after), after
 
 
-@njit
+@compiled()
 def driven(f: Friction, reference: Array, rate: Array) -> Array:
     """Columns force (N), x (m), v (m/s), a (m/s^2) of a piston that a spring and a damper pull after a reference."""
     x, v, out = reference[0], 0.0, np.zeros((reference.size, 4))
@@ -84,7 +85,7 @@ def driven(f: Friction, reference: Array, rate: Array) -> Array:
     return out
 
 
-@njit
+@compiled()
 def filled(f: Friction, flow: float, samples: int) -> Array:
     """Columns p1 (Pa), x, v, a of a piston whose chamber a flow (kg/s) fills."""
     x, v, p, out = 0.01, 0.0, AMBIENT, np.zeros((samples, 4))

@@ -79,9 +79,14 @@ def draw_stribeck(par: Parameters, rng: np.random.Generator) -> dict[str, float]
 
 
 def draw_hysteresis(par: Parameters, rng: np.random.Generator) -> dict[str, float]:
-    """Draw the drop of friction; where friction falls with speed, half of the rigs lose only that rise (6.21)."""
+    """Draw the drops of dry and viscous friction.
+
+    Where friction falls with speed, half of the rigs lose only that rise (6.21) of the dry friction. Half of all rigs
+    lose no viscous friction.
+    """
     drop = 0.45 * rng.uniform(0.75, 1.25)
-    return {"drop": 0.0 if par.static > par.coulomb and rng.random() < 0.5 else drop}
+    drop = 0.0 if par.static > par.coulomb and rng.random() < 0.5 else drop
+    return {"drop": drop, "viscous_drop": 0.0 if rng.random() < 0.5 else 0.4 * rng.uniform(0.75, 1.25)}
 
 
 def draw_patch(_: Parameters, rng: np.random.Generator) -> dict[str, float]:

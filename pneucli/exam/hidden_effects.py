@@ -82,7 +82,14 @@ CATALOGUE = (
     si_effect(
         "stribeck", RIGS_WITH_PISTON, draw_stribeck, {"static": 0.0}, static="static", velocity="stribeck_velocity"
     ),
-    si_effect("friction-hysteresis", RIGS_WITH_PISTON, draw_hysteresis, {"drop": 0.0}, drop="drop"),
+    si_effect(
+        "friction-hysteresis",
+        RIGS_WITH_PISTON,
+        draw_hysteresis,
+        {"drop": 0.0, "viscous_drop": 0.0},
+        drop="drop",
+        viscous_drop="viscous_drop",
+    ),
     HiddenEffect(
         "presliding",
         RIGS_WITH_PISTON,

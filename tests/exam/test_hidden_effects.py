@@ -74,3 +74,10 @@ def test_where_friction_falls_with_speed_hysteresis_may_lose_no_more_than_the_ri
     assert all(drop == 0.0 or 0.3 < drop < 0.6 for drop in drops)
     plain = [hysteresis.apply(Parameters(), 1.0, np.random.default_rng(seed)).drop for seed in range(10)]
     assert min(plain) > 0.3
+
+
+def test_half_of_the_rigs_with_hysteresis_lose_viscous_friction_as_well():
+    hysteresis = next(e for e in CATALOGUE if e.name == "friction-hysteresis")
+    drops = [hysteresis.apply(Parameters(), 1.0, np.random.default_rng(seed)).viscous_drop for seed in range(40)]
+    assert 10 <= drops.count(0.0) <= 30
+    assert all(drop == 0.0 or 0.3 <= drop <= 0.5 for drop in drops)

@@ -221,6 +221,9 @@ def test_a_supply_of_finite_volume_falls_and_is_fed_up_to_its_setting(plain: Sim
         ({"static": 10.0}, {}, 1.0, 0.0, (15.0, 15.0)),
         ({"static": 25.0, "drop": 0.4}, {}, 1.0, 0.0, (25.0, 9.0)),
         ({"static": 25.0, "drop": 0.0}, {}, 1.0, 0.0, (25.0, 15.0)),  # one Coulomb level, no rise while slowing (6.21)
+        ({"drop": 0.4, "viscous_drop": 0.5, "viscous": 50.0}, {"V": -0.2}, -1.0, 0.0, (15.0, 9.0 - 5.0)),
+        ({"drop": 0.0, "viscous_drop": -0.5, "viscous": 50.0}, {"V": 0.2}, 1.0, 0.0, (15.0, 15.0)),  # never more
+        ({"viscous_drop": 0.5, "viscous": 50.0}, {"V": 0.2}, 1.0, 0.0, (15.0, 15.0)),  # both branches are one
         ({"asymmetry": 0.2}, {}, 1.0, 0.0, (18.0, 18.0)),
         ({"asymmetry": 0.2}, {}, -1.0, 0.0, (12.0, 12.0)),
         ({"pressure_gain": 1e-6}, {"P1": 3e5, "P2": 2.026e5}, 1.0, 0.0, (19.5, 19.5)),  # 3 bar over ambient in sum

@@ -20,8 +20,7 @@ def callees_first(root: Callable[..., Any]) -> list[FunctionType]:
     done: dict[str, FunctionType] = {}
 
     def visit(function: Any) -> None:
-        for node in ast.walk(ast.parse(textwrap.dedent(inspect.getsource(function)))):
-            name = node.func.id if isinstance(node, ast.Call) and isinstance(node.func, ast.Name) else ""
+        for name in _called_names(function):
             called = function.__globals__.get(name)
             if isinstance(called, FunctionType) and name not in done and called is not function:
                 visit(called)
@@ -29,6 +28,13 @@ def callees_first(root: Callable[..., Any]) -> list[FunctionType]:
 
     visit(root)
     return list(done.values())
+
+
+@cache
+def _called_names(function: Callable[..., Any]) -> tuple[str, ...]:
+    """Return the names that a function's text calls, in the order of the text; an export asks for them many times."""
+    nodes = ast.walk(ast.parse(textwrap.dedent(inspect.getsource(function))))
+    return tuple(node.func.id for node in nodes if isinstance(node, ast.Call) and isinstance(node.func, ast.Name))
 
 
 @dataclass(frozen=True)

@@ -124,8 +124,15 @@ def gas_rates(par: Parameters, s: Array, q: Flows, held: int, ds: Array) -> None
 
 
 @compiled()
+def viscous_coefficient(par: Parameters, t: float, v: float) -> float:
+    """Viscous friction in N s/m while speeding up."""
+    slope = par.viscous * (1.0 + par.viscous_asymmetry * np.sign(v))
+    return float(slope * (1.0 - par.warming * (1.0 - math.exp(-t / DRIFT_TIME_CONSTANT))))
+
+
+@compiled()
 def dry_friction(par: Parameters, t: float, s: Array, direction: float) -> tuple[float, float]:
-    """Dry friction in N (while speeding up, while slowing)."""
+    """Dry friction in N while speeding up, and while slowing, less what viscous friction then loses."""
     factor = 1.0 + par.pressure_gain * (s[P1] + s[P2] - 2.0 * par.ambient)
     if par.position_from <= s[X] <= par.position_to:
         factor *= 1.0 + par.position_gain
@@ -133,7 +140,10 @@ def dry_friction(par: Parameters, t: float, s: Array, direction: float) -> tuple
     factor *= (1.0 + par.asymmetry * direction) * (1.0 - par.running_in * (1.0 - math.exp(-t / DRIFT_TIME_CONSTANT)))
     rise = max(par.static - par.coulomb, 0.0) / (1.0 + (s[V] / par.stribeck_velocity) ** 2)
     rising = factor * (par.coulomb + rise)
-    return rising, factor * par.coulomb * (1.0 - par.drop) if par.drop >= 0.0 else rising
+    if par.drop < 0.0:
+        return rising, rising
+    lost = par.viscous_drop * viscous_coefficient(par, t, s[V]) * abs(s[V])
+    return rising, min(factor * par.coulomb * (1.0 - par.drop) - lost, rising)
 
 
 @compiled()
@@ -165,8 +175,7 @@ def net_force(par: Parameters, t: float, s: Array) -> float:
     force += end_stop_force(par, s[X], v)
     if par.load_mass > 0.0:
         force += coupling_force(par, s)
-    slope = par.viscous * (1.0 + par.viscous_asymmetry * np.sign(v))
-    slope *= 1.0 - par.warming * (1.0 - math.exp(-t / DRIFT_TIME_CONSTANT))
+    slope = viscous_coefficient(par, t, v)
     room = max(s[X] if v < 0.0 else par.stroke - s[X], 0.0)
     if room < par.cushion_length:
         slope += par.cushion_damping * (1.0 - room / par.cushion_length)

@@ -50,6 +50,7 @@ class Parameters(NamedTuple):
     static: float = 0.0  # N; not above coulomb: no Stribeck rise
     stribeck_velocity: float = 0.01
     drop: float = -1.0  # of dry friction while slowing; below zero: both branches are one
+    viscous_drop: float = 0.0  # of viscous friction while slowing, where there are two branches
     bristle_stiffness: float = 0.0  # zero: rigid contact
     bristle_damping: float = 0.0
     asymmetry: float = 0.0
