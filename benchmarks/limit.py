@@ -28,7 +28,7 @@ from pneucli.identify.estimation.model_fit import fit_model, fit_with_effect
 from pneucli.identify.guesses.friction_and_valve import guess_base_model
 from pneucli.physics.effects import catalogue
 
-SURE = 0.9
+LIKELY = 0.9
 
 
 class Row(NamedTuple):
@@ -99,7 +99,7 @@ def table(exams: list[Path]) -> None:
     named = sum(min(of_case) >= MIN_NAMED_PROBABILITY for of_case in cases.values())
     print(
         f"{sum(r.likely >= MIN_NAMED_PROBABILITY for r in seen)} of {len(seen)} effects are likely, "
-        f"{sum(r.likely >= SURE for r in seen)} with {SURE:g} or more; all effects of {named} of {len(cases)} cases"
+        f"{sum(r.likely >= LIKELY for r in seen)} with {LIKELY:g} or more; all effects of {named} of {len(cases)} cases"
     )
 
 

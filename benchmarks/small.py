@@ -27,7 +27,7 @@ from pneucli.simulate.model import Model
 
 SMALL = "--small"
 CONTROLLERS = "design/controllers"
-KEPT = ("step_+1.0V", "step_+3.5V", "step_+10.0V")  # of a test of a valve
+VALVE_TEST_STEMS = ("step_+1.0V", "step_+3.5V", "step_+10.0V")  # of a test of a valve
 
 
 def exam(folder: Path) -> Path:
@@ -43,7 +43,7 @@ def shorten(path: Path) -> None:
     recordings: Any = document["recordings"]
     kept = tomlkit.aot()
     for table in recordings:
-        if table["experiment"] != "valve" or table["name"] in KEPT:
+        if table["experiment"] != "valve" or table["name"] in VALVE_TEST_STEMS:
             kept.append(table)
     document["recordings"] = kept
     path.write_text(tomlkit.dumps(document), encoding="utf-8")

@@ -23,7 +23,7 @@ from pneucli.units import same_dimension
 
 KEYS = all_keys()
 ROOT = Path(__file__).parents[2]
-LEAST: dict[str, Any] = {
+MINIMAL: dict[str, Any] = {
     "pipeline": {"name": "p"},
     "recordings": [{"file": "a.csv", "experiment": "valve", "use": "train"}],
 }
@@ -31,7 +31,7 @@ LEAST: dict[str, Any] = {
 
 def placed(key: Key) -> dict[str, Any]:
     """Return a pipeline file with the key at its example, and what it cannot be without."""
-    document = json.loads(json.dumps(LEAST))
+    document = json.loads(json.dumps(MINIMAL))
     value = parse_toml_value(key.example)
     first = document["recordings"][0]
     axis = {"experiment": "friction", "chamber_2": "open"} if key.name in ("imposed",) else {}
@@ -116,7 +116,7 @@ def test_units_are_those_that_the_example_is_read_in() -> None:
 
 
 def test_defaults_are_those_of_the_file_that_says_nothing() -> None:
-    empty = validate(Path("pipeline.toml"), LEAST)
+    empty = validate(Path("pipeline.toml"), MINIMAL)
     by_name = {(key.table, key.name): key.default for key in KEYS}
     assert float(by_name["rig", "gas_temperature"]) == empty.rig.gas_temperature
     assert float(by_name["compare", "horizon"]) == empty.compare.horizon
@@ -129,9 +129,9 @@ def test_the_schema_accepts_what_the_program_accepts_and_marks_what_it_does_not(
     for path in (*ROOT.glob("pipelines/*.toml"), *ROOT.glob("fixtures/*/*.toml")):
         load(path)
         assert list(check.iter_errors(json.loads(json.dumps(load(path).document, default=str)))) == [], path
-    misspelt = LEAST | {"rig": {"suply_pressure": "7 bar"}}
+    misspelt = MINIMAL | {"rig": {"suply_pressure": "7 bar"}}
     assert "suply_pressure" in next(check.iter_errors(misspelt)).message
-    assert list(check.iter_errors(LEAST | {"recordings": [{**LEAST["recordings"][0], "use": "exam"}]}))
+    assert list(check.iter_errors(MINIMAL | {"recordings": [{**MINIMAL["recordings"][0], "use": "exam"}]}))
 
 
 def test_the_schema_offers_effects_and_says_what_keys_are() -> None:

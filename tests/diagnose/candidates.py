@@ -17,7 +17,7 @@ from tests.simulate.synthetic_experiments import model
 
 BLOCKS, SAMPLES = 40, 4000
 COUNTS = np.full(BLOCKS, SAMPLES / BLOCKS)
-SURE = ScoreGain(400.0, 300.0, 1e-9, 30.0)
+CERTAIN = ScoreGain(400.0, 300.0, 1e-9, 30.0)
 UNSURE = ScoreGain(90.0, -10.0, 0.16, 30.0)
 VIEW: Any = SimpleNamespace(
     experiment=SimpleNamespace(
@@ -58,7 +58,7 @@ def candidate(
     ends: Mapping[str, tuple[float, bool]] | None = None,
     p_value: float = 1e-9,
     train: ScoreGain | None = None,
-    test: ScoreGain = SURE,
+    test: ScoreGain = CERTAIN,
 ) -> Candidate:
     """The step to a model with one effect more; ``ends`` has value and whether at a bound by parameter."""
     before = before or model_fit()

@@ -20,7 +20,7 @@ from tests.diagnose.synthetic_data import SyntheticData, adding, effect
 
 A, B, C, D = (effect(name) for name in "abcd")
 RESTS_ON = {"a": Evidence(0.8, 50.0, 1.0), "b": Evidence(0.2, 9.0, 0.3)}
-SURE = {name: probability(evidence) for name, evidence in RESTS_ON.items()}
+CERTAIN = {name: probability(evidence) for name, evidence in RESTS_ON.items()}
 MUCH = LackOfFit(ForceBalance, "force", 5.0, 5.0, ())
 ASTRAY = LackOfFit(FreeRun, "x", 3.0, 3.0, ())
 
@@ -218,21 +218,21 @@ def test_each_effect_that_was_decided_on_has_a_probability(monkeypatch: pytest.M
     d = Diagnosed(monkeypatch, equals=C, refused=[Decision(D, "vanishes")])
     sure = d.result.confidence
     assert set(sure) == {"a", "b", "c", "d"}
-    assert sure["a"] == (SURE["a"], SURE["a"])
-    assert sure["b"].of_set == sure["c"].of_set == SURE["b"]
-    assert sure["b"].alone + sure["c"].alone == pytest.approx(SURE["b"])
+    assert sure["a"] == (CERTAIN["a"], CERTAIN["a"])
+    assert sure["b"].of_set == sure["c"].of_set == CERTAIN["b"]
+    assert sure["b"].alone + sure["c"].alone == pytest.approx(CERTAIN["b"])
     assert sure["d"] == (presence_rate("vanishes"), presence_rate("vanishes"))
 
 
 def test_with_an_unmodelled_effect_equivalents_share_by_their_log_odds(monkeypatch: pytest.MonkeyPatch) -> None:
     sure = Diagnosed(monkeypatch, left=[MUCH], equals=C).result.confidence
-    assert sure["b"] == (SURE["b"], pytest.approx(0.9 * SURE["b"]))
-    assert sure["c"] == (SURE["b"], pytest.approx(0.1 * SURE["b"]))
+    assert sure["b"] == (CERTAIN["b"], pytest.approx(0.9 * CERTAIN["b"]))
+    assert sure["c"] == (CERTAIN["b"], pytest.approx(0.1 * CERTAIN["b"]))
 
 
 def test_an_unnamed_effect_has_a_probability(monkeypatch: pytest.MonkeyPatch) -> None:
     d = Diagnosed(monkeypatch, left=[MUCH], standing={"a"})
-    assert d.result.confidence["b"] == (SURE["b"], SURE["b"])
+    assert d.result.confidence["b"] == (CERTAIN["b"], CERTAIN["b"])
 
 
 def test_the_discrepancy_of_the_last_model_is_reported(monkeypatch: pytest.MonkeyPatch) -> None:

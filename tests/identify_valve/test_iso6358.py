@@ -144,7 +144,7 @@ class Curve:
         return self.gradient(np.ones(1), u, p, supply)[..., None]
 
 
-SURE: Any = Posterior(np.array([2.0]), np.zeros((1, 1)), np.zeros((0, 0)))
+CERTAIN: Any = Posterior(np.array([2.0]), np.zeros((1, 1)), np.zeros((0, 0)))
 LAW: Any = Curve()
 
 
@@ -154,13 +154,13 @@ def everywhere(u: np.ndarray, p: np.ndarray) -> np.ndarray:
 
 @pytest.mark.parametrize("u", [5.0, -5.0])
 def test_a_curve_determines_b_and_m_of_its_flow(u: float) -> None:
-    b, m = iso6358._measured_b_m(LAW, SURE, everywhere, u, 1.0)  # type: ignore[arg-type, misc]
+    b, m = iso6358._measured_b_m(LAW, CERTAIN, everywhere, u, 1.0)  # type: ignore[arg-type, misc]
     assert b is not None
     assert m is not None
     assert b[0] == pytest.approx(0.3, abs=0.01)
     assert m[0] == pytest.approx(0.45, abs=0.01)
     assert b[2] - b[0] == pytest.approx(b[0] - b[1])
-    wide = iso6358._measured_b_m(LAW, SURE, everywhere, u, 1.4)  # type: ignore[arg-type]
+    wide = iso6358._measured_b_m(LAW, CERTAIN, everywhere, u, 1.4)  # type: ignore[arg-type]
     assert wide is not None
     assert wide[0] is not None
     assert wide[0][0] == pytest.approx(b[0])
@@ -174,8 +174,8 @@ def test_an_interval_holds_a_drift_of_the_gas_over_the_root_of_three() -> None:
         def gradient(self, theta: np.ndarray, u: np.ndarray, p: np.ndarray, supply: np.ndarray) -> np.ndarray:
             return super().gradient(theta, u, p, supply) / np.linspace(1.0, 1 / 1.4, p.size)
 
-    still, drifted = (iso6358._measured_b_m(law, SURE, everywhere, 5.0, 1.0) for law in (LAW, Drifted()))  # type: ignore[arg-type]
-    wide = iso6358._measured_b_m(LAW, SURE, everywhere, 5.0, 1.4)  # type: ignore[arg-type]
+    still, drifted = (iso6358._measured_b_m(law, CERTAIN, everywhere, 5.0, 1.0) for law in (LAW, Drifted()))  # type: ignore[arg-type]
+    wide = iso6358._measured_b_m(LAW, CERTAIN, everywhere, 5.0, 1.4)  # type: ignore[arg-type]
     for one, other, both in zip(still, drifted, wide, strict=True):  # type: ignore[arg-type]
         error = np.hypot((one[2] - one[0]) / 1.959964, (other[0] - one[0]) / np.sqrt(3.0))
         assert both[2] - both[0] == pytest.approx(1.959964 * error, rel=1e-3)
@@ -185,7 +185,7 @@ def test_a_quarter_of_the_pressures_must_have_been_seen() -> None:
     grid = np.linspace(1e5, 7e5, iso6358.PRESSURE_POINTS)
     for seen, told in ((9, False), (10, True)):
         few = lambda u, p, n=seen: p < grid[n] - 1.0  # noqa: E731
-        assert (iso6358._measured_b_m(LAW, SURE, few, 5.0, 1.4) is not None) == told  # type: ignore[arg-type]
+        assert (iso6358._measured_b_m(LAW, CERTAIN, few, 5.0, 1.4) is not None) == told  # type: ignore[arg-type]
 
 
 def test_an_uncertain_curve_or_one_without_flow_determines_neither() -> None:
@@ -195,6 +195,6 @@ def test_an_uncertain_curve_or_one_without_flow_determines_neither() -> None:
         def sensitivity(self, theta: np.ndarray, u: np.ndarray, p: np.ndarray, supply: np.ndarray) -> np.ndarray:
             return 0.5 * np.abs(self.gradient(theta, u, p, supply)).max() * np.eye(p.size)
 
-    unsure: Any = replace(SURE, covariance=np.eye(iso6358.PRESSURE_POINTS))
+    unsure: Any = replace(CERTAIN, covariance=np.eye(iso6358.PRESSURE_POINTS))
     assert iso6358._measured_b_m(Vague(), unsure, everywhere, 5.0, 1.0) == [None, None]  # type: ignore[arg-type]
-    assert iso6358._measured_b_m(LAW, replace(SURE, theta=np.zeros(1)), everywhere, 5.0, 1.4) is None  # type: ignore[arg-type]
+    assert iso6358._measured_b_m(LAW, replace(CERTAIN, theta=np.zeros(1)), everywhere, 5.0, 1.4) is None  # type: ignore[arg-type]

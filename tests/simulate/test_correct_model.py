@@ -33,7 +33,7 @@ TRUTH = json.loads((FIXTURES / "truth.json").read_text())
 # of the demo only the axis: what else it has, the others show
 RECORDINGS = {"valve_null": "", "friction_null_coulomb": "", "friction_null_stribeck": "", "demo": "axis"}
 PRESSURES = ("p1", "p2")
-ENOUGH = 30  # draws of noise: a break-away that falls otherwise is in one of ten
+DRAWS = 30  # draws of noise: a break-away that falls otherwise is in one of ten
 
 
 def true_model(name: str) -> Model:
@@ -73,7 +73,7 @@ def compared(tmp_path_factory: pytest.TempPathFactory) -> Callable[[str], list[C
             if r.name.startswith(RECORDINGS[name])
         ]
         ends = with_end_stops(ready, model.rig)
-        return [r for e in ends for r in compare(model, e, expected_rms(model, e, draws=ENOUGH)).results]
+        return [r for e in ends for r in compare(model, e, expected_rms(model, e, draws=DRAWS)).results]
 
     return results
 
