@@ -27,8 +27,8 @@ POWER_LAW_SIGMA = 0.02  # of the logarithm of the area: prior departure of a val
 class LeastSquaresProblem:
     """The objective of the fit: residuals in units of their noise, those of prior knowledge, and all derivatives.
 
-    Where a residual model whitens the errors of its initial states (the diagnosis; ``identify`` and ``add`` do not),
-    it does so as the start model has them, or for ``given_sensitivities``.
+    The residuals are whitened for the errors of the initial states, as the start model has them, or for
+    ``given_sensitivities``.
     """
 
     model: Model
