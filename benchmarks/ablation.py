@@ -71,9 +71,9 @@ RULES = {
                      "diagnose.hypothesis_tests:MIN_COST_SHARE_AT_NOISE": lambda _: 0.0,
                      "diagnose.screening:MIN_COST_SHARE": lambda _: 0.0}),
     "below a sample": Rule("a time shorter than half a sample is not resolved", refusal("below-resolution"),
-                           {"diagnose.hypothesis_tests:below_resolution": always(False)}),
+                           {"diagnose.constraints:below_resolution": always(False)}),
     "at a bound": Rule("an effect at a bound is refused", refusal("at-bound"),
-                       {"diagnose.hypothesis_tests:end_locations":
+                       {"diagnose.constraints:end_locations":
                         lambda f: lambda t: [e for e in f(t) if e != "bound"]}),
     "free-run error": Rule("the free-run error must not rise",
                          ("diagnose.data:DiagnosisData.free_run_error_rises", lambda found, *_: found),
@@ -114,8 +114,8 @@ RULES = {
                         ("diagnose.posterior:probability", lambda found, *_: found < 0.5),
                         {"diagnose.posterior:probability": always(1.0)}),
     "direct reading": Rule("samples at ambient refute an offset",
-                           ("diagnose.posterior:refuted_by_reading", lambda found, *_: found),
-                           {"diagnose.posterior:refuted_by_reading": always(False)}),
+                           ("diagnose.constraints:refuted_by_reading", lambda found, *_: found),
+                           {"diagnose.constraints:refuted_by_reading": always(False)}),
     "profile over time": Rule("a time is profiled over its whole range",
                               ("identify.estimation.model_fit:lower_profile_minimum",
                                lambda found, *_: found is not None),

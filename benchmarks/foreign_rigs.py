@@ -21,6 +21,8 @@ from dataclasses import dataclass, fields
 from pathlib import Path
 from typing import Any
 
+from benchmarks import small
+
 CLOSE = 0.15  # of the true value
 CATALOGUE_NAMES = {"rod-seal-leak": "chamber-leak:2"}  # of effects that an author counts as unknown
 TIMEOUT = 1800  # s a case
@@ -120,6 +122,7 @@ def main(arguments: list[str]) -> None:
 def small_rig(folder: Path) -> Path:
     """Write one case, a fixture whose rig is healthy; return the folder of the rig."""
     shutil.copytree(FIXTURE, folder / "case-01")
+    small.shorten(folder / "case-01" / "pipeline.toml")
     truth = {"hidden": [], "unknown": [], "parameters": {}}
     (folder / "case-01" / "truth.json").write_text(json.dumps(truth))
     return folder

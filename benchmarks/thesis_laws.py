@@ -18,6 +18,7 @@ from __future__ import annotations
 import sys
 from collections.abc import Iterator
 from dataclasses import replace
+from functools import cache
 from itertools import islice
 from pathlib import Path
 
@@ -44,7 +45,7 @@ from pneucli.exam.rig.parameters import ONE_CHAMBER, Parameters
 
 Array = NDArray[np.float64]
 RIGS = ("demo", "usual", "two-valves", "differential+5/3", "bore-12mm")
-SEED = 1
+SEED, SMALL_RIG = 1, "small"
 STRIBECK_SIZE = 0.4  # of the catalogue's typical size
 IDENTIFIED_ETA = 2.0 / 1.4e-4  # s/m: of the friction model that identify finds on fixtures/demo
 PERIOD, DURATION, REST = 1e-3, 6.5, 500  # s, s, samples
@@ -55,12 +56,15 @@ HEAD = ("rig", "law", "rest, um", "cycle, um", "sine, um", "load, um", "rejected
 
 
 def rig(name: str) -> Parameters:
-    """Return the parameters of a rig by its condition, or those of fixtures/demo."""
+    """Return the parameters of a rig by its condition, or those of fixtures/demo or of small runs."""
+    if name == SMALL_RIG:
+        return small.laboratory().parameters
     if name == "demo":
         return next(f.laboratory for f in _make().fixtures() if f.laboratory.name == "demo").parameters
     return prepare_case("rig", "axis", ("stribeck",), "", STRIBECK_SIZE, SEED, parse(name)).laboratory.parameters
 
 
+@cache
 def design_data(par: Parameters) -> DesignData:
     """Return the design data of a rig from its exact model."""
     model = model_of(par, ("stribeck", *(("piston-leak",) if par.piston_leak_area > 0.0 else ())))
@@ -159,7 +163,7 @@ def table(names: list[str], most: int | None = None) -> Iterator[str]:
 def main(arguments: list[str]) -> None:
     """Print the table; with ``--write`` put it between the marks of its page as well."""
     if small.SMALL in arguments:
-        print("\n".join(table(["usual"], 1)))
+        print("\n".join(table([SMALL_RIG], 1)))
         return
     lines = []
     for line in table([name for name in arguments if name != "--write"] or list(RIGS)):

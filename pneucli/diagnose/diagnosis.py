@@ -80,9 +80,7 @@ def diagnose(data: DiagnosisData, base: Fit) -> Diagnosis:
     """Find the effects that a fitted model lacks; none is looked for in recordings that cannot be true."""
     start = data.fitted_model(base)
     path = unsearched_path(data, start) if data.implausible else select_effects(data, start)
-    unexplained = significant_lack_of_fit(path.train, path.test) or free_run_lack_of_fit(
-        path.last.model, [*data.train, *data.held_out]
-    )
+    unexplained = [] if data.implausible else _lack_of_last_model(data, path)
     terms = path.terms
     equivalents = {
         name: [c for c in term.equivalents(data, complete=not unexplained) if violated_constraint(data, c) is None]
@@ -103,22 +101,15 @@ def diagnose(data: DiagnosisData, base: Fit) -> Diagnosis:
     improbable = {
         c.effect.name: collect_evidence(data, c.full, c, Term(c, ()), complete=False) for c in path.improbable
     }
-    evidence = improbable | {
-        d.effect.name: e for d, e in decided if d.reason not in ("cannot-show", "explained-by-signal")
-    }
+    weighable = [(d, e) for d, e in decided if d.reason not in ("cannot-show", "explained-by-signal")]
+    evidence = improbable | {d.effect.name: e for d, e in weighable}
     shares = {
         n: _shares_in_term(data, terms[n], equivalents[n], complete=not unexplained) for n in missing if n in terms
     }
     weighed = improbable | {d.effect.name: e for d, e in decided if d.supported or d.reason == "explained-by-unknown"}
     confidence = _confidence(data, decisions, weighed, shares)
     shown = path.last if unexplained and missing else path.models[_named_prefix_length([d for d, _ in decided])]
-    lacks = (
-        []
-        if data.implausible
-        else unexplained
-        if shown is path.last
-        else _unexplained(data, shown, decided, unexplained)
-    )
+    lacks = unexplained if shown is path.last else _unexplained(data, shown, decided, unexplained)
     return Diagnosis(
         verdict=_verdict(data, lacks, missing, sizes),
         missing=tuple(missing),
@@ -131,6 +122,13 @@ def diagnose(data: DiagnosisData, base: Fit) -> Diagnosis:
         confidence=confidence,
         evidence=evidence,
         discrepancies=tuple(describe_discrepancies(data, path.last.fit, [*path.test, *path.train])),
+    )
+
+
+def _lack_of_last_model(data: DiagnosisData, path: SelectionPath) -> Sequence[LackOfFit]:
+    """Return the significant lack of fit of a path's last model, or else what its free run shows."""
+    return significant_lack_of_fit(path.train, path.test) or free_run_lack_of_fit(
+        path.last.model, [*data.train, *data.held_out]
     )
 
 

@@ -9,8 +9,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from pneucli.identify.estimation import model_fit
-from pneucli.identify.estimation import problem as problems
+from pneucli.identify.estimation import model_fit, objective
 from pneucli.identify.estimation.blocks import block_labels, group_scores
 from pneucli.identify.estimation.fit import Fit, fit, merge_partial_fit
 from pneucli.identify.estimation.objective import LeastSquaresProblem
@@ -268,7 +267,7 @@ def test_residuals_are_computed_once_for_the_same_coordinates() -> None:
 
 
 def test_long_recordings_are_simulated_one_at_a_time(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(problems, "thread_count", lambda: 8)
+    monkeypatch.setattr(objective, "thread_count", lambda: 8)
     p = problem(COULOMB)
     assert p.max_parallel == 8
     for samples, together in ((10**7, 1), (400_000, 3), (10**5, 8)):

@@ -341,16 +341,16 @@ def drawn_as_they_are(noise: dict[str, np.ndarray], *_: Any) -> np.ndarray:
     return out
 
 
-def test_initial_state_errors_are_the_smoothed_noise_and_its_slope(monkeypatch: pytest.MonkeyPatch) -> None:
-    """White noise of 1 (3) unsmoothed: 1.4 times that, and a central difference over 2 ms."""
+def test_initial_state_errors_are_the_smoothed_noise(monkeypatch: pytest.MonkeyPatch) -> None:
+    """White noise of 1 (3) unsmoothed: 1.4 times that."""
     monkeypatch.setattr(initial_state, "input_errors", drawn_as_they_are)
     found = initial_state.initial_state_errors(Read())  # type: ignore[arg-type]
-    assert found["p1"] == pytest.approx((1.4, 1e3 / 2**0.5), rel=0.03)
-    assert found["p2"] == pytest.approx((1.4 * 3.0, 3e3 / 2**0.5), rel=0.03)
+    assert found["p1"] == pytest.approx(1.4, rel=0.03)
+    assert found["p2"] == pytest.approx(1.4 * 3.0, rel=0.03)
 
 
 def test_an_initial_error_persists_as_the_model_keeps_it(monkeypatch: pytest.MonkeyPatch) -> None:
-    """A model that keeps half of an error of p1 and none of p2; a lag of 30 ms adds the error of the slope."""
+    """A model that keeps half of an error of p1 and none of p2."""
     monkeypatch.setattr(
         initial_state,
         "simulate",
@@ -358,13 +358,10 @@ def test_an_initial_error_persists_as_the_model_keeps_it(monkeypatch: pytest.Mon
             "p1": 0.5 * (e.inputs if inputs is None else inputs)[:, at.IN_P1] + 7.0, "p2": np.full(4000, 9.0),
         },
     )  # fmt: skip
-    errors = {"p1": (100.0, 0.0), "p2": (100.0, 0.0)}
+    errors = {"p1": 100.0, "p2": 100.0}
     found = initial_state.initial_state_sensitivity(model(), Read(), errors)  # type: ignore[arg-type]
     assert found["p1"] == pytest.approx(np.full((1, 4000), 0.5 * 100.0 / 50.0))
     assert found["p2"] == pytest.approx(np.zeros((1, 4000)))
-    late = model(["pressure-lag"], {"pressure-lag.time_constant": 0.03})
-    errors = {"p1": (40.0, 1000.0), "p2": (0.0, 0.0)}
-    assert initial_state.initial_state_sensitivity(late, Read(), errors)["p1"][0, 0] == pytest.approx(0.5)  # type: ignore[arg-type]
 
 
 @pytest.mark.parametrize(
@@ -384,7 +381,7 @@ def test_unsmoothed_noiseless_or_absent_pressures_have_no_initial_error(
     e: Any = Read()
     for name, value in changed.items():
         setattr(e, name, value)
-    assert list(initial_state.initial_state_sensitivity(model(), e, dict.fromkeys(("p1", "p2"), (1.0, 0.0)))) == ["p2"]
+    assert list(initial_state.initial_state_sensitivity(model(), e, dict.fromkeys(("p1", "p2"), 1.0))) == ["p2"]
 
 
 # --- rests

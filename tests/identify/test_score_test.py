@@ -237,7 +237,9 @@ class View:
     def __init__(self, wave: np.ndarray, felt: bool = True) -> None:
         self.wave, self.felt = wave, felt
         recording = SimpleNamespace(name="run 7", kind=SimpleNamespace(valve=False))
-        self.experiment = SimpleNamespace(time=np.arange(wave.size), raw={}, signal_ranges=EXTENT, recording=recording)
+        self.experiment = SimpleNamespace(
+            time=np.arange(wave.size), horizon=1.0, raw={}, signal_ranges=EXTENT, recording=recording
+        )
         self.noise = {"x": 2.0}
         self.weights: dict[str, float] = {}
 

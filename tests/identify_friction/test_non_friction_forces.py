@@ -5,6 +5,8 @@ The recordings are runs of the exam's rig, whose equations are its own; what is 
 
 from __future__ import annotations
 
+from functools import cache
+
 import numpy as np
 import pytest
 
@@ -33,7 +35,16 @@ def runs(par: Parameters) -> list[Recording]:
 
 
 RUNS = runs(LOADED)
-WITH, WITHOUT = identify_friction(RUNS, model(LOADS)), identify_friction(RUNS, model({}))
+
+
+@cache
+def found_with() -> FrictionIdentification:
+    return identify_friction(RUNS, model(LOADS))
+
+
+@cache
+def found_without() -> FrictionIdentification:
+    return identify_friction(RUNS, model({}))
 
 
 def times_noise(found: FrictionIdentification, name: str, channel: str) -> float:
@@ -42,21 +53,21 @@ def times_noise(found: FrictionIdentification, name: str, channel: str) -> float
 
 
 def test_the_parameters_of_a_lie_in_their_intervals_with_a_spring_and_a_constant_force() -> None:
-    assert WITH.removed_effects == ("constant-force", "spring-force")
+    assert found_with().removed_effects == ("constant-force", "spring-force")
     for name, truth in (("coulomb", LOADED.coulomb), ("viscous", LOADED.viscous), ("offset", 0.0)):
-        assert WITH.parameters[name].ci_low <= truth <= WITH.parameters[name].ci_high, name
+        assert found_with().parameters[name].ci_low <= truth <= found_with().parameters[name].ci_high, name
 
 
 @pytest.mark.parametrize("name", "AB")
 def test_its_replay_is_at_the_noise_with_the_other_effects(name: str) -> None:
-    assert times_noise(WITH, name, "a") < 1.3
-    assert times_noise(WITH, name, "v") < 2.0
-    assert times_noise(WITHOUT, name, "v") > 3.0 * times_noise(WITH, name, "v")
+    assert times_noise(found_with(), name, "a") < 1.3
+    assert times_noise(found_with(), name, "v") < 2.0
+    assert times_noise(found_without(), name, "v") > 3.0 * times_noise(found_with(), name, "v")
 
 
 def test_without_them_a_constant_force_and_a_misfit_are_reported() -> None:
-    assert WITH.warnings == ()
-    warnings = {warning.kind: warning.values for warning in WITHOUT.warnings}
+    assert found_with().warnings == ()
+    warnings = {warning.kind: warning.values for warning in found_without().warnings}
     assert "force-offset" in warnings
     assert warnings["misfit"]["unmodelled"] == ()
 

@@ -74,7 +74,7 @@ def is_sound(found: ValveIdentification) -> None:
         assert any(code == "valve-not-described" for code in told)
 
 
-@settings(max_examples=8, deadline=None, derandomize=True, suppress_health_check=list(HealthCheck))
+@settings(max_examples=4, deadline=None, derandomize=True, suppress_health_check=list(HealthCheck))
 @given(
     volume=st.floats(-5.0, -1.5).map(lambda e: 10**e),
     supply=st.sampled_from([3e5, 7e5, 51e5]),

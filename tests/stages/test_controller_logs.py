@@ -68,7 +68,7 @@ def test_what_was_foretold_stands_beside_what_came(recording: Recording) -> None
     assert told["foretold"]["settling_s"] == pytest.approx(told["measured"]["settling_s"], rel=0.3)
     (line,) = words.lines({"closed_loop": [told]})
     assert line.startswith("log, best: error at rest ")
-    assert "foretold" in line
+    assert "predicted" in line
 
 
 def test_controllers_are_found_beside_the_pipeline_and_an_unknown_one_is_none(
