@@ -70,7 +70,7 @@ def main(arguments: Sequence[str]) -> int:
 
 def main_small() -> None:
     """Run the controllers of an exact model: one seed, one effect, two draws."""
-    data = design_data(small.laboratory().parameters)
+    data = design_data(small.laboratory().parameters, ())
     controller, alone, relay = (controller_for(law, data) for law in ("best", "pid", "relay"))
     _, model, bench = small.design(small.laboratory())
     figures(model, controller, alone, relay, bench, seeds=1)
