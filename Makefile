@@ -9,7 +9,7 @@ DEMO := demo
 export OPENBLAS_NUM_THREADS ?= 1
 export OMP_NUM_THREADS ?= 1
 
-.PHONY: demo test mutants check format lint types layers docs site hooks chromium clean
+.PHONY: demo test test-all mutants check format lint types layers docs site hooks chromium clean
 
 # On a copy of the pipeline: the model fails, what it lacks is named and added, the error falls; then all the rest.
 demo: $(VENV)/.installed-all
@@ -22,6 +22,10 @@ demo: $(VENV)/.installed-all
 # The tests run even where a check fails, so that one go tells all; what fails makes the whole fail.
 test: $(VENV)/.installed-dev hooks chromium
 	@$(MAKE) --no-print-directory --keep-going check; checked=$$?; $(BIN)/python -m pytest -n 2 --dist worksteal && exit $$checked
+
+# All tests, those of slow benchmarks as well.
+test-all: $(VENV)/.installed-dev hooks chromium
+	@$(BIN)/python -m pytest -n 2 --dist worksteal -m ""
 
 # Small faults, put into the code one at a time: of 300, unit tests have to notice 85 in 100. SEED=7 repeats a sample.
 mutants: $(VENV)/.installed-dev

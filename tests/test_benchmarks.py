@@ -13,10 +13,27 @@ ROOT = Path(__file__).parents[1]
 SHARED = {"cases", "rigs", "small"}  # what benchmarks share: no benchmark of their own
 TESTED_ELSEWHERE = {"simulate"}  # tests/simulate/test_benchmark.py
 NEED_GCC = {"exam_loop", "gate", "laws", "level", "machine_logs", "precision"}
+SLOW = {
+    "arrangements",
+    "diagnose",
+    "fleet",
+    "foreign_rigs",
+    "learning",
+    "machine_logs",
+    "thesis_friction",
+    "thesis_laws",
+}
 BENCHMARKS = sorted(path.stem for path in (ROOT / "benchmarks").glob("*.py") if path.stem not in SHARED)
 
 
-@pytest.mark.parametrize("name", [name for name in BENCHMARKS if name not in TESTED_ELSEWHERE])
+@pytest.mark.parametrize(
+    "name",
+    [
+        pytest.param(name, marks=[pytest.mark.slow] if name in SLOW else [])
+        for name in BENCHMARKS
+        if name not in TESTED_ELSEWHERE
+    ],
+)
 def test_a_benchmark_finishes_in_its_small_mode(name: str, capsys: pytest.CaptureFixture[str]) -> None:
     if name in NEED_GCC and shutil.which("gcc") is None:
         pytest.skip("no gcc")
