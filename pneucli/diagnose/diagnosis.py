@@ -80,7 +80,7 @@ def diagnose(data: DiagnosisData, base: Fit) -> Diagnosis:
     """Find the effects that a fitted model lacks; none is looked for in recordings that cannot be true."""
     start = data.fitted_model(base)
     path = unsearched_path(data, start) if data.implausible else select_effects(data, start)
-    unexplained = [] if data.implausible else _lack_of_last_model(data, path)
+    unexplained = _lack_of_last_model(data, path)
     terms = path.terms
     equivalents = {
         name: [c for c in term.equivalents(data, complete=not unexplained) if violated_constraint(data, c) is None]
@@ -109,7 +109,8 @@ def diagnose(data: DiagnosisData, base: Fit) -> Diagnosis:
     weighed = improbable | {d.effect.name: e for d, e in decided if d.supported or d.reason == "explained-by-unknown"}
     confidence = _confidence(data, decisions, weighed, shares)
     shown = path.last if unexplained and missing else path.models[_named_prefix_length([d for d, _ in decided])]
-    lacks = unexplained if shown is path.last else _unexplained(data, shown, decided, unexplained)
+    left = unexplained if shown is path.last else _unexplained(data, shown, decided, unexplained)
+    lacks = [] if data.implausible else left
     return Diagnosis(
         verdict=_verdict(data, lacks, missing, sizes),
         missing=tuple(missing),
