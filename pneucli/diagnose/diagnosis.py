@@ -109,8 +109,7 @@ def diagnose(data: DiagnosisData, base: Fit) -> Diagnosis:
     weighed = improbable | {d.effect.name: e for d, e in decided if d.supported or d.reason == "explained-by-unknown"}
     confidence = _confidence(data, decisions, weighed, shares)
     shown = path.last if unexplained and missing else path.models[_named_prefix_length([d for d, _ in decided])]
-    left = unexplained if shown is path.last else _unexplained(data, shown, decided, unexplained)
-    lacks = [] if data.implausible else left
+    lacks = _unexplained(data, shown, decided, unexplained, path.last)
     return Diagnosis(
         verdict=_verdict(data, lacks, missing, sizes),
         missing=tuple(missing),
@@ -134,13 +133,19 @@ def _lack_of_last_model(data: DiagnosisData, path: SelectionPath) -> Sequence[La
 
 
 def _unexplained(
-    data: DiagnosisData, shown: FittedModel, decided: Sequence[DecisionWithEvidence], unexplained: Sequence[LackOfFit]
+    data: DiagnosisData,
+    shown: FittedModel,
+    decided: Sequence[DecisionWithEvidence],
+    unexplained: Sequence[LackOfFit],
+    last: FittedModel,
 ) -> Sequence[LackOfFit]:
-    """Return the significant lack of fit of a model, worst first, or else that of the last model.
+    """Return the significant lack of fit of the model that is shown, worst first, or else that of the ``last`` model.
 
     Where a smooth function of a signal explains more than an effect, it is that of the channels on which the effect
-    acts, however small: the function explains it significantly.
+    acts, however small: the function explains it significantly. Recordings that cannot be true show none.
     """
+    if data.implausible or shown is last:
+        return [] if data.implausible else unexplained
     train, test = lack_of_fit(data, shown)
     effects = [d.effect for d, _ in decided if d.reason == "explained-by-signal"]
     kinds = {type(v) for v in data.train for effect in effects if v.is_sensitive_to(effect)}
