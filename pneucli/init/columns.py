@@ -34,7 +34,7 @@ from pneucli.quantities import SIGNALS
 from pneucli.units import is_count, same_dimension
 
 MIN_SWITCHED_SAMPLES, MAX_SWITCHED_LEVELS = 100, 3  # samples of one that was surely read, values of one that was not
-MOTION = ("x", "v", "a")  # of which a column that never changes tells nothing
+MOTION = ("v", "a")  # of which a column that never changes tells nothing; an x that does not is a place
 
 
 def guess_columns(surveys: Sequence[Survey]) -> list[Guess]:
