@@ -42,6 +42,7 @@ from pneucli.design.sliding import axis_systems
 from pneucli.exam.cases import prepare_case
 from pneucli.exam.conditions import parse
 from pneucli.exam.rig.parameters import ONE_CHAMBER, Parameters
+from pneucli.tp import WeightType
 
 Array = NDArray[np.float64]
 RIGS = ("demo", "usual", "two-valves", "differential+5/3", "bore-12mm")
@@ -65,8 +66,8 @@ def rig(name: str) -> Parameters:
 
 
 @cache
-def design_data(par: Parameters) -> DesignData:
-    """Return the design data of a rig from its exact model."""
+def design_data(par: Parameters, weight_types: tuple[WeightType, ...] = ("cno",)) -> DesignData:
+    """Return the design data of a rig from its exact model; without a type of weights there is no PDC."""
     model = model_of(par, ("stribeck", *(("piston-leak",) if par.piston_leak_area > 0.0 else ())))
     closed = par.arrangement == ONE_CHAMBER
     wanted = Requirements(quantum_x=1e-6, noise_p=400.0, chamber_2="closed" if closed else "valve")
@@ -75,7 +76,7 @@ def design_data(par: Parameters) -> DesignData:
     bandwidths = choose_bandwidths(model, wanted, c, predicted=False)
     mechanical = axis_systems(c, 0.5 * c["C_STROKE"], c["C_P_MEAN"], c["C_P_MEAN"])["mechanical"]
     surfaces = sliding_surfaces(mechanical, bandwidths, wanted)
-    return collect_design_data(cascade, bandwidths, wanted, surfaces, compare_weight_types(c, 0.05, ("cno",)), {})
+    return collect_design_data(cascade, bandwidths, wanted, surfaces, compare_weight_types(c, 0.05, weight_types), {})
 
 
 def controllers(data: DesignData) -> Iterator[tuple[str, Controller]]:
@@ -147,13 +148,14 @@ def sliding_share(run: Trace, controller: Controller, observer: str) -> float:
     return float(np.mean(np.abs(np.diff(run.states[:, STATES[observer]])) <= (1.0 - ROUNDING) * increment))
 
 
-def table(names: list[str], most: int | None = None) -> Iterator[str]:
-    """Yield the lines of the table, a row for each rig and controller, at most so many controllers."""
+def table(names: list[str], *, is_small: bool = False) -> Iterator[str]:
+    """Yield the lines of the table, a row for each rig and controller; small: for the first controller."""
     yield f"| {' | '.join(HEAD)} |"
     yield f"|{' --- |' * len(HEAD)}"
     for name in names:
         par = rig(name)
-        for title, controller in islice(controllers(design_data(par)), most):
+        data = design_data(par, ()) if is_small else design_data(par)
+        for title, controller in islice(controllers(data), 1 if is_small else None):
             row = figures(par, controller)
             estimated = LAWS[controller.law].estimates_load
             shown = [f"{value:.3g}" for value in (row if estimated else row[:5])] + ["–"] * (0 if estimated else 2)
@@ -163,7 +165,7 @@ def table(names: list[str], most: int | None = None) -> Iterator[str]:
 def main(arguments: list[str]) -> None:
     """Print the table; with ``--write`` put it between the marks of its page as well."""
     if small.SMALL in arguments:
-        print("\n".join(table([SMALL_RIG], 1)))
+        print("\n".join(table([SMALL_RIG], is_small=True)))
         return
     lines = []
     for line in table([name for name in arguments if name != "--write"] or list(RIGS)):

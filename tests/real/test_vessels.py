@@ -26,9 +26,7 @@ def test_a_leak_explains_most_of_a_decay(answers: Answers, chamber: str, times: 
     assert channel(answer, "p1")["ratio_to_noise"] < before / times
     area = answer["identify"]["model"]["parameters"]["chamber-leak.area"]
     assert area["unit"] == "m^2/m^3"  # the volume is not known
-    # the leakiest chamber empties as no orifice does: that there is a leak is certain there, its area is not
-    assert (area["ci95"][0] > 0.0) == (chamber != "ultimaker-020")
-    assert area["value"] > 0.0
+    assert area["ci95"][0] > 0.0  # that there is a leak is certain
 
 
 def test_leak_area_over_volume_is_that_of_the_balance_of_mass(answers: Answers) -> None:
