@@ -19,11 +19,13 @@ _MENDS = {
 }
 REPAIRS = frozenset(_MENDS)  # checks of these names say how a recording was read, not that it cannot be true
 
-GAPS = "missing"  # the check that says that a recording holds less than it could, and nothing false
+GAPS = frozenset(
+    {"missing", "motionless"}
+)  # a recording holds less than it could (a piston on its stop), nothing false
 
 
 def impossible_findings(findings: Iterable[Mapping[str, str]]) -> list[Mapping[str, str]]:
-    """Return the findings with which recordings and the stated rig cannot both be true, or show no dynamics at all.
+    """Return the findings with which recordings and the stated rig cannot both be true.
 
     Args:
         findings: Findings as the answer of ``ingest`` has them.
@@ -31,7 +33,7 @@ def impossible_findings(findings: Iterable[Mapping[str, str]]) -> list[Mapping[s
     >>> impossible_findings([{"check": "speed"}, {"check": "missing"}, {"check": "roll-over"}])
     [{'check': 'speed'}]
     """
-    return [one for one in findings if one["check"] not in REPAIRS | {GAPS}]
+    return [one for one in findings if one["check"] not in REPAIRS | GAPS]
 
 
 def repair_findings(repairs: Iterable[tuple[str, str, str, str]]) -> Iterator[Finding]:
