@@ -21,7 +21,7 @@ from pneucli.identify.estimation.intervals import with_intervals
 from pneucli.identify.estimation.model_fit import free_parameters
 from pneucli.identify.estimation.parameters import absent_value
 from pneucli.identify.residuals import ResidualModel
-from pneucli.physics.declaration import Effect, Parameter
+from pneucli.physics.declaration import Effect, Parameter, consists_of_times
 
 MIN_ERROR_RISE = 1.005  # ratio of free-run errors: the smallest that three digits show
 HORIZON_FACTOR = 2.0  # of the second horizon, at which a time is estimated again
@@ -141,7 +141,7 @@ def varies_with_horizon(fitted: Fit, effect: Effect, residual_models: Sequence[R
         effect: The effect; only one whose parameters are all times with a null of 0 s can vary.
         residual_models: The residual models of the fit.
     """
-    if any((p.unit, p.null) != ("s", 0.0) for p in effect.parameters):
+    if not consists_of_times(effect):
         return False
     doubled = [with_longer_horizon(one, HORIZON_FACTOR) for one in residual_models]
     if all(new is old for new, old in zip(doubled, residual_models, strict=True)):

@@ -11,7 +11,7 @@ import numpy as np
 from pneucli.diagnose.candidate import Candidate
 from pneucli.identify.estimation.parameters import absent_value
 from pneucli.identify.residuals import ForceBalance, ResidualModel
-from pneucli.physics.declaration import Effect
+from pneucli.physics.declaration import Effect, consists_of_times
 from pneucli.simulate.experiment import Experiment
 from pneucli.simulate.model import Model
 
@@ -62,13 +62,10 @@ def at_any_bound(candidate: Candidate) -> bool:
 def below_resolution(residual_models: Sequence[ResidualModel], candidate: Candidate) -> bool:
     """Whether the effect consists of times alone, and the sampling cannot distinguish them from zero."""
     period = max(model.experiment.recording.period for model in residual_models)
-    times = [
-        candidate.full.model.values[f"{candidate.effect.name}.{p.name}"]
-        for p in candidate.effect.parameters
-        if p.unit == "s" and p.null == 0.0
-    ]
-    all_are_times = len(times) == len(candidate.effect.parameters)
-    return all_are_times and all(abs(t) < MIN_RESOLVED_PERIODS * period for t in times)
+    effect, values = candidate.effect, candidate.full.model.values
+    return consists_of_times(effect) and all(
+        abs(values[f"{effect.name}.{p.name}"]) < MIN_RESOLVED_PERIODS * period for p in effect.parameters
+    )
 
 
 def refuted_by_reading(model: Model, effect: Effect, residual_models: Sequence[ResidualModel]) -> bool:

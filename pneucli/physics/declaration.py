@@ -275,6 +275,11 @@ class Effect:
         )
 
 
+def consists_of_times(effect: Effect) -> bool:
+    """Return whether all parameters are delays or time constants, at 0 s of which the effect is absent."""
+    return all((p.unit, p.null) == ("s", 0.0) for p in effect.parameters)
+
+
 _AREA = ("m^2", None, "0.01 bore areas", "100 bore areas", ("1 bore areas",))
 _DEAD = ("m^3", None, "1e-3 chamber volumes", "10 chamber volumes", ("0.1 chamber volumes",))
 

@@ -11,11 +11,10 @@ from numpy.typing import NDArray
 from pneucli.identify.estimation.fit import Fit
 from pneucli.identify.estimation.score_test import residual_changes
 from pneucli.identify.residuals import ResidualModel
-from pneucli.physics.declaration import Effect
+from pneucli.physics.declaration import Effect, consists_of_times
 from pneucli.physics.scales import RigQuantities
 
 Array = NDArray[np.float64]
-
 
 TIME_SCAN_POINTS = 32  # values of a time constant or delay, from its smallest typical value to its bound
 
@@ -38,7 +37,7 @@ def lower_profile_minimum(
         The value of the parameter with a lower cost than the fit's; None where there is none.
 
     """
-    if [(p.unit, p.null) for p in effect.parameters] != [("s", 0.0)]:
+    if len(effect.parameters) != 1 or not consists_of_times(effect):
         return None
     (time,) = effect.parameters
     name, size = f"{effect.name}.{time.name}", time.range_on(quantities)
