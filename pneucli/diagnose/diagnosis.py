@@ -144,8 +144,10 @@ def _unexplained(
     Where a smooth function of a signal explains more than an effect, it is that of the channels on which the effect
     acts, however small: the function explains it significantly. Recordings that cannot be true show none.
     """
-    if data.implausible or shown is last:
-        return [] if data.implausible else unexplained
+    if data.implausible:
+        return []
+    if shown is last:
+        return unexplained
     train, test = lack_of_fit(data, shown)
     effects = [d.effect for d, _ in decided if d.reason == "explained-by-signal"]
     kinds = {type(v) for v in data.train for effect in effects if v.is_sensitive_to(effect)}

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
 from typing import Any
 
@@ -68,14 +68,15 @@ def run(context: Context) -> dict[str, Any]:
     context.progress(GIVEN_MODEL_PROGRESS, 0.2)
     fitted = [one.experiment for one in data.train]
     guess = guess_base_model(fitted, pipeline.rig, pipeline.valve)
-    impossible = impossible_findings(context.answers["ingest"]["plausibility"])
+    forced = context.options.get("force", False)
+    impossible = [] if forced else impossible_findings(context.answers["ingest"]["plausibility"])
     data = replace(
         data,
         modelled_parts=guess.valve.covers,
         free_run_errors=FreeRunErrors(pipeline.experiments),
-        implausible=bool(impossible) and not context.options.get("force", False),
+        implausible=bool(impossible),
     )
-    model, answer = _run_diagnosis(pipeline, data, guess)
+    model, answer = _run_diagnosis(pipeline, data, guess, implausibility_sentences(impossible))
     release_free_memory()  # the derivatives of all candidates
     answer["warnings"], answer["thinned"] = [*warnings, *answer["warnings"]], subsampling
     answer["plausibility"] = context.answers["ingest"]["plausibility"]
@@ -87,14 +88,18 @@ def run(context: Context) -> dict[str, Any]:
     return answer | history.record_model(context, answer, SHAPE_FILE)
 
 
-def _run_diagnosis(pipeline: PipelineData, data: DiagnosisData, guess: Model) -> tuple[Model, dict[str, Any]]:
-    """Diagnose, write the tables, and return the fitted given model and the answer."""
+def _run_diagnosis(
+    pipeline: PipelineData, data: DiagnosisData, guess: Model, impossible: Sequence[str]
+) -> tuple[Model, dict[str, Any]]:
+    """Diagnose, write the tables, and return the fitted given model and the answer.
+
+    ``impossible`` has a sentence for each finding that forbids a verdict.
+    """
     base = fit_model(guess, data.train, pipeline.effects)
     context, plugins = pipeline.context, plugin_files(pipeline.context.config)
     with executor_refit.open_refits(context.options.get("executor"), context.out, plugins, program_versions) as refits:
         found = diagnose(replace(data, run_refits=refits), base)
     context.progress(FREE_RUN_PROGRESS, 0.9)
-    impossible = impossible_findings(context.answers["ingest"]["plausibility"]) if data.implausible else []
     answer = _answer(pipeline, data, found, impossible)
     write_diagnosis(pipeline, data, found, answer)
     return base.model, answer
@@ -142,9 +147,7 @@ def _diagnosis_data(pipeline: PipelineData) -> tuple[DiagnosisData, list[str]]:
     return DiagnosisData(train, test, effects, base_effects=base_effects, progress=progress, folds=folds), warnings
 
 
-def _answer(
-    pipeline: PipelineData, data: DiagnosisData, found: Diagnosis, impossible: Sequence[Mapping[str, str]]
-) -> dict[str, Any]:
+def _answer(pipeline: PipelineData, data: DiagnosisData, found: Diagnosis, impossible: Sequence[str]) -> dict[str, Any]:
     assert isinstance(data.free_run_errors, FreeRunErrors)
     errors = [dict(data.free_run_errors(fitted.model)) for fitted in found.path.models]
     ladder = [
@@ -163,7 +166,7 @@ def _answer(
         "held_out": validation_method(data),
         "excluded": pipeline.context.options.get("exclude", []),
         "forced": bool(pipeline.context.options.get("force", False)),
-        "impossible": implausibility_sentences(impossible),
+        "impossible": list(impossible),
         "verdict": found.verdict,
         "missing": list(found.missing),
         "ladder": ladder,
@@ -172,7 +175,7 @@ def _answer(
         "explained_share": removed_error_share(errors[0], data.free_run_errors(selected)),
         "purpose": purpose_answer(data.free_run_errors.channels(selected), pipeline.context.config.compare.tolerance),
         "next_experiment": proposed_experiment(data, found),
-        "sentence": verdict_answer(found, errors, rest, implausibility_sentences(impossible)),
+        "sentence": verdict_answer(found, errors, rest, impossible),
         "detectable": [detectability_answer(d) for d in found.detectable],
         "discrepancy": [discrepancy_answer(d) for d in found.discrepancies],
         "moved": [
