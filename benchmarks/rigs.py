@@ -7,10 +7,8 @@ translation of it that gives the same commands to the last bit (``tests/export``
 from __future__ import annotations
 
 import hashlib
-import importlib.util
 import inspect
 import math
-import sys
 from dataclasses import dataclass, replace
 from functools import cache
 from typing import Any
@@ -18,7 +16,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from pneucli.caches import cache_folder, compiled
+from pneucli.caches import compiled, import_generated
 from pneucli.controller import layout
 from pneucli.controller.laws import LAWS
 from pneucli.controller.laws.base import callees_first
@@ -71,17 +69,7 @@ def _map(par: Parameters, largest: float, overlap: float, exponent: float) -> Va
 @cache
 def compiled_loop(law: str) -> Any:
     """Return :func:`_loop` with a law's sample, compiled; a module in the cache holds both, to be compiled once."""
-    text = _loop_source(law)
-    name = f"benchmark_{law.replace('-', '_')}_{hashlib.sha256(text.encode()).hexdigest()[:24]}"
-    path = cache_folder() / f"{name}.py"
-    if not path.is_file():
-        path.write_text(text, encoding="utf-8")
-    spec = importlib.util.spec_from_file_location(name, path)
-    assert spec is not None
-    assert spec.loader is not None
-    module = sys.modules[name] = importlib.util.module_from_spec(spec)  # where what numba kept looks for it
-    spec.loader.exec_module(module)
-    return module._loop
+    return import_generated(_loop_source(law), f"benchmark_{law.replace('-', '_')}")._loop
 
 
 def _loop_source(law: str) -> str:

@@ -2,18 +2,23 @@
 
 from __future__ import annotations
 
+import hashlib
+import importlib.util
 import logging
 import os
+import sys
 import tempfile
 from collections.abc import Callable
 from contextlib import suppress
 from functools import cache
 from pathlib import Path
+from types import ModuleType
 from typing import Any, TypeVar, cast
 
 import numba
 import platformdirs
 from numba import njit
+from numba.core.caching import FunctionCache
 
 Function = TypeVar("Function", bound=Callable[..., Any])
 _LOG = logging.getLogger(__name__)
@@ -45,6 +50,38 @@ def _temporary() -> Path:
     status = usual.lstat()
     own = usual.is_dir() and not usual.is_symlink() and status.st_uid == os.getuid() and not status.st_mode & 0o077
     return usual if own else Path(tempfile.mkdtemp(prefix="pneucli-"))
+
+
+def import_generated(text: str, prefix: str) -> ModuleType:
+    """Import Python text as a module, so that numba caches what it compiles of it.
+
+    Args:
+        text: The module's text.
+        prefix: The start of the module's name; a hash of the text follows.
+
+    Returns:
+        The module; its file is written to the folder ``kernels`` of the cache where it is missing.
+    """
+    name = f"{prefix}_{hashlib.sha256(text.encode()).hexdigest()[:24]}"
+    if name in sys.modules:
+        return sys.modules[name]
+    folder = cache_folder() / "kernels"
+    folder.mkdir(parents=True, exist_ok=True)
+    path = folder / f"{name}.py"
+    if not path.is_file() or path.read_bytes() != text.encode():
+        draft = folder / f".{name}.{os.getpid()}"
+        draft.write_bytes(text.encode())
+        draft.replace(path)
+    spec = importlib.util.spec_from_file_location(name, path)
+    assert spec is not None
+    assert spec.loader is not None
+    module = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(module)
+    for function in vars(module).values():
+        if isinstance(getattr(function, "_cache", None), FunctionCache) and function.py_func.__module__ == name:
+            with_cache_fallback(function)
+    sys.modules[name] = module  # where numba looks for what it cached
+    return module
 
 
 def compiled(**options: Any) -> Callable[[Function], Function]:

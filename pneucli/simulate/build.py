@@ -7,12 +7,8 @@ which contains every equation that it runs.
 from __future__ import annotations
 
 import ast
-import hashlib
-import importlib.util
 import inspect
-import os
 import re
-import sys
 from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cache
@@ -204,28 +200,7 @@ def _port_contribution(name: str, effect: Effect, i: int, begin: int, value: str
 
 
 def _load(text: str) -> ModuleType:
-    """Import the text as a module from the cache folder; write it there first where it is missing."""
-    digest = hashlib.sha256(text.encode()).hexdigest()[:24]
-    name = f"pneucli_kernel_{digest}"
-    if name in sys.modules:
-        return sys.modules[name]
-    folder = caches.cache_folder() / "kernels"
-    folder.mkdir(parents=True, exist_ok=True)
-    path = folder / f"{name}.py"
-    if not path.is_file() or path.read_bytes() != text.encode():
-        draft = folder / f".{name}.{os.getpid()}"
-        draft.write_bytes(text.encode())
-        draft.replace(path)
-    spec = importlib.util.spec_from_file_location(name, path)
-    assert spec is not None
-    assert spec.loader is not None
-    module = importlib.util.module_from_spec(spec)
-    spec.loader.exec_module(module)
-    for entry in ENTRY_POINTS:
-        if hasattr(getattr(module, entry), "py_func"):
-            caches.with_cache_fallback(getattr(module, entry))
-    sys.modules[name] = module
-    return module
+    return caches.import_generated(text, "pneucli_kernel")
 
 
 def parameters_of(effects: Sequence[Effect]) -> dict[str, Parameter]:
