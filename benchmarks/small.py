@@ -21,8 +21,7 @@ from pneucli.exam.cases import generate_case, prepare_case, seal
 from pneucli.exam.conditions import parse
 from pneucli.exam.laboratory import Laboratory
 from pneucli.exam.rig.parameters import ONE_CHAMBER
-from pneucli.export import c_source
-from pneucli.export.export_files import write_c
+from pneucli.export.export_files import write_c, write_c_source
 from pneucli.simulate.model import Model
 
 SMALL = "--small"
@@ -82,7 +81,5 @@ def exported(out: Path, rig: Laboratory, precision: str = "float64", *, replay: 
     if replay:
         write_c(out / "export", controller, model, setup, "small", precision)
     else:
-        header, source = (make(controller, "small", precision) for make in (c_source.header, c_source.source))
-        (out / "export" / f"{c_source.BASE_NAME}.h").write_text(header, encoding="utf-8")
-        (out / "export" / f"{c_source.BASE_NAME}.c").write_text(source, encoding="utf-8")
+        write_c_source(out / "export", controller, "small", precision)
     return out / "export"

@@ -76,6 +76,12 @@ def run_replay(controller: Controller, model: Model, bench: ClosedLoopSetup) -> 
     return simulate(model, controller, replay_scenario(controller), replace(bench, supply=True))
 
 
+def write_c_source(folder: Path, controller: Controller, pipeline: str, precision: str = "float64") -> None:
+    """Write header and source alone."""
+    _write(folder / f"{c_source.BASE_NAME}.h", c_source.header(controller, pipeline, precision))
+    _write(folder / f"{c_source.BASE_NAME}.c", c_source.source(controller, pipeline, precision))
+
+
 def write_c(
     folder: Path,
     controller: Controller,
@@ -89,8 +95,7 @@ def write_c(
     The vectors hold what this precision commands. Return by how much samples differ from those in double
     precision; nothing where that is what it has.
     """
-    _write(folder / f"{c_source.BASE_NAME}.h", c_source.header(controller, pipeline, precision))
-    _write(folder / f"{c_source.BASE_NAME}.c", c_source.source(controller, pipeline, precision))
+    write_c_source(folder, controller, pipeline, precision)
     _write(folder / c_source.REPLAY_FILE, c_source.replay_program(precision))
     vectors, found = replay_vectors(run_replay(controller, model, bench)), {}
     if precision == "float32":
