@@ -17,11 +17,11 @@ FIGURES = (
     ("fast_v", "command above 50 Hz, rms", "V", 1.0),
     ("load_estimate_n", "estimate of the load, mean", "N", 1.0),
 )
-COLUMN_TITLES = ("figure", "foretold", "measured")
+COLUMN_TITLES = ("figure", "predicted", "measured")
 
 
 def figure_rows(log: Row) -> Iterator[tuple[str, str, str]]:
-    """Yield title, what was foretold and what came, of the figures that the log shows."""
+    """Yield title, prediction and measurement of the figures that the log shows."""
     for name, title, unit, scale in FIGURES:
         predicted, measured = log["foretold"].get(name), log["measured"].get(name)
         if predicted is not None or measured is not None:

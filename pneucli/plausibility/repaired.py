@@ -19,9 +19,7 @@ _MENDS = {
 }
 REPAIRS = frozenset(_MENDS)  # checks of these names say how a recording was read, not that it cannot be true
 
-GAPS = frozenset(
-    {"missing", "motionless"}
-)  # a recording holds less than it could (a piston on its stop), nothing false
+GAPS = frozenset({"missing", "motionless"})  # less than could have been recorded (a piston on its stop), nothing false
 
 
 def impossible_findings(findings: Iterable[Mapping[str, str]]) -> list[Mapping[str, str]]:

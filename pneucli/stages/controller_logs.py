@@ -1,4 +1,4 @@
-"""Logs of a running controller, a part of ``compare``: its commands as a channel, and what was foretold of the loop."""
+"""Logs of a running controller, a part of ``compare``: its commands as a channel, and the predicted loop."""
 
 from __future__ import annotations
 
@@ -106,7 +106,7 @@ def _command_error_floor(recording: Recording, name: str, off: float) -> float:
 
 
 def log_answer(looked: ReplayedLog, model: Model) -> dict[str, Any]:
-    """Return what was foretold of a log and what came, in the figures of a closed loop."""
+    """Return the predicted and the measured figures of a logged closed loop."""
     controller = looked.exported.controller
     expected = predict_loop(model, controller, looked.log, setup_from_recording(looked.recording, ClosedLoopSetup()))
     came = logged_loop(model, controller, looked.log, looked.replay)

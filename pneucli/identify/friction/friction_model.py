@@ -14,10 +14,7 @@ from pneucli.identify.friction.samples import IntervalEstimate
 from pneucli.tp import TPModel
 
 Array = NDArray[np.float64]
-
-
 ModelName = Literal["A", "B", "C", "D", "E", "F"]
-
 
 TITLES: dict[ModelName, str] = {
     "A": "Stribeck friction",
@@ -27,11 +24,7 @@ TITLES: dict[ModelName, str] = {
     "E": "TP models of D, one per branch",
     "F": "TP models of the measurement, one per branch",
 }
-
-
 DEFAULT_NODES = 1000  # as in the thesis
-
-
 SIGN_AT_RESOLVED_VELOCITY = 0.95  # value of the smoothed sign at the velocity that the sensors resolve
 
 

@@ -19,7 +19,6 @@ from pneucli.simulate.model import Model
 
 Array = NDArray[np.float64]
 
-
 MAX_GRADIENT_RATIO = 3.0  # times the steepest measured slope: a steeper map does not describe this valve
 
 
