@@ -56,9 +56,9 @@ def score_gain(before: Array, after: Array) -> ScoreGain:
     """Return the reduction from ``before`` to ``after``, both by block, with a block-bootstrap lower bound.
 
     The p value is that of a paired t test over the blocks with the effective degrees of freedom (for models that are
-    not nested: Vuong's test).
+    not nested: Vuong's test). Blocks without a reading, which cost nothing in both, do not count.
     """
-    fall = before - after
+    fall = (before - after)[(before != 0.0) | (after != 0.0)]
     total = float(fall.sum())
     if fall.size < 2 or not np.any(fall):
         return ScoreGain(total, min(total, 0.0), 1.0, 0.0)

@@ -34,6 +34,7 @@ LARGE_LACK_OF_FIT = 3.5  # times the expected rms: several unmodelled effects ac
 MIN_SHARE_IF_LARGE = 0.25  # of the excess cost, under a large lack of fit
 MIN_SHARE = 0.95  # the same otherwise: an effect that resembles a single unmodelled one also leaves little
 MIN_SHARE_WITHOUT_HELD_OUT = 0.9  # the same without a held-out recording that could contradict it
+MAX_SHARE_LEFT_IN_OWN_CHANNELS = 0.5  # of the excess cost of channels that only this effect changes
 PROBABILITY_FLOOR = 1e-6  # a calibrated probability is no more certain than this
 MAX_DISAGREEMENT = 0.5  # of an effect's size: recordings that disagree by more do not show this effect
 
@@ -55,7 +56,7 @@ def decide(
     """
     evidence = collect_evidence(data, last, candidate, term, equivalents, complete=not unexplained)
     reason: Reason = _violated_constraint(data, candidate, term) or "supported"
-    if reason == "supported" and not _is_probable(data, last, candidate, unexplained, evidence):
+    if reason == "supported" and not _is_probable(data, last, candidate, unexplained, term, evidence):
         reason = "explained-by-unknown"
     if reason == "supported" and term is not None and _has_better_smooth_rival(data, term):
         reason = "explained-by-signal"
@@ -63,13 +64,23 @@ def decide(
 
 
 def _is_probable(
-    data: DiagnosisData, last: FittedModel, candidate: Candidate, unexplained: Sequence[LackOfFit], evidence: Evidence
+    data: DiagnosisData,
+    last: FittedModel,
+    candidate: Candidate,
+    unexplained: Sequence[LackOfFit],
+    term: Term | None,
+    evidence: Evidence,
 ) -> bool:
-    """Whether an effect is more probably present than absent; without a calibration, whether it explains enough."""
+    """Whether an effect is more probably present than absent; without a calibration, whether it explains enough.
+
+    Of channels that nothing else can change, an effect has to explain more than remains.
+    """
     if has_calibration(data, candidate.effect):
         return probability(evidence) >= MIN_NAMED_PROBABILITY
     if not unexplained:
         return True
+    if term is not None and term.is_measured_exclusively(data):
+        return evidence.left < MAX_SHARE_LEFT_IN_OWN_CHANNELS
     share, contradiction = (
         explained_excess_cost(candidate.reduced, candidate.full),
         disagreement_between_recordings(data, last, candidate.effect.name),

@@ -35,6 +35,15 @@ def fitted(effect: Effect, values: dict[str, float], columns: np.ndarray, seed: 
     return Fit(ended, free, (), left, columns, np.arange(N) // BLOCK, unused, float(left @ left), ())
 
 
+def test_blocks_without_a_reading_do_not_count():
+    """A sample every 2 s leaves blocks of 1.5 s empty: they are no evidence against a gain."""
+    before, after = np.array([9.0, 12.0, 10.0, 11.0]), np.array([3.0, 5.0, 2.0, 4.0])
+    spaced = [np.zeros(12), np.zeros(12)]
+    for costs, sparse in zip((before, after), spaced, strict=True):
+        sparse[::3] = costs
+    assert score_gain(*spaced) == score_gain(before, after)
+
+
 def test_the_cost_of_a_block_is_its_sum_of_squares():
     costs = block_costs(np.array([1.0, 2.0, 3.0]), np.array([0, 0, 1]))
     assert costs.tolist() == [5.0, 9.0]

@@ -57,6 +57,7 @@ def judged(monkeypatch: pytest.MonkeyPatch) -> Any:
         violated: str | None = None,
         read: float | None = None,
         law: bool = False,
+        calibrated: bool = True,
     ) -> str:
         place = None if read is None else Term(TRIED, ())
         monkeypatch.setattr(DiagnosisData, "exclusive_channel_costs", lambda self, model_fit, effect: [(read, 100.0)])
@@ -66,7 +67,7 @@ def judged(monkeypatch: pytest.MonkeyPatch) -> Any:
             posterior, "nonparametric_rival", lambda diagnosis_data, one: "a law" if law and one is place else None
         )
         left = [LackOfFit(ForceBalance, "force", 5.0, 5.0, ())] * unknown
-        monkeypatch.setattr(posterior, "has_calibration", lambda diagnosis_data, effect: True)
+        monkeypatch.setattr(posterior, "has_calibration", lambda diagnosis_data, effect: calibrated)
         decision, rests_on = decide(diagnosis_data(), TRIED.full, TRIED, left, place)
         assert (decision.effect, decision.candidate) == (TRIED.effect, TRIED)
         assert rests_on == evidence._replace(complete=not unknown)
@@ -91,6 +92,14 @@ def test_an_effect_with_a_smooth_rival_is_not_named_however_probable(judged: Any
 @pytest.mark.parametrize("unknown", [False, True])
 def test_an_exclusive_measurement_has_no_smooth_rival(judged: Any, unknown: bool) -> None:
     assert judged(STRONG, unknown=unknown, read=200.0, law=True) == "supported"
+
+
+@pytest.mark.parametrize(("left", "reason"), [(0.4, "supported"), (0.6, "explained-by-unknown")])
+def test_without_a_calibration_an_effect_explains_more_of_its_own_channels_than_remains(
+    judged: Any, left: float, reason: str
+) -> None:
+    evidence = WEAK._replace(left=left)
+    assert judged(evidence, unknown=True, read=200.0, calibrated=False) == reason
 
 
 @pytest.mark.parametrize("unknown", [False, True])

@@ -18,6 +18,16 @@ DATA = Path(os.environ.get("PNEUCLI_DATA", ROOT.parent / "shared" / "real"))
 Answers = Callable[..., dict[str, Any]]
 
 
+def pipeline_with_effects(path: Path, effects: tuple[str, ...], folder: Path) -> Path:
+    """Write a copy of a pipeline file whose model has these effects; return its path."""
+    text = path.read_text().partition("[model]")
+    listed = ", ".join(f'"{e}"' for e in effects)
+    rest = text[2].partition("\n\n")[2]
+    copy = folder / f"{path.stem}-{'-'.join(effects) or 'base'}.toml"
+    copy.write_text(f"{text[0]}[model]\neffects = [{listed}]\n\n{rest}")
+    return copy
+
+
 @pytest.fixture(scope="session")
 def answers(tmp_path_factory: pytest.TempPathFactory) -> Answers:
     """Answers of a pipeline, run once each; ``effects`` takes the place of those in the file."""
@@ -29,11 +39,7 @@ def answers(tmp_path_factory: pytest.TempPathFactory) -> Answers:
     def run(name: str, effects: tuple[str, ...] | None = None) -> dict[str, Any]:
         path = ROOT / "pipelines" / f"{name}.toml"
         if effects is not None:
-            text = path.read_text().partition("[model]")
-            listed = ", ".join(f'"{e}"' for e in effects)
-            rest = text[2].partition("\n\n")[2]
-            path = folder / f"{name}-{'-'.join(effects) or 'base'}.toml"
-            path.write_text(f"{text[0]}[model]\neffects = [{listed}]\n\n{rest}")
+            path = pipeline_with_effects(path, effects, folder)
         with pytest.MonkeyPatch.context() as patch:
             patch.setenv("PNEUCLI_DATA", str(DATA))
             return run_stages(path, folder / path.stem)

@@ -14,9 +14,9 @@ import pytest
 from pneucli.config import load
 from pneucli.pipeline.context import Context
 from pneucli.stages import diagnose, ingest
-from tests.real.conftest import DATA, ROOT
+from tests.real.conftest import DATA, ROOT, pipeline_with_effects
 
-Diagnosis = Callable[[str], dict[str, Any]]
+Diagnosis = Callable[..., dict[str, Any]]
 
 
 @pytest.fixture
@@ -25,8 +25,10 @@ def diagnosis(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Diagnosis:
         pytest.skip("the real recordings are not here (PNEUCLI_DATA)")
     monkeypatch.setenv("PNEUCLI_DATA", str(DATA))
 
-    def run(name: str) -> dict[str, Any]:
+    def run(name: str, effects: tuple[str, ...] | None = None) -> dict[str, Any]:
         path, answers = ROOT / "pipelines" / f"{name}.toml", dict[str, dict[str, Any]]()
+        if effects is not None:
+            path = pipeline_with_effects(path, effects, tmp_path)
         for folder, stage in (("ingest", ingest), ("diagnose", diagnose)):
             (tmp_path / folder).mkdir()
             answers[folder] = stage.run(Context(path, load(path), tmp_path / folder, tmp_path, answers=answers))
@@ -65,6 +67,13 @@ def test_a_chamber_that_lost_its_pressure_leaks(diagnosis: Diagnosis) -> None:
     answer = diagnosis("zillen-decay-ultimaker-020")
     assert answer["missing"] == ["chamber-leak"]
     assert answer["ladder"][1]["error_train"] < answer["ladder"][0]["error_train"] / 4
+
+
+def test_a_gas_that_cooled_by_40_k_exchanged_heat(diagnosis: Diagnosis) -> None:
+    """README of the recordings: heat transfer brings pressure and temperature together; the gas cooled by 40 K."""
+    answer = diagnosis("hyddown", ())
+    assert answer["missing"] == ["heat-transfer"]
+    assert answer["ladder"][1]["error_train"] < 0.6 * answer["ladder"][0]["error_train"]
 
 
 def test_half_a_per_cent_of_a_pressure_lost_is_not_called_a_leak(diagnosis: Diagnosis) -> None:

@@ -25,7 +25,7 @@ from pneucli.identify.residuals.initial_state import (
     initial_state_sensitivity,
     log_determinant,
 )
-from pneucli.physics.declaration import Side
+from pneucli.physics.declaration import Effect, Side
 from pneucli.simulate import layout as at
 from pneucli.simulate.model import Model
 from pneucli.simulate.run import run, simulate
@@ -51,6 +51,10 @@ class ChamberPressures(ResidualModel):
     def subsystem_channels(self) -> tuple[str, ...]:
         """The pressures, the gas temperature, and the flow through the valve."""
         return ("p1", "p2", "temperature", "flow")
+
+    def exclusive_channels(self, effect: Effect) -> tuple[str, ...]:
+        """Return the gas temperature for heat transfer: without it, the modelled temperature is constant."""
+        return ("temperature",) if "heat" in effect.ports and "temperature" in self.channels else ()
 
     def residual(self, model: Model, errors: Mapping[str, Array] | None = None) -> dict[str, Array]:
         """Return measured minus model by channel, whitened for the initial-state ``errors``."""
