@@ -1,56 +1,101 @@
-"""How often 95 % intervals hold the truth where a model has the right effects: ``python -m benchmarks.intervals EXAM``
+"""How often 95 % intervals hold the truth, and how wide they are: ``python -m benchmarks.intervals FOLDER...``
 
-More exams may follow; each is a folder that ``pneucli exam`` wrote. Every case is fitted with its true effects, as
-``diagnose`` fits; those that hide an effect outside the catalogue are left out. Rows: with small unknown effects or
-without, intervals from blocks of time alone and as they are told (:mod:`pneucli.identify.estimation.intervals`).
+Each folder is an exam that ``pneucli exam`` wrote, or holds cases of a rig by other hands: folders with
+``pipeline.toml`` and ``truth.json`` (``parameters``: the true ones by effect; ``true``: Coulomb friction ``Fc`` and
+viscous friction ``visc``). Every case is fitted with its true effects, as ``diagnose`` fits; cases with an effect
+outside the catalogue are left out. A row for each folder and each kind of interval: from blocks of time alone, and as
+they are reported (:mod:`pneucli.identify.estimation.intervals`).
+
+The interval score is that of Gneiting and Raftery (J. Am. Stat. Assoc. 102 (2007) 359): width plus 2 / 0.05 times the
+distance by which the truth lies outside, here over the truth; the smaller, the better. Its geometric mean is printed.
 """
 
 from __future__ import annotations
 
+import json
 import sys
 import tempfile
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from pathlib import Path
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from benchmarks import small
-from benchmarks.cases import study_of, truths
+from benchmarks.cases import SEALED, study_of, truths
+from benchmarks.foreign_rigs import CATALOGUE_NAMES
+from pneucli.identify.estimation.fit import Fit
 from pneucli.identify.estimation.intervals import with_intervals
 from pneucli.identify.estimation.model_fit import fit_model
 from pneucli.identify.guesses.friction_and_valve import guess_base_model
-from pneucli.physics.effects import catalogue
+from pneucli.physics.effects import catalogue_with_sides
+
+PENALTY = 2.0 / 0.05  # of an interval's distance from the truth, at 95 %
+MAX_SAMPLES = 60_000  # of a case
+TRUE_FRICTION = {"Fc": "friction.coulomb", "visc": "friction.viscous"}  # in the truth of a rig by other hands
+
+
+class Case(NamedTuple):
+    """A case: its folder, the effects of its rig, and the true values that are known."""
+
+    folder: Path
+    effects: tuple[str, ...]
+    known: Mapping[str, float]
 
 
 class Row(NamedTuple):
-    """One interval: what acts besides, how it was made, whether it holds the truth, its width over the truth."""
+    """One interval: the folder of its case, how it was made, its width, and its distance from the truth, over it."""
 
-    messy: bool
+    world: str
     made: str
-    held: bool
     width: float
+    distance: float
+
+    @property
+    def score(self) -> float:
+        """The interval score."""
+        return self.width + PENALTY * self.distance
 
 
-def rows(case: Path, truth: dict) -> Iterator[Row]:  # type: ignore[type-arg]
-    """Yield the intervals of one case: friction and what was hidden."""
-    known = {f"friction.{n}": v for n, v in truth["base"].items() if n in ("coulomb", "viscous")}
-    known |= {f"{e}.{n}": v for e, values in truth["hidden"].items() for n, v in values.items()}
+def cases(folder: Path) -> Iterator[Case]:
+    """Yield the cases of an exam or of a rig whose effects are all in the catalogue."""
+    if (folder / SEALED).is_dir():
+        for path, truth in truths(folder):
+            if truth["outside_the_catalogue"] is None:
+                friction = {f"friction.{n}": v for n, v in truth["base"].items() if n in ("coulomb", "viscous")}
+                yield _case(path, truth["baseline"], truth["hidden"], friction)
+    for path in sorted(folder.glob("*/truth.json")):
+        truth = json.loads(path.read_text())
+        if set(truth["unknown"]) <= CATALOGUE_NAMES.keys():
+            true = truth.get("true") or {}
+            true = json.loads(true) if isinstance(true, str) else true
+            friction = {name: true[key] for key, name in TRUE_FRICTION.items() if key in true}
+            hidden = {CATALOGUE_NAMES.get(effect, effect): v for effect, v in truth["parameters"].items()}
+            yield _case(path.parent, truth["baseline"], hidden, friction)
+
+
+def _case(folder: Path, baseline: list[str], hidden: Mapping[str, Mapping[str, float]], friction: Any) -> Case:
+    known = friction | {f"{e}.{n}": value for e, values in hidden.items() for n, value in values.items()}
+    return Case(folder, tuple(dict.fromkeys((*baseline, *hidden))), known)
+
+
+def rows(world: str, case: Case) -> Iterator[Row]:
+    """Yield the intervals of one case."""
     with tempfile.TemporaryDirectory() as out:
-        study = study_of(case, Path(out))
+        study = study_of(case.folder, Path(out), MAX_SAMPLES)
         views = study.residual_models("train")
         guess = guess_base_model([v.experiment for v in views], study.rig, study.valve)
-        names = dict.fromkeys((*truth["baseline"], *truth["hidden"]))
-        found = fit_model(guess, views, tuple(catalogue()[n] for n in names))
-    for made, fit in (("blocks of time", found), ("groups of signals too", with_intervals(found, views))):
+        found = fit_model(guess, views, tuple(catalogue_with_sides()[name] for name in case.effects))
+    fits: dict[str, Fit] = {"blocks of time": found, "as reported": with_intervals(found, views)}
+    for made, fit in fits.items():
         for e in fit.estimates:
-            if e.name in known and not e.at_bound:
-                (low, high), true = e.ci95, known[e.name]
-                yield Row(bool(truth["mess"]), made, low <= true <= high, (high - low) / abs(true))
+            if e.name in case.known and case.known[e.name] and not e.at_bound:
+                (low, high), true = e.ci95, case.known[e.name]
+                yield Row(world, made, (high - low) / abs(true), max(low - true, true - high, 0.0) / abs(true))
 
 
 def main(arguments: list[str]) -> None:
-    """Fit every case and print the shares."""
+    """Fit every case and print the table."""
     if small.SMALL in arguments:
         with tempfile.TemporaryDirectory() as folder:
             table([small.exam(Path(folder))])
@@ -58,20 +103,21 @@ def main(arguments: list[str]) -> None:
         table([Path(name) for name in arguments])
 
 
-def table(exams: list[Path]) -> None:
-    """Print the shares over all cases of the exams."""
-    seen: list[Row] = []
-    for exam in exams:
-        for case, truth in truths(exam):
-            if truth["outside_the_catalogue"] is None or truth["mess"]:
-                seen += rows(case, truth)
-                print(case.name, len(seen), file=sys.stderr, flush=True)
-    print("| rigs | from | intervals | hold the truth | median width |\n| --- | --- | --- | --- | --- |")
-    for messy, made in dict.fromkeys((r.messy, r.made) for r in seen):
-        mine = [r for r in seen if (r.messy, r.made) == (messy, made)]
-        held, width = np.mean([r.held for r in mine]), np.median([r.width for r in mine])
-        rigs = "with small unknown effects" if messy else "clean"
-        print(f"| {rigs} | {made} | {len(mine)} | {100 * held:.0f} % | {100 * width:.2g} % |")
+def table(folders: list[Path]) -> None:
+    """Print coverage, median width and score for each folder."""
+    print(
+        "| cases | interval | number | hold the truth | median width | score |\n| --- | --- | --- | --- | --- | --- |"
+    )
+    for folder in folders:
+        seen: list[Row] = []
+        for case in cases(folder):
+            seen += rows(folder.name, case)
+            print(case.folder.name, len(seen), file=sys.stderr, flush=True)
+        for made in dict.fromkeys(r.made for r in seen):
+            mine = [r for r in seen if r.made == made]
+            held, width = np.mean([r.distance == 0.0 for r in mine]), np.median([r.width for r in mine])
+            score = np.exp(np.mean(np.log([r.score for r in mine])))
+            print(f"| {folder.name} | {made} | {len(mine)} | {100 * held:.0f} % | {100 * width:.2g} % | {score:.3g} |")
 
 
 if __name__ == "__main__":

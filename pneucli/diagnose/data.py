@@ -22,6 +22,7 @@ from pneucli.diagnose.spline_regression import SplineRegression
 from pneucli.experiments import Part
 from pneucli.identify.estimation.blocks import block_labels
 from pneucli.identify.estimation.fit import Fit, StoppingRule
+from pneucli.identify.estimation.intervals import group_labels, variance_inflation
 from pneucli.identify.estimation.model_fit import fit_with_effect, fit_without, refit
 from pneucli.identify.estimation.score_test import ScoreTest, initial_guesses, score_tests
 from pneucli.identify.residuals import ResidualModel
@@ -154,6 +155,16 @@ class DiagnosisData:
     @cached_property
     def lack_of_fit_cache(self) -> WeakKeyDictionary[FittedModel, LackOfFitByUse]:
         """The lack of fit of fitted models; an entry goes with its model."""
+        return WeakKeyDictionary()
+
+    def variance_inflation(self, fitted: FittedModel) -> NDArray[np.float64]:
+        """Return by how much model error inflates the variance of each parameter (k,)."""
+        if fitted not in self._inflation_cache:
+            self._inflation_cache[fitted] = variance_inflation(fitted.fit, group_labels(self.train))
+        return self._inflation_cache[fitted]
+
+    @cached_property
+    def _inflation_cache(self) -> WeakKeyDictionary[FittedModel, NDArray[np.float64]]:
         return WeakKeyDictionary()
 
     @cached_property

@@ -238,9 +238,12 @@ def acts_only_under_imposed_motion(data: DiagnosisData, effect: Effect) -> bool:
 
 
 def _significance_and_size(data: DiagnosisData, fitted: FittedModel, effect: Effect) -> tuple[float, float]:
+    """Return the distance of an effect from its absence over the standard error of its interval, and its size."""
     facts = rig_quantities(fitted.model, [residual_model.experiment for residual_model in data.train])
     size = relative_effect_size(fitted.fit, effect, facts, data.train)
-    return significance(fitted.fit, effect, data.train), size
+    own = [f.name.startswith(f"{effect.name}.") for f in fitted.fit.free]
+    inflation = float(np.mean(data.variance_inflation(fitted)[own])) if any(own) else 1.0
+    return significance(fitted.fit, effect, data.train) / math.sqrt(inflation), size
 
 
 def disagreement_between_recordings(data: DiagnosisData, fitted: FittedModel, name: str) -> float:

@@ -165,24 +165,25 @@ def test_the_explained_share_is_of_the_excess_cost() -> None:
 
 
 def evidence(monkeypatch: pytest.MonkeyPatch, shown: Any, *, complete: bool = False, placed: bool = True) -> Evidence:
-    last = model_fit(140.0, fit="last fit", model="last model")
+    free = [SimpleNamespace(name="friction.coulomb"), SimpleNamespace(name="extra-mass.mass")]
+    fitted: Any = SimpleNamespace(free=free)
+    last = model_fit(140.0, fit=fitted, model="last model")
     tried: Any = SimpleNamespace(
         reduced=model_fit(0.0, model="without"), full=model_fit(0.0, model="with"), effect=catalogue()["extra-mass"]
     )
-    where: Any = SimpleNamespace(train=kinds(ForceBalance), free_run_errors=shown)
+    where: Any = SimpleNamespace(
+        train=kinds(ForceBalance), free_run_errors=shown, variance_inflation=lambda one: np.array([9.0, 4.0])
+    )
     monkeypatch.setattr(posterior, "rig_quantities", lambda model, experiments: (model, *experiments))
-    sizes = {("last fit", "extra-mass", ("last model", "fitted")): 0.5}
-    monkeypatch.setattr(
-        posterior, "significance", lambda fit, effect, *_: {("last fit", "extra-mass"): 20.0}[fit, effect.name]
-    )
-    monkeypatch.setattr(
-        posterior, "relative_effect_size", lambda fit, effect, facts, *_: sizes[fit, effect.name, facts]
-    )
+    sizes = {("extra-mass", ("last model", "fitted")): 0.5}
+    monkeypatch.setattr(posterior, "significance", lambda fit, effect, *_: 40.0 if fit is fitted else 0.0)
+    monkeypatch.setattr(posterior, "relative_effect_size", lambda fit, effect, facts, *_: sizes[effect.name, facts])
     stood: Any = SimpleNamespace(remaining_share=lambda diagnosis_data: 0.2 if diagnosis_data is where else None)
     return collect_evidence(where, last, tried, stood if placed else None, ["pressure-scale"], complete=complete)
 
 
 def test_evidence_is_of_the_step_and_of_the_effect_in_the_last_model(monkeypatch: pytest.MonkeyPatch) -> None:
+    """40 standard errors by blocks of time are 20 of the interval, whose variance model error inflates by 4."""
     errors = {"without": {"train": 9.0, "test": 5.0}, "with": {"train": 8.0, "test": 13.0**0.5}}
     for complete in (True, False):
         found = evidence(monkeypatch, errors.__getitem__, complete=complete)
@@ -213,6 +214,7 @@ def test_the_posterior_uses_the_evidence_of_the_term_and_its_equivalents(
         posterior, "rig_quantities", lambda model, experiments: "facts" if model is tried.full.model else None
     )
     monkeypatch.setattr(posterior, "significance", lambda fit, effect, *_: 20.0 if fit is tried.full.fit else 0.0)
+    monkeypatch.setattr(DiagnosisData, "variance_inflation", lambda self, fitted: np.ones(len(fitted.fit.free)))
     monkeypatch.setattr(
         posterior, "relative_effect_size", lambda fit, effect, facts, *_: 0.5 if facts == "facts" else 0.0
     )

@@ -14,7 +14,6 @@ from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.stats import t as student_t
 
 from pneucli.identify.estimation.blocks import group_scores, residual_mask
 from pneucli.identify.estimation.least_squares import minimise, pseudo_inverse
@@ -22,6 +21,7 @@ from pneucli.identify.estimation.objective import LeastSquaresProblem
 from pneucli.identify.estimation.parameters import FreeParameter
 from pneucli.identify.estimation.progress import iteration_callback
 from pneucli.identify.residuals import ResidualModel
+from pneucli.quantities import Z95
 from pneucli.simulate.model import Model, parameter_value
 
 Array = NDArray[np.float64]
@@ -162,32 +162,26 @@ def _fit_summary(problem: LeastSquaresProblem, z: Array, residual: Array, jacobi
     )
 
 
-def parameter_estimates(
-    free: Sequence[FreeParameter], model: Model, covariance: Array, degrees_of_freedom: Array | None = None
-) -> tuple[Estimate, ...]:
+def parameter_estimates(free: Sequence[FreeParameter], model: Model, covariance: Array) -> tuple[Estimate, ...]:
     """Return value, standard error and 95 % interval of each free parameter of a fitted model.
 
     Args:
         free: The free parameters.
         model: The fitted model.
         covariance: Covariance of the fit's coordinates, shape (k, k).
-        degrees_of_freedom: Degrees of freedom of each variance, shape (k,); infinite where absent.
 
     Returns:
-        One estimate a parameter; the interval is Student's, symmetric in the fit's coordinate. Where no value makes an
+        One estimate a parameter; the interval is symmetric in the fit's coordinate. Where no value makes an
         effect absent, the interval ends at the bounds: what lies beyond is no value of it.
 
     """
     effects = model.effects
     distinct = {e.name for e in effects if e.in_model_with(effects) is not e}
-    quantile = np.asarray(
-        student_t.ppf(0.975, np.full(len(free), np.inf) if degrees_of_freedom is None else degrees_of_freedom)
-    )
     estimates = []
     for j, f in enumerate(free):
         value = parameter_value(model, f.name)
         z, error = f.to_coordinate(value), float(np.sqrt(max(covariance[j, j], 0.0)))
-        half_width = float(quantile[j]) * error
+        half_width = Z95 * error
         low, high = f.from_coordinate(z - half_width), f.from_coordinate(z + half_width)
         if f.name.partition(".")[0] in distinct:
             low, high = max(low, f.lower), min(high, f.upper)

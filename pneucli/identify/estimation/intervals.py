@@ -3,11 +3,13 @@
 A missing effect depends on something: position, speed, pressure, command or time. Blocks of time are then not
 independent, because the same error returns each time the piston passes the same place. The samples are therefore also
 grouped by each of these signals. A jackknife over these groups gives a variance of each parameter; its excess over the
-jackknife of blocks of time is added. A variance from ten groups is itself uncertain, so the intervals are Student's t.
+jackknife of blocks of time is added, for each grouping. Model error also moves a parameter by the part that all groups
+have in common, which no grouping shows: it is taken to be as large as what the groupings show, as far as the squared
+residuals exceed noise.
 
 References:
     Cameron, A. C., Gelbach, J. B. and Miller, D. L., J. Bus. Econ. Stat. 29 (2011) 238 (several groupings).
-    Bell, R. M. and McCaffrey, D. F., Survey Methodology 28 (2002) 169 (jackknife and its degrees of freedom).
+    Bell, R. M. and McCaffrey, D. F., Survey Methodology 28 (2002) 169 (jackknife).
 
 """
 
@@ -30,7 +32,6 @@ Array = NDArray[np.float64]
 Labels = NDArray[np.int64]
 
 BINS_PER_SIGNAL = 10  # of a signal, each with as many samples
-COMMON_ERROR_FACTOR = 6.0  # times the added variance beyond noise: groups do not show the error they have in common
 MAX_LEVERAGE = 0.9  # of the curvature of a direction: beyond it the other groups do not determine that direction
 
 
@@ -65,80 +66,41 @@ def with_intervals(fitted: Fit, residual_models: Sequence[ResidualModel]) -> Fit
         residual_models: The residual models it was fitted to.
 
     Returns:
-        The fit with the wider covariance and Student's intervals; unchanged without parameters or data.
+        The fit with the wider covariance and intervals; unchanged without parameters or data.
 
     """
     if not fitted.free or not fitted.residual.size:
         return fitted
-    inflation, degrees_of_freedom = variance_inflation(fitted, group_labels(residual_models))
+    inflation = variance_inflation(fitted, group_labels(residual_models))
     covariance = fitted.covariance * np.outer(np.sqrt(inflation), np.sqrt(inflation))
-    return replace(
-        fitted,
-        covariance=covariance,
-        estimates=parameter_estimates(fitted.free, fitted.model, covariance, degrees_of_freedom),
-    )
+    return replace(fitted, covariance=covariance, estimates=parameter_estimates(fitted.free, fitted.model, covariance))
 
 
-def variance_inflation(fitted: Fit, groups: Iterator[Labels]) -> tuple[Array, Array]:
+def variance_inflation(fitted: Fit, groups: Iterator[Labels]) -> Array:
     """Compute how much model error inflates the variance of each parameter.
-
-    The variance that a grouping adds has one degree of freedom less than its effective number of groups; the variance
-    by blocks of time counts as exact. The sum has the degrees of freedom of Welch and Satterthwaite. Model error also
-    moves a parameter by the part that all groups have in common, which no grouping shows: the added variance is
-    multiplied by up to ``COMMON_ERROR_FACTOR``, by the share of the squared residuals that exceeds noise.
 
     Args:
         fitted: The fit.
         groups: Groupings of the residuals, each with labels of shape (N,).
 
     Returns:
-        The factor of each variance, at least 1, and its degrees of freedom; both of shape (k,).
-
-    References:
-        Satterthwaite, F. E., Biometrics Bulletin 2 (1946) 110.
+        The factor of each variance, at least 1, shape (k,).
 
     """
-    by_time, variance = Groups(fitted, fitted.blocks), np.diag(fitted.covariance)
-    blocks, by_time_jackknife = _sandwich_variance(by_time), _jackknife_variance(by_time)
-    added, variance_of_added = np.zeros(len(fitted.free)), np.zeros(len(fitted.free))
+    by_time, variance = _jackknife_variance(Groups(fitted, fitted.blocks)), np.diag(fitted.covariance)
+    shown = np.zeros(len(fitted.free))
     for labels in groups:
-        by_signal = Groups(fitted, labels)
-        larger = _sandwich_variance(by_signal) > blocks
-        if larger.any():
-            part = np.where(larger, np.maximum(_jackknife_variance(by_signal) - by_time_jackknife, 0.0), 0.0)
-            added, variance_of_added = (
-                added + part,
-                variance_of_added + part**2 / _effective_degrees_of_freedom(by_signal),
-            )
-    scale = 1.0 + (COMMON_ERROR_FACTOR - 1.0) * _excess_variance_share(fitted)
-    added, variance_of_added = scale * added, scale**2 * variance_of_added
-    inflation = 1.0 + np.divide(added, variance, out=np.zeros_like(added), where=variance > 0.0)
-    degrees_of_freedom = np.divide(
-        (variance + added) ** 2, variance_of_added, out=np.full_like(added, np.inf), where=variance_of_added > 0.0
-    )
-    return inflation, np.maximum(degrees_of_freedom, 1.0)
+        shown += np.maximum(_jackknife_variance(Groups(fitted, labels)) - by_time, 0.0)
+    added = (1.0 + _excess_variance_share(fitted)) * shown
+    return np.asarray(1.0 + np.divide(added, variance, out=np.zeros_like(added), where=variance > 0.0))
 
 
 def _excess_variance_share(fitted: Fit) -> Array:
     """Return the share of the squared residuals that inform each parameter and exceed noise, shape (k,)."""
-    expected, observed = (
-        np.diag(fitted.inverse_hessian),
-        _parameter_information(fitted, weighted_curvature(fitted.jacobian, fitted.residual)),
-    )
+    curvature = weighted_curvature(fitted.jacobian, fitted.residual)
+    expected = np.diag(fitted.inverse_hessian)
+    observed = np.diag(fitted.inverse_hessian @ curvature @ fitted.inverse_hessian)
     return np.asarray(1.0 - np.divide(expected, observed, out=np.ones_like(expected), where=observed > expected))
-
-
-def _parameter_information(fitted: Fit, curvatures: Array) -> Array:
-    """Return the information on each parameter from residuals of these curvatures (..., k, k), shape (..., k)."""
-    return np.asarray(np.einsum("ji,...jk,ki->...i", fitted.inverse_hessian, curvatures, fitted.inverse_hessian))
-
-
-def _effective_degrees_of_freedom(groups: Groups) -> Array:
-    """Return one less than the effective number of groups that inform each parameter, shape (k,)."""
-    information = _parameter_information(groups.fitted, groups.curvatures)
-    observed = (information**2).sum(axis=0)
-    number = np.divide(information.sum(axis=0) ** 2, observed, out=np.ones_like(observed), where=observed > 0.0)
-    return np.asarray(np.maximum(number - 1.0, 1.0))
 
 
 def group_labels(residual_models: Sequence[ResidualModel]) -> Iterator[Labels]:
@@ -179,11 +141,6 @@ def _residual_labels(residual_models: Sequence[ResidualModel], labels: Sequence[
             for view, sample_labels in zip(residual_models, labels, strict=True)
         ]
     )
-
-
-def _sandwich_variance(groups: Groups) -> Array:
-    """Return the variance of each parameter (k,) from the summed scores of groups."""
-    return np.asarray(((groups.scores @ groups.fitted.inverse_hessian) ** 2).sum(axis=0))
 
 
 def _jackknife_variance(groups: Groups) -> Array:
