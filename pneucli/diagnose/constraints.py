@@ -17,7 +17,6 @@ from pneucli.diagnose.evidence import score_gain
 from pneucli.diagnose.free_run_error import held_out_error
 from pneucli.diagnose.validity import below_resolution, end_locations, has_unmeasured_force, refuted_by_reading
 from pneucli.identify.estimation.fit import Fit, fit
-from pneucli.identify.estimation.intervals import with_intervals
 from pneucli.identify.estimation.model_fit import free_parameters
 from pneucli.identify.estimation.parameters import absent_value
 from pneucli.identify.residuals import ResidualModel
@@ -67,7 +66,7 @@ def _violations(data: DiagnosisData, candidate: Candidate, *, measured_exclusive
     yield has_unmeasured_force(data.train, effect), "cannot-show"
     yield from violations_of_estimate(data, candidate)
     if has_null(candidate.full.fit, effect):
-        fitted = with_intervals(candidate.full.fit, data.train)
+        fitted = data.with_intervals(candidate.full)
         yield interval_contains_null(fitted, effect), "interval-contains-null"
     else:
         yield not score_gain(candidate.reduced.costs, candidate.full.costs).significant, "not-significant"

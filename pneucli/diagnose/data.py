@@ -22,7 +22,7 @@ from pneucli.diagnose.spline_regression import SplineRegression
 from pneucli.experiments import Part
 from pneucli.identify.estimation.blocks import block_labels
 from pneucli.identify.estimation.fit import Fit, StoppingRule
-from pneucli.identify.estimation.intervals import group_labels, variance_inflation
+from pneucli.identify.estimation.intervals import with_intervals
 from pneucli.identify.estimation.model_fit import fit_with_effect, fit_without, refit
 from pneucli.identify.estimation.score_test import ScoreTest, initial_guesses, score_tests
 from pneucli.identify.residuals import ResidualModel
@@ -157,14 +157,14 @@ class DiagnosisData:
         """The lack of fit of fitted models; an entry goes with its model."""
         return WeakKeyDictionary()
 
-    def variance_inflation(self, fitted: FittedModel) -> NDArray[np.float64]:
-        """Return by how much model error inflates the variance of each parameter (k,)."""
-        if fitted not in self._inflation_cache:
-            self._inflation_cache[fitted] = variance_inflation(fitted.fit, group_labels(self.train))
-        return self._inflation_cache[fitted]
+    def with_intervals(self, fitted: FittedModel) -> Fit:
+        """Return the fit of a model with the variance that model error causes."""
+        if fitted not in self._fits_with_intervals:
+            self._fits_with_intervals[fitted] = with_intervals(fitted.fit, self.train)
+        return self._fits_with_intervals[fitted]
 
     @cached_property
-    def _inflation_cache(self) -> WeakKeyDictionary[FittedModel, NDArray[np.float64]]:
+    def _fits_with_intervals(self) -> WeakKeyDictionary[FittedModel, Fit]:
         return WeakKeyDictionary()
 
     @cached_property

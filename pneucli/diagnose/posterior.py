@@ -242,7 +242,8 @@ def _significance_and_size(data: DiagnosisData, fitted: FittedModel, effect: Eff
     facts = rig_quantities(fitted.model, [residual_model.experiment for residual_model in data.train])
     size = relative_effect_size(fitted.fit, effect, facts, data.train)
     own = [f.name.startswith(f"{effect.name}.") for f in fitted.fit.free]
-    inflation = float(np.mean(data.variance_inflation(fitted)[own])) if any(own) else 1.0
+    by_blocks, of_intervals = (np.diag(f.covariance)[own] for f in (fitted.fit, data.with_intervals(fitted)))
+    inflation = float(np.mean(of_intervals / by_blocks)) if np.all(by_blocks > 0.0) and any(own) else 1.0
     return significance(fitted.fit, effect, data.train) / math.sqrt(inflation), size
 
 

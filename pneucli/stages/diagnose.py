@@ -19,7 +19,6 @@ from pneucli.diagnose.subsample import MAX_SAMPLES
 from pneucli.diagnose.validity import lacks_p2
 from pneucli.errors import InputError, did_you_mean
 from pneucli.identify.estimation.fit import Fit
-from pneucli.identify.estimation.intervals import with_intervals
 from pneucli.identify.estimation.model_fit import fit_model
 from pneucli.identify.guesses.friction_and_valve import guess_base_model
 from pneucli.identify.residuals import ForceBalanceInferredP2, ResidualModel
@@ -154,8 +153,7 @@ def _answer(pipeline: PipelineData, data: DiagnosisData, found: Diagnosis, impos
         {"add": add, "error_train": e["train"], "error_test": e["test"]}
         for add, e in zip([None, *found.path.added], errors, strict=True)
     ]
-    with_errors = with_intervals(_selected_model(found).fit, data.train)
-    candidates = [_candidate_answer(pipeline, data, found, with_errors, decision) for decision in found.decisions]
+    candidates = [_candidate_answer(pipeline, data, found, decision) for decision in found.decisions]
     selected = _selected_model(found).model
     rest = None if found.unexplained is None else unexplained_answer(found.unexplained)
     return {
@@ -201,7 +199,7 @@ def _selected_model(found: Diagnosis) -> FittedModel:
 
 
 def _candidate_answer(
-    pipeline: PipelineData, data: DiagnosisData, found: Diagnosis, with_errors: Fit, decision: Decision
+    pipeline: PipelineData, data: DiagnosisData, found: Diagnosis, decision: Decision
 ) -> dict[str, Any]:
     assert data.free_run_errors is not None
     name, candidate = decision.effect.name, decision.candidate
@@ -210,12 +208,13 @@ def _candidate_answer(
         data.free_run_errors(s.model) for s in ((candidate.reduced, fitted) if candidate else (fitted, fitted))
     )
     unchanged = decision.reason == "cannot-show"
+    shown = _selected_model(found) if name in found.missing else fitted
     answer = {
         "effect": name,
         "title": decision.effect.title,
         "error_before": held_out_error(before),
         "error_after": held_out_error(after) if candidate or unchanged else None,
-        "parameters": _parameters(pipeline, with_errors if name in found.missing else fitted.fit, name),
+        "parameters": _parameters(pipeline, data.with_intervals(shown), name),
         "indistinguishable_from": _equivalents(found, name),
         "supported": decision.supported,
         "reason": decision.reason,

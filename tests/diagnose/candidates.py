@@ -75,6 +75,7 @@ def candidate(
             SimpleNamespace(name=f"{effect}.{name}", upper=value if at_bound else 1e9)
             for name, (value, at_bound) in ended.items()
         ),
+        covariance=np.eye(len(ended)),
     )
     after = FittedModel(fitted, after.train_costs, after.test_costs, after.costs, after.residual_counts)
     fall = before.cost - cost

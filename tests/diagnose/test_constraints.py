@@ -17,6 +17,7 @@ from pneucli.diagnose.constraints import (
     violated_constraint,
     with_longer_horizon,
 )
+from pneucli.diagnose.data import DiagnosisData
 from pneucli.identify.estimation.fit import Fit, fit
 from pneucli.identify.estimation.intervals import with_intervals
 from pneucli.identify.estimation.model_fit import free_parameters
@@ -92,7 +93,7 @@ def passing(monkeypatch: pytest.MonkeyPatch) -> None:
     """Every constraint holds but the one under test."""
     monkeypatch.setattr(constraints, "has_unmeasured_force", lambda residual_models, effect: False)
     monkeypatch.setattr(constraints, "refuted_by_reading", lambda one, effect, residual_models: False)
-    monkeypatch.setattr(constraints, "with_intervals", lambda fitted, residual_models: fitted)
+    monkeypatch.setattr(DiagnosisData, "with_intervals", lambda self, fitted: fitted.fit)
     monkeypatch.setattr(constraints, "interval_contains_null", lambda fitted, effect: False)
     monkeypatch.setattr(constraints, "varies_with_horizon", lambda fitted, effect, residual_models: False)
 

@@ -166,14 +166,13 @@ def test_the_explained_share_is_of_the_excess_cost() -> None:
 
 def evidence(monkeypatch: pytest.MonkeyPatch, shown: Any, *, complete: bool = False, placed: bool = True) -> Evidence:
     free = [SimpleNamespace(name="friction.coulomb"), SimpleNamespace(name="extra-mass.mass")]
-    fitted: Any = SimpleNamespace(free=free)
+    fitted: Any = SimpleNamespace(free=free, covariance=np.diag([1.0, 0.5]))
+    widened: Any = SimpleNamespace(covariance=np.diag([9.0, 2.0]))
     last = model_fit(140.0, fit=fitted, model="last model")
     tried: Any = SimpleNamespace(
         reduced=model_fit(0.0, model="without"), full=model_fit(0.0, model="with"), effect=catalogue()["extra-mass"]
     )
-    where: Any = SimpleNamespace(
-        train=kinds(ForceBalance), free_run_errors=shown, variance_inflation=lambda one: np.array([9.0, 4.0])
-    )
+    where: Any = SimpleNamespace(train=kinds(ForceBalance), free_run_errors=shown, with_intervals=lambda one: widened)
     monkeypatch.setattr(posterior, "rig_quantities", lambda model, experiments: (model, *experiments))
     sizes = {("extra-mass", ("last model", "fitted")): 0.5}
     monkeypatch.setattr(posterior, "significance", lambda fit, effect, *_: 40.0 if fit is fitted else 0.0)
@@ -214,7 +213,7 @@ def test_the_posterior_uses_the_evidence_of_the_term_and_its_equivalents(
         posterior, "rig_quantities", lambda model, experiments: "facts" if model is tried.full.model else None
     )
     monkeypatch.setattr(posterior, "significance", lambda fit, effect, *_: 20.0 if fit is tried.full.fit else 0.0)
-    monkeypatch.setattr(DiagnosisData, "variance_inflation", lambda self, fitted: np.ones(len(fitted.fit.free)))
+    monkeypatch.setattr(DiagnosisData, "with_intervals", lambda self, fitted: fitted.fit)
     monkeypatch.setattr(
         posterior, "relative_effect_size", lambda fit, effect, facts, *_: 0.5 if facts == "facts" else 0.0
     )
