@@ -88,7 +88,7 @@ def diagnose(data: DiagnosisData, base: Fit) -> Diagnosis:
     }
     equivalent_names = {name: tuple(c.effect.name for c in equivalents.get(name, [])) for name in path.added}
     decided = [
-        decide(data, path.last, c, unexplained, terms.get(name), equivalent_names[name])
+        decide(data, path.last, c, unexplained, terms.get(name))
         for name, c in zip(path.added, _path_candidates(data, path), strict=True)
     ]
     decided = retest_without_refused(data, path.last, decided, unexplained)

@@ -45,16 +45,14 @@ def decide(
     candidate: Candidate,
     unexplained: Sequence[LackOfFit],
     term: Term | None,
-    equivalents: Sequence[str] = (),
 ) -> DecisionWithEvidence:
     """Return the decision about an added effect and its evidence.
 
     An effect that probably only resembles an unmodelled one is not named, nor is one that violates a hard constraint
     (:mod:`pneucli.diagnose.constraints`). Recordings without a calibration of the
-    probability use a fallback where something is ``unexplained``. ``term`` is the effect in the ``last`` model,
-    ``equivalents`` are the effects that the data cannot distinguish from it.
+    probability use a fallback where something is ``unexplained``. ``term`` is the effect in the ``last`` model.
     """
-    evidence = collect_evidence(data, last, candidate, term, equivalents, complete=not unexplained)
+    evidence = collect_evidence(data, last, candidate, term, complete=not unexplained)
     reason: Reason = _violated_constraint(data, candidate, term) or "supported"
     if reason == "supported" and not _is_probable(data, last, candidate, unexplained, term, evidence):
         reason = "explained-by-unknown"
@@ -136,9 +134,7 @@ def _retested(
     term = Term(data.candidate(reduced, last, effect), ())
     passes = bool(passing_candidates(data, reduced, [term.candidate]))
     stays = passes and _violated_constraint(data, term.candidate, term) is None
-    return (
-        previous if stays and same else decide(data, last, term.candidate, unexplained, term, previous[1].effects[1:])
-    )
+    return previous if stays and same else decide(data, last, term.candidate, unexplained, term)
 
 
 def _violated_constraint(data: DiagnosisData, candidate: Candidate, term: Term | None) -> Reason | None:
@@ -179,15 +175,10 @@ def collect_evidence(
     last: FittedModel,
     candidate: Candidate,
     term: Term | None,
-    equivalents: Sequence[str] = (),
     *,
     complete: bool,
 ) -> Evidence:
-    """Return the evidence for a candidate's effect in the ``last`` model.
-
-    ``equivalents`` are effects that the data cannot distinguish from it. ``complete``: the last model leaves only
-    noise.
-    """
+    """Return the evidence for a candidate's effect in the ``last`` model; ``complete``: that leaves only noise."""
     share = (
         None
         if data.free_run_errors is None
@@ -203,38 +194,28 @@ def collect_evidence(
         size,
         complete,
         remaining,
-        acts_only_under_imposed_motion(data, candidate.effect),
-        (candidate.effect.name, *equivalents),
     )
 
 
 def posterior_probability(data: DiagnosisData, term: Term) -> float:
     """Return the probability of a term's effect or its equivalents, with an unmodelled effect present."""
-    equivalents = [c.effect.name for c in term.equivalents(data, complete=False)]
-    return probability(collect_evidence(data, term.candidate.full, term.candidate, term, equivalents, complete=False))
+    return probability(collect_evidence(data, term.candidate.full, term.candidate, term, complete=False))
 
 
 def log_odds_among_equivalents(data: DiagnosisData, candidate: Candidate) -> float:
     """Return the log odds of a candidate against its equivalents.
 
-    They do not depend on which effect it is, because all equivalents resemble the same unmodelled effect, and an effect
+    All equivalents resemble the same unmodelled effect, and an effect
     of more than its typical size is no more probable. The remaining free-run error counts as DISCREPANCY_READINGS
     independent readings: a force balance contains few break-aways, and a trajectory depends on each of them.
     """
     evidence = collect_evidence(data, candidate.full, candidate, Term(candidate, ()), complete=False)
-    own_evidence = evidence._replace(share=None, size=min(evidence.size, 1.0), effects=())
+    own_evidence = evidence._replace(share=None, size=min(evidence.size, 1.0))
     p = min(max(probability(own_evidence), PROBABILITY_FLOOR), 1.0 - PROBABILITY_FLOOR)
     errors = (
         [] if data.free_run_errors is None else [e for e in data.free_run_errors(candidate.full.model).values() if e]
     )
     return math.log(p / (1.0 - p)) - DISCREPANCY_READINGS * (float(np.mean(np.log(errors))) if errors else 0.0)
-
-
-def acts_only_under_imposed_motion(data: DiagnosisData, effect: Effect) -> bool:
-    """Whether every residual that the effect influences is from a recording with imposed motion and measured force."""
-    return all(
-        type(residual_model) is ImposedMotion for residual_model in data.train if residual_model.is_sensitive_to(effect)
-    )
 
 
 def _significance_and_size(data: DiagnosisData, fitted: FittedModel, effect: Effect) -> tuple[float, float]:

@@ -16,7 +16,6 @@ from pneucli.diagnose.candidate import Decision
 from pneucli.diagnose.data import DiagnosisData
 from pneucli.diagnose.equivalence import Term
 from pneucli.diagnose.posterior import (
-    acts_only_under_imposed_motion,
     collect_evidence,
     decide,
     disagreement_between_recordings,
@@ -26,7 +25,7 @@ from pneucli.diagnose.posterior import (
     retest_without_refused,
 )
 from pneucli.diagnose.validity import has_unmeasured_force
-from pneucli.identify.residuals import ChamberPressures, ForceBalance, FreeRun, ImposedMotion
+from pneucli.identify.residuals import ForceBalance, FreeRun, ImposedMotion
 from pneucli.physics.effects import catalogue
 from tests.diagnose import candidates
 from tests.diagnose.candidates import candidate, diagnosis_data
@@ -178,7 +177,7 @@ def evidence(monkeypatch: pytest.MonkeyPatch, shown: Any, *, complete: bool = Fa
     monkeypatch.setattr(posterior, "significance", lambda fit, effect, *_: 40.0 if fit is fitted else 0.0)
     monkeypatch.setattr(posterior, "relative_effect_size", lambda fit, effect, facts, *_: sizes[effect.name, facts])
     stood: Any = SimpleNamespace(remaining_share=lambda diagnosis_data: 0.2 if diagnosis_data is where else None)
-    return collect_evidence(where, last, tried, stood if placed else None, ["pressure-scale"], complete=complete)
+    return collect_evidence(where, last, tried, stood if placed else None, complete=complete)
 
 
 def test_evidence_is_of_the_step_and_of_the_effect_in_the_last_model(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -187,7 +186,7 @@ def test_evidence_is_of_the_step_and_of_the_effect_in_the_last_model(monkeypatch
     for complete in (True, False):
         found = evidence(monkeypatch, errors.__getitem__, complete=complete)
         assert found[:3] == pytest.approx((0.5, 20.0, 0.5))
-        assert found[3:] == (complete, 0.2, False, ("extra-mass", "pressure-scale"))
+        assert found[3:] == (complete, 0.2)
 
 
 def test_without_free_run_errors_the_share_is_unknown(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -198,11 +197,11 @@ def test_without_a_term_everything_remains(monkeypatch: pytest.MonkeyPatch) -> N
     assert evidence(monkeypatch, None, placed=False).left == 1.0
 
 
-def test_the_posterior_uses_the_evidence_of_the_term_and_its_equivalents(
+def test_the_posterior_uses_the_evidence_of_the_term(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     """What it takes of the error that the user sees counts, too: of 4 and 2 times the noise 12 of 15 parts."""
-    tried, other = candidate("time-skew", before=candidates.model_fit()), candidate("valve-lag")
+    tried = candidate("time-skew", before=candidates.model_fit())
     errors = {id(tried.reduced.model): 4.0, id(tried.full.model): 2.0}
     where = replace(
         diagnosis_data(held_out=False),
@@ -220,12 +219,7 @@ def test_the_posterior_uses_the_evidence_of_the_term_and_its_equivalents(
     monkeypatch.setattr(Term, "remaining_share", lambda self, diagnosis_data: 0.3 if self.candidate is tried else None)
     monkeypatch.setattr(Term, "equivalents", lambda self, diagnosis_data, complete: () if complete else self.rivals)
     known = Evidence(0.8, 20.0, 0.5, complete=False, left=0.3)
-    assert posterior.posterior_probability(where, Term(tried, ())) == probability(
-        known._replace(effects=("time-skew",))
-    )
-    assert posterior.posterior_probability(where, Term(tried, (other,))) == probability(
-        known._replace(effects=("time-skew", "valve-lag"))
-    )
+    assert posterior.posterior_probability(where, Term(tried, ())) == probability(known)
 
 
 @pytest.mark.parametrize(
@@ -278,15 +272,6 @@ def test_a_size_above_typical_is_no_more_probable_among_equivalents(
         posterior.log_odds_among_equivalents(where, candidate(name, before=candidates.model_fit())) for name in sizes
     )
     assert offset < force if less else offset == force
-
-
-def test_an_effect_acts_only_under_imposed_motion_if_every_sensitive_recording_has_it() -> None:
-    effect = catalogue()["extra-mass"]
-    unfelt = kinds(ChamberPressures, feels=False)
-    assert acts_only_under_imposed_motion(replace(diagnosis_data(), train=[*kinds(ImposedMotion), *unfelt]), effect)
-    assert not acts_only_under_imposed_motion(
-        replace(diagnosis_data(), train=kinds(ImposedMotion, ForceBalance)), effect
-    )
 
 
 def test_recordings_are_grouped_by_name(monkeypatch: pytest.MonkeyPatch) -> None:
