@@ -31,7 +31,7 @@ from pneucli.messages.progress import (
     FREE_RUN_PROGRESS,
     GIVEN_MODEL_PROGRESS,
 )
-from pneucli.messages.verdict import warning_text
+from pneucli.messages.verdict import verdict_sentence, warning_text
 from pneucli.pipeline.context import Context
 from pneucli.pipeline.manifest import program_versions
 from pneucli.plausibility.repaired import impossible_findings
@@ -44,7 +44,6 @@ from pneucli.stages.diagnosis_answer import (
     discrepancy_answer,
     proposed_experiment,
     unexplained_answer,
-    verdict_answer,
 )
 from pneucli.stages.identify import parameters_answer
 from pneucli.stages.leak_answer import per_vessel_volume
@@ -157,8 +156,7 @@ def _answer(pipeline: PipelineData, data: DiagnosisData, found: Diagnosis, impos
     with_errors = with_intervals(_selected_model(found).fit, data.train)
     candidates = [_candidate_answer(pipeline, data, found, with_errors, decision) for decision in found.decisions]
     selected = _selected_model(found).model
-    rest = None if found.unexplained is None else unexplained_answer(found.unexplained)
-    return {
+    answer = {
         "schema": "pneucli/diagnose/1",
         "pipeline": pipeline.context.config.name,
         "model": {"effects": [e.name for e in pipeline.effects]},
@@ -175,18 +173,18 @@ def _answer(pipeline: PipelineData, data: DiagnosisData, found: Diagnosis, impos
         "explained_share": removed_error_share(errors[0], data.free_run_errors(selected)),
         "purpose": purpose_answer(data.free_run_errors.channels(selected), pipeline.context.config.compare.tolerance),
         "next_experiment": proposed_experiment(data, found),
-        "sentence": verdict_answer(found, errors, rest, impossible),
         "detectable": [detectability_answer(d) for d in found.detectable],
         "discrepancy": [discrepancy_answer(d) for d in found.discrepancies],
         "moved": [
             {"parameter": m.parameter, "from": m.before, "to": m.after, "unit": m.unit, "plausible": m.plausible}
             for m in found.parameter_shifts
         ],
-        "unexplained": rest,
+        "unexplained": None if found.unexplained is None else unexplained_answer(found.unexplained),
         "warnings": []
         if found.unexplained
         else parameter_uncertainty_warnings(found.path.test),  # an unmodelled effect would raise these errors, too
     }
+    return answer | {"sentence": verdict_sentence(answer)}
 
 
 def _parameters(pipeline: PipelineData, found: Fit, effect: str) -> dict[str, Any]:
