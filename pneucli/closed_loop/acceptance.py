@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 
@@ -52,7 +52,8 @@ class Criterion:
 class Violation:
     """A violated criterion: worst figure, axis and scenario of it, and the cause ("": unknown).
 
-    ``share``: share of the draws that violate it.
+    ``share``: share of the draws that violate it. The cause is a code with its quantities in SI units;
+    :mod:`pneucli.messages.acceptance` words it.
     """
 
     demand: str
@@ -63,6 +64,7 @@ class Violation:
     scenario: str
     share: float
     cause: str
+    quantities: Mapping[str, float] = field(default_factory=dict)
 
 
 @dataclass(frozen=True)
@@ -188,30 +190,31 @@ def _violation(
         return None
     sign = -1.0 if demand.at_least else 1.0
     axis, scenario, figures = max(counted, key=lambda r: (r[0] == NOMINAL_AXIS, sign * r[2][demand.name]))
-    why = limiting_cause(demand, controller, wanted, scenarios)
-    return Violation(demand.name, demand.limit, figures[demand.name], demand.unit, axis, scenario, share, why)
+    cause, quantities = limiting_cause(demand, controller, wanted, scenarios)
+    found = figures[demand.name]
+    return Violation(demand.name, demand.limit, found, demand.unit, axis, scenario, share, cause, quantities)
 
 
 def limiting_cause(
     demand: Criterion, controller: Controller, requirements: Requirements, scenarios: Sequence[Scenario]
-) -> str:
-    """Return the limit of the plant that causes a violation, in words; "" if there is none."""
+) -> tuple[str, dict[str, float]]:
+    """Return the limit of the plant that causes a violation: its code and quantities (SI), else ("", {})."""
     c = controller.values
     if demand.name == "settling_time":
-        way, least = _longest_step(scenarios), min_travel_time(c, _longest_step(scenarios))
-        if demand.limit < least:
-            return f"the valve is too small: {1e3 * way:.3g} mm take at least {least:.3g} s"
+        distance, shortest = _longest_step(scenarios), min_travel_time(c, _longest_step(scenarios))
+        if demand.limit < shortest:
+            return "travel-time", {"distance": distance, "time": shortest}
     if demand.name == "tracking_error":
         asked, speed = max(_fastest(s, c["C_PERIOD"]) for s in scenarios), reachable_speed_and_gradient(c)[0]
         if asked > speed:
-            return f"the valve is too small: {1e3 * asked:.3g} mm/s are asked, it keeps up with {1e3 * speed:.3g} mm/s"
+            return "speed", {"asked": asked, "reachable": speed}
     if demand.name == "stiffness" and demand.limit > (most := max_load_stiffness(c)):
-        return f"the valve is too small and the air spring too soft: both together give at most {most:.3g} N/m"
+        return "stiffness", {"reachable": most}
     if demand.name in ("tolerance", "no limit cycle"):
-        least = max(requirements.quantum_x, 2.0 * requirements.noise_x)
-        if demand.limit < least:
-            return f"the position sensor is too coarse: {MICROMETRES_PER_METRE * least:.3g} um"
-    return ""
+        resolvable = max(requirements.quantum_x, 2.0 * requirements.noise_x)
+        if demand.limit < resolvable:
+            return "resolution", {"resolvable": resolvable}
+    return "", {}
 
 
 def min_travel_time(c: Mapping[str, float], distance: float) -> float:

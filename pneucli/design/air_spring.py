@@ -23,7 +23,7 @@ STROKE_FRACTIONS = np.linspace(0.2, 0.8, 25)  # of the stroke
 
 
 class UnmetRequirement(NamedTuple):
-    """A requirement on the gas spring that is not met: limit and reached value in ``unit``, and the cause."""
+    """A requirement on the gas spring that is not met: limit and reached value in ``unit``, and the cause's code."""
 
     name: str
     limit: float
@@ -112,11 +112,7 @@ def _settable_stiffness(c: Values) -> Array:
 
 def _cause(c: Values) -> str:
     if c["C_TWO_VALVES"] > 0.5:
-        return "supply and surroundings bound the pressures"
+        return "pressure-bounds"
     if c["C_MIRRORED"] > 0.5:
-        return (
-            "one 5/3 valve fills a chamber as it vents the other: the mean pressure follows from leaks and overlap, "
-            "too slowly to be set; two valves set it"
-        )
-    sealed = "is open" if c["C_DEAD_VOLUME_2"] >= OPEN_CHAMBER_VOLUME else "holds what was sealed in"
-    return f"chamber 2 {sealed}, so one valve sets the force alone; two valves set both pressures"
+        return "one-spool"
+    return "open-chamber-2" if c["C_DEAD_VOLUME_2"] >= OPEN_CHAMBER_VOLUME else "sealed-chamber-2"
