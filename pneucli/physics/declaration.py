@@ -18,7 +18,7 @@ from pneucli.experiments import Part
 from pneucli.physics.scales import SCALES, Quantity, RigQuantities, parse_scaled, value_of
 
 Combine = Literal["sum", "chain", "factor", "state"]
-Side = Literal["gas", "mechanics", "friction", "pressure sensor"]
+Balance = Literal["gas", "mechanics", "friction", "pressure sensor"]
 
 
 @dataclass(frozen=True)
@@ -30,7 +30,7 @@ class Port:
         combine: How effects combine. ``sum``: contributions add. ``factor``: they multiply 1. ``chain``: each maps
             the first argument. ``state``: as chain, with a state of the effect as second argument; the function
             returns the value and the new state.
-        side: The balance to which the port belongs: mass and energy (``gas``), forces (``mechanics``; ``friction``
+        balance: The balance to which the port belongs: mass and energy (``gas``), forces (``mechanics``; ``friction``
             for friction alone), or both, through the readings of the pressures (``pressure sensor``).
         meaning: Unit and meaning of the value.
         is_set_valued: Whether the port widens the set of possible forces.
@@ -41,7 +41,7 @@ class Port:
 
     arguments: tuple[str, ...]
     combine: Combine
-    side: Side
+    balance: Balance
     meaning: str
     is_set_valued: bool = False
     memory: bool = False
@@ -206,7 +206,7 @@ class Effect:
         source: Where the equation comes from.
         order: Rank among the effects of a chained port.
         nested: Whether the base model is this effect at the null values.
-        side: Chamber of a variant (:mod:`pneucli.physics.sides`); None for the declaration itself.
+        side: Chamber on which a variant acts (:mod:`pneucli.physics.sides`); None for the declaration itself.
         needs: Signals without which it cannot show, or the variant equals the declaration.
     """
 
@@ -250,9 +250,9 @@ class Effect:
         return replace(self, parameters=tuple(replace(p, null=None) for p in self.parameters), nested=False)
 
     @property
-    def balances(self) -> frozenset[Side]:
+    def balances(self) -> frozenset[Balance]:
         """The balances in which it acts."""
-        return frozenset(PORTS[port].side for port in self.ports)
+        return frozenset(PORTS[port].balance for port in self.ports)
 
     @property
     def sensors(self) -> frozenset[str]:

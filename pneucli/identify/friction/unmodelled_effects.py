@@ -40,7 +40,7 @@ def unmodelled_effects(model: Model, motions: Sequence[Motion]) -> dict[ModelNam
 
 
 def _represents(name: ModelName, effect: Effect, model: Model, motions: Sequence[Motion]) -> bool:
-    ports = [port for port in effect.ports if PORTS[port].side == "friction"]
+    ports = [port for port in effect.ports if PORTS[port].balance == "friction"]
     return all(name in _representing_models(port, effect, model, motions) for port in ports)
 
 
