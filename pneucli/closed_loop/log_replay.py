@@ -85,10 +85,10 @@ def find_replay(engine: Engine, log: ControllerLog) -> Replay:
     Two alternatives each: the controller began with the log, or had run before (then a reset from the first readings
     and commands); it was told a logged supply pressure, or not.
     """
-    told = [log.signals]
+    alternatives = [log.signals]
     if "p_supply" in log.signals:
-        told.append({name: values for name, values in log.signals.items() if name != "p_supply"})
-    found = [Replay(engine(read, began), began, read) for read in told for began in ("with", "before")]
+        alternatives.append({name: values for name, values in log.signals.items() if name != "p_supply"})
+    found = [Replay(engine(read, began), began, read) for read in alternatives for began in ("with", "before")]
     return min(found, key=lambda one: float(np.nanmean((one.commands[:, 0] - log["u"]) ** 2)))
 
 

@@ -60,10 +60,10 @@ def compile_and_replay(folder: Path, compiler: str) -> ReplayCheck:
             [compiler, *COMPILE_OPTIONS, *sources, "-lm", "-o", program],
             check=True, capture_output=True, text=True, timeout=COMPILE_TIMEOUT,
         )  # fmt: skip
-        told = subprocess.run(
+        completed = subprocess.run(
             [program, str(folder / REPLAY_FILE)], check=False, capture_output=True, text=True, timeout=REPLAY_TIMEOUT
         )
-        samples, difference, *_ = told.stdout.split()
+        samples, difference, *_ = completed.stdout.split()
         return ReplayCheck(float(difference), int(samples))
     except subprocess.CalledProcessError as error:
         return ReplayCheck(None, reason=f"{compiler} failed: {error.stderr.strip()[-300:]}")

@@ -63,15 +63,15 @@ def _with_clocks(
 ) -> ColumnReader:
     columns: dict[str, ColumnValues] = {}
     clocks: dict[str, str] = {}
-    said: dict[str, str] = {}
+    file_units: dict[str, str] = {}
     for number, name in enumerate(names):
         own = name if names.count(name) == 1 else f"{name}/{number + 1}"
         stamps, values = table[:, 2 * number], table[:, 2 * number + 1]
         there = np.isfinite(stamps)
         columns |= {f"{own}/time": stamps[there], own: values[there]}
         clocks[own] = f"{own}/time"
-        said |= {f"{own}/time": unit} | ({own: units[number]} if number < len(units) and units[number] else {})
-    return ColumnReader.of_columns(path, NAME, columns, said, clocks)
+        file_units |= {f"{own}/time": unit} | ({own: units[number]} if number < len(units) and units[number] else {})
+    return ColumnReader.of_columns(path, NAME, columns, file_units, clocks)
 
 
 def _tektronix(path: Path, lines: Sequence[str]) -> ColumnReader:
