@@ -83,7 +83,15 @@ class Bandwidths:
 
 
 def loop_timing(model: Model, requirements: Requirements) -> Timing:
-    """Return lags and delays of a model; a delay longer than the delay line counts as unmodelled."""
+    """Return lags and delays of a model; a delay longer than the delay line counts as unmodelled.
+
+    Args:
+        model: The identified model; effects with a lag or a delay count.
+        requirements: ``period`` and ``delay`` in s.
+
+    Returns:
+        Times in s. A lag of the spool below 2 % of the period is 0.
+    """
     h, longest = requirements.period, (DELAY_LINE_SAMPLES - 2) * requirements.period
     lag = effect_compensation.identify_spool(model).lag
     lag = lag if lag > 0.02 * h else 0.0
@@ -137,7 +145,20 @@ def choose_bandwidths(
 def controller_gains(
     bandwidths: Bandwidths, axis: Mapping[str, float], requirements: Requirements, timing: Timing
 ) -> dict[str, float]:
-    """Return the gains of both loops and of all observers."""
+    """Return the gains of both loops and of all observers.
+
+    Args:
+        bandwidths: Corner frequencies in rad/s.
+        axis: Parameters of the axis by name (C_MASS in kg).
+        requirements: ``period`` in s and ``damping``.
+        timing: Lags and delays in s.
+
+    Returns:
+        Gains by the names of the layout (:mod:`pneucli.controller.layout`), in SI units.
+
+    References:
+        Thesis 7.2 (position loop) and 7.3 (pressure loop).
+    """
     h = requirements.period
     return {
         **loop_gains(bandwidths, requirements),
@@ -147,7 +168,25 @@ def controller_gains(
 
 
 def motion_observer_gains(bandwidths: Bandwidths, mass: float, h: float) -> dict[str, float]:
-    """Return the gains of the motion observer; its poles of motion coincide, that of the load is slower."""
+    """Return the gains of the observer of position, velocity and load.
+
+    The model is ``dx/dt = v``, ``dv/dt = F / m`` with a constant load in F, sampled exactly. The poles of the motion
+    coincide; that of the load is slower.
+
+    Args:
+        bandwidths: Corner frequencies in rad/s.
+        mass: Moving mass in kg.
+        h: Sample time in s.
+
+    Returns:
+        C_OBS_X (1), C_OBS_V (1/s) and C_OBS_LOAD (N/m).
+
+    Infinite corners give the deadbeat observer, 1, 3 / (2 h), m / h^2:
+
+    >>> gains = motion_observer_gains(Bandwidths(math.inf, 0.0, math.inf, 0.0), mass=2.0, h=1e-3)
+    >>> {name: round(gain, 6) for name, gain in gains.items()}
+    {'C_OBS_X': 1.0, 'C_OBS_V': 1500.0, 'C_OBS_LOAD': 2000000.0}
+    """
     quick = math.exp(-bandwidths.motion_observer * h)
     slow = math.exp(-min(bandwidths.motion_observer, LOAD_OBSERVER_RATIO * bandwidths.pressure) * h)
     forward = np.array([[1.0, h, h * h / (2.0 * mass)], [0.0, 1.0, h / mass], [0.0, 0.0, 1.0]])
@@ -181,7 +220,23 @@ def loop_gains(bandwidths: Bandwidths, requirements: Requirements) -> dict[str, 
 
 
 def pressure_observer_gains(bandwidths: Bandwidths, timing: Timing, h: float) -> dict[str, float]:
-    """Return the gains of the pressure observers for expected reading, pressure and unmodelled flow."""
+    """Return the gains of the pressure observers for expected reading, pressure and unmodelled flow.
+
+    Args:
+        bandwidths: Corner frequencies in rad/s.
+        timing: Lag and delay of the pressure sensors in s; with a lag the corner is at most 2 / lag.
+        h: Sample time in s.
+
+    Returns:
+        C_SENSOR_SHARE (1), C_SENSOR_DELAY (samples), C_OBS_SENSOR (1), C_OBS_P (1) and C_OBS_FLOW (1/s).
+
+    Without a lag the observer of pressure corrects the share 1 - exp(-w h) of its error in each sample:
+
+    >>> timing = Timing(0.0, 0.0, 0.0, sensor_lag=0.0, sensor_delay=3e-3, unmodelled_delay=0.0)
+    >>> gains = pressure_observer_gains(Bandwidths(100.0, 10.0, 100.0, 20.0), timing, h=1e-3)
+    >>> gains["C_OBS_P"] == 1.0 - math.exp(-0.1), gains["C_SENSOR_SHARE"], gains["C_SENSOR_DELAY"]
+    (True, 1.0, 3.0)
+    """
     fast, slow = math.exp(-bandwidths.pressure * h), math.exp(-bandwidths.flow_observer * h)
     share = 1.0 - math.exp(-h / timing.sensor_lag) if timing.sensor_lag > 0.0 else 1.0
     if share > 1.0 - 1e-6:
@@ -227,7 +282,17 @@ def ackermann_gains(forward: Array, poles: Sequence[float]) -> tuple[float, ...]
 
 
 def valve_compensation(model: Model, requirements: Requirements, timing: Timing) -> dict[str, float]:
-    """Return the parameters of play, spool and flow delay, and of their compensation."""
+    """Return the parameters of play, spool and flow delay, and of their compensation.
+
+    Args:
+        model: The identified model.
+        requirements: ``period`` in s.
+        timing: Lags and delays in s.
+
+    Returns:
+        C_SPOOL_SHARE, C_SPOOL_MEAN_SHARE and C_SPOOL_LEAD (1 each), C_PLAY and C_PLAY_DEADBAND (V), C_FLOW_DELAY
+        (samples).
+    """
     h, found = requirements.period, effect_compensation.identify_spool(model)
     lag, led_lag = timing.lag, timing.led_lag
     share = 1.0 - math.exp(-h / lag) if lag else 1.0
@@ -242,7 +307,16 @@ def valve_compensation(model: Model, requirements: Requirements, timing: Timing)
 
 
 def presliding_distance(values: Mapping[str, float], stiffness: float) -> float:
-    """Return the largest elastic excursion of the seals in m, for a ``stiffness`` in N/m (0: not known)."""
+    """Return the largest elastic excursion of the seals in m: 1.5 times Coulomb friction over their stiffness.
+
+    Args:
+        values: Parameters of the axis by name (SI).
+        stiffness: Presliding stiffness in N/m; 0 where it is not known, then 12 supply forces over the stroke.
+
+    >>> axis = {"C_COULOMB": 20.0, "C_AREA_1": 8e-4, "C_SUPPLY": 7e5, "C_AMBIENT": 1e5, "C_STROKE": 0.2}
+    >>> presliding_distance(axis, stiffness=6e4)
+    0.0005
+    """
     supply_force = values["C_AREA_1"] * (values["C_SUPPLY"] - values["C_AMBIENT"])
     return 1.5 * values["C_COULOMB"] / (stiffness or SEAL_STIFFNESS * supply_force / values["C_STROKE"])
 

@@ -104,7 +104,16 @@ def mirrored_commands(commands: Sequence[float], null: float) -> tuple[float, ..
 
 
 def stroke_tables(model: Model, speed: float) -> tuple[tuple[float, ...], ...]:
-    """Return the tables of ``layout.STROKE_TABLES``; added damping is evaluated at ``speed`` (m/s)."""
+    """Return the tables over the stroke by the order of ``layout.STROKE_TABLES``.
+
+    Args:
+        model: The identified model.
+        speed: Speed in m/s at which added damping is evaluated, both ways.
+
+    Returns:
+        Factors on dry friction toward +x and -x (1), added damping both ways (N s/m), and the static force of the
+        effects on the resting piston (N toward +x), each at STROKE_NODES positions.
+    """
     x = effect_compensation.stroke_grid(model)
     both = (1.0, -1.0)
     tables = [effect_compensation.dry_friction_factors(model, x, way) for way in both]
@@ -135,9 +144,19 @@ def _require(model: Model) -> None:
 
 
 def inverse_table(model: Model, valve: ValveForm, direction: float) -> tuple[tuple[float, ...], float]:
-    """Return commands in V at areas (i / (n - 1))^2 of the largest one, and the largest area in m^2.
+    """Return the inverse of a valve's areas in one direction.
 
-    The largest area is that of the largest tested command; larger openings are not known.
+    Args:
+        model: The identified model, whose effects may change the opening (overlap, play).
+        valve: Areas over commands.
+        direction: 1 for filling, -1 for venting.
+
+    Returns:
+        Commands in V, TABLE_NODES of them, at the areas (i / (n - 1))^2 of the largest one, and the largest area in
+        m^2. The largest area is that of the largest tested command; larger openings are not known.
+
+    References:
+        Thesis 7.3, 7.4: the inverse of the identified valve in the pressure loop.
     """
     top, stem = (
         max(direction * c for c in valve.commands if direction * c > 0),
@@ -154,9 +173,17 @@ def inverse_table(model: Model, valve: ValveForm, direction: float) -> tuple[tup
 def axis_parameters(
     model: Model, requirements: Requirements, areas: Sequence[float], sealed_pressure: float | None
 ) -> dict[str, float]:
-    """Return the parameters of the axis by the names of the layout: nominal values of the model.
+    """Return the nominal parameters of the axis by the names of the layout.
 
-    ``areas``: the largest in m^2 of filling and venting chamber 1, and chamber 2.
+    Args:
+        model: The identified model.
+        requirements: ``period``, and what chamber 2 is (``chamber_2``).
+        areas: Largest areas in m^2 of filling and venting chamber 1, then chamber 2.
+        sealed_pressure: Pressure in Pa of a closed chamber 2 with the piston at mid-stroke; None: the geometric mean of
+            ambient and supply pressure.
+
+    Returns:
+        Parameters in SI units; switches are 0 or 1.
     """
     driven, is_open = requirements.chamber_2 == "valve", requirements.chamber_2 == "open"
     mirrored = driven and model.rig.arrangement.chamber_2 == "mirrored"
@@ -201,7 +228,18 @@ def axis_parameters(
 
 
 def friction_parameters(model: Model) -> dict[str, float]:
-    """Return the parameters of friction that are constant along the stroke."""
+    """Return the parameters of friction that are constant along the stroke.
+
+    Args:
+        model: The identified model.
+
+    Returns:
+        C_COULOMB and C_STATIC in N, C_STRIBECK in m/s, C_VISCOUS and C_VISCOUS_BACK in N s/m, C_DECELERATION_RATIO (1;
+        -1 for one branch), C_DRY_P1 and C_DRY_P2 in 1/Pa.
+
+    References:
+        Thesis (3.6) and, with two branches, (6.21).
+    """
     (static, fallen), coulomb = effect_compensation.breakaway_friction(model), model.base_values()["friction.coulomb"]
     first, second = effect_compensation.dry_friction_per_pressure(model)
     return {
@@ -217,7 +255,7 @@ def friction_parameters(model: Model) -> dict[str, float]:
 
 
 def sensor_parameters(model: Model) -> dict[str, float]:
-    """Return scale and offset of the pressure sensors."""
+    """Return scale (1) and offset (Pa) of both pressure sensors by the names of the layout."""
     first, second = (effect_compensation.sensor_line(model, chamber) for chamber in (1, 2))
     return {
         "C_SCALE_1": first.scale,
@@ -228,7 +266,7 @@ def sensor_parameters(model: Model) -> dict[str, float]:
 
 
 def leak_parameters(model: Model) -> dict[str, float]:
-    """Return the areas of the leaks."""
+    """Return the areas of the leaks in m^2 by the names of the layout."""
     found = effect_compensation.leak_areas(model)
     names = ("C_LEAK_1", "C_LEAK_2", "C_LEAK_12", "C_LEAK_VALVE")
     return dict(zip(names, (found.chamber_1, found.chamber_2, found.between, found.valve), strict=True))
@@ -240,7 +278,17 @@ def reference_limits(
     requirements: Requirements,
     restoring_force: RestoringForce = np.zeros_like,
 ) -> dict[str, float]:
-    """Return the limits of the shaped reference and its time constant, and the rates that follow from the valve."""
+    """Return the limits of the shaped reference and its time constant, and the rates that follow from the valve.
+
+    Args:
+        bandwidths: Corner frequencies in rad/s.
+        axis: Parameters of the axis by name (SI).
+        requirements: ``max_speed`` in m/s and ``max_acceleration`` in m/s^2 have precedence over the rules.
+        restoring_force: Force of the effects in N toward x = 0, at x in m.
+
+    Returns:
+        C_V_MAX (m/s), C_A_MAX (m/s^2), C_SHAPING_TIME and C_FRICTION_LEAD (s), C_LEVEL_RATE and C_FLOW_STEP_MAX (Pa/s).
+    """
     speed, rate = reachable_speed_and_gradient(axis, restoring_force)
     force_rate = axis["C_AREA_1"] * rate
     highest = requirements.max_speed or 0.7 * speed
@@ -261,10 +309,20 @@ def reference_limits(
 def reachable_speed_and_gradient(
     axis: Mapping[str, float], restoring_force: RestoringForce = np.zeros_like
 ) -> tuple[float, float]:
-    """Return the speed (m/s) and the pressure gradient (Pa/s) that both valve directions reach.
+    """Return the speed and the pressure gradient that both directions of the valve reach.
 
-    The minimum over the middle 60 % of the stroke, where the pressures in equilibrium with the air spring and
-    ``restoring_force`` (N toward x = 0, at x in m) are well within their range.
+    The minimum over the middle 60 % of the stroke, where the pressures in equilibrium with the air spring and the
+    restoring force are well within their range.
+
+    Args:
+        axis: Parameters of the axis by name (SI).
+        restoring_force: Force of the effects in N toward x = 0, at x in m.
+
+    Returns:
+        Speed in m/s and pressure gradient in Pa/s.
+
+    References:
+        Thesis (2.46) to (2.52): the flow that keeps the pressures while the piston moves.
     """
     area_1, area_2, stroke, gamma = axis["C_AREA_1"], axis["C_AREA_2"], axis["C_STROKE"], axis["C_GAMMA"]
     x = np.linspace(0.2, 0.8, 25) * stroke
@@ -290,7 +348,17 @@ def reachable_speed_and_gradient(
 
 
 def chamber_2_pressure(axis: Mapping[str, float], x: Array) -> Array:
-    """Return the pressure in Pa of chamber 2 at x: sealed at mid-stroke (isentropic), or held by its valve."""
+    """Return the pressure in Pa of chamber 2: sealed at mid-stroke (isentropic), or held by its valve.
+
+    Args:
+        axis: Parameters of the axis by name (SI); C_P_MEAN is the pressure at mid-stroke.
+        x: Position in m.
+
+    >>> axis = {"C_TWO_VALVES": 0.0, "C_MIRRORED": 0.0, "C_P_MEAN": 3e5, "C_GAMMA": 1.4, "C_STROKE": 0.2}
+    >>> axis |= {"C_DEAD_VOLUME_2": 0.0, "C_AREA_2": 8e-4}
+    >>> chamber_2_pressure(axis, np.array([0.1, 0.15])).round()  # half the volume: times 2^1.4
+    array([300000., 791705.])
+    """
     if axis["C_TWO_VALVES"] > 0.5 or axis["C_MIRRORED"] > 0.5:
         return np.full_like(x, axis["C_P_MEAN"])
     half = axis["C_DEAD_VOLUME_2"] + 0.5 * axis["C_AREA_2"] * axis["C_STROKE"]
