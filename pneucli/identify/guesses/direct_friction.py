@@ -43,12 +43,27 @@ class ForceSamples:
 
 
 def has_both_directions(v: Array) -> bool:
-    """Whether moving samples of a velocity (n,) tell a constant force from dry friction."""
+    """Return whether moving samples can distinguish a constant force from dry friction: each direction has its share.
+
+    Args:
+        v: Velocity in m/s, shape (n,).
+
+    >>> has_both_directions(np.array([0.1, -0.1, 0.1])), has_both_directions(np.array([0.1, 0.1]))
+    (True, False)
+    """
     return v.size > 0 and bool(MIN_DIRECTION_SHARE <= np.mean(v > 0.0) <= 1.0 - MIN_DIRECTION_SHARE)
 
 
 def force_samples(experiments: Sequence[Experiment], mass: float) -> ForceSamples:
-    """Return the moving samples of all experiments for a moving mass in kg: driving force less inertia."""
+    """Return the moving samples of all experiments: driving force less inertia.
+
+    Args:
+        experiments: The experiments with a piston.
+        mass: Moving mass in kg.
+
+    References:
+        Thesis (6.1) to (6.7): the friction force is the driving force less ``m a``.
+    """
     parts = [_force_samples(e, mass) for e in experiments]
     none = [ForceSamples(np.zeros(0), np.zeros(0), np.zeros(0))]
     columns = zip(*((s.v, s.friction, s.branch) for s in [*none, *parts]), strict=True)

@@ -217,6 +217,8 @@ def bounded_difference(measured: Array, modelled: Array, noise: float) -> Array:
     Returns:
         The difference, shape (n,), 0 where nothing was measured.
 
+    >>> bounded_difference(np.array([1.0, np.nan]), np.array([0.5, 9.0]), noise=1.0).tolist()
+    [0.5, 0.0]
     """
     with np.errstate(invalid="ignore", over="ignore"):
         difference = measured - modelled
