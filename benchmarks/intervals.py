@@ -19,7 +19,7 @@ from benchmarks import small
 from benchmarks.cases import study_of, truths
 from pneucli.identify.estimation.intervals import with_intervals
 from pneucli.identify.estimation.model_fit import fit_model
-from pneucli.identify.guesses.friction_and_valve import guess_base_model
+from pneucli.identify.guesses.base_model import guess_base_model
 from pneucli.physics.effects import catalogue
 
 

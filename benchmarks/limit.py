@@ -25,7 +25,7 @@ from pneucli.diagnose.free_run_test import free_run_lack_of_fit
 from pneucli.diagnose.subsample import MAX_SAMPLES
 from pneucli.identify.estimation.fit import Fit
 from pneucli.identify.estimation.model_fit import fit_model, fit_with_effect
-from pneucli.identify.guesses.friction_and_valve import guess_base_model
+from pneucli.identify.guesses.base_model import guess_base_model
 from pneucli.physics.effects import catalogue
 
 LIKELY = 0.9

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from pneucli.closed_loop.simulation import Scenario
 from pneucli.controller.parameters import Controller, nominal_load
-from pneucli.design.cascade_design import chamber_2_pressure
+from pneucli.design.reference_limits import chamber_2_pressure
 from pneucli.errors import InputError, UnitError, did_you_mean
 from pneucli.units import parse_quantity
 

@@ -18,8 +18,9 @@ from pneucli.controller import layout
 from pneucli.controller.laws import LAWS
 from pneucli.controller.parameters import Controller
 from pneucli.design.air_spring import max_motion_gradient
-from pneucli.design.bandwidths import Bandwidths, loop_gains
+from pneucli.design.bandwidths import Bandwidths
 from pneucli.design.design_data import DesignData
+from pneucli.design.gains import loop_gains
 from pneucli.design.requirements import Requirements
 from pneucli.design.sliding_sector import SlidingSector, eta_for_slope, sector_from_eta
 from pneucli.errors import InputError

@@ -14,8 +14,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.integrate import solve_ivp
 
-from pneucli.design.cascade_design import WORKING_PRESSURES, chamber_2_pressure
 from pneucli.design.pdc import Pdc, design_pdc
+from pneucli.design.reference_limits import WORKING_PRESSURES, chamber_2_pressure
 from pneucli.errors import InputError
 from pneucli.physics.gas import PSI_MAX
 from pneucli.physics.vectorised import stribeck_friction

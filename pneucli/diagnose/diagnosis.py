@@ -106,10 +106,8 @@ def diagnose(data: DiagnosisData, base: Fit) -> Diagnosis:
     shares = {
         n: _shares_in_term(data, terms[n], equivalents[n], complete=not unexplained) for n in missing if n in terms
     }
-    weighted_evidence = improbable | {
-        d.effect.name: e for d, e in decided if d.supported or d.reason == "explained-by-unknown"
-    }
-    confidence = _confidence(data, decisions, weighted_evidence, shares)
+    scored = improbable | {d.effect.name: e for d, e in decided if d.supported or d.reason == "explained-by-unknown"}
+    confidence = _confidence(data, decisions, scored, shares)
     shown = path.last if unexplained and missing else path.models[_named_prefix_length([d for d, _ in decided])]
     lacks = _unexplained(data, shown, decided, unexplained, path.last)
     return Diagnosis(

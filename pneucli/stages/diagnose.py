@@ -21,7 +21,7 @@ from pneucli.errors import InputError, did_you_mean
 from pneucli.identify.estimation.fit import Fit
 from pneucli.identify.estimation.intervals import with_intervals
 from pneucli.identify.estimation.model_fit import fit_model
-from pneucli.identify.guesses.friction_and_valve import guess_base_model
+from pneucli.identify.guesses.base_model import guess_base_model
 from pneucli.identify.residuals import ForceBalanceInferredP2, ResidualModel
 from pneucli.memory import release_free_memory
 from pneucli.messages.diagnose import reason_sentence

@@ -6,7 +6,7 @@ from dataclasses import asdict
 from typing import Any
 
 from pneucli.identify.estimation.fit import Estimate
-from pneucli.identify.guesses.friction_and_valve import PLACEHOLDER_VOLUME
+from pneucli.identify.guesses.base_model import PLACEHOLDER_VOLUME
 from pneucli.identify.leak_rate import FLOW_UNIT, leak_flows, pressure_losses
 from pneucli.plausibility.required_inputs import volumes_to_identify
 from pneucli.simulate.model import Model
