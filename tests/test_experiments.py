@@ -8,8 +8,8 @@ import pytest
 
 from pneucli.experiments import EXPERIMENT_KINDS, ExperimentName
 from pneucli.identify.residuals import ChamberPressures, ForceBalance, FreeRun, ImposedMotion
-from pneucli.physics.declaration import PORTS
 from pneucli.physics.effects import catalogue
+from pneucli.physics.ports import PORTS
 
 
 def test_every_name_of_the_pipeline_file_has_its_entry():

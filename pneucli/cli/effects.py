@@ -154,7 +154,7 @@ def gallery_page(effects: Sequence[Effect]) -> str:
 
 def ports_table() -> str:
     """Return the table of all ports in Markdown."""
-    from pneucli.physics.declaration import PORTS
+    from pneucli.physics.ports import PORTS
 
     rows = [
         f"| `{n}` | {', '.join(f'`{a}`' for a in p.arguments)} | {p.combine} | {p.meaning} |" for n, p in PORTS.items()
@@ -181,7 +181,7 @@ def _together(quantities: Sequence[Quantity], between: str) -> str:
 
 def _description(effect: Effect, confounders: Sequence[str]) -> list[tuple[str, str]]:
     """Return headings and paragraphs; ``confounders`` are their names as they are to be shown."""
-    from pneucli.physics.declaration import PORTS
+    from pneucli.physics.ports import PORTS
 
     ports = "; ".join(f"{port} ({PORTS[port].meaning})" for port in effect.ports)
     story = [

@@ -9,7 +9,8 @@ from numpy.typing import NDArray
 
 from pneucli.identify.friction.friction_model import TITLES, ModelName
 from pneucli.identify.friction.kinematics import Motion
-from pneucli.physics.declaration import PORTS, Effect
+from pneucli.physics.declaration import Effect
+from pneucli.physics.ports import PORTS
 from pneucli.simulate.model import Model
 
 Array = NDArray[np.float64]

@@ -13,7 +13,8 @@ from numpy.typing import NDArray
 
 from pneucli.identify.guesses.chamber_balance import Chamber
 from pneucli.identify.guesses.flow_paths import opening_from_null
-from pneucli.physics.declaration import Balance, Effect
+from pneucli.physics.declaration import Effect
+from pneucli.physics.ports import Balance
 from pneucli.quantities import SIGNALS
 from pneucli.simulate import layout as at
 from pneucli.simulate.experiment import Experiment

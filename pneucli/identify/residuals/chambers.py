@@ -25,7 +25,8 @@ from pneucli.identify.residuals.initial_state import (
     initial_state_sensitivity,
     log_determinant,
 )
-from pneucli.physics.declaration import Balance, Effect
+from pneucli.physics.declaration import Effect
+from pneucli.physics.ports import Balance
 from pneucli.simulate import layout as at
 from pneucli.simulate.model import Model
 from pneucli.simulate.run import run, simulate

@@ -18,7 +18,8 @@ from pneucli.identify.guesses.rest_detection import (
 )
 from pneucli.identify.residuals.base import Array, DiscrepancyTerm, ResidualModel, force_discrepancy_terms
 from pneucli.identify.residuals.chambers import ChamberPressures
-from pneucli.physics.declaration import Balance, Effect
+from pneucli.physics.declaration import Effect
+from pneucli.physics.ports import Balance
 from pneucli.simulate import layout as at
 from pneucli.simulate.end_stops import contact_side
 from pneucli.simulate.imposed_motion import smooth_acceleration

@@ -15,7 +15,7 @@ from pneucli.identify.residuals.base import (
     bounded_difference,
     force_discrepancy_terms,
 )
-from pneucli.physics.declaration import Balance
+from pneucli.physics.ports import Balance
 from pneucli.simulate.model import Model
 from pneucli.simulate.outputs import simulate_outputs
 
