@@ -2,8 +2,8 @@
 
 A declaration is the only place that describes an effect. The simulator's code, the fit's parameter vector, the
 diagnosis, the catalogue, the page of the documentation and the tests are made from it. A port's function takes the
-port's arguments (:data:`pneucli.physics.ports.PORTS`) and then the effect's parameters in their order; it uses scalars, ``math`` and the
-functions of :mod:`pneucli.physics.gas` only, since the kernel compiles its source.
+arguments of the port (:data:`pneucli.physics.ports.PORTS`) and then the effect's parameters in their order; it uses
+scalars, ``math`` and the functions of :mod:`pneucli.physics.gas` only, since the kernel compiles its source.
 """
 
 from __future__ import annotations
