@@ -213,7 +213,9 @@ def _candidate_answer(
         "title": decision.effect.title,
         "error_before": held_out_error(before),
         "error_after": held_out_error(after) if candidate or unchanged else None,
-        "parameters": _parameters(pipeline, with_errors if name in found.missing else fitted.fit, name),
+        "parameters": _parameters(
+            pipeline, with_errors if name in found.missing else with_intervals(fitted.fit, data.train), name
+        ),
         "indistinguishable_from": _equivalents(found, name),
         "supported": decision.supported,
         "reason": decision.reason,
