@@ -64,7 +64,9 @@ def probability_clause(candidate: Answer) -> str:
 
 
 def parameter_shifts(answer: Answer) -> str:
-    """Return the base parameters that the named effects change."""
+    """Return the base parameters that the named effects change; nothing where none is named."""
+    if not answer["missing"]:
+        return ""
     moved = [
         f"{m['parameter']} {format_quantity(m['from'], m['unit'], 3)} → {format_quantity(m['to'], m['unit'], 3)}"
         f"{'' if m['plausible'] else ' (at its bound)'}"

@@ -147,7 +147,7 @@ def test_an_adequate_model_states_its_detection_limits() -> None:
 
 def test_an_unexplained_residual_comes_with_an_experiment() -> None:
     rest = {"verdict": "unexplained", "missing": [], "sentence": "Something is left."}
-    answer = ADEQUATE | rest | {"next_experiment": "Hold the piston.", "moved": []}
+    answer = ADEQUATE | rest | {"next_experiment": "Hold the piston."}  # what refused effects move is no finding
     assert one_line(messages.render("diagnose", answer, "p.toml")) == "found Something is left. do Hold the piston."
 
 

@@ -35,7 +35,7 @@ def section(material: ReportData) -> Section | None:
         if set(former.answer["missing"]) & set(answer["model"]["effects"]):
             parts += _evidence(former.answer, former.table)
     parts += _evidence(answer, material.table("diagnose/shape"))
-    if moved := _changed_parameters(answer.get("moved") or []):
+    if answer["missing"] and (moved := _changed_parameters(answer.get("moved") or [])):
         parts.append(moved)
     parts += [*_remarks(answer), *_smooth_terms(material.table("diagnose/law")), *warning_notes(material, "diagnose")]
     lead = (
