@@ -43,6 +43,7 @@ from pneucli.stages.diagnosis_answer import (
     detectability_answer,
     discrepancy_answer,
     proposed_experiment,
+    shift_answer,
     unexplained_answer,
 )
 from pneucli.stages.identify import parameters_answer
@@ -173,12 +174,9 @@ def _answer(pipeline: PipelineData, data: DiagnosisData, found: Diagnosis, impos
         "explained_share": removed_error_share(errors[0], data.free_run_errors(selected)),
         "purpose": purpose_answer(data.free_run_errors.channels(selected), pipeline.context.config.compare.tolerance),
         "next_experiment": proposed_experiment(data, found),
-        "detectable": [detectability_answer(d) for d in found.detectable],
+        "detectable": [detectability_answer(d, pipeline) for d in found.detectable],
         "discrepancy": [discrepancy_answer(d) for d in found.discrepancies],
-        "moved": [
-            {"parameter": m.parameter, "from": m.before, "to": m.after, "unit": m.unit, "plausible": m.plausible}
-            for m in found.parameter_shifts
-        ],
+        "moved": [shift_answer(one, pipeline) for one in found.parameter_shifts],
         "unexplained": None if found.unexplained is None else unexplained_answer(found.unexplained),
         "warnings": []
         if found.unexplained
