@@ -39,7 +39,7 @@ REFERENCES = ("hold", "steps", "points", "sine", "s-curve", "recorded")
 CONTROLS = ("position", "pressure")
 PRESSURE_KEYS = ("centre", "amplitude", "points")  # in Pa where the pressure is controlled
 
-# what is run where the pipeline file states nothing; sizes that are absent follow from the rig, as said below
+# what is run where the pipeline file states nothing; absent sizes follow from the rig, see below
 DEFAULTS: tuple[dict[str, Any], ...] = (
     {"name": "steps", "reference": "steps", "duration": 8.0},
     {"name": "sine", "reference": "sine", "frequency": 0.5, "duration": 6.0},

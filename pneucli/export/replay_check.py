@@ -52,7 +52,7 @@ def replay_exported_c(controller: Controller, model: Model, setup: ClosedLoopSet
 
 
 def compile_and_replay(folder: Path, compiler: str) -> ReplayCheck:
-    """Compile the exported C of a folder with its replay program and run it on the replay file beside it."""
+    """Compile the exported C of a folder with its replay program and run it on the replay file of that folder."""
     sources = [str(folder / c_source.REPLAY_FILE), str(folder / f"{c_source.BASE_NAME}.c")]
     program = str(folder / "replay")
     try:

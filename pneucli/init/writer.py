@@ -1,4 +1,4 @@
-"""Part of ``init``: the pipeline file, what was seen beside each line, and a ``?`` where people have to fill in."""
+"""Part of ``init``: the pipeline file, with the evidence for each line, and a ``?`` where people have to fill in."""
 
 from __future__ import annotations
 

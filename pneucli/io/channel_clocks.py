@@ -23,12 +23,12 @@ MIN_GRID_SAMPLES = 100  # of the largest table; fewer are points of a figure, wh
 SAME_STAMP = 1e-3  # of a period of the fast clock, within which two stamps are one: the digits of the files
 GAP_PERIODS = 2.5  # of a reading's own periods, over which nothing is interpolated
 MEND = "check the start times and the units of the clocks, or take the channels of one clock only"
-SAME_RATE = 1.5  # ratio of two rates, below which interpolation takes noise off and is told
+SAME_RATE = 1.5  # ratio of two rates, below which interpolation reduces noise and is reported
 
 
 @dataclass
 class Alignment:
-    """Tables that became one, what became of their rows, and what is to be said of it."""
+    """Tables that became one, what became of their rows, and the notes about it."""
 
     table: Table
     losses: Counter[str] = field(default_factory=Counter)

@@ -20,7 +20,7 @@ _TWINCAT = ("SymbolComment", "SymbolName", "SampleTime")
 
 
 def scope_format(head: bytes) -> str | None:
-    """Return the name of the export, told by its header; None where it is none of them."""
+    """Return the name of the export, by its header; None where it is none of them."""
     text = head.decode("latin-1").replace("\0", "")
     if all(word in text for word in _TWINCAT) and "Data-Type" in text:
         return NAME
@@ -30,7 +30,7 @@ def scope_format(head: bytes) -> str | None:
 
 
 def open_scope(path: Path) -> ColumnReader:
-    """List the channels; each has the clock that stands beside it."""
+    """List the channels; each has a clock of its own."""
     with path.open("rb") as file:
         head = file.read(HEAD_BYTES)
     rows = decode_head(path, path.read_bytes(), detect_encoding(path, head)).splitlines()

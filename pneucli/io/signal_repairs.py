@@ -1,6 +1,6 @@
 """Repairs of the raw numbers of one signal, before units: marks of missing values, roll-over, and values that are held.
 
-What was replaced, undone or filled in is counted and told; numbers that need no repair pass bit by bit.
+What was replaced, undone or filled in is counted and reported; numbers that need no repair pass bit by bit.
 """
 
 from __future__ import annotations
@@ -55,7 +55,7 @@ class SignalRepairs:
             self._filled += filled
         return values
 
-    def told(self) -> Iterator[Repair]:
+    def repairs(self) -> Iterator[Repair]:
         """Yield what was repaired so far."""
         if self._counter is not None and self._counter.count:
             count = self._counter.count

@@ -136,7 +136,7 @@ class Effect:
         return tuple(p for p in self.parameters if not p.refines)
 
     def in_model_with(self, effects: Iterable[Effect]) -> Effect:
-        """Return the declaration as it holds beside other effects.
+        """Return the declaration as it holds in a model with other effects.
 
         Beside some, no value of the parameters makes the effect absent. Friction with two branches is an example:
         without a drop, the Stribeck rise still holds on one of them alone.

@@ -23,7 +23,7 @@ class Port:
         meaning: Unit and meaning of the value.
         is_set_valued: Whether the port widens the set of possible forces.
         memory: Whether its value depends on the past without a ``state``.
-        distinct_with: Ports of other effects beside which an effect that enters here changes the model at any value,
+        distinct_with: Ports of other effects with which an effect that enters here changes the model at any value,
             its null included.
     """
 
