@@ -126,6 +126,14 @@ def test_every_module_that_a_page_names_exists(page: Path) -> None:
             and not ROOT.joinpath(*name.split("."), "__main__.py").is_file()] == []  # fmt: skip
 
 
+def test_options_of_benchmarks_on_a_page_exist() -> None:
+    """An option that a benchmark does not read would be taken for something else, or refused."""
+    for page in PAGES:
+        for name, rest in re.findall(r"`(?:\w+=\w+ )*python -m benchmarks\.(\w+)([^`]*)`", page.read_text("utf-8")):
+            source = (ROOT / "benchmarks" / f"{name}.py").read_text(encoding="utf-8") if name != "NAME" else rest
+            assert [o for o in re.findall(r"--[a-z-]+", rest) if o not in source] == [], (page.name, name, rest)
+
+
 def test_links_anchors_and_menus_lead_somewhere() -> None:
     assert SITE.faults(ROOT) == []
 
