@@ -27,7 +27,7 @@ from benchmarks.foreign_rigs import CATALOGUE_NAMES
 from pneucli.identify.estimation.fit import Fit
 from pneucli.identify.estimation.intervals import with_intervals
 from pneucli.identify.estimation.model_fit import fit_model
-from pneucli.identify.guesses.friction_and_valve import guess_base_model
+from pneucli.identify.guesses.base_model import guess_base_model
 from pneucli.physics.effects import catalogue_with_sides
 
 PENALTY = 2.0 / 0.05  # of an interval's distance from the truth, at 95 %

@@ -18,14 +18,14 @@ from benchmarks.cases import study_of, truths
 from pneucli.diagnose.adequacy import significant_lack_of_fit
 from pneucli.diagnose.calibration import MIN_NAMED_PROBABILITY, probability
 from pneucli.diagnose.data import DiagnosisData, lack_of_fit
+from pneucli.diagnose.decision import collect_evidence
 from pneucli.diagnose.equivalence import Term
-from pneucli.diagnose.free_run_adequacy import free_run_lack_of_fit
 from pneucli.diagnose.free_run_error import FreeRunErrors
-from pneucli.diagnose.posterior import collect_evidence
+from pneucli.diagnose.free_run_test import free_run_lack_of_fit
 from pneucli.diagnose.subsample import MAX_SAMPLES
 from pneucli.identify.estimation.fit import Fit
 from pneucli.identify.estimation.model_fit import fit_model, fit_with_effect
-from pneucli.identify.guesses.friction_and_valve import guess_base_model
+from pneucli.identify.guesses.base_model import guess_base_model
 from pneucli.physics.effects import catalogue
 
 LIKELY = 0.9

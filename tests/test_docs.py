@@ -126,6 +126,14 @@ def test_every_module_that_a_page_names_exists(page: Path) -> None:
             and not ROOT.joinpath(*name.split("."), "__main__.py").is_file()] == []  # fmt: skip
 
 
+def test_options_of_benchmarks_on_a_page_exist() -> None:
+    """An option that a benchmark does not read would be taken for something else, or refused."""
+    for page in PAGES:
+        for name, rest in re.findall(r"`(?:\w+=\w+ )*python -m benchmarks\.(\w+)([^`]*)`", page.read_text("utf-8")):
+            source = (ROOT / "benchmarks" / f"{name}.py").read_text(encoding="utf-8") if name != "NAME" else rest
+            assert [o for o in re.findall(r"--[a-z-]+", rest) if o not in source] == [], (page.name, name, rest)
+
+
 def test_links_anchors_and_menus_lead_somewhere() -> None:
     assert SITE.faults(ROOT) == []
 
@@ -220,15 +228,27 @@ def test_every_toml_example_is_valid(page: Path) -> None:
                     assert set(one) <= known[table] | inner, (table, block)
 
 
-def test_commands_in_the_readme_exist_with_their_options() -> None:
-    text = (ROOT / "README.md").read_text(encoding="utf-8")
-    lines = [line.removeprefix("$ ") for block in re.findall(r"```(?:sh|console)\n(.*?)```", text, re.DOTALL)
-             for line in block.splitlines()]  # fmt: skip
-    typed = [shlex.split(line, comments=True) for line in lines if line.startswith("pneucli ")]
+def commands_of(page: Path) -> list[list[str]]:
+    """The words of every command of the program that a page shows in a block or within a sentence."""
+    text = page.read_text(encoding="utf-8")
+    blocks = re.findall(r"```(?:sh|console)\n(.*?)```", text, re.DOTALL)
+    lines = [line.removeprefix("$ ") for block in blocks for line in block.splitlines()]
+    lines += re.findall(r"`(pneucli [^`\n]+)`", re.sub(r"```.*?```", "", text, flags=re.DOTALL))
+    shown = [line.split("|")[0].rstrip("\\") for line in lines if line.startswith("pneucli ")]
+    return [shlex.split(line, comments=True) for line in shown]
+
+
+@pytest.mark.parametrize("page", PAGES, ids=lambda page: page.relative_to(ROOT).as_posix())
+def test_commands_on_a_page_exist_with_their_options(page: Path) -> None:
     commands = typer.main.get_command(build()).commands  # type: ignore[attr-defined]
-    assert len(typed) >= 5
-    for _, name, *words in (line for line in typed if line[1] != "--help"):
-        options = {flag for parameter in commands[name].params for flag in parameter.opts}
-        assert [word for word in words if word.startswith("--") and word not in options] == []
+    typed = [command for command in commands_of(page) if command[1] != "COMMAND" and command[1][0] != "-"]
+    for _, name, *words in typed:
+        options = {flag for parameter in commands[name].params for flag in parameter.opts} | {"--help"}
+        assert [word for word in words if word.startswith("-") and word.split("=")[0] not in options] == [], words
+
+
+def test_the_readme_shows_commands_and_existing_targets() -> None:
+    text = (ROOT / "README.md").read_text(encoding="utf-8")
+    assert len(commands_of(ROOT / "README.md")) >= 5
     targets = re.findall(r"^(\w+):", (ROOT / "Makefile").read_text(encoding="utf-8"), re.MULTILINE)
-    assert {line.split()[1] for line in lines if line.startswith("make ")} <= set(targets)
+    assert set(re.findall(r"^make (\w+)", text, re.MULTILINE)) <= set(targets)

@@ -11,7 +11,7 @@ from types import ModuleType
 import pytest
 
 ROOT = Path(__file__).parents[1]
-PACKAGES = ("physics", "tp", "identify", "simulate", "design", "controller", "closed_loop", "noise")
+PACKAGES = ("physics", "tp", "identify", "simulate", "design", "controller", "closed_loop", "noise", "messages")
 SPECIFIED = ("physics", "tp")  # packages in which every public function states arguments, result and an example
 MODULES = sorted(
     ".".join(path.relative_to(ROOT).with_suffix("").parts).removesuffix(".__init__")

@@ -8,8 +8,8 @@ import pytest
 
 from pneucli.experiments import EXPERIMENT_KINDS, ExperimentName
 from pneucli.identify.residuals import ChamberPressures, ForceBalance, FreeRun, ImposedMotion
-from pneucli.physics.declaration import PORTS
 from pneucli.physics.effects import catalogue
+from pneucli.physics.ports import PORTS
 
 
 def test_every_name_of_the_pipeline_file_has_its_entry():
@@ -43,15 +43,15 @@ def test_a_piston_is_pushed_by_a_recorded_force_or_by_pressures():
 
 def test_every_effect_shows_in_a_subsystem_by_its_ports_alone():
     for effect in catalogue().values():
-        assert any(view.sides & effect.balances for view in (ChamberPressures, ForceBalance)), effect.name
-        assert FreeRun.sides >= effect.balances
+        assert any(view.balances & effect.balances for view in (ChamberPressures, ForceBalance)), effect.name
+        assert FreeRun.balances >= effect.balances
 
 
 def test_measured_pressures_hide_effects_on_flow():
-    assert not ForceBalance.sides & catalogue()["piston-leak"].balances
-    assert not ImposedMotion.sides & catalogue()["piston-leak"].balances
-    assert not ChamberPressures.sides & catalogue()["stribeck"].balances
-    assert all(view.sides & catalogue()["pressure-offset"].balances for view in (ChamberPressures, ForceBalance))
+    assert not ForceBalance.balances & catalogue()["piston-leak"].balances
+    assert not ImposedMotion.balances & catalogue()["piston-leak"].balances
+    assert not ChamberPressures.balances & catalogue()["stribeck"].balances
+    assert all(view.balances & catalogue()["pressure-offset"].balances for view in (ChamberPressures, ForceBalance))
 
 
 def test_only_two_branches_of_friction_are_set_valued():

@@ -1,4 +1,4 @@
-"""``check``: all that can be said of a pipeline without running it."""
+"""``check``: what a pipeline reads and lacks, without running it."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ def register(app: typer.Typer) -> None:
 
 
 def _check(pipeline: File, out: Out = None, json: Json = False, quiet: Quiet = False) -> None:
-    """``out`` and ``quiet`` are there for the sake of uniform options: nothing is written, nothing said beside."""
+    """``out`` and ``quiet`` exist for uniform options: nothing is written, and no progress is printed."""
     from pneucli.stages.check import check_pipeline
 
     answer = check_pipeline(pipeline)

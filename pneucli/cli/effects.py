@@ -125,7 +125,7 @@ def effect_page(effect: Effect) -> str:
     lines += [f"| {' | '.join(COLUMNS)} |", "| --- " * len(COLUMNS) + "|"]
     lines += [f"| {' | '.join(_row(p))} |" for p in effect.parameters]
     lines += ["", f"![What it looks like]({effect.name}.svg)", "", PICTURE_CAPTION]
-    for heading, text in _description(effect, [f"[{twin}]({twin}.md)" for twin in effect.twins]):
+    for heading, text in _description(effect, [f"[{name}]({name}.md)" for name in effect.twins]):
         lines += ["", f"## {heading}", "", text]
     return "\n".join([*lines, "", "[All effects](../effects.md)", ""])
 
@@ -154,7 +154,7 @@ def gallery_page(effects: Sequence[Effect]) -> str:
 
 def ports_table() -> str:
     """Return the table of all ports in Markdown."""
-    from pneucli.physics.declaration import PORTS
+    from pneucli.physics.ports import PORTS
 
     rows = [
         f"| `{n}` | {', '.join(f'`{a}`' for a in p.arguments)} | {p.combine} | {p.meaning} |" for n, p in PORTS.items()
@@ -179,14 +179,14 @@ def _together(quantities: Sequence[Quantity], between: str) -> str:
     )
 
 
-def _description(effect: Effect, twins: Sequence[str]) -> list[tuple[str, str]]:
-    """Return headings and paragraphs; ``twins`` are the names of the confounders as they are to be shown."""
-    from pneucli.physics.declaration import PORTS
+def _description(effect: Effect, confounders: Sequence[str]) -> list[tuple[str, str]]:
+    """Return headings and paragraphs; ``confounders`` are their names as they are to be shown."""
+    from pneucli.physics.ports import PORTS
 
     ports = "; ".join(f"{port} ({PORTS[port].meaning})" for port in effect.ports)
     story = [
         ("In a residual", f"{effect.looks_like} Seen best over: {effect.shows_over}."),
-        ("Easily taken for", ", ".join(twins) or "nothing else in the catalogue"),
+        ("Easily taken for", ", ".join(confounders) or "nothing else in the catalogue"),
         ("How to distinguish them" if effect.twins else "How to verify it", effect.separate),
         ("Where it enters the model", f"{ports}."),
         ("Source", effect.source + (THESIS_REFERENCE if "thesis" in effect.source else "")),

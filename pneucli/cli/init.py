@@ -62,11 +62,11 @@ def _ask(questions: Sequence[tuple[str, str, str]]) -> dict[str, str]:
     answers: dict[str, str] = {}
     for name, text, example in questions:
         try:
-            said = typer.prompt(
+            typed = typer.prompt(
                 f"{text}, such as {example} (Enter: fill it in later)", default="", show_default=False, err=True
             )
         except typer.Abort:
             break
-        if said.strip():
-            answers[name] = said.strip()
+        if typed.strip():
+            answers[name] = typed.strip()
     return answers

@@ -9,18 +9,17 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 
 from pneucli.closed_loop.metrics import Metrics, evaluate_run
+from pneucli.closed_loop.plant_limits import limiting_cause, min_air_stiffness
 from pneucli.closed_loop.robustness import TOLERANCES, AxisDistribution
 from pneucli.closed_loop.simulation import ClosedLoopSetup, Scenario, simulate
 from pneucli.controller.parameters import Controller, nominal_load
-from pneucli.design.air_spring import stiffness_per_pressure, unmet_requirements
-from pneucli.design.cascade_design import chamber_2_pressure, reachable_speed_and_gradient
+from pneucli.design.air_spring import unmet_requirements
 from pneucli.design.requirements import Requirements
-from pneucli.physics.gas import PSI_MAX
 from pneucli.simulate.model import Model
 
 DRAW_COUNT, SEED = 50, 0
@@ -52,7 +51,8 @@ class Criterion:
 class Violation:
     """A violated criterion: worst figure, axis and scenario of it, and the cause ("": unknown).
 
-    ``share``: share of the draws that violate it.
+    ``share``: share of the draws that violate it. The cause is a code with its quantities in SI units;
+    :mod:`pneucli.messages.acceptance` words it.
     """
 
     demand: str
@@ -63,6 +63,7 @@ class Violation:
     scenario: str
     share: float
     cause: str
+    quantities: Mapping[str, float] = field(default_factory=dict)
 
 
 @dataclass(frozen=True)
@@ -188,74 +189,6 @@ def _violation(
         return None
     sign = -1.0 if demand.at_least else 1.0
     axis, scenario, figures = max(counted, key=lambda r: (r[0] == NOMINAL_AXIS, sign * r[2][demand.name]))
-    why = limiting_cause(demand, controller, wanted, scenarios)
-    return Violation(demand.name, demand.limit, figures[demand.name], demand.unit, axis, scenario, share, why)
-
-
-def limiting_cause(
-    demand: Criterion, controller: Controller, requirements: Requirements, scenarios: Sequence[Scenario]
-) -> str:
-    """Return the limit of the plant that causes a violation, in words; "" if there is none."""
-    c = controller.values
-    if demand.name == "settling_time":
-        way, least = _longest_step(scenarios), min_travel_time(c, _longest_step(scenarios))
-        if demand.limit < least:
-            return f"the valve is too small: {1e3 * way:.3g} mm take at least {least:.3g} s"
-    if demand.name == "tracking_error":
-        asked, speed = max(_fastest(s, c["C_PERIOD"]) for s in scenarios), reachable_speed_and_gradient(c)[0]
-        if asked > speed:
-            return f"the valve is too small: {1e3 * asked:.3g} mm/s are asked, it keeps up with {1e3 * speed:.3g} mm/s"
-    if demand.name == "stiffness" and demand.limit > (most := max_load_stiffness(c)):
-        return f"the valve is too small and the air spring too soft: both together give at most {most:.3g} N/m"
-    if demand.name in ("tolerance", "no limit cycle"):
-        least = max(requirements.quantum_x, 2.0 * requirements.noise_x)
-        if demand.limit < least:
-            return f"the position sensor is too coarse: {MICROMETRES_PER_METRE * least:.3g} um"
-    return ""
-
-
-def min_travel_time(c: Mapping[str, float], distance: float) -> float:
-    """Return the least time in s of a distance in m, at the largest speed of the valve."""
-    return distance / reachable_speed_and_gradient(c)[0]
-
-
-def max_load_stiffness(c: Mapping[str, float]) -> float:
-    """Return the largest load stiffness in N/m that any controller reaches under a step of the nominal load.
-
-    The load F above friction acts against a force that the valve builds at its full rate R from the first instant:
-    ``m dv/dt = F - R t`` comes to rest after ``2 F^3 / (3 m R^2)``. The stiffness of the enclosed gas adds to it.
-    """
-    push, rate = nominal_load(c), max_force_rate(c)
-    left = push - c["C_STATIC"]
-    if left <= 0.0:
-        return math.inf
-    return 1.5 * push / left * c["C_MASS"] * (rate / left) ** 2 + min_air_stiffness(c)
-
-
-def max_force_rate(c: Mapping[str, float]) -> float:
-    """Return the largest rate of force in N/s of the open valve at mid-stroke, choked both ways."""
-    choked, half = c["C_GAMMA_R_T"] * c["C_K_GAS"] * c["C_SUPPLY"] * PSI_MAX, 0.5 * c["C_STROKE"]
-    one = c["C_AREA_1"] / (c["C_DEAD_VOLUME_1"] + c["C_AREA_1"] * half) * max(c["C_AREA_FILL"], c["C_AREA_VENT"])
-    two = c["C_AREA_2"] / (c["C_DEAD_VOLUME_2"] + c["C_AREA_2"] * half) * max(c["C_AREA_FILL_2"], c["C_AREA_VENT_2"])
-    driven = c["C_TWO_VALVES"] > 0.5 or c["C_MIRRORED"] > 0.5
-    return choked * (one + two * driven)
-
-
-def min_air_stiffness(c: Mapping[str, float]) -> float:
-    """Return the least stiffness in N/m of the enclosed gas over the middle 60 % of the stroke (isentropic)."""
-    x = np.linspace(0.2, 0.8, 25) * c["C_STROKE"]
-    p2 = chamber_2_pressure(c, x)
-    p1 = (c["C_AREA_2"] * p2 + (c["C_AREA_1"] - c["C_AREA_2"]) * c["C_AMBIENT"]) / c["C_AREA_1"]
-    one, two = stiffness_per_pressure(c, x)
-    return float(np.min(p1 * one + p2 * two))
-
-
-def _longest_step(scenarios: Sequence[Scenario]) -> float:
-    return max(float(np.max(np.abs(np.diff(s.reference)), initial=0.0)) for s in scenarios)
-
-
-def _fastest(scenario: Scenario, period: float) -> float:
-    """Return the largest speed in m/s of a reference without jumps; 0 for one with jumps."""
-    rate = np.abs(np.diff(scenario.reference)) / period
-    smooth = np.max(np.abs(np.diff(rate)), initial=0.0) < 0.5 * np.max(rate, initial=0.0)
-    return float(np.max(rate, initial=0.0)) if smooth else 0.0
+    cause, quantities = limiting_cause(demand.name, demand.limit, controller, wanted, scenarios)
+    found = figures[demand.name]
+    return Violation(demand.name, demand.limit, found, demand.unit, axis, scenario, share, cause, quantities)

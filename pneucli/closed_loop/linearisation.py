@@ -45,7 +45,7 @@ IMPULSE_RATIO = 1e-5  # of the full command
 PRESSURE_PERTURBATION = 0.1  # Pa, and what follows from it: a perturbation of the axis's state
 DELAY_LINES = (layout.S_OPENING_LINE1, layout.S_OPENING_LINE2, layout.S_PRESSURE_LINE1, layout.S_PRESSURE_LINE2)
 SETTLING_TIME_CONSTANTS = 15.0  # time constants of the position loop until the piston slides steadily
-RESPONSE_SAMPLES = 40  # samples of an answer, beside lags and delays
+RESPONSE_SAMPLES = 40  # samples of an answer, in addition to lags and delays
 PERTURBED_SAMPLES = layout.DELAY_LINE_SAMPLES + 6  # samples over which readings are shaken: more than are remembered
 FADING_TIME_CONSTANTS = (
     8.0  # time constants, over what is seen, by which the first samples count more: alone, the axis may be unstable

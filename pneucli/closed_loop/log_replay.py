@@ -51,7 +51,7 @@ class Replay:
     Attributes:
         log: Rows of the log of :mod:`pneucli.controller.layout` (n, L_ROW).
         start_mode: How the controller began.
-        readings: The signals that it is assumed to have read, a logged supply pressure included if it was told it.
+        readings: The signals that it is assumed to have read, a logged supply pressure included if it received it.
 
     """
 
@@ -83,12 +83,12 @@ def find_replay(engine: Engine, log: ControllerLog) -> Replay:
     """Return the replay of a log that explains the logged commands best.
 
     Two alternatives each: the controller began with the log, or had run before (then a reset from the first readings
-    and commands); it was told a logged supply pressure, or not.
+    and commands); it received a logged supply pressure, or not.
     """
-    told = [log.signals]
+    alternatives = [log.signals]
     if "p_supply" in log.signals:
-        told.append({name: values for name, values in log.signals.items() if name != "p_supply"})
-    found = [Replay(engine(read, began), began, read) for read in told for began in ("with", "before")]
+        alternatives.append({name: values for name, values in log.signals.items() if name != "p_supply"})
+    found = [Replay(engine(read, began), began, read) for read in alternatives for began in ("with", "before")]
     return min(found, key=lambda one: float(np.nanmean((one.commands[:, 0] - log["u"]) ** 2)))
 
 

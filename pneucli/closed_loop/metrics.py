@@ -134,7 +134,7 @@ def _pressure_metrics(run: Run, model: Model, controller: Controller) -> Metrics
     ends = [slice(r.stop - round(REST_WINDOW / controller.period), r.stop) for r in rests]
     fast, share = _chattering(run.log[:, layout.L_U1], controller.period)
     nothing = dict.fromkeys((f.name for f in fields(Metrics)), np.nan)
-    told = {
+    figures = {
         "switching_hz": _switching(run, controller),
         "fast_share": share,
         "fast_v": fast,
@@ -144,7 +144,7 @@ def _pressure_metrics(run: Run, model: Model, controller: Controller) -> Metrics
         "pressure_settling_s": _worst(_pressure_settling(run, r) for r in rests if r.start > 0),
         "sliding_flow": _sliding(run, controller)["sliding_flow"],
     }
-    return Metrics(**(nothing | told))
+    return Metrics(**(nothing | figures))
 
 
 def _pressure_settling(run: Run, segment: slice) -> float:

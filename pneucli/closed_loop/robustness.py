@@ -197,9 +197,9 @@ def run_study(
     place.mkdir(parents=True, exist_ok=True)
     first = range(0, study.runs, CHUNK_SIZE)
     paths = {k: place / f"{k:06d}_{min(CHUNK_SIZE, study.runs - k)}.json" for k in first}
-    lacking = deque(k for k in first if not paths[k].exists())
-    before = len(first) - len(lacking)
-    for done, outcome in enumerate(run_jobs(engine, partial(run_chunk, study), lacking), before + 1):
+    missing = deque(k for k in first if not paths[k].exists())
+    before = len(first) - len(missing)
+    for done, outcome in enumerate(run_jobs(engine, partial(run_chunk, study), missing), before + 1):
         if outcome.error is not None:
             raise outcome.error
         with atomic_path(paths[outcome.job]) as temporary:

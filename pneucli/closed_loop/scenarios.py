@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from pneucli.closed_loop.simulation import Scenario
 from pneucli.controller.parameters import Controller, nominal_load
-from pneucli.design.cascade_design import chamber_2_pressure
+from pneucli.design.reference_limits import chamber_2_pressure
 from pneucli.errors import InputError, UnitError, did_you_mean
 from pneucli.units import parse_quantity
 
@@ -39,7 +39,7 @@ REFERENCES = ("hold", "steps", "points", "sine", "s-curve", "recorded")
 CONTROLS = ("position", "pressure")
 PRESSURE_KEYS = ("centre", "amplitude", "points")  # in Pa where the pressure is controlled
 
-# what is run where the pipeline file states nothing; sizes that are absent follow from the rig, as said below
+# what is run where the pipeline file states nothing; absent sizes follow from the rig, see below
 DEFAULTS: tuple[dict[str, Any], ...] = (
     {"name": "steps", "reference": "steps", "duration": 8.0},
     {"name": "sine", "reference": "sine", "frequency": 0.5, "duration": 6.0},

@@ -80,7 +80,7 @@ def key_texts() -> dict[str, dict[str, tuple[str, str]]]:
 def all_keys() -> list[Key]:
     """Return every key that the pipeline file may have, table after table, in the order in which the models have them.
 
-    Of a key that ``keys.toml`` does not have nothing is said; a test asks for it.
+    A key that ``keys.toml`` lacks has no text; a test asks for it.
     """
     found = [_key_of_field(table, name, field) for table, name, field in _fields()]
     for table, name, unit, default, choices in _keys_of_stages():
@@ -110,7 +110,7 @@ def _key_of_field(table: str, name: str, field: FieldInfo) -> Key:
 
 
 def _type_annotations(field: FieldInfo) -> Iterator[Any]:
-    """Yield all that is said of a field's type, at any depth."""
+    """Yield all statements about a field's type, at any depth."""
     yield from field.metadata
     waiting = [field.annotation]
     while waiting:

@@ -21,7 +21,7 @@ Model = TypeVar("Model", bound=BaseModel)
 Location = tuple[str | int, ...]
 MAX_TABLE_DEPTH = 12  # tables in one another; the format has 4
 MAX_SHOWN_CHARACTERS = 80  # characters of what was found
-MAX_FAULTS = 20  # faults of one kind told at once
+MAX_FAULTS = 20  # faults of one kind listed at once
 
 
 def load(path: str | Path) -> PipelineConfig:
@@ -119,7 +119,7 @@ def _ambient(document: Mapping[str, Any]) -> float:
 
 
 def is_rotary(document: Mapping[str, Any]) -> bool:
-    """Return whether the axis turns: by the unit of its position, or a moment of inertia; no fault is told here."""
+    """Return whether the axis turns: by the unit of its position, or a moment of inertia; no fault is reported here."""
     rig = document.get("rig", {})
     cylinder = rig.get("cylinder", {}) if isinstance(rig, dict) else {}
     if isinstance(cylinder, dict) and "moment_of_inertia" in cylinder:

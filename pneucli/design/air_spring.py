@@ -23,7 +23,7 @@ STROKE_FRACTIONS = np.linspace(0.2, 0.8, 25)  # of the stroke
 
 
 class UnmetRequirement(NamedTuple):
-    """A requirement on the gas spring that is not met: limit and reached value in ``unit``, and the cause."""
+    """A requirement on the gas spring that is not met: limit and reached value in ``unit``, and the cause's code."""
 
     name: str
     limit: float
@@ -33,7 +33,21 @@ class UnmetRequirement(NamedTuple):
 
 
 def stiffness_per_pressure(c: Values, x: Array) -> tuple[Array, Array]:
-    """Return the stiffness in N/m per Pa of pressure in chamber 1 and in chamber 2, at x (m)."""
+    """Return the isentropic stiffness of both gas volumes per Pa of their pressures.
+
+    Args:
+        c: Parameters of a controller by name (SI).
+        x: Position in m.
+
+    Returns:
+        ``gamma A^2 / V`` in N/(m Pa) of chamber 1 and of chamber 2, each of the shape of ``x``.
+
+    >>> chamber = {"C_GAMMA": 1.4, "C_STROKE": 0.2} | {f"C_AREA_{i}": 8e-4 for i in (1, 2)}
+    >>> chamber |= {f"C_DEAD_VOLUME_{i}": 4e-5 for i in (1, 2)}
+    >>> one, two = stiffness_per_pressure(chamber, np.array(0.1))  # 1.4 x 6.4e-7 m^4 / 1.2e-4 m^3
+    >>> round(float(one), 7), round(float(two), 7)
+    (0.0074667, 0.0074667)
+    """
     one = c["C_AREA_1"] ** 2 / (c["C_DEAD_VOLUME_1"] + c["C_AREA_1"] * x)
     two = c["C_AREA_2"] ** 2 / (c["C_DEAD_VOLUME_2"] + c["C_AREA_2"] * (c["C_STROKE"] - x))
     return c["C_GAMMA"] * one, c["C_GAMMA"] * two
@@ -63,7 +77,23 @@ def max_motion_gradient(c: Values) -> float:
 
 
 def level_for_stiffness(c: Values, stiffness: float, x: Array) -> Array:
-    """Return the mean pressure in Pa at which the gas has the ``stiffness`` (N/m) at x (m) without a force."""
+    """Return the mean pressure at which the enclosed gas has a given stiffness, without a force on the piston.
+
+    With unequal areas the pressures of both chambers differ then, so that ambient pressure on the rod is balanced.
+
+    Args:
+        c: Parameters of a controller by name (SI).
+        stiffness: Wanted stiffness in N/m.
+        x: Position in m.
+
+    Returns:
+        The mean of both pressures in Pa, of the shape of ``x``; it may lie outside what the supply can give.
+
+    >>> chamber = {"C_GAMMA": 1.4, "C_STROKE": 0.2, "C_AMBIENT": 1e5} | {f"C_AREA_{i}": 8e-4 for i in (1, 2)}
+    >>> chamber |= {f"C_DEAD_VOLUME_{i}": 4e-5 for i in (1, 2)}
+    >>> round(float(level_for_stiffness(chamber, 8960.0, np.array(0.1))))  # 8960 N/m / (2 x 7.4667e-3 N/(m Pa))
+    600000
+    """
     one, two = stiffness_per_pressure(c, x)
     sum_, unequal = c["C_AREA_1"] + c["C_AREA_2"], c["C_AREA_1"] - c["C_AREA_2"]
     even = unequal * c["C_AMBIENT"] / sum_
@@ -72,7 +102,16 @@ def level_for_stiffness(c: Values, stiffness: float, x: Array) -> Array:
 
 
 def level_settings(requirements: Requirements, c: Values) -> dict[str, float]:
-    """Return stated mean pressure and stiffness by the names of the layout; empty without two valves."""
+    """Return stated mean pressure and stiffness by the names of the layout.
+
+    Args:
+        requirements: ``pressure_level`` in Pa or ``air_stiffness`` in N/m; the stiffness has precedence.
+        c: Parameters of a controller by name (SI).
+
+    Returns:
+        C_P_MEAN in Pa, within the range of the references, and C_AIR_STIFFNESS in N/m where one is stated; empty
+        without two valves.
+    """
     if c["C_TWO_VALVES"] < 0.5:
         return {}
     found: dict[str, float] = {}
@@ -89,7 +128,13 @@ def level_settings(requirements: Requirements, c: Values) -> dict[str, float]:
 
 
 def unmet_requirements(requirements: Requirements, c: Values, min_stiffness: float) -> list[UnmetRequirement]:
-    """Return the unmet requirements on level and stiffness; ``min_stiffness`` of the enclosed gas in N/m."""
+    """Return the unmet requirements on level and stiffness.
+
+    Args:
+        requirements: ``pressure_level`` in Pa and ``air_stiffness`` in N/m.
+        c: Parameters of the designed controller by name (SI).
+        min_stiffness: Smallest stiffness of the enclosed gas along the stroke in N/m, where its level cannot be set.
+    """
     found = []
     if requirements.pressure_level is not None and abs(requirements.pressure_level - c["C_P_MEAN"]) > 1.0:
         found.append(UnmetRequirement("pressure_level", requirements.pressure_level, c["C_P_MEAN"], "Pa", _cause(c)))
@@ -112,11 +157,7 @@ def _settable_stiffness(c: Values) -> Array:
 
 def _cause(c: Values) -> str:
     if c["C_TWO_VALVES"] > 0.5:
-        return "supply and surroundings bound the pressures"
+        return "pressure-bounds"
     if c["C_MIRRORED"] > 0.5:
-        return (
-            "one 5/3 valve fills a chamber as it vents the other: the mean pressure follows from leaks and overlap, "
-            "too slowly to be set; two valves set it"
-        )
-    sealed = "is open" if c["C_DEAD_VOLUME_2"] >= OPEN_CHAMBER_VOLUME else "holds what was sealed in"
-    return f"chamber 2 {sealed}, so one valve sets the force alone; two valves set both pressures"
+        return "one-spool"
+    return "open-chamber-2" if c["C_DEAD_VOLUME_2"] >= OPEN_CHAMBER_VOLUME else "sealed-chamber-2"

@@ -1,50 +1,30 @@
 """Design of the cascade: position loop, pressure loop, inverse valve map (thesis 7.1-7.3), by rules.
 
 The whole axis violates the matching condition (:mod:`pneucli.design.sliding`), so an inner, faster loop makes the
-pressure that drives the piston. :mod:`pneucli.design.bandwidths` has the rules for the gains. The rule for the
-reference: its largest speed is 0.7 of the speed that the slower direction of the valve reaches, anywhere in the middle
-60 % of the stroke with pressures well within their range; its largest acceleration is that whose force this direction
-builds within half the time constant of the position loop.
+pressure that drives the piston. Rules: :mod:`pneucli.design.bandwidths`, :mod:`pneucli.design.reference_limits`.
 """
 
 from __future__ import annotations
 
-import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Sequence
 from functools import partial
 
 import numpy as np
 from numpy.typing import NDArray
 
-from pneucli.controller.layout import COMPONENT_SWITCHES, OPEN_CHAMBER_VOLUME, STROKE_NODES, TABLE_NODES
 from pneucli.controller.parameters import Controller
 from pneucli.design import effect_compensation
 from pneucli.design.air_spring import level_settings
-from pneucli.design.bandwidths import (
-    Bandwidths,
-    choose_bandwidths,
-    controller_gains,
-    loop_timing,
-    stiction_parameters,
-    valve_compensation,
-)
+from pneucli.design.axis_parameters import axis_parameters, inverse_table
+from pneucli.design.bandwidths import choose_bandwidths, loop_timing, valve_compensation
+from pneucli.design.gains import controller_gains
+from pneucli.design.reference_limits import reference_limits
 from pneucli.design.requirements import Requirements
+from pneucli.design.standstill import stiction_parameters
 from pneucli.errors import InputError
-from pneucli.physics.gas import flow_scale
-from pneucli.physics.vectorised import flow_functions
-from pneucli.simulate.model import Model, ValveForm
-from pneucli.simulate.valve_forms.area import MIN_AREA
+from pneucli.simulate.model import Model
 
 Array = NDArray[np.float64]
-RestoringForce = Callable[[Array], Array]
-
-WORKING_PRESSURES = (1.3, 0.85)  # of ambient and supply pressure: between them the valve has flow to spare both ways
-STOPPING_TIME_CONSTANTS = (
-    6.0  # time constants of the pressure loop that the shaped reference takes at least from full speed to rest
-)
-PRESSURE_MARGIN = (
-    0.01  # of ambient and supply pressure, by which references keep off: what a pressure sensor may be wrong
-)
 
 
 def design_cascade(model: Model, requirements: Requirements, sealed_pressure: float | None = None) -> Controller:
@@ -104,7 +84,16 @@ def mirrored_commands(commands: Sequence[float], null: float) -> tuple[float, ..
 
 
 def stroke_tables(model: Model, speed: float) -> tuple[tuple[float, ...], ...]:
-    """Return the tables of ``layout.STROKE_TABLES``; added damping is evaluated at ``speed`` (m/s)."""
+    """Return the tables over the stroke by the order of ``layout.STROKE_TABLES``.
+
+    Args:
+        model: The identified model.
+        speed: Speed in m/s at which added damping is evaluated, both ways.
+
+    Returns:
+        Factors on dry friction toward +x and -x (1), added damping both ways (N s/m), and the static force of the
+        effects on the resting piston (N toward +x), each at STROKE_NODES positions.
+    """
     x = effect_compensation.stroke_grid(model)
     both = (1.0, -1.0)
     tables = [effect_compensation.dry_friction_factors(model, x, way) for way in both]
@@ -132,167 +121,3 @@ def _require(model: Model) -> None:
         raise InputError(
             "the valve", "not identified in both directions", "recordings that fill and that vent chamber 1"
         )
-
-
-def inverse_table(model: Model, valve: ValveForm, direction: float) -> tuple[tuple[float, ...], float]:
-    """Return commands in V at areas (i / (n - 1))^2 of the largest one, and the largest area in m^2.
-
-    The largest area is that of the largest tested command; larger openings are not known.
-    """
-    top, stem = (
-        max(direction * c for c in valve.commands if direction * c > 0),
-        effect_compensation.identify_spool(model),
-    )
-    u = np.linspace(0.0, top, 40 * TABLE_NODES)
-    area = np.maximum.accumulate(valve(np.interp(direction * u, stem.commands, stem.openings)))
-    open_ = int(np.argmax(area > MIN_AREA))
-    wanted = area[-1] * np.linspace(0.0, 1.0, TABLE_NODES) ** 2
-    null = model.base_values()["valve.null"]
-    return tuple(null + direction * np.interp(wanted, area[open_:], u[open_:])), float(area[-1])
-
-
-def axis_parameters(
-    model: Model, requirements: Requirements, areas: Sequence[float], sealed_pressure: float | None
-) -> dict[str, float]:
-    """Return the parameters of the axis by the names of the layout: nominal values of the model.
-
-    ``areas``: the largest in m^2 of filling and venting chamber 1, and chamber 2.
-    """
-    driven, is_open = requirements.chamber_2 == "valve", requirements.chamber_2 == "open"
-    mirrored = driven and model.rig.arrangement.chamber_2 == "mirrored"
-    fill, vent, fill_2, vent_2 = areas
-    base, (dead_1, dead_2) = model.base_values(), effect_compensation.dead_volumes(model)
-    rt = base["rig.gas_constant"] * base["rig.gas_temperature"]
-    ambient, supply = base["rig.ambient_pressure"], base["rig.supply_pressure"]
-    exponent = base["rig.polytropic_exponent"]
-    return {
-        "C_PERIOD": requirements.period,
-        "C_U_MAX": max(abs(c) for c in model.valve.commands),
-        "C_TWO_VALVES": float(driven and not mirrored),
-        "C_MIRRORED": float(mirrored),
-        **dict.fromkeys(COMPONENT_SWITCHES, 1.0),
-        "C_PRESSURE_MODE": 0.0,
-        "C_MASS": effect_compensation.moving_mass(model),
-        "C_AREA_1": base["rig.piston_area_1"],
-        "C_AREA_2": base["rig.piston_area_2"],
-        "C_STROKE": base["rig.stroke"],
-        "C_DEAD_VOLUME_1": dead_1,
-        "C_DEAD_VOLUME_2": OPEN_CHAMBER_VOLUME if is_open else dead_2,
-        "C_AMBIENT": ambient,
-        "C_SUPPLY": supply,
-        "C_GAMMA": exponent,
-        "C_GAMMA_R_T": exponent * rt,
-        "C_K_GAS": flow_scale(base["rig.heat_capacity_ratio"]) * math.sqrt(2.0 / rt),
-        "C_CRITICAL_RATIO": effect_compensation.critical_ratio(model),
-        **friction_parameters(model),
-        **sensor_parameters(model),
-        **leak_parameters(model),
-        "C_P_LOW": (1.0 + PRESSURE_MARGIN) * ambient,
-        "C_P_HIGH": (1.0 - PRESSURE_MARGIN) * supply,
-        "C_AIR_STIFFNESS": 0.0,
-        "C_P_MEAN": ambient if is_open else sealed_pressure or math.sqrt(ambient * supply),
-        "C_AREA_FILL": fill,
-        "C_AREA_VENT": vent,
-        "C_AREA_FILL_2": fill_2,
-        "C_AREA_VENT_2": vent_2,
-        "C_STROKE_NODES": float(STROKE_NODES),
-        "C_TABLE_NODES": float(TABLE_NODES),
-    }
-
-
-def friction_parameters(model: Model) -> dict[str, float]:
-    """Return the parameters of friction that are constant along the stroke."""
-    (static, fallen), coulomb = effect_compensation.breakaway_friction(model), model.base_values()["friction.coulomb"]
-    first, second = effect_compensation.dry_friction_per_pressure(model)
-    return {
-        "C_COULOMB": coulomb,
-        "C_STATIC": max(static, coulomb),
-        "C_STRIBECK": fallen,
-        "C_VISCOUS": effect_compensation.viscous_friction(model, 1.0),
-        "C_VISCOUS_BACK": effect_compensation.viscous_friction(model, -1.0),
-        "C_DECELERATION_RATIO": effect_compensation.deceleration_friction_ratio(model),
-        "C_DRY_P1": first,
-        "C_DRY_P2": second,
-    }
-
-
-def sensor_parameters(model: Model) -> dict[str, float]:
-    """Return scale and offset of the pressure sensors."""
-    first, second = (effect_compensation.sensor_line(model, chamber) for chamber in (1, 2))
-    return {
-        "C_SCALE_1": first.scale,
-        "C_OFFSET_1": first.offset,
-        "C_SCALE_2": second.scale,
-        "C_OFFSET_2": second.offset,
-    }
-
-
-def leak_parameters(model: Model) -> dict[str, float]:
-    """Return the areas of the leaks."""
-    found = effect_compensation.leak_areas(model)
-    names = ("C_LEAK_1", "C_LEAK_2", "C_LEAK_12", "C_LEAK_VALVE")
-    return dict(zip(names, (found.chamber_1, found.chamber_2, found.between, found.valve), strict=True))
-
-
-def reference_limits(
-    bandwidths: Bandwidths,
-    axis: Mapping[str, float],
-    requirements: Requirements,
-    restoring_force: RestoringForce = np.zeros_like,
-) -> dict[str, float]:
-    """Return the limits of the shaped reference and its time constant, and the rates that follow from the valve."""
-    speed, rate = reachable_speed_and_gradient(axis, restoring_force)
-    force_rate = axis["C_AREA_1"] * rate
-    highest = requirements.max_speed or 0.7 * speed
-    rule = min(
-        force_rate / (2.0 * bandwidths.position * axis["C_MASS"]),
-        highest * bandwidths.pressure / STOPPING_TIME_CONSTANTS,
-    )
-    return {
-        "C_V_MAX": highest,
-        "C_A_MAX": requirements.max_acceleration or rule,
-        "C_SHAPING_TIME": max(4.0 * requirements.period, 1.0 / bandwidths.pressure),
-        "C_FRICTION_LEAD": 1.0 / bandwidths.pressure,
-        "C_LEVEL_RATE": 0.2 * rate,
-        "C_FLOW_STEP_MAX": 0.05 * rate,
-    }
-
-
-def reachable_speed_and_gradient(
-    axis: Mapping[str, float], restoring_force: RestoringForce = np.zeros_like
-) -> tuple[float, float]:
-    """Return the speed (m/s) and the pressure gradient (Pa/s) that both valve directions reach.
-
-    The minimum over the middle 60 % of the stroke, where the pressures in equilibrium with the air spring and
-    ``restoring_force`` (N toward x = 0, at x in m) are well within their range.
-    """
-    area_1, area_2, stroke, gamma = axis["C_AREA_1"], axis["C_AREA_2"], axis["C_STROKE"], axis["C_GAMMA"]
-    x = np.linspace(0.2, 0.8, 25) * stroke
-    volume_1, volume_2 = axis["C_DEAD_VOLUME_1"] + area_1 * x, axis["C_DEAD_VOLUME_2"] + area_2 * (stroke - x)
-    p2 = chamber_2_pressure(axis, x)
-    balance = (area_2 * p2 + (area_1 - area_2) * axis["C_AMBIENT"] + restoring_force(x)) / area_1
-    p1 = np.clip(balance, WORKING_PRESSURES[0] * axis["C_AMBIENT"], WORKING_PRESSURES[1] * axis["C_SUPPLY"])
-    low, high = axis["C_AMBIENT"] / p1, p1 / axis["C_SUPPLY"]
-    scale = axis["C_GAMMA_R_T"] * axis["C_K_GAS"] / volume_1
-    fill = axis["C_AREA_FILL"] * scale * axis["C_SUPPLY"] * flow_functions(high, axis["C_CRITICAL_RATIO"])
-    vent = axis["C_AREA_VENT"] * scale * p1 * flow_functions(low, axis["C_CRITICAL_RATIO"])
-    if axis["C_MIRRORED"] > 0.5:  # the other chamber gives way at the same time
-        share = axis["C_AREA_2"] / area_1 * axis["C_GAMMA_R_T"] * axis["C_K_GAS"] / volume_2
-        ratio_2 = p2 / axis["C_SUPPLY"], axis["C_AMBIENT"] / p2
-        fill = fill + share * axis["C_AREA_VENT_2"] * p2 * flow_functions(ratio_2[1], axis["C_CRITICAL_RATIO"])
-        vent = vent + share * axis["C_AREA_FILL_2"] * axis["C_SUPPLY"] * flow_functions(
-            ratio_2[0], axis["C_CRITICAL_RATIO"]
-        )
-    rate = np.minimum(fill, vent)
-    per_speed = gamma * (p1 * area_1 / volume_1 + p2 * area_2**2 / (area_1 * volume_2))
-    within = p1 == balance if np.any(p1 == balance) else np.ones(x.size, dtype=bool)
-    return float(np.min((rate / per_speed)[within])), float(np.min(rate[within]))
-
-
-def chamber_2_pressure(axis: Mapping[str, float], x: Array) -> Array:
-    """Return the pressure in Pa of chamber 2 at x: sealed at mid-stroke (isentropic), or held by its valve."""
-    if axis["C_TWO_VALVES"] > 0.5 or axis["C_MIRRORED"] > 0.5:
-        return np.full_like(x, axis["C_P_MEAN"])
-    half = axis["C_DEAD_VOLUME_2"] + 0.5 * axis["C_AREA_2"] * axis["C_STROKE"]
-    volume = axis["C_DEAD_VOLUME_2"] + axis["C_AREA_2"] * (axis["C_STROKE"] - x)
-    return np.asarray(axis["C_P_MEAN"] * (half / volume) ** axis["C_GAMMA"])

@@ -18,8 +18,9 @@ from pneucli.controller import layout
 from pneucli.controller.laws import LAWS
 from pneucli.controller.parameters import Controller
 from pneucli.design.air_spring import max_motion_gradient
-from pneucli.design.bandwidths import Bandwidths, loop_gains
+from pneucli.design.bandwidths import Bandwidths
 from pneucli.design.design_data import DesignData
+from pneucli.design.gains import loop_gains
 from pneucli.design.requirements import Requirements
 from pneucli.design.sliding_sector import SlidingSector, eta_for_slope, sector_from_eta
 from pneucli.errors import InputError
@@ -86,7 +87,12 @@ def cascade_parameters(data: DesignData) -> LawParameters:
 
 
 def shared_parameters(data: DesignData, *, feedforward: bool = False) -> dict[str, float]:
-    """Return the parameters that the laws of the thesis share: loop gains, speed filter, no parts of ``best``."""
+    """Return the parameters that the laws of the thesis share: loop gains, speed filter, no parts of ``best``.
+
+    Args:
+        data: What the laws are designed from.
+        feedforward: Whether mass, friction and motion are fed forward.
+    """
     h = data.requirements.period
     off = dict.fromkeys(("C_DISTURBANCE_OBSERVERS", "C_HOLD", "C_SWITCHING", "C_FRICTION_LEAD"), 0.0)
     return {
@@ -112,7 +118,11 @@ def low_pass_share(corner: float, period: float) -> float:
 
 
 def relay_parameters(data: DesignData) -> LawParameters:
-    """Return amplitude, slope and switch of the relay, thesis (5.6), (5.9), (5.10)."""
+    """Return amplitude (N), slope (1/s) and switches of the relay.
+
+    References:
+        Thesis (5.6): relay; (5.9): equivalent control; (5.10): both.
+    """
     return shared_parameters(data) | {
         "C_RELAY_FORCE": data.switching_force,
         "C_RELAY_SLOPE": data.surface_slope,
@@ -124,9 +134,16 @@ def relay_parameters(data: DesignData) -> LawParameters:
 def designed_sector(cascade: Controller, bandwidths: Bandwidths, requirements: Requirements) -> SlidingSector:
     """Return the sector of ``[design] eta``; by default its steeper line is the corner of the position loop.
 
+    Args:
+        cascade: The controller ``best``, for mass and friction.
+        bandwidths: Corner frequencies in rad/s.
+        requirements: ``eta`` in s/m, ``sector_ratio``, ``period`` in s.
+
     Raises:
         InputError: The model has no dry friction.
 
+    References:
+        Thesis (6.18) to (6.20), (6.22).
     """
     c, width = cascade.values, requirements.sector_ratio
     eta = requirements.eta or eta_for_slope(bandwidths.position, c["C_MASS"], c["C_STATIC"], width)
@@ -136,7 +153,15 @@ def designed_sector(cascade: Controller, bandwidths: Bandwidths, requirements: R
 
 
 def load_observer_parameters(data: DesignData, *, friction: bool) -> dict[str, float]:
-    """Return the load observer: M_k is the switching force, the low-pass has the corner of the position loop."""
+    """Return the load observer: M_k is the switching force in N, the low-pass has the corner of the position loop.
+
+    Args:
+        data: What the laws are designed from.
+        friction: Whether the observer's model has the friction a22(v).
+
+    References:
+        Thesis (5.20), (5.21), (7.5), (7.6).
+    """
     return {
         "C_LOAD_STEP_MAX": data.switching_force,
         "C_LOAD_FILTER": low_pass_share(data.bandwidths.position, data.requirements.period),
@@ -145,7 +170,14 @@ def load_observer_parameters(data: DesignData, *, friction: bool) -> dict[str, f
 
 
 def sector_parameters(data: DesignData) -> LawParameters:
-    """Return sector and load observer, thesis (6.18) to (6.20), (7.5), (7.6); raises InputError without friction."""
+    """Return the parameters of sector and load observer: M in N, slopes and the smaller vertex in 1/s.
+
+    Raises:
+        InputError: The model has no dry friction.
+
+    References:
+        Thesis (5.11) to (5.14), (6.18) to (6.20), (7.5), (7.6).
+    """
     sector = designed_sector(data.cascade, data.bandwidths, data.requirements)
     own = {
         "C_SECTOR_FORCE": data.switching_force,
@@ -157,7 +189,11 @@ def sector_parameters(data: DesignData) -> LawParameters:
 
 
 def compensated_parameters(data: DesignData) -> LawParameters:
-    """Return both disturbance observers, thesis (5.20), (5.21): M_k of the flow is the largest a32 term."""
+    """Return both disturbance observers; M_k of the flow is the largest a32 term in Pa/s.
+
+    References:
+        Thesis (5.20), (5.21): model reference adaptive compensation in discrete time.
+    """
     own = {
         "C_FLOW_STEP_MAX": max_motion_gradient(data.cascade.values),
         "C_FLOW_FILTER": low_pass_share(data.bandwidths.flow_observer, data.requirements.period),
@@ -167,7 +203,11 @@ def compensated_parameters(data: DesignData) -> LawParameters:
 
 
 def pdc_parameters(data: DesignData) -> LawParameters:
-    """Return weights and gains of the PDC; raises InputError without a verified one."""
+    """Return weights and gains of the parallel distributed compensation.
+
+    Raises:
+        InputError: No weight type has verified gains.
+    """
     if data.scheduled is None:
         raise InputError("the PDC", data.reason_missing("scheduled"), "gains that the LMIs allow")
     model, pdc = data.scheduled

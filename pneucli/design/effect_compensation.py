@@ -53,7 +53,7 @@ def has_restoring_force(model: Model) -> bool:
 
 
 def added_damping(model: Model, x: Array, v: float) -> Array:
-    """Return the damping in N s/m beside friction at x (m) and a signed speed v (m/s)."""
+    """Return the damping in N s/m in addition to friction at x (m) and a signed speed v (m/s)."""
     stroke = model.base_values()["rig.stroke"]
     return _over_stroke(
         x, lambda at: (model.sum_of_port("force", at, 0.0, stroke) - model.sum_of_port("force", at, v, stroke)) / v

@@ -14,8 +14,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.integrate import solve_ivp
 
-from pneucli.design.cascade_design import WORKING_PRESSURES, chamber_2_pressure
 from pneucli.design.pdc import Pdc, design_pdc
+from pneucli.design.reference_limits import WORKING_PRESSURES, chamber_2_pressure
 from pneucli.errors import InputError
 from pneucli.physics.gas import PSI_MAX
 from pneucli.physics.vectorised import stribeck_friction
@@ -54,9 +54,21 @@ class WeightStudy:
 
 
 def axis_matrices(c: Mapping[str, float], v: Array, x: Array, speed_floor: float) -> Array:
-    """Return ``[A | B]``, shape (..., 3, 4), at arrays of v (m/s) and x (m) of one shape.
+    """Return the axis as a linear parameter-varying system in speed and position.
 
-    ``c``: parameters of a controller by name; a22 is constant below ``speed_floor`` (m/s).
+    States: position error (m), velocity (m/s) and net force of the pressures (N); input: mass flow (kg/s).
+
+    Args:
+        c: Parameters of a controller by name (SI).
+        v: Speed in m/s.
+        x: Position in m, of the shape of ``v``.
+        speed_floor: Speed in m/s below which a22 is constant.
+
+    Returns:
+        ``[A | B]``, shape (..., 3, 4).
+
+    References:
+        Thesis (2.47) to (2.52), with the force in place of both pressures.
     """
     out = np.zeros((*np.shape(v), 3, 4))
     speed = np.hypot(v, speed_floor)
@@ -74,7 +86,16 @@ def axis_matrices(c: Mapping[str, float], v: Array, x: Array, speed_floor: float
 
 
 def axis_model(c: Mapping[str, float], speed_floor: float, weight_type: WeightType) -> TPModel:
-    """Return the TP model over speeds up to the limit of the reference and the middle 60 % of the stroke."""
+    """Return the TP model of the axis over speeds up to the limit of the reference and the middle 60 % of the stroke.
+
+    Args:
+        c: Parameters of a controller by name (SI).
+        speed_floor: Speed in m/s below which a22 is constant.
+        weight_type: Type of the weighting functions.
+
+    References:
+        Thesis chapter 4.
+    """
     speeds = np.linspace(-c["C_V_MAX"], c["C_V_MAX"], GRID_SHAPE[0])
     positions = np.linspace(0.2, 0.8, GRID_SHAPE[1]) * c["C_STROKE"]
     samples = sample(lambda v, x: axis_matrices(c, v, x, speed_floor), (speeds, positions))
@@ -86,7 +107,16 @@ def compare_weight_types(
 ) -> list[WeightStudy]:
     """Return the largest decay rate of each weight type, for equal initial state and input bound.
 
-    Initial state: at rest, 15 % of the stroke off. Bound: half the flow of the slower direction at mean pressure.
+    The initial state is at rest, 15 % of the stroke off. The bound is half the flow of the slower direction at mean
+    pressure.
+
+    Args:
+        c: Parameters of a controller by name (SI).
+        speed_floor: Speed in m/s below which a22 is constant.
+        types: Types of weighting functions.
+
+    Returns:
+        One study for each type; a type without verified gains states the reason.
     """
     x0 = np.array([0.15 * c["C_STROKE"], 0.0, 0.0])
     force = 0.5 * c["C_AREA_1"] * (WORKING_PRESSURES[1] * c["C_SUPPLY"] - WORKING_PRESSURES[0] * c["C_AMBIENT"])
@@ -109,9 +139,18 @@ def _weight_study(
 
 
 def simulate_pdc(c: Mapping[str, float], floor: float, model: TPModel, pdc: Pdc, x0: Array) -> tuple[float, float]:
-    """Simulate the nonlinear axis under the PDC about mid-stroke; return the peak of |q| (kg/s) and the decay.
+    """Simulate the nonlinear axis under the PDC about mid-stroke.
 
-    The decay is the largest ``V(t) exp(2 rate t) / V(0)``: at most 1 if the rate of the LMIs holds.
+    Args:
+        c: Parameters of a controller by name (SI).
+        floor: Speed in m/s below which a22 is constant.
+        model: TP model of the gains.
+        pdc: Gains and Lyapunov matrix.
+        x0: Initial state: position error (m), velocity (m/s), force (N), shape (3,).
+
+    Returns:
+        Peak of |q| in kg/s, and the largest ``V(t) exp(2 rate t) / V(0)`` of the Lyapunov function: at most 1 if the
+        decay rate of the LMIs holds.
     """
     middle = 0.5 * c["C_STROKE"]
 

@@ -97,7 +97,23 @@ def axis_systems(c: Mapping[str, float], x: float, p1: float, p2: float) -> dict
 
 
 def unmatched_disturbances(system: LinearSystem) -> dict[str, list[str]]:
-    """Return the disturbances that violate the matching condition, with the states that they act on beside B."""
+    """Return the disturbances that violate the matching condition, with the states on which they act and no input does.
+
+    Args:
+        system: The linear system. A disturbance is matched if its column of E lies in the span of B.
+
+    Returns:
+        States by the name of the disturbance; empty where the condition holds.
+
+    References:
+        Thesis (5.15), 7.1: the whole axis violates the condition, its mechanical and its pneumatic part satisfy it.
+
+    >>> axis = {"C_MASS": 2.0, "C_AREA_1": 8e-4, "C_AREA_2": 8e-4, "C_GAMMA": 1.4, "C_VISCOUS": 40.0, "C_STROKE": 0.2}
+    >>> axis |= {"C_DEAD_VOLUME_1": 4e-5, "C_DEAD_VOLUME_2": 4e-5}
+    >>> systems = axis_systems(axis, x=0.1, p1=3e5, p2=3e5)
+    >>> unmatched_disturbances(systems["whole"]), unmatched_disturbances(systems["mechanical"])
+    ({'friction and load': ['v']}, {})
+    """
     projector = np.eye(len(system.states)) - system.B @ np.linalg.pinv(system.B)
     found = {}
     for name, column in zip(system.disturbances, system.E.T, strict=True):
@@ -113,7 +129,15 @@ def unmatched_disturbances(system: LinearSystem) -> dict[str, list[str]]:
 
 
 def require_matching(system: LinearSystem, where: str) -> None:
-    """Raise InputError for an unmatched disturbance, with the states that it acts on and the remedy."""
+    """Refuse a system that violates the matching condition.
+
+    Args:
+        system: The linear system.
+        where: What the error names as its place.
+
+    Raises:
+        InputError: A disturbance is unmatched; the error names the states on which it acts, and the remedy.
+    """
     broken = unmatched_disturbances(system)
     if broken:
         words = "; ".join(
@@ -126,11 +150,21 @@ def require_matching(system: LinearSystem, where: str) -> None:
 
 
 def regular_form(A: Array, B: Array) -> RegularForm:
-    """Return the regular form.
+    """Return the regular form ``z = T x``, in which the inputs act on the last m states only; T is orthogonal.
+
+    Args:
+        A: System matrix, shape (n, n).
+        B: Input matrix, shape (n, m), m < n.
 
     Raises:
         InputError: B does not have full column rank.
 
+    References:
+        Thesis 5.1; V. I. Utkin, Sliding Modes in Control and Optimization, 1992.
+
+    >>> form = regular_form(np.array([[0.0, 1.0], [0.0, -2.0]]), np.array([[0.0], [4.0]]))
+    >>> abs(form.B2.item()), form.A11.item()
+    (4.0, 0.0)
     """
     n, m = B.shape
     if np.linalg.matrix_rank(B) < m:
@@ -145,14 +179,21 @@ def regular_form(A: Array, B: Array) -> RegularForm:
 
 
 def surface_by_poles(A: Array, B: Array, poles: Sequence[complex]) -> SlidingSurface:
-    """Return the surface whose sliding motion has the given n - m poles (1/s).
+    """Return the surface whose sliding motion has the given poles.
+
+    Args:
+        A: System matrix, shape (n, n).
+        B: Input matrix, shape (n, m).
+        poles: n - m poles in 1/s, complex ones in pairs.
 
     Raises:
         InputError: The number of poles is wrong, or the pair (A11, A12) cannot be placed.
 
+    References:
+        Thesis (5.2): with one input and two states ``s = x2 + lambda x1`` has the pole -lambda.
+
     >>> surface_by_poles(np.array([[0.0, 1.0], [0.0, -2.0]]), np.array([[0.0], [1.0]]), [-30.0]).poles
     array([-30.+0.j])
-
     """
     form = regular_form(A, B)
     if len(poles) != len(form.A11):
@@ -165,11 +206,24 @@ def surface_by_poles(A: Array, B: Array, poles: Sequence[complex]) -> SlidingSur
 
 
 def surface_by_lq(A: Array, B: Array, Q: Array) -> SlidingSurface:
-    """Return the surface that minimises the integral of ``x' Q x`` in sliding mode; Q > 0, (n, n).
+    """Return the surface that minimises the integral of ``x' Q x`` in sliding mode.
+
+    Args:
+        A: System matrix, shape (n, n).
+        B: Input matrix, shape (n, m).
+        Q: Weight, positive definite, shape (n, n).
+
+    Raises:
+        InputError: Q is not positive definite, or B does not have full column rank.
 
     References:
-        Utkin and Young (1978).
+        V. I. Utkin, K. D. Young, Methods for constructing discontinuity planes, Autom. Remote Control 39 (1978).
 
+    For position and velocity with weights q and 1 the pole is -sqrt(q), whatever the damping:
+
+    >>> A, B = np.array([[0.0, 1.0], [0.0, -2.0]]), np.array([[0.0], [1.0]])
+    >>> surface_by_lq(A, B, np.diag([900.0, 1.0])).poles.real.round(6).tolist()
+    [-30.0]
     """
     form = regular_form(A, B)
     k = len(form.A11)

@@ -102,9 +102,24 @@ class SlidingSector:
 def sector_from_vertices(
     vertices: ArrayLike, mass: float, period: float, static: float, width: float = 2.0
 ) -> SlidingSector:
-    """Return the sector of a TP friction model; ``vertices`` of a22 in 1/s, ``static``: breakaway force in N.
+    """Return the sector of a TP friction model.
 
-    Raises InputError where the vertices do not differ or the width is not above 1.
+    Args:
+        vertices: Vertices of a22 in 1/s, of any number; the smallest and the largest count.
+        mass: Moving mass in kg.
+        period: Sample time in s.
+        static: Break-away force in N, for the speed floor.
+        width: lambda_2 / lambda_1, above 1.
+
+    Raises:
+        InputError: The vertices do not differ, or the width is not above 1.
+
+    References:
+        Thesis (6.18) to (6.20): lambda_2 - lambda_1 = a_2 - a_1.
+
+    >>> sector = sector_from_vertices([45.0, 20.0], mass=2.0, period=1e-3, static=20.0, width=2.0)
+    >>> sector.lambda_1, sector.lambda_2, sector.speed_floor
+    (25.0, 50.0, 0.4)
     """
     values = np.asarray(vertices, dtype=np.float64).ravel()
     low, high = float(values.min()), float(values.max())
@@ -158,7 +173,21 @@ def eta_for_slope(slope: float, mass: float, static: float, width: float = 2.0) 
 
 
 def limit_slope(sector: SlidingSector, static: float, max_slope: float) -> SlidingSector:
-    """Return the sector with a22(0) resolved only as far as the slope ``max_slope`` (1/s) allows, or the same one."""
+    """Return the sector with a22(0) resolved only as far as a largest slope allows, or the same one.
+
+    Args:
+        sector: The sector.
+        static: Break-away force in N.
+        max_slope: Largest slope lambda_2 of the steeper line in 1/s.
+
+    Returns:
+        A sector of the same width whose steeper line has at most that slope.
+
+    >>> sector = sector_from_vertices([45.0, 20.0], mass=2.0, period=1e-3, static=20.0, width=2.0)
+    >>> limited = limit_slope(sector, static=20.0, max_slope=20.0)
+    >>> limited.lambda_1, limited.lambda_2, limited.a_2
+    (10.0, 20.0, 30.0)
+    """
     if sector.lambda_2 <= max_slope:
         return sector
     width = sector.lambda_2 / sector.lambda_1
@@ -168,5 +197,15 @@ def limit_slope(sector: SlidingSector, static: float, max_slope: float) -> Slidi
 
 
 def speed_floor(a_0: float, mass: float, static: float, a_1: float) -> float:
-    """Return the speed in m/s at which dry friction makes the damping a_0 (1/s) beside that of the other vertex."""
+    """Return the speed in m/s at which dry friction makes the damping a_0 in addition to that of the other vertex.
+
+    Args:
+        a_0: Vertex a22(0) in 1/s.
+        mass: Moving mass in kg.
+        static: Break-away force in N.
+        a_1: The smaller vertex in 1/s.
+
+    >>> speed_floor(45.0, mass=2.0, static=20.0, a_1=20.0)
+    0.4
+    """
     return static / (mass * (a_0 - a_1)) if a_0 > a_1 else math.inf

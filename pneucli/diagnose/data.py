@@ -16,7 +16,7 @@ from pneucli.diagnose.adequacy import LackOfFit, held_out_lack_of_fit, lack_of_f
 from pneucli.diagnose.candidate import Candidate
 from pneucli.diagnose.cross_validation import leave_one_out_models
 from pneucli.diagnose.evidence import ScoreGain, score_gain, wald_p_value
-from pneucli.diagnose.free_run_adequacy import MAX_MEDIAN_RATIO
+from pneucli.diagnose.free_run_test import MAX_MEDIAN_RATIO
 from pneucli.diagnose.score import ErrorsByUse, FittedModel, fitted_costs, held_out_costs
 from pneucli.diagnose.spline_regression import SplineRegression
 from pneucli.experiments import Part

@@ -15,11 +15,7 @@ from pneucli.diagnose.calibration import Evidence, likelihood_shares, presence_r
 from pneucli.diagnose.candidate import Candidate, Decision
 from pneucli.diagnose.constraints import violated_constraint
 from pneucli.diagnose.data import DiagnosisData, lack_of_fit
-from pneucli.diagnose.detectability import MinimumDetectableEffect, minimum_detectable_effects, undetectable_effects
-from pneucli.diagnose.discrepancy import Discrepancy, UnexplainedResidual, describe_discrepancies, describe_lack_of_fit
-from pneucli.diagnose.equivalence import Term
-from pneucli.diagnose.free_run_adequacy import free_run_lack_of_fit
-from pneucli.diagnose.posterior import (
+from pneucli.diagnose.decision import (
     DecisionWithEvidence,
     collect_evidence,
     decide,
@@ -27,6 +23,10 @@ from pneucli.diagnose.posterior import (
     log_odds_among_equivalents,
     retest_without_refused,
 )
+from pneucli.diagnose.detectability import MinimumDetectableEffect, minimum_detectable_effects, undetectable_effects
+from pneucli.diagnose.discrepancy import Discrepancy, UnexplainedResidual, describe_discrepancies, describe_lack_of_fit
+from pneucli.diagnose.equivalence import Term
+from pneucli.diagnose.free_run_test import free_run_lack_of_fit
 from pneucli.diagnose.score import FittedModel
 from pneucli.diagnose.selection import SelectionPath, select_effects, unsearched_path
 from pneucli.identify.estimation.fit import Estimate, Fit
@@ -106,8 +106,8 @@ def diagnose(data: DiagnosisData, base: Fit) -> Diagnosis:
     shares = {
         n: _shares_in_term(data, terms[n], equivalents[n], complete=not unexplained) for n in missing if n in terms
     }
-    weighed = improbable | {d.effect.name: e for d, e in decided if d.supported or d.reason == "explained-by-unknown"}
-    confidence = _confidence(data, decisions, weighed, shares)
+    scored = improbable | {d.effect.name: e for d, e in decided if d.supported or d.reason == "explained-by-unknown"}
+    confidence = _confidence(data, decisions, scored, shares)
     shown = path.last if unexplained and missing else path.models[_named_prefix_length([d for d, _ in decided])]
     lacks = _unexplained(data, shown, decided, unexplained, path.last)
     return Diagnosis(

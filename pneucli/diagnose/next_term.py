@@ -9,9 +9,9 @@ from pneucli.diagnose.adequacy import significant_lack_of_fit
 from pneucli.diagnose.calibration import MIN_NAMED_PROBABILITY
 from pneucli.diagnose.candidate import Candidate, Reason, supported_candidates
 from pneucli.diagnose.data import DiagnosisData, lack_of_fit
+from pneucli.diagnose.decision import log_odds_among_equivalents, posterior_probability, predicts_point_force
 from pneucli.diagnose.equivalence import Term, best_candidate
 from pneucli.diagnose.hypothesis_tests import is_at_noise_floor
-from pneucli.diagnose.posterior import log_odds_among_equivalents, posterior_probability, predicts_point_force
 from pneucli.diagnose.screening import Decisions
 
 

@@ -10,11 +10,11 @@ from pneucli.diagnose.adequacy import LackOfFit, significant_lack_of_fit
 from pneucli.diagnose.calibration import MIN_NAMED_PROBABILITY
 from pneucli.diagnose.candidate import Candidate, Decision, supported_candidates
 from pneucli.diagnose.data import DiagnosisData, lack_of_fit
+from pneucli.diagnose.decision import posterior_probability
 from pneucli.diagnose.equivalence import Term
 from pneucli.diagnose.evidence import score_gain
 from pneucli.diagnose.hypothesis_tests import min_relevant_reduction, passing_candidates
 from pneucli.diagnose.next_term import next_term, raises_free_run_error
-from pneucli.diagnose.posterior import posterior_probability
 from pneucli.diagnose.score import FittedModel
 from pneucli.diagnose.screening import Decisions, screen_and_refit
 from pneucli.identify.estimation.score_test import ScoreTest

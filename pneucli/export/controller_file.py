@@ -47,7 +47,7 @@ def to_json(controller: Controller, pipeline: str, precision: str) -> str:
 
 
 def load_controller(path: Path, where: str) -> ExportedController:
-    """Return the controller that was exported beside or as ``path``: any file of the folder names it.
+    """Return the controller that was exported into the folder of ``path``; any file of that folder names it.
 
     Raises InputError, which ``where`` begins, where there is none, it was changed, or its program is not this one's.
     """
@@ -55,7 +55,7 @@ def load_controller(path: Path, where: str) -> ExportedController:
     try:
         plain = json.loads(path.read_text(encoding="utf-8"))
     except (OSError, ValueError) as error:
-        wanted = f"a file that pneucli export wrote, {FILE_NAME} beside it"
+        wanted = f"a file that pneucli export wrote, with {FILE_NAME} in its folder"
         raise InputError(where, f"{path}: cannot be read ({type(error).__name__})", wanted) from error
     if not isinstance(plain, dict) or plain.get("schema") != SCHEMA:
         raise InputError(where, f"{path} is no exported controller", f"one of schema {SCHEMA}", 'or write "unknown"')

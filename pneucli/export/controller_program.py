@@ -71,7 +71,7 @@ def _executable_text(function: FunctionType) -> str:
 def program_hash(law: str) -> str:
     """Return the hash of all that is executed: a controller is replayed by the program that it was written from.
 
-    What is said about it, in comments and docstrings, does not count.
+    Its comments and docstrings do not count.
     """
     text = "\n".join(_executable_text(f) for f in controller_functions(law))
     return hashlib.sha256(f"{text}\n{state_names(law)}\n{physical_constants()}".encode()).hexdigest()

@@ -52,7 +52,7 @@ def replay_exported_c(controller: Controller, model: Model, setup: ClosedLoopSet
 
 
 def compile_and_replay(folder: Path, compiler: str) -> ReplayCheck:
-    """Compile the exported C of a folder with its replay program and run it on the replay file beside it."""
+    """Compile the exported C of a folder with its replay program and run it on the replay file of that folder."""
     sources = [str(folder / c_source.REPLAY_FILE), str(folder / f"{c_source.BASE_NAME}.c")]
     program = str(folder / "replay")
     try:
@@ -60,10 +60,10 @@ def compile_and_replay(folder: Path, compiler: str) -> ReplayCheck:
             [compiler, *COMPILE_OPTIONS, *sources, "-lm", "-o", program],
             check=True, capture_output=True, text=True, timeout=COMPILE_TIMEOUT,
         )  # fmt: skip
-        told = subprocess.run(
+        completed = subprocess.run(
             [program, str(folder / REPLAY_FILE)], check=False, capture_output=True, text=True, timeout=REPLAY_TIMEOUT
         )
-        samples, difference, *_ = told.stdout.split()
+        samples, difference, *_ = completed.stdout.split()
         return ReplayCheck(float(difference), int(samples))
     except subprocess.CalledProcessError as error:
         return ReplayCheck(None, reason=f"{compiler} failed: {error.stderr.strip()[-300:]}")

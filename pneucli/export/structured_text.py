@@ -2,7 +2,7 @@
 
 What C does by the way is written out: a condition within an expression becomes an ``IF`` before its statement (``SEL``
 would evaluate both sides, and divide by zero), a whole number that meets a real one is converted, every function
-returns something and is called in an expression, places in arrays are numbers, with their names beside them.
+returns something and is called in an expression, places in arrays are numbers, with their names as comments.
 """
 
 from __future__ import annotations

@@ -119,5 +119,10 @@ def normal_flow(mass_flow: float, rig: Rig) -> float:
     Returns:
         The flow in l/min ANR.
 
+    References:
+        ISO 8778: 100 kPa, 20 degC, 65 % relative humidity.
+
+    >>> round(normal_flow(1.185 / 60e3, Rig()), 3)  # 1.185 kg/m^3
+    1.0
     """
     return mass_flow * rig.gas_constant / 287.0 / parse_unit(FLOW_UNIT).factor

@@ -41,7 +41,7 @@ def computed_clocks(columns: Sequence[Column]) -> list[Column]:
 
 
 def _with_fraction(columns: Sequence[Column]) -> Iterator[Column]:
-    """Yield whole seconds with a fraction beside them, as ROS and C write them."""
+    """Yield whole seconds with a fraction in another column, as ROS and C write them."""
     for seconds in columns:
         if not _is_name(_SECONDS, seconds) or not _is_whole(seconds.values) or seconds.where is not None:
             continue

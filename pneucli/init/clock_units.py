@@ -41,12 +41,12 @@ def guess_clock_unit(column: Column, columns: Sequence[Column], scalars: Mapping
     steps = np.diff(values)
     steps = steps[steps > 0]
     if not steps.size:
-        return "s", "CHECK no unit is said, and the stamps do not tell one: taken for s"
+        return "s", "CHECK no unit is stated, and the stamps do not tell one: taken for s"
     period, length = float(np.median(np.diff(values))) or float(np.median(steps)), float(np.ptp(values))
     votes = [*_votes(column, columns, scalars, period, length)]
     count = {one: sum(_weight(why) for unit, why in votes if unit == one) for one, _ in votes}
     if not count:
-        return "s", f"CHECK no unit is said, and a sample every {period:.4g} suits none: taken for s"
+        return "s", f"CHECK no unit is stated, and a sample every {period:.4g} suits none: taken for s"
     best = max(count, key=lambda unit: count[unit])
     factor = (CLOCK_UNITS | SLOW_UNITS)[best]
     rate = f"a sample every {period:.4g} is taken for {1 / (period * factor):.4g} Hz"
@@ -56,7 +56,7 @@ def guess_clock_unit(column: Column, columns: Sequence[Column], scalars: Mapping
     if count[best] >= AGREE and (not others or count[best] > 2 * max(count[unit] for unit in others)):
         return best, f"{best}: {why}"
     doubt = f"; {', '.join(others)} is as likely" if others and count[others[0]] == count[best] else ""
-    return best, f"CHECK no unit is said: {rate}, as {why}{doubt}"
+    return best, f"CHECK no unit is stated: {rate}, as {why}{doubt}"
 
 
 def _weight(why: str) -> float:
@@ -87,9 +87,9 @@ def _votes(
             break
     yield from _date_votes(values, period)
     yield from _second_clock_votes(column, columns)
-    if (said := stated_period(scalars)) is not None:
-        near = [u for u, factor in CLOCK_UNITS.items() if abs(period * factor / said[1] - 1.0) < SAME]
-        yield from ((unit, f'"{said[0]}" of the file says so') for unit in near)
+    if (stated := stated_period(scalars)) is not None:
+        near = [u for u, factor in CLOCK_UNITS.items() if abs(period * factor / stated[1] - 1.0) < SAME]
+        yield from ((unit, f'"{stated[0]}" of the file says so') for unit in near)
     plausible = _plausible(period, length)
     if len(plausible) == 1:
         yield plausible[0], "no other unit gives a rate and a duration of recordings"

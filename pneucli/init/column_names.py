@@ -106,41 +106,41 @@ def quantity_kind(unit: str) -> str:
 def signal_scores(name: ColumnName) -> Iterator[tuple[str, float]]:
     """Yield the signals that a name may mean, and how well it fits."""
     kind, nouns = name.kind, name.nouns
-    sure = 1.0 + bool(nouns) - 0.5 * name.has(_DERIVED)
+    certainty = 1.0 + bool(nouns) - 0.5 * name.has(_DERIVED)
     is_reference = name.has(_REFERENCE) or ("command" in nouns and kind != "command" and name.has(_COMMANDED))
     second = name.has(_SECOND)
     if kind == "pressure":
-        yield from ([("p_ref", sure + 1.0)] if is_reference else _pressure_scores(name, sure))
+        yield from ([("p_ref", certainty + 1.0)] if is_reference else _pressure_scores(name, certainty))
     elif kind == "position":
-        yield "x_ref" if is_reference else "x", sure
+        yield "x_ref" if is_reference else "x", certainty
     elif kind == "command" and nouns:  # volts alone may be any sensor's
-        yield "u", sure - second
-        yield "u2", sure - (not second)
+        yield "u", certainty - second
+        yield "u2", certainty - (not second)
     elif kind not in ("", "time", "command"):  # volts alone may be any sensor's
-        yield {"velocity": "v", "acceleration": "a"}.get(kind, kind), sure
+        yield {"velocity": "v", "acceleration": "a"}.get(kind, kind), certainty
 
 
-def _pressure_scores(name: ColumnName, sure: float) -> Iterator[tuple[str, float]]:
+def _pressure_scores(name: ColumnName, certainty: float) -> Iterator[tuple[str, float]]:
     """Yield how well a pressure's name fits each place; one that says no place is a chamber's."""
     if name.has(SUPPLY):
-        yield "p_supply", sure + 1.0
+        yield "p_supply", certainty + 1.0
     elif name.has(_TANK):
-        yield "p_supply", sure + 0.6
-        yield "p1", sure
+        yield "p_supply", certainty + 0.6
+        yield "p1", certainty
     elif name.has(_SECOND):
-        yield "p2", sure + 0.8
+        yield "p2", certainty + 0.8
     else:
-        yield "p1", sure + (0.8 if name.has(_FIRST) else 0.1)
-        yield "p2", sure
+        yield "p1", certainty + (0.8 if name.has(_FIRST) else 0.1)
+        yield "p2", certainty
 
 
 def read_name(column: Column, is_text: bool) -> ColumnName:
     """Return what the name of a column says; ``is_text``: whether a slash before a unit divides."""
-    stem, unit, sure = _stem_and_unit(column.name, is_text)
+    stem, unit, certainty = _stem_and_unit(column.name, is_text)
     if column.written and not column.unit:
         return ColumnName(_words(f"{stem} {column.written}"), "")
     name = ColumnName(_words(stem), column.unit or unit)
-    if not sure and not column.unit and name.nouns and not name.kind:
+    if not certainty and not column.unit and name.nouns and not name.kind:
         return ColumnName(_words(f"{stem}_{unit}"), "")  # p_s is no pressure in seconds
     return name
 
@@ -160,8 +160,8 @@ def _stem_and_unit(column: str, is_text: bool) -> tuple[str, str, bool]:
         if match := pattern.match(name):
             stem, unit = (part for part in match.groups() if part is not None)
             if is_unit(unit) and not unit.isdigit():
-                sure = pattern is not _SUFFIX or unit == "V" or (len(unit) > 1 and unit.lower() not in _WORDS_TOO)
-                return stem, unit, sure
+                certainty = pattern is not _SUFFIX or unit == "V" or (len(unit) > 1 and unit.lower() not in _WORDS_TOO)
+                return stem, unit, certainty
             if pattern is _MARKED:
                 return stem if read_unit(unit).unit else f"{stem} {unit}", "", True
     return _telling_part(name), "", True

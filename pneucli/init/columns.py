@@ -87,7 +87,7 @@ def _column_guess(alike: Sequence[Survey], n: int, signal: str, name: ColumnName
     known = known[~np.isin(known, missing)]
     found = replace(_unit_guess(column, signal, name, known), missing=missing)
     doubt = implausibility(signal, found.unit, found.scale * known) if np.isfinite(found.scale) else ""
-    return replace(found, note="; ".join(filter(None, (found.note, _told_marks(missing), doubt))))
+    return replace(found, note="; ".join(filter(None, (found.note, _marks_note(missing), doubt))))
 
 
 def _unit_guess(column: Column, signal: str, name: ColumnName, known: Array) -> Guess:
@@ -105,7 +105,7 @@ def _unit_guess(column: Column, signal: str, name: ColumnName, known: Array) -> 
         return Guess(column, signal, name.unit, True, reference, doubt, scale=column.scale)
     unit, note = guess_unit(signal, known, angle=name.has(ANGLES))
     if column.written:
-        note = f'CHECK the unit "{column.written}" is not known: {note.removeprefix("CHECK no unit is said: ")}'
+        note = f'CHECK the unit "{column.written}" is not known: {note.removeprefix("CHECK no unit is stated: ")}'
     return Guess(column, signal, unit, False, reference, note)
 
 
@@ -137,7 +137,7 @@ def _marks(alike: Sequence[Survey], n: int, signal: str) -> tuple[float, ...]:
     return tuple(sorted(counts))
 
 
-def _told_marks(missing: Sequence[float]) -> str:
+def _marks_note(missing: Sequence[float]) -> str:
     listed = ", ".join(f"{mark:.10g}" for mark in missing)
     return f"{listed} marks no value, as it jumps there and back" if missing else ""
 
@@ -149,9 +149,11 @@ def _clock(columns: Sequence[Column], names: Sequence[ColumnName]) -> int | None
     """
     rising = [n for n, one in enumerate(columns) if one.where is None and is_increasing(one.finite_values)]
     called = [n for n in rising if names[n].has(NOUNS["time"]) or quantity_kind(names[n].unit) == "time"]
-    told = [n for n in called if columns[n].computed or quantity_kind(names[n].unit) == "time"]
-    told = [*(n for n in rising if columns[n].is_clock), *told]
-    first = [*told, *called][:1] if columns and any(one.clock is not None for one in columns) else [*told, *called]
+    certain = [n for n in called if columns[n].computed or quantity_kind(names[n].unit) == "time"]
+    certain = [*(n for n in rising if columns[n].is_clock), *certain]
+    first = (
+        [*certain, *called][:1] if columns and any(one.clock is not None for one in columns) else [*certain, *called]
+    )
     labview = [n for n in rising if names[n].words == ("x", "value")]
     index = [n for n in rising if names[n].words[-1:] == ("index",) and not _counts_rows(columns[n])]
     nameless = [n for n in rising if not names[n].words]

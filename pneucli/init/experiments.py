@@ -12,8 +12,8 @@ from pneucli.init.file_groups import Array, FileGroup
 from pneucli.units import same_dimension
 
 POSITION_BINS = 20  # of the piston's position
-MAX_CLOSED_DEVIATION = 0.2  # share of its own deviation that the pressure of a closed chamber has beside its position
-MOTION_SEGMENTS = 500  # stretches of a recording over which its motion is told
+MAX_CLOSED_DEVIATION = 0.2  # share of a closed chamber's deviation that the position does not explain
+MOTION_SEGMENTS = 500  # segments of a recording over which its motion is judged
 MIN_FALLING_SHARE = 0.6  # of the steps between tenths of a recording, in which the pressure of a shut chamber falls
 MIN_PRESSURE_FALL = 0.2  # of its range
 NOISE_RANGE_STEPS = 10.0  # steps between samples: white noise alone has a range of five
@@ -146,7 +146,7 @@ def rig_tables(
     shut = all(t.value_of("valve") == "shut" for t in experiments if t.experiment == "valve")
     yield "rig", [*_environment_keys(groups, [*axes, *([] if shut else valve_tests)])]
     if valve_tests:
-        unknown = "where it is not known, leaks and openings are told over the volume"
+        unknown = "where it is not known, leaks and openings are stated per volume"
         yield (
             "rig.vessel",
             [("# volume" if shut else "volume", '"? l"', unknown if shut else "the vessel that is filled")],

@@ -180,7 +180,7 @@ def pressure_references(found: Sequence[FileGroup]) -> dict[str, tuple[str, str]
 
     Sensors in one unit count alike unless their names say otherwise; what one of them tells holds for all.
     """
-    told: dict[str, tuple[str, str]] = {}
+    references: dict[str, tuple[str, str]] = {}
     for kind in found:
         for signal, one in kind.signals.items():
             if not signal.startswith("p"):
@@ -189,9 +189,9 @@ def pressure_references(found: Sequence[FileGroup]) -> dict[str, tuple[str, str]
             answer = pressure_reference(columns, one.unit, one.reference)
             if answer[1].startswith("CHECK") and signal == "p1" and "force" in kind.signals:
                 answer = pressure_reference_from_force(columns, kind.raw_numbers("force"), one.unit) or answer
-            if one.unit not in told or told[one.unit][1].startswith("CHECK"):
-                told[one.unit] = answer
-    return told
+            if one.unit not in references or references[one.unit][1].startswith("CHECK"):
+                references[one.unit] = answer
+    return references
 
 
 def join_single_signal_files(surveys: Sequence[Survey]) -> FileGroup | None:

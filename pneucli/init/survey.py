@@ -106,11 +106,11 @@ def _column(
     """Return a column with the unit that the file states; stamps of a calendar are read in s."""
     if place in getattr(reader, "stamps", ()):
         return Column(key, name, "s", values, thousands=thousands)
-    said = unit_in_file(reader, place)
-    if said is None:
+    file_unit = unit_in_file(reader, place)
+    if file_unit is None:
         return Column(key, name, "", values, thousands=thousands)
-    written = "" if said.unit and said.certain else said.text
-    return Column(key, name, said.unit, values, thousands=thousands, scale=said.scale, written=written)
+    written = "" if file_unit.unit and file_unit.certain else file_unit.text
+    return Column(key, name, file_unit.unit, values, thousands=thousands, scale=file_unit.scale, written=written)
 
 
 def _read(reader: Reader, asks: Sequence[ColumnRequest]) -> list[ColumnValues]:

@@ -28,10 +28,10 @@ def guess_unit(signal: str, values: Array, *, angle: bool) -> tuple[str, str]:
     if SIGNALS[signal].unit == "Pa" and (unit := _unit_at_ambient(values)):
         return (
             unit,
-            f"CHECK no unit is said: taken for {unit}, in which it rests at ambient pressure and moves from there",
+            f"CHECK no unit is stated: taken for {unit}, in which it rests at ambient pressure and moves from there",
         )
     unit = _most_likely_unit(signal, values, angle)
-    return unit, f"CHECK no unit is said: {low:.4g} to {high:.4g} is taken for {unit}"
+    return unit, f"CHECK no unit is stated: {low:.4g} to {high:.4g} is taken for {unit}"
 
 
 def _unit_at_ambient(values: Array) -> str:
@@ -63,7 +63,7 @@ def pressure_reference(columns: Sequence[Array], unit: str, stated: str) -> tupl
     parsed = parse_unit(unit)
     if stated or parsed.gauge or parsed.absolute:
         found = stated or ("gauge" if parsed.gauge else "absolute")
-        return found, f"{found}: said by the file"
+        return found, f"{found}: stated by the file"
     pascals = [to_si(values, unit) for values in columns]
     least = min((float(values.min()) for values in pascals if values.size), default=np.inf)
     if least < LOWEST_GAUGE:
@@ -96,10 +96,10 @@ def pressure_reference_from_force(
         return None
     slope, offset = np.polyfit(p, force, 1)
     zero = -offset / slope
-    told = f"the force is none at {zero / 1e5:.2g} bar"
+    evidence = f"the force is none at {zero / 1e5:.2g} bar"
     if abs(zero) < MIN_ABSOLUTE_PRESSURE:
-        return "gauge", f"gauge: {told}"
-    return ("absolute", f"absolute: {told}") if abs(zero - 1e5) < MIN_ABSOLUTE_PRESSURE else None
+        return "gauge", f"gauge: {evidence}"
+    return ("absolute", f"absolute: {evidence}") if abs(zero - 1e5) < MIN_ABSOLUTE_PRESSURE else None
 
 
 def to_si(values: Array, unit: str) -> Array:

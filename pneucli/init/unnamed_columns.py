@@ -93,13 +93,13 @@ def _resolution(values: Array) -> float:
 
 def _pressure(alike: Sequence[Survey], medians: dict[int, Array]) -> dict[int, tuple[str, str, str]]:
     """Return the column whose median is the pressure in each file's name, such as 7 in O-ring_7bar."""
-    said = [
+    pressures_in_names = [
         {unit: float(number.replace(",", ".")) for number, unit in _IN_NAME.findall(one.path.stem)} for one in alike
     ]
-    for unit in said[0]:
-        if not is_unit(unit) or not same_dimension(unit, "Pa") or not all(unit in one for one in said):
+    for unit in pressures_in_names[0]:
+        if not is_unit(unit) or not same_dimension(unit, "Pa") or not all(unit in one for one in pressures_in_names):
             continue
-        wanted = np.array([one[unit] for one in said])
+        wanted = np.array([one[unit] for one in pressures_in_names])
         for n, median in medians.items():
             if len(set(wanted)) > 1 and np.all(np.abs(median - wanted) <= PRESSURE_NAME_TOLERANCE * wanted):
                 return {n: ("p1", unit, f"its medians are the numbers before {unit} in the files' names")}
@@ -124,5 +124,5 @@ def _force(medians: dict[int, Array], found: dict[int, tuple[str, str, str]]) ->
         return {}
     left = [n for n in medians if n not in found and np.ptp(medians[n]) > 0]
     grows = [n for n in left if np.corrcoef(medians[n], pressure)[0, 1] > MIN_FORCE_CORRELATION]
-    note = "CHECK it grows in proportion with the pressure, as the force on a piston does; no unit is said"
+    note = "CHECK it grows in proportion with the pressure, as the force on a piston does; no unit is stated"
     return {grows[-1]: ("force", "N", note)} if grows else {}

@@ -1,4 +1,4 @@
-"""Part of ``init``: the pipeline file, what was seen beside each line, and a ``?`` where people have to fill in."""
+"""Part of ``init``: the pipeline file, with the evidence for each line, and a ``?`` where people have to fill in."""
 
 from __future__ import annotations
 
@@ -159,8 +159,8 @@ def _without_comment(line: str) -> str:
 def _clock(kinds: Sequence[FileGroup]) -> str:
     """Return the clock of files that have none: the number of the row over the sampling rate."""
     scalars = {name: value for kind in kinds for name, value in kind.surveys[0].scalars.items()}
-    if (said := stated_period(scalars)) is not None:
-        name, value = said[0], scalars[said[0]]
+    if (entry := stated_period(scalars)) is not None:
+        name, value = entry[0], scalars[entry[0]]
         text = f"row / {value:.9g}" if is_rate(name) else f"row * {value:.9g}"
         return f'time = {{ expression = "{text}" }}  # CHECK no column rises like a clock; {name} = {value:.9g}'
     return 'time = { expression = "row / ?" }  # no column rises like a clock: put in the samples per second'
@@ -181,19 +181,19 @@ def _own_signals(kind: FileGroup, references: References, shared: Mapping[str, s
 
 def _unused_columns(kinds: Sequence[FileGroup]) -> Iterator[str]:
     """Yield comments with the columns that are not taken, and with single values."""
-    told: set[object] = set()
+    written: set[object] = set()
     for kind in kinds:
         for one in kind.unused:
-            if (key := (one.column.key, one.column.where)) in told:
+            if (key := (one.column.key, one.column.where)) in written:
                 continue
-            told.add(key)
+            written.add(key)
             known = one.column.finite_values
             seen = f"{known.min():.4g} to {known.max():.4g} {one.unit}".strip() if known.size else "no numbers"
             name = one.column.key if isinstance(one.column.key, int) else toml_string(one.column.name)
             yield f"# not taken: column {name}, {seen}" + (f"; {one.note}" if one.note else "")
     for kind in kinds:
-        yield from (f"# not taken: {reason}" for one in kind.surveys for reason in one.unused if reason not in told)
-        told |= {reason for one in kind.surveys for reason in one.unused}
+        yield from (f"# not taken: {reason}" for one in kind.surveys for reason in one.unused if reason not in written)
+        written |= {reason for one in kind.surveys for reason in one.unused}
     scalars = {f"{n} = {v:.9g}": None for kind in kinds for n, v in kind.surveys[0].scalars.items()}
     if scalars:
         yield f"# single values: {', '.join(scalars)}"

@@ -26,8 +26,8 @@ def open_feather(path: Path) -> ColumnReader:
         table = feather.read_table(path, columns=list(wanted))
         return [column_numbers(table[name].combine_chunks()) for name in wanted]
 
-    said = {number: unit for number, unit in enumerate(units) if unit}
-    return ColumnReader(path, NAME, [field.name for field in fields], fetch, said)
+    file_units = {number: unit for number, unit in enumerate(units) if unit}
+    return ColumnReader(path, NAME, [field.name for field in fields], fetch, file_units)
 
 
 def _schema(path: Path) -> Any:

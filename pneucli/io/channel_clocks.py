@@ -23,12 +23,12 @@ MIN_GRID_SAMPLES = 100  # of the largest table; fewer are points of a figure, wh
 SAME_STAMP = 1e-3  # of a period of the fast clock, within which two stamps are one: the digits of the files
 GAP_PERIODS = 2.5  # of a reading's own periods, over which nothing is interpolated
 MEND = "check the start times and the units of the clocks, or take the channels of one clock only"
-SAME_RATE = 1.5  # ratio of two rates, below which interpolation takes noise off and is told
+SAME_RATE = 1.5  # ratio of two rates, below which interpolation reduces noise and is reported
 
 
 @dataclass
 class Alignment:
-    """Tables that became one, what became of their rows, and what is to be said of it."""
+    """Tables that became one, what became of their rows, and the notes about it."""
 
     table: Table
     losses: Counter[str] = field(default_factory=Counter)
@@ -74,7 +74,9 @@ def _on_fastest_clock(
         for name, values in table.columns.items():
             placed = _held(time, table.time, values, period) if name in held else _measured(time, table.time, values)
             columns[name] = placed
-            repairs.append(Repair(name, "clock", int(table.time.size), _told(name, table.time, period, name in held)))
+            repairs.append(
+                Repair(name, "clock", int(table.time.size), _clock_note(name, table.time, period, name in held))
+            )
     shared = [fastest.rows[inside], *(_shared_rows(table, held, span) for table in others)]
     read, used = (np.unique(np.concatenate(rows)).size for rows in ([table.rows for table in tables], shared))
     losses = losses + Counter({"joined": used - int(time.size), "no-overlap": read - used})
@@ -90,12 +92,12 @@ def _shared_rows(table: Table, held: Collection[str], span: tuple[float, float])
     return table.rows if table.columns.keys() <= set(held) else table.rows[_inside(table, span)]
 
 
-def _told(name: str, stamps: Array, period: float, is_held: bool) -> str:
+def _clock_note(name: str, stamps: Array, period: float, is_held: bool) -> str:
     rate, base = 1.0 / _period(stamps), 1.0 / period
     if is_held:
         return f"{stamps.size} values on a clock of its own, each held until the next, at stamps of {base:.4g} Hz"
-    told = f"sampled at {rate:.4g} Hz on a clock of its own; each sample stands at the nearest stamp of {base:.4g} Hz"
-    return f"{told}, interpolated, which takes noise off" if base < SAME_RATE * rate else told
+    note = f"sampled at {rate:.4g} Hz on a clock of its own; each sample stands at the nearest stamp of {base:.4g} Hz"
+    return f"{note}, interpolated, which takes noise off" if base < SAME_RATE * rate else note
 
 
 def _period(time: Array) -> float:

@@ -74,20 +74,20 @@ class Cleaner:
         """Return the rows that the clock's law and the stretch leave, but for the last few."""
         rows = {name: _append(self._waiting.get(name), values) for name, values in batch.items()}
         time = rows["time"]
-        judged = max(0, time.size - wait)
-        fates = self._order.classify_rows(time, judged)
-        self._waiting = {name: values[judged:].copy() for name, values in rows.items()}
+        ready = max(0, time.size - wait)
+        fates = self._order.classify_rows(time, ready)
+        self._waiting = {name: values[ready:].copy() for name, values in rows.items()}
         self.losses.update(count_losses(fates))
         start, end = self._stretch
-        inside = np.ones(judged, dtype=np.bool_)
+        inside = np.ones(ready, dtype=np.bool_)
         if start is not None:
-            inside &= ~(time[:judged] < start)
+            inside &= ~(time[:ready] < start)
         if end is not None:
-            inside &= ~(time[:judged] > end)
+            inside &= ~(time[:ready] > end)
         kept = fates == 0
         self.losses["outside"] += int(np.count_nonzero(kept & ~inside))
         kept &= inside
-        return {name: values[:judged] if kept.all() else values[:judged][kept] for name, values in rows.items()}
+        return {name: values[:ready] if kept.all() else values[:ready][kept] for name, values in rows.items()}
 
     def _advance(self, batch: Mapping[str, Array], hold: int) -> Batch:
         rows = {name: _append(self._held.get(name), values) for name, values in batch.items()}

@@ -72,12 +72,12 @@ def spread_repeated_stamps(batches: Iterator[Batch], repairs: list[Repair]) -> I
         return
     waiting, rows, period = first, 0, 0.0
     for batch in batches:
-        settled = _last_run(waiting["time"])
-        if settled:
-            time, period = _spread(waiting["time"][:settled], waiting["time"][settled], period)
-            rows += settled
-            yield {name: values[:settled] for name, values in waiting.items()} | {"time": time}
-        waiting = {name: np.concatenate([waiting[name][settled:], batch[name]]) for name in waiting}
+        ready = _last_run(waiting["time"])
+        if ready:
+            time, period = _spread(waiting["time"][:ready], waiting["time"][ready], period)
+            rows += ready
+            yield {name: values[:ready] for name, values in waiting.items()} | {"time": time}
+        waiting = {name: np.concatenate([waiting[name][ready:], batch[name]]) for name in waiting}
     time, _ = _spread(waiting["time"], None, period)
     rows += time.size
     message = f"{rows} rows share their stamps with others, as the clock is coarse; they were spread evenly"

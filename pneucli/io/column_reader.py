@@ -55,13 +55,13 @@ class ColumnReader:
             columns = {**columns, "time": columns[longest]}
             units = {**units, **({"time": units[longest]} if longest in units else {})}
         names = list(columns)
-        said = {names.index(name): unit for name, unit in units.items() if unit and name in columns}
+        file_units = {names.index(name): unit for name, unit in units.items() if unit and name in columns}
         return cls(
             path,
             format,
             names,
             lambda wanted: [columns[name] for name in wanted],
-            said,
+            file_units,
             own_clocks=clocks,
             shared_clock="time" if clocks else None,
         )

@@ -1,4 +1,4 @@
-"""Between the libraries that read raw files and the user: damage is said in one sentence, and expansion is bounded."""
+"""Between the user and libraries that read raw files: damage is reported in one sentence, expansion is bounded."""
 
 from __future__ import annotations
 

@@ -52,7 +52,7 @@ def has_date(text: str) -> bool:
 class CalendarClock:
     """Turns the texts of one column into seconds, batch by batch; ``start`` is the first stamp, if it has a date.
 
-    Whether the day or the month comes first is told by which of them makes the shorter recording. A clock without dates
+    Of day and month the one comes first that makes the shorter recording. A clock without dates
     goes on after midnight. Offsets from UTC count, so that a change of summer time is none of the clock.
     """
 

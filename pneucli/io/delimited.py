@@ -237,7 +237,7 @@ def _array(table: Any, position: int) -> Any:
 
 
 def _dates_beside(look: TextLayout) -> dict[int, int]:
-    """Return the column of dates for each column of times of day without dates, where one stands beside it."""
+    """Return the column of dates for each column of times of day without dates, where there is one."""
     return {
         place: min(look.dates, key=lambda date: (abs(date - place), date))
         for place in look.stamps - look.dated_stamps

@@ -43,8 +43,8 @@ def unit_in_file(reader: Reader, place: int) -> WrittenUnit | None:
     texts = [reader.units.get(place), in_name and in_name[2]]
     found = [read_unit(text) for text in texts if text]
     known = next((one for one in found if one.unit), None)
-    said = next((one for one in found if _is_stated(one.text, in_name)), None)
-    return known or said
+    file_unit = next((one for one in found if _is_stated(one.text, in_name)), None)
+    return known or file_unit
 
 
 def read_unit(text: str) -> WrittenUnit:
@@ -73,35 +73,39 @@ def with_unit_of_file(raw: RawFile, name: str, channel: Channel, place: int | No
 
     Raises InputError where that unit is not known, or cannot be the signal's.
     """
-    said = None if place is None else unit_in_file(reader, place)
-    if said is None or place is None or (channel.si is None and channel.unit is None):
+    file_unit = None if place is None else unit_in_file(reader, place)
+    if file_unit is None or place is None or (channel.si is None and channel.unit is None):
         return channel
     where, column = f"{raw.path}, signal {name}", f'"{reader.names[place]}"'
     if channel.unit is not None:
-        if said.unit and _differ(said, channel.unit):
-            message = f"the file says {said.text} of {column}; read in {channel.unit}, as stated"
+        if file_unit.unit and _differ(file_unit, channel.unit):
+            message = f"the file says {file_unit.text} of {column}; read in {channel.unit}, as stated"
             reader.repairs.append(Repair(name, "unit", 1, message))
         return channel
     wanted = f"a unit such as {channel.si}"
-    if not said.unit:
-        found = f'the file says "{said.text}" of column {column}, which is no known unit'
+    if not file_unit.unit:
+        found = f'the file says "{file_unit.text}" of column {column}, which is no known unit'
         mend = (
-            'state unit = "...", and scale = ... for what one count is' if is_count(said.text) else 'state unit = "..."'
+            'state unit = "...", and scale = ... for what one count is'
+            if is_count(file_unit.text)
+            else 'state unit = "..."'
         )
         raise InputError(where, found, wanted, mend)
-    if not said.certain:
-        found = f'the file says "{said.text}" of column {column}, a unit with a factor that may be meant either way'
-        raise InputError(
-            where, found, wanted, f'state unit = "{said.unit}" and scale = {said.scale:g} (or its inverse)'
+    if not file_unit.certain:
+        found = (
+            f'the file says "{file_unit.text}" of column {column}, a unit with a factor that may be meant either way'
         )
-    if not same_dimension(said.unit, channel.si or ""):
-        found = f"the file says {said.text} of column {column}, and no unit is stated"
-        raise InputError(where, found, wanted, f'state unit = "...", with scale if {said.text} is right')
-    factor, offset = factor_and_offset(said.unit, 0.0 if channel.offset else raw.ambient, channel.si)
-    reader.repairs.append(Repair(name, "unit-said", 1, f"read in {said.text}, as the file says of {column}"))
-    return replace(channel, factor=factor * said.scale, offset=offset + channel.offset)
+        raise InputError(
+            where, found, wanted, f'state unit = "{file_unit.unit}" and scale = {file_unit.scale:g} (or its inverse)'
+        )
+    if not same_dimension(file_unit.unit, channel.si or ""):
+        found = f"the file says {file_unit.text} of column {column}, and no unit is stated"
+        raise InputError(where, found, wanted, f'state unit = "...", with scale if {file_unit.text} is right')
+    factor, offset = factor_and_offset(file_unit.unit, 0.0 if channel.offset else raw.ambient, channel.si)
+    reader.repairs.append(Repair(name, "unit-said", 1, f"read in {file_unit.text}, as the file says of {column}"))
+    return replace(channel, factor=factor * file_unit.scale, offset=offset + channel.offset)
 
 
-def _differ(said: WrittenUnit, stated: str) -> bool:
-    factor = parse_unit(said.unit).factor * said.scale
-    return same_dimension(said.unit, stated) and not isclose(factor, parse_unit(stated).factor, rel_tol=1e-6)
+def _differ(file_unit: WrittenUnit, stated: str) -> bool:
+    factor = parse_unit(file_unit.unit).factor * file_unit.scale
+    return same_dimension(file_unit.unit, stated) and not isclose(factor, parse_unit(stated).factor, rel_tol=1e-6)

@@ -1,4 +1,4 @@
-"""Which format a raw file has, told by its first bytes."""
+"""Which format a raw file has, by its first bytes."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from pneucli.io.delimited import DelimitedReader
 from pneucli.io.packed import PackedReader, named_as, packed_format, unpack
 from pneucli.io.raw_file import RawFile, Reader, Repair
 
-HEAD_BYTES = 4096  # by which formats are told
+HEAD_BYTES = 4096  # by which formats are recognised
 
 
 def open_raw(raw: RawFile) -> Reader:

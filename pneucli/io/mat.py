@@ -49,9 +49,9 @@ def open_mat(path: Path) -> ColumnReader:
         return [to_vector(columns[name]) for name in wanted]
 
     names = list(owner)
-    said = {names.index(name): unit for name, unit in units.items()}
+    file_units = {names.index(name): unit for name, unit in units.items()}
     clocks = clocks or clocks_by_group(names, sizes)
-    reader = ColumnReader(path, NAME, names, fetch, said, own_clocks=clocks)
+    reader = ColumnReader(path, NAME, names, fetch, file_units, own_clocks=clocks)
     if objects:
         listed = ", ".join(f'"{name}"' for name in objects[:5])
         message = f"{listed}: objects of MATLAB (timeseries, timetable, Dataset), left out; {SAVE_AS_STRUCT}"

@@ -103,8 +103,8 @@ class MultiFileRecording:
             return part.offset
         path = part.opened.raw.path
         if part.offset == FIND_OFFSET:
-            offset, told = estimate_clock_offset(first, own, part.match or "", f"{path}, key offset")
-            self._found.append(Repair("time", "offset", 1, f"{path.name}: its clock was moved by {told}"))
+            offset, evidence = estimate_clock_offset(first, own, part.match or "", f"{path}, key offset")
+            self._found.append(Repair("time", "offset", 1, f"{path.name}: its clock was moved by {evidence}"))
             return offset
         starts = self._first.reader.start, part.opened.reader.start
         if starts[0] is None or starts[1] is None:
@@ -148,8 +148,8 @@ def estimate_clock_offset(first: Batch, own: Batch, match: str, where: str) -> t
         lambda lag: _mean_squared_difference(a, b, lag), bounds=bounds, method="bounded", options={"xatol": 1e-6 * step}
     )
     offset, rest = float(fit.x), float(fit.fun) ** 0.5
-    sure = 2 * rest / (slope * b[0].size ** 0.5)
-    return offset, f"{offset:.6g} s ± {sure:.1g} s, where {match} fits best (it differs by {rest:.2g} rms, SI)"
+    half_width = 2 * rest / (slope * b[0].size ** 0.5)
+    return offset, f"{offset:.6g} s ± {half_width:.1g} s, where {match} fits best (it differs by {rest:.2g} rms, SI)"
 
 
 def _finite_samples(batch: Batch, name: str) -> tuple[Array, Array]:

@@ -31,9 +31,9 @@ def open_signals(raw: RawFile) -> SignalReader:
     }
     columns = {name: _columns_of(raw, name, one, reader.names) for name, one in computed.items()}
     for name in sorted(raw.required):
-        lacking = [key for key, place in columns.get(name, {}).items() if place is None]
-        if lacking or (name in found and found[name] is None):
-            key = lacking[0] if lacking else raw.channels[name].column
+        absent = [key for key, place in columns.get(name, {}).items() if place is None]
+        if absent or (name in found and found[name] is None):
+            key = absent[0] if absent else raw.channels[name].column
             raise missing_column(raw.path, name, key, reader.names)
     places = {name: place for name, place in found.items() if place is not None}
     _require_own_columns(raw, places, reader.names)
@@ -89,8 +89,8 @@ def _with_clock(channel: Channel, time: Channel, place: int | None, reader: Read
     """Return a channel whose clock is read in the unit that is stated, else in the file's, else in that of ``time``."""
     if channel.clock is None or place is None:
         return channel
-    said = unit_in_file(reader, place)
-    unit = channel.clock.unit or (said.unit if said is not None and said.is_plain else None)
+    file_unit = unit_in_file(reader, place)
+    unit = channel.clock.unit or (file_unit.unit if file_unit is not None and file_unit.is_plain else None)
     if unit is None or not same_dimension(unit, "s"):
         return replace(channel, clock=replace(channel.clock, factor=time.factor, offset=time.offset))
     return replace(channel, clock=replace(channel.clock, factor=parse_unit(unit).factor))

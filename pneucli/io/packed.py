@@ -1,4 +1,4 @@
-"""Packed files: gzip, bzip2, xz, zip and Excel, told by their first bytes and unpacked into a folder of their own.
+"""Packed files: gzip, bzip2, xz, zip and Excel, recognised by their first bytes, unpacked into a folder of their own.
 
 What is inside is read as any other file; where it cannot be, the messages name the packed file and its member.
 """

@@ -28,8 +28,8 @@ class ParquetReader:
         self._path = path
         schema = pq.read_schema(path)
         self.names: Sequence[str] = schema.names
-        said = [(field.metadata or {}).get(b"unit", b"").decode(errors="replace") for field in schema]
-        self.units = {number: unit for number, unit in enumerate(said) if unit}
+        file_units = [(field.metadata or {}).get(b"unit", b"").decode(errors="replace") for field in schema]
+        self.units = {number: unit for number, unit in enumerate(file_units) if unit}
         self.start: datetime | None = None
         self.repairs: list[Repair] = []
         self.rows = 0

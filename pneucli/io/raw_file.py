@@ -52,7 +52,7 @@ class RawFile:
     """A raw file and its channels by signal; those in ``required`` must be there. ``None``: found from the file.
 
     ``part`` counts (from 1) the tables of a text in which the header stands again; None: they are one table.
-    ``ambient`` is the pressure (Pa) that units such as barg, said by the file itself, count from.
+    ``ambient`` is the pressure (Pa) from which units of the file such as barg count.
     """
 
     path: Path

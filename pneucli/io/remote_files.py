@@ -86,7 +86,7 @@ def _fsspec_filesystem(url: str) -> Any:
 
 
 def store_error(url: str, error: Exception, wanted: str = "a file that is there, and may be read") -> InputError:
-    """Return what a store said as an error of the input; a password in the URL is not shown."""
+    """Return the message of a store as an error of the input; a password in the URL is not shown."""
     shown = re.sub(r"//[^/@]*@", "//", url)
-    said = (str(error).splitlines() or [type(error).__name__])[0]
-    return InputError(shown, f"cannot be read: {said}", wanted, "check URL and access")
+    reason = (str(error).splitlines() or [type(error).__name__])[0]
+    return InputError(shown, f"cannot be read: {reason}", wanted, "check URL and access")

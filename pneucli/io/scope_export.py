@@ -20,7 +20,7 @@ _TWINCAT = ("SymbolComment", "SymbolName", "SampleTime")
 
 
 def scope_format(head: bytes) -> str | None:
-    """Return the name of the export, told by its header; None where it is none of them."""
+    """Return the name of the export, by its header; None where it is none of them."""
     text = head.decode("latin-1").replace("\0", "")
     if all(word in text for word in _TWINCAT) and "Data-Type" in text:
         return NAME
@@ -30,7 +30,7 @@ def scope_format(head: bytes) -> str | None:
 
 
 def open_scope(path: Path) -> ColumnReader:
-    """List the channels; each has the clock that stands beside it."""
+    """List the channels; each has a clock of its own."""
     with path.open("rb") as file:
         head = file.read(HEAD_BYTES)
     rows = decode_head(path, path.read_bytes(), detect_encoding(path, head)).splitlines()
@@ -63,15 +63,15 @@ def _with_clocks(
 ) -> ColumnReader:
     columns: dict[str, ColumnValues] = {}
     clocks: dict[str, str] = {}
-    said: dict[str, str] = {}
+    file_units: dict[str, str] = {}
     for number, name in enumerate(names):
         own = name if names.count(name) == 1 else f"{name}/{number + 1}"
         stamps, values = table[:, 2 * number], table[:, 2 * number + 1]
         there = np.isfinite(stamps)
         columns |= {f"{own}/time": stamps[there], own: values[there]}
         clocks[own] = f"{own}/time"
-        said |= {f"{own}/time": unit} | ({own: units[number]} if number < len(units) and units[number] else {})
-    return ColumnReader.of_columns(path, NAME, columns, said, clocks)
+        file_units |= {f"{own}/time": unit} | ({own: units[number]} if number < len(units) and units[number] else {})
+    return ColumnReader.of_columns(path, NAME, columns, file_units, clocks)
 
 
 def _tektronix(path: Path, lines: Sequence[str]) -> ColumnReader:

@@ -88,7 +88,7 @@ class SignalReader:
     @property
     def own_repairs(self) -> list[Repair]:
         """What had to be mended or noticed to read the file, but for the rows that were left out."""
-        return [*self.reader.repairs, *self._noted, *(one for own in self._repairs.values() for one in own.told())]
+        return [*self.reader.repairs, *self._noted, *(one for own in self._repairs.values() for one in own.repairs())]
 
     @property
     def repairs(self) -> list[Repair]:

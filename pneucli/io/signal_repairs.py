@@ -1,6 +1,6 @@
 """Repairs of the raw numbers of one signal, before units: marks of missing values, roll-over, and values that are held.
 
-What was replaced, undone or filled in is counted and told; numbers that need no repair pass bit by bit.
+What was replaced, undone or filled in is counted and reported; numbers that need no repair pass bit by bit.
 """
 
 from __future__ import annotations
@@ -55,7 +55,7 @@ class SignalRepairs:
             self._filled += filled
         return values
 
-    def told(self) -> Iterator[Repair]:
+    def repairs(self) -> Iterator[Repair]:
         """Yield what was repaired so far."""
         if self._counter is not None and self._counter.count:
             count = self._counter.count
@@ -64,7 +64,7 @@ class SignalRepairs:
             for mark, count in sorted(self._marks.counts.items()):
                 message = f"{count} samples are {mark:.10g}, a mark of no value: missing"
                 yield Repair(self._name, "mark", count, message)
-        yield from self._told_roll_over()
+        yield from self._roll_over_repair()
         rows = self._sampling.rows if self._sampling is not None else 1
         if rows > 1 and not self._held:
             message = (
@@ -81,7 +81,7 @@ class SignalRepairs:
     def _sampling_removed(self) -> int:
         return self._sampling.removed if self._sampling is not None else 0
 
-    def _told_roll_over(self) -> Iterator[Repair]:
+    def _roll_over_repair(self) -> Iterator[Repair]:
         found = self._roll_over.found if self._roll_over is not None else None
         if found is None:
             return

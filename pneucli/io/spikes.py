@@ -56,8 +56,8 @@ def _is_spike(values: Array, steps: Array, before: Indices, width: int, limit: f
     side = np.sign(inside - start)
     is_spike = (np.abs(end - start) < height / MIN_STEP_RATIO) & (height > limit) & (side == side[0]).all(axis=0)
     candidates = np.flatnonzero(is_spike)
-    calm = _largest_step_around(steps, before[candidates], width)
-    is_spike[candidates] = height[candidates] > MIN_STEP_RATIO * calm
+    usual_step = _largest_step_around(steps, before[candidates], width)
+    is_spike[candidates] = height[candidates] > MIN_STEP_RATIO * usual_step
     return np.asarray(is_spike)
 
 

@@ -26,7 +26,9 @@ def open_tdms(path: Path) -> ColumnReader:
         units = {name: str(channel.properties.get("unit_string") or "") for name, channel in channels.items()}
         sizes = {name: len(channel) for name, channel in channels.items()}
     names = list(columns)
-    said = {number: units.get(name) or "s" for number, name in enumerate(names) if units.get(name) or name not in units}
+    file_units = {
+        number: units.get(name) or "s" for number, name in enumerate(names) if units.get(name) or name not in units
+    }
     clocks = clocks or clocks_by_group(list(channels), sizes)
 
     def fetch(wanted: Sequence[str]) -> list[ColumnValues]:
@@ -36,7 +38,7 @@ def open_tdms(path: Path) -> ColumnReader:
             columns = _columns(channels)[0]
             return [to_vector(columns[name]()) for name in wanted]
 
-    return ColumnReader(path, NAME, names, fetch, said, own_clocks=clocks, shared_clock=CLOCK if clocks else None)
+    return ColumnReader(path, NAME, names, fetch, file_units, own_clocks=clocks, shared_clock=CLOCK if clocks else None)
 
 
 def _channels(file: Any) -> dict[str, Any]:

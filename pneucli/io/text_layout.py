@@ -125,10 +125,10 @@ def _with_names(raw: RawFile, plain: TextLayout, sample: list[list[str]], rows: 
         raise InputError(where, "numbers where the header should be", "names of the columns", "header = false")
     decimal = raw.decimal or _decimal(body, plain.delimiter)
     skip = rows[raw.header + units]
-    said = tuple(_BRACKETS.sub(r"\1", field) for field in first) if units else ()
+    units_row = tuple(_BRACKETS.sub(r"\1", field) for field in first) if units else ()
     kinds = {"stamps": is_date_or_time, "labels": _is_label, "dates": is_date, "dated_stamps": has_date}
     columns = {kind: _columns_of(body, test, len(names)) for kind, test in kinds.items()}
-    return replace(plain, decimal=decimal, skip=skip, names=tuple(names), units=said, **columns)  # type: ignore[arg-type]
+    return replace(plain, decimal=decimal, skip=skip, names=tuple(names), units=units_row, **columns)  # type: ignore[arg-type]
 
 
 def _columns_of(body: list[list[str]], test: Callable[[str], bool], width: int) -> frozenset[int]:

@@ -106,7 +106,7 @@ class NormalizedTextStream(io.RawIOBase):
 
 
 def _is_ascii_compatible(encoding: str) -> bool:
-    """Return whether the first 128 characters are bytes as in ASCII: then lines may be told before they are decoded."""
+    """Return whether the first 128 characters are bytes as in ASCII: then lines may be cut before they are decoded."""
     plain = bytes(range(128))
     try:
         return plain.decode(encoding).encode() == plain

@@ -9,6 +9,41 @@ from pneucli.messages.formatting import format_noise_ratio, format_quantity
 
 Row = Mapping[str, Any]
 
+CAUSES = {
+    "": "",
+    "travel-time": "the valve is too small: {distance} take at least {time}",
+    "speed": "the valve is too small: {asked} are asked, it keeps up with {reachable}",
+    "stiffness": "the valve is too small and the air spring too soft: both together give at most {reachable}",
+    "resolution": "the position sensor is too coarse: {resolvable}",
+    "pressure-bounds": "supply and surroundings bound the pressures",
+    "one-spool": (
+        "one 5/3 valve fills a chamber as it vents the other: the mean pressure follows from leaks and overlap, too "
+        "slowly to be set; two valves set it"
+    ),
+    "open-chamber-2": "chamber 2 is open, so one valve sets the force alone; two valves set both pressures",
+    "sealed-chamber-2": (
+        "chamber 2 holds what was sealed in, so one valve sets the force alone; two valves set both pressures"
+    ),
+}
+"""Why the plant cannot meet a requirement, by the code of the cause."""
+UNITS = {
+    "travel-time": {"distance": (1e3, "mm"), "time": (1.0, "s")},
+    "speed": {"asked": (1e3, "mm/s"), "reachable": (1e3, "mm/s")},
+    "stiffness": {"reachable": (1.0, "N/m")},
+    "resolution": {"resolvable": (1e6, "um")},
+}
+"""Factor on the SI value and shown unit of each quantity of a cause."""
+
+
+def cause_text(code: str, quantities: Mapping[str, float]) -> str:
+    """Return why the plant cannot meet a requirement; "" where the cause is unknown.
+
+    >>> cause_text("speed", {"asked": 2.0, "reachable": 1.25})
+    'the valve is too small: 2e+03 mm/s are asked, it keeps up with 1.25e+03 mm/s'
+    """
+    units = UNITS.get(code, {})
+    return CAUSES[code].format(**{n: f"{v * units[n][0]:.3g} {units[n][1]}" for n, v in quantities.items()})
+
 
 def acceptance_verdict(acceptance: Row) -> str:
     """Return in one line whether every requirement is met."""

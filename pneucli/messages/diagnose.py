@@ -6,7 +6,6 @@ from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
 
 from pneucli.messages import labelled, table, warnings
-from pneucli.messages.compare import evaluation_error
 from pneucli.messages.formatting import (
     format_interval,
     format_noise_ratio,
@@ -16,14 +15,16 @@ from pneucli.messages.formatting import (
     format_quantity,
     join_names,
 )
+from pneucli.messages.verdict import VALIDATION_PHRASES
 
 Answer = Mapping[str, Any]
 
 
 def lines(answer: Answer, file: str, verbose: bool) -> Iterator[str]:
     """Yield verdict, evidence, shifts and next step; with ``-v`` also path, candidates and detection limits."""
-    yield from labelled("found", verdict_line(answer))
-    yield from labelled("sure", evidence_summary(answer))
+    yield from labelled("found", answer["sentence"])
+    if evidence := evidence_summary(answer):
+        yield from labelled("sure", evidence)
     if changes := parameter_shifts(answer):
         yield from labelled("changes", changes)
     if "since" in answer:
@@ -38,26 +39,19 @@ def lines(answer: Answer, file: str, verbose: bool) -> Iterator[str]:
         )
 
 
-def verdict_line(answer: Answer) -> str:
-    """Return the verdict in one sentence."""
-    if answer["verdict"] == "missing-effect":
-        named = [f"{c['effect']} ({c['title'][:1].lower()}{c['title'][1:]})" for c in _named(answer)]
-        return f"the model lacks {join_names(named)}"
-    if answer["verdict"] == "adequate":
-        return "nothing is missing that these recordings could show"
-    return f"{answer['verdict']}: {answer['sentence']}"
-
-
 def evidence_summary(answer: Answer) -> str:
-    """Return the evidence: the error reduction, the sizes of the named effects, and their equivalents."""
+    """Return the evidence behind the verdict: sizes and probabilities of the named effects, or detection limits.
+
+    It is empty where nothing is named and something is left.
+    """
     if answer.get("impossible"):
-        return error_reduction(answer)
+        return ""
     if answer["verdict"] in ("adequate", "inconclusive"):
-        return f"{error_reduction(answer)}; {detectability_summary(answer)}"
-    named = [f"{c['effect']} {format_parameters(c['parameters'])}{probability_clause(c)}" for c in _named(answer)]
-    parts = [error_reduction(answer), *named, *([equivalence_clause(answer)] if named else [])]
-    if left := answer.get("unexplained_share"):
-        parts.append(f"{format_percent(left)} of the error beyond noise stays")
+        return detectability_summary(answer)
+    found = [c for c in answer["candidates"] if c["effect"] in answer["missing"]]
+    parts = [f"{c['effect']} {format_parameters(c['parameters'])}{probability_clause(c)}" for c in found]
+    if found and not any(c["indistinguishable_from"] for c in found):
+        parts.append("no other effect of the catalogue explains these recordings as well")
     return "; ".join(parts)
 
 
@@ -69,34 +63,10 @@ def probability_clause(candidate: Answer) -> str:
     return f"{of} is present with {format_percent(candidate['confidence'])} probability"
 
 
-def error_reduction(answer: Answer) -> str:
-    """Return how the named effects change the error, and on which recordings."""
-    first, last = answer["ladder"][0], selected_step(answer)
-    use, before = evaluation_error({"train": first["error_train"], "test": first["error_test"]})
-    on = VALIDATION_PHRASES["apart" if use == "test" else answer.get("held_out", "none")]
-    if first is last:
-        return f"the error is {format_noise_ratio(before)} × noise {on}"
-    after = last[f"error_{use}"]
-    moves = "rises" if before and after and after > before else "falls"
-    return f"the error {moves} from {format_noise_ratio(before)} to {format_noise_ratio(after)} × noise {on}"
-
-
-def selected_step(answer: Answer) -> Answer:
-    """Return the step of the path with all named effects."""
-    first: Answer = answer["ladder"][0]
-    return next((step for step in reversed(answer["ladder"]) if step["add"] in answer["missing"]), first)
-
-
-def equivalence_clause(answer: Answer) -> str:
-    """Return the effects that are indistinguishable from the named ones."""
-    equals = sorted({other for c in _named(answer) for other in c["indistinguishable_from"]})
-    if equals:
-        return f"these recordings cannot distinguish it from {join_names(equals)}"
-    return "no other effect of the catalogue explains these recordings as well"
-
-
 def parameter_shifts(answer: Answer) -> str:
-    """Return the base parameters that the named effects change."""
+    """Return the base parameters that the named effects change; nothing where none is named."""
+    if not answer["missing"]:
+        return ""
     moved = [
         f"{m['parameter']} {format_quantity(m['from'], m['unit'], 3)} → {format_quantity(m['to'], m['unit'], 3)}"
         f"{'' if m['plausible'] else ' (at its bound)'}"
@@ -179,11 +149,6 @@ REJECTION_REASONS = {
     ),
 }
 """Why an effect is not named, by its ``reason``."""
-VALIDATION_PHRASES = {
-    "apart": "on recordings that were not fitted",
-    "by turns": "on the fitted recordings (each held out in turn)",
-    "none": "on the fitted recordings (none was held out)",
-}
 
 
 def reason_sentence(candidate: Answer, missing: Sequence[str], held_out: str, looks_like: str = "") -> str:
@@ -196,10 +161,6 @@ def reason_sentence(candidate: Answer, missing: Sequence[str], held_out: str, lo
     errors = [format_number(candidate[f"error_{when}"], 3) for when in ("before", "after")]
     text = f"{candidate['title']}: with it the error goes from {errors[0]} to {errors[1]} times the noise"
     return f"{text} {VALIDATION_PHRASES[held_out]}. {looks_like}".rstrip()
-
-
-def _named(answer: Answer) -> list[Answer]:
-    return [c for c in answer["candidates"] if c["effect"] in answer["missing"]]
 
 
 def _selection_path(answer: Answer) -> Iterator[str]:

@@ -44,15 +44,14 @@ def _with_article(noun: str) -> str:
     return f"an {noun}" if noun[0] in "aeio" else f"a {noun}"
 
 
-def describe_discrepancy(unexplained: Mapping[str, Any]) -> str:
-    """Return where the unexplained residual is, of which signal it is a function, and how much that explains."""
-    share = ""
-    if unexplained.get("share"):
-        periodic = unexplained.get("law") == PERIODIC_SHAPE  # a period is estimated from all recordings
-        what = "This" if periodic else f"A function of {unexplained['variable']}"
-        where = "" if periodic else " in recordings that were left out"
-        share = f" {what} explains {format_percent(unexplained['share'])} of it{where}."
-    return f"What remains is {discrepancy_character(unexplained)}: {discrepancy_location(unexplained)}.{share}"
+def explaining_signal(unexplained: Mapping[str, Any]) -> str:
+    """Return how much of the unexplained residual a function of one signal explains; nothing where none does."""
+    if not unexplained.get("share"):
+        return ""
+    share = format_percent(unexplained["share"])
+    if unexplained.get("law") == PERIODIC_SHAPE:  # a period is estimated from all recordings
+        return f"The period explains {share} of what is left."
+    return f"A function of {unexplained['variable']} explains {share} of what is left in recordings that were left out."
 
 
 def discrepancy_character(unexplained: Mapping[str, Any]) -> str:
@@ -68,13 +67,12 @@ def discrepancy_location(unexplained: Mapping[str, Any]) -> str:
     return f"{unexplained['channel']} errs by {ratio} times its noise ({unexplained['subsystem']})"
 
 
-def remaining_discrepancy(answer: Mapping[str, Any]) -> str:
-    """Return the largest discrepancy in excess of noise; nothing where there is none."""
+def largest_discrepancy(answer: Mapping[str, Any]) -> str:
+    """Return the channel of the largest discrepancy in excess of noise with its size; nothing where there is none."""
     found = answer.get("discrepancy") or []
     if not found:
         return ""
     worst = max(found, key=lambda one: one["size"])
     over = f", over {worst['over']}" if worst.get("over") else ""
     duration = f", lasting {format_quantity(worst['time_constant_s'], 's', 2)}" if worst.get("time_constant_s") else ""
-    ratio = format_noise_ratio(worst["size"])
-    return f"What remains: {worst['channel']} by {ratio} × noise ({worst['subsystem']}{over}{duration})."
+    return f"{worst['channel']}, {format_noise_ratio(worst['size'])} × its noise ({worst['subsystem']}{over}{duration})"

@@ -57,6 +57,7 @@ def format_number(value: float | None, digits: int = 4) -> str:
     return f"{value:.{max(0, digits - 1 - int(exponent))}f}".replace("-", "−")
 
 
+MAX_COMMON_POWER = 1e3  # end of an interval over its value, above which they are not written with one power of ten
 _RAISED = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
 
 
@@ -65,6 +66,9 @@ def format_interval(value: float | None, unit: str, ci95: Sequence[float | None]
 
     Half the interval's width has two digits, as the GUM (JCGM 100:2008, 7.2.6) advises; an interval that is not even
     about its value is given by its ends, one without width not at all.
+
+    >>> format_interval(2.01e4, "N/m", [1.0e-2, 1.94e9])
+    '20100 (0.010 to 1.9·10⁹) N/m'
     """
     low, high = ci95
     if (
@@ -77,13 +81,16 @@ def format_interval(value: float | None, unit: str, ci95: Sequence[float | None]
         return format_quantity(value, unit)
     value, low, high = (float(in_display_unit(v, unit)) for v in (value, low, high))
     half = 0.5 * (high - low)
+    even = abs(high + low - 2 * value) < 0.2 * half
     largest = max(abs(low), abs(high))
+    if not even and largest > MAX_COMMON_POWER * abs(value):
+        ends = (format_number(v, digits) for v, digits in ((value, 3), (low, 2), (high, 2)))
+        return "{} ({} to {})".format(*ends) + f" {unit_symbol(unit)}".rstrip()
     power = _exponent(largest) if not 1e-4 <= largest < 1e6 else 0
     places = max(0, 1 - _exponent(half) + power)
     middle, low_text, high_text, width = (
         f"{v / 10**power:.{places}f}".replace("-", "−") for v in (value, low, high, half)
     )
-    even = abs(high + low - 2 * value) < 0.2 * half
     text = f"{middle} ± {width}" if even else f"{middle} ({low_text} to {high_text})"
     scale = f"·10{str(power).translate(_RAISED)}" if power else ""
     return f"{f'({text}){scale}' if scale else text} {unit_symbol(unit)}".rstrip()

@@ -19,6 +19,28 @@ from pneucli.messages.formatting import (
 ISO_COLUMNS = ("command", "C (ISO 6358)", "b", "m")
 FRICTION_COLUMNS = ("recording", "p1", "kinetic friction", "break-away")
 LITRES_PER_BAR = 1e8  # l/(s bar) in m^3/(s Pa)
+WARNINGS = {
+    "at-stated-bound": (
+        "{name} stands at its bound, which [model.parameters] may set: these recordings ask for more, or do not show it"
+    ),
+    "at-default-bound": (
+        "{name} stands at its bound: these recordings do not show it; leave it out, or record a motion that does"
+    ),
+    "prior-not-identified": "[model.parameters] {name} is not used: these recordings do not show it",
+    "prior-of-absent-effect": "[model.parameters] {name} is not used: the model has not that effect",
+    "valve-null-drifts": (
+        "valve-null-drifts: {low[0]} ({low[1]:.4g} to {low[2]:.4g} V) and {high[0]} ({high[1]:.4g} to {high[2]:.4g} V) "
+        "have no null command in common; the model has one, {null:.4g} V: split the recordings, or find out what moved "
+        "the spool"
+    ),
+    "no-measured-map": "no measured map of chamber {chamber}: {where}: {found}; the map is that of the model's valve",
+    "no-map": "no valve map: {where}: {found}",
+}
+
+
+def warning_text(code: str, **values: Any) -> str:
+    """Return a warning of ``identify`` by its code."""
+    return WARNINGS[code].format(**values)
 
 
 def lines(answer: Mapping[str, Any], file: str, verbose: bool) -> Iterator[str]:

@@ -26,6 +26,18 @@ COLUMN_LEGEND = (
 )
 
 
+def observer_at_bound(law: str, observer: str, scenario: str, share: float, limit: float) -> str:
+    """Return the warning about a disturbance observer that does not slide; the shares of samples are 0 to 1.
+
+    >>> observer_at_bound("pdc", "force", "sine", 0.35, 0.2)  # doctest: +ELLIPSIS
+    'pdc: the force observer is at its bound M_k in 35 % of the samples of sine, above 20 %: its estimate is not ...'
+    """
+    return (
+        f"{law}: the {observer} observer is at its bound M_k in {100 * share:.0f} % of the samples of {scenario}, "
+        f"above {100 * limit:.0f} %: its estimate is not the disturbance"
+    )
+
+
 def table_rows(cases: Cases, tolerance_um: float) -> Iterator[list[str]]:
     """Yield a row a controller: the worst of all its scenarios, the air of all, and what it comes to."""
     for name, figures in cases.items():

@@ -6,9 +6,18 @@ import math
 from collections.abc import Mapping, Sequence
 from typing import Any
 
-from pneucli.messages.discrepancy import discrepancy_character, discrepancy_location
-from pneucli.messages.formatting import join_names
+from pneucli.messages.compare import evaluation_error
+from pneucli.messages.discrepancy import discrepancy_character, discrepancy_location, largest_discrepancy
+from pneucli.messages.formatting import format_noise_ratio, format_percent, join_names
 from pneucli.units import unit_suffix
+
+Answer = Mapping[str, Any]
+
+VALIDATION_PHRASES = {
+    "apart": "on recordings that were not fitted",
+    "by turns": "on the fitted recordings (each held out in turn)",
+    "none": "on the fitted recordings (none was held out)",
+}
 
 WARNINGS = {
     "cross-validated": 'no recording has use = "test": each is held out in turn, from a model fitted without it',
@@ -34,46 +43,77 @@ def warning_text(code: str, **values: Any) -> str:
     return WARNINGS[code].format(**values)
 
 
-def verdict_explanation(
-    verdict: str,
-    named: Sequence[tuple[str, str]],
-    errors: tuple[float | None, float | None],
-    equivalents: Sequence[str] = (),
-    undetectable: tuple[int, int] | None = None,
-    unexplained: Mapping[str, Any] | None = None,
-) -> str:
-    """Return the verdict with its reason in one or two sentences.
+def verdict_sentence(answer: Answer) -> str:
+    """Return the verdict: what is named and how much it explains, then what is left.
+
+    This is the ``sentence`` of the answer of ``diagnose``; terminal, page, summary and fleet show it unchanged.
 
     Args:
-        verdict: As in the answer.
-        named: Titles and names of the named effects.
-        errors: Error of the given and of the last model in units of noise.
-        equivalents: Names of the effects that are indistinguishable from the named ones.
-        undetectable: Number of effects that are undetectable at a typical size, and of all, if the verdict is
-            inconclusive.
-        unexplained: The answer's entry about the unexplained residual.
+        answer: The answer of ``diagnose``, complete but for this sentence.
 
+    >>> ladder = [{"add": None, "error_train": 1.4, "error_test": 1.02}]
+    >>> print(verdict_sentence({"verdict": "adequate", "missing": [], "ladder": ladder}))
+    Nothing is missing that these recordings could show: the error is 1.02 × noise on recordings that were not fitted.
+    What is left does not exceed noise and parameter uncertainty.
     """
-    before, after = (_format_error(error) for error in errors)
-    effects = " and ".join(f"{title[:1].lower()}{title[1:]} ({name})" for title, name in named)
-    if verdict == "adequate":
-        return f"Nothing in the residual exceeds noise and parameter uncertainty (error {after} times the noise)."
-    if verdict == "inconclusive":
-        assert undetectable is not None
-        why = f"{undetectable[0]} of {undetectable[1]} effects are undetectable at a typical size"
-        return f"No statement is possible: {why} (error {after} times the noise)."
-    if verdict == "missing-effect":
-        pronoun = "it" if len(named) == 1 else "them"
-        text = f"The model lacks {effects}: with {pronoun} the error goes from {before} to {after} times the noise."
-        return text + (
-            f" These recordings cannot distinguish it from {join_names(equivalents)}." if equivalents else ""
+    if answer.get("impossible"):
+        return impossible_data_sentence(answer["impossible"])
+    error = error_reduction(answer)
+    if answer["verdict"] == "inconclusive":
+        limits = answer["detectable"]
+        undetectable = sum(not one["typical"] for one in limits)
+        return (
+            f"No statement is possible: {undetectable} of {len(limits)} effects are undetectable at a typical size; "
+            f"{error}."
         )
-    assert unexplained is not None
-    text = (
-        f"What remains is {discrepancy_character(unexplained)}; no effect of the catalogue explains it: "
-        f"{discrepancy_location(unexplained)}."
-    )
-    return text + (f" These effects reduce the error: {effects}." if effects else "")
+    if answer["missing"]:
+        return f"{_named_effects(answer)} {_remainder(answer)}"
+    if answer["verdict"] == "adequate":
+        return f"Nothing is missing that these recordings could show: {error}. {_remainder(answer)}"
+    return f"No effect of the catalogue explains these recordings: {error}. {_remainder(answer)}"
+
+
+def _named_effects(answer: Answer) -> str:
+    """Return the named effects, how much they explain, and the effects that are indistinguishable from each."""
+    named = [c for c in answer["candidates"] if c["effect"] in answer["missing"]]
+    effects = join_names([f"{c['effect']} ({c['title'][:1].lower()}{c['title'][1:]})" for c in named])
+    share = answer.get("explained_share")
+    subject, pronoun = ("it explains", "it") if len(named) == 1 else ("they explain", "them")
+    explains = f"; {subject} {format_percent(share)} of the squared error beyond noise" if share else ""
+    text = f"The model lacks {effects}: with {pronoun} {error_reduction(answer)}{explains}."
+    for c in named:
+        if equivalents := c["indistinguishable_from"]:
+            one = pronoun if len(named) == 1 else c["effect"]
+            text += f" These recordings cannot distinguish {one} from {join_names(sorted(equivalents))}."
+    return text
+
+
+def _remainder(answer: Answer) -> str:
+    """Return what is left with the named effects."""
+    if rest := answer.get("unexplained"):
+        text = f"What is left is {discrepancy_character(rest)}: {discrepancy_location(rest)}"
+        return f"{text}; no effect of the catalogue explains it." if answer["missing"] else f"{text}."
+    largest = largest_discrepancy(answer)
+    where = f"; it is largest in {largest}" if largest else ""
+    return f"What is left does not exceed noise and parameter uncertainty{where}."
+
+
+def error_reduction(answer: Answer) -> str:
+    """Return how the named effects change the error, and on which recordings."""
+    first, last = answer["ladder"][0], selected_step(answer)
+    use, before = evaluation_error({"train": first["error_train"], "test": first["error_test"]})
+    on = VALIDATION_PHRASES["apart" if use == "test" else answer.get("held_out", "none")]
+    if first is last:
+        return f"the error is {format_noise_ratio(before)} × noise {on}"
+    after = last[f"error_{use}"]
+    moves = "rises" if before and after and after > before else "falls"
+    return f"the error {moves} from {format_noise_ratio(before)} to {format_noise_ratio(after)} × noise {on}"
+
+
+def selected_step(answer: Answer) -> Answer:
+    """Return the step of the path with all named effects."""
+    first: Answer = answer["ladder"][0]
+    return next((step for step in reversed(answer["ladder"]) if step["add"] in answer["missing"]), first)
 
 
 def impossible_data_sentence(findings: Sequence[str]) -> str:
@@ -87,10 +127,6 @@ def impossible_data_sentence(findings: Sequence[str]) -> str:
     """
     others = f" (and {len(findings) - 1} more)" if len(findings) > 1 else ""
     return f"{findings[0]}{others}. Such recordings cannot be true: no effect was looked for."
-
-
-def _format_error(value: float | None) -> str:
-    return "unknown" if value is None else f"{value:.3g}"
 
 
 def detection_limit_sentence(

@@ -11,7 +11,8 @@ from scipy.optimize import minimize
 from scipy.special import comb
 
 from pneucli.noise.model import NoiseModel
-from pneucli.noise.spectrum import NoiseFloor, detect_mains_lines, noise_floor, quantisation_step
+from pneucli.noise.quantisation import quantisation_step
+from pneucli.noise.spectrum import NoiseFloor, detect_mains_lines, noise_floor
 
 Array = NDArray[np.float64]
 

@@ -2,8 +2,8 @@
 
 A declaration is the only place that describes an effect. The simulator's code, the fit's parameter vector, the
 diagnosis, the catalogue, the page of the documentation and the tests are made from it. A port's function takes the
-port's arguments (``PORTS``) and then the effect's parameters in their order; it uses scalars, ``math`` and the
-functions of :mod:`pneucli.physics.gas` only, since the kernel compiles its source.
+arguments of the port (:data:`pneucli.physics.ports.PORTS`) and then the effect's parameters in their order; it uses
+scalars, ``math`` and the functions of :mod:`pneucli.physics.gas` only, since the kernel compiles its source.
 """
 
 from __future__ import annotations
@@ -15,104 +15,8 @@ from typing import Literal, NamedTuple
 
 from pneucli.errors import InputError
 from pneucli.experiments import Part
+from pneucli.physics.ports import PORTS, Balance
 from pneucli.physics.scales import SCALES, Quantity, RigQuantities, parse_scaled, value_of
-
-Combine = Literal["sum", "chain", "factor", "state"]
-Side = Literal["gas", "mechanics", "friction", "pressure sensor"]
-
-
-@dataclass(frozen=True)
-class Port:
-    """A place in the equations where effects enter.
-
-    Attributes:
-        arguments: Arguments that every function of the port takes before the effect's parameters.
-        combine: How effects combine. ``sum``: contributions add. ``factor``: they multiply 1. ``chain``: each maps
-            the first argument. ``state``: as chain, with a state of the effect as second argument; the function
-            returns the value and the new state.
-        side: The balance to which the port belongs: mass and energy (``gas``), forces (``mechanics``; ``friction``
-            for friction alone), or both, through the readings of the pressures (``pressure sensor``).
-        meaning: Unit and meaning of the value.
-        is_set_valued: Whether the port widens the set of possible forces.
-        memory: Whether its value depends on the past without a ``state``.
-        distinct_with: Ports of other effects beside which an effect that enters here changes the model at any value,
-            its null included.
-    """
-
-    arguments: tuple[str, ...]
-    combine: Combine
-    side: Side
-    meaning: str
-    is_set_valued: bool = False
-    memory: bool = False
-    distinct_with: tuple[str, ...] = ()
-
-    @property
-    def has_memory(self) -> bool:
-        """Whether its value depends on more than the present pressures, motion and command."""
-        return self.memory or self.combine == "state"
-
-
-PORTS: dict[str, Port] = {
-    "command": Port(("u", "s", "h"), "state", "gas", "V: the command that the opening follows; h is the step in s"),
-    "critical_ratio": Port(("b",), "chain", "gas", "1: critical ratio of the valve's flow function"),
-    "leak_area": Port((), "sum", "gas", "m^2: open from supply to outlet and from outlet to exhaust at every command"),
-    "leak_1_ambient": Port(("p1", "p_amb", "k"), "sum", "gas", "kg/s out of chamber 1"),
-    "leak_2_ambient": Port(("p2", "p_amb", "k"), "sum", "gas", "kg/s out of chamber 2"),
-    "leak_1_2": Port(("p1", "p2", "k"), "sum", "gas", "kg/s from chamber 1 to chamber 2"),
-    "volume_1": Port((), "sum", "gas", "m^3 added to chamber 1"),
-    "volume_2": Port((), "sum", "gas", "m^3 added to chamber 2"),
-    "heat": Port(
-        ("T", "T_wall"),
-        "sum",
-        "gas",
-        "W into a chamber's gas; its presence makes gas temperature a state",
-        memory=True,
-    ),
-    "supply": Port(
-        ("p", "s", "p_set", "q", "k_gas", "h"),
-        "state",
-        "gas",
-        "Pa: supply pressure at the valve, q kg/s leaving, k_gas = kappa R T; a state of 0 means not yet set",
-    ),
-    "flow_delay": Port((), "sum", "gas", "s by which the valve's flow arrives later in the chamber", memory=True),
-    "flow_delay_1": Port((), "sum", "gas", "s by which it arrives later still in chamber 1", memory=True),
-    "flow_delay_2": Port((), "sum", "gas", "s by which it arrives later still in chamber 2", memory=True),
-    "dry_rise": Port(
-        ("coulomb", "v"), "sum", "friction", "N of dry friction above Coulomb's at v while speeding up or at rest"
-    ),
-    "slowing": Port(
-        (),
-        "factor",
-        "friction",
-        "1: dry friction while slowing, over Coulomb's; its presence makes two branches",
-        is_set_valued=True,
-        distinct_with=("dry_rise",),
-    ),
-    "slowing_viscous": Port(
-        (),
-        "factor",
-        "friction",
-        "1: viscous friction while slowing, over that while speeding up; acts where an effect enters at slowing",
-        is_set_valued=True,
-    ),
-    "dry_factor": Port(("direction", "x", "p1", "p2", "p_amb"), "factor", "friction", "1: factor on all dry friction"),
-    "static_factor": Port(("rest_time",), "factor", "friction", "1: factor on the friction that holds at rest"),
-    "viscous_factor": Port(("direction",), "factor", "friction", "1: factor on viscous friction"),
-    "force": Port(("x", "v", "stroke"), "sum", "mechanics", "N on the piston toward +x"),
-    "mass": Port((), "sum", "mechanics", "kg moved in addition to the rig's"),
-    "bristle_stiffness": Port((), "sum", "friction", "N/m of the LuGre model's bristles; 0: rigid"),
-    "bristle_damping": Port((), "sum", "friction", "N s/m of the LuGre model's bristles"),
-    "read_p1": Port(("p", "p_amb"), "chain", "pressure sensor", "Pa: the static reading of the sensor of p1"),
-    "read_p2": Port(("p", "p_amb"), "chain", "pressure sensor", "Pa: the static reading of the sensor of p2"),
-    "unread_p1": Port(("p", "p_amb"), "chain", "pressure sensor", "Pa: inverse of read_p1"),
-    "unread_p2": Port(("p", "p_amb"), "chain", "pressure sensor", "Pa: inverse of read_p2"),
-    "read_a": Port(("a",), "chain", "mechanics", "m/s^2: the reading of the accelerometer"),
-    "sensor_lag": Port((), "sum", "pressure sensor", "s: time constant of the sensors of p1 and p2", memory=True),
-    "sensor_delay": Port(
-        (), "sum", "pressure sensor", "s by which p1 and p2 are recorded later than the other channels", memory=True
-    ),
-}
 
 
 class ParameterRange(NamedTuple):
@@ -197,7 +101,7 @@ class Effect:
         title: Name in words.
         part: The part of the rig in which it acts.
         parameters: Its parameters, in the order in which its functions take them.
-        ports: Functions by names of :data:`PORTS`.
+        ports: Functions by names of :data:`pneucli.physics.ports.PORTS`.
         equation: Plain text with LaTeX between dollars.
         looks_like: Its trace in the residual.
         shows_over: The signal over which this trace is clearest.
@@ -206,7 +110,7 @@ class Effect:
         source: Where the equation comes from.
         order: Rank among the effects of a chained port.
         nested: Whether the base model is this effect at the null values.
-        side: Chamber of a variant (:mod:`pneucli.physics.sides`); None for the declaration itself.
+        side: Chamber on which a variant acts (:mod:`pneucli.physics.sides`); None for the declaration itself.
         needs: Signals without which it cannot show, or the variant equals the declaration.
     """
 
@@ -232,7 +136,7 @@ class Effect:
         return tuple(p for p in self.parameters if not p.refines)
 
     def in_model_with(self, effects: Iterable[Effect]) -> Effect:
-        """Return the declaration as it holds beside other effects.
+        """Return the declaration as it holds in a model with other effects.
 
         Beside some, no value of the parameters makes the effect absent. Friction with two branches is an example:
         without a drop, the Stribeck rise still holds on one of them alone.
@@ -250,9 +154,9 @@ class Effect:
         return replace(self, parameters=tuple(replace(p, null=None) for p in self.parameters), nested=False)
 
     @property
-    def balances(self) -> frozenset[Side]:
+    def balances(self) -> frozenset[Balance]:
         """The balances in which it acts."""
-        return frozenset(PORTS[port].side for port in self.ports)
+        return frozenset(PORTS[port].balance for port in self.ports)
 
     @property
     def sensors(self) -> frozenset[str]:

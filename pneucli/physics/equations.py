@@ -15,7 +15,8 @@ from types import FunctionType
 from typing import Any
 
 from pneucli.physics import gas
-from pneucli.physics.declaration import PORTS, Effect
+from pneucli.physics.declaration import Effect
+from pneucli.physics.ports import PORTS
 
 ALLOWED_BUILTINS = {"min", "max", "abs", "float", "int", "round", "range", "bool", "pow", "True", "False"}
 _ALLOWED_NODES = (

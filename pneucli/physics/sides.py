@@ -12,7 +12,8 @@ from dataclasses import replace
 from typing import Literal
 
 from pneucli.experiments import Part
-from pneucli.physics.declaration import PORTS, Effect
+from pneucli.physics.declaration import Effect
+from pneucli.physics.ports import PORTS
 
 Chamber = Literal[1, 2]
 SEPARATOR = ":"

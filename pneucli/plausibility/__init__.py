@@ -26,7 +26,7 @@ def findings(recordings: Sequence[Recording], rig: Rig, stated: Mapping[str, Col
     ``stated`` names, by recording, the signals that the pipeline file states as held.
     """
     bench = RigCheck([without_empty_signals(one) for one in recordings], rig, stated)
-    with np.errstate(all="ignore"):  # numbers that overflow are told by other checks
+    with np.errstate(all="ignore"):  # other checks report numbers that overflow
         found = [finding for module in CHECKS for finding in module.check(bench)]
     return [*_empty(recordings), *found]
 

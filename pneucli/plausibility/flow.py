@@ -85,8 +85,8 @@ def _chamber_flow(one: Recording, bench: RigCheck) -> ChamberFlow | None:
     rig, slope, p = bench.rig, cut.slope("p1"), cut.mean("p1", 1)
     volume, swept = _volume(one, cut, bench)
     gas = rig.gas_constant * rig.gas_temperature
-    squeezed, carried = slope * volume / (rig.heat_capacity_ratio * gas), p * swept / gas
-    flow = squeezed + carried
+    compression, displacement = slope * volume / (rig.heat_capacity_ratio * gas), p * swept / gas
+    flow = compression + displacement
     none = np.full(cut.count, np.nan if rig.supply_pressure is None else rig.supply_pressure)
     supply = cut.mean("p_supply", 1) if "p_supply" in one else none
     above, below = np.where(flow > 0, supply, p), np.where(flow > 0, p, rig.ambient_pressure)
@@ -94,10 +94,10 @@ def _chamber_flow(one: Recording, bench: RigCheck) -> ChamberFlow | None:
     per_area = (
         above * np.sqrt(2 / gas) * flow_functions(np.maximum(ratio, 0.0), critical_ratio_of(rig.heat_capacity_ratio))
     )
-    told = (ratio < MAX_PRESSURE_RATIO) & (
-        np.abs(flow) > MIN_NET_FLOW_SHARE * np.maximum(np.abs(squeezed), np.abs(carried))
+    is_determined = (ratio < MAX_PRESSURE_RATIO) & (
+        np.abs(flow) > MIN_NET_FLOW_SHARE * np.maximum(np.abs(compression), np.abs(displacement))
     )
-    area = np.where(told, flow / np.maximum(per_area, 1e-30), np.nan)
+    area = np.where(is_determined, flow / np.maximum(per_area, 1e-30), np.nan)
     return ChamberFlow(one, cut.mean("u", 1), p, supply, flow, area)
 
 
@@ -172,8 +172,8 @@ def _max_supply_difference(supply: float, bench: RigCheck) -> float:
 
 def _command_direction(flow: ChamberFlow, rig: Rig) -> Iterator[Finding]:
     """The larger u, the more chamber 1 is filled (or port 2 vented); where the null lies does not matter."""
-    sure = np.isfinite(flow.area)
-    u, area, name = flow.u[sure], flow.area[sure], flow.recording.name
+    finite = np.isfinite(flow.area)
+    u, area, name = flow.u[finite], flow.area[finite], flow.recording.name
     if u.size < 2 or np.std(area) < MAX_LEAK_AREA:
         return
     if np.ptp(u) == 0.0:

@@ -67,8 +67,8 @@ def _force_balance(one: Recording, bench: RigCheck) -> ForceBalance | None:
     if force is None:
         return None
     v, a, x = cut.slope("x"), cut.curvature("x"), cut.mean("x", 2)
-    sure = np.abs(v) > np.abs(a) * cut.half_duration  # of the direction: it does not turn within the block
-    v, a, x, force = v[sure], a[sure], x[sure], force[sure]
+    one_direction = np.abs(v) > np.abs(a) * cut.half_duration  # of the direction: it does not turn within the block
+    v, a, x, force = v[one_direction], a[one_direction], x[one_direction], force[one_direction]
     if v.size == 0:
         return None
     line = fit_linear([a, np.sign(v), v, x - x.mean(), np.ones_like(v)], force)
@@ -135,8 +135,8 @@ class ClosedChamber:
     @classmethod
     def from_recording(cls, one: Recording, bench: RigCheck) -> ClosedChamber | None:
         """Return it, or None where chamber 2 is not closed, its volume is not stated, or p2 or x rests."""
-        told = one.chamber_2 == "closed" and "p1" in one and bench.active_signals(one, "p2")
-        cut = resolved_blocks(one, "x", 1) if told else None
+        is_usable = one.chamber_2 == "closed" and "p1" in one and bench.active_signals(one, "p2")
+        cut = resolved_blocks(one, "x", 1) if is_usable else None
         volume = None if cut is None else bench.volume(2, cut.mean("x"))
         if cut is None or volume is None or not np.all(volume > 0):
             return None

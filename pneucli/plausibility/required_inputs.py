@@ -123,9 +123,9 @@ VolumeKey = Literal["rig.dead_volume_1", "rig.dead_volume_2", "rig.vessel_volume
 
 
 def volumes_to_identify(recordings: Sequence[Recording], rig: Rig) -> tuple[VolumeKey, ...]:
-    """Return the volumes that the pipeline file leaves out and that motion or another volume lets be told.
+    """Return the volumes that the pipeline file leaves out and that motion or another volume identifies.
 
-    A dead volume shows as the piston moves; a vessel's volume beside a cylinder that the same valve drives, or with
+    A dead volume shows as the piston moves; a vessel's volume with a cylinder that the same valve drives, or with
     the flow into it. A vessel alone tells only ratios to its volume.
     """
     driven = [one for one in recordings if one.kind.axis]

@@ -8,13 +8,19 @@ from dataclasses import dataclass
 from itertools import pairwise
 from typing import Any
 
-from pneucli.messages import compare, diagnose, discrepancy, history, law_comparison, run, simulate
+from pneucli.messages import compare, diagnose, history, law_comparison, run, simulate
 from pneucli.messages.formatting import format_noise_ratio, format_number, format_parameters, format_percent, join_names
 from pneucli.messages.plausibility import implausibility_sentences
+from pneucli.messages.verdict import selected_step
 from pneucli.report.report_data import ReportData
 from pneucli.report.worst_recording import find_worst_recording, worst_recording_figure
 
 Answer = Mapping[str, Any]
+LARGE_VERDICTS = {
+    "adequate": "nothing further detected",
+    "unexplained": "none of the catalogue",
+    "inconclusive": "inconclusive",
+}
 MAX_STEPS = 5  # of the selection path: of more models, the first and the last ones are drawn
 
 
@@ -132,27 +138,14 @@ def _stated_probability(material: ReportData, added: Sequence[str]) -> str:
 
 
 def _missing(material: ReportData) -> Tile | None:
-    """Return the effects that are missing, and the evidence for them."""
+    """Return the verdict of the diagnosis, and the evidence for it."""
     answer = material.answer("diagnose")
     if not answer:
         return None
-    title = "Missing effect"
-    if answer["verdict"] == "adequate":
-        detectable = f"{_capital(diagnose.detectability_summary(answer))}; all under Evidence."
-        text = f"{detectable} {discrepancy.remaining_discrepancy(answer)}".rstrip()
-        return Tile(title, "nothing further detected", text, "good")
-    if answer["verdict"] == "inconclusive":
-        return Tile(title, "inconclusive", answer["sentence"], "bad")
-    text = f"{_capital(diagnose.evidence_summary(answer))}. {discrepancy.remaining_discrepancy(answer)}".rstrip()
-    if answer["missing"]:
-        return Tile(title, join_names(answer["missing"]), text, "bad")
-    share = format_percent(answer.get("unexplained_share") or 0.0)
-    return Tile(
-        title,
-        f"{share} unexplained",
-        f"{_capital(answer['sentence'])} {discrepancy.remaining_discrepancy(answer)}".rstrip(),
-        "bad",
-    )
+    evidence = diagnose.evidence_summary(answer)
+    text = f"{answer['sentence']} {_capital(evidence)}{'.' if evidence else ''}".rstrip()
+    large = join_names(answer["missing"]) or LARGE_VERDICTS[answer["verdict"]]
+    return Tile("Missing effect", large, text, "good" if answer["verdict"] == "adequate" else "bad")
 
 
 def _controller(material: ReportData) -> Tile | None:
@@ -183,7 +176,7 @@ def selection_path(material: ReportData) -> list[PathStep]:
     steps = [(label, m["error"][use], False) for label, m in zip(_labels(shown), shown, strict=True)]
     answer = material.answer("diagnose")
     if answer.get("missing"):
-        error = diagnose.selected_step(answer)[f"error_{use}"]
+        error = selected_step(answer)[f"error_{use}"]
         steps.append((f"+ {' + '.join(answer['missing'])}", error, True))
     most = max([2.0, *(error for _, error, _ in steps if error is not None)])
     return [

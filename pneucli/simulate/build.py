@@ -20,8 +20,9 @@ from numpy.typing import NDArray
 
 from pneucli import caches
 from pneucli.physics import gas
-from pneucli.physics.declaration import PORTS, Effect, Parameter
+from pneucli.physics.declaration import Effect, Parameter
 from pneucli.physics.equations import effect_source
+from pneucli.physics.ports import PORTS
 from pneucli.simulate import layout
 from pneucli.simulate.kernel import balance, chamber, friction, imposed, run, sensors, table_friction, valve
 

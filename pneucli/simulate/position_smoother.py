@@ -37,7 +37,7 @@ MIN_WINDOW = 2  # samples to either side
 INITIAL_INTENSITY = 1e-2  # in units of noise and period: a memory of two samples
 INTENSITY_RANGE = (1e-12, 1e4)  # memories of 100 samples, where a rest has no noise left, and of a fifth of one
 UPDATE_EXPONENT = 0.8  # 1/2 climbs for certain, 1 is the fixed point of the score; in between it is faster than 1/2
-PRIOR_COUNT = 1.0  # squared disturbances, as expected, that count beside those of a window
+PRIOR_COUNT = 1.0  # squared disturbances, as expected, that count in addition to those of a window
 MAX_UPDATES = 20
 MIN_GAIN = 0.01  # of the log likelihood a sample: below, the intensity begins to follow the noise
 

@@ -7,13 +7,14 @@ from collections.abc import Mapping
 from dataclasses import asdict
 from typing import Any
 
-from pneucli.closed_loop.acceptance import ACCEPTANCE_SCENARIOS, axis_variants, check_acceptance
+from pneucli.closed_loop.acceptance import ACCEPTANCE_SCENARIOS, Violation, axis_variants, check_acceptance
 from pneucli.closed_loop.robustness import sigma_from_intervals
 from pneucli.closed_loop.scenarios import read_scenarios
 from pneucli.closed_loop.simulation import ClosedLoopSetup
 from pneucli.controller.parameters import Controller
 from pneucli.design.requirements import Requirements
 from pneucli.io.artifacts import read_table
+from pneucli.messages.acceptance import cause_text
 from pneucli.messages.compare import BAD_ERROR_RATIO, evaluation_error
 from pneucli.pipeline.context import Context
 from pneucli.simulate.model import Model
@@ -30,10 +31,7 @@ def acceptance_answer(
         controller, requirements, scenarios, setup, axes, lambda share: context.progress("the gate", 0.8 + 0.2 * share)
     )
     error = model_error(context.answers)
-    missed = [
-        {n: v if not isinstance(v, float) or math.isfinite(v) else None for n, v in asdict(m).items()}
-        for m in found.violations
-    ]
+    missed = [violation_answer(one) for one in found.violations]
     return {
         "passed": not missed and not (error is not None and error > BAD_ERROR_RATIO),
         "strict": requirements.strict,
@@ -43,6 +41,13 @@ def acceptance_answer(
         "model_error": error,
         "model_error_limit": BAD_ERROR_RATIO,
     }
+
+
+def violation_answer(one: Violation) -> dict[str, Any]:
+    """Return the entry about a violation, its cause in words."""
+    entry = {n: None if isinstance(v, float) and not math.isfinite(v) else v for n, v in asdict(one).items()}
+    del entry["quantities"]
+    return entry | {"cause": cause_text(one.cause, one.quantities)}
 
 
 def parameter_intervals(context: Context) -> dict[str, tuple[float, float]]:

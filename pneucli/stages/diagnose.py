@@ -20,7 +20,7 @@ from pneucli.diagnose.validity import lacks_p2
 from pneucli.errors import InputError, did_you_mean
 from pneucli.identify.estimation.fit import Fit
 from pneucli.identify.estimation.model_fit import fit_model
-from pneucli.identify.guesses.friction_and_valve import guess_base_model
+from pneucli.identify.guesses.base_model import guess_base_model
 from pneucli.identify.residuals import ForceBalanceInferredP2, ResidualModel
 from pneucli.memory import release_free_memory
 from pneucli.messages.diagnose import reason_sentence
@@ -30,7 +30,7 @@ from pneucli.messages.progress import (
     FREE_RUN_PROGRESS,
     GIVEN_MODEL_PROGRESS,
 )
-from pneucli.messages.verdict import warning_text
+from pneucli.messages.verdict import verdict_sentence, warning_text
 from pneucli.pipeline.context import Context
 from pneucli.pipeline.manifest import program_versions
 from pneucli.plausibility.repaired import impossible_findings
@@ -42,8 +42,8 @@ from pneucli.stages.diagnosis_answer import (
     detectability_answer,
     discrepancy_answer,
     proposed_experiment,
+    shift_answer,
     unexplained_answer,
-    verdict_answer,
 )
 from pneucli.stages.identify import parameters_answer
 from pneucli.stages.leak_answer import per_vessel_volume
@@ -155,8 +155,7 @@ def _answer(pipeline: PipelineData, data: DiagnosisData, found: Diagnosis, impos
     ]
     candidates = [_candidate_answer(pipeline, data, found, decision) for decision in found.decisions]
     selected = _selected_model(found).model
-    rest = None if found.unexplained is None else unexplained_answer(found.unexplained)
-    return {
+    answer = {
         "schema": "pneucli/diagnose/1",
         "pipeline": pipeline.context.config.name,
         "model": {"effects": [e.name for e in pipeline.effects]},
@@ -173,18 +172,15 @@ def _answer(pipeline: PipelineData, data: DiagnosisData, found: Diagnosis, impos
         "explained_share": removed_error_share(errors[0], data.free_run_errors(selected)),
         "purpose": purpose_answer(data.free_run_errors.channels(selected), pipeline.context.config.compare.tolerance),
         "next_experiment": proposed_experiment(data, found),
-        "sentence": verdict_answer(found, errors, rest, impossible),
-        "detectable": [detectability_answer(d) for d in found.detectable],
+        "detectable": [detectability_answer(d, pipeline) for d in found.detectable],
         "discrepancy": [discrepancy_answer(d) for d in found.discrepancies],
-        "moved": [
-            {"parameter": m.parameter, "from": m.before, "to": m.after, "unit": m.unit, "plausible": m.plausible}
-            for m in found.parameter_shifts
-        ],
-        "unexplained": rest,
+        "moved": [shift_answer(one, pipeline) for one in found.parameter_shifts],
+        "unexplained": None if found.unexplained is None else unexplained_answer(found.unexplained),
         "warnings": []
         if found.unexplained
         else parameter_uncertainty_warnings(found.path.test),  # an unmodelled effect would raise these errors, too
     }
+    return answer | {"sentence": verdict_sentence(answer)}
 
 
 def _parameters(pipeline: PipelineData, found: Fit, effect: str) -> dict[str, Any]:

@@ -2,17 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
 from dataclasses import asdict
 from typing import Any
 
 from pneucli.diagnose.data import DiagnosisData
 from pneucli.diagnose.detectability import MinimumDetectableEffect
-from pneucli.diagnose.diagnosis import MAX_UNDETECTABLE_SHARE, Diagnosis
+from pneucli.diagnose.diagnosis import Diagnosis, ParameterShift
 from pneucli.diagnose.discrepancy import Discrepancy, UnexplainedResidual
 from pneucli.diagnose.experiment_design import most_discriminating_experiment
-from pneucli.diagnose.free_run_error import held_out_error
-from pneucli.diagnose.score import ErrorsByUse
 from pneucli.messages.discrepancy import PERIODIC_SHAPE, SHAPES, discrepancy_kind_text
 from pneucli.messages.experiment_design import (
     detecting_experiment,
@@ -21,12 +18,9 @@ from pneucli.messages.experiment_design import (
     distinguishing_experiment,
     manoeuvre_text,
 )
-from pneucli.messages.verdict import (
-    detection_limit_sentence,
-    impossible_data_sentence,
-    location_phrase,
-    verdict_explanation,
-)
+from pneucli.messages.verdict import detection_limit_sentence, location_phrase
+from pneucli.stages.leak_answer import vessel_scale
+from pneucli.stages.pipeline_data import PipelineData
 
 
 def unexplained_answer(one: UnexplainedResidual) -> dict[str, Any]:
@@ -43,45 +37,32 @@ def unexplained_answer(one: UnexplainedResidual) -> dict[str, Any]:
     }
 
 
-def detectability_answer(one: MinimumDetectableEffect) -> dict[str, Any]:
+def detectability_answer(one: MinimumDetectableEffect, study: PipelineData) -> dict[str, Any]:
     """Return the entry about the detection limit of an effect."""
+    factor, unit = vessel_scale(f"{one.effect.name}.{one.parameter.name}", one.parameter.unit, study)
+    size = factor * one.size if one.plausible else None
     return {
         "effect": one.effect.name,
         "parameter": one.parameter.name,
-        "size": one.size if one.plausible else None,
-        "unit": one.parameter.unit,
+        "size": size,
+        "unit": unit,
+        "typical": one.typical,
         "where": [{"parameter": p.name, "value": value, "unit": p.unit} for p, value in one.where.items()],
-        "would_show": _detection_limit(one),
+        "would_show": _detection_limit(one, size, unit),
     }
 
 
-def _detection_limit(one: MinimumDetectableEffect) -> str:
+def _detection_limit(one: MinimumDetectableEffect, size: float | None, unit: str) -> str:
     where = [location_phrase(p.title or p.name, value, p.unit) for p, value in one.where.items()]
-    name, size = one.parameter.title or one.parameter.name, one.size if one.plausible else None
-    return detection_limit_sentence(one.effect.title, name, size, one.parameter.unit, one.parameter.null, where)
+    name = one.parameter.title or one.parameter.name
+    return detection_limit_sentence(one.effect.title, name, size, unit, one.parameter.null, where)
 
 
-def verdict_answer(
-    found: Diagnosis, errors: Sequence[ErrorsByUse], rest: Mapping[str, Any] | None, impossible: Sequence[str] = ()
-) -> str:
-    """Return the verdict with its reason; ``rest`` is the entry about the unexplained residual.
-
-    ``impossible`` has a sentence for each finding that forbids a verdict.
-    """
-    if impossible:
-        return impossible_data_sentence(impossible)
-    titles = {e.name: e.title for e in found.path.last.model.effects}
-    undetectable = sum(not d.typical for d in found.detectable)
-    return verdict_explanation(
-        found.verdict,
-        [(titles[n], n) for n in found.missing],
-        (held_out_error(errors[0]), held_out_error(errors[-1])),
-        sorted({e for n in found.missing for e in found.equivalents[n]}),
-        (undetectable, len(found.detectable))
-        if undetectable > MAX_UNDETECTABLE_SHARE * len(found.detectable)
-        else None,
-        rest,
-    )
+def shift_answer(one: ParameterShift, study: PipelineData) -> dict[str, Any]:
+    """Return the entry about a base parameter that the added effects changed."""
+    factor, unit = vessel_scale(one.parameter, one.unit, study)
+    sizes = {"from": factor * one.before, "to": factor * one.after}
+    return {"parameter": one.parameter, **sizes, "unit": unit, "plausible": one.plausible}
 
 
 def discrepancy_answer(one: Discrepancy) -> dict[str, Any]:

@@ -13,15 +13,16 @@ from pneucli.identify.estimation.model_fit import fit_model
 from pneucli.identify.estimation.parameters import FreeParameter
 from pneucli.identify.estimation.progress import Iteration, report_iterations_to
 from pneucli.identify.friction import FrictionIdentification, identify_friction
+from pneucli.identify.guesses.base_model import guess_base_model
 from pneucli.identify.guesses.chamber_balance import Chamber
 from pneucli.identify.guesses.flow_paths import opening_from_null, valve_driven
-from pneucli.identify.guesses.friction_and_valve import guess_base_model
 from pneucli.identify.guesses.null_command import drifting_recordings
 from pneucli.identify.residuals import ResidualModel, with_channel_weights
 from pneucli.identify.valve import ValveIdentification, identify_valve, identify_valve_on_piston
 from pneucli.io.artifacts import write_table
 from pneucli.messages.formatting import format_number
 from pneucli.messages.friction import friction_warning
+from pneucli.messages.identify import warning_text
 from pneucli.messages.valve import valve_warning
 from pneucli.pipeline.context import Context
 from pneucli.recording import Rig
@@ -33,11 +34,6 @@ from pneucli.stages.pipeline_data import PipelineData
 from pneucli.stages.tables.correlation import write_parameter_relations
 from pneucli.stages.tables.friction import friction_answer, write_friction
 from pneucli.stages.tables.valve import iso_parameters, valve_answer, valve_findings, write_valves
-
-AT_STATED_BOUND = (
-    "{} stands at its bound, which [model.parameters] may set: these recordings ask for more, or do not show it"
-)
-AT_DEFAULT_BOUND = "{} stands at its bound: these recordings do not show it; leave it out, or record a motion that does"
 
 
 def run(context: Context) -> dict[str, Any]:
@@ -72,7 +68,7 @@ def run(context: Context) -> dict[str, Any]:
 
 
 def _at_bound_warning(name: str, rig: Rig) -> str:
-    return (AT_STATED_BOUND if name in rig.priors else AT_DEFAULT_BOUND).format(name)
+    return warning_text("at-stated-bound" if name in rig.priors else "at-default-bound", name=name)
 
 
 def _unused_prior_warnings(study: PipelineData, free: Sequence[FreeParameter]) -> list[str]:
@@ -81,8 +77,8 @@ def _unused_prior_warnings(study: PipelineData, free: Sequence[FreeParameter]) -
     idle = [n for n, k in study.rig.priors.items() if k.fixed is None and n not in model_has]
     waiting = [n for n in study.context.config.model.parameters if n not in study.rig.priors]
     return [
-        *(f"[model.parameters] {n} is not used: these recordings do not show it" for n in idle),
-        *(f"[model.parameters] {n} is not used: the model has not that effect" for n in waiting),
+        *(warning_text("prior-not-identified", name=n) for n in idle),
+        *(warning_text("prior-of-absent-effect", name=n) for n in waiting),
     ]
 
 
@@ -90,11 +86,8 @@ def _null_warnings(rig: Rig) -> list[str]:
     """Return what to say where recordings cannot all have the null command that was identified."""
     if (names := drifting_recordings(rig)) is None:
         return []
-    low, high = (f"{name} ({rig.null_ranges[name][0]:.4g} to {rig.null_ranges[name][1]:.4g} V)" for name in names)
-    return [
-        f"valve-null-drifts: {low} and {high} have no null command in common; the model has one, "
-        f"{rig.valve_null:.4g} V: split the recordings, or find out what moved the spool"
-    ]
+    low, high = ((name, *rig.null_ranges[name]) for name in names)
+    return [warning_text("valve-null-drifts", low=low, high=high, null=rig.valve_null)]
 
 
 def _round_observer(study: PipelineData, rounds: list[Iteration]) -> Callable[[Iteration], None]:
@@ -147,13 +140,11 @@ def _identify_chamber_valve(
         if any(e.vessel for e in shown):
             return identify_valve(study.experiments, found, chamber)
     except InputError as error:
-        warnings.append(
-            f"no measured map of chamber {chamber}: {error.where}: {error.found}; the map is that of the model's valve"
-        )
+        warnings.append(warning_text("no-measured-map", chamber=chamber, where=error.where, found=error.found))
     try:
         return identify_valve_on_piston(study.experiments, found, chamber)
     except InputError as error:
-        warnings.append(f"no valve map: {error.where}: {error.found}")
+        warnings.append(warning_text("no-map", where=error.where, found=error.found))
         return None
 
 

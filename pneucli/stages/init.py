@@ -94,7 +94,7 @@ def fill_in(path: Path, answers: Mapping[str, str]) -> dict[str, Any]:
 def _survey_files(raw: Sequence[Path], stated: dict[str, Any], left: list[str]) -> Iterator[Survey]:
     """Yield the files that are meant, each once: those of folders and of globs, which not every shell fills in.
 
-    What lies in a folder and is no recording is left out, and said in ``left``.
+    Files of a folder that are no recordings are left out and listed in ``left``.
     """
     seen = set()
     for path in raw:
@@ -120,7 +120,7 @@ def _example(directory: Path) -> str:
 
 
 def _recordings(found: Sequence[FileGroup], left: list[str]) -> Sequence[FileGroup]:
-    """Return the groups that have a pressure or a position, or all where none has; the others are said in ``left``."""
+    """Return the groups with a pressure or a position, or all where none has; the others are listed in ``left``."""
     usable = [one for one in found if one.signals.keys() & {"p1", "x"}]
     if not usable:
         return found

@@ -22,6 +22,7 @@ from pneucli.closed_loop.simulation import ClosedLoopSetup, Run, Scenario
 from pneucli.closed_loop.sliding_share import MIN_SLIDING_SHARE, OBSERVERS
 from pneucli.controller.laws import DEFAULT
 from pneucli.controller.parameters import Controller
+from pneucli.messages.law_comparison import observer_at_bound
 from pneucli.pipeline.context import Context
 from pneucli.recording import Recording
 from pneucli.simulate.model import Model
@@ -89,11 +90,7 @@ def observer_warnings(found: LawComparison) -> list[str]:
             shares = {s: getattr(m, f"sliding_{observer}") for s, (_, m) in by.items()}
             finite = {s: share for s, share in shares.items() if not math.isnan(share)}
             if finite and (worst := min(finite, key=finite.__getitem__)) and finite[worst] < MIN_SLIDING_SHARE:
-                warnings.append(
-                    f"{name}: the {observer} observer is at its bound M_k in {100 * (1 - finite[worst]):.0f} % of "
-                    f"the samples of {worst}, above {100 * (1 - MIN_SLIDING_SHARE):.0f} %: its estimate is not the "
-                    "disturbance"
-                )
+                warnings.append(observer_at_bound(name, observer, worst, 1 - finite[worst], 1 - MIN_SLIDING_SHARE))
     return warnings
 
 

@@ -6,7 +6,7 @@ from dataclasses import asdict
 from typing import Any
 
 from pneucli.identify.estimation.fit import Estimate
-from pneucli.identify.guesses.friction_and_valve import PLACEHOLDER_VOLUME
+from pneucli.identify.guesses.base_model import PLACEHOLDER_VOLUME
 from pneucli.identify.leak_rate import FLOW_UNIT, leak_flows, pressure_losses
 from pneucli.plausibility.required_inputs import volumes_to_identify
 from pneucli.simulate.model import Model
@@ -21,20 +21,21 @@ def only_ratio_identifiable(study: PipelineData) -> bool:
     return unknown and {r.kind.cylinder for r in study.recordings if r.kind.valve} == {False}
 
 
+def vessel_scale(name: str, unit: str, study: PipelineData) -> tuple[float, str]:
+    """Return the factor and the unit of a parameter's value in answers.
+
+    Where the vessel's volume is unknown, only ratios to it are identifiable: such a value is per volume of the vessel.
+    """
+    counted = unit.startswith(("m^2", "m^3", "W/K", "kg/")) and not name.startswith("rig.")
+    return (1.0 / PLACEHOLDER_VOLUME, f"{unit}/m^3") if counted and only_ratio_identifiable(study) else (1.0, unit)
+
+
 def per_vessel_volume(estimate: Estimate, study: PipelineData) -> Estimate:
-    """Return the estimate, per volume of the vessel where that volume is unknown: only the ratio is identifiable."""
-    counted = estimate.unit.startswith(("m^2", "m^3", "W/K", "kg/")) and not estimate.name.startswith("rig.")
-    if not (counted and only_ratio_identifiable(study)):
-        return estimate
+    """Return the estimate, per volume of the vessel where that volume is unknown."""
+    factor, unit = vessel_scale(estimate.name, estimate.unit, study)
     low, high = estimate.ci95
-    return Estimate(
-        estimate.name,
-        f"{estimate.unit}/m^3",
-        estimate.value / PLACEHOLDER_VOLUME,
-        estimate.error / PLACEHOLDER_VOLUME,
-        (low / PLACEHOLDER_VOLUME, high / PLACEHOLDER_VOLUME),
-        estimate.at_bound,
-    )
+    value, error = factor * estimate.value, factor * estimate.error
+    return Estimate(estimate.name, unit, value, error, (factor * low, factor * high), estimate.at_bound)
 
 
 def leak_answer(study: PipelineData, model: Model, estimates: list[Estimate]) -> dict[str, Any]:

@@ -63,6 +63,9 @@ def convex_weights(frame: sx.AffineFrame, weight_type: WeightType) -> tuple[Arra
         InputError: The type is unknown, does not exist for these points (``no``, rarely ``irno``), or needs a search
             with more than nine vertices.
 
+    References:
+        Thesis (4.6): weights that sum to one and are not negative.
+
     >>> grid = np.linspace(0.0, 1.0, 5)
     >>> frame = sx.affine_frame(np.column_stack([grid / np.linalg.norm(grid)]), np.ones(1), 1e-10)
     >>> convex_weights(frame, "cno")[0][:, 0].round(6)

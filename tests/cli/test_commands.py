@@ -89,8 +89,8 @@ def test_run_summarises_the_model_in_five_lines(pneucli: Command, bench: Path, m
     lines = [line.split(maxsplit=1) for line in pneucli("run", bench).out.splitlines()]
     assert lines == [
         ["error", "2.00 → 1.00 × noise on test recordings with valve-leak"],
-        ["missing", "valve-leak was missing and is in the model now"],
-        ["left", "nothing beyond noise and known uncertainty"],
+        ["added", "valve-leak"],
+        ["found", "Nothing is missing."],
         ["checks", "1 passed"],
         ["report", "artifacts/bench/report/report.html"],
     ]
@@ -99,8 +99,8 @@ def test_run_summarises_the_model_in_five_lines(pneucli: Command, bench: Path, m
 def test_run_names_the_missing_effect_and_the_command_that_adds_it(pneucli: Command, bench: Path) -> None:
     out = pneucli("run", bench).out
     assert "error    2.00 × noise on test recordings\n" in out
-    assert "missing  the model lacks valve-leak (leak in the valve)" in out
-    assert f"pneucli add {bench} --suggested" in " ".join(out.split())
+    assert "found    The model lacks valve-leak." in out
+    assert f"do       pneucli add {bench} --suggested" in " ".join(out.splitlines())
 
 
 def test_verbose_shows_the_tables_behind_the_verdict(pneucli: Command, bench: Path) -> None:

@@ -8,15 +8,10 @@ import numpy as np
 import pytest
 
 from pneucli.closed_loop import acceptance as gating
-from pneucli.closed_loop.acceptance import (
-    NOMINAL_AXIS,
-    Criterion,
-    acceptance_criteria,
-    axis_variants,
-    check_acceptance,
-    limiting_cause,
-)
+from pneucli.closed_loop import plant_limits
+from pneucli.closed_loop.acceptance import NOMINAL_AXIS, Criterion, acceptance_criteria, axis_variants, check_acceptance
 from pneucli.closed_loop.law_comparison import without_component
+from pneucli.closed_loop.plant_limits import limiting_cause
 from pneucli.closed_loop.scenarios import read_scenarios
 from pneucli.messages import acceptance as words
 from tests.design import axis
@@ -75,21 +70,22 @@ def test_an_end_of_an_interval_counts_and_few_draws_do_not(monkeypatch: pytest.M
 def test_what_cannot_be_reached_is_said_with_its_cause(stated: dict[str, float], why: str) -> None:
     (missed,) = found(replace(WANTED, **stated)).violations
     assert missed.demand == next(iter(stated))
-    assert missed.cause.startswith(why)
-    assert bool(missed.cause) == bool(why)
+    text = words.cause_text(missed.cause, missed.quantities)
+    assert text.startswith(why)
+    assert bool(text) == bool(why)
 
 
 def test_no_loop_is_stiffer_than_what_valve_and_spring_give_together() -> None:
     """By the deflection of a mass that a ramp of force stops, stepped here in time."""
     c = CONTROLLER.values
-    push, rate = gating.nominal_load(c), gating.max_force_rate(c)
+    push, rate = gating.nominal_load(c), plant_limits.max_force_rate(c)
     left, x, v, dt = push - c["C_STATIC"], 0.0, 0.0, 1e-6
     for k in range(10_000_000):
         v += dt * (left - rate * k * dt) / c["C_MASS"]
         x += dt * v
         if v <= 0.0:
             break
-    assert gating.max_load_stiffness(c) - gating.min_air_stiffness(c) == pytest.approx(push / x, rel=1e-2)
+    assert plant_limits.max_load_stiffness(c) - plant_limits.min_air_stiffness(c) == pytest.approx(push / x, rel=1e-2)
     shown = check_acceptance(
         CONTROLLER, replace(WANTED, stiffness=1e-3), SCENARIOS, axis.BENCH, [(NOMINAL_AXIS, MODEL)]
     )
@@ -99,8 +95,9 @@ def test_no_loop_is_stiffer_than_what_valve_and_spring_give_together() -> None:
 def test_a_sensor_that_is_too_coarse_is_a_cause_too() -> None:
     coarse = replace(WANTED, quantum_x=20e-6)
     asked = acceptance_criteria(coarse, CONTROLLER)[0]
-    assert "too coarse" in limiting_cause(asked, CONTROLLER, coarse, SCENARIOS)
-    assert limiting_cause(asked, CONTROLLER, WANTED, SCENARIOS) == ""
+    cause = limiting_cause(asked.name, asked.limit, CONTROLLER, coarse, SCENARIOS)
+    assert words.cause_text(*cause) == "the position sensor is too coarse: 20 um"
+    assert limiting_cause(asked.name, asked.limit, CONTROLLER, WANTED, SCENARIOS) == ("", {})
 
 
 def test_the_spring_is_that_of_both_chambers_of_enclosed_gas() -> None:
@@ -114,7 +111,7 @@ def test_the_spring_is_that_of_both_chambers_of_enclosed_gas() -> None:
         "C_P_MEAN": 4e5,
     }
     c = CONTROLLER.with_values(**known, C_STROKE=0.2, C_GAMMA=1.4).values
-    assert gating.min_air_stiffness(c) == pytest.approx(1.4 * 4e5 * 1e-3 * 2 / 0.1)
+    assert plant_limits.min_air_stiffness(c) == pytest.approx(1.4 * 4e5 * 1e-3 * 2 / 0.1)
 
 
 @pytest.mark.parametrize(

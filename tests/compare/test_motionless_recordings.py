@@ -14,7 +14,7 @@ from pneucli.compare.expected_error import expected_rms_of_all
 from pneucli.compare.residual_correlation import residual_correlations
 from pneucli.identify.friction.kinematics import estimate_motion
 from pneucli.identify.friction.summary_figures import break_away
-from pneucli.identify.guesses.friction_and_valve import guess_base_model
+from pneucli.identify.guesses.base_model import guess_base_model
 from pneucli.identify.residuals import residual_models
 from pneucli.noise import estimate_noise
 from pneucli.recording import Recording, Rig

@@ -11,26 +11,25 @@ import pytest
 
 from pneucli.controller.layout import COMPONENT_SWITCHES, DELAY_LINE_SAMPLES
 from pneucli.design import cascade_design
+from pneucli.design.axis_parameters import axis_parameters, inverse_table
 from pneucli.design.bandwidths import (
     DELAY_UNCERTAINTY,
-    LOAD_OBSERVER_RATIO,
     SPOOL_LEAD,
     UNMODELLED_DELAY,
     Bandwidths,
     Timing,
     choose_bandwidths,
-    controller_gains,
-    stiction_parameters,
 )
-from pneucli.design.cascade_design import (
+from pneucli.design.effect_compensation import DwellStrengthening
+from pneucli.design.gains import LOAD_OBSERVER_RATIO, controller_gains
+from pneucli.design.reference_limits import (
     STOPPING_TIME_CONSTANTS,
-    axis_parameters,
-    inverse_table,
+    chamber_2_pressure,
     reachable_speed_and_gradient,
     reference_limits,
 )
-from pneucli.design.effect_compensation import DwellStrengthening
 from pneucli.design.requirements import Requirements, read_requirements
+from pneucli.design.standstill import stiction_parameters
 from pneucli.errors import InputError
 from pneucli.physics.effects import catalogue
 from pneucli.simulate.valve_forms.area import ValveArea
@@ -161,7 +160,7 @@ def test_the_speed_that_both_directions_reach_keeps_the_pressures_constant() -> 
     speed, rate = reachable_speed_and_gradient(VALUES)
     worst = []
     for x in np.linspace(0.2, 0.8, 25) * VALUES["C_STROKE"]:
-        p2 = float(cascade_design.chamber_2_pressure(VALUES, np.array([x]))[0])
+        p2 = float(chamber_2_pressure(VALUES, np.array([x]))[0])
         a1, a2 = VALUES["C_AREA_1"], VALUES["C_AREA_2"]
         p1 = (a2 * p2 + (a1 - a2) * VALUES["C_AMBIENT"]) / a1
         if not 1.3 * VALUES["C_AMBIENT"] <= p1 <= 0.85 * VALUES["C_SUPPLY"]:
@@ -204,9 +203,9 @@ def test_where_no_pressure_lies_within_range_all_places_count() -> None:
 def test_a_closed_chamber_2_is_an_isentropic_spring(x: float) -> None:
     volume = VALUES["C_DEAD_VOLUME_2"] + VALUES["C_AREA_2"] * (VALUES["C_STROKE"] - x)
     middle = VALUES["C_DEAD_VOLUME_2"] + VALUES["C_AREA_2"] * VALUES["C_STROKE"] / 2
-    p = cascade_design.chamber_2_pressure(VALUES, np.array([x]))
+    p = chamber_2_pressure(VALUES, np.array([x]))
     assert p * volume ** VALUES["C_GAMMA"] == pytest.approx(VALUES["C_P_MEAN"] * middle ** VALUES["C_GAMMA"])
-    two = cascade_design.chamber_2_pressure({**VALUES, "C_TWO_VALVES": 1.0}, np.array([x]))
+    two = chamber_2_pressure({**VALUES, "C_TWO_VALVES": 1.0}, np.array([x]))
     assert two.tolist() == [VALUES["C_P_MEAN"]]
 
 

@@ -50,11 +50,9 @@ class Diagnosed:
         standing = given.get("standing", {"a", "b"})
 
         def weighed(
-            diagnosis_data: Any, last: Any, step: Candidate, left: Any, place: Any, alike: Any
+            diagnosis_data: Any, last: Any, step: Candidate, left: Any, place: Any
         ) -> tuple[Decision, Evidence]:
             assert place is places[step.effect.name]
-            shared = () if place is places["a"] or given.get("violated") else (rival.effect.name,)
-            assert alike == shared
             self.steps.append((step.effect.name, step.reduced.effect_names, step.full.effect_names, bool(left)))
             stands = step.effect.name in standing or not (left or step.effect.name in given.get("doubted", ()))
             reason: Reason = "supported" if stands else given.get("why", "explained-by-unknown")

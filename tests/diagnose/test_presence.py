@@ -16,7 +16,7 @@ from pneucli.diagnose.evidence import disagreement, relative_effect_size, signif
 from pneucli.diagnose.validity import end_locations
 from pneucli.identify.estimation.fit import Fit, parameter_estimates
 from pneucli.identify.estimation.model_fit import fit_model, fit_with_effect, score_tests
-from pneucli.identify.guesses.friction_and_valve import guess_base_model
+from pneucli.identify.guesses.base_model import guess_base_model
 from pneucli.identify.residuals import ResidualModel, residual_models
 from pneucli.physics.effects import catalogue
 from pneucli.simulate.preparation import prepare

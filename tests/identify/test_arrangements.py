@@ -10,7 +10,7 @@ import pytest
 from pneucli.errors import InputError
 from pneucli.identify.estimation.fit import Fit
 from pneucli.identify.estimation.model_fit import fit_model
-from pneucli.identify.guesses.friction_and_valve import guess_base_model
+from pneucli.identify.guesses.base_model import guess_base_model
 from pneucli.identify.guesses.null_command import drifting_recordings, with_identified_null
 from pneucli.identify.residuals import residual_models
 from pneucli.noise import NoiseModel

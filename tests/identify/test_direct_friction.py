@@ -9,6 +9,7 @@ import pytest
 
 from pneucli.identify.estimation.direct_starts import direct_base_friction, direct_guesses
 from pneucli.identify.estimation.model_fit import fit_model
+from pneucli.identify.guesses.base_model import guess_base_model, guess_friction
 from pneucli.identify.guesses.direct_friction import (
     ForceSamples,
     _slides,
@@ -17,7 +18,6 @@ from pneucli.identify.guesses.direct_friction import (
     has_both_directions,
     search_stribeck,
 )
-from pneucli.identify.guesses.friction_and_valve import guess_base_model, guess_friction
 from pneucli.identify.residuals import residual_models
 from pneucli.physics.effects import catalogue
 from pneucli.physics.vectorised import stribeck_friction

@@ -9,7 +9,7 @@ import pytest
 
 from pneucli.compare import compare
 from pneucli.identify.estimation.model_fit import fit_model
-from pneucli.identify.guesses.friction_and_valve import guess_base_model
+from pneucli.identify.guesses.base_model import guess_base_model
 from pneucli.identify.residuals import residual_models
 from pneucli.noise import NoiseModel
 from pneucli.recording import Recording, Rig

@@ -9,17 +9,11 @@ from typing import Any
 import numpy as np
 import pytest
 
-from pneucli.identify.guesses import friction_and_valve
+from pneucli.identify.guesses import base_model
+from pneucli.identify.guesses.base_model import TINY, guess_base_model, guess_friction
 from pneucli.identify.guesses.flow_paths import flow_path_data
-from pneucli.identify.guesses.friction_and_valve import (
-    TINY,
-    guess_base_model,
-    guess_friction,
-    guess_gain,
-    guess_map,
-    guess_overlap,
-)
 from pneucli.identify.guesses.rest_detection import breakaway_velocities, uncertain_direction
+from pneucli.identify.guesses.valve_areas import guess_gain, guess_map, guess_overlap
 from pneucli.identify.residuals import initial_state
 from pneucli.physics.gas import CRITICAL_RATIO
 from pneucli.recording import Rig
@@ -94,11 +88,9 @@ def test_the_force_is_that_of_both_pressures_over_ambient_and_of_the_drive() -> 
     e.inputs[:, at.IN_FORCE] = 7.0
     area_1, area_2 = RIG.piston_areas
     wanted = area_1 * (3e5 - RIG.ambient_pressure) - area_2 * (2e5 - RIG.ambient_pressure) + 7.0
-    assert friction_and_valve._driving_force(e, RIG)[0] == pytest.approx(wanted)
-    assert friction_and_valve._driving_force(e, replace(RIG, piston_area_2=None))[0] == pytest.approx(
-        area_1 * 1e5 + 7.0
-    )
-    assert friction_and_valve._driving_force(e, replace(RIG, piston_area_1=None, piston_area_2=None))[0] == 7.0
+    assert base_model._driving_force(e, RIG)[0] == pytest.approx(wanted)
+    assert base_model._driving_force(e, replace(RIG, piston_area_2=None))[0] == pytest.approx(area_1 * 1e5 + 7.0)
+    assert base_model._driving_force(e, replace(RIG, piston_area_1=None, piston_area_2=None))[0] == 7.0
 
 
 # --- the valve
@@ -153,9 +145,7 @@ LEVELS = list(AREAS)
 
 def shown(experiments: list[Any], values: dict[str, float]) -> list[Any]:
     """What they show of the paths of chamber 1, of a vessel of a litre unless known."""
-    return list(
-        flow_path_data(experiments, RIG, 1, values.get("rig.vessel_volume", friction_and_valve.PLACEHOLDER_VOLUME))
-    )
+    return list(flow_path_data(experiments, RIG, 1, values.get("rig.vessel_volume", base_model.PLACEHOLDER_VOLUME)))
 
 
 def test_areas_are_guessed_at_the_commands_that_were_held() -> None:

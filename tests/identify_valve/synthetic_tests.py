@@ -10,7 +10,7 @@ from scipy.integrate import solve_ivp
 
 from pneucli.identify.estimation.fit import Fit
 from pneucli.identify.estimation.model_fit import fit_model
-from pneucli.identify.guesses.friction_and_valve import guess_base_model
+from pneucli.identify.guesses.base_model import guess_base_model
 from pneucli.identify.residuals import residual_models
 from pneucli.identify.valve import ValveIdentification, identify_valve
 from pneucli.noise import NoiseModel

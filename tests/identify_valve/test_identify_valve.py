@@ -13,7 +13,7 @@ import pytest
 
 from pneucli.errors import InputError
 from pneucli.identify.estimation.model_fit import fit_model
-from pneucli.identify.guesses.friction_and_valve import guess_base_model
+from pneucli.identify.guesses.base_model import guess_base_model
 from pneucli.identify.residuals import residual_models
 from pneucli.identify.valve import ValveIdentification, identify_valve
 from pneucli.io.artifacts import Provenance, read_table

@@ -1,34 +1,142 @@
-"""The verdict and the warnings of a diagnosis, in words."""
+"""The verdict and the warnings of a diagnosis, in words: one sentence, the same wherever it is shown."""
 
 from __future__ import annotations
 
+import html
 import math
+import re
+from dataclasses import replace
+from typing import Any
 
 import pytest
 
-from pneucli.messages.verdict import detection_limit_sentence, location_phrase, verdict_explanation, warning_text
+from pneucli import messages
+from pneucli.fleet.results import result_from_diagnosis
+from pneucli.messages import run
+from pneucli.messages.verdict import detection_limit_sentence, location_phrase, verdict_sentence, warning_text
+from pneucli.report import to_html
+from pneucli.report.markdown_summary import to_markdown
+from tests.report.bench import whole
 
-STRIBECK = ("Stribeck friction", "stribeck")
+REST = {
+    "character": "mostly irregular; 25 % of it is a dry friction, a function of piston position",
+    "channel": "force",
+    "times_noise": 3.0,
+    "subsystem": "mechanics",
+    "share": 0.25,
+    "variable": "x",
+}
+GIVEN = {"add": None, "error_train": 8.0, "error_test": 9.0}
 
 
-def test_missing_effects_are_named_with_the_error_and_their_equivalents() -> None:
-    text = verdict_explanation("missing-effect", [STRIBECK], (9.0, 1.04), ["presliding"])
-    assert text == (
-        "The model lacks stribeck friction (stribeck): with it the error goes from 9 to 1.04 times the noise. "
-        "These recordings cannot distinguish it from presliding."
-    )
-    assert "with them" in verdict_explanation("missing-effect", [STRIBECK, STRIBECK], (9.0, None))
+def candidate(effect: str, title: str, *equivalents: str) -> dict[str, Any]:
+    of = {"effect": effect, "title": title, "indistinguishable_from": list(equivalents), "supported": True}
+    return of | {"parameters": {}, "confidence": 0.9, "error_before": 9.0, "error_after": 1.04, "why": "", "reason": ""}
 
 
-def test_an_adequate_model_states_its_error() -> None:
-    assert "(error 1.02 times the noise)" in verdict_explanation("adequate", [], (1.02, 1.02))
+def diagnosed(verdict: str, *named: dict[str, Any], after: float = 1.04, **other: Any) -> dict[str, Any]:
+    """An answer of ``diagnose`` whose path ends with an effect that is not named."""
+    steps = [{"add": c["effect"], "error_train": after, "error_test": after} for c in named]
+    refused = {"add": "presliding", "error_train": 0.5, "error_test": 0.5}
+    answer = {
+        "verdict": verdict, "missing": [c["effect"] for c in named], "candidates": list(named), "held_out": "apart",
+        "ladder": [GIVEN, *steps, refused], "model": {"effects": []}, "detectable": [], "moved": [], "warnings": [],
+        "next_experiment": None, "unexplained": None, "parameters": {}, **other,
+    }  # fmt: skip
+    return answer | {"sentence": verdict_sentence(answer)}
 
 
-def test_an_unexplained_residual_is_described_and_helpful_effects_are_named() -> None:
-    rest = {"character": "a force", "channel": "force", "times_noise": 5.0, "subsystem": "mechanics"}
-    text = verdict_explanation("unexplained", [STRIBECK], (9.0, 5.0), unexplained=rest)
-    assert "force errs by 5.0 times its noise (mechanics)." in text
-    assert text.endswith("These effects reduce the error: stribeck friction (stribeck).")
+STRIBECK = candidate("stribeck", "Stribeck friction")
+LEAK = candidate("piston-leak", "Leak across the piston", "heat-transfer", "chamber-leak")
+LEFT = {"channel": "p1", "size": 1.4, "subsystem": "chambers", "over": "x", "time_constant_s": 0.3, "share": 1.0}
+ANSWERS = {
+    "missing": diagnosed("missing-effect", STRIBECK, explained_share=0.98),
+    "two": diagnosed("missing-effect", STRIBECK, LEAK, discrepancy=[LEFT]),
+    "worse": diagnosed("missing-effect", STRIBECK, after=12.0, explained_share=0.0),
+    "named and unexplained": diagnosed("unexplained", STRIBECK, after=3.0, explained_share=0.9, unexplained=REST),
+    "unexplained": diagnosed("unexplained", unexplained=REST),
+    "adequate": diagnosed("adequate"),
+    "inconclusive": diagnosed(
+        "inconclusive",
+        detectable=[
+            {"effect": name, "size": None, "typical": typical, "would_show": ""}
+            for name, typical in (("stribeck", False), ("presliding", False), ("extra-mass", True))
+        ],
+    ),
+    "impossible": diagnosed("inconclusive", impossible=["run_1, x moves at 112 m/s; check [signals] x"]),
+}
+HELD_OUT = "× noise on recordings that were not fitted"
+SMALL = "What is left does not exceed noise and parameter uncertainty"
+
+
+@pytest.mark.parametrize(
+    ("case", "sentence"),
+    [
+        (
+            "missing",
+            f"The model lacks stribeck (stribeck friction): with it the error falls from 9.00 to 1.04 {HELD_OUT}; it "
+            f"explains 98 % of the squared error beyond noise. {SMALL}.",
+        ),
+        (
+            "two",
+            "The model lacks stribeck (stribeck friction) and piston-leak (leak across the piston): with them the "
+            f"error falls from 9.00 to 1.04 {HELD_OUT}. These recordings cannot distinguish piston-leak from "
+            f"chamber-leak and heat-transfer. {SMALL}; it is largest in p1, 1.40 × its noise (chambers, over x, "
+            "lasting 0.30 s).",
+        ),
+        (
+            "worse",
+            f"The model lacks stribeck (stribeck friction): with it the error rises from 9.00 to 12.0 {HELD_OUT}. "
+            f"{SMALL}.",
+        ),
+        (
+            "named and unexplained",
+            f"The model lacks stribeck (stribeck friction): with it the error falls from 9.00 to 3.00 {HELD_OUT}; it "
+            "explains 90 % of the squared error beyond noise. What is left is mostly irregular; 25 % of it is a dry "
+            "friction, a function of piston position: force errs by 3.0 times its noise (mechanics); no effect of the "
+            "catalogue explains it.",
+        ),
+        (
+            "unexplained",
+            f"No effect of the catalogue explains these recordings: the error is 9.00 {HELD_OUT}. What is left is "
+            "mostly irregular; 25 % of it is a dry friction, a function of piston position: force errs by 3.0 times "
+            "its noise (mechanics).",
+        ),
+        (
+            "adequate",
+            f"Nothing is missing that these recordings could show: the error is 9.00 {HELD_OUT}. {SMALL}.",
+        ),
+        (
+            "inconclusive",
+            "No statement is possible: 2 of 3 effects are undetectable at a typical size; the error is 9.00 "
+            f"{HELD_OUT}.",
+        ),
+        (
+            "impossible",
+            "run_1, x moves at 112 m/s; check [signals] x. Such recordings cannot be true: no effect was looked for.",
+        ),
+    ],
+)
+def test_the_verdict_states_what_is_named_and_then_what_is_left(case: str, sentence: str) -> None:
+    assert ANSWERS[case]["sentence"] == sentence
+
+
+def one_line(text: str) -> str:
+    return " ".join(text.split())
+
+
+@pytest.mark.parametrize("case", ANSWERS)
+def test_terminal_summary_page_and_fleet_show_the_same_sentence(case: str) -> None:
+    answer = ANSWERS[case]
+    sentence = answer["sentence"]
+    report = whole()
+    report = replace(report, answers=report.answers | {"diagnose": answer})
+    text = html.unescape(re.sub(r"<script.*?</script>|<[^>]+>", " ", to_html(report), flags=re.DOTALL))
+    assert one_line(messages.render("diagnose", answer, "a.toml")).startswith(f"found {sentence}")
+    assert f"found {sentence} " in one_line("\n".join(run.lines({"diagnose": answer}, [], [], "r.html", "a.toml")))
+    assert sentence in to_markdown(report)
+    assert one_line(text).count(sentence) == 2  # on the first screen and under Evidence
+    assert result_from_diagnosis(answer)["sentence"] == sentence
 
 
 @pytest.mark.parametrize(

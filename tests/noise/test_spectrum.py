@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 
 from pneucli.noise import NoiseModel, estimate_noise
-from pneucli.noise.spectrum import detect_mains_lines, noise_floor, quantisation_step, segment_length
+from pneucli.noise.quantisation import quantisation_step
+from pneucli.noise.spectrum import detect_mains_lines, noise_floor, segment_length
 
 RNG = np.random.default_rng
 

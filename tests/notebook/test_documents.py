@@ -47,4 +47,4 @@ def test_the_notebook_runs_from_beginning_to_end(tmp_path: Path) -> None:
     ).execute()
     outputs = [output for cell in done.cells for output in cell.get("outputs", [])]
     assert sum("image/png" in output.get("data", {}) for output in outputs) == 3
-    assert "Nothing in the residual" in "".join(output.get("text", "") for output in outputs)
+    assert "Nothing is missing" in "".join(output.get("text", "") for output in outputs)

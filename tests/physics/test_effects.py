@@ -19,8 +19,9 @@ from pneucli.errors import InputError
 from pneucli.exam.hidden_effects import BY_NAME
 from pneucli.exam.rig.kernel import valve_area
 from pneucli.exam.rig.parameters import Parameters
-from pneucli.physics.declaration import PORTS, Effect
+from pneucli.physics.declaration import Effect
 from pneucli.physics.effects import all_effects, catalogue, load_plugin, select_effects
+from pneucli.physics.ports import PORTS
 from pneucli.simulate import layout as at
 from pneucli.simulate.build import build
 from pneucli.simulate.experiment import Experiment

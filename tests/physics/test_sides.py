@@ -7,8 +7,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from pneucli.physics.declaration import PORTS
 from pneucli.physics.effects import all_effects, catalogue, catalogue_with_sides
+from pneucli.physics.ports import PORTS
 from pneucli.physics.sides import declared_name, variants
 from pneucli.simulate.model import Model
 from pneucli.simulate.run import simulate

@@ -17,38 +17,25 @@ REST: dict[str, Any] = {
 
 
 def test_a_discrepancy_has_its_location_and_its_variable() -> None:
-    assert discrepancy.describe_discrepancy(REST) == (
-        "What remains is a force, a function of piston position (a parabola), or of pressure of chamber 1, or of "
-        "pressure of chamber 2: force errs by 13 times its noise (mechanics). A function of x explains 95 % of it in "
-        "recordings that were left out."
+    assert discrepancy.discrepancy_character(REST) == (
+        "a force, a function of piston position (a parabola), or of pressure of chamber 1, or of pressure of chamber 2"
+    )
+    assert discrepancy.discrepancy_location(REST) == "force errs by 13 times its noise (mechanics)"
+    assert discrepancy.explaining_signal(REST) == (
+        "A function of x explains 95 % of what is left in recordings that were left out."
     )
 
 
 def test_a_period_is_stated_only_for_fitted_recordings() -> None:
     """It is found in all recordings at once."""
-    rest = REST | {
-        "variable": "time",
-        "law": "a sine",
-        "also_over": [],
-        "character": "something that repeats over time",
-    }
-    assert discrepancy.describe_discrepancy(rest) == (
-        "What remains is something that repeats over time (a sine): force errs by 13 times its noise (mechanics). "
-        "This explains 95 % of it."
-    )
+    rest = REST | {"variable": "time", "law": "a sine", "also_over": []}
+    assert discrepancy.explaining_signal(rest) == "The period explains 95 % of what is left."
 
 
-def test_a_discrepancy_without_a_shape_is_called_so() -> None:
-    rest = REST | {
-        "variable": None,
-        "share": None,
-        "law": None,
-        "also_over": [],
-        "character": "something without a shape",
-    }
-    assert discrepancy.describe_discrepancy(rest) == (
-        "What remains is something without a shape: force errs by 13 times its noise (mechanics)."
-    )
+def test_a_discrepancy_without_a_shape_has_no_explaining_signal() -> None:
+    rest = REST | {"variable": None, "share": None, "law": None, "also_over": [], "character": "without a shape"}
+    assert discrepancy.discrepancy_character(rest) == "without a shape"
+    assert discrepancy.explaining_signal(rest) == ""
 
 
 def test_the_smooth_term_is_drawn_over_its_signal() -> None:

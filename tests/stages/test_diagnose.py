@@ -18,10 +18,11 @@ from pneucli.errors import InputError
 from pneucli.exam.cases import generate_case
 from pneucli.identify.residuals import ChamberPressures
 from pneucli.io.artifacts import read_table
+from pneucli.messages.formatting import format_noise_ratio
+from pneucli.messages.verdict import verdict_sentence
 from pneucli.physics.effects import catalogue_with_sides
 from pneucli.pipeline.context import Context
 from pneucli.stages import diagnose, ingest
-from pneucli.stages.diagnosis_answer import verdict_answer
 from tests.plausibility.faulty_data_sets import SETS
 from tests.stages.chain import known_as_declared, run_stages
 
@@ -117,16 +118,11 @@ def test_what_the_parameters_leave_open_is_said_and_what_to_record() -> None:
     assert "record such commands or speeds" in said
 
 
-def test_where_most_effects_are_undetectable_it_is_said() -> None:
-    last = SimpleNamespace(model=SimpleNamespace(effects=()))
-    found: Any = SimpleNamespace(
-        verdict="inconclusive", missing=(), path=SimpleNamespace(last=last),
-        detectable=[SimpleNamespace(typical=t) for t in (False, False, True)],
-    )  # fmt: skip
-    sentence = verdict_answer(found, [{"train": 1.1, "test": None}], None)
-    assert sentence == (
-        "No statement is possible: 2 of 3 effects are undetectable at a typical size (error 1.1 times the noise)."
-    )
+def test_the_answer_has_the_sentence_of_its_own_numbers(hysteresis: Diagnosed) -> None:
+    answer = hysteresis[1]
+    assert answer["sentence"] == verdict_sentence(answer)
+    assert answer["sentence"].startswith("The model lacks friction-hysteresis (less dry friction while slowing")
+    assert format_noise_ratio(answer["ladder"][-1]["error_test"]) in answer["sentence"]
 
 
 @pytest.mark.parametrize(
@@ -239,6 +235,24 @@ def test_a_named_effect_has_the_size_that_it_has_beside_the_other_named_ones_alo
     assert diagnose._selected_model(found) == "with a and b"
     found.missing = ()
     assert diagnose._selected_model(found) == "base"
+
+
+def test_a_refused_effect_has_the_interval_by_which_it_is_refused(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Intervals of a model with unmodelled effects are wide; narrower ones would contradict the reason."""
+    monkeypatch.setattr(diagnose, "with_intervals", lambda fit, train: ("wide", fit, train))
+    monkeypatch.setattr(diagnose, "_parameters", lambda pipeline, fit, name: {"from": fit})
+    effect = SimpleNamespace(name="a", title="An effect", looks_like="")
+    candidate = SimpleNamespace(full=SimpleNamespace(model="m", fit="fit with a"), reduced=SimpleNamespace(model="m"))
+    decision: Any = SimpleNamespace(
+        effect=effect, candidate=candidate, reason="interval-contains-null", supported=False
+    )
+    data: Any = SimpleNamespace(
+        free_run_errors=lambda model: {"train": 2.0, "test": 2.0}, train="train", held_out="test", folds=()
+    )
+    found: Any = SimpleNamespace(missing=(), equivalents={}, confidence={}, evidence={})
+    pipeline: Any = None
+    answer = diagnose._candidate_answer(pipeline, data, found, pipeline, decision)
+    assert answer["parameters"] == {"from": ("wide", "fit with a", "train")}
 
 
 def test_no_rung_raises_both_errors_and_each_entry_has_its_reason(hysteresis: Diagnosed) -> None:

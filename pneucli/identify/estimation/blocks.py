@@ -88,6 +88,8 @@ def group_curvatures(jacobian: Array, labels: NDArray[np.int64]) -> Array:
     Returns:
         The curvatures, shape (B, k, k).
 
+    >>> group_curvatures(np.array([[1.0], [2.0], [4.0]]), np.array([0, 0, 1])).ravel().tolist()
+    [5.0, 16.0]
     """
     k = jacobian.shape[1]
     out, order = np.zeros((int(labels.max()) + 1, k, k)), np.argsort(labels, kind="stable")
@@ -99,7 +101,7 @@ def group_curvatures(jacobian: Array, labels: NDArray[np.int64]) -> Array:
 
 
 def weighted_curvature(jacobian: Array, weights: Array) -> Array:
-    """Sum the curvature J^T W J with a weight for each residual.
+    """Sum the curvature J^T W^2 J of derivatives that are multiplied by a weight for each residual.
 
     Args:
         jacobian: Derivatives of the residuals, shape (N, k).
@@ -108,6 +110,8 @@ def weighted_curvature(jacobian: Array, weights: Array) -> Array:
     Returns:
         The curvature, shape (k, k).
 
+    >>> weighted_curvature(np.array([[1.0], [2.0]]), np.array([10.0, 0.5])).tolist()  # 10^2 + (2 x 0.5)^2
+    [[101.0]]
     """
     out = np.zeros((jacobian.shape[1], jacobian.shape[1]))
     for i in range(0, len(weights), ROWS_PER_CHUNK):

@@ -16,7 +16,7 @@ from pneucli.simulate.rig_quantities import rig_quantities
 
 
 def direct_guesses(effect: Effect, model: Model, views: Sequence[ResidualModel]) -> list[dict[str, float]]:
-    """Return values of an effect and of all friction beside it, by name, as the balance of forces gives them.
+    """Return values of an effect and of all other friction, by name, as the balance of forces gives them.
 
     None where the effect declares no such parameter. What the pipeline file says of a parameter takes its place.
     """

@@ -68,6 +68,8 @@ def with_intervals(fitted: Fit, residual_models: Sequence[ResidualModel]) -> Fit
     Returns:
         The fit with the wider covariance and intervals; unchanged without parameters or data.
 
+    References:
+        K.-Y. Liang and S. L. Zeger, Biometrika 73 (1986) 13-22 (covariance by groups).
     """
     if not fitted.free or not fitted.residual.size:
         return fitted

@@ -88,12 +88,14 @@ def minimise(
     Returns:
         The solution; its derivatives are those from which the last step was taken.
 
+    References:
+        D. W. Marquardt, J. SIAM 11 (1963) 431-441.
+
     >>> line = lambda z: np.array([z[0] - 1.0, 2.0 * (z[0] - 1.0)])
     >>> slope = lambda z: np.array([[1.0], [2.0]])
     >>> bounds = np.array([2.0]), np.array([9.0])
     >>> minimise(line, slope, np.array([5.0]), bounds, max_iterations=9, tolerance=1e-9).z.tolist()
     [2.0]
-
     """
     z, damping = np.clip(start, *bounds), INITIAL_DAMPING
     r, j = residuals(z), jacobian(z) if initial_jacobian is None else initial_jacobian

@@ -20,7 +20,7 @@ from pneucli.identify.estimation.parameters import (
 )
 from pneucli.identify.estimation.profile import lower_profile_minimum
 from pneucli.identify.estimation.score_test import ScoreTest, scaled_initial_guess, score_tests
-from pneucli.identify.guesses.friction_and_valve import guess_overlap
+from pneucli.identify.guesses.valve_areas import guess_overlap
 from pneucli.identify.residuals import ResidualModel
 from pneucli.physics.declaration import Effect
 from pneucli.simulate.model import Model, parameter_value, with_effect, with_parameters
@@ -44,7 +44,7 @@ def fit_model(
     """Fit the base model, then add each effect from its best start and refit all parameters.
 
     Args:
-        model: The model to start from, see :func:`pneucli.identify.guesses.friction_and_valve.guess_base_model`.
+        model: The model to start from, see :func:`pneucli.identify.guesses.base_model.guess_base_model`.
         residual_models: The residual models whose squares are summed.
         effects: The effects to add, in this order.
         stopping: When each fit stops.

@@ -9,7 +9,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from pneucli.identify.guesses.friction_and_valve import TINY
+from pneucli.identify.guesses.base_model import TINY
 from pneucli.physics.declaration import BASE_PARAMETERS, Effect, Parameter
 from pneucli.physics.scales import RigQuantities
 from pneucli.plausibility.required_inputs import volumes_to_identify

@@ -124,6 +124,8 @@ def score_tests(effect: Effect, fitted: Fit, residual_models: Sequence[ResidualM
     Returns:
         The tests, largest gain first; none where no residual model is sensitive to the effect.
 
+    References:
+        C. R. Rao, Proc. Cambridge Phil. Soc. 44 (1948) 50-57.
     """
     typical = initial_guesses(
         effect, rig_quantities(fitted.model, [one.experiment for one in residual_models]), fitted.model.rig.priors

@@ -139,6 +139,8 @@ def estimate_motion(recording: Recording, model: Model) -> Motion:
         InputError: Motion or drive was not recorded, a piston area is missing, p2 of a closed chamber is missing, or a
             force depends on a position that was not recorded.
 
+    References:
+        Thesis (6.1) to (6.7): measured pressures and acceleration, velocity by integration.
     """
     parts, non_friction, time = _drive_parts(recording, model.rig), NonFrictionForces(model), recording.time
     raw = {n: fill_gaps(time, recording[n]) for n in (*parts, "x", "v", "a") if n in recording}

@@ -39,6 +39,8 @@ def parametric_model(
     Returns:
         The model.
 
+    References:
+        Thesis (3.6) for A, (6.21) for D, with the smoothed sign (6.22).
     """
     return FrictionModel(name, domain, tuple(_parametric(domain, branch, fit) for branch, fit in fits.items()), offset)
 
@@ -63,6 +65,8 @@ def tp_from_model(name: ModelName, source: FrictionModel, mass: float) -> Fricti
     Returns:
         The model.
 
+    References:
+        Thesis chapter 4 (analytical TP model transformation) and 6.1 to 6.3.
     """
     branches = tuple(
         _tp_on_grid(branch_model, source.domain, source.domain.grid, mass) for branch_model in source.branches
@@ -100,6 +104,8 @@ def tp_from_samples(
     Returns:
         The model; None where a branch has too few samples in both directions.
 
+    References:
+        Thesis, figure 4.1 (direct TP model transformation), theses 1 and 2 of chapter 8.
     """
     speed = np.maximum(np.abs(domain.grid), 1e-6 * domain.step)
     smoothed = np.abs(domain.sign(speed)) / (mass * speed)
@@ -158,6 +164,8 @@ def identify_models(
     Returns:
         The models; those that need a branch with too few samples are missing.
 
+    References:
+        Thesis 6.1 to 6.3.
     """
     a, viscous = parametric_model("A", domain, {"both": both}, both["offset"]), both.values()["viscous"].ci_low
     candidates: list[FrictionModel | None] = [
@@ -214,6 +222,8 @@ def grid_convergence(source: FrictionModel, mass: float, sizes: Sequence[int]) -
     Returns:
         For each number of nodes, the rms deviation of force in N.
 
+    References:
+        Thesis 6.3.4: E approaches D as the grid becomes finer.
     """
     fine = np.linspace(-source.domain.max_velocity, source.domain.max_velocity, 40_001)
     out = []

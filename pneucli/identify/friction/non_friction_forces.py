@@ -16,22 +16,22 @@ from pneucli.simulate.run import kernel_for
 
 Array = NDArray[np.float64]
 
-REMOVED_SIDES = {
+REMOVED_BALANCES = {
     "mechanics",
     "pressure sensor",
-}  # sides of ports; an accelerometer's bias is found from the motion itself
+}  # of ports; an accelerometer's bias is found from the motion itself
 
 
 @dataclass(frozen=True)
 class NonFrictionForces:
-    """The equations of a model's effects at the ports of ``REMOVED_SIDES``."""
+    """The equations of a model's effects at the ports of ``REMOVED_BALANCES``."""
 
     model: Model
 
     @property
     def effect_names(self) -> tuple[str, ...]:
         """The effects whose forces are removed before friction is identified."""
-        return tuple(e.name for e in self.model.effects if REMOVED_SIDES & e.balances)
+        return tuple(e.name for e in self.model.effects if REMOVED_BALANCES & e.balances)
 
     @property
     def added_mass(self) -> float:

@@ -77,6 +77,8 @@ def find_stick_slips(motion: Motion, mass: float) -> list[StickSlip]:
     Returns:
         The cycles in the order of time.
 
+    References:
+        Thesis (6.1) to (6.7): one stick-slip is cut out of a motion at constant small opening.
     """
     begins, stops = _slides(motion)
     rest_starts = np.concatenate([[0], stops])[:-1]
@@ -127,6 +129,8 @@ def average_stick_slips(stick_slips: Sequence[StickSlip]) -> list[AveragedFricti
     Returns:
         The mean friction of each direction and branch.
 
+    References:
+        Thesis 6.1.1; averaging repeats removes what sensors add to the models C and F.
     """
     out = []
     for direction in (1, -1):

@@ -9,7 +9,8 @@ from numpy.typing import NDArray
 
 from pneucli.identify.friction.friction_model import TITLES, ModelName
 from pneucli.identify.friction.kinematics import Motion
-from pneucli.physics.declaration import PORTS, Effect
+from pneucli.physics.declaration import Effect
+from pneucli.physics.ports import PORTS
 from pneucli.simulate.model import Model
 
 Array = NDArray[np.float64]
@@ -40,7 +41,7 @@ def unmodelled_effects(model: Model, motions: Sequence[Motion]) -> dict[ModelNam
 
 
 def _represents(name: ModelName, effect: Effect, model: Model, motions: Sequence[Motion]) -> bool:
-    ports = [port for port in effect.ports if PORTS[port].side == "friction"]
+    ports = [port for port in effect.ports if PORTS[port].balance == "friction"]
     return all(name in _representing_models(port, effect, model, motions) for port in ports)
 
 

@@ -101,8 +101,14 @@ def gas_balance(rig: Rig, volume: Array, volume_rate: Array, p: Array, pressure_
         The gas.
 
     References:
-        Thesis, equations 2.28 and 2.29.
+        Thesis (2.14), change of volume, and (2.22), change of mass.
 
+    A chamber of 1 l at 1 bar whose pressure rises by 1 bar/s takes p V / (kappa R T) in each second, 0.849 g:
+
+    >>> one = np.ones(1)
+    >>> gas = gas_balance(Rig(), 1e-3 * one, 0.0 * one, 1e5 * one, 1e5 * one)
+    >>> round(float(gas.flow[0]), 6)
+    0.000849
     """
     exponent = rig.polytropic_exponent or rig.heat_capacity_ratio
     specific = rig.gas_constant * rig.gas_temperature

@@ -43,12 +43,27 @@ class ForceSamples:
 
 
 def has_both_directions(v: Array) -> bool:
-    """Whether moving samples of a velocity (n,) tell a constant force from dry friction."""
+    """Return whether moving samples can distinguish a constant force from dry friction: each direction has its share.
+
+    Args:
+        v: Velocity in m/s, shape (n,).
+
+    >>> has_both_directions(np.array([0.1, -0.1, 0.1])), has_both_directions(np.array([0.1, 0.1]))
+    (True, False)
+    """
     return v.size > 0 and bool(MIN_DIRECTION_SHARE <= np.mean(v > 0.0) <= 1.0 - MIN_DIRECTION_SHARE)
 
 
 def force_samples(experiments: Sequence[Experiment], mass: float) -> ForceSamples:
-    """Return the moving samples of all experiments for a moving mass in kg: driving force less inertia."""
+    """Return the moving samples of all experiments: driving force less inertia.
+
+    Args:
+        experiments: The experiments with a piston.
+        mass: Moving mass in kg.
+
+    References:
+        Thesis (6.1) to (6.7): the friction force is the driving force less ``m a``.
+    """
     parts = [_force_samples(e, mass) for e in experiments]
     none = [ForceSamples(np.zeros(0), np.zeros(0), np.zeros(0))]
     columns = zip(*((s.v, s.friction, s.branch) for s in [*none, *parts]), strict=True)
@@ -57,7 +72,7 @@ def force_samples(experiments: Sequence[Experiment], mass: float) -> ForceSample
 
 def _force_samples(e: Experiment, mass: float) -> ForceSamples:
     v, a, (area_1, area_2) = e.inputs[:, at.IN_V], imposed_motion(e)[2], e.rig.piston_areas
-    # beside an accelerometer the forces are taken as they were read: smoothed, they would lag behind its jumps
+    # with an accelerometer the forces are not smoothed: they would lag behind its jumps
     read = e.raw if "a" in e.raw else {}
     p1, p2, force = (read.get(name, e.inputs[:, at.INPUTS.index(name)]) for name in ("p1", "p2", "force"))
     drive = area_1 * (p1 - e.rig.ambient_pressure) - area_2 * (p2 - e.rig.ambient_pressure) + force
@@ -72,7 +87,7 @@ def _force_samples(e: Experiment, mass: float) -> ForceSamples:
 def _slides(v: Array, smeared: int) -> Mask:
     """Return where the piston slides in one direction for long, shape (n,), but for what smears its stop.
 
-    Shorter motion may be what smoothing leaves beside a stop.
+    Shorter motion may be an artefact of smoothing next to a stop.
     """
     edges = np.flatnonzero(np.diff(np.sign(v), prepend=0.0, append=0.0))
     found = np.zeros(v.size, dtype=bool)
@@ -91,7 +106,7 @@ def search_stribeck(v: Array, friction: Array, sigma: Array | float, *, offset: 
         v: Velocity in m/s, shape (n,).
         friction: Friction force in N, shape (n,).
         sigma: Standard deviation of the friction force in N.
-        offset: Whether to fit a constant force beside friction.
+        offset: Whether to fit a constant force in addition to friction.
 
     Returns:
         Shape (4,) or (5,); None where friction does not fall with speed.

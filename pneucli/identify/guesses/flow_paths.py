@@ -174,6 +174,11 @@ def mass_flux(rig: Rig, opening: Array, supply: Array, p: Array) -> Array:
     References:
         Thesis, equations 2.42 and 2.43 (approximate flow function).
 
+    Filling from 7 to 1 bar is choked: 0.484 p sqrt(2 / (R T)) = 1652 kg/(s m^2).
+
+    >>> flux = mass_flux(Rig(), np.ones(1), np.array([7e5]), np.array([1e5]))
+    >>> round(float(flux[0]))
+    1652
     """
     choked_flux = flow_constant(rig.gas_constant, rig.gas_temperature, rig.heat_capacity_ratio)
     b = critical_ratio_of(rig.heat_capacity_ratio)

@@ -13,7 +13,8 @@ from numpy.typing import NDArray
 
 from pneucli.identify.guesses.chamber_balance import Chamber
 from pneucli.identify.guesses.flow_paths import opening_from_null
-from pneucli.physics.declaration import Effect, Side
+from pneucli.physics.declaration import Effect
+from pneucli.physics.ports import Balance
 from pneucli.quantities import SIGNALS
 from pneucli.simulate import layout as at
 from pneucli.simulate.experiment import Experiment
@@ -47,7 +48,7 @@ class DiscrepancyTerm:
 class ResidualModel(ABC):
     """One experiment compared with the model through one subsystem.
 
-    ``title`` names the subsystem to people; ``sides`` are the balances in which an effect must act to be observable
+    ``title`` names the subsystem to people; ``balances`` are those in which an effect must act to be observable
     here, ``base_groups`` the groups of base parameters that matter. ``predicts_force``: its errors are errors of a
     force. ``is_simulated``: it is simulated from each restart on, so that errors grow until the next. ``weights`` by
     channel (1 where absent) multiply the residuals of a fit.
@@ -56,7 +57,7 @@ class ResidualModel(ABC):
     experiment: Experiment
     weights: Mapping[str, float] = field(default_factory=dict, kw_only=True)
     title: ClassVar[str]
-    sides: ClassVar[frozenset[Side]]
+    balances: ClassVar[frozenset[Balance]]
     base_groups: ClassVar[frozenset[str]]
     predicts_force: ClassVar[bool] = False
     is_simulated: ClassVar[bool] = True
@@ -79,7 +80,7 @@ class ResidualModel(ABC):
 
     def is_sensitive_to(self, effect: Effect) -> bool:
         """Return whether the effect can change the residuals."""
-        return self.experiment.can_show(effect) and bool(self.sides & effect.balances)
+        return self.experiment.can_show(effect) and bool(self.balances & effect.balances)
 
     def exclusive_channels(self, effect: Effect) -> tuple[str, ...]:
         """Return the channels that only effects at the same port as this one can change."""
@@ -217,6 +218,8 @@ def bounded_difference(measured: Array, modelled: Array, noise: float) -> Array:
     Returns:
         The difference, shape (n,), 0 where nothing was measured.
 
+    >>> bounded_difference(np.array([1.0, np.nan]), np.array([0.5, 9.0]), noise=1.0).tolist()
+    [0.5, 0.0]
     """
     with np.errstate(invalid="ignore", over="ignore"):
         difference = measured - modelled

@@ -25,7 +25,8 @@ from pneucli.identify.residuals.initial_state import (
     initial_state_sensitivity,
     log_determinant,
 )
-from pneucli.physics.declaration import Effect, Side
+from pneucli.physics.declaration import Effect
+from pneucli.physics.ports import Balance
 from pneucli.simulate import layout as at
 from pneucli.simulate.model import Model
 from pneucli.simulate.run import run, simulate
@@ -44,7 +45,7 @@ class ChamberPressures(ResidualModel):
 
     whiten_initial_state: bool = False
     title: ClassVar[str] = "gas, valve and their sensors"
-    sides: ClassVar[frozenset[Side]] = frozenset({"gas", "pressure sensor"})
+    balances: ClassVar[frozenset[Balance]] = frozenset({"gas", "pressure sensor"})
     base_groups: ClassVar[frozenset[str]] = frozenset({"rig", "valve"})
 
     @property

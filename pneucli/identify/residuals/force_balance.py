@@ -18,7 +18,8 @@ from pneucli.identify.guesses.rest_detection import (
 )
 from pneucli.identify.residuals.base import Array, DiscrepancyTerm, ResidualModel, force_discrepancy_terms
 from pneucli.identify.residuals.chambers import ChamberPressures
-from pneucli.physics.declaration import Effect, Side
+from pneucli.physics.declaration import Effect
+from pneucli.physics.ports import Balance
 from pneucli.simulate import layout as at
 from pneucli.simulate.end_stops import contact_side
 from pneucli.simulate.imposed_motion import smooth_acceleration
@@ -35,7 +36,7 @@ class ForceBalance(ResidualModel):
     """The force left over by the balance of forces, and the accelerometer at rest."""
 
     title: ClassVar[str] = "mechanics: friction, load or a force on the piston"
-    sides: ClassVar[frozenset[Side]] = frozenset({"mechanics", "friction", "pressure sensor"})
+    balances: ClassVar[frozenset[Balance]] = frozenset({"mechanics", "friction", "pressure sensor"})
     base_groups: ClassVar[frozenset[str]] = frozenset({"rig", "friction"})
     predicts_force: ClassVar[bool] = True
     is_simulated: ClassVar[bool] = False
@@ -226,7 +227,7 @@ class ForceBalanceInferredP2(ForceBalance):
     spring of unknown preload, so that part of such a force cannot be distinguished from it.
     """
 
-    sides: ClassVar[frozenset[Side]] = ForceBalance.sides | ChamberPressures.sides
+    balances: ClassVar[frozenset[Balance]] = ForceBalance.balances | ChamberPressures.balances
     base_groups: ClassVar[frozenset[str]] = ForceBalance.base_groups | ChamberPressures.base_groups
 
     def with_modelled_inputs(self, model: Model, inputs: Array) -> Array:

@@ -15,7 +15,7 @@ from pneucli.identify.residuals.base import (
     bounded_difference,
     force_discrepancy_terms,
 )
-from pneucli.physics.declaration import Side
+from pneucli.physics.ports import Balance
 from pneucli.simulate.model import Model
 from pneucli.simulate.outputs import simulate_outputs
 
@@ -25,7 +25,7 @@ class FreeRun(ResidualModel):
     """All channels simulated together, where a subsystem has no signal."""
 
     title: ClassVar[str] = "the whole axis"
-    sides: ClassVar[frozenset[Side]] = frozenset({"gas", "mechanics", "friction", "pressure sensor"})
+    balances: ClassVar[frozenset[Balance]] = frozenset({"gas", "mechanics", "friction", "pressure sensor"})
     base_groups: ClassVar[frozenset[str]] = frozenset({"rig", "friction", "valve"})
     predicts_force: ClassVar[bool] = True
 
@@ -40,7 +40,7 @@ class ImposedMotion(FreeRun):
     """The measured force compared with the force that the model needs for the measured motion."""
 
     title: ClassVar[str] = "mechanics: friction, load or a force on the piston"
-    sides: ClassVar[frozenset[Side]] = frozenset({"mechanics", "friction", "pressure sensor"})
+    balances: ClassVar[frozenset[Balance]] = frozenset({"mechanics", "friction", "pressure sensor"})
     base_groups: ClassVar[frozenset[str]] = frozenset({"rig", "friction"})
     predicts_force: ClassVar[bool] = False
     is_simulated: ClassVar[bool] = False

@@ -11,9 +11,9 @@ from numpy.typing import NDArray
 from pneucli.errors import InputError
 from pneucli.identify.estimation.fit import Fit
 from pneucli.identify.estimation.model_fit import fit_model
+from pneucli.identify.guesses.base_model import guess_base_model
 from pneucli.identify.guesses.chamber_balance import Chamber
 from pneucli.identify.guesses.flow_paths import CommandConversion, as_valve_test, command_conversion
-from pneucli.identify.guesses.friction_and_valve import guess_base_model
 from pneucli.identify.residuals import residual_models
 from pneucli.identify.valve.area_model import AreaModel, Direction
 from pneucli.identify.valve.fit import Posterior, fit_area_model

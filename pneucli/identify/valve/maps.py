@@ -152,6 +152,8 @@ def gradient_map(area_model: AreaModel, posterior: Posterior, u: Array, p: Array
     Returns:
         The map.
 
+    References:
+        Thesis 7.4, figures 7.16 to 7.26; thesis 4 of chapter 8: gradient of valve and chamber, and its inverse.
     """
     uu, pp = np.meshgrid(u, p, indexing="ij")
     value, error = gradient_with_error(area_model, posterior, uu, pp, np.full_like(uu, area_model.supply))
@@ -216,6 +218,8 @@ def inverse_map(
     Returns:
         The inverse.
 
+    References:
+        Thesis 7.4, figures 7.16 to 7.26; thesis 4 of chapter 8: gradient of valve and chamber, and its inverse.
     """
     gg, pp = np.meshgrid(p_gradient, p, indexing="ij")
     return InverseMap(p_gradient, p, *invert_gradient(area_model, posterior, gg, pp, coverage))

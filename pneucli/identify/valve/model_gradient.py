@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from pneucli.errors import InputError
 from pneucli.identify.estimation.fit import Fit
 from pneucli.identify.estimation.parameters import FreeParameter
-from pneucli.physics.declaration import PORTS
+from pneucli.physics.ports import PORTS
 from pneucli.simulate import layout as at
 from pneucli.simulate.experiment import Experiment
 from pneucli.simulate.model import Model, ValveForm, with_parameters

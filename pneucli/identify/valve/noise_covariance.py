@@ -49,6 +49,10 @@ def averaged_noise_autocovariance(sensor: NoiseModel, readings: int, lags: int) 
     Returns:
         The autocovariances of the averages, shape (lags,).
 
+    White noise of 2 Pa keeps a quarter of its variance in means of four readings:
+
+    >>> averaged_noise_autocovariance(NoiseModel(2.0), readings=4, lags=2).tolist()
+    [1.0, 0.0]
     """
     single = autocovariance(sensor, lags * readings)
     lags_of_pairs = np.arange(1 - readings, readings)
@@ -66,6 +70,9 @@ def autocovariances(residual: Array, valid: NDArray[np.bool_]) -> Array:
     Returns:
         The autocovariances at lags from 0 up to ``AR_ORDER``, fewer for short residuals.
 
+    >>> signs = np.tile([1.0, -1.0], 30)[:, None]  # lag 1 has the opposite sign
+    >>> autocovariances(signs, np.ones(signs.shape, dtype=bool)).round(3).tolist()
+    [1.0, -1.0, 1.0, -1.0]
     """
     order = min(AR_ORDER, max(0, int(valid.sum(axis=0).max()) // 20))
     residuals = np.where(valid, residual, 0.0)

@@ -67,6 +67,9 @@ def resample(rows: Array, period: float) -> Array:
     Returns:
         The resampled rows.
 
+    >>> rows = np.array([[0.0, 1.0, 3.0], [5.0, 6.0, 7.0], [0.0, 10.0, 30.0]])
+    >>> resample(rows, 1.5).tolist()  # time, held command, interpolated signal
+    [[0.0, 1.5, 3.0], [5.0, 6.0, 7.0], [0.0, 15.0, 30.0]]
     """
     time, u, *others = rows
     clock = np.arange(time[0], time[-1] + period / 2, period)

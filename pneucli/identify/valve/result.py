@@ -7,9 +7,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from pneucli.identify.guesses.base_model import PLACEHOLDER_VOLUME
 from pneucli.identify.guesses.chamber_balance import Chamber
 from pneucli.identify.guesses.flow_paths import CommandConversion
-from pneucli.identify.guesses.friction_and_valve import PLACEHOLDER_VOLUME
 from pneucli.identify.valve.area_model import AreaModel
 from pneucli.identify.valve.fit import Posterior
 from pneucli.identify.valve.iso6358 import IsoConductance

@@ -109,6 +109,8 @@ def cut_transients(
     Raises:
         InputError: A signal is missing, the sampling is too slow and uneven, or no command is held long enough.
 
+    References:
+        Thesis 7.4: charge and discharge of a vessel at each voltage.
     """
     jobs = enumerate(zip(recordings, memory_gradients, strict=True))
     segments = [segment for k, (r, more) in jobs for segment in _segments(k, r, supply_pressure, more)]

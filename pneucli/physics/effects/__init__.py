@@ -18,8 +18,9 @@ from typing import get_args
 
 from pneucli.errors import InputError, did_you_mean
 from pneucli.experiments import Part
-from pneucli.physics.declaration import PORTS, Effect
+from pneucli.physics.declaration import Effect
 from pneucli.physics.equations import EquationError, check_effect
+from pneucli.physics.ports import PORTS
 from pneucli.physics.sides import with_variants
 
 

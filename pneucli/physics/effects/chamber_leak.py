@@ -16,6 +16,9 @@ def leak_1_ambient(p1: float, p_amb: float, k: float, area: float) -> float:
     Returns:
         Mass flow in kg/s.
 
+    References:
+        Thesis (2.46).
+
     >>> round(1e6 * leak_1_ambient(6e5, 1e5, 4.876e-3, 1e-8), 2)
     14.16
     """

@@ -13,6 +13,9 @@ def critical_ratio(b: float, critical_ratio: float) -> float:
     Returns:
         The critical ratio of the valve.
 
+    References:
+        ISO 6358-1:2013; thesis (2.42).
+
     >>> critical_ratio(0.528, 0.35)
     0.35
     """

@@ -12,6 +12,9 @@ def volume_1(volume_added: float) -> float:
     Returns:
         The volume in m^3.
 
+    References:
+        Thesis (2.47) to (2.52): V01.
+
     >>> volume_1(2e-5)
     2e-05
     """

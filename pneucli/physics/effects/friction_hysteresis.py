@@ -13,6 +13,9 @@ def slowing(drop: float, viscous_drop: float) -> float:
     Returns:
         Factor on Coulomb friction.
 
+    References:
+        Thesis (3.7), (6.21).
+
     >>> slowing(0.25, 0.0)
     0.75
     """
@@ -28,6 +31,9 @@ def slowing_viscous(drop: float, viscous_drop: float) -> float:
 
     Returns:
         Factor on viscous friction.
+
+    References:
+        Thesis (3.7): constants of its own while slowing.
 
     >>> slowing_viscous(0.0, 0.5)
     0.5

@@ -16,6 +16,9 @@ def leak_1_2(p1: float, p2: float, k: float, area: float) -> float:
     Returns:
         Mass flow from chamber 1 to chamber 2 in kg/s.
 
+    References:
+        Thesis (2.46), applied to the seal of the piston.
+
     >>> leak_1_2(3e5, 3e5, 4.876e-3, 1e-8)
     0.0
     """

@@ -35,7 +35,7 @@ def section(material: ReportData) -> Section | None:
         if set(former.answer["missing"]) & set(answer["model"]["effects"]):
             parts += _evidence(former.answer, former.table)
     parts += _evidence(answer, material.table("diagnose/shape"))
-    if moved := _changed_parameters(answer.get("moved") or []):
+    if answer["missing"] and (moved := _changed_parameters(answer.get("moved") or [])):
         parts.append(moved)
     parts += [*_remarks(answer), *_smooth_terms(material.table("diagnose/law")), *warning_notes(material, "diagnose")]
     lead = (
@@ -50,8 +50,10 @@ def _evidence(answer: Answer, shape: Table) -> list[Part]:
     missing = answer["missing"]
     tone = "good" if answer["verdict"] == "adequate" else ""
     effects = join_names(answer["model"]["effects"])
-    start = f"Base model{f' with {effects}' if effects else ''}"
-    parts: list[Part] = [Note(f"{start}: {diagnose.verdict_line(answer)}; {diagnose.evidence_summary(answer)}.", tone)]
+    parts: list[Part] = [
+        Note(f"Base model{f' with {effects}' if effects else ''}: {answer['sentence']}", tone),
+        *[Note(f"Evidence: {text}.") for text in (diagnose.evidence_summary(answer),) if text],
+    ]
     parts += _shapes(shape, missing)
     grid = _candidates(answer.get("candidates", []), missing)
     return [*parts, *([grid] if grid else [])]
@@ -144,11 +146,8 @@ def _changed_parameters(moved: Sequence[Answer]) -> Grid | None:
 
 def _remarks(answer: Answer) -> list[Part]:
     parts: list[Part] = []
-    share = answer.get("unexplained_share")
-    if share and answer["verdict"] != "adequate":
-        parts.append(Note(f"{format_percent(share)} of the error beyond noise remains unexplained."))
-    if rest := answer.get("unexplained"):
-        parts.append(Note(discrepancy.describe_discrepancy(rest)))
+    if explained := discrepancy.explaining_signal(answer.get("unexplained") or {}):
+        parts.append(Note(explained))
     parts += _discrepancy(answer.get("discrepancy", []))
     if following := answer.get("next_experiment"):
         parts.append(Note(f"Next experiment: {following}"))

@@ -26,6 +26,18 @@ def mean_clipped_drive(drive, falling, rising, spread):
     """Return the drive clipped to the branches of friction, and the probability that it lies between them.
 
     Both are means over the normal spread of the drive.
+
+    Args:
+        drive: Force that drives the piston along its motion in N.
+        falling: Dry friction while slowing in N.
+        rising: Dry friction while speeding up in N.
+        spread: Standard deviation of the drive in N.
+
+    >>> mean_clipped_drive(15.0, 12.0, 20.0, 0.0)  # without noise the drive itself
+    (15.0, 0.0)
+    >>> clipped, between = mean_clipped_drive(16.0, 12.0, 20.0, 2.0)  # 2 sigma from both branches
+    >>> clipped, round(between, 4)
+    (16.0, 0.9545)
     """
     if rising == falling or spread == 0.0:
         return min(max(drive, falling), rising), 0.0

@@ -16,10 +16,26 @@ from pneucli.simulate.layout import AMBIENT, COULOMB, VISCOUS
 
 
 def friction_levels(direction, speed, x, p1, p2, base, th, on):
-    """Return dry friction in N while speeding up and while slowing; both are equal without hysteresis.
+    """Return dry friction while speeding up and while slowing; both are equal without hysteresis.
 
     It is at least 1e-9 N: factors outside their range of validity must not make friction push, and bristles need a
     level. Viscous friction that is less while slowing counts in the second level.
+
+    Args:
+        direction: 1 toward +x, -1 toward -x.
+        speed: Speed in m/s, not negative.
+        x: Position in m.
+        p1: Pressure of chamber 1 in Pa.
+        p2: Pressure of chamber 2 in Pa.
+        base: Base parameters by :mod:`pneucli.simulate.layout`.
+        th: Parameters of effects.
+        on: Switches of effects.
+
+    Returns:
+        Both levels in N.
+
+    References:
+        Thesis (3.1), (3.6) and (6.21).
     """
     factor = dry_factor(direction, x, p1, p2, base[AMBIENT], th, on)
     rising = max((base[COULOMB] + dry_rise(base[COULOMB], speed, th, on)) * factor, 1e-9)
@@ -30,7 +46,16 @@ def friction_levels(direction, speed, x, p1, p2, base, th, on):
 
 
 def net_driving_force(drive, rising, falling):
-    """Return the driving force along the motion less dry friction; 0 between the branches (Filippov)."""
+    """Return the driving force along the motion less dry friction in N; 0 between the branches (Filippov).
+
+    Args:
+        drive: Driving force less viscous friction, along the motion, in N.
+        rising: Dry friction while speeding up in N.
+        falling: Dry friction while slowing in N, at most ``rising``.
+
+    >>> net_driving_force(25.0, 20.0, 12.0), net_driving_force(15.0, 20.0, 12.0), net_driving_force(2.0, 20.0, 12.0)
+    (5.0, 0.0, -10.0)
+    """
     if drive > rising:
         return drive - rising
     if drive < falling:
@@ -39,7 +64,23 @@ def net_driving_force(drive, rising, falling):
 
 
 def hold_or_break_away(x, push, h, rest, m, p1, p2, base, th, on):
-    """Stick, or break away and move for h; return x, v, and the time at rest."""
+    """Stick, or break away and move for a step; implicit in viscous friction.
+
+    Args:
+        x: Position in m.
+        push: All forces but friction in N.
+        h: Step in s.
+        rest: Time at rest so far in s.
+        m: Moving mass in kg.
+        p1: Pressure of chamber 1 in Pa.
+        p2: Pressure of chamber 2 in Pa.
+        base: Base parameters.
+        th: Parameters of effects.
+        on: Switches of effects.
+
+    Returns:
+        Position in m, velocity in m/s, and the time at rest in s.
+    """
     direction = 1.0 if push > 0.0 else -1.0
     rising, _ = friction_levels(direction, 0.0, x, p1, p2, base, th, on)
     if abs(push) <= rising * static_factor(rest, th, on) or h <= 0.0:
@@ -50,7 +91,28 @@ def hold_or_break_away(x, push, h, rest, m, p1, p2, base, th, on):
 
 
 def slide(x, v, v_guess, push, h, rest, m, p1, p2, base, th, on):
-    """Move for h under ``push`` (all forces but friction, at the midpoint); return x, v, and the time at rest."""
+    """Move for a step by the midpoint rule, implicit in viscous friction; a piston that would reverse stops first.
+
+    Args:
+        x: Position in m.
+        v: Velocity in m/s.
+        v_guess: Velocity at the midpoint in m/s, for the dry friction of the step.
+        push: All forces but friction at the midpoint in N.
+        h: Step in s.
+        rest: Time at rest so far in s.
+        m: Moving mass in kg.
+        p1: Pressure of chamber 1 in Pa.
+        p2: Pressure of chamber 2 in Pa.
+        base: Base parameters.
+        th: Parameters of effects.
+        on: Switches of effects.
+
+    Returns:
+        Position in m, velocity in m/s, and the time at rest in s.
+
+    References:
+        Thesis (2.47): the equation of motion.
+    """
     if v == 0.0:
         return hold_or_break_away(x, push, h, rest, m, p1, p2, base, th, on)
     direction = 1.0 if v > 0.0 else -1.0

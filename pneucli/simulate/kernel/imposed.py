@@ -7,7 +7,22 @@ from pneucli.simulate.layout import AMBIENT, AREA_1, AREA_2, IN_V, IN_X, MASS, S
 
 
 def net_pressure_force(pressures, k, base):
-    """Return the net force in N of the pressures above ambient on the piston at sample k."""
+    """Return the net force in N of the pressures above ambient on the piston at sample k.
+
+    Args:
+        pressures: Pressures of both chambers in Pa, shape (n, 2).
+        k: Index of the sample.
+        base: Base parameters by :mod:`pneucli.simulate.layout`: areas in m^2, ambient pressure in Pa.
+
+    References:
+        Thesis (2.47); with a rod, ambient pressure acts on the difference of the areas.
+
+    >>> import numpy as np
+    >>> base = np.zeros(19)
+    >>> base[AMBIENT], base[AREA_1], base[AREA_2] = 1e5, 8e-4, 6e-4
+    >>> print(round(net_pressure_force(np.array([[6e5, 2e5]]), 0, base), 9))  # 8e-4 x 5e5 - 6e-4 x 1e5
+    340.0
+    """
     return base[AREA_1] * (pressures[k, 0] - base[AMBIENT]) - base[AREA_2] * (pressures[k, 1] - base[AMBIENT])
 
 

@@ -98,12 +98,29 @@ def max_steps_within(time, h_max, span):
 
 
 def steps_between(t, t_next, h_max):
-    """Number of equal steps from one sample to the next, each at most h_max long."""
+    """Return the number of equal steps from one sample to the next.
+
+    Args:
+        t: Time of the sample in s.
+        t_next: Time of the next sample in s.
+        h_max: Longest step in s.
+
+    >>> steps_between(0.0, 1e-3, 2e-4), steps_between(0.0, 1e-3, 3e-4), steps_between(0.0, 1e-4, 3e-4)
+    (5, 4, 1)
+    """
     return max(math.ceil((t_next - t) / h_max - 1e-9), 1)
 
 
 def middles(restarts):
-    """Return the first restart, and the sample halfway from each restart to the next."""
+    """Return the first restart, and the sample halfway from each restart to the next.
+
+    Args:
+        restarts: Samples of the restarts, an array of integers.
+
+    >>> import numpy as np
+    >>> middles(np.array([0, 100, 200])).tolist()
+    [0, 50, 150]
+    """
     halfway = restarts.copy()
     for i in range(1, restarts.size):
         halfway[i] = (restarts[i - 1] + restarts[i]) // 2

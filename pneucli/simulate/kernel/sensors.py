@@ -7,9 +7,17 @@ from pneucli.simulate.layout import AMBIENT, IN_P1, IN_P2, P1, P2, R1, R2
 
 
 def undo_lag(time, inputs, column, lag, true, chamber):
-    """Correct a measured column for a first-order lag: add ``lag`` times the slope.
+    """Correct a measured column for a first-order lag, in place: add ``lag`` times the slope.
 
     The slope is taken over half the lag on each side; over single samples it would mostly be noise.
+
+    Args:
+        time: Time stamps in s, shape (n,).
+        inputs: Inputs in the kernel's layout, shape (n, 8).
+        column: Column of the pressure.
+        lag: Time constant in s.
+        true: Corrected in place: pressures in Pa, shape (n, 2).
+        chamber: 0 or 1.
     """
     half, i, j = 0.5 * lag + 1e-9, 0, 0
     for k in range(time.size):
@@ -21,10 +29,18 @@ def undo_lag(time, inputs, column, lag, true, chamber):
 
 
 def undo_delay(time, inputs, column, delay, true, chamber):
-    """Move a measured column earlier in time by ``delay``; its last value is held.
+    """Move a measured column earlier in time, in place; its last value is held.
 
     The nearest sample is extrapolated along the slope over 4 samples on each side: the mean of two neighbours would
     have less noise than either, and a delay could gain by it.
+
+    Args:
+        time: Time stamps in s, shape (n,).
+        inputs: Inputs in the kernel's layout, shape (n, 8).
+        column: Column of the pressure.
+        delay: Delay in s.
+        true: Moved in place: pressures in Pa, shape (n, 2).
+        chamber: 0 or 1.
     """
     last, j = time.size - 1, 0
     for k in range(time.size):
@@ -73,7 +89,19 @@ def add_unread_change(first_pass, restarts, base, th, on, true):
 
 
 def past_pressure(time, before, simulated, first, k, t):
-    """Return a pressure at an earlier time t: simulated since the restart at sample ``first``, ``before`` before."""
+    """Return a pressure at an earlier time, linear between samples.
+
+    Args:
+        time: Time stamps in s, shape (n,).
+        before: Pressures in Pa up to the restart, shape (n,).
+        simulated: Pressures in Pa since the restart, shape (n,).
+        first: Sample of the restart.
+        k: Present sample.
+        t: The earlier time in s.
+
+    >>> past_pressure([0.0, 1.0, 2.0], [10.0, 20.0, 0.0], [0.0, 0.0, 40.0], first=2, k=2, t=1.5)
+    30.0
+    """
     j = k
     while j > 0 and time[j] > t:
         j -= 1
@@ -88,6 +116,19 @@ def first_order_lag(time, now, k, lag, reading, before):
     """Return the reading of a first-order sensor at sample k, exact for a linear change since the last sample.
 
     The bilinear (Tustin) rule would ring.
+
+    Args:
+        time: Time stamps in s, shape (n,).
+        now: Input at sample k.
+        k: Index of the sample, at least 1.
+        lag: Time constant in s, above 0.
+        reading: Reading at sample k - 1.
+        before: Input at sample k - 1.
+
+    A ramp of slope 1 is followed with a delay of the lag once the start is forgotten:
+
+    >>> round(first_order_lag([0.0, 1.0], 5.0, 1, 0.1, reading=3.9, before=4.0), 12)
+    4.9
     """
     step = time[k] - time[k - 1]
     e = math.exp(-step / lag)

@@ -8,7 +8,20 @@ from pneucli.simulate.layout import STROKE
 
 
 def table_friction_force(tables, side, branch, step, speed):
-    """Return friction in N at a speed in m/s; constant beyond both ends of the table."""
+    """Return friction in N at a speed; constant beyond both ends of the table.
+
+    Args:
+        tables: Friction in N, shape (2, 2, n), as above.
+        side: 0 toward +x, 1 toward -x.
+        branch: 0 while speeding up, 1 while slowing.
+        step: Step of the table in m/s.
+        speed: Speed in m/s.
+
+    >>> import numpy as np
+    >>> tables = np.array([[[10.0, 20.0, 30.0]] * 2] * 2)
+    >>> [float(table_friction_force(tables, 0, 0, 0.1, speed)) for speed in (0.0, 0.1, 9.0)]
+    [10.0, 15.0, 30.0]
+    """
     at, last = speed / step - 0.5, tables.shape[2] - 1
     if at <= 0.0:
         return tables[side, branch, 0]

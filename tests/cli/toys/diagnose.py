@@ -11,6 +11,7 @@ def run(context: Context) -> dict[str, object]:
         "excluded": context.options.get("exclude", []),
         "verdict": "missing-effect" if missing else "adequate",
         "missing": missing,
+        "sentence": "The model lacks valve-leak." if missing else "Nothing is missing.",
         "ladder": rungs,
         "candidates": [{**leak, "indistinguishable_from": [], "why": "It explains the creep."}] if missing else [],
         "detectable": [],

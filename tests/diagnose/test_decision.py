@@ -9,13 +9,12 @@ from typing import Any
 import numpy as np
 import pytest
 
-from pneucli.diagnose import posterior
+from pneucli.diagnose import decision
 from pneucli.diagnose.adequacy import LackOfFit
 from pneucli.diagnose.calibration import Evidence, probability
 from pneucli.diagnose.candidate import Decision
 from pneucli.diagnose.data import DiagnosisData
-from pneucli.diagnose.equivalence import Term
-from pneucli.diagnose.posterior import (
+from pneucli.diagnose.decision import (
     collect_evidence,
     decide,
     disagreement_between_recordings,
@@ -24,6 +23,7 @@ from pneucli.diagnose.posterior import (
     passes_fallback,
     retest_without_refused,
 )
+from pneucli.diagnose.equivalence import Term
 from pneucli.diagnose.validity import has_unmeasured_force
 from pneucli.identify.residuals import ForceBalance, FreeRun, ImposedMotion
 from pneucli.physics.effects import catalogue
@@ -60,17 +60,17 @@ def judged(monkeypatch: pytest.MonkeyPatch) -> Any:
     ) -> str:
         place = None if read is None else Term(TRIED, ())
         monkeypatch.setattr(DiagnosisData, "exclusive_channel_costs", lambda self, model_fit, effect: [(read, 100.0)])
-        monkeypatch.setattr(posterior, "collect_evidence", lambda *_, complete: evidence._replace(complete=complete))
-        monkeypatch.setattr(posterior, "violated_constraint", lambda *_, **__: violated)
+        monkeypatch.setattr(decision, "collect_evidence", lambda *_, complete: evidence._replace(complete=complete))
+        monkeypatch.setattr(decision, "violated_constraint", lambda *_, **__: violated)
         monkeypatch.setattr(
-            posterior, "nonparametric_rival", lambda diagnosis_data, one: "a law" if law and one is place else None
+            decision, "nonparametric_rival", lambda diagnosis_data, one: "a law" if law and one is place else None
         )
         left = [LackOfFit(ForceBalance, "force", 5.0, 5.0, ())] * unknown
-        monkeypatch.setattr(posterior, "has_calibration", lambda diagnosis_data, effect: calibrated)
-        decision, rests_on = decide(diagnosis_data(), TRIED.full, TRIED, left, place)
-        assert (decision.effect, decision.candidate) == (TRIED.effect, TRIED)
+        monkeypatch.setattr(decision, "has_calibration", lambda diagnosis_data, effect: calibrated)
+        found, rests_on = decide(diagnosis_data(), TRIED.full, TRIED, left, place)
+        assert (found.effect, found.candidate) == (TRIED.effect, TRIED)
         assert rests_on == evidence._replace(complete=not unknown)
-        return decision.reason
+        return found.reason
 
     return reason
 
@@ -172,15 +172,20 @@ def evidence(monkeypatch: pytest.MonkeyPatch, shown: Any, *, complete: bool = Fa
         reduced=model_fit(0.0, model="without"), full=model_fit(0.0, model="with"), effect=catalogue()["extra-mass"]
     )
     where: Any = SimpleNamespace(train=kinds(ForceBalance), free_run_errors=shown, with_intervals=lambda one: widened)
-    monkeypatch.setattr(posterior, "rig_quantities", lambda model, experiments: (model, *experiments))
+    monkeypatch.setattr(decision, "rig_quantities", lambda model, experiments: (model, *experiments))
     sizes = {("extra-mass", ("last model", "fitted")): 0.5}
-    monkeypatch.setattr(posterior, "significance", lambda fit, effect, *_: 40.0 if fit is fitted else 0.0)
-    monkeypatch.setattr(posterior, "relative_effect_size", lambda fit, effect, facts, *_: sizes[effect.name, facts])
-    stood: Any = SimpleNamespace(remaining_share=lambda diagnosis_data: 0.2 if diagnosis_data is where else None)
-    return collect_evidence(where, last, tried, stood if placed else None, complete=complete)
+    monkeypatch.setattr(decision, "significance", lambda fit, effect, *_: 40.0 if fit is fitted else 0.0)
+    monkeypatch.setattr(decision, "relative_effect_size", lambda fit, effect, facts, *_: sizes[effect.name, facts])
+    path_step: Any = SimpleNamespace(
+        reduced=model_fit(0.0, model="start"), full=model_fit(0.0, model="first step"), effect=tried.effect
+    )
+    term: Any = SimpleNamespace(
+        candidate=tried, remaining_share=lambda diagnosis_data: 0.2 if diagnosis_data is where else None
+    )
+    return collect_evidence(where, last, path_step, term if placed else None, complete=complete)
 
 
-def test_evidence_is_of_the_step_and_of_the_effect_in_the_last_model(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_evidence_is_of_the_effect_beside_all_others(monkeypatch: pytest.MonkeyPatch) -> None:
     """40 standard errors by blocks of time are 20 of the interval, whose variance model error inflates by 4."""
     errors = {"without": {"train": 9.0, "test": 5.0}, "with": {"train": 8.0, "test": 13.0**0.5}}
     for complete in (True, False):
@@ -209,17 +214,17 @@ def test_the_posterior_uses_the_evidence_of_the_term(
         free_run_errors=lambda model: {"train": 9.0, "test": errors[id(model)]},
     )
     monkeypatch.setattr(
-        posterior, "rig_quantities", lambda model, experiments: "facts" if model is tried.full.model else None
+        decision, "rig_quantities", lambda model, experiments: "facts" if model is tried.full.model else None
     )
-    monkeypatch.setattr(posterior, "significance", lambda fit, effect, *_: 20.0 if fit is tried.full.fit else 0.0)
+    monkeypatch.setattr(decision, "significance", lambda fit, effect, *_: 20.0 if fit is tried.full.fit else 0.0)
     monkeypatch.setattr(DiagnosisData, "with_intervals", lambda self, fitted: fitted.fit)
     monkeypatch.setattr(
-        posterior, "relative_effect_size", lambda fit, effect, facts, *_: 0.5 if facts == "facts" else 0.0
+        decision, "relative_effect_size", lambda fit, effect, facts, *_: 0.5 if facts == "facts" else 0.0
     )
     monkeypatch.setattr(Term, "remaining_share", lambda self, diagnosis_data: 0.3 if self.candidate is tried else None)
     monkeypatch.setattr(Term, "equivalents", lambda self, diagnosis_data, complete: () if complete else self.rivals)
     known = Evidence(0.8, 20.0, 0.5, complete=False, left=0.3)
-    assert posterior.posterior_probability(where, Term(tried, ())) == probability(known)
+    assert decision.posterior_probability(where, Term(tried, ())) == probability(known)
 
 
 @pytest.mark.parametrize(
@@ -234,24 +239,24 @@ def test_among_equivalents_the_free_run_error_counts_as_ten_readings(
     monkeypatch: pytest.MonkeyPatch, errors: dict[str, float | None] | None, expected: float
 ) -> None:
     """Stribeck friction and a break-away that grows leave as much of a balance of forces, which has few break-aways."""
-    monkeypatch.setattr(posterior, "collect_evidence", lambda *_, complete: WEAK)
-    monkeypatch.setattr(posterior, "probability", lambda evidence: 0.75)
+    monkeypatch.setattr(decision, "collect_evidence", lambda *_, complete: WEAK)
+    monkeypatch.setattr(decision, "probability", lambda evidence: 0.75)
     where = replace(diagnosis_data(held_out=False), free_run_errors=None if errors is None else lambda model: errors)
-    assert posterior.log_odds_among_equivalents(
+    assert decision.log_odds_among_equivalents(
         where, candidate("stribeck", before=candidates.model_fit())
     ) == pytest.approx(expected)
-    monkeypatch.setattr(posterior, "probability", lambda evidence: 1.0)
+    monkeypatch.setattr(decision, "probability", lambda evidence: 1.0)
     named = candidate("stribeck", before=candidates.model_fit())
-    assert np.isfinite(posterior.log_odds_among_equivalents(where, named))
+    assert np.isfinite(decision.log_odds_among_equivalents(where, named))
 
 
 def test_among_equivalents_the_intercepts_do_not_count(monkeypatch: pytest.MonkeyPatch) -> None:
     """The unknown that one of them resembles, all of them do."""
     where = replace(diagnosis_data(held_out=False), free_run_errors=None)
-    monkeypatch.setattr(posterior, "_significance_and_size", lambda diagnosis_data, model_fit, effect: (20.0, 0.5))
+    monkeypatch.setattr(decision, "_significance_and_size", lambda diagnosis_data, model_fit, effect: (20.0, 0.5))
     monkeypatch.setattr(Term, "remaining_share", lambda self, diagnosis_data: 0.3)
     clock, spool = (
-        posterior.log_odds_among_equivalents(where, candidate(n, before=candidates.model_fit()))
+        decision.log_odds_among_equivalents(where, candidate(n, before=candidates.model_fit()))
         for n in ("time-skew", "valve-lag")
     )
     assert clock == spool
@@ -265,11 +270,11 @@ def test_a_size_above_typical_is_no_more_probable_among_equivalents(
     where = replace(diagnosis_data(held_out=False), free_run_errors=None)
     sizes = {"constant-force": 1.0, "pressure-offset": size}
     monkeypatch.setattr(
-        posterior, "_significance_and_size", lambda diagnosis_data, model_fit, effect: (20.0, sizes[effect.name])
+        decision, "_significance_and_size", lambda diagnosis_data, model_fit, effect: (20.0, sizes[effect.name])
     )
     monkeypatch.setattr(Term, "remaining_share", lambda self, diagnosis_data: 0.3)
     force, offset = (
-        posterior.log_odds_among_equivalents(where, candidate(name, before=candidates.model_fit())) for name in sizes
+        decision.log_odds_among_equivalents(where, candidate(name, before=candidates.model_fit())) for name in sizes
     )
     assert offset < force if less else offset == force
 
@@ -282,7 +287,7 @@ def test_recordings_are_grouped_by_name(monkeypatch: pytest.MonkeyPatch) -> None
         return SimpleNamespace(experiment=experiment, channels=channels)
 
     monkeypatch.setattr(
-        posterior, "disagreement", lambda fit, effect, recordings, *_: (fit, effect.name, recordings.tolist())
+        decision, "disagreement", lambda fit, effect, recordings, *_: (fit, effect.name, recordings.tolist())
     )
     where: Any = SimpleNamespace(
         train=[residual_model("b", 2, "p1", "p2"), residual_model("a", 3, "p1"), residual_model("b", 1, "force")],
@@ -310,12 +315,12 @@ def test_a_named_effect_must_pass_without_the_refused_ones(
     monkeypatch.setattr(DiagnosisData, "refit_without", lambda self, one, effects: [ways[id(one), effects[0].name]])
     step = replace(mass, reduced=neither, full=alone)
     monkeypatch.setattr(DiagnosisData, "candidate", lambda self, before, after, effect: step)
-    monkeypatch.setattr(posterior, "passing_candidates", lambda diagnosis_data, before, tried: tried if passes else [])
+    monkeypatch.setattr(decision, "passing_candidates", lambda diagnosis_data, before, tried: tried if passes else [])
     there = STRONG if passes else WEAK
-    monkeypatch.setattr(posterior, "collect_evidence", lambda *_, complete: there._replace(complete=complete))
-    monkeypatch.setattr(posterior, "has_calibration", lambda diagnosis_data, effect: True)
+    monkeypatch.setattr(decision, "collect_evidence", lambda *_, complete: there._replace(complete=complete))
+    monkeypatch.setattr(decision, "has_calibration", lambda diagnosis_data, effect: True)
     rises = moved[1] > moved[0]
-    monkeypatch.setattr(posterior, "violated_constraint", lambda *_, **__: "raises-error" if rises else None)
+    monkeypatch.setattr(decision, "violated_constraint", lambda *_, **__: "raises-error" if rises else None)
     found = diagnosis_data()
     left = [LackOfFit(ForceBalance, "force", 5.0, 5.0, ())]
     refusal = "explained-by-unknown"
@@ -339,9 +344,9 @@ def test_with_a_smooth_rival_the_residual_is_tested_again(
     monkeypatch.setattr(
         DiagnosisData, "candidate", lambda self, before, after, effect: replace(mass, reduced=before, full=after)
     )
-    monkeypatch.setattr(posterior, "passing_candidates", lambda diagnosis_data, before, tried: tried)
+    monkeypatch.setattr(decision, "passing_candidates", lambda diagnosis_data, before, tried: tried)
     monkeypatch.setattr(
-        posterior,
+        decision,
         "lack_of_fit",
         lambda diagnosis_data, one: (
             [LackOfFit(ForceBalance, "force", left, left, ())] * (one.model is alone.model),
@@ -349,10 +354,10 @@ def test_with_a_smooth_rival_the_residual_is_tested_again(
         ),
     )
     there = STRONG if likely else WEAK
-    monkeypatch.setattr(posterior, "collect_evidence", lambda *_, complete: there._replace(complete=complete))
-    monkeypatch.setattr(posterior, "has_calibration", lambda diagnosis_data, effect: True)
-    monkeypatch.setattr(posterior, "violated_constraint", lambda *_, **__: None)
-    monkeypatch.setattr(posterior, "nonparametric_rival", lambda diagnosis_data, one: None)
+    monkeypatch.setattr(decision, "collect_evidence", lambda *_, complete: there._replace(complete=complete))
+    monkeypatch.setattr(decision, "has_calibration", lambda diagnosis_data, effect: True)
+    monkeypatch.setattr(decision, "violated_constraint", lambda *_, **__: None)
+    monkeypatch.setattr(decision, "nonparametric_rival", lambda diagnosis_data, one: None)
     found = diagnosis_data([(neither, 10.0, 10.0), (alone, 5.0, 5.0)])
     weights = [
         (Decision(mass.effect, "supported", mass), STRONG._replace(complete=True)),

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from pneucli.diagnose import free_run_adequacy
+from pneucli.diagnose import free_run_test
 from pneucli.diagnose.adequacy import LackOfFit
 from pneucli.identify.residuals import ChamberPressures, ForceBalance, FreeRun, ResidualModel
 from pneucli.simulate import layout as at
@@ -30,24 +30,22 @@ def seen(errors: np.ndarray, monkeypatch: pytest.MonkeyPatch, kind: type[Residua
         noise={"x": SimpleNamespace(rms=1.0)},
         detected_ends=(-np.inf, np.inf),
     )
-    monkeypatch.setattr(free_run_adequacy, "simulate_outputs", lambda model, e: {"x": np.zeros(N)})
-    monkeypatch.setattr(
-        free_run_adequacy, "sample_deviations", lambda model, e, draws: {"x": rng.normal(size=(draws, N))}
-    )
+    monkeypatch.setattr(free_run_test, "simulate_outputs", lambda model, e: {"x": np.zeros(N)})
+    monkeypatch.setattr(free_run_test, "sample_deviations", lambda model, e, draws: {"x": rng.normal(size=(draws, N))})
     return [kind(experiment)]
 
 
 def test_a_true_model_errs_as_its_draws_do(monkeypatch: pytest.MonkeyPatch):
-    assert free_run_adequacy.free_run_lack_of_fit(None, seen(np.ones(STRETCHES), monkeypatch)) == []
+    assert free_run_test.free_run_lack_of_fit(None, seen(np.ones(STRETCHES), monkeypatch)) == []
 
 
 def test_wild_errors_in_a_third_of_the_stretches_are_stick_slip(monkeypatch: pytest.MonkeyPatch):
     errors = np.where(np.arange(STRETCHES) % 3 == 0, 20.0, 1.0)
-    assert free_run_adequacy.free_run_lack_of_fit(None, seen(errors, monkeypatch)) == []
+    assert free_run_test.free_run_lack_of_fit(None, seen(errors, monkeypatch)) == []
 
 
 def test_errors_of_twice_the_noise_everywhere_are_not(monkeypatch: pytest.MonkeyPatch):
-    (found,) = free_run_adequacy.free_run_lack_of_fit(None, seen(np.full(STRETCHES, 2.0), monkeypatch))
+    (found,) = free_run_test.free_run_lack_of_fit(None, seen(np.full(STRETCHES, 2.0), monkeypatch))
     assert (found.kind, found.channel) == (FreeRun, "x")
     assert found.ratio == pytest.approx(2.0, rel=0.1)
 
@@ -55,7 +53,7 @@ def test_errors_of_twice_the_noise_everywhere_are_not(monkeypatch: pytest.Monkey
 def test_too_few_stretches_say_nothing(monkeypatch: pytest.MonkeyPatch):
     residual_models = seen(np.full(STRETCHES, 5.0), monkeypatch)
     residual_models[0].experiment.restarts = np.arange(0, N, N // 10)
-    assert free_run_adequacy.free_run_lack_of_fit(None, residual_models) == []
+    assert free_run_test.free_run_lack_of_fit(None, residual_models) == []
 
 
 @pytest.mark.parametrize(
@@ -73,17 +71,17 @@ def test_most_of_twenty_stretches_err_beyond_every_draw_and_by_much_in_the_media
 ) -> None:
     """An error as large as the largest draw is none beyond it."""
     largest = np.where(np.arange(stretches) < beyond * stretches, 1.01, 1.0)
-    found = free_run_adequacy._channel_lack_of_fit("x", np.column_stack([largest, np.full(stretches, typical)]))
+    found = free_run_test._channel_lack_of_fit("x", np.column_stack([largest, np.full(stretches, typical)]))
     assert found == (LackOfFit(FreeRun, "x", typical, typical, ()) if told else None)
 
 
 def test_where_an_end_decides_on_the_motion_pressures_count_all_the_same(monkeypatch: pytest.MonkeyPatch) -> None:
     (residual_model,) = seen(np.full(STRETCHES, 3.0), monkeypatch)
     draws = np.random.default_rng(1).normal(size=(6, N))
-    monkeypatch.setattr(free_run_adequacy, "simulate_outputs", lambda model, e: {"x": np.zeros(N), "p1": np.zeros(N)})
-    monkeypatch.setattr(free_run_adequacy, "sample_deviations", lambda model, e, number: {"x": draws, "p1": draws})
-    monkeypatch.setattr(free_run_adequacy, "in_end_contact", lambda e, x, channel: np.ones(N, dtype=bool))
-    found = free_run_adequacy._error_ratios(model(), residual_model.experiment)
+    monkeypatch.setattr(free_run_test, "simulate_outputs", lambda model, e: {"x": np.zeros(N), "p1": np.zeros(N)})
+    monkeypatch.setattr(free_run_test, "sample_deviations", lambda model, e, number: {"x": draws, "p1": draws})
+    monkeypatch.setattr(free_run_test, "in_end_contact", lambda e, x, channel: np.ones(N, dtype=bool))
+    found = free_run_test._error_ratios(model(), residual_model.experiment)
     assert not found["x"].any()
     assert found["p1"][:, 1] == pytest.approx(np.full(STRETCHES, 3.0), rel=0.4)
     assert found["p1"].mean() > 2.0
@@ -91,6 +89,6 @@ def test_where_an_end_decides_on_the_motion_pressures_count_all_the_same(monkeyp
 
 def test_only_free_runs_are_replayed(monkeypatch: pytest.MonkeyPatch):
     assert (
-        free_run_adequacy.free_run_lack_of_fit(None, seen(np.full(STRETCHES, 5.0), monkeypatch, kind=ChamberPressures))
+        free_run_test.free_run_lack_of_fit(None, seen(np.full(STRETCHES, 5.0), monkeypatch, kind=ChamberPressures))
         == []
     )

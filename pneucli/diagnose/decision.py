@@ -179,12 +179,11 @@ def collect_evidence(
     complete: bool,
 ) -> Evidence:
     """Return the evidence for a candidate's effect in the ``last`` model; ``complete``: that leaves only noise."""
+    step = candidate if term is None else term.candidate
     share = (
         None
         if data.free_run_errors is None
-        else removed_error_share(
-            data.free_run_errors(candidate.reduced.model), data.free_run_errors(candidate.full.model)
-        )
+        else removed_error_share(data.free_run_errors(step.reduced.model), data.free_run_errors(step.full.model))
     )
     remaining = 1.0 if term is None else term.remaining_share(data)
     deviation, size = _significance_and_size(data, last, candidate.effect)
