@@ -36,8 +36,9 @@ class Evidence(NamedTuple):
     """The evidence for an effect against an unmodelled one that it resembles.
 
     ``share``: the part of the squared free-run error in excess of noise that the effect removes beside all others, on
-    held-out recordings where there are any; None where there is no such error. ``significance``: its size over its standard error.
-    ``size``: its size over the typical size. ``complete``: the model with all selected effects leaves only noise.
+    held-out recordings where there are any; None where there is no such error. ``significance``: its size over the
+    standard error of its interval. ``size``: its size over the typical size. ``complete``: the model with all selected
+    effects leaves only noise.
     ``left``: the part of the cost in excess of noise, in the residuals that the effect influences, that remains with
     it; of its exclusive channels, where it has such.
     """
