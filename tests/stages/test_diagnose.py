@@ -239,7 +239,6 @@ def test_a_named_effect_has_the_size_that_it_has_beside_the_other_named_ones_alo
 
 def test_a_refused_effect_has_the_interval_by_which_it_is_refused(monkeypatch: pytest.MonkeyPatch) -> None:
     """Intervals of a model with unmodelled effects are wide; narrower ones would contradict the reason."""
-    monkeypatch.setattr(diagnose, "with_intervals", lambda fit, train: ("wide", fit, train))
     monkeypatch.setattr(diagnose, "_parameters", lambda pipeline, fit, name: {"from": fit})
     effect = SimpleNamespace(name="a", title="An effect", looks_like="")
     candidate = SimpleNamespace(full=SimpleNamespace(model="m", fit="fit with a"), reduced=SimpleNamespace(model="m"))
@@ -247,12 +246,15 @@ def test_a_refused_effect_has_the_interval_by_which_it_is_refused(monkeypatch: p
         effect=effect, candidate=candidate, reason="interval-contains-null", supported=False
     )
     data: Any = SimpleNamespace(
-        free_run_errors=lambda model: {"train": 2.0, "test": 2.0}, train="train", held_out="test", folds=()
+        free_run_errors=lambda model: {"train": 2.0, "test": 2.0},
+        with_intervals=lambda fitted: ("wide", fitted.fit),
+        held_out="test",
+        folds=(),
     )
     found: Any = SimpleNamespace(missing=(), equivalents={}, confidence={}, evidence={})
     pipeline: Any = None
-    answer = diagnose._candidate_answer(pipeline, data, found, pipeline, decision)
-    assert answer["parameters"] == {"from": ("wide", "fit with a", "train")}
+    answer = diagnose._candidate_answer(pipeline, data, found, decision)
+    assert answer["parameters"] == {"from": ("wide", "fit with a")}
 
 
 def test_no_rung_raises_both_errors_and_each_entry_has_its_reason(hysteresis: Diagnosed) -> None:
