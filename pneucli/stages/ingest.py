@@ -203,7 +203,7 @@ def _ingest(
     one.losses = file.losses + cleaner.losses
     one.repairs = [*file.repairs, *cleaner.repairs()]
     _require_usable(one)
-    one.noise = noise_of(one, heads)
+    one.noise = noise_of(one, heads, threads)
 
 
 def _cleaned_batches(cleaner: Cleaner, batches: Iterator[dict[str, Array]]) -> Iterator[dict[str, Array]]:
