@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pneucli.io.raw_file import Repair
+from pneucli.quantities import SIGNALS
 
 Array = NDArray[np.float64]
 
@@ -93,7 +94,9 @@ class StuckChannelDetector:
         return noisy and np.log(self._pairs) + (run.length - 1) * np.log(min(repeats, 1.0)) < np.log(FALSE_ALARM_COUNT)
 
     def _saturated(self, level: float, count: int) -> Repair:
-        message = f"saturated: {count} samples stand at the end of the range, {level:.6g}; they are missing"
+        unit = SIGNALS[self._signal].unit if self._signal in SIGNALS else ""
+        end = f"{level:.6g} {unit}".strip()
+        message = f"saturated: {count} samples stand at the end of the range, {end}; they are missing"
         return Repair(self._signal, "saturated", count, message)
 
     def _frozen(self, runs: list[_Run]) -> Repair:

@@ -24,6 +24,7 @@ from pneucli.io.recordings import SIGNALS_FILE, signals_schema
 from pneucli.io.signal_reader import SignalReader
 from pneucli.io.timestamp_order import LOSS_MESSAGES
 from pneucli.messages.ingest import repair_location
+from pneucli.paths import file_on_disk
 from pneucli.pipeline.context import Context, Progress
 from pneucli.quantities import SIGNALS
 from pneucli.recording import Rig
@@ -56,7 +57,7 @@ def run(context: Context) -> dict[str, Any]:
     names = {name for one in done for name in one.signals}
     with ThreadPoolExecutor(2) as threads:
         hashes = {
-            path: threads.submit(sha256_of, path)
+            path: threads.submit(sha256_of, file_on_disk(path))
             for path in dict.fromkeys(path for source in found for path in source.paths)
         }
         about = Provenance(None, {"pipeline": config.document})

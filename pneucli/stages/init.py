@@ -29,7 +29,10 @@ from pneucli.init.survey import survey_parts
 from pneucli.init.survey_types import Guess, Survey
 from pneucli.init.writer import References, fields_to_fill_in, pipeline_text, toml_string
 from pneucli.io.artifacts import atomic_path
+from pneucli.io.formats import is_archive
+from pneucli.io.packed import recordings_in_archive
 from pneucli.io.raw_file import RawFile
+from pneucli.paths import archive_members
 from pneucli.stages.schema import schema_text
 
 NAME = "pipeline.toml"
@@ -96,22 +99,26 @@ def _survey_files(raw: Sequence[Path], stated: dict[str, Any], left: list[str]) 
 
     What lies in a folder and is no recording is left out, and said in ``left``.
     """
-    seen = set()
-    for path in raw:
-        inside = [one for one in path.iterdir() if one.is_file()] if path.is_dir() else []
-        hits = inside or ([path] if path.exists() else [Path(hit) for hit in glob.glob(str(path), recursive=True)])
-        if not hits:
-            raise InputError(str(path), "no such file", "a raw file, a folder of them or a glob", "check the path")
-        for one in sorted((Path(os.path.abspath(hit)) for hit in hits), key=natural_sort_key):
-            if one in seen:
-                continue
-            seen.add(one)
-            try:
-                yield from survey_parts(RawFile(one, {}, **stated))
-            except InputError as error:
-                if len(inside) < 2 and len(hits) < 2 and len(raw) < 2:
-                    raise
-                left.append(f"{one.name}: {error.found}")
+    found = list(dict.fromkeys(one for path in raw for one in _files_at(path)))
+    for one in found:
+        try:
+            yield from survey_parts(RawFile(one, {}, **stated))
+        except InputError as error:
+            if len(found) < 2:
+                raise
+            left.append(f"{one.name}: {error.found}")
+
+
+def _files_at(path: Path) -> Iterator[Path]:
+    """Yield the files that a path means: those of a folder, of a glob, and of an archive of several recordings."""
+    inside = [one for one in path.iterdir() if one.is_file()] if path.is_dir() else []
+    hits = inside or ([path] if path.exists() else [Path(hit) for hit in glob.glob(str(path), recursive=True)])
+    hits = hits or archive_members(path)
+    if not hits:
+        raise InputError(str(path), "no such file", "a raw file, a folder of them or a glob", "check the path")
+    for one in sorted((Path(os.path.abspath(hit)) for hit in hits), key=natural_sort_key):
+        members = recordings_in_archive(one) if is_archive(one) else []
+        yield from sorted(members, key=natural_sort_key) if len(members) > 1 else [one]
 
 
 def _example(directory: Path) -> str:

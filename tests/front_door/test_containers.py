@@ -9,12 +9,17 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from pneucli.config import load
 from pneucli.errors import InputError
+from pneucli.io.artifacts import sha256_of
 from pneucli.io.formats import open_raw
 from pneucli.io.open_signals import open_signals
 from pneucli.io.raw_file import Channel, ColumnRequest, RawFile
+from pneucli.paths import matching_files
+from pneucli.pipeline.context import Context
+from pneucli.stages import ingest, init
 
-from .judge import judge
+from .judge import FILL_IN, judge
 from .laboratory import COUNT, RATE, Array, command, position, pressure, write_workbook
 
 T = np.arange(COUNT) / RATE
@@ -256,14 +261,60 @@ def test_a_workbook_without_its_library_names_the_extra(tmp_path: Path, monkeypa
     assert caught.value.mend == 'pip install "pneucli[excel]"'
 
 
-def test_a_zip_of_several_recordings_is_refused_with_their_names(tmp_path: Path) -> None:
+def archive_of_two(folder: Path) -> Path:
+    import gzip
     import zipfile
 
-    with zipfile.ZipFile(tmp_path / "a.zip", "w") as archive:
-        archive.writestr("one.csv", "t,p\n0,1\n")
-        archive.writestr("two.csv", "t,p\n0,1\n")
-    with pytest.raises(InputError, match=r"a zip archive of 2 files: one\.csv, two\.csv"):
-        open_raw(RawFile(tmp_path / "a.zip", {}))
+    step, later = ("t [s],u [V],p1 [bar],x [mm]\n" + "".join(
+        f"{T[n]:.4f},{U[n]},{P[n] + shift:.5f},{X[n]:.4f}\n" for n in range(COUNT)
+    ) for shift in (0.0, 0.5))  # fmt: skip
+    with zipfile.ZipFile(folder / "a.zip", "w") as archive:
+        archive.writestr("step_1.csv", step)
+        archive.writestr("later/step_2.csv.gz", gzip.compress(later.encode()))
+        archive.writestr("notes.md", "who, when")
+        archive.writestr("../outside.csv", step)
+    return folder / "a.zip"
+
+
+def test_every_readable_member_of_a_zip_is_a_recording(tmp_path: Path) -> None:
+    answer = init.create(tmp_path / "p", [archive_of_two(tmp_path)])
+    assert answer["left_out"] == ["notes.md: no table of numbers in 1 lines"]
+    pipeline = tmp_path / "p" / "pipeline.toml"
+    text = pipeline.read_text(encoding="utf-8")
+    assert 'file = "../a.zip/step_1.csv"' in text
+    for mark, value in FILL_IN.items():
+        text = text.replace(mark, value)
+    pipeline.write_text(text, encoding="utf-8")
+    (tmp_path / "out").mkdir()
+    found = ingest.run(Context(pipeline, load(pipeline), tmp_path / "out", tmp_path))
+    assert [one["samples"] for one in found["recordings"]] == [COUNT, COUNT]
+    assert {one["sha256"] for one in found["recordings"]} == {sha256_of(tmp_path / "a.zip")}
+
+
+@pytest.mark.parametrize(
+    ("pattern", "names"),
+    [
+        ("a.zip/*.csv", ["step_1.csv"]),
+        ("a.zip/later/*.gz", ["later/step_2.csv.gz"]),
+        ("*.zip/**/*.gz", ["later/step_2.csv.gz"]),
+        ("a.zip/step_1.csv", ["step_1.csv"]),
+        ("a.zip/*/step_1.csv", []),
+        ("b.zip/*.csv", []),
+        ("a.zip", [""]),
+    ],
+)
+def test_a_glob_leads_into_a_zip(pattern: str, names: list[str], tmp_path: Path) -> None:
+    archive = archive_of_two(tmp_path)
+    assert matching_files(pattern, tmp_path, "here") == [archive / name for name in names]
+
+
+def test_a_zip_of_several_recordings_says_how_to_name_one(tmp_path: Path) -> None:
+    archive = archive_of_two(tmp_path)
+    with pytest.raises(InputError, match=r"a zip archive of 3 files: step_1\.csv, later/step_2") as caught:
+        open_raw(RawFile(archive, {}))
+    assert caught.value.mend == 'name one, file = "a.zip/step_1.csv", or several, file = "a.zip/*.csv"'
+    with pytest.raises(InputError, match=r'no "step_3\.csv" in the archive'):
+        open_raw(RawFile(archive / "step_3.csv", {}))
 
 
 def test_errors_in_packed_files_name_the_packed_file(tmp_path: Path) -> None:
