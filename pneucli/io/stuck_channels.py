@@ -23,6 +23,8 @@ MIN_RUN_SAMPLES = 20  # samples
 FALSE_ALARM_COUNT = 1e-9  # expected number of such runs in the recording, were each repetition independent
 MIN_TURN_SHARE = 0.3  # share of steps that turn round: 2/3 in white noise, about 0 in a smooth curve
 MIN_STEP_RESOLUTIONS = 1.5  # steps of the resolution: below, noise hides in the quantisation
+MIN_BEND_TURN_SHARE = 0.5  # share of second differences that turn round: 0.73 in white noise, about 0 in a smooth curve
+MIN_BEND_RESOLUTIONS = 3.0  # second differences in steps of the resolution: rounding a slope gives up to 2
 JUMP_RATIO = 20.0  # times the median step
 
 
@@ -40,10 +42,10 @@ class StuckChannelDetector:
         self._signal = signal
         self._long: list[_Run] = []
         self._repeats_in_runs = 0  # samples of these runs that equal the one before
-        self._equal = self._pairs = self._turns = self._steps = 0
+        self._equal = self._pairs = self._turns = self._steps = self._bend_turns = self._bends = 0
         self._low, self._high = np.inf, -np.inf
         self._clipped: dict[float, int] = {}  # samples at each end of the range that the sensor clips at
-        self._step = self._resolution = np.inf
+        self._step = self._resolution = self._bend = np.inf
 
     def update(self, values: Array) -> NDArray[np.bool_]:
         """Take note of the next samples; return which of them are saturated."""
@@ -56,6 +58,7 @@ class StuckChannelDetector:
         if moving.size:
             self._step = min(self._step, float(np.median(np.abs(moving))))
             self._resolution = min(self._resolution, float(np.min(np.abs(moving))))
+        self._note_bends(steps)
         self._low = min(self._low, float(np.fmin.reduce(values)))
         self._high = max(self._high, float(np.fmax.reduce(values)))
         self._collect_runs(values)
@@ -64,6 +67,23 @@ class StuckChannelDetector:
         for level in ends:
             self._clipped[level] = self._clipped.get(level, 0) + int(np.count_nonzero(values == level))
         return saturated
+
+    def _note_bends(self, steps: Array) -> None:
+        """Take note of second differences, which show the noise of a signal that rises or falls all the time."""
+        bends = np.diff(steps)
+        bends = bends[(bends != 0) & np.isfinite(bends)]
+        self._bend_turns += int(np.sum(bends[1:] * bends[:-1] < 0))
+        self._bends += bends.size
+        if bends.size:
+            self._bend = min(self._bend, float(np.median(np.abs(bends))))
+
+    def _shows_noise(self) -> bool:
+        """Return whether neighbours differ by noise that is larger than the resolution, at rest or on a slope."""
+        at_rest = (
+            self._turns > MIN_TURN_SHARE * self._steps > 0 and self._step > MIN_STEP_RESOLUTIONS * self._resolution
+        )
+        on_slope = self._bend_turns > MIN_BEND_TURN_SHARE * self._bends > 0
+        return at_rest or (on_slope and self._bend > MIN_BEND_RESOLUTIONS * self._resolution)
 
     def _collect_runs(self, values: Array) -> None:
         same = values[1:] == values[:-1]
@@ -90,8 +110,9 @@ class StuckChannelDetector:
         """Return whether a run is longer than the noise of the channel lets any be."""
         inside = self._repeats_in_runs
         repeats = max(self._equal - inside, 1) / max(self._pairs - inside, 1)
-        noisy = self._turns > MIN_TURN_SHARE * self._steps > 0 and self._step > MIN_STEP_RESOLUTIONS * self._resolution
-        return noisy and np.log(self._pairs) + (run.length - 1) * np.log(min(repeats, 1.0)) < np.log(FALSE_ALARM_COUNT)
+        return self._shows_noise() and np.log(self._pairs) + (run.length - 1) * np.log(min(repeats, 1.0)) < np.log(
+            FALSE_ALARM_COUNT
+        )
 
     def _saturated(self, level: float, count: int) -> Repair:
         unit = SIGNALS[self._signal].unit if self._signal in SIGNALS else ""

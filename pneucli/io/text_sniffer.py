@@ -95,6 +95,7 @@ class _DelimitedTable:
         cut = TextLayout("", delimiter, "", 0, ())
         self._rows = [() if _is_skipped(line) else tuple(cut.split(line)) for line in lines]
         tail = [row for row in self._rows[max(skip, len(lines) // 2) :] if row] or [r for r in self._rows[skip:] if r]
+        tail = [row for row in tail if any(map(is_value, row))] or tail  # not the header, where it stands again
         self.width = Counter(map(len, tail)).most_common(1)[0][0] if tail else 0
         self._tail = [row for row in tail if len(row) == self.width]
         there = [[row[n] for row in self._tail if row[n] not in NULL_TEXTS] for n in range(self.width)]

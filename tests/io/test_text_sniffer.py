@@ -43,6 +43,10 @@ TEXTS = {
         SniffedLayout(False, 0, ";", (), (), {0: "."}),
     ),
     "text after a comma": ("t,p,x\n" + rows(",") + "1,2,3\n", SniffedLayout(True, 0, ",", ("t", "p", "x"), (), {})),
+    "a command on change, and the header again": (
+        "t [s]\tu\tp\n" + "1\t\t2\n" * ROWS + "t [s]\tu\tp\n" + "1\t\t2\n" * 5 + "1\t5\t2\n",
+        SniffedLayout(True, 0, "\t", ("t [s]", "u", "p"), (), {}),
+    ),
     "a column of words": (
         "t,state\n" + "".join(f"{n},on\n" for n in range(ROWS)),
         SniffedLayout(True, 0, ",", ("t", "state"), (), {}),
@@ -64,7 +68,7 @@ def test_what_is_found_reads_every_row(tmp_path: Path, way: str) -> None:
     opened = open_signals(apply_sniffed(raw, sniff(raw)))
     assert sum(batch["time"].size for batch in opened.batches()) == TEXTS[way][0].count("\n") - {
         "a header": 1, "decimal commas": 1, "a title and two rows of header": 3, "names in a comment": 1,
-        "a preamble as wide as the table": 8, "a third row of header": 3, "text after a comma": 1,
+        "a preamble as wide as the table": 8, "a command on change, and the header again": 2, "a third row of header": 3, "text after a comma": 1,
     }.get(way, 0)  # fmt: skip
 
 
