@@ -18,7 +18,7 @@ from pneucli.units import same_dimension
 # whole words, or with a hyphen before or behind them the ends of words; most telling first
 NOUNS: dict[str, str] = {
     "time": "t time- -time zeit -zeit uhrzeit temps tiempo tempo tijd timestamp clock uhr stamp datetime elapsed czas "
-    "tout",
+    "tout micros millis",
     "pressure": "p pa pb ps p0 press- -pressure druck -druck druck- pression presion pressione druk cisnienie",
     "force": "f force- -force kraft- -kraft fuerza effort kracht forza load- cell torque -moment moment tau",
     "position": "x q y s qm qg pos position- -position weg- -weg hub -hub stroke displacement- laser lvdt encoder "
@@ -31,6 +31,7 @@ NOUNS: dict[str, str] = {
     "flow": "flow- -flow durchfluss- volumenstrom massenstrom mdot debit caudal portata",
 }
 _COMMANDED = "cmd command- control-"
+_SENSED = ("pressure", "force", "position")
 ANGLES = "angle winkel- -winkel theta phi q"
 SUPPLY = "s ps supply- source- versorgung- speise- netz- rail- compressor- kompressor- line pump- p0 alimentation"
 _TANK = "tank- kessel- reservoir- vessel- behalter- accumulator"
@@ -89,6 +90,8 @@ class ColumnName:
             return next(iter(nouns), "")
         if by_unit in nouns or not nouns:
             return by_unit
+        if by_unit == "command" and nouns[0] in _SENSED and "command" not in nouns:
+            return nouns[0]  # the output of a sensor, whose scale people have to say
         return "command" if nouns == ["command"] and by_unit not in ("pressure", "position", "flow") else ""
 
 

@@ -17,7 +17,7 @@ from pneucli.init.units import pressure_reference, pressure_reference_from_force
 from pneucli.io.clock_repairs import CounterClock, spread_stamps
 from pneucli.paths import archive_members
 from pneucli.quantities import SIGNALS
-from pneucli.units import parse_unit
+from pneucli.units import parse_unit, same_dimension
 
 Array = NDArray[np.float64]
 MIN_MOTION_STEPS = 20.0  # times the usual step between samples, that the range of what moves is
@@ -58,7 +58,8 @@ class FileGroup:
     def values_per_file(self, signal: str) -> list[Array]:
         """Return the values of a signal in SI, without references, a file each."""
         one = self.signals[signal]
-        return [to_si(scaled(values, one), one.unit) for values in self.raw_numbers(signal)]
+        wanted = SIGNALS[signal].unit if same_dimension(one.unit, SIGNALS[signal].unit) else one.unit
+        return [to_si(scaled(values, one), one.unit, wanted) for values in self.raw_numbers(signal)]
 
 
 def column_values(found: Survey, one: Guess) -> Array:

@@ -9,6 +9,7 @@ the time and is passed over. A position is also frozen where it stands still and
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
@@ -26,6 +27,9 @@ MIN_STEP_RESOLUTIONS = 1.5  # steps of the resolution: below, noise hides in the
 MIN_BEND_TURN_SHARE = 0.5  # share of second differences that turn round: 0.73 in white noise, about 0 in a smooth curve
 MIN_BEND_RESOLUTIONS = 3.0  # second differences in steps of the resolution: rounding a slope gives up to 2
 JUMP_RATIO = 20.0  # times the median step
+MOTION = ("x", "v")  # stand still exactly where the piston rests on its end
+SLOPE_SAMPLES = 8  # steps before a run, whose mean is its slope
+MIN_KINK = 10.0  # slope over the bends before it: a signal that comes to rest by itself bends before it does
 
 
 @dataclass(frozen=True)
@@ -33,6 +37,7 @@ class _Run:
     length: int
     value: float
     jump: float  # afterwards
+    at_full_speed: bool  # before
 
 
 class StuckChannelDetector:
@@ -95,13 +100,30 @@ class StuckChannelDetector:
             if same[start]:
                 jump = abs(values[end + 1] - values[end]) if end + 1 < values.size else 0.0
                 self._repeats_in_runs += int(end - start)
-                self._long.append(_Run(int(end - start) + 1, float(values[start]), float(jump)))
+                at_full_speed = self._signal not in MOTION and _at_full_speed(values[:start])
+                self._long.append(_Run(int(end - start) + 1, float(values[start]), float(jump), at_full_speed))
 
     def repairs(self) -> list[Repair]:
         """Return what is odd, as warnings."""
         inner = [run for run in self._long if run.value not in self._clipped and self._is_odd(run)]
         clipped = [self._saturated(level, count) for level, count in sorted(self._clipped.items())]
-        return [*clipped, *([self._frozen(inner)] if inner else [])]
+        return [*clipped, *([self._frozen(inner)] if inner else []), *self._plateaus(inner)]
+
+    def _plateaus(self, told: list[_Run]) -> Iterator[Repair]:
+        """Yield a repair for each end of the range at which a signal without noise, at full speed, stands still."""
+        for end, level in (("smallest", self._low), ("largest", self._high)):
+            runs = [run for run in self._long if run.value == level and run not in told and level not in self._clipped]
+            count = sum(run.length for run in runs if run.at_full_speed)
+            if count:
+                message = (
+                    f"{count} samples stand exactly at its {end} value, {self._with_unit(level)}, which it reaches"
+                )
+                message += " at full speed: the end of the sensor's range, or a valve that closes? kept"
+                yield Repair(self._signal, "plateau", count, message)
+
+    def _with_unit(self, level: float) -> str:
+        unit = SIGNALS[self._signal].unit if self._signal in SIGNALS else ""
+        return f"{level:.6g} {unit}".strip()
 
     def _is_odd(self, run: _Run) -> bool:
         return (self._signal == "x" and run.jump > JUMP_RATIO * self._step) or self._is_too_long(run)
@@ -115,8 +137,7 @@ class StuckChannelDetector:
         )
 
     def _saturated(self, level: float, count: int) -> Repair:
-        unit = SIGNALS[self._signal].unit if self._signal in SIGNALS else ""
-        end = f"{level:.6g} {unit}".strip()
+        end = self._with_unit(level)
         message = f"saturated: {count} samples stand at the end of the range, {end}; they are missing"
         return Repair(self._signal, "saturated", count, message)
 
@@ -126,3 +147,12 @@ class StuckChannelDetector:
             f"frozen: {count} samples stand still exactly, {longest.length} at a stretch at {longest.value:.6g}; kept"
         )
         return Repair(self._signal, "frozen", count, message)
+
+
+def _at_full_speed(values: Array) -> bool:
+    """Return whether a signal goes straight on at its end; the step that the end of a range cuts off comes after it."""
+    steps = np.diff(values[-SLOPE_SAMPLES - 1 :])
+    if steps.size < SLOPE_SAMPLES:
+        return False
+    slope, bend = abs(float(steps.mean())), float(np.abs(np.diff(steps)).max())
+    return slope > MIN_KINK * bend and slope > 0.0

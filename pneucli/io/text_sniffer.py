@@ -21,7 +21,7 @@ DELIMITERS = ("\t", ";", ",", " ", "|")
 MAX_HEADER_LINES = 4  # lines of a header that are looked at for units
 MIN_TABLE_ROWS = 3  # rows in a row that a table begins with
 MIN_VALUE_SHARE = 0.8  # share of the rows that tells what a column is
-_THOUSANDS = re.compile(r"[+-]?\d{1,3}(?:([.,])\d{3}){2,}")
+_THOUSANDS = re.compile(r"[+-]?\d{1,3}(?:(?:([.,])\d{3}){2,}|(?:([.,])\d{3})+(?!\2)[.,]\d+)")
 _MAX_COLUMNS = 1000  # columns
 
 
@@ -138,12 +138,21 @@ class _DelimitedTable:
     def _header(self, above: list[int]) -> tuple[tuple[str, ...], tuple[str, ...], int | None]:
         """Return names, units and the names' line: those above the rows that are as wide as they are."""
         wide = [n for n in above if len(self._rows[n]) in (self.width, self.width + 1)]
+        if self._delimiter == " " and not wide and above:
+            return self._names_in_columns(self._lines[above[-1]]), (), None
         if not wide or any(is_value(field) for field in self._rows[wide[-1]] if field not in NULL_TEXTS):
             return (), (), None
         for names, units in reversed([*pairwise(wide[-MAX_HEADER_LINES:])]):
             if _are_units(self._rows[units]) and not all(map(is_value, self._rows[names])):
                 return self._rows[names][: self.width], self._rows[units][: self.width], names
         return self._rows[wide[-1]][: self.width], (), wide[-1]
+
+    def _names_in_columns(self, line: str) -> tuple[str, ...]:
+        """Return the names in a header of columns of fixed width, in which names and units are apart by one blank."""
+        for fields in (re.split(r"\s{2,}", line.strip()), re.findall(r"[^\s\[(]+(?:\s?[\[(][^\])]*[\])])?", line)):
+            if len(fields) == self.width and not any(map(is_value, fields)):
+                return tuple(fields)
+        return ()
 
     def _names_in_comment(self, start: int) -> tuple[str, ...]:
         """Return the names in a comment right above the rows, as numpy and gnuplot write them."""
@@ -155,7 +164,7 @@ class _DelimitedTable:
     def _thousands(self) -> dict[int, str]:
         """Return the columns that have more than one mark in a number."""
         hits = {n: [_THOUSANDS.fullmatch(row[n]) for row in self._tail] for n in range(self.width)}
-        return {n: hit[1] for n, column in hits.items() for hit in [next(filter(None, column), None)] if hit}
+        return {n: hit[1] or hit[2] for n, column in hits.items() for hit in [next(filter(None, column), None)] if hit}
 
 
 def apply_sniffed(raw: RawFile, found: SniffedLayout) -> RawFile:

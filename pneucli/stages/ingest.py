@@ -35,7 +35,7 @@ from pneucli.units import factor_and_offset, parse_unit_as
 SPOOL_VALVE_HINT = '; where one valve drives both chambers, say [rig.valve] arrangement = "5/3"'
 MIN_PERIOD, MAX_PERIOD = 1e-9, 1e6  # s, of a sampling period
 WARNING_REPAIRS = (
-    *("frozen", "saturated", "spike", "gap", "no-stamp", "backward", "duplicate", "truncated"),
+    *("frozen", "saturated", "plateau", "spike", "gap", "no-stamp", "backward", "duplicate", "truncated"),
     *("vacuum", "cut-number", "empty", "reader", "unit"),
     *("mark", "roll-over", "jumps", "held", "spread", "counter", "matlab-object", "header-again"),
 )

@@ -150,6 +150,7 @@ def _column_rows(kind: FileGroup, references: References) -> Iterator[dict[str, 
         reference, why = references.get(one.unit, ("", "")) if one.signal.startswith("p") else ("", "")
         yield {
             "file": kind.file,
+            "part": kind.surveys[0].raw.part,
             "column": one.column.name or one.column.key,
             "signal": one.signal,
             "unit": one.unit,
@@ -165,6 +166,7 @@ def _recording_row(kind: FileGroup) -> dict[str, Any]:
     held = [one.path.name for one in kind.held_out]
     return {
         "file": kind.file,
+        "part": kind.surveys[0].raw.part,
         "files": len(kind.surveys) + len(kind.further_files),
         "experiment": guess_experiment(kind).experiment,
         "held_out": held,

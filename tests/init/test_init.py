@@ -71,7 +71,7 @@ NAMES = {
     "Acc [m/s2]": ("a", "m/s2"),
     "group/Force in N": ("force", "N"),
     "Temperatur [°C]": ("temperature", "°C"),
-    "pressure sensor [V]": ("", "V"),
+    "pressure sensor [V]": ("p1", "bar"),
     "P1 [mm]": ("", "mm"),
     "gain": ("", ""),
 }

@@ -148,6 +148,14 @@ def test_a_sensor_that_slews_shows_its_noise_all_the_same(resolution: float, is_
     assert np.isnan(cleaned["p1"][cut == 9e5]).all() == is_saturated
 
 
+def test_a_channel_without_noise_that_stops_at_full_speed_is_noticed_and_kept() -> None:
+    smooth = signal(noise=0.0)
+    cut = {**smooth, "p1": np.minimum(smooth["p1"], 4e5)}
+    cleaned, repairs = clean(cut)
+    np.testing.assert_array_equal(cleaned["p1"], cut["p1"])
+    assert repairs.keys() == {("p1", "plateau")}
+
+
 def test_rest_of_a_quiet_channel_is_no_fault() -> None:
     quiet = signal(noise=0.0)  # at ambient for 0.3 s, exactly
     assert clean(quiet)[1] == {}
