@@ -40,7 +40,11 @@ def is_text(path: Path) -> bool:
 def unpacked(path: Path) -> Path:
     """Return what a packed file, a workbook, or a member of an archive holds; other files as they are."""
     kind = "zip" if archive_and_member(path) else packed_format(path, _head(path))
-    return path if kind in (None, numpy_file.NAME) else unpacked(unpack(path, kind))
+    if kind in (None, numpy_file.NAME):
+        return path
+    inner = unpack(path, kind)
+    with named_as(path, inner):
+        return unpacked(inner)
 
 
 def is_archive(path: Path) -> bool:

@@ -51,6 +51,8 @@ def packed_format(path: Path, head: bytes) -> str | None:
     for magic, name in _REFUSED.items():
         if head.startswith(magic):
             raise InputError(str(path), f"this is a {name}", "a file of recorded numbers", "unpack it first")
+    if head[257:262] == b"ustar":
+        raise InputError(str(path), "this is a tar archive", "a file of recorded numbers", "unpack it first")
     if any(head.startswith(magic) for magic in _EXCEL):
         return "Excel"
     for magic, (name, _) in _STREAMS.items():

@@ -57,7 +57,7 @@ def sniff(raw: RawFile) -> SniffedLayout:
     )
     if not found.score:
         wanted, mend = "rows of numbers", "say --skip-rows, --delimiter or --decimal, or export it as CSV"
-        raise InputError(str(raw.path), f"no table of numbers in {len(lines)} lines", wanted, mend)
+        raise InputError(str(raw.path), "no table of numbers", wanted, mend)
     return found.describe(raw.header)
 
 
@@ -98,7 +98,7 @@ class _DelimitedTable:
         tail = [row for row in tail if any(map(is_value, row))] or tail  # not the header, where it stands again
         self.width = Counter(map(len, tail)).most_common(1)[0][0] if tail else 0
         self._tail = [row for row in tail if len(row) == self.width]
-        there = [[row[n] for row in self._tail if row[n] not in NULL_TEXTS] for n in range(self.width)]
+        there = self._there = [[row[n] for row in self._tail if row[n] not in NULL_TEXTS] for n in range(self.width)]
         self._numeric = [n for n in range(self.width) if _share(map(is_value, there[n])) >= MIN_VALUE_SHARE]
         self.start = self._first_row()
         usual = len(self._tail) / max(len(tail), 1)
@@ -109,8 +109,10 @@ class _DelimitedTable:
         )
 
     def _is_row(self, row: tuple[str, ...]) -> bool:
-        if len(row) != self.width:
+        if len(row) != self.width or not self._numeric:
             return False
+        if any(row[n] not in NULL_TEXTS for n in range(self._numeric[0]) if not self._there[n]):
+            return False  # a line of keys above rows whose first column is empty
         fields = [row[n] for n in self._numeric]
         return any(map(is_value, fields)) and all(is_value(field) or field in NULL_TEXTS for field in fields)
 

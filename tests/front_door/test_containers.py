@@ -61,6 +61,18 @@ def tdms_groups(folder: Path) -> Path:
     return path
 
 
+def tdms_groups_in_other_units(folder: Path) -> Path:
+    """Each group has a clock of its own: seconds of fast readings, milliseconds of slow ones."""
+    from nptdms import ChannelObject, TdmsWriter
+
+    path = folder / "run.tdms"
+    channels = [("Fast", "Time", T, "s"), ("Fast", "P1", P, "bar"), ("A slow one", "Time", 1e3 * SLOW, "ms")]
+    channels += [("A slow one", "Pos", 1e3 * position(SLOW), "mm"), ("Fast", "U", U, "V")]
+    with TdmsWriter(path) as writer:
+        writer.write_segment([ChannelObject(g, n, v, properties={"unit_string": unit}) for g, n, v, unit in channels])
+    return path
+
+
 def mdf_rasters(folder: Path) -> Path:
     from asammdf import MDF, Signal
 
@@ -180,7 +192,17 @@ def dspace(folder: Path) -> Path:
 
 
 WRITERS: list[Writer] = [
-    *(tdms_waveforms, tdms_groups, mdf_rasters, twincat, mcap_json, rosbag2, clocks_in_one_table, pandas_frame),
+    *(
+        tdms_waveforms,
+        tdms_groups,
+        tdms_groups_in_other_units,
+        mdf_rasters,
+        twincat,
+        mcap_json,
+        rosbag2,
+        clocks_in_one_table,
+        pandas_frame,
+    ),
     *(logged_signals, dspace),
 ]
 
@@ -243,6 +265,8 @@ def test_objects_of_matlab_are_refused_with_the_way_to_save_them(tmp_path: Path)
         (b"\x80\x04\x95" + b"\0" * 99, "this is a pickle of Python"),
         (b"\x1f\x8b" + b"\0" * 99, "cannot be read as gzip"),
         (b"PK\x03\x04" + b"\0" * 99, "cannot be read as zip"),
+        (b"a.csv".ljust(257, b"\0") + b"ustar".ljust(255, b"\0"), "this is a tar archive"),
+        (b"SQLite format 3\0" + b"\0" * 4000, "this is a database of SQLite, and no rosbag2"),
     ],
 )
 def test_what_cannot_be_read_is_named(content: bytes, says: str, tmp_path: Path) -> None:
@@ -278,7 +302,7 @@ def archive_of_two(folder: Path) -> Path:
 
 def test_every_readable_member_of_a_zip_is_a_recording(tmp_path: Path) -> None:
     answer = init.create(tmp_path / "p", [archive_of_two(tmp_path)])
-    assert answer["left_out"] == ["notes.md: no table of numbers in 1 lines"]
+    assert answer["left_out"] == ["notes.md: no table of numbers"]
     pipeline = tmp_path / "p" / "pipeline.toml"
     text = pipeline.read_text(encoding="utf-8")
     assert 'file = "../a.zip/step_1.csv"' in text
@@ -325,6 +349,40 @@ def test_errors_in_packed_files_name_the_packed_file(tmp_path: Path) -> None:
     with pytest.raises(InputError) as caught:
         list(open_signals(raw).batches())
     assert caught.value.where == f'{tmp_path}/a.csv.gz, line 4, column "p"'
+
+
+def test_an_archive_in_a_packed_file_is_named_by_the_packed_file(tmp_path: Path) -> None:
+    import gzip
+
+    (tmp_path / "a.tar.gz").write_bytes(gzip.compress(b"a.csv".ljust(257, b"\0") + b"ustar".ljust(255, b"\0")))
+    with pytest.raises(InputError, match="this is a tar archive") as caught:
+        open_raw(RawFile(tmp_path / "a.tar.gz", {}))
+    assert caught.value.where == f"{tmp_path}/a.tar.gz"
+
+
+def texts(folder: Path, kind: str) -> Path:
+    import pyarrow as pa
+    import pyarrow.parquet as pq
+    from pyarrow import feather
+
+    stamps = [f"2024-03-21T14:05:{7 + t:09.6f}" for t in T]
+    rows = {"time": stamps, "u [V]": U.tolist(), "p1 [bar]": [f"{p:.5f}" for p in P], "x [mm]": X.tolist()}
+    path = folder / f"run.{kind}"
+    if kind == "json":
+        split = {"columns": list(rows), "index": list(range(COUNT)), "data": list(zip(*rows.values(), strict=True))}
+        path.write_text(json.dumps(split), encoding="utf-8")
+    elif kind == "parquet":
+        pq.write_table(pa.table({**rows, "note": ["as found"] * COUNT}), path)
+    else:
+        feather.write_feather(pa.table({**rows, "note": ["as found"] * COUNT}), path)
+    return path
+
+
+@pytest.mark.parametrize("kind", ["json", "parquet", "feather"])
+def test_numbers_and_stamps_that_stand_as_texts_are_read(kind: str, tmp_path: Path) -> None:
+    outcome = judge(texts(tmp_path, kind), tmp_path / "work", 0.0)
+    assert outcome.verdict == "right", f"{outcome.verdicts}\n{outcome.why}"
+    assert kind == "json" or '# not taken: "note": texts, such as "as found"' in outcome.why
 
 
 def test_a_broken_row_of_text_leaves_no_thread_behind(tmp_path: Path) -> None:

@@ -122,6 +122,22 @@ def test_columns_of_fixed_width_keep_their_names(tmp_path: Path) -> None:
     assert judge(tmp_path / "a.txt", tmp_path, 0.0).verdict == "right"
 
 
+def test_a_table_of_labview_without_a_clock_begins_below_its_keys(tmp_path: Path) -> None:
+    keys = ["LabVIEW Measurement\t", "X_Columns\tNo", "***End_of_Header***\t", "\t", "Channels\t3\t\t\t"]
+    keys += ["Samples\t1600\t1600\t1600\t", "Delta_X\t0.001\t0.001\t0.001\t", "***End_of_Header***\t\t\t\t"]
+    rows = [f"\t{u}\t{p:.5f}\t{x:.4f}\t" for u, p, x in zip(U, P, X, strict=True)]
+    path = tmp_path / "a.lvm"
+    path.write_text("\n".join([*keys, "X_Value\tU [V]\tP1 [bar]\tPos [mm]\tComment", *rows]), encoding="utf-8")
+    assert judge(path, tmp_path, 0.0).verdict == "right"
+
+
+def test_a_column_without_a_name_and_without_a_number_is_no_fault(tmp_path: Path) -> None:
+    rows = "".join(f"{n};{n % 7};;{n % 5}\n" for n in range(200))
+    (tmp_path / "a.csv").write_text(rows, encoding="utf-8")
+    answer = init.create(tmp_path / "p", [tmp_path / "a.csv"])
+    assert [one["signal"] for one in answer["columns"]].count("time") == 1
+
+
 def test_each_part_of_a_file_has_its_own_columns_in_the_answer(tmp_path: Path) -> None:
     half = "t [s],u [V],p1 [bar]\n" + "".join(f"{n / 100},{n % 3},{1 + n % 7}\n" for n in range(100))
     (tmp_path / "a.csv").write_text(half + half, encoding="utf-8")
