@@ -80,7 +80,7 @@ def detect_layout(raw: RawFile) -> TextLayout:
     lines = [line.rstrip("\r") for line in text.rstrip("\r\n").split(line_end)]
     if len(head) == HEAD_BYTES and len(lines) > 1:
         lines.pop()
-    rows = [n for n, line in enumerate(lines) if n >= raw.skip_rows and line.strip() and not _is_comment(line)]
+    rows = [n for n, line in enumerate(map(str.lstrip, lines)) if line and line[0] != "#" and n >= raw.skip_rows]
     if len(rows) < 1 + raw.header:
         found = "a header line and no rows" if rows else "no rows"
         raise InputError(f"{raw.path}, line {len(lines)}", found, "rows of numbers", "record it again or leave it out")
@@ -159,10 +159,6 @@ def _check_marks(raw: RawFile) -> None:
     if raw.decimal and raw.decimal in (raw.delimiter, raw.thousands):
         found = f'"{raw.decimal}" is the decimal mark and another one'
         raise InputError(f"{raw.path}, key decimal", found, "a mark for each", "change one of them")
-
-
-def _is_comment(line: str) -> bool:
-    return line.lstrip().startswith("#")
 
 
 def _is_number(field: str) -> bool:
