@@ -34,6 +34,7 @@ _COMMANDED = "cmd command- control-"
 _SENSED = ("pressure", "force", "position")
 ANGLES = "angle winkel- -winkel theta phi q"
 SUPPLY = "s ps supply- source- versorgung- speise- netz- rail- compressor- kompressor- line pump- p0 alimentation"
+_RESULTS = "error err deviation abweichung fehler residual overshoot rmse std -norm"  # made of what was recorded
 _TANK = "tank- kessel- reservoir- vessel- behalter- accumulator"
 _REFERENCE = "ref soll- -soll reference- set setpoint- target- desired des goal- qg sollwert demand consigne"
 _FIRST = "1 a pa i one first links left vorn front cap blind bottom boden kolbenseite head extend"
@@ -109,6 +110,8 @@ def quantity_kind(unit: str) -> str:
 def signal_scores(name: ColumnName) -> Iterator[tuple[str, float]]:
     """Yield the signals that a name may mean, and how well it fits."""
     kind, nouns = name.kind, name.nouns
+    if name.has(_RESULTS):
+        return
     sure = 1.0 + bool(nouns) - 0.5 * name.has(_DERIVED)
     is_reference = name.has(_REFERENCE) or ("command" in nouns and kind != "command" and name.has(_COMMANDED))
     second = name.has(_SECOND)

@@ -127,14 +127,20 @@ def _example(directory: Path) -> str:
 
 
 def _recordings(found: Sequence[FileGroup], left: list[str]) -> Sequence[FileGroup]:
-    """Return the groups that have a pressure or a position, or all where none has; the others are said in ``left``."""
-    usable = [one for one in found if one.signals.keys() & {"p1", "x"}]
-    if not usable:
-        return found
-    for kind in found:
-        if kind not in usable:
-            left += [f"{one.path.name}: no column looks like a pressure or a position" for one in kind.surveys]
-    return usable
+    """Return the groups that have a pressure or a position, and a clock; where none has one, all of them.
+
+    The others are said in ``left``: what lies beside recordings without a clock is a table of results.
+    """
+    needs = (
+        (("p1", "x"), "no column looks like a pressure or a position"),
+        (("time",), "no column rises like a clock"),
+    )
+    for names, reason in needs:
+        usable = [one for one in found if not one.signals.keys().isdisjoint(names)]
+        if usable:
+            left += [f"{one.path.name}: {reason}" for kind in found if kind not in usable for one in kind.surveys]
+            found = usable
+    return found
 
 
 def _from_raw(directory: Path, found: Sequence[FileGroup]) -> str:

@@ -71,6 +71,8 @@ NAMES = {
     "Acc [m/s2]": ("a", "m/s2"),
     "group/Force in N": ("force", "N"),
     "Temperatur [°C]": ("temperature", "°C"),
+    "Error_kPa": ("", "kPa"),
+    "Overshoot [mm]": ("", "mm"),
     "pressure sensor [V]": ("p1", "bar"),
     "P1 [mm]": ("", "mm"),
     "gain": ("", ""),
