@@ -1,8 +1,8 @@
 """What ``init`` leaves to people: lines edited until ``ingest`` runs, and the checks that then speak.
 
 ``python -m benchmarks.front_door [DATA]``. Six exports that are written here, and the recordings of other laboratories
-in the folder DATA, which ``PNEUCLI_DATA`` names elsewhere. A user edits what waits with a ``?``, and what is read wrong; a
-line that is changed, added or taken out counts once.
+in the folder DATA, which ``PNEUCLI_DATA`` names elsewhere. A user edits what waits with a ``?``, and what is read
+wrong; a line that is changed, added or taken out counts once.
 """
 
 from __future__ import annotations

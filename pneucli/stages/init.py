@@ -83,6 +83,15 @@ def questions(waiting: Sequence[Mapping[str, Any]]) -> list[Question]:
     return asked_questions([str(one["key"]) for one in waiting])
 
 
+def refusal(answers: Mapping[str, str]) -> str:
+    """Return why answers to :func:`questions` cannot be taken, and what is wanted; empty where they can."""
+    try:
+        values_of(answers)
+    except InputError as error:
+        return f"{error.found}; wanted: {error.wanted}"
+    return ""
+
+
 def fill_in(path: Path, answers: Mapping[str, str]) -> dict[str, Any]:
     """Write answers to :func:`questions` into the pipeline file; return what still waits, as :func:`create` does.
 
