@@ -1,11 +1,16 @@
-"""The meaning of paths in the pipeline file: relative to the file, with variables, ``~`` and globs."""
+"""The meaning of paths in the pipeline file: relative to the file, with variables, ``~`` and globs.
+
+A path may lead into a zip archive, ``runs.zip/step_1.csv``; a glob may, too.
+"""
 
 from __future__ import annotations
 
 import glob
 import os
 import re
-from pathlib import Path
+import zipfile
+from fnmatch import fnmatchcase
+from pathlib import Path, PurePosixPath
 
 from pneucli.errors import InputError, printable
 
@@ -26,14 +31,14 @@ def expand_path(text: str, folder: Path, where: str) -> Path:
 
 
 def matching_files(text: str, folder: Path, where: str) -> list[Path]:
-    """Return the regular files that ``text`` names, in natural order.
+    """Return the regular files and the members of archives that ``text`` names, in natural order.
 
     Raises InputError for an environment variable that is not set, and for a name that cannot be printed.
     """
     path = expand_path(text, folder, where)
     found = (
         [path] if is_file(path) else [hit for hit in map(Path, glob.glob(str(path), recursive=True)) if is_file(hit)]
-    )
+    ) or archive_members(path)
     for hit in found:
         require_printable(hit, where)
     return sorted(found, key=_natural_order)
@@ -57,6 +62,53 @@ def is_file(path: Path) -> bool:
         return path.is_file()
     except OSError:  # such as a name that is too long
         return False
+
+
+def archive_members(pattern: Path) -> list[Path]:
+    """Return the members of archives that a path or glob such as ``runs.zip/*.csv`` names, as paths of this kind."""
+    found = _split_at_archive(pattern)
+    if found is None:
+        return []
+    archive, inner = found
+    archives = [archive] if is_file(archive) else map(Path, glob.glob(str(archive), recursive=True))
+    return [hit / name for hit in archives for name in member_names(hit) if name == inner or _matches(name, inner)]
+
+
+def member_names(archive: Path) -> list[str]:
+    """Return the names of the files in a zip archive that can be parts of a path; none where it is no archive."""
+    try:
+        with zipfile.ZipFile(archive) as opened:
+            names = [one.filename for one in opened.infolist() if not one.is_dir()]
+    except (OSError, zipfile.BadZipFile):
+        return []
+    return [name for name in names if not name.startswith("/") and ".." not in PurePosixPath(name).parts]
+
+
+def archive_and_member(path: Path) -> tuple[Path, str] | None:
+    """Return the archive that a path leads into, and the member's name; None for a path that leads into none."""
+    found = _split_at_archive(path)
+    return found if found is not None and is_file(found[0]) else None
+
+
+def file_on_disk(path: Path) -> Path:
+    """Return the archive that a path leads into; other paths as they are."""
+    found = archive_and_member(path)
+    return path if found is None else found[0]
+
+
+def _split_at_archive(path: Path) -> tuple[Path, str] | None:
+    for number, part in enumerate(path.parts[:-1], 1):
+        if part.lower().endswith(".zip") and not os.path.isdir(Path(*path.parts[:number])):
+            return Path(*path.parts[:number]), "/".join(path.parts[number:])
+    return None
+
+
+def _matches(name: str, pattern: str) -> bool:
+    """Return whether a member's name matches a glob, folder by folder, of which ``**`` are any number."""
+    if "**" in pattern.split("/"):
+        return fnmatchcase(name, pattern.replace("**/", "*"))
+    parts, wanted = name.split("/"), pattern.split("/")
+    return len(parts) == len(wanted) and all(map(fnmatchcase, parts, wanted))
 
 
 def _natural_order(path: Path) -> list[tuple[bool, int, str]]:

@@ -86,6 +86,8 @@ PLAIN = {
     "in": Unit(0.0254, _LENGTH),
     "inch": Unit(0.0254, _LENGTH),
     "ft": Unit(0.3048, _LENGTH),
+    "mil": Unit(2.54e-5, _LENGTH),
+    "thou": Unit(2.54e-5, _LENGTH),
     "lb": Unit(0.453_592_37, (0, 1, 0, 0, 0)),
     "lbf": Unit(4.448_221_615_260_5, (1, 1, -2, 0, 0)),
     "kgf": Unit(9.806_65, (1, 1, -2, 0, 0)),
@@ -127,7 +129,6 @@ STANDARD_FLOWS = {
 # what a symbol means where another dimension than its own is wanted
 SYMBOLS_BY_DIMENSION: dict[Dimension, dict[str, Unit]] = {
     _ACCELERATION: {f"{m}g": Unit(f * STANDARD_GRAVITY, _ACCELERATION) for m, f in (("", 1.0), ("m", 1e-3))},
-    _PRESSURE: {f"kg/cm{two}": PLAIN["at"] for two in ("2", "^2", "²")},
     _TEMPERATURE: {"C": PLAIN["degC"], "F": PLAIN["degF"]},
 }
 
@@ -220,6 +221,8 @@ _SPELLINGS = (  # patterns of whole units, and how the table has them
         re.compile(r"(?i)\b(mm|cm|m|in|inch(?:es)?|ft)\.?\s*(?:of\s+)?(?:H[2₂]O|WC|W\.C\.?|WG|WS|water)(?![A-Za-z])"),
         None,
     ),
+    (re.compile(r"(?i)\bkgf?\s*/\s*(?:cm(?:\^|\*\*)?2|sq\.?\s*cm)"), lambda m: "at"),
+    (re.compile(r"^[\"″”]$"), lambda m: "in"),
     (re.compile(r"(?i)\(s\)"), lambda m: "s"),
     (re.compile(r"(?i)\bU/min\b"), lambda m: "rpm"),
 )

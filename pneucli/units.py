@@ -51,7 +51,7 @@ MAX_MAGNITUDE = 1e18  # of any number of a rig, in SI: its powers stay finite
 _SUPERSCRIPTS = str.maketrans("⁰¹²³⁴⁵⁶⁷⁸⁹⁻μ℃", "0123456789-µC")
 _TOKEN = re.compile(r"\s*(?:([A-Za-zµ°%]+|-(?!\d)|1(?!\d))(?:(?:\^|\*\*)?\s*(-?\d+))?|([/*·()]))\s*")
 _PRESSURE_KIND = re.compile(
-    r"(?i)^(.*?(?:bar|pa|psi|atm))[\s_]*\(?(g|gauge|gage|ü|rel|rel\.|relativ|relative|a|abs|abs\.|absolut|absolute)\)?$"
+    r"(?i)^(.*?(?:bar|pa|psi|atm|at))[\s_]*\(?(g|gauge|gage|ü|rel|rel\.|relativ|relative|a|abs|abs\.|absolut|absolute)\)?$"
 )
 _ABSOLUTE = ("a", "abs", "abs.", "absolut", "absolute")
 _QUANTITY = re.compile(r"\s*([+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?)\s*(.*?)\s*$", re.DOTALL)

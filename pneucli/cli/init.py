@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import importlib
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Annotated
 
@@ -50,23 +50,33 @@ def _init(
     stated = {"header": not no_header, "skip_rows": skip_rows, "delimiter": mark, "decimal": decimal}
     answer = init.create(directory, [*(raw or []), *(more or [])], **stated)
     if ask:
-        answer |= init.fill_in(Path(answer["pipeline"]), _ask(init.questions(answer["fill_in"])))
+        answers = _ask(init.questions(answer["fill_in"]), init.refusal)
+        answer |= init.fill_in(Path(answer["pipeline"]), answers)
     if json:
         console.print_json(answer)
     else:
         print(messages.render("init", answer, shortest_path(Path(answer["pipeline"]))))
 
 
-def _ask(questions: Sequence[tuple[str, str, str]]) -> dict[str, str]:
-    """Ask on the terminal; an empty answer leaves the ``?`` in the file, as does the end of the input."""
+def _ask(questions: Sequence[tuple[str, str, str]], refusal: Callable[[dict[str, str]], str]) -> dict[str, str]:
+    """Ask on the terminal, again where an answer cannot be taken.
+
+    An empty answer leaves the ``?`` in the file, as does the end of the input.
+    """
     answers: dict[str, str] = {}
-    for name, text, example in questions:
+    waiting = [*questions]
+    while waiting:
+        name, text, example = waiting[0]
         try:
             typed = typer.prompt(
                 f"{text}, such as {example} (Enter: fill it in later)", default="", show_default=False, err=True
             )
         except typer.Abort:
             break
-        if typed.strip():
-            answers[name] = typed.strip()
+        given = {**answers, **({name: typed.strip()} if typed.strip() else {})}
+        if why := refusal(given):
+            console.print_message(why)
+            continue
+        answers = given
+        waiting.pop(0)
     return answers

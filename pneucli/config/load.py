@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+import sys
 from collections.abc import Iterator, Mapping, Sequence
 from functools import lru_cache
 from itertools import islice
@@ -87,8 +88,13 @@ def _structural_faults(document: Mapping[str, Any]) -> Iterator[tuple[Location, 
                 "a text that can be printed",
                 "take them out",
             )
-        elif isinstance(value, int | float) and not abs(value) <= MAX_MAGNITUDE:
-            yield key, _abbreviated(value), f"a number up to {MAX_MAGNITUDE:g}", ""
+        elif isinstance(value, int | float) and not abs(value) <= (limit := _limit(key)):
+            yield key, _abbreviated(value), f"a number up to {limit:g}", ""
+
+
+def _limit(key: Location) -> float:
+    """Return how large a number may be; marks of missing values may be as large as instruments write them."""
+    return sys.float_info.max if "missing" in key else MAX_MAGNITUDE
 
 
 def _has_control_characters(text: str) -> bool:

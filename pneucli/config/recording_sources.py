@@ -162,6 +162,8 @@ def _paths(pipeline: Path, file: str, where: str) -> list[Path]:
             where, f"{pattern} is a folder, a pipe or a device", "a raw file", 'such as file = "raw/*.csv"'
         )
     neighbours = os.listdir(pattern.parent) if os.path.isdir(pattern.parent) else []
+    if archive := paths.archive_and_member(pattern):
+        neighbours = paths.member_names(archive[0])
     mend = (
         did_you_mean(pattern.name, neighbours) if neighbours else f"the folder {pattern.parent} is empty or not there"
     )

@@ -78,7 +78,7 @@ def _quantity_in(unit: str, rotary: str | None = None) -> QuantityReader:
         context = info.context or {}
         wanted = (rotary or ROTARY_UNITS.get(unit, unit)) if context.get("rotary") else unit
         if isinstance(value, str) and "?" in value:
-            raise ValueError(f'"{value}" is to be filled in; wanted a quantity such as "1 {wanted}"')
+            raise ValueError(f'"{value}" is to be filled in; wanted a quantity such as "{value.replace("?", "1")}"')
         ambient = context.get("ambient_pressure", STANDARD_ATMOSPHERE)
         return require_dividable(parse_quantity(value, wanted, ambient_pressure=ambient))
 

@@ -9,6 +9,7 @@ import numpy as np
 
 from pneucli.init.clock_columns import is_increasing
 from pneucli.init.survey_types import Array, Column
+from pneucli.io.clock_repairs import CounterClock
 from pneucli.units import parse_unit, same_dimension
 
 CLOCK_UNITS = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9}
@@ -37,7 +38,7 @@ LIKELIER = "it is the likelier of several units"  # decides where nothing else s
 
 def guess_clock_unit(column: Column, columns: Sequence[Column], scalars: Mapping[str, float]) -> tuple[str, str]:
     """Return the unit that the stamps of a clock are in, and why; with CHECK where only one thing speaks for it."""
-    values = column.finite_values
+    values = CounterClock().unwrap(column.finite_values)
     steps = np.diff(values)
     steps = steps[steps > 0]
     if not steps.size:

@@ -18,7 +18,7 @@ from pneucli.units import same_dimension
 # whole words, or with a hyphen before or behind them the ends of words; most telling first
 NOUNS: dict[str, str] = {
     "time": "t time- -time zeit -zeit uhrzeit temps tiempo tempo tijd timestamp clock uhr stamp datetime elapsed czas "
-    "tout",
+    "tout micros millis",
     "pressure": "p pa pb ps p0 press- -pressure druck -druck druck- pression presion pressione druk cisnienie",
     "force": "f force- -force kraft- -kraft fuerza effort kracht forza load- cell torque -moment moment tau",
     "position": "x q y s qm qg pos position- -position weg- -weg hub -hub stroke displacement- laser lvdt encoder "
@@ -31,8 +31,10 @@ NOUNS: dict[str, str] = {
     "flow": "flow- -flow durchfluss- volumenstrom massenstrom mdot debit caudal portata",
 }
 _COMMANDED = "cmd command- control-"
+_SENSED = ("pressure", "force", "position")
 ANGLES = "angle winkel- -winkel theta phi q"
 SUPPLY = "s ps supply- source- versorgung- speise- netz- rail- compressor- kompressor- line pump- p0 alimentation"
+_RESULTS = "error err deviation abweichung fehler residual overshoot rmse std -norm"  # made of what was recorded
 _TANK = "tank- kessel- reservoir- vessel- behalter- accumulator"
 _REFERENCE = "ref soll- -soll reference- set setpoint- target- desired des goal- qg sollwert demand consigne"
 _FIRST = "1 a pa i one first links left vorn front cap blind bottom boden kolbenseite head extend"
@@ -89,6 +91,8 @@ class ColumnName:
             return next(iter(nouns), "")
         if by_unit in nouns or not nouns:
             return by_unit
+        if by_unit == "command" and nouns[0] in _SENSED and "command" not in nouns:
+            return nouns[0]  # the output of a sensor, whose scale people have to say
         return "command" if nouns == ["command"] and by_unit not in ("pressure", "position", "flow") else ""
 
 
@@ -106,6 +110,8 @@ def quantity_kind(unit: str) -> str:
 def signal_scores(name: ColumnName) -> Iterator[tuple[str, float]]:
     """Yield the signals that a name may mean, and how well it fits."""
     kind, nouns = name.kind, name.nouns
+    if name.has(_RESULTS):
+        return
     certainty = 1.0 + bool(nouns) - 0.5 * name.has(_DERIVED)
     is_reference = name.has(_REFERENCE) or ("command" in nouns and kind != "command" and name.has(_COMMANDED))
     second = name.has(_SECOND)

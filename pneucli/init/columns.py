@@ -98,6 +98,10 @@ def _unit_guess(column: Column, signal: str, name: ColumnName, known: Array) -> 
         unit = {"p": "bar", "x": "mm", "v": "mm/s", "f": "N"}.get(signal[0], SIGNALS[signal].unit)
         note = f"CHECK the file says {column.written}, which is no unit: what one count is in {unit}"
         return Guess(column, signal, unit, False, reference, note, scale=np.nan)
+    if signal not in ("u", "u2", "time") and name.unit and quantity_kind(name.unit) == "command":
+        unit = {"p": "bar", "x": "mm", "f": "N"}.get(signal[0], SIGNALS[signal].unit)
+        note = f"CHECK the file says {name.unit}, of a sensor: what one {name.unit} is in {unit}; add offset"
+        return Guess(column, signal, unit, False, reference, note, scale=np.nan)
     if signal in ("u", "u2") and name.unit and quantity_kind(name.unit) != "command":
         return Guess(column, signal, "V", False, "", f"CHECK {name.unit} taken for volts, one for one")
     if name.unit:
@@ -116,6 +120,10 @@ def _counts_in_name(name: str) -> str:
 
 
 def _clock_guess(found: Survey, column: Column, name: ColumnName) -> Guess:
+    if is_increasing(-column.finite_values):
+        guess = _clock_guess(found, replace(column, values=column.values[::-1]), name)
+        note = "CHECK the newest row stands first: sort the rows by time, the oldest first, before they are read"
+        return replace(guess, column=column, note="; ".join(filter(None, (note, guess.note))))
     if name.unit and same_dimension(name.unit, "s"):
         note = "CHECK the sum of the steps" if column.computed and "cumsum" in str(column.key) else ""
         return Guess(column, "time", name.unit, True, "", note, scale=column.scale)
@@ -157,7 +165,9 @@ def _clock(columns: Sequence[Column], names: Sequence[ColumnName]) -> int | None
     labview = [n for n in rising if names[n].words == ("x", "value")]
     index = [n for n in rising if names[n].words[-1:] == ("index",) and not _counts_rows(columns[n])]
     nameless = [n for n in rising if not names[n].words]
-    return next(iter([*first, *labview, *index, *nameless]), None)
+    falling = [n for n, one in enumerate(columns) if one.where is None and is_increasing(-one.finite_values)]
+    falling = [n for n in falling if names[n].has(NOUNS["time"]) and quantity_kind(names[n].unit) in ("time", "")]
+    return next(iter([*first, *labview, *index, *nameless, *falling]), None)
 
 
 def _counts_rows(column: Column) -> bool:

@@ -15,8 +15,9 @@ from pneucli.init.columns import guess_columns
 from pneucli.init.survey_types import Column, Guess, Survey
 from pneucli.init.units import pressure_reference, pressure_reference_from_force, to_si
 from pneucli.io.clock_repairs import CounterClock, spread_stamps
+from pneucli.paths import archive_members
 from pneucli.quantities import SIGNALS
-from pneucli.units import parse_unit
+from pneucli.units import parse_unit, same_dimension
 
 Array = NDArray[np.float64]
 MIN_MOTION_STEPS = 20.0  # times the usual step between samples, that the range of what moves is
@@ -57,7 +58,8 @@ class FileGroup:
     def values_per_file(self, signal: str) -> list[Array]:
         """Return the values of a signal in SI, without references, a file each."""
         one = self.signals[signal]
-        return [to_si(scaled(values, one), one.unit) for values in self.raw_numbers(signal)]
+        wanted = SIGNALS[signal].unit if same_dimension(one.unit, SIGNALS[signal].unit) else one.unit
+        return [to_si(scaled(values, one), one.unit, wanted) for values in self.raw_numbers(signal)]
 
 
 def column_values(found: Survey, one: Guess) -> Array:
@@ -141,7 +143,7 @@ def _glob(paths: Sequence[Path]) -> str:
     slots = [glob.escape(same[0]) if len(set(same)) == 1 else "*" for same in numbers]
     stem = "".join(glob.escape(text) + slot for text, slot in zip(texts, [*slots, ""], strict=True))
     pattern = f"{glob.escape(paths[0].parent.as_posix())}/{stem}{glob.escape(paths[0].suffix)}"
-    return pattern if {Path(hit) for hit in glob.glob(pattern)} == set(paths) else ""
+    return pattern if {*map(Path, glob.glob(pattern)), *archive_members(Path(pattern))} == set(paths) else ""
 
 
 def _hold_out(found: Sequence[FileGroup]) -> list[FileGroup]:

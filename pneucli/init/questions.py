@@ -52,9 +52,10 @@ def values_of(answers: Mapping[str, str]) -> dict[str, str]:
 def _size(name: str, text: str) -> float:
     unit = _ASKED[name][2]
     try:
-        size = parse_quantity(text, unit)
+        size = 0.0 if name == ROD and text.strip() == "0" else parse_quantity(text, unit)
     except UnitError as error:
-        raise InputError(name, str(error), f"such as {_ASKED[name][1]}", "answer again") from error
+        found = str(error).partition("; wanted ")[0]
+        raise InputError(name, found, f"such as {_ASKED[name][1]}", "answer again") from error
     if size < 0.0 or (size == 0.0 and name != ROD):
         raise InputError(name, f'"{text}"', f"such as {_ASKED[name][1]}", "answer again")
     return size

@@ -21,6 +21,7 @@ from pneucli.io.packed import named_as
 from pneucli.io.raw_file import ColumnKey, ColumnRequest, ColumnValues, RawFile, Reader
 from pneucli.io.text_sniffer import SniffedLayout, apply_sniffed, sniff, stated_numbers
 from pneucli.io.timestamp_order import Table
+from pneucli.paths import file_on_disk
 from pneucli.units import parse_unit, same_dimension
 
 __all__ = ["Column", "Guess", "Survey", "survey_file"]
@@ -44,7 +45,7 @@ def survey_parts(raw: RawFile) -> list[Survey]:
 
 def survey_file(raw: RawFile) -> Survey:
     """Read what there is; raises InputError where it cannot be read, or holds no numbers."""
-    if not raw.path.exists():
+    if not file_on_disk(raw.path).exists():
         raise InputError(str(raw.path), "no such file", "a raw file", "check the path")
     inner = unpacked(raw.path)
     with named_as(raw.path, inner):

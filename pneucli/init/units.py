@@ -37,7 +37,7 @@ def guess_unit(signal: str, values: Array, *, angle: bool) -> tuple[str, str]:
 def _unit_at_ambient(values: Array) -> str:
     """Return the unit in which a pressure begins or ends at ambient pressure, absolute; empty where there is none."""
     units = ("bar", "kPa", "mbar", "Pa", "psi")
-    return next((unit for unit in units if ambient_rest_pressure(to_si(values, unit)) is not None), "")
+    return next((unit for unit in units if ambient_rest_pressure(to_si(values, unit, "Pa")) is not None), "")
 
 
 def _most_likely_unit(signal: str, values: Array, angle: bool) -> str:
@@ -64,7 +64,7 @@ def pressure_reference(columns: Sequence[Array], unit: str, stated: str) -> tupl
     if stated or parsed.gauge or parsed.absolute:
         found = stated or ("gauge" if parsed.gauge else "absolute")
         return found, f"{found}: stated by the file"
-    pascals = [to_si(values, unit) for values in columns]
+    pascals = [to_si(values, unit, "Pa") for values in columns]
     least = min((float(values.min()) for values in pascals if values.size), default=np.inf)
     if least < LOWEST_GAUGE:
         return (
@@ -90,7 +90,7 @@ def pressure_reference_from_force(
 
     Of medians, one a recording; None where too few recordings at different pressures tell.
     """
-    p = np.array([np.median(to_si(values, unit)) for values in pressures])
+    p = np.array([np.median(to_si(values, unit, "Pa")) for values in pressures])
     force = np.array([np.median(values) for values in forces])
     if p.size < 3 or np.ptp(p) < MIN_PRESSURE_CHANGE or abs(np.corrcoef(p, force)[0, 1]) < 0.99:
         return None
@@ -102,9 +102,9 @@ def pressure_reference_from_force(
     return ("absolute", f"absolute: {evidence}") if abs(zero - 1e5) < MIN_ABSOLUTE_PRESSURE else None
 
 
-def to_si(values: Array, unit: str) -> Array:
-    """Return numbers in SI; gauge pressures stay gauge."""
-    factor, offset = factor_and_offset(unit, 0.0)
+def to_si(values: Array, unit: str, wanted: str) -> Array:
+    """Return numbers in SI, as what is measured in ``wanted``; gauge pressures stay gauge."""
+    factor, offset = factor_and_offset(unit, 0.0, wanted)
     return factor * values + offset
 
 
@@ -136,7 +136,7 @@ def implausibility(signal: str, unit: str, values: Array) -> str:
         or (signal in ("x", "x_ref", "v") and not same_dimension(unit, SIGNALS[signal].unit))
     ):
         return ""
-    found = to_si(values, unit)
+    found = to_si(values, unit, SIGNALS[signal].unit)
     low, high = float(found.min()), float(found.max())
     if signal.startswith("x"):
         low, high = 0.0, high - low

@@ -28,7 +28,8 @@ def guess_unnamed_columns(surveys: Sequence[Survey], clock: int | None) -> list[
     """Return a guess for every column of files without names of columns; ``clock`` is the one that rises."""
     columns = surveys[0].columns
     twins = _copied_columns(surveys)
-    own = [n for n in range(len(columns)) if n not in twins and n != clock]
+    filled = [n for n in range(len(columns)) if all(one.columns[n].finite_values.size for one in surveys)]
+    own = [n for n in filled if n not in twins and n != clock]
     medians = {n: np.array([np.median(one.columns[n].finite_values) for one in surveys]) for n in own}
     found = {} if clock is None else {clock: ("time", *_clock_unit(surveys[0], clock))}
     found |= _pressure(surveys, medians)

@@ -9,6 +9,7 @@ from typing import Any
 import pyarrow as pa
 from pyarrow import feather
 
+from pneucli.errors import InputError
 from pneucli.io.column_reader import ColumnReader
 from pneucli.io.parquet import column_numbers
 from pneucli.io.raw_file import ColumnValues
@@ -17,14 +18,14 @@ NAME = "Feather"
 
 
 def open_feather(path: Path) -> ColumnReader:
-    """List the columns of numbers and of times, with the units that their metadata say."""
+    """List the columns of numbers, of times and of texts, with the units that their metadata say."""
     schema = _schema(path)
     fields = [field for field in schema if _is_numeric(field.type)]
     units = [(field.metadata or {}).get(b"unit", b"").decode(errors="replace") for field in fields]
 
     def fetch(wanted: Sequence[str]) -> list[ColumnValues]:
         table = feather.read_table(path, columns=list(wanted))
-        return [column_numbers(table[name].combine_chunks()) for name in wanted]
+        return [_numbers(path, name, table[name].combine_chunks()) for name in wanted]
 
     file_units = {number: unit for number, unit in enumerate(units) if unit}
     return ColumnReader(path, NAME, [field.name for field in fields], fetch, file_units)
@@ -39,7 +40,15 @@ def _schema(path: Path) -> Any:
     return feather.read_table(path, memory_map=True).schema
 
 
+def _numbers(path: Path, name: str, column: Any) -> ColumnValues:
+    try:
+        return column_numbers(column)
+    except ValueError as error:
+        raise InputError(f'{path}, column "{name}"', str(error), "numbers", "export it as float64") from error
+
+
 def _is_numeric(kind: Any) -> bool:
+    """Return whether a column may hold numbers or stamps: also as texts, of which only reading tells."""
     if pa.types.is_dictionary(kind):
         kind = kind.value_type
     return bool(
@@ -48,4 +57,6 @@ def _is_numeric(kind: Any) -> bool:
         or pa.types.is_temporal(kind)
         or pa.types.is_boolean(kind)
         or pa.types.is_decimal(kind)
+        or pa.types.is_string(kind)
+        or pa.types.is_large_string(kind)
     )

@@ -19,13 +19,14 @@ _DATE = r"\d{1,4}[-./]\d{1,2}[-./]\d{1,4}|\d{1,2}[- ][A-Za-z]{3,9}\.?[- ]\d{2,4}
 _DAY = rf"(?P<day>{_DATE})"
 _PATTERN = (
     rf"^\s*(?:{_DAY}(?:[T,]|\s)\s*)?"
-    r"(?P<hour>\d{1,2}):(?P<minute>\d{2})(?::(?P<second>\d{2}(?:[.,:]\d+)?))?\s*(?P<half>[AaPp]\.?[Mm]\.?)?"
+    r"(?:(?P<hour>\d{1,2}):(?P<minute>\d{2})(?::(?P<second>\d{2}(?:[.,:]\d+)?))?|"
+    r"(?P<minutes>\d{1,2}):(?P<seconds>\d{2}[.,]\d+))\s*(?P<half>[AaPp]\.?[Mm]\.?)?"
     r"\s*(?P<zone>Z|UTC|GMT|[+-]\d{2}(?::?\d{2})?)?\s*$"
 )
 _STAMP = re.compile(_PATTERN)
-_FIELDS = ("day", "hour", "minute", "second", "half", "zone")
+_FIELDS = ("day", "hour", "minute", "second", "minutes", "seconds", "half", "zone")
 _ONLY_DATE = re.compile(rf"\s*(?:{_DATE})\s*")
-SECONDS_PER_DAY = 86_400.0  # s
+SECONDS_PER_DAY, SECONDS_PER_HOUR = 86_400.0, 3600.0  # s
 
 
 def is_date_or_time(text: str) -> bool:
@@ -62,6 +63,7 @@ class CalendarClock:
         self._day_first: bool | None = None  # None as long as nothing tells
         self._last = -np.inf
         self._midnights = 0.0
+        self._round = SECONDS_PER_DAY  # s, after which a clock without dates begins anew
         self._zone: float | None = None  # s, of the first stamp, where one is written
 
     @property
@@ -88,6 +90,9 @@ class CalendarClock:
         half = np.array([text[:1].lower() for text in pc.fill_null(field["half"], "").to_pylist()])
         hour = np.where(half != "", hour % 12 + 12 * (half == "p"), hour)
         clock = 3600 * hour + 60 * minute + np.nan_to_num(second)
+        within_hour = 60 * _number(field["minutes"]) + _number(field["seconds"])  # as Excel shows 12:34.5
+        if np.isfinite(within_hour).any():
+            clock, self._round = np.where(np.isfinite(clock), clock, within_hour), SECONDS_PER_HOUR
         known = np.flatnonzero(np.isfinite(clock))
         if not known.size:
             return np.asarray(clock)
@@ -118,7 +123,7 @@ class CalendarClock:
     def _over_midnight(self, clock: ColumnValues, known: ColumnValues) -> ColumnValues:
         plain = clock[known]
         steps = np.diff(plain, prepend=self._last if np.isfinite(self._last) else plain[0])
-        days = self._midnights + SECONDS_PER_DAY * np.cumsum(steps < -SECONDS_PER_DAY / 2)
+        days = self._midnights + self._round * np.cumsum(steps < -self._round / 2)
         self._last, self._midnights = float(plain[-1]), float(days[-1])
         since = np.full(clock.size, np.nan)
         since[known] = days

@@ -13,6 +13,7 @@ from pneucli.io.damaged_files import library_errors_as_input_errors
 from pneucli.io.delimited import DelimitedReader
 from pneucli.io.packed import PackedReader, named_as, packed_format, unpack
 from pneucli.io.raw_file import RawFile, Reader, Repair
+from pneucli.paths import archive_and_member
 
 HEAD_BYTES = 4096  # by which formats are recognised
 
@@ -37,9 +38,21 @@ def is_text(path: Path) -> bool:
 
 
 def unpacked(path: Path) -> Path:
-    """Return what a packed file or a workbook holds, as a file of its own; other files as they are."""
-    kind = packed_format(path, _head(path))
-    return path if kind in (None, numpy_file.NAME) else unpack(path, kind)
+    """Return what a packed file, a workbook, or a member of an archive holds; other files as they are."""
+    kind = "zip" if archive_and_member(path) else packed_format(path, _head(path))
+    if kind in (None, numpy_file.NAME):
+        return path
+    inner = unpack(path, kind)
+    with named_as(path, inner):
+        return unpacked(inner)
+
+
+def is_archive(path: Path) -> bool:
+    """Return whether a file is a zip archive of files, and no workbook and no arrays of NumPy."""
+    try:
+        return path.is_file() and packed_format(path, _head(path)) == "zip"
+    except InputError:  # which reading the file says again
+        return False
 
 
 def _head(path: Path) -> bytes:

@@ -42,13 +42,25 @@ def _columns(path: Path) -> dict[str, ColumnValues]:
         whole = json.loads(text)
     except json.JSONDecodeError:
         whole = _lines(path, text)
-    rows = whole if isinstance(whole, list) else _rows(whole)
+    rows = whole if isinstance(whole, list) else _rows_by_position(whole) or _rows(whole)
     if isinstance(rows, Mapping):
         return {name: _vector(values) for name, values in rows.items() if _is_column(values)}
     flat = [dict(_leaves(row, "")) for row in rows if isinstance(row, Mapping)]
     names = dict.fromkeys(name for row in flat for name in row)
     read = {name: [row.get(name) for row in flat] for name in names}
     return {name: _vector(values) for name, values in read.items() if _is_column(values)}
+
+
+def _rows_by_position(whole: Mapping[str, Any]) -> dict[str, list[Any]] | None:
+    """Return lists by name of rows that are lists, with the names beside them, as pandas splits a frame."""
+    names, rows = whole.get("columns"), whole.get("data")
+    if not isinstance(names, list) or not isinstance(rows, list) or not rows:
+        return None
+    if not all(isinstance(row, list) and len(row) == len(names) for row in rows):
+        return None
+    index = whole.get("index")
+    by_name = {str(name): list(values) for name, values in zip(names, zip(*rows, strict=True), strict=True)}
+    return {**({"index": index} if isinstance(index, list) else {}), **by_name}
 
 
 def _lines(path: Path, text: str) -> list[Any]:
@@ -82,12 +94,20 @@ def _leaves(node: Any, prefix: str) -> Iterator[tuple[str, Any]]:
 
 def _is_column(values: Any) -> bool:
     known = [value for value in values if value is not None] if isinstance(values, list) else []
-    numbers = all(isinstance(value, int | float) for value in known)
+    numbers = all(isinstance(value, int | float) or _is_number(value) for value in known)
     return bool(known) and (numbers or all(isinstance(value, str) and is_date_or_time(value) for value in known))
 
 
+def _is_number(value: Any) -> bool:
+    """Return whether a value is a number written as a text, as brokers of messages pass them on."""
+    try:
+        return isinstance(value, str) and np.isfinite(float(value))
+    except ValueError:
+        return False
+
+
 def _vector(values: Sequence[Any]) -> ColumnValues:
-    if any(isinstance(value, str) for value in values):
+    if any(isinstance(value, str) and not _is_number(value) for value in values):
         import pyarrow as pa  # noqa: PLC0415 - brings a second of imports where no text is read
 
         return CalendarClock().seconds(pa.array(values, pa.string()))

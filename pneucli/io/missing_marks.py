@@ -100,8 +100,13 @@ class _Runs:
         returns = np.abs(self._after - self._before) < MAX_RETURN_ERROR * jumps
         length = self._end - self._first
         at_edge = np.isnan(self._before) | np.isnan(self._after)
-        candidates = returns & (length > 1) & (jumps > self._least_jump(far, CANDIDATE_STEP))
-        enough = jumps > self._least_jump(far | np.isin(self._values, self._level[candidates]), USUAL_STEP)
+        repeated = returns & (length > 1)
+        reach = self._reach(far)
+        if not found and not np.any(repeated & (jumps > reach)):
+            return far
+        candidates = repeated & (jumps > max(reach, self._usual_jump(far, CANDIDATE_STEP)))
+        marks = far | np.isin(self._values, self._level[candidates])
+        enough = jumps > max(self._reach(marks) if candidates.any() else reach, self._usual_jump(marks, USUAL_STEP))
         isolated = enough & returns
         own = np.isin(self._level, self._established(isolated, length, found))
         chosen = own & enough & (isolated | at_edge)
@@ -110,16 +115,19 @@ class _Runs:
             mask[:] = False
         return np.asarray(mask | far)
 
-    def _least_jump(self, passed_over: Mask, quantile: float) -> float:
-        """Return how large a jump to a mark is at least; samples that are passed over do not count as values."""
-        rest = np.where(passed_over, np.nan, self._values)
-        steps = np.abs(np.diff(rest))
-        steps = steps[steps > 0]
-        if not steps.size:
+    def _reach(self, passed_over: Mask) -> float:
+        """Return the part of the range of the values that a jump to a mark has at least, but for those passed over."""
+        rest = self._values[~passed_over]
+        if not rest.size:
             return np.inf
-        usual = float(np.quantile(steps, quantile))
-        low, high = np.nanquantile(rest, (0.01, 0.99))
-        return max(MIN_JUMP_STEPS * usual, MIN_JUMP_RANGE * float(high - low))
+        low, high = np.quantile(rest, (0.01, 0.99))
+        return MIN_JUMP_RANGE * float(high - low)
+
+    def _usual_jump(self, passed_over: Mask, quantile: float) -> float:
+        """Return how large a jump to a mark is at least by the steps between values; infinite where none differ."""
+        steps = np.abs(np.diff(np.where(passed_over, np.nan, self._values)))
+        steps = steps[steps > 0]
+        return MIN_JUMP_STEPS * float(np.quantile(steps, quantile)) if steps.size else np.inf
 
     def _established(self, isolated: Mask, length: NDArray[np.intp], found: Collection[float]) -> Array:
         """Return the levels that are marks: of two isolated runs, of a long one, or found before."""

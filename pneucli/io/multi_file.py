@@ -10,8 +10,6 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.optimize import minimize_scalar
-from scipy.signal import correlate
 
 from pneucli.errors import InputError
 from pneucli.io.channel_clocks import align_tables
@@ -134,6 +132,8 @@ def estimate_clock_offset(first: Batch, own: Batch, match: str, where: str) -> t
     lags, errors, likeness = _cross_correlation(a, b)
     best = int(np.argmin(errors))
     far = np.abs(lags - lags[best]) > _correlation_time(b)
+    from scipy.optimize import minimize_scalar  # noqa: PLC0415 - few recordings look for an offset
+
     step, slope = float(np.median(np.diff(lags))), _rms_slope(b)
     wanted, mend = f"{match} of one motion in both files", 'state it: offset = "... s"'
     if not likeness[best] > MIN_CORRELATION:
@@ -161,6 +161,8 @@ def _finite_samples(batch: Batch, name: str) -> tuple[Array, Array]:
 
 def _cross_correlation(a: tuple[Array, Array], b: tuple[Array, Array]) -> tuple[Array, Array, Array]:
     """Return offsets, mean squared differences and correlations; infinite where too little overlaps."""
+    from scipy.signal import correlate  # noqa: PLC0415 - slow to import, and few recordings look for an offset
+
     step = max(
         min(float(np.median(np.diff(t))) for t, _ in (a, b)),
         max(float(np.ptp(t)) for t, _ in (a, b)) / MAX_GRID_SAMPLES,

@@ -46,7 +46,10 @@ def open_signals(raw: RawFile) -> SignalReader:
     order = {name: places.get(name) for name in raw.channels if name in places or name in whole}
     order = {"time": order.pop("time"), **order}
     clocks = _clocks(raw, reader, order, inner)
-    channels = {n: _with_clock(one, raw.channels["time"], clocks.get(n), reader) for n, one in raw.channels.items()}
+    channels = {
+        n: _with_clock(one, raw.channels["time"], clocks.get(n), reader, places.get("time"))
+        for n, one in raw.channels.items()
+    }
     return SignalReader(replace(raw, channels=channels), reader, order, inner, clocks)
 
 
@@ -85,11 +88,17 @@ def _clocks(
     return found
 
 
-def _with_clock(channel: Channel, time: Channel, place: int | None, reader: Reader) -> Channel:
+def _with_clock(channel: Channel, time: Channel, place: int | None, reader: Reader, shared: int | None) -> Channel:
     """Return a channel whose clock is read in the unit that is stated, else in the file's, else in that of ``time``."""
-    if channel.clock is None or place is None:
+    if place is None:
         return channel
     file_unit = unit_in_file(reader, place)
+    if channel.clock is None:  # the file's own: ``time`` says how one of them is read
+        of_time = unit_in_file(reader, shared) if shared is not None else None
+        plain = file_unit is not None and of_time is not None and file_unit.is_plain and of_time.is_plain
+        ratio = parse_unit(file_unit.unit).factor / parse_unit(of_time.unit).factor if plain else 1.0  # type: ignore[union-attr]
+        own = Channel(reader.names[place], time.factor * ratio, time.offset)
+        return replace(channel, clock=own)
     unit = channel.clock.unit or (file_unit.unit if file_unit is not None and file_unit.is_plain else None)
     if unit is None or not same_dimension(unit, "s"):
         return replace(channel, clock=replace(channel.clock, factor=time.factor, offset=time.offset))

@@ -13,6 +13,7 @@ import lzma
 import shutil
 import tempfile
 import zipfile
+from collections import Counter
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from datetime import date, datetime, time, timedelta
@@ -20,7 +21,8 @@ from functools import lru_cache
 from pathlib import Path
 from typing import IO, Any
 
-from pneucli.errors import InputError
+from pneucli import paths
+from pneucli.errors import InputError, did_you_mean
 from pneucli.io.column_reader import import_extra
 from pneucli.io.damaged_files import check_expanded_size, library_errors_as_input_errors
 from pneucli.io.raw_file import ColumnRequest, ColumnValues, Reader
@@ -49,6 +51,8 @@ def packed_format(path: Path, head: bytes) -> str | None:
     for magic, name in _REFUSED.items():
         if head.startswith(magic):
             raise InputError(str(path), f"this is a {name}", "a file of recorded numbers", "unpack it first")
+    if head[257:262] == b"ustar":
+        raise InputError(str(path), "this is a tar archive", "a file of recorded numbers", "unpack it first")
     if any(head.startswith(magic) for magic in _EXCEL):
         return "Excel"
     for magic, (name, _) in _STREAMS.items():
@@ -108,11 +112,11 @@ def shown_name(path: Path, inner: Path) -> str:
 
 
 def unpack(path: Path, kind: str) -> Path:
-    """Return the file inside a packed one, unpacked.
+    """Return the file inside a packed one, unpacked; a zip archive may be named with its member, ``runs.zip/a.csv``.
 
     Raises InputError where it holds none or several, or where it needs an extra that is not installed.
     """
-    status = path.stat()
+    status = paths.file_on_disk(path).stat()
     return _unpacked(path, kind, status.st_size, status.st_mtime_ns)
 
 
@@ -123,7 +127,7 @@ def _unpacked(path: Path, kind: str, size: int, changed: int) -> Path:
         if kind == "Excel":
             return _write_sheet(path, target / f"{path.stem}.tsv")
         if kind == "zip":
-            return _extract_member(path, target)
+            return _extract_member(*(paths.archive_and_member(path) or (path, _only_member(path))), target)
         name = path.name[: -len(path.suffix)] if path.suffix.lower() in _SUFFIXES else path.name
         stream = next(opened for name_, opened in _STREAMS.values() if name_ == kind)
         with stream(path) as source:
@@ -148,15 +152,34 @@ def _copy(path: Path, source: IO[bytes], target: Path) -> Path:
     return target
 
 
-def _extract_member(path: Path, folder: Path) -> Path:
+def recordings_in_archive(path: Path) -> list[Path]:
+    """Return the members of a zip archive that may be recordings, as paths into it; none of any other file."""
+    return [path / name for name in paths.member_names(path) if not _is_note(name)]
+
+
+def _only_member(path: Path) -> str:
+    """Return the name of the one recording in an archive; raises InputError where there is none, or several."""
+    members = [name for name in paths.member_names(path) if not _is_note(name)]
+    if len(members) != 1:
+        listed = ", ".join(members[:5]) + ", ..." * (len(members) > 5)
+        found = f"a zip archive of {len(members)} files" + (f": {listed}" if members else "")
+        mend = "copy the archive again"
+        if members:
+            suffix = Counter(Path(name).suffix for name in members).most_common(1)[0][0]
+            one = next(name for name in members if name.endswith(suffix))
+            mend = f'name one, file = "{path.name}/{one}", or several, file = "{path.name}/*{suffix}"'
+        raise InputError(str(path), found, "one recording in an archive, or the names of some", mend)
+    return members[0]
+
+
+def _extract_member(path: Path, name: str, folder: Path) -> Path:
     with zipfile.ZipFile(path) as archive:
-        members = [one for one in archive.infolist() if not one.is_dir() and not _is_note(one.filename)]
-        if len(members) != 1:
-            listed = ", ".join(one.filename for one in members[:5]) + ", ..." * (len(members) > 5)
-            found = f"a zip archive of {len(members)} files" + (f": {listed}" if members else "")
-            raise InputError(str(path), found, "one recording in an archive", "unpack it, and name the files")
-        with archive.open(members[0]) as source:
-            return _copy(path, source, folder / Path(members[0].filename).name)
+        if name not in archive.namelist():
+            wanted, listed = "a file in this archive", recordings_in_archive(path)
+            mend = did_you_mean(name, [str(one.relative_to(path).as_posix()) for one in listed])
+            raise InputError(str(path), f'no "{name}" in the archive', wanted, mend)
+        with archive.open(name) as source:
+            return _copy(path, source, folder / Path(name).name)
 
 
 def _is_note(name: str) -> bool:

@@ -15,6 +15,7 @@ import pyarrow.parquet as pq
 from pneucli.errors import InputError
 from pneucli.io.column_reader import seconds_since_first
 from pneucli.io.damaged_files import check_expanded_size, library_errors_as_input_errors
+from pneucli.io.date_parsing import CalendarClock, is_date_or_time
 from pneucli.io.raw_file import NO_CLOCKS, ColumnRequest, ColumnValues, Repair
 
 NAME = "Parquet"
@@ -75,11 +76,24 @@ class ParquetReader:
 
 def column_numbers(column: Any, first: dict[int, Any] | None = None, key: int = 0) -> ColumnValues:
     """Return a column of Arrow as float64; times of day in s, calendar time in s since the first of it."""
+    if pa.types.is_string(column.type) or pa.types.is_large_string(column.type):
+        return _text_numbers(column.cast(pa.string()), {} if first is None else first, key)
     if pa.types.is_time(column.type):
         return np.asarray(column.cast(pa.time64("ns")).cast(pa.int64()).cast(pa.float64()).to_numpy(False)) * 1e-9
     if pa.types.is_temporal(column.type):
         return seconds_since_first(column.to_numpy(zero_copy_only=False), {} if first is None else first, key)
     return np.asarray(column.cast(pa.float64(), safe=False).to_numpy(zero_copy_only=False))
+
+
+def _text_numbers(column: Any, first: dict[int, Any], key: int) -> ColumnValues:
+    """Return texts as numbers, or as stamps of a calendar in s; raises ValueError where they are neither."""
+    known = next((text for text in column.drop_null().to_pylist() if text.strip()), "")
+    if is_date_or_time(known):
+        return first.setdefault(key, CalendarClock()).seconds(column)  # type: ignore[no-any-return]
+    try:
+        return np.asarray(column.cast(pa.float64()).to_numpy(zero_copy_only=False))
+    except pa.ArrowInvalid as error:
+        raise ValueError(f'texts, such as "{known}"') from error
 
 
 def _size(file: Any, wanted: Sequence[str]) -> int:

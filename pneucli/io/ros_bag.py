@@ -18,6 +18,7 @@ from pneucli.io.raw_file import ColumnValues
 
 NAME = "MCAP or rosbag2"
 EXTRA = "mcap"
+SCHEMA_BYTES = 1 << 16  # of a database of SQLite, in whose first pages its tables are defined
 MAX_ARRAY = 64  # numbers of one message that become columns: more are pictures and clouds of points
 _UNITS = {  # by type of message and field, as their definitions say
     ("FluidPressure", "fluid_pressure"): "Pa",
@@ -45,6 +46,9 @@ def open_mcap(path: Path) -> ColumnReader:
 
 def open_rosbag2(path: Path) -> ColumnReader:
     """Read the database of a rosbag2; types that it does not define are those of ROS 2 itself."""
+    if b"CREATE TABLE messages" not in path.read_bytes()[:SCHEMA_BYTES]:
+        found = "this is a database of SQLite, and no rosbag2"
+        raise InputError(str(path), found, "a file of recorded numbers", "export its table as CSV")
     found = "this is a database of rosbag2, and rosbags is not installed"
     highlevel = import_extra("rosbags.highlevel", EXTRA, path, found)
     typesys = import_extra("rosbags.typesys", EXTRA, path, found)

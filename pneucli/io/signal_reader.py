@@ -136,12 +136,13 @@ class SignalReader:
         keys = [key for name in names if name in self._expressions for key in self._expressions[name].columns]
         return [key for key in dict.fromkeys(keys) if key in self._columns]
 
-    def _values(self, names: Sequence[str], columns: Sequence[ColumnValues]) -> Batch:
-        """Return signals in SI, repaired; ``columns`` are those of :meth:`_column_requests`."""
-        return {name: self._repaired(name, numbers) for name, numbers in self._numbers(names, columns).items()}
+    def _values(self, names: Sequence[str], columns: Sequence[ColumnValues], clock: Channel | None = None) -> Batch:
+        """Return signals in SI, repaired, of :meth:`_column_requests`; ``clock`` says how stamps are read."""
+        numbers = self._numbers(names, columns)
+        return {name: self._repaired(name, own, clock if name == "time" else None) for name, own in numbers.items()}
 
-    def _repaired(self, name: str, numbers: ColumnValues) -> Array:
-        return _to_si(self._repairs[name].repair(numbers), self.raw.channels[name])
+    def _repaired(self, name: str, numbers: ColumnValues, channel: Channel | None = None) -> Array:
+        return _to_si(self._repairs[name].repair(numbers), channel or self.raw.channels[name])
 
     def _numbers(self, names: Sequence[str], columns: Sequence[ColumnValues]) -> dict[str, ColumnValues]:
         """Return the numbers of signals as they stand in ``columns``, which are those of :meth:`_column_requests`."""
@@ -177,9 +178,9 @@ class SignalReader:
         """Return the channels of one of the file's own clocks, as a table of its own."""
         first = self._first
         asked = ["time", *names]
-        parts = [
-            self._values(asked, columns) for columns in self.reader.batches(self._column_requests(asked, group.clock))
-        ]
+        requests = self._column_requests(asked, group.clock)
+        channel = self._clock_channel(group.clock)
+        parts = [self._values(asked, columns, channel) for columns in self.reader.batches(requests)]
         values = {name: np.concatenate([part[name] for part in parts]) for name in asked}
         self._repairs["time"] = SignalRepairs("time", self.raw.channels["time"])
         self._starts.append(first)
@@ -201,10 +202,10 @@ class SignalReader:
         by_label = dict(zip(labels, whole[len(requests) + len(own) :], strict=True))
         return [self._table(group, groups, {**numbers, "time": time}, stamps, by_label) for group in _unique(groups)]
 
-    def _clock_channel(self, clock: int) -> Channel:
+    def _clock_channel(self, clock: int | None) -> Channel:
         """Return the channel that says how the stamps at a position are read: its signal's own, else that of time."""
-        owner = next(name for name, place in self._clocks.items() if place == clock)
-        return self.raw.channels[owner].clock or self.raw.channels["time"]
+        own = (self.raw.channels[name].clock for name, place in self._clocks.items() if place == clock)
+        return next(own, None) or self.raw.channels["time"]
 
     def _table(
         self,
@@ -221,7 +222,7 @@ class SignalReader:
         names = [name for name, other in groups.items() if other == group]
         time, where = values["time"], group.where
         if group.clock in stamps:
-            channel = self._clock_channel(group.clock)  # type: ignore[arg-type]
+            channel = self._clock_channel(group.clock)
             time = _to_si(SignalRepairs("time", channel).repair(stamps[group.clock]), channel)  # type: ignore[index]
         rows = np.flatnonzero(_label_mask(labels[where[0]], where[1])) if where else np.arange(time.size)
         if where and not rows.size:

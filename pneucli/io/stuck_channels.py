@@ -9,12 +9,14 @@ the time and is passed over. A position is also frozen where it stands still and
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
 from pneucli.io.raw_file import Repair
+from pneucli.quantities import SIGNALS
 
 Array = NDArray[np.float64]
 
@@ -22,7 +24,12 @@ MIN_RUN_SAMPLES = 20  # samples
 FALSE_ALARM_COUNT = 1e-9  # expected number of such runs in the recording, were each repetition independent
 MIN_TURN_SHARE = 0.3  # share of steps that turn round: 2/3 in white noise, about 0 in a smooth curve
 MIN_STEP_RESOLUTIONS = 1.5  # steps of the resolution: below, noise hides in the quantisation
+MIN_BEND_TURN_SHARE = 0.5  # share of second differences that turn round: 0.73 in white noise, about 0 in a smooth curve
+MIN_BEND_RESOLUTIONS = 3.0  # second differences in steps of the resolution: rounding a slope gives up to 2
 JUMP_RATIO = 20.0  # times the median step
+MOTION = ("x", "v")  # stand still exactly where the piston rests on its end
+SLOPE_SAMPLES = 8  # steps before a run, whose mean is its slope
+MIN_KINK = 10.0  # slope over the bends before it: a signal that comes to rest by itself bends before it does
 
 
 @dataclass(frozen=True)
@@ -30,6 +37,7 @@ class _Run:
     length: int
     value: float
     jump: float  # afterwards
+    at_full_speed: bool  # before
 
 
 class StuckChannelDetector:
@@ -39,10 +47,10 @@ class StuckChannelDetector:
         self._signal = signal
         self._long: list[_Run] = []
         self._repeats_in_runs = 0  # samples of these runs that equal the one before
-        self._equal = self._pairs = self._turns = self._steps = 0
+        self._equal = self._pairs = self._turns = self._steps = self._bend_turns = self._bends = 0
         self._low, self._high = np.inf, -np.inf
         self._clipped: dict[float, int] = {}  # samples at each end of the range that the sensor clips at
-        self._step = self._resolution = np.inf
+        self._step = self._resolution = self._bend = np.inf
 
     def update(self, values: Array) -> NDArray[np.bool_]:
         """Take note of the next samples; return which of them are saturated."""
@@ -55,6 +63,7 @@ class StuckChannelDetector:
         if moving.size:
             self._step = min(self._step, float(np.median(np.abs(moving))))
             self._resolution = min(self._resolution, float(np.min(np.abs(moving))))
+        self._note_bends(steps)
         self._low = min(self._low, float(np.fmin.reduce(values)))
         self._high = max(self._high, float(np.fmax.reduce(values)))
         self._collect_runs(values)
@@ -63,6 +72,23 @@ class StuckChannelDetector:
         for level in ends:
             self._clipped[level] = self._clipped.get(level, 0) + int(np.count_nonzero(values == level))
         return saturated
+
+    def _note_bends(self, steps: Array) -> None:
+        """Take note of second differences, which show the noise of a signal that rises or falls all the time."""
+        bends = np.diff(steps)
+        bends = bends[(bends != 0) & np.isfinite(bends)]
+        self._bend_turns += int(np.sum(bends[1:] * bends[:-1] < 0))
+        self._bends += bends.size
+        if bends.size:
+            self._bend = min(self._bend, float(np.median(np.abs(bends))))
+
+    def _shows_noise(self) -> bool:
+        """Return whether neighbours differ by noise that is larger than the resolution, at rest or on a slope."""
+        at_rest = (
+            self._turns > MIN_TURN_SHARE * self._steps > 0 and self._step > MIN_STEP_RESOLUTIONS * self._resolution
+        )
+        on_slope = self._bend_turns > MIN_BEND_TURN_SHARE * self._bends > 0
+        return at_rest or (on_slope and self._bend > MIN_BEND_RESOLUTIONS * self._resolution)
 
     def _collect_runs(self, values: Array) -> None:
         same = values[1:] == values[:-1]
@@ -74,13 +100,30 @@ class StuckChannelDetector:
             if same[start]:
                 jump = abs(values[end + 1] - values[end]) if end + 1 < values.size else 0.0
                 self._repeats_in_runs += int(end - start)
-                self._long.append(_Run(int(end - start) + 1, float(values[start]), float(jump)))
+                at_full_speed = self._signal not in MOTION and _at_full_speed(values[:start])
+                self._long.append(_Run(int(end - start) + 1, float(values[start]), float(jump), at_full_speed))
 
     def repairs(self) -> list[Repair]:
         """Return what is odd, as warnings."""
         inner = [run for run in self._long if run.value not in self._clipped and self._is_odd(run)]
         clipped = [self._saturated(level, count) for level, count in sorted(self._clipped.items())]
-        return [*clipped, *([self._frozen(inner)] if inner else [])]
+        return [*clipped, *([self._frozen(inner)] if inner else []), *self._plateaus(inner)]
+
+    def _plateaus(self, told: list[_Run]) -> Iterator[Repair]:
+        """Yield a repair for each end of the range at which a signal without noise, at full speed, stands still."""
+        for end, level in (("smallest", self._low), ("largest", self._high)):
+            runs = [run for run in self._long if run.value == level and run not in told and level not in self._clipped]
+            count = sum(run.length for run in runs if run.at_full_speed)
+            if count:
+                message = (
+                    f"{count} samples stand exactly at its {end} value, {self._with_unit(level)}, which it reaches"
+                )
+                message += " at full speed: the end of the sensor's range, or a valve that closes? kept"
+                yield Repair(self._signal, "plateau", count, message)
+
+    def _with_unit(self, level: float) -> str:
+        unit = SIGNALS[self._signal].unit if self._signal in SIGNALS else ""
+        return f"{level:.6g} {unit}".strip()
 
     def _is_odd(self, run: _Run) -> bool:
         return (self._signal == "x" and run.jump > JUMP_RATIO * self._step) or self._is_too_long(run)
@@ -89,11 +132,13 @@ class StuckChannelDetector:
         """Return whether a run is longer than the noise of the channel lets any be."""
         inside = self._repeats_in_runs
         repeats = max(self._equal - inside, 1) / max(self._pairs - inside, 1)
-        noisy = self._turns > MIN_TURN_SHARE * self._steps > 0 and self._step > MIN_STEP_RESOLUTIONS * self._resolution
-        return noisy and np.log(self._pairs) + (run.length - 1) * np.log(min(repeats, 1.0)) < np.log(FALSE_ALARM_COUNT)
+        return self._shows_noise() and np.log(self._pairs) + (run.length - 1) * np.log(min(repeats, 1.0)) < np.log(
+            FALSE_ALARM_COUNT
+        )
 
     def _saturated(self, level: float, count: int) -> Repair:
-        message = f"saturated: {count} samples stand at the end of the range, {level:.6g}; they are missing"
+        end = self._with_unit(level)
+        message = f"saturated: {count} samples stand at the end of the range, {end}; they are missing"
         return Repair(self._signal, "saturated", count, message)
 
     def _frozen(self, runs: list[_Run]) -> Repair:
@@ -102,3 +147,12 @@ class StuckChannelDetector:
             f"frozen: {count} samples stand still exactly, {longest.length} at a stretch at {longest.value:.6g}; kept"
         )
         return Repair(self._signal, "frozen", count, message)
+
+
+def _at_full_speed(values: Array) -> bool:
+    """Return whether a signal goes straight on at its end; the step that the end of a range cuts off comes after it."""
+    steps = np.diff(values[-SLOPE_SAMPLES - 1 :])
+    if steps.size < SLOPE_SAMPLES:
+        return False
+    slope, bend = abs(float(steps.mean())), float(np.abs(np.diff(steps)).max())
+    return slope > MIN_KINK * bend and slope > 0.0

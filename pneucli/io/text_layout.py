@@ -18,8 +18,11 @@ from pneucli.io.raw_file import RawFile
 HEAD_BYTES = 1 << 18
 NULL_TEXTS = (
     *("", "-", "--", "NaN", "nan", "NAN", "-nan", "n/a", "N/A", "NA", "null", "NULL", "None", "#N/A", "#NV"),
-    *("1.#QNAN", "-1.#IND"),
+    *("1.#QNAN", "-1.#IND", "---", "----", "#VALUE!", "#DIV/0!", "#REF!", "#NUM!"),
+    *("OL", "OVER", "OVERFLOW", "OVERLOAD", "UNDER", "ERR", "ERROR", "Error", "BAD", "Bad", "INVALID", "Invalid"),
+    *("*" * number for number in range(1, 13)),  # a field too narrow for its number
 )
+_POINTS_BETWEEN_THOUSANDS = re.compile(r"[+-]?\d{1,3}(?:\.\d{3})+,\d+")
 _BRACKETS = re.compile(r"^[\[(<{]\s*(.*?)\s*[\])>}]$")
 _DELIMITERS = ("\t", ";", ",", " ")
 _BLANK_NAMES = (" ", r"\s+", "whitespace")  # as some programs call blanks
@@ -77,7 +80,7 @@ def detect_layout(raw: RawFile) -> TextLayout:
     lines = [line.rstrip("\r") for line in text.rstrip("\r\n").split(line_end)]
     if len(head) == HEAD_BYTES and len(lines) > 1:
         lines.pop()
-    rows = [n for n, line in enumerate(lines) if n >= raw.skip_rows and line.strip() and not _is_comment(line)]
+    rows = [n for n, line in enumerate(map(str.lstrip, lines)) if line and line[0] != "#" and n >= raw.skip_rows]
     if len(rows) < 1 + raw.header:
         found = "a header line and no rows" if rows else "no rows"
         raise InputError(f"{raw.path}, line {len(lines)}", found, "rows of numbers", "record it again or leave it out")
@@ -123,7 +126,7 @@ def _with_names(raw: RawFile, plain: TextLayout, sample: list[list[str]], rows: 
     if raw.header and all(map(_is_number, names)):
         where = f"{raw.path}, line {rows[0] + 1}"
         raise InputError(where, "numbers where the header should be", "names of the columns", "header = false")
-    decimal = raw.decimal or _decimal(body, plain.delimiter)
+    decimal = raw.decimal or _decimal(body)
     skip = rows[raw.header + units]
     units_row = tuple(_BRACKETS.sub(r"\1", field) for field in first) if units else ()
     kinds = {"stamps": is_date_or_time, "labels": _is_label, "dates": is_date, "dated_stamps": has_date}
@@ -156,10 +159,6 @@ def _check_marks(raw: RawFile) -> None:
     if raw.decimal and raw.decimal in (raw.delimiter, raw.thousands):
         found = f'"{raw.decimal}" is the decimal mark and another one'
         raise InputError(f"{raw.path}, key decimal", found, "a mark for each", "change one of them")
-
-
-def _is_comment(line: str) -> bool:
-    return line.lstrip().startswith("#")
 
 
 def _is_number(field: str) -> bool:
@@ -213,8 +212,8 @@ def _delimiter(body: list[str], header: str) -> str:
     return next((d for d in "\t;," if d in header), ",")
 
 
-def _decimal(body: list[list[str]], delimiter: str) -> str:
-    """A comma is the decimal mark where it cannot be the delimiter and no number has a point."""
+def _decimal(body: list[list[str]]) -> str:
+    """A comma inside a field is the decimal mark where no number has a point, but for those between thousands."""
     fields = [field for row in body for field in row if _is_number(field) and not is_date(field)]
-    comma = delimiter != "," and any("," in field for field in fields)
-    return "," if comma and not any("." in field for field in fields) else "."
+    points = any("." in field and not _POINTS_BETWEEN_THOUSANDS.fullmatch(field) for field in fields)
+    return "," if any("," in field for field in fields) and not points else "."

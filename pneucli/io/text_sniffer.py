@@ -21,7 +21,7 @@ DELIMITERS = ("\t", ";", ",", " ", "|")
 MAX_HEADER_LINES = 4  # lines of a header that are looked at for units
 MIN_TABLE_ROWS = 3  # rows in a row that a table begins with
 MIN_VALUE_SHARE = 0.8  # share of the rows that tells what a column is
-_THOUSANDS = re.compile(r"[+-]?\d{1,3}(?:([.,])\d{3}){2,}")
+_THOUSANDS = re.compile(r"[+-]?\d{1,3}(?:(?:([.,])\d{3}){2,}|(?:([.,])\d{3})+(?!\2)[.,]\d+)")
 _MAX_COLUMNS = 1000  # columns
 
 
@@ -57,7 +57,7 @@ def sniff(raw: RawFile) -> SniffedLayout:
     )
     if not found.score:
         wanted, mend = "rows of numbers", "say --skip-rows, --delimiter or --decimal, or export it as CSV"
-        raise InputError(str(raw.path), f"no table of numbers in {len(lines)} lines", wanted, mend)
+        raise InputError(str(raw.path), "no table of numbers", wanted, mend)
     return found.describe(raw.header)
 
 
@@ -95,9 +95,10 @@ class _DelimitedTable:
         cut = TextLayout("", delimiter, "", 0, ())
         self._rows = [() if _is_skipped(line) else tuple(cut.split(line)) for line in lines]
         tail = [row for row in self._rows[max(skip, len(lines) // 2) :] if row] or [r for r in self._rows[skip:] if r]
+        tail = [row for row in tail if any(map(is_value, row))] or tail  # not the header, where it stands again
         self.width = Counter(map(len, tail)).most_common(1)[0][0] if tail else 0
         self._tail = [row for row in tail if len(row) == self.width]
-        there = [[row[n] for row in self._tail if row[n] not in NULL_TEXTS] for n in range(self.width)]
+        there = self._there = [[row[n] for row in self._tail if row[n] not in NULL_TEXTS] for n in range(self.width)]
         self._numeric = [n for n in range(self.width) if _share(map(is_value, there[n])) >= MIN_VALUE_SHARE]
         self.start = self._first_row()
         usual = len(self._tail) / max(len(tail), 1)
@@ -108,8 +109,10 @@ class _DelimitedTable:
         )
 
     def _is_row(self, row: tuple[str, ...]) -> bool:
-        if len(row) != self.width:
+        if len(row) != self.width or not self._numeric:
             return False
+        if any(row[n] not in NULL_TEXTS for n in range(self._numeric[0]) if not self._there[n]):
+            return False  # a line of keys above rows whose first column is empty
         fields = [row[n] for n in self._numeric]
         return any(map(is_value, fields)) and all(is_value(field) or field in NULL_TEXTS for field in fields)
 
@@ -137,12 +140,21 @@ class _DelimitedTable:
     def _header(self, above: list[int]) -> tuple[tuple[str, ...], tuple[str, ...], int | None]:
         """Return names, units and the names' line: those above the rows that are as wide as they are."""
         wide = [n for n in above if len(self._rows[n]) in (self.width, self.width + 1)]
+        if self._delimiter == " " and not wide and above:
+            return self._names_in_columns(self._lines[above[-1]]), (), None
         if not wide or any(is_value(field) for field in self._rows[wide[-1]] if field not in NULL_TEXTS):
             return (), (), None
         for names, units in reversed([*pairwise(wide[-MAX_HEADER_LINES:])]):
             if _are_units(self._rows[units]) and not all(map(is_value, self._rows[names])):
                 return self._rows[names][: self.width], self._rows[units][: self.width], names
         return self._rows[wide[-1]][: self.width], (), wide[-1]
+
+    def _names_in_columns(self, line: str) -> tuple[str, ...]:
+        """Return the names in a header of columns of fixed width, in which names and units are apart by one blank."""
+        for fields in (re.split(r"\s{2,}", line.strip()), re.findall(r"[^\s\[(]+(?:\s?[\[(][^\])]*[\])])?", line)):
+            if len(fields) == self.width and not any(map(is_value, fields)):
+                return tuple(fields)
+        return ()
 
     def _names_in_comment(self, start: int) -> tuple[str, ...]:
         """Return the names in a comment right above the rows, as numpy and gnuplot write them."""
@@ -154,7 +166,7 @@ class _DelimitedTable:
     def _thousands(self) -> dict[int, str]:
         """Return the columns that have more than one mark in a number."""
         hits = {n: [_THOUSANDS.fullmatch(row[n]) for row in self._tail] for n in range(self.width)}
-        return {n: hit[1] for n, column in hits.items() for hit in [next(filter(None, column), None)] if hit}
+        return {n: hit[1] or hit[2] for n, column in hits.items() for hit in [next(filter(None, column), None)] if hit}
 
 
 def apply_sniffed(raw: RawFile, found: SniffedLayout) -> RawFile:

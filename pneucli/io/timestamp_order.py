@@ -33,6 +33,8 @@ LOSS_MESSAGES = {
 }
 ROW_CLASSES = ("kept", "no-stamp", "duplicate", "backward")
 MAX_BACKWARD_ROWS = 3  # rows in a row whose stamps go back
+MIN_FALLING_SHARE = 0.9  # of the first rows, that go back where the newest row stands first
+SUMMER_TIME, SUMMER_TIME_SLACK = 3600.0, 60.0  # s by which a clock goes back in autumn
 LOOKAHEAD_ROWS = 2  # rows that must follow before one is judged
 MAX_MAGNITUDE = 1e30  # no sensor reads more, in any SI unit: an overflow, or the mark of one
 
@@ -99,6 +101,11 @@ class TimestampCheck:
             found = f"the time goes back from {longest.before:g} s to {longest.time:g} s"
             mend = "a clock that starts anew makes another recording: state part = 1 where the header stands again "
             mend += "there, else cut the file there, or use skip_rows"
+            if abs(longest.before - longest.time - SUMMER_TIME) < SUMMER_TIME_SLACK:
+                mend = "if summer time ends there, write the stamps with their offset from UTC, such as 02:00:00+01:00"
+            elif longest.length > MIN_FALLING_SHARE * time.size:
+                found = f"the time falls from row to row, from {longest.before:g} s to {time[-1]:g} s"
+                mend = "sort the rows by time, the oldest first"
             raise InputError(self._place(longest.row), found, "rising time stamps", mend)
         if same.sum() > 0.5 * same.size > MAX_BACKWARD_ROWS:
             where, found = self._place(first + int(np.argmax(same))), "more than half of the time stamps repeat"

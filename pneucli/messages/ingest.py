@@ -26,8 +26,10 @@ def lines(answer: Mapping[str, Any], file: str, verbose: bool) -> Iterator[str]:
         yield ""
     for text in answer.get("left_out", []):
         yield from labelled("left out", text)
-    for one in answer["repairs"]:
-        yield from labelled("repair", f"{repair_location(one)}: {one['message']}")
+    repairs = [f"{repair_location(one)}: {one['message']}" for one in answer["repairs"]]
+    for text in repairs:
+        if text not in answer["warnings"]:  # which say the weightier ones
+            yield from labelled("repair", text)
     yield from warnings(answer)
     yield from labelled("do", f"pneucli compare {file}")
 

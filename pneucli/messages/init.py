@@ -17,11 +17,13 @@ def lines(answer: Mapping[str, Any], file: str, verbose: bool) -> Iterator[str]:
     for one in answer["recordings"]:
         held = f"held out to test: {', '.join(one['held_out'])}" if one["held_out"] else "none held out"
         count = f"{one['files']} file" + "s" * (one["files"] > 1)
-        yield from labelled("kind", f"{_short(one['file'])}: {count}, {one['experiment']}; {held}")
-        rows = [_row(column) for column in answer["columns"] if column["file"] == one["file"]]
+        part = "" if one["part"] is None else f", part {one['part']}"
+        yield from labelled("kind", f"{_short(one['file'])}{part}: {count}, {one['experiment']}; {held}")
+        own = [column for column in answer["columns"] if (column["file"], column["part"]) == (one["file"], one["part"])]
+        rows = [_row(column) for column in own]
         yield from table(("column", "taken for", "unit", "least", "median", "most"), rows, texts=3)
-        for column in answer["columns"]:
-            if column["file"] == one["file"] and column["why"] and column["signal"]:
+        for column in own:
+            if column["why"] and column["signal"]:
                 yield from labelled("", f"{column['signal']}: {column['why'].replace('CHECK ', '')}")
         yield ""
     for text in answer["left_out"]:

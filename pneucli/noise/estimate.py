@@ -10,9 +10,10 @@ from numpy.typing import NDArray
 from scipy.optimize import minimize
 from scipy.special import comb
 
+from pneucli.noise.mains_lines import detect_mains_lines
 from pneucli.noise.model import NoiseModel
 from pneucli.noise.quantisation import quantisation_step
-from pneucli.noise.spectrum import NoiseFloor, detect_mains_lines, noise_floor
+from pneucli.noise.spectrum import NoiseFloor, noise_floor
 
 Array = NDArray[np.float64]
 

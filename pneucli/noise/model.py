@@ -6,7 +6,6 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.signal import lfilter
 
 Array = NDArray[np.float64]
 
@@ -55,6 +54,8 @@ class NoiseModel:
         white = max(self.white, 0.0 if self.coloured or self.lines else self.rms)
         noise = white * rng.standard_normal(n)
         if self.coloured:
+            from scipy.signal import lfilter  # noqa: PLC0415 - slow to import, and most commands draw no noise
+
             innovations = np.sqrt(1 - self.pole**2) * rng.standard_normal(n)
             state = self.pole * rng.standard_normal()
             noise += self.coloured * lfilter([1.0], [1.0, -self.pole], innovations, zi=[state])[0]

@@ -1,4 +1,4 @@
-"""The spectrum of the noise floor below jumps and motion, and mains lines."""
+"""The spectrum of the noise floor below jumps and motion."""
 
 from __future__ import annotations
 
@@ -7,8 +7,6 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.signal.windows import hann
-from scipy.stats import f as f_distribution
 
 Array = NDArray[np.float64]
 
@@ -17,13 +15,10 @@ MAX_SEGMENT_DURATION = 0.3
 MIN_LONG_SEGMENT_SAMPLES = 256  # samples up to which a segment may be longer than that
 MIN_SEGMENT_SAMPLES = 16
 FLOOR_QUANTILE = 0.25  # order statistic that estimates the floor: jumps and motion may fill the segments above it
-MAINS_FREQUENCIES = (50.0, 60.0)  # Hz
-LINE_SIGNIFICANCE = 1e-4  # probability of a false line
 MIN_RELATIVE_JUMP = 0.1  # of a command's range in one sample
 MIN_JUMP_FREE_SEGMENTS = 8  # segments without a jump from which the floor can be estimated
 # power of line and parabola over the remainder: 1 for the slowest colour, 100 for motion
 MAX_REST_SHAPE = 3.0
-BACKGROUND_HALF_BAND = 8.0  # Hz on each side of a line, in which its background is estimated
 
 
 @dataclass(frozen=True)
@@ -157,7 +152,7 @@ def noise_floor(
         remainder = remainder[_at_rest(segments @ basis, remainder)]
         if remainder.shape[0] < MIN_JUMP_FREE_SEGMENTS:
             return None
-    taper = hann(length, sym=False)
+    taper = hann(length)
     tapered = remainder * taper
     periodograms = np.abs(np.fft.rfft(tapered, axis=1)) ** 2 / np.sum(taper**2)
     count = periodograms.shape[0]
@@ -174,56 +169,16 @@ def _at_rest(shape: Array, remainder: Array) -> NDArray[np.bool_]:
     return np.asarray(np.sum(shape[:, 1:] ** 2, axis=1) <= MAX_REST_SHAPE * np.sum(remainder**2, axis=1))
 
 
-def detect_mains_lines(values: Array, period: float) -> tuple[tuple[float, float], ...]:
-    """Detect mains hum at 50 and 60 Hz and its first two harmonics.
-
-    An F test compares one bin with the bins around it in the Hann spectrum of the whole signal. A second difference
-    removes slow content beforehand; its gain is divided out again.
+def hann(length: int) -> Array:
+    """Return the periodic Hann window.
 
     Args:
-        values: Signal without missing samples, at least 0.5 s, shape (n,).
-        period: Sampling period in s.
+        length: Length in samples.
 
     Returns:
-        Pairs of frequency in Hz and amplitude.
+        The window, shape (length,).
 
-    >>> time = 1e-3 * np.arange(5000)
-    >>> noise = 0.1 * np.random.default_rng(1).standard_normal(time.size)
-    >>> [(f, a)] = detect_mains_lines(np.sin(2 * np.pi * 50.0 * time) + noise, 1e-3)
-    >>> round(f, 1), round(a, 1)
-    (50.0, 1.0)
+    >>> hann(4)
+    array([0. , 0.5, 1. , 0.5])
     """
-    finite = values[np.isfinite(values)]
-    if finite.size < 0.5 / period or finite.size != values.size:
-        return ()
-    whitened = np.diff(finite, 2)
-    taper = hann(whitened.size, sym=False)
-    amplitude = 2 * np.abs(np.fft.rfft(whitened * taper, 8 * whitened.size)) / taper.sum()
-    frequency = np.asarray(np.fft.rfftfreq(8 * whitened.size, period), dtype=np.float64)
-    gain = np.maximum(4 * np.sin(np.pi * frequency * period) ** 2, 1e-12)
-    resolution = 1 / (whitened.size * period)
-    lines: list[tuple[float, float]] = []
-    for mains in MAINS_FREQUENCIES:
-        for nominal in (mains, 2 * mains, 3 * mains):
-            line = _line(frequency, amplitude / gain, nominal, resolution, 0.5 / period)
-            lines += [line] if line else []
-    return tuple(lines)
-
-
-def _line(
-    frequency: Array, amplitude: Array, nominal: float, resolution: float, nyquist: float
-) -> tuple[float, float] | None:
-    if nominal + BACKGROUND_HALF_BAND > nyquist:
-        return None
-    inside = np.flatnonzero(np.abs(frequency - nominal) <= max(0.3, 0.5 * resolution))
-    peak = inside[np.argmax(amplitude[inside])]
-    distance = np.abs(frequency - frequency[peak])
-    around = (distance > 2 * resolution) & (distance < BACKGROUND_HALF_BAND + 2 * resolution)
-    background = float(np.mean(amplitude[around] ** 2))
-    independent = around.sum() / 8 / 1.5
-    tests = max(1.0, 0.6 / resolution)  # number of bins searched for the peak
-    limit = f_distribution.isf(LINE_SIGNIFICANCE / tests, 2, 2 * independent)
-    power = float(amplitude[peak] ** 2)
-    if power <= limit * background or independent < 4:
-        return None
-    return float(frequency[peak]), float(np.sqrt(power - background))
+    return np.asarray(0.5 + 0.5 * np.cos(np.linspace(-np.pi, np.pi, length + 1)[:-1]))

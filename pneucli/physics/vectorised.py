@@ -10,8 +10,28 @@ from pneucli.physics.effects.stribeck import dry_rise
 
 Array = NDArray[np.float64]
 
-flow_functions = np.vectorize(gas.flow_function, otypes=[np.float64])
 _orifice_flows = np.vectorize(gas.orifice_flow, otypes=[np.float64])
+
+
+def flow_functions(r: Array, b: float) -> Array:
+    """Return :func:`pneucli.physics.gas.flow_function` of an array.
+
+    Args:
+        r: Pressure ratio, downstream over upstream, both absolute, shape (n,).
+        b: Critical pressure ratio.
+
+    Returns:
+        Psi'(r), dimensionless, shape (n,); NaN where the ratio is NaN.
+
+    References:
+        Thesis 2.42, 2.43.
+
+    >>> flow_functions(np.array([0.4, 0.9, 1.2, np.nan]), 0.528).round(4)
+    array([0.484 , 0.2979, 0.    ,    nan])
+    """
+    s = (np.asarray(r, dtype=np.float64) - b) / (1.0 - b)
+    inside = gas.PSI_MAX * np.sqrt(np.maximum(1.0 - s * s, 0.0))
+    return np.asarray(np.where(r <= b, gas.PSI_MAX, np.where(r >= 1.0, 0.0, inside)))
 
 
 def orifice_flows(p_from: Array, p_to: Array | float, b: float, k_from: float, k_to: float) -> Array:

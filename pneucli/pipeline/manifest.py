@@ -54,6 +54,7 @@ class Stamp:
 
 def stamp(path: Path, previous: Stamp | None = None) -> Stamp:
     """Return the stamp of ``path``; the file is read only where size or time differ from those of ``previous``."""
+    path = paths.file_on_disk(path)
     if not paths.is_file(path):
         return Stamp(-1, 0, "")
     status = path.stat()

@@ -6,7 +6,8 @@ some per cent, a leak, a lag, an extra mass.
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterator, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
+from concurrent.futures import ThreadPoolExecutor
 
 import numpy as np
 
@@ -17,6 +18,7 @@ from pneucli.recording import Recording, Rig
 
 __all__ = ["Finding", "SignalSummary", "findings", "summarize_signal", "without_empty_signals"]
 
+THREADS = 2  # checks side by side: numpy lets others run while it sums over a long recording
 CHECKS = (samples, readings, sensor_response, motion, forces, flow)
 
 
@@ -26,8 +28,13 @@ def findings(recordings: Sequence[Recording], rig: Rig, stated: Mapping[str, Col
     ``stated`` names, by recording, the signals that the pipeline file states as held.
     """
     bench = RigCheck([without_empty_signals(one) for one in recordings], rig, stated)
-    with np.errstate(all="ignore"):  # other checks report numbers that overflow
-        found = [finding for module in CHECKS for finding in module.check(bench)]
+
+    def findings_of(check: Callable[[RigCheck], Iterator[Finding]]) -> list[Finding]:
+        with np.errstate(all="ignore"):  # other checks report numbers that overflow
+            return [*check(bench)]
+
+    with ThreadPoolExecutor(THREADS) as threads:
+        found = [finding for own in threads.map(findings_of, [module.check for module in CHECKS]) for finding in own]
     return [*_empty(recordings), *found]
 
 

@@ -15,6 +15,8 @@ from pneucli.recording import Recording
 Array = NDArray[np.float64]
 
 MAX_ZERO_ERROR = 0.05  # of the stroke: x = 0 is set by hand at an end stop; further off it is another zero
+MIN_JUMP_NOISE, MIN_JUMP_STEPS = 20.0, 5.0  # times the noise, and steps of its resolution, of a jump of x
+MAX_JUMPS = 1000  # that are looked at
 MAX_SPEED = 30.0  # m/s: seals last to 3 m/s, impact cylinders reach 10 m/s
 
 
@@ -24,7 +26,7 @@ def check(rig_check: RigCheck) -> Iterator[Finding]:
     for one in moved:
         yield from _travel(one)
         yield from _stroke(one, rig_check)
-        yield from _speed(one)
+        yield from [*_speed(one)] or _jumps(one)
         for signal, order in (("v", 1), ("a", 2)):
             if signal in one and (found := resolved_blocks(one, "x", order)):
                 yield from _derivative(one, signal, order, found)
@@ -72,6 +74,26 @@ def _speed(one: Recording) -> Iterator[Finding]:
             f"than any piston ({format_in_display_unit(MAX_SPEED, 'v')})"
         )
         yield Finding("speed", "x", one.name, found, "check the units in [signals] time and x")
+
+
+def _jumps(one: Recording) -> Iterator[Finding]:
+    """Steps from one place to another, faster than any piston: lost counts, or two recordings in one."""
+    at = np.flatnonzero(np.isfinite(one["x"]))
+    x, time, model = one["x"][at], one.time[at], one.noise.get("x")
+    steps = np.diff(x)
+    least = max(MIN_JUMP_NOISE * model.rms, MIN_JUMP_STEPS * model.step) if model is not None else 0.0
+    jumps = np.flatnonzero((np.abs(steps) > MAX_SPEED * np.diff(time)) & (np.abs(steps) > least)) + 1
+    places = [(float(np.median(x[max(0, n - 8) : n])), float(np.median(x[n : n + 8]))) for n in jumps[:MAX_JUMPS]]
+    stays = [n for n, (a, b) in zip(jumps, places, strict=False) if abs(b - a) > 0.5 * abs(steps[n - 1])]
+    if stays and axis_unit("m") == "m":
+        first = stays[0]
+        size, period = format_in_display_unit(abs(float(steps[first - 1])), "x"), time[first] - time[first - 1]
+        times = "once" if len(stays) == 1 else f"{len(stays)} times"
+        found = (
+            f"x jumps {times}, first by {size} in {1e3 * period:.3g} ms at {time[first]:.5g} s: no piston is so fast"
+        )
+        mend = f"lost counts, or two recordings in one? cut with from and to in [[recordings]] {one.name}"
+        yield Finding("speed", "x", one.name, found, mend)
 
 
 def _derivative(one: Recording, signal: str, order: int, found: Blocks) -> Iterator[Finding]:

@@ -10,6 +10,7 @@ from pneucli.plausibility.rig_check import Finding
 _MENDS = {
     "mark": "state missing = [...] in [signals] {signal}, or missing = [] where these numbers were measured",
     "saturated": "use a sensor of larger range, or take another stretch with from and to in [[recordings]] {recording}",
+    "plateau": "check the range of the sensor; where it ends there, cut with from and to in [[recordings]] {recording}",
     "roll-over": "state offset in [signals] {signal} where x = 0 is not where chamber 1 is smallest",
     "jumps": "state what the position is, or cut the recording with from and to in [[recordings]] {recording}",
     "frozen": "look at the logger and the sensor of {signal}",

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.stats import f as f_distribution
+from scipy.special import betainccinv
 
 Array = NDArray[np.float64]
 
@@ -29,7 +29,13 @@ def is_inactive(values: Array) -> bool:
         block = finite[: count * width].reshape(count, width)
         within = float(block.var(axis=1, ddof=1).mean())
         between = width * float(block.mean(axis=1).var(ddof=1))
-        if between > within * f_distribution.isf(FALSE_ALARM_PROBABILITY, count - 1, count * (width - 1)):
+        if between > within * _f_quantile(count - 1, count * (width - 1)):
             return False
         width *= 4
     return True
+
+
+def _f_quantile(between: int, within: int) -> float:
+    """Return what F, of so many degrees of freedom between and within blocks, exceeds in false alarms only."""
+    share = float(betainccinv(0.5 * between, 0.5 * within, FALSE_ALARM_PROBABILITY))
+    return share * within / ((1.0 - share) * between)

@@ -10,7 +10,8 @@ from typing import Any
 
 import numpy as np
 
-from pneucli.config import PipelineConfig, RecordingSource, load, recording_sources
+from pneucli.config import PipelineConfig, RecordingSource, recording_sources, validate
+from pneucli.document import read_toml
 from pneucli.errors import InputError
 from pneucli.io.multi_file import MultiFileRecording
 from pneucli.io.signal_reader import SignalReader
@@ -20,6 +21,8 @@ from pneucli.recording import Recording
 from pneucli.stages.ingest import open_recording, recorded_signals
 
 Answer = dict[str, Any]
+TO_FILL_IN = "is to be filled in"  # ends what is said of a value with a "?"
+NAMES = ("file", "test", "column", "expression")  # in which a "?" stands for a letter, or is one
 
 
 def check_pipeline(path: Path) -> Answer:
@@ -27,8 +30,8 @@ def check_pipeline(path: Path) -> Answer:
 
     The beginning of each raw file is read. Raises InputError where the pipeline file itself is at fault.
     """
-    config = load(path)
-    faults: list[InputError] = []
+    config, faults = _loaded(path)
+    waiting = {fault.where.rpartition("key ")[2] for fault in faults}
     sources = _attempt(lambda: recording_sources(config), faults) or []
     rows = [(source, _attempt(partial(_beginning, source, config), faults)) for source in sources]
     if not config.model.plugins:  # which would be run to tell the names of their effects
@@ -36,7 +39,8 @@ def check_pipeline(path: Path) -> Answer:
         _attempt(lambda: select_effects(config.model.effects, all_effects(), where), faults)
     recordings = [found[0] for _, found in rows if found is not None]
     rig = config.to_rig()
-    missing = [asdict(need) for need in required_inputs(recordings, rig)] if recordings else []
+    needs = required_inputs(recordings, rig) if recordings else []
+    missing = [asdict(need) for need in needs if f"{need.table}.{need.key}" not in waiting]
     return {
         "schema": "pneucli/check/1",
         "pipeline": config.name,
@@ -45,6 +49,46 @@ def check_pipeline(path: Path) -> Answer:
         "assumed": [asdict(one) for one in assumptions(recordings, rig)] if recordings else [],
         "faults": [{key: getattr(one, key) for key in ("where", "found", "wanted", "mend")} for one in _each(faults)],
     }
+
+
+def _loaded(path: Path) -> tuple[PipelineConfig, list[InputError]]:
+    """Return the pipeline without what waits to be filled in, and what waits, as faults.
+
+    Raises InputError where the pipeline file has any other fault.
+    """
+    text, document = read_toml(path)
+    try:
+        return validate(path, document, text), []
+    except InputError as error:
+        waiting = [one for one in _each([error]) if one.found.endswith(TO_FILL_IN)]
+        if len(waiting) < len(_each([error])):
+            raise
+        try:
+            return validate(path, _without_waiting(document), text), waiting
+        except InputError:
+            raise error from None
+
+
+def _without_waiting(table: dict[str, Any]) -> dict[str, Any]:
+    """Return tables without the keys that wait with a ``?``; a signal whose column waits is left out."""
+    kept: dict[str, Any] = {}
+    for key, value in table.items():
+        if isinstance(value, dict) and key != "signals":
+            kept[key] = _without_waiting(value)
+        elif isinstance(value, dict):
+            kept[key] = {
+                n: _without_waiting(one) for n, one in value.items() if isinstance(one, dict) and _is_read(one)
+            }
+        elif isinstance(value, list):
+            kept[key] = [_without_waiting(one) if isinstance(one, dict) else one for one in value]
+        elif not isinstance(value, str) or "?" not in value or key in NAMES:
+            kept[key] = value
+    return kept
+
+
+def _is_read(signal: dict[str, Any]) -> bool:
+    """Return whether the column of a signal is filled in."""
+    return signal.get("column") != "?" and "?" not in str(signal.get("expression", ""))
 
 
 def _attempt(work: Any, faults: list[InputError]) -> Any:

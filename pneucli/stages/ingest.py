@@ -24,6 +24,7 @@ from pneucli.io.recordings import SIGNALS_FILE, signals_schema
 from pneucli.io.signal_reader import SignalReader
 from pneucli.io.timestamp_order import LOSS_MESSAGES
 from pneucli.messages.ingest import repair_location
+from pneucli.paths import file_on_disk
 from pneucli.pipeline.context import Context, Progress
 from pneucli.quantities import SIGNALS
 from pneucli.recording import Rig
@@ -34,7 +35,7 @@ from pneucli.units import factor_and_offset, parse_unit_as
 SPOOL_VALVE_HINT = '; where one valve drives both chambers, say [rig.valve] arrangement = "5/3"'
 MIN_PERIOD, MAX_PERIOD = 1e-9, 1e6  # s, of a sampling period
 WARNING_REPAIRS = (
-    *("frozen", "saturated", "spike", "gap", "no-stamp", "backward", "duplicate", "truncated"),
+    *("frozen", "saturated", "plateau", "spike", "gap", "no-stamp", "backward", "duplicate", "truncated"),
     *("vacuum", "cut-number", "empty", "reader", "unit"),
     *("mark", "roll-over", "jumps", "held", "spread", "counter", "matlab-object", "header-again"),
 )
@@ -56,7 +57,7 @@ def run(context: Context) -> dict[str, Any]:
     names = {name for one in done for name in one.signals}
     with ThreadPoolExecutor(2) as threads:
         hashes = {
-            path: threads.submit(sha256_of, path)
+            path: threads.submit(sha256_of, file_on_disk(path))
             for path in dict.fromkeys(path for source in found for path in source.paths)
         }
         about = Provenance(None, {"pipeline": config.document})
@@ -203,7 +204,7 @@ def _ingest(
     one.losses = file.losses + cleaner.losses
     one.repairs = [*file.repairs, *cleaner.repairs()]
     _require_usable(one)
-    one.noise = noise_of(one, heads)
+    one.noise = noise_of(one, heads, threads)
 
 
 def _cleaned_batches(cleaner: Cleaner, batches: Iterator[dict[str, Array]]) -> Iterator[dict[str, Array]]:

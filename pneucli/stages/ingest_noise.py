@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from concurrent.futures import Future, ThreadPoolExecutor
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -20,14 +22,17 @@ def stated_noise(source: RecordingSource) -> dict[str, float]:
     return {name: float(signal.noise) for name, signal in source.signals.items() if signal.noise is not None}
 
 
-def noise_of(one: IngestedRecording, heads: list[dict[str, Array]]) -> dict[str, NoiseModel]:
-    """Return the noise of each signal: 0 for constants, as stated, else estimated."""
+def noise_of(
+    one: IngestedRecording, heads: list[dict[str, Array]], threads: ThreadPoolExecutor
+) -> dict[str, NoiseModel]:
+    """Return the noise of each signal: 0 for constants, as stated, else estimated, side by side in ``threads``."""
     stated = stated_noise(one.source)
     time = np.concatenate([head["time"] for head in heads])
     commands = [np.concatenate([head[u] for head in heads]) for u in ("u", "u2") if u in heads[0]]
     jumps = detect_jumps(commands, time.size)
     one.command_always_jumps = jump_free_segments(jumps, one.period) is None and bool(jumps.any())
     models = {name: NoiseModel(white=0.0, period=one.period) for name in one.source.table.held_constant}
+    estimates: dict[str, Future[NoiseModel]] = {}
     for name in one.signals:
         if name == "time" or name in models:
             continue
@@ -38,10 +43,11 @@ def noise_of(one: IngestedRecording, heads: list[dict[str, Array]]) -> dict[str,
             measured = _sample_mask(values)
             own = detect_jumps([values], time.size)[measured] if _has_friction_jumps(name, one.source) else None
             is_lone_position = name == "x" and "a" not in one.signals
-            models[name] = estimate_noise(
-                time[measured], values[measured], jumps[measured], own, is_motion=is_lone_position
+            estimates[name] = threads.submit(
+                estimate_noise, time[measured], values[measured], jumps[measured], own, is_motion=is_lone_position
             )
-    return models
+    models |= {name: estimate.result() for name, estimate in estimates.items()}
+    return {name: models[name] for name in (*one.source.table.held_constant, *one.signals) if name in models}
 
 
 def _has_friction_jumps(name: str, source: RecordingSource) -> bool:

@@ -29,7 +29,10 @@ from pneucli.init.survey import survey_parts
 from pneucli.init.survey_types import Guess, Survey
 from pneucli.init.writer import References, fields_to_fill_in, pipeline_text, toml_string
 from pneucli.io.artifacts import atomic_path
+from pneucli.io.formats import is_archive
+from pneucli.io.packed import recordings_in_archive
 from pneucli.io.raw_file import RawFile
+from pneucli.paths import archive_members
 from pneucli.stages.schema import schema_text
 
 NAME = "pipeline.toml"
@@ -80,6 +83,15 @@ def questions(waiting: Sequence[Mapping[str, Any]]) -> list[Question]:
     return asked_questions([str(one["key"]) for one in waiting])
 
 
+def refusal(answers: Mapping[str, str]) -> str:
+    """Return why answers to :func:`questions` cannot be taken, and what is wanted; empty where they can."""
+    try:
+        values_of(answers)
+    except InputError as error:
+        return f"{error.found}; wanted: {error.wanted}"
+    return ""
+
+
 def fill_in(path: Path, answers: Mapping[str, str]) -> dict[str, Any]:
     """Write answers to :func:`questions` into the pipeline file; return what still waits, as :func:`create` does.
 
@@ -96,22 +108,26 @@ def _survey_files(raw: Sequence[Path], stated: dict[str, Any], left: list[str]) 
 
     Files of a folder that are no recordings are left out and listed in ``left``.
     """
-    seen = set()
-    for path in raw:
-        inside = [one for one in path.iterdir() if one.is_file()] if path.is_dir() else []
-        hits = inside or ([path] if path.exists() else [Path(hit) for hit in glob.glob(str(path), recursive=True)])
-        if not hits:
-            raise InputError(str(path), "no such file", "a raw file, a folder of them or a glob", "check the path")
-        for one in sorted((Path(os.path.abspath(hit)) for hit in hits), key=natural_sort_key):
-            if one in seen:
-                continue
-            seen.add(one)
-            try:
-                yield from survey_parts(RawFile(one, {}, **stated))
-            except InputError as error:
-                if len(inside) < 2 and len(hits) < 2 and len(raw) < 2:
-                    raise
-                left.append(f"{one.name}: {error.found}")
+    found = list(dict.fromkeys(one for path in raw for one in _files_at(path)))
+    for one in found:
+        try:
+            yield from survey_parts(RawFile(one, {}, **stated))
+        except InputError as error:
+            if len(found) < 2:
+                raise
+            left.append(f"{one.name}: {error.found}")
+
+
+def _files_at(path: Path) -> Iterator[Path]:
+    """Yield the files that a path means: those of a folder, of a glob, and of an archive of several recordings."""
+    inside = [one for one in path.iterdir() if one.is_file()] if path.is_dir() else []
+    hits = inside or ([path] if path.exists() else [Path(hit) for hit in glob.glob(str(path), recursive=True)])
+    hits = hits or archive_members(path)
+    if not hits:
+        raise InputError(str(path), "no such file", "a raw file, a folder of them or a glob", "check the path")
+    for one in sorted((Path(os.path.abspath(hit)) for hit in hits), key=natural_sort_key):
+        members = recordings_in_archive(one) if is_archive(one) else []
+        yield from sorted(members, key=natural_sort_key) if len(members) > 1 else [one]
 
 
 def _example(directory: Path) -> str:
@@ -120,14 +136,20 @@ def _example(directory: Path) -> str:
 
 
 def _recordings(found: Sequence[FileGroup], left: list[str]) -> Sequence[FileGroup]:
-    """Return the groups with a pressure or a position, or all where none has; the others are listed in ``left``."""
-    usable = [one for one in found if one.signals.keys() & {"p1", "x"}]
-    if not usable:
-        return found
-    for kind in found:
-        if kind not in usable:
-            left += [f"{one.path.name}: no column looks like a pressure or a position" for one in kind.surveys]
-    return usable
+    """Return the groups that have a pressure or a position, and a clock; where none has one, all of them.
+
+    The others are listed in ``left``: a file without a clock beside recordings is a table of results.
+    """
+    needs = (
+        (("p1", "x"), "no column looks like a pressure or a position"),
+        (("time",), "no column rises like a clock"),
+    )
+    for names, reason in needs:
+        usable = [one for one in found if not one.signals.keys().isdisjoint(names)]
+        if usable:
+            left += [f"{one.path.name}: {reason}" for kind in found if kind not in usable for one in kind.surveys]
+            found = usable
+    return found
 
 
 def _from_raw(directory: Path, found: Sequence[FileGroup]) -> str:
@@ -143,6 +165,7 @@ def _column_rows(kind: FileGroup, references: References) -> Iterator[dict[str, 
         reference, why = references.get(one.unit, ("", "")) if one.signal.startswith("p") else ("", "")
         yield {
             "file": kind.file,
+            "part": kind.surveys[0].raw.part,
             "column": one.column.name or one.column.key,
             "signal": one.signal,
             "unit": one.unit,
@@ -158,6 +181,7 @@ def _recording_row(kind: FileGroup) -> dict[str, Any]:
     held = [one.path.name for one in kind.held_out]
     return {
         "file": kind.file,
+        "part": kind.surveys[0].raw.part,
         "files": len(kind.surveys) + len(kind.further_files),
         "experiment": guess_experiment(kind).experiment,
         "held_out": held,

@@ -75,6 +75,22 @@ def test_a_raw_file_that_is_not_there_is_named_with_exit_2(pneucli: Command, str
     assert "strokes.csv" in result.out + result.err
 
 
+def test_what_waits_to_be_filled_in_does_not_hide_the_rest(pneucli: Command, strokes: Path) -> None:
+    rig = '[rig.cylinder]\npiston_area_1 = "? cm^2"\n[signals]'
+    pressure = 'p1 = { column = "P", unit = "bar", scale = "?" }\n[[recordings]]'
+    strokes.write_text(FRICTION.replace("[signals]", rig).replace("[[recordings]]", pressure))
+    result = pneucli("check", strokes, "--json")
+    assert result.code == 2
+    answer = json.loads(result.out)
+    assert [row["signal"] for row in answer["recordings"][0]["signals"]] == ["time", "p1", "x", "force"]
+    assert [one["where"].rpartition(" ")[2] for one in answer["faults"]] == [
+        "rig.cylinder.piston_area_1",
+        "signals.p1",
+    ]
+    assert 'such as "1 cm^2"' in answer["faults"][0]["wanted"]
+    assert answer["missing"] == []
+
+
 def test_no_stage_is_run_and_nothing_is_written(pneucli: Command, strokes: Path) -> None:
     before = sorted(strokes.parent.rglob("*"))
     pneucli("check", strokes)

@@ -9,12 +9,17 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from pneucli.config import load
 from pneucli.errors import InputError
+from pneucli.io.artifacts import sha256_of
 from pneucli.io.formats import open_raw
 from pneucli.io.open_signals import open_signals
 from pneucli.io.raw_file import Channel, ColumnRequest, RawFile
+from pneucli.paths import matching_files
+from pneucli.pipeline.context import Context
+from pneucli.stages import ingest, init
 
-from .judge import judge
+from .judge import FILL_IN, judge
 from .laboratory import COUNT, RATE, Array, command, position, pressure, write_workbook
 
 T = np.arange(COUNT) / RATE
@@ -53,6 +58,18 @@ def tdms_groups(folder: Path) -> Path:
     channels += [("Slow", "Pos [mm]", 1e3 * position(SLOW)), ("Slow", "U [V]", command(SLOW))]
     with TdmsWriter(path) as writer:
         writer.write_segment([ChannelObject(group, name, values) for group, name, values in channels])
+    return path
+
+
+def tdms_groups_in_other_units(folder: Path) -> Path:
+    """Each group has a clock of its own: seconds of fast readings, milliseconds of slow ones."""
+    from nptdms import ChannelObject, TdmsWriter
+
+    path = folder / "run.tdms"
+    channels = [("Fast", "Time", T, "s"), ("Fast", "P1", P, "bar"), ("A slow one", "Time", 1e3 * SLOW, "ms")]
+    channels += [("A slow one", "Pos", 1e3 * position(SLOW), "mm"), ("Fast", "U", U, "V")]
+    with TdmsWriter(path) as writer:
+        writer.write_segment([ChannelObject(g, n, v, properties={"unit_string": unit}) for g, n, v, unit in channels])
     return path
 
 
@@ -175,7 +192,17 @@ def dspace(folder: Path) -> Path:
 
 
 WRITERS: list[Writer] = [
-    *(tdms_waveforms, tdms_groups, mdf_rasters, twincat, mcap_json, rosbag2, clocks_in_one_table, pandas_frame),
+    *(
+        tdms_waveforms,
+        tdms_groups,
+        tdms_groups_in_other_units,
+        mdf_rasters,
+        twincat,
+        mcap_json,
+        rosbag2,
+        clocks_in_one_table,
+        pandas_frame,
+    ),
     *(logged_signals, dspace),
 ]
 
@@ -238,6 +265,8 @@ def test_objects_of_matlab_are_refused_with_the_way_to_save_them(tmp_path: Path)
         (b"\x80\x04\x95" + b"\0" * 99, "this is a pickle of Python"),
         (b"\x1f\x8b" + b"\0" * 99, "cannot be read as gzip"),
         (b"PK\x03\x04" + b"\0" * 99, "cannot be read as zip"),
+        (b"a.csv".ljust(257, b"\0") + b"ustar".ljust(255, b"\0"), "this is a tar archive"),
+        (b"SQLite format 3\0" + b"\0" * 4000, "this is a database of SQLite, and no rosbag2"),
     ],
 )
 def test_what_cannot_be_read_is_named(content: bytes, says: str, tmp_path: Path) -> None:
@@ -256,14 +285,60 @@ def test_a_workbook_without_its_library_names_the_extra(tmp_path: Path, monkeypa
     assert caught.value.mend == 'pip install "pneucli[excel]"'
 
 
-def test_a_zip_of_several_recordings_is_refused_with_their_names(tmp_path: Path) -> None:
+def archive_of_two(folder: Path) -> Path:
+    import gzip
     import zipfile
 
-    with zipfile.ZipFile(tmp_path / "a.zip", "w") as archive:
-        archive.writestr("one.csv", "t,p\n0,1\n")
-        archive.writestr("two.csv", "t,p\n0,1\n")
-    with pytest.raises(InputError, match=r"a zip archive of 2 files: one\.csv, two\.csv"):
-        open_raw(RawFile(tmp_path / "a.zip", {}))
+    step, later = ("t [s],u [V],p1 [bar],x [mm]\n" + "".join(
+        f"{T[n]:.4f},{U[n]},{P[n] + shift:.5f},{X[n]:.4f}\n" for n in range(COUNT)
+    ) for shift in (0.0, 0.5))  # fmt: skip
+    with zipfile.ZipFile(folder / "a.zip", "w") as archive:
+        archive.writestr("step_1.csv", step)
+        archive.writestr("later/step_2.csv.gz", gzip.compress(later.encode()))
+        archive.writestr("notes.md", "who, when")
+        archive.writestr("../outside.csv", step)
+    return folder / "a.zip"
+
+
+def test_every_readable_member_of_a_zip_is_a_recording(tmp_path: Path) -> None:
+    answer = init.create(tmp_path / "p", [archive_of_two(tmp_path)])
+    assert answer["left_out"] == ["notes.md: no table of numbers"]
+    pipeline = tmp_path / "p" / "pipeline.toml"
+    text = pipeline.read_text(encoding="utf-8")
+    assert 'file = "../a.zip/step_1.csv"' in text
+    for mark, value in FILL_IN.items():
+        text = text.replace(mark, value)
+    pipeline.write_text(text, encoding="utf-8")
+    (tmp_path / "out").mkdir()
+    found = ingest.run(Context(pipeline, load(pipeline), tmp_path / "out", tmp_path))
+    assert [one["samples"] for one in found["recordings"]] == [COUNT, COUNT]
+    assert {one["sha256"] for one in found["recordings"]} == {sha256_of(tmp_path / "a.zip")}
+
+
+@pytest.mark.parametrize(
+    ("pattern", "names"),
+    [
+        ("a.zip/*.csv", ["step_1.csv"]),
+        ("a.zip/later/*.gz", ["later/step_2.csv.gz"]),
+        ("*.zip/**/*.gz", ["later/step_2.csv.gz"]),
+        ("a.zip/step_1.csv", ["step_1.csv"]),
+        ("a.zip/*/step_1.csv", []),
+        ("b.zip/*.csv", []),
+        ("a.zip", [""]),
+    ],
+)
+def test_a_glob_leads_into_a_zip(pattern: str, names: list[str], tmp_path: Path) -> None:
+    archive = archive_of_two(tmp_path)
+    assert matching_files(pattern, tmp_path, "here") == [archive / name for name in names]
+
+
+def test_a_zip_of_several_recordings_says_how_to_name_one(tmp_path: Path) -> None:
+    archive = archive_of_two(tmp_path)
+    with pytest.raises(InputError, match=r"a zip archive of 3 files: step_1\.csv, later/step_2") as caught:
+        open_raw(RawFile(archive, {}))
+    assert caught.value.mend == 'name one, file = "a.zip/step_1.csv", or several, file = "a.zip/*.csv"'
+    with pytest.raises(InputError, match=r'no "step_3\.csv" in the archive'):
+        open_raw(RawFile(archive / "step_3.csv", {}))
 
 
 def test_errors_in_packed_files_name_the_packed_file(tmp_path: Path) -> None:
@@ -274,6 +349,40 @@ def test_errors_in_packed_files_name_the_packed_file(tmp_path: Path) -> None:
     with pytest.raises(InputError) as caught:
         list(open_signals(raw).batches())
     assert caught.value.where == f'{tmp_path}/a.csv.gz, line 4, column "p"'
+
+
+def test_an_archive_in_a_packed_file_is_named_by_the_packed_file(tmp_path: Path) -> None:
+    import gzip
+
+    (tmp_path / "a.tar.gz").write_bytes(gzip.compress(b"a.csv".ljust(257, b"\0") + b"ustar".ljust(255, b"\0")))
+    with pytest.raises(InputError, match="this is a tar archive") as caught:
+        open_raw(RawFile(tmp_path / "a.tar.gz", {}))
+    assert caught.value.where == f"{tmp_path}/a.tar.gz"
+
+
+def texts(folder: Path, kind: str) -> Path:
+    import pyarrow as pa
+    import pyarrow.parquet as pq
+    from pyarrow import feather
+
+    stamps = [f"2024-03-21T14:05:{7 + t:09.6f}" for t in T]
+    rows = {"time": stamps, "u [V]": U.tolist(), "p1 [bar]": [f"{p:.5f}" for p in P], "x [mm]": X.tolist()}
+    path = folder / f"run.{kind}"
+    if kind == "json":
+        split = {"columns": list(rows), "index": list(range(COUNT)), "data": list(zip(*rows.values(), strict=True))}
+        path.write_text(json.dumps(split), encoding="utf-8")
+    elif kind == "parquet":
+        pq.write_table(pa.table({**rows, "note": ["as found"] * COUNT}), path)
+    else:
+        feather.write_feather(pa.table({**rows, "note": ["as found"] * COUNT}), path)
+    return path
+
+
+@pytest.mark.parametrize("kind", ["json", "parquet", "feather"])
+def test_numbers_and_stamps_that_stand_as_texts_are_read(kind: str, tmp_path: Path) -> None:
+    outcome = judge(texts(tmp_path, kind), tmp_path / "work", 0.0)
+    assert outcome.verdict == "right", f"{outcome.verdicts}\n{outcome.why}"
+    assert kind == "json" or '# not taken: "note": texts, such as "as found"' in outcome.why
 
 
 def test_a_broken_row_of_text_leaves_no_thread_behind(tmp_path: Path) -> None:

@@ -71,7 +71,9 @@ NAMES = {
     "Acc [m/s2]": ("a", "m/s2"),
     "group/Force in N": ("force", "N"),
     "Temperatur [°C]": ("temperature", "°C"),
-    "pressure sensor [V]": ("", "V"),
+    "Error_kPa": ("", "kPa"),
+    "Overshoot [mm]": ("", "mm"),
+    "pressure sensor [V]": ("p1", "bar"),
     "P1 [mm]": ("", "mm"),
     "gain": ("", ""),
 }
@@ -305,7 +307,7 @@ def test_files_of_one_signal_each_are_one_recording(tmp_path: Path, same: bool) 
         write(tmp_path / f"{name}.csv", {"t [s]": T[some], "value" if same else name: values[some]})
     (tmp_path / "notes.md").write_text("no numbers\n", encoding="utf-8")
     answer = init.create(tmp_path / "rig", [tmp_path])
-    assert answer["left_out"] == ["notes.md: no table of numbers in 2 lines"]
+    assert answer["left_out"] == ["notes.md: no table of numbers"]
     path = Path(answer["pipeline"])
     path.write_text(path.read_text(encoding="utf-8").replace('"? cm^2"', '"5 cm^2"'), encoding="utf-8")
     out = tmp_path / "out"

@@ -137,6 +137,25 @@ def test_a_noisy_channel_at_the_end_of_its_range_is_missing() -> None:
     assert repairs[("p1", "saturated")] == 101 - repairs.get(("p1", "spike"), 0)
 
 
+@pytest.mark.parametrize(("resolution", "is_saturated"), [(1.0, True), (4000.0, False)])
+def test_a_sensor_that_slews_shows_its_noise_all_the_same(resolution: float, is_saturated: bool) -> None:
+    """Steps turn rarely on a slope. Noise below the resolution does not show, and a valve may stop a pressure."""
+    time = np.arange(N) * 1e-3
+    slewing = 1e5 + 2e6 * np.abs((2 * time) % 1.0 - 0.5) + 300.0 * np.random.default_rng(0).standard_normal(N)
+    cut = np.minimum(np.round(slewing / resolution) * resolution, 9e5)
+    cleaned, repairs = clean({"time": time, "p1": cut})
+    assert (("p1", "saturated") in repairs) == is_saturated
+    assert np.isnan(cleaned["p1"][cut == 9e5]).all() == is_saturated
+
+
+def test_a_channel_without_noise_that_stops_at_full_speed_is_noticed_and_kept() -> None:
+    smooth = signal(noise=0.0)
+    cut = {**smooth, "p1": np.minimum(smooth["p1"], 4e5)}
+    cleaned, repairs = clean(cut)
+    np.testing.assert_array_equal(cleaned["p1"], cut["p1"])
+    assert repairs.keys() == {("p1", "plateau")}
+
+
 def test_rest_of_a_quiet_channel_is_no_fault() -> None:
     quiet = signal(noise=0.0)  # at ambient for 0.3 s, exactly
     assert clean(quiet)[1] == {}

@@ -53,6 +53,7 @@ def closed(x: np.ndarray) -> np.ndarray:
             ("silent", "p2"),
             "while x would change it by",
         ),
+        (recorded(x=0.8 * SWING + 0.03 * (T > 2)), ("speed", "x"), "x jumps once, first by 30.1 mm in 1 ms at 2.001 s"),
         (recorded(x=5 * SWING), ("stroke", "x"), "from 250 mm to 750 mm"),
         (recorded(x=SWING - 0.3), ("stroke", "x"), "from -250 mm to -150 mm"),
         (
@@ -66,6 +67,21 @@ def test_only_what_is_wrong_is_found(one: Recording, pair: tuple[str, str], word
     found = seen(one, Rig(**{**vars(CYLINDER), "supply_pressure": 7e5}))
     assert list(found) == [pair]
     assert words in found[pair]
+
+
+def test_a_chamber_of_an_axis_is_not_above_its_supply_most_of_the_time() -> None:
+    rig = replace(CYLINDER, supply_pressure=7e5)
+    one = recorded("axis", "open", x=SWING, u=np.sin(T), p1=9e5 + SLOW)
+    assert "above the supply of 7 bar" in seen(one, rig)["supply", "p1"]
+    pressed = recorded("axis", "open", x=SWING, u=np.sin(T), p1=4e5 + SLOW + 5e5 * (T > 3))
+    assert "p1 reaches" not in seen(pressed, rig).get(("supply", "p1"), "")
+
+
+def test_counts_of_a_coarse_encoder_at_a_high_rate_are_no_jumps() -> None:
+    time = np.arange(4000) * 1e-5
+    x = 0.1 + np.round(0.05 * np.sin(30 * time) / 5e-4) * 5e-4
+    one = Recording("one", "friction", "train", time, {"x": x}, {"x": NoiseModel(0.0, step=5e-4)})
+    assert seen(one) == {}
 
 
 def test_a_closed_chamber_as_it_is_stated_is_plausible() -> None:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 from collections import Counter
 from collections.abc import Sequence
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from typing import Any
@@ -105,11 +106,13 @@ def inspect_signals(context: Context, done: Sequence[IngestedRecording]) -> dict
     """
     context.progress("looking at what was read", 1.0)
     recordings = load_recordings(context.out)
-    looks = {
-        one.name: {name: asdict(summarize_signal(one, name)) for name in without_empty_signals(one).signals}
-        for one in recordings
-    }
     stated = {one.source.name: one.source.table.held_constant.keys() for one in done}
     repairs = [(one.source.name, r.signal, r.kind, r.message) for one in done for r in one.repairs]
-    found = [*findings(recordings, context.config.to_rig(), stated), *repair_findings(repairs)]
+    with ThreadPoolExecutor(1) as threads:
+        summaries = {
+            one.name: {n: threads.submit(summarize_signal, one, n) for n in without_empty_signals(one).signals}
+            for one in recordings
+        }
+        found = [*findings(recordings, context.config.to_rig(), stated), *repair_findings(repairs)]
+    looks = {name: {n: asdict(summary.result()) for n, summary in own.items()} for name, own in summaries.items()}
     return {"looks": looks, "plausibility": [asdict(finding) for finding in found]}
