@@ -4,11 +4,13 @@
     pneucli exam C --condition imposed+messy --cases 24 --nulls 12 --seed 5550125
     (each once more with --answer)
     python -m benchmarks.foreign_rigs OUT rigs/plc rigs/seal rigs/bench
-    python -m benchmarks.calibration --answers OUT --rigs rigs/plc --rigs rigs/seal --rigs rigs/bench A C
+    for NAME in zillen-o-ring zillen-pk zillen-kdn zillen-x-ring257 emps:
+        pneucli diagnose pipelines/NAME.toml --json > REAL/NAME.json
+    python -m benchmarks.calibration --answers OUT --rigs rigs/plc --rigs rigs/seal --rigs rigs/bench --real REAL A C
 
-estimated the model for residuals with an unmodelled effect. Each exam and each rig is a world; the printed log score
-and the reliability of a world are those of the model of all other worlds. An effect that a healthy rig has a little of
-counts as present. The weights are shrunk toward 0.
+estimated the model for residuals with an unmodelled effect. Each exam, each rig and the real recordings are a world;
+the printed log score and the reliability of a world are those of the model of all other worlds. An effect that a
+healthy rig has a little of counts as present. The weights are shrunk toward 0.
 
 The model for white residuals rests on earlier exams:
 
@@ -52,6 +54,15 @@ FEATURES = {
     True: ("significance", "relative_size", "free_run_share"),
     False: ("significance", "relative_size", "remaining_share", "free_run_share"),
 }
+# what was published of real recordings (README of the recordings): friction that grows with the pressure, a mean force
+# of 1.3 % of p A (scale of load cell or area), directions that differ
+PUBLISHED = {
+    "zillen-o-ring": {"pressure-friction", "pressure-scale", "friction-asymmetry"},
+    "zillen-pk": {"pressure-friction", "pressure-scale", "friction-asymmetry"},
+    "zillen-kdn": {"pressure-friction", "pressure-scale", "friction-asymmetry"},
+    "zillen-x-ring257": {"pressure-friction", "pressure-scale", "friction-asymmetry"},
+    "emps": {"friction-asymmetry"},
+}
 HARD_CONSTRAINTS = frozenset(
     {"interval-contains-null", "vanishes", "at-bound", "below-resolution", "contradicted-by-reading", "cannot-show",
      "raises-error", "varies-with-horizon"}
@@ -90,6 +101,12 @@ def rig_cases(rig: Path, answers: Path) -> Iterator[Case]:
         if answer is not None:
             known = {CATALOGUE_NAMES[name] for name in truth["unknown"] if name in CATALOGUE_NAMES}
             yield Case(rig.name, path.parent.name, frozenset({*truth["hidden"], *known} | mild_names(truth)), answer)
+
+
+def real_cases(folder: Path) -> Iterator[Case]:
+    """Yield the answers to real recordings of which effects were published."""
+    for name, effects in PUBLISHED.items():
+        yield Case("real", name, frozenset(effects), json.loads((folder / f"{name}.json").read_text()))
 
 
 def examples(cases: Sequence[Case], *, complete: bool) -> list[Example]:
@@ -206,9 +223,11 @@ def main(arguments: list[str]) -> None:
     parser.add_argument("exams", nargs="*", type=Path)
     parser.add_argument("--rigs", action="append", default=[], type=Path, help="folder with the cases of a rig")
     parser.add_argument("--answers", type=Path, help="the folder OUT of benchmarks.foreign_rigs")
+    parser.add_argument("--real", type=Path, help="folder with the answers to real recordings")
     asked = parser.parse_args(arguments)
     exams = [case for exam in asked.exams for case in exam_cases(exam)]
     cases = [*exams, *(case for rig in asked.rigs for case in rig_cases(rig, asked.answers))]
+    cases += real_cases(asked.real) if asked.real else []
     print(f"{len(cases)} cases of {len({c.world for c in cases})} worlds")
     for name, complete in (("white_residual", True), ("discrepancy", False)):
         estimate(name, examples(cases, complete=complete), complete=complete)
