@@ -7,17 +7,19 @@ some per cent, a leak, a lag, an extra mass.
 from __future__ import annotations
 
 from collections.abc import Collection, Iterator, Mapping, Sequence
+from dataclasses import replace
 
 import numpy as np
 
-from pneucli.plausibility import flow, forces, motion, readings, samples, sensor_response
+from pneucli.plausibility import flow, forces, motion, readings, samples, sensor_response, steady
 from pneucli.plausibility.rig_check import Finding, RigCheck
 from pneucli.plausibility.signal_summary import SignalSummary, summarize_signal, without_empty_signals
 from pneucli.recording import Recording, Rig
 
 __all__ = ["Finding", "SignalSummary", "findings", "summarize_signal", "without_empty_signals"]
 
-CHECKS = (samples, readings, sensor_response, motion, forces, flow)
+STEADY_CHECKS = (readings, steady)  # of single values, whatever their neighbours are
+CHECKS = (samples, sensor_response, motion, forces, flow)  # of recordings over time
 
 
 def findings(recordings: Sequence[Recording], rig: Rig, stated: Mapping[str, Collection[str]]) -> list[Finding]:
@@ -26,8 +28,10 @@ def findings(recordings: Sequence[Recording], rig: Rig, stated: Mapping[str, Col
     ``stated`` names, by recording, the signals that the pipeline file states as held.
     """
     bench = RigCheck([without_empty_signals(one) for one in recordings], rig, stated)
+    series = replace(bench, recordings=[one for one in bench.recordings if not one.kind.steady])
     with np.errstate(all="ignore"):  # numbers that overflow are told by other checks
-        found = [finding for module in CHECKS for finding in module.check(bench)]
+        found = [finding for module in STEADY_CHECKS for finding in module.check(bench)]
+        found += [finding for module in CHECKS for finding in module.check(series) if series.recordings]
     return [*_empty(recordings), *found]
 
 

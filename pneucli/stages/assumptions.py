@@ -38,7 +38,7 @@ def fixed_parameters(model: Model) -> list[Estimate]:
 def assumed_values(study: PipelineData, names: set[str]) -> list[Assumption]:
     """Return the values that are assumed because the pipeline file does not state them; ``names`` were fitted."""
     rig, stated = study.rig, study.context.config.document.get("rig", {})
-    gas = any(r.kind.valve for r in study.recordings)
+    gas = any(r.kind.valve for r in [*study.recordings, *study.flow_recordings])
     pressed = gas or any("p1" in r or "p2" in r for r in study.recordings)
     found = []
     if pressed and "ambient_pressure" not in stated:

@@ -22,6 +22,7 @@ from pneucli.io.open_signals import open_signals
 from pneucli.io.raw_file import Channel, RawFile, Repair, missing_column
 from pneucli.io.recordings import SIGNALS_FILE, signals_schema
 from pneucli.io.signal_reader import SignalReader
+from pneucli.io.steady_rows import RowChecks
 from pneucli.io.timestamp_order import LOSS_MESSAGES
 from pneucli.messages.ingest import repair_location
 from pneucli.pipeline.context import Context, Progress
@@ -180,7 +181,7 @@ def _ingest(
     tell: Callable[[str], None],
 ) -> None:
     """Clean one file batch by batch; a batch is written while the next one is read."""
-    cleaner = Cleaner(file.locate, stated_noise(one.source), (one.source.table.from_, one.source.table.to))
+    cleaner = _cleaner(one, file)
     heads: list[dict[str, Array]] = []
     writing: Future[None] | None = None
     for batch in _cleaned_batches(cleaner, file.batches()):
@@ -206,7 +207,15 @@ def _ingest(
     one.noise = noise_of(one, heads)
 
 
-def _cleaned_batches(cleaner: Cleaner, batches: Iterator[dict[str, Array]]) -> Iterator[dict[str, Array]]:
+def _cleaner(one: IngestedRecording, file: SignalReader | MultiFileRecording) -> Cleaner | RowChecks:
+    """Return the checks of a recording: of a time series, or of rows without a clock."""
+    table = one.source.table
+    if EXPERIMENT_KINDS[table.experiment].steady:
+        return RowChecks()
+    return Cleaner(file.locate, stated_noise(one.source), (table.from_, table.to))
+
+
+def _cleaned_batches(cleaner: Cleaner | RowChecks, batches: Iterator[dict[str, Array]]) -> Iterator[dict[str, Array]]:
     for batch in batches:
         yield cleaner.push(batch)
     yield cleaner.finish()
