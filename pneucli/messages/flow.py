@@ -63,26 +63,32 @@ def _uphill(rows: int, of: int) -> str:
     )
 
 
-def _pressure_loop(correlation: float, spread: float, varied: float) -> str:
+def _pressure_loop(correlation: float, spread: float, varied: float, offset: float, gain: float, droop: float) -> str:
+    falls = format_quantity(1000.0 * droop / LITRES_PER_MINUTE, "Pa", 2)
+    law = (
+        f"{format_quantity(offset, 'Pa', 3)} + {format_quantity(gain, 'Pa', 3)}/V · u, less {falls} for 1000 l/min ANR"
+    )
     return (
-        f"p1 follows the command (correlation {format_number(correlation, 3)}, within {format_quantity(spread, 'Pa', 2)} "
-        f"rms at each) while the flow varies by {format_percent(varied)}: the valve controls its outlet pressure, as one "
-        "with a pressure loop or a regulator does; its command does not set an area, and C, b and m do not describe it"
+        f"p1 follows the command (correlation {format_number(correlation, 3)}; {format_quantity(spread, 'Pa', 2)} rms "
+        f"at each) while the flow varies by {format_percent(varied)}: the valve controls its outlet pressure to "
+        f"{law}, as one with a pressure loop or a regulator does; its command does not set an "
+        "area, and C, b and m do not describe it"
     )
 
 
 def _scatters(u: float | None, share: float, low: float, high: float, ratio: float) -> str:
     flows = " and ".join(f"{format_number(LITRES_PER_MINUTE * one, 3)} l/min ANR" for one in (low, high))
     return (
-        f"{at_command(u)} the flow differs by {format_percent(share)} rms from any function of the two pressures (such as "
-        f"{flows} near a pressure ratio of {format_number(ratio, 2)}): something besides command and pressures sets it"
+        f"{at_command(u)} the flow differs by {format_percent(share)} rms from any function of the two pressures "
+        f"(such as {flows} near a pressure ratio of {format_number(ratio, 2)}): something besides command and "
+        "pressures sets it"
     )
 
 
 def _idle(count: int, spread: float) -> str:
     return (
-        f"the conductance is the same at {count} commands, within {format_percent(spread)}: the command does not set an "
-        "area; check the column of u, or whether the component is a fixed orifice"
+        f"the conductance is the same at {count} commands, within {format_percent(spread)}: the command does not set "
+        "an area; check the column of u, or whether the component is a fixed orifice"
     )
 
 
@@ -104,8 +110,8 @@ def _at_no_difference(u: float | None, share: float, count: int) -> str:
 def _not_followed(u: float | None, share: float, ratio: float) -> str:
     return (
         f"{at_command(u)} the curve has another shape than ISO 6358 gives it: {format_percent(share)} rms, "
-        f"{format_number(ratio, 2)} × the scatter of neighbouring rows; the opening goes with the pressures, as that of "
-        "a relief or a check valve does, or several restrictions act in series"
+        f"{format_number(ratio, 2)} × the scatter of neighbouring rows; the opening goes with the pressures, as "
+        "that of a relief or a check valve does, or several restrictions act in series"
     )
 
 
@@ -128,7 +134,7 @@ _TEXTS: dict[str, Callable[..., str]] = {
 }
 
 
-def flow_verdict(base: float | None, last: float | None, named: str, left: str) -> str:
+def flow_verdict(base: float | None, last: float | None, named: str, left: str, beyond: str = "") -> str:
     """Return the verdict of a diagnosis of a steady bench in a sentence.
 
     Args:
@@ -136,29 +142,49 @@ def flow_verdict(base: float | None, last: float | None, named: str, left: str) 
         last: Error of the model with what was named.
         named: The effect that is named with its value; empty where none is.
         left: What the rows say that no effect of the catalogue explains; empty where nothing is left.
+        beyond: What C, b and m of each opening describe and an effect does not; empty where that is nothing.
 
     """
     errors = [format_noise_ratio(one) for one in (base, last)]
-    parts = [f"The model lacks {named}: the error goes from {errors[0]} to {errors[1]} times the noise."] if named else []
+    parts = (
+        [f"The model lacks {named}: the error goes from {errors[0]} to {errors[1]} times the noise."] if named else []
+    )
     if left:
         parts.append(f"No effect of the catalogue explains what remains: {left}.")
+    elif beyond:
+        parts.append(f"{beyond}.")
     elif not named:
         parts.append(f"Nothing in the rows exceeds their scatter (error {errors[1]} times the noise).")
     return " ".join(parts)
+
+
+def other_shape(ratio: float | None) -> str:
+    """Return that the equation of ISO 6358 leaves more than the scatter of the rows."""
+    return f"C, b and m of each opening leave {format_noise_ratio(ratio)} times the scatter of neighbouring rows"
 
 
 def other_characteristics(m: tuple[float, float, float], ratio: float | None) -> str:
     """Return what C, b and m of each command achieve where one b for all commands does not suffice."""
     low, high = (format_number(one, 3) for one in (m[1], m[2]))
     return (
-        f"b and m differ between commands, or m is not 0.5 (m {low} to {high}); C, b and m of each command, which "
-        f"identify gives, leave {format_noise_ratio(ratio)} times the noise"
+        f"What remains is described by C, b and m of each opening, which identify gives (m {low} to {high} where the "
+        f"simulation has 0.5): they leave {format_noise_ratio(ratio)} times the noise"
     )
 
 
 def idle_effects_warning(names: list[str]) -> str:
     """Return the warning about effects of the model that a steady bench does not have."""
-    return f"[model] effects {', '.join(names)}: they do not act on a steady bench, which has neither time nor a cylinder"
+    return (
+        f"[model] effects {', '.join(names)}: they do not act on a steady bench, which has neither time nor a cylinder"
+    )
+
+
+def base_model_warning() -> str:
+    """Return what the errors of a diagnosis of a steady bench are errors of."""
+    return (
+        "the errors here are those of the flow function that simulations have (b = 0.528 and m = 0.5 unless an effect "
+        "changes it); identify and compare use C, b and m of each opening"
+    )
 
 
 def undetermined_sentence() -> str:

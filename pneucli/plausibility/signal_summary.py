@@ -53,7 +53,9 @@ def summarize_signal(recording: Recording, signal: str) -> SignalSummary:
         rate=1.0 / float(np.median(steps)) if steps.size and not recording.kind.steady else None,
         speed=None
         if recording.kind.steady
-        else float(np.percentile(speeds, 99.0)) if steps.size and np.isfinite(speeds).all() else None,
+        else float(np.percentile(speeds, 99.0))
+        if steps.size and np.isfinite(speeds).all()
+        else None,
         missing=missing_share(recording, signal),
     )
 

@@ -7,6 +7,7 @@ from pneucli.plausibility.required_inputs import Assumption, assumptions
 from pneucli.quantities import axis_parameter_name
 from pneucli.recording import Rig
 from pneucli.simulate.model import Model, has_parameter, parameter_value
+from pneucli.stages.flow_units import flow_unit_assumptions
 from pneucli.stages.leak_answer import only_ratio_identifiable
 from pneucli.stages.pipeline_data import PipelineData
 
@@ -54,4 +55,5 @@ def assumed_values(study: PipelineData, names: set[str]) -> list[Assumption]:
     instead = [Assumption(f"{name} is not stated and identified", key) for name, key in keys.items()]
     if only_ratio_identifiable(study):
         instead.append(Assumption("areas, volumes and flows are per volume of the vessel", "rig.vessel.volume"))
+    found += flow_unit_assumptions(study.context.config)
     return [*found, *assumptions(study.recordings, rig), *instead]

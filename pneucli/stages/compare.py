@@ -97,9 +97,7 @@ def _model_inputs(study: PipelineData) -> tuple[str, ...]:
     return ("ingest/signals.parquet", *(["identify/model.parquet"] if study.recordings else []))
 
 
-def _write_residuals(
-    study: PipelineData, comparisons: Sequence[Comparison], flows: Sequence[FlowComparison]
-) -> None:
+def _write_residuals(study: PipelineData, comparisons: Sequence[Comparison], flows: Sequence[FlowComparison]) -> None:
     types: dict[str, Any] = dict.fromkeys(("recording", "use", "channel", "unit"), pa.string())
     types |= dict.fromkeys(("time", "measured", "model", "residual", "segment"), pa.float64())
     schema = schema_of(

@@ -6,8 +6,6 @@ from collections.abc import Sequence
 from dataclasses import replace
 from typing import Any
 
-import numpy as np
-
 from pneucli.compare import overall_error
 from pneucli.diagnose.free_run_error import held_out_error, remaining_error_share, removed_error_share
 from pneucli.errors import InputError, did_you_mean
@@ -16,11 +14,13 @@ from pneucli.identify.valve.flow_findings import AREA_FINDINGS, bench_findings
 from pneucli.identify.valve.flow_hypotheses import FlowHypothesis, closed_paths, fit_hypothesis, leak_area
 from pneucli.messages.compare import GOOD_ERROR_RATIO
 from pneucli.messages.flow import (
+    base_model_warning,
     effect_reason,
     flow_finding,
     flow_verdict,
     next_rows,
     other_characteristics,
+    other_shape,
     undetermined_sentence,
 )
 from pneucli.messages.formatting import format_parameters
@@ -36,6 +36,7 @@ from pneucli.stages.tables.diagnosis import SHAPE_FILE, write_flow_diagnosis
 
 Answer = dict[str, Any]
 MIN_GAIN = 12.0  # F of one parameter more: exceeded by chance in 1 of 1,000 with 15 rows and more
+MAX_ISO_SHARE = 0.9  # of the error with one critical ratio for all openings, that C, b and m of each leave
 MIN_CONFIDENCE = 0.999  # that this F stands for
 
 
@@ -124,9 +125,11 @@ class _Search:
         missing = [] if impossible else list(self.added)
         left = self._left(errors[-1])
         known = bool(self._shown)
+        held_out = any(one.use == "test" for one in study.flow_recordings)
         verdict = self._verdict(missing, left, impossible=bool(impossible), known=known)
         named = " and ".join(f"{n} ({format_parameters(self._parameters(n))})" for n in missing)
-        sentence = flow_verdict(held_out_error(errors[0]), held_out_error(errors[-1]), named, left)
+        beyond = "" if left else self._beyond(errors[-1])
+        sentence = flow_verdict(held_out_error(errors[0]), held_out_error(errors[-1]), named, left, beyond)
         if impossible:
             sentence = impossible_data_sentence(impossible)
         elif verdict == "inconclusive":
@@ -141,7 +144,7 @@ class _Search:
             "pipeline": context.config.name,
             "model": {"effects": [e.name for e in study.effects]},
             "data": study.data_digest,
-            "held_out": "apart" if any(one.use == "test" for one in study.flow_recordings) else "none",
+            "held_out": "apart" if held_out else "none",
             "excluded": context.options.get("exclude", []),
             "forced": forced,
             "impossible": impossible,
@@ -160,9 +163,7 @@ class _Search:
             "discrepancy": [],
             "moved": [],
             "unexplained": None,
-            "warnings": []
-            if any(one.use == "test" for one in study.flow_recordings)
-            else [warning_text("no-held-out")],
+            "warnings": [base_model_warning(), *([] if held_out else [warning_text("no-held-out")])],
             "thinned": None,
             "plausibility": context.answers["ingest"]["plausibility"],
             "parameters": {},
@@ -189,11 +190,17 @@ class _Search:
             return ""
         for code, numbers in findings:
             return flow_finding(code, **numbers)
-        best = self.errors(None)
-        if (held_out_error(best) or np.inf) > error:
+        best = held_out_error(self.errors(None))
+        within = best is not None and best <= max(GOOD_ERROR_RATIO, MAX_ISO_SHARE * error)
+        return "" if within else other_shape(best)
+
+    def _beyond(self, last: dict[str, float | None]) -> str:
+        """Return how C, b and m of each opening describe what one critical ratio does not; empty where that does."""
+        error, best = held_out_error(last), held_out_error(self.errors(None))
+        if error is None or best is None or error <= GOOD_ERROR_RATIO or best > MAX_ISO_SHARE * error:
             return ""
         worst = max(self._bench.paths, key=lambda p: abs(p.m.value - 0.5) if p.m.determined else 0.0).m
-        return other_characteristics((worst.value, worst.low, worst.high), held_out_error(best))
+        return other_characteristics((worst.value, worst.low, worst.high), best)
 
     def _is_open(self, effect: Effect) -> bool:
         return effect.name not in self._present and effect.name not in self._study.context.options.get("exclude", [])

@@ -25,7 +25,9 @@ def noise_of(one: IngestedRecording, heads: list[dict[str, Array]]) -> dict[str,
     """Return the noise of each signal: 0 for constants, as stated, else estimated."""
     stated = stated_noise(one.source)
     if EXPERIMENT_KINDS[one.source.table.experiment].steady:  # neighbouring rows are different settings of the bench
-        known = dict.fromkeys(one.source.table.held_constant, 0.0) | {n: s for n, s in stated.items() if n in one.signals}
+        known = dict.fromkeys(one.source.table.held_constant, 0.0) | {
+            n: s for n, s in stated.items() if n in one.signals
+        }
         return {name: NoiseModel(white=rms, period=one.period) for name, rms in known.items()}
     time = np.concatenate([head["time"] for head in heads])
     commands = [np.concatenate([head[u] for head in heads]) for u in ("u", "u2") if u in heads[0]]

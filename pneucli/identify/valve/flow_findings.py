@@ -25,6 +25,7 @@ MIN_OFFSET_RATIO = 0.9  # pressure ratio that a path must reach to tell what flo
 MIN_RATIO_SPAN = 0.1  # of pressure ratios of a path, without which nothing tells how its flow goes with them
 MAX_SET_PRESSURE_SPREAD = 0.15  # of the spread of p1 over all rows, that p1 has at one command of a pressure loop
 MIN_SET_PRESSURE_CORRELATION = 0.95  # of p1 and the command of a pressure loop
+MIN_VARIED_FLOW = 0.3  # of the largest flow at a command of a pressure loop
 MAX_CHANCE = 1e-3  # of a finding where there is nothing
 MIN_UPHILL_FLOW = 0.05  # of the largest flow, toward the higher pressure
 AREA_FINDINGS = frozenset({"pressure-loop", "flow-scatters", "flow-uphill", "flow-against-pressure", "command-idle"})
@@ -58,7 +59,8 @@ def bench_findings(bench: FlowBench) -> Iterator[Finding]:
     if offsets:
         share, path = max(offsets, key=lambda one: abs(one[0]))
         yield "flow-at-no-difference", {"u": path.rows.u, "share": share, "count": len(offsets)}
-    opening = [path for path in bench.paths if path.cracking is not None]
+    described = not uphill and loop is None  # else a cracking pressure is that of no component
+    opening = [path for path in bench.paths if path.cracking is not None and described]
     if opening:
         path = max(opening, key=lambda one: one.characteristics.cracking_pressure)
         pressure = path.cracking
@@ -115,14 +117,21 @@ def _pressure_loop(bench: FlowBench) -> dict[str, Any] | None:
     if len(forward) < 2:
         return None
     u = np.concatenate([np.full(rows.flow.size, rows.u, dtype=np.float64) for rows in forward])
-    p1, flow = (np.concatenate([getattr(rows, name) for rows in forward]) for name in ("downstream", "flow"))
+    p1 = np.concatenate([rows.downstream for rows in forward])
     if not np.ptp(p1) > 0.0 or not np.ptp(u) > 0.0 or min(rows.flow.size for rows in forward) < 3:
         return None
-    inside = float(np.sqrt(np.mean(np.concatenate([rows.downstream - rows.downstream.mean() for rows in forward]) ** 2)))
+    inside = float(
+        np.sqrt(np.mean(np.concatenate([rows.downstream - rows.downstream.mean() for rows in forward]) ** 2))
+    )
     varied = float(np.median([np.ptp(rows.flow) / max(rows.flow.max(), 1e-300) for rows in forward]))
     correlation = abs(float(np.corrcoef(u, p1)[0, 1]))
     follows = correlation > MIN_SET_PRESSURE_CORRELATION and inside < MAX_SET_PRESSURE_SPREAD * float(np.std(p1))
-    return {"correlation": correlation, "spread": inside, "varied": varied} if follows and varied > 0.3 else None
+    if not follows or not varied > MIN_VARIED_FLOW:
+        return None
+    flow = np.concatenate([rows.flow for rows in forward])
+    (offset, gain, droop), *_ = np.linalg.lstsq(np.column_stack([np.ones(u.size), u, flow]), p1, rcond=None)
+    law = {"offset": float(offset), "gain": float(gain), "droop": -float(droop)}
+    return {"correlation": correlation, "spread": inside, "varied": varied, **law}
 
 
 def _equal_conductances(bench: FlowBench) -> Iterator[Finding]:

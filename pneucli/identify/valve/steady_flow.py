@@ -6,7 +6,7 @@ the intervals from the residuals, so that they cover lack of fit and not only th
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -28,6 +28,7 @@ MIN_CRACKING_SHARE = 0.005  # of the upstream pressure: a smaller difference is 
 MIN_CRACKING_ROWS = 5  # rows of a path from which a cracking pressure may be told
 NOISE_ROUNDS = 3  # fits, each with the noise law of the residuals before
 MAX_CHANCE = 0.01  # that a path scatters as much more than the others as it does
+MAX_LACK_OF_FIT = 9.0  # mean square residual over that of the noise, of rows that follow the curve
 START_NOISE = 0.02  # of the largest flow
 DERIVATIVE_STEP = 1e-5
 
@@ -177,19 +178,21 @@ def _fit(rows: FlowRows, law: NoiseLaw, cracking: tuple[float, ...], *, abrupt: 
     at = cracking[0] if cracking else 0.0
     start = np.array([np.log(_start_conductance(rows, at * scale)), *TYPICAL_B_M, at])
     free = (0, 1, 2, 3) if cracking and not abrupt else (0, 1, 2)
-    prior = np.array([1.0]) * TYPICAL_B_M_SPREAD
 
     def residuals(x: Array) -> Array:
         z = start.copy()
         z[list(free)] = x
         path = _characteristics(np.array([*z[:3], z[3] * scale]), abrupt=abrupt)
         flow = iso_mass_flow(path, rows.upstream, rows.downstream, rows.temperature)
-        return np.concatenate([(flow - rows.flow) / deviation, (z[1:3] - TYPICAL_B_M) / prior])
+        return np.concatenate([(flow - rows.flow) / deviation, (z[1:3] - TYPICAL_B_M) / TYPICAL_B_M_SPREAD])
 
-    first = FlowCharacteristics(float(np.exp(start[0])), *TYPICAL_B_M, at * scale, abrupt)
+    first = FlowCharacteristics(
+        float(np.exp(start[0])), float(TYPICAL_B_M[0]), float(TYPICAL_B_M[1]), at * scale, abrupt
+    )
     deviation = flow_deviation(rows, first, law)
     shift = np.array([start[0], 0.0, 0.0])
-    bounds = tuple(np.append(end + shift, last)[list(free)] for end, last in zip(BOUNDS, (0.0, 0.95), strict=True))
+    low, high = (np.append(end + shift, last)[list(free)] for end, last in zip(BOUNDS, (0.0, 0.95), strict=True))
+    bounds = (low, high)
     x = np.clip(start[list(free)], bounds[0] + 1e-9, bounds[1] - 1e-9)
     for _ in range(2):  # the noise of a pressure moves the flow by the slope of the curve, which the fit finds
         found = least_squares(residuals, x, bounds=bounds, x_scale=np.array([0.1, 0.1, 0.1, 0.05])[list(free)])
@@ -205,7 +208,7 @@ def _fit(rows: FlowRows, law: NoiseLaw, cracking: tuple[float, ...], *, abrupt: 
 
 def _start_conductance(rows: FlowRows, cracking: float) -> float:
     """Return the conductance that rows have at typical b and m; of rows without a pressure difference, if choked."""
-    typical = FlowCharacteristics(1.0, *TYPICAL_B_M, cracking)
+    typical = FlowCharacteristics(1.0, float(TYPICAL_B_M[0]), float(TYPICAL_B_M[1]), cracking)
     unit = iso_mass_flow(typical, rows.upstream, rows.downstream, rows.temperature)
     used = (rows.flow > 0.1 * rows.flow.max()) & (unit > 1e-3 * unit.max()) & (unit > 0.0)
     if not used.any():
@@ -214,7 +217,7 @@ def _start_conductance(rows: FlowRows, cracking: float) -> float:
     return float(np.median(rows.flow[used] / unit[used]))
 
 
-def _slope(residuals, x: Array, i: int, bounds: tuple[Array, ...]) -> Array:  # type: ignore[no-untyped-def]
+def _slope(residuals: Callable[[Array], Array], x: Array, i: int, bounds: tuple[Array, Array]) -> Array:
     """Return the derivative of residuals by coordinate i, one-sided at a bound."""
     ends = []
     for side in (1.0, -1.0):
@@ -264,7 +267,7 @@ def _path(
     covariance *= np.outer(units, units)
     path = _path_at(rows, fit)
     half = quantile * np.sqrt(np.diag(covariance))
-    c = path.sonic_conductance
+    c, lack = path.sonic_conductance, fit.cost / max(rows.flow.size - 4, 1)
     ends = (np.zeros(4), np.array([np.inf, 1.0, np.inf, np.inf]))
     b, m, cracking = (
         FlowParameter(v, max(v - half[i], ends[0][i]), min(v + half[i], ends[1][i]))
@@ -276,19 +279,23 @@ def _path(
         C=FlowParameter(c, c * float(np.exp(-half[0])), c * float(np.exp(half[0]))),
         b=replace(b, determined=known[0]),
         m=replace(m, determined=known[1]),
-        cracking=_cracking(rows, fit, cracking),
+        cracking=_cracking(rows, fit, cracking, follows=lack < MAX_LACK_OF_FIT),
         covariance=covariance,
         quantile=quantile,
         deviation=flow_deviation(rows, path, law),
     )
 
 
-def _cracking(rows: FlowRows, fit: _Fit, fitted: FlowParameter) -> FlowParameter | None:
-    """Return the cracking pressure: as fitted, or between the rows that are shut and open where it opens abruptly."""
+def _cracking(rows: FlowRows, fit: _Fit, fitted: FlowParameter, *, follows: bool) -> FlowParameter | None:
+    """Return the cracking pressure: as fitted, or between the rows that are shut and open.
+
+    The latter holds where the path opens abruptly, and where its rows do not follow the curve.
+    """
     if fitted.value <= 0.0 or not (fit.abrupt or 3 in fit.free):
         return None
-    if not fit.abrupt:
-        return fitted
     difference, shut = rows.upstream - rows.downstream, rows.flow <= 0.01 * rows.flow.max()
-    ends = (float(difference[shut & (difference < fitted.value)].max()), float(difference[~shut].min()))
-    return FlowParameter(fitted.value, *ends)
+    low = float(np.max(difference[shut & (difference > 0.0)], initial=0.0))
+    high = float(np.min(difference[~shut], initial=np.inf))
+    if (follows and not fit.abrupt) or not low < high:
+        return fitted
+    return FlowParameter(0.5 * (low + high), low, high)

@@ -13,6 +13,7 @@ from pneucli.identify.valve.flow_findings import bench_findings, sets_area
 from pneucli.identify.valve.steady_flow import FlowParameter, FlowPath
 from pneucli.io.artifacts import Provenance, write_table
 from pneucli.messages.flow import flow_finding
+from pneucli.physics.iso_flow import FlowCharacteristics, iso_mass_flow
 from pneucli.recording import Rig
 
 Array = NDArray[np.float64]
@@ -27,7 +28,7 @@ def flow_parameters(bench: FlowBench) -> list[Row]:
     """Return C, b, m and the cracking pressure of each path: name, value, unit, 95 % interval."""
     rows: list[Row] = []
     for path in bench.paths:
-        label = path_label(bench, path)
+        label = path_label(bench, path, bench.rig.valve_null)
         named = (
             ("sonic_conductance", "m^3/(s Pa)", path.C),
             ("critical_ratio", "1", path.b),
@@ -42,11 +43,14 @@ def _row(name: str, unit: str, figure: FlowParameter) -> Row:
     return name, float(figure.value), unit, float(figure.low), float(figure.high)
 
 
-def path_label(bench: FlowBench, path: FlowPath) -> str:
-    """Return the end of a parameter's name: the command, and the direction where the command has two."""
+def path_label(bench: FlowBench, path: FlowPath, null: float = 0.0) -> str:
+    """Return the end of a name: the command, less the ``null``, and the direction where the command has two.
+
+    Parameters of a valve are named by the command less the null, as those of a charge and discharge test are.
+    """
     u = path.rows.u
     both = any(one is not path and one.rows.u == u and one.rows.direction == "forward" for one in bench.paths)
-    parts = [*([] if u is None else [f"{u:+.4g} V"]), *([path.rows.direction] if both else [])]
+    parts = [*([] if u is None else [f"{u - null:+.4g} V"]), *([path.rows.direction] if both else [])]
     return f"({', '.join(parts)})" if parts else ""
 
 
@@ -54,7 +58,9 @@ def flow_answer(bench: FlowBench) -> dict[str, Any]:
     """Return what ``identify --json`` says of a steady bench."""
     return {
         "paths": [_path_answer(bench, path) for path in bench.paths],
-        "parameters": {n: {"value": v, "unit": u, "ci95": [low, high]} for n, v, u, low, high in flow_parameters(bench)},
+        "parameters": {
+            n: {"value": v, "unit": u, "ci95": [low, high]} for n, v, u, low, high in flow_parameters(bench)
+        },
         "command_sets_area": sets_area(bench),
         "findings": [{"code": code, "text": flow_finding(code, **numbers)} for code, numbers in bench_findings(bench)],
         "noise": {"constant": bench.law.constant, "relative": bench.law.relative, "unit": "kg/s"},
@@ -94,6 +100,7 @@ def write_flow(bench: FlowBench, out: Path, provenance: Provenance, *, valve_map
         valve_map: Whether no other recording gives the valve's map.
 
     """
+    _write_rows(bench, out, provenance)
     u, levels = _command_grid(bench), _supply_levels(bench)
     write_table(
         out / "flow_map.parquet",
@@ -113,6 +120,45 @@ def write_flow(bench: FlowBench, out: Path, provenance: Provenance, *, valve_map
     )
     if valve_map and bench.rig.vessel_volume is not None:
         _write_valve_map(bench, u, out, provenance)
+
+
+def _write_rows(bench: FlowBench, out: Path, provenance: Provenance) -> None:
+    """Write the fitted rows with pressure ratio, conductance and residual."""
+    paths = bench.paths
+    sizes = [path.rows.flow.size for path in paths]
+    parts = [_row_columns(path) for path in paths]
+    table: dict[str, Any] = {
+        "path": [path_label(bench, path).strip("()") for path, n in zip(paths, sizes, strict=True) for _ in range(n)],
+        "recording": [str(name) for path in paths for name in path.rows.recording],
+        "row": np.concatenate([path.rows.row for path in paths]),
+    }
+    write_table(
+        out / "flow_rows.parquet",
+        table | {name: np.concatenate([part[name] for part in parts]) for name in parts[0]},
+        units={"row": "1", "ratio": "1", "upstream": "Pa", "downstream": "Pa", "u": "V"}
+        | dict.fromkeys(("flow", "fitted", "residual", "deviation"), "kg/s")
+        | dict.fromkeys(("conductance", "conductance_fitted"), "m^3/(s Pa)"),
+        schema="pneucli/identify/flow_rows/1",
+        provenance=provenance,
+    )
+
+
+def _row_columns(path: FlowPath) -> dict[str, Array]:
+    rows = path.rows
+    unit = iso_mass_flow(FlowCharacteristics(1.0), rows.upstream, 0.0 * rows.upstream, rows.temperature)
+    fitted = path.flow(rows.upstream, rows.downstream, rows.temperature)
+    return {
+        "u": np.full(rows.flow.size, np.nan if rows.u is None else rows.u),
+        "upstream": rows.upstream,
+        "downstream": rows.downstream,
+        "ratio": rows.ratio,
+        "flow": rows.sign * rows.flow,
+        "fitted": rows.sign * fitted,
+        "residual": rows.sign * path.residual,
+        "deviation": path.deviation,
+        "conductance": rows.flow / unit,
+        "conductance_fitted": fitted / unit,
+    }
 
 
 def _command_grid(bench: FlowBench) -> Array:
