@@ -87,7 +87,7 @@ class ColumnName:
         nouns, by_unit = self.nouns, quantity_kind(self.unit)
         if not self.unit:
             return next(iter(nouns), "")
-        if by_unit in nouns or not nouns:
+        if by_unit in nouns or not nouns or by_unit == "flow":  # q is a flow as often as a joint's angle
             return by_unit
         return "command" if nouns == ["command"] and by_unit not in ("pressure", "position", "flow") else ""
 

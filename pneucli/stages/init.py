@@ -121,7 +121,7 @@ def _example(directory: Path) -> str:
 
 def _recordings(found: Sequence[FileGroup], left: list[str]) -> Sequence[FileGroup]:
     """Return the groups that have a pressure or a position, or all where none has; the others are said in ``left``."""
-    usable = [one for one in found if one.signals.keys() & {"p1", "x"}]
+    usable = [one for one in found if one.signals.keys() & {"p1", "x"} or one.steady]
     if not usable:
         return found
     for kind in found:
