@@ -70,6 +70,11 @@ class ExperimentKind:
         return not self.cylinder and not self.steady
 
     @property
+    def simulated(self) -> bool:
+        """Whether a command drives the rig over time, so that a scenario may simulate it."""
+        return self.valve and not self.steady
+
+    @property
     def axis(self) -> bool:
         """Whether a valve drives a piston."""
         return self.valve and self.cylinder

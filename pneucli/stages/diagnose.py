@@ -86,7 +86,7 @@ def run(context: Context) -> dict[str, Any]:
     baseline_fit = write_baseline(pipeline, data, model)
     answer["parameters"] = parameters_answer([per_vessel_volume(e, pipeline) for e in baseline_fit.estimates])
     if (flow := flow_diagnosis(pipeline)) is not None:
-        answer["flow"] = flow
+        answer["flow"] = {key: flow[key] for key in ("verdict", "missing", "ladder", "sentence")}
     if since := context.options.get("since"):
         answer |= compare_with_baseline(pipeline, data, since)
     return answer | history.record_model(context, answer, SHAPE_FILE)
