@@ -99,10 +99,10 @@ def _against_pressure(u: float | None) -> str:
     )
 
 
-def _at_no_difference(u: float | None, share: float, count: int) -> str:
+def _at_no_difference(u: float | None, share: float) -> str:
     return (
-        f"{at_command(u)} {format_percent(abs(share))} of the largest flow remains without a pressure difference "
-        f"({count} in all): the zero of the flow meter, a zero of a pressure gauge, or a second way for the gas; "
+        f"{at_command(u)} {format_percent(abs(share))} of the largest flow remains without a pressure difference: "
+        "the zero of the flow meter, a zero of a pressure gauge, or a second way for the gas; "
         "record a row with the valve closed"
     )
 

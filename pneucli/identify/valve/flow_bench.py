@@ -9,7 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pneucli.identify.valve.flow_noise import NoiseLaw, flow_deviation
-from pneucli.identify.valve.steady_flow import FlowPath, fit_flow_paths
+from pneucli.identify.valve.flow_path import FlowPath
+from pneucli.identify.valve.steady_flow import fit_flow_paths
 from pneucli.identify.valve.steady_rows import FlowRows, flow_rows
 from pneucli.recording import Recording, Rig
 

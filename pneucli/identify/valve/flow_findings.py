@@ -8,10 +8,11 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.linalg import block_diag
 from scipy.stats import f as f_distribution
 
 from pneucli.identify.valve.flow_bench import FlowBench
-from pneucli.identify.valve.steady_flow import FlowPath
+from pneucli.identify.valve.flow_path import FlowPath
 
 Array = NDArray[np.float64]
 Finding = tuple[str, dict[str, Any]]
@@ -55,10 +56,9 @@ def bench_findings(bench: FlowBench) -> Iterator[Finding]:
         if _grows_against_pressure(path):
             yield "flow-against-pressure", {"u": path.rows.u}
             break
-    offsets = [(share, path) for path in bench.paths if (share := _offset(path)) is not None]
-    if offsets:
-        share, path = max(offsets, key=lambda one: abs(one[0]))
-        yield "flow-at-no-difference", {"u": path.rows.u, "share": share, "count": len(offsets)}
+    remains = _offset(bench)
+    if remains is not None:
+        yield "flow-at-no-difference", {"u": remains[1].rows.u, "share": remains[0]}
     described = not uphill and loop is None  # else a cracking pressure is that of no component
     opening = [path for path in bench.paths if path.cracking is not None and described]
     if opening:
@@ -151,24 +151,30 @@ def _grows_against_pressure(path: FlowPath) -> bool:
     return bool(np.median(near) > 0.9 * float(np.max(flow)))
 
 
-def _offset(path: FlowPath) -> float | None:
-    """Return the flow at no pressure difference over the largest flow, where the rows show one for certain."""
-    r = path.rows.ratio
-    if r.size < 6 or float(r.max()) < MIN_OFFSET_RATIO or path.cracking is not None:
+def _offset(bench: FlowBench) -> tuple[float, FlowPath] | None:
+    """Return the flow at no pressure difference over the largest flow of a path, where it matters most, and that path.
+
+    A zero of a flow meter is the same at all commands: one flow is added to all paths, whose C, b and m may move. None
+    where the rows show none for certain.
+    """
+    paths = [p for p in bench.paths if p.rows.flow.size >= 6 and p.rows.ratio.max() > MIN_OFFSET_RATIO]
+    paths = [path for path in paths if path.cracking is None]
+    if not paths:
         return None
-    residual, weight = path.residual / path.deviation, 1.0 / path.deviation
-    columns = np.column_stack([weight, *_tangents(path)])
+    residual = np.concatenate([path.residual / path.deviation for path in paths])
+    offset = np.concatenate([path.rows.sign / path.deviation for path in paths])
+    own = block_diag(*(np.column_stack(_tangents(path)) for path in paths))
+    columns = np.column_stack([offset, own])
     found, *_ = np.linalg.lstsq(columns, residual, rcond=None)
-    rest = residual - columns @ found
-    without, *_ = np.linalg.lstsq(columns[:, 1:], residual, rcond=None)
-    freedom = r.size - columns.shape[1]
+    without, *_ = np.linalg.lstsq(own, residual, rcond=None)
+    freedom = residual.size - columns.shape[1]
     if freedom < 1:
         return None
-    before = float(np.sum((residual - columns[:, 1:] @ without) ** 2))
-    after = float(rest @ rest)
+    before, after = float(np.sum((residual - own @ without) ** 2)), float(np.sum((residual - columns @ found) ** 2))
     chance = f_distribution.sf((before - after) / max(after / freedom, 1e-300), 1, freedom)
-    share = float(found[0]) / float(path.rows.flow.max())
-    return share if chance < MAX_CHANCE and abs(share) > MIN_OFFSET_SHARE else None
+    least = min(paths, key=lambda path: float(path.rows.flow.max()))
+    share = float(found[0]) / float(least.rows.flow.max())
+    return (share, least) if chance < MAX_CHANCE and abs(share) > MIN_OFFSET_SHARE else None
 
 
 def _tangents(path: FlowPath) -> list[Array]:

@@ -9,8 +9,8 @@ from scipy.optimize import minimize_scalar
 from scipy.stats import t as t_distribution
 
 from pneucli.identify.valve.flow_bench import FlowBench
+from pneucli.identify.valve.flow_path import FlowPath
 from pneucli.identify.valve.iso6358 import ELLIPSE_SUBSONIC_INDEX
-from pneucli.identify.valve.steady_flow import FlowPath
 from pneucli.physics.gas import PSI_MAX, flow_constant
 from pneucli.physics.iso_flow import REFERENCE_DENSITY, REFERENCE_TEMPERATURE, FlowCharacteristics, iso_mass_flow
 

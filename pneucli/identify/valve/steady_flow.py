@@ -16,9 +16,11 @@ from scipy.stats import f as f_distribution
 from scipy.stats import t as t_distribution
 
 from pneucli.identify.valve.flow_noise import NoiseLaw, fit_noise_law, flow_deviation
+from pneucli.identify.valve.flow_path import FlowParameter, FlowPath, characteristics_at, coordinates_of
 from pneucli.identify.valve.iso6358 import MAX_ERROR_RATIO, TYPICAL_B_M, TYPICAL_B_M_SPREAD
 from pneucli.identify.valve.steady_rows import FlowRows
 from pneucli.physics.iso_flow import FlowCharacteristics, iso_mass_flow
+from pneucli.quantities import Z95
 
 Array = NDArray[np.float64]
 
@@ -29,71 +31,9 @@ MIN_CRACKING_ROWS = 5  # rows of a path from which a cracking pressure may be to
 NOISE_ROUNDS = 3  # fits, each with the noise law of the residuals before
 MAX_CHANCE = 0.01  # that a path scatters as much more than the others as it does
 MAX_LACK_OF_FIT = 9.0  # mean square residual over that of the noise, of rows that follow the curve
+MIN_SUBSONIC_ROWS, MIN_SUBSONIC_SHARE = 2, 0.1  # rows, and of the range from b to 1, beyond choked flow
 START_NOISE = 0.02  # of the largest flow
 DERIVATIVE_STEP = 1e-5
-
-
-@dataclass(frozen=True)
-class FlowParameter:
-    """A characteristic with its 95 % interval; not ``determined`` where typical values of valves hold it."""
-
-    value: float
-    low: float
-    high: float
-    determined: bool = True
-
-
-@dataclass(frozen=True)
-class FlowPath:
-    """The characteristics of one flow path, and how far its rows lie from them.
-
-    Attributes:
-        rows: The rows that were fitted.
-        characteristics: C, b, m and cracking pressure.
-        C: Sonic conductance in m^3/(s Pa) at the reference atmosphere.
-        b: Critical ratio.
-        m: Subsonic index.
-        cracking: Cracking pressure in Pa; None where the rows show none.
-        covariance: Covariance of (log C, b, m, cracking pressure in Pa), shape (4, 4).
-        quantile: Student quantile of the intervals.
-        deviation: Standard deviation of the noise of each row in kg/s, shape (n,).
-    """
-
-    rows: FlowRows
-    characteristics: FlowCharacteristics
-    C: FlowParameter
-    b: FlowParameter
-    m: FlowParameter
-    cracking: FlowParameter | None
-    covariance: Array
-    quantile: float
-    deviation: Array
-
-    @property
-    def residual(self) -> Array:
-        """Measured less fitted flow in kg/s, shape (n,)."""
-        return self.rows.flow - self.flow(self.rows.upstream, self.rows.downstream, self.rows.temperature)
-
-    def flow(self, upstream: Array, downstream: Array, temperature: Array | float) -> Array:
-        """Return the flow in kg/s at pressures (Pa) and temperatures (K), each (n,)."""
-        return iso_mass_flow(self.characteristics, upstream, downstream, temperature)
-
-    def flow_error(self, upstream: Array, downstream: Array, temperature: float) -> Array:
-        """Return the half width of the 95 % interval of the flow in kg/s, shape (n,)."""
-        z = _coordinates(self.characteristics)
-        steps = np.array([1e-4, 1e-4, 1e-4, max(1e-3 * self.characteristics.cracking_pressure, 1.0)])
-        rows = []
-        for i, step in enumerate(steps):
-            ends = []
-            for side in (step, -step):
-                moved = z.copy()
-                moved[i] += side
-                at = _characteristics(moved, abrupt=self.characteristics.opens_abruptly)
-                ends.append(iso_mass_flow(at, upstream, downstream, temperature))
-            rows.append((ends[0] - ends[1]) / (2 * step))
-        slope = np.array(rows)
-        variance = np.einsum("in,ij,jn->n", slope, self.covariance, slope)
-        return np.asarray(self.quantile * np.sqrt(np.maximum(variance, 0.0)))
 
 
 @dataclass(frozen=True)
@@ -140,15 +80,7 @@ def _scale(rows: FlowRows) -> float:
 def _path_at(rows: FlowRows, fit: _Fit) -> FlowCharacteristics:
     z = fit.z.copy()
     z[3] *= _scale(rows)
-    return _characteristics(z, abrupt=fit.abrupt)
-
-
-def _characteristics(z: Array, *, abrupt: bool) -> FlowCharacteristics:
-    return FlowCharacteristics(float(np.exp(z[0])), float(z[1]), float(z[2]), max(float(z[3]), 0.0), abrupt)
-
-
-def _coordinates(of: FlowCharacteristics) -> Array:
-    return np.array([np.log(of.sonic_conductance), of.critical_ratio, of.subsonic_index, of.cracking_pressure])
+    return characteristics_at(z, abrupt=fit.abrupt)
 
 
 def _select(rows: FlowRows, law: NoiseLaw) -> _Fit:
@@ -182,7 +114,7 @@ def _fit(rows: FlowRows, law: NoiseLaw, cracking: tuple[float, ...], *, abrupt: 
     def residuals(x: Array) -> Array:
         z = start.copy()
         z[list(free)] = x
-        path = _characteristics(np.array([*z[:3], z[3] * scale]), abrupt=abrupt)
+        path = characteristics_at(np.array([*z[:3], z[3] * scale]), abrupt=abrupt)
         flow = iso_mass_flow(path, rows.upstream, rows.downstream, rows.temperature)
         return np.concatenate([(flow - rows.flow) / deviation, (z[1:3] - TYPICAL_B_M) / TYPICAL_B_M_SPREAD])
 
@@ -199,7 +131,7 @@ def _fit(rows: FlowRows, law: NoiseLaw, cracking: tuple[float, ...], *, abrupt: 
         x = found.x
         z = start.copy()
         z[list(free)] = x
-        path = _characteristics(np.array([*z[:3], z[3] * scale]), abrupt=abrupt)
+        path = characteristics_at(np.array([*z[:3], z[3] * scale]), abrupt=abrupt)
         deviation = flow_deviation(rows, path, law)
     residual = residuals(x)
     jacobian = np.array([_slope(residuals, x, i, bounds) for i in range(x.size)]).T
@@ -230,7 +162,7 @@ def _slope(residuals: Callable[[Array], Array], x: Array, i: int, bounds: tuple[
 
 def _with_intervals(groups: Sequence[FlowRows], fits: Sequence[_Fit], law: NoiseLaw) -> list[FlowPath]:
     """Return the paths with intervals: of the common scatter, or of a path's own where that is larger for certain."""
-    determined = [_determined(one) for one in fits]
+    determined = [_determined(one, rows) for one, rows in zip(fits, groups, strict=True)]
     lost = [1 + sum(d) + (3 in one.free) for d, one in zip(determined, fits, strict=True)]
     degrees = [max(rows.flow.size - n, 0) for rows, n in zip(groups, lost, strict=True)]
     total = max(sum(degrees), 1)
@@ -250,11 +182,14 @@ def _inverse_information(fit: _Fit, variance: float) -> Array:
     return np.asarray(np.linalg.pinv(data.T @ data / variance + prior.T @ prior, hermitian=True))
 
 
-def _determined(fit: _Fit) -> tuple[bool, bool]:
-    """Return whether the rows, and not the prior, determine b and m."""
+def _determined(fit: _Fit, rows: FlowRows) -> tuple[bool, bool]:
+    """Return whether the rows, and not the prior, determine b and m: it takes two rows beyond choked flow."""
+    b = float(fit.z[1])
+    if np.count_nonzero(rows.ratio > b + MIN_SUBSONIC_SHARE * (1.0 - b)) < MIN_SUBSONIC_ROWS:
+        return False, False
     error = np.sqrt(np.diag(_inverse_information(fit, 1.0)))[1:3]
-    b, m = (error < MAX_ERROR_RATIO * TYPICAL_B_M_SPREAD).tolist()
-    return b, m
+    known = (error < MAX_ERROR_RATIO * TYPICAL_B_M_SPREAD).tolist()
+    return known[0], known[1]
 
 
 def _path(
@@ -271,8 +206,11 @@ def _path(
     ends = (np.zeros(4), np.array([np.inf, 1.0, np.inf, np.inf]))
     b, m, cracking = (
         FlowParameter(v, max(v - half[i], ends[0][i]), min(v + half[i], ends[1][i]))
-        for i, v in enumerate(_coordinates(path)[1:], 1)
+        for i, v in enumerate(coordinates_of(path)[1:], 1)
     )
+    if not any(known):  # choked rows exclude a small b, and leave every larger one
+        typical = TYPICAL_B_M + Z95 * TYPICAL_B_M_SPREAD
+        b, m = (replace(one, high=max(one.high, float(end))) for one, end in zip((b, m), typical, strict=True))
     return FlowPath(
         rows=rows,
         characteristics=path,

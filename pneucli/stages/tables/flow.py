@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from pneucli.identify.valve.flow_bench import FlowBench
 from pneucli.identify.valve.flow_findings import bench_findings, sets_area
-from pneucli.identify.valve.steady_flow import FlowParameter, FlowPath
+from pneucli.identify.valve.flow_path import FlowParameter, FlowPath
 from pneucli.io.artifacts import Provenance, write_table
 from pneucli.messages.flow import flow_finding
 from pneucli.physics.iso_flow import FlowCharacteristics, iso_mass_flow
