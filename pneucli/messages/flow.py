@@ -191,7 +191,7 @@ def undetermined_sentence() -> str:
     """Return why no statement is possible about rows that are choked throughout."""
     return (
         "No statement is possible: the rows do not determine the critical ratio, and none has the valve closed, so "
-        "neither critical-ratio nor valve-leak could show."
+        "neither another flow function nor a leak could show."
     )
 
 

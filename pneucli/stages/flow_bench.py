@@ -19,7 +19,7 @@ from pneucli.stages.assumptions import assumed_values
 from pneucli.stages.pipeline_data import PipelineData
 from pneucli.stages.tables.flow import flow_answer, flow_parameters, write_flow
 
-EFFECTS_ON_BENCH = ("critical-ratio", "valve-leak")  # of the catalogue, that rows of steady flow can show
+RATIO_PORT, LEAK_PORT = "critical_ratio", "leak_area"  # where effects act that rows of steady flow can show
 
 
 def flow_bench(study: PipelineData) -> FlowBench | None:
@@ -54,7 +54,7 @@ def identify_flow_only(study: PipelineData) -> dict[str, Any]:
     )
     write_flow(bench, out, provenance, valve_map=True)
     answer = flow_answer(bench)
-    idle = [effect.name for effect in study.effects if effect.name not in EFFECTS_ON_BENCH]
+    idle = [effect.name for effect in study.effects if not {RATIO_PORT, LEAK_PORT} & effect.ports.keys()]
     return {
         "schema": "pneucli/identify/1",
         "pipeline": study.context.config.name,

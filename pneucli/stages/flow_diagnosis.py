@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import replace
 from typing import Any
 
@@ -30,7 +30,7 @@ from pneucli.physics.declaration import Effect
 from pneucli.plausibility.repaired import impossible_findings
 from pneucli.stages import history
 from pneucli.stages.compare import purpose_answer
-from pneucli.stages.flow_bench import EFFECTS_ON_BENCH, flow_bench, flow_results
+from pneucli.stages.flow_bench import LEAK_PORT, RATIO_PORT, flow_bench, flow_results
 from pneucli.stages.pipeline_data import PipelineData
 from pneucli.stages.tables.diagnosis import SHAPE_FILE, write_flow_diagnosis
 
@@ -69,6 +69,11 @@ def flow_diagnosis(study: PipelineData) -> Answer | None:
     return search.answer()
 
 
+def _effect_at(port: str, effects: Iterable[Effect]) -> Effect | None:
+    """Return the first effect that acts at a port."""
+    return next((effect for effect in effects if port in effect.ports), None)
+
+
 class _Search:
     """Adds the effects that a bench can show, the most significant one first."""
 
@@ -76,9 +81,11 @@ class _Search:
         self._study, self._bench = study, bench
         self._present = {effect.name for effect in study.effects}
         excluded = set(study.context.options.get("exclude", []))
-        shown = {"critical-ratio": any(p.b.determined for p in bench.paths), "valve-leak": bool(closed_paths(bench))}
-        self._shown = {name for name, can in shown.items() if can}
-        self._open = [n for n in EFFECTS_ON_BENCH if n in self._shown and n not in self._present | excluded]
+        can = {RATIO_PORT: any(p.b.determined for p in bench.paths), LEAK_PORT: bool(closed_paths(bench))}
+        self._shown = {port for port, shows in can.items() if shows}
+        self._by_port = {port: _effect_at(port, study.available_effects.values()) for port in can}
+        open_effects = [self._by_port[port] for port in can if port in self._shown]
+        self._open = [e.name for e in open_effects if e is not None and e.name not in self._present | excluded]
         self._noise = {one.recording.name: one.noise for one in compare_flow(bench, study.flow_recordings)}
         self._rows = sum(path.rows.flow.size for path in bench.paths)
         self.added: list[str] = []
@@ -87,7 +94,8 @@ class _Search:
         self._run()
 
     def _fit(self, effects: Sequence[str] | set[str]) -> FlowHypothesis:
-        return fit_hypothesis(self._bench, free_ratio="critical-ratio" in effects, leak="valve-leak" in effects)
+        has = {port for port, effect in self._by_port.items() if effect is not None and effect.name in effects}
+        return fit_hypothesis(self._bench, free_ratio=RATIO_PORT in has, leak=LEAK_PORT in has)
 
     def _run(self) -> None:
         while True:
@@ -125,7 +133,6 @@ class _Search:
         missing = [] if impossible else list(self.added)
         left = self._left(errors[-1])
         known = bool(self._shown)
-        held_out = any(one.use == "test" for one in study.flow_recordings)
         verdict = self._verdict(missing, left, impossible=bool(impossible), known=known)
         named = " and ".join(f"{n} ({format_parameters(self._parameters(n))})" for n in missing)
         beyond = "" if left else self._beyond(errors[-1])
@@ -140,13 +147,7 @@ class _Search:
         ]
         shown = self.path[-1] if missing else self.path[0]
         return {
-            "schema": "pneucli/diagnose/1",
-            "pipeline": context.config.name,
-            "model": {"effects": [e.name for e in study.effects]},
-            "data": study.data_digest,
-            "held_out": "apart" if held_out else "none",
-            "excluded": context.options.get("exclude", []),
-            "forced": forced,
+            **self._about(forced=forced),
             "impossible": impossible,
             "verdict": verdict,
             "missing": missing,
@@ -156,15 +157,29 @@ class _Search:
             "explained_share": removed_error_share(errors[0], errors[-1]),
             "purpose": purpose_answer(self._results(shown), context.config.compare.tolerance),
             "next_experiment": next_rows(
-                ratio="critical-ratio" not in self._shown, closed="valve-leak" not in self._shown and not known
+                ratio=RATIO_PORT not in self._shown, closed=LEAK_PORT not in self._shown and not known
             ),
             "sentence": sentence,
+        }
+
+    def _about(self, *, forced: bool) -> Answer:
+        """Return the keys of the answer that do not depend on the verdict."""
+        study, context = self._study, self._study.context
+        held_out = any(one.use == "test" for one in study.flow_recordings)
+        return {
+            "schema": "pneucli/diagnose/1",
+            "pipeline": context.config.name,
+            "model": {"effects": [e.name for e in study.effects]},
+            "data": study.data_digest,
+            "held_out": "apart" if held_out else "none",
+            "excluded": context.options.get("exclude", []),
+            "forced": forced,
             "detectable": [],
             "discrepancy": [],
             "moved": [],
             "unexplained": None,
-            "warnings": [base_model_warning(), *([] if held_out else [warning_text("no-held-out")])],
             "thinned": None,
+            "warnings": [base_model_warning(), *([] if held_out else [warning_text("no-held-out")])],
             "plausibility": context.answers["ingest"]["plausibility"],
             "parameters": {},
         }
@@ -206,12 +221,19 @@ class _Search:
         return effect.name not in self._present and effect.name not in self._study.context.options.get("exclude", [])
 
     def _parameters(self, name: str) -> Answer:
-        if name == "critical-ratio":
-            model = next(one for one in reversed(self.path) if one.ratio_interval is not None)
-            assert model.ratio_interval is not None
-            return {"critical_ratio": {"value": model.critical_ratio, "unit": "1", "ci95": list(model.ratio_interval)}}
+        effect = self._study.available_effects[name]
+        value, (low, high) = self._ratio() if RATIO_PORT in effect.ports else self._leak()
+        (parameter, *_) = effect.parameters
+        return {parameter.name: {"value": value, "unit": parameter.unit, "ci95": [low, high]}}
+
+    def _ratio(self) -> tuple[float, tuple[float, float]]:
+        model = next(one for one in reversed(self.path) if one.ratio_interval is not None)
+        assert model.ratio_interval is not None
+        return model.critical_ratio, model.ratio_interval
+
+    def _leak(self) -> tuple[float, tuple[float, float]]:
         value, low, high = (float(one) for one in leak_area(self._bench))
-        return {"area": {"value": value, "unit": "m^2", "ci95": [low, high]}}
+        return value, (low, high)
 
     def _candidate(self, effect: Effect, missing: Sequence[str]) -> Answer:
         name, tried = effect.name, self._tried.get(effect.name)
