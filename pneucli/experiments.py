@@ -9,7 +9,7 @@ from collections.abc import Collection
 from dataclasses import dataclass
 from typing import Literal
 
-ExperimentName = Literal["valve", "friction", "axis", "closed-loop"]
+ExperimentName = Literal["valve", "friction", "axis", "closed-loop", "flow"]
 Part = Literal["gas", "chamber", "chamber 2", "cylinder", "supply", "line", "line 2", "valve", "linear valve", "sensor"]
 
 PNEUMATIC_PARTS: frozenset[Part] = frozenset({"gas", "line", "valve", "linear valve", "supply"})
@@ -28,6 +28,7 @@ class ExperimentKind:
         bench: The rig in one word.
         controlled: Whether a controller follows ``x_ref``.
         motion_signals: Signals of which one is needed, from which the motion follows.
+        steady: Whether each row is a steady state by itself: the rows have no clock.
     """
 
     name: ExperimentName
@@ -38,6 +39,7 @@ class ExperimentKind:
     bench: str
     controlled: bool = False
     motion_signals: tuple[str, ...] = ()
+    steady: bool = False
 
     @property
     def optional_channels(self) -> tuple[str, ...]:
@@ -65,7 +67,12 @@ class ExperimentKind:
     @property
     def vessel(self) -> bool:
         """Whether a vessel of fixed volume takes the place of chamber 1."""
-        return not self.cylinder
+        return not self.cylinder and not self.steady
+
+    @property
+    def simulated(self) -> bool:
+        """Whether a command drives the rig over time, so that a scenario may simulate it."""
+        return self.valve and not self.steady
 
     @property
     def axis(self) -> bool:
@@ -121,6 +128,15 @@ EXPERIMENT_KINDS: dict[str, ExperimentKind] = {
             compared_channels=("p1", "p2", "x", "v", "a"),
             bench="cylinder",
             controlled=True,
+        ),
+        ExperimentKind(
+            "flow",
+            valve=True,
+            cylinder=False,
+            needs=("p1", "flow"),
+            compared_channels=("flow",),
+            bench="flow bench",
+            steady=True,
         ),
     )
 }

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from pneucli.compare.expected_error import MOTION_CHANNELS, expected_rms
 from pneucli.quantities import SIGNALS
+from pneucli.recording import Recording
 from pneucli.simulate.end_stops import in_end_contact
 from pneucli.simulate.experiment import Experiment
 from pneucli.simulate.model import Model
@@ -94,12 +95,28 @@ def evaluate_channel(experiment: Experiment, channel: str, y: Array, model: Arra
     Returns:
         The errors.
     """
+    return channel_result(experiment.recording, channel, y, model, noise)
+
+
+def channel_result(recording: Recording, channel: str, y: Array, model: Array, noise: float) -> ChannelResult:
+    """Return the errors of one channel of a recording.
+
+    Args:
+        recording: The recording.
+        channel: Name of the channel.
+        y: Measured signal, SI, NaN where it was not measured, shape (n,).
+        model: Signal of the model, shape (n,).
+        noise: Rms error of a correct model.
+
+    Returns:
+        The errors.
+    """
     valid = ~np.isnan(y) & ~np.isnan(model)
     y, error = y[valid], (y - model)[valid]
     rmsd = float(np.sqrt(np.mean(error**2)))
     return ChannelResult(
-        recording=experiment.recording.name,
-        use=experiment.recording.use,
+        recording=recording.name,
+        use=recording.use,
         channel=channel,
         unit=SIGNALS[channel].unit,
         rmsd=rmsd,

@@ -101,6 +101,8 @@ class RecordingTable(TextTable):
         if self.from_ is not None and self.to is not None and self.from_ >= self.to:
             raise ValueError(f"the stretch from {self.from_} s to {self.to} s is empty")
         kind = EXPERIMENT_KINDS[self.experiment]
+        if kind.steady:
+            self._require_no_clock()
         if self.imposed and kind.valve:
             raise ValueError(f'imposed = "motion" belongs to experiment = "friction", not to "{self.experiment}"')
         if kind.controlled and self.controller is None:
@@ -110,6 +112,24 @@ class RecordingTable(TextTable):
         if kind.axis and self.chamber_2 is None:
             raise ValueError('an axis recording must say chamber_2 = "closed", "open" or "valve"')
         return self
+
+    def _require_no_clock(self) -> None:
+        """Raise ValueError where a key belongs to a recording over time: rows of a steady bench have no clock."""
+        stated = {
+            "signals.time": self.signals.time,
+            "take = time": "time" in (self.take or []),
+            "from": self.from_,
+            "to": self.to,
+            "more": self.more,
+            "chamber_2": self.chamber_2,
+            "valve": self.valve,
+        }
+        for key, value in stated.items():
+            if value not in (None, False, []):
+                raise ValueError(
+                    f'experiment = "flow" has rows without a clock: {key} does not belong to it; leave it out, or say '
+                    'experiment = "valve" where these are readings over time'
+                )
 
 
 class PipelineConfig(Table):

@@ -85,6 +85,8 @@ def _sources_of(config: PipelineConfig, index: int, text: str) -> list[Recording
         further = {name: one for more in table.more for name, one in more.signals.present().items()}
         _check_take(table, {**signals, **further}, where)
         signals = {name: signal for name, signal in signals.items() if name in {"time", *table.take}}
+    if EXPERIMENT_KINDS[table.experiment].steady:
+        signals = _without_clock(signals)
     if "time" not in signals:
         mend = 'add to [signals]: time = { column = "...", unit = "s" }'
         raise InputError(where, "no signal is called time", "a column of time stamps", mend)
@@ -100,6 +102,21 @@ def _sources_of(config: PipelineConfig, index: int, text: str) -> list[Recording
         RecordingSource(name, path, own, signals, frozenset(required), where, commands, further)
         for name, path, own, further in zip(names, found, tables, more, strict=True)
     ]
+
+
+def _without_clock(signals: dict[str, SignalTable]) -> dict[str, SignalTable]:
+    """Return the signals of rows without a clock: the number of the row takes the place of time.
+
+    A reading that is like the one before it was measured, not held; an empty field of a command holds as in any table.
+    """
+    readings = {
+        name: signal.model_copy(
+            update={"time": None, "hold": False if signal.hold is None and name not in ("u", "u2") else signal.hold}
+        )
+        for name, signal in signals.items()
+        if name != "time"
+    }
+    return {"time": SignalTable(expression="row"), **readings}
 
 
 def _additional_files(

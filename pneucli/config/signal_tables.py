@@ -119,7 +119,8 @@ def _checked_against(name: str) -> AfterValidator:
         if signal is None:
             return None
         wanted = ROTARY_UNITS.get(quantity.unit, quantity.unit) if (info.context or {}).get("rotary") else quantity.unit
-        if signal.unit is not None and not same_dimension(signal.unit, wanted):
+        volume_flow = name == "flow" and signal.unit is not None and same_dimension(signal.unit, "m^3/s")
+        if signal.unit is not None and not volume_flow and not same_dimension(signal.unit, wanted):
             more = STANDARD_VOLUME_HINT if name == "flow" else ""
             raise UnitError(
                 f'unit "{signal.unit}" does not measure {quantity.title}; wanted one such as "{wanted}"{more}'

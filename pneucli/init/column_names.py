@@ -89,7 +89,7 @@ class ColumnName:
         nouns, by_unit = self.nouns, quantity_kind(self.unit)
         if not self.unit:
             return next(iter(nouns), "")
-        if by_unit in nouns or not nouns:
+        if by_unit in nouns or not nouns or by_unit == "flow":  # q is a flow as often as a joint's angle
             return by_unit
         if by_unit == "command" and nouns[0] in _SENSED and "command" not in nouns:
             return nouns[0]  # the output of a sensor, whose scale people have to say

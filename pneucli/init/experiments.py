@@ -36,11 +36,18 @@ class GuessedExperiment:
 def guess_experiment(kind: FileGroup) -> GuessedExperiment:
     """Return what was tried in the recordings of a kind."""
     has = kind.signals.keys()
+    if kind.steady:
+        return GuessedExperiment("flow", [*_open_outlet(kind)])
     if {"x", "u", "p1"} <= has:
         return GuessedExperiment("axis", [*_chamber_2(kind)])
     if "x" in has:
         return GuessedExperiment("friction", [*_friction(kind)])
     return GuessedExperiment("valve", [*_command(kind)])
+
+
+def _open_outlet(kind: FileGroup) -> Iterator[Line]:
+    if "p1" not in kind.signals:
+        yield "p1", '"1.013 bar"', "CHECK one pressure is recorded: the outlet is open to ambient"
 
 
 def _chamber_2(kind: FileGroup) -> Iterator[Line]:
@@ -166,7 +173,7 @@ def _environment_keys(kinds: Sequence[FileGroup], driven: Sequence[FileGroup]) -
 
 
 def _valve_keys(kinds: Sequence[FileGroup], trials: Sequence[GuessedExperiment]) -> Iterator[Line]:
-    driven = [kind for kind in kinds if {"u", "p1"} <= kind.signals.keys()]
+    driven = [kind for kind in kinds if {"u", "p1"} <= kind.signals.keys() and not kind.steady]
     if any(t.value_of("chamber_2") == "valve" for t in trials):
         two = any("u2" in kind.signals for kind in kinds)
         why = "u2 is recorded" if two else "one command, and both chambers are driven"

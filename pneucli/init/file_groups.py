@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pneucli.init.columns import guess_columns
+from pneucli.init.steady_bench import as_steady_bench, is_steady_bench
 from pneucli.init.survey_types import Column, Guess, Survey
 from pneucli.init.units import pressure_reference, pressure_reference_from_force, to_si
 from pneucli.io.clock_repairs import CounterClock, spread_stamps
@@ -37,6 +38,11 @@ class FileGroup:
     guesses_by_signal: Mapping[str, Guess]
     unused: Sequence[Guess]
     further_files: Sequence[FileGroup] = ()
+
+    @property
+    def steady(self) -> bool:
+        """Whether these are rows of a steady flow bench."""
+        return not self.further_files and is_steady_bench(self.surveys, self.guesses_by_signal)
 
     @property
     def signals(self) -> dict[str, Guess]:
@@ -102,7 +108,7 @@ def _same_layout(surveys: Sequence[Survey]) -> list[list[Survey]]:
 
 def _groups_of(alike: list[Survey]) -> Iterator[FileGroup]:
     alike, extra = _common(alike)
-    guesses = guess_columns(alike)
+    guesses = as_steady_bench(alike, guess_columns(alike))
     found = {one.signal: one for one in guesses}
     signals = {name: found[name] for name in SIGNALS if name in found}
     idle = [

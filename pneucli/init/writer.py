@@ -73,9 +73,9 @@ def _shared(kinds: Sequence[FileGroup], references: References) -> dict[str, str
         for name, guess in kind.signals.items():
             if name == "time" or not _columns_share_names(kind):
                 shared.setdefault(name, _signal(kind, guess, references))
-    if "time" not in shared:
+    if "time" not in shared and not all(kind.steady for kind in kinds):
         shared = {"time": _clock(kinds), **shared}
-    if not any(kind.signals.keys() & {"p1", "x"} for kind in kinds):
+    if not any(kind.signals.keys() & {"p1", "x"} or kind.steady for kind in kinds):
         shared["p1"] = (
             'p1 = { column = "?", unit = "bar" }  # no column looks like a pressure or a position: see those below'
         )

@@ -6,6 +6,7 @@ from collections.abc import Iterator, Mapping
 from typing import Any
 
 from pneucli.messages import labelled, table, warnings
+from pneucli.messages.flow import flow_lines
 from pneucli.messages.formatting import (
     format_interval,
     format_noise_ratio,
@@ -47,10 +48,18 @@ def lines(answer: Mapping[str, Any], file: str, verbose: bool) -> Iterator[str]:
     """Yield the model, its parameters, warnings, and what to do next."""
     model = answer["model"]
     effects = ", ".join(model["effects"])
-    count = len(model["parameters"])
-    yield from labelled("found", f"{count} parameters of the base model{f' with {effects}' if effects else ''}")
-    rows = [(name, format_interval(p["value"], p["unit"], p["ci95"])) for name, p in model["parameters"].items()]
-    yield from table(("parameter", "value, 95 % interval"), rows, texts=2)
+    flow = answer.get("flow")
+    listed = {n: p for n, p in model["parameters"].items() if flow is None or n not in flow["parameters"]}
+    if listed or flow is None:
+        yield from labelled(
+            "found", f"{len(listed)} parameters of the base model{f' with {effects}' if effects else ''}"
+        )
+        rows = [(name, format_interval(p["value"], p["unit"], p["ci95"])) for name, p in listed.items()]
+        yield from table(("parameter", "value, 95 % interval"), rows, texts=2)
+    if flow is not None:
+        openings = len(flow["paths"])
+        yield from labelled("flow", f"{openings} flow path{'s' if openings > 1 else ''} of a steady bench")
+        yield from flow_lines(flow)
     for one in answer["assumed"]:
         yield from labelled("assumed", f"{one['what']} (to state it: {one['instead']})")
     for label in ("valve", "valve_2"):

@@ -75,8 +75,8 @@ def simulate(
         raise InputError("simulate", "no command", "u=..., in V, or recording=...")
     _require_valve(run)
     kind = experiment or ("axis" if model.rig.has_cylinder else "valve")
-    if kind not in EXPERIMENT_KINDS or not EXPERIMENT_KINDS[kind].valve:
-        kinds = [name for name, one in EXPERIMENT_KINDS.items() if one.valve]
+    if kind not in EXPERIMENT_KINDS or not EXPERIMENT_KINDS[kind].simulated:
+        kinds = [name for name, one in EXPERIMENT_KINDS.items() if one.simulated]
         raise InputError("simulate, experiment", f'"{kind}"', mend=did_you_mean(kind, kinds))
     signals = _inputs({"u": u, "u2": u2, "p_supply": p_supply})
     stamps = _time_stamps(time, signals["u"].size)
@@ -100,7 +100,7 @@ def simulate(
 def _require_valve(run: RunData) -> None:
     """Raise InputError where no recording of the run has a valve that lets gas through: a command would do nothing."""
     recordings = run.answer("ingest")["recordings"]
-    if not any(EXPERIMENT_KINDS[one["experiment"]].valve and not one["valve_shut"] for one in recordings):
+    if not any(EXPERIMENT_KINDS[one["experiment"]].simulated and not one["valve_shut"] for one in recordings):
         found = "this run has no valve: its recordings are of friction, or of a valve that is shut"
         raise InputError("simulate, u", found, "recording=..., or a run with a valve test or an axis", "leave out u")
 

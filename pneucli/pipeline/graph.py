@@ -78,6 +78,7 @@ _ALL_STAGES = (
             *("friction.taken_out", "friction.models", "friction.kinetic", "friction.deviations"),
             *("friction.breakaway", "friction.over_pressure", "friction.repeats", "leaks.lost", "leaks.flows"),
             "leaks.areas",
+            *("flow.paths", "flow.parameters", "flow.command_sets_area", "flow.findings", "flow.noise"),
         ),
     ),
     Stage(
@@ -102,7 +103,7 @@ _ALL_STAGES = (
             *("unexplained_share", "explained_share", "purpose.adequate", "purpose.worst"),
             *("detectable", "moved", "unexplained", "discrepancy", "plausibility", "warnings"),
             *("model.effects", "data", "held_out", "excluded", "forced", "impossible", "number", "when", "thinned"),
-            *("parameters", "since", "changes"),
+            *("parameters", "since", "changes", "flow.verdict", "flow.missing", "flow.ladder", "flow.sentence"),
         ),
     ),
     Stage(

@@ -8,10 +8,11 @@ from __future__ import annotations
 
 from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
+from dataclasses import replace
 
 import numpy as np
 
-from pneucli.plausibility import flow, forces, motion, readings, samples, sensor_response
+from pneucli.plausibility import flow, forces, motion, readings, samples, sensor_response, steady
 from pneucli.plausibility.rig_check import Finding, RigCheck
 from pneucli.plausibility.signal_summary import SignalSummary, summarize_signal, without_empty_signals
 from pneucli.recording import Recording, Rig
@@ -19,7 +20,8 @@ from pneucli.recording import Recording, Rig
 __all__ = ["Finding", "SignalSummary", "findings", "summarize_signal", "without_empty_signals"]
 
 THREADS = 2  # checks side by side: numpy lets others run while it sums over a long recording
-CHECKS = (samples, readings, sensor_response, motion, forces, flow)
+STEADY_CHECKS = (readings, steady)  # of single values, whatever their neighbours are
+CHECKS = (samples, sensor_response, motion, forces, flow)  # of recordings over time
 
 
 def findings(recordings: Sequence[Recording], rig: Rig, stated: Mapping[str, Collection[str]]) -> list[Finding]:
@@ -28,13 +30,16 @@ def findings(recordings: Sequence[Recording], rig: Rig, stated: Mapping[str, Col
     ``stated`` names, by recording, the signals that the pipeline file states as held.
     """
     bench = RigCheck([without_empty_signals(one) for one in recordings], rig, stated)
+    series = replace(bench, recordings=[one for one in bench.recordings if not one.kind.steady])
+    checks = [(module.check, bench) for module in STEADY_CHECKS]
+    checks += [(module.check, series) for module in CHECKS if series.recordings]
 
-    def findings_of(check: Callable[[RigCheck], Iterator[Finding]]) -> list[Finding]:
+    def findings_of(check: Callable[[RigCheck], Iterator[Finding]], on: RigCheck) -> list[Finding]:
         with np.errstate(all="ignore"):  # other checks report numbers that overflow
-            return [*check(bench)]
+            return [*check(on)]
 
     with ThreadPoolExecutor(THREADS) as threads:
-        found = [finding for own in threads.map(findings_of, [module.check for module in CHECKS]) for finding in own]
+        found = [finding for own in threads.map(findings_of, *zip(*checks, strict=True)) for finding in own]
     return [*_empty(recordings), *found]
 
 

@@ -51,6 +51,8 @@ def _supply_unrecorded(one: Recording, rig: Rig) -> bool:
     """Whether a valve lets gas in, from a pressure that nobody recorded."""
     if not one.kind.valve or one.valve_shut or "p_supply" in one:
         return False
+    if one.kind.steady:
+        return True
     opened = [one[u] for u in ("u", "u2") if u in one]
     sense = rig.command_sign(one.chamber)
     both = one.kind.axis and one.chamber_2 == "valve"  # one of both is filled by either sign

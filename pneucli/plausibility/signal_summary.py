@@ -50,8 +50,12 @@ def summarize_signal(recording: Recording, signal: str) -> SignalSummary:
         median=float(np.median(values)),
         most=float(values.max()),
         noise=None if noise is None else noise.rms,
-        rate=1.0 / float(np.median(steps)) if steps.size else None,
-        speed=float(np.percentile(speeds, 99.0)) if steps.size and np.isfinite(speeds).all() else None,
+        rate=1.0 / float(np.median(steps)) if steps.size and not recording.kind.steady else None,
+        speed=None
+        if recording.kind.steady
+        else float(np.percentile(speeds, 99.0))
+        if steps.size and np.isfinite(speeds).all()
+        else None,
         missing=missing_share(recording, signal),
     )
 

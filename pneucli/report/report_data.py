@@ -10,6 +10,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from pneucli.experiments import EXPERIMENT_KINDS
+
 Array = NDArray[np.float64]
 
 
@@ -108,6 +110,12 @@ class ReportData:
     def answer(self, stage: str) -> Mapping[str, Any]:
         """Return a stage's answer, empty where there is none."""
         return self.answers.get(stage, {})
+
+    @property
+    def steady_recordings(self) -> set[str]:
+        """The recordings of steady benches, whose rows have no clock."""
+        recordings = self.answer("ingest").get("recordings", [])
+        return {r["name"] for r in recordings if EXPERIMENT_KINDS[r["experiment"]].steady}
 
     def table(self, name: str) -> Table:
         """Return a table, empty where there is none."""

@@ -71,7 +71,12 @@ def find_worst_recording(material: ReportData) -> WorstRecording | None:
     use, _ = evaluation_error(answer.get("error", {}))
     channels = {(c["recording"], c["channel"]): c for c in answer.get("channels", []) if c["noise"]}
     ratios = [
-        c for c in judge.get("channels", []) if c["use"] == use and c["ratio_to_noise"] and _channel_key(c) in channels
+        c
+        for c in judge.get("channels", [])
+        if c["use"] == use
+        and c["ratio_to_noise"]
+        and _channel_key(c) in channels
+        and c["recording"] not in material.steady_recordings  # they have a chapter of their own, over pressures
     ]
     if not ratios or not len(residuals):
         return None

@@ -25,7 +25,7 @@ Array = NDArray[np.float64]
 SAMPLING_PERIOD = 1e-3  # s, between the samples of a command
 MAX_DURATION = 1e4  # s of a command
 COMMANDS = ("steps", "sine", "ramp", "recorded")
-VALVE_EXPERIMENTS = tuple(name for name, kind in EXPERIMENT_KINDS.items() if kind.valve)
+VALVE_EXPERIMENTS = tuple(name for name, kind in EXPERIMENT_KINDS.items() if kind.simulated)
 CHOICES = {
     "experiment": VALVE_EXPERIMENTS,
     "chamber_2": ("closed", "open", "valve"),

@@ -7,6 +7,7 @@ from pneucli.plausibility.required_inputs import Assumption, assumptions
 from pneucli.quantities import axis_parameter_name
 from pneucli.recording import Rig
 from pneucli.simulate.model import Model, has_parameter, parameter_value
+from pneucli.stages.flow_units import flow_unit_assumptions
 from pneucli.stages.leak_answer import only_ratio_identifiable
 from pneucli.stages.pipeline_data import PipelineData
 
@@ -38,7 +39,7 @@ def fixed_parameters(model: Model) -> list[Estimate]:
 def assumed_values(study: PipelineData, names: set[str]) -> list[Assumption]:
     """Return the values that are assumed because the pipeline file does not state them; ``names`` were fitted."""
     rig, stated = study.rig, study.context.config.document.get("rig", {})
-    gas = any(r.kind.valve for r in study.recordings)
+    gas = any(r.kind.valve for r in [*study.recordings, *study.flow_recordings])
     pressed = gas or any("p1" in r or "p2" in r for r in study.recordings)
     found = []
     if pressed and "ambient_pressure" not in stated:
@@ -54,4 +55,5 @@ def assumed_values(study: PipelineData, names: set[str]) -> list[Assumption]:
     instead = [Assumption(f"{name} is not stated and identified", key) for name, key in keys.items()]
     if only_ratio_identifiable(study):
         instead.append(Assumption("areas, volumes and flows are per volume of the vessel", "rig.vessel.volume"))
+    found += flow_unit_assumptions(study.context.config)
     return [*found, *assumptions(study.recordings, rig), *instead]

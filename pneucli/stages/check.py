@@ -18,6 +18,7 @@ from pneucli.io.signal_reader import SignalReader
 from pneucli.physics.effects import all_effects, select_effects
 from pneucli.plausibility.required_inputs import assumptions, required_inputs
 from pneucli.recording import Recording
+from pneucli.stages.flow_units import flow_unit_assumptions
 from pneucli.stages.ingest import open_recording, recorded_signals
 
 Answer = dict[str, Any]
@@ -46,7 +47,10 @@ def check_pipeline(path: Path) -> Answer:
         "pipeline": config.name,
         "recordings": [_row(source, found[1]) for source, found in rows if found is not None],
         "missing": missing,
-        "assumed": [asdict(one) for one in assumptions(recordings, rig)] if recordings else [],
+        "assumed": [
+            asdict(one)
+            for one in (*flow_unit_assumptions(config), *(assumptions(recordings, rig) if recordings else []))
+        ],
         "faults": [{key: getattr(one, key) for key in ("where", "found", "wanted", "mend")} for one in _each(faults)],
     }
 

@@ -15,10 +15,13 @@ from pneucli.compare.expected_error import expected_rms_of_all
 from pneucli.compare.purpose import assess_purpose
 from pneucli.compare.residual_correlation import Correlation, residual_correlations
 from pneucli.config.stage_tables import Channel
+from pneucli.identify.valve.flow_bench import FlowComparison
 from pneucli.io.artifacts import TableWriter, schema_of, write_table
 from pneucli.pipeline.context import Context
 from pneucli.quantities import SIGNALS
+from pneucli.simulate.model import Model
 from pneucli.stages import controller_logs, history
+from pneucli.stages.flow_bench import compare_flow_recordings, flow_results, write_flow_residuals
 from pneucli.stages.model_file import load_model
 from pneucli.stages.pipeline_data import PipelineData
 
@@ -28,6 +31,21 @@ RESIDUALS_FILE = "residuals.parquet"
 def run(context: Context) -> dict[str, Any]:
     """Compare the identified model with every recording; return the answer that ``--json`` prints."""
     study = PipelineData(context)
+    flows = compare_flow_recordings(study)
+    comparisons, looked, model = _compare_over_time(study) if study.recordings else ([], {}, None)
+    _write_residuals(study, comparisons, flows)
+    _write_correlations(
+        study, [c for one in comparisons for c in residual_correlations(one, context.config.compare.horizon)]
+    )
+    results = [*(r for c in comparisons for r in c.results), *flow_results(flows)]
+    answer = _answer(study, results, find_error_regions(comparisons))
+    answer["closed_loop"] = [] if model is None else [controller_logs.log_answer(one, model) for one in looked.values()]
+    return answer | history.record_model(context, answer, RESIDUALS_FILE)
+
+
+def _compare_over_time(study: PipelineData) -> tuple[list[Comparison], dict[str, controller_logs.ReplayedLog], Model]:
+    """Compare the model with the recordings over time, and replay the controllers of those that state one."""
+    context = study.context
     model = load_model(context.artifacts / "identify", study.rig, study.effects)
     experiments = study.experiments
 
@@ -42,15 +60,7 @@ def run(context: Context) -> dict[str, Any]:
         for r in study.recordings
         if r.name in controllers
     }
-    comparisons = [controller_logs.with_commands(c, looked, model) for c in comparisons]
-    _write_residuals(study, comparisons)
-    _write_correlations(
-        study, [c for one in comparisons for c in residual_correlations(one, context.config.compare.horizon)]
-    )
-    results = [r for c in comparisons for r in c.results]
-    answer = _answer(study, results, find_error_regions(comparisons))
-    answer["closed_loop"] = [controller_logs.log_answer(one, model) for one in looked.values()]
-    return answer | history.record_model(context, answer, RESIDUALS_FILE)
+    return [controller_logs.with_commands(c, looked, model) for c in comparisons], looked, model
 
 
 def _answer(study: PipelineData, results: Sequence[ChannelResult], regions: Sequence[Region]) -> dict[str, Any]:
@@ -82,14 +92,19 @@ def _region_answer(row: dict[str, Any]) -> dict[str, Any]:
     return {"from" if k == "from_" else k: v for k, v in row.items()}
 
 
-def _write_residuals(study: PipelineData, comparisons: Sequence[Comparison]) -> None:
+def _model_inputs(study: PipelineData) -> tuple[str, ...]:
+    """Return the artifacts that the comparison reads: rows of a steady bench alone have no model file."""
+    return ("ingest/signals.parquet", *(["identify/model.parquet"] if study.recordings else []))
+
+
+def _write_residuals(study: PipelineData, comparisons: Sequence[Comparison], flows: Sequence[FlowComparison]) -> None:
     types: dict[str, Any] = dict.fromkeys(("recording", "use", "channel", "unit"), pa.string())
     types |= dict.fromkeys(("time", "measured", "model", "residual", "segment"), pa.float64())
     schema = schema_of(
         types,
         units={"time": "s", "segment": "1"} | dict.fromkeys(("measured", "model", "residual"), "see column unit"),
         schema="pneucli/compare/residuals/1",
-        provenance=study.provenance("ingest/signals.parquet", "identify/model.parquet"),
+        provenance=study.provenance(*_model_inputs(study)),
     )
     with TableWriter(study.context.out / RESIDUALS_FILE, schema) as writer:
         for c in comparisons:
@@ -106,6 +121,7 @@ def _write_residuals(study: PipelineData, comparisons: Sequence[Comparison]) -> 
                     "segment": c.segment.astype(np.float64),
                 }
                 writer.write(columns)
+        write_flow_residuals(flows, writer)
 
 
 def _write_correlations(study: PipelineData, found: Sequence[Correlation]) -> None:
@@ -122,5 +138,5 @@ def _write_correlations(study: PipelineData, found: Sequence[Correlation]) -> No
         },
         units={"lag": "s", "correlation": "1", "bound": "1"},
         schema="pneucli/compare/correlation/1",
-        provenance=study.provenance("ingest/signals.parquet", "identify/model.parquet"),
+        provenance=study.provenance(*_model_inputs(study)),
     )

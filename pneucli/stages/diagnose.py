@@ -45,6 +45,7 @@ from pneucli.stages.diagnosis_answer import (
     shift_answer,
     unexplained_answer,
 )
+from pneucli.stages.flow_diagnosis import diagnose_flow_only, flow_diagnosis
 from pneucli.stages.identify import parameters_answer
 from pneucli.stages.leak_answer import per_vessel_volume
 from pneucli.stages.pipeline_data import PipelineData
@@ -57,6 +58,8 @@ def run(context: Context) -> dict[str, Any]:
     Raises InputError where no recording can be fitted, ``--exclude`` names what is no effect, or ``--since`` no model.
     """
     pipeline = PipelineData(context, max_samples=MAX_SAMPLES)
+    if not pipeline.recordings:
+        return diagnose_flow_only(pipeline)
     data, warnings = _diagnosis_data(pipeline)
     if subsampling := _subsampling(pipeline):
         warnings.append(warning_text("subsampled", **subsampling))
@@ -82,6 +85,8 @@ def run(context: Context) -> dict[str, Any]:
     context.progress(BASELINE_PROGRESS, 0.95)
     baseline_fit = write_baseline(pipeline, data, model)
     answer["parameters"] = parameters_answer([per_vessel_volume(e, pipeline) for e in baseline_fit.estimates])
+    if (flow := flow_diagnosis(pipeline)) is not None:
+        answer["flow"] = {key: flow[key] for key in ("verdict", "missing", "ladder", "sentence")}
     if since := context.options.get("since"):
         answer |= compare_with_baseline(pipeline, data, since)
     return answer | history.record_model(context, answer, SHAPE_FILE)
@@ -106,7 +111,9 @@ def _run_diagnosis(
 
 def _subsampling(pipeline: PipelineData) -> dict[str, int] | None:
     """Return the numbers of all and of diagnosed samples; None where all are diagnosed."""
-    samples = sum(int(r["samples"]) for r in pipeline.context.answers["ingest"]["recordings"])
+    names = {one.name for one in pipeline.recordings}
+    listed = pipeline.context.answers["ingest"]["recordings"]
+    samples = sum(int(r["samples"]) for r in listed if r["name"] in names)
     used = sum(one.time.size for one in pipeline.recordings)
     return {"samples": samples, "used": used} if used < samples else None
 

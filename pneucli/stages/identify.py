@@ -19,6 +19,7 @@ from pneucli.identify.guesses.flow_paths import opening_from_null, valve_driven
 from pneucli.identify.guesses.null_command import drifting_recordings
 from pneucli.identify.residuals import ResidualModel, with_channel_weights
 from pneucli.identify.valve import ValveIdentification, identify_valve, identify_valve_on_piston
+from pneucli.identify.valve.flow_bench import FlowBench
 from pneucli.io.artifacts import write_table
 from pneucli.messages.formatting import format_number
 from pneucli.messages.friction import friction_warning
@@ -28,10 +29,12 @@ from pneucli.pipeline.context import Context
 from pneucli.recording import Rig
 from pneucli.simulate.model import Model
 from pneucli.stages.assumptions import assumed_values, fixed_parameters, null_command_estimate
+from pneucli.stages.flow_bench import flow_bench, identify_flow_only
 from pneucli.stages.leak_answer import leak_answer, per_vessel_volume
 from pneucli.stages.model_file import save_model
 from pneucli.stages.pipeline_data import PipelineData
 from pneucli.stages.tables.correlation import write_parameter_relations
+from pneucli.stages.tables.flow import flow_answer, flow_parameters, write_flow
 from pneucli.stages.tables.friction import friction_answer, write_friction
 from pneucli.stages.tables.valve import iso_parameters, valve_answer, valve_findings, write_valves
 
@@ -42,6 +45,9 @@ def run(context: Context) -> dict[str, Any]:
     Raises InputError where no recording can be used for anything.
     """
     study = PipelineData(context)
+    if not study.recordings:
+        return identify_flow_only(study)
+    bench = flow_bench(study)
     warnings = _null_warnings(study.rig)
     rounds: list[Iteration] = []
     views = with_channel_weights(study.residual_models("train"), study.context.config.identify.weights)
@@ -63,8 +69,12 @@ def run(context: Context) -> dict[str, Any]:
     warnings += _unused_prior_warnings(study, found.free)
     warnings += [_at_bound_warning(e.name, study.rig) for e in found.estimates if e.at_bound]
     friction = _identify_friction(study, model, warnings)
-    _write(study, model, estimates, valves, friction)
-    return _answer(study, estimates, valves, friction, warnings) | leaks
+    _write(study, model, estimates, valves, friction, bench)
+    answer = _answer(study, estimates, valves, friction, warnings) | leaks
+    if bench is not None:
+        answer["flow"] = flow_answer(bench)
+        answer["warnings"] = [*warnings, *(one["text"] for one in answer["flow"]["findings"])]
+    return answer
 
 
 def _at_bound_warning(name: str, rig: Rig) -> str:
@@ -167,6 +177,7 @@ def _write(
     estimates: list[Estimate],
     valves: list[ValveIdentification],
     friction: FrictionIdentification | None,
+    bench: FlowBench | None,
 ) -> None:
     out, provenance = study.context.out, study.provenance("ingest/signals.parquet")
     save_model(model, out, provenance)
@@ -174,6 +185,10 @@ def _write(
     if valves:
         write_valves(valves, estimates, out, provenance)
         rows += [row for valve in valves for row in iso_parameters(valve)]
+    if bench is not None:  # which measures the flow itself: its characteristics replace those of the same command
+        measured = flow_parameters(bench)
+        rows = [*(row for row in rows if row[0] not in {name for name, *_ in measured}), *measured]
+        write_flow(bench, out, provenance, valve_map=not valves)
     if friction is not None:
         write_friction(friction, out, provenance)
     name, value, unit, low, high = zip(*rows, strict=True) if rows else ((),) * 5

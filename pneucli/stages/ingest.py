@@ -22,18 +22,21 @@ from pneucli.io.open_signals import open_signals
 from pneucli.io.raw_file import Channel, RawFile, Repair, missing_column
 from pneucli.io.recordings import SIGNALS_FILE, signals_schema
 from pneucli.io.signal_reader import SignalReader
+from pneucli.io.steady_rows import RowChecks
 from pneucli.io.timestamp_order import LOSS_MESSAGES
 from pneucli.messages.ingest import repair_location
 from pneucli.paths import file_on_disk
 from pneucli.pipeline.context import Context, Progress
 from pneucli.quantities import SIGNALS
 from pneucli.recording import Rig
+from pneucli.stages.flow_units import flow_unit, flow_unit_assumptions
 from pneucli.stages.ingest_noise import MAX_NOISE_SAMPLES, noise_of, pool_noise_by_sensor, stated_noise
 from pneucli.stages.tables.ingest import IngestedRecording, inspect_signals, loss_column, recording_row, write_tables
 from pneucli.units import factor_and_offset, parse_unit_as
 
 SPOOL_VALVE_HINT = '; where one valve drives both chambers, say [rig.valve] arrangement = "5/3"'
 MIN_PERIOD, MAX_PERIOD = 1e-9, 1e6  # s, of a sampling period
+FLOW_UNIT = SIGNALS["flow"].unit
 WARNING_REPAIRS = (
     *("frozen", "saturated", "plateau", "spike", "gap", "no-stamp", "backward", "duplicate", "truncated"),
     *("vacuum", "cut-number", "empty", "reader", "unit"),
@@ -123,8 +126,9 @@ def _raw_file(
 
 
 def _channel(signal: SignalTable, unit: str, rig: Rig) -> Channel:
-    factor, offset = factor_and_offset(signal.unit or unit, ambient_pressure=0.0, wanted=unit)
-    if parse_unit_as(signal.unit or unit, unit).of_air:
+    stated = flow_unit(signal.unit or unit) if unit == FLOW_UNIT else signal.unit or unit
+    factor, offset = factor_and_offset(stated, ambient_pressure=0.0, wanted=unit)
+    if parse_unit_as(stated, unit).of_air:
         factor *= AIR.gas_constant / rig.gas_constant
     above = rig.ambient_pressure if signal.gauge else 0.0
     where = (signal.where.column, signal.where.equals) if signal.where else None
@@ -181,7 +185,7 @@ def _ingest(
     tell: Callable[[str], None],
 ) -> None:
     """Clean one file batch by batch; a batch is written while the next one is read."""
-    cleaner = Cleaner(file.locate, stated_noise(one.source), (one.source.table.from_, one.source.table.to))
+    cleaner = _cleaner(one, file)
     heads: list[dict[str, Array]] = []
     writing: Future[None] | None = None
     for batch in _cleaned_batches(cleaner, file.batches()):
@@ -207,7 +211,15 @@ def _ingest(
     one.noise = noise_of(one, heads, threads)
 
 
-def _cleaned_batches(cleaner: Cleaner, batches: Iterator[dict[str, Array]]) -> Iterator[dict[str, Array]]:
+def _cleaner(one: IngestedRecording, file: SignalReader | MultiFileRecording) -> Cleaner | RowChecks:
+    """Return the checks of a recording: of a time series, or of rows without a clock."""
+    table = one.source.table
+    if EXPERIMENT_KINDS[table.experiment].steady:
+        return RowChecks()
+    return Cleaner(file.locate, stated_noise(one.source), (table.from_, table.to))
+
+
+def _cleaned_batches(cleaner: Cleaner | RowChecks, batches: Iterator[dict[str, Array]]) -> Iterator[dict[str, Array]]:
     for batch in batches:
         yield cleaner.push(batch)
     yield cleaner.finish()
@@ -237,6 +249,7 @@ def _answer(config: PipelineConfig, done: list[IngestedRecording]) -> dict[str, 
     unused = [name for name in config.signals.present() if name not in seen]
     repairs = [{"recording": one.source.name, **asdict(repair)} for one in done for repair in one.repairs]
     warnings = [f"{repair_location(r)}: {r['message']}" for r in repairs if r["kind"] in WARNING_REPAIRS]
+    warnings += [f"{one.what}; to say otherwise: {one.instead}" for one in flow_unit_assumptions(config)]
     warnings += [f"[signals] {name}: no recording takes it from a column" for name in unused]
     return {
         "schema": "pneucli/ingest/1",

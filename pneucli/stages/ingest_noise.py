@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pneucli.config import RecordingSource
+from pneucli.experiments import EXPERIMENT_KINDS
 from pneucli.noise import NoiseModel, detect_jumps, estimate_noise, jump_free_segments, pool_noise
 from pneucli.stages.tables.ingest import IngestedRecording
 
@@ -27,6 +28,11 @@ def noise_of(
 ) -> dict[str, NoiseModel]:
     """Return the noise of each signal: 0 for constants, as stated, else estimated, side by side in ``threads``."""
     stated = stated_noise(one.source)
+    if EXPERIMENT_KINDS[one.source.table.experiment].steady:  # neighbouring rows are different settings of the bench
+        known = dict.fromkeys(one.source.table.held_constant, 0.0) | {
+            n: s for n, s in stated.items() if n in one.signals
+        }
+        return {name: NoiseModel(white=rms, period=one.period) for name, rms in known.items()}
     time = np.concatenate([head["time"] for head in heads])
     commands = [np.concatenate([head[u] for head in heads]) for u in ("u", "u2") if u in heads[0]]
     jumps = detect_jumps(commands, time.size)

@@ -145,7 +145,7 @@ def _recordings(found: Sequence[FileGroup], left: list[str]) -> Sequence[FileGro
         (("time",), "no column rises like a clock"),
     )
     for names, reason in needs:
-        usable = [one for one in found if not one.signals.keys().isdisjoint(names)]
+        usable = [one for one in found if one.steady or not one.signals.keys().isdisjoint(names)]
         if usable:
             left += [f"{one.path.name}: {reason}" for kind in found if kind not in usable for one in kind.surveys]
             found = usable

@@ -46,7 +46,7 @@ class PipelineData:
         Raises InputError where the recordings need more of it than the file says.
         """
         rig = with_identified_null(self.recordings, self.context.config.to_rig())
-        require_stated(required_inputs(self.recordings, rig), self.context.path)
+        require_stated(required_inputs([*self.recordings, *self.flow_recordings], rig), self.context.path)
         return replace(rig, priors=self._parameter_priors)
 
     @cached_property
@@ -58,13 +58,20 @@ class PipelineData:
 
     @cached_property
     def recordings(self) -> list[Recording]:
-        """All recordings, in the pipeline file's order."""
-        whole = load_recordings(self.context.artifacts / "ingest")
-        return (
-            whole
-            if self.max_samples is None
-            else subsample(whole, self.max_samples, self.context.config.compare.horizon)
-        )
+        """The recordings over time, in the pipeline file's order."""
+        whole = [one for one in self._whole if not one.kind.steady]
+        if self.max_samples is None or not whole:
+            return whole
+        return subsample(whole, self.max_samples, self.context.config.compare.horizon)
+
+    @cached_property
+    def flow_recordings(self) -> list[Recording]:
+        """The recordings of steady benches, whose rows have no clock."""
+        return [one for one in self._whole if one.kind.steady]
+
+    @cached_property
+    def _whole(self) -> list[Recording]:
+        return load_recordings(self.context.artifacts / "ingest")
 
     @cached_property
     def available_effects(self) -> dict[str, Effect]:

@@ -12,6 +12,7 @@ from pneucli.pipeline.context import Context
 from pneucli.quantities import SIGNALS
 from pneucli.simulate.open_loop import OpenLoopRun, default_free_runs, run_scenario
 from pneucli.stages.closed_loop import simulate_closed_loop
+from pneucli.stages.flow_bench import require_recordings_over_time
 from pneucli.stages.model_file import load_model
 from pneucli.stages.pipeline_data import PipelineData
 
@@ -22,6 +23,7 @@ def run(context: Context) -> dict[str, Any]:
     By default these are the free run of the recordings, and the closed loop where a controller was designed.
     """
     study = PipelineData(context)
+    require_recordings_over_time(study)
     runs = _open_loop_runs(study)
     _write(study, runs)
     return {

@@ -22,14 +22,13 @@ from pneucli.identify.valve.fit import Posterior
 from pneucli.identify.valve.maps import Coverage, gradient_with_error
 from pneucli.identify.valve.model_gradient import whitening_matrix
 from pneucli.physics.gas import PSI_MAX, flow_constant
+from pneucli.physics.iso_flow import REFERENCE_DENSITY, REFERENCE_TEMPERATURE
 from pneucli.quantities import Z95
 from pneucli.simulate.model import Model
 
 Array = NDArray[np.float64]
 Interval = tuple[float, float]
 
-REFERENCE_DENSITY = 1.185  # kg/m^3, ISO 8778 (293.15 K, 100 kPa, 65 % humidity)
-REFERENCE_TEMPERATURE = 293.15  # K
 ELLIPSE_SUBSONIC_INDEX = 0.5  # m of an ellipse
 PRESSURE_POINTS = 41  # of pressure, at which the map is read
 MIN_RELATIVE_ERROR = 1e-3  # of the largest gradient: the floor of the map's standard error

@@ -9,6 +9,7 @@ from pneucli.report.sections.comparison import section as comparison
 from pneucli.report.sections.correlations import section as correlations
 from pneucli.report.sections.diagnosis import section as diagnosis
 from pneucli.report.sections.error_location import section as error_location
+from pneucli.report.sections.flow import section as flow
 from pneucli.report.sections.friction import section as friction
 from pneucli.report.sections.law_comparison import section as law_comparison
 from pneucli.report.sections.log_replay import section as log_replay
@@ -24,6 +25,7 @@ SECTIONS: tuple[SectionMaker, ...] = (
     error_location,
     diagnosis,
     comparison,
+    flow,
     parameters,
     correlations,
     valve,

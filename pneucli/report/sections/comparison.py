@@ -31,13 +31,20 @@ def section(material: ReportData) -> Section | None:
         "between. A correct model has an error of 1 × noise: sensor noise, including that of the restart state and of "
         "the measured inputs, propagated through the model."
     )
+    steady = material.steady_recordings
+    over_time = [c for c in answer["channels"] if c["recording"] not in steady]
+    if not over_time:
+        lead = (
+            "Flow of each row against C, b and m of its opening. A correct model has an error of 1 × noise: the "
+            "scatter of neighbouring rows, or the noise that the pipeline states."
+        )
     parts: list[Part] = []
     if answer["error"].get("test") is None:
         parts.append(Note('No recording has use = "test": these are the errors of the fitted recordings.', "warning"))
     residuals = material.table("compare/residuals")
-    if len(residuals):
+    if len(residuals) and over_time:
         before = material.first_comparison.table if material.first_comparison else Table({})
-        parts.append(_zoom(residuals, before, material.table("ingest/signals"), answer["channels"]))
+        parts.append(_zoom(residuals, before, material.table("ingest/signals"), over_time))
     earlier = material.first_comparison.answer["channels"] if material.first_comparison else []
     parts += [_overview(answer["channels"], earlier), _errors(answer)]
     return Section("comparison", "Recordings", lead, parts)
@@ -93,7 +100,8 @@ def _errors(answer: Mapping[str, Any]) -> Grid:
 
 def _zoom(residuals: Table, before: Table, signals: Table, errors: Sequence[Mapping[str, Any]]) -> ZoomPlot:
     noise = {(c["recording"], c["channel"]): c["noise"] for c in errors if c["noise"]}
-    channels = dict(residuals.groups("recording", "channel"))
+    shown = {c["recording"] for c in errors}
+    channels = {key: rows for key, rows in residuals.groups("recording", "channel") if key[0] in shown}
     earlier = dict(before.groups("recording", "channel"))
     max_samples = int(np.clip(MAX_PLOT_SAMPLES / (4 * len(channels)), MIN_CURVE_SAMPLES, MAX_CURVE_SAMPLES))
     inputs = {recording: rows for (recording,), rows in signals.groups("recording")}

@@ -96,6 +96,8 @@ def _clouds(material: ReportData, answer: Mapping[str, Any], table: Table) -> di
     residuals = dict(table.groups("recording", "channel"))
     pooled: dict[tuple[str, str], list[tuple[Array, dict[str, Array]]]] = {}
     for (recording, channel), rows in residuals.items():
+        if recording in material.steady_recordings:  # few rows over pressures, which have a chapter of their own
+            continue
         if recording in signals and noise.get((recording, channel)):
             speed = residuals.get((recording, "v"))
             states = _states(signals[recording], None if speed is None else speed["measured"])

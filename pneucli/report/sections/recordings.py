@@ -21,7 +21,7 @@ def section(material: ReportData) -> Section | None:
     parts: list[Part] = [
         *_doubts(answer),
         *warning_notes(material, "ingest"),
-        _recordings(recordings),
+        _recordings(recordings, material),
         _noise(recordings),
     ]
     if answer.get("repairs"):
@@ -35,7 +35,11 @@ def _doubts(answer: Mapping[str, Any]) -> list[Note]:
     return [Note(f"{doubt}.", "warning") for doubt in implausibility_sentences(answer.get("plausibility", []))]
 
 
-def _recordings(recordings: list[Mapping[str, Any]]) -> Grid:
+def _span(recording: Mapping[str, Any]) -> str:
+    return f"{format_number(recording['from'])} – {format_number(recording['to'])} s"
+
+
+def _recordings(recordings: list[Mapping[str, Any]], material: ReportData) -> Grid:
     head = ("recording", "experiment", "use", "chamber 2", "signals", "samples", "rate", "from – to", "file", "SHA-256")
     rows = [
         [
@@ -45,8 +49,8 @@ def _recordings(recordings: list[Mapping[str, Any]]) -> Grid:
             Cell(r["chamber_2"] or "–", numeric=False),
             Cell(", ".join(name for name in r["signals"] if name != "time"), numeric=False),
             Cell(f"{r['samples']}"),
-            Cell(f"{1 / r['period']:.6g} Hz"),
-            Cell(f"{format_number(r['from'])} – {format_number(r['to'])} s"),
+            Cell("–" if r["name"] in material.steady_recordings else f"{1 / r['period']:.6g} Hz"),
+            Cell("rows" if r["name"] in material.steady_recordings else _span(r)),
             Cell(PurePath(r["file"]).name, numeric=False),
             Cell(r["sha256"][:10], numeric=False),
         ]

@@ -43,6 +43,9 @@ MEASUREMENT_FIGURES = (
     "Pressure gradients of the vessel behind the valve, measured by charging and discharging it with each command, and "
     "the deviation of the model's valve (area × flow function × effects)."
 )
+BENCH_FIGURES = (
+    "Pressure gradients of the stated vessel behind the valve, dp/dt = n R T q / V, from the flow of the steady bench."
+)
 MODEL_FIGURES = (
     "Pressure gradients of the model's valve (area × flow function × effects), fitted to the driven piston because "
     "there is no test with a vessel, and the deviation of the measured gradients."
@@ -63,9 +66,8 @@ def section(material: ReportData) -> Section | None:
             [replace(one, caption=f"Chamber {chamber}. {one.caption}") for one in mine] if len(valves) > 1 else mine
         )
     measured = any(valve.get("map") != "model" for valve in valves.values())
-    return Section(
-        "valve", "Valve: map and inverse", MEASUREMENT_FIGURES if measured else MODEL_FIGURES, parts, folded=True
-    )
+    lead = MEASUREMENT_FIGURES if measured else MODEL_FIGURES if valves else BENCH_FIGURES
+    return Section("valve", "Valve: map and inverse", lead, parts, folded=True)
 
 
 def _table(material: ReportData, chamber: int, name: str) -> Table:

@@ -28,6 +28,18 @@ MAX_SHAPE_RECORDINGS = 3  # recordings a picture is drawn of
 
 def write_diagnosis(pipeline: PipelineData, data: DiagnosisData, diagnosis: Diagnosis, answer: dict[str, Any]) -> None:
     """Write ``candidates``, ``ladder``, ``shape`` and ``law`` into the folder of the stage."""
+    shapes = [row for i, name in enumerate(diagnosis.path.added) for row in _residual_shapes(data, diagnosis, i, name)]
+    _write_tables(pipeline, answer, shapes, list(_smooth_term_rows(diagnosis.unexplained)))
+
+
+def write_flow_diagnosis(pipeline: PipelineData, answer: dict[str, Any]) -> None:
+    """Write the same files for a steady bench, whose residuals have no shapes over time."""
+    _write_tables(pipeline, answer, [], [])
+
+
+def _write_tables(
+    pipeline: PipelineData, answer: dict[str, Any], shapes: list[tuple[Any, ...]], laws: list[tuple[Any, ...]]
+) -> None:
     inputs = ("ingest/signals.parquet",)
     candidates = [
         (
@@ -49,7 +61,6 @@ def write_diagnosis(pipeline: PipelineData, data: DiagnosisData, diagnosis: Diag
     )
     ladder = [(s["add"] or "", s["error_train"], s["error_test"]) for s in answer["ladder"]]
     _write(pipeline, "ladder", "add error_train error_test", ladder, {"error_train": "1", "error_test": "1"}, inputs)
-    shapes = [row for i, name in enumerate(diagnosis.path.added) for row in _residual_shapes(data, diagnosis, i, name)]
     columns = "effect recording channel variable unit value residual_before residual_after expected"
     values = dict.fromkeys(("residual_before", "residual_after", "expected"), "see column unit")
     _write(pipeline, "shape", columns, shapes, values | {"value": "SI"}, inputs)
@@ -58,7 +69,7 @@ def write_diagnosis(pipeline: PipelineData, data: DiagnosisData, diagnosis: Diag
         pipeline,
         "law",
         columns,
-        list(_smooth_term_rows(diagnosis.unexplained)),
+        laws,
         {"value": "SI", "law": "see column unit"},
         inputs,
     )

@@ -1,0 +1,258 @@
+"""Diagnosis of a steady bench: which of the catalogue's effects its rows show, and what they say beyond these."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from dataclasses import replace
+from typing import Any
+
+from pneucli.compare import overall_error
+from pneucli.diagnose.free_run_error import held_out_error, remaining_error_share, removed_error_share
+from pneucli.errors import InputError, did_you_mean
+from pneucli.identify.valve.flow_bench import FlowBench, compare_flow
+from pneucli.identify.valve.flow_findings import AREA_FINDINGS, bench_findings
+from pneucli.identify.valve.flow_hypotheses import FlowHypothesis, closed_paths, fit_hypothesis, leak_area
+from pneucli.messages.compare import GOOD_ERROR_RATIO
+from pneucli.messages.flow import (
+    base_model_warning,
+    effect_reason,
+    flow_finding,
+    flow_verdict,
+    next_rows,
+    other_characteristics,
+    other_shape,
+    undetermined_sentence,
+)
+from pneucli.messages.formatting import format_parameters
+from pneucli.messages.plausibility import implausibility_sentences
+from pneucli.messages.verdict import impossible_data_sentence, warning_text
+from pneucli.physics.declaration import Effect
+from pneucli.plausibility.repaired import impossible_findings
+from pneucli.stages import history
+from pneucli.stages.compare import purpose_answer
+from pneucli.stages.flow_bench import LEAK_PORT, RATIO_PORT, flow_bench, flow_results
+from pneucli.stages.pipeline_data import PipelineData
+from pneucli.stages.tables.diagnosis import SHAPE_FILE, write_flow_diagnosis
+
+Answer = dict[str, Any]
+MIN_GAIN = 12.0  # F of one parameter more: exceeded by chance in 1 of 1,000 with 15 rows and more
+MAX_ISO_SHARE = 0.9  # of the error with one critical ratio for all openings, that C, b and m of each leave
+MIN_CONFIDENCE = 0.999  # that this F stands for
+
+
+def diagnose_flow_only(study: PipelineData) -> Answer:
+    """Diagnose a pipeline that records steady benches alone; write the tables, return the answer of ``diagnose``.
+
+    Raises InputError where no row can be fitted, or an option needs a recording over time.
+    """
+    context = study.context
+    if context.options.get("since"):
+        wanted = "recordings over time, whose model a baseline keeps"
+        mend = "compare the parameters of both identify answers"
+        raise InputError("--since", "rows of a steady bench alone", wanted, mend)
+    for name in context.options.get("exclude", []):
+        if name not in study.available_effects:
+            mend = did_you_mean(name, study.available_effects)
+            raise InputError("--exclude", f'no effect "{name}"', "an effect of the catalogue", mend)
+    answer = flow_diagnosis(study)
+    assert answer is not None
+    write_flow_diagnosis(study, answer)
+    return answer | history.record_model(context, answer, SHAPE_FILE)
+
+
+def flow_diagnosis(study: PipelineData) -> Answer | None:
+    """Return the diagnosis of the steady benches of a pipeline; None where it records none."""
+    bench = flow_bench(study)
+    if bench is None:
+        return None
+    search = _Search(study, bench)
+    return search.answer()
+
+
+def _effect_at(port: str, effects: Iterable[Effect]) -> Effect | None:
+    """Return the first effect that acts at a port."""
+    return next((effect for effect in effects if port in effect.ports), None)
+
+
+class _Search:
+    """Adds the effects that a bench can show, the most significant one first."""
+
+    def __init__(self, study: PipelineData, bench: FlowBench) -> None:
+        self._study, self._bench = study, bench
+        self._present = {effect.name for effect in study.effects}
+        excluded = set(study.context.options.get("exclude", []))
+        can = {RATIO_PORT: any(p.b.determined for p in bench.paths), LEAK_PORT: bool(closed_paths(bench))}
+        self._shown = {port for port, shows in can.items() if shows}
+        self._by_port = {port: _effect_at(port, study.available_effects.values()) for port in can}
+        open_effects = [self._by_port[port] for port in can if port in self._shown]
+        self._open = [e.name for e in open_effects if e is not None and e.name not in self._present | excluded]
+        self._noise = {one.recording.name: one.noise for one in compare_flow(bench, study.flow_recordings)}
+        self._rows = sum(path.rows.flow.size for path in bench.paths)
+        self.added: list[str] = []
+        self.path = [self._fit(self._present)]
+        self._tried: dict[str, tuple[FlowHypothesis, FlowHypothesis]] = {}
+        self._run()
+
+    def _fit(self, effects: Sequence[str] | set[str]) -> FlowHypothesis:
+        has = {port for port, effect in self._by_port.items() if effect is not None and effect.name in effects}
+        return fit_hypothesis(self._bench, free_ratio=RATIO_PORT in has, leak=LEAK_PORT in has)
+
+    def _run(self) -> None:
+        while True:
+            now, best, most = self.path[-1], None, MIN_GAIN
+            for name in [n for n in self._open if n not in self.added]:
+                other = self._fit({*self._present, *self.added, name})
+                self._tried[name] = (now, other)
+                scale = max(other.cost / max(self._rows - other.free, 1), 1e-300)
+                if (gain := (now.cost - other.cost) / scale) > most:
+                    best, most = name, gain
+            if best is None:
+                return
+            self.added.append(best)
+            self.path.append(self._tried[best][1])
+
+    def errors(self, model: FlowHypothesis | None) -> dict[str, float | None]:
+        """Return the error of a model over noise by use; None: of C, b and m of each command."""
+        results = self._results(model)
+        return {use: overall_error(results, use) for use in ("train", "test")}
+
+    def _results(self, model: FlowHypothesis | None) -> Any:
+        bench = self._bench if model is None else model.bench(self._bench)
+        results = flow_results(compare_flow(bench, self._study.flow_recordings))
+        return [
+            replace(r, noise=self._noise[r.recording], ratio_to_noise=r.rmsd / self._noise[r.recording])
+            for r in results
+        ]
+
+    def answer(self) -> Answer:
+        """Return the answer of ``diagnose`` for the benches."""
+        study, context = self._study, self._study.context
+        forced = bool(context.options.get("force", False))
+        impossible = [] if forced else self._impossible()
+        errors = [self.errors(model) for model in self.path]
+        missing = [] if impossible else list(self.added)
+        left = self._left(errors[-1])
+        known = bool(self._shown)
+        verdict = self._verdict(missing, left, impossible=bool(impossible), known=known)
+        named = " and ".join(f"{n} ({format_parameters(self._parameters(n))})" for n in missing)
+        beyond = "" if left else self._beyond(errors[-1])
+        sentence = flow_verdict(held_out_error(errors[0]), held_out_error(errors[-1]), named, left, beyond)
+        if impossible:
+            sentence = impossible_data_sentence(impossible)
+        elif verdict == "inconclusive":
+            sentence = undetermined_sentence()
+        ladder = [
+            {"add": add, "error_train": e["train"], "error_test": e["test"]}
+            for add, e in zip([None, *self.added], errors, strict=True)
+        ]
+        shown = self.path[-1] if missing else self.path[0]
+        return {
+            **self._about(forced=forced),
+            "impossible": impossible,
+            "verdict": verdict,
+            "missing": missing,
+            "ladder": ladder if not impossible else ladder[:1],
+            "candidates": [self._candidate(e, missing) for e in study.available_effects.values() if self._is_open(e)],
+            "unexplained_share": remaining_error_share(errors[0], errors[-1]),
+            "explained_share": removed_error_share(errors[0], errors[-1]),
+            "purpose": purpose_answer(self._results(shown), context.config.compare.tolerance),
+            "next_experiment": next_rows(
+                ratio=RATIO_PORT not in self._shown, closed=LEAK_PORT not in self._shown and not known
+            ),
+            "sentence": sentence,
+        }
+
+    def _about(self, *, forced: bool) -> Answer:
+        """Return the keys of the answer that do not depend on the verdict."""
+        study, context = self._study, self._study.context
+        held_out = any(one.use == "test" for one in study.flow_recordings)
+        return {
+            "schema": "pneucli/diagnose/1",
+            "pipeline": context.config.name,
+            "model": {"effects": [e.name for e in study.effects]},
+            "data": study.data_digest,
+            "held_out": "apart" if held_out else "none",
+            "excluded": context.options.get("exclude", []),
+            "forced": forced,
+            "detectable": [],
+            "discrepancy": [],
+            "moved": [],
+            "unexplained": None,
+            "thinned": None,
+            "warnings": [base_model_warning(), *([] if held_out else [warning_text("no-held-out")])],
+            "plausibility": context.answers["ingest"]["plausibility"],
+            "parameters": {},
+        }
+
+    def _impossible(self) -> list[str]:
+        names = {one.name for one in self._study.flow_recordings}
+        found = impossible_findings(self._study.context.answers["ingest"]["plausibility"])
+        return implausibility_sentences([one for one in found if one["recording"] in names])
+
+    def _verdict(self, missing: Sequence[str], left: str, *, impossible: bool, known: bool) -> str:
+        if impossible or not (known or left):
+            return "inconclusive"
+        return "unexplained" if left else "missing-effect" if missing else "adequate"
+
+    def _left(self, last: dict[str, float | None]) -> str:
+        """Return what the rows say that no effect of the catalogue explains; empty where nothing is left."""
+        findings = list(bench_findings(self._bench))
+        for code, numbers in findings:
+            if code in AREA_FINDINGS or code == "curve-not-followed":
+                return flow_finding(code, **numbers)
+        error = held_out_error(last)
+        if error is None or error <= GOOD_ERROR_RATIO:
+            return ""
+        for code, numbers in findings:
+            return flow_finding(code, **numbers)
+        best = held_out_error(self.errors(None))
+        within = best is not None and best <= max(GOOD_ERROR_RATIO, MAX_ISO_SHARE * error)
+        return "" if within else other_shape(best)
+
+    def _beyond(self, last: dict[str, float | None]) -> str:
+        """Return how C, b and m of each opening describe what one critical ratio does not; empty where that does."""
+        error, best = held_out_error(last), held_out_error(self.errors(None))
+        if error is None or best is None or error <= GOOD_ERROR_RATIO or best > MAX_ISO_SHARE * error:
+            return ""
+        worst = max(self._bench.paths, key=lambda p: abs(p.m.value - 0.5) if p.m.determined else 0.0).m
+        return other_characteristics((worst.value, worst.low, worst.high), best)
+
+    def _is_open(self, effect: Effect) -> bool:
+        return effect.name not in self._present and effect.name not in self._study.context.options.get("exclude", [])
+
+    def _parameters(self, name: str) -> Answer:
+        effect = self._study.available_effects[name]
+        value, (low, high) = self._ratio() if RATIO_PORT in effect.ports else self._leak()
+        (parameter, *_) = effect.parameters
+        return {parameter.name: {"value": value, "unit": parameter.unit, "ci95": [low, high]}}
+
+    def _ratio(self) -> tuple[float, tuple[float, float]]:
+        model = next(one for one in reversed(self.path) if one.ratio_interval is not None)
+        assert model.ratio_interval is not None
+        return model.critical_ratio, model.ratio_interval
+
+    def _leak(self) -> tuple[float, tuple[float, float]]:
+        value, low, high = (float(one) for one in leak_area(self._bench))
+        return value, (low, high)
+
+    def _candidate(self, effect: Effect, missing: Sequence[str]) -> Answer:
+        name, tried = effect.name, self._tried.get(effect.name)
+        named = name in missing
+        before, after = (None, None) if tried is None else (held_out_error(self.errors(one)) for one in tried)
+        first = held_out_error(self.errors(self.path[0]))
+        why = f"{effect.title}. A steady bench cannot show it." if tried is None else None
+        return {
+            "effect": name,
+            "title": effect.title,
+            "error_before": first if tried is None else before,
+            "error_after": first if tried is None else after,
+            "parameters": self._parameters(name) if named else {},
+            "indistinguishable_from": [],
+            "supported": named,
+            "reason": "supported" if named else "cannot-show" if tried is None else "not-significant",
+            "confidence": MIN_CONFIDENCE if named else None,
+            "confidence_alone": MIN_CONFIDENCE if named else None,
+            "share": None,
+            "evidence": None,
+            "why": why or effect_reason(effect.title, named=named, before=before, after=after),
+        }
