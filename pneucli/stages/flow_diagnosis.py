@@ -37,7 +37,6 @@ from pneucli.stages.tables.diagnosis import SHAPE_FILE, write_flow_diagnosis
 Answer = dict[str, Any]
 MIN_GAIN = 12.0  # F of one parameter more: exceeded by chance in 1 of 1,000 with 15 rows and more
 MAX_ISO_SHARE = 0.9  # of the error with one critical ratio for all openings, that C, b and m of each leave
-MIN_CONFIDENCE = 0.999  # that this F stands for
 
 
 def diagnose_flow_only(study: PipelineData) -> Answer:
@@ -250,8 +249,8 @@ class _Search:
             "indistinguishable_from": [],
             "supported": named,
             "reason": "supported" if named else "cannot-show" if tried is None else "not-significant",
-            "confidence": MIN_CONFIDENCE if named else None,
-            "confidence_alone": MIN_CONFIDENCE if named else None,
+            "confidence": None,  # no exam has such rows
+            "confidence_alone": None,
             "share": None,
             "evidence": None,
             "why": why or effect_reason(effect.title, named=named, before=before, after=after),
