@@ -45,21 +45,23 @@ def named(answer: dict[str, Any], effect: str) -> dict[str, Any]:
 def test_an_o_rings_friction_grows_with_pressure(diagnosis: Diagnosis) -> None:
     """Described: 3.98 N at 1 bar, 7.98 N at 7 bar, so (1 + 7 g) / (1 + g) = 2 and g = 0.2 / bar.
 
-    Less the viscous part, 0.6 N at 10 mm/s, it is 0.24: the tolerance holds both. So much is left over the velocity
-    that it is not named: less likely than not, says the law of exams. It is told with what it explains.
+    Less the viscous part, 0.6 N at 10 mm/s, it is 0.24: the tolerance holds both. Each recording holds one pressure, so
+    a grouping by pressure leaves few groups: the interval contains absence, and the effect is told, but not named.
     """
     found = named(diagnosis("zillen-o-ring"), "pressure-friction")
-    assert (found["reason"], found["confidence"] < 0.5) == ("explained-by-unknown", True)
+    assert found["reason"] == "interval-contains-null"
     assert found["error_after"] < found["error_before"]
-    assert found["parameters"]["gain"]["value"] == pytest.approx((7.98 - 3.98) / (7 * 3.98 - 7.98), rel=0.25)
+    assert found["parameters"]["gain"]["value"] == pytest.approx((7.98 - 3.98) / (7 * 3.98 - 7.98), rel=0.3)
 
 
 def test_the_friction_of_emps_differs_by_direction(diagnosis: Diagnosis) -> None:
-    """Janot, Gautier, Brunot 2019: 166.7 N s/m forward, 240.4 back; the constant offset alone is worse."""
+    """Janot, Gautier, Brunot 2019: 166.7 N s/m forward, 240.4 back. What remains makes it about as probable as not."""
     answer = diagnosis("emps")
-    assert "friction-asymmetry" in answer["missing"]
-    share = named(answer, "friction-asymmetry")["parameters"]["viscous_asymmetry"]["value"]
-    assert share == pytest.approx((166.7 - 240.4) / (166.7 + 240.4), rel=0.02)
+    found = named(answer, "friction-asymmetry")
+    assert 0.3 < found["confidence"] < 0.7
+    parameter = found["parameters"]["viscous_asymmetry"]
+    assert parameter["value"] == pytest.approx((166.7 - 240.4) / (166.7 + 240.4), rel=0.02)
+    assert parameter["ci95"][1] < 0.0
     assert "constant-force" not in answer["missing"]
 
 
