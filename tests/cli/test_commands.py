@@ -100,7 +100,7 @@ def test_run_names_the_missing_effect_and_the_command_that_adds_it(pneucli: Comm
     out = pneucli("run", bench).out
     assert "error    2.00 × noise on test recordings\n" in out
     assert "found    The model lacks valve-leak." in out
-    assert f"do       pneucli add {bench} --suggested" in " ".join(out.splitlines())
+    assert f"do pneucli add {bench} --suggested" in " ".join(out.split())
 
 
 def test_verbose_shows_the_tables_behind_the_verdict(pneucli: Command, bench: Path) -> None:

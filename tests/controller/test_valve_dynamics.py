@@ -9,8 +9,9 @@ import pytest
 
 from pneucli.controller import layout as at
 from pneucli.controller import observers, plant, valve_dynamics
-from pneucli.design import bandwidths, effect_compensation
+from pneucli.design import effect_compensation
 from pneucli.design.cascade_design import design_cascade
+from pneucli.design.gains import ackermann_gains
 from pneucli.physics.effects import catalogue
 from tests.design import axis
 
@@ -93,7 +94,7 @@ def test_what_is_under_way_in_the_hose_is_looked_ahead_to() -> None:
 
 def test_an_observer_behind_a_lagging_sensor_has_the_poles_that_are_asked_for() -> None:
     forward, poles = np.array([[0.9, 0.1, 1e-4], [0.0, 1.0, 1e-3], [0.0, 0.0, 1.0]]), (0.8, 0.8, 0.95)
-    gains = np.array(bandwidths.ackermann_gains(forward, poles))
+    gains = np.array(ackermann_gains(forward, poles))
     left = (np.eye(3) - np.outer(gains, [1.0, 0.0, 0.0])) @ forward
     assert np.poly(left) == pytest.approx(np.poly(poles), rel=1e-6)
 
