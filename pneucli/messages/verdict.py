@@ -19,6 +19,8 @@ VALIDATION_PHRASES = {
     "none": "on the fitted recordings (none was held out)",
 }
 
+MIN_TOLD_PROBABILITY = 0.3  # of an effect that is not named: about one in four of those below 0.5 is present
+
 WARNINGS = {
     "cross-validated": 'no recording has use = "test": each is held out in turn, from a model fitted without it',
     "no-held-out": "no recording is held out: the findings rest on the fitted recordings alone",
@@ -70,7 +72,21 @@ def verdict_sentence(answer: Answer) -> str:
         return f"{_named_effects(answer)} {_remainder(answer)}"
     if answer["verdict"] == "adequate":
         return f"Nothing is missing that these recordings could show: {error}. {_remainder(answer)}"
-    return f"No effect of the catalogue explains these recordings: {error}. {_remainder(answer)}"
+    likeliest = _likeliest_effect(answer)
+    return f"No effect of the catalogue explains these recordings: {error}. {likeliest}{_remainder(answer)}"
+
+
+def _likeliest_effect(answer: Answer) -> str:
+    """Return the most probable effect that is not named, with what it explains; nothing where all are improbable."""
+    told = [c for c in answer["candidates"] if (c.get("confidence") or 0.0) >= MIN_TOLD_PROBABILITY]
+    if not told:
+        return ""
+    best = max(told, key=lambda c: c["confidence"])
+    before, after = (format_noise_ratio(best[key]) for key in ("error_before", "error_after"))
+    return (
+        f"The likeliest, {best['effect']} ({best['title'][:1].lower()}{best['title'][1:]}), is present with "
+        f"{100.0 * best['confidence']:.0f} % probability: with it the error goes from {before} to {after} × noise. "
+    )
 
 
 def _named_effects(answer: Answer) -> str:

@@ -66,6 +66,7 @@ ANSWERS = {
     "impossible": diagnosed("inconclusive", impossible=["run_1, x moves at 112 m/s; check [signals] x"]),
 }
 HELD_OUT = "× noise on recordings that were not fitted"
+DOUBTED = STRIBECK | {"supported": False, "confidence": 0.47, "error_after": 3.19}
 SMALL = "What is left does not exceed noise and parameter uncertainty"
 
 
@@ -154,3 +155,13 @@ def test_a_detection_limit_states_where_the_effect_acts() -> None:
 
 def test_warnings_state_their_numbers() -> None:
     assert warning_text("subsampled", used=10, samples=20).startswith("10 of 20 samples")
+
+
+@pytest.mark.parametrize(("confidence", "told"), [(0.47, True), (0.3, True), (0.29, False), (None, False)])
+def test_the_likeliest_effect_is_told_though_it_is_not_named(confidence: float | None, told: bool) -> None:
+    answer = diagnosed("unexplained", unexplained=REST)
+    weaker = LEAK | {"supported": False, "confidence": 0.01}
+    text = verdict_sentence(answer | {"candidates": [weaker, DOUBTED | {"confidence": confidence}]})
+    assert ("The likeliest, stribeck (stribeck friction), is present with" in text) == told
+    assert ("with it the error goes from 9.00 to 3.19 × noise" in text) == told
+    assert "piston-leak" not in text
