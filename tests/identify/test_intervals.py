@@ -28,12 +28,12 @@ def mean_of(residual: np.ndarray, blocks: np.ndarray) -> Fit:
     return Fit(fitted, (LEVEL,), estimates, left, np.ones((n, 1)), blocks, covariance, float(left @ left), ())
 
 
-def test_leaving_out_groups_of_equal_size_gives_the_variance_of_their_means() -> None:
+def test_groups_of_equal_size_give_the_variance_of_their_means() -> None:
     rng = np.random.default_rng(3)
     labels = np.repeat(np.arange(8), N // 8)
     found = mean_of(rng.standard_normal(N) + rng.standard_normal(8)[labels], np.arange(N) // 20)
     means = np.bincount(labels, found.residual) / (N / 8)
-    assert intervals._jackknife_variance(Groups(found, labels)) == pytest.approx(np.var(means, ddof=1) / 8, rel=1e-9)
+    assert intervals._bias_reduced_variance(Groups(found, labels)) == pytest.approx(np.var(means, ddof=1) / 8, rel=1e-9)
 
 
 def test_white_readings_keep_their_interval_and_a_function_of_position_widens_it() -> None:
@@ -85,7 +85,7 @@ def test_each_grouping_adds_what_it_shows() -> None:
 
 def test_a_direction_that_one_group_determines_keeps_that_group() -> None:
     found = mean_of(np.random.default_rng(1).standard_normal(N), np.arange(N) // 20)
-    assert np.isfinite(intervals._jackknife_variance(Groups(found, np.zeros(N, dtype=int)))).all()
+    assert np.isfinite(intervals._bias_reduced_variance(Groups(found, np.zeros(N, dtype=int)))).all()
     assert variance_inflation(found, iter([np.zeros(N, dtype=int)])) == pytest.approx(1.0)
 
 

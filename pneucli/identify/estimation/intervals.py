@@ -2,14 +2,14 @@
 
 A missing effect depends on something: position, speed, pressure, command or time. Blocks of time are then not
 independent, because the same error returns each time the piston passes the same place. The samples are therefore also
-grouped by each of these signals. A jackknife over these groups gives a variance of each parameter; its excess over the
-jackknife of blocks of time is added, for each grouping. Model error also moves a parameter by the part that all groups
-have in common, which no grouping shows: it is taken to be as large as what the groupings show, as far as the squared
-residuals exceed noise.
+grouped by each of these signals. A sandwich over these groups, with the bias reduction of Bell and McCaffrey, gives a
+variance of each parameter; its excess over that of blocks of time is added, for each grouping. Model error also moves
+a parameter by the part that all groups have in common, which no grouping shows: it is taken to be as large as what the
+groupings show, as far as the squared residuals exceed noise.
 
 References:
     Cameron, A. C., Gelbach, J. B. and Miller, D. L., J. Bus. Econ. Stat. 29 (2011) 238 (several groupings).
-    Bell, R. M. and McCaffrey, D. F., Survey Methodology 28 (2002) 169 (jackknife).
+    Bell, R. M. and McCaffrey, D. F., Survey Methodology 28 (2002) 169 (bias reduction).
 
 """
 
@@ -52,11 +52,6 @@ class Groups:
         """The curvature that each group gives, (G, k, k)."""
         return group_curvatures(self.fitted.jacobian, self.labels)
 
-    @cached_property
-    def count(self) -> int:
-        """How many groups have residuals."""
-        return int(np.count_nonzero(np.bincount(self.labels)))
-
 
 def with_intervals(fitted: Fit, residual_models: Sequence[ResidualModel]) -> Fit:
     """Widen covariance and intervals of a fit by the variance that model error causes.
@@ -89,10 +84,10 @@ def variance_inflation(fitted: Fit, groups: Iterator[Labels]) -> Array:
         The factor of each variance, at least 1, shape (k,).
 
     """
-    by_time, variance = _jackknife_variance(Groups(fitted, fitted.blocks)), np.diag(fitted.covariance)
+    by_time, variance = _bias_reduced_variance(Groups(fitted, fitted.blocks)), np.diag(fitted.covariance)
     shown = np.zeros(len(fitted.free))
     for labels in groups:
-        shown += np.maximum(_jackknife_variance(Groups(fitted, labels)) - by_time, 0.0)
+        shown += np.maximum(_bias_reduced_variance(Groups(fitted, labels)) - by_time, 0.0)
     added = (1.0 + _excess_variance_share(fitted)) * shown
     return np.asarray(1.0 + np.divide(added, variance, out=np.zeros_like(added), where=variance > 0.0))
 
@@ -145,15 +140,18 @@ def _residual_labels(residual_models: Sequence[ResidualModel], labels: Sequence[
     )
 
 
-def _jackknife_variance(groups: Groups) -> Array:
-    """Return the jackknife variance of each parameter (k,): squared one-step shifts with each group left out."""
+def _bias_reduced_variance(groups: Groups) -> Array:
+    """Return the variance of each parameter (k,) from the scores of groups, each over the root of 1 - leverage.
+
+    A fit follows the groups of high leverage, so their residuals are too small.
+    """
     root = _matrix_square_root(groups.fitted.inverse_hessian)
-    shift = np.zeros(len(root))
+    variance = np.zeros(len(root))
     for score, curvature in zip(groups.scores, groups.curvatures, strict=True):
-        share, axes = np.linalg.eigh(root.T @ curvature @ root)  # of what all data together know of a direction
-        step = axes.T @ (root.T @ score) / (1.0 - np.minimum(share, MAX_LEVERAGE))
-        shift += (root @ (axes @ step)) ** 2
-    return np.asarray(shift * (groups.count - 1) / groups.count)
+        leverage, axes = np.linalg.eigh(root.T @ curvature @ root)  # what of a direction this group determines
+        step = axes.T @ (root.T @ score) / np.sqrt(1.0 - np.minimum(leverage, MAX_LEVERAGE))
+        variance += (root @ (axes @ step)) ** 2
+    return variance
 
 
 def _matrix_square_root(matrix: Array) -> Array:
