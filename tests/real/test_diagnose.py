@@ -55,7 +55,7 @@ def test_an_o_rings_friction_grows_with_pressure(diagnosis: Diagnosis) -> None:
 
 
 def test_the_friction_of_emps_differs_by_direction(diagnosis: Diagnosis) -> None:
-    """Janot, Gautier, Brunot 2019: 166.7 N s/m forward, 240.4 back. What remains makes it about as probable as not."""
+    """Janot, Gautier, Brunot 2019: 166.7 N s/m forward, 240.4 back. What is left makes it about as probable as not."""
     answer = diagnosis("emps")
     found = named(answer, "friction-asymmetry")
     assert 0.3 < found["confidence"] < 0.7
