@@ -20,6 +20,7 @@ SLOW = {
     "foreign_rigs",
     "learning",
     "machine_logs",
+    "periods",
     "thesis_friction",
     "thesis_laws",
 }
