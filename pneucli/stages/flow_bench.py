@@ -11,12 +11,13 @@ import numpy as np
 from pneucli.compare.channel_errors import ChannelResult, channel_result
 from pneucli.errors import InputError
 from pneucli.identify.valve.flow_bench import FlowBench, FlowComparison, compare_flow, identify_flow_bench
-from pneucli.io.artifacts import TableWriter, write_table
+from pneucli.io.artifacts import TableWriter
 from pneucli.messages.flow import idle_effects_warning
 from pneucli.pipeline.context import NotApplicable
 from pneucli.quantities import SIGNALS
 from pneucli.stages.assumptions import assumed_values
 from pneucli.stages.pipeline_data import PipelineData
+from pneucli.stages.tables.correlation import write_parameters
 from pneucli.stages.tables.flow import flow_answer, flow_parameters, write_flow
 
 RATIO_PORT, LEAK_PORT = "critical_ratio", "leak_area"  # where effects act that rows of steady flow can show
@@ -43,15 +44,7 @@ def identify_flow_only(study: PipelineData) -> dict[str, Any]:
     bench = flow_bench(study)
     assert bench is not None
     out, provenance = study.context.out, study.provenance("ingest/signals.parquet")
-    rows = flow_parameters(bench)
-    name, value, unit, low, high = zip(*rows, strict=True)
-    write_table(
-        out / "parameters.parquet",
-        {"name": list(name), "value": value, "unit": list(unit), "ci_low": low, "ci_high": high},
-        units=dict.fromkeys(("value", "ci_low", "ci_high"), "see column unit"),
-        schema="pneucli/identify/parameters/1",
-        provenance=provenance,
-    )
+    write_parameters(flow_parameters(bench), out, provenance)
     write_flow(bench, out, provenance, valve_map=True)
     answer = flow_answer(bench)
     idle = [effect.name for effect in study.effects if not {RATIO_PORT, LEAK_PORT} & effect.ports.keys()]

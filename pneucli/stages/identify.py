@@ -20,7 +20,6 @@ from pneucli.identify.guesses.null_command import drifting_recordings
 from pneucli.identify.residuals import ResidualModel, with_channel_weights
 from pneucli.identify.valve import ValveIdentification, identify_valve, identify_valve_on_piston
 from pneucli.identify.valve.flow_bench import FlowBench
-from pneucli.io.artifacts import write_table
 from pneucli.messages.formatting import format_number
 from pneucli.messages.friction import friction_warning
 from pneucli.messages.identify import warning_text
@@ -33,7 +32,7 @@ from pneucli.stages.flow_bench import flow_bench, identify_flow_only
 from pneucli.stages.leak_answer import leak_answer, per_vessel_volume
 from pneucli.stages.model_file import save_model
 from pneucli.stages.pipeline_data import PipelineData
-from pneucli.stages.tables.correlation import write_parameter_relations
+from pneucli.stages.tables.correlation import write_parameter_relations, write_parameters
 from pneucli.stages.tables.flow import flow_answer, flow_parameters, write_flow
 from pneucli.stages.tables.friction import friction_answer, write_friction
 from pneucli.stages.tables.valve import iso_parameters, valve_answer, valve_findings, write_valves
@@ -191,14 +190,7 @@ def _write(
         write_flow(bench, out, provenance, valve_map=not valves)
     if friction is not None:
         write_friction(friction, out, provenance)
-    name, value, unit, low, high = zip(*rows, strict=True) if rows else ((),) * 5
-    write_table(
-        out / "parameters.parquet",
-        {"name": list(name), "value": value, "unit": list(unit), "ci_low": low, "ci_high": high},
-        units=dict.fromkeys(("value", "ci_low", "ci_high"), "see column unit"),
-        schema="pneucli/identify/parameters/1",
-        provenance=provenance,
-    )
+    write_parameters(rows, out, provenance)
 
 
 def parameters_answer(estimates: list[Estimate]) -> dict[str, Any]:

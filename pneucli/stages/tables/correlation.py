@@ -1,4 +1,4 @@
-"""What ``identify`` writes of parameters together: correlation, sensitivity, and how the fit went."""
+"""Tables of parameters that ``identify`` writes: values with intervals, correlation, sensitivity, and iterations."""
 
 from __future__ import annotations
 
@@ -12,6 +12,20 @@ from pneucli.identify.estimation.fit import Fit
 from pneucli.identify.estimation.progress import Iteration
 from pneucli.identify.residuals import ResidualModel
 from pneucli.io.artifacts import Provenance, write_table
+
+ParameterRow = tuple[str, float, str, float, float]  # name, value, unit, and the ends of the interval
+
+
+def write_parameters(rows: Sequence[ParameterRow], out: Path, provenance: Provenance) -> None:
+    """Write ``parameters``, a row for each parameter or characteristic."""
+    name, value, unit, low, high = zip(*rows, strict=True) if rows else ((),) * 5
+    write_table(
+        out / "parameters.parquet",
+        {"name": list(name), "value": value, "unit": list(unit), "ci_low": low, "ci_high": high},
+        units=dict.fromkeys(("value", "ci_low", "ci_high"), "see column unit"),
+        schema="pneucli/identify/parameters/1",
+        provenance=provenance,
+    )
 
 
 def write_parameter_relations(
