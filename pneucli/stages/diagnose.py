@@ -17,7 +17,7 @@ from pneucli.diagnose.free_run_error import FreeRunErrors, held_out_error, remai
 from pneucli.diagnose.score import FittedModel
 from pneucli.diagnose.subsample import MAX_SAMPLES
 from pneucli.diagnose.validity import lacks_p2
-from pneucli.errors import InputError, did_you_mean
+from pneucli.errors import InputError
 from pneucli.identify.estimation.fit import Fit
 from pneucli.identify.estimation.model_fit import fit_model
 from pneucli.identify.guesses.base_model import guess_base_model
@@ -137,12 +137,7 @@ def _diagnosis_data(pipeline: PipelineData) -> tuple[DiagnosisData, list[str]]:
     folds = () if test else folds_of(train)
     warnings = [] if test else [warning_text("cross-validated" if folds else "no-held-out")]
     warnings += unmeasured_p2_warnings(train)
-    excluded = pipeline.context.options.get("exclude", [])
-    for name in excluded:
-        if name not in pipeline.available_effects:
-            mend = did_you_mean(name, pipeline.available_effects)
-            raise InputError("--exclude", f'no effect "{name}"', "an effect of the catalogue", mend)
-    effects = {n: e for n, e in pipeline.available_effects.items() if n not in excluded}
+    effects = {n: e for n, e in pipeline.available_effects.items() if n not in pipeline.excluded_effects}
     steps = iter(range(1, 10_000))
 
     def progress(text: str) -> None:
@@ -168,7 +163,7 @@ def _answer(pipeline: PipelineData, data: DiagnosisData, found: Diagnosis, impos
         "model": {"effects": [e.name for e in pipeline.effects]},
         "data": pipeline.data_digest,
         "held_out": validation_method(data),
-        "excluded": pipeline.context.options.get("exclude", []),
+        "excluded": pipeline.excluded_effects,
         "forced": bool(pipeline.context.options.get("force", False)),
         "impossible": list(impossible),
         "verdict": found.verdict,

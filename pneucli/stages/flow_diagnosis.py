@@ -8,7 +8,7 @@ from typing import Any
 
 from pneucli.compare import overall_error
 from pneucli.diagnose.free_run_error import held_out_error, remaining_error_share, removed_error_share
-from pneucli.errors import InputError, did_you_mean
+from pneucli.errors import InputError
 from pneucli.identify.valve.flow_bench import FlowBench, compare_flow
 from pneucli.identify.valve.flow_findings import AREA_FINDINGS, bench_findings
 from pneucli.identify.valve.flow_hypotheses import FlowHypothesis, closed_paths, fit_hypothesis, leak_area
@@ -49,10 +49,6 @@ def diagnose_flow_only(study: PipelineData) -> Answer:
         wanted = "recordings over time, whose model a baseline keeps"
         mend = "compare the parameters of both identify answers"
         raise InputError("--since", "rows of a steady bench alone", wanted, mend)
-    for name in context.options.get("exclude", []):
-        if name not in study.available_effects:
-            mend = did_you_mean(name, study.available_effects)
-            raise InputError("--exclude", f'no effect "{name}"', "an effect of the catalogue", mend)
     answer = flow_diagnosis(study)
     assert answer is not None
     write_flow_diagnosis(study, answer)
@@ -79,7 +75,7 @@ class _Search:
     def __init__(self, study: PipelineData, bench: FlowBench) -> None:
         self._study, self._bench = study, bench
         self._present = {effect.name for effect in study.effects}
-        excluded = set(study.context.options.get("exclude", []))
+        excluded = set(study.excluded_effects)
         can = {RATIO_PORT: any(p.b.determined for p in bench.paths), LEAK_PORT: bool(closed_paths(bench))}
         self._shown = {port for port, shows in can.items() if shows}
         self._by_port = {port: _effect_at(port, study.available_effects.values()) for port in can}
@@ -171,7 +167,7 @@ class _Search:
             "model": {"effects": [e.name for e in study.effects]},
             "data": study.data_digest,
             "held_out": "apart" if held_out else "none",
-            "excluded": context.options.get("exclude", []),
+            "excluded": study.excluded_effects,
             "forced": forced,
             "detectable": [],
             "discrepancy": [],
@@ -217,7 +213,7 @@ class _Search:
         return other_characteristics((worst.value, worst.low, worst.high), best)
 
     def _is_open(self, effect: Effect) -> bool:
-        return effect.name not in self._present and effect.name not in self._study.context.options.get("exclude", [])
+        return effect.name not in self._present and effect.name not in self._study.excluded_effects
 
     def _parameters(self, name: str) -> Answer:
         effect = self._study.available_effects[name]

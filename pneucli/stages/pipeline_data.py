@@ -10,7 +10,7 @@ from typing import Literal
 
 from pneucli.config import join_faults, plugin_files
 from pneucli.diagnose.subsample import subsample
-from pneucli.errors import InputError
+from pneucli.errors import InputError, did_you_mean
 from pneucli.identify.guesses.command_timing import with_common_command_range, with_intersample_commands
 from pneucli.identify.guesses.null_command import with_identified_null
 from pneucli.identify.residuals import ResidualModel, residual_models
@@ -77,6 +77,16 @@ class PipelineData:
     def available_effects(self) -> dict[str, Effect]:
         """The catalogue and the user's own effects."""
         return all_effects(plugin_files(self.context.config))
+
+    @cached_property
+    def excluded_effects(self) -> list[str]:
+        """The names that ``--exclude`` lists; InputError where one is no effect."""
+        names: list[str] = self.context.options.get("exclude", [])
+        for name in names:
+            if name not in self.available_effects:
+                mend = did_you_mean(name, self.available_effects)
+                raise InputError("--exclude", f'no effect "{name}"', "an effect of the catalogue", mend)
+        return names
 
     @cached_property
     def effects(self) -> tuple[Effect, ...]:
