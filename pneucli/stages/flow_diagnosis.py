@@ -12,6 +12,8 @@ from pneucli.errors import InputError
 from pneucli.identify.valve.flow_bench import FlowBench, compare_flow
 from pneucli.identify.valve.flow_findings import AREA_FINDINGS, bench_findings
 from pneucli.identify.valve.flow_hypotheses import FlowHypothesis, closed_paths, fit_hypothesis, leak_area
+from pneucli.identify.valve.iso6358 import ELLIPSE_SUBSONIC_INDEX
+from pneucli.identify.valve.steady_flow import MIN_GAIN
 from pneucli.messages.compare import GOOD_ERROR_RATIO
 from pneucli.messages.flow import (
     base_model_warning,
@@ -35,7 +37,6 @@ from pneucli.stages.pipeline_data import PipelineData
 from pneucli.stages.tables.diagnosis import SHAPE_FILE, write_flow_diagnosis
 
 Answer = dict[str, Any]
-MIN_GAIN = 12.0  # F of one parameter more: exceeded by chance in 1 of 1,000 with 15 rows and more
 MAX_ISO_SHARE = 0.9  # of the error with one critical ratio for all openings, that C, b and m of each leave
 
 
@@ -209,7 +210,9 @@ class _Search:
         error, best = held_out_error(last), held_out_error(self.errors(None))
         if error is None or best is None or error <= GOOD_ERROR_RATIO or best > MAX_ISO_SHARE * error:
             return ""
-        worst = max(self._bench.paths, key=lambda p: abs(p.m.value - 0.5) if p.m.determined else 0.0).m
+        worst = max(
+            self._bench.paths, key=lambda p: abs(p.m.value - ELLIPSE_SUBSONIC_INDEX) if p.m.determined else 0.0
+        ).m
         return other_characteristics((worst.value, worst.low, worst.high), best)
 
     def _is_open(self, effect: Effect) -> bool:

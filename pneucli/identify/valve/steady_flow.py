@@ -25,7 +25,7 @@ from pneucli.quantities import Z95
 Array = NDArray[np.float64]
 
 BOUNDS = (np.array([-7.0, 0.0, 0.2]), np.array([7.0, 0.9, 1.5]))  # of log C from its start, of b, of m
-MIN_CRACKING_GAIN = 12.0  # F of one parameter more: exceeded by chance in 1 of 1,000 with 15 rows and more
+MIN_GAIN = 12.0  # F of one parameter more: exceeded by chance in 1 of 1,000 with 15 rows and more
 MIN_CRACKING_SHARE = 0.005  # of the upstream pressure: a smaller difference is one of the gauges' zeros
 MIN_CRACKING_ROWS = 5  # rows of a path from which a cracking pressure may be told
 NOISE_ROUNDS = 3  # fits, each with the noise law of the residuals before
@@ -100,7 +100,7 @@ def _select(rows: FlowRows, law: NoiseLaw) -> _Fit:
     best = min(tried, key=lambda one: one.cost)
     rest = max(rows.flow.size - 4, 1)
     gain = (plain.cost - best.cost) / max(best.cost / rest, 1e-300)
-    shows = gain > MIN_CRACKING_GAIN and best.z[3] > MIN_CRACKING_SHARE
+    shows = gain > MIN_GAIN and best.z[3] > MIN_CRACKING_SHARE
     return best if shows else plain
 
 
@@ -111,17 +111,17 @@ def _fit(rows: FlowRows, law: NoiseLaw, cracking: tuple[float, ...], *, abrupt: 
     start = np.array([np.log(_start_conductance(rows, at * scale)), *TYPICAL_B_M, at])
     free = (0, 1, 2, 3) if cracking and not abrupt else (0, 1, 2)
 
-    def residuals(x: Array) -> Array:
+    def at_coordinates(x: Array) -> tuple[Array, FlowCharacteristics]:
         z = start.copy()
         z[list(free)] = x
-        path = characteristics_at(np.array([*z[:3], z[3] * scale]), abrupt=abrupt)
+        return z, characteristics_at(np.array([*z[:3], z[3] * scale]), abrupt=abrupt)
+
+    def residuals(x: Array) -> Array:
+        z, path = at_coordinates(x)
         flow = iso_mass_flow(path, rows.upstream, rows.downstream, rows.temperature)
         return np.concatenate([(flow - rows.flow) / deviation, (z[1:3] - TYPICAL_B_M) / TYPICAL_B_M_SPREAD])
 
-    first = FlowCharacteristics(
-        float(np.exp(start[0])), float(TYPICAL_B_M[0]), float(TYPICAL_B_M[1]), at * scale, abrupt
-    )
-    deviation = flow_deviation(rows, first, law)
+    deviation = flow_deviation(rows, at_coordinates(start[list(free)])[1], law)
     shift = np.array([start[0], 0.0, 0.0])
     low, high = (np.append(end + shift, last)[list(free)] for end, last in zip(BOUNDS, (0.0, 0.95), strict=True))
     bounds = (low, high)
@@ -129,9 +129,7 @@ def _fit(rows: FlowRows, law: NoiseLaw, cracking: tuple[float, ...], *, abrupt: 
     for _ in range(2):  # the noise of a pressure moves the flow by the slope of the curve, which the fit finds
         found = least_squares(residuals, x, bounds=bounds, x_scale=np.array([0.1, 0.1, 0.1, 0.05])[list(free)])
         x = found.x
-        z = start.copy()
-        z[list(free)] = x
-        path = characteristics_at(np.array([*z[:3], z[3] * scale]), abrupt=abrupt)
+        z, path = at_coordinates(x)
         deviation = flow_deviation(rows, path, law)
     residual = residuals(x)
     jacobian = np.array([_slope(residuals, x, i, bounds) for i in range(x.size)]).T
