@@ -128,7 +128,7 @@ def examples(cases: Sequence[Case], *, complete: bool) -> list[Example]:
 
 def fitted(x: Array, y: Array) -> Array:
     """Return the weights (k,) of the penalised logistic model of features (n, k) and outcomes (n,)."""
-    penalty = np.array([0.0, *[RIDGE] * (x.shape[1] - 1)])
+    penalty = _penalty(x)
 
     def cost(w: Array) -> tuple[float, Array]:
         z = x @ w
@@ -140,8 +140,13 @@ def fitted(x: Array, y: Array) -> Array:
 
 def errors(x: Array, weights: Array) -> Array:
     """Return the standard errors (k,) of the weights, from the curvature of the penalised likelihood."""
-    p, penalty = expit(x @ weights), np.array([0.0, *[RIDGE] * (x.shape[1] - 1)])
-    return np.asarray(np.sqrt(np.diag(np.linalg.pinv(x.T @ (x * (p * (1.0 - p))[:, None]) + np.diag(penalty)))))
+    p = expit(x @ weights)
+    return np.asarray(np.sqrt(np.diag(np.linalg.pinv(x.T @ (x * (p * (1.0 - p))[:, None]) + np.diag(_penalty(x))))))
+
+
+def _penalty(x: Array) -> Array:
+    """Return the penalty (k,) of the weights of features (n, k); that of the constant is 0."""
+    return np.array([0.0, *[RIDGE] * (x.shape[1] - 1)])
 
 
 def by_other_worlds(x: Array, y: Array, world: NDArray[np.str_]) -> Array:

@@ -204,9 +204,9 @@ def posterior_probability(data: DiagnosisData, term: Term) -> float:
 def log_odds_among_equivalents(data: DiagnosisData, candidate: Candidate) -> float:
     """Return the log odds of a candidate against its equivalents.
 
-    All equivalents resemble the same unmodelled effect, and an effect
-    of more than its typical size is no more probable. The remaining free-run error counts as DISCREPANCY_READINGS
-    independent readings: a force balance contains few break-aways, and a trajectory depends on each of them.
+    All equivalents resemble the same unmodelled effect, and an effect of more than its typical size is no more
+    probable. The remaining free-run error counts as DISCREPANCY_READINGS independent readings: a force balance contains
+    few break-aways, and a trajectory depends on each of them.
     """
     evidence = collect_evidence(data, candidate.full, candidate, Term(candidate, ()), complete=False)
     own_evidence = evidence._replace(share=None, size=min(evidence.size, 1.0))
