@@ -15,11 +15,11 @@ from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.stats import t as student
 
 from pneucli.changes.baseline import Baseline
 from pneucli.changes.repeatability import NO_DRIFT, RESIDUAL_LEVEL, Repeatability
 from pneucli.diagnose.evidence import effective_degrees_of_freedom
+from pneucli.distributions import student_t_quantile, student_t_tail
 from pneucli.identify.estimation.least_squares import pseudo_inverse
 
 Array = NDArray[np.float64]
@@ -61,11 +61,11 @@ class HypothesisTest:
     @property
     def p_value(self) -> float:
         """The two-sided p value of the size."""
-        return float(2.0 * student.sf(abs(self.t_statistic), self.degrees_of_freedom))
+        return float(2.0 * student_t_tail(abs(self.t_statistic), self.degrees_of_freedom))
 
     def minimum_detectable_size(self, p_value: float) -> float:
         """Return the size from which the p value is below ``p_value``."""
-        return float(student.isf(0.5 * p_value, self.degrees_of_freedom)) * self.error
+        return -float(student_t_quantile(0.5 * p_value, self.degrees_of_freedom)) * self.error
 
 
 @dataclass(frozen=True)

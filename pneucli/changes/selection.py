@@ -11,10 +11,10 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.stats import chi2
 
 from pneucli.changes.baseline import baseline_at_fit
 from pneucli.changes.comparison import Comparison, Hypothesis, HypothesisTest
+from pneucli.distributions import chi_square_upper_quantile
 from pneucli.identify.estimation.fit import Fit
 from pneucli.identify.estimation.least_squares import pseudo_inverse
 from pneucli.identify.estimation.model_fit import fit_with_effect
@@ -84,10 +84,8 @@ class ChangeSelection:
     def _gain_is_significant(self, reduced: Hypotheses, extended: Hypotheses) -> bool:
         before, after = self.refit_cost(reduced), self.refit_cost(extended)
         gain = (before.cost - after.cost) / self.overdispersion(extended)
-        return bool(
-            np.isfinite(gain)
-            and gain > chi2.isf(self.significance_level, max(after.parameter_count - before.parameter_count, 1))
-        )
+        added = max(after.parameter_count - before.parameter_count, 1)
+        return bool(np.isfinite(gain) and gain > chi_square_upper_quantile(self.significance_level, added))
 
     def _candidates(self, selected: Hypotheses) -> list[Hypothesis]:
         """Return the most significant hypotheses given the selected ones, one of each name."""

@@ -7,7 +7,6 @@ from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.signal import welch
 
 from pneucli.caches import compiled
 from pneucli.closed_loop.simulation import Run
@@ -223,6 +222,8 @@ def _reversals(u: Array, threshold: float) -> int:
 
 def _chattering(u: Array, period: float) -> tuple[float, float]:
     """Return rms (V) and share of the variance of u above 50 Hz."""
+    from scipy.signal import welch  # noqa: PLC0415 - slow to import, and only closed loops have a spectrum
+
     frequency, power = welch(u, 1.0 / period, nperseg=min(1024, u.size))
     width, fast = frequency[1], frequency > CHATTERING_FREQUENCY
     total = float(np.sum(power) * width)

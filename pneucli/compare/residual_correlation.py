@@ -14,7 +14,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.signal import correlate
+from scipy.fft import irfft, next_fast_len, rfft
 
 from pneucli.compare.channel_errors import Comparison
 from pneucli.quantities import Z95
@@ -125,7 +125,11 @@ def _normalised(values: Array) -> Array | None:
 
 
 def _cross_correlation(first: Array, second: Array) -> Array:
-    return np.asarray(correlate(first, second, mode="full", method="fft"))
+    """Return the full cross-correlation of two series of n samples, at the lags 1 - n to n - 1."""
+    n = first.size
+    length = next_fast_len(2 * n - 1, real=True)
+    full = irfft(rfft(first, length) * np.conj(rfft(second, length)), length)
+    return np.concatenate([full[length - n + 1 :], full[:n]])
 
 
 def _at_lags(full: Array, lags: NDArray[np.int64]) -> Array:

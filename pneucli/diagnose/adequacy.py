@@ -2,15 +2,15 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.stats import chi2, norm
-from scipy.stats import t as student
 
 from pneucli.compare.error_regions import locator_signals
+from pneucli.distributions import chi_square_tail, normal_quantile, student_t_tail
 from pneucli.identify.estimation.blocks import block_labels
 from pneucli.identify.estimation.fit import MAX_DERIVATIVE, Fit
 from pneucli.identify.estimation.objective import LeastSquaresProblem
@@ -147,9 +147,10 @@ def _channel_lack_of_fit(
 
 def trimmed_rms(values: Array) -> float:
     """Return the rms without the TRIMMED_SHARE largest values, over that of a normal distribution trimmed alike."""
-    cut = float(norm.ppf(1.0 - TRIMMED_SHARE / 2.0))
+    cut = float(normal_quantile(1.0 - TRIMMED_SHARE / 2.0))
     kept = np.sort(values**2)[: max(int(values.size * (1.0 - TRIMMED_SHARE)), 1)]
-    normal = 1.0 - 2.0 * cut * float(norm.pdf(cut)) / (1.0 - TRIMMED_SHARE)  # variance of a normal cut at +-cut
+    density = math.exp(-0.5 * cut**2) / math.sqrt(2.0 * math.pi)
+    normal = 1.0 - 2.0 * cut * density / (1.0 - TRIMMED_SHARE)  # variance of a normal cut at +-cut
     return float(np.sqrt(np.mean(kept) / normal))
 
 
@@ -189,8 +190,8 @@ def binned_shape(variable: str, values: Array, residual: Array, blocks: NDArray[
 
 def _p_value(ratios: Array, freedom: Array) -> float:
     """Return the p value of means over standard errors that have so many degrees of freedom each."""
-    normal = norm.isf(np.maximum(student.sf(np.abs(ratios), freedom), 1e-300))
-    return float(chi2.sf(normal @ normal, normal.size))
+    normal = -normal_quantile(np.maximum(student_t_tail(np.abs(ratios), freedom), 1e-300))
+    return chi_square_tail(float(normal @ normal), normal.size)
 
 
 def bins_of(values: Array, max_bins: int) -> NDArray[np.int64]:

@@ -13,9 +13,8 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.stats import f as fisher
-from scipy.stats import t as student
 
+from pneucli.distributions import f_tail, student_t_tail
 from pneucli.identify.estimation.blocks import group_scores
 from pneucli.identify.estimation.fit import Fit
 from pneucli.identify.estimation.least_squares import pseudo_inverse
@@ -66,7 +65,7 @@ def score_gain(before: Array, after: Array) -> ScoreGain:
     resampled = fall[rng.integers(fall.size, size=(RESAMPLES, fall.size))].sum(axis=1)
     spread = float(np.std(fall, ddof=1) * np.sqrt(fall.size))
     freedom = effective_degrees_of_freedom(fall - fall.mean())
-    p_value = float(student.sf(total / max(spread, TINY), freedom))
+    p_value = float(student_t_tail(total / max(spread, TINY), freedom))
     return ScoreGain(total, float(np.quantile(resampled, 0.05)), p_value, freedom)
 
 
@@ -162,9 +161,7 @@ def wald_p_value(fit: Fit, effect: Effect, residual_models: Sequence[ResidualMod
     distance = wald_distance(fit, effect, residual_models)
     if distance is None:
         return float("nan")
-    chance = float(
-        fisher.sf(distance.squared / distance.parameter_count, distance.parameter_count, distance.degrees_of_freedom)
-    )
+    chance = f_tail(distance.squared / distance.parameter_count, distance.parameter_count, distance.degrees_of_freedom)
     return chance / (2.0 if distance.one_sided and distance.parameter_count == 1 else 1.0)
 
 

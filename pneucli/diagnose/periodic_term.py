@@ -7,7 +7,6 @@ from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.signal import lombscargle
 
 from pneucli.identify.residuals import ResidualModel
 from pneucli.simulate import layout as at
@@ -121,5 +120,7 @@ def _periodogram(x: Array, r: Array, span: float) -> Array:
 def _explained_squares(x: Array, r: Array, frequency: Array) -> Array:
     """Return the squares that a sine of each frequency (1/m) explains."""
     thinned = slice(None, None, max(x.size // MAX_SAMPLES, 1))
+    from scipy.signal import lombscargle  # noqa: PLC0415 - slow to import, and few residuals are periodic
+
     shares = lombscargle(x[thinned], r[thinned], 2.0 * np.pi * frequency, normalize=True)
     return np.asarray(shares * float(r @ r))

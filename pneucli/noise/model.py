@@ -6,6 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.linalg import solve_banded
 
 Array = NDArray[np.float64]
 
@@ -54,11 +55,11 @@ class NoiseModel:
         white = max(self.white, 0.0 if self.coloured or self.lines else self.rms)
         noise = white * rng.standard_normal(n)
         if self.coloured:
-            from scipy.signal import lfilter  # noqa: PLC0415 - slow to import, and most commands draw no noise
-
             innovations = np.sqrt(1 - self.pole**2) * rng.standard_normal(n)
             state = self.pole * rng.standard_normal()
-            noise += self.coloured * lfilter([1.0], [1.0, -self.pole], innovations, zi=[state])[0]
+            innovations[0] += state
+            recursion = np.vstack([np.ones(n), np.full(n, -self.pole)])  # y_k - pole y_(k-1) = innovation, by diagonals
+            noise += self.coloured * solve_banded((1, 0), recursion, innovations)
         for frequency, amplitude in self.lines:
             noise += amplitude * np.sin(2 * np.pi * (frequency * time + rng.random()))
         return np.asarray(noise, dtype=np.float64)

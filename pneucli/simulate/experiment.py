@@ -9,7 +9,6 @@ from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.signal import butter, sosfiltfilt
 
 from pneucli.experiments import Part
 from pneucli.noise import NoiseModel
@@ -229,6 +228,8 @@ class Experiment:
         nyquist = 0.5 / self.recording.period
         if self.low_pass is None or bandwidth_factor * self.low_pass >= nyquist:
             return values
+        from scipy.signal import butter, sosfiltfilt  # noqa: PLC0415 - slow to import, and few pipelines filter
+
         sections = butter(2, bandwidth_factor * self.low_pass / nyquist, output="sos")
         return np.asarray(sosfiltfilt(sections, values))
 

@@ -7,8 +7,8 @@ from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.stats import t as student_t
 
+from pneucli.distributions import student_t_quantile
 from pneucli.identify.friction.samples import MovingSamples
 from pneucli.quantities import Z95
 
@@ -69,4 +69,4 @@ def _bin(s: MovingSamples) -> tuple[float, float, float, float]:
     if blocks < MIN_BLOCKS:  # the sensors' noise alone, as if it were common to a block
         return float(np.mean(s.v)), mean, float(Z95 * np.mean(s.sigma) / np.sqrt(blocks)), n
     error = np.sqrt(blocks / (blocks - 1) * np.sum(sums**2)) / n
-    return float(np.mean(s.v)), mean, float(student_t.ppf(0.975, blocks - 1) * error), n
+    return float(np.mean(s.v)), mean, float(student_t_quantile(0.975, blocks - 1)) * error, n

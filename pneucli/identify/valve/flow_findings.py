@@ -9,8 +9,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import block_diag
-from scipy.stats import f as f_distribution
 
+from pneucli.distributions import f_tail
 from pneucli.identify.valve.flow_bench import FlowBench
 from pneucli.identify.valve.flow_path import FlowPath
 
@@ -171,7 +171,7 @@ def _offset(bench: FlowBench) -> tuple[float, FlowPath] | None:
     if freedom < 1:
         return None
     before, after = float(np.sum((residual - own @ without) ** 2)), float(np.sum((residual - columns @ found) ** 2))
-    chance = f_distribution.sf((before - after) / max(after / freedom, 1e-300), 1, freedom)
+    chance = f_tail((before - after) / max(after / freedom, 1e-300), 1, freedom)
     least = min(paths, key=lambda path: float(path.rows.flow.max()))
     share = float(found[0]) / float(least.rows.flow.max())
     return (share, least) if chance < MAX_CHANCE and abs(share) > MIN_OFFSET_SHARE else None

@@ -6,8 +6,8 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy.optimize import minimize_scalar
-from scipy.stats import t as t_distribution
 
+from pneucli.distributions import student_t_quantile
 from pneucli.identify.valve.flow_bench import FlowBench
 from pneucli.identify.valve.flow_path import FlowPath
 from pneucli.identify.valve.iso6358 import ELLIPSE_SUBSONIC_INDEX
@@ -71,7 +71,7 @@ def fit_hypothesis(bench: FlowBench, *, free_ratio: bool, leak: bool) -> FlowHyp
     )
     best = _at_ratio(bench, float(found.x), leak=leak)
     freedom = max(sum(path.rows.flow.size for path in bench.paths) - best.free - 1, 1)
-    limit = best.cost + max(best.cost / freedom, 1.0) * float(t_distribution.ppf(0.975, freedom)) ** 2
+    limit = best.cost + max(best.cost / freedom, 1.0) * float(student_t_quantile(0.975, freedom)) ** 2
     grid = np.linspace(*CRITICAL_RATIO_RANGE, 181)
     inside = [float(b) for b in grid if _at_ratio(bench, float(b), leak=leak).cost <= limit]
     ends = [best.critical_ratio, *inside]

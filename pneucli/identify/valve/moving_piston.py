@@ -7,8 +7,8 @@ from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.stats import t as student_t
 
+from pneucli.distributions import student_t_quantile
 from pneucli.errors import InputError
 from pneucli.identify.estimation.fit import Fit
 from pneucli.identify.guesses.chamber_balance import PRESSURE_SIGNALS, Chamber
@@ -203,7 +203,8 @@ def _cell_lack_of_fit(
     mean = (measured - modelled) / counts
     scatter = np.maximum(squares[0] - 2.0 * mean * squares[1] + mean**2 * squares[2], 0.0)
     degrees_of_freedom = np.maximum(visits - 1.0, 1.0)
-    half_interval = student_t.ppf(0.975, degrees_of_freedom) * np.sqrt(scatter * visits / degrees_of_freedom) / counts
+    error_of_sum = np.sqrt(scatter * visits / degrees_of_freedom)
+    half_interval = student_t_quantile(0.975, degrees_of_freedom) * error_of_sum / counts
     u, p = np.meshgrid(*(0.5 * (edge[1:] + edge[:-1]) for edge in edges), indexing="ij")
     error = model_gradient.standard_error(u, p, np.full(u.shape, area_model.supply))
     parts = (y.reshape(CELL_COUNTS) for y in (measured / counts, half_interval, covered, modelled / counts))

@@ -12,9 +12,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import least_squares
-from scipy.stats import f as f_distribution
-from scipy.stats import t as t_distribution
 
+from pneucli.distributions import f_tail, student_t_quantile
 from pneucli.identify.valve.flow_noise import NoiseLaw, fit_noise_law, flow_deviation
 from pneucli.identify.valve.flow_path import FlowParameter, FlowPath, characteristics_at, coordinates_of
 from pneucli.identify.valve.iso6358 import MAX_ERROR_RATIO, TYPICAL_B_M, TYPICAL_B_M_SPREAD
@@ -168,9 +167,9 @@ def _with_intervals(groups: Sequence[FlowRows], fits: Sequence[_Fit], law: Noise
     found = []
     for rows, one, known, own in zip(groups, fits, determined, degrees, strict=True):
         variance, freedom = pooled, total
-        if own and f_distribution.sf(one.cost / own / pooled, own, total) < MAX_CHANCE:
+        if own and f_tail(one.cost / own / pooled, own, total) < MAX_CHANCE:
             variance, freedom = one.cost / own, own
-        found.append(_path(rows, one, known, variance, float(t_distribution.ppf(0.975, freedom)), law))
+        found.append(_path(rows, one, known, variance, float(student_t_quantile(0.975, freedom)), law))
     return found
 
 

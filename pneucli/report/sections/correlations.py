@@ -7,8 +7,8 @@ from typing import Any
 
 import numpy as np
 from matplotlib.ticker import FuncFormatter, NullFormatter
-from scipy.stats import norm
 
+from pneucli.distributions import normal_quantile
 from pneucli.messages.formatting import format_number, format_setting, join_names
 from pneucli.quantities import CHANNELS, SIGNALS, Z95
 from pneucli.report.figure import BLUE, GREY, PALETTE, Drawing, drawing, figures, heat_map
@@ -124,7 +124,7 @@ def _residuals(material: ReportData) -> Iterator[Drawing]:
 
 def _of_many(lags: int) -> float:
     """Return the factor of the bound for the largest of many lags (Bonferroni)."""
-    return float(norm.ppf(1.0 - 0.025 / max(lags, 1)) / Z95)
+    return float(normal_quantile(1.0 - 0.025 / max(lags, 1)) / Z95)
 
 
 def _correlation(rows: Table, channel: Mapping[str, Any]) -> Drawing:
