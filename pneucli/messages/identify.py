@@ -21,6 +21,8 @@ ISO_COLUMNS = ("command", "C (ISO 6358)", "b", "m")
 FRICTION_COLUMNS = ("recording", "p1", "kinetic friction", "break-away")
 LITRES_PER_BAR = 1e8  # l/(s bar) in m^3/(s Pa)
 WARNINGS = {
+    "vessel-volume": "the recorded flow gives the vessel {value:.4g} cm^3 [{low:.4g}, {high:.4g}], the pipeline file "
+    "{stated:.4g} cm^3: check the volume, and the flow's unit and reference conditions",
     "at-stated-bound": (
         "{name} stands at its bound, which [model.parameters] may set: these recordings ask for more, or do not show it"
     ),

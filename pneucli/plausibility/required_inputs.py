@@ -125,10 +125,11 @@ VolumeKey = Literal["rig.dead_volume_1", "rig.dead_volume_2", "rig.vessel_volume
 
 
 def volumes_to_identify(recordings: Sequence[Recording], rig: Rig) -> tuple[VolumeKey, ...]:
-    """Return the volumes that the pipeline file leaves out and that motion or another volume identifies.
+    """Return the volumes that the recordings identify and that the pipeline file leaves out.
 
-    A dead volume shows as the piston moves; a vessel's volume with a cylinder that the same valve drives, or with
-    the flow into it. A vessel alone tells only ratios to its volume.
+    A dead volume shows as the piston moves; a vessel's volume with a cylinder that the same valve drives. A vessel
+    alone tells only ratios to its volume. A recorded flow into the vessel measures its volume, also where the file
+    states one.
     """
     driven = [one for one in recordings if one.kind.axis]
     found: list[VolumeKey] = []
@@ -137,6 +138,6 @@ def volumes_to_identify(recordings: Sequence[Recording], rig: Rig) -> tuple[Volu
     if rig.dead_volume_2 is None and any(_gas_enclosed_in_chamber_2(one, rig) and "p2" in one for one in driven):
         found.append("rig.dead_volume_2")
     vessels = [one for one in recordings if one.kind.vessel and not one.valve_shut]
-    if rig.vessel_volume is None and vessels and (driven or any("flow" in one for one in vessels)):
+    if vessels and (any("flow" in one for one in vessels) or (driven and rig.vessel_volume is None)):
         found.append("rig.vessel_volume")
     return tuple(found)

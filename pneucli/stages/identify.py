@@ -67,6 +67,7 @@ def run(context: Context) -> dict[str, Any]:
     estimates += fixed_parameters(found.model)
     warnings += _unused_prior_warnings(study, found.free)
     warnings += [_at_bound_warning(e.name, study.rig) for e in found.estimates if e.at_bound]
+    warnings += _volume_warnings(study.rig, found.estimates)
     friction = _identify_friction(study, model, warnings)
     _write(study, model, estimates, valves, friction, bench)
     answer = _answer(study, estimates, valves, friction, warnings) | leaks
@@ -78,6 +79,19 @@ def run(context: Context) -> dict[str, Any]:
 
 def _at_bound_warning(name: str, rig: Rig) -> str:
     return warning_text("at-stated-bound" if name in rig.priors else "at-default-bound", name=name)
+
+
+def _volume_warnings(rig: Rig, estimates: Sequence[Estimate]) -> list[str]:
+    """Return what to say where the stated volume of the vessel contradicts the recorded flow into it."""
+    found = next((e for e in estimates if e.name == "rig.vessel_volume"), None)
+    if found is None or rig.vessel_volume is None or found.ci95[0] <= rig.vessel_volume <= found.ci95[1]:
+        return []
+    volumes = (found.value, *found.ci95, rig.vessel_volume)
+    return [
+        warning_text(
+            "vessel-volume", **dict(zip(("value", "low", "high", "stated"), (1e6 * v for v in volumes), strict=True))
+        )
+    ]
 
 
 def _unused_prior_warnings(study: PipelineData, free: Sequence[FreeParameter]) -> list[str]:

@@ -81,3 +81,6 @@ def test_a_need_names_its_recordings_and_how_the_key_may_be_written() -> None:
 def test_a_recorded_flow_tells_the_volume_that_it_fills() -> None:
     metered = replace(VESSEL, signals=VESSEL.signals | {"flow": 1e-3 + TIME})
     assert volumes_to_identify([metered], Rig()) == ("rig.vessel_volume",)
+    assert volumes_to_identify([metered], Rig(vessel_volume=1e-4)) == (
+        "rig.vessel_volume",
+    )  # a stated one may be wrong
