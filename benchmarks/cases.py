@@ -1,4 +1,4 @@
-"""Cases of an exam that ``pneucli exam`` wrote, with their truths, ready to be fitted: what benchmarks share."""
+"""Cases with their truths, ready to be fitted: of an exam that ``pneucli exam`` wrote, or of a rig by other hands."""
 
 from __future__ import annotations
 
@@ -16,7 +16,9 @@ SEALED = ".sealed"
 
 
 def truths(exam: Path) -> Iterator[tuple[Path, dict[str, Any]]]:
-    """Yield the folder of each case and what is true of it."""
+    """Yield the folder of each case and what is true of it, sealed in an exam and beside the pipeline of a rig."""
+    for path in sorted(exam.glob("*/truth.json")):
+        yield path.parent, json.loads(path.read_text(encoding="utf-8"))
     for path in sorted((exam / SEALED).glob("case-*.json")):
         yield exam / path.stem, json.loads(path.read_text(encoding="utf-8"))
 

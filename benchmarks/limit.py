@@ -1,8 +1,10 @@
-"""What could any search name? Exams fitted with their true effects: ``python -m benchmarks.limit EXAM...``
+"""What could any search name? Cases fitted with their true effects: ``python -m benchmarks.limit FOLDER...``
 
-Nothing is searched: each case of an exam that ``pneucli exam`` wrote is fitted with the effects that it hides, and each
-of these is judged in its place beside the others, as a diagnosis does. An effect that is not likely even so explains
-too little of what the recordings show: no search that keeps to this law names it.
+A folder is an exam that ``pneucli exam`` wrote, or a rig: folders with ``pipeline.toml`` and ``truth.json``
+(:mod:`benchmarks.foreign_rigs`). Nothing is searched. Each case is fitted with the effects that it hides and those
+that the rig always has, and each hidden one is judged in the model with all of them, as a diagnosis does. An effect
+that is improbable or violates a hard constraint even so explains too little of what the recordings show: no search
+names it under these rules.
 """
 
 from __future__ import annotations
@@ -15,8 +17,12 @@ from typing import NamedTuple
 
 from benchmarks import small
 from benchmarks.cases import study_of, truths
+from benchmarks.foreign_rigs import CATALOGUE_NAMES, mild_names
 from pneucli.diagnose.adequacy import significant_lack_of_fit
 from pneucli.diagnose.calibration import MIN_NAMED_PROBABILITY, probability
+from pneucli.diagnose.candidate import Reason
+from pneucli.diagnose.constraints import violated_constraint
+from pneucli.diagnose.cross_validation import folds_of
 from pneucli.diagnose.data import DiagnosisData, lack_of_fit
 from pneucli.diagnose.decision import collect_evidence
 from pneucli.diagnose.equivalence import Term
@@ -26,18 +32,23 @@ from pneucli.diagnose.subsample import MAX_SAMPLES
 from pneucli.identify.estimation.fit import Fit
 from pneucli.identify.estimation.model_fit import fit_model, fit_with_effect
 from pneucli.identify.guesses.base_model import guess_base_model
-from pneucli.physics.effects import catalogue
 
-LIKELY = 0.9
+CERTAIN = 0.9
 
 
 class Row(NamedTuple):
-    """One true effect: of which case, how likely it is by what its recordings show, and what it leaves in its place."""
+    """One true effect of a case: its probability, the share of the cost that remains, and the violated constraint."""
 
     case: str
     effect: str
-    likely: float
+    probability: float
     left: float
+    violated: Reason | None
+
+    @property
+    def is_nameable(self) -> bool:
+        """Whether the rules of the diagnosis would name the effect."""
+        return self.violated is None and self.probability >= MIN_NAMED_PROBABILITY
 
 
 def fitted(bench: DiagnosisData, base: Fit, names: list[str]) -> Fit:
@@ -61,19 +72,27 @@ def rows(case: Path, truth: dict) -> Iterator[Row]:  # type: ignore[type-arg]
         bench = DiagnosisData(
             train,
             test,
-            catalogue(),
+            study.available_effects,
             modelled_parts=guess.valve.covers,
             free_run_errors=FreeRunErrors(study.experiments),
+            folds=() if test else folds_of(train),
         )
         base = fit_model(guess, train, study.effects)
-        names = [n for n in truth["hidden"] if bench.is_observable(catalogue()[n])]
+        hidden = [*truth["hidden"], *(CATALOGUE_NAMES[n] for n in truth.get("unknown", []) if n in CATALOGUE_NAMES)]
+        names = [n for n in [*hidden, *sorted(mild_names(truth) - set(hidden))] if n in bench.effects]
+        names = [
+            n for n in names if bench.is_observable(bench.effects[n]) and n not in bench.fitted_model(base).effect_names
+        ]
         last = bench.fitted_model(fitted(bench, base, names))
         left = significant_lack_of_fit(*lack_of_fit(bench, last)) or free_run_lack_of_fit(last.model, [*train, *test])
-        for effect in (catalogue()[n] for n in names):
+        for effect in (bench.effects[n] for n in names if n in hidden):
             (before,) = bench.refit_without(last, [effect])
-            place = Term(bench.candidate(before, last, effect), ())
-            found = collect_evidence(bench, last, place.candidate, place, complete=not left)
-            yield Row(case.name, effect.name, probability(found), found.left)
+            term = Term(bench.candidate(before, last, effect), ())
+            found = collect_evidence(bench, last, term.candidate, term, complete=not left)
+            violated = violated_constraint(
+                bench, term.candidate, measured_exclusively=term.is_measured_exclusively(bench)
+            )
+            yield Row(f"{case.parent.name} {case.name}", effect.name, probability(found), found.left, violated)
 
 
 def main(arguments: list[str]) -> None:
@@ -85,21 +104,22 @@ def main(arguments: list[str]) -> None:
         table([Path(name) for name in arguments])
 
 
-def table(exams: list[Path]) -> None:
-    """Print what could be named in the cases of the exams."""
+def table(folders: list[Path]) -> None:
+    """Print what could be named in the cases of the exams and rigs."""
     seen: list[Row] = []
-    for exam in exams:
-        for case, truth in truths(exam):
-            if truth["hidden"]:
+    for folder in folders:
+        for case, truth in truths(folder):
+            if truth["hidden"] or truth.get("unknown"):
                 seen += rows(case, truth)
                 print(case.name, len(seen), file=sys.stderr, flush=True)
-    for row in sorted(seen, key=lambda r: r.likely):
-        print(f"{row.case} {row.effect}: likely {row.likely:.2f}, leaves {row.left:.2f}")
-    cases = {r.case: [o.likely for o in seen if o.case == r.case] for r in seen}
-    named = sum(min(of_case) >= MIN_NAMED_PROBABILITY for of_case in cases.values())
+    for row in sorted(seen, key=lambda r: r.probability):
+        barred = "" if row.violated is None else f", {row.violated}"
+        print(f"{row.case} {row.effect}: probability {row.probability:.2f}, leaves {row.left:.2f}{barred}")
+    cases = {r.case: [o.is_nameable for o in seen if o.case == r.case] for r in seen}
     print(
-        f"{sum(r.likely >= MIN_NAMED_PROBABILITY for r in seen)} of {len(seen)} effects are likely, "
-        f"{sum(r.likely >= LIKELY for r in seen)} with {LIKELY:g} or more; all effects of {named} of {len(cases)} cases"
+        f"{sum(r.is_nameable for r in seen)} of {len(seen)} effects can be named, "
+        f"{sum(r.is_nameable and r.probability >= CERTAIN for r in seen)} at {CERTAIN:g} or more; "
+        f"all effects of {sum(map(all, cases.values()))} of {len(cases)} cases"
     )
 
 
