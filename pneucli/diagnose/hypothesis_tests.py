@@ -33,31 +33,39 @@ def passing_candidates(data: DiagnosisData, reduced: FittedModel, candidates: Se
 
 def _reason(data: DiagnosisData, reduced: FittedModel, candidate: Candidate, p_value: float) -> Reason:
     """Return why a candidate passes or fails. Its end location comes before its p value, which a bound distorts."""
-    required = min_relevant_reduction(*data.sensitive_cost(reduced, candidate.effect))
     failed: list[tuple[bool, Reason]] = [
         *violations_of_estimate(data, candidate),
         (not p_value < ALPHA, "at-bound" if at_any_bound(candidate) else "not-significant"),
-        (not candidate.train_gain.total > required, "immaterial"),
     ]
     reason = next((reason for fails, reason in failed if fails), None)
     if reason is not None:
         return reason
-    confirmed = (
-        candidate.test_gain.significant
-        or not data.has_held_out_data
-        or _rarely_shown(candidate, p_value)
-        or _falls_under_discrepancy(data, candidate)
-    )
-    return "supported" if confirmed else "not-on-held-out"
+    return _reason_of_cost(data, reduced, candidate, p_value)
 
 
-def _falls_under_discrepancy(data: DiagnosisData, candidate: Candidate) -> bool:
-    """Whether the held-out cost falls, though not for certain, and the model leaves an unmodelled effect.
+def _reason_of_cost(data: DiagnosisData, reduced: FittedModel, candidate: Candidate, p_value: float) -> Reason:
+    """Return whether the cost falls enough, on fitted and on held-out data.
 
-    In few recordings an unmodelled effect is as large as the candidate. The probability then depends on the remaining
-    residual (:mod:`pneucli.diagnose.calibration`), not on a test.
+    With an unmodelled effect present, most of the cost is that of the unmodelled effect, on held-out data as well, and
+    a present effect may hardly lower it. Then a clear fall of the free-run error is as good, no held-out confirmation
+    is required, and the probability decides (:mod:`pneucli.diagnose.calibration`).
     """
-    return candidate.test_gain.total > 0.0 and bool(significant_lack_of_fit(*lack_of_fit(data, candidate.full)))
+    material = candidate.train_gain.total > min_relevant_reduction(*data.sensitive_cost(reduced, candidate.effect))
+    confirmed = candidate.test_gain.significant or not data.has_held_out_data or _rarely_shown(candidate, p_value)
+    if material and confirmed:
+        return "supported"
+    if (material or _free_run_error_falls_clearly(data, candidate)) and _leaves_unmodelled_effect(data, candidate):
+        return "supported"
+    return "not-on-held-out" if material else "immaterial"
+
+
+def _free_run_error_falls_clearly(data: DiagnosisData, candidate: Candidate) -> bool:
+    """Whether there is a free-run error and it falls clearly."""
+    return data.free_run_errors is not None and data.free_run_error_falls_clearly(candidate.reduced, candidate.full)
+
+
+def _leaves_unmodelled_effect(data: DiagnosisData, candidate: Candidate) -> bool:
+    return bool(significant_lack_of_fit(*lack_of_fit(data, candidate.full)))
 
 
 def _rarely_shown(candidate: Candidate, p_value: float) -> bool:

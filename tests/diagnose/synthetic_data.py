@@ -48,6 +48,7 @@ class SyntheticData:
         residual_model = SimpleNamespace(experiment=SimpleNamespace(recording=SimpleNamespace(period=1e-3)))
         self.train, self.held_out = [residual_model], [residual_model] if more.get("held_out", True) else []
         self.has_held_out_data = bool(self.held_out)
+        self.free_run_errors = None
 
     def model_with(self, names: Sequence[str]) -> FittedModel:
         chosen = frozenset(names)

@@ -101,14 +101,30 @@ def test_a_gain_without_held_out_confirmation_is_refused():
 
 
 @pytest.mark.parametrize(
-    ("left", "fall", "said"),
-    [([MUCH], 90.0, "supported"), ([MUCH], -90.0, "not-on-held-out"), ([], 90.0, "not-on-held-out")],
+    ("left", "after", "said"),
+    [
+        ([MUCH], 4000.0, "supported"),
+        ([MUCH], 7999.0, "immaterial"),
+        ([], 4000.0, "not-on-held-out"),
+    ],
 )
-def test_with_an_unmodelled_effect_any_held_out_reduction_suffices(
-    monkeypatch: pytest.MonkeyPatch, left: list[LackOfFit], fall: float, said: str
+def test_with_an_unmodelled_effect_no_held_out_confirmation_is_required(
+    monkeypatch: pytest.MonkeyPatch, left: list[LackOfFit], after: float, said: str
 ):
     monkeypatch.setattr(hypothesis_tests, "lack_of_fit", lambda diagnosis_data, model_fit: (left, []))
-    assert reason("friction-asymmetry", ends=INSIDE, test=ScoreGain(fall, -100.0, 0.3, 30.0)) == said
+    assert reason("friction-asymmetry", after, ends=INSIDE, test=ScoreGain(-90.0, -100.0, 0.3, 30.0)) == said
+
+
+@pytest.mark.parametrize(("error", "said"), [(4.0, "supported"), (4.9, "immaterial")])
+def test_with_an_unmodelled_effect_a_clear_fall_of_the_free_run_error_suffices(
+    monkeypatch: pytest.MonkeyPatch, error: float, said: str
+):
+    """A bristle hardly changes the balance of forces, and decides when the piston breaks away."""
+    monkeypatch.setattr(hypothesis_tests, "lack_of_fit", lambda diagnosis_data, model_fit: ([MUCH], []))
+    tried = candidate("friction-asymmetry", 8000.0, ends=INSIDE, test=UNSURE)
+    data = diagnosis_data([(tried.reduced, 5.0, None), (tried.full, error, None)])
+    (decision,) = apply_tests(data, model_fit(), [tried])
+    assert decision.reason == said
 
 
 def test_folds_are_held_out_data():

@@ -226,8 +226,8 @@ def test_the_second_of_a_pair_has_the_best_score_given_the_first() -> None:
 
 
 def test_a_pair_is_fitted_in_one_order_only() -> None:
-    """Held-out data refuse b and c; beside each a promises most, and both were fitted beside a."""
-    synthetic = SyntheticData([A, B, C], adding(a=0.5, b=0.06, c=0.05), unseen=adding(a=0.5))
+    """b and c raise the error of the free run; beside each a promises most, and both were fitted beside a."""
+    synthetic = SyntheticData([A, B, C], adding(a=0.5, b=0.06, c=0.05), worse={"b", "c"})
     assert found(synthetic).added == ["a"]
     fitted = [frozenset(one) for one in synthetic.added_names]
     assert len(fitted) == len(set(fitted))
