@@ -6,7 +6,6 @@ import math
 from collections.abc import Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 
 from pneucli.diagnose.adequacy import LackOfFit, significant_lack_of_fit
 from pneucli.diagnose.calibration import MIN_NAMED_PROBABILITY, Evidence, probability
@@ -14,29 +13,16 @@ from pneucli.diagnose.candidate import Candidate, Decision, Reason
 from pneucli.diagnose.constraints import violated_constraint
 from pneucli.diagnose.data import DiagnosisData, lack_of_fit
 from pneucli.diagnose.equivalence import DISCREPANCY_READINGS, Term, nonparametric_rival
-from pneucli.diagnose.evidence import disagreement, relative_effect_size, significance
+from pneucli.diagnose.evidence import relative_effect_size, significance
 from pneucli.diagnose.free_run_error import removed_error_share
 from pneucli.diagnose.hypothesis_tests import passing_candidates
 from pneucli.diagnose.score import FittedModel
-from pneucli.identify.residuals import (
-    ChamberPressures,
-    ForceBalance,
-    ForceBalanceInferredP2,
-    ImposedMotion,
-    ResidualModel,
-)
 from pneucli.physics.declaration import Effect
 from pneucli.simulate.rig_quantities import rig_quantities
 
 DecisionWithEvidence = tuple[Decision, Evidence]
 
-LARGE_LACK_OF_FIT = 3.5  # times the expected rms: several unmodelled effects act
-MIN_SHARE_IF_LARGE = 0.25  # of the excess cost, under a large lack of fit
-MIN_SHARE = 0.95  # the same otherwise: an effect that resembles a single unmodelled one also leaves little
-MIN_SHARE_WITHOUT_HELD_OUT = 0.9  # the same without a held-out recording that could contradict it
-MAX_SHARE_LEFT_IN_OWN_CHANNELS = 0.5  # of the excess cost of channels that only this effect changes
 PROBABILITY_FLOOR = 1e-6  # a calibrated probability is no more certain than this
-MAX_DISAGREEMENT = 0.5  # of an effect's size: recordings that disagree by more do not show this effect
 
 
 def decide(
@@ -48,44 +34,17 @@ def decide(
 ) -> DecisionWithEvidence:
     """Return the decision about an added effect and its evidence.
 
-    An effect that probably only resembles an unmodelled one is not named, nor is one that violates a hard constraint
-    (:mod:`pneucli.diagnose.constraints`). Recordings without a calibration of the
-    probability use a fallback where something is ``unexplained``. ``term`` is the effect in the ``last`` model.
+    An effect that is more probably absent is not named, nor is one that violates a hard constraint
+    (:mod:`pneucli.diagnose.constraints`), or one that a smooth function of a signal explains better. ``term`` is the
+    effect in the ``last`` model.
     """
     evidence = collect_evidence(data, last, candidate, term, complete=not unexplained)
     reason: Reason = _violated_constraint(data, candidate, term) or "supported"
-    if reason == "supported" and not _is_probable(data, last, candidate, unexplained, term, evidence):
+    if reason == "supported" and probability(evidence) < MIN_NAMED_PROBABILITY:
         reason = "explained-by-unknown"
     if reason == "supported" and term is not None and _has_better_smooth_rival(data, term):
         reason = "explained-by-signal"
     return Decision(candidate.effect, reason, candidate), evidence
-
-
-def _is_probable(
-    data: DiagnosisData,
-    last: FittedModel,
-    candidate: Candidate,
-    unexplained: Sequence[LackOfFit],
-    term: Term | None,
-    evidence: Evidence,
-) -> bool:
-    """Whether an effect is more probably present than absent; without a calibration, whether it explains enough.
-
-    Of channels that nothing else can change, an effect has to explain more than remains.
-    """
-    if has_calibration(data, candidate.effect):
-        return probability(evidence) >= MIN_NAMED_PROBABILITY
-    if not unexplained:
-        return True
-    if term is not None and term.is_measured_exclusively(data):
-        return evidence.left < MAX_SHARE_LEFT_IN_OWN_CHANNELS
-    share, contradiction = (
-        explained_excess_cost(candidate.reduced, candidate.full),
-        disagreement_between_recordings(data, last, candidate.effect.name),
-    )
-    return predicts_point_force(candidate.effect, unexplained) and passes_fallback(
-        data, share, contradiction, unexplained
-    )
 
 
 def _has_better_smooth_rival(data: DiagnosisData, term: Term) -> bool:
@@ -149,27 +108,6 @@ def predicts_point_force(effect: Effect, unexplained: Sequence[LackOfFit]) -> bo
     return not (effect.is_set_valued and any(r.kind.predicts_force for r in unexplained))
 
 
-def has_calibration(data: DiagnosisData, effect: Effect) -> bool:
-    """Whether the probability is calibrated for such recordings.
-
-    The calibration has no recordings of a force alone, and always has held-out data.
-    """
-    return data.has_held_out_data and all(
-        type(residual_model) in (ChamberPressures, ForceBalance, ImposedMotion, ForceBalanceInferredP2)
-        for residual_model in data.train
-        if residual_model.is_sensitive_to(effect)
-    )
-
-
-def passes_fallback(data: DiagnosisData, share: float, disagreement: float, unexplained: Sequence[LackOfFit]) -> bool:
-    """Whether an effect explains enough where no calibration exists: nearly all, or a part of a large lack of fit."""
-    if disagreement > MAX_DISAGREEMENT and data.has_held_out_data:
-        return False
-    if not data.has_held_out_data:
-        return share > MIN_SHARE_WITHOUT_HELD_OUT
-    return share > MIN_SHARE or (share > MIN_SHARE_IF_LARGE and unexplained[0].ratio > LARGE_LACK_OF_FIT)
-
-
 def collect_evidence(
     data: DiagnosisData,
     last: FittedModel,
@@ -180,20 +118,10 @@ def collect_evidence(
 ) -> Evidence:
     """Return the evidence for a candidate's effect in the ``last`` model; ``complete``: that leaves only noise."""
     step = candidate if term is None else term.candidate
-    share = (
-        None
-        if data.free_run_errors is None
-        else removed_error_share(data.free_run_errors(step.reduced.model), data.free_run_errors(step.full.model))
-    )
-    remaining = 1.0 if term is None else term.remaining_share(data)
+    errors = data.free_run_errors
+    share = None if errors is None else removed_error_share(errors(step.reduced.model), errors(step.full.model))
     deviation, size = _significance_and_size(data, last, candidate.effect)
-    return Evidence(
-        share,
-        deviation,
-        size,
-        complete,
-        remaining,
-    )
+    return Evidence(share, deviation, size, complete, 1.0 if term is None else term.remaining_share(data))
 
 
 def posterior_probability(data: DiagnosisData, term: Term) -> float:
@@ -225,29 +153,3 @@ def _significance_and_size(data: DiagnosisData, fitted: FittedModel, effect: Eff
     by_blocks, of_intervals = (np.diag(f.covariance)[own] for f in (fitted.fit, data.with_intervals(fitted)))
     inflation = float(np.mean(of_intervals / by_blocks)) if np.all(by_blocks > 0.0) and any(own) else 1.0
     return significance(fitted.fit, effect, data.train) / math.sqrt(inflation), size
-
-
-def disagreement_between_recordings(data: DiagnosisData, fitted: FittedModel, name: str) -> float:
-    """Return the share of an effect's size by which recordings (or quarters of one) would change it."""
-    names = [residual_model.experiment.recording.name for residual_model in data.train]
-    single, recording_index = len(set(names)) == 1, np.unique(names, return_inverse=True)[1]
-    parts = [
-        _quarters(residual_model) if single else np.full(_residual_count(residual_model), i)
-        for residual_model, i in zip(data.train, recording_index, strict=True)
-    ]
-    return disagreement(fitted.fit, data.effects[name], np.concatenate(parts), data.train)
-
-
-def _residual_count(residual_model: ResidualModel) -> int:
-    return residual_model.experiment.time.size * len(residual_model.channels)
-
-
-def _quarters(residual_model: ResidualModel) -> NDArray[np.int64]:
-    """Return the quarter of the recording of each residual."""
-    n = residual_model.experiment.time.size
-    return np.tile(np.arange(n) * 4 // n, len(residual_model.channels))
-
-
-def explained_excess_cost(reduced: FittedModel, full: FittedModel) -> float:
-    """Return the share of the cost in excess of noise that a step removes, on fitted and held-out recordings."""
-    return (reduced.cost - full.cost) / max(reduced.cost - reduced.residual_count, 1e-9)

@@ -19,7 +19,6 @@ from pneucli.diagnose.decision import (
     DecisionWithEvidence,
     collect_evidence,
     decide,
-    has_calibration,
     log_odds_among_equivalents,
     retest_without_refused,
 )
@@ -186,10 +185,8 @@ def _confidence(
 
     ``shares`` has the likelihood shares of the named effects and their equivalents.
     """
-    confidence = {
-        d.effect.name: Confidence(*[presence_rate(d.reason)] * 2) for d in decisions if has_calibration(data, d.effect)
-    }
-    probabilities = {name: probability(evidence) for name, evidence in added.items() if name in confidence}
+    confidence = {d.effect.name: Confidence(*[presence_rate(d.reason)] * 2) for d in decisions}
+    probabilities = {name: probability(evidence) for name, evidence in added.items()}
     confidence |= {name: Confidence(p, p) for name, p in probabilities.items()}
     for name, share_by_effect in shares.items():
         if name in probabilities:

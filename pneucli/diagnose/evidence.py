@@ -177,32 +177,6 @@ def significance(fit: Fit, effect: Effect, residual_models: Sequence[ResidualMod
     return abs(first.value) / max(first.error, TINY) if first is not None else 0.0
 
 
-def disagreement(
-    fit: Fit, effect: Effect, recordings: NDArray[np.int64], residual_models: Sequence[ResidualModel] = ()
-) -> float:
-    """Return the share of its size by which single recordings would change the effect, as a root mean square.
-
-    ``recordings`` (N,) has the index of the recording of each residual. Each recording counts by its information about
-    the effect, after the other parameters have adjusted. Near 0 all recordings agree; near 1 they do not show this
-    effect.
-    """
-    rest = fit.jacobian[:, [not f.name.startswith(f"{effect.name}.") for f in fit.free]]
-    if effect.in_model_with(fit.model.effects) is effect:
-        change = fit.jacobian @ _offsets_from_null(fit, effect, without_null=1.0)
-    else:
-        change = -residual_change_without(fit, effect, residual_models)
-    change -= rest @ (pseudo_inverse(rest.T @ rest) @ (rest.T @ change))
-    information = np.bincount(recordings, change**2)
-    requested_change = (
-        np.bincount(recordings, change * fit.residual)[information > 0.0] / information[information > 0.0]
-    )
-    return (
-        float(np.sqrt(np.average(requested_change**2, weights=information[information > 0.0])))
-        if requested_change.size
-        else 0.0
-    )
-
-
 def offset_from_null(fit: Fit, effect: Effect) -> Array | None:
     """Return the offset of the coordinates (k,) from the absence of an effect; None without a finite null."""
     distance = _offsets_from_null(fit, effect, without_null=0.0)

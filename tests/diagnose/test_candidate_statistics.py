@@ -19,7 +19,6 @@ from pneucli.diagnose.diagnosis import ParameterShift, _parameter_shifts
 from pneucli.diagnose.equivalence import indistinguishable, not_inferior
 from pneucli.diagnose.evidence import (
     ScoreGain,
-    disagreement,
     effective_degrees_of_freedom,
     holm_adjusted,
     score_gain,
@@ -154,23 +153,6 @@ def test_without_a_null_the_significance_is_that_of_the_first_parameter() -> Non
     found = ended("heat-transfer", {"conductance": 0.6}, np.ones((N, 1)), np.ones(N))
     estimate = Estimate("heat-transfer.conductance", "W/K", 0.6, 0.1, (0.4, 0.8), False)
     assert significance(replace(found, estimates=(estimate,)), catalogue()["heat-transfer"]) == pytest.approx(6.0)
-
-
-@pytest.mark.parametrize("scale", [5.0, 40.0])
-def test_recordings_disagree_by_a_share_of_the_effects_size_whatever_its_scale(scale: float) -> None:
-    """One recording wants 20 N as they are, the other half as much again; the column is of one scale."""
-    force, halves = catalogue()["constant-force"], np.arange(N) // (N // 2)
-    found = ended("constant-force", {"force": 20.0}, np.full((N, 1), scale), halves * -0.5 * 20.0)
-    found = replace(found, free=(replace(found.free[0], scale=scale),))
-    assert disagreement(found, force, halves) == pytest.approx(0.5 / 2**0.5)
-
-
-def test_a_recording_without_information_does_not_disagree() -> None:
-    force, column = catalogue()["constant-force"], np.repeat([1.0, 0.0], N // 2)
-    found = ended("constant-force", {"force": 10.0}, column[:, None], np.repeat([0.0, 50.0], N // 2))
-    assert disagreement(found, force, np.arange(N) // (N // 2)) == 0.0
-    blind = replace(found, jacobian=np.zeros((N, 1)))
-    assert disagreement(blind, force, np.arange(N) // (N // 2)) == 0.0
 
 
 # --- states and trials

@@ -17,20 +17,14 @@ from pneucli.diagnose.data import DiagnosisData
 from pneucli.diagnose.decision import (
     collect_evidence,
     decide,
-    disagreement_between_recordings,
-    explained_excess_cost,
-    has_calibration,
-    passes_fallback,
     retest_without_refused,
 )
 from pneucli.diagnose.equivalence import Term
 from pneucli.diagnose.validity import has_unmeasured_force
-from pneucli.identify.residuals import ForceBalance, FreeRun, ImposedMotion
+from pneucli.identify.residuals import ForceBalance, ImposedMotion
 from pneucli.physics.effects import catalogue
 from tests.diagnose import candidates
 from tests.diagnose.candidates import candidate, diagnosis_data
-from tests.simulate.synthetic_experiments import make_experiment as recorded
-from tests.simulate.synthetic_experiments import time_grid
 
 STRONG = Evidence(share=0.98, significance=100.0, size=1.0, left=0.01)
 WEAK = Evidence(share=0.02, significance=2.0, size=0.1)
@@ -56,7 +50,6 @@ def judged(monkeypatch: pytest.MonkeyPatch) -> Any:
         violated: str | None = None,
         read: float | None = None,
         law: bool = False,
-        calibrated: bool = True,
     ) -> str:
         place = None if read is None else Term(TRIED, ())
         monkeypatch.setattr(DiagnosisData, "exclusive_channel_costs", lambda self, model_fit, effect: [(read, 100.0)])
@@ -66,7 +59,6 @@ def judged(monkeypatch: pytest.MonkeyPatch) -> Any:
             decision, "nonparametric_rival", lambda diagnosis_data, one: "a law" if law and one is place else None
         )
         left = [LackOfFit(ForceBalance, "force", 5.0, 5.0, ())] * unknown
-        monkeypatch.setattr(decision, "has_calibration", lambda diagnosis_data, effect: calibrated)
         found, rests_on = decide(diagnosis_data(), TRIED.full, TRIED, left, place)
         assert (found.effect, found.candidate) == (TRIED.effect, TRIED)
         assert rests_on == evidence._replace(complete=not unknown)
@@ -93,14 +85,6 @@ def test_an_exclusive_measurement_has_no_smooth_rival(judged: Any, unknown: bool
     assert judged(STRONG, unknown=unknown, read=200.0, law=True) == "supported"
 
 
-@pytest.mark.parametrize(("left", "reason"), [(0.4, "supported"), (0.6, "explained-by-unknown")])
-def test_without_a_calibration_an_effect_explains_more_of_its_own_channels_than_remains(
-    judged: Any, left: float, reason: str
-) -> None:
-    evidence = WEAK._replace(left=left)
-    assert judged(evidence, unknown=True, read=200.0, calibrated=False) == reason
-
-
 @pytest.mark.parametrize("unknown", [False, True])
 @pytest.mark.parametrize("evidence", [STRONG, WEAK])
 def test_no_probability_outweighs_a_hard_constraint(judged: Any, evidence: Evidence, unknown: bool) -> None:
@@ -117,50 +101,11 @@ def test_an_unmeasured_force_names_no_effect(unseen: bool) -> None:
     assert not has_unmeasured_force([], catalogue()["spring-force"])
 
 
-# --- where no exam tells
-
-
-@pytest.mark.parametrize(
-    ("share", "disagreement", "ratio", "held_out", "named"),
-    [
-        (0.70, 0.3, 5.0, True, True),  # 70 % taken, and much left: two things act
-        (0.70, 0.3, 2.0, True, False),  # 70 % taken, little left: what resembles one unknown does the same
-        (0.98, 0.3, 2.0, True, True),
-        (0.10, 0.3, 9.0, True, False),
-        (0.98, 0.6, 9.0, True, False),  # recordings want it changed by more than half
-        (0.80, 0.0, 9.0, False, False),  # nothing was held out to contradict it
-        (0.95, 0.6, 9.0, False, True),
-    ],
-)
-def test_the_fallback_requires_a_large_share_or_a_large_lack_of_fit(
-    share: float, disagreement: float, ratio: float, held_out: bool, named: bool
-) -> None:
-    left = [LackOfFit(ForceBalance, "force", ratio, ratio, ())]
-    assert passes_fallback(diagnosis_data(held_out=held_out), share, disagreement, left) == named
-
-
-@pytest.mark.parametrize(
-    ("kind", "held_out", "known"),
-    [(ForceBalance, True, True), (ImposedMotion, True, True), (FreeRun, True, False), (ForceBalance, False, False)],
-)
-def test_a_calibration_requires_held_out_data_and_a_known_residual_model(
-    kind: Any, held_out: bool, known: bool
-) -> None:
-    seen = kind(recorded("friction", time_grid(0.1), {"p1": 3e5, "p2": 3e5, "x": 0.1}))
-    where: Any = SimpleNamespace(train=[seen], has_held_out_data=held_out)
-    assert has_calibration(where, catalogue()["stribeck"]) == known
-
-
 # --- what it rests on
 
 
 def model_fit(squares: float, samples: int = 100, **more: Any) -> Any:
     return SimpleNamespace(cost=squares, residual_count=samples, **more)
-
-
-def test_the_explained_share_is_of_the_excess_cost() -> None:
-    assert explained_excess_cost(model_fit(300.0), model_fit(150.0)) == pytest.approx(0.75)
-    assert explained_excess_cost(model_fit(300.0), model_fit(350.0)) == pytest.approx(-0.25)
 
 
 def evidence(monkeypatch: pytest.MonkeyPatch, shown: Any, *, complete: bool = False, placed: bool = True) -> Evidence:
@@ -279,24 +224,6 @@ def test_a_size_above_typical_is_no_more_probable_among_equivalents(
     assert offset < force if less else offset == force
 
 
-def test_recordings_are_grouped_by_name(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Two views of ``b`` count as one recording; every channel has its residuals."""
-
-    def residual_model(name: str, n: int, *channels: str) -> Any:
-        experiment = SimpleNamespace(recording=SimpleNamespace(name=name), time=np.zeros(n))
-        return SimpleNamespace(experiment=experiment, channels=channels)
-
-    monkeypatch.setattr(
-        decision, "disagreement", lambda fit, effect, recordings, *_: (fit, effect.name, recordings.tolist())
-    )
-    where: Any = SimpleNamespace(
-        train=[residual_model("b", 2, "p1", "p2"), residual_model("a", 3, "p1"), residual_model("b", 1, "force")],
-        effects=catalogue(),
-    )
-    fit, name, recordings = disagreement_between_recordings(where, SimpleNamespace(fit="fit"), "extra-mass")  # type: ignore[misc, arg-type]
-    assert (fit, name, recordings) == ("fit", "extra-mass", [1] * 4 + [0] * 3 + [1])
-
-
 @pytest.mark.parametrize(
     ("moved", "passes", "named"),
     [
@@ -318,7 +245,6 @@ def test_a_named_effect_must_pass_without_the_refused_ones(
     monkeypatch.setattr(decision, "passing_candidates", lambda diagnosis_data, before, tried: tried if passes else [])
     there = STRONG if passes else WEAK
     monkeypatch.setattr(decision, "collect_evidence", lambda *_, complete: there._replace(complete=complete))
-    monkeypatch.setattr(decision, "has_calibration", lambda diagnosis_data, effect: True)
     rises = moved[1] > moved[0]
     monkeypatch.setattr(decision, "violated_constraint", lambda *_, **__: "raises-error" if rises else None)
     found = diagnosis_data()
@@ -355,7 +281,6 @@ def test_with_a_smooth_rival_the_residual_is_tested_again(
     )
     there = STRONG if likely else WEAK
     monkeypatch.setattr(decision, "collect_evidence", lambda *_, complete: there._replace(complete=complete))
-    monkeypatch.setattr(decision, "has_calibration", lambda diagnosis_data, effect: True)
     monkeypatch.setattr(decision, "violated_constraint", lambda *_, **__: None)
     monkeypatch.setattr(decision, "nonparametric_rival", lambda diagnosis_data, one: None)
     found = diagnosis_data([(neither, 10.0, 10.0), (alone, 5.0, 5.0)])

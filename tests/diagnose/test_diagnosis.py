@@ -79,7 +79,6 @@ class Diagnosed:
         monkeypatch.setattr(
             diagnosis, "log_odds_among_equivalents", lambda diagnosis_data, one: odds[0] if one is rival else odds[1]
         )
-        monkeypatch.setattr(diagnosis, "has_calibration", lambda diagnosis_data, effect: given.get("examined", True))
         monkeypatch.setattr(diagnosis, "describe_lack_of_fit", describe)
         self.sizes = [SimpleNamespace(typical=typical) for typical in given.get("typical", [True])]
         monkeypatch.setattr(

@@ -1,12 +1,9 @@
 """Evidence: blocks of correlated residuals feign nothing, families of tests are adjusted."""
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
 
 from pneucli.diagnose.evidence import (
-    disagreement,
     effective_degrees_of_freedom,
     holm_adjusted,
     offset_from_null,
@@ -105,17 +102,6 @@ def test_an_effect_that_vanishes_as_a_parameter_grows_is_tested_by_the_reciproca
     column = (np.arange(N) % 40 == 0) * sensitivity
     found = fitted(presliding, {"stiffness": 2e4, "damping": 50.0}, np.column_stack([column, np.zeros(N)]))
     assert (wald_p_value(found, presliding) < 1e-3) == seen
-
-
-def test_recordings_that_want_another_size_disagree():
-    """One recording wants it as it is, the other half as much again: the mean of 0 and 0.5, squared, is 0.35."""
-    force = catalogue()["constant-force"]
-    found = fitted(force, {"force": 10.0}, np.ones((N, 1)))
-    halves = np.arange(N) // (N // 2)
-    size = 10.0 / found.free[0].scale
-    assert disagreement(found, force, halves) < 0.05
-    other = replace(found, residual=found.residual - halves * 0.5 * size)
-    assert disagreement(other, force, halves) == pytest.approx(0.5 / np.sqrt(2), rel=0.1)
 
 
 def test_where_an_effect_is_absent_is_so_far_in_the_coordinates_of_the_fit():

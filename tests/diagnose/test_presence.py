@@ -9,10 +9,9 @@ from functools import cache
 from types import SimpleNamespace
 from typing import Any
 
-import numpy as np
 import pytest
 
-from pneucli.diagnose.evidence import disagreement, relative_effect_size, significance, wald_p_value
+from pneucli.diagnose.evidence import relative_effect_size, significance, wald_p_value
 from pneucli.diagnose.validity import end_locations
 from pneucli.identify.estimation.fit import Fit, parameter_estimates
 from pneucli.identify.estimation.model_fit import fit_model, fit_with_effect, score_tests
@@ -71,13 +70,6 @@ def test_its_size_is_what_it_changes_over_what_usual_values_would() -> None:
     assert 0.1 < relative_effect_size(after, HYSTERESIS, facts, views) < 1.0
     _, after, views = fitted(0.3)
     assert relative_effect_size(after, HYSTERESIS, facts, views) == pytest.approx(1.0, abs=0.6)
-
-
-def test_recordings_agree_about_a_switch() -> None:
-    _, after, views = fitted(0.0)
-    sizes = [view.experiment.time.size * len(view.channels) for view in views]
-    recordings = np.repeat(np.arange(len(views)), sizes)
-    assert disagreement(after, HYSTERESIS, recordings, views) < 0.2
 
 
 def test_where_both_branches_are_one_hysteresis_is_not_significant() -> None:
