@@ -9,8 +9,9 @@
     python -m benchmarks.calibration --answers OUT --rigs rigs/plc --rigs rigs/seal --rigs rigs/bench --real REAL A C
 
 estimated the model for residuals with an unmodelled effect. Each exam, each rig and the real recordings are a world;
-the printed log score and the reliability of a world are those of the model of all other worlds. An effect that a
-healthy rig has a little of counts as present. The weights are shrunk toward 0.
+the printed log score and the reliability of a world are those of the model of all other worlds. An effect of which a
+healthy rig has a little is left out: whether it is present is a matter of definition. The effects of a world are not
+independent, so a world counts as the square root of their number. The weights are shrunk toward 0.
 
 The model for white residuals rests on earlier exams:
 
@@ -46,13 +47,14 @@ from benchmarks.foreign_rigs import CATALOGUE_NAMES, mild_names
 from pneucli.diagnose.calibration import Evidence, probability
 from pneucli.exam.grading import graded_cases
 from pneucli.exam.reliability import BIN_EDGES
+from pneucli.quantities import Z95
 
 Array = NDArray[np.float64]
 RIDGE = 0.3  # of each weight but the constant
 SMALL_CASES = 30
 FEATURES = {
     True: ("significance", "relative_size", "free_run_share"),
-    False: ("significance", "relative_size", "remaining_share", "free_run_share"),
+    False: ("relative_size", "remaining_share", "free_run_share"),
 }
 # what was published of real recordings (README of the recordings): friction that grows with the pressure, a mean force
 # of 1.3 % of p A (scale of load cell or area), directions that differ
@@ -70,12 +72,13 @@ HARD_CONSTRAINTS = frozenset(
 
 
 class Case(NamedTuple):
-    """An answered case: its world and name, the effects of its rig, and the answer."""
+    """An answered case: its world and name, its effects, those of which it has a little, and the answer."""
 
     world: str
     name: str
     effects: frozenset[str]
     answer: Mapping[str, Any]
+    mild: frozenset[str] = frozenset()
 
 
 class Example(NamedTuple):
@@ -100,7 +103,8 @@ def rig_cases(rig: Path, answers: Path) -> Iterator[Case]:
         answer = json.loads(kept.read_text())["answer"] if kept.exists() else None
         if answer is not None:
             known = {CATALOGUE_NAMES[name] for name in truth["unknown"] if name in CATALOGUE_NAMES}
-            yield Case(rig.name, path.parent.name, frozenset({*truth["hidden"], *known} | mild_names(truth)), answer)
+            mild = frozenset(mild_names(truth))
+            yield Case(rig.name, path.parent.name, frozenset({*truth["hidden"], *known}), answer, mild)
 
 
 def real_cases(folder: Path) -> Iterator[Case]:
@@ -112,36 +116,46 @@ def real_cases(folder: Path) -> Iterator[Case]:
 def examples(cases: Sequence[Case], *, complete: bool) -> list[Example]:
     """Return the added effects of cases with a white residual (``complete``), or of the others.
 
-    An effect that violates a hard constraint needs no probability.
+    An effect that violates a hard constraint, or whose interval contains its null, needs no probability.
     """
     out = []
     for case in cases:
         for c in case.answer.get("candidates", []):
             if (found := c.get("evidence")) and c["reason"] not in HARD_CONSTRAINTS:
                 evidence = Evidence(**{n: v for n, v in found.items() if n in Evidence._fields})
-                present = bool(case.effects & {c["effect"], *c["indistinguishable_from"]})
-                out.append(
-                    Example(case.world, evidence._replace(complete=case.answer["verdict"] != "unexplained"), present)
-                )
+                names = {c["effect"], *c["indistinguishable_from"]}
+                present = bool(case.effects & names)
+                if evidence.significance < Z95 or (not present and case.mild & names):
+                    continue
+                evidence = evidence._replace(complete=case.answer["verdict"] != "unexplained")
+                out.append(Example(case.world, evidence, present))
     return [one for one in out if one.evidence.complete == complete]
 
 
-def fitted(x: Array, y: Array) -> Array:
-    """Return the weights (k,) of the penalised logistic model of features (n, k) and outcomes (n,)."""
-    penalty = _penalty(x)
+def counts(world: NDArray[np.str_]) -> Array:
+    """Return the count (n,) of each effect, n in all; a world counts as the square root of its number of effects."""
+    _, index, number = np.unique(world, return_inverse=True, return_counts=True)
+    count = number[index] ** -0.5
+    return np.asarray(count * world.size / count.sum())
+
+
+def fitted(x: Array, y: Array, world: NDArray[np.str_]) -> Array:
+    """Return the weights (k,) of the penalised logistic model of features (n, k), outcomes (n,) and worlds (n,)."""
+    penalty, count = _penalty(x), counts(world)
 
     def cost(w: Array) -> tuple[float, Array]:
         z = x @ w
-        value = float(np.sum(np.logaddexp(0.0, z) - y * z)) + 0.5 * float(penalty @ w**2)
-        return value, x.T @ (expit(z) - y) + penalty * w
+        value = float(count @ (np.logaddexp(0.0, z) - y * z)) + 0.5 * float(penalty @ w**2)
+        return value, x.T @ (count * (expit(z) - y)) + penalty * w
 
     return np.asarray(minimize(cost, np.zeros(x.shape[1]), jac=True, method="BFGS").x)
 
 
-def errors(x: Array, weights: Array) -> Array:
+def errors(x: Array, weights: Array, world: NDArray[np.str_]) -> Array:
     """Return the standard errors (k,) of the weights, from the curvature of the penalised likelihood."""
     p = expit(x @ weights)
-    return np.asarray(np.sqrt(np.diag(np.linalg.pinv(x.T @ (x * (p * (1.0 - p))[:, None]) + np.diag(_penalty(x))))))
+    curvature = x.T @ (x * (counts(world) * p * (1.0 - p))[:, None]) + np.diag(_penalty(x))
+    return np.asarray(np.sqrt(np.diag(np.linalg.pinv(curvature))))
 
 
 def _penalty(x: Array) -> Array:
@@ -155,7 +169,7 @@ def by_other_worlds(x: Array, y: Array, world: NDArray[np.str_]) -> Array:
     for one in np.unique(world):
         mine = world == one
         rest = ~mine if (~mine).any() else mine
-        p[mine] = expit(x[mine] @ fitted(x[rest], y[rest]))
+        p[mine] = expit(x[mine] @ fitted(x[rest], y[rest], world[rest]))
     return p
 
 
@@ -170,10 +184,10 @@ def estimate(name: str, found: Sequence[Example], *, complete: bool) -> None:
     if len(set(y)) < 2:
         return
     x = np.array([e.evidence.features for e in found])
-    p, weights = by_other_worlds(x, y, world), fitted(x, y)
+    p, weights = by_other_worlds(x, y, world), fitted(x, y, world)
     names = ("constant", *FEATURES[complete])
     print(f"{name}: {y.size} effects, {int(y.sum())} of them present")
-    for title, values in (("weights", weights), ("standard_errors", errors(x, weights))):
+    for title, values in (("weights", weights), ("standard_errors", errors(x, weights, world))):
         print(json.dumps({title: {n: round(float(v), 2) for n, v in zip(names, values, strict=True)}}))
     print(f"worlds left out one at a time: Brier {np.mean((p - y) ** 2):.3f}, log score {log_score(p, y):.3f}")
     for i, term in enumerate(FEATURES[complete], 1):

@@ -19,6 +19,7 @@ import numpy as np
 from pneucli.diagnose.candidate import Reason
 from pneucli.diagnose.evidence import RESAMPLES, SEED
 from pneucli.diagnose.score import FittedModel
+from pneucli.quantities import Z95
 
 CALIBRATION: Mapping[str, Any] = json.loads(files("pneucli.diagnose").joinpath("calibration.json").read_bytes())
 WEIGHTS_WHITE_RESIDUAL = tuple(CALIBRATION["weights"]["white_residual"].values())  # where only noise remains
@@ -28,8 +29,7 @@ PRESENCE_RATE_BY_REASON: Mapping[str, float] = CALIBRATION["presence_rate_by_rea
 PRESENCE_RATE_OTHER: float = CALIBRATION["presence_rate_other"]  # of all other reasons together
 
 MIN_NAMED_PROBABILITY = 0.5  # an effect with a lower probability is more probably absent and is not named
-MAX_RELATIVE_SIZE = 2.0  # times the typical size: an effect beyond it is no more probable
-MAX_SIGNIFICANCE = 100.0  # standard errors: an effect beyond it is no more probable
+MAX_RELATIVE_SIZE = 1.0  # times the typical size: an effect beyond it is no more probable
 
 
 class Evidence(NamedTuple):
@@ -54,11 +54,10 @@ class Evidence(NamedTuple):
         """The terms of the logistic model, each clipped to the range of the exams."""
         if self.complete:
             share = 0.5 if self.share is None else min(max(self.share, 0.02), 0.98)
-            size = _clipped_log10(self.size, 0.03, 1.0)
+            size = _clipped_log10(self.size, 0.03, MAX_RELATIVE_SIZE)
             return 1.0, _clipped_log10(self.significance, 1.0, 300.0), size, math.log(share / (1.0 - share))
         return (
             1.0,
-            _clipped_log10(self.significance, 1.0, MAX_SIGNIFICANCE),
             _clipped_log10(self.size, 0.03, MAX_RELATIVE_SIZE),
             _clipped_log10(self.left, 0.01, 1.0),
             _clipped_log10(1.0 - (self.share or 0.0), 0.01, 1.0),
@@ -70,7 +69,13 @@ def _clipped_log10(value: float, low: float, high: float) -> float:
 
 
 def probability(evidence: Evidence) -> float:
-    """Return the probability that an effect with this evidence, or one of its equivalents, is present."""
+    """Return the probability that an effect with this evidence, or one of its equivalents, is present.
+
+    With an unmodelled effect present, the significance decides only whether the interval contains the null: beyond
+    that it did not improve the probability in worlds left out.
+    """
+    if not evidence.complete and evidence.significance < Z95:
+        return presence_rate("interval-contains-null")
     weights = WEIGHTS_WHITE_RESIDUAL if evidence.complete else WEIGHTS_DISCREPANCY
     logit = sum(w * x for w, x in zip(weights, evidence.features, strict=True))
     return 1.0 / (1.0 + math.exp(-logit))
