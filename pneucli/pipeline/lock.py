@@ -3,35 +3,17 @@
 from __future__ import annotations
 
 import os
-import sys
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from pneucli.errors import InputError
 
+if TYPE_CHECKING:
+    from filelock import FileLock
+
 LOCK_FILE = ".lock"
-
-if sys.platform == "win32":
-    import msvcrt
-
-    def _lock(descriptor: int, wait: bool) -> None:
-        os.lseek(descriptor, 1 << 30, os.SEEK_SET)  # beyond the text, so that others can read the holder
-        while True:
-            try:
-                msvcrt.locking(descriptor, msvcrt.LK_LOCK if wait else msvcrt.LK_NBLCK, 1)
-            except OSError:  # LK_LOCK gives up after ten seconds
-                if not wait:
-                    raise
-            else:
-                return
-
-else:
-    import fcntl
-
-    def _lock(descriptor: int, wait: bool) -> None:
-        # lockf, not flock: a worker process that outlives a killed run does not inherit it
-        fcntl.lockf(descriptor, fcntl.LOCK_EX if wait else fcntl.LOCK_EX | fcntl.LOCK_NB)
 
 
 @contextmanager
@@ -39,33 +21,48 @@ def folder_lock(folder: Path, notify: Callable[[str], None]) -> Iterator[None]:
     """Hold the lock of ``folder``, which is created if necessary; ``notify`` receives the name of another holder.
 
     The operating system releases the lock of a dead process. Raises InputError where the folder cannot be created or
-    written to.
+    written to, or where the lock's place is taken by a file that pneucli did not write.
     """
+    from filelock import FileLock  # noqa: PLC0415 - it brings asyncio, and commands that run nothing need no lock
+
+    path = folder / LOCK_FILE
+    lock = FileLock(path)
     try:
         folder.mkdir(parents=True, exist_ok=True)
-        descriptor = os.open(folder / LOCK_FILE, os.O_RDWR | os.O_CREAT, 0o666)
+        _refuse_foreign_file(path)
+        _acquire(lock, path, notify)
     except OSError as error:
-        raise InputError(
-            str(folder), f"cannot write artifacts there: {error.strerror}", mend="name another folder with --out"
-        ) from error
+        mend = "name another folder with --out"
+        raise InputError(str(folder), f"cannot write artifacts there: {error.strerror}", mend=mend) from error
     try:
-        _acquire(descriptor, folder, notify)
         yield
     finally:
-        os.close(descriptor)
+        lock.release()
 
 
-def _acquire(descriptor: int, folder: Path, say: Callable[[str], None]) -> None:
+def _acquire(lock: FileLock, path: Path, notify: Callable[[str], None]) -> None:
+    from filelock import Timeout  # noqa: PLC0415
+
     try:
-        _lock(descriptor, wait=False)
-    except OSError:
-        owner = os.pread(descriptor, 32, 0).decode() if hasattr(os, "pread") else ""
-        say(f"waiting for another run{owner and f' (process {owner})'} in {folder}")
-        _lock(descriptor, wait=True)
-    os.lseek(descriptor, 0, os.SEEK_SET)
-    if not (found := os.read(descriptor, 32)).isdigit() and found:
+        lock.acquire(blocking=False)
+    except Timeout:
+        owner = _read(path)
+        notify(f"waiting for another run{owner and f' (process {owner})'} in {path.parent}")
+        lock.acquire()
+    with suppress(PermissionError):  # Windows keeps the file of a lock from being written
+        path.write_text(str(os.getpid()), encoding="ascii")
+
+
+def _refuse_foreign_file(path: Path) -> None:
+    if (found := _read(path)) and not found.isdigit():
         mend = "move it away, or name another folder with --out"
-        raise InputError(str(folder / LOCK_FILE), "a file that pneucli did not write", "the number of a process", mend)
-    os.ftruncate(descriptor, 0)
-    os.lseek(descriptor, 0, os.SEEK_SET)
-    os.write(descriptor, str(os.getpid()).encode())
+        raise InputError(str(path), "a file that pneucli did not write", "the number of a process", mend)
+
+
+def _read(path: Path) -> str:
+    """Return the begin of the lock's file; nothing where there is none, or where Windows keeps it from being read."""
+    try:
+        with path.open(encoding="utf-8", errors="replace") as file:
+            return file.read(32)
+    except (FileNotFoundError, PermissionError):
+        return ""
