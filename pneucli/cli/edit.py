@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -79,9 +78,10 @@ def _stage_answer(stage: str, file: Path, out: Path | None, quiet: bool) -> dict
 
 
 def _difference(before: Mapping[str, Any], after: Mapping[str, Any]) -> dict[str, Any]:
+    from pneucli.stages.diff import error_changes
+
     was, now = before["model"]["effects"], after["model"]["effects"]
     added = [name for name in now if name not in was]
-    earlier = _by_recording(before["channels"])
     return {
         "schema": "pneucli/edit/1",
         "pipeline": after["pipeline"],
@@ -90,18 +90,6 @@ def _difference(before: Mapping[str, Any], after: Mapping[str, Any]) -> dict[str
         "removed": [name for name in was if name not in now],
         "before": before["error"],
         "after": after["error"],
-        "recordings": [
-            {"recording": recording, "use": use, "before": earlier.get((recording, use)), "after": error}
-            for (recording, use), error in sorted(_by_recording(after["channels"]).items(), key=lambda i: i[0][1])
-        ],
+        "recordings": error_changes(before["channels"], after["channels"]),
         "parameters": {n: p for n, p in after["model"]["parameters"].items() if n.partition(".")[0] in added},
     }
-
-
-def _by_recording(channels: Sequence[Mapping[str, Any]]) -> dict[tuple[str, str], float | None]:
-    """Return the error of each recording over noise: the root mean square over its channels."""
-    squares: dict[tuple[str, str], list[float]] = {}
-    for c in channels:
-        ratio = c["ratio_to_noise"]
-        squares.setdefault((c["recording"], c["use"]), []).extend([] if ratio is None else [ratio**2])
-    return {key: math.sqrt(sum(of) / len(of)) if of else None for key, of in squares.items()}

@@ -15,6 +15,7 @@ _EXAMPLES = {
     "add": "pneucli add axis-7/pipeline.toml --suggested",
     "remove": "pneucli remove axis-7/pipeline.toml stribeck",
     "history": "pneucli history axis-7/pipeline.toml",
+    "diff": "pneucli diff axis-7/pipeline.toml axis-8/pipeline.toml",
     "run": "pneucli run axis-7/pipeline.toml",
     "open": "pneucli open axis-7/pipeline.toml",
     "check": "pneucli check axis-7/pipeline.toml",
