@@ -6,6 +6,7 @@ recordings. Two finished runs may have different models, and keep values and int
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 
@@ -39,7 +40,7 @@ def interval_difference(
         b_ci95: The ends of its 95 % interval.
 
     Returns:
-        The difference; None where an end of an interval is missing.
+        The difference; None where an end of an interval is missing or the interval of the difference is infinite.
 
     References:
         G. Y. Zou and A. Donner, Statistics in Medicine 27 (2008) 1693-1702 (method of variance estimates recovery).
@@ -52,6 +53,6 @@ def interval_difference(
         return None
     a_low, a_high, b_low, b_high = (float(end) for end in ends if end is not None)
     difference = b - a
-    below = ((b - b_low) ** 2 + (a_high - a) ** 2) ** 0.5
-    above = ((b_high - b) ** 2 + (a - a_low) ** 2) ** 0.5
-    return IntervalDifference(difference, difference - below, difference + above)
+    low = difference - math.hypot(b - b_low, a_high - a)
+    high = difference + math.hypot(b_high - b, a - a_low)
+    return IntervalDifference(difference, low, high) if math.isfinite(high - low) else None

@@ -36,3 +36,10 @@ def test_one_in_twenty_repeats_differs_beyond_the_intervals() -> None:
     draws = np.random.default_rng(5).normal(0.0, [1.0, 3.0], (4000, 2))
     found = [interval_difference(a, (a - Z95, a + Z95), b, (b - 3 * Z95, b + 3 * Z95)) for a, b in draws]
     assert np.mean([one is not None and one.beyond for one in found]) == pytest.approx(0.05, abs=0.01)
+
+
+def test_an_interval_that_is_practically_endless_tells_nothing() -> None:
+    found = interval_difference(1.0, (0.9, 1e300), 2.0, (1.9, 2.1))
+    assert found is not None
+    assert not found.beyond
+    assert interval_difference(0.0, (-1.7e308, 1.7e308), 1.0, (-1.7e308, 1.7e308)) is None
