@@ -16,6 +16,7 @@ _EXAMPLES = {
     "remove": "pneucli remove axis-7/pipeline.toml stribeck",
     "history": "pneucli history axis-7/pipeline.toml",
     "diff": "pneucli diff axis-7/pipeline.toml axis-8/pipeline.toml",
+    "plot": "pneucli plot axis-7/pipeline.toml stickslip_2 --channel x --save stickslip_2.svg",
     "run": "pneucli run axis-7/pipeline.toml",
     "open": "pneucli open axis-7/pipeline.toml",
     "check": "pneucli check axis-7/pipeline.toml",

@@ -16,6 +16,8 @@ import pyarrow.parquet as pq
 import tomlkit
 
 from pneucli.errors import InputError
+from pneucli.messages.formatting import format_percent
+from pneucli.notebook.overview import as_html, as_text
 from pneucli.notebook.run import Run, open_run
 from pneucli.quantities import SIGNALS
 
@@ -26,12 +28,23 @@ PIPELINE_NAME = "arrays"  # of the generated pipeline
 REQUIRED_KEYS = ("name", "experiment", "use")  # of every recording
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class Diagnosis:
     """The answer of ``pneucli diagnose --json``: verdict, missing effects, candidates and errors."""
 
     run: Run
     answer: Mapping[str, Any]
+
+    def __repr__(self) -> str:
+        return as_text(f"Diagnosis of {self.run.artifacts.name}", self._overview())
+
+    def _repr_html_(self) -> str:
+        return as_html(f"Diagnosis of {self.run.artifacts.name}", self._overview())
+
+    def _overview(self) -> list[tuple[str, str]]:
+        sure = [f"{name} {format_percent(share)}" for name, share in self.confidence.items() if share is not None]
+        rows = [("verdict", self.verdict), ("found", self.sentence)]
+        return [*rows, ("sure", ", ".join(sure))] if sure else rows
 
     @property
     def verdict(self) -> str:

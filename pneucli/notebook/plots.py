@@ -2,38 +2,30 @@
 
 from __future__ import annotations
 
-import io
 from collections.abc import Iterable, Sequence
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 import pandas as pd
-from matplotlib.axes import Axes
-from matplotlib.figure import Figure
-from numpy.typing import NDArray
 
-from pneucli.compare.channel_errors import fit_percent
 from pneucli.errors import InputError, did_you_mean
-from pneucli.messages.formatting import format_number, in_display_unit, unit_symbol
 from pneucli.notebook.data_frames import read_frame, select_rows
-from pneucli.quantities import SIGNALS
-from pneucli.report.figure import GREY, PALETTE, with_gaps
+from pneucli.notebook.ladder import ladder_steps
+from pneucli.notebook.panels import (
+    MODEL_LABEL,
+    PANEL_HEIGHT,
+    NotebookFigure,
+    canvas,
+    draw_models,
+    draw_residual,
+    thinned,
+    title,
+)
+from pneucli.report.figure import GREY, PALETTE
 from pneucli.stages import history
 
 if TYPE_CHECKING:
     from pneucli.notebook.run_data import RunData
-
-WIDTH, PANEL_HEIGHT = 8.0, 1.7  # inches
-MODEL_LABEL = "model"
-
-
-class NotebookFigure(Figure):
-    """A matplotlib figure that a notebook shows without pyplot; ``savefig`` writes it to a file."""
-
-    def _repr_png_(self) -> bytes:
-        into = io.BytesIO()
-        self.savefig(into, format="png", dpi=110)
-        return into.getvalue()
 
 
 class Plots:
@@ -41,6 +33,10 @@ class Plots:
 
     def __init__(self, run: RunData) -> None:
         self._run = run
+
+    def __repr__(self) -> str:
+        names = [name for name in vars(Plots) if not name.startswith("_")]
+        return f"figures of {self._run.artifacts.name}: {', '.join(f'.{name}()' for name in names)}"
 
     def recording(
         self, name: str, channels: Sequence[str] | None = None, compare_with: Iterable[RunData] = ()
@@ -60,6 +56,29 @@ class Plots:
         }
         return self._panels(name, channels, models)
 
+    def residuals(self, name: str, channels: Sequence[str] | None = None) -> NotebookFigure:
+        """Return a figure of a recording: for each channel measured and model, and below the residual.
+
+        The grey band is that of a correct model: twice the noise that ``compare`` states for the channel.
+
+        Args:
+            name: The recording.
+            channels: The channels; all by default.
+
+        """
+        answer = self._run.answer("compare")
+        table = self._run.residuals
+        wanted = _wanted_channels(table, name, channels)
+        figure, panels = canvas(2 * len(wanted), PANEL_HEIGHT * 0.9)
+        tables = [thinned(select_rows(table, {"recording": name, "channel": channel})) for channel in wanted]
+        for i, (channel, rows) in enumerate(zip(wanted, tables, strict=True)):
+            stated = next(c for c in answer["channels"] if (c["recording"], c["channel"]) == (name, channel))
+            draw_models(panels[2 * i], channel, {MODEL_LABEL: rows}, {MODEL_LABEL: stated["fit_percent"]})
+            draw_residual(panels[2 * i + 1], rows, stated["noise"], stated["ratio_to_noise"])
+        panels[-1].set_xlabel("time in s")
+        title(panels[0], name, tables)
+        return figure
+
     def models(self, name: str, channels: Sequence[str] | None = None) -> NotebookFigure:
         """Return a figure of a recording with every model that was compared on the same data, oldest first."""
         self._run.bring_up("compare")
@@ -78,21 +97,32 @@ class Plots:
         """Return a figure of dp/dt of the valve in bar/s over command in V and pressure in bar."""
         valve = self._run.valve if chamber == 1 else self._run.valve_2
         wide = valve.map.pivot_table(index="p", columns="u", values="p_gradient")
-        figure, (axes,) = _canvas(1, 3.6)
+        figure, (axes,) = canvas(1, 3.6)
         mesh = axes.pcolormesh(wide.columns, wide.index / 1e5, wide.to_numpy() / 1e5, cmap="viridis", shading="nearest")
         figure.colorbar(mesh, ax=axes, label="dp/dt in bar/s")
         axes.set(xlabel="valve command in V", ylabel=f"pressure of chamber {chamber} in bar")
         return figure
 
     def ladder(self) -> NotebookFigure:
-        """Return a figure of the error over noise after each added effect."""
-        table = self._run.ladder
-        names = [name or "present model" for name in table["add"]]
-        figure, (axes,) = _canvas(1, 0.9 + 0.35 * len(names))
+        """Return a figure of the error over noise of every model on the way, and of what the diagnosis would add.
+
+        The models that were compared on the same data come first, oldest first, as ``pneucli history`` lists them;
+        then, paler, the effects that the last diagnosis names.
+        """
+        steps = ladder_steps(self._run)
+        figure, (axes,) = canvas(1, 0.9 + 0.35 * len(steps))
         for i, use in enumerate(("test", "train")):
-            axes.barh(np.arange(len(names)) + 0.4 * i, table[f"error_{use}"], 0.36, label=use, color=PALETTE[i])
+            for at, step in enumerate(steps):
+                axes.barh(
+                    at + 0.4 * i,
+                    step.error[use] or np.nan,
+                    0.36,
+                    label=use if at == 0 else None,
+                    color=PALETTE[i],
+                    alpha=0.45 if step.suggested else 1.0,
+                )
         axes.axvline(1.0, color=GREY, linestyle="--")
-        axes.set_yticks(np.arange(len(names)) + 0.2, [name if i == 0 else f"+ {name}" for i, name in enumerate(names)])
+        axes.set_yticks(np.arange(len(steps)) + 0.2, [step.label for step in steps])
         axes.set(xlabel="error, × noise (1 is the noise floor)", xscale="log")
         axes.invert_yaxis()
         axes.legend(frameon=False)
@@ -101,7 +131,7 @@ class Plots:
     def correlation(self) -> NotebookFigure:
         """Return a figure of the correlation of the fitted parameters."""
         table = self._run.correlation
-        figure, (axes,) = _canvas(1, 1.5 + 0.22 * len(table))
+        figure, (axes,) = canvas(1, 1.5 + 0.22 * len(table))
         mesh = axes.imshow(table.to_numpy(), cmap="RdBu_r", vmin=-1, vmax=1)
         axes.set_xticks(range(len(table)), list(table.columns), rotation=90, fontsize=7)
         axes.set_yticks(range(len(table)), list(table.index), fontsize=7)
@@ -113,7 +143,7 @@ class Plots:
         table = self._run.table("compare/correlation")
         rows = _require_rows(select_rows(table, {"channel": channel}), "recording", name)
         others = list(dict.fromkeys(rows["against"]))
-        figure, panels = _canvas(len(others))
+        figure, panels = canvas(len(others))
         for axes, other in zip(panels, others, strict=True):
             one = select_rows(rows, {"against": other})
             axes.plot(one["lag"], one["correlation"], color=PALETTE[0])
@@ -123,23 +153,28 @@ class Plots:
         return figure
 
     def _panels(self, name: str, channels: Sequence[str] | None, models: dict[str, pd.DataFrame]) -> NotebookFigure:
-        first = _require_rows(next(iter(models.values())), "recording", name)
-        available = list(dict.fromkeys(first["channel"]))
-        for channel in channels or ():
-            _require_rows(first, "channel", channel)
-        wanted = [c for c in available if channels is None or c in channels]
-        figure, panels = _canvas(len(wanted))
+        wanted = _wanted_channels(next(iter(models.values())), name, channels)
+        figure, panels = canvas(len(wanted))
+        drawn: list[pd.DataFrame] = []
         for axes, channel in zip(panels, wanted, strict=True):
-            _draw(
-                axes, channel, {n: select_rows(t, {"recording": name, "channel": channel}) for n, t in models.items()}
-            )
+            rows = {n: select_rows(one, {"recording": name, "channel": channel}) for n, one in models.items()}
+            draw_models(axes, channel, rows)
+            drawn.extend(rows.values())
         panels[-1].set_xlabel("time in s")
-        panels[0].set_title(name, loc="left", fontsize=10)
+        title(panels[0], name, drawn)
         return figure
 
 
 def _model_label(effects: Sequence[str]) -> str:
     return "base + " + " + ".join(effects) if effects else "base"
+
+
+def _wanted_channels(table: pd.DataFrame, name: str, channels: Sequence[str] | None) -> list[str]:
+    """Return the channels of a recording, or those asked for; raises InputError where there is no such one."""
+    rows = _require_rows(table, "recording", name)
+    for channel in channels or ():
+        _require_rows(rows, "channel", channel)
+    return [c for c in dict.fromkeys(rows["channel"]) if not channels or c in channels]
 
 
 def _require_rows(table: pd.DataFrame, column: str, name: str) -> pd.DataFrame:
@@ -148,38 +183,3 @@ def _require_rows(table: pd.DataFrame, column: str, name: str) -> pd.DataFrame:
     if rows.empty:
         raise InputError(f"plot, {column}", f'"{name}" was not compared', mend=did_you_mean(name, set(table[column])))
     return rows
-
-
-def _canvas(panels: int, height: float = PANEL_HEIGHT) -> tuple[NotebookFigure, list[Axes]]:
-    figure = NotebookFigure(figsize=(WIDTH, max(panels * height, height) + 0.3), layout="constrained")
-    axes: Any = figure.subplots(panels, 1, sharex=True, squeeze=False)
-    found = [one for row in axes for one in row]
-    for one in found:
-        one.spines[["top", "right"]].set_visible(False)
-    return figure, found
-
-
-def _draw(axes: Axes, channel: str, models: dict[str, pd.DataFrame]) -> None:
-    unit = next(iter(models.values()))["unit"].iloc[0]
-    measured = next(iter(models.values()))
-    axes.plot(
-        measured["time"], _shown(measured["measured"], unit), color=GREY, linewidth=3, alpha=0.6, label="measured"
-    )
-    for i, (label, table) in enumerate(models.items()):
-        if table.empty:
-            continue
-        fit = fit_percent(table["measured"].to_numpy(), table["model"].to_numpy())
-        curve = with_gaps(_shown(table["model"], unit), table["segment"].to_numpy())
-        axes.plot(
-            table["time"],
-            curve,
-            color=PALETTE[(1 - i) % len(PALETTE)],
-            linewidth=1.1,
-            label=f"{label}: fit {format_number(fit, 3)} %",
-        )
-    axes.set_ylabel(f"{SIGNALS[channel].symbol} in {unit_symbol(unit)}")
-    axes.legend(frameon=False, fontsize=8)
-
-
-def _shown(values: pd.Series[Any], unit: str) -> NDArray[Any]:
-    return np.asarray(in_display_unit(values.to_numpy(), unit))

@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from pneucli.errors import InputError
+from pneucli.notebook.overview import as_html, as_text, run_overview
 from pneucli.notebook.run_data import RunData
 from pneucli.pipeline.graph import STAGES
 from pneucli.pipeline.manifest import MANIFEST_FILE
@@ -54,9 +55,15 @@ def open_pipeline_of(path: Path, out: Path | None = None) -> Pipeline:
     return open_pipeline(path, load, out)
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class Run(RunData):
     """Artifacts as DataFrames, answers as dictionaries, figures, and the identified model."""
+
+    def __repr__(self) -> str:
+        return as_text(f"Run {self.artifacts.name}", run_overview(self.artifacts))
+
+    def _repr_html_(self) -> str:
+        return as_html(f"Run {self.artifacts.name}", run_overview(self.artifacts))
 
     @property
     def plot(self) -> Plots:

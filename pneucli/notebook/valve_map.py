@@ -10,13 +10,15 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy.interpolate import RegularGridInterpolator
 
+from pneucli.messages.formatting import format_quantity
+
 if TYPE_CHECKING:
     import pandas as pd
 
 Array = NDArray[np.float64]
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class ValveMap:
     """The valve map of one chamber: ``map`` and ``inverse`` are the artifacts, each a full grid.
 
@@ -26,6 +28,15 @@ class ValveMap:
 
     map: pd.DataFrame
     inverse: pd.DataFrame
+
+    def __repr__(self) -> str:
+        u, p, gradient = (self.map[name] for name in ("u", "p", "p_gradient"))
+        return (
+            f"ValveMap: {u.min():g} to {u.max():g} V ({u.nunique()} commands), "
+            f"{format_quantity(p.min(), 'Pa', 3)} to {format_quantity(p.max(), 'Pa', 3)} ({p.nunique()} pressures), "
+            f"dp/dt {format_quantity(gradient.min(), 'Pa/s', 3)} to {format_quantity(gradient.max(), 'Pa/s', 3)}; "
+            "ask .dp_dt(u, p), .command(dp_dt, p), .reachable(dp_dt, p)"
+        )
 
     def dp_dt(self, u: ArrayLike, p: ArrayLike) -> Array:
         """Return dp/dt in Pa/s at commands ``u`` (V, as they go to the valve) and pressures ``p`` (Pa, absolute).

@@ -13,6 +13,7 @@ import pytest
 
 import pneucli
 from pneucli.io.artifacts import read_table
+from pneucli.notebook import overview
 
 
 @pytest.mark.parametrize(
@@ -120,3 +121,22 @@ def test_the_packages_of_the_same_name_are_found_and_called() -> None:
     assert {"open", "simulate", "diagnose", "from_arrays"} <= set(dir(pneucli))
     with pytest.raises(AttributeError, match="no attribute 'nothing'"):
         pneucli.nothing  # noqa: B018
+
+
+def test_a_run_shows_itself_at_a_glance(axis: pneucli.Run, valve: pneucli.Run) -> None:
+    axis.bring_up("compare")
+    text = repr(axis)
+    assert "model       base" in text
+    assert "× noise on test recordings" in text
+    assert "driven_2" in text
+    assert "<table>" in axis._repr_html_()
+    assert repr(valve.valve).startswith("ValveMap: -10 to 10 V")
+    assert ".residuals()" in repr(axis.plot)
+
+
+def test_names_in_an_overview_are_escaped() -> None:
+    assert "<b>" not in overview.as_html("Run <b>", [("recordings", "<b>")])
+
+
+def test_an_empty_folder_has_an_overview(tmp_path: Path) -> None:
+    assert "none has run" in overview.as_text("Run", overview.run_overview(tmp_path))
