@@ -21,24 +21,30 @@ def read_toml(path: Path) -> tuple[str, dict[str, Any]]:
         return text, tomllib.loads(text)
     except tomllib.TOMLDecodeError as error:
         place = str(error).replace("end of document", f"the end, line {text.count(chr(10)) + 1}")
-        raise InputError(str(path), f"not valid TOML: {place}", "a TOML file", "see https://toml.io") from error
+        raise InputError(
+            str(path), f"not valid TOML: {place}", "a TOML file", "see https://toml.io", code="E020"
+        ) from error
     except RecursionError as error:
         depths = [line.count("[") + line.count("{") for line in text.splitlines()]
         where = f"{path}, line {1 + depths.index(max(depths))}"
-        raise InputError(where, "lists in lists without end", "at most a few", "mend that line") from error
+        raise InputError(where, "lists in lists without end", "at most a few", "mend that line", code="E020") from error
 
 
 def _text(path: Path) -> str:
     wanted = "a pipeline file (TOML)"
     try:
         if path.exists() and not path.is_file():
-            raise InputError(str(path), "a folder, a pipe or a device", wanted, "name the file itself")
+            raise InputError(str(path), "a folder, a pipe or a device", wanted, "name the file itself", code="E003")
         return path.read_text(encoding="utf-8-sig")
     except FileNotFoundError as error:
         mend = 'check the path, or write a new pipeline with "pneucli init"'
-        raise InputError(str(path), "cannot be read: no such file", wanted, mend) from error
+        raise InputError(str(path), "cannot be read: no such file", wanted, mend, code="E002") from error
     except OSError as error:
-        raise InputError(str(path), f"cannot be read: {error.strerror}", wanted, "check the path") from error
+        raise InputError(
+            str(path), f"cannot be read: {error.strerror}", wanted, "check the path", code="E003"
+        ) from error
     except UnicodeDecodeError as error:
         where = f"{path}, line {1 + error.object.count(10, 0, error.start)}"
-        raise InputError(where, f"not UTF-8 at byte {error.start}", "UTF-8 text", "save the file as UTF-8") from error
+        raise InputError(
+            where, f"not UTF-8 at byte {error.start}", "UTF-8 text", "save the file as UTF-8", code="E004"
+        ) from error

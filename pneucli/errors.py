@@ -7,7 +7,7 @@ import errno
 import os
 import unicodedata
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 
 @dataclass
@@ -20,6 +20,7 @@ class InputError(Exception):
         wanted: What should be there.
         mend: What the user can do.
         faults: All faults, where one file has several.
+        code: The kind of fault, an entry of ``fault_kinds.toml`` (``"E042"``); ``pneucli explain E042`` describes it.
 
     """
 
@@ -28,11 +29,12 @@ class InputError(Exception):
     wanted: str = ""
     mend: str = ""
     faults: Sequence[InputError] = ()
+    code: str = field(default="", kw_only=True)
 
     exit_code = 2
 
     def __str__(self) -> str:
-        parts = [f"{self.where}: {self.found}"]
+        parts = [f"{self.where}: {self.found}{self.code and f' [{self.code}]'}"]
         if self.wanted:
             parts.append(f"wanted: {self.wanted}")
         if self.mend:
@@ -111,7 +113,11 @@ def environment_error(error: OSError | MemoryError) -> InputError | None:
     ``None`` for any other error, which may be a fault of the program.
     """
     if isinstance(error, MemoryError):
-        return InputError("memory", "too little memory", mend="shorten or leave out recordings, or free some")
+        return InputError(
+            "memory", "too little memory", mend="shorten or leave out recordings, or free some", code="E005"
+        )
     if error.errno not in _ENVIRONMENT_MENDS:
         return None
-    return InputError(str(error.filename or "files"), os.strerror(error.errno), mend=_ENVIRONMENT_MENDS[error.errno])
+    return InputError(
+        str(error.filename or "files"), os.strerror(error.errno), mend=_ENVIRONMENT_MENDS[error.errno], code="E005"
+    )

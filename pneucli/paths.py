@@ -24,7 +24,9 @@ def expand_path(text: str, folder: Path, where: str) -> Path:
     def value(match: re.Match[str]) -> str:
         if (found := os.environ.get(match[1])) is None:
             mend = f"export {match[1]}=FOLDER"
-            raise InputError(where, f"the environment variable {match[1]} is not set", "its value in the path", mend)
+            raise InputError(
+                where, f"the environment variable {match[1]} is not set", "its value in the path", mend, code="E008"
+            )
         return found
 
     return folder / os.path.expanduser(re.sub(r"\$\{(\w+)\}", value, text))
@@ -53,7 +55,7 @@ def require_printable(path: Path, where: str) -> None:
     """Raise InputError where a name on the path is not UTF-8 or contains control characters."""
     if printable(str(path)) != str(path):
         found = f'the path "{path}" is not UTF-8 or holds control characters'
-        raise InputError(where, found, "names that can be printed", "rename the file or its folder")
+        raise InputError(where, found, "names that can be printed", "rename the file or its folder", code="E026")
 
 
 def is_file(path: Path) -> bool:

@@ -79,7 +79,7 @@ def _call(arguments: list[str]) -> None:
     except Exception as error:
         if not hasattr(error, "format_message"):
             raise
-        raise InputError("command line", error.format_message(), mend="pneucli COMMAND --help") from error
+        raise InputError("command line", error.format_message(), mend="pneucli COMMAND --help", code="E001") from error
     sys.exit(code or 0)
 
 

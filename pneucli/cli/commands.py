@@ -4,7 +4,23 @@ from __future__ import annotations
 
 import typer
 
-from pneucli.cli import check, diff, edit, effects, exam, fleet, history, init, open, plot, run, schema, stage, status
+from pneucli.cli import (
+    check,
+    diff,
+    edit,
+    effects,
+    exam,
+    explain,
+    fleet,
+    history,
+    init,
+    open,
+    plot,
+    run,
+    schema,
+    stage,
+    status,
+)
 from pneucli.pipeline.graph import STAGES, Stage
 from pneucli.version import __version__
 
@@ -33,7 +49,7 @@ def build() -> typer.Typer:
     for one in STAGES.values():
         if one.built:
             stage.register(app, one)
-    for command in (edit, history, diff, plot, run, open, check, status, effects, exam, fleet, schema):
+    for command in (edit, history, diff, plot, run, open, check, status, effects, exam, fleet, schema, explain):
         command.register(app)
     return app
 

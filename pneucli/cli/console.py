@@ -24,5 +24,5 @@ def print_json(content: Mapping[str, Any]) -> None:
 
 def print_error(error: InputError) -> None:
     """Print an error as the one JSON object of ``--json``."""
-    parts = {key: getattr(error, key) for key in ("where", "found", "wanted", "mend")}
+    parts = {key: getattr(error, key) for key in ("where", "found", "wanted", "mend", "code")}
     print_json({"schema": "pneucli/error/1", "error": parts, "exit_code": error.exit_code})

@@ -8,7 +8,7 @@ from typing import Any
 
 import typer
 
-from pneucli.cli import constants, effects, schema
+from pneucli.cli import constants, effects, explain, schema
 from pneucli.cli.commands import EXIT_CODES, build
 
 DOCS = Path(__file__).parents[2] / "docs"
@@ -34,6 +34,7 @@ def generated_pages() -> dict[str, str]:
     all_effects = [effect for _, effect in sorted(catalogue().items())]
     made = {
         "cli.md": command_line_page(),
+        "errors.md": explain.errors_page(),
         "effects.md": effects.index_page(all_effects),
         "pipeline-file.md": schema.keys_page(),
     }

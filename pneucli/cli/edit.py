@@ -40,7 +40,9 @@ def _add(
     from pneucli.physics.effects import all_effects, select_effects
 
     if not effects and not suggested:
-        raise InputError("pneucli add", "no effect", "names of effects, or --suggested", "pneucli effects lists them")
+        raise InputError(
+            "pneucli add", "no effect", "names of effects, or --suggested", "pneucli effects lists them", code="E001"
+        )
     config = load(pipeline)
     chosen = [*(effects or []), *(_stage_answer("diagnose", pipeline, out, quiet)["missing"] if suggested else [])]
     select_effects(chosen, all_effects(plugin_files(config)))
@@ -53,7 +55,9 @@ def _remove(pipeline: File, effects: Effects, out: Out = None, json: Json = Fals
     present = load(pipeline).model.effects
     for effect in effects:
         if effect not in present:
-            raise InputError(f"{pipeline}, [model] effects", f'no "{effect}" there', mend=did_you_mean(effect, present))
+            raise InputError(
+                f"{pipeline}, [model] effects", f'no "{effect}" there', mend=did_you_mean(effect, present), code="E030"
+            )
     _change(pipeline, [effect for effect in present if effect not in effects], out, json, quiet)
 
 

@@ -23,6 +23,7 @@ _EXAMPLES = {
     "status": "pneucli status axis-7/pipeline.toml",
     "effects": "pneucli effects friction-hysteresis",
     "schema": "pneucli schema > axis-7/pipeline.schema.json",
+    "explain": "pneucli explain E042",
     "fleet": "pneucli fleet plant-3/fleet.toml --executor dask://scheduler:8786",
     "exam": "pneucli exam my-exam --cases 12 --nulls 4 --answer --grade",
 }

@@ -54,7 +54,9 @@ def _plot(
 ) -> None:
     if save is not None and save.suffix.lstrip(".").lower() not in ENDINGS:
         wanted = f"a file that ends in {', '.join(ENDINGS)}"
-        raise InputError(f"--save {save}", f'the ending "{save.suffix}"', wanted, f"--save {save.stem}.png")
+        raise InputError(
+            f"--save {save}", f'the ending "{save.suffix}"', wanted, f"--save {save.stem}.png", code="E001"
+        )
     from pneucli.notebook.run import open_run
     from pneucli.stages.plot import plot_answer
 

@@ -70,7 +70,7 @@ def log_on_grid(recording: Recording, controller: Controller) -> ControllerLog:
     if abs(recording.period - controller.period) > PERIOD_TOLERANCE * controller.period:
         found = f"a sample every {recording.period:g} s, and the controller has a period of {controller.period:g} s"
         mend = 'log every sample of the controller, or write controller = "unknown"'
-        raise InputError(f"recording {recording.name}", found, "one sample a period", mend)
+        raise InputError(f"recording {recording.name}", found, "one sample a period", mend, code="E045")
     places = np.rint((recording.time - recording.time[0]) / recording.period).astype(np.int64)
     signals = {}
     for name, values in recording.signals.items():

@@ -66,7 +66,7 @@ def read_settings(table: Mapping[str, Any], where: str) -> MonteCarloSettings:
     """Return the settings of a ``[[scenarios]]`` table; raises InputError for a key or value that cannot be read."""
     for key in table:
         if key not in SETTING_KEYS:
-            raise InputError(f"{where}.{key}", "unknown key", mend=did_you_mean(key, SETTING_KEYS))
+            raise InputError(f"{where}.{key}", "unknown key", mend=did_you_mean(key, SETTING_KEYS), code="E021")
     usual = MonteCarloSettings()
     return MonteCarloSettings(
         _count(table.get("runs", usual.runs), f"{where}.runs", 1),
@@ -78,18 +78,18 @@ def read_settings(table: Mapping[str, Any], where: str) -> MonteCarloSettings:
 
 def _count(value: Any, where: str, least: int) -> int:
     if not isinstance(value, int) or not least <= value <= MAX_RUNS:
-        raise InputError(where, f"{value}", f"a whole number from {least} to {MAX_RUNS}")
+        raise InputError(where, f"{value}", f"a whole number from {least} to {MAX_RUNS}", code="E023")
     return value
 
 
 def _numbers(values: Any, where: str, known: Sequence[str]) -> dict[str, float]:
     if not isinstance(values, Mapping):
-        raise InputError(where, f"{values}", "a table of numbers")
+        raise InputError(where, f"{values}", "a table of numbers", code="E023")
     for name, value in values.items():
         if name not in known:
-            raise InputError(f"{where}.{name}", "unknown key", mend=did_you_mean(name, known))
+            raise InputError(f"{where}.{name}", "unknown key", mend=did_you_mean(name, known), code="E021")
         if not isinstance(value, int | float) or value < 0:
-            raise InputError(f"{where}.{name}", f"{value}", "a number, not below 0")
+            raise InputError(f"{where}.{name}", f"{value}", "a number, not below 0", code="E023")
     return {name: float(value) for name, value in values.items()}
 
 

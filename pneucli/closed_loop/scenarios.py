@@ -93,12 +93,12 @@ def read_scenario(table: Mapping[str, Any], where: str) -> dict[str, Any]:
         values[key] = _read(key, value, "Pa" if pressed and key in PRESSURE_KEYS else UNITS.get(key, ""), where)
     for key, known in (("reference", REFERENCES), ("control", CONTROLS)):
         if values[key] not in known:
-            raise InputError(f"{where}.{key}", f'"{values[key]}"', mend=did_you_mean(values[key], known))
+            raise InputError(f"{where}.{key}", f'"{values[key]}"', mend=did_you_mean(values[key], known), code="E023")
     for key in ("duration", "dwell", "frequency"):
         if not values.get(key, 1.0) > 0.0:
-            raise InputError(f"{where}.{key}", f"{values[key]:g}", "above 0")
+            raise InputError(f"{where}.{key}", f"{values[key]:g}", "above 0", code="E023")
     if values.get("lost", "x") not in ("x", "p1", "p2"):
-        raise InputError(f"{where}.lost", f'"{values["lost"]}"', '"x", "p1" or "p2"')
+        raise InputError(f"{where}.lost", f'"{values["lost"]}"', '"x", "p1" or "p2"', code="E023")
     return values
 
 
@@ -106,15 +106,15 @@ def _read(key: str, value: Any, unit: str, where: str) -> Any:
     """Return one entry in SI; raises InputError where it cannot be read."""
     if key in TEXT_KEYS:
         if not isinstance(value, str):
-            raise InputError(f"{where}.{key}", f"{value}", "a text")
+            raise InputError(f"{where}.{key}", f"{value}", "a text", code="E023")
         return value
     if key not in UNITS:
-        raise InputError(f"{where}.{key}", "unknown key", mend=did_you_mean(key, [*TEXT_KEYS, *UNITS]))
+        raise InputError(f"{where}.{key}", "unknown key", mend=did_you_mean(key, [*TEXT_KEYS, *UNITS]), code="E021")
     several = value if key == "points" and isinstance(value, list) and value else [value]
     try:
         found = [parse_quantity(one, unit, difference=key == "supply_drop") for one in several]
     except UnitError as error:
-        raise InputError(f"{where}.{key}", str(error), f'a quantity such as "1 {unit}"') from error
+        raise InputError(f"{where}.{key}", str(error), f'a quantity such as "1 {unit}"', code="E024") from error
     return found if key == "points" else found[0]
 
 
@@ -123,7 +123,7 @@ def _scenario(values: Mapping[str, Any], controller: Controller, recorded: Recor
     duration = values.get("duration", 6.0)
     if duration > MAX_SAMPLES * controller.period:
         found = f"{duration:g} s in steps of {controller.period:g} s"
-        raise InputError(f"{where}.duration", found, f"at most {MAX_SAMPLES} steps", "shorten it")
+        raise InputError(f"{where}.duration", found, f"at most {MAX_SAMPLES} steps", "shorten it", code="E023")
     time = np.arange(0.0, duration, controller.period)
     pressed = values["control"] == "pressure"
     reference = _reference(values, time, _sizes(values, c, pressed), recorded, where)
@@ -200,6 +200,6 @@ def _recorded(values: Mapping[str, Any], time: Array, recorded: Recorded, where:
     }
     if name not in known:
         wanted = "a recording with p_ref or p1" if pressed else "a recording with x_ref or x"
-        raise InputError(f"{where}.recording", f'"{name}"', wanted, did_you_mean(name, known))
+        raise InputError(f"{where}.recording", f'"{name}"', wanted, did_you_mean(name, known), code="E091")
     at, asked = known[name]
     return np.asarray(np.interp(time, at - at[0], asked))

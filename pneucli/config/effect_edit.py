@@ -28,7 +28,9 @@ def set_effects(path: str | Path, effects: Sequence[str]) -> None:
     if model is None:
         model = document["model"] = tomlkit.table()
     if not isinstance(model, Table):
-        raise InputError(f"{path}, key model", "not a table", "a table [model]", "write [model] on a line of its own")
+        raise InputError(
+            f"{path}, key model", "not a table", "a table [model]", "write [model] on a line of its own", code="E023"
+        )
     model["effects"] = list(effects)
     text = tomlkit.dumps(document)
     if b"\r\n" in content:  # what is new has the line ends of the rest

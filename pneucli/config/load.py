@@ -51,7 +51,9 @@ def validate_as(
 ) -> Model:
     """Return the tables of a TOML file as ``model``; raises InputError as :func:`load` does."""
     unfit = islice(_structural_faults(document), MAX_FAULTS)
-    if faults := [InputError(_where(path, text, key), found, wanted, mend) for key, found, wanted, mend in unfit]:
+    if faults := [
+        InputError(_where(path, text, key), found, wanted, mend, code="E023") for key, found, wanted, mend in unfit
+    ]:
         raise join_faults(path, faults)
     try:
         return model.model_validate(document, context=dict(context or {}))
@@ -62,7 +64,7 @@ def validate_as(
 
 def join_faults(path: Path, faults: Sequence[InputError]) -> InputError:
     """Return one error that holds all ``faults``."""
-    return faults[0] if len(faults) == 1 else InputError(str(path), f"{len(faults)} faults", faults=faults)
+    return faults[0] if len(faults) == 1 else InputError(str(path), f"{len(faults)} faults", faults=faults, code="E029")
 
 
 def _structural_faults(document: Mapping[str, Any]) -> Iterator[tuple[Location, str, str, str]]:
@@ -170,21 +172,27 @@ def _fault(
     where = _where(path, text, location)
     kind, value = detail["type"], _abbreviated(detail["input"])
     if kind == "extra_forbidden":
-        return InputError(where, "unknown key", "", did_you_mean(str(location[-1]), keys_at(location[:-1], model)))
+        return InputError(
+            where, "unknown key", "", did_you_mean(str(location[-1]), keys_at(location[:-1], model)), code="E021"
+        )
     if kind == "missing":
-        return InputError(where, "missing", _choices(location, model), f'add "{location[-1]}"')
+        return InputError(where, "missing", _choices(location, model), f'add "{location[-1]}"', code="E022")
     if kind == "literal_error":
         expected = str((detail.get("ctx") or {}).get("expected", ""))
         known = re.findall(r"'([^']*)'", expected)
-        return InputError(where, value, expected, did_you_mean(str(detail["input"])[:MAX_SHOWN_CHARACTERS], known))
+        return InputError(
+            where, value, expected, did_you_mean(str(detail["input"])[:MAX_SHOWN_CHARACTERS], known), code="E023"
+        )
     if kind == "value_error":
         found, _, wanted = detail["msg"].removeprefix("Value error, ").partition("; wanted ")
-        return InputError(where, found, wanted)
+        return InputError(where, found, wanted, code="E023")
     if kind in ("model_type", "dict_type"):
-        return InputError(where, value, "a table", f"write [{location[0]}] on a line of its own, its keys below")
+        return InputError(
+            where, value, "a table", f"write [{location[0]}] on a line of its own, its keys below", code="E023"
+        )
     blank = kind == "string_pattern_mismatch"  # the one pattern that there is
     wanted = "a text that is not blank" if blank else detail["msg"].replace("Input should be", "").strip()
-    return InputError(where, value, wanted)
+    return InputError(where, value, wanted, code="E023")
 
 
 def _abbreviated(value: Any) -> str:

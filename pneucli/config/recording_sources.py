@@ -61,7 +61,9 @@ def recording_sources(config: PipelineConfig) -> list[RecordingSource]:
     twice = [name for name, count in Counter(source.name for source in found).items() if count > 1]
     if twice:
         where = next(source.where for source in reversed(found) if source.name == twice[0])
-        raise InputError(where, f'two recordings are called "{twice[0]}"', "a name for each", "rename one of them")
+        raise InputError(
+            where, f'two recordings are called "{twice[0]}"', "a name for each", "rename one of them", code="E026"
+        )
     return found
 
 
@@ -89,7 +91,7 @@ def _sources_of(config: PipelineConfig, index: int, text: str) -> list[Recording
         signals = _without_clock(signals)
     if "time" not in signals:
         mend = 'add to [signals]: time = { column = "...", unit = "s" }'
-        raise InputError(where, "no signal is called time", "a column of time stamps", mend)
+        raise InputError(where, "no signal is called time", "a column of time stamps", mend, code="E022")
     signals = {name: signal for name, signal in signals.items() if name not in table.held_constant}
     found = _paths(config.path, table.file, where)
     names = _names(table.name, found, table.part)
@@ -131,7 +133,9 @@ def _additional_files(
         found = _paths(config.path, one.file, f"{where}, key more.{number}")
         if len(found) != count:
             wanted = f"{count}, one for each file of the recording"
-            raise InputError(f"{where}, key more.{number}", f"{len(found)} files", wanted, "change the glob")
+            raise InputError(
+                f"{where}, key more.{number}", f"{len(found)} files", wanted, "change the glob", code="E049"
+            )
         own = {**config.signals.present(), **one.signals.present()}
         taken = {"time", *(table.take or own)} - table.held_constant.keys()
         own = {name: signal for name, signal in own.items() if name in taken}
@@ -149,7 +153,11 @@ def _tables_by_use(table: RecordingTable, found: list[Path], where: str) -> list
         if not hits:
             wanted = "a file, or a glob, of those of this recording"
             raise InputError(
-                f"{where}, key test", f'no file "{pattern}"', wanted, did_you_mean(pattern, [p.name for p in found])
+                f"{where}, key test",
+                f'no file "{pattern}"',
+                wanted,
+                did_you_mean(pattern, [p.name for p in found]),
+                code="E002",
             )
         held |= hits
     test = table.model_copy(update={"use": "test"})
@@ -160,7 +168,11 @@ def _check_take(table: RecordingTable, signals: dict[str, SignalTable], where: s
     for name in table.take or []:
         if name not in signals and name not in table.held_constant:
             raise InputError(
-                f"{where}, key take", f'"{name}" is not described', "a signal of [signals]", did_you_mean(name, signals)
+                f"{where}, key take",
+                f'"{name}" is not described',
+                "a signal of [signals]",
+                did_you_mean(name, signals),
+                code="E091",
             )
 
 
@@ -176,7 +188,7 @@ def _paths(pipeline: Path, file: str, where: str) -> list[Path]:
     pattern = paths.expand_path(file, pipeline.parent, where)
     if os.path.exists(pattern):
         raise InputError(
-            where, f"{pattern} is a folder, a pipe or a device", "a raw file", 'such as file = "raw/*.csv"'
+            where, f"{pattern} is a folder, a pipe or a device", "a raw file", 'such as file = "raw/*.csv"', code="E003"
         )
     neighbours = os.listdir(pattern.parent) if os.path.isdir(pattern.parent) else []
     if archive := paths.archive_and_member(pattern):
@@ -184,4 +196,4 @@ def _paths(pipeline: Path, file: str, where: str) -> list[Path]:
     mend = (
         did_you_mean(pattern.name, neighbours) if neighbours else f"the folder {pattern.parent} is empty or not there"
     )
-    raise InputError(where, f"no file {pattern}", "a raw file, or a glob that matches some", mend)
+    raise InputError(where, f"no file {pattern}", "a raw file, or a glob that matches some", mend, code="E002")

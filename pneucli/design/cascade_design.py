@@ -116,8 +116,13 @@ def _require(model: Model) -> None:
         table, _, name = f"rig.{key}".rpartition(".")
         if getattr(model.rig, name) is None and f"rig.{name}" not in model.values:
             mend = f"add {name} = {example} below [{table}], with your rig's own number"
-            raise InputError(f"[rig] {key}", "a controller needs it, and it is not known", "its value", mend)
+            raise InputError(
+                f"[rig] {key}", "a controller needs it, and it is not known", "its value", mend, code="E063"
+            )
     if any(min(v.commands, default=0.0) >= 0.0 or max(v.commands, default=0.0) <= 0.0 for v in model.valves):
         raise InputError(
-            "the valve", "not identified in both directions", "recordings that fill and that vent chamber 1"
+            "the valve",
+            "not identified in both directions",
+            "recordings that fill and that vent chamber 1",
+            code="E070",
         )

@@ -148,7 +148,9 @@ def designed_sector(cascade: Controller, bandwidths: Bandwidths, requirements: R
     c, width = cascade.values, requirements.sector_ratio
     eta = requirements.eta or eta_for_slope(bandwidths.position, c["C_MASS"], c["C_STATIC"], width)
     if c["C_STATIC"] <= 0.0:
-        raise InputError("the sliding sector", "the model has no dry friction", "friction that depends on speed")
+        raise InputError(
+            "the sliding sector", "the model has no dry friction", "friction that depends on speed", code="E070"
+        )
     return sector_from_eta(eta, c["C_MASS"], requirements.period, c["C_STATIC"], c["C_VISCOUS"], width)
 
 
@@ -209,7 +211,7 @@ def pdc_parameters(data: DesignData) -> LawParameters:
         InputError: No weight type has verified gains.
     """
     if data.scheduled is None:
-        raise InputError("the PDC", data.reason_missing("scheduled"), "gains that the LMIs allow")
+        raise InputError("the PDC", data.reason_missing("scheduled"), "gains that the LMIs allow", code="E070")
     model, pdc = data.scheduled
     speed_weights, position_weights = model.weights
     table = np.concatenate([speed_weights.ravel(), position_weights.ravel(), pdc.gains.ravel()])

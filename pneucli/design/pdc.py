@@ -78,7 +78,9 @@ def design_pdc(A: Array, B: Array, x0: Array, scale: Array, u_max: float) -> Pdc
     problem = _Problem(A_n / time, B_n / time, x0 / scale)
     low, high, best = 0.0, 1.0, problem.solve(0.0)
     if best is None:
-        raise InputError("the LMIs", "no gains keep the input within its bound", "", "a wider bound or a smaller x0")
+        raise InputError(
+            "the LMIs", "no gains keep the input within its bound", "", "a wider bound or a smaller x0", code="E070"
+        )
     while (more := problem.solve(high)) is not None:
         low, high, best = high, 2.0 * high, more
     while high - low > RATE_TOLERANCE * high and high > LMI_MARGIN:
@@ -150,6 +152,6 @@ def _cvxpy() -> Any:
         import cvxpy  # noqa: PLC0415 - an extra, and slow to import
     except ImportError as error:
         raise InputError(
-            "the LMI design", "cvxpy is not installed", "the extra lmi", "pip install 'pneucli[lmi]'"
+            "the LMI design", "cvxpy is not installed", "the extra lmi", "pip install 'pneucli[lmi]'", code="E009"
         ) from error
     return cvxpy

@@ -102,7 +102,10 @@ def read_requirements(table: Mapping[str, Any], where: str, **known: Any) -> Req
             continue
         if key not in UNITS:
             raise InputError(
-                f"{where}.{key}", "unknown key", mend=did_you_mean(key, [f.name for f in fields(Requirements)])
+                f"{where}.{key}",
+                "unknown key",
+                mend=did_you_mean(key, [f.name for f in fields(Requirements)]),
+                code="E021",
             )
         values[key] = _positive(value, key, where)
     return Requirements(**values)
@@ -112,13 +115,17 @@ def _positive(value: Any, key: str, where: str) -> float:
     try:
         number = parse_quantity(value, UNITS[key])
     except UnitError as error:
-        raise InputError(f"{where}.{key}", str(error), f'a quantity such as "1 {UNITS[key]}"') from error
+        raise InputError(f"{where}.{key}", str(error), f'a quantity such as "1 {UNITS[key]}"', code="E024") from error
     if not number > 0.0 and key not in ("noise_x", "quantum_x", "noise_p", "delay"):
-        raise InputError(f"{where}.{key}", f"{number:g}", "above 0")
+        raise InputError(f"{where}.{key}", f"{number:g}", "above 0", code="E023")
     if key == "sector_ratio" and number <= 1.0:
-        raise InputError(f"{where}.{key}", f"{number:g}", "above 1: the slope of one line over the other's")
+        raise InputError(
+            f"{where}.{key}", f"{number:g}", "above 1: the slope of one line over the other's", code="E023"
+        )
     if key == "period" and not PERIOD_RANGE[0] <= round(number, 9) <= PERIOD_RANGE[1]:
-        raise InputError(f"{where}.{key}", f"{number:g} s", f"from {PERIOD_RANGE[0]:g} s to {PERIOD_RANGE[1]:g} s")
+        raise InputError(
+            f"{where}.{key}", f"{number:g} s", f"from {PERIOD_RANGE[0]:g} s to {PERIOD_RANGE[1]:g} s", code="E023"
+        )
     return number
 
 
@@ -128,7 +135,7 @@ def _one_of(*choices: Any) -> Callable[[Any, str], Any]:
     def read(value: Any, where: str) -> Any:
         if not any(value is choice or (value == choice and isinstance(choice, str)) for choice in choices):
             shown = [f'"{choice}"' if isinstance(choice, str) else str(choice).lower() for choice in choices]
-            raise InputError(where, f"{value!r}", " or ".join([", ".join(shown[:-1]), shown[-1]]))
+            raise InputError(where, f"{value!r}", " or ".join([", ".join(shown[:-1]), shown[-1]]), code="E023")
         return value
 
     return read
@@ -136,7 +143,9 @@ def _one_of(*choices: Any) -> Callable[[Any, str], Any]:
 
 def _weights(value: Any, where: str) -> tuple[float, float]:
     if not isinstance(value, list) or len(value) != 2 or not all(_is_weight(one) for one in value):
-        raise InputError(where, f"{value!r}", "two numbers above 0: of the squared error, and of the squared rate")
+        raise InputError(
+            where, f"{value!r}", "two numbers above 0: of the squared error, and of the squared rate", code="E023"
+        )
     return float(value[0]), float(value[1])
 
 

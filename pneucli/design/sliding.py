@@ -145,7 +145,7 @@ def require_matching(system: LinearSystem, where: str) -> None:
         )
         raise InputError(
             where, f"the matching condition does not hold: {words}", "disturbances in the span of the inputs",
-            "control it as a cascade of subsystems that each satisfy it (thesis 7.1)",
+            "control it as a cascade of subsystems that each satisfy it (thesis 7.1)", code="E090"
         )  # fmt: skip
 
 
@@ -168,7 +168,7 @@ def regular_form(A: Array, B: Array) -> RegularForm:
     """
     n, m = B.shape
     if np.linalg.matrix_rank(B) < m:
-        raise InputError("the input matrix", f"rank below {m}", "inputs that act independently")
+        raise InputError("the input matrix", f"rank below {m}", "inputs that act independently", code="E090")
     q, _ = np.linalg.qr(B, mode="complete")
     T = np.vstack([q[:, m:].T, q[:, :m].T])
     form = T @ A @ T.T
@@ -197,11 +197,11 @@ def surface_by_poles(A: Array, B: Array, poles: Sequence[complex]) -> SlidingSur
     """
     form = regular_form(A, B)
     if len(poles) != len(form.A11):
-        raise InputError("poles", f"{len(poles)}", f"{len(form.A11)}, the states less the inputs")
+        raise InputError("poles", f"{len(poles)}", f"{len(form.A11)}, the states less the inputs", code="E090")
     try:
         gain = place_poles(form.A11, form.A12, np.asarray(poles)).gain_matrix
     except ValueError as error:
-        raise InputError("poles", str(error), "poles that the inputs can reach") from error
+        raise InputError("poles", str(error), "poles that the inputs can reach", code="E090") from error
     return _surface(form, gain)
 
 
@@ -228,7 +228,7 @@ def surface_by_lq(A: Array, B: Array, Q: Array) -> SlidingSurface:
     form = regular_form(A, B)
     k = len(form.A11)
     if np.linalg.eigvalsh(Q).min() <= 0.0:
-        raise InputError("Q", "not positive definite", "a weight above 0 on every state")
+        raise InputError("Q", "not positive definite", "a weight above 0 on every state", code="E090")
     W = form.T @ Q @ form.T.T
     inverse = np.linalg.inv(W[k:, k:])
     A_hat = form.A11 - form.A12 @ inverse @ W[k:, :k]

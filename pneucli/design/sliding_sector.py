@@ -124,9 +124,11 @@ def sector_from_vertices(
     values = np.asarray(vertices, dtype=np.float64).ravel()
     low, high = float(values.min()), float(values.max())
     if width <= 1.0:
-        raise InputError("[design] sector_ratio", f"{width:g}", "above 1")
+        raise InputError("[design] sector_ratio", f"{width:g}", "above 1", code="E023")
     if high - low <= 1e-9 * max(abs(high), 1.0):
-        raise InputError("the friction model", "its vertices are equal: a22 does not depend on speed", "dry friction")
+        raise InputError(
+            "the friction model", "its vertices are equal: a22 does not depend on speed", "dry friction", code="E070"
+        )
     lambda_1 = (high - low) / (width - 1.0)
     return SlidingSector(low, high, lambda_1, width * lambda_1, mass, period, speed_floor(high, mass, static, low))
 

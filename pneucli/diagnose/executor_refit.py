@@ -167,7 +167,10 @@ def _effects(plugins: tuple[tuple[str, str], ...]) -> Mapping[str, Effect]:
         local_sha = sha256_of(path) if Path(path).is_file() else "missing"
         if local_sha != sha:
             raise InputError(
-                "--executor", f"the plug-in {path} has SHA-256 {local_sha[:12]} on a worker", f"{sha[:12]}, as here"
+                "--executor",
+                f"the plug-in {path} has SHA-256 {local_sha[:12]} on a worker",
+                f"{sha[:12]}, as here",
+                code="E080",
             )
     return all_effects([Path(path) for path, _ in plugins])
 

@@ -59,7 +59,9 @@ def write_exam(
     """
     each = [parse(text) for text in conditions]
     if directory.exists() and any(directory.iterdir()):
-        raise InputError(str(directory), "the folder is not empty", "a new folder for the exam", "choose another name")
+        raise InputError(
+            str(directory), "the folder is not empty", "a new folder for the exam", "choose another name", code="E006"
+        )
     asked = {"cases": cases, "nulls": nulls, "size": size, "seed": seed, "conditions": list(conditions)}
     seal(directory, EXAM_FILE, asked | dict(about or {"seed_from": "given"}))
     plan = [planned for one in each for planned in plan_cases(cases, nulls, one, seed)]
@@ -221,9 +223,13 @@ def _stated_stroke(stroke: float, rng: np.random.Generator) -> float | None:
 
 def _effect(name: str, kind: str) -> HiddenEffect:
     if name not in BY_NAME:
-        raise InputError("exam", f'no effect "{name}"', "an effect that the rig can hide", did_you_mean(name, BY_NAME))
+        raise InputError(
+            "exam", f'no effect "{name}"', "an effect that the rig can hide", did_you_mean(name, BY_NAME), code="E031"
+        )
     if kind not in BY_NAME[name].kinds:
-        raise InputError("exam", f'"{name}" does not show on the rig "{kind}"', " or ".join(BY_NAME[name].kinds))
+        raise InputError(
+            "exam", f'"{name}" does not show on the rig "{kind}"', " or ".join(BY_NAME[name].kinds), code="E031"
+        )
     return BY_NAME[name]
 
 

@@ -130,7 +130,9 @@ class Condition:
             return None
         value = float(found[1]) if found.groups() else 0.0
         if not self.minimum <= value <= self.maximum:
-            raise InputError("--condition", name, f"{self.pattern} with # from {self.minimum:g} to {self.maximum:g}")
+            raise InputError(
+                "--condition", name, f"{self.pattern} with # from {self.minimum:g} to {self.maximum:g}", code="E031"
+            )
         return self.change(value)
 
 
@@ -242,11 +244,11 @@ def parse(text: str) -> Conditions:
     changes: dict[str, Any] = {}
     for _, change in found:
         if taken := set(change) & set(changes) - {"absent"}:
-            raise InputError("--condition", text, f"one condition for {', '.join(sorted(taken))}")
+            raise InputError("--condition", text, f"one condition for {', '.join(sorted(taken))}", code="E031")
         changes |= change | {"absent": changes.get("absent", frozenset()) | change.get("absent", frozenset())}
     kinds = tuple(kind for kind in KINDS if all(kind in condition.kinds for condition, _ in found))
     if not kinds:
-        raise InputError("--condition", text, "conditions that hold on one kind of rig")
+        raise InputError("--condition", text, "conditions that hold on one kind of rig", code="E031")
     excluded = frozenset[str]().union(*(condition.excluded for condition, _ in found))
     return replace(Conditions(names, kinds=kinds, excluded=excluded), **changes)
 
@@ -278,4 +280,6 @@ def _find(name: str) -> tuple[Condition, dict[str, Any]]:
             return condition, change
     forms = [condition.pattern for condition in CONDITIONS]
     wanted = f"one of {', '.join(forms)}, where # is a number, or several joined by +"
-    raise InputError("--condition", f'"{name}"', wanted, did_you_mean(re.sub(r"\d+(\.\d+)?", "#", name), forms))
+    raise InputError(
+        "--condition", f'"{name}"', wanted, did_you_mean(re.sub(r"\d+(\.\d+)?", "#", name), forms), code="E031"
+    )

@@ -66,10 +66,12 @@ def exam_rig(study: PipelineData, model: Model) -> like.UserRig:
     """Return the exam's description of the user's rig; raises InputError for valves and recordings that it lacks."""
     where = str(study.context.path)
     if study.rig.valve_kind != "proportional":
-        raise InputError(f"{where}, [rig.valve]", f"a {study.rig.valve_kind} valve", "a proportional one, for --like")
+        raise InputError(
+            f"{where}, [rig.valve]", f"a {study.rig.valve_kind} valve", "a proportional one, for --like", code="E060"
+        )
     if unfit := [r.name for r in study.recordings if r.imposed or (r.kind.cylinder and "x" not in r)]:
         raise InputError(
-            f"{where}, recording {unfit[0]}", "no motion that a position loop can follow", "x, not imposed"
+            f"{where}, recording {unfit[0]}", "no motion that a position loop can follow", "x, not imposed", code="E060"
         )
     recordings = study.recordings
     return like.UserRig(

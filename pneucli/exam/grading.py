@@ -103,7 +103,7 @@ def _truths(directory: Path) -> dict[str, dict[str, Any]]:
     files = files or {path.parent.name: path for path in sorted(directory.glob("*/truth.json"))}
     if not files:
         raise InputError(
-            str(directory), "no sealed truths", "the folder that pneucli exam wrote", "write an exam first"
+            str(directory), "no sealed truths", "the folder that pneucli exam wrote", "write an exam first", code="E007"
         )
     return {case: json.loads(path.read_text(encoding="utf-8")) for case, path in files.items()}
 
@@ -114,9 +114,13 @@ def _answer(path: Path) -> dict[str, Any]:
     try:
         answer = json.loads(path.read_text(encoding="utf-8"))
     except json.JSONDecodeError as error:
-        raise InputError(f"{path}, line {error.lineno}", "not JSON", "what pneucli diagnose --json prints") from error
+        raise InputError(
+            f"{path}, line {error.lineno}", "not JSON", "what pneucli diagnose --json prints", code="E007"
+        ) from error
     if not isinstance(answer, dict) or not {"verdict", "missing"} <= set(answer):
-        raise InputError(str(path), "no verdict or no missing in it", "what pneucli diagnose --json prints")
+        raise InputError(
+            str(path), "no verdict or no missing in it", "what pneucli diagnose --json prints", code="E007"
+        )
     return answer
 
 

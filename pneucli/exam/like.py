@@ -95,7 +95,9 @@ def write_like(
     Raises InputError where the folder is not empty.
     """
     if directory.exists() and any(directory.iterdir()):
-        raise InputError(str(directory), "the folder is not empty", "a new folder for the exam", "choose another name")
+        raise InputError(
+            str(directory), "the folder is not empty", "a new folder for the exam", "choose another name", code="E006"
+        )
     shown = [e for e in CATALOGUE if set(e.kinds) & set(rig.kinds) and e.name not in rig.effects]
     plan: list[tuple[HiddenEffect | None, float]] = [(e, size) for e in shown for size in sizes for _ in range(repeats)]
     plan += [(None, 0.0)] * nulls

@@ -86,7 +86,9 @@ def answer(directory: Path, progress: Progress = no_progress, executor: str | No
     """
     cases = {path.parent.name: path for path in sorted(directory.glob("*/pipeline.toml"))}
     if not cases:
-        raise InputError(str(directory), "no CASE/pipeline.toml in it", "an exam", f"pneucli exam {directory}")
+        raise InputError(
+            str(directory), "no CASE/pipeline.toml in it", "an exam", f"pneucli exam {directory}", code="E007"
+        )
     answers = (directory / ANSWERS).absolute()
     answers.mkdir(exist_ok=True)
     open_jobs = deque((str(p), str(answers), c) for c, p in cases.items() if not (answers / f"{c}.json").exists())

@@ -56,7 +56,7 @@ class DaskCluster:
         if self._client.status != "running":
             found = f"the cluster at {self._name} went away"
             mend = "finished results are stored: start the cluster and repeat the command"
-            raise InputError("--executor", found, "a Dask scheduler that answers", mend)
+            raise InputError("--executor", found, "a Dask scheduler that answers", mend, code="E080")
 
     def check_versions(self) -> None:
         """Raise InputError where a new worker runs another program than this client."""
@@ -82,15 +82,25 @@ def require_same_identity(own: Mapping[str, str], answers: Mapping[str, Any], na
         where = f"--executor {name}, worker {worker}"
         if isinstance(theirs, BaseException):
             found = f"it cannot run this program: {type(theirs).__name__}: {theirs}"
-            faults.append(InputError(where, found, "the same pneucli as here", "install this version there"))
+            faults.append(
+                InputError(where, found, "the same pneucli as here", "install this version there", code="E080")
+            )
             continue
         for what in {**own, **theirs}:
             if own.get(what) != theirs.get(what):
                 found = f"{what} is {theirs.get(what, 'not there')}"
                 wanted = f"as on this client: {own.get(what, 'not there')}"
-                faults.append(InputError(where, found, wanted, "install the same on both, then start the worker again"))
+                faults.append(
+                    InputError(
+                        where, found, wanted, "install the same on both, then start the worker again", code="E080"
+                    )
+                )
     if faults:
-        raise faults[0] if len(faults) == 1 else InputError(f"--executor {name}", "workers differ", faults=faults)
+        raise (
+            faults[0]
+            if len(faults) == 1
+            else InputError(f"--executor {name}", "workers differ", faults=faults, code="E080")
+        )
 
 
 @contextmanager
@@ -103,7 +113,9 @@ def connect_cluster(address: str, identity: Identity | None = None) -> Iterator[
     with _silenced_loggers(), _client(address) as client:
         if not client.scheduler_info()["workers"]:
             mend = "start one: dask worker HOST:PORT"
-            raise InputError("--executor", f"the cluster at {address} has no workers", "at least one", mend)
+            raise InputError(
+                "--executor", f"the cluster at {address} has no workers", "at least one", mend, code="E080"
+            )
         yield DaskCluster(client, address, identity)
 
 
@@ -118,13 +130,15 @@ def start_cluster(path: Path, identity: Identity | None = None) -> Iterator[Dask
     _, tables = read_toml(path)
     table = tables.get("cluster", {})
     if unknown := set(table) - set(CLUSTER_KEYS):
-        raise InputError(f"{path}, key cluster.{min(unknown)}", "unknown key", f"one of {', '.join(CLUSTER_KEYS)}")
+        raise InputError(
+            f"{path}, key cluster.{min(unknown)}", "unknown key", f"one of {', '.join(CLUSTER_KEYS)}", code="E021"
+        )
     make = _class(str(table.get("class", "")), f"{path}, key cluster.class")
     client_of = _distributed().Client
     try:
         cluster = make(**table.get("options", {}))
     except Exception as error:  # a queueing system may raise anything
-        raise InputError(f"{path}, key cluster.options", f"{type(error).__name__}: {error}") from error
+        raise InputError(f"{path}, key cluster.options", f"{type(error).__name__}: {error}", code="E023") from error
     with _silenced_loggers(), cluster, client_of(cluster) as client:
         _scale(cluster, table)
         _wait(client, path)
@@ -156,7 +170,9 @@ def _wait(client: Any, path: Path) -> None:
     try:
         client.wait_for_workers(1, timeout=START_TIMEOUT)
     except TimeoutError as error:
-        raise InputError(str(path), f"no worker started within {START_TIMEOUT:g} s", "at least one") from error
+        raise InputError(
+            str(path), f"no worker started within {START_TIMEOUT:g} s", "at least one", code="E080"
+        ) from error
 
 
 def _class(name: str, where: str) -> Callable[..., Any]:
@@ -165,7 +181,9 @@ def _class(name: str, where: str) -> Callable[..., Any]:
         return getattr(importlib.import_module(module), last)  # type: ignore[no-any-return]
     except (ImportError, AttributeError, ValueError) as error:
         wanted = 'a class such as "dask_jobqueue.SLURMCluster"'
-        raise InputError(where, f'no "{name}" here ({error})', wanted, "pip install dask-jobqueue") from error
+        raise InputError(
+            where, f'no "{name}" here ({error})', wanted, "pip install dask-jobqueue", code="E080"
+        ) from error
 
 
 def _distributed() -> Any:
@@ -173,7 +191,11 @@ def _distributed() -> Any:
         return importlib.import_module("distributed")
     except ImportError as error:
         raise InputError(
-            "--executor", "dask.distributed is not installed", "the extra cluster", "pip install 'pneucli[cluster]'"
+            "--executor",
+            "dask.distributed is not installed",
+            "the extra cluster",
+            "pip install 'pneucli[cluster]'",
+            code="E009",
         ) from error
 
 
@@ -214,12 +236,18 @@ def _host_and_port(address: str) -> tuple[str, int]:
     except ValueError:  # a port that is no number
         host, port = None, None
     if not address.startswith("dask://") or not host or not port:
-        raise InputError("--executor", f'"{address}"', '"local", "dask://host:port", or a TOML file of a cluster')
+        raise InputError(
+            "--executor", f'"{address}"', '"local", "dask://host:port", or a TOML file of a cluster', code="E001"
+        )
     return host, port
 
 
 def _no_answer(address: str) -> InputError:
     mend = "start it (dask scheduler), check the address, or leave --executor out"
     return InputError(
-        "--executor", f"no cluster answers at {address} within {ANSWER_TIMEOUT:g} s", "a Dask scheduler", mend
+        "--executor",
+        f"no cluster answers at {address} within {ANSWER_TIMEOUT:g} s",
+        "a Dask scheduler",
+        mend,
+        code="E080",
     )

@@ -56,16 +56,20 @@ def load_controller(path: Path, where: str) -> ExportedController:
         plain = json.loads(path.read_text(encoding="utf-8"))
     except (OSError, ValueError) as error:
         wanted = f"a file that pneucli export wrote, with {FILE_NAME} in its folder"
-        raise InputError(where, f"{path}: cannot be read ({type(error).__name__})", wanted) from error
+        raise InputError(where, f"{path}: cannot be read ({type(error).__name__})", wanted, code="E072") from error
     if not isinstance(plain, dict) or plain.get("schema") != SCHEMA:
-        raise InputError(where, f"{path} is no exported controller", f"one of schema {SCHEMA}", 'or write "unknown"')
+        raise InputError(
+            where, f"{path} is no exported controller", f"one of schema {SCHEMA}", 'or write "unknown"', code="E072"
+        )
     try:
         law = find_law(plain["law"], where).name
         found = ExportedController(
             Controller.from_json(json.dumps(plain["parameters"])), plain["precision"], plain["hash"]
         )
     except (KeyError, TypeError) as error:
-        raise InputError(where, f"{path} lacks {error}", f"one of schema {SCHEMA}", "export it again") from error
+        raise InputError(
+            where, f"{path} lacks {error}", f"one of schema {SCHEMA}", "export it again", code="E072"
+        ) from error
     _require_same(plain, found, law, f"{where}: {path}")
     return found
 
@@ -73,6 +77,10 @@ def load_controller(path: Path, where: str) -> ExportedController:
 def _require_same(plain: dict[str, Any], found: ExportedController, law: str, where: str) -> None:
     mend = 'export it again, load it onto the machine, and record anew; or write controller = "unknown"'
     if plain.get("program_hash") != program_hash(law):
-        raise InputError(where, f"written by another program (pneucli {plain.get('program')})", "this one's", mend)
+        raise InputError(
+            where, f"written by another program (pneucli {plain.get('program')})", "this one's", mend, code="E072"
+        )
     if found.hash != controller_hash(found.controller, found.precision):
-        raise InputError(where, "its numbers were changed: they do not have its hash", "the file as exported", mend)
+        raise InputError(
+            where, "its numbers were changed: they do not have its hash", "the file as exported", mend, code="E072"
+        )

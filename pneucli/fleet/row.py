@@ -174,7 +174,7 @@ def require_same_program(job: Job) -> None:
 
 def _process(job: Job, scratch: Path) -> dict[str, Any]:
     if job.row.fault:
-        raise InputError(f"line {job.row.line} of the table", job.row.fault)
+        raise InputError(f"line {job.row.line} of the table", job.row.fault, code="E081")
     stamp, (text, hashes) = input_stamp(job), _fetch_inputs(job, scratch)
     key = digest([job.dependencies, hashes])
     former = read_result(job.store, job.row)

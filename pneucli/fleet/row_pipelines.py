@@ -80,10 +80,14 @@ def require_columns(template: Mapping[str, Any], columns: Iterable[str], keys_at
         parts = column.split(".")
         if parts[0] == RECORDINGS and (len(parts) < 3 or parts[1] not in names):
             mend = did_you_mean(parts[1] if len(parts) > 1 else "", names)
-            raise InputError(f"{where}, column {column}", "no such recording in the template", "by its name", mend)
+            raise InputError(
+                f"{where}, column {column}", "no such recording in the template", "by its name", mend, code="E081"
+            )
         location = (parts[0], *parts[2:]) if parts[0] == RECORDINGS else tuple(parts)
         for wrong, keys in _unknown_keys(location, keys_at):
-            raise InputError(f"{where}, column {column}", f'no key "{wrong}"', "", did_you_mean(wrong, keys))
+            raise InputError(
+                f"{where}, column {column}", f'no key "{wrong}"', "", did_you_mean(wrong, keys), code="E081"
+            )
 
 
 def _unknown_keys(location: tuple[str, ...], keys_at: Any) -> Iterator[tuple[str, list[str]]]:

@@ -179,7 +179,9 @@ class Fleet:
     def _cached_result(self, job: Job) -> Result | None:
         """Return the stored result of an unchanged row; None for remote files, whose state only a worker asks."""
         if job.row.fault:
-            result = failure_result(job.row, InputError(f"line {job.row.line} of the table", job.row.fault))
+            result = failure_result(
+                job.row, InputError(f"line {job.row.line} of the table", job.row.fault, code="E081")
+            )
             return result | {"seconds": 0.0}
         former = self.previous_results.get(job.row.key)
         if former is None or former.get("again") or any(map(is_remote, raw_file_names(tomllib.loads(job.text)))):
@@ -208,7 +210,9 @@ class Fleet:
             return result
         if isinstance(outcome.error, ProgramMismatchError):
             mend = "install the same on client and workers, then give the same command again"
-            raise InputError("--executor", f"a worker differs: {outcome.error}", "the client's program", mend)
+            raise InputError(
+                "--executor", f"a worker differs: {outcome.error}", "the client's program", mend, code="E080"
+            )
         result = failure_result(outcome.job.row, outcome.error) | {"seconds": 0.0}
         write_result(self.store, outcome.job.row, result)
         return result

@@ -43,9 +43,13 @@ def read_rows(path: Path) -> list[FleetRow]:
     columns, records = _parquet(path) if path.suffix == ".parquet" else _csv(path)
     for name in (RIG, DATE):
         if name not in columns:
-            raise InputError(str(path), f"no column {name}", f"{RIG}, {DATE}, and keys", did_you_mean(name, columns))
+            raise InputError(
+                str(path), f"no column {name}", f"{RIG}, {DATE}, and keys", did_you_mean(name, columns), code="E081"
+            )
     if twice := [name for name in columns if columns.count(name) > 1]:
-        raise InputError(str(path), f"two columns are called {twice[0]}", "each key once", "remove one of them")
+        raise InputError(
+            str(path), f"two columns are called {twice[0]}", "each key once", "remove one of them", code="E081"
+        )
     return _mark_duplicates([_row(line, record) for line, record in records])
 
 
@@ -59,12 +63,16 @@ def _csv(path: Path) -> tuple[list[str], list[tuple[int, dict[str, Any]]]]:
             head = [cell.strip() for cell in next(reader, [])]
             records = [(reader.line_num, cells) for cells in reader if any(cells)]
     except OSError as error:
-        raise InputError(str(path), f"cannot be read: {error.strerror}", "the fleet's table", "check table") from error
+        raise InputError(
+            str(path), f"cannot be read: {error.strerror}", "the fleet's table", "check table", code="E003"
+        ) from error
     except (UnicodeDecodeError, csv.Error) as error:
-        raise InputError(str(path), f"not a CSV table in UTF-8: {error}", "CSV or Parquet") from error
+        raise InputError(str(path), f"not a CSV table in UTF-8: {error}", "CSV or Parquet", code="E081") from error
     for line, cells in records:
         if len(cells) != len(head):
-            raise InputError(f"{path}, line {line}", f"{len(cells)} cells", f"{len(head)}, as the header has")
+            raise InputError(
+                f"{path}, line {line}", f"{len(cells)} cells", f"{len(head)}, as the header has", code="E081"
+            )
     return head, [(line, dict(zip(head, cells, strict=True))) for line, cells in records]
 
 
@@ -72,9 +80,9 @@ def _parquet(path: Path) -> tuple[list[str], list[tuple[int, dict[str, Any]]]]:
     try:
         table = pq.read_table(path)
     except FileNotFoundError as error:
-        raise InputError(str(path), "no such file", "the fleet's table", "check table") from error
+        raise InputError(str(path), "no such file", "the fleet's table", "check table", code="E002") from error
     except (OSError, pa.ArrowInvalid) as error:
-        raise InputError(str(path), f"not a Parquet file: {error}", "CSV or Parquet") from error
+        raise InputError(str(path), f"not a Parquet file: {error}", "CSV or Parquet", code="E081") from error
     return table.column_names, list(enumerate(table.to_pylist(), 1))
 
 

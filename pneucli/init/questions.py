@@ -44,7 +44,9 @@ def values_of(answers: Mapping[str, str]) -> dict[str, str]:
         found[_AREAS[0]] = f"{1e4 * area:.6g} cm^2"
         if ROD in sizes:
             if sizes[ROD] >= sizes[BORE]:
-                raise InputError("rod", f'"{answers[ROD]}"', f"less than the bore, {answers[BORE]}", "answer again")
+                raise InputError(
+                    "rod", f'"{answers[ROD]}"', f"less than the bore, {answers[BORE]}", "answer again", code="E023"
+                )
             found[_AREAS[1]] = f"{1e4 * (area - math.pi / 4 * sizes[ROD] ** 2):.6g} cm^2"
     return found
 
@@ -55,9 +57,9 @@ def _size(name: str, text: str) -> float:
         size = 0.0 if name == ROD and text.strip() == "0" else parse_quantity(text, unit)
     except UnitError as error:
         found = str(error).partition("; wanted ")[0]
-        raise InputError(name, found, f"such as {_ASKED[name][1]}", "answer again") from error
+        raise InputError(name, found, f"such as {_ASKED[name][1]}", "answer again", code="E023") from error
     if size < 0.0 or (size == 0.0 and name != ROD):
-        raise InputError(name, f'"{text}"', f"such as {_ASKED[name][1]}", "answer again")
+        raise InputError(name, f'"{text}"', f"such as {_ASKED[name][1]}", "answer again", code="E023")
     return size
 
 

@@ -46,7 +46,7 @@ def survey_parts(raw: RawFile) -> list[Survey]:
 def survey_file(raw: RawFile) -> Survey:
     """Read what there is; raises InputError where it cannot be read, or holds no numbers."""
     if not file_on_disk(raw.path).exists():
-        raise InputError(str(raw.path), "no such file", "a raw file", "check the path")
+        raise InputError(str(raw.path), "no such file", "a raw file", "check the path", code="E002")
     inner = unpacked(raw.path)
     with named_as(raw.path, inner):
         found = _survey_text(replace(raw, path=inner)) if is_text(inner) else _survey_binary(replace(raw, path=inner))
@@ -59,9 +59,13 @@ def _survey_text(raw: RawFile) -> Survey:
     reader = DelimitedReader(stated)
     columns, unused = _text_columns(reader, found)
     if not columns:
-        raise InputError(str(raw.path), "no column of numbers", "rows of numbers", "say --skip-rows or --delimiter")
+        raise InputError(
+            str(raw.path), "no column of numbers", "rows of numbers", "say --skip-rows or --delimiter", code="E041"
+        )
     if max(one.values.size for one in columns) < 2:
-        raise InputError(str(raw.path), "one row of numbers", "a recording of at least 2", "record it again")
+        raise InputError(
+            str(raw.path), "one row of numbers", "a recording of at least 2", "record it again", code="E041"
+        )
     bare = replace(stated, delimiter=raw.delimiter)
     plain = raw.delimiter is None and _same_table(bare, reader)
     columns = _aligned(paired_clocks([*computed_clocks(columns), *columns]))
@@ -158,7 +162,9 @@ def _survey_binary(raw: RawFile) -> Survey:
     scalars = {one.name: float(one.values[0]) for one in columns if one.values.size == 1}
     columns = [one for one in columns if one.values.size > 1]
     if not columns:
-        raise InputError(str(raw.path), "no column of numbers", "a recording", "export vectors of one clock")
+        raise InputError(
+            str(raw.path), "no column of numbers", "a recording", "export vectors of one clock", code="E041"
+        )
     if stamps:
         shared = next(
             (_column(reader, n, reader.names[n], reader.names[n], np.empty(0)) for n in reader.clock_names), None

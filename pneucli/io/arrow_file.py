@@ -44,7 +44,9 @@ def _numbers(path: Path, name: str, column: Any) -> ColumnValues:
     try:
         return column_numbers(column)
     except ValueError as error:
-        raise InputError(f'{path}, column "{name}"', str(error), "numbers", "export it as float64") from error
+        raise InputError(
+            f'{path}, column "{name}"', str(error), "numbers", "export it as float64", code="E043"
+        ) from error
 
 
 def _is_numeric(kind: Any) -> bool:

@@ -186,9 +186,11 @@ def _read(path: Path) -> pa.Table:
     try:
         return pq.read_table(path, memory_map=True)
     except FileNotFoundError as error:
-        raise InputError(str(path), "no such artifact", "", "run the stage that writes it") from error
+        raise InputError(str(path), "no such artifact", "", "run the stage that writes it", code="E007") from error
     except pa.ArrowInvalid as error:
-        raise InputError(str(path), f"not a Parquet file: {error}", "", "delete it and run its stage again") from error
+        raise InputError(
+            str(path), f"not a Parquet file: {error}", "", "delete it and run its stage again", code="E007"
+        ) from error
 
 
 def _values(column: Any) -> NDArray[Any] | list[str]:

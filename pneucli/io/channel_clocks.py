@@ -63,7 +63,9 @@ def _on_fastest_clock(
     start, end = max(float(table.time[0]) for table in tables), min(float(table.time[-1]) for table in reading)
     if start > end:
         found = f"one channel begins at {start:.6g} s, and another one ends at {end:.6g} s"
-        raise InputError(locate(int(fastest.rows[0])), found, "channels that were recorded at one time", MEND)
+        raise InputError(
+            locate(int(fastest.rows[0])), found, "channels that were recorded at one time", MEND, code="E045"
+        )
     span = start - 0.5 * period, end + 0.5 * period
     inside = _inside(fastest, span)
     time = fastest.time[inside]

@@ -88,7 +88,7 @@ class ColumnReader:
             if column.size != fetched[wanted[0]].size:
                 found = f'{column.size} values, but "{wanted[0]}" has {fetched[wanted[0]].size}'
                 where = f'{self.path}, column "{name}"'
-                raise InputError(where, found, "columns of one length", "take signals of one clock only")
+                raise InputError(where, found, "columns of one length", "take signals of one clock only", code="E042")
         self.rows += fetched[wanted[0]].size
         yield [fetched[name] for name in wanted]
 
@@ -104,7 +104,7 @@ def import_extra(module: str, extra: str, path: Path, found: str = "") -> Any:
     except ImportError as error:
         wanted = f'the extra "{extra}"'
         found = found or f"{module} is not installed"
-        raise InputError(str(path), found, wanted, f'pip install "pneucli[{extra}]"') from error
+        raise InputError(str(path), found, wanted, f'pip install "pneucli[{extra}]"', code="E042") from error
 
 
 def column_names(name: str, shape: Sequence[int]) -> list[str]:

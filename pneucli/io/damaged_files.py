@@ -37,7 +37,7 @@ def library_errors_as_input_errors(path: Path, name: str, repairs: list[Repair])
         raise
     except MemoryError:
         raise InputError(
-            str(path), "does not fit into the memory", "", "take a stretch of it, or fewer signals"
+            str(path), "does not fit into the memory", "", "take a stretch of it, or fewer signals", code="E005"
         ) from None
     except Exception as error:  # these libraries raise all kinds of things on damaged files
         found = f"cannot be read as {name}: {type(error).__name__}: {_first_line(str(error))}"
@@ -45,7 +45,7 @@ def library_errors_as_input_errors(path: Path, name: str, repairs: list[Repair])
             traceback.clear_frames(error.__traceback__)
             del error
             gc.collect()  # what is left of them may hold itself
-        raise InputError(str(path), found, f"a whole {name} file", "copy or export it again") from None
+        raise InputError(str(path), found, f"a whole {name} file", "copy or export it again", code="E044") from None
     notes += [str(one.message) for one in caught if not issubclass(one.category, _IGNORED_WARNINGS)]
     repairs += [Repair("", "reader", 1, f"while reading: {_first_line(note)}") for note in dict.fromkeys(notes)]
 
@@ -56,7 +56,9 @@ def check_expanded_size(path: Path, size: int, *, of: str = "the wanted columns"
     if size > max(MIN_EXPANSION_LIMIT, MAX_EXPANSION_RATIO * own):
         found = f"{of} expand to {size / 1e6:.0f} MB, from a file of {own / 1e6:.3g} MB"
         wanted = f"at most {MAX_EXPANSION_RATIO} times the file's size, or {MIN_EXPANSION_LIMIT >> 20} MB"
-        raise InputError(str(path), found, wanted, "check what wrote the file; no measured signal shrinks so much")
+        raise InputError(
+            str(path), found, wanted, "check what wrote the file; no measured signal shrinks so much", code="E044"
+        )
 
 
 def _first_line(text: str) -> str:

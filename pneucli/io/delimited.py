@@ -147,7 +147,9 @@ class DelimitedReader:
             bad = str(error)[1:-1].rpartition(" ")[2] if ask.position in self._date_of else str(error)[1:-1]
             where = next((f"{self._raw.path}, line {n}" for n, line in self._rows() if bad in line), self._raw.path)
             where = f'{where}, column "{self.names[ask.position]}"'
-            raise InputError(where, f'"{bad}"', "a date or time of day as above it", "mend the line") from error
+            raise InputError(
+                where, f'"{bad}"', "a date or time of day as above it", "mend the line", code="E045"
+            ) from error
 
     def _numbers(self, column: Any, ask: ColumnRequest) -> Any:
         plain = pc.utf8_trim_whitespace(column)
@@ -203,7 +205,7 @@ class DelimitedReader:
                 for row in block:
                     if found := self._fault_of(row, asks):
                         return found
-        return InputError(str(self._raw.path), error, "rows of numbers", "mend the file")
+        return InputError(str(self._raw.path), error, "rows of numbers", "mend the file", code="E043")
 
     def _fault_of(self, row: Row, asks: Sequence[ColumnRequest]) -> InputError | None:
         number, line, fields = row
@@ -211,13 +213,13 @@ class DelimitedReader:
         if len(fields) != len(self.names):
             wanted = f"{len(self.names)} (delimiter {self._look.delimiter!r})"
             return InputError(
-                where, f"{len(fields)} columns: {line[:60]!r}", wanted, "mend the line, or state delimiter"
+                where, f"{len(fields)} columns: {line[:60]!r}", wanted, "mend the line, or state delimiter", code="E043"
             )
         for ask in asks:
             if not self._readable([row], [ask]):
                 column = f'{where}, column "{self.names[ask.position]}"'
                 mend = "mend the line, or state decimal, thousands, skip_rows or header = false"
-                return InputError(column, f'"{fields[ask.position]}"', "a number", mend)
+                return InputError(column, f'"{fields[ask.position]}"', "a number", mend, code="E043")
         return None
 
     def _readable(self, rows: Sequence[Row], asks: Sequence[ColumnRequest]) -> bool:

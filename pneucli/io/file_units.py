@@ -90,17 +90,23 @@ def with_unit_of_file(raw: RawFile, name: str, channel: Channel, place: int | No
             if is_count(file_unit.text)
             else 'state unit = "..."'
         )
-        raise InputError(where, found, wanted, mend)
+        raise InputError(where, found, wanted, mend, code="E046")
     if not file_unit.certain:
         found = (
             f'the file says "{file_unit.text}" of column {column}, a unit with a factor that may be meant either way'
         )
         raise InputError(
-            where, found, wanted, f'state unit = "{file_unit.unit}" and scale = {file_unit.scale:g} (or its inverse)'
+            where,
+            found,
+            wanted,
+            f'state unit = "{file_unit.unit}" and scale = {file_unit.scale:g} (or its inverse)',
+            code="E046",
         )
     if not same_dimension(file_unit.unit, channel.si or ""):
         found = f"the file says {file_unit.text} of column {column}, and no unit is stated"
-        raise InputError(where, found, wanted, f'state unit = "...", with scale if {file_unit.text} is right')
+        raise InputError(
+            where, found, wanted, f'state unit = "...", with scale if {file_unit.text} is right', code="E046"
+        )
     factor, offset = factor_and_offset(file_unit.unit, 0.0 if channel.offset else raw.ambient, channel.si)
     reader.repairs.append(Repair(name, "unit-said", 1, f"read in {file_unit.text}, as the file says of {column}"))
     return replace(channel, factor=factor * file_unit.scale, offset=offset + channel.offset)

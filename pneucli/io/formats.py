@@ -58,7 +58,9 @@ def is_archive(path: Path) -> bool:
 def _head(path: Path) -> bytes:
     if not path.is_file():
         found = "a folder" if path.is_dir() else "no regular file (a pipe or a device)"
-        raise InputError(str(path), found, "a file of recorded numbers", "copy what it delivers into a file")
+        raise InputError(
+            str(path), found, "a file of recorded numbers", "copy what it delivers into a file", code="E040"
+        )
     with path.open("rb") as file:
         return file.read(HEAD_BYTES)
 
@@ -70,7 +72,9 @@ def _format(path: Path) -> tuple[Callable[[Path], Reader], str] | None:
             return opener, name
     for magic, found in _UNREADABLE.items():
         if head.startswith(magic):
-            raise InputError(str(path), f"this is a {found}", "a file of recorded numbers", "export it as CSV")
+            raise InputError(
+                str(path), f"this is a {found}", "a file of recorded numbers", "export it as CSV", code="E040"
+            )
     if mat4.is_mat4(head):
         return mat4.open_mat4, mat4.NAME
     if json_file.is_json(head):
@@ -78,7 +82,7 @@ def _format(path: Path) -> tuple[Callable[[Path], Reader], str] | None:
     if (scope := scope_export.scope_format(head)) is not None:
         return scope_export.open_scope, scope
     if path.suffix.lower() in _BINARY_SUFFIXES and not head.strip():
-        raise InputError(str(path), "the file is empty", "a recording", "record it again or leave it out")
+        raise InputError(str(path), "the file is empty", "a recording", "record it again or leave it out", code="E041")
     return None
 
 
@@ -88,7 +92,9 @@ def _open_reader(opener: Callable[[Path], Reader], path: Path, name: str) -> Rea
         reader = opener(path)
     reader.repairs += notes
     if not reader.names:
-        raise InputError(str(path), "holds no columns of numbers", f"a whole {name} file", "copy or export it again")
+        raise InputError(
+            str(path), "holds no columns of numbers", f"a whole {name} file", "copy or export it again", code="E041"
+        )
     return reader
 
 

@@ -40,7 +40,7 @@ def open_hdf5(path: Path) -> ColumnReader:
                 sizes |= {column: max(file[place.dataset].shape) for column, place in found.items()}
     if objects and not owner:
         found_there = f'"{objects[0]}": an object of MATLAB (timeseries, timetable, Dataset), which only MATLAB reads'
-        raise InputError(str(path), found_there, "vectors, or structs of vectors", SAVE_AS_STRUCT)
+        raise InputError(str(path), found_there, "vectors, or structs of vectors", SAVE_AS_STRUCT, code="E041")
 
     def fetch(wanted: Sequence[str]) -> list[ColumnValues]:
         with h5py.File(path, "r") as file:

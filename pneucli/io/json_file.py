@@ -73,7 +73,9 @@ def _lines(path: Path, text: str) -> list[Any]:
             if number == lines[-1][0] and rows:
                 break  # cut off where the logger stopped
             where = f"{path}, line {number}"
-            raise InputError(where, f"no JSON: {error.msg}", "an object a line", "mend the line") from error
+            raise InputError(
+                where, f"no JSON: {error.msg}", "an object a line", "mend the line", code="E044"
+            ) from error
     return rows
 
 

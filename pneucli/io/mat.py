@@ -63,7 +63,7 @@ def _check_objects(path: Path, objects: Sequence[str], owner: object) -> None:
     if objects and not owner:
         listed = ", ".join(f'"{name}"' for name in objects[:5])
         found = f"{listed}: objects of MATLAB (timeseries, timetable, Dataset), which only MATLAB reads"
-        raise InputError(str(path), found, "vectors, or structs of vectors", SAVE_AS_STRUCT)
+        raise InputError(str(path), found, "vectors, or structs of vectors", SAVE_AS_STRUCT, code="E041")
 
 
 def _load(path: Path, variables: list[str]) -> StructColumns:

@@ -64,7 +64,7 @@ class MdfReader:
         for name, values in columns.items():
             if values.size != size:
                 where, found = f'{self._path}, channel "{name}"', f"{values.size} values over {size} stamps"
-                raise InputError(where, found, "a value a stamp", "export it again")
+                raise InputError(where, found, "a value a stamp", "export it again", code="E045")
         self.rows += size
         yield [columns.get(name, time) for name in names]
 
@@ -87,7 +87,9 @@ class MdfReader:
         if len(groups) > 1:
             listed = ", ".join(f'"{name}"' for name in names[:10])
             mend = "read each as a signal of its own, not in one expression"
-            raise InputError(str(self._path), f"{listed} are of several groups", "columns of one clock", mend)
+            raise InputError(
+                str(self._path), f"{listed} are of several groups", "columns of one clock", mend, code="E042"
+            )
         if groups:
             return int(groups.pop())
         return int(max(file.masters_db, key=lambda group: file.groups[group].channel_group.cycles_nr))
@@ -95,7 +97,9 @@ class MdfReader:
     def _check_clock(self, file: Any, group: int, names: Sequence[str]) -> None:
         if group not in file.masters_db and not _remote_master(file, group):
             where = f'{self._path}, channel "{names[0]}"'
-            raise InputError(where, "its group has no clock", "a master channel", "name a channel of stamps as time")
+            raise InputError(
+                where, "its group has no clock", "a master channel", "name a channel of stamps as time", code="E045"
+            )
 
 
 def _remote_master(file: Any, group: int) -> bool:

@@ -127,7 +127,9 @@ def estimate_clock_offset(first: Batch, own: Batch, match: str, where: str) -> t
     for batch in (first, own):
         if match not in batch:
             wanted = 'a signal that both files hold, or offset = "0.35 s"'
-            raise InputError(where, f'"{match}" is not recorded in both files', wanted, "state match or offset")
+            raise InputError(
+                where, f'"{match}" is not recorded in both files', wanted, "state match or offset", code="E049"
+            )
     a, b = _finite_samples(first, match), _finite_samples(own, match)
     lags, errors, likeness = _cross_correlation(a, b)
     best = int(np.argmin(errors))
@@ -137,12 +139,12 @@ def estimate_clock_offset(first: Batch, own: Batch, match: str, where: str) -> t
     step, slope = float(np.median(np.diff(lags))), _rms_slope(b)
     wanted, mend = f"{match} of one motion in both files", 'state it: offset = "... s"'
     if not likeness[best] > MIN_CORRELATION:
-        raise InputError(where, f"{match} is not alike in both files at any offset", wanted, mend)
+        raise InputError(where, f"{match} is not alike in both files at any offset", wanted, mend, code="E049")
     between = slope**2 * step**2 / 12  # what trying only whole samples adds to an error
     if far.any() and errors[far].min() < MAX_RIVAL_ERROR_RATIO * (errors[best] + between):
         other = lags[far][int(np.argmin(errors[far]))]
         found = f"{match} fits at {lags[best]:.4g} s and as well at {other:.4g} s"
-        raise InputError(where, found, f"a {match} that does not repeat itself", mend)
+        raise InputError(where, found, f"a {match} that does not repeat itself", mend, code="E049")
     bounds = (lags[best] - step, lags[best] + step)
     fit = minimize_scalar(
         lambda lag: _mean_squared_difference(a, b, lag), bounds=bounds, method="bounded", options={"xatol": 1e-6 * step}

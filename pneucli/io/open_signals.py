@@ -118,7 +118,7 @@ def _require_own_columns(raw: RawFile, places: Mapping[str, int], names: Sequenc
         if (other := taken.setdefault((place, raw.channels[name].where), name)) != name:
             found = f'{other} and {name} are both column "{names[place]}"'
             mend = "correct one of them in [signals], or leave out of take what was not recorded"
-            raise InputError(f"{raw.path}, signal {name}", found, "a column for each signal", mend)
+            raise InputError(f"{raw.path}, signal {name}", found, "a column for each signal", mend, code="E042")
 
 
 def _duplicate_names(reader: Reader) -> list[Repair]:

@@ -50,9 +50,13 @@ def packed_format(path: Path, head: bytes) -> str | None:
     """
     for magic, name in _REFUSED.items():
         if head.startswith(magic):
-            raise InputError(str(path), f"this is a {name}", "a file of recorded numbers", "unpack it first")
+            raise InputError(
+                str(path), f"this is a {name}", "a file of recorded numbers", "unpack it first", code="E040"
+            )
     if head[257:262] == b"ustar":
-        raise InputError(str(path), "this is a tar archive", "a file of recorded numbers", "unpack it first")
+        raise InputError(
+            str(path), "this is a tar archive", "a file of recorded numbers", "unpack it first", code="E040"
+        )
     if any(head.startswith(magic) for magic in _EXCEL):
         return "Excel"
     for magic, (name, _) in _STREAMS.items():
@@ -82,6 +86,7 @@ def named_as(path: Path, inner: Path) -> Iterator[None]:
             error.wanted,
             error.mend,
             error.faults,
+            code=error.code,
         ) from error
 
 
@@ -168,7 +173,7 @@ def _only_member(path: Path) -> str:
             suffix = Counter(Path(name).suffix for name in members).most_common(1)[0][0]
             one = next(name for name in members if name.endswith(suffix))
             mend = f'name one, file = "{path.name}/{one}", or several, file = "{path.name}/*{suffix}"'
-        raise InputError(str(path), found, "one recording in an archive, or the names of some", mend)
+        raise InputError(str(path), found, "one recording in an archive, or the names of some", mend, code="E048")
     return members[0]
 
 
@@ -177,7 +182,7 @@ def _extract_member(path: Path, name: str, folder: Path) -> Path:
         if name not in archive.namelist():
             wanted, listed = "a file in this archive", recordings_in_archive(path)
             mend = did_you_mean(name, [str(one.relative_to(path).as_posix()) for one in listed])
-            raise InputError(str(path), f'no "{name}" in the archive', wanted, mend)
+            raise InputError(str(path), f'no "{name}" in the archive', wanted, mend, code="E048")
         with archive.open(name) as source:
             return _copy(path, source, folder / Path(name).name)
 
@@ -197,7 +202,9 @@ def _write_sheet(path: Path, target: Path) -> Path:
     sheets = [workbook.get_sheet_by_name(name).to_python(skip_empty_area=True) for name in workbook.sheet_names]
     rows: list[list[Any]] = max(sheets, key=_numeric_rows, default=[])
     if not _numeric_rows(rows):
-        raise InputError(str(path), "no sheet of this Excel file holds numbers", "rows of numbers", "export it again")
+        raise InputError(
+            str(path), "no sheet of this Excel file holds numbers", "rows of numbers", "export it again", code="E041"
+        )
     with target.open("w", encoding="utf-8", newline="") as file:
         writer = csv.writer(file, delimiter="\t", lineterminator="\n")
         writer.writerows([_cell(value) for value in row] for row in rows)

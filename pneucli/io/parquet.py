@@ -43,7 +43,9 @@ class ParquetReader:
         wanted = [self.names[ask.position] for ask in asks]
         twice = [name for name in wanted if list(self.names).count(name) > 1]
         if twice:
-            raise InputError(str(self._path), f'two columns are called "{twice[0]}"', "a name for each", "rename one")
+            raise InputError(
+                str(self._path), f'two columns are called "{twice[0]}"', "a name for each", "rename one", code="E042"
+            )
         first: dict[int, Any] = {}
         with library_errors_as_input_errors(self._path, NAME, self.repairs):
             file = pq.ParquetFile(self._path, page_checksum_verification=True)
@@ -71,7 +73,9 @@ class ParquetReader:
             return column_numbers(column, first, ask.position)
         except (pa.ArrowException, UnicodeDecodeError, ValueError) as error:
             where = f'{self._path}, column "{name}" of {column.type}'
-            raise InputError(where, str(error).splitlines()[0], "numbers", "export it as float64") from error
+            raise InputError(
+                where, str(error).splitlines()[0], "numbers", "export it as float64", code="E043"
+            ) from error
 
 
 def column_numbers(column: Any, first: dict[int, Any] | None = None, key: int = 0) -> ColumnValues:

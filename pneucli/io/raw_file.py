@@ -138,7 +138,9 @@ def column_position(path: Path, signal: str, column: ColumnKey, names: Sequence[
         if len(hits) > 1:
             listed = ", ".join(f'"{names[hit]}" (column {hit + 1})' for hit in hits[:10])
             mend = "name it in full or by its number, or rename it"
-            raise InputError(f"{path}, signal {signal}", f'{len(hits)} columns are called "{wanted}"', listed, mend)
+            raise InputError(
+                f"{path}, signal {signal}", f'{len(hits)} columns are called "{wanted}"', listed, mend, code="E042"
+            )
         if hits:
             return hits[0]
     return None
@@ -160,6 +162,8 @@ def missing_column(path: Path, signal: str, column: ColumnKey, names: Sequence[s
     """Return the error that says which columns there are instead."""
     listed = ", ".join(f'"{name}"' for name in names[:30]) or "none"
     if isinstance(column, int):
-        return InputError(f"{path}, signal {signal}", f"no column {column}", f"1 to {len(names)}", f"columns: {listed}")
+        return InputError(
+            f"{path}, signal {signal}", f"no column {column}", f"1 to {len(names)}", f"columns: {listed}", code="E042"
+        )
     mend = did_you_mean(column, names) if names else "the file has no columns"
-    return InputError(f"{path}, signal {signal}", f'no column "{column}"', f"one of {listed}", mend)
+    return InputError(f"{path}, signal {signal}", f'no column "{column}"', f"one of {listed}", mend, code="E042")

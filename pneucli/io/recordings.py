@@ -48,7 +48,7 @@ def load_recordings(folder: str | Path) -> list[Recording]:
                 if np.isfinite(values).any():
                     own[name] = values
     except (OSError, pa.ArrowInvalid) as error:
-        raise InputError(str(folder / SIGNALS_FILE), f"{error}", "", "run ingest again") from error
+        raise InputError(str(folder / SIGNALS_FILE), f"{error}", "", "run ingest again", code="E007") from error
     return [_recording(row, own, noise.get(str(row["name"]), {})) for row, own in zip(rows, signals, strict=True)]
 
 

@@ -81,7 +81,9 @@ def _fsspec_filesystem(url: str) -> Any:
     try:
         import fsspec  # noqa: PLC0415 - an extra
     except ImportError as error:
-        raise InputError(url, "fsspec is not installed", "the extra remote", "pip install 'pneucli[remote]'") from error
+        raise InputError(
+            url, "fsspec is not installed", "the extra remote", "pip install 'pneucli[remote]'", code="E009"
+        ) from error
     return fsspec.core.url_to_fs(url)[0]
 
 
@@ -89,4 +91,4 @@ def store_error(url: str, error: Exception, wanted: str = "a file that is there,
     """Return the message of a store as an error of the input; a password in the URL is not shown."""
     shown = re.sub(r"//[^/@]*@", "//", url)
     reason = (str(error).splitlines() or [type(error).__name__])[0]
-    return InputError(shown, f"cannot be read: {reason}", wanted, "check URL and access")
+    return InputError(shown, f"cannot be read: {reason}", wanted, "check URL and access", code="E003")

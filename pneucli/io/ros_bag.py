@@ -48,7 +48,7 @@ def open_rosbag2(path: Path) -> ColumnReader:
     """Read the database of a rosbag2; types that it does not define are those of ROS 2 itself."""
     if b"CREATE TABLE messages" not in path.read_bytes()[:SCHEMA_BYTES]:
         found = "this is a database of SQLite, and no rosbag2"
-        raise InputError(str(path), found, "a file of recorded numbers", "export its table as CSV")
+        raise InputError(str(path), found, "a file of recorded numbers", "export its table as CSV", code="E040")
     found = "this is a database of rosbag2, and rosbags is not installed"
     highlevel = import_extra("rosbags.highlevel", EXTRA, path, found)
     typesys = import_extra("rosbags.typesys", EXTRA, path, found)
@@ -75,7 +75,9 @@ def _check_encodings(path: Path, reader: Any) -> None:
     encodings = {channel.message_encoding for channel in summary.channels.values()} if summary is not None else set()
     if unread := sorted(encodings - {"cdr", "json"}):
         found = f"an MCAP file whose messages are in {', '.join(unread)}"
-        raise InputError(str(path), found, "messages of ROS 2 (cdr) or JSON", "convert it, or export it as CSV")
+        raise InputError(
+            str(path), found, "messages of ROS 2 (cdr) or JSON", "convert it, or export it as CSV", code="E044"
+        )
 
 
 def _reader(path: Path, topics: Mapping[str, list[_Row]], types: Mapping[str, str]) -> ColumnReader:

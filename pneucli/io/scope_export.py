@@ -49,7 +49,7 @@ def _twincat(path: Path, lines: Sequence[str]) -> ColumnReader:
     names = keys.get("Name") or keys.get("SymbolName") or []
     body = [row for row in rows[start:] if _is_data(row)]
     if not names or not body:
-        raise InputError(str(path), f"a {NAME} without rows", "rows of numbers", "export it again")
+        raise InputError(str(path), f"a {NAME} without rows", "rows of numbers", "export it again", code="E041")
     comma = delimiter != "," and not any("." in field for row in body[:20] for field in row)
     width = 2 * len(names)
     table = np.array([[_number(field, comma) for field in [*row[:width], *[""] * (width - len(row))]] for row in body])

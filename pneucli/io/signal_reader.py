@@ -228,7 +228,7 @@ class SignalReader:
         if where and not rows.size:
             seen = sorted({str(text) for column in labels.values() for text in column[:10_000]})
             found, mend = f'no row where the label is "{where[1]}"', f"labels: {', '.join(seen[:30])}"
-            raise InputError(f"{self.raw.path}, signal {names[0]}", found, "", mend)
+            raise InputError(f"{self.raw.path}, signal {names[0]}", found, "", mend, code="E043")
         if not where and self._clocks:
             known = np.flatnonzero(np.isfinite(time))
             rows = rows[: int(known[-1]) + 1 if known.size else 0]

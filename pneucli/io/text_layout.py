@@ -72,7 +72,9 @@ def detect_layout(raw: RawFile) -> TextLayout:
     with raw.path.open("rb") as file:
         head = file.read(HEAD_BYTES)
     if not head.strip():
-        raise InputError(str(raw.path), "the file is empty", "rows of numbers", "record it again or leave it out")
+        raise InputError(
+            str(raw.path), "the file is empty", "rows of numbers", "record it again or leave it out", code="E041"
+        )
     _check_marks(raw)
     encoding = raw.encoding or detect_encoding(raw.path, head)
     text = decode_head(raw.path, head, encoding)
@@ -83,7 +85,9 @@ def detect_layout(raw: RawFile) -> TextLayout:
     rows = [n for n, line in enumerate(map(str.lstrip, lines)) if line and line[0] != "#" and n >= raw.skip_rows]
     if len(rows) < 1 + raw.header:
         found = "a header line and no rows" if rows else "no rows"
-        raise InputError(f"{raw.path}, line {len(lines)}", found, "rows of numbers", "record it again or leave it out")
+        raise InputError(
+            f"{raw.path}, line {len(lines)}", found, "rows of numbers", "record it again or leave it out", code="E041"
+        )
     sample = [lines[n] for n in rows[:20]]
     delimiter = raw.delimiter or _delimiter(sample[raw.header :], sample[0])
     delimiter = " " if delimiter in _BLANK_NAMES else delimiter
@@ -107,7 +111,7 @@ def _part(raw: RawFile, look: TextLayout) -> TextLayout:
         total = sum(1 for _ in file)
     if not at or not 1 <= (raw.part or 0) <= len(at):
         found = f"part {raw.part} is asked for, and the header stands {len(at)} times in the file"
-        raise InputError(f"{raw.path}, key part", found, f"1 to {len(at)}", "change part")
+        raise InputError(f"{raw.path}, key part", found, f"1 to {len(at)}", "change part", code="E047")
     number = raw.part or 1
     begin = at[number - 1] + len(look.repeated) - 1
     end = at[number] - 1 if number < len(at) else total
@@ -125,7 +129,9 @@ def _with_names(raw: RawFile, plain: TextLayout, sample: list[list[str]], rows: 
         names = names[:-1]  # LabVIEW's last column, of which only rows with a comment have a field
     if raw.header and all(map(_is_number, names)):
         where = f"{raw.path}, line {rows[0] + 1}"
-        raise InputError(where, "numbers where the header should be", "names of the columns", "header = false")
+        raise InputError(
+            where, "numbers where the header should be", "names of the columns", "header = false", code="E047"
+        )
     decimal = raw.decimal or _decimal(body)
     skip = rows[raw.header + units]
     units_row = tuple(_BRACKETS.sub(r"\1", field) for field in first) if units else ()
@@ -155,10 +161,10 @@ def _check_marks(raw: RawFile) -> None:
     for key, value, usable in marks:
         if value is not None and value not in usable:
             wanted = "a comma, a semicolon, a tab or the like" if key == "delimiter" else "a point or a comma"
-            raise InputError(f"{raw.path}, key {key}", f'"{value}"', wanted, f"change {key}")
+            raise InputError(f"{raw.path}, key {key}", f'"{value}"', wanted, f"change {key}", code="E047")
     if raw.decimal and raw.decimal in (raw.delimiter, raw.thousands):
         found = f'"{raw.decimal}" is the decimal mark and another one'
-        raise InputError(f"{raw.path}, key decimal", found, "a mark for each", "change one of them")
+        raise InputError(f"{raw.path}, key decimal", found, "a mark for each", "change one of them", code="E047")
 
 
 def _is_number(field: str) -> bool:
@@ -179,7 +185,11 @@ def detect_encoding(path: Path, head: bytes) -> str:
             return "utf-16-le"
         found = f"byte 0 at position {head.index(0)}: not a text file"
         raise InputError(
-            str(path), found, "CSV, TDMS, MAT, MDF4, HDF5 or Parquet", "check the file, record or copy it again"
+            str(path),
+            found,
+            "CSV, TDMS, MAT, MDF4, HDF5 or Parquet",
+            "check the file, record or copy it again",
+            code="E040",
         )
     try:
         codecs.getincrementaldecoder("utf-8")().decode(head)
@@ -195,10 +205,12 @@ def decode_head(path: Path, head: bytes, encoding: str) -> str:
         return codecs.getincrementaldecoder(encoding)().decode(head)
     except UnicodeDecodeError as error:
         found = f"byte {head[error.start]:#04x} at position {error.start} is not {encoding}"
-        raise InputError(str(path), found, "a text file", "check the file, or state its encoding") from error
+        raise InputError(
+            str(path), found, "a text file", "check the file, or state its encoding", code="E004"
+        ) from error
     except (LookupError, ValueError, TypeError) as error:
         raise InputError(
-            str(path), f'no encoding is called "{encoding}"', 'such as "utf-8"', "change encoding"
+            str(path), f'no encoding is called "{encoding}"', 'such as "utf-8"', "change encoding", code="E004"
         ) from error
 
 

@@ -57,7 +57,7 @@ def sniff(raw: RawFile) -> SniffedLayout:
     )
     if not found.score:
         wanted, mend = "rows of numbers", "say --skip-rows, --delimiter or --decimal, or export it as CSV"
-        raise InputError(str(raw.path), "no table of numbers", wanted, mend)
+        raise InputError(str(raw.path), "no table of numbers", wanted, mend, code="E041")
     return found.describe(raw.header)
 
 

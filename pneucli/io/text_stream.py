@@ -68,7 +68,7 @@ class NormalizedTextStream(io.RawIOBase):
         lines, self._rest = (self._rest + block[:end], block[end:]) if end else (b"", self._rest + block)
         if len(self._rest) > MAX_LINE_BYTES:
             found, mend = f"a line of more than {MAX_LINE_BYTES >> 20} MB", "check the file, record or copy it again"
-            raise InputError(str(self._path), found, "rows of numbers", mend)
+            raise InputError(str(self._path), found, "rows of numbers", mend, code="E041")
         return lines
 
     def _plain(self, block: bytes) -> bytes:

@@ -106,10 +106,10 @@ class TimestampCheck:
             elif longest.length > MIN_FALLING_SHARE * time.size:
                 found = f"the time falls from row to row, from {longest.before:g} s to {time[-1]:g} s"
                 mend = "sort the rows by time, the oldest first"
-            raise InputError(self._place(longest.row), found, "rising time stamps", mend)
+            raise InputError(self._place(longest.row), found, "rising time stamps", mend, code="E045")
         if same.sum() > 0.5 * same.size > MAX_BACKWARD_ROWS:
             where, found = self._place(first + int(np.argmax(same))), "more than half of the time stamps repeat"
-            raise InputError(where, found, "a stamp for each row", "export the time with more digits")
+            raise InputError(where, found, "a stamp for each row", "export the time with more digits", code="E045")
 
 
 @dataclass(frozen=True)

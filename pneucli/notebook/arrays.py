@@ -162,15 +162,17 @@ def _write_recording(one: Mapping[str, Any], number: int, place: Path) -> dict[s
     """Write the signals of one recording; return its entry of ``[[recordings]]``."""
     where = f"recordings, number {number}"
     if missing := [key for key in REQUIRED_KEYS if key not in one]:
-        raise InputError(where, f"{missing[0]} is missing", ", ".join(REQUIRED_KEYS), f'add "{missing[0]}"')
+        raise InputError(
+            where, f"{missing[0]} is missing", ", ".join(REQUIRED_KEYS), f'add "{missing[0]}"', code="E090"
+        )
     given = {**dict(one.get("data", {})), **one}
     signals = {name: np.asarray(given[name], dtype=np.float64) for name in SIGNALS if np.ndim(given.get(name, 0)) > 0}
     if "time" not in signals:
-        raise InputError(f"{where}, {one['name']}", "no time", "an array of stamps in s")
+        raise InputError(f"{where}, {one['name']}", "no time", "an array of stamps in s", code="E090")
     for name, values in signals.items():
         if values.shape != signals["time"].shape:
             wanted = f"shape {signals['time'].shape}, as time has it"
-            raise InputError(f"{where}, {one['name']}, {name}", f"shape {values.shape}", wanted)
+            raise InputError(f"{where}, {one['name']}, {name}", f"shape {values.shape}", wanted, code="E090")
     file = f"recording_{number}.parquet"
     pq.write_table(pa.table(dict[str, Any](signals)), place / file)
     rest = {key: value for key, value in one.items() if key not in signals and key != "data"}

@@ -181,5 +181,7 @@ def _require_rows(table: pd.DataFrame, column: str, name: str) -> pd.DataFrame:
     """Return the rows of a name; raises InputError where there are none."""
     rows = select_rows(table, {column: name})
     if rows.empty:
-        raise InputError(f"plot, {column}", f'"{name}" was not compared', mend=did_you_mean(name, set(table[column])))
+        raise InputError(
+            f"plot, {column}", f'"{name}" was not compared', mend=did_you_mean(name, set(table[column])), code="E091"
+        )
     return rows

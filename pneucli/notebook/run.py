@@ -35,10 +35,12 @@ def open_run(path: str | Path, out: str | Path | None = None, *, quiet: bool = F
     path = Path(path)
     if path.is_dir():
         if out is not None:
-            raise InputError(str(path), "a folder of artifacts has no other folder", mend="leave out, or name the file")
+            raise InputError(
+                str(path), "a folder of artifacts has no other folder", mend="leave out, or name the file", code="E001"
+            )
         if not any((path / stage / MANIFEST_FILE).is_file() for stage in STAGES):
             wanted = "a folder that pneucli wrote, such as artifacts/axis-7, or a pipeline file"
-            raise InputError(str(path), "no stage's artifacts are here", wanted)
+            raise InputError(str(path), "no stage's artifacts are here", wanted, code="E007")
         return Run(path.absolute(), None, quiet)
     pipeline = open_pipeline_of(path, None if out is None else Path(out))
     return Run(pipeline.artifacts, pipeline, quiet)

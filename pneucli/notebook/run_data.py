@@ -48,7 +48,7 @@ class RunData:
         manifest = read_manifest(self.artifacts / stage)
         if manifest is None or manifest.answer is None:
             mend = f"run pneucli {stage} on its pipeline file"
-            raise InputError(str(self.artifacts / stage), "this stage has not run", "", mend)
+            raise InputError(str(self.artifacts / stage), "this stage has not run", "", mend, code="E007")
         return dict(manifest.answer)
 
     def table(self, name: str) -> pd.DataFrame:
@@ -113,7 +113,10 @@ class RunData:
         chambers = set(maps[0]["chamber"]) if "chamber" in maps[0] else {1}
         if chamber not in chambers:
             raise InputError(
-                str(self.artifacts / "identify"), f"there is no map of chamber {chamber}", f"one of {sorted(chambers)}"
+                str(self.artifacts / "identify"),
+                f"there is no map of chamber {chamber}",
+                f"one of {sorted(chambers)}",
+                code="E091",
             )
         return ValveMap(*(select_rows(one, {"chamber": chamber} if "chamber" in one else {}) for one in maps))
 

@@ -69,15 +69,17 @@ def simulate(
     if recording is not None:
         given = {"u": u, "u2": u2, "p_supply": p_supply, "time": time, "start": start}
         if any(value is not None for value in given.values()):
-            raise InputError("simulate", "a recording has its own inputs and start", "recording, or u and p_supply")
+            raise InputError(
+                "simulate", "a recording has its own inputs and start", "recording, or u and p_supply", code="E090"
+            )
         return _free_run(run, model, recording)
     if u is None:
-        raise InputError("simulate", "no command", "u=..., in V, or recording=...")
+        raise InputError("simulate", "no command", "u=..., in V, or recording=...", code="E090")
     _require_valve(run)
     kind = experiment or ("axis" if model.rig.has_cylinder else "valve")
     if kind not in EXPERIMENT_KINDS or not EXPERIMENT_KINDS[kind].simulated:
         kinds = [name for name, one in EXPERIMENT_KINDS.items() if one.simulated]
-        raise InputError("simulate, experiment", f'"{kind}"', mend=did_you_mean(kind, kinds))
+        raise InputError("simulate, experiment", f'"{kind}"', mend=did_you_mean(kind, kinds), code="E090")
     signals = _inputs({"u": u, "u2": u2, "p_supply": p_supply})
     stamps = _time_stamps(time, signals["u"].size)
     signals |= _initial_state(start or {}, model, kind, stamps.size)
@@ -102,7 +104,9 @@ def _require_valve(run: RunData) -> None:
     recordings = run.answer("ingest")["recordings"]
     if not any(EXPERIMENT_KINDS[one["experiment"]].simulated and not one["valve_shut"] for one in recordings):
         found = "this run has no valve: its recordings are of friction, or of a valve that is shut"
-        raise InputError("simulate, u", found, "recording=..., or a run with a valve test or an axis", "leave out u")
+        raise InputError(
+            "simulate, u", found, "recording=..., or a run with a valve test or an axis", "leave out u", code="E090"
+        )
 
 
 def _with_parameter_values(model: Model, values: Mapping[str, float]) -> Model:
@@ -114,7 +118,9 @@ def _with_parameter_values(model: Model, values: Mapping[str, float]) -> Model:
     }
     for name in values:
         if name not in available:
-            raise InputError("simulate, parameters", f'"{name}" is no parameter', mend=did_you_mean(name, available))
+            raise InputError(
+                "simulate, parameters", f'"{name}" is no parameter', mend=did_you_mean(name, available), code="E091"
+            )
     return with_parameters(model, dict(values)) if values else model
 
 
@@ -127,7 +133,7 @@ def _inputs(given: Mapping[str, ArrayLike | None]) -> dict[str, Array]:
         array = np.asarray(values, dtype=np.float64)
         if array.ndim > 1 or array.size not in (1, size) or not np.isfinite(array).all():
             wanted = f"numbers, shape ({size},) or one value"
-            raise InputError(f"simulate, {name}", f"shape {array.shape}, or what is no number", wanted)
+            raise InputError(f"simulate, {name}", f"shape {array.shape}, or what is no number", wanted, code="E090")
         signals[name] = np.array(np.broadcast_to(array.reshape(-1), (size,)))
     return signals
 
@@ -135,14 +141,18 @@ def _inputs(given: Mapping[str, ArrayLike | None]) -> dict[str, Array]:
 def _time_stamps(time: ArrayLike | None, size: int) -> Array:
     stamps = np.asarray(np.arange(size) * SAMPLING_PERIOD if time is None else time, dtype=np.float64)
     if stamps.shape != (size,) or size < 2 or not (np.diff(stamps) > 0.0).all():
-        raise InputError("simulate, time", f"shape {stamps.shape} or stamps that do not rise", f"({size},), at least 2")
+        raise InputError(
+            "simulate, time", f"shape {stamps.shape} or stamps that do not rise", f"({size},), at least 2", code="E090"
+        )
     return stamps
 
 
 def _initial_state(given: Mapping[str, float], model: Model, kind: str, size: int) -> dict[str, Array]:
     for name in given:
         if name not in STATE:
-            raise InputError("simulate, start", f'"{name}" is no part of the state', mend=did_you_mean(name, STATE))
+            raise InputError(
+                "simulate, start", f'"{name}" is no part of the state', mend=did_you_mean(name, STATE), code="E090"
+            )
     rig = model.rig
     state = {"p1": rig.ambient_pressure}
     if EXPERIMENT_KINDS[kind].cylinder:
@@ -155,7 +165,9 @@ def _free_run(run: RunData, model: Model, name: str) -> pd.DataFrame:
     data = run.pipeline_data()
     by_name = {r.name: r for r in data.recordings}
     if name not in by_name:
-        raise InputError("simulate, recording", f'"{name}" is no recording', mend=did_you_mean(name, by_name))
+        raise InputError(
+            "simulate, recording", f'"{name}" is no recording', mend=did_you_mean(name, by_name), code="E091"
+        )
     found = free_run(model, prepare(by_name[name], data.rig, None), name)
     measured = {f"measured_{channel}": values for channel, values in found.measured.items()}
     return _frame({"time": found.time, **found.commands, **found.modelled, **measured}, rotary=is_rotary(run.artifacts))

@@ -175,7 +175,7 @@ class Effect:
         scales = "; ".join(f"{name}: {SCALES[name].meaning}" for name in sorted(names))
         found = f"{self.title} has no scale on this rig ({scales})"
         return InputError(
-            "[rig]", found, "the quantities of this scale", f'state them in [rig], or remove "{self.name}"'
+            "[rig]", found, "the quantities of this scale", f'state them in [rig], or remove "{self.name}"', code="E063"
         )
 
 

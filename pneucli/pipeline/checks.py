@@ -60,12 +60,18 @@ def require_valid_path(path: str, answer_paths: Mapping[str, Sequence[str]], whe
     if not begins:
         wanted = "a stage, then a key of its answer"
         raise InputError(
-            f"{where}, key {path}", f'"{stage}" has no answer to check', wanted, did_you_mean(stage, answer_paths)
+            f"{where}, key {path}",
+            f'"{stage}" has no answer to check',
+            wanted,
+            did_you_mean(stage, answer_paths),
+            code="E027",
         )
     for depth, part in enumerate(parts):
         here = {begin[depth] for begin in begins if begin[:depth] == tuple(parts[:depth]) and len(begin) > depth}
         if here and part not in here:
-            raise InputError(f"{where}, key {path}", f'no "{part}" in the answer', mend=did_you_mean(part, here))
+            raise InputError(
+                f"{where}, key {path}", f'no "{part}" in the answer', mend=did_you_mean(part, here), code="E027"
+            )
 
 
 def resolve_path(answers: Mapping[str, Any], path: str, where: str = "[checks]") -> Any:
@@ -80,7 +86,10 @@ def resolve_path(answers: Mapping[str, Any], path: str, where: str = "[checks]")
                 break
         else:
             raise InputError(
-                f"{where}, key {path}", f'no "{parts[0]}" in the answer', mend=did_you_mean(parts[0], _choices(value))
+                f"{where}, key {path}",
+                f'no "{parts[0]}" in the answer',
+                mend=did_you_mean(parts[0], _choices(value)),
+                code="E027",
             )
     return value
 

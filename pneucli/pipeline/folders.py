@@ -37,7 +37,7 @@ def require_own_files(artifacts: Path, stages: Iterable[str]) -> None:
             if foreign := _foreign_files(folder):
                 found = f"{', '.join(foreign[:3])}{', ...' * (len(foreign) > 3)}, which pneucli did not write"
                 mend = "move it away, or name another folder with --out"
-                raise InputError(str(folder), found, f"what {stage} wrote there, and nothing else", mend)
+                raise InputError(str(folder), found, f"what {stage} wrote there, and nothing else", mend, code="E006")
 
 
 @contextmanager

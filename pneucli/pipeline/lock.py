@@ -33,7 +33,9 @@ def folder_lock(folder: Path, notify: Callable[[str], None]) -> Iterator[None]:
         _acquire(lock, path, notify)
     except OSError as error:
         mend = "name another folder with --out"
-        raise InputError(str(folder), f"cannot write artifacts there: {error.strerror}", mend=mend) from error
+        raise InputError(
+            str(folder), f"cannot write artifacts there: {error.strerror}", mend=mend, code="E005"
+        ) from error
     try:
         yield
     finally:
@@ -56,7 +58,7 @@ def _acquire(lock: FileLock, path: Path, notify: Callable[[str], None]) -> None:
 def _refuse_foreign_file(path: Path) -> None:
     if (found := _read(path)) and not found.isdigit():
         mend = "move it away, or name another folder with --out"
-        raise InputError(str(path), "a file that pneucli did not write", "the number of a process", mend)
+        raise InputError(str(path), "a file that pneucli did not write", "the number of a process", mend, code="E006")
 
 
 def _read(path: Path) -> str:

@@ -214,7 +214,9 @@ def open_pipeline(
     name = tables.get("pipeline", {}).get("name") if isinstance(tables.get("pipeline"), dict) else None
     if not isinstance(name, str):
         load(path)
-        raise InputError(f"{path}, key pipeline.name", "no name", 'a text such as "bench-3"', "give the pipeline one")
+        raise InputError(
+            f"{path}, key pipeline.name", "no name", 'a text such as "bench-3"', "give the pipeline one", code="E022"
+        )
     _require_folder_name(name, f"{path}, key pipeline.name")
     return Pipeline(path, tables, (out or path.parent / "artifacts" / name).absolute(), load, stages)
 
@@ -224,4 +226,4 @@ def _require_folder_name(name: str, where: str) -> None:
     plain = printable(name) == name.strip() and not set(name) & set('/\\:*?"<>|')
     if not plain or not name or len(name) > MAX_NAME_LENGTH or name.startswith("."):
         found = f'"{name[:MAX_NAME_LENGTH]}" cannot be the name of a folder'
-        raise InputError(where, found, f"up to {MAX_NAME_LENGTH} letters, digits, - and _", "rename it")
+        raise InputError(where, found, f"up to {MAX_NAME_LENGTH} letters, digits, - and _", "rename it", code="E026")

@@ -146,7 +146,9 @@ def run_scenario(
     if values["command"] == "recorded":
         name = str(table.get("recording", ""))
         if name not in experiments:
-            raise InputError(f"{where}.recording", f'"{name}"', "a recording's name", did_you_mean(name, experiments))
+            raise InputError(
+                f"{where}.recording", f'"{name}"', "a recording's name", did_you_mean(name, experiments), code="E091"
+            )
         return free_run(model, experiments[name], str(table.get("name", name)))
     experiment = prepare(scenario_recording(values, model.rig), model.rig, None)
     name = str(table.get("name", values["command"]))
@@ -172,18 +174,20 @@ def parse_scenario(table: Mapping[str, Any], where: str) -> dict[str, Any]:
     values: dict[str, Any] = {"command": "recorded" if "recording" in table else "steps"}
     for key, value in table.items():
         if key not in KEYS:
-            raise InputError(f"{where}.{key}", "unknown key", "", did_you_mean(key, KEYS))
+            raise InputError(f"{where}.{key}", "unknown key", "", did_you_mean(key, KEYS), code="E021")
         if key in CHOICES and value not in CHOICES[key]:
-            raise InputError(f"{where}.{key}", f'"{value}"', "", did_you_mean(str(value), CHOICES[key]))
+            raise InputError(f"{where}.{key}", f'"{value}"', "", did_you_mean(str(value), CHOICES[key]), code="E023")
         try:
             values[key] = _in_si(key, value)
         except UnitError as error:
-            raise InputError(f"{where}.{key}", str(error), f'a quantity such as "1 {UNITS.get(key, "V")}"') from error
+            raise InputError(
+                f"{where}.{key}", str(error), f'a quantity such as "1 {UNITS.get(key, "V")}"', code="E024"
+            ) from error
     if values["command"] == "steps" and not values.get("values"):
-        raise InputError(f"{where}.values", "no steps", 'a list such as ["2 V", "-1 V"]')
+        raise InputError(f"{where}.values", "no steps", 'a list such as ["2 V", "-1 V"]', code="E023")
     for key in ("duration", "dwell", "frequency"):
         if not 0.0 < values.get(key, 1.0) <= MAX_DURATION:
-            raise InputError(f"{where}.{key}", f"{values[key]:g}", f"above 0, at most {MAX_DURATION:g}")
+            raise InputError(f"{where}.{key}", f"{values[key]:g}", f"above 0, at most {MAX_DURATION:g}", code="E023")
     return values
 
 

@@ -76,7 +76,7 @@ def integrated_motion(
     rest = rest_mask(recording.time, raw["a"], noise["a"])
     if not rest.any():
         wanted = "x, v, or rests between which the acceleration is integrated"
-        raise InputError(f"recording {recording.name}", "never at rest", wanted)
+        raise InputError(f"recording {recording.name}", "never at rest", wanted, code="E062")
     return IntegratedMotion(recording.time, start, rest)
 
 

@@ -48,7 +48,11 @@ def baseline_options(
     if not (folder / REFERENCE_FILE).is_file():
         mend = "run pneucli diagnose on the old pipeline first"
         raise InputError(
-            f"--since {folder}", f"no {REFERENCE_FILE} in it", "what an earlier diagnosis has written", mend
+            f"--since {folder}",
+            f"no {REFERENCE_FILE} in it",
+            "what an earlier diagnosis has written",
+            mend,
+            code="E007",
         )
     rate = ALARM_RATE if alarm_rate is None else alarm_rate
     options = {"folder": str(folder.absolute()), "sha256": sha256_of(folder / REFERENCE_FILE), "alarm_rate": rate}
@@ -66,7 +70,7 @@ def read_repeat(folder: Path, options: Mapping[str, Any]) -> RepeatDifferences:
     if answer.get("sha256") != options["since"]["sha256"]:
         fit = "it was not held against this old model" if answer else "no comparison in it"
         mend = "run pneucli diagnose REPEAT --since OLD first"
-        raise InputError(f"--repeat {folder}", fit, "a healthy repeat of OLD", mend)
+        raise InputError(f"--repeat {folder}", fit, "a healthy repeat of OLD", mend, code="E007")
     return dict(answer["repeat"])
 
 
@@ -89,7 +93,7 @@ def compare_with_baseline(pipeline: PipelineData, data: DiagnosisData, options: 
     whole, (old, new) = old, align(old, new)
     if not old.coordinates:
         found_text = "these recordings show none of the parameters of the old model"
-        raise InputError(f"--since {folder}", found_text, "recordings of the same kind of test")
+        raise InputError(f"--since {folder}", found_text, "recordings of the same kind of test", code="E062")
     repeats = options.get("repeats", [])
     repeatability = estimate_repeatability(repeats, options.get("prior")) if repeats else NO_DRIFT
     changes = attribute_changes(

@@ -114,7 +114,9 @@ def _beginning(source: RecordingSource, config: PipelineConfig) -> tuple[Recordi
     names, _ = recorded_signals(source, file)
     batch = next(iter(file.batches()))
     if batch["time"].size < 2:
-        raise InputError(str(source.path), f"{batch['time'].size} rows", "a recording of at least 2", "check the file")
+        raise InputError(
+            str(source.path), f"{batch['time'].size} rows", "a recording of at least 2", "check the file", code="E050"
+        )
     signals = {name: values for name, values in batch.items() if name != "time" and np.isfinite(values).any()}
     signals |= {name: np.full(batch["time"].size, value) for name, value in source.table.held_constant.items()}
     table = source.table

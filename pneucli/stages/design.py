@@ -71,7 +71,9 @@ def run(context: Context) -> dict[str, Any]:
     study = PipelineData(context)
     axes = [r for r in study.recordings if r.kind.axis]
     if not study.rig.has_cylinder or not axes:
-        raise NotApplicable(f"{context.path}", "no axis to control", "a cylinder and a recording of it with its valve")
+        raise NotApplicable(
+            f"{context.path}", "no axis to control", "a cylinder and a recording of it with its valve", code="E071"
+        )
     model = load_model(context.artifacts / "identify", study.rig, study.effects)
     wanted = read_requirements(
         context.config.design, f"{context.path}, key design", **_sensors_and_drive(axes, model, context)
@@ -99,7 +101,10 @@ def _require_controllers(designed: DesignResult, names: Sequence[str], context: 
     for name in names:
         if name in designed.not_designed:
             raise InputError(
-                f"{context.path}, controller {name}", designed.not_designed[name], "a law that can be made here"
+                f"{context.path}, controller {name}",
+                designed.not_designed[name],
+                "a law that can be made here",
+                code="E070",
             )
 
 
@@ -112,6 +117,7 @@ def _sensors_and_drive(axes: Sequence[Recording], model: Model, context: Context
             f"{context.path}",
             "chamber 2 is open: nothing pulls the piston back",
             "a closed one, a valve, or a spring or weight among the effects",
+            code="E071",
         )
     x = [r.noise["x"] for r in axes if "x" in r.noise]
     p = [r.noise["p1"].rms for r in axes if "p1" in r.noise]

@@ -18,7 +18,7 @@ def load_controller(folder: Path, name: str) -> Controller:
     """Return the controller of that name; raises InputError where the stage could not make it."""
     if not (path := folder / CONTROLLERS_FOLDER / f"{name}.json").is_file():
         made = ", ".join(sorted(one.stem for one in path.parent.iterdir()))
-        raise InputError(f"controller {name}", "it could not be designed for this axis", f"one of {made}")
+        raise InputError(f"controller {name}", "it could not be designed for this axis", f"one of {made}", code="E070")
     return Controller.from_json(path.read_text(encoding="utf-8"))
 
 

@@ -65,7 +65,10 @@ def run(context: Context) -> dict[str, Any]:
         warnings.append(warning_text("subsampled", **subsampling))
     if not data.train:
         raise InputError(
-            f"{context.path}, key recordings", "no recording to train on", 'at least one with use = "train"'
+            f"{context.path}, key recordings",
+            "no recording to train on",
+            'at least one with use = "train"',
+            code="E061",
         )
     context.progress(GIVEN_MODEL_PROGRESS, 0.2)
     fitted = [one.experiment for one in data.train]

@@ -42,7 +42,7 @@ def read_answers(path: str, folder: Path) -> RunAnswers:
         why = (compared.skipped or {}).get("found") if compared else None
         found = f"no model was compared there{(why and f': {why}') or ''}"
         raise InputError(
-            path, found, "a pipeline file, or the artifacts of a compared pipeline", "pneucli compare FILE"
+            path, found, "a pipeline file, or the artifacts of a compared pipeline", "pneucli compare FILE", code="E007"
         )
     diagnosed = staleness.read_manifest(folder / "diagnose")
     same = diagnosed is not None and diagnosed.answer is not None and _same_basis(folder, diagnosed, compared.answer)

@@ -34,7 +34,9 @@ def flow_bench(study: PipelineData) -> FlowBench | None:
     if bench is None:
         names = ", ".join(one.name for one in study.flow_recordings if one.use == "train") or "none of use train"
         mend = 'check the columns of flow, p_supply and p1, and that one recording has use = "train"'
-        raise InputError(f"{study.context.path}, key recordings", f"no row with a flow ({names})", "rows of flow", mend)
+        raise InputError(
+            f"{study.context.path}, key recordings", f"no row with a flow ({names})", "rows of flow", mend, code="E060"
+        )
     return bench
 
 
@@ -62,7 +64,7 @@ def require_recordings_over_time(study: PipelineData) -> None:
     """Raise NotApplicable where the pipeline records steady benches alone."""
     if not study.recordings:
         wanted = "a recording over time: a valve test, a friction test or an axis"
-        raise NotApplicable(f"{study.context.path}", "rows of a steady bench alone", wanted)
+        raise NotApplicable(f"{study.context.path}", "rows of a steady bench alone", wanted, code="E060")
 
 
 def flow_results(comparisons: Sequence[FlowComparison]) -> list[ChannelResult]:

@@ -49,7 +49,7 @@ def diagnose_flow_only(study: PipelineData) -> Answer:
     if context.options.get("since"):
         wanted = "recordings over time, whose model a baseline keeps"
         mend = "compare the parameters of both identify answers"
-        raise InputError("--since", "rows of a steady bench alone", wanted, mend)
+        raise InputError("--since", "rows of a steady bench alone", wanted, mend, code="E071")
     answer = flow_diagnosis(study)
     assert answer is not None
     write_flow_diagnosis(study, answer)

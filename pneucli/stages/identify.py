@@ -130,7 +130,10 @@ def _fit_model(study: PipelineData, views: Sequence[ResidualModel]) -> Fit:
     train = [e for e in study.experiments if e.recording.use == "train"]
     if not train:
         raise InputError(
-            f"{study.context.path}, key recordings", "no recording to train on", 'at least one with use = "train"'
+            f"{study.context.path}, key recordings",
+            "no recording to train on",
+            'at least one with use = "train"',
+            code="E061",
         )
     study.context.progress("fitting the model", 0.3)
     guess = guess_base_model(train, study.rig, study.valve)

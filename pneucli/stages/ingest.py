@@ -166,7 +166,7 @@ def recorded_signals(source: RecordingSource, file: SignalReader | MultiFileReco
         others = [n for n in EXPERIMENT_KINDS[table.experiment].motion_signals if n != name]
         either = f"{name} (or {', '.join(others)})" if name == "x" and others else name
         wanted = f'{either}, which experiment = "{table.experiment}" needs (columns: {columns})'
-        raise InputError(f"{source.where}, file {source.path}", found, wanted, mend)
+        raise InputError(f"{source.where}, file {source.path}", found, wanted, mend, code="E060")
     return [name for name in SIGNALS if name in present], set(file.positions) - {"time"}
 
 
@@ -233,13 +233,17 @@ def _require_usable(one: IngestedRecording) -> None:
     if one.samples < 2:
         kinds = ", ".join(f"{count} {LOSS_MESSAGES[kind]}" for kind, count in one.losses.items() if count)
         found = f"{one.samples} usable rows" + (f" ({kinds})" if kinds else "")
-        raise InputError(where, found, "a recording of at least 2 samples", "check from, to and skip_rows")
+        raise InputError(where, found, "a recording of at least 2 samples", "check from, to and skip_rows", code="E050")
     if not MIN_PERIOD < one.period < MAX_PERIOD:
         wanted = f"between {MIN_PERIOD:g} and {MAX_PERIOD:g} s"
-        raise InputError(where, f"a sampling period of {one.period:g} s", wanted, "check the column and unit of time")
+        raise InputError(
+            where, f"a sampling period of {one.period:g} s", wanted, "check the column and unit of time", code="E045"
+        )
     for name in sorted(one.empty & _required_signals(one.source, set(one.signals))):
         found = f"no value in any of {one.samples} rows"
-        raise InputError(f"{where}, signal {name}", found, "a recorded signal", "check its column, or leave it out")
+        raise InputError(
+            f"{where}, signal {name}", found, "a recorded signal", "check its column, or leave it out", code="E050"
+        )
     one.signals = [name for name in one.signals if name not in one.empty]
     one.repairs += [Repair(name, "empty", one.samples, "has no value in any row; left out") for name in one.empty]
 

@@ -47,13 +47,19 @@ def create(directory: Path, raw: Sequence[Path] = (), **stated: Any) -> dict[str
     """
     target = directory / NAME
     if target.exists():
-        raise InputError(str(target), "exists already", "a new folder", "choose another folder, or move the file away")
+        raise InputError(
+            str(target), "exists already", "a new folder", "choose another folder, or move the file away", code="E006"
+        )
     left: list[str] = []
     surveys = [*_survey_files(raw, stated, left)]
     if left and not surveys:
         more = f" (and {len(left) - 1} more files)" if len(left) > 1 else ""
         raise InputError(
-            str(raw[0]), f"no recording in {left[0]}{more}", "files of recorded numbers", "export them as CSV"
+            str(raw[0]),
+            f"no recording in {left[0]}{more}",
+            "files of recorded numbers",
+            "export them as CSV",
+            code="E041",
         )
     together = join_single_signal_files(surveys)
     found = _recordings([together] if together else group_files(surveys), left)
@@ -124,7 +130,9 @@ def _files_at(path: Path) -> Iterator[Path]:
     hits = inside or ([path] if path.exists() else [Path(hit) for hit in glob.glob(str(path), recursive=True)])
     hits = hits or archive_members(path)
     if not hits:
-        raise InputError(str(path), "no such file", "a raw file, a folder of them or a glob", "check the path")
+        raise InputError(
+            str(path), "no such file", "a raw file, a folder of them or a glob", "check the path", code="E002"
+        )
     for one in sorted((Path(os.path.abspath(hit)) for hit in hits), key=natural_sort_key):
         members = recordings_in_archive(one) if is_archive(one) else []
         yield from sorted(members, key=natural_sort_key) if len(members) > 1 else [one]

@@ -36,7 +36,7 @@ def parameter_priors(config: PipelineConfig, effects: Mapping[str, Effect]) -> d
         unit = _VALVE_UNITS[valve[1]] if valve else units.get(name)
         where = f'{config.path}, key model.parameters."{name}"'
         if unit is None:
-            faults.append(InputError(where, f'"{name}" is no parameter', "", did_you_mean(name, units)))
+            faults.append(InputError(where, f'"{name}" is no parameter', "", did_you_mean(name, units), code="E091"))
             continue
         try:
             own = MOVING_MASS_NAMES[0] if name == MOVING_MASS_NAMES[1] else name
@@ -63,17 +63,23 @@ def _prior_from_table(table: ParameterTable, unit: str, where: str, stated: floa
             return None if value is None else parse_quantity(value, unit, difference=difference)
         except UnitError as error:
             found, _, wanted = str(error).partition("; wanted ")
-            raise InputError(f"{where}.{key}", found, wanted) from error
+            raise InputError(f"{where}.{key}", found, wanted, code="E023") from error
 
     fixed, start, lower, upper = (read(key) for key in ("fixed", "start", "min", "max"))
     sigma, start = read("sigma", difference=True), stated if start is None else start
     lower, upper = -math.inf if lower is None else lower, math.inf if upper is None else upper
     if not lower < upper:
-        raise InputError(where, f"min {table.min} is not below max {table.max}", "a range", "exchange them")
+        raise InputError(
+            where, f"min {table.min} is not below max {table.max}", "a range", "exchange them", code="E023"
+        )
     if start is not None and not lower <= start <= upper:
-        raise InputError(where, f"start {start:g} {unit} lies outside min and max", "a start between them")
+        raise InputError(where, f"start {start:g} {unit} lies outside min and max", "a start between them", code="E023")
     if sigma is not None and not sigma > 0.0:
-        raise InputError(f"{where}.sigma", f"{table.sigma}", "a standard deviation above 0", 'or fixed = "..."')
+        raise InputError(
+            f"{where}.sigma", f"{table.sigma}", "a standard deviation above 0", 'or fixed = "..."', code="E023"
+        )
     if sigma is not None and start is None:
-        raise InputError(where, "sigma without start", "the value around which it holds", f'add start = "1 {unit}"')
+        raise InputError(
+            where, "sigma without start", "the value around which it holds", f'add start = "1 {unit}"', code="E023"
+        )
     return ParameterPrior(unit, fixed, start, lower, upper, math.inf if sigma is None else sigma)

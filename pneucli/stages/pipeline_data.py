@@ -85,7 +85,7 @@ class PipelineData:
         for name in names:
             if name not in self.available_effects:
                 mend = did_you_mean(name, self.available_effects)
-                raise InputError("--exclude", f'no effect "{name}"', "an effect of the catalogue", mend)
+                raise InputError("--exclude", f'no effect "{name}"', "an effect of the catalogue", mend, code="E030")
         return names
 
     @cached_property
@@ -125,7 +125,7 @@ class PipelineData:
             if name in experiment.noise and name not in still and not experiment.noise[name].rms > 0.0:
                 found = f"{name} never changes in {recording.name} or any like it, so its noise is unknown"
                 mend = f"leave {name} out of take if the sensor was dead, or state its noise in [signals] {name}"
-                raise InputError(f"{self.context.path}, recording {recording.name}", found, "", mend)
+                raise InputError(f"{self.context.path}, recording {recording.name}", found, "", mend, code="E060")
 
     @cached_property
     def data_digest(self) -> str:
@@ -153,6 +153,7 @@ class PipelineData:
                     found,
                     f"at least {MIN_HORIZON_SAMPLES} samples within a horizon",
                     mend,
+                    code="E066",
                 )
 
     def release_experiments(self) -> None:
@@ -178,6 +179,6 @@ def require_stated(missing: Sequence[RequiredInput], path: Path) -> None:
         below = one.table if one.table.startswith("[") else f"[{one.table}]"
         key = f"{one.table.strip('[]')}.{one.key}"
         mend = f"add {one.key} = {one.example} below {below}, with your rig's own number"
-        faults.append(InputError(f"{path}, key {key}", "missing", one.wanted, mend))
+        faults.append(InputError(f"{path}, key {key}", "missing", one.wanted, mend, code="E063"))
     if faults:
         raise join_faults(path, faults)

@@ -64,4 +64,4 @@ def _read_scenario(table: dict[str, Any], where: str) -> None:
 
         read_settings(table, where)
     else:
-        raise InputError(f"{where}.kind", f'"{kind}"', "", did_you_mean(str(kind), SCENARIO_KINDS))
+        raise InputError(f"{where}.kind", f'"{kind}"', "", did_you_mean(str(kind), SCENARIO_KINDS), code="E023")

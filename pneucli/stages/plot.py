@@ -23,10 +23,14 @@ def plot_answer(compared: Answer, recording: str | None, channels: Sequence[str]
     rows = [row for row in compared["channels"] if row["recording"] == name]
     if not rows:
         known = {row["recording"] for row in compared["channels"]}
-        raise InputError("plot, recording", f'"{name}" was not compared', mend=did_you_mean(str(name), known))
+        raise InputError(
+            "plot, recording", f'"{name}" was not compared', mend=did_you_mean(str(name), known), code="E091"
+        )
     for channel in channels or ():
         if channel not in (known := {row["channel"] for row in rows}):
-            raise InputError("plot, channel", f'"{channel}" was not compared', mend=did_you_mean(channel, known))
+            raise InputError(
+                "plot, channel", f'"{channel}" was not compared', mend=did_you_mean(channel, known), code="E091"
+            )
     return {
         "schema": SCHEMA,
         "pipeline": compared["pipeline"],

@@ -99,7 +99,7 @@ def hosvd(
     True
     """
     if rank is not None and (len(rank) != parameters or min(rank) < 1):
-        raise InputError("rank", f"{tuple(rank)}", f"{parameters} whole numbers from 1")
+        raise InputError("rank", f"{tuple(rank)}", f"{parameters} whole numbers from 1", code="E090")
     floor = min(_ROUNDING_TOLERANCE, tolerance)
     core, bases, values = samples, {}, {}
     for mode in sorted(range(parameters), key=samples.shape.__getitem__):

@@ -69,7 +69,9 @@ class TPModel:
             InputError: A value lies outside the domain, or the number of arrays differs from that of the parameters.
         """
         if len(parameters) != len(self.grids):
-            raise InputError("parameters", f"{len(parameters)} arrays", f"{len(self.grids)}, one a parameter")
+            raise InputError(
+                "parameters", f"{len(parameters)} arrays", f"{len(self.grids)}, one a parameter", code="E090"
+            )
         at = [
             _inside(g, np.asarray(p, dtype=np.float64), k)
             for k, (g, p) in enumerate(zip(self.grids, parameters, strict=True))
@@ -142,7 +144,7 @@ def transform(
     values, axes = np.asarray(samples, dtype=np.float64), as_grids(grids)
     sizes = tuple(g.size for g in axes)
     if values.shape[: len(sizes)] != sizes:
-        raise InputError("samples", f"shape {values.shape}", f"shape {sizes} and then the matrix")
+        raise InputError("samples", f"shape {values.shape}", f"shape {sizes} and then the matrix", code="E090")
     require_finite(values, axes)
     scale = _scale(values, len(sizes), scaling)
     scaled = values / scale
@@ -193,12 +195,12 @@ def _scale(values: Array, parameters: int, scaling: Scaling | ArrayLike) -> Arra
     shape = values.shape[parameters:]
     if isinstance(scaling, str):
         if scaling not in ("peak", "none"):
-            raise InputError("scaling", repr(scaling), '"peak", "none" or an array')
+            raise InputError("scaling", repr(scaling), '"peak", "none" or an array', code="E090")
         peak = np.abs(values).max(axis=tuple(range(parameters)))
         return np.where((peak > 0) & (scaling == "peak"), peak, 1.0)
     given = np.asarray(scaling, dtype=np.float64)
     if not np.all(given > 0):
-        raise InputError("scaling", f"{given}", "above 0")
+        raise InputError("scaling", f"{given}", "above 0", code="E090")
     return np.array(np.broadcast_to(given, shape))
 
 
@@ -221,7 +223,11 @@ def _inside(grid: Array, at: Array, parameter: int) -> Array:
     if not np.all((at >= grid[0] - slack) & (at <= grid[-1] + slack)):
         found = f"{np.min(at):g} to {np.max(at):g}"
         raise InputError(
-            f"parameter {parameter}", found, f"within [{grid[0]:g}, {grid[-1]:g}]", "clip it, or sample wider"
+            f"parameter {parameter}",
+            found,
+            f"within [{grid[0]:g}, {grid[-1]:g}]",
+            "clip it, or sample wider",
+            code="E090",
         )
     return np.clip(at, grid[0], grid[-1])
 

@@ -48,7 +48,9 @@ def as_grids(grids: Sequence[ArrayLike]) -> tuple[Array, ...]:
     arrays = tuple(np.asarray(g, dtype=np.float64) for g in grids)
     for k, grid in enumerate(arrays):
         if grid.ndim != 1 or grid.size < 2 or not np.all(np.isfinite(grid)) or not np.all(np.diff(grid) > 0):
-            raise InputError(f"grid of parameter {k}", f"{grid!r}", "at least two finite nodes, strictly rising")
+            raise InputError(
+                f"grid of parameter {k}", f"{grid!r}", "at least two finite nodes, strictly rising", code="E090"
+            )
     return arrays
 
 
@@ -77,7 +79,9 @@ def sample(function: Callable[..., ArrayLike], grids: Sequence[ArrayLike]) -> Ar
     samples = np.asarray(function(*np.meshgrid(*axes, indexing="ij")), dtype=np.float64)
     sizes = tuple(g.size for g in axes)
     if samples.shape[: len(sizes)] != sizes:
-        raise InputError("sampled function", f"shape {samples.shape}", f"shape {sizes} and then the matrix")
+        raise InputError(
+            "sampled function", f"shape {samples.shape}", f"shape {sizes} and then the matrix", code="E090"
+        )
     require_finite(samples, axes)
     return samples
 
@@ -101,7 +105,9 @@ def require_finite(samples: Array, grids: Sequence[Array]) -> None:
     if bad.any():
         index = np.argwhere(bad)[0]
         node = ", ".join(f"{g[i]:g}" for g, i in zip(grids, index, strict=False))
-        raise InputError(f"sample at ({node})", f"{samples[tuple(index)]}", "a finite value", "supply the limit there")
+        raise InputError(
+            f"sample at ({node})", f"{samples[tuple(index)]}", "a finite value", "supply the limit there", code="E090"
+        )
 
 
 def fit_samples(
@@ -141,9 +147,11 @@ def fit_samples(
     where = np.asarray(points, dtype=np.float64).reshape(-1, len(axes))
     measured = np.asarray(values, dtype=np.float64)
     if not (np.all(np.isfinite(where)) and np.all(np.isfinite(measured)) and len(where) == len(measured)):
-        raise InputError("measurements", "points and values of unequal length or not finite", mend="leave those out")
+        raise InputError(
+            "measurements", "points and values of unequal length or not finite", mend="leave those out", code="E090"
+        )
     if smoothing <= 0:
-        raise InputError("smoothing", f"{smoothing}", "above 0: nodes without a measurement need it")
+        raise InputError("smoothing", f"{smoothing}", "above 0: nodes without a measurement need it", code="E090")
     basis = _row_products([_linear_basis(g, where[:, k], k) for k, g in enumerate(axes)])
     trust = np.ones(len(where)) if sigma is None else _relative_weights(np.asarray(sigma, dtype=np.float64))
     nodes = _smooth_fit(
@@ -155,7 +163,7 @@ def fit_samples(
 
 def _relative_weights(sigma: Array) -> Array:
     if not np.all(sigma > 0):
-        raise InputError("sigma", f"{sigma.min()}", "above 0")
+        raise InputError("sigma", f"{sigma.min()}", "above 0", code="E090")
     return np.asarray((np.median(sigma) / sigma) ** 2)
 
 
@@ -163,7 +171,9 @@ def _linear_basis(grid: Array, at: Array, parameter: int) -> sparse.csr_array:
     """Return linear interpolation as a matrix, shape ``(m, n)``."""
     if at.min() < grid[0] or at.max() > grid[-1]:
         found, wanted = f"[{at.min():g}, {at.max():g}]", f"within [{grid[0]:g}, {grid[-1]:g}]"
-        raise InputError(f"measurements, parameter {parameter}", found, wanted, "widen the grid or leave those out")
+        raise InputError(
+            f"measurements, parameter {parameter}", found, wanted, "widen the grid or leave those out", code="E090"
+        )
     left, right = locate(grid, at)
     rows = np.tile(np.arange(at.size), 2)
     columns = np.concatenate((left, left + 1))

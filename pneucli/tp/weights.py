@@ -73,7 +73,9 @@ def convex_weights(frame: sx.AffineFrame, weight_type: WeightType) -> tuple[Arra
     """
     types = get_args(WeightType)
     if weight_type not in types:
-        raise InputError("weight type", repr(weight_type), ", ".join(types), did_you_mean(weight_type, types))
+        raise InputError(
+            "weight type", repr(weight_type), ", ".join(types), did_you_mean(weight_type, types), code="E090"
+        )
     h = sx.homogeneous(frame.points)
     simplex = _simplex(h, weight_type)
     return h @ simplex, np.asarray(np.linalg.solve(simplex, frame.back), dtype=np.float64)
@@ -88,7 +90,11 @@ def _simplex(h: Array, weight_type: WeightType) -> Array:
     if d > _MAX_SEARCH_DIMENSION and weight_type in ("cno", "irno", "mvs"):
         wanted = f"at most {_MAX_SEARCH_DIMENSION + 1}: the search would not end"
         raise InputError(
-            f"weight type {weight_type}", f"{d + 1} vertices", wanted, "bound the rank (noise has full rank)"
+            f"weight type {weight_type}",
+            f"{d + 1} vertices",
+            wanted,
+            "bound the rank (noise has full rank)",
+            code="E090",
         )
     makers: dict[WeightType, Callable[[Array], Array]] = {
         "snnn": sx.regular_simplex,
@@ -106,14 +112,18 @@ def _normal(h: Array) -> Array:
     smallest = float((h @ simplex).min())
     if smallest < -1e-9:
         found = f"samples lie outside the simplex of their own extremes (smallest weight {smallest:.2g})"
-        raise InputError("weight type no", found, "samples whose hull is a simplex", "take cno, the closest to it")
+        raise InputError(
+            "weight type no", found, "samples whose hull is a simplex", "take cno, the closest to it", code="E090"
+        )
     return sx.tighten(h, simplex)
 
 
 def _relaxed_normal(h: Array) -> Array:
     simplex = simplex_search.equal_maxima_simplex(h)
     if simplex is None:
-        raise InputError("weight type irno", "no simplex with equal maxima was found", mend="take cno or mvs")
+        raise InputError(
+            "weight type irno", "no simplex with equal maxima was found", mend="take cno or mvs", code="E090"
+        )
     return simplex
 
 

@@ -20,7 +20,7 @@ DEFAULT = cascade.LAW.name
 def find_law(name: Any, where: str) -> ControlLaw:
     """Return a law by its name; raises InputError at ``where`` for an unknown one."""
     if not isinstance(name, str) or name not in LAWS:
-        raise InputError(where, f"{name!r}", f"one of {', '.join(LAWS)}", did_you_mean(str(name), LAWS))
+        raise InputError(where, f"{name!r}", f"one of {', '.join(LAWS)}", did_you_mean(str(name), LAWS), code="E031")
     return LAWS[name]
 
 

@@ -74,9 +74,9 @@ def _cannot_show(effect: Effect, residual_models: Sequence[ResidualModel]) -> In
     wanted, stands = "effects that can show", any(effect.part in one.experiment.parts for one in residual_models)
     if effect.needs and stands:
         fault = f'"{effect.name}" needs {", ".join(sorted(effect.needs))}, which no training recording has'
-        return InputError("key model.effects", fault, wanted, "remove it, or record what it needs")
+        return InputError("key model.effects", fault, wanted, "remove it, or record what it needs", code="E064")
     fault = f'"{effect.name}" acts on a part that no training recording has ({effect.part})'
-    return InputError("key model.effects", fault, wanted, "remove it, or record its part")
+    return InputError("key model.effects", fault, wanted, "remove it, or record its part", code="E064")
 
 
 def require_finite(model: Model, residual_models: Sequence[ResidualModel]) -> None:
@@ -96,7 +96,9 @@ def require_finite(model: Model, residual_models: Sequence[ResidualModel]) -> No
             if not np.isfinite(residual).all():
                 fault = f"with the rig as stated the model has no finite {channel} for {name}"
                 wanted = "volumes, areas, pressures and commands that belong to one rig"
-                raise InputError("[rig] and [signals]", fault, wanted, "see what pneucli ingest finds implausible")
+                raise InputError(
+                    "[rig] and [signals]", fault, wanted, "see what pneucli ingest finds implausible", code="E065"
+                )
 
 
 def fit_with_effect(

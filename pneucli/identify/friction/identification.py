@@ -75,7 +75,7 @@ class FrictionIdentification:
         for one in self.models:
             if one.name == name:
                 return one
-        raise InputError("friction model", name, ", ".join(m.name for m in self.models))
+        raise InputError("friction model", name, ", ".join(m.name for m in self.models), code="E091")
 
 
 def identify_friction(
@@ -112,7 +112,11 @@ def identify_friction(
     samples, unmodelled = pool_samples(train, inertia), unmodelled_effects(model, train)
     if len(samples) < MIN_MOVING_SAMPLES:
         raise InputError(
-            "friction recordings", f"{len(samples)} moving samples", f"at least {MIN_MOVING_SAMPLES}", "move further"
+            "friction recordings",
+            f"{len(samples)} moving samples",
+            f"at least {MIN_MOVING_SAMPLES}",
+            "move further",
+            code="E062",
         )
     if not samples.both_directions:
         warnings.append(FrictionWarning("one-direction"))
@@ -155,7 +159,9 @@ def _friction_recordings(recordings: Sequence[Recording]) -> list[Recording]:
     moving = [r for r in recordings if r.kind.cylinder]
     tests = [r for r in moving if not r.kind.valve] or moving
     if not any(r.use == "train" for r in tests):
-        raise InputError("recordings", "no friction test to train on", 'experiment = "friction", use = "train"')
+        raise InputError(
+            "recordings", "no friction test to train on", 'experiment = "friction", use = "train"', code="E061"
+        )
     return tests
 
 
@@ -171,7 +177,10 @@ def _mass(train: Sequence[Motion], warnings: list[FrictionWarning]) -> IntervalE
         return estimate
     if not all(m.imposed for m in train):
         raise InputError(
-            "rig.cylinder.moving_mass", "missing, and these recordings do not identify it", "the moving mass"
+            "rig.cylinder.moving_mass",
+            "missing, and these recordings do not identify it",
+            "the moving mass",
+            code="E063",
         )
     warnings.append(FrictionWarning("mass-not-identifiable"))
     return None

@@ -194,7 +194,9 @@ def _non_friction_force(recording: Recording, non_friction: NonFrictionForces, x
     if np.isfinite(load).all():
         return load
     names = ", ".join(e.name for e in non_friction.model.effects if "force" in e.ports)
-    raise InputError(f"recording {recording.name}", f"x was not recorded, and a force depends on it ({names})", "x")
+    raise InputError(
+        f"recording {recording.name}", f"x was not recorded, and a force depends on it ({names})", "x", code="E060"
+    )
 
 
 def _noise(recording: Recording, name: str, values: Array) -> NoiseModel:
@@ -208,7 +210,9 @@ def _drive_parts(recording: Recording, rig: Rig) -> dict[str, tuple[float, float
     """Return gain and zero of each signal that drives the piston."""
     name = f"recording {recording.name}"
     if recording.chamber_2 in ("closed", "valve") and "p1" in recording and "p2" not in recording:
-        raise InputError(name, f"chamber 2 is {recording.chamber_2}, p2 was not recorded", "p2", "record or state p2")
+        raise InputError(
+            name, f"chamber 2 is {recording.chamber_2}, p2 was not recorded", "p2", "record or state p2", code="E060"
+        )
     a1 = rig.piston_area_1 or 0.0
     areas = {"p1": a1, "p2": -(a1 if rig.piston_area_2 is None else rig.piston_area_2)}
     parts = {n: (area, rig.ambient_pressure) for n, area in areas.items() if n in recording and area}
@@ -216,7 +220,7 @@ def _drive_parts(recording: Recording, rig: Rig) -> dict[str, tuple[float, float
         parts["force"] = (1.0, 0.0)
     if not parts:
         missing = "rig.cylinder.piston_area_1" if {"p1", "p2"} & set(recording.signals) else "p1, p2 or force"
-        raise InputError(name, f"no {missing}", "what drives the piston", f"add {missing}")
+        raise InputError(name, f"no {missing}", "what drives the piston", f"add {missing}", code="E060")
     return parts
 
 
@@ -226,7 +230,9 @@ def _estimators(
     """Return the map (x, a) -> (v, smoothed a), smoothers by signal, unbiased acceleration, and reach of smoothing."""
     time = recording.time
     if not {"x", "v", "a"} & raw.keys():
-        raise InputError(f"recording {recording.name}", "neither x, v nor a", "position, velocity or acceleration")
+        raise InputError(
+            f"recording {recording.name}", "neither x, v nor a", "position, velocity or acceleration", code="E060"
+        )
     if "a" not in raw and "x" not in raw:
         smooth = choose_windows(raw["v"], noise["v"], recording.period)
         blur = int(np.ceil(smooth.memory / recording.period)) + 1
@@ -252,7 +258,9 @@ def _estimators(
     else:
         rest = rest_mask(time, raw["a"], noise["a"])
         if not rest.any():
-            raise InputError(f"recording {recording.name}", "never at rest", "x, or rests to integrate from")
+            raise InputError(
+                f"recording {recording.name}", "never at rest", "x, or rests to integrate from", code="E062"
+            )
         bias = float(np.mean(raw["a"][rest]))
         derive = lambda _, a: (integrate_between_rests(time, a, rest), smoothers["a"](a))  # noqa: E731
     return derive, smoothers, raw["a"] - bias, 1

@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import lsq_linear
 
+from pneucli.errors import InputError
 from pneucli.identify.guesses.direct_friction import has_both_directions
 from pneucli.identify.guesses.flow_paths import flow_path_data
 from pneucli.identify.guesses.valve_areas import GUESS_BY_VALVE_FORM
@@ -89,6 +90,9 @@ def guess_friction(experiments: Sequence[Experiment], rig: Rig) -> dict[str, flo
         ``friction.coulomb`` (N), ``friction.viscous`` (N s/m) and, where unknown, ``rig.moving_mass`` (kg); empty
         without a usable experiment.
 
+    Raises:
+        InputError: Nothing moves in any experiment.
+
     """
     rows, targets = [], []
     for experiment in experiments:
@@ -103,6 +107,9 @@ def guess_friction(experiments: Sequence[Experiment], rig: Rig) -> dict[str, flo
     if not rows:
         return {}
     design, target = np.vstack(rows), np.concatenate(targets)
+    if not target.size:
+        mend = "check the columns and units of x, v and a"
+        raise InputError("friction recordings", "no motion in any of them", "a piston that moves", mend, code="E062")
     if rig.moving_mass is not None:
         design = np.delete(design, 2, axis=1)
     lower = np.zeros(design.shape[1])

@@ -49,7 +49,7 @@ def with_identified_null(recordings: Sequence[Recording], rig: Rig) -> Rig:
     interval = _null_interval(columns[0], columns[1]) if columns else None
     if interval is None:
         fault = '"identify", but chamber 1 is never both filled and vented by commands that were recorded'
-        raise InputError("[rig.valve] null", fault, "both", "state the command at which nothing flows")
+        raise InputError("[rig.valve] null", fault, "both", "state the command at which nothing flows", code="E065")
     spans = {name: span for name, (u, flow) in flows.items() if (span := _null_interval(u, flow)) is not None}
     return replace(rig, valve_null=0.5 * (interval[0] + interval[1]), null_range=interval, null_ranges=spans)
 

@@ -71,7 +71,7 @@ def identify_valve(experiments: Sequence[Experiment], fitted: Fit, chamber: Cham
     tests = [test for test in valve_tests if test is not None]
     train = [e for e in tests if e.recording.use == "train"]
     if not train:
-        raise InputError("recordings", "no valve test to train on", 'experiment = "valve", use = "train"')
+        raise InputError("recordings", "no valve test to train on", 'experiment = "valve", use = "train"', code="E061")
     rig, recordings = fitted.model.rig, [e.recording for e in train]
     full_gradient = model_gradient_of(fitted, train)
     has_only_valve_tests = all(e.vessel for e in experiments if e.recording.use == "train")
@@ -82,11 +82,13 @@ def identify_valve(experiments: Sequence[Experiment], fitted: Fit, chamber: Cham
     area_model = _area_model(model_gradient, data, rig)
     if not area_model.supply > area_model.ambient:
         fault = f"the supply has {area_model.supply:.4g} Pa, no more than ambient pressure"
-        raise InputError("valve tests", fault, "a supply above it, over which a map goes", "see p_supply")
+        raise InputError("valve tests", fault, "a supply above it, over which a map goes", "see p_supply", code="E065")
     sensor = pool_noise([e.noise["p1"] for e in train])
     if not sensor.rms:
         fault = "p1 has no noise at all: a sensor that is dead, or a computed signal"
-        raise InputError("valve tests", fault, "a recorded p1", 'check its column, or state its noise = "1 mbar"')
+        raise InputError(
+            "valve tests", fault, "a recorded p1", 'check its column, or state its noise = "1 mbar"', code="E062"
+        )
     posterior, coverage = fit_area_model(area_model, data, sensor), transient_coverage(area_model, data)
     nodes = [float(d.sign * n) for d in area_model.directions for n in d.nodes]
     identification = assemble_identification(
@@ -198,7 +200,7 @@ def _area_model(model_gradient: ModelGradient, data: Transients, rig: Rig) -> Ar
     """Return the area model with a node for each command that was held."""
     directions = tuple(Direction(s, n) for s in (1, -1) if (n := _nodes(data, s)).size)
     if not directions:
-        raise InputError("valve recordings", "u is zero throughout", "commands other than zero")
+        raise InputError("valve recordings", "u is zero throughout", "commands other than zero", code="E062")
     supply = rig.supply_pressure or float(np.median(data.supply[data.valid]))
     return AreaModel(model_gradient, directions, rig.ambient_pressure, supply, data.max_slope)
 

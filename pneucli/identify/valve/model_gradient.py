@@ -112,7 +112,7 @@ def model_gradient_of(fitted: Fit, tests: Sequence[Experiment], *, with_memory: 
     if not fitted.model.valve_of_chamber(tests[0].recording.chamber).commands:
         fault = "at no command does air flow the way it should, so the model's valve never opens"
         mend = "turn the sign of u, or see what pneucli ingest finds implausible"
-        raise InputError("valve tests", fault, "u above the null command fills, u below it vents", mend)
+        raise InputError("valve tests", fault, "u above the null command fills, u below it vents", mend, code="E065")
     start = np.array([f.to_coordinate(e.value) for f, e in zip(fitted.free, fitted.estimates, strict=True)])
     full = ModelGradient(fitted.model, tests[0], fitted.free, start, fitted.covariance)
     is_observable = np.zeros(start.size, dtype=bool)

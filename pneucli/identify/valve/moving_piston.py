@@ -58,7 +58,9 @@ def identify_valve_on_piston(experiments: Sequence[Experiment], fitted: Fit, cha
     tests = [test for e in driven if (test := as_valve_test(e, chamber)) is not None]
     model = fitted.model
     if not tests or not model.valve_of_chamber(chamber).commands:
-        raise InputError("recordings", f"no flow into chamber {chamber} by a command", "a driven recording to train on")
+        raise InputError(
+            "recordings", f"no flow into chamber {chamber} by a command", "a driven recording to train on", code="E062"
+        )
     volume = model.values.get("rig.vessel_volume") or mid_stroke_volume(model, chamber)
     command, fitted = command_conversion(model.rig, chamber), with_null_at_zero(fitted)
     fitted = replace(fitted, model=fitted.model.with_values({"rig.vessel_volume": volume}))
@@ -69,7 +71,7 @@ def identify_valve_on_piston(experiments: Sequence[Experiment], fitted: Fit, cha
         Direction(sign, np.array([max_command])) for sign, max_command in largest.items() if max_command > 0.0
     )
     if not directions:
-        raise InputError("recordings", "u is zero throughout", "commands other than zero")
+        raise InputError("recordings", "u is zero throughout", "commands other than zero", code="E062")
     ambient, supply_pressure = model.rig.ambient_pressure, model.rig.supply_pressure or float(np.median(supply))
     max_pressure = (
         supply_pressure if supply_pressure > ambient else float(p.max())

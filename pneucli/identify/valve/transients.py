@@ -120,6 +120,7 @@ def cut_transients(
             f"no command is held longer than {1e3 * (SETTLING_TIME + MIN_DURATION):.0f} ms",
             "charge and discharge curves at constant commands",
             "record steps or staircases of u",
+            code="E062",
         )
     shortest = min(segment.length for segment in segments) / MIN_AVERAGED_SAMPLES
     steepest = max(_max_slope(segment, min(shortest, MIN_DURATION)) for segment in segments)
@@ -158,12 +159,14 @@ def _segments(index: int, recording: Recording, supply_pressure: float | None, m
     """Return the segments of one recording at a settled command."""
     for signal in ("u", "p1"):
         if signal not in recording:
-            raise InputError(f"recording {recording.name}", f"no signal {signal}", "u and p1", "see [signals]")
+            raise InputError(
+                f"recording {recording.name}", f"no signal {signal}", "u and p1", "see [signals]", code="E060"
+            )
     dt, noise, error = recording.period, recording.noise.get("p1"), interpolation_error(recording, "p1")
     if error > MAX_RESAMPLING_ERROR * (noise.rms if noise else 0.0):
         fault = f"sampled unevenly, and too slowly to be resampled: p1 would err by {error:.2g} Pa, which shows"
         mend = "record it faster, or leave it to the fit of the model"
-        raise InputError(f"recording {recording.name}", fault, "even sampling, or faster", mend)
+        raise InputError(f"recording {recording.name}", fault, "even sampling, or faster", mend, code="E045")
     rows = np.stack(
         [recording.time, recording["u"], _supply_pressure(recording, supply_pressure), recording["p1"], *memory]
     )
@@ -203,6 +206,10 @@ def _supply_pressure(recording: Recording, supply_pressure: float | None) -> Arr
         return np.asarray(uniform_filter1d(recording["p_supply"], window, mode="nearest"), dtype=np.float64)
     if supply_pressure is None:
         raise InputError(
-            f"recording {recording.name}", "no signal p_supply", "a supply pressure", "set rig.supply_pressure"
+            f"recording {recording.name}",
+            "no signal p_supply",
+            "a supply pressure",
+            "set rig.supply_pressure",
+            code="E060",
         )
     return np.full(recording.time.size, supply_pressure)

@@ -71,7 +71,7 @@ def load_plugin(path: Path) -> Effect:
     """
     spec = importlib.util.spec_from_file_location(f"pneucli_plugin_{path.stem}", path)
     if spec is None or spec.loader is None or not path.exists():
-        raise InputError(f"{path}", "no such Python file", "a file that declares EFFECT = Effect(...)")
+        raise InputError(f"{path}", "no such Python file", "a file that declares EFFECT = Effect(...)", code="E002")
     module = importlib.util.module_from_spec(spec)
     linecache.checkcache(str(path))  # the text of its functions is that of the file as it is now
     try:
@@ -81,10 +81,12 @@ def load_plugin(path: Path) -> Effect:
             (f.lineno for f in reversed(traceback.extract_tb(error.__traceback__)) if f.filename == str(path)), 0
         )
         where = f"{path}, line {line}" if line else f"{path}"
-        raise InputError(where, f"it does not run: {error!r}", "a module that declares EFFECT") from error
+        raise InputError(where, f"it does not run: {error!r}", "a module that declares EFFECT", code="E028") from error
     effect = getattr(module, "EFFECT", None)
     if not isinstance(effect, Effect):
-        raise InputError(f"{path}", "it declares no EFFECT", "EFFECT = pneucli.physics.declaration.Effect(...)")
+        raise InputError(
+            f"{path}", "it declares no EFFECT", "EFFECT = pneucli.physics.declaration.Effect(...)", code="E028"
+        )
     _check_plugin(effect, path)
     return effect
 
@@ -92,21 +94,21 @@ def load_plugin(path: Path) -> Effect:
 def _check_plugin(effect: Effect, path: Path) -> None:
     """Raise InputError for a name of the catalogue, an unknown part or port, or an equation that cannot be compiled."""
     if effect.name in catalogue():
-        raise InputError(f"{path}", f'"{effect.name}" is an effect of the catalogue', "a name of its own")
+        raise InputError(f"{path}", f'"{effect.name}" is an effect of the catalogue', "a name of its own", code="E028")
     parts = get_args(Part)
     if effect.part not in parts:
-        raise InputError(f"{path}", f'unknown part "{effect.part}"', mend=did_you_mean(effect.part, parts))
+        raise InputError(f"{path}", f'unknown part "{effect.part}"', mend=did_you_mean(effect.part, parts), code="E028")
     unknown = [port for port in effect.ports if port not in PORTS]
     if unknown or not effect.ports:
         found = f'unknown port "{unknown[0]}"' if unknown else "it enters at no port"
-        raise InputError(f"{path}", found, mend=did_you_mean(unknown[0] if unknown else "", PORTS))
+        raise InputError(f"{path}", found, mend=did_you_mean(unknown[0] if unknown else "", PORTS), code="E028")
     for p in effect.parameters:
         if not p.name.isidentifier() or keyword.iskeyword(p.name):
-            raise InputError(f"{path}", f'"{p.name}" is no name of a parameter', "letters, digits and _")
+            raise InputError(f"{path}", f'"{p.name}" is no name of a parameter', "letters, digits and _", code="E028")
     try:
         check_effect(effect)
     except EquationError as fault:
-        raise InputError(f"{path}", fault.found, fault.wanted, "see docs/own-effect.md") from fault
+        raise InputError(f"{path}", fault.found, fault.wanted, "see docs/own-effect.md", code="E028") from fault
 
 
 def all_effects(plugins: Iterable[Path] = ()) -> dict[str, Effect]:
@@ -150,6 +152,6 @@ def select_effects(
     chosen = []
     for name in names:
         if name not in available:
-            raise InputError(where, f'unknown effect "{name}"', mend=did_you_mean(name, available))
+            raise InputError(where, f'unknown effect "{name}"', mend=did_you_mean(name, available), code="E030")
         chosen.append(available[name])
     return tuple(chosen)

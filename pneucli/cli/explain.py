@@ -1,0 +1,98 @@
+"""``explain``: what a code of a fault means; the same texts make the page ``docs/errors.md``."""
+
+from __future__ import annotations
+
+from dataclasses import asdict
+from typing import Annotated, Any
+
+import typer
+
+from pneucli.cli import console, examples
+from pneucli.cli.options import Json
+from pneucli.errors import InputError, did_you_mean
+from pneucli.fault_kinds import Example, FaultKind, base_files, fault_kinds
+
+HELP = "What the code of an error means, its mend, and an example."
+MAX_SHOWN_LINES = 12  # of a file on the page
+HEAD = """# Errors
+
+A reference of every kind of fault that you can mend, longer than other pages. Made by `make docs`; `pneucli explain
+E042` prints the same. An error states place, what was found, what is wanted and the mend, and ends its first line with
+its code:
+
+```text
+error: bench.toml, line 6, key rig.suply_pressure: unknown key [E021]
+  mend: did you mean "supply_pressure"?
+```
+
+The exit code is 2. Under `--json` the error is an object with `where`, `found`, `wanted`, `mend` and `code`. A code
+stays with its kind in later versions; texts may change. Each example below is run by the tests. It changes or adds what
+it shows to a pipeline of one recording:
+
+"""
+
+
+def register(app: typer.Typer) -> None:
+    """Add the command."""
+    app.command("explain", help=HELP, epilog=examples.example_line("explain"))(_explain)
+
+
+def _explain(
+    code: Annotated[
+        str | None, typer.Argument(metavar="CODE", help="Such as E042; default: all codes.", show_default=False)
+    ] = None,
+    json: Json = False,
+) -> None:
+    kinds = fault_kinds()
+    if code is not None and code.upper() not in kinds:
+        raise InputError("explain", f'no code "{code}"', mend=did_you_mean(code.upper(), kinds), code="E031")
+    chosen = list(kinds.values()) if code is None else [kinds[code.upper()]]
+    if json:
+        console.print_json({"schema": "pneucli/explain/1", "kinds": [asdict(kind) for kind in chosen]})
+    elif code is None:
+        for kind in chosen:
+            console.print_text(f"{kind.code}  {kind.title}")
+    else:
+        console.print_text(_text(chosen[0]))
+
+
+def _text(kind: FaultKind) -> str:
+    run = kind.example.command or kind.example.python
+    return "\n".join(
+        [f"{kind.code}: {kind.title}", "", kind.found, "", f"Mend: {kind.mend}", "", f"$ {run}", kind.example.output]
+    )
+
+
+def errors_page() -> str:
+    """Return the page of all kinds in Markdown."""
+    base = [f"`{name}`:\n\n{_block(name, text)}" for name, text in base_files().items()]
+    return HEAD + "\n".join([*base, *(_section(kind) for kind in fault_kinds().values())])
+
+
+def _section(kind: FaultKind) -> str:
+    parts = [f"## {kind.code}: {kind.title}\n", f"{kind.found}\n", f"**Mend.** {kind.mend}\n"]
+    return "\n".join([*parts, *_shown_files(kind.example), _run(kind.example)])
+
+
+def _shown_files(example: Example) -> list[str]:
+    parts = [f"With packages missing: {', '.join(example.without)}.\n"] if example.without else []
+    if example.change:
+        old, new = example.change
+        parts.append(
+            f"`{old}` becomes\n\n{_block('.toml' if '=' in new else '', new)}" if new else f"Without `{old}`.\n"
+        )
+    for name, text in example.files.items():
+        parts.append(f"`{name}`{':' if text else ' is empty.'}\n" + (f"\n{_block(name, text)}" if text else ""))
+    return parts
+
+
+def _block(name: str, text: str) -> str:
+    lines = text.splitlines()
+    more = ["..."] if len(lines) > MAX_SHOWN_LINES and not name.endswith(".toml") else []
+    shown = lines[:MAX_SHOWN_LINES] if more else lines
+    return "\n".join(["```text", *shown, *more, "```", ""])
+
+
+def _run(example: Example) -> str:
+    command: Any = f"$ {example.command}" if example.command else f">>> {example.python}"
+    return "\n".join(["```console", command, example.output, "```", ""])
