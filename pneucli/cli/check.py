@@ -6,7 +6,7 @@ import typer
 
 from pneucli import messages
 from pneucli.cli import console, examples
-from pneucli.cli.options import File, Json, Out, Quiet
+from pneucli.cli.options import File, Json, Out, Quiet, Verbose
 
 
 def register(app: typer.Typer) -> None:
@@ -18,7 +18,7 @@ def register(app: typer.Typer) -> None:
     )(_check)
 
 
-def _check(pipeline: File, out: Out = None, json: Json = False, quiet: Quiet = False) -> None:
+def _check(pipeline: File, out: Out = None, json: Json = False, verbose: Verbose = False, quiet: Quiet = False) -> None:
     """``out`` and ``quiet`` exist for uniform options: nothing is written, and no progress is printed."""
     from pneucli.stages.check import check_pipeline
 
@@ -26,6 +26,6 @@ def _check(pipeline: File, out: Out = None, json: Json = False, quiet: Quiet = F
     if json:
         console.print_json(answer)
     else:
-        console.print_text(messages.render("check", answer, str(pipeline)))
+        console.print_text(messages.render("check", answer, str(pipeline), verbose=verbose))
     if answer["faults"] or answer["missing"]:
         raise typer.Exit(2)

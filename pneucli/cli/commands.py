@@ -51,6 +51,8 @@ def build() -> typer.Typer:
             stage.register(app, one)
     for command in (edit, history, diff, plot, run, open, check, status, effects, exam, fleet, schema, explain):
         command.register(app)
+    for registered in app.registered_commands:
+        registered.short_help = registered.help  # else the list of commands cuts it
     return app
 
 

@@ -10,7 +10,7 @@ import typer
 
 from pneucli import messages
 from pneucli.cli import console, examples
-from pneucli.cli.options import File, Json, Out, Quiet, open_pipeline_file
+from pneucli.cli.options import File, Json, Out, Quiet, Verbose, open_pipeline_file
 from pneucli.errors import InputError, did_you_mean
 
 ADD = "Add effects to [model], identify anew, show the error before and after."
@@ -34,6 +34,7 @@ def _add(
     suggested: Suggested = False,
     out: Out = None,
     json: Json = False,
+    verbose: Verbose = False,
     quiet: Quiet = False,
 ) -> None:
     from pneucli.config import load, plugin_files
@@ -46,10 +47,17 @@ def _add(
     config = load(pipeline)
     chosen = [*(effects or []), *(_stage_answer("diagnose", pipeline, out, quiet)["missing"] if suggested else [])]
     select_effects(chosen, all_effects(plugin_files(config)))
-    _change(pipeline, list(dict.fromkeys([*config.model.effects, *chosen])), out, json, quiet)
+    _change(pipeline, list(dict.fromkeys([*config.model.effects, *chosen])), out, json, quiet, verbose)
 
 
-def _remove(pipeline: File, effects: Effects, out: Out = None, json: Json = False, quiet: Quiet = False) -> None:
+def _remove(
+    pipeline: File,
+    effects: Effects,
+    out: Out = None,
+    json: Json = False,
+    verbose: Verbose = False,
+    quiet: Quiet = False,
+) -> None:
     from pneucli.config import load
 
     present = load(pipeline).model.effects
@@ -58,21 +66,24 @@ def _remove(pipeline: File, effects: Effects, out: Out = None, json: Json = Fals
             raise InputError(
                 f"{pipeline}, [model] effects", f'no "{effect}" there', mend=did_you_mean(effect, present), code="E030"
             )
-    _change(pipeline, [effect for effect in present if effect not in effects], out, json, quiet)
+    _change(pipeline, [effect for effect in present if effect not in effects], out, json, quiet, verbose)
 
 
-def _change(file: Path, effects: list[str], out: Path | None, json: bool, quiet: bool) -> None:
+def _change(file: Path, effects: list[str], out: Path | None, json: bool, quiet: bool, verbose: bool) -> None:
     from pneucli.config.effect_edit import set_effects
 
     before = _stage_answer("compare", file, out, quiet)
     present = before["model"]["effects"]
     if effects != present:
         set_effects(file, effects)
-    answer = _difference(before, _stage_answer("compare", file, out, quiet))
+    after = _stage_answer("compare", file, out, quiet)
+    answer = _difference(before, after)
     if json:
         console.print_json(answer)
-    else:
-        console.print_text(messages.render("edit", answer, str(file)))
+        return
+    console.print_text(messages.render("edit", answer, str(file)))
+    if verbose:
+        console.print_text(messages.render("compare", after, str(file), verbose=True))
 
 
 def _stage_answer(stage: str, file: Path, out: Path | None, quiet: bool) -> dict[str, Any]:

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from pneucli.cli import console, examples
-from pneucli.cli.options import Json
+from pneucli.cli.options import Json, Quiet, Verbose
 
 if TYPE_CHECKING:
     from pneucli.physics.declaration import Effect, Parameter
@@ -96,6 +96,8 @@ def _effects(
     ] = None,
     second: Annotated[str | None, typer.Argument(metavar="EFFECT", help="Its name.", show_default=False)] = None,
     json: Json = False,
+    verbose: Verbose = False,
+    quiet: Quiet = False,
 ) -> None:
     from pneucli.physics.effects import all_effects, select_effects
 
@@ -108,6 +110,8 @@ def _effects(
         for one in chosen:
             parameters = ", ".join(f"{p.name} ({p.unit})" for p in one.parameters)
             print(f"{one.name:20} {one.part:13} {parameters}")
+            if verbose:
+                print(f"{'':20} {one.title}: {one.equation}")
     else:
         print(_text(chosen[0]))
 

@@ -8,7 +8,7 @@ from typing import Annotated, Any
 import typer
 
 from pneucli.cli import console, examples
-from pneucli.cli.options import EXECUTORS, Json, Quiet
+from pneucli.cli.options import EXECUTORS, Json, Quiet, Verbose
 from pneucli.exam import conditions
 
 
@@ -66,6 +66,7 @@ def _exam(
     ] = None,
     grade: Annotated[bool, typer.Option("--grade", help="Print the grades of the answers.")] = False,
     json: Json = False,
+    verbose: Verbose = False,
     quiet: Quiet = False,
 ) -> None:
     from pneucli.exam import from_pipeline, workflow

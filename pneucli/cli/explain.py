@@ -8,7 +8,7 @@ from typing import Annotated, Any
 import typer
 
 from pneucli.cli import console, examples
-from pneucli.cli.options import Json
+from pneucli.cli.options import Json, Quiet, Verbose
 from pneucli.errors import InputError, did_you_mean
 from pneucli.fault_kinds import Example, FaultKind, base_files, fault_kinds
 
@@ -42,6 +42,8 @@ def _explain(
         str | None, typer.Argument(metavar="CODE", help="Such as E042; default: all codes.", show_default=False)
     ] = None,
     json: Json = False,
+    verbose: Verbose = False,
+    quiet: Quiet = False,
 ) -> None:
     kinds = fault_kinds()
     if code is not None and code.upper() not in kinds:
@@ -52,6 +54,8 @@ def _explain(
     elif code is None:
         for kind in chosen:
             console.print_text(f"{kind.code}  {kind.title}")
+            if verbose:
+                console.print_text(f"      {kind.found}\n      {kind.mend}")
     else:
         console.print_text(_text(chosen[0]))
 

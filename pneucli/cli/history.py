@@ -5,7 +5,7 @@ from __future__ import annotations
 import typer
 
 from pneucli.cli import console, examples
-from pneucli.cli.options import File, Json, Out, Quiet, open_pipeline_file
+from pneucli.cli.options import File, Json, Out, Quiet, Verbose, open_pipeline_file
 
 HELP = "How the error fell: every model that was compared, oldest first; nothing is run."
 
@@ -15,7 +15,9 @@ def register(app: typer.Typer) -> None:
     app.command("history", help=HELP, epilog=examples.example_line("history"))(_history)
 
 
-def _history(pipeline: File, out: Out = None, json: Json = False, quiet: Quiet = False) -> None:
+def _history(
+    pipeline: File, out: Out = None, json: Json = False, verbose: Verbose = False, quiet: Quiet = False
+) -> None:
     from pneucli.messages import history
     from pneucli.stages.history import history_answer
 
@@ -25,6 +27,6 @@ def _history(pipeline: File, out: Out = None, json: Json = False, quiet: Quiet =
     if json:
         console.print_json({"schema": "pneucli/history/1", "pipeline": opened_pipeline.name, "models": models})
         return
-    console.print_text("\n".join(history.lines(models, str(pipeline))))
+    console.print_text("\n".join(history.lines(models, str(pipeline), verbose)))
     if models and opened_pipeline.stage_status(["compare"])["compare"].reasons and not quiet:
         console.print_message(f"the file or its data have changed since; to compare anew: pneucli compare {pipeline}")

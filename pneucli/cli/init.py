@@ -11,7 +11,7 @@ import typer
 
 from pneucli import messages
 from pneucli.cli import console, examples
-from pneucli.cli.options import Json, shortest_path
+from pneucli.cli.options import Json, Quiet, Verbose, shortest_path
 
 
 def register(app: typer.Typer) -> None:
@@ -44,6 +44,8 @@ def _init(
         bool, typer.Option("--ask", help="Ask what raw files cannot tell: bore, rod, stroke, supply.")
     ] = False,
     json: Json = False,
+    verbose: Verbose = False,
+    quiet: Quiet = False,
 ) -> None:
     init = importlib.import_module("pneucli.stages.init")
     mark = {"\\t": "\t", "tab": "\t"}.get(delimiter or "", delimiter)
@@ -55,7 +57,7 @@ def _init(
     if json:
         console.print_json(answer)
     else:
-        print(messages.render("init", answer, shortest_path(Path(answer["pipeline"]))))
+        print(messages.render("init", answer, shortest_path(Path(answer["pipeline"])), verbose=verbose))
 
 
 def _ask(questions: Sequence[tuple[str, str, str]], refusal: Callable[[dict[str, str]], str]) -> dict[str, str]:

@@ -6,8 +6,9 @@ import webbrowser
 
 import typer
 
+from pneucli import messages
 from pneucli.cli import console, examples
-from pneucli.cli.options import File, Json, Out, Quiet, open_pipeline_file, shortest_path
+from pneucli.cli.options import File, Json, Out, Quiet, Verbose, open_pipeline_file, shortest_path
 
 HELP = "Bring the report up to date and open it in the browser."
 
@@ -17,15 +18,19 @@ def register(app: typer.Typer) -> None:
     app.command("open", help=HELP, epilog=examples.example_line("open"))(_open)
 
 
-def _open(pipeline: File, out: Out = None, json: Json = False, quiet: Quiet = False) -> None:
+def _open(pipeline: File, out: Out = None, json: Json = False, verbose: Verbose = False, quiet: Quiet = False) -> None:
     opened_pipeline = open_pipeline_file(pipeline, out)
     with console.progress(quiet) as progress:
-        opened_pipeline.update(["report"], None, progress, console.ignore_message if quiet else console.print_message)
+        done = opened_pipeline.update(
+            ["report"], None, progress, console.ignore_message if quiet else console.print_message
+        )
     report = opened_pipeline.artifacts / "report" / "report.html"
     shown = webbrowser.open(report.as_uri())
     if json:
         console.print_json({"schema": "pneucli/open/1", "report": str(report), "opened": shown})
     else:
+        if verbose:
+            console.print_text(messages.render("report", done["report"].answer, str(pipeline), verbose=True))
         console.print_text(
             shortest_path(report) if shown else f"no browser was found; the report is {shortest_path(report)}"
         )

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 import typer
 
 from pneucli.cli import examples
+from pneucli.cli.options import Json, Quiet, Verbose
 
 if TYPE_CHECKING:
     from pneucli.config.key_reference import Key
@@ -57,7 +58,8 @@ def register(app: typer.Typer) -> None:
     app.command("schema", help=HELP, epilog=examples.example_line("schema"))(_schema)
 
 
-def _schema() -> None:
+def _schema(json: Json = True, verbose: Verbose = False, quiet: Quiet = False) -> None:
+    """The options exist for uniformity: the answer is JSON, and there is nothing beside it."""
     from pneucli.stages.schema import schema_text
 
     print(schema_text(), end="")

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 import typer
 
 from pneucli.cli import console, examples
-from pneucli.cli.options import File, Json, Out, Quiet, built_stages, open_pipeline_file
+from pneucli.cli.options import File, Json, Out, Quiet, Verbose, built_stages, open_pipeline_file, shortest_path
 from pneucli.pipeline.graph import STAGES
 
 if TYPE_CHECKING:
@@ -23,7 +23,9 @@ def register(app: typer.Typer) -> None:
     )(_status)
 
 
-def _status(pipeline: File, out: Out = None, json: Json = False, quiet: Quiet = False) -> None:
+def _status(
+    pipeline: File, out: Out = None, json: Json = False, verbose: Verbose = False, quiet: Quiet = False
+) -> None:
     """``quiet`` exists for uniform options; this command prints nothing on standard error."""
     opened_pipeline = open_pipeline_file(pipeline, out)
     opened_pipeline.validate()
@@ -32,8 +34,14 @@ def _status(pipeline: File, out: Out = None, json: Json = False, quiet: Quiet = 
         stages = [{"stage": name, "state": _state(v), "why": list(v.reasons)} for name, v in verdicts.items()]
         console.print_json({"schema": "pneucli/status/1", "pipeline": opened_pipeline.name, "stages": stages})
         return
+    folder = shortest_path(opened_pipeline.artifacts)
     for name, verdict in verdicts.items():
         console.print_text(f"{name:10}{_state(verdict)}{(verdict.reasons and ': ' + ', '.join(verdict.reasons)) or ''}")
+        if verbose and verdict.manifest is not None:
+            manifest = verdict.manifest
+            console.print_text(
+                f"          ran in {manifest.seconds:.1f} s, {len(manifest.outputs)} files: {folder}/{name}"
+            )
 
 
 def _state(verdict: StageStatus) -> str:

@@ -8,24 +8,42 @@ from typing import Any
 
 from pneucli.messages import labelled, table
 from pneucli.messages.compare import evaluation_error
-from pneucli.messages.formatting import format_noise_ratio, join_names
+from pneucli.messages.formatting import format_noise_ratio, format_quantity, join_names
 
 Model = Mapping[str, Any]
 BAR_LENGTH = 24  # characters of the longest bar
 
 
-def lines(models: Sequence[Model], file: str) -> Iterator[str]:
-    """Yield the fall in one line, then every model, oldest first; models on other data in tables of their own."""
+def lines(models: Sequence[Model], file: str, verbose: bool = False) -> Iterator[str]:
+    """Yield the fall in one line, then every model, oldest first; models on other data in tables of their own.
+
+    With ``verbose`` the parameters of each model on the present data follow.
+    """
     if not models:
         yield from labelled("found", f"no model was compared yet: pneucli compare {file}")
         return
     here = models_on_current_data(models)
     yield from labelled("error", error_reduction(here))
     yield from _table(here)
+    if verbose:
+        yield from _parameters(here)
     for data in dict.fromkeys(m["data"] for m in models if m["data"] != here[-1]["data"]):
         yield ""
         yield "on other recordings, or at another horizon; not to be compared with the above:"
         yield from _table([m for m in models if m["data"] == data])
+
+
+def _parameters(models: Sequence[Model]) -> Iterator[str]:
+    names = list(dict.fromkeys(name for model in models for name in model.get("parameters", {})))
+    if names:
+        yield ""
+        head = ["parameter", *(model["when"].replace("T", " ").removesuffix("Z") for model in models)]
+        yield from table(head, [[name, *(_value(model, name) for model in models)] for name in names], texts=1)
+
+
+def _value(model: Model, name: str) -> str:
+    found = model["parameters"].get(name)
+    return "-" if found is None else format_quantity(found["value"], found["unit"])
 
 
 def models_on_current_data(models: Sequence[Model]) -> list[Model]:

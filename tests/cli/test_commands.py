@@ -11,7 +11,10 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+import typer
 
+from pneucli import cli
+from pneucli.cli.commands import build
 from pneucli.notebook import progress
 from pneucli.pipeline.context import Context
 from tests.cli.conftest import Command
@@ -250,7 +253,7 @@ def test_a_fault_of_the_input_is_exit_2_with_one_message_and_no_traceback(pneucl
 def test_errors_are_json_under_json(pneucli: Command, bench: Path) -> None:
     told = answer(pneucli("compare", with_effects(bench, "time-skew"), "--json").out)
     assert (told["schema"], told["exit_code"]) == ("pneucli/error/1", 2)
-    assert told["error"] == {"where": "raw.csv, line 3", "found": "no number", "wanted": "", "mend": ""}
+    assert told["error"] == {"where": "raw.csv, line 3", "found": "no number", "wanted": "", "mend": "", "code": ""}
     wrong = pneucli("compare", bench, "--json", "--jason")
     assert wrong.code == 2
     assert "--jason" in answer(wrong.out)["error"]["found"]
@@ -328,3 +331,36 @@ def test_effects_lists_the_catalogue_and_shows_one(pneucli: Command) -> None:
     assert page.code == 0
     assert catalogue[0]["equation"] in page.out
     assert pneucli("effects", f"{listed[0]}x").code == 2
+
+
+COMMANDS = typer.main.get_command(build()).commands  # type: ignore[attr-defined]
+
+
+@pytest.mark.parametrize("name", COMMANDS)
+def test_every_command_takes_the_common_options(name: str) -> None:
+    options = {flag for parameter in COMMANDS[name].params for flag in parameter.opts}
+    assert {"--json", "--verbose", "-v", "--quiet"} <= options
+
+
+@pytest.mark.parametrize("words", [[], *([name] for name in COMMANDS)], ids=lambda words: " ".join(words) or "pneucli")
+def test_help_cuts_nothing_and_fits_a_terminal_of_80_columns(
+    capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch, words: list[str]
+) -> None:
+    monkeypatch.setenv("COLUMNS", "80")
+    monkeypatch.setattr("sys.argv", ["pneucli", *words, "--help"])
+    with pytest.raises(SystemExit):
+        cli.main()
+    text = capsys.readouterr().out
+    shown = [line for line in text.splitlines() if not line.startswith("Usage:")]
+    assert [line for line in shown if len(line) > 80 or line.endswith("...")] == []
+    whole = "".join(text.split())  # a line may be broken at a hyphen
+    described = [COMMANDS[name].help for name in (words or COMMANDS)]
+    assert [one for one in described if "".join(one.split()) not in whole] == []
+
+
+def test_verbose_tells_more(pneucli: Command, bench: Path) -> None:
+    pneucli("report", bench)
+    assert "ran in" in pneucli("status", bench, "-v").out
+    assert len(pneucli("open", bench, "-v").out) > len(pneucli("open", bench).out)
+    assert "recording  channel" in pneucli("add", bench, "valve-leak", "-v").out.replace("use  ", "")
+    assert ":" in pneucli("effects", "-v").out.splitlines()[1]
