@@ -2,11 +2,16 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+from typing import Annotated
+
 import typer
 
 from pneucli import messages
 from pneucli.cli import console, examples
 from pneucli.cli.options import File, Json, Out, Quiet, Verbose
+
+More = Annotated[list[Path] | None, typer.Argument(metavar="PIPELINE", help="More pipeline files.", show_default=False)]
 
 
 def register(app: typer.Typer) -> None:
@@ -18,14 +23,19 @@ def register(app: typer.Typer) -> None:
     )(_check)
 
 
-def _check(pipeline: File, out: Out = None, json: Json = False, verbose: Verbose = False, quiet: Quiet = False) -> None:
+def _check(
+    pipeline: File, more: More = None, out: Out = None, json: Json = False, verbose: Verbose = False,
+    quiet: Quiet = False,
+) -> None:  # fmt: skip
     """``out`` and ``quiet`` exist for uniform options: nothing is written, and no progress is printed."""
     from pneucli.stages.check import check_pipeline
 
-    answer = check_pipeline(pipeline)
+    files = [pipeline, *(more or [])]
+    answers = [check_pipeline(file) for file in files]
     if json:
-        console.print_json(answer)
+        console.print_json(answers[0] if not more else {"schema": "pneucli/checks/1", "pipelines": answers})
     else:
-        console.print_text(messages.render("check", answer, str(pipeline), verbose=verbose))
-    if answer["faults"] or answer["missing"]:
+        for file, answer in zip(files, answers, strict=True):
+            console.print_text(messages.render("check", answer, str(file), verbose=verbose))
+    if any(answer["faults"] or answer["missing"] for answer in answers):
         raise typer.Exit(2)

@@ -362,5 +362,5 @@ def test_verbose_tells_more(pneucli: Command, bench: Path) -> None:
     pneucli("report", bench)
     assert "ran in" in pneucli("status", bench, "-v").out
     assert len(pneucli("open", bench, "-v").out) > len(pneucli("open", bench).out)
-    assert "recording  channel" in pneucli("add", bench, "valve-leak", "-v").out.replace("use  ", "")
+    assert "rms error" in pneucli("add", bench, "valve-leak", "-v").out
     assert ":" in pneucli("effects", "-v").out.splitlines()[1]
