@@ -3,15 +3,18 @@
 from __future__ import annotations
 
 import importlib
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
 from pneucli import messages
 from pneucli.cli import console, examples
 from pneucli.cli.options import Json, Quiet, Verbose, shortest_path
+
+if TYPE_CHECKING:
+    from pneucli.init.components import Component
 
 
 def register(app: typer.Typer) -> None:
@@ -46,11 +49,19 @@ def _init(
     json: Json = False,
     verbose: Verbose = False,
     quiet: Quiet = False,
+    cylinder: Annotated[
+        str | None, typer.Option("--cylinder", metavar="PART", help="The cylinder by its part number.")
+    ] = None,
+    valve: Annotated[str | None, typer.Option("--valve", metavar="PART", help="The valve by its part number.")] = None,
+    components: Annotated[
+        Path | None, typer.Option("--components", metavar="FILE", help="A table of your own parts (CSV).")
+    ] = None,
 ) -> None:
     init = importlib.import_module("pneucli.stages.init")
     mark = {"\\t": "\t", "tab": "\t"}.get(delimiter or "", delimiter)
     stated = {"header": not no_header, "skip_rows": skip_rows, "delimiter": mark, "decimal": decimal}
-    answer = init.create(directory, [*(raw or []), *(more or [])], **stated)
+    parts = _parts({"cylinder": cylinder, "valve": valve}, components)
+    answer = init.create(directory, [*(raw or []), *(more or [])], parts=parts, **stated)
     if ask:
         answers = _ask(init.questions(answer["fill_in"]), init.refusal)
         answer |= init.fill_in(Path(answer["pipeline"]), answers)
@@ -58,6 +69,13 @@ def _init(
         console.print_json(answer)
     else:
         print(messages.render("init", answer, shortest_path(Path(answer["pipeline"])), verbose=verbose))
+
+
+def _parts(numbers: Mapping[str, str | None], own_table: Path | None) -> list[Component]:
+    """Return the parts that are named; raises InputError where a table has none of that number."""
+    from pneucli.init.components import find_component
+
+    return [find_component(number, kind, own_table) for kind, number in numbers.items() if number is not None]
 
 
 def _ask(questions: Sequence[tuple[str, str, str]], refusal: Callable[[dict[str, str]], str]) -> dict[str, str]:

@@ -14,6 +14,7 @@ import numpy as np
 from pneucli.config.json_schema import DIRECTIVE
 from pneucli.config.json_schema import SCHEMA_FILE as SCHEMA
 from pneucli.errors import InputError
+from pneucli.init.components import Component, with_components
 from pneucli.init.experiments import guess_experiment
 from pneucli.init.file_groups import (
     FileGroup,
@@ -39,11 +40,14 @@ NAME = "pipeline.toml"
 HEADER_LINES = 2  # lines: where the schema is, and what CHECK means
 
 
-def create(directory: Path, raw: Sequence[Path] = (), **stated: Any) -> dict[str, Any]:
+def create(
+    directory: Path, raw: Sequence[Path] = (), *, parts: Sequence[Component] = (), **stated: Any
+) -> dict[str, Any]:
     """Write ``directory / "pipeline.toml"`` and its schema; return what was written, with what was seen and guessed.
 
-    ``raw`` holds files, folders and globs; ``stated`` says how texts are written, as :class:`RawFile` has it. Raises
-    InputError where there is a pipeline already, where a raw file cannot be read, or where nothing in it is known.
+    ``raw`` holds files, folders and globs; ``parts`` are the rig's cylinder and valve, by part number; ``stated`` says
+    how texts are written, as :class:`RawFile` has it. Raises InputError where there is a pipeline already, where a raw
+    file cannot be read, or where nothing in it is known.
     """
     target = directory / NAME
     if target.exists():
@@ -65,7 +69,7 @@ def create(directory: Path, raw: Sequence[Path] = (), **stated: Any) -> dict[str
     found = _recordings([together] if together else group_files(surveys), left)
     content = _from_raw(directory, found) if raw else _example(directory)
     content = "\n".join([content, *(f"# left out: {one}" for one in left)]) + "\n" * bool(left)
-    content = f"{DIRECTIVE}\n{content}"
+    content = f"{DIRECTIVE}\n{with_components(content, parts) if parts else content}"
     references = pressure_references(found)
     with atomic_path(target) as temporary:
         temporary.write_text(content, encoding="utf-8")

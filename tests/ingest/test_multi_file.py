@@ -108,7 +108,7 @@ def test_each_file_of_a_glob_has_its_own_further_file(tmp_path: Path) -> None:
     _, recordings = ingested(tmp_path)
     assert [sorted(one.signals) for one in recordings] == [["p1", "x"], ["p1", "x"]]
     (tmp_path / "fast_2.csv").unlink()
-    with pytest.raises(InputError, match=r"key more\.1: 1 files\n  wanted: 2, one for each"):
+    with pytest.raises(InputError, match=r"key more\.1: 1 files \[E049\]\n  wanted: 2, one for each"):
         ingested(tmp_path)
 
 
@@ -126,7 +126,7 @@ def test_a_signal_that_no_file_has_is_refused(tmp_path: Path) -> None:
     path = tmp_path / "p.toml"
     path.write_text(HEAD.replace('"p", unit', '"q", unit').replace('"train"', '"train"\ntake = ["x", "p1"]'))
     context = Context(path, load(path), tmp_path / "out", tmp_path)
-    with pytest.raises(InputError, match=r'no column "q"\n  wanted: one of "t", "x", "t", "p"'):
+    with pytest.raises(InputError, match=r'no column "q" \[E042\]\n  wanted: one of "t", "x", "t", "p"'):
         ingest.run(context)
 
 

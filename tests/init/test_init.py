@@ -199,7 +199,7 @@ def test_what_the_recordings_need_of_the_rig_is_a_line_to_fill_in(tmp_path: Path
     said = " ".join(messages.render("init", answer, "rig/pipeline.toml").split())
     assert "fill in these 5: rig.supply_pressure (line 9)" in said
     assert said.endswith("then pneucli run rig/pipeline.toml")
-    with pytest.raises(InputError, match=r'"\? bar" is to be filled in\n  wanted: a quantity such as'):
+    with pytest.raises(InputError, match=r'"\? bar" is to be filled in \[E023\]\n  wanted: a quantity such as'):
         load(answer["pipeline"])
 
 
