@@ -26,6 +26,7 @@ class Target(StrEnum):
     mat = "mat"
     csv = "csv"
     st = "st"
+    fmu = "fmu"
 
 
 class Precision(StrEnum):
@@ -216,7 +217,10 @@ def _executor_option(executor: str | None) -> dict[str, Any]:
 def _export(
     pipeline: File,
     to: Annotated[
-        list[Target], typer.Option("--to", help="c (PLC, cRIO), st (IEC 61131-3), mat (MATLAB) or csv; repeatable.")
+        list[Target],
+        typer.Option(
+            "--to", help="c (PLC, cRIO), st (IEC 61131-3), mat (MATLAB), csv, or fmu (the plant); repeatable."
+        ),
     ],
     controller: Annotated[
         str | None,

@@ -9,13 +9,13 @@ written that does something else.
 from __future__ import annotations
 
 import ast
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Collection, Iterable, Mapping
 from dataclasses import dataclass
 from typing import Any
 
 from pneucli.export.type_inference import COMMON_OPERATORS, InferredTypes, summary, syntax_tree
 
-MATH_FUNCTIONS = ("fabs", "sqrt", "isfinite")
+MATH_FUNCTIONS = ("fabs", "sqrt", "isfinite")  # of the controller; small targets have them
 BUILT_IN = {"min": "smaller", "max": "larger", "int": "(int)"}
 OPERATORS: dict[type[ast.AST], str] = {
     **COMMON_OPERATORS,
@@ -56,26 +56,42 @@ def c_functions(functions: Iterable[Callable[..., Any]], real: Real = DOUBLE) ->
 def c_function(function: Callable[..., Any], real: Real = DOUBLE) -> str:
     """Return one function as C99. Raises ``ValueError`` for Python that has no counterpart here."""
     tree = syntax_tree(function)
-    kinds, writer = InferredTypes(tree), _CWriter(real)
     arrays = {"s": f"{real.type} *s", "c": f"const {real.type} *c"}
+    text = summary(tree)
+    tree.body = tree.body[1:]
+    return f"/* {text} */\n{c_definition(tree, CWriter(real), arrays)}"
+
+
+def c_signature(tree: ast.FunctionDef, kinds: InferredTypes, real: Real, arrays: Mapping[str, str]) -> str:
+    """Return the head of a function in C; ``arrays`` holds the declarations of arguments that are arrays."""
     given = ", ".join(
         arrays.get(name) or f"{'int' if name in kinds.whole else real.type} {name}" for name in kinds.arguments
     )
-    kind = "void" if kinds.returns == "nothing" else real.type
-    lines = [f"/* {summary(tree)} */", f"static {kind} {tree.name}({given})", "{"]
+    return f"static {'void' if kinds.returns == 'nothing' else real.type} {tree.name}({given})"
+
+
+def c_definition(
+    tree: ast.FunctionDef, writer: CWriter, arrays: Mapping[str, str], local_arrays: Mapping[str, int] | None = None
+) -> str:
+    """Return a function as C99 from its tree, which has no docstring; ``local_arrays`` are its own, by their length."""
+    kinds, real = InferredTypes(tree), writer.real
+    lines = [c_signature(tree, kinds, real, arrays), "{"]
     groups = (("int", kinds.whole), (real.type, [*kinds.truth, *kinds.real]))
     lines += [f"{INDENT}{kind} {', '.join(names)};" for kind, all_ in groups if (names := kinds.locals(all_))]
-    lines += [line for statement in tree.body[1:] for line in writer.statement(statement, 1)]
+    lines += [f"{INDENT}{real.type} {name}[{length}];" for name, length in (local_arrays or {}).items()]
+    lines += [line for statement in tree.body for line in writer.statement(statement, 1)]
     return "\n".join([*lines, "}"])
 
 
 @dataclass(frozen=True)
-class _CWriter:
-    """Writes statements and expressions."""
+class CWriter:
+    """Writes statements and expressions; ``math`` names the functions of ``math.h`` that are there."""
 
     real: Real
+    math: Collection[str] = MATH_FUNCTIONS
 
     def statement(self, node: ast.stmt, depth: int) -> list[str]:  # noqa: PLR0911 - one case a kind of statement
+        """Return the lines of a statement."""
         pad, written = INDENT * depth, self.expression
         match node:
             case ast.Assign(targets=[target], value=value):
@@ -89,10 +105,11 @@ class _CWriter:
             case ast.Expr(value=ast.Call() as call):
                 return [f"{pad}{written(call)};"]
             case ast.For(
-                target=ast.Name(id=i), iter=ast.Call(func=ast.Name(id="range"), args=[stop]), body=body, orelse=[]
-            ):
-                lines = [f"{pad}for ({i} = 0; {i} < {written(stop)}; ++{i}) {{"]
-                return [*lines, *self.block(body, depth), f"{pad}}}"]
+                target=ast.Name(id=i), iter=ast.Call(func=ast.Name(id="range"), args=[*start, stop]), orelse=[]
+            ) if len(start) < 2:
+                first = written(start[0]) if start else "0"
+                lines = [f"{pad}for ({i} = {first}; {i} < {written(stop)}; ++{i}) {{"]
+                return [*lines, *self.block(node.body, depth), f"{pad}}}"]
             case ast.If(test=test, body=body, orelse=orelse):
                 lines = [f"{pad}if ({written(test)}) {{", *self.block(body, depth)]
                 if orelse:
@@ -101,9 +118,11 @@ class _CWriter:
         raise ValueError(f"no counterpart in C: {ast.unparse(node)}")
 
     def block(self, body: Iterable[ast.stmt], depth: int) -> list[str]:
+        """Return the lines of an indented block."""
         return [line for statement in body for line in self.statement(statement, depth + 1)]
 
     def expression(self, node: ast.expr) -> str:  # noqa: PLR0911 - one case a kind of expression
+        """Return an expression."""
         written = self.expression
         match node:
             case ast.Name(id=name):
@@ -131,8 +150,9 @@ class _CWriter:
         raise ValueError(f"no counterpart in C: {ast.unparse(node)}")
 
     def callee(self, node: ast.expr) -> str:
+        """Return the name of a called function."""
         match node:
-            case ast.Attribute(value=ast.Name(id="math"), attr=name) if name in MATH_FUNCTIONS:
+            case ast.Attribute(value=ast.Name(id="math"), attr=name) if name in self.math:
                 return self.real.function(name)
             case ast.Name(id=name):
                 return BUILT_IN.get(name, name)

@@ -13,9 +13,22 @@ def _volts(value: float) -> str:
 
 
 def lines(answer: Mapping[str, Any], file: str, verbose: bool) -> Iterator[str]:
-    """Yield the period of the controller, what its precision costs, and the files."""
-    yield from labelled("found", f"controller {answer['controller']}, one step every {1e3 * answer['period_s']:g} ms")
+    """Yield the period of the controller, what its precision costs, the plant, and the files."""
+    if "controller" in answer:
+        yield from labelled(
+            "found", f"controller {answer['controller']}, one step every {1e3 * answer['period_s']:g} ms"
+        )
     if off := answer.get("difference_from_float64"):
         text = f"{answer['precision']}: of 99 samples in 100 the command is within {_volts(off['p99_v'])} of float64"
         yield from labelled("found", f"{text}, rms {_volts(off['rms_v'])}; at most {_volts(off['largest_v'])} apart")
+    if plant := answer.get("plant"):
+        yield from _plant_lines(plant)
     yield from labelled("wrote", ", ".join(answer["files"]))
+
+
+def _plant_lines(plant: Mapping[str, Any]) -> Iterator[str]:
+    effects = f" with {', '.join(plant['effects'])}" if plant["effects"] else ""
+    signals = f"inputs {', '.join(plant['inputs'])}; outputs {', '.join(plant['outputs'])}"
+    yield from labelled("found", f"plant{effects}: {signals}; {len(plant['parameters'])} parameters")
+    if not plant["binaries"]:
+        yield from labelled("warning", "no C compiler was found: the FMU holds its sources only; build it with FMPy")

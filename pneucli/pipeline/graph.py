@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import importlib.util
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from graphlib import TopologicalSorter
+from typing import Any
 
 
 @dataclass(frozen=True)
@@ -20,6 +21,7 @@ class Stage:
         tables: The tables of the pipeline file that the stage reads itself, in addition to those of its parents.
         files: The (table, key) that names input files or globs.
         answer_paths: Beginnings of the paths of ``[checks]``: keys of the answer, dotted as far as they are constant.
+        alone: An option, and the values of it with which the stage reads no optional stage.
         package: The package of the module.
 
     """
@@ -31,12 +33,19 @@ class Stage:
     tables: tuple[str, ...] = ()
     files: tuple[str, str] | None = None
     answer_paths: tuple[str, ...] = ()
+    alone: tuple[str, frozenset[str]] | None = None
     package: str = "pneucli.stages"
 
     @property
     def module(self) -> str:
         """Dotted path of the module."""
         return f"{self.package}.{self.name}"
+
+    def with_options(self, options: Mapping[str, Any]) -> Stage:
+        """Return the stage as it reads with these command line options."""
+        if self.alone is None or not options.get(self.alone[0]) or set(options[self.alone[0]]) - self.alone[1]:
+            return self
+        return replace(self, optional=())
 
     @property
     def built(self) -> bool:
@@ -136,9 +145,11 @@ _ALL_STAGES = (
     ),
     Stage(
         "export",
-        "the designed controller and the maps, for a PLC, a cRIO, MATLAB",
-        parents=("design",),
+        "the designed controller and the maps, for a PLC, a cRIO, MATLAB; the plant for other simulators",
+        parents=("identify",),
+        optional=("design",),
         tables=("pipeline",),
+        alone=("to", frozenset({"fmu"})),  # the plant needs no controller
     ),
 )
 

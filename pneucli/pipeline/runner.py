@@ -75,6 +75,18 @@ class Pipeline:
 
         ``options`` maps a stage to its command line options; other stages keep those of their last run.
         """
+        own = self._with_options(options or {})
+        return own._stage_status(targets, options)
+
+    def _with_options(self, options: Options) -> Pipeline:
+        """Return the pipeline whose stages read what they need with these options, or with those of their last run."""
+        stages = {}
+        for name, stage in self.stages.items():
+            former = staleness.read_manifest(self.artifacts / name) if stage.alone and name not in options else None
+            stages[name] = stage.with_options(options.get(name) or (former.inputs.options if former else {}))
+        return replace(self, stages=stages)
+
+    def _stage_status(self, targets: Iterable[str], options: Options | None) -> dict[str, StageStatus]:
         verdicts: dict[str, StageStatus] = {}
         for name in upstream(targets, self.stages):
             manifest = staleness.read_manifest(self.artifacts / name)
@@ -120,7 +132,12 @@ class Pipeline:
         A killed run leaves each stage's folder complete, old or new; the next run continues from there. Raises the
         errors of the stages, and InputError where the pipeline file is at fault.
         """
-        targets = list(targets)
+        own = self._with_options(options or {})
+        return own._update(list(targets), options, progress, notify)
+
+    def _update(
+        self, targets: list[str], options: Options | None, progress: Progress, notify: Callable[[str], None]
+    ) -> dict[str, Done]:
         config = self.validate()
         folders.require_own_files(self.artifacts, upstream(targets, self.stages))
         with lock.folder_lock(self.artifacts, notify):
@@ -128,7 +145,7 @@ class Pipeline:
                 self._remember_valid()
             for name in self.stages:
                 folders.recover_folder(self.artifacts, name)
-            verdicts = self.stage_status(targets, options)
+            verdicts = self._stage_status(targets, options)
             if config is None and any(verdict.reasons for verdict in verdicts.values()):
                 config = self.load(self.path)
             done: dict[str, Done] = {}

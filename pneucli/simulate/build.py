@@ -24,10 +24,32 @@ from pneucli.physics.declaration import Effect, Parameter
 from pneucli.physics.equations import effect_source
 from pneucli.physics.ports import PORTS
 from pneucli.simulate import layout
-from pneucli.simulate.kernel import balance, chamber, friction, imposed, run, sensors, table_friction, valve
+from pneucli.simulate.kernel import (
+    balance,
+    chamber,
+    friction,
+    imposed,
+    plant,
+    run,
+    sensors,
+    step,
+    table_friction,
+    valve,
+)
 
 _LOCK = Lock()  # threads ask for kernels
-PARTS = (valve, chamber, friction, sensors, run, imposed, balance, table_friction)  # in the order of the text
+PARTS = (
+    valve,
+    chamber,
+    friction,
+    sensors,
+    step,
+    run,
+    imposed,
+    balance,
+    table_friction,
+    plant,
+)  # in the order of the text
 ENTRY_POINTS = (
     "run",
     "advance",  # called twice, and too long to be inlined twice

@@ -38,3 +38,15 @@ FLAGS = 9
 # through the valve of chamber 1
 X, V, A, P1, P2, R1, R2, GAS_T, U, FLOW = range(10)
 OUTPUTS = 10
+
+# state of the plant with a step function (:mod:`pneucli.simulate.kernel.plant`)
+AT_X, AT_V, AT_Z, AT_REST, AT_DV, AT_P1, AT_P2, AT_DP1, AT_DP2, AT_M1, AT_M2, AT_T1, AT_T2, AT_Q = range(14)
+AT_R1, AT_R2, AT_BEFORE_1, AT_BEFORE_2, AT_HEAD, AT_TAIL, AT_TAIL_2, AT_FLOW = range(14, 22)
+PLANT_STATES = 22
+
+# its start: position, velocity, pressures, openings; its inputs; its outputs
+START_X, START_V, START_P1, START_P2, START_U, START_U2 = range(6)
+PLANT_START = ("x", "v", "p1", "p2", "u", "u2")
+PLANT_U, PLANT_U2, PLANT_SUPPLY, PLANT_FORCE = range(4)
+PLANT_INPUTS = ("u", "u2", "p_supply", "force")
+PLANT_OUTPUTS = ("x", "v", "a", "p1", "p2", "temperature", "flow", "chamber_1.p", "chamber_2.p")

@@ -1,7 +1,8 @@
-"""``export``: the designed controller and the identified maps for a PLC, a cRIO, MATLAB or a spreadsheet."""
+"""``export``: the designed controller, the identified maps and the plant for other programs."""
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
@@ -10,12 +11,14 @@ from pneucli.controller.parameters import Controller
 from pneucli.export import export_files
 from pneucli.export.controller_program import controller_hash
 from pneucli.io.artifacts import read_table
-from pneucli.pipeline.context import Context
+from pneucli.pipeline.context import Context, NotApplicable
 from pneucli.stages.designed_controller import closed_loop_setup, load_controller
 from pneucli.stages.model_file import load_model
 from pneucli.stages.pipeline_data import PipelineData
+from pneucli.stages.plant_export import export_plant
 
-TARGETS = ("c", "mat", "csv", "st")
+TARGETS = ("c", "mat", "csv", "st")  # of the controller and the maps
+PLANT_TARGET = "fmu"
 TABLES = (
     "identify/valve_map",
     "identify/valve_inverse",
@@ -32,10 +35,26 @@ TABLES = (
 
 
 def run(context: Context) -> dict[str, Any]:
-    """Write what was asked for (``options["to"]``, by default all); return the files' names."""
+    """Write what was asked for (``options["to"]``, by default all of the controller); return the files' names."""
+    wanted = context.options.get("to") or TARGETS
+    answer: dict[str, Any] = {"schema": "pneucli/export/1", "pipeline": context.config.name}
+    if of_controller := [target for target in wanted if target != PLANT_TARGET]:
+        answer |= _export_controller(context, of_controller)
+    if PLANT_TARGET in wanted:
+        context.progress("compiling the plant", 0.9)
+        study = PipelineData(context)
+        model = load_model(context.artifacts / "identify", study.rig, study.effects)
+        answer["plant"] = export_plant(context, study, model)
+    return answer | {"files": sorted(path.name for path in context.out.iterdir() if not path.name.startswith("."))}
+
+
+def _export_controller(context: Context, wanted: Sequence[str]) -> dict[str, Any]:
+    """Write the controller and the maps; raises NotApplicable where no controller was designed."""
+    if "design" not in context.answers:
+        found = "no controller to export, since there is no axis to control"
+        raise NotApplicable(f"{context.path}", found, "a cylinder and a recording of it with its valve", "--to fmu")
     name = context.options.get("controller") or context.answers["design"]["requirements"]["controller"]
     controller = load_controller(context.artifacts / "design", find_law(name, "--controller").name)
-    wanted = context.options.get("to") or TARGETS
     precision = context.options.get("precision", "float64")
     difference: dict[str, float] = {}
     for i, target in enumerate(wanted):
@@ -54,14 +73,11 @@ def run(context: Context) -> dict[str, Any]:
     if {"c", "st"} & set(wanted):
         export_files.write_replay(context.out, controller, context.config.name, precision)
     return {
-        "schema": "pneucli/export/1",
-        "pipeline": context.config.name,
         "controller": controller.law,
         "period_s": controller.period,
         "hash": controller_hash(controller, precision),
         "precision": precision,
         "difference_from_float64": difference or None,
-        "files": sorted(path.name for path in context.out.iterdir() if not path.name.startswith(".")),
     }
 
 

@@ -69,7 +69,7 @@ def apply_sensor_lag(time, inputs, true, readings, unsure, lag, noise, base, out
         read, before = net_pressure_force(readings, k, base), needed
         needed = net_pressure_force(true, k, base) - out[k]
         if moving:
-            reading = first_order_lag(time, needed, k, lag, reading, before)
+            reading = first_order_lag(time[k] - time[k - 1], needed, lag, reading, before)
         else:
             moving, begun, reading = True, time[k], read
         out[k] = read - reading

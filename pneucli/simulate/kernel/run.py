@@ -5,39 +5,35 @@ import math
 import numpy as np
 
 from pneucli.physics.gas import flow_constant
-from pneucli.simulate.kernel.chamber import chamber_step
-from pneucli.simulate.kernel.friction import acceleration, slide, slide_on_bristles
 from pneucli.simulate.kernel.ports import (
     bristle_stiffness,
-    command,
-    critical_ratio,
     flow_delay,
     flow_delay_1,
     flow_delay_2,
-    force,
     has_heat,
-    leak_1_2,
-    leak_1_ambient,
-    leak_2_ambient,
-    leak_area,
     mass,
     read_a,
     scalars,
     sensor_delay,
     sensor_lag,
-    supply,
     volume_1,
     volume_2,
 )
 from pneucli.simulate.kernel.sensors import add_unread_change, read_pressures, true_pressures, unread
-from pneucli.simulate.kernel.valve import delayed_flows, valve_flow
+from pneucli.simulate.kernel.step import (
+    chamber_1_step,
+    chamber_2_step,
+    piston_acceleration,
+    piston_step,
+    steps_between,
+    valve_step,
+)
+from pneucli.simulate.kernel.valve import line_step
 from pneucli.simulate.layout import (
     AMBIENT,
     AREA_1,
     AREA_2,
     CHAMBER_2,
-    CLOSED,
-    CRITICAL,
     DEAD_1,
     DEAD_2,
     FLOW,
@@ -55,7 +51,6 @@ from pneucli.simulate.layout import (
     INITIAL_U,
     INITIAL_U2,
     LOOP,
-    LOWER_END,
     MASS,
     MECHANICS,
     MIRRORED,
@@ -68,10 +63,8 @@ from pneucli.simulate.layout import (
     R2,
     STATED_SUPPLY,
     STROKE,
-    SUPPLY,
     TEMP,
     U_MAX,
-    UPPER_END,
     VALVE_SHUT,
     A,
     U,
@@ -95,20 +88,6 @@ def max_steps_within(time, h_max, span):
             first += 1
         most = max(most, count)
     return most
-
-
-def steps_between(t, t_next, h_max):
-    """Return the number of equal steps from one sample to the next.
-
-    Args:
-        t: Time of the sample in s.
-        t_next: Time of the next sample in s.
-        h_max: Longest step in s.
-
-    >>> steps_between(0.0, 1e-3, 2e-4), steps_between(0.0, 1e-3, 3e-4), steps_between(0.0, 1e-4, 3e-4)
-    (5, 4, 1)
-    """
-    return max(math.ceil((t_next - t) / h_max - 1e-9), 1)
 
 
 def middles(restarts):
@@ -181,17 +160,15 @@ def advance(time, inputs, true, restarts, base_values, th_values, on_values, fla
     base, th, on = scalars(base_values, th_values, on_values)
     mechanics, pneumatics, chamber_2 = flags[MECHANICS] > 0.0, flags[PNEUMATICS] > 0.0, int(flags[CHAMBER_2])
     shut, loop, u_max, p_amb = flags[VALVE_SHUT] > 0.0, flags[LOOP] > 0.0, flags[U_MAX], base[AMBIENT]
-    gamma_rt = base[GAMMA] * base[GAS] * base[TEMP]
+    stated = flags[STATED_SUPPLY] > 0.0
     k_gas = flow_constant(base[GAS], base[TEMP], base[GAMMA])
     hot = has_heat(on)
 
-    b, leak = critical_ratio(base[CRITICAL], th, on), leak_area(th, on)
     area_1, area_2, stroke = base[AREA_1], base[AREA_2], base[STROKE]
     dead_1, dead_2 = base[DEAD_1] + volume_1(th, on), base[DEAD_2] + volume_2(th, on)
     m = base[MASS] + mass(th, on)
     stiffness = bristle_stiffness(th, on)
-    bias = (area_1 - area_2) * p_amb
-    null, lower, upper = base[NULL], base[LOWER_END], base[UPPER_END]
+    null = base[NULL]
 
     delay_1 = flow_delay(th, on) + flow_delay_1(th, on)
     delay_2 = flow_delay(th, on) + flow_delay_2(th, on)
@@ -236,10 +213,7 @@ def advance(time, inputs, true, restarts, base_values, th_values, on_values, fla
         u -= null
         u2 = -u if chamber_2 == MIRRORED else u2 - null
         if mechanics:
-            push = area_1 * p1 - area_2 * p2 - bias + inputs[k, IN_FORCE] + force(x, v, stroke, th, on)
-            a = acceleration(v, z, push, dv, rest, x, m, p1, p2, stiffness, base, th, on)
-            if v == 0.0 and ((x <= lower and push < 0.0) or (x >= upper and push > 0.0)):
-                a = 0.0  # the end carries it
+            a = piston_acceleration(x, v, z, rest, dv, p1, p2, inputs[k, IN_FORCE], m, stiffness, base, th, on)
             out[k, A] = read_a(a, th, on)
         if last:
             out[k, FLOW] = out[max(k - 1, 0), FLOW]
@@ -255,17 +229,8 @@ def advance(time, inputs, true, restarts, base_values, th_values, on_values, fla
             x_mid, v_mid = x, v
             if mechanics:
                 driven = inputs[k, IN_FORCE] + w * (inputs[nxt, IN_FORCE] - inputs[k, IN_FORCE])
-                v_guess = v + 0.5 * dv if (v + 0.5 * dv) * v > 0.0 else v
-                push = area_1 * p1_mid - area_2 * p2_mid - bias + driven
-                push += force(x + 0.5 * h * v, v_guess, stroke, th, on)
-                x_old, v_old, rest_old = x, v, rest
-                if stiffness > 0.0:
-                    x, v, z = slide_on_bristles(x, v, z, dv, push, h, m, p1_mid, p2_mid, stiffness, base, th, on)
-                else:
-                    x, v, rest = slide(x, v, v_guess, push, h, rest, m, p1_mid, p2_mid, base, th, on)
-                if x < lower or x > upper:
-                    x, v = min(max(x, lower), upper), 0.0
-                    rest = rest_old + h if v_old == 0.0 else 0.0  # a piston that is pressed against a stop rests
+                x_old, v_old = x, v
+                x, v, z, rest = piston_step(x, v, z, rest, dv, p1_mid, p2_mid, driven, h, m, stiffness, base, th, on)
                 dv = v - v_old
                 x_mid, v_mid = 0.5 * (x_old + x), (x - x_old) / h
             else:
@@ -277,38 +242,23 @@ def advance(time, inputs, true, restarts, base_values, th_values, on_values, fla
             if hot:
                 k1, k2 = k_gas * math.sqrt(base[TEMP] / T1), k_gas * math.sqrt(base[TEMP] / T2)
             p_line = inputs[k, IN_SUPPLY] + w * (inputs[nxt, IN_SUPPLY] - inputs[k, IN_SUPPLY])
-            if flags[STATED_SUPPLY] > 0.0:
-                p_line = base[SUPPLY]
-            p_line = supply(p_line, base[SUPPLY], q_supply, gamma_rt, h, s_supply, th, on)
-            q_in = q_out = more_in = more_out = 0.0
-            if not shut:
-                opening = command(u, h, s1, th, on)
-                q_in, q_out = valve_flow(opening, p1_mid, p_line, p_amb, b, leak, k1, k_gas, u_max, areas)
-            if chamber_2 not in (OPEN, CLOSED):
-                opening = command(u2, h, s2, th, on)
-                more_in, more_out = valve_flow(opening, p2_mid, p_line, p_amb, b, leak, k2, k_gas, u_max, areas_2)
+            q_in, q_out, more_in, more_out = valve_step(
+                u, u2, p1_mid, p2_mid, p_line, stated, shut, chamber_2, q_supply, h, k1, k2, k_gas, u_max,
+                areas, areas_2, s1, s2, s_supply, base, th, on,
+            )  # fmt: skip
             q_supply = q_in + more_in
             if i == 0:
                 out[k, FLOW] = q_in - q_out
             if delay > 0.0:
-                t = time[k] + (i + 0.5) * h
-                # without back-flow: delayed, it would oscillate as no hose does
-                ring[head, 0], ring[head, 1], ring[head, 2] = t, max(q_in, 0.0), max(q_out, 0.0)
-                ring[head, 3], ring[head, 4] = max(more_in, 0.0), max(more_out, 0.0)
-                if delay_1 > 0.0:
-                    q_in, q_out, _, _, tail = delayed_flows(ring, tail, t - delay_1)
-                if delay_2 > 0.0:
-                    _, _, more_in, more_out, tail_2 = delayed_flows(ring, tail_2, t - delay_2)
-                head = head + 1 if head + 1 < ring.shape[0] else 0
-            across = leak_1_2(p1_mid, p2_mid, k1, th, on)
-            q_out += across + leak_1_ambient(p1_mid, p_amb, k1, th, on)
-            p1, dp1, m1, T1 = chamber_step(
-                p1, p1_mid, m1, h, dead_1 + area_1 * x_mid, area_1 * v_mid, q_in, q_out, hot, base, th, on
+                q_in, q_out, more_in, more_out, head, tail, tail_2 = line_step(
+                    time[k] + (i + 0.5) * h, q_in, q_out, more_in, more_out, delay_1, delay_2, ring, head, tail, tail_2
+                )
+            p1, dp1, m1, T1 = chamber_1_step(
+                p1, p1_mid, p2_mid, m1, h, dead_1 + area_1 * x_mid, area_1 * v_mid, q_in, q_out, hot, k1, base, th, on
             )
             if chamber_2 == OPEN:
                 continue
-            q_in, q_out = across + more_in, leak_2_ambient(p2_mid, p_amb, k2, th, on) + more_out
             volume_2_mid = dead_2 + area_2 * (stroke - x_mid)
-            p2, dp2, m2, T2 = chamber_step(
-                p2, p2_mid, m2, h, volume_2_mid, -area_2 * v_mid, q_in, q_out, hot, base, th, on
+            p2, dp2, m2, T2 = chamber_2_step(
+                p2, p1_mid, p2_mid, m2, h, volume_2_mid, -area_2 * v_mid, more_in, more_out, hot, k1, k2, base, th, on
             )

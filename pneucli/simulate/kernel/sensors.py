@@ -112,25 +112,23 @@ def past_pressure(time, before, simulated, first, k, t):
     return a + (b - a) * (t - time[j]) / (time[j + 1] - time[j])
 
 
-def first_order_lag(time, now, k, lag, reading, before):
-    """Return the reading of a first-order sensor at sample k, exact for a linear change since the last sample.
+def first_order_lag(step, now, lag, reading, before):
+    """Return the reading of a first-order sensor, exact for a linear change since the last sample.
 
     The bilinear (Tustin) rule would ring.
 
     Args:
-        time: Time stamps in s, shape (n,).
-        now: Input at sample k.
-        k: Index of the sample, at least 1.
+        step: Time since the last sample in s.
+        now: Input now.
         lag: Time constant in s, above 0.
-        reading: Reading at sample k - 1.
-        before: Input at sample k - 1.
+        reading: Reading at the last sample.
+        before: Input at the last sample.
 
     A ramp of slope 1 is followed with a delay of the lag once the start is forgotten:
 
-    >>> round(first_order_lag([0.0, 1.0], 5.0, 1, 0.1, reading=3.9, before=4.0), 12)
+    >>> round(first_order_lag(1.0, 5.0, 0.1, reading=3.9, before=4.0), 12)
     4.9
     """
-    step = time[k] - time[k - 1]
     e = math.exp(-step / lag)
     g = (1.0 - e) * lag / step
     return e * reading + (g - e) * before + (1.0 - g) * now
@@ -148,8 +146,8 @@ def read_pressures(time, inputs, true, out, before, first, k, base, th, on):
         out[k, R1], out[k, R2] = now_1, now_2
         return
     if k > first:
-        out[k, R1] = first_order_lag(time, now_1, k, lag, out[k - 1, R1], before[0])
-        out[k, R2] = first_order_lag(time, now_2, k, lag, out[k - 1, R2], before[1])
+        out[k, R1] = first_order_lag(time[k] - time[k - 1], now_1, lag, out[k - 1, R1], before[0])
+        out[k, R2] = first_order_lag(time[k] - time[k - 1], now_2, lag, out[k - 1, R2], before[1])
     else:
         out[k, R1], out[k, R2] = inputs[k, IN_P1], inputs[k, IN_P2]
     before[0], before[1] = now_1, now_2

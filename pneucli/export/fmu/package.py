@@ -1,0 +1,188 @@
+"""Write the FMU: its C, its descriptions, its binary of this platform, and the archive."""
+
+from __future__ import annotations
+
+import html
+import shutil
+import subprocess
+from collections.abc import Iterable, Sequence
+from pathlib import Path
+from tempfile import TemporaryDirectory
+
+import numpy as np
+
+from pneucli.errors import InputError
+from pneucli.export.controller_program import fill_template
+from pneucli.export.fmu.description import (
+    MODEL_IDENTIFIER,
+    SOURCE_FILE,
+    build_description,
+    model_description,
+    require_fmpy,
+    token_of,
+)
+from pneucli.export.fmu.plant import Plant
+from pneucli.export.fmu.plant_source import plant_functions
+from pneucli.export.fmu.variables import Variable, all_values, variables_of
+from pneucli.io.artifacts import atomic_path
+from pneucli.simulate import layout as at
+from pneucli.version import __version__
+
+FILE_NAME = "pneucli_plant.fmu"
+STEP = 1e-3  # s, the communication step that an importer takes by default
+RING_MARGIN = 8.0  # times the delay of a hose: the parameter may be set higher before the start
+MIN_RING_ROWS = 2048
+RING_COLUMNS = 5
+DELAY_PORTS = ("flow_delay", "flow_delay_1", "flow_delay_2")
+HEADERS = ("fmi3Functions.h", "fmi3FunctionTypes.h", "fmi3PlatformTypes.h")
+LIBRARIES = {"CMAKE_C_STANDARD_LIBRARIES:STRING": "-lm"}  # elsewhere math.h is part of the library of C
+
+
+def write_fmu(folder: Path, plant: Plant, where: str) -> dict[str, object]:
+    """Write ``pneucli_plant.fmu``.
+
+    Args:
+        folder: Folder of the file.
+        plant: The plant.
+        where: The place of the model in the pipeline file, for messages.
+
+    Returns:
+        What an importer finds: inputs, outputs, parameters (name, unit, value, ci95), effects, and the platforms of
+        its binaries (none where no C compiler is installed; the sources are there).
+
+    Raises:
+        InputError: FMPy is not installed, or an effect has Python without a counterpart in C.
+    """
+    require_fmpy()
+    from fmpy.model_description import write_model_description  # noqa: PLC0415 - an extra
+    from fmpy.util import create_zip_archive  # noqa: PLC0415 - an extra
+
+    variables = variables_of(plant)
+    sources = _sources(plant, where)
+    with TemporaryDirectory() as name:
+        root = Path(name) / "fmu"
+        (root / "sources").mkdir(parents=True)
+        (root / "documentation").mkdir()
+        title = f"Plant of the pipeline {plant.name}: {'an axis' if plant.has_cylinder else 'a vessel'} with its valve"
+        about = model_description(plant.name, title, sources.pop("token"), variables, STEP)
+        write_model_description(about, root / "modelDescription.xml")
+        (root / "sources" / "buildDescription.xml").write_text(build_description(), encoding="utf-8")
+        for file, text in sources.items():
+            (root / "sources" / file).write_text(text, encoding="utf-8")
+        _copy_headers(root / "sources")
+        (root / "documentation" / "index.html").write_text(_documentation(plant, title, variables), encoding="utf-8")
+        binaries = _compile(root, Path(name) / "build")
+        with atomic_path(folder / FILE_NAME) as temporary:
+            create_zip_archive(temporary, root)
+    return {
+        "inputs": [v.name for v in variables if v.kind == "input"],
+        "outputs": [v.name for v in variables if v.kind == "output"],
+        "parameters": {
+            v.name: {"value": v.start, "unit": v.unit, "ci95": None if v.interval is None else list(v.interval)}
+            for v in variables
+            if v.kind == "parameter"
+        },
+        "effects": [effect.name for effect in plant.effects],
+        "binaries": binaries,
+        "max_step_s": plant.max_step,
+    }
+
+
+def _sources(plant: Plant, where: str) -> dict[str, str]:
+    """Return the text of each C file by name, and the token that follows from them."""
+    rows, n = _ring_rows(plant), len(plant.effects) + 1
+    sizes = {"areas": plant.areas.shape, "areas_2": plant.areas_2.shape, "ring": (rows, RING_COLUMNS)}
+    sizes |= dict.fromkeys(("s1", "s2", "s_supply"), (n,))
+    try:
+        functions = plant_functions(plant.effects, sizes)
+    except ValueError as error:
+        wanted = "arithmetic, if, for over a range, and functions of math.h"
+        raise InputError(where, f"an effect cannot be written in C: {error}", wanted) from error
+    tables = _tables(plant)
+    token = token_of([functions, tables, __version__])
+    main = fill_template(
+        "plant.c",
+        PIPELINE=plant.name.replace("*/", "* /"),
+        VERSION=__version__,
+        TOKEN=token,
+        N_BASE=str(len(at.BASE_NAMES)),
+        N_TH=str(len(plant.th)),
+        N_STATES=str(at.PLANT_STATES),
+        N_EFFECTS=str(n),
+        RING_ROWS=str(rows),
+        TABLE_POINTS=str(plant.areas.size),
+    )
+    return {SOURCE_FILE: main, "plant_model.h": functions, "plant_tables.h": tables, "token": token}
+
+
+def _ring_rows(plant: Plant) -> int:
+    """Return how many entries the ring buffer of the hoses has; one without a hose that delays."""
+    delays = [
+        plant.th[f"{e.name}.{p.name}"]
+        for e in plant.effects
+        if set(DELAY_PORTS) & e.ports.keys()
+        for p in e.parameters
+        if p.unit == "s"
+    ]
+    return max(MIN_RING_ROWS, int(np.ceil(RING_MARGIN * sum(delays) / plant.max_step))) if delays else 1
+
+
+def _tables(plant: Plant) -> str:
+    """Return the numbers of the plant as C."""
+    inputs = [plant.inputs.get(name, 0.0) for name in at.PLANT_INPUTS]
+    same = np.array_equal(plant.areas, plant.areas_2)
+    parts = [
+        _array("VALUES", [float(v.start or 0.0) for v in all_values(plant)]),
+        _array("INPUTS", inputs),
+        _array("FLAGS", plant.flags),
+        _array("ON", [1.0] * (len(plant.effects) + 1)),
+        _array("AREAS_1", plant.areas),
+        "#define AREAS_2 AREAS_1" if same else _array("AREAS_2", plant.areas_2),
+    ]
+    return "\n".join([*parts, ""])
+
+
+def _array(name: str, values: Iterable[float]) -> str:
+    numbers = [repr(float(value)) for value in values]
+    rows = [f"    {', '.join(numbers[i : i + 5])}," for i in range(0, len(numbers), 5)]
+    return "\n".join([f"static const double {name}[{len(numbers)}] = {{", *rows, "};"])
+
+
+def _copy_headers(folder: Path) -> None:
+    """Copy the headers of the standard, which FMPy brings with it (2-clause BSD licence, in the files)."""
+    import fmpy  # noqa: PLC0415 - an extra
+
+    for name in HEADERS:
+        shutil.copyfile(Path(fmpy.__file__).parent / "c-code" / name, folder / name)
+
+
+def _compile(root: Path, build: Path) -> list[str]:
+    """Compile the sources with FMPy's settings for CMake; return the platforms of the binaries."""
+    import fmpy  # noqa: PLC0415 - an extra
+    from cmake import CMAKE_BIN_DIR  # noqa: PLC0415 - comes with FMPy
+    from fmpy.build import create_cmake_settings  # noqa: PLC0415 - an extra
+
+    build.mkdir()
+    create_cmake_settings(root, build, cmake_options=dict(LIBRARIES) if fmpy.system != "windows" else {})
+    cmake, lists = str(Path(CMAKE_BIN_DIR) / "cmake"), str(Path(fmpy.__file__).parent / "c-code")
+    for arguments in (
+        ["-S", lists, "-B", str(build)],
+        ["--build", str(build), "--target", "install", "--config", "Release"],
+    ):
+        if subprocess.run([cmake, *arguments], capture_output=True, check=False).returncode != 0:
+            return []
+    return sorted(path.name for path in (root / "binaries").iterdir() if any(path.glob(f"{MODEL_IDENTIFIER}.*")))
+
+
+def _documentation(plant: Plant, title: str, variables: Sequence[Variable]) -> str:
+    """Return a page for people: the variables with units, values and intervals."""
+    rows = [(v.kind, v.name, "" if v.start is None else f"{v.start:.6g}", v.unit, v.description) for v in variables]
+    head = "".join(f"<th>{word}</th>" for word in ("kind", "name", "value", "unit", "meaning"))
+    body = "\n".join("<tr>" + "".join(f"<td>{html.escape(cell)}</td>" for cell in row) + "</tr>" for row in rows)
+    effects = ", ".join(effect.name for effect in plant.effects) or "none"
+    return (
+        f'<!DOCTYPE html>\n<html lang="en"><head><meta charset="utf-8"><title>{html.escape(title)}</title></head>\n'
+        f"<body><h1>{html.escape(title)}</h1>\n"
+        f"<p>Effects: {html.escape(effects)}. Written by pneucli {__version__}.</p>\n"
+        f"<table><thead><tr>{head}</tr></thead><tbody>\n{body}\n</tbody></table></body></html>\n"
+    )

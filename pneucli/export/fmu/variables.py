@@ -1,0 +1,149 @@
+"""The variables of the FMU: inputs, outputs, parameters with their units and intervals, start values."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import Literal
+
+from pneucli.export.fmu.plant import Plant
+from pneucli.physics.declaration import Parameter
+from pneucli.quantities import PISTON_AREA_UNITS, axis_unit
+from pneucli.simulate import layout as at
+
+FIRST_INPUT, FIRST_OUTPUT, FIRST_VALUE = 1, 11, 100  # value references, as in templates/plant.c
+AXIS_ONLY = ("friction.", "rig.moving_mass", "rig.piston", "rig.stroke", "rig.dead_volume_2", "rig.lower", "rig.upper")
+BASE = {
+    "friction.coulomb": ("N", "Coulomb friction"),
+    "friction.viscous": ("N s/m", "viscous friction"),
+    "rig.moving_mass": ("kg", "moving mass"),
+    "rig.piston_area_1": ("m^2", "area of the piston toward chamber 1"),
+    "rig.piston_area_2": ("m^2", "area of the piston toward chamber 2"),
+    "rig.stroke": ("m", "stroke"),
+    "rig.dead_volume_1": ("m^3", "volume of chamber 1 at x = 0 with its hose"),
+    "rig.dead_volume_2": ("m^3", "volume of chamber 2 at x = stroke with its hose"),
+    "rig.ambient_pressure": ("Pa", "ambient pressure, absolute"),
+    "rig.supply_pressure": ("Pa", "supply pressure, absolute; the regulator's setting"),
+    "rig.gas_temperature": ("K", "temperature of the gas from the supply"),
+    "rig.heat_capacity_ratio": ("1", "ratio of heat capacities"),
+    "rig.gas_constant": ("J/(kg K)", "gas constant"),
+    "valve.critical_ratio": ("1", "critical pressure ratio of the valve"),
+    "rig.wall_temperature": ("K", "temperature of the walls; acts with heat transfer"),
+    "valve.null": ("V", "command at which nothing flows"),
+    "rig.lower_end": ("m", "lower end of the stroke"),
+    "rig.upper_end": ("m", "upper end of the stroke"),
+    "rig.polytropic_exponent": ("1", "exponent of the gas in the chambers; without heat transfer"),
+}
+INPUT_TITLES = {
+    "u": ("V", "command of the valve at chamber 1"),
+    "u2": ("V", "command of the valve at chamber 2"),
+    "p_supply": ("Pa", "supply pressure, absolute"),
+    "force": ("N", "driving force or load, positive toward +x"),
+}
+OUTPUT_TITLES = {
+    "x": ("m", "position"),
+    "v": ("m/s", "velocity"),
+    "a": ("m/s^2", "acceleration as its sensor reads it"),
+    "p1": ("Pa", "pressure of chamber 1 as its sensor reads it, absolute"),
+    "p2": ("Pa", "pressure of chamber 2 as its sensor reads it, absolute"),
+    "temperature": ("K", "gas temperature of chamber 1"),
+    "flow": ("kg/s", "mass flow through the valve into chamber 1"),
+    "chamber_1.p": ("Pa", "pressure of the gas in chamber 1, absolute"),
+    "chamber_2.p": ("Pa", "pressure of the gas in chamber 2, absolute"),
+}
+START_TITLES = {
+    "x": ("m", "position at the start"),
+    "v": ("m/s", "velocity at the start"),
+    "p1": ("Pa", "pressure of the gas in chamber 1 at the start, absolute"),
+    "p2": ("Pa", "pressure of the gas in chamber 2 at the start, absolute"),
+    "u": ("V", "opening of the spool at chamber 1 at the start, from the null command"),
+    "u2": ("V", "opening of the spool at chamber 2 at the start, from the null command"),
+}
+OF_CYLINDER = ("x", "v", "a", "p2", "chamber_2.p")
+
+
+@dataclass(frozen=True)
+class Variable:
+    """A variable of the FMU; ``start`` is None for an output, ``interval`` where it is not identified."""
+
+    name: str
+    reference: int
+    kind: Literal["input", "output", "parameter"]
+    unit: str
+    title: str
+    start: float | None = None
+    interval: tuple[float, float] | None = None
+
+    @property
+    def description(self) -> str:
+        """The meaning, and the interval of what was identified."""
+        if self.interval is None:
+            return self.title
+        low, high = self.interval
+        return f"{self.title}; identified, 95 % interval {low:.6g} to {high:.6g}"
+
+
+def variables_of(plant: Plant) -> list[Variable]:
+    """Return the variables of a plant, those that act on it, in the order of their value references."""
+    return [*_inputs(plant), *_outputs(plant), *(v for v in all_values(plant) if _is_shown(v.name, plant))]
+
+
+def all_values(plant: Plant) -> list[Variable]:
+    """Return every parameter in the order of the plant's array of values: base, effects, start, step, valve."""
+    named: list[tuple[str, str, str, float]] = [
+        (name, _base_unit(name), BASE[name][1], float(value))
+        for name, value in zip(at.BASE_NAMES, plant.base, strict=True)
+    ]
+    named += [
+        (f"{e.name}.{p.name}", p.unit, _title(p), plant.th[f"{e.name}.{p.name}"])
+        for e in plant.effects
+        for p in e.parameters
+    ]
+    named += [(f"start.{n}", axis_unit(START_TITLES[n][0]), START_TITLES[n][1], v) for n, v in plant.start.items()]
+    named.append(("solver.max_step", "s", "longest step of the equations", plant.max_step))
+    named += [(f"valve.area_factor_{i}", "1", f"factor on the areas of the valve at chamber {i}", 1.0) for i in (1, 2)]
+    return [
+        Variable(name, FIRST_VALUE + i, "parameter", unit, title, value, plant.intervals.get(name))
+        for i, (name, unit, title, value) in enumerate(named)
+    ]
+
+
+def _inputs(plant: Plant) -> Iterator[Variable]:
+    for name, start in plant.inputs.items():
+        unit, title = INPUT_TITLES[name]
+        yield Variable(name, FIRST_INPUT + at.PLANT_INPUTS.index(name), "input", axis_unit(unit), title, start)
+
+
+def _outputs(plant: Plant) -> Iterator[Variable]:
+    for i, name in enumerate(at.PLANT_OUTPUTS):
+        if plant.has_cylinder or name not in OF_CYLINDER:
+            unit, title = OUTPUT_TITLES[name]
+            yield Variable(name, FIRST_OUTPUT + i, "output", axis_unit(unit), title)
+
+
+def _is_shown(name: str, plant: Plant) -> bool:
+    """Return whether a parameter acts on the plant."""
+    heat = any("heat" in effect.ports for effect in plant.effects)
+    two = plant.flags[at.CHAMBER_2] in (at.VALVE_2, at.MIRRORED)
+    hidden = {
+        "rig.wall_temperature": not heat,
+        "rig.polytropic_exponent": heat,
+        "rig.supply_pressure": "p_supply" in plant.inputs,
+        "valve.area_factor_2": not two,
+        "start.u2": not two,
+        "start.p2": plant.flags[at.CHAMBER_2] == at.OPEN,
+        "start.x": not plant.has_cylinder,
+        "start.v": not plant.has_cylinder,
+    }
+    return not hidden.get(name, False) and (plant.has_cylinder or not name.startswith(AXIS_ONLY))
+
+
+def _base_unit(name: str) -> str:
+    """Return the unit of a base parameter on the current axis."""
+    unit = axis_unit(BASE[name][0])
+    rotary = axis_unit("m") != "m"
+    return PISTON_AREA_UNITS[1] if rotary and name.startswith("rig.piston_area") else unit
+
+
+def _title(parameter: Parameter) -> str:
+    return parameter.title or parameter.name.replace("_", " ")

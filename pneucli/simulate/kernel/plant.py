@@ -1,0 +1,231 @@
+"""The plant as a step function with its state in arrays, for programs that have a clock of their own.
+
+It calls the equations of :mod:`pneucli.simulate.kernel.step` as the loop over a recording does. Inputs are held over a
+step. The export translates it to C (:mod:`pneucli.export.fmu`).
+"""
+
+import math
+
+from pneucli.physics.gas import flow_constant
+from pneucli.simulate.kernel.ports import (
+    bristle_stiffness,
+    flow_delay,
+    flow_delay_1,
+    flow_delay_2,
+    has_heat,
+    mass,
+    read_a,
+    read_p1,
+    read_p2,
+    sensor_lag,
+    volume_1,
+    volume_2,
+)
+from pneucli.simulate.kernel.sensors import first_order_lag
+from pneucli.simulate.kernel.step import (
+    chamber_1_step,
+    chamber_2_step,
+    piston_acceleration,
+    piston_step,
+    steps_between,
+    valve_step,
+)
+from pneucli.simulate.kernel.valve import line_step
+from pneucli.simulate.layout import (
+    AMBIENT,
+    AREA_1,
+    AREA_2,
+    AT_BEFORE_1,
+    AT_BEFORE_2,
+    AT_DP1,
+    AT_DP2,
+    AT_DV,
+    AT_FLOW,
+    AT_HEAD,
+    AT_M1,
+    AT_M2,
+    AT_P1,
+    AT_P2,
+    AT_Q,
+    AT_R1,
+    AT_R2,
+    AT_REST,
+    AT_T1,
+    AT_T2,
+    AT_TAIL,
+    AT_TAIL_2,
+    AT_V,
+    AT_X,
+    AT_Z,
+    CHAMBER_2,
+    DEAD_1,
+    DEAD_2,
+    GAMMA,
+    GAS,
+    MASS,
+    MECHANICS,
+    MIRRORED,
+    NULL,
+    OPEN,
+    PLANT_FORCE,
+    PLANT_STATES,
+    PLANT_SUPPLY,
+    PLANT_U,
+    PLANT_U2,
+    START_P1,
+    START_P2,
+    START_U,
+    START_U2,
+    START_V,
+    START_X,
+    STATED_SUPPLY,
+    STROKE,
+    TEMP,
+    U_MAX,
+)
+
+
+def plant_start(start, flags, s, s1, s2, s_supply, ring, base, th, on):
+    """Set the state at rest or in motion, with settled spools and sensors.
+
+    Args:
+        start: Position in m, velocity in m/s, pressures in Pa, openings of the valves in V, shape (6,).
+        flags: Switches of the rig, as of a recording, shape (9,).
+        s: State, shape (22,), filled.
+        s1: States of effects at the command of chamber 1, filled.
+        s2: States of effects at the command of chamber 2, filled.
+        s_supply: States of effects at the supply, filled.
+        ring: Ring buffer of the hoses, shape (k, 5), filled.
+        base: Base parameters, shape (19,).
+        th: Parameters of effects.
+        on: Switches of effects.
+    """
+    for i in range(PLANT_STATES):
+        s[i] = 0.0
+    for i in range(s1.size):
+        s1[i], s2[i], s_supply[i] = start[START_U], start[START_U2], 0.0
+    for i in range(ring.shape[0]):
+        ring[i, 0] = -1e30
+    s[AT_TAIL] = s[AT_TAIL_2] = ring.shape[0] - 1
+    x, p1, p2 = start[START_X], start[START_P1], start[START_P2]
+    if int(flags[CHAMBER_2]) == OPEN:
+        p2 = base[AMBIENT]
+    s[AT_X], s[AT_V], s[AT_P1], s[AT_P2] = x, start[START_V], p1, p2
+    s[AT_T1] = s[AT_T2] = base[TEMP]
+    s[AT_M1] = p1 * (base[DEAD_1] + volume_1(th, on) + base[AREA_1] * x) / (base[GAS] * base[TEMP])
+    s[AT_M2] = p2 * (base[DEAD_2] + volume_2(th, on) + base[AREA_2] * (base[STROKE] - x)) / (base[GAS] * base[TEMP])
+    s[AT_R1] = s[AT_BEFORE_1] = read_p1(p1, base[AMBIENT], th, on)
+    s[AT_R2] = s[AT_BEFORE_2] = read_p2(p2, base[AMBIENT], th, on)
+
+
+def plant_step(t, dt, h_max, inputs, flags, areas, areas_2, s, s1, s2, s_supply, ring, base, th, on):
+    """Advance the plant.
+
+    Args:
+        t: Time at the begin of the step in s.
+        dt: Step in s, divided into steps of at most ``h_max``.
+        h_max: Longest step of the equations in s.
+        inputs: Commands in V, supply pressure in Pa, driving force in N, held over the step, shape (4,).
+        flags: Switches of the rig, as of a recording, shape (9,).
+        areas: Areas in m^2 of chamber 1 over openings of -U_MAX..U_MAX.
+        areas_2: The same of chamber 2.
+        s: State, shape (22,), changed in place.
+        s1: States of effects at the command of chamber 1, changed in place.
+        s2: States of effects at the command of chamber 2, changed in place.
+        s_supply: States of effects at the supply, changed in place.
+        ring: Ring buffer of the hoses, shape (k, 5), changed in place.
+        base: Base parameters, shape (19,).
+        th: Parameters of effects.
+        on: Switches of effects.
+
+    References:
+        Thesis 2.47-2.52 (state space), 3.1-3.7 (friction).
+    """
+    mechanics, stated, chamber_2 = flags[MECHANICS] > 0.0, flags[STATED_SUPPLY] > 0.0, int(flags[CHAMBER_2])
+    hot = has_heat(on)
+    k_gas = flow_constant(base[GAS], base[TEMP], base[GAMMA])
+    area_1, area_2 = base[AREA_1], base[AREA_2]
+    dead_1, dead_2 = base[DEAD_1] + volume_1(th, on), base[DEAD_2] + volume_2(th, on)
+    m, stiffness = base[MASS] + mass(th, on), bristle_stiffness(th, on)
+    delay_1, delay_2 = flow_delay(th, on) + flow_delay_1(th, on), flow_delay(th, on) + flow_delay_2(th, on)
+    u, u2 = inputs[PLANT_U] - base[NULL], inputs[PLANT_U2] - base[NULL]
+    if chamber_2 == MIRRORED:
+        u2 = -u
+    x, v, z, rest, dv, q_supply = s[AT_X], s[AT_V], s[AT_Z], s[AT_REST], s[AT_DV], s[AT_Q]
+    p1, p2, dp1, dp2, m1, m2 = s[AT_P1], s[AT_P2], s[AT_DP1], s[AT_DP2], s[AT_M1], s[AT_M2]
+    T1, T2, k1, k2 = s[AT_T1], s[AT_T2], k_gas, k_gas
+    head, tail, tail_2 = int(s[AT_HEAD]), int(s[AT_TAIL]), int(s[AT_TAIL_2])
+    steps: int = steps_between(0.0, dt, h_max)
+    h = dt / steps
+    for i in range(steps):
+        p1_mid, p2_mid = p1 + 0.5 * h * dp1, p2 + 0.5 * h * dp2
+        x_mid, v_mid = x, v
+        if mechanics:
+            x_old, v_old = x, v
+            x, v, z, rest = piston_step(
+                x, v, z, rest, dv, p1_mid, p2_mid, inputs[PLANT_FORCE], h, m, stiffness, base, th, on
+            )
+            dv = v - v_old
+            x_mid, v_mid = 0.5 * (x_old + x), (x - x_old) / h
+        if hot:
+            k1, k2 = k_gas * math.sqrt(base[TEMP] / T1), k_gas * math.sqrt(base[TEMP] / T2)
+        q_in, q_out, more_in, more_out = valve_step(
+            u, u2, p1_mid, p2_mid, inputs[PLANT_SUPPLY], stated, False, chamber_2, q_supply, h, k1, k2, k_gas,
+            flags[U_MAX], areas, areas_2, s1, s2, s_supply, base, th, on,
+        )  # fmt: skip
+        q_supply = q_in + more_in
+        if i == 0:
+            s[AT_FLOW] = q_in - q_out
+        if max(delay_1, delay_2) > 0.0:
+            q_in, q_out, more_in, more_out, head, tail, tail_2 = line_step(
+                t + (i + 0.5) * h, q_in, q_out, more_in, more_out, delay_1, delay_2, ring, head, tail, tail_2
+            )
+        p1, dp1, m1, T1 = chamber_1_step(
+            p1, p1_mid, p2_mid, m1, h, dead_1 + area_1 * x_mid, area_1 * v_mid, q_in, q_out, hot, k1, base, th, on
+        )
+        if chamber_2 != OPEN:
+            volume_2_mid = dead_2 + area_2 * (base[STROKE] - x_mid)
+            p2, dp2, m2, T2 = chamber_2_step(
+                p2, p1_mid, p2_mid, m2, h, volume_2_mid, -area_2 * v_mid, more_in, more_out, hot, k1, k2, base, th, on
+            )
+    s[AT_X], s[AT_V], s[AT_Z], s[AT_REST], s[AT_DV], s[AT_Q] = x, v, z, rest, dv, q_supply
+    s[AT_P1], s[AT_P2], s[AT_DP1], s[AT_DP2], s[AT_M1], s[AT_M2] = p1, p2, dp1, dp2, m1, m2
+    s[AT_T1], s[AT_T2], s[AT_HEAD], s[AT_TAIL], s[AT_TAIL_2] = T1, T2, head, tail, tail_2
+    advance_readings(dt, s, base, th, on)
+
+
+def advance_readings(dt, s, base, th, on):
+    """Advance the readings of p1 and p2 by a step of ``dt`` s; they follow the pressures with the sensors' lag."""
+    lag = sensor_lag(th, on)
+    now_1, now_2 = read_p1(s[AT_P1], base[AMBIENT], th, on), read_p2(s[AT_P2], base[AMBIENT], th, on)
+    if lag > 0.0:
+        s[AT_R1] = first_order_lag(dt, now_1, lag, s[AT_R1], s[AT_BEFORE_1])
+        s[AT_R2] = first_order_lag(dt, now_2, lag, s[AT_R2], s[AT_BEFORE_2])
+    else:
+        s[AT_R1], s[AT_R2] = now_1, now_2
+    s[AT_BEFORE_1], s[AT_BEFORE_2] = now_1, now_2
+
+
+def plant_outputs(inputs, flags, s, base, th, on, outputs):
+    """Write the outputs: x, v, a, readings of p1 and p2, temperature, flow, and the pressures in the chambers, SI.
+
+    Args:
+        inputs: As of :func:`plant_step`.
+        flags: Switches of the rig.
+        s: State, shape (22,).
+        base: Base parameters.
+        th: Parameters of effects.
+        on: Switches of effects.
+        outputs: Filled, shape (9,).
+    """
+    x, v, p1, p2 = s[AT_X], s[AT_V], s[AT_P1], s[AT_P2]
+    outputs[0], outputs[1], outputs[2], outputs[3], outputs[4] = x, v, 0.0, s[AT_R1], s[AT_R2]
+    outputs[5], outputs[6], outputs[7], outputs[8] = s[AT_T1], s[AT_FLOW], p1, p2
+    if has_heat(on):
+        outputs[5] = p1 * (base[DEAD_1] + volume_1(th, on) + base[AREA_1] * x) / (base[GAS] * s[AT_M1])
+    if flags[MECHANICS] > 0.0:
+        m, stiffness = base[MASS] + mass(th, on), bristle_stiffness(th, on)
+        a = piston_acceleration(
+            x, v, s[AT_Z], s[AT_REST], s[AT_DV], p1, p2, inputs[PLANT_FORCE], m, stiffness, base, th, on
+        )
+        outputs[2] = read_a(a, th, on)
