@@ -89,6 +89,19 @@ class ParameterPrior:
 
 
 @dataclass(frozen=True)
+class Calibration:
+    """Standard uncertainty of a sensor's calibration.
+
+    Attributes:
+        zero: Of its zero, in the signal's SI unit.
+        gain: Of its gain, as a share of the reading.
+    """
+
+    zero: float = 0.0
+    gain: float = 0.0
+
+
+@dataclass(frozen=True)
 class Rig:
     """Description of the rig, SI; None where the pipeline file omits a value, which is then identified.
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from typing import Annotated, Literal
 
 from pydantic import AfterValidator, Field, ValidationInfo, model_validator
@@ -10,6 +11,7 @@ from pneucli.config.value_types import Column, DecimalMark, Delimiter, Encoding,
 from pneucli.errors import UnitError
 from pneucli.io.expression import Expression
 from pneucli.quantities import ROTARY_UNITS, SIGNALS
+from pneucli.recording import Calibration
 from pneucli.units import parse_quantity, parse_unit, same_dimension
 
 SignalName = Literal[
@@ -69,6 +71,7 @@ class SignalTable(Table):
     decimal: DecimalMark | None = None
     where: WhereTable | None = None
     noise: str | float | None = None
+    calibration: str | float | None = None
     time: Column | ClockTable | None = None
     hold: bool | None = None
     missing: list[float] | None = None
@@ -111,6 +114,43 @@ class SignalTable(Table):
         return self.reference == "gauge" or (self.unit is not None and parse_unit(self.unit).gauge)
 
 
+def parse_calibration(value: str | float, unit: str) -> Calibration:
+    """Return the standard uncertainty of a calibration.
+
+    Args:
+        value: ``"0.1 % of 10 bar"`` (of the span: zero and gain contribute alike, and together that much at full
+            scale), ``"0.5 % of reading"`` (a gain), or a quantity such as ``"5 mbar"`` (a zero).
+        unit: SI unit of the signal.
+
+    Returns:
+        Zero in SI and gain.
+
+    Raises:
+        UnitError: It is neither of these, or negative.
+
+    >>> found = parse_calibration("0.1 % of 10 bar", "Pa")
+    >>> round(found.zero, 1), round(found.gain, 6)
+    (707.1, 0.000707)
+    """
+    share, of, span = str(value).partition("% of")
+    if not of:
+        return Calibration(zero=_positive(parse_quantity(value, unit, difference=True), value))
+    try:
+        relative = _positive(float(share) / 100.0, value)
+    except ValueError as error:
+        raise UnitError(f'calibration = "{value}" is not understood; wanted "0.1 % of 10 bar"') from error
+    if span.strip() == "reading":
+        return Calibration(gain=relative)
+    whole = _positive(parse_quantity(span.strip(), unit, difference=True), value)
+    return Calibration(zero=relative * whole / math.sqrt(2.0), gain=relative / math.sqrt(2.0))
+
+
+def _positive(number: float, value: str | float) -> float:
+    if not number > 0.0:
+        raise UnitError(f"calibration {value} is not positive; wanted a standard uncertainty")
+    return number
+
+
 def _checked_against(name: str) -> AfterValidator:
     """Check unit and reference of an entry of ``[signals]`` against what the signal is."""
     quantity = SIGNALS[name]
@@ -131,6 +171,8 @@ def _checked_against(name: str) -> AfterValidator:
             raise UnitError(f'the unit "{signal.unit}" is gauge, the reference says absolute; leave one of them out')
         if name == "time" and signal.time is not None:
             raise UnitError("time is a clock itself and has none; leave out its key time")
+        if signal.calibration is not None:
+            parse_calibration(signal.calibration, wanted)
         if signal.noise is None:
             return signal
         noise = parse_quantity(signal.noise, wanted, difference=True)

@@ -16,6 +16,7 @@ from pneucli.messages.formatting import (
     join_names,
     unit_symbol,
 )
+from pneucli.messages.uncertainty import uncertainty_lines
 
 ISO_COLUMNS = ("command", "C (ISO 6358)", "b", "m")
 FRICTION_COLUMNS = ("recording", "p1", "kinetic friction", "break-away")
@@ -69,6 +70,8 @@ def lines(answer: Mapping[str, Any], file: str, verbose: bool) -> Iterator[str]:
             yield from labelled(label.replace("_", " "), _valve(valve))
             if by_command := iso_rows(valve["iso"], label):
                 yield from table(ISO_COLUMNS, by_command, texts=4)
+    for line in uncertainty_lines(answer.get("uncertainty", {})):
+        yield from labelled("budget", line)
     friction = answer.get("friction", {})
     if by_recording := friction_rows(friction):
         yield from table(FRICTION_COLUMNS, by_recording, texts=4)

@@ -88,6 +88,7 @@ _ALL_STAGES = (
             *("friction.breakaway", "friction.over_pressure", "friction.repeats", "leaks.lost", "leaks.flows"),
             "leaks.areas",
             *("flow.paths", "flow.parameters", "flow.command_sets_area", "flow.findings", "flow.noise"),
+            *("uncertainty.coverage_factor", "uncertainty.budgets"),
         ),
     ),
     Stage(

@@ -11,14 +11,17 @@ import numpy as np
 from pneucli.compare.channel_errors import ChannelResult, channel_result
 from pneucli.errors import InputError
 from pneucli.identify.valve.flow_bench import FlowBench, FlowComparison, compare_flow, identify_flow_bench
+from pneucli.identify.valve.steady_budget import with_flow_budgets
 from pneucli.io.artifacts import TableWriter
 from pneucli.messages.flow import idle_effects_warning
 from pneucli.pipeline.context import NotApplicable
 from pneucli.quantities import SIGNALS
 from pneucli.stages.assumptions import assumed_values
+from pneucli.stages.measurement import measurement_of
 from pneucli.stages.pipeline_data import PipelineData
 from pneucli.stages.tables.correlation import write_parameters
-from pneucli.stages.tables.flow import flow_answer, flow_parameters, write_flow
+from pneucli.stages.tables.flow import flow_answer, flow_parameters, path_label, write_flow
+from pneucli.stages.tables.uncertainty import budgets_answer, write_budgets
 
 RATIO_PORT, LEAK_PORT = "critical_ratio", "leak_area"  # where effects act that rows of steady flow can show
 
@@ -37,7 +40,9 @@ def flow_bench(study: PipelineData) -> FlowBench | None:
         raise InputError(
             f"{study.context.path}, key recordings", f"no row with a flow ({names})", "rows of flow", mend, code="E060"
         )
-    return bench
+    recorded = set.intersection(*(set(one.signals) for one in study.flow_recordings))
+    null = bench.rig.valve_null
+    return with_flow_budgets(bench, lambda path: path_label(bench, path, null), measurement_of(study), sorted(recorded))
 
 
 def identify_flow_only(study: PipelineData) -> dict[str, Any]:
@@ -48,6 +53,7 @@ def identify_flow_only(study: PipelineData) -> dict[str, Any]:
     out, provenance = study.context.out, study.provenance("ingest/signals.parquet")
     write_parameters(flow_parameters(bench), out, provenance)
     write_flow(bench, out, provenance, valve_map=True)
+    write_budgets(bench.budgets, out, provenance)
     answer = flow_answer(bench)
     idle = [effect.name for effect in study.effects if not {RATIO_PORT, LEAK_PORT} & effect.ports.keys()]
     return {
@@ -57,6 +63,7 @@ def identify_flow_only(study: PipelineData) -> dict[str, Any]:
         "assumed": [asdict(one) for one in assumed_values(study, set())],
         "warnings": [*(one["text"] for one in answer["findings"]), *([idle_effects_warning(idle)] if idle else [])],
         "flow": answer,
+        "uncertainty": budgets_answer(bench.budgets),
     }
 
 

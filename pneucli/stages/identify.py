@@ -19,7 +19,9 @@ from pneucli.identify.guesses.flow_paths import opening_from_null, valve_driven
 from pneucli.identify.guesses.null_command import drifting_recordings
 from pneucli.identify.residuals import ResidualModel, with_channel_weights
 from pneucli.identify.valve import ValveIdentification, identify_valve, identify_valve_on_piston
+from pneucli.identify.valve.charge_budget import with_budgets
 from pneucli.identify.valve.flow_bench import FlowBench
+from pneucli.identify.valve.uncertainty import Budget
 from pneucli.messages.formatting import format_number
 from pneucli.messages.friction import friction_warning
 from pneucli.messages.identify import warning_text
@@ -30,11 +32,13 @@ from pneucli.simulate.model import Model
 from pneucli.stages.assumptions import assumed_values, fixed_parameters, null_command_estimate
 from pneucli.stages.flow_bench import flow_bench, identify_flow_only
 from pneucli.stages.leak_answer import leak_answer, per_vessel_volume
+from pneucli.stages.measurement import measurement_of
 from pneucli.stages.model_file import save_model
 from pneucli.stages.pipeline_data import PipelineData
 from pneucli.stages.tables.correlation import write_parameter_relations, write_parameters
 from pneucli.stages.tables.flow import flow_answer, flow_parameters, write_flow
 from pneucli.stages.tables.friction import friction_answer, write_friction
+from pneucli.stages.tables.uncertainty import budgets_answer, write_budgets
 from pneucli.stages.tables.valve import iso_parameters, valve_answer, valve_findings, write_valves
 
 
@@ -56,7 +60,8 @@ def run(context: Context) -> dict[str, Any]:
     found = without_data(whole)
     del whole, views  # their derivatives fill the memory with a long recording
     context.progress("identifying the valve", 0.5)
-    valves = _identify_valves(study, found, warnings)
+    instruments = measurement_of(study)
+    valves = [with_budgets(one, found.estimates, instruments) for one in _identify_valves(study, found, warnings)]
     leaks = leak_answer(study, found.model, [per_vessel_volume(e, study) for e in found.estimates])
     study.release_experiments()
     context.progress("identifying friction", 0.7)
@@ -74,7 +79,16 @@ def run(context: Context) -> dict[str, Any]:
     if bench is not None:
         answer["flow"] = flow_answer(bench)
         answer["warnings"] = [*warnings, *(one["text"] for one in answer["flow"]["findings"])]
+    if budgets := all_budgets(valves, bench):
+        answer["uncertainty"] = budgets_answer(budgets)
     return answer
+
+
+def all_budgets(valves: Sequence[ValveIdentification], bench: FlowBench | None) -> list[Budget]:
+    """Return the budgets of all characteristics; those of a steady bench replace those of the same command."""
+    of_bench = [] if bench is None else list(bench.budgets)
+    measured = {one.name for one in of_bench}
+    return [*(one for valve in valves for one in valve.budgets if one.name not in measured), *of_bench]
 
 
 def _at_bound_warning(name: str, rig: Rig) -> str:
@@ -208,6 +222,7 @@ def _write(
     if friction is not None:
         write_friction(friction, out, provenance)
     write_parameters(rows, out, provenance)
+    write_budgets(all_budgets(valves, bench), out, provenance)
 
 
 def parameters_answer(estimates: list[Estimate]) -> dict[str, Any]:

@@ -84,7 +84,7 @@ def test_each_identified_area_gives_a_conductance_and_tested_commands_b_and_m(
     for u, area in ((-10.0, 1.8e-6), (5.0, 0.9e-6)):
         c = found[u].C
         assert c.value == pytest.approx(UNIT * area)
-        assert (c.low, c.high) == (pytest.approx(0.9 * UNIT * area), pytest.approx(1.4 * 1.1 * UNIT * area))
+        assert (c.low, c.high) == (pytest.approx(0.9 * UNIT * area), pytest.approx(1.1 * UNIT * area))
     assert [(one.b.measured, one.m.measured) for one in (found[10.0], found[5.0])] == [tuple(told)] * 2
     assert (found[-10.0].b.measured, found[-10.0].m.measured) == (None, None)  # 20 mV off: not that command
     assert (found[-10.0].b.value, found[-10.0].m.value) == (model().base_values()["valve.critical_ratio"], 0.5)

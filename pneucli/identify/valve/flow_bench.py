@@ -12,6 +12,7 @@ from pneucli.identify.valve.flow_noise import NoiseLaw, flow_deviation
 from pneucli.identify.valve.flow_path import FlowPath
 from pneucli.identify.valve.steady_flow import fit_flow_paths
 from pneucli.identify.valve.steady_rows import FlowRows, flow_rows
+from pneucli.identify.valve.uncertainty import Budget
 from pneucli.recording import Recording, Rig
 
 Array = NDArray[np.float64]
@@ -29,11 +30,12 @@ class FlowSurface:
 
 @dataclass(frozen=True)
 class FlowBench:
-    """The flow paths of a valve, in rising order of commands, and the noise of the rows that gave them."""
+    """The flow paths of a valve, in rising order of commands, the noise of the rows, and the uncertainty budgets."""
 
     paths: tuple[FlowPath, ...]
     law: NoiseLaw
     rig: Rig
+    budgets: tuple[Budget, ...] = ()
 
     @property
     def commands(self) -> Array:

@@ -8,7 +8,7 @@ assumes them, and widen it where they contradict the model.
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import product
 from typing import cast
 
@@ -40,12 +40,16 @@ MAX_ERROR_RATIO = 0.5  # of that prior: a larger standard error means that the c
 
 @dataclass(frozen=True)
 class Characteristic:
-    """A characteristic and its 95 % interval; ``measured`` is that of the measured map: value, low, high."""
+    """A characteristic and its 95 % interval; ``measured`` is that of the measured map: value, low, high.
+
+    ``parts`` are the standard uncertainties of the latter: of its noise, and of the thermal state.
+    """
 
     value: float
     low: float
     high: float
     measured: tuple[float, float, float] | None = None
+    parts: tuple[float, float] | None = None
 
     @property
     def is_contradicted(self) -> bool:
@@ -59,8 +63,8 @@ class IsoConductance:
 
     ``C`` in m^3/(s Pa) at the reference atmosphere, ``b`` and ``m`` dimensionless;
     q = C p_u rho_0 sqrt(T_0 / T) (1 - ((r - b) / (1 - b))^2)^m for r > b. Without heat transfer in the model, a vessel
-    cannot distinguish isothermal gas with conductance C from adiabatic gas with kappa C: the interval of C holds both,
-    unless the rig's exponent is stated or identified.
+    cannot distinguish adiabatic gas with conductance C from isothermal gas with kappa C. The interval of C is that of
+    the curves' scatter; :mod:`pneucli.identify.valve.charge_budget` adds the thermal state and the instruments.
     """
 
     u: float
@@ -91,16 +95,14 @@ def iso_conductances(
     rig, model = fitted.model.rig, fitted.model
     choked_flux = flow_constant(rig.gas_constant, REFERENCE_TEMPERATURE, rig.heat_capacity_ratio)
     unit = PSI_MAX * choked_flux / REFERENCE_DENSITY
-    index_known = rig.exponent_free or rig.polytropic_exponent is not None
-    index_known |= any("heat" in effect.ports for effect in model.effects)
-    index_ratio = 1.0 if index_known else rig.heat_capacity_ratio
+    index_ratio = 1.0 if thermal_state_is_known(model) else rig.heat_capacity_ratio
     estimates = {e.name: e for e in fitted.estimates}
     b, interval = _critical_ratio(model, estimates)
     out = []
     for u, name in area_model.model_gradient.valve.area_names.items():
         if not (area := estimates.get(name)):
             continue
-        c = Characteristic(unit * area.value, unit * area.ci95[0], unit * area.ci95[1] * index_ratio)
+        c = Characteristic(unit * area.value, unit * area.ci95[0], unit * area.ci95[1])
         is_tested = any(abs(u - t) <= 1e-3 * abs(u) for t in tested)
         measured = _measured_b_m(area_model, posterior, coverage, u, index_ratio) if is_tested else None
         b_and_m = measured or (None, None)
@@ -113,6 +115,13 @@ def iso_conductances(
             )
         )
     return tuple(out)
+
+
+def thermal_state_is_known(model: Model) -> bool:
+    """Return whether the model says how the gas exchanges heat: by its heat transfer, or by a polytropic exponent."""
+    rig = model.rig
+    stated = rig.exponent_free or rig.polytropic_exponent is not None
+    return stated or any("heat" in effect.ports for effect in model.effects)
 
 
 def _critical_ratio(model: Model, estimates: Mapping[str, Estimate]) -> tuple[float, Interval | None]:
@@ -130,11 +139,16 @@ def _critical_ratio(model: Model, estimates: Mapping[str, Estimate]) -> tuple[fl
 
 
 def _characteristic(
-    value: float, model_interval: Interval | None, index: int, measured: tuple[float, float, float] | None
+    value: float, model_interval: Interval | None, index: int, curve: tuple[float, ...] | None
 ) -> Characteristic:
-    """Return a characteristic with the model's interval, or with that of the measured map where the model has none."""
+    """Return a characteristic with the model's interval, or with that of the measured map where the model has none.
+
+    ``curve`` are value, low and high of the measured map, and where known the two parts of its uncertainty.
+    """
     low, high = model_interval or (value, value)
-    characteristic = Characteristic(value, low, high, measured)
+    measured = None if curve is None else (curve[0], curve[1], curve[2])
+    parts = None if curve is None or len(curve) < 5 else (curve[3], curve[4])
+    characteristic = Characteristic(value, low, high, measured, parts)
     if model_interval is not None and not characteristic.is_contradicted:
         return characteristic
     typical = (
@@ -142,13 +156,15 @@ def _characteristic(
         float(TYPICAL_B_M[index] + Z95 * TYPICAL_B_M_SPREAD[index]),
     )
     interval = typical if measured is None else measured[1:]
-    return Characteristic(value, min(low, max(interval[0], 0.0)), max(high, interval[1]), measured)
+    return replace(characteristic, low=min(low, max(interval[0], 0.0)), high=max(high, interval[1]))
 
 
 def _measured_b_m(
     area_model: AreaModel, posterior: Posterior, coverage: Coverage, u: float, index_ratio: float
-) -> list[tuple[float, float, float] | None] | None:
-    """Return b and m (value, low, high) of the measured map at a command; None where it does not determine them.
+) -> list[tuple[float, ...] | None] | None:
+    """Return b and m of the measured map at a command; None where it does not determine them.
+
+    Each is value, low, high, and the standard uncertainties of noise and thermal state.
 
     The polytropic index n of dp/dt = n R T q / V lies between 1 and kappa unless the model includes heat transfer. The
     standard error therefore includes the change of b and m by a drift of the gradient by ``index_ratio`` over the
@@ -171,8 +187,11 @@ def _measured_b_m(
     drift = np.linspace(1.0, 1.0 / index_ratio, p.size)[:: 1 if u > 0 else -1]
     drifted = _fit_ellipse(shape / drift, r, whiten)
     noise = np.sqrt(np.diag(steady[1]))[1:]
-    error = np.hypot(noise, np.abs(drifted[0] - steady[0])[1:] / np.sqrt(3))
-    interval = [(float(v), float(v - Z95 * e), float(v + Z95 * e)) for v, e in zip(steady[0][1:], error, strict=True)]
+    thermal = np.abs(drifted[0] - steady[0])[1:] / np.sqrt(3)
+    interval = []
+    for value_, n, h in zip(steady[0][1:].tolist(), noise.tolist(), thermal.tolist(), strict=True):
+        half = Z95 * float(np.hypot(n, h))
+        interval.append((value_, value_ - half, value_ + half, n, h))
     return [
         end if is_determined else None
         for end, is_determined in zip(interval, noise < MAX_ERROR_RATIO * TYPICAL_B_M_SPREAD, strict=True)

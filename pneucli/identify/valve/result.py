@@ -15,6 +15,7 @@ from pneucli.identify.valve.fit import Posterior
 from pneucli.identify.valve.iso6358 import IsoConductance
 from pneucli.identify.valve.lack_of_fit import LackOfFit
 from pneucli.identify.valve.maps import Coverage, GradientMap, InverseMap, invert_gradient
+from pneucli.identify.valve.uncertainty import Budget
 from pneucli.simulate.model import Model
 
 Array = NDArray[np.float64]
@@ -71,6 +72,7 @@ class ValveIdentification:
     area_model: AreaModel
     posterior: Posterior
     resampled: tuple[tuple[str, float], ...] = ()  # recordings that were resampled, and the error of p1 in Pa
+    budgets: tuple[Budget, ...] = ()  # of its characteristics
 
     @property
     def is_consistent(self) -> bool:

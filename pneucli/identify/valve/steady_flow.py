@@ -72,6 +72,22 @@ def fit_flow_paths(groups: Sequence[FlowRows]) -> tuple[list[FlowPath], NoiseLaw
     return _with_intervals(groups, fits, law), law
 
 
+def refit(path: FlowPath, rows: FlowRows, law: NoiseLaw) -> FlowCharacteristics:
+    """Fit other readings of the same rows, with a cracking pressure where the path has one.
+
+    Args:
+        path: The path as fitted.
+        rows: The other readings.
+        law: The noise of the rows.
+
+    Returns:
+        The characteristics that they show.
+
+    """
+    cracking = () if path.cracking is None else (path.characteristics.cracking_pressure / _scale(rows),)
+    return _path_at(rows, _fit(rows, law, cracking, abrupt=path.characteristics.opens_abruptly))
+
+
 def _scale(rows: FlowRows) -> float:
     return float(rows.upstream.max())
 

@@ -12,6 +12,7 @@ from pneucli.messages.formatting import format_quantity, format_setting, in_disp
 from pneucli.report.figure import GREY, Drawing, drawing, figures, rank_colour
 from pneucli.report.page_elements import Cell, Grid, Note, Part, Section
 from pneucli.report.report_data import ReportData, Table
+from pneucli.report.sections.uncertainty import budget_tables
 
 MAX_LABELS = 7  # openings in a legend
 
@@ -23,6 +24,7 @@ def section(material: ReportData) -> Section | None:
         return None
     parts: list[Part] = [Note(f"{one['text']}.", "warning") for one in answer["findings"]]
     parts.append(_table(answer))
+    parts += budget_tables(material.answer("identify").get("uncertainty", {}), "valve.")
     drawings = [_conductance(rows), _residual(rows)]
     if len(grid := material.table("identify/flow_map")):
         drawings.append(_over_pressure(grid))
@@ -36,7 +38,7 @@ def section(material: ReportData) -> Section | None:
 
 def _table(answer: Mapping[str, Any]) -> Grid:
     rows = [[Cell(text, numeric=False) for text in flow_row(path)] for path in answer["paths"]]
-    caption = "95 % intervals include lack of fit. An asterisk: typical values of valves hold it, the rows do not."
+    caption = "Intervals: k = 2, lack of fit included. An asterisk: typical values of valves hold it, the rows do not."
     return Grid(caption, FLOW_COLUMNS, rows)
 
 

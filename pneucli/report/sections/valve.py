@@ -34,6 +34,7 @@ from pneucli.report.figure import (
 )
 from pneucli.report.page_elements import Cell, Figure, Grid, Part, Section
 from pneucli.report.report_data import ReportData, Table
+from pneucli.report.sections.uncertainty import budget_tables
 
 Array = NDArray[np.float64]
 MAX_CURVE_SAMPLES = 100  # samples of a curve
@@ -61,7 +62,10 @@ def section(material: ReportData) -> Section | None:
     parts: list[Part] = []
     for chamber, valve in (valves or {1: {}}).items():
         of_chamber = partial(_table, material, chamber)
-        mine: list[Figure | Grid] = [*(_figures(of_chamber) if not parts else _maps(of_chamber)), *_tables(valve)]
+        label = "valve." if chamber == 1 else "valve_2."
+        budgets = budget_tables(answer.get("uncertainty", {}), label) if valve else ()
+        drawn = _figures(of_chamber) if not parts else _maps(of_chamber)
+        mine: list[Figure | Grid] = [*drawn, *_tables(valve), *budgets]
         parts += (
             [replace(one, caption=f"Chamber {chamber}. {one.caption}") for one in mine] if len(valves) > 1 else mine
         )

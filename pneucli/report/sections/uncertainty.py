@@ -1,0 +1,71 @@
+"""The uncertainty budgets of C, b, m and cracking pressure, as tables of the valve's chapters."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from typing import Any
+
+from pneucli.messages.flow import LITRES_PER_BAR
+from pneucli.messages.formatting import format_interval, format_percent, format_quantity
+from pneucli.messages.uncertainty import INTERVAL_MEANING, largest_conductance
+from pneucli.report.page_elements import Cell, Grid
+
+SOURCE_COLUMNS = ("source", "type", "standard uncertainty", "sensitivity", "contribution to C", "share of variance")
+RESULT_COLUMNS = ("result", "value, interval", "± (k = 2)", "main source")
+
+
+def budget_tables(uncertainty: Mapping[str, Any], results: str) -> Iterator[Grid]:
+    """Yield the budget of the largest C, and one line for each result whose name holds ``results``."""
+    chosen = {name: one for name, one in uncertainty.get("budgets", {}).items() if name.startswith(results)}
+    if (largest := largest_conductance({"budgets": chosen})) is None:
+        return
+    yield _sources(*largest)
+    rows = [_result(name, one) for name, one in chosen.items()]
+    yield Grid(f"Uncertainty of every result. {INTERVAL_MEANING}", RESULT_COLUMNS, rows)
+
+
+def _sources(name: str, budget: Mapping[str, Any]) -> Grid:
+    """Return the budget of one C."""
+    rows = [
+        [
+            Cell(one["source"], numeric=False),
+            Cell(one["type"], numeric=False),
+            _text(format_quantity(one["uncertainty"], one["unit"], 2)),
+            _text(f"{one['sensitivity']:.3g}"),
+            _text(_conductance(one["contribution"])),
+            _text(format_percent(one["share"])),
+        ]
+        for one in budget["sources"]
+    ]
+    for title, key in (("combined standard uncertainty", "combined"), ("expanded uncertainty, k = 2", "expanded")):
+        rows.append(
+            [Cell(title, numeric=False), *(_text("") for _ in range(3)), _text(_conductance(budget[key])), _text("")]
+        )
+    caption = f"Uncertainty budget of the largest conductance, {name} = {_conductance(budget['value'])}."
+    if any(one["bound"] for one in budget["sources"]):
+        caption += (
+            " The thermal state is a bound on one side: it is in the interval, and not in the combined uncertainty."
+        )
+    if missing := budget["calibration_not_stated"]:
+        caption += f" The pipeline file states no calibration of {', '.join(missing)}: the budget lacks them."
+    return Grid(caption, SOURCE_COLUMNS, rows)
+
+
+def _result(name: str, budget: Mapping[str, Any]) -> list[Cell]:
+    factor, unit = (LITRES_PER_BAR, "l/(s bar)") if budget["unit"] == "m^3/(s Pa)" else (1.0, budget["unit"])
+    main = max(budget["sources"], key=lambda one: one["contribution"])
+    ends = [factor * end for end in budget["interval"]]
+    return [
+        Cell(name, numeric=False),
+        _text(format_interval(factor * budget["value"], unit, ends)),
+        _text(format_quantity(factor * budget["expanded"], unit, 2)),
+        Cell(f"{main['source']}, {format_percent(main['share'])}", numeric=False),
+    ]
+
+
+def _conductance(value: float) -> str:
+    return format_quantity(LITRES_PER_BAR * value, "l/(s bar)", 3)
+
+
+def _text(value: str) -> Cell:
+    return Cell(value, numeric=False)

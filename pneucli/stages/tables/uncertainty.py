@@ -1,0 +1,81 @@
+"""Uncertainty budgets as an artifact and as answer."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from pneucli.identify.valve.uncertainty import COVERAGE_FACTOR, Budget
+from pneucli.io.artifacts import Provenance, write_table
+
+
+def write_budgets(budgets: Sequence[Budget], out: Path, provenance: Provenance) -> None:
+    """Write ``uncertainty_budget``: a row for each source of each result."""
+    rows = [(budget, one) for budget in budgets for one in budget.contributions]
+    if not rows:
+        return
+    numbers: dict[str, Any] = {
+        "uncertainty": [one.uncertainty for _, one in rows],
+        "sensitivity": [one.sensitivity for _, one in rows],
+        "contribution": [one.contribution for _, one in rows],
+        "share": [budget.share(one) for budget, one in rows],
+        "value": [budget.value for budget, _ in rows],
+        "combined": [budget.combined for budget, _ in rows],
+        "expanded": [budget.expanded for budget, _ in rows],
+        "ci_low": [budget.interval[0] for budget, _ in rows],
+        "ci_high": [budget.interval[1] for budget, _ in rows],
+    }
+    texts: dict[str, Any] = {
+        "name": [budget.name for budget, _ in rows],
+        "unit": [budget.unit for budget, _ in rows],
+        "source": [one.source for _, one in rows],
+        "type": [one.kind for _, one in rows],
+        "uncertainty_unit": [one.unit for _, one in rows],
+        "bound": np.array([one.bound for _, one in rows]),
+    }
+    units = dict.fromkeys(("contribution", "value", "combined", "expanded", "ci_low", "ci_high"), "see column unit")
+    write_table(
+        out / "uncertainty_budget.parquet",
+        texts | {name: np.array(values, dtype=np.float64) for name, values in numbers.items()},
+        units=units
+        | {
+            "uncertainty": "see column uncertainty_unit",
+            "sensitivity": "unit / uncertainty_unit",
+            "share": "1",
+            "bound": "1",
+        },
+        schema="pneucli/identify/uncertainty_budget/1",
+        provenance=provenance,
+    )
+
+
+def budgets_answer(budgets: Sequence[Budget]) -> dict[str, Any]:
+    """Return what ``identify --json`` says of the uncertainty, by the name of the result."""
+    return {"coverage_factor": COVERAGE_FACTOR, "budgets": {one.name: _budget(one) for one in budgets}}
+
+
+def _budget(budget: Budget) -> dict[str, Any]:
+    return {
+        "value": budget.value,
+        "unit": budget.unit,
+        "combined": budget.combined,
+        "expanded": budget.expanded,
+        "interval": list(budget.interval),
+        "calibration_not_stated": list(budget.not_stated),
+        "sources": [
+            {
+                "source": one.source,
+                "type": one.kind,
+                "uncertainty": one.uncertainty,
+                "unit": one.unit,
+                "sensitivity": one.sensitivity,
+                "contribution": one.contribution,
+                "share": budget.share(one),
+                "bound": one.bound,
+            }
+            for one in budget.contributions
+        ],
+    }

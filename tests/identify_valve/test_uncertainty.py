@@ -1,0 +1,169 @@
+"""Uncertainty budgets by the GUM: contributions that a reader can check by hand, and a Monte Carlo of the inputs."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+import pytest
+
+from benchmarks import gum
+from pneucli.identify.valve import charge_budget
+from pneucli.identify.valve.flow_bench import FlowBench, identify_flow_bench
+from pneucli.identify.valve.iso6358 import Characteristic, IsoConductance
+from pneucli.identify.valve.steady_budget import with_flow_budgets
+from pneucli.identify.valve.uncertainty import Budget, Contribution, Measurement, positive_interval
+from pneucli.recording import Calibration, Rig
+from tests.identify_valve.steady_bench import AMBIENT, as_recording, bench_rows
+from tests.simulate.synthetic_experiments import VALVE, model
+
+C = 4e-9
+B = Characteristic(0.3, 0.2, 0.4)
+
+
+def charge_valve(u: float = 5.0, values: dict[str, float] | None = None, names: tuple[str, ...] = ()) -> Any:
+    """A valve at one command with C known to 0.3 %, on a vessel of 160 cm^3."""
+    what = model(names, {"rig.vessel_volume": 160e-6} | (values or {}))
+    spread = 1.959964 * 0.003
+    c = Characteristic(C, C * np.exp(-spread), C * np.exp(spread))
+    law = SimpleNamespace(model_gradient=SimpleNamespace(valve=VALVE, model=what), supply=7e5)
+    return SimpleNamespace(iso=(IsoConductance(u, c, B, B),), label="valve", area_model=law)
+
+
+NOTHING_STATED = Measurement()
+
+
+def budget_of(valve: Any, measurement: Measurement = NOTHING_STATED, *, fitted_volume: bool = False) -> Budget:
+    return charge_budget._budget_of_c(valve, valve.iso[0], measurement, fitted_volume=fitted_volume)
+
+
+def relative(budget: Budget) -> dict[str, float]:
+    return {one.source: one.contribution / budget.value for one in budget.contributions}
+
+
+def test_a_charge_test_without_any_statement_has_scatter_volume_temperature_and_thermal_state() -> None:
+    """0.3 % of the curves, 0.5 % of the volume, half of 1 K in 293.15 K."""
+    budget = budget_of(charge_valve())
+    found = relative(budget)
+    thermal = found.pop("thermal state")
+    assert found == {
+        "scatter of the curves": pytest.approx(0.003),
+        "volume of the vessel": pytest.approx(0.005),
+        "gas temperature": pytest.approx(0.5 / 293.15),
+    }
+    assert budget.combined / C == pytest.approx(np.sqrt(0.003**2 + 0.005**2 + (0.5 / 293.15) ** 2))
+    assert budget.expanded == 2.0 * budget.combined
+    bound = thermal * np.sqrt(12.0)
+    assert budget.interval == pytest.approx(positive_interval(C, budget.combined / C, bound))
+    assert budget.not_stated == ("p1", "p_supply")
+
+
+def test_the_thermal_bound_is_adiabatic_for_a_fast_valve_and_isothermal_for_a_slow_one() -> None:
+    def bound(c: float) -> float:
+        valve = charge_valve()
+        one = replace(valve.iso[0], C=Characteristic(c, 0.999 * c, 1.001 * c))
+        return charge_budget._thermal_bound(valve.area_model.model_gradient.model, one.C.value, 7e5)
+
+    bounds = [bound(c) for c in (1e-6, C, 1e-11)]
+    assert bounds[0] < 0.001
+    assert bounds[2] == pytest.approx(0.4, abs=3e-3)
+    assert bounds[0] < bounds[1] < bounds[2]
+
+
+def test_a_model_with_heat_transfer_leaves_no_thermal_state_open() -> None:
+    budget = budget_of(charge_valve(names=("heat-transfer",), values={"heat-transfer.conductance": 0.5}))
+    assert "thermal state" not in relative(budget)
+    assert budget.interval[1] == pytest.approx(C * np.exp(budget.expanded / C))
+
+
+def test_a_volume_that_was_identified_counts_once() -> None:
+    assert "volume of the vessel" not in relative(budget_of(charge_valve(), fitted_volume=True))
+
+
+def test_a_stated_sigma_of_the_volume_replaces_the_default() -> None:
+    found = relative(budget_of(charge_valve(), Measurement(volume_sigma=3.2e-6)))
+    assert found["volume of the vessel"] == pytest.approx(0.02)
+
+
+@pytest.mark.parametrize(
+    ("u", "expected"),
+    [
+        (5.0, {"p1, gain": 0.002, "p_supply, zero": 0.001, "p_supply, gain": 0.002}),
+        (-5.0, {"p1, zero": 0.001}),  # p1 is upstream and what changes: its gain cancels
+    ],
+)
+def test_calibrations_act_where_the_equation_has_them(u: float, expected: dict[str, float]) -> None:
+    instruments = Measurement(dict.fromkeys(("p1", "p_supply"), Calibration(zero=700.0, gain=0.002)))
+    found = relative(budget_of(charge_valve(u), instruments))
+    shown = {k.removeprefix("calibration of "): v for k, v in found.items() if k.startswith("calibration")}
+    assert shown == {name: pytest.approx(value) for name, value in expected.items()}
+
+
+def test_shares_of_all_sources_are_the_whole() -> None:
+    parts = tuple(Contribution(name, "B", 1.0, "1", s) for name, s in (("a", 3.0), ("b", -4.0)))
+    budget = Budget("y", 1.0, "1", parts, (0.0, 2.0))
+    assert (budget.combined, budget.expanded) == (5.0, 10.0)
+    assert [budget.share(one) for one in parts] == [pytest.approx(0.36), pytest.approx(0.64)]
+
+
+# --- steady bench
+
+
+RECORDED = ("flow", "p1", "p_supply", "u")
+
+
+def steady(measurement: Measurement, **rows: Any) -> FlowBench:
+    bench = identify_flow_bench([as_recording(bench_rows(3, {2.0: 1e-8}, **rows))], Rig(ambient_pressure=AMBIENT))
+    assert bench is not None
+    return with_flow_budgets(bench, lambda path: "(+2 V)", measurement, RECORDED)
+
+
+def test_a_gain_of_the_flow_meter_is_that_of_c_and_moves_neither_b_nor_m() -> None:
+    c, b, m = steady(Measurement({"flow": Calibration(gain=0.01)})).budgets
+    gain = "calibration of flow, gain"
+    assert relative(c)[gain] == pytest.approx(0.01, rel=0.02)
+    assert relative(b).get(gain, 0.0) < 1e-3
+    assert relative(m).get(gain, 0.0) < 1e-3
+
+
+def test_a_gain_of_both_gauges_leaves_the_pressure_ratio_and_divides_c() -> None:
+    """C = q / p f(r): the sensitivities of both gauges together are -C, those of b and m together nothing."""
+    gains = Measurement(dict.fromkeys(("p_supply", "p1"), Calibration(gain=0.005)))
+    together = [
+        sum(one.sensitivity for one in budget.contributions if one.source.endswith("gain"))
+        for budget in steady(gains).budgets
+    ]
+    assert together[0] / 1e-8 == pytest.approx(-1.0, rel=0.03)
+    assert together[1:] == pytest.approx([0.0, 0.0], abs=0.02)
+
+
+def test_an_unrecorded_temperature_of_1_kelvin_is_half_of_its_share_in_c() -> None:
+    c, b, _ = steady(Measurement()).budgets
+    assert relative(c)["gas temperature"] == pytest.approx(0.5 / 293.15, rel=0.02)
+    assert relative(b).get("gas temperature", 0.0) < 1e-3
+    assert c.not_stated == ("p_supply", "p1", "flow")
+
+
+def test_the_interval_of_a_path_is_that_of_its_budget() -> None:
+    bench = steady(Measurement({"flow": Calibration(gain=0.02)}))
+    (path,) = bench.paths
+    for figure, budget in zip((path.C, path.b, path.m), bench.budgets, strict=True):
+        assert (figure.low, figure.high) == budget.interval
+    c = bench.budgets[0]
+    assert path.C.high - path.C.value == pytest.approx(c.expanded, rel=0.03)
+    assert path.C.high > 1.04 * path.C.value
+
+
+def test_a_monte_carlo_of_a_charge_test_has_the_ends_of_the_budget() -> None:
+    for c in (3.6e-9, 4e-10, 4e-11):
+        assert gum.end_errors(gum.charge_interval(c), gum.drawn_charge_conductance(c, 4000))[0] <= 0.05
+
+
+def test_a_monte_carlo_of_a_steady_bench_has_the_ends_of_the_budget() -> None:
+    """Of the half width; 200 draws know an end to about 10 % of it."""
+    bench = gum.steady_bench()
+    drawn = gum.drawn_characteristics(bench, 200)
+    for i, budget in enumerate(bench.budgets[:3]):
+        assert gum.end_errors(budget.interval, drawn[:, i])[1] <= 0.3
