@@ -191,6 +191,15 @@ def test_a_stage_that_does_not_apply_is_an_error_when_asked_by_name(pneucli: Com
     assert pneucli("export", bench, "--to", "c").code == 2
 
 
+def test_a_plant_is_exported_without_a_controller_and_designs_none(pneucli: Command, bench: Path) -> None:
+    result = pneucli("export", bench, "--to", "fmu", "--json")
+    assert answer(result.out)["to"] == ["fmu"]
+    assert "running design" not in result.err
+    assert pneucli("export", bench, "--to", "fmu").err == ""  # and is up to date
+    status = answer(pneucli("status", bench, "--json").out)
+    assert {stage["stage"]: stage["state"] for stage in status["stages"]}["export"] == "up to date"
+
+
 def test_earlier_export_targets_are_exported_again(pneucli: Command, bench: Path) -> None:
     bench.write_text(PIPELINE.replace("[signals]", '[rig.cylinder]\nstroke = "0.2 m"\n[signals]'))
     pneucli("export", bench, "--to", "csv")

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import math
+import re
 from contextlib import closing
 from dataclasses import replace
 from pathlib import Path
@@ -30,6 +31,7 @@ from pneucli.errors import InputError
 from pneucli.executors.engine import ThreadEngine
 from pneucli.physics.declaration import Parameter
 from pneucli.physics.effects import catalogue
+from pneucli.simulate.build import source
 from tests.design import axis
 
 C = axis.controller().values
@@ -455,6 +457,12 @@ def test_replaced_numbers_are_replaced_alone_and_text_keeps_all() -> None:
     assert other.values == {**one.values, "C_KP": 7.0}
     assert (other.fill, other.vent, other.period) == (one.fill, one.vent, 1e-3)
     assert Controller.from_json(other.to_json()) == other
+
+
+def test_no_function_of_the_kernel_has_the_name_of_one_of_the_controller() -> None:
+    """They stand in one text, in which the later one would replace the other."""
+    functions = [set(re.findall(r"^def (\w+)", text, re.MULTILINE)) for text in (controller_source(), source(()))]
+    assert set.intersection(*functions) == {"control"}
 
 
 def test_the_kernel_gets_the_controllers_constants_and_functions_as_text() -> None:

@@ -72,6 +72,15 @@ def test_the_thermal_bound_is_adiabatic_for_a_fast_valve_and_isothermal_for_a_sl
     assert bounds[0] < bounds[1] < bounds[2]
 
 
+@pytest.mark.parametrize(("low", "high"), [(1e-205 * C, 1e200 * C), (C, C)])
+def test_an_area_that_the_curves_hardly_or_not_at_all_show_has_a_finite_budget(low: float, high: float) -> None:
+    valve = charge_valve()
+    valve.iso = (replace(valve.iso[0], C=Characteristic(C, low, high)),)
+    budget = budget_of(valve)
+    assert np.isfinite([budget.combined, *budget.interval, *(budget.share(one) for one in budget.contributions)]).all()
+    assert budget.interval[1] >= 0.99 * high
+
+
 def test_a_model_with_heat_transfer_leaves_no_thermal_state_open() -> None:
     budget = budget_of(charge_valve(names=("heat-transfer",), values={"heat-transfer.conductance": 0.5}))
     assert "thermal state" not in relative(budget)

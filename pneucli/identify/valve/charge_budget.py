@@ -54,13 +54,14 @@ def _budget_of_c(
 ) -> Budget:
     model, c = valve.area_model.model_gradient.model, one.C
     fills = one.u > 0.0
-    relative = math.log(c.high / c.low) / (2.0 * Z95) if 0.0 < c.low < c.high < math.inf else 0.0
+    known = 0.0 < c.low < c.high < math.inf  # an area at its bound has no interval
+    relative = (math.log(c.high) - math.log(c.low)) / (2.0 * Z95) if known else 0.0
     scatter = Contribution("scatter of the curves", "A", relative * c.value, UNIT, 1.0)
-    known = [*_geometry(model, c.value, measurement, fitted_volume=fitted_volume)]
+    stated = [*_geometry(model, c.value, measurement, fitted_volume=fitted_volume)]
     for signal in USED_SIGNALS[fills]:
         if (calibration := measurement.calibrations.get(signal)) is not None:
-            known += _sensor(signal, calibration, c.value, valve.area_model.supply, fills=fills)
-    rest = math.hypot(*(part.contribution / c.value for part in (scatter, *known)))
+            stated += _sensor(signal, calibration, c.value, valve.area_model.supply, fills=fills)
+    rest = math.hypot(*(part.contribution / c.value for part in (scatter, *stated)))
     bound = _thermal_bound(model, c.value, valve.area_model.supply)
     # a rectangle over all of the bound (GUM 4.3.8): the result stands at its lower end
     thermal = [Contribution("thermal state", "B", bound / math.sqrt(12.0), "1", c.value, bound=True)] if bound else []
@@ -69,7 +70,7 @@ def _budget_of_c(
         f"{valve.label}.sonic_conductance({one.u:+.4g} V)",
         c.value,
         UNIT,
-        (scatter, *known, *thermal),
+        (scatter, *stated, *thermal),
         positive_interval(c.value, rest, bound),
         missing,
     )

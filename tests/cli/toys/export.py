@@ -1,5 +1,7 @@
-from pneucli.pipeline.context import Context
+from pneucli.pipeline.context import Context, NotApplicable
 
 
 def run(context: Context) -> dict[str, object]:
-    return {"schema": "toy/export/1", "to": context.options["to"], "period_s": 1e-3, "files": []}
+    if "design" not in context.answers and set(context.options["to"]) - {"fmu"}:
+        raise NotApplicable("bench", "no controller to export")
+    return {"schema": "toy/export/1", "to": context.options["to"], "files": []}
