@@ -19,7 +19,9 @@ def run(path: str, **start_values: float) -> np.ndarray:
     null = float(described["u"].start)
     time = np.arange(0.0, 2.0, STEP)
     u = null + np.select([time < 0.2, time < 0.6, time < 1.0, time < 1.4], [0.0, 1.0, 0.0, -1.0], 0.0)
-    inputs = np.rec.fromarrays([time, u], names=["time", "u"])
+    start = {v.name: float(v.start) for v in described.values() if v.causality == "input"}
+    columns = {"time": time} | {name: np.full(time.size, value) for name, value in start.items()} | {"u": u}
+    inputs = np.rec.fromarrays(list(columns.values()), names=list(columns))
     return fmpy.simulate_fmu(
         path,
         stop_time=time[-1],

@@ -27,15 +27,17 @@ def uncertainty_lines(uncertainty: Mapping[str, Any]) -> Iterator[str]:
         return
     name, budget = found
     at = f" at {name.partition('(')[2].rstrip(')')}" if "(" in name else ""
-    text = f"C{at} ± {format_percent(budget['expanded'] / budget['value'])} (k = 2)"
+    text = f"C{at} is known to ± {format_number(100.0 * budget['expanded'] / budget['value'], 2)} % (k = 2)"
     certain = [one for one in budget["sources"] if not one["bound"]]
     variance = sum(one["contribution"] ** 2 for one in certain)
     if variance > 0.0:
         main = max(certain, key=lambda one: one["contribution"])
         share = format_percent(main["contribution"] ** 2 / variance)
-        text += f", of whose variance {share} comes from: {main['source']} (type {main['type']})"
+        text += f"; main source: {main['source']} (type {main['type']}, {share} of the variance)"
     if any(one["bound"] for one in budget["sources"]):
-        text += f"; up to {format_number(thermal_factor(budget), 3)} × as large where the wall warms or cools the gas"
+        text += (
+            f"; it is up to {format_number(thermal_factor(budget), 3)} × as large if the wall warms or cools the gas"
+        )
     if missing := budget["calibration_not_stated"]:
         text += f"; no calibration is stated for {', '.join(missing)}"
     yield text

@@ -43,10 +43,17 @@ def with_budgets(
     budgets: list[Budget] = []
     iso: list[IsoConductance] = []
     for one in valve.iso:
-        budget = _budget_of_c(valve, one, measurement, fitted_volume=fitted_volume)
-        budgets += [budget, *_budgets_of_curve(valve, one)]
-        iso.append(replace(one, C=Characteristic(one.C.value, *budget.interval)))
+        if _has_interval(one.C):
+            budgets.append(_budget_of_c(valve, one, measurement, fitted_volume=fitted_volume))
+            one = replace(one, C=Characteristic(one.C.value, *budgets[-1].interval))  # noqa: PLW2901
+        budgets += _budgets_of_curve(valve, one)
+        iso.append(one)
     return replace(valve, iso=tuple(iso), budgets=tuple(budgets))
+
+
+def _has_interval(c: Characteristic) -> bool:
+    """Return whether the fit knows how far C may be off; an area at its bound has no interval."""
+    return 0.0 < c.low < c.high < math.inf
 
 
 def _budget_of_c(
@@ -54,8 +61,7 @@ def _budget_of_c(
 ) -> Budget:
     model, c = valve.area_model.model_gradient.model, one.C
     fills = one.u > 0.0
-    known = 0.0 < c.low < c.high < math.inf  # an area at its bound has no interval
-    relative = (math.log(c.high) - math.log(c.low)) / (2.0 * Z95) if known else 0.0
+    relative = (math.log(c.high) - math.log(c.low)) / (2.0 * Z95)
     scatter = Contribution("scatter of the curves", "A", relative * c.value, UNIT, 1.0)
     stated = [*_geometry(model, c.value, measurement, fitted_volume=fitted_volume)]
     for signal in USED_SIGNALS[fills]:

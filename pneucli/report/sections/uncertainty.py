@@ -6,10 +6,18 @@ from collections.abc import Iterator, Mapping
 from typing import Any
 
 from pneucli.messages.flow import LITRES_PER_BAR
-from pneucli.messages.formatting import format_interval, format_percent, format_quantity
+from pneucli.messages.formatting import (
+    format_interval,
+    format_number,
+    format_percent,
+    format_quantity,
+    in_display_unit,
+    unit_symbol,
+)
 from pneucli.messages.uncertainty import INTERVAL_MEANING, largest_conductance
 from pneucli.report.page_elements import Cell, Grid
 
+CONDUCTANCE_UNIT = "m^3/(s Pa)"
 SOURCE_COLUMNS = ("source", "type", "standard uncertainty", "sensitivity", "contribution to C", "share of variance")
 RESULT_COLUMNS = ("result", "value, interval", "± (k = 2)", "main source")
 
@@ -30,8 +38,8 @@ def _sources(name: str, budget: Mapping[str, Any]) -> Grid:
         [
             Cell(one["source"], numeric=False),
             Cell(one["type"], numeric=False),
-            _text(format_quantity(one["uncertainty"], one["unit"], 2)),
-            _text(f"{one['sensitivity']:.3g}"),
+            _text(_uncertainty(one)),
+            _text(_sensitivity(one)),
             _text(_conductance(one["contribution"])),
             _text(format_percent(one["share"])),
         ]
@@ -52,7 +60,7 @@ def _sources(name: str, budget: Mapping[str, Any]) -> Grid:
 
 
 def _result(name: str, budget: Mapping[str, Any]) -> list[Cell]:
-    factor, unit = (LITRES_PER_BAR, "l/(s bar)") if budget["unit"] == "m^3/(s Pa)" else (1.0, budget["unit"])
+    factor, unit = (LITRES_PER_BAR, "l/(s bar)") if budget["unit"] == CONDUCTANCE_UNIT else (1.0, budget["unit"])
     main = max(budget["sources"], key=lambda one: one["contribution"])
     ends = [factor * end for end in budget["interval"]]
     return [
@@ -61,6 +69,22 @@ def _result(name: str, budget: Mapping[str, Any]) -> list[Cell]:
         _text(format_quantity(factor * budget["expanded"], unit, 2)),
         Cell(f"{main['source']}, {format_percent(main['share'])}", numeric=False),
     ]
+
+
+def _uncertainty(source: Mapping[str, Any]) -> str:
+    """Return the standard uncertainty of a source."""
+    if source["unit"] == CONDUCTANCE_UNIT:
+        return _conductance(source["uncertainty"])
+    return format_quantity(source["uncertainty"], source["unit"], 2)
+
+
+def _sensitivity(source: Mapping[str, Any]) -> str:
+    """Return the derivative of C by a source in l/(s bar) for each display unit of the source."""
+    if source["unit"] == CONDUCTANCE_UNIT:
+        return f"{format_number(source['sensitivity'], 3)}"
+    size, unit = in_display_unit(1.0, source["unit"]), unit_symbol(source["unit"])
+    value = format_number(LITRES_PER_BAR * source["sensitivity"] / size, 3)
+    return f"{value} l/(s bar)" + (f" per {unit}" if unit else "")
 
 
 def _conductance(value: float) -> str:
