@@ -15,6 +15,7 @@ from pneucli.cli import (
     history,
     init,
     open,
+    plan,
     plot,
     run,
     schema,
@@ -47,9 +48,9 @@ def build() -> typer.Typer:
     if Stage("init", "").built:
         init.register(app)
     for one in STAGES.values():
-        if one.built:
+        if one.built and one.name != "plan":  # it has more to do than to run the stage
             stage.register(app, one)
-    for command in (edit, history, diff, plot, run, open, check, status, effects, exam, fleet, schema, explain):
+    for command in (plan, edit, history, diff, plot, run, open, check, status, effects, exam, fleet, schema, explain):
         command.register(app)
     for registered in app.registered_commands:
         registered.short_help = registered.help  # else the list of commands cuts it

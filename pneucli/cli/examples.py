@@ -8,6 +8,7 @@ _EXAMPLES = {
     "identify": "pneucli identify axis-7/pipeline.toml",
     "compare": "pneucli compare axis-7/pipeline.toml -v",
     "diagnose": "pneucli diagnose axis-7/pipeline.toml --exclude extra-mass",
+    "plan": "pneucli plan axis-7/pipeline.toml --minutes 1",
     "design": "pneucli design axis-7/pipeline.toml --compare pid,relay,best",
     "simulate": "pneucli simulate axis-7/pipeline.toml -v",
     "report": "pneucli report axis-7/pipeline.toml",

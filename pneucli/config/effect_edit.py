@@ -6,10 +6,12 @@ import codecs
 import os
 import re
 import tempfile
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 from pathlib import Path
 
 import tomlkit
+from tomlkit import TOMLDocument
 from tomlkit.items import Table
 
 from pneucli.errors import InputError
@@ -20,18 +22,24 @@ def set_effects(path: str | Path, effects: Sequence[str]) -> None:
 
     Raises :class:`InputError` where ``[model]`` is not a table.
     """
+    with edit_document(path) as document:
+        model = document.get("model")
+        if model is None:
+            model = document["model"] = tomlkit.table()
+        if not isinstance(model, Table):
+            raise InputError(
+                f"{path}, key model", "not a table", "a table [model]", "write [model] on a line of its own", code="E023"
+            )
+        model["effects"] = list(effects)
+
+
+@contextmanager
+def edit_document(path: str | Path) -> Iterator[TOMLDocument]:
+    """Yield a TOML file as a document to edit; it is replaced atomically when the block ends without an error."""
     path = Path(path)
     content = path.read_bytes()
-    text = content.decode("utf-8-sig")
-    document = tomlkit.parse(text)
-    model = document.get("model")
-    if model is None:
-        model = document["model"] = tomlkit.table()
-    if not isinstance(model, Table):
-        raise InputError(
-            f"{path}, key model", "not a table", "a table [model]", "write [model] on a line of its own", code="E023"
-        )
-    model["effects"] = list(effects)
+    document = tomlkit.parse(content.decode("utf-8-sig"))
+    yield document
     text = tomlkit.dumps(document)
     if b"\r\n" in content:  # what is new has the line ends of the rest
         text = re.sub("\r?\n", "\r\n", text)

@@ -28,6 +28,7 @@ from pneucli.config.stage_tables import (
     IdentifyTable,
     ModelTable,
     ParameterTable,
+    PlanTable,
 )
 from pneucli.config.value_types import QuantityReader
 from pneucli.quantities import ROTARY_UNITS
@@ -48,6 +49,7 @@ MODELS: dict[str, type[BaseModel]] = {
     "identify": IdentifyTable,
     "identify.friction": FrictionTable,
     "compare": CompareTable,
+    "plan": PlanTable,
     "checks.PATH": CheckTable,
 }
 LAST_TABLE = "checks.PATH"  # on the page

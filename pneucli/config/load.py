@@ -13,7 +13,7 @@ from typing import Any, TypeVar, get_args
 from pydantic import BaseModel, ValidationError
 from pydantic_core import ErrorDetails
 
-from pneucli.config.pipeline_tables import PipelineConfig
+from pneucli.config.pipeline_tables import PipelineConfig, RigDescription
 from pneucli.document import read_toml
 from pneucli.errors import InputError, UnitError, did_you_mean, printable
 from pneucli.units import MAX_MAGNITUDE, STANDARD_ATMOSPHERE, parse_quantity, same_dimension
@@ -35,13 +35,22 @@ def load(path: str | Path) -> PipelineConfig:
     return validate(path, document, text)
 
 
-def validate(path: Path, document: dict[str, Any], text: str = "") -> PipelineConfig:
+def load_description(path: str | Path) -> PipelineConfig:
+    """Return a checked pipeline file that may have no recordings yet; raises InputError as :func:`load` does."""
+    path = Path(path)
+    text, document = read_toml(path)
+    return validate(path, document, text, RigDescription)
+
+
+def validate(
+    path: Path, document: dict[str, Any], text: str = "", model: type[PipelineConfig] = PipelineConfig
+) -> PipelineConfig:
     """Return the tables of a pipeline file, checked; ``text`` is the file's, by which faults name their line.
 
     Raises InputError as :func:`load` does.
     """
     context = {"ambient_pressure": _ambient(document), "rotary": is_rotary(document)}
-    config = validate_as(PipelineConfig, path, document, text, context)
+    config = validate_as(model, path, document, text, context)
     config._path, config._document, config._rotary = path, document, is_rotary(document)
     return config
 

@@ -14,7 +14,7 @@ from pydantic import (
 from pneucli.arrangements import ArrangementName
 from pneucli.config.rig_table import RigTable
 from pneucli.config.signal_tables import SignalName, SignalsTable, TextTable
-from pneucli.config.stage_tables import CheckTable, CompareTable, IdentifyTable, ModelTable
+from pneucli.config.stage_tables import CheckTable, CompareTable, IdentifyTable, ModelTable, PlanTable
 from pneucli.config.value_types import (
     Acceleration,
     Force,
@@ -143,6 +143,7 @@ class PipelineConfig(Table):
     identify: IdentifyTable = IdentifyTable()
     compare: CompareTable = CompareTable()
     design: dict[str, Any] = Field(default_factory=dict)
+    plan: PlanTable = PlanTable()
     scenarios: list[dict[str, Any]] = Field(default_factory=list)
     checks: dict[str, CheckTable] = Field(default_factory=dict)
 
@@ -203,3 +204,9 @@ class PipelineConfig(Table):
         stated = self.rig.valve.arrangement
         driven = any(table.chamber_2 == "valve" for table in self.recordings)
         return stated or ("two" if driven else "one-chamber")
+
+
+class RigDescription(PipelineConfig):
+    """A pipeline file of which only the rig is needed: it may have no recordings yet."""
+
+    recordings: list[RecordingTable] = Field(default_factory=list)

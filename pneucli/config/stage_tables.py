@@ -6,7 +6,19 @@ from typing import Annotated, Any, Literal, TypeAlias
 
 from pydantic import BeforeValidator, Field, ValidationInfo, model_validator
 
-from pneucli.config.value_types import Duration, Frequency, Name, Steepness, Table, Velocity
+from pneucli.config.value_types import (
+    Duration,
+    Force,
+    Frequency,
+    Name,
+    Position,
+    Pressure,
+    Steepness,
+    Table,
+    Velocity,
+    Voltage,
+    Volume,
+)
 from pneucli.quantities import ROTARY_UNITS, SIGNALS
 from pneucli.units import parse_quantity
 
@@ -81,6 +93,19 @@ class CompareTable(Table):
     horizon: Duration = 0.5
     low_pass: Frequency | None = None
     tolerance: Tolerances = Field(default_factory=dict)
+
+
+class PlanTable(Table):
+    """``[plan]``: the limits of the rig that a planned experiment keeps, SI; what is absent follows from the rig."""
+
+    end_margin: Annotated[Position, Field(ge=0)] | None = None
+    max_speed: Annotated[Velocity, Field(gt=0)] | None = None
+    max_pressure: Pressure | None = None
+    max_force: Annotated[Force, Field(gt=0)] | None = None
+    max_command: Annotated[Voltage, Field(gt=0)] | None = None
+    max_frequency: Frequency | None = None
+    soft_start: Duration | None = None
+    max_air: Volume | None = None
 
 
 class CheckTable(Table):

@@ -117,6 +117,16 @@ _ALL_STAGES = (
         ),
     ),
     Stage(
+        "plan",
+        "the next experiment: commands, steps for a person, expected power",
+        parents=("diagnose",),
+        tables=("pipeline", "plan"),
+        answer_paths=(
+            *("seconds", "recordings", "manual", "rivals", "expected", "entropy.before", "entropy.after"),
+            *("parameters", "power", "limits", "refused", "refused_count", "sentence", "warnings", "first"),
+        ),
+    ),
+    Stage(
         "design",
         "sliding sector, sliding mode observers, cascade",
         parents=("identify", "compare"),  # acceptance needs the error of the model
@@ -155,6 +165,10 @@ _ALL_STAGES = (
 )
 
 STAGES: dict[str, Stage] = {stage.name: stage for stage in _ALL_STAGES}
+# a plan from the rig's description alone: no stage runs before it
+FIRST_PLAN_STAGES: dict[str, Stage] = {
+    "plan": replace(STAGES["plan"], parents=(), tables=("pipeline", "rig", "plan", "model"))
+}
 
 
 def parents_of(stage: Stage, stages: Mapping[str, Stage]) -> tuple[str, ...]:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import base64
 import hashlib
 import json
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from importlib.resources import files
 from typing import Any
 
@@ -13,7 +13,7 @@ import numpy as np
 from jinja2 import Environment, PackageLoader, StrictUndefined
 from markupsafe import Markup, escape
 
-from pneucli.report.overview import overview
+from pneucli.report.overview import Overview, overview
 from pneucli.report.page_elements import Panel, Section, ZoomPlot
 from pneucli.report.report_data import ReportData
 from pneucli.report.sections import SECTIONS
@@ -30,6 +30,19 @@ def build_sections(material: ReportData) -> list[Section]:
 
 def to_html(material: ReportData, sections: Sequence[Section] | None = None) -> str:
     """Return the page with the given sections, by default with all of the material."""
+    sections = build_sections(material) if sections is None else sections
+    return render_page(material.name, overview(material), sections, material.footer)
+
+
+def render_page(name: str, front: Overview, sections: Sequence[Section], about: Mapping[str, str]) -> str:
+    """Return a page.
+
+    Args:
+        name: Title of the page.
+        front: What stands above the chapters.
+        sections: The chapters.
+        about: Lines of the footer by title.
+    """
     environment = Environment(
         loader=PackageLoader("pneucli.report", "assets"),
         autoescape=True,
@@ -38,13 +51,12 @@ def to_html(material: ReportData, sections: Sequence[Section] | None = None) -> 
         lstrip_blocks=True,
     )
     environment.filters["named"] = _with_label
-    sections = build_sections(material) if sections is None else sections
     scripts = [_asset(name) for name in SCRIPTS] if any(_zoom_plots(sections)) else []
     return environment.get_template("page.html.j2").render(
-        name=material.name,
-        front=overview(material),
+        name=name,
+        front=front,
         sections=sections,
-        about=material.footer,
+        about=about,
         styles=[_asset(name) for name in STYLES],
         scripts=scripts,
         policy=_policy(scripts),

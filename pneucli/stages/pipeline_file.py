@@ -27,6 +27,14 @@ def load_pipeline_file(path: Path) -> PipelineConfig:
     return loaded
 
 
+def load_rig_description(path: Path) -> PipelineConfig:
+    """Return a checked pipeline file that may have no recordings yet; raises InputError as the whole file does."""
+    loaded = config.load_description(path)
+    if faults := list(_faults(loaded)):
+        raise config.join_faults(path, faults)
+    return loaded
+
+
 def _faults(loaded: PipelineConfig) -> Iterator[InputError]:
     where = str(loaded.path)
     yield from _errors_of(read_requirements, loaded.design, f"{where}, key design")

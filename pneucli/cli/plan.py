@@ -1,0 +1,125 @@
+"""``plan``: the next experiment as files to run, and the recordings of a plan into the pipeline."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated, Any
+
+import typer
+
+from pneucli import messages
+from pneucli.cli import console, examples
+from pneucli.cli.options import File, Json, Out, Quiet, Verbose, open_pipeline_file
+from pneucli.cli.stage import run_stage
+from pneucli.errors import InputError, did_you_mean
+
+HELP = "The next experiment: manoeuvres that decide which effect acts, within the limits of the rig, as files to run."
+TARGETS = ("csv", "st", "c")
+
+
+def register(app: typer.Typer) -> None:
+    """Add the command."""
+    app.command("plan", help=HELP, epilog=examples.example_line("plan"))(_plan)
+
+
+def _plan(
+    pipeline: File,
+    files: Annotated[
+        list[Path] | None,
+        typer.Argument(metavar="[FILE]...", help="With --take: further recordings.", show_default=False),
+    ] = None,
+    first: Annotated[
+        bool, typer.Option("--first", help="For a rig without recordings: the first programme, from [rig] alone.")
+    ] = False,
+    minutes: Annotated[
+        float | None,
+        typer.Option(
+            "--minutes",
+            metavar="M",
+            min=0.0,
+            help="Machine time at most; default: 3, with --first 5.",
+            show_default=False,
+        ),
+    ] = None,
+    effects: Annotated[
+        str | None,
+        typer.Option("--effects", metavar="A,B...", help="Decide about these effects, and narrow their sizes."),
+    ] = None,
+    parameters: Annotated[
+        str | None,
+        typer.Option("--parameters", metavar="NAME,NAME...", help="Narrow the intervals of these fitted parameters."),
+    ] = None,
+    to: Annotated[
+        str, typer.Option("--to", metavar="csv,st,c", help="Also a player of the commands as structured text or C.")
+    ] = "csv",
+    take: Annotated[
+        list[Path] | None,
+        typer.Option(
+            "--take", metavar="FILE", help="Add the recordings of the last plan, diagnose, show what changed."
+        ),
+    ] = None,
+    out: Out = None,
+    json: Json = False,
+    verbose: Verbose = False,
+    quiet: Quiet = False,
+) -> None:
+    if take:
+        _take(pipeline, [*take, *(files or [])], out, json, quiet)
+        return
+    if files:
+        raise InputError("pneucli plan", str(files[0]), "recordings after --take", "write --take before the files")
+    options = _options(minutes, effects, parameters, to)
+    if first:
+        _first(pipeline, out, json, quiet, verbose, options)
+    else:
+        run_stage("plan", pipeline, out, json, quiet, verbose, options)
+
+
+def _options(minutes: float | None, effects: str | None, parameters: str | None, to: str) -> dict[str, Any]:
+    """Return the options of the stage; raises InputError before anything runs."""
+    targets = _names(to)
+    for name in targets:
+        if name not in TARGETS:
+            raise InputError("--to", f'"{name}"', "csv, st or c", did_you_mean(name, TARGETS))
+    options: dict[str, Any] = {} if minutes is None else {"minutes": minutes}
+    options |= {"effects": _names(effects)} if effects else {}
+    options |= {"parameters": _names(parameters)} if parameters else {}
+    players = sorted(set(targets) - {"csv"})
+    return options | ({"to": players} if players else {})
+
+
+def _names(text: str) -> list[str]:
+    return [name for name in (part.strip() for part in text.split(",")) if name]
+
+
+def _first(file: Path, out: Path | None, json: bool, quiet: bool, verbose: bool, options: dict[str, Any]) -> None:
+    """Plan from the rig's description alone: no stage runs before."""
+    from pneucli.pipeline.graph import FIRST_PLAN_STAGES
+    from pneucli.pipeline.runner import open_pipeline
+    from pneucli.stages.pipeline_file import load_rig_description
+
+    pipeline = open_pipeline(file, load_rig_description, out, FIRST_PLAN_STAGES)
+    say = console.ignore_message if quiet else console.print_message
+    with console.progress(quiet) as progress:
+        answer = pipeline.update(["plan"], {"plan": options | {"first": True}}, progress, say)["plan"].answer
+    _print(answer, file, json, verbose)
+
+
+def _take(file: Path, recordings: list[Path], out: Path | None, json: bool, quiet: bool) -> None:
+    """Add recordings to the pipeline file, diagnose, and show before and after."""
+    from pneucli.stages.plan_take import add_recordings, last_answers, taken_answer
+
+    pipeline = open_pipeline_file(file, out)
+    before, plan = last_answers(pipeline.artifacts, file)
+    added = add_recordings(file, plan, recordings)
+    say = console.ignore_message if quiet else console.print_message
+    with console.progress(quiet) as progress:
+        done = open_pipeline_file(file, out).update(["diagnose"], None, progress, say)
+    _print(taken_answer(before, done["diagnose"].answer, plan, added), file, json, verbose=False)
+
+
+def _print(answer: dict[str, Any], file: Path, json: bool, verbose: bool) -> None:
+    if json:
+        console.print_json(answer)
+    else:
+        console.print_text(messages.render("plan", answer, str(file), verbose=verbose))

@@ -1,0 +1,204 @@
+"""The benches on which a plan can be carried out: how each is driven, what it records, and where it starts."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass, replace
+from typing import Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pneucli.experiments import EXPERIMENT_KINDS, ExperimentName
+from pneucli.noise import NoiseModel
+from pneucli.recording import Recording, Rig
+from pneucli.simulate import layout as at
+from pneucli.simulate.experiment import Experiment
+
+Array = NDArray[np.float64]
+
+Drive = Literal[
+    "valve",  # a command in V at the valve
+    "position",  # a position reference; a proportional loop commands the valve
+    "motion",  # a position reference that the bench's own drive follows; its valve is not recorded
+    "machine",  # a machine imposes the motion while a regulator holds p1
+    "pressure",  # both pressures are imposed by regulators
+]
+LOOP_RANGE = 0.33  # strokes of position error at which a proportional loop gives the full command
+LOOP_RANGE_BOTH = 0.66  # the same where the valve drives both chambers: twice the force for a command
+LOOP_RANGE_UNKNOWN = 2.0  # the same on a rig whose valve is unknown: it may be twice as fast as typical
+SPEED_FACTOR = 1.5  # times the highest recorded speed, which a plan may reach
+USUAL_NOISE = {"p1": 500.0, "p2": 500.0, "p_supply": 500.0, "x": 5e-6, "a": 0.1, "force": 0.5}  # of usual sensors, SI
+USUAL_SPEED = 1.0  # m/s, of an axis of which nothing is recorded
+USUAL_COMMAND = 10.0  # V from a null command of 0 V, at which usual valves are fully open
+USUAL_PERIOD = 1e-3  # s, of usual loggers
+
+
+@dataclass(frozen=True)
+class State:
+    """Where a manoeuvre starts: x in m, both pressures and that of the supply in Pa, absolute."""
+
+    x: float
+    p1: float
+    p2: float
+    p_supply: float
+
+
+@dataclass(frozen=True)
+class Bench:
+    """One bench.
+
+    Attributes:
+        template: A recording of it without samples: kind of experiment, chamber 2, imposed motion, chamber, shut valve.
+        drive: How it is driven.
+        rig: The rig.
+        signals: The signals that it records.
+        noise: Noise of each sensor.
+        period: Sampling period in s.
+        command_range: Largest command in V from the null command.
+        start: Where recordings on it start.
+        speed: Highest recorded speed in m/s; 0 where nothing moves or nothing is recorded.
+        loop_range: Strokes of position error at which the proportional loop gives the full command.
+    """
+
+    template: Recording
+    drive: Drive
+    rig: Rig
+    signals: tuple[str, ...]
+    noise: dict[str, NoiseModel]
+    period: float
+    command_range: float
+    start: State
+    speed: float = 0.0
+    loop_range: float = LOOP_RANGE
+
+    @property
+    def name(self) -> str:
+        """The bench in one word: vessel or cylinder."""
+        return self.template.kind.bench
+
+    @property
+    def experiment(self) -> ExperimentName:
+        """The kind of experiment."""
+        return self.template.experiment
+
+    @property
+    def quantity(self) -> str:
+        """The signal that its commands state."""
+        return {"valve": "u", "pressure": "p_ref"}.get(self.drive, "x_ref")
+
+    @property
+    def middle(self) -> float:
+        """The value of the command at rest: the null command in V, or half the stroke in m."""
+        return self.rig.valve_null if self.drive == "valve" else 0.5 * (self.rig.stroke or 0.0)
+
+    @property
+    def gain(self) -> float:
+        """Gain in V/m of the proportional loop of a bench that is driven by position."""
+        return self.command_range / (self.loop_range * (self.rig.stroke or np.inf))
+
+    def balanced_start(self, x: float) -> State:
+        """Return the state at rest at x: gas enclosed in chamber 2 changes isothermally, p1 balances it."""
+        rig, start = self.rig, self.start
+        area_1, area_2 = rig.piston_areas
+        p2 = start.p2
+        if self.template.chamber_2 == "open":
+            p2 = rig.ambient_pressure
+        elif self.template.chamber_2 == "closed" and rig.stroke:
+            dead = rig.dead_volume_2 or 0.1 * area_2 * rig.stroke
+            p2 *= (dead + area_2 * (rig.stroke - start.x)) / (dead + area_2 * (rig.stroke - x))
+        p1 = rig.ambient_pressure + area_2 * (p2 - rig.ambient_pressure) / area_1 if area_1 else start.p1
+        return State(x, p1, p2, start.p_supply)
+
+
+def recorded_benches(experiments: Sequence[Experiment]) -> list[Bench]:
+    """Return the benches of recordings, each with every way in which it can be driven."""
+    groups: dict[tuple[object, ...], list[Experiment]] = {}
+    for one in experiments:
+        r = one.recording
+        if not r.kind.steady:
+            groups.setdefault((r.kind.bench, r.experiment, r.chamber_2, r.imposed, r.chamber), []).append(one)
+    return [
+        _recorded_bench(members, drive)
+        for members in groups.values()
+        for drive in _drives(members[0].recording, members[0].rig)
+    ]
+
+
+def _drives(recording: Recording, rig: Rig) -> Iterable[Drive]:
+    if recording.imposed:
+        return ("machine",)
+    if recording.valve_shut or (recording.kind.cylinder and not rig.stroke):
+        return ()
+    if recording.kind.vessel:
+        return ("valve",)
+    if not recording.kind.valve:
+        return ("motion",)
+    return ("position",) if recording.kind.controlled else ("position", "valve")
+
+
+def _recorded_bench(members: Sequence[Experiment], drive: Drive) -> Bench:
+    one, rig = members[0], members[0].rig
+    first = {
+        name: float(np.median([m.raw[name][0] for m in members if name in m.raw]))
+        for name in ("x", "p1", "p2", "p_supply")
+        if any(name in m.raw for m in members)
+    }
+    ambient = rig.ambient_pressure
+    start = State(
+        first.get("x", 0.5 * (rig.stroke or 0.0)),
+        first.get("p1", ambient),
+        first.get("p2", ambient),
+        first.get("p_supply", rig.supply_pressure or ambient),
+    )
+    signals = tuple(n for n in one.recording.signals if all(n in m.recording.signals for m in members))
+    empty = replace(one.recording, name="plan", use="train", time=np.zeros(0), signals={}, noise={}, valve_shut=False)
+    noise = {name: one.noise[name] for name in signals if name in one.noise}
+    command = max(float(m.flags[at.U_MAX]) for m in members) if one.recording.kind.valve else 0.0
+    speed = max(m.signal_ranges.speed for m in members) if one.recording.kind.cylinder else 0.0
+    loop_range = LOOP_RANGE_BOTH if one.recording.chamber_2 == "valve" else LOOP_RANGE
+    return Bench(empty, drive, rig, signals, noise, one.recording.period, command, start, speed, loop_range)
+
+
+def described_benches(rig: Rig, max_command: float | None = None) -> list[Bench]:
+    """Return the benches of a rig that is only described: a vessel where one is stated, the axis of a cylinder.
+
+    Args:
+        rig: The rig.
+        max_command: Largest command in V from the null command; None: as usual valves have it.
+
+    Returns:
+        Benches with usual sensors.
+    """
+    command = max_command or abs(rig.valve_null) or USUAL_COMMAND
+    supply, ambient = rig.supply_pressure or rig.ambient_pressure, rig.ambient_pressure
+    benches = []
+    if rig.vessel_volume is not None:
+        start = State(0.0, ambient, ambient, supply)
+        benches.append(_described_bench("valve", "valve", rig, None, command, start, ("u", "p_supply", "p1")))
+    if rig.has_cylinder and rig.stroke:
+        both = rig.arrangement.drives_both
+        mean = float(np.sqrt(ambient * supply))
+        start = State(0.5 * rig.stroke, mean, mean, supply)
+        signals = (*rig.arrangement.commands, "p_supply", "p1", "p2", "x", "a")
+        drives: tuple[Drive, ...] = ("position", "valve")
+        benches += [
+            _described_bench("axis", drive, rig, "valve" if both else "closed", command, start, signals)
+            for drive in drives
+        ]
+    return benches
+
+
+def _described_bench(
+    experiment: ExperimentName,
+    drive: Drive,
+    rig: Rig,
+    chamber_2: Literal["closed", "open", "valve"] | None,
+    command: float,
+    start: State,
+    signals: tuple[str, ...],
+) -> Bench:
+    template = Recording("plan", experiment, "train", np.zeros(0), {}, {}, chamber_2)
+    noise = {n: NoiseModel(USUAL_NOISE.get(n, 0.0), period=USUAL_PERIOD) for n in signals}
+    speed = USUAL_SPEED if EXPERIMENT_KINDS[experiment].cylinder else 0.0
+    return Bench(template, drive, rig, signals, noise, USUAL_PERIOD, command, start, speed, LOOP_RANGE_UNKNOWN)

@@ -1,0 +1,161 @@
+"""The first programme of a rig that is only described: a typical model, and how little of it is known."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pneucli.identify.estimation.parameters import FreeParameter
+from pneucli.identify.residuals import ResidualModel, residual_models
+from pneucli.physics.declaration import BASE_PARAMETERS, Effect
+from pneucli.physics.scales import RigQuantities
+from pneucli.plan.bench import Bench
+from pneucli.plan.entropy import detection_power
+from pneucli.plan.information import ExpectedDeviation, Information
+from pneucli.plan.limits import Limits
+from pneucli.plan.manoeuvres import candidate_manoeuvres
+from pneucli.plan.selection import Objective
+from pneucli.plan.simulation import simulate_manoeuvre, synthetic_recording
+from pneucli.recording import Rig
+from pneucli.simulate.model import Model
+from pneucli.simulate.rig_quantities import rig_quantities
+from pneucli.simulate.valve_forms.area import NO_VALVE, ValveArea
+from pneucli.simulate.valve_forms.linear import LinearValve
+from pneucli.simulate.valve_forms.switching import SwitchingValve
+
+Array = NDArray[np.float64]
+
+KNOTS = (0.1, 0.25, 0.5, 1.0)  # of the command's range, at which a typical valve's area is a parameter
+AREA_EXPONENT = 1.1  # of a typical valve's area over its command
+OVERLAP_SHARE = 0.02  # of the command's range
+FILL_TIME = 0.25  # s in which a typical valve fills the vessel
+TOP_SPEED = 1.0  # m/s of a typical axis with the valve open
+LOG_SIGMA = 0.7  # of a parameter that is known to a factor of two
+RELATIVE_SIGMA = 0.5  # of another parameter's value
+WIDTH_WEIGHT = 0.25  # of the mean log10 of the parameters' widths, beside the mean power that is missing
+MIN_LOG_WIDTH = -2.0  # of a parameter's standard error over that before: better is no use
+MODEL_ERROR = ExpectedDeviation(2.0, 0.1)  # that the best model of a real rig leaves: more than noise, over 0.1 s
+EXTREMES = {"fast valve, little friction": (2.0, 0.3), "slow valve, much friction": (0.5, 3.0)}
+
+
+def typical_model(rig: Rig, benches: Sequence[Bench], valve: str = "map") -> Model:
+    """Return a model of a described rig with typical friction and a typical valve.
+
+    Args:
+        rig: The rig.
+        benches: Its benches.
+        valve: Form of the valve: "map", "linear" or "switching".
+
+    Returns:
+        The model.
+    """
+    command = max((bench.command_range for bench in benches), default=1.0)
+    area = typical_area(rig)
+    values = {} if rig.vessel_volume is None else {"rig.vessel_volume": rig.vessel_volume}
+    if not rig.has_cylinder:
+        return Model(rig, (), values, _valve(valve, area, command) if benches else NO_VALVE)
+    model = Model(rig, (), values, _valve(valve, area, command))
+    quantities = replace(rig_quantities(model), max_speed=TOP_SPEED)
+    names = ["friction.coulomb", "friction.viscous"]
+    names += ["rig.moving_mass"] if rig.moving_mass is None else []
+    names += [n for n in ("rig.dead_volume_1", "rig.dead_volume_2") if getattr(rig, n.removeprefix("rig.")) is None]
+    values |= {name: _typical_value(name, quantities) for name in names}
+    second = replace(_valve("map", area, command), label="valve_2") if rig.arrangement.drives_both else None
+    return replace(model, values=values, valve_2=second if valve == "map" else None)
+
+
+def _typical_value(name: str, quantities: RigQuantities) -> float:
+    return BASE_PARAMETERS[name].range_on(quantities).typical[0]
+
+
+def typical_area(rig: Rig) -> float:
+    """Return the effective area in m^2 of a typical valve at its full command.
+
+    It lets a piston move at TOP_SPEED at choked flow, or fills the vessel in FILL_TIME.
+    """
+    gas = rig.gas_constant * rig.gas_temperature
+    supply = rig.supply_pressure or 7.0 * rig.ambient_pressure
+    flow_per_area = supply * np.sqrt(2.0 / gas) * 0.484  # kg/(s m^2), choked (thesis 2.43)
+    if rig.piston_area_1 is not None:
+        mean = 0.5 * (supply + rig.ambient_pressure)
+        return float(mean * rig.piston_area_1 * TOP_SPEED / gas / flow_per_area)
+    volume = rig.vessel_volume or 1e-4
+    return float((supply - rig.ambient_pressure) * volume / (rig.heat_capacity_ratio * gas * FILL_TIME * flow_per_area))
+
+
+def _valve(form: str, area: float, command: float) -> ValveArea | LinearValve | SwitchingValve:
+    if form == "linear":
+        return LinearValve(area / command, command)
+    if form == "switching":
+        return SwitchingValve(area, area, command)
+    overlap = OVERLAP_SHARE * command
+    shares = np.array([(k * command - overlap) / (command - overlap) for k in KNOTS]) ** AREA_EXPONENT
+    knots = [(sign * k * command, float(area * s)) for sign in (-1.0, 1.0) for k, s in zip(KNOTS, shares, strict=True)]
+    commands, areas = zip(*sorted(knots), strict=True)
+    return ValveArea(tuple(commands), tuple(areas), overlap, overlap)
+
+
+def extreme_models(model: Model) -> dict[str, Model]:
+    """Return the typical model and those with a faster and a slower valve, less and more friction, by name."""
+    found = {"typical model": model}
+    for name, (valve, friction) in EXTREMES.items():
+        values = {n: v * friction if n.startswith("friction.") else v for n, v in model.values.items()}
+        second = None if model.valve_2 is None else model.valve_2.scaled(valve)
+        found[name] = replace(model, values=values, valve=model.valve.scaled(valve), valve_2=second)
+    return found
+
+
+def sample_residual_models(
+    benches: Sequence[Bench], limits: Limits, model: Model, horizon: float
+) -> list[ResidualModel]:
+    """Return the residual models of the first manoeuvre of each bench, from which scales and parameters follow."""
+    from pneucli.simulate.preparation import prepare  # noqa: PLC0415
+
+    experiments = []
+    for bench in benches:
+        first = next(iter(candidate_manoeuvres(bench, limits)))
+        recording = synthetic_recording(first, simulate_manoeuvre(first, model), "plan", 1)
+        experiments.append(prepare(recording, model.rig, horizon))
+    return residual_models(experiments, whiten_initial_state=True)
+
+
+def usual_deviations(models: Sequence[ResidualModel]) -> dict[tuple[str, str], ExpectedDeviation]:
+    """Return what the best model of a real rig usually leaves in each channel of each subsystem."""
+    return {(m.title, channel): MODEL_ERROR for m in models for channel in m.channels}
+
+
+def prior_covariance(free: Sequence[FreeParameter]) -> Array:
+    """Return the covariance (p, p) of parameters of which only the order of magnitude is known."""
+    sigmas = []
+    for f in free:
+        z = f.to_coordinate(f.start)
+        width = LOG_SIGMA if f.logarithmic else RELATIVE_SIGMA * max(abs(z), 0.1)
+        sigmas.append(min(width, f.prior_sigma))
+    return np.diag(np.array(sigmas) ** 2)
+
+
+def programme_objective(covariance: Array) -> Objective:
+    """Return the power that effects miss, and the widths of the parameters, which the first programme lowers.
+
+    Args:
+        covariance: Covariance of the parameters before the programme, shape (p, p).
+    """
+    before = np.sqrt(np.diag(covariance))
+
+    def objective(told: Information) -> float:
+        significance = np.sqrt(np.maximum(np.diag(told.between_rivals(covariance)), 0.0))
+        missing = np.mean([1.0 - detection_power(float(d)) for d in significance]) if significance.size else 0.0
+        after = np.sqrt(np.diag(told.parameter_covariance(covariance)))
+        widths = np.maximum(np.log10(np.maximum(after, 1e-300) / before), MIN_LOG_WIDTH) if before.size else np.zeros(1)
+        return float(missing + WIDTH_WEIGHT * np.mean(widths))
+
+    return objective
+
+
+def visible_effects(effects: Sequence[Effect], models: Sequence[ResidualModel], model: Model) -> list[Effect]:
+    """Return the effects that some bench can show and the valve's model does not contain, one for both sides."""
+    missing = [e for e in effects if e.side is None and e.part not in model.valve.covers]
+    return [e for e in missing if any(m.is_sensitive_to(e) for m in models)]

@@ -1,0 +1,245 @@
+"""The candidate manoeuvres of each bench: profiles of its command with level, rate, dwell, frequency and position."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, replace
+from typing import Literal
+
+import numpy as np
+
+from pneucli.plan.bench import Bench, Drive
+from pneucli.plan.limits import Limits
+from pneucli.plan.profile import Profile, Segment, duration_of, hold, ramp, sine
+
+ManoeuvreKind = Literal[
+    "steps",  # of the command, with rests at the null command between
+    "stairs",
+    "hold",  # a chamber is filled and shut
+    "command-sine",
+    "triangle",  # slow, of the command
+    "pulses",  # short openings to both sides
+    "motion-sine",
+    "strokes",  # at constant speed
+    "position-steps",
+    "starts-after-rests",
+    "small-reversals",
+    "machine-strokes",
+    "shut-valve",  # by hand: a ball valve shuts chamber 1
+    "known-force",  # by hand: a weight pulls the piston
+]
+
+SETTLING_TIME = 0.3  # s at rest before and after a manoeuvre
+SINE_TIME = 6.0  # s of a sine at least
+MIN_PERIODS = 3.0  # of a sine
+AMPLITUDE_SHARE = 0.3  # of the stroke, at most
+SPEED_SHARE = 0.8  # of the highest speed that is allowed
+COMMAND_LEVELS = (0.1, 0.25, 0.5, 1.0)  # of the command's range
+COMMAND_FREQUENCIES = (0.5, 3.0, 10.0)  # Hz
+MOTION_FREQUENCIES = (0.25, 0.5, 1.0, 2.0, 4.0, 8.0)  # Hz
+SLOW_SPEEDS = (0.02, 0.1, 0.4)  # strokes per second
+REST_TIMES = (0.2, 1.0, 4.0)  # s
+REVERSAL_SHARE = 2e-3  # of the stroke
+PRESSURE_LEVELS = (0.15, 0.5, 0.9)  # of the supply pressure above ambient
+WEIGHT = 2.0  # kg
+GRAVITY = 9.81  # m/s^2
+
+
+@dataclass(frozen=True)
+class Manoeuvre:
+    """One recording to make.
+
+    Attributes:
+        kind: Its kind.
+        bench: The bench on which it is made.
+        profile: The command over time, in V or m, raw.
+        centre: Position in m about which it moves, where it moves.
+        level: Level or amplitude of the command, in V or m, where it has one.
+        frequency: Frequency in Hz, where it has one.
+        speed: Speed in m/s, where it is constant.
+        pressure: Held pressure in Pa of chamber 1, on a machine that imposes the motion.
+        force: Known force in N toward +x.
+        use: Whether the recording is to be fitted or held out.
+    """
+
+    kind: ManoeuvreKind
+    bench: Bench
+    profile: Profile
+    centre: float | None = None
+    level: float | None = None
+    frequency: float | None = None
+    speed: float | None = None
+    pressure: float | None = None
+    force: float = 0.0
+    use: Literal["train", "test"] = "train"
+
+    @property
+    def duration(self) -> float:
+        """Duration in s."""
+        return duration_of(self.profile)
+
+    @property
+    def by_hand(self) -> bool:
+        """Whether a person has to do something to the rig for it."""
+        return self.kind in ("shut-valve", "known-force")
+
+
+def candidate_manoeuvres(bench: Bench, limits: Limits) -> Iterator[Manoeuvre]:
+    """Yield the manoeuvres that a bench can do, within limits of its command; their motion is not checked yet.
+
+    Args:
+        bench: The bench.
+        limits: The limits of the rig.
+
+    Yields:
+        Manoeuvres that begin and end at rest.
+    """
+    families: dict[Drive, Callable[[Bench, Limits], Iterator[Manoeuvre]]] = {
+        "valve": _vessel_commands if bench.template.kind.vessel else _axis_commands,
+        "position": _motions,
+        "motion": _motions,
+        "machine": _machine_strokes,
+    }
+    yield from families[bench.drive](bench, limits)
+
+
+def _command_manoeuvre(
+    kind: ManoeuvreKind, bench: Bench, core: Profile, level: float, frequency: float | None = None
+) -> Manoeuvre:
+    null = bench.rig.valve_null
+    body = tuple(Segment(s.duration, null + s.start, null + s.end, s.amplitude, s.frequency) for s in core)
+    profile = (hold(null, SETTLING_TIME), *body, hold(null, SETTLING_TIME))
+    return Manoeuvre(kind, bench, profile, None, level, frequency)
+
+
+def _levels(levels: tuple[float, ...], dwell: float) -> Profile:
+    return tuple(hold(level, dwell) for level in levels)
+
+
+def _vessel_commands(bench: Bench, limits: Limits) -> Iterator[Manoeuvre]:
+    """Yield commands of a valve that fills and vents a vessel."""
+    u = limits.command_range(bench)
+    for share in COMMAND_LEVELS:
+        level, dwell = share * u, 0.6 if share > 0.3 else 1.5
+        yield _command_manoeuvre("steps", bench, _levels((level, 0.0, -level, 0.0), dwell), level)
+        yield _command_manoeuvre("hold", bench, (hold(level, 0.4), hold(0.0, 6.0)), level)
+    yield _command_manoeuvre("hold", bench, (hold(u, 1.0), hold(-u, 0.3), hold(0.0, 6.0)), -u)
+    for share in (0.05, 0.2):
+        steps = np.array([1, 2, 3, 4, 3, 2, 1, 0, -1, -2, -3, -4, -3, -2, -1, 0] * 2)
+        yield _command_manoeuvre("stairs", bench, _levels(tuple(share * u * steps), 0.09), 4.0 * share * u)
+    for frequency in COMMAND_FREQUENCIES:
+        for share in (0.2, 0.6):
+            wave = (sine(0.0, share * u, frequency, max(4.0, MIN_PERIODS / frequency)),)
+            yield _command_manoeuvre("command-sine", bench, wave, share * u, frequency)
+    slow = 0.1 * u
+    core = (ramp(0.0, slow, 1.0), ramp(slow, -slow, 2.0), ramp(-slow, slow, 2.0), ramp(slow, 0.0, 1.0))
+    yield _command_manoeuvre("triangle", bench, core, slow)
+
+
+def _axis_commands(bench: Bench, limits: Limits) -> Iterator[Manoeuvre]:
+    """Yield commands of a valve that drives a piston: it must not drift to an end."""
+    u = limits.command_range(bench)
+    for share in (0.2, 0.5, 1.0):
+        level = share * u
+        pulses = tuple(
+            segment
+            for sign in (1.0, -1.0, -1.0, 1.0) * 2
+            for segment in (hold(sign * level, 0.03 / share), hold(0.0, 0.4))
+        )
+        yield _command_manoeuvre("pulses", bench, pulses, level)
+        yield _command_manoeuvre("hold", bench, (hold(level, 0.05 / share), hold(0.0, 6.0)), level)
+        yield _command_manoeuvre("hold", bench, (hold(-level, 0.05 / share), hold(0.0, 6.0)), -level)
+    for frequency in (3.0, 10.0):
+        for share in (0.2, 0.6):
+            core = (sine(0.0, share * u, frequency, 5.0),)
+            yield _command_manoeuvre("command-sine", bench, core, share * u, frequency)
+
+
+def _motion(
+    kind: ManoeuvreKind,
+    bench: Bench,
+    limits: Limits,
+    core: Profile,
+    level: float | None = None,
+    frequency: float | None = None,
+    speed: float | None = None,
+) -> Manoeuvre:
+    """Return a motion that starts softly at half the stroke and returns there."""
+    middle, first, last = bench.middle, core[0].start, core[-1].end
+    before = (hold(middle, SETTLING_TIME), ramp(middle, first, limits.soft_start))
+    after = (ramp(last, middle, limits.soft_start), hold(middle, SETTLING_TIME))
+    places = [place for s in core for place in (s.start, s.end)]
+    centre = 0.5 * (min(places) + max(places))
+    return Manoeuvre(kind, bench, (*before, *core, *after), centre, level, frequency, speed)
+
+
+def _motions(bench: Bench, limits: Limits) -> Iterator[Manoeuvre]:
+    """Yield motions about three places of the stroke."""
+    low, high = limits.position
+    span, fastest = high - low, SPEED_SHARE * limits.max_speed
+    centres = (low + 0.3 * span, low + 0.5 * span, low + 0.7 * span)
+    for frequency in (f for f in MOTION_FREQUENCIES if f <= limits.max_frequency):
+        largest = min(AMPLITUDE_SHARE * span, fastest / (2.0 * np.pi * frequency))
+        duration = max(SINE_TIME, MIN_PERIODS / frequency)
+        for share in (1.0, 0.4):
+            wave = (sine(centres[1], share * largest, frequency, duration),)
+            yield _motion("motion-sine", bench, limits, wave, share * largest, frequency)
+        if frequency in (1.0, 2.0):
+            for centre in (centres[0], centres[2]):
+                amplitude = min(largest, 0.25 * span)
+                wave = (sine(centre, amplitude, frequency, duration),)
+                yield _motion("motion-sine", bench, limits, wave, amplitude, frequency)
+    for rate in SLOW_SPEEDS:
+        speed = min(rate * span, fastest)
+        way = min(0.6 * span, 3.0 * speed)
+        begin, end = centres[1] - 0.5 * way, centres[1] + 0.5 * way
+        time = way / speed
+        core = (ramp(begin, end, time), hold(end, 0.2), ramp(end, begin, time), hold(begin, 0.2))
+        repeats = max(1, min(3, int(SINE_TIME / (2.0 * time))))
+        yield _motion("strokes", bench, limits, core * repeats, way, None, speed)
+    travel = max(0.25, 0.25 * span / fastest)
+    places = [centres[1] + share * span for share in (0.1, -0.1, 0.2, -0.2, 0.0)]
+    steps: list[Segment] = []
+    for before, after in zip([centres[1], *places[:-1]], places, strict=True):
+        steps += [ramp(before, after, travel), hold(after, 0.5)]
+    yield _motion("position-steps", bench, limits, tuple(steps), 0.2 * span)
+    slow, rests = 0.05 * span, []
+    place = centres[1]
+    for number, rest in enumerate(REST_TIMES * 2):
+        aim = place + (slow if number % 2 == 0 else -slow)
+        rests += [hold(place, rest), ramp(place, aim, 0.7)]
+        place = aim
+    yield _motion("starts-after-rests", bench, limits, tuple(rests), slow)
+    small = REVERSAL_SHARE * span
+    waves = (sine(centres[1], small, 1.0, 5.0), sine(centres[1], 5.0 * small, 1.0, 5.0))
+    yield _motion("small-reversals", bench, limits, waves, 5.0 * small, 1.0)
+
+
+def _machine_strokes(bench: Bench, limits: Limits) -> Iterator[Manoeuvre]:
+    """Yield strokes of a machine at constant speeds and held pressures."""
+    low, high = limits.position
+    span, rig = high - low, bench.rig
+    gauge = (rig.supply_pressure or bench.start.p1) - rig.ambient_pressure
+    for pressure in (rig.ambient_pressure + share * gauge for share in PRESSURE_LEVELS):
+        for speed in (0.25 * limits.max_speed / 1.5, limits.max_speed / 1.5):
+            way = min(0.6 * span, 3.0 * speed)
+            begin, end = low + 0.5 * (span - way), low + 0.5 * (span + way)
+            core = (ramp(begin, end, way / speed), hold(end, 0.3), ramp(end, begin, way / speed), hold(begin, 0.3))
+            one = _motion("machine-strokes", bench, limits, core * 2, way, None, speed)
+            yield replace(one, pressure=pressure)
+
+
+def manual_manoeuvres(bench: Bench, limits: Limits) -> Iterator[Manoeuvre]:
+    """Yield manoeuvres for which a person has to do something to the rig.
+
+    A ball valve shuts chamber 1 while it holds pressure: only leaks move the pressure then. A weight over a pulley
+    pulls the piston by a known force, toward x = 0 and away from it, during slow strokes.
+    """
+    template = bench.template
+    if bench.drive == "valve" and template.kind.axis:
+        null = bench.rig.valve_null
+        yield Manoeuvre("shut-valve", bench, (hold(null, 12.0),))
+    if bench.drive in ("position", "motion") and np.isfinite(limits.position[1]):
+        slow = [m for m in _motions(bench, limits) if m.kind == "strokes"]
+        for force in (WEIGHT * GRAVITY, -WEIGHT * GRAVITY):
+            yield replace(slow[1], kind="known-force", force=force)

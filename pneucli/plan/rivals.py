@@ -1,0 +1,202 @@
+"""The rival models of a diagnosis: the best model, and what a likely but undecided effect would make of it."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pneucli.diagnose.data import RANKING_EFFORT
+from pneucli.identify.estimation.fit import Fit
+from pneucli.identify.estimation.model_fit import fit_with_effect, fit_without
+from pneucli.identify.estimation.score_test import initial_guesses
+from pneucli.identify.residuals import ResidualModel
+from pneucli.physics.declaration import Effect
+from pneucli.simulate.model import Model, parameter_value, with_effect, with_parameters
+from pneucli.simulate.rig_quantities import rig_quantities
+
+Array = NDArray[np.float64]
+
+MAX_RIVALS = 8  # beside the best model
+DECIDED_PROBABILITY = 0.97  # a named effect that is more probable is no longer in question
+MIN_PRIOR_ODDS = 0.05  # of a fitted but refused effect: the pooled rate of refused ones is no evidence about one
+MAX_SIZE_ERROR = 1.0  # relative standard error of an effect's size, at most
+TYPICAL_SIZE_ERROR = 0.5  # of a size that was not fitted but taken as typical
+NOT_FITTED = ("cannot-show", "not-promising")  # reasons without a fit
+
+
+@dataclass(frozen=True)
+class Rival:
+    """One hypothesis about the rig.
+
+    Attributes:
+        effect: The effect in question; None: the best model itself.
+        present: Whether the hypothesis says that the effect is there.
+        model: Its model.
+        prior_odds: Its probability over that of the best model, before the plan.
+        probability: The effect's probability by the diagnosis; None where it states none.
+        size_error: Relative standard error of the effect's size.
+        instead_of: The named effect that it replaces.
+    """
+
+    effect: Effect | None
+    present: bool
+    model: Model
+    prior_odds: float = 1.0
+    probability: float | None = None
+    size_error: float = TYPICAL_SIZE_ERROR
+    instead_of: str | None = None
+
+    @property
+    def name(self) -> str:
+        """Name of the hypothesis."""
+        if self.effect is None:
+            return "best model"
+        if not self.present:
+            return f"without {self.effect.name}"
+        return self.effect.name if self.instead_of is None else f"{self.effect.name} in place of {self.instead_of}"
+
+
+def rivals_of_diagnosis(
+    best: Fit,
+    train: Sequence[ResidualModel],
+    answer: Mapping[str, Any],
+    available: Mapping[str, Effect],
+    wanted: Sequence[str] = (),
+) -> list[Rival]:
+    """Fit the rivals of the last diagnosis.
+
+    Args:
+        best: The fit of the model with all named effects.
+        train: The residual models that it was fitted to.
+        answer: The answer of ``diagnose``.
+        available: The effects of the catalogue and of plugins.
+        wanted: Effects in question; none: those that the diagnosis leaves undecided.
+
+    Returns:
+        The best model, then up to MAX_RIVALS others, the most probable first.
+    """
+    named, entries = list(answer["missing"]), {c["effect"]: c for c in answer["candidates"]}
+    found: list[tuple[float, str, str, str | None]] = []  # odds, kind, effect, instead of
+    for name in named:
+        entry = entries[name]
+        confidence = entry["confidence"]
+        if confidence is not None and confidence < DECIDED_PROBABILITY:
+            found.append(((1.0 - confidence) / max(confidence, 0.01), "without", name, None))
+        for other in entry["indistinguishable_from"]:
+            share = _odds_of_equivalent(entry, entries.get(other))
+            found.append((share, "instead", other, name))
+    taken = {name for _, _, name, _ in found} | set(named)
+    for entry in answer["candidates"]:
+        name = entry["effect"]
+        if name in taken or name not in available or (not wanted and not _is_open(entry)):
+            continue
+        probability = entry["confidence_alone"] or 0.0
+        odds = max(probability / max(1.0 - probability, 0.01), MIN_PRIOR_ODDS)
+        found.append((odds, "with", name, None))
+    if wanted:
+        found = [(1.0, kind, name, instead) for _, kind, name, instead in found if name in wanted]
+        listed = {name for _, _, name, _ in found}
+        model_effects = {e.name for e in best.model.effects}
+        found += [(1.0, "without" if n in model_effects else "with", n, None) for n in wanted if n not in listed]
+    found = sorted(found, key=lambda one: -one[0])[:MAX_RIVALS]
+    rivals = [Rival(None, True, best.model)]
+    for odds, kind, name, instead in found:
+        probability = entries[name]["confidence_alone"] if name in entries else None
+        rivals += _rival(best, train, available[name], kind, instead, odds, probability)
+    return rivals
+
+
+def _is_open(entry: Mapping[str, Any]) -> bool:
+    """Whether an effect was fitted and refused for lack of evidence: better recordings may show it."""
+    decided = ("vanishes", "at-bound", "contradicted-by-reading", "raises-error", "below-resolution")
+    return bool(entry["parameters"]) and not entry["supported"] and entry["reason"] not in decided
+
+
+def _odds_of_equivalent(entry: Mapping[str, Any], other: Mapping[str, Any] | None) -> float:
+    mine, its = entry["confidence_alone"], None if other is None else other["confidence_alone"]
+    return 1.0 if not mine or not its else float(np.clip(its / mine, MIN_PRIOR_ODDS, 1.0 / MIN_PRIOR_ODDS))
+
+
+def _rival(
+    best: Fit,
+    train: Sequence[ResidualModel],
+    effect: Effect,
+    kind: str,
+    instead: str | None,
+    odds: float,
+    probability: float | None,
+) -> list[Rival]:
+    if kind == "without":
+        return [Rival(effect, False, fit_without(best, train, effect).model, odds, probability)]
+    start = best
+    if instead is not None:
+        replaced = next(e for e in best.model.effects if e.name == instead)
+        start = fit_without(best, train, replaced)
+    if not any(one.is_sensitive_to(effect) for one in train):
+        model = with_typical_effect(start.model, effect, train)
+        return [] if model is None else [Rival(effect, True, model, odds, probability, instead_of=instead)]
+    fitted = fit_with_effect(start, train, effect, stopping=RANKING_EFFORT)
+    return [Rival(effect, True, fitted.model, odds, probability, size_error(fitted, effect), instead)]
+
+
+def size_error(fitted: Fit, effect: Effect) -> float:
+    """Return the relative standard error of the size of a fitted effect, at most MAX_SIZE_ERROR."""
+    errors = [
+        e.error / abs(e.value - (p.null if isinstance(p.null, float) else 0.0))
+        for p in effect.parameters
+        for e in fitted.estimates
+        if e.name == f"{effect.name}.{p.name}" and e.value != (p.null if isinstance(p.null, float) else 0.0)
+    ]
+    return float(min(errors[0] if errors else TYPICAL_SIZE_ERROR, MAX_SIZE_ERROR))
+
+
+def with_typical_effect(model: Model, effect: Effect, train: Sequence[ResidualModel]) -> Model | None:
+    """Return a model with an effect at its typical size; None where the rig gives it no scale."""
+    quantities = rig_quantities(model, [one.experiment for one in train])
+    starts = initial_guesses(effect, quantities, model.rig.priors)
+    return with_effect(model, effect, starts[len(starts) // 2]) if starts else None
+
+
+def shifted_models(fitted: Fit, model: Model, count: int, seed: int, sigma: float = 2.0) -> list[Model]:
+    """Draw models whose parameters are off by their intervals.
+
+    Args:
+        fitted: The fit whose covariance says how far.
+        model: The model to shift; parameters that it lacks are ignored.
+        count: Number of models.
+        seed: Seed of the draws.
+        sigma: Standard errors at which each draw lies, along a random direction.
+
+    Returns:
+        The models.
+    """
+    rng, k = np.random.default_rng(seed), len(fitted.free)
+    if k == 0:
+        return [model] * count
+    values, vectors = np.linalg.eigh(fitted.covariance)
+    root = vectors * np.sqrt(np.maximum(values, 0.0))
+    models = []
+    for _ in range(count):
+        direction = rng.standard_normal(k)
+        direction *= sigma / max(np.abs(direction).max(), 1e-9)
+        change = root @ direction
+        shifted = {}
+        for f, dz in zip(fitted.free, change, strict=True):
+            z = f.to_coordinate(parameter_value(model, f.name)) if _has(model, f.name) else np.nan
+            value = f.from_coordinate(z + float(dz)) if np.isfinite(z) else np.nan
+            if np.isfinite(value):
+                shifted[f.name] = float(np.clip(value, f.lower, f.upper))
+        models.append(with_parameters(model, shifted))
+    return models
+
+
+def _has(model: Model, name: str) -> bool:
+    try:
+        parameter_value(model, name)
+    except KeyError:
+        return False
+    return True

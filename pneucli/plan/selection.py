@@ -1,0 +1,171 @@
+"""Choose manoeuvres one after the other: the one that lowers the expected entropy most for its time."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from functools import reduce
+from operator import add
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pneucli.plan.entropy import expected_entropy
+from pneucli.plan.information import Information
+from pneucli.plan.limits import Violation
+from pneucli.plan.manoeuvres import Manoeuvre
+
+Array = NDArray[np.float64]
+
+CHANGE_OVER_TIME = 2.0  # s of machine time between two manoeuvres, to save a file and start the next
+MIN_GAIN = 0.002  # of the objective at the start: less is not worth another manoeuvre
+TEST_SHARE = 0.3  # of the machine time, at most, for recordings that are held out
+
+Objective = Callable[[Information], float]
+
+
+@dataclass(frozen=True)
+class Evaluated:
+    """A candidate with what it tells."""
+
+    manoeuvre: Manoeuvre
+    information: Information
+
+
+@dataclass(frozen=True)
+class Refused:
+    """A candidate that could exceed a limit: the model with which it does, and the limits."""
+
+    manoeuvre: Manoeuvre
+    model: str
+    violations: tuple[Violation, ...]
+
+
+@dataclass(frozen=True)
+class Chosen:
+    """A chosen manoeuvre, and the objective after it and all before it."""
+
+    manoeuvre: Manoeuvre
+    information: Information
+    objective: float
+
+
+def entropy_objective(prior: Sequence[float], size_errors: Sequence[float], covariance: Array) -> Objective:
+    """Return the expected entropy in bits of "which effect" after a plan.
+
+    Args:
+        prior: Prior weights of the best model and of each rival.
+        size_errors: Relative standard errors of the effects' sizes.
+        covariance: Covariance of the parameters of the best model before the plan.
+    """
+    return lambda told: expected_entropy(told.between_rivals(covariance), prior, size_errors)
+
+
+def width_objective(covariance: Array, positions: Sequence[int]) -> Objective:
+    """Return the mean log10 of the standard errors of some parameters after a plan (Ds-optimality).
+
+    Args:
+        covariance: Covariance of the parameters before the plan, shape (p, p).
+        positions: Positions of the parameters in question.
+    """
+
+    def objective(told: Information) -> float:
+        after = told.parameter_covariance(covariance)
+        return float(np.mean([0.5 * np.log10(max(after[i, i], 1e-300)) for i in positions]))
+
+    return objective
+
+
+def size_objective(size_errors: Sequence[float], covariance: Array) -> Objective:
+    """Return the mean log10 of the relative standard errors of the effects' sizes after a plan.
+
+    Args:
+        size_errors: Relative standard errors before the plan, shape (K,).
+        covariance: Covariance of the base parameters before the plan, shape (p, p).
+    """
+
+    def objective(told: Information) -> float:
+        return float(np.mean(np.log10(size_errors_after(told, size_errors, covariance))))
+
+    return objective
+
+
+def size_errors_after(told: Information, size_errors: Sequence[float], covariance: Array) -> Array:
+    """Return the relative standard errors (K,) of the effects' sizes after a plan, each effect alone in the model."""
+    precision = 1.0 / np.maximum(np.asarray(size_errors), 1e-6) ** 2
+    return np.asarray(1.0 / np.sqrt(precision + np.maximum(np.diag(told.between_rivals(covariance)), 0.0)))
+
+
+def choose_sequence(
+    candidates: Sequence[Evaluated],
+    objective: Objective,
+    seconds: float,
+    is_safe: Callable[[Manoeuvre], bool],
+    least: int = 1,
+) -> list[Chosen]:
+    """Choose manoeuvres greedily, within a machine time that leaves room for held-out recordings.
+
+    Args:
+        candidates: The candidates with their information.
+        objective: What to lower.
+        seconds: Machine time in s, held-out recordings included.
+        is_safe: Whether a manoeuvre keeps all limits in every rival; asked only of what would be chosen.
+        least: Number of manoeuvres to choose even where the objective hardly falls.
+
+    Returns:
+        The chosen manoeuvres, in their order; the last is a variant of the most telling one, to be held out.
+    """
+    if not candidates:
+        return []
+    nothing = replace(candidates[0].information, matrix=0.0 * candidates[0].information.matrix)
+    start = reached = objective(nothing)
+    told, left = nothing, (1.0 - TEST_SHARE) * seconds
+    chosen: list[Chosen] = []
+    open_candidates = list(candidates)
+    while open_candidates:
+        fitting = [c for c in open_candidates if c.manoeuvre.duration + CHANGE_OVER_TIME <= left]
+        ranked = sorted(
+            ((objective(told + c.information), c) for c in fitting),
+            key=lambda one: (one[0] - reached) / _cost(one[1].manoeuvre),
+        )
+        safe = next(((value, c) for value, c in ranked if is_safe(c.manoeuvre)), None)
+        if safe is None or (len(chosen) >= least and reached - safe[0] < MIN_GAIN * max(abs(start), 1.0)):
+            break
+        value, best = safe
+        told, reached, left = told + best.information, value, left - best.manoeuvre.duration - CHANGE_OVER_TIME
+        chosen.append(Chosen(best.manoeuvre, best.information, value))
+        refused = {id(c) for _, c in ranked[: ranked.index(safe)]}
+        open_candidates = [c for c in open_candidates if c is not best and id(c) not in refused]
+    used = sum(c.manoeuvre.duration + CHANGE_OVER_TIME for c in chosen)
+    return chosen + _held_out(chosen, open_candidates, objective, seconds - used, is_safe)
+
+
+def _cost(manoeuvre: Manoeuvre) -> float:
+    return manoeuvre.duration + CHANGE_OVER_TIME
+
+
+def _held_out(
+    chosen: Sequence[Chosen],
+    rest: Sequence[Evaluated],
+    objective: Objective,
+    seconds: float,
+    is_safe: Callable[[Manoeuvre], bool],
+) -> list[Chosen]:
+    """Return a test recording for each bench: the remaining manoeuvre that tells most, else a repetition."""
+    found: list[Chosen] = []
+    for bench in dict.fromkeys(c.manoeuvre.bench.name for c in chosen):
+        own = [Evaluated(c.manoeuvre, c.information) for c in chosen if c.manoeuvre.bench.name == bench]
+        drives = {e.manoeuvre.bench.drive for e in own}
+        others = [e for e in rest if e.manoeuvre.bench.name == bench and e.manoeuvre.bench.drive in drives]
+        ranked = sorted(others, key=lambda e: objective(e.information))
+        for e in [*ranked[:3], *own]:
+            if e.manoeuvre.duration + CHANGE_OVER_TIME <= seconds and is_safe(e.manoeuvre):
+                seconds -= e.manoeuvre.duration + CHANGE_OVER_TIME
+                found.append(Chosen(replace(e.manoeuvre, use="test"), e.information, np.nan))
+                break
+    return found
+
+
+def total_information(chosen: Sequence[Chosen]) -> Information:
+    """Return what all fitted recordings of a plan tell together."""
+    return reduce(add, [c.information for c in chosen if c.manoeuvre.use == "train"])

@@ -1,0 +1,267 @@
+"""Simulate a manoeuvre with a model: its readings, and the motion and pressures that limits are checked against."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.signal import butter, sosfilt, sosfilt_zi
+
+from pneucli.plan.bench import Bench
+from pneucli.plan.manoeuvres import Manoeuvre
+from pneucli.plan.outcome import Outcome
+from pneucli.plan.profile import sample
+from pneucli.recording import Recording
+from pneucli.simulate import layout as at
+from pneucli.simulate.kernel_settings import max_motion_step
+from pneucli.simulate.model import Model
+from pneucli.simulate.run import kernel_for
+
+Array = NDArray[np.float64]
+
+DRIVE_BANDWIDTH = 12.0  # Hz, of a bench's own drive that follows a position reference
+STANDSTILL_SPEED = 2e-4  # m/s, below which the direction of dry friction is uncertain
+FRICTION_PASSES = 2  # evaluations of the force, since friction may depend on the pressure that it needs
+STEPS_PER_PERIOD = 4.0  # of a sampling period, while a vessel fills
+MAX_FILLING_STEP = 2.5e-4  # s
+
+
+def simulate_manoeuvre(manoeuvre: Manoeuvre, model: Model) -> Outcome:
+    """Simulate a manoeuvre from rest.
+
+    Args:
+        manoeuvre: The manoeuvre.
+        model: The model.
+
+    Returns:
+        The prediction, at the sampling period of the bench.
+    """
+    if manoeuvre.bench.drive in ("motion", "machine"):
+        return _follow_motion(manoeuvre, model)
+    return _run_kernel(manoeuvre, model)
+
+
+def _run_kernel(manoeuvre: Manoeuvre, model: Model) -> Outcome:
+    """Run the model under a command at the valve, or under a proportional position loop."""
+    bench, template = manoeuvre.bench, manoeuvre.bench.template
+    command = sample(manoeuvre.profile, bench.period)
+    n, null, span = command.size, bench.rig.valve_null, bench.command_range
+    time = np.asarray(bench.period * np.arange(n), dtype=np.float64)
+    is_loop = bench.drive == "position"
+    start = (
+        bench.start if template.kind.vessel else bench.balanced_start(float(command[0]) if is_loop else bench.start.x)
+    )
+    inputs = np.zeros((n, len(at.INPUTS)))
+    inputs[:, at.IN_SUPPLY], inputs[:, at.IN_FORCE] = start.p_supply, manoeuvre.force
+    inputs[:, [at.IN_X, at.IN_P1, at.IN_P2]] = start.x, start.p1, start.p2
+    gain = bench.gain if is_loop else 0.0
+    inputs[:, at.IN_U] = command + null / gain if is_loop else command
+    inputs[:, at.IN_U2] = 2.0 * null - command
+    flags = _flags(manoeuvre)
+    kernel, out = kernel_for(model.effects), np.zeros((n, at.OUTPUTS))
+    parts = template.kind.parts(
+        has_cylinder=bench.rig.has_cylinder,
+        supply_recorded="p_supply" in bench.signals,
+        chamber_2=template.chamber_2,
+    )
+    base = model.base_values()
+    if template.kind.vessel:
+        volume = model.values.get("rig.vessel_volume", bench.rig.vessel_volume or 0.0)
+        base |= {"rig.piston_area_1": 0.0, "rig.dead_volume_1": volume}
+        if bench.rig.command_sign(template.chamber) < 0.0:
+            inputs[:, at.IN_U] = 2.0 * null - inputs[:, at.IN_U]
+    if any("heat" in effect.ports for effect in model.effects):
+        base["rig.polytropic_exponent"] = base["rig.heat_capacity_ratio"]
+    kernel.run(
+        time,
+        inputs,
+        np.zeros(1, dtype=np.int64),
+        np.array([base[name] for name in at.BASE_NAMES]),
+        kernel.effect_vector(model.effect_values()),
+        kernel.effect_switches([e.name for e in model.effects if e.part in parts]),
+        flags,
+        model.valve_of_chamber(template.chamber).table(span),
+        model.chamber_2_valve.table(span),
+        _max_step(bench),
+        np.zeros(1),
+        np.array([gain, abs(null) + span]),
+        out,
+    )
+    commanded = np.clip(out[:, at.U], null - span, null + span) if is_loop else command
+    readings = {
+        "u": commanded,
+        "u2": 2.0 * null - commanded,
+        "x_ref": command,
+        "p_supply": np.full(n, start.p_supply),
+        "p1": out[:, at.R1],
+        "p2": out[:, at.R2],
+        "x": out[:, at.X],
+        "v": out[:, at.V],
+        "a": out[:, at.A],
+        "force": np.full(n, manoeuvre.force),
+        "temperature": out[:, at.GAS_T],
+        "flow": out[:, at.FLOW],
+    }
+    into_1 = np.maximum(out[:, at.FLOW], 0.0) if template.chamber_2 != "valve" else np.abs(out[:, at.FLOW])
+    air = float(np.sum(into_1) * bench.period)
+    if template.kind.vessel:
+        return Outcome(time, readings, out[:, at.P1], air=air)
+    return Outcome(time, readings, out[:, at.P1], out[:, at.P2], out[:, at.X], out[:, at.V], air)
+
+
+def _flags(manoeuvre: Manoeuvre) -> Array:
+    bench, template = manoeuvre.bench, manoeuvre.bench.template
+    flags = np.zeros(at.FLAGS)
+    flags[at.MECHANICS], flags[at.PNEUMATICS] = template.kind.cylinder, template.kind.valve
+    flags[at.LOOP] = bench.drive == "position"
+    flags[at.U_MAX] = bench.command_range
+    flags[at.VALVE_SHUT] = manoeuvre.kind == "shut-valve"
+    flags[at.STATED_SUPPLY] = "p_supply" not in bench.signals and bench.rig.supply_pressure is not None
+    flags[at.CHAMBER_2] = at.CLOSED
+    if template.kind.vessel or template.chamber_2 == "open":
+        flags[at.CHAMBER_2] = at.OPEN
+    elif template.chamber_2 == "valve":  # the second of two valves gets the negated command: as one spool
+        flags[at.CHAMBER_2] = at.MIRRORED
+    return flags
+
+
+def _max_step(bench: Bench) -> float:
+    if bench.template.kind.vessel:
+        return min(MAX_FILLING_STEP, bench.period / STEPS_PER_PERIOD)
+    return max_motion_step(bench.rig, bench.period)
+
+
+def _follow_motion(manoeuvre: Manoeuvre, model: Model) -> Outcome:
+    """Return the pressures, or the machine's force, that a model needs for the motion of a bench's own drive."""
+    bench, template, rig = manoeuvre.bench, manoeuvre.bench.template, manoeuvre.bench.rig
+    reference = sample(manoeuvre.profile, bench.period)
+    x = _followed(reference, bench.period)
+    v = np.gradient(x, bench.period)
+    a = np.gradient(v, bench.period)
+    start = bench.balanced_start(float(x[0]))
+    p2 = _chamber_2_pressure(bench, model, x, start.p2)
+    base = model.base_values()
+    area_1, area_2, ambient = base["rig.piston_area_1"], base["rig.piston_area_2"], rig.ambient_pressure
+    if bench.drive == "machine":
+        p1 = np.full(x.size, manoeuvre.pressure or start.p1)
+        force = needed_force(model, bench, (x, v, a), (p1, p2))
+        net = area_1 * (p1 - ambient) - area_2 * (p2 - ambient)
+        force = force - net if "force" in bench.signals else force
+    else:
+        p1 = np.full(x.size, start.p1)
+        for _ in range(FRICTION_PASSES):
+            force = needed_force(model, bench, (x, v, a), (p1, p2)) - manoeuvre.force
+            if template.chamber_2 == "valve" and area_2 > 0.0:  # both chambers share the force about their mean
+                mean = start.p1
+                p1, p2 = mean + 0.5 * force / area_1, mean - 0.5 * force / area_2
+            else:
+                p1 = ambient + (force + area_2 * (p2 - ambient)) / area_1
+        force = np.full(x.size, manoeuvre.force)
+    read_1, read_2 = (_static_reading(model, f"read_{name}", p) for name, p in (("p1", p1), ("p2", p2)))
+    readings = {"x": x, "v": v, "a": a, "p1": read_1, "p2": read_2, "force": force, "x_ref": reference}
+    readings |= {"p_supply": np.full(x.size, start.p_supply), "u": np.zeros(x.size), "u2": np.zeros(x.size)}
+    time = np.asarray(bench.period * np.arange(x.size), dtype=np.float64)
+    swept = area_1 * float(np.sum(np.maximum(np.diff(x), 0.0)))
+    air = float(np.mean(p1)) * swept / (rig.gas_constant * rig.gas_temperature)
+    return Outcome(time, readings, p1, p2, x, v, air, lowest_pressure=0.97 * ambient)
+
+
+def _followed(reference: Array, period: float) -> Array:
+    """Return the motion (n,) of a drive of second order that follows a reference."""
+    nyquist = 0.5 / period
+    if nyquist <= DRIVE_BANDWIDTH:
+        return reference
+    sections = butter(2, DRIVE_BANDWIDTH / nyquist, output="sos")
+    followed, _ = sosfilt(sections, reference, zi=sosfilt_zi(sections) * reference[0])
+    return np.asarray(followed)
+
+
+def _chamber_2_pressure(bench: Bench, model: Model, x: Array, start: float) -> Array:
+    """Return the pressure of chamber 2 (n,): ambient, or that of enclosed gas, isentropic about its start."""
+    base = model.base_values()
+    if bench.template.chamber_2 == "open" or bench.drive == "machine":
+        return np.full(x.size, bench.rig.ambient_pressure)
+    if bench.template.chamber_2 != "closed" or not bench.rig.stroke:
+        return np.full(x.size, start)
+    dead = base["rig.dead_volume_2"] or 0.1 * base["rig.piston_area_2"] * bench.rig.stroke
+    volume = dead + base["rig.piston_area_2"] * (bench.rig.stroke - x)
+    return np.asarray(start * (volume[0] / np.maximum(volume, 1e-9)) ** base["rig.heat_capacity_ratio"])
+
+
+def needed_force(
+    model: Model, bench: Bench, motion: tuple[Array, Array, Array], pressures: tuple[Array, Array]
+) -> Array:
+    """Return the net force that a model needs for a motion.
+
+    Args:
+        model: The model.
+        bench: The bench.
+        motion: Position in m, velocity in m/s and acceleration in m/s^2, each (n,).
+        pressures: Pressures of both chambers in Pa, each (n,), on which friction may depend.
+
+    Returns:
+        Force in N toward +x, shape (n,).
+    """
+    kernel, (x, v, a) = kernel_for(model.effects), motion
+    inputs, out = np.zeros((x.size, len(at.INPUTS))), np.zeros(x.size)
+    inputs[:, at.IN_X], inputs[:, at.IN_V] = x, v
+    inputs[:, at.IN_P1], inputs[:, at.IN_P2] = pressures
+    parts = bench.template.kind.parts(has_cylinder=True, supply_recorded=True, chamber_2=bench.template.chamber_2) - {
+        "sensor"
+    }
+    base = model.base_values()
+    kernel.functions.run_imposed(
+        bench.period * np.arange(x.size),
+        inputs,
+        a,
+        STANDSTILL_SPEED,
+        False,
+        np.array([base[name] for name in at.BASE_NAMES]),
+        kernel.effect_vector(model.effect_values()),
+        kernel.effect_switches([e.name for e in model.effects if e.part in parts]),
+        out,
+    )
+    return out
+
+
+def _static_reading(model: Model, port: str, pressure: Array) -> Array:
+    """Return the reading (n,) of a pressure sensor, whose static characteristic is a line."""
+    ambient = model.rig.ambient_pressure
+    low, high = (model.chain_of_port(port, p, ambient) for p in (ambient, 2.0 * ambient))
+    return np.asarray(low + (high - low) * (pressure - ambient) / ambient)
+
+
+def synthetic_recording(manoeuvre: Manoeuvre, outcome: Outcome, name: str, seed: int) -> Recording:
+    """Return the recording that the bench would make of a manoeuvre, with the noise of its sensors.
+
+    Args:
+        manoeuvre: The manoeuvre.
+        outcome: Its prediction.
+        name: Name of the recording.
+        seed: Seed of the noise.
+
+    Returns:
+        The recording.
+    """
+    bench, template = manoeuvre.bench, manoeuvre.bench.template
+    rng = np.random.default_rng(seed)
+    signals = {}
+    for signal in bench.signals:
+        if signal in outcome.readings:
+            sensor = bench.noise.get(signal)
+            drawn = sensor.draw(outcome.time, rng) if sensor is not None and signal not in ("u", "u2", "x_ref") else 0.0
+            signals[signal] = outcome.readings[signal] + drawn
+    if manoeuvre.force and "force" not in signals:
+        signals["force"] = np.full(outcome.time.size, manoeuvre.force)
+    noise = {n: model for n, model in bench.noise.items() if n in signals}
+    return Recording(
+        name=name,
+        experiment=template.experiment,
+        use=manoeuvre.use,
+        time=outcome.time,
+        signals=signals,
+        noise=noise,
+        chamber_2=template.chamber_2,
+        imposed=template.imposed,
+        valve_shut=manoeuvre.kind == "shut-valve",
+        chamber=template.chamber,
+    )

@@ -1,0 +1,221 @@
+"""The page of a plan: recordings, predictions, differences of the rivals over noise, power, refused manoeuvres."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from matplotlib.ticker import FuncFormatter
+from numpy.typing import NDArray
+
+from pneucli.messages.formatting import (
+    axis_title,
+    format_number,
+    format_percent,
+    format_quantity,
+    in_display_unit,
+)
+from pneucli.messages.plan import by_hand_title, limit_texts, manoeuvre_text, refused_text
+from pneucli.quantities import SIGNALS
+from pneucli.report.figure import GREY, PALETTE, Drawing, drawing, envelope_indices, figures
+from pneucli.report.overview import Overview, Tile
+from pneucli.report.page import render_page
+from pneucli.report.page_elements import Cell, Grid, Note, Part, Section
+from pneucli.version import __version__
+
+Array = NDArray[np.float64]
+Answer = Mapping[str, Any]
+
+MAX_SAMPLES = 600  # of a curve
+LOWEST_DIFFERENCE = 0.1  # of the noise, the bottom of the drawing
+RMS_TIME = 0.3  # s, over which differences are averaged
+
+
+@dataclass(frozen=True)
+class Curves:
+    """The difference of a rival from the best model in its most telling channel, (n,) in units of noise.
+
+    ``unexplained`` is the rms, in the same units, that the best model leaves in this channel.
+    """
+
+    channel: str
+    values: Array
+    unexplained: float = 1.0
+
+
+@dataclass(frozen=True)
+class RecordingCurves:
+    """One planned recording: its command, what the best model predicts, and how far rivals differ.
+
+    ``time`` (n,) in s, ``command`` (n,) of the signal ``column`` and ``predicted`` by channel in SI.
+    """
+
+    name: str
+    text: str
+    time: Array
+    column: str
+    command: Array
+    predicted: Mapping[str, Array]
+    differences: Mapping[str, Curves]
+
+
+def plan_page(answer: Answer, recordings: Sequence[RecordingCurves]) -> str:
+    """Return the page of a plan.
+
+    Args:
+        answer: The JSON answer of the plan.
+        recordings: The curves of its recordings.
+
+    Returns:
+        HTML that needs no network.
+    """
+    sections = [_programme(answer), *_expected(answer), *_recordings(recordings), *_power(answer), _limits(answer)]
+    front = Overview(answer["sentence"], _tiles(answer), {}, "", [], "", "", "")
+    return render_page(f"{answer['pipeline']}: next experiment", front, sections, {"made by": f"pneucli {__version__}"})
+
+
+def _tiles(answer: Answer) -> list[Tile]:
+    count = len(answer["recordings"])
+    tiles = [Tile("Machine time", f"{answer['seconds']:.0f} s", f"{count} recordings, changes between them included")]
+    if answer["entropy"]["before"] is not None:
+        before, after = (format_number(answer["entropy"][when], 2) for when in ("before", "after"))
+        text = "expected uncertainty of which effect acts; 0: decided"
+        tiles.append(Tile("Uncertainty", f"{before} → {after} bit", text, "good"))
+    if answer["expected"]:
+        likely = sum(e["power"] >= 0.8 for e in answer["expected"])
+        text = "effects in question that this plan would find if they are there (power of 80 %)"
+        tiles.append(Tile("Would be found", f"{likely} of {len(answer['expected'])}", text))
+    return tiles
+
+
+def _programme(answer: Answer) -> Section:
+    rows = [
+        (
+            r["name"],
+            "fitted" if r["use"] == "train" else "held out",
+            manoeuvre_text(r),
+            f"{r['bench']}, {by_hand_title(r)}",
+            Cell(f"{r['begin']:.1f}"),
+            Cell(f"{r['end']:.1f}"),
+        )
+        for r in answer["recordings"]
+    ]
+    head = ("recording", "use", "manoeuvre", "bench", "from, s", "to, s")
+    parts: list[Part] = [Grid("Times of commands.csv", head, rows)]
+    parts += [Note(f"{m['recording']}: {m['text']}", "warning") for m in answer["manual"]]
+    lead = "Make these recordings in this order; steps.md says how, commands.csv holds the commands."
+    return Section("programme", "Programme", lead, parts)
+
+
+def _expected(answer: Answer) -> list[Section]:
+    if not answer["rivals"]:
+        return []
+    names = [r["name"] for r in answer["rivals"][1:]]
+    by_name = {e["rival"]: e for e in answer["expected"]}
+    rows = []
+    for i, name in enumerate(names):
+        e = by_name[name]
+        distances = [r["times_noise"][i] for r in answer["recordings"] if i < len(r["times_noise"])]
+        best = int(np.argmax(distances)) if distances else None
+        rows.append(
+            (
+                name,
+                Cell("–" if e["probability_before"] is None else format_percent(e["probability_before"])),
+                Cell(format_percent(e["power"]), e["power"], "good" if e["power"] >= 0.8 else ""),
+                Cell("–" if best is None else format_number(distances[best], 2)),
+                "–" if best is None else answer["recordings"][best]["name"],
+            )
+        )
+    head = ("rival", "probability now", "found if true", "largest difference, × noise", "in")
+    lead = (
+        "Each rival is the best model with the effect in question. The largest difference is that of the fitted "
+        "models. The probability of being found counts noise, what the best model already leaves unexplained, and all "
+        "other parameters as far as they are unknown."
+    )
+    return [Section("expected", "What it decides", lead, [Grid("Rivals", head, rows)])] if rows else []
+
+
+def _recordings(recordings: Sequence[RecordingCurves]) -> list[Section]:
+    sections = []
+    for number, one in enumerate(recordings, 1):
+        drawings = []
+        shown = {one.column: one.command, **one.predicted}
+        for signal, values in shown.items():
+            kept = envelope_indices([values], MAX_SAMPLES)
+            caption = f"{SIGNALS[signal].title}: {'command' if signal == one.column else 'as the best model predicts'}"
+            with drawing(caption, "time in s", axis_title(signal), 2.3) as figure:
+                figure.axes.plot(one.time[kept], in_display_unit(values[kept], SIGNALS[signal].unit))
+            drawings.append(figure)
+        if one.differences:
+            drawings.append(_differences(one))
+        sections.append(
+            Section(
+                f"recording-{number}", one.name, f"{one.text[0].upper()}{one.text[1:]}.", figures(drawings), number > 3
+            )
+        )
+    return sections
+
+
+def _differences(one: RecordingCurves) -> Drawing:
+    """Draw the running rms of the differences, with the noise shaded and what the best model leaves as a line."""
+    caption = (
+        "Difference of each rival from the best model (running rms) in the channel where it is largest; grey: noise; "
+        "dashed: what the best model leaves unexplained there today"
+    )
+    with drawing(caption, "time in s", "difference, × noise", 2.9) as figure:
+        figure.axes.axhspan(LOWEST_DIFFERENCE, 1.0, color="#88888833", linewidth=0.0)
+        for number, (name, curve) in enumerate(one.differences.items()):
+            colour = PALETTE[number % len(PALETTE)]
+            rms = np.maximum(running_rms(curve.values, one.time), LOWEST_DIFFERENCE)
+            kept = envelope_indices([rms], MAX_SAMPLES)
+            figure.axes.plot(one.time[kept], rms[kept], color=colour, label=f"{name} ({curve.channel})")
+        for level in sorted({round(c.unexplained, 1) for c in one.differences.values() if c.unexplained > 1.2}):
+            figure.axes.axhline(level, color=GREY, linestyle="--", linewidth=0.9)
+        figure.axes.set_yscale("log")
+        figure.axes.set_ylim(bottom=LOWEST_DIFFERENCE)
+        figure.axes.yaxis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
+        figure.canvas.legend(loc="outside lower center", ncols=2)
+    return figure
+
+
+def running_rms(values: Array, time: Array) -> Array:
+    """Return the root mean square of values (n,) over RMS_TIME about each time stamp, shape (n,)."""
+    length = min(max(1, round(RMS_TIME / float(time[1] - time[0]))), values.size)
+    mean = np.convolve(values**2, np.full(length, 1.0 / length), mode="same")
+    return np.asarray(np.sqrt(mean))
+
+
+def _power(answer: Answer) -> list[Section]:
+    if not answer.get("power"):
+        return []
+    least = {p["effect"]: p for p in answer["power"] if not p["typical"]}
+    rows = []
+    for p in sorted((p for p in answer["power"] if p["typical"]), key=lambda p: -p["power"]):
+        smallest = least.get(p["effect"])
+        found = "–" if smallest is None else format_quantity(smallest["size"], p["unit"], 2)
+        rows.append(
+            (
+                p["effect"],
+                p["parameter"],
+                Cell(format_quantity(p["size"], p["unit"], 2)),
+                Cell(format_percent(p["power"]), p["power"], "good" if p["power"] >= 0.8 else ""),
+                Cell(found),
+            )
+        )
+    head = ("effect", "parameter", "typical size", "power", "size at 80 % power")
+    lead = (
+        "The probability that the recordings of this plan show an effect of typical size, and the size that they show."
+    )
+    return [Section("power", "Power", lead, [Grid("Effects of the catalogue", head, rows)])]
+
+
+def _limits(answer: Answer) -> Section:
+    parts: list[Part] = [Note(text) for text in limit_texts(answer["limits"])]
+    refused = [(refused_text(one),) for one in answer["refused"]]
+    if refused:
+        caption = f"Refused manoeuvres ({answer['refused_count']})"
+        parts.append(Grid(caption, ("manoeuvre and limit",), refused, folded=True))
+    lead = "Every recording was simulated with each rival, and with parameters off by their intervals."
+    return Section("limits", "Limits", lead, parts)

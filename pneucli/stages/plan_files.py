@@ -1,0 +1,185 @@
+"""The files of a plan: commands, steps for a person, power table, page, and command players."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pneucli.export.command_player import PlayedRecording, PlayerLimits, write_players
+from pneucli.io.artifacts import Provenance, atomic_path, write_table
+from pneucli.messages.plan import manoeuvre_text, plan_sentence, steps_page
+from pneucli.plan.evaluation import Comparison
+from pneucli.plan.information import ExpectedDeviation
+from pneucli.plan.manoeuvres import Manoeuvre
+from pneucli.plan.power import Power
+from pneucli.plan.profile import sample
+from pneucli.plan.selection import CHANGE_OVER_TIME, Chosen
+from pneucli.plan.simulation import simulate_manoeuvre
+from pneucli.report.plan_page import Curves, RecordingCurves, plan_page
+from pneucli.stages.plan_answer import Planned
+
+Array = NDArray[np.float64]
+
+COMMAND_PERIOD = 1e-3  # s, between the rows of commands.csv
+COMMANDS_FILE, STEPS_FILE, POWER_FILE, PAGE_FILE = "commands.csv", "steps.md", "power.parquet", "plan.html"
+COLUMNS = {  # of commands.csv: header, factor from SI, decimals
+    "u": ("u [V]", 1.0, 5),
+    "u2": ("u2 [V]", 1.0, 5),
+    "p_ref": ("p_ref [bar]", 1e-5, 5),
+    "x_ref": ("x_ref [mm]", 1e3, 4),
+}
+MAX_PLOTTED_RIVALS = 6
+
+
+def write_plan(
+    answer: dict[str, Any],
+    chosen: Sequence[Chosen],
+    powers: Sequence[Power],
+    study: Planned,
+    rivals: tuple[Comparison, Sequence[str]],
+) -> dict[str, Any]:
+    """Write the files of a plan; return its answer with their names.
+
+    Args:
+        answer: The answer so far.
+        chosen: The chosen recordings.
+        powers: The power table.
+        study: The study that planned.
+        rivals: The comparison with the rivals, and their names.
+    """
+    context = study.context
+    out = context.out
+    _write_text(out / COMMANDS_FILE, commands_csv(chosen, answer["recordings"]))
+    answer["sentence"] = plan_sentence(answer)
+    _write_text(out / STEPS_FILE, steps_page(answer))
+    _write_power(out / POWER_FILE, powers, Provenance({}, {"plan": context.config.document.get("plan", {})}))
+    answer["power"] = [power_row(one) for one in powers]
+    curves = [recording_curves(c.manoeuvre, row, *rivals) for c, row in zip(chosen, answer["recordings"], strict=True)]
+    _write_text(out / PAGE_FILE, plan_page(answer, curves))
+    targets = set(context.options.get("to") or ()) & {"c", "st"}
+    if targets and chosen:
+        played = [_played(c.manoeuvre, row) for c, row in zip(chosen, answer["recordings"], strict=True)]
+        write_players(out, targets, played, _player_limits(study, chosen), context.config.name)
+    answer["files"] = sorted(path.name for path in out.iterdir() if not path.name.startswith("."))
+    answer["folder"] = f"{context.artifacts.parent.name}/{context.artifacts.name}/plan"
+    return answer
+
+
+def _write_text(path: Path, text: str) -> None:
+    with atomic_path(path) as temporary:
+        temporary.write_text(text, encoding="utf-8")
+
+
+def commands_csv(chosen: Sequence[Chosen], rows: Sequence[Mapping[str, Any]]) -> str:
+    """Return ``commands.csv``: a row each millisecond, the columns that the benches take, the recording's name.
+
+    A column is empty where the bench takes another command. Between recordings the last value is held.
+    """
+    columns = [name for name in COLUMNS if any(name in _commands(c.manoeuvre) for c in chosen)]
+    lines = [",".join(["time [s]", *(COLUMNS[name][0] for name in columns), "recording"])]
+    step = 0
+    for c, row in zip(chosen, rows, strict=True):
+        commands = _commands(c.manoeuvre)
+        length = next(iter(commands.values())).size
+        rest = round(CHANGE_OVER_TIME / COMMAND_PERIOD) if c is not chosen[-1] else 0
+        for k in range(length + rest):
+            cells = [f"{(step + k) * COMMAND_PERIOD:.3f}"]
+            for name in columns:
+                _, factor, decimals = COLUMNS[name]
+                value = commands[name][min(k, length - 1)] * factor if name in commands else None
+                cells.append("" if value is None else f"{value:.{decimals}f}".rstrip("0").rstrip("."))
+            lines.append(",".join([*cells, row["name"] if k < length else ""]))
+        step += length + rest
+    return "\n".join(lines) + "\n"
+
+
+def _commands(manoeuvre: Manoeuvre) -> dict[str, Array]:
+    """Return the commands (n,) of a manoeuvre in SI: what its bench takes."""
+    bench, values = manoeuvre.bench, sample(manoeuvre.profile, COMMAND_PERIOD)
+    found = {bench.quantity: values}
+    if bench.drive == "valve" and "u2" in bench.signals:
+        found["u2"] = 2.0 * bench.rig.valve_null - values
+    if manoeuvre.pressure is not None:
+        found["p_ref"] = np.full(values.size, manoeuvre.pressure)
+    return found
+
+
+def _write_power(path: Path, powers: Sequence[Power], provenance: Provenance) -> None:
+    rows = [power_row(one) for one in powers]
+    write_table(
+        path,
+        {
+            "effect": [r["effect"] for r in rows],
+            "parameter": [r["parameter"] for r in rows],
+            "size": np.array([np.inf if r["size"] is None else r["size"] for r in rows], dtype=np.float64),
+            "unit": [r["unit"] for r in rows],
+            "power": np.array([r["power"] for r in rows], dtype=np.float64),
+            "typical": np.array([r["typical"] for r in rows], dtype=bool),
+        },
+        units={"size": "see column unit", "power": "1", "typical": "1"},
+        schema="pneucli/plan/power/1",
+        provenance=provenance,
+    )
+
+
+def power_row(one: Power) -> dict[str, Any]:
+    """Return an entry of the power table; a size of None: no size is found."""
+    return {
+        "effect": one.effect.name,
+        "parameter": one.parameter.name,
+        "size": float(one.size) if np.isfinite(one.size) else None,
+        "unit": one.parameter.unit,
+        "power": float(one.power),
+        "typical": one.typical,
+    }
+
+
+def recording_curves(
+    manoeuvre: Manoeuvre, row: Mapping[str, Any], comparison: Comparison, names: Sequence[str]
+) -> RecordingCurves:
+    """Return the command of a recording, what the best model predicts, and how far the rivals differ over noise."""
+    bench, outcome = manoeuvre.bench, simulate_manoeuvre(manoeuvre, comparison.best)
+    differences: dict[str, Curves] = {}
+    by_channel = comparison.differences(manoeuvre) if names else {}
+    for i, name in enumerate(names[:MAX_PLOTTED_RIVALS]):
+        key = max(by_channel, key=lambda k: float(np.mean(by_channel[k][i] ** 2)), default=None)
+        if key is not None:
+            deviation = comparison.deviations.get(key, ExpectedDeviation())
+            differences[name] = Curves(key[1], by_channel[key][i], deviation.ratio)
+    return RecordingCurves(
+        name=row["name"],
+        text=manoeuvre_text(row),
+        time=outcome.time,
+        column=bench.quantity,
+        command=sample(manoeuvre.profile, bench.period),
+        predicted={c: outcome.readings[c] for c in ("x", "p1") if c in bench.signals},
+        differences=differences,
+    )
+
+
+def _played(manoeuvre: Manoeuvre, row: Mapping[str, Any]) -> PlayedRecording:
+    bench = manoeuvre.bench
+    return PlayedRecording(
+        name=row["name"],
+        is_position=bench.quantity == "x_ref",
+        gain=bench.gain if bench.drive == "position" else 0.0,
+        segments=manoeuvre.profile,
+        rest=CHANGE_OVER_TIME,
+    )
+
+
+def _player_limits(study: Planned, chosen: Sequence[Chosen]) -> PlayerLimits:
+    limits, benches = study.limits, [c.manoeuvre.bench for c in chosen]
+    low, high = limits.position
+    return PlayerLimits(
+        null=benches[0].rig.valve_null,
+        command=max(limits.command_range(b) for b in benches),
+        position=(low, high) if np.isfinite(low) and np.isfinite(high) else None,
+        pressure=limits.max_pressure if np.isfinite(limits.max_pressure) else None,
+        soft_start=limits.soft_start,
+        mirrored=any("u2" in b.signals for b in benches),
+    )

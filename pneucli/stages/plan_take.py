@@ -1,0 +1,165 @@
+"""``plan --take``: the recordings of a plan into the pipeline file, and what they decide."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+from pneucli.config.recording_edit import append_recordings
+from pneucli.document import read_toml
+from pneucli.errors import InputError
+from pneucli.messages.plan import taken_sentence
+from pneucli.pipeline.manifest import read_manifest
+
+Answer = Mapping[str, Any]
+
+OWN_KEYS = frozenset({"name", "file", "use", "test", "from", "to", "more", "valve", "force", "x_ref", "p_ref"})
+MIN_SHOWN_PROBABILITY = 0.05  # of an effect, before or after
+IDENTITY_KEYS = ("experiment", "chamber_2", "imposed", "chamber")
+
+
+def last_answers(artifacts: Path, file: Path) -> tuple[Answer, Answer]:
+    """Return the answers of the last diagnosis and of the last plan; raises InputError where there is no plan.
+
+    A plan from the rig's description alone has no diagnosis before it; its answer is then empty.
+    """
+    plan, diagnosis = (read_manifest(artifacts / name) for name in ("plan", "diagnose"))
+    if plan is None or plan.answer is None:
+        raise InputError(f"{file}", "no plan whose recordings could be taken", "a plan", f"pneucli plan {file}")
+    return (diagnosis.answer or {}) if diagnosis is not None else {}, plan.answer
+
+
+def add_recordings(file: Path, plan: Answer, paths: Sequence[Path]) -> list[dict[str, Any]]:
+    """Add recordings of a plan to the pipeline file.
+
+    A file belongs to the planned recording of its name, else files follow the plan in its order. One file for a plan of
+    several recordings holds them all, with the clock of ``commands.csv``.
+
+    Args:
+        file: The pipeline file.
+        plan: The answer of the plan.
+        paths: The raw files.
+
+    Returns:
+        The added tables.
+
+    Raises:
+        InputError: A file does not exist, or their number does not fit the plan.
+    """
+    for path in paths:
+        if not path.is_file():
+            raise InputError(str(path), "no such file", "a recording of the plan", "check the path")
+    _, document = read_toml(file)
+    present = document.get("recordings", [])
+    taken = {str(table.get("name", table.get("file"))) for table in present}
+    tables = []
+    for planned, path, is_part in _matched(plan["recordings"], paths):
+        name = _free_name(planned["name"], taken)
+        taken.add(name)
+        table = {"name": name, "file": Path(os.path.relpath(path.absolute(), file.absolute().parent)).as_posix()}
+        table |= _table(planned, present)
+        if is_part:
+            table |= {"from": f"{planned['begin']:.3f} s", "to": f"{planned['end']:.3f} s"}
+        tables.append(table)
+    append_recordings(file, tables)
+    return tables
+
+
+def _matched(planned: Sequence[Answer], paths: Sequence[Path]) -> list[tuple[Answer, Path, bool]]:
+    """Return each planned recording with its file, and whether it is a part of the file."""
+    by_name = {one["name"]: one for one in planned}
+    if all(path.stem in by_name for path in paths):
+        return [(by_name[path.stem], path, False) for path in paths]
+    if len(paths) == 1 and len(planned) > 1:
+        return [(one, paths[0], True) for one in planned]
+    if len(paths) > len(planned):
+        found = f"{len(paths)} files for {len(planned)} planned recordings"
+        raise InputError("--take", found, "a file for each", "name the files as steps.md does")
+    return [(one, path, False) for one, path in zip(planned, paths, strict=False)]
+
+
+def _free_name(name: str, taken: set[str]) -> str:
+    if name not in taken:
+        return name
+    number = 2
+    while f"{name}_{number}" in taken:
+        number += 1
+    return f"{name}_{number}"
+
+
+def _table(planned: Answer, present: Sequence[Answer]) -> dict[str, Any]:
+    """Return the table of a planned recording: as those of its bench, with what the plan held."""
+    own = {key: planned[key] for key in IDENTITY_KEYS if planned[key] is not None}
+    own = {key: value for key, value in own.items() if (key, value) != ("chamber", 1)}
+    alike = next(
+        (t for t in present if all(t.get(k, 1 if k == "chamber" else None) == planned[k] for k in IDENTITY_KEYS)), {}
+    )
+    table: dict[str, Any] = {key: value for key, value in alike.items() if key not in OWN_KEYS}
+    table |= own | {"use": planned["use"]}
+    if planned["valve"]:
+        table["valve"] = planned["valve"]
+    if planned["force"]:
+        table["force"] = f"{planned['force']:.4g} N"
+    return table
+
+
+def taken_answer(before: Answer, after: Answer, plan: Answer, added: Sequence[Answer]) -> dict[str, Any]:
+    """Return what the new recordings changed: verdicts, probabilities, parameters, what is decided now."""
+    effects = _effects(before, after, plan)
+    decided = [{"effect": e["effect"], "now": e["now"]} for e in effects if e["now"] is not None]
+    return {
+        "schema": "pneucli/plan-taken/1",
+        "pipeline": after["pipeline"],
+        "recordings": [{"name": t["name"], "file": t["file"], "use": t["use"]} for t in added],
+        "before": _summary(before),
+        "after": _summary(after),
+        "effects": effects,
+        "decided": decided,
+        "parameters": _parameters(before, after),
+        "sentence": taken_sentence(_summary(before), _summary(after), decided),
+    }
+
+
+def _summary(answer: Answer) -> dict[str, Any]:
+    return {
+        "verdict": answer.get("verdict"),
+        "missing": answer.get("missing", []),
+        "probabilities": {c["effect"]: c["confidence_alone"] for c in answer.get("candidates", [])},
+        "indistinguishable": {
+            c["effect"]: c["indistinguishable_from"]
+            for c in answer.get("candidates", [])
+            if c["indistinguishable_from"]
+        },
+        "unexplained_share": answer.get("unexplained_share"),
+    }
+
+
+def _effects(before: Answer, after: Answer, plan: Answer) -> list[dict[str, Any]]:
+    """Return the effects in question with their probabilities, and what became of those whose answer changed."""
+    old, new = ({c["effect"]: c for c in a.get("candidates", [])} for a in (before, after))
+    asked = {r["effect"] for r in plan["rivals"] if r["effect"] is not None}
+    rows = []
+    for name in dict.fromkeys([*new, *old]):
+        was, now = (c.get(name, {}).get("confidence_alone") for c in (old, new))
+        named = [name in a.get("missing", []) for a in (before, after)]
+        if name in asked or any(named) or max(was or 0.0, now or 0.0) >= MIN_SHOWN_PROBABILITY:
+            change = None if named[0] == named[1] else "named" if named[1] else "refused"
+            reason = new.get(name, {}).get("reason")
+            rows.append({"effect": name, "before": was, "after": now, "reason": reason, "now": change})
+    return sorted(rows, key=lambda r: -(r["after"] or 0.0))
+
+
+def _parameters(before: Answer, after: Answer) -> list[dict[str, Any]]:
+    """Return the parameters of effects with their intervals, before and after."""
+    old, new = (_effect_parameters(a) for a in (before, after))
+    shown = [n for n in new if n.partition(".")[0] in {*before.get("missing", []), *after.get("missing", [])}]
+    shown += [n for n in new if n in old and n not in shown]
+    return [{"name": name, "before": old.get(name), "after": new[name]} for name in shown]
+
+
+def _effect_parameters(answer: Answer) -> dict[str, Any]:
+    return {
+        f"{c['effect']}.{name}": value for c in answer.get("candidates", []) for name, value in c["parameters"].items()
+    }

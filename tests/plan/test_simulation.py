@@ -1,0 +1,114 @@
+"""Manoeuvres as models predict them: on a vessel, under a position loop, on a bench with its own drive."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from pneucli.plan.bench import Bench, described_benches
+from pneucli.plan.first import typical_model
+from pneucli.plan.limits import limits_of, violations
+from pneucli.plan.manoeuvres import candidate_manoeuvres, manual_manoeuvres
+from pneucli.plan.profile import sample
+from pneucli.plan.simulation import needed_force, simulate_manoeuvre, synthetic_recording
+from pneucli.recording import Rig
+from pneucli.simulate.model import Model
+
+RIG = Rig(
+    supply_pressure=7e5,
+    ambient_pressure=1e5,
+    piston_area_1=8e-4,
+    stroke=0.2,
+    dead_volume_1=3e-5,
+    dead_volume_2=3e-5,
+    moving_mass=2.0,
+    vessel_volume=160e-6,
+    valve_null=5.0,
+    valve_arrangement="5/3",
+)
+BENCHES = described_benches(RIG)
+VESSEL = next(b for b in BENCHES if b.template.kind.vessel)
+LOOP = next(b for b in BENCHES if b.drive == "position")
+VALVE = next(b for b in BENCHES if b.drive == "valve" and b.template.kind.axis)
+LIMITS = limits_of(RIG, BENCHES)
+MODEL = typical_model(RIG, BENCHES)
+
+
+def manoeuvre(bench: Bench, kind: str, **properties: float):
+    found = [*candidate_manoeuvres(bench, LIMITS), *manual_manoeuvres(bench, LIMITS)]
+    return next(m for m in found if m.kind == kind and all(getattr(m, n) == v for n, v in properties.items()))
+
+
+@pytest.mark.parametrize("bench", BENCHES, ids=lambda b: f"{b.name}-{b.drive}")
+def test_every_manoeuvre_begins_and_ends_at_rest_within_the_range_of_commands(bench: Bench):
+    for one in candidate_manoeuvres(bench, LIMITS):
+        values = sample(one.profile, 1e-3)
+        assert values[0] == bench.middle
+        assert values[-1] == pytest.approx(bench.middle)
+        if bench.drive == "valve":
+            assert np.abs(values - RIG.valve_null).max() <= 5.0 + 1e-9
+        else:
+            assert LIMITS.position[0] <= values.min() <= values.max() <= LIMITS.position[1]
+
+
+def test_the_vessel_is_filled_to_the_supply_and_vented_to_ambient():
+    outcome = simulate_manoeuvre(manoeuvre(VESSEL, "steps", level=5.0), MODEL)
+    assert outcome.p1.max() == pytest.approx(7e5, rel=0.02)
+    assert outcome.p1[-1] == pytest.approx(1e5, rel=0.05)
+    assert outcome.air > 0.0
+
+
+def test_the_position_loop_follows_its_reference_from_rest_at_the_null_command():
+    outcome = simulate_manoeuvre(manoeuvre(LOOP, "motion-sine", frequency=0.25), MODEL)
+    assert outcome.x is not None
+    reference = outcome.readings["x_ref"]
+    assert outcome.readings["u"][0] == pytest.approx(RIG.valve_null, abs=0.05)
+    moved, asked = np.ptp(outcome.x), np.ptp(reference)
+    assert 0.2 * asked < moved < 1.2 * asked
+
+
+def test_a_pulse_moves_the_piston_toward_the_end_that_its_sign_says():
+    fills = simulate_manoeuvre(next(m for m in candidate_manoeuvres(VALVE, LIMITS) if m.kind == "hold"), MODEL)
+    assert fills.x is not None
+    assert fills.x[-1] > fills.x[0]
+
+
+def test_a_shut_valve_keeps_the_pressure_of_a_tight_chamber_and_shows_a_leak():
+    shut = manoeuvre(VALVE, "shut-valve")
+    from pneucli.physics.effects import catalogue
+
+    leak = replace(MODEL, effects=(catalogue()["chamber-leak"],), values={**MODEL.values, "chamber-leak.area": 2e-8})
+    tight, leaking = (simulate_manoeuvre(shut, m) for m in (MODEL, leak))
+    assert np.ptp(tight.p1) < 1.0
+    assert leaking.p1[0] - leaking.p1[-1] > 1e4
+    assert synthetic_recording(shut, tight, "plan", 0).valve_shut
+
+
+def test_the_force_of_an_imposed_motion_is_that_of_mass_and_friction():
+    model = Model(RIG, (), {"friction.coulomb": 10.0, "friction.viscous": 50.0})
+    n = 100
+    motion = np.full(n, 0.1), np.full(n, 0.2), np.full(n, 3.0)
+    force = needed_force(model, LOOP, motion, (np.full(n, 3e5), np.full(n, 3e5)))
+    assert force == pytest.approx(2.0 * 3.0 + 10.0 + 50.0 * 0.2)
+
+
+def test_a_bench_with_its_own_drive_gets_the_pressure_that_the_model_needs():
+    friction = replace(LOOP, drive="motion", template=replace(LOOP.template, experiment="friction", chamber_2="closed"))
+    sine = next(m for m in candidate_manoeuvres(friction, LIMITS) if m.kind == "motion-sine" and m.frequency == 1.0)
+    outcome = simulate_manoeuvre(sine, MODEL)
+    assert outcome.x is not None
+    assert outcome.p2 is not None
+    a = np.gradient(np.gradient(outcome.x, friction.period), friction.period)
+    net = 8e-4 * (outcome.p1 - outcome.p2)
+    friction_force = net - 2.0 * a
+    moving = np.abs(outcome.v) > 0.01
+    expected = np.sign(outcome.v) * MODEL.values["friction.coulomb"] + MODEL.values["friction.viscous"] * outcome.v
+    assert friction_force[moving] == pytest.approx(expected[moving], abs=0.5)
+
+
+def test_what_exceeds_a_limit_in_the_simulation_is_found():
+    fast = manoeuvre(VALVE, "command-sine", frequency=10.0)
+    outcome = simulate_manoeuvre(fast, MODEL)
+    assert violations(outcome, replace(LIMITS, max_speed=0.01), RIG)
