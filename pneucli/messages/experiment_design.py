@@ -4,27 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-MANOEUVRES = {
-    "charge-and-hold": "charge with {level:.3g} V for 2 s, shut the valve and hold for 30 s",
-    "discharge-and-hold": "discharge with {level:.3g} V for 2 s, shut the valve and hold for 30 s",
-    "full-steps": "full steps of {level:.3g} V, up and down every 0.5 s",
-    "stairs": "stairs of {low:.2g} to {high:.2g} V, up and down, 1 s each",
-    "command-sine": "a sine of {level:.3g} V at {frequency:g} Hz",
-    "pressure-triangles": "slow triangles of the pressure difference at 2, 4 and 6 bar (absolute)",
-    "pressure-sine": "a sine of the pressure difference at {frequency:g} Hz and 4 bar (absolute)",
-    "pushes-after-rests": "slow pushes after rests of 0.1, 1 and 10 s",
-}
-STAIRS = (0.1, 0.3)  # of the level: the lowest and the highest step
-
-
-def manoeuvre_text(
-    kind: str, level: float | None = None, frequency: float | None = None, bench: str | None = None
-) -> str:
-    """Return a manoeuvre of :class:`pneucli.diagnose.experiment_design.Manoeuvre` (V, Hz) as a phrase."""
-    low, high = (share * (level or 0.0) for share in STAIRS)
-    text = MANOEUVRES[kind].format(level=level, frequency=frequency, low=low, high=high)
-    return text if bench is None else f"{text} ({bench})"
-
 
 def distinguishing_experiment(names: tuple[str, str], procedures: tuple[str, str]) -> str:
     """Return how to distinguish two effects by the procedures that their declarations state."""

@@ -29,6 +29,7 @@ MANOEUVRES = {
     "position-steps": "steps of the position of up to {level}, with rests",
     "starts-after-rests": "slow starts of {level} after rests of 0.2, 1 and 4 s",
     "small-reversals": "reversals of {level} at {frequency}",
+    "strokes-at-pressure": "strokes of {level} about {centre} at {speed}, from {pressure} in chamber 2",
     "machine-strokes": "strokes of {level} at {speed} and {pressure}",
     "shut-valve": "shut the ball valve at chamber 1 and hold for 12 s",
     "known-force": "strokes of {level} at {speed} against a known force of {force}",
@@ -156,6 +157,8 @@ def steps_page(answer: Answer) -> str:
             bench = r["bench"]
         use = "fitted" if r["use"] == "train" else "held out: never fitted"
         parts.append(f"{number}. `{r['name']}` ({r['end'] - r['begin']:.1f} s, {use}): {manoeuvre_text(r)}.")
+        if r["bench"] == "cylinder":
+            parts.append(f"   Start at rest: {start_text(r['start'])}.")
         if r["by_hand"]:
             parts.append(f"   By hand: {r['by_hand']}")
         parts.append(
@@ -165,6 +168,12 @@ def steps_page(answer: Answer) -> str:
     names = " ".join(f"{r['name']}.csv" for r in answer["recordings"])
     parts += [f"    pneucli plan {answer['pipeline']}.toml --take {names}", ""]
     return "\n".join(parts)
+
+
+def start_text(start: Answer) -> str:
+    """Return where a recording starts."""
+    pressures = (f"{name} near {format_quantity(start[name], 'Pa', 2)} (absolute)" for name in ("p1", "p2"))
+    return f"x = {format_quantity(start['x'], 'm', 3)}, {join_names(list(pressures))}"
 
 
 def bench_text(recording: Answer) -> str:

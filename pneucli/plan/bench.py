@@ -24,8 +24,8 @@ Drive = Literal[
     "machine",  # a machine imposes the motion while a regulator holds p1
     "pressure",  # both pressures are imposed by regulators
 ]
-LOOP_RANGE = 0.33  # strokes of position error at which a proportional loop gives the full command
-LOOP_RANGE_BOTH = 0.66  # the same where the valve drives both chambers: twice the force for a command
+LOOP_RANGE = 0.12  # strokes of position error at which a proportional loop gives the full command
+LOOP_RANGE_BOTH = 0.24  # the same where the valve drives both chambers: twice the force for a command
 LOOP_RANGE_UNKNOWN = 2.0  # the same on a rig whose valve is unknown: it may be twice as fast as typical
 SPEED_FACTOR = 1.5  # times the highest recorded speed, which a plan may reach
 USUAL_NOISE = {"p1": 500.0, "p2": 500.0, "p_supply": 500.0, "x": 5e-6, "a": 0.1, "force": 0.5}  # of usual sensors, SI
@@ -151,7 +151,7 @@ def _recorded_bench(members: Sequence[Experiment], drive: Drive) -> Bench:
         first.get("p2", ambient),
         first.get("p_supply", rig.supply_pressure or ambient),
     )
-    signals = tuple(n for n in one.recording.signals if all(n in m.recording.signals for m in members))
+    signals = tuple(n for n in one.raw if all(n in m.raw for m in members))
     empty = replace(one.recording, name="plan", use="train", time=np.zeros(0), signals={}, noise={}, valve_shut=False)
     noise = {name: one.noise[name] for name in signals if name in one.noise}
     command = max(float(m.flags[at.U_MAX]) for m in members) if one.recording.kind.valve else 0.0

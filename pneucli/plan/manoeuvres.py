@@ -24,6 +24,7 @@ ManoeuvreKind = Literal[
     "position-steps",
     "starts-after-rests",
     "small-reversals",
+    "strokes-at-pressure",  # of chamber 2, set before the recording
     "machine-strokes",
     "shut-valve",  # by hand: a ball valve shuts chamber 1
     "known-force",  # by hand: a weight pulls the piston
@@ -57,7 +58,7 @@ class Manoeuvre:
         level: Level or amplitude of the command, in V or m, where it has one.
         frequency: Frequency in Hz, where it has one.
         speed: Speed in m/s, where it is constant.
-        pressure: Held pressure in Pa of chamber 1, on a machine that imposes the motion.
+        pressure: Pressure in Pa: held in chamber 1 by a machine's regulator, or set in chamber 2 at the start.
         force: Known force in N toward +x.
         use: Whether the recording is to be fitted or held out.
     """
@@ -97,7 +98,7 @@ def candidate_manoeuvres(bench: Bench, limits: Limits) -> Iterator[Manoeuvre]:
     families: dict[Drive, Callable[[Bench, Limits], Iterator[Manoeuvre]]] = {
         "valve": _vessel_commands if bench.template.kind.vessel else _axis_commands,
         "position": _motions,
-        "motion": _motions,
+        "motion": _motions_at_pressures,
         "machine": _machine_strokes,
     }
     yield from families[bench.drive](bench, limits)
@@ -213,6 +214,18 @@ def _motions(bench: Bench, limits: Limits) -> Iterator[Manoeuvre]:
     small = REVERSAL_SHARE * span
     waves = (sine(centres[1], small, 1.0, 5.0), sine(centres[1], 5.0 * small, 1.0, 5.0))
     yield _motion("small-reversals", bench, limits, waves, 5.0 * small, 1.0)
+
+
+def _motions_at_pressures(bench: Bench, limits: Limits) -> Iterator[Manoeuvre]:
+    """Yield motions, and strokes at several pressures of chamber 2, where that is closed."""
+    motions = list(_motions(bench, limits))
+    yield from motions
+    rig = bench.rig
+    gauge = (rig.supply_pressure or bench.start.p2) - rig.ambient_pressure
+    if bench.template.chamber_2 == "closed":
+        strokes = [m for m in motions if m.kind == "strokes"][-1]
+        for share in PRESSURE_LEVELS[:-1]:
+            yield replace(strokes, kind="strokes-at-pressure", pressure=rig.ambient_pressure + share * gauge)
 
 
 def _machine_strokes(bench: Bench, limits: Limits) -> Iterator[Manoeuvre]:

@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 from numpy.typing import NDArray
 from scipy.signal import butter, sosfilt, sosfilt_zi
 
-from pneucli.plan.bench import Bench
+from pneucli.plan.bench import Bench, State
 from pneucli.plan.manoeuvres import Manoeuvre
 from pneucli.plan.outcome import Outcome
 from pneucli.plan.profile import sample
@@ -40,6 +42,19 @@ def simulate_manoeuvre(manoeuvre: Manoeuvre, model: Model) -> Outcome:
     return _run_kernel(manoeuvre, model)
 
 
+def start_of(manoeuvre: Manoeuvre) -> State:
+    """Return the state at rest from which a manoeuvre starts."""
+    bench = manoeuvre.bench
+    if bench.template.kind.vessel:
+        return bench.start
+    if bench.drive == "valve":
+        return bench.balanced_start(bench.start.x)
+    first = manoeuvre.profile[0].start
+    if bench.drive == "motion" and manoeuvre.pressure is not None:
+        bench = replace(bench, start=replace(bench.start, x=first, p2=manoeuvre.pressure))
+    return bench.balanced_start(first)
+
+
 def _run_kernel(manoeuvre: Manoeuvre, model: Model) -> Outcome:
     """Run the model under a command at the valve, or under a proportional position loop."""
     bench, template = manoeuvre.bench, manoeuvre.bench.template
@@ -47,9 +62,7 @@ def _run_kernel(manoeuvre: Manoeuvre, model: Model) -> Outcome:
     n, null, span = command.size, bench.rig.valve_null, bench.command_range
     time = np.asarray(bench.period * np.arange(n), dtype=np.float64)
     is_loop = bench.drive == "position"
-    start = (
-        bench.start if template.kind.vessel else bench.balanced_start(float(command[0]) if is_loop else bench.start.x)
-    )
+    start = start_of(manoeuvre)
     inputs = np.zeros((n, len(at.INPUTS)))
     inputs[:, at.IN_SUPPLY], inputs[:, at.IN_FORCE] = start.p_supply, manoeuvre.force
     inputs[:, [at.IN_X, at.IN_P1, at.IN_P2]] = start.x, start.p1, start.p2
@@ -137,7 +150,7 @@ def _follow_motion(manoeuvre: Manoeuvre, model: Model) -> Outcome:
     x = _followed(reference, bench.period)
     v = np.gradient(x, bench.period)
     a = np.gradient(v, bench.period)
-    start = bench.balanced_start(float(x[0]))
+    start = start_of(manoeuvre)
     p2 = _chamber_2_pressure(bench, model, x, start.p2)
     base = model.base_values()
     area_1, area_2, ambient = base["rig.piston_area_1"], base["rig.piston_area_2"], rig.ambient_pressure

@@ -2,25 +2,25 @@
 
 from __future__ import annotations
 
-from dataclasses import asdict
 from typing import Any
 
 from pneucli.diagnose.data import DiagnosisData
 from pneucli.diagnose.detectability import MinimumDetectableEffect
 from pneucli.diagnose.diagnosis import Diagnosis, ParameterShift
 from pneucli.diagnose.discrepancy import Discrepancy, UnexplainedResidual
-from pneucli.diagnose.experiment_design import most_discriminating_experiment
 from pneucli.messages.discrepancy import PERIODIC_SHAPE, SHAPES, discrepancy_kind_text
 from pneucli.messages.experiment_design import (
     detecting_experiment,
     discrepancy_experiment,
     discriminating_manoeuvre,
     distinguishing_experiment,
-    manoeuvre_text,
 )
+from pneucli.messages.plan import manoeuvre_text
 from pneucli.messages.verdict import detection_limit_sentence, location_phrase
+from pneucli.plan.discrimination import most_discriminating_manoeuvre
 from pneucli.stages.leak_answer import vessel_scale
 from pneucli.stages.pipeline_data import PipelineData
+from pneucli.stages.plan_answer import manoeuvre_answer
 
 
 def unexplained_answer(one: UnexplainedResidual) -> dict[str, Any]:
@@ -81,11 +81,11 @@ def _discriminating_experiment(data: DiagnosisData, found: Diagnosis, name: str,
     """Return how to distinguish two effects: as declared, and the manoeuvre in which both fitted models differ most."""
     procedures = data.effects[name].separate, data.effects[other].separate
     rival = next(c.full.model for c in found.path.terms[name].rivals if c.effect.name == other)
-    best = most_discriminating_experiment(found.path.last.model, rival, data.residual_models)
+    best = most_discriminating_manoeuvre(found.path.last.model, rival, [m.experiment for m in data.residual_models])
     simulated = (
         discriminating_manoeuvre(None)
         if best is None
-        else discriminating_manoeuvre(manoeuvre_text(**asdict(best.manoeuvre)), best.channel, best.times_noise)
+        else discriminating_manoeuvre(manoeuvre_text(manoeuvre_answer(best.manoeuvre)), best.channel, best.times_noise)
     )
     return f"{distinguishing_experiment((name, other), procedures)} {simulated}"
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import asdict
 from typing import Any, Protocol
 
 import numpy as np
@@ -13,6 +14,7 @@ from pneucli.plan.limits import Limits
 from pneucli.plan.manoeuvres import GRAVITY, Manoeuvre
 from pneucli.plan.rivals import Rival
 from pneucli.plan.selection import CHANGE_OVER_TIME, Chosen, Refused
+from pneucli.plan.simulation import start_of
 from pneucli.simulate.model import Model
 
 MAX_REFUSED = 30  # refused manoeuvres in an answer
@@ -81,6 +83,7 @@ def manoeuvre_answer(m: Manoeuvre) -> dict[str, Any]:
         "chamber": bench.template.chamber,
         "imposed": bench.template.imposed,
         "valve": "shut" if m.kind == "shut-valve" else None,
+        "start": asdict(start_of(m)),
         "gain": bench.gain if bench.drive == "position" else None,
         "centre": m.centre,
         "level": m.level,

@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-from types import SimpleNamespace
 from typing import Any, ClassVar
 
 import numpy as np
 import pytest
 
-from pneucli.diagnose import adequacy, experiment_design
+from pneucli.diagnose import adequacy
 from pneucli.diagnose.adequacy import (
     LackOfFit,
     Shape,
@@ -21,7 +20,7 @@ from pneucli.diagnose.adequacy import (
 )
 from pneucli.identify.estimation.fit import fit
 from pneucli.identify.estimation.parameters import base_parameters
-from pneucli.identify.residuals import ChamberPressures, ForceBalance
+from pneucli.identify.residuals import ForceBalance
 from tests.simulate.synthetic_experiments import RIG, make_experiment, model, time_grid
 
 RNG = np.random.default_rng
@@ -245,105 +244,3 @@ def test_a_friction_that_drifts_shows_against_the_motion() -> None:
 def test_zero_samples_do_not_dilute_the_ratio() -> None:
     residual = np.where(TIME < 4.0, 0.0, 2.0)
     assert _channel_lack_of_fit(ForceBalance, "force", [(residual_model(), residual, 1.0)]).ratio == pytest.approx(2.0)
-
-
-# --- manoeuvres
-
-
-def commands(u: float = 5.0) -> dict[experiment_design.Manoeuvre, np.ndarray]:
-    return dict(experiment_design._commands(u))
-
-
-def test_commands_charge_discharge_step_climb_and_swing() -> None:
-    found = list(commands().values())
-    charge, discharge, steps, stairs, *sines = found
-    assert [c.size for c in found] == [32_000, 34_000, 6_000, 12_000, 6_000, 6_000, 6_000]
-    assert charge[[0, 1999, 2000, -1]].tolist() == [5.0, 5.0, 0.0, 0.0]
-    assert discharge[[0, 2000, 3999, 4000]].tolist() == [5.0, -5.0, -5.0, 0.0]
-    assert steps[[0, 500, 1000, 5999]].tolist() == [5.0, -5.0, 5.0, -5.0]
-    assert stairs[::1000] == pytest.approx(5.0 * np.array([0.1, -0.1, 0.2, -0.2, 0.3, -0.3] * 2))
-    assert [s.max() for s in sines] == pytest.approx([2.5] * 3, rel=1e-3)
-    turns = [np.count_nonzero(np.diff(np.sign(s[1:]))) for s in sines]
-    assert turns == pytest.approx([6, 36, 120], abs=2)
-    assert [m.level for m in commands()] == [5.0, -5.0, 5.0, 5.0, 2.5, 2.5, 2.5]
-    assert [m.frequency for m in commands()] == [*[None] * 4, 0.5, 3.0, 10.0]
-
-
-def test_pushes_are_triangles_sines_and_slow_pushes_after_rests() -> None:
-    (_, (triangle, levels)), (_, (slow, at)), (_, (fast, _)), (_, (rests, constant)) = (
-        experiment_design._force_profiles(30.0)
-    )
-    assert (triangle.max(), triangle.min()) == (pytest.approx(30.0), pytest.approx(-30.0))
-    assert triangle[0] == pytest.approx(0.0)
-    assert np.abs(np.diff(triangle[:6000])).max() == pytest.approx(30.0e-3, rel=1e-6)
-    assert levels[[0, 6000, 12000]].tolist() == [2e5, 4e5, 6e5]
-    assert (levels.size, triangle.size) == (18_000, 18_000)
-    assert np.abs(np.fft.rfft(slow))[1:].argmax() == 5
-    assert np.abs(np.fft.rfft(fast))[1:].argmax() == 23
-    assert slow.max() == pytest.approx(30.0, rel=1e-4)
-    assert set(at) == set(constant) == {4e5}
-    assert rests.size == constant.size == 11_100 + 3 * 400
-    assert [int(np.flatnonzero(rests[k:])[0]) for k in (0, 500, 1900)] == pytest.approx([101, 1001, 10001], abs=2)
-    assert rests.max() == pytest.approx(30.0, rel=0.01)
-
-
-@pytest.mark.parametrize(("coulomb", "force"), [(14.0, 35.0), (0.2, 2.5)])
-def test_pushes_are_two_and_a_half_times_dry_friction(
-    monkeypatch: pytest.MonkeyPatch, coulomb: float, force: float
-) -> None:
-    """Or of 1 N, where there is next to none."""
-    asked: list[float] = []
-    monkeypatch.setattr(experiment_design, "_force_profiles", lambda f: asked.append(f) or [])
-    pushed: Any = SimpleNamespace(experiment=make_experiment("friction", time_grid(0.1), {"p1": 3e5, "p2": 3e5}))
-    assert list(experiment_design.candidate_experiments(model(values={"friction.coulomb": coulomb}), [pushed])) == []
-    assert asked == [pytest.approx(force)]
-
-
-def test_a_push_is_the_force_of_both_pressures_at_rest_in_the_middle() -> None:
-    force, p2 = np.array([0.0, 25.0, -25.0]), np.full(3, 4e5)
-    found = experiment_design._imposed_force_recording((force, p2), RIG)
-    area_1, area_2 = RIG.piston_areas
-    net = area_1 * (found["p1"] - RIG.ambient_pressure) - area_2 * (found["p2"] - RIG.ambient_pressure)
-    assert net == pytest.approx(force, abs=1e-9)
-    assert found["x"][0] == pytest.approx(0.5 * RIG.stroke)
-    assert found.experiment == "friction"
-
-
-def test_the_manoeuvre_with_the_largest_ratio_to_noise_is_proposed(monkeypatch: pytest.MonkeyPatch) -> None:
-    apart = {"one": {"p1": 500.0, "x": 1e-3}, "two": {"p1": 900.0, "x": np.inf}, "three": {"force": 1e9}}
-    monkeypatch.setattr(
-        experiment_design, "candidate_experiments", lambda model, residual_models: [(w, w) for w in apart]
-    )
-    monkeypatch.setattr(experiment_design, "_rms_differences", lambda one, other, experiment: apart[experiment])
-    noise = {"p1": SimpleNamespace(rms=100.0), "x": SimpleNamespace(rms=2e-4), "p2": SimpleNamespace(rms=0.0)}
-    seen: Any = [SimpleNamespace(experiment=SimpleNamespace(noise=noise))]
-    assert experiment_design.most_discriminating_experiment(model(), model(), seen) == experiment_design.Discrimination(
-        "two", "p1", 9.0
-    )
-    apart["two"]["p1"] = 310.0
-    assert experiment_design.most_discriminating_experiment(model(), model(), seen).times_noise == 5.0  # type: ignore[union-attr]
-    apart["one"] = apart["two"] = {"p1": 299.0}
-    assert experiment_design.most_discriminating_experiment(model(), model(), seen) is None
-
-
-@pytest.mark.parametrize("chamber_2", ["open", "closed"])
-def test_a_command_uses_the_recorded_bench(chamber_2: str) -> None:
-    signals = {"u": 4.0, "p1": 3e5, "p2": 3e5, "x": 0.1, "p_supply": 6e5}
-    seen = make_experiment("axis", time_grid(0.1), signals, chamber_2=chamber_2)
-    found = experiment_design._commanded(np.full(200, 3.0), seen)
-    assert found.recording.chamber_2 == chamber_2
-    assert found.recording.experiment == "axis"
-    assert np.all(found.recording["u"] == 3.0)
-    assert np.all(found.recording["p_supply"] == RIG.supply_pressure)
-    unknown_supply = make_experiment("axis", time_grid(0.1), {"u": 4.0, "p1": 3e5, "p2": 3e5, "x": 0.1})
-    del unknown_supply.raw["p_supply"]
-    assert "p_supply" not in experiment_design._commanded(np.full(200, 3.0), unknown_supply).recording
-
-
-@pytest.mark.parametrize("changed", [{"valve_shut": True}, {"imposed": "motion"}])
-def test_benches_that_cannot_do_a_manoeuvre_are_excluded(changed: dict[str, Any]) -> None:
-    from dataclasses import replace
-
-    e = make_experiment("axis", time_grid(0.5), {"u": 4.0, "p1": 3e5, "p2": 3e5, "x": 0.1})
-    odd = ChamberPressures(replace(e, recording=replace(e.recording, **changed)))
-    assert list(experiment_design.candidate_experiments(model(), [odd])) == []

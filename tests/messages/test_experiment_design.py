@@ -2,29 +2,7 @@
 
 from __future__ import annotations
 
-from typing import get_args
-
-import pytest
-
-from pneucli.diagnose.experiment_design import ManoeuvreKind
 from pneucli.messages import experiment_design as words
-
-
-def test_every_manoeuvre_has_its_words() -> None:
-    assert set(words.MANOEUVRES) == set(get_args(ManoeuvreKind))
-
-
-@pytest.mark.parametrize(
-    ("manoeuvre", "text"),
-    [
-        (("charge-and-hold", 5.0), "charge with 5 V for 2 s, shut the valve and hold for 30 s"),
-        (("stairs", 4.0), "stairs of 0.4 to 1.2 V, up and down, 1 s each"),
-        (("command-sine", 2.5, 0.5, "vessel"), "a sine of 2.5 V at 0.5 Hz (vessel)"),
-        (("pressure-sine", None, 4.0), "a sine of the pressure difference at 4 Hz and 4 bar (absolute)"),
-    ],
-)
-def test_a_manoeuvre_states_its_numbers_and_its_bench(manoeuvre: tuple[str, float], text: str) -> None:
-    assert words.manoeuvre_text(*manoeuvre) == text
 
 
 def test_the_procedures_of_two_effects_are_joined_and_a_common_one_stands_once() -> None:
