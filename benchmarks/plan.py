@@ -1,0 +1,347 @@
+"""Does a planned recording decide more than a random one? ``python -m benchmarks.plan [CASES] [CONDITION]``.
+
+Each case of the exam hides one effect. It is diagnosed; then 60 s are recorded on the same hidden rig: as planned, as a
+random programme within the same limits, and as a repetition of what was recorded. Each is taken in and diagnosed again.
+Prints for each how often the hidden effect is in the answer (named, or indistinguishable from a named one), and how
+many false effects are named. ``--size 0.33`` hides effects of a third of the usual size, ``--seed N`` draws others.
+
+``python -m benchmarks.plan --limits N`` simulates N planned manoeuvres on rigs whose parameters are off by their
+intervals, and counts exceeded limits.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+import shutil
+import subprocess
+import sys
+import tempfile
+import time
+from collections import Counter
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
+from itertools import pairwise
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from benchmarks import small
+from benchmarks.rigs import model_of
+from pneucli.exam.case_plan import PlannedCase, plan_cases
+from pneucli.exam.cases import Case, generate_case, prepare_case
+from pneucli.exam.conditions import parse
+from pneucli.exam.laboratory import Laboratory, RecordingPlan
+from pneucli.exam.planned_recordings import drive_gain, excitation, planned_recordings, read_commands
+from pneucli.exam.rig.excitations import closed_loop
+from pneucli.exam.rig.imposed_motion import MotionMachine
+from pneucli.exam.rig.parameters import Parameters
+from pneucli.exam.rig.simulation import LOOP_PERIOD, Excitation, simulate_rig
+from pneucli.plan.bench import LOOP_RANGE, Bench, described_benches
+from pneucli.plan.information import Information
+from pneucli.plan.limits import Limits, limits_of, violations
+from pneucli.plan.manoeuvres import Manoeuvre, candidate_manoeuvres
+from pneucli.plan.outcome import Outcome
+from pneucli.plan.profile import sample
+from pneucli.plan.safety import Safety
+from pneucli.plan.selection import Chosen
+from pneucli.simulate.model import Model
+from pneucli.stages.plan_answer import manoeuvre_answer, recordings_answer
+from pneucli.stages.plan_files import commands_csv
+
+Array = NDArray[np.float64]
+SECONDS = 60.0
+PROGRAMMES = ("planned", "random", "repeated")
+EXTREME_SHARE = 0.3  # of the stroke, the largest amplitude of a random motion
+MIN_LENGTH = 4.0  # s, of a random recording
+
+
+@dataclass(frozen=True)
+class Answer:
+    """A graded answer: whether the hidden effects are in it, and how many false ones are named."""
+
+    found: bool
+    named: bool
+    false: int
+
+    @classmethod
+    def of(cls, diagnosis: Mapping[str, Any], truth: Mapping[str, Any]) -> Answer:
+        """Grade a diagnosis."""
+        hidden = {name.partition(":")[0] for name in truth["hidden"]}
+        sets = [
+            {n.partition(":")[0] for n in (c["effect"], *c["indistinguishable_from"])}
+            for c in diagnosis["candidates"]
+            if c["effect"] in diagnosis["missing"]
+        ]
+        named = {n.partition(":")[0] for n in diagnosis["missing"]}
+        answered = set().union(*sets) if sets else set()
+        return cls(bool(hidden) and hidden <= answered, bool(hidden) and hidden <= named,
+                   sum(not (one & hidden) for one in sets))  # fmt: skip
+
+
+def main(arguments: Sequence[str]) -> None:
+    """Print the table."""
+    if small.SMALL in arguments:
+        main_small()
+        return
+    options = dict(pairwise(arguments))
+    if "--limits" in options:
+        print_limits(int(options["--limits"]))
+        return
+    plain = [a for i, a in enumerate(arguments) if not a.startswith("--") and not arguments[i - 1].startswith("--")]
+    cases, condition = int(plain[0]) if plain else 12, plain[1] if len(plain) > 1 else "messy"
+    rows = list(run_cases(cases, condition, float(options.get("--size", "1")), int(options.get("--seed", "1"))))
+    print_table(rows)
+
+
+def print_table(rows: Sequence[Mapping[str, Any]]) -> None:
+    """Print how often the hidden effect is in the answer, and the false names, before and after each programme."""
+    print("\n| recordings | in the answer | named | false names |\n| --- | --- | --- | --- |")
+    for name in ("before", *PROGRAMMES):
+        answers = [row[name] for row in rows if isinstance(row.get(name), Answer)]
+        found, named, false = (sum(getattr(a, key) for a in answers) for key in ("found", "named", "false"))
+        print(f"| {name} | {found} of {len(answers)} | {named} | {false} |")
+    seconds = [row["plan_seconds"] for row in rows if "plan_seconds" in row]
+    if seconds:
+        print(f"\nplanning takes {np.median(seconds):.0f} s (median), {np.max(seconds):.0f} s at most")
+
+
+def run_cases(cases: int, condition: str, size: float, seed: int) -> Iterator[dict[str, Any]]:
+    """Yield the graded answers of each case, and print them."""
+    conditions = parse(condition)
+    wanted = [p for p in plan_cases(4 * cases, 0, conditions, seed) if len(p.hidden) == 1][:cases]
+    for planned in wanted:
+        with tempfile.TemporaryDirectory() as folder:
+            row = run_case(Path(folder), planned, size)
+        shown = {n: f"{'+' if v.found else '-'}{v.false}" if isinstance(v, Answer) else v for n, v in row.items()}
+        print(shown, flush=True)
+        yield row
+
+
+def run_case(folder: Path, planned: PlannedCase, size: float) -> dict[str, Any]:
+    """Diagnose a case, record each programme on its rig, and diagnose again."""
+    asked = (planned.kind, planned.hidden, planned.outside, size, planned.seed, planned.conditions)
+    case_folder = folder / "case"
+    truth = generate_case(case_folder, *asked)
+    case = prepare_case("case", *asked)
+    row: dict[str, Any] = {"kind": planned.kind, "hidden": ", ".join(planned.hidden)}
+    try:
+        before = pneucli(case_folder, "diagnose", "pipeline.toml")
+        row["before"] = Answer.of(before, truth)
+        begun = time.perf_counter()
+        plan = pneucli(case_folder, "plan", "pipeline.toml", "--minutes", str(SECONDS / 60.0))
+        row["plan_seconds"] = time.perf_counter() - begun
+        row["plan"] = [f"{r['kind']} {r['frequency'] or ''}".strip() for r in plan["recordings"]]
+    except RuntimeError as error:
+        return row | {"failed": str(error)[-300:]}
+    for number, name in enumerate(PROGRAMMES):
+        copy = folder / name
+        shutil.copytree(case_folder, copy)
+        rng = np.random.default_rng([planned.seed, 49, number])
+        try:
+            takes, uses = programme(name, case, plan, copy, rng)
+            case.laboratory.record(copy / "raw", takes, rng)
+            files = [f"raw/{take.name}.csv" for take in takes]
+            if name == "planned":
+                pneucli(copy, "plan", "pipeline.toml", "--take", *files)
+            else:
+                add_recordings(copy / "pipeline.toml", case, takes, uses)
+            row[name] = Answer.of(pneucli(copy, "diagnose", "pipeline.toml"), truth)
+        except RuntimeError as error:
+            row[f"{name}_failed"] = str(error)[-300:]
+    return row
+
+
+def programme(
+    name: str, case: Case, plan: Mapping[str, Any], folder: Path, rng: np.random.Generator
+) -> tuple[list[RecordingPlan], list[str]]:
+    """Return the recordings of a programme, and their uses."""
+    if name == "planned":
+        commands = read_commands(folder / "out" / "plan" / "commands.csv")
+        takes = planned_recordings(case.laboratory, plan["recordings"], commands, _load(case.laboratory.parameters))
+        return takes, [take.use for take in takes]
+    if name == "repeated":
+        takes = [replace(t, name=f"again_{t.name}") for t in repeated(case.plans, rng)]
+        return takes, [take.use for take in takes]
+    lengths = [r["end"] - r["begin"] for r in plan["recordings"] if not r["by_hand"]]
+    takes = random_recordings(case, [max(length, MIN_LENGTH) for length in lengths], rng)
+    return takes, [take.use for take in takes]
+
+
+def repeated(plans: Sequence[RecordingPlan], rng: np.random.Generator) -> list[RecordingPlan]:
+    """Return recordings in random order, those of the main experiment first, up to SECONDS, the last for testing."""
+    main_kind = plans[-1].experiment
+    chosen: list[RecordingPlan] = []
+    left = SECONDS
+    for i in rng.permutation(len(plans)):
+        one = plans[i]
+        length = 20.0 if isinstance(one.excitation, MotionMachine) else 1e-3 * one.excitation.command.size + 2.0
+        if one.experiment == main_kind and length <= left:
+            chosen.append(replace(one, use="train"))
+            left -= length
+    return [*chosen[:-1], replace(chosen[-1], use="test")] if len(chosen) > 1 else chosen
+
+
+def random_recordings(case: Case, lengths: Sequence[float], rng: np.random.Generator) -> list[RecordingPlan]:
+    """Return recordings with random sines, steps and rests within the range that the rig allows."""
+    par, kind = case.laboratory.parameters, case.plans[-1].experiment
+    takes = []
+    for number, length in enumerate(lengths, 1):
+        use = "test" if number == len(lengths) else "train"
+        if isinstance(case.plans[-1].excitation, MotionMachine):
+            made: Excitation | MotionMachine = replace(
+                case.plans[-1].excitation, pressure=par.ambient + rng.uniform(0.1, 0.9) * (par.supply - par.ambient)
+            )
+        elif kind == "valve":
+            made = random_commands(par, length, rng)
+        else:
+            made = random_motion(case, length, rng)
+        takes.append(RecordingPlan(f"random_{number}", kind, use, made))
+    return takes
+
+
+def random_commands(par: Parameters, length: float, rng: np.random.Generator) -> Excitation:
+    """Return random levels of the command, each held for a random time."""
+    levels, times = [0.0], [0.2]
+    while sum(times) < length:
+        levels.append(float(rng.uniform(-1.0, 1.0)) * par.command_range)
+        times.append(float(rng.uniform(0.05, 1.0)))
+    command = np.concatenate([np.full(round(1e3 * t), u) for u, t in zip(levels, times, strict=True)])
+    return Excitation(command[: round(1e3 * length)], pressure_1=par.ambient, pressure_2=par.ambient)
+
+
+def random_motion(case: Case, length: float, rng: np.random.Generator) -> Excitation:
+    """Return a sine of random place, amplitude and frequency as reference of the position loop."""
+    par, usual = case.laboratory.parameters, case.plans[-1].excitation
+    assert isinstance(usual, Excitation)
+    t = 1e-3 * np.arange(round(1e3 * length))
+    frequency = float(np.exp(rng.uniform(np.log(0.25), np.log(5.0))))
+    amplitude = min(EXTREME_SHARE * par.stroke, 0.3 / (2.0 * np.pi * frequency)) * rng.uniform(0.3, 1.0)
+    centre = par.stroke * rng.uniform(0.35, 0.65)
+    envelope = np.clip(np.minimum(t, t[-1] - t) * frequency, 0.0, 1.0)
+    reference = centre + amplitude * envelope * np.sin(2.0 * np.pi * frequency * t)
+    gauge = usual.pressure_1 - par.ambient
+    return replace(closed_loop(par, reference, drive_gain(par), gauge, _load(par)), chamber_2_open=usual.chamber_2_open)
+
+
+def _load(par: Parameters) -> float:
+    """Return the force in N toward x = 0 at half the stroke."""
+    return par.constant_force + par.spring_stiffness * (0.5 * par.stroke - par.spring_rest)
+
+
+def add_recordings(file: Path, case: Case, takes: Sequence[RecordingPlan], uses: Sequence[str]) -> None:
+    """Append recordings to a pipeline file, as the laboratory writes them."""
+    parts = [
+        case.laboratory._recording(replace(take, use=use), "raw")
+        for take, use in zip(takes, uses, strict=True)  # type: ignore[arg-type]
+    ]
+    text = file.read_text(encoding="utf-8")
+    begin = text.index("[model]")
+    file.write_text(text[:begin] + "\n".join(parts) + "\n" + text[begin:], encoding="utf-8")
+
+
+def pneucli(folder: Path, *command: str) -> dict[str, Any]:
+    """Run a command of the program in a folder; return its JSON answer."""
+    told = subprocess.run(
+        [sys.executable, "-m", "pneucli", *command, "--out", "out", "--quiet", "--json"],
+        check=False,
+        cwd=folder,
+        capture_output=True,
+        text=True,
+        env=os.environ | {"PYTHONPATH": str(Path(__file__).parents[1])},
+    )
+    if told.returncode not in (0, 1):
+        raise RuntimeError(told.stderr.strip())
+    return dict(json.loads(told.stdout))
+
+
+def print_limits(plans: int, seed: int = 49) -> None:
+    """Play safe manoeuvres on the exam's rig with parameters off by their intervals, and count exceeded limits."""
+    rng, exceeded, played, refused = np.random.default_rng(seed), Counter[str](), 0, 0
+    rigs = [limit_rig(condition) for condition in LIMIT_CONDITIONS]
+    for number in range(plans):
+        laboratory, benches, limits, model = rigs[number % len(rigs)]
+        off = [off_by_interval(laboratory.parameters, rng) for _ in range(CHECKED_MODELS)]
+        safety = Safety(model.rig, limits, {"exact": model} | {str(i): model_of(par) for i, par in enumerate(off)})
+        bench = benches[int(rng.integers(len(benches)))]
+        listed = list(candidate_manoeuvres(bench, limits))
+        order = [listed[i] for i in rng.permutation(len(listed))[:MANOEUVRES_PER_PLAN]]
+        chosen = [m for m in order if safety(m)]
+        refused += len(order) - len(chosen)
+        real = replace(laboratory, parameters=off_by_interval(laboratory.parameters, rng))
+        for quantity in played_violations(real, chosen, limits):
+            exceeded[quantity] += 1
+        played += len(chosen)
+    print("| plans | manoeuvres played | refused before | exceeded limits |\n| --- | --- | --- | --- |")
+    kinds = ", ".join(f"{count} of {name}" for name, count in exceeded.items())
+    print(f"| {plans} | {played} | {refused} | {sum(exceeded.values())}{f' ({kinds})' if kinds else ''} |")
+
+
+LIMIT_CONDITIONS = ("usual", "5/3")
+CHECKED_MODELS = 4  # models off by their intervals in which each manoeuvre is checked, as in pneucli.plan.safety
+MANOEUVRES_PER_PLAN = 3
+RELATIVE_ERRORS = {  # standard errors of what a user's pipeline identifies or states, relative to the value
+    "coulomb": 0.1, "viscous": 0.1, "effective_area": 0.03, "effective_area_2": 0.03, "mass": 0.02,
+    "dead_volume_1": 0.05, "dead_volume_2": 0.05, "supply": 0.01,
+}  # fmt: skip
+TOLERANCE = 0.02  # of a limit: the model's integrator and the rig's agree that closely
+
+
+def limit_rig(condition: str) -> tuple[Laboratory, list[Bench], Limits, Model]:
+    """Return a healthy axis of the exam, its benches, its limits, and its exact model."""
+    laboratory = small.laboratory(condition)
+    model = model_of(laboratory.parameters)
+    model = replace(model, rig=replace(model.rig, valve_arrangement=model.rig.valve_arrangement or "one-chamber"))
+    benches = [
+        replace(b, loop_range=LOOP_RANGE) for b in described_benches(model.rig, laboratory.parameters.command_range)
+    ]
+    return laboratory, benches, limits_of(model.rig, benches), model
+
+
+def off_by_interval(par: Parameters, rng: np.random.Generator) -> Parameters:
+    """Return a rig whose parameters are off by two standard errors at most."""
+    off = {
+        name: getattr(par, name) * (1.0 + error * float(np.clip(rng.standard_normal(), -2.0, 2.0)))
+        for name, error in RELATIVE_ERRORS.items()
+    }
+    return par._replace(**off)
+
+
+def played_violations(laboratory: Laboratory, chosen: Sequence[Manoeuvre], limits: Limits) -> Iterator[str]:
+    """Play manoeuvres on the rig; yield the quantity of each limit that one exceeds."""
+    par = laboratory.parameters
+    for one in chosen:
+        commands = {one.bench.quantity: sample(one.profile, LOOP_PERIOD)}
+        made = excitation(laboratory, manoeuvre_answer(one), commands, 0.0)
+        assert isinstance(made, Excitation)
+        truth = simulate_rig(par, made)
+        outcome = Outcome(truth["u"], {}, truth["p1"], truth["p2"], truth["x"], truth["v"])
+        for found in violations(outcome, limits, one.bench.rig):
+            beyond = abs(found.value - found.limit)
+            scale = one.bench.rig.stroke if found.quantity == "x" else abs(found.limit)
+            if beyond > TOLERANCE * (scale or 1.0):
+                yield found.quantity
+
+
+def main_small() -> None:
+    """Play two manoeuvres of a plan on the rig of the exam through its file, and count limits in two plans."""
+    laboratory, benches, limits, _ = limit_rig("usual")
+    listed = [m for b in benches for m in candidate_manoeuvres(b, limits) if m.duration < 9.0]
+    nothing = Information(np.zeros((0, 0)), 0, np.zeros(0))
+    chosen = [Chosen(m, nothing, 0.0) for m in (listed[4], listed[-1])]
+    rows = recordings_answer(chosen)
+    with tempfile.TemporaryDirectory() as folder:
+        file = Path(folder) / "commands.csv"
+        file.write_text(commands_csv(chosen, rows), encoding="utf-8")
+        takes = planned_recordings(laboratory, rows, read_commands(file))
+        laboratory.record(Path(folder), takes, np.random.default_rng(1))
+        for take in takes:
+            lines = (Path(folder) / f"{take.name}.csv").read_text(encoding="utf-8").splitlines()
+            print(f"| {take.name} | {len(lines) - 3} samples |")
+    print_limits(2)
+
+
+if __name__ == "__main__":
+    main(sys.argv[1:])
