@@ -262,7 +262,8 @@ def print_limits(plans: int, seed: int = 49) -> None:
     rng, exceeded, played, refused = np.random.default_rng(seed), Counter[str](), 0, 0
     rigs = [limit_rig(condition) for condition in LIMIT_CONDITIONS]
     for number in range(plans):
-        laboratory, benches, limits, model = rigs[number % len(rigs)]
+        laboratory, benches, _, model = rigs[number % len(rigs)]
+        limits = limits_of(model.rig, benches, random_limits(laboratory.parameters, rng))
         off = [off_by_interval(laboratory.parameters, rng) for _ in range(CHECKED_MODELS)]
         safety = Safety(model.rig, limits, {"exact": model} | {str(i): model_of(par) for i, par in enumerate(off)})
         bench = benches[int(rng.integers(len(benches)))]
@@ -287,6 +288,16 @@ RELATIVE_ERRORS = {  # standard errors of what a user's pipeline identifies or s
     "dead_volume_1": 0.05, "dead_volume_2": 0.05, "supply": 0.01,
 }  # fmt: skip
 TOLERANCE = 0.02  # of a limit: the model's integrator and the rig's agree that closely
+
+
+def random_limits(par: Parameters, rng: np.random.Generator) -> dict[str, float]:
+    """Return limits as a user may state them, so narrow that many manoeuvres come close to one."""
+    return {
+        "end_margin": par.stroke * rng.uniform(0.05, 0.3),
+        "max_speed": rng.uniform(0.1, 1.0),
+        "max_pressure": par.supply * rng.uniform(0.7, 1.1),
+        "max_force": (par.supply - par.ambient) * par.piston_area_1 * rng.uniform(0.1, 1.0),
+    }
 
 
 def limit_rig(condition: str) -> tuple[Laboratory, list[Bench], Limits, Model]:

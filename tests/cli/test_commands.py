@@ -373,3 +373,20 @@ def test_verbose_tells_more(pneucli: Command, bench: Path) -> None:
     assert len(pneucli("open", bench, "-v").out) > len(pneucli("open", bench).out)
     assert "rms error" in pneucli("add", bench, "valve-leak", "-v").out
     assert ":" in pneucli("effects", "-v").out.splitlines()[1]
+
+
+@pytest.mark.parametrize(
+    ("arguments", "said"),
+    [
+        (("--to", "xml"), "csv, st or c"),
+        (("a.csv",), "--take"),
+        (("--take", "a.csv"), "no plan"),
+    ],
+)
+def test_plan_refuses_what_it_cannot_do_before_anything_runs(
+    pneucli: Command, bench: Path, arguments: tuple[str, ...], said: str
+) -> None:
+    told = pneucli("plan", bench, *arguments)
+    assert told.code == 2
+    assert said in told.err
+    assert "running" not in told.err

@@ -1,0 +1,78 @@
+"""A plan in words: manoeuvres, steps for a person, what new recordings decided."""
+
+from __future__ import annotations
+
+from typing import Any, get_args
+
+import pytest
+
+from pneucli.messages import plan as words
+from pneucli.plan.manoeuvres import ManoeuvreKind
+
+RECORDING: dict[str, Any] = {
+    "name": "plan_1",
+    "use": "train",
+    "kind": "motion-sine",
+    "bench": "cylinder",
+    "drive": "position",
+    "column": "x_ref",
+    "chamber_2": "closed",
+    "gain": 80.0,
+    "centre": 0.1,
+    "level": 0.02,
+    "frequency": 2.0,
+    "speed": None,
+    "pressure": None,
+    "force": 0.0,
+    "start": {"x": 0.1, "p1": 3e5, "p2": 2.9e5},
+    "by_hand": None,
+    "begin": 0.0,
+    "end": 8.0,
+}
+ANSWER: dict[str, Any] = {
+    "schema": "pneucli/plan/1",
+    "pipeline": "rig-7",
+    "sentence": "One recording.",
+    "recordings": [RECORDING, RECORDING | {"name": "plan_2", "use": "test", "begin": 10.0, "end": 18.0}],
+    "limits": {"position": [0.01, 0.19], "max_speed": 0.5, "max_pressure": 8e5, "max_force": None},
+}
+
+
+def test_every_manoeuvre_has_its_words() -> None:
+    assert set(words.MANOEUVRES) == set(get_args(ManoeuvreKind))
+
+
+@pytest.mark.parametrize(
+    ("change", "text"),
+    [
+        ({}, "a position sine of 20.0 mm about 100 mm at 2 Hz"),
+        ({"kind": "steps", "drive": "valve", "level": 2.5}, "steps of 2.50 V and −2.50 V from the null command"),
+        ({"kind": "hold", "drive": "valve", "level": -5.0}, "open with 5.00 V for a moment"),
+        ({"kind": "machine-strokes", "speed": 0.05, "pressure": 4e5}, "at 50.0 mm/s and 4.00 bar"),
+    ],
+)
+def test_a_manoeuvre_states_its_numbers(change: dict[str, Any], text: str) -> None:
+    assert text in words.manoeuvre_text(RECORDING | change)
+
+
+def test_the_steps_say_where_to_start_which_column_to_play_and_how_to_take_the_files() -> None:
+    page = words.steps_page(ANSWER)
+    assert "Start at rest: x = 100 mm, p1 near 3.0 bar" in page
+    assert "`commands.csv` from 10.00 s to 18.00 s, column `x_ref`" in page
+    assert "held out: never fitted" in page
+    assert "--take plan_1.csv plan_2.csv" in page
+    assert "between 10.0 mm and 190 mm" in page
+
+
+def test_a_weight_states_its_mass_and_direction() -> None:
+    assert "2.00 kg" in words.by_hand_text("known-force", 19.62, 9.81)
+    assert "away from x = 0" in words.by_hand_text("known-force", 19.62, 9.81)
+    assert "toward x = 0" in words.by_hand_text("known-force", -19.62, 9.81)
+
+
+def test_what_was_decided_is_said_and_what_was_not_as_well() -> None:
+    after = {"missing": ["stribeck"]}
+    named = [{"effect": "stribeck", "now": "named"}]
+    assert words.taken_sentence({}, after, named) == "stribeck is now named."
+    assert "nothing new" in words.taken_sentence({}, after, [])
+    assert "no longer named" in words.taken_sentence({}, after, [{"effect": "stribeck", "now": "refused"}])
