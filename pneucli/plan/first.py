@@ -21,6 +21,7 @@ from pneucli.plan.selection import Objective
 from pneucli.plan.simulation import simulate_manoeuvre, synthetic_recording
 from pneucli.recording import Rig
 from pneucli.simulate.model import Model
+from pneucli.simulate.preparation import prepare
 from pneucli.simulate.rig_quantities import rig_quantities
 from pneucli.simulate.valve_forms.area import NO_VALVE, ValveArea
 from pneucli.simulate.valve_forms.linear import LinearValve
@@ -112,8 +113,6 @@ def sample_residual_models(
     benches: Sequence[Bench], limits: Limits, model: Model, horizon: float
 ) -> list[ResidualModel]:
     """Return the residual models of the first manoeuvre of each bench, from which scales and parameters follow."""
-    from pneucli.simulate.preparation import prepare  # noqa: PLC0415
-
     experiments = []
     for bench in benches:
         first = next(iter(candidate_manoeuvres(bench, limits)))

@@ -59,66 +59,77 @@ def _run_kernel(manoeuvre: Manoeuvre, model: Model) -> Outcome:
     """Run the model under a command at the valve, or under a proportional position loop."""
     bench, template = manoeuvre.bench, manoeuvre.bench.template
     command = sample(manoeuvre.profile, bench.period)
-    n, null, span = command.size, bench.rig.valve_null, bench.command_range
-    time = np.asarray(bench.period * np.arange(n), dtype=np.float64)
-    is_loop = bench.drive == "position"
-    start = start_of(manoeuvre)
-    inputs = np.zeros((n, len(at.INPUTS)))
-    inputs[:, at.IN_SUPPLY], inputs[:, at.IN_FORCE] = start.p_supply, manoeuvre.force
-    inputs[:, [at.IN_X, at.IN_P1, at.IN_P2]] = start.x, start.p1, start.p2
-    gain = bench.gain if is_loop else 0.0
-    inputs[:, at.IN_U] = command + null / gain if is_loop else command
-    inputs[:, at.IN_U2] = 2.0 * null - command
-    flags = _flags(manoeuvre)
-    kernel, out = kernel_for(model.effects), np.zeros((n, at.OUTPUTS))
+    time = np.asarray(bench.period * np.arange(command.size), dtype=np.float64)
+    gain = bench.gain if bench.drive == "position" else 0.0
+    kernel, out = kernel_for(model.effects), np.zeros((command.size, at.OUTPUTS))
     parts = template.kind.parts(
         has_cylinder=bench.rig.has_cylinder,
         supply_recorded="p_supply" in bench.signals,
         chamber_2=template.chamber_2,
     )
-    base = model.base_values()
-    if template.kind.vessel:
-        volume = model.values.get("rig.vessel_volume", bench.rig.vessel_volume or 0.0)
-        base |= {"rig.piston_area_1": 0.0, "rig.dead_volume_1": volume}
-        if bench.rig.command_sign(template.chamber) < 0.0:
-            inputs[:, at.IN_U] = 2.0 * null - inputs[:, at.IN_U]
-    if any("heat" in effect.ports for effect in model.effects):
-        base["rig.polytropic_exponent"] = base["rig.heat_capacity_ratio"]
     kernel.run(
         time,
-        inputs,
+        _kernel_inputs(manoeuvre, command, gain),
         np.zeros(1, dtype=np.int64),
-        np.array([base[name] for name in at.BASE_NAMES]),
+        _base_vector(bench, model),
         kernel.effect_vector(model.effect_values()),
         kernel.effect_switches([e.name for e in model.effects if e.part in parts]),
-        flags,
-        model.valve_of_chamber(template.chamber).table(span),
-        model.chamber_2_valve.table(span),
+        _flags(manoeuvre),
+        model.valve_of_chamber(template.chamber).table(bench.command_range),
+        model.chamber_2_valve.table(bench.command_range),
         _max_step(bench),
         np.zeros(1),
-        np.array([gain, abs(null) + span]),
+        np.array([gain, abs(bench.rig.valve_null) + bench.command_range]),
         out,
     )
-    commanded = np.clip(out[:, at.U], null - span, null + span) if is_loop else command
-    readings = {
-        "u": commanded,
-        "u2": 2.0 * null - commanded,
-        "x_ref": command,
-        "p_supply": np.full(n, start.p_supply),
-        "p1": out[:, at.R1],
-        "p2": out[:, at.R2],
-        "x": out[:, at.X],
-        "v": out[:, at.V],
-        "a": out[:, at.A],
-        "force": np.full(n, manoeuvre.force),
-        "temperature": out[:, at.GAS_T],
-        "flow": out[:, at.FLOW],
-    }
+    readings = _kernel_readings(manoeuvre, command, out)
     into_1 = np.maximum(out[:, at.FLOW], 0.0) if template.chamber_2 != "valve" else np.abs(out[:, at.FLOW])
     air = float(np.sum(into_1) * bench.period)
     if template.kind.vessel:
         return Outcome(time, readings, out[:, at.P1], air=air)
     return Outcome(time, readings, out[:, at.P1], out[:, at.P2], out[:, at.X], out[:, at.V], air)
+
+
+def _kernel_inputs(manoeuvre: Manoeuvre, command: Array, gain: float) -> Array:
+    """Return the inputs (n, 8): commands or reference, supply, force, and the start in every row.
+
+    The loop of the kernel has its zero at 0 V: the null command is a shift of the reference.
+    """
+    bench, start = manoeuvre.bench, start_of(manoeuvre)
+    null, inputs = bench.rig.valve_null, np.zeros((command.size, len(at.INPUTS)))
+    inputs[:, at.IN_SUPPLY], inputs[:, at.IN_FORCE] = start.p_supply, manoeuvre.force
+    inputs[:, [at.IN_X, at.IN_P1, at.IN_P2]] = start.x, start.p1, start.p2
+    inputs[:, at.IN_U] = command + null / gain if gain > 0.0 else command
+    inputs[:, at.IN_U2] = 2.0 * null - command
+    if bench.template.kind.vessel and bench.rig.command_sign(bench.template.chamber) < 0.0:
+        inputs[:, at.IN_U] = 2.0 * null - inputs[:, at.IN_U]
+    return inputs
+
+
+def _base_vector(bench: Bench, model: Model) -> Array:
+    """Return the base parameters in the order of the kernel; a vessel takes the place of chamber 1."""
+    base = model.base_values()
+    if bench.template.kind.vessel:
+        volume = model.values.get("rig.vessel_volume", bench.rig.vessel_volume or 0.0)
+        base |= {"rig.piston_area_1": 0.0, "rig.dead_volume_1": volume}
+    if any("heat" in effect.ports for effect in model.effects):
+        base["rig.polytropic_exponent"] = base["rig.heat_capacity_ratio"]
+    return np.array([base[name] for name in at.BASE_NAMES])
+
+
+def _kernel_readings(manoeuvre: Manoeuvre, command: Array, out: Array) -> dict[str, Array]:
+    """Return what sensors and logger read, each (n,)."""
+    bench = manoeuvre.bench
+    null, span = bench.rig.valve_null, bench.command_range
+    commanded = np.clip(out[:, at.U], null - span, null + span) if bench.drive == "position" else command
+    columns = {"p1": at.R1, "p2": at.R2, "x": at.X, "v": at.V, "a": at.A, "temperature": at.GAS_T, "flow": at.FLOW}
+    return {name: out[:, column] for name, column in columns.items()} | {
+        "u": commanded,
+        "u2": 2.0 * null - commanded,
+        "x_ref": command,
+        "p_supply": np.full(command.size, start_of(manoeuvre).p_supply),
+        "force": np.full(command.size, manoeuvre.force),
+    }
 
 
 def _flags(manoeuvre: Manoeuvre) -> Array:

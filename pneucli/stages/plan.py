@@ -25,6 +25,7 @@ from pneucli.plan.selection import (
     total_information,
     width_objective,
 )
+from pneucli.quantities import Z95
 from pneucli.simulate.model import parameter_value
 from pneucli.stages.pipeline_data import PipelineData
 from pneucli.stages.plan_answer import expected_rows, plan_answer, rival_answer
@@ -36,7 +37,6 @@ Array = NDArray[np.float64]
 
 DEFAULT_MINUTES = 3.0
 MIN_SECONDS = 15.0  # s of machine time: one recording and one that is held out
-Z95 = 1.96
 
 
 def run(context: Context) -> dict[str, Any]:

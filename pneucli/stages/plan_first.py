@@ -3,16 +3,20 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from pneucli.config.recording_sources import plugin_files
 from pneucli.errors import InputError
 from pneucli.identify.estimation.model_fit import free_parameters
+from pneucli.identify.residuals import ResidualModel
+from pneucli.physics.declaration import Effect
 from pneucli.physics.effects import all_effects
 from pneucli.pipeline.context import Context
-from pneucli.plan.bench import described_benches
+from pneucli.plan.bench import Bench, described_benches
 from pneucli.plan.evaluation import Comparison, evaluate_candidates
 from pneucli.plan.first import (
     extreme_models,
@@ -28,13 +32,16 @@ from pneucli.plan.power import power_table
 from pneucli.plan.rivals import with_typical_effect
 from pneucli.plan.safety import Safety
 from pneucli.plan.selection import choose_sequence, total_information
-from pneucli.simulate.model import parameter_value
+from pneucli.quantities import Z95
+from pneucli.recording import Rig
+from pneucli.simulate.model import Model, parameter_value
 from pneucli.stages.plan_answer import plan_answer
-from pneucli.stages.plan_files import power_row, write_plan
+from pneucli.stages.plan_files import write_plan
+
+Array = NDArray[np.float64]
 
 FIRST_MINUTES = 5.0
 VESSEL_HORIZON, AXIS_HORIZON = 5.0, 0.5  # s between restarts of the comparison, as the pipelines of new rigs have them
-Z95 = 1.96
 NOISE_WARNING = (
     "The powers assume usual sensors, and that the best model leaves twice the noise, correlated over 0.1 s: after the "
     "first recordings, plan again from the diagnosis."
@@ -43,70 +50,109 @@ NOISE_WARNING = (
 
 @dataclass(frozen=True)
 class FirstStudy:
-    """What writing a first programme needs."""
+    """A rig that is only described: its benches, limits, typical model, and the effects that may be seen."""
 
     context: Context
-    limits: Limits
+
+    @cached_property
+    def rig(self) -> Rig:
+        """The rig; raises InputError where no bench or no supply is described."""
+        rig = self.context.config.to_rig()
+        if not described_benches(rig):
+            raise InputError(
+                f"{self.context.path}, key rig",
+                "neither a vessel nor a cylinder with its stroke",
+                "[rig.vessel] volume, or [rig.cylinder] piston_area_1 and stroke",
+                "describe the rig",
+            )
+        if rig.supply_pressure is None:
+            raise InputError(
+                f"{self.context.path}, key rig.supply_pressure", "missing", 'such as "7 bar"', "state the supply"
+            )
+        return rig
+
+    @cached_property
+    def benches(self) -> list[Bench]:
+        """The benches."""
+        return described_benches(self.rig, self.context.config.plan.max_command)
+
+    @cached_property
+    def limits(self) -> Limits:
+        """The limits of the rig."""
+        return limits_of(self.rig, self.benches, self.context.config.plan.model_dump())
+
+    @cached_property
+    def model(self) -> Model:
+        """A typical model."""
+        form = "switching" if self.rig.valve_kind == "switching" else self.context.config.model.valve
+        return typical_model(self.rig, self.benches, form)
+
+    @property
+    def horizon(self) -> float:
+        """Time in s between restarts of the comparison."""
+        return AXIS_HORIZON if self.rig.has_cylinder else VESSEL_HORIZON
+
+    @cached_property
+    def samples(self) -> list[ResidualModel]:
+        """The residual models of a manoeuvre of each bench."""
+        return sample_residual_models(self.benches, self.limits, self.model, self.horizon)
+
+    @cached_property
+    def effects(self) -> list[tuple[Effect, Model]]:
+        """The effects that may be seen, each with the model that has it at its typical size."""
+        catalogue = list(all_effects(plugin_files(self.context.config)).values())
+        visible = visible_effects(catalogue, self.samples, self.model)
+        return [(e, m) for e in visible if (m := with_typical_effect(self.model, e, self.samples)) is not None]
+
+    @cached_property
+    def comparison(self) -> Comparison:
+        """The comparison of planned recordings with the typical model and those with one effect."""
+        free, models = free_parameters(self.model, self.samples), [m for _, m in self.effects]
+        return Comparison(self.model, models, free, usual_deviations(self.samples), self.horizon)
 
 
 def first_programme(context: Context) -> dict[str, Any]:
     """Plan the first recordings of a rig; raises InputError where ``[rig]`` describes no bench."""
-    config = context.config
-    rig = config.to_rig()
-    stated = config.plan.model_dump()
-    benches = described_benches(rig, stated["max_command"])
-    if not benches:
-        raise InputError(
-            f"{context.path}, key rig",
-            "neither a vessel nor a cylinder with its stroke",
-            "[rig.vessel] volume, or [rig.cylinder] piston_area_1 and stroke",
-            "describe the rig",
-        )
-    if rig.supply_pressure is None:
-        raise InputError(f"{context.path}, key rig.supply_pressure", "missing", 'such as "7 bar"', "state the supply")
-    limits = limits_of(rig, benches, stated)
+    study = FirstStudy(context)
+    rig, comparison = study.rig, study.comparison
     context.progress("a typical model of the rig", 0.05)
-    form = "switching" if rig.valve_kind == "switching" else config.model.valve
-    model = typical_model(rig, benches, form)
-    horizon = AXIS_HORIZON if rig.has_cylinder else VESSEL_HORIZON
-    samples = sample_residual_models(benches, limits, model, horizon)
-    free = free_parameters(model, samples)
-    catalogue = visible_effects(list(all_effects(plugin_files(config)).values()), samples, model)
-    pairs = [(e, m) for e in catalogue if (m := with_typical_effect(model, e, samples)) is not None]
-    effects, models = [e for e, _ in pairs], [m for _, m in pairs]
-    comparison = Comparison(model, models, free, usual_deviations(samples), horizon)
     candidates, refused = evaluate_candidates(
-        benches, limits, comparison, rig, lambda text, share: context.progress(text, 0.1 + 0.8 * share)
+        study.benches, study.limits, comparison, rig, lambda text, share: context.progress(text, 0.1 + 0.8 * share)
     )
-    commands = [c for c in candidates if not c.manoeuvre.by_hand]
-    covariance = prior_covariance(free)
-    safety = Safety(rig, limits, extreme_models(model))
+    covariance = prior_covariance(comparison.free)
+    safety = Safety(rig, study.limits, extreme_models(study.model))
     seconds = 60.0 * float(context.options.get("minutes", FIRST_MINUTES))
+    commands = [c for c in candidates if not c.manoeuvre.by_hand]
     chosen = choose_sequence(commands, programme_objective(covariance), seconds, safety)
     if not chosen:
         raise InputError(
             f"{context.path}, key plan", "no manoeuvre keeps the limits", "wider limits", "state them in [plan]"
         )
-    chosen = sorted(chosen, key=lambda c: [b.name for b in benches].index(c.manoeuvre.bench.name))
+    order = [bench.name for bench in study.benches]
+    chosen = sorted(chosen, key=lambda c: order.index(c.manoeuvre.bench.name))
     told = total_information(chosen)
-    powers = power_table(effects, models, told, covariance, model)
-    study = FirstStudy(context, limits)
+    effects, models = [e for e, _ in study.effects], [m for _, m in study.effects]
+    powers = power_table(effects, models, told, covariance, study.model)
     answer = plan_answer(study, chosen, [*refused, *safety.refused])
     answer["expected"] = [
         {"effect": p.effect.name, "rival": p.effect.name, "probability_before": None, "power": p.power}
         for p in powers
         if p.typical
     ]
-    after = told.parameter_covariance(covariance)
-    answer["parameters"] = [
+    answer["parameters"] = _narrowed(study, covariance, told.parameter_covariance(covariance))
+    answer["warnings"] = [NOISE_WARNING]
+    return write_plan(answer, chosen, powers, study, (comparison, []))
+
+
+def _narrowed(study: FirstStudy, before: Array, after: Array) -> list[dict[str, Any]]:
+    """Return the half widths of the parameters' 95 % intervals, before and after the programme."""
+    slopes = [Z95 * f.derivative(parameter_value(study.model, f.name)) for f in study.comparison.free]
+    return [
         {
             "name": f.name,
             "unit": f.unit,
-            "half_width_before": float(Z95 * np.sqrt(covariance[i, i]) * f.derivative(parameter_value(model, f.name))),
-            "half_width_after": float(Z95 * np.sqrt(after[i, i]) * f.derivative(parameter_value(model, f.name))),
+            "half_width_before": float(slope * np.sqrt(before[i, i])),
+            "half_width_after": float(slope * np.sqrt(after[i, i])),
         }
-        for i, f in enumerate(free)
+        for i, (f, slope) in enumerate(zip(study.comparison.free, slopes, strict=True))
     ]
-    answer["power"] = [power_row(p) for p in powers]
-    answer["warnings"] = [NOISE_WARNING]
-    return write_plan(answer, chosen, powers, study, (comparison, []))
