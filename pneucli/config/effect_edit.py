@@ -28,7 +28,11 @@ def set_effects(path: str | Path, effects: Sequence[str]) -> None:
             model = document["model"] = tomlkit.table()
         if not isinstance(model, Table):
             raise InputError(
-                f"{path}, key model", "not a table", "a table [model]", "write [model] on a line of its own", code="E023"
+                f"{path}, key model",
+                "not a table",
+                "a table [model]",
+                "write [model] on a line of its own",
+                code="E023",
             )
         model["effects"] = list(effects)
 
