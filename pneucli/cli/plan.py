@@ -67,7 +67,9 @@ def _plan(
         _take(pipeline, [*take, *(files or [])], out, json, quiet)
         return
     if files:
-        raise InputError("pneucli plan", str(files[0]), "recordings after --take", "write --take before the files")
+        raise InputError(
+            "pneucli plan", str(files[0]), "recordings after --take", "write --take before the files", code="E001"
+        )
     options = _options(minutes, effects, parameters, to)
     if first:
         _first(pipeline, out, json, quiet, verbose, options)
@@ -80,7 +82,7 @@ def _options(minutes: float | None, effects: str | None, parameters: str | None,
     targets = _names(to)
     for name in targets:
         if name not in TARGETS:
-            raise InputError("--to", f'"{name}"', "csv, st or c", did_you_mean(name, TARGETS))
+            raise InputError("--to", f'"{name}"', "csv, st or c", did_you_mean(name, TARGETS), code="E031")
     options: dict[str, Any] = {} if minutes is None else {"minutes": minutes}
     options |= {"effects": _names(effects)} if effects else {}
     options |= {"parameters": _names(parameters)} if parameters else {}

@@ -28,7 +28,9 @@ def append_recordings(path: str | Path, tables: Sequence[Mapping[str, Any]]) -> 
         if recordings is None:
             recordings = document["recordings"] = tomlkit.aot()
         if not isinstance(recordings, AoT):
-            raise InputError(f"{path}, key recordings", "not tables", "tables [[recordings]]", "write each as a table")
+            raise InputError(
+                f"{path}, key recordings", "not tables", "tables [[recordings]]", "write each as a table", code="E023"
+            )
         for table in tables:
             added = tomlkit.table()
             for key, value in table.items():

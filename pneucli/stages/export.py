@@ -52,7 +52,9 @@ def _export_controller(context: Context, wanted: Sequence[str]) -> dict[str, Any
     """Write the controller and the maps; raises NotApplicable where no controller was designed."""
     if "design" not in context.answers:
         found = "no controller to export, since there is no axis to control"
-        raise NotApplicable(f"{context.path}", found, "a cylinder and a recording of it with its valve", "--to fmu")
+        raise NotApplicable(
+            f"{context.path}", found, "a cylinder and a recording of it with its valve", "--to fmu", code="E071"
+        )
     name = context.options.get("controller") or context.answers["design"]["requirements"]["controller"]
     controller = load_controller(context.artifacts / "design", find_law(name, "--controller").name)
     precision = context.options.get("precision", "float64")

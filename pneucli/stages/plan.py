@@ -93,7 +93,7 @@ def _chosen(study: PlanStudy, candidates: Sequence[Evaluated], objective: Object
     """Choose from commands; a manoeuvre by hand only where it alone tells more than the best command alone."""
     seconds = 60.0 * float(study.context.options.get("minutes", DEFAULT_MINUTES))
     if seconds < MIN_SECONDS:
-        raise InputError("--minutes", f"{seconds / 60.0:g}", f"at least {MIN_SECONDS / 60.0:g}")
+        raise InputError("--minutes", f"{seconds / 60.0:g}", f"at least {MIN_SECONDS / 60.0:g}", code="E001")
     commands = [c for c in candidates if not c.manoeuvre.by_hand]
     study.context.progress("choosing", 0.82)
     best = min((objective(c.information) for c in commands), default=np.inf)
@@ -105,6 +105,7 @@ def _chosen(study: PlanStudy, candidates: Sequence[Evaluated], objective: Object
             "no manoeuvre keeps the limits of the rig",
             "wider limits",
             "state end_margin, max_speed, max_pressure or max_force in [plan]; pneucli plan -v shows what was refused",
+            code="E071",
         )
     return chosen
 

@@ -64,10 +64,15 @@ class FirstStudy:
                 "neither a vessel nor a cylinder with its stroke",
                 "[rig.vessel] volume, or [rig.cylinder] piston_area_1 and stroke",
                 "describe the rig",
+                code="E063",
             )
         if rig.supply_pressure is None:
             raise InputError(
-                f"{self.context.path}, key rig.supply_pressure", "missing", 'such as "7 bar"', "state the supply"
+                f"{self.context.path}, key rig.supply_pressure",
+                "missing",
+                'such as "7 bar"',
+                "state the supply",
+                code="E063",
             )
         return rig
 
@@ -126,7 +131,11 @@ def first_programme(context: Context) -> dict[str, Any]:
     chosen = choose_sequence(commands, programme_objective(covariance), seconds, safety)
     if not chosen:
         raise InputError(
-            f"{context.path}, key plan", "no manoeuvre keeps the limits", "wider limits", "state them in [plan]"
+            f"{context.path}, key plan",
+            "no manoeuvre keeps the limits",
+            "wider limits",
+            "state them in [plan]",
+            code="E071",
         )
     order = [bench.name for bench in study.benches]
     chosen = sorted(chosen, key=lambda c: order.index(c.manoeuvre.bench.name))

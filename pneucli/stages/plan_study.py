@@ -50,6 +50,7 @@ class PlanStudy:
                 "no recording over time to plan from",
                 "recordings, or --first",
                 f"pneucli plan {self.context.path} --first",
+                code="E061",
             )
         return found
 
@@ -69,7 +70,7 @@ class PlanStudy:
         for name in wanted:
             if name not in self.pipeline.available_effects:
                 mend = did_you_mean(name, self.pipeline.available_effects)
-                raise InputError("--effects", f'no effect "{name}"', "effects of the catalogue", mend)
+                raise InputError("--effects", f'no effect "{name}"', "effects of the catalogue", mend, code="E030")
         return rivals_of_diagnosis(self.best, self.train, self.diagnosis, self.pipeline.available_effects, wanted)
 
     @cached_property
@@ -99,7 +100,11 @@ class PlanStudy:
         for name in parameters:
             if name not in names:
                 raise InputError(
-                    "--parameters", f'no fitted parameter "{name}"', ", ".join(names), did_you_mean(name, names)
+                    "--parameters",
+                    f'no fitted parameter "{name}"',
+                    ", ".join(names),
+                    did_you_mean(name, names),
+                    code="E031",
                 )
         return [names.index(name) for name in parameters]
 

@@ -27,7 +27,9 @@ def last_answers(artifacts: Path, file: Path) -> tuple[Answer, Answer]:
     """
     plan, diagnosis = (read_manifest(artifacts / name) for name in ("plan", "diagnose"))
     if plan is None or plan.answer is None:
-        raise InputError(f"{file}", "no plan whose recordings could be taken", "a plan", f"pneucli plan {file}")
+        raise InputError(
+            f"{file}", "no plan whose recordings could be taken", "a plan", f"pneucli plan {file}", code="E007"
+        )
     return (diagnosis.answer or {}) if diagnosis is not None else {}, plan.answer
 
 
@@ -50,7 +52,7 @@ def add_recordings(file: Path, plan: Answer, paths: Sequence[Path]) -> list[dict
     """
     for path in paths:
         if not path.is_file():
-            raise InputError(str(path), "no such file", "a recording of the plan", "check the path")
+            raise InputError(str(path), "no such file", "a recording of the plan", "check the path", code="E002")
     _, document = read_toml(file)
     present = document.get("recordings", [])
     taken = {str(table.get("name", table.get("file"))) for table in present}
@@ -76,7 +78,7 @@ def _matched(planned: Sequence[Answer], paths: Sequence[Path]) -> list[tuple[Ans
         return [(one, paths[0], True) for one in planned]
     if len(paths) > len(planned):
         found = f"{len(paths)} files for {len(planned)} planned recordings"
-        raise InputError("--take", found, "a file for each", "name the files as steps.md does")
+        raise InputError("--take", found, "a file for each", "name the files as steps.md does", code="E031")
     return [(one, path, False) for one, path in zip(planned, paths, strict=False)]
 
 

@@ -25,7 +25,7 @@ def require_fmpy() -> None:
         import fmpy  # noqa: F401, PLC0415 - an extra
     except ImportError as error:
         mend = "pip install 'pneucli[fmu]'"
-        raise InputError("--to fmu", "FMPy is not installed", "the extra fmu", mend) from error
+        raise InputError("--to fmu", "FMPy is not installed", "the extra fmu", mend, code="E009") from error
 
 
 def token_of(sources: Sequence[str]) -> str:

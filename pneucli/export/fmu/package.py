@@ -97,7 +97,7 @@ def _sources(plant: Plant, where: str) -> dict[str, str]:
         functions = plant_functions(plant.effects, sizes)
     except ValueError as error:
         wanted = "arithmetic, if, for over a range, and functions of math.h"
-        raise InputError(where, f"an effect cannot be written in C: {error}", wanted) from error
+        raise InputError(where, f"an effect cannot be written in C: {error}", wanted, code="E064") from error
     tables = _tables(plant)
     token = token_of([functions, tables, __version__])
     main = fill_template(

@@ -102,7 +102,7 @@ def plant_of(
         found = (
             "this rig has no valve that lets gas through: its recordings are of friction, or of a valve that is shut"
         )
-        raise InputError(where, found, "a valve test, or an axis with its valve")
+        raise InputError(where, found, "a valve test, or an axis with its valve", code="E071")
     imagined = _imagined(kind, model, own)
     flags = imagined.flags
     flags[at.U_MAX] = max(float(e.flags[at.U_MAX]) for e in experiments if e.recording.kind.valve)
@@ -143,4 +143,6 @@ def _require_exportable(effect: Effect, where: str) -> None:
     for port, reason in REFUSED_PORTS.items():
         if port in effect.ports:
             found = f'the effect "{effect.name}" cannot be exported: {reason}'
-            raise InputError(where, found, "effects of the plant", f"pneucli remove PIPELINE {effect.name}")
+            raise InputError(
+                where, found, "effects of the plant", f"pneucli remove PIPELINE {effect.name}", code="E064"
+            )
