@@ -29,7 +29,8 @@ PRESENCE_RATE_BY_REASON: Mapping[str, float] = CALIBRATION["presence_rate_by_rea
 PRESENCE_RATE_OTHER: float = CALIBRATION["presence_rate_other"]  # of all other reasons together
 
 MIN_NAMED_PROBABILITY = 0.5  # an effect with a lower probability is more probably absent and is not named
-MAX_RELATIVE_SIZE = 1.0  # times the typical size: an effect beyond it is no more probable
+MIN_RELATIVE_SIZE = 0.1  # times the typical size: a smaller effect is no less probable with an unmodelled effect
+MAX_RELATIVE_SIZE = 1.0  # the same: a larger effect is no more probable
 
 
 class Evidence(NamedTuple):
@@ -58,7 +59,7 @@ class Evidence(NamedTuple):
             return 1.0, _clipped_log10(self.significance, 1.0, 300.0), size, math.log(share / (1.0 - share))
         return (
             1.0,
-            _clipped_log10(self.size, 0.03, MAX_RELATIVE_SIZE),
+            _clipped_log10(self.size, MIN_RELATIVE_SIZE, MAX_RELATIVE_SIZE),
             _clipped_log10(self.left, 0.01, 1.0),
             _clipped_log10(1.0 - (self.share or 0.0), 0.01, 1.0),
         )

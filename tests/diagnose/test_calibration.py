@@ -25,7 +25,7 @@ WITHIN: list[tuple[Evidence, str, list[float]]] = [
     *[(one, "share", [0.05, 0.3, 0.6, 0.9]) for one in (COMPLETE, MIDDLING)],
     (COMPLETE, "significance", [2.0, 5.0, 20.0, 80.0]),
     (MIDDLING, "significance", [1.9, 2.0]),
-    *[(one, "size", [0.05, 0.2, 0.5, 0.9]) for one in (COMPLETE, MIDDLING)],
+    *[(one, "size", [0.1, 0.2, 0.5, 0.9]) for one in (COMPLETE, MIDDLING)],
     (MIDDLING, "left", [0.9, 0.5, 0.1, 0.02]),
 ]
 BEYOND: list[tuple[Evidence, str, float, float]] = [
@@ -34,7 +34,8 @@ BEYOND: list[tuple[Evidence, str, float, float]] = [
     (MIDDLING, "share", 0.0, -0.5),
     (MIDDLING, "share", 0.99, 1.0),
     (MIDDLING, "significance", 2.0, 1e9),
-    (MIDDLING, "size", 0.03, 0.0),
+    (COMPLETE, "size", 0.03, 0.0),
+    (MIDDLING, "size", 0.1, 0.0),
     (COMPLETE, "size", 1.0, 100.0),
     (MIDDLING, "size", 1.0, 100.0),
     (MIDDLING, "left", 1.0, 20.0),
