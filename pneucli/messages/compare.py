@@ -79,6 +79,13 @@ def worst_channel_sentence(answer: Row) -> str:
     return f"{worst['channel']} in {worst['recording']}, {ratio} × noise ({rmsd} rms)"
 
 
+def even_error_sentence(answer: Row) -> str:
+    """Return what it means that no region holds more of the error than of the samples."""
+    if rating(evaluation_error(answer.get("error", {}))[1]) == "bad":
+        return "The error is spread over all samples: no interval stands out."
+    return "No channel exceeds its noise notably."
+
+
 def test_first(channels: Iterable[Row]) -> list[Row]:
     """Return the channels' errors, test recordings before training recordings."""
     return sorted(channels, key=lambda c: c["use"] != "test")

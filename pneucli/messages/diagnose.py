@@ -107,12 +107,16 @@ def next_step(answer: Answer, file: str) -> str:
 
 
 def detectability_summary(answer: Answer) -> str:
-    """Return how many effects of the catalogue are detectable, with an example."""
+    """Return how many effects of the catalogue are detectable, with an example.
+
+    Effects that no residual can show have no limit; they are among the others all the same.
+    """
     limits = answer.get("detectable", [])
     detectable = [describe_detection_limit(one) for one in limits if one["size"] is not None]
     if not detectable:
         return "no other effect of the catalogue is detectable"
-    return f"{len(detectable)} of {len(limits)} other effects are detectable, such as {detectable[0]}"
+    others = {c["effect"] for c in [*limits, *answer.get("candidates", [])]} - set(answer.get("missing", []))
+    return f"{len(detectable)} of {len(others)} other effects are detectable, such as {detectable[0]}"
 
 
 def describe_detection_limit(one: Answer) -> str:

@@ -22,6 +22,7 @@ _SHOWN = {
     "m^2": (1e6, "mm²"),
     "m^3": (1e6, "cm³"),
 }
+PRESSURE_DIFFERENCE = "p1 - p2"
 _PRETTY = {"m/s^2": "m/s²", "N s/m": "N·s/m", "1": "", "m^3/(s Pa)": "m³/(s·Pa)"}
 _PRETTY |= {"rad/s^2": "rad/s²", "N m": "N·m", "N m s/rad": "N·m·s/rad", "kg m^2": "kg·m²", "m^3/rad": "m³/rad"}
 
@@ -131,9 +132,11 @@ def axis_title(name: str) -> str:
     if name in SIGNALS:
         unit = unit_symbol(SIGNALS[name].unit)
         return f"{SIGNALS[name].title} in {unit}" if unit else SIGNALS[name].title
+    if name == PRESSURE_DIFFERENCE:
+        return f"difference of the pressures, p1 − p2, in {unit_symbol('Pa')}"
     return {"direction": "direction of motion", "p_ratio": "pressure ratio"}.get(name, name)
 
 
 def signal_unit(name: str) -> str:
     """Return the SI unit of a signal or locator."""
-    return SIGNALS[name].unit if name in SIGNALS else "1"
+    return "Pa" if name == PRESSURE_DIFFERENCE else SIGNALS[name].unit if name in SIGNALS else "1"

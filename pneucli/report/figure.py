@@ -136,6 +136,13 @@ def envelope_indices(curves: Sequence[NDArray[Any]], max_samples: int) -> NDArra
     return np.unique(np.concatenate(chosen))
 
 
+def with_gap_indices(indices: NDArray[np.int64], values: NDArray[Any]) -> NDArray[np.int64]:
+    """Return rising indices with those of the first NaN of each gap in ``values`` (n,), so that no line crosses it."""
+    missing = np.isnan(values)
+    starts = np.flatnonzero(missing & ~np.concatenate([[False], missing[:-1]]))
+    return np.union1d(indices, starts)
+
+
 def with_gaps(values: NDArray[Any], segment: NDArray[Any]) -> NDArray[np.float64]:
     """Return values (n,) with NaN at the last sample of each ``segment`` (n,), so that a restart appears as a gap."""
     out = np.array(values, dtype=np.float64)

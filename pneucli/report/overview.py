@@ -21,6 +21,7 @@ LARGE_VERDICTS = {
     "unexplained": "none of the catalogue",
     "inconclusive": "inconclusive",
 }
+MAX_PURPOSE = 60  # characters of what an experiment is for: one line beside the picture
 MAX_STEPS = 5  # of the selection path: of more models, the first and the last ones are drawn
 
 
@@ -38,13 +39,14 @@ class Tile:
 class PathStep:
     """A bar of the selection path: the model, its error over noise, the bar's length (0 to 1).
 
-    ``only_if`` marks a model that was only fitted by the diagnosis.
+    ``only_if`` marks a model that was only fitted by the diagnosis, ``present`` the one of the other chapters.
     """
 
     label: str
     error: str
     length: float
     only_if: bool = False
+    present: bool = False
 
 
 @dataclass(frozen=True)
@@ -152,7 +154,7 @@ def _controller(material: ReportData) -> Tile | None:
     """Return the accuracy of the controller on the identified model, and the scenarios in which it fails."""
     answer = material.answer("simulate")
     if "closed_loop" not in answer:
-        return Tile("The controller", "none", "No axis with its valve was recorded.") if answer else None
+        return None
     rest, *others = simulate.worst_metrics(answer) or ["nothing measured"]
     failed = simulate.failed_scenarios(answer)
     large, _, tolerance = rest.partition(" (")
@@ -173,15 +175,13 @@ def selection_path(material: ReportData) -> list[PathStep]:
         return []
     use, _ = compare.evaluation_error(here[-1]["error"])
     shown = here if len(here) <= MAX_STEPS else [*here[: MAX_STEPS // 2], *here[MAX_STEPS // 2 - MAX_STEPS :]]
-    steps = [(label, m["error"][use], False) for label, m in zip(_labels(shown), shown, strict=True)]
+    steps = [(label, m["error"][use], False, m is here[-1]) for label, m in zip(_labels(shown), shown, strict=True)]
     answer = material.answer("diagnose")
     if answer.get("missing"):
         error = selected_step(answer)[f"error_{use}"]
-        steps.append((f"+ {' + '.join(answer['missing'])}", error, True))
-    most = max([2.0, *(error for _, error, _ in steps if error is not None)])
-    return [
-        PathStep(label, format_noise_ratio(error), _length(error, most), only_if) for label, error, only_if in steps
-    ]
+        steps.append((f"+ {' + '.join(answer['missing'])}", error, True, False))
+    most = max([2.0, *(error for _, error, _, _ in steps if error is not None)])
+    return [PathStep(label, format_noise_ratio(error), _length(error, most), *kind) for label, error, *kind in steps]
 
 
 def _labels(models: Sequence[Answer]) -> Iterator[str]:
@@ -204,7 +204,7 @@ def _worst_failure(material: ReportData, pictured: str) -> str:
     answer = material.first_comparison.answer if material.first_comparison else material.answer("compare")
     found = sorted(compare.grouped_regions(answer), key=lambda event: event[0]["recording"] != pictured)
     if not found:
-        return "No channel exceeds its noise notably." if answer else ""
+        return compare.even_error_sentence(answer) if answer else ""
     return f"{'It failed' if material.first_comparison else 'It fails'} most in {compare.describe_event(found[0])}."
 
 
@@ -215,7 +215,13 @@ def _next_command(material: ReportData) -> str:
         return f"Next: pneucli diagnose {material.file}" if material.answer("compare") else ""
     if answer["verdict"] == "adequate" and "closed_loop" in material.answer("simulate"):
         return f"Next: pneucli export {material.file} --to c"
-    return f"Next: {diagnose.next_step(answer, material.file)}"
+    if answer.get("next_experiment") and not answer["missing"] and not answer.get("impossible"):
+        purpose, colon, _ = answer["next_experiment"].partition(":")
+        about = (
+            f"{purpose[:1].lower()}{purpose[1:]}, see" if colon and len(purpose) <= MAX_PURPOSE else "the experiment in"
+        )
+        return f"Next: {about} the chapter Evidence"
+    return f"Next: {diagnose.next_step(answer, material.file).partition('; or: ')[0]}"
 
 
 def _checks(material: ReportData) -> str:

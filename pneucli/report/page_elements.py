@@ -88,6 +88,7 @@ class ZoomPlot:
     name: str
     caption: str
     runs: Sequence[PlotRun]
+    hint: str = ""  # how to use them; not on paper
 
 
 Part = Grid | Figure | Note | ZoomPlot

@@ -17,7 +17,7 @@ from pneucli.compare.error_regions import error_concentration
 from pneucli.messages.compare import evaluation_error
 from pneucli.messages.formatting import axis_title, format_noise_ratio, format_setting, in_display_unit
 from pneucli.quantities import SIGNALS
-from pneucli.report.figure import BLUE, GREY, ORANGE, envelope_indices, render, with_gaps
+from pneucli.report.figure import BLUE, GREY, ORANGE, envelope_indices, render, with_gap_indices, with_gaps
 from pneucli.report.report_data import ReportData, Table
 
 Array = NDArray[np.float64]
@@ -56,10 +56,11 @@ def worst_recording_figure(found: WorstRecording) -> tuple[dict[str, str], str]:
     ratio = format_noise_ratio(now)
     if before is not None:
         ratio = f"{format_noise_ratio(before)} → {ratio}"
+    shaded = "Shaded: the interval with the largest error. " if found.stretch else ""
     return pictures, (
-        f"{found.channel} in {found.recording}, the worst {found.kind}recording: {ratio} × noise. Shaded: the interval "
-        f"with the largest error. Below: measured − model, with the band of ± {BAND_SIGMA:g} σ of a correct model. The "
-        f"model restarts from the measurement every {format_setting(found.horizon)} s (ticks)."
+        f"{found.channel} in {found.recording}, the worst {found.kind}recording: {ratio} × noise. {shaded}Below: "
+        f"measured − model, with the band of ± {BAND_SIGMA:g} σ of a correct model. The model restarts from the "
+        f"measurement every {format_setting(found.horizon)} s (ticks)."
     )
 
 
@@ -149,4 +150,5 @@ def _shown_samples(found: WorstRecording) -> NDArray[np.int64]:
     margin = max(high - low, CONTEXT_RESTARTS * found.horizon)
     window = np.flatnonzero((found.time >= low - margin) & (found.time <= high + margin))
     curves = [c[window] for c in (found.measured, found.before, found.after) if c is not None]
-    return window[envelope_indices(curves, MAX_SAMPLES)]
+    error = (found.measured - found.after)[window]
+    return window[with_gap_indices(envelope_indices(curves, MAX_SAMPLES), error)]

@@ -12,13 +12,24 @@ from pneucli.compare.channel_errors import fit_percent
 from pneucli.messages.compare import rating, test_first
 from pneucli.messages.formatting import format_number, format_quantity, format_setting, in_display_unit, unit_symbol
 from pneucli.quantities import CHANNELS, COMMANDS
-from pneucli.report.figure import envelope_indices, with_gaps
+from pneucli.report.figure import envelope_indices, with_gap_indices, with_gaps
 from pneucli.report.page_elements import Cell, Grid, Note, Panel, Part, PlotRun, Section, Series, ZoomPlot
 from pneucli.report.report_data import ReportData, Table
 
 MAX_PLOT_SAMPLES = 80_000  # of all plots together: the page stays small enough for a mail
 MIN_CURVE_SAMPLES, MAX_CURVE_SAMPLES = 200, 4000
+MIN_VISIBLE_SHARE = 2e-3  # of a channel's range: half a pixel of a plot; curves that are closer coincide
 MAX_UNFOLDED_RECORDINGS = 12  # recordings; a longer table is folded
+
+CAPTION = (
+    "Where a recording has more samples than the plot, the plot shows minimum and maximum of each block of samples, so "
+    "no peak is lost. Ticks at the top mark where the model restarts from the measurement."
+)
+GAPS = (
+    "Wider gaps: nothing is compared there, because the piston touches an end of the stroke (the model does not "
+    "contain the stiffness of an end) or a reading is missing."
+)
+HINT = "Drag over an interval to zoom in, double-click or press the button to see everything; keys: + and −, arrows, 0."
 
 
 def section(material: ReportData) -> Section | None:
@@ -64,7 +75,7 @@ def _overview(channels: Iterable[Mapping[str, Any]], earlier: Iterable[Mapping[s
         ]
         for (recording, use), errors in ratios.items()
     ]
-    models = "first model → present model; " if before else ""
+    models = "before → after, the first and the present model; " if before else ""
     caption = f"Error of each channel, × noise; {models}held-out test recordings first."
     return Grid(caption, ("recording", "use", *names), rows, folded=len(rows) > MAX_UNFOLDED_RECORDINGS)
 
@@ -116,13 +127,8 @@ def _zoom(residuals: Table, before: Table, signals: Table, errors: Sequence[Mapp
     named = [
         PlotRun(f"{name} ({'train' if train else 'test'})", panels) for (train, name), panels in sorted(runs.items())
     ]
-    caption = (
-        "Drag over an interval to zoom in, double-click or press the button to see everything again; keys: + and −, "
-        "arrows, 0. On paper each recording is a small picture. Where a recording has more samples than the plot, the "
-        "plot shows minimum and maximum of each block of samples, so no peak is lost. Ticks at the top mark where the "
-        "model restarts from the measurement."
-    )
-    return ZoomPlot("comparison", caption, named)
+    gaps = any(np.isnan(rows["residual"]).any() for rows in channels.values())
+    return ZoomPlot("comparison", f"{CAPTION}{f' {GAPS}' if gaps else ''}", named, HINT)
 
 
 def _command(signals: Table, max_samples: int) -> list[Panel]:
@@ -137,17 +143,26 @@ def _command(signals: Table, max_samples: int) -> list[Panel]:
 def _panel(channel: str, rows: Table, before: Table | None, max_samples: int) -> Panel:
     unit = rows.text("unit")
     models = {"model": rows["model"]}
-    if before is not None and len(before) == len(rows):
-        models = {"first model": before["model"], "model": rows["model"]}
-    indices = envelope_indices([rows["measured"], rows["residual"]], max_samples)
+    if before is not None and len(before) == len(rows) and _differ(before, rows):
+        models = {"before": before["model"], "after": rows["model"]}
+    indices = with_gap_indices(envelope_indices([rows["measured"], rows["residual"]], max_samples), rows["residual"])
     curves = [Series("measured", "measured", in_display_unit(rows["measured"][indices], unit))]
     for label, values in models.items():
-        role = "model" if label == "model" else "before"
-        fit = fit_percent(rows["measured"], values)
+        role = "before" if label == "before" else "model"
+        compared = np.where(np.isnan(rows["residual"]), np.nan, values)
+        fit = fit_percent(rows["measured"], compared)
         title = label if math.isnan(fit) else f"{label}, fit {format_number(fit, 3)} %"
-        curves.append(Series(title, role, in_display_unit(with_gaps(values[indices], rows["segment"][indices]), unit)))
+        curves.append(
+            Series(title, role, in_display_unit(with_gaps(compared[indices], rows["segment"][indices]), unit))
+        )
     starts = rows["time"][np.flatnonzero(np.diff(rows["segment"])) + 1]
     return Panel(channel, unit_symbol(unit), rows["time"][indices], curves, starts.tolist())
+
+
+def _differ(before: Table, now: Table) -> bool:
+    """Return whether the curves of two models can be told apart in a plot."""
+    distance, span = np.abs(before["model"] - now["model"]), np.ptp(now["measured"][np.isfinite(now["measured"])])
+    return bool(np.nanmax(distance, initial=0.0) > MIN_VISIBLE_SHARE * span)
 
 
 def _deviation(
@@ -160,5 +175,7 @@ def _deviation(
     time = next(iter(here.values()))["time"]
     scaled = {c: rows["residual"] / noise[recording, c] for c, rows in here.items()}
     indices = envelope_indices(list(scaled.values()), max_samples)
+    for values in scaled.values():
+        indices = with_gap_indices(indices, values)
     curves = [Series(c, "residual", values[indices]) for c, values in scaled.items()]
     return [Panel("measured − model", "× noise", time[indices], curves)]

@@ -75,8 +75,8 @@ def _shape(effect: str, recording: str, channel: str, variable: str, *, rows: Ta
     with drawing(caption, axis_title(variable), f"residual of {channel} in {unit_symbol(unit)}") as one:
         x = in_display_unit(rows["value"], signal_unit(variable))
         curves = {name: in_display_unit(rows[name], unit) for name in ("residual_before", "residual_after", "expected")}
-        one.axes.plot(x, curves["residual_before"], color=ORANGE, alpha=0.5, linewidth=3.5, label="before")
-        one.axes.plot(x, curves["residual_after"], color=BLUE, label="after")
+        one.axes.plot(x, curves["residual_before"], color=BLUE, alpha=0.5, linewidth=3.5, label="before")
+        one.axes.plot(x, curves["residual_after"], color=ORANGE, label="after")
         one.axes.plot(x, curves["expected"], "--", color=TEXT_COLOUR, linewidth=1.0, label="contribution")
         one.canvas.legend(loc="outside upper right", ncols=3)
     return one
@@ -103,19 +103,9 @@ def _smooth_terms(term: Table) -> list[Figure]:
 def _candidates(candidates: Sequence[Answer], missing: Sequence[str]) -> Grid | None:
     if not candidates:
         return None
-    rows = [
-        [
-            Cell(c["effect"], numeric=False),
-            Cell("yes" if c.get("supported") else "no", tone="good" if c["effect"] in missing else "", numeric=False),
-            Cell(format_percent(c["confidence"]) if c.get("confidence") is not None else "–"),
-            Cell(format_number(c.get("error_before"), 3)),
-            Cell(format_number(c.get("error_after"), 3)),
-            Cell(format_parameters(c.get("parameters", {})), numeric=False),
-            Cell(", ".join(c.get("indistinguishable_from", [])) or "–", numeric=False),
-            Cell(c.get("why", ""), numeric=False),
-        ]
-        for c in candidates
-    ]
+    fitted = [c for c in candidates if c.get("parameters")]
+    rows = [_candidate(c, missing) for c in fitted]
+    rows += _unfitted([c for c in candidates if not c.get("parameters")])
     head = (
         "effect",
         "supported",
@@ -126,7 +116,38 @@ def _candidates(candidates: Sequence[Answer], missing: Sequence[str]) -> Grid | 
         "indistinguishable from",
         "why",
     )
-    return Grid("All candidates, and why each was accepted or rejected; errors are × noise", head, rows, folded=True)
+    caption = (
+        f"All {len(candidates)} candidates, {len(fitted)} of them fitted, and why each was accepted or rejected; "
+        "errors are × noise"
+    )
+    return Grid(caption, head, rows, folded=True)
+
+
+def _candidate(c: Answer, missing: Sequence[str]) -> list[Cell]:
+    return [
+        Cell(c["effect"], numeric=False),
+        Cell("yes" if c.get("supported") else "no", tone="good" if c["effect"] in missing else "", numeric=False),
+        Cell(format_percent(c["confidence"]) if c.get("confidence") is not None else "–"),
+        Cell(format_number(c.get("error_before"), 3)),
+        Cell(format_number(c.get("error_after"), 3)),
+        Cell(format_parameters(c.get("parameters", {})), numeric=False),
+        Cell(", ".join(c.get("indistinguishable_from", [])) or "–", numeric=False),
+        Cell(c.get("why", ""), numeric=False),
+    ]
+
+
+def _unfitted(candidates: Sequence[Answer]) -> list[list[Cell]]:
+    """Return a row for each reason why candidates were not fitted, with all of those candidates."""
+    reasons = dict.fromkeys(c.get("reason", "") for c in candidates)
+    rows = []
+    for reason in reasons:
+        alike = [c["effect"] for c in candidates if c.get("reason", "") == reason]
+        why = diagnose.REJECTION_REASONS.get(reason, "")
+        dashes = [Cell("–") for _ in range(5)]
+        rows.append(
+            [Cell(", ".join(alike), numeric=False), Cell("no", numeric=False), *dashes, Cell(why, numeric=False)]
+        )
+    return rows
 
 
 def _changed_parameters(moved: Sequence[Answer]) -> Grid | None:
@@ -153,7 +174,8 @@ def _remarks(answer: Answer) -> list[Part]:
         parts.append(Note(f"Next experiment: {following}"))
     if limits := answer.get("detectable"):
         rows = [[Cell(diagnose.describe_detection_limit(one), numeric=False)] for one in limits]
-        parts.append(Grid("Minimum detectable size of each effect", ("effect",), rows, folded=True))
+        caption = f"Minimum detectable size of each of the {len(rows)} effects that are not in the model"
+        parts.append(Grid(caption, ("effect",), rows, folded=True))
     return parts
 
 

@@ -33,7 +33,7 @@ MIN_CELL_SAMPLES = 5  # samples that a cell needs to be drawn
 MAX_MAPS = 3  # channels, those with the largest error of the first model
 COLOUR_FLOOR = 0.3  # times the noise: the end of the colours; no cell of five samples of pure noise lies far below
 MAX_LOCATIONS = 3  # locations of one event in the table
-STATES = ("u", "p1", "p2", "x", "v")
+STATES = ("u", "p1", "p2", "p1 - p2", "x", "v")
 
 
 @dataclass(frozen=True)
@@ -64,12 +64,17 @@ def section(material: ReportData) -> Section | None:
     for key in worst:
         parts += figures(_maps(first.get(key), now[key]))
     events = compare.grouped_regions(answer)
-    parts += [_events(events)] if events else [Note("No channel exceeds its noise notably.", "good")]
+    parts += [_events(events)] if events else [_even_error(answer)]
     lead = (
         "Each map pools all recordings of an experiment over the two variables over which the error varies most; the "
         "line in the colour bar is 1, the noise floor."
     )
     return Section("where", "Where the model fails", lead, parts)
+
+
+def _even_error(answer: Mapping[str, Any]) -> Note:
+    good = compare.rating(compare.evaluation_error(answer["error"])[1]) == "good"
+    return Note(compare.even_error_sentence(answer), "good" if good else "")
 
 
 def _events(events: Sequence[Sequence[Mapping[str, Any]]]) -> Grid:
@@ -119,6 +124,8 @@ def _cloud(experiment: str, channel: str, parts: list[tuple[Array, dict[str, Arr
 
 def _states(signals: Table, speed: Array | None) -> dict[str, Array]:
     states = {n: signals[n] for n in STATES if n in signals and np.isfinite(signals[n]).any()}
+    if "p1" in states and "p2" in states:
+        states["p1 - p2"] = states["p1"] - states["p2"]  # what friction of seals depends on
     if speed is not None:
         states["v"] = speed
     elif "x" in states and "v" not in states and len(signals) > 50:

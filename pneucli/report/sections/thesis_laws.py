@@ -16,6 +16,8 @@ Array = NDArray[np.float64]
 MAX_SAMPLES = 2000  # of a curve
 SPEEDS = 20.0  # Stribeck velocities that the friction figures show to either side
 STRIBECK_PARAMETERS = ("coulomb", "viscous", "static", "velocity")
+MIN_DIFFERENCE = 0.01  # of a parameter: curves that are closer coincide in the figure
+TINY = 1e-300
 MARGIN = 1.1  # of the axes beyond the trajectory
 
 
@@ -25,8 +27,18 @@ def friction_laws(material: ReportData) -> Iterator[Drawing]:
     found = {str(model): _values(rows) for (model,), rows in parameters.groups("model")} if len(parameters) else {}
     if set(STRIBECK_PARAMETERS) <= set(found.get("A", {}).get("", {})):
         yield _steady_laws(found["A"][""])
-    if {"accelerating", "slowing"} <= set(found.get("D", {})):
-        yield _branches(found["D"])
+    branches = found.get("D", {})
+    if set(STRIBECK_PARAMETERS) <= set(branches.get("accelerating", {})) and _branches_differ(branches):
+        yield _branches(branches)
+
+
+def _branches_differ(branches: Mapping[str, Mapping[str, float]]) -> bool:
+    """Return whether there are two branches, and curves that do not coincide."""
+    up, down = branches["accelerating"], branches.get("slowing", {})
+    if not {"coulomb", "viscous"} <= set(down):
+        return False
+    difference = max(abs(up[name] - down[name]) / max(abs(up[name]), TINY) for name in ("coulomb", "viscous"))
+    return difference > MIN_DIFFERENCE or up["static"] > (1.0 + MIN_DIFFERENCE) * up["coulomb"]
 
 
 def _values(rows: Table) -> dict[str, dict[str, float]]:

@@ -1,0 +1,131 @@
+"""One colour, one label and one count for one thing, on every chapter of the page."""
+
+from __future__ import annotations
+
+from importlib import import_module
+from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+import pytest
+
+from pneucli.messages import compare, diagnose
+from pneucli.report import figure, overview
+from pneucli.report.page_elements import Grid
+from pneucli.report.report_data import Table
+from pneucli.report.sections import thesis_laws
+from pneucli.report.sections.error_location import _states
+
+# the package has sections of the same names
+comparison: Any = import_module("pneucli.report.sections.comparison")
+diagnosis: Any = import_module("pneucli.report.sections.diagnosis")
+CSS = (Path(figure.__file__).parent / "assets" / "page.css").read_text(encoding="utf-8")
+
+
+def table(**columns: Any) -> Table:
+    return Table({name: np.asarray(values) for name, values in columns.items()})
+
+
+def channel(model: list[float], residual: list[float]) -> Table:
+    n = len(model)
+    return table(
+        time=np.arange(float(n)), unit=["m"] * n, measured=[1.0] * n, model=model, residual=residual, segment=[0] * n
+    )
+
+
+def test_before_and_after_have_the_colours_of_the_figures() -> None:
+    light = CSS.partition("@media")[0]
+    assert f"--before: {figure.BLUE}" in light
+    assert f"--model: {figure.ORANGE}" in light
+
+
+def test_a_first_model_that_coincides_with_the_present_one_is_left_out() -> None:
+    measured = np.linspace(0.0, 1.0, 50)
+    now = table(
+        time=np.arange(50.0), unit=["m"] * 50, measured=measured, model=measured + 0.01, residual=[-0.01] * 50,
+        segment=[0] * 50,
+    )  # fmt: skip
+    same = Table({**{name: now[name] for name in ("measured", "time")}, "model": now["model"] + 1e-5})
+    other = Table({**{name: now[name] for name in ("measured", "time")}, "model": now["model"] + 0.1})
+    names = [[s.label.partition(",")[0] for s in comparison._panel("x", now, b, 400).series] for b in (same, other)]
+    assert names == [["measured", "model"], ["measured", "before", "after"]]
+
+
+def test_no_line_crosses_a_gap_however_short() -> None:
+    values = np.sin(np.arange(5000.0))
+    values[2345] = np.nan
+    kept = figure.with_gap_indices(figure.envelope_indices([np.nan_to_num(values)], 100), values)
+    assert 2345 in kept
+    assert (np.diff(kept) > 0).all()
+
+
+def test_curves_of_two_branches_that_coincide_have_no_figure() -> None:
+    up = {"coulomb": 10.0, "viscous": 50.0, "static": 10.0, "velocity": 0.01}
+    assert not thesis_laws._branches_differ({"accelerating": up, "slowing": {"coulomb": 10.0, "viscous": 50.0}})
+    assert thesis_laws._branches_differ({"accelerating": up, "slowing": {"coulomb": 6.0, "viscous": 50.0}})
+    assert not thesis_laws._branches_differ({"accelerating": up, "slowing": {}})
+
+
+def test_a_model_without_stribeck_friction_has_no_figure_of_branches() -> None:
+    """Model D of a carriage without Stribeck friction has no velocity."""
+    rows = [("D", "accelerating", "coulomb", 1.0), ("D", "slowing", "coulomb", 2.0)]
+    columns = dict(zip(("model", "branch", "name", "value"), map(list, zip(*rows, strict=True)), strict=True))
+    material: Any = SimpleNamespace(table=lambda name: table(**columns))
+    assert list(thesis_laws.friction_laws(material)) == []
+
+
+def test_a_reason_stands_once_however_many_effects_it_refuses() -> None:
+    refused = [{"effect": f"e{i}", "reason": "not-promising", "why": "a. b", "supported": False} for i in range(43)]
+    grid = diagnosis._candidates(refused, [])
+    assert isinstance(grid, Grid)
+    assert grid.caption.startswith("All 43 candidates, 0 of them fitted")
+    texts = [cell if isinstance(cell, str) else cell.text for row in grid.rows for cell in row]
+    assert texts.count(diagnose.REJECTION_REASONS["not-promising"]) == 1
+    assert "e42" in texts[0]
+
+
+def test_effects_that_nothing_can_show_count_among_the_others() -> None:
+    limit = {"effect": "a", "parameter": "gain", "size": 1.0, "unit": "1", "typical": True}
+    answer = {
+        "detectable": [limit],
+        "candidates": [{"effect": "a"}, {"effect": "b"}, {"effect": "named"}],
+        "missing": ["named"],
+    }
+    assert diagnose.detectability_summary(answer).startswith("1 of 2 other effects")
+
+
+def test_a_bad_error_that_is_spread_evenly_is_not_called_small() -> None:
+    assert "spread" in compare.even_error_sentence({"error": {"test": 5.0, "train": None}})
+    assert "No channel" in compare.even_error_sentence({"error": {"test": 1.0, "train": None}})
+
+
+@pytest.mark.parametrize(
+    ("answer", "line"),
+    [
+        ({"missing": ["piston-leak"], "verdict": "missing-effect", "next_experiment": "Record p2. Slowly."},
+         "Next: pneucli add rig.toml --suggested"),
+        ({"missing": [], "verdict": "unexplained", "next_experiment": "To test stribeck: Vent both chambers. Pull."},
+         "Next: to test stribeck, see the chapter Evidence"),
+        ({"missing": [], "verdict": "adequate", "next_experiment": None}, "Next: pneucli run rig.toml"),
+    ],
+)  # fmt: skip
+def test_the_next_step_is_one_line(answer: dict[str, Any], line: str) -> None:
+    material: Any = SimpleNamespace(answer={"diagnose": answer, "simulate": {}}.get, file="rig.toml")
+    assert overview._next_command(material) == line
+
+
+def test_a_bench_without_an_axis_has_no_card_of_a_controller() -> None:
+    material: Any = SimpleNamespace(answer={"simulate": {"open_loop": []}}.get)
+    assert overview._controller(material) is None
+
+
+def test_maps_may_go_over_the_difference_of_the_pressures() -> None:
+    states = _states(table(time=[0.0, 1.0], p1=[3e5, 4e5], p2=[1e5, 1e5]), None)
+    np.testing.assert_array_equal(states["p1 - p2"], [2e5, 3e5])
+
+
+def test_what_only_a_screen_can_do_is_not_printed() -> None:
+    assert "Drag" in comparison.HINT
+    assert "Drag" not in comparison.CAPTION
+    assert ".on-screen" in CSS.partition("@media print")[2].partition("display: none")[0]
