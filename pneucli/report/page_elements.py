@@ -80,6 +80,11 @@ class PlotRun:
     panels: Sequence[Panel]
 
 
+ZOOM_HINT = (
+    "Drag over an interval to zoom in, double-click or press the button to see everything; keys: + and −, arrows, 0."
+)
+
+
 @dataclass(frozen=True)
 class ZoomPlot:
     """Zoomable time plots, one run at a time, chosen from a list."""

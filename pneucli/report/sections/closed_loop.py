@@ -14,7 +14,18 @@ from pneucli.messages.design import describe_decay_rate, describe_matching, desc
 from pneucli.messages.formatting import format_number, in_display_unit
 from pneucli.messages.simulate import METRIC_TITLES
 from pneucli.report.figure import BLUE, GREY, ORANGE, Drawing, drawing, envelope_indices, figures
-from pneucli.report.page_elements import Cell, Grid, Panel, Part, PlotRun, Section, Series, ZoomPlot, warning_notes
+from pneucli.report.page_elements import (
+    ZOOM_HINT,
+    Cell,
+    Grid,
+    Panel,
+    Part,
+    PlotRun,
+    Section,
+    Series,
+    ZoomPlot,
+    warning_notes,
+)
 from pneucli.report.report_data import ReportData, Table
 from pneucli.report.sections import margins
 from pneucli.report.sections.checks import grid as checks_grid
@@ -112,12 +123,9 @@ def _scenarios(table: Table, tolerance: float) -> list[Part]:
         return []
     drawings = [_error(name, *pair, tolerance) for name, pair in pairs.items()]
     drawings += [_load(name, rows) for name, (rows, _) in pairs.items() if np.any(rows["load"] != 0.0)]
-    caption = (
-        "Drag over an interval to zoom in, down to the micrometres at rest; double-click to see everything again. "
-        "Load estimate and pressure are those with compensation."
-    )
+    caption = "Load estimate and pressure are those with compensation."
     runs = [PlotRun(name, _panels(*pair)) for name, pair in pairs.items()]
-    return [*figures(drawings), ZoomPlot("closed-loop", caption, runs)]
+    return [*figures(drawings), ZoomPlot("closed-loop", caption, runs, ZOOM_HINT)]
 
 
 def _deviation(rows: Table) -> NDArray[Any]:

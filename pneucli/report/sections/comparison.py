@@ -13,7 +13,7 @@ from pneucli.messages.compare import rating, test_first
 from pneucli.messages.formatting import format_number, format_quantity, format_setting, in_display_unit, unit_symbol
 from pneucli.quantities import CHANNELS, COMMANDS
 from pneucli.report.figure import envelope_indices, with_gap_indices, with_gaps
-from pneucli.report.page_elements import Cell, Grid, Note, Panel, Part, PlotRun, Section, Series, ZoomPlot
+from pneucli.report.page_elements import ZOOM_HINT, Cell, Grid, Note, Panel, Part, PlotRun, Section, Series, ZoomPlot
 from pneucli.report.report_data import ReportData, Table
 
 MAX_PLOT_SAMPLES = 80_000  # of all plots together: the page stays small enough for a mail
@@ -29,7 +29,6 @@ GAPS = (
     "Wider gaps: nothing is compared there, because the piston touches an end of the stroke (the model does not "
     "contain the stiffness of an end) or a reading is missing."
 )
-HINT = "Drag over an interval to zoom in, double-click or press the button to see everything; keys: + and −, arrows, 0."
 
 
 def section(material: ReportData) -> Section | None:
@@ -128,7 +127,7 @@ def _zoom(residuals: Table, before: Table, signals: Table, errors: Sequence[Mapp
         PlotRun(f"{name} ({'train' if train else 'test'})", panels) for (train, name), panels in sorted(runs.items())
     ]
     gaps = any(np.isnan(rows["residual"]).any() for rows in channels.values())
-    return ZoomPlot("comparison", f"{CAPTION}{f' {GAPS}' if gaps else ''}", named, HINT)
+    return ZoomPlot("comparison", f"{CAPTION}{f' {GAPS}' if gaps else ''}", named, ZOOM_HINT)
 
 
 def _command(signals: Table, max_samples: int) -> list[Panel]:

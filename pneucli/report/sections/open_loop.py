@@ -6,7 +6,18 @@ import numpy as np
 
 from pneucli.messages.formatting import format_number, format_quantity, in_display_unit, unit_symbol
 from pneucli.report.figure import envelope_indices
-from pneucli.report.page_elements import MAX_UNFOLDED_ROWS, Cell, Grid, Panel, Part, PlotRun, Section, Series, ZoomPlot
+from pneucli.report.page_elements import (
+    MAX_UNFOLDED_ROWS,
+    ZOOM_HINT,
+    Cell,
+    Grid,
+    Panel,
+    Part,
+    PlotRun,
+    Section,
+    Series,
+    ZoomPlot,
+)
 from pneucli.report.report_data import ReportData, Table
 
 MAX_SAMPLES = 800  # samples of a curve
@@ -46,7 +57,7 @@ def _zoom(table: Table) -> ZoomPlot:
         PlotRun(str(scenario), [_panel(str(channel), part) for (channel,), part in rows.groups("channel")])
         for (scenario,), rows in table.groups("scenario")
     ]
-    return ZoomPlot("open-loop", "Drag over an interval to zoom in, double-click to see everything again.", runs)
+    return ZoomPlot("open-loop", "", runs, ZOOM_HINT)
 
 
 def _panel(channel: str, rows: Table) -> Panel:
