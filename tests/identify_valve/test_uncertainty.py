@@ -180,3 +180,22 @@ def test_a_monte_carlo_of_a_steady_bench_has_the_ends_of_the_budget() -> None:
     drawn = gum.drawn_characteristics(bench, 200)
     for i, budget in enumerate(bench.budgets[:3]):
         assert gum.end_errors(budget.interval, drawn[:, i])[1] <= 0.3
+
+
+def test_a_worked_example_of_a_data_sheet_lies_within_the_interval_of_its_own_rows() -> None:
+    """SMC, solenoid valves VX2, flow characteristics: C = 2 dm3/(s bar), b = 0.3 pass 420 l/min ANR at 0.4 to 0.3 MPa.
+
+    The sheet asks for rows at 100, 80, 60, 40 and 20 % of the choked flow, 600 l/min ANR; its graph is read to 0.01.
+    """
+    flow = np.array([1.0, 0.8, 0.6, 0.4, 0.2])
+    ratio = 0.3 + 0.7 * np.sqrt(1.0 - flow**2)
+    rows = {"u": np.ones(6), "p_supply": np.full(6, 5e5), "p1": 5e5 * np.append(ratio, 0.2)}
+    rows["flow"] = np.append(flow, 1.0) * 600.0 / 6e4 * 1.185
+    measurement = Measurement(dict.fromkeys(("flow", "p1", "p_supply"), Calibration(gain=0.005)))
+    bench = identify_flow_bench([as_recording(rows)], Rig(ambient_pressure=1e5))
+    assert bench is not None
+    (path,) = with_flow_budgets(bench, lambda path: "", measurement, RECORDED).paths
+    assert path.C.low <= 2e-8 <= path.C.high
+    assert path.b.low <= 0.3 <= path.b.high
+    passed = path.flow(np.array([5e5]), np.array([4e5]), 293.15)[0] / 1.185 * 6e4
+    assert passed == pytest.approx(420.0, rel=0.015)
