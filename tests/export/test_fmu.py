@@ -134,6 +134,12 @@ def test_fmpy_finds_no_fault_in_the_description(axis: Case) -> None:
     assert {v.name: v.unit for v in described.modelVariables}["friction.viscous"] == "N s/m"
 
 
+def test_the_same_plant_is_the_same_file_to_the_last_byte(axis: Case, tmp_path: Path) -> None:
+    """Other artifacts are so too: a killed run that continues gives what an undisturbed one gives."""
+    write_fmu(tmp_path, axis.plant, WHERE)
+    assert (tmp_path / FILE_NAME).read_bytes() == axis.path.read_bytes()
+
+
 def test_a_parameter_carries_its_interval(axis: Case) -> None:
     plant = replace(axis.plant, intervals={"friction.coulomb": (13.9, 14.2)})
     coulomb = next(v for v in variables_of(plant) if v.name == "friction.coulomb")

@@ -8,6 +8,7 @@ import subprocess
 from collections.abc import Iterable, Sequence
 from pathlib import Path
 from tempfile import TemporaryDirectory
+from zipfile import ZIP_DEFLATED, ZipFile, ZipInfo
 
 import numpy as np
 
@@ -55,7 +56,6 @@ def write_fmu(folder: Path, plant: Plant, where: str) -> dict[str, object]:
     """
     require_fmpy()
     from fmpy.model_description import write_model_description  # noqa: PLC0415 - an extra
-    from fmpy.util import create_zip_archive  # noqa: PLC0415 - an extra
 
     variables = variables_of(plant)
     sources = _sources(plant, where)
@@ -73,7 +73,7 @@ def write_fmu(folder: Path, plant: Plant, where: str) -> dict[str, object]:
         (root / "documentation" / "index.html").write_text(_documentation(plant, title, variables), encoding="utf-8")
         binaries = _compile(root, Path(name) / "build")
         with atomic_path(folder / FILE_NAME) as temporary:
-            create_zip_archive(temporary, root)
+            _archive(root, temporary)
     return {
         "inputs": [v.name for v in variables if v.kind == "input"],
         "outputs": [v.name for v in variables if v.kind == "output"],
@@ -86,6 +86,16 @@ def write_fmu(folder: Path, plant: Plant, where: str) -> dict[str, object]:
         "binaries": binaries,
         "max_step_s": plant.max_step,
     }
+
+
+def _archive(root: Path, target: Path) -> None:
+    """Write an archive of a folder that is the same for the same files: sorted, without their times."""
+    with ZipFile(target, "w", ZIP_DEFLATED) as archive:
+        for path in sorted(root.rglob("*")):
+            if path.is_file():
+                about = ZipInfo(path.relative_to(root).as_posix())  # its date is the first that an archive can hold
+                about.external_attr = 0o644 << 16
+                archive.writestr(about, path.read_bytes(), ZIP_DEFLATED)
 
 
 def _sources(plant: Plant, where: str) -> dict[str, str]:
