@@ -12,7 +12,7 @@ import pytest
 ROOT = Path(__file__).parents[1]
 SHARED = {"cases", "rigs", "small"}  # what benchmarks share: no benchmark of their own
 TESTED_ELSEWHERE = {"simulate"}  # tests/simulate/test_benchmark.py
-NEED_GCC = {"exam_loop", "gate", "laws", "level", "machine_logs", "precision"}
+NEED_GCC = {"exam_loop", "gate", "laws", "level", "machine_logs", "plant_fmu", "precision"}
 SLOW = {
     "arrangements",
     "diagnose",

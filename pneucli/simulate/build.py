@@ -29,7 +29,6 @@ from pneucli.simulate.kernel import (
     chamber,
     friction,
     imposed,
-    plant,
     run,
     sensors,
     step,
@@ -38,18 +37,7 @@ from pneucli.simulate.kernel import (
 )
 
 _LOCK = Lock()  # threads ask for kernels
-PARTS = (
-    valve,
-    chamber,
-    friction,
-    sensors,
-    step,
-    run,
-    imposed,
-    balance,
-    table_friction,
-    plant,
-)  # in the order of the text
+PARTS = (valve, chamber, friction, sensors, step, run, imposed, balance, table_friction)  # in the order of the text
 ENTRY_POINTS = (
     "run",
     "advance",  # called twice, and too long to be inlined twice
@@ -114,13 +102,20 @@ def _build(effects: tuple[Effect, ...], compiled: bool, control: str | None) -> 
     return Kernel(module.run, module, tuple(e.name for e in effects), index)
 
 
-def source(effects: Sequence[Effect], *, compiled: bool = True, control: str | None = None) -> str:
+def source(
+    effects: Sequence[Effect],
+    *,
+    compiled: bool = True,
+    control: str | None = None,
+    parts: Sequence[ModuleType] = PARTS,
+) -> str:
     """Return the text of the kernel's module.
 
     Args:
         effects: Effects.
         compiled: Whether functions have numba's decorators.
         control: Text of functions that replace ``control``.
+        parts: Modules of the kernel whose functions stand in the text.
 
     Returns:
         Python text.
@@ -128,11 +123,11 @@ def source(effects: Sequence[Effect], *, compiled: bool = True, control: str | N
     >>> "def run(" in source(())
     True
     """
-    physics = "\n\n\n".join(_functions(part) for part in PARTS) + "\n"
+    physics = "\n\n\n".join(_functions(part) for part in parts) + "\n"
     if control is not None:
         before, after = re.split(r"^def control\(.*?(?=^def )", physics, flags=re.MULTILINE | re.DOTALL)
         physics = f"{before}{control}\n\n{after}"
-    parts = [
+    texts = [
         "import math\n\nimport numpy as np\nfrom numba import njit\n",
         _constants(),
         _functions(gas) + "\n",
@@ -141,7 +136,7 @@ def source(effects: Sequence[Effect], *, compiled: bool = True, control: str | N
         _scalars(effects),
         physics,
     ]
-    text = "\n\n".join(parts)
+    text = "\n\n".join(texts)
     return re.sub(r"^def (\w+).*?(?=^def |\Z)", _decorate, text, flags=re.MULTILINE | re.DOTALL) if compiled else text
 
 

@@ -13,7 +13,8 @@ from pneucli.export.fmu.lowered_expressions import Shapes
 from pneucli.export.fmu.lowering import RESULT, lower, tuple_lengths
 from pneucli.export.type_inference import InferredTypes
 from pneucli.physics.declaration import Effect
-from pneucli.simulate.build import source
+from pneucli.simulate.build import PARTS, source
+from pneucli.simulate.kernel import plant
 
 ROOTS = ("plant_start", "plant_step", "plant_outputs")
 C99_MATH = frozenset(
@@ -63,7 +64,7 @@ def plant_functions(effects: Sequence[Effect], sizes: Mapping[str, tuple[int, ..
         ValueError: A function of an effect has no counterpart in C; the message names it.
     """
     ordered = sorted(effects, key=lambda e: (e.order, e.name))
-    module = ast.parse(source(ordered, compiled=False))
+    module = ast.parse(source(ordered, compiled=False, parts=(*PARTS, plant)))
     every = {node.name: node for node in module.body if isinstance(node, ast.FunctionDef)}
     needed = {name: every[name] for name in every if name in _reachable(every)}
     constants = _constants(module)

@@ -144,8 +144,6 @@ def plant_step(t, dt, h_max, inputs, flags, areas, areas_2, s, s1, s2, s_supply,
     mechanics, stated, chamber_2 = flags[MECHANICS] > 0.0, flags[STATED_SUPPLY] > 0.0, int(flags[CHAMBER_2])
     hot = has_heat(on)
     k_gas = flow_constant(base[GAS], base[TEMP], base[GAMMA])
-    area_1, area_2 = base[AREA_1], base[AREA_2]
-    dead_1, dead_2 = base[DEAD_1] + volume_1(th, on), base[DEAD_2] + volume_2(th, on)
     m, stiffness = base[MASS] + mass(th, on), bristle_stiffness(th, on)
     delay_1, delay_2 = flow_delay(th, on) + flow_delay_1(th, on), flow_delay(th, on) + flow_delay_2(th, on)
     u, u2 = inputs[PLANT_U] - base[NULL], inputs[PLANT_U2] - base[NULL]
@@ -180,18 +178,57 @@ def plant_step(t, dt, h_max, inputs, flags, areas, areas_2, s, s1, s2, s_supply,
             q_in, q_out, more_in, more_out, head, tail, tail_2 = line_step(
                 t + (i + 0.5) * h, q_in, q_out, more_in, more_out, delay_1, delay_2, ring, head, tail, tail_2
             )
-        p1, dp1, m1, T1 = chamber_1_step(
-            p1, p1_mid, p2_mid, m1, h, dead_1 + area_1 * x_mid, area_1 * v_mid, q_in, q_out, hot, k1, base, th, on
-        )
-        if chamber_2 != OPEN:
-            volume_2_mid = dead_2 + area_2 * (base[STROKE] - x_mid)
-            p2, dp2, m2, T2 = chamber_2_step(
-                p2, p1_mid, p2_mid, m2, h, volume_2_mid, -area_2 * v_mid, more_in, more_out, hot, k1, k2, base, th, on
-            )
+        p1, dp1, m1, T1, p2, dp2, m2, T2 = chambers_step(
+            p1, p1_mid, m1, p2, p2_mid, dp2, m2, T2, h, x_mid, v_mid, q_in, q_out, more_in, more_out, k1, k2,
+            chamber_2, base, th, on,
+        )  # fmt: skip
     s[AT_X], s[AT_V], s[AT_Z], s[AT_REST], s[AT_DV], s[AT_Q] = x, v, z, rest, dv, q_supply
     s[AT_P1], s[AT_P2], s[AT_DP1], s[AT_DP2], s[AT_M1], s[AT_M2] = p1, p2, dp1, dp2, m1, m2
     s[AT_T1], s[AT_T2], s[AT_HEAD], s[AT_TAIL], s[AT_TAIL_2] = T1, T2, head, tail, tail_2
     advance_readings(dt, s, base, th, on)
+
+
+def chambers_step(
+    p1, p1_mid, m1, p2, p2_mid, dp2, m2, T2, h, x, v, q_in, q_out, more_in, more_out, k1, k2, chamber_2: int,
+    base, th, on,
+):  # fmt: skip
+    """Advance both chambers by a step.
+
+    Args:
+        p1: Pressure of chamber 1 in Pa.
+        p1_mid: The same at the midpoint.
+        m1: Mass of its gas in kg.
+        p2: Pressure of chamber 2 in Pa.
+        p2_mid: The same at the midpoint.
+        dp2: Its gradient in the last step in Pa/s.
+        m2: Mass of its gas in kg.
+        T2: Temperature of its gas in K.
+        h: Step in s.
+        x: Position at the midpoint in m.
+        v: Velocity at the midpoint in m/s.
+        q_in: Mass flow into chamber 1 in kg/s.
+        q_out: Mass flow out of it in kg/s.
+        more_in: Mass flow into chamber 2 in kg/s.
+        more_out: Mass flow out of it in kg/s.
+        k1: Flow constant of the gas of chamber 1 in s/m.
+        k2: Flow constant of the gas of chamber 2 in s/m.
+        chamber_2: What closes chamber 2.
+        base: Base parameters.
+        th: Parameters of effects.
+        on: Switches of effects.
+
+    Returns:
+        Pressure in Pa, its gradient in Pa/s, mass in kg and temperature in K, of chamber 1 and of chamber 2.
+    """
+    hot, area_1, area_2 = has_heat(on), base[AREA_1], base[AREA_2]
+    volume = base[DEAD_1] + volume_1(th, on) + area_1 * x
+    p1, dp1, m1, T1 = chamber_1_step(p1, p1_mid, p2_mid, m1, h, volume, area_1 * v, q_in, q_out, hot, k1, base, th, on)
+    if chamber_2 != OPEN:
+        volume = base[DEAD_2] + volume_2(th, on) + area_2 * (base[STROKE] - x)
+        p2, dp2, m2, T2 = chamber_2_step(
+            p2, p1_mid, p2_mid, m2, h, volume, -area_2 * v, more_in, more_out, hot, k1, k2, base, th, on
+        )
+    return p1, dp1, m1, T1, p2, dp2, m2, T2
 
 
 def advance_readings(dt, s, base, th, on):
