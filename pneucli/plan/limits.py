@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -17,6 +17,10 @@ PRESSURE_FACTOR = 1.15  # times the supply pressure: a moving piston compresses 
 FORCE_FACTOR = 1.1  # times the force of the supply pressure on the larger area
 MAX_FREQUENCY = 5.0  # Hz, of a motion
 SOFT_START = 0.7  # s, from rest to the first position
+POSITION_RESERVE = 0.03  # of the allowed stroke, at each end, that a simulated manoeuvre leaves
+SPEED_RESERVE = 0.1  # of the highest speed
+FORCE_RESERVE = 0.05  # of the largest force
+PRESSURE_RESERVE = 0.02  # of the highest pressure
 DENSITY_ANR = 1.185  # kg/m^3, of air at 100 kPa and 20 degC (ISO 8778)
 
 
@@ -43,6 +47,22 @@ class Limits:
     max_frequency: float = MAX_FREQUENCY
     soft_start: float = SOFT_START
     max_air: float = np.inf
+
+    def with_reserve(self) -> Limits:
+        """Return limits that a simulation must keep so that the rig keeps these: the models are not the rig.
+
+        >>> Limits(position=(0.0, 1.0), max_speed=1.0).with_reserve().position
+        (0.03, 0.97)
+        """
+        low, high = self.position
+        inset = POSITION_RESERVE * (high - low) if np.isfinite(high - low) else 0.0
+        return replace(
+            self,
+            position=(low + inset, high - inset),
+            max_speed=(1.0 - SPEED_RESERVE) * self.max_speed,
+            max_force=(1.0 - FORCE_RESERVE) * self.max_force,
+            max_pressure=(1.0 - PRESSURE_RESERVE) * self.max_pressure,
+        )
 
     def command_range(self, bench: Bench) -> float:
         """Return the largest command in V from the null command that a bench may get."""

@@ -23,7 +23,7 @@ Array = NDArray[np.float64]
 MAX_RIVALS = 8  # beside the best model
 DECIDED_PROBABILITY = 0.97  # a named effect that is more probable is no longer in question
 MIN_PRIOR_ODDS = 0.05  # of a fitted but refused effect: the pooled rate of refused ones is no evidence about one
-MAX_SIZE_ERROR = 1.0  # relative standard error of an effect's size, at most
+MAX_ENLARGEMENT = 10.0  # of a fitted size that is within its error: beyond it the fit says nothing of the effect
 TYPICAL_SIZE_ERROR = 0.5  # of a size that was not fitted but taken as typical
 NOT_FITTED = ("cannot-show", "not-promising")  # reasons without a fit
 
@@ -140,18 +140,37 @@ def _rival(
         model = with_typical_effect(start.model, effect, train)
         return [] if model is None else [Rival(effect, True, model, odds, probability, instead_of=instead)]
     fitted = fit_with_effect(start, train, effect, stopping=RANKING_EFFORT)
-    return [Rival(effect, True, fitted.model, odds, probability, size_error(fitted, effect), instead)]
+    model, error = at_plausible_size(fitted, effect)
+    return [Rival(effect, True, model, odds, probability, error, instead)]
 
 
-def size_error(fitted: Fit, effect: Effect) -> float:
-    """Return the relative standard error of the size of a fitted effect, at most MAX_SIZE_ERROR."""
-    errors = [
-        e.error / abs(e.value - (p.null if isinstance(p.null, float) else 0.0))
-        for p in effect.parameters
-        for e in fitted.estimates
-        if e.name == f"{effect.name}.{p.name}" and e.value != (p.null if isinstance(p.null, float) else 0.0)
-    ]
-    return float(min(errors[0] if errors else TYPICAL_SIZE_ERROR, MAX_SIZE_ERROR))
+def at_plausible_size(fitted: Fit, effect: Effect) -> tuple[Model, float]:
+    """Return the model of a fitted effect at a size that the recordings do not exclude, and the size's relative error.
+
+    An effect that is smaller than two standard errors may be that large: the plan has to find it then.
+
+    Args:
+        fitted: The fit with the effect.
+        effect: The effect.
+
+    Returns:
+        The model, and the relative standard error of the effect's size in it.
+    """
+    for p in effect.parameters:
+        null = p.null if isinstance(p.null, float) and np.isfinite(p.null) else None
+        name = f"{effect.name}.{p.name}"
+        estimate = next((e for e in fitted.estimates if e.name == name), None)
+        if null is None or estimate is None or estimate.value == null:
+            continue
+        distance = estimate.value - null
+        error = estimate.error / abs(distance)
+        if error <= TYPICAL_SIZE_ERROR:
+            return fitted.model, float(error)
+        bounds = next(f for f in fitted.free if f.name == name)
+        factor = min(error / TYPICAL_SIZE_ERROR, MAX_ENLARGEMENT)
+        larger = float(np.clip(null + factor * distance, bounds.lower, bounds.upper))
+        return fitted.model.with_values({name: larger}), TYPICAL_SIZE_ERROR
+    return fitted.model, TYPICAL_SIZE_ERROR
 
 
 def with_typical_effect(model: Model, effect: Effect, train: Sequence[ResidualModel]) -> Model | None:

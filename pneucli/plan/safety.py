@@ -47,8 +47,9 @@ class Safety:
         return self._known[key]
 
     def _keeps_limits(self, manoeuvre: Manoeuvre) -> bool:
+        limits = self.limits.with_reserve()
         for name, model in self.models.items():
-            if found := violations(simulate_manoeuvre(manoeuvre, model), self.limits, self.rig):
+            if found := violations(simulate_manoeuvre(manoeuvre, model), limits, self.rig):
                 self.refused.append(Refused(manoeuvre, name, tuple(found)))
                 return False
         return True
