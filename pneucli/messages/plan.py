@@ -95,7 +95,11 @@ def plan_sentence(answer: Answer) -> str:
             f"{recordings}: {len(found)} of {len(answer['expected'])} effects would be found at their typical size "
             "with a power of 80 %."
         )
+    if answer["parameters"]:
+        return f"{recordings}, to narrow {join_names([one['name'] for one in answer['parameters']])}."
     names = [r["name"] for r in answer["rivals"] if r["effect"] is not None]
+    if not names:
+        return f"{recordings}: no effect is in question, the parameters of the model become more certain."
     entropy = answer["entropy"]
     return (
         f"{recordings}, to tell {join_names(names)} from the best model: the expected uncertainty of which effect acts "

@@ -76,3 +76,14 @@ def test_what_was_decided_is_said_and_what_was_not_as_well() -> None:
     assert words.taken_sentence({}, after, named) == "stribeck is now named."
     assert "nothing new" in words.taken_sentence({}, after, [])
     assert "no longer named" in words.taken_sentence({}, after, [{"effect": "stribeck", "now": "refused"}])
+
+
+def test_the_sentence_says_what_a_plan_is_for() -> None:
+    rivals = [{"name": "best model", "effect": None}, {"name": "a leak", "effect": "leak"}]
+    made = ANSWER | {"first": False, "seconds": 18.0, "rivals": rivals, "parameters": [], "expected": []}
+    made |= {"entropy": {"before": 1.0, "after": 0.25}}
+    assert "1 recordings and 1 to be held out, 18 s of machine time, to tell a leak" in words.plan_sentence(made)
+    assert "from 1.0 to 0.25 bit" in words.plan_sentence(made)
+    narrowed = made | {"parameters": [{"name": "friction.viscous"}]}
+    assert words.plan_sentence(narrowed).endswith("to narrow friction.viscous.")
+    assert "no effect is in question" in words.plan_sentence(made | {"rivals": rivals[:1]})
