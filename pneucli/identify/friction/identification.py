@@ -111,13 +111,8 @@ def identify_friction(
     inertia = mass.value if mass else 0.0
     samples, unmodelled = pool_samples(train, inertia), unmodelled_effects(model, train)
     if len(samples) < MIN_MOVING_SAMPLES:
-        raise InputError(
-            "friction recordings",
-            f"{len(samples)} moving samples",
-            f"at least {MIN_MOVING_SAMPLES}",
-            "move further",
-            code="E062",
-        )
+        found, wanted = f"{len(samples)} moving samples", f"at least {MIN_MOVING_SAMPLES}"
+        raise InputError("friction recordings", found, wanted, "move further", code="E062")
     if not samples.both_directions:
         warnings.append(FrictionWarning("one-direction"))
     fit_a = fit_stribeck(samples, offset=samples.both_directions)
