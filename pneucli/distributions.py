@@ -60,7 +60,7 @@ def chi_square_upper_quantile(tail: float, freedom: float) -> float:
 def normal_quantile(probability: float | Array) -> Array:
     """Return the value that a standard normal variable stays below with this probability.
 
-    >>> round(float(normal_quantile(0.975)), 2)
-    1.96
+    >>> round(float(normal_quantile(0.95)), 3)
+    1.645
     """
     return np.asarray(ndtri(probability), dtype=np.float64)

@@ -125,7 +125,7 @@ def test_a_job_that_kills_every_worker_is_given_up(tmp_path: Path) -> None:
 
 def test_a_worker_with_another_program_is_an_error_that_says_what_differs() -> None:
     answers: Mapping[str, Any] = {"tcp://a": {"pneucli": "0.1.0 abc"}, "tcp://b": {"pneucli": "0.2.0 def"}}
-    with pytest.raises(InputError, match=r"tcp://b: pneucli is 0\.2\.0 def\n.*0\.1\.0 abc"):
+    with pytest.raises(InputError, match=r"tcp://b: pneucli is 0\.2\.0 def \[E080\]\n.*0\.1\.0 abc"):
         require_same_identity({"pneucli": "0.1.0 abc"}, answers, "dask://here:1")
     with pytest.raises(InputError, match="No module named"):
         require_same_identity({}, {"tcp://c": ModuleNotFoundError("No module named 'pneucli'")}, "dask://here:1")

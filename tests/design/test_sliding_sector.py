@@ -7,6 +7,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from pneucli.controller.layout import C_SECTOR_1, C_SECTOR_2
 from pneucli.controller.standstill import sector_switching_term
 from pneucli.design.sliding_sector import SlidingSector, limit_slope, sector_from_vertices
 from pneucli.errors import InputError
@@ -51,6 +52,7 @@ def test_it_is_zero_at_the_origin_and_near_the_middle_line() -> None:
 def test_the_controller_switches_by_the_same_term(x1: float, x2: float) -> None:
     """The step counts errors as reference minus position, hence the sign."""
     c = axis.controller().vector()
+    c[C_SECTOR_1], c[C_SECTOR_2] = SECTOR.lambda_1, SECTOR.lambda_2
     assert sector_switching_term(-x1, -x2, c) == pytest.approx(float(SECTOR.switching_term(x1, x2)), abs=1e-12)
 
 

@@ -91,7 +91,7 @@ def guess_friction(experiments: Sequence[Experiment], rig: Rig) -> dict[str, flo
         without a usable experiment.
 
     Raises:
-        InputError: Nothing moves in any experiment.
+        InputError: Nothing moves in any experiment, and the moving mass is not stated.
 
     """
     rows, targets = [], []
@@ -107,7 +107,7 @@ def guess_friction(experiments: Sequence[Experiment], rig: Rig) -> dict[str, flo
     if not rows:
         return {}
     design, target = np.vstack(rows), np.concatenate(targets)
-    if not target.size:
+    if not target.size and rig.moving_mass is None:
         mend = "check the columns and units of x, v and a"
         raise InputError("friction recordings", "no motion in any of them", "a piston that moves", mend, code="E062")
     if rig.moving_mass is not None:

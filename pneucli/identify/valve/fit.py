@@ -81,7 +81,8 @@ class TransientBatch:
         p = simulate_transients(self.area_model, theta, self.start, self.data)
         decay, sensitivity_to_start = initial_pressure_sensitivity(self.area_model, theta, p, self.data)
         white = self.whiten(sensitivity_to_start)
-        return p, decay, white / np.sqrt(np.sum(white**2, axis=0) + 1e-12)
+        size = np.maximum(np.max(np.abs(white), axis=0, initial=0.0), 1.0)  # squares of a diverging effect overflow
+        return p, decay, white / size / np.sqrt(np.sum((white / size) ** 2, axis=0) + (1e-6 / size) ** 2)
 
     def residuals(self, theta: Array) -> Array:
         """Return the whitened residuals, with the component along the initial pressures removed."""

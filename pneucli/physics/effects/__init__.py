@@ -66,7 +66,7 @@ def load_plugin(path: Path) -> Effect:
 
     >>> load_plugin(Path("missing.py"))
     Traceback (most recent call last):
-    pneucli.errors.InputError: missing.py: no such Python file
+    pneucli.errors.InputError: missing.py: no such Python file [E002]
       wanted: a file that declares EFFECT = Effect(...)
     """
     spec = importlib.util.spec_from_file_location(f"pneucli_plugin_{path.stem}", path)
