@@ -16,10 +16,10 @@ import fmpy
 import numpy as np
 
 from benchmarks import small
+from benchmarks.simulate import RIG
 from pneucli.export.fmu.package import FILE_NAME, write_fmu
 from pneucli.export.fmu.plant import Plant, plant_of
 from pneucli.physics.effects import catalogue
-from pneucli.recording import Rig
 from pneucli.simulate import layout as at
 from pneucli.simulate.build import build
 from pneucli.simulate.experiment import Experiment
@@ -27,21 +27,11 @@ from pneucli.simulate.model import Model
 from pneucli.simulate.open_loop import noise_free_recording
 from pneucli.simulate.preparation import prepare
 from pneucli.simulate.rig_quantities import rig_quantities
-from pneucli.simulate.run import area_tables, base_vector
+from pneucli.simulate.run import run_kernel
 from pneucli.simulate.valve_forms.area import ValveArea
 
 DURATION, SMALL_DURATION = 10.0, 0.3  # s
 CHANNELS = {"x": at.X, "v": at.V, "a": at.A, "p1": at.R1, "p2": at.R2}
-RIG = Rig(
-    ambient_pressure=1.013e5,
-    supply_pressure=7e5,
-    piston_area_1=8.04e-4,
-    piston_area_2=8.04e-4,
-    stroke=0.2,
-    dead_volume_1=32e-6,
-    dead_volume_2=30e-6,
-    moving_mass=2.2,
-)
 VALVE = ValveArea((-5.0, -2.0, -0.5, 0.5, 2.0, 5.0), (1.8e-6, 6e-7, 8e-8, 8e-8, 6e-7, 1.8e-6), 0.1, 0.1)
 CASES = {
     "5/3": ("5/3", ("stribeck",)),
@@ -72,22 +62,7 @@ def axis(arrangement: str, effects: tuple[str, ...], duration: float) -> tuple[M
 
 def simulated(model: Model, experiment: Experiment) -> np.ndarray:
     """Return the kernel's output, as plain Python."""
-    kernel, out = build(model.effects, compiled=False), np.zeros((experiment.time.size, at.OUTPUTS))
-    kernel.run(
-        experiment.time,
-        experiment.inputs,
-        experiment.restarts,
-        base_vector(model, experiment),
-        kernel.effect_vector(model.effect_values()),
-        kernel.effect_switches(experiment.active_effects(model.effects)),
-        experiment.flags,
-        *area_tables(model, experiment),
-        experiment.max_step,
-        np.zeros(1),
-        np.zeros(2),
-        out,
-    )
-    return out
+    return run_kernel(build(model.effects, compiled=False), model, experiment, experiment.inputs)
 
 
 def in_fmpy(path: Path, plant: Plant, experiment: Experiment, first: np.ndarray) -> tuple[np.ndarray, float]:

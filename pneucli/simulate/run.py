@@ -89,8 +89,22 @@ def with_p2(model: Model, experiment: Experiment, inputs: Array) -> Array:
 
 
 def _run(model: Model, experiment: Experiment, inputs: Array) -> Array:
-    kernel = kernel_for(model.effects)
-    active = experiment.active_effects(model.effects)
+    return run_kernel(kernel_for(model.effects), model, experiment, inputs)
+
+
+def run_kernel(kernel: Kernel, model: Model, experiment: Experiment, inputs: Array) -> Array:
+    """Return the outputs of a kernel, compiled or plain Python, over a recording.
+
+    Args:
+        kernel: The kernel of the model's effects.
+        model: The model.
+        experiment: The recording.
+        inputs: Its inputs in SI, shape (n, inputs).
+
+    Returns:
+        Outputs in SI, shape (n, outputs).
+
+    """
     out = np.zeros((experiment.time.size, at.OUTPUTS))
     kernel.run(
         experiment.time,
@@ -98,7 +112,7 @@ def _run(model: Model, experiment: Experiment, inputs: Array) -> Array:
         experiment.restarts,
         base_vector(model, experiment),
         kernel.effect_vector(model.effect_values()),
-        kernel.effect_switches(active),
+        kernel.effect_switches(experiment.active_effects(model.effects)),
         experiment.flags,
         *area_tables(model, experiment),
         experiment.max_step,
