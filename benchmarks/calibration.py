@@ -213,13 +213,19 @@ def estimate(name: str, found: Sequence[Example], *, complete: bool) -> None:
 
 
 def refusals(cases: Sequence[Case]) -> dict[str, tuple[int, int]]:
-    """Return by reason how many effects without evidence that were refused for it were present, and of how many."""
+    """Return by reason how many effects that were refused for it were present, and of how many.
+
+    An effect with evidence has a probability of its own, unless its interval contains the null.
+    """
     of, there = Counter[str](), Counter[str]()
     for case in cases:
         for c in case.answer.get("candidates", []):
-            if not (c["supported"] or c.get("evidence")):
-                of[c["reason"]] += 1
-                there[c["reason"]] += c["effect"] in case.effects
+            reason = c["reason"]
+            if found := c.get("evidence"):
+                reason = "interval-contains-null" if found["significance"] < Z95 else "supported"
+            if reason != "supported":
+                of[reason] += 1
+                there[reason] += c["effect"] in case.effects
     return {reason: (there[reason], of[reason]) for reason in of}
 
 
@@ -250,7 +256,7 @@ def main(arguments: list[str]) -> None:
     print(f"{len(cases)} cases of {len({c.world for c in cases})} worlds")
     for name, complete in (("white_residual", True), ("discrepancy", False)):
         estimate(name, examples(cases, complete=complete), complete=complete)
-    for reason, (there, of) in sorted(refusals(exams).items()):
+    for reason, (there, of) in sorted(refusals(cases).items()):
         print(f"{reason}: {there} of {of}")
 
 
