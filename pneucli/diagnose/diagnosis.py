@@ -106,7 +106,7 @@ def diagnose(data: DiagnosisData, base: Fit) -> Diagnosis:
         n: _shares_in_term(data, terms[n], equivalents[n], complete=not unexplained) for n in missing if n in terms
     }
     scored = improbable | {d.effect.name: e for d, e in decided if d.supported or d.reason == "explained-by-unknown"}
-    confidence = _confidence(data, decisions, scored, shares)
+    confidence = _confidence(decisions, scored, shares)
     shown = path.last if unexplained and missing else path.models[_named_prefix_length([d for d, _ in decided])]
     lacks = _unexplained(data, shown, decided, unexplained, path.last)
     return Diagnosis(
@@ -176,14 +176,14 @@ def _path_candidates(data: DiagnosisData, path: SelectionPath) -> list[Candidate
 
 
 def _confidence(
-    data: DiagnosisData,
     decisions: Sequence[Decision],
     added: Mapping[str, Evidence],
     shares: Mapping[str, Mapping[str, float]],
 ) -> dict[str, Confidence]:
-    """Return the probabilities of each effect that has a calibration.
+    """Return the probabilities of each effect.
 
-    ``shares`` has the likelihood shares of the named effects and their equivalents.
+    ``added`` has the evidence of the added effects that violate no constraint, ``shares`` the likelihood shares of the
+    named effects and their equivalents.
     """
     confidence = {d.effect.name: Confidence(*[presence_rate(d.reason)] * 2) for d in decisions}
     probabilities = {name: probability(evidence) for name, evidence in added.items()}

@@ -178,24 +178,16 @@ def significance(fit: Fit, effect: Effect, residual_models: Sequence[ResidualMod
 
 
 def offset_from_null(fit: Fit, effect: Effect) -> Array | None:
-    """Return the offset of the coordinates (k,) from the absence of an effect; None without a finite null."""
-    distance = _offsets_from_null(fit, effect, without_null=0.0)
-    return distance if np.any(distance) and np.all(np.isfinite(distance)) else None
+    """Return the offset of the coordinates (k,) from the absence of an effect; None without a finite null.
 
-
-def _offsets_from_null(fit: Fit, effect: Effect, *, without_null: float) -> Array:
-    """Return the offsets (k,) of an effect's coordinates from their nulls; those of other parameters are 0."""
+    The offset of other parameters, and of those without a null, is 0.
+    """
     distance = np.zeros(len(fit.free))
     for j, f in enumerate(fit.free):
         for p in effect.in_model_with(fit.model.effects).parameters:
-            if f.name == f"{effect.name}.{p.name}":
-                null = null_value(p, fit.model)
-                distance[j] = (
-                    without_null
-                    if null is None
-                    else f.to_coordinate(parameter_value(fit.model, f.name)) - f.to_coordinate(null)
-                )
-    return distance
+            if f.name == f"{effect.name}.{p.name}" and (null := null_value(p, fit.model)) is not None:
+                distance[j] = f.to_coordinate(parameter_value(fit.model, f.name)) - f.to_coordinate(null)
+    return distance if np.any(distance) and np.all(np.isfinite(distance)) else None
 
 
 def holm_adjusted(p_values: Sequence[float], hypotheses: int) -> list[float]:

@@ -159,7 +159,7 @@ def _panel(channel: str, rows: Table, before: Table | None, max_samples: int) ->
 
 
 def _differ(before: Table, now: Table) -> bool:
-    """Return whether the curves of two models can be told apart in a plot."""
+    """Return whether the curves of two models differ visibly in a plot."""
     distance, span = np.abs(before["model"] - now["model"]), np.ptp(now["measured"][np.isfinite(now["measured"])])
     return bool(np.nanmax(distance, initial=0.0) > MIN_VISIBLE_SHARE * span)
 
