@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from types import SimpleNamespace
 from typing import Any
 
@@ -12,6 +13,7 @@ from pneucli.identify.estimation import blocks, intervals
 from pneucli.identify.estimation.fit import Fit, parameter_estimates
 from pneucli.identify.estimation.intervals import Groups, group_labels, variance_inflation, with_intervals
 from pneucli.identify.estimation.parameters import FreeParameter
+from pneucli.simulate.experiment import Experiment
 from tests.simulate.synthetic_experiments import make_experiment, model, time_grid
 
 LEVEL = FreeParameter("friction.coulomb", "N", 10.0, 0.0, 1e3, 1.0)
@@ -89,21 +91,55 @@ def test_a_direction_that_one_group_determines_keeps_that_group() -> None:
     assert variance_inflation(found, iter([np.zeros(N, dtype=int)])) == pytest.approx(1.0)
 
 
+def named(name: str, experiment: Experiment) -> Experiment:
+    return replace(experiment, recording=replace(experiment.recording, name=name))
+
+
 def test_groups_are_recordings_and_bins_of_each_signal_with_as_many_samples() -> None:
     time = time_grid(1.0)
     pair: list[Any] = [
-        SimpleNamespace(experiment=make_experiment("axis", time, {"x": 0.1 * time, "u": 1.0}), channels=("p1", "p2"))
-        for _ in range(2)
+        SimpleNamespace(experiment=named(name, make_experiment("axis", time, {"x": 0.1 * time})), channels=("p1", "p2"))
+        for name in ("first", "second")
     ]
     n = time.size
-    recordings, clocks, x, *_, u = group_labels(pair)
+    recordings, clocks, x = group_labels(pair)
     assert recordings.size == x.size == 4 * n
     assert np.array_equal(x[:n], x[n : 2 * n])  # the channels of one view
     counts = np.bincount(x)[np.unique(x)]
     assert len(counts) == intervals.BINS_PER_SIGNAL
     assert counts == pytest.approx(4 * n / intervals.BINS_PER_SIGNAL, rel=0.02)
     assert np.array_equal(clocks, x)  # here x grows with time
-    assert np.unique(u).size == 1
+
+
+def test_a_constant_signal_and_a_single_recording_group_nothing() -> None:
+    time = time_grid(1.0)
+    one: Any = SimpleNamespace(experiment=make_experiment("axis", time, {"u": 1.0}), channels=("p1",))
+    (clocks,) = group_labels([one])
+    assert np.unique(clocks).size == intervals.BINS_PER_SIGNAL
+
+
+def test_a_parameter_at_a_bound_widens_no_other() -> None:
+    """Viscous friction at its bound of 0 leaves a score of its own; that of the level is as if it were not free."""
+    position, rng = np.arange(N) // 10 % 10, np.random.default_rng(4)
+    alone = mean_of(rng.standard_normal(N) + rng.standard_normal(10)[position], np.arange(N) // 20)
+    slope = FreeParameter("friction.viscous", "N s/m", 0.0, 0.0, 1e3, 1.0)
+    free, column = (LEVEL, slope), (1.0 + position)[:, None]
+    fitted = model(values={"friction.coulomb": alone.estimates[0].value, "friction.viscous": 0.0})
+    covariance = np.diag([alone.covariance[0, 0], 1e-4])
+    both = Fit(
+        fitted,
+        free,
+        parameter_estimates(free, fitted, covariance),
+        alone.residual,
+        np.hstack([alone.jacobian, column]),
+        alone.blocks,
+        covariance,
+        alone.cost,
+        (),
+    )
+    assert variance_inflation(both, iter([position])) == pytest.approx(
+        [float(variance_inflation(alone, iter([position]))[0]), 1.0]
+    )
 
 
 def test_a_fit_without_free_parameters_is_unchanged() -> None:

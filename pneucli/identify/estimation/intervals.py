@@ -76,6 +76,8 @@ def with_intervals(fitted: Fit, residual_models: Sequence[ResidualModel]) -> Fit
 def variance_inflation(fitted: Fit, groups: Iterator[Labels]) -> Array:
     """Compute how much model error inflates the variance of each parameter.
 
+    A parameter at a bound is held there: its score is not zero, which the groups would take for model error.
+
     Args:
         fitted: The fit.
         groups: Groupings of the residuals, each with labels of shape (N,).
@@ -84,12 +86,16 @@ def variance_inflation(fitted: Fit, groups: Iterator[Labels]) -> Array:
         The factor of each variance, at least 1, shape (k,).
 
     """
-    by_time, variance = _bias_reduced_variance(Groups(fitted, fitted.blocks)), np.diag(fitted.covariance)
-    shown = np.zeros(len(fitted.free))
+    inside = [j for j, f in enumerate(fitted.free) if not fitted[f.name].at_bound]
+    held = replace(fitted, free=tuple(fitted.free[j] for j in inside), jacobian=fitted.jacobian[:, inside])
+    by_time, variance = _bias_reduced_variance(Groups(held, held.blocks)), np.diag(fitted.covariance)[inside]
+    shown = np.zeros(len(inside))
     for labels in groups:
-        shown += np.maximum(_bias_reduced_variance(Groups(fitted, labels)) - by_time, 0.0)
-    added = (1.0 + _excess_variance_share(fitted)) * shown
-    return np.asarray(1.0 + np.divide(added, variance, out=np.zeros_like(added), where=variance > 0.0))
+        shown += np.maximum(_bias_reduced_variance(Groups(held, labels)) - by_time, 0.0)
+    added = (1.0 + _excess_variance_share(held)) * shown
+    factor = np.ones(len(fitted.free))
+    factor[inside] += np.divide(added, variance, out=np.zeros_like(added), where=variance > 0.0)
+    return factor
 
 
 def _excess_variance_share(fitted: Fit) -> Array:
@@ -103,6 +109,8 @@ def _excess_variance_share(fitted: Fit) -> Array:
 def group_labels(residual_models: Sequence[ResidualModel]) -> Iterator[Labels]:
     """Yield groupings of the residuals: by recording, then by bins of each signal in turn.
 
+    A signal that does not change, and a single recording, make one group of all residuals, which shows nothing.
+
     Args:
         residual_models: The residual models whose residuals are stacked.
 
@@ -111,14 +119,18 @@ def group_labels(residual_models: Sequence[ResidualModel]) -> Iterator[Labels]:
 
     """
     names = {name: i for i, name in enumerate(dict.fromkeys(v.experiment.recording.name for v in residual_models))}
-    yield _residual_labels(
-        residual_models, [np.full(v.experiment.time.size, names[v.experiment.recording.name]) for v in residual_models]
-    )
+    if len(names) > 1:
+        yield _residual_labels(
+            residual_models,
+            [np.full(v.experiment.time.size, names[v.experiment.recording.name]) for v in residual_models],
+        )
     kinds = {kind: i for i, kind in enumerate(dict.fromkeys(type(v) for v in residual_models))}
     for name in ("time", "x", "v", "p1", "p2", "u"):
         signals = [_signal(v.experiment, name) for v in residual_models]
         edges = np.unique(np.quantile(np.concatenate(signals), np.linspace(0.0, 1.0, BINS_PER_SIGNAL + 1)[1:-1]))
         bins = [np.searchsorted(edges, signal) for signal in signals]
+        if np.ptp(np.concatenate(bins)) == 0:
+            continue
         yield _residual_labels(
             residual_models,
             [b + (BINS_PER_SIGNAL + 1) * kinds[type(v)] for b, v in zip(bins, residual_models, strict=True)],
