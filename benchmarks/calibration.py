@@ -54,7 +54,7 @@ RIDGE = 0.3  # of each weight but the constant
 SMALL_CASES = 30
 FEATURES = {
     True: ("significance", "relative_size", "free_run_share"),
-    False: ("relative_size", "remaining_share", "free_run_share"),
+    False: ("relative_size", "remaining_variance"),
 }
 # what was published of real recordings (README of the recordings): friction that grows with the pressure, a mean force
 # of 1.3 % of p A (scale of load cell or area), directions that differ

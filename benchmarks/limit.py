@@ -37,7 +37,7 @@ CERTAIN = 0.9
 
 
 class Row(NamedTuple):
-    """One true effect of a case: its probability, the share of the cost that remains, and the violated constraint."""
+    """One true effect of a case: its probability, the remaining variance, and the violated constraint."""
 
     case: str
     effect: str

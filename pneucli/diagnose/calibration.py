@@ -40,8 +40,8 @@ class Evidence(NamedTuple):
     held-out recordings where there are any; None where there is no such error. ``significance``: its size over the
     standard error of its interval. ``size``: its size over the typical size. ``complete``: the model with all selected
     effects leaves only noise.
-    ``left``: the part of the cost in excess of noise, in the residuals that the effect influences, that remains with
-    it; of its exclusive channels, where it has such.
+    ``left``: the variance of the residuals that the effect influences, over that without it
+    (:meth:`pneucli.diagnose.equivalence.Term.remaining_variance`).
     """
 
     share: float | None
@@ -61,7 +61,6 @@ class Evidence(NamedTuple):
             1.0,
             _clipped_log10(self.size, MIN_RELATIVE_SIZE, MAX_RELATIVE_SIZE),
             _clipped_log10(self.left, 0.01, 1.0),
-            _clipped_log10(1.0 - (self.share or 0.0), 0.01, 1.0),
         )
 
 
@@ -73,7 +72,7 @@ def probability(evidence: Evidence) -> float:
     """Return the probability that an effect with this evidence, or one of its equivalents, is present.
 
     With an unmodelled effect present, the significance decides only whether the interval contains the null: beyond
-    that it did not improve the probability in worlds left out.
+    that it did not improve the probability in worlds left out, nor did the free-run error.
     """
     if not evidence.complete and evidence.significance < Z95:
         return presence_rate("interval-contains-null")

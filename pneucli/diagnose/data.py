@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
-from itertools import zip_longest
+from itertools import pairwise, zip_longest
 from typing import Literal
 from weakref import WeakKeyDictionary
 
@@ -110,17 +110,17 @@ class DiagnosisData:
             fitted.residual_counts[: fitted.train_costs.size][sensitive].sum()
         )
 
-    def sensitive_costs(self, fitted: FittedModel, effect: Effect) -> list[tuple[float, float]]:
-        """Return the cost and the number of residuals in the blocks that the effect influences, fitted and held out.
+    def recording_costs(self, fitted: FittedModel, effect: Effect) -> list[tuple[float, float]]:
+        """Return cost and number of residuals of each residual model that the effect influences, of one recording each.
 
-        Cross-validated data are one part.
+        Each reading counts once, as held out where it is held out.
         """
-        sensitive, train_size = self.sensitive_blocks(effect), fitted.train_costs.size
-        parts = (slice(0, train_size), slice(train_size, fitted.costs.size))
-        sums = [
-            (float(fitted.costs[p][sensitive[p]].sum()), float(fitted.residual_counts[p][sensitive[p]].sum()))
-            for p in parts
+        parts = [
+            slice(*edges)
+            for m, edges in zip(self.residual_models, pairwise(np.cumsum([0, *self.block_counts])), strict=True)
+            if m.is_sensitive_to(effect)
         ]
+        sums = [(float(fitted.costs[p].sum()), float(fitted.residual_counts[p].sum())) for p in parts]
         return [(cost, count) for cost, count in sums if count]
 
     def exclusive_channel_costs(self, fitted: FittedModel, effect: Effect) -> list[tuple[float, float]]:

@@ -121,7 +121,7 @@ def collect_evidence(
     errors = data.free_run_errors
     share = None if errors is None else removed_error_share(errors(step.reduced.model), errors(step.full.model))
     deviation, size = _significance_and_size(data, last, candidate.effect)
-    return Evidence(share, deviation, size, complete, 1.0 if term is None else term.remaining_share(data))
+    return Evidence(share, deviation, size, complete, 1.0 if term is None else term.remaining_variance(data))
 
 
 def posterior_probability(data: DiagnosisData, term: Term) -> float:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -18,7 +18,6 @@ from pneucli.diagnose.score import FittedModel
 from pneucli.diagnose.smooth_term import SmoothTerm
 from pneucli.diagnose.spline_regression import SplineRegression
 from pneucli.identify.estimation.fit import Fit
-from pneucli.physics.declaration import Effect
 
 CHI2_95_ONE_PARAMETER = 3.84  # 0.95 quantile of chi-square with one degree of freedom
 NEGLIGIBLE_SHARE = 0.05  # of the cost, and of its reduction by an effect
@@ -79,16 +78,24 @@ def indistinguishable(rival: Candidate, best: FittedModel) -> bool:
     return not_inferior(rival.full, best) or excess < NEGLIGIBLE_SHARE * min(best.cost, reduction + excess)
 
 
-MIN_REMAINING_SHARE = 0.005  # resolution of the remaining share
 DISCREPANCY_READINGS = 10  # independent readings that an unmodelled effect is worth (docs/method.md)
 CHANCE_COST_RATIO = math.exp(
     CHI2_95_ONE_PARAMETER / DISCREPANCY_READINGS
-)  # ratio of two remaining shares that is within chance
+)  # ratio of two remaining variances that is within chance
 
 
-def _similar_share(remaining: float, own_share: float) -> bool:
-    """Whether a remaining share is no larger, and its removed share no smaller, than another but for chance."""
-    return remaining < CHANCE_COST_RATIO * own_share and CHANCE_COST_RATIO * (1.0 - remaining) > 1.0 - own_share
+def _similar_variance(remaining: float, own: float) -> bool:
+    """Whether a remaining variance is no larger, and what it removes no smaller, than another but for chance."""
+    return remaining < CHANCE_COST_RATIO * own and CHANCE_COST_RATIO * (1.0 - remaining) > 1.0 - own
+
+
+def _log_variance(costs: Sequence[tuple[float, float]]) -> float:
+    """Return the sum of n log s^2 over recordings, from their costs in units of noise and numbers n of residuals.
+
+    s^2 is the maximum-likelihood variance of the residuals of a recording, noise and discrepancy together, and no less
+    than the noise. The sum is -2 log of their predictive density but for a constant.
+    """
+    return math.fsum(n * math.log(max(cost / n, 1.0)) for cost, n in costs)
 
 
 @dataclass(frozen=True)
@@ -102,42 +109,37 @@ class Term:
         """Return the rivals that the data cannot distinguish from the term's effect.
 
         With an unmodelled effect present (not ``complete``) the residual is not noise that averages out, but a few
-        independent readings of that effect. Rivals with about the same remaining and removed share of the cost, in the
-        residuals that the term's effect influences, may then differ by chance. A rival that explains another part of
+        independent readings of that effect. Rivals that leave and remove about the same variance, in the residuals that
+        the term's effect influences, may then differ by chance. A rival that explains another part of
         the residual is none.
         """
         if complete:
             return [c for c in self.rivals if indistinguishable(c, self.candidate.full)]
-        own_share = self.remaining_share(data)
-        return [c for c in self.rivals if _similar_share(self.remaining_share(data, c), own_share)]
+        own = self.remaining_variance(data)
+        return [c for c in self.rivals if _similar_variance(self.remaining_variance(data, c), own)]
 
     def is_measured_exclusively(self, data: DiagnosisData) -> bool:
         """Whether the effect has exclusive channels with a cost in excess of noise: a direct reading beats an
         inference.
         """
-        return bool(self._remaining_shares(data.exclusive_channel_costs, self.candidate.full))
+        costs = data.exclusive_channel_costs(self.candidate.reduced, self.candidate.effect)
+        return any(cost > NOISE_COST_RATIO * n for cost, n in costs)
 
-    def remaining_share(self, data: DiagnosisData, candidate: Candidate | None = None) -> float:
-        """Return the part of the cost in excess of noise that a candidate (default: the term's own) leaves.
+    def remaining_variance(self, data: DiagnosisData, candidate: Candidate | None = None) -> float:
+        """Return the ratio of the residuals' variances with and without a candidate (default: the term's own).
 
-        It is that of the effect's exclusive channels where it has such (:meth:`is_measured_exclusively`), else of the
-        residuals that it influences; the larger one of fitted and held-out data, because an effect that only resembles
-        another fits the former and not the latter.
+        It is the geometric mean over all readings, those not fitted included, each with the variance of its recording:
+        exp(-2 / n) to the power of the gain of the log density. Squares themselves would count what one recording shows
+        as much more as its residuals are larger. The residuals are those of the effect's exclusive channels where it
+        has such (:meth:`is_measured_exclusively`), else those that it influences.
         """
-        full = (candidate or self.candidate).full
-        remaining = self._remaining_shares(data.exclusive_channel_costs, full) or self._remaining_shares(
-            data.sensitive_costs, full
+        parts = data.exclusive_channel_costs if self.is_measured_exclusively(data) else data.recording_costs
+        before, after = (
+            [(cost, n) for cost, n in parts(fitted, self.candidate.effect) if n]
+            for fitted in (self.candidate.reduced, (candidate or self.candidate).full)
         )
-        return min(max([MIN_REMAINING_SHARE, *remaining]), 1.0 / MIN_REMAINING_SHARE) if remaining else 1.0
-
-    def _remaining_shares(
-        self, parts: Callable[[FittedModel, Effect], Sequence[tuple[float, float]]], full: FittedModel
-    ) -> list[float]:
-        """Return the remaining share of each part that had a cost in excess of noise."""
-        pairs = zip(
-            parts(self.candidate.reduced, self.candidate.effect), parts(full, self.candidate.effect), strict=True
-        )
-        return [(end - n) / (start - n) for (start, n), (end, _) in pairs if start > NOISE_COST_RATIO * n]
+        count = math.fsum(n for _, n in before)
+        return math.exp((_log_variance(after) - _log_variance(before)) / count) if count else 1.0
 
 
 Array = NDArray[np.float64]

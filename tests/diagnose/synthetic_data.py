@@ -90,7 +90,7 @@ class SyntheticData:
     def sensitive_blocks(self, one: Any) -> np.ndarray:
         return np.ones(TRAIN + TEST, dtype=bool)
 
-    def sensitive_costs(self, model_fit: FittedModel, one: Any) -> list[tuple[float, float]]:
+    def recording_costs(self, model_fit: FittedModel, one: Any) -> list[tuple[float, float]]:
         return [
             (float(model_fit.train_costs.sum()), TRAIN * SAMPLES),
             (float(model_fit.test_costs.sum()), model_fit.test_costs.size * SAMPLES),

@@ -202,8 +202,8 @@ def test_the_sensitive_cost_is_that_of_the_sensitive_residual_models() -> None:
     assert found.sensitive_blocks(ONE).tolist() == [True] * 4 + [False]
     assert found.sensitive_cost(fitted, ONE) == (15.0, 10)
     assert found.sensitive_cost(fitted, TWO) == (3.0, 7)
-    assert found.sensitive_costs(fitted, ONE) == [(15.0, 10.0)]
-    assert found.sensitive_costs(fitted, TWO) == [(3.0, 7.0), (16.0, 9.0)]
+    assert found.recording_costs(fitted, ONE) == [(3.0, 7.0), (12.0, 3.0)]
+    assert found.recording_costs(fitted, TWO) == [(3.0, 7.0), (16.0, 9.0)]
 
 
 def test_exclusive_channels_have_their_own_cost_and_count() -> None:

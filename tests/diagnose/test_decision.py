@@ -125,7 +125,7 @@ def evidence(monkeypatch: pytest.MonkeyPatch, shown: Any, *, complete: bool = Fa
         reduced=model_fit(0.0, model="start"), full=model_fit(0.0, model="first step"), effect=tried.effect
     )
     term: Any = SimpleNamespace(
-        candidate=tried, remaining_share=lambda diagnosis_data: 0.2 if diagnosis_data is where else None
+        candidate=tried, remaining_variance=lambda diagnosis_data: 0.2 if diagnosis_data is where else None
     )
     return collect_evidence(where, last, path_step, term if placed else None, complete=complete)
 
@@ -166,7 +166,9 @@ def test_the_posterior_uses_the_evidence_of_the_term(
     monkeypatch.setattr(
         decision, "relative_effect_size", lambda fit, effect, facts, *_: 0.5 if facts == "facts" else 0.0
     )
-    monkeypatch.setattr(Term, "remaining_share", lambda self, diagnosis_data: 0.3 if self.candidate is tried else None)
+    monkeypatch.setattr(
+        Term, "remaining_variance", lambda self, diagnosis_data: 0.3 if self.candidate is tried else None
+    )
     monkeypatch.setattr(Term, "equivalents", lambda self, diagnosis_data, complete: () if complete else self.rivals)
     known = Evidence(0.8, 20.0, 0.5, complete=False, left=0.3)
     assert decision.posterior_probability(where, Term(tried, ())) == probability(known)
@@ -199,7 +201,7 @@ def test_among_equivalents_the_intercepts_do_not_count(monkeypatch: pytest.Monke
     """The unknown that one of them resembles, all of them do."""
     where = replace(diagnosis_data(held_out=False), free_run_errors=None)
     monkeypatch.setattr(decision, "_significance_and_size", lambda diagnosis_data, model_fit, effect: (20.0, 0.5))
-    monkeypatch.setattr(Term, "remaining_share", lambda self, diagnosis_data: 0.3)
+    monkeypatch.setattr(Term, "remaining_variance", lambda self, diagnosis_data: 0.3)
     clock, spool = (
         decision.log_odds_among_equivalents(where, candidate(n, before=candidates.model_fit()))
         for n in ("time-skew", "valve-lag")
@@ -217,7 +219,7 @@ def test_a_size_above_typical_is_no_more_probable_among_equivalents(
     monkeypatch.setattr(
         decision, "_significance_and_size", lambda diagnosis_data, model_fit, effect: (20.0, sizes[effect.name])
     )
-    monkeypatch.setattr(Term, "remaining_share", lambda self, diagnosis_data: 0.3)
+    monkeypatch.setattr(Term, "remaining_variance", lambda self, diagnosis_data: 0.3)
     force, offset = (
         decision.log_odds_among_equivalents(where, candidate(name, before=candidates.model_fit())) for name in sizes
     )

@@ -9,7 +9,7 @@ import pytest
 
 from pneucli.diagnose.candidate import Candidate
 from pneucli.diagnose.data import DiagnosisData
-from pneucli.diagnose.equivalence import MIN_REMAINING_SHARE, Term
+from pneucli.diagnose.equivalence import Term
 from pneucli.diagnose.score import FittedModel
 from tests.diagnose.candidates import BLOCKS, SAMPLES, candidate, diagnosis_data, model_fit
 
@@ -27,52 +27,54 @@ def place(beyond: float, **rivals: float) -> Term:
     return Term(leaving("stribeck", beyond), tuple(leaving(n.replace("_", "-"), much) for n, much in rivals.items()))
 
 
-def test_the_remaining_share_is_of_the_excess_cost() -> None:
-    assert place(2500.0).remaining_share(BENCH) == pytest.approx(0.25)
-    assert place(0.0).remaining_share(BENCH) == MIN_REMAINING_SHARE
-    assert place(-500.0).remaining_share(BENCH) == MIN_REMAINING_SHARE
+def test_the_remaining_variance_is_that_of_the_residuals_and_no_less_than_noise() -> None:
+    """4000 residuals cost 14000 before, so their variance is 3.5."""
+    assert place(3000.0).remaining_variance(BENCH) == pytest.approx(7000.0 / 14000.0)
+    for beyond in (0.0, -500.0):
+        assert place(beyond).remaining_variance(BENCH) == pytest.approx(1.0 / 3.5)
 
 
-def test_the_remaining_share_is_the_larger_of_fitted_and_held_out() -> None:
-    """A stand-in takes all of the ones and half of the others; where no more than noise was, nothing is asked."""
+def test_each_recording_counts_by_its_readings_and_not_by_its_cost() -> None:
+    """A fitted recording 100 times as loud falls to a quarter, an equally long one that is held out does not fall."""
 
-    def costing(fitted: float, held_out: float) -> Candidate:
-        costs = np.repeat([100.0 + fitted, 100.0 + held_out], BLOCKS)
+    def costing(fitted: float, held_out: float) -> FittedModel:
+        costs = np.repeat([100.0 * fitted, 100.0 * held_out], BLOCKS)
         counts = np.full(2 * BLOCKS, 100.0)
-        one = leaving("stribeck", 0.0)
-        return replace(one, full=FittedModel(one.full.fit, costs[:BLOCKS], costs[BLOCKS:], costs, counts))
+        return FittedModel(BEFORE.fit, costs[:BLOCKS], costs[BLOCKS:], costs, counts)
 
     def left(before: tuple[float, float], after: tuple[float, float]) -> float:
-        return Term(replace(costing(*after), reduced=costing(*before).full), ()).remaining_share(diagnosis_data())
+        step = replace(leaving("stribeck", 0.0), reduced=costing(*before), full=costing(*after))
+        return Term(step, ()).remaining_variance(diagnosis_data())
 
-    assert left((50.0, 50.0), (0.0, 25.0)) == pytest.approx(0.5)
-    assert left((50.0, 50.0), (25.0, 5.0)) == pytest.approx(0.5)
-    assert left((50.0, 4.0), (10.0, 8.0)) == pytest.approx(0.2)
-    assert left((4.0, 4.0), (0.0, 0.0)) == 1.0
+    assert left((400.0, 4.0), (100.0, 4.0)) == pytest.approx(0.5)
+    assert left((4.0, 400.0), (4.0, 100.0)) == pytest.approx(0.5)
+    assert left((4.0, 4.0), (1.0, 8.0)) == pytest.approx(0.25**0.5 * 2.0**0.5)
+    assert left((1.0, 1.0), (0.5, 0.9)) == 1.0
 
 
-@pytest.mark.parametrize(("before", "after", "left"), [(300.0, 120.0, 0.1), (104.0, 100.0, 0.25)])
-def test_the_remaining_share_is_that_of_exclusive_channels_where_they_measure(
+@pytest.mark.parametrize(("before", "after", "left"), [(300.0, 120.0, 0.4), (104.0, 100.0, 0.5)])
+def test_the_remaining_variance_is_that_of_exclusive_channels_where_they_measure(
     monkeypatch: pytest.MonkeyPatch, before: float, after: float, left: float
 ) -> None:
-    """Of 100 readings 200 beyond noise, of which 20 stay; of hardly more than noise the forces tell: a quarter."""
-    found = place(2500.0)
+    """Of 100 readings the variance falls from 3 to 1.2; where they are hardly more than noise the forces tell."""
+    found = place(3000.0)
     read = {id(BEFORE): [(before, 100.0), (0.0, 0.0)], id(found.candidate.full): [(after, 100.0), (0.0, 0.0)]}
     monkeypatch.setattr(DiagnosisData, "exclusive_channel_costs", lambda self, model_fit, effect: read[id(model_fit)])
-    assert found.remaining_share(BENCH) == pytest.approx(left)
+    assert found.remaining_variance(BENCH) == pytest.approx(left)
 
 
 @pytest.mark.parametrize(("ratio", "told"), [(1.48, False), (1.45, True)])
-def test_with_an_unmodelled_effect_similar_remaining_shares_are_equivalent(ratio: float, told: bool) -> None:
+def test_with_an_unmodelled_effect_similar_remaining_variances_are_equivalent(ratio: float, told: bool) -> None:
     """Ten readings: a ratio of exp(3.84 / 10) = 1.468 is exceeded by chance once in twenty."""
-    found = place(1000.0, extra_mass=ratio * 1000.0, presliding=9000.0)
+    found = place(1000.0, extra_mass=ratio * 5000.0 - SAMPLES, presliding=9500.0)
     assert [t.effect.name for t in found.equivalents(BENCH, complete=False)] == ["extra-mass"] * told
 
 
-@pytest.mark.parametrize(("beyond", "told"), [(8600.0, True), (8700.0, False)])
-def test_with_an_unmodelled_effect_similar_removed_shares_are_equivalent(beyond: float, told: bool) -> None:
-    """Of 10000 the one takes 2000; what takes 1362 or more, that over exp(3.84 / 10), is not told from it."""
-    found = place(8000.0, extra_mass=beyond)
+@pytest.mark.parametrize(("removed", "told"), [(0.14, True), (0.13, False)])
+def test_with_an_unmodelled_effect_similar_removed_variances_are_equivalent(removed: float, told: bool) -> None:
+    """The one removes 0.2 of the variance; what removes 0.2 / exp(3.84 / 10) = 0.136 or more is not told from it."""
+    before = SAMPLES + 10000.0
+    found = place(0.8 * before - SAMPLES, extra_mass=(1.0 - removed) * before - SAMPLES)
     assert [t.effect.name for t in found.equivalents(BENCH, complete=False)] == ["extra-mass"] * told
 
 
