@@ -10,7 +10,6 @@ compiled is repeated.
 from __future__ import annotations
 
 import argparse
-import multiprocessing
 import os
 import shutil
 import statistics
@@ -20,8 +19,15 @@ from collections import Counter
 from collections.abc import Sequence
 from pathlib import Path
 
+import numpy as np
+
 from benchmarks import small
 from benchmarks.measure import REST, Cost, measured
+from pneucli.exam.laboratory import Laboratory, RecordingPlan
+from pneucli.exam.rig.excitations import closed_loop, two_sine_reference, valve_staircase, valve_step
+from pneucli.exam.rig.parameters import Parameters
+from pneucli.exam.rig.sensors import Sensors
+from pneucli.exam.rig.simulation import Excitation
 
 STAGES = ("ingest", "identify", "diagnose")
 VESSEL = 160e-6  # m^3
@@ -31,14 +37,6 @@ Row = dict[str, Cost]  # by stage
 
 def make(folder: Path, kind: str, samples: int) -> None:
     """Write a pipeline with one recording of ``samples`` rows at 1 kHz and, for an axis, a short test of its valve."""
-    import numpy as np
-
-    from pneucli.exam.laboratory import Laboratory, RecordingPlan
-    from pneucli.exam.rig.excitations import closed_loop, two_sine_reference, valve_staircase, valve_step
-    from pneucli.exam.rig.parameters import Parameters
-    from pneucli.exam.rig.sensors import Sensors
-    from pneucli.exam.rig.simulation import Excitation
-
     rng = np.random.default_rng(4)
     area = 0.0 if kind == "valve" else 8e-4
     rig = Parameters(piston_area_1=area, piston_area_2=area, overlap=0.0 if kind == "friction" else 0.15)
@@ -156,9 +154,7 @@ def main(arguments: list[str]) -> None:
         for samples in [int(n) for n in asked.samples.split(",") if n]:
             made = folder / f"{samples}"
             made.mkdir()
-            maker = multiprocessing.get_context("spawn").Process(target=make, args=(made, asked.kind, samples))
-            maker.start()
-            maker.join()
+            make(made, asked.kind, samples)
             rows.append(measure(made / "pipeline.toml", stages, made / "out"))
             print(line(f"{asked.kind}, {samples} samples", rows[-1]), flush=True)
         if "diagnose" in stages:

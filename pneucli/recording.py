@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from functools import cached_property
 from typing import TYPE_CHECKING, Literal
 
 import numpy as np
@@ -55,7 +56,7 @@ class Recording:
         """Properties of the kind of experiment."""
         return EXPERIMENT_KINDS[self.experiment]
 
-    @property
+    @cached_property
     def period(self) -> float:
         """Median sampling period in s."""
         return float(np.median(np.diff(self.time)))

@@ -6,7 +6,6 @@ from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.signal import butter, sosfilt, sosfilt_zi
 
 from pneucli.plan.bench import Bench, State
 from pneucli.plan.manoeuvres import Manoeuvre
@@ -194,6 +193,8 @@ def _followed(reference: Array, period: float) -> Array:
     nyquist = 0.5 / period
     if nyquist <= DRIVE_BANDWIDTH:
         return reference
+    from scipy.signal import butter, sosfilt, sosfilt_zi  # noqa: PLC0415 - slow to import, and few benches drive
+
     sections = butter(2, DRIVE_BANDWIDTH / nyquist, output="sos")
     followed, _ = sosfilt(sections, reference, zi=sosfilt_zi(sections) * reference[0])
     return np.asarray(followed)

@@ -225,8 +225,10 @@ class Experiment:
         Returns:
             The filtered signal, shape (n,); the signal itself without a filter.
         """
+        if self.low_pass is None:
+            return values
         nyquist = 0.5 / self.recording.period
-        if self.low_pass is None or bandwidth_factor * self.low_pass >= nyquist:
+        if bandwidth_factor * self.low_pass >= nyquist:
             return values
         from scipy.signal import butter, sosfiltfilt  # noqa: PLC0415 - slow to import, and few pipelines filter
 

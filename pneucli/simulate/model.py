@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -66,6 +67,10 @@ class Model:
 
     def base_values(self) -> dict[str, float]:
         """Return every base parameter's value."""
+        return dict(self._base_values)
+
+    @cached_property
+    def _base_values(self) -> dict[str, float]:
         return base_values_of_rig(self.rig) | {name: v for name, v in self.values.items() if name in BASE_NAMES}
 
     def effect_values(self) -> dict[str, float]:

@@ -182,10 +182,11 @@ def smooth_inputs(
         Inputs in the kernel's layout, shape (n, 8).
     """
     inputs = np.zeros((time.size, len(at.INPUTS)))
+    has_motion = "x" in raw or isinstance(motion_smoother, IntegratedMotion)
     for column, name in enumerate(at.INPUTS):
-        if name in raw:
+        if name in raw and not (has_motion and column in (at.IN_X, at.IN_V)):
             inputs[:, column] = smoothers[name](raw[name]) if name in smoothers else raw[name]
-    if "x" in raw or isinstance(motion_smoother, IntegratedMotion):
+    if has_motion:
         inputs[:, at.IN_X], inputs[:, at.IN_V] = smooth_motion(raw, smoothers, motion_smoother, time)
     return inputs
 

@@ -38,20 +38,6 @@ def block_labels(residual_models: Sequence[ResidualModel]) -> NDArray[np.int64]:
     return np.concatenate(labels)
 
 
-def residual_mask(residual_models: Sequence[ResidualModel], chosen: NDArray[np.bool_]) -> NDArray[np.bool_]:
-    """Mask the residuals that belong to chosen residual models.
-
-    Args:
-        residual_models: The residual models whose residuals are stacked.
-        chosen: Which models are chosen, one entry a model.
-
-    Returns:
-        True for each residual of a chosen model, shape (N,).
-
-    """
-    return np.repeat(chosen, residual_counts(residual_models))
-
-
 def residual_counts(residual_models: Sequence[ResidualModel]) -> list[int]:
     """Return the number of residuals of each residual model."""
     return [one.experiment.time.size * len(one.channels) for one in residual_models]

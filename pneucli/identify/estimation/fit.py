@@ -10,12 +10,13 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
+from itertools import pairwise
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from pneucli.identify.estimation.blocks import group_scores, residual_mask
+from pneucli.identify.estimation.blocks import group_scores, residual_counts
 from pneucli.identify.estimation.least_squares import minimise, pseudo_inverse
 from pneucli.identify.estimation.objective import LeastSquaresProblem
 from pneucli.identify.estimation.parameters import FreeParameter
@@ -143,7 +144,8 @@ def _fit_summary(problem: LeastSquaresProblem, z: Array, residual: Array, jacobi
         cost, none = float(residual @ residual), np.zeros((0, 0))
         return Fit(problem.model, (), (), residual[:n], jacobian[:n], blocks, none, cost, problem.errors)
     for column in jacobian.T:  # an overflow identifies nothing; zeros that are not written take no memory
-        column[~(np.abs(column) < MAX_DERIVATIVE)] = 0.0
+        if not (column.min(initial=0.0) > -MAX_DERIVATIVE and column.max(initial=0.0) < MAX_DERIVATIVE):
+            column[~(np.abs(column) < MAX_DERIVATIVE)] = 0.0
     inverse_hessian = pseudo_inverse(jacobian.T @ jacobian)
     scores = group_scores(jacobian[:n], residual[:n], blocks)
     score_covariance = scores.T @ scores + jacobian[n:].T @ jacobian[n:]
@@ -226,7 +228,9 @@ def merge_partial_fit(
     """
     new = {f.name: f for f in part.free}
     free = [new.pop(f.name, f) for f in found.free] + list(new.values())
-    rows = residual_mask(residual_models, chosen)
+    rows = _slices(residual_models)
+    own_rows = [part_rows for part_rows, is_chosen in zip(rows, chosen, strict=True) if is_chosen]
+    part_rows = _slices([one for one, is_chosen in zip(residual_models, chosen, strict=True) if is_chosen])
     errors = iter(part.initial_state_sensitivities)
     sensitivities = [
         next(errors) if new else old for old, new in zip(found.initial_state_sensitivities, chosen, strict=True)
@@ -235,13 +239,26 @@ def merge_partial_fit(
     z = np.array([f.to_coordinate(parameter_value(part.model, f.name)) for f in free])
     residual = np.concatenate([found.residual, problem.prior_residuals(z)])
     jacobian = np.zeros((residual.size, len(free)), order="F")
-    jacobian[rows.size :] = problem.prior_jacobian(z)
-    residual[: rows.size][rows] = part.residual
+    jacobian[found.residual.size :] = problem.prior_jacobian(z)
+    for to, source in zip(own_rows, part_rows, strict=True):
+        residual[to] = part.residual[source]
     own, former = [f.name for f in part.free], [f.name for f in found.free]
     for j, f in enumerate(free):
-        column = jacobian[: rows.size, j]
         if f.name in own:
-            column[rows] = part.jacobian[:, own.index(f.name)]
+            _copy_nonzero(part.jacobian[:, own.index(f.name)], part_rows, jacobian[:, j], own_rows)
         else:
-            column[:] = found.jacobian[:, former.index(f.name)]
+            _copy_nonzero(found.jacobian[:, former.index(f.name)], rows, jacobian[:, j], rows)
     return _fit_summary(problem, z, residual, jacobian)
+
+
+def _slices(residual_models: Sequence[ResidualModel]) -> list[slice]:
+    """Return the rows of each residual model in the stacked residuals."""
+    ends = np.cumsum([0, *residual_counts(residual_models)]).tolist()
+    return [slice(*rows) for rows in pairwise(ends)]
+
+
+def _copy_nonzero(source: Array, source_rows: Sequence[slice], target: Array, target_rows: Sequence[slice]) -> None:
+    """Copy parts of a column of derivatives to a column of zeros; zeros that are not written take no memory."""
+    for first, to in zip(source_rows, target_rows, strict=True):
+        if source[first].any():
+            target[to] = source[first]

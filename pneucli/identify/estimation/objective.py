@@ -45,6 +45,10 @@ class LeastSquaresProblem:
         self.start = np.array([f.to_coordinate(f.start) for f in self.free])
         self.centre = np.array([f.to_coordinate(f.start if f.prior_mean is None else f.prior_mean) for f in self.free])
         self.tight = np.array([1.0 / f.prior_sigma for f in self.free])
+        self._bounds = (
+            np.array([f.to_coordinate(f.lower) for f in self.free]),
+            np.array([f.to_coordinate(f.upper) for f in self.free]),
+        )
         self._last: tuple[Array, Array] | None = None  # coordinates and their residuals
 
     @property
@@ -96,11 +100,12 @@ class LeastSquaresProblem:
         def column(job: tuple[int, int, float, Model]) -> None:
             i, j, step, model = job
             change = (whitened_residual(self.residual_models[i], model, self.errors[i]) - nominal[i]) / step
-            for c, part in enumerate(np.split(change, len(self.residual_models[i].channels))):
+            share, size = 1.0 / len(self._steps(z, j)), self.residual_models[i].experiment.time.size
+            for first in range(0, change.size, size):
+                part = change[first : first + size]
                 if part.any():  # zeros that are not written take no memory
-                    first = offsets[i] + c * part.size
                     with lock:
-                        out[first : first + part.size, j] += part / len(self._steps(z, j))
+                        out[offsets[i] + first : offsets[i] + first + size, j] += share * part
 
         _parallel(column, jobs, self.max_parallel)
         return out
@@ -122,10 +127,7 @@ class LeastSquaresProblem:
 
     def bounds(self) -> tuple[Array, Array]:
         """Return the lower and upper bounds of the coordinates, each (k,)."""
-        return (
-            np.array([f.to_coordinate(f.lower) for f in self.free]),
-            np.array([f.to_coordinate(f.upper) for f in self.free]),
-        )
+        return self._bounds
 
     def blocks(self) -> NDArray[np.int64]:
         """Return the block of each residual (N,): a span of time of one residual model, all channels."""

@@ -6,13 +6,15 @@ no gas flows. Pressures without a smoother (recordings of few samples) are taken
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 from numpy.typing import NDArray
 
+from pneucli.caches import compiled
 from pneucli.simulate import layout as at
 from pneucli.simulate.experiment import Experiment
 from pneucli.simulate.model import Model
-from pneucli.simulate.motion_smoother import input_errors
 from pneucli.simulate.restarts import segment_lengths
 from pneucli.simulate.run import simulate
 
@@ -21,6 +23,8 @@ Array = NDArray[np.float64]
 PRESSURE_COLUMNS = {"p1": at.IN_P1, "p2": at.IN_P2}
 NOISE_DRAWS = 16  # draws of the sensors' noise
 SMOOTHING_BIAS_FACTOR = 1.4  # times the noise left after smoothing: sqrt(2), since the bias at bends is as large
+PAIRWISE_LANES, PAIRWISE_BLOCK = 8, 128  # of numpy's pairwise summation
+MIN_POWER = 1e-12  # of an error, relative to the noise
 PRESSURE_PERTURBATION = 2e-4  # of the highest pressure, for forward differences
 
 
@@ -35,11 +39,13 @@ def initial_state_errors(experiment: Experiment) -> dict[str, float]:
 
     """
     e, rng = experiment, np.random.default_rng(0)
-    errors_of_inputs = [
-        input_errors(e.draw_noise(rng), e.smoothers, e.motion_smoother, e.time) for _ in range(NOISE_DRAWS)
-    ]
-    values = np.array([d[e.restarts] for d in errors_of_inputs])
-    return {n: SMOOTHING_BIAS_FACTOR * float(np.std(values[..., c])) for n, c in PRESSURE_COLUMNS.items()}
+    values: dict[str, list[Array]] = {name: [] for name in PRESSURE_COLUMNS}
+    for _ in range(NOISE_DRAWS):
+        noise = e.draw_noise(rng)
+        for name in PRESSURE_COLUMNS:
+            drawn = noise.get(name, np.zeros(e.time.size))
+            values[name].append((e.smoothers[name](drawn) if name in e.smoothers else drawn)[e.restarts])
+    return {name: SMOOTHING_BIAS_FACTOR * float(np.std(np.array(drawn))) for name, drawn in values.items()}
 
 
 def initial_state_sensitivity(model: Model, experiment: Experiment, errors: dict[str, float]) -> dict[str, Array]:
@@ -119,9 +125,43 @@ def _sequentially_whitened(errors: Array, restarts: NDArray[np.int64]) -> list[A
 
 def _shrunk_along(residual: Array, error: Array, restarts: NDArray[np.int64]) -> Array:
     """Return a residual (..., n) with its component along an error (n,) shrunk."""
-    power = np.add.reduceat(error * error, restarts)
-    projection = np.add.reduceat(error * residual, restarts, axis=-1)
-    shrinkage = (1.0 - 1.0 / np.sqrt(1.0 + power)) / np.maximum(power, 1e-12)
-    return np.asarray(
-        residual - np.repeat(shrinkage * projection, segment_lengths(restarts, error.size), axis=-1) * error
-    )
+    rows = np.ascontiguousarray(residual, dtype=np.float64).reshape(-1, error.size)
+    out = np.empty(rows.shape)
+    _shrink(rows, np.ascontiguousarray(error), restarts, out)
+    return out.reshape(residual.shape)
+
+
+@compiled(nogil=True, error_model="numpy")
+def _pairwise_dot(a: Array, b: Array) -> float:
+    """Return the sum of products by pairwise summation, as numpy sums."""
+    n = a.size
+    if n > PAIRWISE_BLOCK:
+        half = n // 2
+        half -= half % PAIRWISE_LANES
+        return _pairwise_dot(a[:half], b[:half]) + _pairwise_dot(a[half:], b[half:])
+    total, end = 0.0, n - n % PAIRWISE_LANES
+    if end:
+        lanes = np.zeros(PAIRWISE_LANES)
+        for i in range(0, end, PAIRWISE_LANES):
+            for k in range(PAIRWISE_LANES):
+                lanes[k] += a[i + k] * b[i + k]
+        total = ((lanes[0] + lanes[1]) + (lanes[2] + lanes[3])) + ((lanes[4] + lanes[5]) + (lanes[6] + lanes[7]))
+    for i in range(end, n):
+        total += a[i] * b[i]
+    return total
+
+
+@compiled(nogil=True, error_model="numpy")
+def _shrink(rows: Array, error: Array, restarts: NDArray[np.int64], out: Array) -> None:
+    """Write rows (m, n) whose component along an error (n,) is shrunk, one segment after another."""
+    n = error.size
+    for s in range(restarts.size):
+        first, last = restarts[s], restarts[s + 1] if s + 1 < restarts.size else n
+        e = error[first:last]
+        power = e[0] * e[0] + _pairwise_dot(e[1:], e[1:])
+        shrinkage = (1.0 - 1.0 / math.sqrt(1.0 + power)) / (MIN_POWER if power < MIN_POWER else power)
+        for row in range(rows.shape[0]):
+            along, to = rows[row, first:last], out[row, first:last]
+            step = shrinkage * (e[0] * along[0] + _pairwise_dot(e[1:], along[1:]))
+            for i in range(e.size):
+                to[i] = along[i] - step * e[i]
