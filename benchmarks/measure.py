@@ -47,7 +47,12 @@ PHASES = {
     "free-run error": [("diagnose/free_run_error.py", "channels")],
     "intervals": [("estimation/intervals.py", "with_intervals")],
     "detectability": [("diagnose/detectability.py", "minimum_detectable_effects")],
-    "baseline": [("stages/changes.py", "write_baseline"), ("stages/changes.py", "compare_with_baseline")],
+    "baseline": [
+        ("stages/baseline.py", "write_baseline"),
+        ("stages/baseline.py", "fit_all_recordings"),
+        ("stages/changes.py", "write_baseline"),
+        ("stages/changes.py", "compare_with_baseline"),
+    ],
 }
 
 

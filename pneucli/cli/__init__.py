@@ -14,6 +14,8 @@ import warnings
 
 # before numpy is loaded: on small matrices BLAS threads only wait for each other
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
+# derivatives are mostly zeros that are never written: with huge pages they would take memory all the same
+os.environ.setdefault("NUMPY_MADVISE_HUGEPAGE", "0")
 
 import typer
 

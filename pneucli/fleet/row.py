@@ -199,7 +199,7 @@ def _process(job: Job, scratch: Path) -> dict[str, Any]:
 
 def _options(job: Job, scratch: Path) -> dict[str, Any]:
     if job.reference_date is None:
-        return {}
+        return {"baseline": True} if job.store_reference else {}
     old = job.store.local_copy(f"{row_folder(replace(job.row, date=job.reference_date))}/{REFERENCE}", scratch)
     return changes.baseline_options(old, job.alarm_rate, job.repeats, job.prior)
 

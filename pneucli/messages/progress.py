@@ -20,4 +20,4 @@ def fitted_progress(effect: str) -> str:
 
 GIVEN_MODEL_PROGRESS = "fitting the given model"
 FREE_RUN_PROGRESS = "comparing the free run"
-BASELINE_PROGRESS = "writing the baseline for later comparisons"
+BASELINE_PROGRESS = "fitting all recordings"

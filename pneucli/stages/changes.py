@@ -23,15 +23,15 @@ from pneucli.changes.repeatability import (
 )
 from pneucli.diagnose.data import DiagnosisData
 from pneucli.errors import InputError
-from pneucli.identify.estimation.fit import Fit
 from pneucli.identify.residuals import ResidualModel
 from pneucli.io.artifacts import sha256_of
 from pneucli.physics.effects import select_effects
 from pneucli.pipeline import manifest as staleness
 from pneucli.simulate.model import Model
-from pneucli.stages.model_file import load_model, save_model
+from pneucli.stages.baseline import absent_effects, write_missing_baseline
+from pneucli.stages.model_file import load_model
 from pneucli.stages.pipeline_data import PipelineData
-from pneucli.stages.tables.baseline import REFERENCE_FILE, read_baseline, write_baseline_table
+from pneucli.stages.tables.baseline import REFERENCE_FILE, read_baseline
 
 
 def baseline_options(
@@ -43,8 +43,10 @@ def baseline_options(
     """Return the options of ``diagnose`` that ask for the changes since the diagnosis in ``folder``.
 
     They contain the digest of the baseline: another one makes the answer stale. ``repeats`` are differences of healthy
-    dates, ``prior`` the repeatability of such rigs. Raises InputError where the folder has no baseline.
+    dates, ``prior`` the repeatability of such rigs. A baseline that the folder does not have yet is written. Raises
+    InputError where the folder has no diagnosis.
     """
+    write_missing_baseline(folder)
     if not (folder / REFERENCE_FILE).is_file():
         mend = "run pneucli diagnose on the old pipeline first"
         raise InputError(
@@ -74,22 +76,13 @@ def read_repeat(folder: Path, options: Mapping[str, Any]) -> RepeatDifferences:
     return dict(answer["repeat"])
 
 
-def write_baseline(pipeline: PipelineData, data: DiagnosisData, model: Model) -> Fit:
-    """Fit the model to all recordings and write its baseline; return the fit."""
-    residual_models = [*data.train, *data.held_out]
-    fit, baseline = fit_baseline(model, residual_models, _absent_effects(data, model))
-    write_baseline_table(pipeline, baseline)
-    save_model(fit.model, pipeline.context.out, pipeline.provenance("ingest/signals.parquet"))
-    return fit
-
-
 def compare_with_baseline(pipeline: PipelineData, data: DiagnosisData, options: Mapping[str, Any]) -> dict[str, Any]:
     """Return the entries ``since`` and ``changes`` of the answer."""
     folder, rate = Path(options["folder"]), float(options["alarm_rate"])
     model, old = _baseline_model(pipeline, folder)
     residual_models: list[ResidualModel] = [*data.train, *data.held_out]
     own = replace(data, modelled_parts=model.valve.covers)
-    fit, new = fit_baseline(model, residual_models, _absent_effects(own, model), old.typical_effects)
+    fit, new = fit_baseline(model, residual_models, absent_effects(own, model), old.typical_effects)
     whole, (old, new) = old, align(old, new)
     if not old.coordinates:
         found_text = "these recordings show none of the parameters of the old model"
@@ -119,11 +112,6 @@ def _repeatability(
         "dates": len(repeats) + 1,
         "parameters": {c.name: {"value": own[c.name], "unit": c.unit} for c in old.coordinates},
     }
-
-
-def _absent_effects(data: DiagnosisData, model: Model) -> list[Any]:
-    present = {e.name for e in model.effects}
-    return [e for e in data.effects.values() if e.name not in present and data.is_observable(e)]
 
 
 def _baseline_model(pipeline: PipelineData, folder: Path) -> tuple[Model, Baseline]:

@@ -36,7 +36,8 @@ from pneucli.pipeline.manifest import program_versions
 from pneucli.plausibility.repaired import impossible_findings
 from pneucli.simulate.model import Model
 from pneucli.stages import history
-from pneucli.stages.changes import compare_with_baseline, write_baseline
+from pneucli.stages.baseline import fit_all_recordings, write_baseline
+from pneucli.stages.changes import compare_with_baseline
 from pneucli.stages.compare import purpose_answer
 from pneucli.stages.diagnosis_answer import (
     detectability_answer,
@@ -86,8 +87,10 @@ def run(context: Context) -> dict[str, Any]:
     answer["warnings"], answer["thinned"] = [*warnings, *answer["warnings"]], subsampling
     answer["plausibility"] = context.answers["ingest"]["plausibility"]
     context.progress(BASELINE_PROGRESS, 0.95)
-    baseline_fit = write_baseline(pipeline, data, model)
-    answer["parameters"] = parameters_answer([per_vessel_volume(e, pipeline) for e in baseline_fit.estimates])
+    fitted = fit_all_recordings(pipeline, data, model)
+    if context.options.get("baseline"):
+        write_baseline(pipeline, data, fitted)
+    answer["parameters"] = parameters_answer([per_vessel_volume(e, pipeline) for e in fitted.estimates])
     if (flow := flow_diagnosis(pipeline)) is not None:
         answer["flow"] = {key: flow[key] for key in ("verdict", "missing", "ladder", "sentence")}
     if since := context.options.get("since"):

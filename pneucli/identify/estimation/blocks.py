@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
@@ -41,6 +42,30 @@ def block_labels(residual_models: Sequence[ResidualModel]) -> NDArray[np.int64]:
 def residual_counts(residual_models: Sequence[ResidualModel]) -> list[int]:
     """Return the number of residuals of each residual model."""
     return [one.experiment.time.size * len(one.channels) for one in residual_models]
+
+
+def residual_slices(residual_models: Sequence[ResidualModel]) -> list[slice]:
+    """Return the rows of each residual model in the stacked residuals."""
+    ends = np.cumsum([0, *residual_counts(residual_models)]).tolist()
+    return [slice(*rows) for rows in pairwise(ends)]
+
+
+def copy_nonzero(
+    source: Array, source_rows: Sequence[slice], target: Array, target_rows: Sequence[slice], factor: float = 1.0
+) -> None:
+    """Copy parts of a column of derivatives to a column of zeros; zeros that are not written take no memory.
+
+    Args:
+        source: Derivatives, shape (N,).
+        source_rows: Rows of each part in the source.
+        target: Zeros, shape (M,).
+        target_rows: Rows of each part in the target.
+        factor: Factor on all derivatives.
+
+    """
+    for first, to in zip(source_rows, target_rows, strict=True):
+        if source[first].any():
+            target[to] = factor * source[first]
 
 
 def group_scores(jacobian: Array, residual: Array, labels: NDArray[np.int64]) -> Array:

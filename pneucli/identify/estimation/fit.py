@@ -10,13 +10,12 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
-from itertools import pairwise
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from pneucli.identify.estimation.blocks import group_scores, residual_counts
+from pneucli.identify.estimation.blocks import copy_nonzero, group_scores, residual_slices
 from pneucli.identify.estimation.least_squares import minimise, pseudo_inverse
 from pneucli.identify.estimation.objective import LeastSquaresProblem
 from pneucli.identify.estimation.parameters import FreeParameter
@@ -130,9 +129,7 @@ def fit(
         max_iterations=stopping.max_iterations,
         tolerance=stopping.tolerance,
         callback=iteration_callback([e.name for e in model.effects], problem.blocks().size),
-        initial_jacobian=None
-        if initial_jacobian is None
-        else np.vstack([initial_jacobian, problem.prior_jacobian(problem.start)]),
+        initial_jacobian=None if initial_jacobian is None else _with_prior_rows(problem, initial_jacobian),
     )
     return _fit_summary(problem, solution.z, solution.residual, solution.jacobian)
 
@@ -228,9 +225,9 @@ def merge_partial_fit(
     """
     new = {f.name: f for f in part.free}
     free = [new.pop(f.name, f) for f in found.free] + list(new.values())
-    rows = _slices(residual_models)
+    rows = residual_slices(residual_models)
     own_rows = [part_rows for part_rows, is_chosen in zip(rows, chosen, strict=True) if is_chosen]
-    part_rows = _slices([one for one, is_chosen in zip(residual_models, chosen, strict=True) if is_chosen])
+    part_rows = residual_slices([one for one, is_chosen in zip(residual_models, chosen, strict=True) if is_chosen])
     errors = iter(part.initial_state_sensitivities)
     sensitivities = [
         next(errors) if new else old for old, new in zip(found.initial_state_sensitivities, chosen, strict=True)
@@ -245,20 +242,20 @@ def merge_partial_fit(
     own, former = [f.name for f in part.free], [f.name for f in found.free]
     for j, f in enumerate(free):
         if f.name in own:
-            _copy_nonzero(part.jacobian[:, own.index(f.name)], part_rows, jacobian[:, j], own_rows)
+            copy_nonzero(part.jacobian[:, own.index(f.name)], part_rows, jacobian[:, j], own_rows)
         else:
-            _copy_nonzero(found.jacobian[:, former.index(f.name)], rows, jacobian[:, j], rows)
+            copy_nonzero(found.jacobian[:, former.index(f.name)], rows, jacobian[:, j], rows)
     return _fit_summary(problem, z, residual, jacobian)
 
 
-def _slices(residual_models: Sequence[ResidualModel]) -> list[slice]:
-    """Return the rows of each residual model in the stacked residuals."""
-    ends = np.cumsum([0, *residual_counts(residual_models)]).tolist()
-    return [slice(*rows) for rows in pairwise(ends)]
-
-
-def _copy_nonzero(source: Array, source_rows: Sequence[slice], target: Array, target_rows: Sequence[slice]) -> None:
-    """Copy parts of a column of derivatives to a column of zeros; zeros that are not written take no memory."""
-    for first, to in zip(source_rows, target_rows, strict=True):
-        if source[first].any():
-            target[to] = source[first]
+def _with_prior_rows(problem: LeastSquaresProblem, jacobian: Array) -> Array:
+    """Append the derivatives of the priors at the start to those of the data (N, k)."""
+    prior = problem.prior_jacobian(problem.start)
+    out, rows = (
+        np.zeros((len(jacobian) + len(prior), len(prior.T)), order="F"),
+        residual_slices(problem.residual_models),
+    )
+    out[len(jacobian) :] = prior
+    for source, target in zip(jacobian.T, out.T, strict=True):
+        copy_nonzero(source, rows, target, rows)
+    return out

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pneucli.errors import InputError
-from pneucli.identify.estimation.blocks import residual_counts
+from pneucli.identify.estimation.blocks import copy_nonzero, residual_counts, residual_slices
 from pneucli.identify.estimation.direct_starts import direct_base_friction
 from pneucli.identify.estimation.fit import FULL_CONVERGENCE, Fit, StoppingRule, fit, merge_partial_fit
 from pneucli.identify.estimation.parameters import (
@@ -266,12 +266,13 @@ def refit(fitted: Fit, residual_models: Sequence[ResidualModel], *, stopping: St
 
     """
     free = free_parameters(fitted.model, residual_models)
-    return fit(
-        fitted.model, residual_models, free, stopping=stopping, initial_jacobian=_rescaled_jacobian(fitted, free)
-    )
+    jacobian = _rescaled_jacobian(fitted, residual_models, free)
+    return fit(fitted.model, residual_models, free, stopping=stopping, initial_jacobian=jacobian)
 
 
-def _rescaled_jacobian(fitted: Fit, free: Sequence[FreeParameter]) -> Array | None:
+def _rescaled_jacobian(
+    fitted: Fit, residual_models: Sequence[ResidualModel], free: Sequence[FreeParameter]
+) -> Array | None:
     """Return a fit's derivatives (N, k) in the coordinates of free parameters; None for other parameters.
 
     The coordinate of a parameter is its distance from the null at the start, which a fit changes.
@@ -280,7 +281,10 @@ def _rescaled_jacobian(fitted: Fit, free: Sequence[FreeParameter]) -> Array | No
         return None
     values = [parameter_value(fitted.model, f.name) for f in free]
     scale = [new.derivative(one) / old.derivative(one) for new, old, one in zip(free, fitted.free, values, strict=True)]
-    return np.asarray(fitted.jacobian * scale)
+    out, rows = np.zeros(fitted.jacobian.shape, order="F"), residual_slices(residual_models)
+    for source, target, factor in zip(fitted.jacobian.T, out.T, scale, strict=True):
+        copy_nonzero(source, rows, target, rows, factor)
+    return out
 
 
 def fit_without(
