@@ -13,7 +13,8 @@ from pathlib import Path
 import h5py
 import numpy as np
 
-from benchmarks.million import VESSEL, measured
+from benchmarks.cost import VESSEL
+from benchmarks.measure import measured
 from pneucli.exam.laboratory import Laboratory, RecordingPlan
 from pneucli.exam.rig.excitations import valve_step
 from pneucli.exam.rig.parameters import Parameters

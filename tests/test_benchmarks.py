@@ -10,12 +10,11 @@ from pathlib import Path
 import pytest
 
 ROOT = Path(__file__).parents[1]
-SHARED = {"cases", "rigs", "small"}  # what benchmarks share: no benchmark of their own
+SHARED = {"cases", "measure", "rigs", "small"}  # what benchmarks share: no benchmark of their own
 TESTED_ELSEWHERE = {"simulate"}  # tests/simulate/test_benchmark.py
 NEED_GCC = {"exam_loop", "gate", "laws", "level", "machine_logs", "plant_fmu", "precision"}
 SLOW = {
     "arrangements",
-    "diagnose",
     "fleet",
     "foreign_rigs",
     "learning",

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import os
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
@@ -16,6 +17,7 @@ from pneucli.identify.estimation.fit import Fit, StoppingRule, fit
 from pneucli.identify.estimation.model_fit import free_parameters
 from pneucli.pipeline import manifest as staleness
 from pneucli.pipeline.context import Context
+from pneucli.pipeline.graph import STAGES
 from pneucli.simulate.model import Model
 from pneucli.stages.model_file import load_model, save_model
 from pneucli.stages.pipeline_data import PipelineData
@@ -61,10 +63,7 @@ def write_missing_baseline(folder: Path) -> None:
             f"--since {folder.parent}", f"no {path}", wanted, "give OLD as a pipeline file instead", code="E007"
         )
     config = load(path)
-    tables = {
-        name: staleness.digest(config.document[name]) for name in manifest.inputs.tables if name in config.document
-    }
-    if tables != dict(manifest.inputs.tables):
+    if _has_changed(config.document, folder.parent):
         found, mend = f"{path} has changed since that diagnosis", f"run pneucli diagnose {path} first"
         raise InputError(f"--since {folder.parent}", found, "", mend, code="E007")
     context = Context(
@@ -84,6 +83,17 @@ def absent_effects(data: DiagnosisData, model: Model) -> list[Any]:
     """Return the effects that a model lacks and the recordings can show."""
     present = {e.name for e in model.effects}
     return [e for e in data.effects.values() if e.name not in present and data.is_observable(e)]
+
+
+def _has_changed(document: Mapping[str, Any], artifacts: Path) -> bool:
+    """Return whether a pipeline file has other tables than those of which these are the artifacts."""
+    for stage in ("ingest", "diagnose"):
+        manifest = staleness.read_manifest(artifacts / stage)
+        former = {} if manifest is None else manifest.inputs.tables
+        now = {name: staleness.digest(document[name]) for name in STAGES[stage].tables if name in document}
+        if now != former:
+            return True
+    return False
 
 
 def _answers(artifacts: Path) -> dict[str, dict[str, Any]]:

@@ -16,8 +16,10 @@ from pneucli.executors import ThreadEngine
 from pneucli.fleet import row
 from pneucli.fleet import run as stage
 from pneucli.fleet.results import EMPTY_RESULT
+from pneucli.pipeline.manifest import read_manifest
 from pneucli.pipeline.runner import open_pipeline
 from pneucli.stages.pipeline_file import load_pipeline_file
+from pneucli.stages.tables.baseline import REFERENCE_FILE, read_baseline
 
 DATES = tuple(f"2026-01-0{k}" for k in range(1, 6))
 
@@ -128,3 +130,26 @@ def test_two_changes_at_once_are_both_in_the_answer(tmp_path: Path) -> None:
     said = {n for c in found["changes"] for n in (c["name"], c["effect"], *c["indistinguishable_from"])}
     assert set(truth["rig-00000"]) <= said
     assert set(truth["rig-00000"]) <= set(CHANGES)
+
+
+def test_the_first_comparison_writes_the_baseline_of_the_old_diagnosis(rig: list[Path]) -> None:
+    old = rig[0].parent / "artifacts-old"
+    open_pipeline(rig[0], load_pipeline_file, old).update(["diagnose"])
+    assert not (old / "diagnose" / REFERENCE_FILE).exists()
+    _baseline_options(old, None, True, [])
+    baseline = read_baseline(old / "diagnose" / REFERENCE_FILE)
+    answer = read_manifest(old / "diagnose").answer
+    assert {c.name: c.value for c in baseline.coordinates} == {n: p["value"] for n, p in answer["parameters"].items()}
+
+
+def test_a_baseline_needs_the_pipeline_file_as_it_was_diagnosed(rig: list[Path], tmp_path: Path) -> None:
+    file = tmp_path / "changed.toml"
+    file.write_text(rig[0].read_text(encoding="utf-8"), encoding="utf-8")
+    open_pipeline(file, load_pipeline_file, tmp_path / "out").update(["diagnose"])
+    text = file.read_text(encoding="utf-8")
+    file.write_text(text.replace('gas_temperature = "', 'gas_temperature = "1', 1), encoding="utf-8")
+    with pytest.raises(InputError, match="has changed since that diagnosis"):
+        _baseline_options(tmp_path / "out", None, True, [])
+    file.unlink()
+    with pytest.raises(InputError, match=r"no .*changed\.toml"):
+        _baseline_options(tmp_path / "out", None, True, [])

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from pneucli.identify.estimation import model_fit, objective
-from pneucli.identify.estimation.blocks import block_labels, group_scores
+from pneucli.identify.estimation.blocks import block_labels, copy_nonzero, group_scores, residual_slices
 from pneucli.identify.estimation.fit import Fit, fit, merge_partial_fit
 from pneucli.identify.estimation.objective import LeastSquaresProblem
 from pneucli.identify.estimation.parameters import FreeParameter
@@ -314,3 +314,14 @@ def test_a_fit_that_goes_on_from_its_end_keeps_its_errors_whatever_its_coordinat
     then = model_fit.refit(first, [Line()])
     for before, after in zip(first.estimates, then.estimates, strict=True):
         assert (after.value, after.error) == pytest.approx((before.value, before.error), rel=1e-3)
+
+
+def test_zeros_of_derivatives_are_not_written():
+    source, target = np.zeros(6), np.full(6, 7.0)
+    source[4] = 2.0
+    copy_nonzero(source, [slice(0, 3), slice(3, 6)], target, [slice(0, 3), slice(3, 6)], factor=3.0)
+    assert target.tolist() == [7.0, 7.0, 7.0, 0.0, 6.0, 0.0]
+
+
+def test_each_residual_model_has_its_rows():
+    assert residual_slices([Line(("x",)), Line()]) == [slice(0, N), slice(N, 3 * N)]

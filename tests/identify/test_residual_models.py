@@ -12,6 +12,7 @@ from pneucli.identify.estimation.model_fit import fit_model
 from pneucli.identify.guesses.rest_detection import breakaway_velocities, uncertain_direction
 from pneucli.identify.residuals import ChamberPressures, ForceBalance, ResidualModel, residual_models
 from pneucli.identify.residuals.base import MAX_RESIDUAL, bounded_difference
+from pneucli.identify.residuals.initial_state import apply_whitening
 from pneucli.noise import NoiseModel
 from pneucli.physics.effects import catalogue
 from pneucli.simulate import layout as at
@@ -172,6 +173,31 @@ def test_a_diverging_model_has_large_finite_residuals():
     measured = np.array([1.0, np.nan, 2.0, 3.0])
     left = bounded_difference(measured, np.array([0.5, 1.0, np.nan, -np.inf]), noise=0.1)
     np.testing.assert_array_equal(left, [0.5, 0.0, 0.1 * MAX_RESIDUAL, 0.1 * MAX_RESIDUAL])
+
+
+@pytest.mark.parametrize("samples", [3, 7, 128, 129, 5000])
+def test_a_residual_is_whitened_segment_by_segment(samples: int):
+    rng = np.random.default_rng(samples)
+    error, residual = rng.standard_normal(samples), rng.standard_normal((2, samples))
+    restarts = np.unique([0, samples // 3])
+    expected = []
+    for row in residual:
+        for e, r in zip(np.split(error, restarts[1:]), np.split(row, restarts[1:]), strict=True):
+            along = e * (e @ r) / (e @ e)  # the covariance is 1 + e'e along the error, and 1 across it
+            expected.append(r - along + along / np.sqrt(1.0 + e @ e))
+    whitened = apply_whitening(residual, error[None], restarts)
+    np.testing.assert_allclose(whitened.ravel(), np.concatenate(expected), rtol=1e-10, atol=1e-12)
+
+
+def test_sums_have_the_order_of_numpy():
+    rng = np.random.default_rng(1)
+    for samples in (2, 9, 130, 3001):
+        error, residual = rng.standard_normal((2, samples))
+        power, along = (np.add.reduceat(error * other, [0])[0] for other in (error, residual))
+        shrinkage = (1.0 - 1.0 / np.sqrt(1.0 + power)) / power
+        np.testing.assert_array_equal(
+            apply_whitening(residual, error[None], np.array([0])), residual - shrinkage * along * error
+        )
 
 
 def test_an_effect_whose_part_no_recording_has_is_refused():
