@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import os
 from collections.abc import Mapping
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -77,6 +78,7 @@ def write_missing_baseline(folder: Path) -> None:
     residual_models = [*train, *held_out]
     free = free_parameters(model, residual_models)
     write_baseline(pipeline, data, fit(model, residual_models, free, stopping=NO_ITERATION))
+    replace(manifest, outputs=staleness.stamp_files(folder, manifest.outputs)).write(folder)
 
 
 def absent_effects(data: DiagnosisData, model: Model) -> list[Any]:

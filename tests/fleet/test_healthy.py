@@ -134,11 +134,13 @@ def test_two_changes_at_once_are_both_in_the_answer(tmp_path: Path) -> None:
 
 def test_the_first_comparison_writes_the_baseline_of_the_old_diagnosis(rig: list[Path]) -> None:
     old = rig[0].parent / "artifacts-old"
-    open_pipeline(rig[0], load_pipeline_file, old).update(["diagnose"])
+    pipeline = open_pipeline(rig[0], load_pipeline_file, old)
+    pipeline.update(["diagnose"])
     assert not (old / "diagnose" / REFERENCE_FILE).exists()
     _baseline_options(old, None, True, [])
     baseline = read_baseline(old / "diagnose" / REFERENCE_FILE)
     answer = read_manifest(old / "diagnose").answer
+    assert pipeline.stage_status(["diagnose"])["diagnose"].reasons == ()
     assert {c.name: c.value for c in baseline.coordinates} == {n: p["value"] for n, p in answer["parameters"].items()}
 
 
