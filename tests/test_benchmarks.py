@@ -5,9 +5,12 @@ from __future__ import annotations
 import importlib
 import re
 import shutil
+import sys
 from pathlib import Path
 
 import pytest
+
+from benchmarks.measure import IMPORTS, PHASES, REST, Sampler
 
 ROOT = Path(__file__).parents[1]
 SHARED = {"cases", "measure", "rigs", "small"}  # what benchmarks share: no benchmark of their own
@@ -41,6 +44,25 @@ def test_a_benchmark_finishes_in_its_small_mode(name: str, capsys: pytest.Captur
     printed = capsys.readouterr().out
     assert re.search(r"\d", printed), printed
     assert "Error" not in printed
+
+
+def test_each_phase_is_a_function_of_the_program() -> None:
+    places = [place for phase, those in PHASES.items() if phase != IMPORTS for place in those]
+    files = {path.as_posix(): path.read_text(encoding="utf-8") for path in (ROOT / "pneucli").rglob("*.py")}
+    for file, name in places:
+        assert any(path.endswith(f"/{file}") and f"def {name}(" in text for path, text in files.items()), (file, name)
+
+
+def test_a_process_is_sampled_in_the_phase_of_its_innermost_function() -> None:
+    sampler, named = Sampler(), {}
+    source = "def signatures_of(then): then()\ndef fit_with_effect(then): then()\ndef other(then): then()"
+    for file in ("diagnose/data.py", "estimation/model_fit.py"):
+        exec(compile(source, f"/somewhere/{file}", "exec"), named.setdefault(file, {}))
+    screen, refit = named["diagnose/data.py"]["signatures_of"], named["estimation/model_fit.py"]["fit_with_effect"]
+    take = lambda: sampler._sample(0, sys._getframe())  # noqa: E731
+    for outer in (take, lambda: screen(take), lambda: screen(lambda: refit(take))):
+        outer()
+    assert set(sampler.seconds) == {REST, "screen", "refits"}
 
 
 def test_the_page_of_benchmarks_lists_each_of_them() -> None:
