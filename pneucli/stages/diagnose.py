@@ -87,10 +87,10 @@ def run(context: Context) -> dict[str, Any]:
     answer["warnings"], answer["thinned"] = [*warnings, *answer["warnings"]], subsampling
     answer["plausibility"] = context.answers["ingest"]["plausibility"]
     context.progress(BASELINE_PROGRESS, 0.95)
-    fitted = fit_all_recordings(pipeline, data, model)
+    joint_fit = fit_all_recordings(pipeline, data, model)
     if context.options.get("baseline"):
-        write_baseline(pipeline, data, fitted)
-    answer["parameters"] = parameters_answer([per_vessel_volume(e, pipeline) for e in fitted.estimates])
+        write_baseline(pipeline, data, joint_fit)
+    answer["parameters"] = parameters_answer([per_vessel_volume(e, pipeline) for e in joint_fit.estimates])
     if (flow := flow_diagnosis(pipeline)) is not None:
         answer["flow"] = {key: flow[key] for key in ("verdict", "missing", "ladder", "sentence")}
     if since := context.options.get("since"):
