@@ -5,8 +5,8 @@ random programme within the same limits, and as a repetition of what was recorde
 Prints for each how often the hidden effect is in the answer (named, or indistinguishable from a named one), and how
 many false effects are named. ``--size 0.33`` hides effects of a third of the usual size, ``--seed N`` draws others.
 
-``python -m benchmarks.plan --limits N`` simulates N planned manoeuvres on rigs whose parameters are off by their
-intervals, and counts exceeded limits.
+``--out DIR`` keeps the folder of each case; a case that is finished there is not run again, and ``--table DIR`` prints
+the table of the finished ones.
 """
 
 from __future__ import annotations
@@ -18,9 +18,8 @@ import subprocess
 import sys
 import tempfile
 import time
-from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import asdict, dataclass, replace
 from itertools import pairwise
 from pathlib import Path
 from typing import Any
@@ -29,31 +28,26 @@ import numpy as np
 from numpy.typing import NDArray
 
 from benchmarks import small
-from benchmarks.rigs import model_of
+from benchmarks.plan_limits import limit_rig
 from pneucli.exam.case_plan import PlannedCase, plan_cases
 from pneucli.exam.cases import Case, generate_case, prepare_case
 from pneucli.exam.conditions import parse
-from pneucli.exam.laboratory import Laboratory, RecordingPlan
-from pneucli.exam.planned_recordings import drive_gain, excitation, planned_recordings, read_commands
+from pneucli.exam.laboratory import RecordingPlan
+from pneucli.exam.planned_recordings import drive_gain, planned_recordings, read_commands
 from pneucli.exam.rig.excitations import closed_loop
 from pneucli.exam.rig.imposed_motion import MotionMachine
 from pneucli.exam.rig.parameters import Parameters
-from pneucli.exam.rig.simulation import LOOP_PERIOD, Excitation, simulate_rig
-from pneucli.plan.bench import LOOP_RANGE, Bench, described_benches
+from pneucli.exam.rig.simulation import Excitation
 from pneucli.plan.information import Information
-from pneucli.plan.limits import Limits, limits_of, violations
-from pneucli.plan.manoeuvres import Manoeuvre, candidate_manoeuvres
-from pneucli.plan.outcome import Outcome
-from pneucli.plan.profile import sample
-from pneucli.plan.safety import Safety
+from pneucli.plan.manoeuvres import candidate_manoeuvres
 from pneucli.plan.selection import Chosen
-from pneucli.simulate.model import Model
-from pneucli.stages.plan_answer import manoeuvre_answer, recordings_answer
+from pneucli.stages.plan_answer import recordings_answer
 from pneucli.stages.plan_files import commands_csv
 
 Array = NDArray[np.float64]
 SECONDS = 60.0
 PROGRAMMES = ("planned", "random", "repeated")
+ROW_FILE = "row.json"  # of a finished case
 EXTREME_SHARE = 0.3  # of the stroke, the largest amplitude of a random motion
 MIN_LENGTH = 4.0  # s, of a random recording
 
@@ -87,13 +81,15 @@ def main(arguments: Sequence[str]) -> None:
         main_small()
         return
     options = dict(pairwise(arguments))
-    if "--limits" in options:
-        print_limits(int(options["--limits"]))
+    if "--table" in options:
+        print_table(finished(Path(options["--table"])))
         return
     plain = [a for i, a in enumerate(arguments) if not a.startswith("--") and not arguments[i - 1].startswith("--")]
     cases, condition = int(plain[0]) if plain else 12, plain[1] if len(plain) > 1 else "messy"
-    rows = list(run_cases(cases, condition, float(options.get("--size", "1")), int(options.get("--seed", "1"))))
-    print_table(rows)
+    size, seed = float(options.get("--size", "1")), int(options.get("--seed", "1"))
+    with tempfile.TemporaryDirectory() as temporary:
+        out = Path(options.get("--out", temporary))
+        print_table(list(run_cases(out, cases, condition, size, seed)))
 
 
 def print_table(rows: Sequence[Mapping[str, Any]]) -> None:
@@ -108,16 +104,32 @@ def print_table(rows: Sequence[Mapping[str, Any]]) -> None:
         print(f"\nplanning takes {np.median(seconds):.0f} s (median), {np.max(seconds):.0f} s at most")
 
 
-def run_cases(cases: int, condition: str, size: float, seed: int) -> Iterator[dict[str, Any]]:
-    """Yield the graded answers of each case, and print them."""
-    conditions = parse(condition)
-    wanted = [p for p in plan_cases(4 * cases, 0, conditions, seed) if len(p.hidden) == 1][:cases]
-    for planned in wanted:
-        with tempfile.TemporaryDirectory() as folder:
-            row = run_case(Path(folder), planned, size)
+def run_cases(out: Path, cases: int, condition: str, size: float, seed: int) -> Iterator[dict[str, Any]]:
+    """Yield the graded answers of each case, and print them; a case that is finished in ``out`` is read."""
+    wanted = [p for p in plan_cases(4 * cases, 0, parse(condition), seed) if len(p.hidden) == 1][:cases]
+    for number, planned in enumerate(wanted, 1):
+        folder = out / f"case-{number:03d}"
+        if not (folder / ROW_FILE).exists():
+            shutil.rmtree(folder, ignore_errors=True)
+            folder.mkdir(parents=True)
+            row = run_case(folder, planned, size)
+            text = json.dumps({n: asdict(v) if isinstance(v, Answer) else v for n, v in row.items()}, indent=1)
+            (folder / ROW_FILE).write_text(text + "\n", encoding="utf-8")
+        row = read_row(folder / ROW_FILE)
         shown = {n: f"{'+' if v.found else '-'}{v.false}" if isinstance(v, Answer) else v for n, v in row.items()}
-        print(shown, flush=True)
+        print(number, shown, flush=True)
         yield row
+
+
+def finished(out: Path) -> list[dict[str, Any]]:
+    """Return the graded answers of the cases that are finished in a folder."""
+    return [read_row(path) for path in sorted(out.glob(f"case-*/{ROW_FILE}"))]
+
+
+def read_row(path: Path) -> dict[str, Any]:
+    """Return the graded answers of one case."""
+    row = json.loads(path.read_text(encoding="utf-8"))
+    return {n: Answer(**v) if isinstance(v, dict) else v for n, v in row.items()}
 
 
 def run_case(folder: Path, planned: PlannedCase, size: float) -> dict[str, Any]:
@@ -257,87 +269,8 @@ def pneucli(folder: Path, *command: str) -> dict[str, Any]:
     return dict(json.loads(told.stdout))
 
 
-def print_limits(plans: int, seed: int = 49) -> None:
-    """Play safe manoeuvres on the exam's rig with parameters off by their intervals, and count exceeded limits."""
-    rng, exceeded, played, refused = np.random.default_rng(seed), Counter[str](), 0, 0
-    rigs = [limit_rig(condition) for condition in LIMIT_CONDITIONS]
-    for number in range(plans):
-        laboratory, benches, _, model = rigs[number % len(rigs)]
-        limits = limits_of(model.rig, benches, random_limits(laboratory.parameters, rng))
-        off = [off_by_interval(laboratory.parameters, rng) for _ in range(CHECKED_MODELS)]
-        safety = Safety(model.rig, limits, {"exact": model} | {str(i): model_of(par) for i, par in enumerate(off)})
-        bench = benches[int(rng.integers(len(benches)))]
-        listed = list(candidate_manoeuvres(bench, limits))
-        order = [listed[i] for i in rng.permutation(len(listed))[:MANOEUVRES_PER_PLAN]]
-        chosen = [m for m in order if safety(m)]
-        refused += len(order) - len(chosen)
-        real = replace(laboratory, parameters=off_by_interval(laboratory.parameters, rng))
-        for quantity in played_violations(real, chosen, limits):
-            exceeded[quantity] += 1
-        played += len(chosen)
-    print("| plans | manoeuvres played | refused before | exceeded limits |\n| --- | --- | --- | --- |")
-    kinds = ", ".join(f"{count} of {name}" for name, count in exceeded.items())
-    print(f"| {plans} | {played} | {refused} | {sum(exceeded.values())}{f' ({kinds})' if kinds else ''} |")
-
-
-LIMIT_CONDITIONS = ("usual", "5/3")
-CHECKED_MODELS = 4  # models off by their intervals in which each manoeuvre is checked, as in pneucli.plan.safety
-MANOEUVRES_PER_PLAN = 3
-RELATIVE_ERRORS = {  # standard errors of what a user's pipeline identifies or states, relative to the value
-    "coulomb": 0.1, "viscous": 0.1, "effective_area": 0.03, "effective_area_2": 0.03, "mass": 0.02,
-    "dead_volume_1": 0.05, "dead_volume_2": 0.05, "supply": 0.01,
-}  # fmt: skip
-TOLERANCE = 0.02  # of a limit: the model's integrator and the rig's agree that closely
-
-
-def random_limits(par: Parameters, rng: np.random.Generator) -> dict[str, float]:
-    """Return limits as a user may state them, so narrow that many manoeuvres come close to one."""
-    return {
-        "end_margin": par.stroke * rng.uniform(0.05, 0.3),
-        "max_speed": rng.uniform(0.1, 1.0),
-        "max_pressure": par.supply * rng.uniform(0.7, 1.1),
-        "max_force": (par.supply - par.ambient) * par.piston_area_1 * rng.uniform(0.1, 1.0),
-    }
-
-
-def limit_rig(condition: str) -> tuple[Laboratory, list[Bench], Limits, Model]:
-    """Return a healthy axis of the exam, its benches, its limits, and its exact model."""
-    laboratory = small.laboratory(condition)
-    model = model_of(laboratory.parameters)
-    model = replace(model, rig=replace(model.rig, valve_arrangement=model.rig.valve_arrangement or "one-chamber"))
-    benches = [
-        replace(b, loop_range=LOOP_RANGE) for b in described_benches(model.rig, laboratory.parameters.command_range)
-    ]
-    return laboratory, benches, limits_of(model.rig, benches), model
-
-
-def off_by_interval(par: Parameters, rng: np.random.Generator) -> Parameters:
-    """Return a rig whose parameters are off by two standard errors at most."""
-    off = {
-        name: getattr(par, name) * (1.0 + error * float(np.clip(rng.standard_normal(), -2.0, 2.0)))
-        for name, error in RELATIVE_ERRORS.items()
-    }
-    return par._replace(**off)
-
-
-def played_violations(laboratory: Laboratory, chosen: Sequence[Manoeuvre], limits: Limits) -> Iterator[str]:
-    """Play manoeuvres on the rig; yield the quantity of each limit that one exceeds."""
-    par = laboratory.parameters
-    for one in chosen:
-        commands = {one.bench.quantity: sample(one.profile, LOOP_PERIOD)}
-        made = excitation(laboratory, manoeuvre_answer(one), commands, 0.0)
-        assert isinstance(made, Excitation)
-        truth = simulate_rig(par, made)
-        outcome = Outcome(truth["u"], {}, truth["p1"], truth["p2"], truth["x"], truth["v"])
-        for found in violations(outcome, limits, one.bench.rig):
-            beyond = abs(found.value - found.limit)
-            scale = one.bench.rig.stroke if found.quantity == "x" else abs(found.limit)
-            if beyond > TOLERANCE * (scale or 1.0):
-                yield found.quantity
-
-
 def main_small() -> None:
-    """Play two manoeuvres of a plan on the rig of the exam through its file, and count limits in two plans."""
+    """Play two manoeuvres of a plan on the rig of the exam through its file."""
     laboratory, benches, limits, _ = limit_rig("usual")
     listed = [m for b in benches for m in candidate_manoeuvres(b, limits) if m.duration < 9.0]
     nothing = Information(np.zeros((0, 0)), 0, np.zeros(0))
@@ -351,7 +284,6 @@ def main_small() -> None:
         for take in takes:
             lines = (Path(folder) / f"{take.name}.csv").read_text(encoding="utf-8").splitlines()
             print(f"| {take.name} | {len(lines) - 3} samples |")
-    print_limits(2)
 
 
 if __name__ == "__main__":
