@@ -148,17 +148,16 @@ def by_hand_text(kind: str, force: float, gravity: float) -> str:
     return BY_HAND[kind].format(mass=format_quantity(abs(force) / gravity, "kg", 3), direction=direction)
 
 
-def steps_page(answer: Answer) -> str:
-    """Return ``steps.md``: what a person does, in order."""
+def steps_page(answer: Answer, file: str) -> str:
+    """Return ``steps.md``: what a person does, in order; ``file`` is the pipeline file."""
     parts = [f"# Next experiment for {answer['pipeline']}", "", answer["sentence"], "", "## Before", ""]
     parts += [f"- {rule}" for rule in RUNNING_RULES]
     parts += [f"- {limit}" for limit in limit_texts(answer["limits"])]
     parts += ["", "## Recordings", ""]
-    bench = None
+    setup = None
     for number, r in enumerate(answer["recordings"], 1):
-        if r["bench"] != bench:
-            parts.append(f"**On the {r['bench']}** ({bench_text(r)}):\n")
-            bench = r["bench"]
+        if setup != (setup := f"**On the {r['bench']}** ({bench_text(r)}):"):
+            parts += [setup, ""] if number == 1 else ["", setup, ""]
         use = "fitted" if r["use"] == "train" else "held out: never fitted"
         parts.append(f"{number}. `{r['name']}` ({r['end'] - r['begin']:.1f} s, {use}): {manoeuvre_text(r)}.")
         if r["bench"] == "cylinder":
@@ -170,7 +169,7 @@ def steps_page(answer: Answer) -> str:
         )
     parts += ["", "## After", "", "Take the recordings in, in this order:", ""]
     names = " ".join(f"{r['name']}.csv" for r in answer["recordings"])
-    parts += [f"    pneucli plan {answer['pipeline']}.toml --take {names}", ""]
+    parts += [f"    pneucli plan {file} --take {names}", ""]
     return "\n".join(parts)
 
 

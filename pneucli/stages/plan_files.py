@@ -55,7 +55,7 @@ def write_plan(
     out = context.out
     _write_text(out / COMMANDS_FILE, commands_csv(chosen, answer["recordings"]))
     answer["sentence"] = plan_sentence(answer)
-    _write_text(out / STEPS_FILE, steps_page(answer))
+    _write_text(out / STEPS_FILE, steps_page(answer, context.path.name))
     _write_power(out / POWER_FILE, powers, Provenance({}, {"plan": context.config.document.get("plan", {})}))
     answer["power"] = [power_row(one) for one in powers]
     curves = [recording_curves(c.manoeuvre, row, *rivals) for c, row in zip(chosen, answer["recordings"], strict=True)]

@@ -137,8 +137,8 @@ def first_programme(context: Context) -> dict[str, Any]:
             "state them in [plan]",
             code="E071",
         )
-    order = [bench.name for bench in study.benches]
-    chosen = sorted(chosen, key=lambda c: order.index(c.manoeuvre.bench.name))
+    order = [(bench.name, bench.drive) for bench in study.benches]
+    chosen = sorted(chosen, key=lambda c: order.index((c.manoeuvre.bench.name, c.manoeuvre.bench.drive)))
     told = total_information(chosen)
     effects, models = [e for e, _ in study.effects], [m for _, m in study.effects]
     powers = power_table(effects, models, told, covariance, study.model)

@@ -56,12 +56,22 @@ def test_a_manoeuvre_states_its_numbers(change: dict[str, Any], text: str) -> No
 
 
 def test_the_steps_say_where_to_start_which_column_to_play_and_how_to_take_the_files() -> None:
-    page = words.steps_page(ANSWER)
+    page = words.steps_page(ANSWER, "axis.toml")
     assert "Start at rest: x = 100 mm, p1 near 3.0 bar" in page
     assert "`commands.csv` from 10.00 s to 18.00 s, column `x_ref`" in page
     assert "held out: never fitted" in page
-    assert "--take plan_1.csv plan_2.csv" in page
+    assert "pneucli plan axis.toml --take plan_1.csv plan_2.csv" in page
     assert "between 10.0 mm and 190 mm" in page
+
+
+def test_the_steps_say_for_each_group_of_recordings_how_the_bench_is_driven() -> None:
+    at_the_valve = RECORDING | {"drive": "valve", "column": "u", "gain": None}
+    page = words.steps_page(ANSWER | {"recordings": [RECORDING, RECORDING, at_the_valve]}, "axis.toml")
+    titles = [line for line in page.splitlines() if line.startswith("**On")]
+    assert titles == [
+        "**On the cylinder** (a position loop with 80.0 V/m, or your own, chamber 2 closed):",
+        "**On the cylinder** (commands at the valve, chamber 2 closed):",
+    ]
 
 
 def test_a_weight_states_its_mass_and_direction() -> None:
