@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from pneucli.diagnose.data import RANKING_EFFORT
 from pneucli.identify.estimation.fit import Fit
 from pneucli.identify.estimation.model_fit import fit_with_effect, fit_without
+from pneucli.identify.estimation.parameters import null_value
 from pneucli.identify.estimation.score_test import initial_guesses
 from pneucli.identify.residuals import ResidualModel
 from pneucli.physics.declaration import Effect
@@ -23,7 +24,7 @@ Array = NDArray[np.float64]
 MAX_RIVALS = 8  # beside the best model
 DECIDED_PROBABILITY = 0.97  # a named effect that is more probable is no longer in question
 MIN_PRIOR_ODDS = 0.05  # of a fitted but refused effect: the pooled rate of refused ones is no evidence about one
-MAX_ENLARGEMENT = 10.0  # of a fitted size that is within its error: beyond it the fit says nothing of the effect
+NEGLIGIBLE_SHARE = 0.01  # of the size that the recordings do not exclude: a smaller fitted size is none
 TYPICAL_SIZE_ERROR = 0.5  # of a size that was not fitted but taken as typical
 NOT_FITTED = ("cannot-show", "not-promising")  # reasons without a fit
 
@@ -140,44 +141,64 @@ def _rival(
         model = with_typical_effect(start.model, effect, train)
         return [] if model is None else [Rival(effect, True, model, odds, probability, instead_of=instead)]
     fitted = fit_with_effect(start, train, effect, stopping=RANKING_EFFORT)
-    model, error = at_plausible_size(fitted, effect)
+    model, error = at_plausible_size(fitted, effect, typical_values(start.model, effect, train))
     return [Rival(effect, True, model, odds, probability, error, instead)]
 
 
-def at_plausible_size(fitted: Fit, effect: Effect) -> tuple[Model, float]:
+def at_plausible_size(fitted: Fit, effect: Effect, typical: Mapping[str, float]) -> tuple[Model, float]:
     """Return the model of a fitted effect at a size that the recordings do not exclude, and the size's relative error.
 
-    An effect that is smaller than two standard errors may be that large: the plan has to find it then.
+    An effect that is smaller than two standard errors may be that large: the plan has to find it then. It is not
+    enlarged beyond its typical size. Where the fit returns none of it, its other parameters are typical too.
 
     Args:
         fitted: The fit with the effect.
         effect: The effect.
+        typical: Typical values of its parameters by EFFECT.PARAMETER; empty where the rig gives it no scale.
 
     Returns:
         The model, and the relative standard error of the effect's size in it.
     """
     for p in effect.parameters:
-        null = p.null if isinstance(p.null, float) and np.isfinite(p.null) else None
-        name = f"{effect.name}.{p.name}"
+        null, name = null_value(p, fitted.model), f"{effect.name}.{p.name}"
         estimate = next((e for e in fitted.estimates if e.name == name), None)
-        if null is None or estimate is None or estimate.value == null:
+        if null is None or estimate is None:
             continue
         distance = estimate.value - null
-        error = estimate.error / abs(distance)
-        if error <= TYPICAL_SIZE_ERROR:
-            return fitted.model, float(error)
+        if distance != 0.0 and estimate.error <= TYPICAL_SIZE_ERROR * abs(distance):
+            return fitted.model, float(estimate.error / abs(distance))
+        usual = typical.get(name, null) - null
+        size = _undetected_size(abs(distance), estimate.error, abs(usual))
+        if size == 0.0:
+            return fitted.model, TYPICAL_SIZE_ERROR
+        vanishes = abs(distance) < NEGLIGIBLE_SHARE * size
+        others = {n: v for n, v in typical.items() if n != name} if vanishes else {}
+        larger = null + np.copysign(size, usual if vanishes and usual else distance)
         bounds = next(f for f in fitted.free if f.name == name)
-        factor = min(error / TYPICAL_SIZE_ERROR, MAX_ENLARGEMENT)
-        larger = float(np.clip(null + factor * distance, bounds.lower, bounds.upper))
-        return fitted.model.with_values({name: larger}), TYPICAL_SIZE_ERROR
+        return fitted.model.with_values(others | {name: float(np.clip(larger, bounds.lower, bounds.upper))}), (
+            TYPICAL_SIZE_ERROR
+        )
     return fitted.model, TYPICAL_SIZE_ERROR
+
+
+def _undetected_size(distance: float, error: float, usual: float) -> float:
+    """Return the size of an effect that is within its error: two standard errors, at most the typical size."""
+    larger = error / TYPICAL_SIZE_ERROR if np.isfinite(error) and error > 0.0 else np.inf
+    larger = min(larger, usual) if usual > 0.0 else larger
+    return max(distance, larger) if np.isfinite(larger) else distance
 
 
 def with_typical_effect(model: Model, effect: Effect, train: Sequence[ResidualModel]) -> Model | None:
     """Return a model with an effect at its typical size; None where the rig gives it no scale."""
+    values = typical_values(model, effect, train)
+    return with_effect(model, effect, values) if values else None
+
+
+def typical_values(model: Model, effect: Effect, train: Sequence[ResidualModel]) -> dict[str, float]:
+    """Return typical values of an effect by EFFECT.PARAMETER; none where the rig gives it no scale."""
     quantities = rig_quantities(model, [one.experiment for one in train])
     starts = initial_guesses(effect, quantities, model.rig.priors)
-    return with_effect(model, effect, starts[len(starts) // 2]) if starts else None
+    return starts[len(starts) // 2] if starts else {}
 
 
 def shifted_models(fitted: Fit, model: Model, count: int, seed: int, sigma: float = 2.0) -> list[Model]:

@@ -16,6 +16,7 @@ from pneucli.simulate.model import Model
 
 EFFECT = catalogue()["extra-mass"]
 NAME = "extra-mass.mass"
+TYPICAL = {NAME: 0.8}
 
 
 def fit(value: float, error: float, upper: float = 100.0) -> Any:
@@ -29,18 +30,51 @@ def fit(value: float, error: float, upper: float = 100.0) -> Any:
 
 
 def test_a_certain_size_stays_and_keeps_its_error() -> None:
-    model, error = at_plausible_size(fit(1.0, 0.2), EFFECT)
+    model, error = at_plausible_size(fit(1.0, 0.2), EFFECT, TYPICAL)
     assert (model.values[NAME], error) == (1.0, pytest.approx(0.2))
 
 
 def test_a_size_within_its_error_becomes_two_standard_errors() -> None:
-    model, error = at_plausible_size(fit(0.1, 0.3), EFFECT)
+    model, error = at_plausible_size(fit(0.1, 0.3), EFFECT, TYPICAL)
     assert model.values[NAME] == pytest.approx(0.6)
     assert error == 0.5
 
 
+@pytest.mark.parametrize("error", [3.0, 0.0, np.nan, np.inf])
+@pytest.mark.parametrize("value", [0.1, 0.0])
+def test_a_size_of_which_the_recordings_say_nothing_becomes_the_typical_one(value: float, error: float) -> None:
+    model, relative = at_plausible_size(fit(value, error), EFFECT, TYPICAL)
+    if value and not error:  # known exactly
+        assert (model.values[NAME], relative) == (value, 0.0)
+    else:
+        assert (model.values[NAME], relative) == (0.8, 0.5)
+
+
+def test_an_effect_that_the_fit_returns_as_none_gets_typical_values_of_its_other_parameters() -> None:
+    effect = catalogue()["opening-leak"]
+    growth, opening = "opening-leak.growth", "opening-leak.opening"
+    model = Model(Rig(), (effect,), {growth: 0.0, opening: 6e5})
+    free = (FreeParameter(growth, "kg/(s Pa^2)", 0.0, 0.0, 1e-9, 1e-12),)
+    fitted: Any = SimpleNamespace(
+        model=model, free=free, estimates=(SimpleNamespace(name=growth, value=0.0, error=1e-13),)
+    )
+    found, _ = at_plausible_size(fitted, effect, {growth: 5e-13, opening: 2e5})
+    assert found.values[growth] == pytest.approx(2e-13)  # two standard errors
+    assert found.values[opening] == 2e5
+
+
+def test_an_effect_whose_null_is_another_parameter_is_enlarged_as_well() -> None:
+    effect = catalogue()["stribeck"]
+    names = ["stribeck.static", "friction.coulomb", "stribeck.velocity"]
+    model = Model(Rig(), (effect,), dict(zip(names, [10.1, 10.0, 0.01], strict=True)))
+    free = tuple(FreeParameter(n, "N", model.values[n], 0.0, 100.0, 10.0) for n in names)
+    estimates = (SimpleNamespace(name=names[0], value=10.1, error=1.0),)
+    fitted: Any = SimpleNamespace(model=model, free=free, estimates=estimates)
+    assert at_plausible_size(fitted, effect, {names[0]: 18.0})[0].values[names[0]] == pytest.approx(12.0)
+
+
 def test_an_enlarged_size_stays_within_its_bounds() -> None:
-    assert at_plausible_size(fit(0.1, 0.3, upper=0.4), EFFECT)[0].values[NAME] == 0.4
+    assert at_plausible_size(fit(0.1, 0.3, upper=0.4), EFFECT, TYPICAL)[0].values[NAME] == 0.4
 
 
 def test_shifted_parameters_lie_two_standard_errors_away_and_within_their_bounds() -> None:
