@@ -21,7 +21,8 @@ from pneucli.exam.rig.parameters import Parameters
 from pneucli.exam.rig.simulation import LOOP_PERIOD, Excitation, simulate_rig
 from pneucli.plan.bench import LOOP_RANGE, Bench, described_benches
 from pneucli.plan.limits import Limits, limits_of, violations
-from pneucli.plan.manoeuvres import Manoeuvre, candidate_manoeuvres
+from pneucli.plan.manoeuvre import Manoeuvre
+from pneucli.plan.manoeuvres import candidate_manoeuvres
 from pneucli.plan.outcome import Outcome
 from pneucli.plan.profile import sample
 from pneucli.plan.safety import Safety

@@ -134,7 +134,14 @@ def _drives(recording: Recording, rig: Rig) -> Iterable[Drive]:
         return ("valve",)
     if not recording.kind.valve:
         return ("motion",)
-    return ("position",) if recording.kind.controlled else ("position", "valve")
+    if recording.kind.controlled:
+        return ("position",)
+    return _axis_drives(rig)
+
+
+def _axis_drives(rig: Rig) -> tuple[Drive, ...]:
+    """Return how an axis can be driven; a switching valve follows no proportional loop."""
+    return ("valve",) if rig.valve_kind == "switching" else ("position", "valve")
 
 
 def _recorded_bench(members: Sequence[Experiment], drive: Drive) -> Bench:
@@ -181,10 +188,9 @@ def described_benches(rig: Rig, max_command: float | None = None) -> list[Bench]
         mean = float(np.sqrt(ambient * supply))
         start = State(0.5 * rig.stroke, mean, mean, supply)
         signals = (*rig.arrangement.commands, "p_supply", "p1", "p2", "x", "a")
-        drives: tuple[Drive, ...] = ("position", "valve")
         benches += [
             _described_bench("axis", drive, rig, "valve" if both else "closed", command, start, signals)
-            for drive in drives
+            for drive in _axis_drives(rig)
         ]
     return benches
 

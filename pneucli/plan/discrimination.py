@@ -14,7 +14,8 @@ import numpy as np
 
 from pneucli.plan.bench import Bench, recorded_benches
 from pneucli.plan.limits import Limits, limits_of, violations
-from pneucli.plan.manoeuvres import Manoeuvre, candidate_manoeuvres
+from pneucli.plan.manoeuvre import Manoeuvre
+from pneucli.plan.manoeuvres import candidate_manoeuvres
 from pneucli.plan.simulation import simulate_manoeuvre
 from pneucli.simulate.experiment import Experiment
 from pneucli.simulate.model import Model

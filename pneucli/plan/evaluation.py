@@ -12,7 +12,8 @@ from pneucli.identify.estimation.parameters import FreeParameter
 from pneucli.plan.bench import Bench
 from pneucli.plan.information import DeviationByChannel, Information, information, rival_differences
 from pneucli.plan.limits import Limits, violations
-from pneucli.plan.manoeuvres import Manoeuvre, candidate_manoeuvres, manual_manoeuvres
+from pneucli.plan.manoeuvre import Manoeuvre
+from pneucli.plan.manoeuvres import candidate_manoeuvres, manual_manoeuvres
 from pneucli.plan.selection import Evaluated, Refused
 from pneucli.plan.simulation import simulate_manoeuvre, synthetic_recording
 from pneucli.recording import Rig

@@ -3,40 +3,19 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass, replace
-from typing import Literal
+from dataclasses import replace
 
 import numpy as np
 
 from pneucli.plan.bench import Bench, Drive
+from pneucli.plan.command_manoeuvres import MIN_PERIODS, axis_commands, vessel_commands
 from pneucli.plan.limits import Limits
-from pneucli.plan.profile import Profile, Segment, duration_of, hold, ramp, sine
+from pneucli.plan.manoeuvre import SETTLING_TIME, Manoeuvre, ManoeuvreKind
+from pneucli.plan.profile import Profile, Segment, hold, ramp, sine
 
-ManoeuvreKind = Literal[
-    "steps",  # of the command, with rests at the null command between
-    "stairs",
-    "hold",  # a chamber is filled and shut
-    "command-sine",
-    "triangle",  # slow, of the command
-    "pulses",  # short openings to both sides
-    "motion-sine",
-    "strokes",  # at constant speed
-    "position-steps",
-    "starts-after-rests",
-    "small-reversals",
-    "strokes-at-pressure",  # of chamber 2, set before the recording
-    "machine-strokes",
-    "shut-valve",  # by hand: a ball valve shuts chamber 1
-    "known-force",  # by hand: a weight pulls the piston
-]
-
-SETTLING_TIME = 0.3  # s at rest before and after a manoeuvre
 SINE_TIME = 6.0  # s of a sine at least
-MIN_PERIODS = 3.0  # of a sine
 AMPLITUDE_SHARE = 0.3  # of the stroke, at most
 SPEED_SHARE = 0.8  # of the highest speed that is allowed
-COMMAND_LEVELS = (0.1, 0.25, 0.5, 1.0)  # of the command's range
-COMMAND_FREQUENCIES = (0.5, 3.0, 10.0)  # Hz
 MOTION_FREQUENCIES = (0.25, 0.5, 1.0, 2.0, 4.0, 8.0)  # Hz
 SLOW_SPEEDS = (0.02, 0.1, 0.4)  # strokes per second
 REST_TIMES = (0.2, 1.0, 4.0)  # s
@@ -44,45 +23,6 @@ REVERSAL_SHARE = 2e-3  # of the stroke
 PRESSURE_LEVELS = (0.15, 0.5, 0.9)  # of the supply pressure above ambient
 WEIGHT = 2.0  # kg
 GRAVITY = 9.81  # m/s^2
-
-
-@dataclass(frozen=True)
-class Manoeuvre:
-    """One recording to make.
-
-    Attributes:
-        kind: Its kind.
-        bench: The bench on which it is made.
-        profile: The command over time, in V or m, raw.
-        centre: Position in m about which it moves, where it moves.
-        level: Level or amplitude of the command, in V or m, where it has one.
-        frequency: Frequency in Hz, where it has one.
-        speed: Speed in m/s, where it is constant.
-        pressure: Pressure in Pa: held in chamber 1 by a machine's regulator, or set in chamber 2 at the start.
-        force: Known force in N toward +x.
-        use: Whether the recording is to be fitted or held out.
-    """
-
-    kind: ManoeuvreKind
-    bench: Bench
-    profile: Profile
-    centre: float | None = None
-    level: float | None = None
-    frequency: float | None = None
-    speed: float | None = None
-    pressure: float | None = None
-    force: float = 0.0
-    use: Literal["train", "test"] = "train"
-
-    @property
-    def duration(self) -> float:
-        """Duration in s."""
-        return duration_of(self.profile)
-
-    @property
-    def by_hand(self) -> bool:
-        """Whether a person has to do something to the rig for it."""
-        return self.kind in ("shut-valve", "known-force")
 
 
 def candidate_manoeuvres(bench: Bench, limits: Limits) -> Iterator[Manoeuvre]:
@@ -96,64 +36,12 @@ def candidate_manoeuvres(bench: Bench, limits: Limits) -> Iterator[Manoeuvre]:
         Manoeuvres that begin and end at rest.
     """
     families: dict[Drive, Callable[[Bench, Limits], Iterator[Manoeuvre]]] = {
-        "valve": _vessel_commands if bench.template.kind.vessel else _axis_commands,
+        "valve": vessel_commands if bench.template.kind.vessel else axis_commands,
         "position": _motions,
         "motion": _motions_at_pressures,
         "machine": _machine_strokes,
     }
     yield from families[bench.drive](bench, limits)
-
-
-def _command_manoeuvre(
-    kind: ManoeuvreKind, bench: Bench, core: Profile, level: float, frequency: float | None = None
-) -> Manoeuvre:
-    null = bench.rig.valve_null
-    body = tuple(Segment(s.duration, null + s.start, null + s.end, s.amplitude, s.frequency) for s in core)
-    profile = (hold(null, SETTLING_TIME), *body, hold(null, SETTLING_TIME))
-    return Manoeuvre(kind, bench, profile, None, level, frequency)
-
-
-def _levels(levels: tuple[float, ...], dwell: float) -> Profile:
-    return tuple(hold(level, dwell) for level in levels)
-
-
-def _vessel_commands(bench: Bench, limits: Limits) -> Iterator[Manoeuvre]:
-    """Yield commands of a valve that fills and vents a vessel."""
-    u = limits.command_range(bench)
-    for share in COMMAND_LEVELS:
-        level, dwell = share * u, 0.6 if share > 0.3 else 1.5
-        yield _command_manoeuvre("steps", bench, _levels((level, 0.0, -level, 0.0), dwell), level)
-        yield _command_manoeuvre("hold", bench, (hold(level, 0.4), hold(0.0, 6.0)), level)
-    yield _command_manoeuvre("hold", bench, (hold(u, 1.0), hold(-u, 0.3), hold(0.0, 6.0)), -u)
-    for share in (0.05, 0.2):
-        steps = np.array([1, 2, 3, 4, 3, 2, 1, 0, -1, -2, -3, -4, -3, -2, -1, 0] * 2)
-        yield _command_manoeuvre("stairs", bench, _levels(tuple(share * u * steps), 0.09), 4.0 * share * u)
-    for frequency in COMMAND_FREQUENCIES:
-        for share in (0.2, 0.6):
-            wave = (sine(0.0, share * u, frequency, max(4.0, MIN_PERIODS / frequency)),)
-            yield _command_manoeuvre("command-sine", bench, wave, share * u, frequency)
-    slow = 0.1 * u
-    core = (ramp(0.0, slow, 1.0), ramp(slow, -slow, 2.0), ramp(-slow, slow, 2.0), ramp(slow, 0.0, 1.0))
-    yield _command_manoeuvre("triangle", bench, core, slow)
-
-
-def _axis_commands(bench: Bench, limits: Limits) -> Iterator[Manoeuvre]:
-    """Yield commands of a valve that drives a piston: it must not drift to an end."""
-    u = limits.command_range(bench)
-    for share in (0.2, 0.5, 1.0):
-        level = share * u
-        pulses = tuple(
-            segment
-            for sign in (1.0, -1.0, -1.0, 1.0) * 2
-            for segment in (hold(sign * level, 0.03 / share), hold(0.0, 0.4))
-        )
-        yield _command_manoeuvre("pulses", bench, pulses, level)
-        yield _command_manoeuvre("hold", bench, (hold(level, 0.05 / share), hold(0.0, 6.0)), level)
-        yield _command_manoeuvre("hold", bench, (hold(-level, 0.05 / share), hold(0.0, 6.0)), -level)
-    for frequency in (3.0, 10.0):
-        for share in (0.2, 0.6):
-            core = (sine(0.0, share * u, frequency, 5.0),)
-            yield _command_manoeuvre("command-sine", bench, core, share * u, frequency)
 
 
 def _motion(

@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 
 from pneucli.identify.estimation.fit import Fit
 from pneucli.plan.limits import Limits, violations
-from pneucli.plan.manoeuvres import Manoeuvre
+from pneucli.plan.manoeuvre import Manoeuvre
 from pneucli.plan.rivals import Rival, shifted_models
 from pneucli.plan.selection import Refused
 from pneucli.plan.simulation import simulate_manoeuvre

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from pneucli.plan.entropy import expected_entropy
 from pneucli.plan.information import Information
 from pneucli.plan.limits import Violation
-from pneucli.plan.manoeuvres import Manoeuvre
+from pneucli.plan.manoeuvre import Manoeuvre
 
 Array = NDArray[np.float64]
 

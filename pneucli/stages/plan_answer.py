@@ -11,7 +11,8 @@ import numpy as np
 from pneucli.messages.plan import by_hand_text, manoeuvre_text
 from pneucli.pipeline.context import Context
 from pneucli.plan.limits import Limits
-from pneucli.plan.manoeuvres import GRAVITY, Manoeuvre
+from pneucli.plan.manoeuvre import Manoeuvre
+from pneucli.plan.manoeuvres import GRAVITY
 from pneucli.plan.rivals import Rival
 from pneucli.plan.selection import CHANGE_OVER_TIME, Chosen, Refused
 from pneucli.plan.simulation import start_of

@@ -14,7 +14,7 @@ from pneucli.io.artifacts import Provenance, atomic_path, write_table
 from pneucli.messages.plan import manoeuvre_text, plan_sentence, steps_page
 from pneucli.plan.evaluation import Comparison
 from pneucli.plan.information import ExpectedDeviation
-from pneucli.plan.manoeuvres import Manoeuvre
+from pneucli.plan.manoeuvre import Manoeuvre
 from pneucli.plan.power import Power
 from pneucli.plan.profile import sample
 from pneucli.plan.selection import CHANGE_OVER_TIME, Chosen

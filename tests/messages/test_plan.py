@@ -7,7 +7,7 @@ from typing import Any, get_args
 import pytest
 
 from pneucli.messages import plan as words
-from pneucli.plan.manoeuvres import ManoeuvreKind
+from pneucli.plan.manoeuvre import ManoeuvreKind
 
 RECORDING: dict[str, Any] = {
     "name": "plan_1",

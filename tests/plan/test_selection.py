@@ -7,7 +7,7 @@ import pytest
 
 from pneucli.plan.bench import described_benches
 from pneucli.plan.information import Information
-from pneucli.plan.manoeuvres import Manoeuvre
+from pneucli.plan.manoeuvre import Manoeuvre
 from pneucli.plan.profile import hold
 from pneucli.plan.selection import (
     CHANGE_OVER_TIME,

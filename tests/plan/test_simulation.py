@@ -53,6 +53,18 @@ def test_every_manoeuvre_begins_and_ends_at_rest_within_the_range_of_commands(be
             assert LIMITS.position[0] <= values.min() <= values.max() <= LIMITS.position[1]
 
 
+def test_a_switching_valve_is_fully_open_or_shut_and_follows_no_proportional_loop():
+    rig = replace(RIG, valve_kind="switching", valve_null=0.0)
+    benches = described_benches(rig, 24.0)
+    assert {b.drive for b in benches} == {"valve"}
+    limits = limits_of(rig, benches, {"max_command": 5.0})  # a part of 24 V opens no switching valve
+    for bench in benches:
+        listed = list(candidate_manoeuvres(bench, limits))
+        assert {m.kind for m in listed} == {"pulses", "hold"}
+        for one in listed:
+            assert set(sample(one.profile, 1e-3)) <= {-24.0, 0.0, 24.0}
+
+
 def test_the_vessel_is_filled_to_the_supply_and_vented_to_ambient():
     outcome = simulate_manoeuvre(manoeuvre(VESSEL, "steps", level=5.0), MODEL)
     assert outcome.p1.max() == pytest.approx(7e5, rel=0.02)

@@ -1,0 +1,68 @@
+"""One manoeuvre: a recording to make, as a profile of the command of a bench."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Literal
+
+from pneucli.plan.bench import Bench
+from pneucli.plan.profile import Profile, duration_of
+
+SETTLING_TIME = 0.3  # s at rest before and after a manoeuvre
+
+ManoeuvreKind = Literal[
+    "steps",  # of the command, with rests at the null command between
+    "stairs",
+    "hold",  # a chamber is filled and shut
+    "command-sine",
+    "triangle",  # slow, of the command
+    "pulses",  # short openings to both sides
+    "motion-sine",
+    "strokes",  # at constant speed
+    "position-steps",
+    "starts-after-rests",
+    "small-reversals",
+    "strokes-at-pressure",  # of chamber 2, set before the recording
+    "machine-strokes",
+    "shut-valve",  # by hand: a ball valve shuts chamber 1
+    "known-force",  # by hand: a weight pulls the piston
+]
+
+
+@dataclass(frozen=True)
+class Manoeuvre:
+    """One recording to make.
+
+    Attributes:
+        kind: Its kind.
+        bench: The bench on which it is made.
+        profile: The command over time, in V or m, raw.
+        centre: Position in m about which it moves, where it moves.
+        level: Level or amplitude of the command, in V or m, where it has one.
+        frequency: Frequency in Hz, where it has one.
+        speed: Speed in m/s, where it is constant.
+        pressure: Pressure in Pa: held in chamber 1 by a machine's regulator, or set in chamber 2 at the start.
+        force: Known force in N toward +x.
+        use: Whether the recording is to be fitted or held out.
+    """
+
+    kind: ManoeuvreKind
+    bench: Bench
+    profile: Profile
+    centre: float | None = None
+    level: float | None = None
+    frequency: float | None = None
+    speed: float | None = None
+    pressure: float | None = None
+    force: float = 0.0
+    use: Literal["train", "test"] = "train"
+
+    @property
+    def duration(self) -> float:
+        """Duration in s."""
+        return duration_of(self.profile)
+
+    @property
+    def by_hand(self) -> bool:
+        """Whether a person has to do something to the rig for it."""
+        return self.kind in ("shut-valve", "known-force")
