@@ -26,7 +26,7 @@ DECIDED_PROBABILITY = 0.97  # a named effect that is more probable is no longer 
 MIN_PRIOR_ODDS = 0.05  # of a fitted but refused effect: the pooled rate of refused ones is no evidence about one
 NEGLIGIBLE_SHARE = 0.01  # of the size that the recordings do not exclude: a smaller fitted size is none
 TYPICAL_SIZE_ERROR = 0.5  # of a size that was not fitted but taken as typical
-NOT_FITTED = ("cannot-show", "not-promising")  # reasons without a fit
+DECIDED = ("at-bound", "below-resolution", "contradicted-by-reading")  # reasons that better recordings do not lift
 
 
 @dataclass(frozen=True)
@@ -91,13 +91,9 @@ def rivals_of_diagnosis(
             share = _odds_of_equivalent(entry, entries.get(other))
             found.append((share, "instead", other, name))
     taken = {name for _, _, name, _ in found} | set(named)
-    for entry in answer["candidates"]:
-        name = entry["effect"]
-        if name in taken or name not in available or (not wanted and not _is_open(entry)):
-            continue
-        probability = entry["confidence_alone"] or 0.0
-        odds = max(probability / max(1.0 - probability, 0.01), MIN_PRIOR_ODDS)
-        found.append((odds, "with", name, None))
+    for odds, name in refused_effects(answer["candidates"]):
+        if name not in taken and name in available:
+            found.append((odds, "with", name, None))
     if wanted:
         found = [(1.0, kind, name, instead) for _, kind, name, instead in found if name in wanted]
         listed = {name for _, _, name, _ in found}
@@ -111,10 +107,25 @@ def rivals_of_diagnosis(
     return rivals
 
 
-def _is_open(entry: Mapping[str, Any]) -> bool:
-    """Whether an effect was fitted and refused for lack of evidence: better recordings may show it."""
-    decided = ("vanishes", "at-bound", "contradicted-by-reading", "raises-error", "below-resolution")
-    return bool(entry["parameters"]) and not entry["supported"] and entry["reason"] not in decided
+def refused_effects(candidates: Sequence[Mapping[str, Any]]) -> list[tuple[float, str]]:
+    """Return the effects that a diagnosis fitted and refused, but that better recordings may show.
+
+    An effect that raises the error of the free run may do so beside an unknown one, and one whose fit returned nothing
+    may need another motion. Those come last among effects as probable.
+
+    Args:
+        candidates: The entries ``candidates`` of the answer of ``diagnose``.
+
+    Returns:
+        Prior odds and name of each, the most probable first.
+    """
+    open_entries = [c for c in candidates if c["parameters"] and not c["supported"] and c["reason"] not in DECIDED]
+    rows = []
+    for entry in open_entries:
+        probability = entry["confidence_alone"] or 0.0
+        odds = max(probability / max(1.0 - probability, 0.01), MIN_PRIOR_ODDS)
+        rows.append((odds, entry["reason"] == "vanishes", entry["effect"]))
+    return [(odds, name) for odds, _, name in sorted(rows, key=lambda row: (-row[0], row[1]))]
 
 
 def _odds_of_equivalent(entry: Mapping[str, Any], other: Mapping[str, Any] | None) -> float:

@@ -10,7 +10,7 @@ import pytest
 
 from pneucli.identify.estimation.parameters import FreeParameter
 from pneucli.physics.effects import catalogue
-from pneucli.plan.rivals import at_plausible_size, shifted_models
+from pneucli.plan.rivals import MIN_PRIOR_ODDS, at_plausible_size, refused_effects, shifted_models
 from pneucli.recording import Rig
 from pneucli.simulate.model import Model
 
@@ -85,3 +85,23 @@ def test_shifted_parameters_lie_two_standard_errors_away_and_within_their_bounds
     assert np.abs(masses - 1.0).max() == pytest.approx(0.4)
     assert np.abs(coulomb - 10.0).max() == pytest.approx(2.0)  # 2 x 0.1 of a scale of 10 N
     assert np.std(masses) > 0.1
+
+
+def entry(effect: str, reason: str, confidence: float = 0.003, **properties: Any) -> dict[str, Any]:
+    known = {"effect": effect, "reason": reason, "confidence_alone": confidence, "supported": False}
+    return known | {"parameters": {"size": {"value": 1.0}}} | properties
+
+
+def test_refused_effects_that_better_recordings_may_show_are_in_question_the_most_probable_first() -> None:
+    found = refused_effects(
+        [
+            entry("a leak", "vanishes"),
+            entry("a lag", "not-significant"),
+            entry("a scale", "raises-error", 0.5),
+            entry("a mass", "at-bound", 0.4),
+            entry("an offset", "contradicted-by-reading", 0.4),
+            entry("a cushion", "not-promising", parameters={}),
+            entry("a droop", "supported", 0.9, supported=True),
+        ]
+    )
+    assert found == [(pytest.approx(1.0), "a scale"), (MIN_PRIOR_ODDS, "a lag"), (MIN_PRIOR_ODDS, "a leak")]
