@@ -31,7 +31,7 @@ from pneucli.exam.laboratory import Laboratory
 from pneucli.exam.planned_recordings import planned_recordings, read_commands
 from pneucli.identify.estimation.model_fit import fit_model
 from pneucli.identify.guesses.base_model import guess_base_model
-from pneucli.plan.information import ExpectedDeviation, expected_deviations
+from pneucli.plan.deviation import ExpectedDeviation, expected_deviations
 
 EFFECTS = ("chamber-leak", "valve-lag", "pressure-offset", "constant-force")
 FACTORS = (0.5, 1.0, 2.0)  # times the size with a predicted power of 80 %

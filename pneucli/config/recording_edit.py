@@ -25,7 +25,9 @@ def append_recordings(path: str | Path, tables: Sequence[Mapping[str, Any]]) -> 
     """
     with edit_document(path) as document:
         recordings = document.get("recordings")
-        if recordings is None:
+        is_first = recordings is None
+        if is_first:
+            document.add(tomlkit.nl())
             recordings = document["recordings"] = tomlkit.aot()
         if not isinstance(recordings, AoT):
             raise InputError(
@@ -35,5 +37,6 @@ def append_recordings(path: str | Path, tables: Sequence[Mapping[str, Any]]) -> 
             added = tomlkit.table()
             for key, value in table.items():
                 added.add(key, value)
-            added.add(tomlkit.nl())
+            if not is_first:  # tomlkit separates the tables of a new array by itself
+                added.add(tomlkit.nl())
             recordings.append(added)

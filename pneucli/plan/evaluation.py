@@ -10,7 +10,8 @@ from numpy.typing import NDArray
 
 from pneucli.identify.estimation.parameters import FreeParameter
 from pneucli.plan.bench import Bench
-from pneucli.plan.information import DeviationByChannel, Information, information, rival_differences
+from pneucli.plan.deviation import DeviationByChannel
+from pneucli.plan.information import Information, information, rival_differences
 from pneucli.plan.limits import Limits, violations
 from pneucli.plan.manoeuvre import Manoeuvre
 from pneucli.plan.manoeuvres import candidate_manoeuvres, manual_manoeuvres

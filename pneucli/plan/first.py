@@ -13,8 +13,9 @@ from pneucli.identify.residuals import ResidualModel, residual_models
 from pneucli.physics.declaration import BASE_PARAMETERS, Effect
 from pneucli.physics.scales import RigQuantities
 from pneucli.plan.bench import Bench
+from pneucli.plan.deviation import ExpectedDeviation
 from pneucli.plan.entropy import detection_power
-from pneucli.plan.information import ExpectedDeviation, Information
+from pneucli.plan.information import Information
 from pneucli.plan.limits import Limits
 from pneucli.plan.manoeuvres import candidate_manoeuvres
 from pneucli.plan.selection import Objective

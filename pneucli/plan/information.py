@@ -15,93 +15,23 @@ References:
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
-from pneucli.identify.estimation.blocks import residual_counts
 from pneucli.identify.estimation.objective import LeastSquaresProblem
 from pneucli.identify.estimation.parameters import FreeParameter
 from pneucli.identify.residuals import ResidualModel, residual_models
+from pneucli.plan.deviation import DeviationByChannel, ExpectedDeviation, accumulated_change
 from pneucli.recording import Recording
 from pneucli.simulate.model import Model, parameter_value
 from pneucli.simulate.preparation import prepare
 
 Array = NDArray[np.float64]
 
-MIN_BLOCK_TIME = 0.02  # s, of a discrepancy whose correlation time is unknown
 MAX_CONDITION = 1e12  # of a covariance that is inverted
-DeviationByChannel = Mapping[tuple[str, str], "ExpectedDeviation"]
-
-
-@dataclass(frozen=True)
-class ExpectedDeviation:
-    """The deviation of the best model from recordings in one channel of one subsystem.
-
-    Attributes:
-        ratio: Its rms over the noise; 1: noise alone.
-        time_constant: Correlation time in s of what exceeds noise; 0: white.
-    """
-
-    ratio: float = 1.0
-    time_constant: float = 0.0
-
-    def divisor(self, period: float) -> float:
-        """Return the standard deviation per sample, in units of noise, of white noise that tells as little.
-
-        A discrepancy repeats over its correlation time: ``2 time_constant / period`` samples are one reading.
-
-        Args:
-            period: Sampling period in s.
-
-        >>> ExpectedDeviation(1.0, 0.1).divisor(1e-3)
-        1.0
-        >>> round(ExpectedDeviation(2.0, 0.05).divisor(1e-3), 2)  # sqrt(1 + 3 * 100)
-        17.35
-        """
-        excess = max(self.ratio**2 - 1.0, 0.0)
-        return float(np.sqrt(1.0 + excess * max(1.0, 2.0 * self.time_constant / period)))
-
-
-def expected_deviations(
-    residual_model_list: Sequence[ResidualModel], residual: Array
-) -> dict[tuple[str, str], ExpectedDeviation]:
-    """Return the deviation of a fitted model in each channel of each subsystem.
-
-    Args:
-        residual_model_list: The residual models of the fit.
-        residual: Its residuals in units of noise, shape (N,).
-
-    Returns:
-        The deviation by title of the subsystem and channel.
-    """
-    parts: dict[tuple[str, str], list[tuple[Array, float]]] = {}
-    offsets = np.cumsum([0, *residual_counts(residual_model_list)])
-    for one, begin, end in zip(residual_model_list, offsets, offsets[1:], strict=False):
-        values = residual[begin:end].reshape(len(one.channels), -1)
-        for channel, row in zip(one.channels, values, strict=True):
-            parts.setdefault((one.title, channel), []).append((row, one.experiment.recording.period))
-    return {key: _deviation(rows) for key, rows in parts.items()}
-
-
-def _deviation(rows: Sequence[tuple[Array, float]]) -> ExpectedDeviation:
-    squares = sum(float(row @ row) for row, _ in rows)
-    count = sum(np.count_nonzero(row) for row, _ in rows)
-    ratio = float(np.sqrt(squares / count)) if count else 1.0
-    times = [_correlation_time(row, period) for row, period in rows]
-    return ExpectedDeviation(max(ratio, 1.0), float(np.median(times)) if ratio > 1.0 else 0.0)
-
-
-def _correlation_time(row: Array, period: float) -> float:
-    """Return the time in s in which the autocorrelation (n,) falls to 1/e of its value at one sample."""
-    power = np.abs(np.fft.rfft(row, 2 * row.size)) ** 2
-    covariance = np.fft.irfft(power)[: row.size // 2]
-    if covariance.size < 3 or not covariance[1] > 0.0:
-        return MIN_BLOCK_TIME
-    decayed = np.flatnonzero(covariance[1:] < covariance[1] / np.e)
-    return float(decayed[0] * period) if decayed.size else float(0.5 * row.size * period)
 
 
 @dataclass(frozen=True)
@@ -222,13 +152,13 @@ def _residual_models(recording: Recording, best: Model, horizon: float, low_pass
 
 
 def _scale(model: ResidualModel, deviations: DeviationByChannel) -> Array:
-    size, period = model.experiment.time.size, model.experiment.recording.period
-    return np.concatenate(
-        [
-            np.full(size, deviations.get((model.title, channel), ExpectedDeviation()).divisor(period))
-            for channel in model.channels
-        ]
-    )
+    experiment = model.experiment
+    size, period = experiment.time.size, experiment.recording.period
+    parts = []
+    for channel in model.channels:
+        expected = deviations.get((model.title, channel), ExpectedDeviation())
+        parts.append(np.full(size, expected.divisor(period, accumulated_change(experiment, channel))))
+    return np.concatenate(parts)
 
 
 def _distances(models: Sequence[ResidualModel], differences: Array) -> Array:

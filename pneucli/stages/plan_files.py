@@ -12,8 +12,8 @@ from numpy.typing import NDArray
 from pneucli.export.command_player import PlayedRecording, PlayerLimits, write_players
 from pneucli.io.artifacts import Provenance, atomic_path, write_table
 from pneucli.messages.plan import manoeuvre_text, plan_sentence, steps_page
+from pneucli.plan.deviation import ExpectedDeviation
 from pneucli.plan.evaluation import Comparison
-from pneucli.plan.information import ExpectedDeviation
 from pneucli.plan.manoeuvre import Manoeuvre
 from pneucli.plan.power import Power
 from pneucli.plan.profile import sample

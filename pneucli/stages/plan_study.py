@@ -16,8 +16,8 @@ from pneucli.identify.residuals import ResidualModel
 from pneucli.physics.effects import select_effects
 from pneucli.pipeline.context import Context
 from pneucli.plan.bench import Bench, recorded_benches
+from pneucli.plan.deviation import expected_deviations
 from pneucli.plan.evaluation import Comparison
-from pneucli.plan.information import expected_deviations
 from pneucli.plan.limits import Limits, limits_of
 from pneucli.plan.rivals import Rival, rivals_of_diagnosis
 from pneucli.plan.safety import Safety, models_to_check

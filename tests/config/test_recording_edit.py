@@ -49,3 +49,11 @@ def test_recordings_that_are_no_tables_are_refused_and_the_file_stays(tmp_path: 
     with pytest.raises(InputError):
         append_recordings(file, [{"name": "two"}])
     assert file.read_text(encoding="utf-8") == "recordings = 3\n"
+
+
+def test_the_first_recordings_of_a_file_are_separated_by_one_blank_line(tmp_path: Path) -> None:
+    file = tmp_path / "pipeline.toml"
+    file.write_text('[compare]\nhorizon = "1 s"\n', encoding="utf-8")
+    append_recordings(file, [{"name": "one"}, {"name": "two"}])
+    expected = '[compare]\nhorizon = "1 s"\n\n[[recordings]]\nname = "one"\n\n[[recordings]]\nname = "two"\n'
+    assert file.read_text(encoding="utf-8") == expected

@@ -5,7 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from pneucli.plan.information import ExpectedDeviation, Information
+from pneucli.plan.deviation import ExpectedDeviation
+from pneucli.plan.information import Information
 
 RNG = np.random.default_rng(3)
 
