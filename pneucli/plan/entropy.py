@@ -77,6 +77,31 @@ def posterior_draws(gram: Array, probabilities: Array, size_errors: Sequence[flo
     return np.asarray(np.exp(logs - logsumexp(logs, axis=2, keepdims=True)))
 
 
+def powers_to_decide(gram: Array, prior: Sequence[float], size_errors: Sequence[float]) -> list[float]:
+    """Return for each rival the probability that it is found if it is true: its posterior exceeds one half.
+
+    The posteriors of rivals that the recordings do not tell from it count with it: an answer names one of them, and
+    states the others as indistinguishable.
+
+    Args:
+        gram: Gram matrix, shape (K, K).
+        prior: Prior weights of the first hypothesis and of the K rivals, shape (K + 1,).
+        size_errors: Relative standard errors of the sizes, shape (K,).
+
+    >>> gram = np.array([[100.0, 100.0], [100.0, 100.0]])
+    >>> powers_to_decide(gram, [0.8, 0.1, 0.1], [0.1, 0.1])  # each alone has a posterior of one half
+    [1.0, 1.0]
+    """
+    draws = posterior_draws(gram, np.asarray(prior) / np.sum(prior), size_errors)
+    squares = np.diag(gram)
+    apart = squares[:, None] + squares[None, :] - 2.0 * gram
+    nearer = 0.25 * np.minimum(squares[:, None], squares[None, :])  # than half the way to the first hypothesis
+    alike = (apart < np.minimum(nearer, DETECTION_LEVEL**2)) | np.eye(len(squares), dtype=bool)
+    return [
+        float(np.mean(draws[i + 1][:, 1 + np.flatnonzero(alike[i])].sum(axis=1) > 0.5)) for i in range(len(squares))
+    ]
+
+
 def detection_power(size_over_error: float) -> float:
     """Return the probability that an effect is found whose size is so many standard errors.
 

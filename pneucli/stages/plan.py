@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from pneucli.diagnose.subsample import MAX_SAMPLES
 from pneucli.errors import InputError
 from pneucli.pipeline.context import Context
-from pneucli.plan.entropy import expected_entropy, posterior_draws
+from pneucli.plan.entropy import expected_entropy, powers_to_decide
 from pneucli.plan.evaluation import Comparison, evaluate_candidates
 from pneucli.plan.power import Power, power_table
 from pneucli.plan.rivals import Rival, with_typical_effect
@@ -68,7 +68,7 @@ def run(context: Context) -> dict[str, Any]:
     before = expected_entropy(np.zeros((len(others), len(others))), prior, errors) if others else 0.0
     gram = total_information(chosen).between_rivals(covariance) if chosen and others else None
     after = before if gram is None else expected_entropy(gram, prior, errors)
-    found = [0.0] * len(others) if gram is None else _found_when_true(gram, prior, errors)
+    found = [0.0] * len(others) if gram is None else powers_to_decide(gram, prior, errors)
     answer["rivals"] = [rival_answer(r, study.best.model) for r in rivals]
     answer["entropy"] = {"before": before, "after": after, "unit": "bit"}
     answer["expected"] = expected_rows(rivals[1:], found)
@@ -129,12 +129,6 @@ def _powers(study: PlanStudy, chosen: Sequence[Chosen]) -> list[Power]:
     for one in told[1:]:
         total = total + one
     return power_table(effects, models, total, study.best.covariance, model)
-
-
-def _found_when_true(gram: Array, prior: Sequence[float], errors: Sequence[float]) -> list[float]:
-    """Return for each rival the probability that its posterior exceeds one half if it is true."""
-    draws = posterior_draws(gram, np.asarray(prior) / np.sum(prior), errors)
-    return [float(np.mean(draws[i + 1, :, i + 1] > 0.5)) for i in range(len(errors))]
 
 
 def _narrowed(study: PlanStudy, chosen: Sequence[Chosen], positions: Sequence[int]) -> list[dict[str, Any]]:

@@ -5,7 +5,13 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from pneucli.plan.entropy import detection_power, expected_entropy, minimum_detectable_size, posterior_draws
+from pneucli.plan.entropy import (
+    detection_power,
+    expected_entropy,
+    minimum_detectable_size,
+    posterior_draws,
+    powers_to_decide,
+)
 
 
 def test_without_any_difference_the_entropy_stays_that_of_the_prior():
@@ -41,3 +47,12 @@ def test_power_grows_with_the_distance_and_is_80_percent_at_the_detectable_size(
     assert detection_power(0.0) < 0.01 < detection_power(2.0) < detection_power(6.0)
     assert detection_power(minimum_detectable_size(1.0, 1.0)) == pytest.approx(0.8, abs=0.005)
     assert minimum_detectable_size(3.0, 0.0) == np.inf
+
+
+def test_a_rival_is_found_with_those_that_the_recordings_do_not_tell_from_it():
+    """Two alike effects and a third one: each alike one has at most half of the posterior, and counts as found."""
+    shapes = np.array([[12.0, 0.0], [12.0, 0.1], [0.0, 12.0]])
+    found = powers_to_decide(shapes @ shapes.T, [1.0, 0.1, 0.1, 0.1], [0.1, 0.1, 0.1])
+    assert found == pytest.approx([1.0, 1.0, 1.0], abs=0.02)
+    faint = 0.03 * shapes
+    assert max(powers_to_decide(faint @ faint.T, [1.0, 0.1, 0.1, 0.1], [0.1, 0.1, 0.1])) < 0.05
