@@ -5,12 +5,13 @@ from __future__ import annotations
 import math
 import re
 from collections.abc import Mapping
+from dataclasses import replace
 
 from pneucli.config import ParameterTable, PipelineConfig, join_faults
 from pneucli.errors import InputError, UnitError, did_you_mean
 from pneucli.physics.declaration import BASE_PARAMETERS, Effect
 from pneucli.quantities import PISTON_AREA_UNITS, ROTARY_UNITS
-from pneucli.recording import ParameterPrior
+from pneucli.recording import ParameterPrior, Rig
 from pneucli.units import parse_quantity
 
 # the valve's own, as identify names them: "valve.effective_area(+1 V)", "valve_2.overlap_fill"
@@ -46,6 +47,20 @@ def parameter_priors(config: PipelineConfig, effects: Mapping[str, Effect]) -> d
     if faults:
         raise join_faults(config.path, faults)
     return priors
+
+
+def with_started_supply(rig: Rig, config: PipelineConfig) -> Rig:
+    """Return the rig with the supply pressure from which the fit starts, where ``[rig]`` states none: that of a pump.
+
+    Raises InputError where the entry of ``[model.parameters]`` is at fault.
+    """
+    name = "rig.supply_pressure"
+    table = config.model.parameters.get(name)
+    if rig.supply_pressure is not None or table is None:
+        return rig
+    prior = _prior_from_table(table, "Pa", f'{config.path}, key model.parameters."{name}"', stated=None)
+    value = prior.start if prior.fixed is None else prior.fixed
+    return replace(rig, supply_pressure=value)
 
 
 def _stated_value(config: PipelineConfig, name: str) -> float | None:

@@ -26,7 +26,7 @@ from pneucli.recording import ParameterPrior, Recording, Rig
 from pneucli.simulate.end_stops import with_end_stops
 from pneucli.simulate.experiment import Experiment
 from pneucli.simulate.preparation import prepare
-from pneucli.stages.parameter_priors import parameter_priors
+from pneucli.stages.parameter_priors import parameter_priors, with_started_supply
 
 MIN_HORIZON_SAMPLES = 5  # samples within a horizon
 LONG_RECORDING_HOURS = 1.0  # h of recordings in all: one run of the model through them takes a second and more
@@ -45,7 +45,8 @@ class PipelineData:
 
         Raises InputError where the recordings need more of it than the file says.
         """
-        rig = with_identified_null(self.recordings, self.context.config.to_rig())
+        config = self.context.config
+        rig = with_identified_null(self.recordings, with_started_supply(config.to_rig(), config))
         require_stated(required_inputs([*self.recordings, *self.flow_recordings], rig), self.context.path)
         return replace(rig, priors=self._parameter_priors)
 

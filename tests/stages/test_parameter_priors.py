@@ -10,8 +10,8 @@ from pneucli.config import load
 from pneucli.errors import InputError
 from pneucli.physics.effects import catalogue
 from pneucli.plausibility.required_inputs import RequiredInput
-from pneucli.recording import ParameterPrior
-from pneucli.stages.parameter_priors import parameter_priors
+from pneucli.recording import ParameterPrior, Rig
+from pneucli.stages.parameter_priors import parameter_priors, with_started_supply
 from pneucli.stages.pipeline_data import require_stated
 from tests.config.test_config import BASE, write
 
@@ -73,3 +73,16 @@ def test_every_key_that_is_missing_is_told_with_an_example(tmp_path: Path) -> No
     assert 'add piston_area_1 = "8.04 cm^2" below [rig.cylinder]' in str(error.value)
     assert "key recordings.p2: missing" in str(error.value)
     require_stated([], tmp_path / "p.toml")
+
+
+@pytest.mark.parametrize(
+    ("entry", "supply"), [('start = "8 bar"', 8e5), ('fixed = "7 bar"', 7e5), ('min = "1 bar"', None)]
+)
+def test_a_pump_states_its_stall_pressure_as_a_start_in_place_of_a_regulated_supply(
+    tmp_path: Path, entry: str, supply: float | None
+) -> None:
+    (tmp_path / "raw").mkdir()
+    path = tmp_path / "pipeline.toml"
+    path.write_text(BASE.replace("[checks]", f'[model.parameters]\n"rig.supply_pressure" = {{ {entry} }}\n[checks]'))
+    assert with_started_supply(Rig(), load(path)).supply_pressure == (supply and pytest.approx(supply))
+    assert with_started_supply(Rig(supply_pressure=6e5), load(path)).supply_pressure == 6e5
