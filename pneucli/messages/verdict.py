@@ -138,11 +138,11 @@ def impossible_data_sentence(findings: Sequence[str]) -> str:
     Args:
         findings: Sentences of the findings, at least one.
 
-    >>> print(impossible_data_sentence(["run_1, x moves at 112 m/s; check [signals] x", "run_1, p1 below vacuum"]))
-    run_1, x moves at 112 m/s; check [signals] x (and 1 more). Such recordings cannot be true: no effect was looked for.
+    >>> print(impossible_data_sentence(["run_1, p1 below vacuum; gauge?", "run_1, x moves at 112 m/s"]))
+    run_1, p1 below vacuum; gauge? (and 1 more). Recordings contradict the stated rig: no effect was looked for.
     """
     others = f" (and {len(findings) - 1} more)" if len(findings) > 1 else ""
-    return f"{findings[0]}{others}. Such recordings cannot be true: no effect was looked for."
+    return f"{findings[0]}{others}. Recordings contradict the stated rig: no effect was looked for."
 
 
 def detection_limit_sentence(

@@ -11,9 +11,8 @@ from numpy.typing import NDArray
 from pneucli.physics.gas import critical_ratio_of
 from pneucli.physics.vectorised import flow_functions
 from pneucli.plausibility.blocks import Blocks, fit_linear, resolved_blocks
-from pneucli.plausibility.readings import absolute_finding, gauge_finding
+from pneucli.plausibility.resting_pressure import max_supply_difference, pressure_loop, resting_pressure
 from pneucli.plausibility.rig_check import (
-    AMBIENT_SLIP_SHARE,
     MIN_SIGNAL_TO_NOISE,
     T_QUANTILE,
     UNIT_SLIP_FACTOR,
@@ -30,7 +29,6 @@ MIN_AREA = 1e-8  # m^2: a hole of 0.1 mm, the smallest orifice of a proportional
 MAX_PRESSURE_RATIO = 0.9  # pressure ratio above which the flow function is too flat to tell an area
 MIN_EXPLAINED_VARIANCE = 0.05  # of the area's variance, below which a command has nothing to do with it
 MIN_RELATIVE_FLOW = 0.2  # of the largest flow: heat that goes on after a charge moves less
-MAX_SPAN_ERROR = 0.1  # of a reading above ambient: "some per cent" of a sensor's span error ends there
 MAX_LEAK_AREA = (
     1e-7  # m^2: the largest leaks that the catalogue calls typical; what flows beyond goes through the valve
 )
@@ -39,12 +37,6 @@ MIN_NET_FLOW_SHARE = (
 )
 MAX_COMPRESSED_PERCENTILE = 50.0  # of p1 on an axis: a load may press it above the supply in half of the time
 COMMAND_BINS, MIN_BLOCKS_PER_BIN = 20, 5  # of the commands, and blocks in each
-MIN_COMMAND_STEP = 0.005  # of the commands' range: less is noise of a command that is held
-MIN_HELD_SAMPLES = 40  # samples at one command, of which the last two tens tell whether p1 still moves
-MIN_PRESSURE_TRAVEL, MAX_SETTLED_DRIFT = (
-    0.5,
-    0.01,
-)  # of p1's range: heat moves it less than half of the way, and after 1 % of it p1 rests
 
 
 @dataclass(frozen=True)
@@ -69,12 +61,19 @@ def check(rig_check: RigCheck) -> Iterator[Finding]:
     yield from _unresponsive_pressure(driven, rig_check)
     for flow in flows:
         yield from _supply_below_chamber(flow, rig_check)
-        yield from _command_direction(flow, rig_check.rig)
+    vessels = [one for one in driven if one.kind.vessel]
     for one in driven:
         yield from _above_supply(one, rig_check)
-        if one.kind.vessel:
-            yield from _undersampled(one)
-            yield from _settled_pressure(one, rig_check)
+    for one in vessels:
+        yield from _undersampled(one)
+    loop = pressure_loop(vessels, rig_check)
+    if loop is not None:  # the command sets no area: what asks after areas and their pressures has no answer
+        yield loop
+        return
+    for flow in flows:
+        yield from _command_direction(flow, rig_check.rig)
+    for one in vessels:
+        yield from resting_pressure(one, rig_check)
     yield from _implausible_areas(flows)
     yield from _vessel_against_cylinder(flows)
 
@@ -139,7 +138,7 @@ def _supply_below_chamber(flow: ChamberFlow, bench: RigCheck) -> Iterator[Findin
     if not charging.any():
         return
     p, supply = float(np.median(flow.p[charging])), float(np.median(flow.supply[charging]))
-    if p - supply > _max_supply_difference(supply, bench):
+    if p - supply > max_supply_difference(supply, bench):
         found = (
             f"p1 is charged at {format_in_display_unit(p, 'p1')} from "
             f"a supply of {format_in_display_unit(supply, 'p_supply')}"
@@ -158,17 +157,11 @@ def _above_supply(one: Recording, bench: RigCheck) -> Iterator[Finding]:
     if supply is None or "p_supply" in one:
         return
     highest = float(np.nanpercentile(one["p1"], 99 if one.kind.vessel else MAX_COMPRESSED_PERCENTILE))
-    if highest - supply > _max_supply_difference(supply, bench):
+    if highest - supply > max_supply_difference(supply, bench):
         reached, stated = format_in_display_unit(highest, "p1"), format_in_display_unit(supply, "p_supply")
         found = f"p1 reaches {reached}, above the supply of {stated}"
         mend = "check unit, scale and reference in [signals] p1, and [rig] supply_pressure"
         yield Finding("supply", "p1", one.name, found, mend)
-
-
-def _max_supply_difference(supply: float, bench: RigCheck) -> float:
-    """Return by how many Pa readings of p1 and p_supply differ where more than a scale is wrong."""
-    ambient = bench.rig.ambient_pressure
-    return max(AMBIENT_SLIP_SHARE * ambient, MAX_SPAN_ERROR * (supply - ambient))
 
 
 def _command_direction(flow: ChamberFlow, rig: Rig) -> Iterator[Finding]:
@@ -208,47 +201,6 @@ def _undersampled(one: Recording) -> Iterator[Finding]:
         )
         mend = f"record faster than at {1 / one.period:.3g} Hz, or check the unit in [signals] time"
         yield Finding("sampling", "time", one.name, found, mend)
-
-
-def _settled_pressure(one: Recording, bench: RigCheck) -> Iterator[Finding]:
-    """Where a vessel has been vented it rests at ambient pressure, where it has been charged not above the supply."""
-    ambient = bench.rig.ambient_pressure
-    for charged, level, rows in _settled_levels(one):
-        if not charged:
-            off = (level - ambient) / ambient
-            seen = f"p1 rests at {format_in_display_unit(level, 'p1')} in a vented chamber"
-            if -1 - AMBIENT_SLIP_SHARE < off < -AMBIENT_SLIP_SHARE:
-                yield gauge_finding(one, "p1", seen)
-            elif AMBIENT_SLIP_SHARE < off < 1 + AMBIENT_SLIP_SHARE:
-                yield absolute_finding(one, "p1", seen)
-        elif "p_supply" in one:
-            supply = float(np.nanmedian(one["p_supply"][rows]))
-            off, apart = level - supply, _max_supply_difference(supply, bench)
-            seen = (
-                f"p1 rests at {format_in_display_unit(level, 'p1')} in a chamber "
-                f"that is charged from {format_in_display_unit(supply, 'p_supply')}"
-            )
-            if apart < off < (1 + AMBIENT_SLIP_SHARE) * ambient:
-                yield gauge_finding(one, "p_supply", seen)
-            elif off > apart or level - ambient < (supply - ambient) / UNIT_SLIP_FACTOR:  # between them: a leak
-                mend = "check column, unit and reference in [signals] p_supply and p1"
-                yield Finding("supply", "p_supply", one.name, seen, mend)
-
-
-def _settled_levels(one: Recording) -> list[tuple[bool, float, slice]]:
-    """Return (charged?, pressure in Pa, rows) where p1 rests after it went over half of its range at one command."""
-    u, p = one["u"], one["p1"]
-    span = float(np.nanmax(p) - np.nanmin(p))
-    jumps = np.flatnonzero(np.abs(np.diff(u)) > MIN_COMMAND_STEP * max(float(np.ptp(u)), 1e-9)) + 1
-    found = []
-    for start, stop in zip(np.append(0, jumps), np.append(jumps, u.size), strict=True):
-        held = p[start:stop][np.isfinite(p[start:stop])]
-        if held.size < MIN_HELD_SAMPLES:
-            continue
-        first, before, last = (float(np.mean(part)) for part in (held[:2], *np.array_split(held[held.size // 2 :], 2)))
-        if abs(last - first) > MIN_PRESSURE_TRAVEL * span and abs(last - before) < MAX_SETTLED_DRIFT * span:
-            found.append((last > first, last, slice(int(start + (stop - start) * 3 // 4), int(stop))))
-    return found
 
 
 def _implausible_areas(flows: list[ChamberFlow]) -> Iterator[Finding]:

@@ -141,3 +141,30 @@ def test_one_spool_vents_port_2_where_it_fills_port_1() -> None:
     assert seen(one, spool) == seen(other, spool) == seen(one, two) == {}
     assert "port 2 is filled" in seen(replace(one, chamber=2), spool)["direction", "u"]
     assert "chamber 1 is vented" in seen(replace(other, chamber=1), spool)["direction", "u"]
+
+
+def regulated(level: float, start: float, u: float) -> Recording:
+    """A vessel that goes from one pressure (Pa) to another at 1 s and rests there."""
+    late = np.maximum(T - 1, 0)
+    p = level + (start - level) * np.exp(-late / 0.05)
+    return recorded("valve", p1=p, u=np.where(late > 0, u, 5.0), p_supply=7e5 + 0 * T)
+
+
+def loop_findings(*ones: Recording) -> dict[tuple[str, str], str]:
+    rig = Rig(vessel_volume=1e-4)
+    return {(f.check, f.signal): f.found for f in findings(list(ones), rig, {})}
+
+
+def test_a_vessel_that_rests_where_the_command_says_is_at_a_pressure_loop() -> None:
+    """0.5 bar for each volt, from above and from below; without one from below a leak could do it."""
+    rising = [regulated(1e5 + 0.5e5 * u, 3.5e5, u) for u in (6.0, 8.0)]
+    falling = [regulated(1e5 + 0.5e5 * u, 3.5e5, u) for u in (4.0, 2.0)]
+    found = loop_findings(*rising, *falling)
+    assert list(found) == [("pressure-loop", "u")]
+    assert "between 2 bar and 5 bar, 0.5 bar for each volt" in found["pressure-loop", "u"]
+    assert ("pressure-loop", "u") not in loop_findings(*rising, regulated(4.5e5, 3.5e5, 7.0))
+
+
+def test_rests_that_do_not_follow_the_command_are_no_pressure_loop() -> None:
+    ones = [regulated(level, 3.5e5, u) for level, u in ((4e5, 6.0), (2.4e5, 8.0), (3e5, 4.0), (5e5, 2.0))]
+    assert ("pressure-loop", "u") not in loop_findings(*ones)

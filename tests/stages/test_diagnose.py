@@ -139,7 +139,7 @@ def test_no_verdict_is_given_on_recordings_that_cannot_be_true(name: str, words:
     answer = diagnosed(pipeline, tmp_path / "out")
     assert (answer["verdict"], answer["missing"], answer["unexplained"]) == ("inconclusive", [], None)
     assert words in answer["sentence"]
-    assert answer["sentence"].endswith("Such recordings cannot be true: no effect was looked for.")
+    assert answer["sentence"].endswith("Recordings contradict the stated rig: no effect was looked for.")
     text = messages.render("diagnose", answer, "a.toml", verbose=False)
     assert "pneucli diagnose a.toml --force" in text
     assert "--suggested" not in text

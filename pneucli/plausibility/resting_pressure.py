@@ -1,0 +1,108 @@
+"""Checks of the pressures at which a vessel comes to rest: ambient, the supply, or what a pressure loop gives it."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+
+import numpy as np
+
+from pneucli.plausibility.readings import absolute_finding, gauge_finding
+from pneucli.plausibility.rig_check import (
+    AMBIENT_SLIP_SHARE,
+    UNIT_SLIP_FACTOR,
+    Finding,
+    RigCheck,
+    format_in_display_unit,
+    format_number,
+)
+from pneucli.recording import Recording
+
+MAX_SPAN_ERROR = 0.1  # of a reading above ambient: "some per cent" of a sensor's span error ends there
+MIN_COMMAND_STEP = 0.005  # of the commands' range: less is noise of a command that is held
+MIN_HELD_SAMPLES = 40  # samples at one command, of which the last two tens tell whether p1 still moves
+MIN_PRESSURE_TRAVEL, MAX_RESTING_DRIFT = (
+    0.5,
+    0.01,
+)  # of p1's range: heat moves it less than half of the way, and after 1 % of it p1 rests
+MIN_BETWEEN = 0.1  # of supply over ambient, from either: a valve that is open rests a vessel at one of both
+MIN_LOOP_COMMANDS = 3  # commands at which p1 rests between both
+MAX_LOOP_SCATTER = 0.03  # of the span of these pressures, about a line over the command
+
+
+def pressure_loop(vessels: Sequence[Recording], bench: RigCheck) -> Finding | None:
+    """Return the finding that p1 comes to rest where the command says, from above and from below.
+
+    Args:
+        vessels: Valve tests on a vessel.
+        bench: What the checks look at.
+    """
+    rests = []
+    for one in vessels:
+        supply = float(np.nanmedian(one["p_supply"])) if "p_supply" in one else bench.rig.supply_pressure
+        if supply is None:
+            continue
+        margin = MIN_BETWEEN * (supply - bench.rig.ambient_pressure)
+        for charged, level, rows in _resting_levels(one):
+            if bench.rig.ambient_pressure + margin < level < supply - margin:
+                rests.append((float(np.nanmedian(one["u"][rows])), level, charged, one.name))
+    u, levels = np.array([rest[0] for rest in rests]), np.array([rest[1] for rest in rests])
+    if np.unique(np.round(u, 6)).size < MIN_LOOP_COMMANDS or len({charged for _, _, charged, _ in rests}) < 2:
+        return None
+    slope, offset = np.polyfit(u, levels, 1)
+    scatter = float(np.std(levels - slope * u - offset))
+    if scatter > MAX_LOOP_SCATTER * float(np.ptp(levels)):
+        return None
+    lowest, highest = (format_in_display_unit(float(level), "p1") for level in (levels.min(), levels.max()))
+    found = (
+        f"p1 comes to rest between {lowest} and {highest}, {format_number(abs(slope) / 1e5)} bar for each volt, from "
+        "above and from below: the valve controls its pressure, and its command sets no area"
+    )
+    mend = 'the piston alone shows in recordings with experiment = "friction", whose pressures are inputs'
+    return Finding("pressure-loop", "u", rests[0][3], found, mend)
+
+
+def resting_pressure(one: Recording, bench: RigCheck) -> Iterator[Finding]:
+    """Where a vessel has been vented it rests at ambient pressure, where it has been charged not above the supply."""
+    ambient = bench.rig.ambient_pressure
+    for charged, level, rows in _resting_levels(one):
+        if not charged:
+            off = (level - ambient) / ambient
+            seen = f"p1 rests at {format_in_display_unit(level, 'p1')} in a vented chamber"
+            if -1 - AMBIENT_SLIP_SHARE < off < -AMBIENT_SLIP_SHARE:
+                yield gauge_finding(one, "p1", seen)
+            elif AMBIENT_SLIP_SHARE < off < 1 + AMBIENT_SLIP_SHARE:
+                yield absolute_finding(one, "p1", seen)
+        elif "p_supply" in one:
+            supply = float(np.nanmedian(one["p_supply"][rows]))
+            off, apart = level - supply, max_supply_difference(supply, bench)
+            seen = (
+                f"p1 rests at {format_in_display_unit(level, 'p1')} in a chamber "
+                f"that is charged from {format_in_display_unit(supply, 'p_supply')}"
+            )
+            if apart < off < (1 + AMBIENT_SLIP_SHARE) * ambient:
+                yield gauge_finding(one, "p_supply", seen)
+            elif off > apart or level - ambient < (supply - ambient) / UNIT_SLIP_FACTOR:  # between them: a leak
+                mend = "check column, unit and reference in [signals] p_supply and p1"
+                yield Finding("supply", "p_supply", one.name, seen, mend)
+
+
+def _resting_levels(one: Recording) -> list[tuple[bool, float, slice]]:
+    """Return (charged?, pressure in Pa, rows) where p1 rests after it went over half of its range at one command."""
+    u, p = one["u"], one["p1"]
+    span = float(np.nanmax(p) - np.nanmin(p))
+    jumps = np.flatnonzero(np.abs(np.diff(u)) > MIN_COMMAND_STEP * max(float(np.ptp(u)), 1e-9)) + 1
+    found = []
+    for start, stop in zip(np.append(0, jumps), np.append(jumps, u.size), strict=True):
+        held = p[start:stop][np.isfinite(p[start:stop])]
+        if held.size < MIN_HELD_SAMPLES:
+            continue
+        first, before, last = (float(np.mean(part)) for part in (held[:2], *np.array_split(held[held.size // 2 :], 2)))
+        if abs(last - first) > MIN_PRESSURE_TRAVEL * span and abs(last - before) < MAX_RESTING_DRIFT * span:
+            found.append((last > first, last, slice(int(start + (stop - start) * 3 // 4), int(stop))))
+    return found
+
+
+def max_supply_difference(supply: float, bench: RigCheck) -> float:
+    """Return by how many Pa readings of p1 and p_supply differ where more than a scale is wrong."""
+    ambient = bench.rig.ambient_pressure
+    return max(AMBIENT_SLIP_SHARE * ambient, MAX_SPAN_ERROR * (supply - ambient))
