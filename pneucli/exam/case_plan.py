@@ -10,6 +10,7 @@ import numpy as np
 from pneucli.exam.conditions import WIDE, Conditions, draw_conditions
 from pneucli.exam.hidden_effect import HiddenEffect
 from pneucli.exam.hidden_effects import BY_NAME, CATALOGUE, UNCATALOGUED
+from pneucli.exam.hidden_sides import draw_sides
 
 
 @dataclass(frozen=True)
@@ -40,7 +41,9 @@ def plan_cases(cases: int, nulls: int, conditions: Conditions, seed: int) -> Ite
         of_case = conditions
         while WIDE in of_case.names and (of_case is conditions or not _kinds(names, of_case)):
             of_case = draw_conditions(conditions_rng, names)
-        yield PlannedCase(str(rng.choice(_kinds(names, of_case))), hidden, outside, int(rng.integers(2**31)), of_case)
+        kind = str(rng.choice(_kinds(names, of_case)))
+        sided = draw_sides(hidden, conditions_rng) if of_case.sides else hidden
+        yield PlannedCase(kind, sided, outside, int(rng.integers(2**31)), of_case)
 
 
 def _effect_names(effects: Sequence[HiddenEffect], conditions: Conditions, rng: np.random.Generator) -> Iterator[str]:

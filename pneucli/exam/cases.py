@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -12,15 +12,25 @@ import numpy as np
 
 from pneucli.errors import InputError, did_you_mean
 from pneucli.exam.case_plan import plan_cases
+from pneucli.exam.case_rig import (
+    COMMAND_CYCLES,
+    draw_sensors,
+    draw_stated_rig,
+    draw_stated_stall,
+    draw_stated_stroke,
+    draw_vessel,
+    has_bench,
+    is_linear,
+    is_supply_recorded,
+)
+from pneucli.exam.case_truth import case_truth
 from pneucli.exam.conditions import USUAL, Conditions, parse
 from pneucli.exam.hidden_effect import HiddenEffect
-from pneucli.exam.hidden_effects import BY_NAME, UNCATALOGUED
+from pneucli.exam.hidden_effects import UNCATALOGUED
+from pneucli.exam.hidden_sides import ALL_BY_NAME
 from pneucli.exam.laboratory import Laboratory, RecordingPlan
 from pneucli.exam.recording_programme import RecordingProgramme
-from pneucli.exam.rig.parameters import ONE_CHAMBER, Parameters
-from pneucli.exam.rig.sensors import Sensors
 from pneucli.exam.rig_scaling import RigScaling
-from pneucli.exam.rig_variants import draw_variant
 
 SEALED_FOLDER = ".sealed"
 EXAM_FILE = "exam.json"  # in the sealed folder: the options, and the origin of the seed
@@ -113,7 +123,7 @@ def generate_case(
     laboratory = case.laboratory
     at_ends = laboratory.record(folder / "raw", case.plans, case.rng)
     (folder / "pipeline.toml").write_text(laboratory.pipeline(case.plans, "raw"), encoding="utf-8")
-    truth = _truth(laboratory, [BY_NAME[name] for name in hidden], outside, conditions)
+    truth = case_truth(laboratory, [ALL_BY_NAME[name] for name in hidden], outside, conditions)
     return truth | {"mess": case.small_effects, "share_at_ends": at_ends}
 
 
@@ -134,77 +144,41 @@ def prepare_case(
     effects = [_effect(name, kind) for name in [*hidden, *([outside] if outside else [])]]
     # the conditions have random draws of their own, so that the rest of a rig does not depend on them
     rng, conditions_rng = np.random.default_rng(seed), np.random.default_rng([seed, 1])
-    base, stated_rig, baseline = _stated_rig(kind, hidden, conditions, rng, conditions_rng)
+    base, stated_rig, baseline = draw_stated_rig(kind, hidden, conditions, rng, conditions_rng)
     par = stated_rig
     for effect in effects:
         par = effect.apply(par, size, rng)
     mess = _small_effects(kind, outside, conditions, conditions_rng) if conditions.messy else {}
     for small, share in mess.items():
-        par = BY_NAME[small].apply(par, share, conditions_rng)
+        par = ALL_BY_NAME[small].apply(par, share, conditions_rng)
     similar = RigScaling.for_target(base, conditions.bore, conditions.supply, conditions.command)
+    target, stated = similar.scale_rig(par), similar.scale_rig(stated_rig)
     laboratory = Laboratory(
         name,
-        similar.scale_rig(par),
-        _sensors(conditions, similar, rng),
-        vessel_volume=None if kind == "friction" or _is_linear(base, kind) else _vessel(similar, rng),
+        target,
+        draw_sensors(conditions, similar, rng, conditions_rng),
+        vessel_volume=draw_vessel(similar, rng) if has_bench(base, kind, conditions) else None,
         has_cylinder=kind != "valve",
-        supply_recorded=("supply-droop" not in hidden and rng.random() > 0.15) or conditions.tank,
-        linear_valve=_is_linear(base, kind),
+        supply_recorded=is_supply_recorded(hidden, conditions, rng),
+        linear_valve=is_linear(base, kind),
         effects=baseline,
         stated_null=conditions.null_stated,
-        stated_stroke=_stated_stroke(similar.scale_rig(stated_rig).stroke, conditions_rng) if conditions.ends else None,
+        stated_stroke=draw_stated_stroke(stated.stroke, conditions_rng) if conditions.ends else None,
         absent_signals=conditions.absent,
+        command_cycle=int(conditions_rng.choice(COMMAND_CYCLES)) if conditions.held else 1,
+        supply_start=draw_stated_stall(stated, conditions_rng) if conditions.source == "pump" else None,
     )
     return Case(
         laboratory,
-        RecordingProgramme(laboratory, similar.scale_rig(stated_rig), similar, conditions, rng).plans(kind),
+        RecordingProgramme(laboratory, stated, similar, conditions, rng).plans(kind),
         mess,
         rng,
     )
 
 
-def _stated_rig(
-    kind: str,
-    hidden: Sequence[str],
-    conditions: Conditions,
-    rng: np.random.Generator,
-    conditions_rng: np.random.Generator,
-) -> tuple[Parameters, Parameters, tuple[str, ...]]:
-    """Return the usual rig, the rig that the pipeline file describes, and the effects that this file names."""
-    linear = kind == "axis" and ("valve-deadband" in hidden or (rng.random() < 0.15 and conditions.allows_linear))
-    friction = ("stribeck",) if kind == "axis" and "stribeck" not in hidden and rng.random() < 0.25 else ()
-    base = _draw_rig(kind, linear, rng)
-    stated_rig, loads = draw_variant(base, kind, conditions, conditions_rng)
-    for name in friction:
-        stated_rig = BY_NAME[name].apply(stated_rig, 1.0, rng)
-    return base, stated_rig, (*friction, *loads)
-
-
-def _is_linear(base: Parameters, kind: str) -> bool:
-    """Return whether the pipeline file describes the valve by one gain: an axis without a valve test."""
-    return kind == "axis" and base.overlap == 0.0
-
-
-def _sensors(conditions: Conditions, similar: RigScaling, rng: np.random.Generator) -> Sensors:
-    usual = Sensors(float(rng.choice([250.0, 400.0, 800.0])), float(rng.choice([0.0, 0.5, 0.8])), _mains_hum(rng))
-    if conditions.imposed:
-        usual = replace(usual, force=float(rng.uniform(0.1, 0.4)))
-    sensors = replace(usual, bits=conditions.bits, drift=conditions.drift, outliers=conditions.outliers)
-    return replace(similar.scale_sensors(sensors), rate=conditions.rate)
-
-
-def _mains_hum(rng: np.random.Generator) -> float:
-    return float(rng.choice([0.0, rng.uniform(140.0, 200.0)]))
-
-
-def _vessel(similar: RigScaling, rng: np.random.Generator) -> float:
-    """Draw the volume in m^3 of the vessel of the valve test."""
-    return rng.uniform(120e-6, 250e-6) * similar.length * similar.area
-
-
 def _small_effects(kind: str, outside: str, conditions: Conditions, rng: np.random.Generator) -> dict[str, float]:
     """Draw three or four disturbances, or as many as the conditions allow, with their sizes relative to the usual."""
-    taken = set(BY_NAME[outside].null_values) if outside else set()
+    taken = set(ALL_BY_NAME[outside].null_values) if outside else set()
     mess: dict[str, float] = {}
     wanted = int(rng.integers(3, 5))
     for i in rng.permutation(len(UNCATALOGUED)):
@@ -216,71 +190,17 @@ def _small_effects(kind: str, outside: str, conditions: Conditions, rng: np.rand
     return mess
 
 
-def _stated_stroke(stroke: float, rng: np.random.Generator) -> float | None:
-    """Draw the stroke (m) that the pipeline file states: in half of the cases it is off by up to 0.5 %."""
-    return stroke * (1.0 + rng.uniform(-5e-3, 5e-3)) if rng.random() < 0.5 else None
-
-
 def _effect(name: str, kind: str) -> HiddenEffect:
-    if name not in BY_NAME:
+    if name not in ALL_BY_NAME:
         raise InputError(
-            "exam", f'no effect "{name}"', "an effect that the rig can hide", did_you_mean(name, BY_NAME), code="E031"
+            "exam",
+            f'no effect "{name}"',
+            "an effect that the rig can hide",
+            did_you_mean(name, ALL_BY_NAME),
+            code="E031",
         )
-    if kind not in BY_NAME[name].kinds:
+    if kind not in ALL_BY_NAME[name].kinds:
         raise InputError(
-            "exam", f'"{name}" does not show on the rig "{kind}"', " or ".join(BY_NAME[name].kinds), code="E031"
+            "exam", f'"{name}" does not show on the rig "{kind}"', " or ".join(ALL_BY_NAME[name].kinds), code="E031"
         )
-    return BY_NAME[name]
-
-
-def _draw_rig(kind: str, linear: bool, rng: np.random.Generator) -> Parameters:
-    area = rng.uniform(5.5e-4, 12e-4)
-    return Parameters(
-        supply=rng.uniform(6.1e5, 8.0e5),
-        piston_area_1=area,
-        piston_area_2=area * float(rng.choice([1.0, rng.uniform(0.85, 0.9)])) if kind != "valve" else area,
-        dead_volume_1=rng.uniform(20e-6, 40e-6),
-        dead_volume_2=rng.uniform(20e-6, 40e-6),
-        mass=rng.uniform(1.3, 4.0),
-        coulomb=rng.uniform(11.0, 24.0),
-        viscous=rng.uniform(30.0, 90.0),
-        effective_area=rng.uniform(1.25e-6, 2.2e-6),
-        overlap=0.0 if kind == "friction" or linear else rng.uniform(0.08, 0.3),
-        exponent=1.0 if linear else rng.uniform(1.0, 1.25),
-    )
-
-
-def _second_valve(par: Parameters) -> dict[str, float]:
-    return {
-        "effective_area_2_at_10V": par.effective_area_2,
-        "overlap_2_V": par.overlap_2,
-        "area_exponent_2": par.exponent_2,
-    }
-
-
-def _truth(
-    laboratory: Laboratory, hidden: Sequence[HiddenEffect], outside: str, conditions: Conditions
-) -> dict[str, object]:
-    par = laboratory.parameters
-    return {
-        "hidden": {effect.name: effect.true_parameters(par) for effect in hidden},
-        "outside_the_catalogue": outside or None,
-        "baseline": list(laboratory.effects),
-        "part": BY_NAME[outside].part if outside else None,
-        "over": BY_NAME[outside].variable if outside else None,
-        "conditions": list(conditions.names) or [USUAL],
-        "verdict": "unexplained" if outside else "missing-effect" if hidden else "adequate",
-        "unexplained_is_right": bool(outside) or conditions.allows_unexplained,
-        "base": {
-            "coulomb": par.coulomb,
-            "viscous": par.viscous,
-            "effective_area_at_10V": par.effective_area,
-            "overlap_V": par.overlap,
-            "area_exponent": par.exponent,
-            "null_V": par.command_null,
-            "fully_open_V": par.command_range,
-            "critical_ratio": par.critical_ratio,
-            **({} if par.arrangement == ONE_CHAMBER else _second_valve(par)),
-        },
-        "sensor_noise_pressure_Pa": laboratory.sensors.pressure,
-    }
+    return ALL_BY_NAME[name]

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -126,8 +126,34 @@ class GradedCase:
     @property
     def intervals_cover_truth(self) -> list[bool]:
         """For each of these with an interval: whether it contains the truth."""
-        pairs = [(found["ci95"], true) for found, true in self._parameters() if found.get("ci95")]
-        return [low <= true <= high for (low, high), true in pairs if None not in (low, high)]
+        return [low <= true <= high for (low, high), true in _intervals(self._parameters())]
+
+    @property
+    def stated_within_tolerance(self) -> list[bool]:
+        """For each parameter of an effect in the pipeline file: whether it is within 15 % of the truth.
+
+        Of healthy rigs: where an effect is hidden, the model of the pipeline file lacks it.
+        """
+        return [abs(found["value"] - true) <= PARAMETER_TOLERANCE * abs(true) for found, true in self._stated()]
+
+    @property
+    def stated_intervals_cover_truth(self) -> list[bool]:
+        """For each of these with an interval: whether it contains the truth."""
+        return [low <= true <= high for (low, high), true in _intervals(self._stated())]
+
+    def _stated(self) -> list[tuple[dict[str, Any], float]]:
+        found = self.answer.get("parameters", {}) if self.is_null else {}
+        names = {
+            f"{effect}.{name}": value
+            for effect, values in self.truth.get("baseline_parameters", {}).items()
+            for name, value in values.items()
+        }
+        return [(found[name], value) for name, value in names.items() if name in found]
+
+    @property
+    def is_source_recognised(self) -> bool:
+        """Whether the answer states that the command sets no area."""
+        return self.answer.get("command_sets_area") is False
 
     def _parameters(self) -> list[tuple[dict[str, Any], float]]:
         return [
@@ -214,6 +240,12 @@ class GradedCase:
         lost = sorted(self.hidden - self.answer_set)
         reasons = {str(everything[e]["reason"]) for e in lost if everything.get(e, {}).get("reason")}
         return f" ({', '.join(sorted(reasons))})" if reasons else ""
+
+
+def _intervals(parameters: Sequence[tuple[Mapping[str, Any], float]]) -> list[tuple[tuple[float, float], float]]:
+    """Return the interval and the truth of each parameter that has a closed interval."""
+    pairs = [(found["ci95"], true) for found, true in parameters if found.get("ci95")]
+    return [((low, high), true) for (low, high), true in pairs if None not in (low, high)]
 
 
 def _holds_zero(found: Mapping[str, Any]) -> bool:

@@ -62,6 +62,9 @@ def _counts(graded: Sequence[GradedCase]) -> dict[str, Any]:
     disturbed = [g for g in graded if g.uncatalogued_effect]
     accurate = [right for g in with_effects for right in g.parameters_within_tolerance]
     covered = [covers for g in with_effects for covers in g.intervals_cover_truth]
+    stated = [right for g in graded for right in g.stated_within_tolerance]
+    stated_covered = [covers for g in graded for covers in g.stated_intervals_cover_truth]
+    without_area = [g for g in graded if not g.truth.get("command_sets_area", True)]
     confident_namings = [true for g in graded for true in g.confident_namings]
     confident_detections = [found for g in with_effects for found in g.confident_detections]
     return {
@@ -83,6 +86,9 @@ def _counts(graded: Sequence[GradedCase]) -> dict[str, Any]:
             "inconclusive": _share_correct(graded, lambda g: g.verdict == "inconclusive"),
             "parameters within 15 %": _proportion(sum(accurate), len(accurate)),
             "intervals that hold the truth": _proportion(sum(covered), len(covered)),
+            "stated effects: parameters within 15 %": _proportion(sum(stated), len(stated)),
+            "stated effects: intervals that hold the truth": _proportion(sum(stated_covered), len(stated_covered)),
+            "told that the command sets no area": _share_correct(without_area, lambda g: g.is_source_recognised),
             "named with 0.9 or more, and true": _proportion(sum(confident_namings), len(confident_namings)),
             "true effects named with 0.9 or more": _proportion(sum(confident_detections), len(confident_detections)),
             "unknown flagged in its subsystem, over its signal": _share_correct(

@@ -4,24 +4,27 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Literal
 
 import numpy as np
 
+from pneucli.exam.raw_files import COMMAND_TIME, CSV_COLUMNS, TIME, write_csv
 from pneucli.exam.rig.imposed_motion import MotionMachine, simulate_imposed_motion
 from pneucli.exam.rig.kernel import Array
 from pneucli.exam.rig.parameters import FIVE_THREE, ONE_CHAMBER, TWO_VALVES, Parameters
 from pneucli.exam.rig.sensors import Sensors, measure
-from pneucli.exam.rig.simulation import Excitation, simulate_rig
+from pneucli.exam.rig.simulation import Excitation, command_stamps, simulate_rig
+from pneucli.exam.rig.steady_rows import RowSensors, SteadyRows, measure_rows, simulate_steady_rows
 
-Experiment = Literal["valve", "friction", "axis"]
+Experiment = Literal["valve", "friction", "axis", "flow"]
 
 SIGNALS: dict[Experiment, tuple[str, ...]] = {
     "valve": ("u", "p_supply", "p1"),
     "friction": ("p1", "p2", "x", "a"),
     "axis": ("u", "u2", "p_supply", "p1", "p2", "x", "a"),
+    "flow": ("u", "p_supply", "p1", "flow"),
 }
 IMPOSED_MOTION_SIGNALS = ("p1", "x", "force")
 
@@ -33,7 +36,7 @@ class RecordingPlan:
     name: str
     experiment: Experiment
     use: Literal["train", "test"]
-    excitation: Excitation | MotionMachine
+    excitation: Excitation | MotionMachine | SteadyRows
     chamber: Literal[1, 2] = 1  # in a valve test: the chamber whose valve or port is tested
 
     @property
@@ -54,6 +57,9 @@ class Laboratory:
         stated_null: The valve's null in the pipeline file.
         stated_stroke: The stroke (m) in the pipeline file, where it is not exact.
         absent_signals: The signals that are not recorded.
+        command_cycle: The controller gives a command in every n-th period of the loop; above 1 its log has a clock of
+            its own.
+        supply_start: The stall pressure (Pa, absolute) that a pump's data sheet states, in place of a supply pressure.
 
     """
 
@@ -68,6 +74,8 @@ class Laboratory:
     stated_null: str | None = None
     stated_stroke: float | None = None
     absent_signals: frozenset[str] = frozenset()
+    command_cycle: int = 1
+    supply_start: float | None = None
 
     @property
     def valve_test_rig(self) -> Parameters:
@@ -78,6 +86,7 @@ class Laboratory:
         """Return the rig of a valve test: this valve, supply and sensors on the vessel, no leak of the cylinder."""
         par = self.parameters._replace(piston_area_1=0.0, piston_area_2=0.0, dead_volume_1=self.vessel_volume or 0.0)
         par = par._replace(dead_volume_added=0.0, piston_leak_area=0.0, load_mass=0.0, arrangement=ONE_CHAMBER)
+        par = par._replace(line_delay_1=0.0, line_delay_2=0.0)  # the vessel stands at the valve
         if chamber == 2:
             edges = {"effective_area": par.effective_area_2, "overlap": par.overlap_2, "exponent": par.exponent_2}
             is_one_spool = self.parameters.arrangement == FIVE_THREE
@@ -87,7 +96,9 @@ class Laboratory:
 
     def signals(self, take: RecordingPlan) -> tuple[str, ...]:
         """Return the signals of a recording."""
-        absent = set(self.absent_signals) if self.supply_recorded else {"p_supply", *self.absent_signals}
+        absent = set(self.absent_signals)
+        if not self.supply_recorded and take.experiment != "flow":
+            absent.add("p_supply")
         if self.parameters.arrangement != TWO_VALVES:
             absent.add("u2")
         recorded = IMPOSED_MOTION_SIGNALS if take.is_imposed else SIGNALS[take.experiment]
@@ -97,15 +108,37 @@ class Laboratory:
         """Simulate every recording and write ``folder/NAME.csv``; return the share of its time at the ends."""
         at_ends = {}
         for take in plans:
-            par = self.valve_test_rig_of(take.chamber) if take.experiment == "valve" else self.parameters
-            made = simulate_imposed_motion if isinstance(take.excitation, MotionMachine) else simulate_rig
-            truth = made(par, take.excitation, self.sensors.sensor_rate)  # type: ignore[arg-type]
+            path = folder / f"{take.name}.csv"
+            if isinstance(take.excitation, SteadyRows):
+                rows = simulate_steady_rows(self.parameters, take.excitation)
+                seen = measure_rows(self.parameters, RowSensors(), rows, rng)
+                write_csv(path, self.name, seen, self.signals(take), self.sensors.position_step)
+                continue
+            truth = self._simulate(take)
+            par, commands = self._rig_of(take), self._command_log(take, truth)
             seen = measure(par, self.sensors, truth, rng)
-            names = self.signals(take)
-            write_csv(folder / f"{take.name}.csv", self.name, seen, names, self.sensors.position_step)
+            write_csv(path, self.name, seen, self.signals(take), self.sensors.position_step, commands)
             if take.experiment != "valve":
                 at_ends[take.name] = float(np.mean((truth["x"] <= 0.0) | (truth["x"] >= par.stroke)))
         return at_ends
+
+    def _rig_of(self, take: RecordingPlan) -> Parameters:
+        return self.valve_test_rig_of(take.chamber) if take.experiment == "valve" else self.parameters
+
+    def _simulate(self, take: RecordingPlan) -> dict[str, Array]:
+        par, rate = self._rig_of(take), self.sensors.sensor_rate
+        if isinstance(take.excitation, MotionMachine):
+            return simulate_imposed_motion(par, take.excitation, rate)
+        assert isinstance(take.excitation, Excitation)
+        return simulate_rig(par, replace(take.excitation, cycle=self.command_cycle), rate)
+
+    def _command_log(self, take: RecordingPlan, truth: dict[str, Array]) -> dict[str, Array] | None:
+        """Return the commands with the stamps of the controller; None where the logger has them with the rest."""
+        if self.command_cycle == 1 or not isinstance(take.excitation, Excitation):
+            return None
+        excitation = replace(take.excitation, cycle=self.command_cycle)
+        stamps, samples = command_stamps(excitation, self.sensors.sensor_rate)
+        return {"time": stamps, "u": truth["u"][samples], "u2": truth["u2"][samples]}
 
     def pipeline(self, plans: Sequence[RecordingPlan], folder: str, checks: str = "") -> str:
         """Return the pipeline file's text; ``folder`` is that of the recordings, relative to it."""
@@ -126,7 +159,8 @@ class Laboratory:
         dead_volume_2 = par.dead_volume_2 + par.piston_area_2 * (par.stroke - stroke)
         text = f'[rig]\ngas_temperature = "{par.temperature} K"\n'
         text += f'ambient_pressure = "{par.ambient / 1e5:.3f} bar"      # absolute\n'
-        text += f'supply_pressure = "{par.supply / 1e5:.4f} bar"     # absolute; the regulator\'s setting\n'
+        if self.supply_start is None:
+            text += f'supply_pressure = "{par.supply / 1e5:.4f} bar"     # absolute; the regulator\'s setting\n'
         if self.has_cylinder:
             text += (
                 f'\n[rig.cylinder]\npiston_area_1 = "{_number(par.piston_area_1 * 1e4, 4)} cm^2"\n'
@@ -155,64 +189,43 @@ class Laboratory:
 
     def _columns(self, takes: Sequence[RecordingPlan]) -> str:
         recorded = {signal for take in takes for signal in self.signals(take)}
-        units = {"u": "V", "u2": "V", "x": "mm", "a": "m/s^2", "force": "N"}
-        lines = ["[signals]", 'time = { column = "t [ms]", unit = "ms" }']
+        units = {"u": "V", "u2": "V", "x": "mm", "a": "m/s^2", "force": "N", "flow": "l/min ANR"}
+        lines = ["[signals]", f'time = {{ column = "{TIME}", unit = "ms" }}']
+        clock = f', time = {{ column = "{COMMAND_TIME}", unit = "ms" }}, hold = true'
         for name, (column, _, _) in CSV_COLUMNS.items():
             if name in recorded:
                 unit = f'unit = "{units[name]}"' if name in units else 'unit = "bar", reference = "gauge"'
-                lines.append(f'{name} = {{ column = "{column}", {unit} }}')
+                own = clock if name in ("u", "u2") and self.command_cycle > 1 else ""
+                lines.append(f'{name} = {{ column = "{column}", {unit}{own} }}')
         return "\n".join(lines) + "\n"
 
     def _recording(self, take: RecordingPlan, folder: str) -> str:
         text = f'[[recordings]]\nname = "{take.name}"\nfile = "{folder}/{take.name}.csv"\n'
         text += f'experiment = "{take.experiment}"\nuse = "{take.use}"\n'
-        if take.experiment != "valve":
+        if take.experiment in ("friction", "axis"):
             if take.is_imposed:
                 return text + 'imposed = "motion"\nchamber_2 = "open"\n'
             follows = self.parameters.arrangement != ONE_CHAMBER
             state = "open" if _chamber_2_is_open(take.excitation) else "valve" if follows else "closed"
             return text + f'chamber_2 = "{state}"\n'
-        names = ", ".join(f'"{signal}"' for signal in ("time", *self.signals(take)))
+        clock = () if take.experiment == "flow" else ("time",)
+        names = ", ".join(f'"{signal}"' for signal in (*clock, *self.signals(take)))
         return text + ("chamber = 2\n" if take.chamber == 2 else "") + f"take = [{names}]\n"
 
     def _model(self, takes: Sequence[RecordingPlan]) -> str:
         horizon = "5 s" if all(take.experiment == "valve" for take in takes) else "0.5 s"
         effects = ", ".join(f'"{effect}"' for effect in self.effects)
         valve = 'valve = "linear"\n' if self.linear_valve else ""
-        return f'[model]\neffects = [{effects}]\n{valve}\n[compare]\nhorizon = "{horizon}"\n'
+        known = ""
+        if self.supply_start is not None:  # of a pump, from its data sheet
+            known = f'\n[model.parameters]\n"rig.supply_pressure" = {{ start = "{self.supply_start / 1e5:.1f} bar" }}\n'
+        return f'[model]\neffects = [{effects}]\n{valve}{known}\n[compare]\nhorizon = "{horizon}"\n'
 
 
-def _chamber_2_is_open(manoeuvre: Excitation | MotionMachine) -> bool:
-    return isinstance(manoeuvre, MotionMachine) or manoeuvre.chamber_2_open
+def _chamber_2_is_open(manoeuvre: Excitation | MotionMachine | SteadyRows) -> bool:
+    return not isinstance(manoeuvre, Excitation) or manoeuvre.chamber_2_open
 
 
 def _number(value: float, decimals: int) -> str:
     """Format with this many decimals, and with more where fewer than four digits would remain."""
     return f"{value:.{max(decimals, 3 - math.floor(math.log10(value)))}f}"
-
-
-# column, factor from SI, decimals
-CSV_COLUMNS = {
-    "u": ("U_valve [V]", 1.0, 4),
-    "u2": ("U_valve_2 [V]", 1.0, 4),
-    "p_supply": ("P_supply [bar]", 1e-5, 5),
-    "p1": ("P1 [bar]", 1e-5, 5),
-    "p2": ("P2 [bar]", 1e-5, 5),
-    "x": ("Pos [mm]", 1e3, 3),
-    "a": ("Acc [m/s2]", 1.0, 4),
-    "force": ("F [N]", 1.0, 4),
-}
-
-
-def write_csv(path: Path, rig: str, measured: dict[str, Array], signals: tuple[str, ...], position_step: float) -> None:
-    """Write these signals (SI) with two comment lines and a header; positions are rounded to ``position_step`` (m)."""
-    columns = [[repr(value) for value in np.round(measured["time"] * 1e3, 6).tolist()]]
-    for name in signals:
-        _, factor, decimals = CSV_COLUMNS[name]
-        if name == "x":
-            decimals = max(decimals, math.ceil(-math.log10(position_step * factor)))
-        columns.append([repr(value) for value in (np.round(measured[name] * factor, decimals) + 0.0).tolist()])
-    header = ",".join(["t [ms]", *(CSV_COLUMNS[name][0] for name in signals)])
-    lines = [f"# rig {rig}", f"# run {path.stem}", header, *map(",".join, zip(*columns, strict=True))]
-    path.parent.mkdir(parents=True, exist_ok=True)
-    path.write_text("\n".join(lines) + "\n", encoding="utf-8")

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 from typing import Literal
 
 import numpy as np
@@ -23,9 +24,12 @@ from pneucli.exam.rig.imposed_motion import MotionMachine
 from pneucli.exam.rig.kernel import Array
 from pneucli.exam.rig.parameters import ONE_CHAMBER, TWO_VALVES, Parameters
 from pneucli.exam.rig.simulation import LOOP_PERIOD, Excitation
+from pneucli.exam.rig.steady_rows import SteadyRows
 from pneucli.exam.rig_scaling import RigScaling
 
 STEP_COMMANDS = ((0.6, 1.2, 2.5, 4.0, 6.0, 8.0, 10.0), (0.5, 1.0, 2.0, 3.5, 5.0, 7.5, 10.0))
+SPEEDS = 6  # of a machine that drives at constant speeds, from 2 to 200 mm/s on a stroke of 200 mm
+MAX_STROKE_TIME = 5.0  # s
 STAIRCASE_COMMANDS = ((0.5, 1.6), (0.7, 1.2))
 
 
@@ -46,10 +50,14 @@ class RecordingProgramme:
     def plans(self, kind: str) -> list[RecordingPlan]:
         """Return all recordings of a rig of that kind; the last of each experiment, or a step, is for testing."""
         takes: list[RecordingPlan] = []
+        if self.conditions.source is not None:
+            takes += [RecordingPlan("steady_rows", "flow", "train", self._steady_rows())]
         if self.laboratory.vessel_volume is not None:
             takes += self._valve_tests(1, tested=kind == "valve")
             if self.stated_rig.arrangement != ONE_CHAMBER:
                 takes += self._valve_tests(2, tested=False)
+        if self.conditions.constant_speed:
+            return self._constant_speeds()
         if self.conditions.imposed:
             return _numbered("strokes", "friction", self._strokes())
         if kind == "friction":
@@ -57,6 +65,8 @@ class RecordingProgramme:
             takes += _numbered("driven", "friction", [self._driven(6000) for _ in range(3)])
         if kind == "axis":
             takes += _numbered("axis", "axis", [self._driven(8000) for _ in range(4)])
+        if kind == "axis" and not self.conditions.bench_test:
+            takes += _numbered("moves", "axis", [self._move(8000) for _ in range(3)])
         return takes
 
     def _valve_tests(self, chamber: Literal[1, 2], tested: bool) -> list[RecordingPlan]:
@@ -77,7 +87,15 @@ class RecordingProgramme:
             for v in levels
         ]
         stairs = [valve_staircase(bench, *(self.scaling.command * v for v in pair)) for pair in STAIRCASE_COMMANDS]
-        return steps + _numbered(f"{before}stairs", "valve", stairs, chamber)
+        planned = steps + _numbered(f"{before}stairs", "valve", stairs, chamber)
+        return planned if bench.regulated_span <= 0.0 else [_at_half_span(bench, take) for take in planned]
+
+    def _steady_rows(self) -> SteadyRows:
+        """Return rows at commands from a fifth of the range on, each with throttles up to a third of the valve."""
+        shares = np.array([0.2, 0.4, 0.6, 0.8, 0.95])
+        full, regulated = self.stated_rig.command_range, self.conditions.source == "regulated"
+        throttles = self.stated_rig.effective_area * np.geomspace(0.02, 0.35, 7) * self.rng.uniform(0.8, 1.2)
+        return SteadyRows(full * (2.0 * shares - 1.0) if regulated else full * shares, throttles)
 
     def _stick_slip(self) -> list[RecordingPlan]:
         par, position = self.laboratory.parameters, 0.15 * self.stated_rig.stroke
@@ -104,14 +122,48 @@ class RecordingProgramme:
             for level in levels
         ]
 
+    def _constant_speeds(self) -> list[RecordingPlan]:
+        """Return a recording for each speed, direction and one of two pressures; one speed is for testing."""
+        par, gauge = self.laboratory.parameters, self.stated_rig.supply - self.stated_rig.ambient
+        middle = 0.5 * self.stated_rig.stroke
+        if par.position_gain > 0.0:
+            middle = par.position_from
+        speeds = np.geomspace(0.01, 1.0, SPEEDS) * self.stated_rig.stroke * self.rng.uniform(0.8, 1.2)
+        plans = []
+        for level in (0.1, 0.6):
+            pressure = self.stated_rig.ambient + level * float(self.rng.uniform(0.8, 1.2)) * gauge
+            for k, speed in enumerate(speeds.tolist()):
+                half = 0.5 * min(speed * MAX_STROKE_TIME, 0.4 * self.stated_rig.stroke)
+                ways = (("out", 1.0), ("back", -1.0))
+                plans += [
+                    RecordingPlan(
+                        f"speed_{k + 1}_{way}_{'low' if level < 0.5 else 'high'}",
+                        "friction",
+                        "test" if k == SPEEDS // 2 else "train",
+                        MotionMachine((middle - side * half, middle + side * half), (speed,), 1, pressure, steady=True),
+                    )
+                    for way, side in ways
+                ]
+        return plans
+
+    def _move(self, samples: int) -> Excitation:
+        """Return moves from point to point, far from the ends of the stroke."""
+        stroke, share = self.stated_rig.stroke, self.rng.uniform(0.2, 0.4)
+        low, high = float(self.rng.uniform(0.2, 0.35)) * stroke, float(self.rng.uniform(0.6, 0.75)) * stroke
+        return self._following(back_and_forth_reference(self.rng, samples, share, (low, high)))
+
     def _driven(self, samples: int) -> Excitation:
-        par, rng = self.laboratory.parameters, self.rng
-        reference = self._reference(samples)
+        return self._following(self._reference(samples))
+
+    def _following(self, reference: Array) -> Excitation:
+        par, rng, samples = self.laboratory.parameters, self.rng, reference.size
         gain = rng.uniform(100.0, 200.0) * self.scaling.command / self.scaling.length
         gauge = rng.uniform(1.3e5, 2.2e5) * self.scaling.pressure * (1.4 if self.conditions.ends else 1.0)
         if self.conditions.differential:
             gauge *= par.piston_area_2 / par.piston_area_1  # the smaller side has the higher pressure
         load = self._stated_load(float(reference[0]))
+        if par.regulated_span > 0.0:  # at the null it gives half of its span
+            return closed_loop(par, reference, 2.0 * gain, 0.5 * par.regulated_span, load)
         if par.arrangement == ONE_CHAMBER:
             if self.conditions.load == "spring":
                 return single_acting(par, reference, gain, load)
@@ -140,6 +192,13 @@ class RecordingProgramme:
         """Return the stated force in N toward x = 0."""
         rig = self.stated_rig
         return rig.constant_force + rig.spring_stiffness * (position - rig.spring_rest)
+
+
+def _at_half_span(bench: Parameters, take: RecordingPlan) -> RecordingPlan:
+    """Return a test of a valve with a pressure loop that begins at the pressure of its null."""
+    assert isinstance(take.excitation, Excitation)
+    pressure = bench.ambient + 0.5 * bench.regulated_span
+    return replace(take, excitation=replace(take.excitation, pressure_1=pressure))
 
 
 def _numbered(

@@ -19,9 +19,9 @@ VOLUME = OPENING = (1, 1, 0, 0, 0)  # an opening fills the volume in the same ti
 FORCE, STIFFNESS, PER_LENGTH_SQUARED = (0, 1, 1, 0, 0), (-1, 1, 1, 0, 0), (-2, 1, 1, 0, 0)
 MASS = DAMPING = STIFFNESS  # times stay
 PER_LENGTH, OPENING_PER_PRESSURE = (-1, 0, 0, 0, 0), (1, 1, -1, 0, 0)
-PER_PRESSURE, HEAT_CONDUCTANCE, FLOW_PER_PRESSURE, PER_FLOW = (
+FLOW = HEAT_CONDUCTANCE = (1, 1, 0, 1, 0)
+PER_PRESSURE, FLOW_PER_PRESSURE, PER_FLOW = (
     (0, 0, -1, 0, 0),
-    (1, 1, 0, 1, 0),
     (1, 1, -1, 1, 0),
     (-1, -1, 0, -1, 0),
 )
@@ -42,6 +42,16 @@ DIMENSIONS = {
     "relief_growth": OPENING_PER_PRESSURE,
     "relief_pressure": PRESSURE,
     "piston_leak_area": OPENING,
+    "leak_area_2": OPENING,
+    "laminar_conductance_2": FLOW_PER_PRESSURE,
+    "relief_growth_2": OPENING_PER_PRESSURE,
+    "relief_pressure_2": PRESSURE,
+    "dead_volume_added_2": VOLUME,
+    "pressure_offset_2": PRESSURE,
+    "regulated_span": PRESSURE,
+    "regulated_band": PRESSURE,
+    "pump_flow": FLOW,
+    "pump_stall": PRESSURE,
     "dead_volume_added": VOLUME,
     "supply_volume": VOLUME,
     "regulator_conductance": FLOW_PER_PRESSURE,
@@ -132,5 +142,5 @@ class RigScaling:
             hum=sensors.hum * self.pressure,
             acceleration=sensors.acceleration * self.length,
             force=sensors.force * self.area * self.pressure,
-            position_step=10.0 ** np.floor(np.log10(sensors.position_step * self.length) + 1e-9),
+            position_step=sensors.position_step * 10.0 ** np.floor(np.log10(self.length) + 1e-9),
         )

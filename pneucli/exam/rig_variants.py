@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from pneucli.exam.conditions import Conditions
+from pneucli.exam.rig.gas import GAS_CONSTANT, PSI_MAX
 from pneucli.exam.rig.parameters import FIVE_THREE, TWO_VALVES, Parameters
 
 ARRANGEMENT_CODES = {"5/3": FIVE_THREE, "two": TWO_VALVES}
@@ -13,11 +14,18 @@ ARRANGEMENT_CODES = {"5/3": FIVE_THREE, "two": TWO_VALVES}
 def draw_variant(
     par: Parameters, kind: str, conditions: Conditions, rng: np.random.Generator
 ) -> tuple[Parameters, tuple[str, ...]]:
-    """Return the rig with these valves, loads and ends, and the effects that its pipeline file then names."""
+    """Return the rig with these valves, loads, walls and ends, and the effects that its pipeline file then names."""
     par = _with_end_stops(_with_valves(par, conditions, rng), rng)
-    force = (par.supply - par.ambient) * par.piston_area_1
     if conditions.differential:
         par = par._replace(piston_area_2=par.piston_area_1 * rng.uniform(0.4, 0.7))
+    par, loads = _with_load(par, kind, conditions, rng)
+    return _with_gas(par, conditions, rng, loads)
+
+
+def _with_load(
+    par: Parameters, kind: str, conditions: Conditions, rng: np.random.Generator
+) -> tuple[Parameters, tuple[str, ...]]:
+    force = (par.supply - par.ambient) * par.piston_area_1
     if conditions.load == "spring":
         preload, stiffness = force * rng.uniform(0.12, 0.25), force / par.stroke * rng.uniform(0.1, 0.3)
         return par._replace(spring_stiffness=stiffness, spring_rest=-preload / stiffness), ("spring-force",)
@@ -34,10 +42,34 @@ def draw_variant(
     return par, ()
 
 
+def _with_gas(
+    par: Parameters, conditions: Conditions, rng: np.random.Generator, loads: tuple[str, ...]
+) -> tuple[Parameters, tuple[str, ...]]:
+    """Draw what a user knows to be there, and not how large: convection at the walls, the critical ratio of a valve."""
+    if conditions.wall_heat:
+        # forced convection in cylinders: 20 to 100 W/(m^2 K), Carneiro and de Almeida (2006)
+        par, loads = par._replace(wall_coefficient=rng.uniform(20.0, 60.0)), (*loads, "heat-transfer")
+    if conditions.free_ratio:
+        par, loads = par._replace(critical_ratio=rng.uniform(0.15, 0.5)), (*loads, "critical-ratio")
+    return par, loads
+
+
+def _with_source(par: Parameters, source: str, rng: np.random.Generator) -> Parameters:
+    """Return the rig with a valve that regulates the pressure, or with a pump, in place of the usual valve."""
+    gauge = par.supply - par.ambient
+    if source == "pump":
+        choked = PSI_MAX * par.effective_area * par.supply * np.sqrt(2.0 / (GAS_CONSTANT * par.temperature))
+        return par._replace(pump_flow=choked * rng.uniform(0.6, 1.0), pump_stall=gauge * rng.uniform(0.85, 1.0))
+    loop = {"regulated_span": gauge * rng.uniform(0.8, 0.95), "regulated_band": gauge * rng.uniform(0.06, 0.12)}
+    return par._replace(valve_lag=rng.uniform(3e-3, 6e-3), **loop)
+
+
 def _with_valves(par: Parameters, conditions: Conditions, rng: np.random.Generator) -> Parameters:
     par = par._replace(switching=float(conditions.switching), command_null=conditions.null)
     if conditions.null_stated == "identify":
         par = par._replace(command_null=conditions.null + rng.uniform(-0.15, 0.15))
+    if conditions.source is not None:
+        return _with_source(par, conditions.source, rng)
     if conditions.valve is None:
         return par
     # the edges of one spool differ slightly, two valves like two of a series

@@ -123,7 +123,8 @@ def answer_case(job: Job) -> str:
     begun = time.process_time()
     try:
         done = open_pipeline(Path(pipeline), load_pipeline_file).update(["diagnose"])
-        content = dict(done["diagnose"].answer)
+        flow = done["identify"].answer.get("flow") or {}
+        content = dict(done["diagnose"].answer) | {"command_sets_area": flow.get("command_sets_area")}
     except Exception as error:  # one case must not stop the others
         content = _failed(error)
     seconds = time.process_time() - begun

@@ -10,15 +10,18 @@ import pytest
 
 from pneucli.errors import InputError
 from pneucli.exam import workflow
-from pneucli.exam.cases import _truth, generate_case, write_exam
+from pneucli.exam.case_truth import case_truth
+from pneucli.exam.cases import generate_case, write_exam
 from pneucli.exam.conditions import Conditions
 from pneucli.exam.grade_tables import to_markdown
 from pneucli.exam.grading import grade
 from pneucli.exam.hidden_effects import BY_NAME
+from pneucli.exam.hidden_sides import ON_A_SIDE
 from pneucli.exam.laboratory import Laboratory
 from pneucli.exam.rig.parameters import TWO_VALVES, Parameters
 from pneucli.exam.rig.sensors import Sensors
 from pneucli.physics.effects import catalogue
+from pneucli.physics.sides import with_variants
 
 
 def test_a_case_has_the_files_of_a_laboratory_and_reveals_nothing(tmp_path):
@@ -71,26 +74,35 @@ def laboratory(**changed):
 
 def test_the_truth_has_the_hidden_effects_and_the_rig():
     (hidden,) = [e for e in BY_NAME.values() if e.name == "extra-mass"]
-    truth = _truth(laboratory(), [hidden], "", Conditions())
+    truth = case_truth(laboratory(), [hidden], "", Conditions())
     base = {
         "coulomb": 15.0, "viscous": 50.0, "effective_area_at_10V": 2e-6, "overlap_V": 0.2, "area_exponent": 1.1,
         "critical_ratio": 0.4, "null_V": 0.0, "fully_open_V": 10.0,
     }  # fmt: skip
     assert truth == {
         "hidden": {"extra-mass": hidden.true_parameters(laboratory().parameters)},
-        "outside_the_catalogue": None, "baseline": ["stribeck"], "part": None, "over": None, "conditions": ["usual"],
-        "verdict": "missing-effect", "unexplained_is_right": False, "base": base, "sensor_noise_pressure_Pa": 300.0,
-    }  # fmt: skip
-    assert _truth(laboratory(), [], "", Conditions())["verdict"] == "adequate"
+        "outside_the_catalogue": None,
+        "baseline": ["stribeck"],
+        "baseline_parameters": {"stribeck": {"static": 0.0, "velocity": 0.01}},
+        "command_sets_area": True,
+        "part": None,
+        "over": None,
+        "conditions": ["usual"],
+        "verdict": "missing-effect",
+        "unexplained_is_right": False,
+        "base": base,
+        "sensor_noise_pressure_Pa": 300.0,
+    }
+    assert case_truth(laboratory(), [], "", Conditions())["verdict"] == "adequate"
     second = {"effective_area_2": 3e-6, "overlap_2": 0.1, "exponent_2": 1.3}
-    two = _truth(laboratory(arrangement=TWO_VALVES, **second), [], "", Conditions())
+    two = case_truth(laboratory(arrangement=TWO_VALVES, **second), [], "", Conditions())
     more = {"effective_area_2_at_10V": 3e-6, "overlap_2_V": 0.1, "area_exponent_2": 1.3}
     assert two["base"] == base | more
 
 
 def test_the_truth_of_a_disturbance_states_its_location():
     stranger = next(e for e in BY_NAME.values() if not e.fields)
-    truth = _truth(laboratory(), [stranger], stranger.name, Conditions(names=("narrow",)))
+    truth = case_truth(laboratory(), [stranger], stranger.name, Conditions(names=("narrow",)))
     assert (truth["outside_the_catalogue"], truth["verdict"]) == (stranger.name, "unexplained")
     assert (truth["part"], truth["over"]) == (stranger.part, stranger.variable)
     assert (truth["conditions"], truth["unexplained_is_right"]) == (["narrow"], True)
@@ -140,6 +152,9 @@ def test_grading_counts_by_hand(tmp_path):
         "inconclusive": (0, 6),
         "parameters within 15 %": (1, 1),
         "intervals that hold the truth": (0, 0),
+        "stated effects: parameters within 15 %": (0, 0),
+        "stated effects: intervals that hold the truth": (0, 0),
+        "told that the command sets no area": (0, 0),
         "named with 0.9 or more, and true": (0, 0),
         "true effects named with 0.9 or more": (0, 3),  # no answer says how sure it is
         "unknown flagged in its subsystem, over its signal": (1, 1),  # this truth does not say where it is
@@ -168,4 +183,5 @@ def test_a_folder_without_truths_is_refused(tmp_path):
 
 def test_the_rig_hides_the_whole_catalogue_and_more():
     assert {e.name for e in BY_NAME.values() if e.fields} == set(catalogue())
+    assert {e.name for e in ON_A_SIDE} == with_variants(catalogue().values()).keys() - set(catalogue())
     assert len([e for e in BY_NAME.values() if not e.fields]) >= 8

@@ -10,16 +10,12 @@ import numpy as np
 import pytest
 
 from pneucli.errors import InputError
+from pneucli.exam.case_plan import plan_cases
 from pneucli.exam.cases import generate_case, write_exam
-from pneucli.exam.conditions import (
-    CONDITIONS,
-    DRIFTING_AND_PERIODIC_EFFECTS,
-    WIDE_CHOICES,
-    Conditions,
-    describe_conditions,
-    parse,
-)
+from pneucli.exam.condition_table import CONDITIONS, DRIFTING_AND_PERIODIC_EFFECTS, WIDE_CHOICES
+from pneucli.exam.conditions import Conditions, describe_conditions, parse
 from pneucli.exam.hidden_effects import BY_NAME, CATALOGUE, UNCATALOGUED
+from pneucli.exam.hidden_sides import SIDES
 
 
 def test_names_joined_by_plus_hold_together():
@@ -63,6 +59,16 @@ MOVED, DRIVEN = ("friction", "axis"), ("valve", "axis")
         ("hanging-load", MOVED, {"load": "weight"}),
         ("differential", MOVED, {"differential": True}),
         ("tank", ("valve",), {"tank": True}),
+        ("imposed", ("friction",), {"imposed": True, "rate": 100.0}),
+        ("constant-speed", ("friction",), {"imposed": True, "constant_speed": True, "rate": 500.0}),
+        ("encoder", MOVED, {"encoder": True, "absent": frozenset({"a"})}),
+        ("wall-heat", DRIVEN, {"wall_heat": True}),
+        ("free-b", DRIVEN, {"free_ratio": True}),
+        ("no-bench-test", ("axis",), {"bench_test": False}),
+        ("both-sides", ("axis",), {"sides": True}),
+        ("held-commands", DRIVEN, {"held": True}),
+        ("regulated-valve", ("axis",), {"source": "regulated", "null": 5.0, "command": 5.0}),
+        ("pump", ("axis",), {"source": "pump"}),
         ("messy", None, {"messy": True}),
         ("bits-12", None, {"bits": 12}),
         ("no-acceleration", MOVED, {"absent": frozenset({"a"})}),
@@ -211,6 +217,46 @@ def test_wide_draws_other_conditions_for_each_case_and_records_them(tmp_path):
     assert len({tuple(t["conditions"]) for t in truths}) > 1
     for truth in truths:
         assert all(parse("+".join(truth["conditions"])).allows(name) for name in truth["hidden"])
+
+
+@pytest.mark.parametrize(
+    "names",
+    ["both-sides+no-p2", "tank+free-b", "pump+wall-heat", "regulated-valve+free-b", "pump+held-commands", "pump+5/3"],
+)
+def test_conditions_that_contradict_each_other_are_refused(names):
+    with pytest.raises(InputError, match="--condition"):
+        parse(names)
+
+
+def test_what_a_source_without_an_area_hides_acts_on_the_piston_or_in_a_sensor():
+    for name in ("regulated-valve", "pump"):
+        allowed = {effect.name for effect in CATALOGUE if parse(name).allows(effect.name)}
+        assert not allowed & {
+            "valve-lag",
+            "critical-ratio",
+            "chamber-leak",
+            "piston-leak",
+            "dead-volume",
+            "supply-droop",
+        }
+        assert allowed >= {"stribeck", "extra-mass", "pressure-friction", "pressure-offset"}
+        assert parse(name).allows_unexplained
+
+
+def test_on_both_sides_every_effect_has_a_side_and_a_hose_needs_a_second_valve():
+    allowed = {effect.name for effect in CATALOGUE if parse("both-sides").allows(effect.name)}
+    assert allowed == set(SIDES) - {"line-delay"}
+    assert parse("both-sides+5/3").allows("line-delay")
+    plan = list(plan_cases(40, 0, parse("both-sides"), 3))
+    named = {name for case in plan for name in case.hidden}
+    assert named == {name for effect in allowed for name in SIDES[effect]}
+
+
+def test_wide_draws_every_condition_that_it_can():
+    seen = {
+        name for seed in range(12) for case in plan_cases(20, 10, parse("wide"), seed) for name in case.conditions.names
+    }
+    assert seen >= {name for line in WIDE_CHOICES for name in line} - {"usual"}
 
 
 def test_everything_that_wide_draws_from_is_a_condition():

@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from pneucli.exam import cases, rig_variants
+from pneucli.exam import case_rig, rig_variants
 from pneucli.exam.conditions import parse
 from pneucli.exam.rig.parameters import FIVE_THREE, TWO_VALVES, Parameters
 from pneucli.exam.rig_scaling import RigScaling
@@ -97,31 +97,71 @@ def test_the_pipeline_file_states_switching_valves() -> None:
 
 
 def test_the_usual_rig_is_drawn_within_these_ranges() -> None:
-    par = cases._draw_rig("axis", False, RNG)
+    par = case_rig.draw_rig("axis", False, RNG)
     area = 5.5e-4 + 0.6 * 6.5e-4
     wanted = {
         "supply": 7.24e5, "piston_area_1": area, "piston_area_2": area, "dead_volume_1": 32e-6, "dead_volume_2": 32e-6,
         "mass": 2.92, "coulomb": 18.8, "viscous": 66.0, "effective_area": 1.82e-6, "overlap": 0.212, "exponent": 1.15,
     }  # fmt: skip
     assert {name: getattr(par, name) for name in wanted} == pytest.approx(wanted)
-    straight = cases._draw_rig("axis", True, RNG)
+    straight = case_rig.draw_rig("axis", True, RNG)
     assert (straight.overlap, straight.exponent) == (0.0, 1.0)
-    assert cases._draw_rig("friction", False, RNG).overlap == 0.0
-    assert [cases._is_linear(p, "axis") for p in (par, straight)] == [False, True]
-    assert not cases._is_linear(straight, "friction")
+    assert case_rig.draw_rig("friction", False, RNG).overlap == 0.0
+    assert [case_rig.is_linear(p, "axis") for p in (par, straight)] == [False, True]
+    assert not case_rig.is_linear(straight, "friction")
 
 
 def test_sensors_and_vessels_are_of_the_rigs_size() -> None:
     double = RigScaling(length=2.0, area=3.0, pressure=4.0)
-    found = cases._sensors(parse("rate-500Hz+bits-12+drift+outliers"), double, RNG)
+    found = case_rig.draw_sensors(parse("rate-500Hz+bits-12+drift+outliers"), double, RNG, RNG)
     assert (found.rate, found.bits, found.drift, found.outliers) == (500.0, 12, 4.0, 5e-4)
     assert (found.pressure, found.pole, found.hum) == (1000.0, 0.0, 0.0)
-    assert cases._vessel(double, RNG) == pytest.approx(198e-6 * 6.0)
+    assert case_rig.draw_vessel(double, RNG) == pytest.approx(198e-6 * 6.0)
 
 
 def test_a_stroke_is_stated_wrong_in_half_of_the_cases() -> None:
-    assert cases._stated_stroke(0.2, RNG) is None
-    assert cases._stated_stroke(0.2, OFTEN) == pytest.approx(0.2 * 0.999)
+    assert case_rig.draw_stated_stroke(0.2, RNG) is None
+    assert case_rig.draw_stated_stroke(0.2, OFTEN) == pytest.approx(0.2 * 0.999)
+
+
+def test_walls_and_the_critical_ratio_are_drawn_and_named_in_the_pipeline_file() -> None:
+    par, known = made("wall-heat+free-b+5/3")
+    assert known == ("heat-transfer", "critical-ratio")
+    assert (par.wall_coefficient, par.critical_ratio) == (pytest.approx(44.0), pytest.approx(0.36))
+    assert par.arrangement == FIVE_THREE
+
+
+def test_a_valve_with_a_pressure_loop_spans_most_of_the_supply() -> None:
+    """600 kPa: 89 % of it, fully open at an error of 9.6 % of it."""
+    par, known = made("regulated-valve")
+    assert known == ()
+    assert (par.regulated_span, par.regulated_band) == (pytest.approx(5.34e5), pytest.approx(0.576e5))
+    assert (par.valve_lag, par.command_null) == (pytest.approx(4.8e-3), 5.0)
+
+
+def test_a_pump_delivers_about_what_the_valve_would_let_in_and_stalls_below_the_supply() -> None:
+    par, _ = made("pump")
+    assert par.pump_flow == pytest.approx(0.84 * 0.484 * 2e-6 * 7e5 * np.sqrt(2.0 / (287.0 * par.temperature)))
+    assert par.pump_stall == pytest.approx(0.94 * 6e5)
+    assert case_rig.draw_stated_stall(par, RNG) == pytest.approx(par.ambient + 1.02 * par.pump_stall)
+
+
+def test_an_encoder_has_one_of_the_steps_of_linear_encoders_whatever_the_size_of_the_rig() -> None:
+    fine = case_rig.draw_sensors(parse("encoder"), RigScaling(length=0.5), RNG, RNG)
+    assert fine.position_step == pytest.approx(0.2e-6)
+    steps = {
+        case_rig.draw_sensors(parse("encoder"), RigScaling(), RNG, np.random.default_rng(k)).position_step
+        for k in range(30)
+    }
+    assert steps == set(case_rig.ENCODER_STEPS)
+
+
+def test_a_bench_tests_the_valve_unless_the_condition_says_that_there_was_none() -> None:
+    has = [
+        case_rig.has_bench(PAR, kind, parse(name))
+        for kind, name in (("axis", "usual"), ("axis", "no-bench-test"), ("friction", "usual"))
+    ]
+    assert has == [True, False, False]
 
 
 def test_nothing_of_an_arrangement_is_without_a_code() -> None:

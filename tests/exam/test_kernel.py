@@ -8,9 +8,8 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
+from pneucli.exam.rig.gas import GAS_CONSTANT, KAPPA
 from pneucli.exam.rig.kernel import (
-    GAS_CONSTANT,
-    KAPPA,
     MAX_STEP,
     P1,
     P2,
@@ -113,18 +112,18 @@ def test_a_chamber_keeps_mass_and_energy(
     plain: SimpleNamespace, q: float, inflow: float, growth: float, conductance: float
 ) -> None:
     """d(m)/dt = q and d(m c_v T)/dt = c_p T_in q - p dV/dt + heat from the wall, with m = p V / (R T)."""
-    p, t, volume, par = 3e5, 310.0, 1e-4, PAR._replace(heat_conductance=conductance)
-    dp, dt = plain.chamber_rates(par, p, t, volume, growth, q, q * inflow)
+    p, t, volume = 3e5, 310.0, 1e-4
+    dp, dt = plain.chamber_rates(PAR, p, t, volume, growth, q, q * inflow, conductance)
     mass_rate = (dp * volume + p * growth) / (287.0 * t) - p * volume * dt / (287.0 * t * t)
     energy_rate = (dp * volume + p * growth) / 0.4  # m c_v T = p V / (kappa - 1)
     assert mass_rate == pytest.approx(q, rel=1e-9)
-    wall = conductance * (par.temperature - t)
+    wall = conductance * (PAR.temperature - t)
     assert energy_rate == pytest.approx(KAPPA * C_V * inflow * q - p * growth + wall, rel=1e-9)
 
 
 def test_without_heat_transfer_a_chamber_keeps_its_temperature(plain: SimpleNamespace) -> None:
     """Thesis 2.47: dp/dt = kappa (R T q - p dV/dt) / V, at the temperature of the rig."""
-    dp, dt = plain.chamber_rates(PAR, 3e5, 310.0, 1e-4, 2e-4, 1e-3, 1e9)
+    dp, dt = plain.chamber_rates(PAR, 3e5, 310.0, 1e-4, 2e-4, 1e-3, 1e9, -1.0)
     assert dt == 0.0
     assert dp == pytest.approx(1.4 * (287.0 * PAR.temperature * 1e-3 - 3e5 * 2e-4) / 1e-4)
 
@@ -185,6 +184,73 @@ def test_a_leak_of_chamber_1_loses_to_the_ambient_or_draws_from_it(plain: Simple
     assert masses(thin, gas(plain, leaky, thin))[0] == pytest.approx(drawn)
     assert energies(gas(plain, leaky, full))[0] == pytest.approx(-KAPPA * C_V * 290.0 * lost)
     assert energies(gas(plain, leaky, thin))[0] == pytest.approx(KAPPA * C_V * leaky.temperature * drawn)
+
+
+def test_a_leak_of_chamber_2_leaves_chamber_1_alone(plain: SimpleNamespace) -> None:
+    leaky, s, thin = WARM._replace(leak_area_2=1e-7), state(T2=280.0), state(P2=0.3e5)
+    assert masses(s, gas(plain, leaky, s)) == pytest.approx((0.0, -choked(1e-7, 2.5e5, 280.0)))
+    assert masses(thin, gas(plain, leaky, thin))[1] == pytest.approx(choked(1e-7, leaky.ambient, leaky.temperature))
+
+
+def test_leaks_of_chamber_2_are_laminar_or_open_under_pressure_like_those_of_chamber_1(plain: SimpleNamespace) -> None:
+    same = {"P1": 2.5e5, "T1": 290.0, "P2": 2.5e5, "T2": 290.0}
+    for field, value in (("laminar_conductance", 1e-11), ("relief_growth", 1e-12)):
+        one, other = (
+            masses(
+                state(**same),
+                gas(plain, WARM._replace(**{field + side: value, "relief_pressure" + side: 1e5}), state(**same)),
+            )
+            for side in ("", "_2")
+        )
+        assert one[0] < 0.0 == one[1]
+        assert other == pytest.approx((0.0, one[0]))
+
+
+def test_a_dead_volume_of_chamber_2_slows_its_pressure(plain: SimpleNamespace) -> None:
+    more, usual = (gas(plain, par, state(V=0.5)) for par in (WARM._replace(dead_volume_added_2=VOLUMES[1]), WARM))
+    assert (more[P1], more[P2]) == pytest.approx((usual[P1], 0.5 * usual[P2]))
+
+
+def test_walls_grow_with_the_chamber_and_a_vessel_is_as_long_as_it_is_wide(plain: SimpleNamespace) -> None:
+    """A bore of 32 mm over 100 mm: 2 pi r^2 + 2 pi r l; a can of diameter d = l: 1.5 pi d^2 around pi d^3 / 4."""
+    r = 0.016
+    area = math.pi * r**2
+    assert plain.wall_area(area, 0.1 * area) == pytest.approx(2 * area + 2 * math.pi * r * 0.1)
+    assert plain.wall_area(0.0, math.pi / 4 * 0.06**3) == pytest.approx(1.5 * math.pi * 0.06**2)
+
+
+def test_convection_warms_each_chamber_by_its_own_walls(plain: SimpleNamespace) -> None:
+    s, par = state(), PAR._replace(wall_coefficient=50.0)
+    warmed = np.array(energies(gas(plain, par, s))) - energies(gas(plain, PAR._replace(heat_conductance=0.0), s))
+    walls = [
+        50.0 * plain.wall_area(area, v) for area, v in zip((par.piston_area_1, par.piston_area_2), VOLUMES, strict=True)
+    ]
+    assert warmed == pytest.approx([walls[0] * (par.temperature - 290.0), walls[1] * (par.temperature - 300.0)])
+
+
+PUMP = PAR._replace(pump_flow=2e-3, pump_stall=4e5)
+
+
+@pytest.mark.parametrize(
+    ("volts", "gauge", "flow"), [(10, 0, 2e-3), (5, 0, 1e-3), (5, 1e5, 0.75e-3), (10, 4e5, 0), (10, 5e5, 0), (-5, 0, 0)]
+)
+def test_a_pump_delivers_by_its_speed_and_less_against_pressure(
+    plain: SimpleNamespace, volts: float, gauge: float, flow: float
+) -> None:
+    assert plain.pump_flow(PUMP, volts, PUMP.ambient + gauge) == pytest.approx(flow)
+
+
+LOOP = PAR._replace(command_range=5.0, regulated_span=5e5, regulated_band=0.5e5)
+
+
+@pytest.mark.parametrize(
+    ("asked", "gauge", "opening"), [(0, 2.5e5, 0), (5, 4.9e5, 1.0), (-5, 0.1e5, -1.0), (0, 0, 5.0), (0, 5e5, -5.0)]
+)
+def test_a_valve_with_a_pressure_loop_opens_by_the_error_of_its_pressure(
+    plain: SimpleNamespace, asked: float, gauge: float, opening: float
+) -> None:
+    assert plain.regulated_opening(LOOP, asked, LOOP.ambient + gauge) == pytest.approx(opening)
+    assert plain.regulated_opening(PAR, asked, LOOP.ambient + gauge) == asked
 
 
 def test_motion_compresses_one_chamber_and_expands_the_other(plain: SimpleNamespace) -> None:

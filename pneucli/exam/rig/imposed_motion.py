@@ -26,6 +26,7 @@ class MotionMachine:
     strokes: int
     pressure: float
     swing: float = 0.0
+    steady: bool = False  # only what has the constant speed is logged
 
 
 def simulate_imposed_motion(par: Parameters, machine: MotionMachine, rate: float) -> dict[str, Array]:
@@ -38,7 +39,11 @@ def simulate_imposed_motion(par: Parameters, machine: MotionMachine, rate: float
     p1, p2 = par.ambient + gauge, np.full(x.size, par.ambient)
     force = _machine_force(par, np.arange(x.size) / rate, x, velocity, a, p1, p2)
     still = dict.fromkeys(("u", "u2"), np.zeros(x.size)) | {"p_supply": np.full(x.size, par.supply)}
-    return still | {"p1": p1, "p2": p2, "x": x, "v": velocity, "a": a, "force": force}
+    truth = still | {"p1": p1, "p2": p2, "x": x, "v": velocity, "a": a, "force": force}
+    if not machine.steady:
+        return truth
+    logged = (np.abs(velocity) == np.max(np.abs(velocity))) & (np.abs(a) < 1e-9)
+    return {name: signal[logged] for name, signal in truth.items()}
 
 
 def _velocity(machine: MotionMachine, rate: float) -> Array:

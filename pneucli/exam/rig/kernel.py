@@ -13,31 +13,25 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pneucli.caches import compiled
+from pneucli.exam.rig.gas import (
+    GAS_CONSTANT,
+    KAPPA,
+    LEAK_RATIO,
+    chamber_rates,
+    leaks_1,
+    leaks_2,
+    orifice_flow,
+    wall_conductance,
+)
 from pneucli.exam.rig.parameters import Parameters
 
 Array = NDArray[np.float64]
 Flows = tuple[float, float, float, float]  # kg/s: into and out of chamber 1, into and out of chamber 2
 
 MAX_STEP = 25e-6  # s, the longest
-KAPPA = 1.4
-GAS_CONSTANT = 287.0
-PSI_MAX = 0.484
-LEAK_RATIO = 0.528
 # state: position, velocity, pressure and temperature of both chambers, supply, bristle, load's position and velocity
 X, V, P1, T1, P2, T2, PS, Z, XL, VL = range(10)
 DRIFT_TIME_CONSTANT = 1.5  # s, of drifting disturbances
-
-
-@compiled()
-def orifice_flow(area: float, p_up: float, t_up: float, p_down: float, ratio: float) -> float:
-    """Mass flow in kg/s through an orifice (thesis 2.42, 2.46), zero against the pressure difference."""
-    r = p_down / p_up
-    if r >= 1.0:
-        return 0.0
-    psi = PSI_MAX
-    if r > ratio:
-        psi *= math.sqrt(1.0 - ((r - ratio) / (1.0 - ratio)) ** 2)
-    return area * p_up * math.sqrt(2.0 / (GAS_CONSTANT * t_up)) * psi
 
 
 @compiled()
@@ -75,49 +69,26 @@ def valve_flow(par: Parameters, area: float, t: float, s: Array, chamber: int = 
 
 
 @compiled()
-def chamber_rates(
-    par: Parameters, p: float, t: float, volume: float, growth: float, q: float, heat: float
-) -> tuple[float, float]:
-    """Rates of p and T (Pa/s, K/s) from mass and energy; ``heat`` is the sum of q T over all flows in (kg K/s)."""
-    if par.heat_conductance < 0.0:
-        return KAPPA * (GAS_CONSTANT * par.temperature * q - p * growth) / volume, 0.0
-    wall = (KAPPA - 1.0) * par.heat_conductance * (par.temperature - t)
-    dp = (KAPPA * (GAS_CONSTANT * heat - p * growth) + wall) / volume
-    return dp, t * (dp / p + growth / volume - GAS_CONSTANT * t * q / (p * volume))
-
-
-@compiled()
-def relief_leak_area(par: Parameters, p: float) -> float:
-    """Area in m^2 of a leak that opens with the pressure."""
-    return par.relief_growth * max(p - par.ambient - par.relief_pressure, 0.0)
-
-
-@compiled()
-def laminar_leak_flow(par: Parameters, p: float) -> float:
-    """Mass flow in kg/s through a long narrow gap: laminar, at the mean of the densities of both ends."""
-    return par.laminar_conductance * (p - par.ambient) * 0.5 * (p / par.ambient + 1.0)
-
-
-@compiled()
 def gas_rates(par: Parameters, s: Array, q: Flows, held: int, ds: Array) -> None:
     """Rates of the gas and the supply; ``held``: 1 keeps chamber 2 at its pressure, 2 keeps both."""
     if held == 2:
         return
     wall = par.temperature
-    lost = orifice_flow(par.leak_area + relief_leak_area(par, s[P1]), s[P1], s[T1], par.ambient, LEAK_RATIO)
-    drawn = orifice_flow(par.leak_area, par.ambient, wall, s[P1], LEAK_RATIO)
+    drawn, lost = leaks_1(par, s[P1], s[T1])
     over = orifice_flow(par.piston_leak_area, s[P1], s[T1], s[P2], LEAK_RATIO)
     back = orifice_flow(par.piston_leak_area, s[P2], s[T2], s[P1], LEAK_RATIO)
-    gained, given = q[0] + drawn, q[1] + lost + laminar_leak_flow(par, s[P1])
+    gained, given = q[0] + drawn, q[1] + lost
     volume_1 = par.dead_volume_1 + par.dead_volume_added + par.piston_area_1 * s[X]
     heat_1 = gained * wall + back * s[T2] - (given + over) * s[T1]
-    mass_1 = gained - given + back - over
-    ds[P1], ds[T1] = chamber_rates(par, s[P1], s[T1], volume_1, par.piston_area_1 * s[V], mass_1, heat_1)
+    mass_1, walls_1 = gained - given + back - over, wall_conductance(par, par.piston_area_1, volume_1)
+    ds[P1], ds[T1] = chamber_rates(par, s[P1], s[T1], volume_1, par.piston_area_1 * s[V], mass_1, heat_1, walls_1)
     if held == 0:
-        volume_2 = par.dead_volume_2 + par.piston_area_2 * (par.stroke - s[X])
-        heat_2 = q[2] * wall + over * s[T1] - (q[3] + back) * s[T2]
-        mass_2 = q[2] - q[3] + over - back
-        ds[P2], ds[T2] = chamber_rates(par, s[P2], s[T2], volume_2, -par.piston_area_2 * s[V], mass_2, heat_2)
+        drawn, lost = leaks_2(par, s[P2], s[T2])
+        gained, given = q[2] + drawn, q[3] + lost
+        volume_2 = par.dead_volume_2 + par.dead_volume_added_2 + par.piston_area_2 * (par.stroke - s[X])
+        heat_2 = gained * wall + over * s[T1] - (given + back) * s[T2]
+        mass_2, walls_2 = gained - given + over - back, wall_conductance(par, par.piston_area_2, volume_2)
+        ds[P2], ds[T2] = chamber_rates(par, s[P2], s[T2], volume_2, -par.piston_area_2 * s[V], mass_2, heat_2, walls_2)
     if par.supply_volume > 0.0:
         feed = par.regulator_conductance * max(par.supply - s[PS], 0.0)
         ds[PS] = KAPPA * GAS_CONSTANT * wall * (feed - q[0] - q[2]) / par.supply_volume

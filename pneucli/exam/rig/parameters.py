@@ -46,6 +46,14 @@ class Parameters(NamedTuple):
     valve_half_width: float = 0.0
     valve_leak_area: float = 0.0
     critical_ratio: float = 0.528
+    # the same on the side of chamber 2
+    leak_area_2: float = 0.0
+    laminar_conductance_2: float = 0.0
+    relief_growth_2: float = 0.0
+    relief_pressure_2: float = 0.0
+    dead_volume_added_2: float = 0.0
+    line_delay_1: float = 0.0  # of one hose alone, in addition to both
+    line_delay_2: float = 0.0
     # the catalogue: friction and forces
     static: float = 0.0  # N; not above coulomb: no Stribeck rise
     stribeck_velocity: float = 0.01
@@ -73,6 +81,9 @@ class Parameters(NamedTuple):
     pressure_lag: float = 0.0
     acceleration_bias: float = 0.0
     pressure_skew: float = 0.0
+    pressure_offset_2: float = 0.0
+    pressure_scale_1: float = 1.0  # of one sensor alone, in addition to both
+    pressure_scale_2: float = 1.0
     # outside the catalogue
     running_in: float = 0.0  # share of the dry friction lost over the first seconds
     warming: float = 0.0  # share of the viscous friction lost while warming up
@@ -103,6 +114,13 @@ class Parameters(NamedTuple):
     effective_area_2: float = 0.0  # of the edges to chamber 2
     overlap_2: float = 0.0
     exponent_2: float = 1.1
+    # walls: their area follows the piston
+    wall_coefficient: float = 0.0  # W/(m^2 K), of convection; 0: heat_conductance holds
+    # instead of a valve whose command sets an area
+    regulated_span: float = 0.0  # Pa, gauge at the full command of a valve with a pressure loop; 0: no loop
+    regulated_band: float = 1e4  # Pa, the error of its loop at which it opens fully
+    pump_flow: float = 0.0  # kg/s, of a pump at the full command against ambient pressure; 0: no pump
+    pump_stall: float = 6e5  # Pa, gauge, at which the pump delivers nothing
     # the ends of the stroke: springs with dampers that push and never pull
     stop_stiffness: float = 5e6  # N/m
     stop_damping: float = 3e3  # N s/m; small: the piston bounces

@@ -109,9 +109,11 @@ def _converter_range(largest: float) -> float:
 
 
 def _pressure_reading(par: Parameters, p: Array, period: float, is_first: bool) -> Array:
-    gauge = (p - par.ambient) * par.pressure_scale
+    gauge = (p - par.ambient) * par.pressure_scale * (par.pressure_scale_1 if is_first else par.pressure_scale_2)
     if is_first:
         gauge = gauge + par.pressure_offset + par.pressure_curvature * gauge**2
+    else:
+        gauge = gauge + par.pressure_offset_2
     gauge = _first_order_lag(gauge, period, par.pressure_lag)
     time = period * np.arange(p.size)
     return np.asarray(np.interp(time - par.pressure_skew, time, gauge), dtype=np.float64)

@@ -9,8 +9,10 @@ import math
 from dataclasses import dataclass, field
 
 import numpy as np
+from numpy.typing import NDArray
 
 from pneucli.caches import compiled
+from pneucli.exam.rig.gas import pump_flow, regulated_opening
 from pneucli.exam.rig.kernel import (
     MAX_STEP,
     P1,
@@ -46,6 +48,7 @@ class Excitation:
         gain: The gain of the position loop (V/m); 0 for none.
         command_2: The same for the valve of chamber 2; with a gain it is added to the negated opening of the first.
         imposed: Both pressures in Pa, shape (n, 2), linear between the commands.
+        cycle: The controller works in every n-th ``LOOP_PERIOD``; in between its command is held.
 
     """
 
@@ -58,20 +61,46 @@ class Excitation:
     pressure_1: float = 101_300.0
     pressure_2: float = 101_300.0
     imposed: Array = field(default_factory=lambda: NO_PRESSURES)
+    cycle: int = 1
 
 
 def simulate_rig(par: Parameters, excitation: Excitation, rate: float = 1000.0) -> dict[str, Array]:
     """Return the true signals, each of shape (n,), SI, at the samples 0, 1, ... over ``rate`` (Hz)."""
     m = excitation
-    every = math.ceil(1.0 / (rate * MAX_STEP) - 1e-9)  # steps for each sample, then for each command
+    every, hold = _steps(rate)
     step = 1.0 / (rate * every)
-    hold = round(LOOP_PERIOD / step)
     start = np.array([m.position, m.velocity, m.pressure_1, m.pressure_2])
     held = 2 if m.imposed.size else int(m.chamber_2_open)
     rows = _simulate_rows(
-        par, m.command, np.resize(m.command_2, m.command.size), m.gain, held, start, m.imposed, step, hold, every
+        par,
+        m.command,
+        np.resize(m.command_2, m.command.size),
+        m.gain,
+        held,
+        start,
+        m.imposed,
+        step,
+        hold,
+        every,
+        m.cycle,
     )
     return dict(zip(COLUMNS, rows.T, strict=True))
+
+
+def _steps(rate: float) -> tuple[int, int]:
+    """Return the steps of the integrator for each sample at ``rate`` (Hz), and for each command."""
+    every = math.ceil(1.0 / (rate * MAX_STEP) - 1e-9)
+    return every, round(LOOP_PERIOD * rate * every)
+
+
+def command_stamps(excitation: Excitation, rate: float) -> tuple[Array, NDArray[np.intp]]:
+    """Return the times (s) at which the controller gives a command, and the samples over ``rate`` (Hz) that show it."""
+    every, hold = _steps(rate)
+    commands = np.arange(math.ceil(excitation.command.size / excitation.cycle), dtype=np.intp)
+    steps = hold * excitation.cycle * commands
+    samples = -(-steps // every)
+    seen = samples <= (excitation.command.size * hold - 1) // every
+    return steps[seen] / (rate * every), samples[seen]
 
 
 @compiled()
@@ -114,8 +143,9 @@ def _spool(par: Parameters, h: float, u: float, aim: float, spool: float, openin
 
 @compiled()
 def empty_delay_line(par: Parameters, step: float) -> Array:
-    """Return an empty delay line for the flows (kg/s) in the hose: as many steps as it delays, and this one."""
-    line: Array = np.zeros((round(par.line_delay / step) + 1, 4))
+    """Return an empty delay line for the flows (kg/s) in the hoses: as many steps as the longest delays, and this."""
+    longest = par.line_delay + max(par.line_delay_1, par.line_delay_2)
+    line: Array = np.zeros((round(longest / step) + 1, 4))
     return line
 
 
@@ -139,17 +169,21 @@ def step_rig(
     are updated together with ``s``. Returns the time at rest in s and the flows.
     """
     t = i * step
+    o = regulated_opening(par, o, s[P1])
     spools[0], spools[1], spools[2] = _spool(par, step, o, spools[0], spools[1], spools[2])
     now = line[i % len(line)]
     now[0], now[1] = valve_flow(par, valve_area(par, spools[2], t), t, s)
+    if par.pump_flow > 0.0:
+        now[0] = pump_flow(par, spools[2], s[P1])
     if par.arrangement == TWO_VALVES:
         spools[3], spools[4], spools[5] = _spool(par, step, o2, spools[3], spools[4], spools[5])
     elif par.arrangement == FIVE_THREE:
         spools[5] = -spools[2]
     if par.arrangement != ONE_CHAMBER:
         now[2], now[3] = valve_flow(par, valve_area_2(par, spools[5], t), t, s, 1)
-    late = line[(i + 1) % len(line)]
-    q = (late[0], late[1], late[2], late[3])
+    late = line[(i - round((par.line_delay + par.line_delay_1) / step)) % len(line)]
+    late_2 = line[(i - round((par.line_delay + par.line_delay_2) / step)) % len(line)]
+    q = (late[0], late[1], late_2[2], late_2[3])
     return _advance(par, t, step, s, rest, q, held, work), q
 
 
@@ -182,6 +216,7 @@ def _simulate_rows(
     step: float,
     hold: int,
     every: int,
+    cycle: int,
 ) -> Array:
     """Return the true signals, a row every ``every`` steps of ``step`` (s); a command is held for ``hold`` steps."""
     steps = command.size * hold
@@ -192,7 +227,7 @@ def _simulate_rows(
     o, o2, rest, q = 0.0, 0.0, 0.0, (0.0, 0.0, 0.0, 0.0)
     for i in range(steps):
         k, t = i // hold, i * step
-        if i % hold == 0:
+        if i % (hold * cycle) == 0:
             o = limit_opening(par, command[k])
             if gain > 0.0:
                 o = round(limit_opening(par, gain * (command[k] - s[X])), 4)

@@ -1,0 +1,105 @@
+"""The gas of the rig: flow through openings and from a pump, leaks, and a chamber with its walls."""
+
+from __future__ import annotations
+
+import math
+
+from pneucli.caches import compiled
+from pneucli.exam.rig.parameters import Parameters
+
+KAPPA = 1.4
+GAS_CONSTANT = 287.0
+PSI_MAX = 0.484
+LEAK_RATIO = 0.528
+VESSEL_SHAPE = 1.5 * math.pow(16.0 * math.pi, 1.0 / 3.0)  # walls over volume^(2/3) of a can as long as it is wide
+
+
+@compiled()
+def orifice_flow(area: float, p_up: float, t_up: float, p_down: float, ratio: float) -> float:
+    """Mass flow in kg/s through an orifice (thesis 2.42, 2.46), zero against the pressure difference."""
+    r = p_down / p_up
+    if r >= 1.0:
+        return 0.0
+    psi = PSI_MAX
+    if r > ratio:
+        psi *= math.sqrt(1.0 - ((r - ratio) / (1.0 - ratio)) ** 2)
+    return area * p_up * math.sqrt(2.0 / (GAS_CONSTANT * t_up)) * psi
+
+
+@compiled()
+def pump_flow(par: Parameters, opening: float, p: float) -> float:
+    """Mass flow in kg/s of a pump: its speed goes with the command, its leakage with the pressure that it works on."""
+    stalled = max(1.0 - max(p - par.ambient, 0.0) / par.pump_stall, 0.0)
+    return par.pump_flow * max(opening, 0.0) / par.command_range * stalled
+
+
+@compiled()
+def regulated_opening(par: Parameters, opening: float, p: float) -> float:
+    """Opening in V that a valve with a pressure loop gives itself: proportional to the error of its pressure.
+
+    Its ``opening`` asks for half of the span at the null, for none and for all of it at the ends of the range.
+    """
+    if par.regulated_span <= 0.0:
+        return opening
+    asked = par.ambient + par.regulated_span * 0.5 * (1.0 + opening / par.command_range)
+    wanted = par.command_range * (asked - p) / par.regulated_band
+    return float(min(max(wanted, -par.command_range), par.command_range))
+
+
+@compiled()
+def wall_area(piston_area: float, volume: float) -> float:
+    """Area in m^2 of the walls of a chamber: both ends and the bore; of a vessel as long as it is wide."""
+    if piston_area <= 0.0:
+        return VESSEL_SHAPE * math.pow(volume, 2.0 / 3.0)
+    return 2.0 * piston_area + math.sqrt(4.0 * math.pi / piston_area) * volume
+
+
+@compiled()
+def wall_conductance(par: Parameters, piston_area: float, volume: float) -> float:
+    """Conductance in W/K between the gas of a chamber and its walls; below zero: constant temperature."""
+    if par.wall_coefficient > 0.0:
+        return par.wall_coefficient * wall_area(piston_area, volume)
+    return par.heat_conductance
+
+
+@compiled()
+def chamber_rates(
+    par: Parameters, p: float, t: float, volume: float, growth: float, q: float, heat: float, conductance: float
+) -> tuple[float, float]:
+    """Rates of p and T (Pa/s, K/s) from mass and energy.
+
+    ``heat`` is the sum of q T over all flows in (kg K/s); a ``conductance`` (W/K) below zero keeps the temperature.
+    """
+    if conductance < 0.0:
+        return KAPPA * (GAS_CONSTANT * par.temperature * q - p * growth) / volume, 0.0
+    wall = (KAPPA - 1.0) * conductance * (par.temperature - t)
+    dp = (KAPPA * (GAS_CONSTANT * heat - p * growth) + wall) / volume
+    return dp, t * (dp / p + growth / volume - GAS_CONSTANT * t * q / (p * volume))
+
+
+@compiled()
+def relief_leak_area(par: Parameters, p: float, growth: float, opening: float) -> float:
+    """Area in m^2 of a leak that opens with the pressure: by ``growth`` (m^2/Pa) above ``opening`` (Pa, gauge)."""
+    return growth * max(p - par.ambient - opening, 0.0)
+
+
+@compiled()
+def laminar_leak_flow(par: Parameters, p: float, conductance: float) -> float:
+    """Mass flow in kg/s through a long narrow gap: laminar, at the mean of the densities of both ends."""
+    return conductance * (p - par.ambient) * 0.5 * (p / par.ambient + 1.0)
+
+
+@compiled()
+def leaks_1(par: Parameters, p: float, t: float) -> tuple[float, float]:
+    """Mass flows in kg/s (ambient to chamber 1, chamber 1 to ambient) of its leaks."""
+    area = par.leak_area + relief_leak_area(par, p, par.relief_growth, par.relief_pressure)
+    lost = orifice_flow(area, p, t, par.ambient, LEAK_RATIO) + laminar_leak_flow(par, p, par.laminar_conductance)
+    return orifice_flow(par.leak_area, par.ambient, par.temperature, p, LEAK_RATIO), lost
+
+
+@compiled()
+def leaks_2(par: Parameters, p: float, t: float) -> tuple[float, float]:
+    """Mass flows in kg/s (ambient to chamber 2, chamber 2 to ambient) of its leaks."""
+    area = par.leak_area_2 + relief_leak_area(par, p, par.relief_growth_2, par.relief_pressure_2)
+    lost = orifice_flow(area, p, t, par.ambient, LEAK_RATIO) + laminar_leak_flow(par, p, par.laminar_conductance_2)
+    return orifice_flow(par.leak_area_2, par.ambient, par.temperature, p, LEAK_RATIO), lost

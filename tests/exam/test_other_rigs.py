@@ -1,0 +1,212 @@
+"""Rigs as others have them: what their pipeline files state, and what their recordings contain."""
+
+from __future__ import annotations
+
+import tomllib
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from pneucli.exam.cases import generate_case
+from pneucli.exam.conditions import parse
+from pneucli.exam.graded_case import GradedCase
+from pneucli.exam.hidden_sides import ALL_BY_NAME, SIDES
+from pneucli.exam.rig.parameters import FIVE_THREE, Parameters
+from pneucli.exam.rig.sensors import Sensors, measure
+from pneucli.exam.rig.simulation import Excitation, command_stamps, simulate_rig
+from pneucli.exam.rig.steady_rows import SteadyRows, simulate_steady_rows
+from pneucli.notebook.run import open_pipeline_of
+
+PAR = Parameters()
+VESSEL = Parameters(piston_area_1=0.0, piston_area_2=0.0, dead_volume_1=160e-6)
+
+
+def case(folder: Path, kind: str, name: str, hidden: tuple[str, ...] = ()) -> tuple[dict[str, Any], dict[str, Any]]:
+    truth = generate_case(folder, kind, hidden, "", 1.0, 5, parse(name))
+    return truth, tomllib.loads((folder / "pipeline.toml").read_text())
+
+
+def columns(path: Path) -> dict[str, np.ndarray]:
+    table = np.genfromtxt(path, delimiter=",", names=True, skip_header=2, deletechars="")
+    return {name: table[name] for name in table.dtype.names}
+
+
+# --- gas and valve
+
+
+def test_a_user_knows_that_walls_and_a_critical_ratio_count_and_not_how_much(tmp_path: Path) -> None:
+    truth, said = case(tmp_path / "case", "valve", "wall-heat+free-b")
+    assert said["model"]["effects"] == ["heat-transfer", "critical-ratio"]
+    known = truth["baseline_parameters"]
+    assert 0.15 <= known["critical-ratio"]["critical_ratio"] <= 0.5
+    volume = float(said["rig"]["vessel"]["volume"].split()[0]) * 1e-6
+    can = 1.5 * np.pi * (4 * volume / np.pi) ** (2 / 3)  # as long as it is wide
+    assert 20.0 <= known["heat-transfer"]["conductance"] / can <= 60.0
+
+
+def test_the_walls_of_a_cylinder_have_no_one_conductance(tmp_path: Path) -> None:
+    truth, said = case(tmp_path / "case", "axis", "wall-heat")
+    assert "heat-transfer" in said["model"]["effects"]
+    assert "heat-transfer" not in truth["baseline_parameters"]
+
+
+def test_gas_between_walls_is_neither_isothermal_nor_adiabatic() -> None:
+    """After a fast charge the pressure falls by the cooling of the gas, less than from adiabatic to isothermal."""
+    charge = Excitation(np.repeat([10.0, 0.0], [150, 2000]), pressure_1=PAR.ambient)
+    walls, adiabatic = (
+        simulate_rig(VESSEL._replace(effective_area=2e-6, **given), charge)
+        for given in ({"wall_coefficient": 40.0}, {"heat_conductance": 0.0})
+    )
+    assert PAR.temperature + 5.0 < walls["temperature"][149] < adiabatic["temperature"][149] - 1.0
+    assert walls["p1"][-1] / walls["p1"][150] == pytest.approx(
+        walls["temperature"][-1] / walls["temperature"][150], rel=1e-4
+    )
+    assert walls["temperature"][-1] < walls["temperature"][150] - 10.0
+
+
+def test_without_a_bench_the_pipeline_has_no_vessel_and_moves_from_point_to_point(tmp_path: Path) -> None:
+    _, said = case(tmp_path / "case", "axis", "no-bench-test")
+    assert "vessel" not in said["rig"]
+    assert "valve" not in said["model"]
+    assert {r["experiment"] for r in said["recordings"]} == {"axis"}
+    assert [r["use"] for r in said["recordings"]] == [*["train"] * 3, "test", "train", "train", "test"]
+    x = columns(tmp_path / "case" / "raw" / "moves_1.csv")["Pos_[mm]"]
+    assert 10.0 < x.min() < 90.0
+    assert 110.0 < x.max() < 190.0
+
+
+# --- either side
+
+
+@pytest.mark.parametrize("name", [name for names in SIDES.values() for name in names if ":" in name])
+def test_an_effect_at_a_side_has_the_parameters_of_its_effect_and_fields_of_its_own(name: str) -> None:
+    declared, side = name.split(":")
+    one, other = (ALL_BY_NAME[n].apply(PAR, 1.0, np.random.default_rng(3)) for n in (declared, name))
+    assert ALL_BY_NAME[name].true_parameters(other) == ALL_BY_NAME[declared].true_parameters(one)
+    changed = {field for field in Parameters._fields if getattr(other, field) != getattr(PAR, field)}
+    assert changed
+    assert all(field.endswith(f"_{side}") for field in changed)
+    assert ALL_BY_NAME[name].apply(PAR, 0.0, np.random.default_rng(3))._replace(
+        relief_pressure_2=0.0
+    ) == PAR  # fmt: skip
+
+
+def test_the_sensor_of_a_side_errs_alone() -> None:
+    quiet = Sensors(pressure=0.0, acceleration=0.0, position_step=0.0)
+    truth = {name: np.zeros(20) for name in ("u", "u2", "x", "a")}
+    truth |= dict.fromkeys(("p1", "p2", "p_supply"), np.full(20, PAR.ambient + 2e5))
+    par = PAR._replace(pressure_scale_1=1.1, pressure_scale_2=0.9, pressure_offset_2=1e3)
+    seen = measure(par, quiet, truth, np.random.default_rng(1))
+    assert (seen["p1"][0], seen["p2"][0]) == pytest.approx((2.2e5, 1.81e5))
+
+
+@pytest.mark.parametrize("side", [1, 2])
+def test_the_hose_of_a_side_delays_its_flow_alone(side: int) -> None:
+    par = PAR._replace(arrangement=FIVE_THREE, effective_area_2=2e-6, coulomb=1e4)
+    step = Excitation(np.full(60, 5.0), position=0.1, pressure_1=3e5, pressure_2=3e5)
+    usual, late = (simulate_rig(one, step) for one in (par, par._replace(**{f"line_delay_{side}": 0.01})))
+    mine, other = f"p{side}", f"p{3 - side}"
+    assert late[other] == pytest.approx(usual[other])
+    assert np.all(late[mine][:11] == 3e5)
+    assert late[mine][10:] == pytest.approx(usual[mine][:-10], rel=1e-9)
+
+
+# --- commands on a clock of their own
+
+
+def test_a_slow_controller_holds_its_command_and_its_log_has_every_one() -> None:
+    ramp = Excitation(np.linspace(0.0, 5.0, 50), cycle=7)
+    truth = simulate_rig(VESSEL, ramp)
+    stamps, samples = command_stamps(ramp, 1000.0)
+    assert stamps == pytest.approx(0.007 * np.arange(8))
+    assert truth["u"][samples] == pytest.approx(ramp.command[::7])
+    held = truth["u"][samples][np.arange(50) // 7]
+    assert np.array_equal(truth["u"], held)
+    assert command_stamps(Excitation(np.zeros(50), cycle=7), 4000.0)[0] == pytest.approx(stamps)
+
+
+def test_held_commands_are_read_with_their_own_stamps(tmp_path: Path) -> None:
+    _, said = case(tmp_path / "case", "valve", "held-commands")
+    assert said["signals"]["u"] == {
+        "column": "U_valve [V]", "unit": "V", "time": {"column": "t_cmd [ms]", "unit": "ms"}, "hold": True,
+    }  # fmt: skip
+    raw = columns(tmp_path / "case" / "raw" / "stairs_1.csv")
+    stamps = raw["t_cmd_[ms]"][np.isfinite(raw["t_cmd_[ms]"])]
+    assert np.unique(np.round(np.diff(stamps), 6)).tolist() in [[5.0], [10.0], [20.0]]
+    run = open_pipeline_of(tmp_path / "case" / "pipeline.toml", tmp_path / "out")
+    run.update(["ingest"])
+    import pyarrow.parquet as pq
+
+    read = pq.read_table(tmp_path / "out" / "ingest" / "signals.parquet").to_pandas()
+    u = read[read["recording"] == "stairs_1"]["u"].to_numpy()
+    held = raw["U_valve_[V]"][np.searchsorted(stamps, raw["t_[ms]"], side="right") - 1]
+    assert u == pytest.approx(held)
+
+
+# --- sources whose command sets no area
+
+
+def test_a_regulator_gives_what_is_asked_less_a_droop_and_a_pump_what_its_speed_delivers() -> None:
+    loop = PAR._replace(command_null=5.0, command_range=5.0, regulated_span=5e5, regulated_band=0.4e5, overlap=0.1)
+    rows = SteadyRows(np.array([-2.5, 0.0, 2.5]), np.array([1e-8, 3e-7]))
+    seen = simulate_steady_rows(loop, rows)
+    asked = np.repeat([1.25e5, 2.5e5, 3.75e5], 2)
+    droop = asked - (seen["p1"] - loop.ambient)
+    assert seen["u"] == pytest.approx(np.repeat([2.5, 5.0, 7.5], 2))
+    assert np.all((droop > 0.0) & (droop < 0.4e5))
+    assert np.all(droop[1::2] > droop[::2])
+    pump = PAR._replace(pump_flow=1e-3, pump_stall=4e5)
+    seen = simulate_steady_rows(pump, SteadyRows(np.array([5.0]), np.array([1e-8, 3e-7])))
+    assert seen["flow"] == pytest.approx(0.5e-3 * (1.0 - (seen["p1"] - pump.ambient) / 4e5))
+    assert np.all(seen["p_supply"] == pump.ambient)
+
+
+@pytest.mark.parametrize("name", ["regulated-valve", "pump"])
+def test_a_bench_of_such_a_source_has_steady_rows_without_a_clock(tmp_path: Path, name: str) -> None:
+    truth, said = case(tmp_path / "case", "axis", name)
+    rows = said["recordings"][0]
+    assert (rows["experiment"], rows["take"]) == ("flow", ["u", "p_supply", "p1", "flow"])
+    assert (tmp_path / "case" / "raw" / "steady_rows.csv").read_text().splitlines()[2] == (
+        "U_valve [V],P_supply [bar],P1 [bar],Q [l/min ANR]"
+    )
+    assert (truth["command_sets_area"], truth["unexplained_is_right"]) == (False, True)
+    if name == "pump":
+        assert "supply_pressure" not in said["rig"]
+        assert set(said["model"]["parameters"]) == {"rig.supply_pressure"}
+
+
+def test_what_the_answer_says_of_stated_effects_and_of_the_command_is_graded() -> None:
+    truth = {
+        "hidden": {}, "outside_the_catalogue": None, "verdict": "adequate", "command_sets_area": False,
+        "baseline_parameters": {"critical-ratio": {"critical_ratio": 0.3}, "heat-transfer": {"conductance": 1.0}},
+    }  # fmt: skip
+    found = {
+        "critical-ratio.critical_ratio": {"value": 0.34, "ci95": [0.33, 0.35]},
+        "heat-transfer.conductance": {"value": 1.2, "ci95": [0.9, 1.5]},
+    }
+    told = {"verdict": "adequate", "missing": [], "parameters": found, "command_sets_area": False}
+    graded = GradedCase("case", truth, told)
+    assert graded.stated_within_tolerance == [True, False]
+    assert graded.stated_intervals_cover_truth == [False, True]
+    assert graded.is_source_recognised
+    assert not GradedCase("case", truth, told | {"command_sets_area": None}).is_source_recognised
+
+
+# --- one speed for each recording
+
+
+def test_a_machine_at_constant_speed_logs_one_point_of_the_friction_curve(tmp_path: Path) -> None:
+    _, said = case(tmp_path / "case", "friction", "constant-speed")
+    assert [r["imposed"] for r in said["recordings"]] == ["motion"] * 24
+    assert sum(r["use"] == "test" for r in said["recordings"]) == 4
+    speeds = []
+    for recording in said["recordings"]:
+        raw = columns(tmp_path / "case" / recording["file"])
+        slope = np.polyfit(raw["t_[ms]"], raw["Pos_[mm]"], 1)[0]
+        assert np.std(raw["Pos_[mm]"] - np.poly1d(np.polyfit(raw["t_[ms]"], raw["Pos_[mm]"], 1))(raw["t_[ms]"])) < 2e-3
+        assert (slope > 0.0) == ("out" in recording["name"])
+        assert raw["t_[ms]"].size >= 90
+        speeds.append(abs(slope))
+    assert max(speeds) / min(speeds) == pytest.approx(100.0, rel=0.02)
