@@ -220,11 +220,10 @@ def test_walls_grow_with_the_chamber_and_a_vessel_is_as_long_as_it_is_wide(plain
 
 
 def test_convection_warms_each_chamber_by_its_own_walls(plain: SimpleNamespace) -> None:
-    s, par = state(), PAR._replace(wall_coefficient=50.0)
-    warmed = np.array(energies(gas(plain, par, s))) - energies(gas(plain, PAR._replace(heat_conductance=0.0), s))
-    walls = [
-        50.0 * plain.wall_area(area, v) for area, v in zip((par.piston_area_1, par.piston_area_2), VOLUMES, strict=True)
-    ]
+    s, par = state(), WARM._replace(wall_coefficient=50.0)
+    warmed = np.array(energies(gas(plain, par, s))) - energies(gas(plain, WARM, s))
+    areas = zip((par.piston_area_1, par.piston_area_2), VOLUMES, strict=True)
+    walls = [50.0 * plain.wall_area(area, volume) for area, volume in areas]
     assert warmed == pytest.approx([walls[0] * (par.temperature - 290.0), walls[1] * (par.temperature - 300.0)])
 
 
