@@ -11,14 +11,14 @@ RIGS_WITH_PISTON: tuple[Kind, ...] = ("friction", "axis")
 RIGS_WITH_VALVE: tuple[Kind, ...] = ("valve", "axis")
 USUAL, WIDE = "usual", "wide"
 
-# "wide" draws one condition from each line, most often the first
+WIDE_SHARE = 0.6  # of the lines, from which "wide" draws one condition each
 WIDE_CHOICES = (
     ("usual", "bore-6mm", "bore-12mm", "bore-50mm", "bore-100mm", "bore-200mm"),
     ("usual", "supply-3bar", "supply-5bar", "supply-12bar", "supply-50bar"),
     ("usual", "rate-200Hz", "rate-500Hz", "rate-2000Hz", "rate-5000Hz", "rate-10000Hz"),
     ("usual", "5/3", "5/3-5V", "5/3-null", "two-valves"),
     ("usual", "usual", "usual", "switching"),
-    ("usual", "usual", "usual", "usual", "regulated-valve", "pump"),
+    ("usual", "usual", "regulated-valve", "pump"),
     ("usual", "wall-heat"),
     ("usual", "free-b"),
     ("usual", "usual", "no-bench-test"),

@@ -12,7 +12,8 @@ from typing import TYPE_CHECKING, Any
 
 from pneucli.errors import InputError, did_you_mean
 from pneucli.exam.condition import KINDS, Condition, Kind
-from pneucli.exam.condition_table import CONDITIONS, USUAL, WIDE, WIDE_CHOICES
+from pneucli.exam.condition_table import CONDITIONS, USUAL, WIDE, WIDE_CHOICES, WIDE_SHARE
+from pneucli.exam.hidden_effects import BY_NAME
 
 if TYPE_CHECKING:
     import numpy as np
@@ -110,15 +111,25 @@ def _contradiction(conditions: Conditions) -> str:
 
 
 def draw_conditions(rng: np.random.Generator, effects: Sequence[str]) -> Conditions:
-    """Draw several conditions under which all of these effects may be hidden."""
-    while True:
-        names = [str(rng.choice(line)) if rng.random() < 0.6 else USUAL for line in WIDE_CHOICES]
+    """Draw a kind of rig and several conditions under which all of these effects may be hidden.
+
+    The lines of ``wide`` are taken in random order, and what contradicts an earlier one is left out: no condition is
+    rare because many others exclude it.
+    """
+    kind = rng.choice([kind for kind in KINDS if all(kind in BY_NAME[effect].kinds for effect in effects)])
+    drawn, found = dict[int, str](), parse(WIDE)
+    for line in rng.permutation(len(WIDE_CHOICES)).tolist():
+        name = str(rng.choice(WIDE_CHOICES[line])) if rng.random() < WIDE_SHARE else USUAL
+        if name == USUAL:
+            continue
+        more = drawn | {line: name}
         try:
-            conditions = parse("+".join(dict.fromkeys([WIDE, *(name for name in names if name != USUAL)])))
+            together = parse("+".join([WIDE, *(more[one] for one in sorted(more))]))
         except InputError:  # they are incompatible
             continue
-        if all(conditions.allows(effect) for effect in effects):
-            return conditions
+        if kind in together.kinds and all(together.allows(effect) for effect in effects):
+            drawn, found = more, together
+    return found
 
 
 def describe_conditions() -> str:
