@@ -26,6 +26,7 @@ MIN_PRESSURE_TRAVEL, MAX_RESTING_DRIFT = (
 )  # of p1's range: heat moves it less than half of the way, and after 1 % of it p1 rests
 MIN_BETWEEN = 0.1  # of supply over ambient, from either: a valve that is open rests a vessel at one of both
 MIN_LOOP_COMMANDS = 3  # commands at which p1 rests between both
+MIN_LOOP_TRAVEL = 0.2  # of p1's range, at one command: steps to both sides of a middle go over half of it each
 MAX_LOOP_SCATTER = 0.03  # of the span of these pressures, about a line over the command
 
 
@@ -42,7 +43,7 @@ def pressure_loop(vessels: Sequence[Recording], bench: RigCheck) -> Finding | No
         if supply is None:
             continue
         margin = MIN_BETWEEN * (supply - bench.rig.ambient_pressure)
-        for charged, level, rows in _resting_levels(one):
+        for charged, level, rows in _resting_levels(one, MIN_LOOP_TRAVEL):
             if bench.rig.ambient_pressure + margin < level < supply - margin:
                 rests.append((float(np.nanmedian(one["u"][rows])), level, charged, one.name))
     u, levels = np.array([rest[0] for rest in rests]), np.array([rest[1] for rest in rests])
@@ -64,7 +65,7 @@ def pressure_loop(vessels: Sequence[Recording], bench: RigCheck) -> Finding | No
 def resting_pressure(one: Recording, bench: RigCheck) -> Iterator[Finding]:
     """Where a vessel has been vented it rests at ambient pressure, where it has been charged not above the supply."""
     ambient = bench.rig.ambient_pressure
-    for charged, level, rows in _resting_levels(one):
+    for charged, level, rows in _resting_levels(one, MIN_PRESSURE_TRAVEL):
         if not charged:
             off = (level - ambient) / ambient
             seen = f"p1 rests at {format_in_display_unit(level, 'p1')} in a vented chamber"
@@ -86,8 +87,8 @@ def resting_pressure(one: Recording, bench: RigCheck) -> Iterator[Finding]:
                 yield Finding("supply", "p_supply", one.name, seen, mend)
 
 
-def _resting_levels(one: Recording) -> list[tuple[bool, float, slice]]:
-    """Return (charged?, pressure in Pa, rows) where p1 rests after it went over half of its range at one command."""
+def _resting_levels(one: Recording, min_travel: float) -> list[tuple[bool, float, slice]]:
+    """Return (charged?, pressure in Pa, rows) where p1 rests after it went over that share of its range."""
     u, p = one["u"], one["p1"]
     span = float(np.nanmax(p) - np.nanmin(p))
     jumps = np.flatnonzero(np.abs(np.diff(u)) > MIN_COMMAND_STEP * max(float(np.ptp(u)), 1e-9)) + 1
@@ -97,7 +98,7 @@ def _resting_levels(one: Recording) -> list[tuple[bool, float, slice]]:
         if held.size < MIN_HELD_SAMPLES:
             continue
         first, before, last = (float(np.mean(part)) for part in (held[:2], *np.array_split(held[held.size // 2 :], 2)))
-        if abs(last - first) > MIN_PRESSURE_TRAVEL * span and abs(last - before) < MAX_RESTING_DRIFT * span:
+        if abs(last - first) > min_travel * span and abs(last - before) < MAX_RESTING_DRIFT * span:
             found.append((last > first, last, slice(int(start + (stop - start) * 3 // 4), int(stop))))
     return found
 

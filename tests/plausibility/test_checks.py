@@ -165,6 +165,16 @@ def test_a_vessel_that_rests_where_the_command_says_is_at_a_pressure_loop() -> N
     assert ("pressure-loop", "u") not in loop_findings(*rising, regulated(4.5e5, 3.5e5, 7.0))
 
 
+def test_steps_to_both_sides_of_a_middle_show_a_pressure_loop() -> None:
+    def steps(volts: float) -> Recording:
+        late = (T > 1.0, T > 2.5)
+        u = 5.0 + volts * late[0] - 2.0 * volts * late[1]
+        gone = (1 - np.exp(-np.maximum(T - 1.0, 0) / 0.05)) - 2.0 * (1 - np.exp(-np.maximum(T - 2.5, 0) / 0.05))
+        return recorded("valve", p1=3.5e5 + 0.5e5 * volts * gone, u=u, p_supply=7e5 + 0 * T)
+
+    assert list(loop_findings(steps(1.0), steps(2.0), steps(4.0))) == [("pressure-loop", "u")]
+
+
 def test_rests_that_do_not_follow_the_command_are_no_pressure_loop() -> None:
     ones = [regulated(level, 3.5e5, u) for level, u in ((4e5, 6.0), (2.4e5, 8.0), (3e5, 4.0), (5e5, 2.0))]
     assert ("pressure-loop", "u") not in loop_findings(*ones)
