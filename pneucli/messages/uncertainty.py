@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Iterator, Mapping
 from typing import Any
 
@@ -10,7 +9,7 @@ from pneucli.messages.formatting import format_number, format_percent
 
 INTERVAL_MEANING = (
     "Intervals are the value ± the expanded uncertainty (k = 2, GUM) of all sources of the budget; where the thermal "
-    "state of the gas is open, they reach up to the value of a gas that the wall warms or cools as much as it can."
+    "state of the gas is open, they hold for every state between no heat and the most that the wall can give or take."
 )
 CONDUCTANCE = "sonic_conductance("
 
@@ -34,15 +33,14 @@ def uncertainty_lines(uncertainty: Mapping[str, Any]) -> Iterator[str]:
         main = max(certain, key=lambda one: one["contribution"])
         share = format_percent(main["contribution"] ** 2 / variance)
         text += f"; main source: {main['source']} (type {main['type']}, {share} of the variance)"
-    if any(one["bound"] for one in budget["sources"]):
-        text += (
-            f"; it is up to {format_number(thermal_factor(budget), 3)} × as large if the wall warms or cools the gas"
-        )
+    if (factors := thermal_factors(budget)) is not None:
+        least, largest = (format_number(factor, 3) for factor in factors)
+        text += f"; the heat of the wall may make it {least} to {largest} × as large"
     if missing := budget["calibration_not_stated"]:
         text += f"; no calibration is stated for {', '.join(missing)}"
     yield text
 
 
-def thermal_factor(budget: Mapping[str, Any]) -> float:
-    """Return by what C is multiplied if the gas exchanges heat as fast as it can."""
-    return 1.0 + sum(float(one["uncertainty"]) * math.sqrt(12.0) for one in budget["sources"] if one["bound"])
+def thermal_factors(budget: Mapping[str, Any]) -> tuple[float, float] | None:
+    """Return the least and the largest factor on C for the heat of the wall; None where the model knows that heat."""
+    return next((tuple(one["factors"]) for one in budget["sources"] if one["factors"]), None)

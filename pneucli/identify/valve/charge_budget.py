@@ -9,15 +9,14 @@ from dataclasses import replace
 from pneucli.identify.estimation.fit import Estimate
 from pneucli.identify.valve.iso6358 import Characteristic, IsoConductance, thermal_state_is_known
 from pneucli.identify.valve.result import ValveIdentification, known_vessel_volume
+from pneucli.identify.valve.thermal_state import Vessel, thermal_range
 from pneucli.identify.valve.uncertainty import (
     DEFAULT_RELATIVE_VOLUME,
     Budget,
     Contribution,
     Measurement,
     positive_interval,
-    smallest_polytropic_index,
 )
-from pneucli.physics.iso_flow import REFERENCE_DENSITY
 from pneucli.quantities import Z95
 from pneucli.recording import Calibration
 from pneucli.simulate.model import Model
@@ -44,7 +43,7 @@ def with_budgets(
     iso: list[IsoConductance] = []
     for one in valve.iso:
         if _has_interval(one.C):
-            budgets.append(_budget_of_c(valve, one, measurement, fitted_volume=fitted_volume))
+            budgets.append(budget_of_conductance(valve, one, measurement, fitted_volume=fitted_volume))
             one = replace(one, C=Characteristic(one.C.value, *budgets[-1].interval))  # noqa: PLW2901
         budgets += _budgets_of_curve(valve, one)
         iso.append(one)
@@ -56,9 +55,10 @@ def _has_interval(c: Characteristic) -> bool:
     return 0.0 < c.low < c.high < math.inf
 
 
-def _budget_of_c(
+def budget_of_conductance(
     valve: ValveIdentification, one: IsoConductance, measurement: Measurement, *, fitted_volume: bool
 ) -> Budget:
+    """Return the budget of C of a path whose interval is that of the curves' scatter."""
     model, c = valve.area_model.model_gradient.model, one.C
     fills = one.u > 0.0
     relative = (math.log(c.high) - math.log(c.low)) / (2.0 * Z95)
@@ -68,16 +68,18 @@ def _budget_of_c(
         if (calibration := measurement.calibrations.get(signal)) is not None:
             stated += _sensor(signal, calibration, c.value, valve.area_model.supply, fills=fills)
     rest = math.hypot(*(part.contribution / c.value for part in (scatter, *stated)))
-    bound = _thermal_bound(model, c.value, valve.area_model.supply)
-    # a rectangle over all of the bound (GUM 4.3.8): the result stands at its lower end
-    thermal = [Contribution("thermal state", "B", bound / math.sqrt(12.0), "1", c.value, bound=True)] if bound else []
+    factors = _thermal_factors(model, c.value, valve.area_model.supply, fills=fills)
+    thermal = []
+    if factors != (1.0, 1.0):
+        width = (factors[1] - factors[0]) / math.sqrt(12.0)  # of a rectangle
+        thermal = [Contribution("thermal state", "B", width, "1", c.value, factors)]
     missing = tuple(s for s in USED_SIGNALS[fills] if s not in measurement.calibrations)
     return Budget(
         f"{valve.label}.sonic_conductance({one.u:+.4g} V)",
         c.value,
         UNIT,
         (scatter, *stated, *thermal),
-        positive_interval(c.value, rest, bound),
+        positive_interval(c.value, rest, factors),
         missing,
     )
 
@@ -103,16 +105,21 @@ def _sensor(signal: str, calibration: Calibration, c: float, supply: float, *, f
         yield Contribution(f"calibration of {signal}, gain", "B", calibration.gain, "1", -c if upstream else c)
 
 
-def _thermal_bound(model: Model, c: float, supply: float) -> float:
-    """Return by how much of it C is larger where the wall warms or cools the gas; 0 where the model says how much."""
+def _thermal_factors(model: Model, c: float, supply: float, *, fills: bool) -> tuple[float, float]:
+    """Return by what C may have to be multiplied for the heat of the wall; 1 where the model says how much there is."""
     if thermal_state_is_known(model):
-        return 0.0
+        return 1.0, 1.0
     base, volume = model.base_values(), known_vessel_volume(model)
-    kappa = base["rig.heat_capacity_ratio"]
-    if volume is None:
-        return kappa - 1.0
-    flow = c * REFERENCE_DENSITY * supply
-    return kappa / smallest_polytropic_index(kappa, base["rig.gas_constant"], flow, volume) - 1.0
+    vessel = Vessel(
+        volume or 1.0,
+        supply,
+        base["rig.ambient_pressure"],
+        base["rig.gas_temperature"],
+        base["rig.heat_capacity_ratio"],
+        base["rig.gas_constant"],
+    )
+    least, largest = thermal_range(vessel, c, fills=fills)
+    return least, largest if volume is not None else vessel.kappa  # without a volume all heat is possible
 
 
 def _budgets_of_curve(valve: ValveIdentification, one: IsoConductance) -> Iterator[Budget]:

@@ -4,8 +4,13 @@ The model of a steady bench is its fit: each input (a gauge's zero, its gain, a 
 uncertainty and the rows are fitted again (GUM 5.1.3, note 2). The model of a charge or discharge test is
 C = V (dp/dt) / (n R T p_u rho_0) sqrt(T / T_0), whose sensitivities are known in closed form.
 
+The thermal state of the gas is a source of which bounds are known and nothing else. A distribution of it depends on the
+variable that is drawn evenly: the index n and the wall's heat give a slow valve intervals of C that do not meet.
+The interval therefore holds for every state between the bounds.
+
 References:
-    JCGM 100:2008 (GUM), 4.2 (type A), 4.3 (type B), 4.3.8 (bounds on one side), 5.1.2 (combination), 6.2 (k = 2).
+    JCGM 100:2008 (GUM), 4.2 (type A), 4.3 (type B), 4.3.8 (bounds that are not symmetric), 5.1.2
+    (combination), 6.2 (k = 2).
     ISO 6358-1:2013 and -2:2013 with their amendments on uncertainty.
 """
 
@@ -16,12 +21,16 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Literal
 
+import numpy as np
+from scipy.optimize import brentq
+from scipy.special import ndtr
+
 from pneucli.recording import Calibration
 
 COVERAGE_FACTOR = 2.0  # k of the expanded uncertainty: 95 % of a normal distribution
 DEFAULT_TEMPERATURE = 1.0  # K: of a gas at room temperature that no sensor measures
 DEFAULT_RELATIVE_VOLUME = 0.005  # of a stated volume whose sigma is not stated: filled with water and weighed
-MAX_HEAT_TRANSFER = 100.0  # W/(m^2 K): four times the most of free convection of gases (25), for a jet that stirs
+QUADRATURE_POINTS = 200  # over a rectangle: a normal distribution narrower than a hundredth of it is widened to that
 
 
 @dataclass(frozen=True)
@@ -34,7 +43,8 @@ class Contribution:
         uncertainty: Standard uncertainty of the source, in ``unit``.
         unit: Unit of the source.
         sensitivity: Derivative of the result by the source, in the result's unit per ``unit``.
-        bound: Whether the source lies anywhere between two bounds, one of which the result assumes.
+        factors: Of a bounded source: the least and the largest factor on the result. Nothing is known of the factor but
+            its bounds, so that no distribution of it is right; ``uncertainty`` is that of a rectangle (GUM 4.3.8).
     """
 
     source: str
@@ -42,7 +52,12 @@ class Contribution:
     uncertainty: float
     unit: str
     sensitivity: float
-    bound: bool = False
+    factors: tuple[float, float] | None = None
+
+    @property
+    def bound(self) -> bool:
+        """Whether the source lies anywhere between two bounds."""
+        return self.factors is not None
 
     @property
     def contribution(self) -> float:
@@ -59,7 +74,7 @@ class Budget:
         value: The result.
         unit: Its unit.
         contributions: Its sources.
-        interval: What is printed: the value +- the expanded uncertainty, and beyond it the bounds.
+        interval: What is printed: the value +- the expanded uncertainty, from the lower to the upper bound.
         not_stated: Signals whose calibration the pipeline file does not state, so that the budget lacks it.
     """
 
@@ -79,6 +94,13 @@ class Budget:
     def expanded(self) -> float:
         """Expanded uncertainty, k = 2, without bounds."""
         return COVERAGE_FACTOR * self.combined
+
+    @property
+    def propagated(self) -> tuple[float, float] | None:
+        """The 95 % interval by JCGM 101 if a bounded source were drawn evenly; None without one."""
+        if (bounded := next((one.factors for one in self.contributions if one.factors), None)) is None:
+            return None
+        return propagated_interval(self.value, self.combined / self.value, bounded)
 
     def share(self, one: Contribution) -> float:
         """Return the share of a source in the variance of all sources, bounds included."""
@@ -103,45 +125,52 @@ class Measurement:
     temperature_sigma: float = DEFAULT_TEMPERATURE
 
 
-def positive_interval(value: float, relative: float, bound: float = 0.0) -> tuple[float, float]:
+def positive_interval(value: float, relative: float, factors: tuple[float, float] = (1.0, 1.0)) -> tuple[float, float]:
     """Return the coverage interval of a positive result.
 
     Args:
         value: The result.
-        relative: Combined standard uncertainty over the value, without bounds.
-        bound: By how much of the value the result may be larger.
+        relative: Combined standard uncertainty over the value, without the bounded source.
+        factors: Least and largest factor of the bounded source.
 
     Returns:
-        ``value exp(-k u)`` to ``value (1 + bound) exp(k u)``; for a small u that is value +- k u value.
+        ``value least exp(-k u)`` to ``value largest exp(k u)``; without a bounded source and for a small u that is
+        value +- k u value. Whatever the factor is, at least 95 % of the results lie inside.
 
-    >>> [round(end, 3) for end in positive_interval(1.0, 0.01, 0.4)]
+    >>> [round(end, 3) for end in positive_interval(1.0, 0.01, (1.0, 1.4))]
     [0.98, 1.428]
     """
     half = min(COVERAGE_FACTOR * relative, 500.0)
-    return value * math.exp(-half), value * (1.0 + bound) * math.exp(half)
+    return value * factors[0] * math.exp(-half), value * factors[1] * math.exp(half)
 
 
-def smallest_polytropic_index(kappa: float, gas_constant: float, flow: float, volume: float) -> float:
-    """Return the smallest index n of dp/dt = n R T q / V that heat from the wall can cause.
+def propagated_interval(value: float, relative: float, factors: tuple[float, float]) -> tuple[float, float]:
+    """Return the 95 % interval of a result whose factor is drawn evenly between its bounds, by JCGM 101.
 
-    In the balance of energy d(m c_v T)/dt = q c_p T_0 + G (T_0 - T), the temperature settles at
-    T / T_0 = (kappa + g) / (1 + g) with g = G / (q c_v), and dp/dt = R T q / V there. G is the largest coefficient of
-    heat transfer times the wall of a cube of the volume.
+    The result is value F (1 + u Z) with F rectangular and Z normal; its distribution function is a mean of normal ones.
 
     Args:
-        kappa: Ratio of heat capacities.
-        gas_constant: Gas constant in J/(kg K).
-        flow: Mass flow in kg/s.
-        volume: Volume of the chamber in m^3.
+        value: The result.
+        relative: Combined standard uncertainty over the value, without the bounded source.
+        factors: Least and largest factor F.
 
     Returns:
-        n, between 1 (slow: isothermal) and kappa (fast: adiabatic).
+        The 2.5 and the 97.5 % quantile.
 
-    A valve of 0.36 l/(s bar) at 7 bar fills 160 cm^3 in a third of a second, a hundredth of it in half a minute:
+    References:
+        JCGM 101:2008, 5.3.4 (probabilistically symmetric interval), 6.4.2 (rectangular distribution).
 
-    >>> [round(smallest_polytropic_index(1.4, 287.0, q, 160e-6), 2) for q in (3e-3, 3e-5)]
-    [1.22, 1.0]
+    >>> [round(end, 3) for end in propagated_interval(1.0, 1e-6, (1.0, 1.4))]  # 95 % of the rectangle
+    [1.01, 1.39]
     """
-    wall = 6.0 * math.cbrt(volume) ** 2
-    g = MAX_HEAT_TRANSFER * wall * (kappa - 1.0) / (gas_constant * max(flow, 1e-12))
-    return (kappa + g) / (1.0 + g)
+    middle, half = 0.5 * (factors[1] + factors[0]), 0.5 * (factors[1] - factors[0])
+    nodes, weights = np.polynomial.legendre.leggauss(QUADRATURE_POINTS)
+    places = middle + half * nodes
+    spread = np.maximum(relative * places, 2.0 * half / QUADRATURE_POINTS + 1e-12)
+
+    def below(end: float) -> float:
+        return float(np.sum(0.5 * weights * ndtr((end - places) / spread)))
+
+    low, high = factors[0] - 9.0 * float(spread.max()), factors[1] + 9.0 * float(spread.max())
+    ends = [float(brentq(lambda end, share=share: below(end) - share, low, high)) for share in (0.025, 0.975)]
+    return value * ends[0], value * ends[1]

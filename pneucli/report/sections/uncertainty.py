@@ -14,7 +14,7 @@ from pneucli.messages.formatting import (
     in_display_unit,
     unit_symbol,
 )
-from pneucli.messages.uncertainty import INTERVAL_MEANING, largest_conductance
+from pneucli.messages.uncertainty import INTERVAL_MEANING, largest_conductance, thermal_factors
 from pneucli.report.page_elements import Cell, Grid
 
 CONDUCTANCE_UNIT = "m^3/(s Pa)"
@@ -50,9 +50,13 @@ def _sources(name: str, budget: Mapping[str, Any]) -> Grid:
             [Cell(title, numeric=False), *(_text("") for _ in range(3)), _text(_conductance(budget[key])), _text("")]
         )
     caption = f"Uncertainty budget of the largest conductance, {name} = {_conductance(budget['value'])}."
-    if any(one["bound"] for one in budget["sources"]):
+    if (factors := thermal_factors(budget)) is not None:
+        least, largest = (format_number(factor, 3) for factor in factors)
+        low, high = (_conductance(end) for end in budget["propagated"])
         caption += (
-            " The thermal state is a bound on one side: it is in the interval, and not in the combined uncertainty."
+            f" The thermal state is a bound: C is {least} to {largest} × the value for any heat between gas and wall."
+            " It is in the interval, not in the combined uncertainty; drawn evenly between its bounds (JCGM 101), it"
+            f" gives a 95 % interval of {low} to {high}."
         )
     if missing := budget["calibration_not_stated"]:
         caption += f" The pipeline file states no calibration of {', '.join(missing)}: the budget lacks them."

@@ -64,6 +64,7 @@ def _budget(budget: Budget) -> dict[str, Any]:
         "combined": budget.combined,
         "expanded": budget.expanded,
         "interval": list(budget.interval),
+        "propagated": budget.propagated and list(budget.propagated),
         "calibration_not_stated": list(budget.not_stated),
         "sources": [
             {
@@ -75,6 +76,7 @@ def _budget(budget: Budget) -> dict[str, Any]:
                 "contribution": one.contribution,
                 "share": budget.share(one),
                 "bound": one.bound,
+                "factors": one.factors and list(one.factors),
             }
             for one in budget.contributions
         ],
