@@ -197,3 +197,22 @@ def test_the_version_of_the_conda_recipe_is_that_of_the_program() -> None:
     stated = re.search(r'^  version: "(.+)"$', recipe, re.MULTILINE)
     assert stated is not None
     assert f'"{stated[1]}"' in (ROOT / "pneucli" / "version.py").read_text(encoding="utf-8")
+
+
+def test_the_conda_recipe_is_one_file_that_says_of_the_program_what_pyproject_says() -> None:
+    assert [path.name for path in (ROOT / "packaging" / "conda").iterdir()] == ["recipe.yaml"]
+    recipe = (ROOT / "packaging" / "conda" / "recipe.yaml").read_text(encoding="utf-8")
+    build = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["build-system"]
+    host = requirements([line.strip().removeprefix("- ") for line in recipe.partition("  host:\n")[2].splitlines()[:3]])
+    assert {name: host.get(name) for name in requirements(build["requires"])} == requirements(build["requires"])
+    assert host["python"] == PROJECT["requires-python"]
+    fields = dict(re.findall(r"^  (name|license|license_file|summary): (.+)$", recipe, re.MULTILINE))
+    assert fields == {
+        "name": PROJECT["name"],
+        "license": PROJECT["license"],
+        "license_file": PROJECT["license-files"][0],
+        "summary": PROJECT["description"],
+    }
+    assert [f"{name} = {place}" for name, place in PROJECT["scripts"].items()] == re.findall(
+        r"- (pneucli = .+)", recipe
+    )

@@ -145,7 +145,7 @@ def _missing(material: ReportData) -> Tile | None:
     if not answer:
         return None
     evidence = diagnose.evidence_summary(answer)
-    text = f"{answer['sentence']} {_capital(evidence)}{'.' if evidence else ''}".rstrip()
+    text = f"{answer['sentence']}{f' Evidence: {evidence}.' if evidence else ''}"
     large = join_names(answer["missing"]) or LARGE_VERDICTS[answer["verdict"]]
     return Tile("Missing effect", large, text, "good" if answer["verdict"] == "adequate" else "bad")
 
@@ -232,8 +232,10 @@ def _checks(material: ReportData) -> str:
 
 
 def _first_doubt(material: ReportData) -> str:
-    """Return the first implausible finding about the recordings, and the number of others."""
-    first, *more = [*implausibility_sentences(material.answer("ingest").get("plausibility", [])), ""]
+    """Return the first implausible finding that the verdict does not state already, and the number of others."""
+    stated = material.answer("diagnose").get("impossible", [])
+    found = implausibility_sentences(material.answer("ingest").get("plausibility", []))
+    first, *more = [*(one for one in found if one not in stated), ""]
     others = f" {len(more) - 1} more under Measurements." if len(more) > 1 else ""
     return f"Doubtful: {first}.{others}" if first else ""
 

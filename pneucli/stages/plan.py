@@ -28,7 +28,7 @@ from pneucli.plan.selection import (
 from pneucli.quantities import Z95
 from pneucli.simulate.model import parameter_value
 from pneucli.stages.pipeline_data import PipelineData
-from pneucli.stages.plan_answer import expected_rows, plan_answer, rival_answer
+from pneucli.stages.plan_answer import expected_rows, limits_too_narrow, plan_answer, rival_answer
 from pneucli.stages.plan_files import write_plan
 from pneucli.stages.plan_first import first_programme
 from pneucli.stages.plan_study import PlanStudy, progress_within
@@ -100,13 +100,7 @@ def _chosen(study: PlanStudy, candidates: Sequence[Evaluated], objective: Object
     manual = [c for c in candidates if c.manoeuvre.by_hand and objective(c.information) < best]
     chosen = choose_sequence([*commands, *manual], objective, seconds, study.safety)
     if not chosen and not commands:
-        raise InputError(
-            f"{study.context.path}, key plan",
-            "no manoeuvre keeps the limits of the rig",
-            "wider limits",
-            "state end_margin, max_speed, max_pressure or max_force in [plan]; pneucli plan -v shows what was refused",
-            code="E071",
-        )
+        raise limits_too_narrow(f"{study.context.path}, key plan")
     return chosen
 
 

@@ -8,6 +8,7 @@ from typing import Any, Protocol
 
 import numpy as np
 
+from pneucli.errors import InputError
 from pneucli.messages.plan import by_hand_text, manoeuvre_text
 from pneucli.pipeline.context import Context
 from pneucli.plan.limits import Limits
@@ -158,3 +159,9 @@ def refused_answer(one: Refused) -> dict[str, Any]:
         "limit": first.limit,
         "unit": first.unit,
     }
+
+
+def limits_too_narrow(where: str) -> InputError:
+    """Return the refusal of a plan for which no manoeuvre is left."""
+    mend = "state end_margin, max_speed, max_pressure or max_force in [plan]; pneucli plan -v shows what was refused"
+    return InputError(where, "no manoeuvre keeps the limits of the rig", "wider limits", mend, code="E071")

@@ -35,7 +35,7 @@ from pneucli.plan.selection import choose_sequence, total_information
 from pneucli.quantities import Z95
 from pneucli.recording import Rig
 from pneucli.simulate.model import Model, parameter_value
-from pneucli.stages.plan_answer import plan_answer
+from pneucli.stages.plan_answer import limits_too_narrow, plan_answer
 from pneucli.stages.plan_files import write_plan
 
 Array = NDArray[np.float64]
@@ -130,13 +130,7 @@ def first_programme(context: Context) -> dict[str, Any]:
     commands = [c for c in candidates if not c.manoeuvre.by_hand]
     chosen = choose_sequence(commands, programme_objective(covariance), seconds, safety)
     if not chosen:
-        raise InputError(
-            f"{context.path}, key plan",
-            "no manoeuvre keeps the limits",
-            "wider limits",
-            "state them in [plan]",
-            code="E071",
-        )
+        raise limits_too_narrow(f"{context.path}, key plan")
     order = [(bench.name, bench.drive) for bench in study.benches]
     chosen = sorted(chosen, key=lambda c: order.index((c.manoeuvre.bench.name, c.manoeuvre.bench.drive)))
     told = total_information(chosen)

@@ -6,7 +6,7 @@ import math
 from typing import Any
 
 from pneucli.export.fmu.package import write_fmu
-from pneucli.export.fmu.plant import Interval, plant_of
+from pneucli.export.fmu.plant import Interval, plant_of, require_valve
 from pneucli.io.artifacts import read_table
 from pneucli.pipeline.context import Context
 from pneucli.simulate.model import Model
@@ -20,6 +20,7 @@ def export_plant(context: Context, study: PipelineData, model: Model) -> dict[st
     """Write the FMU; return what an importer finds in it."""
     require_recordings_over_time(study)
     where = f"{context.path}, key model.effects"
+    require_valve(study.experiments, f"{context.path}, key recordings")
     plant = plant_of(context.config.name, model, study.experiments, _intervals(context), where)
     return write_fmu(context.out, plant, where)
 

@@ -12,7 +12,7 @@ import pytest
 
 from pneucli.errors import InputError
 from pneucli.export.fmu.package import FILE_NAME, write_fmu
-from pneucli.export.fmu.plant import REFUSED_PORTS, Plant, plant_of
+from pneucli.export.fmu.plant import REFUSED_PORTS, Plant, plant_of, require_valve
 from pneucli.export.fmu.variables import variables_of
 from pneucli.physics.effects import catalogue, load_plugin
 from pneucli.simulate import layout as at
@@ -259,8 +259,11 @@ def test_an_effect_of_the_recorder_is_refused() -> None:
 
 
 def test_a_rig_without_a_valve_is_refused() -> None:
-    with pytest.raises(InputError, match="no valve"):
-        plant_of("bench", model(), [make_experiment("friction", TIME, {"p1": 3e5})], {}, WHERE)
+    friction = make_experiment("friction", TIME, {"p1": 3e5})
+    shut = make_experiment("valve", TIME, {"u": U}, valve_shut=True)
+    with pytest.raises(InputError, match="key recordings: no recording shows a valve"):
+        require_valve([friction, shut], "rig.toml, key recordings")
+    require_valve([friction, make_experiment("valve", TIME, {"u": U})], "rig.toml, key recordings")
 
 
 PLUGIN = '''

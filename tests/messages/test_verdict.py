@@ -136,7 +136,7 @@ def test_terminal_summary_page_and_fleet_show_the_same_sentence(case: str) -> No
     assert one_line(messages.render("diagnose", answer, "a.toml")).startswith(f"found {sentence}")
     assert f"found {sentence} " in one_line("\n".join(run.lines({"diagnose": answer}, [], [], "r.html", "a.toml")))
     assert sentence in to_markdown(report)
-    assert one_line(text).count(sentence) == 2  # on the first screen and under Evidence
+    assert one_line(text).count(sentence) == 1  # on the first screen; Evidence has the pictures and the rivals
     assert result_from_diagnosis(answer)["sentence"] == sentence
 
 

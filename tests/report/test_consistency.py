@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import re
+from dataclasses import replace
 from importlib import import_module
 from pathlib import Path
 from types import SimpleNamespace
@@ -12,10 +14,11 @@ import pytest
 
 from pneucli.messages import compare, diagnose
 from pneucli.report import figure, overview
-from pneucli.report.page_elements import ZOOM_HINT, Grid
+from pneucli.report.page_elements import ZOOM_HINT, Figure, Grid
 from pneucli.report.report_data import Table
 from pneucli.report.sections import thesis_laws
 from pneucli.report.sections.error_location import _states
+from tests.report.bench import fallen, whole
 
 # the package has sections of the same names
 comparison: Any = import_module("pneucli.report.sections.comparison")
@@ -130,3 +133,35 @@ def test_what_only_a_screen_can_do_is_not_printed() -> None:
     assert "Drag" in ZOOM_HINT
     assert [path.name for path in sections.glob("*.py") if "Drag" in path.read_text(encoding="utf-8")] == []
     assert ".on-screen" in CSS.partition("@media print")[2].partition("display: none")[0]
+
+
+def test_a_folded_table_says_its_caption_in_its_summary_only(page: str) -> None:
+    folded = re.findall(r"<details><summary>(.*?) <span>.*?<caption(.*?)>(.*?)</caption>", page, re.DOTALL)
+    assert folded
+    for summary, marks, caption in folded:
+        assert (summary, marks) == (caption, ' class="said-above"')
+
+
+def test_the_curves_before_and_after_an_effect_have_the_colours_of_their_models() -> None:
+    """Of an effect of the model, the first model's blue and the model's orange; of a proposed one, orange and green."""
+    known = {figure.BLUE, figure.ORANGE, figure.GREEN}
+    for report, wanted in ((whole(), {figure.ORANGE, figure.GREEN}), (fallen(), {figure.BLUE, figure.ORANGE})):
+        found = diagnosis.section(report)
+        shapes = [part.svg for part in found.parts if isinstance(part, Figure) and "before and after" in part.caption]
+        assert {colour for svg in shapes for colour in known if colour in svg} == wanted
+
+
+def test_recordings_that_contradict_the_rig_are_stated_once_and_no_search_is_claimed() -> None:
+    finding = {"check": "acceleration", "signal": "x", "recording": "axis_1", "found": "x jumps", "mend": "check it"}
+    report = whole()
+    answer = report.answers["diagnose"] | {"verdict": "inconclusive", "missing": [], "next_experiment": None}
+    answer |= {
+        "impossible": ["axis_1, x jumps; check it"],
+        "sentence": "axis_1, x jumps; check it. Nothing was looked for.",
+    }
+    ingest = report.answers["ingest"] | {"plausibility": [finding]}
+    report = replace(report, answers=report.answers | {"ingest": ingest, "diagnose": answer})
+    assert overview.overview(report).doubt == ""
+    evidence = diagnosis.section(report)
+    assert evidence.lead == diagnosis.CONTRADICTED
+    assert not [part for part in evidence.parts if isinstance(part, Grid) and "candidates" in part.caption]

@@ -94,15 +94,10 @@ def plant_of(
         The plant; an axis where the rig has a cylinder, else the vessel of its valve test.
 
     Raises:
-        InputError: There is no valve, or an effect cannot be exported.
+        InputError: An effect cannot be exported.
     """
     kind = "axis" if model.rig.has_cylinder else "valve"
     own = [e for e in experiments if e.recording.kind.valve and e.recording.kind.vessel != model.rig.has_cylinder]
-    if not any(e.recording.kind.valve and not e.recording.valve_shut for e in experiments):
-        found = (
-            "this rig has no valve that lets gas through: its recordings are of friction, or of a valve that is shut"
-        )
-        raise InputError(where, found, "a valve test, or an axis with its valve", code="E071")
     imagined = _imagined(kind, model, own)
     flags = imagined.flags
     flags[at.U_MAX] = max(float(e.flags[at.U_MAX]) for e in experiments if e.recording.kind.valve)
@@ -126,6 +121,19 @@ def plant_of(
         min((e.max_step for e in own), default=max_motion_step(model.rig, SAMPLING_PERIOD)),
         intervals,
     )
+
+
+def require_valve(experiments: Sequence[Experiment], where: str) -> None:
+    """Raise InputError where no recording has a valve that lets gas through.
+
+    Args:
+        experiments: The experiments.
+        where: The place of the recordings in the pipeline file.
+    """
+    if not any(e.recording.kind.valve and not e.recording.valve_shut for e in experiments):
+        found = "no recording shows a valve that lets gas through: all are of friction, or of a valve that is shut"
+        wanted = 'a recording with experiment = "valve" or "axis"'
+        raise InputError(where, found, wanted, "add one under [[recordings]]", code="E071")
 
 
 def _imagined(kind: str, model: Model, own: Sequence[Experiment]) -> Experiment:

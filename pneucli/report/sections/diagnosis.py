@@ -17,12 +17,21 @@ from pneucli.messages.formatting import (
     signal_unit,
     unit_symbol,
 )
-from pneucli.report.figure import BLUE, ORANGE, TEXT_COLOUR, Drawing, drawing, figures
+from pneucli.report.figure import BLUE, GREEN, ORANGE, TEXT_COLOUR, Drawing, drawing, figures
 from pneucli.report.page_elements import Cell, Figure, Grid, Note, Part, Section, warning_notes
 from pneucli.report.report_data import ReportData, Table
 
 Answer = Mapping[str, Any]
+Colours = tuple[str, str]  # before and after: the first model is blue, the present one orange, a proposed one green
 MAX_SHAPES = 4
+SEARCHED = (
+    "The diagnosis added each effect of the catalogue in turn, fitted the model again, and measured by how much the "
+    "error of held-out recordings falls."
+)
+CONTRADICTED = "The recordings contradict the stated rig, so the diagnosis looked for no effect."
+HOW_TO_READ = (
+    "Dashed: the contribution of the effect; the closer it lies to the curve before, the more the effect explains."
+)
 
 
 def section(material: ReportData) -> Section | None:
@@ -33,50 +42,55 @@ def section(material: ReportData) -> Section | None:
     parts: list[Part] = []
     for former in material.diagnoses:
         if set(former.answer["missing"]) & set(answer["model"]["effects"]):
-            parts += _evidence(former.answer, former.table)
-    parts += _evidence(answer, material.table("diagnose/shape"))
+            parts += [*_verdict(former.answer), *_evidence(former.answer, former.table, (BLUE, ORANGE))]
+    parts += _evidence(answer, material.table("diagnose/shape"), (ORANGE, GREEN))  # its verdict is on the first screen
     if answer["missing"] and (moved := _changed_parameters(answer.get("moved") or [])):
         parts.append(moved)
     parts += [*_remarks(answer), *_smooth_terms(material.table("diagnose/law")), *warning_notes(material, "diagnose")]
-    lead = (
-        "The diagnosis added each effect of the catalogue in turn, fitted the model again, and measured by how much "
-        "the error of held-out recordings falls."
-    )
-    return Section("diagnosis", "Evidence", lead, parts)
+    return Section("diagnosis", "Evidence", CONTRADICTED if answer.get("impossible") else SEARCHED, parts)
 
 
-def _evidence(answer: Answer, shape: Table) -> list[Part]:
-    """Return the named effects of a diagnosis, the residual over their decisive variable, and the rivals."""
-    missing = answer["missing"]
+def _verdict(answer: Answer) -> list[Part]:
+    """Return what an earlier diagnosis found, and its evidence in words."""
     tone = "good" if answer["verdict"] == "adequate" else ""
     effects = join_names(answer["model"]["effects"])
-    parts: list[Part] = [
+    return [
         Note(f"Base model{f' with {effects}' if effects else ''}: {answer['sentence']}", tone),
         *[Note(f"Evidence: {text}.") for text in (diagnose.evidence_summary(answer),) if text],
     ]
-    parts += _shapes(shape, missing)
-    grid = _candidates(answer.get("candidates", []), missing)
-    return [*parts, *([grid] if grid else [])]
 
 
-def _shapes(shape: Table, missing: Sequence[str]) -> list[Figure]:
+def _evidence(answer: Answer, shape: Table, colours: Colours) -> list[Part]:
+    """Return the residual over the decisive variable of the named effects, and the rivals."""
+    missing = answer["missing"]
+    looked_for = [] if answer.get("impossible") else answer.get("candidates", [])
+    grid = _candidates(looked_for, missing)
+    return [*_shapes(shape, missing, colours), *([grid] if grid else [])]
+
+
+def _shapes(shape: Table, missing: Sequence[str], colours: Colours) -> list[Figure]:
     """Return the residual over the variable that distinguishes an effect, before and after adding it."""
     groups = shape.groups("effect", "recording", "channel", "variable")
-    found = [one for one in groups if one[0][0] in missing]
-    return figures([_shape(*map(str, key), rows=rows) for key, rows in found[:MAX_SHAPES]])
-
-
-def _shape(effect: str, recording: str, channel: str, variable: str, *, rows: Table) -> Drawing:
-    unit = rows.text("unit")
-    caption = (
-        f"{effect}: the residual of {channel} in {recording} before and after adding it; dashed: the contribution of "
-        "the effect. The closer the dashed curve lies to the one before, the more the effect explains."
+    found = [one for one in groups if one[0][0] in missing][:MAX_SHAPES]
+    reading = f" {HOW_TO_READ}"  # once, below the first picture
+    return figures(
+        [
+            _shape(*map(str, key), rows=rows, colours=colours, more="" if i else reading)
+            for i, (key, rows) in enumerate(found)
+        ]
     )
+
+
+def _shape(
+    effect: str, recording: str, channel: str, variable: str, *, rows: Table, colours: Colours, more: str
+) -> Drawing:
+    unit = rows.text("unit")
+    caption = f"{effect}: the residual of {channel} in {recording} before and after adding it.{more}"
     with drawing(caption, axis_title(variable), f"residual of {channel} in {unit_symbol(unit)}") as one:
         x = in_display_unit(rows["value"], signal_unit(variable))
         curves = {name: in_display_unit(rows[name], unit) for name in ("residual_before", "residual_after", "expected")}
-        one.axes.plot(x, curves["residual_before"], color=BLUE, alpha=0.5, linewidth=3.5, label="before")
-        one.axes.plot(x, curves["residual_after"], color=ORANGE, label="after")
+        one.axes.plot(x, curves["residual_before"], color=colours[0], alpha=0.5, linewidth=3.5, label="before")
+        one.axes.plot(x, curves["residual_after"], color=colours[1], label="after")
         one.axes.plot(x, curves["expected"], "--", color=TEXT_COLOUR, linewidth=1.0, label="contribution")
         one.canvas.legend(loc="outside upper right", ncols=3)
     return one
