@@ -55,7 +55,7 @@ class Case:
         """What the kernel computes, as plain Python: that needs no compilation."""
         return run_in(build(self.model.effects, compiled=False), self.model, self.experiment)
 
-    def in_fmpy(self, **start: float) -> np.ndarray:
+    def in_fmpy(self, fmi_type: str = "CoSimulation", **start: float) -> np.ndarray:
         """What FMPy reads from the FMU, which starts as the simulation does."""
         first = dict(zip(("x", "v", "p1", "p2"), self.simulated[0, [at.X, at.V, at.P1, at.P2]], strict=True))
         offered = {v.name for v in variables_of(self.plant)}
@@ -64,6 +64,8 @@ class Case:
         signals = np.rec.fromarrays([TIME, *(c for _, c in columns)], names=["time", *(n for n, _ in columns)])
         return fmpy.simulate_fmu(
             str(self.path),
+            fmi_type=fmi_type,
+            record_events=False,
             stop_time=TIME[-1],
             step_size=1e-3,
             output_interval=1e-3,
@@ -162,11 +164,13 @@ def test_half_of_the_valves_area_is_half_of_the_flow(axis: Case) -> None:
 class Slave:
     """An instance of the FMU, called as an importer calls it."""
 
+    kind = fmpy.fmi3.FMU3Slave
+
     def __init__(self, one: Case, folder: str) -> None:
         description = fmpy.read_model_description(folder)
         self.references = {v.name: v.valueReference for v in description.modelVariables}
         token, identifier = description.instantiationToken, description.coSimulation.modelIdentifier
-        self.fmu = fmpy.fmi3.FMU3Slave(guid=token, unzipDirectory=folder, modelIdentifier=identifier)
+        self.fmu = self.kind(guid=token, unzipDirectory=folder, modelIdentifier=identifier)
         self.messages: list[str] = []
         self.fmu.instantiate(logMessage=fmpy.fmi3.fmi3LogMessageCallback(self._log))
 
@@ -304,3 +308,61 @@ def test_a_users_own_effect_is_exported(tmp_path: Path) -> None:
 def test_python_without_a_counterpart_in_c_is_refused(tmp_path: Path) -> None:
     with pytest.raises(InputError, match="own__force"):
         own_effect(tmp_path, "-gain * round(v) // 3")
+
+
+@pytest.mark.parametrize("names", [["stribeck"], ["friction-hysteresis", "line-delay", "valve-lag", "presliding"]])
+def test_model_exchange_is_the_same_plant(names: list[str], tmp_path: Path) -> None:
+    one = case(tmp_path, names)
+    result = one.in_fmpy(fmi_type="ModelExchange")
+    for name in ("x", "v", "p1", "p2"):
+        simulated = one.simulated[:, CHANNELS[name]]
+        assert float(np.abs(result[name] - simulated).max()) <= 1e-9 * float(np.ptp(simulated)), name
+
+
+class Exchange(Slave):
+    """An instance for model exchange, called as an importer's solver calls it."""
+
+    kind = fmpy.fmi3.FMU3Model
+
+    def event(self, time: float) -> float:
+        """The next event that the FMU asks for, after one at this time."""
+        self.fmu.setTime(time)
+        self.fmu.enterEventMode()
+        *_, defined, following = self.fmu.updateDiscreteStates()
+        self.fmu.enterContinuousTimeMode()
+        assert defined
+        return float(following)
+
+
+@pytest.fixture
+def exchange(axis: Case, tmp_path: Path) -> Iterator[Exchange]:
+    one = Exchange(axis, fmpy.extract(str(axis.path), unzipdir=str(tmp_path)))
+    one.begin()
+    yield one
+    one.fmu.terminate()
+    one.fmu.freeInstance()
+
+
+def test_between_events_of_model_exchange_nothing_moves(exchange: Exchange) -> None:
+    following = exchange.event(0.0)
+    assert following == pytest.approx(1e-3)
+    first = exchange.get("p1")
+    exchange.set("u", 4.0)
+    exchange.fmu.setTime(0.5e-3)
+    assert (exchange.get("p1"), exchange.get("time")) == (first, 0.5e-3)
+
+
+def test_an_input_acts_from_the_event_at_which_it_was_set(exchange: Exchange) -> None:
+    exchange.event(0.0)
+    rest = exchange.get("chamber_1.p")
+    exchange.set("u", 4.0)
+    exchange.event(1e-3)  # what passed was still held at 0 V
+    assert exchange.get("chamber_1.p") == rest
+    for k in range(2, 40):  # the hose delays the flow
+        exchange.event(1e-3 * k)
+    assert exchange.get("chamber_1.p") > rest
+
+
+def test_an_event_that_comes_early_moves_the_plant_by_that_time(exchange: Exchange) -> None:
+    exchange.event(0.0)
+    assert exchange.event(0.4e-3) == pytest.approx(1.4e-3)

@@ -43,9 +43,15 @@ def model_description(
         title: What it is.
         token: Instantiation token.
         variables: Its variables.
-        step: Communication step in s that an importer takes by default.
+        step: Communication step in s that an importer takes by default; of model exchange, time between events.
     """
-    from fmpy.model_description import CoSimulation, DefaultExperiment, ModelDescription, Unknown  # noqa: PLC0415
+    from fmpy.model_description import (  # noqa: PLC0415 - an extra
+        CoSimulation,
+        DefaultExperiment,
+        ModelDescription,
+        ModelExchange,
+        Unknown,
+    )
 
     written = [_time(), *(_variable(one) for one in variables)]
     outputs = [one for one in written if one.causality == "output"]
@@ -57,6 +63,9 @@ def model_description(
         generationTool=f"pneucli {__version__}",
         variableNamingConvention="flat",
         defaultExperiment=DefaultExperiment(startTime="0", stopTime="10", stepSize=repr(step)),
+        modelExchange=ModelExchange(
+            modelIdentifier=MODEL_IDENTIFIER, canGetAndSetFMUstate=True, canSerializeFMUstate=True
+        ),
         coSimulation=CoSimulation(
             modelIdentifier=MODEL_IDENTIFIER,
             canHandleVariableCommunicationStepSize=True,

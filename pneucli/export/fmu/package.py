@@ -30,7 +30,7 @@ from pneucli.simulate import layout as at
 from pneucli.version import __version__
 
 FILE_NAME = "pneucli_plant.fmu"
-STEP = 1e-3  # s, the communication step that an importer takes by default
+STEP = 1e-3  # s, the communication step that an importer takes by default, and between events of model exchange
 RING_MARGIN = 8.0  # times the delay of a hose: the parameter may be set higher before the start
 MIN_RING_ROWS = 2048
 RING_COLUMNS = 5
@@ -121,6 +121,7 @@ def _sources(plant: Plant, where: str) -> dict[str, str]:
         N_EFFECTS=str(n),
         RING_ROWS=str(rows),
         TABLE_POINTS=str(plant.areas.size),
+        SAMPLE=repr(STEP),
     )
     return {SOURCE_FILE: main, "plant_model.h": functions, "plant_tables.h": tables, "token": token}
 

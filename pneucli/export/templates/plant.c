@@ -1,4 +1,4 @@
-/* Plant of the pipeline @PIPELINE@ as an FMU (FMI 3.0, co-simulation), written by pneucli @VERSION@.
+/* Plant of the pipeline @PIPELINE@ as an FMU (FMI 3.0, co-simulation and model exchange), written by pneucli @VERSION@.
    The functions in plant_model.h are translated from the equations of the simulation. */
 #include <math.h>
 #include <stdio.h>
@@ -15,6 +15,7 @@ enum {
     N_VALUES = H_MAX + 3
 };
 enum { VR_TIME = 0, VR_INPUTS = 1, VR_OUTPUTS = 11, VR_VALUES = 100 };
+static const double SAMPLE = @SAMPLE@; /* s, between the events of model exchange */
 enum { MAX_SUBSTEPS = 64 }; /* of one call of plant_step: a ring holds more of them */
 
 static double smaller(double a, double b)
@@ -35,8 +36,10 @@ typedef enum { INSTANTIATED, INITIALIZATION, STEP, TERMINATED } Mode;
 /* all that changes: getting and setting the state of the FMU copies it */
 typedef struct {
     Mode mode;
-    double time;
+    double time;             /* of the state */
+    double now;              /* of the importer's solver, in model exchange */
     double inputs[N_INPUTS];
+    double held[N_INPUTS];   /* inputs at the last event of model exchange */
     double values[N_VALUES];
     double s[N_STATES], s1[N_EFFECTS], s2[N_EFFECTS], s_supply[N_EFFECTS];
     double ring[RING_ROWS * RING_COLUMNS];
@@ -45,6 +48,7 @@ typedef struct {
 typedef struct {
     Plant plant;
     double areas_1[TABLE_POINTS], areas_2[TABLE_POINTS]; /* with their factors */
+    int exchanges; /* whether it was instantiated for model exchange */
     fmi3LogMessageCallback log;
     fmi3InstanceEnvironment environment;
 } Instance;
@@ -104,14 +108,10 @@ fmi3Status fmi3SetDebugLogging(fmi3Instance instance, fmi3Boolean on, size_t n, 
     return fmi3OK;
 }
 
-fmi3Instance fmi3InstantiateCoSimulation(
-    fmi3String name, fmi3String token, fmi3String resources, fmi3Boolean visible, fmi3Boolean logging,
-    fmi3Boolean event_mode, fmi3Boolean early_return, const fmi3ValueReference intermediate[], size_t n_intermediate,
-    fmi3InstanceEnvironment environment, fmi3LogMessageCallback log, fmi3IntermediateUpdateCallback update)
+static fmi3Instance instantiate(
+    fmi3String token, fmi3InstanceEnvironment environment, fmi3LogMessageCallback log, int exchanges)
 {
     Instance *instance;
-    (void)name; (void)resources; (void)visible; (void)logging; (void)event_mode; (void)early_return;
-    (void)intermediate; (void)n_intermediate; (void)update;
     if (token == NULL || strcmp(token, TOKEN) != 0) {
         if (log != NULL) {
             log(environment, fmi3Error, "logStatusError", "the instantiation token is that of another FMU");
@@ -123,16 +123,27 @@ fmi3Instance fmi3InstantiateCoSimulation(
         reset(&instance->plant);
         instance->log = log;
         instance->environment = environment;
+        instance->exchanges = exchanges;
     }
     return instance;
+}
+
+fmi3Instance fmi3InstantiateCoSimulation(
+    fmi3String name, fmi3String token, fmi3String resources, fmi3Boolean visible, fmi3Boolean logging,
+    fmi3Boolean event_mode, fmi3Boolean early_return, const fmi3ValueReference intermediate[], size_t n_intermediate,
+    fmi3InstanceEnvironment environment, fmi3LogMessageCallback log, fmi3IntermediateUpdateCallback update)
+{
+    (void)name; (void)resources; (void)visible; (void)logging; (void)event_mode; (void)early_return;
+    (void)intermediate; (void)n_intermediate; (void)update;
+    return instantiate(token, environment, log, 0);
 }
 
 fmi3Instance fmi3InstantiateModelExchange(
     fmi3String name, fmi3String token, fmi3String resources, fmi3Boolean visible, fmi3Boolean logging,
     fmi3InstanceEnvironment environment, fmi3LogMessageCallback log)
 {
-    (void)name; (void)token; (void)resources; (void)visible; (void)logging; (void)environment; (void)log;
-    return NULL;
+    (void)name; (void)resources; (void)visible; (void)logging;
+    return instantiate(token, environment, log, 1);
 }
 
 fmi3Instance fmi3InstantiateScheduledExecution(
@@ -157,6 +168,7 @@ fmi3Status fmi3EnterInitializationMode(
     Plant *plant = &((Instance *)instance)->plant;
     (void)tolerance_defined; (void)tolerance; (void)stop_time_defined; (void)stop_time;
     plant->time = start_time;
+    plant->now = start_time;
     plant->mode = INITIALIZATION;
     return fmi3OK;
 }
@@ -224,7 +236,7 @@ fmi3Status fmi3GetFloat64(fmi3Instance instance, const fmi3ValueReference vr[], 
     plant_outputs(plant->inputs, FLAGS, plant->s, plant->values, plant->values + TH, ON, outputs);
     for (i = 0; i < n; ++i) {
         if (vr[i] == VR_TIME) {
-            values[i] = plant->time;
+            values[i] = own->exchanges ? plant->now : plant->time;
         } else if (vr[i] >= VR_INPUTS && vr[i] < VR_INPUTS + N_INPUTS) {
             values[i] = plant->inputs[vr[i] - VR_INPUTS];
         } else if (vr[i] >= VR_OUTPUTS && vr[i] < VR_OUTPUTS + N_OUTPUTS) {
@@ -387,19 +399,12 @@ static int has_room(const Plant *plant, int tail)
     return free_rows > MAX_SUBSTEPS + 1;
 }
 
-fmi3Status fmi3DoStep(fmi3Instance instance, fmi3Float64 time, fmi3Float64 step, fmi3Boolean no_set_state,
-                      fmi3Boolean *event_handling, fmi3Boolean *terminate, fmi3Boolean *early_return,
-                      fmi3Float64 *last_time)
+/* Advance the state by a step with held inputs. */
+static fmi3Status advance(Instance *own, const double inputs[], double time, double step)
 {
-    Instance *own = instance;
     Plant *plant = &own->plant;
     double steps = ceil(step / plant->values[H_MAX]);
     int calls = (int)ceil(steps / MAX_SUBSTEPS), i;
-    (void)no_set_state;
-    *event_handling = fmi3False;
-    *terminate = fmi3False;
-    *early_return = fmi3False;
-    *last_time = time;
     if (plant->mode != STEP) {
         return fail(own, "a step needs a finished initialization");
     }
@@ -410,7 +415,7 @@ fmi3Status fmi3DoStep(fmi3Instance instance, fmi3Float64 time, fmi3Float64 step,
         if (RING_ROWS > 1 && !(has_room(plant, K_AT_TAIL) && has_room(plant, K_AT_TAIL_2))) {
             return fail(own, "the hose delays the flow by more steps than it stores: take longer steps");
         }
-        plant_step(time + i * (step / calls), step / calls, plant->values[H_MAX], plant->inputs, FLAGS, own->areas_1,
+        plant_step(time + i * (step / calls), step / calls, plant->values[H_MAX], inputs, FLAGS, own->areas_1,
                    own->areas_2, plant->s, plant->s1, plant->s2, plant->s_supply, plant->ring, plant->values,
                    plant->values + TH, ON);
     }
@@ -418,8 +423,25 @@ fmi3Status fmi3DoStep(fmi3Instance instance, fmi3Float64 time, fmi3Float64 step,
         return fail(own, "the state is no longer finite: a parameter is out of its range");
     }
     plant->time = time + step;
-    *last_time = plant->time;
     return fmi3OK;
+}
+
+fmi3Status fmi3DoStep(fmi3Instance instance, fmi3Float64 time, fmi3Float64 step, fmi3Boolean no_set_state,
+                      fmi3Boolean *event_handling, fmi3Boolean *terminate, fmi3Boolean *early_return,
+                      fmi3Float64 *last_time)
+{
+    Instance *own = instance;
+    fmi3Status status;
+    (void)no_set_state;
+    *event_handling = fmi3False;
+    *terminate = fmi3False;
+    *early_return = fmi3False;
+    *last_time = time;
+    status = advance(own, own->plant.inputs, time, step);
+    if (status == fmi3OK) {
+        *last_time = own->plant.time;
+    }
+    return status;
 }
 
 fmi3Status fmi3GetOutputDerivatives(fmi3Instance instance, const fmi3ValueReference vr[], size_t n_vr,
@@ -428,6 +450,91 @@ fmi3Status fmi3GetOutputDerivatives(fmi3Instance instance, const fmi3ValueRefere
     (void)vr; (void)n_vr; (void)orders; (void)values;
     return n == 0 ? fmi3OK : fail(instance, "there are no derivatives of outputs");
 }
+
+/* Model exchange: no state is continuous for the importer. The plant advances its own at events that are SAMPLE apart,
+   with the inputs of the event before. */
+
+fmi3Status fmi3SetTime(fmi3Instance instance, fmi3Float64 time)
+{
+    ((Instance *)instance)->plant.now = time;
+    return fmi3OK;
+}
+
+fmi3Status fmi3UpdateDiscreteStates(fmi3Instance instance, fmi3Boolean *needs_update, fmi3Boolean *terminate,
+                                    fmi3Boolean *nominals_changed, fmi3Boolean *values_changed,
+                                    fmi3Boolean *has_next_event, fmi3Float64 *next_event)
+{
+    Instance *own = instance;
+    Plant *plant = &own->plant;
+    double step = plant->now - plant->time;
+    *needs_update = fmi3False;
+    *terminate = fmi3False;
+    *nominals_changed = fmi3False;
+    *values_changed = fmi3False;
+    if (!own->exchanges) {
+        return fail(own, "this instance is for co-simulation: it has no events");
+    }
+    if (step > 1e-6 * SAMPLE) {
+        if (fabs(step - SAMPLE) < 1e-6 * SAMPLE) {
+            step = SAMPLE; /* but for rounding */
+        }
+        if (advance(own, plant->held, plant->time, step) != fmi3OK) {
+            return fmi3Error;
+        }
+        plant->time = plant->now;
+    }
+    memcpy(plant->held, plant->inputs, sizeof plant->held);
+    *has_next_event = fmi3True;
+    *next_event = plant->time + SAMPLE;
+    return fmi3OK;
+}
+
+fmi3Status fmi3EnterContinuousTimeMode(fmi3Instance instance)
+{
+    (void)instance;
+    return fmi3OK;
+}
+
+fmi3Status fmi3CompletedIntegratorStep(fmi3Instance instance, fmi3Boolean keep_state, fmi3Boolean *enter_event_mode,
+                                       fmi3Boolean *terminate)
+{
+    (void)instance; (void)keep_state;
+    *enter_event_mode = fmi3False;
+    *terminate = fmi3False;
+    return fmi3OK;
+}
+
+fmi3Status fmi3GetNumberOfContinuousStates(fmi3Instance instance, size_t *n)
+{
+    (void)instance;
+    *n = 0;
+    return fmi3OK;
+}
+
+fmi3Status fmi3GetNumberOfEventIndicators(fmi3Instance instance, size_t *n)
+{
+    (void)instance;
+    *n = 0;
+    return fmi3OK;
+}
+
+fmi3Status fmi3SetContinuousStates(fmi3Instance instance, const fmi3Float64 states[], size_t n)
+{
+    (void)states;
+    return n == 0 ? fmi3OK : fail(instance, "there are no continuous states");
+}
+
+#define NO_STATES(NAME)                                                                                          \
+    fmi3Status NAME(fmi3Instance instance, fmi3Float64 values[], size_t n)                                       \
+    {                                                                                                            \
+        (void)values;                                                                                            \
+        return n == 0 ? fmi3OK : fail(instance, "there are no continuous states");                               \
+    }
+
+NO_STATES(fmi3GetContinuousStates)
+NO_STATES(fmi3GetContinuousStateDerivatives)
+NO_STATES(fmi3GetNominalsOfContinuousStates)
+NO_STATES(fmi3GetEventIndicators)
 
 /* What this FMU does not offer */
 
@@ -460,16 +567,4 @@ REFUSE(fmi3SetShiftDecimal, (fmi3Instance instance, const fmi3ValueReference a[]
 REFUSE(fmi3SetShiftFraction, (fmi3Instance instance, const fmi3ValueReference a[], size_t b, const fmi3UInt64 c[],
                               const fmi3UInt64 d[]))
 REFUSE(fmi3EvaluateDiscreteStates, (fmi3Instance instance))
-REFUSE(fmi3UpdateDiscreteStates, (fmi3Instance instance, fmi3Boolean *a, fmi3Boolean *b, fmi3Boolean *c,
-                                  fmi3Boolean *d, fmi3Boolean *e, fmi3Float64 *f))
-REFUSE(fmi3EnterContinuousTimeMode, (fmi3Instance instance))
-REFUSE(fmi3CompletedIntegratorStep, (fmi3Instance instance, fmi3Boolean a, fmi3Boolean *b, fmi3Boolean *c))
-REFUSE(fmi3SetTime, (fmi3Instance instance, fmi3Float64 a))
-REFUSE(fmi3SetContinuousStates, (fmi3Instance instance, const fmi3Float64 a[], size_t b))
-REFUSE(fmi3GetContinuousStateDerivatives, (fmi3Instance instance, fmi3Float64 a[], size_t b))
-REFUSE(fmi3GetEventIndicators, (fmi3Instance instance, fmi3Float64 a[], size_t b))
-REFUSE(fmi3GetContinuousStates, (fmi3Instance instance, fmi3Float64 a[], size_t b))
-REFUSE(fmi3GetNominalsOfContinuousStates, (fmi3Instance instance, fmi3Float64 a[], size_t b))
-REFUSE(fmi3GetNumberOfEventIndicators, (fmi3Instance instance, size_t *a))
-REFUSE(fmi3GetNumberOfContinuousStates, (fmi3Instance instance, size_t *a))
 REFUSE(fmi3ActivateModelPartition, (fmi3Instance instance, fmi3ValueReference a, fmi3Float64 b))

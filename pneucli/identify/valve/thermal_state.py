@@ -103,6 +103,7 @@ def conductance_factor(vessel: Vessel, conductance: float, heat_transfer: float,
     rates = _rates(vessel, conductance, heat_transfer, fills=fills)
     true = solve_ivp(rates, (0.0, 100.0 * unit), [begin, start], "LSODA", events=arrived, dense_output=True, rtol=1e-6)
     time = np.linspace(0.0, true.t[-1], POINTS)
+    assert true.sol is not None  # as dense_output asks for
     measured = true.sol(time)[0]
     model = solve_ivp(
         _rates(vessel, conductance, None, fills=fills), (0.0, 2.0 * time[-1]), [begin, vessel.temperature], "LSODA",
