@@ -32,7 +32,7 @@ def test_the_tile_of_the_model_states_error_added_effect_and_interval(after: Rep
 def test_the_tile_of_the_missing_effect_states_its_evidence(material: ReportData, after: ReportData) -> None:
     tile = overview(material).tiles[1]
     assert (tile.large, tile.tone) == ("piston-leak", "bad")
-    assert tile.text.startswith(f"{material.answers['diagnose']['sentence']} Piston-leak area = ")
+    assert tile.text.startswith(f"{material.answers['diagnose']['sentence']} Evidence: piston-leak area = ")
     adequate = overview(after).tiles[1]
     assert (adequate.large, adequate.tone) == ("nothing further detected", "good")
     assert adequate.text.endswith("1 of 1 other effects are detectable, such as valve-leak (area 0.020 mm²).")
