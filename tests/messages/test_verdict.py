@@ -114,7 +114,8 @@ SMALL = "What is left does not exceed noise and parameter uncertainty"
         ),
         (
             "impossible",
-            "run_1, x moves at 112 m/s; check [signals] x. Recordings contradict the stated rig: no effect was looked for.",
+            "run_1, x moves at 112 m/s; check [signals] x. "
+            "Recordings contradict the stated rig: no effect was looked for.",
         ),
     ],
 )
