@@ -220,7 +220,7 @@ def _taken(answer: Answer, file: str) -> Iterator[str]:
         old, new = (_interval(one[when]) for when in ("before", "after"))
         yield from labelled("size", f"{one['name']}: {old} → {new}")
     if before["verdict"] != after["verdict"]:
-        yield from labelled("verdict", f"{before['verdict']} → {after['verdict']}")
+        yield from labelled("verdict", f"{before['verdict'] or 'no diagnosis'} → {after['verdict']}")
 
 
 def taken_sentence(before: Answer, after: Answer, decided: Sequence[Answer]) -> str:

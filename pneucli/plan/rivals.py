@@ -16,7 +16,7 @@ from pneucli.identify.estimation.parameters import null_value
 from pneucli.identify.estimation.score_test import initial_guesses
 from pneucli.identify.residuals import ResidualModel
 from pneucli.physics.declaration import Effect
-from pneucli.simulate.model import Model, parameter_value, with_effect, with_parameters
+from pneucli.simulate.model import Model, with_effect
 from pneucli.simulate.rig_quantities import rig_quantities
 
 Array = NDArray[np.float64]
@@ -210,44 +210,3 @@ def typical_values(model: Model, effect: Effect, train: Sequence[ResidualModel])
     quantities = rig_quantities(model, [one.experiment for one in train])
     starts = initial_guesses(effect, quantities, model.rig.priors)
     return starts[len(starts) // 2] if starts else {}
-
-
-def shifted_models(fitted: Fit, model: Model, count: int, seed: int, sigma: float = 2.0) -> list[Model]:
-    """Draw models whose parameters are off by their intervals.
-
-    Args:
-        fitted: The fit whose covariance says how far.
-        model: The model to shift; parameters that it lacks are ignored.
-        count: Number of models.
-        seed: Seed of the draws.
-        sigma: Standard errors at which each draw lies, along a random direction.
-
-    Returns:
-        The models.
-    """
-    rng, k = np.random.default_rng(seed), len(fitted.free)
-    if k == 0:
-        return [model] * count
-    values, vectors = np.linalg.eigh(fitted.covariance)
-    root = vectors * np.sqrt(np.maximum(values, 0.0))
-    models = []
-    for _ in range(count):
-        direction = rng.standard_normal(k)
-        direction *= sigma / max(np.abs(direction).max(), 1e-9)
-        change = root @ direction
-        shifted = {}
-        for f, dz in zip(fitted.free, change, strict=True):
-            z = f.to_coordinate(parameter_value(model, f.name)) if _has(model, f.name) else np.nan
-            value = f.from_coordinate(z + float(dz)) if np.isfinite(z) else np.nan
-            if np.isfinite(value):
-                shifted[f.name] = float(np.clip(value, f.lower, f.upper))
-        models.append(with_parameters(model, shifted))
-    return models
-
-
-def _has(model: Model, name: str) -> bool:
-    try:
-        parameter_value(model, name)
-    except KeyError:
-        return False
-    return True

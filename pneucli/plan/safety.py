@@ -8,8 +8,9 @@ from dataclasses import dataclass, field
 from pneucli.identify.estimation.fit import Fit
 from pneucli.plan.limits import Limits, violations
 from pneucli.plan.manoeuvre import Manoeuvre
-from pneucli.plan.rivals import Rival, shifted_models
+from pneucli.plan.rivals import Rival
 from pneucli.plan.selection import Refused
+from pneucli.plan.shifted import shifted_models
 from pneucli.plan.simulation import simulate_manoeuvre
 from pneucli.recording import Rig
 from pneucli.simulate.model import Model

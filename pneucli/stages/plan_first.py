@@ -43,8 +43,8 @@ Array = NDArray[np.float64]
 FIRST_MINUTES = 5.0
 VESSEL_HORIZON, AXIS_HORIZON = 5.0, 0.5  # s between restarts of the comparison, as the pipelines of new rigs have them
 NOISE_WARNING = (
-    "The powers assume usual sensors, and that the best model leaves twice the noise, correlated over 0.1 s: after the "
-    "first recordings, plan again from the diagnosis."
+    "The powers assume usual sensors, and that the best model leaves five times the noise, correlated over 0.1 s: "
+    "after the first recordings, plan again from the diagnosis."
 )
 
 

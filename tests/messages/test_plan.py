@@ -97,3 +97,16 @@ def test_the_sentence_says_what_a_plan_is_for() -> None:
     narrowed = made | {"parameters": [{"name": "friction.viscous"}]}
     assert words.plan_sentence(narrowed).endswith("to narrow friction.viscous.")
     assert "no effect is in question" in words.plan_sentence(made | {"rivals": rivals[:1]})
+
+
+def test_the_recordings_of_a_first_programme_come_after_no_diagnosis() -> None:
+    taken: dict[str, Any] = {
+        "schema": "pneucli/plan-taken/1",
+        "recordings": [{"name": "plan_1"}],
+        "before": {"verdict": None},
+        "after": {"verdict": "adequate"},
+        "effects": [],
+        "parameters": [],
+        "sentence": "Nothing new.",
+    }
+    assert "no diagnosis → adequate" in "\n".join(words.lines(taken, "axis.toml", verbose=False))

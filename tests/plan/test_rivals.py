@@ -10,9 +10,11 @@ import pytest
 
 from pneucli.identify.estimation.parameters import FreeParameter
 from pneucli.physics.effects import catalogue
-from pneucli.plan.rivals import MIN_PRIOR_ODDS, at_plausible_size, refused_effects, shifted_models
+from pneucli.plan.rivals import MIN_PRIOR_ODDS, at_plausible_size, refused_effects
+from pneucli.plan.shifted import shifted_models, with_monotone_valves
 from pneucli.recording import Rig
 from pneucli.simulate.model import Model
+from pneucli.simulate.valve_forms.area import ValveArea
 
 EFFECT = catalogue()["extra-mass"]
 NAME = "extra-mass.mass"
@@ -105,3 +107,11 @@ def test_refused_effects_that_better_recordings_may_show_are_in_question_the_mos
         ]
     )
     assert found == [(pytest.approx(1.0), "a scale"), (MIN_PRIOR_ODDS, "a lag"), (MIN_PRIOR_ODDS, "a leak")]
+
+
+def test_a_valve_that_is_off_by_its_intervals_still_passes_less_near_its_null() -> None:
+    """The area at 0.1 V, within the dead zone, may be off by orders of magnitude."""
+    valve = ValveArea((-2.0, -1.0, -0.1, 0.1, 1.0, 2.0), (9e-7, 4e-7, 1e-3, 1e-3, 3e-7, 8e-7), 0.05, 0.05)
+    model = with_monotone_valves(Model(Rig(), (), {}, valve))
+    assert isinstance(model.valve, ValveArea)
+    assert model.valve.areas == (9e-7, 4e-7, 4e-7, 3e-7, 3e-7, 8e-7)
