@@ -13,7 +13,8 @@ from pneucli.exam.cases import generate_case
 from pneucli.exam.conditions import parse
 from pneucli.exam.laboratory import Laboratory
 from pneucli.exam.rig.excitations import closed_loop, valve_step
-from pneucli.exam.rig.kernel import GAS_CONSTANT, KAPPA, end_stop_force
+from pneucli.exam.rig.gas import GAS_CONSTANT, KAPPA
+from pneucli.exam.rig.kernel import end_stop_force
 from pneucli.exam.rig.parameters import FIVE_THREE, TWO_VALVES, Parameters
 from pneucli.exam.rig.sensors import Sensors
 from pneucli.exam.rig.simulation import Excitation, simulate_rig

@@ -14,7 +14,8 @@ from scipy.integrate import solve_ivp
 
 from pneucli.exam.hidden_effects import CATALOGUE, UNCATALOGUED
 from pneucli.exam.rig.excitations import closed_loop, stick_slip, two_sine_reference, valve_step
-from pneucli.exam.rig.kernel import GAS_CONSTANT, KAPPA, P1, PS, T1, orifice_flow, valve_flow
+from pneucli.exam.rig.gas import GAS_CONSTANT, KAPPA, orifice_flow
+from pneucli.exam.rig.kernel import P1, PS, T1, valve_flow
 from pneucli.exam.rig.parameters import TWO_VALVES, Parameters
 from pneucli.exam.rig.sensors import Sensors, measure
 from pneucli.exam.rig.simulation import Excitation, simulate_rig
