@@ -170,20 +170,17 @@ def parameter_estimates(free: Sequence[FreeParameter], model: Model, covariance:
         covariance: Covariance of the fit's coordinates, shape (k, k).
 
     Returns:
-        One estimate a parameter; the interval is symmetric in the fit's coordinate. Where no value makes an
-        effect absent, the interval ends at the bounds: what lies beyond is no value of it.
+        One estimate a parameter; the interval is symmetric in the fit's coordinate, and ends at the bounds: what
+        lies beyond is no value of the parameter.
 
     """
-    effects = model.effects
-    distinct = {e.name for e in effects if e.in_model_with(effects) is not e}
     estimates = []
     for j, f in enumerate(free):
         value = parameter_value(model, f.name)
         z, error = f.to_coordinate(value), float(np.sqrt(max(covariance[j, j], 0.0)))
         half_width = Z95 * error
-        low, high = f.from_coordinate(z - half_width), f.from_coordinate(z + half_width)
-        if f.name.partition(".")[0] in distinct:
-            low, high = max(low, f.lower), min(high, f.upper)
+        low = max(f.from_coordinate(z - half_width), min(f.lower, value))
+        high = min(f.from_coordinate(z + half_width), max(f.upper, value))
         at_bound = bool(z - f.to_coordinate(f.lower) < 1e-6 or f.to_coordinate(f.upper) - z < 1e-6)
         estimates.append(Estimate(f.name, f.unit, value, error * f.derivative(value), (low, high), at_bound))
     return tuple(estimates)
