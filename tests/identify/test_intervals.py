@@ -142,6 +142,19 @@ def test_a_parameter_at_a_bound_widens_no_other() -> None:
     )
 
 
+def test_an_interval_ends_at_the_bounds() -> None:
+    """An unknown viscous friction of 0 to 1000 N s/m, and a stiffness of which only the order is known."""
+    slope = FreeParameter("friction.viscous", "N s/m", 0.0, 0.0, 1e3, 1.0)
+    stiffness = FreeParameter("presliding.stiffness", "N/m", 1e4, 1e3, 1e8, 1.0, logarithmic=True)
+    fitted = model(["presliding"], values={"friction.viscous": 0.0, "presliding.stiffness": 1e4})
+    unknown, order = parameter_estimates([slope, stiffness], fitted, np.diag([1e6**2, 1e3**2]))
+    assert unknown.ci95 == (0.0, 1e3)
+    assert unknown.at_bound
+    assert order.ci95 == (1e3, 1e8)
+    known, _ = parameter_estimates([slope, stiffness], fitted, np.diag([1.0, 1.0]))
+    assert known.ci95 == (0.0, pytest.approx(1.96, abs=1e-2))
+
+
 def test_a_fit_without_free_parameters_is_unchanged() -> None:
     found = mean_of(np.zeros(N), np.arange(N) // 20)
     bare = Fit(found.model, (), (), found.residual, np.zeros((N, 0)), found.blocks, np.zeros((0, 0)), 0.0, ())
