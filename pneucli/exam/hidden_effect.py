@@ -4,13 +4,15 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-
-import numpy as np
+from typing import TYPE_CHECKING
 
 from pneucli.exam.rig.parameters import Parameters
 
+if TYPE_CHECKING:  # `pneucli exam --help` lists conditions, which exclude effects, without numpy
+    import numpy as np
+
 Kind = str
-Draw = Callable[[Parameters, np.random.Generator], dict[str, float]]
+Draw = Callable[[Parameters, "np.random.Generator"], dict[str, float]]
 
 VALVE, FRICTION, AXIS = ("valve",), ("friction",), ("axis",)
 RIGS_WITH_VALVE, RIGS_WITH_PISTON, ALL_RIGS = VALVE + AXIS, FRICTION + AXIS, VALVE + FRICTION + AXIS

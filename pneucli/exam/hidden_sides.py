@@ -4,12 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
-
-import numpy as np
+from typing import TYPE_CHECKING
 
 from pneucli.exam.hidden_effect import AXIS, HiddenEffect
 from pneucli.exam.hidden_effects import BY_NAME
 from pneucli.exam.rig.parameters import Parameters
+
+if TYPE_CHECKING:
+    import numpy as np
 
 OF_CHAMBER_1 = ("chamber-leak", "laminar-leak", "opening-leak", "dead-volume", "pressure-offset")
 OF_BOTH = ("line-delay", "pressure-scale")
