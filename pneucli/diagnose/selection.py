@@ -132,6 +132,7 @@ def _pruned(
     The path before a dropped effect is restored if that effect had made others needless.
     """
     last, needless, without = _without_needless(data, base, path[-1])
+    last, without = _with_whole_effects(data, base, last, without)
     reordered, raising = _reordered_path(data, base, last, path)
     before = [fitted for fitted in path if not {d.effect.name for d in raising} & set(fitted.effect_names)]
     if raising and len(before) > len(reordered):
@@ -177,6 +178,28 @@ def _without_needless(
         refused.append(weakest)
         last = without[weakest.effect.name]
     return last, refused, without
+
+
+def _with_whole_effects(
+    data: DiagnosisData, base: FittedModel, last: FittedModel, without: dict[str, FittedModel]
+) -> tuple[FittedModel, dict[str, FittedModel]]:
+    """Return the model with an effect of both chambers in place of the same at each, and the models without an effect.
+
+    It replaces them where the data cannot tell: two equal hoses are one delay, with a parameter fewer.
+    """
+    added = [data.effects[name] for name in last.effect_names if name not in base.effect_names]
+    for first in (e for e in added if e.side == 1):
+        name = first.name.removesuffix(":1")
+        second = next((e for e in added if e.name == f"{name}:2"), None)
+        if second is None or name not in data.effects:
+            continue
+        (without_first,) = data.refit_without(last, [first])
+        (reduced,) = data.refit_without(without_first, [second])
+        whole = data.refit_to_convergence(data.refit_with(reduced, [data.effects[name]]))
+        pair = Term(data.candidate(reduced, last, data.effects[name]), tuple(whole))
+        if pair.equivalents(data, complete=not significant_lack_of_fit(*lack_of_fit(data, last))):
+            last, without = whole[0].full, {}
+    return last, without
 
 
 def _least_needed(data: DiagnosisData, last: FittedModel, candidates: Sequence[Candidate]) -> Decision | None:

@@ -16,12 +16,13 @@ TRAIN, TEST, SAMPLES = 40, 20, 250  # blocks, and residuals in each
 Takes = Callable[[frozenset[str]], float]
 
 
-def effect(name: str, *, parameters: int = 1, part: str = "cylinder", **more: Any) -> Any:
+def effect(name: str, *, parameters: int = 1, part: str = "cylinder", side: int | None = None, **more: Any) -> Any:
     """An effect whose parameters have no unit and a null of zero."""
     known = [
         SimpleNamespace(name=f"p{k}", unit="1", null=0.0, lower=-9.0, upper=9.0, **more) for k in range(parameters)
     ]
     made = SimpleNamespace(name=name, parameters=tuple(known), part=part, is_set_valued=False, ports={})
+    made.side = side
     made.main_parameters, made.in_model_with = made.parameters, lambda effects: made
     return made
 

@@ -198,6 +198,19 @@ def test_dropping_an_effect_restores_those_that_it_made_needless() -> None:
     assert [(d.effect.name, d.reason) for d in refused] == [("b", "raises-error")]
 
 
+@pytest.mark.parametrize(("share", "found_names"), [(1.0, {"a"}), (0.5, {"a:1", "a:2"})])
+def test_an_effect_of_both_chambers_replaces_the_same_effect_at_each(share: float, found_names: set[str]) -> None:
+    """Two equal hoses are one delay; where one delay for both explains half as much, they are two."""
+    sides = [effect("a:1", side=1), effect("a:2", side=2)]
+
+    def takes(chosen: frozenset[str]) -> float:
+        return max(0.5 * len(chosen & {"a:1", "a:2"}), share * ("a" in chosen))
+
+    data = SyntheticData([effect("a"), *sides], takes)
+    kept, _ = selection._with_whole_effects(data, data.model_with(()), data.model_with(("a:1", "a:2")), {})  # type: ignore[arg-type]
+    assert set(kept.effect_names) == found_names
+
+
 def test_equivalents_of_an_effect_are_its_rivals() -> None:
     def takes(chosen: frozenset[str]) -> float:
         return 1.0 if chosen & {"a", "b"} else 0.0
