@@ -96,11 +96,7 @@ def rows(world: str, case: Case) -> Iterator[Row]:
 
 def main(arguments: list[str]) -> None:
     """Fit every case and print the table."""
-    if small.SMALL in arguments:
-        with tempfile.TemporaryDirectory() as folder:
-            table([small.exam(Path(folder))])
-    else:
-        table([Path(name) for name in arguments])
+    small.on_folders(arguments, table)
 
 
 def table(folders: list[Path]) -> None:

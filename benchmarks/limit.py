@@ -97,11 +97,7 @@ def rows(case: Path, truth: dict) -> Iterator[Row]:  # type: ignore[type-arg]
 
 def main(arguments: list[str]) -> None:
     """Fit every case that hides effects, and print what could be named."""
-    if small.SMALL in arguments:
-        with tempfile.TemporaryDirectory() as folder:
-            table([small.exam(Path(folder))])
-    else:
-        table([Path(name) for name in arguments])
+    small.on_folders(arguments, table)
 
 
 def table(folders: list[Path]) -> None:

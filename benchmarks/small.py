@@ -6,6 +6,8 @@ is replaced by the exact model of the exam's rig.
 
 from __future__ import annotations
 
+import tempfile
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -34,6 +36,15 @@ def exam(folder: Path) -> Path:
     seal(folder, "case-001.json", generate_case(folder / "case-001", "valve", ("valve-lag",), "", 1.0, 2))
     shorten(folder / "case-001" / "pipeline.toml")
     return folder
+
+
+def on_folders(arguments: Sequence[str], print_table: Callable[[list[Path]], None]) -> None:
+    """Print the table of the folders that are named, or of a small exam."""
+    if SMALL in arguments:
+        with tempfile.TemporaryDirectory() as folder:
+            print_table([exam(Path(folder))])
+    else:
+        print_table([Path(name) for name in arguments])
 
 
 def shorten(path: Path) -> None:

@@ -30,6 +30,7 @@ from pneucli.stages.pipeline_data import PipelineData
 
 MIN_HELD_SHARE = 0.3  # of a recording that holds one command
 MIN_OPENING = 0.02  # of the largest command
+MIN_SHARE_OF_OPEN = 0.9  # of the samples with an open valve
 COMMAND_STEP = 0.05  # V between commands that count as different
 AIM = 1.3  # times the error of the fitted recordings, or noise where that is larger
 MIN_COMMANDS = 3  # so that one can be left out between two others
@@ -56,7 +57,11 @@ def held_command(residual_model: ResidualModel, null: float) -> float | None:
     opening = np.abs(residual_model.experiment.inputs[:, at.IN_U] - null)
     is_open = opening > MIN_OPENING * opening.max()
     levels, counts = np.unique(np.round(opening[is_open] / COMMAND_STEP), return_counts=True)
-    if not levels.size or counts.max() < MIN_HELD_SHARE * opening.size or counts.max() < 0.9 * counts.sum():
+    if (
+        not levels.size
+        or counts.max() < MIN_HELD_SHARE * opening.size
+        or counts.max() < MIN_SHARE_OF_OPEN * counts.sum()
+    ):
         return None
     return float(COMMAND_STEP * levels[np.argmax(counts)])
 
@@ -115,11 +120,7 @@ def table(folders: Sequence[Path]) -> None:
 
 def main(arguments: list[str]) -> None:
     """Leave the commands of every case out, one after another."""
-    if small.SMALL in arguments:
-        with tempfile.TemporaryDirectory() as folder:
-            table([small.exam(Path(folder))])
-    else:
-        table([Path(name) for name in arguments])
+    small.on_folders(arguments, table)
 
 
 if __name__ == "__main__":
