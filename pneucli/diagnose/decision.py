@@ -120,13 +120,18 @@ def collect_evidence(
     step = candidate if term is None else term.candidate
     errors = data.free_run_errors
     share = None if errors is None else removed_error_share(errors(step.reduced.model), errors(step.full.model))
+    return _evidence_of_fit(data, last, candidate, term)._replace(share=share, complete=complete)
+
+
+def _evidence_of_fit(data: DiagnosisData, last: FittedModel, candidate: Candidate, term: Term | None) -> Evidence:
+    """Return the evidence without a free run, which is all that counts with an unmodelled effect present."""
     deviation, size = _significance_and_size(data, last, candidate.effect)
-    return Evidence(share, deviation, size, complete, 1.0 if term is None else term.remaining_variance(data))
+    return Evidence(None, deviation, size, left=1.0 if term is None else term.remaining_variance(data))
 
 
 def posterior_probability(data: DiagnosisData, term: Term) -> float:
     """Return the probability of a term's effect or its equivalents, with an unmodelled effect present."""
-    return probability(collect_evidence(data, term.candidate.full, term.candidate, term, complete=False))
+    return probability(_evidence_of_fit(data, term.candidate.full, term.candidate, term))
 
 
 def log_odds_among_equivalents(data: DiagnosisData, candidate: Candidate) -> float:
@@ -136,9 +141,8 @@ def log_odds_among_equivalents(data: DiagnosisData, candidate: Candidate) -> flo
     probable. The remaining free-run error counts as DISCREPANCY_READINGS independent readings: a force balance contains
     few break-aways, and a trajectory depends on each of them.
     """
-    evidence = collect_evidence(data, candidate.full, candidate, Term(candidate, ()), complete=False)
-    own_evidence = evidence._replace(share=None, size=min(evidence.size, 1.0))
-    p = min(max(probability(own_evidence), PROBABILITY_FLOOR), 1.0 - PROBABILITY_FLOOR)
+    p = posterior_probability(data, Term(candidate, ()))
+    p = min(max(p, PROBABILITY_FLOOR), 1.0 - PROBABILITY_FLOOR)
     errors = (
         [] if data.free_run_errors is None else [e for e in data.free_run_errors(candidate.full.model).values() if e]
     )

@@ -186,7 +186,7 @@ def test_among_equivalents_the_free_run_error_counts_as_ten_readings(
     monkeypatch: pytest.MonkeyPatch, errors: dict[str, float | None] | None, expected: float
 ) -> None:
     """Stribeck friction and a break-away that grows leave as much of a balance of forces, which has few break-aways."""
-    monkeypatch.setattr(decision, "collect_evidence", lambda *_, complete: WEAK)
+    monkeypatch.setattr(decision, "_evidence_of_fit", lambda *_: WEAK)
     monkeypatch.setattr(decision, "probability", lambda evidence: 0.75)
     where = replace(diagnosis_data(held_out=False), free_run_errors=None if errors is None else lambda model: errors)
     assert decision.log_odds_among_equivalents(
