@@ -194,14 +194,17 @@ class DiagnosisData:
             initial_guesses(effect, rig_quantities(model, [m.experiment for m in self.train]), model.rig.priors)
         )
 
-    def absent_effects(self, fitted: FittedModel) -> list[Effect]:
-        """Return the observable effects that a fitted model lacks."""
-        return [e for e in self.effects.values() if self.is_observable(e) and e.name not in fitted.effect_names]
+    def absent_effects(self, model: Model) -> list[Effect]:
+        """Return the observable effects that a model lacks."""
+        present = {e.name for e in model.effects}
+        return [e for e in self.effects.values() if e.name not in present and self.is_observable(e)]
 
     def ranked_signatures(self, fitted: FittedModel) -> list[ScreenedEffect]:
         """Return the effects that a fitted model lacks with their score tests, the largest predicted gain first."""
         ranked = [
-            (e, tests) for e, tests in self.signatures_of(fitted, self.absent_effects(fitted)) if tests[0].gain > 0.0
+            (e, tests)
+            for e, tests in self.signatures_of(fitted, self.absent_effects(fitted.model))
+            if tests[0].gain > 0.0
         ]
         return sorted(ranked, key=lambda one: -one[1][0].gain)
 

@@ -36,7 +36,7 @@ class MinimumDetectableEffect:
 
 def minimum_detectable_effects(data: DiagnosisData, fitted: FittedModel) -> list[MinimumDetectableEffect]:
     """Return the minimum detectable size of every observable effect that the model lacks."""
-    absent = data.absent_effects(fitted)
+    absent = data.absent_effects(fitted.model)
     tests_by_effect = {e.name: tests for e, tests in data.signatures_of(fitted, absent)}
     return [_minimum_detectable_effect(effect, tests_by_effect.get(effect.name, []), fitted) for effect in absent]
 

@@ -74,5 +74,7 @@ def screen_and_refit(
     material = [c for c in candidates if c.train_gain.total > MIN_COST_SHARE * data.sensitive_cost(fitted, c.effect)[0]]
     converged = data.refit_to_convergence([c for c in material if c.full.cost < cost_limit])
     refitted = {c.effect.name: c for c in [*candidates, *converged]}
-    others = [Decision(e, "not-promising") for e in data.absent_effects(fitted) if e.name not in {*excluded, *refitted}]
+    others = [
+        Decision(e, "not-promising") for e in data.absent_effects(fitted.model) if e.name not in {*excluded, *refitted}
+    ]
     return apply_tests(data, fitted, sorted(refitted.values(), key=lambda c: c.full.cost)) + others

@@ -42,7 +42,7 @@ def fit_all_recordings(pipeline: PipelineData, data: DiagnosisData, model: Model
 def write_baseline(pipeline: PipelineData, data: DiagnosisData, fitted: Fit) -> None:
     """Write the baseline of a model that is fitted to all recordings."""
     residual_models = [*data.train, *data.held_out]
-    baseline = baseline_at_fit(fitted, residual_models, absent_effects(data, fitted.model))
+    baseline = baseline_at_fit(fitted, residual_models, data.absent_effects(fitted.model))
     write_baseline_table(pipeline, baseline)
 
 
@@ -79,12 +79,6 @@ def write_missing_baseline(folder: Path) -> None:
     free = free_parameters(model, residual_models)
     write_baseline(pipeline, data, fit(model, residual_models, free, stopping=NO_ITERATION))
     replace(manifest, outputs=staleness.stamp_files(folder, manifest.outputs)).write(folder)
-
-
-def absent_effects(data: DiagnosisData, model: Model) -> list[Any]:
-    """Return the effects that a model lacks and the recordings can show."""
-    present = {e.name for e in model.effects}
-    return [e for e in data.effects.values() if e.name not in present and data.is_observable(e)]
 
 
 def _has_changed(document: Mapping[str, Any], artifacts: Path) -> bool:

@@ -28,7 +28,7 @@ from pneucli.io.artifacts import sha256_of
 from pneucli.physics.effects import select_effects
 from pneucli.pipeline import manifest as staleness
 from pneucli.simulate.model import Model
-from pneucli.stages.baseline import absent_effects, write_missing_baseline
+from pneucli.stages.baseline import write_missing_baseline
 from pneucli.stages.model_file import load_model
 from pneucli.stages.pipeline_data import PipelineData
 from pneucli.stages.tables.baseline import REFERENCE_FILE, read_baseline
@@ -82,7 +82,7 @@ def compare_with_baseline(pipeline: PipelineData, data: DiagnosisData, options: 
     model, old = _baseline_model(pipeline, folder)
     residual_models: list[ResidualModel] = [*data.train, *data.held_out]
     own = replace(data, modelled_parts=model.valve.covers)
-    fit, new = fit_baseline(model, residual_models, absent_effects(own, model), old.typical_effects)
+    fit, new = fit_baseline(model, residual_models, own.absent_effects(model), old.typical_effects)
     whole, (old, new) = old, align(old, new)
     if not old.coordinates:
         found_text = "these recordings show none of the parameters of the old model"

@@ -123,8 +123,8 @@ class SyntheticData:
             self.chance.get(one.name, train.p_value),
         )
 
-    def absent_effects(self, model_fit: FittedModel) -> list[Any]:
-        return [e for e in self.effects.values() if e.name not in model_fit.effect_names]
+    def absent_effects(self, model: Any) -> list[Any]:
+        return [e for e in self.effects.values() if e not in model.effects]
 
     def has_initial_guess(self, model_fit: FittedModel, one: Any) -> bool:
         return self.sized_by.get(one.name, set()) <= set(model_fit.effect_names)
