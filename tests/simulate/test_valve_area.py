@@ -1,11 +1,12 @@
-"""The commands at which two valves with the same knots may differ."""
+"""The area between the knots of a valve, and the commands at which two valves with the same knots may differ."""
 
 from dataclasses import replace
 
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
+from scipy.interpolate import PchipInterpolator
 
 from pneucli.simulate.valve_forms.area import TABLE_POINTS, ValveArea
 from pneucli.simulate.valve_forms.linear import LinearValve
@@ -55,3 +56,13 @@ def test_other_forms_report_their_changed_directions() -> None:
     assert pair.changed_ranges(replace(pair, fill=3e-6)) == ((0.0, np.inf),)
     assert pair.changed_ranges(replace(pair, vent=3e-6)) == ((-np.inf, 0.0),)
     assert pair.changed_ranges(pair) == ()
+
+
+@settings(max_examples=30, deadline=None)
+@given(st.lists(st.floats(-3.0, 3.0), min_size=2, max_size=8), st.floats(0.0, 0.5))
+def test_the_area_follows_the_monotone_cubic_of_scipy(steps: list[float], overlap: float) -> None:
+    commands, areas = 1.0 + np.arange(len(steps)), 1e-7 * np.exp(np.cumsum(steps))
+    valve = ValveArea(tuple(commands), tuple(areas), overlap_fill=overlap)
+    cubic = PchipInterpolator(np.log(commands - overlap), np.log(areas))
+    u = np.linspace(commands[0], commands[-1], 101)
+    assert valve(u) == pytest.approx(np.exp(cubic(np.log(u - overlap))), rel=1e-9)

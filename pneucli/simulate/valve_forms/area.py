@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from functools import lru_cache
@@ -9,8 +10,8 @@ from typing import ClassVar, Literal
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.interpolate import PchipInterpolator
 
+from pneucli.caches import compiled
 from pneucli.experiments import Part
 
 Array = NDArray[np.float64]
@@ -140,26 +141,77 @@ def _changed_openings(mine: Knots, its: Knots) -> tuple[float, float]:
 def _areas(u: Array, side: Knots) -> Array:
     """Return the area at openings u (n,) of one direction."""
     overlap, knots = side
-    if not knots:
-        return np.zeros_like(u)
-    beyond = np.log(np.maximum(u - overlap, 1e-12))
-    place, value, curve = _curve(side)
-    if curve is None:
-        return np.where(u > overlap, np.exp(value[0] + beyond - place[0]), 0.0)
-    slopes = np.diff(value) / np.diff(place)
-    inside = curve(np.clip(beyond, place[0], place[-1]))
-    below = np.minimum(beyond - place[0], 0.0) * max(slopes[0], 0.0)
-    above = np.maximum(beyond - place[-1], 0.0) * max(slopes[-1], 0.0)
-    return np.where(u > overlap, np.exp(inside + below + above), 0.0)
+    out = np.zeros(u.shape)
+    if knots:
+        place = np.log([c - overlap for c, _ in knots])
+        value = np.log([max(a, MIN_AREA) for _, a in knots])
+        _write_areas(np.ascontiguousarray(u).ravel(), overlap, place, value, out.ravel())
+    return out
 
 
-@lru_cache(maxsize=256)
-def _curve(side: Knots) -> tuple[Array, Array, PchipInterpolator | None]:
-    """Return log openings, log areas and the cubic through them; None for a single knot."""
-    overlap, knots = side
-    place = np.log([c - overlap for c, _ in knots])
-    value = np.log([max(a, MIN_AREA) for _, a in knots])
-    return place, value, PchipInterpolator(place, value) if len(knots) > 1 else None
+@compiled(nogil=True, error_model="numpy")
+def _write_areas(u: Array, overlap: float, place: Array, value: Array, out: Array) -> None:
+    """Write the areas at openings u (n,) over log openings and log areas of the knots, each (m,); 0 in the overlap.
+
+    ``scipy.interpolate.PchipInterpolator`` is the same cubic, and takes five times as long.
+    """
+    last = place.size - 1
+    tangent = _monotone_tangents(place, value)
+    first_slope = max((value[1] - value[0]) / (place[1] - place[0]), 0.0) if last else 1.0
+    last_slope = max((value[last] - value[last - 1]) / (place[last] - place[last - 1]), 0.0) if last else 1.0
+    for i in range(u.size):
+        if not u[i] > overlap:
+            continue
+        at = math.log(max(u[i] - overlap, 1e-12))
+        if at <= place[0]:
+            log_area = value[0] + (at - place[0]) * first_slope
+        elif at >= place[last]:
+            log_area = value[last] + (at - place[last]) * last_slope
+        else:
+            k = 0
+            while at > place[k + 1]:
+                k += 1
+            width, s = place[k + 1] - place[k], at - place[k]
+            slope = (value[k + 1] - value[k]) / width
+            excess = (tangent[k] + tangent[k + 1] - 2.0 * slope) / width
+            log_area = value[k] + s * (tangent[k] + s * ((slope - tangent[k]) / width - excess + s * excess / width))
+        out[i] = math.exp(log_area)
+
+
+@compiled(nogil=True, error_model="numpy")
+def _monotone_tangents(x: Array, y: Array) -> Array:
+    """Return the slopes at the knots (m,) of a cubic that is monotone between them.
+
+    References:
+        F. N. Fritsch and J. Butland, SIAM J. Sci. Stat. Comput. 5 (1984) 300-304.
+
+    """
+    m = x.size
+    out = np.zeros(m)
+    if m == 1:
+        return out
+    h, slope = np.diff(x), np.diff(y) / np.diff(x)
+    if m == 2:
+        out[:] = slope[0]
+        return out
+    for i in range(1, m - 1):
+        if slope[i - 1] * slope[i] > 0.0:
+            w, w_before = 2.0 * h[i - 1] + h[i], h[i - 1] + 2.0 * h[i]
+            out[i] = (w + w_before) / (w_before / slope[i - 1] + w / slope[i])
+    out[0] = _end_tangent(h[0], h[1], slope[0], slope[1])
+    out[m - 1] = _end_tangent(h[m - 2], h[m - 3], slope[m - 2], slope[m - 3])
+    return out
+
+
+@compiled(nogil=True, error_model="numpy")
+def _end_tangent(h: float, h_next: float, slope: float, slope_next: float) -> float:
+    """Return the slope at an end knot: of the parabola through three knots, as far as it keeps the cubic monotone."""
+    out = ((2.0 * h + h_next) * slope - h * slope_next) / (h + h_next)
+    if out * slope <= 0.0:
+        return 0.0
+    if slope * slope_next < 0.0 and abs(out) > 3.0 * abs(slope):
+        return 3.0 * slope
+    return out
 
 
 @lru_cache(maxsize=512)
