@@ -10,7 +10,7 @@ import sys
 import tempfile
 from collections.abc import Callable
 from contextlib import suppress
-from functools import cache
+from functools import cache, partial
 from pathlib import Path
 from types import ModuleType
 from typing import Any, TypeVar, cast
@@ -19,6 +19,7 @@ import numba
 import platformdirs
 from numba import njit
 from numba.core.caching import FunctionCache
+from numba.core.runtime.nrt import rtsys
 
 Function = TypeVar("Function", bound=Callable[..., Any])
 _LOG = logging.getLogger(__name__)
@@ -101,7 +102,7 @@ def compiled(**options: Any) -> Callable[[Function], Function]:
 def with_cache_fallback(function: Any) -> Any:
     """Make a compiled function ignore a damaged cache and a cache that cannot be written."""
     disk_cache = function._cache
-    load, save = disk_cache.load_overload, disk_cache.save_overload
+    load, save = partial(_load, disk_cache), disk_cache.save_overload
 
     def load_or_empty(*arguments: Any) -> Any:
         try:
@@ -119,3 +120,16 @@ def with_cache_fallback(function: Any) -> Any:
 
     disk_cache.load_overload, disk_cache.save_overload = load_or_empty, save_or_not
     return function
+
+
+def _load(disk_cache: Any, signature: Any, target_context: Any) -> Any:
+    """Load a compiled function as ``load_overload`` does, without the types of all of numpy.
+
+    numba registers them before it loads anything, which takes an eighth of a second; only a compilation needs them, and
+    registers them itself.
+    """
+    if not hasattr(disk_cache, "_load_overload"):  # an inner function of numba
+        return type(disk_cache).load_overload(disk_cache, signature, target_context)
+    rtsys.initialize(target_context)
+    with disk_cache._guard_against_spurious_io_errors():
+        return disk_cache._load_overload(signature, target_context)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import importlib.util
 import logging
+import subprocess
 import sys
 from collections.abc import Callable
 from pathlib import Path
@@ -103,3 +104,19 @@ def test_a_temporary_folder_that_others_can_write_is_not_used(tmp_path: Path, mo
     open_to_all = caches._temporary()
     open_to_all.chmod(0o777)
     assert caches._temporary() != open_to_all
+
+
+def test_a_kept_function_is_loaded_without_the_types_of_all_of_numpy(tmp_path: Path) -> None:
+    """They are registered once something is compiled, which may call the loaded function."""
+    (tmp_path / "kept.py").write_text(TEXT)
+    use = (
+        f"import sys, numba; sys.path.insert(0, {str(tmp_path)!r}); from kept import twice; assert twice(1.5) == 3.0\n"
+    )
+    check = """
+assert sum(twice.stats.cache_hits.values()) == 1
+assert "numba.cpython.setobj" not in sys.modules
+assert numba.njit(lambda x: twice(x) + 1.0)(2.0) == 5.0
+assert "numba.cpython.setobj" in sys.modules
+"""
+    for code in (use, use + check):
+        subprocess.run([sys.executable, "-c", code], check=True)
