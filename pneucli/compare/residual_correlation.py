@@ -14,7 +14,6 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.fft import irfft, next_fast_len, rfft
 
 from pneucli.compare.channel_errors import Comparison
 from pneucli.quantities import Z95
@@ -126,6 +125,8 @@ def _normalised(values: Array) -> Array | None:
 
 def _cross_correlation(first: Array, second: Array) -> Array:
     """Return the full cross-correlation of two series of n samples, at the lags 1 - n to n - 1."""
+    from scipy.fft import irfft, next_fast_len, rfft  # noqa: PLC0415 - slow to import
+
     n = first.size
     length = next_fast_len(2 * n - 1, real=True)
     full = irfft(rfft(first, length) * np.conj(rfft(second, length)), length)

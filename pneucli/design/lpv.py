@@ -12,7 +12,6 @@ from typing import get_args
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.integrate import solve_ivp
 
 from pneucli.design.pdc import Pdc, design_pdc
 from pneucli.design.reference_limits import WORKING_PRESSURES, chamber_2_pressure
@@ -152,6 +151,8 @@ def simulate_pdc(c: Mapping[str, float], floor: float, model: TPModel, pdc: Pdc,
         Peak of |q| in kg/s, and the largest ``V(t) exp(2 rate t) / V(0)`` of the Lyapunov function: at most 1 if the
         decay rate of the LMIs holds.
     """
+    from scipy.integrate import solve_ivp  # noqa: PLC0415 - slow to import, and a diagnosis imports this module
+
     middle = 0.5 * c["C_STROKE"]
 
     def rates(states: Array) -> tuple[Array, Array]:

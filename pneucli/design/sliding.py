@@ -13,7 +13,6 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import solve_continuous_are
-from scipy.signal import place_poles
 
 from pneucli.errors import InputError
 
@@ -195,6 +194,8 @@ def surface_by_poles(A: Array, B: Array, poles: Sequence[complex]) -> SlidingSur
     >>> surface_by_poles(np.array([[0.0, 1.0], [0.0, -2.0]]), np.array([[0.0], [1.0]]), [-30.0]).poles
     array([-30.+0.j])
     """
+    from scipy.signal import place_poles  # noqa: PLC0415 - slow to import, and a diagnosis imports this module
+
     form = regular_form(A, B)
     if len(poles) != len(form.A11):
         raise InputError("poles", f"{len(poles)}", f"{len(form.A11)}, the states less the inputs", code="E090")

@@ -8,11 +8,11 @@ likelihood: a model discrepancy in the sense of Kennedy and O'Hagan, JRSS B 63 (
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.optimize import minimize_scalar
 
 from pneucli.identify.residuals import ResidualModel
 from pneucli.identify.residuals.initial_state import apply_whitening
@@ -22,6 +22,7 @@ Array = NDArray[np.float64]
 ErrorsByChannel = Mapping[str, Array]  # by channel (k, n), in units of the noise
 
 MIN_FLOW_ERROR, MAX_FLOW_ERROR = 1e-4, 0.5  # of the flow: the search range of the deviation
+SEARCH_POINTS, SEARCH_ROUNDS = 33, 5  # of that search: each round narrows the range to 1/16, at last to 1e-5
 
 
 def with_flow_gain_errors(
@@ -75,10 +76,11 @@ def flow_gain_deviation(parts: Array) -> float:
     log(1 + s^2 P) - s^2 A^2 / (1 + s^2 P).
     """
     power, along = parts
-
-    def cost(log_size: float) -> float:
-        variance = np.exp(2.0 * log_size)
-        return float(np.sum(np.log1p(variance * power) - variance * along**2 / (1.0 + variance * power)))
-
-    minimum = minimize_scalar(cost, bounds=(np.log(MIN_FLOW_ERROR), np.log(MAX_FLOW_ERROR)), method="bounded")
-    return float(np.exp(minimum.x)) if minimum.fun < 0.0 else 0.0
+    low, high, sizes, costs = math.log(MIN_FLOW_ERROR), math.log(MAX_FLOW_ERROR), np.zeros(0), np.zeros(0)
+    for _ in range(SEARCH_ROUNDS):
+        sizes = np.linspace(low, high, SEARCH_POINTS)
+        variance = np.exp(2.0 * sizes)[:, None]
+        costs = np.sum(np.log1p(variance * power) - variance * along**2 / (1.0 + variance * power), axis=1)
+        lowest = int(np.argmin(costs))
+        low, high = sizes[max(lowest - 1, 0)], sizes[min(lowest + 1, SEARCH_POINTS - 1)]
+    return float(np.exp(sizes[np.argmin(costs)])) if costs.min() < 0.0 else 0.0

@@ -160,7 +160,7 @@ def write_table(
 
 def _column(values: ArrayLike) -> Any:
     array = pa.array(values if isinstance(values, np.ndarray) and values.dtype.kind in "fiub" else list(values))  # type: ignore[arg-type]
-    return array.cast(pa.string()) if pa.types.is_null(array.type) else array
+    return pa.nulls(len(array), pa.string()) if pa.types.is_null(array.type) else array
 
 
 def read_table(path: str | Path) -> dict[str, NDArray[Any] | list[str]]:
@@ -184,7 +184,7 @@ _METADATA_KEYS = ("schema", "version", "units", "inputs", "parameters")
 
 def _read(path: Path) -> pa.Table:
     try:
-        return pq.read_table(path, memory_map=True)
+        return pq.ParquetFile(path, memory_map=True).read()  # pq.read_table imports pyarrow.dataset
     except FileNotFoundError as error:
         raise InputError(str(path), "no such artifact", "", "run the stage that writes it", code="E007") from error
     except pa.ArrowInvalid as error:

@@ -8,12 +8,10 @@ from typing import Any
 
 import numpy as np
 import pyarrow as pa
-import pyarrow.compute
 from dateutil import parser
 
+from pneucli.io import arrow_compute as pc
 from pneucli.io.raw_file import ColumnValues
-
-pc: Any = pyarrow.compute  # whose types do not know what an array of text may be compared with
 
 _DATE = r"\d{1,4}[-./]\d{1,2}[-./]\d{1,4}|\d{1,2}[- ][A-Za-z]{3,9}\.?[- ]\d{2,4}|[A-Za-z]{3,9}\.? \d{1,2},? \d{4}"
 _DAY = rf"(?P<day>{_DATE})"

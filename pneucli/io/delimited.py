@@ -10,10 +10,10 @@ from typing import Any, Literal
 
 import numpy as np
 import pyarrow as pa
-import pyarrow.compute as pc
 import pyarrow.csv as pcsv
 
 from pneucli.errors import InputError
+from pneucli.io import arrow_compute as pc
 from pneucli.io.date_parsing import CalendarClock
 from pneucli.io.raw_file import NO_CLOCKS, ColumnRequest, ColumnValues, RawFile, Repair
 from pneucli.io.text_layout import NULL_TEXTS, TextLayout, detect_layout

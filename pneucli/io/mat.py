@@ -5,8 +5,6 @@ from __future__ import annotations
 from collections.abc import Sequence
 from pathlib import Path
 
-from scipy.io import loadmat, whosmat
-
 from pneucli.errors import InputError
 from pneucli.io.column_reader import ColumnReader, clocks_by_group, column_names, to_vector
 from pneucli.io.damaged_files import check_expanded_size
@@ -28,6 +26,8 @@ def open_mat(path: Path) -> ColumnReader:
 
     Raises InputError where the file holds nothing but objects of MATLAB, which only MATLAB reads.
     """
+    from scipy.io import whosmat  # noqa: PLC0415 - slow to import, and few recordings are MATLAB's
+
     variables = whosmat(path)
     owner: dict[str, str] = {}
     units: dict[str, str] = {}
@@ -67,6 +67,8 @@ def _check_objects(path: Path, objects: Sequence[str], owner: object) -> None:
 
 
 def _load(path: Path, variables: list[str]) -> StructColumns:
+    from scipy.io import loadmat, whosmat  # noqa: PLC0415 - slow to import, and few recordings are MATLAB's
+
     wanted = {k for k, (name, _, _) in enumerate(whosmat(path)) if name in variables}
     check_expanded_size(path, expanded_size(path, wanted), of=f'the variables "{", ".join(variables)[:60]}"')
     check_types(path, wanted)

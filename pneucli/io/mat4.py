@@ -7,7 +7,6 @@ from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
-from scipy.io import loadmat, whosmat
 
 from pneucli.io.column_reader import ColumnReader, column_names, split_columns
 from pneucli.io.damaged_files import check_expanded_size
@@ -35,6 +34,8 @@ def is_mat4(head: bytes) -> bool:
 
 def open_mat4(path: Path) -> ColumnReader:
     """List the columns: vectors by name, columns of matrices by number; the trajectories of Dymola by their names."""
+    from scipy.io import loadmat, whosmat  # noqa: PLC0415 - slow to import, and few recordings are MATLAB's
+
     variables = whosmat(path)
     check_expanded_size(path, 8 * sum(int(np.prod(shape)) for _, shape, kind in variables if kind != "char"))
     if {name for name, _, _ in variables} >= _DYMOLA:
@@ -57,6 +58,8 @@ def open_mat4(path: Path) -> ColumnReader:
 
 def _dymola(path: Path) -> dict[str, ColumnValues]:
     """Return the trajectories: ``dataInfo`` says of each name in which matrix, in which column, and with which sign."""
+    from scipy.io import loadmat  # noqa: PLC0415 - slow to import, and few recordings are MATLAB's
+
     tree = loadmat(path, chars_as_strings=False)
     transposed = "binTrans" in ["".join(row).strip("\0 ") for row in tree["Aclass"]]
     letters, info = tree["name"], np.asarray(tree["dataInfo"], dtype=np.int64)

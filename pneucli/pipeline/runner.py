@@ -56,7 +56,10 @@ class Done:
 
 @dataclass(frozen=True)
 class Pipeline:
-    """A pipeline file and the folder of its artifacts; ``load`` validates the file (raises InputError)."""
+    """A pipeline file and the folder of its artifacts; ``load`` validates the file (raises InputError).
+
+    ``prepare`` is called before a stage runs.
+    """
 
     path: Path
     tables: Mapping[str, Any]
@@ -64,6 +67,7 @@ class Pipeline:
     load: Callable[[Path], Any]
     stages: Mapping[str, Stage] = field(default_factory=lambda: STAGES)
     program: str = field(default_factory=staleness.program_digest)
+    prepare: Callable[[], None] = lambda: None
 
     @property
     def name(self) -> str:
@@ -185,6 +189,7 @@ class Pipeline:
                 answers = {n: d.manifest.answer for n, d in done.items() if d.manifest.answer is not None}
                 options, former = {**verdict.inputs.options, **verdict.executor_option}, self.artifacts / name
                 context = Context(self.path, config, out, self.artifacts, progress, answers, options, former)
+                self.prepare()
                 manifest = _run(self.stages[name], context, manifest)
             manifest.write(out)
         return Done(manifest, verdict.reasons)

@@ -16,7 +16,6 @@ from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.integrate import solve_ivp
 
 from pneucli.simulate.model import Model
 
@@ -86,6 +85,8 @@ class Plant:
 
     def integrate(self, time: Array, y: Array, areas: tuple[float, float]) -> Array:
         """Return the states at ``time[1:]`` for held commands; scipy is called once for each mode."""
+        from scipy.integrate import solve_ivp  # noqa: PLC0415 - slow to import, and only tests ask for it
+
         rows, t = [], float(time[0])
         mode = self.motion_direction(t, y)
         while True:

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.optimize import nnls
 
 from pneucli.recording import Recording, Rig
 from pneucli.simulate import layout as at
@@ -49,6 +48,8 @@ def _trapped_gas_p2(inputs: Array, time: Array, rig: Rig, stroke: float) -> Arra
 
     The gas, the mass, dry and viscous friction balance the force of p1; each of them can only resist.
     """
+    from scipy.optimize import nnls  # noqa: PLC0415 - slow to import, and few recordings lack a pressure
+
     area_1, area_2 = rig.piston_areas
     x, v = inputs[:, at.IN_X], inputs[:, at.IN_V]
     volume = np.maximum(area_2 * (stroke - x), 0.0) + (rig.dead_volume_2 or 0.0)

@@ -10,8 +10,6 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.integrate import cumulative_trapezoid
-from scipy.ndimage import uniform_filter1d
 
 from pneucli.errors import InputError
 from pneucli.noise import NoiseModel
@@ -52,7 +50,12 @@ class IntegratedMotion:
         else:
             v = integrate_between_rests(self.time, signals["a"], self.rest)
             v[self.rest] = 0.0
-        return self.start + np.concatenate([[0.0], cumulative_trapezoid(v, self.time)]), v
+        return self.start + _cumulative_integral(v, self.time), v
+
+
+def _cumulative_integral(values: Array, time: Array) -> Array:
+    """Return the integral (n,) from the first sample on, by trapezoids."""
+    return np.concatenate([[0.0], np.cumsum(np.diff(time) * (values[1:] + values[:-1]) / 2.0)])
 
 
 def integrated_motion(
@@ -101,7 +104,7 @@ def integrate_between_rests(time: Array, a: Array, rest: Mask) -> Array:
         The velocity in m/s, shape (n,).
 
     """
-    v = np.concatenate([[0.0], cumulative_trapezoid(a, time)])
+    v = _cumulative_integral(a, time)
     return np.asarray(v - np.interp(time, time[rest], v[rest]))
 
 
@@ -167,5 +170,7 @@ def correlation_samples(a: Array, noise: NoiseModel) -> int:
 
 def _is_quiet(a: Array, noise: NoiseModel, window: int) -> Mask:
     """Mask samples whose windowed power is that of the noise alone."""
+    from scipy.ndimage import uniform_filter1d  # noqa: PLC0415 - slow to import, and few recordings have an accelerometer
+
     exceeds_noise = uniform_filter1d(a**2, window, mode="reflect") > (REST_NOISE_RATIO * noise.rms) ** 2
     return np.asarray(~exceeds_noise)

@@ -47,8 +47,8 @@ from pneucli.stages.diagnosis_answer import (
     unexplained_answer,
 )
 from pneucli.stages.flow_diagnosis import diagnose_flow_only, flow_diagnosis
-from pneucli.stages.identify import parameters_answer
 from pneucli.stages.leak_answer import per_vessel_volume
+from pneucli.stages.parameters_answer import parameters_answer
 from pneucli.stages.pipeline_data import PipelineData
 from pneucli.stages.tables.diagnosis import SHAPE_FILE, write_diagnosis
 

@@ -34,6 +34,7 @@ from pneucli.stages.flow_bench import flow_bench, identify_flow_only
 from pneucli.stages.leak_answer import leak_answer, per_vessel_volume
 from pneucli.stages.measurement import measurement_of
 from pneucli.stages.model_file import save_model
+from pneucli.stages.parameters_answer import parameters_answer
 from pneucli.stages.pipeline_data import PipelineData
 from pneucli.stages.tables.correlation import write_parameter_relations, write_parameters
 from pneucli.stages.tables.flow import flow_answer, flow_parameters, write_flow
@@ -223,11 +224,6 @@ def _write(
         write_friction(friction, out, provenance)
     write_parameters(rows, out, provenance)
     write_budgets(all_budgets(valves, bench), out, provenance)
-
-
-def parameters_answer(estimates: list[Estimate]) -> dict[str, Any]:
-    """Return the parameters as the JSON answers hold them."""
-    return {e.name: {"value": e.value, "unit": e.unit, "ci95": list(e.ci95)} for e in estimates}
 
 
 def _answer(

@@ -13,18 +13,16 @@ array([0.25, 0.75])
 
 from pneucli.tp.hosvd import Hosvd, Spectrum, hosvd
 from pneucli.tp.model import TPModel, check, transform
-from pneucli.tp.sampling import Gridded, fit_samples, sample
+from pneucli.tp.sampling import sample
 from pneucli.tp.weights import Violation, WeightType
 
 __all__ = [
-    "Gridded",
     "Hosvd",
     "Spectrum",
     "TPModel",
     "Violation",
     "WeightType",
     "check",
-    "fit_samples",
     "hosvd",
     "sample",
     "transform",

@@ -6,17 +6,19 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Literal
+from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
-from scipy.interpolate import CubicSpline
 
 from pneucli.errors import InputError
 from pneucli.tp.hosvd import DEFAULT_TOLERANCE, Hosvd, Spectrum, contract, hosvd
 from pneucli.tp.sampling import as_grids, locate, require_finite
 from pneucli.tp.simplex import affine_frame
 from pneucli.tp.weights import Violation, WeightType, convex_weights, violations
+
+if TYPE_CHECKING:
+    from scipy.interpolate import CubicSpline
 
 Array = NDArray[np.float64]
 Scaling = Literal["peak", "none"]
@@ -103,6 +105,8 @@ class TPModel:
 
     @cached_property
     def _splines(self) -> list[CubicSpline]:
+        from scipy.interpolate import CubicSpline  # noqa: PLC0415 - slow to import, and a diagnosis imports this module
+
         return [CubicSpline(g, w) for g, w in zip(self.grids, self.weights, strict=True)]
 
 

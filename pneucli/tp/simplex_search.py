@@ -7,8 +7,6 @@ from functools import partial
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.optimize import LinearConstraint, minimize
-from scipy.spatial import ConvexHull
 
 from pneucli.tp.simplex import (
     distance_to_vertices,
@@ -136,6 +134,8 @@ def _maximise(objective: Objective, start: Array, h: Array) -> Array:
 
     All points stay constraints throughout: adding only violated ones was measured to be slower.
     """
+    from scipy.optimize import LinearConstraint, minimize  # noqa: PLC0415 - slow to import, and a diagnosis imports this module
+
     d = h.shape[1] - 1
     dependent = np.column_stack((np.eye(d), -np.ones(d)))
 
@@ -182,6 +182,8 @@ def _distinct_volumes(simplices: list[Array]) -> list[Array]:
 
 
 def _hull(points: Array) -> NDArray[np.intp]:
+    from scipy.spatial import ConvexHull  # noqa: PLC0415 - slow to import, and a diagnosis imports this module
+
     if points.shape[1] > _HULL_DIMENSIONS:
         return np.unique(points.round(12), axis=0, return_index=True)[1]
     return np.asarray(ConvexHull(points).vertices, dtype=np.intp)

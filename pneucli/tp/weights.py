@@ -25,7 +25,6 @@ from typing import Literal, get_args
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.optimize import nnls
 
 from pneucli.errors import InputError, did_you_mean
 from pneucli.tp import simplex as sx
@@ -176,6 +175,8 @@ def _unsupported(weights: Array, facet: int) -> float:
 
     It is 0 for every facet of a smallest enclosing simplex; otherwise tilting the facet about them reduces the volume.
     """
+    from scipy.optimize import nnls  # noqa: PLC0415 - slow to import, and a diagnosis imports this module
+
     touching = weights[weights[:, facet] < _CONTACT_TOLERANCE]
     centroid = np.full(weights.shape[1], 1.0 / (weights.shape[1] - 1))
     centroid[facet] = 0.0

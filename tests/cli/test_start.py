@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import shutil
 import subprocess
 import sys
 from pathlib import Path
@@ -117,3 +118,39 @@ def test_an_unreachable_cluster_is_reported_before_any_stage_runs(tmp_path: Path
     assert result.returncode == 2
     assert "no cluster answers" in result.stderr
     assert not (tmp_path / "artifacts").exists()
+
+
+LOADED_BY_INGEST = """
+import sys
+from pneucli.cli import main
+try:
+    main()
+finally:
+    print(*sys.modules, file=sys.stderr)
+    import pandas
+"""
+NOT_FOR_A_STAGE = (
+    "pandas",
+    "pyarrow.dataset",
+    "scipy.optimize",
+    "scipy.interpolate",
+    "scipy.integrate",
+    "scipy.signal",
+)
+
+
+def test_ingest_loads_neither_compiler_nor_pandas(tmp_path: Path) -> None:
+    """A stage of a second must not import for another one; what a plug-in imports is free."""
+    folder = shutil.copytree(ROOT / "fixtures" / "valve_null", tmp_path / "rig")
+    words = [sys.executable, "-c", LOADED_BY_INGEST, "ingest", str(folder / "pipeline.toml"), "--quiet"]
+    said = subprocess.run(words, cwd=ROOT, capture_output=True, text=True, check=True).stderr.split()
+    assert "pyarrow" in said
+    assert not {*NOT_FOR_A_STAGE, "pyarrow.compute", "numba"} & {*said}
+
+
+@pytest.mark.parametrize("stage", ["ingest", "identify", "diagnose"])
+def test_a_stage_imports_no_solver_that_it_may_not_need(stage: str) -> None:
+    code = f"import sys, pneucli.stages.{stage}; print(*sys.modules)"
+    loaded = subprocess.run([sys.executable, "-c", code], cwd=ROOT, capture_output=True, text=True, check=True).stdout
+    assert f"pneucli.stages.{stage}" in loaded.split()
+    assert not {*NOT_FOR_A_STAGE} & {*loaded.split()}

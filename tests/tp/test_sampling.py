@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 
 from pneucli.errors import InputError
 from pneucli.tp import check, sample, transform
-from pneucli.tp.sampling import fit_samples
+from pneucli.tp.scattered import fit_samples
 
 from .cases import CASES, damping
 

@@ -9,7 +9,6 @@ from itertools import chain
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.ndimage import maximum_filter1d, minimum_filter1d
 
 from pneucli.errors import InputError
 from pneucli.identify.friction.non_friction_forces import NonFrictionForces
@@ -86,6 +85,8 @@ class Motion:
 
     def sliding(self, reach: int) -> Mask:
         """Mask samples whose velocity the sensors resolve, with one sign over ``reach`` samples to either side."""
+        from scipy.ndimage import maximum_filter1d, minimum_filter1d  # noqa: PLC0415 - slow to import, and only friction asks for it
+
         direction = np.where(np.abs(self.v) > self.rest_speed, np.sign(self.v), 0.0)
         size = 2 * reach + 1
         forward = minimum_filter1d(direction, size, mode="constant") > 0

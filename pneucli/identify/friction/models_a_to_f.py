@@ -17,7 +17,7 @@ from pneucli.identify.friction.binned_curve import Branch
 from pneucli.identify.friction.friction_model import FrictionModel, ModelBranch, ModelName, VelocityDomain
 from pneucli.identify.friction.regression import FrictionFit, fit_coulomb, fit_stribeck, velocity_friction
 from pneucli.identify.friction.samples import MovingSamples
-from pneucli.tp import fit_samples, transform
+from pneucli.tp import transform
 
 Array = NDArray[np.float64]
 
@@ -128,6 +128,8 @@ def _friction_of_direction(
     domain: VelocityDomain, s: MovingSamples, viscous: float, offset: float, direction: int
 ) -> tuple[Array, Array] | None:
     """Return speeds (m/s) and measured friction (N) of one direction, by least squares; None with too few samples."""
+    from pneucli.tp.scattered import fit_samples  # noqa: PLC0415 - brings scipy's sparse matrices
+
     nodes = domain.uniform_speeds
     speed = direction * s.v
     in_direction = (speed >= max(nodes[0], domain.resolved_velocity)) & (speed <= nodes[-1])

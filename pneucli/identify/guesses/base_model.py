@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.optimize import lsq_linear
 
 from pneucli.errors import InputError
 from pneucli.identify.guesses.direct_friction import has_both_directions
@@ -112,16 +112,43 @@ def guess_friction(experiments: Sequence[Experiment], rig: Rig) -> dict[str, flo
         raise InputError("friction recordings", "no motion in any of them", "a piston that moves", mend, code="E062")
     if rig.moving_mass is not None:
         design = np.delete(design, 2, axis=1)
-    lower = np.zeros(design.shape[1])
-    lower[-1] = -np.inf  # the constant force has no bounds, so that it does not bias the friction
     if not has_both_directions(design[:, 0]):  # nothing tells a constant force from dry friction
         design[:, -1] = 0.0
-    solution = lsq_linear(design, target, bounds=(lower, np.inf)).x
+    # the constant force has no bounds, so that it does not bias the friction
+    solution = least_squares_at_least_zero(design, target, design.shape[1] - 1)
     values = {"friction.coulomb": float(solution[0]), "friction.viscous": float(solution[1])}
     if rig.moving_mass is None:
         min_mass = MIN_MASS_RATIO * float(np.abs(target).max() / max(np.abs(design[:, 2]).max(), TINY))
         values["rig.moving_mass"] = max(float(solution[2]), min_mass)
     return values
+
+
+def least_squares_at_least_zero(design: Array, target: Array, bounded: int) -> Array:
+    """Solve a linear least-squares problem whose first unknowns are not negative.
+
+    Args:
+        design: The design, shape (n, k).
+        target: The right side, shape (n,).
+        bounded: How many of the unknowns are at least zero; each subset of them is tried at zero.
+
+    Returns:
+        The unknowns, shape (k,).
+
+    >>> least_squares_at_least_zero(np.eye(2), np.array([-3.0, -4.0]), 1).tolist()
+    [0.0, -4.0]
+
+    """
+    k = design.shape[1]
+    triangle: Array = np.linalg.qr(np.column_stack([design, target]))[1]  # the same problem in k + 1 rows
+    best, lowest = np.zeros(k), np.inf
+    for is_zero in itertools.product((False, True), repeat=bounded):
+        free = [j for j in range(k) if j >= bounded or not is_zero[j]]
+        solution = np.zeros(k)
+        solution[free] = np.linalg.lstsq(triangle[:, free], triangle[:, k])[0]
+        cost = float(np.sum((triangle[:, :k] @ solution - triangle[:, k]) ** 2))
+        if cost < lowest and (solution[:bounded] >= 0.0).all():
+            best, lowest = solution, cost
+    return best
 
 
 def _driving_force(experiment: Experiment, rig: Rig) -> Array:

@@ -5,7 +5,6 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 import numpy as np
-from scipy.optimize import minimize_scalar
 
 from pneucli.distributions import student_t_quantile
 from pneucli.identify.valve.flow_bench import FlowBench
@@ -64,6 +63,8 @@ def fit_hypothesis(bench: FlowBench, *, free_ratio: bool, leak: bool) -> FlowHyp
         The model.
 
     """
+    from scipy.optimize import minimize_scalar  # noqa: PLC0415 - slow to import, and few pipelines have a flow bench
+
     if not free_ratio:
         return _at_ratio(bench, BASE_CRITICAL_RATIO, leak=leak)
     found = minimize_scalar(

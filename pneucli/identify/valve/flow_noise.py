@@ -7,7 +7,6 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.optimize import nnls
 
 from pneucli.identify.valve.steady_rows import FlowRows
 from pneucli.physics.iso_flow import FlowCharacteristics, iso_mass_flow
@@ -106,6 +105,8 @@ def fit_noise_law(groups: Sequence[FlowRows], paths: Sequence[FlowCharacteristic
 
 def _weighted_law(y: Array, x: Array, largest: float) -> NoiseLaw:
     """Return the law whose variance follows squared residuals (n,); a square scatters as its own expectation."""
+    from scipy.optimize import nnls  # noqa: PLC0415 - slow to import, and few pipelines have a flow bench
+
     size = np.maximum(np.sqrt(np.mean(x**2, axis=0)), 1e-300)
     expected = np.full(y.size, max(float(np.mean(y)), (MIN_NOISE * largest) ** 2))
     least, parts = (MIN_NOISE * largest) ** 2, np.zeros(x.shape[1])

@@ -11,7 +11,6 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.optimize import least_squares
 
 from pneucli.distributions import f_tail, student_t_quantile
 from pneucli.identify.valve.flow_noise import NoiseLaw, fit_noise_law, flow_deviation
@@ -121,6 +120,8 @@ def _select(rows: FlowRows, law: NoiseLaw) -> _Fit:
 
 def _fit(rows: FlowRows, law: NoiseLaw, cracking: tuple[float, ...], *, abrupt: bool = False) -> _Fit:
     """Fit log C, b, m and, unless the path opens abruptly at a given difference, the cracking pressure."""
+    from scipy.optimize import least_squares  # noqa: PLC0415 - slow to import, and few pipelines have a flow bench
+
     scale = _scale(rows)
     at = cracking[0] if cracking else 0.0
     start = np.array([np.log(_start_conductance(rows, at * scale)), *TYPICAL_B_M, at])

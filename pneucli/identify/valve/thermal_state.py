@@ -16,8 +16,6 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.integrate import solve_ivp
-from scipy.optimize import minimize_scalar
 
 from pneucli.physics.iso_flow import REFERENCE_DENSITY, REFERENCE_TEMPERATURE
 
@@ -92,6 +90,9 @@ def conductance_factor(vessel: Vessel, conductance: float, heat_transfer: float,
         start: Temperature of the gas at the start in K.
         fills: Whether the path fills the vessel.
     """
+    from scipy.integrate import solve_ivp  # noqa: PLC0415 - slow to import, and few valve tests show heat
+    from scipy.optimize import minimize_scalar  # noqa: PLC0415 - slow to import, and few valve tests show heat
+
     begin, end = (vessel.ambient, vessel.supply) if fills else (vessel.supply, vessel.ambient)
     unit = vessel.volume / (conductance * REFERENCE_DENSITY * vessel.gas_constant * vessel.temperature)  # s
     target = begin + SHARE_OF_CURVE * (end - begin)

@@ -7,7 +7,6 @@ from dataclasses import dataclass, fields
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.ndimage import uniform_filter1d
 
 from pneucli.errors import InputError
 from pneucli.identify.valve.resampling import MAX_RESAMPLING_ERROR, interpolation_error, is_unevenly_sampled, resample
@@ -201,6 +200,8 @@ def average_readings(rows: Array, readings: int) -> Array:
 
 
 def _supply_pressure(recording: Recording, supply_pressure: float | None) -> Array:
+    from scipy.ndimage import uniform_filter1d  # noqa: PLC0415 - slow to import, and few recordings have a supply pressure
+
     if "p_supply" in recording:
         window = max(1, round(SUPPLY_AVERAGING_TIME / recording.period))
         return np.asarray(uniform_filter1d(recording["p_supply"], window, mode="nearest"), dtype=np.float64)

@@ -22,7 +22,6 @@ from dataclasses import dataclass, field
 from typing import Literal
 
 import numpy as np
-from scipy.optimize import brentq
 from scipy.special import ndtr
 
 from pneucli.recording import Calibration
@@ -163,6 +162,8 @@ def propagated_interval(value: float, relative: float, factors: tuple[float, flo
     >>> [round(end, 3) for end in propagated_interval(1.0, 1e-6, (1.0, 1.4))]  # 95 % of the rectangle
     [1.01, 1.39]
     """
+    from scipy.optimize import brentq  # noqa: PLC0415 - slow to import, and few budgets ask for it
+
     middle, half = 0.5 * (factors[1] + factors[0]), 0.5 * (factors[1] - factors[0])
     nodes, weights = np.polynomial.legendre.leggauss(QUADRATURE_POINTS)
     places = middle + half * nodes
