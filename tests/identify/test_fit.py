@@ -275,6 +275,41 @@ def test_long_recordings_are_simulated_one_at_a_time(monkeypatch: pytest.MonkeyP
         assert p.max_parallel == together
 
 
+@pytest.mark.parametrize("scale", [1.0, 1e6])
+def test_corrected_derivatives_reproduce_the_step_in_any_units_and_stay_zero_where_they_were(scale: float) -> None:
+    p, move = problem(COULOMB, VISCOUS), np.array([0.1, 0.3])
+    truth = p.jacobian(p.start)
+    near = 0.8 * truth / [1.0, scale]
+    p.correct_jacobian(near, np.zeros(2), move * [1.0, scale], truth @ move)
+    assert (near * [1.0, scale])[: 2 * N] == pytest.approx(truth[: 2 * N], abs=1e-9)  # one parameter a channel
+    assert not near[:N, 1].any()
+
+
+def test_a_draft_evaluates_the_derivatives_alone_that_its_start_lacks(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Derivatives of a similar model lead to the same minimum; a fit to the end evaluates its own there."""
+    first, wanted = fitted(COULOMB), fitted(COULOMB, VISCOUS)
+    evaluated: list[tuple[int, ...]] = []
+    plain = LeastSquaresProblem.evaluate_columns
+
+    def evaluate(self: LeastSquaresProblem, z: np.ndarray, columns: Any, out: np.ndarray) -> None:
+        evaluated.append(tuple(columns))
+        plain(self, z, columns, out)
+
+    monkeypatch.setattr(LeastSquaresProblem, "evaluate_columns", evaluate)
+    views: Any = [Line()]
+    near = replace(first, jacobian=0.9 * first.jacobian)
+    start = model_fit.Similar(near, views).start([COULOMB, VISCOUS], views)
+    assert (start.own, start.is_exact) == ((1,), False)
+    draft = fit(first.model, views, [COULOMB, VISCOUS], start=start, is_draft=True)
+    assert {*evaluated} == {(1,)}
+    found = fit(first.model, views, [COULOMB, VISCOUS], start=start)
+    assert (0, 1) in evaluated
+    for one in (draft, found):
+        assert one["friction.viscous"].value == pytest.approx(wanted["friction.viscous"].value, rel=1e-4)
+    assert found.covariance == pytest.approx(wanted.covariance, rel=1e-3)
+    assert not draft.covariance.any()
+
+
 # --- joining
 
 

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from pneucli.identify.estimation.least_squares import Solution, minimise, pseudo_inverse
+from pneucli.identify.estimation.least_squares import Approximation, Solution, minimise, pseudo_inverse
 
 WIDE = (np.array([-100.0]), np.array([100.0]))
 ONES = np.ones(1000)
@@ -61,10 +61,21 @@ class Decay:
         decay = np.exp(-z[1] * self.t)
         return np.column_stack([decay, -z[0] * self.t * decay])
 
-    def fitted(self, start: tuple[float, float], at_start: np.ndarray | None = None) -> Solution[np.ndarray]:
-        wide = (np.full(2, -9.0), np.full(2, 9.0))
+    def fitted(
+        self,
+        start: tuple[float, float],
+        at_start: np.ndarray | None = None,
+        approximation: Approximation[np.ndarray] | None = None,
+    ) -> Solution[np.ndarray]:
         return minimise(
-            self, self.jacobian, np.array(start), wide, max_iterations=40, tolerance=1e-5, initial_jacobian=at_start
+            self,
+            self.jacobian,
+            np.array(start),
+            (np.full(2, -9.0), np.full(2, 9.0)),
+            max_iterations=40,
+            tolerance=1e-5,
+            initial_jacobian=at_start,
+            approximation=approximation,
         )
 
 
@@ -81,6 +92,35 @@ def test_a_fit_that_has_ended_asks_for_no_more_derivatives():
     found = one.fitted((2.0, 1.0))
     assert found.z == pytest.approx([3.0, 0.7], abs=1e-3)
     assert one.asked == found.iterations
+
+
+def broyden(jacobian: np.ndarray, before: np.ndarray, after: np.ndarray, change: np.ndarray) -> None:
+    move = after - before
+    jacobian += np.outer(change - jacobian @ move, move) / (move @ move)
+
+
+def test_corrected_derivatives_take_the_place_of_new_ones():
+    plain, corrected = Decay(), Decay()
+    plain.fitted((1.0, 2.0))
+    found = corrected.fitted((1.0, 2.0), approximation=Approximation(broyden))
+    assert found.z == pytest.approx([3.0, 0.7], abs=1e-3)
+    assert corrected.asked < plain.asked
+    assert found.jacobian == pytest.approx(Decay().jacobian(found.z), abs=0.05)  # new ones, at the last step's start
+
+
+def test_a_search_that_may_end_with_corrected_derivatives_evaluates_none():
+    one = Decay()
+    found = minimise(
+        lambda z: np.append(one(z), 10.0),  # a floor, as of noise
+        lambda z: pytest.fail("new derivatives"),
+        np.array([2.0, 1.0]),
+        (np.full(2, -9.0), np.full(2, 9.0)),
+        max_iterations=9,
+        tolerance=1e-6,
+        initial_jacobian=np.vstack([one.jacobian(np.array([2.8, 0.8])), np.zeros(2)]),
+        approximation=Approximation(broyden, start_is_exact=False, suffices=True),
+    )
+    assert found.z == pytest.approx([3.0, 0.7], abs=0.02)
 
 
 def test_a_short_step_is_followed_by_another_with_the_same_derivatives():

@@ -12,7 +12,7 @@ import pytest
 from pneucli.errors import InputError
 from pneucli.identify.estimation import model_fit as added
 from pneucli.identify.estimation import score_test
-from pneucli.identify.estimation.fit import FULL_CONVERGENCE, Fit, StoppingRule
+from pneucli.identify.estimation.fit import FULL_CONVERGENCE, Fit
 from pneucli.identify.estimation.model_fit import fit_with_effect, require_finite
 from pneucli.identify.estimation.parameters import FreeParameter, base_parameters, effect_parameters, null_value
 from pneucli.identify.estimation.score_test import ScoreTest, initial_guesses, scaled_initial_guess, score_tests
@@ -311,15 +311,20 @@ class Scripted:
         self.begun: list[dict[str, float]] = []
         monkeypatch.setattr(added, "free_parameters", lambda *a, **k: [])
         monkeypatch.setattr(added, "_affected_residual_models", lambda *a: (np.array([True]), set()))
-        monkeypatch.setattr(added, "_with_overlap_reestimated", lambda part, views, stopping: part)
+        monkeypatch.setattr(added, "_with_overlap_reestimated", lambda part, views, **_: part)
         monkeypatch.setattr(added, "merge_partial_fit", lambda found, part, views, chosen: part)
 
-        def fit(started: Any, views: Any, free: Any, stopping: StoppingRule) -> Any:
+        def fit(started: Any, *_: Any, **__: Any) -> Any:
             values = {n: v for n, v in started.values.items() if n.startswith(("constant", "position"))}
-            self.begun.append(values)
-            return SimpleNamespace(model=started, cost=cost(values))
+            return SimpleNamespace(model=started, cost=cost(values), free=[], values=values)
 
-        monkeypatch.setattr(added, "_fit_coarse_to_fine", fit)
+        def draft(started: Any, *_: Any, is_draft: bool, **__: Any) -> Any:
+            assert is_draft
+            self.begun.append(fit(started).values)
+            return fit(started)
+
+        monkeypatch.setattr(added, "_fit_coarse_to_fine", draft)
+        monkeypatch.setattr(added, "fit", fit)
 
 
 def promised(*values: float, step: float = 1.0) -> list[ScoreTest]:
@@ -372,9 +377,9 @@ def test_an_effect_without_a_scale_is_refused_by_name() -> None:
 def test_edges_are_fitted_with_ever_smaller_differences(monkeypatch: pytest.MonkeyPatch) -> None:
     steps: list[tuple[float, ...]] = []
 
-    def fit(started: Any, views: Any, free: Any, stopping: StoppingRule) -> Any:
+    def fit(started: Any, views: Any, free: Any, **_: Any) -> Any:
         steps.append(tuple(f.step for f in free))
-        return SimpleNamespace(model=started)
+        return SimpleNamespace(model=started, free=free, jacobian=np.zeros((0, len(free))))
 
     monkeypatch.setattr(added, "fit", fit)
     plain, edge = (

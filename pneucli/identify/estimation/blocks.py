@@ -50,6 +50,12 @@ def residual_slices(residual_models: Sequence[ResidualModel]) -> list[slice]:
     return [slice(*rows) for rows in pairwise(ends)]
 
 
+def channel_slices(residual_models: Sequence[ResidualModel]) -> list[slice]:
+    """Return the rows of each channel of each residual model in the stacked residuals."""
+    ends = np.cumsum([0, *(one.experiment.time.size for one in residual_models for _ in one.channels)]).tolist()
+    return [slice(*rows) for rows in pairwise(ends)]
+
+
 def copy_nonzero(
     source: Array, source_rows: Sequence[slice], target: Array, target_rows: Sequence[slice], factor: float = 1.0
 ) -> None:

@@ -16,9 +16,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pneucli.identify.estimation.blocks import copy_nonzero, group_scores, residual_slices
-from pneucli.identify.estimation.least_squares import minimise, pseudo_inverse
+from pneucli.identify.estimation.least_squares import Approximation, minimise, pseudo_inverse
 from pneucli.identify.estimation.objective import LeastSquaresProblem
-from pneucli.identify.estimation.parameters import FreeParameter
+from pneucli.identify.estimation.parameters import DIFFERENCE_STEP, FreeParameter
 from pneucli.identify.estimation.progress import iteration_callback
 from pneucli.identify.residuals import ResidualModel
 from pneucli.quantities import Z95
@@ -99,13 +99,27 @@ class Fit:
         return next(e for e in self.estimates if e.name == name)
 
 
+@dataclass(frozen=True)
+class Start:
+    """Derivatives (N, k) at the start of a fit.
+
+    ``is_exact``: they are those at the start; else they are those of a similar model, except for the columns ``own``,
+    which the fit evaluates.
+    """
+
+    jacobian: Array
+    is_exact: bool = True
+    own: tuple[int, ...] = ()
+
+
 def fit(
     model: Model,
     residual_models: Sequence[ResidualModel],
     free: Sequence[FreeParameter],
     *,
     stopping: StoppingRule = FULL_CONVERGENCE,
-    initial_jacobian: Array | None = None,
+    start: Start | None = None,
+    is_draft: bool = False,
 ) -> Fit:
     """Fit the free parameters from their start values by bounded least squares.
 
@@ -114,7 +128,9 @@ def fit(
         residual_models: The residual models whose squares are summed.
         free: The free parameters with start values, bounds and priors.
         stopping: When to stop.
-        initial_jacobian: Derivatives (N, k) at the start, where an earlier fit ended there and has them.
+        start: Derivatives at the start, where another fit has them.
+        is_draft: Whether derivatives of a similar model suffice to the end; new ones are evaluated for the columns
+            ``start.own`` alone. A draft has no covariance.
 
     Returns:
         The fit, with a covariance by blocks.
@@ -124,17 +140,37 @@ def fit(
     if not free:
         residual = np.concatenate([*problem.data_residuals(model), problem.prior_residuals(np.zeros(0))])
         return _fit_summary(problem, np.zeros(0), residual, np.zeros((residual.size, 0)))
+    initial = None if start is None else _with_prior_rows(problem, start.jacobian)
+    if start is not None and initial is not None:
+        problem.evaluate_columns(problem.start, start.own, initial)
+
+    def refreshed(z: Array) -> Array:
+        assert start is not None
+        assert initial is not None
+        problem.evaluate_columns(z, start.own, initial)
+        return initial
+
+    def corrected(jacobian: Array, before: Array, after: Array, change: Array) -> None:
+        problem.correct_jacobian(jacobian, before, after, change)
+        if edges:  # a step tells nothing of the next one where a residual is not smooth
+            problem.evaluate_columns(after, edges, jacobian)
+
+    is_draft = is_draft and start is not None
+    edges = [j for j, f in enumerate(free) if f.step > DIFFERENCE_STEP]
     solution = minimise(
-        *(problem.residuals, problem.jacobian, problem.start, problem.bounds()),
+        *(problem.residuals, refreshed if is_draft else problem.jacobian, problem.start, problem.bounds()),
         max_iterations=stopping.max_iterations,
         tolerance=stopping.tolerance,
         callback=iteration_callback([e.name for e in model.effects], problem.blocks().size),
-        initial_jacobian=None if initial_jacobian is None else _with_prior_rows(problem, initial_jacobian),
+        initial_jacobian=initial,
+        approximation=Approximation(corrected, start_is_exact=start is None or start.is_exact, suffices=is_draft),
     )
-    return _fit_summary(problem, solution.z, solution.residual, solution.jacobian)
+    return _fit_summary(problem, solution.z, solution.residual, solution.jacobian, has_covariance=not is_draft)
 
 
-def _fit_summary(problem: LeastSquaresProblem, z: Array, residual: Array, jacobian: Array) -> Fit:
+def _fit_summary(
+    problem: LeastSquaresProblem, z: Array, residual: Array, jacobian: Array, *, has_covariance: bool = True
+) -> Fit:
     blocks = problem.blocks()
     n = blocks.size
     if not problem.free:
@@ -143,10 +179,11 @@ def _fit_summary(problem: LeastSquaresProblem, z: Array, residual: Array, jacobi
     for column in jacobian.T:  # an overflow identifies nothing; zeros that are not written take no memory
         if not (column.min(initial=0.0) > -MAX_DERIVATIVE and column.max(initial=0.0) < MAX_DERIVATIVE):
             column[~(np.abs(column) < MAX_DERIVATIVE)] = 0.0
-    inverse_hessian = pseudo_inverse(jacobian.T @ jacobian)
-    scores = group_scores(jacobian[:n], residual[:n], blocks)
-    score_covariance = scores.T @ scores + jacobian[n:].T @ jacobian[n:]
-    covariance = inverse_hessian @ score_covariance @ inverse_hessian
+    covariance = np.zeros((z.size, z.size))
+    if has_covariance:
+        inverse_hessian = pseudo_inverse(jacobian.T @ jacobian)
+        scores = group_scores(jacobian[:n], residual[:n], blocks)
+        covariance = inverse_hessian @ (scores.T @ scores + jacobian[n:].T @ jacobian[n:]) @ inverse_hessian
     model = problem.model_at(z)
     return Fit(
         model,

@@ -23,6 +23,7 @@ Array = NDArray[np.float64]
 INITIAL_DAMPING = 1e-3
 MAX_DAMPING = 1e8
 MAX_DAMPING_TRIES = 8  # increases of the damping before the search gives up
+MAX_APPROXIMATE_STEPS = 8  # with corrected derivatives, then new ones are evaluated
 MAX_DECREASE_FOR_REUSE = 0.01  # of the cost: after a smaller decrease the derivatives have hardly changed
 MIN_EXTENSION_RATIO = 1.5  # times the predicted decrease: a step that gains more was too short
 MAX_STEP_DOUBLINGS = 6  # of a step that was too short
@@ -37,6 +38,20 @@ class NormalEquations(NamedTuple):
 
 
 J = TypeVar("J", Array, NormalEquations)
+
+
+@dataclass(frozen=True)
+class Approximation(Generic[J]):
+    """How derivatives are corrected without a new evaluation.
+
+    ``correct`` changes derivatives in place by a step, given by its start and its end, and by the change of the
+    residuals over it. ``start_is_exact``: the initial derivatives are those at the start. ``suffices``: the search may
+    end with corrected derivatives.
+    """
+
+    correct: Callable[[J, Array, Array, Array], None]
+    start_is_exact: bool = True
+    suffices: bool = False
 
 
 @dataclass(frozen=True)
@@ -70,10 +85,12 @@ def minimise(
     tolerance: float,
     callback: Callable[[float], None] = lambda cost: None,
     initial_jacobian: J | None = None,
+    approximation: Approximation[J] | None = None,
 ) -> Solution[J]:
     """Minimise a sum of squares within bounds.
 
-    Near the minimum, where steps are short, one set of derivatives serves several steps.
+    Derivatives serve for more than one step while the steps gain as predicted: near the minimum, or, with an
+    ``approximation``, everywhere. The search ends where a step with new derivatives gains little.
 
     Args:
         residuals: Function of the coordinates (k,) to the residuals (N,).
@@ -84,6 +101,7 @@ def minimise(
         tolerance: Relative decrease of the cost below which a step with new derivatives ends the search.
         callback: Function that receives the cost at the start and after each iteration.
         initial_jacobian: The derivatives at the start, where they are available.
+        approximation: How derivatives are corrected without a new evaluation.
 
     Returns:
         The solution; its derivatives are those from which the last step was taken.
@@ -99,22 +117,28 @@ def minimise(
     """
     z, damping = np.clip(start, *bounds), INITIAL_DAMPING
     r, j = residuals(z), jacobian(z) if initial_jacobian is None else initial_jacobian
+    is_new = initial_jacobian is None or approximation is None or approximation.start_is_exact
     callback(_sum_of_squares(r))
     for done in range(1, max_iterations + 1):
-        has_new_jacobian, decrease = True, np.inf
-        while (
-            step := _step(residuals, z, r, j, bounds, damping, MAX_DAMPING_TRIES if has_new_jacobian else 1)
-        ) is not None:
+        step, decrease, steps = None, np.inf, 0
+        tries = MAX_DAMPING_TRIES if is_new or (approximation is not None and approximation.suffices) else 1
+        while (step := _step(residuals, z, r, j, bounds, damping, tries)) is not None:
             decrease = 1.0 - _sum_of_squares(step.residual) / _sum_of_squares(r)
-            z, r, damping = step.z, step.residual, step.damping
-            if decrease < tolerance or decrease > MAX_DECREASE_FOR_REUSE or not step.as_predicted:
+            before, change = z, step.residual - r
+            z, r, damping, steps = step.z, step.residual, step.damping, steps + 1
+            if decrease < tolerance or not step.as_predicted:
                 break
-            has_new_jacobian = False
+            if approximation is not None and steps < MAX_APPROXIMATE_STEPS:
+                approximation.correct(j, before, z, change)
+            elif decrease > MAX_DECREASE_FOR_REUSE:
+                break
+            is_new, tries = False, 1
         callback(_sum_of_squares(r))
-        if has_new_jacobian and (step is None or decrease < tolerance):
+        is_settled = step is None or decrease < tolerance
+        if is_settled and (is_new or (approximation is not None and approximation.suffices)):
             return Solution(z, r, j, done)
         del j  # frees the largest array before the next one is allocated
-        j = jacobian(z)
+        j, is_new = jacobian(z), True
     return Solution(z, r, j, max_iterations)
 
 

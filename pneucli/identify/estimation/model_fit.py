@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
-from dataclasses import replace
+from collections.abc import Callable, Collection, Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from pneucli.errors import InputError
 from pneucli.identify.estimation.blocks import copy_nonzero, residual_counts, residual_slices
 from pneucli.identify.estimation.direct_starts import direct_base_friction
-from pneucli.identify.estimation.fit import FULL_CONVERGENCE, Fit, StoppingRule, fit, merge_partial_fit
+from pneucli.identify.estimation.fit import FULL_CONVERGENCE, Fit, Start, StoppingRule, fit, merge_partial_fit
 from pneucli.identify.estimation.parameters import (
     DIFFERENCE_STEP,
     FreeParameter,
@@ -30,6 +30,7 @@ from pneucli.simulate.valve_forms.area import ValveArea
 Array = NDArray[np.float64]
 
 MAX_EDGE_STARTS = 4  # best starts of an effect with an edge: its residual is not smooth, so a fit ends near its start
+DRAFT_TOLERANCE = 5e-3  # of the cost: as exactly as starts are compared
 REFINEMENT_SIGMA = 4.0  # standard errors from its null, beyond which a parameter that refines an effect is fitted
 MIN_REFINEMENT_SHARE = 0.02  # of the cost that it must take: as much as matters where little more than noise is left
 
@@ -132,28 +133,33 @@ def fit_with_effect(
 
     chosen, names = _affected_residual_models(fitted, residual_models, effect)
     affected = [one for one, is_affected in zip(residual_models, chosen, strict=True) if is_affected]
+    similar = Similar(fitted, residual_models)
+    has_edge = any(p.step for p in effect.parameters)  # a fit of an edge ends near its start
+    drafting = stopping if has_edge else StoppingRule(stopping.max_iterations, max(stopping.tolerance, DRAFT_TOLERANCE))
 
-    def fit_from(start: Model) -> Fit:
+    def draft_from(start: Model) -> Fit:
         free = free_parameters(start, residual_models)
         free = [f for f in free if f.name in names or f.name.startswith(f"{effect.name}.")]
-        part = _fit_coarse_to_fine(start, affected, free, stopping=stopping)
-        return merge_partial_fit(
-            fitted, _with_overlap_reestimated(part, affected, stopping=stopping), residual_models, chosen
-        )
+        part = _fit_coarse_to_fine(start, affected, free, stopping=drafting, similar=similar, is_draft=True)
+        return _with_overlap_reestimated(part, affected, stopping=drafting, is_draft=True)
 
-    def fit_from_test(test: ScoreTest, step_share: float) -> Fit:
-        return fit_from(with_effect(model, effect, scaled_initial_guess(effect, test, model, quantities, step_share)))
+    def draft_from_test(test: ScoreTest, step_share: float) -> Fit:
+        return draft_from(with_effect(model, effect, scaled_initial_guess(effect, test, model, quantities, step_share)))
 
-    if any(p.step for p in effect.parameters):  # a fit of an edge ends near its start
-        return min((fit_from_test(test, 1.0) for test in ranked[:MAX_EDGE_STARTS]), key=lambda f: f.cost)
+    def completed(part: Fit) -> Fit:
+        part = fit(part.model, affected, _with_current_values(part.model, part.free), stopping=stopping)
+        return merge_partial_fit(fitted, part, residual_models, chosen)
+
+    if has_edge:
+        return completed(min((draft_from_test(test, 1.0) for test in ranked[:MAX_EDGE_STARTS]), key=lambda f: f.cost))
     promising = [ranked[0], *(test for test in ranked[1:] if test.direct and test.gain > 0.0)]
-    first = min((fit_from_test(test, 1.0) for test in promising), key=lambda f: f.cost)
+    first = completed(min((draft_from_test(test, 1.0) for test in promising), key=lambda f: f.cost))
     if first.cost > fitted.cost:  # the predicted step was too long: start close to the null
-        first = fit_from_test(ranked[0], 0.05)
+        first = completed(draft_from_test(ranked[0], 0.05))
     profile_minimum = lower_profile_minimum(first, residual_models, effect, quantities)
     if profile_minimum is not None:
-        first = min(first, fit_from(first.model.with_values(profile_minimum)), key=lambda f: f.cost)
-    return _refined(first, effect, fit_from)
+        first = min(first, completed(draft_from(first.model.with_values(profile_minimum))), key=lambda f: f.cost)
+    return _refined(first, effect, lambda start: completed(draft_from(start)))
 
 
 def _refined(fitted: Fit, effect: Effect, fit_from: Callable[[Model], Fit]) -> Fit:
@@ -188,23 +194,66 @@ def _affected_residual_models(
         chosen = wider
 
 
+@dataclass(frozen=True)
+class Similar:
+    """A fit of a similar model to more residual models, whose derivatives a fit may start from."""
+
+    fitted: Fit
+    residual_models: Sequence[ResidualModel]
+
+    def start(
+        self, free: Sequence[FreeParameter], residual_models: Sequence[ResidualModel], own: Collection[str] = ()
+    ) -> Start:
+        """Return the derivatives in the coordinates of free parameters; those by others, and by ``own``, are missing.
+
+        The coordinate of a parameter is its distance from the null at the start, which a fit changes.
+        """
+        source_rows = dict(zip(map(id, self.residual_models), residual_slices(self.residual_models), strict=True))
+        rows = residual_slices(residual_models)
+        columns = {f.name: j for j, f in enumerate(self.fitted.free)}
+        out = np.zeros((sum(residual_counts(residual_models)), len(free)), order="F")
+        for target, f in zip(out.T, free, strict=True):
+            if f.name in columns and f.name not in own:
+                j, value = columns[f.name], parameter_value(self.fitted.model, f.name)
+                factor = f.derivative(value) / self.fitted.free[j].derivative(value)
+                source = [source_rows[id(one)] for one in residual_models]
+                copy_nonzero(self.fitted.jacobian[:, j], source, target, rows, factor)
+        missing = tuple(j for j, f in enumerate(free) if f.name not in columns or f.name in own)
+        return Start(out, is_exact=False, own=missing)
+
+
 def _fit_coarse_to_fine(
-    model: Model, residual_models: Sequence[ResidualModel], free: Sequence[FreeParameter], *, stopping: StoppingRule
+    model: Model,
+    residual_models: Sequence[ResidualModel],
+    free: Sequence[FreeParameter],
+    *,
+    stopping: StoppingRule,
+    similar: Similar | None = None,
+    own: Collection[str] = (),
+    is_draft: bool = False,
 ) -> Fit:
-    """Fit; where a parameter has an edge, at which a residual is not smooth, with decreasing difference steps."""
-    has_edges = any(f.step > DIFFERENCE_STEP for f in free)
-    for factor in (12.0, 4.0) if has_edges else ():
+    """Fit; where a parameter has an edge, at which a residual is not smooth, with decreasing difference steps.
+
+    The derivatives at the start are those of a ``similar`` fit, but for parameters that it lacks and the ``own`` ones.
+    """
+    edges = [f.name for f in free if f.step > DIFFERENCE_STEP]
+    for factor in (12.0, 4.0) if edges else ():
         coarse = [replace(f, step=factor * f.step) if f.step > DIFFERENCE_STEP else f for f in free]
-        model = fit(model, residual_models, coarse, stopping=stopping).model
+        start = similar.start(coarse, residual_models, own) if similar else None
+        found = fit(model, residual_models, coarse, stopping=stopping, start=start, is_draft=True)
+        model, similar, own = found.model, Similar(found, residual_models), edges
         free = _with_current_values(model, free)
-    return fit(model, residual_models, free, stopping=stopping)
+    start = similar.start(free, residual_models, own) if similar else None
+    return fit(model, residual_models, free, stopping=stopping, start=start, is_draft=is_draft)
 
 
 def _with_current_values(model: Model, free: Sequence[FreeParameter]) -> list[FreeParameter]:
     return [replace(f, start=parameter_value(model, f.name)) for f in free]
 
 
-def _with_overlap_reestimated(fitted: Fit, residual_models: Sequence[ResidualModel], *, stopping: StoppingRule) -> Fit:
+def _with_overlap_reestimated(
+    fitted: Fit, residual_models: Sequence[ResidualModel], *, stopping: StoppingRule, is_draft: bool = False
+) -> Fit:
     """Return the fit, or a better one with new overlaps where an overlap ended at its upper bound.
 
     At that bound the valve opens completely at its smallest knot, and the fit does not return by itself. The overlap of
@@ -221,7 +270,10 @@ def _with_overlap_reestimated(fitted: Fit, residual_models: Sequence[ResidualMod
     if not overlaps:
         return fitted
     model = with_parameters(fitted.model, overlaps)
-    refitted = _fit_coarse_to_fine(model, residual_models, _with_current_values(model, fitted.free), stopping=stopping)
+    free, similar = _with_current_values(model, fitted.free), Similar(fitted, residual_models)
+    refitted = _fit_coarse_to_fine(
+        model, residual_models, free, stopping=stopping, similar=similar, own=overlaps, is_draft=is_draft
+    )
     return min(fitted, refitted, key=lambda f: f.cost)
 
 
@@ -266,25 +318,11 @@ def refit(fitted: Fit, residual_models: Sequence[ResidualModel], *, stopping: St
 
     """
     free = free_parameters(fitted.model, residual_models)
-    jacobian = _rescaled_jacobian(fitted, residual_models, free)
-    return fit(fitted.model, residual_models, free, stopping=stopping, initial_jacobian=jacobian)
-
-
-def _rescaled_jacobian(
-    fitted: Fit, residual_models: Sequence[ResidualModel], free: Sequence[FreeParameter]
-) -> Array | None:
-    """Return a fit's derivatives (N, k) in the coordinates of free parameters; None for other parameters.
-
-    The coordinate of a parameter is its distance from the null at the start, which a fit changes.
-    """
-    if [f.name for f in free] != [f.name for f in fitted.free]:
-        return None
-    values = [parameter_value(fitted.model, f.name) for f in free]
-    scale = [new.derivative(one) / old.derivative(one) for new, old, one in zip(free, fitted.free, values, strict=True)]
-    out, rows = np.zeros(fitted.jacobian.shape, order="F"), residual_slices(residual_models)
-    for source, target, factor in zip(fitted.jacobian.T, out.T, scale, strict=True):
-        copy_nonzero(source, rows, target, rows, factor)
-    return out
+    start = Similar(fitted, residual_models).start(free, residual_models)
+    is_same = not start.own and len(free) == len(fitted.free)
+    return fit(
+        fitted.model, residual_models, free, stopping=stopping, start=replace(start, is_exact=True) if is_same else None
+    )
 
 
 def fit_without(
@@ -303,4 +341,5 @@ def fit_without(
 
     """
     model = replace(fitted.model, effects=tuple(e for e in fitted.model.effects if e.name != effect.name))
-    return _fit_coarse_to_fine(model, residual_models, free_parameters(model, residual_models), stopping=stopping)
+    free, similar = free_parameters(model, residual_models), Similar(fitted, residual_models)
+    return _fit_coarse_to_fine(model, residual_models, free, stopping=stopping, similar=similar)

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pneucli.executors import thread_count
-from pneucli.identify.estimation.blocks import block_labels, residual_counts
+from pneucli.identify.estimation.blocks import block_labels, channel_slices, residual_counts
 from pneucli.identify.estimation.parameters import DIFFERENCE_STEP, FreeParameter
 from pneucli.identify.residuals import ResidualModel
 from pneucli.simulate.model import Model, with_parameters
@@ -82,15 +82,22 @@ class LeastSquaresProblem:
 
     def jacobian(self, z: Array) -> Array:
         """Return the derivatives (N + p, k) by differences; evaluate only residual models that change."""
+        prior, rows = self.prior_jacobian(z), sum(residual_counts(self.residual_models))
+        # column by column: pages of residual models that a parameter does not change are never touched
+        out = np.zeros((rows + len(prior), z.size), order="F")
+        out[rows:] = prior
+        self.evaluate_columns(z, range(z.size), out)
+        return out
+
+    def evaluate_columns(self, z: Array, columns: Sequence[int], out: Array) -> None:
+        """Write the derivatives of the data by some coordinates to those columns of derivatives (N + p, k)."""
         base = self.model_at(z)
         offsets = np.cumsum([0, *residual_counts(self.residual_models)])
         nominal = np.split(self.residuals(z), offsets[1:])
-        lock, prior = Lock(), self.prior_jacobian(z)
-        # column by column: pages of residual models that a parameter does not change are never touched
-        out = np.zeros((offsets[-1] + len(prior), z.size), order="F")
-        out[offsets[-1] :] = prior
-        jobs = []
-        for j in range(z.size):
+        lock, jobs = Lock(), []
+        for j in columns:
+            if out[: offsets[-1], j].any():
+                out[: offsets[-1], j] = 0.0
             for step in self._steps(z, j):
                 shifted = z.copy()
                 shifted[j] += step
@@ -108,7 +115,30 @@ class LeastSquaresProblem:
                         out[offsets[i] + first : offsets[i] + first + size, j] += share * part
 
         _parallel(column, jobs, self.max_parallel)
-        return out
+
+    def correct_jacobian(self, jacobian: Array, before: Array, after: Array, change: Array) -> None:
+        """Correct derivatives (N + p, k) in place by the change of the residuals (N + p,) over a step between two
+        coordinates (k,).
+
+        The corrected derivatives reproduce the step. What they miss is shared among the columns in proportion to the
+        squares of their lengths, which does not depend on the units of the parameters; zeros stay zeros.
+
+        References:
+            L. K. Schubert, Math. Comput. 24 (1970) 27-30 (Broyden's update of a sparse Jacobian).
+
+        """
+        move = after - before
+        columns = np.flatnonzero(move)
+        for rows in channel_slices(self.residual_models):
+            parts = [(j, jacobian[rows, j]) for j in columns]
+            power = np.array([float(part @ part) for _, part in parts])
+            total = float(power @ move[columns] ** 2)
+            if not (total > 0.0 and np.isfinite(total)):
+                continue
+            missed = change[rows] - sum(move[j] * part for (j, part), p in zip(parts, power, strict=True) if p)
+            for j, p in zip(columns, power, strict=True):
+                if p:
+                    jacobian[rows, j] += (p * move[j] / total) * missed
 
     def prior_jacobian(self, z: Array) -> Array:
         """Return the derivatives (p, k) of the residuals of the priors."""
