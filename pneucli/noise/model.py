@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.linalg import solve_banded
+from scipy.linalg.lapack import dtbtrs
 
 Array = NDArray[np.float64]
 
@@ -59,7 +59,7 @@ class NoiseModel:
             state = self.pole * rng.standard_normal()
             innovations[0] += state
             recursion = np.vstack([np.ones(n), np.full(n, -self.pole)])  # y_k - pole y_(k-1) = innovation, by diagonals
-            noise += self.coloured * solve_banded((1, 0), recursion, innovations)
+            noise += self.coloured * dtbtrs(recursion, innovations, uplo="L", diag="U")[0]
         for frequency, amplitude in self.lines:
             noise += amplitude * np.sin(2 * np.pi * (frequency * time + rng.random()))
         return np.asarray(noise, dtype=np.float64)

@@ -11,8 +11,9 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
+
+from pneucli.caches import compiled
 
 Array = NDArray[np.float64]
 Symmetric = tuple[float, float, float, float, float, float]  # xx, xv, xa, vv, va, aa
@@ -20,7 +21,7 @@ Symmetric = tuple[float, float, float, float, float, float]  # xx, xv, xa, vv, v
 UNKNOWN = 1e10  # variance of the first state: nothing is known of it
 MIN_VARIANCE_RATIO = 1e-12  # of the predicted variance: below are rounding errors
 
-_compiled = njit(cache=True, nogil=True, error_model="numpy")
+_compiled = compiled(nogil=True, error_model="numpy")
 
 
 @_compiled

@@ -16,9 +16,9 @@ from functools import lru_cache
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
+from pneucli.caches import compiled
 from pneucli.noise import NoiseModel
 
 Array = NDArray[np.float64]
@@ -209,7 +209,7 @@ def choose_windows(y: Array, noise: NoiseModel, period: float) -> LocalPolynomia
     return LocalPolynomialSmoother(windows, for_value, for_slope, period)
 
 
-_compiled = njit(cache=True, nogil=True, fastmath={"reassoc", "contract"})  # sums in any order; NaN and inf propagate
+_compiled = compiled(nogil=True, fastmath={"reassoc", "contract"})  # sums in any order; NaN and inf propagate
 
 
 @_compiled

@@ -9,7 +9,6 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-from pneucli.changes.baseline import baseline_at_fit
 from pneucli.config import load
 from pneucli.diagnose.data import DiagnosisData
 from pneucli.diagnose.subsample import MAX_SAMPLES
@@ -22,7 +21,6 @@ from pneucli.pipeline.graph import STAGES
 from pneucli.simulate.model import Model
 from pneucli.stages.model_file import load_model, save_model
 from pneucli.stages.pipeline_data import PipelineData
-from pneucli.stages.tables.baseline import REFERENCE_FILE, write_baseline_table
 
 SOURCE_FILE = "source.json"  # the pipeline file's path from the folder of artifacts
 NO_ITERATION = StoppingRule(0, 0.0)
@@ -41,6 +39,9 @@ def fit_all_recordings(pipeline: PipelineData, data: DiagnosisData, model: Model
 
 def write_baseline(pipeline: PipelineData, data: DiagnosisData, fitted: Fit) -> None:
     """Write the baseline of a model that is fitted to all recordings."""
+    from pneucli.changes.baseline import baseline_at_fit  # noqa: PLC0415 - few diagnoses write one
+    from pneucli.stages.tables.baseline import write_baseline_table  # noqa: PLC0415
+
     residual_models = [*data.train, *data.held_out]
     baseline = baseline_at_fit(fitted, residual_models, data.absent_effects(fitted.model))
     write_baseline_table(pipeline, baseline)
@@ -53,6 +54,8 @@ def write_missing_baseline(folder: Path) -> None:
         InputError: The pipeline file of the diagnosis has changed since then, or is not there any more.
 
     """
+    from pneucli.stages.tables.baseline import REFERENCE_FILE  # noqa: PLC0415 - brings the comparison of two dates
+
     manifest = staleness.read_manifest(folder)
     if (folder / REFERENCE_FILE).is_file() or not (folder / SOURCE_FILE).is_file() or manifest is None:
         return

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import asdict
 from typing import Any
 
@@ -12,9 +12,7 @@ import pyarrow as pa
 
 from pneucli.compare import ChannelResult, Comparison, Region, compare, find_error_regions, overall_error
 from pneucli.compare.expected_error import expected_rms_of_all
-from pneucli.compare.purpose import assess_purpose
 from pneucli.compare.residual_correlation import Correlation, residual_correlations
-from pneucli.config.stage_tables import Channel
 from pneucli.identify.valve.flow_bench import FlowComparison
 from pneucli.io.artifacts import TableWriter, schema_of, write_table
 from pneucli.pipeline.context import Context
@@ -24,6 +22,7 @@ from pneucli.stages import controller_logs, history
 from pneucli.stages.flow_bench import compare_flow_recordings, flow_results, write_flow_residuals
 from pneucli.stages.model_file import load_model
 from pneucli.stages.pipeline_data import PipelineData
+from pneucli.stages.purpose_answer import purpose_answer
 
 RESIDUALS_FILE = "residuals.parquet"
 
@@ -75,12 +74,6 @@ def _answer(study: PipelineData, results: Sequence[ChannelResult], regions: Sequ
         "purpose": purpose_answer(results, study.context.config.compare.tolerance),
         "data": study.data_digest,
     }
-
-
-def purpose_answer(results: Sequence[ChannelResult], tolerances: Mapping[Channel, float]) -> dict[str, Any] | None:
-    """Return whether the model serves its user, as JSON has it; None where no channel can tell."""
-    found = assess_purpose(results, {str(channel): limit for channel, limit in tolerances.items()})
-    return None if found is None else {"adequate": found.adequate, "worst": asdict(found.worst)}
 
 
 def _nan_to_null(row: dict[str, Any]) -> dict[str, Any]:

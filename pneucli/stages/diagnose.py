@@ -37,8 +37,6 @@ from pneucli.plausibility.repaired import impossible_findings
 from pneucli.simulate.model import Model
 from pneucli.stages import history
 from pneucli.stages.baseline import fit_all_recordings, write_baseline
-from pneucli.stages.changes import compare_with_baseline
-from pneucli.stages.compare import purpose_answer
 from pneucli.stages.diagnosis_answer import (
     detectability_answer,
     discrepancy_answer,
@@ -50,6 +48,7 @@ from pneucli.stages.flow_diagnosis import diagnose_flow_only, flow_diagnosis
 from pneucli.stages.leak_answer import per_vessel_volume
 from pneucli.stages.parameters_answer import parameters_answer
 from pneucli.stages.pipeline_data import PipelineData
+from pneucli.stages.purpose_answer import purpose_answer
 from pneucli.stages.tables.diagnosis import SHAPE_FILE, write_diagnosis
 
 
@@ -94,6 +93,8 @@ def run(context: Context) -> dict[str, Any]:
     if (flow := flow_diagnosis(pipeline)) is not None:
         answer["flow"] = {key: flow[key] for key in ("verdict", "missing", "ladder", "sentence")}
     if since := context.options.get("since"):
+        from pneucli.stages.changes import compare_with_baseline  # noqa: PLC0415 - few diagnoses have an older one
+
         answer |= compare_with_baseline(pipeline, data, since)
     return answer | history.record_model(context, answer, SHAPE_FILE)
 

@@ -31,9 +31,9 @@ from pneucli.messages.verdict import impossible_data_sentence, warning_text
 from pneucli.physics.declaration import Effect
 from pneucli.plausibility.repaired import impossible_findings
 from pneucli.stages import history
-from pneucli.stages.compare import purpose_answer
 from pneucli.stages.flow_bench import LEAK_PORT, RATIO_PORT, flow_bench, flow_results
 from pneucli.stages.pipeline_data import PipelineData
+from pneucli.stages.purpose_answer import purpose_answer
 from pneucli.stages.tables.diagnosis import SHAPE_FILE, write_flow_diagnosis
 
 Answer = dict[str, Any]

@@ -29,6 +29,7 @@ class Line:
     """A view whose channels are a wave times Coulomb friction, and one times viscous friction, plus noise of 2."""
 
     name = "a line"
+    is_simulated = True
     weights: dict[str, float] = {}  # noqa: RUF012 - never changed in place
 
     def __init__(self, channels: tuple[str, ...] = ("x", "a"), seed: int = 1, noise: float = 2.0) -> None:

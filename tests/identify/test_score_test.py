@@ -232,7 +232,7 @@ EXTENT = SignalRanges(command=10.0, pressure=6e5, force=400.0, speed=0.5, low=0.
 class View:
     """A view of one channel whose residual falls by a wave times the force."""
 
-    channels = ("x",)
+    channels, is_simulated = ("x",), True
 
     def __init__(self, wave: np.ndarray, felt: bool = True) -> None:
         self.wave, self.felt = wave, felt
@@ -379,7 +379,9 @@ def test_edges_are_fitted_with_ever_smaller_differences(monkeypatch: pytest.Monk
 
     def fit(started: Any, views: Any, free: Any, **_: Any) -> Any:
         steps.append(tuple(f.step for f in free))
-        return SimpleNamespace(model=started, free=free, jacobian=np.zeros((0, len(free))))
+        return SimpleNamespace(
+            model=started, free=free, jacobian=np.zeros((0, len(free))), initial_state_sensitivities=[]
+        )
 
     monkeypatch.setattr(added, "fit", fit)
     plain, edge = (

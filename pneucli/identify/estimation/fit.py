@@ -104,10 +104,11 @@ class Start:
     """Derivatives (N, k) at the start of a fit.
 
     ``is_exact``: they are those at the start; else they are those of a similar model, except for the columns ``own``,
-    which the fit evaluates.
+    which the fit evaluates. ``sensitivities`` are that model's to the initial states, one mapping a residual model.
     """
 
     jacobian: Array
+    sensitivities: Sequence[Mapping[str, Array]]
     is_exact: bool = True
     own: tuple[int, ...] = ()
 
@@ -136,7 +137,10 @@ def fit(
         The fit, with a covariance by blocks.
 
     """
-    problem = LeastSquaresProblem(model, residual_models, free)
+    is_draft = is_draft and start is not None
+    problem = LeastSquaresProblem(
+        model, residual_models, free, start.sensitivities if start is not None and is_draft else None
+    )
     if not free:
         residual = np.concatenate([*problem.data_residuals(model), problem.prior_residuals(np.zeros(0))])
         return _fit_summary(problem, np.zeros(0), residual, np.zeros((residual.size, 0)))
@@ -155,7 +159,6 @@ def fit(
         if edges:  # a step tells nothing of the next one where a residual is not smooth
             problem.evaluate_columns(after, edges, jacobian)
 
-    is_draft = is_draft and start is not None
     edges = [j for j, f in enumerate(free) if f.step > DIFFERENCE_STEP]
     solution = minimise(
         *(problem.residuals, refreshed if is_draft else problem.jacobian, problem.start, problem.bounds()),
@@ -163,7 +166,9 @@ def fit(
         tolerance=stopping.tolerance,
         callback=iteration_callback([e.name for e in model.effects], problem.blocks().size),
         initial_jacobian=initial,
-        approximation=Approximation(corrected, start_is_exact=start is None or start.is_exact, suffices=is_draft),
+        approximation=Approximation(corrected, start_is_exact=start is None or start.is_exact, suffices=is_draft)
+        if any(one.is_simulated for one in residual_models)
+        else None,
     )
     return _fit_summary(problem, solution.z, solution.residual, solution.jacobian, has_covariance=not is_draft)
 

@@ -133,21 +133,27 @@ def fit_with_effect(
 
     chosen, names = _affected_residual_models(fitted, residual_models, effect)
     affected = [one for one, is_affected in zip(residual_models, chosen, strict=True) if is_affected]
-    similar = Similar(fitted, residual_models)
+    is_simulated = any(one.is_simulated for one in affected)  # else derivatives are cheap, and friction is not smooth
+    similar = Similar(fitted, residual_models) if is_simulated else None
     has_edge = any(p.step for p in effect.parameters)  # a fit of an edge ends near its start
-    drafting = stopping if has_edge else StoppingRule(stopping.max_iterations, max(stopping.tolerance, DRAFT_TOLERANCE))
+    drafting = (
+        stopping
+        if has_edge or not is_simulated
+        else StoppingRule(stopping.max_iterations, max(stopping.tolerance, DRAFT_TOLERANCE))
+    )
 
     def draft_from(start: Model) -> Fit:
         free = free_parameters(start, residual_models)
         free = [f for f in free if f.name in names or f.name.startswith(f"{effect.name}.")]
-        part = _fit_coarse_to_fine(start, affected, free, stopping=drafting, similar=similar, is_draft=True)
-        return _with_overlap_reestimated(part, affected, stopping=drafting, is_draft=True)
+        part = _fit_coarse_to_fine(start, affected, free, stopping=drafting, similar=similar, is_draft=is_simulated)
+        return _with_overlap_reestimated(part, affected, stopping=drafting, is_draft=is_simulated)
 
     def draft_from_test(test: ScoreTest, step_share: float) -> Fit:
         return draft_from(with_effect(model, effect, scaled_initial_guess(effect, test, model, quantities, step_share)))
 
     def completed(part: Fit) -> Fit:
-        part = fit(part.model, affected, _with_current_values(part.model, part.free), stopping=stopping)
+        if is_simulated:
+            part = fit(part.model, affected, _with_current_values(part.model, part.free), stopping=stopping)
         return merge_partial_fit(fitted, part, residual_models, chosen)
 
     if has_edge:
@@ -208,18 +214,19 @@ class Similar:
 
         The coordinate of a parameter is its distance from the null at the start, which a fit changes.
         """
-        source_rows = dict(zip(map(id, self.residual_models), residual_slices(self.residual_models), strict=True))
-        rows = residual_slices(residual_models)
+        places = {id(one): i for i, one in enumerate(self.residual_models)}
+        chosen = [places[id(one)] for one in residual_models]
+        all_rows, rows = residual_slices(self.residual_models), residual_slices(residual_models)
         columns = {f.name: j for j, f in enumerate(self.fitted.free)}
         out = np.zeros((sum(residual_counts(residual_models)), len(free)), order="F")
         for target, f in zip(out.T, free, strict=True):
             if f.name in columns and f.name not in own:
                 j, value = columns[f.name], parameter_value(self.fitted.model, f.name)
                 factor = f.derivative(value) / self.fitted.free[j].derivative(value)
-                source = [source_rows[id(one)] for one in residual_models]
-                copy_nonzero(self.fitted.jacobian[:, j], source, target, rows, factor)
+                copy_nonzero(self.fitted.jacobian[:, j], [all_rows[i] for i in chosen], target, rows, factor)
         missing = tuple(j for j, f in enumerate(free) if f.name not in columns or f.name in own)
-        return Start(out, is_exact=False, own=missing)
+        sensitivities = [self.fitted.initial_state_sensitivities[i] for i in chosen]
+        return Start(out, sensitivities, is_exact=False, own=missing)
 
 
 def _fit_coarse_to_fine(
@@ -240,8 +247,9 @@ def _fit_coarse_to_fine(
     for factor in (12.0, 4.0) if edges else ():
         coarse = [replace(f, step=factor * f.step) if f.step > DIFFERENCE_STEP else f for f in free]
         start = similar.start(coarse, residual_models, own) if similar else None
-        found = fit(model, residual_models, coarse, stopping=stopping, start=start, is_draft=True)
-        model, similar, own = found.model, Similar(found, residual_models), edges
+        found = fit(model, residual_models, coarse, stopping=stopping, start=start, is_draft=similar is not None)
+        model, own = found.model, edges
+        similar = Similar(found, residual_models) if similar else None
         free = _with_current_values(model, free)
     start = similar.start(free, residual_models, own) if similar else None
     return fit(model, residual_models, free, stopping=stopping, start=start, is_draft=is_draft)
@@ -341,5 +349,6 @@ def fit_without(
 
     """
     model = replace(fitted.model, effects=tuple(e for e in fitted.model.effects if e.name != effect.name))
-    free, similar = free_parameters(model, residual_models), Similar(fitted, residual_models)
+    free = free_parameters(model, residual_models)
+    similar = Similar(fitted, residual_models) if any(one.is_simulated for one in residual_models) else None
     return _fit_coarse_to_fine(model, residual_models, free, stopping=stopping, similar=similar)

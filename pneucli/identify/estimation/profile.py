@@ -43,13 +43,13 @@ def lower_profile_minimum(
     name, size = f"{effect.name}.{time.name}", time.range_on(quantities)
     values = [{name: float(t)} for t in np.geomspace(min(size.typical), size.upper, TIME_SCAN_POINTS)]
     others = replace(fitted, jacobian=fitted.jacobian[:, [f.name != name for f in fitted.free]])
-    profile = [
-        _sum_of_squares(others.project_out_nuisance(fitted.residual + change))
-        for change in residual_changes(effect, fitted, residual_models, values)
-    ]
+    changes = residual_changes(effect, fitted, residual_models, values)
+    profile = [_adjusted_cost(others, fitted.residual + change) for change in changes]
     lowest = int(np.argmin(profile))
-    return values[lowest] if profile[lowest] < _sum_of_squares(others.projected_residual) else None
+    return values[lowest] if profile[lowest] < _adjusted_cost(others, fitted.residual) else None
 
 
-def _sum_of_squares(residual: Array) -> float:
-    return float(residual @ residual)
+def _adjusted_cost(fitted: Fit, residual: Array) -> float:
+    """Return the squares of residuals (N,) that remain where the free parameters adjust."""
+    gradient = fitted.jacobian.T @ residual
+    return float(residual @ residual - gradient @ fitted.inverse_hessian @ gradient)
