@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.optimize import minimize
-from scipy.special import comb
 
 from pneucli.noise.mains_lines import detect_mains_lines
 from pneucli.noise.model import NoiseModel
@@ -123,7 +122,7 @@ def _white_noise_from_differences(values: Array) -> float:
         return 0.0
     differences = np.diff(finite, order)
     robust = 1.4826 * float(np.median(np.abs(differences)))
-    return min(robust, float(np.sqrt(np.mean(differences**2)))) / float(np.sqrt(comb(2 * order, order)))
+    return min(robust, float(np.sqrt(np.mean(differences**2)))) / math.sqrt(math.comb(2 * order, order))
 
 
 def _without_lines(
@@ -161,6 +160,8 @@ def _fixed(value: float) -> tuple[float, tuple[float, float]]:
 
 def _fit(floor: NoiseFloor, choice: list[tuple[float, tuple[float, float]]]) -> tuple[float, Array]:
     """Return the BIC and the parameters (log white, log coloured power, pole, log content, its roll-off)."""
+    from scipy.optimize import minimize  # noqa: PLC0415 - slow to import, and only ingest estimates noise
+
     low = float(np.log(floor.power[0]))
     start = np.array([s for s, _ in choice] + [low, 6.0])
     bounds = [b for _, b in choice] + [(low - 40, low + 5), (MIN_ROLL_OFF, MAX_ROLL_OFF)]
