@@ -49,6 +49,8 @@ class Parameter:
             (:func:`pneucli.identify.guesses.direct_friction.direct_friction`).
         refines: Whether it stays at its null, a number, until a fit shows that it differs or the pipeline file states
             it.
+        multiplies: The base parameter whose product with this one acts; the parameter is then a ratio
+            (:func:`pneucli.identify.estimation.ratio_interval.ratio_interval`), and its null is 0.
 
     Raises:
         UnitError: A size is neither a number nor a number of a known scale of the right dimension.
@@ -64,6 +66,7 @@ class Parameter:
     step: Quantity = 0.0
     direct: str | None = None
     refines: bool = False
+    multiplies: str | None = None
 
     def __post_init__(self) -> None:
         for quantity in (self.lower, self.upper, *self.typical, self.step):

@@ -20,6 +20,7 @@ from pneucli.identify.estimation.least_squares import Approximation, minimise, p
 from pneucli.identify.estimation.objective import LeastSquaresProblem
 from pneucli.identify.estimation.parameters import DIFFERENCE_STEP, FreeParameter
 from pneucli.identify.estimation.progress import iteration_callback
+from pneucli.identify.estimation.ratio_interval import ratio_interval
 from pneucli.identify.residuals import ResidualModel
 from pneucli.quantities import Z95
 from pneucli.simulate.model import Model, parameter_value
@@ -212,17 +213,22 @@ def parameter_estimates(free: Sequence[FreeParameter], model: Model, covariance:
         covariance: Covariance of the fit's coordinates, shape (k, k).
 
     Returns:
-        One estimate a parameter; the interval is symmetric in the fit's coordinate, and ends at the bounds: what
+        One estimate a parameter; the interval is symmetric in the fit's coordinate, but for a parameter that multiplies
+        another one (:func:`pneucli.identify.estimation.ratio_interval.ratio_interval`). It ends at the bounds: what
         lies beyond is no value of the parameter.
 
     """
-    estimates = []
+    estimates, places = [], {f.name: i for i, f in enumerate(free)}
+    slopes = np.array([f.derivative(parameter_value(model, f.name)) for f in free])
     for j, f in enumerate(free):
         value = parameter_value(model, f.name)
         z, error = f.to_coordinate(value), float(np.sqrt(max(covariance[j, j], 0.0)))
-        half_width = Z95 * error
-        low = max(f.from_coordinate(z - half_width), min(f.lower, value))
-        high = min(f.from_coordinate(z + half_width), max(f.upper, value))
+        ends = f.from_coordinate(z - Z95 * error), f.from_coordinate(z + Z95 * error)
+        if f.multiplies in places:
+            pair = [j, places[f.multiplies]]
+            shared = covariance[np.ix_(pair, pair)] * np.outer(slopes[pair], slopes[pair])
+            ends = ratio_interval(value, parameter_value(model, f.multiplies), shared)
+        low, high = max(ends[0], min(f.lower, value)), min(ends[1], max(f.upper, value))
         at_bound = bool(z - f.to_coordinate(f.lower) < 1e-6 or f.to_coordinate(f.upper) - z < 1e-6)
         estimates.append(Estimate(f.name, f.unit, value, error * f.derivative(value), (low, high), at_bound))
     return tuple(estimates)

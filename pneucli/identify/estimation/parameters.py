@@ -30,7 +30,7 @@ class FreeParameter:
 
     ``prior_sigma`` is the standard deviation of a normal prior in that coordinate, infinite without a prior;
     ``prior_mean`` is the value at its centre, the start where absent. ``step`` is the coordinate step of the
-    differences.
+    differences. ``multiplies``: the parameter whose product with this one the data determine.
     """
 
     name: str
@@ -43,6 +43,7 @@ class FreeParameter:
     prior_sigma: float = np.inf
     step: float = DIFFERENCE_STEP
     prior_mean: float | None = None
+    multiplies: str | None = None
 
     def to_coordinate(self, value: float) -> float:
         """Return the fit's coordinate of a value."""
@@ -210,7 +211,10 @@ def effect_parameters(
         step = max(valid_range.step / scale, DIFFERENCE_STEP)
         free.append(
             FreeParameter(
-                name, p.unit, start, valid_range.lower, valid_range.upper, scale, logarithmic=logarithmic, step=step
+                *(name, p.unit, start, valid_range.lower, valid_range.upper, scale),
+                logarithmic=logarithmic,
+                step=step,
+                multiplies=p.multiplies,
             )
         )
     return with_prior_knowledge(free, model.rig)

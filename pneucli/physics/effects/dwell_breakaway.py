@@ -27,7 +27,16 @@ EFFECT = Effect(
     title="Break-away force that grows with the time at rest",
     part="cylinder",
     parameters=(
-        Parameter("gain", "1", 0.0, 0.0, 10.0, (0.3, 1.0), "growth of static friction after a long rest"),
+        Parameter(
+            "gain",
+            "1",
+            0.0,
+            0.0,
+            10.0,
+            (0.3, 1.0),
+            "growth of static friction after a long rest",
+            multiplies="friction.coulomb",
+        ),
         Parameter(
             "time_constant",
             "s",

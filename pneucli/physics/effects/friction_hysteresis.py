@@ -47,7 +47,15 @@ EFFECT = Effect(
     part="cylinder",
     parameters=(
         Parameter(
-            "drop", "1", 0.0, 0.0, 0.95, (0.15, 0.4), "share of Coulomb friction lost while slowing", direct="drop"
+            "drop",
+            "1",
+            0.0,
+            0.0,
+            0.95,
+            (0.15, 0.4),
+            "share of Coulomb friction lost while slowing",
+            multiplies="friction.coulomb",
+            direct="drop",
         ),
         Parameter(
             "viscous_drop",
@@ -57,6 +65,7 @@ EFFECT = Effect(
             0.95,
             (0.2, -0.2),
             "share of viscous friction lost while slowing",
+            multiplies="friction.viscous",
             refines=True,
         ),
     ),

@@ -54,7 +54,7 @@ EFFECT = Effect(
             "end of the stretch",
             EDGE_STEP,
         ),
-        Parameter("gain", "1", 0.0, -0.95, 20.0, (1.0,), "growth of dry friction in it"),
+        Parameter("gain", "1", 0.0, -0.95, 20.0, (1.0,), "growth of dry friction in it", multiplies="friction.coulomb"),
     ),
     ports={"dry_factor": dry_factor},
     equation="$F_{dry}(1 + k)$ for $x_{from} \\le x \\le x_{to}$",

@@ -36,6 +36,7 @@ EFFECT = Effect(
             "20 per supply pressure",
             ("0.3 per supply pressure", "1.2 per supply pressure"),
             "growth of dry friction per bar",
+            multiplies="friction.coulomb",
         ),
     ),
     ports={"dry_factor": dry_factor},
