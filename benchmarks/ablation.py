@@ -19,16 +19,26 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from functools import wraps
+from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from benchmarks import small
 from pneucli.config import load
+from pneucli.diagnose.calibration import MIN_NAMED_PROBABILITY
+from pneucli.diagnose.candidate import Candidate
+from pneucli.diagnose.data import DiagnosisData
+from pneucli.diagnose.decision import judge
+from pneucli.diagnose.equivalence import Term
+from pneucli.diagnose.score import FittedModel
 from pneucli.exam.graded_case import GradedCase
 from pneucli.exam.grading import graded_cases
+from pneucli.physics.declaration import Effect
 from pneucli.pipeline.context import Context
+from pneucli.quantities import Z95
 from pneucli.stages import diagnose, ingest
 
 Watch = tuple[str, Callable[..., bool]]
@@ -56,66 +66,117 @@ def refusal(reason: str) -> Watch:
     return "diagnose.hypothesis_tests:_reason", lambda found, *_: found == reason
 
 
+def acts(found: Any, *_: Any) -> bool:
+    return bool(found)
+
+
+def least(able: Sequence[Candidate]) -> Candidate:
+    """Return the candidate with the lowest cost."""
+    return min(able, key=lambda c: c.full.cost)
+
+
+def added_effects(base: FittedModel, last: FittedModel) -> list[Effect]:
+    return [e for e in last.model.effects if e.name not in base.effect_names]
+
+
+def probable_steps(data: DiagnosisData, path: Sequence[FittedModel]) -> int:
+    """Return how many steps of a path add a probable effect, up to the first that does not."""
+    for i, (before, after) in enumerate(pairwise(path)):
+        (effect,) = added_effects(before, after)
+        if not judge(data, Term(data.candidate(before, after, effect), ())).decision.supported:
+            return i
+    return len(path) - 1
+
+
+def up_to_improbable(forward: Callable[..., Any]) -> Callable[..., Any]:
+    """Return a search that ends where it would add an improbable effect."""
+
+    def ended(data: DiagnosisData, base: FittedModel) -> Any:
+        path, rounds = forward(data, base)
+        kept = probable_steps(data, path)
+        return path[: kept + 1], rounds[: kept + 1]
+
+    return ended
+
+
+def drop_none(data: DiagnosisData, base: FittedModel, path: Sequence[FittedModel]) -> Any:
+    """Return the last model of a path with the judgement of every added effect."""
+    last, judged = path[-1], {}
+    for effect in added_effects(base, last):
+        (reduced,) = data.refit_without(last, [effect])
+        judged[effect.name] = judge(data, Term(data.candidate(reduced, last, effect), ()), constrained=True)
+    return last, judged, []
+
+
+def symmetric_interval(ratio: float, _: float, covariance: NDArray[np.float64]) -> tuple[float, float]:
+    """Return the interval of a ratio from its own standard error."""
+    half_width = Z95 * float(np.sqrt(covariance[0, 0]))
+    return ratio - half_width, ratio + half_width
+
+
 RULES = {
+    # what a candidate must pass
     "family of tests": Rule("p values adjusted for the family", refusal("not-significant"),
                             {"diagnose.hypothesis_tests:holm_adjusted": lambda _: lambda p, _n: list(p)}),
     "chance": Rule("an effect must be significant", refusal("not-significant"),
                    {"diagnose.hypothesis_tests:holm_adjusted": lambda _: lambda p, _n: [0.0] * len(p)}),
-    "held out": Rule("the held-out gain must be significant", refusal("not-on-held-out"),
-                     {"diagnose.hypothesis_tests:_rarely_shown": always(True)}),
-    "held out, discrepancy": Rule("with an unmodelled effect no held-out confirmation is required",
-                        ("diagnose.hypothesis_tests:_leaves_unmodelled_effect", lambda found, *_: found),
-                        {"diagnose.hypothesis_tests:_leaves_unmodelled_effect": always(False)}),
-    "matters": Rule("the gain must be material", refusal("immaterial"),
-                    {"diagnose.hypothesis_tests:MIN_COST_SHARE": lambda _: 0.0,
-                     "diagnose.hypothesis_tests:MIN_COST_SHARE_AT_NOISE": lambda _: 0.0,
-                     "diagnose.screening:MIN_COST_SHARE": lambda _: 0.0}),
-    "below a sample": Rule("a time shorter than half a sample is not resolved", refusal("below-resolution"),
-                           {"diagnose.constraints:below_resolution": always(False)}),
+    # hard constraints
     "at a bound": Rule("an effect at a bound is refused", refusal("at-bound"),
                        {"diagnose.constraints:end_locations":
                         lambda f: lambda t: [e for e in f(t) if e != "bound"]}),
-    "free-run error": Rule("the free-run error must not rise",
-                         ("diagnose.data:DiagnosisData.free_run_error_rises", lambda found, *_: found),
-                         {"diagnose.data:DiagnosisData.free_run_error_rises": always(False),
-                          "diagnose.data:DiagnosisData.free_run_error_falls": always(True)}),
-    "pairs": Rule("pairs where no single effect is supported",
-                  ("diagnose.selection:_pairs", lambda found, _b, rungs, *_: found[0] is not rungs),
-                  {"diagnose.selection:_pairs": lambda _: lambda _b, rungs, rounds: (rungs, rounds)}),
-    "needless": Rule("effects that later ones make needless are dropped",
-                     ("diagnose.selection:_without_needless", lambda found, *_: bool(found[1])),
-                     {"diagnose.selection:_without_needless": lambda _: lambda _b, _s, last: (last, [], {})}),
+    "below a sample": Rule("a time shorter than half a sample is not resolved", refusal("below-resolution"),
+                           {"diagnose.constraints:below_resolution": always(False)}),
+    "direct reading": Rule("samples at ambient refute an offset",
+                           ("diagnose.constraints:refuted_by_reading", acts),
+                           {"diagnose.constraints:refuted_by_reading": always(False)}),
+    "unmeasured force": Rule("without p2 no effect is named that acts on the force alone",
+                             ("diagnose.constraints:has_unmeasured_force", acts),
+                             {"diagnose.constraints:has_unmeasured_force": always(False)}),
+    "interval": Rule("an effect whose interval contains its absence is refused",
+                     ("diagnose.constraints:interval_contains_null", acts),
+                     {"diagnose.constraints:interval_contains_null": always(False)}),
+    "product": Rule("the interval of a ratio is that of its product",
+                    ("identify.estimation.fit:ratio_interval", lambda *_: True),
+                    {"identify.estimation.fit:ratio_interval": lambda _: symmetric_interval}),
+    "free-run error": Rule("the held-out free-run error must not rise",
+                           ("diagnose.constraints:raises_held_out_error", acts),
+                           {"diagnose.constraints:raises_held_out_error": always(False)}),
+    "horizon": Rule("a time must not vary with the horizon",
+                    ("diagnose.constraints:varies_with_horizon", acts),
+                    {"diagnose.constraints:varies_with_horizon": always(False)}),
+    # the search
+    "subsystems": Rule("half of the refits are divided among the subsystems",
+                       ("diagnose.screening:_subsystem_leaders", acts),
+                       {"diagnose.screening:_subsystem_leaders": always([])}),
     "fewest parameters": Rule("of equals the one with the fewest parameters is first",
-                              ("diagnose.next_term:best_candidate", lambda found, _, able: found is not least(able)),
-                              {"diagnose.next_term:best_candidate": lambda _: lambda _b, able: least(able)}),
-    "replays as well": Rule("of equals one with a far larger free-run error is not first",
-                            ("diagnose.data:DiagnosisData.free_run_error_diverges", lambda found, *_: found),
-                            {"diagnose.data:DiagnosisData.free_run_error_diverges": always(False)}),
-    "likeliest": Rule("with an unmodelled effect the most probable one is first",
-                      ("diagnose.next_term:most_probable_equivalent", lambda *_: True),
-                      {"diagnose.next_term:_best_or_most_probable": lambda _: lambda _b, able: least(able)}),
-    "likelier absent": Rule("with an unmodelled effect a more probably absent one is dropped",
-                            ("diagnose.selection:_least_needed",
-                             lambda found, *_: found and found.reason != "needless"),
-                            {"diagnose.selection:MIN_NAMED_PROBABILITY": lambda _: 0.0}),
-    "smooth rival": Rule("an effect with a better smooth rival is not named",
-                            ("diagnose.decision:nonparametric_rival", lambda found, *_: found is not None),
-                            {"diagnose.decision:nonparametric_rival": always(None)}),
+                              ("diagnose.selection:best_candidate", lambda found, able: found is not least(able)),
+                              {"diagnose.selection:best_candidate": lambda _: least}),
+    "most probable": Rule("with an unmodelled effect the most probable one is first",
+                          ("diagnose.selection:_most_probable", lambda found, _, able: found is not least(able)),
+                          {"diagnose.selection:_most_probable": lambda _: lambda _d, able: least(able)}),
+    "past improbable": Rule("with an unmodelled effect the search passes improbable ones",
+                            ("diagnose.selection:_forward",
+                             lambda found, data, _: probable_steps(data, found[0]) < len(found[0]) - 1),
+                            {"diagnose.selection:_forward": up_to_improbable}),
+    "probability": Rule("a more probably absent effect is not named",
+                        ("diagnose.decision:probability", lambda found, *_: found < MIN_NAMED_PROBABILITY),
+                        {"diagnose.decision:MIN_NAMED_PROBABILITY": lambda _: 0.0}),
+    "dropped": Rule("improbable effects and those that violate a constraint are dropped",
+                    ("diagnose.selection:_without_improbable", lambda found, *_: bool(found[2])),
+                    {"diagnose.selection:_without_improbable": lambda _: drop_none}),
+    "both chambers": Rule("an effect of both chambers replaces the same at each",
+                          ("diagnose.selection:_with_whole_effects", lambda found, _d, _b, last: found is not last),
+                          {"diagnose.selection:_with_whole_effects": lambda _: lambda _d, _b, last: last}),
+    "exclusive": Rule("an effect with channels of its own is judged by these",
+                      ("diagnose.equivalence:Term.is_measured_exclusively", acts),
+                      {"diagnose.equivalence:Term.is_measured_exclusively": always(False)}),
+    "free run": Rule("a model that fails the free-run test is not adequate",
+                     ("diagnose.diagnosis:free_run_lack_of_fit", acts),
+                     {"diagnose.diagnosis:free_run_lack_of_fit": always([])}),
+    # costs and fits
     "bounds": Rule("a set-valued law explains nothing within its bounds",
                    ("diagnose.score:coverage_weights", lambda found, *_: bool(np.any(found != 1.0))),
                    {"diagnose.score:coverage_weights": lambda f: lambda *a: np.ones_like(f(*a))}),
-    "hidden force": Rule("a set-valued law is not named where a force is unexplained",
-                            ("diagnose.next_term:may_hide_force", lambda found, *_: found),
-                            {"diagnose.next_term:may_hide_force": always(False)}),
-    "replay": Rule("a model that fails the free-run test is not adequate",
-                   ("diagnose.diagnosis:free_run_lack_of_fit", lambda found, *_: bool(found)),
-                   {"diagnose.diagnosis:free_run_lack_of_fit": always([])}),
-    "probability": Rule("a more probably absent effect is not named",
-                        ("diagnose.decision:probability", lambda found, *_: found < 0.5),
-                        {"diagnose.decision:probability": always(1.0)}),
-    "direct reading": Rule("samples at ambient refute an offset",
-                           ("diagnose.constraints:refuted_by_reading", lambda found, *_: found),
-                           {"diagnose.constraints:refuted_by_reading": always(False)}),
     "profile over time": Rule("a time is profiled over its whole range",
                               ("identify.estimation.model_fit:lower_profile_minimum",
                                lambda found, *_: found is not None),
@@ -133,7 +194,7 @@ RULES = {
 }  # fmt: skip
 
 
-SMALL_RULES = ("chance", "matters")
+SMALL_RULES = ("chance", "probability")
 COMPARED = ("verdict", "missing", "answer_set")  # of two answers to one case
 
 
@@ -142,11 +203,6 @@ def require_rules() -> None:
     for rule in RULES.values():
         for name in (rule.watch[0], *rule.without):
             getattr(*place(name))
-
-
-def least(able: Sequence[Any]) -> Any:
-    """Return the trial that costs least."""
-    return min(able, key=lambda t: t.full.cost)
 
 
 def place(name: str) -> tuple[Any, str]:

@@ -18,16 +18,12 @@ from typing import NamedTuple
 from benchmarks import small
 from benchmarks.cases import study_of, truths
 from benchmarks.foreign_rigs import CATALOGUE_NAMES, mild_names
-from pneucli.diagnose.adequacy import significant_lack_of_fit
-from pneucli.diagnose.calibration import MIN_NAMED_PROBABILITY, probability
 from pneucli.diagnose.candidate import Reason
-from pneucli.diagnose.constraints import violated_constraint
 from pneucli.diagnose.cross_validation import folds_of
-from pneucli.diagnose.data import DiagnosisData, lack_of_fit
-from pneucli.diagnose.decision import collect_evidence
+from pneucli.diagnose.data import DiagnosisData
+from pneucli.diagnose.decision import judge
 from pneucli.diagnose.equivalence import Term
 from pneucli.diagnose.free_run_error import FreeRunErrors
-from pneucli.diagnose.free_run_test import free_run_lack_of_fit
 from pneucli.diagnose.subsample import MAX_SAMPLES
 from pneucli.identify.estimation.fit import Fit
 from pneucli.identify.estimation.model_fit import fit_model, fit_with_effect
@@ -37,18 +33,18 @@ CERTAIN = 0.9
 
 
 class Row(NamedTuple):
-    """One true effect of a case: its probability, the remaining variance, and the violated constraint."""
+    """One true effect of a case: its probability, the remaining variance, and what is decided on it."""
 
     case: str
     effect: str
     probability: float
     left: float
-    violated: Reason | None
+    reason: Reason
 
     @property
     def is_nameable(self) -> bool:
         """Whether the rules of the diagnosis would name the effect."""
-        return self.violated is None and self.probability >= MIN_NAMED_PROBABILITY
+        return self.reason == "supported"
 
 
 def fitted(bench: DiagnosisData, base: Fit, names: list[str]) -> Fit:
@@ -84,15 +80,11 @@ def rows(case: Path, truth: dict) -> Iterator[Row]:  # type: ignore[type-arg]
             n for n in names if bench.is_observable(bench.effects[n]) and n not in bench.fitted_model(base).effect_names
         ]
         last = bench.fitted_model(fitted(bench, base, names))
-        left = significant_lack_of_fit(*lack_of_fit(bench, last)) or free_run_lack_of_fit(last.model, [*train, *test])
         for effect in (bench.effects[n] for n in names if n in hidden):
             (before,) = bench.refit_without(last, [effect])
-            term = Term(bench.candidate(before, last, effect), ())
-            found = collect_evidence(bench, last, term.candidate, term, complete=not left)
-            violated = violated_constraint(
-                bench, term.candidate, measured_exclusively=term.is_measured_exclusively(bench)
-            )
-            yield Row(f"{case.parent.name} {case.name}", effect.name, probability(found), found.left, violated)
+            found = judge(bench, Term(bench.candidate(before, last, effect), ()), constrained=True)
+            name = f"{case.parent.name} {case.name}"
+            yield Row(name, effect.name, found.probability, found.evidence.left, found.decision.reason)
 
 
 def main(arguments: list[str]) -> None:
@@ -109,8 +101,8 @@ def table(folders: list[Path]) -> None:
                 seen += rows(case, truth)
                 print(case.name, len(seen), file=sys.stderr, flush=True)
     for row in sorted(seen, key=lambda r: r.probability):
-        barred = "" if row.violated is None else f", {row.violated}"
-        print(f"{row.case} {row.effect}: probability {row.probability:.2f}, leaves {row.left:.2f}{barred}")
+        refused = "" if row.is_nameable else f", {row.reason}"
+        print(f"{row.case} {row.effect}: probability {row.probability:.2f}, leaves {row.left:.2f}{refused}")
     cases = {r.case: [o.is_nameable for o in seen if o.case == r.case] for r in seen}
     print(
         f"{sum(r.is_nameable for r in seen)} of {len(seen)} effects can be named, "

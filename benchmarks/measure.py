@@ -42,10 +42,7 @@ PHASES = {
     "refits": [("estimation/model_fit.py", name) for name in ("fit_with_effect", "refit", "fit_without")],
     "costs and tests": [("diagnose/data.py", name) for name in ("fitted_model", "candidate")],
     "lack of fit": [("diagnose/data.py", "lack_of_fit")],
-    "smooth terms": [
-        ("diagnose/spline_regression.py", name)
-        for name in ("_term_designs", "_fit_smooth_term", "held_out_costs", "cost_after_adjustment")
-    ],
+    "smooth terms": [("diagnose/spline_regression.py", name) for name in ("_term_designs", "_fit_smooth_term")],
     "equivalents": [("diagnose/equivalence.py", "equivalents")],
     "free-run error": [("diagnose/free_run_error.py", "channels")],
     "intervals": [("estimation/intervals.py", "with_intervals")],

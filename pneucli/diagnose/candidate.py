@@ -9,7 +9,6 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Literal
 
-from pneucli.diagnose.evidence import ScoreGain
 from pneucli.diagnose.score import FittedModel
 from pneucli.physics.declaration import Effect
 
@@ -23,13 +22,11 @@ Reason = Literal[
     "not-significant",  # not significant in the family of all hypotheses
     "interval-contains-null",  # the 95 % interval contains the value at which the effect is absent
     "varies-with-horizon",  # the fitted time changes where the model restarts half as often
-    "immaterial",  # significant or not, the reduction is too small
-    "not-on-held-out",  # the reduction on fitted data is not confirmed on held-out data
+    "immaterial",  # only noise is left, and the reduction is too small to make the effect probable
     "raises-error",  # the free-run error of the comparison rises with the effect
     "needless",  # it passed by itself, and adds nothing to the selected effects
     "contradicted-by-reading",  # samples at a known pressure refute the fault of a sensor
     "explained-by-unknown",  # an unmodelled effect remains, and this effect probably only resembles it
-    "explained-by-signal",  # a smooth function of one signal explains more
 ]
 
 
@@ -37,15 +34,12 @@ Reason = Literal[
 class Candidate:
     """The step from the ``reduced`` to the ``full`` model by one effect.
 
-    ``train_gain`` and ``test_gain`` are its gains on fitted and held-out data, ``p_value`` that of its parameters, not
-    adjusted for the family.
+    ``p_value`` is that of its parameters, not adjusted for the family.
     """
 
     effect: Effect
     reduced: FittedModel
     full: FittedModel
-    train_gain: ScoreGain
-    test_gain: ScoreGain
     p_value: float
 
 

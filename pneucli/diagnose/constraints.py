@@ -15,7 +15,13 @@ from pneucli.diagnose.candidate import Candidate, Reason
 from pneucli.diagnose.data import DiagnosisData
 from pneucli.diagnose.evidence import score_gain
 from pneucli.diagnose.free_run_error import held_out_error
-from pneucli.diagnose.validity import below_resolution, end_locations, has_unmeasured_force, refuted_by_reading
+from pneucli.diagnose.validity import (
+    below_resolution,
+    end_locations,
+    has_unmeasured_force,
+    refuted_by_reading,
+    unresolved_parameters,
+)
 from pneucli.identify.estimation.fit import Fit, fit
 from pneucli.identify.estimation.model_fit import free_parameters
 from pneucli.identify.estimation.parameters import absent_value
@@ -34,7 +40,7 @@ def violations_of_estimate(data: DiagnosisData, candidate: Candidate) -> list[Vi
     ends = end_locations(candidate)
     return [
         (bool(ends) and set(ends) == {"null"}, "vanishes"),
-        ("bound" in ends, "at-bound"),
+        ("bound" in ends or bool(unresolved_parameters(candidate)), "at-bound"),
         (below_resolution(data.train, candidate), "below-resolution"),
         (refuted_by_reading(candidate.full.model, candidate.effect, data.train), "contradicted-by-reading"),
     ]

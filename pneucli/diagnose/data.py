@@ -15,9 +15,16 @@ from numpy.typing import NDArray
 from pneucli.diagnose.adequacy import LackOfFit, held_out_lack_of_fit, lack_of_fit_by_channel
 from pneucli.diagnose.candidate import Candidate
 from pneucli.diagnose.cross_validation import leave_one_out_models
-from pneucli.diagnose.evidence import ScoreGain, score_gain, wald_p_value
-from pneucli.diagnose.free_run_test import MAX_MEDIAN_RATIO
-from pneucli.diagnose.score import ErrorsByUse, FittedModel, fitted_costs, held_out_costs
+from pneucli.diagnose.evidence import score_gain, wald_p_value
+from pneucli.diagnose.score import (
+    Bounds,
+    ErrorsByUse,
+    FittedModel,
+    RecordingCost,
+    bounds_of,
+    fitted_costs,
+    held_out_costs,
+)
 from pneucli.diagnose.spline_regression import SplineRegression
 from pneucli.experiments import Part
 from pneucli.identify.estimation.blocks import block_labels
@@ -54,8 +61,7 @@ def run_locally(data: DiagnosisData, refits: Sequence[Refit]) -> list[FittedMode
 
 RANKING_EFFORT = StoppingRule(
     12, 5e-3
-)  # of a first fit, which only ranks candidates: its cost is exact to about MIN_COST_SHARE
-FREE_RUN_TOLERANCE = 1.05  # ratio of errors: noise shifts the few stick-slips on which the error rests by as much
+)  # of a first fit, which only ranks candidates: its cost is exact to half a percent
 PRESSURE_SENSOR_SIDES = frozenset(
     {"pressure sensor"}
 )  # the balance in which faults of a pressure sensor act; they need a recorded pressure
@@ -85,11 +91,6 @@ class DiagnosisData:
     implausible: bool = False
     run_refits: RunRefits = run_locally
 
-    @property
-    def has_held_out_data(self) -> bool:
-        """Whether held-out recordings or folds exist."""
-        return bool(self.held_out or self.folds)
-
     @cached_property
     def hypothesis_count(self) -> int:
         """The number of hypotheses, which is the size of the family of tests."""
@@ -110,21 +111,23 @@ class DiagnosisData:
             fitted.residual_counts[: fitted.train_costs.size][sensitive].sum()
         )
 
-    def recording_costs(self, fitted: FittedModel, effect: Effect) -> list[tuple[float, float]]:
-        """Return cost and number of residuals of each residual model that the effect influences, of one recording each.
+    def recording_costs(self, fitted: FittedModel, effect: Effect) -> list[RecordingCost]:
+        """Return the cost of each residual model that the effect influences, of one recording each.
 
         Each reading counts once, as held out where it is held out.
         """
-        parts = [
-            slice(*edges)
-            for m, edges in zip(self.residual_models, pairwise(np.cumsum([0, *self.block_counts])), strict=True)
+        parts = [slice(*edges) for edges in pairwise(np.cumsum([0, *self.block_counts]))]
+        sums = [
+            RecordingCost(
+                float(fitted.costs[p].sum()), float(fitted.residual_counts[p].sum()), bounds_of(fitted.model, m)
+            )
+            for m, p in zip(self.residual_models, parts, strict=True)
             if m.is_sensitive_to(effect)
         ]
-        sums = [(float(fitted.costs[p].sum()), float(fitted.residual_counts[p].sum())) for p in parts]
-        return [(cost, count) for cost, count in sums if count]
+        return [one for one in sums if one.residual_count]
 
-    def exclusive_channel_costs(self, fitted: FittedModel, effect: Effect) -> list[tuple[float, float]]:
-        """Return the cost and the number of residuals of the effect's exclusive channels, (0, 0) where it has none."""
+    def exclusive_channel_costs(self, fitted: FittedModel, effect: Effect) -> list[RecordingCost]:
+        """Return the cost of the effect's exclusive channels, fitted and held out; of no residual where it has none."""
         return [
             _exclusive_channel_cost(fitted.model, residual_models, effect)
             for residual_models in (self.train, self.held_out)
@@ -245,57 +248,30 @@ class DiagnosisData:
         """Refit without each of the effects, one at a time."""
         return self.run_refits(self, [Refit("drop", fitted, effect) for effect in effects])
 
-    def free_run_error_rises(self, reduced: FittedModel, full: FittedModel) -> bool:
-        """Whether the free-run error rises for every use, or in the geometric mean by more than the tolerance."""
-        ratios = self._free_run_ratios(reduced, full)
-        return bool(ratios) and (min(ratios) > 1.0 or float(np.prod(ratios)) > FREE_RUN_TOLERANCE ** len(ratios))
-
-    def free_run_error_falls(self, reduced: FittedModel, full: FittedModel) -> bool:
-        """Whether the free-run error falls in the geometric mean of all uses."""
-        return self.free_run_errors is None or float(np.prod(self._free_run_ratios(reduced, full))) < 1.0
-
-    def free_run_error_falls_clearly(self, reduced: FittedModel, full: FittedModel) -> bool:
-        """Whether the free-run error falls in that mean by more than the tolerance."""
-        ratios = self._free_run_ratios(reduced, full)
-        return not ratios or float(np.prod(ratios)) < FREE_RUN_TOLERANCE ** -len(ratios)
-
-    def free_run_error_diverges(self, reduced: FittedModel, full: FittedModel) -> bool:
-        """Whether the free-run error rises for every use by MAX_MEDIAN_RATIO, as for a model that fails the free-run
-        test.
-        """
-        ratios = self._free_run_ratios(reduced, full)
-        return bool(ratios) and min(ratios) > MAX_MEDIAN_RATIO
-
-    def _free_run_ratios(self, reduced: FittedModel, full: FittedModel) -> list[float]:
-        """Return the ratio of the free-run errors of both models for each use that has one."""
-        if self.free_run_errors is None:
-            return []
-        old, new = self.free_run_errors(reduced.model), self.free_run_errors(full.model)
-        return [b / a for a, b in zip(old.values(), new.values(), strict=True) if a and b is not None]
-
     def candidate(self, reduced: FittedModel, full: FittedModel, effect: Effect) -> Candidate:
         """Return the candidate of the step from the reduced to the full model."""
-        train, test = score_gain(reduced.train_costs, full.train_costs), score_gain(reduced.test_costs, full.test_costs)
-        p_value = self._p_value(wald_p_value(full.fit, effect, self.train), train, test)
-        return Candidate(effect, reduced, full, train, test, p_value)
+        return Candidate(effect, reduced, full, self._p_value(reduced, full, effect))
 
-    def _p_value(self, p_value: float, train: ScoreGain, test: ScoreGain) -> float:
-        """Return the p value of an effect from its parameters, or from its gain where it has no null (NaN).
+    def _p_value(self, reduced: FittedModel, full: FittedModel, effect: Effect) -> float:
+        """Return the p value of an effect from its parameters, or from its gain where it has no null.
 
         Parameters that only their combination determines are within their errors of their nulls, however much they
         explain. Held-out recordings are a second test; the smaller of both p values counts twice (Bonferroni).
         """
+        p_value = wald_p_value(full.fit, effect, self.train)
         if np.isnan(p_value):
-            return train.p_value
-        return min(2.0 * min(p_value, test.p_value), 1.0) if self.held_out else p_value
+            return score_gain(reduced.train_costs, full.train_costs).p_value
+        if not self.held_out:
+            return p_value
+        return min(2.0 * min(p_value, score_gain(reduced.test_costs, full.test_costs).p_value), 1.0)
 
 
-def _exclusive_channel_cost(
-    model: Model, residual_models: Sequence[ResidualModel], effect: Effect
-) -> tuple[float, float]:
-    """Return the cost of an effect's exclusive channels, and the number of their residuals."""
+def _exclusive_channel_cost(model: Model, residual_models: Sequence[ResidualModel], effect: Effect) -> RecordingCost:
+    """Return the cost of an effect's exclusive channels."""
     residuals = [m.residual(model)[c] / m.noise[c] for m in residual_models for c in m.exclusive_channels(effect)]
-    return float(sum(r @ r for r in residuals)), float(sum(np.count_nonzero(r) for r in residuals))
+    return RecordingCost(
+        float(sum(r @ r for r in residuals)), float(sum(np.count_nonzero(r) for r in residuals)), Bounds.none()
+    )
 
 
 def lack_of_fit(data: DiagnosisData, fitted: FittedModel) -> LackOfFitByUse:

@@ -4,29 +4,21 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from itertools import pairwise
 from typing import Literal, NamedTuple
 
 import numpy as np
 from scipy.special import softmax
 
 from pneucli.diagnose.adequacy import LackOfFit, significant_lack_of_fit
-from pneucli.diagnose.calibration import Evidence, likelihood_shares, presence_rate, probability
+from pneucli.diagnose.calibration import Evidence, likelihood_shares, presence_rate
 from pneucli.diagnose.candidate import Candidate, Decision
 from pneucli.diagnose.constraints import violated_constraint
-from pneucli.diagnose.data import DiagnosisData, lack_of_fit
-from pneucli.diagnose.decision import (
-    DecisionWithEvidence,
-    collect_evidence,
-    decide,
-    log_odds_among_equivalents,
-    retest_without_refused,
-)
+from pneucli.diagnose.data import DiagnosisData
+from pneucli.diagnose.decision import Judgement, log_odds_among_equivalents
 from pneucli.diagnose.detectability import MinimumDetectableEffect, minimum_detectable_effects, undetectable_effects
 from pneucli.diagnose.discrepancy import Discrepancy, UnexplainedResidual, describe_discrepancies, describe_lack_of_fit
 from pneucli.diagnose.equivalence import Term
 from pneucli.diagnose.free_run_test import free_run_lack_of_fit
-from pneucli.diagnose.score import FittedModel
 from pneucli.diagnose.selection import SelectionPath, select_effects, unsearched_path
 from pneucli.identify.estimation.fit import Estimate, Fit
 
@@ -79,47 +71,36 @@ def diagnose(data: DiagnosisData, base: Fit) -> Diagnosis:
     """Find the effects that a fitted model lacks; none is looked for in recordings that cannot be true."""
     start = data.fitted_model(base)
     path = unsearched_path(data, start) if data.implausible else select_effects(data, start)
-    unexplained = _lack_of_last_model(data, path)
-    terms = path.terms
+    unexplained = [] if data.implausible else _lack_of_last_model(data, path)
     equivalents = {
         name: [c for c in term.equivalents(data, complete=not unexplained) if violated_constraint(data, c) is None]
-        for name, term in terms.items()
+        for name, term in path.terms.items()
     }
-    equivalent_names = {name: tuple(c.effect.name for c in equivalents.get(name, [])) for name in path.added}
-    decided = [
-        decide(data, path.last, c, unexplained, terms.get(name))
-        for name, c in zip(path.added, _path_candidates(data, path), strict=True)
-    ]
-    decided = retest_without_refused(data, path.last, decided, unexplained)
-    missing = [d.effect.name for d, _ in decided if d.supported]
-    equal_decisions = [Decision(c.effect, "supported", c) for name in missing for c in equivalents.get(name, [])]
+    equal_decisions = [Decision(c.effect, "supported", c) for name in path.added for c in equivalents[name]]
     sizes = minimum_detectable_effects(data, path.last)
     decisions = _first_decision_each(
-        [*(d for d, _ in decided), *equal_decisions, *path.decisions, *undetectable_effects(data, sizes)]
+        [
+            *(path.judgements[name].decision for name in path.added),
+            *equal_decisions,
+            *path.decisions,
+            *undetectable_effects(data, sizes),
+        ]
     )
-    improbable = {
-        c.effect.name: collect_evidence(data, c.full, c, Term(c, ()), complete=False) for c in path.improbable
-    }
-    weighable = [(d, e) for d, e in decided if d.reason not in ("cannot-show", "explained-by-signal")]
-    evidence = improbable | {d.effect.name: e for d, e in weighable}
+    judged = {j.decision.effect.name: j for j in path.refused} | dict(path.judgements)
     shares = {
-        n: _shares_in_term(data, terms[n], equivalents[n], complete=not unexplained) for n in missing if n in terms
+        n: _shares_in_term(data, term, equivalents[n], complete=not unexplained) for n, term in path.terms.items()
     }
-    scored = improbable | {d.effect.name: e for d, e in decided if d.supported or d.reason == "explained-by-unknown"}
-    confidence = _confidence(decisions, scored, shares)
-    shown = path.last if unexplained and missing else path.models[_named_prefix_length([d for d, _ in decided])]
-    lacks = _unexplained(data, shown, decided, unexplained, path.last)
     return Diagnosis(
-        verdict=_verdict(data, lacks, missing, sizes),
-        missing=tuple(missing),
+        verdict=_verdict(data, unexplained, path.added, sizes),
+        missing=tuple(path.added),
         decisions=decisions,
-        equivalents=equivalent_names,
+        equivalents={name: tuple(c.effect.name for c in equivalents[name]) for name in path.added},
         path=path,
         parameter_shifts=tuple(_parameter_shifts(start.fit, path.last.fit)),
         detectable=tuple(sizes),
-        unexplained=describe_lack_of_fit(data, shown.fit, lacks[0]) if lacks else None,
-        confidence=confidence,
-        evidence=evidence,
+        unexplained=describe_lack_of_fit(data, path.last.fit, unexplained[0]) if unexplained else None,
+        confidence=_confidence(decisions, judged, shares),
+        evidence={name: j.evidence for name, j in judged.items()},
         discrepancies=tuple(describe_discrepancies(data, path.last.fit, [*path.test, *path.train])),
     )
 
@@ -129,29 +110,6 @@ def _lack_of_last_model(data: DiagnosisData, path: SelectionPath) -> Sequence[La
     return significant_lack_of_fit(path.train, path.test) or free_run_lack_of_fit(
         path.last.model, [*data.train, *data.held_out]
     )
-
-
-def _unexplained(
-    data: DiagnosisData,
-    shown: FittedModel,
-    decided: Sequence[DecisionWithEvidence],
-    unexplained: Sequence[LackOfFit],
-    last: FittedModel,
-) -> Sequence[LackOfFit]:
-    """Return the significant lack of fit of the model that is shown, worst first, or else that of the ``last`` model.
-
-    Where a smooth function of a signal explains more than an effect, it is that of the channels on which the effect
-    acts, however small: the function explains it significantly. Recordings that cannot be true show none.
-    """
-    if data.implausible:
-        return []
-    if shown is last:
-        return unexplained
-    train, test = lack_of_fit(data, shown)
-    effects = [d.effect for d, _ in decided if d.reason == "explained-by-signal"]
-    kinds = {type(v) for v in data.train for effect in effects if v.is_sensitive_to(effect)}
-    minor = sorted((r for r in train if r.kind in kinds), key=lambda r: -r.ratio)
-    return significant_lack_of_fit(train, test) or unexplained or minor[:1]
 
 
 def _verdict(
@@ -170,23 +128,22 @@ def _verdict(
     return "inconclusive" if undetectable > MAX_UNDETECTABLE_SHARE * len(sizes) else "adequate"
 
 
-def _path_candidates(data: DiagnosisData, path: SelectionPath) -> list[Candidate]:
-    """Return the candidate of each step of the path."""
-    return [data.candidate(a, b, data.effects[n]) for n, (a, b) in zip(path.added, pairwise(path.models), strict=True)]
-
-
 def _confidence(
     decisions: Sequence[Decision],
-    added: Mapping[str, Evidence],
+    judged: Mapping[str, Judgement],
     shares: Mapping[str, Mapping[str, float]],
 ) -> dict[str, Confidence]:
     """Return the probabilities of each effect.
 
-    ``added`` has the evidence of the added effects that violate no constraint, ``shares`` the likelihood shares of the
-    named effects and their equivalents.
+    ``judged`` has the judgements of the effects that were added, ``shares`` the likelihood shares of the named effects
+    and their equivalents.
     """
     confidence = {d.effect.name: Confidence(*[presence_rate(d.reason)] * 2) for d in decisions}
-    probabilities = {name: probability(evidence) for name, evidence in added.items()}
+    probabilities = {
+        name: j.probability
+        for name, j in judged.items()
+        if j.decision.reason in ("supported", "explained-by-unknown", "immaterial")
+    }
     confidence |= {name: Confidence(p, p) for name, p in probabilities.items()}
     for name, share_by_effect in shares.items():
         if name in probabilities:
@@ -219,11 +176,6 @@ def _first_decision_each(decisions: Sequence[Decision]) -> tuple[Decision, ...]:
     for d in sorted(decisions, key=lambda d: d.reason == "not-promising"):
         first.setdefault(d.effect.name, d)
     return tuple(first.values())
-
-
-def _named_prefix_length(added: Sequence[Decision]) -> int:
-    """Return the number of added effects before the first that is not named: its reduction stays unexplained."""
-    return next((i for i, d in enumerate(added) if not d.supported), len(added))
 
 
 def _parameter_shifts(before: Fit, after: Fit) -> list[ParameterShift]:

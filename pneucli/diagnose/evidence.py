@@ -10,6 +10,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -35,15 +36,11 @@ TINY = 1e-300
 
 @dataclass(frozen=True)
 class ScoreGain:
-    """The reduction of a cost over all blocks, its one-sided 95 % lower bound, and the p value of no reduction.
-
-    ``effective_blocks`` is the number of blocks in which the reduction occurs (:func:`effective_degrees_of_freedom`).
-    """
+    """The reduction of a cost over all blocks, its one-sided 95 % lower bound, and the p value of no reduction."""
 
     total: float
     lower_95: float
     p_value: float
-    effective_blocks: float
 
     @property
     def significant(self) -> bool:
@@ -60,13 +57,12 @@ def score_gain(before: Array, after: Array) -> ScoreGain:
     fall = (before - after)[(before != 0.0) | (after != 0.0)]
     total = float(fall.sum())
     if fall.size < 2 or not np.any(fall):
-        return ScoreGain(total, min(total, 0.0), 1.0, 0.0)
+        return ScoreGain(total, min(total, 0.0), 1.0)
     rng = np.random.default_rng(SEED)
     resampled = fall[rng.integers(fall.size, size=(RESAMPLES, fall.size))].sum(axis=1)
     spread = float(np.std(fall, ddof=1) * np.sqrt(fall.size))
-    freedom = effective_degrees_of_freedom(fall - fall.mean())
-    p_value = float(student_t_tail(total / max(spread, TINY), freedom))
-    return ScoreGain(total, float(np.quantile(resampled, 0.05)), p_value, freedom)
+    p_value = float(student_t_tail(total / max(spread, TINY), effective_degrees_of_freedom(fall - fall.mean())))
+    return ScoreGain(total, float(np.quantile(resampled, 0.05)), p_value)
 
 
 def effective_degrees_of_freedom(parts: Array) -> float:
@@ -99,32 +95,61 @@ def wald_distance(fit: Fit, effect: Effect, residual_models: Sequence[ResidualMo
     """
     if effect.in_model_with(fit.model.effects) is not effect:
         return switch_distance(fit, effect, residual_models)
+    null = null_contrast(fit, effect)
+    if null is None:
+        return None
     without_null_names = {f"{effect.name}.{p.name}" for p in effect.parameters if p.null is None}
-    free = [f for f in fit.free if f.name not in without_null_names]
-    names = [f.name for f in free]
-    rows, distance, bounded = [], [], True
+    held = np.array([f.name in without_null_names for f in fit.free])
+    jacobian = fit.jacobian[:, ~held]
+    influence = jacobian @ (pseudo_inverse(jacobian.T @ jacobian) @ null.contrast[:, ~held].T)
+    scored = group_scores(influence, fit.residual, fit.blocks)
+    tested = pseudo_inverse(scored.T @ scored) @ null.distance
+    return WaldDistance(
+        float(null.distance @ tested),
+        len(null.distance),
+        effective_degrees_of_freedom(scored @ tested),
+        one_sided=null.at_bounds,
+    )
+
+
+class NullContrast(NamedTuple):
+    """What of an effect is 0 where it is absent: ``distance`` (m,), and its derivatives (m, k) by the coordinates.
+
+    ``at_bounds``: every null is a bound of its parameter.
+    """
+
+    distance: Array
+    contrast: Array
+    at_bounds: bool
+
+
+def null_contrast(fit: Fit, effect: Effect) -> NullContrast | None:
+    """Return the distance of the effect's fitted values from their nulls; None where it has no null.
+
+    It is the reciprocal for an infinite null, and the product for a parameter that multiplies another one: a test of
+    the ratio would depend on how uncertain the other one is.
+    """
+    names = [f.name for f in fit.free]
+    rows, distance, at_bounds = [], [], True
     for p in effect.parameters:
         name = f"{effect.name}.{p.name}"
-        if name not in names:
+        if p.null is None or name not in names:
             continue
         row, value, null = np.zeros(len(names)), parameter_value(fit.model, name), null_value(p, fit.model)
-        row[names.index(name)] = 1.0 if null is not None else -1.0 / value**2
+        own, other = names.index(name), names.index(p.multiplies) if p.multiplies in names else None
+        factor = 1.0 if other is None else parameter_value(fit.model, names[other])
+        row[own] = factor if null is not None else -1.0 / value**2
+        if other is not None:
+            row[other] = value
         if isinstance(p.null, str) and p.null in names:
             row[names.index(p.null)] = -1.0
         rows.append(row)
-        distance.append(value - null if null is not None else 1.0 / value)
-        bounded &= null is None or p.lower == null
+        distance.append(factor * (value - null) if null is not None else 1.0 / value)
+        at_bounds &= null is None or p.lower == null
     if not rows:
         return None
-    contrast = np.array(rows) * [f.derivative(parameter_value(fit.model, f.name)) for f in free]
-    jacobian = fit.jacobian[:, [f.name not in without_null_names for f in fit.free]]
-    influence = jacobian @ (pseudo_inverse(jacobian.T @ jacobian) @ contrast.T)
-    scored = group_scores(influence, fit.residual, fit.blocks)
-    from_null = np.array(distance)
-    tested = pseudo_inverse(scored.T @ scored) @ from_null
-    return WaldDistance(
-        float(from_null @ tested), len(distance), effective_degrees_of_freedom(scored @ tested), bounded
-    )
+    slopes = [f.derivative(parameter_value(fit.model, f.name)) for f in fit.free]
+    return NullContrast(np.array(distance), np.array(rows) * slopes, at_bounds)
 
 
 def residual_change_without(fit: Fit, effect: Effect, residual_models: Sequence[ResidualModel]) -> Array:
@@ -175,19 +200,6 @@ def significance(fit: Fit, effect: Effect, residual_models: Sequence[ResidualMod
         return math.sqrt(max(distance.squared, 0.0))
     first = next((e for e in fit.estimates if e.name == f"{effect.name}.{effect.parameters[0].name}"), None)
     return abs(first.value) / max(first.error, TINY) if first is not None else 0.0
-
-
-def offset_from_null(fit: Fit, effect: Effect) -> Array | None:
-    """Return the offset of the coordinates (k,) from the absence of an effect; None without a finite null.
-
-    The offset of other parameters, and of those without a null, is 0.
-    """
-    distance = np.zeros(len(fit.free))
-    for j, f in enumerate(fit.free):
-        for p in effect.in_model_with(fit.model.effects).parameters:
-            if f.name == f"{effect.name}.{p.name}" and (null := null_value(p, fit.model)) is not None:
-                distance[j] = f.to_coordinate(parameter_value(fit.model, f.name)) - f.to_coordinate(null)
-    return distance if np.any(distance) and np.all(np.isfinite(distance)) else None
 
 
 def holm_adjusted(p_values: Sequence[float], hypotheses: int) -> list[float]:

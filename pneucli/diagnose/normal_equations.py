@@ -20,13 +20,13 @@ _SECOND_DIFFERENCES = np.diff(np.eye(KNOTS), 2, axis=0)
 class NormalEquations:
     """The normal equations by fold of coefficients (k,) of rows (k, n), together with the fit's own parameters."""
 
-    def __init__(self, rows: Folds, residuals: Folds, derivatives: Folds, reference: Folds | None = None) -> None:
-        reference = residuals if reference is None else reference  # its zeros are residuals that do not count
-        rows = [np.where(r == 0.0, 0.0, x.astype(np.float64)) for x, r in zip(rows, reference, strict=True)]
-        self.parts = list(zip(rows, residuals, derivatives, strict=True))
+    def __init__(self, rows: Folds, residuals: Folds, derivatives: Folds) -> None:
+        # a residual of 0 does not count
+        rows = [np.where(r == 0.0, 0.0, x.astype(np.float64)) for x, r in zip(rows, residuals, strict=True)]
         self.total = [float(r @ r) for r in residuals]
-        self.xx, self.xr = [x @ x.T for x in rows], [x @ r for x, r, _ in self.parts]
-        self.xj, self.jr = [x @ j.T for x, _, j in self.parts], [j @ r for _, r, j in self.parts]
+        self.xx, self.xr = [x @ x.T for x in rows], [x @ r for x, r in zip(rows, residuals, strict=True)]
+        self.xj = [x @ j.T for x, j in zip(rows, derivatives, strict=True)]
+        self.jr = [j @ r for j, r in zip(derivatives, residuals, strict=True)]
         self.jj = [j @ j.T for j in derivatives]
 
     def _penalty_matrix(self, smooth_term: SmoothTerm) -> Array:
@@ -73,16 +73,6 @@ class NormalEquations:
         parts = zip(self.xx, self.xj, self.xr, strict=True)
         left_out = [solve(xx - x_x, xr - x_r - (xj - x_j) @ adjustment, assume_a="pos") for x_x, x_j, x_r in parts]
         return values, adjustment, left_out
-
-
-def adjusted_cost(residuals: Folds, derivatives: Folds) -> float:
-    """Return the squares that remain after a linear adjustment of the fit's own parameters."""
-    jj, jr = (
-        sum(j @ j.T for j in derivatives),
-        np.asarray(sum(j @ r for j, r in zip(derivatives, residuals, strict=True))),
-    )
-    explained = float(jr @ np.linalg.solve(jj + RIDGE * np.eye(jr.size), jr))
-    return sum(float(r @ r) for r in residuals) - explained
 
 
 def scaled_derivatives(rows: Sequence[Array]) -> list[Array]:

@@ -6,8 +6,10 @@ charge for residuals that a model does not predict, and they include the log det
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -143,6 +145,50 @@ def correct_for_model_noise(
             fair = max(cost - (more - 1.0) * min(noise, cost / more), MIN_NOISE_POWER * min(cost, noise))
             parts.append(part * np.sqrt(fair / cost) if cost > 0.0 else part)
     return np.concatenate(parts)
+
+
+class Bounds(NamedTuple):
+    """Readings for which a model gives only bounds of a force: the probability of that (n,), and their distance (n,) in
+    units of noise.
+    """
+
+    probability: Array
+    width: Array
+
+    @classmethod
+    def none(cls) -> Bounds:
+        """Return the bounds of a model that predicts every reading."""
+        return cls(np.zeros(0), np.zeros(0))
+
+
+class RecordingCost(NamedTuple):
+    """The cost of one recording in units of noise, the number of its residuals, and what is only bounded."""
+
+    cost: float
+    residual_count: float
+    bounds: Bounds
+
+    def log_variance(self) -> float:
+        """Return n log s^2: -2 log of the predictive density of the recording but for a constant.
+
+        s^2 is the maximum-likelihood variance of the residuals that the model predicts, noise and discrepancy together,
+        and no less than the noise. A bounded reading has the density of a uniform distribution over its bounds with
+        that error added: that of a normal distribution with the variance s^2 + width^2 / (2 pi e), by entropy.
+        """
+        variance, (probability, width) = max(self.cost / self.residual_count, 1.0), self.bounds
+        bounded = probability @ np.log(variance + width**2 / (2.0 * math.pi * math.e))
+        return float((self.residual_count - probability.sum()) * math.log(variance) + bounded)
+
+
+def bounds_of(model: Model, residual_model: ResidualModel) -> Bounds:
+    """Return the readings of which a model gives only bounds."""
+    if not residual_model.predicts_force or not any(effect.is_set_valued for effect in model.effects):
+        return Bounds.none()
+    residual = residual_model.residual(model)
+    if "gap" not in residual:
+        return Bounds.none()
+    inside = (residual["gap"] > 0.0) & (residual["force"] != 0.0)
+    return Bounds(residual["gap"][inside], residual["width"][inside] / residual_model.noise["force"])
 
 
 def coverage_weights(model: Model, residual_model: ResidualModel) -> Array:

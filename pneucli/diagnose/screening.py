@@ -6,7 +6,7 @@ from collections.abc import Sequence
 
 from pneucli.diagnose.candidate import Decision
 from pneucli.diagnose.data import DiagnosisData, ScreenedEffect
-from pneucli.diagnose.hypothesis_tests import MIN_COST_SHARE, apply_tests
+from pneucli.diagnose.hypothesis_tests import apply_tests
 from pneucli.diagnose.score import FittedModel
 
 MAX_REFITS = 6  # effects at most in one round
@@ -71,10 +71,9 @@ def screen_and_refit(
     candidates = data.refit_with(fitted, [effect for effect, _ in screened_in], [tests for _, tests in screened_in])
     rivals = [*(c.full for c in candidates), *([reference] if reference else [])]
     cost_limit = CONVERGED_COST_RATIO * min((rival.cost for rival in rivals), default=0.0)
-    material = [c for c in candidates if c.train_gain.total > MIN_COST_SHARE * data.sensitive_cost(fitted, c.effect)[0]]
-    converged = data.refit_to_convergence([c for c in material if c.full.cost < cost_limit])
+    converged = data.refit_to_convergence([c for c in candidates if c.full.cost < cost_limit])
     refitted = {c.effect.name: c for c in [*candidates, *converged]}
     others = [
         Decision(e, "not-promising") for e in data.absent_effects(fitted.model) if e.name not in {*excluded, *refitted}
     ]
-    return apply_tests(data, fitted, sorted(refitted.values(), key=lambda c: c.full.cost)) + others
+    return apply_tests(data, sorted(refitted.values(), key=lambda c: c.full.cost)) + others

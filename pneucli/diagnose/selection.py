@@ -1,4 +1,4 @@
-"""Selection of a set of effects: forward steps, backward elimination, and pairs where no single effect is supported."""
+"""Selection of a set of effects: add the most probable one while the search gains, then drop what is improbable."""
 
 from __future__ import annotations
 
@@ -6,38 +6,33 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import pairwise
 
-from pneucli.diagnose.adequacy import LackOfFit, significant_lack_of_fit
-from pneucli.diagnose.calibration import MIN_NAMED_PROBABILITY
-from pneucli.diagnose.candidate import Candidate, Decision, supported_candidates
+from pneucli.diagnose.adequacy import LackOfFit
+from pneucli.diagnose.candidate import Candidate, Decision, Reason, supported_candidates
 from pneucli.diagnose.data import DiagnosisData, lack_of_fit
-from pneucli.diagnose.decision import posterior_probability
-from pneucli.diagnose.equivalence import Term
-from pneucli.diagnose.evidence import score_gain
-from pneucli.diagnose.hypothesis_tests import min_relevant_reduction, passing_candidates
-from pneucli.diagnose.next_term import next_term, raises_free_run_error
+from pneucli.diagnose.decision import Judgement, is_complete, judge, log_odds_among_equivalents
+from pneucli.diagnose.equivalence import Term, best_candidate
 from pneucli.diagnose.score import FittedModel
 from pneucli.diagnose.screening import Decisions, screen_and_refit
-from pneucli.identify.estimation.score_test import ScoreTest
 from pneucli.physics.declaration import Effect
 
 MAX_EFFECTS = 4
-MAX_PAIRS = 3
 
 
 @dataclass(frozen=True)
 class SelectionPath:
     """The selection path: ``models`` from the given model to the last, each with one effect more.
 
-    ``terms`` has the term of every added effect; ``decisions`` has one decision for each other screened effect;
-    ``improbable`` are those of them that were added and then dropped as more probably absent.
+    ``terms`` has the term of every added effect and ``judgements`` what is said of it; ``refused`` are judgements of
+    effects that were added and then dropped; ``decisions`` has one decision for each other screened effect.
     """
 
     models: tuple[FittedModel, ...]
-    terms: dict[str, Term]
+    terms: Mapping[str, Term]
+    judgements: Mapping[str, Judgement]
+    refused: tuple[Judgement, ...]
     decisions: tuple[Decision, ...]
     train: tuple[LackOfFit, ...]
     test: tuple[LackOfFit, ...]
-    improbable: tuple[Candidate, ...] = ()
 
     @property
     def last(self) -> FittedModel:
@@ -52,26 +47,22 @@ class SelectionPath:
             for before, after in pairwise(self.models)
         ]
 
-    @property
-    def adequate(self) -> bool:
-        """Whether the last model has no significant lack of fit."""
-        return not significant_lack_of_fit(self.train, self.test)
-
 
 def select_effects(data: DiagnosisData, base: FittedModel) -> SelectionPath:
     """Select the effects that explain the lack of fit of ``base``."""
-    path, rounds = _forward(data, [base], [])
-    if len(path) <= 2 and significant_lack_of_fit(*lack_of_fit(data, path[-1])):
-        path, rounds = _pairs(data, path, rounds)
-    path, terms, refused = _revise(data, path, rounds)
-    last = path[-1]
-    improbable = [d for d in refused if d.reason == "explained-by-unknown" and d.effect.name not in last.effect_names]
+    path, rounds = _forward(data, base)
+    last, judgements, refused = _without_improbable(data, base, path)
+    models, unguessable = _nested_models(data, base, last, path)
+    last = models[-1]
+    terms = _terms(data, base, last, rounds[0], judgements)
     train, test = lack_of_fit(data, last)
+    dropped = [j.decision for j in refused] + [Decision(e, "cannot-show") for e in unguessable]
     return SelectionPath(
-        models=tuple(path),
+        models=tuple(models),
         terms=terms,
-        decisions=final_decisions(rounds, refused, last.effect_names),
-        improbable=tuple(d.candidate for d in improbable if d.candidate is not None),
+        judgements={name: judgements[name] for name in terms},
+        refused=tuple(j for j in refused if j.decision.effect.name not in last.effect_names),
+        decisions=final_decisions(rounds, dropped, list(terms), complete=is_complete(data, last)),
         train=tuple(train),
         test=tuple(test),
     )
@@ -80,110 +71,91 @@ def select_effects(data: DiagnosisData, base: FittedModel) -> SelectionPath:
 def unsearched_path(data: DiagnosisData, base: FittedModel) -> SelectionPath:
     """Return the path of the given model alone, without a search."""
     train, test = lack_of_fit(data, base)
-    return SelectionPath((base,), {}, (), tuple(train), tuple(test))
+    return SelectionPath((base,), {}, {}, (), (), tuple(train), tuple(test))
 
 
 def final_decisions(
-    rounds: Sequence[Decisions], refused: Sequence[Decision], names: Sequence[str]
+    rounds: Sequence[Decisions], refused: Sequence[Decision], names: Sequence[str], *, complete: bool
 ) -> tuple[Decision, ...]:
     """Return one decision for each screened effect that is not among ``names``.
 
     A refusal after the addition counts first, then the first fit, which is against the most incomplete model. An effect
-    that passed and is not in the last model is needless there: the last round found no use for it.
+    that passed and was not added resembles an unmodelled one; in a ``complete`` model it is needless beside other
+    effects, or else immaterial.
     """
+    unnamed: Reason = "explained-by-unknown" if not complete else "needless" if names else "immaterial"
     decided = [d for each in rounds for d in each]
     ranked = [*refused, *(d for d in decided if d.candidate is not None), *(d for d in decided if d.candidate is None)]
     found: dict[str, Decision] = {}
     for d in ranked:
         if d.effect.name not in names:
-            found.setdefault(d.effect.name, replace(d, reason="needless") if d.supported else d)
+            found.setdefault(d.effect.name, replace(d, reason=unnamed) if d.supported else d)
     return tuple(found.values())
 
 
-def _forward(
-    data: DiagnosisData, path: list[FittedModel], rounds: list[Decisions]
-) -> tuple[list[FittedModel], list[Decisions]]:
+def _forward(data: DiagnosisData, base: FittedModel) -> tuple[list[FittedModel], list[Decisions]]:
+    """Return the path of added effects from ``base``, and the decisions of each round.
+
+    While an unmodelled effect remains, the search goes on past improbable ones: where several effects are missing, each
+    may look improbable until the others are there.
+    """
+    path, rounds = [base], list[Decisions]()
     while len(path) <= MAX_EFFECTS:
-        added, decisions = next_term(data, screen_and_refit(data, path[-1]))
+        decisions = screen_and_refit(data, path[-1])
         rounds.append(decisions)
-        if added is None:
+        candidates = supported_candidates(decisions)
+        if is_complete(data, path[-1]):
+            candidates = [c for c in candidates if judge(data, Term(c, ())).decision.supported]
+        if not candidates:
             break
-        path.append(added.full)
+        path.append(_most_probable(data, candidates).full)
     return path, rounds
 
 
-def _revise(
-    data: DiagnosisData, path: list[FittedModel], rounds: list[Decisions]
-) -> tuple[list[FittedModel], dict[str, Term], Decisions]:
-    """Drop effects that are not needed besides later ones.
+def _most_probable(data: DiagnosisData, candidates: Sequence[Candidate]) -> Candidate:
+    """Return the candidate with the lowest cost if it is probable and leaves only noise, or else the most probable one.
 
-    Returns the path, the term of each effect, and the decisions about the dropped effects.
+    With an unmodelled effect the lowest cost means little: a spring of a tenth of its usual stiffness, far from its
+    rest position, is a constant force.
     """
-    base = path[0]
-    path, without, refused = _pruned(data, base, path)
-    return path, _terms(data, base, path[-1], rounds[0], without), refused
+    first = best_candidate(candidates)
+    if len(candidates) == 1 or (is_complete(data, first.full) and judge(data, Term(first, ())).decision.supported):
+        return first
+    ranked = [first, *(c for c in candidates if c is not first)]
+    terms = [Term(c, tuple(other for other in candidates if other is not c)) for c in ranked]
+    best = max(terms, key=lambda term: judge(data, term).probability)
+    return max(
+        [best.candidate, *best.equivalents(data, complete=False)], key=lambda c: log_odds_among_equivalents(data, c)
+    )
 
 
-def _pruned(
-    data: DiagnosisData, base: FittedModel, path: list[FittedModel]
-) -> tuple[list[FittedModel], dict[str, FittedModel], Decisions]:
-    """Return the path without dropped effects, the models without single effects of the last, and the decisions.
+def _without_improbable(
+    data: DiagnosisData, base: FittedModel, path: Sequence[FittedModel]
+) -> tuple[FittedModel, dict[str, Judgement], list[Judgement]]:
+    """Return the model in which every added effect is probable given the others, and the judgements.
 
-    The path before a dropped effect is restored if that effect had made others needless.
+    The least probable effect goes first: a proxy of an unmodelled effect takes cost from the others. The second result
+    has the judgement of each effect that stays, the third those of the dropped ones.
     """
-    last, needless, without = _without_needless(data, base, path[-1])
-    last, without = _with_whole_effects(data, base, last, without)
-    reordered, raising = _reordered_path(data, base, last, path)
-    before = [fitted for fitted in path if not {d.effect.name for d in raising} & set(fitted.effect_names)]
-    if raising and len(before) > len(reordered):
-        return before, {}, raising
-    return reordered, without if reordered[-1] is last else {}, needless + raising
+    last, refused = path[-1], list[Judgement]()
+    last = _with_whole_effects(data, base, last)
+    while added := [data.effects[name] for name in last.effect_names if name not in base.effect_names]:
+        reduced = [base] if len(added) == 1 else data.refit_without(last, added)
+        judged = [
+            judge(data, Term(data.candidate(before, last, effect), ()), constrained=True)
+            for before, effect in zip(reduced, added, strict=True)
+        ]
+        refusable = [i for i, j in enumerate(judged) if not j.decision.supported]
+        if not refusable:
+            return last, {j.decision.effect.name: j for j in judged}, refused
+        worst = min(refusable, key=lambda i: (judged[i].probability, reduced[i].cost))
+        refused.append(judged[worst])
+        last = reduced[worst]
+    return last, {}, refused
 
 
-def _terms(
-    data: DiagnosisData,
-    base: FittedModel,
-    last: FittedModel,
-    first_round: Decisions,
-    without: Mapping[str, FittedModel],
-) -> dict[str, Term]:
-    """Return the term of each added effect, with the candidates that pass in its place.
-
-    ``first_round`` are the decisions at the base model, which lacks a single effect where one was added. ``without``
-    has models that lack a single effect.
-    """
-    terms: dict[str, Term] = {}
-    names = last.effect_names[len(base.effect_names) :]
-    for name in names:
-        reduced = base if len(names) == 1 else without.get(name)
-        before = data.refit_without(last, [data.effects[name]])[0] if reduced is None else reduced
-        decisions = first_round if len(names) == 1 else screen_and_refit(data, before, [name], last)
-        rivals = tuple(c for c in supported_candidates(decisions) if c.effect.name != name)
-        terms[name] = Term(data.candidate(before, last, data.effects[name]), rivals)
-    return terms
-
-
-def _without_needless(
-    data: DiagnosisData, base: FittedModel, last: FittedModel
-) -> tuple[FittedModel, Decisions, dict[str, FittedModel]]:
-    """Return the model after backward elimination, the decisions, and its models that lack a single effect, by name."""
-    refused: Decisions = []
-    without: dict[str, FittedModel] = {}
-    while len(names := last.effect_names[len(base.effect_names) :]) > 1:
-        effects = [data.effects[name] for name in names]
-        without = dict(zip(names, data.refit_without(last, effects), strict=True))
-        weakest = _least_needed(data, last, [data.candidate(without[e.name], last, e) for e in effects])
-        if weakest is None:
-            break
-        refused.append(weakest)
-        last = without[weakest.effect.name]
-    return last, refused, without
-
-
-def _with_whole_effects(
-    data: DiagnosisData, base: FittedModel, last: FittedModel, without: dict[str, FittedModel]
-) -> tuple[FittedModel, dict[str, FittedModel]]:
-    """Return the model with an effect of both chambers in place of the same at each, and the models without an effect.
+def _with_whole_effects(data: DiagnosisData, base: FittedModel, last: FittedModel) -> FittedModel:
+    """Return the model with an effect of both chambers in place of the same at each.
 
     It replaces them where the data cannot tell: two equal hoses are one delay, with a parameter fewer.
     """
@@ -197,107 +169,48 @@ def _with_whole_effects(
         (reduced,) = data.refit_without(without_first, [second])
         whole = data.refit_to_convergence(data.refit_with(reduced, [data.effects[name]]))
         pair = Term(data.candidate(reduced, last, data.effects[name]), tuple(whole))
-        if pair.equivalents(data, complete=not significant_lack_of_fit(*lack_of_fit(data, last))):
-            last, without = whole[0].full, {}
-    return last, without
+        if pair.equivalents(data, complete=is_complete(data, last)):
+            last = whole[0].full
+    return last
 
 
-def _least_needed(data: DiagnosisData, last: FittedModel, candidates: Sequence[Candidate]) -> Decision | None:
-    """Return the effect to drop next, None where all are needed.
+def _nested_models(
+    data: DiagnosisData, base: FittedModel, last: FittedModel, path: Sequence[FittedModel]
+) -> tuple[list[FittedModel], list[Effect]]:
+    """Return the models from base to last, the effect with the largest reduction first.
 
-    With an unmodelled effect present it is the least probable effect, if that is more probably absent: it takes cost
-    from the others, which then seem needless. Otherwise it is the cheapest to drop of the effects that are not
-    supported given the others, unless the cost would rise by a certain and material amount: such an effect may support
-    the others.
+    The second result has effects without an initial guess at every step, which are left out.
     """
-    if significant_lack_of_fit(*lack_of_fit(data, last)):
-        probability, improbable = min(
-            ((posterior_probability(data, Term(c, ())), c) for c in candidates), key=lambda each: each[0]
-        )
-        if probability < MIN_NAMED_PROBABILITY:
-            return Decision(improbable.effect, "explained-by-unknown", improbable)
-    needless = [
-        c for c in candidates if not passing_candidates(data, c.reduced, [c]) and not _is_missed(c.reduced, last)
-    ]
-    weakest = min(needless, key=lambda c: c.reduced.cost, default=None)
-    return None if weakest is None else Decision(weakest.effect, "needless", weakest)
-
-
-def _is_missed(before: FittedModel, last: FittedModel) -> bool:
-    gain = score_gain(before.costs, last.costs)
-    return gain.significant and gain.total > min_relevant_reduction(before.cost, before.residual_count)
-
-
-def _reordered_path(
-    data: DiagnosisData, base: FittedModel, last: FittedModel, original: Sequence[FittedModel]
-) -> tuple[list[FittedModel], Decisions]:
-    """Return the models from base to last, the effect with the largest reduction first, and the effects left out.
-
-    No step may raise the free-run error: an effect that does so wherever it is added is left out, and so is an effect
-    that has no initial guess at any step.
-    """
-    if original[-1] is last and not any(
-        data.free_run_error_rises(before, after) for before, after in pairwise(original)
-    ):
-        return list(original), []
-    path, refused = [base], []
-    remaining = [e for e in last.model.effects if e.name not in base.effect_names]
-    while remaining:
-        ended = len(remaining) == 1
-        addable = [e for e in remaining if ended or data.has_initial_guess(path[-1], e)]
-        candidates = [data.candidate(path[-1], last, addable[0])] if ended else data.refit_with(path[-1], addable)
-        passing = [c for c in candidates if not raises_free_run_error(data, c)]
-        if not passing:
-            refused += [Decision(c.effect, "raises-error", c) for c in candidates]
-            refused += [Decision(e, "cannot-show") for e in remaining if e not in addable]
-            break
-        first = min(passing, key=lambda c: c.full.cost)
-        path.append(first.full)
+    if path[-1] is last:
+        return list(path), []
+    models, remaining = [base], [e for e in last.model.effects if e.name not in base.effect_names]
+    while len(remaining) > 1:
+        addable = [e for e in remaining if data.has_initial_guess(models[-1], e)]
+        if not addable:
+            return models, remaining
+        first = min(data.refit_with(models[-1], addable), key=lambda c: c.full.cost)
+        models.append(first.full)
         remaining.remove(first.effect)
-    return path, refused
+    return [*models, last] if remaining else models, []
 
 
-def _pairs(
-    data: DiagnosisData, path: list[FittedModel], rounds: list[Decisions]
-) -> tuple[list[FittedModel], list[Decisions]]:
-    """Try pairs where no single effect is supported: each of the best candidates with the most promising second one.
+def _terms(
+    data: DiagnosisData,
+    base: FittedModel,
+    last: FittedModel,
+    first_round: Decisions,
+    judgements: Mapping[str, Judgement],
+) -> dict[str, Term]:
+    """Return the term of each added effect, with the candidates that pass in its place.
 
-    The parameters of a model that lacks two effects compensate for both, which hides the signature of each. Sets that
-    the last round has fitted are skipped.
+    ``first_round`` are the decisions at the base model, which lacks a single effect where one was added.
     """
-    base, last = path[0], path[-1]
-    fitted_sets = [{*last.effect_names, d.effect.name} for d in rounds[-1] if d.candidate is not None]
-    refitted = [d.candidate for d in rounds[0] if d.candidate is not None and d.effect.name not in last.effect_names]
-    best = path
-    for first in sorted(refitted, key=lambda c: float(c.full.train_costs.sum()))[:MAX_PAIRS]:
-        for other, tests in data.ranked_signatures(first.full)[:1]:
-            if {*first.full.effect_names, other.name} in fitted_sets:
-                continue
-            pair_path = _pair_path(data, base, first, other, tests)
-            if pair_path is not None and score_gain(best[-1].costs, pair_path[-1].costs).significant:
-                best = pair_path
-    if best is path:
-        return path, rounds
-    return _forward(data, best, rounds[:1])
-
-
-def _pair_path(
-    data: DiagnosisData, base: FittedModel, first: Candidate, other: Effect, tests: Sequence[ScoreTest]
-) -> list[FittedModel] | None:
-    """Return the path over both effects, where each is supported given the other.
-
-    Where the pair leaves an unmodelled effect, both must be probable, too.
-    """
-    (second,) = data.refit_with(first.full, [other], [tests])
-    if not passing_candidates(data, first.full, [second]):
-        return None
-    (without,) = data.refit_without(second.full, [first.effect])
-    first_given_second = data.candidate(without, second.full, first.effect)
-    if not passing_candidates(data, without, [first_given_second]):
-        return None
-    is_improbable = (
-        min(posterior_probability(data, Term(c, ())) for c in (second, first_given_second)) < MIN_NAMED_PROBABILITY
-    )
-    if is_improbable and significant_lack_of_fit(*lack_of_fit(data, second.full)):
-        return None
-    return [base, first.full, second.full]
+    terms: dict[str, Term] = {}
+    names = [name for name in last.effect_names if name not in base.effect_names]
+    for name in names:
+        candidate = judgements[name].decision.candidate
+        assert candidate is not None
+        decisions = first_round if len(names) == 1 else screen_and_refit(data, candidate.reduced, [name], last)
+        rivals = tuple(c for c in supported_candidates(decisions) if c.effect.name != name)
+        terms[name] = Term(candidate, rivals)
+    return terms

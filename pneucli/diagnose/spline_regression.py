@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pneucli.compare.error_regions import locator_signals
-from pneucli.diagnose.normal_equations import Folds, NormalEquations, adjusted_cost, scaled_derivatives
+from pneucli.diagnose.normal_equations import Folds, NormalEquations, scaled_derivatives
 from pneucli.diagnose.smooth_term import KNOTS, SIMPLE_SHAPES, SmoothTerm, linear_bspline_basis
 from pneucli.identify.estimation.fit import Fit
 from pneucli.identify.residuals import ResidualModel
@@ -72,43 +72,6 @@ class SplineRegression:
             one = replace(smooth_term, simple_shape=shape)
             share, values = NormalEquations(self._responses_of(one), residuals, derivatives).explained(one)
             yield replace(one, share=share, values=values @ one.basis)
-
-    def block_costs(self, fit: Fit) -> Array:
-        """Return the squares of a fit's residual by block."""
-        return self._costs_by_block(fit, self._residuals_and_derivatives(fit)[0])
-
-    def residual_count(self, fit: Fit) -> int:
-        """Return the number of residuals."""
-        return sum(int(np.count_nonzero(fit.residual[rows])) for rows in self._rows)
-
-    def held_out_costs(self, fit: Fit, smooth_term: SmoothTerm) -> Array:
-        """Return the squares by block that remain in each recording with the function fitted without it."""
-        sums = NormalEquations(self._responses_of(smooth_term), *self._residuals_and_derivatives(fit))
-        _, adjustment, left_out = sums.solved(smooth_term)
-        parts = zip(sums.parts, left_out, strict=True)
-        return self._costs_by_block(
-            fit, [np.where(r == 0.0, 0.0, r - coefficients @ x - adjustment @ j) for (x, r, j), coefficients in parts]
-        )
-
-    def cost_after_adjustment(self, fit: Fit) -> float:
-        """Return the squares of a fit's residual after a linear adjustment of its own parameters."""
-        return adjusted_cost(*self._residuals_and_derivatives(fit))
-
-    def unrepresented_share(self, fit: Fit, smooth_term: SmoothTerm, change: Array) -> float:
-        """Return the part of the squares of a change of all residuals (N,) that neither the function nor the parameters
-        span.
-        """
-        reference, derivatives = self._residuals_and_derivatives(fit)
-        residuals = self._folds([np.where(fit.residual[r] == 0.0, 0.0, change[r]) for r in self._rows])
-        sums = NormalEquations(self._responses_of(smooth_term), residuals, derivatives, reference)
-        values, adjustment, _ = sums.solved(smooth_term)
-        unrepresented = sum(float(np.sum((r - values @ x - adjustment @ j) ** 2)) for x, r, j in sums.parts)
-        return unrepresented / max(adjusted_cost(residuals, derivatives), 1e-300)
-
-    def _costs_by_block(self, fit: Fit, residuals: Folds) -> Array:
-        blocks = np.concatenate([fit.blocks[r] for r in self._rows])
-        costs = np.bincount(np.unique(blocks, return_inverse=True)[1], np.concatenate(residuals) ** 2)
-        return costs.astype(np.float64)
 
     def _responses_of(self, smooth_term: SmoothTerm) -> list[Array]:
         """Return by fold the response of the residual to each basis function (k, n)."""

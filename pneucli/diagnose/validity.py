@@ -54,6 +54,19 @@ def end_locations(candidate: Candidate) -> list[EndLocation]:
     ]
 
 
+def unresolved_parameters(candidate: Candidate) -> list[str]:
+    """Return the parameters without a null that ended at the smallest plausible value.
+
+    They say where, when or how fast the effect acts: at a Stribeck velocity below every speed of the recordings any
+    friction fits. A bound of 0 is physical, and so is a largest value, as of the conductance of an isothermal gas.
+    """
+    model, effect = candidate.full.model, candidate.effect
+    parameters = effect.in_model_with(model.effects).parameters
+    names = {f"{effect.name}.{p.name}" for p in parameters if p.null is None and not p.step}
+    lower = {f.name: f.lower for f in candidate.full.fit.free if f.name in names and f.lower > 0.0}
+    return [e.name for e in candidate.full.fit.estimates if e.name in lower and e.value <= lower[e.name] * (1.0 + 1e-6)]
+
+
 def at_any_bound(candidate: Candidate) -> bool:
     """Whether any parameter of the effect ended at a bound."""
     return any(e.at_bound and e.name.startswith(f"{candidate.effect.name}.") for e in candidate.full.fit.estimates)

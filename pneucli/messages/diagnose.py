@@ -139,17 +139,13 @@ REJECTION_REASONS = {
         "Its time changes where the model restarts half as often: it shortens what is predicted, and no part of the "
         "rig is late."
     ),
-    "immaterial": "The improvement is too small to matter.",
-    "not-on-held-out": "It improves the fitted recordings, but not for certain recordings that were not fitted.",
+    "immaterial": "It explains too little of the error, is too small or too uncertain to be probably present.",
     "raises-error": "It improves a subsystem, but raises the error of the whole model.",
     "needless": "It helps by itself, but adds nothing to the effects that were selected.",
     "contradicted-by-reading": "Samples at ambient pressure in these recordings refute it.",
     "explained-by-unknown": (
         "It probably only resembles an effect outside the catalogue: it explains too little, is too small or too "
         "uncertain."
-    ),
-    "explained-by-signal": (
-        "A function of one signal explains more: it probably only resembles an effect outside the catalogue."
     ),
 }
 """Why an effect is not named, by its ``reason``."""

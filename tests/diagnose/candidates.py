@@ -1,4 +1,4 @@
-"""Trials and benches made by hand: what a step of the selection sees, without a rig behind it."""
+"""Candidates and data of a diagnosis made by hand, without recordings of a rig."""
 
 from __future__ import annotations
 
@@ -10,27 +10,25 @@ import numpy as np
 
 from pneucli.diagnose.candidate import Candidate
 from pneucli.diagnose.data import DiagnosisData
-from pneucli.diagnose.evidence import ScoreGain
 from pneucli.diagnose.score import FittedModel
 from pneucli.physics.effects import catalogue
 from tests.simulate.synthetic_experiments import model
 
 BLOCKS, SAMPLES = 40, 4000
 COUNTS = np.full(BLOCKS, SAMPLES / BLOCKS)
-CERTAIN = ScoreGain(400.0, 300.0, 1e-9, 30.0)
-UNSURE = ScoreGain(90.0, -10.0, 0.16, 30.0)
 VIEW: Any = SimpleNamespace(
     experiment=SimpleNamespace(
         recording=SimpleNamespace(period=1e-3, name="one"), time=np.arange(SAMPLES) * 0.25 * BLOCKS / SAMPLES
     ),
     channels=("force",),
+    predicts_force=False,
     is_sensitive_to=lambda effect: True,
     exclusive_channels=lambda effect: (),
 )
 
 
 def costing(fitted: Any, costs: np.ndarray) -> FittedModel:
-    """A state with these costs by block."""
+    """A fitted model with these costs by block."""
     return FittedModel(fitted, costs, np.zeros(0), costs, COUNTS)
 
 
@@ -44,7 +42,7 @@ def model_fit(names: Sequence[str] = (), cost: float = 8000.0) -> FittedModel:
 
 
 def shaky(before: FittedModel, fall: float, scatter: float, names: Sequence[str] = ()) -> FittedModel:
-    """A state that costs less in all, by some blocks' falls and other blocks' rises."""
+    """A fitted model that costs less in all, where some blocks cost less and others more."""
     turns = np.where(np.arange(BLOCKS) % 2, scatter, -scatter)
     costs = before.costs - fall / BLOCKS - turns
     return FittedModel(model_fit(names).fit, costs, np.zeros(0), costs, COUNTS)
@@ -57,8 +55,6 @@ def candidate(
     before: FittedModel | None = None,
     ends: Mapping[str, tuple[float, bool]] | None = None,
     p_value: float = 1e-9,
-    train: ScoreGain | None = None,
-    test: ScoreGain = CERTAIN,
 ) -> Candidate:
     """The step to a model with one effect more; ``ends`` has value and whether at a bound by parameter."""
     before = before or model_fit()
@@ -72,22 +68,21 @@ def candidate(
             for name, (value, at_bound) in ended.items()
         ),
         free=tuple(
-            SimpleNamespace(name=f"{effect}.{name}", upper=value if at_bound else 1e9)
+            SimpleNamespace(
+                name=f"{effect}.{name}", upper=value if at_bound else 1e9, lower=value if at_bound else -1e9
+            )
             for name, (value, at_bound) in ended.items()
         ),
         covariance=np.eye(len(ended)),
     )
     after = FittedModel(fitted, after.train_costs, after.test_costs, after.costs, after.residual_counts)
-    fall = before.cost - cost
-    return Candidate(
-        catalogue()[effect], before, after, train or ScoreGain(fall, 0.9 * fall, p_value, 30.0), test, p_value
-    )
+    return Candidate(catalogue()[effect], before, after, p_value)
 
 
 def diagnosis_data(
     errors: Sequence[tuple[FittedModel, float, float | None]] = (), *, held_out: bool = True, **changes: Any
 ) -> DiagnosisData:
-    """A bench with one view; ``errors`` are those that the user sees of a state, on training and on test."""
+    """The data of a diagnosis with one residual model; ``errors`` are the free-run errors of fitted models by use."""
     seen = {id(s.model): {"train": train, "test": test} for s, train, test in errors}
     shown = (lambda m: seen[id(m)]) if errors else None
     made = DiagnosisData([VIEW], [VIEW] if held_out else [], catalogue(), free_run_errors=shown, **changes)

@@ -1,145 +1,184 @@
-"""A bench of made-up effects: what each set of them leaves over is stated, block by block."""
+"""Made-up effects on made-up recordings: what each set of them explains is stated, and the program does all the rest.
+
+The fits are linear and exact. Every reading has the same noise, every block of time the same cost, and each parameter
+has readings of its own, so that an effect is as many standard errors from its absence as its cost alone makes it.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from functools import cached_property
 from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
 
-from pneucli.diagnose.candidate import Candidate
-from pneucli.diagnose.evidence import score_gain
-from pneucli.diagnose.score import FittedModel
+from pneucli.diagnose.adequacy import LackOfFit
+from pneucli.diagnose.data import DiagnosisData, Refit, ScreenedEffect
+from pneucli.diagnose.score import FittedModel, RecordingCost
+from pneucli.identify.estimation.fit import Fit, parameter_estimates
+from pneucli.identify.estimation.parameters import effect_parameters
+from pneucli.identify.residuals import ForceBalance
+from pneucli.physics.declaration import Effect, Parameter
+from pneucli.simulate.model import Model
+from pneucli.simulate.rig_quantities import rig_quantities
+from tests.simulate.synthetic_experiments import FRICTION, RIG, VALVE, make_experiment, time_grid
 
-TRAIN, TEST, SAMPLES = 40, 20, 250  # blocks, and residuals in each
-Takes = Callable[[frozenset[str]], float]
+BLOCKS, BLOCK_READINGS = 40, 250
+READINGS = BLOCKS * BLOCK_READINGS
+LARGEST = 9.0  # value of a parameter at its bound; the typical value is 1
+MIN_SIGNIFICANCE = 1e-3  # standard errors of an effect that explains nothing
+
+RESIDUAL_MODEL: Any = SimpleNamespace(
+    predicts_force=False,
+    experiment=make_experiment("axis", time_grid(1.0), {"x": np.linspace(0.0, 0.2, 1001)}),
+    is_sensitive_to=lambda effect: True,
+)
 
 
-def effect(name: str, *, parameters: int = 1, part: str = "cylinder", side: int | None = None, **more: Any) -> Any:
-    """An effect whose parameters have no unit and a null of zero."""
-    known = [
-        SimpleNamespace(name=f"p{k}", unit="1", null=0.0, lower=-9.0, upper=9.0, **more) for k in range(parameters)
-    ]
-    made = SimpleNamespace(name=name, parameters=tuple(known), part=part, is_set_valued=False, ports={})
-    made.side = side
-    made.main_parameters, made.in_model_with = made.parameters, lambda effects: made
-    return made
+def effect(name: str, *, parameters: int = 1, part: Any = "cylinder") -> Effect:
+    """An effect whose parameters have no unit, a null of 0 and a typical value of 1; "a:1" is "a" at chamber 1."""
+    declared = tuple(
+        Parameter(f"size_{k + 1}", "1", 0.0, -LARGEST, LARGEST, (1.0,), "a size") for k in range(parameters)
+    )
+    side: Any = int(name[-1]) if name[-2:] in (":1", ":2") else None
+    return Effect(name, name, part, declared, {}, "", "", "time", (), "", "none", side=side)
 
 
-class SyntheticData:
-    """Stands in for :class:`pneucli.diagnose.data.DiagnosisData`.
+@dataclass(frozen=True)
+class Facts:
+    """What is stated about the effects.
 
-    ``takes`` says what a set of effects takes of the cost, as a share of what noise leaves, in the fitted and in the
-    held-out blocks; every fit scatters a little. ``chance`` gives an effect's p value where it is not that of the gain.
+    Attributes:
+        excess: Cost in excess of noise without an effect, over the cost of noise.
+        explained: Share of it that a set of effects explains. A set that is not stated explains as much as the largest
+            of its parts that is, and the other effects alone.
+        predicted: Share that the score test predicts for an effect, where it is not what the effect explains.
+        size: Size of an effect over its typical size, 1 where it is not stated; its bound where ``at_bound`` has it.
+        interval: Factor on the standard errors of an effect's interval.
+        raises_error: Effects that raise the free-run error tenfold.
+        needs: The effect without which an effect has no size to start from.
     """
 
-    def __init__(
-        self, effects: Sequence[Any], takes: Takes, *, unseen: Takes | None = None, excess: float = 1.0, **more: Any
-    ) -> None:
-        self.effects = {e.name: e for e in effects}
-        self.takes, self.unseen, self.excess = takes, unseen or takes, excess
-        self.hypothesis_count = more.get("hypotheses", 50)
-        self.base_effects: tuple[str, ...] = more.get("given", ())
-        self.chance: dict[str, float] = more.get("chance", {})
-        self.worse: set[str] = more.get("worse", set())
-        self.sized_by: dict[str, set[str]] = more.get("sized_by", {})  # what an effect needs to have a size at all
-        self.polished_names: list[str] = []
-        self.added_names: list[tuple[str, ...]] = []
-        residual_model = SimpleNamespace(experiment=SimpleNamespace(recording=SimpleNamespace(period=1e-3)))
-        self.train, self.held_out = [residual_model], [residual_model] if more.get("held_out", True) else []
-        self.has_held_out_data = bool(self.held_out)
-        self.free_run_errors = None
+    excess: float
+    explained: Mapping[frozenset[str], float]
+    predicted: Mapping[str, float] = field(default_factory=dict)
+    size: Mapping[str, float] = field(default_factory=dict)
+    at_bound: frozenset[str] = frozenset()
+    interval: Mapping[str, float] = field(default_factory=dict)
+    raises_error: frozenset[str] = frozenset()
+    needs: Mapping[str, str] = field(default_factory=dict)
+
+    def share(self, names: Sequence[str]) -> float:
+        """Return the share of the excess that a set of effects explains."""
+        chosen = frozenset(names)
+        stated = [part for part in self.explained if part <= chosen]
+        largest = max(stated, key=len, default=frozenset[str]())
+        return self.explained.get(largest, 0.0) + sum(
+            self.explained.get(frozenset([name]), 0.0) for name in chosen - largest
+        )
+
+    def variance(self, names: Sequence[str]) -> float:
+        """Return the variance of the residuals with these effects in the model, over that of noise."""
+        return 1.0 + self.excess * (1.0 - self.share(names))
+
+    def significance(self, name: str, names: Sequence[str]) -> float:
+        """Return the standard errors by which an effect differs from none, from the cost that it explains."""
+        without = self.variance([other for other in names if other != name])
+        return float(np.sqrt(READINGS * max(without / self.variance(names) - 1.0, 0.0)))
+
+
+@dataclass(frozen=True)
+class SyntheticData(DiagnosisData):
+    """The data of a diagnosis with effects as they are stated; only fits and score tests are replaced."""
+
+    facts: Facts = field(default_factory=lambda: Facts(0.0, {}))
+
+    @cached_property
+    def block_counts(self) -> tuple[int, ...]:
+        return (BLOCKS,)
+
+    def fitted_model(self, fit: Fit) -> FittedModel:
+        """Return the fitted model with the effects of a fit."""
+        return self.model_with([e.name for e in fit.model.effects])
 
     def model_with(self, names: Sequence[str]) -> FittedModel:
-        chosen = frozenset(names)
-        rng = np.random.default_rng(sum(map(hash_of, chosen)))
-        train = SAMPLES * (1.0 + self.excess - self.takes(chosen)) + rng.normal(scale=1.0, size=TRAIN)
-        test = SAMPLES * (1.0 + self.excess - self.unseen(chosen)) + rng.normal(scale=1.0, size=TEST)
-        values = {f"{n}.{p.name}": 1.0 for n in names for p in self.effects[n].parameters}
-        model = SimpleNamespace(effects=tuple(self.effects[n] for n in names), values=values)
-        estimates = [SimpleNamespace(name=n, value=1.0, at_bound=False) for n in values]
-        fit: Any = SimpleNamespace(
-            model=model,
-            estimates=estimates,
-            free=(),
-            residual=np.ones(TRAIN * SAMPLES),
+        """Return the fitted model with these effects."""
+        variance = self.facts.variance(names)
+        costs = np.full(BLOCKS, variance * BLOCK_READINGS)
+        fitted = FittedModel(self._fit(names), costs, np.zeros(0), costs, np.full(BLOCKS, BLOCK_READINGS))
+        ratio = float(np.sqrt(variance))
+        self.lack_of_fit_cache[fitted] = [LackOfFit(ForceBalance, "force", ratio, ratio, ())], []
+        return fitted
+
+    def _fit(self, names: Sequence[str]) -> Fit:
+        effects = [self.effects[name] for name in names]
+        values = {f"{e.name}.{p.name}": self._value(e) for e in effects for p in e.parameters}
+        model = Model(RIG, tuple(effects), FRICTION | values, VALVE)
+        facts = rig_quantities(model, [RESIDUAL_MODEL.experiment])
+        free = [f for e in effects for f in effect_parameters(e, model, facts)]
+        significance = [self.facts.significance(e.name, names) for e in effects for _ in e.parameters]
+        errors = np.array(
+            [
+                abs(f.to_coordinate(f.start)) / max(s, MIN_SIGNIFICANCE) or 1.0
+                for f, s in zip(free, significance, strict=True)
+            ]
         )
-        if not self.held_out:
-            return FittedModel(fit, train, np.zeros(0), train, np.full(TRAIN, SAMPLES))
-        return FittedModel(fit, train, test, np.concatenate([train, test]), np.full(TRAIN + TEST, SAMPLES))
+        # one reading of each parameter in each block; the residual there is +1 in one block and -1 in the next
+        jacobian = np.tile(np.diag(1.0 / errors), (BLOCKS, 1)) / np.sqrt(BLOCKS)
+        residual = np.repeat(np.where(np.arange(BLOCKS) % 2, -1.0, 1.0), len(free))
+        blocks, covariance = np.repeat(np.arange(BLOCKS), len(free)), np.diag(errors**2)
+        estimates = parameter_estimates(free, model, covariance)
+        return Fit(model, tuple(free), estimates, residual, jacobian, blocks, covariance, 0.0, ())
 
-    def ranked_signatures(self, model_fit: FittedModel) -> list[Any]:
-        promised = [
-            (
-                e,
-                self.takes(frozenset([*model_fit.effect_names, e.name]))
-                - self.takes(frozenset(model_fit.effect_names)),
-            )
-            for e in self.effects.values()
-        ]
-        found = [
-            (e, [SimpleNamespace(gain=SAMPLES * TRAIN * max(p, 0.0) + 20.0)])
-            for e, p in promised
-            if e.name not in model_fit.effect_names and self.has_initial_guess(model_fit, e)
-        ]
-        return sorted(found, key=lambda pair: -pair[1][0].gain)
+    def _value(self, one: Effect) -> float:
+        return LARGEST if one.name in self.facts.at_bound else self.facts.size.get(one.name, 1.0)
 
-    def sensitive_cost(self, model_fit: FittedModel, one: Any) -> tuple[float, int]:
-        return float(model_fit.train_costs.sum()), TRAIN * SAMPLES
+    def with_intervals(self, fitted: FittedModel) -> Fit:
+        fit = fitted.fit
+        factors = np.array([self.facts.interval.get(f.name.partition(".")[0], 1.0) for f in fit.free])
+        covariance = fit.covariance * np.outer(factors, factors)
+        return replace(fit, covariance=covariance, estimates=parameter_estimates(fit.free, fit.model, covariance))
 
-    def sensitive_blocks(self, one: Any) -> np.ndarray:
-        return np.ones(TRAIN + TEST, dtype=bool)
+    def has_initial_guess(self, fitted: FittedModel, effect: Effect) -> bool:
+        return self.facts.needs.get(effect.name) in (None, *fitted.effect_names)
 
-    def recording_costs(self, model_fit: FittedModel, one: Any) -> list[tuple[float, float]]:
-        return [
-            (float(model_fit.train_costs.sum()), TRAIN * SAMPLES),
-            (float(model_fit.test_costs.sum()), model_fit.test_costs.size * SAMPLES),
-        ]
+    def signatures_of(self, fitted: FittedModel, effects: Sequence[Effect]) -> list[ScreenedEffect]:
+        names, found = fitted.effect_names, []
+        for one in (e for e in effects if self.has_initial_guess(fitted, e)):
+            share = self.facts.share([*names, one.name]) - self.facts.share(names)
+            gain = READINGS * self.facts.excess * self.facts.predicted.get(one.name, share)
+            values = {f"{one.name}.{p.name}": 1.0 for p in one.parameters}
+            test: Any = SimpleNamespace(gain=gain, values=values, step_error=0.1, direct=False)
+            found.append((one, [test]))
+        return found
 
-    def exclusive_channel_costs(self, model_fit: FittedModel, one: Any) -> list[tuple[float, float]]:
+    def run_refit(self, task: Refit) -> FittedModel:
+        names = task.base.effect_names
+        if task.kind == "converge":
+            return task.base
+        if task.kind == "drop":
+            return self.model_with([name for name in names if name != task.effect.name])
+        assert self.has_initial_guess(task.base, task.effect)
+        return self.model_with([*names, task.effect.name])
+
+    def exclusive_channel_costs(self, fitted: FittedModel, effect: Effect) -> list[RecordingCost]:
         return []
 
-    def refit_with(self, model_fit: FittedModel, effects: Sequence[Any], ranked: Any = ()) -> list[Candidate]:
-        assert all(self.has_initial_guess(model_fit, one) for one in effects)
-        self.added_names += [(*model_fit.effect_names, one.name) for one in effects]
-        return [self.candidate(model_fit, self.model_with([*model_fit.effect_names, one.name]), one) for one in effects]
 
-    def refit_to_convergence(self, candidates: Sequence[Candidate]) -> list[Candidate]:
-        self.polished_names += [t.effect.name for t in candidates]
-        return list(candidates)
+def synthetic_data(effects: Sequence[Effect], facts: Facts, **more: Any) -> SyntheticData:
+    """The data of a diagnosis with these effects in its catalogue, and one recording that is fitted."""
 
-    def refit_without(self, model_fit: FittedModel, effects: Sequence[Any]) -> list[FittedModel]:
-        return [self.model_with([n for n in model_fit.effect_names if n != one.name]) for one in effects]
+    def error(model: Model) -> dict[str, float | None]:
+        names = [e.name for e in model.effects]
+        raised = 10.0 ** len(facts.raises_error.intersection(names))
+        return {"train": raised * float(np.sqrt(facts.variance(names))), "test": None}
 
-    def candidate(self, before: FittedModel, after: FittedModel, one: Any) -> Candidate:
-        train = score_gain(before.train_costs, after.train_costs)
-        return Candidate(
-            one,
-            before,
-            after,
-            train,
-            score_gain(before.test_costs, after.test_costs),
-            self.chance.get(one.name, train.p_value),
-        )
-
-    def absent_effects(self, model: Any) -> list[Any]:
-        return [e for e in self.effects.values() if e not in model.effects]
-
-    def has_initial_guess(self, model_fit: FittedModel, one: Any) -> bool:
-        return self.sized_by.get(one.name, set()) <= set(model_fit.effect_names)
-
-    def free_run_error_rises(self, before: FittedModel, after: FittedModel) -> bool:
-        return bool(self.worse & (set(after.effect_names) - set(before.effect_names)))
-
-    def free_run_error_falls_clearly(self, before: FittedModel, after: FittedModel) -> bool:
-        return not self.free_run_error_rises(before, after)
+    given = {"free_run_errors": error, "facts": facts, **more}
+    return SyntheticData([RESIDUAL_MODEL], [], {e.name: e for e in effects}, **given)
 
 
-def hash_of(name: str) -> int:
-    return sum(ord(c) * 31**k for k, c in enumerate(name)) % 10**6
-
-
-def adding(**shares: float) -> Takes:
-    """Each effect takes its own share, whatever else is there."""
-    return lambda names: sum(shares.get(n, 0.0) for n in names)
+def alone(**shares: float) -> dict[frozenset[str], float]:
+    """What each effect explains, whatever else is in the model."""
+    return {frozenset([name]): share for name, share in shares.items()}

@@ -18,10 +18,11 @@ from pneucli.diagnose.constraints import (
     with_longer_horizon,
 )
 from pneucli.diagnose.data import DiagnosisData
+from pneucli.diagnose.validity import has_unmeasured_force
 from pneucli.identify.estimation.fit import Fit, fit
 from pneucli.identify.estimation.intervals import with_intervals
 from pneucli.identify.estimation.model_fit import free_parameters
-from pneucli.identify.residuals import ChamberPressures, ResidualModel
+from pneucli.identify.residuals import ChamberPressures, ForceBalance, ResidualModel
 from pneucli.noise import NoiseModel
 from pneucli.physics.effects import catalogue
 from pneucli.simulate import layout as at
@@ -86,6 +87,16 @@ def test_the_held_out_error_may_not_rise_whatever_the_fitted_one_does(after: tup
     tried = candidate("extra-mass")
     data = diagnosis_data([(tried.reduced, 10.0, 10.0), (tried.full, *after)])
     assert raises_held_out_error(data, tried) == rises
+
+
+@pytest.mark.parametrize("unseen", [True, False])
+def test_an_unmeasured_force_names_no_effect(unseen: bool) -> None:
+    """Without p2 what a shut chamber 2 does to the piston looks like a spring."""
+    residual_model = object.__new__(ForceBalance)
+    experiment = SimpleNamespace(p2_is_unmeasured=unseen, can_show=lambda effect: True)
+    object.__setattr__(residual_model, "experiment", experiment)
+    assert has_unmeasured_force([residual_model], catalogue()["spring-force"]) == unseen
+    assert not has_unmeasured_force([], catalogue()["spring-force"])
 
 
 @pytest.fixture

@@ -23,7 +23,7 @@ SPREAD = np.where(np.arange(BLOCKS) % 2, 90.0, 10.0)  # of what falls block by b
 
 
 def chance(monkeypatch: pytest.MonkeyPatch, wald: float, *, held_out: bool) -> float:
-    """The chance of an effect that takes 50 of 200 in the mean block, fitted and held out, by a bench."""
+    """The p value of an effect that explains 50 of 200 in the mean block, fitted and held out."""
     before = held(model_fit().train_costs)
     after = held(before.train_costs - SPREAD)
     monkeypatch.setattr(data_module, "wald_p_value", lambda fit, effect, *_: wald)
@@ -33,7 +33,7 @@ def chance(monkeypatch: pytest.MonkeyPatch, wald: float, *, held_out: bool) -> f
 
 
 def held(costs: Any) -> FittedModel:
-    """A state that costs the same fitted and held out."""
+    """A fitted model that costs the same on fitted and on held-out data."""
     return FittedModel(model_fit().fit, costs, costs, np.tile(costs, 2), np.full(2 * BLOCKS, 100.0))
 
 

@@ -1,295 +1,213 @@
-"""Beside something unknown an effect is named only where it is more likely there than not."""
+"""The judgement of an effect: where its evidence, its probability and the hard constraints meet."""
 
 from __future__ import annotations
 
+import math
 from dataclasses import replace
-from types import SimpleNamespace
-from typing import Any
 
 import numpy as np
 import pytest
 
-from pneucli.diagnose import decision
-from pneucli.diagnose.adequacy import LackOfFit
-from pneucli.diagnose.calibration import Evidence, probability
-from pneucli.diagnose.candidate import Decision
-from pneucli.diagnose.data import DiagnosisData
+from pneucli.diagnose.calibration import Evidence, presence_rate, probability
+from pneucli.diagnose.candidate import Reason
 from pneucli.diagnose.decision import (
-    collect_evidence,
-    decide,
-    retest_without_refused,
+    Judgement,
+    _significance_and_size,
+    is_complete,
+    judge,
+    log_odds_among_equivalents,
 )
 from pneucli.diagnose.equivalence import Term
-from pneucli.diagnose.validity import has_unmeasured_force
-from pneucli.identify.residuals import ForceBalance, ImposedMotion
+from pneucli.diagnose.evidence import significance
+from pneucli.diagnose.score import ErrorsByUse
+from pneucli.identify.estimation.fit import Fit
+from pneucli.identify.estimation.parameters import FreeParameter
 from pneucli.physics.effects import catalogue
-from tests.diagnose import candidates
-from tests.diagnose.candidates import candidate, diagnosis_data
+from pneucli.simulate.model import Model
+from tests.diagnose.synthetic_data import (
+    LARGEST,
+    READINGS,
+    RESIDUAL_MODEL,
+    Facts,
+    SyntheticData,
+    alone,
+    effect,
+    synthetic_data,
+)
+from tests.simulate.synthetic_experiments import model
 
-STRONG = Evidence(share=0.98, significance=100.0, size=1.0, left=0.01)
-WEAK = Evidence(share=0.02, significance=2.0, size=0.1)
-TRIED = candidate("extra-mass")
-
-
-def kinds(*each: Any, feels: bool = True) -> list[Any]:
-    """Views of these kinds, which feel every effect or none, of one and the same recording."""
-    residual_models = [object.__new__(kind) for kind in each]
-    for residual_model in residual_models:
-        residual_model.__dict__.update(experiment="fitted", is_sensitive_to=lambda effect: feels)
-    return residual_models
-
-
-@pytest.fixture
-def judged(monkeypatch: pytest.MonkeyPatch) -> Any:
-    """The decision about an effect with evidence, and a hard constraint that it violates."""
-
-    def reason(
-        evidence: Evidence,
-        *,
-        unknown: bool,
-        violated: str | None = None,
-        read: float | None = None,
-        law: bool = False,
-    ) -> str:
-        place = None if read is None else Term(TRIED, ())
-        monkeypatch.setattr(DiagnosisData, "exclusive_channel_costs", lambda self, model_fit, effect: [(read, 100.0)])
-        monkeypatch.setattr(decision, "collect_evidence", lambda *_, complete: evidence._replace(complete=complete))
-        monkeypatch.setattr(decision, "violated_constraint", lambda *_, **__: violated)
-        monkeypatch.setattr(
-            decision, "nonparametric_rival", lambda diagnosis_data, one: "a law" if law and one is place else None
-        )
-        left = [LackOfFit(ForceBalance, "force", 5.0, 5.0, ())] * unknown
-        found, rests_on = decide(diagnosis_data(), TRIED.full, TRIED, left, place)
-        assert (found.effect, found.candidate) == (TRIED.effect, TRIED)
-        assert rests_on == evidence._replace(complete=not unknown)
-        return found.reason
-
-    return reason
+A = effect("a")
 
 
-@pytest.mark.parametrize("unknown", [False, True])
-def test_only_a_probable_effect_is_named(judged: Any, unknown: bool) -> None:
-    assert probability(WEAK) < 0.5 < probability(STRONG)
-    assert judged(STRONG, unknown=unknown) == "supported"
-    assert judged(WEAK, unknown=unknown) == "explained-by-unknown"
+def term_of(data: SyntheticData, name: str = "a") -> Term:
+    """The step from the model without effects to that with one."""
+    return Term(data.candidate(data.model_with([]), data.model_with([name]), data.effects[name]), ())
 
 
-@pytest.mark.parametrize("unknown", [False, True])
-def test_an_effect_with_a_smooth_rival_is_not_named_however_probable(judged: Any, unknown: bool) -> None:
-    assert judged(STRONG, unknown=unknown, read=100.0, law=True) == "explained-by-signal"
-    assert judged(WEAK, unknown=unknown, read=100.0, law=True) == "explained-by-unknown"
+def stated(excess: float, explains: float, **more: object) -> SyntheticData:
+    """The data with one effect."""
+    return synthetic_data([A], Facts(excess, alone(a=explains), **more))  # type: ignore[arg-type]
 
 
-@pytest.mark.parametrize("unknown", [False, True])
-def test_an_exclusive_measurement_has_no_smooth_rival(judged: Any, unknown: bool) -> None:
-    assert judged(STRONG, unknown=unknown, read=200.0, law=True) == "supported"
+def judged(data: SyntheticData, *, constrained: bool = True) -> Judgement:
+    return judge(data, term_of(data), constrained=constrained)
 
 
-@pytest.mark.parametrize("unknown", [False, True])
-@pytest.mark.parametrize("evidence", [STRONG, WEAK])
-def test_no_probability_outweighs_a_hard_constraint(judged: Any, evidence: Evidence, unknown: bool) -> None:
-    assert judged(evidence, unknown=unknown, violated="interval-contains-null") == "interval-contains-null"
+# --- evidence
+
+UNMODELLED = stated(10.0, 0.8, size={"a": 0.5}, interval={"a": 2.0})
+ONLY_NOISE = stated(10.0, 0.98, size={"a": 0.5}, interval={"a": 2.0})
 
 
-@pytest.mark.parametrize("unseen", [True, False])
-def test_an_unmeasured_force_names_no_effect(unseen: bool) -> None:
-    """Without p2 what a shut chamber 2 does to the piston looks like a spring."""
-    residual_model = object.__new__(ForceBalance)
-    experiment = SimpleNamespace(p2_is_unmeasured=unseen, can_show=lambda effect: True)
-    object.__setattr__(residual_model, "experiment", experiment)
-    assert has_unmeasured_force([residual_model], catalogue()["spring-force"]) == unseen
-    assert not has_unmeasured_force([], catalogue()["spring-force"])
+def test_the_evidence_beside_an_unmodelled_effect() -> None:
+    """Of a variance of 11 there remain 3; by blocks of time it is sqrt(8 / 3 N) standard errors from none.
+
+    An interval that is twice as wide halves that. The free run does not count.
+    """
+    share, significance, size, complete, left = judged(UNMODELLED).evidence
+    assert (share, complete) == (None, False)
+    assert significance == pytest.approx(0.5 * math.sqrt(8.0 / 3.0 * READINGS), rel=1e-6)
+    assert (size, left) == pytest.approx((0.5, 3.0 / 11.0))
 
 
-# --- what it rests on
+def test_the_evidence_where_only_noise_is_left() -> None:
+    """The free-run error falls from sqrt(11) to sqrt(1.2): it removes 0.98 of what its square exceeds 1 by."""
+    share, significance, size, complete, left = judged(ONLY_NOISE).evidence
+    assert complete
+    assert share == pytest.approx(0.98)
+    assert significance == pytest.approx(0.5 * math.sqrt(9.8 / 1.2 * READINGS), rel=1e-6)
+    assert (size, left) == pytest.approx((0.5, 1.2 / 11.0))
 
 
-def model_fit(squares: float, samples: int = 100, **more: Any) -> Any:
-    return SimpleNamespace(cost=squares, residual_count=samples, **more)
+def test_without_free_run_errors_the_share_is_unknown() -> None:
+    assert judged(replace(ONLY_NOISE, free_run_errors=None)).evidence.share is None
 
 
-def evidence(monkeypatch: pytest.MonkeyPatch, shown: Any, *, complete: bool = False, placed: bool = True) -> Evidence:
-    free = [SimpleNamespace(name="friction.coulomb"), SimpleNamespace(name="extra-mass.mass")]
-    fitted: Any = SimpleNamespace(free=free, covariance=np.diag([1.0, 0.5]))
-    widened: Any = SimpleNamespace(covariance=np.diag([9.0, 2.0]))
-    last = model_fit(140.0, fit=fitted, model="last model")
-    tried: Any = SimpleNamespace(
-        reduced=model_fit(0.0, model="without"), full=model_fit(0.0, model="with"), effect=catalogue()["extra-mass"]
+def test_the_inflation_of_a_ratio_is_that_of_its_product() -> None:
+    """A gain of 0.4 +- 0.3 per bar and friction of 2 +- 1.5 N, known together: the product is 0.8 +- 0.16 N per bar.
+
+    Model error makes it 0.32 N per bar, by the covariance of both; that of the gain alone hardly grows.
+    """
+    friction = catalogue()["pressure-friction"]
+    free = (
+        FreeParameter("friction.coulomb", "N", 2.0, 0.0, 1e3, 1.0),
+        FreeParameter("pressure-friction.gain", "1/bar", 0.4, 0.0, 20.0, 1.0, multiplies="friction.coulomb"),
     )
-    where: Any = SimpleNamespace(train=kinds(ForceBalance), free_run_errors=shown, with_intervals=lambda one: widened)
-    monkeypatch.setattr(decision, "rig_quantities", lambda model, experiments: (model, *experiments))
-    sizes = {("extra-mass", ("last model", "fitted")): 0.5}
-    monkeypatch.setattr(decision, "significance", lambda fit, effect, *_: 40.0 if fit is fitted else 0.0)
-    monkeypatch.setattr(decision, "relative_effect_size", lambda fit, effect, facts, *_: sizes[effect.name, facts])
-    path_step: Any = SimpleNamespace(
-        reduced=model_fit(0.0, model="start"), full=model_fit(0.0, model="first step"), effect=tried.effect
+    by_blocks = np.array([[2.25, -0.45], [-0.45, 0.0964]])
+    product = np.array([0.4, 2.0])  # derivatives of the product by friction and gain
+    variance = float(product @ by_blocks @ product)
+    direction = by_blocks @ product
+    widened = by_blocks + 3.0 * np.outer(direction, direction) / variance  # 4 times that of the product
+    assert product @ widened @ product == pytest.approx(4.0 * variance)
+    readings = np.arange(4000)
+    jacobian = np.random.default_rng(2).normal(size=(readings.size, 2))
+    fit = Fit(
+        model(["pressure-friction"], {"friction.coulomb": 2.0, "pressure-friction.gain": 0.4}),
+        *(free, (), np.random.default_rng(3).normal(size=readings.size), jacobian, readings // 100, by_blocks, 0.0, ()),
     )
-    term: Any = SimpleNamespace(
-        candidate=tried, remaining_variance=lambda diagnosis_data: 0.2 if diagnosis_data is where else None
-    )
-    return collect_evidence(where, last, path_step, term if placed else None, complete=complete)
+
+    class Widened(SyntheticData):
+        def with_intervals(self, fitted: object) -> Fit:
+            return replace(fit, covariance=widened)
+
+    data = Widened([RESIDUAL_MODEL], [], {})
+    fitted = replace(data.model_with([]), fit=fit)
+    found, _ = _significance_and_size(data, fitted, friction)
+    assert found == pytest.approx(0.5 * significance(fit, friction))
 
 
-def test_evidence_is_of_the_effect_beside_all_others(monkeypatch: pytest.MonkeyPatch) -> None:
-    """40 standard errors by blocks of time are 20 of the interval, whose variance model error inflates by 4."""
-    errors = {"without": {"train": 9.0, "test": 5.0}, "with": {"train": 8.0, "test": 13.0**0.5}}
-    for complete in (True, False):
-        found = evidence(monkeypatch, errors.__getitem__, complete=complete)
-        assert found[:3] == pytest.approx((0.5, 20.0, 0.5))
-        assert found[3:] == (complete, 0.2)
-
-
-def test_without_free_run_errors_the_share_is_unknown(monkeypatch: pytest.MonkeyPatch) -> None:
-    assert evidence(monkeypatch, None).share is None
-
-
-def test_without_a_term_everything_remains(monkeypatch: pytest.MonkeyPatch) -> None:
-    assert evidence(monkeypatch, None, placed=False).left == 1.0
-
-
-def test_the_posterior_uses_the_evidence_of_the_term(
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
-    """What it takes of the error that the user sees counts, too: of 4 and 2 times the noise 12 of 15 parts."""
-    tried = candidate("time-skew", before=candidates.model_fit())
-    errors = {id(tried.reduced.model): 4.0, id(tried.full.model): 2.0}
-    where = replace(
-        diagnosis_data(held_out=False),
-        train=kinds(ImposedMotion, ForceBalance),
-        free_run_errors=lambda model: {"train": 9.0, "test": errors[id(model)]},
-    )
-    monkeypatch.setattr(
-        decision, "rig_quantities", lambda model, experiments: "facts" if model is tried.full.model else None
-    )
-    monkeypatch.setattr(decision, "significance", lambda fit, effect, *_: 20.0 if fit is tried.full.fit else 0.0)
-    monkeypatch.setattr(DiagnosisData, "with_intervals", lambda self, fitted: fitted.fit)
-    monkeypatch.setattr(
-        decision, "relative_effect_size", lambda fit, effect, facts, *_: 0.5 if facts == "facts" else 0.0
-    )
-    monkeypatch.setattr(
-        Term, "remaining_variance", lambda self, diagnosis_data: 0.3 if self.candidate is tried else None
-    )
-    monkeypatch.setattr(Term, "equivalents", lambda self, diagnosis_data, complete: () if complete else self.rivals)
-    known = Evidence(0.8, 20.0, 0.5, complete=False, left=0.3)
-    assert decision.posterior_probability(where, Term(tried, ())) == probability(known)
+# --- the decision
 
 
 @pytest.mark.parametrize(
-    ("errors", "expected"),
+    ("data", "reason"),
     [
-        (None, np.log(3.0)),
-        ({"train": 2.0, "test": None}, np.log(3.0) - 10.0 * np.log(2.0)),
-        ({"train": 2.0, "test": 8.0}, np.log(3.0) - 10.0 * np.log(4.0)),
+        (stated(10.0, 0.8), "supported"),
+        (stated(10.0, 0.35), "explained-by-unknown"),
+        (stated(10.0, 0.99), "supported"),
+        (stated(0.4, 0.1, size={"a": 0.05}), "immaterial"),
+    ],
+)
+def test_only_a_probable_effect_is_supported(data: SyntheticData, reason: Reason) -> None:
+    """An improbable one resembles what is unmodelled, or is too small to matter where only noise is left."""
+    found = judged(data)
+    assert found.decision.reason == reason
+    assert found.decision.candidate is not None
+    assert found.decision.effect is A
+    assert found.probability == probability(found.evidence)
+    assert (found.probability >= 0.5) == (reason == "supported")
+
+
+@pytest.mark.parametrize("explains", [0.8, 0.35, 0.99])
+@pytest.mark.parametrize(
+    ("violation", "reason"),
+    [
+        ({"raises_error": frozenset("a")}, "raises-error"),
+        ({"at_bound": frozenset("a")}, "at-bound"),
+        ({"interval": {"a": 200.0}}, "interval-contains-null"),
+    ],
+)
+def test_a_violated_constraint_is_the_reason_whatever_the_probability(
+    explains: float, violation: dict[str, object], reason: Reason
+) -> None:
+    """The probability remains that by the evidence: of effects that must go the least probable goes first."""
+    data = stated(10.0, explains, **violation)
+    found, free = judged(data), judged(data, constrained=False)
+    assert found.decision.reason == reason
+    assert (found.evidence, found.probability) == (free.evidence, free.probability)
+    assert free.decision.reason in ("supported", "explained-by-unknown", "immaterial")
+    assert found.probability == probability(found.evidence)
+
+
+def test_an_effect_at_its_bound_may_be_the_most_probable_one() -> None:
+    found = judged(stated(10.0, 0.8, at_bound=frozenset("a")))
+    assert found.evidence.size == LARGEST
+    assert found.probability > 0.5
+
+
+def test_within_its_interval_an_effect_beside_an_unmodelled_one_is_as_rare_as_on_exams() -> None:
+    found = judged(stated(10.0, 0.8, interval={"a": 200.0}), constrained=False)
+    assert found.evidence.significance < 1.0
+    assert found.probability == presence_rate("interval-contains-null")
+
+
+@pytest.mark.parametrize(("excess", "complete"), [(0.43, True), (0.45, False)])
+def test_a_model_is_complete_up_to_1_2_times_the_noise(excess: float, complete: bool) -> None:
+    data = stated(excess, 0.0)
+    assert is_complete(data, data.model_with([])) == complete
+
+
+# --- among equivalents
+
+
+@pytest.mark.parametrize(
+    ("errors", "readings"),
+    [
+        (None, 0.0),
+        ({"train": 2.0, "test": None}, 10.0 * math.log(2.0)),
+        ({"train": 2.0, "test": 8.0}, 10.0 * math.log(4.0)),
     ],
 )
 def test_among_equivalents_the_free_run_error_counts_as_ten_readings(
-    monkeypatch: pytest.MonkeyPatch, errors: dict[str, float | None] | None, expected: float
+    errors: ErrorsByUse | None, readings: float
 ) -> None:
     """Stribeck friction and a break-away that grows leave as much of a balance of forces, which has few break-aways."""
-    monkeypatch.setattr(decision, "_evidence_of_fit", lambda *_: WEAK)
-    monkeypatch.setattr(decision, "probability", lambda evidence: 0.75)
-    where = replace(diagnosis_data(held_out=False), free_run_errors=None if errors is None else lambda model: errors)
-    assert decision.log_odds_among_equivalents(
-        where, candidate("stribeck", before=candidates.model_fit())
-    ) == pytest.approx(expected)
-    monkeypatch.setattr(decision, "probability", lambda evidence: 1.0)
-    named = candidate("stribeck", before=candidates.model_fit())
-    assert np.isfinite(decision.log_odds_among_equivalents(where, named))
 
+    def shown(model: Model) -> ErrorsByUse:
+        assert [e.name for e in model.effects] == ["a"]
+        return errors or {}
 
-def test_among_equivalents_the_intercepts_do_not_count(monkeypatch: pytest.MonkeyPatch) -> None:
-    """The unknown that one of them resembles, all of them do."""
-    where = replace(diagnosis_data(held_out=False), free_run_errors=None)
-    monkeypatch.setattr(decision, "_significance_and_size", lambda diagnosis_data, model_fit, effect: (20.0, 0.5))
-    monkeypatch.setattr(Term, "remaining_variance", lambda self, diagnosis_data: 0.3)
-    clock, spool = (
-        decision.log_odds_among_equivalents(where, candidate(n, before=candidates.model_fit()))
-        for n in ("time-skew", "valve-lag")
+    data = replace(stated(10.0, 0.8, size={"a": 0.5}), free_run_errors=None if errors is None else shown)
+    p = probability(Evidence(None, 100.0, 0.5, complete=False, left=3.0 / 11.0))
+    assert log_odds_among_equivalents(data, term_of(data).candidate) == pytest.approx(
+        math.log(p / (1.0 - p)) - readings
     )
-    assert clock == spool
 
 
 @pytest.mark.parametrize(("size", "less"), [(0.5, True), (1.0, False), (4.0, False)])
-def test_a_size_above_typical_is_no_more_probable_among_equivalents(
-    monkeypatch: pytest.MonkeyPatch, size: float, less: bool
-) -> None:
+def test_a_size_above_typical_is_no_more_probable_among_equivalents(size: float, less: bool) -> None:
     """Of a force of its usual size and an offset of four times its own a rig has rather the force."""
-    where = replace(diagnosis_data(held_out=False), free_run_errors=None)
-    sizes = {"constant-force": 1.0, "pressure-offset": size}
-    monkeypatch.setattr(
-        decision, "_significance_and_size", lambda diagnosis_data, model_fit, effect: (20.0, sizes[effect.name])
-    )
-    monkeypatch.setattr(Term, "remaining_variance", lambda self, diagnosis_data: 0.3)
-    force, offset = (
-        decision.log_odds_among_equivalents(where, candidate(name, before=candidates.model_fit())) for name in sizes
-    )
+    names = ("force", "offset")
+    data = synthetic_data([effect(n) for n in names], Facts(10.0, alone(force=0.8, offset=0.8), size={"offset": size}))
+    force, offset = (log_odds_among_equivalents(data, term_of(data, name).candidate) for name in names)
     assert offset < force if less else offset == force
-
-
-@pytest.mark.parametrize(
-    ("moved", "passes", "named"),
-    [
-        ((10.0, 5.0), True, "supported"),
-        ((10.0, 10.5), True, "raises-error"),
-        ((10.0, 9.9), False, "explained-by-unknown"),
-    ],
-)
-def test_a_named_effect_must_pass_without_the_refused_ones(
-    monkeypatch: pytest.MonkeyPatch, moved: tuple[float, float], passes: bool, named: str
-) -> None:
-    """An offset is refused; the mass beside it must pass, and lower the error, in the model that lacks the offset."""
-    mass, offset = (candidate(n) for n in ("extra-mass", "pressure-offset"))
-    last, alone, neither = (candidates.model_fit(n) for n in (["extra-mass", "pressure-offset"], ["extra-mass"], []))
-    ways = {(id(last), "pressure-offset"): alone, (id(alone), "extra-mass"): neither}
-    monkeypatch.setattr(DiagnosisData, "refit_without", lambda self, one, effects: [ways[id(one), effects[0].name]])
-    step = replace(mass, reduced=neither, full=alone)
-    monkeypatch.setattr(DiagnosisData, "candidate", lambda self, before, after, effect: step)
-    monkeypatch.setattr(decision, "passing_candidates", lambda diagnosis_data, before, tried: tried if passes else [])
-    there = STRONG if passes else WEAK
-    monkeypatch.setattr(decision, "collect_evidence", lambda *_, complete: there._replace(complete=complete))
-    rises = moved[1] > moved[0]
-    monkeypatch.setattr(decision, "violated_constraint", lambda *_, **__: "raises-error" if rises else None)
-    found = diagnosis_data()
-    left = [LackOfFit(ForceBalance, "force", 5.0, 5.0, ())]
-    refusal = "explained-by-unknown"
-    weights = [(Decision(mass.effect, "supported", mass), STRONG), (Decision(offset.effect, refusal, offset), WEAK)]
-    (first, _), (second, _) = retest_without_refused(found, last, weights, left)
-    assert (first.reason, second.reason) == (named, refusal)
-    assert retest_without_refused(found, last, weights, []) == weights  # noise alone is left
-    assert retest_without_refused(found, last, weights[:1], left) == weights[:1]  # nothing is refused
-    assert retest_without_refused(found, last, weights[1:], left) == weights[1:]  # nothing is named
-
-
-@pytest.mark.parametrize(("left", "likely", "named"), [(5.0, False, False), (5.0, True, True), (1.0, False, True)])
-def test_with_a_smooth_rival_the_residual_is_tested_again(
-    monkeypatch: pytest.MonkeyPatch, left: float, likely: bool, named: bool
-) -> None:
-    """With a spring, which a law outdoes, the mass seemed to be complete; it is weighed anew beside what is left."""
-    mass, spring = (candidate(n) for n in ("extra-mass", "spring-force"))
-    last, alone, neither = (candidates.model_fit(n) for n in (["extra-mass", "spring-force"], ["extra-mass"], []))
-    ways = {(id(last), "spring-force"): alone, (id(alone), "extra-mass"): neither}
-    monkeypatch.setattr(DiagnosisData, "refit_without", lambda self, one, effects: [ways[id(one), effects[0].name]])
-    monkeypatch.setattr(
-        DiagnosisData, "candidate", lambda self, before, after, effect: replace(mass, reduced=before, full=after)
-    )
-    monkeypatch.setattr(decision, "passing_candidates", lambda diagnosis_data, before, tried: tried)
-    monkeypatch.setattr(
-        decision,
-        "lack_of_fit",
-        lambda diagnosis_data, one: (
-            [LackOfFit(ForceBalance, "force", left, left, ())] * (one.model is alone.model),
-            [],
-        ),
-    )
-    there = STRONG if likely else WEAK
-    monkeypatch.setattr(decision, "collect_evidence", lambda *_, complete: there._replace(complete=complete))
-    monkeypatch.setattr(decision, "violated_constraint", lambda *_, **__: None)
-    monkeypatch.setattr(decision, "nonparametric_rival", lambda diagnosis_data, one: None)
-    found = diagnosis_data([(neither, 10.0, 10.0), (alone, 5.0, 5.0)])
-    weights = [
-        (Decision(mass.effect, "supported", mass), STRONG._replace(complete=True)),
-        (Decision(spring.effect, "explained-by-signal", spring), STRONG),
-    ]
-    (first, evidence), (second, _) = retest_without_refused(found, last, weights, [])
-    assert (first.supported, second.reason) == (named, "explained-by-signal")
-    assert evidence.complete == (left == 1.0)

@@ -1,271 +1,182 @@
-"""The diagnosis as a whole: which of the effects found are named, what the verdict is, and the errors of the ladder."""
+"""The diagnosis as a whole: its verdict, the named effects and their equivalents, probabilities, and what is left."""
 
 from __future__ import annotations
 
+import math
 from dataclasses import replace
-from types import SimpleNamespace
 from typing import Any
 
-import numpy as np
 import pytest
 
-from pneucli.diagnose import diagnosis, free_run_error
+from pneucli.diagnose import diagnosis
 from pneucli.diagnose.adequacy import LackOfFit
-from pneucli.diagnose.calibration import Evidence, presence_rate, probability
-from pneucli.diagnose.candidate import Candidate, Decision, Reason
-from pneucli.diagnose.evidence import ScoreGain
-from pneucli.diagnose.selection import SelectionPath
-from pneucli.identify.residuals import ForceBalance, FreeRun
-from tests.diagnose.synthetic_data import SyntheticData, adding, effect
+from pneucli.diagnose.calibration import WEIGHTS_DISCREPANCY, presence_rate, probability
+from pneucli.diagnose.diagnosis import Diagnosis, diagnose
+from pneucli.diagnose.score import FittedModel
+from pneucli.identify.residuals import FreeRun
+from tests.diagnose.selection_cases import data_of, named
+from tests.diagnose.synthetic_data import Facts, SyntheticData, alone, effect, synthetic_data
 
-A, B, C, D = (effect(name) for name in "abcd")
-RESTS_ON = {"a": Evidence(0.8, 50.0, 1.0), "b": Evidence(0.2, 9.0, 0.3)}
-CERTAIN = {name: probability(evidence) for name, evidence in RESTS_ON.items()}
-MUCH = LackOfFit(ForceBalance, "force", 5.0, 5.0, ())
+A, B, C = (effect(name) for name in "abc")
 ASTRAY = LackOfFit(FreeRun, "x", 3.0, 3.0, ())
 
 
-class Diagnosed:
-    """A diagnosis whose search ended after ``a`` and ``b``; what is left over and what stands is stated."""
-
-    def __init__(self, monkeypatch: pytest.MonkeyPatch, **given: Any) -> None:
-        self.toys = SyntheticData([A, B], adding(a=0.6, b=0.4))
-        self.rungs = tuple(self.toys.model_with(names) for names in ([], ["a"], ["a", "b"]))
-        for rung in self.rungs:
-            rung.fit.estimates[:] = []  # type: ignore[index]
-        self.steps: list[tuple[str, list[str], list[str], bool]] = []
-        self.described: list[tuple[list[str], LackOfFit]] = []
-        none, left = ScoreGain(1.0, 0.0, 1.0, 1.0), given.get("left", [])
-        rival = Candidate(given.get("equals", A), self.rungs[0], self.rungs[-1], none, none, 0.0)
-        unknown = bool(left or given.get("astray"))
-
-        def place(one: Any, rivals: list[Candidate]) -> Any:
-            return SimpleNamespace(
-                candidate=Candidate(one, self.rungs[0], self.rungs[-1], none, none, 0.0),
-                equivalents=lambda diagnosis_data, *, complete: rivals if complete != unknown else None,
-            )
-
-        places = {"a": place(A, []), "b": place(B, [rival])}
-        found = SelectionPath(self.rungs, places, tuple(given.get("refused", ())), tuple(left), ())
-        standing = given.get("standing", {"a", "b"})
-
-        def weighed(
-            diagnosis_data: Any, last: Any, step: Candidate, left: Any, place: Any
-        ) -> tuple[Decision, Evidence]:
-            assert place is places[step.effect.name]
-            self.steps.append((step.effect.name, step.reduced.effect_names, step.full.effect_names, bool(left)))
-            stands = step.effect.name in standing or not (left or step.effect.name in given.get("doubted", ()))
-            reason: Reason = "supported" if stands else given.get("why", "explained-by-unknown")
-            return Decision(step.effect, reason, step), RESTS_ON[step.effect.name]
-
-        def without_refused(diagnosis_data: Any, last: Any, weights: Any, left: Any) -> Any:
-            assert bool(left) == unknown
-            falls = given.get("falls", ())
-            return [(replace(d, reason="raises-error") if d.effect.name in falls else d, e) for d, e in weights]
-
-        def describe(diagnosis_data: Any, fit: Any, worst: LackOfFit) -> str:
-            self.described.append(([e.name for e in fit.model.effects], worst))
-            return "unknown"
-
-        monkeypatch.setattr(diagnosis, "select_effects", lambda diagnosis_data, start: found)
-        monkeypatch.setattr(diagnosis, "free_run_lack_of_fit", lambda model, residual_models: given.get("astray", []))
-        monkeypatch.setattr(
-            diagnosis, "lack_of_fit", lambda diagnosis_data, model_fit: (given.get("remains", [MUCH]), [])
-        )
-        monkeypatch.setattr(diagnosis, "violated_constraint", lambda *_: given.get("violated"))
-        monkeypatch.setattr(diagnosis, "decide", weighed)
-        monkeypatch.setattr(diagnosis, "retest_without_refused", without_refused)
-        odds = np.log([1.0, 9.0])
-        monkeypatch.setattr(
-            diagnosis, "log_odds_among_equivalents", lambda diagnosis_data, one: odds[0] if one is rival else odds[1]
-        )
-        monkeypatch.setattr(diagnosis, "describe_lack_of_fit", describe)
-        self.sizes = [SimpleNamespace(typical=typical) for typical in given.get("typical", [True])]
-        monkeypatch.setattr(
-            diagnosis,
-            "minimum_detectable_effects",
-            lambda diagnosis_data, model_fit: self.sizes if model_fit is found.last else [],
-        )
-        monkeypatch.setattr(
-            diagnosis, "describe_discrepancies", lambda diagnosis_data, fit, left: [(fit.model, len(left))]
-        )
-        monkeypatch.setattr(diagnosis, "undetectable_effects", lambda diagnosis_data, sizes: [])
-        self.bench: Any = SimpleNamespace(
-            fitted_model=lambda base: self.rungs[0], train=given.get("train", []), held_out=[],
-            effects=self.toys.effects, candidate=self.toys.candidate, implausible=given.get("implausible", False),
-        )  # fmt: skip
-        self.result = diagnosis.diagnose(self.bench, None)  # type: ignore[arg-type]
-
-    def of_nothing(self, monkeypatch: pytest.MonkeyPatch) -> diagnosis.Diagnosis:
-        """The diagnosis where the search added nothing."""
-        alone = SelectionPath(self.rungs[:1], {}, (), (), ())
-        monkeypatch.setattr(diagnosis, "select_effects", lambda diagnosis_data, start: alone)
-        monkeypatch.setattr(diagnosis, "minimum_detectable_effects", lambda diagnosis_data, model_fit: self.sizes)
-        return diagnosis.diagnose(self.bench, None)  # type: ignore[arg-type]
-
-    @property
-    def reasons(self) -> dict[str, str]:
-        return {d.effect.name: d.reason for d in self.result.decisions}
+def diagnosed(data: SyntheticData) -> Diagnosis:
+    """The diagnosis of the model without effects."""
+    return diagnose(data, data.model_with([]).fit)
 
 
-def test_with_a_white_residual_every_added_effect_is_missing(monkeypatch: pytest.MonkeyPatch) -> None:
-    d = Diagnosed(monkeypatch)
-    assert (d.result.verdict, d.result.missing, d.result.unexplained) == ("missing-effect", ("a", "b"), None)
-    assert d.result.equivalents == {"a": (), "b": ("a",)}
-    assert d.result.detectable == tuple(d.sizes)
-    assert d.steps == [("a", [], ["a"], False), ("b", ["a"], ["a", "b"], False)]
-    assert d.reasons == {"a": "supported", "b": "supported"}
+def stated(excess: float, together: dict[str, float] | None = None, **explains: float) -> SyntheticData:
+    """The data with the effects a, b and c; by default they explain nothing."""
+    sets = {frozenset(names): share for names, share in (together or {}).items()}
+    return synthetic_data([A, B, C], Facts(excess, alone(**explains) | sets))
 
 
-@pytest.mark.parametrize("given", [{"left": [MUCH]}, {"astray": [ASTRAY]}])
-def test_with_an_unmodelled_effect_only_supported_effects_are_named(
-    monkeypatch: pytest.MonkeyPatch, given: dict[str, Any]
-) -> None:
-    d = Diagnosed(monkeypatch, standing={"b"}, **given)
-    assert (d.result.verdict, d.result.missing, d.result.unexplained) == ("unexplained", ("b",), "unknown")
-    assert d.steps == [("a", [], ["a"], True), ("b", ["a"], ["a", "b"], True)]
-    assert d.reasons == {"a": "explained-by-unknown", "b": "supported"}
-    assert d.described == [(["a", "b"], (given.get("left") or given["astray"])[0])]
+def reasons(found: Diagnosis) -> dict[str, str]:
+    return {d.effect.name: d.reason for d in found.decisions}
 
 
-def test_an_effect_with_a_smooth_rival_leaves_an_unexplained_residual(monkeypatch: pytest.MonkeyPatch) -> None:
-    """The model without it passed for noise; what the effect acted in is described, the largest there."""
-    faint = [LackOfFit(ForceBalance, c, r, r, ()) for c, r in (("a", 1.01), ("force", 1.04))]
-    elsewhere = LackOfFit(FreeRun, "x", 1.05, 1.05, ())
-    felt = object.__new__(ForceBalance)
-    felt.__dict__["is_sensitive_to"] = lambda effect: effect is B
-    left = [elsewhere, *faint]
-    d = Diagnosed(monkeypatch, doubted={"b"}, standing={"a"}, why="explained-by-signal", remains=left, train=[felt])
-    assert (d.result.verdict, d.result.missing, d.result.unexplained) == ("unexplained", ("a",), "unknown")
-    assert d.described == [(["a"], faint[1])]
-    assert d.result.confidence["b"].of_set == presence_rate("explained-by-signal")
-    assert "b" not in d.result.evidence
+# --- the verdict
 
 
-def test_an_effect_that_fails_without_the_refused_ones_is_not_named(monkeypatch: pytest.MonkeyPatch) -> None:
-    d = Diagnosed(monkeypatch, left=[MUCH], standing={"b"}, falls={"b"})
-    assert (d.result.missing, d.reasons) == ((), {"a": "explained-by-unknown", "b": "raises-error"})
+def test_where_the_added_effects_leave_only_noise_they_are_missing() -> None:
+    found = diagnosed(stated(10.0, a=0.7, b=0.3))
+    assert (found.verdict, found.missing, found.unexplained) == ("missing-effect", ("a", "b"), None)
+    assert reasons(found) == {"a": "supported", "b": "supported", "c": "not-promising"}
+    assert found.equivalents == {"a": (), "b": ()}
 
 
-def test_without_named_effects_the_residual_of_the_first_model_is_described(monkeypatch: pytest.MonkeyPatch) -> None:
-    d = Diagnosed(monkeypatch, left=[MUCH], standing=set())
-    assert (d.result.verdict, d.result.missing) == ("unexplained", ())
-    assert [names for names, _ in d.described] == [[]]
+def test_effects_are_named_beside_what_no_effect_explains() -> None:
+    """The channel of the last model is described: of a variance of 11 there remain 3."""
+    found = diagnosed(stated(10.0, a=0.8))
+    assert (found.verdict, found.missing) == ("unexplained", ("a",))
+    assert found.unexplained is not None
+    assert (found.unexplained.channel, found.unexplained.ratio) == ("force", pytest.approx(3.0**0.5))
 
 
-@pytest.mark.parametrize(("doubted", "missing", "described"), [("ab", (), []), ("b", ("a",), ["a"])])
-def test_the_reduction_by_an_unnamed_effect_is_unexplained(
-    monkeypatch: pytest.MonkeyPatch, doubted: str, missing: tuple[str, ...], described: list[str]
-) -> None:
-    """With it nothing but noise is left; without it, as the answer has it, the model errs."""
-    d = Diagnosed(monkeypatch, standing=set(), doubted=doubted)
-    assert (d.result.verdict, d.result.missing, d.result.unexplained) == ("unexplained", missing, "unknown")
-    assert [names for names, _ in d.described] == [described]
+def test_a_diverging_free_run_is_unexplained_however_well_each_subsystem_fits(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(diagnosis, "free_run_lack_of_fit", lambda model, residual_models: [ASTRAY])
+    found = diagnosed(stated(10.0, a=1.0))
+    assert (found.verdict, found.missing) == ("unexplained", ("a",))
+    assert found.unexplained is not None
+    assert (found.unexplained.channel, found.unexplained.ratio) == ("x", 3.0)
 
 
-def test_no_effect_and_no_lack_of_fit_is_adequate(monkeypatch: pytest.MonkeyPatch) -> None:
-    found = Diagnosed(monkeypatch).of_nothing(monkeypatch)
-    assert (found.verdict, found.missing, found.unexplained, dict(found.equivalents)) == ("adequate", (), None, {})
+def test_without_a_named_effect_the_given_model_is_described() -> None:
+    found = diagnosed(stated(10.0, a=0.35))
+    assert (found.verdict, found.missing, reasons(found)["a"]) == ("unexplained", (), "explained-by-unknown")
+    assert found.unexplained is not None
+    assert found.unexplained.ratio == pytest.approx(11.0**0.5)
+    assert found.path.last.effect_names == []
 
 
-@pytest.mark.parametrize(
-    ("typical", "verdict"),
-    [
-        ([True, False], "adequate"),
-        ([True, False, False], "inconclusive"),  # most effects of a typical size would not have shown
-        ([], "adequate"),
-    ],
-)
-def test_too_many_undetectable_effects_are_inconclusive(
-    monkeypatch: pytest.MonkeyPatch, typical: list[bool], verdict: str
-) -> None:
-    found = Diagnosed(monkeypatch, typical=typical).of_nothing(monkeypatch)
-    assert (found.verdict, found.missing, found.unexplained) == (verdict, (), None)
+def test_a_model_that_leaves_only_noise_is_adequate() -> None:
+    found = diagnosed(stated(0.0))
+    assert (found.verdict, found.missing, found.unexplained) == ("adequate", (), None)
+    assert dict(found.equivalents) == {}
 
 
-@pytest.mark.parametrize(("left", "verdict"), [([], "missing-effect"), ([MUCH], "unexplained")])
-def test_findings_precede_the_detectability(
-    monkeypatch: pytest.MonkeyPatch, left: list[LackOfFit], verdict: str
-) -> None:
-    assert Diagnosed(monkeypatch, left=left, typical=[False]).result.verdict == verdict
+@pytest.mark.parametrize(("undetectable", "verdict"), [("a", "adequate"), ("ab", "inconclusive")])
+def test_a_model_is_not_adequate_where_most_effects_would_not_have_shown(undetectable: str, verdict: str) -> None:
+    """One or two of three: their sizes have standard errors of half the typical size, of which four are needed."""
+
+    class Blurred(SyntheticData):
+        def signatures_of(self, fitted: FittedModel, effects: Any) -> list[Any]:
+            found = super().signatures_of(fitted, effects)
+            for one, (test,) in found:
+                test.step_error = 0.5 if one.name in undetectable else 0.1  # type: ignore[misc]
+            return found
+
+    sharp = stated(0.0)
+    blurred = Blurred(sharp.train, [], sharp.effects, free_run_errors=sharp.free_run_errors, facts=sharp.facts)
+    found = diagnosed(blurred)
+    assert (found.verdict, found.unexplained) == (verdict, None)
+    assert {d.effect.name for d in found.detectable if not d.typical} == set(undetectable)
+    lacking = replace(blurred, facts=Facts(10.0, alone(c=1.0)))
+    assert diagnosed(lacking).verdict == "missing-effect"  # what is found does not depend on what is not
 
 
-@pytest.mark.parametrize("left", [[], [MUCH]])
-def test_in_recordings_that_cannot_be_true_nothing_is_looked_for(
-    monkeypatch: pytest.MonkeyPatch, left: list[LackOfFit]
-) -> None:
+@pytest.mark.parametrize("excess", [0.0, 10.0])
+def test_in_recordings_that_cannot_be_true_nothing_is_looked_for(excess: float) -> None:
     """Whatever a search would have found, and however large the residual is."""
-    monkeypatch.setattr(
-        diagnosis, "unsearched_path", lambda data, start: SelectionPath((start,), {}, (), tuple(left), ())
-    )
-    d = Diagnosed(monkeypatch, left=left, implausible=True)
-    assert (d.result.verdict, d.result.missing, d.result.unexplained) == ("inconclusive", (), None)
-    assert d.steps == []
+    found = diagnosed(replace(stated(excess, a=1.0), implausible=True))
+    assert (found.verdict, found.missing, found.unexplained) == ("inconclusive", (), None)
+    assert reasons(found) == {}
 
 
-def test_an_equivalent_that_violates_a_constraint_is_not_listed(monkeypatch: pytest.MonkeyPatch) -> None:
-    assert Diagnosed(monkeypatch, equals=C).result.equivalents["b"] == ("c",)
-    d = Diagnosed(monkeypatch, equals=C, violated="raises-error")
-    assert d.result.equivalents["b"] == ()
-    assert "c" not in d.reasons
+# --- decisions, equivalents and probabilities
 
 
-def test_each_effect_that_was_decided_on_has_a_probability(monkeypatch: pytest.MonkeyPatch) -> None:
-    """``b`` and its equal share what is known of both; one that a reason speaks against is improbable."""
-    d = Diagnosed(monkeypatch, equals=C, refused=[Decision(D, "vanishes")])
-    sure = d.result.confidence
-    assert set(sure) == {"a", "b", "c", "d"}
-    assert sure["a"] == (CERTAIN["a"], CERTAIN["a"])
-    assert sure["b"].of_set == sure["c"].of_set == CERTAIN["b"]
-    assert sure["b"].alone + sure["c"].alone == pytest.approx(CERTAIN["b"])
-    assert sure["d"] == (presence_rate("vanishes"), presence_rate("vanishes"))
+def test_an_equivalent_is_told_beside_the_named_effect() -> None:
+    found = diagnosed(stated(10.0, {"ab": 1.0}, a=1.0, b=1.0))
+    assert found.equivalents == {"a": ("b",)}
+    assert reasons(found) == {"a": "supported", "b": "supported", "c": "not-promising"}
 
 
-def test_with_an_unmodelled_effect_equivalents_share_by_their_log_odds(monkeypatch: pytest.MonkeyPatch) -> None:
-    sure = Diagnosed(monkeypatch, left=[MUCH], equals=C).result.confidence
-    assert sure["b"] == (CERTAIN["b"], pytest.approx(0.9 * CERTAIN["b"]))
-    assert sure["c"] == (CERTAIN["b"], pytest.approx(0.1 * CERTAIN["b"]))
+def test_an_equivalent_that_violates_a_constraint_is_not_told() -> None:
+    data = stated(10.0, {"ab": 1.0}, a=1.0, b=1.0)
+    found = diagnosed(replace(data, facts=replace(data.facts, interval={"b": 1000.0})))
+    assert found.equivalents == {"a": ()}
+    assert reasons(found)["b"] == "needless"
 
 
-def test_an_unnamed_effect_has_a_probability(monkeypatch: pytest.MonkeyPatch) -> None:
-    d = Diagnosed(monkeypatch, left=[MUCH], standing={"a"})
-    assert d.result.confidence["b"] == (CERTAIN["b"], CERTAIN["b"])
+def test_equivalents_share_the_probability_that_one_of_them_is_there() -> None:
+    found = diagnosed(stated(10.0, {"ab": 1.0}, a=1.0, b=1.0))
+    sure = probability(found.evidence["a"])
+    assert sure > 0.9
+    assert found.confidence["a"] == (sure, pytest.approx(0.5 * sure))
+    assert found.confidence["b"] == (sure, pytest.approx(0.5 * sure))
+
+
+def test_beside_an_unmodelled_effect_equivalents_share_by_their_log_odds() -> None:
+    """b leaves more of the variance, and its free run errs more: ten readings of the logarithm of that error."""
+    data = stated(10.0, {"ab": 0.9}, a=0.9, b=0.88)
+    found = diagnosed(data)
+    assert found.equivalents == {"a": ("b",)}
+    of_set, first = found.confidence["a"]
+    assert of_set == probability(found.evidence["a"])
+    assert found.confidence["b"].of_set == of_set
+    second = found.confidence["b"].alone
+    assert first + second == pytest.approx(of_set)
+    by_errors = (2.2 / 2.0) ** (10.0 / 2.0)  # of the variances that remain
+    by_evidence = (2.0 / 2.2) ** (WEIGHTS_DISCREPANCY[-1] / math.log(10.0))  # the odds by the remaining variance
+    assert first / second == pytest.approx(by_errors * by_evidence, rel=1e-3)
+
+
+def test_a_dropped_effect_keeps_the_probability_by_its_evidence() -> None:
+    found = diagnosed(data_of(named("improbable effects are dropped, the least probable first")))
+    assert found.missing == ("a",)
+    for name in "bc":
+        p = probability(found.evidence[name])
+        assert found.confidence[name] == (p, p)
+        assert p < 0.5
+    assert found.confidence["c"].of_set < found.confidence["b"].of_set
+
+
+def test_an_effect_that_a_reason_speaks_against_is_as_probable_as_on_exams() -> None:
+    """Whatever its evidence would make it."""
+    case = named("an effect that raises the free-run error is dropped however probable it is")
+    found = diagnosed(data_of(case))
+    assert probability(found.evidence["a"]) > 0.5
+    rate = presence_rate("raises-error")
+    assert found.confidence["a"] == (rate, rate)
+    assert found.confidence["b"] == (presence_rate("not-promising"),) * 2
+
+
+def test_every_effect_of_the_catalogue_has_one_decision_and_a_probability() -> None:
+    for excess in (0.0, 0.4, 10.0):
+        found = diagnosed(stated(excess, {"ab": 0.9}, a=0.8, b=0.3))
+        assert sorted(reasons(found)) == sorted(found.confidence) == ["a", "b", "c"]
+        assert all(0.0 < one.alone <= one.of_set < 1.0 for one in found.confidence.values())
 
 
 def test_the_discrepancy_of_the_last_model_is_reported(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Remainders of fitted recordings and of those held out."""
-    d = Diagnosed(monkeypatch, left=[MUCH])
-    assert d.result.discrepancies == ((d.rungs[-1].model, 1),)
-
-
-def test_errors_are_over_each_models_own_noise_by_use(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Three recordings, each with a channel's ratio of the model's number over the noise that it is given."""
-
-    def compare(model: float, experiment: Any, noise: dict[str, float]) -> Any:
-        ratio = model / noise["x"]
-        return SimpleNamespace(results=[SimpleNamespace(use=experiment, ratio_to_noise=ratio)])
-
-    drawn: list[float] = []
-
-    def expected(model: float, experiments: list[str]) -> list[dict[str, float]]:
-        drawn.append(model)
-        return [{"x": 2.0 if use == "train" else 4.0} for use in experiments]
-
-    monkeypatch.setattr(free_run_error, "compare", compare)
-    monkeypatch.setattr(free_run_error, "expected_rms_of_all", expected)
-    shown: Any = free_run_error.FreeRunErrors(["train", "test", "train"])  # type: ignore[list-item]
-    first, other = 6.0, 8.0
-    assert shown(first) == {"train": 3.0, "test": 1.5}
-    assert shown(other) == {"train": 4.0, "test": 2.0}
-    assert shown(first) == {"train": 3.0, "test": 1.5}
-    assert drawn == [6.0, 8.0]  # noise is drawn once for each model
-    alone: Any = free_run_error.FreeRunErrors(["train"])  # type: ignore[list-item]
-    assert alone(first) == {"train": 3.0, "test": None}
-
-
-def test_the_overall_error_of_a_use_is_a_root_mean_square(monkeypatch: pytest.MonkeyPatch) -> None:
-    results = [SimpleNamespace(use="train", ratio_to_noise=r) for r in (3.0, 4.0)]
-    monkeypatch.setattr(free_run_error, "compare", lambda model, experiment, noise: SimpleNamespace(results=results))
-    monkeypatch.setattr(free_run_error, "expected_rms_of_all", lambda model, experiments: [{}])
-    shown: Any = free_run_error.FreeRunErrors([None])  # type: ignore[list-item]
-    assert shown(None)["train"] == pytest.approx(np.sqrt(12.5))
+    told: list[Any] = []
+    monkeypatch.setattr(
+        diagnosis, "describe_discrepancies", lambda data, fit, left: told.extend([fit, *left]) or ["unknown"]
+    )
+    found = diagnosed(stated(10.0, a=0.8))
+    assert found.discrepancies == ("unknown",)
+    fit, channel = told
+    assert [e.name for e in fit.model.effects] == ["a"]
+    assert channel.ratio == pytest.approx(3.0**0.5)

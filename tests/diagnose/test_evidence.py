@@ -1,21 +1,26 @@
 """Evidence: blocks of correlated residuals feign nothing, families of tests are adjusted."""
 
+from __future__ import annotations
+
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 from pneucli.diagnose.evidence import (
     effective_degrees_of_freedom,
     holm_adjusted,
-    offset_from_null,
+    null_contrast,
     score_gain,
     significance,
     wald_p_value,
 )
 from pneucli.diagnose.score import block_costs
 from pneucli.identify.estimation.fit import Fit
-from pneucli.identify.estimation.parameters import effect_parameters
+from pneucli.identify.estimation.parameters import FreeParameter, effect_parameters
 from pneucli.physics.declaration import Effect
 from pneucli.physics.effects import catalogue
+from pneucli.simulate.model import with_parameters
 from pneucli.simulate.rig_quantities import rig_quantities
 from tests.simulate.synthetic_experiments import model
 
@@ -104,16 +109,91 @@ def test_an_effect_that_vanishes_as_a_parameter_grows_is_tested_by_the_reciproca
     assert (wald_p_value(found, presliding) < 1e-3) == seen
 
 
-def test_where_an_effect_is_absent_is_so_far_in_the_coordinates_of_the_fit():
-    force = catalogue()["constant-force"]
-    found = fitted(force, {"force": 10.0}, np.ones((N, 1)))
-    away = offset_from_null(found, force)
-    assert away is not None
-    assert away.tolist() == [10.0 / found.free[0].scale]
+# --- what of an effect is 0 where it is absent
+
+COULOMB = FreeParameter("friction.coulomb", "N", 14.0, 0.0, 1e5, 7.0)
 
 
-def test_an_effect_without_a_null_has_no_offset():
-    """Rigid bristles have an infinite stiffness."""
-    bristles = catalogue()["presliding"]
-    found = fitted(bristles, {"stiffness": 1e5, "damping": 100.0}, np.ones((N, 2)))
-    assert offset_from_null(found, bristles) is None
+def beside_friction(fit: Fit) -> Fit:
+    """The fit with Coulomb friction of 14 N fitted, too; its coordinate is that over 7 N."""
+    return replace(fit, free=(COULOMB, *fit.free), jacobian=np.column_stack([np.ones(N), fit.jacobian]))
+
+
+def slopes_by_differences(fit: Fit, effect: Effect, step: float = 1e-6) -> np.ndarray:
+    """The derivatives of the distance by the coordinates, shape (m, k), by central differences."""
+    columns = []
+    for f in fit.free:
+        value = fit.model.values[f.name]
+        ends = [
+            replace(fit, model=with_parameters(fit.model, {f.name: f.from_coordinate(f.to_coordinate(value) + s)}))
+            for s in (-step, step)
+        ]
+        low, high = (null_contrast(end, effect) for end in ends)
+        assert low is not None
+        assert high is not None
+        columns.append((high.distance - low.distance) / (2.0 * step))
+    return np.array(columns).T
+
+
+@pytest.mark.parametrize(
+    ("name", "values", "distance", "at_bounds"),
+    [
+        ("constant-force", {"force": 10.0}, [10.0], False),
+        ("chamber-leak", {"area": 1e-8}, [1e-8], True),
+        ("pressure-scale", {"scale": 1.1}, [0.1], False),
+        ("stribeck", {"static": 20.0, "velocity": 0.01}, [20.0 - 14.0], False),  # static less Coulomb friction
+        ("presliding", {"stiffness": 2e4, "damping": 50.0}, [1.0 / 2e4], True),  # rigid bristles are none
+        ("pressure-friction", {"gain": 0.2}, [0.2 * 14.0], False),  # N per bar; friction may fall with pressure
+        ("friction-asymmetry", {"asymmetry": 0.2, "viscous_asymmetry": -0.1}, [0.2 * 14.0, -0.1], False),
+        ("dwell-breakaway", {"gain": 0.5, "time_constant": 0.3}, [0.5 * 14.0], True),  # the time constant has no null
+    ],
+)
+def test_the_distance_from_absence_has_the_derivatives_of_differences(
+    name: str, values: dict[str, float], distance: list[float], at_bounds: bool
+) -> None:
+    """A ratio counts as its product with the base parameter where that is fitted, too; viscous friction is not."""
+    effect = catalogue()[name]
+    found = beside_friction(fitted(effect, values, np.ones((N, len(values)))))
+    null = null_contrast(found, effect)
+    assert null is not None
+    assert null.distance.tolist() == pytest.approx(distance)
+    assert null.at_bounds == at_bounds
+    assert null.contrast == pytest.approx(slopes_by_differences(found, effect), rel=1e-4, abs=1e-12)
+
+
+def test_a_ratio_whose_base_parameter_is_not_fitted_counts_by_itself() -> None:
+    friction = catalogue()["pressure-friction"]
+    found = fitted(friction, {"gain": 0.2}, np.ones((N, 1)))
+    null = null_contrast(found, friction)
+    assert null is not None
+    assert null.distance.tolist() == [0.2]
+    assert null.contrast.tolist() == [[found.free[0].scale]]
+
+
+def test_an_effect_without_a_null_has_no_distance() -> None:
+    """No conductance makes heat transfer absent: the walls are isothermal or adiabatic."""
+    heat = catalogue()["heat-transfer"]
+    values = {p.name: 1.0 for p in heat.parameters}
+    assert null_contrast(fitted(heat, values, np.ones((N, len(values)))), heat) is None
+
+
+def test_a_ratio_is_tested_by_its_product_however_uncertain_the_base_parameter_is() -> None:
+    """Dry friction of 2 + 5 p N, p in bar about 3: what grows with p is certain, what is left at 0 bar is not.
+
+    The ratio 2.5 +- 20 per bar says nothing; the product is known to 0.2 %, as where Coulomb friction is 14 N.
+    """
+    friction = catalogue()["pressure-friction"]
+    pressure = 3.0 + 0.05 * np.sin(np.arange(N) / 40.0)
+    for coulomb, gain in ((2.0, 2.5), (14.0, 5.0 / 14.0)):
+        found = fitted(friction, {"gain": gain}, np.zeros((N, 1)))
+        found = replace(found, model=with_parameters(found.model, {"friction.coulomb": coulomb}))
+        # d/d coordinate of coulomb (1 + gain p), for coulomb = 7 z_1 and gain = scale z_2
+        columns = np.column_stack([7.0 * (1.0 + gain * pressure), coulomb * pressure * found.free[0].scale])
+        noise = np.random.default_rng(1).normal(size=N)
+        left = noise - columns @ np.linalg.lstsq(columns, noise, rcond=None)[0]
+        found = replace(found, free=(COULOMB, *found.free), jacobian=columns, residual=left)
+        # the slope of friction over pressure, by blocks of time
+        plain = np.column_stack([np.ones(N), pressure])
+        influence = plain @ np.linalg.inv(plain.T @ plain)[:, 1]
+        error = float(np.sqrt(np.sum(np.bincount(found.blocks, influence * left) ** 2)))
+        assert significance(found, friction) == pytest.approx(5.0 / error, rel=1e-6)

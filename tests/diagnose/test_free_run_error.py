@@ -2,8 +2,12 @@
 
 from __future__ import annotations
 
+from types import SimpleNamespace
+from typing import Any
+
 import pytest
 
+from pneucli.diagnose import free_run_error
 from pneucli.diagnose.free_run_error import held_out_error, remaining_error_share, removed_error_share
 
 
@@ -37,3 +41,36 @@ def test_at_the_noise_floor_no_error_is_removed() -> None:
         is removed_error_share(errors(5.0, None), errors(None, None))
         is None
     )
+
+
+def test_errors_are_over_each_models_own_noise_by_use(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Three recordings, each with a channel's ratio of the model's number over the noise that it is given."""
+
+    def compare(model: float, experiment: Any, noise: dict[str, float]) -> Any:
+        ratio = model / noise["x"]
+        return SimpleNamespace(results=[SimpleNamespace(use=experiment, ratio_to_noise=ratio)])
+
+    drawn: list[float] = []
+
+    def expected(model: float, experiments: list[str]) -> list[dict[str, float]]:
+        drawn.append(model)
+        return [{"x": 2.0 if use == "train" else 4.0} for use in experiments]
+
+    monkeypatch.setattr(free_run_error, "compare", compare)
+    monkeypatch.setattr(free_run_error, "expected_rms_of_all", expected)
+    shown: Any = free_run_error.FreeRunErrors(["train", "test", "train"])  # type: ignore[list-item]
+    first, other = 6.0, 8.0
+    assert shown(first) == {"train": 3.0, "test": 1.5}
+    assert shown(other) == {"train": 4.0, "test": 2.0}
+    assert shown(first) == {"train": 3.0, "test": 1.5}
+    assert drawn == [6.0, 8.0]  # noise is drawn once for each model
+    alone: Any = free_run_error.FreeRunErrors(["train"])  # type: ignore[list-item]
+    assert alone(first) == {"train": 3.0, "test": None}
+
+
+def test_the_overall_error_of_a_use_is_a_root_mean_square(monkeypatch: pytest.MonkeyPatch) -> None:
+    results = [SimpleNamespace(use="train", ratio_to_noise=r) for r in (3.0, 4.0)]
+    monkeypatch.setattr(free_run_error, "compare", lambda model, experiment, noise: SimpleNamespace(results=results))
+    monkeypatch.setattr(free_run_error, "expected_rms_of_all", lambda model, experiments: [{}])
+    shown: Any = free_run_error.FreeRunErrors([None])  # type: ignore[list-item]
+    assert shown(None)["train"] == pytest.approx(12.5**0.5)

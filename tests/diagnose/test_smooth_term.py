@@ -226,21 +226,6 @@ def test_a_signal_of_nan_has_no_smooth_term() -> None:
     assert "p_ratio" not in {law.signal for law in ranked(residual_models, left_by(residual_models, cogging))}
 
 
-def test_held_out_costs_by_block_match_the_share(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Of a law that was found without each recording; zeros, which were not read, stay zeros."""
-    monkeypatch.setattr(spline_regression, "MAX_SAMPLES", 20_000)
-    residual_models = runs()
-    left = left_by(residual_models, cogging)
-    left[0][:500] = 0.0
-    fit, channel = rival(residual_models, left)
-    law = channel.ranked_terms(fit)[0]
-    costs, unseen = channel.block_costs(fit), channel.held_out_costs(fit, law)
-    assert costs == pytest.approx(np.bincount(fit.blocks, np.concatenate(left) ** 2))
-    assert channel.residual_count(fit) == 3 * TIME.size - 500
-    assert np.all(unseen[:2] == 0.0)
-    assert unseen.sum() == pytest.approx((1.0 - law.share) * costs.sum())
-
-
 def test_a_simple_shape_has_few_coefficients() -> None:
     residual_models = runs()
     fit, channel = rival(residual_models, left_by(residual_models, lambda x, v, t: 100.0 * (x - 0.1)))
@@ -249,38 +234,6 @@ def test_a_simple_shape_has_few_coefficients() -> None:
     assert (line.signal, line.acts_as, line.basis.shape) == ("x", "force", (2, KNOTS))
     x = np.linspace(line.low, line.high, KNOTS)
     assert line.values == pytest.approx(100.0 * (x - 0.1), abs=0.3)  # 3000 readings of 1 N and more
-    assert channel.held_out_costs(fit, line).sum() == pytest.approx((1.0 - line.share) * channel.block_costs(fit).sum())
-
-
-def test_the_unrepresented_share_excludes_the_span_of_the_fit() -> None:
-    """A line is a part of a spline over the same signal, and of none over another; what the fit can do is no matter."""
-    residual_models = runs()
-    own = [np.ones((TIME.size, 1)) for _ in residual_models]
-    fit, channel = rival(residual_models, left_by(residual_models, cogging), own)
-    line = np.concatenate([100.0 * (v.experiment.raw["x"] - 0.1) + 30.0 for v in residual_models])
-    of = {(law.signal, law.acts_as): channel.unrepresented_share(fit, law, line) for law in channel.ranked_terms(fit)}
-    assert of["x", "force"] < 1e-3
-    assert of["time", "force"] > 0.8
-
-
-def test_a_smooth_term_must_vanish_with_the_change() -> None:
-    """A force over the position is a law of it, not so if it is there in the first second alone."""
-    residual_models = runs()
-    fit, channel = rival(residual_models, left_by(residual_models, cogging))
-    law = next(one for one in channel.ranked_terms(fit) if (one.signal, one.acts_as) == ("x", "force"))
-    change = np.concatenate([cogging(v.experiment.raw["x"], TIME, TIME) for v in residual_models])
-    once = np.concatenate([np.where(TIME < 1.0, 1.0, 0.0) for _ in residual_models]) * change
-    assert channel.unrepresented_share(fit, law, change) < 0.01
-    assert channel.unrepresented_share(fit, law, once) > 0.5
-    assert channel.unrepresented_share(fit, law, np.zeros(change.size)) == 0.0
-
-
-def test_without_residuals_nothing_remains() -> None:
-    residual_models = runs()
-    fit, channel = rival(residual_models, left_by(residual_models, cogging))
-    law = channel.ranked_terms(fit)[0]
-    fit.residual = np.zeros(fit.residual.size)
-    assert not np.any(channel.held_out_costs(fit, law))
 
 
 # --- splines

@@ -10,7 +10,7 @@ import pytest
 from pneucli.diagnose.candidate import Candidate
 from pneucli.diagnose.data import DiagnosisData
 from pneucli.diagnose.equivalence import Term
-from pneucli.diagnose.score import FittedModel
+from pneucli.diagnose.score import Bounds, FittedModel, RecordingCost
 from tests.diagnose.candidates import BLOCKS, SAMPLES, candidate, diagnosis_data, model_fit
 
 BENCH = diagnosis_data(held_out=False)
@@ -18,7 +18,7 @@ BEFORE = model_fit(cost=SAMPLES + 10000.0)  # 10000 beyond noise
 
 
 def leaving(effect: str, beyond: float) -> Candidate:
-    """A trial that leaves so much beyond noise."""
+    """A candidate that leaves so much beyond noise."""
     return candidate(effect, SAMPLES + beyond, before=BEFORE)
 
 
@@ -58,7 +58,10 @@ def test_the_remaining_variance_is_that_of_exclusive_channels_where_they_measure
 ) -> None:
     """Of 100 readings the variance falls from 3 to 1.2; where they are hardly more than noise the forces tell."""
     found = place(3000.0)
-    read = {id(BEFORE): [(before, 100.0), (0.0, 0.0)], id(found.candidate.full): [(after, 100.0), (0.0, 0.0)]}
+    read = {
+        id(one): [RecordingCost(cost, 100.0, Bounds.none()), RecordingCost(0.0, 0.0, Bounds.none())]
+        for one, cost in ((BEFORE, before), (found.candidate.full, after))
+    }
     monkeypatch.setattr(DiagnosisData, "exclusive_channel_costs", lambda self, model_fit, effect: read[id(model_fit)])
     assert found.remaining_variance(BENCH) == pytest.approx(left)
 
@@ -80,3 +83,13 @@ def test_with_an_unmodelled_effect_similar_removed_variances_are_equivalent(remo
 
 def test_with_a_white_residual_the_same_difference_distinguishes() -> None:
     assert place(1000.0, extra_mass=1400.0).equivalents(BENCH, complete=True) == []
+
+
+def test_a_bounded_reading_counts_by_the_width_of_its_bounds() -> None:
+    """A law that bounds half of the readings, as widely as a normal error of their size spreads, explains nothing."""
+    width = np.sqrt(2.0 * np.pi * np.e * 3.0)  # of a uniform distribution with the entropy of a variance of 3
+    half = Bounds(np.full(50, 1.0), np.full(50, width))
+    assert RecordingCost(100.0, 100.0, half).log_variance() == pytest.approx(50.0 * np.log(4.0))
+    certain = Bounds(np.full(50, 1.0), np.zeros(50))
+    assert RecordingCost(400.0, 100.0, certain).log_variance() == pytest.approx(100.0 * np.log(4.0))
+    assert RecordingCost(400.0, 100.0, Bounds.none()).log_variance() == pytest.approx(100.0 * np.log(4.0))

@@ -188,8 +188,8 @@ class ForceBalance(ResidualModel):
 
         Returns:
             ``force``: the remaining force in N; ``gap``: the probability that the model gives only bounds of the force,
-            between two branches of friction; ``a``, where recorded: the accelerometer's error in m/s^2 at rest. Each
-            (n,).
+            between two branches of friction, and ``width`` their distance in N; ``a``, where recorded: the
+            accelerometer's error in m/s^2 at rest. Each (n,).
 
         """
         e, kernel = self.experiment, kernel_for(model.effects)
@@ -197,7 +197,7 @@ class ForceBalance(ResidualModel):
             loads or self._acceleration_and_removed_force,
             self._breakaways_and_uncertain_direction,
         )
-        out, gap = np.zeros(e.time.size), np.zeros(e.time.size)
+        out, gap, width = np.zeros((3, e.time.size))
         kernel.functions.run_balance(
             e.time,
             self.with_modelled_inputs(model, inputs),
@@ -212,11 +212,13 @@ class ForceBalance(ResidualModel):
             kernel.effect_switches(e.active_effects(model.effects)),
             out,
             gap,
+            width,
         )
+        found = {"force": out, "gap": gap, "width": width}
         if "a" not in self.channels:
-            return {"force": out, "gap": gap}
+            return found
         resting = (e.inputs[:, at.IN_V] == 0.0) & ~uncertain & (breakaway == 0.0)
-        return {"force": out, "gap": gap, "a": np.where(resting, e.raw["a"] - accelerometer_offset(model, e), 0.0)}
+        return found | {"a": np.where(resting, e.raw["a"] - accelerometer_offset(model, e), 0.0)}
 
 
 @dataclass(frozen=True)

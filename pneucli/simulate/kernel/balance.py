@@ -77,7 +77,9 @@ def apply_sensor_lag(time, inputs, true, readings, unsure, lag, noise, base, out
         back[k] += alternating_sign(k) * noise * math.sqrt(forgetting * (2.0 - forgetting))
 
 
-def run_balance(time, inputs, a, rough, leaving, unsure, contact, noise, base_values, th_values, on_values, out, gap):
+def run_balance(
+    time, inputs, a, rough, leaving, unsure, contact, noise, base_values, th_values, on_values, out, gap, width
+):
     """Write the residual of the force balance: measured friction minus that of the model.
 
     At rest only a force beyond the model's holding friction counts, of the smoothed pressures, so that noise does not
@@ -100,6 +102,7 @@ def run_balance(time, inputs, a, rough, leaving, unsure, contact, noise, base_va
         out: Filled with the residual in N, shape (n,).
         gap: Filled with the probability that the drive lies between the branches, where the model predicts an interval
             of forces, shape (n,).
+        width: Filled with the width in N of that interval, shape (n,).
 
     References:
         C. Stein, Ann. Stat. 9 (1981) 1135-1151 (unbiased estimate of risk).
@@ -144,7 +147,7 @@ def run_balance(time, inputs, a, rough, leaving, unsure, contact, noise, base_va
             out[k] = direction * (over if leaving[k] * direction > 0.0 else max(over, 0.0))
             continue
         rest = 0.0
-        gap[k] = between
+        gap[k], width[k] = between, gain * (rising - falling)
         back[k] += alternating_sign(k) * noise[0] * math.sqrt(2.0 * between)
         out[k] = friction - c * v - direction * branch
     if lag > 0.0:
