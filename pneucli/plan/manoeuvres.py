@@ -19,6 +19,7 @@ SPEED_SHARE = 0.8  # of the highest speed that is allowed
 MOTION_FREQUENCIES = (0.25, 0.5, 1.0, 2.0, 4.0, 8.0)  # Hz
 SLOW_SPEEDS = (0.02, 0.1, 0.4)  # strokes per second
 REST_TIMES = (0.2, 1.0, 4.0)  # s
+START_TIME = 0.7  # s, of a slow start after a rest
 REVERSAL_SHARE = 2e-3  # of the stroke
 PRESSURE_LEVELS = (0.15, 0.5, 0.9)  # of the supply pressure above ambient
 WEIGHT = 2.0  # kg
@@ -55,8 +56,10 @@ def _motion(
 ) -> Manoeuvre:
     """Return a motion that starts softly at half the stroke and returns there."""
     middle, first, last = bench.middle, core[0].start, core[-1].end
-    before = (hold(middle, SETTLING_TIME), ramp(middle, first, limits.soft_start))
-    after = (ramp(last, middle, limits.soft_start), hold(middle, SETTLING_TIME))
+    fastest = SPEED_SHARE * limits.max_speed
+    go, back = (max(limits.soft_start, abs(place - middle) / fastest) for place in (first, last))
+    before = (hold(middle, SETTLING_TIME), ramp(middle, first, go))
+    after = (ramp(last, middle, back), hold(middle, SETTLING_TIME))
     places = [place for s in core for place in (s.start, s.end)]
     centre = 0.5 * (min(places) + max(places))
     return Manoeuvre(kind, bench, (*before, *core, *after), centre, level, frequency, speed)
@@ -86,8 +89,8 @@ def _motions(bench: Bench, limits: Limits) -> Iterator[Manoeuvre]:
         core = (ramp(begin, end, time), hold(end, 0.2), ramp(end, begin, time), hold(begin, 0.2))
         repeats = max(1, min(3, int(SINE_TIME / (2.0 * time))))
         yield _motion("strokes", bench, limits, core * repeats, way, None, speed)
-    travel = max(0.25, 0.25 * span / fastest)
     places = [centres[1] + share * span for share in (0.1, -0.1, 0.2, -0.2, 0.0)]
+    travel = max(0.25, 0.4 * span / fastest)  # of the longest step, from 0.2 to -0.2
     steps: list[Segment] = []
     for before, after in zip([centres[1], *places[:-1]], places, strict=True):
         steps += [ramp(before, after, travel), hold(after, 0.5)]
@@ -96,7 +99,7 @@ def _motions(bench: Bench, limits: Limits) -> Iterator[Manoeuvre]:
     place = centres[1]
     for number, rest in enumerate(REST_TIMES * 2):
         aim = place + (slow if number % 2 == 0 else -slow)
-        rests += [hold(place, rest), ramp(place, aim, 0.7)]
+        rests += [hold(place, rest), ramp(place, aim, max(START_TIME, slow / fastest))]
         place = aim
     yield _motion("starts-after-rests", bench, limits, tuple(rests), slow)
     small = REVERSAL_SHARE * span

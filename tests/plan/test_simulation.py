@@ -10,7 +10,7 @@ import pytest
 from pneucli.plan.bench import Bench, described_benches
 from pneucli.plan.first import typical_model
 from pneucli.plan.limits import limits_of, violations
-from pneucli.plan.manoeuvres import candidate_manoeuvres, manual_manoeuvres
+from pneucli.plan.manoeuvres import SPEED_SHARE, candidate_manoeuvres, manual_manoeuvres
 from pneucli.plan.profile import sample
 from pneucli.plan.simulation import needed_force, simulate_manoeuvre, synthetic_recording
 from pneucli.recording import Rig
@@ -51,6 +51,14 @@ def test_every_manoeuvre_begins_and_ends_at_rest_within_the_range_of_commands(be
             assert np.abs(values - RIG.valve_null).max() <= 5.0 + 1e-9
         else:
             assert LIMITS.position[0] <= values.min() <= values.max() <= LIMITS.position[1]
+
+
+@pytest.mark.parametrize("max_speed", [0.05, 0.3, 1.0])
+def test_no_motion_is_commanded_faster_than_the_share_of_the_highest_speed(max_speed: float):
+    limits = limits_of(RIG, BENCHES, {"max_speed": max_speed})
+    for one in candidate_manoeuvres(LOOP, limits):
+        speed = np.abs(np.diff(sample(one.profile, 1e-3))).max() / 1e-3
+        assert speed <= SPEED_SHARE * max_speed * 1.01, one.kind
 
 
 def test_a_switching_valve_is_fully_open_or_shut_and_follows_no_proportional_loop():
