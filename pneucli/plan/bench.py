@@ -83,6 +83,12 @@ class Bench:
         return self.template.experiment
 
     @property
+    def setup(self) -> tuple[object, ...]:
+        """What a person sets up for a recording: the kind of experiment, both chambers, and how the bench is driven."""
+        one = self.template
+        return one.kind.bench, one.experiment, one.chamber_2, one.imposed, one.chamber, self.drive
+
+    @property
     def quantity(self) -> str:
         """The signal that its commands state."""
         return {"valve": "u", "pressure": "p_ref"}.get(self.drive, "x_ref")

@@ -10,6 +10,7 @@ from operator import add
 import numpy as np
 from numpy.typing import NDArray
 
+from pneucli.plan.bench import Bench
 from pneucli.plan.entropy import expected_entropy
 from pneucli.plan.information import Information
 from pneucli.plan.limits import Violation
@@ -164,6 +165,19 @@ def _held_out(
                 found.append(Chosen(replace(e.manoeuvre, use="test"), e.information, np.nan))
                 break
     return found
+
+
+def grouped_by_setup(chosen: Sequence[Chosen], benches: Sequence[Bench]) -> list[Chosen]:
+    """Return recordings in the order of the benches and of how each is driven, those by hand last on each.
+
+    Nothing is then set up twice.
+
+    Args:
+        chosen: The chosen recordings.
+        benches: The benches in their order, one for each way in which it is driven.
+    """
+    order = list(dict.fromkeys(bench.setup for bench in benches))
+    return sorted(chosen, key=lambda c: (order.index(c.manoeuvre.bench.setup), c.manoeuvre.by_hand))
 
 
 def total_information(chosen: Sequence[Chosen]) -> Information:

@@ -21,6 +21,7 @@ from pneucli.plan.selection import (
     Objective,
     choose_sequence,
     entropy_objective,
+    grouped_by_setup,
     size_objective,
     total_information,
     width_objective,
@@ -101,7 +102,7 @@ def _chosen(study: PlanStudy, candidates: Sequence[Evaluated], objective: Object
     chosen = choose_sequence([*commands, *manual], objective, seconds, study.safety)
     if not chosen and not commands:
         raise limits_too_narrow(f"{study.context.path}, key plan")
-    return chosen
+    return grouped_by_setup(chosen, study.benches)
 
 
 def _powers(study: PlanStudy, chosen: Sequence[Chosen]) -> list[Power]:

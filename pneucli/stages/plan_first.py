@@ -31,7 +31,7 @@ from pneucli.plan.limits import Limits, limits_of
 from pneucli.plan.power import power_table
 from pneucli.plan.rivals import with_typical_effect
 from pneucli.plan.safety import Safety
-from pneucli.plan.selection import choose_sequence, total_information
+from pneucli.plan.selection import choose_sequence, grouped_by_setup, total_information
 from pneucli.quantities import Z95
 from pneucli.recording import Rig
 from pneucli.simulate.model import Model, parameter_value
@@ -131,8 +131,7 @@ def first_programme(context: Context) -> dict[str, Any]:
     chosen = choose_sequence(commands, programme_objective(covariance), seconds, safety)
     if not chosen:
         raise limits_too_narrow(f"{context.path}, key plan")
-    order = [(bench.name, bench.drive) for bench in study.benches]
-    chosen = sorted(chosen, key=lambda c: order.index((c.manoeuvre.bench.name, c.manoeuvre.bench.drive)))
+    chosen = grouped_by_setup(chosen, study.benches)
     told = total_information(chosen)
     effects, models = [e for e, _ in study.effects], [m for _, m in study.effects]
     powers = power_table(effects, models, told, covariance, study.model)

@@ -14,13 +14,15 @@ from pneucli.plan.selection import (
     Evaluated,
     choose_sequence,
     entropy_objective,
+    grouped_by_setup,
     size_errors_after,
     total_information,
     width_objective,
 )
 from pneucli.recording import Rig
 
-BENCH = described_benches(Rig(supply_pressure=7e5, piston_area_1=8e-4, stroke=0.2, moving_mass=2.0))[0]
+BENCHES = described_benches(Rig(supply_pressure=7e5, piston_area_1=8e-4, stroke=0.2, moving_mass=2.0))
+BENCH = BENCHES[0]
 NOTHING_KNOWN = np.zeros((0, 0))
 
 
@@ -73,3 +75,13 @@ def test_a_parameter_is_narrowed_by_what_shows_it():
 
 def test_size_errors_combine_what_is_known_with_what_the_plan_shows():
     assert size_errors_after(FIRST.information, [0.1, 0.1], NOTHING_KNOWN) == pytest.approx([150.0**-0.5, 0.1])
+
+
+def test_recordings_of_one_setup_follow_each_other():
+    at_the_valve = Evaluated(Manoeuvre("pulses", BENCHES[1], (hold(0.0, 5.0),), level=3.0), FIRST.information)
+    mixed = choose_sequence([FIRST, at_the_valve, SECOND], OBJECTIVE, 60.0, lambda _: True, least=3)
+    assert {c.manoeuvre.bench.drive for c in mixed} == {"position", "valve"}
+    ordered = grouped_by_setup(mixed, BENCHES)
+    drives = [c.manoeuvre.bench.drive for c in ordered]
+    assert drives == sorted(drives)  # the position loop before the valve, as the benches are listed
+    assert len(ordered) == len(mixed)
