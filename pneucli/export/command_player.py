@@ -1,7 +1,8 @@
 """Write a player of planned commands as C and structured text, with a safe start and stop.
 
 The player holds the segments of each recording, so it needs no file. It starts from rest with a ramp to the first
-position, keeps the commands within their range, and shuts the valve for good when a reading leaves its limits.
+position, and with another one where a position loop follows commands at the valve. It keeps the commands within their
+range, and shuts the valve for good when a reading leaves its limits.
 """
 
 from __future__ import annotations
@@ -10,6 +11,7 @@ from collections.abc import Collection, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
+from pneucli.export import structured_text
 from pneucli.export.controller_program import fill_template
 from pneucli.io.artifacts import atomic_path
 from pneucli.plan.profile import Profile, hold, ramp
@@ -48,7 +50,8 @@ class PlayerLimits:
         command: Largest command in V from it.
         position: Lowest and highest position; None: not watched.
         pressure: Highest absolute pressure; None: not watched.
-        soft_start: Time from the first reading to the first position.
+        soft_start: Time from the first reading to the first position, at least.
+        max_speed: Highest speed of that way; None: not limited.
         mirrored: Whether a second valve gets the negated command.
     """
 
@@ -57,6 +60,7 @@ class PlayerLimits:
     position: tuple[float, float] | None
     pressure: float | None
     soft_start: float
+    max_speed: float | None
     mirrored: bool
 
 
@@ -83,22 +87,24 @@ def _text(name: str, recordings: Sequence[PlayedRecording], limits: PlayerLimits
     low, high = limits.position or (-NO_LIMIT, NO_LIMIT)
     numbers = [number for row in rows for number in row]
     is_c = name.endswith((".c", ".h"))
+    written = repr if is_c else structured_text.number
     line = "    {}," if is_c else "        {},"
-    table = "\n".join(line.format(", ".join(_number(v) for v in row)) for row in rows)
+    table = "\n".join(line.format(", ".join(written(float(v)) for v in row)) for row in rows)
     return fill_template(
         name.replace("pneucli_", ""),
         VERSION=__version__,
         PIPELINE=pipeline.replace("*/", "* /").replace("*)", "* )"),
-        PERIOD=_number(PERIOD),
+        PERIOD=written(float(PERIOD)),
         SEGMENTS=str(len(rows)),
         LAST_NUMBER=str(len(numbers) - 1),
         TABLE=table if is_c else table.rstrip(","),
-        NULL=_number(limits.null),
-        COMMAND=_number(limits.command),
-        LOW=_number(low),
-        HIGH=_number(high),
-        PRESSURE=_number(limits.pressure or NO_LIMIT),
-        SOFT_START=_number(limits.soft_start),
+        NULL=written(float(limits.null)),
+        COMMAND=written(float(limits.command)),
+        LOW=written(float(low)),
+        HIGH=written(float(high)),
+        PRESSURE=written(float(limits.pressure or NO_LIMIT)),
+        SOFT_START=written(float(limits.soft_start)),
+        SPEED=written(float(limits.max_speed or NO_LIMIT)),
         MIRRORED="1" if limits.mirrored else "0",
         MIRRORED_ST="TRUE" if limits.mirrored else "FALSE",
         NAMES=" ".join(f"{i}: {r.name};" for i, r in enumerate(recordings, 1)),
@@ -122,7 +128,3 @@ def _rows(recordings: Sequence[PlayedRecording]) -> list[tuple[float, ...]]:
             rest = ramp(last, after.segments[0].start, one.rest) if same else hold(last, one.rest)
             rows.append((rest.duration, rest.start, rest.end, 0.0, 0.0, 0.0, one.gain, kind, 0.0))
     return rows
-
-
-def _number(value: float) -> str:
-    return repr(float(value))

@@ -15,6 +15,7 @@ from pneucli.messages.plan import manoeuvre_text, plan_sentence, steps_page
 from pneucli.plan.deviation import ExpectedDeviation
 from pneucli.plan.evaluation import Comparison
 from pneucli.plan.manoeuvre import Manoeuvre
+from pneucli.plan.manoeuvres import SPEED_SHARE
 from pneucli.plan.power import Power
 from pneucli.plan.profile import sample
 from pneucli.plan.selection import CHANGE_OVER_TIME, Chosen
@@ -181,5 +182,6 @@ def _player_limits(study: Planned, chosen: Sequence[Chosen]) -> PlayerLimits:
         position=(low, high) if np.isfinite(low) and np.isfinite(high) else None,
         pressure=limits.max_pressure if np.isfinite(limits.max_pressure) else None,
         soft_start=limits.soft_start,
+        max_speed=SPEED_SHARE * limits.max_speed if np.isfinite(limits.max_speed) else None,
         mirrored=any("u2" in b.signals for b in benches),
     )

@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 import ctypes
+import re
 import shutil
 import subprocess
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -14,7 +16,9 @@ import pytest
 from pneucli.export.command_player import PlayedRecording, PlayerLimits, write_players
 from pneucli.plan.profile import hold, ramp, sample, sine
 
-LIMITS = PlayerLimits(null=5.0, command=4.0, position=(0.01, 0.19), pressure=8e5, soft_start=0.1, mirrored=True)
+LIMITS = PlayerLimits(
+    null=5.0, command=4.0, position=(0.01, 0.19), pressure=8e5, soft_start=0.1, max_speed=0.2, mirrored=True
+)
 VALVE = PlayedRecording("valve", False, 0.0, (hold(5.0, 0.1), sine(5.0, 2.0, 10.0, 0.5), hold(5.0, 0.1)), 0.05)
 MOTION = PlayedRecording("motion", True, 100.0, (hold(0.1, 0.1), ramp(0.1, 0.12, 0.2)), 0.05)
 SAFE = (0.1, 3e5, 3e5)
@@ -79,6 +83,18 @@ def test_a_position_is_followed_by_the_loop_after_a_soft_start(step) -> None:
     assert rows[-1, :2].tolist() == [5.0, 5.0]  # done: shut
 
 
+def test_a_loop_after_commands_at_the_valve_takes_the_piston_softly_from_where_it_is(step) -> None:
+    play = step()
+    rows = np.array([play(True, 0.15, 3e5, 3e5) for _ in range(1500)])
+    assert (rows[:, 3] == 2.0).any()
+    begin = int(np.flatnonzero(rows[:, 3] == 2.0)[0])
+    assert rows[: begin - 250, 2] == pytest.approx(0.15)  # the reference is the reading until the loop begins
+    way = rows[begin - 250 : begin, 2]
+    assert way[0] == pytest.approx(0.15, abs=1e-3)
+    assert way[-1] == pytest.approx(0.1, abs=1e-3)
+    assert np.abs(np.diff(rows[: begin + 1, 2])).max() <= 0.2e-3 + 1e-12  # 0.05 m take 0.25 s, not 0.1
+
+
 @pytest.mark.parametrize("reading", [(0.195, 3e5, 3e5), (0.1, 9e5, 3e5), (0.1, 3e5, 9e5), (float("nan"), 3e5, 3e5)])
 def test_a_reading_beyond_its_limit_shuts_the_valve_for_good(step, reading: tuple[float, float, float]) -> None:
     play = step()
@@ -92,3 +108,15 @@ def test_a_player_that_is_disabled_does_not_go_on_by_itself(step) -> None:
     run(play, 300)
     play(False, *SAFE)
     assert all(play(True, *SAFE)[0] == 5.0 for _ in range(400))
+
+
+def test_the_structured_text_is_grammatical_and_its_numbers_have_a_point(tmp_path: Path) -> None:
+    blark = pytest.importorskip("blark.parse", reason="needs blark")
+    small = PlayedRecording("small", True, 100.0, (sine(0.1, 2e-5, 10.0, 0.5),), 0.05)
+    unlimited = replace(LIMITS, position=None, pressure=None, max_speed=None)
+    write_players(tmp_path, {"st"}, [VALVE, small], unlimited, "rig")
+    text = (tmp_path / "pneucli_player.st").read_text(encoding="utf-8")
+    assert blark.parse_source_code(text).exception is None
+    assert "2.0E-5" in text
+    assert "1.0E30" in text
+    assert not re.search(r"\de[-+]?\d", text)

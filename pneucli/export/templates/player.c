@@ -14,6 +14,7 @@ static const double LOWEST_X = @LOW@;
 static const double HIGHEST_X = @HIGH@;
 static const double MAX_PRESSURE = @PRESSURE@;
 static const double SOFT_START_TIME = @SOFT_START@;
+static const double MAX_SPEED = @SPEED@; /* m/s, of the reference in a soft start */
 static const int MIRRORED = @MIRRORED@;
 
 static const double SEGMENT[SEGMENTS * NUMBERS] = {
@@ -33,6 +34,11 @@ static double value_at(const double *s, double time)
         value += s[AMPLITUDE] * envelope * sin(2.0 * PI * s[FREQUENCY] * time);
     }
     return value;
+}
+
+static double soft_start_time(const double *s, double first_x)
+{
+    return s[KIND] > 0.5 ? fmax(SOFT_START_TIME, fabs(s[START] - first_x) / MAX_SPEED) : SOFT_START_TIME;
 }
 
 static int keeps_limits(double x, double p1, double p2)
@@ -68,7 +74,7 @@ void pneucli_player_step(pneucli_player *c, int enable, double x, double p1, dou
     }
     s = SEGMENT + NUMBERS * c->segment;
     if (c->state == SOFT_START) {
-        double share = within(c->soft / SOFT_START_TIME, 0.0, 1.0);
+        double share = within(c->soft / soft_start_time(s, c->first_x), 0.0, 1.0);
         double from = s[KIND] > 0.5 ? c->first_x : NULL_COMMAND;
         value = from + (s[START] - from) * share;
         c->soft += PNEUCLI_PLAYER_PERIOD_S;
@@ -85,6 +91,11 @@ void pneucli_player_step(pneucli_player *c, int enable, double x, double p1, dou
             if (c->segment >= SEGMENTS) {
                 c->state = DONE;
                 c->segment = SEGMENTS - 1;
+            } else if (s[NUMBERS + KIND] > 0.5 && s[KIND] < 0.5) {
+                /* the valve moved the piston: the loop takes it from where it is */
+                c->state = SOFT_START;
+                c->soft = 0.0;
+                c->first_x = x;
             }
         }
     }

@@ -18,9 +18,9 @@ extern "C" {
 #endif
 
 typedef struct {
-    double soft;    /* s since the start, up to the soft start */
+    double soft;    /* s since the soft start began */
     double time;    /* s within the segment */
-    double first_x; /* m, the position at the start */
+    double first_x; /* m, the position where it began */
     int segment;
     int state;      /* 0: waits for enable, 1: soft start, 2: plays, 3: done, 4: stopped by a limit or by enable = 0 */
 } pneucli_player;
@@ -28,9 +28,10 @@ typedef struct {
 /* Forget everything; the next step with enable starts from its readings. */
 void pneucli_player_init(pneucli_player *c);
 
-/* One sample: position in m, pressures absolute in Pa. out[0]: command in V, out[1]: command of the second valve in V,
- * out[2]: position reference in m, out[3]: number of the recording, 0 between two. With enable = 0, after the last
- * recording, and once a reading leaves its limits, the commands are the null command; only init starts again. */
+/* One sample: position in m, pressures absolute in Pa; 0 for a sensor that the bench lacks. out[0]: command in V,
+ * out[1]: command of the second valve in V, out[2]: position reference in m, out[3]: number of the recording, 0 between
+ * two. With enable = 0, after the last recording, and once a reading leaves its limits, the commands are the null
+ * command; only init starts again. */
 void pneucli_player_step(pneucli_player *c, int enable, double x, double p1, double p2, double out[4]);
 
 #ifdef __cplusplus
