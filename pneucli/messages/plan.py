@@ -97,13 +97,13 @@ def plan_sentence(answer: Answer) -> str:
         )
     if answer["parameters"]:
         return f"{recordings}, to narrow {join_names([one['name'] for one in answer['parameters']])}."
-    names = [r["name"] for r in answer["rivals"] if r["effect"] is not None]
+    names = list(dict.fromkeys(r["effect"] for r in answer["rivals"] if r["effect"] is not None))
     if not names:
         return f"{recordings}: no effect is in question, the parameters of the model become more certain."
-    entropy = answer["entropy"]
+    before, after = (format_number(answer["entropy"][when], 2) for when in ("before", "after"))
     return (
-        f"{recordings}, to tell {join_names(names)} from the best model: the expected uncertainty of which effect acts "
-        f"falls from {format_number(entropy['before'], 2)} to {format_number(entropy['after'], 2)} bit."
+        f"{recordings}, to decide about {join_names(names)}: the expected uncertainty of which effect acts falls from "
+        f"{before} to {after} bit."
     )
 
 
@@ -122,11 +122,13 @@ def lines(answer: Answer, file: str, verbose: bool) -> Iterator[str]:
     for step in answer["manual"]:
         yield from labelled("by hand", f"{step['recording']}: {step['text']}")
     expected = sorted(answer["expected"], key=lambda e: -e["power"])
-    found = [f"{e['effect']} {format_percent(e['power'])}" for e in expected[:8]]
+    found = [f"{e['rival']} {format_percent(e['power'])}" for e in expected[:8]]
     if found:
-        yield from labelled("power", f"probability of finding an effect that is there: {join_names(found)}")
+        yield from labelled("power", f"probability that the recordings show what is true: {join_names(found)}")
     for one in answer["parameters"]:
         yield from labelled("interval", _narrowed(one))
+    for one in answer["sizes"]:
+        yield from labelled("size", _narrowed(one))
     yield from labelled("files", join_names(answer["files"]))
     if answer["recordings"]:
         do = f"record {answer['folder']}/commands.csv as steps.md says, then: pneucli plan {file} --take FILE..."
@@ -138,8 +140,11 @@ def lines(answer: Answer, file: str, verbose: bool) -> Iterator[str]:
 
 
 def _narrowed(one: Answer) -> str:
-    before, after = (format_quantity(one[f"half_width_{when}"], one["unit"], 2) for when in ("before", "after"))
-    return f"{one['name']}: ± {before} now, ± {after} expected"
+    before, after = (one[f"half_width_{when}"] for when in ("before", "after"))
+    if after is None:
+        return f"{one['name']}: the recordings of this plan do not show it"
+    now = "unknown" if before is None else f"± {format_quantity(before, one['unit'], 2)}"
+    return f"{one['name']}: {now} now, ± {format_quantity(after, one['unit'], 2)} expected (95 %)"
 
 
 def by_hand_text(kind: str, force: float, gravity: float) -> str:
@@ -160,8 +165,7 @@ def steps_page(answer: Answer, file: str) -> str:
             parts += [setup, ""] if number == 1 else ["", setup, ""]
         use = "fitted" if r["use"] == "train" else "held out: never fitted"
         parts.append(f"{number}. `{r['name']}` ({r['end'] - r['begin']:.1f} s, {use}): {manoeuvre_text(r)}.")
-        if r["bench"] == "cylinder":
-            parts.append(f"   Start at rest: {start_text(r['start'])}.")
+        parts.append(f"   Start at rest: {start_text(r['start'], r['bench'] == 'cylinder')}.")
         if r["by_hand"]:
             parts.append(f"   By hand: {r['by_hand']}")
         parts.append(
@@ -173,10 +177,11 @@ def steps_page(answer: Answer, file: str) -> str:
     return "\n".join(parts)
 
 
-def start_text(start: Answer) -> str:
-    """Return where a recording starts."""
-    pressures = (f"{name} near {format_quantity(start[name], 'Pa', 2)} (absolute)" for name in ("p1", "p2"))
-    return f"x = {format_quantity(start['x'], 'm', 3)}, {join_names(list(pressures))}"
+def start_text(start: Answer, moves: bool = True) -> str:
+    """Return where a recording starts: a vessel has one pressure, a cylinder two and a position."""
+    names = ("p1", "p2") if moves else ("p1",)
+    pressures = [f"{name} near {format_quantity(start[name], 'Pa', 2)} (absolute)" for name in names]
+    return f"x = {format_quantity(start['x'], 'm', 3)}, {join_names(pressures)}" if moves else pressures[0]
 
 
 def bench_text(recording: Answer) -> str:

@@ -123,7 +123,7 @@ _ALL_STAGES = (
         tables=("pipeline", "plan"),
         answer_paths=(
             *("seconds", "recordings", "manual", "rivals", "expected", "entropy.before", "entropy.after"),
-            *("parameters", "power", "limits", "refused", "refused_count", "sentence", "warnings", "first"),
+            *("parameters", "sizes", "power", "limits", "refused", "refused_count", "sentence", "warnings", "first"),
         ),
     ),
     Stage(

@@ -41,6 +41,7 @@ class Rival:
         probability: The effect's probability by the diagnosis; None where it states none.
         size_error: Relative standard error of the effect's size.
         instead_of: The named effect that it replaces.
+        fitted: Whether the size follows from the recordings; else it is the typical one.
     """
 
     effect: Effect | None
@@ -50,6 +51,7 @@ class Rival:
     probability: float | None = None
     size_error: float = TYPICAL_SIZE_ERROR
     instead_of: str | None = None
+    fitted: bool = True
 
     @property
     def name(self) -> str:
@@ -150,10 +152,29 @@ def _rival(
         start = fit_without(best, train, replaced)
     if not any(one.is_sensitive_to(effect) for one in train):
         model = with_typical_effect(start.model, effect, train)
-        return [] if model is None else [Rival(effect, True, model, odds, probability, instead_of=instead)]
+        return (
+            [] if model is None else [Rival(effect, True, model, odds, probability, instead_of=instead, fitted=False)]
+        )
     fitted = fit_with_effect(start, train, effect, stopping=RANKING_EFFORT)
     model, error = at_plausible_size(fitted, effect, typical_values(start.model, effect, train))
-    return [Rival(effect, True, model, odds, probability, error, instead)]
+    known = size_is_known(fitted, effect, model)
+    return [Rival(effect, True, model, odds, probability, error, instead, known)]
+
+
+def size_is_known(fitted: Fit, effect: Effect, model: Model) -> bool:
+    """Return whether the recordings limit the size of an effect: twice its standard error is within that of a rival.
+
+    Args:
+        fitted: The fit with the effect.
+        effect: The effect.
+        model: The rival, see :func:`at_plausible_size`.
+    """
+    for p in effect.parameters:
+        null, name = null_value(p, model), f"{effect.name}.{p.name}"
+        error = next((e.error for e in fitted.estimates if e.name == name), np.nan)
+        if null is not None and np.isfinite(error):
+            return bool(error <= TYPICAL_SIZE_ERROR * abs(model.values[name] - null) * (1.0 + 1e-9))
+    return False
 
 
 def at_plausible_size(fitted: Fit, effect: Effect, typical: Mapping[str, float]) -> tuple[Model, float]:

@@ -15,6 +15,7 @@ from pneucli.plan.entropy import expected_entropy
 from pneucli.plan.information import Information
 from pneucli.plan.limits import Violation
 from pneucli.plan.manoeuvre import Manoeuvre
+from pneucli.plan.sizes import MIN_SIZE_ERROR, EffectSize
 
 Array = NDArray[np.float64]
 
@@ -77,24 +78,18 @@ def width_objective(covariance: Array, positions: Sequence[int]) -> Objective:
     return objective
 
 
-def size_objective(size_errors: Sequence[float], covariance: Array) -> Objective:
+def size_objective(sizes: Sequence[EffectSize], covariance: Array) -> Objective:
     """Return the mean log10 of the relative standard errors of the effects' sizes after a plan.
 
     Args:
-        size_errors: Relative standard errors before the plan, shape (K,).
-        covariance: Covariance of the base parameters before the plan, shape (p, p).
+        sizes: The sizes, each effect alone beside the best model.
+        covariance: Covariance of the parameters of the best model before the plan, shape (p, p).
     """
 
     def objective(told: Information) -> float:
-        return float(np.mean(np.log10(size_errors_after(told, size_errors, covariance))))
+        return float(np.mean([np.log10(max(one.error_after(told, covariance), MIN_SIZE_ERROR)) for one in sizes]))
 
     return objective
-
-
-def size_errors_after(told: Information, size_errors: Sequence[float], covariance: Array) -> Array:
-    """Return the relative standard errors (K,) of the effects' sizes after a plan, each effect alone in the model."""
-    precision = 1.0 / np.maximum(np.asarray(size_errors), 1e-6) ** 2
-    return np.asarray(1.0 / np.sqrt(precision + np.maximum(np.diag(told.between_rivals(covariance)), 0.0)))
 
 
 def choose_sequence(

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -26,6 +27,7 @@ from pneucli.plan.selection import (
     total_information,
     width_objective,
 )
+from pneucli.plan.sizes import effect_sizes
 from pneucli.quantities import Z95
 from pneucli.simulate.model import parameter_value
 from pneucli.stages.pipeline_data import PipelineData
@@ -37,6 +39,7 @@ from pneucli.stages.plan_study import PlanStudy, progress_within
 Array = NDArray[np.float64]
 
 DEFAULT_MINUTES = 3.0
+MAX_HALF_WIDTH = 10.0  # of an effect's size: a wider interval says nothing about it
 MIN_SECONDS = 15.0  # s of machine time: one recording and one that is held out
 
 
@@ -74,6 +77,8 @@ def run(context: Context) -> dict[str, Any]:
     answer["entropy"] = {"before": before, "after": after, "unit": "bit"}
     answer["expected"] = expected_rows(rivals[1:], found)
     answer["parameters"] = _narrowed(study, chosen, positions)
+    if study.context.options.get("effects"):
+        answer["sizes"] = _sizes(study, chosen, rivals)
     return write_plan(answer, chosen, powers, study, (comparison, [r.name for r in rivals[1:]]))
 
 
@@ -84,10 +89,10 @@ def _objective(study: PlanStudy, rivals: Sequence[Rival], positions: Sequence[in
         return width_objective(covariance, positions)
     if len(rivals) == 1:  # nothing is in question: every parameter of the model becomes more certain
         return width_objective(covariance, range(len(study.best.free)))
-    errors = [r.size_error for r in rivals[1:]]
-    if study.context.options.get("effects"):
-        return size_objective(errors, covariance)
-    return entropy_objective([r.prior_odds for r in rivals], errors, covariance)
+    sizes = effect_sizes(study.best, rivals[1:])
+    if study.context.options.get("effects") and sizes:
+        return size_objective(sizes, covariance)
+    return entropy_objective([r.prior_odds for r in rivals], [r.size_error for r in rivals[1:]], covariance)
 
 
 def _chosen(study: PlanStudy, candidates: Sequence[Evaluated], objective: Objective) -> list[Chosen]:
@@ -124,6 +129,24 @@ def _powers(study: PlanStudy, chosen: Sequence[Chosen]) -> list[Power]:
     for one in told[1:]:
         total = total + one
     return power_table(effects, models, total, study.best.covariance, model)
+
+
+def _sizes(study: PlanStudy, chosen: Sequence[Chosen], rivals: Sequence[Rival]) -> list[dict[str, Any]]:
+    """Return the half widths of the 95 % intervals of the effects' sizes, each effect alone beside the best model.
+
+    None: the recordings so far, or those of the plan, do not show the effect.
+    """
+    if not chosen:
+        return []
+    covariance, told = study.best.covariance, total_information(chosen)
+    rows = []
+    for one in effect_sizes(study.best, rivals[1:]):
+        known = one if one.fitted else replace(one, error=np.inf)
+        widths = [Z95 * one.distance * error for error in (known.error, known.error_after(told, covariance))]
+        before, after = (width if width < MAX_HALF_WIDTH * one.distance else None for width in widths)
+        unit = one.parameter.unit
+        rows.append({"name": one.name, "unit": unit, "half_width_before": before, "half_width_after": after})
+    return rows
 
 
 def _narrowed(study: PlanStudy, chosen: Sequence[Chosen], positions: Sequence[int]) -> list[dict[str, Any]]:

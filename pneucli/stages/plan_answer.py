@@ -54,6 +54,7 @@ def plan_answer(study: Planned, chosen: Sequence[Chosen], refused: Sequence[Refu
         "entropy": {"before": None, "after": None, "unit": "bit"},
         "expected": [],
         "parameters": [],
+        "sizes": [],
         "warnings": [],
     }
 

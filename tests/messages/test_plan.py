@@ -74,6 +74,12 @@ def test_the_steps_say_for_each_group_of_recordings_how_the_bench_is_driven() ->
     ]
 
 
+def test_a_vessel_starts_at_a_pressure_and_no_position() -> None:
+    vessel = RECORDING | {"bench": "vessel", "drive": "valve", "chamber_2": None}
+    page = words.steps_page(ANSWER | {"recordings": [vessel]}, "axis.toml")
+    assert "Start at rest: p1 near 3.0 bar (absolute)." in page
+
+
 def test_a_weight_states_its_mass_and_direction() -> None:
     assert "2.00 kg" in words.by_hand_text("known-force", 19.62, 9.81)
     assert "away from x = 0" in words.by_hand_text("known-force", 19.62, 9.81)
@@ -89,10 +95,10 @@ def test_what_was_decided_is_said_and_what_was_not_as_well() -> None:
 
 
 def test_the_sentence_says_what_a_plan_is_for() -> None:
-    rivals = [{"name": "best model", "effect": None}, {"name": "a leak", "effect": "leak"}]
+    rivals = [{"name": "best model", "effect": None}, {"name": "without leak", "effect": "leak"}]
     made = ANSWER | {"first": False, "seconds": 18.0, "rivals": rivals, "parameters": [], "expected": []}
     made |= {"entropy": {"before": 1.0, "after": 0.25}}
-    assert "1 recordings and 1 to be held out, 18 s of machine time, to tell a leak" in words.plan_sentence(made)
+    assert "1 recordings and 1 to be held out, 18 s of machine time, to decide about leak:" in words.plan_sentence(made)
     assert "from 1.0 to 0.25 bit" in words.plan_sentence(made)
     narrowed = made | {"parameters": [{"name": "friction.viscous"}]}
     assert words.plan_sentence(narrowed).endswith("to narrow friction.viscous.")
@@ -110,3 +116,22 @@ def test_the_recordings_of_a_first_programme_come_after_no_diagnosis() -> None:
         "sentence": "Nothing new.",
     }
     assert "no diagnosis → adequate" in "\n".join(words.lines(taken, "axis.toml", verbose=False))
+
+
+def test_the_words_of_a_plan_say_what_it_decides_and_how_far_it_narrows() -> None:
+    expected = [
+        {"effect": "leak", "rival": "without leak", "power": 0.9},
+        {"effect": "mass", "rival": "mass", "power": 0.2},
+    ]
+    sizes = [
+        {"name": "mass.mass", "unit": "kg", "half_width_before": 0.54, "half_width_after": 0.28},
+        {"name": "delay.delay", "unit": "s", "half_width_before": None, "half_width_after": 0.001},
+        {"name": "end.damping", "unit": "N*s/m", "half_width_before": 100.0, "half_width_after": None},
+    ]
+    made = ANSWER | {"manual": [], "expected": expected, "parameters": [], "sizes": sizes, "files": ["commands.csv"]}
+    made |= {"folder": "plan", "warnings": []}
+    text = " ".join(" ".join(words.lines(made, "axis.toml", verbose=False)).split())
+    assert "show what is true: without leak 90 % and mass 20 %" in text
+    assert "mass.mass: ± 0.54 kg now, ± 0.28 kg expected" in text
+    assert "delay.delay: unknown now, ± 0.0010 s expected" in text
+    assert "end.damping: the recordings of this plan do not show it" in text

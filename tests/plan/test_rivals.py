@@ -10,7 +10,7 @@ import pytest
 
 from pneucli.identify.estimation.parameters import FreeParameter
 from pneucli.physics.effects import catalogue
-from pneucli.plan.rivals import MIN_PRIOR_ODDS, at_plausible_size, refused_effects
+from pneucli.plan.rivals import MIN_PRIOR_ODDS, at_plausible_size, refused_effects, size_is_known
 from pneucli.plan.shifted import shifted_models, with_monotone_valves
 from pneucli.recording import Rig
 from pneucli.simulate.model import Model
@@ -50,6 +50,13 @@ def test_a_size_of_which_the_recordings_say_nothing_becomes_the_typical_one(valu
         assert (model.values[NAME], relative) == (value, 0.0)
     else:
         assert (model.values[NAME], relative) == (0.8, 0.5)
+
+
+@pytest.mark.parametrize(("error", "known"), [(0.2, True), (0.3, True), (3.0, False), (np.nan, False)])
+def test_a_size_is_known_where_its_error_is_smaller_than_the_typical_size(error: float, known: bool) -> None:
+    fitted = fit(0.1, error)
+    model, _ = at_plausible_size(fitted, EFFECT, TYPICAL)
+    assert size_is_known(fitted, EFFECT, model) == known
 
 
 def test_an_effect_that_the_fit_returns_as_none_gets_typical_values_of_its_other_parameters() -> None:

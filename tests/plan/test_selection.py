@@ -15,7 +15,6 @@ from pneucli.plan.selection import (
     choose_sequence,
     entropy_objective,
     grouped_by_setup,
-    size_errors_after,
     total_information,
     width_objective,
 )
@@ -71,10 +70,6 @@ def test_a_parameter_is_narrowed_by_what_shows_it():
     objective = width_objective(np.eye(2), [0])
     assert choose_sequence([hides, shows], objective, 20.0, lambda _: True)[0].manoeuvre.level == 1.0
     assert objective(shows.information) == pytest.approx(-1.0)  # a variance of 1 / (1 + 99)
-
-
-def test_size_errors_combine_what_is_known_with_what_the_plan_shows():
-    assert size_errors_after(FIRST.information, [0.1, 0.1], NOTHING_KNOWN) == pytest.approx([150.0**-0.5, 0.1])
 
 
 def test_recordings_of_one_setup_follow_each_other():
