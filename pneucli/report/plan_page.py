@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from matplotlib.ticker import FuncFormatter
+from matplotlib.ticker import FuncFormatter, NullFormatter
 from numpy.typing import NDArray
 
 from pneucli.messages.formatting import (
@@ -85,8 +85,8 @@ def _tiles(answer: Answer) -> list[Tile]:
         tiles.append(Tile("Uncertainty", f"{before} → {after} bit", text, "good"))
     if answer["expected"]:
         likely = sum(e["power"] >= 0.8 for e in answer["expected"])
-        text = "effects in question that this plan would find if they are there (power of 80 %)"
-        tiles.append(Tile("Would be found", f"{likely} of {len(answer['expected'])}", text))
+        text = "hypotheses that the recordings would show if they are true (power of 80 %)"
+        tiles.append(Tile("Would be shown", f"{likely} of {len(answer['expected'])}", text))
     return tiles
 
 
@@ -128,11 +128,11 @@ def _expected(answer: Answer) -> list[Section]:
                 "–" if best is None else answer["recordings"][best]["name"],
             )
         )
-    head = ("rival", "probability now", "found if true", "largest difference, × noise", "in")
+    head = ("rival", "probability now", "shown if true", "largest difference, × noise", "in")
     lead = (
-        "Each rival is the best model with the effect in question. The largest difference is that of the fitted "
-        "models. The probability of being found counts noise, what the best model already leaves unexplained, and all "
-        "other parameters as far as they are unknown."
+        "Each rival is the best model with the effect in question, or without one that it has. The largest difference "
+        "is that of the fitted models. The probability of being shown counts noise, what the best model already leaves "
+        "unexplained, and all other parameters as far as they are unknown."
     )
     return [Section("expected", "What it decides", lead, [Grid("Rivals", head, rows)])] if rows else []
 
@@ -176,6 +176,7 @@ def _differences(one: RecordingCurves) -> Drawing:
         figure.axes.set_yscale("log")
         figure.axes.set_ylim(bottom=LOWEST_DIFFERENCE)
         figure.axes.yaxis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
+        figure.axes.yaxis.set_minor_formatter(NullFormatter())
         figure.canvas.legend(loc="outside lower center", ncols=2)
     return figure
 

@@ -116,12 +116,12 @@ def rival_answer(rival: Rival, best: Model) -> dict[str, Any]:
 
 
 def expected_rows(rivals: Sequence[Rival], found: Sequence[float]) -> list[dict[str, Any]]:
-    """Return for each rival the probability before, and that it is found if it is true."""
+    """Return for each rival its probability before, and that of being shown if it is true."""
     return [
         {
             "effect": r.effect.name,
             "rival": r.name,
-            "probability_before": r.probability,
+            "probability_before": r.probability if r.present or r.probability is None else 1.0 - r.probability,
             "power": float(power),
         }
         for r, power in zip(rivals, found, strict=True)
