@@ -52,9 +52,16 @@ class ExpectedDeviation:
         >>> round(ExpectedDeviation(2.0, 0.05, path=500.0).divisor(1e-3, 1000.0), 2)  # sqrt(1 + 4 * 3 * 100)
         34.66
         """
+        return float(np.sqrt(1.0 + self.excess(path) * max(1.0, 2.0 * self.time_constant / period)))
+
+    def rms(self, path: float = 0.0) -> float:
+        """Return its expected rms over the noise in a recording with an accumulated change, in units of noise."""
+        return float(np.sqrt(1.0 + self.excess(path)))
+
+    def excess(self, path: float = 0.0) -> float:
+        """Return its expected mean square beyond noise, in units of noise."""
         growth = max(path / self.path, 1.0) if self.path > 0.0 else 1.0
-        excess = max(self.ratio**2 - 1.0, 0.0) * growth**2
-        return float(np.sqrt(1.0 + excess * max(1.0, 2.0 * self.time_constant / period)))
+        return max(self.ratio**2 - 1.0, 0.0) * growth**2
 
 
 def expected_deviations(

@@ -59,7 +59,7 @@ class Information:
         differences, cross, curvature = self.matrix[:k, :k], self.matrix[:k, k:], self.matrix[k:, k:]
         if curvature.size == 0:
             return differences
-        root = _root(covariance)
+        root = covariance_root(covariance)
         inner = np.eye(root.shape[1]) + root.T @ curvature @ root
         half = root.T @ cross.T
         gram = differences - half.T @ np.linalg.solve(inner, half)
@@ -68,12 +68,13 @@ class Information:
     def parameter_covariance(self, covariance: Array) -> Array:
         """Return the covariance (p, p) of the parameters after the manoeuvre, from that before."""
         k = self.rivals
-        root = _root(covariance)
+        root = covariance_root(covariance)
         inner = np.eye(root.shape[1]) + root.T @ self.matrix[k:, k:] @ root
         return np.asarray(root @ np.linalg.solve(inner, root.T))
 
 
-def _root(covariance: Array) -> Array:
+def covariance_root(covariance: Array) -> Array:
+    """Return a root R (p, r) of a covariance R R^T (p, p), without directions of no variance."""
     values, vectors = np.linalg.eigh(0.5 * (covariance + covariance.T))
     kept = values > max(values.max(initial=0.0), 0.0) / MAX_CONDITION
     return np.asarray(vectors[:, kept] * np.sqrt(values[kept]))
@@ -109,7 +110,7 @@ def information(
     problem = LeastSquaresProblem(best, models, current)
     nominal = np.concatenate(problem.data_residuals(best))
     rows = nominal.size
-    scale = np.concatenate([_scale(one, deviations) for one in models])
+    scale = np.concatenate([expected_scale(one, deviations) for one in models])
     with np.errstate(all="ignore"):
         differences = [np.concatenate(problem.data_residuals(other)) - nominal for other in others]
         jacobian = problem.jacobian(problem.start)[:rows] if current else np.zeros((rows, 0))
@@ -151,7 +152,8 @@ def _residual_models(recording: Recording, best: Model, horizon: float, low_pass
     return residual_models([experiment], whiten_initial_state=True)
 
 
-def _scale(model: ResidualModel, deviations: DeviationByChannel) -> Array:
+def expected_scale(model: ResidualModel, deviations: DeviationByChannel) -> Array:
+    """Return the expected deviation of each residual of a residual model in units of noise, shape (n,)."""
     experiment = model.experiment
     size, period = experiment.time.size, experiment.recording.period
     parts = []

@@ -1,0 +1,230 @@
+"""Does a plan keep its promise? ``python -m benchmarks.plan_promise DIR...``.
+
+DIR is a folder of ``python -m benchmarks.plan --out DIR``. A plan promises how far each rival differs from the best
+model in units of the expected deviation. In its recordings, the residuals of the best model are then projected on that
+difference, the parameters adjusting within what they were known to and the hidden effect at any size: for a rival that
+is not true, the result is normal with variance 1 if the expected deviation is right, and larger where the plan trusts
+the recording too much. Prints its rms for each kind of manoeuvre, the rms deviation of the channels relative to the
+expected one, and for each case the promised power of the hidden effect and whether the answer has it.
+"""
+
+from __future__ import annotations
+
+import sys
+import tempfile
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from benchmarks import small
+from benchmarks.plan import ROW_FILE, read_row
+from benchmarks.plan_limits import limit_rig
+from pneucli.config import load
+from pneucli.diagnose.subsample import MAX_SAMPLES
+from pneucli.identify.estimation.objective import LeastSquaresProblem
+from pneucli.identify.estimation.parameters import FreeParameter
+from pneucli.identify.residuals import ResidualModel, residual_models
+from pneucli.physics.effects import catalogue
+from pneucli.pipeline.context import Context
+from pneucli.pipeline.manifest import read_manifest
+from pneucli.plan.deviation import DeviationByChannel, ExpectedDeviation, accumulated_change, expected_deviations
+from pneucli.plan.information import covariance_root, expected_scale
+from pneucli.plan.manoeuvres import candidate_manoeuvres
+from pneucli.plan.rivals import with_typical_effect
+from pneucli.plan.simulation import simulate_manoeuvre, synthetic_recording
+from pneucli.simulate.model import Model, parameter_value
+from pneucli.simulate.preparation import prepare
+from pneucli.stages.pipeline_data import PipelineData
+from pneucli.stages.plan_study import PlanStudy
+
+Array = NDArray[np.float64]
+
+OUT = "out"  # the artifacts of benchmarks.plan
+MAX_ALIKE = 0.9  # cosine to the hidden effect's difference, above which a rival is not told from it
+MIN_DIFFERENCE = 1.0  # expected deviations, below which a rival's difference is not judged
+
+
+@dataclass(frozen=True)
+class Promise:
+    """What a plan expected of its recordings.
+
+    Attributes:
+        best: The best model before the plan.
+        others: Its rivals by name.
+        hidden: Names of the rivals that contain, or lack, what is hidden.
+        free: The parameters of the best model.
+        covariance: Their covariance, shape (p, p).
+        deviations: The expected deviation by subsystem and channel.
+    """
+
+    best: Model
+    others: Mapping[str, Model]
+    hidden: frozenset[str]
+    free: Sequence[FreeParameter]
+    covariance: Array
+    deviations: DeviationByChannel
+
+    def judged(self, models: Sequence[ResidualModel]) -> dict[str, Any]:
+        """Return the deviation of each channel relative to the expected one, and each rival's projected residual."""
+        current = [replace(f, start=parameter_value(self.best, f.name)) for f in self.free]
+        problem = LeastSquaresProblem(self.best, models, current)
+        residual = np.concatenate(problem.data_residuals(self.best))
+        scale = np.concatenate([expected_scale(m, self.deviations) for m in models])
+        with np.errstate(all="ignore"):
+            differences = [np.concatenate(problem.data_residuals(m)) - residual for m in self.others.values()]
+            jacobian = problem.jacobian(problem.start)[: residual.size]
+        columns = np.nan_to_num(np.column_stack([residual, *differences, jacobian]), posinf=0.0, neginf=0.0)
+        columns /= scale[:, None]
+        y, d, j = np.split(columns, [1, 1 + len(self.others)], axis=1)
+        nuisance = j @ covariance_root(self.covariance)
+        hidden = d[:, [name in self.hidden for name in self.others]]
+        y, hidden, d = (adjusted(part, nuisance) for part in (y, hidden, d))
+        y, apart = (without(part, hidden) for part in (y, d))
+        return {
+            "channels": list(channel_rows(models, residual, self.deviations)),
+            "rivals": {
+                name: -float(own @ y[:, 0]) / size
+                for name, own, whole in zip(self.others, apart.T, d.T, strict=True)
+                if name not in self.hidden
+                and (size := float(np.linalg.norm(own))) > MIN_DIFFERENCE
+                and size > np.sqrt(1.0 - MAX_ALIKE**2) * np.linalg.norm(whole)
+            },
+        }
+
+
+def adjusted(columns: Array, nuisance: Array) -> Array:
+    """Return columns (n, k) in units in which they are white beside errors of parameters with unit variance (n, r)."""
+    vectors, values, _ = np.linalg.svd(nuisance, full_matrices=False)
+    return np.asarray(columns - vectors @ ((1.0 - 1.0 / np.sqrt(1.0 + values**2))[:, None] * (vectors.T @ columns)))
+
+
+def without(columns: Array, others: Array) -> Array:
+    """Return columns (n, k) without their part along others (n, m)."""
+    basis = np.linalg.svd(others, full_matrices=False)[0] if others.size else others
+    return np.asarray(columns - basis @ (basis.T @ columns))
+
+
+def channel_rows(
+    models: Sequence[ResidualModel], residual: Array, deviations: DeviationByChannel
+) -> Iterator[dict[str, Any]]:
+    """Yield for each channel its rms over noise, and the rms that the plan expected."""
+    at = 0
+    for one in models:
+        for channel in one.channels:
+            own = residual[at : at + one.experiment.time.size]
+            at += own.size
+            expected = deviations.get((one.title, channel), ExpectedDeviation())
+            path = accumulated_change(one.experiment, channel)
+            yield {
+                "channel": channel,
+                "found": float(np.sqrt(np.mean(own**2))),
+                "expected": expected.rms(path),
+                "fitted": expected.ratio,
+            }
+
+
+def main(arguments: Sequence[str]) -> None:
+    """Print the tables."""
+    if small.SMALL in arguments:
+        main_small()
+        return
+    rows: list[dict[str, Any]] = []
+    print("| case | hidden | among the rivals | promised power | in the answer before, after |")
+    print("| --- | --- | --- | --- | --- |")
+    for folder in (Path(a) for a in arguments):
+        for file in sorted(folder.glob(f"case-*/{ROW_FILE}")):
+            row = read_row(file)
+            if "planned" in row:
+                answered, kinds = promised_power(file.parent, row["hidden"])
+                before, after = (("yes" if row[k].found else "no") for k in ("before", "planned"))
+                print(f"| {file.parent} | {row['hidden']} | {answered} | {before}, {after} |", flush=True)
+                rows += recording_rows(file.parent, row["hidden"], kinds)
+    print_recordings(rows)
+
+
+def promised_power(folder: Path, hidden: str) -> tuple[str, dict[str, str]]:
+    """Return which rivals have the hidden effect, with their powers, and the kind of each recording of the plan."""
+    manifest = read_manifest(folder / "case" / OUT / "plan")
+    assert manifest is not None
+    answer = manifest.answer or {}
+    own = [e for e in answer["expected"] if plain(e["effect"]) == plain(hidden)]
+    names = ", ".join(e["rival"] for e in own) or "no"
+    powers = ", ".join(f"{e['power']:.0%}" for e in own) or "–"
+    kinds = {r["name"]: f"{r['kind']} {r['frequency'] or ''}".strip() for r in answer["recordings"]}
+    return f"{names} | {powers}", kinds
+
+
+def plain(effect: str) -> str:
+    """Return the name of an effect without its side."""
+    return effect.partition(":")[0]
+
+
+def recording_rows(folder: Path, hidden: str, kinds: Mapping[str, str]) -> Iterator[dict[str, Any]]:
+    """Yield for each recording of a plan what it holds against what was promised."""
+    promise = promise_of(folder / "case", hidden)
+    with tempfile.TemporaryDirectory() as out:
+        recorded = PipelineData(context_of(folder / "planned", Path(out)), max_samples=MAX_SAMPLES)
+        for name, kind in kinds.items():
+            models = [
+                m
+                for use in ("train", "test")
+                for m in recorded.residual_models(use)
+                if m.experiment.recording.name.partition("#")[0] == name
+            ]
+            if models:
+                yield {"kind": kind} | promise.judged(models)
+
+
+def context_of(case: Path, out: Path) -> Context:
+    """Return the context of a stage after the diagnosis of a case that ``benchmarks.plan`` has run."""
+    path, manifest = case / "pipeline.toml", read_manifest(case / OUT / "diagnose")
+    answer = (manifest.answer or {}) if manifest is not None else {}
+    return Context(path, load(path), out, case / OUT, answers={"diagnose": answer})
+
+
+def promise_of(case: Path, hidden: str) -> Promise:
+    """Return what the plan of a case expects, from its diagnosis."""
+    with tempfile.TemporaryDirectory() as out:
+        study = PlanStudy(PipelineData(context_of(case, Path(out)), max_samples=MAX_SAMPLES))
+        rivals = study.rivals[1:]
+        return Promise(
+            study.best.model,
+            {r.name: r.model for r in rivals},
+            frozenset(r.name for r in rivals if r.effect is not None and plain(r.effect.name) == plain(hidden)),
+            study.best.free,
+            study.best.covariance,
+            expected_deviations(study.train, study.best.residual),
+        )
+
+
+def print_recordings(rows: Sequence[Mapping[str, Any]]) -> None:
+    """Print for each kind of manoeuvre the projected residuals of untrue rivals, and the channels' deviations."""
+    print("\n| manoeuvre | recordings | rivals | rms (1: as promised) | beyond 3 | deviation over the expected one |")
+    print("| --- | ---: | ---: | ---: | ---: | --- |")
+    for kind in [*sorted({row["kind"] for row in rows}), "all"]:
+        own = [row for row in rows if kind in ("all", row["kind"])]
+        z = np.array([value for row in own for value in row["rivals"].values()])
+        ratios = np.array([c["found"] / c["expected"] for row in own for c in row["channels"]])
+        rms = f"{np.sqrt(np.mean(z**2)):.2f} | {np.mean(np.abs(z) > 3.0):.0%}" if z.size else "– | –"
+        spread = f"{np.median(ratios):.2f} ({np.quantile(ratios, 0.1):.2f} to {np.quantile(ratios, 0.9):.2f})"
+        print(f"| {kind} | {len(own)} | {z.size} | {rms} | {spread} |")
+
+
+def main_small() -> None:
+    """Judge a manoeuvre that a model itself has recorded."""
+    _, benches, limits, model = limit_rig("usual")
+    manoeuvre = next(m for m in candidate_manoeuvres(benches[-1], limits) if m.kind == "pulses")
+    recording = synthetic_recording(manoeuvre, simulate_manoeuvre(manoeuvre, model), "plan", 1)
+    models = residual_models([prepare(recording, model.rig, 0.5)], whiten_initial_state=True)
+    leak = with_typical_effect(model, catalogue()["chamber-leak"], models)
+    assert leak is not None
+    promise = Promise(model, {"chamber-leak": leak}, frozenset(), [], np.zeros((0, 0)), {})
+    print_recordings([{"kind": manoeuvre.kind} | promise.judged(models)])
+
+
+if __name__ == "__main__":
+    main(sys.argv[1:])
