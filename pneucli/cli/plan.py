@@ -108,15 +108,23 @@ def _first(file: Path, out: Path | None, json: bool, quiet: bool, verbose: bool,
 
 
 def _take(file: Path, recordings: list[Path], out: Path | None, json: bool, quiet: bool) -> None:
-    """Add recordings to the pipeline file, diagnose, and show before and after."""
+    """Add recordings to the pipeline file, diagnose, and show before and after.
+
+    The pipeline file stays as it was where the recordings cannot be diagnosed.
+    """
     from pneucli.stages.plan_take import add_recordings, last_answers, taken_answer
 
     pipeline = open_pipeline_file(file, out)
     before, plan = last_answers(pipeline.artifacts, file)
+    former = file.read_bytes()
     added = add_recordings(file, plan, recordings)
     say = console.ignore_message if quiet else console.print_message
-    with console.progress(quiet) as progress:
-        done = open_pipeline_file(file, out).update(["diagnose"], None, progress, say)
+    try:
+        with console.progress(quiet) as progress:
+            done = open_pipeline_file(file, out).update(["diagnose"], None, progress, say)
+    except InputError:
+        file.write_bytes(former)
+        raise
     _print(taken_answer(before, done["diagnose"].answer, plan, added), file, json, verbose=False)
 
 

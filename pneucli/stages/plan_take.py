@@ -36,8 +36,8 @@ def last_answers(artifacts: Path, file: Path) -> tuple[Answer, Answer]:
 def add_recordings(file: Path, plan: Answer, paths: Sequence[Path]) -> list[dict[str, Any]]:
     """Add recordings of a plan to the pipeline file.
 
-    A file belongs to the planned recording of its name, else files follow the plan in its order. One file for a plan of
-    several recordings holds them all, with the clock of ``commands.csv``.
+    A file belongs to the planned recording of its name, else the files are those of all planned recordings in their
+    order. One file for a plan of several recordings holds them all, with the clock of ``commands.csv``.
 
     Args:
         file: The pipeline file.
@@ -48,25 +48,36 @@ def add_recordings(file: Path, plan: Answer, paths: Sequence[Path]) -> list[dict
         The added tables.
 
     Raises:
-        InputError: A file does not exist, or their number does not fit the plan.
+        InputError: A file does not exist or is in the pipeline already, or their number does not fit the plan.
     """
     for path in paths:
         if not path.is_file():
             raise InputError(str(path), "no such file", "a recording of the plan", "check the path", code="E002")
     _, document = read_toml(file)
     present = document.get("recordings", [])
+    used = {str(table.get("file")): table.get("name") for table in present}
+    for path in paths:
+        if (written := _relative(path, file)) in used:
+            found = f'{file} has it already as "{used[written]}"'
+            raise InputError(
+                str(path), found, "a new file", f"pneucli diagnose {file}, if it was recorded anew", code="E031"
+            )
     taken = {str(table.get("name", table.get("file"))) for table in present}
     tables = []
     for planned, path, is_part in _matched(plan["recordings"], paths):
         name = _free_name(planned["name"], taken)
         taken.add(name)
-        table = {"name": name, "file": Path(os.path.relpath(path.absolute(), file.absolute().parent)).as_posix()}
+        table = {"name": name, "file": _relative(path, file)}
         table |= _table(planned, present)
         if is_part:
             table |= {"from": f"{planned['begin']:.3f} s", "to": f"{planned['end']:.3f} s"}
         tables.append(table)
     append_recordings(file, tables)
     return tables
+
+
+def _relative(path: Path, file: Path) -> str:
+    return Path(os.path.relpath(path.absolute(), file.absolute().parent)).as_posix()
 
 
 def _matched(planned: Sequence[Answer], paths: Sequence[Path]) -> list[tuple[Answer, Path, bool]]:
@@ -76,10 +87,11 @@ def _matched(planned: Sequence[Answer], paths: Sequence[Path]) -> list[tuple[Ans
         return [(by_name[path.stem], path, False) for path in paths]
     if len(paths) == 1 and len(planned) > 1:
         return [(one, paths[0], True) for one in planned]
-    if len(paths) > len(planned):
+    if len(paths) != len(planned):
         found = f"{len(paths)} files for {len(planned)} planned recordings"
-        raise InputError("--take", found, "a file for each", "name the files as steps.md does", code="E031")
-    return [(one, path, False) for one, path in zip(planned, paths, strict=False)]
+        mend = f"name the files as steps.md does: {', '.join(f'{name}.csv' for name in by_name)}"
+        raise InputError("--take", found, "a file for each, or files named as planned", mend, code="E031")
+    return [(one, path, False) for one, path in zip(planned, paths, strict=True)]
 
 
 def _free_name(name: str, taken: set[str]) -> str:

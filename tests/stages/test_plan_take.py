@@ -8,6 +8,7 @@ from typing import Any
 
 import pytest
 
+from pneucli.cli.plan import _take
 from pneucli.errors import InputError
 from pneucli.stages.plan_take import add_recordings, last_answers, taken_answer
 
@@ -36,7 +37,7 @@ PLAN = {"recordings": [planned("plan_1", 0.0), planned("plan_2", 7.0, "test")], 
 @pytest.fixture
 def folder(tmp_path: Path) -> Path:
     (tmp_path / "pipeline.toml").write_text(PIPELINE, encoding="utf-8")
-    for name in ("a", "b", "plan_2", "plan_1", "all"):
+    for name in ("a", "b", "c", "d", "plan_2", "plan_1", "all"):
         (tmp_path / f"{name}.csv").write_text("t,x\n", encoding="utf-8")
     return tmp_path
 
@@ -67,8 +68,8 @@ def test_one_file_for_the_whole_plan_is_cut_at_the_times_of_the_commands(folder:
 
 
 def test_a_second_round_gets_new_names(folder: Path) -> None:
-    for _ in range(2):
-        add_recordings(folder / "pipeline.toml", PLAN, [folder / "a.csv", folder / "b.csv"])
+    for names in (("a", "b"), ("c", "d")):
+        add_recordings(folder / "pipeline.toml", PLAN, [folder / f"{name}.csv" for name in names])
     assert [r["name"] for r in recordings(folder)] == ["plan_1", "plan_2", "plan_1_2", "plan_2_2"]
 
 
@@ -84,6 +85,29 @@ def test_a_missing_file_or_one_too_many_is_refused_and_the_file_stays(folder: Pa
     with pytest.raises(InputError):
         add_recordings(folder / "pipeline.toml", PLAN, [folder / name for name in files])
     assert (folder / "pipeline.toml").read_text(encoding="utf-8") == PIPELINE
+
+
+def test_fewer_files_than_recordings_have_to_be_named_as_planned(folder: Path) -> None:
+    plan = PLAN | {"recordings": [*PLAN["recordings"], planned("plan_3", 14.0)]}
+    with pytest.raises(InputError, match=r"plan_1\.csv, plan_2\.csv, plan_3\.csv"):
+        add_recordings(folder / "pipeline.toml", plan, [folder / "a.csv", folder / "b.csv"])
+    assert (folder / "pipeline.toml").read_text(encoding="utf-8") == PIPELINE
+
+
+def test_a_file_is_not_taken_twice(folder: Path) -> None:
+    add_recordings(folder / "pipeline.toml", PLAN, [folder / "plan_1.csv"])
+    with pytest.raises(InputError, match='already as "plan_1"'):
+        add_recordings(folder / "pipeline.toml", PLAN, [folder / "plan_1.csv"])
+
+
+def test_the_pipeline_file_stays_where_the_recordings_cannot_be_read(
+    folder: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    file = folder / "pipeline.toml"
+    monkeypatch.setattr("pneucli.stages.plan_take.last_answers", lambda *_: ({}, PLAN))
+    with pytest.raises(InputError):
+        _take(file, [folder / "a.csv", folder / "b.csv"], None, json=False, quiet=True)
+    assert file.read_text(encoding="utf-8") == PIPELINE
 
 
 def test_without_a_plan_nothing_can_be_taken(tmp_path: Path) -> None:
