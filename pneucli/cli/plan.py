@@ -71,6 +71,14 @@ def _plan(
             "pneucli plan", str(files[0]), "recordings after --take", "write --take before the files", code="E001"
         )
     options = _options(minutes, effects, parameters, to)
+    if first and (effects or parameters):
+        raise InputError(
+            "--first",
+            "together with --effects or --parameters",
+            "--first alone: it plans for every effect and parameter",
+            f"pneucli plan {pipeline} --first",
+            code="E001",
+        )
     if first:
         _first(pipeline, out, json, quiet, verbose, options)
     else:

@@ -56,7 +56,7 @@ class FirstStudy:
 
     @cached_property
     def rig(self) -> Rig:
-        """The rig; raises InputError where no bench or no supply is described."""
+        """The rig; raises InputError where no bench, no supply or no null command is described."""
         rig = self.context.config.to_rig()
         if not described_benches(rig):
             raise InputError(
@@ -72,6 +72,14 @@ class FirstStudy:
                 "missing",
                 'such as "7 bar"',
                 "state the supply",
+                code="E063",
+            )
+        if rig.null_free:
+            raise InputError(
+                f"{self.context.path}, key rig.valve.null",
+                '"identify", but there is no recording yet',
+                "the command at which nothing flows: every command of the programme is about it",
+                'such as null = "5 V", half the range of the valve',
                 code="E063",
             )
         return rig

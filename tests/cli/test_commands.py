@@ -381,6 +381,7 @@ def test_verbose_tells_more(pneucli: Command, bench: Path) -> None:
         (("--to", "xml"), "csv, st or c"),
         (("a.csv",), "--take"),
         (("--take", "a.csv"), "no plan"),
+        (("--first", "--effects", "valve-leak"), "--first alone"),
     ],
 )
 def test_plan_refuses_what_it_cannot_do_before_anything_runs(

@@ -93,6 +93,11 @@ def test_more_time_finds_no_less(planned, tmp_path: Path) -> None:
     assert sum(found.values()) >= sum(e["power"] for e in short["expected"]) - 1e-9
 
 
+def test_commands_about_an_unknown_null_are_refused(tmp_path: Path) -> None:
+    with pytest.raises(InputError, match=r"rig\.valve\.null"):
+        plan.run(context(tmp_path, RIG.replace('null = "5 V"', 'null = "identify"')))
+
+
 @pytest.mark.parametrize(
     ("removed", "wanted"),
     [('[rig.vessel]\nvolume = "160 cm^3"\n', "vessel"), ('supply_pressure = "7 bar"\n', "supply_pressure")],
