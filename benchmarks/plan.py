@@ -172,7 +172,9 @@ def programme(
     """Return the recordings of a programme, and their uses."""
     if name == "planned":
         commands = read_commands(folder / "out" / "plan" / "commands.csv")
-        takes = planned_recordings(case.laboratory, plan["recordings"], commands, _load(case.laboratory.parameters))
+        takes = planned_recordings(
+            case.laboratory, plan["recordings"], commands, stated_load(case.laboratory.parameters)
+        )
         return takes, [take.use for take in takes]
     if name == "repeated":
         takes = [replace(t, name=f"again_{t.name}") for t in repeated(case.plans, rng)]
@@ -235,10 +237,12 @@ def random_motion(case: Case, length: float, rng: np.random.Generator) -> Excita
     envelope = np.clip(np.minimum(t, t[-1] - t) * frequency, 0.0, 1.0)
     reference = centre + amplitude * envelope * np.sin(2.0 * np.pi * frequency * t)
     gauge = usual.pressure_1 - par.ambient
-    return replace(closed_loop(par, reference, drive_gain(par), gauge, _load(par)), chamber_2_open=usual.chamber_2_open)
+    return replace(
+        closed_loop(par, reference, drive_gain(par), gauge, stated_load(par)), chamber_2_open=usual.chamber_2_open
+    )
 
 
-def _load(par: Parameters) -> float:
+def stated_load(par: Parameters) -> float:
     """Return the force in N toward x = 0 at half the stroke."""
     return par.constant_force + par.spring_stiffness * (0.5 * par.stroke - par.spring_rest)
 

@@ -1,4 +1,4 @@
-"""Does a plan keep its promise? ``python -m benchmarks.plan_promise DIR...``.
+"""Does a plan keep its promise? ``python -m benchmarks.plan_promise DIR...`` or ``... KIND CONDITION RIGS [SEED]``.
 
 DIR is a folder of ``python -m benchmarks.plan --out DIR``. A plan promises how far each rival differs from the best
 model in units of the expected deviation. In its recordings, the residuals of the best model are then projected on that
@@ -6,13 +6,16 @@ difference, the parameters adjusting within what they were known to and the hidd
 is not true, the result is normal with variance 1 if the expected deviation is right, and larger where the plan trusts
 the recording too much. Prints its rms for each kind of manoeuvre, the rms deviation of the channels relative to the
 expected one, and for each case the promised power of the hidden effect and whether the answer has it.
+
+With KIND (valve, friction, axis) and CONDITION, healthy rigs of the exam play manoeuvres within their limits, and the
+rivals are the effects of the catalogue at typical sizes, none of which is true.
 """
 
 from __future__ import annotations
 
 import sys
 import tempfile
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -21,28 +24,42 @@ import numpy as np
 from numpy.typing import NDArray
 
 from benchmarks import small
-from benchmarks.plan import ROW_FILE, read_row
+from benchmarks.cases import study_of
+from benchmarks.plan import ROW_FILE, read_row, stated_load
 from benchmarks.plan_limits import limit_rig
 from pneucli.config import load
 from pneucli.diagnose.subsample import MAX_SAMPLES
+from pneucli.exam.cases import generate_case, prepare_case
+from pneucli.exam.conditions import parse
+from pneucli.exam.planned_recordings import planned_recordings, read_commands
+from pneucli.identify.estimation.intervals import with_intervals
+from pneucli.identify.estimation.model_fit import fit_model
 from pneucli.identify.estimation.objective import LeastSquaresProblem
 from pneucli.identify.estimation.parameters import FreeParameter
+from pneucli.identify.guesses.base_model import guess_base_model
 from pneucli.identify.residuals import ResidualModel, residual_models
+from pneucli.physics.declaration import Effect
 from pneucli.physics.effects import catalogue
 from pneucli.pipeline.context import Context
 from pneucli.pipeline.manifest import read_manifest
-from pneucli.plan.deviation import DeviationByChannel, ExpectedDeviation, accumulated_change, expected_deviations
-from pneucli.plan.information import covariance_root, expected_scale
+from pneucli.plan.bench import Bench, recorded_benches
+from pneucli.plan.deviation import DeviationByChannel, ExpectedDeviation, LagDifference, accumulated_change
+from pneucli.plan.information import Information, covariance_root, deviations_of, expected_scale, model_differences
+from pneucli.plan.limits import limits_of, violations
 from pneucli.plan.manoeuvres import candidate_manoeuvres
-from pneucli.plan.rivals import with_typical_effect
+from pneucli.plan.rivals import lagged_models, with_typical_effect
+from pneucli.plan.selection import Chosen
 from pneucli.plan.simulation import simulate_manoeuvre, synthetic_recording
 from pneucli.simulate.model import Model, parameter_value
 from pneucli.simulate.preparation import prepare
 from pneucli.stages.pipeline_data import PipelineData
+from pneucli.stages.plan_answer import recordings_answer
+from pneucli.stages.plan_files import commands_csv
 from pneucli.stages.plan_study import PlanStudy
 
 Array = NDArray[np.float64]
 
+SEED = 4919
 OUT = "out"  # the artifacts of benchmarks.plan
 MAX_ALIKE = 0.9  # cosine to the hidden effect's difference, above which a rival is not told from it
 MIN_DIFFERENCE = 1.0  # expected deviations, below which a rival's difference is not judged
@@ -59,6 +76,7 @@ class Promise:
         free: The parameters of the best model.
         covariance: Their covariance, shape (p, p).
         deviations: The expected deviation by subsystem and channel.
+        lags: The best model with each lag that it lacks.
     """
 
     best: Model
@@ -67,15 +85,17 @@ class Promise:
     free: Sequence[FreeParameter]
     covariance: Array
     deviations: DeviationByChannel
+    lags: Sequence[Model] = ()
 
     def judged(self, models: Sequence[ResidualModel]) -> dict[str, Any]:
         """Return the deviation of each channel relative to the expected one, and each rival's projected residual."""
         current = [replace(f, start=parameter_value(self.best, f.name)) for f in self.free]
         problem = LeastSquaresProblem(self.best, models, current)
         residual = np.concatenate(problem.data_residuals(self.best))
-        scale = np.concatenate([expected_scale(m, self.deviations) for m in models])
+        lags = model_differences(problem, self.lags, residual)
+        scale = expected_scale(models, self.deviations, lags)
+        differences = model_differences(problem, list(self.others.values()), residual)
         with np.errstate(all="ignore"):
-            differences = [np.concatenate(problem.data_residuals(m)) - residual for m in self.others.values()]
             jacobian = problem.jacobian(problem.start)[: residual.size]
         columns = np.nan_to_num(np.column_stack([residual, *differences, jacobian]), posinf=0.0, neginf=0.0)
         columns /= scale[:, None]
@@ -85,7 +105,7 @@ class Promise:
         y, hidden, d = (adjusted(part, nuisance) for part in (y, hidden, d))
         y, apart = (without(part, hidden) for part in (y, d))
         return {
-            "channels": list(channel_rows(models, residual, self.deviations)),
+            "channels": list(channel_rows(models, residual, self.deviations, lags)),
             "rivals": {
                 name: -float(own @ y[:, 0]) / size
                 for name, own, whole in zip(self.others, apart.T, d.T, strict=True)
@@ -109,21 +129,21 @@ def without(columns: Array, others: Array) -> Array:
 
 
 def channel_rows(
-    models: Sequence[ResidualModel], residual: Array, deviations: DeviationByChannel
+    models: Sequence[ResidualModel], residual: Array, deviations: DeviationByChannel, lags: Sequence[Array]
 ) -> Iterator[dict[str, Any]]:
     """Yield for each channel its rms over noise, and the rms that the plan expected."""
     at = 0
     for one in models:
         for channel in one.channels:
-            own = residual[at : at + one.experiment.time.size]
+            own, period = residual[at : at + one.experiment.time.size], one.experiment.recording.period
+            changes = [LagDifference.of([lag[at : at + own.size]], period) for lag in lags]
             at += own.size
             expected = deviations.get((one.title, channel), ExpectedDeviation())
             path = accumulated_change(one.experiment, channel)
             yield {
                 "channel": channel,
                 "found": float(np.sqrt(np.mean(own**2))),
-                "expected": expected.rms(path),
-                "fitted": expected.ratio,
+                "expected": expected.rms(path, changes),
             }
 
 
@@ -131,6 +151,11 @@ def main(arguments: Sequence[str]) -> None:
     """Print the tables."""
     if small.SMALL in arguments:
         main_small()
+        return
+    if not Path(arguments[0]).is_dir():
+        kind, condition, rigs = arguments[0], arguments[1], int(arguments[2])
+        first = int(arguments[3]) if len(arguments) > 3 else SEED
+        print_recordings([row for k in range(rigs) for row in healthy_rows(kind, condition, first + k)])
         return
     rows: list[dict[str, Any]] = []
     print("| case | hidden | among the rivals | promised power | in the answer before, after |")
@@ -146,7 +171,7 @@ def main(arguments: Sequence[str]) -> None:
     print_recordings(rows)
 
 
-def promised_power(folder: Path, hidden: str) -> tuple[str, dict[str, str]]:
+def promised_power(folder: Path, hidden: str) -> tuple[str, dict[str, dict[str, str]]]:
     """Return which rivals have the hidden effect, with their powers, and the kind of each recording of the plan."""
     manifest = read_manifest(folder / "case" / OUT / "plan")
     assert manifest is not None
@@ -154,7 +179,7 @@ def promised_power(folder: Path, hidden: str) -> tuple[str, dict[str, str]]:
     own = [e for e in answer["expected"] if plain(e["effect"]) == plain(hidden)]
     names = ", ".join(e["rival"] for e in own) or "no"
     powers = ", ".join(f"{e['power']:.0%}" for e in own) or "–"
-    kinds = {r["name"]: f"{r['kind']} {r['frequency'] or ''}".strip() for r in answer["recordings"]}
+    kinds = {r["name"]: manoeuvre_kind(r) for r in answer["recordings"]}
     return f"{names} | {powers}", kinds
 
 
@@ -163,20 +188,15 @@ def plain(effect: str) -> str:
     return effect.partition(":")[0]
 
 
-def recording_rows(folder: Path, hidden: str, kinds: Mapping[str, str]) -> Iterator[dict[str, Any]]:
+def recording_rows(folder: Path, hidden: str, kinds: Mapping[str, dict[str, str]]) -> Iterator[dict[str, Any]]:
     """Yield for each recording of a plan what it holds against what was promised."""
     promise = promise_of(folder / "case", hidden)
     with tempfile.TemporaryDirectory() as out:
         recorded = PipelineData(context_of(folder / "planned", Path(out)), max_samples=MAX_SAMPLES)
         for name, kind in kinds.items():
-            models = [
-                m
-                for use in ("train", "test")
-                for m in recorded.residual_models(use)
-                if m.experiment.recording.name.partition("#")[0] == name
-            ]
+            models = [m for use in ("train", "test") for m in recorded.residual_models(use) if plan_name(m) == name]
             if models:
-                yield {"kind": kind} | promise.judged(models)
+                yield kind | promise.judged(models)
 
 
 def context_of(case: Path, out: Path) -> Context:
@@ -184,6 +204,68 @@ def context_of(case: Path, out: Path) -> Context:
     path, manifest = case / "pipeline.toml", read_manifest(case / OUT / "diagnose")
     answer = (manifest.answer or {}) if manifest is not None else {}
     return Context(path, load(path), out, case / OUT, answers={"diagnose": answer})
+
+
+def healthy_rows(kind: str, condition: str, seed: int) -> list[dict[str, Any]]:
+    """Return what manoeuvres on a healthy rig hold against what its best model promises of the catalogue's effects."""
+    drawn = (kind, (), "", 1.0, seed, parse(condition))
+    rng, laboratory = np.random.default_rng([seed, 49]), prepare_case("rig", *drawn).laboratory
+    with tempfile.TemporaryDirectory() as name:
+        folder = Path(name)
+        generate_case(folder / "case", *drawn)
+        study = study_of(folder / "case", made(folder / "before"), MAX_SAMPLES)
+        train = study.residual_models("train")
+        guess = guess_base_model([one.experiment for one in train], study.rig, study.valve)
+        best = with_intervals(fit_model(guess, train, study.effects), train)
+        chosen = allowed_manoeuvres(best.model, recorded_benches([one.experiment for one in train]), rng)
+        rows, file = recordings_answer(chosen), folder / "commands.csv"
+        file.write_text(commands_csv(chosen, rows), encoding="utf-8")
+        takes = planned_recordings(laboratory, rows, read_commands(file), stated_load(laboratory.parameters))
+        laboratory.record(folder / "new" / "raw", takes, rng)
+        (folder / "new" / "pipeline.toml").write_text(laboratory.pipeline(takes, "raw"), encoding="utf-8")
+        recorded = study_of(folder / "new", made(folder / "after"), MAX_SAMPLES).residual_models("train")
+    lags = lagged_models(best.model, study.available_effects.values(), train)
+    rivals = typical_rivals(best.model, study.available_effects.values(), train)
+    deviations = deviations_of(best, train, lags)
+    promise = Promise(best.model, rivals, frozenset(), best.free, best.covariance, deviations, lags)
+    own = {row["name"]: [m for m in recorded if plan_name(m) == row["name"]] for row in rows}
+    return [manoeuvre_kind(row) | promise.judged(own[row["name"]]) for row in rows if own[row["name"]]]
+
+
+def made(folder: Path) -> Path:
+    """Return a new folder."""
+    folder.mkdir()
+    return folder
+
+
+def plan_name(model: ResidualModel) -> str:
+    """Return the name of the planned recording of a residual model; parts of long recordings are numbered."""
+    return model.experiment.recording.name.partition("#")[0]
+
+
+def manoeuvre_kind(recording: Mapping[str, Any]) -> dict[str, str]:
+    """Return what kind of manoeuvre a planned recording is, with its frequency."""
+    return {"kind": f"{recording['drive']}: {recording['kind']} {recording['frequency'] or ''}".strip()}
+
+
+def allowed_manoeuvres(model: Model, benches: Sequence[Bench], rng: np.random.Generator) -> list[Chosen]:
+    """Return one manoeuvre of each kind and frequency that keeps the limits with the best model, of random size."""
+    limits = limits_of(model.rig, benches)
+    listed = [m for b in benches for m in candidate_manoeuvres(b, limits)]
+    nothing, found = Information(np.zeros((0, 0)), 0, np.zeros(0)), {}
+    for m in (listed[i] for i in rng.permutation(len(listed))):
+        key = (m.bench.setup, m.kind, m.frequency)
+        if key not in found and not violations(simulate_manoeuvre(m, model), limits.with_reserve(), model.rig):
+            found[key] = Chosen(m, nothing, 0.0)
+    return list(found.values())
+
+
+def typical_rivals(model: Model, effects: Iterable[Effect], train: Sequence[ResidualModel]) -> dict[str, Model]:
+    """Return the model with each effect that it lacks and the recordings can show, at its typical size, by name."""
+    there = {e.name for e in model.effects}
+    absent = [e for e in effects if e.side is None and e.name not in there and e.part not in model.valve.covers]
+    shown = [e for e in absent if any(m.is_sensitive_to(e) for m in train)]
+    return {e.name: m for e in shown if (m := with_typical_effect(model, e, train)) is not None}
 
 
 def promise_of(case: Path, hidden: str) -> Promise:
@@ -197,7 +279,8 @@ def promise_of(case: Path, hidden: str) -> Promise:
             frozenset(r.name for r in rivals if r.effect is not None and plain(r.effect.name) == plain(hidden)),
             study.best.free,
             study.best.covariance,
-            expected_deviations(study.train, study.best.residual),
+            study.deviations,
+            study.lags,
         )
 
 

@@ -36,6 +36,7 @@ class Comparison:
         deviations: Its expected deviation by subsystem and channel.
         horizon: Restart interval of the comparison in s.
         low_pass: Corner in Hz of the comparison's low-pass; None: no filter.
+        lags: The best model with each lag that it lacks, at its typical size.
     """
 
     best: Model
@@ -44,12 +45,14 @@ class Comparison:
     deviations: DeviationByChannel
     horizon: float
     low_pass: float | None = None
+    lags: Sequence[Model] = ()
 
     def information(self, manoeuvre: Manoeuvre, seed: int = NOISE_SEED) -> Information | None:
         """Return what a manoeuvre would tell; None where nothing of it is compared."""
         outcome = simulate_manoeuvre(manoeuvre, self.best)
         recording = synthetic_recording(manoeuvre, outcome, "plan", seed)
-        return information(recording, self.best, self.others, self.free, self.deviations, self.horizon, self.low_pass)
+        best, others, free = self.best, self.others, self.free
+        return information(recording, best, others, free, self.deviations, self.horizon, self.low_pass, self.lags)
 
     def differences(self, manoeuvre: Manoeuvre, seed: int = NOISE_SEED) -> dict[tuple[str, str], Array]:
         """Return the differences (K, n) of the rivals over noise, by title of the subsystem and channel."""

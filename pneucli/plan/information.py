@@ -21,10 +21,17 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from pneucli.identify.estimation.fit import Fit
 from pneucli.identify.estimation.objective import LeastSquaresProblem
 from pneucli.identify.estimation.parameters import FreeParameter
 from pneucli.identify.residuals import ResidualModel, residual_models
-from pneucli.plan.deviation import DeviationByChannel, ExpectedDeviation, accumulated_change
+from pneucli.plan.deviation import (
+    DeviationByChannel,
+    ExpectedDeviation,
+    LagDifference,
+    accumulated_change,
+    expected_deviations,
+)
 from pneucli.recording import Recording
 from pneucli.simulate.model import Model, parameter_value
 from pneucli.simulate.preparation import prepare
@@ -88,6 +95,7 @@ def information(
     deviations: DeviationByChannel,
     horizon: float,
     low_pass: float | None = None,
+    lags: Sequence[Model] = (),
 ) -> Information | None:
     """Return what a recording would tell about rivals and parameters.
 
@@ -99,6 +107,7 @@ def information(
         deviations: The expected deviation by subsystem and channel.
         horizon: Restart interval of the comparison in s.
         low_pass: Corner in Hz of the comparison's low-pass.
+        lags: The best model with each lag that it lacks, at its typical size.
 
     Returns:
         The information; None where the recording has nothing to compare.
@@ -110,15 +119,43 @@ def information(
     problem = LeastSquaresProblem(best, models, current)
     nominal = np.concatenate(problem.data_residuals(best))
     rows = nominal.size
-    scale = np.concatenate([expected_scale(one, deviations) for one in models])
+    scale = expected_scale(models, deviations, model_differences(problem, lags, nominal))
+    differences = model_differences(problem, others, nominal)
     with np.errstate(all="ignore"):
-        differences = [np.concatenate(problem.data_residuals(other)) - nominal for other in others]
         jacobian = problem.jacobian(problem.start)[:rows] if current else np.zeros((rows, 0))
     columns = np.column_stack([*differences, jacobian]) if differences or current else np.zeros((rows, 0))
     columns = np.nan_to_num(columns, nan=0.0, posinf=0.0, neginf=0.0)
     distance = _distances(models, columns[:, : len(others)])
     scaled = columns / scale[:, None]
     return Information(scaled.T @ scaled, len(others), distance)
+
+
+def deviations_of(
+    best: Fit, train: Sequence[ResidualModel], lags: Sequence[Model]
+) -> dict[tuple[str, str], ExpectedDeviation]:
+    """Return the expected deviation of a fitted model by subsystem and channel.
+
+    Args:
+        best: The fit.
+        train: The residual models that it was fitted to.
+        lags: Its model with each lag that it lacks, at its typical size.
+    """
+    problem = LeastSquaresProblem(best.model, train, ())
+    nominal = np.concatenate(problem.data_residuals(best.model))
+    return expected_deviations(train, best.residual, model_differences(problem, lags, nominal))
+
+
+def model_differences(problem: LeastSquaresProblem, models: Sequence[Model], nominal: Array) -> list[Array]:
+    """Return the differences of models from the best one, each (N,) in units of noise.
+
+    Args:
+        problem: The comparison with the best model.
+        models: The models.
+        nominal: The residuals of the best model, shape (N,).
+    """
+    with np.errstate(all="ignore"):
+        found = [np.concatenate(problem.data_residuals(one)) - nominal for one in models]
+    return [np.nan_to_num(one, nan=0.0, posinf=0.0, neginf=0.0) for one in found]
 
 
 def rival_differences(
@@ -152,14 +189,25 @@ def _residual_models(recording: Recording, best: Model, horizon: float, low_pass
     return residual_models([experiment], whiten_initial_state=True)
 
 
-def expected_scale(model: ResidualModel, deviations: DeviationByChannel) -> Array:
-    """Return the expected deviation of each residual of a residual model in units of noise, shape (n,)."""
-    experiment = model.experiment
-    size, period = experiment.time.size, experiment.recording.period
-    parts = []
-    for channel in model.channels:
-        expected = deviations.get((model.title, channel), ExpectedDeviation())
-        parts.append(np.full(size, expected.divisor(period, accumulated_change(experiment, channel))))
+def expected_scale(
+    models: Sequence[ResidualModel], deviations: DeviationByChannel, lags: Sequence[Array] = ()
+) -> Array:
+    """Return the expected deviation of each residual in units of noise, shape (N,).
+
+    Args:
+        models: The residual models.
+        deviations: The expected deviation by subsystem and channel.
+        lags: Differences that each lag would make, each (N,) in units of noise.
+    """
+    parts, at = [], 0
+    for one in models:
+        size, period = one.experiment.time.size, one.experiment.recording.period
+        for channel in one.channels:
+            expected = deviations.get((one.title, channel), ExpectedDeviation())
+            changes = [LagDifference.of([lag[at : at + size]], period) for lag in lags]
+            path = accumulated_change(one.experiment, channel)
+            parts.append(np.full(size, expected.divisor(period, path, changes)))
+            at += size
     return np.concatenate(parts)
 
 

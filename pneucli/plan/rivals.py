@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -16,6 +16,7 @@ from pneucli.identify.estimation.parameters import null_value
 from pneucli.identify.estimation.score_test import initial_guesses
 from pneucli.identify.residuals import ResidualModel
 from pneucli.physics.declaration import Effect
+from pneucli.plan.power import leading_parameter
 from pneucli.simulate.model import Model, with_effect
 from pneucli.simulate.rig_quantities import rig_quantities
 
@@ -224,6 +225,20 @@ def with_typical_effect(model: Model, effect: Effect, train: Sequence[ResidualMo
     """Return a model with an effect at its typical size; None where the rig gives it no scale."""
     values = typical_values(model, effect, train)
     return with_effect(model, effect, values) if values else None
+
+
+def lagged_models(model: Model, effects: Iterable[Effect], train: Sequence[ResidualModel]) -> list[Model]:
+    """Return a model with each lag that it lacks, at its typical size: effects whose size is a time.
+
+    Args:
+        model: The model.
+        effects: The effects to choose from; of those with sides, the one for both.
+        train: The recordings, which have to show the lag.
+    """
+    absent = [e for e in effects if e.side is None and e.name not in {own.name for own in model.effects}]
+    lags = [e for e in absent if leading_parameter(e.in_model_with(model.effects)).unit == "s"]
+    shown = [e for e in lags if e.part not in model.valve.covers and any(m.is_sensitive_to(e) for m in train)]
+    return [m for e in shown if (m := with_typical_effect(model, e, train)) is not None]
 
 
 def typical_values(model: Model, effect: Effect, train: Sequence[ResidualModel]) -> dict[str, float]:

@@ -16,11 +16,13 @@ from pneucli.identify.residuals import ResidualModel
 from pneucli.physics.effects import select_effects
 from pneucli.pipeline.context import Context
 from pneucli.plan.bench import Bench, recorded_benches
-from pneucli.plan.deviation import expected_deviations
+from pneucli.plan.deviation import ExpectedDeviation
 from pneucli.plan.evaluation import Comparison
+from pneucli.plan.information import deviations_of
 from pneucli.plan.limits import Limits, limits_of
-from pneucli.plan.rivals import Rival, rivals_of_diagnosis
+from pneucli.plan.rivals import Rival, lagged_models, rivals_of_diagnosis
 from pneucli.plan.safety import Safety, models_to_check
+from pneucli.simulate.model import Model
 from pneucli.stages.pipeline_data import PipelineData
 
 
@@ -88,11 +90,21 @@ class PlanStudy:
         """The check of a manoeuvre in every rival."""
         return Safety(self.pipeline.rig, self.limits, models_to_check(self.best, self.rivals))
 
-    def comparison(self, others: Sequence[Any]) -> Comparison:
+    @cached_property
+    def lags(self) -> list[Model]:
+        """The best model with each lag that it lacks and the recordings can show, at its typical size."""
+        return lagged_models(self.best.model, self.pipeline.available_effects.values(), self.train)
+
+    @cached_property
+    def deviations(self) -> dict[tuple[str, str], ExpectedDeviation]:
+        """The expected deviation of the best model by subsystem and channel."""
+        return deviations_of(self.best, self.train, self.lags)
+
+    def comparison(self, others: Sequence[Model]) -> Comparison:
         """Return the comparison of planned recordings with some models."""
-        compare = self.context.config.compare
-        deviations = expected_deviations(self.train, self.best.residual)
-        return Comparison(self.best.model, others, self.best.free, deviations, compare.horizon, compare.low_pass)
+        compare, best = self.context.config.compare, self.best
+        horizon, low_pass = compare.horizon, compare.low_pass
+        return Comparison(best.model, others, best.free, self.deviations, horizon, low_pass, self.lags)
 
     def positions_of(self, parameters: Sequence[str]) -> list[int]:
         """Return the positions of named parameters in the fit; raises InputError where one is not fitted."""
