@@ -8,7 +8,8 @@ the recording too much. Prints its rms for each kind of manoeuvre, the rms devia
 expected one, and for each case the promised power of the hidden effect and whether the answer has it.
 
 With KIND (valve, friction, axis) and CONDITION, healthy rigs of the exam play manoeuvres within their limits, and the
-rivals are the effects of the catalogue at typical sizes, none of which is true.
+rivals are the effects of the catalogue at typical sizes, none of which is true. ``--without-lags`` expects no lag that
+the model lacks.
 """
 
 from __future__ import annotations
@@ -60,6 +61,7 @@ from pneucli.stages.plan_study import PlanStudy
 Array = NDArray[np.float64]
 
 SEED = 4919
+WITHOUT_LAGS = "--without-lags"
 OUT = "out"  # the artifacts of benchmarks.plan
 MAX_ALIKE = 0.9  # cosine to the hidden effect's difference, above which a rival is not told from it
 MIN_DIFFERENCE = 1.0  # expected deviations, below which a rival's difference is not judged
@@ -154,8 +156,9 @@ def main(arguments: Sequence[str]) -> None:
         return
     if not Path(arguments[0]).is_dir():
         kind, condition, rigs = arguments[0], arguments[1], int(arguments[2])
-        first = int(arguments[3]) if len(arguments) > 3 else SEED
-        print_recordings([row for k in range(rigs) for row in healthy_rows(kind, condition, first + k)])
+        plain = [a for a in arguments if a != WITHOUT_LAGS]
+        first, with_lags = int(plain[3]) if len(plain) > 3 else SEED, WITHOUT_LAGS not in arguments
+        print_recordings([row for k in range(rigs) for row in healthy_rows(kind, condition, first + k, with_lags)])
         return
     rows: list[dict[str, Any]] = []
     print("| case | hidden | among the rivals | promised power | in the answer before, after |")
@@ -206,7 +209,7 @@ def context_of(case: Path, out: Path) -> Context:
     return Context(path, load(path), out, case / OUT, answers={"diagnose": answer})
 
 
-def healthy_rows(kind: str, condition: str, seed: int) -> list[dict[str, Any]]:
+def healthy_rows(kind: str, condition: str, seed: int, with_lags: bool = True) -> list[dict[str, Any]]:
     """Return what manoeuvres on a healthy rig hold against what its best model promises of the catalogue's effects."""
     drawn = (kind, (), "", 1.0, seed, parse(condition))
     rng, laboratory = np.random.default_rng([seed, 49]), prepare_case("rig", *drawn).laboratory
@@ -224,7 +227,7 @@ def healthy_rows(kind: str, condition: str, seed: int) -> list[dict[str, Any]]:
         laboratory.record(folder / "new" / "raw", takes, rng)
         (folder / "new" / "pipeline.toml").write_text(laboratory.pipeline(takes, "raw"), encoding="utf-8")
         recorded = study_of(folder / "new", made(folder / "after"), MAX_SAMPLES).residual_models("train")
-    lags = lagged_models(best.model, study.available_effects.values(), train)
+    lags = lagged_models(best.model, study.available_effects.values(), train) if with_lags else []
     rivals = typical_rivals(best.model, study.available_effects.values(), train)
     deviations = deviations_of(best, train, lags)
     promise = Promise(best.model, rivals, frozenset(), best.free, best.covariance, deviations, lags)
