@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import reduce
 from operator import add
 
@@ -21,7 +21,8 @@ Array = NDArray[np.float64]
 
 CHANGE_OVER_TIME = 2.0  # s of machine time between two manoeuvres, to save a file and start the next
 MIN_GAIN = 0.002  # of the objective at the start: less is not worth another manoeuvre
-TEST_SHARE = 0.3  # of the machine time, at most, for recordings that are held out
+MIN_TEST_GAIN = 0.02  # of the objective of held-out recordings: less is not worth another one
+TEST_SHARE = 0.3  # of the machine time that is kept for recordings that are held out
 
 Objective = Callable[[Information], float]
 
@@ -109,7 +110,7 @@ def choose_sequence(
         least: Number of manoeuvres to choose even where the objective hardly falls.
 
     Returns:
-        The chosen manoeuvres, in their order; the last is a variant of the most telling one, to be held out.
+        The chosen manoeuvres, in their order; the last ones are to be held out.
     """
     if not candidates:
         return []
@@ -132,7 +133,7 @@ def choose_sequence(
         chosen.append(Chosen(best.manoeuvre, best.information, value))
         refused = {id(c) for _, c in ranked[: ranked.index(safe)]}
         open_candidates = [c for c in open_candidates if c is not best and id(c) not in refused]
-    used = sum(c.manoeuvre.duration + CHANGE_OVER_TIME for c in chosen)
+    used = sum(_cost(c.manoeuvre) for c in chosen)
     return chosen + _held_out(chosen, open_candidates, objective, seconds - used, is_safe)
 
 
@@ -147,19 +148,48 @@ def _held_out(
     seconds: float,
     is_safe: Callable[[Manoeuvre], bool],
 ) -> list[Chosen]:
-    """Return a test recording for each bench: the remaining manoeuvre that tells most, else a repetition."""
-    found: list[Chosen] = []
+    """Return test recordings: one for each bench, then more as long as they tell more.
+
+    The diagnosis wants an effect confirmed by recordings that it does not fit, so that they have to show it as well.
+    Each is a remaining manoeuvre of a bench that is set up; a repetition where none fits into the time.
+    """
+    drives = {(c.manoeuvre.bench.name, c.manoeuvre.bench.drive) for c in chosen}
+    others = [e for e in rest if (e.manoeuvre.bench.name, e.manoeuvre.bench.drive) in drives]
+    tests = _Tests(objective, seconds, is_safe)
     for bench in dict.fromkeys(c.manoeuvre.bench.name for c in chosen):
-        own = [Evaluated(c.manoeuvre, c.information) for c in chosen if c.manoeuvre.bench.name == bench]
-        drives = {e.manoeuvre.bench.drive for e in own}
-        others = [e for e in rest if e.manoeuvre.bench.name == bench and e.manoeuvre.bench.drive in drives]
-        ranked = sorted(others, key=lambda e: objective(e.information))
-        for e in [*ranked[:3], *own]:
-            if e.manoeuvre.duration + CHANGE_OVER_TIME <= seconds and is_safe(e.manoeuvre):
-                seconds -= e.manoeuvre.duration + CHANGE_OVER_TIME
-                found.append(Chosen(replace(e.manoeuvre, use="test"), e.information, np.nan))
-                break
-    return found
+        repetitions = [Evaluated(c.manoeuvre, c.information) for c in chosen if c.manoeuvre.bench.name == bench]
+        if not tests.add([e for e in others if e.manoeuvre.bench.name == bench]):
+            tests.add(repetitions)
+    while tests.add(others, MIN_TEST_GAIN):
+        pass
+    return tests.chosen
+
+
+@dataclass
+class _Tests:
+    """Test recordings so far, the time in s that is left for others, and the objective that they reach together."""
+
+    objective: Objective
+    seconds: float
+    is_safe: Callable[[Manoeuvre], bool]
+    chosen: list[Chosen] = field(default_factory=list)
+    reached: float = np.inf
+
+    def add(self, group: Sequence[Evaluated], min_gain: float = -np.inf) -> bool:
+        """Add the safe manoeuvre of a group that lowers the objective most; return whether one lowers it enough."""
+        told = [c.information for c in self.chosen]
+        used = {id(one) for one in told}
+        fitting = [e for e in group if _cost(e.manoeuvre) <= self.seconds and id(e.information) not in used]
+        ranked = sorted(
+            ((self.objective(reduce(add, told, e.information)), e) for e in fitting), key=lambda one: one[0]
+        )
+        best = next(((value, e) for value, e in ranked if self.is_safe(e.manoeuvre)), None)
+        if best is None or not self.reached - best[0] >= min_gain * max(abs(self.reached), 1.0):
+            return False
+        self.reached, one = best
+        self.seconds -= _cost(one.manoeuvre)
+        self.chosen.append(Chosen(replace(one.manoeuvre, use="test"), one.information, np.nan))
+        return True
 
 
 def grouped_by_setup(chosen: Sequence[Chosen], benches: Sequence[Bench]) -> list[Chosen]:

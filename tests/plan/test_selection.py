@@ -51,6 +51,15 @@ def test_the_machine_time_is_kept_changes_included():
     assert len(chosen) == 2
 
 
+def test_held_out_recordings_show_every_effect_that_the_fitted_ones_show():
+    again = [candidate(4.0, np.diag([50.0, 0.0])), candidate(5.0, np.diag([0.0, 50.0])), candidate(6.0, np.eye(2))]
+    chosen = choose_sequence([FIRST, SECOND, *again], OBJECTIVE, 60.0, lambda _: True)
+    tests = [c for c in chosen if c.manoeuvre.use == "test"]
+    shown = sum((c.information.matrix for c in tests), np.zeros((2, 2)))
+    assert np.diag(shown).min() >= 50.0
+    assert len({c.manoeuvre.level for c in chosen}) == len(chosen)  # no repetition where there are others
+
+
 def test_an_unsafe_manoeuvre_is_never_chosen_not_even_to_be_held_out():
     chosen = choose_sequence([WEAK, FIRST, SECOND], OBJECTIVE, 60.0, lambda m: m.level != 1.0)
     assert {c.manoeuvre.level for c in chosen} <= {2.0, 3.0}
