@@ -20,6 +20,7 @@ Answer = Mapping[str, Any]
 MANOEUVRES = {
     "steps": "steps of {level} and −{level} from the null command",
     "stairs": "stairs up to {level} and down to −{level}",
+    "random-steps": "random steps of up to {level} to both sides, each held for 0.05 to 0.6 s",
     "hold": "open with {level} for a moment, then hold at the null command",
     "command-sine": "a sine of {level} at {frequency} at the valve",
     "triangle": "a slow triangle of {level} about the null command",

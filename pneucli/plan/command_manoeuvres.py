@@ -14,6 +14,12 @@ from pneucli.plan.profile import Profile, Segment, hold, ramp, sine
 MIN_PERIODS = 3.0  # of a sine
 COMMAND_LEVELS = (0.1, 0.25, 0.5, 1.0)  # of the command's range
 COMMAND_FREQUENCIES = (0.5, 3.0, 10.0)  # Hz
+RANDOM_DWELLS = (
+    0.05,
+    0.6,
+)  # s, of random steps: shorter and longer than a lag of the valve and the filling of a vessel
+RANDOM_TIME = 7.0  # s, of random steps
+RANDOM_SEED = 1925
 OPENING_REST = 0.3  # s between two openings of a switching valve
 VESSEL_OPENINGS = (0.01, 0.03, 0.1, 0.4)  # s, of a switching valve
 AXIS_OPENINGS = (0.01, 0.02, 0.04)  # s, of a switching valve that drives a piston
@@ -32,6 +38,15 @@ def _levels(levels: tuple[float, ...], dwell: float) -> Profile:
     return tuple(hold(level, dwell) for level in levels)
 
 
+def _random_steps(level: float) -> Profile:
+    """Return levels that are uniform on both sides of the null command, each held for a random time."""
+    rng = np.random.default_rng(RANDOM_SEED)
+    core: list[Segment] = []
+    while sum(segment.duration for segment in core) < RANDOM_TIME:
+        core.append(hold(level * float(rng.uniform(-1.0, 1.0)), round(float(rng.uniform(*RANDOM_DWELLS)), 3)))
+    return tuple(core)
+
+
 def vessel_commands(bench: Bench, limits: Limits) -> Iterator[Manoeuvre]:
     """Yield commands of a valve that fills and vents a vessel."""
     if bench.rig.valve_kind == "switching":
@@ -46,6 +61,8 @@ def vessel_commands(bench: Bench, limits: Limits) -> Iterator[Manoeuvre]:
     for share in (0.05, 0.2):
         steps = np.array([1, 2, 3, 4, 3, 2, 1, 0, -1, -2, -3, -4, -3, -2, -1, 0] * 2)
         yield _command_manoeuvre("stairs", bench, _levels(tuple(share * u * steps), 0.09), 4.0 * share * u)
+    for share in (0.4, 1.0):
+        yield _command_manoeuvre("random-steps", bench, _random_steps(share * u), share * u)
     for frequency in COMMAND_FREQUENCIES:
         for share in (0.2, 0.6):
             wave = (sine(0.0, share * u, frequency, max(4.0, MIN_PERIODS / frequency)),)

@@ -13,6 +13,7 @@ SETTLING_TIME = 0.3  # s at rest before and after a manoeuvre
 ManoeuvreKind = Literal[
     "steps",  # of the command, with rests at the null command between
     "stairs",
+    "random-steps",  # of the command, each held for a random time
     "hold",  # a chamber is filled and shut
     "command-sine",
     "triangle",  # slow, of the command

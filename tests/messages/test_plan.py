@@ -47,6 +47,7 @@ def test_every_manoeuvre_has_its_words() -> None:
     [
         ({}, "a position sine of 20.0 mm about 100 mm at 2 Hz"),
         ({"kind": "steps", "drive": "valve", "level": 2.5}, "steps of 2.50 V and −2.50 V from the null command"),
+        ({"kind": "random-steps", "drive": "valve", "level": 4.0}, "random steps of up to 4.00 V to both sides"),
         ({"kind": "hold", "drive": "valve", "level": -5.0}, "open with 5.00 V for a moment"),
         ({"kind": "machine-strokes", "speed": 0.05, "pressure": 4e5}, "at 50.0 mm/s and 4.00 bar"),
     ],

@@ -68,6 +68,15 @@ def test_no_motion_is_commanded_faster_than_the_share_of_the_highest_speed(max_s
         assert speed <= SPEED_SHARE * max_speed * 1.01, one.kind
 
 
+def test_random_steps_reach_both_sides_and_are_the_same_in_every_plan():
+    first, again = (manoeuvre(VESSEL, "random-steps", level=5.0) for _ in range(2))
+    assert first.profile == again.profile
+    levels = np.array([s.start for s in first.profile[1:-1]]) - RIG.valve_null
+    assert levels.min() < -2.5
+    assert levels.max() > 2.5
+    assert all(0.05 <= s.duration <= 0.6 for s in first.profile[1:-1])
+
+
 def test_a_switching_valve_is_fully_open_or_shut_and_follows_no_proportional_loop():
     rig = replace(RIG, valve_kind="switching", valve_null=0.0)
     benches = described_benches(rig, 24.0)
