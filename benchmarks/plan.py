@@ -3,7 +3,8 @@
 Each case of the exam hides one effect. It is diagnosed; then 60 s are recorded on the same hidden rig: as planned, as a
 random programme within the same limits, and as a repetition of what was recorded. Each is taken in and diagnosed again.
 Prints for each how often the hidden effect is in the answer (named, or indistinguishable from a named one), and how
-many false effects are named. ``--size 0.33`` hides effects of a third of the usual size, ``--seed N`` draws others.
+many false effects are named. ``--size 0.33`` hides effects of a third of the usual size, ``--seed N`` draws others,
+``--hidden NAME`` leaves only cases that hide this effect, and ``--kind friction`` those of one kind of rig.
 
 ``--out DIR`` keeps the folder of each case; a case that is finished there is not run again, and ``--table DIR`` prints
 the table of the finished ones.
@@ -20,7 +21,7 @@ import tempfile
 import time
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass, replace
-from itertools import pairwise
+from itertools import islice, pairwise
 from pathlib import Path
 from typing import Any
 
@@ -49,6 +50,7 @@ SECONDS = 60.0
 PROGRAMMES = ("planned", "random", "repeated")
 ROW_FILE = "row.json"  # of a finished case
 EXTREME_SHARE = 0.3  # of the stroke, the largest amplitude of a random motion
+MAX_DRAWN = 200  # cases that are drawn for each one of a stated effect or kind
 MIN_LENGTH = 4.0  # s, of a random recording
 
 
@@ -89,7 +91,8 @@ def main(arguments: Sequence[str]) -> None:
     size, seed = float(options.get("--size", "1")), int(options.get("--seed", "1"))
     with tempfile.TemporaryDirectory() as temporary:
         out = Path(options.get("--out", temporary))
-        print_table(list(run_cases(out, cases, condition, size, seed)))
+        wanted = planned_cases(cases, condition, seed, options.get("--hidden"), options.get("--kind"))
+        print_table(list(run_cases(out, wanted, size)))
 
 
 def print_table(rows: Sequence[Mapping[str, Any]]) -> None:
@@ -104,9 +107,18 @@ def print_table(rows: Sequence[Mapping[str, Any]]) -> None:
         print(f"\nplanning takes {np.median(seconds):.0f} s (median), {np.max(seconds):.0f} s at most")
 
 
-def run_cases(out: Path, cases: int, condition: str, size: float, seed: int) -> Iterator[dict[str, Any]]:
+def planned_cases(
+    cases: int, condition: str, seed: int, hidden: str | None = None, kind: str | None = None
+) -> list[PlannedCase]:
+    """Return cases that hide one effect: any, or a stated one, on any kind of rig or a stated one."""
+    few = hidden is None and kind is None
+    drawn = plan_cases((4 if few else MAX_DRAWN) * cases, 0, parse(condition), seed)
+    single = (p for p in drawn if len(p.hidden) == 1 and hidden in (None, *p.hidden) and kind in (None, p.kind))
+    return list(islice(single, cases))
+
+
+def run_cases(out: Path, wanted: Sequence[PlannedCase], size: float) -> Iterator[dict[str, Any]]:
     """Yield the graded answers of each case, and print them; a case that is finished in ``out`` is read."""
-    wanted = [p for p in plan_cases(4 * cases, 0, parse(condition), seed) if len(p.hidden) == 1][:cases]
     for number, planned in enumerate(wanted, 1):
         folder = out / f"case-{number:03d}"
         if not (folder / ROW_FILE).exists():
