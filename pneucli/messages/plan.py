@@ -6,6 +6,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
 
 from pneucli.messages import labelled, table, warnings
+from pneucli.messages.diagnose import REJECTION_REASONS
 from pneucli.messages.formatting import (
     format_interval,
     format_number,
@@ -217,11 +218,14 @@ def _taken(answer: Answer, file: str) -> Iterator[str]:
     yield from labelled("taken", f"{join_names([r['name'] for r in answer['recordings']])} into {file}")
     yield from labelled("found", answer["sentence"])
     rows = [
-        (one["effect"], _probability(one["before"]), _probability(one["after"]), one["reason"])
+        (one["effect"], _probability(one["before"]), _probability(one["after"]), _change(one["effect"], before, after))
         for one in answer["effects"]
     ]
     if rows:
-        yield from table(("effect", "before", "after", "now"), rows, texts=1)
+        yield from table(("effect", "before", "after", "named"), rows, texts=1)
+    for reason in dict.fromkeys(one["reason"] for one in answer["effects"] if one["reason"] in REJECTION_REASONS):
+        alike = join_names([one["effect"] for one in answer["effects"] if one["reason"] == reason])
+        yield from labelled("refused", f"{alike}. {REJECTION_REASONS[reason]}")
     for one in answer["parameters"]:
         old, new = (_interval(one[when]) for when in ("before", "after"))
         yield from labelled("size", f"{one['name']}: {old} → {new}")
@@ -243,6 +247,12 @@ def taken_sentence(before: Answer, after: Answer, decided: Sequence[Answer]) -> 
 
 def _probability(value: float | None) -> str:
     return "–" if value is None else format_percent(value)
+
+
+def _change(effect: str, before: Answer, after: Answer) -> str:
+    """Return whether an effect was named, and is now."""
+    was, now = (effect in when["missing"] for when in (before, after))
+    return {(True, True): "as before", (False, True): "now", (True, False): "no longer", (False, False): ""}[was, now]
 
 
 def _interval(one: Answer | None) -> str:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from typing import Any, get_args
 
 import pytest
@@ -110,8 +111,8 @@ def test_the_recordings_of_a_first_programme_come_after_no_diagnosis() -> None:
     taken: dict[str, Any] = {
         "schema": "pneucli/plan-taken/1",
         "recordings": [{"name": "plan_1"}],
-        "before": {"verdict": None},
-        "after": {"verdict": "adequate"},
+        "before": {"verdict": None, "missing": []},
+        "after": {"verdict": "adequate", "missing": []},
         "effects": [],
         "parameters": [],
         "sentence": "Nothing new.",
@@ -136,3 +137,25 @@ def test_the_words_of_a_plan_say_what_it_decides_and_how_far_it_narrows() -> Non
     assert "mass.mass: ± 0.54 kg now, ± 0.28 kg expected" in text
     assert "delay.delay: unknown now, ± 0.0010 s expected" in text
     assert "end.damping: the recordings of this plan do not show it" in text
+
+
+def test_what_the_recordings_changed_is_said_in_words() -> None:
+    effects = [
+        {"effect": "mass", "before": 0.1, "after": 0.95, "reason": "supported"},
+        {"effect": "leak", "before": 0.6, "after": 0.02, "reason": "needless"},
+        {"effect": "lag", "before": None, "after": 0.03, "reason": "needless"},
+    ]
+    taken: dict[str, Any] = {
+        "schema": "pneucli/plan-taken/1",
+        "recordings": [{"name": "plan_1"}],
+        "before": {"verdict": "unexplained", "missing": ["leak"]},
+        "after": {"verdict": "adequate", "missing": ["mass"]},
+        "effects": effects,
+        "parameters": [],
+        "sentence": "mass is now named.",
+    }
+    text = " ".join(" ".join(words.lines(taken, "axis.toml", verbose=False)).split())
+    assert re.search(r"mass +10 % +95 % +now\b", text)
+    assert re.search(r"leak +60 % +2 % +no longer", text)
+    assert "leak and lag. It helps by itself" in text
+    assert "needless" not in text
