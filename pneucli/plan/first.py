@@ -8,14 +8,15 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
+from pneucli.identify.estimation.objective import LeastSquaresProblem
 from pneucli.identify.estimation.parameters import FreeParameter
 from pneucli.identify.residuals import ResidualModel, residual_models
 from pneucli.physics.declaration import BASE_PARAMETERS, Effect
 from pneucli.physics.scales import RigQuantities
 from pneucli.plan.bench import Bench
-from pneucli.plan.deviation import ExpectedDeviation
+from pneucli.plan.deviation import ExpectedDeviation, expected_deviations
 from pneucli.plan.entropy import detection_power
-from pneucli.plan.information import Information
+from pneucli.plan.information import Information, model_differences
 from pneucli.plan.limits import Limits
 from pneucli.plan.manoeuvres import candidate_manoeuvres
 from pneucli.plan.selection import Objective
@@ -124,9 +125,20 @@ def sample_residual_models(
     return residual_models(experiments, whiten_initial_state=True)
 
 
-def usual_deviations(models: Sequence[ResidualModel]) -> dict[tuple[str, str], ExpectedDeviation]:
-    """Return what the best model of a real rig usually leaves in each channel of each subsystem."""
-    return {(m.title, channel): MODEL_ERROR for m in models for channel in m.channels}
+def usual_deviations(
+    model: Model, samples: Sequence[ResidualModel], lags: Sequence[Model]
+) -> dict[tuple[str, str], ExpectedDeviation]:
+    """Return what the best model of a real rig usually leaves in each channel of each subsystem.
+
+    Args:
+        model: The typical model.
+        samples: The residual models of a manoeuvre of each bench, in which it leaves so much.
+        lags: The model with each lag that it lacks, at its typical size.
+    """
+    problem = LeastSquaresProblem(model, samples, ())
+    nominal = np.concatenate(problem.data_residuals(model))
+    found = expected_deviations(samples, nominal, model_differences(problem, lags, nominal))
+    return {key: replace(MODEL_ERROR, lags=one.lags) for key, one in found.items()}
 
 
 def prior_covariance(free: Sequence[FreeParameter]) -> Array:

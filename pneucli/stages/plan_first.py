@@ -29,7 +29,7 @@ from pneucli.plan.first import (
 )
 from pneucli.plan.limits import Limits, limits_of
 from pneucli.plan.power import power_table
-from pneucli.plan.rivals import with_typical_effect
+from pneucli.plan.rivals import lagged_models, with_typical_effect
 from pneucli.plan.safety import Safety
 from pneucli.plan.selection import choose_sequence, grouped_by_setup, total_information
 from pneucli.quantities import Z95
@@ -111,17 +111,23 @@ class FirstStudy:
         return sample_residual_models(self.benches, self.limits, self.model, self.horizon)
 
     @cached_property
+    def catalogue(self) -> list[Effect]:
+        """The effects of the catalogue and of plugins."""
+        return list(all_effects(plugin_files(self.context.config)).values())
+
+    @cached_property
     def effects(self) -> list[tuple[Effect, Model]]:
         """The effects that may be seen, each with the model that has it at its typical size."""
-        catalogue = list(all_effects(plugin_files(self.context.config)).values())
-        visible = visible_effects(catalogue, self.samples, self.model)
+        visible = visible_effects(self.catalogue, self.samples, self.model)
         return [(e, m) for e in visible if (m := with_typical_effect(self.model, e, self.samples)) is not None]
 
     @cached_property
     def comparison(self) -> Comparison:
         """The comparison of planned recordings with the typical model and those with one effect."""
         free, models = free_parameters(self.model, self.samples), [m for _, m in self.effects]
-        return Comparison(self.model, models, free, usual_deviations(self.samples), self.horizon)
+        lags = lagged_models(self.model, self.catalogue, self.samples)
+        deviations = usual_deviations(self.model, self.samples, lags)
+        return Comparison(self.model, models, free, deviations, self.horizon, lags=lags)
 
 
 def first_programme(context: Context) -> dict[str, Any]:
