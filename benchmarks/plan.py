@@ -160,6 +160,7 @@ def run_case(folder: Path, planned: PlannedCase, size: float) -> dict[str, Any]:
         row["plan"] = [f"{r['kind']} {r['frequency'] or ''}".strip() for r in plan["recordings"]]
     except RuntimeError as error:
         return row | {"failed": str(error)[-300:]}
+    row["weights"] = sum(1 for r in plan["recordings"] if r["force"])
     for number, name in enumerate(PROGRAMMES):
         copy = folder / name
         shutil.copytree(case_folder, copy)
@@ -191,7 +192,7 @@ def programme(
     if name == "repeated":
         takes = [replace(t, name=f"again_{t.name}") for t in repeated(case.plans, rng)]
         return takes, [take.use for take in takes]
-    lengths = [r["end"] - r["begin"] for r in plan["recordings"] if not r["by_hand"]]
+    lengths = [r["end"] - r["begin"] for r in plan["recordings"] if r["force"] or not r["by_hand"]]
     takes = random_recordings(case, [max(length, MIN_LENGTH) for length in lengths], rng)
     return takes, [take.use for take in takes]
 

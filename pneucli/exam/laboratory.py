@@ -27,6 +27,7 @@ SIGNALS: dict[Experiment, tuple[str, ...]] = {
     "flow": ("u", "p_supply", "p1", "flow"),
 }
 IMPOSED_MOTION_SIGNALS = ("p1", "x", "force")
+GRAVITY = 9.81  # m/s^2
 
 
 @dataclass(frozen=True)
@@ -38,6 +39,7 @@ class RecordingPlan:
     use: Literal["train", "test"]
     excitation: Excitation | MotionMachine | SteadyRows
     chamber: Literal[1, 2] = 1  # in a valve test: the chamber whose valve or port is tested
+    weight: float = 0.0  # N toward +x, of a weight that hangs on the piston; it moves with it
 
     @property
     def is_imposed(self) -> bool:
@@ -123,7 +125,11 @@ class Laboratory:
         return at_ends
 
     def _rig_of(self, take: RecordingPlan) -> Parameters:
-        return self.valve_test_rig_of(take.chamber) if take.experiment == "valve" else self.parameters
+        if take.experiment == "valve":
+            return self.valve_test_rig_of(take.chamber)
+        par = self.parameters
+        force, mass = par.constant_force - take.weight, par.mass + abs(take.weight) / GRAVITY
+        return par._replace(constant_force=force, mass=mass) if take.weight else par
 
     def _simulate(self, take: RecordingPlan) -> dict[str, Array]:
         par, rate = self._rig_of(take), self.sensors.sensor_rate
@@ -207,7 +213,8 @@ class Laboratory:
                 return text + 'imposed = "motion"\nchamber_2 = "open"\n'
             follows = self.parameters.arrangement != ONE_CHAMBER
             state = "open" if _chamber_2_is_open(take.excitation) else "valve" if follows else "closed"
-            return text + f'chamber_2 = "{state}"\n'
+            known = f'force = "{take.weight:.4g} N"\n' if take.weight else ""
+            return text + f'chamber_2 = "{state}"\n' + known
         clock = () if take.experiment == "flow" else ("time",)
         names = ", ".join(f'"{signal}"' for signal in (*clock, *self.signals(take)))
         return text + ("chamber = 2\n" if take.chamber == 2 else "") + f"take = [{names}]\n"

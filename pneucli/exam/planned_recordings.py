@@ -49,7 +49,8 @@ def planned_recordings(
 
     Args:
         laboratory: The laboratory with the hidden rig.
-        planned: The entries ``recordings`` of the plan's answer; those by hand are left out.
+        planned: The entries ``recordings`` of the plan's answer; of those by hand a weight is hung on the piston, and a
+            valve that a person shuts is left out.
         commands: The commands of each, as :func:`read_commands` returns them.
         load: Stated force in N toward x = 0 that p1 carries at the start.
     """
@@ -58,11 +59,12 @@ def planned_recordings(
             one["name"],
             one["experiment"],
             one["use"],
-            excitation(laboratory, one, commands[one["name"]], load),
+            excitation(laboratory, one, commands[one["name"]], load - one["force"]),
             one["chamber"],
+            one["force"],
         )
         for one in planned
-        if not one["by_hand"]
+        if one["force"] or not one["by_hand"]
     ]
 
 

@@ -31,6 +31,7 @@ PLANNED: dict[str, Any] = {
     "gain": None,
     "start": {"x": 0.08, "p1": 3e5, "p2": 3e5},
     "by_hand": None,
+    "force": 0.0,
 }
 
 
@@ -84,5 +85,18 @@ def test_a_machine_moves_between_the_extremes_of_the_reference_at_the_held_press
     assert (take.excitation.speeds, take.excitation.pressure) == ((0.02,), 4e5)
 
 
-def test_what_needs_a_person_is_left_out(commands):
-    assert planned_recordings(laboratory(), [PLANNED | {"by_hand": "Hang a weight."}], commands) == []
+def test_a_valve_that_a_person_shuts_is_left_out(commands):
+    assert planned_recordings(laboratory(), [PLANNED | {"by_hand": "Shut the ball valve."}], commands) == []
+
+
+def test_a_weight_pulls_the_piston_and_moves_with_it(commands):
+    lab, weight = laboratory(), PLANNED | {"by_hand": "Hang a weight.", "force": -19.62, "kind": "known-force"}
+    (take,) = planned_recordings(lab, [weight], commands)
+    assert isinstance(take.excitation, Excitation)
+    par, hanging = lab.parameters, lab._rig_of(take)
+    assert hanging.constant_force - par.constant_force == pytest.approx(19.62)  # toward x = 0
+    assert hanging.mass - par.mass == pytest.approx(2.0)
+    less = planned_recordings(lab, [PLANNED], commands)[0].excitation
+    assert isinstance(less, Excitation)
+    carried = par.piston_area_2 * (less.pressure_2 - take.excitation.pressure_2)
+    assert carried == pytest.approx(19.62)  # the start is in balance
