@@ -85,7 +85,7 @@ class ExpectedDeviation:
 
         A model that errs by a share of a flow or a force errs in proportion to the accumulated change: a recording with
         more of it leaves more, one with less is not trusted to leave less. And every rig has lags that its model lacks:
-        of the valve, of lines, of sensors. Each is as large as the deviation so far allows, at most of typical size. A
+        of the valve and of lines. Each is as large as the deviation so far allows, at most of typical size. A
         shut chamber keeps an error: the deviation is correlated at least as long as the effect of a lag is.
         """
         known = max(self.ratio**2 - 1.0, 0.0)

@@ -27,6 +27,7 @@ DECIDED_PROBABILITY = 0.97  # a named effect that is more probable is no longer 
 MIN_PRIOR_ODDS = 0.05  # of a fitted but refused effect: the pooled rate of refused ones is no evidence about one
 NEGLIGIBLE_SHARE = 0.01  # of the size that the recordings do not exclude: a smaller fitted size is none
 TYPICAL_SIZE_ERROR = 0.5  # of a size that was not fitted but taken as typical
+LATE_PARTS = ("valve", "line")  # whose dynamics no rig lacks
 DECIDED = ("at-bound", "below-resolution", "contradicted-by-reading")  # reasons that better recordings do not lift
 
 
@@ -228,7 +229,9 @@ def with_typical_effect(model: Model, effect: Effect, train: Sequence[ResidualMo
 
 
 def lagged_models(model: Model, effects: Iterable[Effect], train: Sequence[ResidualModel]) -> list[Model]:
-    """Return a model with each lag that it lacks, at its typical size: effects whose size is a time.
+    """Return a model with each lag of the flow that it lacks, at its typical size.
+
+    These are effects of the valve and of lines whose size is a time: every spool and every hose is late.
 
     Args:
         model: The model.
@@ -236,7 +239,8 @@ def lagged_models(model: Model, effects: Iterable[Effect], train: Sequence[Resid
         train: The recordings, which have to show the lag.
     """
     absent = [e for e in effects if e.side is None and e.name not in {own.name for own in model.effects}]
-    lags = [e for e in absent if leading_parameter(e.in_model_with(model.effects)).unit == "s"]
+    late = [e for e in absent if e.part in LATE_PARTS]
+    lags = [e for e in late if leading_parameter(e.in_model_with(model.effects)).unit == "s"]
     shown = [e for e in lags if e.part not in model.valve.covers and any(m.is_sensitive_to(e) for m in train)]
     return [m for e in shown if (m := with_typical_effect(model, e, train)) is not None]
 
