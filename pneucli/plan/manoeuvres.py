@@ -18,6 +18,8 @@ AMPLITUDE_SHARE = 0.3  # of the stroke, at most
 SPEED_SHARE = 0.8  # of the highest speed that is allowed
 MOTION_FREQUENCIES = (0.25, 0.5, 1.0, 2.0, 4.0, 8.0)  # Hz
 SLOW_SPEEDS = (0.02, 0.1, 0.4)  # strokes per second
+WIDE_SPEEDS = (0.2, 0.6)  # strokes per second, of strokes over nearly the whole range
+WIDE_SHARE = 0.9  # of the allowed stroke, for what acts near the ends
 REST_TIMES = (0.2, 1.0, 4.0)  # s
 START_TIME = 0.7  # s, of a slow start after a rest
 REVERSAL_SHARE = 2e-3  # of the stroke
@@ -89,6 +91,11 @@ def _motions(bench: Bench, limits: Limits) -> Iterator[Manoeuvre]:
         core = (ramp(begin, end, time), hold(end, 0.2), ramp(end, begin, time), hold(begin, 0.2))
         repeats = max(1, min(3, int(SINE_TIME / (2.0 * time))))
         yield _motion("strokes", bench, limits, core * repeats, way, None, speed)
+    for rate in WIDE_SPEEDS:
+        speed, way = min(rate * span, fastest), WIDE_SHARE * span
+        begin, end = centres[1] - 0.5 * way, centres[1] + 0.5 * way
+        core = (ramp(begin, end, way / speed), hold(end, 0.2), ramp(end, begin, way / speed), hold(begin, 0.2))
+        yield _motion("strokes", bench, limits, core, way, None, speed)
     places = [centres[1] + share * span for share in (0.1, -0.1, 0.2, -0.2, 0.0)]
     travel = max(0.25, 0.4 * span / fastest)  # of the longest step, from 0.2 to -0.2
     steps: list[Segment] = []
@@ -114,7 +121,7 @@ def _motions_at_pressures(bench: Bench, limits: Limits) -> Iterator[Manoeuvre]:
     rig = bench.rig
     gauge = (rig.supply_pressure or bench.start.p2) - rig.ambient_pressure
     if bench.template.chamber_2 == "closed":
-        strokes = [m for m in motions if m.kind == "strokes"][-1]
+        strokes = [m for m in motions if m.kind == "strokes"][len(SLOW_SPEEDS) - 1]
         for share in PRESSURE_LEVELS[:-1]:
             yield replace(strokes, kind="strokes-at-pressure", pressure=rig.ambient_pressure + share * gauge)
 

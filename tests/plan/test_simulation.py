@@ -60,6 +60,13 @@ def test_every_manoeuvre_begins_and_ends_at_rest_within_the_range_of_commands(be
             assert LIMITS.position[0] <= values.min() <= values.max() <= LIMITS.position[1]
 
 
+def test_strokes_reach_nearly_the_whole_range_that_is_allowed():
+    low, high = LIMITS.position
+    reached = [sample(m.profile, 1e-3) for m in candidate_manoeuvres(LOOP, LIMITS) if m.kind == "strokes"]
+    assert max(x.max() for x in reached) > high - 0.06 * (high - low)
+    assert min(x.min() for x in reached) < low + 0.06 * (high - low)
+
+
 @pytest.mark.parametrize("max_speed", [0.05, 0.3, 1.0])
 def test_no_motion_is_commanded_faster_than_the_share_of_the_highest_speed(max_speed: float):
     limits = limits_of(RIG, BENCHES, {"max_speed": max_speed})
