@@ -28,6 +28,7 @@ Array = NDArray[np.float64]
 MAX_MASS_RATIO, MIN_MASS_RATIO = 10.0, 1 / UNIT_SLIP_FACTOR
 # exponents below the isotherm's: a closed chamber with twice its volume, such as that of a hose, shows half
 MIN_POLYTROPIC_EXPONENT = 0.5
+EXPONENT_TOLERANCE = 0.5  # beyond isotherm and isentrope, of an exponent that is fitted beside an offset
 
 
 @dataclass(frozen=True)
@@ -149,10 +150,16 @@ class ClosedChamber:
         line = fit_linear([self.squeezed * self.p, *self.leaks], self.change)
         return None if line is None else (float(line.factors[0]), float(line.errors[0]))
 
-    def offset_significance(self, offset: float) -> float:
-        """Return by how many standard errors the chamber's law wants more than ``offset`` (Pa) added to p2."""
+    def offset_significance(self, offset: float, kappa: float) -> float:
+        """Return by how many standard errors the chamber's law wants more than ``offset`` (Pa) added to p2.
+
+        With an offset, air goes like V^-n with n between 1 and ``kappa``. Another exponent, such as that of a fast
+        motion of which p2 is late, says that an offset is not what is wrong: 0.
+        """
         line = fit_linear([self.squeezed * (self.p + offset), self.squeezed, *self.leaks], self.change)
-        return 0.0 if line is None or line.factors[0] <= 0 else float(line.factors[1] / max(line.errors[1], 1e-300))
+        if line is None or not 1.0 - EXPONENT_TOLERANCE <= line.factors[0] <= kappa + EXPONENT_TOLERANCE:
+            return 0.0
+        return float(line.factors[1] / max(line.errors[1], 1e-300))
 
 
 def _midpoints(values: Array) -> Array:
@@ -176,11 +183,11 @@ def _polytropic_law(
     elif exponent - T_QUANTILE * error > steepest or exponent + T_QUANTILE * error < MIN_POLYTROPIC_EXPONENT:
         mend = "check dead_volume_2, piston_area_2 and stroke in [rig.cylinder], and the units in [signals] x and p2"
         yield Finding("volume", "p2", one.name, seen, mend)
-    elif closed.offset_significance(AMBIENT_SLIP_SHARE * ambient) > T_QUANTILE:
+    elif closed.offset_significance(AMBIENT_SLIP_SHARE * ambient, kappa) > T_QUANTILE:
         yield gauge_finding(
             one, "p2", f"p2 of the closed chamber lacks ambient pressure at {format_in_display_unit(middle, 'p2')}"
         )
-    elif closed.offset_significance(-AMBIENT_SLIP_SHARE * ambient) < -T_QUANTILE:
+    elif closed.offset_significance(-AMBIENT_SLIP_SHARE * ambient, kappa) < -T_QUANTILE:
         yield absolute_finding(
             one, "p2", f"p2 of the closed chamber has ambient pressure twice at {format_in_display_unit(middle, 'p2')}"
         )
