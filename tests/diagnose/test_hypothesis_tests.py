@@ -24,6 +24,11 @@ def test_a_candidate_that_passes_all_tests_is_supported():
     assert reason("friction-asymmetry", ends=INSIDE) == "supported"
 
 
+@pytest.mark.parametrize(("cost", "said"), [(7999.0, "supported"), (8001.0, "not-significant")])
+def test_a_candidate_must_lower_the_cost_however_far_its_parameters_are_from_their_nulls(cost: float, said: str):
+    assert reason("friction-asymmetry", ends=INSIDE, cost=cost) == said
+
+
 def test_an_effect_at_its_null_vanishes_whatever_its_p_value():
     assert reason("chamber-leak", ends={"area": (0.0, True)}, p_value=0.5) == "vanishes"
 
