@@ -14,7 +14,6 @@ from pneucli.diagnose.cross_validation import folds_of
 from pneucli.diagnose.data import DiagnosisData
 from pneucli.diagnose.diagnosis import Diagnosis, diagnose
 from pneucli.diagnose.free_run_error import FreeRunErrors, held_out_error, remaining_error_share, removed_error_share
-from pneucli.diagnose.score import FittedModel
 from pneucli.diagnose.subsample import MAX_SAMPLES
 from pneucli.diagnose.validity import lacks_p2
 from pneucli.errors import InputError
@@ -163,7 +162,7 @@ def _answer(pipeline: PipelineData, data: DiagnosisData, found: Diagnosis, impos
         for add, e in zip([None, *found.path.added], errors, strict=True)
     ]
     candidates = [_candidate_answer(pipeline, data, found, decision) for decision in found.decisions]
-    selected = _selected_model(found).model
+    selected = found.path.last.model
     answer = {
         "schema": "pneucli/diagnose/1",
         "pipeline": pipeline.context.config.name,
@@ -197,12 +196,6 @@ def _parameters(pipeline: PipelineData, found: Fit, effect: str) -> dict[str, An
     return {name.partition(".")[2]: value for name, value in parameters_answer(estimates).items()}
 
 
-def _selected_model(found: Diagnosis) -> FittedModel:
-    """Return the first model of the path that has all named effects."""
-    positions = [i for i, name in enumerate(found.path.added, 1) if name in found.missing]
-    return found.path.models[max(positions, default=0)]
-
-
 def _candidate_answer(
     pipeline: PipelineData, data: DiagnosisData, found: Diagnosis, decision: Decision
 ) -> dict[str, Any]:
@@ -213,7 +206,7 @@ def _candidate_answer(
         data.free_run_errors(s.model) for s in ((candidate.reduced, fitted) if candidate else (fitted, fitted))
     )
     unchanged = decision.reason == "cannot-show"
-    shown = _selected_model(found) if name in found.missing else fitted
+    shown = found.path.last if name in found.missing else fitted
     answer = {
         "effect": name,
         "title": decision.effect.title,

@@ -16,7 +16,7 @@ from pneucli.messages.experiment_design import (
     distinguishing_experiment,
 )
 from pneucli.messages.plan import manoeuvre_text
-from pneucli.messages.verdict import detection_limit_sentence, location_phrase
+from pneucli.messages.verdict import MIN_TOLD_PROBABILITY, detection_limit_sentence, location_phrase
 from pneucli.plan.discrimination import most_discriminating_manoeuvre
 from pneucli.stages.leak_answer import vessel_scale
 from pneucli.stages.pipeline_data import PipelineData
@@ -98,8 +98,11 @@ def proposed_experiment(data: DiagnosisData, found: Diagnosis) -> str | None:
     if pairs:
         return " ".join(_discriminating_experiment(data, found, a, b) for a, b in pairs[:2])
     if (rest := found.unexplained) is not None:
-        refused = [(n, data.effects[n].separate) for n in found.path.added if n not in found.missing]
-        return discrepancy_experiment(refused, rest.channel, rest.subsystem, rest.variable)
+        told = [j for j in found.path.refused if j.probability >= MIN_TOLD_PROBABILITY]
+        effects = [j.decision.effect for j in sorted(told, key=lambda j: -j.probability)]
+        return discrepancy_experiment(
+            [(e.name, e.separate) for e in effects], rest.channel, rest.subsystem, rest.variable
+        )
     undetectable = [d.effect for d in found.detectable if not d.plausible]
     if found.verdict in ("adequate", "inconclusive") and undetectable:
         return detecting_experiment(undetectable[0].name, undetectable[0].separate)

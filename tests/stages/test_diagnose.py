@@ -229,32 +229,28 @@ def test_exact_twins_are_reported_as_a_set(tmp_path: Path) -> None:
     assert "Vent both chambers" in answer["next_experiment"]
 
 
-def test_a_named_effect_has_the_size_that_it_has_beside_the_other_named_ones_alone() -> None:
-    rungs = ("base", "with a", "with a and b", "with a, b and c")
-    found: Any = SimpleNamespace(missing=("a", "b"), path=SimpleNamespace(added=("a", "b", "c"), models=rungs))
-    assert diagnose._selected_model(found) == "with a and b"
-    found.missing = ()
-    assert diagnose._selected_model(found) == "base"
-
-
-def test_a_refused_effect_has_the_interval_by_which_it_is_refused(monkeypatch: pytest.MonkeyPatch) -> None:
+@pytest.mark.parametrize(("missing", "shown"), [((), "fit with a"), (("a", "b"), "fit with a and b")])
+def test_a_named_effect_has_the_size_beside_the_other_named_ones_and_a_refused_one_that_by_which_it_is_refused(
+    monkeypatch: pytest.MonkeyPatch, missing: tuple[str, ...], shown: str
+) -> None:
     """Intervals of a model with unmodelled effects are wide; narrower ones would contradict the reason."""
     monkeypatch.setattr(diagnose, "_parameters", lambda pipeline, fit, name: {"from": fit})
     effect = SimpleNamespace(name="a", title="An effect", looks_like="")
     candidate = SimpleNamespace(full=SimpleNamespace(model="m", fit="fit with a"), reduced=SimpleNamespace(model="m"))
-    decision: Any = SimpleNamespace(
-        effect=effect, candidate=candidate, reason="interval-contains-null", supported=False
-    )
+    reason = "supported" if missing else "interval-contains-null"
+    decision: Any = SimpleNamespace(effect=effect, candidate=candidate, reason=reason, supported=bool(missing))
     data: Any = SimpleNamespace(
         free_run_errors=lambda model: {"train": 2.0, "test": 2.0},
         with_intervals=lambda fitted: ("wide", fitted.fit),
         held_out="test",
         folds=(),
     )
-    found: Any = SimpleNamespace(missing=(), equivalents={}, confidence={}, evidence={})
+    path = SimpleNamespace(last=SimpleNamespace(fit="fit with a and b"))
+    equivalents: Any = dict.fromkeys(missing, ())
+    found: Any = SimpleNamespace(missing=missing, equivalents=equivalents, confidence={}, evidence={}, path=path)
     pipeline: Any = None
     answer = diagnose._candidate_answer(pipeline, data, found, decision)
-    assert answer["parameters"] == {"from": ("wide", "fit with a")}
+    assert answer["parameters"] == {"from": ("wide", shown)}
 
 
 def test_no_rung_raises_both_errors_and_each_entry_has_its_reason(hysteresis: Diagnosed) -> None:
