@@ -133,26 +133,27 @@ def fit_with_effect(
 
     chosen, names = _affected_residual_models(fitted, residual_models, effect)
     affected = [one for one, is_affected in zip(residual_models, chosen, strict=True) if is_affected]
-    is_simulated = any(one.is_simulated for one in affected)  # else derivatives are cheap, and friction is not smooth
-    similar = Similar(fitted, residual_models) if is_simulated else None
+    # else derivatives are cheap, and friction is not smooth; an effect of the valve gives every area another opening
+    has_similar = any(one.is_simulated for one in affected) and effect.part != "valve"
+    similar = Similar(fitted, residual_models) if has_similar else None
     has_edge = any(p.step for p in effect.parameters)  # a fit of an edge ends near its start
     drafting = (
         stopping
-        if has_edge or not is_simulated
+        if has_edge or not has_similar
         else StoppingRule(stopping.max_iterations, max(stopping.tolerance, DRAFT_TOLERANCE))
     )
 
     def draft_from(start: Model) -> Fit:
         free = free_parameters(start, residual_models)
         free = [f for f in free if f.name in names or f.name.startswith(f"{effect.name}.")]
-        part = _fit_coarse_to_fine(start, affected, free, stopping=drafting, similar=similar, is_draft=is_simulated)
-        return _with_overlap_reestimated(part, affected, stopping=drafting, is_draft=is_simulated)
+        part = _fit_coarse_to_fine(start, affected, free, stopping=drafting, similar=similar, is_draft=has_similar)
+        return _with_overlap_reestimated(part, affected, stopping=drafting, is_draft=has_similar)
 
     def draft_from_test(test: ScoreTest, step_share: float) -> Fit:
         return draft_from(with_effect(model, effect, scaled_initial_guess(effect, test, model, quantities, step_share)))
 
     def completed(part: Fit) -> Fit:
-        if is_simulated:
+        if has_similar:
             part = fit(part.model, affected, _with_current_values(part.model, part.free), stopping=stopping)
         return merge_partial_fit(fitted, part, residual_models, chosen)
 
