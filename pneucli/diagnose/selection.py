@@ -10,7 +10,7 @@ from pneucli.diagnose.adequacy import LackOfFit
 from pneucli.diagnose.candidate import Candidate, Decision, Reason, supported_candidates
 from pneucli.diagnose.data import DiagnosisData, lack_of_fit
 from pneucli.diagnose.decision import Judgement, is_complete, judge, log_odds_among_equivalents
-from pneucli.diagnose.equivalence import Term, best_candidate
+from pneucli.diagnose.equivalence import Term, best_candidate, not_inferior
 from pneucli.diagnose.score import FittedModel
 from pneucli.diagnose.screening import Decisions, screen_and_refit
 from pneucli.physics.declaration import Effect
@@ -124,9 +124,9 @@ def _most_probable(data: DiagnosisData, candidates: Sequence[Candidate]) -> Cand
     ranked = [first, *(c for c in candidates if c is not first)]
     terms = [Term(c, tuple(other for other in candidates if other is not c)) for c in ranked]
     best = max(terms, key=lambda term: judge(data, term).probability)
-    return max(
-        [best.candidate, *best.equivalents(data, complete=False)], key=lambda c: log_odds_among_equivalents(data, c)
-    )
+    equivalents = [best.candidate, *best.equivalents(data, complete=False)]
+    top = max(equivalents, key=lambda c: log_odds_among_equivalents(data, c))
+    return best_candidate([c for c in equivalents if not_inferior(c.full, top.full) and not_inferior(top.full, c.full)])
 
 
 def _without_improbable(
