@@ -117,14 +117,13 @@ class DiagnosisData:
         Each reading counts once, as held out where it is held out.
         """
         parts = [slice(*edges) for edges in pairwise(np.cumsum([0, *self.block_counts]))]
-        sums = [
+        return [
             RecordingCost(
                 float(fitted.costs[p].sum()), float(fitted.residual_counts[p].sum()), bounds_of(fitted.model, m)
             )
             for m, p in zip(self.residual_models, parts, strict=True)
             if m.is_sensitive_to(effect)
         ]
-        return [one for one in sums if one.residual_count]
 
     def exclusive_channel_costs(self, fitted: FittedModel, effect: Effect) -> list[RecordingCost]:
         """Return the cost of the effect's exclusive channels, fitted and held out; of no residual where it has none."""

@@ -1,4 +1,4 @@
-"""Selection of a set of effects: add the most probable one while the search gains, then drop what is improbable."""
+"""Selection of a set of effects: add the most probable one, again and again, then drop what is improbable."""
 
 from __future__ import annotations
 
@@ -61,7 +61,7 @@ def select_effects(data: DiagnosisData, base: FittedModel) -> SelectionPath:
         models=tuple(models),
         terms=terms,
         judgements={name: judgements[name] for name in terms},
-        refused=tuple(j for j in refused if j.decision.effect.name not in last.effect_names),
+        refused=tuple(refused),
         decisions=final_decisions(rounds, dropped, list(terms), complete=is_complete(data, last)),
         train=tuple(train),
         test=tuple(test),
@@ -137,8 +137,7 @@ def _without_improbable(
     The least probable effect goes first: a proxy of an unmodelled effect takes cost from the others. The second result
     has the judgement of each effect that stays, the third those of the dropped ones.
     """
-    last, refused = path[-1], list[Judgement]()
-    last = _with_whole_effects(data, base, last)
+    last, refused = _with_whole_effects(data, base, path[-1]), list[Judgement]()
     while added := [data.effects[name] for name in last.effect_names if name not in base.effect_names]:
         reduced = [base] if len(added) == 1 else data.refit_without(last, added)
         judged = [

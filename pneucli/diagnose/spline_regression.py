@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from pneucli.compare.error_regions import locator_signals
 from pneucli.diagnose.normal_equations import Folds, NormalEquations, scaled_derivatives
 from pneucli.diagnose.smooth_term import KNOTS, SIMPLE_SHAPES, SmoothTerm, linear_bspline_basis
+from pneucli.identify.estimation.blocks import channel_slices
 from pneucli.identify.estimation.fit import Fit
 from pneucli.identify.residuals import ResidualModel
 from pneucli.identify.residuals.base import DiscrepancyTerm
@@ -35,9 +36,11 @@ class SplineRegression:
         self, fit: Fit, residual_models: Sequence[ResidualModel], kind: type[ResidualModel], name: str
     ) -> None:
         """Select the residual models with the channel from those to which ``fit`` was made."""
-        edges = np.cumsum([0, *(v.experiment.time.size for v in residual_models for _ in v.channels)])
         every = [(i, v, c) for i, v in enumerate(residual_models) for c in v.channels]
-        members = [(edges[row], *one) for row, one in enumerate(every) if type(one[1]) is kind and one[2] == name]
+        rows = channel_slices(residual_models)
+        members = [
+            (r.start, *one) for r, one in zip(rows, every, strict=True) if type(one[1]) is kind and one[2] == name
+        ]
         self._model, self._name = fit.model, name
         self._residual_models = [residual_model for _, _, residual_model, _ in members]
         self._errors = [fit.initial_state_sensitivities[i] for _, i, _, _ in members]
