@@ -125,8 +125,7 @@ def with_cache_fallback(function: Any) -> Any:
 def _load(disk_cache: Any, signature: Any, target_context: Any) -> Any:
     """Load a compiled function as ``load_overload`` does, without the types of all of numpy.
 
-    numba registers them before it loads anything, which takes an eighth of a second; only a compilation needs them, and
-    registers them itself.
+    numba registers them before it loads anything; only a compilation needs them, and registers them itself.
     """
     if not hasattr(disk_cache, "_load_overload"):  # an inner function of numba
         return type(disk_cache).load_overload(disk_cache, signature, target_context)

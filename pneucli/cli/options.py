@@ -37,8 +37,8 @@ def open_pipeline_file(file: Path, out: Path | None) -> Pipeline:
 def keep_pandas_out() -> None:
     """Let Arrow find no pandas in this process.
 
-    Arrow imports pandas at its first array, only to recognise objects of pandas, which no stage gives it; that takes as
-    long as the rest of ``ingest``. The stages' own ``import pandas`` still works.
+    Arrow imports pandas, which is slow, at its first array, only to recognise objects of pandas, and no stage gives it
+    any. The stages' own ``import pandas`` still works.
     """
     if "pandas" in sys.modules:
         return

@@ -153,7 +153,7 @@ def _areas(u: Array, side: Knots) -> Array:
 def _write_areas(u: Array, overlap: float, place: Array, value: Array, out: Array) -> None:
     """Write the areas at openings u (n,) over log openings and log areas of the knots, each (m,); 0 in the overlap.
 
-    ``scipy.interpolate.PchipInterpolator`` is the same cubic, and takes five times as long.
+    ``scipy.interpolate.PchipInterpolator`` is the same cubic, in several passes.
     """
     last = place.size - 1
     tangent = _monotone_tangents(place, value)
