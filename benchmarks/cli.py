@@ -11,14 +11,16 @@ import subprocess
 import sys
 import time
 
+from benchmarks.measure import environment
+
 TIMES = 9
 SMALL = "--small"
 
 
 def seconds(*words: str) -> float:
     """Wall time of one fresh process of the program."""
-    start = time.perf_counter()
-    subprocess.run([sys.executable, "-m", "pneucli", *words], capture_output=True, check=False)
+    variables, start = environment(), time.perf_counter()
+    subprocess.run([sys.executable, "-m", "pneucli", *words], capture_output=True, check=False, env=variables)
     return time.perf_counter() - start
 
 
@@ -38,6 +40,7 @@ def main(arguments: list[str]) -> None:
     for pipeline in arguments:
         seconds("run", pipeline)
         print(row(f"pneucli run {pipeline}", "run", pipeline))
+        print(row(f"pneucli status {pipeline}", "status", pipeline))
 
 
 if __name__ == "__main__":
