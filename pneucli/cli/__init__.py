@@ -20,7 +20,7 @@ os.environ.setdefault("NUMPY_MADVISE_HUGEPAGE", "0")
 import typer
 
 from pneucli.cli import console
-from pneucli.cli.commands import build
+from pneucli.cli.commands import as_command, build
 from pneucli.errors import InputError, environment_error
 
 
@@ -72,7 +72,7 @@ def _print_refusal(error: InputError) -> int:
 
 def _call(arguments: list[str]) -> None:
     """Run the command; under ``--json`` a wrong command line is an InputError, which is printed as JSON as well."""
-    command = build()
+    command = as_command(build(next((word for word in arguments if not word.startswith("-")), "")))
     if "--json" not in arguments:
         command(args=arguments, prog_name="pneucli")
         return

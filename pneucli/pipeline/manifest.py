@@ -14,7 +14,6 @@ import platform
 from collections.abc import Iterable, Mapping
 from dataclasses import asdict, dataclass, field
 from functools import cache
-from importlib.metadata import version
 from pathlib import Path
 from typing import Any
 
@@ -35,11 +34,18 @@ def digest(value: object) -> str:
 @cache
 def program_digest() -> str:
     """Return the program's version and the SHA-256 of its source; a changed program makes everything stale."""
-    package = Path(__file__).parents[1]
+    package = str(Path(__file__).parents[1])
+    names = [
+        os.path.join(folder, name)[len(package) + 1 :].replace(os.sep, "/")
+        for folder, _, files in os.walk(package)
+        if os.path.basename(folder) != "__pycache__"
+        for name in files
+    ]
     content = hashlib.sha256()
-    for path in sorted(p for p in package.rglob("*") if p.is_file() and "__pycache__" not in p.parts):
-        content.update(path.relative_to(package).as_posix().encode() + b"\0")
-        content.update(path.read_bytes())
+    for name in sorted(names):
+        content.update(name.encode() + b"\0")
+        with open(os.path.join(package, name), "rb", buffering=0) as file:
+            content.update(file.read())
     return f"{__version__} {content.hexdigest()}"
 
 
@@ -178,5 +184,7 @@ NUMERICAL_PACKAGES = ("numpy", "scipy", "numba")
 
 def program_versions() -> dict[str, str]:
     """Return the versions of this program (with the hash of its source), of Python and of the numerical libraries."""
+    from importlib.metadata import version  # noqa: PLC0415 - it brings the standard library's email
+
     python = ".".join(platform.python_version_tuple()[:2])
     return {"pneucli": program_digest(), "Python": python, **{name: version(name) for name in NUMERICAL_PACKAGES}}
