@@ -15,8 +15,12 @@ from pathlib import Path
 from types import ModuleType
 from typing import Any, TypeVar, cast
 
-import numba
 import platformdirs
+
+from pneucli.imports import hidden_modules
+
+with hidden_modules("coverage", "yaml"):  # numba loads them, and uses them for its own tests and a file of settings
+    import numba
 from numba import njit
 from numba.core.caching import FunctionCache
 from numba.core.runtime.nrt import rtsys

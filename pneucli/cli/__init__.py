@@ -16,6 +16,8 @@ import warnings
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 # derivatives are mostly zeros that are never written: with huge pages they would take memory all the same
 os.environ.setdefault("NUMPY_MADVISE_HUGEPAGE", "0")
+# pydantic would search all installed packages for plugins
+os.environ.setdefault("PYDANTIC_DISABLE_PLUGINS", "__all__")
 
 import typer
 

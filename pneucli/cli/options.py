@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from pneucli.imports import hidden_modules
 from pneucli.pipeline.graph import STAGES
 
 if TYPE_CHECKING:
@@ -44,21 +45,8 @@ def keep_pandas_out() -> None:
         return
     import pyarrow as pa
 
-    finder = _NoPandas()
-    sys.meta_path.insert(0, finder)
-    try:
+    with hidden_modules("pandas"):
         pa.array([0.0])
-    finally:
-        sys.meta_path.remove(finder)
-
-
-class _NoPandas:
-    """Finds no pandas for an import statement."""
-
-    @staticmethod
-    def find_spec(name: str, path: object = None, target: object = None) -> None:
-        if name == "pandas":
-            raise ModuleNotFoundError(name=name)
 
 
 def shortest_path(path: Path) -> str:

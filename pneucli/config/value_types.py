@@ -108,4 +108,4 @@ Force: TypeAlias = Annotated[float, _quantity_in("N")]
 class Table(BaseModel):
     """A table whose keys are all known."""
 
-    model_config = ConfigDict(extra="forbid", frozen=True, strict=False)
+    model_config = ConfigDict(extra="forbid", frozen=True, strict=False, defer_build=True)

@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from pneucli.errors import InputError
-from pneucli.notebook.overview import as_html, as_text, run_overview
+from pneucli.imports import paused_collection
 from pneucli.notebook.run_data import RunData
 from pneucli.pipeline.graph import STAGES
 from pneucli.pipeline.manifest import MANIFEST_FILE
@@ -50,7 +50,8 @@ def open_pipeline_of(path: Path, out: Path | None = None) -> Pipeline:
     """Open a pipeline file; validate it only when it has changed (the units take half a second to import)."""
 
     def load(path: Path) -> Any:
-        from pneucli.stages.pipeline_file import load_pipeline_file  # noqa: PLC0415
+        with paused_collection():
+            from pneucli.stages.pipeline_file import load_pipeline_file  # noqa: PLC0415
 
         return load_pipeline_file(path)
 
@@ -62,9 +63,13 @@ class Run(RunData):
     """Artifacts as DataFrames, answers as dictionaries, figures, and the identified model."""
 
     def __repr__(self) -> str:
+        from pneucli.notebook.overview import as_text, run_overview  # noqa: PLC0415 - the command line shows no run
+
         return as_text(f"Run {self.artifacts.name}", run_overview(self.artifacts))
 
     def _repr_html_(self) -> str:
+        from pneucli.notebook.overview import as_html, run_overview  # noqa: PLC0415 - the command line shows no run
+
         return as_html(f"Run {self.artifacts.name}", run_overview(self.artifacts))
 
     @property

@@ -13,6 +13,7 @@ from typing import Any
 
 from pneucli.document import read_toml
 from pneucli.errors import InputError, printable
+from pneucli.imports import load_on_use, paused_collection
 from pneucli.pipeline import folders, lock
 from pneucli.pipeline import manifest as staleness
 from pneucli.pipeline.context import Answer, Context, NotApplicable, Progress, no_progress
@@ -202,7 +203,9 @@ class Pipeline:
 def _run(stage: Stage, context: Context, manifest: Manifest) -> Manifest:
     """Run the stage into ``context.out``; return its manifest."""
     start = time.monotonic()
-    module = importlib.import_module(stage.module)
+    with paused_collection():
+        load_on_use("numpy", "f2py")  # scipy asks numpy for all of its modules
+        module = importlib.import_module(stage.module)
     from threadpoolctl import threadpool_limits  # noqa: PLC0415 - it limits what is loaded when it is asked
 
     try:

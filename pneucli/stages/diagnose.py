@@ -43,7 +43,6 @@ from pneucli.stages.diagnosis_answer import (
     shift_answer,
     unexplained_answer,
 )
-from pneucli.stages.flow_diagnosis import diagnose_flow_only, flow_diagnosis
 from pneucli.stages.leak_answer import per_vessel_volume
 from pneucli.stages.parameters_answer import parameters_answer
 from pneucli.stages.pipeline_data import PipelineData
@@ -58,6 +57,8 @@ def run(context: Context) -> dict[str, Any]:
     """
     pipeline = PipelineData(context, max_samples=MAX_SAMPLES)
     if not pipeline.recordings:
+        from pneucli.stages.flow_diagnosis import diagnose_flow_only  # noqa: PLC0415 - few pipelines have a flow bench
+
         return diagnose_flow_only(pipeline)
     data, warnings = _diagnosis_data(pipeline)
     if subsampling := _subsampling(pipeline):
@@ -89,13 +90,23 @@ def run(context: Context) -> dict[str, Any]:
     if context.options.get("baseline"):
         write_baseline(pipeline, data, joint_fit)
     answer["parameters"] = parameters_answer([per_vessel_volume(e, pipeline) for e in joint_fit.estimates])
-    if (flow := flow_diagnosis(pipeline)) is not None:
-        answer["flow"] = {key: flow[key] for key in ("verdict", "missing", "ladder", "sentence")}
+    answer |= _flow_answer(pipeline)
     if since := context.options.get("since"):
         from pneucli.stages.changes import compare_with_baseline  # noqa: PLC0415 - few diagnoses have an older one
 
         answer |= compare_with_baseline(pipeline, data, since)
     return answer | history.record_model(context, answer, SHAPE_FILE)
+
+
+def _flow_answer(pipeline: PipelineData) -> dict[str, Any]:
+    """Return the entry about steady benches; none where the pipeline records none."""
+    if not pipeline.flow_recordings:
+        return {}
+    from pneucli.stages.flow_diagnosis import flow_diagnosis  # noqa: PLC0415 - few pipelines have a flow bench
+
+    flow = flow_diagnosis(pipeline)
+    assert flow is not None
+    return {"flow": {key: flow[key] for key in ("verdict", "missing", "ladder", "sentence")}}
 
 
 def _run_diagnosis(

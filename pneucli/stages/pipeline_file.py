@@ -8,7 +8,6 @@ from typing import Any
 
 from pneucli import config
 from pneucli.config import PipelineConfig
-from pneucli.design.requirements import read_requirements
 from pneucli.errors import InputError, did_you_mean
 from pneucli.pipeline.checks import require_valid_path
 from pneucli.pipeline.graph import STAGES
@@ -37,7 +36,10 @@ def load_rig_description(path: Path) -> PipelineConfig:
 
 def _faults(loaded: PipelineConfig) -> Iterator[InputError]:
     where = str(loaded.path)
-    yield from _errors_of(read_requirements, loaded.design, f"{where}, key design")
+    if loaded.design:
+        from pneucli.design.requirements import read_requirements  # noqa: PLC0415 - it brings the control laws
+
+        yield from _errors_of(read_requirements, loaded.design, f"{where}, key design")
     for number, table in enumerate(loaded.scenarios, 1):
         yield from _errors_of(_read_scenario, table, f"{where}, key scenarios.{number}")
     if loaded.model.parameters and not loaded.model.plugins:  # names of plugins are known once they are loaded
