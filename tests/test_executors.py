@@ -7,6 +7,7 @@ import signal
 import socket
 import subprocess
 import sys
+import threading
 import time
 from collections import deque
 from collections.abc import Callable, Mapping
@@ -17,7 +18,15 @@ from typing import Any
 import pytest
 
 from pneucli.errors import InputError
-from pneucli.executors import ProcessEngine, ThreadEngine, dask_cluster, engine_from, require_cluster, run_jobs
+from pneucli.executors import (
+    ProcessEngine,
+    ThreadEngine,
+    dask_cluster,
+    engine_from,
+    map_in_threads,
+    require_cluster,
+    run_jobs,
+)
 from pneucli.executors.dask_cluster import require_same_identity
 from pneucli.executors.job_stream import JOBS_PER_SLOT, MAX_ATTEMPTS
 
@@ -210,3 +219,34 @@ def test_workers_end_when_their_client_is_killed(tmp_path: Path) -> None:
             return
         time.sleep(0.1)
     pytest.fail("the worker still runs")
+
+
+def test_threads_are_kept_give_results_in_order_and_start_none_of_their_own() -> None:
+    def inner(job: int) -> tuple[int, int]:
+        return job, threading.get_ident()
+
+    def outer(job: int) -> list[tuple[int, int]]:
+        return map_in_threads(inner, [job, job + 1], 2)
+
+    nested = map_in_threads(outer, range(6), 2)
+    assert [[job for job, _ in one] for one in nested] == [[n, n + 1] for n in range(6)]
+    workers = [{thread for _, thread in one} for one in nested[1::2]]
+    assert all(len(one) == 1 for one in workers)  # a worker does its inner jobs itself
+    map_in_threads(inner, range(4), 2)
+    before = threading.active_count()
+    map_in_threads(inner, range(4), 2)
+    assert threading.active_count() == before
+
+
+def test_an_error_in_a_thread_is_raised_after_all_have_ended() -> None:
+    ended: list[int] = []
+
+    def work(job: int) -> None:
+        if job == 0:
+            raise ValueError("first")
+        time.sleep(0.05)
+        ended.append(job)
+
+    with pytest.raises(ValueError, match="first"):
+        map_in_threads(work, [0, 1], 2)
+    assert ended == [1]

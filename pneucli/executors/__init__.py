@@ -8,6 +8,7 @@ from __future__ import annotations
 from pneucli.executors.dask_cluster import DaskCluster, Identity, require_cluster
 from pneucli.executors.engine import WORKER_DEATH_ERRORS, Engine, ProcessEngine, ThreadEngine, engine_from, thread_count
 from pneucli.executors.job_stream import WORKER_DIED, Outcome, run_jobs
+from pneucli.executors.threads import map_in_threads
 
 __all__ = [
     "WORKER_DEATH_ERRORS",
@@ -19,6 +20,7 @@ __all__ = [
     "ProcessEngine",
     "ThreadEngine",
     "engine_from",
+    "map_in_threads",
     "require_cluster",
     "run_jobs",
     "thread_count",

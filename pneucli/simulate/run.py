@@ -1,15 +1,13 @@
-"""Run a model over experiments, one after the other or many parameter sets at once on all cores."""
+"""Run a model over an experiment."""
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
-from concurrent.futures import ThreadPoolExecutor
+from collections.abc import Iterable, Mapping
 from functools import cache
 
 import numpy as np
 from numpy.typing import NDArray
 
-from pneucli.executors import thread_count
 from pneucli.physics.declaration import Effect
 from pneucli.physics.effects import catalogue_with_sides
 from pneucli.simulate import layout as at
@@ -155,21 +153,6 @@ def base_vector(model: Model, experiment: Experiment) -> Array:
     if experiment.stroke_limits is not None:
         base |= dict(zip(("rig.lower_end", "rig.upper_end"), experiment.stroke_limits, strict=True))
     return np.array([base[name] for name in at.BASE_NAMES])
-
-
-def run_many(runs: Sequence[tuple[Model, Experiment]]) -> list[Array]:
-    """Run many simulations on all cores; the kernel releases the interpreter's lock.
-
-    Args:
-        runs: Pairs of model and experiment.
-
-    Returns:
-        Outputs as of :func:`run`, in order.
-    """
-    if len(runs) <= 1:
-        return [run(model, experiment) for model, experiment in runs]
-    with ThreadPoolExecutor(thread_count()) as pool:
-        return list(pool.map(lambda job: run(*job), runs))
 
 
 def effects_by_name(names: Iterable[str], available: Mapping[str, Effect] | None = None) -> tuple[Effect, ...]:

@@ -9,13 +9,14 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from pneucli.executors import map_in_threads
 from pneucli.physics.effects import catalogue, load_plugin
 from pneucli.simulate import build as kernels
 from pneucli.simulate import layout as at
 from pneucli.simulate.build import Kernel, build
 from pneucli.simulate.experiment import Experiment
 from pneucli.simulate.model import Model
-from pneucli.simulate.run import area_tables, base_vector, effects_by_name, kernel_for, run, run_many
+from pneucli.simulate.run import area_tables, base_vector, effects_by_name, kernel_for, run
 
 from .synthetic_experiments import held_commands, make_experiment, model, time_grid, typical_values
 
@@ -98,7 +99,7 @@ def test_the_inputs_are_not_changed_and_a_run_repeats_exactly(kind: str) -> None
 
 def test_parallel_runs_equal_sequential_runs_in_order() -> None:
     jobs = [(model((), {"friction.coulomb": f}), RUNS["axis"]()) for f in np.linspace(5.0, 30.0, 20)]
-    for (one, experiment), out in zip(jobs, run_many(jobs), strict=True):
+    for (one, experiment), out in zip(jobs, map_in_threads(lambda job: run(*job), jobs, 3), strict=True):
         assert np.array_equal(run(one, experiment), out)
 
 

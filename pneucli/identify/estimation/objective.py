@@ -2,15 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
-from concurrent.futures import ThreadPoolExecutor
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from threading import Lock
 
 import numpy as np
 from numpy.typing import NDArray
 
-from pneucli.executors import thread_count
+from pneucli.executors import map_in_threads, thread_count
 from pneucli.identify.estimation.blocks import block_labels, channel_slices, residual_counts
 from pneucli.identify.estimation.parameters import DIFFERENCE_STEP, FreeParameter
 from pneucli.identify.residuals import ResidualModel
@@ -37,7 +36,7 @@ class LeastSquaresProblem:
     given_sensitivities: Sequence[Mapping[str, Array]] | None = None
 
     def __post_init__(self) -> None:
-        self.errors = self.given_sensitivities or _parallel(
+        self.errors = self.given_sensitivities or map_in_threads(
             lambda one: one.initial_state_sensitivity(self.model),
             self.residual_models,
             self.max_parallel,
@@ -63,7 +62,7 @@ class LeastSquaresProblem:
 
     def data_residuals(self, model: Model) -> list[Array]:
         """Return the residuals of each residual model in units of noise."""
-        return _parallel(
+        return map_in_threads(
             lambda job: whitened_residual(job[0], model, job[1]),
             list(zip(self.residual_models, self.errors, strict=True)),
             self.max_parallel,
@@ -114,7 +113,7 @@ class LeastSquaresProblem:
                     with lock:
                         out[offsets[i] + first : offsets[i] + first + size, j] += share * part
 
-        _parallel(column, jobs, self.max_parallel)
+        map_in_threads(column, jobs, self.max_parallel)
 
     def correct_jacobian(self, jacobian: Array, before: Array, after: Array, change: Array) -> None:
         """Correct derivatives (N + p, k) in place by the change of the residuals (N + p,) over a step between two
@@ -192,18 +191,3 @@ def in_noise_units(residual_model: ResidualModel, residual: Mapping[str, Array])
     """
     weights, noise = residual_model.weights, residual_model.noise
     return np.concatenate([weights.get(c, 1.0) * (residual[c] / noise[c]) for c in residual_model.channels])
-
-
-def _parallel(work: Callable[..., object], jobs: Sequence[object], max_parallel: int) -> list:  # type: ignore[type-arg]
-    """Return the result of each job; each thread takes every n-th job, since handing over single jobs costs as much."""
-
-    def run_all(share: Sequence[object]) -> list[object]:
-        return [work(job) for job in share]
-
-    if max_parallel == 1:
-        return run_all(jobs)
-    results: list[object] = [None] * len(jobs)
-    with ThreadPoolExecutor(max_parallel) as pool:
-        for first, part in enumerate(pool.map(run_all, [jobs[n::max_parallel] for n in range(max_parallel)])):
-            results[first::max_parallel] = part
-    return results
