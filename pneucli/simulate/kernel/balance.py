@@ -115,7 +115,7 @@ def run_balance(
     spread = math.hypot(noise[0], lag * noise[1]) / gain
     bias = read_a(0.0, th, on)
     back = np.zeros(time.size)
-    readings, true = true_pressures(time, inputs, 0.0, base, th, on), true_pressures(time, inputs, lag, base, th, on)
+    true = true_pressures(time, inputs, lag, base, th, on)
     late, read = sensor_delay(th, on), 0
     for k in range(time.size):
         x, v, p1, p2 = inputs[k, IN_X], inputs[k, IN_V], true[k, 0], true[k, 1]
@@ -151,6 +151,7 @@ def run_balance(
         back[k] += alternating_sign(k) * noise[0] * math.sqrt(2.0 * between)
         out[k] = friction - c * v - direction * branch
     if lag > 0.0:
+        readings = true_pressures(time, inputs, 0.0, base, th, on)
         apply_sensor_lag(time, inputs, true, readings, unsure, lag, noise[0], base, out, back)
     for k in range(time.size):
         out[k] = 0.0 if unsure[k] != 0 else out[k] * gain + back[k]
