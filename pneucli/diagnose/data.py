@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from pneucli.diagnose.adequacy import LackOfFit, held_out_lack_of_fit, lack_of_fit_by_channel
 from pneucli.diagnose.candidate import Candidate
 from pneucli.diagnose.cross_validation import leave_one_out_models
-from pneucli.diagnose.evidence import score_gain, wald_p_value
+from pneucli.diagnose.evidence import gain_p_value, wald_p_value
 from pneucli.diagnose.score import (
     Bounds,
     ErrorsByUse,
@@ -259,10 +259,10 @@ class DiagnosisData:
         """
         p_value = wald_p_value(full.fit, effect, self.train)
         if np.isnan(p_value):
-            return score_gain(reduced.train_costs, full.train_costs).p_value
+            return gain_p_value(reduced.train_costs, full.train_costs)
         if not self.held_out:
             return p_value
-        return min(2.0 * min(p_value, score_gain(reduced.test_costs, full.test_costs).p_value), 1.0)
+        return min(2.0 * min(p_value, gain_p_value(reduced.test_costs, full.test_costs)), 1.0)
 
 
 def _exclusive_channel_cost(model: Model, residual_models: Sequence[ResidualModel], effect: Effect) -> RecordingCost:

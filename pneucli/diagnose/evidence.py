@@ -51,18 +51,34 @@ class ScoreGain:
 def score_gain(before: Array, after: Array) -> ScoreGain:
     """Return the reduction from ``before`` to ``after``, both by block, with a block-bootstrap lower bound.
 
-    The p value is that of a paired t test over the blocks with the effective degrees of freedom (for models that are
-    not nested: Vuong's test). Blocks without a reading, which cost nothing in both, do not count.
+    The p value is that of :func:`gain_p_value`.
     """
-    fall = (before - after)[(before != 0.0) | (after != 0.0)]
+    fall = _reductions(before, after)
     total = float(fall.sum())
     if fall.size < 2 or not np.any(fall):
         return ScoreGain(total, min(total, 0.0), 1.0)
     rng = np.random.default_rng(SEED)
     resampled = fall[rng.integers(fall.size, size=(RESAMPLES, fall.size))].sum(axis=1)
+    return ScoreGain(total, float(np.quantile(resampled, 0.05)), gain_p_value(before, after))
+
+
+def gain_p_value(before: Array, after: Array) -> float:
+    """Return the p value of no reduction from ``before`` to ``after``, both by block.
+
+    It is that of a paired t test over the blocks with the effective degrees of freedom (for models that are not nested:
+    Vuong's test).
+    """
+    fall = _reductions(before, after)
+    if fall.size < 2 or not np.any(fall):
+        return 1.0
     spread = float(np.std(fall, ddof=1) * np.sqrt(fall.size))
-    p_value = float(student_t_tail(total / max(spread, TINY), effective_degrees_of_freedom(fall - fall.mean())))
-    return ScoreGain(total, float(np.quantile(resampled, 0.05)), p_value)
+    freedom = effective_degrees_of_freedom(fall - fall.mean())
+    return float(student_t_tail(float(fall.sum()) / max(spread, TINY), freedom))
+
+
+def _reductions(before: Array, after: Array) -> Array:
+    """Return the reduction by block, without blocks that have no reading and so cost nothing in both."""
+    return np.asarray((before - after)[(before != 0.0) | (after != 0.0)])
 
 
 def effective_degrees_of_freedom(parts: Array) -> float:
@@ -100,8 +116,9 @@ def wald_distance(fit: Fit, effect: Effect, residual_models: Sequence[ResidualMo
         return None
     without_null_names = {f"{effect.name}.{p.name}" for p in effect.parameters if p.null is None}
     held = np.array([f.name in without_null_names for f in fit.free])
-    jacobian = fit.jacobian[:, ~held]
-    influence = jacobian @ (pseudo_inverse(jacobian.T @ jacobian) @ null.contrast[:, ~held].T)
+    jacobian = fit.jacobian[:, ~held] if held.any() else fit.jacobian
+    inverse = pseudo_inverse(jacobian.T @ jacobian) if held.any() else fit.inverse_hessian
+    influence = jacobian @ (inverse @ null.contrast[:, ~held].T)
     scored = group_scores(influence, fit.residual, fit.blocks)
     tested = pseudo_inverse(scored.T @ scored) @ null.distance
     return WaldDistance(
