@@ -75,7 +75,8 @@ S = np.full(8, SUPPLY)
 
 
 def test_a_polynomial_is_summed_from_its_lowest_power() -> None:
-    assert polynomial(np.array([2.0, -1.0]), np.array([1.0, 10.0, 100.0])) == pytest.approx([421.0, 91.0])
+    coefficients = np.array([1.0, 10.0, 100.0])
+    assert [polynomial(2.0, coefficients), polynomial(-1.0, coefficients)] == pytest.approx([421.0, 91.0])
 
 
 def test_node_weights_are_linear_in_the_logarithm_of_the_command() -> None:

@@ -10,12 +10,14 @@ does not describe the valve.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
+from pneucli.caches import compiled
 from pneucli.identify.valve.model_gradient import ModelGradient
 
 Array = NDArray[np.float64]
@@ -27,24 +29,54 @@ LEAK_COEFFICIENTS = 4  # of the leak
 MAX_LOG_CORRECTION = 5.0  # of h: exp(5), more than a hundredfold flow, is no correction
 
 
-def polynomial(x: Array, coefficients: Array) -> Array:
+@compiled(nogil=True, error_model="numpy")
+def polynomial(x: float, coefficients: Array) -> float:
     """Evaluate sum c_k x^k by Horner's scheme.
 
     Args:
-        x: Arguments, any shape.
-        coefficients: Coefficients, the powers along the first axis.
+        x: Argument.
+        coefficients: Coefficients from the lowest power up, shape (k,).
 
     Returns:
-        The sum, of the shape of ``x``.
+        The sum.
 
-    >>> polynomial(np.array([2.0]), np.array([1.0, 10.0, 100.0])).tolist()
-    [421.0]
+    >>> polynomial(2.0, np.array([1.0, 10.0, 100.0]))
+    421.0
 
     """
     value = coefficients[-1]
-    for c in coefficients[-2::-1]:
-        value = value * x + c
-    return np.asarray(value)
+    for k in range(coefficients.size - 2, -1, -1):
+        value = value * x + coefficients[k]
+    return float(value)
+
+
+@compiled(nogil=True, error_model="numpy")
+def _write_correction(coefficients: Array, opposite: Array, p: Array, out: Array) -> None:
+    """Write exp(h) from the coefficients of h (k, n); a number that is none stays."""
+    for i in range(p.size):
+        ratio = p[i] / opposite[i] if p[i] < opposite[i] else opposite[i] / p[i]
+        h = polynomial(2.0 * ratio - 1.0, coefficients[:, i])
+        if h > MAX_LOG_CORRECTION:
+            h = MAX_LOG_CORRECTION
+        elif h < -MAX_LOG_CORRECTION:
+            h = -MAX_LOG_CORRECTION
+        out[i] = math.exp(h)
+
+
+@compiled(nogil=True, error_model="numpy")
+def _write_leak(coefficients: Array, p: Array, ambient: float, supply: float, scale: float, out: Array) -> None:
+    """Write the leak in Pa/s, a polynomial in the pressure relative to ambient and supply pressure."""
+    for i in range(p.size):
+        x = (p[i] - ambient) / (supply - ambient)
+        if x < 0.0:
+            x = 0.0
+        elif x > 1.0:
+            x = 1.0
+        out[i] = scale * polynomial(x, coefficients)
+
+
+def _flat(values: Array) -> Array:
+    return np.ascontiguousarray(values, dtype=np.float64).reshape(-1)
 
 
 @dataclass(frozen=True)
@@ -135,19 +167,17 @@ class AreaModel:
 
     def correction_factor(self, coefficients: Array, u: Array, p: Array, supply: Array) -> Array:
         """Return exp(h), bounded, since an intermediate step of the fit may overflow."""
-        return np.asarray(
-            np.exp(
-                np.clip(
-                    polynomial(2 * self.pressure_ratio(u, p, supply) - 1, coefficients),
-                    -MAX_LOG_CORRECTION,
-                    MAX_LOG_CORRECTION,
-                )
-            )
-        )
+        out = np.empty(p.shape)
+        rows = np.ascontiguousarray(coefficients).reshape(len(coefficients), -1)
+        _write_correction(rows, _flat(self.opposite_pressure(u, supply)), _flat(p), out.reshape(-1))
+        return out
 
     def leak(self, theta: Array, p: Array) -> Array:
         """Return l(p) in Pa/s: a cubic in p, constant beyond ambient and supply pressure."""
-        return np.asarray(self.scale * polynomial(self._relative(p), theta[-LEAK_COEFFICIENTS:]))
+        out = np.empty(p.shape)
+        coefficients = np.ascontiguousarray(theta[-LEAK_COEFFICIENTS:])
+        _write_leak(coefficients, _flat(p), self.ambient, self.supply, self.scale, out.reshape(-1))
+        return out
 
     def gradient(self, theta: Array, u: Array, p: Array, supply: Array) -> Array:
         """Return dp/dt in Pa/s; all arrays have one shape."""

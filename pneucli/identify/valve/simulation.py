@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from pneucli.caches import compiled
 from pneucli.identify.valve.area_model import AreaModel
 from pneucli.identify.valve.transients import Transients
 
@@ -29,7 +30,7 @@ def simulate_transients(area_model: AreaModel, theta: Array, start: Array, trans
     """
     quasi_static, coefficients = (
         area_model.model_gradient.at_coordinates(area_model.model_coordinates(theta)),
-        area_model.correction_coefficients(theta, transients.u),
+        np.ascontiguousarray(np.moveaxis(area_model.correction_coefficients(theta, transients.u), 1, 0)),
     )
     shift = area_model.coordinate_shift(theta)[: transients.memory_gradient.shape[-1] - 1]
     opposite, memory = (
@@ -44,20 +45,25 @@ def simulate_transients(area_model: AreaModel, theta: Array, start: Array, trans
         def slope(q: Array, k: int = k) -> Array:
             state = transients.u[k], q, transients.supply[k]
             return np.asarray(
-                area_model.corrected_gradient(theta, coefficients[:, k], quasi_static(*state), *state) + memory[k]
+                area_model.corrected_gradient(theta, coefficients[k], quasi_static(*state), *state) + memory[k]
             )
 
         q = p[k]
         for _ in range(transients.substeps):
-            midpoint = _limited_to_equilibrium(opposite[k], q, q + 0.5 * h * slope(q))
-            q = _limited_to_equilibrium(opposite[k], q, q + h * slope(midpoint))
+            midpoint = _step_to_equilibrium(opposite[k], q, 0.5 * h, slope(q))
+            q = _step_to_equilibrium(opposite[k], q, h, slope(midpoint))
         p[k + 1] = q
     return p
 
 
-def _limited_to_equilibrium(opposite: Array, previous: Array, after: Array) -> Array:
+@compiled(nogil=True, error_model="numpy")
+def _step_to_equilibrium(opposite: Array, p: Array, h: Array, slope: Array) -> Array:
     """Return pressures (L,) in Pa after a step, limited to the pressure on the other side of the valve."""
-    return np.asarray(np.where((previous - opposite) * (after - opposite) < 0.0, opposite, after))
+    out = np.empty(p.size)
+    for i in range(p.size):
+        after = p[i] + h[i] * slope[i]
+        out[i] = opposite[i] if (p[i] - opposite[i]) * (after - opposite[i]) < 0.0 else after
+    return out
 
 
 def initial_pressure_sensitivity(
