@@ -51,28 +51,42 @@ def polynomial(x: float, coefficients: Array) -> float:
 
 
 @compiled(nogil=True, error_model="numpy")
-def _write_correction(coefficients: Array, opposite: Array, p: Array, out: Array) -> None:
-    """Write exp(h) from the coefficients of h (k, n); a number that is none stays."""
-    for i in range(p.size):
-        ratio = p[i] / opposite[i] if p[i] < opposite[i] else opposite[i] / p[i]
-        h = polynomial(2.0 * ratio - 1.0, coefficients[:, i])
-        if h > MAX_LOG_CORRECTION:
-            h = MAX_LOG_CORRECTION
-        elif h < -MAX_LOG_CORRECTION:
-            h = -MAX_LOG_CORRECTION
-        out[i] = math.exp(h)
+def _correction(coefficients: Array, opposite: float, p: float) -> float:
+    """Return exp(h) from the coefficients of h, bounded; a number that is none stays."""
+    h = polynomial(2.0 * (p / opposite if p < opposite else opposite / p) - 1.0, coefficients)
+    if h > MAX_LOG_CORRECTION:
+        h = MAX_LOG_CORRECTION
+    elif h < -MAX_LOG_CORRECTION:
+        h = -MAX_LOG_CORRECTION
+    return math.exp(h)
 
 
 @compiled(nogil=True, error_model="numpy")
-def _write_leak(coefficients: Array, p: Array, ambient: float, supply: float, scale: float, out: Array) -> None:
-    """Write the leak in Pa/s, a polynomial in the pressure relative to ambient and supply pressure."""
+def _write_correction(coefficients: Array, opposite: Array, p: Array, out: Array) -> None:
+    """Write exp(h) from the coefficients of h (k, n)."""
+    for i in range(p.size):
+        out[i] = _correction(coefficients[:, i], opposite[i], p[i])
+
+
+@compiled(nogil=True, error_model="numpy")
+def _correct_gradient(
+    values: Array,
+    coefficients: Array,
+    opposite: Array,
+    p: Array,
+    leak: Array,
+    limits: tuple[float, float, float],
+) -> None:
+    """Correct the gradients of the model in place; ``limits``: ambient and supply pressure, scale of the leak."""
+    ambient, supply, scale = limits
     for i in range(p.size):
         x = (p[i] - ambient) / (supply - ambient)
         if x < 0.0:
             x = 0.0
         elif x > 1.0:
             x = 1.0
-        out[i] = scale * polynomial(x, coefficients)
+        factor = _correction(coefficients[:, i], opposite[i], p[i])
+        values[i] = values[i] * factor + scale * polynomial(x, leak)
 
 
 def _flat(values: Array) -> Array:
@@ -160,29 +174,30 @@ class AreaModel:
         return np.minimum(p, opposite) / np.maximum(p, opposite)
 
     def corrected_gradient(
-        self, theta: Array, coefficients: Array, model_values: Array, u: Array, p: Array, supply: Array
+        self, theta: Array, coefficients: Array, model_values: Array, p: Array, opposite: Array
     ) -> Array:
-        """Return the gradient in Pa/s from that of the model at the same points."""
-        return np.asarray(model_values * self.correction_factor(coefficients, u, p, supply) + self.leak(theta, p))
+        """Return the gradient in Pa/s from that of the model at the same points.
 
-    def correction_factor(self, coefficients: Array, u: Array, p: Array, supply: Array) -> Array:
+        ``opposite`` are the pressures on the other side of the valve; all arrays have one shape, coefficients first.
+        """
+        out = model_values.copy()
+        rows = np.ascontiguousarray(coefficients).reshape(len(coefficients), -1)
+        leak, limits = np.ascontiguousarray(theta[-LEAK_COEFFICIENTS:]), (self.ambient, self.supply, self.scale)
+        _correct_gradient(out.reshape(-1), rows, _flat(opposite), _flat(p), leak, limits)
+        return out
+
+    def correction_factor(self, coefficients: Array, p: Array, opposite: Array) -> Array:
         """Return exp(h), bounded, since an intermediate step of the fit may overflow."""
         out = np.empty(p.shape)
         rows = np.ascontiguousarray(coefficients).reshape(len(coefficients), -1)
-        _write_correction(rows, _flat(self.opposite_pressure(u, supply)), _flat(p), out.reshape(-1))
-        return out
-
-    def leak(self, theta: Array, p: Array) -> Array:
-        """Return l(p) in Pa/s: a cubic in p, constant beyond ambient and supply pressure."""
-        out = np.empty(p.shape)
-        coefficients = np.ascontiguousarray(theta[-LEAK_COEFFICIENTS:])
-        _write_leak(coefficients, _flat(p), self.ambient, self.supply, self.scale, out.reshape(-1))
+        _write_correction(rows, _flat(opposite), _flat(p), out.reshape(-1))
         return out
 
     def gradient(self, theta: Array, u: Array, p: Array, supply: Array) -> Array:
         """Return dp/dt in Pa/s; all arrays have one shape."""
         model_values = self.model_gradient.at_coordinates(self.model_coordinates(theta))(u, p, supply)
-        return self.corrected_gradient(theta, self.correction_coefficients(theta, u), model_values, u, p, supply)
+        coefficients = self.correction_coefficients(theta, u)
+        return self.corrected_gradient(theta, coefficients, model_values, p, self.opposite_pressure(u, supply))
 
     def model_coordinates(self, theta: Array) -> Array:
         """Return the coordinates of the model's parameters."""
@@ -196,7 +211,8 @@ class AreaModel:
         """Return the derivative of the gradient by theta, shape ``u.shape + (size,)``."""
         z = self.model_coordinates(theta)
         r = 2 * self.pressure_ratio(u, p, supply) - 1
-        correction = self.correction_factor(self.correction_coefficients(theta, u), u, p, supply)
+        opposite = self.opposite_pressure(u, supply)
+        correction = self.correction_factor(self.correction_coefficients(theta, u), p, opposite)
         flow = self.model_gradient.at_coordinates(z)(u, p, supply) * correction
         powers = r[..., None] ** np.arange(SHARED_COEFFICIENTS)
         out = np.zeros((*u.shape, self.size))

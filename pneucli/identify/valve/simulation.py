@@ -45,7 +45,7 @@ def simulate_transients(area_model: AreaModel, theta: Array, start: Array, trans
         def slope(q: Array, k: int = k) -> Array:
             state = transients.u[k], q, transients.supply[k]
             return np.asarray(
-                area_model.corrected_gradient(theta, coefficients[k], quasi_static(*state), *state) + memory[k]
+                area_model.corrected_gradient(theta, coefficients[k], quasi_static(*state), q, opposite[k]) + memory[k]
             )
 
         q = p[k]
