@@ -102,11 +102,14 @@ def measure(size: Size) -> list[Figure]:
     bare, whole = build(()), build(tuple(catalogue().values()))
     c = c_library()
     loops = closed_loop(bare, n), closed_loop(whole, n, catalogue())
-    t_c, t_bare, t_whole = fastest(lambda: smoothed(c, n), *loops, runs=size.runs)
+    steps = round(PERIOD / STEP)
+    in_c = (lambda: smoothed(c, n)), (lambda: smoothed(c, n, steps))
+    t_c, t_equal, t_bare, t_whole = fastest(*in_c, *loops, runs=size.runs)
     t_lsoda = fastest(lsoda(bare, n), runs=1)[0]
     t_batch = fastest(batch(bare, size), runs=min(3, size.runs))[0] / size.batch
     exact = positions(bare, n, FINE)
     print(f"C, smoothed: {1e3 * t_c:.2f} ms; kernel, bare: {1e3 * t_bare:.2f} ms, every effect: {1e3 * t_whole:.2f} ms")
+    print(f"C with the kernel's {steps} steps a sample: {1e3 * t_equal:.2f} ms, kernel / C: {t_bare / t_equal:.3g}")
     print(f"error of the C program: {1e6 * np.abs(smoothed(c, n)[:, 0] - exact).max():.0f} um")
     error = 1e6 * float(np.abs(positions(bare, n) - exact).max())
     return [
@@ -198,12 +201,12 @@ def c_library() -> ctypes.CDLL:
         return ctypes.CDLL(str(library))
 
 
-def smoothed(c: ctypes.CDLL, samples: int) -> Array:
-    """The same loop in C; returns x, v, p1, p2, shape (samples, 4)."""
+def smoothed(c: ctypes.CDLL, samples: int, steps: int = 10) -> Array:
+    """The same loop in C with so many steps a sample; returns x, v, p1, p2, shape (samples, 4)."""
     out, number = np.zeros((samples, 4)), ctypes.c_double
     arrays = [a.ctypes.data_as(ctypes.POINTER(number)) for a in (REFERENCE, START, BASE, AREAS, out)]
     settings = [number(value) for value in (10.0, SMOOTHING, GAIN, LIMIT)]
-    c.run(samples, number(PERIOD), 10, *arrays[:4], AREAS.size, *settings, arrays[4])
+    c.run(samples, number(PERIOD), steps, *arrays[:4], AREAS.size, *settings, arrays[4])
     return out
 
 

@@ -233,8 +233,8 @@ def print_ranks(folders: list[Path]) -> None:
     )
     for i, name in enumerate(names):
         firsts = [sum(r.ranks[i][j] == 1 for r in seen) for j in range(2)]
-        ratio = np.median([one[i] / one[0] for one in seconds])
-        print(f"{name}: first {firsts[0]} (or alike {firsts[1]}), {ratio:.2f} of the screen's seconds in the median")
+        mean, ratio = np.mean([one[i] for one in seconds]), np.median([one[i] / one[0] for one in seconds])
+        print(f"{name}: first {firsts[0]} (or alike {firsts[1]}), {mean:.2f} s, {ratio:.2f} of the screen (median)")
 
 
 def main(arguments: list[str]) -> None:
