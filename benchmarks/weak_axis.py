@@ -42,6 +42,7 @@ SLOPE = np.arange(10.0, -11.0, -1.0) / 770.0  # least squares over 21 samples
 KNOTS = (0.0, 0.03, 0.05, 0.1, 0.2, 0.35, 0.5, 0.75, 1.0)  # of the largest command
 MAX_RATIO = 0.95  # of the pressures at the valve: near 1 its flow is infinitely steep
 MIN_SPEED = 5e-3  # m/s at which the direction is certain
+FIT_PHASES = ("reading and preparing", "first fit", "refits", "intervals")  # of :mod:`benchmarks.measure`
 STRIBECK_VELOCITIES = (0.005, 0.01, 0.02, 0.04, 0.08)  # m/s
 
 
@@ -143,18 +144,19 @@ def regression(path: Path) -> tuple[dict[str, float], float]:
     return values, time.process_time() - begun
 
 
-def identified(path: Path, stages: Sequence[str]) -> tuple[dict[str, float], float]:
-    """Return the parameters that the program identifies, and the processor seconds of its stages."""
+def identified(path: Path, stages: Sequence[str]) -> tuple[dict[str, float], float, float]:
+    """Return the parameters that the program identifies, the seconds of its stages, and those of its fit alone."""
     costs = cost.measure(path, stages, path.parent / "out").values()
     seconds = sum(one.seconds - one.phases.get(IMPORTS, 0.0) for one in costs)
+    fit_seconds = sum(one.phases.get(phase, 0.0) for one in costs for phase in FIT_PHASES)
     if "identify" not in stages:
-        return {}, seconds
+        return {}, seconds, fit_seconds
     answer = json.loads((path.parent / "out" / "identify" / "stage.json").read_text(encoding="utf-8"))["answer"]
     values = {name: entry["value"] for name, entry in answer["model"]["parameters"].items()}
     areas = [name for name in values if name.startswith("valve.effective_area(")]  # from one end to the other
     names = {"area, filling": areas[-1], "area, venting": areas[0], "leak": "piston-leak.area"}
     names |= {"Coulomb friction": "friction.coulomb", "viscous friction": "friction.viscous"}
-    return {title: values[name] for title, name in names.items() if name in values}, seconds
+    return {title: values[name] for title, name in names.items() if name in values}, seconds, fit_seconds
 
 
 def print_axis(case: Path, stages: Sequence[str] = ("ingest", "identify")) -> None:
@@ -172,12 +174,13 @@ def print_axis(case: Path, stages: Sequence[str] = ("ingest", "identify")) -> No
         document["model"]["effects"] = [*truth["baseline"], *truth["hidden"]]
         path.unlink()
         path.write_text(tomlkit.dumps(document), encoding="utf-8")
-        (weak, fast), (program, slow) = regression(path), identified(path, stages)
+        (weak, fast), (program, slow, fit_seconds) = regression(path), identified(path, stages)
     print("| parameter | truth | weak form, error in % | `identify`, error in % |\n| --- | --- | --- | --- |")
     for name, value in true.items():
         errors = [f"{100.0 * (found[name] / value - 1.0):+.2f}" if name in found else "" for found in (weak, program)]
         print(f"| {name} | {value:.4g} | {' | '.join(errors)} |")
-    print(f"| seconds | | {fast:.2f} | {slow:.1f} ({slow / fast:.0f} times) |")
+    for name, spent in (("all", slow), ("the fit alone", fit_seconds)):
+        print(f"| seconds, {name} | | {fast:.2f} | {spent:.1f} ({spent / fast:.0f} times) |")
 
 
 def main(arguments: list[str]) -> None:
