@@ -21,7 +21,11 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True)
 class ChannelResult:
-    """Errors of one channel in one recording, SI; ``noise`` is the rms error of a correct model."""
+    """Errors of one channel in one recording, SI.
+
+    ``noise`` is the rms error of a correct model; 95 % of correct models have a ratio below ``ratio_limit``, which is
+    None where it is unknown.
+    """
 
     recording: str
     use: str
@@ -34,6 +38,7 @@ class ChannelResult:
     noise: float
     ratio_to_noise: float
     measured_range: float
+    ratio_limit: float | None = None
 
 
 @dataclass(frozen=True)
@@ -52,7 +57,7 @@ class Comparison:
     @property
     def segment(self) -> NDArray[np.int64]:
         """Number of the restart that each sample follows."""
-        return np.searchsorted(self.experiment.restarts, np.arange(self.experiment.time.size), side="right") - 1
+        return self.experiment.segments
 
 
 def compare(model: Model, experiment: Experiment, noise: dict[str, float] | None = None) -> Comparison:

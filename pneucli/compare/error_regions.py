@@ -92,7 +92,7 @@ def find_error_regions(comparisons: Sequence[Comparison], min_ratio_to_noise: fl
 
     Args:
         comparisons: Comparisons of a model with experiments.
-        min_ratio_to_noise: Channels with a smaller error over noise have no regions.
+        min_ratio_to_noise: Channels with a smaller error over noise, or one within its limit, have no regions.
 
     Returns:
         At most ``MAX_REGIONS`` regions.
@@ -101,7 +101,7 @@ def find_error_regions(comparisons: Sequence[Comparison], min_ratio_to_noise: fl
         region
         for c in comparisons
         for r in c.results
-        if r.ratio_to_noise >= min_ratio_to_noise
+        if r.ratio_to_noise >= max(min_ratio_to_noise, r.ratio_limit or 0.0)
         for region in _regions_of_channel(c, r)
     ]
     return _number_events(sorted(regions, key=lambda s: -s.weight)[:MAX_REGIONS])

@@ -5,21 +5,40 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from pneucli.simulate.experiment import Experiment
 from pneucli.simulate.model import Model
 from pneucli.simulate.noise_propagation import NOISE_SEED, iterate_deviations
 
+Array = NDArray[np.float64]
+
 NOISE_DRAWS = 6
 MOTION_CHANNELS = ("x", "v", "a")
 
 
-def expected_rms(
+class ExpectedError(NamedTuple):
+    """The error of a correct model in one recording, by channel.
+
+    ``rms``: SI. ``squares``: the contribution of each segment between restarts to the mean square, in each draw, SI
+    squared, (draws, segments).
+    """
+
+    rms: dict[str, float]
+    squares: dict[str, Array]
+
+    def relative_squares(self, channel: str) -> Array:
+        """Return the squares of a channel over the square of its rms, (draws, segments)."""
+        return self.squares[channel] / self.rms[channel] ** 2
+
+
+def expected_error(
     model: Model, experiment: Experiment, draws: int = NOISE_DRAWS, seed: int = NOISE_SEED
-) -> dict[str, float]:
-    """Return the rms error that a correct model would have.
+) -> ExpectedError:
+    """Return the error that a correct model would have.
 
     Args:
         model: The model.
@@ -28,24 +47,31 @@ def expected_rms(
         seed: Seed of the generator.
 
     Returns:
-        Rms error by channel, SI; at least the noise of the channel's sensor.
+        The error; its rms is at least the noise of the channel's sensor.
     """
-    valid = ~experiment.reversals if experiment.recording.imposed else slice(None)
-    squares = [
-        {c: float(np.mean(d[valid] ** 2)) for c, d in one.items()}
+    valid = ~experiment.reversals if experiment.recording.imposed else np.ones(experiment.time.size, dtype=bool)
+    segments = experiment.segments
+    drawn = [
+        {c: np.bincount(segments[valid], d[valid] ** 2, segments[-1] + 1) / valid.sum() for c, d in one.items()}
         for one in iterate_deviations(model, experiment, draws, seed)
     ]
-    rms = {c: float(np.sqrt(np.mean([one[c] for one in squares]))) for c in experiment.channels}
+    squares = {c: np.array([one[c] for one in drawn]) for c in experiment.channels}
     low_pass = experiment.low_pass is not None
-    return {
-        c: max(r, 0.0 if low_pass or c not in experiment.noise else experiment.noise[c].rms) for c, r in rms.items()
-    }
+    least = {c: 0.0 if low_pass or c not in experiment.noise else experiment.noise[c].rms for c in squares}
+    return ExpectedError({c: max(float(np.sqrt(v.sum(axis=1).mean())), least[c]) for c, v in squares.items()}, squares)
 
 
-def expected_rms_of_all(
+def expected_rms(
+    model: Model, experiment: Experiment, draws: int = NOISE_DRAWS, seed: int = NOISE_SEED
+) -> dict[str, float]:
+    """Return the rms error (SI, by channel) of :func:`expected_error`."""
+    return expected_error(model, experiment, draws, seed).rms
+
+
+def expected_errors(
     model: Model, experiments: Sequence[Experiment], progress: Callable[[int], None] = lambda _: None
-) -> list[dict[str, float]]:
-    """Return :func:`expected_rms` of each experiment, for the motion pooled over experiments of one kind.
+) -> list[ExpectedError]:
+    """Return :func:`expected_error` of each experiment, for the motion with an rms pooled over those of one kind.
 
     Whether a break-away falls before or after a restart determines most of the deviation of the motion, and the few
     draws of one recording may contain none; those of all recordings contain enough.
@@ -56,22 +82,18 @@ def expected_rms_of_all(
         progress: Called with the number of each experiment.
 
     Returns:
-        Rms errors by channel for each experiment, SI.
+        The errors, in order.
     """
     own = []
     for i, experiment in enumerate(experiments):
         progress(i)
-        own.append(expected_rms(model, experiment))
+        own.append(expected_error(model, experiment))
     kinds = [(e.recording.experiment, e.recording.imposed) for e in experiments]
     out = []
-    for kind, rms in zip(kinds, own, strict=True):
-        same_kind = [n for k, n in zip(kinds, own, strict=True) if k == kind]
-        out.append(
-            {
-                c: _root_mean_square([n[c] for n in same_kind if c in n]) if c in MOTION_CHANNELS else r
-                for c, r in rms.items()
-            }
-        )
+    for kind, one in zip(kinds, own, strict=True):
+        same_kind = [n.rms for k, n in zip(kinds, own, strict=True) if k == kind]
+        pooled = {c: _root_mean_square([n[c] for n in same_kind if c in n]) for c in one.rms if c in MOTION_CHANNELS}
+        out.append(one._replace(rms=one.rms | pooled))
     return out
 
 

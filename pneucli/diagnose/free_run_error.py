@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field
 
 from pneucli.compare import ChannelResult, compare, overall_error
-from pneucli.compare.expected_error import expected_rms_of_all
+from pneucli.compare.expected_error import expected_errors
 from pneucli.diagnose.score import ErrorsByUse
 from pneucli.simulate.experiment import Experiment
 from pneucli.simulate.model import Model
@@ -32,7 +32,7 @@ class FreeRunErrors:
         for cached_model, known in self._cache:
             if cached_model is model:
                 return known
-        noise = expected_rms_of_all(model, self.experiments)
+        noise = [one.rms for one in expected_errors(model, self.experiments)]
         pairs = zip(self.experiments, noise, strict=True)
         results = [result for experiment, expected in pairs for result in compare(model, experiment, expected).results]
         self._cache.append((model, results))

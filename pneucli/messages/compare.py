@@ -40,11 +40,14 @@ def lines(answer: Row, file: str, verbose: bool) -> Iterator[str]:
         yield from _channels(answer["channels"])
 
 
-def rating(ratio: float | None) -> str:
-    """Return whether an error, in units of the noise floor, is good or bad, or neither."""
+def rating(ratio: float | None, limit: float | None = None) -> str:
+    """Return whether an error, in units of the noise floor, is good or bad, or neither.
+
+    An error within the ``limit`` of a correct model is good.
+    """
     if ratio is None:
         return ""
-    return "good" if ratio <= GOOD_ERROR_RATIO else "bad" if ratio > BAD_ERROR_RATIO else ""
+    return "good" if ratio <= max(GOOD_ERROR_RATIO, limit or 0.0) else "bad" if ratio > BAD_ERROR_RATIO else ""
 
 
 def evaluation_error(errors: Row) -> tuple[str, float | None]:
@@ -59,21 +62,25 @@ def verdict(answer: Row) -> str:
     use, error = evaluation_error(errors)
     if error is None:
         return "no channel was compared"
-    other = (
-        f" ({format_noise_ratio(errors['train'])} on those fitted)"
-        if use == "test" and errors.get("train") is not None
-        else ""
-    )
+    limit = answer.get("error_limit", {}).get(use)
+    rated = rating(error, limit)
+    notes = []
+    if use == "test" and errors.get("train") is not None:
+        notes.append(f"{format_noise_ratio(errors['train'])} on those fitted")
+    if limit is not None and rated != "bad":
+        notes.append(f"of correct models 95 % are below {format_noise_ratio(limit)}")
+    other = f" ({'; '.join(notes)})" if notes else ""
     kind = "test recordings" if use == "test" else "the recordings that were fitted; none was held out"
-    rated = _VERDICTS.get(rating(error), "the model comes near the noise")
-    return f"{format_noise_ratio(error)} × noise on {kind}{other}: {rated}"
+    meaning = _VERDICTS.get(rated, "the model comes near the noise")
+    return f"{format_noise_ratio(error)} × noise on {kind}{other}: {meaning}"
 
 
 def worst_channel_sentence(answer: Row) -> str:
     """Return the worst channel where it is far off, which a mean over all may hide; else nothing."""
-    worst = max(answer.get("channels", []), key=lambda c: c["ratio_to_noise"] or 0.0, default=None)
-    if worst is None or rating(worst["ratio_to_noise"]) != "bad":
+    bad = [c for c in answer.get("channels", []) if rating(c["ratio_to_noise"], c.get("ratio_limit")) == "bad"]
+    if not bad:
         return ""
+    worst = max(bad, key=lambda c: c["ratio_to_noise"])
     rmsd = format_quantity(worst["rmsd"], worst["unit"], 3)
     ratio = format_noise_ratio(worst["ratio_to_noise"])
     return f"{worst['channel']} in {worst['recording']}, {ratio} × noise ({rmsd} rms)"
@@ -130,13 +137,14 @@ def region_span(region: Row) -> str:
 
 
 def _channels(channels: Iterable[Row]) -> Iterator[str]:
-    head = ("recording", "use", "channel", "rms error", "of range", "× noise")
+    head = ("recording", "use", "channel", "rms error", "of range", "× noise", "95 % below")
     rows = [
         (
             *(c["recording"], c["use"], c["channel"], format_quantity(c["rmsd"], c["unit"], 3)),
             *(
                 "–" if c["percent"] is None else f"{format_number(c['percent'], 3)} %",
                 format_noise_ratio(c["ratio_to_noise"]),
+                "–" if c.get("ratio_limit") is None else format_noise_ratio(c["ratio_limit"]),
             ),
         )
         for c in test_first(channels)

@@ -76,6 +76,11 @@ class Experiment:
         return float(np.diff(np.append(self.time[self.restarts], self.time[-1])).max())
 
     @property
+    def segments(self) -> NDArray[np.int64]:
+        """Number of the restart that each sample follows, shape (n,)."""
+        return np.searchsorted(self.restarts, np.arange(self.time.size), side="right") - 1
+
+    @property
     def vessel(self) -> bool:
         """Whether the chamber is the fixed vessel of a valve test."""
         return self.recording.kind.vessel

@@ -4,14 +4,15 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import asdict
+from dataclasses import asdict, replace
 from typing import Any
 
 import numpy as np
 import pyarrow as pa
 
 from pneucli.compare import ChannelResult, Comparison, Region, compare, find_error_regions, overall_error
-from pneucli.compare.expected_error import expected_rms_of_all
+from pneucli.compare.error_limit import error_limit
+from pneucli.compare.expected_error import ExpectedError, expected_errors
 from pneucli.compare.residual_correlation import Correlation, residual_correlations
 from pneucli.identify.valve.flow_bench import FlowComparison
 from pneucli.io.artifacts import TableWriter, schema_of, write_table
@@ -31,18 +32,21 @@ def run(context: Context) -> dict[str, Any]:
     """Compare the identified model with every recording; return the answer that ``--json`` prints."""
     study = PipelineData(context)
     flows = compare_flow_recordings(study)
-    comparisons, looked, model = _compare_over_time(study) if study.recordings else ([], {}, None)
+    comparisons, expected, looked, model = _compare_over_time(study) if study.recordings else ([], [], {}, None)
     _write_residuals(study, comparisons, flows)
     _write_correlations(
         study, [c for one in comparisons for c in residual_correlations(one, context.config.compare.horizon)]
     )
     results = [*(r for c in comparisons for r in c.results), *flow_results(flows)]
     answer = _answer(study, results, find_error_regions(comparisons))
+    answer["error_limit"] = {use: _overall_limit(comparisons, expected, use) for use in ("train", "test")}
     answer["closed_loop"] = [] if model is None else [controller_logs.log_answer(one, model) for one in looked.values()]
     return answer | history.record_model(context, answer, RESIDUALS_FILE)
 
 
-def _compare_over_time(study: PipelineData) -> tuple[list[Comparison], dict[str, controller_logs.ReplayedLog], Model]:
+def _compare_over_time(
+    study: PipelineData,
+) -> tuple[list[Comparison], list[ExpectedError], dict[str, controller_logs.ReplayedLog], Model]:
     """Compare the model with the recordings over time, and replay the controllers of those that state one."""
     context = study.context
     model = load_model(context.artifacts / "identify", study.rig, study.effects)
@@ -51,15 +55,34 @@ def _compare_over_time(study: PipelineData) -> tuple[list[Comparison], dict[str,
     def progress(i: int) -> None:
         context.progress(f"comparing {experiments[i].recording.name}", 0.2 + 0.7 * i / len(experiments))
 
-    noise = expected_rms_of_all(model, experiments, progress)
-    comparisons = [compare(model, e, expected) for e, expected in zip(experiments, noise, strict=True)]
+    expected = expected_errors(model, experiments, progress)
+    comparisons = [_with_limits(compare(model, e, one.rms), one) for e, one in zip(experiments, expected, strict=True)]
     controllers = controller_logs.controllers_by_recording(context)
     looked = {
         r.name: controller_logs.replay_recording(model, r, controllers[r.name])
         for r in study.recordings
         if r.name in controllers
     }
-    return [controller_logs.with_commands(c, looked, model) for c in comparisons], looked, model
+    return [controller_logs.with_commands(c, looked, model) for c in comparisons], expected, looked, model
+
+
+def _with_limits(found: Comparison, expected: ExpectedError) -> Comparison:
+    """Return a comparison with the limit of each channel's error."""
+    results = tuple(
+        replace(r, ratio_limit=error_limit([[expected.relative_squares(r.channel)]])) if r.noise > 0.0 else r
+        for r in found.results
+    )
+    return replace(found, results=results)
+
+
+def _overall_limit(comparisons: Sequence[Comparison], expected: Sequence[ExpectedError], use: str) -> float | None:
+    """Return the limit of the error of a use, over the channels that have a limit."""
+    return error_limit(
+        [
+            [one.relative_squares(r.channel) for r in c.results if r.use == use and r.ratio_limit is not None]
+            for c, one in zip(comparisons, expected, strict=True)
+        ]
+    )
 
 
 def _answer(study: PipelineData, results: Sequence[ChannelResult], regions: Sequence[Region]) -> dict[str, Any]:

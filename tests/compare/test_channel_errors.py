@@ -28,6 +28,11 @@ def comparison(error: np.ndarray, noise: float = 1.0) -> Comparison:
     return compare(model, prepare(recording(needed + error), RIG, None), {"force": noise})
 
 
+def with_limit(found: Comparison, limit: float) -> Comparison:
+    """The same comparison, whose channels would be within a limit for a correct model."""
+    return replace(found, results=tuple(replace(r, ratio_limit=limit) for r in found.results))
+
+
 def recording(force: np.ndarray) -> Recording:
     noise = {"x": NoiseModel(1e-7), "force": NoiseModel(1.0)}
     return Recording("given", "friction", "test", TIME, {"x": X, "force": force}, noise, "open", "motion")

@@ -90,11 +90,11 @@ def of_all(monkeypatch: pytest.MonkeyPatch, found: list[tuple[str, str | None, d
         SimpleNamespace(recording=SimpleNamespace(experiment=kind, imposed=imposed), own=rms)
         for kind, imposed, rms in found
     ]
-    monkeypatch.setattr(expected_error, "expected_rms", lambda model, e: e.own)
+    monkeypatch.setattr(expected_error, "expected_error", lambda model, e: expected_error.ExpectedError(e.own, {}))
     heard: list[int] = []
-    out = expected_error.expected_rms_of_all(model(), experiments, heard.append)
+    out = expected_error.expected_errors(model(), experiments, heard.append)
     assert heard == list(range(len(found)))
-    return out
+    return [one.rms for one in out]
 
 
 def test_motion_is_pooled_over_recordings_of_its_kind_and_pressures_are_not(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -152,6 +152,17 @@ def test_the_level_is_the_root_of_the_mean_square_over_all_draws(monkeypatch: py
     draws = [{c: np.full(e.time.size, level) for c in e.channels} for level in (3.0, 4.0)]
     monkeypatch.setattr(expected_error, "iterate_deviations", lambda *_: iter(draws))
     assert expected_error.expected_rms(model(), e)["x"] == pytest.approx(np.sqrt(12.5))
+
+
+def test_the_squares_of_all_segments_make_the_mean_square(monkeypatch: pytest.MonkeyPatch) -> None:
+    e = still({"x": 1e-9}).with_restarts(0.05)
+    drawn = {c: np.linspace(0.0, 1.0, e.time.size) for c in e.channels}
+    monkeypatch.setattr(expected_error, "iterate_deviations", lambda *_: iter([drawn, drawn]))
+    found = expected_error.expected_error(model(), e)
+    assert found.squares["x"].shape == (2, e.restarts.size)
+    assert found.squares["x"].sum(axis=1) == pytest.approx(np.mean(drawn["x"] ** 2))
+    assert found.relative_squares("x").sum() == pytest.approx(2.0)
+    assert np.all(np.diff(found.squares["x"][0, :-1]) > 0.0)  # the deviation grows over the recording
 
 
 def test_the_velocity_errs_by_its_smoothed_noise(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 
 from pneucli.compare import find_error_regions, overall_error
 from pneucli.compare.channel_errors import compare
-from pneucli.compare.expected_error import expected_rms_of_all
+from pneucli.compare.expected_error import expected_errors
 from pneucli.compare.residual_correlation import residual_correlations
 from pneucli.identify.friction.kinematics import estimate_motion
 from pneucli.identify.friction.summary_figures import break_away
@@ -75,7 +75,7 @@ def test_every_stage_holds_where_nothing_moves(
         assert all(np.isfinite(r).all() for r in view.residual(model, errors).values())
         assert all(np.isfinite(r) for r in view.monte_carlo_rms(model, errors, 2, 0).values())
     comparisons = [
-        compare(model, e, noise) for e, noise in zip(experiments, expected_rms_of_all(model, experiments), strict=True)
+        compare(model, e, one.rms) for e, one in zip(experiments, expected_errors(model, experiments), strict=True)
     ]
     results = [r for c in comparisons for r in c.results]
     assert all(np.isfinite(r.rmsd) for r in results)

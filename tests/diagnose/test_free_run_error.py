@@ -7,6 +7,7 @@ from typing import Any
 
 import pytest
 
+from pneucli.compare.expected_error import ExpectedError
 from pneucli.diagnose import free_run_error
 from pneucli.diagnose.free_run_error import held_out_error, remaining_error_share, removed_error_share
 
@@ -52,12 +53,12 @@ def test_errors_are_over_each_models_own_noise_by_use(monkeypatch: pytest.Monkey
 
     drawn: list[float] = []
 
-    def expected(model: float, experiments: list[str]) -> list[dict[str, float]]:
+    def expected(model: float, experiments: list[str]) -> list[ExpectedError]:
         drawn.append(model)
-        return [{"x": 2.0 if use == "train" else 4.0} for use in experiments]
+        return [ExpectedError({"x": 2.0 if use == "train" else 4.0}, {}) for use in experiments]
 
     monkeypatch.setattr(free_run_error, "compare", compare)
-    monkeypatch.setattr(free_run_error, "expected_rms_of_all", expected)
+    monkeypatch.setattr(free_run_error, "expected_errors", expected)
     shown: Any = free_run_error.FreeRunErrors(["train", "test", "train"])  # type: ignore[list-item]
     first, other = 6.0, 8.0
     assert shown(first) == {"train": 3.0, "test": 1.5}
@@ -71,6 +72,6 @@ def test_errors_are_over_each_models_own_noise_by_use(monkeypatch: pytest.Monkey
 def test_the_overall_error_of_a_use_is_a_root_mean_square(monkeypatch: pytest.MonkeyPatch) -> None:
     results = [SimpleNamespace(use="train", ratio_to_noise=r) for r in (3.0, 4.0)]
     monkeypatch.setattr(free_run_error, "compare", lambda model, experiment, noise: SimpleNamespace(results=results))
-    monkeypatch.setattr(free_run_error, "expected_rms_of_all", lambda model, experiments: [{}])
+    monkeypatch.setattr(free_run_error, "expected_errors", lambda model, experiments: [ExpectedError({}, {})])
     shown: Any = free_run_error.FreeRunErrors([None])  # type: ignore[list-item]
     assert shown(None)["train"] == pytest.approx(12.5**0.5)

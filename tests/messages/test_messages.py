@@ -108,6 +108,25 @@ def test_the_verdict_of_a_comparison(errors: dict[str, float | None], said: str)
     assert said in compare.verdict({"error": errors})
 
 
+def test_an_error_that_a_correct_model_may_have_counts_as_noise() -> None:
+    within = {"error": {"train": 1.0, "test": 1.5}, "error_limit": {"train": 1.1, "test": 1.62}}
+    assert compare.verdict(within) == (
+        "1.50 × noise on test recordings (1.00 on those fitted; of correct models 95 % are below 1.62): "
+        "the model stands at the noise floor"
+    )
+    beyond = {**within, "error_limit": {"train": 1.1, "test": 1.4}}
+    assert "comes near the noise" in compare.verdict(beyond)
+
+
+def test_a_channel_within_its_limit_is_not_the_worst() -> None:
+    channels = [
+        {"recording": "slip", "channel": "x", "rmsd": 1e-3, "unit": "m", "ratio_to_noise": 2.9, "ratio_limit": 3.1},
+        {"recording": "step", "channel": "p1", "rmsd": 1e3, "unit": "Pa", "ratio_to_noise": 2.2, "ratio_limit": 1.1},
+    ]
+    assert compare.worst_channel_sentence({"channels": channels}).startswith("p1 in step, 2.20 × noise")
+    assert not compare.worst_channel_sentence({"channels": channels[:1]})
+
+
 @pytest.mark.parametrize(
     ("low", "high", "said"),
     [(0.9, 1.0, "toward +x"), (-1.0, -0.9, "toward −x"), (-0.1, 0.0, "at rest"), (-1.0, 0.1, "toward −x or at rest")],

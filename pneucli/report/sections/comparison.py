@@ -90,7 +90,7 @@ def _ratio(before: float | None, now: float | None) -> Cell:
 
 
 def _errors(answer: Mapping[str, Any]) -> Grid:
-    head = ("recording", "use", "channel", "RMSD", "of range", "fit", "noise floor", "× noise")
+    head = ("recording", "use", "channel", "RMSD", "of range", "fit", "noise floor", "× noise", "95 % below")
     rows = [
         [
             Cell(c["recording"], numeric=False),
@@ -100,7 +100,8 @@ def _errors(answer: Mapping[str, Any]) -> Grid:
             Cell(f"{format_number(c['percent'], 2)} %"),
             Cell(f"{format_number(c['fit_percent'], 3)} %"),
             Cell(format_quantity(c["noise"], c["unit"], 3)),
-            Cell(format_number(c["ratio_to_noise"], 3), tone=rating(c["ratio_to_noise"])),
+            Cell(format_number(c["ratio_to_noise"], 3), tone=rating(c["ratio_to_noise"], c.get("ratio_limit"))),
+            Cell("" if c.get("ratio_limit") is None else format_number(c["ratio_limit"], 3)),
         ]
         for c in test_first(answer["channels"])
     ]

@@ -73,7 +73,8 @@ def section(material: ReportData) -> Section | None:
 
 
 def _even_error(answer: Mapping[str, Any]) -> Note:
-    good = compare.rating(compare.evaluation_error(answer["error"])[1]) == "good"
+    use, error = compare.evaluation_error(answer["error"])
+    good = compare.rating(error, answer.get("error_limit", {}).get(use)) == "good"
     return Note(compare.even_error_sentence(answer), "good" if good else "")
 
 
