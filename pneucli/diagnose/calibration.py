@@ -40,7 +40,7 @@ class Evidence(NamedTuple):
     held-out recordings where there are any; None where there is no such error. ``significance``: its size over the
     standard error of its interval. ``size``: its size over the typical size. ``complete``: the model with all selected
     effects leaves only noise.
-    ``left``: the variance of the residuals that the effect influences, over that without it
+    ``left``: the variance of the residuals of the channel that the effect explains best, over that without it
     (:meth:`pneucli.diagnose.equivalence.Term.remaining_variance`).
     """
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
-from itertools import pairwise, zip_longest
+from itertools import zip_longest
 from typing import Literal
 from weakref import WeakKeyDictionary
 
@@ -111,19 +111,18 @@ class DiagnosisData:
             fitted.residual_counts[: fitted.train_costs.size][sensitive].sum()
         )
 
-    def recording_costs(self, fitted: FittedModel, effect: Effect) -> list[RecordingCost]:
-        """Return the cost of each residual model that the effect influences, of one recording each.
+    def recording_costs(self, fitted: FittedModel, effect: Effect) -> dict[str, list[RecordingCost]]:
+        """Return by channel the cost of each recording whose residual model the effect influences.
 
         Each reading counts once, as held out where it is held out.
         """
-        parts = [slice(*edges) for edges in pairwise(np.cumsum([0, *self.block_counts]))]
-        return [
-            RecordingCost(
-                float(fitted.costs[p].sum()), float(fitted.residual_counts[p].sum()), bounds_of(fitted.model, m)
-            )
-            for m, p in zip(self.residual_models, parts, strict=True)
-            if m.is_sensitive_to(effect)
-        ]
+        found: dict[str, list[RecordingCost]] = {}
+        channels = [(m, channel) for m in self.residual_models for channel in m.channels]
+        for (m, channel), cost in zip(channels, fitted.channels, strict=True):
+            if m.is_sensitive_to(effect) and cost.residual_count:
+                bounds = bounds_of(fitted.model, m) if channel == "force" else Bounds.none()
+                found.setdefault(channel, []).append(RecordingCost(*cost, bounds))
+        return found
 
     def exclusive_channel_costs(self, fitted: FittedModel, effect: Effect) -> list[RecordingCost]:
         """Return the cost of the effect's exclusive channels, fitted and held out; of no residual where it has none."""
@@ -175,17 +174,23 @@ class DiagnosisData:
 
     def fitted_model(self, fit: Fit) -> FittedModel:
         """Return a fit with its costs."""
-        train, counts = fitted_costs(fit, self.train)
+        train, counts, channels = fitted_costs(fit, self.train)
         if not self.held_out and not self.folds:
-            return FittedModel(fit, train, np.zeros(0), train, counts)
+            return FittedModel(fit, train, np.zeros(0), train, counts, channels)
         if self.folds:
-            test, _ = held_out_costs(
-                leave_one_out_models(fit, self.train, self.folds), self.train, fit.initial_state_sensitivities
-            )
-            return FittedModel(fit, train, test, test, counts)
+            models = leave_one_out_models(fit, self.train, self.folds)
+            test, _, channels = held_out_costs(models, self.train, fit.initial_state_sensitivities)
+            return FittedModel(fit, train, test, test, counts, channels)
         sensitivities = [m.initial_state_sensitivity(fit.model) for m in self.held_out]
-        test, test_counts = held_out_costs([fit.model] * len(sensitivities), self.held_out, sensitivities)
-        return FittedModel(fit, train, test, np.concatenate([train, test]), np.concatenate([counts, test_counts]))
+        test = held_out_costs([fit.model] * len(sensitivities), self.held_out, sensitivities)
+        return FittedModel(
+            fit,
+            train,
+            test.by_block,
+            np.concatenate([train, test.by_block]),
+            np.concatenate([counts, test.residual_counts]),
+            (*channels, *test.channels),
+        )
 
     def has_initial_guess(self, fitted: FittedModel, effect: Effect) -> bool:
         """Whether an effect has a typical size at a fitted model; one in units of Coulomb friction has none without

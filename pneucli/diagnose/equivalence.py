@@ -9,7 +9,7 @@ from dataclasses import dataclass
 from pneucli.diagnose.candidate import Candidate
 from pneucli.diagnose.data import DiagnosisData
 from pneucli.diagnose.evidence import score_gain
-from pneucli.diagnose.score import FittedModel
+from pneucli.diagnose.score import FittedModel, RecordingCost
 
 CHI2_95_ONE_PARAMETER = 3.84  # 0.95 quantile of chi-square with one degree of freedom
 NEGLIGIBLE_SHARE = 0.05  # of the cost, and of its reduction by an effect
@@ -72,9 +72,9 @@ class Term:
         """Return the rivals that the data cannot distinguish from the term's effect.
 
         With an unmodelled effect present (not ``complete``) the residual is not noise that averages out, but a few
-        independent readings of that effect. Rivals that leave and remove about the same variance, in the residuals that
-        the term's effect influences, may then differ by chance. A rival that explains another part of
-        the residual is none.
+        independent readings of that effect. Rivals that leave and remove about the same variance, of the channel that
+        the term's effect explains best, may then differ by chance. A rival that explains another part of the residual
+        is none.
         """
         if complete:
             return [c for c in self.rivals if indistinguishable(c, self.candidate.full)]
@@ -91,16 +91,32 @@ class Term:
     def remaining_variance(self, data: DiagnosisData, candidate: Candidate | None = None) -> float:
         """Return the ratio of the residuals' variances with and without a candidate (default: the term's own).
 
-        It is the geometric mean over all readings, those not fitted included, each with the variance of its recording:
-        exp(-2 / n) to the power of the gain of the log density. Squares themselves would count what one recording shows
-        as much more as its residuals are larger. The residuals are those of the effect's exclusive channels where it
-        has such (:meth:`is_measured_exclusively`), else those that it influences.
+        It is the geometric mean over all readings of a channel, those not fitted included, each with the variance of
+        its recording: exp(-2 / n) to the power of the gain of the log density. Squares themselves would count what one
+        recording shows as much more as its residuals are larger. The readings are those of the effect's exclusive
+        channels where it has such (:meth:`is_measured_exclusively`), else those of the channel that the term's effect
+        explains best: a leak of chamber 1 says nothing of p2.
         """
-        parts = data.exclusive_channel_costs if self.is_measured_exclusively(data) else data.recording_costs
-        before, after = (
-            [one for one in parts(fitted, self.candidate.effect) if one.residual_count]
-            for fitted in (self.candidate.reduced, (candidate or self.candidate).full)
-        )
-        count = math.fsum(one.residual_count for one in before)
-        gain = math.fsum(one.log_variance() for one in after) - math.fsum(one.log_variance() for one in before)
-        return math.exp(gain / count) if count else 1.0
+        own = self._variance_ratios(data, self.candidate)
+        if not own:
+            return 1.0
+        best = min(own, key=lambda channel: own[channel])
+        return own[best] if candidate is None else self._variance_ratios(data, candidate).get(best, 1.0)
+
+    def _variance_ratios(self, data: DiagnosisData, candidate: Candidate) -> dict[str, float]:
+        """Return the ratio of the variances by channel; exclusive channels, which measure the effect, count as one."""
+        before, after = (self._costs(data, fitted) for fitted in (candidate.reduced, candidate.full))
+        gains = {name: _log_variance(after.get(name, [])) - _log_variance(costs) for name, costs in before.items()}
+        return {
+            name: math.exp(gains[name] / math.fsum(c.residual_count for c in costs)) for name, costs in before.items()
+        }
+
+    def _costs(self, data: DiagnosisData, fitted: FittedModel) -> dict[str, list[RecordingCost]]:
+        effect = self.candidate.effect
+        if not self.is_measured_exclusively(data):
+            return data.recording_costs(fitted, effect)
+        return {"exclusive": [c for c in data.exclusive_channel_costs(fitted, effect) if c.residual_count]}
+
+
+def _log_variance(costs: Sequence[RecordingCost]) -> float:
+    return math.fsum(c.log_variance() for c in costs)

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from pneucli.diagnose.adequacy import drawn_rms
 from pneucli.diagnose.flow_gain_variance import with_flow_gain_errors
-from pneucli.identify.estimation.blocks import block_labels
+from pneucli.identify.estimation.blocks import block_labels, channel_slices
 from pneucli.identify.estimation.fit import Fit
 from pneucli.identify.estimation.objective import in_noise_units
 from pneucli.identify.residuals import ResidualModel
@@ -29,12 +29,28 @@ MIN_STATED_SHARE = 0.02  # of the readings; a model that predicts a force for fe
 ErrorsByUse = Mapping[str, float | None]
 
 
+class ChannelCost(NamedTuple):
+    """The cost of a channel of one recording in units of noise, and the number of its residuals."""
+
+    cost: float
+    residual_count: float
+
+
+class Costs(NamedTuple):
+    """Costs and numbers of residuals by block (B,), and by channel of each residual model."""
+
+    by_block: Array
+    residual_counts: Array
+    channels: tuple[ChannelCost, ...]
+
+
 @dataclass(frozen=True, eq=False)
 class FittedModel:
     """A fitted model and its costs by block: ``train_costs`` on fitted data, ``test_costs`` on held-out data.
 
     ``costs`` counts each reading once, as held out where it is held out. ``residual_counts`` has the number of
-    residuals of each block, without the zeros of residuals that do not count.
+    residuals of each block, without the zeros of residuals that do not count. ``channels`` has the same costs and
+    numbers by channel of each residual model.
     """
 
     fit: Fit
@@ -42,6 +58,7 @@ class FittedModel:
     test_costs: Array
     costs: Array
     residual_counts: Array
+    channels: tuple[ChannelCost, ...] = ()
 
     @property
     def residual_count(self) -> int:
@@ -64,29 +81,23 @@ class FittedModel:
         return float(self.costs.sum())
 
 
-def block_costs(residual: Array, blocks: NDArray[np.int64]) -> Array:
-    """Return the sum of squares of each block."""
-    return np.bincount(blocks, weights=residual**2).astype(np.float64)
-
-
-def fitted_costs(fit: Fit, residual_models: Sequence[ResidualModel]) -> tuple[Array, Array]:
-    """Return the cost and the number of residuals by block of the data that the model was fitted to."""
+def fitted_costs(fit: Fit, residual_models: Sequence[ResidualModel]) -> Costs:
+    """Return the costs of the data that the model was fitted to."""
     drawn = [
         drawn_rms(fit.model, residual_model, residual_model.initial_state_sensitivity(fit.model))
         for residual_model in residual_models
     ]
     coverage = np.concatenate([coverage_weights(fit.model, residual_model) for residual_model in residual_models])
-    return likelihood_costs(
-        residual_models, drawn, coverage * fit.residual, fit.initial_state_sensitivities
-    ), _residual_counts(residual_models, fit.residual)
+    costs = likelihood_costs(residual_models, drawn, coverage * fit.residual, fit.initial_state_sensitivities)
+    return _summed(residual_models, costs, fit.residual)
 
 
 def held_out_costs(
     models: Sequence[Model],
     residual_models: Sequence[ResidualModel],
     initial_state_errors: Sequence[Mapping[str, Array]],
-) -> tuple[Array, Array]:
-    """Return the cost and the number of residuals by block of held-out data, each residual model with its own model.
+) -> Costs:
+    """Return the costs of held-out data, each residual model with its own model.
 
     ``initial_state_errors`` are the sensitivities to the initial states. The flow through the valve may have another
     gain in each held-out recording, too (:mod:`pneucli.diagnose.flow_gain_variance`).
@@ -101,13 +112,15 @@ def held_out_costs(
         [coverage_weights(model, residual_model) for model, residual_model in zip(models, residual_models, strict=True)]
     )
     residual = np.concatenate(whitened)
-    return likelihood_costs(residual_models, drawn, coverage * residual, errors), _residual_counts(
-        residual_models, residual
-    )
+    costs = likelihood_costs(residual_models, drawn, coverage * residual, errors)
+    return _summed(residual_models, costs, residual)
 
 
-def _residual_counts(residual_models: Sequence[ResidualModel], residual: Array) -> Array:
-    return block_costs((residual != 0.0).astype(np.float64), block_labels(residual_models))
+def _summed(residual_models: Sequence[ResidualModel], costs: Array, residual: Array) -> Costs:
+    """Sum the costs (N,) of residuals (N,) by block and by channel; zeros are residuals that do not count."""
+    blocks, counted = block_labels(residual_models), (residual != 0.0).astype(np.float64)
+    channels = [ChannelCost(float(costs[r].sum()), float(counted[r].sum())) for r in channel_slices(residual_models)]
+    return Costs(np.bincount(blocks, costs), np.bincount(blocks, counted), tuple(channels))
 
 
 def likelihood_costs(
@@ -116,14 +129,11 @@ def likelihood_costs(
     residual: Array,
     errors: Sequence[Mapping[str, Array]],
 ) -> Array:
-    """Return the cost by block of residuals (N,): squares, and log determinants of the initial-state errors."""
-    blocks = block_labels(residual_models)
+    """Return the costs (N,) of residuals (N,): squares, and log determinants of the initial-state errors."""
     log_determinants = np.concatenate(
         [residual_model.log_determinant(mine) for residual_model, mine in zip(residual_models, errors, strict=True)]
     )
-    return block_costs(correct_for_model_noise(residual_models, drawn, residual), blocks) + np.bincount(
-        blocks, weights=log_determinants
-    )
+    return np.asarray(correct_for_model_noise(residual_models, drawn, residual) ** 2 + log_determinants)
 
 
 def correct_for_model_noise(
@@ -162,14 +172,14 @@ class Bounds(NamedTuple):
 
 
 class RecordingCost(NamedTuple):
-    """The cost of one recording in units of noise, the number of its residuals, and what is only bounded."""
+    """The cost of a channel of one recording, the number of its residuals, and what of it is only bounded."""
 
     cost: float
     residual_count: float
     bounds: Bounds
 
     def log_variance(self) -> float:
-        """Return n log s^2: -2 log of the predictive density of the recording but for a constant.
+        """Return n log s^2: -2 log of the predictive density of the channel but for a constant.
 
         s^2 is the maximum-likelihood variance of the residuals that the model predicts, noise and discrepancy together,
         and no less than the noise. A bounded reading has the density of a uniform distribution over its bounds with

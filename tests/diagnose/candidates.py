@@ -10,7 +10,7 @@ import numpy as np
 
 from pneucli.diagnose.candidate import Candidate
 from pneucli.diagnose.data import DiagnosisData
-from pneucli.diagnose.score import FittedModel
+from pneucli.diagnose.score import ChannelCost, FittedModel
 from pneucli.physics.effects import catalogue
 from tests.simulate.synthetic_experiments import model
 
@@ -27,9 +27,10 @@ VIEW: Any = SimpleNamespace(
 )
 
 
-def costing(fitted: Any, costs: np.ndarray) -> FittedModel:
-    """A fitted model with these costs by block."""
-    return FittedModel(fitted, costs, np.zeros(0), costs, COUNTS)
+def costing(fitted: Any, costs: np.ndarray, counts: np.ndarray = COUNTS) -> FittedModel:
+    """A fitted model with these costs by block, of one channel."""
+    channel = ChannelCost(float(costs.sum()), float(counts.sum()))
+    return FittedModel(fitted, costs, np.zeros(0), costs, counts, (channel,))
 
 
 def model_fit(names: Sequence[str] = (), cost: float = 8000.0) -> FittedModel:
@@ -38,14 +39,14 @@ def model_fit(names: Sequence[str] = (), cost: float = 8000.0) -> FittedModel:
         model=model(names), estimates=(), residual=np.ones(SAMPLES), blocks=np.arange(SAMPLES) * BLOCKS // SAMPLES
     )
     costs = np.full(BLOCKS, cost / BLOCKS)
-    return FittedModel(fitted, costs, np.zeros(0), costs, COUNTS)
+    return costing(fitted, costs)
 
 
 def shaky(before: FittedModel, fall: float, scatter: float, names: Sequence[str] = ()) -> FittedModel:
     """A fitted model that costs less in all, where some blocks cost less and others more."""
     turns = np.where(np.arange(BLOCKS) % 2, scatter, -scatter)
     costs = before.costs - fall / BLOCKS - turns
-    return FittedModel(model_fit(names).fit, costs, np.zeros(0), costs, COUNTS)
+    return costing(model_fit(names).fit, costs)
 
 
 def candidate(
@@ -75,8 +76,7 @@ def candidate(
         ),
         covariance=np.eye(len(ended)),
     )
-    after = FittedModel(fitted, after.train_costs, after.test_costs, after.costs, after.residual_counts)
-    return Candidate(catalogue()[effect], before, after, p_value)
+    return Candidate(catalogue()[effect], before, costing(fitted, after.costs), p_value)
 
 
 def diagnosis_data(

@@ -23,6 +23,7 @@ from pneucli.identify.residuals import ForceBalance
 from pneucli.physics.declaration import Effect, Parameter
 from pneucli.simulate.model import Model
 from pneucli.simulate.rig_quantities import rig_quantities
+from tests.diagnose.candidates import costing
 from tests.simulate.synthetic_experiments import FRICTION, RIG, VALVE, make_experiment, time_grid
 
 BLOCKS, BLOCK_READINGS = 40, 250
@@ -31,6 +32,7 @@ LARGEST = 9.0  # value of a parameter at its bound; the typical value is 1
 MIN_SIGNIFICANCE = 1e-3  # standard errors of an effect that explains nothing
 
 RESIDUAL_MODEL: Any = SimpleNamespace(
+    channels=("force",),
     predicts_force=False,
     experiment=make_experiment("axis", time_grid(1.0), {"x": np.linspace(0.0, 0.2, 1001)}),
     is_sensitive_to=lambda effect: True,
@@ -107,7 +109,7 @@ class SyntheticData(DiagnosisData):
         """Return the fitted model with these effects."""
         variance = self.facts.variance(names)
         costs = np.full(BLOCKS, variance * BLOCK_READINGS)
-        fitted = FittedModel(self._fit(names), costs, np.zeros(0), costs, np.full(BLOCKS, BLOCK_READINGS))
+        fitted = costing(self._fit(names), costs, np.full(BLOCKS, BLOCK_READINGS))
         ratio = float(np.sqrt(variance))
         self.lack_of_fit_cache[fitted] = [LackOfFit(ForceBalance, "force", ratio, ratio, ())], []
         return fitted

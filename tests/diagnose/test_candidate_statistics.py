@@ -24,7 +24,7 @@ from pneucli.diagnose.evidence import (
     significance,
     wald_p_value,
 )
-from pneucli.diagnose.score import FittedModel
+from pneucli.diagnose.score import ChannelCost, FittedModel
 from pneucli.identify.estimation.fit import Estimate, Fit
 from pneucli.identify.estimation.parameters import FreeParameter, effect_parameters
 from pneucli.physics.effects import catalogue
@@ -195,19 +195,27 @@ def test_an_effect_of_a_modelled_part_is_not_observable() -> None:
 
 
 def test_the_sensitive_cost_is_that_of_the_sensitive_residual_models() -> None:
-    """Two fitted views of two blocks and one held out of one block."""
+    """Two fitted views of two blocks and one held out of one block, which alone has two channels."""
     residual_models = [seen("one", "two"), seen("one"), seen("two")]
     for residual_model, end in zip(residual_models, (0.3, 0.3, 0.1), strict=True):
         residual_model.experiment, residual_model.channels = SimpleNamespace(time=np.array([0.0, end])), ("force",)
+    residual_models[2].channels = ("p1", "p2")
     found = diagnosis_data(train=residual_models[:2], held_out=residual_models[2:], effects={})
     train, test = np.array([1.0, 2.0, 4.0, 8.0]), np.array([16.0])
     fit: Any = SimpleNamespace(model=None)
-    fitted = FittedModel(fit, train, test, np.concatenate([train, test]), np.array([4, 3, 2, 1, 9]))
+    channels = tuple(ChannelCost(*one) for one in [(3.0, 7.0), (12.0, 3.0), (5.0, 4.0), (11.0, 5.0)])
+    fitted = FittedModel(fit, train, test, np.concatenate([train, test]), np.array([4, 3, 2, 1, 9]), channels)
     assert found.sensitive_blocks(ONE).tolist() == [True] * 4 + [False]
     assert found.sensitive_cost(fitted, ONE) == (15.0, 10)
     assert found.sensitive_cost(fitted, TWO) == (3.0, 7)
-    assert [one[:2] for one in found.recording_costs(fitted, ONE)] == [(3.0, 7.0), (12.0, 3.0)]
-    assert [one[:2] for one in found.recording_costs(fitted, TWO)] == [(3.0, 7.0), (16.0, 9.0)]
+    costs = {
+        n: {k: [c[:2] for c in v] for k, v in found.recording_costs(fitted, e).items()}
+        for n, e in (("one", ONE), ("two", TWO))
+    }
+    assert costs == {
+        "one": {"force": [(3.0, 7.0), (12.0, 3.0)]},
+        "two": {"force": [(3.0, 7.0)], "p1": [(5.0, 4.0)], "p2": [(11.0, 5.0)]},
+    }
 
 
 def test_exclusive_channels_have_their_own_cost_and_count() -> None:

@@ -15,7 +15,6 @@ from pneucli.diagnose.evidence import (
     significance,
     wald_p_value,
 )
-from pneucli.diagnose.score import block_costs
 from pneucli.identify.estimation.fit import Fit
 from pneucli.identify.estimation.parameters import FreeParameter, effect_parameters
 from pneucli.physics.declaration import Effect
@@ -44,11 +43,6 @@ def test_blocks_without_a_reading_do_not_count():
     for costs, sparse in zip((before, after), spaced, strict=True):
         sparse[::3] = costs
     assert score_gain(*spaced) == score_gain(before, after)
-
-
-def test_the_cost_of_a_block_is_its_sum_of_squares():
-    costs = block_costs(np.array([1.0, 2.0, 3.0]), np.array([0, 0, 1]))
-    assert costs.tolist() == [5.0, 9.0]
 
 
 def test_a_fall_in_every_block_is_certain():

@@ -27,11 +27,11 @@ def view_of(n: int = 500) -> Any:
     return SimpleNamespace(experiment=e, channels=("p1", "p2"), log_determinant=lambda _: np.full(2 * n, 0.1))
 
 
-def test_a_cost_is_the_squares_and_log_determinants_of_a_block() -> None:
-    """Noise as drawn: no allowance. Two blocks of 250 samples of two channels."""
+def test_a_cost_is_the_square_and_the_log_determinant_of_a_residual() -> None:
+    """Noise as drawn: no allowance."""
     residual = np.where(np.arange(1000) < 500, 2.0, 1.0)
     found = likelihood_costs([view_of()], [{"p1": 1.0, "p2": 1.0}], residual, [{}])
-    assert found == pytest.approx([250 * 5.0 + 50.0] * 2)
+    assert found == pytest.approx(residual**2 + 0.1)
 
 
 @pytest.mark.parametrize(
@@ -56,19 +56,19 @@ def test_zero_residuals_stay_zero() -> None:
     assert not correct_for_model_noise([view_of()], [{"p1": 2.0, "p2": 2.0}], np.zeros(1000)).any()
 
 
-def test_nonzero_residuals_are_counted_by_block(
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
-    """Two blocks of 250 samples of two channels; three residuals of the first are zero."""
+def test_costs_and_counts_are_summed_by_block_and_by_channel(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Two blocks of 250 samples of two channels, the second twice as large; three residuals of the first are zero."""
     monkeypatch.setattr(
         counted, "drawn_rms", lambda model, residual_model, errors: dict.fromkeys(residual_model.channels, 1.0)
     )
-    residual_model, residual = view_of(), np.ones(1000)
+    residual_model, residual = view_of(), np.repeat([1.0, 2.0], 500)
     residual_model.initial_state_sensitivity, residual_model.states_force = lambda _: {}, False
     residual[:3] = 0.0
     found: Any = SimpleNamespace(model=model(), residual=residual, initial_state_sensitivities=[{}])
-    _, counts = fitted_costs(found, [residual_model])
+    costs, counts, channels = fitted_costs(found, [residual_model])
+    assert costs == pytest.approx([247.0 + 1000.0 + 50.0, 250.0 + 1000.0 + 50.0])
     assert counts.tolist() == [497.0, 500.0]
+    assert channels == (pytest.approx((497.0 + 50.0, 497.0)), pytest.approx((2000.0 + 50.0, 500.0)))
 
 
 # --- the flow in recordings that were not fitted
@@ -110,7 +110,7 @@ def test_a_gain_that_is_another_one_costs_little_more_than_noise(monkeypatch: py
     """Noise costs 1 a sample; 5 % of the gain cost more than 10 of them without the allowance."""
     residual_model = chamber(1.05)
     monkeypatch.setattr(counted, "drawn_rms", lambda model, residual_model, errors: {"p1": 1.0})
-    found, counts = held_out_costs([model()], [residual_model], [residual_model.initial_state_sensitivity(model())])
+    found, counts, _ = held_out_costs([model()], [residual_model], [residual_model.initial_state_sensitivity(model())])
     samples = counts.sum()
     assert samples == 2001
     assert counts.size == found.size
@@ -125,7 +125,7 @@ def test_an_error_of_another_shape_stays_in_the_cost(monkeypatch: pytest.MonkeyP
     monkeypatch.setattr(counted, "drawn_rms", lambda model, residual_model, errors: {"p1": 1.0})
     drifting = residual_model.measured["p1"] + 20.0 * NOISE * np.sin(60.0 * residual_model.experiment.time)
     residual_model.experiment.raw["p1"][:] = drifting
-    found, counts = held_out_costs([model()], [residual_model], [residual_model.initial_state_sensitivity(model())])
+    found, counts, _ = held_out_costs([model()], [residual_model], [residual_model.initial_state_sensitivity(model())])
     assert found.sum() > 100.0 * counts.sum()
 
 

@@ -10,8 +10,8 @@ import pytest
 from pneucli.diagnose.candidate import Candidate
 from pneucli.diagnose.data import DiagnosisData
 from pneucli.diagnose.equivalence import Term
-from pneucli.diagnose.score import Bounds, FittedModel, RecordingCost
-from tests.diagnose.candidates import BLOCKS, SAMPLES, candidate, diagnosis_data, model_fit
+from pneucli.diagnose.score import Bounds, ChannelCost, FittedModel, RecordingCost
+from tests.diagnose.candidates import BLOCKS, SAMPLES, candidate, costing, diagnosis_data, model_fit
 
 BENCH = diagnosis_data(held_out=False)
 BEFORE = model_fit(cost=SAMPLES + 10000.0)  # 10000 beyond noise
@@ -40,7 +40,8 @@ def test_each_recording_counts_by_its_readings_and_not_by_its_cost() -> None:
     def costing(fitted: float, held_out: float) -> FittedModel:
         costs = np.repeat([100.0 * fitted, 100.0 * held_out], BLOCKS)
         counts = np.full(2 * BLOCKS, 100.0)
-        return FittedModel(BEFORE.fit, costs[:BLOCKS], costs[BLOCKS:], costs, counts)
+        channels = tuple(ChannelCost(100.0 * BLOCKS * level, 100.0 * BLOCKS) for level in (fitted, held_out))
+        return FittedModel(BEFORE.fit, costs[:BLOCKS], costs[BLOCKS:], costs, counts, channels)
 
     def left(before: tuple[float, float], after: tuple[float, float]) -> float:
         step = replace(leaving("stribeck", 0.0), reduced=costing(*before), full=costing(*after))
@@ -50,6 +51,26 @@ def test_each_recording_counts_by_its_readings_and_not_by_its_cost() -> None:
     assert left((4.0, 400.0), (4.0, 100.0)) == pytest.approx(0.5)
     assert left((4.0, 4.0), (1.0, 8.0)) == pytest.approx(0.25**0.5 * 2.0**0.5)
     assert left((1.0, 1.0), (0.5, 0.9)) == 1.0
+
+
+def test_only_the_channel_that_the_effect_explains_best_counts(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A leak of chamber 1 removes three quarters of the variance of p1; p2 and the temperature stay. A rival that
+    removes that much of p2 removes nothing of p1.
+    """
+    costs = {"before": (400.0, 300.0), "leak": (100.0, 290.0), "rival": (400.0, 75.0)}
+
+    def read(self: DiagnosisData, one: FittedModel, effect: object) -> dict[str, list[RecordingCost]]:
+        p1, p2 = costs[names[id(one)]]
+        return {"p1": [RecordingCost(p1, 100.0, Bounds.none())], "p2": [RecordingCost(p2, 100.0, Bounds.none())]}
+
+    monkeypatch.setattr(DiagnosisData, "recording_costs", read)
+    before, leak, rival = (costing(BEFORE.fit, np.zeros(BLOCKS)) for _ in costs)
+    names = dict(zip(map(id, (before, leak, rival)), costs, strict=True))
+    step = replace(leaving("stribeck", 0.0), reduced=before, full=leak)
+    term = Term(step, (replace(leaving("extra-mass", 0.0), reduced=before, full=rival),))
+    assert term.remaining_variance(diagnosis_data()) == pytest.approx(0.25)
+    assert term.remaining_variance(diagnosis_data(), term.rivals[0]) == pytest.approx(1.0)
+    assert not term.equivalents(diagnosis_data(), complete=False)
 
 
 @pytest.mark.parametrize(("before", "after", "left"), [(300.0, 120.0, 0.4), (104.0, 100.0, 0.5)])
