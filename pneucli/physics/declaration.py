@@ -47,8 +47,8 @@ class Parameter:
         step: Smallest change with an effect on the residual, where the effect is not smooth in the parameter.
         direct: Name under which the balance of forces gives a start of its own
             (:func:`pneucli.identify.guesses.direct_friction.direct_friction`).
-        refines: Whether it stays at its null, a number, until a fit shows that it differs or the pipeline file states
-            it.
+        refines: Whether it stays at ``unrefined`` until a fit shows that it differs or the pipeline file states it.
+        unrefined: The value of a parameter that refines the effect and makes nothing vanish; None: its null.
         multiplies: The base parameter whose product with this one acts; the parameter is then a ratio
             (:func:`pneucli.identify.estimation.ratio_interval.ratio_interval`), and its null is 0.
 
@@ -66,12 +66,20 @@ class Parameter:
     step: Quantity = 0.0
     direct: str | None = None
     refines: bool = False
+    unrefined: float | None = None
     multiplies: str | None = None
 
     def __post_init__(self) -> None:
         for quantity in (self.lower, self.upper, *self.typical, self.step):
             if isinstance(quantity, str):
                 parse_scaled(quantity, self.unit)
+
+    @property
+    def value_unrefined(self) -> float | None:
+        """The value that it has until it is fitted or stated; None where it always has one of its own."""
+        if not self.refines:
+            return None
+        return self.null if isinstance(self.null, float) else self.unrefined
 
     def range_on(self, facts: RigQuantities) -> ParameterRange:
         """Return the parameter's numbers on a rig; a bound whose scale is missing is infinite.

@@ -57,6 +57,7 @@ PORTS: dict[str, Port] = {
         "W into a chamber's gas; its presence makes gas temperature a state",
         memory=True,
     ),
+    "temperature_lag": Port((), "sum", "gas", "s: time constant of the sensor of the gas temperature", memory=True),
     "supply": Port(
         ("p", "s", "p_set", "q", "k_gas", "h"),
         "state",

@@ -82,11 +82,9 @@ class Model:
         return [self._value(effect, p) for p in effect.parameters]
 
     def _value(self, effect: Effect, parameter: Parameter) -> float:
-        """Return the value of an effect's parameter; one that refines the effect may have none and is at its null."""
-        name = f"{effect.name}.{parameter.name}"
-        if parameter.refines and isinstance(parameter.null, float):
-            return self.values.get(name, parameter.null)
-        return self.values[name]
+        """Return the value of an effect's parameter; one that refines the effect may have none in this model."""
+        name, unrefined = f"{effect.name}.{parameter.name}", parameter.value_unrefined
+        return self.values[name] if unrefined is None else self.values.get(name, unrefined)
 
     def sum_of_port(self, port: str, *arguments: float) -> float:
         """Return the sum of the effects at a port, for the port's arguments."""

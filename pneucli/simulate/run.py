@@ -14,6 +14,7 @@ from pneucli.simulate import layout as at
 from pneucli.simulate.build import Kernel, build
 from pneucli.simulate.experiment import OUTPUT_COLUMNS, Experiment
 from pneucli.simulate.model import Model
+from pneucli.simulate.temperature_sensor import temperature_reading
 
 Array = NDArray[np.float64]
 
@@ -45,7 +46,11 @@ def simulate(model: Model, experiment: Experiment, inputs: Array | None = None) 
         Readings by channel in SI units, each (n,).
     """
     out = run(model, experiment, inputs)
-    return {channel: out[:, column] for channel, column in OUTPUT_COLUMNS.items()}
+    readings = {channel: out[:, column] for channel, column in OUTPUT_COLUMNS.items()}
+    lag = model.sum_of_port("temperature_lag") if "temperature" in experiment.channels else 0.0
+    if lag > 0.0:
+        readings["temperature"] = temperature_reading(experiment.time, readings["temperature"], lag)
+    return readings
 
 
 def run(model: Model, experiment: Experiment, inputs: Array | None = None) -> Array:

@@ -172,15 +172,15 @@ def fit_with_effect(
 def _refined(fitted: Fit, effect: Effect, fit_from: Callable[[Model], Fit]) -> Fit:
     """Return the fit with the parameters that refine the effect, where they show.
 
-    One shows that is far from its null and takes a share of the cost that matters.
+    One shows that is far from the value that it has otherwise, and takes a share of the cost that matters.
     """
     for p in effect.parameters:
-        name = f"{effect.name}.{p.name}"
-        if not p.refines or not isinstance(p.null, float) or name in {*fitted.model.values, *fitted.model.rig.priors}:
+        name, unrefined = f"{effect.name}.{p.name}", p.value_unrefined
+        if unrefined is None or name in {*fitted.model.values, *fitted.model.rig.priors}:
             continue
-        more = fit_from(fitted.model.with_values({name: p.null}))
+        more = fit_from(fitted.model.with_values({name: unrefined}))
         estimate = more[name]
-        differs = abs(estimate.value - p.null) > REFINEMENT_SIGMA * estimate.error and not estimate.at_bound
+        differs = abs(estimate.value - unrefined) > REFINEMENT_SIGMA * estimate.error and not estimate.at_bound
         if differs and more.cost < (1.0 - MIN_REFINEMENT_SHARE) * fitted.cost:
             fitted = more
     return fitted

@@ -3,21 +3,38 @@
 from pneucli.physics.declaration import Effect, Parameter
 
 
-def heat(T: float, T_wall: float, conductance: float) -> float:
+def heat(T: float, T_wall: float, conductance: float, sensor_time_constant: float) -> float:
     """Return the heat flow into the gas by Newton's law, with one conductance for every chamber.
 
     Args:
         T: Gas temperature in K.
         T_wall: Wall temperature in K.
         conductance: Thermal conductance in W/K.
+        sensor_time_constant: Time constant of the sensor of the gas temperature in s.
 
     Returns:
         Heat flow in W.
 
-    >>> heat(273.0, 293.0, 0.5)
+    >>> heat(273.0, 293.0, 0.5, 0.3)
     10.0
     """
     return conductance * (T_wall - T)
+
+
+def temperature_lag(conductance: float, sensor_time_constant: float) -> float:
+    """Return the time constant of the sensor of the gas temperature.
+
+    Args:
+        conductance: Thermal conductance in W/K.
+        sensor_time_constant: Time constant in s.
+
+    Returns:
+        The time constant in s.
+
+    >>> temperature_lag(0.5, 0.3)
+    0.3
+    """
+    return sensor_time_constant
 
 
 EFFECT = Effect(
@@ -34,8 +51,19 @@ EFFECT = Effect(
             ("0.03 gas conductances", "0.15 gas conductances", "0.7 gas conductances"),
             "heat conductance gas to wall",
         ),
+        Parameter(
+            "sensor_time_constant",
+            "s",
+            None,
+            0.0,
+            30.0,
+            (0.3,),
+            "time constant of a sensor of the gas temperature",
+            refines=True,
+            unrefined=0.0,
+        ),
     ),
-    ports={"heat": heat},
+    ports={"heat": heat, "temperature_lag": temperature_lag},
     equation=(
         "$\\dot Q = G (T_w - T)$; $\\dot p = \\frac{\\kappa}{V}(R T_{in} q_{in} - R T q_{out} - p A v) + "
         "\\frac{\\kappa-1}{V}\\dot Q$, with $T$ from the mass balance."
