@@ -52,7 +52,7 @@ def expected_error(
     valid = ~experiment.reversals if experiment.recording.imposed else np.ones(experiment.time.size, dtype=bool)
     segments = experiment.segments
     drawn = [
-        {c: np.bincount(segments[valid], d[valid] ** 2, segments[-1] + 1) / valid.sum() for c, d in one.items()}
+        {c: np.bincount(segments[valid], d[valid] ** 2, segments[-1] + 1) / max(valid.sum(), 1) for c, d in one.items()}
         for one in iterate_deviations(model, experiment, draws, seed)
     ]
     squares = {c: np.array([one[c] for one in drawn]) for c in experiment.channels}

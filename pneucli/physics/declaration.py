@@ -49,6 +49,7 @@ class Parameter:
             (:func:`pneucli.identify.guesses.direct_friction.direct_friction`).
         refines: Whether it stays at ``unrefined`` until a fit shows that it differs or the pipeline file states it.
         unrefined: The value of a parameter that refines the effect and makes nothing vanish; None: its null.
+        needs: Signals without which a parameter that refines the effect does not show.
         multiplies: The base parameter whose product with this one acts; the parameter is then a ratio
             (:func:`pneucli.identify.estimation.ratio_interval.ratio_interval`), and its null is 0.
 
@@ -67,6 +68,7 @@ class Parameter:
     direct: str | None = None
     refines: bool = False
     unrefined: float | None = None
+    needs: frozenset[str] = frozenset()
     multiplies: str | None = None
 
     def __post_init__(self) -> None:

@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+from typing import Any
+
 import numpy as np
 import pytest
 from scipy.signal import cont2discrete, lfilter
@@ -9,13 +12,14 @@ from scipy.signal import cont2discrete, lfilter
 from pneucli.exam.rig.excitations import valve_step
 from pneucli.exam.rig.parameters import Parameters
 from pneucli.exam.rig.simulation import simulate_rig
+from pneucli.identify.estimation import model_fit
 from pneucli.identify.estimation.fit import Fit
-from pneucli.identify.estimation.model_fit import fit_model
 from pneucli.identify.guesses.base_model import guess_base_model
 from pneucli.identify.residuals import residual_models
 from pneucli.noise import NoiseModel
 from pneucli.physics.effects import catalogue
 from pneucli.recording import Recording, Rig
+from pneucli.simulate.model import Model
 from pneucli.simulate.preparation import prepare
 
 VESSEL = Parameters(piston_area_1=0.0, piston_area_2=0.0, dead_volume_1=160e-6, heat_conductance=0.3)
@@ -43,7 +47,7 @@ def fitted(time_constant: float) -> Fit:
     rng = np.random.default_rng(3)
     experiments = [prepare(charge_and_discharge(u, time_constant, rng), RIG, 0.5) for u in (2.0, 5.0, 9.0)]
     start = guess_base_model(experiments, RIG)
-    return fit_model(start, residual_models(experiments), [catalogue()["heat-transfer"]])
+    return model_fit.fit_model(start, residual_models(experiments), [catalogue()["heat-transfer"]])
 
 
 def test_the_time_constant_of_a_slow_sensor_is_found_beside_the_heat() -> None:
@@ -57,3 +61,23 @@ def test_a_fast_sensor_has_no_time_constant() -> None:
     found = fitted(0.0)
     assert SENSOR not in {e.name for e in found.estimates}
     assert found["heat-transfer.conductance"].value == pytest.approx(0.3, rel=0.05)
+
+
+def test_without_a_recorded_temperature_no_time_constant_is_sought(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Each fit of it would take as long as that of the heat."""
+    rng, starts = np.random.default_rng(3), []
+    tests = [charge_and_discharge(u, 0.4, rng) for u in (2.0, 9.0)]
+    tests = [replace(one, signals={n: s for n, s in one.signals.items() if n != "temperature"}) for one in tests]
+    experiments = [prepare(one, RIG, 0.5) for one in tests]
+    real = model_fit.fit
+
+    def noted(model: Model, *given: Any, **more: Any) -> Fit:
+        starts.append(SENSOR in model.values)
+        return real(model, *given, **more)
+
+    monkeypatch.setattr(model_fit, "fit", noted)
+    model_fit.fit_model(
+        guess_base_model(experiments, RIG), residual_models(experiments), [catalogue()["heat-transfer"]]
+    )
+    assert starts
+    assert not any(starts)

@@ -22,7 +22,7 @@ from pneucli.identify.estimation.profile import lower_profile_minimum
 from pneucli.identify.estimation.score_test import ScoreTest, scaled_initial_guess, score_tests
 from pneucli.identify.guesses.valve_areas import guess_overlap
 from pneucli.identify.residuals import ResidualModel
-from pneucli.physics.declaration import Effect
+from pneucli.physics.declaration import Effect, Parameter
 from pneucli.simulate.model import Model, parameter_value, with_effect, with_parameters
 from pneucli.simulate.rig_quantities import rig_quantities
 from pneucli.simulate.valve_forms.area import ValveArea
@@ -166,15 +166,17 @@ def fit_with_effect(
     profile_minimum = lower_profile_minimum(first, residual_models, effect, quantities)
     if profile_minimum is not None:
         first = min(first, completed(draft_from(first.model.with_values(profile_minimum))), key=lambda f: f.cost)
-    return _refined(first, effect, lambda start: completed(draft_from(start)))
+    recorded = [one.experiment.recording.signals.keys() for one in affected]
+    can_show = [p for p in effect.parameters if any(p.needs <= signals for signals in recorded)]
+    return _refined(first, effect, can_show, lambda start: completed(draft_from(start)))
 
 
-def _refined(fitted: Fit, effect: Effect, fit_from: Callable[[Model], Fit]) -> Fit:
-    """Return the fit with the parameters that refine the effect, where they show.
+def _refined(fitted: Fit, effect: Effect, parameters: Sequence[Parameter], fit_from: Callable[[Model], Fit]) -> Fit:
+    """Return the fit with those of the effect's parameters that refine it, where they show.
 
     One shows that is far from the value that it has otherwise, and takes a share of the cost that matters.
     """
-    for p in effect.parameters:
+    for p in parameters:
         name, unrefined = f"{effect.name}.{p.name}", p.value_unrefined
         if unrefined is None or name in {*fitted.model.values, *fitted.model.rig.priors}:
             continue

@@ -61,6 +61,7 @@ EFFECT = Effect(
             "time constant of a sensor of the gas temperature",
             refines=True,
             unrefined=0.0,
+            needs=frozenset({"temperature"}),
         ),
     ),
     ports={"heat": heat, "temperature_lag": temperature_lag},
