@@ -174,22 +174,22 @@ class DiagnosisData:
 
     def fitted_model(self, fit: Fit) -> FittedModel:
         """Return a fit with its costs."""
-        train, counts, channels = fitted_costs(fit, self.train)
+        train = fitted_costs(fit, self.train)
         if not self.held_out and not self.folds:
-            return FittedModel(fit, train, np.zeros(0), train, counts, channels)
+            return FittedModel(fit, train.by_block, np.zeros(0), train.by_block, train.residual_counts, train.channels)
         if self.folds:
             models = leave_one_out_models(fit, self.train, self.folds)
-            test, _, channels = held_out_costs(models, self.train, fit.initial_state_sensitivities)
-            return FittedModel(fit, train, test, test, counts, channels)
+            test = held_out_costs(models, self.train, fit.initial_state_sensitivities)
+            return FittedModel(fit, train.by_block, test.by_block, test.by_block, train.residual_counts, test.channels)
         sensitivities = [m.initial_state_sensitivity(fit.model) for m in self.held_out]
         test = held_out_costs([fit.model] * len(sensitivities), self.held_out, sensitivities)
         return FittedModel(
             fit,
-            train,
+            train.by_block,
             test.by_block,
-            np.concatenate([train, test.by_block]),
-            np.concatenate([counts, test.residual_counts]),
-            (*channels, *test.channels),
+            np.concatenate([train.by_block, test.by_block]),
+            np.concatenate([train.residual_counts, test.residual_counts]),
+            (*train.channels, *test.channels),
         )
 
     def has_initial_guess(self, fitted: FittedModel, effect: Effect) -> bool:

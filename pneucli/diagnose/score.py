@@ -119,8 +119,9 @@ def held_out_costs(
 def _summed(residual_models: Sequence[ResidualModel], costs: Array, residual: Array) -> Costs:
     """Sum the costs (N,) of residuals (N,) by block and by channel; zeros are residuals that do not count."""
     blocks, counted = block_labels(residual_models), (residual != 0.0).astype(np.float64)
+    by_block, counts = (np.bincount(blocks, weights=one).astype(np.float64) for one in (costs, counted))
     channels = [ChannelCost(float(costs[r].sum()), float(counted[r].sum())) for r in channel_slices(residual_models)]
-    return Costs(np.bincount(blocks, costs), np.bincount(blocks, counted), tuple(channels))
+    return Costs(by_block, counts, tuple(channels))
 
 
 def likelihood_costs(

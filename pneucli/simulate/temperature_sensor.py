@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -34,7 +36,7 @@ def temperature_reading(time: Array, temperature: Array, time_constant: float) -
     return reading
 
 
-_lag = compiled(nogil=True)(first_order_lag)
+_lag: Callable[..., float] = compiled(nogil=True)(first_order_lag)
 
 
 @compiled(nogil=True)
