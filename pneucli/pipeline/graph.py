@@ -99,7 +99,16 @@ _ALL_STAGES = (
         files=("recordings", "controller"),
         answer_paths=(
             *("horizon_s", "model.effects", "model.parameters", "channels", "error.train", "error.test", "where"),
-            *("data", "number", "when", "closed_loop", "purpose.adequate", "purpose.worst"),
+            *(
+                "error_limit.train",
+                "error_limit.test",
+                "data",
+                "number",
+                "when",
+                "closed_loop",
+                "purpose.adequate",
+                "purpose.worst",
+            ),
         ),
     ),
     Stage(

@@ -89,7 +89,8 @@ changes = st.builds(Change, *(st.floats(-1.0, 1.0).map(lambda power: 10.0**power
 def test_bounds_starts_and_steps_scale_by_their_dimension(change: Change) -> None:
     model = Model(RIG, (), FRICTION, VALVE)
     here, there = rig_quantities(model), rig_quantities(change.model(model))
-    for parameter in [*BASE_PARAMETERS.values(), *(p for e in catalogue().values() for p in e.parameters)]:
+    of_effects = (p for e in catalogue().values() for p in e.parameters if not p.needs)  # a sensor has its own size
+    for parameter in [*BASE_PARAMETERS.values(), *of_effects]:
         mine, theirs = parameter.range_on(here), parameter.range_on(there)
         factor = change.of(parameter.unit)
         numbers = [
@@ -219,7 +220,11 @@ def test_an_effect_of_typical_size_is_found_on_small_and_large_rigs(effect: Effe
         base = replace(base, valve=LinearValve(0.1 * max(base.valve(np.array([10.0]))), 10.0))
     mechanical = (effect.part == "cylinder" and "leak_1_2" not in effect.ports) or "read_a" in effect.ports
     facts = rig_quantities(base, [driven(base) if mechanical else piloted(base)])
-    values = {f"{effect.name}.{p.name}": p.range_on(facts).typical[len(p.typical) // 2] for p in effect.parameters}
+    values = {
+        f"{effect.name}.{p.name}": p.range_on(facts).typical[len(p.typical) // 2]
+        for p in effect.parameters
+        if not p.needs
+    }
     true = replace(base, effects=(effect,), values={**base.values, **values})
     found = fitted(base, driven(true) if mechanical else piloted(true, effect), [effect])
     for name, value in values.items():

@@ -236,7 +236,7 @@ class View:
 
     def __init__(self, wave: np.ndarray, felt: bool = True) -> None:
         self.wave, self.felt = wave, felt
-        recording = SimpleNamespace(name="run 7", kind=SimpleNamespace(valve=False))
+        recording = SimpleNamespace(name="run 7", kind=SimpleNamespace(valve=False), signals={})
         self.experiment = SimpleNamespace(
             time=np.arange(wave.size), horizon=1.0, raw={}, signal_ranges=EXTENT, recording=recording
         )
