@@ -39,6 +39,7 @@ from pneucli.identify.estimation.score_test import ScoreTest, initial_guesses, s
 from pneucli.identify.guesses.base_model import guess_base_model
 from pneucli.identify.residuals import ResidualModel
 from pneucli.physics.declaration import Effect
+from pneucli.physics.sides import declared_name
 from pneucli.simulate.experiment import Experiment
 from pneucli.simulate.model import Model, parameter_value, with_effect
 from pneucli.simulate.rig_quantities import rig_quantities
@@ -157,18 +158,13 @@ def first_round(case: Path) -> Screened:
     seconds = time.process_time() - begun
     share = {e.name: tests[0].gain / max(data.sensitive_cost(fitted, e)[0], 1e-300) for e, tests in screened}
     ranked = sorted(screened, key=lambda one: -share[one[0].name])
-    refitted = frozenset(base_name(e.name) for e, _ in score_test_screen(data, fitted, screened))
+    refitted = frozenset(declared_name(e.name) for e, _ in score_test_screen(data, fitted, screened))
     return Screened(data, fitted, {e.name: t[0] for e, t in ranked if t[0].gain > MIN_CHI2}, refitted, seconds)
-
-
-def base_name(effect: str) -> str:
-    """Return the name of an effect for both sides."""
-    return effect.partition(":")[0]
 
 
 def rank(tests: Ranked, names: set[str]) -> int:
     """Return the rank of the first of some effects, each counted once for both sides; 0 where none is ranked."""
-    order = list(dict.fromkeys(map(base_name, tests)))
+    order = list(dict.fromkeys(map(declared_name, tests)))
     return next((i for i, name in enumerate(order, 1) if name in names), 0)
 
 
@@ -189,7 +185,7 @@ class Row(NamedTuple):
 def row(effect: Effect, known: Mapping[str, float], first: Screened, ways: Sequence[Ranked]) -> Row:
     """Return the row of a true effect whose parameters are known, from rankings at the given model."""
     model, p = first.fitted.model, effect.main_parameters[0].name
-    own = {base_name(effect.name)}
+    own = {declared_name(effect.name)}
     alike = own | {*effect.twins}
     facts = rig_quantities(model, [m.experiment for m in first.data.train])
 

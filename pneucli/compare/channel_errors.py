@@ -54,11 +54,6 @@ class Comparison:
         """Return measured minus model, NaN where nothing was measured."""
         return self.measured[channel] - self.modelled[channel]
 
-    @property
-    def segment(self) -> NDArray[np.int64]:
-        """Number of the restart that each sample follows."""
-        return self.experiment.segments
-
 
 def compare(model: Model, experiment: Experiment, noise: dict[str, float] | None = None) -> Comparison:
     """Compare a model with one experiment.

@@ -49,10 +49,10 @@ def expected_error(
     Returns:
         The error; its rms is at least the noise of the channel's sensor.
     """
-    valid = ~experiment.reversals if experiment.recording.imposed else np.ones(experiment.time.size, dtype=bool)
-    segments = experiment.segments
+    valid = ~experiment.reversals if experiment.recording.imposed else slice(None)
+    segments, count = experiment.segments[valid], experiment.restarts.size
     drawn = [
-        {c: np.bincount(segments[valid], d[valid] ** 2, segments[-1] + 1) / max(valid.sum(), 1) for c, d in one.items()}
+        {c: np.bincount(segments, d[valid] ** 2, count) / max(segments.size, 1) for c, d in one.items()}
         for one in iterate_deviations(model, experiment, draws, seed)
     ]
     squares = {c: np.array([one[c] for one in drawn]) for c in experiment.channels}

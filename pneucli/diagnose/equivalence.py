@@ -105,17 +105,18 @@ class Term:
 
     def _variance_ratios(self, data: DiagnosisData, candidate: Candidate) -> dict[str, float]:
         """Return the ratio of the variances by channel; exclusive channels, which measure the effect, count as one."""
-        before, after = (self._costs(data, fitted) for fitted in (candidate.reduced, candidate.full))
+        effect, exclusive = self.candidate.effect, self.is_measured_exclusively(data)
+
+        def costs_of(fitted: FittedModel) -> dict[str, list[RecordingCost]]:
+            if not exclusive:
+                return data.recording_costs(fitted, effect)
+            return {"exclusive": [c for c in data.exclusive_channel_costs(fitted, effect) if c.residual_count]}
+
+        before, after = costs_of(candidate.reduced), costs_of(candidate.full)
         gains = {name: _log_variance(after.get(name, [])) - _log_variance(costs) for name, costs in before.items()}
         return {
             name: math.exp(gains[name] / math.fsum(c.residual_count for c in costs)) for name, costs in before.items()
         }
-
-    def _costs(self, data: DiagnosisData, fitted: FittedModel) -> dict[str, list[RecordingCost]]:
-        effect = self.candidate.effect
-        if not self.is_measured_exclusively(data):
-            return data.recording_costs(fitted, effect)
-        return {"exclusive": [c for c in data.exclusive_channel_costs(fitted, effect) if c.residual_count]}
 
 
 def _log_variance(costs: Sequence[RecordingCost]) -> float:

@@ -56,6 +56,12 @@ def evaluation_error(errors: Row) -> tuple[str, float | None]:
     return use, errors.get(use)
 
 
+def overall_rating(answer: Row) -> str:
+    """Return the rating of the error that the model is judged by, with the limit of a correct model."""
+    use, error = evaluation_error(answer.get("error", {}))
+    return rating(error, answer.get("error_limit", {}).get(use))
+
+
 def verdict(answer: Row) -> str:
     """Return the error against the noise floor, of the test recordings where there are any."""
     errors = answer.get("error", {})
@@ -63,7 +69,7 @@ def verdict(answer: Row) -> str:
     if error is None:
         return "no channel was compared"
     limit = answer.get("error_limit", {}).get(use)
-    rated = rating(error, limit)
+    rated = overall_rating(answer)
     notes = []
     if use == "test" and errors.get("train") is not None:
         notes.append(f"{format_noise_ratio(errors['train'])} on those fitted")
@@ -88,7 +94,7 @@ def worst_channel_sentence(answer: Row) -> str:
 
 def even_error_sentence(answer: Row) -> str:
     """Return what it means that no region holds more of the error than of the samples."""
-    if rating(evaluation_error(answer.get("error", {}))[1]) == "bad":
+    if overall_rating(answer) == "bad":
         return "The error is spread over all samples: no interval stands out."
     return "No channel exceeds its noise notably."
 

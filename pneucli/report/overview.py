@@ -125,7 +125,7 @@ def _model(material: ReportData) -> Tile | None:
         text += " No recording was held out: this is the error of the fitted recordings."
     elif worst := compare.worst_channel_sentence(answer):
         text += f" Worst: {worst}."
-    return Tile("The model", large, _capital(text), compare.rating(error, answer.get("error_limit", {}).get(use)))
+    return Tile("The model", large, _capital(text), compare.overall_rating(answer))
 
 
 def _stated_probability(material: ReportData, added: Sequence[str]) -> str:

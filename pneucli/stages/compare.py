@@ -134,7 +134,7 @@ def _write_residuals(study: PipelineData, comparisons: Sequence[Comparison], flo
                     "measured": c.measured[result.channel],
                     "model": c.modelled[result.channel],
                     "residual": c.residual(result.channel),
-                    "segment": c.segment.astype(np.float64),
+                    "segment": c.experiment.segments.astype(np.float64),
                 }
                 writer.write(columns)
         write_flow_residuals(flows, writer)

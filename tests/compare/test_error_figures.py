@@ -50,7 +50,7 @@ def test_undefined_figures_are_nan() -> None:
 
 def test_every_sample_has_the_number_of_its_restart() -> None:
     e = make_experiment("axis", time_grid(0.006), {"u": 0.0}, restarts=(0, 3, 5))
-    assert Comparison(e, (), {}, {}).segment.tolist() == [0, 0, 0, 1, 1, 2, 2]
+    assert e.segments.tolist() == [0, 0, 0, 1, 1, 2, 2]
 
 
 def test_the_residual_is_measured_minus_modelled() -> None:

@@ -73,8 +73,7 @@ def section(material: ReportData) -> Section | None:
 
 
 def _even_error(answer: Mapping[str, Any]) -> Note:
-    use, error = compare.evaluation_error(answer["error"])
-    good = compare.rating(error, answer.get("error_limit", {}).get(use)) == "good"
+    good = compare.overall_rating(answer) == "good"
     return Note(compare.even_error_sentence(answer), "good" if good else "")
 
 
