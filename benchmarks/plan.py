@@ -39,6 +39,7 @@ from pneucli.exam.rig.excitations import closed_loop
 from pneucli.exam.rig.imposed_motion import MotionMachine
 from pneucli.exam.rig.parameters import Parameters
 from pneucli.exam.rig.simulation import Excitation
+from pneucli.physics.sides import declared_name
 from pneucli.plan.information import Information
 from pneucli.plan.manoeuvres import candidate_manoeuvres
 from pneucli.plan.selection import Chosen
@@ -65,13 +66,13 @@ class Answer:
     @classmethod
     def of(cls, diagnosis: Mapping[str, Any], truth: Mapping[str, Any]) -> Answer:
         """Grade a diagnosis."""
-        hidden = {name.partition(":")[0] for name in truth["hidden"]}
+        hidden = {declared_name(name) for name in truth["hidden"]}
         sets = [
-            {n.partition(":")[0] for n in (c["effect"], *c["indistinguishable_from"])}
+            {declared_name(n) for n in (c["effect"], *c["indistinguishable_from"])}
             for c in diagnosis["candidates"]
             if c["effect"] in diagnosis["missing"]
         ]
-        named = {n.partition(":")[0] for n in diagnosis["missing"]}
+        named = {declared_name(n) for n in diagnosis["missing"]}
         answered = set().union(*sets) if sets else set()
         return cls(bool(hidden) and hidden <= answered, bool(hidden) and hidden <= named,
                    sum(not (one & hidden) for one in sets))  # fmt: skip

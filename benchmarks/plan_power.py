@@ -31,6 +31,7 @@ from pneucli.exam.laboratory import Laboratory
 from pneucli.exam.planned_recordings import planned_recordings, read_commands
 from pneucli.identify.estimation.model_fit import fit_model
 from pneucli.identify.guesses.base_model import guess_base_model
+from pneucli.physics.sides import declared_name
 from pneucli.plan.deviation import ExpectedDeviation, expected_deviations
 
 EFFECTS = ("chamber-leak", "valve-lag", "pressure-offset", "constant-force")
@@ -115,8 +116,8 @@ def answered(folder: Path, name: str) -> dict[str, Any]:
     """Return whether a diagnosis names an effect, or one that is indistinguishable from it."""
     answer = pneucli(folder, "diagnose", "pipeline.toml")
     named = {c["effect"]: c for c in answer["candidates"] if c["effect"] in answer["missing"]}
-    alike = {n.partition(":")[0] for c in named.values() for n in (c["effect"], *c["indistinguishable_from"])}
-    entry = next((c for c in answer["candidates"] if c["effect"].partition(":")[0] == name), {})
+    alike = {declared_name(n) for c in named.values() for n in (c["effect"], *c["indistinguishable_from"])}
+    entry = next((c for c in answer["candidates"] if declared_name(c["effect"]) == name), {})
     return {"effect": name, "found": name in alike, "missing": answer["missing"], "reason": entry.get("reason")}
 
 

@@ -41,6 +41,7 @@ from pneucli.identify.guesses.base_model import guess_base_model
 from pneucli.identify.residuals import ResidualModel, residual_models
 from pneucli.physics.declaration import Effect
 from pneucli.physics.effects import catalogue
+from pneucli.physics.sides import declared_name
 from pneucli.pipeline.context import Context
 from pneucli.pipeline.manifest import read_manifest
 from pneucli.plan.bench import Bench, recorded_benches
@@ -179,16 +180,11 @@ def promised_power(folder: Path, hidden: str) -> tuple[str, dict[str, dict[str, 
     manifest = read_manifest(folder / "case" / OUT / "plan")
     assert manifest is not None
     answer = manifest.answer or {}
-    own = [e for e in answer["expected"] if plain(e["effect"]) == plain(hidden)]
+    own = [e for e in answer["expected"] if declared_name(e["effect"]) == declared_name(hidden)]
     names = ", ".join(e["rival"] for e in own) or "no"
     powers = ", ".join(f"{e['power']:.0%}" for e in own) or "–"
     kinds = {r["name"]: manoeuvre_kind(r) for r in answer["recordings"]}
     return f"{names} | {powers}", kinds
-
-
-def plain(effect: str) -> str:
-    """Return the name of an effect without its side."""
-    return effect.partition(":")[0]
 
 
 def recording_rows(folder: Path, hidden: str, kinds: Mapping[str, dict[str, str]]) -> Iterator[dict[str, Any]]:
@@ -279,7 +275,9 @@ def promise_of(case: Path, hidden: str) -> Promise:
         return Promise(
             study.best.model,
             {r.name: r.model for r in rivals},
-            frozenset(r.name for r in rivals if r.effect is not None and plain(r.effect.name) == plain(hidden)),
+            frozenset(
+                r.name for r in rivals if r.effect is not None and declared_name(r.effect.name) == declared_name(hidden)
+            ),
             study.best.free,
             study.best.covariance,
             study.deviations,
