@@ -20,7 +20,7 @@ from pneucli.plausibility.required_inputs import assumptions, required_inputs
 from pneucli.recording import Recording
 from pneucli.stages.flow_units import flow_unit_assumptions
 from pneucli.stages.ingest import open_recording, recorded_signals
-from pneucli.stages.parameter_priors import with_started_supply
+from pneucli.stages.parameter_priors import parameter_priors, with_started_supply
 
 Answer = dict[str, Any]
 TO_FILL_IN = "is to be filled in"  # ends what is said of a value with a "?"
@@ -39,6 +39,7 @@ def check_pipeline(path: Path) -> Answer:
     if not config.model.plugins:  # which would be run to tell the names of their effects
         where = f"{path}, key model.effects"
         _attempt(lambda: select_effects(config.model.effects, all_effects(), where), faults)
+        _attempt(lambda: parameter_priors(config, all_effects()), faults)
     recordings = [found[0] for _, found in rows if found is not None]
     rig = _attempt(lambda: with_started_supply(config.to_rig(), config), faults) or config.to_rig()
     needs = required_inputs(recordings, rig) if recordings else []

@@ -91,6 +91,17 @@ def test_what_waits_to_be_filled_in_does_not_hide_the_rest(pneucli: Command, str
     assert answer["missing"] == []
 
 
+def test_a_parameter_in_a_unit_of_another_quantity_is_named_with_exit_2(pneucli: Command, strokes: Path) -> None:
+    """What identify would refuse, before anything is read whole."""
+    stated = '[model.parameters]\n"friction.viscous" = { fixed = "3 bar" }\n[signals]'
+    strokes.write_text(FRICTION.replace("[signals]", stated, 1))
+    result = pneucli("check", strokes, "--json")
+    assert result.code == 2
+    (fault,) = json.loads(result.out)["faults"]
+    assert fault["where"].endswith('key model.parameters."friction.viscous".fixed')
+    assert fault["found"] == '"3 bar" has not the dimension of N s/m'
+
+
 def test_no_stage_is_run_and_nothing_is_written(pneucli: Command, strokes: Path) -> None:
     before = sorted(strokes.parent.rglob("*"))
     pneucli("check", strokes)

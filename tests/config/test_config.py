@@ -136,6 +136,12 @@ def test_environment_variables_lead_to_files(tmp_path: Path, monkeypatch: pytest
         ('name = "step"', 'decimal = ","\ndelimiter = ","', 14, "decimal mark"),
         ('[rig.vessel]\nvolume = "160 cm^3"', "[[rig.vessel]]", 6, "wanted: a table"),
         ("[pipeline]", 'compare = ["0.5 s"]\n[pipeline]', 1, "wanted: a table"),
+        (
+            "[checks]",
+            '[model.parameters]\n"friction.viscous" = "45 N s/m"\n[checks]',
+            29,
+            'mend: write { fixed = "45 N s/m" }, or another of its keys: start, min, max, sigma',
+        ),
         ("[checks]", f"[design]\nx = {'[' * 20}{']' * 20}\n[checks]", 29, "tables in tables"),
     ],
 )
