@@ -13,6 +13,7 @@ import matplotlib
 import numpy as np
 from cycler import cycler
 from matplotlib.axes import Axes
+from matplotlib.backends.backend_svg import FigureCanvasSVG
 from matplotlib.colorbar import Colorbar
 from matplotlib.colors import LinearSegmentedColormap
 from matplotlib.figure import Figure as Canvas
@@ -43,6 +44,7 @@ _STYLE: Any = {
     **dict.fromkeys(("text.color", "axes.edgecolor", "axes.labelcolor", "xtick.color", "ytick.color"), TEXT_COLOUR),
     **dict.fromkeys(("figure.facecolor", "axes.facecolor", "savefig.facecolor"), "none"),
 }
+RASTER_DPI = 150
 WIDTH, HEIGHT = 4.6, 3.1  # inches; one fits on a telephone, two next to each other on a desk
 _MIDDLE = LinearSegmentedColormap.from_list("middle", matplotlib.colormaps["viridis"](np.linspace(0.18, 0.88, 64)))
 
@@ -85,7 +87,9 @@ def figures(drawings: Sequence[Drawing]) -> list[Figure]:
 
 def _svg(canvas: Canvas) -> str:
     text = io.StringIO()
-    canvas.savefig(text, format="svg", metadata={"Date": None, "Creator": None}, dpi=150)
+    canvas.set_dpi(RASTER_DPI)
+    # not savefig, which draws everything once more beforehand
+    FigureCanvasSVG(canvas).print_svg(text, metadata={"Date": None, "Creator": None})
     svg = text.getvalue()
     svg = svg[svg.index("<svg") :].replace(TEXT_COLOUR, "currentColor")
     svg = re.sub(r"<metadata>.*?</metadata>", "", svg, flags=re.DOTALL)

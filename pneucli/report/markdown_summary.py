@@ -13,14 +13,19 @@ from pneucli.report.report_data import ReportData
 Row = Sequence[object]
 
 
-def to_markdown(material: ReportData) -> str:
-    """Return overview, history, checks, errors and their location, selection path, parameters and warnings."""
-    return "\n".join(_lines(material)) + "\n"
+def to_markdown(material: ReportData, first: Overview | None = None) -> str:
+    """Return overview, history, checks, errors and their location, selection path, parameters and warnings.
+
+    Args:
+        material: What is reported.
+        first: The overview of it, where the page has it already.
+    """
+    return "\n".join(_lines(material, first or overview(material))) + "\n"
 
 
-def _lines(material: ReportData) -> Iterator[str]:
+def _lines(material: ReportData, first: Overview) -> Iterator[str]:
     yield f"# {material.name}"
-    yield from (line for text in _overview_lines(overview(material)) for line in ("", text))
+    yield from (line for text in _overview_lines(first) for line in ("", text))
     if len(material.history) > 1:
         rows = [
             (

@@ -28,10 +28,10 @@ def build_sections(material: ReportData) -> list[Section]:
     return [section for make in SECTIONS if (section := make(material)) is not None]
 
 
-def to_html(material: ReportData, sections: Sequence[Section] | None = None) -> str:
-    """Return the page with the given sections, by default with all of the material."""
+def to_html(material: ReportData, sections: Sequence[Section] | None = None, first: Overview | None = None) -> str:
+    """Return the page with the given sections and the given overview, by default with all of the material."""
     sections = build_sections(material) if sections is None else sections
-    return render_page(material.name, overview(material), sections, material.footer)
+    return render_page(material.name, first or overview(material), sections, material.footer)
 
 
 def render_page(name: str, front: Overview, sections: Sequence[Section], about: Mapping[str, str]) -> str:

@@ -25,6 +25,7 @@ from pneucli.report import (
     to_junit,
     to_markdown,
 )
+from pneucli.report.overview import overview
 from pneucli.report.page_elements import Section
 from pneucli.stages import history
 from pneucli.stages.closed_loop_checks import closed_loop_checks
@@ -47,11 +48,12 @@ def run(context: Context) -> dict[str, Any]:
     material = replace(material, file=context.path.name, **_earlier_models(context.artifacts))
     context.progress("drawing", 0.3)
     sections = build_sections(material)
-    page = to_html(material, sections)
+    first = overview(material)
+    page = to_html(material, sections, first)
     tables_written = _write_tables(context, sections)
     for name, text in (
         ("report.html", page),
-        ("summary.md", to_markdown(material)),
+        ("summary.md", to_markdown(material, first)),
         ("junit.xml", to_junit(material.name, [*checks, *defaults])),
     ):
         with atomic_path(context.out / name) as path:

@@ -16,6 +16,7 @@ from pneucli.messages import run
 from pneucli.messages.verdict import detection_limit_sentence, location_phrase, verdict_sentence, warning_text
 from pneucli.report import to_html
 from pneucli.report.markdown_summary import to_markdown
+from pneucli.report.sections.diagnosis import section as diagnosis
 from tests.report.bench import whole
 
 REST = {
@@ -133,7 +134,10 @@ def test_terminal_summary_page_and_fleet_show_the_same_sentence(case: str) -> No
     sentence = answer["sentence"]
     report = whole()
     report = replace(report, answers=report.answers | {"diagnose": answer})
-    text = html.unescape(re.sub(r"<script.*?</script>|<[^>]+>", " ", to_html(report), flags=re.DOTALL))
+    evidence = diagnosis(report)
+    assert evidence is not None
+    page = to_html(report, [evidence])  # no other section shows a diagnosis
+    text = html.unescape(re.sub(r"<script.*?</script>|<[^>]+>", " ", page, flags=re.DOTALL))
     assert one_line(messages.render("diagnose", answer, "a.toml")).startswith(f"found {sentence}")
     assert f"found {sentence} " in one_line("\n".join(run.lines({"diagnose": answer}, [], [], "r.html", "a.toml")))
     assert sentence in to_markdown(report)

@@ -11,7 +11,6 @@ import numpy as np
 from matplotlib.colors import LogNorm
 from matplotlib.ticker import FuncFormatter, NullFormatter
 from numpy.typing import NDArray
-from scipy.signal import savgol_filter
 
 from pneucli.messages import compare
 from pneucli.messages.formatting import (
@@ -129,6 +128,8 @@ def _states(signals: Table, speed: Array | None) -> dict[str, Array]:
     if speed is not None:
         states["v"] = speed
     elif "x" in states and "v" not in states and len(signals) > 50:
+        from scipy.signal import savgol_filter  # noqa: PLC0415 - slow to import, and most recordings have a velocity
+
         period = float(np.median(np.diff(signals["time"])))
         states["v"] = np.asarray(savgol_filter(states["x"], 21, 2, deriv=1, delta=period))
     return states
