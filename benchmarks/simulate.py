@@ -228,7 +228,8 @@ def lsoda(kernel: Kernel, samples: int) -> Callable[[], Array]:
 
 def smoothed_rates(kernel: Kernel) -> Callable[..., Array]:
     """Rates of x, v, p1, p2 with tanh for the sign of friction, compiled."""
-    flow, k_gas = kernel.functions.orifice_flow, math.sqrt(2.0 / (BASE[at.GAS] * BASE[at.TEMP]))
+    flow = sys.modules[kernel.run.__module__].orifice_flow  # which compiled functions may call, and Python may not
+    k_gas = math.sqrt(2.0 / (BASE[at.GAS] * BASE[at.TEMP]))
 
     @njit(error_model="numpy")  # type: ignore[untyped-decorator]
     def rates(s: Array, t: float, u: float, area: float, b: Array) -> Array:

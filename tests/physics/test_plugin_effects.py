@@ -80,7 +80,10 @@ def test_helpers_and_constants_of_the_file_are_compiled_with_it(tmp_path: Path) 
     )
     effect = load_plugin(written(tmp_path, text))
     kernel = build((effect,))
-    assert kernel.functions.force(0.1, 3.0, 0.2, np.array([2.0, 0.0]), np.array([1, 0], dtype=np.uint8)) == -3.0
+    base, force = np.zeros(len(at.BASE_NAMES)), np.zeros(1)
+    on = kernel.effect_switches([effect.name])
+    kernel.functions.run_forces(np.array([0.1]), np.array([3.0]), base, np.array([2.0, 0.0]), on, force)
+    assert force == -3.0
 
 
 def test_two_files_may_have_helpers_of_the_same_name(tmp_path: Path) -> None:

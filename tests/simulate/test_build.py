@@ -13,7 +13,7 @@ from pneucli.executors import map_in_threads
 from pneucli.physics.effects import catalogue, load_plugin
 from pneucli.simulate import build as kernels
 from pneucli.simulate import layout as at
-from pneucli.simulate.build import Kernel, build
+from pneucli.simulate.build import ENTRY_POINTS, Kernel, build
 from pneucli.simulate.experiment import Experiment
 from pneucli.simulate.model import Model
 from pneucli.simulate.run import area_tables, base_vector, effects_by_name, kernel_for, run
@@ -101,6 +101,11 @@ def test_parallel_runs_equal_sequential_runs_in_order() -> None:
     jobs = [(model((), {"friction.coulomb": f}), RUNS["axis"]()) for f in np.linspace(5.0, 30.0, 20)]
     for (one, experiment), out in zip(jobs, map_in_threads(lambda job: run(*job), jobs, 3), strict=True):
         assert np.array_equal(run(one, experiment), out)
+
+
+def test_python_reaches_no_compiled_function_but_the_entry_points() -> None:
+    """Another one has no wrapper, and would end the process."""
+    assert sorted(vars(kernel_for(()).functions)) == sorted(ENTRY_POINTS)
 
 
 def test_the_controller_in_the_loop_sees_the_sample_and_its_command_is_held() -> None:
