@@ -125,13 +125,16 @@ def _relative_difference_error(fitted: Fit, name: str, other: str) -> float:
 
 
 def raises_held_out_error(data: DiagnosisData, candidate: Candidate) -> bool:
-    """Whether the free-run error on held-out recordings is larger with the effect than without it.
+    """Whether the free-run error on held-out recordings is larger with the effect than without it, in units of one.
 
     It is that of the fitted recordings where none is held out.
     """
     if data.free_run_errors is None:
         return False
-    before, after = (held_out_error(data.free_run_errors(one.model)) for one in (candidate.reduced, candidate.full))
+    reference = candidate.reduced.model
+    before, after = (
+        held_out_error(data.free_run_errors(one.model, reference)) for one in (candidate.reduced, candidate.full)
+    )
     return before is not None and after is not None and after > MIN_ERROR_RISE * before
 
 

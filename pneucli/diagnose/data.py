@@ -18,7 +18,7 @@ from pneucli.diagnose.cross_validation import leave_one_out_models
 from pneucli.diagnose.evidence import gain_p_value, wald_p_value
 from pneucli.diagnose.score import (
     Bounds,
-    ErrorsByUse,
+    ErrorsOfModel,
     FittedModel,
     RecordingCost,
     bounds_of,
@@ -87,7 +87,7 @@ class DiagnosisData:
     base_effects: tuple[str, ...] = ()
     progress: Callable[[str], None] = field(default=lambda _: None)
     folds: tuple[int, ...] = ()
-    free_run_errors: Callable[[Model], ErrorsByUse] | None = None
+    free_run_errors: ErrorsOfModel | None = None
     implausible: bool = False
     run_refits: RunRefits = run_locally
 

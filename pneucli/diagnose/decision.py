@@ -69,9 +69,10 @@ def log_odds_among_equivalents(data: DiagnosisData, candidate: Candidate) -> flo
     few break-aways, and a trajectory depends on each of them.
     """
     p = judge(data, Term(candidate, ())).probability
-    errors = (
-        [] if data.free_run_errors is None else [e for e in data.free_run_errors(candidate.full.model).values() if e]
-    )
+    errors = list[float]()
+    if data.free_run_errors is not None:
+        found = data.free_run_errors(candidate.full.model, candidate.reduced.model)  # all in units of the same model
+        errors = [e for e in found.values() if e]
     return math.log(p / (1.0 - p)) - DISCREPANCY_READINGS * (float(np.mean(np.log(errors))) if errors else 0.0)
 
 

@@ -16,27 +16,40 @@ from pneucli.simulate.model import Model
 class FreeRunErrors:
     """The free-run errors of models in units of the error of a correct model, as ``compare`` states them.
 
+    That error depends on the model: a damper in it, and trajectories err less. Two models are therefore compared in
+    units of one of them, the ``reference``; otherwise a model whose errors fall in mm and bar may seem to rise.
+
     The Monte Carlo simulation of the noise takes as long as a fit, so results are cached.
     """
 
     experiments: Sequence[Experiment]
-    _cache: list[tuple[Model, list[ChannelResult]]] = field(default_factory=list)
+    _results: list[tuple[Model, Model, list[ChannelResult]]] = field(default_factory=list)
+    _expected: list[tuple[Model, list[dict[str, float]]]] = field(default_factory=list)
 
-    def __call__(self, model: Model) -> ErrorsByUse:
+    def __call__(self, model: Model, reference: Model | None = None) -> ErrorsByUse:
         """Return the model's errors {"train": ..., "test": ...}; None where no recording has that use."""
-        results = self.channels(model)
+        results = self.channels(model, reference)
         return {use: overall_error(results, use) for use in ("train", "test")}
 
-    def channels(self, model: Model) -> list[ChannelResult]:
+    def channels(self, model: Model, reference: Model | None = None) -> list[ChannelResult]:
         """Return the model's error in every channel of every recording."""
-        for cached_model, known in self._cache:
-            if cached_model is model:
+        reference = model if reference is None else reference
+        for known_model, known_reference, known in self._results:
+            if known_model is model and known_reference is reference:
                 return known
-        noise = [one.rms for one in expected_errors(model, self.experiments)]
-        pairs = zip(self.experiments, noise, strict=True)
+        pairs = zip(self.experiments, self._expected_errors(reference), strict=True)
         results = [result for experiment, expected in pairs for result in compare(model, experiment, expected).results]
-        self._cache.append((model, results))
+        self._results.append((model, reference, results))
         return results
+
+    def _expected_errors(self, model: Model) -> list[dict[str, float]]:
+        """Return the error of each experiment by channel if the model were correct."""
+        for known_model, known in self._expected:
+            if known_model is model:
+                return known
+        expected = [one.rms for one in expected_errors(model, self.experiments)]
+        self._expected.append((model, expected))
+        return expected
 
 
 def held_out_error(errors: ErrorsByUse) -> float | None:

@@ -9,7 +9,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import NamedTuple
+from typing import NamedTuple, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -27,6 +27,13 @@ Array = NDArray[np.float64]
 MIN_NOISE_POWER = 0.8  # of the power of the sensors' noise, which is known no better
 MIN_STATED_SHARE = 0.02  # of the readings; a model that predicts a force for fewer is charged as for this share
 ErrorsByUse = Mapping[str, float | None]
+
+
+class ErrorsOfModel(Protocol):
+    """Return the errors {"train": ..., "test": ...} of a model; None where no recording has that use."""
+
+    def __call__(self, model: Model, reference: Model | None = None) -> ErrorsByUse:
+        """Return them in units of the error of the reference if it were correct, by default of the model itself."""
 
 
 class ChannelCost(NamedTuple):

@@ -84,7 +84,7 @@ def diagnosis_data(
 ) -> DiagnosisData:
     """The data of a diagnosis with one residual model; ``errors`` are the free-run errors of fitted models by use."""
     seen = {id(s.model): {"train": train, "test": test} for s, train, test in errors}
-    shown = (lambda m: seen[id(m)]) if errors else None
+    shown = (lambda model, reference=None: seen[id(model)]) if errors else None
     made = DiagnosisData([VIEW], [VIEW] if held_out else [], catalogue(), free_run_errors=shown, **changes)
     made.__dict__["hypothesis_count"] = 50
     return made

@@ -172,7 +172,7 @@ class SyntheticData(DiagnosisData):
 def synthetic_data(effects: Sequence[Effect], facts: Facts, **more: Any) -> SyntheticData:
     """The data of a diagnosis with these effects in its catalogue, and one recording that is fitted."""
 
-    def error(model: Model) -> dict[str, float | None]:
+    def error(model: Model, reference: Model | None = None) -> dict[str, float | None]:
         names = [e.name for e in model.effects]
         raised = 10.0 ** len(facts.raises_error.intersection(names))
         return {"train": raised * float(np.sqrt(facts.variance(names))), "test": None}

@@ -18,6 +18,7 @@ from pneucli.diagnose.constraints import (
     with_longer_horizon,
 )
 from pneucli.diagnose.data import DiagnosisData
+from pneucli.diagnose.score import ErrorsByUse
 from pneucli.diagnose.validity import has_unmeasured_force
 from pneucli.identify.estimation.fit import Fit, fit
 from pneucli.identify.estimation.intervals import with_intervals
@@ -26,6 +27,7 @@ from pneucli.identify.residuals import ChamberPressures, ForceBalance, ResidualM
 from pneucli.noise import NoiseModel
 from pneucli.physics.effects import catalogue
 from pneucli.simulate import layout as at
+from pneucli.simulate.model import Model
 from pneucli.simulate.preparation import prepare
 from pneucli.simulate.run import simulate
 from tests.diagnose.candidates import candidate, costing, diagnosis_data, model_fit
@@ -87,6 +89,18 @@ def test_the_held_out_error_may_not_rise_whatever_the_fitted_one_does(after: tup
     tried = candidate("extra-mass")
     data = diagnosis_data([(tried.reduced, 10.0, 10.0), (tried.full, *after)])
     assert raises_held_out_error(data, tried) == rises
+
+
+def test_the_held_out_errors_with_and_without_an_effect_are_in_the_same_units() -> None:
+    """With a damper a correct model errs by less, so that a smaller error in mm is more of its own units."""
+    tried = candidate("end-cushion")
+    without, damped = tried.reduced.model, tried.full.model
+    over_own, over_first = {id(without): 9.0, id(damped): 10.0}, {id(without): 9.0, id(damped): 8.0}
+
+    def errors(model: Model, reference: Model | None = None) -> ErrorsByUse:
+        return {"train": None, "test": (over_first if reference is without else over_own)[id(model)]}
+
+    assert not raises_held_out_error(replace(diagnosis_data(), free_run_errors=errors), tried)
 
 
 @pytest.mark.parametrize("unseen", [True, False])

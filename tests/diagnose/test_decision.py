@@ -193,8 +193,10 @@ def test_among_equivalents_the_free_run_error_counts_as_ten_readings(
 ) -> None:
     """Stribeck friction and a break-away that grows leave as much of a balance of forces, which has few break-aways."""
 
-    def shown(model: Model) -> ErrorsByUse:
+    def shown(model: Model, reference: Model | None = None) -> ErrorsByUse:
         assert [e.name for e in model.effects] == ["a"]
+        assert reference is not None  # otherwise each equivalent would be judged in units of its own
+        assert not reference.effects
         return errors or {}
 
     data = replace(stated(10.0, 0.8, size={"a": 0.5}), free_run_errors=None if errors is None else shown)

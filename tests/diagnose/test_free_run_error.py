@@ -65,8 +65,26 @@ def test_errors_are_over_each_models_own_noise_by_use(monkeypatch: pytest.Monkey
     assert shown(other) == {"train": 4.0, "test": 2.0}
     assert shown(first) == {"train": 3.0, "test": 1.5}
     assert drawn == [6.0, 8.0]  # noise is drawn once for each model
+    assert shown(other, first) == {"train": 4.0, "test": 2.0}
     alone: Any = free_run_error.FreeRunErrors(["train"])  # type: ignore[list-item]
     assert alone(first) == {"train": 3.0, "test": None}
+
+
+def test_two_models_are_compared_in_units_of_one(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Of a correct model without a damper errors of 4 um are expected, with it of 1 um; 6 um are left of 8 um."""
+
+    def compare(model: float, experiment: Any, noise: dict[str, float]) -> Any:
+        return SimpleNamespace(results=[SimpleNamespace(use="train", ratio_to_noise=model / noise["x"])])
+
+    def expected(model: float, experiments: list[str]) -> list[ExpectedError]:
+        return [ExpectedError({"x": 4.0 if model == 8.0 else 1.0}, {})]
+
+    monkeypatch.setattr(free_run_error, "compare", compare)
+    monkeypatch.setattr(free_run_error, "expected_errors", expected)
+    shown: Any = free_run_error.FreeRunErrors(["train"])  # type: ignore[list-item]
+    without, damped = 8.0, 6.0
+    assert (shown(without)["train"], shown(damped)["train"]) == (2.0, 6.0)
+    assert (shown(without, without)["train"], shown(damped, without)["train"]) == (2.0, 1.5)
 
 
 def test_the_overall_error_of_a_use_is_a_root_mean_square(monkeypatch: pytest.MonkeyPatch) -> None:
