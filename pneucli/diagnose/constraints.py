@@ -17,6 +17,7 @@ from pneucli.diagnose.evidence import score_gain
 from pneucli.diagnose.free_run_error import held_out_error
 from pneucli.diagnose.validity import (
     below_resolution,
+    contains_all_positions,
     end_locations,
     has_unmeasured_force,
     refuted_by_reading,
@@ -41,6 +42,7 @@ def violations_of_estimate(data: DiagnosisData, candidate: Candidate) -> list[Vi
     return [
         (bool(ends) and set(ends) == {"null"}, "vanishes"),
         ("bound" in ends or bool(unresolved_parameters(candidate)), "at-bound"),
+        (contains_all_positions(candidate, data.train), "at-bound"),
         (below_resolution(data.train, candidate), "below-resolution"),
         (refuted_by_reading(candidate.full.model, candidate.effect, data.train), "contradicted-by-reading"),
     ]

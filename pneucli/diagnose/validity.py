@@ -67,6 +67,25 @@ def unresolved_parameters(candidate: Candidate) -> list[str]:
     return [e.name for e in candidate.full.fit.estimates if e.name in lower and e.value <= lower[e.name] * (1.0 + 1e-6)]
 
 
+def contains_all_positions(candidate: Candidate, residual_models: Sequence[ResidualModel]) -> bool:
+    """Whether a stretch of the stroke ended with no recorded position outside, by more than the step of its edges.
+
+    Nothing tells it from friction along the whole stroke, which the model has without it.
+    """
+    names = {f"{candidate.effect.name}.{p.name}" for p in candidate.effect.parameters if p.step}
+    if len(names) < 2:
+        return False
+    step = max((f.step * f.scale for f in candidate.full.fit.free if f.name in names), default=0.0)
+    edges = [e.value for e in candidate.full.fit.estimates if e.name in names]
+    measured = [one.experiment.recording.signals.get("x") for one in residual_models if isinstance(one, ForceBalance)]
+    positions = [x for x in measured if x is not None]
+    return (
+        bool(positions)
+        and bool(edges)
+        and all(np.nanmin(x) >= min(edges) - step and np.nanmax(x) <= max(edges) + step for x in positions)
+    )
+
+
 def at_any_bound(candidate: Candidate) -> bool:
     """Whether any parameter of the effect ended at a bound."""
     return any(e.at_bound and e.name.startswith(f"{candidate.effect.name}.") for e in candidate.full.fit.estimates)

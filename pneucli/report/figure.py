@@ -89,7 +89,7 @@ def _svg(canvas: Canvas) -> str:
     text = io.StringIO()
     canvas.set_dpi(RASTER_DPI)
     # not savefig, which draws everything once more beforehand
-    FigureCanvasSVG(canvas).print_svg(text, metadata={"Date": None, "Creator": None})
+    FigureCanvasSVG(canvas).print_svg(text, metadata={"Date": None, "Creator": None})  # type: ignore[no-untyped-call]
     svg = text.getvalue()
     svg = svg[svg.index("<svg") :].replace(TEXT_COLOUR, "currentColor")
     svg = re.sub(r"<metadata>.*?</metadata>", "", svg, flags=re.DOTALL)

@@ -70,7 +70,11 @@ def candidate(
         ),
         free=tuple(
             SimpleNamespace(
-                name=f"{effect}.{name}", upper=value if at_bound else 1e9, lower=value if at_bound else -1e9
+                name=f"{effect}.{name}",
+                upper=value if at_bound else 1e9,
+                lower=value if at_bound else -1e9,
+                step=1e-4,
+                scale=1.0,
             )
             for name, (value, at_bound) in ended.items()
         ),

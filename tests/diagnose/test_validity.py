@@ -9,7 +9,13 @@ from typing import Any
 import numpy as np
 import pytest
 
-from pneucli.diagnose.validity import refuted_by_reading, rests_at_ambient, unresolved_parameters
+from pneucli.diagnose.validity import (
+    contains_all_positions,
+    refuted_by_reading,
+    rests_at_ambient,
+    unresolved_parameters,
+)
+from pneucli.identify.residuals import ChamberPressures, ForceBalance
 from pneucli.noise.model import NoiseModel
 from pneucli.physics.effects import catalogue
 from pneucli.simulate.experiment import Experiment
@@ -134,6 +140,24 @@ def test_a_parameter_at_its_smallest_plausible_value_is_not_resolved(
 ) -> None:
     """It says where, when or how fast an effect acts: below what the recordings resolve the fit would go on."""
     assert unresolved_parameters(candidate(effect, ends=ends)) == at_end
+
+
+@pytest.mark.parametrize(
+    ("start", "end", "everywhere"),
+    [
+        (0.0, 0.2, True),
+        (0.0009, 0.1991, True),  # no more than the step of an edge inside, 1 mm
+        (0.0, 0.18, False),  # friction of the last 20 mm tells
+        (0.02, 0.2, False),
+    ],
+)
+def test_a_stretch_of_all_positions_is_friction_along_the_stroke(start: float, end: float, everywhere: bool) -> None:
+    tried = candidate("position-friction", ends={"from": (start, False), "to": (end, False), "gain": (-0.8, False)})
+    for one in tried.full.fit.free:
+        one.step, one.scale = 0.005, 0.2  # type: ignore[misc]
+    strokes = make_experiment("friction", TIME, {"x": 0.1 - 0.1 * np.cos(2 * np.pi * TIME / TIME[-1])})
+    assert contains_all_positions(tried, [ForceBalance(strokes)]) == everywhere
+    assert not contains_all_positions(tried, [ChamberPressures(strokes)])  # that says nothing of where friction acts
 
 
 def test_a_parameter_at_its_largest_value_may_be_physical() -> None:
