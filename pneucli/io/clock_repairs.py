@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from itertools import chain
 
 import numpy as np
 from numpy.typing import NDArray
 
+from pneucli.io.even_clock import EvenClock
 from pneucli.io.raw_file import Repair
 
 Array = NDArray[np.float64]
@@ -59,12 +61,21 @@ def _counter_period(backward: float, usual: float) -> float:
 
 
 def spread_repeated_stamps(batches: Iterator[Batch], repairs: list[Repair]) -> Iterator[Batch]:
-    """Yield the same rows; stamps that several rows share, as the clock is coarse, are spread evenly over them.
+    """Yield the same rows; those of a coarse clock are spread evenly.
 
-    Whether they are is decided by the first batch. The rows of the last stamp of a batch wait for the next one.
+    Stamps of an even clock give way to its ticks (:mod:`pneucli.io.even_clock`); other stamps that several rows share
+    are spread over these. Which of both is decided by the first batch. The rows of the last stamp of a batch wait for
+    the next one.
     """
     first = next(batches, None)
     if first is None:
+        return
+    clock = None if _shares_evenly(first["time"]) else EvenClock.of(first["time"])
+    if clock is not None:
+        for batch in chain([first], batches):
+            yield batch | {"time": clock.place(batch["time"])}
+        cause = f"an even clock, read in steps of {clock.step:g} s, has these stamps"
+        repairs.append(Repair("time", "spread", clock.rows, f"{cause}; {clock.rows} rows were placed on its ticks"))
         return
     if not _is_coarse(first["time"]):
         yield first
@@ -86,8 +97,16 @@ def spread_repeated_stamps(batches: Iterator[Batch], repairs: list[Repair]) -> I
 
 
 def spread_stamps(time: Array) -> Array | None:
-    """Return coarse stamps spread evenly over the rows that share them; None where the clock is not coarse."""
+    """Return the stamps of a coarse clock spread evenly; None where the clock is not coarse."""
+    clock = None if _shares_evenly(time) else EvenClock.of(time)
+    if clock is not None:
+        return clock.place(time)
     return _spread(time, None, 0.0)[0] if _is_coarse(time) else None
+
+
+def _shares_evenly(time: Array) -> bool:
+    """Return whether equally many rows share each stamp but the first and the last."""
+    return _is_coarse(time) and bool(np.ptp(np.diff(_run_edges(time))[1:-1]) == 0)
 
 
 def _is_coarse(time: Array) -> bool:

@@ -1,5 +1,6 @@
 """Whatever stands in a file, the front door answers or refuses: no fault, and good data pass bit by bit."""
 
+from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
@@ -11,6 +12,7 @@ from hypothesis.extra.numpy import arrays
 from pneucli.errors import InputError
 from pneucli.io.channel_clocks import align_tables
 from pneucli.io.clock_repairs import CounterClock, spread_stamps
+from pneucli.io.even_clock import EvenClock
 from pneucli.io.held_readings import HeldReadingDetector
 from pneucli.io.missing_marks import MarkDetector
 from pneucli.io.roll_over import RollOverCorrector
@@ -76,6 +78,42 @@ def test_coarse_stamps_are_spread_evenly(rows: int) -> None:
     found = spread_stamps(index // rows * 0.01)
     assert found is not None
     np.testing.assert_allclose(found, index * 0.01 / rows, atol=1e-9)
+
+
+@given(
+    st.floats(2e-4, 4e-3),
+    st.sampled_from([np.floor, np.round]),
+    st.integers(100, 4900),
+    st.sampled_from([0.0, 0.05, 3600.0]),
+)
+def test_rows_of_an_even_clock_read_in_milliseconds_stand_on_its_ticks(
+    period: float, read: Callable[[np.ndarray], np.ndarray], cut: int, pause: float
+) -> None:
+    """In one piece or batch by batch; a pause begins a new line, and no error grows along it."""
+    true = period * np.arange(5000) + np.where(np.arange(5000) < cut, 0.0, pause)
+    stamps = read(1e3 * true) / 1e3
+    clock = EvenClock.of(stamps)
+    if clock is None:  # whole milliseconds
+        assert np.abs(np.diff(stamps)[np.diff(stamps) < 0.01] - period).max() < 0.2 * period + 1e-9
+        return
+    found = np.concatenate([clock.place(stamps[:4000]), clock.place(stamps[4000:])])
+    assert np.ptp(found - true) < 1.3e-3 if pause else np.ptp(found - true) < 0.1e-3
+    same = np.diff(true) < 1.01 * period
+    assert np.abs(np.diff(found)[same] - period).max() < max(0.02 * period, 0.05e-3)
+    assert clock.rows >= 4900
+
+
+@pytest.mark.parametrize(
+    "stamps",
+    [
+        1e-3 * np.round(5.0 * np.arange(2000) + np.random.default_rng(3).uniform(-2.0, 2.0, 2000)),  # it really jitters
+        1e-3 * np.cumsum(np.random.default_rng(3).integers(0, 3, 2000)),  # rows are lost and repeated
+        1e-3 * np.arange(2000),  # nothing to mend
+        np.repeat(7.0, 2000),
+    ],
+)
+def test_stamps_that_no_even_clock_explains_stay(stamps: np.ndarray) -> None:
+    assert EvenClock.of(stamps) is None
 
 
 def test_a_slow_reading_stays_as_sparse_as_it_was_measured() -> None:
