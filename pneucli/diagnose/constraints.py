@@ -12,7 +12,7 @@ from dataclasses import replace
 import numpy as np
 
 from pneucli.diagnose.candidate import Candidate, Reason
-from pneucli.diagnose.data import DiagnosisData
+from pneucli.diagnose.data import RANKING_EFFORT, DiagnosisData
 from pneucli.diagnose.evidence import score_gain
 from pneucli.diagnose.free_run_error import held_out_error
 from pneucli.diagnose.validity import (
@@ -156,7 +156,7 @@ def varies_with_horizon(fitted: Fit, effect: Effect, residual_models: Sequence[R
     doubled = [with_longer_horizon(one, HORIZON_FACTOR) for one in residual_models]
     if all(new is old for new, old in zip(doubled, residual_models, strict=True)):
         return False
-    again = fit(fitted.model, doubled, free_parameters(fitted.model, doubled))
+    again = fit(fitted.model, doubled, free_parameters(fitted.model, doubled), stopping=RANKING_EFFORT)
     for name in (f"{effect.name}.{p.name}" for p in effect.parameters):
         before, low, high = fitted[name].value, *fitted[name].ci95
         shift = abs(again[name].value - before)

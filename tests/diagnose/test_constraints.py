@@ -188,7 +188,7 @@ def test_a_time_that_grows_with_the_horizon_is_none(monkeypatch: pytest.MonkeyPa
     found = fitted_time(residual_model, "time-skew", 0.01)
     share = found["time-skew.delay"].value / 0.3
 
-    def grown(start: object, models: Any, free: object) -> Any:
+    def grown(start: object, models: Any, free: object, *, stopping: object) -> Any:
         seconds = share * float(np.median(np.diff(models[0].experiment.time[models[0].experiment.restarts])))
         return {"time-skew.delay": SimpleNamespace(value=seconds)}
 
