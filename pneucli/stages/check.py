@@ -112,7 +112,7 @@ def _each(faults: Iterable[InputError]) -> list[InputError]:
 
 def _beginning(source: RecordingSource, config: PipelineConfig) -> tuple[Recording, list[dict[str, str]]]:
     """Return the first batch of a recording, and its signals with their columns and units."""
-    file = open_recording(source, config)
+    source, file = open_recording(source, config)
     names, _ = recorded_signals(source, file)
     batch = next(iter(file.batches()))
     if batch["time"].size < 2:

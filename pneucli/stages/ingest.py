@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 from concurrent.futures import Future, ThreadPoolExecutor
-from dataclasses import asdict
+from dataclasses import asdict, replace
 from pathlib import Path
 from typing import Any
 
@@ -52,11 +52,9 @@ def run(context: Context) -> dict[str, Any]:
     Raises InputError with file, line, what was found, what was wanted, and the mend.
     """
     config = context.config
-    found = recording_sources(config)
-    opened = [open_recording(source, config) for source in found]
-    done = [
-        IngestedRecording(source, *recorded_signals(source, file)) for source, file in zip(found, opened, strict=True)
-    ]
+    pairs = [open_recording(source, config) for source in recording_sources(config)]
+    found, opened = [source for source, _ in pairs], [file for _, file in pairs]
+    done = [IngestedRecording(source, *recorded_signals(source, file)) for source, file in pairs]
     names = {name for one in done for name in one.signals}
     with ThreadPoolExecutor(2) as threads:
         hashes = {
@@ -86,8 +84,31 @@ def _dropped_rows_message(one: dict[str, Any]) -> str:
     return f"{one['name']}: of {one['rows_read']} rows {one['samples']} became samples: {kinds}"
 
 
-def open_recording(source: RecordingSource, config: PipelineConfig) -> SignalReader | MultiFileRecording:
-    """Open the files of a recording; raises InputError where one of them, or a required signal, is not there."""
+def open_recording(
+    source: RecordingSource, config: PipelineConfig
+) -> tuple[RecordingSource, SignalReader | MultiFileRecording]:
+    """Open the files of a recording; return its source, with the signals by what they are in its experiment.
+
+    A test of the valve of chamber 2 has the one command and the one pressure of a valve test, u and p1. Where its file
+    has only u2 and p2, as the axis calls them, they are these.
+
+    Raises InputError where a file, or a required signal, is not there.
+    """
+    file = _open_files(source, config)
+    tests_valve_2 = source.table.experiment == "valve" and source.table.chamber == 2
+    if not tests_valve_2 or "p1" in file.positions or "p2" not in file.positions:
+        return source, file
+    names = {name: own for name, own in (("u2", "u"), ("p2", "p1")) if name in file.positions}
+    replaced = {name: one for name, one in source.signals.items() if name not in names.values()}
+    source = replace(
+        source,
+        signals={names.get(name, name): one for name, one in replaced.items()},
+        required=frozenset(names.get(name, name) for name in source.required),
+    )
+    return source, _open_files(source, config)
+
+
+def _open_files(source: RecordingSource, config: PipelineConfig) -> SignalReader | MultiFileRecording:
     required = frozenset({"time"}) if source.additional_files else source.required
     first = open_signals(_raw_file(source.path, source.table, source.signals, required, config))
     if not source.additional_files:

@@ -70,6 +70,23 @@ def two(tmp_path: Path) -> Path:
     return tmp_path / "two.toml"
 
 
+@pytest.mark.parametrize("named_as_on_the_axis", [True, False])
+def test_a_valve_test_of_chamber_2_has_one_command_and_one_pressure(two: Path, named_as_on_the_axis: bool) -> None:
+    """Of the vessel, however the file names them; the noise of the sensor goes with its column."""
+    more = (
+        '\nu2 = { column = "U2", unit = "V" }\np2 = { column = "P2", unit = "bar", noise = "9 mbar" }\n[[recordings]]'
+    )
+    text = PIPELINE.replace("\n[[recordings]]", more, 1).replace('u = "3 V"\n', "chamber = 2\n")
+    text = text.replace("[signals]", '[rig.valve]\narrangement = "two"\n[signals]\nu = { column = "U", unit = "V" }')
+    two.write_text(text)
+    table = (two.parent / "charge.csv").read_text().replace("\n", ",3\n").replace("t,P,3", "t,P,U")
+    (two.parent / "charge.csv").write_text(table.replace("t,P,U", "t,P2,U2") if named_as_on_the_axis else table)
+    _, (charge, _) = ingested(two, two.parent / "ingest")
+    assert set(charge.signals) == {"u", "p1"}
+    assert np.all(charge["u"] == 3.0)
+    assert charge.noise["p1"].rms == pytest.approx(900.0 if named_as_on_the_axis else 400.0)
+
+
 def test_artifacts_hold_si_units_and_what_made_them(two: Path, tmp_path: Path) -> None:
     answer, (charge, stroke) = ingested(two, tmp_path / "ingest")
     assert (charge.time[0], charge.time[-1], charge.time.size) == (0.01, 0.08, 71)
