@@ -57,6 +57,12 @@ def held_out_error(errors: ErrorsByUse) -> float | None:
     return errors["train"] if errors["test"] is None else errors["test"]
 
 
+def relative_error(first: ErrorsByUse, last: ErrorsByUse) -> float | None:
+    """Return the last held-out error over the first, both in the same units; None where one is unknown or zero."""
+    before, after = held_out_error(first), held_out_error(last)
+    return after / before if before and after is not None else None
+
+
 def remaining_error_share(first: ErrorsByUse, last: ErrorsByUse) -> float | None:
     """Return the remaining part of the squared error in excess of noise; None where an error is unknown."""
     before, after = held_out_error(first), held_out_error(last)

@@ -121,9 +121,14 @@ def error_reduction(answer: Answer) -> str:
     on = VALIDATION_PHRASES["apart" if use == "test" else answer.get("held_out", "none")]
     if first is last:
         return f"the error is {format_noise_ratio(before)} × noise {on}"
-    after = last[f"error_{use}"]
-    moves = "rises" if before and after and after > before else "falls"
-    return f"the error {moves} from {format_noise_ratio(before)} to {format_noise_ratio(after)} × noise {on}"
+    after, relative = last[f"error_{use}"], answer.get("relative_error")
+    ratios = f"from {format_noise_ratio(before)} to {format_noise_ratio(after)} × noise"
+    if not (before and after and after > before):
+        return f"the error falls {ratios} {on}"
+    if relative is None or relative >= 1.0:
+        return f"the error rises {ratios} {on}"
+    share = format_percent(relative)
+    return f"the error falls to {share} in mm and bar {on} ({ratios}: a correct model of this kind errs less)"
 
 
 def selected_step(answer: Answer) -> Answer:

@@ -119,7 +119,7 @@ _ALL_STAGES = (
         files=("model", "plugins"),
         answer_paths=(
             *("verdict", "missing", "ladder", "candidates", "next_experiment", "sentence"),
-            *("unexplained_share", "explained_share", "purpose.adequate", "purpose.worst"),
+            *("unexplained_share", "explained_share", "relative_error", "purpose.adequate", "purpose.worst"),
             *("detectable", "moved", "unexplained", "discrepancy", "plausibility", "warnings"),
             *("model.effects", "data", "held_out", "excluded", "forced", "impossible", "number", "when", "thinned"),
             *("parameters", "since", "changes", "flow.verdict", "flow.missing", "flow.ladder", "flow.sentence"),

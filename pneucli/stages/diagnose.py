@@ -13,7 +13,13 @@ from pneucli.diagnose.candidate import Decision
 from pneucli.diagnose.cross_validation import folds_of
 from pneucli.diagnose.data import DiagnosisData
 from pneucli.diagnose.diagnosis import Diagnosis, diagnose
-from pneucli.diagnose.free_run_error import FreeRunErrors, held_out_error, remaining_error_share, removed_error_share
+from pneucli.diagnose.free_run_error import (
+    FreeRunErrors,
+    held_out_error,
+    relative_error,
+    remaining_error_share,
+    removed_error_share,
+)
 from pneucli.diagnose.subsample import MAX_SAMPLES
 from pneucli.diagnose.validity import lacks_p2
 from pneucli.errors import InputError
@@ -173,7 +179,8 @@ def _answer(pipeline: PipelineData, data: DiagnosisData, found: Diagnosis, impos
         for add, e in zip([None, *found.path.added], errors, strict=True)
     ]
     candidates = [_candidate_answer(pipeline, data, found, decision) for decision in found.decisions]
-    selected = found.path.last.model
+    given, selected = found.path.models[0].model, found.path.last.model
+    in_same_units = data.free_run_errors(selected, given)
     answer = {
         "schema": "pneucli/diagnose/1",
         "pipeline": pipeline.context.config.name,
@@ -187,8 +194,9 @@ def _answer(pipeline: PipelineData, data: DiagnosisData, found: Diagnosis, impos
         "missing": list(found.missing),
         "ladder": ladder,
         "candidates": candidates,
-        "unexplained_share": remaining_error_share(errors[0], errors[-1]),
-        "explained_share": removed_error_share(errors[0], data.free_run_errors(selected)),
+        "unexplained_share": remaining_error_share(errors[0], in_same_units),
+        "explained_share": removed_error_share(errors[0], in_same_units),
+        "relative_error": relative_error(errors[0], in_same_units),
         "purpose": purpose_answer(data.free_run_errors.channels(selected), pipeline.context.config.compare.tolerance),
         "next_experiment": proposed_experiment(data, found),
         "detectable": [detectability_answer(d, pipeline) for d in found.detectable],

@@ -9,7 +9,7 @@ import pytest
 
 from pneucli.compare.expected_error import ExpectedError
 from pneucli.diagnose import free_run_error
-from pneucli.diagnose.free_run_error import held_out_error, remaining_error_share, removed_error_share
+from pneucli.diagnose.free_run_error import held_out_error, relative_error, remaining_error_share, removed_error_share
 
 
 def errors(train: float | None, test: float | None) -> dict[str, float | None]:
@@ -32,6 +32,13 @@ def test_the_parts_are_of_the_squared_error_beyond_noise() -> None:
 def test_less_than_noise_is_all_and_more_than_before_is_nothing(after: float, left: float) -> None:
     assert remaining_error_share(errors(None, 5.0), errors(None, after)) == left
     assert removed_error_share(errors(None, 5.0), errors(None, after)) == 1.0 - left
+
+
+def test_the_relative_error_is_that_of_held_out_recordings() -> None:
+    assert relative_error(errors(1.0, 5.0), errors(9.0, 4.0)) == 0.8
+    assert relative_error(errors(2.0, None), errors(1.0, None)) == 0.5
+    assert relative_error(errors(None, 0.0), errors(None, 1.0)) is None
+    assert relative_error(errors(None, None), errors(1.0, 1.0)) is None
 
 
 def test_at_the_noise_floor_no_error_is_removed() -> None:
