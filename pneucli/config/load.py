@@ -196,7 +196,7 @@ def _fault(
         found, _, wanted = detail["msg"].removeprefix("Value error, ").partition("; wanted ")
         return InputError(where, found, wanted, code="E023")
     if kind in ("model_type", "dict_type"):
-        return InputError(where, value, "a table", _as_table(location, detail["input"], model), code="E023")
+        return InputError(where, value, "a table", _mend_of_table(location, detail["input"], model), code="E023")
     blank = kind == "string_pattern_mismatch"  # the one pattern that there is
     wanted = "a text that is not blank" if blank else detail["msg"].replace("Input should be", "").strip()
     return InputError(where, value, wanted, code="E023")
@@ -208,7 +208,7 @@ def _abbreviated(value: Any) -> str:
     return text if len(text) <= MAX_SHOWN_CHARACTERS else f"{text[:MAX_SHOWN_CHARACTERS]}..."
 
 
-def _as_table(location: Location, value: Any, model: type[BaseModel]) -> str:
+def _mend_of_table(location: Location, value: Any, model: type[BaseModel]) -> str:
     """Return how to write the table at ``location``: inline where it is one of several below a table."""
     keys = keys_at(location, model) or keys_at(location[:-1], model)  # of a table whose keys are free: its entries'
     if len(location) > 1 and keys and not isinstance(value, list):

@@ -78,7 +78,7 @@ def contains_all_positions(candidate: Candidate, residual_models: Sequence[Resid
     step = max((f.step * f.scale for f in candidate.full.fit.free if f.name in names), default=0.0)
     edges = [e.value for e in candidate.full.fit.estimates if e.name in names]
     measured = [one.experiment.recording.signals.get("x") for one in residual_models if isinstance(one, ForceBalance)]
-    positions = [x for x in measured if x is not None]
+    positions = [x for x in measured if x is not None and np.isfinite(x).any()]
     return (
         bool(positions)
         and bool(edges)
