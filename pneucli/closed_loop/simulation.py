@@ -19,6 +19,7 @@ from pneucli.simulate import layout as at
 from pneucli.simulate.build import Kernel, build
 from pneucli.simulate.kernel_settings import max_motion_step
 from pneucli.simulate.model import Model
+from pneucli.simulate.run import read_only
 
 Array = NDArray[np.float64]
 
@@ -134,14 +135,14 @@ def _simulate(
     kernel, n = closed_loop_kernel(model.effects), len(inputs)
     out = np.zeros((n, at.OUTPUTS))
     kernel.run(
-        controller.period * np.arange(n, dtype=np.float64),
+        read_only(controller.period * np.arange(n, dtype=np.float64)),
         inputs,
         np.array(restarts, dtype=np.int64),
         np.array([model.base_values()[name] for name in at.BASE_NAMES]),
         kernel.effect_vector(model.effect_values()),
         kernel.effect_switches([e.name for e in model.effects]),
         flags,
-        *(valve.table(controller.values["C_U_MAX"]) for valve in (model.valve, model.chamber_2_valve)),
+        *(read_only(valve.table(controller.values["C_U_MAX"])) for valve in (model.valve, model.chamber_2_valve)),
         max_motion_step(model.rig, controller.period),
         state,
         np.concatenate([controller.vector(), _settings(controller, bench)]),

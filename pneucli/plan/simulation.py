@@ -15,7 +15,7 @@ from pneucli.recording import Recording
 from pneucli.simulate import layout as at
 from pneucli.simulate.kernel_settings import max_motion_step
 from pneucli.simulate.model import Model
-from pneucli.simulate.run import kernel_for
+from pneucli.simulate.run import kernel_for, read_only
 
 Array = NDArray[np.float64]
 
@@ -235,7 +235,7 @@ def needed_force(
     }
     base = model.base_values()
     kernel.functions.run_imposed(
-        bench.period * np.arange(x.size),
+        read_only(bench.period * np.arange(x.size, dtype=np.float64)),
         inputs,
         a,
         STANDSTILL_SPEED,

@@ -12,7 +12,7 @@ from pneucli.simulate.experiment import Experiment
 from pneucli.simulate.imposed_motion import imposed_motion, smooth_acceleration, standstill_speed
 from pneucli.simulate.model import Model
 from pneucli.simulate.restarts import restart_samples
-from pneucli.simulate.run import base_vector, kernel_for, simulate, with_p2
+from pneucli.simulate.run import base_vector, kernel_for, read_only, simulate, with_p2
 
 Array = NDArray[np.float64]
 
@@ -67,7 +67,7 @@ def required_force(model: Model, experiment: Experiment, noise: Mapping[str, Arr
     base, th = base_vector(model, experiment), kernel.effect_vector(model.effect_values())
     on = kernel.effect_switches(experiment.active_effects(model.effects))
     driven = "force" in experiment.recording
-    kernel.functions.run_imposed(experiment.time, inputs, a, still, driven, base, th, on, out)
+    kernel.functions.run_imposed(read_only(experiment.time), inputs, a, still, driven, base, th, on, out)
     return out
 
 
@@ -123,5 +123,5 @@ def _force_residual(model: Model, e: Experiment, inputs: Array) -> Array:
     a = e.raw["a"] - accelerometer_offset(model, e) if measured else smooth_acceleration(e)
     values, on = kernel.effect_vector(model.effect_values()), kernel.effect_switches(e.active_effects(model.effects))
     still = standstill_speed(e, inputs[:, at.IN_V])
-    kernel.functions.run_imposed(e.time, inputs, a, still, True, base_vector(model, e), values, on, out)
+    kernel.functions.run_imposed(read_only(e.time), inputs, a, still, True, base_vector(model, e), values, on, out)
     return out - inputs[:, at.IN_FORCE]

@@ -110,20 +110,30 @@ def run_kernel(kernel: Kernel, model: Model, experiment: Experiment, inputs: Arr
     """
     out = np.zeros((experiment.time.size, at.OUTPUTS))
     kernel.run(
-        experiment.time,
+        read_only(experiment.time),
         inputs,
         experiment.restarts,
         base_vector(model, experiment),
         kernel.effect_vector(model.effect_values()),
         kernel.effect_switches(experiment.active_effects(model.effects)),
         experiment.flags,
-        *area_tables(model, experiment),
+        *map(read_only, area_tables(model, experiment)),
         experiment.max_step,
         np.zeros(1),
         np.zeros(2),
         out,
     )
     return out
+
+
+def read_only(values: Array) -> Array:
+    """Return values (n,) as an array that cannot be written: a kernel is compiled anew for one that can.
+
+    Those of a file cannot, those of a calculation can; the kernel writes to neither.
+    """
+    view = np.ascontiguousarray(values).view()
+    view.flags.writeable = False
+    return view
 
 
 def area_tables(model: Model, experiment: Experiment) -> tuple[Array, Array]:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import sys
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -95,6 +96,18 @@ def test_the_inputs_are_not_changed_and_a_run_repeats_exactly(kind: str) -> None
     first = run(whole(), experiment)
     assert np.array_equal(run(whole(), experiment), first)
     assert np.array_equal(experiment.inputs, before)
+
+
+def test_a_kernel_is_compiled_once_for_stamps_of_a_file_and_of_a_calculation() -> None:
+    """Those of a file cannot be written."""
+    kernel, experiment = kernel_for(()), RUNS["axis"]()
+    first = run(bare(), experiment)
+    compiled = len(kernel.run.signatures)  # type: ignore[attr-defined]
+    locked = experiment.time.copy()
+    locked.flags.writeable = False
+    recording = replace(experiment.recording, time=locked)
+    assert np.array_equal(run(bare(), replace(experiment, recording=recording)), first)
+    assert len(kernel.run.signatures) == compiled  # type: ignore[attr-defined]
 
 
 def test_parallel_runs_equal_sequential_runs_in_order() -> None:

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from pneucli.simulate import layout as at
 from pneucli.simulate.build import Kernel
 from pneucli.simulate.model import Model
-from pneucli.simulate.run import kernel_for
+from pneucli.simulate.run import kernel_for, read_only
 
 Array = NDArray[np.float64]
 
@@ -44,7 +44,7 @@ class NonFrictionForces:
         columns = {"p1": at.IN_P1, "p2": at.IN_P2}
         for name in columns.keys() & readings.keys():
             inputs[:, columns[name]] = readings[name]
-        self._kernel.functions.run_true_pressures(time, inputs, *self._vectors)
+        self._kernel.functions.run_true_pressures(read_only(time), inputs, *self._vectors)
         return {n: inputs[:, columns[n]] if n in columns else y for n, y in readings.items()}
 
     def forces(self, x: Array, v: Array) -> Array:

@@ -28,7 +28,7 @@ from pneucli.simulate.motion_smoother import input_errors, smooth_motion
 from pneucli.simulate.noise_draws import cache_draws
 from pneucli.simulate.outputs import accelerometer_offset, with_estimated_p2
 from pneucli.simulate.position_smoother import PositionSmoother
-from pneucli.simulate.run import base_vector, kernel_for
+from pneucli.simulate.run import base_vector, kernel_for, read_only
 
 
 @dataclass(frozen=True)
@@ -199,9 +199,9 @@ class ForceBalance(ResidualModel):
         )
         out, gap, width = np.zeros((3, e.time.size))
         kernel.functions.run_balance(
-            e.time,
+            read_only(e.time),
             self.with_modelled_inputs(model, inputs),
-            a,
+            read_only(a),
             removed_force,
             breakaway,
             uncertain,
