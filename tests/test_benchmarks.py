@@ -23,6 +23,7 @@ SLOW = {
     "learning",
     "machine_logs",
     "periods",
+    "report",
     "thesis_friction",
     "thesis_laws",
 }
