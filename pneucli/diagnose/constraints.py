@@ -39,10 +39,10 @@ Violation = tuple[bool, Reason]
 def violations_of_estimate(data: DiagnosisData, candidate: Candidate) -> list[Violation]:
     """Return the constraints on the fitted values themselves, in the order in which they count."""
     ends = end_locations(candidate)
+    at_bound = "bound" in ends or bool(unresolved_parameters(candidate))
     return [
         (bool(ends) and set(ends) == {"null"}, "vanishes"),
-        ("bound" in ends or bool(unresolved_parameters(candidate)), "at-bound"),
-        (contains_all_positions(candidate, data.train), "at-bound"),
+        (at_bound or contains_all_positions(candidate, data.train), "at-bound"),
         (below_resolution(data.train, candidate), "below-resolution"),
         (refuted_by_reading(candidate.full.model, candidate.effect, data.train), "contradicted-by-reading"),
     ]
