@@ -14,7 +14,7 @@ from pneucli.controller.codegen import controller_source
 from pneucli.controller.laws import LAWS
 from pneucli.controller.parameters import Controller
 from pneucli.physics.declaration import Effect
-from pneucli.physics.effects import catalogue_with_sides
+from pneucli.physics.effects import with_catalogue
 from pneucli.simulate import layout as at
 from pneucli.simulate.build import Kernel, build
 from pneucli.simulate.kernel_settings import max_motion_step
@@ -86,12 +86,8 @@ class Run:
 
 @cache
 def closed_loop_kernel(effects: tuple[Effect, ...]) -> Kernel:
-    """Return the compiled kernel with the controller: without effects, or with the catalogue and plug-ins."""
-    if not effects:
-        return build((), control=controller_source())
-    return build(
-        tuple({**catalogue_with_sides(), **{e.name: e for e in effects}}.values()), control=controller_source()
-    )
+    """Return the compiled kernel of the catalogue and of these effects with the controller in it."""
+    return build(with_catalogue(effects), control=controller_source())
 
 
 def simulate(model: Model, controller: Controller, scenario: Scenario, setup: ClosedLoopSetup, seed: int = 0) -> Run:

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pneucli.physics.declaration import Effect
-from pneucli.physics.effects import catalogue_with_sides
+from pneucli.physics.effects import catalogue_with_sides, with_catalogue
 from pneucli.simulate import layout as at
 from pneucli.simulate.build import Kernel, build
 from pneucli.simulate.experiment import OUTPUT_COLUMNS, Experiment
@@ -21,17 +21,18 @@ Array = NDArray[np.float64]
 
 @cache
 def kernel_for(effects: tuple[Effect, ...]) -> Kernel:
-    """Return a compiled kernel that contains these effects.
+    """Return the compiled kernel of the catalogue and of these effects.
+
+    One kernel serves every model. One without effects would be a seventh faster for the base model, and take as long
+    again to compile and to load.
 
     Args:
-        effects: Effects of the catalogue, their variants, or plugins; none: the base model.
+        effects: Effects of the catalogue, their variants, or plugins.
 
     Returns:
         The kernel.
     """
-    if not effects:
-        return build(())
-    return build(tuple({**catalogue_with_sides(), **{e.name: e for e in effects}}.values()))
+    return build(with_catalogue(effects))
 
 
 def simulate(model: Model, experiment: Experiment, inputs: Array | None = None) -> dict[str, Array]:

@@ -18,10 +18,11 @@ from pneucli.controller.plant import valve_command
 from pneucli.design.cascade_design import design_cascade
 from pneucli.design.requirements import Requirements
 from pneucli.errors import InputError
-from pneucli.physics.effects import catalogue
+from pneucli.physics.effects import catalogue, with_catalogue
 from pneucli.simulate import layout as at
 from pneucli.simulate.build import build
 from pneucli.simulate.kernel_settings import max_motion_step
+from pneucli.simulate.run import read_only
 from tests.design import axis
 
 MODEL, CONTROLLER = axis.model(), axis.controller()
@@ -139,7 +140,7 @@ def test_the_compiled_loop_is_the_python_text() -> None:
     from pneucli.closed_loop import simulation
 
     scene = axis.scenario(CONTROLLER, 0.1 + 0.01 * (TIME[:200] >= 0.05))
-    plain = build((), compiled=False, control=controller_source())
+    plain, times = build(with_catalogue(()), compiled=False, control=controller_source()), read_only(TIME[:200])
     outs = []
     for kernel in (plain, closed_loop_kernel(())):
         state = np.concatenate(
@@ -150,9 +151,9 @@ def test_the_compiled_loop_is_the_python_text() -> None:
         cp = np.concatenate([CONTROLLER.vector(), [1e-6, 0.0, 0, 0]])
         flags = simulation._flags(CONTROLLER)
         kernel.run(
-            TIME[:200], simulation._inputs(scene), np.zeros(1, dtype=np.int64), base, kernel.effect_vector({}),
+            times, simulation._inputs(scene), np.zeros(1, dtype=np.int64), base, kernel.effect_vector({}),
             kernel.effect_switches(()), flags,
-            *(valve.table(flags[at.U_MAX]) for valve in (MODEL.valve, MODEL.chamber_2_valve)),
+            *(read_only(valve.table(flags[at.U_MAX])) for valve in (MODEL.valve, MODEL.chamber_2_valve)),
             max_motion_step(MODEL.rig, CONTROLLER.period), state, cp, out,
         )  # fmt: skip
         outs.append(out)

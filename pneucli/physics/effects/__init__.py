@@ -51,6 +51,11 @@ def catalogue_with_sides() -> dict[str, Effect]:
     return with_variants(catalogue().values())
 
 
+def with_catalogue(effects: Iterable[Effect]) -> tuple[Effect, ...]:
+    """Return the catalogue with its variants and these effects, each name once: what one compiled kernel holds."""
+    return tuple({**catalogue_with_sides(), **{effect.name: effect for effect in effects}}.values())
+
+
 def load_plugin(path: Path) -> Effect:
     """Load the effect that a Python file of the user declares as ``EFFECT``.
 
