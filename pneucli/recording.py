@@ -38,6 +38,7 @@ class Recording:
         imposed: ``motion``: the motion is an input and the force is compared.
         valve_shut: Whether no gas flows through the valve.
         chamber: In a valve test, the chamber whose valve fills the vessel.
+        added_mass: Mass in kg that moved with the piston in this recording, in addition to the rig's.
     """
 
     name: str
@@ -50,6 +51,7 @@ class Recording:
     imposed: Literal["motion"] | None = None
     valve_shut: bool = False
     chamber: Literal[1, 2] = 1
+    added_mass: float = 0.0
 
     @property
     def kind(self) -> ExperimentKind:

@@ -19,6 +19,7 @@ from pneucli.config.value_types import (
     Acceleration,
     Force,
     Instant,
+    Mass,
     MassFlow,
     Name,
     Position,
@@ -70,6 +71,7 @@ class RecordingTable(TextTable):
     chamber: Literal[1, 2] = 1
     imposed: Literal["motion"] | None = None
     valve: Literal["shut"] | None = None
+    added_mass: Mass | None = None
     controller: Name | None = None
     signals: SignalsTable = SignalsTable()
     more: list[MoreTable] = Field(default_factory=list)
@@ -109,6 +111,8 @@ class RecordingTable(TextTable):
             raise ValueError('a closed-loop recording must say controller = "FILE", which export wrote, or "unknown"')
         if self.controller is not None and not kind.controlled:
             raise ValueError(f'controller belongs to experiment = "closed-loop", not to "{self.experiment}"')
+        if self.added_mass is not None and not kind.cylinder:
+            raise ValueError(f'added_mass moves with a piston, and experiment = "{self.experiment}" has none')
         if kind.axis and self.chamber_2 is None:
             raise ValueError('an axis recording must say chamber_2 = "closed", "open" or "valve"')
         return self

@@ -64,6 +64,7 @@ def _recording(row: dict[str, Any], signals: dict[str, Array], noise: dict[str, 
         imposed=row["imposed"] or None,
         valve_shut=bool(row["valve_shut"]),
         chamber=2 if row.get("chamber") == 2 else 1,
+        added_mass=float(row.get("added_mass") or 0.0),
     )
 
 

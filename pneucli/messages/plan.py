@@ -149,10 +149,10 @@ def _narrowed(one: Answer) -> str:
     return f"{one['name']}: {now} now, ± {format_quantity(after, one['unit'], 2)} expected (95 %)"
 
 
-def by_hand_text(kind: str, force: float, gravity: float) -> str:
-    """Return what a person has to do for a manoeuvre; force in N toward +x, gravity in m/s^2."""
+def by_hand_text(kind: str, force: float, mass: float) -> str:
+    """Return what a person has to do for a manoeuvre; force of the weight in N toward +x, its mass in kg."""
     direction = "away from x = 0" if force > 0.0 else "toward x = 0"
-    return BY_HAND[kind].format(mass=format_quantity(abs(force) / gravity, "kg", 3), direction=direction)
+    return BY_HAND[kind].format(mass=format_quantity(mass, "kg", 3), direction=direction)
 
 
 def steps_page(answer: Answer, file: str) -> str:

@@ -165,7 +165,16 @@ def _recorded_bench(members: Sequence[Experiment], drive: Drive) -> Bench:
         first.get("p_supply", rig.supply_pressure or ambient),
     )
     signals = tuple(n for n in one.raw if all(n in m.raw for m in members))
-    empty = replace(one.recording, name="plan", use="train", time=np.zeros(0), signals={}, noise={}, valve_shut=False)
+    empty = replace(
+        one.recording,
+        name="plan",
+        use="train",
+        time=np.zeros(0),
+        signals={},
+        noise={},
+        valve_shut=False,
+        added_mass=0.0,
+    )
     noise = {name: one.noise[name] for name in signals if name in one.noise}
     command = max(float(m.flags[at.U_MAX]) for m in members) if one.recording.kind.valve else 0.0
     speed = max(m.signal_ranges.speed for m in members) if one.recording.kind.cylinder else 0.0

@@ -8,6 +8,7 @@ from typing import Literal
 from pneucli.plan.bench import Bench
 from pneucli.plan.profile import Profile, duration_of
 
+GRAVITY = 9.81  # m/s^2
 SETTLING_TIME = 0.3  # s at rest before and after a manoeuvre
 
 ManoeuvreKind = Literal[
@@ -43,7 +44,7 @@ class Manoeuvre:
         frequency: Frequency in Hz, where it has one.
         speed: Speed in m/s, where it is constant.
         pressure: Pressure in Pa: held in chamber 1 by a machine's regulator, or set in chamber 2 at the start.
-        force: Known force in N toward +x.
+        force: Known force in N toward +x: of a weight that hangs on the piston over a pulley.
         use: Whether the recording is to be fitted or held out.
     """
 
@@ -62,6 +63,11 @@ class Manoeuvre:
     def duration(self) -> float:
         """Duration in s."""
         return duration_of(self.profile)
+
+    @property
+    def added_mass(self) -> float:
+        """Mass in kg of the weight, which moves with the piston."""
+        return abs(self.force) / GRAVITY
 
     @property
     def by_hand(self) -> bool:

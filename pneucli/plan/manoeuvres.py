@@ -10,7 +10,7 @@ import numpy as np
 from pneucli.plan.bench import Bench, Drive
 from pneucli.plan.command_manoeuvres import MIN_PERIODS, axis_commands, vessel_commands
 from pneucli.plan.limits import Limits
-from pneucli.plan.manoeuvre import SETTLING_TIME, Manoeuvre, ManoeuvreKind
+from pneucli.plan.manoeuvre import GRAVITY, SETTLING_TIME, Manoeuvre, ManoeuvreKind
 from pneucli.plan.profile import Profile, Segment, hold, ramp, sine
 
 SINE_TIME = 6.0  # s of a sine at least
@@ -25,7 +25,6 @@ START_TIME = 0.7  # s, of a slow start after a rest
 REVERSAL_SHARE = 2e-3  # of the stroke
 PRESSURE_LEVELS = (0.15, 0.5, 0.9)  # of the supply pressure above ambient
 WEIGHT = 2.0  # kg
-GRAVITY = 9.81  # m/s^2
 
 
 def candidate_manoeuvres(bench: Bench, limits: Limits) -> Iterator[Manoeuvre]:

@@ -70,7 +70,7 @@ def _run_kernel(manoeuvre: Manoeuvre, model: Model) -> Outcome:
         time,
         _kernel_inputs(manoeuvre, command, gain),
         np.zeros(1, dtype=np.int64),
-        _base_vector(bench, model),
+        _base_vector(manoeuvre, model),
         kernel.effect_vector(model.effect_values()),
         kernel.effect_switches([e.name for e in model.effects if e.part in parts]),
         _flags(manoeuvre),
@@ -105,9 +105,10 @@ def _kernel_inputs(manoeuvre: Manoeuvre, command: Array, gain: float) -> Array:
     return inputs
 
 
-def _base_vector(bench: Bench, model: Model) -> Array:
+def _base_vector(manoeuvre: Manoeuvre, model: Model) -> Array:
     """Return the base parameters in the order of the kernel; a vessel takes the place of chamber 1."""
-    base = model.base_values()
+    bench, base = manoeuvre.bench, model.base_values()
+    base["rig.moving_mass"] += manoeuvre.added_mass
     if bench.template.kind.vessel:
         volume = model.values.get("rig.vessel_volume", bench.rig.vessel_volume or 0.0)
         base |= {"rig.piston_area_1": 0.0, "rig.dead_volume_1": volume}
@@ -172,7 +173,8 @@ def _follow_motion(manoeuvre: Manoeuvre, model: Model) -> Outcome:
     else:
         p1 = np.full(x.size, start.p1)
         for _ in range(FRICTION_PASSES):
-            force = needed_force(model, bench, (x, v, a), (p1, p2)) - manoeuvre.force
+            needed = needed_force(model, bench, (x, v, a), (p1, p2)) + manoeuvre.added_mass * a
+            force = needed - manoeuvre.force
             if template.chamber_2 == "valve" and area_2 > 0.0:  # both chambers share the force about their mean
                 mean = start.p1
                 p1, p2 = mean + 0.5 * force / area_1, mean - 0.5 * force / area_2
@@ -289,4 +291,5 @@ def synthetic_recording(manoeuvre: Manoeuvre, outcome: Outcome, name: str, seed:
         imposed=template.imposed,
         valve_shut=manoeuvre.kind == "shut-valve",
         chamber=template.chamber,
+        added_mass=manoeuvre.added_mass,
     )

@@ -79,7 +79,7 @@ def _force_balance(one: Recording, bench: RigCheck) -> ForceBalance | None:
     drag, drag_error = line.combination(np.array([0.0, 1.0, float(np.mean(v**2)) / speed, 0.0, 0.0]))
     forth = float(np.mean(v > 0))
     return ForceBalance(
-        float(line.factors[0]),
+        float(line.factors[0]) - one.added_mass,
         float(line.errors[0]),
         drag,
         drag_error,

@@ -67,7 +67,7 @@ def _undersampled(one: Recording, bench: RigCheck) -> Iterator[Finding]:
     if one.kind.vessel or one.imposed or not known:
         return
     stiffness = sum(_air_spring_stiffness(bench, one, chamber) for chamber in (1, 2))
-    omega = float(np.sqrt(max(stiffness, 0.0) / (rig.moving_mass or 1.0)))
+    omega = float(np.sqrt(max(stiffness, 0.0) / ((rig.moving_mass or 1.0) + one.added_mass)))
     if omega * one.period > 1.0:
         found = f"sampled at {1 / one.period:.3g} Hz, and the piston swings on its air at {omega / (2 * np.pi):.3g} Hz"
         mend = (

@@ -166,6 +166,7 @@ def base_vector(model: Model, experiment: Experiment) -> Array:
         base |= {"rig.piston_area_1": 0.0, "rig.dead_volume_1": model.values.get("rig.vessel_volume", 0.0)}
     if any("heat" in effect.ports for effect in model.effects):  # then heat is simulated
         base["rig.polytropic_exponent"] = base["rig.heat_capacity_ratio"]
+    base["rig.moving_mass"] += experiment.recording.added_mass
     if experiment.stroke_limits is not None:
         base |= dict(zip(("rig.lower_end", "rig.upper_end"), experiment.stroke_limits, strict=True))
     return np.array([base[name] for name in at.BASE_NAMES])

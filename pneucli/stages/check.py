@@ -132,6 +132,7 @@ def _beginning(source: RecordingSource, config: PipelineConfig) -> tuple[Recordi
         imposed=table.imposed,
         valve_shut=table.valve == "shut",
         chamber=table.chamber,
+        added_mass=table.added_mass or 0.0,
     )
     return recording, [_signal(name, source, file) for name in names]
 

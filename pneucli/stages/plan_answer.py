@@ -13,7 +13,6 @@ from pneucli.messages.plan import by_hand_text, manoeuvre_text
 from pneucli.pipeline.context import Context
 from pneucli.plan.limits import Limits
 from pneucli.plan.manoeuvre import Manoeuvre
-from pneucli.plan.manoeuvres import GRAVITY
 from pneucli.plan.rivals import Rival
 from pneucli.plan.selection import CHANGE_OVER_TIME, Chosen, Refused
 from pneucli.plan.simulation import start_of
@@ -94,7 +93,8 @@ def manoeuvre_answer(m: Manoeuvre) -> dict[str, Any]:
         "speed": m.speed,
         "pressure": m.pressure,
         "force": m.force,
-        "by_hand": by_hand_text(m.kind, m.force, GRAVITY) if m.by_hand else None,
+        "added_mass": m.added_mass,
+        "by_hand": by_hand_text(m.kind, m.force, m.added_mass) if m.by_hand else None,
     }
 
 

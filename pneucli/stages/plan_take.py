@@ -15,7 +15,9 @@ from pneucli.pipeline.manifest import read_manifest
 
 Answer = Mapping[str, Any]
 
-OWN_KEYS = frozenset({"name", "file", "use", "test", "from", "to", "more", "valve", "force", "x_ref", "p_ref"})
+OWN_KEYS = frozenset(
+    {"name", "file", "use", "test", "from", "to", "more", "valve", "force", "added_mass", "x_ref", "p_ref"}
+)
 MIN_SHOWN_PROBABILITY = 0.05  # of an effect, before or after
 IDENTITY_KEYS = ("experiment", "chamber_2", "imposed", "chamber")
 
@@ -115,7 +117,7 @@ def _table(planned: Answer, present: Sequence[Answer]) -> dict[str, Any]:
     if planned["valve"]:
         table["valve"] = planned["valve"]
     if planned["force"]:
-        table["force"] = f"{planned['force']:.4g} N"
+        table |= {"force": f"{planned['force']:.4g} N", "added_mass": f"{planned['added_mass']:.4g} kg"}
     return table
 
 

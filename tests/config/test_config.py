@@ -359,6 +359,18 @@ def test_a_log_names_its_controller_and_nothing_else_does(table: str, wanted: st
     assert wanted in str(error.value)
 
 
+def test_a_mass_that_moved_in_one_recording_is_read(tmp_path: Path) -> None:
+    axis = AXIS.replace("closed-loop", "axis") + 'added_mass = "2 kg"\n'
+    taken = load(write(tmp_path, BASE.replace('experiment = "valve"\n', axis).replace('valve = "shut"\n', "")))
+    assert {source.table.added_mass for source in recording_sources(taken)} == {2.0}
+
+
+def test_a_vessel_moves_no_mass(tmp_path: Path) -> None:
+    valve = BASE.replace('experiment = "valve"\n', 'experiment = "valve"\nadded_mass = "2 kg"\n')
+    with pytest.raises(InputError, match="added_mass moves with a piston"):
+        load(write(tmp_path, valve))
+
+
 def test_the_controller_of_a_log_stands_in_its_table(tmp_path: Path) -> None:
     path = write(tmp_path, BASE.replace('experiment = "valve"\n', AXIS + 'controller = "a.json"\n'))
     assert [source.table.controller for source in recording_sources(load(path))] == ["a.json", "a.json"]

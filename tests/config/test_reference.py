@@ -34,7 +34,7 @@ def placed(key: Key) -> dict[str, Any]:
     document = json.loads(json.dumps(MINIMAL))
     value = parse_toml_value(key.example)
     first = document["recordings"][0]
-    axis = {"experiment": "friction", "chamber_2": "open"} if key.name in ("imposed",) else {}
+    axis = {"experiment": "friction", "chamber_2": "open"} if key.name in ("imposed", "added_mass") else {}
     axis |= {"experiment": "closed-loop", "chamber_2": "closed"} if key.name == "controller" else {}
     if key.table == "recordings":
         first |= {"chamber_2": "closed"} if (key.name, value) == ("experiment", "axis") else axis

@@ -5,6 +5,7 @@ The recordings are runs of the exam's rig, whose equations are its own; what is 
 
 from __future__ import annotations
 
+from dataclasses import replace
 from functools import cache
 
 import numpy as np
@@ -142,3 +143,15 @@ def test_a_misfit_of_a_is_attributed_to_effects_that_it_cannot_represent() -> No
     (misfit,) = [warning.values for warning in found.warnings if warning.kind == "misfit"]
     assert misfit["unmodelled"] == ("friction-asymmetry",)
     assert misfit["better"] == ["C", "F"]
+
+
+def test_a_weight_that_moved_along_in_one_recording_is_not_friction_nor_the_rigs_mass() -> None:
+    light, heavy = runs(BENCH)[0], runs(BENCH._replace(extra_mass=2.0))[1]
+    unknown = Model(replace(RIG, moving_mass=None))
+    found = identify_friction([light, replace(heavy, added_mass=2.0)], unknown)
+    assert found.mass is not None
+    assert found.mass.ci_low <= BENCH.mass <= found.mass.ci_high
+    for name, truth in (("coulomb", BENCH.coulomb), ("viscous", BENCH.viscous)):
+        assert found.parameters[name].ci_low <= truth <= found.parameters[name].ci_high, name
+    assert times_noise(found, "A", "a") < 1.3
+    assert times_noise(identify_friction([light, heavy], unknown), "A", "a") > 3.0

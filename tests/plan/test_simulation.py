@@ -15,6 +15,7 @@ from pneucli.plan.evaluation import Comparison
 from pneucli.plan.first import typical_model
 from pneucli.plan.information import deviations_of
 from pneucli.plan.limits import limits_of, violations
+from pneucli.plan.manoeuvre import Manoeuvre
 from pneucli.plan.manoeuvres import SPEED_SHARE, candidate_manoeuvres, manual_manoeuvres
 from pneucli.plan.profile import sample
 from pneucli.plan.rivals import lagged_models, with_typical_effect
@@ -39,6 +40,7 @@ BENCHES = described_benches(RIG)
 VESSEL = next(b for b in BENCHES if b.template.kind.vessel)
 LOOP = next(b for b in BENCHES if b.drive == "position")
 VALVE = next(b for b in BENCHES if b.drive == "valve" and b.template.kind.axis)
+DRIVE = replace(LOOP, drive="motion", template=replace(LOOP.template, experiment="friction", chamber_2="closed"))
 LIMITS = limits_of(RIG, BENCHES)
 MODEL = typical_model(RIG, BENCHES)
 
@@ -138,12 +140,11 @@ def test_the_force_of_an_imposed_motion_is_that_of_mass_and_friction():
 
 
 def test_a_bench_with_its_own_drive_gets_the_pressure_that_the_model_needs():
-    friction = replace(LOOP, drive="motion", template=replace(LOOP.template, experiment="friction", chamber_2="closed"))
-    sine = next(m for m in candidate_manoeuvres(friction, LIMITS) if m.kind == "motion-sine" and m.frequency == 1.0)
+    sine = next(m for m in candidate_manoeuvres(DRIVE, LIMITS) if m.kind == "motion-sine" and m.frequency == 1.0)
     outcome = simulate_manoeuvre(sine, MODEL)
     assert outcome.x is not None
     assert outcome.p2 is not None
-    a = np.gradient(np.gradient(outcome.x, friction.period), friction.period)
+    a = np.gradient(np.gradient(outcome.x, DRIVE.period), DRIVE.period)
     net = 8e-4 * (outcome.p1 - outcome.p2)
     friction_force = net - 2.0 * a
     moving = np.abs(outcome.v) > 0.01
@@ -188,3 +189,15 @@ def test_a_lag_that_a_model_has_is_none_that_it_lacks():
     lagging = with_typical_effect(MODEL, effects["valve-lag"], train)
     assert lagging is not None
     assert "valve-lag" not in [m.effects[-1].name for m in lagged_models(lagging, effects.values(), train)]
+
+
+@pytest.mark.parametrize("bench", [LOOP, DRIVE], ids=["valve", "the bench's drive"])
+def test_a_weight_pulls_and_moves_along(bench: Bench, monkeypatch: pytest.MonkeyPatch) -> None:
+    hung = manoeuvre(bench, "known-force")
+    assert (abs(hung.force), hung.added_mass) == (pytest.approx(19.62), pytest.approx(2.0))
+    outcome = simulate_manoeuvre(hung, MODEL)
+    assert synthetic_recording(hung, outcome, "plan_1", 0).added_mass == pytest.approx(2.0)
+    monkeypatch.setattr(Manoeuvre, "added_mass", 0.0)
+    heavier = simulate_manoeuvre(hung, replace(MODEL, rig=replace(RIG, moving_mass=4.0)))
+    assert outcome.p1 == pytest.approx(heavier.p1)
+    assert outcome.p1 != pytest.approx(simulate_manoeuvre(hung, MODEL).p1)

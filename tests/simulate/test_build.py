@@ -19,7 +19,7 @@ from pneucli.simulate.experiment import Experiment
 from pneucli.simulate.model import Model
 from pneucli.simulate.run import area_tables, base_vector, effects_by_name, kernel_for, run
 
-from .synthetic_experiments import held_commands, make_experiment, model, time_grid, typical_values
+from .synthetic_experiments import RIG, held_commands, make_experiment, model, time_grid, typical_values
 
 TIME = time_grid(0.3)
 U = held_commands(TIME, (0.0, 2.0, -2.0), 0.1)
@@ -104,6 +104,15 @@ def test_a_kernel_is_compiled_once_for_stamps_of_a_file_and_of_a_calculation() -
     recording = replace(experiment.recording, time=locked)
     assert np.array_equal(run(bare(), replace(experiment, recording=recording)), first)
     assert len(kernel.run.signatures) == compiled  # type: ignore[attr-defined]
+
+
+@pytest.mark.parametrize("kind", ["axis", "friction"])
+def test_a_mass_added_in_one_recording_moves_as_the_rigs_own(kind: str) -> None:
+    experiment = RUNS[kind]()
+    loaded = replace(experiment, recording=replace(experiment.recording, added_mass=1.5))
+    heavier = model((), rig=replace(RIG, moving_mass=RIG.moving_mass + 1.5))
+    assert np.array_equal(run(model(), loaded), run(heavier, experiment))
+    assert not np.array_equal(run(model(), loaded), run(model(), experiment))
 
 
 def test_parallel_runs_equal_sequential_runs_in_order() -> None:

@@ -74,10 +74,10 @@ def test_a_second_round_gets_new_names(folder: Path) -> None:
 
 
 def test_a_shut_valve_and_a_known_force_are_stated(folder: Path) -> None:
-    by_hand = {"recordings": [planned("plan_1", 0.0, valve="shut", force=-19.62)], "rivals": []}
+    by_hand = {"recordings": [planned("plan_1", 0.0, valve="shut", force=-19.62, added_mass=2.0)], "rivals": []}
     add_recordings(folder / "pipeline.toml", by_hand, [folder / "a.csv"])
     (one,) = recordings(folder)
-    assert (one["valve"], one["force"]) == ("shut", "-19.62 N")
+    assert (one["valve"], one["force"], one["added_mass"]) == ("shut", "-19.62 N", "2 kg")
 
 
 @pytest.mark.parametrize("files", [["missing.csv"], ["a.csv", "b.csv", "all.csv"]])

@@ -115,12 +115,12 @@ class Motion:
         return np.where(self.moving & is_certain, np.sign(acceleration_along), 0).astype(np.int8)
 
     def friction(self, mass: float) -> Array:
-        """Return the friction force in N, positive where it brakes motion toward +x, for a moving mass in kg."""
-        return self.drive - mass * self.a
+        """Return the friction force in N, positive where it brakes motion toward +x, for the rig's mass in kg."""
+        return self.drive - (mass + self.recording.added_mass) * self.a
 
     def sigma_friction(self, mass: float) -> float:
         """Return the standard deviation of one sample of :meth:`friction` in N."""
-        return float(np.hypot(self.sigma_drive, mass * self.accelerometer_noise))
+        return float(np.hypot(self.sigma_drive, (mass + self.recording.added_mass) * self.accelerometer_noise))
 
 
 def estimate_motion(recording: Recording, model: Model) -> Motion:

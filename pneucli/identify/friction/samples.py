@@ -28,8 +28,9 @@ class IntervalEstimate:
 class MovingSamples:
     """Moving samples of several recordings, each of shape (n,): velocity (m/s), acceleration (m/s^2), drive (N).
 
-    ``friction`` is drive - mass a (N), ``sigma`` its standard deviation (N), ``branch`` as in :class:`Motion`;
-    ``block`` labels the spans (:attr:`Motion.block_length`) within which residuals may be correlated.
+    ``drive`` is without what accelerates a recording's own added mass; ``friction`` is drive - mass a (N), ``sigma``
+    its standard deviation (N), ``branch`` as in :class:`Motion`; ``block`` labels the spans
+    (:attr:`Motion.block_length`) within which residuals may be correlated.
     """
 
     v: Array
@@ -75,7 +76,7 @@ def pool_samples(motions: Sequence[Motion], mass: float) -> MovingSamples:
             [
                 motion.v[moving],
                 motion.smooth_a[moving],
-                motion.drive[moving],
+                motion.friction(0.0)[moving],
                 friction,
                 sigma,
                 motion.branch[moving],

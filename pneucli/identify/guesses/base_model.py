@@ -101,9 +101,9 @@ def guess_friction(experiments: Sequence[Experiment], rig: Rig) -> dict[str, flo
         _, v, a = imposed_motion(experiment)
         force = _driving_force(experiment, rig)
         moving = np.abs(v) > MIN_SPEED_RATIO * np.max(np.abs(v))
-        first_valve = 0.0 if rig.moving_mass is None else rig.moving_mass * a
+        inertia = ((rig.moving_mass or 0.0) + experiment.recording.added_mass) * a
         rows.append(np.column_stack([np.sign(v), v, a, np.ones_like(v)])[moving])
-        targets.append((force - first_valve)[moving])
+        targets.append((force - inertia)[moving])
     if not rows:
         return {}
     design, target = np.vstack(rows), np.concatenate(targets)

@@ -59,7 +59,7 @@ def force_samples(experiments: Sequence[Experiment], mass: float) -> ForceSample
 
     Args:
         experiments: The experiments with a piston.
-        mass: Moving mass in kg.
+        mass: Moving mass of the rig in kg.
 
     References:
         Thesis (6.1) to (6.7): the friction force is the driving force less ``m a``.
@@ -81,7 +81,8 @@ def _force_samples(e: Experiment, mass: float) -> ForceSamples:
     along = np.sign(v) * a
     noise = e.noise["a"].rms if "a" in e.noise else 0.0
     branch = np.where(np.abs(along) > BRANCH_SIGMA * noise, np.sign(along), 0.0)
-    return ForceSamples(v[chosen], (drive - mass * a)[chosen], branch[chosen])
+    friction = drive - (mass + e.recording.added_mass) * a
+    return ForceSamples(v[chosen], friction[chosen], branch[chosen])
 
 
 def _slides(v: Array, smeared: int) -> Mask:

@@ -68,7 +68,8 @@ class ForceBalance(ResidualModel):
     def noise(self) -> dict[str, float]:
         """The standard deviation of each channel from the sensors alone."""
         e = self.experiment
-        share = {"p1": e.rig.piston_areas[0], "p2": e.rig.piston_areas[1], "a": e.rig.moving_mass or 1.0, "force": 1.0}
+        mass = (e.rig.moving_mass or 1.0) + e.recording.added_mass
+        share = {"p1": e.rig.piston_areas[0], "p2": e.rig.piston_areas[1], "a": mass, "force": 1.0}
         force_noise = [share[n] * e.noise[n].rms for n in share if n in e.noise]
         force = max(float(np.sqrt(np.sum(np.square(force_noise)))), 1e-6)
         return {"force": force} | {c: e.noise[c].rms for c in ("a",) if c in e.noise}

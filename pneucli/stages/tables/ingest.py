@@ -47,7 +47,7 @@ def write_tables(out: Path, done: list[IngestedRecording], about: Provenance) ->
     """Write all tables but the signals."""
     recordings = [recording_row(one) for one in done]
     columns = {key: [row[key] for row in recordings] for key in recordings[0]}
-    units = {"period": "s", "chamber": "1"} | dict.fromkeys(
+    units = {"period": "s", "chamber": "1", "added_mass": "kg"} | dict.fromkeys(
         ("rows_read", "samples", *map(loss_column, LOSS_MESSAGES)), "1"
     )
     write_table(out / RECORDINGS_FILE, columns, units=units, schema="pneucli/ingest/recordings/1", provenance=about)
@@ -70,6 +70,7 @@ def recording_row(one: IngestedRecording) -> dict[str, Any]:
         "imposed": table.imposed or "",
         "valve_shut": table.valve == "shut",
         "chamber": table.chamber,
+        "added_mass": table.added_mass or 0.0,
         "file": str(one.source.path),
         "sha256": one.sha256,
         "rows_read": one.rows,
