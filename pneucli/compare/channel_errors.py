@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -39,6 +39,10 @@ class ChannelResult:
     ratio_to_noise: float
     measured_range: float
     ratio_limit: float | None = None
+
+    def in_units_of(self, noise: float) -> ChannelResult:
+        """Return the same error beside another rms error of a correct model, in SI."""
+        return replace(self, noise=noise, ratio_to_noise=self.rmsd / noise if noise > 0 else np.nan)
 
 
 @dataclass(frozen=True)

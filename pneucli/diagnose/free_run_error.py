@@ -2,14 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
+from typing import TypeVar
 
 from pneucli.compare import ChannelResult, compare, overall_error
 from pneucli.compare.expected_error import expected_errors
 from pneucli.diagnose.score import ErrorsByUse
 from pneucli.simulate.experiment import Experiment
 from pneucli.simulate.model import Model
+
+T = TypeVar("T")
 
 
 @dataclass(frozen=True)
@@ -19,11 +22,11 @@ class FreeRunErrors:
     That error depends on the model: a damper in it, and trajectories err less. Two models are therefore compared in
     units of one of them, the ``reference``; otherwise a model whose errors fall in mm and bar may seem to rise.
 
-    The Monte Carlo simulation of the noise takes as long as a fit, so results are cached.
+    Both the simulation of a model and the Monte Carlo simulation of its noise are done once for each model.
     """
 
     experiments: Sequence[Experiment]
-    _results: list[tuple[Model, Model, list[ChannelResult]]] = field(default_factory=list)
+    _compared: list[tuple[Model, list[tuple[ChannelResult, ...]]]] = field(default_factory=list)
     _expected: list[tuple[Model, list[dict[str, float]]]] = field(default_factory=list)
 
     def __call__(self, model: Model, reference: Model | None = None) -> ErrorsByUse:
@@ -33,23 +36,31 @@ class FreeRunErrors:
 
     def channels(self, model: Model, reference: Model | None = None) -> list[ChannelResult]:
         """Return the model's error in every channel of every recording."""
-        reference = model if reference is None else reference
-        for known_model, known_reference, known in self._results:
-            if known_model is model and known_reference is reference:
-                return known
-        pairs = zip(self.experiments, self._expected_errors(reference), strict=True)
-        results = [result for experiment, expected in pairs for result in compare(model, experiment, expected).results]
-        self._results.append((model, reference, results))
-        return results
+        expected = _once(self._expected, model if reference is None else reference, self._expected_errors)
+
+        def compared(model: Model) -> list[tuple[ChannelResult, ...]]:
+            pairs = zip(self.experiments, expected, strict=True)
+            return [compare(model, experiment, noise).results for experiment, noise in pairs]
+
+        own = _once(self._compared, model, compared)
+        return [
+            result.in_units_of(noise[result.channel])
+            for results, noise in zip(own, expected, strict=True)
+            for result in results
+        ]
 
     def _expected_errors(self, model: Model) -> list[dict[str, float]]:
         """Return the error of each experiment by channel if the model were correct."""
-        for known_model, known in self._expected:
-            if known_model is model:
-                return known
-        expected = [one.rms for one in expected_errors(model, self.experiments)]
-        self._expected.append((model, expected))
-        return expected
+        return [one.rms for one in expected_errors(model, self.experiments)]
+
+
+def _once(known: list[tuple[Model, T]], model: Model, compute: Callable[[Model], T]) -> T:
+    """Return what is known of this very model, else compute it and keep it."""
+    for known_model, value in known:
+        if known_model is model:
+            return value
+    known.append((model, compute(model)))
+    return known[-1][1]
 
 
 def held_out_error(errors: ErrorsByUse) -> float | None:

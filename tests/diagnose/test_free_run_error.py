@@ -7,9 +7,15 @@ from typing import Any
 
 import pytest
 
+from pneucli.compare import ChannelResult
 from pneucli.compare.expected_error import ExpectedError
 from pneucli.diagnose import free_run_error
 from pneucli.diagnose.free_run_error import held_out_error, relative_error, remaining_error_share, removed_error_share
+
+
+def result(use: Any, rmsd: float, noise: float, channel: str = "x") -> ChannelResult:
+    """The error of one channel; the model's number stands for its rms error."""
+    return ChannelResult("one", use, channel, "m", rmsd, 0.0, 0.0, 0.0, noise, rmsd / noise, 1.0)
 
 
 def errors(train: float | None, test: float | None) -> dict[str, float | None]:
@@ -55,9 +61,10 @@ def test_errors_are_over_each_models_own_noise_by_use(monkeypatch: pytest.Monkey
     """Three recordings, each with a channel's ratio of the model's number over the noise that it is given."""
 
     def compare(model: float, experiment: Any, noise: dict[str, float]) -> Any:
-        ratio = model / noise["x"]
-        return SimpleNamespace(results=[SimpleNamespace(use=experiment, ratio_to_noise=ratio)])
+        compared.append(model)
+        return SimpleNamespace(results=(result(experiment, model, noise["x"]),))
 
+    compared: list[float] = []
     drawn: list[float] = []
 
     def expected(model: float, experiments: list[str]) -> list[ExpectedError]:
@@ -71,8 +78,9 @@ def test_errors_are_over_each_models_own_noise_by_use(monkeypatch: pytest.Monkey
     assert shown(first) == {"train": 3.0, "test": 1.5}
     assert shown(other) == {"train": 4.0, "test": 2.0}
     assert shown(first) == {"train": 3.0, "test": 1.5}
-    assert drawn == [6.0, 8.0]  # noise is drawn once for each model
     assert shown(other, first) == {"train": 4.0, "test": 2.0}
+    assert drawn == [6.0, 8.0]  # noise is drawn once for each model
+    assert compared == 3 * [6.0] + 3 * [8.0]  # and each is simulated once
     alone: Any = free_run_error.FreeRunErrors(["train"])  # type: ignore[list-item]
     assert alone(first) == {"train": 3.0, "test": None}
 
@@ -81,7 +89,7 @@ def test_two_models_are_compared_in_units_of_one(monkeypatch: pytest.MonkeyPatch
     """Of a correct model without a damper errors of 4 um are expected, with it of 1 um; 6 um are left of 8 um."""
 
     def compare(model: float, experiment: Any, noise: dict[str, float]) -> Any:
-        return SimpleNamespace(results=[SimpleNamespace(use="train", ratio_to_noise=model / noise["x"])])
+        return SimpleNamespace(results=(result("train", model, noise["x"]),))
 
     def expected(model: float, experiments: list[str]) -> list[ExpectedError]:
         return [ExpectedError({"x": 4.0 if model == 8.0 else 1.0}, {})]
@@ -95,8 +103,10 @@ def test_two_models_are_compared_in_units_of_one(monkeypatch: pytest.MonkeyPatch
 
 
 def test_the_overall_error_of_a_use_is_a_root_mean_square(monkeypatch: pytest.MonkeyPatch) -> None:
-    results = [SimpleNamespace(use="train", ratio_to_noise=r) for r in (3.0, 4.0)]
+    results = tuple(result("train", rmsd, 1.0, channel) for channel, rmsd in (("x", 3.0), ("v", 4.0)))
     monkeypatch.setattr(free_run_error, "compare", lambda model, experiment, noise: SimpleNamespace(results=results))
-    monkeypatch.setattr(free_run_error, "expected_errors", lambda model, experiments: [ExpectedError({}, {})])
+    monkeypatch.setattr(
+        free_run_error, "expected_errors", lambda model, experiments: [ExpectedError({"x": 1.0, "v": 1.0}, {})]
+    )
     shown: Any = free_run_error.FreeRunErrors([None])  # type: ignore[list-item]
     assert shown(None)["train"] == pytest.approx(12.5**0.5)
