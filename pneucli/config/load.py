@@ -189,9 +189,8 @@ def _fault(
     if kind == "literal_error":
         expected = str((detail.get("ctx") or {}).get("expected", ""))
         known = re.findall(r"'([^']*)'", expected)
-        return InputError(
-            where, value, expected, did_you_mean(str(detail["input"])[:MAX_SHOWN_CHARACTERS], known), code="E023"
-        )
+        mend = did_you_mean(str(detail["input"])[:MAX_SHOWN_CHARACTERS], known) if known else ""
+        return InputError(where, value, expected, mend, code="E023")
     if kind == "value_error":
         found, _, wanted = detail["msg"].removeprefix("Value error, ").partition("; wanted ")
         return InputError(where, found, wanted, code="E023")

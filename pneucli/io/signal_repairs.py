@@ -72,7 +72,9 @@ class SignalRepairs:
             )
             yield Repair(self._name, "held", self._sampling_removed, message)
         elif rows > 1:
-            yield Repair(self._name, "set-slowly", rows, f"it changes at every {rows}th row only")
+            yield Repair(
+                self._name, "set-slowly", rows, f"it changes once in {rows} rows: it is set more slowly than logged"
+            )
         if self._filled:
             message = f"{self._filled} fields are empty; each holds the value before it"
             yield Repair(self._name, "hold", self._filled, message)

@@ -119,6 +119,10 @@ def assumptions(recordings: Sequence[Recording], rig: Rig) -> Iterator[Assumptio
         yield Assumption(f"chamber 2 is at ambient pressure in {_named(opened)}", "p2 or chamber_2 in [[recordings]]")
     if shut := [one for one in quiet if one.kind.axis and one.chamber_2 != "open"]:
         yield Assumption(f"chamber 2 starts at ambient pressure in {_named(shut)}", "p2 in [signals]")
+    driven = [one for one in recordings if one.kind.axis and one.chamber_2 == "valve" and "u2" in one]
+    if driven and "u2" not in rig.arrangement.commands:
+        what = f"u alone drives both chambers in {_named(driven)}, and u2 is not used"
+        yield Assumption(what, 'arrangement = "two" in [rig.valve]')
 
 
 VolumeKey = Literal["rig.dead_volume_1", "rig.dead_volume_2", "rig.vessel_volume"]

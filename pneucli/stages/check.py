@@ -6,7 +6,7 @@ from collections.abc import Iterable
 from dataclasses import asdict
 from functools import partial
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -19,7 +19,7 @@ from pneucli.physics.effects import all_effects, select_effects
 from pneucli.plausibility.required_inputs import assumptions, required_inputs
 from pneucli.recording import Recording
 from pneucli.stages.flow_units import flow_unit_assumptions
-from pneucli.stages.ingest import open_recording, recorded_signals
+from pneucli.stages.ingest import open_recording, recorded_signals, unread_signals
 from pneucli.stages.parameter_priors import parameter_priors, with_started_supply
 
 Answer = dict[str, Any]
@@ -40,19 +40,21 @@ def check_pipeline(path: Path) -> Answer:
         where = f"{path}, key model.effects"
         _attempt(lambda: select_effects(config.model.effects, all_effects(), where), faults)
         _attempt(lambda: parameter_priors(config, all_effects()), faults)
-    recordings = [found[0] for _, found in rows if found is not None]
+    begun = [found for _, found in rows if found is not None]
+    recordings = [one.recording for one in begun]
     rig = _attempt(lambda: with_started_supply(config.to_rig(), config), faults) or config.to_rig()
     needs = required_inputs(recordings, rig) if recordings else []
     missing = [asdict(need) for need in needs if f"{need.table}.{need.key}" not in waiting]
     return {
         "schema": "pneucli/check/1",
         "pipeline": config.name,
-        "recordings": [_row(source, found[1]) for source, found in rows if found is not None],
+        "recordings": [_row(one.source, one.signals) for one in begun],
         "missing": missing,
         "assumed": [
             asdict(one)
             for one in (*flow_unit_assumptions(config), *(assumptions(recordings, rig) if recordings else []))
         ],
+        "warnings": unread_signals(config, [(one.source, one.file) for one in begun]),
         "faults": [{key: getattr(one, key) for key in ("where", "found", "wanted", "mend")} for one in _each(faults)],
     }
 
@@ -110,8 +112,17 @@ def _each(faults: Iterable[InputError]) -> list[InputError]:
     return [inner for one in faults for inner in (one.faults or [one])]
 
 
-def _beginning(source: RecordingSource, config: PipelineConfig) -> tuple[Recording, list[dict[str, str]]]:
-    """Return the first batch of a recording, and its signals with their columns and units."""
+class Beginning(NamedTuple):
+    """The first batch of a recording, and its signals with their columns and units."""
+
+    source: RecordingSource
+    file: SignalReader | MultiFileRecording
+    recording: Recording
+    signals: list[dict[str, str]]
+
+
+def _beginning(source: RecordingSource, config: PipelineConfig) -> Beginning:
+    """Return the first batch of a recording."""
     source, file = open_recording(source, config)
     names, _ = recorded_signals(source, file)
     batch = next(iter(file.batches()))
@@ -134,7 +145,7 @@ def _beginning(source: RecordingSource, config: PipelineConfig) -> tuple[Recordi
         chamber=table.chamber,
         added_mass=table.added_mass or 0.0,
     )
-    return recording, [_signal(name, source, file) for name in names]
+    return Beginning(source, file, recording, [_signal(name, source, file) for name in names])
 
 
 def _signal(name: str, source: RecordingSource, file: SignalReader | MultiFileRecording) -> dict[str, str]:

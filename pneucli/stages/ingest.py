@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import Future, ThreadPoolExecutor
 from dataclasses import asdict, replace
 from pathlib import Path
@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pneucli.config import PipelineConfig, RecordingSource, SignalTable, TextTable, recording_sources
-from pneucli.errors import InputError
+from pneucli.errors import InputError, did_you_mean
 from pneucli.experiments import EXPERIMENT_KINDS
 from pneucli.gases import AIR
 from pneucli.io.artifacts import Provenance, TableWriter, sha256_of
@@ -70,7 +70,7 @@ def run(context: Context) -> dict[str, Any]:
             writer.add_inputs(about)
     pool_noise_by_sensor(done)
     write_tables(context.out, done, about)
-    return _answer(config, done) | inspect_signals(context, done)
+    return _answer(config, done, unread_signals(config, pairs)) | inspect_signals(context, done)
 
 
 def _progress_at(progress: Progress, fraction: float) -> Callable[[str], None]:
@@ -269,13 +269,29 @@ def _require_usable(one: IngestedRecording) -> None:
     one.repairs += [Repair(name, "empty", one.samples, "has no value in any row; left out") for name in one.empty]
 
 
-def _answer(config: PipelineConfig, done: list[IngestedRecording]) -> dict[str, Any]:
-    seen = {name for one in done for name in one.signals}
-    unused = [name for name in config.signals.present() if name not in seen]
+def unread_signals(
+    config: PipelineConfig, opened: Sequence[tuple[RecordingSource, SignalReader | MultiFileRecording]]
+) -> list[str]:
+    """Return what is to be said of each signal of ``[signals]`` that no recording has."""
+    names = {name for source, file in opened for name in (*file.positions, *source.table.held_constant)}
+    tables = [source.signals.get(name) for source, file in opened for name in file.positions]
+    columns = dict.fromkeys(str(column) for _, file in opened for column in file.names)
+    messages = []
+    for name, signal in config.signals.present().items():
+        if name in names or any(signal is table for table in tables):
+            continue
+        text = f"[signals] {name}: no recording takes it from a column"
+        if isinstance(signal.column, str):
+            text = f'[signals] {name}: no file has the column "{signal.column}"; {did_you_mean(signal.column, columns)}'
+        messages.append(text)
+    return messages
+
+
+def _answer(config: PipelineConfig, done: list[IngestedRecording], unread: Sequence[str]) -> dict[str, Any]:
     repairs = [{"recording": one.source.name, **asdict(repair)} for one in done for repair in one.repairs]
     warnings = [f"{repair_location(r)}: {r['message']}" for r in repairs if r["kind"] in WARNING_REPAIRS]
     warnings += [f"{one.what}; to say otherwise: {one.instead}" for one in flow_unit_assumptions(config)]
-    warnings += [f"[signals] {name}: no recording takes it from a column" for name in unused]
+    warnings += unread
     return {
         "schema": "pneucli/ingest/1",
         "pipeline": config.name,

@@ -68,6 +68,23 @@ def test_a_column_that_is_not_there_is_named_with_exit_2(pneucli: Command, strok
     assert 'no column "Y"' in " ".join(result.out.split())  # lines wrap where the path ends
 
 
+def test_a_column_that_no_file_has_is_said_with_the_one_that_is_like_it(pneucli: Command, strokes: Path) -> None:
+    """Without p2 the recording can be read, as another one."""
+    signals = 'p2 = { column = "PP", unit = "bar" }\nv = { column = "Q", unit = "m/s" }\n[[recordings]]'
+    strokes.write_text(FRICTION.replace("[[recordings]]", signals))
+    assert json.loads(pneucli("check", strokes, "--json").out)["warnings"] == [
+        '[signals] p2: no file has the column "PP"; did you mean "P"?',
+        '[signals] v: no file has the column "Q"; known: F, P, X, t',
+    ]
+
+
+def test_a_chamber_that_is_not_there_has_no_empty_mend(pneucli: Command, strokes: Path) -> None:
+    strokes.write_text(FRICTION + "chamber = 3\n")
+    result = pneucli("check", strokes)
+    assert "wanted: 1 or 2" in result.err
+    assert "mend" not in result.err
+
+
 def test_a_raw_file_that_is_not_there_is_named_with_exit_2(pneucli: Command, strokes: Path) -> None:
     (strokes.parent / "strokes.csv").unlink()
     result = pneucli("check", strokes)

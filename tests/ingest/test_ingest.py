@@ -70,6 +70,12 @@ def two(tmp_path: Path) -> Path:
     return tmp_path / "two.toml"
 
 
+def test_a_signal_that_no_recording_has_is_said(two: Path) -> None:
+    two.write_text(PIPELINE.replace("[[recordings]]", 'p2 = { column = "PP" }\n[[recordings]]', 1))
+    answer, _ = ingested(two, two.parent / "out")
+    assert '[signals] p2: no file has the column "PP"; did you mean "P"?' in answer["warnings"]
+
+
 @pytest.mark.parametrize("named_as_on_the_axis", [True, False])
 def test_a_valve_test_of_chamber_2_has_one_command_and_one_pressure(two: Path, named_as_on_the_axis: bool) -> None:
     """Of the vessel, however the file names them; the noise of the sensor goes with its column."""

@@ -72,6 +72,13 @@ def test_what_is_taken_for_granted_is_said() -> None:
     assert "ambient pressure in one" in said.what
 
 
+def test_a_second_command_that_the_arrangement_has_not_is_said() -> None:
+    both = replace(AXIS, chamber_2="valve", signals=AXIS.signals | {"u2": 1.0 + TIME})
+    assert list(assumptions([both], replace(RIG, valve_arrangement="two"))) == []
+    (said,) = assumptions([both], replace(RIG, valve_arrangement="5/3"))
+    assert "u2 is not used" in said.what
+
+
 def test_a_need_names_its_recordings_and_how_the_key_may_be_written() -> None:
     (need,) = required_inputs([PUSHED], Rig())
     assert "one" in need.wanted
