@@ -19,6 +19,7 @@ VALIDATION_PHRASES = {
     "none": "on the fitted recordings (none was held out)",
 }
 
+CERTAIN = 0.9  # probability from which on an effect is stated without it; of such names 95 in 100 are right
 MIN_TOLD_PROBABILITY = 0.3  # of an effect that is not named: about one in four of those below 0.5 is present
 
 WARNINGS = {
@@ -92,16 +93,30 @@ def _likeliest_effect(answer: Answer) -> str:
 def _named_effects(answer: Answer) -> str:
     """Return the named effects, how much they explain, and the effects that are indistinguishable from each."""
     named = [c for c in answer["candidates"] if c["effect"] in answer["missing"]]
-    effects = join_names([f"{c['effect']} ({c['title'][:1].lower()}{c['title'][1:]})" for c in named])
+    effects, lacks = join_names([_named_effect(c) for c in named]), "lacks"
+    if any(_is_doubtful(c) for c in named):
+        lacks = "probably lacks"
     share = answer.get("explained_share")
     subject, pronoun = ("it explains", "it") if len(named) == 1 else ("they explain", "them")
     explains = f"; {subject} {format_percent(share)} of the squared error beyond noise" if share else ""
-    text = f"The model lacks {effects}: with {pronoun} {error_reduction(answer)}{explains}."
+    text = f"The model {lacks} {effects}: with {pronoun} {error_reduction(answer)}{explains}."
     for c in named:
         if equivalents := c["indistinguishable_from"]:
             one = pronoun if len(named) == 1 else c["effect"]
             text += f" These recordings cannot distinguish {one} from {join_names(sorted(equivalents))}."
     return text
+
+
+def _named_effect(candidate: Answer) -> str:
+    """Return an effect by name and title, with its probability where that leaves a doubt."""
+    title = f"{candidate['title'][:1].lower()}{candidate['title'][1:]}"
+    probable = f"; {100.0 * candidate['confidence']:.0f} % probable" if _is_doubtful(candidate) else ""
+    return f"{candidate['effect']} ({title}{probable})"
+
+
+def _is_doubtful(candidate: Answer) -> bool:
+    """Return whether an effect is less probable than CERTAIN; where no probability is known, nothing is said of it."""
+    return candidate["confidence"] is not None and candidate["confidence"] < CERTAIN
 
 
 def _remainder(answer: Answer) -> str:

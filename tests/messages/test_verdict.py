@@ -53,6 +53,9 @@ LEFT = {"channel": "p1", "size": 1.4, "subsystem": "chambers", "over": "x", "tim
 ANSWERS = {
     "missing": diagnosed("missing-effect", STRIBECK, explained_share=0.98),
     "two": diagnosed("missing-effect", STRIBECK, LEAK, discrepancy=[LEFT]),
+    "doubtful": diagnosed("unexplained", STRIBECK | {"confidence": 0.52}, after=3.0, unexplained=REST),
+    "one of two doubtful": diagnosed("missing-effect", STRIBECK, LEAK | {"confidence": 0.7}),
+    "no probability": diagnosed("missing-effect", STRIBECK | {"confidence": None}),
     "worse": diagnosed("missing-effect", STRIBECK, after=12.0, explained_share=0.0),
     "damped": diagnosed("missing-effect", STRIBECK, after=12.0, explained_share=0.25, relative_error=0.87),
     "named and unexplained": diagnosed("unexplained", STRIBECK, after=3.0, explained_share=0.9, unexplained=REST),
@@ -86,6 +89,23 @@ SMALL = "What is left does not exceed noise and parameter uncertainty"
             f"error falls from 9.00 to 1.04 {HELD_OUT}. These recordings cannot distinguish piston-leak from "
             f"chamber-leak and heat-transfer. {SMALL}; it is largest in p1, 1.40 × its noise (chambers, over x, "
             "lasting 0.30 s).",
+        ),
+        (
+            "doubtful",
+            "The model probably lacks stribeck (stribeck friction; 52 % probable): with it the error falls from 9.00 "
+            f"to 3.00 {HELD_OUT}. What is left is mostly irregular; 25 % of it is a dry friction, a function of piston "
+            "position: force errs by 3.0 times its noise (mechanics); no effect of the catalogue explains it.",
+        ),
+        (
+            "one of two doubtful",
+            "The model probably lacks stribeck (stribeck friction) and piston-leak (leak across the piston; 70 % "
+            f"probable): with them the error falls from 9.00 to 1.04 {HELD_OUT}. These recordings cannot distinguish "
+            f"piston-leak from chamber-leak and heat-transfer. {SMALL}.",
+        ),
+        (
+            "no probability",
+            f"The model lacks stribeck (stribeck friction): with it the error falls from 9.00 to 1.04 {HELD_OUT}. "
+            f"{SMALL}.",
         ),
         (
             "worse",
