@@ -158,12 +158,10 @@ def _bias_reduced_variance(groups: Groups) -> Array:
     A fit follows the groups of high leverage, so their residuals are too small.
     """
     root = _matrix_square_root(groups.fitted.inverse_hessian)
-    variance = np.zeros(len(root))
-    for score, curvature in zip(groups.scores, groups.curvatures, strict=True):
-        leverage, axes = np.linalg.eigh(root.T @ curvature @ root)  # what of a direction this group determines
-        step = axes.T @ (root.T @ score) / np.sqrt(1.0 - np.minimum(leverage, MAX_LEVERAGE))
-        variance += (root @ (axes @ step)) ** 2
-    return variance
+    leverage, axes = np.linalg.eigh(root.T @ groups.curvatures @ root)  # what of a direction each group determines
+    along = (groups.scores @ root)[:, None, :] @ axes / np.sqrt(1.0 - np.minimum(leverage, MAX_LEVERAGE))[:, None, :]
+    steps = along @ axes.transpose(0, 2, 1) @ root.T
+    return np.asarray(np.sum(steps[:, 0, :] ** 2, axis=0))
 
 
 def _matrix_square_root(matrix: Array) -> Array:
