@@ -50,6 +50,8 @@ class Parameter:
         refines: Whether it stays at ``unrefined`` until a fit shows that it differs or the pipeline file states it.
         unrefined: The value of a parameter that refines the effect and makes nothing vanish; None: its null.
         needs: Signals without which a parameter that refines the effect does not show.
+        widens_overlap: Whether a resting valve opens later by its value, which a model without the effect takes for
+            overlap.
         multiplies: The base parameter whose product with this one acts; the parameter is then a ratio
             (:func:`pneucli.identify.estimation.ratio_interval.ratio_interval`), and its null is 0.
 
@@ -69,6 +71,7 @@ class Parameter:
     refines: bool = False
     unrefined: float | None = None
     needs: frozenset[str] = frozenset()
+    widens_overlap: bool = False
     multiplies: str | None = None
 
     def __post_init__(self) -> None:

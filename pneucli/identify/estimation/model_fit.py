@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection, Sequence
+from collections.abc import Callable, Collection, Iterator, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -163,12 +163,25 @@ def fit_with_effect(
     first = completed(min((draft_from_test(test, 1.0) for test in promising), key=lambda f: f.cost))
     if first.cost > fitted.cost:  # the predicted step was too long: start close to the null
         first = completed(draft_from_test(ranked[0], 0.05))
+    for narrower in _with_narrower_overlaps(first.model, effect):  # by the play that was found
+        first = min(first, completed(draft_from(narrower)), key=lambda f: f.cost)
     profile_minimum = lower_profile_minimum(first, residual_models, effect, quantities)
     if profile_minimum is not None:
         first = min(first, completed(draft_from(first.model.with_values(profile_minimum))), key=lambda f: f.cost)
     recorded = [one.experiment.recording.signals.keys() for one in affected]
     can_show = [p for p in effect.parameters if any(p.needs <= signals for signals in recorded)]
     return _refined(first, effect, can_show, lambda start: completed(draft_from(start)))
+
+
+def _with_narrower_overlaps(start: Model, effect: Effect) -> Iterator[Model]:
+    """Yield a start whose overlaps do not contain a play of the effect, which the model without it took for overlap.
+
+    With both, a small command opens nothing, whatever the overlap, and a fit stays there.
+    """
+    play = sum(start.values[f"{effect.name}.{p.name}"] for p in effect.parameters if p.widens_overlap)
+    overlaps = {n: v for valve in start.valves for n, (v, unit) in valve.parameters().items() if unit == "V"}
+    if play and overlaps:
+        yield with_parameters(start, {name: max(value - play, 0.0) for name, value in overlaps.items()})
 
 
 def _refined(fitted: Fit, effect: Effect, parameters: Sequence[Parameter], fit_from: Callable[[Model], Fit]) -> Fit:

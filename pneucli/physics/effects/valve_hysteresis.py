@@ -38,6 +38,7 @@ EFFECT = Effect(
             "0.2 full commands",
             ("0.005 full commands", "0.02 full commands"),
             "half of the play",
+            widens_overlap=True,
         ),
     ),
     ports={"command": command},
