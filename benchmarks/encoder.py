@@ -23,7 +23,8 @@ from pneucli.simulate.position_smoother import PositionSmoother, fit_position_sm
 Array = NDArray[np.float64]
 STEP, DURATION = 2e-5, 16.0  # s
 MASS, COULOMB, VISCOUS = 3.5, 20.0, 40.0
-SENSORS = ((1e-3, 1e-6, 2e-5), (2e-3, 2e-5, 3e-6), (5e-3, 2e-5, 3e-6), (2e-3, 5e-6, 7.5e-7))  # s; m: step and noise
+# s; m: step and noise
+SENSORS = ((1e-3, 1e-6, 2e-5), (2e-3, 2e-5, 3e-6), (5e-3, 2e-5, 3e-6), (2e-3, 5e-6, 7.5e-7), (5e-4, 1e-4, 3e-6))
 
 
 @njit

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.special import chdtrc, chdtri, fdtrc, ndtri, stdtr, stdtrit
+from scipy.special import chdtrc, chdtri, fdtrc, ndtr, ndtri, stdtr, stdtrit
 
 Array = NDArray[np.float64]
 
@@ -64,3 +64,12 @@ def normal_quantile(probability: float | Array) -> Array:
     1.645
     """
     return np.asarray(ndtri(probability), dtype=np.float64)
+
+
+def normal_tail(value: float | Array) -> Array:
+    """Return the probability that a standard normal variable exceeds ``value``.
+
+    >>> round(float(normal_tail(1.645)), 3)
+    0.05
+    """
+    return np.asarray(ndtr(-np.asarray(value)), dtype=np.float64)

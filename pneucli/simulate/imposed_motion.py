@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from pneucli.noise import NoiseModel
 from pneucli.recording import Recording
 from pneucli.simulate.local_polynomials import LocalPolynomialSmoother
-from pneucli.simulate.motion_smoother import MotionSmoother
+from pneucli.simulate.motion_smoother import MotionSmoother, unrounded_readings
 from pneucli.simulate.position_smoother import PositionSmoother
 from pneucli.simulate.velocity_integration import IntegratedMotion
 
@@ -82,7 +82,8 @@ def imposed_motion(experiment: MeasuredMotion, noise: Mapping[str, Array] | None
         readings = raw if noise is None else {n: y + noise.get(n, 0.0) for n, y in raw.items()}
         x, v = experiment.motion_smoother(readings)
         return x, v, raw["a"] if "a" in raw else np.gradient(v, time)
-    x = raw["x"] if noise is None else raw["x"] + noise.get("x", 0.0)
+    x = unrounded_readings(raw, experiment.motion_smoother)["x"]
+    x = x if noise is None else x + noise.get("x", 0.0)
     if isinstance(experiment.motion_smoother, MotionSmoother):
         x, v, _ = experiment.motion_smoother(x, raw["a"])
         return x, v, raw["a"]
@@ -107,7 +108,8 @@ def smooth_acceleration(experiment: MeasuredMotion) -> Array:
     if isinstance(experiment.motion_smoother, IntegratedMotion):
         return np.asarray(np.gradient(experiment.motion_smoother(experiment.raw)[1], experiment.time))
     if isinstance(experiment.motion_smoother, PositionSmoother):
-        return experiment.motion_smoother(experiment.raw["x"])[2]
+        readings = unrounded_readings(experiment.raw, experiment.motion_smoother)
+        return experiment.motion_smoother(readings["x"])[2]
     v = experiment.raw["v"] if "v" in experiment.raw else np.gradient(experiment.raw["x"], experiment.time)
     return np.asarray(np.gradient(v, experiment.time))
 

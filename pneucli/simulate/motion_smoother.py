@@ -136,6 +136,15 @@ def least_squares_motion(
     return smooth
 
 
+def unrounded_readings(
+    raw: Mapping[str, Array], motion_smoother: MotionSmoother | PositionSmoother | IntegratedMotion | None
+) -> Mapping[str, Array]:
+    """Return the signals that a smoother of the motion is for: with a position (n,) corrected for its rounding."""
+    if not isinstance(motion_smoother, PositionSmoother):
+        return raw
+    return {**raw, "x": raw["x"] + motion_smoother.correction}
+
+
 def smooth_motion(
     raw: Mapping[str, Array],
     smoothers: Mapping[str, LocalPolynomialSmoother],

@@ -15,12 +15,14 @@ for the multiplicative update of a variance component.
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
 
+from pneucli.distributions import normal_tail
 from pneucli.noise import NoiseModel
 from pneucli.simulate.jerk_process import (
     adjoint_states,
@@ -39,6 +41,8 @@ INTENSITY_RANGE = (1e-12, 1e4)  # memories of 100 samples, where a rest has no n
 UPDATE_EXPONENT = 0.8  # 1/2 climbs for certain, 1 is the fixed point of the score; in between it is faster than 1/2
 PRIOR_COUNT = 1.0  # squared disturbances, as expected, that count in addition to those of a window
 MAX_UPDATES = 20
+ROUNDING_UPDATES = 2  # a further one changes the acceleration by less than a twentieth
+MIN_PROBABILITY = 1e-12  # of an interval far from the path, where the position is at its nearer end
 MIN_GAIN = 0.01  # of the log likelihood a sample: below, the intensity begins to follow the noise
 
 
@@ -48,13 +52,15 @@ class PositionSmoother:
 
     ``time`` in s, ``sigma`` the standard deviation of the sensor's noise in m, ``intensity`` (n - 1,) that of the
     jerk between two samples in units of the noise and the period: a diffusion in sigma^2 / period^5. ``rounding`` is
-    the standard deviation in m of what quantisation adds: a rest has one and the same.
+    the standard deviation in m of what quantisation adds: a rest has one and the same. ``correction`` (n,) in m
+    belongs on the readings that it was fitted to before they are smoothed.
     """
 
     time: Array
     sigma: float
     intensity: Array
     rounding: float = 0.0
+    correction: Array | float = 0.0
 
     @property
     def period(self) -> float:
@@ -114,9 +120,14 @@ class PositionSmoother:
 def fit_position_smoother(time: Array, x: Array, noise: NoiseModel) -> PositionSmoother:
     """Fit the smoother of one recording of a position sensor.
 
-    The intensity of the jerk starts equal everywhere; each update multiplies it by the power of the disturbances that
-    the smoother finds near a sample over the power that it expects of them, in windows as long as its memory there.
-    It ends where the likelihood gains little: further updates would follow the noise.
+    Each update multiplies the intensity of the jerk by the power of the disturbances that the smoother finds over the
+    power that it expects of them: first equal everywhere, of the whole recording, then near each sample, in windows as
+    long as its memory there. Either ends where the likelihood gains little: further updates would follow the noise.
+    Begun with a short memory, the windows would take for motion what rounding makes at speeds of one step a sample.
+
+    Where rounding is most of the noise, a reading tells an interval. It is replaced by the mean that the position has
+    in this interval around the smoothed path, and the smoother is fitted again: errors of rounding that vary slowly,
+    where the motion is slow or by whole steps a sample, hardly pull the path any longer.
 
     Args:
         time: Time stamps in s, shape (n,), n >= 4; they need not be equidistant.
@@ -127,20 +138,49 @@ def fit_position_smoother(time: Array, x: Array, noise: NoiseModel) -> PositionS
         The smoother, a linear map of readings at these stamps.
 
     References:
-        H. Zhou et al., J. Comput. Graph. Stat. 28 (2019), the multiplicative update.
+        H. Zhou et al., J. Comput. Graph. Stat. 28 (2019), the multiplicative update; A. Dempster, N. Laird and
+        D. Rubin, J. R. Stat. Soc. B 39 (1977), section 4.2, for readings that tell an interval.
 
     """
     sigma = low_frequency_deviation(noise)
-    smoother = PositionSmoother(time, sigma, np.full(time.size - 1, INITIAL_INTENSITY), noise.step / np.sqrt(12))
-    z, steps, before = (x - x[0]) / sigma, smoother._steps, -np.inf
+    even = PositionSmoother(time, sigma, np.full(time.size - 1, INITIAL_INTENSITY), noise.step / np.sqrt(12))
+    smoother = _with_likely_intensity(even, x)
+    for _ in range(ROUNDING_UPDATES if smoother.rounding > noise.white else 0):
+        correction = _mean_in_interval(smoother(x + smoother.correction)[0] - x, 0.5 * noise.step, sigma)
+        smoother = replace(_with_likely_intensity(even, x + correction), correction=correction)
+    return smoother
+
+
+def _mean_in_interval(centre: Array, half: float, sigma: float) -> Array:
+    """Return the mean of a normal distribution about ``centre`` (n,) within ``half`` to either side of 0."""
+    low, high = (-half - centre) / sigma, (half - centre) / sigma
+    density = np.exp(-0.5 * np.square([low, high])) / np.sqrt(2.0 * np.pi)
+    probability = np.maximum(normal_tail(low) - normal_tail(high), MIN_PROBABILITY)
+    return np.asarray(np.clip(centre + sigma * (density[0] - density[1]) / probability, -half, half))
+
+
+def _with_likely_intensity(smoother: PositionSmoother, x: Array) -> PositionSmoother:
+    """Return the smoother with the intensity of readings (n,): equal everywhere, then near each sample."""
+    z = (x - x[0]) / smoother.sigma
+    return _climbed(_climbed(smoother, z, _whole), z, _near_each_sample)
+
+
+def _climbed(smoother: PositionSmoother, z: Array, summed: Callable[[Array, Array], Array]) -> PositionSmoother:
+    """Return the smoother with an intensity updated by sums over a sample's surroundings, until little is gained.
+
+    ``z`` (n,) are the readings in units of the noise; ``summed`` adds up values (n - 1,) at an intensity (n - 1,).
+    """
+    steps, before = smoother._steps, -np.inf
     for _ in range(MAX_UPDATES):
         _, covariance, gain, variance, innovation, likelihood = kalman_filter(z, steps, smoother.intensity)
-        if likelihood - before < MIN_GAIN * x.size:
+        if likelihood - before < MIN_GAIN * z.size:
             break
         before = likelihood
         adjoint = adjoint_states(steps, gain, variance, innovation)
         _, power, expected = smoothed_variances(steps, smoother.intensity, covariance, gain, variance, adjoint)
-        smoother = replace(smoother, intensity=_updated(smoother.intensity, power, expected))
+        found, awaited = (PRIOR_COUNT + summed(y, smoother.intensity) for y in (power, expected))
+        updated = smoother.intensity * (found / awaited) ** UPDATE_EXPONENT
+        smoother = replace(smoother, intensity=np.clip(updated, *INTENSITY_RANGE))
     return smoother
 
 
@@ -161,11 +201,13 @@ def low_frequency_deviation(noise: NoiseModel) -> float:
     return float(max(np.sqrt(noise.white**2 + colour), noise.rms))
 
 
-def _updated(intensity: Array, power: Array, expected: Array) -> Array:
-    """Return the intensity after one update of its windows, each (n - 1,)."""
+def _whole(values: Array, intensity: Array) -> Array:
+    """Return the sum of all values, (n - 1,), at each sample."""
+    return np.full(intensity.size, values.sum())
+
+
+def _near_each_sample(values: Array, intensity: Array) -> Array:
+    """Return the sum of values (n - 1,) in the window of each sample."""
     half = np.maximum(np.rint(WINDOW_MEMORIES * intensity ** (-1 / 6)), MIN_WINDOW).astype(np.int64)
-    at = np.arange(intensity.size)
-    first, last = np.maximum(at - half, 0), np.minimum(at + half + 1, intensity.size)
-    found, awaited = (np.concatenate([[0.0], np.cumsum(y)]) for y in (power, expected))
-    ratio = (found[last] - found[first] + PRIOR_COUNT) / (awaited[last] - awaited[first] + PRIOR_COUNT)
-    return np.asarray(np.clip(intensity * ratio**UPDATE_EXPONENT, *INTENSITY_RANGE))
+    at, total = np.arange(intensity.size), np.concatenate([[0.0], np.cumsum(values)])
+    return np.asarray(total[np.minimum(at + half + 1, at.size)] - total[np.maximum(at - half, 0)])

@@ -18,6 +18,7 @@ from pneucli.simulate.motion_smoother import (
     estimate_acceleration_delay,
     smooth_inputs,
     smooth_motion,
+    unrounded_readings,
 )
 from pneucli.simulate.noise_draws import draw_sensor_noise
 from pneucli.simulate.position_smoother import PositionSmoother, fit_position_smoother
@@ -58,7 +59,7 @@ def prepare(recording: Recording, rig: Rig, horizon: float | None, low_pass: flo
     motion_smoother = integrated_motion(recording, raw, noise, smoothers) or _motion_smoother(time, raw, noise)
     if isinstance(motion_smoother, MotionSmoother):
         raw["a"] = _without_delay(raw["x"], raw["a"], recording.period, motion_smoother)
-    inputs = smooth_inputs(raw, smoothers, motion_smoother, time)
+    inputs = smooth_inputs(unrounded_readings(raw, motion_smoother), smoothers, motion_smoother, time)
     standstill_speed = 0.0
     if "x" in raw or isinstance(motion_smoother, IntegratedMotion):
         drawn = draw_sensor_noise(noise, time, np.random.default_rng(0))

@@ -96,6 +96,20 @@ def test_a_mass_fitted_with_it_is_not_biased_toward_zero(moved: tuple[Array, ...
     assert np.linalg.lstsq(design, force[moving])[0][0] == pytest.approx(MASS, rel=0.03)
 
 
+def test_a_coarse_encoder_passing_whole_steps_a_sample_shows_no_swings() -> None:
+    """From 0 to 3 steps a sample: near 1 and 2 the error of rounding varies as slowly as a motion."""
+    time, step = 5e-4 * np.arange(4000), 1e-4
+    v, a = 0.3 * (1.0 - np.cos(np.pi * time)), 0.3 * np.pi * np.sin(np.pi * time)
+    read = step * np.round(0.3 * (time - np.sin(np.pi * time) / np.pi) / step)
+    noise = NoiseModel(3e-6, period=5e-4, step=step)
+    smoother = fit_position_smoother(time, read, noise)
+    _, found_v, found_a = smoother(read + smoother.correction)
+    assert rms(found_v - v) < 5e-4
+    assert rms(found_a - a) < 0.05
+    assert np.abs(smoother.correction).max() <= 0.5 * step
+    assert np.all(fit_position_smoother(time, read, NoiseModel(step, period=5e-4, step=step)).correction == 0.0)
+
+
 def test_the_intensity_rises_where_the_piston_breaks_away_and_falls_where_it_rests(moved: tuple[Array, ...]) -> None:
     time, _, v, _, _, read = moved
     smoother = smoother_of(time, read)

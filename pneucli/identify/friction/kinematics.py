@@ -240,6 +240,7 @@ def _estimators(
         return lambda v, _: (smooth(v), smooth.slope(v)), dict.fromkeys(raw, smooth), np.zeros(time.size), blur
     if "a" not in raw:
         smoother = fit_position_smoother(time, raw["x"], noise["x"])
+        raw["x"] = raw["x"] + smoother.correction
         smoothing_samples = int(np.ceil(np.pi * smoother.memory / recording.period))
         # the forces too: so both sides of the equation of motion are smoothed alike
         return (

@@ -24,7 +24,7 @@ from pneucli.simulate import layout as at
 from pneucli.simulate.end_stops import contact_side
 from pneucli.simulate.imposed_motion import smooth_acceleration
 from pneucli.simulate.model import Model
-from pneucli.simulate.motion_smoother import input_errors, smooth_motion
+from pneucli.simulate.motion_smoother import input_errors, smooth_motion, unrounded_readings
 from pneucli.simulate.noise_draws import cache_draws
 from pneucli.simulate.outputs import accelerometer_offset, with_estimated_p2
 from pneucli.simulate.position_smoother import PositionSmoother
@@ -127,7 +127,8 @@ class ForceBalance(ResidualModel):
     def _breakaways_and_uncertain_direction(self) -> tuple[Array, NDArray[np.bool_]]:
         """Velocities at break-aways (n,), and where the direction of motion is uncertain (n,)."""
         e = self.experiment
-        smoothed = smooth_motion(e.raw, e.smoothers, e.motion_smoother, e.time)[1]
+        readings = unrounded_readings(e.raw, e.motion_smoother)
+        smoothed = smooth_motion(readings, e.smoothers, e.motion_smoother, e.time)[1]
         smear_samples = max(round(e.smear_time / e.recording.period), 1)
         breakaway = breakaway_velocities(
             e.inputs[:, at.IN_V],
