@@ -106,10 +106,22 @@ def _forward(data: DiagnosisData, base: FittedModel) -> tuple[list[FittedModel],
         candidates = supported_candidates(decisions)
         if is_complete(data, path[-1]):
             candidates = [c for c in candidates if judge(data, Term(c, ())).decision.supported]
+        elif not candidates:
+            rounds.append(_next_ranked(data, path[-1], decisions))
+            candidates = supported_candidates(rounds[-1])
         if not candidates:
             break
         path.append(_most_probable(data, candidates).full)
     return path, rounds
+
+
+def _next_ranked(data: DiagnosisData, fitted: FittedModel, decisions: Decisions) -> Decisions:
+    """Return the decisions on the effects that the screen ranks behind those that were fitted and do not pass.
+
+    The screen is linear: with a volume wrong, the gas and the valve of the fit are far off too, and the volume itself
+    promises little.
+    """
+    return screen_and_refit(data, fitted, [d.effect.name for d in decisions if d.candidate is not None])
 
 
 def _most_probable(data: DiagnosisData, candidates: Sequence[Candidate]) -> Candidate:
