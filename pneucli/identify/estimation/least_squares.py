@@ -159,9 +159,10 @@ def _step(
     if not free.size:
         return None
     cost, free_curvature, g = _sum_of_squares(r), curvature[np.ix_(free, free)], gradient[free]
+    room = bounds[0][free] - z[free], bounds[1][free] - z[free]
     for _ in range(tries):
         trial = z.copy()
-        trial[free] -= np.linalg.lstsq(free_curvature + damping * np.diag(np.diag(free_curvature)), g, rcond=1e-14)[0]
+        trial[free] += bounded_step(free_curvature + damping * np.diag(np.diag(free_curvature)), g, room)
         trial = np.clip(trial, *bounds)
         trial_residual = residuals(trial)
         if _sum_of_squares(trial_residual) < cost:
@@ -179,6 +180,41 @@ def _step(
         if damping > MAX_DAMPING:
             break
     return None
+
+
+def bounded_step(curvature: Array, gradient: Array, room: tuple[Array, Array]) -> Array:
+    """Return the Newton step within bounds: what reaches one first stops there, and the others are solved for anew.
+
+    If it were cut off alone, the others would still expect all of it, and the step might gain nothing.
+
+    Args:
+        curvature: Curvature, shape (k, k).
+        gradient: Gradient, shape (k,).
+        room: Least and largest step, each (k,), the first at most 0 and the second at least 0.
+
+    Returns:
+        The step, shape (k,).
+
+    References:
+        D. P. Bertsekas, SIAM J. Control Optim. 20 (1982) 221-246.
+
+    >>> curvature = np.array([[2.0, 1.9], [1.9, 2.0]])
+    >>> bounded_step(curvature, np.array([-2.0, 0.0]), (np.full(2, -1.0), np.full(2, 1.0))).tolist()
+    [1.0, -0.95]
+    """
+    step, inside = np.zeros(gradient.size), np.ones(gradient.size, dtype=bool)
+    while inside.any():
+        right = gradient[inside] + curvature[np.ix_(inside, ~inside)] @ step[~inside]
+        wanted = -np.linalg.lstsq(curvature[np.ix_(inside, inside)], right, rcond=1e-14)[0]
+        limits = np.where(wanted < 0.0, room[0][inside], room[1][inside])
+        way = np.divide(limits, wanted, out=np.full(wanted.size, np.inf), where=wanted != 0.0)
+        first = int(np.argmin(way))
+        if way[first] >= 1.0:
+            step[inside] = wanted
+            break
+        place = np.flatnonzero(inside)[first]
+        step[place], inside[place] = limits[first], False
+    return step
 
 
 def normal_equations(residual: Array, jacobian: Array) -> NormalEquations:
