@@ -31,6 +31,20 @@ def test_a_bound_holds_though_the_sum_falls_beyond_it():
     assert found.z[0] == 2.0
 
 
+def test_where_a_parameter_stops_at_its_bound_the_others_are_solved_for_anew():
+    """Without the bound the second would be at -9.7: a step that only cuts off the first leads far past -0.94."""
+    slope, evaluated = np.linalg.cholesky(np.array([[2.0, 1.9], [1.9, 2.0]])).T, []
+
+    def residuals(z: np.ndarray) -> np.ndarray:
+        evaluated.append(z)
+        return slope @ (z - [10.26, -9.74])
+
+    bounds = np.full(2, -20.0), np.array([1.0, 20.0])
+    found = minimise(residuals, lambda z: slope.copy(), np.zeros(2), bounds, max_iterations=12, tolerance=5e-3)
+    assert found.z == pytest.approx([1.0, -0.943], abs=1e-3)
+    assert len(evaluated) <= 3
+
+
 def test_a_model_that_runs_away_is_no_step_and_a_parameter_that_makes_it_so_is_held() -> None:
     def residuals(z: np.ndarray) -> np.ndarray:
         far = 1e300 if abs(z[0]) > 2.0 else 1.0
