@@ -52,7 +52,17 @@ def catalogue_with_sides() -> dict[str, Effect]:
 
 
 def with_catalogue(effects: Iterable[Effect]) -> tuple[Effect, ...]:
-    """Return the catalogue with its variants and these effects, each name once: what one compiled kernel holds."""
+    """Return the catalogue with its variants and these effects, each name once: what one compiled kernel holds.
+
+    Args:
+        effects: Effects of the catalogue, their variants, or plug-ins.
+
+    Returns:
+        Effects; a plug-in takes the place of an effect of the same name.
+
+    >>> with_catalogue([catalogue()["stribeck"]]) == tuple(catalogue_with_sides().values())
+    True
+    """
     return tuple({**catalogue_with_sides(), **{effect.name: effect for effect in effects}}.values())
 
 
