@@ -42,7 +42,7 @@ class ChannelResult:
 
     def in_units_of(self, noise: float) -> ChannelResult:
         """Return the same error beside another rms error of a correct model, in SI."""
-        return replace(self, noise=noise, ratio_to_noise=self.rmsd / noise if noise > 0 else np.nan)
+        return replace(self, noise=noise, ratio_to_noise=_ratio_to_noise(self.rmsd, noise))
 
 
 @dataclass(frozen=True)
@@ -128,9 +128,13 @@ def channel_result(recording: Recording, channel: str, y: Array, model: Array, n
         relative_error_percent=100 * float(np.linalg.norm(error) / (np.linalg.norm(y) or np.nan)),
         fit_percent=fit_percent(y, y - error),
         noise=noise,
-        ratio_to_noise=rmsd / noise if noise > 0 else np.nan,
+        ratio_to_noise=_ratio_to_noise(rmsd, noise),
         measured_range=float(np.ptp(y)),
     )
+
+
+def _ratio_to_noise(rmsd: float, noise: float) -> float:
+    return rmsd / noise if noise > 0 else np.nan
 
 
 def fit_percent(measured: Array, modelled: Array) -> float:

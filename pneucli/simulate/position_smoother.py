@@ -41,7 +41,7 @@ INTENSITY_RANGE = (1e-12, 1e4)  # memories of 100 samples, where a rest has no n
 UPDATE_EXPONENT = 0.8  # 1/2 climbs for certain, 1 is the fixed point of the score; in between it is faster than 1/2
 PRIOR_COUNT = 1.0  # squared disturbances, as expected, that count in addition to those of a window
 MAX_UPDATES = 20
-ROUNDING_UPDATES = 2  # a further one changes the acceleration by less than a twentieth
+ROUNDING_UPDATES = 2  # each is a fit of its own, and the first ones bring most of the gain
 MIN_PROBABILITY = 1e-12  # of an interval far from the path, where the position is at its nearer end
 MIN_GAIN = 0.01  # of the log likelihood a sample: below, the intensity begins to follow the noise
 

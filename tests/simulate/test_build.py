@@ -86,6 +86,11 @@ def test_the_compiled_catalogue_agrees_with_plain_python_of_a_models_own_effects
 
 
 @pytest.mark.parametrize("kind", RUNS)
+def test_with_every_effect_off_the_full_kernel_equals_the_bare_one(kind: str) -> None:
+    assert np.array_equal(run_in(build(()), bare(), RUNS[kind]()), run(bare(), RUNS[kind]()))
+
+
+@pytest.mark.parametrize("kind", RUNS)
 def test_the_inputs_are_not_changed_and_a_run_repeats_exactly(kind: str) -> None:
     experiment = RUNS[kind]()
     before = experiment.inputs.copy()

@@ -114,13 +114,17 @@ class Motion:
         is_certain = np.abs(acceleration_along) > ACCELERATION_SIGMA * self.sigma_a
         return np.where(self.moving & is_certain, np.sign(acceleration_along), 0).astype(np.int8)
 
+    def moved_mass(self, mass: float) -> float:
+        """Return the mass in kg that moved in this recording: the rig's, and what was added to it."""
+        return mass + self.recording.added_mass
+
     def friction(self, mass: float) -> Array:
         """Return the friction force in N, positive where it brakes motion toward +x, for the rig's mass in kg."""
-        return self.drive - (mass + self.recording.added_mass) * self.a
+        return self.drive - self.moved_mass(mass) * self.a
 
     def sigma_friction(self, mass: float) -> float:
         """Return the standard deviation of one sample of :meth:`friction` in N."""
-        return float(np.hypot(self.sigma_drive, (mass + self.recording.added_mass) * self.accelerometer_noise))
+        return float(np.hypot(self.sigma_drive, self.moved_mass(mass) * self.accelerometer_noise))
 
 
 def estimate_motion(recording: Recording, model: Model) -> Motion:

@@ -100,7 +100,7 @@ def simulate_driven(
         drive[span],
         motion.x[span],
         start,
-        mass + motion.recording.added_mass,
+        motion.moved_mass(mass),
         tables,
         step,
         SUBSTEPS,
@@ -170,7 +170,7 @@ def predicted_force(model: FrictionModel, motion: Motion, mass: float) -> Array:
         Thesis, equation 6.22.
 
     """
-    inertia: Array = (mass + motion.recording.added_mass) * motion.smooth_a
+    inertia: Array = motion.moved_mass(mass) * motion.smooth_a
     return inertia + model.force(motion.v, motion.v * motion.smooth_a >= 0) + model.offset - motion.load
 
 
@@ -208,7 +208,7 @@ def _channel_sums(model: FrictionModel, m: Motion, mass: float) -> dict[Channel,
     """Return the sums of each measured channel."""
     rng = np.random.default_rng(0)
     if m.imposed:
-        spread = (mass + m.recording.added_mass) * m.sigma_a
+        spread = m.moved_mass(mass) * m.sigma_a
         drawn = np.mean(
             [_sum_of_squares(one + spread * rng.standard_normal(one.size), m) for one in m.drive_noise_draws]
         )
