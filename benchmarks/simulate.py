@@ -101,10 +101,10 @@ def measure(size: Size) -> list[Figure]:
     n = size.samples
     bare, whole = build(()), build(tuple(catalogue().values()))
     c = c_library()
-    loops = closed_loop(bare, n), closed_loop(whole, n, catalogue())
+    loops = closed_loop(bare, n), closed_loop(whole, n), closed_loop(whole, n, catalogue())
     steps = round(PERIOD / STEP)
     in_c = (lambda: smoothed(c, n)), (lambda: smoothed(c, n, steps))
-    t_c, t_equal, t_bare, t_whole = fastest(*in_c, *loops, runs=size.runs)
+    t_c, t_equal, t_bare, t_off, t_whole = fastest(*in_c, *loops, runs=size.runs)
     t_lsoda = fastest(lsoda(bare, n), runs=1)[0]
     t_batch = fastest(batch(bare, size), runs=min(3, size.runs))[0] / size.batch
     exact = positions(bare, n, FINE)
@@ -116,6 +116,7 @@ def measure(size: Size) -> list[Figure]:
         Figure("closed loop, base model / C", t_bare / t_c, 0.45),
         Figure("  its error against a step of 2 us, um", error, 10.0, is_time=False),
         Figure("  its creep under a held load, um", 1e6 * creep(bare, n), 0.0, is_time=False),
+        Figure(f"all {len(catalogue())} effects off / none", t_off / t_bare, 1.3),
         Figure(f"all {len(catalogue())} effects on / none", t_whole / t_bare, 2.3),
         Figure("closed loop, base model / LSODA", t_bare / t_lsoda, 0.01),
         Figure(f"one of a batch of {size.batch} / C", t_batch / t_c, 0.25),

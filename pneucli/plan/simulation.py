@@ -15,7 +15,7 @@ from pneucli.recording import Recording
 from pneucli.simulate import layout as at
 from pneucli.simulate.kernel_settings import max_motion_step
 from pneucli.simulate.model import Model
-from pneucli.simulate.run import kernel_for, read_only
+from pneucli.simulate.run import base_vector_of, kernel_for, read_only
 
 Array = NDArray[np.float64]
 
@@ -106,15 +106,9 @@ def _kernel_inputs(manoeuvre: Manoeuvre, command: Array, gain: float) -> Array:
 
 
 def _base_vector(manoeuvre: Manoeuvre, model: Model) -> Array:
-    """Return the base parameters in the order of the kernel; a vessel takes the place of chamber 1."""
-    bench, base = manoeuvre.bench, model.base_values()
-    base["rig.moving_mass"] += manoeuvre.added_mass
-    if bench.template.kind.vessel:
-        volume = model.values.get("rig.vessel_volume", bench.rig.vessel_volume or 0.0)
-        base |= {"rig.piston_area_1": 0.0, "rig.dead_volume_1": volume}
-    if any("heat" in effect.ports for effect in model.effects):
-        base["rig.polytropic_exponent"] = base["rig.heat_capacity_ratio"]
-    return np.array([base[name] for name in at.BASE_NAMES])
+    bench = manoeuvre.bench
+    volume = model.values.get("rig.vessel_volume", bench.rig.vessel_volume or 0.0)
+    return base_vector_of(model, volume if bench.template.kind.vessel else None, manoeuvre.added_mass)
 
 
 def _kernel_readings(manoeuvre: Manoeuvre, command: Array, out: Array) -> dict[str, Array]:

@@ -23,8 +23,8 @@ Array = NDArray[np.float64]
 def kernel_for(effects: tuple[Effect, ...]) -> Kernel:
     """Return the compiled kernel of the catalogue and of these effects.
 
-    One kernel serves every model. One without effects would be a seventh faster for the base model, and take as long
-    again to compile and to load.
+    One kernel serves every model. One without effects would be a tenth faster for the base model
+    (``benchmarks.simulate``), and take as long again to compile and to load.
 
     Args:
         effects: Effects of the catalogue, their variants, or plugins.
@@ -161,14 +161,35 @@ def base_vector(model: Model, experiment: Experiment) -> Array:
     Returns:
         Base parameters, shape (19,), SI.
     """
+    vessel_volume = model.values.get("rig.vessel_volume", 0.0) if experiment.vessel else None
+    return base_vector_of(model, vessel_volume, experiment.recording.added_mass, experiment.stroke_limits)
+
+
+def base_vector_of(
+    model: Model,
+    vessel_volume: float | None,
+    added_mass: float = 0.0,
+    stroke_limits: tuple[float, float] | None = None,
+) -> Array:
+    """Return the base parameters in the order of the kernel, of a bench that is not recorded yet, too.
+
+    Args:
+        model: The model.
+        vessel_volume: Volume in m^3 of the vessel that takes the place of chamber 1; None: there is none.
+        added_mass: Mass in kg that moves with the piston, in addition to the rig's.
+        stroke_limits: Lowest and highest x in m; None: as the rig states them.
+
+    Returns:
+        Base parameters, shape (19,), SI.
+    """
     base = model.base_values()
-    if experiment.vessel:
-        base |= {"rig.piston_area_1": 0.0, "rig.dead_volume_1": model.values.get("rig.vessel_volume", 0.0)}
+    if vessel_volume is not None:
+        base |= {"rig.piston_area_1": 0.0, "rig.dead_volume_1": vessel_volume}
     if any("heat" in effect.ports for effect in model.effects):  # then heat is simulated
         base["rig.polytropic_exponent"] = base["rig.heat_capacity_ratio"]
-    base["rig.moving_mass"] += experiment.recording.added_mass
-    if experiment.stroke_limits is not None:
-        base |= dict(zip(("rig.lower_end", "rig.upper_end"), experiment.stroke_limits, strict=True))
+    base["rig.moving_mass"] += added_mass
+    if stroke_limits is not None:
+        base |= dict(zip(("rig.lower_end", "rig.upper_end"), stroke_limits, strict=True))
     return np.array([base[name] for name in at.BASE_NAMES])
 
 
