@@ -42,6 +42,7 @@ def check_pipeline(path: Path) -> Answer:
         _attempt(lambda: parameter_priors(config, all_effects()), faults)
     begun = [found for _, found in rows if found is not None]
     recordings = [one.recording for one in begun]
+    opened = [(one.source, one.file) for one in begun] if len(begun) == len(sources) else []
     rig = _attempt(lambda: with_started_supply(config.to_rig(), config), faults) or config.to_rig()
     needs = required_inputs(recordings, rig) if recordings else []
     missing = [asdict(need) for need in needs if f"{need.table}.{need.key}" not in waiting]
@@ -54,7 +55,7 @@ def check_pipeline(path: Path) -> Answer:
             asdict(one)
             for one in (*flow_unit_assumptions(config), *(assumptions(recordings, rig) if recordings else []))
         ],
-        "warnings": unread_signals(config, [(one.source, one.file) for one in begun]),
+        "warnings": unread_signals(config, opened) if opened else [],  # else a file that is at fault may have them
         "faults": [{key: getattr(one, key) for key in ("where", "found", "wanted", "mend")} for one in _each(faults)],
     }
 

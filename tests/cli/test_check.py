@@ -66,6 +66,7 @@ def test_a_column_that_is_not_there_is_named_with_exit_2(pneucli: Command, strok
     result = pneucli("check", strokes)
     assert result.code == 2
     assert 'no column "Y"' in " ".join(result.out.split())  # lines wrap where the path ends
+    assert "no file has" not in result.out  # of the other signals, in a file that was not read
 
 
 def test_a_column_that_no_file_has_is_said_with_the_one_that_is_like_it(pneucli: Command, strokes: Path) -> None:
