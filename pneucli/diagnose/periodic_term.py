@@ -120,7 +120,9 @@ def _periodogram(x: Array, r: Array, span: float) -> Array:
 def _explained_squares(x: Array, r: Array, frequency: Array) -> Array:
     """Return the squares that a sine of each frequency (1/m) explains."""
     thinned = slice(None, None, max(x.size // MAX_SAMPLES, 1))
-    from scipy.signal import lombscargle  # noqa: PLC0415 - slow to import, and few residuals are periodic
-
-    shares = lombscargle(x[thinned], r[thinned], 2.0 * np.pi * frequency, normalize=True)
+    phase = 2.0 * np.pi * np.multiply.outer(frequency, x[thinned])
+    waves = np.stack([np.cos(phase), np.sin(phase)], axis=1)  # scipy.signal.lombscargle, whose import takes 0.7 s
+    projected = waves @ r[thinned]
+    amplitudes = np.linalg.solve(waves @ waves.transpose(0, 2, 1), projected[..., None])[..., 0]
+    shares = np.sum(projected * amplitudes, axis=1) / float(r[thinned] @ r[thinned])
     return np.asarray(shares * float(r @ r))

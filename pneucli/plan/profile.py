@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 
@@ -40,17 +39,17 @@ class Segment:
             return 0.0
         return min(RISE_PERIODS / self.frequency, MAX_RISE_SHARE * self.duration)
 
-    def value(self, time: float) -> float:
-        """Return the command at a time in s from the beginning of the segment.
+    def values(self, time: Array) -> Array:
+        """Return the command at times in s from the beginning of the segment, both (n,).
 
-        >>> Segment(2.0, 0.0, 1.0).value(0.5)
-        0.25
+        >>> Segment(2.0, 0.0, 1.0).values(np.array([0.5, 2.0])).tolist()
+        [0.25, 1.0]
         """
-        value = self.start + (self.end - self.start) * time / self.duration
+        values = self.start + (self.end - self.start) * time / self.duration
         if self.amplitude == 0.0:
-            return value
-        envelope = min(time / self.rise, (self.duration - time) / self.rise, 1.0)
-        return value + self.amplitude * max(envelope, 0.0) * math.sin(2.0 * math.pi * self.frequency * time)
+            return values
+        envelope = np.clip(np.minimum(time, self.duration - time) / self.rise, 0.0, 1.0)
+        return np.asarray(values + self.amplitude * envelope * np.sin(2.0 * np.pi * self.frequency * time))
 
 
 Profile = tuple[Segment, ...]
@@ -93,10 +92,11 @@ def sample(profile: Sequence[Segment], period: float) -> Array:
     time = period * np.arange(count)
     ends = np.cumsum([segment.duration for segment in profile])
     place = np.minimum(np.searchsorted(ends, time + 1e-9 * period, side="right"), len(profile) - 1)
-    begins = np.append(0.0, ends[:-1])
-    return np.array(
-        [profile[i].value(min(t - begins[i], profile[i].duration)) for i, t in zip(place, time, strict=True)]
-    )
+    values = np.empty(count)
+    for i, segment in enumerate(profile):
+        inside = place == i
+        values[inside] = segment.values(np.minimum(time[inside] - (ends[i] - segment.duration), segment.duration))
+    return values
 
 
 def shifted(profile: Sequence[Segment], offset: float) -> Profile:

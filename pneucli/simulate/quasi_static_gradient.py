@@ -38,8 +38,7 @@ class QuasiStaticGradient:
             Thesis 7.4.
         """
         out = np.empty(u.size)
-        flat = [np.ascontiguousarray(a, dtype=np.float64).ravel() for a in (u, p, supply)]
-        self._gradient(*flat, *self._fixed, out)
+        self._gradient(u.ravel(), p.ravel(), supply.ravel(), *self._fixed, out)
         return out.reshape(u.shape)
 
     @cached_property

@@ -134,7 +134,7 @@ def test_a_leak_is_a_cubic_of_pressure_between_ambient_and_supply() -> None:
     theta = THETA.copy()
     theta[-LEAK_COEFFICIENTS:] = 1.0, 2.0, 3.0, 4.0
     p = np.array([0.0, AMBIENT, 4e5, SUPPLY, 9e5])
-    found = LAW.corrected_gradient(theta, np.zeros((1, p.size)), np.zeros(p.size), p, p)
+    found = LAW.correction_of_gradient(theta)(np.zeros(p.size), np.zeros((p.size, 1)), p, p)
     assert found == pytest.approx(2e6 * np.array([1.0, 1.0, 1 + 1 + 0.75 + 0.5, 10.0, 10.0]))
 
 

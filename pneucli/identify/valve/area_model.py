@@ -63,30 +63,26 @@ def _correction(coefficients: Array, opposite: float, p: float) -> float:
 
 @compiled(nogil=True, error_model="numpy")
 def _write_correction(coefficients: Array, opposite: Array, p: Array, out: Array) -> None:
-    """Write exp(h) from the coefficients of h (k, n)."""
+    """Write exp(h) from the coefficients of h (n, k)."""
     for i in range(p.size):
-        out[i] = _correction(coefficients[:, i], opposite[i], p[i])
+        out[i] = _correction(coefficients[i], opposite[i], p[i])
 
 
 @compiled(nogil=True, error_model="numpy")
-def _correct_gradient(
-    values: Array,
-    coefficients: Array,
-    opposite: Array,
-    p: Array,
-    leak: Array,
-    limits: tuple[float, float, float],
-) -> None:
-    """Correct the gradients of the model in place; ``limits``: ambient and supply pressure, scale of the leak."""
+def _corrected_gradient(
+    values: Array, coefficients: Array, opposite: Array, p: Array, leak: Array, limits: tuple[float, float, float]
+) -> Array:
+    """Return the corrected gradients of the model (n,); ``limits``: ambient and supply pressure, scale of the leak."""
     ambient, supply, scale = limits
+    out = np.empty(p.size)
     for i in range(p.size):
         x = (p[i] - ambient) / (supply - ambient)
         if x < 0.0:
             x = 0.0
         elif x > 1.0:
             x = 1.0
-        factor = _correction(coefficients[:, i], opposite[i], p[i])
-        values[i] = values[i] * factor + scale * polynomial(x, leak)
+        out[i] = values[i] * _correction(coefficients[i], opposite[i], p[i]) + scale * polynomial(x, leak)
+    return out
 
 
 def _flat(values: Array) -> Array:
@@ -155,13 +151,16 @@ class AreaModel:
         return np.concatenate([self.model_gradient.start, np.zeros(self.size - len(self.model_gradient.free))])
 
     def correction_coefficients(self, theta: Array, u: Array) -> Array:
-        """Return the coefficients of h over 2 r - 1, shape ``(SHARED_COEFFICIENTS, *u.shape)``."""
-        coefficients = np.zeros((SHARED_COEFFICIENTS, *u.shape))
+        """Return the coefficients of h over 2 r - 1, shape ``(*u.shape, SHARED_COEFFICIENTS)``."""
+        coefficients = np.zeros((*u.shape, SHARED_COEFFICIENTS))
         for offset, d in zip(self.offsets(), self.directions, strict=True):
             in_direction = np.sign(u) == d.sign
             own_coefficients = theta[offset + SHARED_COEFFICIENTS : offset + d.size].reshape(-1, OWN_COEFFICIENTS)
-            coefficients[:, in_direction] = theta[offset : offset + SHARED_COEFFICIENTS, None]
-            coefficients[:OWN_COEFFICIENTS, in_direction] += (d.node_weights(u[in_direction]) @ own_coefficients).T
+            of_direction = np.broadcast_to(
+                theta[offset : offset + SHARED_COEFFICIENTS], (np.count_nonzero(in_direction), SHARED_COEFFICIENTS)
+            ).copy()
+            of_direction[:, :OWN_COEFFICIENTS] += d.node_weights(u[in_direction]) @ own_coefficients
+            coefficients[in_direction] = of_direction
         return coefficients
 
     def opposite_pressure(self, u: Array, supply: Array) -> Array:
@@ -173,31 +172,31 @@ class AreaModel:
         opposite = self.opposite_pressure(u, supply)
         return np.minimum(p, opposite) / np.maximum(p, opposite)
 
-    def corrected_gradient(
-        self, theta: Array, coefficients: Array, model_values: Array, p: Array, opposite: Array
-    ) -> Array:
-        """Return the gradient in Pa/s from that of the model at the same points.
+    def correction_of_gradient(self, theta: Array) -> Callable[[Array, Array, Array, Array], Array]:
+        """Return what corrects the gradients of the model.
 
-        ``opposite`` are the pressures on the other side of the valve; all arrays have one shape, coefficients first.
+        Its arguments are the gradients (n,) in Pa/s, the coefficients of h (n, k), and the pressures (n,) in Pa on the
+        other side of the valve and in the vessel.
         """
-        out = model_values.copy()
-        rows = np.ascontiguousarray(coefficients).reshape(len(coefficients), -1)
         leak, limits = np.ascontiguousarray(theta[-LEAK_COEFFICIENTS:]), (self.ambient, self.supply, self.scale)
-        _correct_gradient(out.reshape(-1), rows, _flat(opposite), _flat(p), leak, limits)
-        return out
+        return lambda values, coefficients, opposite, p: np.asarray(
+            _corrected_gradient(values, coefficients, opposite, p, leak, limits)
+        )
 
     def correction_factor(self, coefficients: Array, p: Array, opposite: Array) -> Array:
-        """Return exp(h), bounded, since an intermediate step of the fit may overflow."""
+        """Return exp(h), bounded, since an intermediate step of the fit may overflow; coefficients last, as above."""
         out = np.empty(p.shape)
-        rows = np.ascontiguousarray(coefficients).reshape(len(coefficients), -1)
+        rows = coefficients.reshape(p.size, -1)
         _write_correction(rows, _flat(opposite), _flat(p), out.reshape(-1))
         return out
 
     def gradient(self, theta: Array, u: Array, p: Array, supply: Array) -> Array:
         """Return dp/dt in Pa/s; all arrays have one shape."""
         model_values = self.model_gradient.at_coordinates(self.model_coordinates(theta))(u, p, supply)
-        coefficients = self.correction_coefficients(theta, u)
-        return self.corrected_gradient(theta, coefficients, model_values, p, self.opposite_pressure(u, supply))
+        rows = self.correction_coefficients(theta, u).reshape(u.size, -1)
+        opposite = self.opposite_pressure(u, supply)
+        correct = self.correction_of_gradient(theta)
+        return correct(_flat(model_values), rows, _flat(opposite), _flat(p)).reshape(u.shape)
 
     def model_coordinates(self, theta: Array) -> Array:
         """Return the coordinates of the model's parameters."""

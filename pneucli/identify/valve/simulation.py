@@ -28,40 +28,33 @@ def simulate_transients(area_model: AreaModel, theta: Array, start: Array, trans
         The pressures in Pa, shape ``(N, L)``.
 
     """
-    quasi_static, coefficients = (
-        area_model.model_gradient.at_coordinates(area_model.model_coordinates(theta)),
-        np.ascontiguousarray(np.moveaxis(area_model.correction_coefficients(theta, transients.u), 1, 0)),
-    )
+    quasi_static = area_model.model_gradient.at_coordinates(area_model.model_coordinates(theta))
+    coefficients = area_model.correction_coefficients(theta, transients.u)
     shift = area_model.coordinate_shift(theta)[: transients.memory_gradient.shape[-1] - 1]
-    opposite, memory = (
-        area_model.opposite_pressure(transients.u, transients.supply),
-        transients.memory_gradient[..., 0] + transients.memory_gradient[..., 1:] @ shift,
-    )
+    memory = transients.memory_gradient[..., 0] + transients.memory_gradient[..., 1:] @ shift
+    opposite = area_model.opposite_pressure(transients.u, transients.supply)
+    correct = area_model.correction_of_gradient(theta)
     p = np.empty_like(transients.p)
     p[0] = start
     h = transients.period / transients.substeps
     for k in range(transients.p.shape[0] - 1):
-
-        def slope(q: Array, k: int = k) -> Array:
-            state = transients.u[k], q, transients.supply[k]
-            return np.asarray(
-                area_model.corrected_gradient(theta, coefficients[k], quasi_static(*state), q, opposite[k]) + memory[k]
-            )
-
-        q = p[k]
+        u, supply, beyond, q = transients.u[k], transients.supply[k], opposite[k], p[k]
         for _ in range(transients.substeps):
-            midpoint = _step_to_equilibrium(opposite[k], q, 0.5 * h, slope(q))
-            q = _step_to_equilibrium(opposite[k], q, h, slope(midpoint))
+            midpoint = q
+            for step in (0.5 * h, h):
+                slope = correct(quasi_static(u, midpoint, supply), coefficients[k], beyond, midpoint)
+                midpoint = _step_to_equilibrium(beyond, q, step, slope, memory[k])
+            q = midpoint
         p[k + 1] = q
     return p
 
 
 @compiled(nogil=True, error_model="numpy")
-def _step_to_equilibrium(opposite: Array, p: Array, h: Array, slope: Array) -> Array:
+def _step_to_equilibrium(opposite: Array, p: Array, h: Array, slope: Array, memory: Array) -> Array:
     """Return pressures (L,) in Pa after a step, limited to the pressure on the other side of the valve."""
     out = np.empty(p.size)
     for i in range(p.size):
-        after = p[i] + h[i] * slope[i]
+        after = p[i] + h[i] * (slope[i] + memory[i])
         out[i] = opposite[i] if (p[i] - opposite[i]) * (after - opposite[i]) < 0.0 else after
     return out
 
