@@ -122,12 +122,12 @@ class AxisDistribution:
 
 
 def draw_effect_size(effect: Effect, model: Model, rng: np.random.Generator) -> dict[str, float]:
-    """Return a size for each parameter, between its least and its largest typical value (log-uniform, same sign).
+    """Return a size for each main parameter, between its least and its largest typical value (log-uniform, same sign).
 
     Raises InputError where the rig does not tell it.
     """
     facts, sizes = rig_quantities(model), {}
-    for p in effect.parameters:
+    for p in effect.main_parameters:
         size = p.range_on(facts)
         if not size.typical:
             raise effect.missing_scale_error(facts)

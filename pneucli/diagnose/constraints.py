@@ -148,7 +148,7 @@ def varies_with_horizon(fitted: Fit, effect: Effect, residual_models: Sequence[R
 
     Args:
         fitted: The fit with the effect and its intervals.
-        effect: The effect; only one whose parameters are all times with a null of 0 s can vary.
+        effect: The effect; only one whose main parameters are all times with a null of 0 s can vary.
         residual_models: The residual models of the fit.
     """
     if not consists_of_times(effect):
@@ -157,7 +157,7 @@ def varies_with_horizon(fitted: Fit, effect: Effect, residual_models: Sequence[R
     if all(new is old for new, old in zip(doubled, residual_models, strict=True)):
         return False
     again = fit(fitted.model, doubled, free_parameters(fitted.model, doubled), stopping=RANKING_EFFORT)
-    for name in (f"{effect.name}.{p.name}" for p in effect.parameters):
+    for name in (f"{effect.name}.{p.name}" for p in effect.main_parameters):
         before, low, high = fitted[name].value, *fitted[name].ci95
         shift = abs(again[name].value - before)
         if shift > MAX_HORIZON_SHIFT * abs(before) and shift > 0.5 * (high - low):

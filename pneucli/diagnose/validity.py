@@ -96,7 +96,7 @@ def below_resolution(residual_models: Sequence[ResidualModel], candidate: Candid
     period = max(model.experiment.recording.period for model in residual_models)
     effect, values = candidate.effect, candidate.full.model.values
     return consists_of_times(effect) and all(
-        abs(values[f"{effect.name}.{p.name}"]) < MIN_RESOLVED_PERIODS * period for p in effect.parameters
+        abs(values[f"{effect.name}.{p.name}"]) < MIN_RESOLVED_PERIODS * period for p in effect.main_parameters
     )
 
 

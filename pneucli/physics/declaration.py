@@ -196,19 +196,19 @@ class Effect:
 
 
 def consists_of_times(effect: Effect) -> bool:
-    """Return whether all parameters are delays or time constants, at 0 s of which the effect is absent.
+    """Return whether all main parameters are delays or time constants, at 0 s of which the effect is absent.
 
     Args:
         effect: An effect of the catalogue or of a plug-in.
 
     Returns:
-        Whether every parameter is in s with a null of 0.
+        Whether every parameter that does not refine it is in s with a null of 0.
 
     >>> from pneucli.physics.effects import catalogue
     >>> consists_of_times(catalogue()["line-delay"]), consists_of_times(catalogue()["stribeck"])
     (True, False)
     """
-    return all((p.unit, p.null) == ("s", 0.0) for p in effect.parameters)
+    return all((p.unit, p.null) == ("s", 0.0) for p in effect.main_parameters)
 
 
 _AREA = ("m^2", None, "0.01 bore areas", "100 bore areas", ("1 bore areas",))

@@ -7,6 +7,7 @@ compiles their source. :mod:`pneucli.physics.vectorised` calls them for whole ar
 import math
 
 PSI_MAX = 0.484  # maximum of the flow function for kappa = 1.4 (thesis 2.38)
+VISCOSITY = 1.82e-5  # Pa s, of air at 20 degC
 CRITICAL_RATIO = 0.528  # pressure ratio at which it is reached (thesis 2.37)
 
 

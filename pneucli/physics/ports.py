@@ -67,6 +67,9 @@ PORTS: dict[str, Port] = {
     "flow_delay": Port((), "sum", "gas", "s by which the valve's flow arrives later in the chamber", memory=True),
     "flow_delay_1": Port((), "sum", "gas", "s by which it arrives later still in chamber 1", memory=True),
     "flow_delay_2": Port((), "sum", "gas", "s by which it arrives later still in chamber 2", memory=True),
+    "hose_bore": Port((), "sum", "gas", "m: inner diameter of both hoses; 0: they only delay the flow", memory=True),
+    "hose_bore_1": Port((), "sum", "gas", "m added to the inner diameter of the hose of chamber 1", memory=True),
+    "hose_bore_2": Port((), "sum", "gas", "m added to the inner diameter of the hose of chamber 2", memory=True),
     "dry_rise": Port(
         ("coulomb", "v"), "sum", "friction", "N of dry friction above Coulomb's at v while speeding up or at rest"
     ),

@@ -121,6 +121,8 @@ SCALES = {
         Scale("bore areas", "m^2", "piston area 1, or the face of a cube of the vessel's volume",
               lambda f: f.bore_area),
         Scale("valve areas", "m^2", "the effective area at the largest command", lambda f: f.valve_area),
+        Scale("valve bores", "m", "the diameter of a round opening of that area",
+              lambda f: math.sqrt(4.0 / math.pi * f.valve_area)),
         Scale("valve areas per supply pressure", "m^2/Pa", "that over the supply pressure above ambient",
               lambda f: f.valve_area / (f.supply - f.ambient)),
         Scale("valve conductances", "kg/(s Pa)", "flow at the largest command over the pressure before the valve",

@@ -19,7 +19,7 @@ Chamber = Literal[1, 2]
 SEPARATOR = ":"
 _SIDED_TEXT = re.compile(r"(?<![\w.])(chamber |[pVA]_?|V_\{0|p_\{)([12])(?!\d|\.\d)")
 _FROM_THE_OTHER_END = {"x = 0": "x = stroke", "A_1 x": "A_1 (L - x)"}
-_SPLIT_PORTS = ("flow_delay",)  # of both sides; each has a port of its own as well
+_SPLIT_PORTS = ("flow_delay", "hose_bore")  # of both sides; each has a port of its own as well
 _SIDED_PORT = re.compile(r"(leak|volume|read_p|unread_p)(_?)([12])(_ambient)?")
 
 

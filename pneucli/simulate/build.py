@@ -28,6 +28,7 @@ from pneucli.simulate.kernel import (
     balance,
     chamber,
     friction,
+    hose,
     imposed,
     run,
     sensors,
@@ -37,7 +38,18 @@ from pneucli.simulate.kernel import (
 )
 
 _LOCK = Lock()  # threads ask for kernels
-PARTS = (valve, chamber, friction, sensors, step, run, imposed, balance, table_friction)  # in the order of the text
+PARTS = (
+    valve,
+    hose,
+    chamber,
+    friction,
+    sensors,
+    step,
+    run,
+    imposed,
+    balance,
+    table_friction,
+)  # in the order of the text
 ENTRY_POINTS = (
     "run",
     "advance",  # called twice, and too long to be inlined twice
@@ -158,7 +170,7 @@ def _decorate(match: re.Match[str]) -> str:
 
 
 def _constants() -> str:
-    values = {k: v for module in (layout, gas) for k, v in vars(module).items() if isinstance(v, int | float)}
+    values = {k: v for module in (layout, gas, hose) for k, v in vars(module).items() if isinstance(v, int | float)}
     return "\n".join(f"{name} = {value}" for name, value in values.items()) + "\n"
 
 

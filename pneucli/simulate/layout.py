@@ -42,7 +42,8 @@ OUTPUTS = 10
 # state of the plant with a step function (:mod:`pneucli.simulate.kernel.plant`)
 AT_X, AT_V, AT_Z, AT_REST, AT_DV, AT_P1, AT_P2, AT_DP1, AT_DP2, AT_M1, AT_M2, AT_T1, AT_T2, AT_Q = range(14)
 AT_R1, AT_R2, AT_BEFORE_1, AT_BEFORE_2, AT_HEAD, AT_TAIL, AT_TAIL_2, AT_FLOW = range(14, 22)
-PLANT_STATES = 22
+AT_END_1, AT_END_2, AT_THROUGH_1, AT_THROUGH_2 = range(22, 26)
+PLANT_STATES = 26
 
 # its start: position, velocity, pressures, openings; its inputs; its outputs
 START_X, START_V, START_P1, START_P2, START_U, START_U2 = range(6)

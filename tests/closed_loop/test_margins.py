@@ -70,7 +70,7 @@ def test_a_realisation_gives_the_answer_back_in_as_many_states() -> None:
 def with_effect(name: str, delay: float = 0.0):
     """The axis with one more effect at its smallest typical size, known to the controller, and a delay."""
     effect, facts = catalogue()[name], rig_quantities(MODEL)
-    sizes = {f"{name}.{p.name}": p.range_on(facts).typical[0] for p in effect.parameters}
+    sizes = {f"{name}.{p.name}": p.range_on(facts).typical[0] for p in effect.main_parameters}
     model = replace(MODEL, effects=(*MODEL.effects, effect)).with_values(sizes)
     wanted = replace(axis.REQUIREMENTS, delay=delay)
     controller = design_cascade(model, wanted, axis.SEALED)

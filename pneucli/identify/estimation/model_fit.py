@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection, Iterator, Sequence
+from collections.abc import Collection, Iterator, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -19,10 +19,11 @@ from pneucli.identify.estimation.parameters import (
     effect_parameters,
 )
 from pneucli.identify.estimation.profile import lower_profile_minimum
-from pneucli.identify.estimation.score_test import ScoreTest, scaled_initial_guess, score_tests
+from pneucli.identify.estimation.score_test import ScoreTest, initial_guesses, scaled_initial_guess, score_tests
 from pneucli.identify.guesses.valve_areas import guess_overlap
 from pneucli.identify.residuals import ResidualModel
 from pneucli.physics.declaration import Effect, Parameter
+from pneucli.physics.scales import RigQuantities
 from pneucli.simulate.model import Model, parameter_value, with_effect, with_parameters
 from pneucli.simulate.rig_quantities import rig_quantities
 from pneucli.simulate.valve_forms.area import ValveArea
@@ -169,8 +170,19 @@ def fit_with_effect(
     if profile_minimum is not None:
         first = min(first, completed(draft_from(first.model.with_values(profile_minimum))), key=lambda f: f.cost)
     recorded = [one.experiment.recording.signals.keys() for one in affected]
-    can_show = [p for p in effect.parameters if any(p.needs <= signals for signals in recorded)]
-    return _refined(first, effect, can_show, lambda start: completed(draft_from(start)))
+    for p in (p for p in effect.parameters if any(p.needs <= signals for signals in recorded)):
+        starts = _refined_starts(first, effect, p, quantities)
+        if not starts:
+            continue
+        cost = float(np.sum(first.residual[np.repeat(chosen, residual_counts(residual_models))] ** 2))
+        if (1.0 - MIN_REFINEMENT_SHARE) * cost < sum(residual_counts(affected)):  # hardly more than noise is left
+            continue
+        draft = min(map(draft_from, starts), key=lambda f: f.cost)
+        estimate, unrefined = draft[f"{effect.name}.{p.name}"], p.value_unrefined or 0.0
+        differs = abs(estimate.value - unrefined) > REFINEMENT_SIGMA * estimate.error and not estimate.at_bound
+        if differs and draft.cost < (1.0 - MIN_REFINEMENT_SHARE) * cost:
+            first = min(first, completed(draft), key=lambda f: f.cost)
+    return first
 
 
 def _with_narrower_overlaps(start: Model, effect: Effect) -> Iterator[Model]:
@@ -184,21 +196,20 @@ def _with_narrower_overlaps(start: Model, effect: Effect) -> Iterator[Model]:
         yield with_parameters(start, {name: max(value - play, 0.0) for name, value in overlaps.items()})
 
 
-def _refined(fitted: Fit, effect: Effect, parameters: Sequence[Parameter], fit_from: Callable[[Model], Fit]) -> Fit:
-    """Return the fit with those of the effect's parameters that refine it, where they show.
+def _refined_starts(fitted: Fit, effect: Effect, parameter: Parameter, quantities: RigQuantities) -> list[Model]:
+    """Return where the search for a parameter that refines an effect starts; nowhere where it is fitted or stated.
 
-    One shows that is far from the value that it has otherwise, and takes a share of the cost that matters.
+    It starts at the value that the parameter has otherwise. Where that is no value of the search, the effect is another
+    law with the parameter, and its size another one, too.
     """
-    for p in parameters:
-        name, unrefined = f"{effect.name}.{p.name}", p.value_unrefined
-        if unrefined is None or name in {*fitted.model.values, *fitted.model.rig.priors}:
-            continue
-        more = fit_from(fitted.model.with_values({name: unrefined}))
-        estimate = more[name]
-        differs = abs(estimate.value - unrefined) > REFINEMENT_SIGMA * estimate.error and not estimate.at_bound
-        if differs and more.cost < (1.0 - MIN_REFINEMENT_SHARE) * fitted.cost:
-            fitted = more
-    return fitted
+    name, model, unrefined = f"{effect.name}.{parameter.name}", fitted.model, parameter.value_unrefined
+    if unrefined is None or name in {*model.values, *model.rig.priors}:
+        return []
+    size = parameter.range_on(quantities)
+    if size.lower <= unrefined:
+        return [model.with_values({name: unrefined})]
+    sizes: list[dict[str, float]] = [{}, *initial_guesses(effect, quantities, model.rig.priors)]
+    return [model.with_values({**others, name: typical}) for typical in size.typical for others in sizes]
 
 
 def _affected_residual_models(

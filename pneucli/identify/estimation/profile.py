@@ -37,9 +37,9 @@ def lower_profile_minimum(
         The value of the parameter with a lower cost than the fit's; None where there is none.
 
     """
-    if len(effect.parameters) != 1 or not consists_of_times(effect):
+    if len(effect.main_parameters) != 1 or not consists_of_times(effect):
         return None
-    (time,) = effect.parameters
+    (time,) = effect.main_parameters
     name, size = f"{effect.name}.{time.name}", time.range_on(quantities)
     values = [{name: float(t)} for t in np.geomspace(min(size.typical), size.upper, TIME_SCAN_POINTS)]
     others = replace(fitted, jacobian=fitted.jacobian[:, [f.name != name for f in fitted.free]])

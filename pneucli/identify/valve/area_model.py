@@ -156,9 +156,9 @@ class AreaModel:
         for offset, d in zip(self.offsets(), self.directions, strict=True):
             in_direction = np.sign(u) == d.sign
             own_coefficients = theta[offset + SHARED_COEFFICIENTS : offset + d.size].reshape(-1, OWN_COEFFICIENTS)
-            of_direction = np.broadcast_to(
-                theta[offset : offset + SHARED_COEFFICIENTS], (np.count_nonzero(in_direction), SHARED_COEFFICIENTS)
-            ).copy()
+            of_direction = np.repeat(
+                theta[None, offset : offset + SHARED_COEFFICIENTS], np.count_nonzero(in_direction), axis=0
+            )
             of_direction[:, :OWN_COEFFICIENTS] += d.node_weights(u[in_direction]) @ own_coefficients
             coefficients[in_direction] = of_direction
         return coefficients

@@ -7,11 +7,9 @@ step. The export translates it to C (:mod:`pneucli.export.fmu`).
 import math
 
 from pneucli.physics.gas import flow_constant
+from pneucli.simulate.kernel.hose import hose_bores, hose_delays, hose_step, line_step, longest_step, volume_beyond_hose
 from pneucli.simulate.kernel.ports import (
     bristle_stiffness,
-    flow_delay,
-    flow_delay_1,
-    flow_delay_2,
     has_heat,
     mass,
     read_a,
@@ -30,7 +28,6 @@ from pneucli.simulate.kernel.step import (
     steps_between,
     valve_step,
 )
-from pneucli.simulate.kernel.valve import line_step
 from pneucli.simulate.layout import (
     AMBIENT,
     AREA_1,
@@ -40,6 +37,8 @@ from pneucli.simulate.layout import (
     AT_DP1,
     AT_DP2,
     AT_DV,
+    AT_END_1,
+    AT_END_2,
     AT_FLOW,
     AT_HEAD,
     AT_M1,
@@ -54,6 +53,8 @@ from pneucli.simulate.layout import (
     AT_T2,
     AT_TAIL,
     AT_TAIL_2,
+    AT_THROUGH_1,
+    AT_THROUGH_2,
     AT_V,
     AT_X,
     AT_Z,
@@ -91,7 +92,7 @@ def plant_start(start, flags, s, s1, s2, s_supply, ring, base, th, on):
     Args:
         start: Position in m, velocity in m/s, pressures in Pa, openings of the valves in V, shape (6,).
         flags: Switches of the rig, as of a recording, shape (9,).
-        s: State, shape (22,), filled.
+        s: State, shape (26,), filled.
         s1: States of effects at the command of chamber 1, filled.
         s2: States of effects at the command of chamber 2, filled.
         s_supply: States of effects at the supply, filled.
@@ -110,10 +111,11 @@ def plant_start(start, flags, s, s1, s2, s_supply, ring, base, th, on):
     x, p1, p2 = start[START_X], start[START_P1], start[START_P2]
     if int(flags[CHAMBER_2]) == OPEN:
         p2 = base[AMBIENT]
-    s[AT_X], s[AT_V], s[AT_P1], s[AT_P2] = x, start[START_V], p1, p2
+    s[AT_X], s[AT_V], s[AT_P1], s[AT_P2], s[AT_END_1], s[AT_END_2] = x, start[START_V], p1, p2, p1, p2
     s[AT_T1] = s[AT_T2] = base[TEMP]
-    s[AT_M1] = p1 * (base[DEAD_1] + volume_1(th, on) + base[AREA_1] * x) / (base[GAS] * base[TEMP])
-    s[AT_M2] = p2 * (base[DEAD_2] + volume_2(th, on) + base[AREA_2] * (base[STROKE] - x)) / (base[GAS] * base[TEMP])
+    dead_1, dead_2 = dead_volumes(int(flags[CHAMBER_2]), base, th, on)
+    s[AT_M1] = p1 * (dead_1 + base[AREA_1] * x) / (base[GAS] * base[TEMP])
+    s[AT_M2] = p2 * (dead_2 + base[AREA_2] * (base[STROKE] - x)) / (base[GAS] * base[TEMP])
     s[AT_R1] = s[AT_BEFORE_1] = read_p1(p1, base[AMBIENT], th, on)
     s[AT_R2] = s[AT_BEFORE_2] = read_p2(p2, base[AMBIENT], th, on)
 
@@ -129,7 +131,7 @@ def plant_step(t, dt, h_max, inputs, flags, areas, areas_2, s, s1, s2, s_supply,
         flags: Switches of the rig, as of a recording, shape (9,).
         areas: Areas in m^2 of chamber 1 over openings of -U_MAX..U_MAX.
         areas_2: The same of chamber 2.
-        s: State, shape (22,), changed in place.
+        s: State, shape (26,), changed in place.
         s1: States of effects at the command of chamber 1, changed in place.
         s2: States of effects at the command of chamber 2, changed in place.
         s_supply: States of effects at the supply, changed in place.
@@ -145,7 +147,11 @@ def plant_step(t, dt, h_max, inputs, flags, areas, areas_2, s, s1, s2, s_supply,
     hot = has_heat(on)
     k_gas = flow_constant(base[GAS], base[TEMP], base[GAMMA])
     m, stiffness = base[MASS] + mass(th, on), bristle_stiffness(th, on)
-    delay_1, delay_2 = flow_delay(th, on) + flow_delay_1(th, on), flow_delay(th, on) + flow_delay_2(th, on)
+    delay_1, delay_2 = hose_delays(th, on)
+    bore_1, bore_2 = hose_bores(chamber_2, th, on)
+    h_max = longest_step(h_max, delay_1, delay_2, bore_1, bore_2)
+    wave_1, wave_2 = 0.0 if bore_1 > 0.0 else delay_1, 0.0 if bore_2 > 0.0 else delay_2
+    end_1, end_2, through_1, through_2 = s[AT_END_1], s[AT_END_2], s[AT_THROUGH_1], s[AT_THROUGH_2]
     u, u2 = inputs[PLANT_U] - base[NULL], inputs[PLANT_U2] - base[NULL]
     if chamber_2 == MIRRORED:
         u2 = -u
@@ -167,17 +173,24 @@ def plant_step(t, dt, h_max, inputs, flags, areas, areas_2, s, s1, s2, s_supply,
             x_mid, v_mid = 0.5 * (x_old + x), (x - x_old) / h
         if hot:
             k1, k2 = k_gas * math.sqrt(base[TEMP] / T1), k_gas * math.sqrt(base[TEMP] / T2)
+        outlet_1, outlet_2 = end_1 if bore_1 > 0.0 else p1_mid, end_2 if bore_2 > 0.0 else p2_mid
         q_in, q_out, more_in, more_out = valve_step(
-            u, u2, p1_mid, p2_mid, inputs[PLANT_SUPPLY], stated, False, chamber_2, q_supply, h, k1, k2, k_gas,
+            u, u2, outlet_1, outlet_2, inputs[PLANT_SUPPLY], stated, False, chamber_2, q_supply, h, k1, k2, k_gas,
             flags[U_MAX], areas, areas_2, s1, s2, s_supply, base, th, on,
         )  # fmt: skip
         q_supply = q_in + more_in
         if i == 0:
             s[AT_FLOW] = q_in - q_out
-        if max(delay_1, delay_2) > 0.0:
+        if max(wave_1, wave_2) > 0.0:
             q_in, q_out, more_in, more_out, head, tail, tail_2 = line_step(
-                t + (i + 0.5) * h, q_in, q_out, more_in, more_out, delay_1, delay_2, ring, head, tail, tail_2
+                t + (i + 0.5) * h, q_in, q_out, more_in, more_out, wave_1, wave_2, ring, head, tail, tail_2
             )
+        if bore_1 > 0.0:
+            end_1, through_1 = hose_step(end_1, through_1, p1_mid, q_in - q_out, h, delay_1, bore_1, base)
+            q_in, q_out = max(through_1, 0.0), max(-through_1, 0.0)
+        if bore_2 > 0.0:
+            end_2, through_2 = hose_step(end_2, through_2, p2_mid, more_in - more_out, h, delay_2, bore_2, base)
+            more_in, more_out = max(through_2, 0.0), max(-through_2, 0.0)
         p1, dp1, m1, T1, p2, dp2, m2, T2 = chambers_step(
             p1, p1_mid, m1, p2, p2_mid, dp2, m2, T2, h, x_mid, v_mid, q_in, q_out, more_in, more_out, k1, k2,
             chamber_2, base, th, on,
@@ -185,7 +198,16 @@ def plant_step(t, dt, h_max, inputs, flags, areas, areas_2, s, s1, s2, s_supply,
     s[AT_X], s[AT_V], s[AT_Z], s[AT_REST], s[AT_DV], s[AT_Q] = x, v, z, rest, dv, q_supply
     s[AT_P1], s[AT_P2], s[AT_DP1], s[AT_DP2], s[AT_M1], s[AT_M2] = p1, p2, dp1, dp2, m1, m2
     s[AT_T1], s[AT_T2], s[AT_HEAD], s[AT_TAIL], s[AT_TAIL_2] = T1, T2, head, tail, tail_2
+    s[AT_END_1], s[AT_END_2], s[AT_THROUGH_1], s[AT_THROUGH_2] = end_1, end_2, through_1, through_2
     advance_readings(dt, s, base, th, on)
+
+
+def dead_volumes(chamber_2: int, base, th, on):
+    """Return the dead volumes of both chambers in m^3, without the gas of a hose that is at its valve."""
+    delay_1, delay_2 = hose_delays(th, on)
+    bore_1, bore_2 = hose_bores(chamber_2, th, on)
+    dead_1 = volume_beyond_hose(base[DEAD_1] + volume_1(th, on), delay_1, bore_1, base)
+    return dead_1, volume_beyond_hose(base[DEAD_2] + volume_2(th, on), delay_2, bore_2, base)
 
 
 def chambers_step(
@@ -221,10 +243,11 @@ def chambers_step(
         Pressure in Pa, its gradient in Pa/s, mass in kg and temperature in K, of chamber 1 and of chamber 2.
     """
     hot, area_1, area_2 = has_heat(on), base[AREA_1], base[AREA_2]
-    volume = base[DEAD_1] + volume_1(th, on) + area_1 * x
+    dead_1, dead_2 = dead_volumes(chamber_2, base, th, on)
+    volume = dead_1 + area_1 * x
     p1, dp1, m1, T1 = chamber_1_step(p1, p1_mid, p2_mid, m1, h, volume, area_1 * v, q_in, q_out, hot, k1, base, th, on)
     if chamber_2 != OPEN:
-        volume = base[DEAD_2] + volume_2(th, on) + area_2 * (base[STROKE] - x)
+        volume = dead_2 + area_2 * (base[STROKE] - x)
         p2, dp2, m2, T2 = chamber_2_step(
             p2, p1_mid, p2_mid, m2, h, volume, -area_2 * v, more_in, more_out, hot, k1, k2, base, th, on
         )
@@ -249,7 +272,7 @@ def plant_outputs(inputs, flags, s, base, th, on, outputs):
     Args:
         inputs: As of :func:`plant_step`.
         flags: Switches of the rig.
-        s: State, shape (22,).
+        s: State, shape (26,).
         base: Base parameters.
         th: Parameters of effects.
         on: Switches of effects.

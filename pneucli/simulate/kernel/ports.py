@@ -57,6 +57,18 @@ def flow_delay_2(th, on):
     return 0.0
 
 
+def hose_bore(th, on):
+    return 0.0
+
+
+def hose_bore_1(th, on):
+    return 0.0
+
+
+def hose_bore_2(th, on):
+    return 0.0
+
+
 def dry_rise(coulomb, v, th, on):
     return 0.0
 

@@ -5,11 +5,9 @@ import math
 import numpy as np
 
 from pneucli.physics.gas import flow_constant
+from pneucli.simulate.kernel.hose import hose_bores, hose_delays, hose_step, line_step, longest_step, volume_beyond_hose
 from pneucli.simulate.kernel.ports import (
     bristle_stiffness,
-    flow_delay,
-    flow_delay_1,
-    flow_delay_2,
     has_heat,
     mass,
     read_a,
@@ -28,7 +26,6 @@ from pneucli.simulate.kernel.step import (
     steps_between,
     valve_step,
 )
-from pneucli.simulate.kernel.valve import line_step
 from pneucli.simulate.layout import (
     AMBIENT,
     AREA_1,
@@ -170,16 +167,21 @@ def advance(time, inputs, true, restarts, base_values, th_values, on_values, fla
     stiffness = bristle_stiffness(th, on)
     null = base[NULL]
 
-    delay_1 = flow_delay(th, on) + flow_delay_1(th, on)
-    delay_2 = flow_delay(th, on) + flow_delay_2(th, on)
-    delay = max(delay_1, delay_2)
+    delay_1, delay_2 = hose_delays(th, on)
+    bore_1, bore_2 = hose_bores(chamber_2, th, on)
+    dead_1 = volume_beyond_hose(dead_1, delay_1, bore_1, base)
+    dead_2 = volume_beyond_hose(dead_2, delay_2, bore_2, base)
+    h_max = longest_step(h_max, delay_1, delay_2, bore_1, bore_2)
+    wave_1, wave_2 = 0.0 if bore_1 > 0.0 else delay_1, 0.0 if bore_2 > 0.0 else delay_2
+    delay = max(wave_1, wave_2)
     ring = np.full((max_steps_within(time, h_max, delay + h_max) + 2 if delay > 0.0 else 1, 5), -1e30)
     head, tail, tail_2 = 0, ring.shape[0] - 1, ring.shape[0] - 1
     s1, s2 = np.full(on_values.size, flags[INITIAL_U]), np.full(on_values.size, flags[INITIAL_U2])
     s_supply, before = np.zeros(on_values.size), np.zeros(2)
 
     x = v = z = rest = dv = dp1 = dp2 = q_supply = 0.0
-    p1 = p2 = p_amb
+    p1 = p2 = end_1 = end_2 = p_amb  # of the chambers, and of their hoses at the valve
+    through_1 = through_2 = 0.0  # mass flows through hoses with a bore
     m1 = m2 = 1.0
     T1 = T2 = base[TEMP]
     k1 = k2 = k_gas
@@ -195,6 +197,7 @@ def advance(time, inputs, true, restarts, base_values, th_values, on_values, fla
         if fresh or not mechanics:
             x, v = inputs[k, IN_X], inputs[k, IN_V]
         if fresh or not pneumatics:
+            end_1, end_2 = end_1 + true[k, 0] - p1, end_2 + true[k, 1] - p2
             p1, p2 = true[k, 0], true[k, 1]
         if chamber_2 == OPEN and pneumatics:
             p2 = p_amb
@@ -242,8 +245,9 @@ def advance(time, inputs, true, restarts, base_values, th_values, on_values, fla
             if hot:
                 k1, k2 = k_gas * math.sqrt(base[TEMP] / T1), k_gas * math.sqrt(base[TEMP] / T2)
             p_line = inputs[k, IN_SUPPLY] + w * (inputs[nxt, IN_SUPPLY] - inputs[k, IN_SUPPLY])
+            outlet_1, outlet_2 = end_1 if bore_1 > 0.0 else p1_mid, end_2 if bore_2 > 0.0 else p2_mid
             q_in, q_out, more_in, more_out = valve_step(
-                u, u2, p1_mid, p2_mid, p_line, stated, shut, chamber_2, q_supply, h, k1, k2, k_gas, u_max,
+                u, u2, outlet_1, outlet_2, p_line, stated, shut, chamber_2, q_supply, h, k1, k2, k_gas, u_max,
                 areas, areas_2, s1, s2, s_supply, base, th, on,
             )  # fmt: skip
             q_supply = q_in + more_in
@@ -251,8 +255,14 @@ def advance(time, inputs, true, restarts, base_values, th_values, on_values, fla
                 out[k, FLOW] = q_in - q_out
             if delay > 0.0:
                 q_in, q_out, more_in, more_out, head, tail, tail_2 = line_step(
-                    time[k] + (i + 0.5) * h, q_in, q_out, more_in, more_out, delay_1, delay_2, ring, head, tail, tail_2
+                    time[k] + (i + 0.5) * h, q_in, q_out, more_in, more_out, wave_1, wave_2, ring, head, tail, tail_2
                 )
+            if bore_1 > 0.0:
+                end_1, through_1 = hose_step(end_1, through_1, p1_mid, q_in - q_out, h, delay_1, bore_1, base)
+                q_in, q_out = max(through_1, 0.0), max(-through_1, 0.0)
+            if bore_2 > 0.0:
+                end_2, through_2 = hose_step(end_2, through_2, p2_mid, more_in - more_out, h, delay_2, bore_2, base)
+                more_in, more_out = max(through_2, 0.0), max(-through_2, 0.0)
             p1, dp1, m1, T1 = chamber_1_step(
                 p1, p1_mid, p2_mid, m1, h, dead_1 + area_1 * x_mid, area_1 * v_mid, q_in, q_out, hot, k1, base, th, on
             )
