@@ -6,8 +6,8 @@ from pneucli.physics.gas import VISCOSITY
 from pneucli.simulate.kernel.ports import flow_delay, flow_delay_1, flow_delay_2, hose_bore, hose_bore_1, hose_bore_2
 from pneucli.simulate.layout import CLOSED, GAMMA, GAS, OPEN, TEMP
 
-HOSE_STEPS = 8.0  # of the integration in the delay of a hose with a bore: 35 in a period of its oscillation
-SHORTEST_DELAY = 3.2e-4  # s of a hose with a bore: a shorter one is integrated as one of this length
+HOSE_STEPS = 4.0  # of the integration in the delay of a hose with a bore: 18 in a period of its oscillation
+SHORTEST_DELAY = 6e-4  # s of a hose with a bore, 0.2 m: a shorter one is integrated as one of this length
 HOSE_LOSS = 1.5  # of the dynamic pressure, at the sharp ends of a hose: 0.5 into it, 1 out of it
 
 
