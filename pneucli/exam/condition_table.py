@@ -21,6 +21,7 @@ WIDE_CHOICES = (
     ("usual", "usual", "regulated-valve", "pump"),
     ("usual", "wall-heat"),
     ("usual", "free-b"),
+    ("usual", "usual", "hose"),
     ("usual", "usual", "no-bench-test"),
     ("usual", "usual", "both-sides"),
     ("usual", "usual", "held-commands"),
@@ -129,6 +130,13 @@ CONDITIONS = (
         constant_change(tank=True),
         kinds=("valve",),
         excluded=EXCLUDED_WITH_TANK,
+    ),
+    Condition(
+        "hose",
+        "hoses of 0.5 to 3 m with volume, inertia and friction",
+        constant_change(hose=True),
+        kinds=RIGS_WITH_VALVE,
+        excluded=frozenset({"line-delay"}),
     ),
     Condition(
         "imposed",

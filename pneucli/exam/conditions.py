@@ -38,6 +38,7 @@ class Conditions:
     load: str | None = None  # "spring" or "weight"
     differential: bool = False
     tank: bool = False
+    hose: bool = False  # between valve and chamber, with a bore
     imposed: bool = False  # a machine imposes the motion and its force is measured
     constant_speed: bool = False  # at one speed in one direction for each recording
     encoder: bool = False  # of a drawn resolution
@@ -103,6 +104,8 @@ def _contradiction(conditions: Conditions) -> str:
         return "p2 recorded, for effects of chamber 2"
     if conditions.tank and conditions.free_ratio:
         return "one critical ratio: a tank's hose has its own"
+    if conditions.hose and (conditions.tank or conditions.sides or conditions.source == "pump"):
+        return "one hose for each valve of one kind"
     if conditions.source and conditions.held:
         return "commands logged with the rows of the steady bench"
     if conditions.source and (conditions.wall_heat or conditions.free_ratio or conditions.switching or conditions.load):

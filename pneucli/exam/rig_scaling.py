@@ -54,6 +54,7 @@ DIMENSIONS = {
     "pump_stall": PRESSURE,
     "dead_volume_added": VOLUME,
     "supply_volume": VOLUME,
+    "hose_bore": LENGTH,
     "regulator_conductance": FLOW_PER_PRESSURE,
     "valve_leak_area": OPENING,
     "static": FORCE,

@@ -6,6 +6,7 @@ import numpy as np
 
 from pneucli.exam.conditions import Conditions
 from pneucli.exam.rig.gas import GAS_CONSTANT, PSI_MAX
+from pneucli.exam.rig.hose import hose_volume
 from pneucli.exam.rig.parameters import FIVE_THREE, TWO_VALVES, Parameters
 
 ARRANGEMENT_CODES = {"5/3": FIVE_THREE, "two": TWO_VALVES}
@@ -51,6 +52,12 @@ def _with_gas(
         par, loads = par._replace(wall_coefficient=rng.uniform(20.0, 60.0)), (*loads, "heat-transfer")
     if conditions.free_ratio:
         par, loads = par._replace(critical_ratio=rng.uniform(0.15, 0.5)), (*loads, "critical-ratio")
+    if conditions.hose:
+        # 0.5 to 3 m, at least as wide as the valve; the stated dead volumes contain it
+        bore = 2.0 * np.sqrt(par.effective_area / np.pi) * rng.uniform(1.5, 3.5)
+        par, loads = par._replace(line_delay=rng.uniform(0.0015, 0.009), hose_bore=bore), (*loads, "line-delay")
+        wider = {name: getattr(par, name) + hose_volume(par, 0) for name in ("dead_volume_1", "dead_volume_2")}
+        par = par._replace(**wider)
     return par, loads
 
 

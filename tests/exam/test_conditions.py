@@ -59,6 +59,7 @@ MOVED, DRIVEN = ("friction", "axis"), ("valve", "axis")
         ("hanging-load", MOVED, {"load": "weight"}),
         ("differential", MOVED, {"differential": True}),
         ("tank", ("valve",), {"tank": True}),
+        ("hose", DRIVEN, {"hose": True}),
         ("imposed", ("friction",), {"imposed": True, "rate": 100.0}),
         ("constant-speed", ("friction",), {"imposed": True, "constant_speed": True, "rate": 500.0}),
         ("encoder", MOVED, {"encoder": True, "absent": frozenset({"a"})}),
@@ -221,7 +222,17 @@ def test_wide_draws_other_conditions_for_each_case_and_records_them(tmp_path):
 
 @pytest.mark.parametrize(
     "names",
-    ["both-sides+no-p2", "tank+free-b", "pump+wall-heat", "regulated-valve+free-b", "pump+held-commands", "pump+5/3"],
+    [
+        "both-sides+no-p2",
+        "tank+free-b",
+        "tank+hose",
+        "hose+pump",
+        "hose+both-sides",
+        "pump+wall-heat",
+        "regulated-valve+free-b",
+        "pump+held-commands",
+        "pump+5/3",
+    ],
 )
 def test_conditions_that_contradict_each_other_are_refused(names):
     with pytest.raises(InputError, match="--condition"):

@@ -13,6 +13,8 @@ from pneucli.exam.cases import generate_case
 from pneucli.exam.conditions import parse
 from pneucli.exam.graded_case import GradedCase
 from pneucli.exam.hidden_sides import ALL_BY_NAME, SIDES
+from pneucli.exam.rig.gas import GAS_CONSTANT
+from pneucli.exam.rig.hose import EXPONENT, SPEED_OF_SOUND
 from pneucli.exam.rig.parameters import FIVE_THREE, Parameters
 from pneucli.exam.rig.sensors import Sensors, measure
 from pneucli.exam.rig.simulation import Excitation, command_stamps, simulate_rig
@@ -210,3 +212,33 @@ def test_a_machine_at_constant_speed_logs_one_point_of_the_friction_curve(tmp_pa
         assert raw["t_[ms]"].size >= 90
         speeds.append(abs(slope))
     assert max(speeds) / min(speeds) == pytest.approx(100.0, rel=0.02)
+
+
+# --- hoses
+
+
+def charged(**hose: float) -> np.ndarray:
+    """The pressure of a vessel of 0.5 l that a valve fills from 20 ms on."""
+    rig = VESSEL._replace(effective_area=2e-6, dead_volume_1=5e-4, **hose)
+    return simulate_rig(rig, Excitation(np.repeat([0.0, 10.0], [20, 130]), pressure_1=PAR.ambient))["p1"]
+
+
+def test_a_hose_lets_nothing_through_before_a_wave_has_passed_and_then_as_much_as_the_valve() -> None:
+    plain, behind = charged(), charged(line_delay=0.01, hose_bore=6e-3)
+    start = 20 + round(10.0 * SPEED_OF_SOUND / np.sqrt(EXPONENT * GAS_CONSTANT * PAR.temperature))
+    assert np.ptp(behind[: start - 3]) < 0.02 * np.ptp(behind[: start + 10])
+    assert behind[-1] - behind[-40] == pytest.approx(plain[-1] - plain[-40], rel=0.05)
+
+
+def test_a_stated_volume_contains_the_hose() -> None:
+    """Charged and shut, vessel and hose come to the pressure of the whole volume."""
+    charge = Excitation(np.repeat([10.0, 0.0], [100, 900]), pressure_1=PAR.ambient)
+    rig = VESSEL._replace(effective_area=1e-6, dead_volume_1=5e-4)
+    plain, behind = (simulate_rig(one, charge)["p1"] for one in (rig, rig._replace(line_delay=0.005, hose_bore=6e-3)))
+    assert behind[-1] == pytest.approx(plain[-1], rel=0.02)
+
+
+def test_a_user_knows_that_there_is_a_hose_and_not_how_long(tmp_path: Path) -> None:
+    truth, said = case(tmp_path / "case", "axis", "hose")
+    assert "line-delay" in said["model"]["effects"]
+    assert 0.0015 <= truth["baseline_parameters"]["line-delay"]["delay"] <= 0.009

@@ -23,6 +23,7 @@ from pneucli.exam.rig.gas import (
     orifice_flow,
     wall_conductance,
 )
+from pneucli.exam.rig.hose import hose_volume
 from pneucli.exam.rig.parameters import Parameters
 
 Array = NDArray[np.float64]
@@ -78,14 +79,15 @@ def gas_rates(par: Parameters, s: Array, q: Flows, held: int, ds: Array) -> None
     over = orifice_flow(par.piston_leak_area, s[P1], s[T1], s[P2], LEAK_RATIO)
     back = orifice_flow(par.piston_leak_area, s[P2], s[T2], s[P1], LEAK_RATIO)
     gained, given = q[0] + drawn, q[1] + lost
-    volume_1 = par.dead_volume_1 + par.dead_volume_added + par.piston_area_1 * s[X]
+    dead_1, dead_2 = par.dead_volume_1 - hose_volume(par, 0), par.dead_volume_2 - hose_volume(par, 1)
+    volume_1 = dead_1 + par.dead_volume_added + par.piston_area_1 * s[X]
     heat_1 = gained * wall + back * s[T2] - (given + over) * s[T1]
     mass_1, walls_1 = gained - given + back - over, wall_conductance(par, par.piston_area_1, volume_1)
     ds[P1], ds[T1] = chamber_rates(par, s[P1], s[T1], volume_1, par.piston_area_1 * s[V], mass_1, heat_1, walls_1)
     if held == 0:
         drawn, lost = leaks_2(par, s[P2], s[T2])
         gained, given = q[2] + drawn, q[3] + lost
-        volume_2 = par.dead_volume_2 + par.dead_volume_added_2 + par.piston_area_2 * (par.stroke - s[X])
+        volume_2 = dead_2 + par.dead_volume_added_2 + par.piston_area_2 * (par.stroke - s[X])
         heat_2 = gained * wall + over * s[T1] - (given + back) * s[T2]
         mass_2, walls_2 = gained - given + over - back, wall_conductance(par, par.piston_area_2, volume_2)
         ds[P2], ds[T2] = chamber_rates(par, s[P2], s[T2], volume_2, -par.piston_area_2 * s[V], mass_2, heat_2, walls_2)

@@ -42,6 +42,7 @@ class Parameters(NamedTuple):
     supply_volume: float = 0.0  # zero: a stiff supply
     regulator_conductance: float = 0.0
     line_delay: float = 0.0
+    hose_bore: float = 0.0  # m, of each hose, whose length is that of line_delay; 0: it only delays the flow
     valve_lag: float = 0.0
     valve_half_width: float = 0.0
     valve_leak_area: float = 0.0

@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 from pneucli.caches import compiled
 from pneucli.exam.rig.gas import pump_flow, regulated_opening
+from pneucli.exam.rig.hose import SEGMENTS, flow_through_hose
 from pneucli.exam.rig.kernel import (
     MAX_STEP,
     P1,
@@ -143,7 +144,13 @@ def _spool(par: Parameters, h: float, u: float, aim: float, spool: float, openin
 
 @compiled()
 def empty_delay_line(par: Parameters, step: float) -> Array:
-    """Return an empty delay line for the flows (kg/s) in the hoses: as many steps as the longest delays, and this."""
+    """Return an empty delay line for the flows (kg/s) in the hoses: as many steps as the longest delays, and this.
+
+    Hoses with a bore have a row for each segment: pressure (Pa; 0: not yet set) and flow of the one and of the other.
+    """
+    if par.hose_bore > 0.0:
+        segments: Array = np.zeros((SEGMENTS, 4))
+        return segments
     longest = par.line_delay + max(par.line_delay_1, par.line_delay_2)
     line: Array = np.zeros((round(longest / step) + 1, 4))
     return line
@@ -171,16 +178,30 @@ def step_rig(
     t = i * step
     o = regulated_opening(par, o, s[P1])
     spools[0], spools[1], spools[2] = _spool(par, step, o, spools[0], spools[1], spools[2])
-    now = line[i % len(line)]
-    now[0], now[1] = valve_flow(par, valve_area(par, spools[2], t), t, s)
+    at_valve = work[2]  # the state, with the pressures before a hose with a bore
+    at_valve[:] = s
+    if par.hose_bore > 0.0:
+        for column, chamber in ((0, P1), (2, P2)):
+            if line[0, column] == 0.0:
+                line[:, column] = s[chamber]
+            at_valve[chamber] = line[0, column]
+    now = line[i % len(line)] if par.hose_bore == 0.0 else np.zeros(4)
+    now[0], now[1] = valve_flow(par, valve_area(par, spools[2], t), t, at_valve)
     if par.pump_flow > 0.0:
-        now[0] = pump_flow(par, spools[2], s[P1])
+        now[0] = pump_flow(par, spools[2], at_valve[P1])
     if par.arrangement == TWO_VALVES:
         spools[3], spools[4], spools[5] = _spool(par, step, o2, spools[3], spools[4], spools[5])
     elif par.arrangement == FIVE_THREE:
         spools[5] = -spools[2]
     if par.arrangement != ONE_CHAMBER:
-        now[2], now[3] = valve_flow(par, valve_area_2(par, spools[5], t), t, s, 1)
+        now[2], now[3] = valve_flow(par, valve_area_2(par, spools[5], t), t, at_valve, 1)
+    if par.hose_bore > 0.0:
+        q_1 = flow_through_hose(par, step, now[0] - now[1], s[P1], line[:, 0], line[:, 1])
+        q_2 = 0.0
+        if par.arrangement != ONE_CHAMBER:
+            q_2 = flow_through_hose(par, step, now[2] - now[3], s[P2], line[:, 2], line[:, 3])
+        q = (max(q_1, 0.0), max(-q_1, 0.0), max(q_2, 0.0), max(-q_2, 0.0))
+        return _advance(par, t, step, s, rest, q, held, work), q
     late = line[(i - round((par.line_delay + par.line_delay_1) / step)) % len(line)]
     late_2 = line[(i - round((par.line_delay + par.line_delay_2) / step)) % len(line)]
     q = (late[0], late[1], late_2[2], late_2[3])
