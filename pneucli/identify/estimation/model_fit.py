@@ -19,7 +19,7 @@ from pneucli.identify.estimation.parameters import (
     effect_parameters,
 )
 from pneucli.identify.estimation.profile import lower_profile_minimum
-from pneucli.identify.estimation.score_test import ScoreTest, initial_guesses, scaled_initial_guess, score_tests
+from pneucli.identify.estimation.score_test import ScoreTest, scaled_initial_guess, score_tests
 from pneucli.identify.guesses.valve_areas import guess_overlap
 from pneucli.identify.residuals import ResidualModel
 from pneucli.physics.declaration import Effect, Parameter
@@ -144,9 +144,12 @@ def fit_with_effect(
         else StoppingRule(stopping.max_iterations, max(stopping.tolerance, DRAFT_TOLERANCE))
     )
 
-    def draft_from(start: Model) -> Fit:
+    def free_in(start: Model) -> list[FreeParameter]:
         free = free_parameters(start, residual_models)
-        free = [f for f in free if f.name in names or f.name.startswith(f"{effect.name}.")]
+        return [f for f in free if f.name in names or f.name.startswith(f"{effect.name}.")]
+
+    def draft_from(start: Model) -> Fit:
+        free = free_in(start)
         part = _fit_coarse_to_fine(start, affected, free, stopping=drafting, similar=similar, is_draft=has_similar)
         return _with_overlap_reestimated(part, affected, stopping=drafting, is_draft=has_similar)
 
@@ -177,7 +180,7 @@ def fit_with_effect(
         cost = float(np.sum(first.residual[np.repeat(chosen, residual_counts(residual_models))] ** 2))
         if (1.0 - MIN_REFINEMENT_SHARE) * cost < sum(residual_counts(affected)):  # hardly more than noise is left
             continue
-        draft = min(map(draft_from, starts), key=lambda f: f.cost)
+        draft = min((fit(one, affected, free_in(one), stopping=drafting) for one in starts), key=lambda f: f.cost)
         estimate, unrefined = draft[f"{effect.name}.{p.name}"], p.value_unrefined or 0.0
         differs = abs(estimate.value - unrefined) > REFINEMENT_SIGMA * estimate.error and not estimate.at_bound
         if differs and draft.cost < (1.0 - MIN_REFINEMENT_SHARE) * cost:
@@ -200,7 +203,7 @@ def _refined_starts(fitted: Fit, effect: Effect, parameter: Parameter, quantitie
     """Return where the search for a parameter that refines an effect starts; nowhere where it is fitted or stated.
 
     It starts at the value that the parameter has otherwise. Where that is no value of the search, the effect is another
-    law with the parameter, and its size another one, too.
+    law with the parameter, in which its size may be larger: it starts at no less than the smallest typical one.
     """
     name, model, unrefined = f"{effect.name}.{parameter.name}", fitted.model, parameter.value_unrefined
     if unrefined is None or name in {*model.values, *model.rig.priors}:
@@ -208,8 +211,9 @@ def _refined_starts(fitted: Fit, effect: Effect, parameter: Parameter, quantitie
     size = parameter.range_on(quantities)
     if size.lower <= unrefined:
         return [model.with_values({name: unrefined})]
-    sizes: list[dict[str, float]] = [{}, *initial_guesses(effect, quantities, model.rig.priors)]
-    return [model.with_values({**others, name: typical}) for typical in size.typical for others in sizes]
+    main = {f"{effect.name}.{p.name}": p.range_on(quantities).typical for p in effect.main_parameters}
+    least = {n: max(model.values[n], min(typical)) for n, typical in main.items() if typical}
+    return [model.with_values({**least, name: typical}) for typical in size.typical]
 
 
 def _affected_residual_models(
