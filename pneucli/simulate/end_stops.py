@@ -142,7 +142,14 @@ def _position_noise_tolerance(e: Experiment) -> float:
 
 
 def _standstill_forces(e: Experiment) -> tuple[Array, Array]:
-    """Return position in m and net force in N of pressures and drive at standstill, each (k,)."""
+    """Return position in m and net force in N of pressures and drive at standstill, each (k,).
+
+    A standstill that is shorter than what smoothing blurs is a reversal: the piston rebounds deep in its end, and the
+    net force is that of its inertia.
+    """
     resting = e.inputs[:, at.IN_V] == 0.0
+    for first, last in np.flatnonzero(np.diff(resting, prepend=False, append=False)).reshape(-1, 2):
+        if (last - first) * e.recording.period < e.smear_time:
+            resting[first:last] = False
     push = e.net_pressure_force() + e.inputs[:, at.IN_FORCE]
     return e.inputs[resting, at.IN_X], push[resting]

@@ -27,10 +27,13 @@ SHORT = replace(RIG, stroke=STROKE, valve_arrangement="5/3")
 PERIOD = 1e-3
 
 
-def to_and_fro(rig: Rig = SHORT, seed: int = 3, dwell: float = 1.0, stiffness: float = np.inf) -> Experiment:
+def to_and_fro(
+    rig: Rig = SHORT, seed: int = 3, dwell: float = 1.0, stiffness: float = np.inf, rebound: float = 0.0
+) -> Experiment:
     """Full steps of a 5/3 valve: the piston crosses its stroke and waits at the end for the next.
 
-    An end with a ``stiffness`` (N/m) gives way under what presses the piston against it.
+    An end with a ``stiffness`` (N/m) gives way under what presses the piston against it; where the piston arrives, it
+    gives way by ``rebound`` (m) and throws it back.
     """
     levels = np.repeat([4.0, -4.0, 3.0, -3.0], round(dwell / PERIOD))
     time, rng = PERIOD * np.arange(levels.size), np.random.default_rng(seed)
@@ -42,7 +45,11 @@ def to_and_fro(rig: Rig = SHORT, seed: int = 3, dwell: float = 1.0, stiffness: f
     true = run(Model(SHORT, (), FRICTION, FIRST, SECOND), prepare(blank, SHORT, None))
     push = SHORT.piston_areas[0] * true[:, at.P1] - SHORT.piston_areas[1] * true[:, at.P2]
     pressed = np.where(true[:, at.X] >= STROKE, np.maximum(push, 0.0), np.where(true[:, at.X] <= 0.0, push, 0.0))
-    seen = {"p1": true[:, at.P1], "p2": true[:, at.P2], "x": true[:, at.X] + pressed / stiffness}
+    x = true[:, at.X] + pressed / stiffness
+    at_end = (x <= 0.0) | (x >= STROKE)
+    for first in np.flatnonzero(at_end[1:] & ~at_end[:-1]) + 1:
+        x[first : first + 13] += np.sign(x[first] - 0.02) * rebound * np.sin(np.linspace(0.0, np.pi, 13))
+    seen = {"p1": true[:, at.P1], "p2": true[:, at.P2], "x": x}
     noise = NOISE if np.isinf(stiffness) else NOISE | {"x": NoiseModel(1e-7)}
     read = {name: values + noise[name].draw(time, rng) for name, values in seen.items()}
     return prepare(replace(blank, signals={"u": levels} | read, noise=noise), replace(rig, supply_pressure=7e5), 0.25)
@@ -70,6 +77,13 @@ def test_an_end_that_gives_way_is_an_end():
     found = fit_model(guess_base_model([soft], SHORT), residual_models([soft]), []).model
     assert np.ptp(soft.inputs[contact_side(soft) > 0.0, at.IN_X]) > 10 * 1e-7 * 6
     assert found.values["friction.coulomb"] == pytest.approx(FRICTION["friction.coulomb"], rel=0.15)
+
+
+def test_a_rebound_is_no_end():
+    """Deep in an end the piston turns within a sample: it rests elsewhere, and no friction balances its inertia."""
+    (thrown,) = with_end_stops([to_and_fro(rebound=4e-4)], SHORT)
+    assert np.max(thrown.inputs[:, at.IN_X]) > STROKE + 3e-4
+    assert thrown.detected_ends == pytest.approx((0.0, STROKE), abs=5e-5)
 
 
 def test_the_true_model_waits_at_its_ends_as_the_piston_does(resting: Experiment):
