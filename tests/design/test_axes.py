@@ -255,14 +255,14 @@ def test_a_plausible_size_lies_between_the_typical_ones(
 ) -> None:
     """Evenly over the logarithm where both have one sign."""
     parameter = Parameter("size", unit, None, -1e9, 1e9, typical)
-    effect: Any = SimpleNamespace(name="e", parameters=(parameter,))
+    effect: Any = SimpleNamespace(name="e", main_parameters=(parameter,))
     model = replace(MODEL.with_values({"friction.coulomb": 15.0}), rig=replace(axis.RIG, stroke=0.2))
     sizes = np.array([draw_effect_size(effect, model, np.random.default_rng(k))["e.size"] for k in range(500)])
     assert low <= sizes.min() < low + 0.03 * (high - low)
     assert high - 0.03 * (high - low) < sizes.max() <= high
     middle = math.sqrt(low * high) if low * high > 0 else 0.5 * (low + high)
     assert np.median(sizes) == pytest.approx(middle, abs=0.12 * (high - low))
-    tight: Any = SimpleNamespace(name="e", parameters=(replace(parameter, lower=middle, upper=middle),))
+    tight: Any = SimpleNamespace(name="e", main_parameters=(replace(parameter, lower=middle, upper=middle),))
     assert draw_effect_size(tight, model, np.random.default_rng(1))["e.size"] == middle
 
 

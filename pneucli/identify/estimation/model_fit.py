@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterator, Sequence
+from collections.abc import Callable, Collection, Iterator, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -138,11 +138,7 @@ def fit_with_effect(
     has_similar = any(one.is_simulated for one in affected) and effect.part != "valve"
     similar = Similar(fitted, residual_models) if has_similar else None
     has_edge = any(p.step for p in effect.parameters)  # a fit of an edge ends near its start
-    drafting = (
-        stopping
-        if has_edge or not has_similar
-        else StoppingRule(stopping.max_iterations, max(stopping.tolerance, DRAFT_TOLERANCE))
-    )
+    drafting = stopping if has_edge or not has_similar else _draft_of(stopping)
 
     def free_in(start: Model) -> list[FreeParameter]:
         free = free_parameters(start, residual_models)
@@ -172,20 +168,14 @@ def fit_with_effect(
     profile_minimum = lower_profile_minimum(first, residual_models, effect, quantities)
     if profile_minimum is not None:
         first = min(first, completed(draft_from(first.model.with_values(profile_minimum))), key=lambda f: f.cost)
-    recorded = [one.experiment.recording.signals.keys() for one in affected]
-    for p in (p for p in effect.parameters if any(p.needs <= signals for signals in recorded)):
-        starts = _refined_starts(first, effect, p, quantities)
-        if not starts:
-            continue
-        cost = float(np.sum(first.residual[np.repeat(chosen, residual_counts(residual_models))] ** 2))
-        if (1.0 - MIN_REFINEMENT_SHARE) * cost < sum(residual_counts(affected)):  # hardly more than noise is left
-            continue
-        draft = min((fit(one, affected, free_in(one), stopping=drafting) for one in starts), key=lambda f: f.cost)
-        estimate, unrefined = draft[f"{effect.name}.{p.name}"], p.value_unrefined or 0.0
-        differs = abs(estimate.value - unrefined) > REFINEMENT_SIGMA * estimate.error and not estimate.at_bound
-        if differs and draft.cost < (1.0 - MIN_REFINEMENT_SHARE) * cost:
-            first = min(first, completed(draft), key=lambda f: f.cost)
-    return first
+    refined = _refined_drafts(
+        first, residual_models, chosen, effect, lambda start: fit(start, affected, free_in(start), stopping=drafting)
+    )
+    return min([first, *map(completed, refined)], key=lambda f: f.cost)
+
+
+def _draft_of(stopping: StoppingRule) -> StoppingRule:
+    return StoppingRule(stopping.max_iterations, max(stopping.tolerance, DRAFT_TOLERANCE))
 
 
 def _with_narrower_overlaps(start: Model, effect: Effect) -> Iterator[Model]:
@@ -197,6 +187,34 @@ def _with_narrower_overlaps(start: Model, effect: Effect) -> Iterator[Model]:
     overlaps = {n: v for valve in start.valves for n, (v, unit) in valve.parameters().items() if unit == "V"}
     if play and overlaps:
         yield with_parameters(start, {name: max(value - play, 0.0) for name, value in overlaps.items()})
+
+
+def _refined_drafts(
+    fitted: Fit,
+    residual_models: Sequence[ResidualModel],
+    chosen: NDArray[np.bool_],
+    effect: Effect,
+    fit_from: Callable[[Model], Fit],
+) -> Iterator[Fit]:
+    """Yield fits with one more of the effect's parameters that refine it, where it shows.
+
+    One shows that is far from the value that it has otherwise, and takes a share of the cost that matters. ``chosen``
+    are the residual models whose residuals ``fit_from`` fits.
+    """
+    counts = np.array(residual_counts(residual_models))
+    quantities = rig_quantities(fitted.model, [one.experiment for one in residual_models])
+    recorded = [m.experiment.recording.signals.keys() for m, one in zip(residual_models, chosen, strict=True) if one]
+    for p in (p for p in effect.parameters if any(p.needs <= signals for signals in recorded)):
+        if not (starts := _refined_starts(fitted, effect, p, quantities)):
+            continue
+        limit = (1.0 - MIN_REFINEMENT_SHARE) * float(np.sum(fitted.residual[np.repeat(chosen, counts)] ** 2))
+        if limit < counts[chosen].sum():  # hardly more than noise is left
+            continue
+        draft = min(map(fit_from, starts), key=lambda f: f.cost)
+        estimate, unrefined = draft[f"{effect.name}.{p.name}"], p.value_unrefined or 0.0
+        differs = abs(estimate.value - unrefined) > REFINEMENT_SIGMA * estimate.error and not estimate.at_bound
+        if differs and draft.cost < limit:
+            yield draft
 
 
 def _refined_starts(fitted: Fit, effect: Effect, parameter: Parameter, quantities: RigQuantities) -> list[Model]:

@@ -147,19 +147,13 @@ def plant_step(t, dt, h_max, inputs, flags, areas, areas_2, s, s1, s2, s_supply,
     hot = has_heat(on)
     k_gas = flow_constant(base[GAS], base[TEMP], base[GAMMA])
     m, stiffness = base[MASS] + mass(th, on), bristle_stiffness(th, on)
-    delay_1, delay_2 = hose_delays(th, on)
-    bore_1, bore_2 = hose_bores(chamber_2, th, on)
-    h_max = longest_step(h_max, delay_1, delay_2, bore_1, bore_2)
-    wave_1, wave_2 = 0.0 if bore_1 > 0.0 else delay_1, 0.0 if bore_2 > 0.0 else delay_2
-    end_1, end_2, through_1, through_2 = s[AT_END_1], s[AT_END_2], s[AT_THROUGH_1], s[AT_THROUGH_2]
     u, u2 = inputs[PLANT_U] - base[NULL], inputs[PLANT_U2] - base[NULL]
     if chamber_2 == MIRRORED:
         u2 = -u
     x, v, z, rest, dv, q_supply = s[AT_X], s[AT_V], s[AT_Z], s[AT_REST], s[AT_DV], s[AT_Q]
     p1, p2, dp1, dp2, m1, m2 = s[AT_P1], s[AT_P2], s[AT_DP1], s[AT_DP2], s[AT_M1], s[AT_M2]
     T1, T2, k1, k2 = s[AT_T1], s[AT_T2], k_gas, k_gas
-    head, tail, tail_2 = int(s[AT_HEAD]), int(s[AT_TAIL]), int(s[AT_TAIL_2])
-    steps: int = steps_between(0.0, dt, h_max)
+    steps: int = steps_between(0.0, dt, longest_hose_step(h_max, chamber_2, th, on))
     h = dt / steps
     for i in range(steps):
         p1_mid, p2_mid = p1 + 0.5 * h * dp1, p2 + 0.5 * h * dp2
@@ -173,7 +167,7 @@ def plant_step(t, dt, h_max, inputs, flags, areas, areas_2, s, s1, s2, s_supply,
             x_mid, v_mid = 0.5 * (x_old + x), (x - x_old) / h
         if hot:
             k1, k2 = k_gas * math.sqrt(base[TEMP] / T1), k_gas * math.sqrt(base[TEMP] / T2)
-        outlet_1, outlet_2 = end_1 if bore_1 > 0.0 else p1_mid, end_2 if bore_2 > 0.0 else p2_mid
+        outlet_1, outlet_2 = outlet_pressures(p1_mid, p2_mid, chamber_2, s, th, on)
         q_in, q_out, more_in, more_out = valve_step(
             u, u2, outlet_1, outlet_2, inputs[PLANT_SUPPLY], stated, False, chamber_2, q_supply, h, k1, k2, k_gas,
             flags[U_MAX], areas, areas_2, s1, s2, s_supply, base, th, on,
@@ -181,25 +175,72 @@ def plant_step(t, dt, h_max, inputs, flags, areas, areas_2, s, s1, s2, s_supply,
         q_supply = q_in + more_in
         if i == 0:
             s[AT_FLOW] = q_in - q_out
-        if max(wave_1, wave_2) > 0.0:
-            q_in, q_out, more_in, more_out, head, tail, tail_2 = line_step(
-                t + (i + 0.5) * h, q_in, q_out, more_in, more_out, wave_1, wave_2, ring, head, tail, tail_2
-            )
-        if bore_1 > 0.0:
-            end_1, through_1 = hose_step(end_1, through_1, p1_mid, q_in - q_out, h, delay_1, bore_1, base)
-            q_in, q_out = max(through_1, 0.0), max(-through_1, 0.0)
-        if bore_2 > 0.0:
-            end_2, through_2 = hose_step(end_2, through_2, p2_mid, more_in - more_out, h, delay_2, bore_2, base)
-            more_in, more_out = max(through_2, 0.0), max(-through_2, 0.0)
+        q_in, q_out, more_in, more_out = hoses_step(
+            t + (i + 0.5) * h, h, p1_mid, p2_mid, q_in, q_out, more_in, more_out, chamber_2, s, ring, base, th, on
+        )
         p1, dp1, m1, T1, p2, dp2, m2, T2 = chambers_step(
             p1, p1_mid, m1, p2, p2_mid, dp2, m2, T2, h, x_mid, v_mid, q_in, q_out, more_in, more_out, k1, k2,
             chamber_2, base, th, on,
         )  # fmt: skip
     s[AT_X], s[AT_V], s[AT_Z], s[AT_REST], s[AT_DV], s[AT_Q] = x, v, z, rest, dv, q_supply
     s[AT_P1], s[AT_P2], s[AT_DP1], s[AT_DP2], s[AT_M1], s[AT_M2] = p1, p2, dp1, dp2, m1, m2
-    s[AT_T1], s[AT_T2], s[AT_HEAD], s[AT_TAIL], s[AT_TAIL_2] = T1, T2, head, tail, tail_2
-    s[AT_END_1], s[AT_END_2], s[AT_THROUGH_1], s[AT_THROUGH_2] = end_1, end_2, through_1, through_2
+    s[AT_T1], s[AT_T2] = T1, T2
     advance_readings(dt, s, base, th, on)
+
+
+def longest_hose_step(h_max, chamber_2: int, th, on):
+    """Return the longest step in s that follows the plant and the oscillation of its hoses."""
+    delay_1, delay_2 = hose_delays(th, on)
+    bore_1, bore_2 = hose_bores(chamber_2, th, on)
+    return longest_step(h_max, delay_1, delay_2, bore_1, bore_2)
+
+
+def outlet_pressures(p1, p2, chamber_2: int, s, th, on):
+    """Return the pressures in Pa at the outlets of the valves: of the chambers, or before hoses with a bore."""
+    bore_1, bore_2 = hose_bores(chamber_2, th, on)
+    return s[AT_END_1] if bore_1 > 0.0 else p1, s[AT_END_2] if bore_2 > 0.0 else p2
+
+
+def hoses_step(t, h, p1, p2, q_in, q_out, more_in, more_out, chamber_2: int, s, ring, base, th, on):
+    """Pass the flows of the valves through the hoses in a step.
+
+    Args:
+        t: Time in s.
+        h: Step in s.
+        p1: Pressure of chamber 1 in Pa.
+        p2: Pressure of chamber 2 in Pa.
+        q_in: Mass flow into the hose of chamber 1 in kg/s.
+        q_out: Mass flow out of it in kg/s.
+        more_in: The same of chamber 2.
+        more_out: The same of chamber 2.
+        chamber_2: What closes chamber 2.
+        s: State, shape (26,), changed in place.
+        ring: Ring buffer of the hoses, shape (k, 5), changed in place.
+        base: Base parameters.
+        th: Parameters of effects.
+        on: Switches of effects.
+
+    Returns:
+        The four flows that arrive in the chambers in kg/s.
+    """
+    delay_1, delay_2 = hose_delays(th, on)
+    bore_1, bore_2 = hose_bores(chamber_2, th, on)
+    wave_1, wave_2 = 0.0 if bore_1 > 0.0 else delay_1, 0.0 if bore_2 > 0.0 else delay_2
+    if max(wave_1, wave_2) > 0.0:
+        head, tail, tail_2 = int(s[AT_HEAD]), int(s[AT_TAIL]), int(s[AT_TAIL_2])
+        q_in, q_out, more_in, more_out, head, tail, tail_2 = line_step(
+            t, q_in, q_out, more_in, more_out, wave_1, wave_2, ring, head, tail, tail_2
+        )
+        s[AT_HEAD], s[AT_TAIL], s[AT_TAIL_2] = head, tail, tail_2
+    if bore_1 > 0.0:
+        end, through = hose_step(s[AT_END_1], s[AT_THROUGH_1], p1, q_in - q_out, h, delay_1, bore_1, base)
+        s[AT_END_1], s[AT_THROUGH_1] = end, through
+        q_in, q_out = max(through, 0.0), max(-through, 0.0)
+    if bore_2 > 0.0:
+        end, through = hose_step(s[AT_END_2], s[AT_THROUGH_2], p2, more_in - more_out, h, delay_2, bore_2, base)
+        s[AT_END_2], s[AT_THROUGH_2] = end, through
+        more_in, more_out = max(through, 0.0), max(-through, 0.0)
+    return q_in, q_out, more_in, more_out
 
 
 def dead_volumes(chamber_2: int, base, th, on):
