@@ -246,6 +246,13 @@ def test_differences_are_taken_inward_at_the_upper_bound_and_to_both_sides_of_an
     assert problem(edge)._steps(np.array([1.0]), 0) == (0.05, -0.05)
 
 
+def test_differences_to_the_other_side_stay_within_the_bounds() -> None:
+    other = problem(COULOMB)
+    other.backward = True
+    assert other._steps(np.array([1.0]), 0) == (-1e-4,)
+    assert other._steps(other.bounds()[0], 0) == (1e-4,)
+
+
 @pytest.mark.parametrize("free", [replace(COULOMB, upper=10.0005), replace(COULOMB, step=0.05), COULOMB])
 def test_any_difference_gives_the_derivative_of_a_line(free: FreeParameter) -> None:
     p = problem(free)

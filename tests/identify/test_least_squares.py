@@ -31,6 +31,30 @@ def test_a_bound_holds_though_the_sum_falls_beyond_it():
     assert found.z[0] == 2.0
 
 
+def kinked(z: np.ndarray) -> np.ndarray:
+    """Flat in the first coordinate above 1, steep below, where the others pull it."""
+    return np.array([100.0 * max(1.0 - z[0], 0.0), z[0] + z[1], 0.5 * (z[1] - 9.0)])
+
+
+def slopes(side: float) -> np.ndarray:
+    steep = -100.0 if side < 0.0 else 0.0
+    return np.array([[steep, 0.0], [1.0, 1.0], [0.0, 0.5]])
+
+
+def test_a_search_that_stalls_at_a_kink_says_so_and_derivatives_of_the_other_side_lead_on() -> None:
+    """Derivatives from above promise a gain by leaving the kink downward, where the sum rises."""
+    at_kink, bounds = np.array([1.0, 0.0]), (np.full(2, -100.0), np.full(2, 100.0))
+
+    def searched(side: float) -> Solution:
+        return minimise(kinked, lambda z: slopes(side), at_kink, bounds, max_iterations=30, tolerance=1e-6)
+
+    stuck, led = searched(1.0), searched(-1.0)
+    assert stuck.stalled
+    assert not led.stalled
+    assert float(led.residual @ led.residual) < 0.99 * float(stuck.residual @ stuck.residual)
+    assert led.z[0] == pytest.approx(1.0, abs=1e-2)
+
+
 def test_where_a_parameter_stops_at_its_bound_the_others_are_solved_for_anew():
     """Without the bound the second would be at -9.7: a step that only cuts off the first leads far past -0.94."""
     slope, evaluated = np.linalg.cholesky(np.array([[2.0, 1.9], [1.9, 2.0]])).T, []

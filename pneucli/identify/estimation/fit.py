@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from functools import cached_property
+from functools import cached_property, partial
 from typing import NamedTuple
 
 import numpy as np
@@ -161,16 +161,22 @@ def fit(
             problem.evaluate_columns(after, edges, jacobian)
 
     edges = [j for j, f in enumerate(free) if f.step > DIFFERENCE_STEP]
-    solution = minimise(
-        *(problem.residuals, refreshed if is_draft else problem.jacobian, problem.start, problem.bounds()),
+    search = partial(
+        minimise,
+        problem.residuals,
+        refreshed if is_draft else problem.jacobian,
+        bounds=problem.bounds(),
         max_iterations=stopping.max_iterations,
         tolerance=stopping.tolerance,
         callback=iteration_callback([e.name for e in model.effects], problem.blocks().size),
-        initial_jacobian=initial,
         approximation=Approximation(corrected, start_is_exact=start is None or start.is_exact, suffices=is_draft)
         if any(one.is_simulated for one in residual_models)
         else None,
     )
+    solution = search(problem.start, initial_jacobian=initial)
+    if solution.stalled and not is_draft:  # an overlap may end at a held command: beyond it the valve is shut
+        problem.backward = True
+        solution = search(solution.z)
     return _fit_summary(problem, solution.z, solution.residual, solution.jacobian, has_covariance=not is_draft)
 
 

@@ -56,12 +56,17 @@ class Approximation(Generic[J]):
 
 @dataclass(frozen=True)
 class Solution(Generic[J]):
-    """The end of a search: coordinates z (k,), residuals (N,), derivatives (N, k), and the number of iterations."""
+    """The end of a search: coordinates z (k,), residuals (N,), derivatives (N, k), and the number of iterations.
+
+    ``stalled``: no step lowered the cost though the derivatives promise more than the tolerance. They are of one side,
+    and the search may have met a kink.
+    """
 
     z: Array
     residual: Array
     jacobian: J
     iterations: int
+    stalled: bool = False
 
 
 class Step(NamedTuple):
@@ -136,7 +141,8 @@ def minimise(
         callback(_sum_of_squares(r))
         is_settled = step is None or decrease < tolerance
         if is_settled and (is_new or (approximation is not None and approximation.suffices)):
-            return Solution(z, r, j, done)
+            stalled = _promised_decrease(z, r, j, bounds) > tolerance * _sum_of_squares(r)
+            return Solution(z, r, j, done, stalled)
         del j  # frees the largest array before the next one is allocated
         j, is_new = jacobian(z), True
     return Solution(z, r, j, max_iterations)
@@ -152,14 +158,10 @@ def _step(
     tries: int,
 ) -> Step | None:
     """Return the next step; None where ``tries`` increases of the damping find no lower cost."""
-    gradient, curvature = j if isinstance(j, NormalEquations) else normal_equations(r, j)
-    is_determined = np.isfinite(gradient) & np.isfinite(curvature.diagonal()) & (curvature.diagonal() > 0)
-    is_fixed = ((z <= bounds[0]) & (gradient > 0)) | ((z >= bounds[1]) & (gradient < 0)) | ~is_determined
-    free = np.flatnonzero(~is_fixed)
+    free, g, free_curvature, room = _free_equations(z, r, j, bounds)
     if not free.size:
         return None
-    cost, free_curvature, g = _sum_of_squares(r), curvature[np.ix_(free, free)], gradient[free]
-    room = bounds[0][free] - z[free], bounds[1][free] - z[free]
+    cost = _sum_of_squares(r)
     for _ in range(tries):
         trial = z.copy()
         trial[free] += bounded_step(free_curvature + damping * np.diag(np.diag(free_curvature)), g, room)
@@ -180,6 +182,27 @@ def _step(
         if damping > MAX_DAMPING:
             break
     return None
+
+
+def _free_equations(
+    z: Array, r: Array, j: Array | NormalEquations, bounds: tuple[Array, Array]
+) -> tuple[NDArray[np.intp], Array, Array, tuple[Array, Array]]:
+    """Return which coordinates may move, (f,), their gradient and curvature, and the room to their bounds."""
+    gradient, curvature = j if isinstance(j, NormalEquations) else normal_equations(r, j)
+    is_determined = np.isfinite(gradient) & np.isfinite(curvature.diagonal()) & (curvature.diagonal() > 0)
+    is_fixed = ((z <= bounds[0]) & (gradient > 0)) | ((z >= bounds[1]) & (gradient < 0)) | ~is_determined
+    free = np.flatnonzero(~is_fixed)
+    room = bounds[0][free] - z[free], bounds[1][free] - z[free]
+    return free, gradient[free], curvature[np.ix_(free, free)], room
+
+
+def _promised_decrease(z: Array, r: Array, j: Array | NormalEquations, bounds: tuple[Array, Array]) -> float:
+    """Return the decrease of the cost that the derivatives promise for a step without damping."""
+    free, gradient, curvature, room = _free_equations(z, r, j, bounds)
+    if not free.size:
+        return 0.0
+    step = bounded_step(curvature, gradient, room)
+    return -float(2.0 * gradient @ step + step @ curvature @ step)
 
 
 def bounded_step(curvature: Array, gradient: Array, room: tuple[Array, Array]) -> Array:

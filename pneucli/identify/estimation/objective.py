@@ -49,6 +49,7 @@ class LeastSquaresProblem:
             np.array([f.to_coordinate(f.upper) for f in self.free]),
         )
         self._last: tuple[Array, Array] | None = None  # coordinates and their residuals
+        self.backward = False  # whether differences are toward lower coordinates
 
     @property
     def max_parallel(self) -> int:
@@ -148,10 +149,12 @@ class LeastSquaresProblem:
         return np.array(columns).reshape(z.size, residuals.size).T
 
     def _steps(self, z: Array, j: int) -> tuple[float, ...]:
-        """Return the difference steps of one coordinate: to both sides of an edge, else inward at the upper bound."""
+        """Return the difference steps of one coordinate: to both sides of an edge, else upward, inward at a bound."""
         step = self.free[j].step
         if step > DIFFERENCE_STEP:
             return (step, -step)
+        if self.backward:
+            return (-step,) if z[j] - step > self.bounds()[0][j] else (step,)
         return (step,) if z[j] + step < self.bounds()[1][j] else (-step,)
 
     def bounds(self) -> tuple[Array, Array]:
