@@ -121,7 +121,7 @@ def _explained_squares(x: Array, r: Array, frequency: Array) -> Array:
     """Return the squares that a sine of each frequency (1/m) explains."""
     thinned = slice(None, None, max(x.size // MAX_SAMPLES, 1))
     phase = 2.0 * np.pi * np.multiply.outer(frequency, x[thinned])
-    waves = np.stack([np.cos(phase), np.sin(phase)], axis=1)  # scipy.signal.lombscargle, whose import takes 0.7 s
+    waves = np.stack([np.cos(phase), np.sin(phase)], axis=1)  # as scipy.signal.lombscargle, which is slow to import
     projected = waves @ r[thinned]
     amplitudes = np.linalg.solve(waves @ waves.transpose(0, 2, 1), projected[..., None])[..., 0]
     shares = np.sum(projected * amplitudes, axis=1) / float(r[thinned] @ r[thinned])

@@ -71,7 +71,7 @@ def hose_step(p_valve, q, p, q_valve, h, delay, bore, base):
         base: Base parameters.
 
     Returns:
-        Pressure at the valve in Pa and mass flow into the chamber in kg/s.
+        Pressure at the valve in Pa, mass flow into the chamber in kg/s, and this flow as one in and one out of it.
 
     References:
         E. Richer and Y. Hurmuzlu, ASME J. Dynamic Systems, Measurement, and Control 122 (2000) 416-425 (a tube between
@@ -80,7 +80,8 @@ def hose_step(p_valve, q, p, q_valve, h, delay, bore, base):
     length, area, c2 = hose_geometry(delay, bore, base)
     density = base[GAMMA] * (p_valve if q > 0.0 else p) / c2
     q = (q + h * area / length * (p_valve - p)) / (1.0 + h * hose_friction(q, length, area, bore, density))
-    return max(p_valve + h * c2 * (q_valve - q) / (0.5 * area * length), 1.0), q
+    p_valve = max(p_valve + h * c2 * (q_valve - q) / (0.5 * area * length), 1.0)
+    return p_valve, q, max(q, 0.0), max(-q, 0.0)
 
 
 def hose_delays(th, on):

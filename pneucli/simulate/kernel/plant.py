@@ -233,13 +233,13 @@ def hoses_step(t, h, p1, p2, q_in, q_out, more_in, more_out, chamber_2: int, s, 
         )
         s[AT_HEAD], s[AT_TAIL], s[AT_TAIL_2] = head, tail, tail_2
     if bore_1 > 0.0:
-        end, through = hose_step(s[AT_END_1], s[AT_THROUGH_1], p1, q_in - q_out, h, delay_1, bore_1, base)
+        end, through, q_in, q_out = hose_step(s[AT_END_1], s[AT_THROUGH_1], p1, q_in - q_out, h, delay_1, bore_1, base)
         s[AT_END_1], s[AT_THROUGH_1] = end, through
-        q_in, q_out = max(through, 0.0), max(-through, 0.0)
     if bore_2 > 0.0:
-        end, through = hose_step(s[AT_END_2], s[AT_THROUGH_2], p2, more_in - more_out, h, delay_2, bore_2, base)
+        end, through, more_in, more_out = hose_step(
+            s[AT_END_2], s[AT_THROUGH_2], p2, more_in - more_out, h, delay_2, bore_2, base
+        )
         s[AT_END_2], s[AT_THROUGH_2] = end, through
-        more_in, more_out = max(through, 0.0), max(-through, 0.0)
     return q_in, q_out, more_in, more_out
 
 

@@ -258,11 +258,13 @@ def advance(time, inputs, true, restarts, base_values, th_values, on_values, fla
                     time[k] + (i + 0.5) * h, q_in, q_out, more_in, more_out, wave_1, wave_2, ring, head, tail, tail_2
                 )
             if bore_1 > 0.0:
-                end_1, through_1 = hose_step(end_1, through_1, p1_mid, q_in - q_out, h, delay_1, bore_1, base)
-                q_in, q_out = max(through_1, 0.0), max(-through_1, 0.0)
+                end_1, through_1, q_in, q_out = hose_step(
+                    end_1, through_1, p1_mid, q_in - q_out, h, delay_1, bore_1, base
+                )
             if bore_2 > 0.0:
-                end_2, through_2 = hose_step(end_2, through_2, p2_mid, more_in - more_out, h, delay_2, bore_2, base)
-                more_in, more_out = max(through_2, 0.0), max(-through_2, 0.0)
+                end_2, through_2, more_in, more_out = hose_step(
+                    end_2, through_2, p2_mid, more_in - more_out, h, delay_2, bore_2, base
+                )
             p1, dp1, m1, T1 = chamber_1_step(
                 p1, p1_mid, p2_mid, m1, h, dead_1 + area_1 * x_mid, area_1 * v_mid, q_in, q_out, hot, k1, base, th, on
             )
