@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from itertools import zip_longest
 from typing import Literal
@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pneucli.diagnose.adequacy import LackOfFit, held_out_lack_of_fit, lack_of_fit_by_channel
-from pneucli.diagnose.candidate import Candidate
+from pneucli.diagnose.candidate import Candidate, Decision
 from pneucli.diagnose.cross_validation import leave_one_out_models
 from pneucli.diagnose.evidence import gain_p_value, wald_p_value
 from pneucli.diagnose.score import (
@@ -28,7 +28,7 @@ from pneucli.diagnose.score import (
 from pneucli.diagnose.spline_regression import SplineRegression
 from pneucli.experiments import Part
 from pneucli.identify.estimation.blocks import block_labels
-from pneucli.identify.estimation.fit import Fit, StoppingRule
+from pneucli.identify.estimation.fit import Fit, StoppingRule, without_data
 from pneucli.identify.estimation.intervals import with_intervals
 from pneucli.identify.estimation.model_fit import fit_with_effect, fit_without, refit
 from pneucli.identify.estimation.score_test import ScoreTest, initial_guesses, score_tests
@@ -163,6 +163,13 @@ class DiagnosisData:
         if fitted not in self._fits_with_intervals:
             self._fits_with_intervals[fitted] = with_intervals(fitted.fit, self.train)
         return self._fits_with_intervals[fitted]
+
+    def without_derivatives(self, decision: Decision) -> Decision:
+        """Return a decision whose candidate keeps its parameters and their intervals, and no derivatives."""
+        if (c := decision.candidate) is None:
+            return decision
+        full = replace(c.full, fit=without_data(self.with_intervals(c.full)))
+        return replace(decision, candidate=replace(c, full=full))
 
     @cached_property
     def _fits_with_intervals(self) -> WeakKeyDictionary[FittedModel, Fit]:

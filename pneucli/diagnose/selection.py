@@ -13,6 +13,7 @@ from pneucli.diagnose.decision import Judgement, is_complete, judge, log_odds_am
 from pneucli.diagnose.equivalence import Term, best_candidate, not_inferior
 from pneucli.diagnose.score import FittedModel
 from pneucli.diagnose.screening import Decisions, screen_and_refit
+from pneucli.memory import release_free_memory
 from pneucli.physics.declaration import Effect
 
 MAX_EFFECTS = 4
@@ -101,18 +102,39 @@ def _forward(data: DiagnosisData, base: FittedModel) -> tuple[list[FittedModel],
     """
     path, rounds = [base], list[Decisions]()
     while len(path) <= MAX_EFFECTS:
-        decisions = screen_and_refit(data, path[-1])
-        rounds.append(decisions)
-        candidates = supported_candidates(decisions)
-        if is_complete(data, path[-1]):
-            candidates = [c for c in candidates if judge(data, Term(c, ())).decision.supported]
-        elif not candidates:
-            rounds.append(_next_ranked(data, path[-1], decisions))
-            candidates = supported_candidates(rounds[-1])
-        if not candidates:
+        best, decided = _next_round(data, path[-1], rounds)
+        rounds += decided
+        release_free_memory()
+        if best is None:
             break
-        path.append(_most_probable(data, candidates).full)
+        path.append(best)
     return path, rounds
+
+
+def _next_round(
+    data: DiagnosisData, fitted: FittedModel, earlier: Sequence[Decisions]
+) -> tuple[FittedModel | None, list[Decisions]]:
+    """Return the model with the most probable effect added, None where none passes, and what is decided on all."""
+    decided = [screen_and_refit(data, fitted)]
+    candidates = supported_candidates(decided[0])
+    if is_complete(data, fitted):
+        candidates = [c for c in candidates if judge(data, Term(c, ())).decision.supported]
+    elif not candidates:
+        decided.append(_next_ranked(data, fitted, decided[0]))
+        candidates = supported_candidates(decided[1])
+    best = _most_probable(data, candidates).full if candidates else None
+    return best, [_without_derivatives(data, decisions, earlier) for decisions in decided]
+
+
+def _without_derivatives(data: DiagnosisData, decisions: Decisions, earlier: Sequence[Decisions]) -> Decisions:
+    """Return the decisions of a round without what nothing will ask for; derivatives of all fits fill the memory.
+
+    Of each effect the first fit is reported, and only an effect that passes in the first round may be named in place of
+    another.
+    """
+    reported = {d.effect.name for each in earlier for d in each if d.candidate is not None}
+    new = [d for d in decisions if d.effect.name not in reported]
+    return [d if d.supported and not earlier else data.without_derivatives(d) for d in new]
 
 
 def _next_ranked(data: DiagnosisData, fitted: FittedModel, decisions: Decisions) -> Decisions:

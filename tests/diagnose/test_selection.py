@@ -11,6 +11,7 @@ from benchmarks import ablation
 from pneucli.diagnose.candidate import Candidate, Decision
 from pneucli.diagnose.data import DiagnosisData, Refit, run_locally
 from pneucli.diagnose.decision import is_complete
+from pneucli.diagnose.hypothesis_tests import ALPHA
 from pneucli.diagnose.score import FittedModel
 from pneucli.diagnose.selection import SelectionPath, final_decisions, select_effects, unsearched_path
 from tests.diagnose.candidates import candidate, model_fit
@@ -134,3 +135,18 @@ def test_every_screened_effect_that_is_not_added_has_one_decision(complete: bool
         "time-skew": "vanishes",
     }
     assert all(d.candidate is not None for d in found)
+
+
+@pytest.mark.parametrize("case", selection_cases(), ids=lambda case: case["name"])
+def test_a_fit_that_is_only_reported_keeps_its_intervals_and_no_derivatives(case: dict[str, Any]) -> None:
+    """Derivatives of all fits of a search fill the memory; only what may be named or dropped keeps them."""
+    data = data_of(case)
+    found = select_effects(data, data.model_with(case.get("given", [])))
+    dropped = names_of(found.refused)
+    for c in (d.candidate for d in found.decisions if d.candidate is not None and d.effect.name not in dropped):
+        is_rival = any(c is rival for term in found.terms.values() for rival in term.rivals)
+        passed_first = c.reduced is found.models[0] and c.p_value < ALPHA
+        assert is_rival or passed_first or not c.full.fit.jacobian.size
+        assert (
+            data.with_intervals(c.full).estimates == data.with_intervals(data.model_with(c.full.effect_names)).estimates
+        )
