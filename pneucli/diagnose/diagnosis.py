@@ -12,7 +12,7 @@ from scipy.special import softmax
 from pneucli.diagnose.adequacy import LackOfFit, significant_lack_of_fit
 from pneucli.diagnose.calibration import Evidence, likelihood_shares, presence_rate
 from pneucli.diagnose.candidate import Candidate, Decision
-from pneucli.diagnose.constraints import violated_constraint
+from pneucli.diagnose.constraints import has_null, interval_contains_null, violated_constraint
 from pneucli.diagnose.data import DiagnosisData
 from pneucli.diagnose.decision import Judgement, log_odds_among_equivalents
 from pneucli.diagnose.detectability import MinimumDetectableEffect, minimum_detectable_effects, undetectable_effects
@@ -21,6 +21,7 @@ from pneucli.diagnose.equivalence import Term
 from pneucli.diagnose.free_run_test import free_run_lack_of_fit
 from pneucli.diagnose.selection import SelectionPath, select_effects, unsearched_path
 from pneucli.identify.estimation.fit import Estimate, Fit
+from pneucli.identify.estimation.intervals import with_intervals_over_models
 
 Verdict = Literal["adequate", "missing-effect", "unexplained", "inconclusive"]
 
@@ -51,7 +52,8 @@ class Diagnosis:
     """The result of a diagnosis.
 
     ``missing`` has the named effects in the order to add them, ``equivalents`` the indistinguishable effects of each
-    added one, ``decisions`` one for every effect that the model lacked, the added ones first.
+    added one, ``decisions`` one for every effect that the model lacked, the added ones first. ``fit`` is that of the
+    last model, with intervals over all models that the data allow.
     """
 
     verdict: Verdict
@@ -59,6 +61,7 @@ class Diagnosis:
     decisions: tuple[Decision, ...]
     equivalents: Mapping[str, tuple[str, ...]]
     path: SelectionPath
+    fit: Fit
     parameter_shifts: tuple[ParameterShift, ...]
     detectable: tuple[MinimumDetectableEffect, ...]
     unexplained: UnexplainedResidual | None
@@ -96,6 +99,7 @@ def diagnose(data: DiagnosisData, base: Fit) -> Diagnosis:
         decisions=decisions,
         equivalents={name: tuple(c.effect.name for c in equivalents[name]) for name in path.added},
         path=path,
+        fit=_fit_over_models(data, path),
         parameter_shifts=tuple(_parameter_shifts(start.fit, path.last.fit)),
         detectable=tuple(sizes),
         unexplained=describe_lack_of_fit(data, path.last.fit, unexplained[0]) if unexplained else None,
@@ -103,6 +107,17 @@ def diagnose(data: DiagnosisData, base: Fit) -> Diagnosis:
         evidence={name: j.evidence for name, j in judged.items()},
         discrepancies=tuple(describe_discrepancies(data, path.last.fit, [*path.test, *path.train])),
     )
+
+
+def _fit_over_models(data: DiagnosisData, path: SelectionPath) -> Fit:
+    """Return the fit of a path's last model with intervals that contain those of the alternatives.
+
+    An alternative in which an added effect may be absent is left out: whether that is there, its probability says.
+    """
+    added = [data.effects[name] for name in path.added]
+    fits = [data.with_intervals(model) for model in path.alternatives]
+    sure = [fit for fit in fits if not any(has_null(fit, e) and interval_contains_null(fit, e) for e in added)]
+    return with_intervals_over_models(data.with_intervals(path.last), sure)
 
 
 def _lack_of_last_model(data: DiagnosisData, path: SelectionPath) -> Sequence[LackOfFit]:

@@ -17,6 +17,7 @@ from pneucli.memory import release_free_memory
 from pneucli.physics.declaration import Effect
 
 MAX_EFFECTS = 4
+IMPROBABLE: tuple[Reason, ...] = ("needless", "immaterial", "explained-by-unknown")
 
 
 @dataclass(frozen=True)
@@ -25,6 +26,8 @@ class SelectionPath:
 
     ``terms`` has the term of every added effect and ``judgements`` what is said of it; ``refused`` are judgements of
     effects that were added and then dropped; ``decisions`` has one decision for each other screened effect.
+    ``alternatives`` are the last model with one effect more, which passes the tests and is not probable enough to be
+    named.
     """
 
     models: tuple[FittedModel, ...]
@@ -34,6 +37,7 @@ class SelectionPath:
     decisions: tuple[Decision, ...]
     train: tuple[LackOfFit, ...]
     test: tuple[LackOfFit, ...]
+    alternatives: tuple[FittedModel, ...] = ()
 
     @property
     def last(self) -> FittedModel:
@@ -58,14 +62,17 @@ def select_effects(data: DiagnosisData, base: FittedModel) -> SelectionPath:
     terms = _terms(data, base, last, rounds[0], judgements)
     train, test = lack_of_fit(data, last)
     dropped = [j.decision for j in refused] + [Decision(e, "cannot-show") for e in unguessable]
+    decisions = final_decisions(rounds, dropped, list(terms), complete=is_complete(data, last))
+    passed = [d for each in rounds for d in each if d.supported] + dropped
     return SelectionPath(
         models=tuple(models),
         terms=terms,
         judgements={name: judgements[name] for name in terms},
         refused=tuple(refused),
-        decisions=final_decisions(rounds, dropped, list(terms), complete=is_complete(data, last)),
+        decisions=decisions,
         train=tuple(train),
         test=tuple(test),
+        alternatives=_alternatives(last, passed, decisions),
     )
 
 
@@ -129,11 +136,11 @@ def _next_round(
 def _without_derivatives(data: DiagnosisData, decisions: Decisions, earlier: Sequence[Decisions]) -> Decisions:
     """Return the decisions of a round without what nothing will ask for; derivatives of all fits fill the memory.
 
-    Of each effect the first fit is reported, and only an effect that passes in the first round may be named in place of
-    another.
+    Of each effect the first fit is reported and each one that passes is an alternative, but only an effect that passes
+    in the first round may be named in place of another.
     """
     reported = {d.effect.name for each in earlier for d in each if d.candidate is not None}
-    new = [d for d in decisions if d.effect.name not in reported]
+    new = [d for d in decisions if d.supported or d.effect.name not in reported]
     return [d if d.supported and not earlier else data.without_derivatives(d) for d in new]
 
 
@@ -161,6 +168,17 @@ def _most_probable(data: DiagnosisData, candidates: Sequence[Candidate]) -> Cand
     equivalents = [best.candidate, *best.equivalents(data, complete=False)]
     top = max(equivalents, key=lambda c: log_odds_among_equivalents(data, c))
     return best_candidate([c for c in equivalents if not_inferior(c.full, top.full) and not_inferior(top.full, c.full)])
+
+
+def _alternatives(
+    last: FittedModel, passed: Sequence[Decision], decisions: Sequence[Decision]
+) -> tuple[FittedModel, ...]:
+    """Return the fits with one effect more than the last model, among those that passed the tests once, without the
+    effects that ``decisions`` refuse for certain.
+    """
+    possible, names = {d.effect.name for d in decisions if d.reason in IMPROBABLE}, set(last.effect_names)
+    candidates = [d.candidate for d in passed if d.candidate is not None and d.effect.name in possible]
+    return tuple(c.full for c in candidates if set(c.reduced.effect_names) == names)
 
 
 def _without_improbable(

@@ -225,13 +225,13 @@ def _candidate_answer(
         data.free_run_errors(s.model) for s in ((candidate.reduced, fitted) if candidate else (fitted, fitted))
     )
     unchanged = decision.reason == "cannot-show"
-    shown = found.path.last if name in found.missing else fitted
+    shown = found.fit if name in found.missing else data.with_intervals(fitted)
     answer = {
         "effect": name,
         "title": decision.effect.title,
         "error_before": held_out_error(before),
         "error_after": held_out_error(after) if candidate or unchanged else None,
-        "parameters": _parameters(pipeline, data.with_intervals(shown), name),
+        "parameters": _parameters(pipeline, shown, name),
         "indistinguishable_from": _equivalents(found, name),
         "supported": decision.supported,
         "reason": decision.reason,

@@ -139,6 +139,8 @@ class SyntheticData(DiagnosisData):
 
     def with_intervals(self, fitted: FittedModel) -> Fit:
         fit = fitted.fit
+        if not fit.residual.size:  # it has them
+            return fit
         factors = np.array([self.facts.interval.get(f.name.partition(".")[0], 1.0) for f in fit.free])
         covariance = fit.covariance * np.outer(factors, factors)
         return replace(fit, covariance=covariance, estimates=parameter_estimates(fit.free, fit.model, covariance))

@@ -104,6 +104,33 @@ def test_in_recordings_that_cannot_be_true_nothing_is_looked_for(excess: float) 
     assert reasons(found) == {}
 
 
+# --- intervals
+
+
+def beside_a_small_effect(interval: float) -> SyntheticData:
+    """The data of a, beside which b may be there in small; ``interval`` is the factor on the interval of a."""
+    explained = {frozenset("a"): 0.8, frozenset("b"): 0.5, frozenset("ab"): 0.85}
+    return synthetic_data([A, B], Facts(10.0, explained, size={"b": 0.05}, interval={"a": interval}))
+
+
+def test_the_interval_of_a_named_effect_contains_that_beside_an_effect_that_may_be_there_in_small() -> None:
+    data = beside_a_small_effect(3.0)
+    found = diagnosed(data)
+    assert found.missing == ("a",)
+    assert reasons(found)["b"] == "explained-by-unknown"
+    (alone_low, _), (low, _) = (fit.estimates[0].ci95 for fit in (data.with_intervals(found.path.last), found.fit))
+    assert low == data.with_intervals(data.model_with(["a", "b"])).estimates[0].ci95[0] < alone_low
+
+
+def test_a_model_in_which_a_named_effect_may_be_absent_widens_no_interval() -> None:
+    data = beside_a_small_effect(61.0)
+    found = diagnosed(data)
+    assert found.missing == ("a",)
+    low, high = data.with_intervals(data.model_with(["a", "b"])).estimates[0].ci95
+    assert low < 0.0 < high
+    assert found.fit.estimates == data.with_intervals(found.path.last).estimates
+
+
 # --- decisions, equivalents and probabilities
 
 

@@ -33,6 +33,8 @@ def test_the_selection_answers_as_expected(case: dict[str, Any]) -> None:
     assert complete == expected["complete"]
     equivalents = {name: sorted(names_of(t.equivalents(data, complete=complete))) for name, t in found.terms.items()}
     assert {name: others for name, others in equivalents.items() if others} == expected.get("equivalents", {})
+    beside = {name for model in found.alternatives for name in set(model.effect_names) - set(found.last.effect_names)}
+    assert beside == set(expected.get("alternatives", []))
 
 
 @pytest.mark.parametrize("case", selection_cases(), ids=lambda case: case["name"])

@@ -11,7 +11,13 @@ import pytest
 
 from pneucli.identify.estimation import blocks, intervals
 from pneucli.identify.estimation.fit import Fit, parameter_estimates
-from pneucli.identify.estimation.intervals import Groups, group_labels, variance_inflation, with_intervals
+from pneucli.identify.estimation.intervals import (
+    Groups,
+    group_labels,
+    variance_inflation,
+    with_intervals,
+    with_intervals_over_models,
+)
 from pneucli.identify.estimation.parameters import FreeParameter
 from pneucli.simulate.experiment import Experiment
 from tests.simulate.synthetic_experiments import make_experiment, model, time_grid
@@ -28,6 +34,19 @@ def mean_of(residual: np.ndarray, blocks: np.ndarray) -> Fit:
     fitted = model(values={"friction.coulomb": 10.0 + float(residual.mean())})
     estimates = parameter_estimates([LEVEL], fitted, covariance)
     return Fit(fitted, (LEVEL,), estimates, left, np.ones((n, 1)), blocks, covariance, float(left @ left), ())
+
+
+def test_an_interval_over_models_contains_that_of_each_of_them() -> None:
+    """One that another model does not have keeps its interval; value and covariance stay those of the fit."""
+    rng = np.random.default_rng(1)
+    fitted, low, high = (mean_of(rng.standard_normal(N) + level, np.arange(N) // 20) for level in (0.0, -2.0, 0.5))
+    found = with_intervals_over_models(fitted, [high, low])
+    assert found["friction.coulomb"].ci95 == (low["friction.coulomb"].ci95[0], high["friction.coulomb"].ci95[1])
+    assert found["friction.coulomb"].value == fitted["friction.coulomb"].value
+    assert found.covariance is fitted.covariance
+    assert with_intervals_over_models(fitted, []).estimates == fitted.estimates
+    other = replace(high, estimates=(replace(high.estimates[0], name="friction.viscous"),))
+    assert with_intervals_over_models(fitted, [other]).estimates == fitted.estimates
 
 
 def test_groups_of_equal_size_give_the_variance_of_their_means() -> None:

@@ -229,9 +229,11 @@ def test_exact_twins_are_reported_as_a_set(tmp_path: Path) -> None:
     assert "Vent both chambers" in answer["next_experiment"]
 
 
-@pytest.mark.parametrize(("missing", "shown"), [((), "fit with a"), (("a", "b"), "fit with a and b")])
+@pytest.mark.parametrize(
+    ("missing", "shown"), [((), ("wide", "fit with a")), (("a", "b"), "fit with a and b over all models")]
+)
 def test_a_named_effect_has_the_size_beside_the_other_named_ones_and_a_refused_one_that_by_which_it_is_refused(
-    monkeypatch: pytest.MonkeyPatch, missing: tuple[str, ...], shown: str
+    monkeypatch: pytest.MonkeyPatch, missing: tuple[str, ...], shown: object
 ) -> None:
     """Intervals of a model with unmodelled effects are wide; narrower ones would contradict the reason."""
     monkeypatch.setattr(diagnose, "_parameters", lambda pipeline, fit, name: {"from": fit})
@@ -245,12 +247,13 @@ def test_a_named_effect_has_the_size_beside_the_other_named_ones_and_a_refused_o
         held_out="test",
         folds=(),
     )
-    path = SimpleNamespace(last=SimpleNamespace(fit="fit with a and b"))
     equivalents: Any = dict.fromkeys(missing, ())
-    found: Any = SimpleNamespace(missing=missing, equivalents=equivalents, confidence={}, evidence={}, path=path)
+    found: Any = SimpleNamespace(
+        missing=missing, equivalents=equivalents, confidence={}, evidence={}, fit="fit with a and b over all models"
+    )
     pipeline: Any = None
     answer = diagnose._candidate_answer(pipeline, data, found, decision)
-    assert answer["parameters"] == {"from": ("wide", shown)}
+    assert answer["parameters"] == {"from": shown}
 
 
 def test_no_rung_raises_both_errors_and_each_entry_has_its_reason(hysteresis: Diagnosed) -> None:
