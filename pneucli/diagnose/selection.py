@@ -109,8 +109,8 @@ def _forward(data: DiagnosisData, base: FittedModel) -> tuple[list[FittedModel],
     """
     path, rounds = [base], list[Decisions]()
     while len(path) <= MAX_EFFECTS:
-        best, decided = _next_round(data, path[-1], rounds)
-        rounds += decided
+        best, decisions = _next_round(data, path[-1])
+        rounds.append(_without_derivatives(data, decisions, rounds))
         release_free_memory()
         if best is None:
             break
@@ -118,19 +118,16 @@ def _forward(data: DiagnosisData, base: FittedModel) -> tuple[list[FittedModel],
     return path, rounds
 
 
-def _next_round(
-    data: DiagnosisData, fitted: FittedModel, earlier: Sequence[Decisions]
-) -> tuple[FittedModel | None, list[Decisions]]:
+def _next_round(data: DiagnosisData, fitted: FittedModel) -> tuple[FittedModel | None, Decisions]:
     """Return the model with the most probable effect added, None where none passes, and what is decided on all."""
-    decided = [screen_and_refit(data, fitted)]
-    candidates = supported_candidates(decided[0])
+    decisions = screen_and_refit(data, fitted)
+    candidates = supported_candidates(decisions)
     if is_complete(data, fitted):
         candidates = [c for c in candidates if judge(data, Term(c, ())).decision.supported]
     elif not candidates:
-        decided.append(_next_ranked(data, fitted, decided[0]))
-        candidates = supported_candidates(decided[1])
-    best = _most_probable(data, candidates).full if candidates else None
-    return best, [_without_derivatives(data, decisions, earlier) for decisions in decided]
+        decisions += _next_ranked(data, fitted, decisions)
+        candidates = supported_candidates(decisions)
+    return _most_probable(data, candidates).full if candidates else None, decisions
 
 
 def _without_derivatives(data: DiagnosisData, decisions: Decisions, earlier: Sequence[Decisions]) -> Decisions:
