@@ -24,6 +24,7 @@ from pneucli.diagnose.subsample import MAX_SAMPLES
 from pneucli.diagnose.validity import lacks_p2
 from pneucli.errors import InputError
 from pneucli.identify.estimation.fit import Fit
+from pneucli.identify.estimation.intervals import with_intervals
 from pneucli.identify.estimation.model_fit import fit_model
 from pneucli.identify.guesses.base_model import guess_base_model
 from pneucli.identify.residuals import ForceBalanceInferredP2, ResidualModel
@@ -95,7 +96,8 @@ def run(context: Context) -> dict[str, Any]:
     joint_fit = fit_all_recordings(pipeline, data, model)
     if context.options.get("baseline"):
         write_baseline(pipeline, data, joint_fit)
-    answer["parameters"] = parameters_answer([per_vessel_volume(e, pipeline) for e in joint_fit.estimates])
+    estimates = with_intervals(joint_fit, [*data.train, *data.held_out]).estimates
+    answer["parameters"] = parameters_answer([per_vessel_volume(e, pipeline) for e in estimates])
     answer |= _flow_answer(pipeline)
     if since := context.options.get("since"):
         from pneucli.stages.changes import compare_with_baseline  # noqa: PLC0415 - few diagnoses have an older one

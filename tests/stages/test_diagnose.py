@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import json
+from collections.abc import Sequence
+from dataclasses import replace
 from itertools import pairwise
 from pathlib import Path
 from types import SimpleNamespace
@@ -16,7 +18,8 @@ from pneucli.diagnose.adequacy import LackOfFit
 from pneucli.diagnose.candidate import Reason
 from pneucli.errors import InputError
 from pneucli.exam.cases import generate_case
-from pneucli.identify.residuals import ChamberPressures
+from pneucli.identify.estimation.fit import Estimate, Fit
+from pneucli.identify.residuals import ChamberPressures, ResidualModel
 from pneucli.io.artifacts import read_table
 from pneucli.messages.formatting import format_noise_ratio
 from pneucli.messages.verdict import verdict_sentence
@@ -85,6 +88,22 @@ def test_the_hidden_effect_is_named_with_its_size(hysteresis: Diagnosed) -> None
     (named,) = [c for c in answer["candidates"] if c["effect"] == "friction-hysteresis"]
     assert named["supported"]
     assert named["parameters"]["drop"]["value"] == pytest.approx(truth["drop"], rel=0.1)
+
+
+def test_parameters_of_the_fit_of_all_recordings_have_the_intervals_of_every_estimate(
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    """Those by blocks of time alone are too narrow where the model misses something."""
+    fitted_to = list[int]()
+
+    def widened(fitted: Fit, residual_models: Sequence[ResidualModel]) -> Fit:
+        fitted_to.append(len(residual_models))
+        return replace(fitted, estimates=(Estimate("volume", "m^3", 2.0, 0.5, (1.0, 3.0), at_bound=False),))
+
+    monkeypatch.setattr(diagnose, "with_intervals", widened)
+    answer = diagnosed(FIXTURES / "valve_null" / "pipeline.toml", tmp_path)
+    assert answer["parameters"] == {"volume": {"value": 2.0, "unit": "m^3", "ci95": [1.0, 3.0]}}
+    assert fitted_to == [len(load(FIXTURES / "valve_null" / "pipeline.toml").recordings)]
 
 
 def test_what_is_named_is_sure_and_what_is_not_is_less_so(hysteresis: Diagnosed) -> None:
