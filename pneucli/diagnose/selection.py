@@ -17,6 +17,7 @@ from pneucli.memory import release_free_memory
 from pneucli.physics.declaration import Effect
 
 MAX_EFFECTS = 4
+# reasons that leave open whether an effect is there in a small amount
 IMPROBABLE: tuple[Reason, ...] = ("needless", "immaterial", "explained-by-unknown")
 
 
