@@ -51,7 +51,7 @@ def test_a_vessel_fills_as_behind_a_section_of_a_line(delay: float, bore: float)
 
     def rates(t: float, state: np.ndarray) -> list[float]:
         near, q, far = state
-        density = (near if q > 0.0 else far) / (R * T)
+        density = 0.5 * (near + far) / (R * T)
         push = near - far - pressure_drop(q, density, length, bore)
         return [C2 / half * (CHOKED - q), area / length * push, C2 / (VOLUME - half) * q]
 
@@ -62,7 +62,7 @@ def test_a_vessel_fills_as_behind_a_section_of_a_line(delay: float, bore: float)
     rise = exact.y[2, -1] - START
     assert rise > 4e4
     assert found[100:] == pytest.approx(exact.y[2], abs=1e-3 * rise)
-    assert np.abs(filled(delay=delay)[100:] - exact.y[2]).max() > 3e-3 * rise  # a delay alone is another law
+    assert np.abs(filled(delay=delay)[100:] - exact.y[2]).max() > 2e-3 * rise  # a delay alone is another law
 
 
 @settings(max_examples=20, deadline=None)
@@ -82,9 +82,23 @@ def test_steady_flow_loses_what_the_laws_of_friction_say(q: float) -> None:
     at_valve, through = p, 0.0
     for _ in range(40_000):
         at_valve, through, *_ = FUNCTIONS.hose_step(at_valve, through, p, q, delay / 8.0, delay, bore, base)
-    density = (at_valve if q > 0.0 else p) / (R * T)
+    density = 0.5 * (at_valve + p) / (R * T)
     assert through == pytest.approx(q, rel=1e-3)
     assert at_valve - p == pytest.approx(pressure_drop(q, density, length, bore), rel=1e-3, abs=1e-6)
+
+
+def test_a_flow_expands_along_the_hose() -> None:
+    """Of isothermal flow the squares of the pressures fall: at the density before it the drop were a third smaller."""
+    length, bore, p, q = 8.0, 3e-3, 3e5, 1.2e-3
+    delay, base = length / np.sqrt(C2), np.zeros(len(at.BASE_NAMES))
+    base[at.GAMMA], base[at.GAS], base[at.TEMP] = KAPPA, R, T
+    at_valve, through = p, 0.0
+    for _ in range(40_000):
+        at_valve, through, *_ = FUNCTIONS.hose_step(at_valve, through, p, q, delay / 8.0, delay, bore, base)
+    flux = q / (0.25 * np.pi * bore**2)
+    friction = 0.316 / (flux * bore / VISCOSITY) ** 0.25 * length / bore
+    assert at_valve == pytest.approx(np.sqrt(p**2 + friction * flux**2 * R * T), rel=0.01)
+    assert at_valve > 1.5 * p
 
 
 def test_the_hoses_of_a_cylinder_act_on_both_chambers() -> None:

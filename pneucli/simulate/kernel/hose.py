@@ -78,7 +78,7 @@ def hose_step(p_valve, q, p, q_valve, h, delay, bore, base):
         valve and cylinder).
     """
     length, area, c2 = hose_geometry(delay, bore, base)
-    density = base[GAMMA] * (p_valve if q > 0.0 else p) / c2
+    density = base[GAMMA] * 0.5 * (p_valve + p) / c2  # the mean one: of isothermal flow p^2 falls evenly
     q = (q + h * area / length * (p_valve - p)) / (1.0 + h * hose_friction(q, length, area, bore, density))
     p_valve = max(p_valve + h * c2 * (q_valve - q) / (0.5 * area * length), 1.0)
     return p_valve, q, max(q, 0.0), max(-q, 0.0)
