@@ -44,8 +44,21 @@ def pressure_drop(q: float, density: float, length: float, bore: float) -> float
     return max(64.0 / reynolds, 0.316 / reynolds**0.25) * length / bore * dynamic + 1.5 * dynamic
 
 
-@pytest.mark.parametrize(("delay", "bore"), [(3e-3, 3e-3), (6e-3, 4e-3), (14e-3, 6e-3), (2e-3, 2e-3)])
-def test_a_vessel_fills_as_behind_a_section_of_a_line(delay: float, bore: float) -> None:
+def settled(q: float, p: float, length: float, bore: float) -> tuple[float, float]:
+    """Pressure at the valve and flow after a long time with a constant flow into a constant pressure."""
+    delay, base = length / np.sqrt(C2), np.zeros(len(at.BASE_NAMES))
+    base[at.GAMMA], base[at.GAS], base[at.TEMP] = KAPPA, R, T
+    at_valve, through = p, 0.0
+    for _ in range(40_000):
+        at_valve, through, *_ = FUNCTIONS.hose_step(at_valve, through, p, q, delay / 8.0, delay, bore, base)
+    return at_valve, through
+
+
+@pytest.mark.parametrize(
+    ("delay", "bore", "differs"), [(3e-3, 3e-3, 3e-3), (6e-3, 4e-3, 3e-3), (14e-3, 6e-3, 3e-3), (2e-3, 2e-3, 2e-3)]
+)
+def test_a_vessel_fills_as_behind_a_section_of_a_line(delay: float, bore: float, differs: float) -> None:
+    """And as behind no hose that only delays: by more than the share ``differs`` of the rise."""
     length, area = np.sqrt(C2) * delay, 0.25 * np.pi * bore**2
     half = 0.5 * length * area
 
@@ -62,7 +75,7 @@ def test_a_vessel_fills_as_behind_a_section_of_a_line(delay: float, bore: float)
     rise = exact.y[2, -1] - START
     assert rise > 4e4
     assert found[100:] == pytest.approx(exact.y[2], abs=1e-3 * rise)
-    assert np.abs(filled(delay=delay)[100:] - exact.y[2]).max() > 2e-3 * rise  # a delay alone is another law
+    assert np.abs(filled(delay=delay)[100:] - exact.y[2]).max() > differs * rise
 
 
 @settings(max_examples=20, deadline=None)
@@ -77,24 +90,16 @@ def test_a_hose_keeps_the_gas_that_enters_it(delay: float, bore: float) -> None:
 @pytest.mark.parametrize("q", [1e-7, 1e-5, -1e-5, 1e-3])
 def test_steady_flow_loses_what_the_laws_of_friction_say(q: float) -> None:
     length, bore, p = 1.5, 4e-3, 5e5
-    delay, base = length / np.sqrt(C2), np.zeros(len(at.BASE_NAMES))
-    base[at.GAMMA], base[at.GAS], base[at.TEMP] = KAPPA, R, T
-    at_valve, through = p, 0.0
-    for _ in range(40_000):
-        at_valve, through, *_ = FUNCTIONS.hose_step(at_valve, through, p, q, delay / 8.0, delay, bore, base)
+    at_valve, through = settled(q, p, length, bore)
     density = 0.5 * (at_valve + p) / (R * T)
     assert through == pytest.approx(q, rel=1e-3)
     assert at_valve - p == pytest.approx(pressure_drop(q, density, length, bore), rel=1e-3, abs=1e-6)
 
 
 def test_a_flow_expands_along_the_hose() -> None:
-    """Of isothermal flow the squares of the pressures fall: at the density before it the drop were a third smaller."""
+    """Of isothermal flow the squares of the pressures fall: at the density before it, the drop is a seventh smaller."""
     length, bore, p, q = 8.0, 3e-3, 3e5, 1.2e-3
-    delay, base = length / np.sqrt(C2), np.zeros(len(at.BASE_NAMES))
-    base[at.GAMMA], base[at.GAS], base[at.TEMP] = KAPPA, R, T
-    at_valve, through = p, 0.0
-    for _ in range(40_000):
-        at_valve, through, *_ = FUNCTIONS.hose_step(at_valve, through, p, q, delay / 8.0, delay, bore, base)
+    at_valve, _ = settled(q, p, length, bore)
     flux = q / (0.25 * np.pi * bore**2)
     friction = 0.316 / (flux * bore / VISCOSITY) ** 0.25 * length / bore
     assert at_valve == pytest.approx(np.sqrt(p**2 + friction * flux**2 * R * T), rel=0.01)
