@@ -99,9 +99,9 @@ def up_to_improbable(forward: Callable[..., Any]) -> Callable[..., Any]:
     return ended
 
 
-def drop_none(data: DiagnosisData, base: FittedModel, path: Sequence[FittedModel]) -> Any:
-    """Return the last model of a path with the judgement of every added effect."""
-    last, judged = path[-1], {}
+def drop_none(data: DiagnosisData, base: FittedModel, last: FittedModel) -> Any:
+    """Return a model with the judgement of every added effect."""
+    judged = {}
     for effect in added_effects(base, last):
         (reduced,) = data.refit_without(last, [effect])
         judged[effect.name] = judge(data, Term(data.candidate(reduced, last, effect), ()), constrained=True)
@@ -167,6 +167,9 @@ RULES = {
     "dropped": Rule("improbable effects and those that violate a constraint are dropped",
                     ("diagnose.selection:_without_improbable", lambda found, *_: bool(found[2])),
                     {"diagnose.selection:_without_improbable": lambda _: drop_none}),
+    "dropped again": Rule("a dropped effect is tried again without the others that were dropped",
+                          ("diagnose.selection:_with_dropped_again", lambda found, _, last, _d: found is not last),
+                          {"diagnose.selection:_with_dropped_again": lambda _: lambda _d, last, _e: last}),
     "both chambers": Rule("an effect of both chambers replaces the same at each",
                           ("diagnose.selection:_with_whole_effects", lambda found, _d, _b, last: found is not last),
                           {"diagnose.selection:_with_whole_effects": lambda _: lambda _d, _b, last: last}),

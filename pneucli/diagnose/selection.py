@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import operator
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import pairwise
@@ -57,7 +58,7 @@ class SelectionPath:
 def select_effects(data: DiagnosisData, base: FittedModel) -> SelectionPath:
     """Select the effects that explain the lack of fit of ``base``."""
     path, rounds = _forward(data, base)
-    last, judgements, refused = _without_improbable(data, base, path)
+    last, judgements, refused = _probable_effects(data, base, path[-1])
     models, unguessable = _nested_models(data, base, last, path)
     last = models[-1]
     terms = _terms(data, base, last, rounds[0], judgements)
@@ -179,15 +180,28 @@ def _alternatives(
     return tuple(c.full for c in candidates if set(c.reduced.effect_names) == names)
 
 
-def _without_improbable(
-    data: DiagnosisData, base: FittedModel, path: Sequence[FittedModel]
+def _probable_effects(
+    data: DiagnosisData, base: FittedModel, last: FittedModel
 ) -> tuple[FittedModel, dict[str, Judgement], list[Judgement]]:
     """Return the model in which every added effect is probable given the others, and the judgements.
 
-    The least probable effect goes first: a proxy of an unmodelled effect takes cost from the others. The second result
-    has the judgement of each effect that stays, the third those of the dropped ones.
+    The second result has the judgement of each effect that stays, the third those of the dropped ones.
     """
-    last, refused = _with_whole_effects(data, base, path[-1]), list[Judgement]()
+    last, judgements, dropped = _without_improbable(data, base, _with_whole_effects(data, base, last))
+    again = _with_dropped_again(data, last, dropped)
+    if again is not last:
+        last, judgements, dropped_then = _without_improbable(data, base, again)
+        dropped = [j for j in [*dropped_then, *dropped] if j.decision.effect.name not in judgements]
+    return last, judgements, dropped
+
+
+def _without_improbable(
+    data: DiagnosisData, base: FittedModel, last: FittedModel
+) -> tuple[FittedModel, dict[str, Judgement], list[Judgement]]:
+    """Drop the least probable effect, again and again, until all are probable: a proxy of an unmodelled effect takes
+    cost from the others.
+    """
+    refused = list[Judgement]()
     while added := [data.effects[name] for name in last.effect_names if name not in base.effect_names]:
         reduced = [base] if len(added) == 1 else data.refit_without(last, added)
         judged = [
@@ -201,6 +215,22 @@ def _without_improbable(
         refused.append(judged[worst])
         last = reduced[worst]
     return last, {}, refused
+
+
+def _with_dropped_again(data: DiagnosisData, last: FittedModel, dropped: Sequence[Judgement]) -> FittedModel:
+    """Return the model with the most probable of the dropped effects added again, itself where none is probable.
+
+    Of two effects that explain the same the one that is dropped first may be the true one, and the other, which then
+    seemed more probable, impossible alone.
+    """
+    if not dropped or dropped[-1].decision.reason in IMPROBABLE:
+        return last
+    effects = [j.decision.effect for j in dropped[:-1]]  # the last one was judged in the model with it alone
+    candidates = data.refit_with(last, [e for e in effects if data.has_initial_guess(last, e)])
+    terms = [Term(c, ()) for c in data.refit_to_convergence(candidates)]
+    judged = [(judge(data, term, constrained=True), term.candidate.full) for term in terms]
+    probable = [(j.probability, full) for j, full in judged if j.decision.supported]
+    return max(probable, key=operator.itemgetter(0), default=(0.0, last))[1]
 
 
 def _with_whole_effects(data: DiagnosisData, base: FittedModel, last: FittedModel) -> FittedModel:
