@@ -67,14 +67,14 @@ def chamber_step(p, p_mid, mass, h, volume, growth, q_in, q_out, hot, base, th, 
     Returns:
         Pressure in Pa, its gradient in Pa/s, mass in kg, temperature in K (constant in the base model).
     """
-    T, warm, drag, flow = base[TEMP], 0.0, 0.0, q_in - q_out
+    T, warm, inertia, flow = base[TEMP], 0.0, volume, q_in - q_out
     if hot:
         slope = volume / (base[GAS] * max(mass + 0.5 * h * flow, 1e-9))  # of the temperature over the pressure
         T = p_mid * slope
         fading = 0.5 * slope * (heat(T - 1.0, base[WALL], th, on) - heat(T + 1.0, base[WALL], th, on))
         warm = heat(T, base[WALL], th, on) + fading * (p_mid - p)
-        drag = 0.5 * h * (base[GAMMA] - 1.0) * fading / volume
-    rate = pressure_rate(p_mid, T, volume, growth, q_in, q_out, warm, base) / (1.0 + drag)
+        inertia += 0.5 * h * (base[GAMMA] - 1.0) * fading
+    rate = pressure_rate(p_mid, T, inertia, growth, q_in, q_out, warm, base)
     return max(p + h * rate, 1.0), rate, max(mass + h * flow, 1e-9), T
 
 
