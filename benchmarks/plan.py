@@ -5,6 +5,7 @@ random programme within the same limits, and as a repetition of what was recorde
 Prints for each how often the hidden effect is in the answer (named, or indistinguishable from a named one), and how
 many false effects are named. ``--size 0.33`` hides effects of a third of the usual size, ``--seed N`` draws others,
 ``--hidden NAME`` leaves only cases that hide this effect, and ``--kind friction`` those of one kind of rig.
+``--open yes`` records only where the hidden effect is not in the first answer.
 
 ``--out DIR`` keeps the folder of each case; a case that is finished there is not run again, and ``--table DIR`` prints
 the table of the finished ones.
@@ -93,7 +94,7 @@ def main(arguments: Sequence[str]) -> None:
     with tempfile.TemporaryDirectory() as temporary:
         out = Path(options.get("--out", temporary))
         wanted = planned_cases(cases, condition, seed, options.get("--hidden"), options.get("--kind"))
-        print_table(list(run_cases(out, wanted, size)))
+        print_table(list(run_cases(out, wanted, size, only_open="--open" in options)))
 
 
 def print_table(rows: Sequence[Mapping[str, Any]]) -> None:
@@ -118,14 +119,16 @@ def planned_cases(
     return list(islice(single, cases))
 
 
-def run_cases(out: Path, wanted: Sequence[PlannedCase], size: float) -> Iterator[dict[str, Any]]:
+def run_cases(
+    out: Path, wanted: Sequence[PlannedCase], size: float, *, only_open: bool = False
+) -> Iterator[dict[str, Any]]:
     """Yield the graded answers of each case, and print them; a case that is finished in ``out`` is read."""
     for number, planned in enumerate(wanted, 1):
         folder = out / f"case-{number:03d}"
         if not (folder / ROW_FILE).exists():
             shutil.rmtree(folder, ignore_errors=True)
             folder.mkdir(parents=True)
-            row = run_case(folder, planned, size)
+            row = run_case(folder, planned, size, only_open=only_open)
             text = json.dumps({n: asdict(v) if isinstance(v, Answer) else v for n, v in row.items()}, indent=1)
             (folder / ROW_FILE).write_text(text + "\n", encoding="utf-8")
         row = read_row(folder / ROW_FILE)
@@ -145,8 +148,10 @@ def read_row(path: Path) -> dict[str, Any]:
     return {n: Answer(**v) if isinstance(v, dict) else v for n, v in row.items()}
 
 
-def run_case(folder: Path, planned: PlannedCase, size: float) -> dict[str, Any]:
-    """Diagnose a case, record each programme on its rig, and diagnose again."""
+def run_case(folder: Path, planned: PlannedCase, size: float, *, only_open: bool = False) -> dict[str, Any]:
+    """Diagnose a case, record each programme on its rig, and diagnose again; ``only_open``: only where the hidden
+    effect is not in the first answer.
+    """
     asked = (planned.kind, planned.hidden, planned.outside, size, planned.seed, planned.conditions)
     case_folder = folder / "case"
     truth = generate_case(case_folder, *asked)
@@ -154,7 +159,9 @@ def run_case(folder: Path, planned: PlannedCase, size: float) -> dict[str, Any]:
     row: dict[str, Any] = {"kind": planned.kind, "hidden": ", ".join(planned.hidden)}
     try:
         before = pneucli(case_folder, "diagnose", "pipeline.toml")
-        row["before"] = Answer.of(before, truth)
+        row["before"] = first = Answer.of(before, truth)
+        if only_open and first.found:
+            return row
         begun = time.perf_counter()
         plan = pneucli(case_folder, "plan", "pipeline.toml", "--minutes", str(SECONDS / 60.0))
         row["plan_seconds"] = time.perf_counter() - begun
