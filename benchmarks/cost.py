@@ -118,7 +118,8 @@ def shares(costs: Sequence[Cost]) -> list[str]:
         total.update(cost.phases)
         total[REST] += cost.seconds - sum(cost.phases.values())
     whole = sum(cost.seconds for cost in costs)
-    rows = [f"| {name} | {spent / len(costs):.2f} | {100 * spent / whole:.0f} |" for name, spent in total.most_common()]
+    listed = [*total.most_common(), ("of all these, compiled equations", sum(cost.kernels for cost in costs))]
+    rows = [f"| {name} | {spent / len(costs):.2f} | {100 * spent / whole:.0f} |" for name, spent in listed]
     return ["| phase of `diagnose` | mean, s | share, % |", "| --- | --- | --- |", *rows]
 
 

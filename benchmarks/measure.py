@@ -58,10 +58,17 @@ PHASES = {
 }
 
 
+KERNELS = {
+    ("simulate/run.py", "run_kernel"),
+    ("residuals/force_balance.py", "balance"),
+}  # what calls compiled equations
+
+
 @dataclass(frozen=True)
 class Cost:
     """What a command cost: exit code, processor and wall time (s), peak memory (MB), and processor time by phase (s).
 
+    ``kernels``: processor time (s) in the compiled equations of simulations and force balances, part of the phases.
     ``was_compiled``: numba compiled functions in it, so that it measures nothing.
     """
 
@@ -70,6 +77,7 @@ class Cost:
     wall: float
     memory: float
     was_compiled: bool
+    kernels: float
     phases: dict[str, float]
 
     def __str__(self) -> str:
@@ -107,6 +115,7 @@ class Sampler:
 
     def __init__(self) -> None:
         self.seconds: Counter[str] = Counter()
+        self.kernels = 0.0
         self._phase_of: dict[CodeType, str | None] = {}
         self._last = 0.0
 
@@ -121,6 +130,10 @@ class Sampler:
 
     def _sample(self, _: int, frame: FrameType | None) -> None:
         now, phase = time.process_time(), None
+        if frame is not None and any(
+            frame.f_code.co_name == n and frame.f_code.co_filename.endswith(f) for f, n in KERNELS
+        ):
+            self.kernels += now - self._last
         while frame is not None and phase is None:
             phase = self._phase(frame.f_code)
             frame = frame.f_back
@@ -160,7 +173,12 @@ def main(arguments: list[str]) -> None:
         runpy.run_module("pneucli", run_name="__main__", alter_sys=True)
     finally:
         sampler.stop()
-        found = {"memory": peak_memory(), "was_compiled": was_compiled(), "phases": dict(sampler.seconds)}
+        found = {
+            "memory": peak_memory(),
+            "was_compiled": was_compiled(),
+            "kernels": sampler.kernels,
+            "phases": dict(sampler.seconds),
+        }
         report.write_text(json.dumps(found), encoding="utf-8")
 
 
