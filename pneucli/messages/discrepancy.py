@@ -18,6 +18,7 @@ SHAPES = {
 }
 PERIODIC_SHAPE = "a sine"
 FREE_RUN = "an error of the complete simulation alone (by itself each subsystem fits)"
+MAX_NAMED_SIGNALS = 2  # over which a discrepancy is as good a function as over the first
 SHAPELESS = "an error that is no function of any signal"
 
 
@@ -55,9 +56,13 @@ def explaining_signal(unexplained: Mapping[str, Any]) -> str:
 
 
 def discrepancy_character(unexplained: Mapping[str, Any]) -> str:
-    """Return as what the discrepancy acts, over which signal, and over which others equally well."""
+    """Return as what the discrepancy acts, over which signal, and over which others equally well, the first by name."""
     shape = f" ({unexplained['law']})" if unexplained.get("law") else ""
-    others = [f", or of {signal_title(name)}" for name in unexplained.get("also_over") or []]
+    also = unexplained.get("also_over") or []
+    named = len(also) if len(also) <= MAX_NAMED_SIGNALS + 1 else MAX_NAMED_SIGNALS
+    others = [f", or of {signal_title(name)}" for name in also[:named]]
+    if also[named:]:
+        others.append(f", or of {len(also) - named} other signals")
     return f"{unexplained['character']}{shape}{''.join(others)}"
 
 

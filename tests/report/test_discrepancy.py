@@ -26,6 +26,16 @@ def test_a_discrepancy_has_its_location_and_its_variable() -> None:
     )
 
 
+def test_of_many_other_signals_the_first_are_named() -> None:
+    """Where it is a function of nearly every signal, their list tells nothing."""
+    rest = REST | {"also_over": ["p1", "p2", "v", "a"]}
+    assert discrepancy.discrepancy_character(rest).endswith(
+        "(a parabola), or of pressure of chamber 1, or of pressure of chamber 2, or of 2 other signals"
+    )
+    one_more = REST | {"also_over": ["p1", "p2", "v"]}
+    assert discrepancy.discrepancy_character(one_more).endswith("or of piston velocity")
+
+
 def test_a_period_is_stated_only_for_fitted_recordings() -> None:
     """It is found in all recordings at once."""
     rest = REST | {"variable": "time", "law": "a sine", "also_over": []}
