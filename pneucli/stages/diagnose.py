@@ -9,7 +9,7 @@ from typing import Any
 from pneucli.config.recording_sources import plugin_files
 from pneucli.diagnose import executor_refit
 from pneucli.diagnose.adequacy import LackOfFit, within_parameter_uncertainty
-from pneucli.diagnose.candidate import Decision
+from pneucli.diagnose.candidate import Candidate, Decision
 from pneucli.diagnose.cross_validation import folds_of
 from pneucli.diagnose.data import DiagnosisData
 from pneucli.diagnose.diagnosis import Diagnosis, diagnose
@@ -233,6 +233,7 @@ def _candidate_answer(
         "title": decision.effect.title,
         "error_before": held_out_error(before),
         "error_after": held_out_error(after) if candidate or unchanged else None,
+        "beside": _beside(found, candidate),
         "parameters": _parameters(pipeline, shown, name),
         "indistinguishable_from": _equivalents(found, name),
         "supported": decision.supported,
@@ -245,6 +246,12 @@ def _candidate_answer(
         "evidence": found.evidence[name]._asdict() if name in found.evidence else None,
     }
     return answer | {"why": reason_sentence(answer, found.missing, validation_method(data), decision.effect.looks_like)}
+
+
+def _beside(found: Diagnosis, candidate: Candidate | None) -> list[str]:
+    """Return the effects that the model of a candidate has beside those of the given model and the candidate's own."""
+    given = found.path.models[0].effect_names
+    return [] if candidate is None else [e for e in candidate.reduced.effect_names if e not in given]
 
 
 def _equivalents(found: Diagnosis, name: str) -> list[str]:

@@ -197,3 +197,10 @@ def test_the_likeliest_effect_is_told_though_it_is_not_named(confidence: float |
     assert ("The likeliest, stribeck (stribeck friction), is present with" in text) == told
     assert ("with it the error goes from 9.00 to 3.19 × noise" in text) == told
     assert "piston-leak" not in text
+
+
+def test_the_likeliest_effect_is_told_with_the_effects_that_its_errors_rest_on() -> None:
+    """Otherwise they disagree with the error of the given model."""
+    answer = diagnosed("unexplained", unexplained=REST)
+    text = verdict_sentence(answer | {"candidates": [DOUBTED | {"confidence": 0.47, "beside": ["presliding"]}]})
+    assert "with 47 % probability: beside presliding, with it the error goes from 9.00 to 3.19" in text

@@ -64,6 +64,7 @@ def test_the_answer_has_the_interfaces_keys(hysteresis: Diagnosed) -> None:
         "effect",
         "error_before",
         "error_after",
+        "beside",
         "parameters",
         "indistinguishable_from",
         "supported",
@@ -257,7 +258,8 @@ def test_a_named_effect_has_the_size_beside_the_other_named_ones_and_a_refused_o
     """Intervals of a model with unmodelled effects are wide; narrower ones would contradict the reason."""
     monkeypatch.setattr(diagnose, "_parameters", lambda pipeline, fit, name: {"from": fit})
     effect = SimpleNamespace(name="a", title="An effect", looks_like="")
-    candidate = SimpleNamespace(full=SimpleNamespace(model="m", fit="fit with a"), reduced=SimpleNamespace(model="m"))
+    reduced = SimpleNamespace(model="m", effect_names=["stribeck", "b"])
+    candidate = SimpleNamespace(full=SimpleNamespace(model="m", fit="fit with a"), reduced=reduced)
     reason = "supported" if missing else "interval-contains-null"
     decision: Any = SimpleNamespace(effect=effect, candidate=candidate, reason=reason, supported=bool(missing))
     data: Any = SimpleNamespace(
@@ -268,11 +270,17 @@ def test_a_named_effect_has_the_size_beside_the_other_named_ones_and_a_refused_o
     )
     equivalents: Any = dict.fromkeys(missing, ())
     found: Any = SimpleNamespace(
-        missing=missing, equivalents=equivalents, confidence={}, evidence={}, fit="fit with a and b over all models"
+        missing=missing,
+        equivalents=equivalents,
+        confidence={},
+        evidence={},
+        fit="fit with a and b over all models",
+        path=SimpleNamespace(models=[SimpleNamespace(effect_names=["stribeck"])]),
     )
     pipeline: Any = None
     answer = diagnose._candidate_answer(pipeline, data, found, decision)
     assert answer["parameters"] == {"from": shown}
+    assert answer["beside"] == ["b"]
 
 
 def test_no_rung_raises_both_errors_and_each_entry_has_its_reason(hysteresis: Diagnosed) -> None:
