@@ -67,11 +67,10 @@ def parameter_shifts(answer: Answer) -> str:
     """Return the base parameters that the named effects change; nothing where none is named."""
     if not answer["missing"]:
         return ""
-    moved = [
-        f"{m['parameter']} {format_quantity(m['from'], m['unit'], 3)} → {format_quantity(m['to'], m['unit'], 3)}"
-        f"{'' if m['plausible'] else ' (at its bound)'}"
-        for m in answer.get("moved") or []
-    ]
+    moved = []
+    for m in answer.get("moved") or []:
+        values = dict.fromkeys(format_quantity(m[end], m["unit"], 3) for end in ("from", "to"))
+        moved.append(f"{m['parameter']} {' → '.join(values)}{'' if m['plausible'] else ' (at its bound)'}")
     return ", ".join(moved)
 
 
@@ -177,9 +176,9 @@ def _candidates(answer: Answer) -> Iterator[str]:
     for c in fitted:
         yield ""
         yield from labelled("named" if c["effect"] in answer["missing"] else "tried", c["effect"])
-        yield from labelled(
-            "", f"{format_parameters(c['parameters'])}; error with it {format_number(c['error_after'], 3)} × noise"
-        )
+        beside = join_names([c["effect"], *(c.get("beside") or [])])
+        error = f"error with {beside} {format_number(c['error_after'], 3)} × noise"
+        yield from labelled("", f"{format_parameters(c['parameters'])}; {error}")
         yield from labelled("", c["why"])
     yield ""
     others = [c for c in answer["candidates"] if not c["parameters"]]

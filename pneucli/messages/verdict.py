@@ -84,11 +84,11 @@ def _likeliest_effect(answer: Answer) -> str:
         return ""
     best = max(told, key=lambda c: c["confidence"])
     before, after = (format_noise_ratio(best[key]) for key in ("error_before", "error_after"))
-    beside = f"beside {join_names(best['beside'])}, " if best.get("beside") else ""
+    others = join_names(best.get("beside") or [])
+    change = f"added to {others}, it takes the error" if others else "with it the error goes"
     return (
         f"The likeliest, {best['effect']} ({best['title'][:1].lower()}{best['title'][1:]}), is present with "
-        f"{100.0 * best['confidence']:.0f} % probability: {beside}with it the error goes from {before} to {after} × "
-        "noise. "
+        f"{100.0 * best['confidence']:.0f} % probability: {change} from {before} to {after} × noise. "
     )
 
 

@@ -143,6 +143,18 @@ def test_diagnose_states_the_verdict_its_evidence_changes_and_the_next_step() ->
     assert told.endswith("do pneucli add p.toml --suggested")
 
 
+def test_a_base_parameter_that_stays_at_its_bound_has_one_value() -> None:
+    moved = [DIAGNOSED["moved"][0] | {"to": DIAGNOSED["moved"][0]["from"]}]
+    told = one_line(messages.render("diagnose", DIAGNOSED | {"moved": moved}, "p.toml"))
+    assert "changes valve.overlap_fill 0.475 V (at its bound)" in told
+
+
+def test_a_tried_effect_has_its_error_with_the_effects_of_its_model() -> None:
+    tried = DIAGNOSED["candidates"][0] | {"effect": "presliding", "beside": ["stribeck"], "error_after": 2.5}
+    told = one_line(messages.render("diagnose", DIAGNOSED | {"candidates": [tried]}, "p.toml", verbose=True))
+    assert "error with presliding and stribeck 2.50 × noise" in told
+
+
 def test_effects_after_the_last_named_one_do_not_count_in_its_reduction() -> None:
     tried = [*DIAGNOSED["ladder"], {"add": "presliding", "error_train": 0.5, "error_test": 5.0}]
     assert "from 18.1 to 0.83" in verdict.error_reduction(DIAGNOSED | {"verdict": "unexplained", "ladder": tried})

@@ -203,4 +203,4 @@ def test_the_likeliest_effect_is_told_with_the_effects_that_its_errors_rest_on()
     """Otherwise they disagree with the error of the given model."""
     answer = diagnosed("unexplained", unexplained=REST)
     text = verdict_sentence(answer | {"candidates": [DOUBTED | {"confidence": 0.47, "beside": ["presliding"]}]})
-    assert "with 47 % probability: beside presliding, with it the error goes from 9.00 to 3.19" in text
+    assert "with 47 % probability: added to presliding, it takes the error from 9.00 to 3.19" in text
