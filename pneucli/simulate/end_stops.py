@@ -22,7 +22,7 @@ STROKE_TOLERANCE = 0.05  # of the stroke: error of a stated end
 POSITION_SCATTER_SIGMA = (
     6.0  # standard deviations of the position's noise, within which standstills are at one position
 )
-END_COMPLIANCE = 2e-3  # of the range of x: an end yields by less, also while the piston rebounds
+END_COMPLIANCE = 2e-3  # of the range of x in all recordings: an end yields by less, also while the piston rebounds
 MIN_END_FORCE_RATIO = 2.0  # times the force that friction holds
 
 
@@ -37,15 +37,17 @@ def with_end_stops(experiments: Sequence[Experiment], rig: Rig) -> list[Experime
         The experiments in order.
     """
     detected = detect_end_stops(experiments, rig)
-    limits = estimate_stroke_limits(experiments, rig, detected)
-    return [_with_ends(e, limits, detected) if e.recording.kind.cylinder else e for e in experiments]
+    limits, compliance = estimate_stroke_limits(experiments, rig, detected), _end_compliance(experiments)
+    return [_with_ends(e, limits, detected, compliance) if e.recording.kind.cylinder else e for e in experiments]
 
 
-def _with_ends(e: Experiment, limits: tuple[float, float], detected: tuple[float, float]) -> Experiment:
+def _with_ends(
+    e: Experiment, limits: tuple[float, float], detected: tuple[float, float], compliance: float
+) -> Experiment:
     """Return an experiment with its ends; without a position sensor their distance is unknown."""
-    unlimited = (-np.inf, np.inf)
-    located = "x" in e.raw or not e.motion_is_known
-    return replace(e, stroke_limits=limits if located else unlimited, detected_ends=detected if located else unlimited)
+    if "x" in e.raw or not e.motion_is_known:
+        return replace(e, stroke_limits=limits, detected_ends=detected, end_compliance=compliance)
+    return replace(e, stroke_limits=(-np.inf, np.inf), detected_ends=(-np.inf, np.inf))
 
 
 def estimate_stroke_limits(
@@ -87,7 +89,7 @@ def detect_end_stops(experiments: Sequence[Experiment], rig: Rig) -> tuple[float
     x, push = (np.concatenate([part[k] for part in parts] or [np.zeros(0)]) for k in (0, 1))
     if not x.size:
         return -np.inf, np.inf
-    tolerance = max(_contact_tolerance(e) for e in moving)
+    tolerance = max(_end_compliance(moving), *map(_position_noise_tolerance, moving))
     low, high = x <= x.min() + tolerance, x >= x.max() - tolerance
     inward = np.where(low, np.maximum(push, 0.0), np.where(high, np.maximum(-push, 0.0), np.abs(push)))
     friction, stroke = float(inward.max()), rig.stroke
@@ -134,7 +136,13 @@ def _with_motion(experiments: Sequence[Experiment]) -> list[Experiment]:
 
 def _contact_tolerance(e: Experiment) -> float:
     """Return the distance in m from an end within which the piston may touch it, by noise or compliance."""
-    return max(_position_noise_tolerance(e), END_COMPLIANCE * float(np.ptp(e.inputs[:, at.IN_X])))
+    return max(_position_noise_tolerance(e), e.end_compliance)
+
+
+def _end_compliance(experiments: Sequence[Experiment]) -> float:
+    """Return the distance in m by which an end may yield; a recording at an end does not show the range of x."""
+    positions = [e.inputs[:, at.IN_X] for e in _with_motion(experiments)]
+    return END_COMPLIANCE * float(np.ptp(np.concatenate(positions))) if positions else 0.0
 
 
 def _position_noise_tolerance(e: Experiment) -> float:

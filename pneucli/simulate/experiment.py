@@ -49,6 +49,7 @@ class Experiment:
         standstill_speed: Speed in m/s below which the piston counts as at rest.
         stroke_limits: Lowest and highest x in m; None: as the rig states them.
         detected_ends: Ends in m that recordings show, infinite where they show none.
+        end_compliance: Distance in m by which an end may yield.
     """
 
     recording: Recording
@@ -64,6 +65,7 @@ class Experiment:
     standstill_speed: float = 0.0
     stroke_limits: tuple[float, float] | None = None
     detected_ends: tuple[float, float] = (-np.inf, np.inf)
+    end_compliance: float = 0.0
 
     @property
     def time(self) -> Array:

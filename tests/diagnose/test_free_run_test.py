@@ -29,6 +29,7 @@ def seen(errors: np.ndarray, monkeypatch: pytest.MonkeyPatch, kind: type[Residua
         inputs=np.zeros((N, len(at.INPUTS))),
         noise={"x": SimpleNamespace(rms=1.0)},
         detected_ends=(-np.inf, np.inf),
+        end_compliance=0.0,
     )
     monkeypatch.setattr(free_run_test, "simulate_outputs", lambda model, e: {"x": np.zeros(N)})
     monkeypatch.setattr(free_run_test, "sample_deviations", lambda model, e, draws: {"x": rng.normal(size=(draws, N))})

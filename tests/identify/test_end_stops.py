@@ -79,6 +79,18 @@ def test_an_end_that_gives_way_is_an_end():
     assert found.values["friction.coulomb"] == pytest.approx(FRICTION["friction.coulomb"], rel=0.15)
 
 
+def test_a_recording_at_an_end_that_gives_way_is_at_the_end():
+    """Its own range of x is only what the end yields: if friction carried 400 N there, it would hold the piston
+    everywhere.
+    """
+    whole = to_and_fro(stiffness=1e7)
+    part = slice(2550, 3000)
+    signals = {name: values[part] for name, values in whole.recording.signals.items()}
+    filling = prepare(replace(whole.recording, time=whole.time[part], signals=signals), whole.rig, 0.25)
+    assert np.ptp(filling.inputs[:, at.IN_X]) > 2e-5
+    assert (contact_side(with_end_stops([whole, filling], SHORT)[1]) == 1.0).all()
+
+
 def test_a_rebound_is_no_end():
     """Deep in an end the piston turns within a sample: it rests elsewhere, and no friction balances its inertia."""
     (thrown,) = with_end_stops([to_and_fro(rebound=4e-4)], SHORT)
