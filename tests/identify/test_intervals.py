@@ -49,6 +49,21 @@ def test_an_interval_over_models_contains_that_of_each_of_them() -> None:
     assert with_intervals_over_models(fitted, [other]).estimates == fitted.estimates
 
 
+def test_a_parameter_that_no_residual_depends_on_has_its_range_as_interval(monkeypatch: pytest.MonkeyPatch) -> None:
+    """An interval of no width would state as certain what the recordings do not show."""
+    monkeypatch.setattr(intervals, "group_labels", lambda _: iter(()))
+    still = FreeParameter("friction.viscous", "N s/m", 40.0, 1.0, 500.0, 1.0)
+    one = mean_of(np.random.default_rng(1).standard_normal(N), np.arange(N) // 20)
+    fitted = model(values={"friction.coulomb": 10.0, "friction.viscous": 40.0})
+    covariance = np.diag([one.covariance[0, 0], 0.0])
+    free, jacobian = (LEVEL, still), np.column_stack([np.ones(N), np.zeros(N)])
+    estimates = parameter_estimates(free, fitted, covariance)
+    both = replace(one, model=fitted, free=free, estimates=estimates, jacobian=jacobian, covariance=covariance)
+    found = with_intervals(both, [])
+    assert found["friction.viscous"].ci95 == (1.0, 500.0)
+    assert found["friction.coulomb"].ci95[1] - found["friction.coulomb"].ci95[0] < 1.0
+
+
 def test_groups_of_equal_size_give_the_variance_of_their_means() -> None:
     rng = np.random.default_rng(3)
     labels = np.repeat(np.arange(8), N // 8)

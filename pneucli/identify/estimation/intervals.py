@@ -56,6 +56,8 @@ class Groups:
 def with_intervals(fitted: Fit, residual_models: Sequence[ResidualModel]) -> Fit:
     """Widen covariance and intervals of a fit by the variance that model error causes.
 
+    A parameter without a variance is one that no residual depends on: its interval is its whole range.
+
     Args:
         fitted: The fit.
         residual_models: The residual models it was fitted to.
@@ -70,7 +72,13 @@ def with_intervals(fitted: Fit, residual_models: Sequence[ResidualModel]) -> Fit
         return fitted
     inflation = variance_inflation(fitted, group_labels(residual_models))
     covariance = fitted.covariance * np.outer(np.sqrt(inflation), np.sqrt(inflation))
-    return replace(fitted, covariance=covariance, estimates=parameter_estimates(fitted.free, fitted.model, covariance))
+    estimates = [
+        e if variance > 0.0 else replace(e, ci95=(f.lower, f.upper))
+        for e, f, variance in zip(
+            parameter_estimates(fitted.free, fitted.model, covariance), fitted.free, covariance.diagonal(), strict=True
+        )
+    ]
+    return replace(fitted, covariance=covariance, estimates=tuple(estimates))
 
 
 def with_intervals_over_models(fitted: Fit, alternatives: Sequence[Fit]) -> Fit:
