@@ -140,6 +140,8 @@ def error_reduction(answer: Answer) -> str:
         return f"the error is {format_noise_ratio(before)} × noise {on}"
     after, relative = last[f"error_{use}"], answer.get("relative_error")
     ratios = f"from {format_noise_ratio(before)} to {format_noise_ratio(after)} × noise"
+    if format_noise_ratio(before) == format_noise_ratio(after):
+        return f"the error stays at {format_noise_ratio(after)} × noise {on}"
     if not (before and after and after > before):
         return f"the error falls {ratios} {on}"
     if relative is None or relative >= 1.0:

@@ -143,6 +143,12 @@ def test_diagnose_states_the_verdict_its_evidence_changes_and_the_next_step() ->
     assert told.endswith("do pneucli add p.toml --suggested")
 
 
+def test_an_error_that_falls_by_less_than_its_digits_show_stays() -> None:
+    steps = [DIAGNOSED["ladder"][0] | {"error_test": 14.72}, DIAGNOSED["ladder"][1] | {"error_test": 14.69}]
+    told = verdict.error_reduction(DIAGNOSED | {"ladder": steps})
+    assert told == "the error stays at 14.7 × noise on recordings that were not fitted"
+
+
 def test_a_base_parameter_that_stays_at_its_bound_has_one_value() -> None:
     moved = [DIAGNOSED["moved"][0] | {"to": DIAGNOSED["moved"][0]["from"]}]
     told = one_line(messages.render("diagnose", DIAGNOSED | {"moved": moved}, "p.toml"))
