@@ -20,6 +20,8 @@ from pneucli.physics.declaration import Effect
 MAX_EFFECTS = 4
 # reasons that leave open whether an effect is there in a small amount
 IMPROBABLE: tuple[Reason, ...] = ("needless", "immaterial", "explained-by-unknown")
+# reasons of an estimate that is impossible, however much the effect explains
+IMPOSSIBLE: tuple[Reason, ...] = ("vanishes", "at-bound", "below-resolution", "contradicted-by-reading")
 
 
 @dataclass(frozen=True)
@@ -223,7 +225,7 @@ def _with_dropped_again(data: DiagnosisData, last: FittedModel, dropped: Sequenc
     Of two effects that explain the same the one that is dropped first may be the true one, and the other, which then
     seemed more probable, impossible alone.
     """
-    if not dropped or dropped[-1].decision.reason in IMPROBABLE:
+    if not dropped or dropped[-1].decision.reason not in IMPOSSIBLE:
         return last
     effects = [j.decision.effect for j in dropped[:-1]]  # the last one was judged in the model with it alone
     candidates = data.refit_with(last, [e for e in effects if data.has_initial_guess(last, e)])

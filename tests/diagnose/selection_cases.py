@@ -12,7 +12,18 @@ from tests.diagnose.synthetic_data import Facts, SyntheticData, effect, syntheti
 PATH = Path(__file__).with_suffix(".toml")
 KEYS = {"name", "why", "given", "excess", "effects", "together", "expected"}
 EFFECT_KEYS = {
-    *("explains", "predicted", "size", "at_bound", "interval", "raises_error", "needs", "parameters", "part")
+    *(
+        "explains",
+        "predicted",
+        "size",
+        "at_bound",
+        "at_bound_without",
+        "interval",
+        "raises_error",
+        "needs",
+        "parameters",
+        "part",
+    )
 }
 
 
@@ -41,6 +52,7 @@ def data_of(case: dict[str, Any], **more: Any) -> SyntheticData:
         predicted=of("predicted"),
         size=of("size"),
         at_bound=frozenset(of("at_bound")),
+        at_bound_without=of("at_bound_without"),
         interval=of("interval"),
         raises_error=frozenset(of("raises_error")),
         needs=of("needs"),
