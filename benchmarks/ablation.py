@@ -167,7 +167,7 @@ RULES = {
     "dropped": Rule("improbable effects and those that violate a constraint are dropped",
                     ("diagnose.selection:_without_improbable", lambda found, *_: bool(found[2])),
                     {"diagnose.selection:_without_improbable": lambda _: drop_none}),
-    "dropped again": Rule("a dropped effect is tried again without the others that were dropped",
+    "dropped again": Rule("what was dropped beside an impossible estimate is tried again without it",
                           ("diagnose.selection:_with_dropped_again", lambda found, _, last, _d: found is not last),
                           {"diagnose.selection:_with_dropped_again": lambda _: lambda _d, last, _e: last}),
     "both chambers": Rule("an effect of both chambers replaces the same at each",

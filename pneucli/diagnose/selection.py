@@ -20,7 +20,7 @@ from pneucli.physics.declaration import Effect
 MAX_EFFECTS = 4
 # reasons that leave open whether an effect is there in a small amount
 IMPROBABLE: tuple[Reason, ...] = ("needless", "immaterial", "explained-by-unknown")
-# reasons of an estimate that is impossible, however much the effect explains
+# reasons of an estimate that is impossible, however much the effect explains (``constraints.violations_of_estimate``)
 IMPOSSIBLE: tuple[Reason, ...] = ("vanishes", "at-bound", "below-resolution", "contradicted-by-reading")
 
 
