@@ -62,21 +62,21 @@ def _run_kernel(manoeuvre: Manoeuvre, model: Model) -> Outcome:
     time = np.asarray(bench.period * np.arange(command.size), dtype=np.float64)
     gain = bench.gain if bench.drive == "position" else 0.0
     kernel, out = kernel_for(model.effects), np.zeros((command.size, at.OUTPUTS))
+    valves = model.valve_of_chamber(template.chamber), model.chamber_2_valve
     parts = template.kind.parts(
         has_cylinder=bench.rig.has_cylinder,
         supply_recorded="p_supply" in bench.signals,
         chamber_2=template.chamber_2,
     )
     kernel.run(
-        time,
+        read_only(time),
         _kernel_inputs(manoeuvre, command, gain),
         np.zeros(1, dtype=np.int64),
         _base_vector(manoeuvre, model),
         kernel.effect_vector(model.effect_values()),
         kernel.effect_switches([e.name for e in model.effects if e.part in parts]),
         _flags(manoeuvre),
-        model.valve_of_chamber(template.chamber).table(bench.command_range),
-        model.chamber_2_valve.table(bench.command_range),
+        *(read_only(valve.table(bench.command_range)) for valve in valves),
         _max_step(bench),
         np.zeros(1),
         np.array([gain, abs(bench.rig.valve_null) + bench.command_range]),

@@ -23,6 +23,8 @@ from pneucli.plan.simulation import needed_force, simulate_manoeuvre, synthetic_
 from pneucli.recording import Rig
 from pneucli.simulate.model import Model
 from pneucli.simulate.preparation import prepare
+from pneucli.simulate.run import kernel_for, run
+from tests.simulate.synthetic_experiments import make_experiment, model, time_grid
 
 RIG = Rig(
     supply_pressure=7e5,
@@ -118,6 +120,14 @@ def test_a_pulse_moves_the_piston_toward_the_end_that_its_sign_says():
     fills = simulate_manoeuvre(next(m for m in candidate_manoeuvres(VALVE, LIMITS) if m.kind == "hold"), MODEL)
     assert fills.x is not None
     assert fills.x[-1] > fills.x[0]
+
+
+def test_a_manoeuvre_runs_in_the_compiled_kernel_of_recordings():
+    """Compiling another one would take longer than the plan."""
+    run(model(), make_experiment("axis", time_grid(0.1), {"u": 1.0}))
+    compiled = len(kernel_for(()).run.signatures)  # type: ignore[attr-defined]
+    simulate_manoeuvre(manoeuvre(LOOP, "motion-sine", frequency=0.25), MODEL)
+    assert len(kernel_for(()).run.signatures) == compiled  # type: ignore[attr-defined]
 
 
 def test_a_shut_valve_keeps_the_pressure_of_a_tight_chamber_and_shows_a_leak():
