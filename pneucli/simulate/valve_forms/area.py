@@ -214,13 +214,13 @@ def _end_tangent(h: float, h_next: float, slope: float, slope_next: float) -> fl
     return out
 
 
-@lru_cache(maxsize=512)
+@lru_cache(maxsize=128)
 def _half_table(side: Knots, largest: float) -> Array:
     """Return the areas of one direction from the smallest opening of the kernel's table to the largest."""
     return _areas(np.linspace(-largest, largest, TABLE_POINTS)[TABLE_POINTS // 2 + 1 :], side)
 
 
-@lru_cache(maxsize=256)
+@lru_cache(maxsize=64)  # more than a valve has parameters
 def _table(valve: ValveArea, largest: float) -> Array:
     halves = [_half_table(valve._knots(sign), largest) for sign in (-1.0, 1.0)]
     table = np.concatenate([halves[0][::-1], [0.0], halves[1]])
