@@ -22,7 +22,7 @@ import time
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numba import njit
@@ -74,6 +74,7 @@ class Size(NamedTuple):
 
 
 SMALL = Size(400, 8, 2)
+AREA_PARAMETERS = 20  # whose derivatives are simulated at once
 
 
 class Figure(NamedTuple):
@@ -107,6 +108,7 @@ def measure(size: Size) -> list[Figure]:
     t_c, t_equal, t_bare, t_off, t_whole = fastest(*in_c, *loops, runs=size.runs)
     t_lsoda = fastest(lsoda(bare, n), runs=1)[0]
     t_batch = fastest(batch(bare, size), runs=min(3, size.runs))[0] / size.batch
+    t_imposed, t_derivatives = fastest(imposed_motion(bare, n), area_derivatives(bare, n), runs=size.runs)
     exact = positions(bare, n, FINE)
     print(f"C, smoothed: {1e3 * t_c:.2f} ms; kernel, bare: {1e3 * t_bare:.2f} ms, every effect: {1e3 * t_whole:.2f} ms")
     print(f"C with the kernel's {steps} steps a sample: {1e3 * t_equal:.2f} ms, kernel / C: {t_bare / t_equal:.3g}")
@@ -119,6 +121,9 @@ def measure(size: Size) -> list[Figure]:
         Figure(f"all {len(catalogue())} effects off / none", t_off / t_bare, 1.3),
         Figure(f"all {len(catalogue())} effects on / none", t_whole / t_bare, 2.3),
         Figure("closed loop, base model / LSODA", t_bare / t_lsoda, 0.01),
+        Figure(
+            f"derivatives by {AREA_PARAMETERS} areas / differences", t_derivatives / t_imposed / AREA_PARAMETERS, 0.4
+        ),
         Figure(f"one of a batch of {size.batch} / C", t_batch / t_c, 0.25),
     ]
 
@@ -159,6 +164,31 @@ def closed_loop(
         return out
 
     return run
+
+
+def imposed_motion(kernel: Kernel, samples: int) -> Callable[[], None]:
+    """A call that simulates both chambers, a valve at each, with an imposed motion, from a restart each 0.5 s."""
+    given, out = imposed_inputs(kernel, samples), np.zeros((samples, at.OUTPUTS))
+    return lambda: kernel.run(*given, np.zeros(1), np.zeros(2), out)
+
+
+def area_derivatives(kernel: Kernel, samples: int) -> Callable[[], None]:
+    """The same with the derivatives of both pressures by ``AREA_PARAMETERS`` parameters of the areas."""
+    given, out = imposed_inputs(kernel, samples), np.zeros((samples, at.OUTPUTS))
+    shapes = np.repeat(AREAS[:, None], AREA_PARAMETERS, axis=1)
+    derivatives = np.zeros((samples, 2, AREA_PARAMETERS))
+    return lambda: kernel.functions.run_area_derivatives(*given, shapes, shapes, out, derivatives)
+
+
+def imposed_inputs(kernel: Kernel, samples: int) -> tuple[Any, ...]:
+    """The kernel's arguments for a sine of the command and of the position."""
+    phase, given, switches = 2 * np.pi * TIME[:samples], inputs(REFERENCE[:samples]), flags()
+    given[:, at.IN_U], given[:, at.IN_U2] = 8.0 * np.sin(3.0 * phase), -8.0 * np.sin(3.0 * phase)
+    given[:, at.IN_X], given[:, at.IN_V] = 0.1 + 0.04 * np.sin(phase), 0.08 * np.pi * np.cos(phase)
+    switches[[at.MECHANICS, at.LOOP]], switches[at.CHAMBER_2] = 0.0, at.VALVE_2
+    starts = np.arange(0, samples, 500)
+    off = kernel.effect_vector({}), kernel.effect_switches(())
+    return TIME[:samples], given, starts, BASE, *off, switches, AREAS, AREAS, 2 * STEP
 
 
 def positions(kernel: Kernel, samples: int, step: float = STEP) -> Array:

@@ -25,12 +25,14 @@ from pneucli.physics.equations import effect_source
 from pneucli.physics.ports import PORTS
 from pneucli.simulate import layout
 from pneucli.simulate.kernel import (
+    area_derivatives,
     balance,
     chamber,
     friction,
     hose,
     imposed,
     run,
+    sensitivity,
     sensors,
     step,
     table_friction,
@@ -45,7 +47,9 @@ PARTS = (
     friction,
     sensors,
     step,
+    sensitivity,
     run,
+    area_derivatives,
     imposed,
     balance,
     table_friction,
@@ -59,7 +63,10 @@ ENTRY_POINTS = (
     "run_forces",
     "run_true_pressures",
     "run_gradient",
+    "run_area_derivatives",
 )
+
+CALLED = re.compile(r"\w+_sensitivities")  # only where derivatives are asked for, and long
 
 
 @dataclass(frozen=True)
@@ -157,20 +164,25 @@ def source(
 def _decorate(match: re.Match[str]) -> str:
     """Return a function with its decorator.
 
-    All functions but the entry points are inlined, since calls with arrays are expensive. Functions that create no
-    array do not count references to arrays (``_nrt=False``), which took a third of the time; a function inherits this
-    setting from its caller without an own one. An inlined function is never called from Python: without the wrappers
-    that numba makes for that, a kernel compiles in half the time.
+    All functions but the entry points and ``CALLED`` are inlined, since calls with arrays are expensive. Functions that
+    create no array do not count references to arrays (``_nrt=False``), which took a third of the time; a function
+    inherits this setting from its caller without an own one. An inlined function is never called from Python: without
+    the wrappers that numba makes for that, a kernel compiles in half the time.
     """
     text, name = match[0], match[1]
-    inlined = "forceinline=True, no_cpython_wrapper=True, no_cfunc_wrapper=True"
+    inlined = f"forceinline={not CALLED.fullmatch(name)}, no_cpython_wrapper=True, no_cfunc_wrapper=True"
     how = "cache=True, nogil=True" if name in ENTRY_POINTS else inlined
     makes_arrays = name in ENTRY_POINTS or re.search(r"\bnp\.|\.copy\(", text) is not None
     return f"@njit({how}, _nrt={makes_arrays}, error_model='numpy')\n{text}"
 
 
 def _constants() -> str:
-    values = {k: v for module in (layout, gas, hose) for k, v in vars(module).items() if isinstance(v, int | float)}
+    values = {
+        k: v
+        for module in (layout, gas, hose, sensitivity)
+        for k, v in vars(module).items()
+        if isinstance(v, int | float)
+    }
     return "\n".join(f"{name} = {value}" for name, value in values.items()) + "\n"
 
 

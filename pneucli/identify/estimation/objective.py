@@ -2,17 +2,19 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
+from functools import partial
 from threading import Lock
 
 import numpy as np
 from numpy.typing import NDArray
 
 from pneucli.executors import map_in_threads, thread_count
-from pneucli.identify.estimation.blocks import block_labels, channel_slices, residual_counts
+from pneucli.identify.estimation.blocks import block_labels, channel_slices, residual_counts, residual_slices
 from pneucli.identify.estimation.parameters import DIFFERENCE_STEP, FreeParameter
 from pneucli.identify.residuals import ResidualModel
+from pneucli.simulate.area_derivatives import AreaChanges
 from pneucli.simulate.model import Model, with_parameters
 
 Array = NDArray[np.float64]
@@ -57,6 +59,11 @@ class LeastSquaresProblem:
         longest = max((one.experiment.time.size for one in self.residual_models), default=1)
         return int(np.clip(SIMULATION_MEMORY // (BYTES_PER_SAMPLE * longest), 1, thread_count()))
 
+    @property
+    def data_size(self) -> int:
+        """Number N of the residuals of the data."""
+        return sum(residual_counts(self.residual_models))
+
     def model_at(self, z: Array) -> Model:
         """Return the model at coordinates z (k,)."""
         return with_parameters(self.model, {f.name: f.from_coordinate(c) for f, c in zip(self.free, z, strict=True)})
@@ -82,7 +89,7 @@ class LeastSquaresProblem:
 
     def jacobian(self, z: Array) -> Array:
         """Return the derivatives (N + p, k) by differences; evaluate only residual models that change."""
-        prior, rows = self.prior_jacobian(z), sum(residual_counts(self.residual_models))
+        prior, rows = self.prior_jacobian(z), self.data_size
         # column by column: pages of residual models that a parameter does not change are never touched
         out = np.zeros((rows + len(prior), z.size), order="F")
         out[rows:] = prior
@@ -90,31 +97,51 @@ class LeastSquaresProblem:
         return out
 
     def evaluate_columns(self, z: Array, columns: Sequence[int], out: Array) -> None:
-        """Write the derivatives of the data by some coordinates to those columns of derivatives (N + p, k)."""
-        base = self.model_at(z)
-        offsets = np.cumsum([0, *residual_counts(self.residual_models)])
-        nominal = np.split(self.residuals(z), offsets[1:])
-        lock, jobs = Lock(), []
-        for j in columns:
-            if out[: offsets[-1], j].any():
-                out[: offsets[-1], j] = 0.0
-            for step in self._steps(z, j):
-                shifted = z.copy()
-                shifted[j] += step
-                model = self.model_at(shifted)
-                jobs += [(i, j, step, model) for i, one in enumerate(self.residual_models) if one.differs(base, model)]
+        """Write the derivatives of the data by some coordinates to those columns of derivatives (N + p, k).
 
-        def column(job: tuple[int, int, float, Model]) -> None:
-            i, j, step, model = job
-            change = (whitened_residual(self.residual_models[i], model, self.errors[i]) - nominal[i]) / step
-            share, size = 1.0 / len(self._steps(z, j)), self.residual_models[i].experiment.time.size
+        Those by the valves' areas come from one simulation of each residual model where it allows that.
+        """
+        base = self.model_at(z)
+        rows = residual_slices(self.residual_models)
+        nominal = self.residuals(z)
+        shifted = {j: [(step, self._shifted(z, j, step)) for step in self._steps(z, j)] for j in columns}
+        areas = [j for j in columns if self.free[j].name in base.valve_parameters()]
+        changes = AreaChanges(base, [shifted[j] for j in areas])
+        for j in columns:
+            if out[: self.data_size, j].any():
+                out[: self.data_size, j] = 0.0
+        lock, jobs = Lock(), []
+
+        def write(i: int, j: int, change: Array) -> None:
+            size = self.residual_models[i].experiment.time.size
             for first in range(0, change.size, size):
-                part = change[first : first + size]
+                part, start = change[first : first + size], rows[i].start + first
                 if part.any():  # zeros that are not written take no memory
                     with lock:
-                        out[offsets[i] + first : offsets[i] + first + size, j] += share * part
+                        out[start : start + size, j] += part
 
-        map_in_threads(column, jobs, self.max_parallel)
+        def difference(i: int, j: int) -> None:
+            for step, model in shifted[j]:
+                change = whitened_residual(self.residual_models[i], model, self.errors[i]) - nominal[rows[i]]
+                write(i, j, change / (step * len(shifted[j])))
+
+        def simulate(i: int, simulated: Iterable[tuple[slice, Array]]) -> None:
+            for some, derivatives in simulated:
+                for j, column in zip(areas[some], derivatives, strict=True):
+                    write(i, j, column)
+
+        for i, one in enumerate(self.residual_models):
+            changed = [j for j in columns if one.differs(base, shifted[j][0][1])]
+            simulated = one.area_derivatives(changes, self.errors[i]) if set(changed) & set(areas) else None
+            if simulated is not None:
+                jobs.append(partial(simulate, i, simulated))
+            jobs += [partial(difference, i, j) for j in changed if simulated is None or j not in areas]
+        map_in_threads(lambda job: job(), jobs, self.max_parallel)
+
+    def _shifted(self, z: Array, j: int, step: float) -> Model:
+        shifted = z.copy()
+        shifted[j] += step
+        return self.model_at(shifted)
 
     def correct_jacobian(self, jacobian: Array, before: Array, after: Array, change: Array) -> None:
         """Correct derivatives (N + p, k) in place by the change of the residuals (N + p,) over a step between two

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from abc import ABC, abstractmethod
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
 from typing import ClassVar
@@ -19,6 +19,7 @@ from pneucli.physics.declaration import Effect
 from pneucli.physics.ports import Balance
 from pneucli.quantities import SIGNALS
 from pneucli.simulate import layout as at
+from pneucli.simulate.area_derivatives import AreaChanges
 from pneucli.simulate.experiment import Experiment
 from pneucli.simulate.model import Model
 from pneucli.simulate.noise_propagation import sample_deviations
@@ -108,6 +109,21 @@ class ResidualModel(ABC):
     def initial_state_sensitivity(self, model: Model) -> dict[str, Array]:
         """Return the effect of initial-state errors by channel, each (k, n), in units of noise, if there are any."""
         return {}
+
+    def area_derivatives(
+        self, changes: AreaChanges, errors: Mapping[str, Array]
+    ) -> Iterable[tuple[slice, Array]] | None:
+        """Differentiate the residuals by parameters of the valves' areas, where one simulation gives all of them.
+
+        Args:
+            changes: The changes of the areas.
+            errors: Sensitivities to the initial state.
+
+        Returns:
+            Which parameters, and the derivatives by them in units of noise, weighted, channel after channel, shape
+            (parameters, N); None: by differences only.
+        """
+        return None
 
     def flow_gain_sensitivity(self, model: Model) -> dict[str, Array]:
         """Return the effect of relative flow errors by channel, each (k, n), in units of noise, if air flows."""

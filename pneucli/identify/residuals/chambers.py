@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import ClassVar
@@ -28,6 +28,7 @@ from pneucli.identify.residuals.initial_state import (
 from pneucli.physics.declaration import Effect
 from pneucli.physics.ports import Balance
 from pneucli.simulate import layout as at
+from pneucli.simulate.area_derivatives import AreaChanges, area_derivatives, can_simulate_derivatives
 from pneucli.simulate.model import Model
 from pneucli.simulate.run import run, simulate
 
@@ -70,6 +71,25 @@ class ChamberPressures(ResidualModel):
             if self.whiten_initial_state
             else {}
         )
+
+    def area_derivatives(
+        self, changes: AreaChanges, errors: Mapping[str, Array]
+    ) -> Iterable[tuple[slice, Array]] | None:
+        """Differentiate the residuals by parameters of the valves' areas in one simulation, where that is possible."""
+        if not CHAMBER_OF_SIGNAL.keys() >= set(self.channels):
+            return None
+        if not can_simulate_derivatives(changes.model, self.experiment):
+            return None
+        return self._area_derivatives(changes, errors)
+
+    def _area_derivatives(self, changes: AreaChanges, errors: Mapping[str, Array]) -> Iterator[tuple[slice, Array]]:
+        for some, derivatives in area_derivatives(changes, self.experiment):
+            rows = {}
+            for c in self.channels:
+                rows[c] = derivatives[CHAMBER_OF_SIGNAL[c] - 1]
+                rows[c] *= -self.weights.get(c, 1.0) / self.noise[c]
+                rows[c][:, np.isnan(self.measured[c])] = 0.0
+            yield some, np.concatenate(list(self.apply_whitening(rows, errors).values()), axis=1)
 
     def discrepancy_terms(self, model: Model, channel: str) -> Sequence[DiscrepancyTerm]:
         """Return the forms of a missing flow into the chamber in kg/s, and of an error of its sensor in Pa.

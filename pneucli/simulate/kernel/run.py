@@ -8,7 +8,9 @@ from pneucli.physics.gas import flow_constant
 from pneucli.simulate.kernel.hose import hose_bores, hose_delays, hose_step, line_step, longest_step, volume_beyond_hose
 from pneucli.simulate.kernel.ports import (
     bristle_stiffness,
+    critical_ratio,
     has_heat,
+    leak_area,
     mass,
     read_a,
     scalars,
@@ -16,6 +18,16 @@ from pneucli.simulate.kernel.ports import (
     sensor_lag,
     volume_1,
     volume_2,
+)
+from pneucli.simulate.kernel.sensitivity import (
+    add_leaks,
+    clear_sensitivities,
+    delay_sensitivities,
+    differentiate_chamber,
+    hose_sensitivities,
+    pressure_sensitivities,
+    restart_sensitivities,
+    valve_sensitivities,
 )
 from pneucli.simulate.kernel.sensors import add_unread_change, read_pressures, true_pressures, unread
 from pneucli.simulate.kernel.step import (
@@ -31,8 +43,11 @@ from pneucli.simulate.layout import (
     AREA_1,
     AREA_2,
     CHAMBER_2,
+    CLOSED,
+    CRITICAL,
     DEAD_1,
     DEAD_2,
+    DERIVATIVES,
     FLOW,
     GAMMA,
     GAS,
@@ -132,6 +147,7 @@ def run(time, inputs, restarts, base_values, th_values, on_values, flags, areas,
     """
     base, th, on = scalars(base_values, th_values, on_values)
     lag, delay = sensor_lag(th, on), sensor_delay(th, on)
+    no_shapes, nothing = np.zeros((0, 0)), np.zeros((0, 2, 0))
     predicts_pressures = flags[PNEUMATICS] > 0.0 and flags[LOOP] == 0.0
     if (lag > 0.0 or delay > 0.0) and predicts_pressures:
         true = inputs[:, IN_P1 : IN_P2 + 1].copy()
@@ -140,18 +156,26 @@ def run(time, inputs, restarts, base_values, th_values, on_values, flags, areas,
         imposed[MECHANICS] = 0.0
         advance(
             time, inputs, true, middles(restarts), base_values, th_values, on_values, imposed, areas, areas_2, h_max,
-            cs, cp, first_pass,
+            cs, cp, first_pass, no_shapes, no_shapes, nothing, nothing,
         )  # fmt: skip
         add_unread_change(first_pass, restarts, base, th, on, true)
     else:  # no later reading is needed, or all readings are inputs
         true = true_pressures(time, inputs, lag, base, th, on)
-    advance(time, inputs, true, restarts, base_values, th_values, on_values, flags, areas, areas_2, h_max, cs, cp, out)
+    advance(
+        time, inputs, true, restarts, base_values, th_values, on_values, flags, areas, areas_2, h_max, cs, cp, out,
+        no_shapes, no_shapes, nothing, nothing,
+    )  # fmt: skip
 
 
-def advance(time, inputs, true, restarts, base_values, th_values, on_values, flags, areas, areas_2, h_max, cs, cp, out):
+def advance(
+    time, inputs, true, restarts, base_values, th_values, on_values, flags, areas, areas_2, h_max, cs, cp, out,
+    shapes, shapes_2, start, derivatives,
+):  # fmt: skip
     """Simulate one recording as :func:`run` does, with pressures ``true`` (n, 2) at and before each restart.
 
-    Where no pneumatics are simulated, ``true`` is imposed.
+    Where no pneumatics are simulated, ``true`` is imposed. ``shapes`` and ``shapes_2`` (areas, columns) are derivatives
+    of the areas; those of both pressures are written to ``derivatives`` (n, 2, columns). ``start`` (n, 2, columns) has
+    the derivatives of ``true``; without samples they are 0.
     """
     n = time.size
     base, th, on = scalars(base_values, th_values, on_values)
@@ -185,6 +209,9 @@ def advance(time, inputs, true, restarts, base_values, th_values, on_values, fla
     m1 = m2 = 1.0
     T1 = T2 = base[TEMP]
     k1 = k2 = k_gas
+    columns = derivatives.shape[2]
+    d, passed = np.zeros((2, DERIVATIVES, columns)), np.zeros((ring.shape[0] if columns > 0 else 1, 4, columns))
+    b, leak = critical_ratio(base[CRITICAL], th, on), leak_area(th, on)
     first = segment = 0
     for k in range(n):
         last = k == n - 1
@@ -205,9 +232,14 @@ def advance(time, inputs, true, restarts, base_values, th_values, on_values, fla
             dp1 = dp2 = dv = 0.0
             m1 = p1 * (dead_1 + area_1 * x) / (base[GAS] * T1)
             m2 = p2 * (dead_2 + area_2 * (stroke - x)) / (base[GAS] * T2)
+            if columns > 0:
+                restart_sensitivities(d, 0, start, k, p1, m1, T1)
+                restart_sensitivities(d, 1, start, k, p2, m2, T2)
         out[k, X], out[k, V], out[k, P1], out[k, P2], out[k, GAS_T] = x, v, p1, p2, T1
         if hot and pneumatics:
             out[k, GAS_T] = p1 * (dead_1 + area_1 * x) / (base[GAS] * m1)
+        if columns > 0:
+            pressure_sensitivities(d, k, derivatives)
         read_pressures(time, inputs, true, out, before, first, k, base, th, on)
         u, u2 = inputs[k, IN_U], inputs[k, IN_U2]
         if loop:
@@ -246,10 +278,22 @@ def advance(time, inputs, true, restarts, base_values, th_values, on_values, fla
                 k1, k2 = k_gas * math.sqrt(base[TEMP] / T1), k_gas * math.sqrt(base[TEMP] / T2)
             p_line = inputs[k, IN_SUPPLY] + w * (inputs[nxt, IN_SUPPLY] - inputs[k, IN_SUPPLY])
             outlet_1, outlet_2 = end_1 if bore_1 > 0.0 else p1_mid, end_2 if bore_2 > 0.0 else p2_mid
-            q_in, q_out, more_in, more_out = valve_step(
+            q_in, q_out, more_in, more_out, opening, opening_2, p_valve = valve_step(
                 u, u2, outlet_1, outlet_2, p_line, stated, shut, chamber_2, q_supply, h, k1, k2, k_gas, u_max,
                 areas, areas_2, s1, s2, s_supply, base, th, on,
             )  # fmt: skip
+            if columns > 0:
+                clear_sensitivities(d)
+                if not shut:
+                    valve_sensitivities(
+                        d, 0, opening, outlet_1, bore_1 > 0.0, h, T1, p_valve, p_amb, b, leak, k1, k_gas, u_max,
+                        areas, shapes,
+                    )  # fmt: skip
+                if chamber_2 not in (OPEN, CLOSED):
+                    valve_sensitivities(
+                        d, 1, opening_2, outlet_2, bore_2 > 0.0, h, T2, p_valve, p_amb, b, leak, k2, k_gas, u_max,
+                        areas_2, shapes_2,
+                    )  # fmt: skip
             q_supply = q_in + more_in
             if i == 0:
                 out[k, FLOW] = q_in - q_out
@@ -257,6 +301,15 @@ def advance(time, inputs, true, restarts, base_values, th_values, on_values, fla
                 q_in, q_out, more_in, more_out, head, tail, tail_2 = line_step(
                     time[k] + (i + 0.5) * h, q_in, q_out, more_in, more_out, wave_1, wave_2, ring, head, tail, tail_2
                 )
+                if columns > 0:
+                    written: int = (head if head > 0 else ring.shape[0]) - 1
+                    delay_sensitivities(d, passed, ring, written, tail, tail_2, time[k] + (i + 0.5) * h, wave_1, wave_2)
+            if columns > 0:
+                if bore_1 > 0.0:
+                    hose_sensitivities(d, 0, end_1, through_1, p1_mid, q_in - q_out, h, delay_1, bore_1, base)
+                if bore_2 > 0.0:
+                    hose_sensitivities(d, 1, end_2, through_2, p2_mid, more_in - more_out, h, delay_2, bore_2, base)
+                add_leaks(d, chamber_2, p1_mid, p2_mid, h, k1, k2, base, th, on)
             if bore_1 > 0.0:
                 end_1, through_1, q_in, q_out = hose_step(
                     end_1, through_1, p1_mid, q_in - q_out, h, delay_1, bore_1, base
@@ -265,12 +318,36 @@ def advance(time, inputs, true, restarts, base_values, th_values, on_values, fla
                 end_2, through_2, more_in, more_out = hose_step(
                     end_2, through_2, p2_mid, more_in - more_out, h, delay_2, bore_2, base
                 )
+            before_1, before_2, mass_1, mass_2 = p1, p2, m1, m2
             p1, dp1, m1, T1 = chamber_1_step(
                 p1, p1_mid, p2_mid, m1, h, dead_1 + area_1 * x_mid, area_1 * v_mid, q_in, q_out, hot, k1, base, th, on
             )
+            if columns > 0:
+                differentiate_chamber(
+                    d, 0, before_1, p1_mid, mass_1, m1, h, dead_1 + area_1 * x_mid, area_1 * v_mid, q_in, dp1, hot,
+                    base, th, on,
+                )  # fmt: skip
             if chamber_2 == OPEN:
                 continue
             volume_2_mid = dead_2 + area_2 * (stroke - x_mid)
             p2, dp2, m2, T2 = chamber_2_step(
                 p2, p1_mid, p2_mid, m2, h, volume_2_mid, -area_2 * v_mid, more_in, more_out, hot, k1, k2, base, th, on
             )
+            if columns > 0:
+                differentiate_chamber(
+                    d,
+                    1,
+                    before_2,
+                    p2_mid,
+                    mass_2,
+                    m2,
+                    h,
+                    volume_2_mid,
+                    -area_2 * v_mid,
+                    more_in,
+                    dp2,
+                    hot,
+                    base,
+                    th,
+                    on,
+                )
