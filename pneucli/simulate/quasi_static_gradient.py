@@ -9,11 +9,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pneucli.simulate import layout as at
+from pneucli.simulate.area_derivatives import AreaChanges
 from pneucli.simulate.experiment import Experiment
 from pneucli.simulate.model import Model
 from pneucli.simulate.run import base_vector, kernel_for
 
 Array = NDArray[np.float64]
+
+NO_SHAPES = np.zeros((0, 0))
 
 
 @dataclass(frozen=True)
@@ -37,9 +40,32 @@ class QuasiStaticGradient:
         References:
             Thesis 7.4.
         """
-        out = np.empty(u.size)
-        self._gradient(u.ravel(), p.ravel(), supply.ravel(), *self._fixed, out)
-        return out.reshape(u.shape)
+        return self._run(u, p, supply, NO_SHAPES)[0]
+
+    def area_derivatives(self, u: Array, p: Array, supply: Array, changes: AreaChanges) -> Array:
+        """Return the derivatives of the gradient by parameters of the valve's areas, of this model's changes.
+
+        Args:
+            u: Command in V from the null command.
+            p: Pressure in Pa.
+            supply: Supply pressure in Pa; all three of one shape.
+            changes: The changes of the areas.
+
+        Returns:
+            Pa/s a unit of the parameter, shape ``u.shape + (parameters,)``.
+        """
+        return self._run(u, p, supply, changes.shapes(self.experiment.recording.chamber, self._largest))[1]
+
+    def _run(self, u: Array, p: Array, supply: Array, shapes: Array) -> tuple[Array, Array]:
+        out, derivatives = np.empty(u.size), np.empty((u.size, shapes.shape[1]))
+        self._gradient(u.ravel(), p.ravel(), supply.ravel(), *self._fixed, out, shapes, derivatives)
+        return out.reshape(u.shape), derivatives.reshape((*u.shape, shapes.shape[1]))
+
+    @property
+    def _largest(self) -> float:
+        """The largest opening of the table of areas in V."""
+        valve = self.model.valve_of_chamber(self.experiment.recording.chamber)
+        return max(float(self.experiment.flags[at.U_MAX]), *map(abs, valve.commands))
 
     @cached_property
     def _fixed(self) -> tuple[Array, Array, NDArray[np.uint8], float, Array]:
@@ -47,8 +73,7 @@ class QuasiStaticGradient:
         active = kernel.effect_switches(self.experiment.active_effects(self.model.effects))
         base, th = base_vector(self.model, self.experiment), kernel.effect_vector(self.model.effect_values())
         valve = self.model.valve_of_chamber(self.experiment.recording.chamber)
-        largest = max(float(self.experiment.flags[at.U_MAX]), *map(abs, valve.commands))
-        return base, th, active, largest, valve.table(largest)
+        return base, th, active, self._largest, valve.table(self._largest)
 
     @cached_property
     def _gradient(self):  # type: ignore[no-untyped-def]

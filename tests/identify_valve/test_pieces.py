@@ -9,6 +9,8 @@ from typing import Any
 import numpy as np
 import pytest
 
+from pneucli.identify.estimation.model_fit import free_parameters
+from pneucli.identify.residuals import ChamberPressures
 from pneucli.identify.valve import identification, maps, model_gradient
 from pneucli.identify.valve.area_model import AreaModel
 from pneucli.identify.valve.fit import Posterior
@@ -25,6 +27,7 @@ from pneucli.identify.valve.model_gradient import ModelGradient, has_memory, mem
 from pneucli.identify.valve.result import RecordingResidual, ValveIdentification
 from pneucli.identify.valve.simulation import initial_pressures
 from pneucli.identify.valve.transients import Transients
+from pneucli.simulate.model import parameter_value
 from pneucli.simulate.quasi_static_gradient import QuasiStaticGradient
 from pneucli.simulate.run import simulate
 from tests.simulate.synthetic_experiments import held_commands, make_experiment, model, time_grid
@@ -388,7 +391,24 @@ def test_the_sensitivity_to_a_parameter_is_a_central_difference() -> None:
         def at_coordinates(self, z: np.ndarray) -> Any:
             return lambda u, p, supply: u * z[0] ** 2 + p * z[1]
 
-    one = Square(NONE, NONE, (), np.array([3.0, 1.0]), np.diag([0.01, 4.0]))
+    still: Any = SimpleNamespace(valve_parameters=dict)
+    one = Square(still, NONE, (), np.array([3.0, 1.0]), np.diag([0.01, 4.0]))
     at = np.array([2.0, 5.0]), np.array([10.0, 1.0]), np.zeros(2)
     assert one.sensitivity(np.array([3.0, 1.0]), *at) == pytest.approx(np.array([[12.0, 10.0], [30.0, 1.0]]))
     assert one.standard_error(*at) == pytest.approx(np.sqrt([1.44 + 400.0, 9.0 + 4.0]))
+
+
+def test_the_sensitivity_to_areas_and_overlaps_is_that_of_differences() -> None:
+    """Beside a leak, whose parameter is no area, and at commands beyond all knots."""
+    known, test = quiet(["chamber-leak"], {"chamber-leak.area": 2e-8})
+    known = replace(known, valve=replace(known.valve, overlap_fill=0.3))
+    free = free_parameters(known, [ChamberPressures(test)])
+    start = np.array([f.to_coordinate(parameter_value(known, f.name)) for f in free])
+    one = ModelGradient(known, test, tuple(free), start, np.eye(start.size))
+    u, p = np.linspace(-12.0, 12.0, 40), np.linspace(1.2e5, 6e5, 40)
+    found = one.sensitivity(start, u, p, np.full(40, 7e5))
+    for j, step in enumerate(1e-4 * np.eye(start.size)):
+        above, below = (one.at_coordinates(start + s)(u, p, np.full(40, 7e5)) for s in (step, -step))
+        slope = (above - below) / 2e-4
+        assert found[:, j] == pytest.approx(slope, abs=2e-3 * np.abs(slope).max())
+        assert slope.any()

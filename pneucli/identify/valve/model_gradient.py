@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,6 +14,7 @@ from pneucli.identify.estimation.fit import Fit
 from pneucli.identify.estimation.parameters import FreeParameter
 from pneucli.physics.ports import PORTS
 from pneucli.simulate import layout as at
+from pneucli.simulate.area_derivatives import AreaChanges
 from pneucli.simulate.experiment import Experiment
 from pneucli.simulate.model import Model, ValveForm, with_parameters
 from pneucli.simulate.quasi_static_gradient import QuasiStaticGradient
@@ -37,6 +39,7 @@ class ModelGradient:
     free: tuple[FreeParameter, ...]
     start: Array
     covariance: Array
+    _changes: dict[bytes, AreaChanges] = field(default_factory=dict, init=False)
 
     @property
     def valve(self) -> ValveForm:
@@ -81,12 +84,42 @@ class ModelGradient:
         return np.array([nominal, *((shifted - nominal) / DIFFERENCE_STEP for shifted in memory_change)])
 
     def sensitivity(self, z: Array, u: Array, p: Array, supply: Array) -> Array:
-        """Return the derivatives by the coordinates, shape ``u.shape + (k,)``, by central differences."""
-        out = np.empty((*u.shape, z.size))
-        for j, row in enumerate(DIFFERENCE_STEP * np.eye(z.size)):
-            above, below = (self.at_coordinates(z + step)(u, p, supply) for step in (row, -row))
-            out[..., j] = (above - below) / (2 * DIFFERENCE_STEP)
+        """Return the derivatives by the coordinates, shape ``u.shape + (k,)``; by central differences but for areas."""
+        out, areas = np.empty((*u.shape, z.size)), self._area_coordinates
+        if areas:
+            out[..., areas] = self.at_coordinates(z).area_derivatives(u, p, supply, self._area_changes(z))
+        for j in set(range(z.size)) - set(areas):
+            above, below = (
+                self.at_coordinates(self._shifted(z, j, step)) for step in (DIFFERENCE_STEP, -DIFFERENCE_STEP)
+            )
+            out[..., j] = (above(u, p, supply) - below(u, p, supply)) / (2 * DIFFERENCE_STEP)
         return out
+
+    @cached_property
+    def _area_coordinates(self) -> list[int]:
+        names = self.model.valve_parameters()
+        return [j for j, f in enumerate(self.free) if f.name in names]
+
+    def _area_changes(self, z: Array) -> AreaChanges:
+        """Return the changes of the areas at coordinates z (k,); those of the last coordinates are kept."""
+        key = z.tobytes()
+        changes = self._changes.get(key)
+        if changes is None:
+            steps = (DIFFERENCE_STEP, -DIFFERENCE_STEP)
+            models = [
+                [(step, self.at_coordinates(self._shifted(z, j, step)).model) for step in steps]
+                for j in self._area_coordinates
+            ]
+            changes = AreaChanges(self.at_coordinates(z).model, models)
+            self._changes.clear()
+            self._changes[key] = changes
+        return changes
+
+    @staticmethod
+    def _shifted(z: Array, j: int, step: float) -> Array:
+        shifted = z.copy()
+        shifted[j] += step
+        return shifted
 
     def standard_error(self, u: Array, p: Array, supply: Array) -> Array:
         """Return the standard error in Pa/s from the covariance of the model's parameters, of the shape of u."""

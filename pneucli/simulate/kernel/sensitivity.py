@@ -5,10 +5,9 @@ for all of them, so one simulation carries the derivatives by all of them along,
 for each.
 """
 
-from pneucli.physics.gas import orifice_flow
 from pneucli.simulate.kernel.hose import hose_step
 from pneucli.simulate.kernel.ports import heat, leak_1_2, leak_1_ambient, leak_2_ambient
-from pneucli.simulate.kernel.valve import valve_flow
+from pneucli.simulate.kernel.valve import table_place, unit_flow, valve_flow
 from pneucli.simulate.layout import (
     AMBIENT,
     D_END,
@@ -28,7 +27,7 @@ from pneucli.simulate.layout import (
 )
 
 PRESSURE_STEP = 10.0  # Pa, for differences: less would meet the vertical slope of the flow at equal pressures
-FLOW_STEP = 1e-7  # kg/s, for differences of a hose: a millionth of what a valve passes, as above
+FLOW_STEP = 1e-7  # kg/s, for differences of a hose: a hundred-thousandth of what a valve passes
 
 
 def restart_sensitivities(d, chamber, start, k: int, p, mass, T):
@@ -91,16 +90,9 @@ def valve_sensitivities(
     above = outlet + PRESSURE_STEP
     more_in, more_out = valve_flow(opening, above, p_line, p_amb, b, leak, k, k_gas, u_max, areas)
     in_slope, out_slope = (more_in - q_in) / PRESSURE_STEP, (more_out - q_out) / PRESSURE_STEP
-    fill = vent = 0.0
-    if opening > 0.0:
-        fill = orifice_flow(p_line, outlet, b, k_gas, k)
-    else:
-        vent = orifice_flow(outlet, p_amb, b, k, k_gas)
+    fill, vent = unit_flow(opening, outlet, p_line, p_amb, b, k, k_gas)
     in_T, out_T = -0.5 * min(q_in, 0.0) / T, -0.5 * max(q_out, 0.0) / T  # the gas of the chamber leaves
-    last: int = areas.size - 1
-    place = min(max((opening + u_max) * (last / (2.0 * u_max)), 0.0), float(last))
-    i: int = min(int(place), last - 1)
-    w = place - i
+    i, w = table_place(opening, u_max, areas.size)
     for j in range(d.shape[2]):
         area = shapes[i, j] + w * (shapes[i + 1, j] - shapes[i, j])
         p = d[chamber, D_END, j] if at_hose else d[chamber, D_P, j] + 0.5 * h * d[chamber, D_RATE, j]

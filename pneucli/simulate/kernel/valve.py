@@ -28,6 +28,34 @@ def effective_area(u, u_max, areas):
     return areas[i] + (place - i) * (areas[i + 1] - areas[i])
 
 
+def table_place(u, u_max, size: int):
+    """Return between which points of a table of areas an opening lies: the lower one, and the share of the way on.
+
+    Args:
+        u: Opening in V.
+        u_max: Largest opening in V.
+        size: Number of points over openings of -u_max..u_max.
+
+    >>> table_place(5.0, 10.0, 3), table_place(12.0, 10.0, 3)
+    ((1, 0.5), (1, 1.0))
+    """
+    last: int = size - 1
+    place = min(max((u + u_max) * (last / (2.0 * u_max)), 0.0), float(last))
+    i: int = min(int(place), last - 1)
+    return i, place - i
+
+
+def unit_flow(opening, p, p_s, p_amb, b, k, k_gas):
+    """Return the flows of a valve as :func:`valve_flow` does, over the area that depends on the opening.
+
+    Returns:
+        Both mass flows over that area in kg/(s m^2); one of them is 0.
+    """
+    if opening > 0.0:
+        return orifice_flow(p_s, p, b, k_gas, k), 0.0
+    return 0.0, orifice_flow(p, p_amb, b, k, k_gas)
+
+
 def valve_flow(opening, p, p_s, p_amb, b, leak, k, k_gas, u_max, areas):
     """Return the flows of a valve from supply to outlet and from outlet to exhaust.
 
