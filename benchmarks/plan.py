@@ -90,6 +90,8 @@ def main(arguments: Sequence[str]) -> None:
         return
     plain = [a for i, a in enumerate(arguments) if not a.startswith("--") and not arguments[i - 1].startswith("--")]
     cases, condition = int(plain[0]) if plain else 12, plain[1] if len(plain) > 1 else "messy"
+    if options.get("--open", "yes") != "yes":
+        sys.exit(f"--open {options['--open']}: wanted yes, or no --open at all")
     size, seed = float(options.get("--size", "1")), int(options.get("--seed", "1"))
     with tempfile.TemporaryDirectory() as temporary:
         out = Path(options.get("--out", temporary))

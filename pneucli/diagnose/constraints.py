@@ -34,18 +34,21 @@ HORIZON_FACTOR = 2.0  # of the second horizon, at which a time is estimated agai
 MAX_HORIZON_SHIFT = 0.2  # of a time, by which the second horizon may change it; and no more than its interval
 
 Violation = tuple[bool, Reason]
+# reasons of an estimate that is impossible, however much the effect explains, in the order in which they count
+IMPOSSIBLE: tuple[Reason, ...] = ("vanishes", "at-bound", "below-resolution", "contradicted-by-reading")
 
 
 def violations_of_estimate(data: DiagnosisData, candidate: Candidate) -> list[Violation]:
     """Return the constraints on the fitted values themselves, in the order in which they count."""
     ends = end_locations(candidate)
     at_bound = "bound" in ends or bool(unresolved_parameters(candidate))
-    return [
-        (bool(ends) and set(ends) == {"null"}, "vanishes"),
-        (at_bound or contains_all_positions(candidate, data.train), "at-bound"),
-        (below_resolution(data.train, candidate), "below-resolution"),
-        (refuted_by_reading(candidate.full.model, candidate.effect, data.train), "contradicted-by-reading"),
-    ]
+    fails = (
+        bool(ends) and set(ends) == {"null"},
+        at_bound or contains_all_positions(candidate, data.train),
+        below_resolution(data.train, candidate),
+        refuted_by_reading(candidate.full.model, candidate.effect, data.train),
+    )
+    return list(zip(fails, IMPOSSIBLE, strict=True))
 
 
 def violated_constraint(

@@ -9,6 +9,7 @@ from itertools import pairwise
 
 from pneucli.diagnose.adequacy import LackOfFit
 from pneucli.diagnose.candidate import Candidate, Decision, Reason, supported_candidates
+from pneucli.diagnose.constraints import IMPOSSIBLE
 from pneucli.diagnose.data import DiagnosisData, lack_of_fit
 from pneucli.diagnose.decision import Judgement, is_complete, judge, log_odds_among_equivalents
 from pneucli.diagnose.equivalence import Term, best_candidate, not_inferior
@@ -20,8 +21,6 @@ from pneucli.physics.declaration import Effect
 MAX_EFFECTS = 4
 # reasons that leave open whether an effect is there in a small amount
 IMPROBABLE: tuple[Reason, ...] = ("needless", "immaterial", "explained-by-unknown")
-# reasons of an estimate that is impossible, however much the effect explains (``constraints.violations_of_estimate``)
-IMPOSSIBLE: tuple[Reason, ...] = ("vanishes", "at-bound", "below-resolution", "contradicted-by-reading")
 
 
 @dataclass(frozen=True)
