@@ -4,7 +4,7 @@ import numpy as np
 
 from pneucli.simulate.kernel.ports import read_p1, read_p2, scalars, sensor_delay, sensor_lag, unread_p1, unread_p2
 from pneucli.simulate.kernel.run import advance, middles
-from pneucli.simulate.kernel.sensors import add_unread_change, lag_weights, unread
+from pneucli.simulate.kernel.sensors import add_unread_change, first_order_lag, unread
 from pneucli.simulate.layout import AMBIENT, IN_P1, IN_P2, P1, R1, R2
 
 
@@ -28,9 +28,12 @@ def read_sensitivities(time, restarts, before, out, base, th, on, derivatives):
     for k in range(time.size):
         if segment < restarts.size and k == restarts[segment]:
             first, segment = k, segment + 1
-        g = e = 0.0
-        if lag > 0.0 and k > first:
-            e, g = lag_weights(time[k] - time[k - 1], lag)
+        # with a lag, what is read at a restart does not depend on the model
+        by_now, by_reading, by_before = 0.0 if lag > 0.0 else 1.0, 0.0, 0.0
+        if lag > 0.0 and k > first:  # the sensor is linear
+            step = time[k] - time[k - 1]
+            by_now = first_order_lag(step, 1.0, lag, 0.0, 0.0)
+            by_reading, by_before = first_order_lag(step, 0.0, lag, 1.0, 0.0), first_order_lag(step, 0.0, lag, 0.0, 1.0)
         m: int = k
         while delay > 0.0 and m > 0 and time[m] > time[k] - delay:
             m -= 1
@@ -48,10 +51,7 @@ def read_sensitivities(time, restarts, before, out, base, th, on, derivatives):
                     then = pressures[m + 1, chamber, j] if m + 1 >= first else past(before, m + 1, chamber, j)
                     now += w * (then - now)
                 now *= slope
-                reading = now
-                if lag > 0.0:
-                    reading = e * last[chamber, j] + (g - e) * undelayed[chamber, j] + (1.0 - g) * now
-                    reading = reading if k > first else 0.0
+                reading = by_now * now + by_reading * last[chamber, j] + by_before * undelayed[chamber, j]
                 undelayed[chamber, j], last[chamber, j] = now, reading
                 derivatives[k, chamber, j] = reading
 

@@ -210,7 +210,8 @@ def advance(
     T1 = T2 = base[TEMP]
     k1 = k2 = k_gas
     columns = derivatives.shape[2]
-    d, passed = np.zeros((2, DERIVATIVES, columns)), np.zeros((ring.shape[0] if columns > 0 else 1, 4, columns))
+    d_1, d_2 = np.zeros((DERIVATIVES, columns)), np.zeros((DERIVATIVES, columns))
+    passed = np.zeros((ring.shape[0] if columns > 0 else 1, 4, columns))
     b, leak = critical_ratio(base[CRITICAL], th, on), leak_area(th, on)
     first = segment = 0
     for k in range(n):
@@ -233,13 +234,12 @@ def advance(
             m1 = p1 * (dead_1 + area_1 * x) / (base[GAS] * T1)
             m2 = p2 * (dead_2 + area_2 * (stroke - x)) / (base[GAS] * T2)
             if columns > 0:
-                restart_sensitivities(d, 0, start, k, p1, m1, T1)
-                restart_sensitivities(d, 1, start, k, p2, m2, T2)
+                restart_sensitivities(d_1, d_2, start, k, p1, p2, m1, m2, T1, T2)
         out[k, X], out[k, V], out[k, P1], out[k, P2], out[k, GAS_T] = x, v, p1, p2, T1
         if hot and pneumatics:
             out[k, GAS_T] = p1 * (dead_1 + area_1 * x) / (base[GAS] * m1)
         if columns > 0:
-            pressure_sensitivities(d, k, derivatives)
+            pressure_sensitivities(d_1, d_2, k, derivatives)
         read_pressures(time, inputs, true, out, before, first, k, base, th, on)
         u, u2 = inputs[k, IN_U], inputs[k, IN_U2]
         if loop:
@@ -283,15 +283,15 @@ def advance(
                 areas, areas_2, s1, s2, s_supply, base, th, on,
             )  # fmt: skip
             if columns > 0:
-                clear_sensitivities(d)
+                clear_sensitivities(d_1, d_2)
                 if not shut:
                     valve_sensitivities(
-                        d, 0, opening, outlet_1, bore_1 > 0.0, h, T1, p_valve, p_amb, b, leak, k1, k_gas, u_max,
+                        d_1, opening, outlet_1, bore_1 > 0.0, h, T1, p_valve, p_amb, b, leak, k1, k_gas, u_max,
                         areas, shapes,
                     )  # fmt: skip
                 if chamber_2 not in (OPEN, CLOSED):
                     valve_sensitivities(
-                        d, 1, opening_2, outlet_2, bore_2 > 0.0, h, T2, p_valve, p_amb, b, leak, k2, k_gas, u_max,
+                        d_2, opening_2, outlet_2, bore_2 > 0.0, h, T2, p_valve, p_amb, b, leak, k2, k_gas, u_max,
                         areas_2, shapes_2,
                     )  # fmt: skip
             q_supply = q_in + more_in
@@ -303,13 +303,15 @@ def advance(
                 )
                 if columns > 0:
                     written: int = (head if head > 0 else ring.shape[0]) - 1
-                    delay_sensitivities(d, passed, ring, written, tail, tail_2, time[k] + (i + 0.5) * h, wave_1, wave_2)
+                    delay_sensitivities(
+                        d_1, d_2, passed, ring, written, tail, tail_2, time[k] + (i + 0.5) * h, wave_1, wave_2
+                    )
             if columns > 0:
                 if bore_1 > 0.0:
-                    hose_sensitivities(d, 0, end_1, through_1, p1_mid, q_in - q_out, h, delay_1, bore_1, base)
+                    hose_sensitivities(d_1, end_1, through_1, p1_mid, q_in - q_out, h, delay_1, bore_1, base)
                 if bore_2 > 0.0:
-                    hose_sensitivities(d, 1, end_2, through_2, p2_mid, more_in - more_out, h, delay_2, bore_2, base)
-                add_leaks(d, chamber_2, p1_mid, p2_mid, h, k1, k2, base, th, on)
+                    hose_sensitivities(d_2, end_2, through_2, p2_mid, more_in - more_out, h, delay_2, bore_2, base)
+                add_leaks(d_1, d_2, chamber_2, p1_mid, p2_mid, h, k1, k2, base, th, on)
             if bore_1 > 0.0:
                 end_1, through_1, q_in, q_out = hose_step(
                     end_1, through_1, p1_mid, q_in - q_out, h, delay_1, bore_1, base
@@ -324,7 +326,7 @@ def advance(
             )
             if columns > 0:
                 differentiate_chamber(
-                    d, 0, before_1, p1_mid, mass_1, m1, h, dead_1 + area_1 * x_mid, area_1 * v_mid, q_in, dp1, hot,
+                    d_1, before_1, p1_mid, mass_1, m1, h, dead_1 + area_1 * x_mid, area_1 * v_mid, q_in, dp1, hot,
                     base, th, on,
                 )  # fmt: skip
             if chamber_2 == OPEN:
@@ -335,19 +337,5 @@ def advance(
             )
             if columns > 0:
                 differentiate_chamber(
-                    d,
-                    1,
-                    before_2,
-                    p2_mid,
-                    mass_2,
-                    m2,
-                    h,
-                    volume_2_mid,
-                    -area_2 * v_mid,
-                    more_in,
-                    dp2,
-                    hot,
-                    base,
-                    th,
-                    on,
+                    d_2, before_2, p2_mid, mass_2, m2, h, volume_2_mid, -area_2 * v_mid, more_in, dp2, hot, base, th, on
                 )

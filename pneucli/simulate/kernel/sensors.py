@@ -129,14 +129,9 @@ def first_order_lag(step, now, lag, reading, before):
     >>> round(first_order_lag(1.0, 5.0, 0.1, reading=3.9, before=4.0), 12)
     4.9
     """
-    e, g = lag_weights(step, lag)
-    return e * reading + (g - e) * before + (1.0 - g) * now
-
-
-def lag_weights(step, lag):
-    """Return exp(-step / lag), and its mean over the step."""
     e = math.exp(-step / lag)
-    return e, (1.0 - e) * lag / step
+    g = (1.0 - e) * lag / step
+    return e * reading + (g - e) * before + (1.0 - g) * now
 
 
 def read_pressures(time, inputs, true, out, before, first, k, base, th, on):
