@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from pneucli.simulate import layout as at
 from pneucli.simulate.experiment import Experiment
 from pneucli.simulate.model import Model
-from pneucli.simulate.run import area_tables, base_vector, kernel_for, read_only
+from pneucli.simulate.run import kernel_arguments, kernel_for
 
 Array = NDArray[np.float64]
 
@@ -84,18 +84,6 @@ def _simulated(model: Model, experiment: Experiment, shapes: Sequence[Array]) ->
     """Return the derivatives of both readings, shape (n, 2, parameters), for those of both tables of areas."""
     kernel, n = kernel_for(model.effects), experiment.time.size
     derivatives = np.zeros((n, 2, shapes[0].shape[1]))
-    kernel.functions.run_area_derivatives(
-        read_only(experiment.time),
-        experiment.inputs,
-        experiment.restarts,
-        base_vector(model, experiment),
-        kernel.effect_vector(model.effect_values()),
-        kernel.effect_switches(experiment.active_effects(model.effects)),
-        experiment.flags,
-        *map(read_only, area_tables(model, experiment)),
-        experiment.max_step,
-        *shapes,
-        np.zeros((n, at.OUTPUTS)),
-        derivatives,
-    )
+    given = kernel_arguments(kernel, model, experiment, experiment.inputs)
+    kernel.functions.run_area_derivatives(*given, *shapes, np.zeros((n, at.OUTPUTS)), derivatives)
     return derivatives

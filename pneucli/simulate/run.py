@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
 from functools import cache
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -110,7 +111,23 @@ def run_kernel(kernel: Kernel, model: Model, experiment: Experiment, inputs: Arr
 
     """
     out = np.zeros((experiment.time.size, at.OUTPUTS))
-    kernel.run(
+    kernel.run(*kernel_arguments(kernel, model, experiment, inputs), np.zeros(1), np.zeros(2), out)
+    return out
+
+
+def kernel_arguments(kernel: Kernel, model: Model, experiment: Experiment, inputs: Array) -> tuple[Any, ...]:
+    """Return the arguments with which every simulation of a recording by a kernel begins: time to longest step.
+
+    Args:
+        kernel: The kernel of the model's effects.
+        model: The model.
+        experiment: The recording.
+        inputs: Its inputs in SI, shape (n, inputs).
+
+    Returns:
+        The arguments, in the order of :func:`pneucli.simulate.kernel.run.run`.
+    """
+    return (
         read_only(experiment.time),
         inputs,
         experiment.restarts,
@@ -120,11 +137,7 @@ def run_kernel(kernel: Kernel, model: Model, experiment: Experiment, inputs: Arr
         experiment.flags,
         *map(read_only, area_tables(model, experiment)),
         experiment.max_step,
-        np.zeros(1),
-        np.zeros(2),
-        out,
     )
-    return out
 
 
 def read_only(values: Array) -> Array:

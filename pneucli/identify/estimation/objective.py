@@ -1,4 +1,4 @@
-"""The least-squares problem of a fit: residuals in units of noise, priors, and derivatives by differences."""
+"""The least-squares problem of a fit: residuals in units of noise, priors, and derivatives."""
 
 from __future__ import annotations
 
@@ -88,7 +88,7 @@ class LeastSquaresProblem:
         return np.concatenate([self.tight * (z - self.centre), *roughness])
 
     def jacobian(self, z: Array) -> Array:
-        """Return the derivatives (N + p, k) by differences; evaluate only residual models that change."""
+        """Return the derivatives (N + p, k); evaluate only residual models that change."""
         prior, rows = self.prior_jacobian(z), self.data_size
         # column by column: pages of residual models that a parameter does not change are never touched
         out = np.zeros((rows + len(prior), z.size), order="F")
@@ -99,7 +99,8 @@ class LeastSquaresProblem:
     def evaluate_columns(self, z: Array, columns: Sequence[int], out: Array) -> None:
         """Write the derivatives of the data by some coordinates to those columns of derivatives (N + p, k).
 
-        Those by the valves' areas come from one simulation of each residual model where it allows that.
+        Those by the valves' areas come from one simulation of each residual model where it allows that, others from
+        differences.
         """
         base = self.model_at(z)
         rows = residual_slices(self.residual_models)

@@ -286,13 +286,13 @@ def advance(
                 clear_sensitivities(d_1, d_2)
                 if not shut:
                     valve_sensitivities(
-                        d_1, opening, outlet_1, bore_1 > 0.0, h, T1, p_valve, p_amb, b, leak, k1, k_gas, u_max,
-                        areas, shapes,
+                        d_1, q_in, q_out, opening, outlet_1, bore_1 > 0.0, h, T1, p_valve, p_amb, b, leak, k1, k_gas,
+                        u_max, areas, shapes,
                     )  # fmt: skip
                 if chamber_2 not in (OPEN, CLOSED):
                     valve_sensitivities(
-                        d_2, opening_2, outlet_2, bore_2 > 0.0, h, T2, p_valve, p_amb, b, leak, k2, k_gas, u_max,
-                        areas_2, shapes_2,
+                        d_2, more_in, more_out, opening_2, outlet_2, bore_2 > 0.0, h, T2, p_valve, p_amb, b, leak, k2,
+                        k_gas, u_max, areas_2, shapes_2,
                     )  # fmt: skip
             q_supply = q_in + more_in
             if i == 0:

@@ -68,12 +68,14 @@ def clear_sensitivities(d_1, d_2):
 
 
 def valve_sensitivities(
-    d, opening, outlet, at_hose, h, T, p_line, p_amb, b, leak, k, k_gas, u_max, areas, shapes
+    d, q_in, q_out, opening, outlet, at_hose, h, T, p_line, p_amb, b, leak, k, k_gas, u_max, areas, shapes
 ):  # fmt: skip
     """Write the derivatives of the flows of a valve.
 
     Args:
         d: Derivatives of the chamber by state, shape (states, columns), changed in place.
+        q_in: Mass flow from supply to outlet in kg/s.
+        q_out: Mass flow from outlet to exhaust in kg/s.
         opening: Opening in V.
         outlet: Pressure at the outlet in Pa.
         at_hose: Whether that is the end of a hose with a bore; else it is the chamber's at the midpoint.
@@ -89,7 +91,6 @@ def valve_sensitivities(
         areas: Areas in m^2 over openings of -u_max..u_max.
         shapes: Their derivatives, shape (areas, columns).
     """
-    q_in, q_out = valve_flow(opening, outlet, p_line, p_amb, b, leak, k, k_gas, u_max, areas)
     above = outlet + PRESSURE_STEP
     more_in, more_out = valve_flow(opening, above, p_line, p_amb, b, leak, k, k_gas, u_max, areas)
     in_slope, out_slope = (more_in - q_in) / PRESSURE_STEP, (more_out - q_out) / PRESSURE_STEP
