@@ -109,12 +109,14 @@ def least_squares_motion(
     bands[0, 2::2], bands[0, 3::2] = -place, -speed
     bands[1, 1:-1:2], bands[1, 2::2] = dt * place, -dt * place
     bands[2, ::2] = wx**2
-    for part in (slice(0, -2), slice(2, None)):
-        bands[2, part] += np.column_stack([place, speed]).ravel()
+    for first, last in ((0, -2), (2, None)):
+        bands[2, first:last:2] += place
+        bands[2, first + 1 : last : 2] += speed
     bands[2, 1:-1:2] += dt**2 * place
     border = np.zeros(2 * n)
-    for part, pushed in ((slice(0, -2), -1.0), (slice(2, None), 1.0)):
-        border[part] += pushed * np.column_stack([0.5 * dt**2 * place, dt * speed]).ravel()
+    for first, last, sign in ((0, -2, -1.0), (2, None, 1.0)):
+        border[first:last:2] += sign * 0.5 * dt**2 * place
+        border[first + 1 : last : 2] += sign * dt * speed
     border[1:-1:2] -= 0.5 * dt**3 * place
     corner = float(np.sum(dt**2 * speed) + np.sum(0.25 * dt**4 * place))
     factor = cholesky_banded(bands, overwrite_ab=True, check_finite=False), False
@@ -125,8 +127,9 @@ def least_squares_motion(
         push, jump = place * dt**2 * (2.0 * a[:-1] + a[1:]) / 6.0, speed * dt * 0.5 * (a[1:] + a[:-1])
         right = np.zeros(2 * n)
         right[::2] = wx**2 * x
-        for part, pushed in ((slice(0, -2), -1.0), (slice(2, None), 1.0)):
-            right[part] += pushed * np.column_stack([push, jump]).ravel()
+        for first, last, sign in ((0, -2, -1.0), (2, None, 1.0)):
+            right[first:last:2] += sign * push
+            right[first + 1 : last : 2] += sign * jump
         right[1:-1:2] -= dt * push
         free = cho_solve_banded(factor, right, overwrite_b=True, check_finite=False)
         bias = (float(np.sum(dt * jump) + np.sum(0.5 * dt**2 * push)) - float(border @ free)) / stiffness

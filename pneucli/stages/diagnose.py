@@ -68,7 +68,7 @@ def run(context: Context) -> dict[str, Any]:
 
         return diagnose_flow_only(pipeline)
     data, warnings = _diagnosis_data(pipeline)
-    if subsampling := _subsampling(pipeline):
+    if subsampling := pipeline.subsampling:
         warnings.append(warning_text("subsampled", **subsampling))
     if not data.train:
         raise InputError(
@@ -124,23 +124,13 @@ def _run_diagnosis(
 
     ``impossible`` has a sentence for each finding that forbids a verdict.
     """
-    base = fit_model(guess, data.train, pipeline.effects)
     context, plugins = pipeline.context, plugin_files(pipeline.context.config)
     with executor_refit.open_refits(context.options.get("executor"), context.out, plugins, program_versions) as refits:
-        found = diagnose(replace(data, run_refits=refits), base)
+        found = diagnose(replace(data, run_refits=refits), fit_model(guess, data.train, pipeline.effects))
     context.progress(FREE_RUN_PROGRESS, 0.9)
     answer = _answer(pipeline, data, found, impossible)
     write_diagnosis(pipeline, data, found, answer)
-    return base.model, answer
-
-
-def _subsampling(pipeline: PipelineData) -> dict[str, int] | None:
-    """Return the numbers of all and of diagnosed samples; None where all are diagnosed."""
-    names = {one.name for one in pipeline.recordings}
-    listed = pipeline.context.answers["ingest"]["recordings"]
-    samples = sum(int(r["samples"]) for r in listed if r["name"] in names)
-    used = sum(one.time.size for one in pipeline.recordings)
-    return {"samples": samples, "used": used} if used < samples else None
+    return found.path.models[0].model, answer
 
 
 def unmeasured_p2_warnings(residual_models: Sequence[ResidualModel]) -> list[str]:

@@ -42,6 +42,8 @@ from pneucli.stages.tables.friction import friction_answer, write_friction
 from pneucli.stages.tables.uncertainty import budgets_answer, write_budgets
 from pneucli.stages.tables.valve import iso_parameters, valve_answer, valve_findings, write_valves
 
+MAX_FIT_SAMPLES = 300_000  # of the fit: its derivatives need 0.4 kB each, and minutes describe a rig as well as hours
+
 
 def run(context: Context) -> dict[str, Any]:
     """Identify whatever the training recordings allow; return the answer that ``--json`` prints.
@@ -54,12 +56,15 @@ def run(context: Context) -> dict[str, Any]:
     bench = flow_bench(study)
     warnings = _null_warnings(study.rig)
     rounds: list[Iteration] = []
-    views = with_channel_weights(study.residual_models("train"), study.context.config.identify.weights)
+    fitted_part = study.at_most(MAX_FIT_SAMPLES)
+    views = with_channel_weights(fitted_part.residual_models("train"), context.config.identify.weights)
     with report_iterations_to(_round_observer(study, rounds)):
-        whole = _fit_model(study, views)
+        whole = _fit_model(fitted_part, views)
     write_parameter_relations(whole, views, rounds, context.out, study.provenance("ingest/signals.parquet"))
+    if subsampling := fitted_part.subsampling:
+        warnings.append(warning_text("subsampled", **subsampling))
     found = without_data(whole)
-    del whole, views  # their derivatives fill the memory with a long recording
+    del whole, views, fitted_part  # their derivatives fill the memory with a long recording
     context.progress("identifying the valve", 0.5)
     instruments = measurement_of(study)
     valves = [with_budgets(one, found.estimates, instruments) for one in _identify_valves(study, found, warnings)]

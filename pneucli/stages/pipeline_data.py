@@ -57,22 +57,37 @@ class PipelineData:
         priors = parameter_priors(self.context.config, self.available_effects)
         return {name: one for name, one in priors.items() if name.partition(".")[0] in there}
 
-    @cached_property
+    @property
     def recordings(self) -> list[Recording]:
         """The recordings over time, in the pipeline file's order."""
-        whole = [one for one in self._whole if not one.kind.steady]
-        if self.max_samples is None or not whole:
-            return whole
-        return subsample(whole, self.max_samples, self.context.config.compare.horizon)
+        return self._loaded[0]
 
-    @cached_property
+    @property
     def flow_recordings(self) -> list[Recording]:
         """The recordings of steady benches, whose rows have no clock."""
-        return [one for one in self._whole if one.kind.steady]
+        return self._loaded[1]
 
     @cached_property
-    def _whole(self) -> list[Recording]:
-        return load_recordings(self.context.artifacts / "ingest")
+    def _loaded(self) -> tuple[list[Recording], list[Recording]]:
+        loaded = load_recordings(self.context.artifacts / "ingest")
+        over_time, steady = ([one for one in loaded if one.kind.steady == s] for s in (False, True))
+        if self.max_samples is not None and over_time:
+            over_time = subsample(over_time, self.max_samples, self.context.config.compare.horizon)
+        return over_time, steady
+
+    def at_most(self, max_samples: int) -> PipelineData:
+        """Return the pipeline with at most so many samples; itself where it has no more."""
+        few = sum(one.time.size for one in self.recordings) <= max_samples
+        return self if few else replace(self, max_samples=max_samples)
+
+    @property
+    def subsampling(self) -> dict[str, int] | None:
+        """The numbers of all samples and of those that are used; None where all are used."""
+        names = {one.name for one in self.recordings}
+        listed = self.context.answers["ingest"]["recordings"]
+        samples = sum(int(r["samples"]) for r in listed if r["name"] in names)
+        used = sum(one.time.size for one in self.recordings)
+        return {"samples": samples, "used": used} if used < samples else None
 
     @cached_property
     def available_effects(self) -> dict[str, Effect]:

@@ -15,9 +15,12 @@ import pytest
 from pneucli import messages
 from pneucli.io.artifacts import read_metadata, read_table
 from pneucli.messages.valve import valve_warning
+from pneucli.stages import identify
 from pneucli.stages.tables.valve import MAX_TRAIN_RESIDUAL, lack_of_fit_findings, valve_findings
+from tests.stages.chain import run_stages
 from tests.stages.conftest import DEMO
 
+FIXTURES = DEMO.parents[1]
 Demo = tuple[Path, dict[str, Any]]
 TRUTH = json.loads((DEMO.parents[1] / "truth.json").read_text())["demo"]["parameters"]
 
@@ -146,3 +149,19 @@ def test_the_answer_is_json_and_words(demo: Demo) -> None:
         r"^valve +the measured map leaves \S+ × noise on its curves, \S+ × noise on held-out", told, re.MULTILINE
     )
     assert told.endswith("pneucli compare demo.toml")
+
+
+def test_of_very_long_recordings_segments_are_fitted_and_the_answer_says_so(
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    """Friction models still come from every sample."""
+    path = FIXTURES / "friction_null_coulomb" / "pipeline.toml"
+    whole = run_stages(path, tmp_path / "whole")["identify"]
+    monkeypatch.setattr(identify, "MAX_FIT_SAMPLES", 8000)
+    part = run_stages(path, tmp_path / "part")["identify"]
+    (warning,) = (text for text in part["warnings"] if text not in whole["warnings"])
+    assert re.match(r"8000 of \d+ samples are fitted", warning)
+    assert part["friction"]["models"] == whole["friction"]["models"]
+    (found, wanted) = (a["model"]["parameters"]["friction.coulomb"] for a in (part, whole))
+    assert found["value"] != wanted["value"]
+    assert found["value"] == pytest.approx(wanted["value"], rel=0.05)

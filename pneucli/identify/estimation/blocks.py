@@ -109,11 +109,13 @@ def group_curvatures(jacobian: Array, labels: NDArray[np.int64]) -> Array:
     [5.0, 16.0]
     """
     k = jacobian.shape[1]
-    out, order = np.zeros((int(labels.max()) + 1, k, k)), np.argsort(labels, kind="stable")
-    groups = np.split(order, np.flatnonzero(np.diff(labels[order])) + 1)
-    for rows in (group[i : i + ROWS_PER_CHUNK] for group in groups for i in range(0, group.size, ROWS_PER_CHUNK)):
-        part = jacobian[rows]
-        out[labels[rows[0]]] += part.T @ part
+    out = np.zeros((int(labels.max()) + 1, k, k))
+    for i in range(0, len(labels), ROWS_PER_CHUNK):
+        own = labels[i : i + ROWS_PER_CHUNK]
+        order = np.argsort(own, kind="stable")
+        part, ends = jacobian[i + order], np.flatnonzero(np.diff(own[order])) + 1
+        for label, rows in zip(own[order[np.append(0, ends)]], np.split(part, ends), strict=True):
+            out[label] += rows.T @ rows
     return out
 
 

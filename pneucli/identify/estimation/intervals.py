@@ -16,14 +16,14 @@ References:
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, replace
-from functools import cached_property
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from pneucli.identify.estimation.blocks import group_curvatures, group_scores, weighted_curvature
 from pneucli.identify.estimation.fit import Estimate, Fit, parameter_estimates
+from pneucli.identify.estimation.least_squares import pseudo_inverse
 from pneucli.identify.residuals import ResidualModel
 from pneucli.simulate import layout as at
 from pneucli.simulate.experiment import Experiment
@@ -33,24 +33,6 @@ Labels = NDArray[np.int64]
 
 BINS_PER_SIGNAL = 10  # of a signal, each with as many samples
 MAX_LEVERAGE = 0.9  # of the curvature of a direction: beyond it the other groups do not determine that direction
-
-
-@dataclass(frozen=True)
-class Groups:
-    """The residuals of a fit in groups: G labels over shape (N,), some of which may have no residual."""
-
-    fitted: Fit
-    labels: Labels
-
-    @cached_property
-    def scores(self) -> Array:
-        """The scores of each group, (G, k)."""
-        return group_scores(self.fitted.jacobian, self.fitted.residual, self.labels)
-
-    @cached_property
-    def curvatures(self) -> Array:
-        """The curvature that each group gives, (G, k, k)."""
-        return group_curvatures(self.fitted.jacobian, self.labels)
 
 
 def with_intervals(fitted: Fit, residual_models: Sequence[ResidualModel]) -> Fit:
@@ -115,23 +97,34 @@ def variance_inflation(fitted: Fit, groups: Iterator[Labels]) -> Array:
         The factor of each variance, at least 1, shape (k,).
 
     """
-    inside = [j for j, f in enumerate(fitted.free) if not fitted[f.name].at_bound]
-    held = replace(fitted, free=tuple(fitted.free[j] for j in inside), jacobian=fitted.jacobian[:, inside])
-    by_time, variance = _bias_reduced_variance(Groups(held, held.blocks)), np.diag(fitted.covariance)[inside]
-    shown = np.zeros(len(inside))
+    inside = np.array([j for j, f in enumerate(fitted.free) if not fitted[f.name].at_bound], dtype=np.intp)
+    block = np.ix_(inside, inside)
+    inverse_hessian = pseudo_inverse((fitted.jacobian.T @ fitted.jacobian)[block])
+    root = _matrix_square_root(inverse_hessian)
+
+    def grouped_variance(labels: Labels) -> Array:
+        scores = group_scores(fitted.jacobian, fitted.residual, labels)[:, inside]
+        curvatures = group_curvatures(fitted.jacobian, labels)[:, inside[:, None], inside]
+        return _bias_reduced_variance(scores, curvatures, root)
+
+    by_time, variance = grouped_variance(fitted.blocks), np.diag(fitted.covariance)[inside]
+    shown = np.zeros(inside.size)
     for labels in groups:
-        shown += np.maximum(_bias_reduced_variance(Groups(held, labels)) - by_time, 0.0)
-    added = (1.0 + _excess_variance_share(held)) * shown
+        shown += np.maximum(grouped_variance(labels) - by_time, 0.0)
+    by_square = weighted_curvature(fitted.jacobian, fitted.residual)[block]
+    added = (1.0 + _excess_variance_share(inverse_hessian, by_square)) * shown
     factor = np.ones(len(fitted.free))
     factor[inside] += np.divide(added, variance, out=np.zeros_like(added), where=variance > 0.0)
     return factor
 
 
-def _excess_variance_share(fitted: Fit) -> Array:
-    """Return the share of the squared residuals that inform each parameter and exceed noise, shape (k,)."""
-    curvature = weighted_curvature(fitted.jacobian, fitted.residual)
-    expected = np.diag(fitted.inverse_hessian)
-    observed = np.diag(fitted.inverse_hessian @ curvature @ fitted.inverse_hessian)
+def _excess_variance_share(inverse_hessian: Array, by_square: Array) -> Array:
+    """Return the share of the squared residuals that inform each parameter and exceed noise, shape (k,).
+
+    ``by_square`` (k, k) is the curvature with each residual's square as weight.
+    """
+    expected = np.diag(inverse_hessian)
+    observed = np.diag(inverse_hessian @ by_square @ inverse_hessian)
     return np.asarray(1.0 - np.divide(expected, observed, out=np.ones_like(expected), where=observed > expected))
 
 
@@ -181,14 +174,14 @@ def _residual_labels(residual_models: Sequence[ResidualModel], labels: Sequence[
     )
 
 
-def _bias_reduced_variance(groups: Groups) -> Array:
+def _bias_reduced_variance(scores: Array, curvatures: Array, root: Array) -> Array:
     """Return the variance of each parameter (k,) from the scores of groups, each over the root of 1 - leverage.
 
-    A fit follows the groups of high leverage, so their residuals are too small.
+    A fit follows the groups of high leverage, so their residuals are too small. ``scores`` (G, k) and ``curvatures``
+    (G, k, k) are those of each group; ``root`` R (k, k) has R R^T equal to the inverse of the curvature of all.
     """
-    root = _matrix_square_root(groups.fitted.inverse_hessian)
-    leverage, axes = np.linalg.eigh(root.T @ groups.curvatures @ root)  # what of a direction each group determines
-    along = (groups.scores @ root)[:, None, :] @ axes / np.sqrt(1.0 - np.minimum(leverage, MAX_LEVERAGE))[:, None, :]
+    leverage, axes = np.linalg.eigh(root.T @ curvatures @ root)  # what of a direction each group determines
+    along = (scores @ root)[:, None, :] @ axes / np.sqrt(1.0 - np.minimum(leverage, MAX_LEVERAGE))[:, None, :]
     steps = along @ axes.transpose(0, 2, 1) @ root.T
     return np.asarray(np.sum(steps[:, 0, :] ** 2, axis=0))
 
