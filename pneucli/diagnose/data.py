@@ -33,6 +33,7 @@ from pneucli.identify.estimation.intervals import with_intervals
 from pneucli.identify.estimation.model_fit import fit_with_effect, fit_without, refit
 from pneucli.identify.estimation.score_test import ScoreTest, initial_guesses, score_tests
 from pneucli.identify.residuals import ResidualModel
+from pneucli.memory import filed, release_filed
 from pneucli.messages.progress import fitting_progress, screening_progress
 from pneucli.physics.declaration import Effect
 from pneucli.simulate.model import Model
@@ -162,6 +163,7 @@ class DiagnosisData:
         """Return the fit of a model with the variance that model error causes."""
         if fitted not in self._fits_with_intervals:
             self._fits_with_intervals[fitted] = with_intervals(fitted.fit, self.train)
+            release_filed()
         return self._fits_with_intervals[fitted]
 
     def without_derivatives(self, decision: Decision) -> Decision:
@@ -180,7 +182,12 @@ class DiagnosisData:
         return {}
 
     def fitted_model(self, fit: Fit) -> FittedModel:
-        """Return a fit with its costs."""
+        """Return a fit with its costs; its derivatives wait in a file, else those of all candidates fill the memory."""
+        found = self._with_costs(replace(fit, jacobian=filed(fit.jacobian)))
+        release_filed()
+        return found
+
+    def _with_costs(self, fit: Fit) -> FittedModel:
         train = fitted_costs(fit, self.train)
         if not self.held_out and not self.folds:
             return FittedModel(fit, train.by_block, np.zeros(0), train.by_block, train.residual_counts, train.channels)
@@ -233,14 +240,15 @@ class DiagnosisData:
 
     def run_refit(self, task: Refit) -> FittedModel:
         """Do one refit."""
+        return self.fitted_model(self._fit_of(task))
+
+    def _fit_of(self, task: Refit) -> Fit:
         if task.kind == "add":
             self.progress(fitting_progress(task.effect.name))
-            return self.fitted_model(
-                fit_with_effect(task.base.fit, self.train, task.effect, stopping=RANKING_EFFORT, ranked=task.ranked)
-            )
+            return fit_with_effect(task.base.fit, self.train, task.effect, stopping=RANKING_EFFORT, ranked=task.ranked)
         if task.kind == "drop":
-            return self.fitted_model(fit_without(task.base.fit, self.train, task.effect))
-        return self.fitted_model(refit(task.base.fit, self.train))
+            return fit_without(task.base.fit, self.train, task.effect)
+        return refit(task.base.fit, self.train)
 
     def refit_with(
         self, fitted: FittedModel, effects: Sequence[Effect], ranked: Sequence[Sequence[ScoreTest]] = ()
@@ -261,7 +269,9 @@ class DiagnosisData:
 
     def candidate(self, reduced: FittedModel, full: FittedModel, effect: Effect) -> Candidate:
         """Return the candidate of the step from the reduced to the full model."""
-        return Candidate(effect, reduced, full, self._p_value(reduced, full, effect))
+        found = Candidate(effect, reduced, full, self._p_value(reduced, full, effect))
+        release_filed()
+        return found
 
     def _p_value(self, reduced: FittedModel, full: FittedModel, effect: Effect) -> float:
         """Return the p value of an effect from its parameters, or from its gain where it has no null.

@@ -73,6 +73,7 @@ class Diagnosis:
 def diagnose(data: DiagnosisData, base: Fit) -> Diagnosis:
     """Find the effects that a fitted model lacks; none is looked for in recordings that cannot be true."""
     start = data.fitted_model(base)
+    del base  # its derivatives are in memory, those of the start in a file
     path = unsearched_path(data, start) if data.implausible else select_effects(data, start)
     unexplained = [] if data.implausible else _lack_of_last_model(data, path)
     equivalents = {

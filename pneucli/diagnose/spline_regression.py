@@ -116,18 +116,17 @@ class SplineRegression:
                         k if w.modelled is None else linear_bspline_basis((w.modelled - low) / (high - low))
                         for k, w in zip(knots, terms, strict=True)
                     ]
-                    rows_by_model = [
-                        self._thinned_response(i, term.to_residual(bases[i] * term.unit_signal))
-                        for i, term in enumerate(terms)
-                    ]
+                    rows_by_model = [self._thinned_responses(i, term, bases[i]) for i, term in enumerate(terms)]
                     yield _TermDesign(signal, terms[0], number, low, high, self._folds(rows_by_model))
 
-    def _thinned_response(self, i: int, response: Array) -> Array:
-        """Return the whitened response (k, m) of a recording at the samples in use."""
-        whitened = self._residual_models[i].apply_whitening({self._name: response}, self._errors[i])
-        kept = whitened[self._name][:, self._kept[i]]
-        finite = np.nan_to_num(kept, posinf=0.0, neginf=0.0)  # of a diverging model
-        return finite.astype(np.float32)  # about 30 of these are in memory
+    def _thinned_responses(self, i: int, term: DiscrepancyTerm, basis: Array) -> Array:
+        """Return the whitened response of a recording to each basis function (k, m) at the samples in use."""
+        out = np.empty((len(basis), self._kept[i].size), dtype="float32")  # about 30 of these are in memory
+        for row, function in zip(out, basis, strict=True):  # one after another: at full length they take much more
+            response = {self._name: term.to_residual(function[None] * term.unit_signal)}
+            whitened = self._residual_models[i].apply_whitening(response, self._errors[i])[self._name]
+            row[:] = np.nan_to_num(whitened[0, self._kept[i]], posinf=0.0, neginf=0.0)  # of a diverging model
+        return out
 
 
 @dataclass(frozen=True)

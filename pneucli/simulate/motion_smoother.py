@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
@@ -47,8 +47,7 @@ class MotionSmoother:
         """Return x, v, both (n,), and the bias of a."""
         dt = np.diff(self.time)
         slack = np.sqrt(dt) * ACCELERATION_ERROR_FACTOR * self.a_noise * np.sqrt(np.median(dt))  # m/s a step
-        # factorised at each call: it takes as long as the rest, and a stored factor takes more memory than all signals
-        return least_squares_motion(dt, 1.0 / self.x_noise, 1.0 / slack, 1.0 / (slack * dt))(x, a)
+        return least_squares_motion(dt, 1.0 / self.x_noise, 1.0 / slack, 1.0 / (slack * dt), x, a)
 
 
 def estimate_acceleration_delay(x: Array, a: Array, period: float, memory: float) -> int:
@@ -79,28 +78,27 @@ def estimate_acceleration_delay(x: Array, a: Array, period: float, memory: float
     return best if residuals[best] < MAX_LATENESS_RESIDUAL_RATIO * residuals[0] else 0
 
 
-def least_squares_motion(
-    dt: Array, wx: float, wv: Array, wp: Array
-) -> Callable[[Array, Array], tuple[Array, Array, float]]:
+def least_squares_motion(dt: Array, wx: float, wv: Array, wp: Array, x: Array, a: Array) -> tuple[Array, Array, float]:
     """Return the least squares estimate of motion from position and acceleration.
 
     The position is measured with the weight ``wx``. Each step obeys the acceleration, linear in between, the velocity
     with the weight ``wv`` and the position with ``wp``. The normal equations have five diagonals; the bias borders
-    them.
+    them. Their factor is not kept for other signals: it takes more memory than all signals together.
 
     Args:
         dt: Steps in s, shape (n - 1,).
         wx: Inverse standard deviation of the position in 1/m.
         wv: Inverse standard deviation of the velocity's change in s/m, shape (n - 1,).
         wp: Inverse standard deviation of the position's change in 1/m, shape (n - 1,).
+        x: Position in m, shape (n,).
+        a: Acceleration in m/s^2, shape (n,).
 
     Returns:
-        The map from x in m and a in m/s^2, each (n,), to x in m, v in m/s, each (n,), and a constant bias of a in
-        m/s^2.
+        x in m, v in m/s, each (n,), and the constant bias of a in m/s^2.
 
     >>> time = np.linspace(0.0, 1.0, 11)
-    >>> smooth = least_squares_motion(np.diff(time), 1e3, np.full(10, 10.0), np.full(10, 1e2))
-    >>> x, v, bias = smooth(time**2, np.full(11, 2.5))
+    >>> weights = 1e3, np.full(10, 10.0), np.full(10, 1e2)
+    >>> x, v, bias = least_squares_motion(np.diff(time), *weights, time**2, np.full(11, 2.5))
     >>> v[[0, -1]].round(6) + 0.0, round(bias, 6)
     (array([0., 2.]), 0.5)
     """
@@ -123,20 +121,17 @@ def least_squares_motion(
     border_solution = cho_solve_banded(factor, border, check_finite=False)
     stiffness = corner - float(border @ border_solution)
 
-    def smooth(x: Array, a: Array) -> tuple[Array, Array, float]:
-        push, jump = place * dt**2 * (2.0 * a[:-1] + a[1:]) / 6.0, speed * dt * 0.5 * (a[1:] + a[:-1])
-        right = np.zeros(2 * n)
-        right[::2] = wx**2 * x
-        for first, last, sign in ((0, -2, -1.0), (2, None, 1.0)):
-            right[first:last:2] += sign * push
-            right[first + 1 : last : 2] += sign * jump
-        right[1:-1:2] -= dt * push
-        free = cho_solve_banded(factor, right, overwrite_b=True, check_finite=False)
-        bias = (float(np.sum(dt * jump) + np.sum(0.5 * dt**2 * push)) - float(border @ free)) / stiffness
-        free -= bias * border_solution
-        return free[::2].copy(), free[1::2].copy(), bias
-
-    return smooth
+    push, jump = place * dt**2 * (2.0 * a[:-1] + a[1:]) / 6.0, speed * dt * 0.5 * (a[1:] + a[:-1])
+    right = np.zeros(2 * n)
+    right[::2] = wx**2 * x
+    for first, last, sign in ((0, -2, -1.0), (2, None, 1.0)):
+        right[first:last:2] += sign * push
+        right[first + 1 : last : 2] += sign * jump
+    right[1:-1:2] -= dt * push
+    free = cho_solve_banded(factor, right, overwrite_b=True, check_finite=False)
+    bias = (float(np.sum(dt * jump) + np.sum(0.5 * dt**2 * push)) - float(border @ free)) / stiffness
+    free -= bias * border_solution
+    return free[::2].copy(), free[1::2].copy(), bias
 
 
 def unrounded_readings(

@@ -14,6 +14,7 @@ from pneucli.identify.estimation.blocks import block_labels, copy_nonzero, group
 from pneucli.identify.estimation.fit import Fit, fit, merge_partial_fit
 from pneucli.identify.estimation.objective import LeastSquaresProblem
 from pneucli.identify.estimation.parameters import FreeParameter
+from pneucli.identify.estimation.similar_fit import Similar
 from pneucli.identify.residuals import ChamberPressures, ForceBalance, FreeRun, ImposedMotion
 from pneucli.simulate.model import parameter_value
 from pneucli.simulate.valve_forms.area import ValveArea
@@ -306,7 +307,7 @@ def test_a_draft_evaluates_the_derivatives_alone_that_its_start_lacks(monkeypatc
     monkeypatch.setattr(LeastSquaresProblem, "evaluate_columns", evaluate)
     views: Any = [Line()]
     near = replace(first, jacobian=0.9 * first.jacobian)
-    start = model_fit.Similar(near, views).start([COULOMB, VISCOUS], views)
+    start = Similar(near, views).start([COULOMB, VISCOUS], views)
     assert (start.own, start.is_exact) == ((1,), False)
     draft = fit(first.model, views, [COULOMB, VISCOUS], start=start, is_draft=True)
     assert {*evaluated} == {(1,)}

@@ -101,7 +101,7 @@ def test_the_motion_minimises_the_squares_of_readings_and_steps() -> None:
         rows += [wv[k] * speed, wp[k] * place]
         right += [wv[k] * h * (a[k] + a[k + 1]) / 2, wp[k] * h**2 * (2 * a[k] + a[k + 1]) / 6]
     expected = np.linalg.lstsq(np.array(rows), np.array(right))[0]
-    found_x, found_v, bias = least_squares_motion(dt, wx, wv, wp)(x, a)
+    found_x, found_v, bias = least_squares_motion(dt, wx, wv, wp, x, a)
     assert np.concatenate([found_x, found_v, [bias]]) == pytest.approx(expected, abs=1e-9)
 
 

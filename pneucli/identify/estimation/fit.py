@@ -7,7 +7,7 @@ precision.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property, partial
 from typing import NamedTuple
@@ -102,13 +102,13 @@ class Fit:
 
 @dataclass(frozen=True)
 class Start:
-    """Derivatives (N, k) at the start of a fit.
+    """Derivatives at the start of a fit, which ``write`` writes to zeros (N, k).
 
     ``is_exact``: they are those at the start; else they are those of a similar model, except for the columns ``own``,
     which the fit evaluates. ``sensitivities`` are that model's to the initial states, one mapping a residual model.
     """
 
-    jacobian: Array
+    write: Callable[[Array], None]
     sensitivities: Sequence[Mapping[str, Array]]
     is_exact: bool = True
     own: tuple[int, ...] = ()
@@ -145,39 +145,56 @@ def fit(
     if not free:
         residual = np.concatenate([*problem.data_residuals(model), problem.prior_residuals(np.zeros(0))])
         return _fit_summary(problem, np.zeros(0), residual, np.zeros((residual.size, 0)))
-    initial = None if start is None else _with_prior_rows(problem, start.jacobian)
-    if start is not None and initial is not None:
-        problem.evaluate_columns(problem.start, start.own, initial)
-
-    def refreshed(z: Array) -> Array:
-        assert start is not None
-        assert initial is not None
-        problem.evaluate_columns(z, start.own, initial)
-        return initial
-
-    def corrected(jacobian: Array, before: Array, after: Array, change: Array) -> None:
-        problem.correct_jacobian(jacobian, before, after, change)
-        if edges:  # a step tells nothing of the next one where a residual is not smooth
-            problem.evaluate_columns(after, edges, jacobian)
-
-    edges = [j for j, f in enumerate(free) if f.step > DIFFERENCE_STEP]
+    derivatives = _Derivatives(problem, start, is_draft=is_draft)
     search = partial(
         minimise,
         problem.residuals,
-        refreshed if is_draft else problem.jacobian,
+        derivatives.evaluate,
         bounds=problem.bounds(),
         max_iterations=stopping.max_iterations,
         tolerance=stopping.tolerance,
         callback=iteration_callback([e.name for e in model.effects], problem.blocks().size),
-        approximation=Approximation(corrected, start_is_exact=start is None or start.is_exact, suffices=is_draft)
+        approximation=Approximation(
+            derivatives.correct, start_is_exact=start is None or start.is_exact, suffices=is_draft
+        )
         if any(one.is_simulated for one in residual_models)
         else None,
     )
-    solution = search(problem.start, initial_jacobian=initial)
+    solution = search(problem.start, initial_jacobian=None if start is None else derivatives.array)
     if solution.stalled and not is_draft:  # an overlap may end at a held command: beyond it the valve is shut
         problem.backward = True
         solution = search(solution.z)
     return _fit_summary(problem, solution.z, solution.residual, solution.jacobian, has_covariance=not is_draft)
+
+
+class _Derivatives:
+    """The derivatives (N + p, k) of a fit in one array, which may be most of the memory.
+
+    Those at a ``start`` are written to it at once; a draft then evaluates the start's own columns alone.
+    """
+
+    def __init__(self, problem: LeastSquaresProblem, start: Start | None, *, is_draft: bool) -> None:
+        self._problem = problem
+        self._columns = start.own if start is not None and is_draft else None
+        self._edges = [j for j, f in enumerate(problem.free) if f.step > DIFFERENCE_STEP]
+        self.array = problem.zero_derivatives()
+        if start is not None:
+            start.write(self.array[: problem.data_size])
+            self.array[problem.data_size :] = problem.prior_jacobian(problem.start)
+            problem.evaluate_columns(problem.start, start.own, self.array)
+
+    def evaluate(self, z: Array) -> Array:
+        """Return the array with new derivatives at coordinates z (k,)."""
+        if self._columns is None:
+            return self._problem.jacobian(z, self.array)
+        self._problem.evaluate_columns(z, self._columns, self.array)
+        return self.array
+
+    def correct(self, jacobian: Array, before: Array, after: Array, change: Array) -> None:
+        """Correct derivatives by the change of the residuals over a step."""
+        self._problem.correct_jacobian(jacobian, before, after, change)
+        if self._edges:  # a step tells nothing of the next one where a residual is not smooth
+            self._problem.evaluate_columns(after, self._edges, jacobian)
 
 
 def _fit_summary(
@@ -286,7 +303,7 @@ def merge_partial_fit(
     problem = LeastSquaresProblem(part.model, residual_models, free, sensitivities)
     z = np.array([f.to_coordinate(parameter_value(part.model, f.name)) for f in free])
     residual = np.concatenate([found.residual, problem.prior_residuals(z)])
-    jacobian = np.zeros((residual.size, len(free)), order="F")
+    jacobian = problem.zero_derivatives()
     jacobian[found.residual.size :] = problem.prior_jacobian(z)
     for to, source in zip(own_rows, part_rows, strict=True):
         residual[to] = part.residual[source]
@@ -297,16 +314,3 @@ def merge_partial_fit(
         else:
             copy_nonzero(found.jacobian[:, former.index(f.name)], rows, jacobian[:, j], rows)
     return _fit_summary(problem, z, residual, jacobian)
-
-
-def _with_prior_rows(problem: LeastSquaresProblem, jacobian: Array) -> Array:
-    """Append the derivatives of the priors at the start to those of the data (N, k)."""
-    prior = problem.prior_jacobian(problem.start)
-    out, rows = (
-        np.zeros((len(jacobian) + len(prior), len(prior.T)), order="F"),
-        residual_slices(problem.residual_models),
-    )
-    out[len(jacobian) :] = prior
-    for source, target in zip(jacobian.T, out.T, strict=True):
-        copy_nonzero(source, rows, target, rows)
-    return out

@@ -3,15 +3,16 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Collection, Iterator, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
+from functools import partial
 
 import numpy as np
 from numpy.typing import NDArray
 
 from pneucli.errors import InputError
-from pneucli.identify.estimation.blocks import copy_nonzero, residual_counts, residual_slices
+from pneucli.identify.estimation.blocks import residual_counts
 from pneucli.identify.estimation.direct_starts import direct_base_friction
-from pneucli.identify.estimation.fit import FULL_CONVERGENCE, Fit, Start, StoppingRule, fit, merge_partial_fit
+from pneucli.identify.estimation.fit import FULL_CONVERGENCE, Fit, StoppingRule, fit, merge_partial_fit
 from pneucli.identify.estimation.parameters import (
     DIFFERENCE_STEP,
     FreeParameter,
@@ -20,6 +21,7 @@ from pneucli.identify.estimation.parameters import (
 )
 from pneucli.identify.estimation.profile import lower_profile_minimum
 from pneucli.identify.estimation.score_test import ScoreTest, scaled_initial_guess, score_tests
+from pneucli.identify.estimation.similar_fit import Similar
 from pneucli.identify.guesses.valve_areas import guess_overlap
 from pneucli.identify.residuals import ResidualModel
 from pneucli.physics.declaration import Effect, Parameter
@@ -140,9 +142,7 @@ def fit_with_effect(
     has_edge = any(p.step for p in effect.parameters)  # a fit of an edge ends near its start
     drafting = stopping if has_edge or not has_similar else _draft_of(stopping)
 
-    def free_in(start: Model) -> list[FreeParameter]:
-        free = free_parameters(start, residual_models)
-        return [f for f in free if f.name in names or f.name.startswith(f"{effect.name}.")]
+    free_in = partial(_free_parameters_of, effect, names, residual_models)
 
     def draft_from(start: Model) -> Fit:
         free = free_in(start)
@@ -154,7 +154,9 @@ def fit_with_effect(
 
     def completed(part: Fit) -> Fit:
         if has_similar:
-            part = fit(part.model, affected, _with_current_values(part.model, part.free), stopping=stopping)
+            start, free = part.model, _with_current_values(part.model, part.free)
+            del part  # its derivatives, before there are others
+            part = fit(start, affected, free, stopping=stopping)
         return merge_partial_fit(fitted, part, residual_models, chosen)
 
     if has_edge:
@@ -172,6 +174,14 @@ def fit_with_effect(
         first, residual_models, chosen, effect, lambda start: fit(start, affected, free_in(start), stopping=drafting)
     )
     return min([first, *map(completed, refined)], key=lambda f: f.cost)
+
+
+def _free_parameters_of(
+    effect: Effect, names: Collection[str], residual_models: Sequence[ResidualModel], start: Model
+) -> list[FreeParameter]:
+    """Return the free parameters of an effect and those of other ``names``."""
+    free = free_parameters(start, residual_models)
+    return [f for f in free if f.name in names or f.name.startswith(f"{effect.name}.")]
 
 
 def _draft_of(stopping: StoppingRule) -> StoppingRule:
@@ -247,35 +257,6 @@ def _affected_residual_models(
         if np.array_equal(wider, chosen):
             return chosen, {f.name for f, is_affected in zip(fitted.free, is_shared, strict=True) if is_affected}
         chosen = wider
-
-
-@dataclass(frozen=True)
-class Similar:
-    """A fit of a similar model to more residual models, whose derivatives a fit may start from."""
-
-    fitted: Fit
-    residual_models: Sequence[ResidualModel]
-
-    def start(
-        self, free: Sequence[FreeParameter], residual_models: Sequence[ResidualModel], own: Collection[str] = ()
-    ) -> Start:
-        """Return the derivatives in the coordinates of free parameters; those by others, and by ``own``, are missing.
-
-        The coordinate of a parameter is its distance from the null at the start, which a fit changes.
-        """
-        places = {id(one): i for i, one in enumerate(self.residual_models)}
-        chosen = [places[id(one)] for one in residual_models]
-        all_rows, rows = residual_slices(self.residual_models), residual_slices(residual_models)
-        columns = {f.name: j for j, f in enumerate(self.fitted.free)}
-        out = np.zeros((sum(residual_counts(residual_models)), len(free)), order="F")
-        for target, f in zip(out.T, free, strict=True):
-            if f.name in columns and f.name not in own:
-                j, value = columns[f.name], parameter_value(self.fitted.model, f.name)
-                factor = f.derivative(value) / self.fitted.free[j].derivative(value)
-                copy_nonzero(self.fitted.jacobian[:, j], [all_rows[i] for i in chosen], target, rows, factor)
-        missing = tuple(j for j, f in enumerate(free) if f.name not in columns or f.name in own)
-        sensitivities = [self.fitted.initial_state_sensitivities[i] for i in chosen]
-        return Start(out, sensitivities, is_exact=False, own=missing)
 
 
 def _fit_coarse_to_fine(

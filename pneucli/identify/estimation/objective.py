@@ -87,12 +87,17 @@ class LeastSquaresProblem:
         roughness = [valve.roughness() / POWER_LAW_SIGMA for valve in self.model_at(z).valves]
         return np.concatenate([self.tight * (z - self.centre), *roughness])
 
-    def jacobian(self, z: Array) -> Array:
-        """Return the derivatives (N + p, k); evaluate only residual models that change."""
-        prior, rows = self.prior_jacobian(z), self.data_size
-        # column by column: pages of residual models that a parameter does not change are never touched
-        out = np.zeros((rows + len(prior), z.size), order="F")
-        out[rows:] = prior
+    def zero_derivatives(self) -> Array:
+        """Return zeros for the derivatives (N + p, k).
+
+        Column by column: pages of residual models that a parameter does not change are never touched.
+        """
+        return np.zeros((self.data_size + self.prior_residuals(self.start).size, len(self.free)), order="F")
+
+    def jacobian(self, z: Array, out: Array | None = None) -> Array:
+        """Return the derivatives (N + p, k), in ``out`` if it is given; evaluate only residual models that change."""
+        out = self.zero_derivatives() if out is None else out
+        out[self.data_size :] = self.prior_jacobian(z)
         self.evaluate_columns(z, range(z.size), out)
         return out
 

@@ -167,7 +167,6 @@ def estimate_motion(recording: Recording, model: Model) -> Motion:
     draws = ({n: model_of_noise.draw(time, rng) for n, model_of_noise in noise.items()} for _ in redrawn)
     first_draw = next(draws)
     v_error, a_error = derive(*(first_draw.get(n, np.zeros(time.size)) for n in (source, "a")))
-    del derive  # its factor takes more memory than all signals
     smooth_readings = {n: smoothers[n](raw[n]) for n in parts}
     smooth, rough = drive_force(smooth_readings), drive_force({n: raw[n] for n in parts})
     for out, one in zip(redrawn, chain([first_draw], draws), strict=True):

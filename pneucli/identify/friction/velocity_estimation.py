@@ -39,5 +39,5 @@ def fuse_position_and_acceleration(
     """
     dt = np.diff(time)
     tolerance = dt * (a_noise + JUMP_ERROR_RATIO * np.abs(np.diff(a)))  # m/s a step
-    smoother = least_squares_motion(dt, 1.0 / x_noise, 1.0 / tolerance, 2.0 / (tolerance * dt))
-    return lambda x, a: smoother(x, a)[1:]
+    weights = 1.0 / x_noise, 1.0 / tolerance, 2.0 / (tolerance * dt)
+    return lambda x, a: least_squares_motion(dt, *weights, x, a)[1:]
