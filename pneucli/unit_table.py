@@ -200,7 +200,7 @@ _ANY_CASE = [
     "kW",
 ]
 _TOO_SHORT = {"n", "a", "m", "k", "g", "l"}  # one letter in the other case is a name more often than a unit
-_NAMES = {
+NAMES = {
     **{"volt": "V", "newton": "N", "second": "s", "minute": "min", "hour": "h", "hr": "h", "day": "d"},
     **{"foot": "ft", "feet": "ft", "inche": "in", "degree": "deg", "radian": "rad", "celsius": "degC"},
     **{"centigrade": "degC", "fahrenheit": "degF", "kelvin": "K", "pascal": "Pa", "meter": "m", "metre": "m"},
@@ -234,11 +234,11 @@ def by_spelling(symbol: str) -> str | None:
     if lower in _BY_LOWER_CASE:
         return _BY_LOWER_CASE[lower]
     for name in (lower, lower.removesuffix("s")):
-        if name in _NAMES:
-            return _NAMES[name]
+        if name in NAMES:
+            return NAMES[name]
         for prefix, mark in _PREFIX_NAMES.items():
-            if name.startswith(prefix) and _NAMES.get(name[len(prefix) :]) in PREFIXED:
-                return mark + _NAMES[name[len(prefix) :]]
+            if name.startswith(prefix) and NAMES.get(name[len(prefix) :]) in PREFIXED:
+                return mark + NAMES[name[len(prefix) :]]
         if name in _BY_LOWER_CASE and len(name) > 2:
             return _BY_LOWER_CASE[name]
     return None

@@ -16,6 +16,7 @@ from pneucli.errors import UnitError, did_you_mean
 from pneucli.unit_table import (
     AIR_DENSITY,
     DIMENSIONLESS,
+    NAMES,
     PLAIN,
     PREFIXED,
     PREFIXES,
@@ -133,7 +134,7 @@ def _symbol(symbol: str) -> Unit:
     if unit is not None:
         return unit
     prefixed = [p + u for p in ("", "m", "k") for u in PREFIXED]
-    raise UnitError(f'unit "{symbol}" is not known; {did_you_mean(symbol, [*PLAIN, *prefixed])}')
+    raise UnitError(f'unit "{symbol}" is not known; {did_you_mean(symbol, [*PLAIN, *prefixed, *NAMES])}')
 
 
 def _table_symbol(symbol: str) -> Unit | None:

@@ -24,7 +24,7 @@ def lines(answer: Answer, file: str, verbose: bool) -> Iterator[str]:
     """Yield verdict, evidence, shifts and next step; with ``-v`` also path, candidates and detection limits."""
     yield from labelled("found", answer["sentence"])
     if evidence := evidence_summary(answer):
-        yield from labelled("sure", evidence)
+        yield from labelled("evidence", evidence)
     if changes := parameter_shifts(answer):
         yield from labelled("changes", changes)
     if "since" in answer:

@@ -42,9 +42,9 @@ class Diagnosis:
         return as_html(f"Diagnosis of {self.run.artifacts.name}", self._overview())
 
     def _overview(self) -> list[tuple[str, str]]:
-        sure = [f"{name} {format_percent(share)}" for name, share in self.confidence.items() if share is not None]
+        stated = [f"{name} {format_percent(share)}" for name, share in self.confidence.items() if share is not None]
         rows = [("verdict", self.verdict), ("found", self.sentence)]
-        return [*rows, ("sure", ", ".join(sure))] if sure else rows
+        return [*rows, ("probability", ", ".join(stated))] if stated else rows
 
     @property
     def verdict(self) -> str:

@@ -79,6 +79,7 @@ def test_text_with_unit_scales(number: float, unit: str) -> None:
     [
         ("7 baar", 'did you mean "bar"'),
         ("7 bra", 'did you mean "bar"'),
+        ("7 Vlt", 'did you mean "volt"'),
         ("7 kg", "dimension of Pa"),
         ("7,5 bar", "decimal comma"),
         ("bar", "not a quantity"),

@@ -137,8 +137,8 @@ def test_directions_are_words(low: float, high: float, said: str) -> None:
 
 def test_diagnose_states_the_verdict_its_evidence_changes_and_the_next_step() -> None:
     told = one_line(messages.render("diagnose", DIAGNOSED, "p.toml"))
-    assert told.startswith("found The model lacks piston-leak (leak across the piston): with it the error falls. sure")
-    assert "sure piston-leak area = 0.100 ± 0.010 mm²; no other effect of the catalogue explains" in told
+    assert told.startswith("found The model lacks piston-leak (leak across the piston): with it the error falls. ")
+    assert "evidence piston-leak area = 0.100 ± 0.010 mm²; no other effect of the catalogue explains" in told
     assert "changes valve.overlap_fill 0.475 V → 0.206 V (at its bound)" in told
     assert told.endswith("do pneucli add p.toml --suggested")
 
