@@ -60,6 +60,9 @@ PHASES = {
 
 KERNELS = {
     ("simulate/run.py", "run_kernel"),
+    ("simulate/area_derivatives.py", "_simulated"),
+    ("simulate/outputs.py", "required_force"),
+    ("simulate/outputs.py", "_force_residual"),
     ("residuals/force_balance.py", "balance"),
 }  # what calls compiled equations
 

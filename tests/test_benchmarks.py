@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import ast
 import importlib
 import re
 import shutil
@@ -10,7 +11,7 @@ from pathlib import Path
 
 import pytest
 
-from benchmarks.measure import IMPORTS, PHASES, REST, Sampler
+from benchmarks.measure import IMPORTS, KERNELS, PHASES, REST, Sampler
 
 ROOT = Path(__file__).parents[1]
 SHARED = {"cases", "measure", "rigs", "small"}  # what benchmarks share: no benchmark of their own
@@ -52,6 +53,26 @@ def test_each_phase_is_a_function_of_the_program() -> None:
     files = {path.as_posix(): path.read_text(encoding="utf-8") for path in (ROOT / "pneucli").rglob("*.py")}
     for file, name in places:
         assert any(path.endswith(f"/{file}") and f"def {name}(" in text for path, text in files.items()), (file, name)
+
+
+def calls_equations(node: ast.AST) -> bool:
+    """Whether this is a call of a kernel, or of one of its functions."""
+    if not (isinstance(node, ast.Call) and isinstance(node.func, ast.Attribute)):
+        return False
+    where = ast.unparse(node.func.value)
+    return where.endswith(".functions") or (where, node.func.attr) == ("kernel", "run")
+
+
+def test_whatever_calls_compiled_equations_in_fits_and_comparisons_is_counted() -> None:
+    package = ROOT / "pneucli"
+    found = {
+        (f"{path.parent.name}/{path.name}", function.name)
+        for folder in ("simulate", "identify/residuals", "diagnose", "compare")
+        for path in (package / folder).rglob("*.py")
+        for function in ast.walk(ast.parse(path.read_text(encoding="utf-8")))
+        if isinstance(function, ast.FunctionDef) and any(calls_equations(node) for node in ast.walk(function))
+    }
+    assert found == KERNELS
 
 
 def test_a_process_is_sampled_in_the_phase_of_its_innermost_function() -> None:

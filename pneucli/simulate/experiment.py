@@ -15,7 +15,7 @@ from pneucli.noise import NoiseModel
 from pneucli.physics.declaration import Effect
 from pneucli.recording import Recording, Rig
 from pneucli.simulate import layout as at
-from pneucli.simulate.imposed_motion import detect_reversals
+from pneucli.simulate.imposed_motion import MotionInputs, detect_reversals, motion_inputs, smooth_acceleration
 from pneucli.simulate.kernel_settings import max_filling_step, max_motion_step
 from pneucli.simulate.local_polynomials import LocalPolynomialSmoother, choose_windows
 from pneucli.simulate.motion_smoother import MotionSmoother, input_errors
@@ -72,6 +72,11 @@ class Experiment:
         """Time stamps in s, shape (n,)."""
         return self.recording.time
 
+    @cached_property
+    def gap_ends(self) -> NDArray[np.int64]:
+        """The first sample of the recording, and those after gaps."""
+        return restart_samples(self.time, None)
+
     @property
     def horizon(self) -> float:
         """Longest time in s from one restart to the next, or to the end of the recording."""
@@ -119,6 +124,16 @@ class Experiment:
             and self.rig.piston_areas[1] > 0.0
         )
 
+    @cached_property
+    def motion_inputs(self) -> MotionInputs:
+        """The measured motion as inputs of a model on which it is imposed; no model changes it."""
+        return motion_inputs(self)
+
+    @cached_property
+    def acceleration(self) -> Array:
+        """Acceleration in m/s^2, shape (n,): measured, or else what the measured position or velocity shows."""
+        return self.raw["a"] if "a" in self.raw else smooth_acceleration(self)
+
     def without_mechanics(self) -> Experiment:
         """Return the experiment with the measured motion imposed."""
         flags = self.flags.copy()
@@ -128,7 +143,7 @@ class Experiment:
     @cached_property
     def with_imposed_motion(self) -> Experiment:
         """The experiment with the measured motion imposed, restarted after gaps only."""
-        return replace(self.without_mechanics(), restarts=restart_samples(self.time, None))
+        return replace(self.without_mechanics(), restarts=self.gap_ends)
 
     @cached_property
     def max_step(self) -> float:

@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import Protocol
+from typing import NamedTuple, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
 from pneucli.noise import NoiseModel
 from pneucli.recording import Recording
+from pneucli.simulate import layout as at
 from pneucli.simulate.local_polynomials import LocalPolynomialSmoother
 from pneucli.simulate.motion_smoother import MotionSmoother, unrounded_readings
 from pneucli.simulate.position_smoother import PositionSmoother
@@ -55,6 +56,11 @@ class MeasuredMotion(Protocol):
         ...
 
     @property
+    def inputs(self) -> Array:
+        """Smoothed signals in the kernel's layout, shape (n, 8)."""
+        ...
+
+    @property
     def low_pass(self) -> float | None:
         """Frequency in Hz at which the comparison filters."""
         ...
@@ -94,6 +100,31 @@ def imposed_motion(experiment: MeasuredMotion, noise: Mapping[str, Array] | None
         return x, raw.get("v", v), a
     v = raw["v"] if "v" in raw else np.gradient(x, time)
     return x, v, raw["a"] if "a" in raw else np.gradient(v, time)
+
+
+class MotionInputs(NamedTuple):
+    """An imposed motion as inputs of the kernel (n, 8) and acceleration in m/s^2 (n,), and the speed in m/s below which
+    its direction is uncertain.
+    """
+
+    inputs: Array
+    acceleration: Array
+    standstill_speed: float
+
+
+def motion_inputs(experiment: MeasuredMotion, noise: Mapping[str, Array] | None = None) -> MotionInputs:
+    """Return the imposed motion as the inputs of a model.
+
+    Args:
+        experiment: The experiment.
+        noise: Noise added to the readings, by signal, each (n,).
+
+    Returns:
+        The inputs, in which x and v are those of the motion.
+    """
+    inputs = experiment.inputs.copy()
+    inputs[:, at.IN_X], inputs[:, at.IN_V], a = imposed_motion(experiment, noise)
+    return MotionInputs(inputs, a, standstill_speed(experiment, inputs[:, at.IN_V]))
 
 
 def smooth_acceleration(experiment: MeasuredMotion) -> Array:

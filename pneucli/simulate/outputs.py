@@ -9,9 +9,8 @@ from numpy.typing import NDArray
 
 from pneucli.simulate import layout as at
 from pneucli.simulate.experiment import Experiment
-from pneucli.simulate.imposed_motion import imposed_motion, smooth_acceleration, standstill_speed
+from pneucli.simulate.imposed_motion import motion_inputs, standstill_speed
 from pneucli.simulate.model import Model
-from pneucli.simulate.restarts import restart_samples
 from pneucli.simulate.run import base_vector, kernel_for, read_only, simulate, with_p2
 
 Array = NDArray[np.float64]
@@ -58,11 +57,9 @@ def required_force(model: Model, experiment: Experiment, noise: Mapping[str, Arr
         Thesis 6.1-6.7.
     """
     kernel = kernel_for(model.effects)
-    inputs = experiment.inputs.copy()
-    inputs[:, at.IN_X], inputs[:, at.IN_V], a = imposed_motion(experiment, noise)
+    inputs, a, still = experiment.motion_inputs if noise is None else motion_inputs(experiment, noise)
     if "a" in experiment.raw:
         a = a - accelerometer_offset(model, experiment)
-    still = standstill_speed(experiment, inputs[:, at.IN_V])
     out = np.zeros(experiment.time.size)
     base, th = base_vector(model, experiment), kernel.effect_vector(model.effect_values())
     on = kernel.effect_switches(experiment.active_effects(model.effects))
@@ -107,7 +104,7 @@ def with_estimated_p2(model: Model, experiment: Experiment, inputs: Array) -> Ar
     shifted[:, at.IN_P2] *= 1.0 + RELATIVE_P2_STEP
     sensitivity = (with_p2(model, e, shifted) - estimate)[:, at.IN_P2] / RELATIVE_P2_STEP
     missing = -_force_residual(model, e, estimate) / area_2
-    begins, moving = restart_samples(e.time, None), inputs[:, at.IN_V] != 0.0
+    begins, moving = e.gap_ends, inputs[:, at.IN_V] != 0.0
     share = np.add.reduceat(sensitivity * missing * moving, begins) / (
         np.add.reduceat(sensitivity**2 * moving, begins) + MIN_DENOMINATOR
     )
@@ -119,8 +116,7 @@ def with_estimated_p2(model: Model, experiment: Experiment, inputs: Array) -> Ar
 def _force_residual(model: Model, e: Experiment, inputs: Array) -> Array:
     """Return the residual of the force balance (n,) in N toward +x for the measured motion."""
     kernel, out = kernel_for(model.effects), np.zeros(e.time.size)
-    measured = "a" in e.raw
-    a = e.raw["a"] - accelerometer_offset(model, e) if measured else smooth_acceleration(e)
+    a = e.acceleration - (accelerometer_offset(model, e) if "a" in e.raw else 0.0)
     values, on = kernel.effect_vector(model.effect_values()), kernel.effect_switches(e.active_effects(model.effects))
     still = standstill_speed(e, inputs[:, at.IN_V])
     kernel.functions.run_imposed(read_only(e.time), inputs, a, still, True, base_vector(model, e), values, on, out)

@@ -62,7 +62,7 @@ class PositionSmoother:
     rounding: float = 0.0
     correction: Array | float = 0.0
 
-    @property
+    @cached_property
     def period(self) -> float:
         """Median sampling period in s."""
         return float(np.median(np.diff(self.time)))

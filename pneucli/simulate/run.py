@@ -51,7 +51,8 @@ def simulate(model: Model, experiment: Experiment, inputs: Array | None = None) 
     readings = {channel: out[:, column] for channel, column in OUTPUT_COLUMNS.items()}
     lag = model.sum_of_port("temperature_lag") if "temperature" in experiment.channels else 0.0
     if lag > 0.0:
-        readings["temperature"] = temperature_reading(experiment.time, readings["temperature"], lag)
+        temperature = readings["temperature"]
+        readings["temperature"] = temperature_reading(experiment.time, temperature, lag, experiment.gap_ends)
     return readings
 
 

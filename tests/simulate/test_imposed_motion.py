@@ -15,6 +15,8 @@ from pneucli.recording import Recording, Rig
 from pneucli.simulate.experiment import Experiment
 from pneucli.simulate.imposed_motion import detect_reversals
 from pneucli.simulate.model import Model
+from pneucli.simulate.outputs import required_force
+from pneucli.simulate.position_smoother import PositionSmoother
 from pneucli.simulate.preparation import prepare
 
 RIG = Rig(piston_area_1=1e-3, piston_area_2=1e-3, moving_mass=2.0, stroke=0.2)
@@ -33,6 +35,25 @@ def driven(low_pass: float | None = None) -> Experiment:
     signals = {"x": x + rng.normal(scale=2e-6, size=TIME.size), "force": force}
     recording = Recording("given", "friction", "train", TIME, signals, noise, "open", "motion")
     return prepare(recording, RIG, None, low_pass)
+
+
+def test_the_measured_motion_is_smoothed_once_for_all_models(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Smoothing takes several times as long as a model's force."""
+    e, calls, smooth = driven(), list[int](), PositionSmoother.__call__
+
+    def counted(self: PositionSmoother, x: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        calls.append(x.size)
+        return smooth(self, x)
+
+    monkeypatch.setattr(PositionSmoother, "__call__", counted)
+    first = required_force(TRUE, e)
+    other = required_force(replace(TRUE, values={**TRUE.values, "friction.coulomb": 2.0 * COULOMB}), e)
+    assert calls == [TIME.size]
+    assert np.max(np.abs(other - first)) == pytest.approx(COULOMB)
+    shaken = required_force(TRUE, e, {"x": np.full(TIME.size, 1e-3)})
+    assert len(calls) == 2
+    assert np.max(np.abs(shaken - first)) < 1e-3  # a shift changes no velocity
+    assert np.array_equal(required_force(TRUE, e), first)
 
 
 def test_a_reversal_is_where_the_velocity_changes_its_sign() -> None:

@@ -22,7 +22,6 @@ from pneucli.physics.declaration import Effect
 from pneucli.physics.ports import Balance
 from pneucli.simulate import layout as at
 from pneucli.simulate.end_stops import contact_side
-from pneucli.simulate.imposed_motion import smooth_acceleration
 from pneucli.simulate.model import Model
 from pneucli.simulate.motion_smoother import input_errors, smooth_motion, unrounded_readings
 from pneucli.simulate.noise_draws import cache_draws
@@ -151,7 +150,7 @@ class ForceBalance(ResidualModel):
         would spread.
         """
         e = self.experiment
-        return e.raw["a"] if "a" in e.raw else smooth_acceleration(e), self._removed_force(e.raw, e.inputs)
+        return e.acceleration, self._removed_force(e.raw, e.inputs)
 
     def _removed_force(self, raw: Mapping[str, Array], inputs: Array) -> Array:
         """Return the force (n,) that smoothing removed from the pressures, linear in ``raw`` and ``inputs`` (n, 8)."""
