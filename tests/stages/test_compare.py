@@ -97,7 +97,7 @@ def test_time_in_the_wrong_unit_is_refused_before_anything_is_simulated(
     time = period * np.arange(50)
     slow = Recording("slow", "valve", "train", time, {"u": time, "p1": 1e5 + time}, {})
     study = PipelineData(Context(DEMO, load(DEMO), tmp_path, tmp_path))
-    monkeypatch.setitem(study.__dict__, "_whole", [slow])
+    monkeypatch.setitem(study.__dict__, "_loaded", ([slow], []))
     with pytest.raises(InputError, match=f"slow has a sample every {period:g} s, the horizon is 0.5 s") as error:
         _ = study.experiments
     assert 'unit = "ms"' in str(error.value)
@@ -118,7 +118,7 @@ def test_hours_of_recordings_are_told_before_they_are_simulated(
     study = PipelineData(
         Context(DEMO, load(DEMO), tmp_path, tmp_path, progress=lambda message, share: told.append(message))
     )
-    monkeypatch.setitem(study.__dict__, "_whole", [slow])
+    monkeypatch.setitem(study.__dict__, "_loaded", ([slow], []))
     _ = study.experiments
     assert told[0] == "2 h of recordings, if the unit of time is right: this takes long"
 
