@@ -52,7 +52,7 @@ MAX_LISTED = 40  # names in a message
 def did_you_mean(word: str, choices: Iterable[str]) -> str:
     """Return ``'did you mean "x"?'`` for the closest of ``choices``, or the list (of the first) where none is close."""
     choices = sorted(choices)
-    close = next(filter(None, (difflib.get_close_matches(w, choices, cutoff=0.6) for w in (word, word.lower()))), [])
+    close = difflib.get_close_matches(word, choices) or difflib.get_close_matches(word.lower(), choices)
     close.sort(key=lambda one: sorted(one) != sorted(word))  # transposed letters first
     more = ", ..." * (len(choices) > MAX_LISTED)
     return f'did you mean "{close[0]}"?' if close else f"known: {', '.join(choices[:MAX_LISTED])}{more}"
