@@ -167,10 +167,12 @@ class DiagnosisData:
         return self._fits_with_intervals[fitted]
 
     def without_derivatives(self, decision: Decision) -> Decision:
-        """Return a decision whose candidate keeps its parameters and their intervals, and no derivatives."""
+        """Return a decision whose candidate keeps its parameters, with their intervals where it passed, and no
+        derivatives.
+        """
         if (c := decision.candidate) is None:
             return decision
-        full = replace(c.full, fit=without_data(self.with_intervals(c.full)))
+        full = replace(c.full, fit=without_data(self.with_intervals(c.full) if decision.supported else c.full.fit))
         return replace(decision, candidate=replace(c, full=full))
 
     @cached_property

@@ -9,8 +9,7 @@ from pneucli.diagnose.data import DiagnosisData, ScreenedEffect
 from pneucli.diagnose.hypothesis_tests import apply_tests
 from pneucli.diagnose.score import FittedModel
 
-MAX_REFITS = 6  # effects at most in one round
-SHARED_REFITS = 3  # of them are divided among the subsystems by their shares of the cost
+MAX_BY_SHARE, MAX_BY_GAIN = 3, 2  # effects that are refitted in one round, by each of the two rankings
 MIN_CHI2 = 12.0  # predicted reduction of the cost, chi-square with one degree of freedom: p = 1/2000
 MIN_RELATIVE_SHARE = 0.01  # of the largest predicted share
 
@@ -18,38 +17,18 @@ MIN_RELATIVE_SHARE = 0.01  # of the largest predicted share
 def score_test_screen(
     data: DiagnosisData, fitted: FittedModel, screened: Sequence[ScreenedEffect]
 ) -> list[ScreenedEffect]:
-    """Return the effects with the largest predicted cost reduction, the best first.
+    """Return the effects to refit: those with the largest predicted shares, and those with the largest gains.
 
-    The reduction is divided by the cost of the residuals that the effect influences. Without this a friction effect
-    would lose against effects on gas and valve wherever those residuals are 20 times their noise.
+    The share is the predicted reduction over the cost of the residuals that the effect influences. Without it a
+    friction effect would lose against effects on gas and valve wherever those residuals are 20 times their noise. By
+    the gain itself an effect leads that removes a little of all residuals. What another effect hides, the next round
+    finds.
     """
-    scored = [(s[0].gain / data.sensitive_cost(fitted, e)[0], (e, s)) for e, s in screened if s[0].gain > MIN_CHI2]
-    scored.sort(key=lambda one: -one[0])
-    leaders = [pair for _, pair in _subsystem_leaders(data, fitted, scored)]
-    promising = [pair for share, pair in scored if share > MIN_RELATIVE_SHARE * scored[0][0] and pair not in leaders]
-    selected = [*leaders, *promising[: MAX_REFITS - len(leaders)]]
-    return [pair for _, pair in scored if pair in selected]
-
-
-def _subsystem_leaders(
-    data: DiagnosisData, fitted: FittedModel, scored: Sequence[tuple[float, ScreenedEffect]]
-) -> list[tuple[float, ScreenedEffect]]:
-    """Return the best effects of each subsystem, the best first; their number is its share of the cost, times
-    SHARED_REFITS, and SHARED_REFITS in all.
-
-    An effect that influences every residual, such as a fault of a sensor, belongs to no subsystem. Subsystems overlap
-    (chamber 1, chamber 2, both), so without the limit their effects would take every refit from the best one.
-    """
-    total = float(fitted.train_costs.sum())
-    subsystems: dict[bytes, list[tuple[float, ScreenedEffect]]] = {}
-    for one in scored:
-        subsystems.setdefault(data.sensitive_blocks(one[1][0]).tobytes(), []).append(one)
-    leaders = []
-    for members in subsystems.values():
-        cost = data.sensitive_cost(fitted, members[0][1][0])[0]
-        if cost < total:
-            leaders += members[: int(SHARED_REFITS * cost / total)]
-    return sorted(leaders, key=lambda one: -one[0])[:SHARED_REFITS]
+    promising = [(s[0].gain / data.sensitive_cost(fitted, e)[0], (e, s)) for e, s in screened if s[0].gain > MIN_CHI2]
+    promising.sort(key=lambda one: -one[0])
+    by_share = [pair for share, pair in promising if share > MIN_RELATIVE_SHARE * promising[0][0]]
+    by_gain = sorted(by_share, key=lambda pair: -pair[1][0].gain)[:MAX_BY_GAIN]
+    return [pair for i, pair in enumerate(by_share) if i < MAX_BY_SHARE or pair in by_gain]
 
 
 CONVERGED_COST_RATIO = (

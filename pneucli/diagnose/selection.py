@@ -127,9 +127,6 @@ def _next_round(data: DiagnosisData, fitted: FittedModel) -> tuple[FittedModel |
     candidates = supported_candidates(decisions)
     if is_complete(data, fitted):
         candidates = [c for c in candidates if judge(data, Term(c, ())).decision.supported]
-    elif not candidates:
-        decisions += _next_ranked(data, fitted, decisions)
-        candidates = supported_candidates(decisions)
     return _most_probable(data, candidates).full if candidates else None, decisions
 
 
@@ -142,15 +139,6 @@ def _without_derivatives(data: DiagnosisData, decisions: Decisions, earlier: Seq
     reported = {d.effect.name for each in earlier for d in each if d.candidate is not None}
     new = [d for d in decisions if d.supported or d.effect.name not in reported]
     return [d if d.supported and not earlier else data.without_derivatives(d) for d in new]
-
-
-def _next_ranked(data: DiagnosisData, fitted: FittedModel, decisions: Decisions) -> Decisions:
-    """Return the decisions on the effects that the screen ranks behind those that were fitted and do not pass.
-
-    The screen is linear: with a volume wrong, the gas and the valve of the fit are far off too, and the volume itself
-    promises little.
-    """
-    return screen_and_refit(data, fitted, [d.effect.name for d in decisions if d.candidate is not None])
 
 
 def _most_probable(data: DiagnosisData, candidates: Sequence[Candidate]) -> Candidate:

@@ -162,6 +162,14 @@ def reason_sentence(candidate: Answer, missing: Sequence[str], held_out: str, lo
     return f"{text} {VALIDATION_PHRASES[held_out]}. {looks_like}".rstrip()
 
 
+def _explained(candidate: Answer) -> str:
+    """Return the error with a candidate, or of one that is not told what its fit removes of the squared residuals."""
+    beside = join_names([candidate["effect"], *(candidate.get("beside") or [])])
+    if candidate["error_after"] is None:
+        return f"{beside} explains {format_percent(max(candidate['residual_share'], 0.0))} of the squared residuals"
+    return f"error with {beside} {format_number(candidate['error_after'], 3)} × noise"
+
+
 def _selection_path(answer: Answer) -> Iterator[str]:
     yield ""
     rows = [
@@ -176,9 +184,7 @@ def _candidates(answer: Answer) -> Iterator[str]:
     for c in fitted:
         yield ""
         yield from labelled("named" if c["effect"] in answer["missing"] else "tried", c["effect"])
-        beside = join_names([c["effect"], *(c.get("beside") or [])])
-        error = f"error with {beside} {format_number(c['error_after'], 3)} × noise"
-        yield from labelled("", f"{format_parameters(c['parameters'])}; {error}")
+        yield from labelled("", f"{format_parameters(c['parameters'])}; {_explained(c)}")
         yield from labelled("", c["why"])
     yield ""
     others = [c for c in answer["candidates"] if not c["parameters"]]

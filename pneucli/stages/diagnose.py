@@ -20,6 +20,7 @@ from pneucli.diagnose.free_run_error import (
     remaining_error_share,
     removed_error_share,
 )
+from pneucli.diagnose.score import ErrorsByUse
 from pneucli.diagnose.subsample import MAX_SAMPLES
 from pneucli.diagnose.validity import lacks_p2
 from pneucli.errors import InputError
@@ -36,7 +37,7 @@ from pneucli.messages.progress import (
     FREE_RUN_PROGRESS,
     GIVEN_MODEL_PROGRESS,
 )
-from pneucli.messages.verdict import verdict_sentence, warning_text
+from pneucli.messages.verdict import MIN_TOLD_PROBABILITY, verdict_sentence, warning_text
 from pneucli.pipeline.context import Context
 from pneucli.pipeline.manifest import program_versions
 from pneucli.plausibility.repaired import impossible_findings
@@ -213,26 +214,28 @@ def _candidate_answer(
     assert data.free_run_errors is not None
     name, candidate = decision.effect.name, decision.candidate
     fitted = candidate.full if candidate else found.path.models[0]
-    before, after = (
-        data.free_run_errors(s.model) for s in ((candidate.reduced, fitted) if candidate else (fitted, fitted))
-    )
-    unchanged = decision.reason == "cannot-show"
-    shown = found.fit if name in found.missing else data.with_intervals(fitted)
+    confidence = found.confidence.get(name)
+    told = decision.supported or (confidence is not None and confidence.of_set >= MIN_TOLD_PROBABILITY)
+    before: ErrorsByUse = {"train": None, "test": None}
+    after = before
+    if told and candidate:  # simulations and intervals of what is not told would take longer than its fit
+        before, after = (data.free_run_errors(one.model) for one in (candidate.reduced, fitted))
+    shown = found.fit if name in found.missing else data.with_intervals(fitted) if told else fitted.fit
+    parameters = _parameters(pipeline, shown, name)
     answer = {
         "effect": name,
         "title": decision.effect.title,
         "error_before": held_out_error(before),
-        "error_after": held_out_error(after) if candidate or unchanged else None,
+        "error_after": held_out_error(after),
         "beside": _beside(found, candidate),
-        "parameters": _parameters(pipeline, shown, name),
+        "parameters": parameters if told else {n: p | {"ci95": [None, None]} for n, p in parameters.items()},
         "indistinguishable_from": _equivalents(found, name),
         "supported": decision.supported,
         "reason": decision.reason,
-        "confidence": round(found.confidence[name].of_set, 4) if name in found.confidence else None,
-        "confidence_alone": round(found.confidence[name].alone, 4) if name in found.confidence else None,
-        "share": None
-        if candidate is None or held_out_error(before) is None
-        else removed_error_share(before, after) or 0.0,
+        "confidence": None if confidence is None else round(confidence.of_set, 4),
+        "confidence_alone": None if confidence is None else round(confidence.alone, 4),
+        "share": None if held_out_error(before) is None else removed_error_share(before, after) or 0.0,
+        "residual_share": None if candidate is None else 1.0 - candidate.full.cost / candidate.reduced.cost,
         "evidence": found.evidence[name]._asdict() if name in found.evidence else None,
     }
     return answer | {"why": reason_sentence(answer, found.missing, validation_method(data), decision.effect.looks_like)}

@@ -7,13 +7,12 @@ from dataclasses import replace
 from types import SimpleNamespace
 from typing import Any
 
-import numpy as np
 import pytest
 
 from pneucli.diagnose import screening as rounds
 from pneucli.diagnose.data import DiagnosisData, Refit, run_locally
 from pneucli.diagnose.score import FittedModel
-from pneucli.physics.effects import catalogue, catalogue_with_sides
+from pneucli.physics.effects import catalogue
 from tests.diagnose.candidates import candidate, diagnosis_data, model_fit
 from tests.diagnose.synthetic_data import Facts, SyntheticData, alone, effect, synthetic_data
 
@@ -73,8 +72,15 @@ def screened(**gains: float) -> set[str]:
 DATA = synthetic_data([effect(name) for name in "abcdefgh"], Facts(10.0, alone(a=0.3, b=0.28, c=0.2)))
 
 
-def test_at_most_six_effects_are_refitted():
-    assert screened(a=100.0, b=101.0, c=102.0, d=103.0, e=104.0, f=105.0, g=106.0, h=107.0) == set("cdefgh")
+def test_the_best_three_by_share_and_two_by_gain_are_refitted(monkeypatch: pytest.MonkeyPatch):
+    """The gains of g and h are the largest, of residuals that cost so much that their shares are the smallest."""
+    costs = dict.fromkeys("abcdef", 1e3) | dict.fromkeys("gh", 1e5)
+    monkeypatch.setattr(SyntheticData, "sensitive_cost", lambda self, fitted, effect: (costs[effect.name], 100))
+    assert screened(a=100.0, b=101.0, c=102.0, d=103.0, e=104.0, f=105.0, g=506.0, h=507.0) == set("defgh")
+
+
+def test_what_leads_by_gain_as_well_takes_no_place_of_another():
+    assert screened(a=100.0, b=101.0, c=102.0, d=103.0, e=104.0, f=105.0, g=106.0, h=107.0) == set("fgh")
 
 
 @pytest.mark.parametrize(("gain", "refitted"), [(12.1, True), (11.9, False)])
@@ -107,38 +113,3 @@ def test_the_best_candidates_are_refitted_to_convergence_and_all_are_ranked_by_c
     decisions = rounds.screen_and_refit(data, data.model_with([]))
     assert [d.effect.name for d in decisions if d.candidate is not None] == ["a", "b", "c"]
     assert converged == ["a", "b"]
-
-
-def test_refits_are_divided_among_subsystems_by_their_cost(monkeypatch: pytest.MonkeyPatch):
-    """Seven effects promise more of a force that leaves a tenth than one promises of the gas, which leaves the rest."""
-    forces = [n for n, e in catalogue().items() if e.balances == {"friction"}][:7]
-    ranked = [(catalogue()[name], [signature(900.0 - i)]) for i, name in enumerate(forces)]
-    ranked.append((catalogue()["chamber-leak"], [signature(1800.0)]))
-    in_gas = {"chamber-leak"}
-    blocks = {True: np.array([True, False]), False: np.array([False, True])}
-    monkeypatch.setattr(DiagnosisData, "sensitive_blocks", lambda self, effect: blocks[effect.name in in_gas])
-    costs, counts = np.array([9000.0, 1000.0]), np.array([100, 100])
-    left = SimpleNamespace(train_costs=costs, costs=costs, residual_counts=counts)
-    kept = [e.name for e, _ in rounds.score_test_screen(diagnosis_data(), left, ranked)]  # type: ignore[arg-type]
-    assert "chamber-leak" in kept
-    assert kept[:5] == forces[:5]
-    assert len(kept) == rounds.MAX_REFITS
-
-
-def test_overlapping_subsystems_leave_refits_to_the_best_effect(monkeypatch: pytest.MonkeyPatch):
-    """Three subsystems share the recording that leaves nearly all; a lag of the sensors acts in all, and does more."""
-    groups = {
-        (True, True, False, False): ("valve-lag", "line-delay"),
-        (False, True, False, False): ("dead-volume", "laminar-leak"),
-        (False, True, True, False): ("pressure-scale:1", "pressure-scale:2"),
-        (True, True, True, True): ("pressure-lag",),
-    }
-    blocks = {name: np.array(group) for group, names in groups.items() for name in names}
-    effects = catalogue_with_sides()
-    ranked = [(effects[name], [signature(9000.0 if name == "pressure-lag" else 3000.0)]) for name in blocks]
-    monkeypatch.setattr(DiagnosisData, "sensitive_blocks", lambda self, effect: blocks[effect.name])
-    costs = np.array([100.0, 9700.0, 100.0, 100.0])
-    left = SimpleNamespace(train_costs=costs, costs=costs, residual_counts=np.full(4, 100))
-    kept = [e.name for e, _ in rounds.score_test_screen(diagnosis_data(), left, ranked)]  # type: ignore[arg-type]
-    assert kept[0] == "pressure-lag"
-    assert len(kept) == rounds.MAX_REFITS

@@ -59,7 +59,6 @@ CASE_OF_RULE = {
     "free-run error": "an effect that raises the free-run error is dropped however probable it is",
     "fewest parameters": "of equals the one with the fewest parameters is added",
     "most probable": "beside an unmodelled effect the most probable candidate is first",
-    "next ranked": "where the first fits show nothing those that are ranked next are tried",
     "past improbable": "two effects are added of which each is improbable without the other",
     "probability": "improbable effects are dropped, the least probable first",
     "dropped": "an effect that raises the free-run error is dropped however probable it is",

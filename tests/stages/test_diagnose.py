@@ -16,13 +16,14 @@ from pneucli import messages
 from pneucli.config import load
 from pneucli.diagnose.adequacy import LackOfFit
 from pneucli.diagnose.candidate import Reason
+from pneucli.diagnose.diagnosis import Confidence
 from pneucli.errors import InputError
 from pneucli.exam.cases import generate_case
 from pneucli.identify.estimation.fit import Estimate, Fit
 from pneucli.identify.residuals import ChamberPressures, ResidualModel
 from pneucli.io.artifacts import read_table
 from pneucli.messages.formatting import format_noise_ratio
-from pneucli.messages.verdict import verdict_sentence
+from pneucli.messages.verdict import MIN_TOLD_PROBABILITY, verdict_sentence
 from pneucli.physics.effects import catalogue_with_sides
 from pneucli.pipeline.context import Context
 from pneucli.stages import diagnose, ingest
@@ -78,7 +79,14 @@ def test_the_answer_has_the_interfaces_keys(hysteresis: Diagnosed) -> None:
         assert keys <= candidate.keys()
         for parameter in candidate["parameters"].values():
             assert parameter.keys() == {"value", "unit", "ci95"}
-            assert parameter["ci95"][0] <= parameter["value"] <= parameter["ci95"][1]
+            low, high = parameter["ci95"]
+            assert (low is None) == (high is None) == (not is_told(candidate))
+            assert not is_told(candidate) or low <= parameter["value"] <= high
+
+
+def is_told(candidate: dict[str, Any]) -> bool:
+    """Whether the sentences of an answer may speak of a candidate: only then is its error simulated."""
+    return candidate["supported"] or candidate["confidence"] >= MIN_TOLD_PROBABILITY
 
 
 def test_the_hidden_effect_is_named_with_its_size(hysteresis: Diagnosed) -> None:
@@ -118,7 +126,8 @@ def test_what_is_named_is_sure_and_what_is_not_is_less_so(hysteresis: Diagnosed)
     for c in by_effect.values():
         assert 0.0 <= c["confidence_alone"] <= c["confidence"] <= 1.0
         assert c["effect"] in alike or c["confidence"] < 0.5
-        assert (c["share"] is None) == (not c["parameters"])  # only a fit tells it
+        assert (c["residual_share"] is None) == (not c["parameters"])  # only a fit tells it
+        assert (c["share"] is not None) == (bool(c["parameters"]) and is_told(c))
 
 
 def test_what_remains_is_told_by_channel(hysteresis: Diagnosed) -> None:
@@ -250,21 +259,28 @@ def test_exact_twins_are_reported_as_a_set(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize(
-    ("missing", "shown"), [((), ("wide", "fit with a")), (("a", "b"), "fit with a and b over all models")]
+    ("missing", "confidence", "shown", "interval"),
+    [
+        ((), 0.4, "wide fit with a", [1.0, 2.0]),
+        (("a", "b"), 0.9, "fit with a and b over all models", [1.0, 2.0]),
+        ((), 0.1, "fit with a", [None, None]),
+    ],
 )
-def test_a_named_effect_has_the_size_beside_the_other_named_ones_and_a_refused_one_that_by_which_it_is_refused(
-    monkeypatch: pytest.MonkeyPatch, missing: tuple[str, ...], shown: object
+def test_an_effect_that_is_told_has_the_interval_of_the_model_that_it_is_told_of(
+    monkeypatch: pytest.MonkeyPatch, missing: tuple[str, ...], confidence: float, shown: str, interval: list[Any]
 ) -> None:
-    """Intervals of a model with unmodelled effects are wide; narrower ones would contradict the reason."""
-    monkeypatch.setattr(diagnose, "_parameters", lambda pipeline, fit, name: {"from": fit})
+    """Intervals of a model with unmodelled effects are wide; narrower ones would contradict the reason. What no
+    sentence tells has none, and no error: both take longer than its fit.
+    """
+    monkeypatch.setattr(diagnose, "_parameters", lambda pipeline, fit, name: {"size": {"of": fit, "ci95": [1.0, 2.0]}})
     effect = SimpleNamespace(name="a", title="An effect", looks_like="")
-    reduced = SimpleNamespace(model="m", effect_names=["stribeck", "b"])
-    candidate = SimpleNamespace(full=SimpleNamespace(model="m", fit="fit with a"), reduced=reduced)
+    reduced = SimpleNamespace(model="m", effect_names=["stribeck", "b"], cost=100.0)
+    candidate = SimpleNamespace(full=SimpleNamespace(model="m", fit="fit with a", cost=25.0), reduced=reduced)
     reason = "supported" if missing else "interval-contains-null"
     decision: Any = SimpleNamespace(effect=effect, candidate=candidate, reason=reason, supported=bool(missing))
     data: Any = SimpleNamespace(
         free_run_errors=lambda model: {"train": 2.0, "test": 2.0},
-        with_intervals=lambda fitted: ("wide", fitted.fit),
+        with_intervals=lambda fitted: f"wide {fitted.fit}",
         held_out="test",
         folds=(),
     )
@@ -272,14 +288,16 @@ def test_a_named_effect_has_the_size_beside_the_other_named_ones_and_a_refused_o
     found: Any = SimpleNamespace(
         missing=missing,
         equivalents=equivalents,
-        confidence={},
+        confidence={"a": Confidence(confidence, confidence)},
         evidence={},
         fit="fit with a and b over all models",
         path=SimpleNamespace(models=[SimpleNamespace(effect_names=["stribeck"])]),
     )
     pipeline: Any = None
     answer = diagnose._candidate_answer(pipeline, data, found, decision)
-    assert answer["parameters"] == {"from": shown}
+    assert answer["parameters"] == {"size": {"of": shown, "ci95": interval}}
+    assert answer["residual_share"] == 0.75
+    assert answer["error_after"] == (None if interval == [None, None] else 2.0)
     assert answer["beside"] == ["b"]
 
 
