@@ -170,9 +170,6 @@ RULES = {
     "exclusive": Rule("an effect with channels of its own is judged by these",
                       ("diagnose.equivalence:Term.is_measured_exclusively", acts),
                       {"diagnose.equivalence:Term.is_measured_exclusively": always(False)}),
-    "free run": Rule("a model that fails the free-run test is not adequate",
-                     ("diagnose.diagnosis:free_run_lack_of_fit", acts),
-                     {"diagnose.diagnosis:free_run_lack_of_fit": always([])}),
     # costs and fits
     "bounds": Rule("a set-valued law explains nothing within its bounds",
                    ("diagnose.score:coverage_weights", lambda found, *_: bool(np.any(found != 1.0))),

@@ -23,7 +23,7 @@ Array = NDArray[np.float64]
 class ChannelResult:
     """Errors of one channel in one recording, SI.
 
-    ``noise`` is the rms error of a correct model; 95 % of correct models have a ratio below ``ratio_limit``, which is
+    ``noise`` is the rms error of a correct model; 99 % of correct models have a ratio below ``ratio_limit``, which is
     None where it is unknown.
     """
 

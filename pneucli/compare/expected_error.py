@@ -10,6 +10,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from pneucli.compare.error_limit import ErrorDistribution
 from pneucli.simulate.experiment import Experiment
 from pneucli.simulate.model import Model
 from pneucli.simulate.noise_propagation import NOISE_SEED, iterate_deviations
@@ -24,15 +25,29 @@ class ExpectedError(NamedTuple):
     """The error of a correct model in one recording, by channel.
 
     ``rms``: SI. ``squares``: the contribution of each segment between restarts to the mean square, in each draw, SI
-    squared, (draws, segments).
+    squared, (draws, segments). ``population``: squares of segments over that of ``rms``, of all draws and of all
+    recordings of the same kind, (P,); the same segments in each channel.
     """
 
     rms: dict[str, float]
     squares: dict[str, Array]
+    population: dict[str, Array] = {}  # noqa: RUF012 - a tuple has no default factory
 
     def relative_squares(self, channel: str) -> Array:
-        """Return the squares of a channel over the square of its rms, (draws, segments)."""
-        return self.squares[channel] / self.rms[channel] ** 2
+        """Return the squares of the segments of a channel over that of its rms, in all draws, (draws x segments,)."""
+        squares, noise = self.squares[channel], self.rms[channel]
+        return np.ravel(squares) * squares.shape[1] / noise**2 if noise > 0.0 else np.zeros(squares.size)
+
+    def distribution(self, channels: Sequence[str]) -> ErrorDistribution:
+        """Return the distribution of the mean square error over channels that a correct model may have.
+
+        Every segment starts with noise of its own, so the errors of segments are independent; those of the channels of
+        one recording are not.
+        """
+        of_segments = np.mean([self.population[c] for c in channels], axis=0)
+        draws, segments = next(iter(self.squares.values())).shape
+        variance = float(of_segments.var(ddof=1)) / segments * (1.0 + 1.0 / draws)  # of an error, and of its mean
+        return ErrorDistribution(float(of_segments.mean()), variance)
 
 
 def expected_error(
@@ -74,7 +89,7 @@ def expected_errors(
     """Return :func:`expected_error` of each experiment, for the motion with an rms pooled over those of one kind.
 
     Whether a break-away falls before or after a restart determines most of the deviation of the motion, and the few
-    draws of one recording may contain none; those of all recordings contain enough.
+    draws of one recording may contain none; those of all recordings contain enough. So it is with their scatter.
 
     Args:
         model: The model.
@@ -94,7 +109,16 @@ def expected_errors(
         same_kind = [n.rms for k, n in zip(kinds, own, strict=True) if k == kind]
         pooled = {c: _root_mean_square([n[c] for n in same_kind if c in n]) for c in one.rms if c in MOTION_CHANNELS}
         out.append(one._replace(rms=one.rms | pooled))
-    return out
+    return [
+        _with_population(one, [n for k, n in zip(kinds, out, strict=True) if k == kind])
+        for kind, one in zip(kinds, out, strict=True)
+    ]
+
+
+def _with_population(own: ExpectedError, same_kind: Sequence[ExpectedError]) -> ExpectedError:
+    """Return an expected error with the squares of the segments of all recordings that have its channels."""
+    alike = [one for one in same_kind if own.squares.keys() <= one.squares.keys()]
+    return own._replace(population={c: np.concatenate([one.relative_squares(c) for one in alike]) for c in own.squares})
 
 
 def _root_mean_square(values: Sequence[float]) -> float:

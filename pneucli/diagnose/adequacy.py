@@ -15,6 +15,7 @@ from pneucli.identify.estimation.blocks import block_labels
 from pneucli.identify.estimation.fit import MAX_DERIVATIVE, Fit
 from pneucli.identify.estimation.objective import LeastSquaresProblem
 from pneucli.identify.residuals import ResidualModel
+from pneucli.messages.compare import GOOD_ERROR_RATIO, GOOD_TEST_ERROR_RATIO
 from pneucli.quantities import Z95
 from pneucli.simulate.model import Model, parameter_value
 
@@ -26,8 +27,6 @@ BINS = 12
 TRIMMED_SHARE = 0.005  # of the samples
 FRICTION_SIGNALS = ("time", "x", "p1", "p2", "u")  # of which friction may be a function
 MIN_BLOCKS_PER_BIN = 4  # in a bin, for the variance of its mean
-TRAIN_LIMIT = 1.2  # times the rms of a correct model; measured on exams (docs/method.md)
-TEST_LIMIT = 1.4  # the same on held-out data, where commands between the fitted ones are interpolated
 UNTRIMMED_FACTOR = 2.0  # times these limits for the untrimmed rms
 MIN_SHAPE_SHARE = 0.2  # of the squared residual
 MIN_TRIMMED_RATIO = 1.06  # with a smaller ratio a shape is immaterial
@@ -85,7 +84,7 @@ def held_out_lack_of_fit(fit: Fit, residual_models: Sequence[ResidualModel]) -> 
     only where a channel exceeds the limit.
     """
     lacks = lack_of_fit_by_channel(fit.model, residual_models)
-    if not fit.free or not any(_exceeds(r, TEST_LIMIT) for r in lacks):
+    if not fit.free or not any(_exceeds(r, GOOD_TEST_ERROR_RATIO) for r in lacks):
         return lacks
     uncertainty = _parameter_uncertainty(fit, residual_models)
     return [replace(r, parameter_uncertainty=uncertainty.get((r.kind, r.channel), 0.0)) for r in lacks]
@@ -204,15 +203,17 @@ def bins_of(values: Array, max_bins: int) -> NDArray[np.int64]:
 def significant_lack_of_fit(train: Sequence[LackOfFit], test: Sequence[LackOfFit]) -> list[LackOfFit]:
     """Return the channels whose lack of fit exceeds noise and parameter uncertainty, worst first."""
     significant = [
-        r for r in train if _exceeds(r, TRAIN_LIMIT) or (r.trimmed_ratio > MIN_TRIMMED_RATIO and _has_shape(r))
+        r for r in train if _exceeds(r, GOOD_ERROR_RATIO) or (r.trimmed_ratio > MIN_TRIMMED_RATIO and _has_shape(r))
     ]
-    significant += [r for r in test if _exceeds(r, TEST_LIMIT * float(np.hypot(1.0, Z95 * r.parameter_uncertainty)))]
+    significant += [
+        r for r in test if _exceeds(r, GOOD_TEST_ERROR_RATIO * float(np.hypot(1.0, Z95 * r.parameter_uncertainty)))
+    ]
     return sorted(significant, key=lambda r: -r.ratio)
 
 
 def within_parameter_uncertainty(test: Sequence[LackOfFit]) -> list[LackOfFit]:
     """Return the channels whose lack of fit exceeds noise, but not the parameters' uncertainty."""
-    return [r for r in test if _exceeds(r, TEST_LIMIT) and not significant_lack_of_fit([], [r])]
+    return [r for r in test if _exceeds(r, GOOD_TEST_ERROR_RATIO) and not significant_lack_of_fit([], [r])]
 
 
 def _exceeds(r: LackOfFit, limit: float) -> bool:

@@ -12,6 +12,7 @@ from weakref import WeakKeyDictionary
 import numpy as np
 from numpy.typing import NDArray
 
+from pneucli.compare.goodness_of_fit import GoodnessOfFit
 from pneucli.diagnose.adequacy import LackOfFit, held_out_lack_of_fit, lack_of_fit_by_channel
 from pneucli.diagnose.candidate import Candidate, Decision
 from pneucli.diagnose.cross_validation import leave_one_out_models
@@ -78,7 +79,7 @@ class DiagnosisData:
     (:mod:`pneucli.diagnose.cross_validation`). ``modelled_parts``: parts whose effects the valve's model contains
     already. ``base_effects``: names of the effects of the given model. ``free_run_errors``: the error of ``compare`` by
     use. ``implausible``: the recordings cannot be true, so nothing is looked for in them. ``run_refits``: does
-    independent refits, perhaps in parallel.
+    independent refits, perhaps in parallel. ``judge_fit`` judges the printed error of a fitted model.
     """
 
     train: Sequence[ResidualModel]
@@ -91,6 +92,7 @@ class DiagnosisData:
     free_run_errors: ErrorsOfModel | None = None
     implausible: bool = False
     run_refits: RunRefits = run_locally
+    judge_fit: Callable[[Fit], GoodnessOfFit | None] = field(default=lambda _: None)
 
     @cached_property
     def hypothesis_count(self) -> int:

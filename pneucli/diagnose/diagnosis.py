@@ -9,6 +9,7 @@ from typing import Literal, NamedTuple
 import numpy as np
 from scipy.special import softmax
 
+from pneucli.compare.goodness_of_fit import GoodnessOfFit
 from pneucli.diagnose.adequacy import LackOfFit, significant_lack_of_fit
 from pneucli.diagnose.calibration import Evidence, likelihood_shares, presence_rate
 from pneucli.diagnose.candidate import Candidate, Decision
@@ -18,10 +19,10 @@ from pneucli.diagnose.decision import Judgement, log_odds_among_equivalents
 from pneucli.diagnose.detectability import MinimumDetectableEffect, minimum_detectable_effects, undetectable_effects
 from pneucli.diagnose.discrepancy import Discrepancy, UnexplainedResidual, describe_discrepancies, describe_lack_of_fit
 from pneucli.diagnose.equivalence import Term
-from pneucli.diagnose.free_run_test import free_run_lack_of_fit
 from pneucli.diagnose.selection import SelectionPath, select_effects, unsearched_path
 from pneucli.identify.estimation.fit import Estimate, Fit
 from pneucli.identify.estimation.intervals import with_intervals_over_models
+from pneucli.identify.residuals import FreeRun
 
 Verdict = Literal["adequate", "missing-effect", "unexplained", "inconclusive"]
 
@@ -53,7 +54,8 @@ class Diagnosis:
 
     ``missing`` has the named effects in the order to add them, ``equivalents`` the indistinguishable effects of each
     added one, ``decisions`` one for every effect that the model lacked, the added ones first. ``fit`` is that of the
-    last model, with intervals over all models that the data allow.
+    last model, with intervals over all models that the data allow; ``goodness_of_fit`` judges its printed error, and
+    ``balance_lack`` is the subsystem in which it errs most by more than noise, which the whole model may hide.
     """
 
     verdict: Verdict
@@ -68,6 +70,8 @@ class Diagnosis:
     confidence: Mapping[str, Confidence]
     evidence: Mapping[str, Evidence]
     discrepancies: tuple[Discrepancy, ...]
+    goodness_of_fit: GoodnessOfFit | None = None
+    balance_lack: LackOfFit | None = None
 
 
 def diagnose(data: DiagnosisData, base: Fit) -> Diagnosis:
@@ -75,7 +79,8 @@ def diagnose(data: DiagnosisData, base: Fit) -> Diagnosis:
     start = data.fitted_model(base)
     del base  # its derivatives are in memory, those of the start in a file
     path = unsearched_path(data, start) if data.implausible else select_effects(data, start)
-    unexplained = [] if data.implausible else _lack_of_last_model(data, path)
+    judged = data.judge_fit(path.last.fit)
+    unexplained = [] if data.implausible else _lack_of_last_model(path, judged)
     equivalents = {
         name: [c for c in term.equivalents(data, complete=not unexplained) if violated_constraint(data, c) is None]
         for name, term in path.terms.items()
@@ -90,12 +95,12 @@ def diagnose(data: DiagnosisData, base: Fit) -> Diagnosis:
             *undetectable_effects(data, sizes),
         ]
     )
-    judged = {j.decision.effect.name: j for j in path.refused} | dict(path.judgements)
+    judgements = {j.decision.effect.name: j for j in path.refused} | dict(path.judgements)
     shares = {
         n: _shares_in_term(data, term, equivalents[n], complete=not unexplained) for n, term in path.terms.items()
     }
     return Diagnosis(
-        verdict=_verdict(data, unexplained, path.added, sizes),
+        verdict=_verdict(data, unexplained, path.added, sizes, judged),
         missing=tuple(path.added),
         decisions=decisions,
         equivalents={name: tuple(c.effect.name for c in equivalents[name]) for name in path.added},
@@ -104,9 +109,11 @@ def diagnose(data: DiagnosisData, base: Fit) -> Diagnosis:
         parameter_shifts=tuple(_parameter_shifts(start.fit, path.last.fit)),
         detectable=tuple(sizes),
         unexplained=describe_lack_of_fit(data, path.last.fit, unexplained[0]) if unexplained else None,
-        confidence=_confidence(decisions, judged, shares),
-        evidence={name: j.evidence for name, j in judged.items()},
+        confidence=_confidence(decisions, judgements, shares),
+        evidence={name: j.evidence for name, j in judgements.items()},
         discrepancies=tuple(describe_discrepancies(data, path.last.fit, [*path.test, *path.train])),
+        goodness_of_fit=judged,
+        balance_lack=next((one for one in unexplained if one.kind is not FreeRun), None),
     )
 
 
@@ -121,11 +128,13 @@ def _fit_over_models(data: DiagnosisData, path: SelectionPath) -> Fit:
     return with_intervals_over_models(data.with_intervals(path.last), sure)
 
 
-def _lack_of_last_model(data: DiagnosisData, path: SelectionPath) -> Sequence[LackOfFit]:
-    """Return the significant lack of fit of a path's last model, or else what its free run shows."""
-    return significant_lack_of_fit(path.train, path.test) or free_run_lack_of_fit(
-        path.last.model, [*data.train, *data.held_out]
-    )
+def _lack_of_last_model(path: SelectionPath, judged: GoodnessOfFit | None) -> Sequence[LackOfFit]:
+    """Return the significant lack of fit of a path's last model, by subsystem, or else that of its printed error."""
+    found = significant_lack_of_fit(path.train, path.test)
+    if found or judged is None or not judged.lacks or judged.worst is None:
+        return found
+    ratio = judged.worst.ratio_to_noise  # which does not show where an error began
+    return [LackOfFit(FreeRun, judged.worst.channel, ratio, ratio, ())]
 
 
 def _verdict(
@@ -133,6 +142,7 @@ def _verdict(
     unexplained: Sequence[LackOfFit],
     missing: Sequence[str],
     sizes: Sequence[MinimumDetectableEffect],
+    judged: GoodnessOfFit | None,
 ) -> Verdict:
     if data.implausible:
         return "inconclusive"
@@ -141,7 +151,8 @@ def _verdict(
     if missing:
         return "missing-effect"
     undetectable = sum(not d.typical for d in sizes)
-    return "inconclusive" if undetectable > MAX_UNDETECTABLE_SHARE * len(sizes) else "adequate"
+    undetermined = judged is not None and judged.undetermined
+    return "inconclusive" if undetermined or undetectable > MAX_UNDETECTABLE_SHARE * len(sizes) else "adequate"
 
 
 def _confidence(

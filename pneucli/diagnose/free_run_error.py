@@ -7,12 +7,16 @@ from dataclasses import dataclass, field
 from typing import TypeVar
 
 from pneucli.compare import ChannelResult, compare, overall_error
-from pneucli.compare.expected_error import expected_errors
+from pneucli.compare.expected_error import ExpectedError, expected_errors
+from pneucli.compare.goodness_of_fit import GoodnessOfFit, Squares, judge_fit, parameter_error_squares
 from pneucli.diagnose.score import ErrorsByUse
+from pneucli.identify.estimation.fit import Fit
+from pneucli.identify.estimation.parameter_draws import draw_parameters
 from pneucli.simulate.experiment import Experiment
-from pneucli.simulate.model import Model
+from pneucli.simulate.model import Model, with_parameters
 
 T = TypeVar("T")
+Results = tuple[ChannelResult, ...]
 
 
 @dataclass(frozen=True)
@@ -26,8 +30,8 @@ class FreeRunErrors:
     """
 
     experiments: Sequence[Experiment]
-    _compared: list[tuple[Model, list[tuple[ChannelResult, ...]]]] = field(default_factory=list)
-    _expected: list[tuple[Model, list[dict[str, float]]]] = field(default_factory=list)
+    _compared: list[tuple[Model, list[Results]]] = field(default_factory=list)
+    _expected: list[tuple[Model, list[ExpectedError]]] = field(default_factory=list)
 
     def __call__(self, model: Model, reference: Model | None = None) -> ErrorsByUse:
         """Return the model's errors {"train": ..., "test": ...}; None where no recording has that use."""
@@ -36,22 +40,36 @@ class FreeRunErrors:
 
     def channels(self, model: Model, reference: Model | None = None) -> list[ChannelResult]:
         """Return the model's error in every channel of every recording."""
-        expected = _once(self._expected, model if reference is None else reference, self._expected_errors)
+        return [result for results in self._errors(model, reference)[0] for result in results]
 
-        def compared(model: Model) -> list[tuple[ChannelResult, ...]]:
+    def judge(self, fitted: Fit) -> GoodnessOfFit | None:
+        """Judge the errors of a fitted model by the uncertainty of its parameters; None where nothing is compared."""
+        model, (own, expected) = fitted.model, self._errors(fitted.model)
+
+        def squares() -> Squares:
+            drawn = [with_parameters(model, values) for values in draw_parameters(fitted)]
+            return parameter_error_squares(model, drawn, self.experiments)
+
+        return judge_fit(own, expected, squares)
+
+    def _errors(self, model: Model, reference: Model | None = None) -> tuple[list[Results], list[ExpectedError]]:
+        """Return the errors of each experiment, and those if the reference were correct."""
+        expected = _once(
+            self._expected,
+            model if reference is None else reference,
+            lambda correct: expected_errors(correct, self.experiments),
+        )
+
+        def compared(model: Model) -> list[Results]:
             pairs = zip(self.experiments, expected, strict=True)
-            return [compare(model, experiment, noise).results for experiment, noise in pairs]
+            return [compare(model, experiment, one.rms).results for experiment, one in pairs]
 
         own = _once(self._compared, model, compared)
-        return [
-            result.in_units_of(noise[result.channel])
-            for results, noise in zip(own, expected, strict=True)
-            for result in results
+        in_units = [
+            tuple(result.in_units_of(one.rms[result.channel]) for result in results)
+            for results, one in zip(own, expected, strict=True)
         ]
-
-    def _expected_errors(self, model: Model) -> list[dict[str, float]]:
-        """Return the error of each experiment by channel if the model were correct."""
-        return [one.rms for one in expected_errors(model, self.experiments)]
+        return in_units, expected
 
 
 def _once(known: list[tuple[Model, T]], model: Model, compute: Callable[[Model], T]) -> T:

@@ -95,14 +95,14 @@ def describe_change(one: Answer) -> str:
     return f"{one['name']}{equivalents} changed from {before} to {after} (chance of a false alarm {chance})"
 
 
-def next_step(answer: Answer, file: str) -> str:
-    """Return what to do next, with the command."""
+def next_step(answer: Answer, file: str, otherwise: str = "run") -> str:
+    """Return what to do next, with the command; ``otherwise`` is that where nothing is left to record or to add."""
     if answer.get("impossible"):
         return f"mend the recordings; or, to have an answer all the same: pneucli diagnose {file} --force"
     parts = [f"pneucli add {file} --suggested"] if answer["missing"] else []
     if answer.get("next_experiment"):
         parts.append(answer["next_experiment"])
-    return "; or: ".join(parts) or f"pneucli run {file}"
+    return "; or: ".join(parts) or (otherwise and f"pneucli {otherwise} {file}")
 
 
 def detectability_summary(answer: Answer) -> str:

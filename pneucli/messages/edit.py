@@ -6,7 +6,7 @@ from collections.abc import Iterator, Mapping
 from typing import Any
 
 from pneucli.messages import labelled, table
-from pneucli.messages.compare import evaluation_error, rating
+from pneucli.messages.compare import lacks_something
 from pneucli.messages.formatting import format_noise_ratio, format_parameters, join_names
 
 Answer = Mapping[str, Any]
@@ -23,8 +23,8 @@ def lines(answer: Answer, file: str, verbose: bool) -> Iterator[str]:
         for r in answer["recordings"]
     ]
     yield from table(("recording", "use", "before", "after, × noise"), rows, texts=2)
-    _, after = evaluation_error(answer["after"])
-    yield from labelled("do", f"pneucli {'run' if rating(after) == 'good' else 'diagnose'} {file}")
+    judged = {"error": answer["after"], "lack_of_fit": answer["lack_of_fit"]}
+    yield from labelled("do", f"pneucli {'diagnose' if lacks_something(judged) else 'run'} {file}")
 
 
 def _change(answer: Answer) -> str:

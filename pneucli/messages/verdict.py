@@ -63,6 +63,11 @@ def verdict_sentence(answer: Answer) -> str:
         return impossible_data_sentence(answer["impossible"])
     error = error_reduction(answer)
     if answer["verdict"] == "inconclusive":
+        if (answer.get("lack_of_fit") or {}).get("undetermined"):
+            return (
+                f"No statement is possible: {error}, which the uncertainty of the fitted parameters may explain alone. "
+                "Record such commands and speeds for the fit, too."
+            )
         limits = answer["detectable"]
         undetectable = sum(not one["typical"] for one in limits)
         return (

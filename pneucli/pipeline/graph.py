@@ -56,6 +56,9 @@ class Stage:
             return False
 
 
+LACK_OF_FIT_PATHS = tuple(
+    f"lack_of_fit.{key}" for key in ("present", "p", "undetermined", "use", "error", "limit", "worst", "balance")
+)
 VALVE_ANSWER_KEYS = (
     "map",
     "volume",
@@ -100,8 +103,7 @@ _ALL_STAGES = (
         answer_paths=(
             *("horizon_s", "model.effects", "model.parameters", "channels", "error.train", "error.test", "where"),
             *(
-                "error_limit.train",
-                "error_limit.test",
+                *LACK_OF_FIT_PATHS,
                 "data",
                 "number",
                 "when",
@@ -118,7 +120,7 @@ _ALL_STAGES = (
         tables=("pipeline", "model", "compare"),
         files=("model", "plugins"),
         answer_paths=(
-            *("verdict", "missing", "ladder", "candidates", "next_experiment", "sentence"),
+            *("verdict", "missing", "ladder", "candidates", "next_experiment", "sentence", *LACK_OF_FIT_PATHS),
             *("unexplained_share", "explained_share", "relative_error", "purpose.adequate", "purpose.worst"),
             *("detectable", "moved", "unexplained", "discrepancy", "plausibility", "warnings"),
             *("model.effects", "data", "held_out", "excluded", "forced", "impossible", "number", "when", "thinned"),

@@ -163,9 +163,11 @@ def _controller(material: ReportData) -> Tile | None:
         text += f" {comparison}"
     if failed:
         text += f" Fails: {join_names(failed)}."
+    tone = "good"
     if harmful := simulate.harmful_effects(answer):
+        tone = ""
         text += f" Not robust against {join_names(harmful)} if the design does not include it."
-    return Tile("The controller", large, text, "bad" if failed else "good")
+    return Tile("The controller", large, text, "bad" if failed else tone)
 
 
 def selection_path(material: ReportData) -> list[PathStep]:
@@ -221,7 +223,8 @@ def _next_command(material: ReportData) -> str:
             f"{purpose[:1].lower()}{purpose[1:]}, see" if colon and len(purpose) <= MAX_PURPOSE else "the experiment in"
         )
         return f"Next: {about} the chapter Evidence"
-    return f"Next: {diagnose.next_step(answer, material.file).partition('; or: ')[0]}"
+    following = diagnose.next_step(answer, material.file, otherwise="").partition("; or: ")[0]
+    return f"Next: {following}" if following else ""
 
 
 def _checks(material: ReportData) -> str:

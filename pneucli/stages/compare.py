@@ -11,8 +11,8 @@ import numpy as np
 import pyarrow as pa
 
 from pneucli.compare import ChannelResult, Comparison, Region, compare, find_error_regions, overall_error
-from pneucli.compare.error_limit import error_limit
 from pneucli.compare.expected_error import ExpectedError, expected_errors
+from pneucli.compare.goodness_of_fit import is_judged, judge_fit, parameter_error_squares
 from pneucli.compare.residual_correlation import Correlation, residual_correlations
 from pneucli.identify.valve.flow_bench import FlowComparison
 from pneucli.io.artifacts import TableWriter, schema_of, write_table
@@ -20,8 +20,9 @@ from pneucli.pipeline.context import Context
 from pneucli.quantities import SIGNALS
 from pneucli.simulate.model import Model
 from pneucli.stages import controller_logs, history
+from pneucli.stages.fit_answer import lack_of_fit_answer
 from pneucli.stages.flow_bench import compare_flow_recordings, flow_results, write_flow_residuals
-from pneucli.stages.model_file import load_model
+from pneucli.stages.model_file import load_drawn_models, load_model
 from pneucli.stages.pipeline_data import PipelineData
 from pneucli.stages.purpose_answer import purpose_answer
 
@@ -39,7 +40,7 @@ def run(context: Context) -> dict[str, Any]:
     )
     results = [*(r for c in comparisons for r in c.results), *flow_results(flows)]
     answer = _answer(study, results, find_error_regions(comparisons))
-    answer["error_limit"] = {use: _overall_limit(comparisons, expected, use) for use in ("train", "test")}
+    answer["lack_of_fit"] = _lack_of_fit(study, comparisons, expected, model)
     answer["closed_loop"] = [] if model is None else [controller_logs.log_answer(one, model) for one in looked.values()]
     return answer | history.record_model(context, answer, RESIDUALS_FILE)
 
@@ -69,19 +70,24 @@ def _compare_over_time(
 def _with_limits(found: Comparison, expected: ExpectedError) -> Comparison:
     """Return a comparison with the limit of each channel's error."""
     results = tuple(
-        replace(r, ratio_limit=error_limit([[expected.relative_squares(r.channel)]])) if r.noise > 0.0 else r
+        replace(r, ratio_limit=expected.distribution([r.channel]).limit()) if is_judged(r, expected) else r
         for r in found.results
     )
     return replace(found, results=results)
 
 
-def _overall_limit(comparisons: Sequence[Comparison], expected: Sequence[ExpectedError], use: str) -> float | None:
-    """Return the limit of the error of a use, over the channels that have a limit."""
-    return error_limit(
-        [
-            [one.relative_squares(r.channel) for r in c.results if r.use == use and r.ratio_limit is not None]
-            for c, one in zip(comparisons, expected, strict=True)
-        ]
+def _lack_of_fit(
+    study: PipelineData, comparisons: Sequence[Comparison], expected: Sequence[ExpectedError], model: Model | None
+) -> dict[str, Any] | None:
+    """Return the judgement of the model's error, None where nothing is compared over time."""
+    if model is None:
+        return None
+    drawn = load_drawn_models(study.context.artifacts / "identify", model)
+    experiments = [c.experiment for c in comparisons]
+    return lack_of_fit_answer(
+        judge_fit(
+            [c.results for c in comparisons], expected, lambda: parameter_error_squares(model, drawn, experiments)
+        )
     )
 
 

@@ -51,6 +51,7 @@ from pneucli.stages.diagnosis_answer import (
     shift_answer,
     unexplained_answer,
 )
+from pneucli.stages.fit_answer import lack_of_fit_answer
 from pneucli.stages.leak_answer import per_vessel_volume
 from pneucli.stages.parameters_answer import parameters_answer
 from pneucli.stages.pipeline_data import PipelineData
@@ -83,10 +84,12 @@ def run(context: Context) -> dict[str, Any]:
     guess = guess_base_model(fitted, pipeline.rig, pipeline.valve)
     forced = context.options.get("force", False)
     impossible = [] if forced else impossible_findings(context.answers["ingest"]["plausibility"])
+    errors = FreeRunErrors(pipeline.experiments)
     data = replace(
         data,
         modelled_parts=guess.valve.covers,
-        free_run_errors=FreeRunErrors(pipeline.experiments),
+        free_run_errors=errors,
+        judge_fit=errors.judge,
         implausible=bool(impossible),
     )
     model, answer = _run_diagnosis(pipeline, data, guess, implausibility_sentences(impossible))
@@ -191,6 +194,7 @@ def _answer(pipeline: PipelineData, data: DiagnosisData, found: Diagnosis, impos
         "explained_share": removed_error_share(errors[0], in_same_units),
         "relative_error": relative_error(errors[0], in_same_units),
         "purpose": purpose_answer(data.free_run_errors.channels(selected), pipeline.context.config.compare.tolerance),
+        "lack_of_fit": lack_of_fit_answer(found.goodness_of_fit, found.balance_lack),
         "next_experiment": proposed_experiment(data, found),
         "detectable": [detectability_answer(d, pipeline) for d in found.detectable],
         "discrepancy": [discrepancy_answer(d) for d in found.discrepancies],

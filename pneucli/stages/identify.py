@@ -10,6 +10,7 @@ from pneucli.errors import InputError
 from pneucli.identify.estimation.fit import Estimate, Fit, without_data
 from pneucli.identify.estimation.intervals import with_intervals
 from pneucli.identify.estimation.model_fit import fit_model
+from pneucli.identify.estimation.parameter_draws import draw_parameters
 from pneucli.identify.estimation.parameters import FreeParameter
 from pneucli.identify.estimation.progress import Iteration, report_iterations_to
 from pneucli.identify.friction import FrictionIdentification, identify_friction
@@ -33,7 +34,7 @@ from pneucli.stages.assumptions import assumed_values, fixed_parameters, null_co
 from pneucli.stages.flow_bench import flow_bench, identify_flow_only
 from pneucli.stages.leak_answer import leak_answer, per_vessel_volume
 from pneucli.stages.measurement import measurement_of
-from pneucli.stages.model_file import save_model
+from pneucli.stages.model_file import save_drawn_parameters, save_model
 from pneucli.stages.parameters_answer import parameters_answer
 from pneucli.stages.pipeline_data import PipelineData
 from pneucli.stages.tables.correlation import write_parameter_relations, write_parameters
@@ -59,12 +60,14 @@ def run(context: Context) -> dict[str, Any]:
     fitted_part = study.at_most(MAX_FIT_SAMPLES)
     views = with_channel_weights(fitted_part.residual_models("train"), context.config.identify.weights)
     with report_iterations_to(_round_observer(study, rounds)):
-        whole = _fit_model(fitted_part, views)
+        fitted = _fit_model(fitted_part, views)
+    save_drawn_parameters(draw_parameters(fitted), context.out, study.provenance("ingest/signals.parquet"))
+    whole = with_intervals(fitted, views)
     write_parameter_relations(whole, views, rounds, context.out, study.provenance("ingest/signals.parquet"))
     if subsampling := fitted_part.subsampling:
         warnings.append(warning_text("subsampled", **subsampling))
     found = without_data(whole)
-    del whole, views, fitted_part  # their derivatives fill the memory with a long recording
+    del fitted, whole, views, fitted_part  # their derivatives fill the memory with a long recording
     context.progress("identifying the valve", 0.5)
     instruments = measurement_of(study)
     valves = [with_budgets(one, found.estimates, instruments) for one in _identify_valves(study, found, warnings)]
@@ -157,7 +160,7 @@ def _fit_model(study: PipelineData, views: Sequence[ResidualModel]) -> Fit:
         )
     study.context.progress("fitting the model", 0.3)
     guess = guess_base_model(train, study.rig, study.valve)
-    return with_intervals(fit_model(guess, views, study.effects), views)
+    return fit_model(guess, views, study.effects)
 
 
 def _identify_valves(study: PipelineData, found: Fit, warnings: list[str]) -> list[ValveIdentification]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 import numpy as np
@@ -9,12 +10,13 @@ import numpy as np
 from pneucli.io.artifacts import Provenance, read_table, write_table
 from pneucli.physics.declaration import Effect
 from pneucli.recording import Rig
-from pneucli.simulate.model import Model, ValveForm
+from pneucli.simulate.model import Model, ValveForm, with_parameters
 from pneucli.simulate.valve_forms.area import ValveArea
 from pneucli.simulate.valve_forms.linear import LinearValve
 from pneucli.simulate.valve_forms.switching import SwitchingValve
 
 MODEL_FILE = "model.parquet"
+DRAWS_FILE = "parameter_draws.parquet"
 
 
 def save_model(model: Model, folder: Path, provenance: Provenance) -> None:
@@ -71,3 +73,25 @@ def load_model(folder: Path, rig: Rig, effects: tuple[Effect, ...]) -> Model:
     }
     second = _valve_from_rows(valves["valve_2"], "valve_2") if valves["valve_2"] else None
     return Model(rig, effects, values, _valve_from_rows(valves["valve"], "valve"), second)
+
+
+def save_drawn_parameters(drawn: Sequence[Mapping[str, float]], folder: Path, provenance: Provenance) -> None:
+    """Write parameters that the recordings allow as well, a row for each draw and parameter."""
+    rows = [(i, name, value) for i, values in enumerate(drawn) for name, value in values.items()]
+    draw, name, value = zip(*rows, strict=True) if rows else ((),) * 3
+    write_table(
+        folder / DRAWS_FILE,
+        {"draw": np.array(draw, dtype=np.int64), "name": list(name), "value": np.array(value, dtype=np.float64)},
+        units={"draw": "1", "value": "SI"},
+        schema="pneucli/identify/parameter_draws/1",
+        provenance=provenance,
+    )
+
+
+def load_drawn_models(folder: Path, model: Model) -> list[Model]:
+    """Return the identified model with each of the drawn sets of parameters that ``identify`` wrote."""
+    table = read_table(folder / DRAWS_FILE)
+    drawn: dict[int, dict[str, float]] = {}
+    for draw, name, value in zip(table["draw"], table["name"], table["value"], strict=True):
+        drawn.setdefault(int(draw), {})[str(name)] = float(value)
+    return [with_parameters(model, values) for values in drawn.values()]

@@ -1,4 +1,4 @@
-"""The limit of the error of a correct model."""
+"""The distribution of the error of a correct model."""
 
 from __future__ import annotations
 
@@ -6,40 +6,69 @@ import numpy as np
 import pytest
 
 from pneucli.compare import find_error_regions
-from pneucli.compare.error_limit import error_limit
+from pneucli.compare.error_limit import ErrorDistribution, combined_distribution
+from pneucli.compare.expected_error import ExpectedError
 from tests.compare.test_channel_errors import comparison, with_limit
 
-SEGMENTS = 30
+SEGMENTS, DRAWS = 30, 6
 
 
-def drawn(rng: np.random.Generator, draws: int, channels: int = 1) -> list[np.ndarray]:
-    """Mean squares of one recording, by draw and segment: the square of one normal number, common to all channels."""
-    squares = rng.standard_normal((draws, SEGMENTS)) ** 2 / SEGMENTS
-    return [squares] * channels
+def expected(rng: np.random.Generator, recordings: int, channels: int = 1) -> list[ExpectedError]:
+    """Recordings whose segments have the square of one normal number, common to all channels of a recording."""
+    names = [f"p{i}" for i in range(channels)]
+    squares = [rng.standard_normal((DRAWS, SEGMENTS)) ** 2 for _ in range(recordings)]
+    population = np.concatenate([one.ravel() for one in squares])
+    return [
+        ExpectedError(dict.fromkeys(names, 1.0), dict.fromkeys(names, one), dict.fromkeys(names, population))
+        for one in squares
+    ]
+
+
+def distribution(rows: list[ExpectedError]) -> ErrorDistribution:
+    found = combined_distribution([(one.distribution(list(one.rms)), len(one.rms)) for one in rows])
+    assert found is not None
+    return found
 
 
 @pytest.mark.parametrize("channels", [1, 3])
-def test_nineteen_of_twenty_correct_models_stay_below(channels: int) -> None:
+@pytest.mark.parametrize("tail", [0.05, 0.01])
+def test_so_many_correct_models_stay_below_their_limit(channels: int, tail: float) -> None:
     rng = np.random.default_rng(5)
     below = []
-    for _ in range(400):
-        recordings = [drawn(rng, 6, channels) for _ in range(2)]
-        limit = error_limit(recordings)
-        assert limit is not None
-        (one,), (other,) = drawn(rng, 1)[0].sum(axis=1), drawn(rng, 1)[0].sum(axis=1)
-        below.append(np.sqrt((one + other) / 2.0) < limit)
-    assert np.mean(below) == pytest.approx(0.95, abs=0.04)
+    for _ in range(1000):
+        one = distribution(expected(rng, 2, channels))
+        error = float(np.sqrt(np.mean(rng.standard_normal(2 * SEGMENTS) ** 2)))
+        assert (error < one.limit(tail)) == (one.p_value(error) > tail)
+        below.append(error < one.limit(tail))
+    assert np.mean(below) == pytest.approx(1.0 - tail, abs=0.02)
 
 
 def test_few_segments_leave_a_wider_limit_than_many() -> None:
     rng = np.random.default_rng(6)
-    few, many = ([drawn(rng, 6) for _ in range(n)] for n in (1, 20))
-    assert error_limit(few) > 1.2 > error_limit(many) > 1.0  # type: ignore[operator]
+    few, many = (distribution(expected(rng, n)) for n in (1, 20))
+    assert few.limit() > 1.25 > many.limit() > 1.0
 
 
-def test_without_a_channel_there_is_no_limit() -> None:
-    assert error_limit([]) is None
-    assert error_limit([[]]) is None
+def test_the_scatter_of_a_recording_without_a_break_away_is_that_of_all_of_its_kind() -> None:
+    """A calm recording draws nothing of what happens to it in one segment of a hundred."""
+    calm, other = np.full((DRAWS, SEGMENTS), 0.5), np.full((DRAWS, SEGMENTS), 0.5)
+    other[0, 0] = 100.0
+    population = np.concatenate([calm.ravel(), other.ravel()])
+    one = ExpectedError({"x": 1.0}, {"x": calm}, {"x": population})
+    assert one.distribution(["x"]).limit() > 1.2
+    assert one._replace(population={"x": calm.ravel()}).distribution(["x"]).limit() == pytest.approx(0.5**0.5)
+
+
+def test_uncertain_parameters_add_one_squared_normal_number() -> None:
+    rng = np.random.default_rng(7)
+    one = ErrorDistribution(1.0, 0.02).with_uncertain_parameters(3.0)
+    noise = 0.01 * rng.chisquare(100.0, 20_000)
+    errors = np.sqrt(noise + 3.0 * rng.standard_normal(20_000) ** 2)
+    assert np.mean(errors > one.limit(0.05)) == pytest.approx(0.05, abs=0.015)
+
+
+def test_without_a_channel_there_is_no_distribution() -> None:
+    assert combined_distribution([]) is None
 
 
 def test_an_error_within_the_limit_of_a_correct_model_has_no_region() -> None:

@@ -4,21 +4,19 @@ from __future__ import annotations
 
 import math
 from dataclasses import replace
+from types import SimpleNamespace
 from typing import Any
 
 import pytest
 
 from pneucli.diagnose import diagnosis
-from pneucli.diagnose.adequacy import LackOfFit
 from pneucli.diagnose.calibration import WEIGHTS_DISCREPANCY, presence_rate, probability
 from pneucli.diagnose.diagnosis import Diagnosis, diagnose
 from pneucli.diagnose.score import FittedModel
-from pneucli.identify.residuals import FreeRun
 from tests.diagnose.selection_cases import data_of, named
 from tests.diagnose.synthetic_data import Facts, SyntheticData, alone, effect, synthetic_data
 
 A, B, C = (effect(name) for name in "abc")
-ASTRAY = LackOfFit(FreeRun, "x", 3.0, 3.0, ())
 
 
 def diagnosed(data: SyntheticData) -> Diagnosis:
@@ -54,12 +52,33 @@ def test_effects_are_named_beside_what_no_effect_explains() -> None:
     assert (found.unexplained.channel, found.unexplained.ratio) == ("force", pytest.approx(3.0**0.5))
 
 
-def test_a_diverging_free_run_is_unexplained_however_well_each_subsystem_fits(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(diagnosis, "free_run_lack_of_fit", lambda model, residual_models: [ASTRAY])
-    found = diagnosed(stated(10.0, a=1.0))
-    assert (found.verdict, found.missing) == ("unexplained", ("a",))
+def judged_as(data: SyntheticData, **judged: object) -> SyntheticData:
+    """The data with a judgement of the printed error of every model."""
+    worst = SimpleNamespace(channel="x", ratio_to_noise=3.0)
+    found: Any = SimpleNamespace(lacks=False, undetermined=False, worst=worst)
+    found.__dict__.update(judged)
+    return replace(data, judge_fit=lambda fitted: found)
+
+
+def test_a_printed_error_beyond_noise_is_unexplained_however_well_each_subsystem_fits() -> None:
+    found = diagnosed(judged_as(stated(10.0, a=1.0), lacks=True))
+    assert (found.verdict, found.missing, found.balance_lack) == ("unexplained", ("a",), None)
     assert found.unexplained is not None
     assert (found.unexplained.channel, found.unexplained.ratio) == ("x", 3.0)
+    assert diagnosed(judged_as(stated(0.0), lacks=True)).verdict == "unexplained"
+
+
+def test_a_large_error_that_uncertain_parameters_explain_is_no_adequate_model() -> None:
+    assert diagnosed(judged_as(stated(0.0))).verdict == "adequate"
+    assert diagnosed(judged_as(stated(0.0), undetermined=True)).verdict == "inconclusive"
+    assert diagnosed(judged_as(stated(10.0, a=1.0), undetermined=True)).verdict == "missing-effect"
+
+
+def test_a_subsystem_that_errs_is_named_beside_the_judgement() -> None:
+    found = diagnosed(judged_as(stated(10.0, a=0.8)))
+    assert found.verdict == "unexplained"
+    assert found.balance_lack is not None
+    assert found.balance_lack.channel == "force"
 
 
 def test_without_a_named_effect_the_given_model_is_described() -> None:

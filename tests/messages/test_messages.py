@@ -108,14 +108,41 @@ def test_the_verdict_of_a_comparison(errors: dict[str, float | None], said: str)
     assert said in compare.verdict({"error": errors})
 
 
+JUDGED = {"present": False, "undetermined": False, "use": "test", "p": 0.2, "error": 1.5, "limit": 1.62, "worst": None}
+
+
+def compared(error: float = 1.5, **judged: object) -> dict[str, Any]:
+    """An answer of ``compare`` with its judgement."""
+    return {"error": {"train": 1.0, "test": error}, "lack_of_fit": JUDGED | {"error": error} | judged}
+
+
 def test_an_error_that_a_correct_model_may_have_counts_as_noise() -> None:
-    within = {"error": {"train": 1.0, "test": 1.5}, "error_limit": {"train": 1.1, "test": 1.62}}
-    assert compare.verdict(within) == (
-        "1.50 × noise on test recordings (1.00 on those fitted; of correct models 95 % are below 1.62): "
+    assert compare.verdict(compared()) == (
+        "1.50 × noise on test recordings (1.00 on those fitted; of correct models 99 % are below 1.62): "
         "the model stands at the noise floor"
     )
-    beyond = {**within, "error_limit": {"train": 1.1, "test": 1.4}}
-    assert "comes near the noise" in compare.verdict(beyond)
+    worst = {"recording": "axis_1", "channel": "p1", "ratio_to_noise": 2.4}
+    near = compare.verdict(compared(present=True, limit=1.4, worst=worst))
+    assert near.endswith("the model comes near the noise and misses something, in p1 of axis_1 most")
+    assert compare.verdict(compared(9.0, present=True, limit=1.4)).endswith(
+        "on those fitted): the model misses something"
+    )
+    assert "too uncertain to tell" in compare.verdict(compared(30.5, undetermined=True, limit=40.0))
+
+
+@pytest.mark.parametrize(
+    ("judged", "rating", "command"),
+    [
+        (compared(), "good", "pneucli run"),
+        (compared(1.3, present=True), "", "pneucli diagnose"),
+        (compared(9.0, present=True), "bad", "pneucli diagnose"),
+        (compared(9.0, undetermined=True), "", "pneucli diagnose"),
+    ],
+)
+def test_rating_and_next_step_follow_from_the_one_judgement(judged: dict[str, Any], rating: str, command: str) -> None:
+    assert compare.overall_rating(judged) == rating
+    (do,) = [line for line in compare.lines(judged, "a.toml", verbose=False) if line.startswith("do ")]
+    assert do.split(None, 1)[1] == f"{command} a.toml"
 
 
 def test_a_channel_within_its_limit_is_not_the_worst() -> None:

@@ -110,7 +110,7 @@ def test_a_bad_error_that_is_spread_evenly_is_not_called_small() -> None:
          "Next: pneucli add rig.toml --suggested"),
         ({"missing": [], "verdict": "unexplained", "next_experiment": "To test stribeck: Vent both chambers. Pull."},
          "Next: to test stribeck, see the chapter Evidence"),
-        ({"missing": [], "verdict": "adequate", "next_experiment": None}, "Next: pneucli run rig.toml"),
+        ({"missing": [], "verdict": "adequate", "next_experiment": None}, ""),  # "run" wrote this page
     ],
 )  # fmt: skip
 def test_the_next_step_is_one_line(answer: dict[str, Any], line: str) -> None:

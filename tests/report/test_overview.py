@@ -49,9 +49,11 @@ def test_the_tile_of_the_missing_effect_states_its_evidence(material: ReportData
 
 def test_the_tile_of_the_controller_states_accuracy_and_failures(material: ReportData) -> None:
     tile = overview(material).tiles[2]
-    assert (tile.large, tile.tone) == ("5.0 µm at rest", "good")
+    assert (tile.large, tile.tone) == ("5.0 µm at rest", "")
     assert "Not robust against presliding" in tile.text
     loop = material.answers["simulate"]
+    robust = overview(replace(material, answers={**material.answers, "simulate": {**loop, "robust": {}}})).tiles[2]
+    assert ("Not robust" in robust.text, robust.tone) == (False, "good")
     missed = {**loop, "closed_loop": {**loop["closed_loop"], "steps": {"steady_um": 99.0}}}
     tile = overview(replace(material, answers={**material.answers, "simulate": missed})).tiles[2]
     assert (tile.large, tile.tone) == ("99 µm at rest", "bad")

@@ -90,7 +90,7 @@ def _ratio(before: float | None, now: float | None) -> Cell:
 
 
 def _errors(answer: Mapping[str, Any]) -> Grid:
-    head = ("recording", "use", "channel", "RMSD", "of range", "fit", "noise floor", "× noise", "95 % below")
+    head = ("recording", "use", "channel", "RMSD", "of range", "fit", "noise floor", "× noise", "99 % below")
     rows = [
         [
             Cell(c["recording"], numeric=False),

@@ -24,6 +24,7 @@ class LinearValve:
     label: str = "valve"
     form: ClassVar[Literal["map", "linear", "switching"]] = "linear"
     covers: ClassVar[frozenset[Part]] = frozenset()
+    interpolation_uncertainty: ClassVar[float] = 0.0  # it has no knots
 
     def __call__(self, u: Array) -> Array:
         """Return the effective area in m^2 at u, shape of u."""

@@ -28,6 +28,7 @@ class SwitchingValve:
     label: str = "valve"
     form: ClassVar[Literal["map", "linear", "switching"]] = "switching"
     covers: ClassVar[frozenset[Part]] = frozenset({"linear valve"})
+    interpolation_uncertainty: ClassVar[float] = 0.0  # it has no knots
 
     def __call__(self, u: Array) -> Array:
         """Return the effective area in m^2 at commands u in V, of their shape; 0 at the null command only."""

@@ -1,0 +1,194 @@
+"""The one judgement of a model: does its printed error exceed that of a correct model?
+
+``compare`` and ``diagnose`` state it as ``lack_of_fit``; every sentence, tile, next step and exit code follows from it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
+from typing import NamedTuple
+
+import numpy as np
+
+from pneucli.compare.channel_errors import ChannelResult, overall_error
+from pneucli.compare.error_limit import TAIL, ErrorDistribution, combined_distribution
+from pneucli.compare.expected_error import MOTION_CHANNELS, ExpectedError
+from pneucli.messages.compare import BAD_ERROR_RATIO, GOOD_ERROR_RATIO, GOOD_TEST_ERROR_RATIO
+from pneucli.simulate.experiment import Experiment
+from pneucli.simulate.model import Model
+from pneucli.simulate.outputs import simulate_outputs
+
+IMMATERIAL = {"train": GOOD_ERROR_RATIO, "test": GOOD_TEST_ERROR_RATIO}
+SEED = 20262
+Squares = Sequence[Mapping[str, float]]  # for each recording, by channel
+
+
+@dataclass(frozen=True)
+class GoodnessOfFit:
+    """The judgement of a model's error.
+
+    ``use``: the recordings that it is judged by, ``test`` where there are any. ``error``: their printed error;
+    ``limit``: below which the model counts as correct. ``p``: the probability of so large an error, or of so large a
+    one of a single channel, if the model were correct and its parameters as uncertain as they are. ``lacks``: the
+    error exceeds what a correct model would show. ``undetermined``: the error is large, and the parameters are too
+    uncertain to tell why. ``worst``: the channel that a correct model explains least; None where all are within it.
+    """
+
+    use: str
+    error: float
+    limit: float
+    p: float
+    lacks: bool
+    undetermined: bool
+    worst: ChannelResult | None
+
+
+def judge_fit(
+    results: Sequence[Sequence[ChannelResult]],
+    expected: Sequence[ExpectedError],
+    parameter_squares: Callable[[], Squares],
+) -> GoodnessOfFit | None:
+    """Judge the errors of a model.
+
+    Args:
+        results: Errors of the channels of each recording.
+        expected: Error of a correct model in each recording.
+        parameter_squares: Returns the mean square error (SI) that the uncertainty of the parameters causes; called
+            only where noise does not explain the errors.
+
+    Returns:
+        The judgement; None where nothing was compared.
+    """
+    flat = [one for rows in results for one in rows]
+    errors = {use: error for use in ("test", "train") if (error := overall_error(flat, use)) is not None}
+    if not errors:
+        return None
+    use, error = next(iter(errors.items()))
+    noise_alone = judged = _Family(results, expected, errors, [{} for _ in results])
+    if noise_alone.p < TAIL:
+        judged = _Family(results, expected, errors, parameter_squares())
+    lacks = judged.p < TAIL
+    undetermined = noise_alone.p < TAIL and not lacks and error > BAD_ERROR_RATIO
+    limit = min(judged.limit(use), max(noise_alone.limit(use), BAD_ERROR_RATIO))
+    return GoodnessOfFit(use, error, limit, judged.p, lacks, undetermined, judged.worst if lacks else None)
+
+
+class _Channel(NamedTuple):
+    """The error of a channel, that of a correct model, and what uncertain parameters add to its mean square."""
+
+    result: ChannelResult
+    expected: ExpectedError
+    parameter_square: float
+
+
+@dataclass(frozen=True)
+class _Family:
+    """The tests of one judgement: the printed errors of held-out and of fitted recordings, and each pressure or force.
+
+    The motion of one recording is not tested: whether a piston breaks away before or after a restart decides on its
+    error, too rarely to know how rarely. Its part of the printed errors is.
+    """
+
+    results: Sequence[Sequence[ChannelResult]]
+    expected: Sequence[ExpectedError]
+    errors: Mapping[str, float]
+    parameter_squares: Squares
+
+    @cached_property
+    def recordings(self) -> list[list[_Channel]]:
+        """The channels of each recording."""
+        rows = zip(self.results, self.expected, self.parameter_squares, strict=True)
+        return [
+            [_Channel(r, one, squares.get(r.channel, 0.0) / r.noise**2) for r in found if is_judged(r, one)]
+            for found, one, squares in rows
+        ]
+
+    def distribution(self, use: str) -> ErrorDistribution | None:
+        """Return the distribution of the printed error of recordings of one use."""
+        mine = [rows for rows in self.recordings if rows and rows[0].result.use == use]
+        whole = combined_distribution(
+            [(rows[0].expected.distribution([c.result.channel for c in rows]), len(rows)) for rows in mine]
+        )
+        squares = [c.parameter_square for rows in mine for c in rows]
+        return None if whole is None else whole.with_uncertain_parameters(float(np.mean(squares)))
+
+    def limit(self, use: str) -> float:
+        """Return the printed error below which a model counts as correct; a small excess is immaterial."""
+        whole = self.distribution(use)
+        return IMMATERIAL[use] if whole is None else max(IMMATERIAL[use], whole.limit(TAIL / self.kinds))
+
+    @property
+    def kinds(self) -> int:
+        """How many kinds of tests share the false alarms: printed errors, and all single channels together."""
+        return len(self.errors) + 1
+
+    @cached_property
+    def channels(self) -> list[tuple[float, ChannelResult]]:
+        """The p value of each channel, that of an immaterial error being 1, the most improbable one first."""
+        found = [c for rows in self.recordings for c in rows if c.result.channel not in MOTION_CHANNELS]
+        rated = [(_p_value(c), c.result) for c in found]
+        return sorted(rated, key=lambda one: (one[0], -one[1].ratio_to_noise))
+
+    @cached_property
+    def p(self) -> float:
+        """The p value of all tests together (Bonferroni)."""
+        single = len(self.channels) * self.channels[0][0] if self.channels else 1.0
+        wholes = {use: self.distribution(use) for use in self.errors}
+        printed = [
+            1.0 if whole is None or self.errors[use] <= IMMATERIAL[use] else whole.p_value(self.errors[use])
+            for use, whole in wholes.items()
+        ]
+        return min(self.kinds * min(single, *printed), 1.0)
+
+    @property
+    def worst(self) -> ChannelResult | None:
+        """The channel that is least probable, or else the one with the largest error."""
+        if self.channels and self.channels[0][0] < 1.0:
+            return self.channels[0][1]
+        return max((c.result for rows in self.recordings for c in rows), key=lambda r: r.ratio_to_noise, default=None)
+
+
+def is_judged(result: ChannelResult, expected: ExpectedError) -> bool:
+    """Whether the error of a channel has a distribution to be compared with."""
+    return result.noise > 0.0 and bool(np.isfinite(result.ratio_to_noise)) and result.channel in expected.population
+
+
+def _p_value(channel: _Channel) -> float:
+    """Return the probability of a channel's error if the model were correct; 1 where the error is immaterial."""
+    result, expected, square = channel
+    if result.ratio_to_noise <= BAD_ERROR_RATIO:
+        return 1.0
+    return expected.distribution([result.channel]).with_uncertain_parameters(square).p_value(result.ratio_to_noise)
+
+
+def parameter_error_squares(model: Model, drawn: Sequence[Model], experiments: Sequence[Experiment]) -> Squares:
+    """Return the mean square error (SI) that the uncertainty of the parameters causes, by channel.
+
+    Args:
+        model: The model.
+        drawn: Models whose parameters are drawn from the uncertainty of its own. In held-out recordings, whose
+            commands may lie between those of the fit, the areas of their valves err as far as a map interpolates.
+        experiments: The experiments.
+
+    Returns:
+        One mapping for each experiment; empty without draws.
+    """
+    normal = np.random.default_rng(SEED).standard_normal(len(drawn))
+    new_commands = [_with_other_areas(other, number) for other, number in zip(drawn, normal, strict=True)]
+    found = []
+    for experiment in experiments:
+        nominal = simulate_outputs(model, experiment)
+        squares: dict[str, list[float]] = {}
+        for other in new_commands if experiment.recording.use == "test" else drawn:
+            for channel, values in simulate_outputs(other, experiment).items():
+                squares.setdefault(channel, []).append(float(np.nanmean((values - nominal[channel]) ** 2)))
+        found.append({channel: float(np.mean(s)) for channel, s in squares.items() if np.isfinite(s).all()})
+    return found
+
+
+def _with_other_areas(model: Model, deviation: float) -> Model:
+    """Return a model whose valves err by so many standard uncertainties at commands between those of the fit."""
+    first, *others = [one.scaled(1.0 + deviation * one.interpolation_uncertainty) for one in model.valves]
+    return replace(model, valve=first, valve_2=others[0] if others else None)

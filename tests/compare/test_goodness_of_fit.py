@@ -1,0 +1,124 @@
+"""The one judgement of a model's printed error."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+import pytest
+
+from pneucli.compare import goodness_of_fit
+from pneucli.compare.channel_errors import ChannelResult
+from pneucli.compare.expected_error import ExpectedError
+from pneucli.compare.goodness_of_fit import GoodnessOfFit, Squares, judge_fit, parameter_error_squares
+from pneucli.simulate.model import Model
+from pneucli.simulate.valve_forms.area import ValveArea
+from tests.simulate.synthetic_experiments import FRICTION, RIG
+
+SEGMENTS = 200
+
+
+def result(ratio: float, use: str = "test", channel: str = "p1", recording: str = "one") -> ChannelResult:
+    """A channel whose correct model errs by 1."""
+    return ChannelResult(recording, use, channel, "Pa", ratio, 1.0, 1.0, 99.0, 1.0, ratio, 10.0)
+
+
+def judged(*rows: list[ChannelResult], squares: Squares | None = None) -> GoodnessOfFit:
+    """The judgement of recordings; each channel has many segments, so that chance is small."""
+    rng = np.random.default_rng(3)
+    drawn = rng.standard_normal((6, SEGMENTS)) ** 2 / SEGMENTS
+    names = ("p1", "x", "force")
+    population = np.ravel(drawn) * SEGMENTS
+    one = ExpectedError(dict.fromkeys(names, 1.0), dict.fromkeys(names, drawn), dict.fromkeys(names, population))
+    found = judge_fit(rows, [one] * len(rows), lambda: squares or [{} for _ in rows])
+    assert found is not None
+    return found
+
+
+@pytest.mark.parametrize(("use", "limit"), [("train", 1.2), ("test", 1.4)])
+def test_a_small_excess_is_immaterial_however_significant(use: str, limit: float) -> None:
+    found = judged([result(limit - 0.01, use)])
+    assert (found.use, found.lacks, found.p, found.limit) == (use, False, 1.0, pytest.approx(limit, abs=0.05))
+    assert judged([result(limit + 0.2, use)]).lacks
+
+
+def test_the_printed_error_that_is_adequate_is_within_the_stated_limit() -> None:
+    for error in np.linspace(0.5, 3.0, 26):
+        for uncertain in (0.0, 0.5, 2.0, 50.0):
+            found = judged([result(error)], squares=[{"p1": uncertain}])
+            assert found.error == pytest.approx(error)
+            assert found.lacks or found.undetermined or found.error <= found.limit
+
+
+def test_held_out_recordings_are_the_printed_ones_and_fitted_ones_are_judged_as_well() -> None:
+    found = judged([result(1.0)], [result(1.6, "train", recording="two")])
+    assert (found.use, found.error) == ("test", pytest.approx(1.0))
+    assert found.lacks
+
+
+def test_one_pressure_that_errs_counts_among_many_that_do_not() -> None:
+    """Their root mean square is 1.11: of twenty recordings one errs by 2.5."""
+    rows = [[result(1.0, recording=f"{i}")] for i in range(19)]
+    found = judged(*rows, [result(2.5, recording="bad")])
+    assert found.error < 1.4
+    assert found.lacks
+    assert found.worst is not None
+    assert found.worst.recording == "bad"
+
+
+def test_the_motion_of_one_recording_is_judged_with_all_others_alone() -> None:
+    """A break-away that falls on the other side of a restart makes it err by several times the noise."""
+    rows = [[result(0.5, channel="x", recording=f"{i}")] for i in range(40)]
+    assert not judged(*rows, [result(5.0, channel="x", recording="one")]).lacks
+
+
+def test_a_large_error_that_uncertain_parameters_may_cause_is_undetermined() -> None:
+    found = judged([result(5.0)], squares=[{"p1": 30.0}])
+    assert (found.lacks, found.undetermined) == (False, True)
+    small = judged([result(1.8)], squares=[{"p1": 4.0}])
+    assert (small.lacks, small.undetermined) == (False, False)
+    assert judged([result(5.0)], squares=[{"p1": 0.5}]).lacks
+
+
+def test_parameters_are_drawn_only_where_noise_does_not_explain_the_error() -> None:
+    def never() -> Squares:
+        raise AssertionError
+
+    row = [result(1.1)]
+    one = ExpectedError({"p1": 1.0}, {"p1": np.ones((6, 4)) / 4.0}, {"p1": np.ones(24)})
+    assert judge_fit([row], [one], never) is not None
+    with pytest.raises(AssertionError):
+        judge_fit([[result(3.0)]], [one], never)
+
+
+def test_nothing_compared_is_not_judged() -> None:
+    assert judge_fit([], [], lambda: []) is None
+
+
+VALVE = ValveArea((1.0, 2.0, 4.0, 8.0), (1e-7, 2.1e-7, 4e-7, 8e-7))
+
+
+@pytest.mark.parametrize(("use", "expected"), [("train", 0.0), ("test", 1.0)])
+def test_held_out_recordings_have_the_error_of_areas_between_knots(
+    monkeypatch: pytest.MonkeyPatch, use: str, expected: float
+) -> None:
+    """The stand-in for a simulation returns the area at 1 V over the fitted one, less 1, in standard uncertainties."""
+    model = Model(RIG, (), FRICTION, VALVE)
+    deviation = np.random.default_rng(goodness_of_fit.SEED).standard_normal(1)[0] * VALVE.interpolation_uncertainty
+
+    def outputs(one: Any, experiment: object) -> dict[str, np.ndarray]:
+        return {"p1": np.array([(one.valve.areas[0] / VALVE.areas[0] - 1.0) / deviation])}
+
+    monkeypatch.setattr(goodness_of_fit, "simulate_outputs", outputs)
+    experiment: Any = SimpleNamespace(recording=SimpleNamespace(use=use))
+    ((found,),) = [list(one.values()) for one in parameter_error_squares(model, [model], [experiment])]
+    assert found == pytest.approx(expected)
+
+
+def test_a_map_is_as_uncertain_between_its_knots_as_a_quarter_of_what_these_depart_from_a_line() -> None:
+    """At 2 V the area is 5 % above the line through 1 and 4 V, at 4 V 2.44 % below that through 2 and 8 V."""
+    assert VALVE.interpolation_uncertainty == pytest.approx(1.4826 * 0.5 * (0.04879 + 0.02439) / 4.0, rel=1e-3)
+    straight = replace(VALVE, areas=(1e-7, 2e-7, 4e-7, 8e-7))
+    assert straight.interpolation_uncertainty == pytest.approx(0.0, abs=1e-12)
