@@ -25,8 +25,8 @@ class ErrorDistribution(NamedTuple):
     >>> certain.limit(0.01), certain.p_value(1.1), certain.p_value(0.9)
     (1.0, 0.0, 1.0)
     >>> one_number = ErrorDistribution(mean=1.0, variance=2.0)  # chi-square with one degree of freedom
-    >>> round(one_number.limit(0.05), 2), round(one_number.p_value(1.96), 2)
-    (1.96, 0.05)
+    >>> round(one_number.limit(0.01), 3), round(one_number.p_value(1.0), 3)
+    (2.576, 0.317)
     """
 
     mean: float
