@@ -1,0 +1,189 @@
+"""How a new answer differs from the stored one, for better or worse, and where answers contradict each other."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from itertools import pairwise
+from typing import Any
+
+from benchmarks.truths import Truth, is_fault, is_refused, judged, reading_faults
+
+ERROR_TOLERANCE, LEAST_CHANGE = 0.05, 0.02  # of an error over noise: of its size, and absolute
+GOOD = ("found", "right", "exact", "silent", "close", "covered")  # counts of which more is better
+BAD = ("false", "mild")  # counts of which fewer are better
+Row = Mapping[str, Any]
+Rows = Mapping[str, Row]  # of a case, by command
+
+
+@dataclass(frozen=True)
+class Change:
+    """One difference between a stored answer and a new one; ``worse`` is None where nobody can tell."""
+
+    command: str
+    worse: bool | None
+    text: str
+
+
+def contradictions(rows: Rows) -> list[str]:
+    """Return in which ways the answers to a case contradict each other or themselves, in words.
+
+    One judgement decides: the error stands within its limit or not. Verdict, missing effects, test of the lack of fit,
+    next command and tiles have to agree with it, an added effect may not raise the error, and two commands print one
+    number.
+    """
+    compare, diagnose, report = (rows.get(name, {}) for name in ("compare", "diagnose", "report"))
+    out = []
+    adequate = diagnose.get("verdict") == "adequate"
+    within = is_within_limit(compare)
+    if adequate and diagnose["missing"]:
+        out.append("adequate, and effects are missing")
+    if adequate and diagnose.get("lack_of_fit"):
+        out.append("adequate, and a lack of fit is present")
+    if adequate and within is False:
+        out.append("adequate, and the error is beyond its limit")
+    if adequate and diagnose.get("do") == "diagnose":
+        out.append("adequate, and proposes to diagnose")
+    if diagnose.get("verdict") == "missing-effect" and not diagnose["missing"]:
+        out.append("an effect is missing, and none is named")
+    if within and compare.get("do") == "diagnose":
+        out.append("compare stands within the limit, and proposes to diagnose")
+    path = [judging(pair) for pair in diagnose.get("path", [])]
+    if any(b > a * (1 + ERROR_TOLERANCE) for a, b in pairwise(path) if a is not None and b is not None):
+        out.append("an added effect raises the error")
+    if "error" in compare and path and differs(judging(compare["error"]), path[0]):
+        out.append("compare and diagnose print two errors of one model")
+    if "tiles" in report and within is not None and (report["tiles"].get("The model") == "good") != within:
+        out.append("the tile of the model does not say what its limit says")
+    return out
+
+
+def judging(pair: Sequence[float | None]) -> float | None:
+    """Return the error that judges a model: of test recordings, or of those that were fitted where there are none."""
+    train, test = pair
+    return train if test is None else test
+
+
+def is_within_limit(compare: Row) -> bool | None:
+    """Whether the printed error is within the limit that stands beside it; None where there is no limit."""
+    if "error" not in compare:
+        return None
+    error, limit = judging(compare["error"]), judging(compare["limit"])
+    return None if error is None or limit is None else error <= limit
+
+
+def differs(a: float | None, b: float | None) -> bool:
+    """Whether two errors differ by more than the tolerance."""
+    if a is None or b is None:
+        return a is not b
+    return abs(a - b) > LEAST_CHANGE + ERROR_TOLERANCE * min(abs(a), abs(b))
+
+
+def compared(truth: Truth, old: Rows, new: Rows, *, is_sound: bool) -> list[Change]:
+    """Return the changes of a case from the stored rows to the new ones, by command.
+
+    Args:
+        truth: What is true of the case.
+        old: The stored rows by command.
+        new: The new rows by command.
+        is_sound: Whether nothing is wrong with the recordings, so that every doubt is a false alarm.
+
+    """
+    if not old:
+        return [Change(", ".join(new), None, "no answer is stored")]
+    out = []
+    for command in [*new, *(name for name in old if name not in new)]:
+        before, after = old.get(command), new.get(command)
+        if before is None or after is None:
+            out.append(Change(command, None, "was not asked" if before is None else "is no longer asked"))
+        else:
+            out += _of_exit(truth, before, after)
+            if not {is_refused(before), is_fault(before), is_refused(after), is_fault(after)} - {False}:
+                out += _of_answer(truth, before, after, is_sound=is_sound)
+    out += _of_findings("ingest", "read wrongly", reading_faults(truth, old), reading_faults(truth, new))
+    out += _of_findings("diagnose", "contradiction", contradictions(old), contradictions(new))
+    return out
+
+
+def _of_exit(truth: Truth, before: Row, after: Row) -> Iterator[Change]:
+    command = after["command"]
+    if is_fault(before) != is_fault(after):
+        yield Change(command, is_fault(after), f"exit {before['exit']} -> {after['exit']}")
+    elif is_refused(before) != is_refused(after):
+        reasons = ", ".join((after if is_refused(after) else before).get("refused", []))
+        worse = None if truth.may_refuse else is_refused(after)
+        yield Change(command, worse, f"{'refused' if is_refused(after) else 'no longer refused'} ({reasons})")
+    elif before["exit"] != after["exit"] or before.get("refused") != after.get("refused"):
+        text = f"exit {before['exit']} {before.get('refused')} -> {after['exit']} {after.get('refused')}"
+        yield Change(command, None, text)
+
+
+def _of_answer(truth: Truth, before: Row, after: Row, *, is_sound: bool) -> Iterator[Change]:
+    command = after["command"]
+    if command == "diagnose":
+        yield from _of_diagnosis(truth, before, after)
+    elif command == "compare":
+        yield from _of_error(command, judging(before["error"]), judging(after["error"]))
+    elif command == "init":
+        if before.get("edits") != after.get("edits"):
+            worse = after["edits"] > before["edits"]
+            yield Change(command, worse, f"lines to edit {before['edits']} -> {after['edits']}")
+        if before.get("takes") != after.get("takes"):
+            yield Change(command, None, f"takes {before.get('takes')} -> {after.get('takes')}")
+    elif command == "ingest" and before["doubts"] != after["doubts"]:
+        worse = len(after["doubts"]) > len(before["doubts"]) if is_sound else None
+        worse = None if len(after["doubts"]) == len(before["doubts"]) else worse
+        yield Change(command, worse, f"doubts {before['doubts'] or 'none'} -> {after['doubts'] or 'none'}")
+    elif command == "identify":
+        yield from _of_intervals(command, before["parameters"], after["parameters"])
+    if before.get("figures") != after.get("figures"):
+        yield Change(command, None, f"{before.get('figures')} -> {after.get('figures')}")
+
+
+def _of_diagnosis(truth: Truth, before: Row, after: Row) -> Iterator[Change]:
+    was, now = judged(truth, before), judged(truth, after)
+    counted = False
+    for name in (*GOOD, *BAD):
+        a, b = getattr(was, name), getattr(now, name)
+        if a != b and (name not in ("close", "covered") or was.parameters == now.parameters):
+            counted = True
+            yield Change("diagnose", (b < a) == (name in GOOD), f"{name} {a} -> {b}{_names(before, after)}")
+    if before["verdict"] != after["verdict"]:
+        yield Change("diagnose", None, f"{before['verdict']} -> {after['verdict']}")
+    if set(before["missing"]) != set(after["missing"]):
+        if not counted:
+            yield Change("diagnose", None, f"names{_names(before, after)}")
+        return
+    yield from _of_error("diagnose", judging(before["path"][-1]), judging(after["path"][-1]))
+    yield from _of_intervals("diagnose", before["parameters"], after["parameters"])
+
+
+def _names(before: Row, after: Row) -> str:
+    if before["missing"] == after["missing"]:
+        return ""
+    return f": {', '.join(before['missing']) or 'nothing'} -> {', '.join(after['missing']) or 'nothing'}"
+
+
+def _of_error(command: str, before: float | None, after: float | None) -> Iterator[Change]:
+    if differs(before, after):
+        worse = None if before is None or after is None else after > before
+        yield Change(command, worse, f"error {before} -> {after}")
+
+
+def _of_intervals(command: str, before: Row, after: Row) -> Iterator[Change]:
+    """Yield a change for each parameter whose new value is outside the stored interval and the other way round."""
+    for name in before.keys() & after.keys():
+        (a, low_a, high_a), (b, low_b, high_b) = before[name], after[name]
+        if None in (a, low_a, high_a, b, low_b, high_b):
+            continue
+        if not low_a <= b <= high_a and not low_b <= a <= high_b and abs(a - b) > ERROR_TOLERANCE * abs(a):
+            yield Change(command, None, f"{name} {a:g} -> {b:g}")
+
+
+def _of_findings(command: str, kind: str, before: Sequence[str], after: Sequence[str]) -> Iterator[Change]:
+    """Yield what is newly wrong, or no longer; the same fault in other numbers is no change for the worse."""
+    if len(before) != len(after):
+        texts = [
+            one for one in (after if len(after) > len(before) else before) if one not in before or one not in after
+        ]
+        yield Change(command, len(after) > len(before), f"{kind}{'' if after else ' no longer'}: {'; '.join(texts)}")
