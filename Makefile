@@ -9,7 +9,7 @@ DEMO := demo
 export OPENBLAS_NUM_THREADS ?= 1
 export OMP_NUM_THREADS ?= 1
 
-.PHONY: demo test test-all mutants check format lint types layers docs site hooks chromium clean
+.PHONY: demo test test-all score mutants check format lint types layers docs site hooks chromium clean
 
 # On a copy of the pipeline: the model fails, what it lacks is named and added, the error falls; then all the rest.
 demo: $(VENV)/.installed-all
@@ -26,6 +26,12 @@ test: $(VENV)/.installed-dev hooks chromium
 # All tests, those of slow benchmarks as well.
 test-all: $(VENV)/.installed-dev hooks chromium
 	@$(BIN)/python -m pytest -n 2 --dist worksteal -m ""
+
+# The answers to all cases at hand against the stored ones, better or worse: a sample of each world, or FULL=1 all.
+# JOBS=1 asks for one case at a time; PROGRAM=folder scores the program in another checkout; WRITE=1 stores the answers.
+score: $(VENV)/.installed-dev
+	@$(BIN)/python -m benchmarks.score $(if $(FULL),--full) $(if $(JOBS),--jobs $(JOBS)) \
+		$(if $(PROGRAM),--program $(PROGRAM)) $(if $(WRITE),--write) $(WORLDS)
 
 # Small faults, put into the code one at a time: of 300, unit tests have to notice 85 in 100. SEED=7 repeats a sample.
 mutants: $(VENV)/.installed-dev

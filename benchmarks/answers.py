@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import hashlib
 import json
 import math
 import os
@@ -29,13 +30,21 @@ def ask(case: Case, python: str, kept: Path) -> list[Row]:
     The answers of a case are asked for together, because a command spares what an earlier one has made.
     """
     folder = kept / case.world / case.name
-    done = folder / "done.json"
-    if not done.is_file():
+    done, inputs = folder / "done.json", digest_of_inputs(case)
+    if not done.is_file() or json.loads(done.read_text(encoding="utf-8"))["inputs"] != inputs:
         folder.mkdir(parents=True, exist_ok=True)
         with tempfile.TemporaryDirectory() as name:
             found = [row for command in case.commands if (row := _asked(case, command, python, Path(name), folder))]
-        done.write_text(json.dumps(found), encoding="utf-8")
-    return [_row(folder, one) for one in json.loads(done.read_text(encoding="utf-8"))]
+        done.write_text(json.dumps({"inputs": inputs, "answers": found}), encoding="utf-8")
+    return [_row(folder, one) for one in json.loads(done.read_text(encoding="utf-8"))["answers"]]
+
+
+def digest_of_inputs(case: Case) -> str:
+    """Return a digest of what is asked of a case: commands, edits, the pipeline file, names and sizes of the others."""
+    files = case.raw if case.pipeline is None else sorted(case.pipeline.parent.rglob("*"))
+    listed = [(path.name, path.stat().st_size) for path in files if path.is_file()]
+    text = case.pipeline.read_text(encoding="utf-8") if case.pipeline else ""
+    return hashlib.sha256(repr((case.commands, case.edits, text, listed)).encode()).hexdigest()[:12]
 
 
 def _row(folder: Path, asked: Row) -> Row:

@@ -3,10 +3,8 @@
     pneucli exam A --condition messy --cases 60 --nulls 30 --seed 5550123
     pneucli exam C --condition imposed+messy --cases 24 --nulls 12 --seed 5550125
     (each once more with --answer)
-    python -m benchmarks.foreign_rigs OUT rigs/plc rigs/seal rigs/bench
-    for NAME in zillen-o-ring zillen-pk zillen-kdn zillen-x-ring257 emps:
-        pneucli diagnose pipelines/NAME.toml --json > REAL/NAME.json
-    python -m benchmarks.calibration --answers OUT --rigs rigs/plc --rigs rigs/seal --rigs rigs/bench --real REAL A C
+    python -m benchmarks.score rigs-plc rigs-seal rigs-bench real --full
+    python -m benchmarks.calibration --answers build/score/DIGEST A C
 
 estimated the model for residuals with an unmodelled effect. Each exam, each rig and the real recordings are a world;
 the printed log score and the reliability of a world are those of the model of all other worlds. An effect of which a
@@ -43,7 +41,7 @@ from numpy.typing import NDArray
 from scipy.optimize import minimize
 from scipy.special import expit
 
-from benchmarks.foreign_rigs import CATALOGUE_NAMES, mild_names
+from benchmarks.worlds import worlds
 from pneucli.diagnose.calibration import Evidence, probability
 from pneucli.exam.grading import graded_cases
 from pneucli.exam.reliability import BIN_EDGES
@@ -56,15 +54,7 @@ FEATURES = {
     True: ("significance", "relative_size", "free_run_share"),
     False: ("relative_size", "remaining_variance"),
 }
-# what was published of real recordings (README of the recordings): friction that grows with the pressure, a mean force
-# of 1.3 % of p A (scale of load cell or area), directions that differ
-PUBLISHED = {
-    "zillen-o-ring": {"pressure-friction", "pressure-scale", "friction-asymmetry"},
-    "zillen-pk": {"pressure-friction", "pressure-scale", "friction-asymmetry"},
-    "zillen-kdn": {"pressure-friction", "pressure-scale", "friction-asymmetry"},
-    "zillen-x-ring257": {"pressure-friction", "pressure-scale", "friction-asymmetry"},
-    "emps": {"friction-asymmetry"},
-}
+WORLDS = ("rigs-plc", "rigs-seal", "rigs-bench", "real")  # of the score
 HARD_CONSTRAINTS = frozenset(
     {"interval-contains-null", "vanishes", "at-bound", "below-resolution", "contradicted-by-reading", "cannot-show",
      "raises-error", "varies-with-horizon"}
@@ -96,21 +86,14 @@ def exam_cases(exam: Path) -> Iterator[Case]:
             yield Case(exam.name, g.case, frozenset(g.hidden), g.answer)
 
 
-def rig_cases(rig: Path, answers: Path) -> Iterator[Case]:
-    """Yield the cases of a rig by other hands that ``benchmarks.foreign_rigs`` has answered."""
-    for path in sorted(rig.glob("*/truth.json")):
-        truth, kept = json.loads(path.read_text()), answers / f"{rig.name}-{path.parent.name}.json"
-        answer = json.loads(kept.read_text())["answer"] if kept.exists() else None
-        if answer is not None:
-            known = {CATALOGUE_NAMES[name] for name in truth["unknown"] if name in CATALOGUE_NAMES}
-            mild = frozenset(mild_names(truth))
-            yield Case(rig.name, path.parent.name, frozenset({*truth["hidden"], *known}), answer, mild)
-
-
-def real_cases(folder: Path) -> Iterator[Case]:
-    """Yield the answers to real recordings of which effects were published."""
-    for name, effects in PUBLISHED.items():
-        yield Case("real", name, frozenset(effects), json.loads((folder / f"{name}.json").read_text()))
+def scored_cases(answers: Path) -> Iterator[Case]:
+    """Yield the cases of rigs by other hands and of real recordings that ``benchmarks.score`` has answered."""
+    for world in worlds(sys.executable, answers, full=True):
+        for case in world.cases() if world.name in WORLDS else ():
+            kept = answers / world.name / case.name / "diagnose.json"
+            if case.truth.names_known and kept.exists() and (text := kept.read_text(encoding="utf-8")):
+                answer = json.loads(text)
+                yield Case(world.name, case.name, case.truth.hidden, answer, case.truth.mild)
 
 
 def examples(cases: Sequence[Case], *, complete: bool) -> list[Example]:
@@ -246,13 +229,10 @@ def main(arguments: list[str]) -> None:
         return
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("exams", nargs="*", type=Path)
-    parser.add_argument("--rigs", action="append", default=[], type=Path, help="folder with the cases of a rig")
-    parser.add_argument("--answers", type=Path, help="the folder OUT of benchmarks.foreign_rigs")
-    parser.add_argument("--real", type=Path, help="folder with the answers to real recordings")
+    parser.add_argument("--answers", type=Path, help="the folder in which benchmarks.score has kept answers")
     asked = parser.parse_args(arguments)
     exams = [case for exam in asked.exams for case in exam_cases(exam)]
-    cases = [*exams, *(case for rig in asked.rigs for case in rig_cases(rig, asked.answers))]
-    cases += real_cases(asked.real) if asked.real else []
+    cases = [*exams, *(scored_cases(asked.answers) if asked.answers else ())]
     print(f"{len(cases)} cases of {len({c.world for c in cases})} worlds")
     for name, complete in (("white_residual", True), ("discrepancy", False)):
         estimate(name, examples(cases, complete=complete), complete=complete)

@@ -22,8 +22,8 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from benchmarks import small
-from benchmarks.cases import SEALED, study_of, truths
-from benchmarks.foreign_rigs import CATALOGUE_NAMES, CLOSE
+from benchmarks.cases import study_of
+from benchmarks.truths import CLOSE, SEALED, truth_of, truths
 from pneucli.identify.estimation.fit import Fit
 from pneucli.identify.estimation.intervals import with_intervals
 from pneucli.identify.estimation.model_fit import fit_model
@@ -70,12 +70,11 @@ def cases(folder: Path) -> Iterator[Case]:
                 yield _case(path, truth["baseline"], truth["hidden"], friction)
     for path in sorted(folder.glob("*/truth.json")):
         truth = json.loads(path.read_text())
-        if set(truth["unknown"]) <= CATALOGUE_NAMES.keys():
+        if not truth_of(truth).unknown:
             true = truth.get("true") or {}
             true = json.loads(true) if isinstance(true, str) else true
             friction = {name: true[key] for key, name in TRUE_FRICTION.items() if key in true}
-            hidden = {CATALOGUE_NAMES.get(effect, effect): v for effect, v in truth["parameters"].items()}
-            yield _case(path.parent, truth["baseline"], hidden, friction)
+            yield _case(path.parent, truth["baseline"], truth_of(truth).parameters, friction)
 
 
 def _case(folder: Path, baseline: list[str], hidden: Mapping[str, Mapping[str, float]], friction: Any) -> Case:

@@ -1,7 +1,7 @@
 """What could any search name? Cases fitted with their true effects: ``python -m benchmarks.limit FOLDER...``
 
 A folder is an exam that ``pneucli exam`` wrote, or a rig: folders with ``pipeline.toml`` and ``truth.json``
-(:mod:`benchmarks.foreign_rigs`). Nothing is searched. Each case is fitted with the effects that it hides and those
+(:mod:`benchmarks.truths`). Nothing is searched. Each case is fitted with the effects that it hides and those
 that the rig always has, and each hidden one is judged in the model with all of them, as a diagnosis does. An effect
 that is improbable or violates a hard constraint even so explains too little of what the recordings show: no search
 names it under these rules.
@@ -16,8 +16,8 @@ from pathlib import Path
 from typing import NamedTuple
 
 from benchmarks import small
-from benchmarks.cases import study_of, truths
-from benchmarks.foreign_rigs import CATALOGUE_NAMES, mild_names
+from benchmarks.cases import study_of
+from benchmarks.truths import Truth, truth_of, truths
 from pneucli.diagnose.candidate import Reason
 from pneucli.diagnose.cross_validation import folds_of
 from pneucli.diagnose.data import DiagnosisData
@@ -59,7 +59,7 @@ def fitted(bench: DiagnosisData, base: Fit, names: list[str]) -> Fit:
     return min(ends, key=lambda f: f.cost)
 
 
-def rows(case: Path, truth: dict) -> Iterator[Row]:  # type: ignore[type-arg]
+def rows(case: Path, truth: Truth) -> Iterator[Row]:
     """Yield the true effects of one case."""
     with tempfile.TemporaryDirectory() as out:
         study = study_of(case, Path(out), MAX_SAMPLES)
@@ -74,13 +74,12 @@ def rows(case: Path, truth: dict) -> Iterator[Row]:  # type: ignore[type-arg]
             folds=() if test else folds_of(train),
         )
         base = fit_model(guess, train, study.effects)
-        hidden = [*truth["hidden"], *(CATALOGUE_NAMES[n] for n in truth.get("unknown", []) if n in CATALOGUE_NAMES)]
-        names = [n for n in [*hidden, *sorted(mild_names(truth) - set(hidden))] if n in bench.effects]
+        names = [n for n in [*sorted(truth.hidden), *sorted(truth.mild - truth.hidden)] if n in bench.effects]
         names = [
             n for n in names if bench.is_observable(bench.effects[n]) and n not in bench.fitted_model(base).effect_names
         ]
         last = bench.fitted_model(fitted(bench, base, names))
-        for effect in (bench.effects[n] for n in names if n in hidden):
+        for effect in (bench.effects[n] for n in names if n in truth.hidden):
             (before,) = bench.refit_without(last, [effect])
             found = judge(bench, Term(bench.candidate(before, last, effect), ()), constrained=True)
             name = f"{case.parent.name} {case.name}"
@@ -98,7 +97,7 @@ def table(folders: list[Path]) -> None:
     for folder in folders:
         for case, truth in truths(folder):
             if truth["hidden"] or truth.get("unknown"):
-                seen += rows(case, truth)
+                seen += rows(case, truth_of(truth))
                 print(case.name, len(seen), file=sys.stderr, flush=True)
     for row in sorted(seen, key=lambda r: r.probability):
         refused = "" if row.is_nameable else f", {row.reason}"

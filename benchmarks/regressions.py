@@ -10,8 +10,9 @@ from typing import Any
 from benchmarks.truths import Truth, is_fault, is_refused, judged, reading_faults
 
 ERROR_TOLERANCE, LEAST_CHANGE = 0.05, 0.02  # of an error over noise: of its size, and absolute
-GOOD = ("found", "right", "exact", "silent", "close", "covered")  # counts of which more is better
-BAD = ("false", "mild")  # counts of which fewer are better
+GOOD = ("found", "right", "silent", "close", "covered")  # counts of which more is better
+BAD = ("false",)  # counts of which fewer are better
+NEITHER = ("exact", "mild")  # a mild name, or an equivalent one in place of the hidden one
 Row = Mapping[str, Any]
 Rows = Mapping[str, Row]  # of a case, by command
 
@@ -98,11 +99,16 @@ def compared(truth: Truth, old: Rows, new: Rows, *, is_sound: bool) -> list[Chan
             out.append(Change(command, None, "was not asked" if before is None else "is no longer asked"))
         else:
             out += _of_exit(truth, before, after)
-            if not {is_refused(before), is_fault(before), is_refused(after), is_fault(after)} - {False}:
+            if is_answer(after) and command == "diagnose":
+                out += _of_counts(truth, before, after)
+            if is_answer(before) and is_answer(after):
                 out += _of_answer(truth, before, after, is_sound=is_sound)
-    out += _of_findings("ingest", "read wrongly", reading_faults(truth, old), reading_faults(truth, new))
-    out += _of_findings("diagnose", "contradiction", contradictions(old), contradictions(new))
-    return out
+    return [*out, *_of_reading(truth, old, new), *_of_contradictions(old, new)]
+
+
+def is_answer(row: Row) -> bool:
+    """Whether a row holds an answer: neither a refusal nor a fault."""
+    return not is_refused(row) and not is_fault(row)
 
 
 def _of_exit(truth: Truth, before: Row, after: Row) -> Iterator[Change]:
@@ -120,53 +126,52 @@ def _of_exit(truth: Truth, before: Row, after: Row) -> Iterator[Change]:
 
 def _of_answer(truth: Truth, before: Row, after: Row, *, is_sound: bool) -> Iterator[Change]:
     command = after["command"]
-    if command == "diagnose":
-        yield from _of_diagnosis(truth, before, after)
-    elif command == "compare":
-        yield from _of_error(command, judging(before["error"]), judging(after["error"]))
-    elif command == "init":
-        if before.get("edits") != after.get("edits"):
+    if command == "init":
+        if before["edits"] != after["edits"]:
             worse = after["edits"] > before["edits"]
             yield Change(command, worse, f"lines to edit {before['edits']} -> {after['edits']}")
-        if before.get("takes") != after.get("takes"):
-            yield Change(command, None, f"takes {before.get('takes')} -> {after.get('takes')}")
+        if before["takes"] != after["takes"]:
+            yield Change(command, None, f"takes {before['takes']} -> {after['takes']}")
     elif command == "ingest" and before["doubts"] != after["doubts"]:
-        worse = len(after["doubts"]) > len(before["doubts"]) if is_sound else None
-        worse = None if len(after["doubts"]) == len(before["doubts"]) else worse
+        came, went = after["doubts"].keys() - before["doubts"].keys(), before["doubts"].keys() - after["doubts"].keys()
+        worse = bool(came) if is_sound and (came or went) else None
         yield Change(command, worse, f"doubts {before['doubts'] or 'none'} -> {after['doubts'] or 'none'}")
     elif command == "identify":
         yield from _of_intervals(command, before["parameters"], after["parameters"])
+    elif command == "compare":
+        yield from _of_error(command, judging(before["error"]), judging(after["error"]), matters=not truth.hidden)
+    elif command == "diagnose":
+        if before["verdict"] != after["verdict"]:
+            yield Change(command, None, f"{before['verdict']} -> {after['verdict']}")
+        if set(before["missing"]) == set(after["missing"]):
+            yield from _of_error(command, judging(before["path"][-1]), judging(after["path"][-1]), matters=True)
+            yield from _of_intervals(command, before["parameters"], after["parameters"])
     if before.get("figures") != after.get("figures"):
         yield Change(command, None, f"{before.get('figures')} -> {after.get('figures')}")
 
 
-def _of_diagnosis(truth: Truth, before: Row, after: Row) -> Iterator[Change]:
-    was, now = judged(truth, before), judged(truth, after)
-    counted = False
-    for name in (*GOOD, *BAD):
+def _of_counts(truth: Truth, before: Row, after: Row) -> Iterator[Change]:
+    """Yield how the names of a diagnosis became better or worse; an answer that was refused had none."""
+    was, now, out = judged(truth, before), judged(truth, after), []
+    for name in (*GOOD, *BAD, *NEITHER):
         a, b = getattr(was, name), getattr(now, name)
         if a != b and (name not in ("close", "covered") or was.parameters == now.parameters):
-            counted = True
-            yield Change("diagnose", (b < a) == (name in GOOD), f"{name} {a} -> {b}{_names(before, after)}")
-    if before["verdict"] != after["verdict"]:
-        yield Change("diagnose", None, f"{before['verdict']} -> {after['verdict']}")
-    if set(before["missing"]) != set(after["missing"]):
-        if not counted:
-            yield Change("diagnose", None, f"names{_names(before, after)}")
-        return
-    yield from _of_error("diagnose", judging(before["path"][-1]), judging(after["path"][-1]))
-    yield from _of_intervals("diagnose", before["parameters"], after["parameters"])
+            worse = None if name in NEITHER else (b < a) == (name in GOOD)
+            out.append(Change("diagnose", worse, f"{name} {a} -> {b}{_names(before, after)}"))
+    if not out and _names(before, after):
+        out.append(Change("diagnose", None, f"names{_names(before, after)}"))
+    yield from out
 
 
 def _names(before: Row, after: Row) -> str:
-    if before["missing"] == after["missing"]:
-        return ""
-    return f": {', '.join(before['missing']) or 'nothing'} -> {', '.join(after['missing']) or 'nothing'}"
+    was, now = before.get("missing", []), after["missing"]
+    return "" if set(was) == set(now) else f": {', '.join(was) or 'nothing'} -> {', '.join(now) or 'nothing'}"
 
 
-def _of_error(command: str, before: float | None, after: float | None) -> Iterator[Change]:
+def _of_error(command: str, before: float | None, after: float | None, *, matters: bool) -> Iterator[Change]:
+    """Yield the change of an error; that of a model that lacks an effect does not matter."""
     if differs(before, after):
-        worse = None if before is None or after is None else after > before
+        worse = after > before if matters and before is not None and after is not None else None
         yield Change(command, worse, f"error {before} -> {after}")
 
 
@@ -180,10 +185,13 @@ def _of_intervals(command: str, before: Row, after: Row) -> Iterator[Change]:
             yield Change(command, None, f"{name} {a:g} -> {b:g}")
 
 
-def _of_findings(command: str, kind: str, before: Sequence[str], after: Sequence[str]) -> Iterator[Change]:
-    """Yield what is newly wrong, or no longer; the same fault in other numbers is no change for the worse."""
-    if len(before) != len(after):
-        texts = [
-            one for one in (after if len(after) > len(before) else before) if one not in before or one not in after
-        ]
-        yield Change(command, len(after) > len(before), f"{kind}{'' if after else ' no longer'}: {'; '.join(texts)}")
+def _of_reading(truth: Truth, old: Rows, new: Rows) -> Iterator[Change]:
+    was, now = reading_faults(truth, old), reading_faults(truth, new)
+    if len(was) != len(now):
+        yield Change("ingest", len(now) > len(was), f"read wrongly: {'; '.join(was) or '-'} -> {'; '.join(now) or '-'}")
+
+
+def _of_contradictions(old: Rows, new: Rows) -> Iterator[Change]:
+    was, now = contradictions(old), contradictions(new)
+    yield from (Change("diagnose", True, f"contradiction: {one}") for one in now if one not in was)
+    yield from (Change("diagnose", False, f"no longer a contradiction: {one}") for one in was if one not in now)

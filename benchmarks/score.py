@@ -21,7 +21,7 @@ import statistics
 import subprocess
 import sys
 import tomllib
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence, Set
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from fnmatch import fnmatchcase
@@ -83,6 +83,13 @@ def reasons() -> dict[str, str]:
 def reason_of(key: str, accepted: Mapping[str, str]) -> str:
     """Return the reason for which a worse answer to WORLD/CASE is accepted, "" where there is none."""
     return next((why for pattern, why in accepted.items() if fnmatchcase(key, pattern)), "")
+
+
+def drop_reasons(used: Set[str]) -> None:
+    """Take out of ``accepted.toml`` the reasons that now stand beside their answers: they excuse nothing else."""
+    lines = ACCEPTED.read_text(encoding="utf-8").splitlines() if ACCEPTED.is_file() else []
+    kept = [line for line in lines if not set(tomllib.loads(line).values()) & used]
+    ACCEPTED.write_text("".join(f"{line}\n" for line in kept), encoding="utf-8")
 
 
 @dataclass
@@ -231,28 +238,31 @@ def judge(results: Mapping[str, Sequence[tuple[Case, Rows]]], *, write: bool) ->
 
     With ``write`` the new answers are stored unless that is so.
     """
-    accepted, said, tallies, reasoned, is_bad = reasons(), [], {}, {}, False
+    accepted, reasoned, said, tallies = reasons(), {}, [], {}
     for world, answers in results.items():
         known = stored(world)
         old = [(case, known[case.name]) for case, _ in answers if case.name in known]
         tallies[world] = (Tally.of(old) if len(old) == len(answers) else None, Tally.of(answers))
         for case, rows in answers:
-            changes = compared(case.truth, known.get(case.name, {}), rows, is_sound=world not in DOUBTFUL)
-            why = reason_of(f"{world}/{case.name}", accepted) if any(one.worse for one in changes) else ""
-            reasoned.setdefault(world, {})[case.name] = why
-            is_bad = is_bad or any(one.worse and not why for one in changes)
-            said += [(one.worse, f"{world}/{case.name} {one.command}: {one.text}") for one in changes]
-            said += [(True, f"    accepted: {why}")] if why else []
+            key, before = f"{world}/{case.name}", known.get(case.name, {})
+            changes = compared(case.truth, before, rows, is_sound=world not in DOUBTFUL)
+            said += [(one.worse, f"{key} {one.command}: {one.text}") for one in changes]
+            if any(one.worse for one in changes):
+                reasoned[key] = reason_of(key, accepted)
+                said.append((True, f"{key} is accepted: {reasoned[key]}" if reasoned[key] else f"{key} needs a reason"))
     for kind, title in ((True, "worse"), (False, "better"), (None, "changed")):
-        for text in [text for worse, text in said if worse is kind]:
-            print(f"{title:8s} {text}")
+        print("".join(f"{title:8s} {text}\n" for worse, text in said if worse is kind), end="")
     print("\n".join(table(tallies)))
-    for world, answers in results.items():
-        for case, rows in answers:
-            print("".join(f"{world}/{case.name} contradicts itself: {one}\n" for one in contradictions(rows)), end="")
-        if write and not is_bad:
-            store(world, {case.name: rows for case, rows in answers}, reasoned.get(world, {}))
-    return int(is_bad)
+    for case, rows in (one for answers in results.values() for one in answers):
+        print("".join(f"{case.world}/{case.name} contradicts itself: {one}\n" for one in contradictions(rows)), end="")
+    if not all(reasoned.values()):
+        return 1
+    if write:
+        for world, answers in results.items():
+            why = {case.name: reasoned.get(f"{world}/{case.name}", "") for case, _ in answers}
+            store(world, {case.name: rows for case, rows in answers}, why)
+        drop_reasons(set(reasoned.values()))
+    return 0
 
 
 if __name__ == "__main__":

@@ -13,13 +13,13 @@ import tempfile
 from collections import defaultdict
 from collections.abc import Iterator, Sequence
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
 from benchmarks import small
-from benchmarks.cases import study_of, truths
-from benchmarks.foreign_rigs import mild_names
+from benchmarks.cases import study_of
+from benchmarks.truths import Truth, truth_of, truths
 from pneucli.diagnose.adequacy import held_out_lack_of_fit, lack_of_fit_by_channel
 from pneucli.diagnose.subsample import MAX_SAMPLES
 from pneucli.identify.estimation.model_fit import fit_model
@@ -76,7 +76,7 @@ def errors(
     return max(r.ratio for r in fitted), max(r.ratio for r in outside)
 
 
-def rows(case: Path, truth: dict[str, Any]) -> Iterator[Row]:
+def rows(case: Path, truth: Truth) -> Iterator[Row]:
     """Yield the commands of one case, each left out; none where the case has no test of a valve."""
     with tempfile.TemporaryDirectory() as out:
         study = study_of(case, Path(out), MAX_SAMPLES)
@@ -86,7 +86,7 @@ def rows(case: Path, truth: dict[str, Any]) -> Iterator[Row]:
             if (command := held_command(one, study.rig.valve_null)) is not None:
                 by_command[command].append(one)
         effects = [
-            n for n in dict.fromkeys([*truth["hidden"], *sorted(mild_names(truth))]) if n in study.available_effects
+            n for n in dict.fromkeys([*sorted(truth.hidden), *sorted(truth.mild)]) if n in study.available_effects
         ]
         for command, left_out in sorted(by_command.items()):
             if len(by_command) >= MIN_COMMANDS:
@@ -102,7 +102,7 @@ def table(folders: Sequence[Path]) -> None:
     print("| --- | --- | --- | --- | --- |")
     for folder in folders:
         for case, truth in truths(folder):
-            for row in rows(case, truth):
+            for row in rows(case, truth_of(truth)):
                 seen.append(row)
                 place = "between" if row.between else "outermost"
                 print(

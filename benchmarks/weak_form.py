@@ -25,8 +25,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from benchmarks import small
-from benchmarks.cases import study_of, truths
-from benchmarks.foreign_rigs import CATALOGUE_NAMES
+from benchmarks.cases import study_of
+from benchmarks.truths import truth_of, truths
 from pneucli.diagnose.cross_validation import folds_of
 from pneucli.diagnose.data import DiagnosisData
 from pneucli.diagnose.score import FittedModel
@@ -214,7 +214,7 @@ def print_ranks(folders: list[Path]) -> None:
             spent.append(time.process_time() - begun)
         seconds.append(spent)
         known = truth.get("parameters") or (truth["hidden"] if isinstance(truth["hidden"], dict) else {})
-        hidden = [*truth["hidden"], *(CATALOGUE_NAMES[n] for n in truth.get("unknown") or () if n in CATALOGUE_NAMES)]
+        hidden = sorted(truth_of(truth).hidden)
         samples = sum(m.experiment.time.size for m in first.data.train)
         for name in hidden or [""]:
             effect, cells = first.data.effects.get(name), [""] * (3 + len(WINDOWS))

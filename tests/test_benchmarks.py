@@ -14,17 +14,17 @@ import pytest
 from benchmarks.measure import IMPORTS, KERNELS, PHASES, REST, Sampler
 
 ROOT = Path(__file__).parents[1]
-SHARED = {"cases", "measure", "rigs", "small"}  # what benchmarks share: no benchmark of their own
+SHARED = {"answers", "cases", "measure", "regressions", "rigs", "small", "truths", "worlds"}  # no benchmarks by themselves
 TESTED_ELSEWHERE = {"simulate"}  # tests/simulate/test_benchmark.py
 NEED_GCC = {"exam_loop", "gate", "laws", "level", "machine_logs", "plant_fmu", "precision"}
 SLOW = {
     "arrangements",
     "fleet",
-    "foreign_rigs",
     "learning",
     "machine_logs",
     "periods",
     "report",
+    "score",
     "thesis_friction",
     "thesis_laws",
 }

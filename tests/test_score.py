@@ -1,0 +1,229 @@
+"""The score sees what became worse, better, or contradicts itself, and the fixtures are answered as stored."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from benchmarks import score
+from benchmarks.answers import essence, next_command, tiles
+from benchmarks.regressions import compared, contradictions
+from benchmarks.truths import Truth, described_truth, judged, reading_faults, truth_of
+from benchmarks.worlds import sampled
+
+Row = dict[str, Any]
+LEAK = Truth(frozenset({"piston-leak"}), {"piston-leak": {"area": 1e-7}}, mild=frozenset({"valve-lag"}))
+HEALTHY = Truth()
+
+
+def diagnosis(*missing: str, verdict: str = "", error: float = 1.0, **more: Any) -> Row:
+    """A row of ``diagnose`` that names some effects."""
+    path = [[9.0, 9.0], *([[error, error]] * len(missing))] if missing else [[error, error]]
+    found = {
+        "verdict": verdict or ("missing-effect" if missing else "adequate"),
+        "missing": list(missing),
+        "path": path,
+    }
+    return {"command": "diagnose", "exit": 0, "refused": [], "parameters": {}, "do": "add", **found, **more}
+
+
+def comparison(error: float, limit: float | None = 1.1, do: str = "run") -> Row:
+    """A row of ``compare`` with a test recording."""
+    return {"command": "compare", "exit": 0, "error": [error, error], "limit": [limit, limit], "do": do}
+
+
+def reading(**doubts: int) -> Row:
+    """A row of ``ingest``."""
+    return {"command": "ingest", "exit": 0, "doubts": doubts, "reads": {"p1": [1e5, 7e5]}, "noise": {"p1": 400.0}}
+
+
+def judgements(truth: Truth, old: Row, new: Row, *, is_sound: bool = True) -> list[bool | None]:
+    """Whether each change of one row is worse, better or neither."""
+    command = new["command"]
+    return [one.worse for one in compared(truth, {command: old}, {command: new}, is_sound=is_sound)]
+
+
+def test_a_missed_effect_is_worse_and_a_found_one_better() -> None:
+    missed, found = diagnosis(verdict="unexplained", error=9.0), diagnosis("piston-leak")
+    assert True in judgements(LEAK, found, missed)
+    assert False not in judgements(LEAK, found, missed)
+    assert set(judgements(LEAK, missed, found)) == {False, None}  # the verdict is neither
+
+
+def test_an_equivalent_effect_is_in_the_answer_and_not_exactly_the_hidden_one() -> None:
+    twin = judged(LEAK, diagnosis("chamber-leak", twins={"chamber-leak": ["piston-leak"]}))
+    assert (twin.found, twin.right, twin.exact, twin.false) == (1, 1, 0, 0)
+
+
+def test_a_false_name_is_worse_and_a_mild_one_is_not() -> None:
+    right = diagnosis("piston-leak")
+    assert True in judgements(LEAK, right, diagnosis("piston-leak", "line-delay"))
+    assert True not in judgements(LEAK, right, diagnosis("piston-leak", "valve-lag"))
+    counts = judged(LEAK, diagnosis("piston-leak", "valve-lag", "line-delay"))
+    assert (counts.false, counts.mild, counts.right, counts.exact) == (1, 1, 1, 0)
+
+
+def test_a_healthy_rig_is_silent_or_wrong() -> None:
+    assert (judged(HEALTHY, diagnosis()).silent, judged(HEALTHY, diagnosis("stribeck")).silent) == (1, 0)
+    assert (judged(HEALTHY, diagnosis()).right, judged(HEALTHY, diagnosis("stribeck")).right) == (1, 0)
+
+
+def test_a_false_name_in_an_answer_that_was_refused_is_worse() -> None:
+    refused = diagnosis(verdict="inconclusive", refused=["supply"])
+    assert judgements(HEALTHY, refused, diagnosis())[0] is False
+    assert True in judgements(HEALTHY, refused, diagnosis("stribeck"))
+
+
+def test_a_refusal_is_worse_unless_it_is_right() -> None:
+    refused = {"command": "ingest", "exit": 2, "refused": ["E045"]}
+    assert judgements(HEALTHY, reading(), refused)[0] is True
+    assert judgements(Truth(may_refuse=True), reading(), refused) == [None]
+
+
+def test_a_fault_is_worse_whatever_is_true() -> None:
+    fault = {"command": "diagnose", "exit": 3}
+    assert judgements(Truth(may_refuse=True), diagnosis(), fault) == [True]
+    assert (judged(LEAK, fault).faults, judged(LEAK, fault).answered, judged(LEAK, fault).effects) == (1, 0, 1)
+
+
+@pytest.mark.parametrize(("error", "expected"), [(1.06, []), (1.08, [True]), (0.92, [False])])
+def test_an_error_changes_by_more_than_the_tolerance(error: float, expected: list[bool]) -> None:
+    assert judgements(HEALTHY, diagnosis(error=1.0), diagnosis(error=error)) == expected
+
+
+def test_the_error_of_a_model_that_lacks_an_effect_is_neither_better_nor_worse() -> None:
+    assert judgements(LEAK, comparison(9.0), comparison(20.0)) == [None]
+    assert judgements(HEALTHY, comparison(2.0), comparison(3.0)) == [True]
+
+
+def test_a_new_doubt_about_sound_recordings_is_a_false_alarm() -> None:
+    assert judgements(HEALTHY, reading(), reading(supply=1)) == [True]
+    assert judgements(HEALTHY, reading(supply=1), reading()) == [False]
+    assert judgements(HEALTHY, reading(), reading(supply=1), is_sound=False) == [None]
+
+
+def test_an_interval_that_loses_the_truth_is_worse() -> None:
+    close = diagnosis("piston-leak", parameters={"piston-leak.area": [1.05e-7, 0.9e-7, 1.2e-7]})
+    off = diagnosis("piston-leak", parameters={"piston-leak.area": [1.05e-7, 1.04e-7, 1.06e-7]})
+    assert judgements(LEAK, close, off) == [True]
+    assert (judged(LEAK, close).close, judged(LEAK, close).covered, judged(LEAK, off).covered) == (1, 1, 0)
+
+
+def test_the_right_interval_of_a_truth_takes_the_place_of_a_tolerance() -> None:
+    truth = truth_of(
+        {"hidden": ["pressure-lag"], "unknown": "", "parameters": {"pressure-lag": {"time": [0.02, 0.04]}}}
+    )
+    counts = judged(truth, diagnosis("pressure-lag", parameters={"pressure-lag.time": [0.05, 0.039, 0.06]}))
+    assert (counts.parameters, counts.close, counts.covered) == (1, 0, 1)
+
+
+@pytest.mark.parametrize(
+    ("rows", "said"),
+    [
+        ([comparison(1.0), diagnosis(do="run")], ""),
+        ([comparison(2.7), diagnosis(error=2.7, do="run")], "beyond its limit"),
+        ([comparison(1.0), diagnosis(lack_of_fit=True, do="run")], "lack of fit"),
+        ([comparison(1.0), diagnosis(do="diagnose")], "adequate, and proposes to diagnose"),
+        ([comparison(1.0, do="diagnose"), diagnosis(do="run")], "compare stands within the limit"),
+        ([diagnosis("stribeck", verdict="adequate")], "adequate, and effects are missing"),
+        ([comparison(9.0), diagnosis(verdict="missing-effect", error=9.0)], "none is named"),
+        ([comparison(9.0), diagnosis("stribeck", error=9.6)], "raises the error"),
+        ([comparison(1.0), diagnosis(error=1.2, do="run")], "two errors of one model"),
+        ([comparison(1.0), {"command": "report", "tiles": {"The model": "bad"}}], "tile"),
+        ([comparison(9.0, do="diagnose"), {"command": "report", "tiles": {"The model": "good"}}], "tile"),
+    ],
+)
+def test_each_contradiction_is_seen_alone(rows: list[Row], said: str) -> None:
+    found = contradictions({row["command"]: row for row in rows})
+    assert (found == []) if not said else (len(found) == 1 and said in found[0]), found
+
+
+def test_a_new_contradiction_is_worse() -> None:
+    old = {"compare": comparison(1.0), "diagnose": diagnosis(do="run")}
+    new = {"compare": comparison(1.0, limit=0.9), "diagnose": diagnosis(do="run")}
+    assert [one.worse for one in compared(HEALTHY, old, new, is_sound=True)] == [True]
+    assert [one.worse for one in compared(HEALTHY, new, old, is_sound=True)] == [False]
+
+
+def test_a_reading_is_right_if_refused_or_doubted_where_that_is_right() -> None:
+    said = {"reads": {"p1": [1e5, 7e5]}, "noise": {"p1": 400}}
+    truth, rows = described_truth(said), {"ingest": reading()}
+    assert reading_faults(truth, rows) == []
+    assert len(reading_faults(described_truth({**said, "noise": {"p1": 900}}), rows)) == 1
+    wrong = {"ingest": {**reading(), "reads": {"p1": [2e5, 8e5]}}}
+    assert len(reading_faults(truth, wrong)) == 1
+    refused = {"ingest": {"command": "ingest", "exit": 2, "refused": ["E045"]}}
+    assert reading_faults(truth, refused) == ["ingest refuses"]
+    assert reading_faults(described_truth({**said, "may_refuse": True}), refused) == []
+    doubted = {"ingest": {**reading(reference=1), "reads": {"p1": [2e5, 8e5]}}}
+    assert reading_faults(described_truth({**said, "doubts": ["reference"]}), doubted) == []
+
+
+def test_a_truth_is_read_in_the_form_of_each_world() -> None:
+    exam = truth_of({"hidden": {"stribeck": {"static": 22.0}}, "outside_the_catalogue": "several small ones"})
+    assert (exam.hidden, exam.unknown, exam.parameters["stribeck"]["static"]) == ({"stribeck"}, False, 22.0)
+    rig = truth_of({"hidden": [], "unknown": ["rod-seal-leak"], "parameters": {}, "background": ["presliding"]})
+    assert (rig.hidden, rig.unknown, rig.mild) == ({"chamber-leak:2"}, False, {"presliding"})
+    assert truth_of({"hidden": [], "unknown": ["a bent rod"], "parameters": {}}).unknown
+
+
+def test_what_matters_of_an_answer() -> None:
+    candidate = {"effect": "stribeck", "indistinguishable_from": ["presliding"], "confidence": 0.987}
+    candidate["parameters"] = {"static": {"value": 22.00001, "unit": "N", "ci95": [21.0, 23.0]}}
+    answer = {"verdict": "missing-effect", "missing": ["stribeck"], "candidates": [candidate], "plausibility": []}
+    answer |= {"ladder": [{"error_train": 9.12345, "error_test": None}], "lack_of_fit": {"present": True, "p": 0.0}}
+    row = essence("diagnose", json.dumps(answer))
+    assert row["twins"] == {"stribeck": ["presliding"]}
+    assert row["parameters"] == {"stribeck.static": [22.0, 21.0, 23.0]}
+    assert (row["path"], row["lack_of_fit"], row["refused"]) == ([[9.123, None]], True, [])
+    assert essence("ingest", json.dumps({"error": {"code": "E045"}, "exit_code": 2})) == {"refused": ["E045"]}
+    assert essence("diagnose", "Traceback") == {}
+
+
+def test_a_check_refuses_where_it_contradicts_and_not_where_it_doubts() -> None:
+    findings = [{"check": "mass", "weight": "contradiction"}, {"check": "supply", "weight": "doubt"}]
+    answer = {"missing": [], "candidates": [], "ladder": [], "impossible": ["..."], "plausibility": findings}
+    assert essence("diagnose", json.dumps({**answer, "verdict": "inconclusive"}))["refused"] == ["mass"]
+    assert essence("diagnose", json.dumps({**answer, "verdict": "adequate"}))["refused"] == []
+
+
+def test_the_next_command_stands_on_the_line_do_alone() -> None:
+    assert (
+        next_command("error    1.2\ndo       record more; or:\n         pneucli add x\nwarning  pneucli run\n") == "add"
+    )
+    assert next_command("do       record more\nwarning  pneucli run\n") == ""
+
+
+def test_a_tile_has_a_title_and_a_colour() -> None:
+    page = '<div class="tile bad"><h2>The model</h2></div><div class="tile"><h2>Controller</h2></div>'
+    assert tiles(page) == {"The model": "bad", "Controller": "none"}
+
+
+def test_a_sample_is_spread_evenly() -> None:
+    assert sampled(range(10), 3) == [0, 3, 6]  # type: ignore[arg-type]
+    assert sampled(range(2), 3) == [0, 1]  # type: ignore[arg-type]
+
+
+def test_worse_answers_are_stored_with_a_reason_only(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(score, "SCORES", tmp_path)
+    monkeypatch.setattr(score, "ACCEPTED", tmp_path / "accepted.toml")
+    case = score.Case("exam", "one", ("diagnose",), HEALTHY)
+    right, wrong = ({"case": "one", **row, "seconds": 1.0, "MB": 9} for row in (diagnosis(), diagnosis("stribeck")))
+    judge = lambda row: score.judge({"exam": [(case, {"diagnose": row})]}, write=True)  # noqa: E731
+    assert judge(right) == 0
+    assert judge(wrong) == 1
+    assert score.stored("exam")["one"]["diagnose"] == right
+    score.ACCEPTED.write_text('# reasons\n"exam/o*" = "it sticks"\n"exam/two" = "other"\n')
+    assert judge(wrong) == 0
+    assert score.stored("exam")["one"]["diagnose"] == {**wrong, "why": "it sticks"}
+    assert score.ACCEPTED.read_text() == '# reasons\n"exam/two" = "other"\n'
+    assert judge({**wrong, "seconds": 2.0}) == 0
+    assert score.stored("exam")["one"]["diagnose"]["why"] == "it sticks"
+
+
+def test_the_fixtures_are_answered_as_stored(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    code = score.main(["fixtures", "--kept", str(tmp_path)])
+    assert code == 0, capsys.readouterr().out
