@@ -46,6 +46,12 @@ class ExperimentKind:
         """Channels that are compared too, where they were recorded."""
         return ("temperature", "flow") if self.valve else ("temperature",)
 
+    @property
+    def used_signals(self) -> frozenset[str]:
+        """Signals that drive the model or are compared, apart from optional channels and further commands."""
+        driven = ("u", "p_supply") if self.valve else ("p1", "p2", "force")
+        return frozenset({*self.needs, *self.compared_channels, *driven})
+
     def required_signals(self, present: Collection[str], *, valve_shut: bool) -> set[str]:
         """Return the signals that identification requires, given the signals that are present.
 
@@ -79,18 +85,19 @@ class ExperimentKind:
         """Whether a valve drives a piston."""
         return self.valve and self.cylinder
 
-    def parts(self, *, has_cylinder: bool, supply_recorded: bool, chamber_2: str | None = None) -> frozenset[Part]:
+    def parts(self, *, vessel_is_chamber: bool, supply_recorded: bool, chamber_2: str | None = None) -> frozenset[Part]:
         """Return the parts of the rig whose effects can act (interface, section 5).
 
-        A vessel is the chamber of a rig without a cylinder, and a recorded supply pressure is an input. Chamber 2 takes
-        part where its end or a valve closes it (``chamber_2`` as a recording has it), its hose where a valve fills it.
+        Chamber effects act in a vessel where no recording has a chamber of a cylinder (``vessel_is_chamber``); a
+        recorded supply pressure is an input. Chamber 2 takes part where its end or a valve closes it (``chamber_2`` as
+        a recording has it), its hose where a valve fills it.
         """
         found: set[Part] = {"sensor"}
         if self.valve:
             found |= PNEUMATIC_PARTS - ({"supply"} if supply_recorded else set())
         if self.cylinder:
             found.add("cylinder")
-        if self.axis or (self.vessel and not has_cylinder):
+        if self.axis or (self.vessel and vessel_is_chamber):
             found.add("chamber")
         if self.axis and chamber_2 in ("closed", "valve"):
             found.add("chamber 2")

@@ -118,6 +118,7 @@ class Rig:
         null_free: Whether ``valve_null`` is identified.
         null_range: Range in V in which it lies.
         null_ranges: Ranges in V that recordings with filling and venting show, by recording.
+        axis_recorded: Whether a recording has a cylinder behind a valve.
         priors: Prior knowledge of parameters by name.
     """
 
@@ -141,6 +142,7 @@ class Rig:
     null_ranges: Mapping[str, tuple[float, float]] = field(default_factory=dict)
     valve_arrangement: ArrangementName = "one-chamber"
     valve_kind: Literal["proportional", "switching"] = "proportional"
+    axis_recorded: bool = True
     priors: Mapping[str, ParameterPrior] = field(default_factory=dict)
 
     @property
@@ -156,6 +158,11 @@ class Rig:
     def has_cylinder(self) -> bool:
         """Whether the pipeline file describes a cylinder."""
         return self.piston_area_1 is not None
+
+    @property
+    def vessel_is_chamber(self) -> bool:
+        """Whether chamber effects act in the vessel of a valve test: no recording has a chamber of the cylinder."""
+        return not (self.has_cylinder and self.axis_recorded)
 
     @property
     def piston_areas(self) -> tuple[float, float]:

@@ -26,7 +26,7 @@ def test_every_name_of_the_pipeline_file_has_its_entry():
     ],
 )
 def test_parts_follow_the_interface(kind, cylinder, recorded, stands, lacks):
-    parts = EXPERIMENT_KINDS[kind].parts(has_cylinder=cylinder, supply_recorded=recorded)
+    parts = EXPERIMENT_KINDS[kind].parts(vessel_is_chamber=not cylinder, supply_recorded=recorded)
     assert stands <= parts
     assert not lacks & parts
 

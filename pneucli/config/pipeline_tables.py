@@ -190,6 +190,7 @@ class PipelineConfig(Table):
             null_free=valve.null == "identify",
             valve_arrangement=self.arrangement,
             valve_kind=valve.kind,
+            axis_recorded=not self.recordings or any(EXPERIMENT_KINDS[t.experiment].axis for t in self.recordings),
         )
 
     @model_validator(mode="after")

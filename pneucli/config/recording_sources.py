@@ -95,7 +95,7 @@ def _sources_of(config: PipelineConfig, index: int, text: str) -> list[Recording
     signals = {name: signal for name, signal in signals.items() if name not in table.held_constant}
     found = _paths(config.path, table.file, where)
     names = _names(table.name, found, table.part)
-    required &= signals.keys()
+    required = {name for name in required & signals.keys() if name == "time" or not signals[name].optional}
     is_driven = table.chamber_2 == "valve" and EXPERIMENT_KINDS[table.experiment].axis
     commands = ARRANGEMENTS[config.arrangement].commands if is_driven else ()
     tables = _tables_by_use(table, found, where)

@@ -58,7 +58,7 @@ class SignalTable(Table):
 
     Where no unit is stated, and no scale, it is what the file says of the column, else SI; ``noise`` becomes SI while
     it is checked. ``time`` is the column of its own stamps, ``hold`` whether the value holds until the next of them,
-    ``missing`` the numbers of the column that mark no value.
+    ``missing`` the numbers of the column that mark no value, ``optional`` whether a file may lack the column.
     """
 
     column: Column | None = None
@@ -75,6 +75,7 @@ class SignalTable(Table):
     time: Column | ClockTable | None = None
     hold: bool | None = None
     missing: list[float] | None = None
+    optional: bool = False
 
     @model_validator(mode="before")
     @classmethod

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from pneucli.experiments import ExperimentName
 from pneucli.init.column_names import quantity_kind
 from pneucli.init.file_groups import Array, FileGroup
 from pneucli.units import same_dimension
@@ -25,7 +26,7 @@ Line = tuple[str, str, str]  # key, value as TOML, comment
 class GuessedExperiment:
     """The experiment of a kind, and its other keys."""
 
-    experiment: str
+    experiment: ExperimentName
     keys: Sequence[Line]
 
     def value_of(self, key: str) -> str:

@@ -11,6 +11,7 @@ from pathlib import Path, PurePath
 import numpy as np
 import tomlkit
 
+from pneucli.experiments import EXPERIMENT_KINDS
 from pneucli.init.clock_units import is_rate, stated_period
 from pneucli.init.experiments import GuessedExperiment, Line, rig_tables, sign_conventions
 from pneucli.init.file_groups import FileGroup
@@ -42,7 +43,7 @@ def pipeline_text(
     lines += [*_unused_columns(groups)]
     names = _names(groups)
     for kind, one, name in zip(groups, experiments, names, strict=True):
-        lines += ["", *_recording(directory, kind, one, name)]
+        lines += ["", *_recording(directory, kind, one, name), *_take(kind, one, groups)]
         lines += _own_signals(kind, references, shared, "recordings.signals")
         for further in kind.further_files:
             lines += ["", "[[recordings.more]]  # of the same recording, its clock as it is; or offset"]
@@ -68,11 +69,13 @@ def toml_string(text: str) -> str:
 
 
 def _shared(kinds: Sequence[FileGroup], references: References) -> dict[str, str]:
-    shared: dict[str, str] = {}
+    """Return the line of each signal that holds for most files; the others have a line of their own."""
+    candidates: dict[str, list[str]] = {}
     for kind in kinds:
         for name, guess in kind.signals.items():
             if name == "time" or not _columns_share_names(kind):
-                shared.setdefault(name, _signal(kind, guess, references))
+                candidates.setdefault(name, []).extend([_signal(kind, guess, references)] * len(kind.surveys))
+    shared = {name: _most_common_line(lines) for name, lines in candidates.items()}
     if "time" not in shared and not all(kind.steady for kind in kinds):
         shared = {"time": _clock(kinds), **shared}
     if not any(kind.signals.keys() & {"p1", "x"} or kind.steady for kind in kinds):
@@ -84,6 +87,19 @@ def _shared(kinds: Sequence[FileGroup], references: References) -> dict[str, str
             'force = { column = "?", unit = "N" }  # no pressure and no force is recognised: one is needed'
         )
     return shared
+
+
+def _most_common_line(lines: Sequence[str]) -> str:
+    """Return the first of the lines that are the most alike, their comments aside."""
+    ((most_common, _),) = Counter(map(_without_comment, lines)).most_common(1)
+    return next(line for line in lines if _without_comment(line) == most_common)
+
+
+def _take(kind: FileGroup, one: GuessedExperiment, groups: Sequence[FileGroup]) -> Iterator[str]:
+    """Yield the line that says which signals files have, where their experiment would use those of others too."""
+    elsewhere = {name for other in groups for name in other.signals} - kind.signals.keys()
+    if elsewhere & (EXPERIMENT_KINDS[one.experiment].used_signals | {"u2"}):
+        yield f"take = [{', '.join(map(toml_string, kind.signals))}]  # the files have no column of the others"
 
 
 def _signal(kind: FileGroup, one: Guess, references: References) -> str:

@@ -6,7 +6,7 @@ from collections.abc import Iterator, Mapping
 from pathlib import PurePath
 from typing import Any
 
-from pneucli.messages import labelled, table, warnings
+from pneucli.messages import labelled, table
 
 
 def lines(answer: Mapping[str, Any], file: str, verbose: bool) -> Iterator[str]:
@@ -24,7 +24,8 @@ def lines(answer: Mapping[str, Any], file: str, verbose: bool) -> Iterator[str]:
         yield from labelled("missing", f"[{need['table']}] {need['key']} = {need['example']}: {need['wanted']}")
     for one in answer["assumed"]:
         yield from labelled("assumed", f"{one['what']}; {one['instead']} would say it")
-    yield from warnings(answer)
+    for text in answer["left_out"]:
+        yield from labelled("left out", text)
     for fault in answer["faults"]:
         parts = [fault["found"], *(f"{key}: {fault[key]}" for key in ("wanted", "mend") if fault[key])]
         yield from labelled("fault", f"{fault['where']}: {'; '.join(parts)}")

@@ -4,9 +4,11 @@ from __future__ import annotations
 
 import importlib
 import json
+import os
 import re
 import time
 from collections.abc import Callable, Iterable, Mapping
+from contextlib import suppress
 from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
 from typing import Any
@@ -146,6 +148,7 @@ class Pipeline:
         config = self.validate()
         folders.require_own_files(self.artifacts, upstream(targets, self.stages))
         with lock.folder_lock(self.artifacts, notify):
+            self.require_own_folder()
             if config is not None:
                 self._remember_valid()
             for name in self.stages:
@@ -160,17 +163,46 @@ class Pipeline:
                 done[name] = self._update_stage(name, verdict, done, config, progress)
         return done
 
+    def require_own_folder(self) -> None:
+        """Raise InputError where the default folder holds the artifacts of another pipeline of the same name.
+
+        A file that is no longer there, or that has another name by now, was moved or renamed: its folder is taken over.
+        """
+        owner = self._note()[1]
+        if not owner or self.artifacts != _default_folder(self.path, self.name):
+            return
+        other = Path(os.path.normpath(self.artifacts / owner))
+        if other.is_file() and not other.samefile(self.path) and _name_in(other) == self.name:
+            raise InputError(
+                f"{self.path}, key pipeline.name",
+                f'"{self.name}" is also the name of {other}, whose artifacts are in {self.artifacts}',
+                "a name for each pipeline of a folder",
+                "rename one of them, or name another folder with --out",
+                code="E026",
+            )
+
     def validate(self) -> Any:
         """Return the validated pipeline file; ``None`` where this program has validated this text before."""
-        return None if self._noted_valid() == self._text_digest() else self.load(self.path)
+        return None if self._note() == (self._text_digest(), self._own_path()) else self.load(self.path)
 
     def _remember_valid(self) -> None:
-        if re.fullmatch("[0-9a-f]*", self._noted_valid()):  # else another program wrote the file
-            (self.artifacts / VALIDATED_FILE).write_text(self._text_digest(), encoding="utf-8")
+        if re.fullmatch("[0-9a-f]*", self._note()[0]):  # else another program wrote the file
+            text = f"{self._text_digest()}\n{self._own_path()}\n"
+            (self.artifacts / VALIDATED_FILE).write_text(text, encoding="utf-8")
 
-    def _noted_valid(self) -> str:
+    def _own_path(self) -> str:
+        """Return the pipeline file's path from the artifacts' folder: both may be moved together."""
+        try:
+            return Path(os.path.relpath(self.path, self.artifacts)).as_posix()
+        except ValueError:  # another drive
+            return str(self.path)
+
+    def _note(self) -> tuple[str, str]:
+        """Return the digest of the text that was validated last, and the path of its file."""
         marker = self.artifacts / VALIDATED_FILE
-        return marker.read_text(encoding="utf-8", errors="replace") if marker.is_file() else ""
+        text = marker.read_text(encoding="utf-8", errors="replace") if marker.is_file() else ""
+        validated, _, owner = text.partition("\n")
+        return validated, owner.strip()
 
     def _text_digest(self) -> str:
         return staleness.digest([self.program, staleness.stamp(self.path).sha256])
@@ -232,7 +264,8 @@ def open_pipeline(
 ) -> Pipeline:
     """Open a pipeline file; its artifacts go to ``out``, by default ``artifacts/NAME`` next to the file.
 
-    Raises InputError where the file cannot be read as TOML or has no usable name; ``load`` reports all other errors.
+    Raises InputError where the file cannot be read as TOML, has no usable name, or has that of another pipeline in this
+    folder; ``load`` reports all other errors.
     """
     path = Path(path).absolute()
     _, tables = read_toml(path)
@@ -243,7 +276,20 @@ def open_pipeline(
             f"{path}, key pipeline.name", "no name", 'a text such as "bench-3"', "give the pipeline one", code="E022"
         )
     _require_folder_name(name, f"{path}, key pipeline.name")
-    return Pipeline(path, tables, (out or path.parent / "artifacts" / name).absolute(), load, stages)
+    pipeline = Pipeline(path, tables, (out or _default_folder(path, name)).absolute(), load, stages)
+    pipeline.require_own_folder()
+    return pipeline
+
+
+def _default_folder(path: Path, name: str) -> Path:
+    return path.parent / "artifacts" / name
+
+
+def _name_in(path: Path) -> Any:
+    """Return the name that a pipeline file states; none where it cannot be read."""
+    with suppress(InputError, OSError, KeyError, TypeError):
+        return read_toml(path)[1]["pipeline"]["name"]
+    return None
 
 
 def _require_folder_name(name: str, where: str) -> None:

@@ -64,7 +64,7 @@ def _run_kernel(manoeuvre: Manoeuvre, model: Model) -> Outcome:
     kernel, out = kernel_for(model.effects), np.zeros((command.size, at.OUTPUTS))
     valves = model.valve_of_chamber(template.chamber), model.chamber_2_valve
     parts = template.kind.parts(
-        has_cylinder=bench.rig.has_cylinder,
+        vessel_is_chamber=bench.rig.vessel_is_chamber,
         supply_recorded="p_supply" in bench.signals,
         chamber_2=template.chamber_2,
     )
@@ -232,9 +232,9 @@ def needed_force(
     inputs, out = np.zeros((x.size, len(at.INPUTS))), np.zeros(x.size)
     inputs[:, at.IN_X], inputs[:, at.IN_V] = x, v
     inputs[:, at.IN_P1], inputs[:, at.IN_P2] = pressures
-    parts = bench.template.kind.parts(has_cylinder=True, supply_recorded=True, chamber_2=bench.template.chamber_2) - {
-        "sensor"
-    }
+    parts = bench.template.kind.parts(
+        vessel_is_chamber=False, supply_recorded=True, chamber_2=bench.template.chamber_2
+    ) - {"sensor"}
     base = model.base_values()
     kernel.functions.run_imposed(
         read_only(bench.period * np.arange(x.size, dtype=np.float64)),

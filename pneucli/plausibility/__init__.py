@@ -13,6 +13,7 @@ from dataclasses import replace
 import numpy as np
 
 from pneucli.plausibility import flow, forces, motion, readings, samples, sensor_response, steady
+from pneucli.plausibility.own_signals import with_own_signals
 from pneucli.plausibility.rig_check import Finding, RigCheck
 from pneucli.plausibility.signal_summary import SignalSummary, summarize_signal, without_empty_signals
 from pneucli.recording import Recording, Rig
@@ -40,7 +41,7 @@ def findings(recordings: Sequence[Recording], rig: Rig, stated: Mapping[str, Col
 
     with ThreadPoolExecutor(THREADS) as threads:
         found = [finding for own in threads.map(findings_of, *zip(*checks, strict=True)) for finding in own]
-    return [*_empty(recordings), *found]
+    return with_own_signals([*_empty(recordings), *found], bench.recordings)
 
 
 def _empty(recordings: Sequence[Recording]) -> Iterator[Finding]:

@@ -97,7 +97,7 @@ class Experiment:
         """The parts of the rig whose effects can act in this experiment."""
         recording = self.recording
         return recording.kind.parts(
-            has_cylinder=self.rig.has_cylinder,
+            vessel_is_chamber=self.rig.vessel_is_chamber,
             supply_recorded="p_supply" in recording,
             chamber_2=recording.chamber_2,
         )

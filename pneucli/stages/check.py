@@ -18,8 +18,9 @@ from pneucli.io.signal_reader import SignalReader
 from pneucli.physics.effects import all_effects, select_effects
 from pneucli.plausibility.required_inputs import assumptions, required_inputs
 from pneucli.recording import Recording
+from pneucli.stages.absent_columns import Opened, absence_notes, absent_column_faults
 from pneucli.stages.flow_units import flow_unit_assumptions
-from pneucli.stages.ingest import open_recording, recorded_signals, unread_signals
+from pneucli.stages.ingest import open_recording, recorded_signals
 from pneucli.stages.parameter_priors import parameter_priors, with_started_supply
 
 Answer = dict[str, Any]
@@ -35,14 +36,16 @@ def check_pipeline(path: Path) -> Answer:
     config, faults = _loaded(path)
     waiting = {fault.where.rpartition("key ")[2] for fault in faults}
     sources = _attempt(lambda: recording_sources(config), faults) or []
-    rows = [(source, _attempt(partial(_beginning, source, config), faults)) for source in sources]
+    tried = [_attempt(partial(open_recording, source, config), faults) for source in sources]
+    opened = [one for one in tried if one is not None]
+    complete = len(opened) == len(sources)  # otherwise a file that is at fault may have what others lack
+    faults += absent_column_faults(config, opened, complete=complete)
+    begun = [found for one in opened if (found := _attempt(partial(_beginning, one), faults)) is not None]
     if not config.model.plugins:  # which would be run to tell the names of their effects
         where = f"{path}, key model.effects"
         _attempt(lambda: select_effects(config.model.effects, all_effects(), where), faults)
         _attempt(lambda: parameter_priors(config, all_effects()), faults)
-    begun = [found for _, found in rows if found is not None]
     recordings = [one.recording for one in begun]
-    opened = [(one.source, one.file) for one in begun] if len(begun) == len(sources) else []
     rig = _attempt(lambda: with_started_supply(config.to_rig(), config), faults) or config.to_rig()
     needs = required_inputs(recordings, rig) if recordings else []
     missing = [asdict(need) for need in needs if f"{need.table}.{need.key}" not in waiting]
@@ -55,7 +58,7 @@ def check_pipeline(path: Path) -> Answer:
             asdict(one)
             for one in (*flow_unit_assumptions(config), *(assumptions(recordings, rig) if recordings else []))
         ],
-        "warnings": unread_signals(config, opened) if opened else [],  # else a file that is at fault may have them
+        "left_out": absence_notes(config, opened) if complete else [],
         "faults": [{key: getattr(one, key) for key in ("where", "found", "wanted", "mend")} for one in _each(faults)],
     }
 
@@ -117,15 +120,14 @@ class Beginning(NamedTuple):
     """The first batch of a recording, and its signals with their columns and units."""
 
     source: RecordingSource
-    file: SignalReader | MultiFileRecording
     recording: Recording
     signals: list[dict[str, str]]
 
 
-def _beginning(source: RecordingSource, config: PipelineConfig) -> Beginning:
+def _beginning(opened: Opened) -> Beginning:
     """Return the first batch of a recording."""
-    source, file = open_recording(source, config)
-    names, _ = recorded_signals(source, file)
+    source, file = opened
+    names, _ = recorded_signals(opened)
     batch = next(iter(file.batches()))
     if batch["time"].size < 2:
         raise InputError(
@@ -146,7 +148,7 @@ def _beginning(source: RecordingSource, config: PipelineConfig) -> Beginning:
         chamber=table.chamber,
         added_mass=table.added_mass or 0.0,
     )
-    return Beginning(source, file, recording, [_signal(name, source, file) for name in names])
+    return Beginning(source, recording, [_signal(name, source, file) for name in names])
 
 
 def _signal(name: str, source: RecordingSource, file: SignalReader | MultiFileRecording) -> dict[str, str]:

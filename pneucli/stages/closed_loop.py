@@ -80,7 +80,7 @@ def _monte_carlo_study(
         for e in study.available_effects.values()
         if e.name not in active
         and e.side is None
-        and e.part in EXPERIMENT_KINDS["axis"].parts(has_cylinder=True, supply_recorded=False)
+        and e.part in EXPERIMENT_KINDS["axis"].parts(vessel_is_chamber=False, supply_recorded=False)
     )
     axes = robustness.AxisDistribution(
         model, robustness.sigma_from_intervals(intervals, model), wanted.tolerances, effects

@@ -11,8 +11,15 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from pneucli.config import PipelineConfig, RecordingSource, SignalTable, TextTable, recording_sources
-from pneucli.errors import InputError, did_you_mean
+from pneucli.config import (
+    PipelineConfig,
+    RecordingSource,
+    SignalTable,
+    TextTable,
+    join_faults,
+    recording_sources,
+)
+from pneucli.errors import InputError
 from pneucli.experiments import EXPERIMENT_KINDS
 from pneucli.gases import AIR
 from pneucli.io.artifacts import Provenance, TableWriter, sha256_of
@@ -29,6 +36,7 @@ from pneucli.paths import file_on_disk
 from pneucli.pipeline.context import Context, Progress
 from pneucli.quantities import SIGNALS
 from pneucli.recording import Rig
+from pneucli.stages.absent_columns import Opened, absence_notes, absent_column_faults
 from pneucli.stages.flow_units import flow_unit, flow_unit_assumptions
 from pneucli.stages.ingest_noise import MAX_NOISE_SAMPLES, noise_of, pool_noise_by_sensor, stated_noise
 from pneucli.stages.tables.ingest import IngestedRecording, inspect_signals, loss_column, recording_row, write_tables
@@ -52,9 +60,11 @@ def run(context: Context) -> dict[str, Any]:
     Raises InputError with file, line, what was found, what was wanted, and the mend.
     """
     config = context.config
-    pairs = [open_recording(source, config) for source in recording_sources(config)]
-    found, opened = [source for source, _ in pairs], [file for _, file in pairs]
-    done = [IngestedRecording(source, *recorded_signals(source, file)) for source, file in pairs]
+    recordings = [open_recording(source, config) for source in recording_sources(config)]
+    if faults := absent_column_faults(config, recordings):
+        raise join_faults(config.path, faults)
+    found, opened = [source for source, _ in recordings], [file for _, file in recordings]
+    done = [IngestedRecording(one.source, *recorded_signals(one)) for one in recordings]
     names = {name for one in done for name in one.signals}
     with ThreadPoolExecutor(2) as threads:
         hashes = {
@@ -70,7 +80,7 @@ def run(context: Context) -> dict[str, Any]:
             writer.add_inputs(about)
     pool_noise_by_sensor(done)
     write_tables(context.out, done, about)
-    return _answer(config, done, unread_signals(config, pairs)) | inspect_signals(context, done)
+    return _answer(config, done, absence_notes(config, recordings)) | inspect_signals(context, done)
 
 
 def _progress_at(progress: Progress, fraction: float) -> Callable[[str], None]:
@@ -84,9 +94,7 @@ def _dropped_rows_message(one: dict[str, Any]) -> str:
     return f"{one['name']}: of {one['rows_read']} rows {one['samples']} became samples: {kinds}"
 
 
-def open_recording(
-    source: RecordingSource, config: PipelineConfig
-) -> tuple[RecordingSource, SignalReader | MultiFileRecording]:
+def open_recording(source: RecordingSource, config: PipelineConfig) -> Opened:
     """Open the files of a recording; return its source, with the signals by what they are in its experiment.
 
     A test of the valve of chamber 2 has the one command and the one pressure of a valve test, u and p1. Where its file
@@ -97,7 +105,7 @@ def open_recording(
     file = _open_files(source, config)
     tests_valve_2 = source.table.experiment == "valve" and source.table.chamber == 2
     if not tests_valve_2 or "p1" in file.positions or "p2" not in file.positions:
-        return source, file
+        return Opened(source, file)
     names = {name: own for name, own in (("u2", "u"), ("p2", "p1")) if name in file.positions}
     replaced = {name: one for name, one in source.signals.items() if name not in names.values()}
     source = replace(
@@ -105,7 +113,7 @@ def open_recording(
         signals={names.get(name, name): one for name, one in replaced.items()},
         required=frozenset(names.get(name, name) for name in source.required),
     )
-    return source, _open_files(source, config)
+    return Opened(source, _open_files(source, config))
 
 
 def _open_files(source: RecordingSource, config: PipelineConfig) -> SignalReader | MultiFileRecording:
@@ -171,15 +179,19 @@ def _channel(signal: SignalTable, unit: str, rig: Rig) -> Channel:
     )
 
 
-def recorded_signals(source: RecordingSource, file: SignalReader | MultiFileRecording) -> tuple[list[str], set[str]]:
+def recorded_signals(recording: Opened) -> tuple[list[str], set[str]]:
     """Return the signals of a recording, and which of them have columns.
 
-    Raises InputError where the experiment cannot do without another one.
+    Raises InputError where the experiment cannot do without another one that is not stated, or is optional; columns
+    that are stated and absent are the matter of :func:`absent_column_faults`.
     """
+    source, file = recording
     table = source.table
     present = {*file.positions, *table.held_constant}
     for name in sorted(_required_signals(source, present) - present):
         asked = source.signals.get(name)
+        if asked is not None and not asked.optional:
+            continue
         found = f'no column "{asked.column or asked.expression}" for {name}' if asked else f"{name} is not described"
         columns = ", ".join(f'"{column}"' for column in file.names[:30])
         mend = f'describe it in [signals], or state a constant, {name} = "... {SIGNALS[name].unit}"'
@@ -269,35 +281,17 @@ def _require_usable(one: IngestedRecording) -> None:
     one.repairs += [Repair(name, "empty", one.samples, "has no value in any row; left out") for name in one.empty]
 
 
-def unread_signals(
-    config: PipelineConfig, opened: Sequence[tuple[RecordingSource, SignalReader | MultiFileRecording]]
-) -> list[str]:
-    """Return what is to be said of each signal of ``[signals]`` that no recording has."""
-    names = {name for source, file in opened for name in (*file.positions, *source.table.held_constant)}
-    tables = [source.signals.get(name) for source, file in opened for name in file.positions]
-    columns = dict.fromkeys(str(column) for _, file in opened for column in file.names)
-    messages = []
-    for name, signal in config.signals.present().items():
-        if name in names or any(signal is table for table in tables):
-            continue
-        text = f"[signals] {name}: no recording takes it from a column"
-        if isinstance(signal.column, str):
-            text = f'[signals] {name}: no file has the column "{signal.column}"; {did_you_mean(signal.column, columns)}'
-        messages.append(text)
-    return messages
-
-
-def _answer(config: PipelineConfig, done: list[IngestedRecording], unread: Sequence[str]) -> dict[str, Any]:
+def _answer(config: PipelineConfig, done: list[IngestedRecording], absent: Sequence[str]) -> dict[str, Any]:
     repairs = [{"recording": one.source.name, **asdict(repair)} for one in done for repair in one.repairs]
     warnings = [f"{repair_location(r)}: {r['message']}" for r in repairs if r["kind"] in WARNING_REPAIRS]
     warnings += [f"{one.what}; to say otherwise: {one.instead}" for one in flow_unit_assumptions(config)]
-    warnings += unread
     return {
         "schema": "pneucli/ingest/1",
         "pipeline": config.name,
         "recordings": [_recording_answer(one) for one in done],
         "left_out": [
-            _dropped_rows_message(row) for row in map(recording_row, done) if row["rows_read"] != row["samples"]
+            *(_dropped_rows_message(row) for row in map(recording_row, done) if row["rows_read"] != row["samples"]),
+            *absent,
         ],
         "repairs": repairs,
         "warnings": warnings,

@@ -69,14 +69,24 @@ def test_a_column_that_is_not_there_is_named_with_exit_2(pneucli: Command, strok
     assert "no file has" not in result.out  # of the other signals, in a file that was not read
 
 
-def test_a_column_that_no_file_has_is_said_with_the_one_that_is_like_it(pneucli: Command, strokes: Path) -> None:
+def test_every_column_that_no_file_has_is_a_fault_with_the_one_that_is_like_it(pneucli: Command, strokes: Path) -> None:
     """Without p2 the recording can be read, as another one."""
     signals = 'p2 = { column = "PP", unit = "bar" }\nv = { column = "Q", unit = "m/s" }\n[[recordings]]'
     strokes.write_text(FRICTION.replace("[[recordings]]", signals))
-    assert json.loads(pneucli("check", strokes, "--json").out)["warnings"] == [
-        '[signals] p2: no file has the column "PP"; did you mean "P"?',
-        '[signals] v: no file has the column "Q"; known: F, P, X, t',
-    ]
+    result = pneucli("check", strokes, "--json")
+    faults = json.loads(result.out)["faults"]
+    assert result.code == 2
+    assert [one["found"].rpartition(": ")[2] for one in faults] == ['no column "PP"', 'no column "Q"']
+    assert [one["mend"].partition("; ")[0] for one in faults] == ['did you mean "P"?', "known: F, P, X, t"]
+    assert faults[0]["where"].endswith("slow.toml, line 8, key signals.p2.column")
+
+
+def test_a_column_that_may_be_absent_is_no_fault(pneucli: Command, strokes: Path) -> None:
+    signals = 'p2 = { column = "PP", unit = "bar", optional = true }\n[[recordings]]'
+    strokes.write_text(FRICTION.replace("[[recordings]]", signals))
+    answer = json.loads(pneucli("check", strokes, "--json").out)
+    assert answer["faults"] == []
+    assert answer["left_out"] == ["[signals] p2: absent from 1 of 1 recordings; optional"]
 
 
 def test_a_chamber_that_is_not_there_has_no_empty_mend(pneucli: Command, strokes: Path) -> None:

@@ -5,7 +5,7 @@ from pathlib import Path
 
 import pytest
 
-from pneucli.config import load, recording_sources
+from pneucli.config import load, load_description, recording_sources
 from pneucli.config.effect_edit import set_effects
 from pneucli.errors import InputError
 
@@ -374,3 +374,26 @@ def test_a_vessel_moves_no_mass(tmp_path: Path) -> None:
 def test_the_controller_of_a_log_stands_in_its_table(tmp_path: Path) -> None:
     path = write(tmp_path, BASE.replace('experiment = "valve"\n', AXIS + 'controller = "a.json"\n'))
     assert [source.table.controller for source in recording_sources(load(path))] == ["a.json", "a.json"]
+
+
+@pytest.mark.parametrize(
+    ("experiments", "cylinder", "is_chamber"),
+    [
+        (["valve"], True, True),
+        (["valve", "friction"], True, True),
+        (["valve", "axis"], True, False),
+        (["valve"], False, True),
+        ([], True, False),
+    ],
+)
+def test_a_vessel_is_the_chamber_where_no_recording_has_another(
+    tmp_path: Path, experiments: list[str], cylinder: bool, is_chamber: bool
+) -> None:
+    text = BASE[: BASE.index("[[recordings]]")]
+    text = text if cylinder else text.replace('[rig.cylinder]\npiston_area_1 = "9.50 cm^2"\n', "")
+    for n, experiment in enumerate(experiments):
+        chamber_2 = 'chamber_2 = "open"\n' if experiment == "axis" else ""
+        text += f'[[recordings]]\nname = "{n}"\nfile = "a.csv"\nexperiment = "{experiment}"\nuse = "train"\n{chamber_2}'
+    path = tmp_path / "pipeline.toml"
+    path.write_text(text)
+    assert load_description(path).to_rig().vessel_is_chamber is is_chamber

@@ -70,20 +70,59 @@ def two(tmp_path: Path) -> Path:
     return tmp_path / "two.toml"
 
 
-def test_a_signal_that_no_recording_has_is_said(two: Path) -> None:
-    two.write_text(PIPELINE.replace("[[recordings]]", 'p2 = { column = "PP" }\n[[recordings]]', 1))
+def refusal(two: Path) -> InputError:
+    with pytest.raises(InputError) as refused:
+        ingested(two, two.parent / "out")
+    return refused.value
+
+
+def test_a_column_that_no_recording_has_is_refused(two: Path) -> None:
+    two.write_text(PIPELINE.replace("[[recordings]]", 'x_ref = { column = "PP" }\n[[recordings]]', 1))
+    refused = refusal(two)
+    assert refused.where == f"{two}, line 10, key signals.x_ref.column"
+    assert refused.found == f'{two.parent / "charge.csv"} and 1 more: no column "PP"'
+    assert refused.mend.startswith('did you mean "P"?; ')
+
+
+def test_a_column_is_refused_where_only_the_recording_that_uses_it_lacks_it(two: Path) -> None:
+    """A valve test does not need x; of two strokes, one has it under another name."""
+    two.write_text(PIPELINE + PIPELINE[PIPELINE.rindex("[[recordings]]") :].replace("stroke", "back"))
+    (two.parent / "back.csv").write_text((two.parent / "stroke.csv").read_text().replace("t,P,X", "t,P,X mm"))
+    refused = refusal(two)
+    assert refused.found == f'{two.parent / "back.csv"}: no column "X"'
+    assert refused.wanted == 'one of "t", "P", "X mm"'
+
+
+def test_an_optional_signal_may_be_absent(two: Path) -> None:
+    signal = 'x_ref = { column = "XX", optional = true }'
+    two.write_text(PIPELINE.replace("[[recordings]]", f"{signal}\n[[recordings]]", 1))
     answer, _ = ingested(two, two.parent / "out")
-    assert '[signals] p2: no file has the column "PP"; did you mean "P"?' in answer["warnings"]
+    assert "[signals] x_ref: absent from 2 of 2 recordings; optional" in answer["left_out"]
+
+
+def test_a_signal_that_no_recording_takes_may_be_absent(two: Path) -> None:
+    text = PIPELINE.replace("[[recordings]]", 'v = { column = "V" }\n[[recordings]]', 1)
+    text = text.replace('experiment = "valve"', 'experiment = "valve"\ntake = ["p1"]')
+    two.write_text(text.replace('experiment = "friction"', 'experiment = "friction"\ntake = ["p1", "x"]'))
+    answer, _ = ingested(two, two.parent / "out")
+    assert answer["left_out"][-1] == "[signals] v: no recording takes it"
+
+
+def test_an_absent_column_that_an_experiment_does_not_use_is_said(two: Path) -> None:
+    answer, _ = ingested(two, two.parent / "out")
+    assert "[signals] x: absent from 1 of 2 recordings; not needed for valve" in answer["left_out"]
 
 
 @pytest.mark.parametrize("named_as_on_the_axis", [True, False])
 def test_a_valve_test_of_chamber_2_has_one_command_and_one_pressure(two: Path, named_as_on_the_axis: bool) -> None:
     """Of the vessel, however the file names them; the noise of the sensor goes with its column."""
     more = (
-        '\nu2 = { column = "U2", unit = "V" }\np2 = { column = "P2", unit = "bar", noise = "9 mbar" }\n[[recordings]]'
+        '\nu2 = { column = "U2", unit = "V", optional = true }'
+        '\np2 = { column = "P2", unit = "bar", noise = "9 mbar", optional = true }\n[[recordings]]'
     )
     text = PIPELINE.replace("\n[[recordings]]", more, 1).replace('u = "3 V"\n', "chamber = 2\n")
-    text = text.replace("[signals]", '[rig.valve]\narrangement = "two"\n[signals]\nu = { column = "U", unit = "V" }')
+    u = 'u = { column = "U", unit = "V", optional = true }'
+    text = text.replace("[signals]", f'[rig.valve]\narrangement = "two"\n[signals]\n{u}')
     two.write_text(text)
     table = (two.parent / "charge.csv").read_text().replace("\n", ",3\n").replace("t,P,3", "t,P,U")
     (two.parent / "charge.csv").write_text(table.replace("t,P,U", "t,P2,U2") if named_as_on_the_axis else table)
@@ -133,7 +172,7 @@ def test_repairs_are_listed_with_counts(two: Path, tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("old", "new", "says"),
     [
-        ('column = "P"', 'column = "Q"', r'(?s)no column "Q" for p1.*columns: "t", "P"'),
+        ('column = "P"', 'column = "Q"', r'(?s)key signals.p1.column.*no column "Q".*"t", "P"'),
         ('u = "3 V"\n', "", "u is not described"),
         ('from = "10 ms"\nto = "80 ms"', 'from = "1 s"', "0 usable rows"),
         ('column = "t"', 'column = "T"', r'no column "T"'),

@@ -158,6 +158,27 @@ def test_a_force_in_proportion_with_a_pressure_tells_gauge(tmp_path: Path) -> No
     assert "scale = -1.0" in line(answer, "x")  # and is larger where the piston moves against it
 
 
+def test_what_holds_for_a_minority_of_files_is_written_into_their_own_recordings(tmp_path: Path) -> None:
+    renamed = {"weg [mm]" if name == "pos [mm]" else name: values for name, values in stroke().items()}
+    write(tmp_path / "a.csv", renamed)
+    for n in (1, 2):
+        write(tmp_path / f"step_{n}.csv", stroke())
+    answer = init.create(tmp_path / "rig", [tmp_path])
+    assert line(answer, "x").startswith('x = { column = "pos [mm]"')
+    own = lines_of(answer)[lines_of(answer).index("[recordings.signals]") + 1]
+    assert own.startswith('x = { column = "weg [mm]"')
+    assert sum("[recordings.signals]" in one for one in lines_of(answer)) == 1
+
+
+def test_files_without_a_column_that_their_experiment_uses_say_what_they_have(tmp_path: Path) -> None:
+    """Or the column of the others would be refused as absent."""
+    write(tmp_path / "a.csv", {name: values for name, values in stroke().items() if name != "F [N]"})
+    write(tmp_path / "b.csv", stroke())
+    answer = init.create(tmp_path / "rig", [tmp_path])
+    assert line(answer, "take").startswith('take = ["time", "p1", "x"]')
+    assert sum(one.startswith("take") for one in lines_of(answer)) == 1
+
+
 def test_files_of_one_kind_are_one_entry_and_one_of_them_is_held_out(tmp_path: Path) -> None:
     for n in (1, 2, 9, 10):
         write(tmp_path / f"step_{n}.csv", stroke(size=0.0 if n in (2, 9) else 30.0))

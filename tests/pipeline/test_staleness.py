@@ -15,7 +15,9 @@ from pneucli.pipeline import manifest as staleness
 from pneucli.pipeline.context import NotApplicable
 from pneucli.pipeline.graph import STAGES, upstream
 from pneucli.pipeline.manifest import Stamp, stamp
-from tests.pipeline.toys import TEXT, new, runs, toy
+from pneucli.pipeline.runner import open_pipeline
+from tests.pipeline.toys import STAGES as TOY_STAGES
+from tests.pipeline.toys import TEXT, load, new, runs, toy
 
 ALL = ["raw", "model", "judge", "page"]  # plan does not apply: it writes nothing into the log
 
@@ -257,6 +259,61 @@ def test_a_link_in_the_place_of_a_folder_and_a_marker_of_another_program_stay(fi
     (artifacts / ".validated").write_text("my notes")
     bring_up(file)
     assert (artifacts / ".validated").read_text() == "my notes"
+
+
+def second(file: Path, text: str = TEXT) -> Path:
+    """Another pipeline file beside ``file``, by default of the same name."""
+    other = file.with_name("second.toml")
+    other.write_text(text)
+    return other
+
+
+def test_two_pipelines_of_one_name_in_one_folder_are_refused(file: Path) -> None:
+    bring_up(file)
+    with pytest.raises(InputError) as refused:
+        toy(second(file))
+    assert refused.value.found.startswith(f'"toy" is also the name of {file}, ')
+    assert refused.value.mend == "rename one of them, or name another folder with --out"
+    assert bring_up(file) == []
+
+
+def test_the_second_of_two_that_were_opened_at_once_is_refused_too(file: Path) -> None:
+    other = toy(second(file))
+    bring_up(file)
+    with pytest.raises(InputError, match="is also the name of"):
+        other.update(["page"])
+
+
+def test_a_pipeline_file_that_was_renamed_keeps_its_artifacts(file: Path) -> None:
+    bring_up(file)
+    renamed = file.rename(file.with_name("renamed.toml"))
+    assert bring_up(renamed) == []
+    with pytest.raises(InputError, match=r"renamed\.toml, whose artifacts"):
+        toy(second(renamed))
+
+
+def test_a_folder_that_was_moved_as_a_whole_keeps_its_artifacts(file: Path, tmp_path: Path) -> None:
+    folder = tmp_path / "original"
+    original = new(folder)
+    bring_up(original)
+    folder.rename(tmp_path / "moved")
+    new(folder)
+    moved = tmp_path / "moved" / "toy.toml"
+    assert bring_up(moved) == []
+
+
+@pytest.mark.parametrize("text", [TEXT.replace("toy", "other"), "no = pipeline"])
+def test_a_name_that_the_other_file_has_no_more_is_free(file: Path, text: str) -> None:
+    bring_up(file)
+    other = second(file)
+    file.write_text(text)
+    assert bring_up(other) == []
+
+
+def test_another_folder_may_be_named_for_the_second_pipeline(file: Path) -> None:
+    bring_up(file)
+    pipeline = open_pipeline(second(file), load, file.parent / "artifacts" / "elsewhere", stages=TOY_STAGES)
+    assert pipeline.name == "toy"
 
 
 def test_a_stage_that_fails_leaves_nothing_half_written(file: Path, monkeypatch: pytest.MonkeyPatch) -> None:

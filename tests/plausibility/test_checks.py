@@ -143,6 +143,22 @@ def test_one_spool_vents_port_2_where_it_fills_port_1() -> None:
     assert "chamber 1 is vented" in seen(replace(other, chamber=1), spool)["direction", "u"]
 
 
+@pytest.mark.parametrize(("also", "where"), [(True, "[signals] u"), (False, "[recordings.signals] u of discharge")])
+def test_a_command_is_reversed_in_the_recordings_that_show_it(also: bool, where: str) -> None:
+    """A log of discharges may hold the command without its sign, while those of charges are right."""
+    p = 4e5 + 2e5 * np.sin(3 * T)
+    reversed_u = 5 - 4 * np.cos(3 * T)
+    recordings = [
+        replace(recorded("valve", p1=p, u=u, p_supply=9e5 + 0 * T), name=name)
+        for name, u in (("discharge", reversed_u), ("charge", reversed_u if also else 10 - reversed_u))
+    ]
+    found = findings(recordings, Rig(vessel_volume=1e-4, valve_null=5.0), {})
+    assert [(one.recording, one.check) for one in found] == [("discharge", "direction"), ("charge", "direction")][
+        : 1 + also
+    ]
+    assert f"write scale = -1.0 in {where}" in found[0].mend
+
+
 def regulated(level: float, start: float, u: float) -> Recording:
     """A vessel that goes from one pressure (Pa) to another at 1 s and rests there."""
     late = np.maximum(T - 1, 0)
