@@ -11,7 +11,15 @@ import numpy as np
 from pneucli.errors import InputError
 from pneucli.io.column_reader import ColumnReader, clocks_by_group, column_names, import_extra, split_columns, to_vector
 from pneucli.io.damaged_files import check_expanded_size
-from pneucli.io.hdf5_layouts import Place, frame_columns, is_matlab_object, is_no_number, struct_array_columns
+from pneucli.io.hdf5_layouts import (
+    Place,
+    frame_columns,
+    is_empty,
+    is_matlab_object,
+    is_no_number,
+    struct_array_columns,
+    unpacked,
+)
 from pneucli.io.mat import SAVE_AS_STRUCT
 from pneucli.io.raw_file import ColumnValues
 
@@ -49,13 +57,13 @@ def open_hdf5(path: Path) -> ColumnReader:
             return [_read(file, owner[name]) for name in wanted]
 
     names = list(owner)
-    units |= {name: "s" for name, place in owner.items() if place.calendar}
+    units |= {name: "s" for name, place in owner.items() if place.stamps}
     file_units = {number: units[name] for number, name in enumerate(names) if units.get(name)}
     return ColumnReader(path, NAME, names, fetch, file_units, own_clocks=clocks_by_group(names, sizes))
 
 
 def _dataset_columns(name: str, dataset: Any) -> Iterator[tuple[str, Place]]:
-    if is_no_number(dataset):
+    if is_no_number(dataset) or is_empty(dataset):
         return
     for field in dataset.dtype.names or [None]:
         kind = dataset.dtype[field] if field else dataset.dtype
@@ -70,15 +78,16 @@ def _read(file: Any, place: Place) -> ColumnValues:
     array = file[place.dataset][()] if place.field is None else file[place.dataset][place.field]
     if place.column is not None:
         array = list(split_columns("", array).values())[place.column] if array.ndim > 1 else array
-    if place.calendar:
-        return np.asarray((array - array[0]) * 1e-9)
-    return to_vector(array)
+    if place.stamps is not None:
+        array = np.asarray(array).astype(np.int64).view(place.stamps)
+    return to_vector(unpacked(file[place.dataset], array))
 
 
 def _unit(dataset: Any) -> str:
     """Return the unit that stands in a dataset's attributes, if any."""
     found = [dataset.attrs.get(key) for key in ("unit", "units", "Unit", "Units")]
-    texts = [one.decode(errors="replace") if isinstance(one, bytes) else one for one in found]
+    first = [np.ravel(one)[0] for one in found if np.size(one) == 1]  # a text, or an array of one
+    texts = [one.decode(errors="replace") if isinstance(one, bytes) else one for one in first]
     return next((text for text in texts if isinstance(text, str)), "")
 
 

@@ -17,6 +17,7 @@ from pneucli.io.damaged_files import check_expanded_size, library_errors_as_inpu
 from pneucli.io.raw_file import ColumnRequest, ColumnValues, Repair
 
 NAME = "MDF4"
+_NO_SYNC, _TIME = 0, 1  # of a channel's synchronisation type (ASAM MDF 4, block CN)
 _Where = tuple[int, int]  # group, channel
 
 
@@ -31,14 +32,14 @@ class MdfReader:
         self.losses: Counter[str] = Counter()
         self.start: datetime | None = None
         with self._open() as file:
-            masters = set(file.masters_db.items())
+            masters = {(group, file.masters_db[group]) for group in file.masters_db if _has_clock(file, group)}
             found = [(name, where) for name, places in file.channels_db.items() for where in places]
             channels = [(name, where) for name, where in found if where not in masters and _is_signal(file, where)]
             clocks = {name for name, where in found if where in masters}
             often = Counter(name for name, _ in channels)
             self._where = {name if often[name] == 1 else f"{where[0]}/{name}": where for name, where in channels}
-            units = {name: str(file.groups[g].channels[c].unit or "") for name, (g, c) in self._where.items()}
-            groups = {g for g, _ in self._where.values() if g in file.masters_db or _remote_master(file, g)}
+            units = {name: _unit(file.groups[g].channels[c]) for name, (g, c) in self._where.items()}
+            groups = {g for g, _ in self._where.values() if _has_clock(file, g)}
         self._clock_groups = {f"clock of group {group}": group for group in sorted(groups)}
         shared = sorted(clocks - self._where.keys())
         self.names: Sequence[str] = [*self._where, *shared, *self._clock_groups]
@@ -92,18 +93,25 @@ class MdfReader:
             )
         if groups:
             return int(groups.pop())
-        return int(max(file.masters_db, key=lambda group: file.groups[group].channel_group.cycles_nr))
+        timed = [group for group in file.masters_db if _has_clock(file, group)]
+        return int(max(timed, key=lambda group: file.groups[group].channel_group.cycles_nr))
 
     def _check_clock(self, file: Any, group: int, names: Sequence[str]) -> None:
-        if group not in file.masters_db and not _remote_master(file, group):
+        if not _has_clock(file, group):
             where = f'{self._path}, channel "{names[0]}"'
             raise InputError(
                 where, "its group has no clock", "a master channel", "name a channel of stamps as time", code="E045"
             )
 
 
-def _remote_master(file: Any, group: int) -> bool:
-    return file.groups[group].channel_group.cg_master_index is not None
+def _has_clock(file: Any, group: int) -> bool:
+    """Return whether a group has a master, its own or another's, that counts time, not angle, distance or index."""
+    remote = getattr(file.groups[group].channel_group, "cg_master_index", None)  # MDF 3 has none
+    owner = group if remote is None else remote
+    if owner not in file.masters_db:
+        return False
+    master = file.groups[owner].channels[file.masters_db[owner]]
+    return getattr(master, "sync_type", _TIME) in (_NO_SYNC, _TIME)  # MDF 3 knows time alone
 
 
 def _values(file: Any, where: _Where) -> ColumnValues:
@@ -113,6 +121,11 @@ def _values(file: Any, where: _Where) -> ColumnValues:
     if signal.invalidation_bits is not None:
         values[np.asarray(signal.invalidation_bits, dtype=np.bool_)] = np.nan
     return values
+
+
+def _unit(channel: Any) -> str:
+    """Return a channel's unit: its own, else that of its conversion, where MDF 3 and some MDF 4 have it alone."""
+    return str(getattr(channel, "unit", "") or getattr(channel.conversion, "unit", "") or "")
 
 
 def _is_signal(file: Any, where: _Where) -> bool:

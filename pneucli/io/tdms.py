@@ -8,9 +8,11 @@ from typing import Any
 
 import numpy as np
 
+from pneucli.errors import UnitError
 from pneucli.io.column_reader import ColumnReader, clocks_by_group, import_extra, to_vector
 from pneucli.io.damaged_files import check_expanded_size
 from pneucli.io.raw_file import ColumnValues
+from pneucli.units import parse_unit, same_dimension
 
 NAME = "TDMS"
 CLOCK = "time"  # stands for the waveform's own clock, where no channel is called so
@@ -48,7 +50,7 @@ def _channels(file: Any) -> dict[str, Any]:
 def _columns(channels: Mapping[str, Any]) -> tuple[_Columns, dict[str, str]]:
     """Return what reads each column, the clocks of waveforms among them, and the clock of each channel by name."""
     columns: _Columns = {name: channel.read_data for name, channel in channels.items()}
-    clocked = {name: channel for name, channel in channels.items() if channel.properties.get("wf_increment")}
+    clocked = {name: channel for name, channel in channels.items() if _x_unit(channel)}
     if not clocked or any(name.rsplit("/", 1)[-1] == CLOCK for name in columns):
         return columns, {}
     timings = {name: _timing(channel) for name, channel in clocked.items()}
@@ -60,10 +62,23 @@ def _columns(channels: Mapping[str, Any]) -> tuple[_Columns, dict[str, str]]:
     return columns, {name: f"{name}/{CLOCK}" for name in timings}
 
 
+def _x_unit(channel: Any) -> float:
+    """Return what 1 on a waveform's x axis is in s; 0 where the channel is no waveform over time (over a frequency)."""
+    if not channel.properties.get("wf_increment"):
+        return 0.0
+    text = str(channel.properties.get("wf_xunit_string") or "s")
+    try:
+        unit = parse_unit(text)
+    except UnitError:
+        return 0.0
+    return unit.factor if same_dimension(text, "s") else 0.0
+
+
 def _timing(channel: Any) -> tuple[Any, float, float, int]:
     """Return start, offset and increment in s, and the number of samples of a waveform."""
     start = channel.properties.get("wf_start_time")
-    numbers = (float(channel.properties.get(key) or 0.0) for key in ("wf_start_offset", "wf_increment"))
+    unit = _x_unit(channel)
+    numbers = (unit * float(channel.properties.get(key) or 0.0) for key in ("wf_start_offset", "wf_increment"))
     return (None if start is None else np.datetime64(start, "ns"), *numbers, len(channel))  # type: ignore[return-value]
 
 
