@@ -9,8 +9,8 @@ set -eu
 dir=$(mktemp -d)
 trap 'rm -rf "$dir"' EXIT
 cd "$dir"
-python3 -m venv v
-v/bin/pip install --quiet --disable-pip-version-check --no-compile asammdf==8.8.28 numpy==2.4.6 pandas==3.1.1
+python3 -m venv --without-pip v
+python3 -m pip --python v/bin/python install --quiet --disable-pip-version-check --no-compile asammdf==8.8.28 numpy==2.4.6 pandas==3.1.1
 v/bin/python -W ignore - <<'END' | tee seen
 import numpy as np
 from asammdf import Signal

@@ -9,8 +9,8 @@ set -eu
 dir=$(mktemp -d)
 trap 'rm -rf "$dir"' EXIT
 cd "$dir"
-python3 -m venv v
-v/bin/pip install --quiet --disable-pip-version-check --no-compile FMPy==0.3.32 pythonfmu==0.7.0 numpy==2.4.6
+python3 -m venv --without-pip v
+python3 -m pip --python v/bin/python install --quiet --disable-pip-version-check --no-compile FMPy==0.3.32 pythonfmu==0.7.0 numpy==2.4.6
 cat > Axis.py <<'END'
 from pythonfmu import Fmi2Causality, Fmi2Slave, Fmi2Variability, Real
 

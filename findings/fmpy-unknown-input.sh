@@ -2,14 +2,14 @@
 # FMPy 0.3.32 (model by pythonfmu 0.7.0): a column of the input that is no input of the model is left out in silence.
 #
 # With a column "U" for the input "u", FMPy prints that the input for "u" is missing, simulates with u = 0, and does not
-# mention "U". A column for a tunable parameter ("gain", 2 to 4 over time) is left out without any word where u is there:
-# the gain stays 2. The same names in start_values raise where they are unknown, and set the parameter.
+# mention "U"; beside a right column for "u" a wrong one leaves no trace at all. A column for a tunable parameter ("gain") is
+# taken. In start_values an unknown name raises, so that one spelling mistake is an error there and a zero here.
 set -eu
 dir=$(mktemp -d)
 trap 'rm -rf "$dir"' EXIT
 cd "$dir"
-python3 -m venv v
-v/bin/pip install --quiet --disable-pip-version-check --no-compile FMPy==0.3.32 pythonfmu==0.7.0 numpy==2.4.6
+python3 -m venv --without-pip v
+python3 -m pip --python v/bin/python install --quiet --disable-pip-version-check --no-compile FMPy==0.3.32 pythonfmu==0.7.0 numpy==2.4.6
 cat > Axis.py <<'END'
 from pythonfmu import Fmi2Causality, Fmi2Slave, Fmi2Variability, Real
 
@@ -40,8 +40,8 @@ def last(columns, **keys):
     return "u={1:g} gain={2:g} y={3:g}".format(*row)
 
 
-print("u alone", last({"u": [5, 5, 5, 5]}))
 print("U", last({"U": [5, 5, 5, 5]}))
+print("u and U", last({"u": [5, 5, 5, 5], "U": [7, 7, 7, 7]}))
 print("u and gain", last({"u": [5, 5, 5, 5], "gain": [4, 4, 4, 4]}))
 print("start value", last({"u": [5, 5, 5, 5]}, start_values={"gain": 4.0}))
 try:
@@ -50,10 +50,10 @@ except Exception as error:
     print(type(error).__name__, error)
 END
 diff - seen <<'END'
-u alone u=5 gain=2 y=10
 Warning: missing input for variable "u"
 U u=0 gain=2 y=0
-u and gain u=5 gain=2 y=10
+u and U u=5 gain=2 y=10
+u and gain u=5 gain=4 y=20
 start value u=5 gain=4 y=20
 Exception The start values for the following variables could not be set: U
 END

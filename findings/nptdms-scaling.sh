@@ -9,8 +9,8 @@ set -eu
 dir=$(mktemp -d)
 trap 'rm -rf "$dir"' EXIT
 cd "$dir"
-python3 -m venv v
-v/bin/pip install --quiet --disable-pip-version-check --no-compile npTDMS==1.13.0 numpy==2.4.6
+python3 -m venv --without-pip v
+python3 -m pip --python v/bin/python install --quiet --disable-pip-version-check --no-compile npTDMS==1.13.0 numpy==2.4.6
 v/bin/python -W ignore - <<'END' | tee seen
 import numpy as np
 from nptdms import ChannelObject, GroupObject, RootObject, TdmsFile, TdmsWriter
