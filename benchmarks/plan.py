@@ -1,14 +1,12 @@
-"""Does a planned recording decide more than a random one? ``python -m benchmarks.plan [CASES] [CONDITION]``.
+"""Does a plan keep the limits of a rig, and does it decide? ``python -m benchmarks.plan limits [PROGRAMMES] [SEED]``.
 
-Each case of the exam hides one effect. It is diagnosed; then 60 s are recorded on the same hidden rig: as planned, as a
-random programme within the same limits, and as a repetition of what was recorded. Each is taken in and diagnosed again.
-Prints for each how often the hidden effect is in the answer (named, or indistinguishable from a named one), and how
-many false effects are named. ``--size 0.33`` hides effects of a third of the usual size, ``--seed N`` draws others,
-``--hidden NAME`` leaves only cases that hide this effect, and ``--kind friction`` those of one kind of rig.
-``--open yes`` records only where the hidden effect is not in the first answer.
+``limits`` draws programmes on axes of the exam, within limits so narrow that many manoeuvres come close to one, and
+plays them on rigs whose parameters are off by up to two standard errors; prints how many limits are exceeded.
 
-``--out DIR`` keeps the folder of each case; a case that is finished there is not run again, and ``--table DIR`` prints
-the table of the finished ones.
+``python -m benchmarks.plan decide OUT CASES CONDITION [SEED] [KIND]``: each case of the exam hides one effect. It is
+diagnosed, the plan of a minute is recorded on the same hidden rig, and the case is diagnosed again. Prints how often
+the hidden effect is in the answer (named, or indistinguishable from a named one) before and after, and how many false
+effects are named. Finished cases in OUT are read, not run again.
 """
 
 from __future__ import annotations
@@ -19,266 +17,163 @@ import shutil
 import subprocess
 import sys
 import tempfile
-import time
+from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import asdict, dataclass, replace
-from itertools import islice, pairwise
+from dataclasses import replace
+from itertools import islice
 from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from benchmarks import small
-from benchmarks.plan_limits import limit_rig
+from benchmarks.rigs import model_of
 from pneucli.exam.case_plan import PlannedCase, plan_cases
-from pneucli.exam.cases import Case, generate_case, prepare_case
+from pneucli.exam.cases import generate_case, prepare_case
 from pneucli.exam.conditions import parse
-from pneucli.exam.laboratory import RecordingPlan
-from pneucli.exam.planned_recordings import drive_gain, planned_recordings, read_commands
-from pneucli.exam.rig.excitations import closed_loop
-from pneucli.exam.rig.imposed_motion import MotionMachine
+from pneucli.exam.laboratory import Laboratory
+from pneucli.exam.planned_recordings import planned_recordings, read_commands
 from pneucli.exam.rig.parameters import Parameters
-from pneucli.exam.rig.simulation import Excitation
+from pneucli.exam.rig.simulation import Excitation, simulate_rig
 from pneucli.physics.sides import declared_name
-from pneucli.plan.information import Information
+from pneucli.plan.bench import LOOP_RANGE, Bench, described_benches
+from pneucli.plan.limits import Limits, limits_of, violations
+from pneucli.plan.manoeuvre import Manoeuvre, Outcome
 from pneucli.plan.manoeuvres import candidate_manoeuvres
-from pneucli.plan.selection import Chosen
+from pneucli.plan.programme import draw_programme
+from pneucli.plan.safety import SHIFTED_BEST, Safety
 from pneucli.stages.plan_answer import recordings_answer
 from pneucli.stages.plan_files import commands_csv
 
-Array = NDArray[np.float64]
 SECONDS = 60.0
-PROGRAMMES = ("planned", "random", "repeated")
+SEED = 4919
+LIMIT_CONDITIONS = ("usual", "5/3")
+RELATIVE_ERRORS = {  # standard errors of what a user's pipeline identifies or states, relative to the value
+    "coulomb": 0.1, "viscous": 0.1, "effective_area": 0.03, "effective_area_2": 0.03, "mass": 0.02,
+    "dead_volume_1": 0.05, "dead_volume_2": 0.05, "supply": 0.01,
+}  # fmt: skip
+TOLERANCE = 0.02  # of a limit: the model's integrator and the rig's agree that closely
 ROW_FILE = "row.json"  # of a finished case
-EXTREME_SHARE = 0.3  # of the stroke, the largest amplitude of a random motion
-MAX_DRAWN = 200  # cases that are drawn for each one of a stated effect or kind
-MIN_LENGTH = 4.0  # s, of a random recording
-
-
-@dataclass(frozen=True)
-class Answer:
-    """A graded answer: whether the hidden effects are in it, and how many false ones are named."""
-
-    found: bool
-    named: bool
-    false: int
-
-    @classmethod
-    def of(cls, diagnosis: Mapping[str, Any], truth: Mapping[str, Any]) -> Answer:
-        """Grade a diagnosis."""
-        hidden = {declared_name(name) for name in truth["hidden"]}
-        sets = [
-            {declared_name(n) for n in (c["effect"], *c["indistinguishable_from"])}
-            for c in diagnosis["candidates"]
-            if c["effect"] in diagnosis["missing"]
-        ]
-        named = {declared_name(n) for n in diagnosis["missing"]}
-        answered = set().union(*sets) if sets else set()
-        return cls(bool(hidden) and hidden <= answered, bool(hidden) and hidden <= named,
-                   sum(not (one & hidden) for one in sets))  # fmt: skip
+MAX_DRAWN = 200  # cases that are drawn for each one of a stated kind
 
 
 def main(arguments: Sequence[str]) -> None:
-    """Print the table."""
+    """Print one of the tables."""
     if small.SMALL in arguments:
-        main_small()
-        return
-    options = dict(pairwise(arguments))
-    if "--table" in options:
-        print_table(finished(Path(options["--table"])))
-        return
-    plain = [a for i, a in enumerate(arguments) if not a.startswith("--") and not arguments[i - 1].startswith("--")]
-    cases, condition = int(plain[0]) if plain else 12, plain[1] if len(plain) > 1 else "messy"
-    if options.get("--open", "yes") != "yes":
-        sys.exit(f"--open {options['--open']}: wanted yes, or no --open at all")
-    size, seed = float(options.get("--size", "1")), int(options.get("--seed", "1"))
-    with tempfile.TemporaryDirectory() as temporary:
-        out = Path(options.get("--out", temporary))
-        wanted = planned_cases(cases, condition, seed, options.get("--hidden"), options.get("--kind"))
-        print_table(list(run_cases(out, wanted, size, only_open="--open" in options)))
+        print_limits(2)
+    elif arguments[0] == "limits":
+        print_limits(*map(int, arguments[1:]))
+    else:
+        out, cases, condition, *rest = arguments[1:]
+        seed, kind = int(rest[0]) if rest else SEED, rest[1] if len(rest) > 1 else None
+        print_decided(Path(out), planned_cases(int(cases), condition, seed, kind))
 
 
-def print_table(rows: Sequence[Mapping[str, Any]]) -> None:
-    """Print how often the hidden effect is in the answer, and the false names, before and after each programme."""
-    print("\n| recordings | in the answer | named | false names |\n| --- | --- | --- | --- |")
-    for name in ("before", *PROGRAMMES):
-        answers = [row[name] for row in rows if isinstance(row.get(name), Answer)]
-        found, named, false = (sum(getattr(a, key) for a in answers) for key in ("found", "named", "false"))
-        print(f"| {name} | {found} of {len(answers)} | {named} | {false} |")
-    seconds = [row["plan_seconds"] for row in rows if "plan_seconds" in row]
-    if seconds:
-        print(f"\nplanning takes {np.median(seconds):.0f} s (median), {np.max(seconds):.0f} s at most")
+def print_limits(programmes: int = 300, seed: int = 49) -> None:
+    """Play programmes on the exam's rig with parameters off by their intervals, and count exceeded limits."""
+    rng, exceeded, played, refused = np.random.default_rng(seed), Counter[str](), 0, 0
+    rigs = [small.laboratory(condition) for condition in LIMIT_CONDITIONS]
+    for number in range(programmes):
+        laboratory = rigs[number % len(rigs)]
+        benches, limits, safety = benches_within_limits(laboratory, rng)
+        listed = [m for bench in benches for m in candidate_manoeuvres(bench, limits)]
+        drawn = draw_programme(listed, SECONDS, safety, seed + number)
+        real = replace(laboratory, parameters=off_by_interval(laboratory.parameters, rng))
+        exceeded.update(played_violations(real, drawn, limits))
+        played, refused = played + len(drawn), refused + len(safety.refused)
+    print("| programmes | manoeuvres played | refused before | exceeded limits |\n| ---: | ---: | ---: | ---: |")
+    kinds = ", ".join(f"{count} of {name}" for name, count in exceeded.items())
+    print(f"| {programmes} | {played} | {refused} | {sum(exceeded.values())}{f' ({kinds})' if kinds else ''} |")
 
 
-def planned_cases(
-    cases: int, condition: str, seed: int, hidden: str | None = None, kind: str | None = None
-) -> list[PlannedCase]:
-    """Return cases that hide one effect: any, or a stated one, on any kind of rig or a stated one."""
-    few = hidden is None and kind is None
-    drawn = plan_cases((4 if few else MAX_DRAWN) * cases, 0, parse(condition), seed)
-    single = (p for p in drawn if len(p.hidden) == 1 and hidden in (None, *p.hidden) and kind in (None, p.kind))
-    return list(islice(single, cases))
+def benches_within_limits(laboratory: Laboratory, rng: np.random.Generator) -> tuple[list[Bench], Limits, Safety]:
+    """Return the benches of a healthy axis, limits as a user may state them, and the check of its manoeuvres."""
+    par = laboratory.parameters
+    model = model_of(par)
+    rig = replace(model.rig, valve_arrangement=model.rig.valve_arrangement or "one-chamber")
+    benches = [replace(b, loop_range=LOOP_RANGE) for b in described_benches(rig, par.command_range)]
+    stated = {
+        "end_margin": par.stroke * rng.uniform(0.05, 0.3),
+        "max_speed": rng.uniform(0.1, 1.0),
+        "max_pressure": par.supply * rng.uniform(0.7, 1.1),
+        "max_force": (par.supply - par.ambient) * par.piston_area_1 * rng.uniform(0.1, 1.0),
+    }
+    limits = limits_of(rig, benches, stated)
+    off = {str(i): model_of(off_by_interval(par, rng)) for i in range(SHIFTED_BEST)}
+    return benches, limits, Safety(rig, limits, {"exact": model} | off)
 
 
-def run_cases(
-    out: Path, wanted: Sequence[PlannedCase], size: float, *, only_open: bool = False
-) -> Iterator[dict[str, Any]]:
-    """Yield the graded answers of each case, and print them; a case that is finished in ``out`` is read."""
+def off_by_interval(par: Parameters, rng: np.random.Generator) -> Parameters:
+    """Return a rig whose parameters are off by two standard errors at most."""
+    off = {
+        name: getattr(par, name) * (1.0 + error * float(np.clip(rng.standard_normal(), -2.0, 2.0)))
+        for name, error in RELATIVE_ERRORS.items()
+    }
+    return par._replace(**off)
+
+
+def played_violations(laboratory: Laboratory, programme: Sequence[Manoeuvre], limits: Limits) -> Iterator[str]:
+    """Play a programme on the rig from its file of commands; yield the quantity of each limit that is exceeded."""
+    rows = recordings_answer(programme)
+    with tempfile.TemporaryDirectory() as folder:
+        file = Path(folder) / "commands.csv"
+        file.write_text(commands_csv(programme, rows), encoding="utf-8")
+        takes = planned_recordings(laboratory, rows, read_commands(file)) if programme else []
+    for take, one in zip(takes, programme, strict=True):
+        assert isinstance(take.excitation, Excitation)
+        truth = simulate_rig(laboratory.parameters, take.excitation)
+        outcome = Outcome(truth["u"], {}, truth["p1"], truth["p2"], truth["x"], truth["v"])
+        for found in violations(outcome, limits, one.bench.rig):
+            scale = one.bench.rig.stroke if found.quantity == "x" else abs(found.limit)
+            if abs(found.value - found.limit) > TOLERANCE * (scale or 1.0):
+                yield found.quantity
+
+
+def planned_cases(cases: int, condition: str, seed: int, kind: str | None) -> list[PlannedCase]:
+    """Return cases that hide one effect, on any kind of rig or a stated one."""
+    drawn = plan_cases((4 if kind is None else MAX_DRAWN) * cases, 0, parse(condition), seed)
+    return list(islice((p for p in drawn if len(p.hidden) == 1 and kind in (None, p.kind)), cases))
+
+
+def print_decided(out: Path, wanted: Sequence[PlannedCase]) -> None:
+    """Print how often the hidden effect is in the answer, and the false names, before and after a plan."""
+    rows = []
     for number, planned in enumerate(wanted, 1):
         folder = out / f"case-{number:03d}"
         if not (folder / ROW_FILE).exists():
             shutil.rmtree(folder, ignore_errors=True)
-            folder.mkdir(parents=True)
-            row = run_case(folder, planned, size, only_open=only_open)
-            text = json.dumps({n: asdict(v) if isinstance(v, Answer) else v for n, v in row.items()}, indent=1)
-            (folder / ROW_FILE).write_text(text + "\n", encoding="utf-8")
-        row = read_row(folder / ROW_FILE)
-        shown = {n: f"{'+' if v.found else '-'}{v.false}" if isinstance(v, Answer) else v for n, v in row.items()}
-        print(number, shown, flush=True)
-        yield row
+            row = before_and_after(folder, planned)
+            (folder / ROW_FILE).write_text(json.dumps(row), encoding="utf-8")
+        rows.append(json.loads((folder / ROW_FILE).read_text(encoding="utf-8")))
+        print(number, rows[-1], flush=True)
+    print("\n| recordings | in the answer | false names |\n| --- | ---: | ---: |")
+    for when in ("before", "after"):
+        found, false = (sum(row[when][key] for row in rows) for key in ("found", "false"))
+        print(f"| {when} | {found} of {len(rows)} | {false} |")
 
 
-def finished(out: Path) -> list[dict[str, Any]]:
-    """Return the graded answers of the cases that are finished in a folder."""
-    return [read_row(path) for path in sorted(out.glob(f"case-*/{ROW_FILE}"))]
+def before_and_after(folder: Path, planned: PlannedCase) -> dict[str, Any]:
+    """Diagnose a case, record its plan on the same rig, and diagnose again."""
+    asked = (planned.kind, planned.hidden, planned.outside, 1.0, planned.seed, planned.conditions)
+    truth = generate_case(folder, *asked)
+    before = graded(pneucli(folder, "diagnose", "pipeline.toml"), truth)
+    plan = pneucli(folder, "plan", "pipeline.toml", "--minutes", str(SECONDS / 60.0))
+    laboratory = prepare_case("case", *asked).laboratory
+    par, commands = laboratory.parameters, read_commands(folder / "out" / "plan" / "commands.csv")
+    load = par.constant_force + par.spring_stiffness * (0.5 * par.stroke - par.spring_rest)
+    takes = planned_recordings(laboratory, plan["recordings"], commands, load)
+    laboratory.record(folder / "raw", takes, np.random.default_rng([planned.seed, 49]))
+    pneucli(folder, "plan", "pipeline.toml", "--take", *(f"raw/{take.name}.csv" for take in takes))
+    after = graded(pneucli(folder, "diagnose", "pipeline.toml"), truth)
+    return {"hidden": planned.hidden, "plan": [r["kind"] for r in plan["recordings"]], "before": before, "after": after}
 
 
-def read_row(path: Path) -> dict[str, Any]:
-    """Return the graded answers of one case."""
-    row = json.loads(path.read_text(encoding="utf-8"))
-    return {n: Answer(**v) if isinstance(v, dict) else v for n, v in row.items()}
-
-
-def run_case(folder: Path, planned: PlannedCase, size: float, *, only_open: bool = False) -> dict[str, Any]:
-    """Diagnose a case, record each programme on its rig, and diagnose again; ``only_open``: only where the hidden
-    effect is not in the first answer.
-    """
-    asked = (planned.kind, planned.hidden, planned.outside, size, planned.seed, planned.conditions)
-    case_folder = folder / "case"
-    truth = generate_case(case_folder, *asked)
-    case = prepare_case("case", *asked)
-    row: dict[str, Any] = {"kind": planned.kind, "hidden": ", ".join(planned.hidden)}
-    try:
-        before = pneucli(case_folder, "diagnose", "pipeline.toml")
-        row["before"] = first = Answer.of(before, truth)
-        if only_open and first.found:
-            return row
-        begun = time.perf_counter()
-        plan = pneucli(case_folder, "plan", "pipeline.toml", "--minutes", str(SECONDS / 60.0))
-        row["plan_seconds"] = time.perf_counter() - begun
-        row["plan"] = [f"{r['kind']} {r['frequency'] or ''}".strip() for r in plan["recordings"]]
-    except RuntimeError as error:
-        return row | {"failed": str(error)[-300:]}
-    row["weights"] = sum(1 for r in plan["recordings"] if r["force"])
-    for number, name in enumerate(PROGRAMMES):
-        copy = folder / name
-        shutil.copytree(case_folder, copy)
-        rng = np.random.default_rng([planned.seed, 49, number])
-        try:
-            takes, uses = programme(name, case, plan, copy, rng)
-            case.laboratory.record(copy / "raw", takes, rng)
-            files = [f"raw/{take.name}.csv" for take in takes]
-            if name == "planned":
-                pneucli(copy, "plan", "pipeline.toml", "--take", *files)
-            else:
-                add_recordings(copy / "pipeline.toml", case, takes, uses)
-            row[name] = Answer.of(pneucli(copy, "diagnose", "pipeline.toml"), truth)
-        except RuntimeError as error:
-            row[f"{name}_failed"] = str(error)[-300:]
-    return row
-
-
-def programme(
-    name: str, case: Case, plan: Mapping[str, Any], folder: Path, rng: np.random.Generator
-) -> tuple[list[RecordingPlan], list[str]]:
-    """Return the recordings of a programme, and their uses."""
-    if name == "planned":
-        commands = read_commands(folder / "out" / "plan" / "commands.csv")
-        takes = planned_recordings(
-            case.laboratory, plan["recordings"], commands, stated_load(case.laboratory.parameters)
-        )
-        return takes, [take.use for take in takes]
-    if name == "repeated":
-        takes = [replace(t, name=f"again_{t.name}") for t in repeated(case.plans, rng)]
-        return takes, [take.use for take in takes]
-    lengths = [r["end"] - r["begin"] for r in plan["recordings"] if r["force"] or not r["by_hand"]]
-    takes = random_recordings(case, [max(length, MIN_LENGTH) for length in lengths], rng)
-    return takes, [take.use for take in takes]
-
-
-def repeated(plans: Sequence[RecordingPlan], rng: np.random.Generator) -> list[RecordingPlan]:
-    """Return recordings in random order, those of the main experiment first, up to SECONDS, the last for testing."""
-    main_kind = plans[-1].experiment
-    chosen: list[RecordingPlan] = []
-    left = SECONDS
-    for i in rng.permutation(len(plans)):
-        one = plans[i]
-        length = 20.0 if isinstance(one.excitation, MotionMachine) else 1e-3 * one.excitation.command.size + 2.0
-        if one.experiment == main_kind and length <= left:
-            chosen.append(replace(one, use="train"))
-            left -= length
-    return [*chosen[:-1], replace(chosen[-1], use="test")] if len(chosen) > 1 else chosen
-
-
-def random_recordings(case: Case, lengths: Sequence[float], rng: np.random.Generator) -> list[RecordingPlan]:
-    """Return recordings with random sines, steps and rests within the range that the rig allows."""
-    par, kind = case.laboratory.parameters, case.plans[-1].experiment
-    takes = []
-    for number, length in enumerate(lengths, 1):
-        use = "test" if number == len(lengths) else "train"
-        if isinstance(case.plans[-1].excitation, MotionMachine):
-            made: Excitation | MotionMachine = replace(
-                case.plans[-1].excitation, pressure=par.ambient + rng.uniform(0.1, 0.9) * (par.supply - par.ambient)
-            )
-        elif kind == "valve":
-            made = random_commands(par, length, rng)
-        else:
-            made = random_motion(case, length, rng)
-        takes.append(RecordingPlan(f"random_{number}", kind, use, made))
-    return takes
-
-
-def random_commands(par: Parameters, length: float, rng: np.random.Generator) -> Excitation:
-    """Return random levels of the command, each held for a random time."""
-    levels, times = [0.0], [0.2]
-    while sum(times) < length:
-        levels.append(float(rng.uniform(-1.0, 1.0)) * par.command_range)
-        times.append(float(rng.uniform(0.05, 1.0)))
-    command = np.concatenate([np.full(round(1e3 * t), u) for u, t in zip(levels, times, strict=True)])
-    return Excitation(command[: round(1e3 * length)], pressure_1=par.ambient, pressure_2=par.ambient)
-
-
-def random_motion(case: Case, length: float, rng: np.random.Generator) -> Excitation:
-    """Return a sine of random place, amplitude and frequency as reference of the position loop."""
-    par, usual = case.laboratory.parameters, case.plans[-1].excitation
-    assert isinstance(usual, Excitation)
-    t = 1e-3 * np.arange(round(1e3 * length))
-    frequency = float(np.exp(rng.uniform(np.log(0.25), np.log(5.0))))
-    amplitude = min(EXTREME_SHARE * par.stroke, 0.3 / (2.0 * np.pi * frequency)) * rng.uniform(0.3, 1.0)
-    centre = par.stroke * rng.uniform(0.35, 0.65)
-    envelope = np.clip(np.minimum(t, t[-1] - t) * frequency, 0.0, 1.0)
-    reference = centre + amplitude * envelope * np.sin(2.0 * np.pi * frequency * t)
-    gauge = usual.pressure_1 - par.ambient
-    return replace(
-        closed_loop(par, reference, drive_gain(par), gauge, stated_load(par)), chamber_2_open=usual.chamber_2_open
-    )
-
-
-def stated_load(par: Parameters) -> float:
-    """Return the force in N toward x = 0 at half the stroke."""
-    return par.constant_force + par.spring_stiffness * (0.5 * par.stroke - par.spring_rest)
-
-
-def add_recordings(file: Path, case: Case, takes: Sequence[RecordingPlan], uses: Sequence[str]) -> None:
-    """Append recordings to a pipeline file, as the laboratory writes them."""
-    parts = [
-        case.laboratory._recording(replace(take, use=use), "raw")
-        for take, use in zip(takes, uses, strict=True)  # type: ignore[arg-type]
-    ]
-    text = file.read_text(encoding="utf-8")
-    begin = text.index("[model]")
-    file.write_text(text[:begin] + "\n".join(parts) + "\n" + text[begin:], encoding="utf-8")
+def graded(diagnosis: Mapping[str, Any], truth: Mapping[str, Any]) -> dict[str, int]:
+    """Return whether the hidden effect is in an answer, and how many false effects are named."""
+    hidden = {declared_name(name) for name in truth["hidden"]}
+    named = [c for c in diagnosis["candidates"] if c["effect"] in diagnosis["missing"]]
+    alike = [{declared_name(n) for n in (c["effect"], *c["indistinguishable_from"])} for c in named]
+    return {"found": int(any(one & hidden for one in alike)), "false": sum(not one & hidden for one in alike)}
 
 
 def pneucli(folder: Path, *command: str) -> dict[str, Any]:
@@ -294,23 +189,6 @@ def pneucli(folder: Path, *command: str) -> dict[str, Any]:
     if told.returncode not in (0, 1):
         raise RuntimeError(told.stderr.strip())
     return dict(json.loads(told.stdout))
-
-
-def main_small() -> None:
-    """Play two manoeuvres of a plan on the rig of the exam through its file."""
-    laboratory, benches, limits, _ = limit_rig("usual")
-    listed = [m for b in benches for m in candidate_manoeuvres(b, limits) if m.duration < 9.0]
-    nothing = Information(np.zeros((0, 0)), 0, np.zeros(0))
-    chosen = [Chosen(m, nothing, 0.0) for m in (listed[4], listed[-1])]
-    rows = recordings_answer(chosen)
-    with tempfile.TemporaryDirectory() as folder:
-        file = Path(folder) / "commands.csv"
-        file.write_text(commands_csv(chosen, rows), encoding="utf-8")
-        takes = planned_recordings(laboratory, rows, read_commands(file))
-        laboratory.record(Path(folder), takes, np.random.default_rng(1))
-        for take in takes:
-            lines = (Path(folder) / f"{take.name}.csv").read_text(encoding="utf-8").splitlines()
-            print(f"| {take.name} | {len(lines) - 3} samples |")
 
 
 if __name__ == "__main__":

@@ -13,7 +13,7 @@ from pneucli.cli.options import File, Json, Out, Quiet, Verbose, open_pipeline_f
 from pneucli.cli.stage import run_stage
 from pneucli.errors import InputError, did_you_mean
 
-HELP = "The next experiment: manoeuvres that decide which effect acts, within the limits of the rig, as files to run."
+HELP = "The next experiment: varied manoeuvres within the limits of the rig, as files to run, and what they would show."
 TARGETS = ("csv", "st", "c")
 
 
@@ -43,11 +43,7 @@ def _plan(
     ] = None,
     effects: Annotated[
         str | None,
-        typer.Option("--effects", metavar="A,B...", help="Decide about these effects, and narrow their sizes."),
-    ] = None,
-    parameters: Annotated[
-        str | None,
-        typer.Option("--parameters", metavar="NAME,NAME...", help="Narrow the intervals of these fitted parameters."),
+        typer.Option("--effects", metavar="A,B...", help="Decide about these effects."),
     ] = None,
     to: Annotated[
         str, typer.Option("--to", metavar="csv,st,c", help="Also a player of the commands as structured text or C.")
@@ -70,12 +66,12 @@ def _plan(
         raise InputError(
             "pneucli plan", str(files[0]), "recordings after --take", "write --take before the files", code="E001"
         )
-    options = _options(minutes, effects, parameters, to)
-    if first and (effects or parameters):
+    options = _options(minutes, effects, to)
+    if first and effects:
         raise InputError(
             "--first",
-            "together with --effects or --parameters",
-            "--first alone: it plans for every effect and parameter",
+            "together with --effects",
+            "--first alone: it plans for every effect",
             f"pneucli plan {pipeline} --first",
             code="E001",
         )
@@ -85,7 +81,7 @@ def _plan(
         run_stage("plan", pipeline, out, json, quiet, verbose, options)
 
 
-def _options(minutes: float | None, effects: str | None, parameters: str | None, to: str) -> dict[str, Any]:
+def _options(minutes: float | None, effects: str | None, to: str) -> dict[str, Any]:
     """Return the options of the stage; raises InputError before anything runs."""
     targets = _names(to)
     for name in targets:
@@ -93,7 +89,6 @@ def _options(minutes: float | None, effects: str | None, parameters: str | None,
             raise InputError("--to", f'"{name}"', "csv, st or c", did_you_mean(name, TARGETS), code="E031")
     options: dict[str, Any] = {} if minutes is None else {"minutes": minutes}
     options |= {"effects": _names(effects)} if effects else {}
-    options |= {"parameters": _names(parameters)} if parameters else {}
     players = sorted(set(targets) - {"csv"})
     return options | ({"to": players} if players else {})
 

@@ -9,7 +9,6 @@ from pneucli.messages import labelled, table, warnings
 from pneucli.messages.diagnose import REJECTION_REASONS
 from pneucli.messages.formatting import (
     format_interval,
-    format_number,
     format_percent,
     format_quantity,
     format_setting,
@@ -17,6 +16,8 @@ from pneucli.messages.formatting import (
 )
 
 Answer = Mapping[str, Any]
+
+GOOD_POWER = 0.8  # of an effect that the recordings would show
 
 MANOEUVRES = {
     "steps": "steps of {level} and −{level} from the null command",
@@ -86,27 +87,14 @@ def refused_text(one: Answer) -> str:
 def plan_sentence(answer: Answer) -> str:
     """Return what a plan is for, in one sentence."""
     count = sum(r["use"] == "train" for r in answer["recordings"])
-    if not answer["recordings"]:
-        return "No manoeuvre keeps the limits of the rig and tells the rivals apart."
-    seconds = f"{answer['seconds']:.0f} s"
-    held_out = len(answer["recordings"]) - count
+    held_out, seconds = len(answer["recordings"]) - count, f"{answer['seconds']:.0f} s"
     recordings = f"{count} recordings and {held_out} to be held out, {seconds} of machine time"
-    if answer["first"]:
-        found = [row for row in answer["expected"] if row["power"] >= 0.8]
-        return (
-            f"{recordings}: {len(found)} of {len(answer['expected'])} effects would be found at their typical size "
-            "with a power of 80 %."
-        )
-    if answer["parameters"]:
-        return f"{recordings}, to narrow {join_names([one['name'] for one in answer['parameters']])}."
-    names = list(dict.fromkeys(r["effect"] for r in answer["rivals"] if r["effect"] is not None))
-    if not names:
-        return f"{recordings}: no effect is in question, the parameters of the model become more certain."
-    before, after = (format_number(answer["entropy"][when], 2) for when in ("before", "after"))
-    return (
-        f"{recordings}, to decide about {join_names(names)}: the expected uncertainty of which effect acts falls from "
-        f"{before} to {after} bit."
-    )
+    found, all_effects = sum(e["power"] >= GOOD_POWER for e in answer["expected"]), len(answer["expected"])
+    if answer["first"] or len(answer["rivals"]) == 1:
+        question = "" if answer["first"] else "no effect is in question, and "
+        return f"{recordings}: {question}{found} of {all_effects} effects would be shown at their typical size (80 %)."
+    names = join_names(list(dict.fromkeys(r["effect"] for r in answer["rivals"] if r["effect"] is not None)))
+    return f"{recordings}, to decide about {names}: {found} of {all_effects} would be shown if they are true (80 %)."
 
 
 def lines(answer: Answer, file: str, verbose: bool) -> Iterator[str]:
@@ -127,10 +115,6 @@ def lines(answer: Answer, file: str, verbose: bool) -> Iterator[str]:
     found = [f"{e['rival']} {format_percent(e['power'])}" for e in expected[:8]]
     if found:
         yield from labelled("power", f"probability that the recordings show what is true: {join_names(found)}")
-    for one in answer["parameters"]:
-        yield from labelled("interval", _narrowed(one))
-    for one in answer["sizes"]:
-        yield from labelled("size", _narrowed(one))
     yield from labelled("files", join_names(answer["files"]))
     if answer["recordings"]:
         do = f"record {answer['folder']}/commands.csv as steps.md says, then: pneucli plan {file} --take FILE..."
@@ -139,14 +123,6 @@ def lines(answer: Answer, file: str, verbose: bool) -> Iterator[str]:
     if verbose:
         for one in answer["refused"]:
             yield from labelled("refused", refused_text(one))
-
-
-def _narrowed(one: Answer) -> str:
-    before, after = (one[f"half_width_{when}"] for when in ("before", "after"))
-    if after is None:
-        return f"{one['name']}: the recordings of this plan do not show it"
-    now = "unknown" if before is None else f"± {format_quantity(before, one['unit'], 2)}"
-    return f"{one['name']}: {now} now, ± {format_quantity(after, one['unit'], 2)} expected (95 %)"
 
 
 def by_hand_text(kind: str, force: float, mass: float) -> str:

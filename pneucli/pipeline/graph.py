@@ -133,8 +133,8 @@ _ALL_STAGES = (
         parents=("diagnose",),
         tables=("pipeline", "plan"),
         answer_paths=(
-            *("seconds", "recordings", "manual", "rivals", "expected", "entropy.before", "entropy.after"),
-            *("parameters", "sizes", "power", "limits", "refused", "refused_count", "sentence", "warnings", "first"),
+            *("seconds", "recordings", "manual", "rivals", "expected", "power", "limits"),
+            *("refused", "refused_count", "sentence", "warnings", "first"),
         ),
     ),
     Stage(

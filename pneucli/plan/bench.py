@@ -85,8 +85,11 @@ class Bench:
     @property
     def setup(self) -> tuple[object, ...]:
         """What a person sets up for a recording: the kind of experiment, both chambers, and how the bench is driven."""
-        one = self.template
-        return one.kind.bench, one.experiment, one.chamber_2, one.imposed, one.chamber, self.drive
+        return *_setup_of(self.template), self.drive
+
+    def made(self, recording: Recording) -> bool:
+        """Return whether a recording is one of this bench."""
+        return _setup_of(recording) == _setup_of(self.template)
 
     @property
     def quantity(self) -> str:
@@ -123,12 +126,16 @@ def recorded_benches(experiments: Sequence[Experiment]) -> list[Bench]:
     for one in experiments:
         r = one.recording
         if not r.kind.steady:
-            groups.setdefault((r.kind.bench, r.experiment, r.chamber_2, r.imposed, r.chamber), []).append(one)
+            groups.setdefault(_setup_of(r), []).append(one)
     return [
         _recorded_bench(members, drive)
         for members in groups.values()
         for drive in _drives(members[0].recording, members[0].rig)
     ]
+
+
+def _setup_of(recording: Recording) -> tuple[object, ...]:
+    return recording.kind.bench, recording.experiment, recording.chamber_2, recording.imposed, recording.chamber
 
 
 def _drives(recording: Recording, rig: Rig) -> Iterable[Drive]:

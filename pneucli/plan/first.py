@@ -8,18 +8,14 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from pneucli.identify.estimation.objective import LeastSquaresProblem
 from pneucli.identify.estimation.parameters import FreeParameter
 from pneucli.identify.residuals import ResidualModel, residual_models
-from pneucli.physics.declaration import BASE_PARAMETERS, Effect
+from pneucli.physics.declaration import BASE_PARAMETERS
 from pneucli.physics.scales import RigQuantities
 from pneucli.plan.bench import Bench
-from pneucli.plan.deviation import ExpectedDeviation, expected_deviations
-from pneucli.plan.entropy import detection_power
-from pneucli.plan.information import Information, model_differences
 from pneucli.plan.limits import Limits
 from pneucli.plan.manoeuvres import candidate_manoeuvres
-from pneucli.plan.selection import Objective
+from pneucli.plan.power import Deviation
 from pneucli.plan.simulation import simulate_manoeuvre, synthetic_recording
 from pneucli.recording import Rig
 from pneucli.simulate.model import Model
@@ -38,11 +34,7 @@ FILL_TIME = 0.25  # s in which a typical valve fills the vessel
 TOP_SPEED = 1.0  # m/s of a typical axis with the valve open
 LOG_SIGMA = 0.7  # of a parameter that is known to a factor of two
 RELATIVE_SIGMA = 0.5  # of another parameter's value
-WIDTH_WEIGHT = 0.25  # of the mean log10 of the parameters' widths, beside the mean power that is missing
-MIN_LOG_WIDTH = -2.0  # of a parameter's standard error over that before: better is no use
-MODEL_ERROR = ExpectedDeviation(
-    5.0, 0.1
-)  # of the best model: the median on messy rigs (docs/development/experiments.md)
+MODEL_ERROR = Deviation(5.0, 0.1)  # of the best model: the median on messy rigs (docs/development/experiments.md)
 EXTREMES = {"fast valve, little friction": (2.0, 0.3), "slow valve, much friction": (0.5, 3.0)}
 
 
@@ -125,51 +117,7 @@ def sample_residual_models(
     return residual_models(experiments, whiten_initial_state=True)
 
 
-def usual_deviations(
-    model: Model, samples: Sequence[ResidualModel], lags: Sequence[Model]
-) -> dict[tuple[str, str], ExpectedDeviation]:
-    """Return what the best model of a real rig usually leaves in each channel of each subsystem.
-
-    Args:
-        model: The typical model.
-        samples: The residual models of a manoeuvre of each bench, in which it leaves so much.
-        lags: The model with each lag that it lacks, at its typical size.
-    """
-    problem = LeastSquaresProblem(model, samples, ())
-    nominal = np.concatenate(problem.data_residuals(model))
-    found = expected_deviations(samples, nominal, model_differences(problem, lags, nominal))
-    return {key: replace(MODEL_ERROR, lags=one.lags) for key, one in found.items()}
-
-
-def prior_covariance(free: Sequence[FreeParameter]) -> Array:
-    """Return the covariance (p, p) of parameters of which only the order of magnitude is known."""
-    sigmas = []
-    for f in free:
-        z = f.to_coordinate(f.start)
-        width = LOG_SIGMA if f.logarithmic else RELATIVE_SIGMA * max(abs(z), 0.1)
-        sigmas.append(min(width, f.prior_sigma))
-    return np.diag(np.array(sigmas) ** 2)
-
-
-def programme_objective(covariance: Array) -> Objective:
-    """Return the power that effects miss, and the widths of the parameters, which the first programme lowers.
-
-    Args:
-        covariance: Covariance of the parameters before the programme, shape (p, p).
-    """
-    before = np.sqrt(np.diag(covariance))
-
-    def objective(told: Information) -> float:
-        significance = np.sqrt(np.maximum(np.diag(told.between_rivals(covariance)), 0.0))
-        missing = np.mean([1.0 - detection_power(float(d)) for d in significance]) if significance.size else 0.0
-        after = np.sqrt(np.diag(told.parameter_covariance(covariance)))
-        widths = np.maximum(np.log10(np.maximum(after, 1e-300) / before), MIN_LOG_WIDTH) if before.size else np.zeros(1)
-        return float(missing + WIDTH_WEIGHT * np.mean(widths))
-
-    return objective
-
-
-def visible_effects(effects: Sequence[Effect], models: Sequence[ResidualModel], model: Model) -> list[Effect]:
-    """Return the effects that some bench can show and the valve's model does not contain, one for both sides."""
-    missing = [e for e in effects if e.side is None and e.part not in model.valve.covers]
-    return [e for e in missing if any(m.is_sensitive_to(e) for m in models)]
+def with_typical_spread(free: Sequence[FreeParameter]) -> list[FreeParameter]:
+    """Return parameters with a prior, of which only the order of magnitude is known."""
+    widths = [LOG_SIGMA if f.logarithmic else RELATIVE_SIGMA * max(abs(f.to_coordinate(f.start)), 0.1) for f in free]
+    return [replace(f, prior_sigma=min(width, f.prior_sigma)) for f, width in zip(free, widths, strict=True)]

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from pneucli.plan.bench import SPEED_FACTOR, USUAL_SPEED, Bench
-from pneucli.plan.outcome import Outcome
+from pneucli.plan.manoeuvre import Outcome
 from pneucli.recording import Rig
 
 END_MARGIN_SHARE = 0.05  # of the stroke, at each end

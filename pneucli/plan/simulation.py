@@ -8,8 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pneucli.plan.bench import Bench, State
-from pneucli.plan.manoeuvre import Manoeuvre
-from pneucli.plan.outcome import Outcome
+from pneucli.plan.manoeuvre import Manoeuvre, Outcome
 from pneucli.plan.profile import sample
 from pneucli.recording import Recording
 from pneucli.simulate import layout as at

@@ -17,7 +17,8 @@ from pneucli.messages.formatting import (
     format_quantity,
     in_display_unit,
 )
-from pneucli.messages.plan import by_hand_title, limit_texts, manoeuvre_text, refused_text
+from pneucli.messages.plan import GOOD_POWER, by_hand_title, limit_texts, manoeuvre_text, refused_text
+from pneucli.plan.power import Difference
 from pneucli.quantities import SIGNALS
 from pneucli.report.figure import GREY, PALETTE, Drawing, drawing, envelope_indices, figures
 from pneucli.report.overview import Overview, Tile
@@ -34,18 +35,6 @@ RMS_TIME = 0.3  # s, over which differences are averaged
 
 
 @dataclass(frozen=True)
-class Curves:
-    """The difference of a rival from the best model in its most telling channel, (n,) in units of noise.
-
-    ``unexplained`` is the rms, in the same units, that the best model leaves in this channel.
-    """
-
-    channel: str
-    values: Array
-    unexplained: float = 1.0
-
-
-@dataclass(frozen=True)
 class RecordingCurves:
     """One planned recording: its command, what the best model predicts, and how far rivals differ.
 
@@ -58,7 +47,7 @@ class RecordingCurves:
     column: str
     command: Array
     predicted: Mapping[str, Array]
-    differences: Mapping[str, Curves]
+    differences: Mapping[str, Difference]
 
 
 def plan_page(answer: Answer, recordings: Sequence[RecordingCurves]) -> str:
@@ -79,12 +68,8 @@ def plan_page(answer: Answer, recordings: Sequence[RecordingCurves]) -> str:
 def _tiles(answer: Answer) -> list[Tile]:
     count = len(answer["recordings"])
     tiles = [Tile("Machine time", f"{answer['seconds']:.0f} s", f"{count} recordings, changes between them included")]
-    if answer["entropy"]["before"] is not None:
-        before, after = (format_number(answer["entropy"][when], 2) for when in ("before", "after"))
-        text = "expected uncertainty of which effect acts; 0: decided"
-        tiles.append(Tile("Uncertainty", f"{before} → {after} bit", text, "good"))
     if answer["expected"]:
-        likely = sum(e["power"] >= 0.8 for e in answer["expected"])
+        likely = sum(e["power"] >= GOOD_POWER for e in answer["expected"])
         text = "hypotheses that the recordings would show if they are true (power of 80 %)"
         tiles.append(Tile("Would be shown", f"{likely} of {len(answer['expected'])}", text))
     return tiles
@@ -112,27 +97,26 @@ def _programme(answer: Answer) -> Section:
 def _expected(answer: Answer) -> list[Section]:
     if not answer["rivals"]:
         return []
-    names = [r["name"] for r in answer["rivals"][1:]]
-    by_name = {e["rival"]: e for e in answer["expected"]}
     rows = []
-    for i, name in enumerate(names):
-        e = by_name[name]
-        distances = [r["times_noise"][i] for r in answer["recordings"] if i < len(r["times_noise"])]
-        best = int(np.argmax(distances)) if distances else None
+    for e in answer["expected"]:
+        found = {
+            r["name"]: r["times_noise"][e["effect"]] for r in answer["recordings"] if e["effect"] in r["times_noise"]
+        }
+        best = max(found, key=found.__getitem__, default=None)
         rows.append(
             (
-                name,
+                e["rival"],
                 Cell("–" if e["probability_before"] is None else format_percent(e["probability_before"])),
-                Cell(format_percent(e["power"]), e["power"], "good" if e["power"] >= 0.8 else ""),
-                Cell("–" if best is None else format_number(distances[best], 2)),
-                "–" if best is None else answer["recordings"][best]["name"],
+                Cell(format_percent(e["power"]), e["power"], "good" if e["power"] >= GOOD_POWER else ""),
+                Cell("–" if best is None else format_number(found[best], 2)),
+                best or "–",
             )
         )
     head = ("rival", "probability now", "shown if true", "largest difference, × noise", "in")
     lead = (
-        "Each rival is the best model with the effect in question, or without one that it has. The largest difference "
-        "is that of the fitted models. The probability of being shown counts noise, what the best model already leaves "
-        "unexplained, and all other parameters as far as they are unknown."
+        "Each rival is the best model with the effect in question at its typical size, or without one that it has. The "
+        "probability of being shown counts noise, what the best model already leaves unexplained, and all other "
+        "parameters as far as they are unknown."
     )
     return [Section("expected", "What it decides", lead, [Grid("Rivals", head, rows)])] if rows else []
 
@@ -201,7 +185,7 @@ def _power(answer: Answer) -> list[Section]:
                 p["effect"],
                 p["parameter"],
                 Cell(format_quantity(p["size"], p["unit"], 2)),
-                Cell(format_percent(p["power"]), p["power"], "good" if p["power"] >= 0.8 else ""),
+                Cell(format_percent(p["power"]), p["power"], "good" if p["power"] >= GOOD_POWER else ""),
                 Cell(found),
             )
         )

@@ -4,70 +4,60 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import asdict
-from typing import Any, Protocol
+from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from pneucli.errors import InputError
 from pneucli.messages.plan import by_hand_text, manoeuvre_text
 from pneucli.pipeline.context import Context
 from pneucli.plan.limits import Limits
 from pneucli.plan.manoeuvre import Manoeuvre
+from pneucli.plan.power import Power, Prediction
+from pneucli.plan.programme import cost_of
 from pneucli.plan.rivals import Rival
-from pneucli.plan.selection import CHANGE_OVER_TIME, Chosen, Refused
+from pneucli.plan.safety import BEST_MODEL, Refused
 from pneucli.plan.simulation import start_of
-from pneucli.simulate.model import Model
+from pneucli.stages.plan_basis import Basis
+
+Array = NDArray[np.float64]
 
 MAX_REFUSED = 30  # refused manoeuvres in an answer
 
 
-class Planned(Protocol):
-    """A study that has planned: its context and the limits that it kept."""
-
-    @property
-    def context(self) -> Context:
-        """The run of the stage."""
-        ...
-
-    @property
-    def limits(self) -> Limits:
-        """The limits of the rig."""
-        ...
-
-
-def plan_answer(study: Planned, chosen: Sequence[Chosen], refused: Sequence[Refused]) -> dict[str, Any]:
-    """Return the answer without rivals and expectations."""
-    recordings = recordings_answer(chosen)
-    rows = list({r["text"] + r["quantity"]: r for r in map(refused_answer, refused)}.values())
+def plan_answer(
+    context: Context, basis: Basis, programme: Sequence[Manoeuvre], predictions: Sequence[Prediction]
+) -> dict[str, Any]:
+    """Return the answer without expectations."""
+    recordings = recordings_answer(programme)
+    for row, predicted in zip(recordings, predictions, strict=True):
+        row["times_noise"] = {name: one.rms for name, one in predicted.differences.items()}
+    rows = list({r["text"] + r["quantity"]: r for r in map(refused_answer, basis.safety.refused)}.values())
+    first = bool(context.options.get("first"))
+    best = {"name": BEST_MODEL, "effect": None, "present": True, "in_place_of": None, "probability": None}
     return {
         "schema": "pneucli/plan/1",
-        "pipeline": study.context.config.name,
-        "first": bool(study.context.options.get("first")),
-        "seconds": recordings[-1]["end"] if recordings else 0.0,
+        "pipeline": context.config.name,
+        "first": first,
+        "seconds": recordings[-1]["end"],
         "recordings": recordings,
         "manual": [{"recording": r["name"], "text": r["by_hand"]} for r in recordings if r["by_hand"]],
-        "limits": limits_answer(study.limits),
+        "limits": limits_answer(basis.limits),
         "refused": rows[:MAX_REFUSED],
         "refused_count": len(rows),
-        "rivals": [],
-        "entropy": {"before": None, "after": None, "unit": "bit"},
-        "expected": [],
-        "parameters": [],
-        "sizes": [],
-        "warnings": [],
+        "rivals": [] if first else [best, *map(rival_answer, basis.rivals)],
+        "warnings": [*basis.warnings],
     }
 
 
-def recordings_answer(chosen: Sequence[Chosen]) -> list[dict[str, Any]]:
+def recordings_answer(programme: Sequence[Manoeuvre]) -> list[dict[str, Any]]:
     """Return the planned recordings with their times in ``commands.csv``."""
     rows, begin = [], 0.0
-    for number, one in enumerate(chosen, 1):
-        m = one.manoeuvre
+    for number, m in enumerate(programme, 1):
         row = manoeuvre_answer(m)
-        row |= {"name": f"plan_{number}_{m.kind}", "begin": begin, "end": begin + m.duration}
-        row |= {"times_noise": [float(d) for d in one.information.distance]}
-        rows.append(row)
-        begin += m.duration + CHANGE_OVER_TIME
+        rows.append(row | {"name": f"plan_{number}_{m.kind}", "begin": begin, "end": begin + m.duration})
+        begin += cost_of(m)
     return rows
 
 
@@ -98,35 +88,31 @@ def manoeuvre_answer(m: Manoeuvre) -> dict[str, Any]:
     }
 
 
-def rival_answer(rival: Rival, best: Model) -> dict[str, Any]:
+def rival_answer(rival: Rival) -> dict[str, Any]:
     """Return one rival."""
-    own = [] if rival.effect is None or not rival.present else rival.effect.parameters
-    values = {p.name: rival.model.values.get(f"{rival.effect.name}.{p.name}") for p in own if rival.effect is not None}
     return {
         "name": rival.name,
-        "effect": None if rival.effect is None else rival.effect.name,
+        "effect": rival.effect,
         "present": rival.present,
         "in_place_of": rival.instead_of,
-        "effects": [e.name for e in rival.model.effects],
         "probability": rival.probability,
-        "prior_odds": rival.prior_odds,
-        "size_error": None if rival.effect is None else rival.size_error,
-        "parameters": {p.name: {"value": values[p.name], "unit": p.unit} for p in own if values[p.name] is not None},
     }
 
 
-def expected_rows(rivals: Sequence[Rival], found: Sequence[float]) -> list[dict[str, Any]]:
-    """Return for each rival its probability before, and that of being shown if it is true."""
-    return [
-        {
-            "effect": r.effect.name,
-            "rival": r.name,
-            "probability_before": r.probability if r.present or r.probability is None else 1.0 - r.probability,
-            "power": float(power),
-        }
-        for r, power in zip(rivals, found, strict=True)
-        if r.effect is not None
-    ]
+def expected_answer(basis: Basis, powers: Sequence[Power], information: Array) -> list[dict[str, Any]]:
+    """Return for each rival its probability before, and the power to show it; without rivals for every effect.
+
+    A rival that no bench of the recordings can show has a power of 0.
+    """
+    if not basis.rivals:
+        typical = [p for p in powers if p.typical]
+        return [_expected(p.effect.name, p.effect.name, None, p.power) for p in typical]
+    shown = {r.name: basis.expectation.power(information, r.effect) for r in basis.shown_rivals}
+    return [_expected(r.effect, r.name, r.own_probability, shown.get(r.name, 0.0)) for r in basis.rivals]
+
+
+def _expected(effect: str, rival: str, probability: float | None, power: float) -> dict[str, Any]:
+    return {"effect": effect, "rival": rival, "probability_before": probability, "power": power}
 
 
 def limits_answer(limits: Limits) -> dict[str, Any]:

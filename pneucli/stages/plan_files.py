@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from itertools import islice
 from pathlib import Path
 from typing import Any
 
@@ -12,16 +13,15 @@ from numpy.typing import NDArray
 from pneucli.export.command_player import PlayedRecording, PlayerLimits, write_players
 from pneucli.io.artifacts import Provenance, atomic_path, write_table
 from pneucli.messages.plan import manoeuvre_text, plan_sentence, steps_page
-from pneucli.plan.deviation import ExpectedDeviation
-from pneucli.plan.evaluation import Comparison
+from pneucli.pipeline.context import Context
+from pneucli.plan.limits import Limits
 from pneucli.plan.manoeuvre import Manoeuvre
 from pneucli.plan.manoeuvres import SPEED_SHARE
-from pneucli.plan.power import Power
+from pneucli.plan.power import Power, Prediction
 from pneucli.plan.profile import sample
-from pneucli.plan.selection import CHANGE_OVER_TIME, Chosen
-from pneucli.plan.simulation import simulate_manoeuvre
-from pneucli.report.plan_page import Curves, RecordingCurves, plan_page
-from pneucli.stages.plan_answer import Planned
+from pneucli.plan.programme import CHANGE_OVER_TIME
+from pneucli.report.plan_page import RecordingCurves, plan_page
+from pneucli.stages.plan_basis import Basis
 
 Array = NDArray[np.float64]
 
@@ -38,33 +38,33 @@ MAX_PLOTTED_RIVALS = 6
 
 def write_plan(
     answer: dict[str, Any],
-    chosen: Sequence[Chosen],
+    programme: Sequence[Manoeuvre],
+    predictions: Sequence[Prediction],
     powers: Sequence[Power],
-    study: Planned,
-    rivals: tuple[Comparison, Sequence[str]],
+    context: Context,
+    basis: Basis,
 ) -> dict[str, Any]:
     """Write the files of a plan; return its answer with their names.
 
     Args:
         answer: The answer so far.
-        chosen: The chosen recordings.
+        programme: The recordings.
+        predictions: Each as the best model predicts it.
         powers: The power table.
-        study: The study that planned.
-        rivals: The comparison with the rivals, and their names.
+        context: The run of the stage.
+        basis: What the plan started from.
     """
-    context = study.context
-    out = context.out
-    _write_text(out / COMMANDS_FILE, commands_csv(chosen, answer["recordings"]))
+    out, rows = context.out, answer["recordings"]
+    _write_text(out / COMMANDS_FILE, commands_csv(programme, rows))
     answer["sentence"] = plan_sentence(answer)
     _write_text(out / STEPS_FILE, steps_page(answer, context.path.name))
     _write_power(out / POWER_FILE, powers, Provenance({}, {"plan": context.config.document.get("plan", {})}))
     answer["power"] = [power_row(one) for one in powers]
-    curves = [recording_curves(c.manoeuvre, row, *rivals) for c, row in zip(chosen, answer["recordings"], strict=True)]
+    curves = [recording_curves(*one) for one in zip(programme, rows, predictions, strict=True)]
     _write_text(out / PAGE_FILE, plan_page(answer, curves))
-    targets = set(context.options.get("to") or ()) & {"c", "st"}
-    if targets and chosen:
-        played = [_played(c.manoeuvre, row) for c, row in zip(chosen, answer["recordings"], strict=True)]
-        write_players(out, targets, played, _player_limits(study, chosen), context.config.name)
+    if targets := {*context.options.get("to", [])} & {"c", "st"}:
+        played = [_played(m, row) for m, row in zip(programme, rows, strict=True)]
+        write_players(out, targets, played, _player_limits(basis.limits, programme), context.config.name)
     answer["files"] = sorted(path.name for path in out.iterdir() if not path.name.startswith("."))
     answer["folder"] = f"{context.artifacts.parent.name}/{context.artifacts.name}/plan"
     return answer
@@ -75,18 +75,18 @@ def _write_text(path: Path, text: str) -> None:
         temporary.write_text(text, encoding="utf-8")
 
 
-def commands_csv(chosen: Sequence[Chosen], rows: Sequence[Mapping[str, Any]]) -> str:
+def commands_csv(programme: Sequence[Manoeuvre], rows: Sequence[Mapping[str, Any]]) -> str:
     """Return ``commands.csv``: a row each millisecond, the columns that the benches take, the recording's name.
 
     A column is empty where the bench takes another command. Between recordings the last value is held.
     """
-    columns = [name for name in COLUMNS if any(name in _commands(c.manoeuvre) for c in chosen)]
+    columns = [name for name in COLUMNS if any(name in _commands(m) for m in programme)]
     lines = [",".join(["time [s]", *(COLUMNS[name][0] for name in columns), "recording"])]
     step = 0
-    for c, row in zip(chosen, rows, strict=True):
-        commands = _commands(c.manoeuvre)
+    for m, row in zip(programme, rows, strict=True):
+        commands = _commands(m)
         length = next(iter(commands.values())).size
-        rest = round(CHANGE_OVER_TIME / COMMAND_PERIOD) if c is not chosen[-1] else 0
+        rest = round(CHANGE_OVER_TIME / COMMAND_PERIOD) if row is not rows[-1] else 0
         for k in range(length + rest):
             cells = [f"{(step + k) * COMMAND_PERIOD:.3f}"]
             for name in columns:
@@ -139,18 +139,9 @@ def power_row(one: Power) -> dict[str, Any]:
     }
 
 
-def recording_curves(
-    manoeuvre: Manoeuvre, row: Mapping[str, Any], comparison: Comparison, names: Sequence[str]
-) -> RecordingCurves:
+def recording_curves(manoeuvre: Manoeuvre, row: Mapping[str, Any], predicted: Prediction) -> RecordingCurves:
     """Return the command of a recording, what the best model predicts, and how far the rivals differ over noise."""
-    bench, outcome = manoeuvre.bench, simulate_manoeuvre(manoeuvre, comparison.best)
-    differences: dict[str, Curves] = {}
-    by_channel = comparison.differences(manoeuvre) if names else {}
-    for i, name in enumerate(names[:MAX_PLOTTED_RIVALS]):
-        key = max(by_channel, key=lambda k: float(np.mean(by_channel[k][i] ** 2)), default=None)
-        if key is not None:
-            deviation = comparison.deviations.get(key, ExpectedDeviation())
-            differences[name] = Curves(key[1], by_channel[key][i], deviation.ratio)
+    bench, outcome = manoeuvre.bench, predicted.outcome
     return RecordingCurves(
         name=row["name"],
         text=manoeuvre_text(row),
@@ -158,7 +149,7 @@ def recording_curves(
         column=bench.quantity,
         command=sample(manoeuvre.profile, bench.period),
         predicted={c: outcome.readings[c] for c in ("x", "p1") if c in bench.signals},
-        differences=differences,
+        differences=dict(islice(predicted.differences.items(), MAX_PLOTTED_RIVALS)),
     )
 
 
@@ -173,8 +164,8 @@ def _played(manoeuvre: Manoeuvre, row: Mapping[str, Any]) -> PlayedRecording:
     )
 
 
-def _player_limits(study: Planned, chosen: Sequence[Chosen]) -> PlayerLimits:
-    limits, benches = study.limits, [c.manoeuvre.bench for c in chosen]
+def _player_limits(limits: Limits, programme: Sequence[Manoeuvre]) -> PlayerLimits:
+    benches = [m.bench for m in programme]
     low, high = limits.position
     return PlayerLimits(
         null=benches[0].rig.valve_null,

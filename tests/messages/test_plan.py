@@ -98,13 +98,12 @@ def test_what_was_decided_is_said_and_what_was_not_as_well() -> None:
 
 def test_the_sentence_says_what_a_plan_is_for() -> None:
     rivals = [{"name": "best model", "effect": None}, {"name": "without leak", "effect": "leak"}]
-    made = ANSWER | {"first": False, "seconds": 18.0, "rivals": rivals, "parameters": [], "expected": []}
-    made |= {"entropy": {"before": 1.0, "after": 0.25}}
-    assert "1 recordings and 1 to be held out, 18 s of machine time, to decide about leak:" in words.plan_sentence(made)
-    assert "from 1.0 to 0.25 bit" in words.plan_sentence(made)
-    narrowed = made | {"parameters": [{"name": "friction.viscous"}]}
-    assert words.plan_sentence(narrowed).endswith("to narrow friction.viscous.")
-    assert "no effect is in question" in words.plan_sentence(made | {"rivals": rivals[:1]})
+    expected = [{"power": 0.9}, {"power": 0.8}, {"power": 0.7}]
+    made = ANSWER | {"first": False, "seconds": 18.0, "rivals": rivals, "expected": expected}
+    begin = "1 recordings and 1 to be held out, 18 s of machine time"
+    assert words.plan_sentence(made).startswith(f"{begin}, to decide about leak: 2 of 3 would be shown")
+    assert f"{begin}: no effect is in question, and 2 of 3" in words.plan_sentence(made | {"rivals": rivals[:1]})
+    assert f"{begin}: 2 of 3 effects" in words.plan_sentence(made | {"first": True, "rivals": []})
 
 
 def test_the_recordings_of_a_first_programme_come_after_no_diagnosis() -> None:
@@ -120,23 +119,14 @@ def test_the_recordings_of_a_first_programme_come_after_no_diagnosis() -> None:
     assert "no diagnosis → adequate" in "\n".join(words.lines(taken, "axis.toml", verbose=False))
 
 
-def test_the_words_of_a_plan_say_what_it_decides_and_how_far_it_narrows() -> None:
+def test_the_words_of_a_plan_say_what_it_shows() -> None:
     expected = [
-        {"effect": "leak", "rival": "without leak", "power": 0.9},
         {"effect": "mass", "rival": "mass", "power": 0.2},
+        {"effect": "leak", "rival": "without leak", "power": 0.9},
     ]
-    sizes = [
-        {"name": "mass.mass", "unit": "kg", "half_width_before": 0.54, "half_width_after": 0.28},
-        {"name": "delay.delay", "unit": "s", "half_width_before": None, "half_width_after": 0.001},
-        {"name": "end.damping", "unit": "N*s/m", "half_width_before": 100.0, "half_width_after": None},
-    ]
-    made = ANSWER | {"manual": [], "expected": expected, "parameters": [], "sizes": sizes, "files": ["commands.csv"]}
-    made |= {"folder": "plan", "warnings": []}
+    made = ANSWER | {"manual": [], "expected": expected, "files": ["commands.csv"], "folder": "plan", "warnings": []}
     text = " ".join(" ".join(words.lines(made, "axis.toml", verbose=False)).split())
     assert "show what is true: without leak 90 % and mass 20 %" in text
-    assert "mass.mass: ± 0.54 kg now, ± 0.28 kg expected" in text
-    assert "delay.delay: unknown now, ± 0.0010 s expected" in text
-    assert "end.damping: the recordings of this plan do not show it" in text
 
 
 def test_what_the_recordings_changed_is_said_in_words() -> None:

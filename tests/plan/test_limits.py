@@ -9,7 +9,7 @@ import pytest
 
 from pneucli.plan.bench import described_benches
 from pneucli.plan.limits import Limits, limits_of, violations
-from pneucli.plan.outcome import Outcome
+from pneucli.plan.manoeuvre import Outcome
 from pneucli.recording import Rig
 
 RIG = Rig(supply_pressure=7e5, ambient_pressure=1e5, piston_area_1=8e-4, stroke=0.2, moving_mass=2.0)

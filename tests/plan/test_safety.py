@@ -3,16 +3,29 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from types import SimpleNamespace
+from typing import Any
 
 import numpy as np
+import pytest
 
+from pneucli.identify.estimation.parameters import FreeParameter
 from pneucli.plan.bench import described_benches
 from pneucli.plan.first import extreme_models, typical_model
 from pneucli.plan.limits import limits_of
 from pneucli.plan.manoeuvres import candidate_manoeuvres
-from pneucli.plan.safety import Safety
+from pneucli.plan.safety import (
+    SHIFTED_BEST,
+    SHIFTED_RIVAL,
+    Safety,
+    models_to_check,
+    shifted_models,
+    with_monotone_valves,
+)
 from pneucli.plan.simulation import simulate_manoeuvre
 from pneucli.recording import Rig
+from pneucli.simulate.model import Model
+from pneucli.simulate.valve_forms.area import ValveArea
 
 RIG = Rig(supply_pressure=7e5, piston_area_1=8e-4, stroke=0.2, dead_volume_1=3e-5, dead_volume_2=3e-5, moving_mass=2.0)
 BENCHES = described_benches(RIG)
@@ -38,8 +51,37 @@ def test_a_simulation_has_to_leave_a_reserve() -> None:
     assert not Safety(RIG, replace(LIMITS, max_speed=1.05 * SPEED), {"best": MODEL})(HOLD)
 
 
-def test_a_refusal_is_noted_once() -> None:
-    safety = Safety(RIG, replace(LIMITS, max_speed=0.1 * SPEED), {"best": MODEL})
-    assert not safety(HOLD)
-    assert not safety(HOLD)
-    assert len(safety.refused) == 1
+def fit(mass: float, error: float) -> Any:
+    values = {"rig.moving_mass": mass, "friction.coulomb": 10.0}
+    free = (
+        FreeParameter("rig.moving_mass", "kg", mass, 0.0, 100.0, 1.0),
+        FreeParameter("friction.coulomb", "N", 10.0, 0.0, 100.0, 10.0),
+    )
+    return SimpleNamespace(model=Model(Rig(), (), values), free=free, covariance=np.diag([error**2, 0.01]))
+
+
+def test_shifted_parameters_lie_two_standard_errors_away_and_within_their_bounds() -> None:
+    fitted = fit(1.0, 0.2)
+    models = shifted_models(fitted, fitted.model, 40, seed=1)
+    masses = np.array([m.values["rig.moving_mass"] for m in models])
+    coulomb = np.array([m.values["friction.coulomb"] for m in models])
+    assert np.abs(masses - 1.0).max() == pytest.approx(0.4)
+    assert np.abs(coulomb - 10.0).max() == pytest.approx(2.0)  # 2 x 0.1 of a scale of 10 N
+    assert np.std(masses) > 0.1
+
+
+def test_the_best_model_and_each_rival_are_checked_off_by_their_intervals_as_well() -> None:
+    best = fit(1.0, 0.2)
+    models = models_to_check(best, {"a leak": best.model})
+    assert len(models) == 2 + SHIFTED_BEST + SHIFTED_RIVAL
+    assert models["best model"] is best.model
+    values = {tuple(m.values.values()) for m in models.values()}
+    assert len(values) == 1 + SHIFTED_BEST + SHIFTED_RIVAL
+
+
+def test_a_valve_that_is_off_by_its_intervals_still_passes_less_near_its_null() -> None:
+    """The area at 0.1 V, within the dead zone, may be off by orders of magnitude."""
+    valve = ValveArea((-2.0, -1.0, -0.1, 0.1, 1.0, 2.0), (9e-7, 4e-7, 1e-3, 1e-3, 3e-7, 8e-7), 0.05, 0.05)
+    model = with_monotone_valves(Model(Rig(), (), {}, valve))
+    assert isinstance(model.valve, ValveArea)
+    assert model.valve.areas == (9e-7, 4e-7, 4e-7, 3e-7, 3e-7, 8e-7)

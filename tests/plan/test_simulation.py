@@ -3,26 +3,20 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
-from pneucli.identify.residuals import residual_models
 from pneucli.physics.effects import catalogue
 from pneucli.plan.bench import Bench, described_benches
-from pneucli.plan.evaluation import Comparison
 from pneucli.plan.first import typical_model
-from pneucli.plan.information import deviations_of
 from pneucli.plan.limits import limits_of, violations
 from pneucli.plan.manoeuvre import Manoeuvre
 from pneucli.plan.manoeuvres import SPEED_SHARE, candidate_manoeuvres, manual_manoeuvres
 from pneucli.plan.profile import sample
-from pneucli.plan.rivals import lagged_models, with_typical_effect
 from pneucli.plan.simulation import needed_force, simulate_manoeuvre, synthetic_recording
 from pneucli.recording import Rig
 from pneucli.simulate.model import Model
-from pneucli.simulate.preparation import prepare
 from pneucli.simulate.run import kernel_for, run
 from tests.simulate.synthetic_experiments import make_experiment, model, time_grid
 
@@ -132,8 +126,6 @@ def test_a_manoeuvre_runs_in_the_compiled_kernel_of_recordings():
 
 def test_a_shut_valve_keeps_the_pressure_of_a_tight_chamber_and_shows_a_leak():
     shut = manoeuvre(VALVE, "shut-valve")
-    from pneucli.physics.effects import catalogue
-
     leak = replace(MODEL, effects=(catalogue()["chamber-leak"],), values={**MODEL.values, "chamber-leak.area": 2e-8})
     tight, leaking = (simulate_manoeuvre(shut, m) for m in (MODEL, leak))
     assert np.ptp(tight.p1) < 1.0
@@ -166,39 +158,6 @@ def test_what_exceeds_a_limit_in_the_simulation_is_found():
     fast = manoeuvre(VALVE, "command-sine", frequency=10.0)
     outcome = simulate_manoeuvre(fast, MODEL)
     assert violations(outcome, replace(LIMITS, max_speed=0.01), RIG)
-
-
-def test_a_fast_sine_at_the_valve_tells_less_where_the_rig_may_have_lags_that_the_model_lacks():
-    """The deviation of slow steps is laid to a lag of the valve, which a sine of 10 Hz shows more."""
-    steps, sine = manoeuvre(VESSEL, "steps", level=5.0), manoeuvre(VESSEL, "command-sine", level=3.0, frequency=10.0)
-    recording = synthetic_recording(steps, simulate_manoeuvre(steps, MODEL), "steps", 1)
-    train = residual_models([prepare(recording, RIG, 5.0)], whiten_initial_state=True)
-    effects = catalogue()
-    lags = lagged_models(MODEL, effects.values(), train)
-    assert [m.effects[-1].name for m in lags] == ["line-delay", "valve-lag"]
-    leak = with_typical_effect(MODEL, effects["valve-leak"], train)
-    assert leak is not None
-    size = sum(m.experiment.time.size for m in train)
-    fit = SimpleNamespace(model=MODEL, residual=5.0 * np.random.default_rng(1).standard_normal(size))
-    told = {}
-    for known in ((), tuple(lags)):
-        deviations = deviations_of(fit, train, known)  # type: ignore[arg-type]
-        comparison = Comparison(MODEL, [leak], [], deviations, 5.0, lags=known)
-        for one in (steps, sine):
-            found = comparison.information(one)
-            assert found is not None
-            told[one.kind, bool(known)] = found.matrix[0, 0]
-    assert told["command-sine", True] < 0.3 * told["command-sine", False]
-    assert told["command-sine", True] / told["command-sine", False] < 0.5 * told["steps", True] / told["steps", False]
-
-
-def test_a_lag_that_a_model_has_is_none_that_it_lacks():
-    recording = synthetic_recording(m := manoeuvre(VESSEL, "steps", level=5.0), simulate_manoeuvre(m, MODEL), "s", 1)
-    train = residual_models([prepare(recording, RIG, 5.0)], whiten_initial_state=True)
-    effects = catalogue()
-    lagging = with_typical_effect(MODEL, effects["valve-lag"], train)
-    assert lagging is not None
-    assert "valve-lag" not in [m.effects[-1].name for m in lagged_models(lagging, effects.values(), train)]
 
 
 @pytest.mark.parametrize("bench", [LOOP, DRIVE], ids=["valve", "the bench's drive"])

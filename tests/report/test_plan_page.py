@@ -1,4 +1,4 @@
-"""The page of a plan: drawings that a person can read."""
+"""The page of a plan: drawings that a person can read, and where each rival shows most."""
 
 from __future__ import annotations
 
@@ -7,30 +7,37 @@ from typing import Any
 import numpy as np
 import pytest
 
-from pneucli.plan.rivals import Rival
-from pneucli.report.plan_page import Curves, RecordingCurves, plan_page
-from pneucli.stages.plan_answer import expected_rows
+from pneucli.plan.power import Difference
+from pneucli.report.plan_page import RecordingCurves, plan_page
 from tests.messages.test_plan import ANSWER, RECORDING
 
 TIME = 1e-3 * np.arange(3000)
 
 
-def page(differences: dict[str, Curves]) -> str:
+def page(differences: dict[str, Difference], **more: Any) -> str:
     answer: dict[str, Any] = ANSWER | {"seconds": 8.0, "expected": [], "rivals": [], "manual": [], "refused": []}
-    answer |= {"recordings": [RECORDING], "entropy": {"before": 1.0, "after": 0.2}}
     curves = RecordingCurves("plan_1", "a sine", TIME, "x_ref", 0.1 + 0.0 * TIME, {}, differences)
-    return plan_page(answer, [curves])
+    return plan_page(answer | {"recordings": [RECORDING]} | more, [curves])
 
 
 @pytest.mark.parametrize("size", [0.5, 5.0, 500.0])
 def test_the_axis_of_the_differences_has_plain_numbers(size: float) -> None:
-    made = page({"leak": Curves("p1", size * np.sin(TIME))})
+    made = page({"leak": Difference("p1", size * np.sin(TIME))})
     assert "leak (p1)" in made
     assert "mathdefault" not in made
 
 
-@pytest.mark.parametrize(("present", "expected"), [(True, 0.8), (False, 0.2)])
-def test_the_probability_of_a_rival_is_that_of_its_hypothesis(present: bool, expected: float) -> None:
-    effect: Any = type("Effect", (), {"name": "leak"})()
-    rival = Rival(effect, present, None, probability=0.8)  # type: ignore[arg-type]
-    assert expected_rows([rival], [0.5])[0]["probability_before"] == pytest.approx(expected)
+def test_each_rival_has_the_recording_that_shows_it_most() -> None:
+    expected = [
+        {"effect": "leak", "rival": "without leak", "probability_before": 0.2, "power": 0.9},
+        {"effect": "lag", "rival": "lag", "probability_before": None, "power": 0.0},  # no bench shows it
+    ]
+    recordings = [
+        RECORDING | {"name": f"plan_{i}", "times_noise": {"leak": size}} for i, size in ((1, 2.0), (2, 7.5), (3, 1.0))
+    ]
+    made = page({}, rivals=[{"name": "best model"}], expected=expected, recordings=recordings)
+    row = made[made.index("without leak") :]
+    assert [row.index(text) for text in ("20 %", "90 %", "7.5", "plan_2")] == sorted(
+        row.index(text) for text in ("20 %", "90 %", "7.5", "plan_2")
+    )
+    assert "1 of 2" in made

@@ -1,0 +1,100 @@
+"""The draw: varied within the machine time, safe manoeuvres only, the same for the same seed, some held out."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Sequence
+from itertools import pairwise
+
+import pytest
+
+from pneucli.plan.bench import described_benches
+from pneucli.plan.limits import limits_of
+from pneucli.plan.manoeuvre import Manoeuvre
+from pneucli.plan.manoeuvres import candidate_manoeuvres, manual_manoeuvres
+from pneucli.plan.programme import cost_of, draw_programme, grouped_by_setup
+from pneucli.recording import Rig
+
+RIG = Rig(supply_pressure=7e5, piston_area_1=8e-4, stroke=0.2, moving_mass=2.0, vessel_volume=160e-6)
+BENCHES = described_benches(RIG)
+LIMITS = limits_of(RIG, BENCHES)
+LISTED = [m for b in BENCHES for m in candidate_manoeuvres(b, LIMITS)]
+BY_HAND = [m for b in BENCHES for m in manual_manoeuvres(b, LIMITS) if m.kind == "known-force"]
+
+
+def draw(
+    seconds: float, seed: int = 1, listed: Sequence[Manoeuvre] = LISTED, by_hand: Sequence[Manoeuvre] = ()
+) -> list[Manoeuvre]:
+    return draw_programme(listed, seconds, lambda _: True, seed, by_hand)
+
+
+def told(programme: list[Manoeuvre]) -> list[tuple[object, ...]]:
+    return [(m.bench.drive, m.kind, m.profile, m.use) for m in programme]
+
+
+@pytest.mark.parametrize("seconds", [15.0, 60.0, 300.0])
+def test_the_machine_time_is_kept_changes_included_and_used(seconds: float) -> None:
+    programme = draw(seconds)
+    spent, drawn = sum(map(cost_of, programme)), {m.profile for m in programme}
+    assert spent <= seconds < spent + min(cost_of(m) for m in LISTED if m.profile not in drawn)
+
+
+def test_a_seed_gives_one_programme_and_another_seed_another() -> None:
+    assert told(draw(60.0)) == told(draw(60.0)) != told(draw(60.0, seed=2))
+
+
+def test_no_kind_comes_again_before_every_other_and_benches_take_turns() -> None:
+    programme = draw(200.0)
+    assert {m.kind for m in programme} == {m.kind for m in LISTED}
+    for bench in ("vessel", "cylinder"):
+        own = [(m.bench.drive, m.kind) for m in programme if m.bench.name == bench]
+        first = Counter((m.bench.drive, m.kind) for m in LISTED if m.bench.name == bench)
+        assert len(set(own[: len(first)])) == len(first)
+    assert [m.bench.name for m in programme[:6]].count("vessel") == 3
+
+
+def test_kinds_come_again_with_other_levels_speeds_or_places_and_nothing_twice() -> None:
+    programme = draw(1e4)
+    assert len(programme) == len(LISTED)
+    assert {id(m.profile) for m in programme} == {id(m.profile) for m in LISTED}
+
+
+def test_a_manoeuvre_that_is_not_safe_is_not_drawn() -> None:
+    asked: list[str] = []
+
+    def is_safe(m: Manoeuvre) -> bool:
+        asked.append(m.kind)
+        return m.kind != "steps"
+
+    programme = draw_programme(LISTED, 60.0, is_safe, 1)
+    assert "steps" in asked
+    assert "steps" not in {m.kind for m in programme}
+
+
+def test_a_third_of_each_bench_is_held_out() -> None:
+    for bench in ("vessel", "cylinder"):
+        uses = [m.use for m in draw(300.0) if m.bench.name == bench]
+        assert uses[:5] == ["train", "test", "train", "train", "test"]
+
+
+def test_what_stands_alone_is_repeated_to_be_held_out_where_time_is_left() -> None:
+    alone = LISTED[:1]
+    assert [m.use for m in draw(30.0, listed=alone)] == ["train", "test"]
+    assert [m.use for m in draw(cost_of(alone[0]), listed=alone)] == ["train"]
+
+
+def test_manoeuvres_by_hand_are_fitted_and_take_their_time() -> None:
+    programme = draw(60.0, by_hand=BY_HAND)
+    assert programme[:2] == BY_HAND
+    assert {m.use for m in programme[:2]} == {"train"}
+    assert sum(map(cost_of, programme)) <= 60.0
+
+
+def test_recordings_of_one_setup_follow_each_other_those_by_hand_last() -> None:
+    programme = draw(300.0, by_hand=BY_HAND)
+    ordered = grouped_by_setup(programme, BENCHES)
+    setups = [m.bench.setup for m in ordered]
+    assert list(dict.fromkeys(setups)) == [b.setup for b in BENCHES]
+    assert len(setups) == len(programme)
+    assert sum(one != after for one, after in pairwise(setups)) == len(BENCHES) - 1
+    assert [m.kind for m in ordered if m.bench.drive == "position"][-2:] == ["known-force"] * 2
