@@ -43,6 +43,12 @@ BY_HAND = {
     "known-force": "Hang a weight of {mass} on a rope over a pulley so that it pulls the piston {direction}; remove it "
     "afterwards.",
 }
+DRIVES = {  # in a few words, and for a person who sets it up
+    "valve": ("commands at the valve", "commands at the valve"),
+    "position": ("position loop", "a position loop with {gain}, or your own"),
+    "motion": ("position followed by the bench", "the bench's own drive follows the position"),
+    "machine": ("imposed by the machine", "the machine follows the position at a held pressure"),
+}
 RUNNING_RULES = (
     "Bring the piston to the first position by hand or with low speed before each recording.",
     "Save each recording as its own file, NAME as in the table, with the same channels as before.",
@@ -63,16 +69,12 @@ def manoeuvre_text(recording: Answer) -> str:
     quantity = "V" if recording["drive"] == "valve" else "m"
     return MANOEUVRES[recording["kind"]].format(
         centre=format_quantity(recording["centre"], "m", 3),
-        level=format_quantity(_absolute(recording["level"]), quantity, 3).replace("–", ""),
+        level="" if recording["level"] is None else format_quantity(abs(recording["level"]), quantity, 3),
         frequency=f"{format_setting(recording['frequency'] or 0.0)} Hz",
         speed=format_quantity(recording["speed"], "m/s", 3),
         pressure=format_quantity(recording["pressure"], "Pa", 3),
         force=format_quantity(recording["force"], "N", 3),
     )
-
-
-def _absolute(value: float | None) -> float | None:
-    return None if value is None else abs(value)
 
 
 def refused_text(one: Answer) -> str:
@@ -164,14 +166,14 @@ def start_text(start: Answer, moves: bool = True) -> str:
 
 def bench_text(recording: Answer) -> str:
     """Return how a bench is driven."""
-    how = {
-        "valve": "commands at the valve",
-        "position": f"a position loop with {format_quantity((recording['gain'] or 0.0), 'V/m', 3)}, or your own",
-        "motion": "the bench's own drive follows the position",
-        "machine": "the machine follows the position at a held pressure",
-    }[recording["drive"]]
+    how = DRIVES[recording["drive"]][1].format(gain=format_quantity((recording["gain"] or 0.0), "V/m", 3))
     state = {"closed": "chamber 2 closed", "open": "chamber 2 open", "valve": "chamber 2 at its valve", None: ""}
     return ", ".join(filter(None, [how, state[recording["chamber_2"]]]))
+
+
+def by_hand_title(recording: Answer) -> str:
+    """Return how a recording is driven, in a few words."""
+    return "with a step by hand" if recording["by_hand"] else DRIVES[recording["drive"]][0]
 
 
 def limit_texts(limits: Answer) -> list[str]:
@@ -233,15 +235,3 @@ def _change(effect: str, before: Answer, after: Answer) -> str:
 
 def _interval(one: Answer | None) -> str:
     return "not fitted" if one is None else format_interval(one["value"], one["unit"], one["ci95"])
-
-
-def by_hand_title(recording: Answer) -> str:
-    """Return how a recording is driven, in a few words."""
-    if recording["by_hand"]:
-        return "with a step by hand"
-    return {
-        "valve": "commands at the valve",
-        "position": "position loop",
-        "motion": "position followed by the bench",
-        "machine": "imposed by the machine",
-    }[recording["drive"]]

@@ -1,17 +1,16 @@
-"""The candidate manoeuvres of each bench: profiles of its command with level, rate, dwell, frequency and position."""
+"""The manoeuvres of each bench: profiles of its command with level, rate, dwell, frequency and position."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
 
 import numpy as np
 
 from pneucli.plan.bench import Bench, Drive
-from pneucli.plan.command_manoeuvres import MIN_PERIODS, axis_commands, vessel_commands
 from pneucli.plan.limits import Limits
 from pneucli.plan.manoeuvre import GRAVITY, SETTLING_TIME, Manoeuvre, ManoeuvreKind
-from pneucli.plan.profile import Profile, Segment, hold, ramp, sine
+from pneucli.plan.profile import Profile, Segment, hold, ramp, shifted, sine
 
 SINE_TIME = 6.0  # s of a sine at least
 AMPLITUDE_SHARE = 0.3  # of the stroke, at most
@@ -25,6 +24,16 @@ START_TIME = 0.7  # s, of a slow start after a rest
 REVERSAL_SHARE = 2e-3  # of the stroke
 PRESSURE_LEVELS = (0.15, 0.5, 0.9)  # of the supply pressure above ambient
 WEIGHT = 2.0  # kg
+MIN_PERIODS = 3.0  # of a sine
+COMMAND_LEVELS = (0.1, 0.25, 0.5, 1.0)  # of the command's range
+COMMAND_FREQUENCIES = (0.5, 3.0, 10.0)  # Hz
+# s, of random steps: shorter and longer than a lag of the valve and the filling of a vessel
+RANDOM_DWELLS = (0.05, 0.6)
+RANDOM_TIME = 7.0  # s, of random steps
+RANDOM_SEED = 1925
+OPENING_REST = 0.3  # s between two openings of a switching valve
+VESSEL_OPENINGS = (0.01, 0.03, 0.1, 0.4)  # s, of a switching valve
+AXIS_OPENINGS = (0.01, 0.02, 0.04)  # s, of a switching valve that drives a piston
 
 
 def candidate_manoeuvres(bench: Bench, limits: Limits) -> Iterator[Manoeuvre]:
@@ -38,7 +47,7 @@ def candidate_manoeuvres(bench: Bench, limits: Limits) -> Iterator[Manoeuvre]:
         Manoeuvres that begin and end at rest.
     """
     families: dict[Drive, Callable[[Bench, Limits], Iterator[Manoeuvre]]] = {
-        "valve": vessel_commands if bench.template.kind.vessel else axis_commands,
+        "valve": _vessel_commands if bench.template.kind.vessel else _axis_commands,
         "position": _motions,
         "motion": _motions_at_pressures,
         "machine": _machine_strokes,
@@ -66,6 +75,16 @@ def _motion(
     return Manoeuvre(kind, bench, (*before, *core, *after), centre, level, frequency, speed)
 
 
+def _strokes(
+    kind: ManoeuvreKind, bench: Bench, limits: Limits, way: float, speed: float, repeats: int = 1, pause: float = 0.2
+) -> Manoeuvre:
+    """Return strokes to and fro about the middle of the allowed stroke, at constant speed."""
+    middle, time = 0.5 * sum(limits.position), way / speed
+    begin, end = middle - 0.5 * way, middle + 0.5 * way
+    core = (ramp(begin, end, time), hold(end, pause), ramp(end, begin, time), hold(begin, pause))
+    return _motion(kind, bench, limits, core * repeats, way, None, speed)
+
+
 def _motions(bench: Bench, limits: Limits) -> Iterator[Manoeuvre]:
     """Yield motions about three places of the stroke."""
     low, high = limits.position
@@ -85,16 +104,10 @@ def _motions(bench: Bench, limits: Limits) -> Iterator[Manoeuvre]:
     for rate in SLOW_SPEEDS:
         speed = min(rate * span, fastest)
         way = min(0.6 * span, 3.0 * speed)
-        begin, end = centres[1] - 0.5 * way, centres[1] + 0.5 * way
-        time = way / speed
-        core = (ramp(begin, end, time), hold(end, 0.2), ramp(end, begin, time), hold(begin, 0.2))
-        repeats = max(1, min(3, int(SINE_TIME / (2.0 * time))))
-        yield _motion("strokes", bench, limits, core * repeats, way, None, speed)
+        repeats = max(1, min(3, int(SINE_TIME / (2.0 * (way / speed)))))
+        yield _strokes("strokes", bench, limits, way, speed, repeats)
     for rate in WIDE_SPEEDS:
-        speed, way = min(rate * span, fastest), WIDE_SHARE * span
-        begin, end = centres[1] - 0.5 * way, centres[1] + 0.5 * way
-        core = (ramp(begin, end, way / speed), hold(end, 0.2), ramp(end, begin, way / speed), hold(begin, 0.2))
-        yield _motion("strokes", bench, limits, core, way, None, speed)
+        yield _strokes("strokes", bench, limits, WIDE_SHARE * span, min(rate * span, fastest))
     places = [centres[1] + share * span for share in (0.1, -0.1, 0.2, -0.2, 0.0)]
     travel = max(0.25, 0.4 * span / fastest)  # of the longest step, from 0.2 to -0.2
     steps: list[Segment] = []
@@ -127,16 +140,94 @@ def _motions_at_pressures(bench: Bench, limits: Limits) -> Iterator[Manoeuvre]:
 
 def _machine_strokes(bench: Bench, limits: Limits) -> Iterator[Manoeuvre]:
     """Yield strokes of a machine at constant speeds and held pressures."""
-    low, high = limits.position
-    span, rig = high - low, bench.rig
+    rig, span = bench.rig, limits.position[1] - limits.position[0]
     gauge = (rig.supply_pressure or bench.start.p1) - rig.ambient_pressure
     for pressure in (rig.ambient_pressure + share * gauge for share in PRESSURE_LEVELS):
         for speed in (0.25 * limits.max_speed / 1.5, limits.max_speed / 1.5):
-            way = min(0.6 * span, 3.0 * speed)
-            begin, end = low + 0.5 * (span - way), low + 0.5 * (span + way)
-            core = (ramp(begin, end, way / speed), hold(end, 0.3), ramp(end, begin, way / speed), hold(begin, 0.3))
-            one = _motion("machine-strokes", bench, limits, core * 2, way, None, speed)
+            one = _strokes("machine-strokes", bench, limits, min(0.6 * span, 3.0 * speed), speed, 2, pause=0.3)
             yield replace(one, pressure=pressure)
+
+
+def _command_manoeuvre(
+    kind: ManoeuvreKind, bench: Bench, core: Profile, level: float, frequency: float | None = None
+) -> Manoeuvre:
+    rest = hold(bench.rig.valve_null, SETTLING_TIME)
+    profile = (rest, *shifted(core, bench.rig.valve_null), rest)
+    return Manoeuvre(kind, bench, profile, None, level, frequency)
+
+
+def _levels(levels: tuple[float, ...], dwell: float) -> Profile:
+    return tuple(hold(level, dwell) for level in levels)
+
+
+def _random_steps(level: float) -> Profile:
+    """Return levels that are uniform on both sides of the null command, each held for a random time."""
+    rng = np.random.default_rng(RANDOM_SEED)
+    core: list[Segment] = []
+    while sum(segment.duration for segment in core) < RANDOM_TIME:
+        core.append(hold(level * float(rng.uniform(-1.0, 1.0)), round(float(rng.uniform(*RANDOM_DWELLS)), 3)))
+    return tuple(core)
+
+
+def _vessel_commands(bench: Bench, limits: Limits) -> Iterator[Manoeuvre]:
+    """Yield commands of a valve that fills and vents a vessel."""
+    if bench.rig.valve_kind == "switching":
+        yield from _openings(bench, VESSEL_OPENINGS)
+        return
+    u = limits.command_range(bench)
+    for share in COMMAND_LEVELS:
+        level, dwell = share * u, 0.6 if share > 0.3 else 1.5
+        yield _command_manoeuvre("steps", bench, _levels((level, 0.0, -level, 0.0), dwell), level)
+        yield _command_manoeuvre("hold", bench, (hold(level, 0.4), hold(0.0, 6.0)), level)
+    yield _command_manoeuvre("hold", bench, (hold(u, 1.0), hold(-u, 0.3), hold(0.0, 6.0)), -u)
+    for share in (0.05, 0.2):
+        steps = np.array([1, 2, 3, 4, 3, 2, 1, 0, -1, -2, -3, -4, -3, -2, -1, 0] * 2)
+        yield _command_manoeuvre("stairs", bench, _levels(tuple(share * u * steps), 0.09), 4.0 * share * u)
+    for share in (0.4, 1.0):
+        yield _command_manoeuvre("random-steps", bench, _random_steps(share * u), share * u)
+    for frequency in COMMAND_FREQUENCIES:
+        for share in (0.2, 0.6):
+            wave = (sine(0.0, share * u, frequency, max(4.0, MIN_PERIODS / frequency)),)
+            yield _command_manoeuvre("command-sine", bench, wave, share * u, frequency)
+    slow = 0.1 * u
+    core = (ramp(0.0, slow, 1.0), ramp(slow, -slow, 2.0), ramp(-slow, slow, 2.0), ramp(slow, 0.0, 1.0))
+    yield _command_manoeuvre("triangle", bench, core, slow)
+
+
+def _axis_commands(bench: Bench, limits: Limits) -> Iterator[Manoeuvre]:
+    """Yield commands of a valve that drives a piston: it must not drift to an end."""
+    if bench.rig.valve_kind == "switching":
+        yield from _openings(bench, AXIS_OPENINGS)
+        return
+    u = limits.command_range(bench)
+    for share in (0.2, 0.5, 1.0):
+        level = share * u
+        pulses = tuple(
+            segment
+            for sign in (1.0, -1.0, -1.0, 1.0) * 2
+            for segment in (hold(sign * level, 0.03 / share), hold(0.0, 0.4))
+        )
+        yield _command_manoeuvre("pulses", bench, pulses, level)
+        yield _command_manoeuvre("hold", bench, (hold(level, 0.05 / share), hold(0.0, 6.0)), level)
+        yield _command_manoeuvre("hold", bench, (hold(-level, 0.05 / share), hold(0.0, 6.0)), -level)
+    for frequency in (3.0, 10.0):
+        for share in (0.2, 0.6):
+            core = (sine(0.0, share * u, frequency, 5.0),)
+            yield _command_manoeuvre("command-sine", bench, core, share * u, frequency)
+
+
+def _openings(bench: Bench, times: Sequence[float]) -> Iterator[Manoeuvre]:
+    """Yield openings of a valve that is open or shut: trains of short ones, and one after which the gas is enclosed."""
+    u = bench.command_range
+    for time in times:
+        train = [
+            segment
+            for sign in (1.0, 1.0, 1.0, -1.0, -1.0, -1.0) * 2
+            for segment in (hold(sign * u, time), hold(0.0, OPENING_REST))
+        ]
+        yield _command_manoeuvre("pulses", bench, tuple(train), u)
+        for sign in (1.0, -1.0):
+            yield _command_manoeuvre("hold", bench, (hold(sign * u, 3.0 * time), hold(0.0, 6.0)), sign * u)
 
 
 def manual_manoeuvres(bench: Bench, limits: Limits) -> Iterator[Manoeuvre]:

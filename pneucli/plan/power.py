@@ -222,16 +222,18 @@ class Power:
     """The power of a plan to find an effect of one size.
 
     Attributes:
-        effect: The effect.
+        effect: Name of the effect.
         parameter: Its leading parameter.
-        size: Distance of the parameter from its null, in its unit; the value itself where it has no null.
+        size: Distance of the parameter from its null; the value itself where it has no null; infinite: never found.
+        unit: Unit of the size.
         power: Probability that an effect of this size is found.
         typical: Whether the size is the typical one; else it is the smallest with a power of 80 %.
     """
 
-    effect: Effect
-    parameter: Parameter
+    effect: str
+    parameter: str
     size: float
+    unit: str
     power: float
     typical: bool
 
@@ -244,20 +246,18 @@ def power_table(expectation: Expectation, information: Array) -> list[Power]:
         information: The sum of the matrices ``A`` of the plan.
 
     Returns:
-        Two entries for each effect; the size at 80 % is infinite where the plan does not show the effect, and missing
-        where the effect has no null.
+        Two entries for each effect, one for an effect without a null.
     """
     best, rows = expectation.model, []
     there = {e.name for e in best.effects}
     for name, model in ((name, model) for name, model in expectation.others.items() if name not in there):
-        effect, over_error = model.effects[-1], expectation.size_over_error(information, name)
-        parameter = leading_parameter(effect.in_model_with(best.effects))
-        value, null = model.values[f"{name}.{parameter.name}"], null_value(parameter, best)
-        size = float(value if null is None else abs(value - null))
-        rows.append(Power(effect, parameter, size, detection_power(over_error), typical=True))
+        p = leading_parameter(model.effects[-1].in_model_with(best.effects))
+        value, null = model.values[f"{name}.{p.name}"], null_value(p, best)
+        size, over_error = abs(value - (null or 0.0)), expectation.size_over_error(information, name)
+        rows.append(Power(name, p.name, size, p.unit, detection_power(over_error), typical=True))
         if null is not None:
             least = SIGMA_80 * size / over_error if over_error > 0.0 else float("inf")
-            rows.append(Power(effect, parameter, least, GOOD_POWER, typical=False))
+            rows.append(Power(name, p.name, least, p.unit, GOOD_POWER, typical=False))
     return rows
 
 

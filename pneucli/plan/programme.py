@@ -8,7 +8,6 @@ from itertools import zip_longest
 
 import numpy as np
 
-from pneucli.plan.bench import Bench
 from pneucli.plan.manoeuvre import Manoeuvre
 
 CHANGE_OVER_TIME = 2.0  # s of machine time between two manoeuvres, to save a file and start the next
@@ -33,15 +32,15 @@ def draw_programme(
     another amplitude, speed, frequency or place.
 
     Args:
-        listed: What the benches can do, in any order.
+        listed: What the benches can do.
         seconds: Machine time in s.
         is_safe: Whether a manoeuvre keeps all limits; asked only of what fits into the time.
         seed: Seed of the draw: the same one gives the same programme.
         by_hand: Manoeuvres by hand that are known to keep the limits; they are part of the programme and fitted.
 
     Returns:
-        The manoeuvres in the order of the draw, those by hand first; one of each bench is held out where two of it fit,
-        if need be a repetition.
+        The manoeuvres, one setup after another, those by hand last on each; one of three on each bench is held out, of
+        one alone its repetition.
     """
     left = seconds - sum(map(cost_of, by_hand))
     drawn: list[Manoeuvre] = []
@@ -58,7 +57,8 @@ def draw_programme(
         if cost_of(one) <= left:
             drawn.append(replace(one, use="test"))
             left -= cost_of(one)
-    return [*by_hand, *drawn]
+    setups = list(dict.fromkeys(one.bench.setup for one in listed))
+    return sorted([*drawn, *by_hand], key=lambda one: (setups.index(one.bench.setup), one.by_hand))
 
 
 def _in_turn(listed: Sequence[Manoeuvre], rng: np.random.Generator) -> Iterator[Manoeuvre]:
@@ -68,16 +68,3 @@ def _in_turn(listed: Sequence[Manoeuvre], rng: np.random.Generator) -> Iterator[
         kinds.setdefault(one.bench.name, {}).setdefault((*one.bench.setup, one.kind), []).append(one)
     queues = [(one for turn in zip_longest(*of_bench.values()) for one in turn if one) for of_bench in kinds.values()]
     yield from (one for turn in zip_longest(*queues) for one in turn if one)
-
-
-def grouped_by_setup(programme: Sequence[Manoeuvre], benches: Sequence[Bench]) -> list[Manoeuvre]:
-    """Return recordings in the order of the benches and of how each is driven, those by hand last on each.
-
-    Nothing is then set up twice.
-
-    Args:
-        programme: The recordings.
-        benches: The benches in their order, one for each way in which it is driven.
-    """
-    order = list(dict.fromkeys(bench.setup for bench in benches))
-    return sorted(programme, key=lambda one: (order.index(one.bench.setup), one.by_hand))

@@ -22,20 +22,20 @@ class Rival:
         effect: Name of the effect in question.
         present: Whether the hypothesis says that the effect is there.
         probability: The effect's probability by the diagnosis; None where it states none.
-        instead_of: The named effect that it replaces.
+        in_place_of: The named effect that it replaces.
     """
 
     effect: str
     present: bool
     probability: float | None = None
-    instead_of: str | None = None
+    in_place_of: str | None = None
 
     @property
     def name(self) -> str:
         """Name of the hypothesis."""
         if not self.present:
             return f"without {self.effect}"
-        return self.effect if self.instead_of is None else f"{self.effect} in place of {self.instead_of}"
+        return self.effect if self.in_place_of is None else f"{self.effect} in place of {self.in_place_of}"
 
     @property
     def own_probability(self) -> float | None:

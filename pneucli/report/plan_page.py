@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from itertools import islice
 from typing import Any
 
 import numpy as np
@@ -18,7 +18,7 @@ from pneucli.messages.formatting import (
     in_display_unit,
 )
 from pneucli.messages.plan import GOOD_POWER, by_hand_title, limit_texts, manoeuvre_text, refused_text
-from pneucli.plan.power import Difference
+from pneucli.plan.power import Difference, Prediction
 from pneucli.quantities import SIGNALS
 from pneucli.report.figure import GREY, PALETTE, Drawing, drawing, envelope_indices, figures
 from pneucli.report.overview import Overview, Tile
@@ -30,37 +30,28 @@ Array = NDArray[np.float64]
 Answer = Mapping[str, Any]
 
 MAX_SAMPLES = 600  # of a curve
+MAX_PLOTTED_RIVALS = 6
 LOWEST_DIFFERENCE = 0.1  # of the noise, the bottom of the drawing
 RMS_TIME = 0.3  # s, over which differences are averaged
 
 
-@dataclass(frozen=True)
-class RecordingCurves:
-    """One planned recording: its command, what the best model predicts, and how far rivals differ.
-
-    ``time`` (n,) in s, ``command`` (n,) of the signal ``column`` and ``predicted`` by channel in SI.
-    """
-
-    name: str
-    text: str
-    time: Array
-    column: str
-    command: Array
-    predicted: Mapping[str, Array]
-    differences: Mapping[str, Difference]
-
-
-def plan_page(answer: Answer, recordings: Sequence[RecordingCurves]) -> str:
+def plan_page(answer: Answer, predictions: Sequence[Prediction]) -> str:
     """Return the page of a plan.
 
     Args:
         answer: The JSON answer of the plan.
-        recordings: The curves of its recordings.
+        predictions: Its recordings as the best model predicts them.
 
     Returns:
         HTML that needs no network.
     """
-    sections = [_programme(answer), *_expected(answer), *_recordings(recordings), *_power(answer), _limits(answer)]
+    sections = [
+        _programme(answer),
+        *_expected(answer),
+        *_recordings(answer, predictions),
+        *_power(answer),
+        _limits(answer),
+    ]
     front = Overview(answer["sentence"], _tiles(answer), {}, "", [], "", "", "")
     return render_page(f"{answer['pipeline']}: next experiment", front, sections, {"made by": f"pneucli {__version__}"})
 
@@ -121,28 +112,28 @@ def _expected(answer: Answer) -> list[Section]:
     return [Section("expected", "What it decides", lead, [Grid("Rivals", head, rows)])] if rows else []
 
 
-def _recordings(recordings: Sequence[RecordingCurves]) -> list[Section]:
+def _recordings(answer: Answer, predictions: Sequence[Prediction]) -> list[Section]:
     sections = []
-    for number, one in enumerate(recordings, 1):
-        drawings = []
-        shown = {one.column: one.command, **one.predicted}
-        for signal, values in shown.items():
+    for number, (row, one) in enumerate(zip(answer["recordings"], predictions, strict=True), 1):
+        drawings, time = [], one.outcome.time
+        for signal in (row["column"], *(["x"] if one.outcome.x is not None else []), "p1"):
+            values = one.outcome.readings[signal]
             kept = envelope_indices([values], MAX_SAMPLES)
-            caption = f"{SIGNALS[signal].title}: {'command' if signal == one.column else 'as the best model predicts'}"
+            caption = (
+                f"{SIGNALS[signal].title}: {'command' if signal == row['column'] else 'as the best model predicts'}"
+            )
             with drawing(caption, "time in s", axis_title(signal), 2.3) as figure:
-                figure.axes.plot(one.time[kept], in_display_unit(values[kept], SIGNALS[signal].unit))
+                figure.axes.plot(time[kept], in_display_unit(values[kept], SIGNALS[signal].unit))
             drawings.append(figure)
         if one.differences:
-            drawings.append(_differences(one))
-        sections.append(
-            Section(
-                f"recording-{number}", one.name, f"{one.text[0].upper()}{one.text[1:]}.", figures(drawings), number > 3
-            )
-        )
+            drawings.append(_differences(time, dict(islice(one.differences.items(), MAX_PLOTTED_RIVALS))))
+        text = manoeuvre_text(row)
+        lead = f"{text[0].upper()}{text[1:]}."
+        sections.append(Section(f"recording-{number}", row["name"], lead, figures(drawings), number > 3))
     return sections
 
 
-def _differences(one: RecordingCurves) -> Drawing:
+def _differences(time: Array, differences: Mapping[str, Difference]) -> Drawing:
     """Draw the running rms of the differences, with the noise shaded and what the best model leaves as a line."""
     caption = (
         "Difference of each rival from the best model (running rms) in the channel where it is largest; grey: noise; "
@@ -150,12 +141,12 @@ def _differences(one: RecordingCurves) -> Drawing:
     )
     with drawing(caption, "time in s", "difference, × noise", 2.9) as figure:
         figure.axes.axhspan(LOWEST_DIFFERENCE, 1.0, color="#88888833", linewidth=0.0)
-        for number, (name, curve) in enumerate(one.differences.items()):
+        for number, (name, curve) in enumerate(differences.items()):
             colour = PALETTE[number % len(PALETTE)]
-            rms = np.maximum(running_rms(curve.values, one.time), LOWEST_DIFFERENCE)
+            rms = np.maximum(running_rms(curve.values, time), LOWEST_DIFFERENCE)
             kept = envelope_indices([rms], MAX_SAMPLES)
-            figure.axes.plot(one.time[kept], rms[kept], color=colour, label=f"{name} ({curve.channel})")
-        for level in sorted({round(c.unexplained, 1) for c in one.differences.values() if c.unexplained > 1.2}):
+            figure.axes.plot(time[kept], rms[kept], color=colour, label=f"{name} ({curve.channel})")
+        for level in sorted({round(c.unexplained, 1) for c in differences.values() if c.unexplained > 1.2}):
             figure.axes.axhline(level, color=GREY, linestyle="--", linewidth=0.9)
         figure.axes.set_yscale("log")
         figure.axes.set_ylim(bottom=LOWEST_DIFFERENCE)

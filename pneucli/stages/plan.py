@@ -14,7 +14,7 @@ from pneucli.pipeline.context import Context
 from pneucli.plan.manoeuvre import Manoeuvre
 from pneucli.plan.manoeuvres import candidate_manoeuvres, manual_manoeuvres
 from pneucli.plan.power import Prediction, power_table
-from pneucli.plan.programme import cost_of, draw_programme, grouped_by_setup
+from pneucli.plan.programme import cost_of, draw_programme
 from pneucli.stages.plan_answer import expected_answer, limits_too_narrow, plan_answer
 from pneucli.stages.plan_basis import Basis, described_rig, diagnosed_pipeline
 from pneucli.stages.plan_files import write_plan
@@ -58,7 +58,7 @@ def run(context: Context) -> dict[str, Any]:
 def _drawn(basis: Basis, seconds: float, by_hand: Sequence[Manoeuvre] = ()) -> list[Manoeuvre]:
     listed = [m for bench in basis.benches for m in candidate_manoeuvres(bench, basis.limits)]
     seed = int(basis.digest[:SEED_DIGITS], 16)
-    return grouped_by_setup(draw_programme(listed, seconds, basis.safety, seed, by_hand), basis.benches)
+    return draw_programme(listed, seconds, basis.safety, seed, by_hand)
 
 
 def _predictions(

@@ -16,7 +16,6 @@ from pneucli.plan.limits import Limits
 from pneucli.plan.manoeuvre import Manoeuvre
 from pneucli.plan.power import Power, Prediction
 from pneucli.plan.programme import cost_of
-from pneucli.plan.rivals import Rival
 from pneucli.plan.safety import BEST_MODEL, Refused
 from pneucli.plan.simulation import start_of
 from pneucli.stages.plan_basis import Basis
@@ -35,7 +34,7 @@ def plan_answer(
         row["times_noise"] = {name: one.rms for name, one in predicted.differences.items()}
     rows = list({r["text"] + r["quantity"]: r for r in map(refused_answer, basis.safety.refused)}.values())
     first = bool(context.options.get("first"))
-    best = {"name": BEST_MODEL, "effect": None, "present": True, "in_place_of": None, "probability": None}
+    best = {"name": BEST_MODEL, "effect": None, "present": True, "probability": None, "in_place_of": None}
     return {
         "schema": "pneucli/plan/1",
         "pipeline": context.config.name,
@@ -46,7 +45,7 @@ def plan_answer(
         "limits": limits_answer(basis.limits),
         "refused": rows[:MAX_REFUSED],
         "refused_count": len(rows),
-        "rivals": [] if first else [best, *map(rival_answer, basis.rivals)],
+        "rivals": [] if first else [best, *({"name": r.name} | asdict(r) for r in basis.rivals)],
         "warnings": [*basis.warnings],
     }
 
@@ -88,17 +87,6 @@ def manoeuvre_answer(m: Manoeuvre) -> dict[str, Any]:
     }
 
 
-def rival_answer(rival: Rival) -> dict[str, Any]:
-    """Return one rival."""
-    return {
-        "name": rival.name,
-        "effect": rival.effect,
-        "present": rival.present,
-        "in_place_of": rival.instead_of,
-        "probability": rival.probability,
-    }
-
-
 def expected_answer(basis: Basis, powers: Sequence[Power], information: Array) -> list[dict[str, Any]]:
     """Return for each rival its probability before, and the power to show it; without rivals for every effect.
 
@@ -106,7 +94,7 @@ def expected_answer(basis: Basis, powers: Sequence[Power], information: Array) -
     """
     if not basis.rivals:
         typical = [p for p in powers if p.typical]
-        return [_expected(p.effect.name, p.effect.name, None, p.power) for p in typical]
+        return [_expected(p.effect, p.effect, None, p.power) for p in typical]
     shown = {r.name: basis.expectation.power(information, r.effect) for r in basis.shown_rivals}
     return [_expected(r.effect, r.name, r.own_probability, shown.get(r.name, 0.0)) for r in basis.rivals]
 
@@ -117,21 +105,8 @@ def _expected(effect: str, rival: str, probability: float | None, power: float) 
 
 def limits_answer(limits: Limits) -> dict[str, Any]:
     """Return the limits, SI; None: not limited."""
-
-    def finite(value: float | None) -> float | None:
-        return None if value is None or not np.isfinite(value) else float(value)
-
-    low, high = limits.position
-    return {
-        "position": [low, high] if np.isfinite(low) and np.isfinite(high) else None,
-        "max_speed": finite(limits.max_speed),
-        "max_pressure": finite(limits.max_pressure),
-        "max_force": finite(limits.max_force),
-        "max_command": finite(limits.max_command),
-        "max_frequency": finite(limits.max_frequency),
-        "soft_start": limits.soft_start,
-        "max_air": finite(limits.max_air),
-    }
+    values = asdict(limits) | {"position": list(limits.position)}
+    return {name: value if value is not None and np.isfinite(value).all() else None for name, value in values.items()}
 
 
 def refused_answer(one: Refused) -> dict[str, Any]:

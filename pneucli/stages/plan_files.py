@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from itertools import islice
+from dataclasses import asdict, fields
 from pathlib import Path
 from typing import Any
 
@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from pneucli.export.command_player import PlayedRecording, PlayerLimits, write_players
 from pneucli.io.artifacts import Provenance, atomic_path, write_table
-from pneucli.messages.plan import manoeuvre_text, plan_sentence, steps_page
+from pneucli.messages.plan import plan_sentence, steps_page
 from pneucli.pipeline.context import Context
 from pneucli.plan.limits import Limits
 from pneucli.plan.manoeuvre import Manoeuvre
@@ -20,7 +20,7 @@ from pneucli.plan.manoeuvres import SPEED_SHARE
 from pneucli.plan.power import Power, Prediction
 from pneucli.plan.profile import sample
 from pneucli.plan.programme import CHANGE_OVER_TIME
-from pneucli.report.plan_page import RecordingCurves, plan_page
+from pneucli.report.plan_page import plan_page
 from pneucli.stages.plan_basis import Basis
 
 Array = NDArray[np.float64]
@@ -33,7 +33,7 @@ COLUMNS = {  # of commands.csv: header, factor from SI, decimals
     "p_ref": ("p_ref [bar]", 1e-5, 5),
     "x_ref": ("x_ref [mm]", 1e3, 4),
 }
-MAX_PLOTTED_RIVALS = 6
+TYPES = {"size": np.float64, "power": np.float64, "typical": np.bool_}  # of columns of numbers, also empty ones
 
 
 def write_plan(
@@ -60,8 +60,7 @@ def write_plan(
     _write_text(out / STEPS_FILE, steps_page(answer, context.path.name))
     _write_power(out / POWER_FILE, powers, Provenance({}, {"plan": context.config.document.get("plan", {})}))
     answer["power"] = [power_row(one) for one in powers]
-    curves = [recording_curves(*one) for one in zip(programme, rows, predictions, strict=True)]
-    _write_text(out / PAGE_FILE, plan_page(answer, curves))
+    _write_text(out / PAGE_FILE, plan_page(answer, predictions))
     if targets := {*context.options.get("to", [])} & {"c", "st"}:
         played = [_played(m, row) for m, row in zip(programme, rows, strict=True)]
         write_players(out, targets, played, _player_limits(basis.limits, programme), context.config.name)
@@ -110,47 +109,16 @@ def _commands(manoeuvre: Manoeuvre) -> dict[str, Array]:
 
 
 def _write_power(path: Path, powers: Sequence[Power], provenance: Provenance) -> None:
-    rows = [power_row(one) for one in powers]
-    write_table(
-        path,
-        {
-            "effect": [r["effect"] for r in rows],
-            "parameter": [r["parameter"] for r in rows],
-            "size": np.array([np.inf if r["size"] is None else r["size"] for r in rows], dtype=np.float64),
-            "unit": [r["unit"] for r in rows],
-            "power": np.array([r["power"] for r in rows], dtype=np.float64),
-            "typical": np.array([r["typical"] for r in rows], dtype=bool),
-        },
-        units={"size": "see column unit", "power": "1", "typical": "1"},
-        schema="pneucli/plan/power/1",
-        provenance=provenance,
-    )
+    columns = {
+        f.name: np.array([getattr(one, f.name) for one in powers], dtype=TYPES.get(f.name)) for f in fields(Power)
+    }
+    units = {"size": "see column unit", "power": "1", "typical": "1"}
+    write_table(path, columns, units=units, schema="pneucli/plan/power/1", provenance=provenance)
 
 
 def power_row(one: Power) -> dict[str, Any]:
     """Return an entry of the power table; a size of None: no size is found."""
-    return {
-        "effect": one.effect.name,
-        "parameter": one.parameter.name,
-        "size": float(one.size) if np.isfinite(one.size) else None,
-        "unit": one.parameter.unit,
-        "power": float(one.power),
-        "typical": one.typical,
-    }
-
-
-def recording_curves(manoeuvre: Manoeuvre, row: Mapping[str, Any], predicted: Prediction) -> RecordingCurves:
-    """Return the command of a recording, what the best model predicts, and how far the rivals differ over noise."""
-    bench, outcome = manoeuvre.bench, predicted.outcome
-    return RecordingCurves(
-        name=row["name"],
-        text=manoeuvre_text(row),
-        time=outcome.time,
-        column=bench.quantity,
-        command=sample(manoeuvre.profile, bench.period),
-        predicted={c: outcome.readings[c] for c in ("x", "p1") if c in bench.signals},
-        differences=dict(islice(predicted.differences.items(), MAX_PLOTTED_RIVALS)),
-    )
+    return asdict(one) | {"size": one.size if np.isfinite(one.size) else None}
 
 
 def _played(manoeuvre: Manoeuvre, row: Mapping[str, Any]) -> PlayedRecording:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Sequence
+from dataclasses import replace
 from itertools import pairwise
 
 import pytest
@@ -12,7 +13,8 @@ from pneucli.plan.bench import described_benches
 from pneucli.plan.limits import limits_of
 from pneucli.plan.manoeuvre import Manoeuvre
 from pneucli.plan.manoeuvres import candidate_manoeuvres, manual_manoeuvres
-from pneucli.plan.programme import cost_of, draw_programme, grouped_by_setup
+from pneucli.plan.profile import hold
+from pneucli.plan.programme import cost_of, draw_programme
 from pneucli.recording import Rig
 
 RIG = Rig(supply_pressure=7e5, piston_area_1=8e-4, stroke=0.2, moving_mass=2.0, vessel_volume=160e-6)
@@ -43,14 +45,13 @@ def test_a_seed_gives_one_programme_and_another_seed_another() -> None:
     assert told(draw(60.0)) == told(draw(60.0)) != told(draw(60.0, seed=2))
 
 
-def test_no_kind_comes_again_before_every_other_and_benches_take_turns() -> None:
-    programme = draw(200.0)
-    assert {m.kind for m in programme} == {m.kind for m in LISTED}
-    for bench in ("vessel", "cylinder"):
-        own = [(m.bench.drive, m.kind) for m in programme if m.bench.name == bench]
-        first = Counter((m.bench.drive, m.kind) for m in LISTED if m.bench.name == bench)
-        assert len(set(own[: len(first)])) == len(first)
-    assert [m.bench.name for m in programme[:6]].count("vessel") == 3
+def test_benches_take_turns_and_no_kind_comes_again_before_every_other() -> None:
+    alike = [replace(m, profile=(hold(m.bench.middle, 5.0),)) for m in LISTED]  # each takes 7 s: none is passed over
+    for count in (3, 6, 12):
+        programme = draw(7.0 * count, listed=alike)
+        assert len({(m.bench.setup, m.kind) for m in programme}) == len(programme) == count
+        assert abs(sum(1 if m.bench.name == "vessel" else -1 for m in programme)) == count % 2
+    assert {(m.bench.setup, m.kind) for m in draw(7.0 * 16, listed=alike)} == {(m.bench.setup, m.kind) for m in LISTED}
 
 
 def test_kinds_come_again_with_other_levels_speeds_or_places_and_nothing_twice() -> None:
@@ -72,9 +73,10 @@ def test_a_manoeuvre_that_is_not_safe_is_not_drawn() -> None:
 
 
 def test_a_third_of_each_bench_is_held_out() -> None:
-    for bench in ("vessel", "cylinder"):
-        uses = [m.use for m in draw(300.0) if m.bench.name == bench]
-        assert uses[:5] == ["train", "test", "train", "train", "test"]
+    for seconds in (60.0, 300.0):
+        for bench in ("vessel", "cylinder"):
+            uses = Counter(m.use for m in draw(seconds) if m.bench.name == bench)
+            assert uses["test"] == (uses.total() + 1) // 3
 
 
 def test_what_stands_alone_is_repeated_to_be_held_out_where_time_is_left() -> None:
@@ -83,18 +85,10 @@ def test_what_stands_alone_is_repeated_to_be_held_out_where_time_is_left() -> No
     assert [m.use for m in draw(cost_of(alone[0]), listed=alone)] == ["train"]
 
 
-def test_manoeuvres_by_hand_are_fitted_and_take_their_time() -> None:
-    programme = draw(60.0, by_hand=BY_HAND)
-    assert programme[:2] == BY_HAND
-    assert {m.use for m in programme[:2]} == {"train"}
-    assert sum(map(cost_of, programme)) <= 60.0
-
-
-def test_recordings_of_one_setup_follow_each_other_those_by_hand_last() -> None:
+def test_recordings_of_one_setup_follow_each_other_those_by_hand_last_and_fitted() -> None:
     programme = draw(300.0, by_hand=BY_HAND)
-    ordered = grouped_by_setup(programme, BENCHES)
-    setups = [m.bench.setup for m in ordered]
-    assert list(dict.fromkeys(setups)) == [b.setup for b in BENCHES]
-    assert len(setups) == len(programme)
-    assert sum(one != after for one, after in pairwise(setups)) == len(BENCHES) - 1
-    assert [m.kind for m in ordered if m.bench.drive == "position"][-2:] == ["known-force"] * 2
+    setups = [m.bench.setup for m in programme]
+    assert [one for one, after in pairwise([*setups, None]) if one != after] == [b.setup for b in BENCHES]
+    last = [m for m in programme if m.bench.drive == "position"][-2:]
+    assert [(m.kind, m.use) for m in last] == [("known-force", "train")] * 2
+    assert sum(map(cost_of, programme)) <= 300.0

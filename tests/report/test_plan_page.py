@@ -7,8 +7,9 @@ from typing import Any
 import numpy as np
 import pytest
 
-from pneucli.plan.power import Difference
-from pneucli.report.plan_page import RecordingCurves, plan_page
+from pneucli.plan.manoeuvre import Outcome
+from pneucli.plan.power import Difference, Prediction
+from pneucli.report.plan_page import plan_page
 from tests.messages.test_plan import ANSWER, RECORDING
 
 TIME = 1e-3 * np.arange(3000)
@@ -16,8 +17,10 @@ TIME = 1e-3 * np.arange(3000)
 
 def page(differences: dict[str, Difference], **more: Any) -> str:
     answer: dict[str, Any] = ANSWER | {"seconds": 8.0, "expected": [], "rivals": [], "manual": [], "refused": []}
-    curves = RecordingCurves("plan_1", "a sine", TIME, "x_ref", 0.1 + 0.0 * TIME, {}, differences)
-    return plan_page(answer | {"recordings": [RECORDING]} | more, [curves])
+    answer |= {"recordings": [RECORDING]} | more
+    readings = {"x_ref": 0.1 + 0.0 * TIME, "x": 0.1 + 0.0 * TIME, "p1": 3e5 + TIME}
+    outcome = Outcome(TIME, readings, readings["p1"], readings["p1"], readings["x"], 0.0 * TIME)
+    return plan_page(answer, [Prediction(outcome, np.zeros((0, 0)), differences)] * len(answer["recordings"]))
 
 
 @pytest.mark.parametrize("size", [0.5, 5.0, 500.0])
