@@ -12,7 +12,7 @@ import typer
 from pneucli import messages
 from pneucli.cli import console, examples
 from pneucli.cli.options import File, Json, Out, Quiet, Verbose, built_stages, open_pipeline_file, shortest_path
-from pneucli.cli.stage import fails_acceptance, print_implausibilities
+from pneucli.cli.stage import fails_acceptance, print_findings
 from pneucli.messages.run import lines as summary
 from pneucli.stages.history import history_answer
 
@@ -81,7 +81,7 @@ def _print(
             console.print_text(f"{name:10}{_state(stage)}")
             if name in answers:
                 console.print_text(textwrap.indent(messages.render(name, answers[name], str(file), verbose=True), "  "))
-    print_implausibilities(done)
+    print_findings(done, answers.get("compare", {}).get("contradicted", ()))
     console.print_text("\n".join(summary(answers, models, failed, shortest_path(_report(pipeline)), str(file))))
 
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from enum import StrEnum
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
@@ -66,9 +66,12 @@ def run_stage(
     answer = done[name].answer
     if json:
         console.print_json(answer)
-    else:
+    elif name == "ingest":
         console.print_text(messages.render(name, answer, str(file), verbose=verbose))
-        print_implausibilities(done)
+        print_findings(done)
+    else:
+        print_findings(done, answer.get("contradicted", ()))
+        console.print_text(messages.render(name, answer, str(file), verbose=verbose))
     if fails_acceptance(done):
         raise typer.Exit(1)
 
@@ -79,10 +82,10 @@ def fails_acceptance(done: Mapping[str, Done]) -> bool:
     return acceptance.fails_acceptance((designed or {}).get("gate"))
 
 
-def print_implausibilities(done: Mapping[str, Done]) -> None:
-    """Print the implausible findings about the recordings, after the answer of every stage that uses them."""
+def print_findings(done: Mapping[str, Done], left_out: Sequence[str] = ()) -> None:
+    """Print what is odd or cannot be true of the recordings, which could have changed the answer of any stage."""
     if "ingest" in done and (answer := done["ingest"].manifest.answer):
-        for line in plausibility.lines(answer):
+        for line in plausibility.lines(answer, left_out):
             console.print_text(line)
 
 
@@ -118,7 +121,7 @@ def _diagnose(
         typer.Option("--executor", metavar="WHERE", help=f"Where a long search is done: {EXECUTORS}."),
     ] = None,
     force: Annotated[
-        bool, typer.Option("--force", help="Look for effects even in recordings that cannot be true.")
+        bool, typer.Option("--force", help="Use recordings that cannot be true, too.")
     ] = False,
     out: Out = None,
     json: Json = False,

@@ -13,7 +13,7 @@ from pydantic import (
 
 from pneucli.arrangements import ArrangementName
 from pneucli.config.rig_table import RigTable
-from pneucli.config.signal_tables import SignalName, SignalsTable, TextTable
+from pneucli.config.signal_tables import SignalName, SignalsTable, TextTable, parse_calibration
 from pneucli.config.stage_tables import CheckTable, CompareTable, IdentifyTable, ModelTable, PlanTable
 from pneucli.config.value_types import (
     Acceleration,
@@ -32,7 +32,7 @@ from pneucli.config.value_types import (
 from pneucli.experiments import EXPERIMENT_KINDS
 from pneucli.experiments import ExperimentName as Experiment
 from pneucli.quantities import ROTARY_UNITS, SIGNALS
-from pneucli.recording import Rig, Use
+from pneucli.recording import Calibration, Rig, Use
 
 
 class PipelineTable(Table):
@@ -169,6 +169,12 @@ class PipelineConfig(Table):
         """The SI unit of a signal, as the axis moves."""
         unit = SIGNALS[signal].unit
         return ROTARY_UNITS.get(unit, unit) if self._rotary else unit
+
+    @property
+    def calibrations(self) -> dict[str, Calibration]:
+        """The calibrations of the signals that state one."""
+        stated = {name: one.calibration for name, one in self.signals.present().items()}
+        return {name: parse_calibration(own, self.unit(name)) for name, own in stated.items() if own is not None}
 
     @property
     def document(self) -> dict[str, Any]:

@@ -7,8 +7,8 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from pneucli.plausibility.motion import MAX_SPEED, MAX_STROKE
-from pneucli.plausibility.readings import MAX_COMMAND, MAX_FLOW, MAX_PRESSURE
+from pneucli.plausibility.motion import MAX_SPEED
+from pneucli.plausibility.readings import MAX_COMMAND, MAX_FLOW, MAX_PRESSURE, MAX_STROKE
 from pneucli.quantities import SIGNALS
 from pneucli.units import factor_and_offset, parse_unit, same_dimension
 

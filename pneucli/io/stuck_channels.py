@@ -4,7 +4,9 @@ A saturated sample says only that the quantity lies beyond: it becomes missing. 
 
 A sensor at rest still shows its noise. So a run of one value is odd only in a channel whose noise is visible elsewhere
 and where equal neighbours are rare; a quantised channel at rest, or a chamber at ambient pressure, repeats itself all
-the time and is passed over. A position is also frozen where it stands still and then jumps, which no piston does.
+the time and is passed over. A piston rests exactly where an encoder reads it, on a stop or anywhere, and its speed is
+then 0: a position is only frozen where it stands still and then jumps, which no piston does. What jumps to a value and
+stays there was set to it: a sensor reaches the end of its range by way of the values before.
 """
 
 from __future__ import annotations
@@ -28,6 +30,7 @@ MIN_BEND_TURN_SHARE = 0.5  # share of second differences that turn round: 0.73 i
 MIN_BEND_RESOLUTIONS = 3.0  # second differences in steps of the resolution: rounding a slope gives up to 2
 JUMP_RATIO = 20.0  # times the median step
 MOTION = ("x", "v")  # stand still exactly where the piston rests on its end
+MAX_STEP_RATIO = 3.0  # times the largest of the steps before, by which a moving and noisy signal goes on
 SLOPE_SAMPLES = 8  # steps before a run, whose mean is its slope
 MIN_KINK = 10.0  # slope over the bends before it: a signal that comes to rest by itself bends before it does
 
@@ -38,6 +41,7 @@ class _Run:
     value: float
     jump: float  # afterwards
     at_full_speed: bool  # before
+    by_jump: bool  # reached
 
 
 class StuckChannelDetector:
@@ -67,7 +71,7 @@ class StuckChannelDetector:
         self._low = min(self._low, float(np.fmin.reduce(values)))
         self._high = max(self._high, float(np.fmax.reduce(values)))
         self._collect_runs(values)
-        ends = {run.value for run in self._long if run.value in (self._low, self._high) and self._is_too_long(run)}
+        ends = {run.value for run in self._long if run.value in (self._low, self._high) and self._is_end(run)}
         saturated = np.isin(values, [*ends]) if ends else np.zeros(values.size, dtype=np.bool_)
         for level in ends:
             self._clipped[level] = self._clipped.get(level, 0) + int(np.count_nonzero(values == level))
@@ -101,7 +105,8 @@ class StuckChannelDetector:
                 jump = abs(values[end + 1] - values[end]) if end + 1 < values.size else 0.0
                 self._repeats_in_runs += int(end - start)
                 at_full_speed = self._signal not in MOTION and _at_full_speed(values[:start])
-                self._long.append(_Run(int(end - start) + 1, float(values[start]), float(jump), at_full_speed))
+                by_jump = _is_reached_by_jump(values[: start + 1])
+                self._long.append(_Run(int(end - start) + 1, float(values[start]), float(jump), at_full_speed, by_jump))
 
     def repairs(self) -> list[Repair]:
         """Return what is odd, as warnings."""
@@ -126,7 +131,13 @@ class StuckChannelDetector:
         return f"{level:.6g} {unit}".strip()
 
     def _is_odd(self, run: _Run) -> bool:
-        return (self._signal == "x" and run.jump > JUMP_RATIO * self._step) or self._is_too_long(run)
+        if self._signal == "x":
+            return run.jump > JUMP_RATIO * self._step
+        return self._is_too_long(run) and not (self._signal == "v" and run.value == 0.0)
+
+    def _is_end(self, run: _Run) -> bool:
+        """Return whether a sensor was cut off at the end of its range."""
+        return self._signal != "x" and self._is_odd(run) and not run.by_jump
 
     def _is_too_long(self, run: _Run) -> bool:
         """Return whether a run is longer than the noise of the channel lets any be."""
@@ -147,6 +158,13 @@ class StuckChannelDetector:
             f"frozen: {count} samples stand still exactly, {longest.length} at a stretch at {longest.value:.6g}; kept"
         )
         return Repair(self._signal, "frozen", count, message)
+
+
+def _is_reached_by_jump(values: Array) -> bool:
+    """Return whether the last of ``values`` was reached by a step unlike those before it; so is the first of all."""
+    steps = np.abs(np.diff(values[-SLOPE_SAMPLES - 1 :]))
+    steps = steps[np.isfinite(steps)]
+    return steps.size < SLOPE_SAMPLES or bool(steps[-1] > MAX_STEP_RATIO * steps[:-1].max())
 
 
 def _at_full_speed(values: Array) -> bool:

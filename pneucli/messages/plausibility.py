@@ -1,4 +1,4 @@
-"""What signals look like, and what cannot be true of them."""
+"""What signals look like, and what is odd or cannot be true of them."""
 
 from __future__ import annotations
 
@@ -13,24 +13,33 @@ from pneucli.units import parse_unit
 Look = Mapping[str, Any]
 
 
-def lines(answer: Mapping[str, Any]) -> Iterator[str]:
-    """Yield what is implausible in the recordings, of the answer of ``ingest``; nothing where nothing is."""
-    for text in implausibility_sentences(answer.get("plausibility", [])):
-        yield from labelled("doubt", text)
+def lines(answer: Mapping[str, Any], left_out: Sequence[str] = ()) -> Iterator[str]:
+    """Yield the findings in an answer of ``ingest``: conflicts first; nothing where there are none.
+
+    ``left_out`` names the recordings that a stage does not use for theirs.
+    """
+    findings = answer.get("plausibility", [])
+    false = [one for one in findings if one["weight"] == "contradiction"]
+    dropped = [one for one in false if one["recording"] in left_out]
+    kept = [one for one in false if one["recording"] not in left_out]
+    doubts = [one for one in findings if one["weight"] == "doubt"]
+    for label, group in (("left out", dropped), ("conflict", kept), ("doubt", doubts)):
+        for text in implausibility_sentences(group):
+            yield from labelled(label, text)
 
 
-def implausibility_sentences(findings: Sequence[Mapping[str, str]]) -> list[str]:
-    """Return one sentence for each check and signal, with the recordings that it was found in.
+def implausibility_sentences(findings: Sequence[Mapping[str, Any]]) -> list[str]:
+    """Return one sentence for each check, signal and weight, with the recordings that it was found in.
 
     The first recording speaks for all of them: its numbers are shown.
     """
-    groups: dict[tuple[str, str], list[Mapping[str, str]]] = {}
+    groups: dict[tuple[str, ...], list[Mapping[str, Any]]] = {}
     for one in findings:
-        groups.setdefault((one["check"], one["signal"]), []).append(one)
+        groups.setdefault((one["check"], one["signal"], one["weight"]), []).append(one)
     return [_sentence(group) for group in groups.values()]
 
 
-def _sentence(group: Sequence[Mapping[str, str]]) -> str:
+def _sentence(group: Sequence[Mapping[str, Any]]) -> str:
     first, names = group[0], list(dict.fromkeys(one["recording"] for one in group))
     others = f" and {len(names) - 1} more" if len(names) > 1 else ""
     return f"{names[0]}{others}, {first['found']}; {first['mend']}"

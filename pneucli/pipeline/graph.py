@@ -74,7 +74,10 @@ _ALL_STAGES = (
         "raw files -> checked SI signals",
         tables=("pipeline", "rig", "signals", "recordings"),
         files=("recordings", "file"),
-        answer_paths=("recordings", "looks", "left_out", "repairs", "warnings", "plausibility"),
+        answer_paths=(
+            *("recordings", "looks", "left_out", "repairs", "warnings", "plausibility"),
+            *("findings.contradictions", "findings.doubts"),
+        ),
     ),
     Stage(
         "identify",
@@ -83,7 +86,7 @@ _ALL_STAGES = (
         tables=("pipeline", "model", "identify", "compare"),
         files=("model", "plugins"),
         answer_paths=(
-            *("model.effects", "model.parameters", "assumed", "warnings"),
+            *("model.effects", "model.parameters", "assumed", "warnings", "contradicted"),
             *(f"{valve}.{what}" for valve in ("valve", "valve_2") for what in VALVE_ANSWER_KEYS),
             "friction.warnings",
             "friction.domain",
@@ -110,6 +113,7 @@ _ALL_STAGES = (
                 "closed_loop",
                 "purpose.adequate",
                 "purpose.worst",
+                "contradicted",
             ),
         ),
     ),
@@ -122,7 +126,7 @@ _ALL_STAGES = (
         answer_paths=(
             *("verdict", "missing", "ladder", "candidates", "next_experiment", "sentence", *LACK_OF_FIT_PATHS),
             *("unexplained_share", "explained_share", "relative_error", "purpose.adequate", "purpose.worst"),
-            *("detectable", "moved", "unexplained", "discrepancy", "plausibility", "warnings"),
+            *("detectable", "moved", "unexplained", "discrepancy", "plausibility", "contradicted", "warnings"),
             *("model.effects", "data", "held_out", "excluded", "forced", "impossible", "number", "when", "thinned"),
             *("parameters", "since", "changes", "flow.verdict", "flow.missing", "flow.ladder", "flow.sentence"),
         ),

@@ -1,7 +1,7 @@
 """Whether recordings and the stated rig can be true together: looked at before anything is fitted.
 
-Every limit stands where it is used, and lies beyond what an effect of the catalogue may explain: an offset, a scale of
-some per cent, a leak, a lag, an extra mass.
+A finding is a contradiction where what the file states and a law of physics rule out what was recorded, and a doubt
+where it is unusual (:mod:`pneucli.plausibility.rig_check`).
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ from pneucli.plausibility import flow, forces, motion, readings, samples, sensor
 from pneucli.plausibility.own_signals import with_own_signals
 from pneucli.plausibility.rig_check import Finding, RigCheck
 from pneucli.plausibility.signal_summary import SignalSummary, summarize_signal, without_empty_signals
-from pneucli.recording import Recording, Rig
+from pneucli.recording import Calibration, Recording, Rig
 
 __all__ = ["Finding", "SignalSummary", "findings", "summarize_signal", "without_empty_signals"]
 
@@ -25,12 +25,18 @@ STEADY_CHECKS = (readings, steady)  # of single values, whatever their neighbour
 CHECKS = (samples, sensor_response, motion, forces, flow)  # of recordings over time
 
 
-def findings(recordings: Sequence[Recording], rig: Rig, stated: Mapping[str, Collection[str]]) -> list[Finding]:
-    """Return what cannot be true, by check and in the recordings' order.
+def findings(
+    recordings: Sequence[Recording],
+    rig: Rig,
+    stated: Mapping[str, Collection[str]],
+    calibrations: Mapping[str, Calibration] | None = None,
+) -> list[Finding]:
+    """Return what is odd or cannot be true, by check and in the recordings' order.
 
-    ``stated`` names, by recording, the signals that the pipeline file states as held.
+    ``stated`` names, by recording, the signals that the pipeline file states as held; ``calibrations`` has those of
+    the signals that state one.
     """
-    bench = RigCheck([without_empty_signals(one) for one in recordings], rig, stated)
+    bench = RigCheck([without_empty_signals(one) for one in recordings], rig, stated, calibrations or {})
     series = replace(bench, recordings=[one for one in bench.recordings if not one.kind.steady])
     checks = [(module.check, bench) for module in STEADY_CHECKS]
     checks += [(module.check, series) for module in CHECKS if series.recordings]
@@ -48,4 +54,4 @@ def _empty(recordings: Sequence[Recording]) -> Iterator[Finding]:
     for one in recordings:
         for name in [name for name in one.signals if name not in without_empty_signals(one)]:
             mend = f"check the column in [signals] {name}, or leave it out of take in [[recordings]] {one.name}"
-            yield Finding("missing", name, one.name, f"{name} has no sample", mend)
+            yield Finding("missing", name, one.name, f"{name} has no sample", mend, float(one.time.size))

@@ -11,47 +11,53 @@ from numpy.typing import NDArray
 from pneucli.physics.gas import critical_ratio_of
 from pneucli.physics.vectorised import flow_functions
 from pneucli.plausibility.blocks import Blocks, fit_linear, resolved_blocks
-from pneucli.plausibility.resting_pressure import max_supply_difference, pressure_loop, resting_pressure
+from pneucli.plausibility.resting_pressure import pressure_loop, resting_pressure
 from pneucli.plausibility.rig_check import (
+    MIN_DOUBT,
     MIN_SIGNAL_TO_NOISE,
-    T_QUANTILE,
     UNIT_SLIP_FACTOR,
     Finding,
     RigCheck,
+    excess,
     format_in_display_unit,
 )
 from pneucli.recording import Recording, Rig
 
 Array = NDArray[np.float64]
+Mask = NDArray[np.bool_]
 
 MAX_AREA = 5e-4  # m^2: the bore of a one-inch port, wider than any servo valve
 MIN_AREA = 1e-8  # m^2: a hole of 0.1 mm, the smallest orifice of a proportional valve
+MAX_LEAK_AREA = 1e-7  # m^2: the largest leaks that the catalogue calls typical; more flows through the valve
+GEOMETRY_ERROR = 0.1  # of a volume: what hoses and fittings add to it
 MAX_PRESSURE_RATIO = 0.9  # pressure ratio above which the flow function is too flat to tell an area
-MIN_EXPLAINED_VARIANCE = 0.05  # of the area's variance, below which a command has nothing to do with it
 MIN_RELATIVE_FLOW = 0.2  # of the largest flow: heat that goes on after a charge moves less
-MAX_LEAK_AREA = (
-    1e-7  # m^2: the largest leaks that the catalogue calls typical; what flows beyond goes through the valve
-)
-MIN_NET_FLOW_SHARE = (
-    0.3  # of the flows that compressing and moving ask for: what a wrong volume leaves of two that cancel
-)
-MAX_COMPRESSED_PERCENTILE = 50.0  # of p1 on an axis: a load may press it above the supply in half of the time
+# of the flows that compressing and moving ask for: what a wrong volume leaves of two that cancel
+MIN_NET_FLOW_SHARE = 0.3
+MIN_UNEXPLAINED = 0.2  # of the variance of dp/dt, that the pressure leaves to a command
+MIN_GAIN = 0.05  # of that, which a command explains that has to do with the flow
+MAX_LEVELS, MIN_BLOCKS_PER_LEVEL = 5, 4  # of a command, each with a flow of its own over the pressure
+FOLDS = 10  # of the blocks, each predicted from the others
+MIN_WRONG_SHARE = 0.9  # of the flow, that goes against a command with its sign wrong: a late one is wrong at times
 COMMAND_BINS, MIN_BLOCKS_PER_BIN = 20, 5  # of the commands, and blocks in each
 
 
 @dataclass(frozen=True)
 class ChamberFlow:
-    """Blocks of a recording: command in V, flow into chamber 1 in kg/s, and the area in m^2 that lets it through.
+    """Blocks of a recording: command in V, pressures in Pa, flow into chamber 1 in kg/s, and its area in m^2.
 
-    Areas are positive while charging; NaN where the pressures are too near each other.
+    Areas are positive while charging; NaN where the pressures are too near each other. ``slope`` is that of p1 in Pa/s.
+    ``fills``: gas certainly flows in, whatever volume the file states.
     """
 
     recording: Recording
     u: Array
     p: Array
     supply: Array
+    slope: Array
     flow: Array
     area: Array
+    fills: Mask
 
 
 def check(rig_check: RigCheck) -> Iterator[Finding]:
@@ -62,8 +68,6 @@ def check(rig_check: RigCheck) -> Iterator[Finding]:
     for flow in flows:
         yield from _supply_below_chamber(flow, rig_check)
     vessels = [one for one in driven if one.kind.vessel]
-    for one in driven:
-        yield from _above_supply(one, rig_check)
     for one in vessels:
         yield from _undersampled(one)
     loop = pressure_loop(vessels, rig_check)
@@ -71,7 +75,9 @@ def check(rig_check: RigCheck) -> Iterator[Finding]:
         yield loop
         return
     for flow in flows:
+        yield from _dead_command(flow)
         yield from _command_direction(flow, rig_check.rig)
+        yield from _unrelated_command(flow, rig_check)
     for one in vessels:
         yield from resting_pressure(one, rig_check)
     yield from _implausible_areas(flows)
@@ -98,7 +104,9 @@ def _chamber_flow(one: Recording, bench: RigCheck) -> ChamberFlow | None:
         np.abs(flow) > MIN_NET_FLOW_SHARE * np.maximum(np.abs(compression), np.abs(displacement))
     )
     area = np.where(is_determined, flow / np.maximum(per_area, 1e-30), np.nan)
-    return ChamberFlow(one, cut.mean("u", 1), p, supply, flow, area)
+    grows = True if one.kind.vessel else cut.slope("x") >= 0.0 if "x" in one else False
+    fills = (slope > MIN_RELATIVE_FLOW * np.max(slope)) & grows
+    return ChamberFlow(one, cut.mean("u", 1), p, supply, slope, flow, area, fills)
 
 
 def _volume(one: Recording, cut: Blocks, bench: RigCheck) -> tuple[Array | float, Array | float]:
@@ -110,83 +118,127 @@ def _volume(one: Recording, cut: Blocks, bench: RigCheck) -> tuple[Array | float
 
 
 def _unresponsive_pressure(driven: list[Recording], bench: RigCheck) -> Iterator[Finding]:
-    """A command at which p1 moves elsewhere moves it here, too; where it moves nowhere, no command does anything."""
+    """A command at which p1 moves elsewhere moves it here, too, if it is not at the end that the command leads to."""
     swings = {one.name: float(np.nanmax(one["u"]) - np.nanmin(one["u"])) for one in driven}
     answered = [swings[one.name] for one in driven if not bench.is_inactive(one, "p1")]
     for one in driven:
         swing = swings[one.name]
         if not bench.is_inactive(one, "p1") or swing == 0.0 or swing < min(answered, default=0.0):
             continue
+        level = float(np.nanmedian(one["p1"]))
         found = (
-            f"p1 stays at {format_in_display_unit(float(np.nanmedian(one['p1'])), 'p1')} "
-            f"while u changes by {format_in_display_unit(swing, 'u')}"
+            f"p1 stays at {format_in_display_unit(level, 'p1')} while u changes by {format_in_display_unit(swing, 'u')}"
         )
-        other = bench.active_signals(one, "p_supply")
-        if other:
+        by = _distance_to_go(one, level, bench)
+        if bench.active_signals(one, "p_supply"):
+            mend = "exchange the columns in [signals] p1 and p_supply"
             found += ", and p_supply moves instead: swapped?"
-            yield Finding("swapped", "p1", one.name, found, "exchange the columns in [signals] p1 and p_supply")
+            yield from Finding("swapped", "p1", one.name, found, mend, by).judged()
         else:
             mend = "a dead sensor or another column? check column and unit in [signals] p1 and u"
-            yield Finding("silent", "p1", one.name, found, mend)
+            yield from Finding("silent", "p1", one.name, found, mend, by).judged()
+
+
+def _distance_to_go(one: Recording, level: float, bench: RigCheck) -> float:
+    """Return how far p1 is from the pressures that the commands lead to, in units of its uncertainty."""
+    rig, error = bench.rig, bench.pressure_error(one, "p1", level)
+    supply = float(np.nanmedian(one["p_supply"])) if "p_supply" in one else rig.supply_pressure
+    to_ambient = abs(level - rig.ambient_pressure) / error
+    to_supply = to_ambient if supply is None else abs(supply - level) / error
+    command = rig.command_sign(one.chamber) * (one["u"] - rig.valve_null)
+    if rig.null_free or supply is None:
+        return min(to_ambient, to_supply)
+    return max(to_supply if np.nanmax(command) > 0 else 0.0, to_ambient if np.nanmin(command) < 0 else 0.0)
 
 
 def _supply_below_chamber(flow: ChamberFlow, bench: RigCheck) -> Iterator[Finding]:
-    """What charges a chamber stands above it, as recorded or as stated."""
-    if not np.isfinite(flow.supply).all():
+    """What fills a chamber stands above it, as recorded or as stated: gas that flows in comes from somewhere."""
+    one = flow.recording
+    if not flow.fills.any() or not np.isfinite(flow.supply).all():
         return
-    charging = flow.flow > MIN_RELATIVE_FLOW * float(np.max(flow.flow))
-    if not charging.any():
-        return
-    p, supply = float(np.median(flow.p[charging])), float(np.median(flow.supply[charging]))
-    if p - supply > max_supply_difference(supply, bench):
-        found = (
-            f"p1 is charged at {format_in_display_unit(p, 'p1')} from "
-            f"a supply of {format_in_display_unit(supply, 'p_supply')}"
-        )
-        if "p_supply" in flow.recording:
-            mend = "check column, unit and reference in [signals] p_supply and p1"
-            yield Finding("supply", "p_supply", flow.recording.name, found, mend)
-        elif not flow.recording.kind.vessel:  # which the next check looks at
-            mend = "check unit, scale and reference in [signals] p1, and [rig] supply_pressure"
-            yield Finding("supply", "p1", flow.recording.name, found, mend)
-
-
-def _above_supply(one: Recording, bench: RigCheck) -> Iterator[Finding]:
-    """A vessel is filled to the stated supply at most; a piston may press a chamber above it now and then."""
-    supply = bench.rig.supply_pressure
-    if supply is None or "p_supply" in one:
-        return
-    highest = float(np.nanpercentile(one["p1"], 99 if one.kind.vessel else MAX_COMPRESSED_PERCENTILE))
-    if highest - supply > max_supply_difference(supply, bench):
-        reached, stated = format_in_display_unit(highest, "p1"), format_in_display_unit(supply, "p_supply")
-        found = f"p1 reaches {reached}, above the supply of {stated}"
+    p, supply = float(np.median(flow.p[flow.fills])), float(np.median(flow.supply[flow.fills]))
+    errors = bench.pressure_error(one, "p1", p), bench.pressure_error(one, "p_supply", supply)
+    found = (
+        f"p1 is charged at {format_in_display_unit(p, 'p1')} from "
+        f"a supply of {format_in_display_unit(supply, 'p_supply')}"
+    )
+    signal = "p_supply" if "p_supply" in one else "p1"
+    mend = "check column, unit and reference in [signals] p_supply and p1"
+    if signal == "p1":
         mend = "check unit, scale and reference in [signals] p1, and [rig] supply_pressure"
-        yield Finding("supply", "p1", one.name, found, mend)
+    share = float(np.mean((flow.p > flow.supply)[flow.fills]))
+    by = excess(p - supply, *errors)
+    yield from Finding("supply", signal, one.name, found, mend, by, share).judged(physics=True)
+
+
+def _dead_command(flow: ChamberFlow) -> Iterator[Finding]:
+    """A command that stays where it is does not charge and vent."""
+    area = flow.area[np.isfinite(flow.area)]
+    if area.size and np.ptp(flow.u) == 0.0:
+        found = f"chamber 1 is charged and vented while u stays at {format_in_display_unit(float(flow.u[0]), 'u')}"
+        by = excess(min(float(area.max()), -float(area.min())), MAX_LEAK_AREA)
+        mend = "a dead channel? check the column in [signals] u"
+        yield from Finding("silent", "u", flow.recording.name, found, mend, by).judged()
 
 
 def _command_direction(flow: ChamberFlow, rig: Rig) -> Iterator[Finding]:
-    """The larger u, the more chamber 1 is filled (or port 2 vented); where the null lies does not matter."""
-    finite = np.isfinite(flow.area)
-    u, area, name = flow.u[finite], flow.area[finite], flow.recording.name
-    if u.size < 2 or np.std(area) < MAX_LEAK_AREA:
-        return
-    if np.ptp(u) == 0.0:
-        if area.max() > MAX_LEAK_AREA and area.min() < -MAX_LEAK_AREA:
-            found = f"chamber 1 is charged and vented while u stays at {format_in_display_unit(float(u[0]), 'u')}"
-            yield Finding("silent", "u", name, found, "a dead channel? check the column in [signals] u")
-        return
-    line = fit_linear([u - u.mean(), np.ones_like(u)], area)
+    """The larger u, the more chamber 1 is filled (or port 2 vented).
+
+    Physics is against it where almost all gas flows against the command, so that no delay of a command explains it.
+    """
+    through = np.abs(flow.area) > MAX_LEAK_AREA
+    u, area = flow.u[through], flow.area[through]
+    line = fit_linear([u - u.mean(), np.ones_like(u)], area) if u.size else None
     if line is None:
         return
     sense = rig.command_sign(flow.recording.chamber)
-    if sense * line.factors[0] + T_QUANTILE * line.errors[0] < 0:
-        what, does = ("chamber 1", "vented") if sense > 0 else ("port 2", "filled")
-        found = f"{what} is {does} the more the larger u is"
-        yield Finding("direction", "u", name, found, "u > null fills chamber 1: write scale = -1.0 in [signals] u")
-    elif np.corrcoef(u, area)[0, 1] ** 2 < MIN_EXPLAINED_VARIANCE:
-        seen = f"{format_in_display_unit(float(u.min()), 'u')} to {format_in_display_unit(float(u.max()), 'u')}"
-        found = f"the flow into chamber 1 has nothing to do with u ({seen})"
-        yield Finding("silent", "u", name, found, "another column? check the columns in [signals] u and p1")
+    what, does = ("chamber 1", "vented") if sense > 0 else ("port 2", "filled")
+    against = sense * (u - rig.valve_null) * area < 0.0
+    share = float(np.sum(np.abs(area[against])) / np.sum(np.abs(area)))
+    found = f"{what} is {does} the more the larger u is"
+    mend = "u > null fills chamber 1: write scale = -1.0 in [signals] u"
+    by = excess(-sense * line.factors[0], line.errors[0])
+    is_sure = share > MIN_WRONG_SHARE and not rig.null_free
+    yield from Finding("direction", "u", flow.recording.name, found, mend, by, share).judged(physics=is_sure)
+
+
+def _unrelated_command(flow: ChamberFlow, bench: RigCheck) -> Iterator[Finding]:
+    """Beside the pressure a command predicts how fast the pressure changes, wherever gas can flow.
+
+    In a full vessel and in an empty one none flows at any command, so these tell nothing. Blocks are predicted from
+    others by lines over p1, with and without a line of its own for each level of u.
+    """
+    one, rig = flow.recording, bench.rig
+    error = bench.pressure_error(one, "p1", float(np.median(flow.p)))
+    top = np.where(np.isfinite(flow.supply), flow.supply, np.max(flow.p))
+    can_flow = (flow.p > rig.ambient_pressure + MIN_DOUBT * error) & (flow.p < top - MIN_DOUBT * error)
+    u, p, target = flow.u[can_flow], flow.p[can_flow], flow.slope[can_flow] if one.kind.vessel else flow.flow[can_flow]
+    levels = np.unique(np.quantile(u, np.linspace(0.0, 1.0, MAX_LEVELS + 1)[1:-1], method="lower")) if u.size else u
+    level = np.searchsorted(levels, u)
+    counts = np.bincount(level, minlength=1)
+    if u.size < MIN_BLOCKS_PER_LEVEL * MAX_LEVELS or np.count_nonzero(counts >= MIN_BLOCKS_PER_LEVEL) < 2:
+        return
+    plain = [np.ones_like(p), p - p.mean()]
+    own = [column * (level == n) for n in range(counts.size) for column in plain]
+    without, with_u = _prediction_errors(plain, target), _prediction_errors(own, target)
+    if without.sum() < MIN_UNEXPLAINED * float(np.sum((target - target.mean()) ** 2)):
+        return  # the pressure alone says how fast it changes, as through one opening
+    gains = (without - with_u) / float(np.mean(without))
+    seen = f"{format_in_display_unit(float(u.min()), 'u')} to {format_in_display_unit(float(u.max()), 'u')}"
+    found = f"the flow into chamber 1 has nothing to do with u ({seen})"
+    by = excess(MIN_GAIN - float(np.mean(gains)), float(np.std(gains, ddof=1)) / np.sqrt(FOLDS))
+    mend = "another column? check the columns in [signals] u and p1"
+    yield from Finding("silent", "u", one.name, found, mend, by, float(np.mean(can_flow))).judged()
+
+
+def _prediction_errors(columns: list[Array], target: Array) -> Array:
+    """Return the sums of squared errors of ``FOLDS`` parts of ``target``, each predicted from the others."""
+    design, fold = np.column_stack(columns), np.arange(target.size) % FOLDS
+    squares = []
+    for n in range(FOLDS):
+        fitted = np.linalg.lstsq(design[fold != n], target[fold != n], rcond=1e-10)[0]
+        squares.append(np.sum((target[fold == n] - design[fold == n] @ fitted) ** 2))
+    return np.array(squares)
 
 
 def _undersampled(one: Recording) -> Iterator[Finding]:
@@ -200,7 +252,7 @@ def _undersampled(one: Recording) -> Iterator[Finding]:
             f"{format_in_display_unit(span, 'p1')} from one sample to the next"
         )
         mend = f"record faster than at {1 / one.period:.3g} Hz, or check the unit in [signals] time"
-        yield Finding("sampling", "time", one.name, found, mend)
+        yield from Finding("sampling", "time", one.name, found, mend, excess(step, noise)).judged()
 
 
 def _implausible_areas(flows: list[ChamberFlow]) -> Iterator[Finding]:
@@ -212,11 +264,12 @@ def _implausible_areas(flows: list[ChamberFlow]) -> Iterator[Finding]:
             continue
         area, flow = max(mine, key=lambda pair: pair[0])
         opened = any(np.ptp(f.u) > 0 for _, f in mine)  # else what flows may be a leak
-        if area > MAX_AREA or (opened and area < MIN_AREA):
-            found = f"what flows into chamber 1 needs a hole of {area * 1e6:.3g} mm^2, no valve has one"
-            where = "[rig.vessel] volume" if vessel else "dead_volume_1 and piston_area_1 in [rig.cylinder]"
-            mend = f"check {where}, and the units in [signals] time and p1"
-            yield Finding("volume", "p1", flow.recording.name, found, mend)
+        outside = max(area / MAX_AREA, MIN_AREA / max(area, 1e-300) if opened else 0.0) - 1.0
+        found = f"what flows into chamber 1 needs a hole of {area * 1e6:.3g} mm^2, no valve has one"
+        where = "[rig.vessel] volume" if vessel else "dead_volume_1 and piston_area_1 in [rig.cylinder]"
+        mend = f"check {where}, and the units in [signals] time and p1"
+        by = excess(outside, GEOMETRY_ERROR)
+        yield from Finding("volume", "p1", flow.recording.name, found, mend, by).judged()
 
 
 def _vessel_against_cylinder(flows: list[ChamberFlow]) -> Iterator[Finding]:
@@ -232,10 +285,11 @@ def _vessel_against_cylinder(flows: list[ChamberFlow]) -> Iterator[Finding]:
     if not pairs.size:
         return
     ratio = float(np.sum(pairs[:, 0] * pairs[:, 1]) / np.sum(pairs[:, 0] ** 2))
-    if ratio > UNIT_SLIP_FACTOR or 0 < ratio < 1 / UNIT_SLIP_FACTOR:
+    if ratio > 0.0:
         found = f"the valve lets {ratio:.2g} times as much into the cylinder as into the vessel, at the same commands"
         mend = "check [rig.vessel] volume, and dead_volume_1 and piston_area_1 in [rig.cylinder]"
-        yield Finding("volume", "p1", cylinder[0].recording.name, found, mend)
+        by = excess(max(ratio, 1.0 / ratio) / UNIT_SLIP_FACTOR - 1.0, GEOMETRY_ERROR)
+        yield from Finding("volume", "p1", cylinder[0].recording.name, found, mend, by).judged()
 
 
 def _median_areas(edges: Array, *pairs: tuple[Array, Array]) -> list[float]:

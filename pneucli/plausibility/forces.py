@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator
 from dataclasses import dataclass
 
@@ -12,11 +13,15 @@ from pneucli.plausibility.blocks import fit_linear, resolved_blocks
 from pneucli.plausibility.readings import absolute_finding, gauge_finding
 from pneucli.plausibility.rig_check import (
     AMBIENT_SLIP_SHARE,
+    LAG,
+    MAX_EXCESS,
     MIN_DIRECTION_SHARE,
-    T_QUANTILE,
+    MIN_DOUBT,
+    PRESSURE_GAIN,
     UNIT_SLIP_FACTOR,
     Finding,
     RigCheck,
+    excess,
     format_in_display_unit,
 )
 from pneucli.recording import Recording
@@ -33,7 +38,7 @@ EXPONENT_TOLERANCE = 0.5  # beyond isotherm and isentrope, of an exponent that i
 
 @dataclass(frozen=True)
 class ForceBalance:
-    """What net force = mass x acceleration + friction gives, SI, each with its standard error."""
+    """What net force = mass x acceleration + friction gives, SI, each with its standard uncertainty."""
 
     mass: float
     mass_error: float
@@ -50,7 +55,7 @@ def check(rig_check: RigCheck) -> Iterator[Finding]:
             continue
         closed = ClosedChamber.from_recording(one, rig_check)
         exponent = closed.exponent() if closed else None
-        turned = exponent is not None and exponent[0] + T_QUANTILE * exponent[1] < 0
+        turned = exponent is not None and exponent[0] + MIN_DOUBT * exponent[1] < 0
         if closed and exponent:
             yield from _polytropic_law(one, closed, *exponent, rig_check)
         balance = _force_balance(one, rig_check)
@@ -61,30 +66,35 @@ def check(rig_check: RigCheck) -> Iterator[Finding]:
 
 
 def _force_balance(one: Recording, bench: RigCheck) -> ForceBalance | None:
+    """Fit mass and friction; pressures may read a scale too much, and they may be late (:data:`LAG`)."""
     cut = resolved_blocks(one, "x", 2)
+    driving = [name for name in ("p1", "p2", "force") if name in one]
     if cut is None:
         return None
-    force = bench.net_force(one, {name: cut.mean(name, 2) for name in ("p1", "p2", "force") if name in one})
-    if force is None:
-        return None
     v, a, x = cut.slope("x"), cut.curvature("x"), cut.mean("x", 2)
-    one_direction = np.abs(v) > np.abs(a) * cut.half_duration  # of the direction: it does not turn within the block
-    v, a, x, force = v[one_direction], a[one_direction], x[one_direction], force[one_direction]
-    if v.size == 0:
+    one_way = np.abs(v) > np.abs(a) * cut.half_duration  # the motion does not turn within the block
+    forces = bench.forces(one, {name: cut.mean(name, 2)[one_way] for name in driving}, bench.rig.ambient_pressure)
+    rates = bench.forces(one, {name: cut.slope(name)[one_way] for name in driving}, 0.0)
+    v, a, x = v[one_way], a[one_way], x[one_way]
+    if v.size == 0 or not forces:
         return None
-    line = fit_linear([a, np.sign(v), v, x - x.mean(), np.ones_like(v)], force)
-    if line is None:
+    columns = [a, np.sign(v), v, x - x.mean(), np.ones_like(v)]
+    line, late = fit_linear(columns, sum(forces.values(), 0.0 * v)), fit_linear(columns, sum(rates.values(), 0.0 * v))
+    parts = [fit_linear(columns, own) for name, own in forces.items() if name != "force"]
+    if line is None or late is None:
         return None
-    speed = float(np.mean(np.abs(v)))
-    drag, drag_error = line.combination(np.array([0.0, 1.0, float(np.mean(v**2)) / speed, 0.0, 0.0]))
+    lag = LAG * float(np.ptp(x)) / float(np.max(np.abs(v)))
+
+    def combined(combination: Array) -> tuple[float, float]:
+        value, error = line.combination(combination)
+        scales = [PRESSURE_GAIN * part.combination(combination)[0] for part in parts if part is not None]
+        return value, math.hypot(error, lag * late.combination(combination)[0], *scales)
+
+    mass, mass_error = combined(np.array([1.0, 0.0, 0.0, 0.0, 0.0]))
+    drag, drag_error = combined(np.array([0.0, 1.0, float(np.mean(v**2)) / float(np.mean(np.abs(v))), 0.0, 0.0]))
     forth = float(np.mean(v > 0))
-    return ForceBalance(
-        float(line.factors[0]) - one.added_mass,
-        float(line.errors[0]),
-        drag,
-        drag_error,
-        MIN_DIRECTION_SHARE < forth < 1 - MIN_DIRECTION_SHARE,
-    )
+    both_ways = MIN_DIRECTION_SHARE < forth < 1 - MIN_DIRECTION_SHARE
+    return ForceBalance(mass - one.added_mass, mass_error, drag, drag_error, both_ways)
 
 
 def _direction(one: Recording, balance: ForceBalance, *, turned: bool) -> Iterator[Finding]:
@@ -93,7 +103,7 @@ def _direction(one: Recording, balance: ForceBalance, *, turned: bool) -> Iterat
     Weight, springs and sensors' offsets give back on the way back what they take.
     """
     alone = one.imposed and "force" not in one  # what moves the piston was not measured, and may press on the air
-    if alone or not balance.both_ways or balance.drag + T_QUANTILE * balance.drag_error > 0:
+    if alone or not balance.both_ways:
         return
     if "p1" not in one or "p2" not in one:
         mend = "write scale = -1.0 in [signals] x, or in [signals] force, whichever has its sign wrong"
@@ -102,7 +112,8 @@ def _direction(one: Recording, balance: ForceBalance, *, turned: bool) -> Iterat
     else:
         mend = "p1 and p2 swapped? exchange the columns in [signals] p1 and p2; or write scale = -1.0 in [signals] x"
     found = f"the force on the piston brakes its motion by {-balance.drag:.3g} N in either direction"
-    yield Finding("direction", "x", one.name, found, mend)
+    by = excess(-balance.drag, balance.drag_error)
+    yield from Finding("direction", "x", one.name, found, mend, by).judged(physics=True)
 
 
 def _mass(balances: list[tuple[Recording, ForceBalance]], bench: RigCheck) -> Iterator[Finding]:
@@ -115,13 +126,13 @@ def _mass(balances: list[tuple[Recording, ForceBalance]], bench: RigCheck) -> It
     weights = (errors.min() / errors) ** 2
     mass = float(np.average(masses, weights=weights))
     scatter = float(np.sqrt(np.sum(((masses - mass) / errors) ** 2) / max(masses.size - 1, 1)))
-    error = T_QUANTILE * max(1.0, scatter) * float(errors.min() / np.sqrt(weights.sum()))
+    error = max(1.0, scatter) * float(errors.min() / np.sqrt(weights.sum()))
     best = known[int(np.argmax(weights))][0]
-    if mass - error > MAX_MASS_RATIO * stated or abs(mass) + error < MIN_MASS_RATIO * stated:
-        found = f"the force on the piston accelerates {mass:.3g} kg, and {stated:.3g} kg are stated"
-        mend = "check piston_area_1, piston_area_2 and moving_mass in [rig.cylinder], "
-        mend += "and the units in [signals] p1, p2, x and time"
-        yield Finding("mass", "x", best.name, found, mend)
+    found = f"the force on the piston accelerates {mass:.3g} kg, and {stated:.3g} kg are stated"
+    mend = "check piston_area_1, piston_area_2 and moving_mass in [rig.cylinder], "
+    mend += "and the units in [signals] p1, p2, x and time"
+    outside = max(mass - MAX_MASS_RATIO * stated, MIN_MASS_RATIO * stated - abs(mass))
+    yield from Finding("mass", "x", best.name, found, mend, excess(outside, error)).judged()
 
 
 @dataclass(frozen=True)
@@ -150,16 +161,16 @@ class ClosedChamber:
         line = fit_linear([self.squeezed * self.p, *self.leaks], self.change)
         return None if line is None else (float(line.factors[0]), float(line.errors[0]))
 
-    def offset_significance(self, offset: float, kappa: float) -> float:
-        """Return by how many standard errors the chamber's law wants more than ``offset`` (Pa) added to p2.
+    def offset(self, kappa: float) -> tuple[float, float]:
+        """Return what has to be added to p2 (Pa) for the chamber's law, with its error.
 
-        With an offset, air goes like V^-n with n between 1 and ``kappa``. Another exponent, such as that of a fast
-        motion of which p2 is late, says that an offset is not what is wrong: 0.
+        With it air goes like V^-n with n between 1 and ``kappa``. Another exponent, such as that of a fast motion of
+        which p2 is late, says that an offset is not what is wrong: 0.
         """
-        line = fit_linear([self.squeezed * (self.p + offset), self.squeezed, *self.leaks], self.change)
+        line = fit_linear([self.squeezed * self.p, self.squeezed, *self.leaks], self.change)
         if line is None or not 1.0 - EXPONENT_TOLERANCE <= line.factors[0] <= kappa + EXPONENT_TOLERANCE:
-            return 0.0
-        return float(line.factors[1] / max(line.errors[1], 1e-300))
+            return 0.0, 1.0
+        return float(line.factors[1] / line.factors[0]), max(float(line.errors[1] / line.factors[0]), 1e-300)
 
 
 def _midpoints(values: Array) -> Array:
@@ -176,18 +187,24 @@ def _polytropic_law(
     """
     middle, ambient, kappa = float(np.nanmedian(one["p2"])), bench.rig.ambient_pressure, bench.rig.heat_capacity_ratio
     steepest = kappa * ((middle + ambient) / max(middle, 1.0)) ** 1.5
-    seen = f"p2 of the closed chamber goes like V^-{exponent:.3g}, air between V^-1 and V^-{kappa:.3g}"
-    if exponent < 0 and exponent + T_QUANTILE * error < MIN_POLYTROPIC_EXPONENT:
+    outside = max(exponent - steepest, MIN_POLYTROPIC_EXPONENT - exponent)
+    if exponent < 0:
         found = f"p2 of the closed chamber falls where x grows and makes it smaller (p2 goes like V^{-exponent:.3g})"
-        yield Finding("direction", "x", one.name, found, "x grows toward chamber 1? write scale = -1.0 in [signals] x")
-    elif exponent - T_QUANTILE * error > steepest or exponent + T_QUANTILE * error < MIN_POLYTROPIC_EXPONENT:
+        mend = "x grows toward chamber 1? write scale = -1.0 in [signals] x"
+        yield from Finding("direction", "x", one.name, found, mend, excess(-exponent, error)).judged(physics=True)
+    elif excess(outside, error) >= MIN_DOUBT:
+        found = f"p2 of the closed chamber goes like V^-{exponent:.3g}, air between V^-1 and V^-{kappa:.3g}"
         mend = "check dead_volume_2, piston_area_2 and stroke in [rig.cylinder], and the units in [signals] x and p2"
-        yield Finding("volume", "p2", one.name, seen, mend)
-    elif closed.offset_significance(AMBIENT_SLIP_SHARE * ambient, kappa) > T_QUANTILE:
-        yield gauge_finding(
-            one, "p2", f"p2 of the closed chamber lacks ambient pressure at {format_in_display_unit(middle, 'p2')}"
-        )
-    elif closed.offset_significance(-AMBIENT_SLIP_SHARE * ambient, kappa) < -T_QUANTILE:
-        yield absolute_finding(
-            one, "p2", f"p2 of the closed chamber has ambient pressure twice at {format_in_display_unit(middle, 'p2')}"
-        )
+        yield Finding("volume", "p2", one.name, found, mend, min(excess(outside, error), MAX_EXCESS))
+    else:
+        yield from _closed_reference(one, *closed.offset(kappa), middle, ambient)
+
+
+def _closed_reference(one: Recording, offset: float, error: float, middle: float, ambient: float) -> Iterator[Finding]:
+    by = excess(abs(offset) - AMBIENT_SLIP_SHARE * ambient, error)
+    at = format_in_display_unit(middle, "p2")
+    if offset > 0:
+        yield from gauge_finding(one, "p2", f"p2 of the closed chamber lacks ambient pressure at {at}", by).judged()
+    else:
+        found = f"p2 of the closed chamber has ambient pressure twice at {at}"
+        yield from absolute_finding(one, "p2", found, by).judged()

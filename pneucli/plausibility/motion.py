@@ -8,7 +8,16 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pneucli.plausibility.blocks import Blocks, fit_linear, resolved_blocks
-from pneucli.plausibility.rig_check import T_QUANTILE, UNIT_SLIP_FACTOR, Finding, RigCheck, format_in_display_unit
+from pneucli.plausibility.rig_check import (
+    MIN_DOUBT,
+    POSITION_GAIN,
+    PRESSURE_GAIN,
+    UNIT_SLIP_FACTOR,
+    Finding,
+    RigCheck,
+    excess,
+    format_in_display_unit,
+)
 from pneucli.quantities import axis_unit
 from pneucli.recording import Recording
 
@@ -24,7 +33,6 @@ def check(rig_check: RigCheck) -> Iterator[Finding]:
     """Yield findings of all recordings with a piston."""
     moved = [one for one in rig_check.recordings if "x" in one and one.kind.cylinder]
     for one in moved:
-        yield from _travel(one)
         yield from _stroke(one, rig_check)
         yield from [*_speed(one)] or _jumps(one)
         for signal, order in (("v", 1), ("a", 2)):
@@ -33,18 +41,8 @@ def check(rig_check: RigCheck) -> Iterator[Finding]:
     yield from _motionless(moved, rig_check)
 
 
-MAX_STROKE = 12.0  # m: rodless cylinders end at 10 m
-
-
-def _travel(one: Recording) -> Iterator[Finding]:
-    """No cylinder is as long as a wrong unit makes it; an angle may turn for ever."""
-    low, high = np.nanpercentile(one["x"], (0.1, 99.9))
-    if high - low > MAX_STROKE and axis_unit("m") == "m":
-        found = f"x travels {high - low:.3g} m, further than any cylinder's stroke ({MAX_STROKE:.3g} m)"
-        yield Finding("unit", "x", one.name, found, "check unit and scale in [signals] x")
-
-
 def _stroke(one: Recording, bench: RigCheck) -> Iterator[Finding]:
+    """The range of x fits into the stroke. Where x is zero counts only where volumes of gas follow from x."""
     stroke, (low, high) = bench.rig.stroke, np.nanpercentile(one["x"], (0.1, 99.9))
     if stroke is None:
         return
@@ -52,14 +50,20 @@ def _stroke(one: Recording, bench: RigCheck) -> Iterator[Finding]:
         f"x goes from {format_in_display_unit(low, 'x')} to {format_in_display_unit(high, 'x')}, "
         f"the stroke is {format_in_display_unit(stroke, 'x')}"
     )
-    if high - low > (1 + MAX_ZERO_ERROR) * stroke:
-        mend = "check unit and scale in [signals] x, and [rig.cylinder] stroke"
-        yield Finding("stroke", "x", one.name, seen, mend)
-    elif low < -MAX_ZERO_ERROR * stroke or high > (1 + MAX_ZERO_ERROR) * stroke:
+    own = bench.calibrations.get("x")
+    gain = POSITION_GAIN if own is None else max(own.gain, own.zero / stroke)
+    error = float(np.hypot(gain * stroke, one.noise["x"].rms if "x" in one.noise else 0.0))
+    beyond = excess(high - low - stroke, error)
+    share = float(np.nanmean((one["x"] < low) | (one["x"] > low + stroke)))
+    mend = "check unit and scale in [signals] x, and [rig.cylinder] stroke"
+    ranges = [*Finding("stroke", "x", one.name, seen, mend, beyond, share).judged(physics=True)]
+    yield from ranges
+    outside = max(-low, high - stroke)
+    if not ranges and outside > MAX_ZERO_ERROR * stroke and (one.kind.axis or one.chamber_2 == "closed"):
         mend = "x = 0 is where chamber 1 is smallest: write offset in [signals] x"
         if high <= MAX_ZERO_ERROR * stroke:
             mend = f"write scale = -1.0 in [signals] x if it grows toward chamber 1; else {mend}"
-        yield Finding("stroke", "x", one.name, seen, mend)
+        yield from Finding("stroke", "x", one.name, seen, mend, excess(outside, error), share).judged()
 
 
 def _speed(one: Recording) -> Iterator[Finding]:
@@ -68,12 +72,12 @@ def _speed(one: Recording) -> Iterator[Finding]:
     if at.size < 2:
         return
     speed = float(np.percentile(np.abs(np.diff(one["x"][at]) / np.diff(one.time[at])), 99.0))
-    if speed > MAX_SPEED:
-        found = (
-            f"x moves at {format_in_display_unit(speed, 'v')}, faster "
-            f"than any piston ({format_in_display_unit(MAX_SPEED, 'v')})"
-        )
-        yield Finding("speed", "x", one.name, found, "check the units in [signals] time and x")
+    found = (
+        f"x moves at {format_in_display_unit(speed, 'v')}, faster "
+        f"than any piston ({format_in_display_unit(MAX_SPEED, 'v')})"
+    )
+    by = excess(speed / MAX_SPEED - 1.0, PRESSURE_GAIN)
+    yield from Finding("speed", "x", one.name, found, "check the units in [signals] time and x", by).judged()
 
 
 def _jumps(one: Recording) -> Iterator[Finding]:
@@ -87,60 +91,67 @@ def _jumps(one: Recording) -> Iterator[Finding]:
     stays = [n for n, (a, b) in zip(jumps, places, strict=False) if abs(b - a) > 0.5 * abs(steps[n - 1])]
     if stays and axis_unit("m") == "m":
         first = stays[0]
-        size, period = format_in_display_unit(abs(float(steps[first - 1])), "x"), time[first] - time[first - 1]
+        jump, period = abs(float(steps[first - 1])), time[first] - time[first - 1]
         times = "once" if len(stays) == 1 else f"{len(stays)} times"
         found = (
-            f"x jumps {times}, first by {size} in {1e3 * period:.3g} ms at {time[first]:.5g} s: no piston is so fast"
+            f"x jumps {times}, first by {format_in_display_unit(jump, 'x')} in {1e3 * period:.3g} ms "
+            f"at {time[first]:.5g} s: no piston is so fast"
         )
         mend = f"lost counts, or two recordings in one? cut with from and to in [[recordings]] {one.name}"
-        yield Finding("speed", "x", one.name, found, mend)
+        noise = 0.0 if model is None else model.rms
+        by = excess(jump - MAX_SPEED * period, noise, PRESSURE_GAIN * MAX_SPEED * period)
+        yield from Finding("speed", "x", one.name, found, mend, by, len(stays) / x.size).judged()
 
 
-def _derivative(one: Recording, signal: str, order: int, found: Blocks) -> Iterator[Finding]:
+def _derivative(one: Recording, signal: str, order: int, cut: Blocks) -> Iterator[Finding]:
     """Compare what was measured with the derivative of x: their factor is 1, whatever the sensor's offset."""
-    derived = found.slope("x") if order == 1 else found.curvature("x")
-    measured = found.mean(signal, order)
+    derived = cut.slope("x") if order == 1 else cut.curvature("x")
+    measured = cut.mean(signal, order)
     line = fit_linear([derived, np.ones_like(derived)], measured)
     if line is None:
         return
-    factor, error = line.factors[0], T_QUANTILE * line.errors[0]
-    seen = f"{signal} is {factor:.2g} times the {'first' if order == 1 else 'second'} derivative of x"
-    if factor + error < -1 / UNIT_SLIP_FACTOR:
+    factor, error = float(line.factors[0]), float(line.errors[0])
+    found = f"{signal} is {factor:.2g} times the {'first' if order == 1 else 'second'} derivative of x"
+    check, slip = "derivative", _unit_slip(factor, order, signal)
+    mend = f"check the units in [signals] {signal}, x and time ({slip})"
+    outside = max(abs(factor) - UNIT_SLIP_FACTOR, 1 / UNIT_SLIP_FACTOR - abs(factor))
+    if abs(factor) <= MIN_DOUBT * error:
+        check, mend = "silent", f"{signal} is dead, or another column: check the column in [signals] {signal}"
+    elif factor < -1 / UNIT_SLIP_FACTOR:
+        check, outside = "direction", -factor - 1 / UNIT_SLIP_FACTOR
         mend = f"write scale = -1.0 in [signals] x if x grows toward chamber 1, else in [signals] {signal}"
-        yield Finding("direction", signal, one.name, seen, mend)
-    elif factor - error > UNIT_SLIP_FACTOR:
-        mend = f"check the units in [signals] {signal}, x and time ({_unit_slip(factor, order, signal)})"
-        yield Finding("derivative", signal, one.name, seen, mend)
-    elif abs(factor) + error < 1 / UNIT_SLIP_FACTOR:
-        mend = f"{signal} is dead, or another column: check column and unit in [signals] {signal}, x and time"
-        yield Finding("derivative", signal, one.name, seen, mend)
+    yield from Finding(check, signal, one.name, found, mend, excess(outside, error)).judged(physics=True)
 
 
 def _unit_slip(factor: float, order: int, signal: str) -> str:
     """Say which slip of a thousand explains a factor."""
-    thousands = round(float(np.log10(factor)) / 3)
+    thousands = round(float(np.log10(abs(factor) or 1.0)) / 3)
     slips = {1: f"x in m, or {signal} in mm/s{'^2' if order == 2 else ''}", order: "time in ms"}
     return slips.get(thousands, "none of the usual slips by a thousand")
 
 
 def _motionless(moved: list[Recording], bench: RigCheck) -> Iterator[Finding]:
-    """A piston may stick, or be held; it does not stick under more than twice what broke it away elsewhere.
+    """A piston may stick, be held, or lie on a stop; it does not stick under more than twice what moves it elsewhere.
 
     From sticking the one way to sticking the other way the force swings by twice the static friction.
     """
     still = [one for one in moved if bench.is_inactive(one, "x") and "x" not in bench.stated.get(one.name, ())]
-    swings = [_net_force_range(one, bench) for one in moved if one not in still]
-    limit = 2.0 * min(swings, default=0.0)
+    others = [one for one in moved if one not in still]
+    limit = 2.0 * min([_net_force_range(one, bench) for one in others], default=0.0)
+    ends = [float(np.nanpercentile(one["x"], q)) for one in others for q in (0.1, 99.9)]
+    stops = [0.0, bench.rig.stroke or 0.0, min(ends, default=0.0), max(ends, default=0.0)]
+    reach = POSITION_GAIN * max(bench.rig.stroke or 0.0, float(np.ptp(ends)) if ends else 0.0)
     for one in still:
-        swing = _net_force_range(one, bench)
-        if len(still) < len(moved) and not swing > limit > 0:
+        swing, x = _net_force_range(one, bench), float(np.nanmedian(one["x"]))
+        if others and (min(abs(x - stop) for stop in stops) <= reach or not swing > limit > 0):
             continue
         low, high = (format_in_display_unit(float(end), "x", 6) for end in (np.nanmin(one["x"]), np.nanmax(one["x"])))
         pushed = f" while the force on it changes by {swing:.3g} N" if np.isfinite(swing) else ""
         found = f"the piston does not move: x stays at {low} to {high}{pushed}"
         mend = "a dead sensor or another column? check [signals] x; "
         mend += f'if the piston was held, write x = "{low}" in [[recordings]] {one.name}'
-        yield Finding("motionless", "x", one.name, found, mend)
+        by = excess(swing - limit, PRESSURE_GAIN * max(swing, limit)) if np.isfinite(swing) else MIN_DOUBT
+        yield from Finding("motionless", "x", one.name, found, mend, by).judged()
 
 
 def _net_force_range(one: Recording, bench: RigCheck) -> float:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterable, Iterator
 
 from pneucli.plausibility.rig_check import Finding
 
@@ -18,31 +18,17 @@ _MENDS = {
     "spread": "export the stamps with more digits",
     "counter": "export the stamps with more digits, or from a clock that does not wrap",
 }
-REPAIRS = frozenset(_MENDS)  # checks of these names say how a recording was read, not that it cannot be true
-
-GAPS = frozenset({"missing", "motionless"})  # less than could have been recorded (a piston on its stop), nothing false
+REPAIRS = frozenset(_MENDS)  # checks of these names say how a recording was read
 
 
-def impossible_findings(findings: Iterable[Mapping[str, str]]) -> list[Mapping[str, str]]:
-    """Return the findings with which recordings and the stated rig cannot both be true.
+def repair_findings(repairs: Iterable[tuple[str, str, str, str, int, float]]) -> Iterator[Finding]:
+    """Yield a finding for each repair that bears on what a recording says; its excess is its count.
 
     Args:
-        findings: Findings as the answer of ``ingest`` has them.
-
-    >>> impossible_findings([{"check": "speed"}, {"check": "missing"}, {"check": "roll-over"}])
-    [{'check': 'speed'}]
-    """
-    return [one for one in findings if one["check"] not in REPAIRS | GAPS]
-
-
-def repair_findings(repairs: Iterable[tuple[str, str, str, str]]) -> Iterator[Finding]:
-    """Yield a finding for each repair that bears on what a recording says.
-
-    Args:
-        repairs: recording, signal, kind and message of each repair.
+        repairs: recording, signal, kind, message, count, and share of the samples, of each repair.
 
     """
-    for recording, signal, kind, message in repairs:
+    for recording, signal, kind, message, count, share in repairs:
         if kind in _MENDS:
             mend = _MENDS[kind].format(signal=signal, recording=recording)
-            yield Finding(kind, signal, recording, message, mend)
+            yield Finding(kind, signal, recording, message, mend, float(count), share)

@@ -9,15 +9,16 @@ import numpy as np
 from pneucli.plausibility.readings import absolute_finding, gauge_finding
 from pneucli.plausibility.rig_check import (
     AMBIENT_SLIP_SHARE,
+    MAX_EXCESS,
     UNIT_SLIP_FACTOR,
     Finding,
     RigCheck,
+    excess,
     format_in_display_unit,
     format_number,
 )
 from pneucli.recording import Recording
 
-MAX_SPAN_ERROR = 0.1  # of a reading above ambient: "some per cent" of a sensor's span error ends there
 MIN_COMMAND_STEP = 0.005  # of the commands' range: less is noise of a command that is held
 MIN_HELD_SAMPLES = 40  # samples at one command, of which the last two tens tell whether p1 still moves
 MIN_PRESSURE_TRAVEL, MAX_RESTING_DRIFT = (
@@ -59,32 +60,40 @@ def pressure_loop(vessels: Sequence[Recording], bench: RigCheck) -> Finding | No
         "above and from below: the valve controls its pressure, and its command sets no area"
     )
     mend = 'the piston alone shows in recordings with experiment = "friction", whose pressures are inputs'
-    return Finding("pressure-loop", "u", rests[0][3], found, mend)
+    by = excess(MAX_LOOP_SCATTER * float(np.ptp(levels)), scatter)
+    return Finding("pressure-loop", "u", rests[0][3], found, mend, min(by, MAX_EXCESS))
 
 
 def resting_pressure(one: Recording, bench: RigCheck) -> Iterator[Finding]:
     """Where a vessel has been vented it rests at ambient pressure, where it has been charged not above the supply."""
     ambient = bench.rig.ambient_pressure
     for charged, level, rows in _resting_levels(one, MIN_PRESSURE_TRAVEL):
-        if not charged:
-            off = (level - ambient) / ambient
-            seen = f"p1 rests at {format_in_display_unit(level, 'p1')} in a vented chamber"
-            if -1 - AMBIENT_SLIP_SHARE < off < -AMBIENT_SLIP_SHARE:
-                yield gauge_finding(one, "p1", seen)
-            elif AMBIENT_SLIP_SHARE < off < 1 + AMBIENT_SLIP_SHARE:
-                yield absolute_finding(one, "p1", seen)
-        elif "p_supply" in one:
-            supply = float(np.nanmedian(one["p_supply"][rows]))
-            off, apart = level - supply, max_supply_difference(supply, bench)
-            seen = (
-                f"p1 rests at {format_in_display_unit(level, 'p1')} in a chamber "
-                f"that is charged from {format_in_display_unit(supply, 'p_supply')}"
-            )
-            if apart < off < (1 + AMBIENT_SLIP_SHARE) * ambient:
-                yield gauge_finding(one, "p_supply", seen)
-            elif off > apart or level - ambient < (supply - ambient) / UNIT_SLIP_FACTOR:  # between them: a leak
-                mend = "check column, unit and reference in [signals] p_supply and p1"
-                yield Finding("supply", "p_supply", one.name, seen, mend)
+        error, share = bench.pressure_error(one, "p1", level), (rows.stop - rows.start) / one.time.size
+        seen = f"p1 rests at {format_in_display_unit(level, 'p1')} in a vented chamber"
+        if not charged and level < ambient:  # it cannot vent further than to what it vents to
+            yield from gauge_finding(one, "p1", seen, excess(ambient - level, error), share).judged(physics=True)
+        elif not charged and AMBIENT_SLIP_SHARE < level / ambient - 1.0 < 1.0 + AMBIENT_SLIP_SHARE:
+            yield from absolute_finding(one, "p1", seen, excess(level - ambient, error), share).judged()
+        elif charged and "p_supply" in one:
+            yield from _charged(one, level, rows, bench)
+
+
+def _charged(one: Recording, level: float, rows: slice, bench: RigCheck) -> Iterator[Finding]:
+    """A vessel is charged to its supply; where it rests far below, either reads wrong, or the vessel leaks."""
+    ambient, supply = bench.rig.ambient_pressure, float(np.nanmedian(one["p_supply"][rows]))
+    errors = bench.pressure_error(one, "p1", level), bench.pressure_error(one, "p_supply", supply)
+    above, share = excess(level - supply, *errors), (rows.stop - rows.start) / one.time.size
+    seen = (
+        f"p1 rests at {format_in_display_unit(level, 'p1')} in a chamber "
+        f"that is charged from {format_in_display_unit(supply, 'p_supply')}"
+    )
+    if above > 0.0 and level - supply < (1 + AMBIENT_SLIP_SHARE) * ambient:
+        yield from gauge_finding(one, "p_supply", seen, above, share).judged(physics=True)
+        return
+    below = excess((supply - ambient) / UNIT_SLIP_FACTOR - (level - ambient), *errors)
+    mend = "check column, unit and reference in [signals] p_supply and p1"
+    finding = Finding("supply", "p_supply", one.name, seen, mend, max(above, below), share)
+    yield from finding.judged(physics=above > 0.0)
 
 
 def _resting_levels(one: Recording, min_travel: float) -> list[tuple[bool, float, slice]]:
@@ -101,9 +110,3 @@ def _resting_levels(one: Recording, min_travel: float) -> list[tuple[bool, float
         if abs(last - first) > min_travel * span and abs(last - before) < MAX_RESTING_DRIFT * span:
             found.append((last > first, last, slice(int(start + (stop - start) * 3 // 4), int(stop))))
     return found
-
-
-def max_supply_difference(supply: float, bench: RigCheck) -> float:
-    """Return by how many Pa readings of p1 and p_supply differ where more than a scale is wrong."""
-    ambient = bench.rig.ambient_pressure
-    return max(AMBIENT_SLIP_SHARE * ambient, MAX_SPAN_ERROR * (supply - ambient))

@@ -1,41 +1,58 @@
-"""What all checks look at: the recordings, and what the pipeline file states of the rig."""
+"""What all checks look at, and the one rule by which a finding is a doubt or a contradiction."""
 
 from __future__ import annotations
 
-from collections.abc import Collection, Mapping, Sequence
-from dataclasses import dataclass
+import math
+from collections.abc import Collection, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
 from functools import cached_property
+from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
 
 from pneucli.plausibility.signal_activity import is_inactive
 from pneucli.quantities import display_unit
-from pneucli.recording import Recording, Rig
+from pneucli.recording import Calibration, Recording, Rig
 from pneucli.units import parse_unit
 
 Array = NDArray[np.float64]
+Weight = Literal["contradiction", "doubt"]
 
+# standard uncertainties by which something is outside: of 10 jackknifed stretches, Student's t with 9 degrees of
+# freedom exceeds the first in 1 of 130 and the second in 1 of 10,000
+MIN_DOUBT, MIN_CONTRADICTION = 3.0, 6.0
+MAX_EXCESS = 1e9  # that is told: more says no more
+# standard uncertainty of what states no calibration: the usual sizes of pressure-offset, pressure-scale and
+# pressure-lag in the catalogue
+PRESSURE_ZERO = 0.01  # of the highest pressure
+PRESSURE_GAIN = 0.03  # of the pressure above ambient
+LAG = 0.03  # of the time in which the piston crosses the range of x at its top speed
+POSITION_GAIN = 0.01  # of a distance: the scale of a sensor and what a stroke is rounded to
 # the middle between "as stated" and "wrong by a power of ten", such as mm for cm: no effect of the catalogue changes a
 # quantity this much but an extra mass
 UNIT_SLIP_FACTOR = float(np.sqrt(10.0))
 # the middle between "right" and "off by ambient pressure", over ambient pressure
 AMBIENT_SLIP_SHARE = 0.5
-# standard errors from the jackknife of ten stretches: Student's t with 9 degrees of freedom exceeds them in 1 of 5,000
-T_QUANTILE = 6.0
 # times a sensor's noise, that a change must have to be no noise: two samples of white noise differ by 8 at most
 MIN_SIGNAL_TO_NOISE = 10.0
 # of the moving time, that each direction must have to tell friction from a constant force
 MIN_DIRECTION_SHARE = 0.1
+PRESSURES = ("p_supply", "p1", "p2")
 
 
 @dataclass(frozen=True)
 class RigCheck:
-    """Recordings in SI, the rig, and by recording the names of the signals that the file states as held."""
+    """Recordings in SI, the rig, and what the file states.
+
+    ``stated`` has, by recording, the names of the signals that the file states as held, ``calibrations`` the
+    calibrations of signals that state one.
+    """
 
     recordings: Sequence[Recording]
     rig: Rig
     stated: Mapping[str, Collection[str]]
+    calibrations: Mapping[str, Calibration] = field(default_factory=dict)
 
     def is_inactive(self, recording: Recording, signal: str) -> bool:
         """Whether a signal of a recording is constant or nothing but noise."""
@@ -60,13 +77,26 @@ class RigCheck:
             return None
         return np.asarray(rig.dead_volume_2 + area * (rig.stroke - x))
 
-    def net_force(self, recording: Recording, signals: Mapping[str, Array]) -> Array | None:
-        """Return the force in N that drives the piston, from ``signals`` of any one shape; None where none is known."""
-        known = {name for name in ("p1", "p2") if name in recording and self.rig.has_cylinder}
-        parts = [signals["force"]] if "force" in recording else []
+    def forces(self, recording: Recording, signals: Mapping[str, Array], ambient: float) -> dict[str, Array]:
+        """Return the forces in N that drive the piston, by the signal of each; ``signals`` are of any one shape."""
         areas = dict(zip(("p1", "p2"), (self.rig.piston_areas[0], -self.rig.piston_areas[1]), strict=True))
-        parts += [areas[name] * (signals[name] - self.rig.ambient_pressure) for name in sorted(known)]
-        return np.asarray(sum(parts)) if parts else None
+        known = [name for name in areas if name in recording and self.rig.has_cylinder]
+        parts = {name: np.asarray(areas[name] * (signals[name] - ambient)) for name in known}
+        return {"force": signals["force"], **parts} if "force" in recording else parts
+
+    def net_force(self, recording: Recording, signals: Mapping[str, Array]) -> Array | None:
+        """Return the sum of :meth:`forces`; None where there are none."""
+        parts = self.forces(recording, signals, self.rig.ambient_pressure)
+        return np.asarray(sum(parts.values())) if parts else None
+
+    def pressure_error(self, recording: Recording, signal: str, pressure: float) -> float:
+        """Return the standard uncertainty in Pa of a reading of ``pressure``, or of the stated supply pressure."""
+        noise = recording.noise[signal].rms if signal in recording.noise else 0.0
+        own = self.calibrations.get(signal)
+        if own is None:
+            highest = max([float(np.nanmax(recording[p])) for p in PRESSURES if p in recording])
+            own = Calibration(PRESSURE_ZERO * max(highest, self.rig.supply_pressure or 0.0), PRESSURE_GAIN)
+        return math.hypot(noise, own.zero, own.gain * (pressure - self.rig.ambient_pressure))
 
     @cached_property
     def _rests(self) -> dict[tuple[str, str], bool]:
@@ -75,13 +105,46 @@ class RigCheck:
 
 @dataclass(frozen=True)
 class Finding:
-    """``found`` is the evidence with its numbers, ``mend`` the edit of the pipeline file that would mend it."""
+    """What is odd, or cannot be true, in one signal of one recording.
+
+    Attributes:
+        check: Name of the check.
+        signal: Name of the signal.
+        recording: Name of the recording.
+        found: The evidence with its numbers.
+        mend: The edit of the pipeline file that would mend it.
+        excess: How far outside it is, in units of its own standard uncertainty; of what is counted, the count.
+        share: Share of the data over which it is.
+        weight: ``contradiction`` where what is recorded and what is stated cannot both hold by physics, else ``doubt``.
+    """
 
     check: str
     signal: str
     recording: str
     found: str
     mend: str
+    excess: float
+    share: float = 1.0
+    weight: Weight = "doubt"
+
+    def judged(self, *, physics: bool = False) -> Iterator[Finding]:
+        """Yield the finding where it is far enough outside; with ``physics`` it may be a contradiction.
+
+        ``physics``: what the file states and a law of physics rule it out, and no number that rigs usually have.
+        """
+        if self.excess >= MIN_DOUBT:
+            weight: Weight = "contradiction" if physics and self.excess >= MIN_CONTRADICTION else "doubt"
+            told = min(self.excess, MAX_EXCESS)
+            yield Finding(self.check, self.signal, self.recording, self.found, self.mend, told, self.share, weight)
+
+
+def excess(outside: float, *uncertainties: float) -> float:
+    """Return how far outside a limit something is, in units of the sum of independent standard uncertainties.
+
+    >>> excess(10.0, 3.0, 4.0)
+    2.0
+    """
+    return float(outside / max(math.hypot(*uncertainties), 1e-300))
 
 
 def format_in_display_unit(value: float, signal: str, digits: int = 3) -> str:

@@ -2,18 +2,20 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator
 from itertools import combinations
 
 import numpy as np
 
-from pneucli.plausibility.rig_check import Finding, RigCheck
+from pneucli.plausibility.rig_check import Finding, RigCheck, excess
 from pneucli.plausibility.signal_summary import missing_share
 from pneucli.quantities import CHANNELS
 from pneucli.recording import Recording
 
 MAX_MISSING_SHARE = 0.1  # of the time: more than now and then a sample; nothing in the catalogue loses any
 MIN_SAMPLES = 8  # samples: fewer do not tell a sensor's noise (pneucli.noise)
+STIFFNESS_ERROR = 0.1  # of the piston's frequency on its air: volumes are stated to a fifth or so
 INITIAL_STATES = {"p1": 1, "p2": 1, "x": 2}  # what a restart takes from a channel: its value, and the velocity of x
 
 
@@ -30,9 +32,10 @@ def _missing(one: Recording) -> Iterator[Finding]:
     for signal in one.signals:
         share = missing_share(one, signal)
         if share > MAX_MISSING_SHARE:
+            by = excess(share - MAX_MISSING_SHARE, math.sqrt(MAX_MISSING_SHARE / one.time.size))
             found = f"{signal} was not measured in {100 * share:.0f} % of the time"
             mend = f"look at the logger, or take what was measured with from and to in [[recordings]] {one.name}"
-            yield Finding("missing", signal, one.name, found, mend)
+            yield from Finding("missing", signal, one.name, found, mend, by, share).judged()
 
 
 def _too_few_samples(one: Recording) -> Iterator[Finding]:
@@ -44,7 +47,7 @@ def _too_few_samples(one: Recording) -> Iterator[Finding]:
         if count < needed:
             found = f"{signal} has {count} samples, and {needed} at least are needed for parameters, start and noise"
             mend = f"record for longer or faster, or check from, to and skip_rows of [[recordings]] {one.name}"
-            yield Finding("samples", signal, one.name, found, mend)
+            yield Finding("samples", signal, one.name, found, mend, float(needed - count))
 
 
 def _duplicated_columns(one: Recording) -> Iterator[Finding]:
@@ -53,8 +56,8 @@ def _duplicated_columns(one: Recording) -> Iterator[Finding]:
     for first, second in combinations(sensors, 2):
         a, b = one[first], one[second]
         if np.nanmin(a) < np.nanmax(a) and np.array_equal(a, b, equal_nan=True):
-            found = f"{second} is {first}, digit by digit"
-            yield Finding("copy", second, one.name, found, f"name the column of {second} in [signals] {second}")
+            found, mend = f"{second} is {first}, digit by digit", f"name the column of {second} in [signals] {second}"
+            yield Finding("copy", second, one.name, found, mend, float(np.isfinite(a).sum()))
 
 
 def _undersampled(one: Recording, bench: RigCheck) -> Iterator[Finding]:
@@ -69,11 +72,12 @@ def _undersampled(one: Recording, bench: RigCheck) -> Iterator[Finding]:
     stiffness = sum(_air_spring_stiffness(bench, one, chamber) for chamber in (1, 2))
     omega = float(np.sqrt(max(stiffness, 0.0) / ((rig.moving_mass or 1.0) + one.added_mass)))
     if omega * one.period > 1.0:
+        by = excess(omega * one.period - 1.0, STIFFNESS_ERROR)
         found = f"sampled at {1 / one.period:.3g} Hz, and the piston swings on its air at {omega / (2 * np.pi):.3g} Hz"
         mend = (
             f"record at {10 * omega / (2 * np.pi):.2g} Hz or more; if the logger did, mend the unit in [signals] time"
         )
-        yield Finding("sampling", "time", one.name, found, mend)
+        yield from Finding("sampling", "time", one.name, found, mend, by).judged()
 
 
 def _air_spring_stiffness(bench: RigCheck, one: Recording, chamber: int) -> float:

@@ -12,6 +12,7 @@ from pneucli.plausibility.rig_check import (
     MIN_SIGNAL_TO_NOISE,
     Finding,
     RigCheck,
+    excess,
     format_in_display_unit,
 )
 from pneucli.recording import Recording
@@ -34,10 +35,11 @@ def _driving_pressure(one: Recording, bench: RigCheck) -> Iterator[Finding]:
     found = f"the piston moves, and p1 stays at {format_in_display_unit(float(np.nanmedian(one['p1'])), 'p1')}"
     if one.chamber_2 == "open" and bench.active_signals(one, "p2"):
         mend = "exchange the columns in [signals] p1 and p2"
-        yield Finding("swapped", "p1", one.name, f"{found} while p2 of the open chamber moves: swapped?", mend)
+        found = f"{found} while p2 of the open chamber moves: swapped?"
+        yield from Finding("swapped", "p1", one.name, found, mend, _travel_over_noise(one)).judged()
     else:
         mend = "a dead sensor or another column? check column and unit in [signals] p1"
-        yield Finding("silent", "p1", one.name, found, mend)
+        yield from Finding("silent", "p1", one.name, found, mend, _travel_over_noise(one)).judged()
 
 
 def _closed_chamber(one: Recording, bench: RigCheck) -> Iterator[Finding]:
@@ -48,11 +50,11 @@ def _closed_chamber(one: Recording, bench: RigCheck) -> Iterator[Finding]:
     middle = float(np.nanmedian(one["p2"]))
     expected = middle * float(np.nanmax(volume) - np.nanmin(volume)) / float(np.nanmax(np.abs(volume)))
     noise = one.noise["p2"].rms if "p2" in one.noise else 0.0
-    if expected > MIN_SIGNAL_TO_NOISE * noise:
-        stays = f"p2 of the closed chamber stays at {format_in_display_unit(middle, 'p2')}"
-        mend = f"a dead sensor or another column? check [signals] p2, and chamber_2 in [[recordings]] {one.name}"
-        found = f"{stays} while x would change it by {format_in_display_unit(expected, 'p2')}"
-        yield Finding("silent", "p2", one.name, found, mend)
+    stays = f"p2 of the closed chamber stays at {format_in_display_unit(middle, 'p2')}"
+    mend = f"a dead sensor or another column? check [signals] p2, and chamber_2 in [[recordings]] {one.name}"
+    found = f"{stays} while x would change it by {format_in_display_unit(expected, 'p2')}"
+    by = excess(expected, MIN_SIGNAL_TO_NOISE * noise)
+    yield from Finding("silent", "p2", one.name, found, mend, by).judged(physics=True)
 
 
 def _measured_force(one: Recording, bench: RigCheck) -> Iterator[Finding]:
@@ -66,4 +68,10 @@ def _measured_force(one: Recording, bench: RigCheck) -> Iterator[Finding]:
             f"the piston moves, and force stays at {format_in_display_unit(float(np.nanmedian(one['force'])), 'force')}"
         )
         mend = "a dead sensor or another column? check column and unit in [signals] force"
-        yield Finding("silent", "force", one.name, found, mend)
+        yield from Finding("silent", "force", one.name, found, mend, _travel_over_noise(one)).judged()
+
+
+def _travel_over_noise(one: Recording) -> float:
+    """Return how far the piston goes in units of the noise of x: that it moves is what makes a silent sensor odd."""
+    noise = one.noise["x"].rms if "x" in one.noise else 0.0
+    return excess(float(np.nanmax(one["x"]) - np.nanmin(one["x"])), MIN_SIGNAL_TO_NOISE * noise)

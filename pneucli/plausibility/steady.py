@@ -6,7 +6,7 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from pneucli.plausibility.rig_check import Finding, RigCheck
+from pneucli.plausibility.rig_check import Finding, RigCheck, excess
 from pneucli.recording import Array, Recording
 
 MIN_FLOW = 0.05  # of the largest flow, that counts as flow
@@ -19,7 +19,7 @@ def check(rig_check: RigCheck) -> Iterator[Finding]:
     """Yield gas that flows toward the higher pressure, of all recordings of steady benches."""
     for one in rig_check.recordings:
         if one.kind.steady and {"flow", "p1", "p_supply"} <= one.signals.keys():
-            yield from _uphill(one)
+            yield from _uphill(one, rig_check)
 
 
 def _grows_with(difference: Array, flow: Array) -> bool:
@@ -29,7 +29,7 @@ def _grows_with(difference: Array, flow: Array) -> bool:
     return bool(np.corrcoef(difference, flow)[0, 1] > MIN_CORRELATION)
 
 
-def _uphill(recording: Recording) -> Iterator[Finding]:
+def _uphill(recording: Recording, bench: RigCheck) -> Iterator[Finding]:
     flow, p1, supply = recording["flow"], recording["p1"], recording["p_supply"]
     flowing = flow > MIN_FLOW * float(np.nanmax(np.abs(flow)))
     uphill = flowing & (p1 > supply)
@@ -39,4 +39,8 @@ def _uphill(recording: Recording) -> Iterator[Finding]:
             f"in {np.count_nonzero(uphill)} of {np.count_nonzero(flowing)} rows gas flows toward the higher pressure"
         )
         mend = "check whether the columns of p_supply (upstream) and p1 (downstream) are exchanged, or a reference"
-        yield Finding("flow-direction", "flow", recording.name, found, mend)
+        p, from_p = float(np.median(p1[uphill])), float(np.median(supply[uphill]))
+        errors = (bench.pressure_error(recording, "p1", p), bench.pressure_error(recording, "p_supply", from_p))
+        share = float(np.count_nonzero(uphill) / np.count_nonzero(flowing))
+        by = excess(p - from_p, *errors)
+        yield from Finding("flow-direction", "flow", recording.name, found, mend, by, share).judged(physics=True)

@@ -102,6 +102,7 @@ def _answer(study: PipelineData, results: Sequence[ChannelResult], regions: Sequ
         "where": [_region_answer(asdict(r)) for r in regions],
         "purpose": purpose_answer(results, study.context.config.compare.tolerance),
         "data": study.data_digest,
+        "contradicted": study.contradicted,
     }
 
 

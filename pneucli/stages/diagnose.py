@@ -40,7 +40,6 @@ from pneucli.messages.progress import (
 from pneucli.messages.verdict import MIN_TOLD_PROBABILITY, verdict_sentence, warning_text
 from pneucli.pipeline.context import Context
 from pneucli.pipeline.manifest import program_versions
-from pneucli.plausibility.repaired import impossible_findings
 from pneucli.simulate.model import Model
 from pneucli.stages import history
 from pneucli.stages.baseline import fit_all_recordings, write_baseline
@@ -82,8 +81,7 @@ def run(context: Context) -> dict[str, Any]:
     context.progress(GIVEN_MODEL_PROGRESS, 0.2)
     fitted = [one.experiment for one in data.train]
     guess = guess_base_model(fitted, pipeline.rig, pipeline.valve)
-    forced = context.options.get("force", False)
-    impossible = [] if forced else impossible_findings(context.answers["ingest"]["plausibility"])
+    impossible = pipeline.impossible
     errors = FreeRunErrors(pipeline.experiments)
     data = replace(
         data,
@@ -96,6 +94,7 @@ def run(context: Context) -> dict[str, Any]:
     release_free_memory()  # the derivatives of all candidates
     answer["warnings"], answer["thinned"] = [*warnings, *answer["warnings"]], subsampling
     answer["plausibility"] = context.answers["ingest"]["plausibility"]
+    answer["contradicted"] = pipeline.contradicted
     context.progress(BASELINE_PROGRESS, 0.95)
     joint_fit = fit_all_recordings(pipeline, data, model)
     if context.options.get("baseline"):

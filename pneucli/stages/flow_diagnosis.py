@@ -29,7 +29,6 @@ from pneucli.messages.formatting import format_parameters
 from pneucli.messages.plausibility import implausibility_sentences
 from pneucli.messages.verdict import impossible_data_sentence, warning_text
 from pneucli.physics.declaration import Effect
-from pneucli.plausibility.repaired import impossible_findings
 from pneucli.stages import history
 from pneucli.stages.flow_bench import LEAK_PORT, RATIO_PORT, flow_bench, flow_results
 from pneucli.stages.pipeline_data import PipelineData
@@ -177,13 +176,13 @@ class _Search:
             "thinned": None,
             "warnings": [base_model_warning(), *([] if held_out else [warning_text("no-held-out")])],
             "plausibility": context.answers["ingest"]["plausibility"],
+            "contradicted": study.contradicted,
             "parameters": {},
         }
 
     def _impossible(self) -> list[str]:
         names = {one.name for one in self._study.flow_recordings}
-        found = impossible_findings(self._study.context.answers["ingest"]["plausibility"])
-        return implausibility_sentences([one for one in found if one["recording"] in names])
+        return implausibility_sentences([one for one in self._study.impossible if one["recording"] in names])
 
     def _verdict(self, missing: Sequence[str], left: str, *, impossible: bool, known: bool) -> str:
         if impossible or not (known or left):

@@ -247,6 +247,7 @@ def _answer(
         "model": {"effects": [e.name for e in study.effects], "parameters": parameters_answer(estimates)},
         "assumed": [asdict(one) for one in assumed_values(study, {e.name for e in estimates})],
         "warnings": warnings,
+        "contradicted": study.contradicted,
     }
     answer |= {valve.label: valve_answer(valve, estimates) for valve in valves}
     if friction is not None:

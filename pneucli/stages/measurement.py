@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 
-from pneucli.config.signal_tables import parse_calibration
 from pneucli.identify.valve.uncertainty import DEFAULT_TEMPERATURE, Measurement
 from pneucli.stages.pipeline_data import PipelineData
 
@@ -16,11 +15,7 @@ def measurement_of(study: PipelineData) -> Measurement:
     """
     config = study.context.config
     present = config.signals.present()
-    calibrations = {
-        name: parse_calibration(one.calibration, config.unit(name))
-        for name, one in present.items()
-        if one.calibration is not None
-    }
+    calibrations = config.calibrations
     volume = study.rig.priors.get("rig.vessel_volume")
     temperature = calibrations.get("temperature")
     return Measurement(

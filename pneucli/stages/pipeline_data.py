@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
+from itertools import chain
 from pathlib import Path
 from typing import Literal
 
@@ -22,6 +23,12 @@ from pneucli.physics.effects import all_effects, select_effects
 from pneucli.pipeline.context import Context
 from pneucli.pipeline.manifest import digest
 from pneucli.plausibility.required_inputs import RequiredInput, required_inputs
+from pneucli.plausibility.weights import (
+    FindingAnswer,
+    contradicted_recordings,
+    contradicted_signals,
+    contradictions,
+)
 from pneucli.recording import ParameterPrior, Recording, Rig
 from pneucli.simulate.end_stops import with_end_stops
 from pneucli.simulate.experiment import Experiment
@@ -69,11 +76,39 @@ class PipelineData:
 
     @cached_property
     def _loaded(self) -> tuple[list[Recording], list[Recording]]:
-        loaded = load_recordings(self.context.artifacts / "ingest")
-        over_time, steady = ([one for one in loaded if one.kind.steady == s] for s in (False, True))
+        dead = contradicted_signals(self.contradictions)
+        loaded = [
+            replace(one, signals={n: v for n, v in one.signals.items() if (one.name, n) not in dead})
+            for one in load_recordings(self.context.artifacts / "ingest")
+        ]
+        over_time, steady = (self._kept([one for one in loaded if one.kind.steady == s]) for s in (False, True))
         if self.max_samples is not None and over_time:
             over_time = subsample(over_time, self.max_samples, self.context.config.compare.horizon)
         return over_time, steady
+
+    @cached_property
+    def contradictions(self) -> list[FindingAnswer]:
+        """The findings of ``ingest`` that leave recordings or signals out; none with ``--force``."""
+        found = self.context.answers.get("ingest", {}).get("plausibility", [])
+        return [] if self.context.options.get("force", False) else contradictions(found)
+
+    def _kept(self, recordings: list[Recording]) -> list[Recording]:
+        """Return the recordings that nothing contradicts; all of them where none of these would be left to fit."""
+        false = contradicted_recordings(self.contradictions)
+        kept = [one for one in recordings if one.name not in false]
+        return kept if any(one.use == "train" for one in kept) else recordings
+
+    @property
+    def impossible(self) -> list[FindingAnswer]:
+        """The contradictions in recordings that are used because no others are left."""
+        used, false = {one.name for one in chain(*self._loaded)}, contradicted_recordings(self.contradictions)
+        return [one for one in self.contradictions if one["recording"] in used & false]
+
+    @property
+    def contradicted(self) -> list[str]:
+        """The names of the recordings that are left out because they cannot be true."""
+        used = {one.name for one in chain(*self._loaded)}
+        return sorted(contradicted_recordings(self.contradictions) - used)
 
     def at_most(self, max_samples: int) -> PipelineData:
         """Return the pipeline with at most so many samples; itself where it has no more."""
@@ -156,7 +191,7 @@ class PipelineData:
             config.rig.ambient_pressure,
             config.compare.model_dump(exclude={"tolerance"}),
         )
-        return digest(read)
+        return digest([*read, self.contradicted] if self.contradicted else read)
 
     def _require_samples(self, horizon: float) -> None:
         """Raise InputError where a horizon holds next to no samples, as with time in a wrong unit: it takes minutes."""

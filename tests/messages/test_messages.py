@@ -16,15 +16,17 @@ def region(channel: str, signal: str, low: float, high: float, unit: str, event:
     return {**where, "share_of_error": 0.61, "share_of_samples": 0.10, "event": event}
 
 
-def test_implausible_data_is_stated_after_every_answer() -> None:
-    finding = {
-        "check": "reference",
-        "signal": "p2",
-        "recording": "step",
-        "found": "p2 rests at 0.01 bar",
-        "mend": "gauge?",
-    }
-    assert list(plausibility.lines({"plausibility": [finding]})) == ["doubt    step, p2 rests at 0.01 bar; gauge?"]
+def finding(recording: str, weight: str) -> dict[str, Any]:
+    words = {"found": "p2 rests at 0.01 bar", "mend": "gauge?"}
+    return {"check": "reference", "signal": "p2", "recording": recording, "weight": weight, **words}
+
+
+def test_findings_say_what_is_left_out_then_what_conflicts_then_what_is_doubtful() -> None:
+    """A doubt about a recording is not taken for a contradiction in another one."""
+    answer = {"plausibility": [finding("b", "doubt"), finding("a", "contradiction"), finding("c", "contradiction")]}
+    said = "p2 rests at 0.01 bar; gauge?"
+    assert list(plausibility.lines(answer)) == [f"conflict a and 1 more, {said}", f"doubt    b, {said}"]
+    assert list(plausibility.lines(answer, ["c"])) == [f"left out c, {said}", f"conflict a, {said}", f"doubt    b, {said}"]
     assert list(plausibility.lines({})) == []
 
 

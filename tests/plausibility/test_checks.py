@@ -40,11 +40,11 @@ def closed(x: np.ndarray) -> np.ndarray:
         (recorded(p1=0.2e5 + 0 * T), ("reference", "p1"), "absolute or less for a quarter of the time: gauge?"),
         (recorded(p1=2.5e5 + 2.55e5 * np.sin(T * 7)), ("reference", "p1"), "absolute: gauge?"),
         (recorded(p1=2.5e5 + 4.5e5 * np.sin(T * 7) ** 9), ("reference", "p1"), "below vacuum"),
-        (recorded(p1=60e5 + SLOW), ("unit", "p1"), "above any pneumatic supply (50 bar)"),
+        (recorded(p1=60e5 + SLOW), ("unit", "p1"), "more than pneumatic supplies have (50 bar)"),
         (recorded(chamber_2="open", p2=2.02e5 + 0 * T), ("reference", "p2"), "2.02 bar in an open chamber: absolute?"),
         (recorded(chamber_2="open", p2=4e5 + 0 * T), ("swapped", "p2"), "4 bar in an open chamber"),
         (recorded(temperature=20 + T), ("unit", "temperature"), "stays between"),
-        (recorded(u=200 * T), ("unit", "u"), "800 V"),
+        (recorded(u=200 * T), ("unit", "u"), "792 V, more than"),
         (recorded(p_supply=1.6e5 + 0 * T), ("supply", "p_supply"), "1.6 bar, and 7 bar are stated"),
         (recorded(x=SWING, p1=3e5 + 0 * T), ("silent", "p1"), "the piston moves, and p1 stays at 3 bar"),
         (recorded(x=SWING, imposed="motion", force=5 + 0 * T), ("silent", "force"), "force stays at 5 N"),
@@ -53,9 +53,9 @@ def closed(x: np.ndarray) -> np.ndarray:
             ("silent", "p2"),
             "while x would change it by",
         ),
-        (recorded(x=0.8 * SWING + 0.03 * (T > 2)), ("speed", "x"), "x jumps once, first by 30.1 mm in 1 ms at 2.001 s"),
+        (recorded(x=0.8 * SWING + 0.06 * (T > 2)), ("speed", "x"), "x jumps once, first by 60.1 mm in 1 ms at 2.001 s"),
         (recorded(x=5 * SWING), ("stroke", "x"), "from 250 mm to 750 mm"),
-        (recorded(x=SWING - 0.3), ("stroke", "x"), "from -250 mm to -150 mm"),
+        (recorded("axis", "open", x=SWING - 0.3), ("stroke", "x"), "from -250 mm to -150 mm"),
         (
             recorded(x=0.2 - SWING, chamber_2="closed", p1=closed(SWING), p2=closed(SWING)),
             ("direction", "x"),
@@ -69,12 +69,13 @@ def test_only_what_is_wrong_is_found(one: Recording, pair: tuple[str, str], word
     assert words in found[pair]
 
 
-def test_a_chamber_of_an_axis_is_not_above_its_supply_most_of_the_time() -> None:
+def test_a_chamber_of_an_axis_is_not_filled_above_its_supply() -> None:
+    """Gas that flows in comes from somewhere; a load may press a chamber above the supply, while it shrinks."""
     rig = replace(CYLINDER, supply_pressure=7e5)
     one = recorded("axis", "open", x=SWING, u=np.sin(T), p1=9e5 + SLOW)
-    assert "above the supply of 7 bar" in seen(one, rig)["supply", "p1"]
-    pressed = recorded("axis", "open", x=SWING, u=np.sin(T), p1=4e5 + SLOW + 5e5 * (T > 3))
-    assert "p1 reaches" not in seen(pressed, rig).get(("supply", "p1"), "")
+    assert "from a supply of 7 bar" in seen(one, rig)["supply", "p1"]
+    pressed = recorded("axis", "open", x=SWING, u=np.sin(T), p1=6e5 - 5e5 * np.sin(3 * T))
+    assert ("supply", "p1") not in seen(pressed, rig)
 
 
 def test_counts_of_a_coarse_encoder_at_a_high_rate_are_no_jumps() -> None:

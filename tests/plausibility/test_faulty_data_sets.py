@@ -72,9 +72,11 @@ def test_people_read_the_table_of_signals_and_what_is_implausible(tmp_path: Path
     assert answer["looks"]["driven_1"]["x"].keys() == vars(SignalSummary("m", *[0.0] * 7)).keys()
     text = messages.render("ingest", answer, "p.toml").splitlines()
     assert [line.split()[-3:-1] for line in text if line.split()[:2] == ["friction", "p2"]] == [["bar", "1000"]]
-    (line,) = implausibility_sentences(answer["plausibility"])
-    assert line.startswith("stickslip_2 and 2 more, p2 rests at 0.000 bar in an open chamber: gauge?")
-    assert line.endswith('; write reference = "gauge" in [signals] p2')
+    first, second = implausibility_sentences(answer["plausibility"])
+    assert first.startswith("stickslip_2, p2 rests at 0.000 bar in an open chamber: gauge?")
+    assert second.startswith("driven_1 and 1 more, p2 of the closed chamber lacks ambient pressure at")
+    assert first.endswith('; write reference = "gauge" in [signals] p2')
+    assert answer["findings"] == {"contradictions": 1, "doubts": 2}
 
 
 def plausibility(path: Path, out: Path) -> list[dict[str, Any]]:

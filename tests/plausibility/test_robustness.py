@@ -10,6 +10,7 @@ from hypothesis import strategies as st
 
 from pneucli.noise import NoiseModel
 from pneucli.plausibility import findings, summarize_signal, without_empty_signals
+from pneucli.plausibility.rig_check import MAX_EXCESS
 from pneucli.recording import Experiment, Recording, Rig
 
 SIGNALS = ("u", "p_supply", "p1", "p2", "x", "v", "a", "force", "temperature")
@@ -50,7 +51,9 @@ def recordings(draw: st.DrawFn) -> list[Recording]:
 @given(recordings(), st.sampled_from(RIGS))
 def test_anything_can_be_looked_at(made: list[Recording], rig: Rig) -> None:
     for finding in findings(made, rig, {}):
-        assert all(vars(finding).values())
+        assert all(value for value in vars(finding).values() if isinstance(value, str))
+        assert 0.0 < finding.excess <= MAX_EXCESS
+        assert 0.0 <= finding.share <= 1.0
     for one in made:
         for name in without_empty_signals(one).signals:
             summarize_signal(one, name)

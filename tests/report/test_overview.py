@@ -131,6 +131,7 @@ def test_the_verdict_stands_in_the_page_without_any_script(after: ReportData) ->
 
 def test_implausible_findings_come_first(material: ReportData) -> None:
     finding = {"check": "silent", "signal": "p1", "recording": "axis_1", "found": "p1 stays", "mend": "check it"}
+    finding |= {"weight": "doubt"}
     other = {**finding, "signal": "p2"}
     answers = {**material.answers, "ingest": {**material.answers["ingest"], "plausibility": [finding, other]}}
     doubted = replace(material, answers=answers)

@@ -8,7 +8,7 @@ from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
-from typing import Any
+from typing import Any, get_args
 
 import numpy as np
 
@@ -21,6 +21,8 @@ from pneucli.noise import NoiseModel
 from pneucli.pipeline.context import Context
 from pneucli.plausibility import findings, summarize_signal, without_empty_signals
 from pneucli.plausibility.repaired import repair_findings
+from pneucli.plausibility.rig_check import Weight
+from pneucli.plausibility.weights import rank
 from pneucli.quantities import SIGNALS
 
 
@@ -101,19 +103,29 @@ def loss_column(kind: str) -> str:
 
 
 def inspect_signals(context: Context, done: Sequence[IngestedRecording]) -> dict[str, Any]:
-    """Return ``looks`` and ``plausibility`` of the answer.
+    """Return ``looks``, ``plausibility`` and the counts of its ``findings``, of the answer.
 
-    What signals look like, what cannot be true of them, and what was repaired that bears on what they say.
+    What signals look like, what is odd or cannot be true of them, and what was repaired that bears on what they say.
     """
     context.progress("looking at what was read", 1.0)
     recordings = load_recordings(context.out)
     stated = {one.source.name: one.source.table.held_constant.keys() for one in done}
-    repairs = [(one.source.name, r.signal, r.kind, r.message) for one in done for r in one.repairs]
+    repairs = [
+        (one.source.name, r.signal, r.kind, r.message, r.count, r.count / max(one.samples, 1))
+        for one in done
+        for r in one.repairs
+    ]
     with ThreadPoolExecutor(1) as threads:
         summaries = {
             one.name: {n: threads.submit(summarize_signal, one, n) for n in without_empty_signals(one).signals}
             for one in recordings
         }
-        found = [*findings(recordings, context.config.to_rig(), stated), *repair_findings(repairs)]
+        odd = findings(recordings, context.config.to_rig(), stated, context.config.calibrations)
+        found = sorted(map(asdict, [*odd, *repair_findings(repairs)]), key=rank)
     looks = {name: {n: asdict(summary.result()) for n, summary in own.items()} for name, own in summaries.items()}
-    return {"looks": looks, "plausibility": [asdict(finding) for finding in found]}
+    counts = Counter(one["weight"] for one in found)
+    return {
+        "looks": looks,
+        "plausibility": found,
+        "findings": {f"{weight}s": counts[weight] for weight in get_args(Weight)},
+    }
