@@ -90,7 +90,7 @@ Tolerances: TypeAlias = Annotated[
 class CompareTable(Table):
     """``[compare]``: restart interval in s, corner of the low-pass in Hz, largest rms error by channel."""
 
-    horizon: Duration = 0.5
+    horizon: Duration | None = None  # from the time scales of the recordings
     low_pass: Frequency | None = None
     tolerance: Tolerances = Field(default_factory=dict)
 

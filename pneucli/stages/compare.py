@@ -35,9 +35,7 @@ def run(context: Context) -> dict[str, Any]:
     flows = compare_flow_recordings(study)
     comparisons, expected, looked, model = _compare_over_time(study) if study.recordings else ([], [], {}, None)
     _write_residuals(study, comparisons, flows)
-    _write_correlations(
-        study, [c for one in comparisons for c in residual_correlations(one, context.config.compare.horizon)]
-    )
+    _write_correlations(study, [c for one in comparisons for c in residual_correlations(one, study.horizon)])
     results = [*(r for c in comparisons for r in c.results), *flow_results(flows)]
     answer = _answer(study, results, find_error_regions(comparisons))
     answer["lack_of_fit"] = _lack_of_fit(study, comparisons, expected, model)
@@ -95,7 +93,7 @@ def _answer(study: PipelineData, results: Sequence[ChannelResult], regions: Sequ
     return {
         "schema": "pneucli/compare/1",
         "pipeline": study.context.config.name,
-        "horizon_s": study.context.config.compare.horizon,
+        "horizon_s": study.horizon,
         "model": study.context.answers["identify"]["model"],
         "channels": [_nan_to_null(asdict(r)) for r in results],
         "error": {use: overall_error(results, use) for use in ("train", "test")},

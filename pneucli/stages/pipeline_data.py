@@ -9,6 +9,7 @@ from itertools import chain
 from pathlib import Path
 from typing import Literal
 
+from pneucli.compare.horizon import MIN_HORIZON_SAMPLES, default_horizon
 from pneucli.config import join_faults, plugin_files
 from pneucli.diagnose.subsample import subsample
 from pneucli.errors import InputError, did_you_mean
@@ -35,7 +36,6 @@ from pneucli.simulate.experiment import Experiment
 from pneucli.simulate.preparation import prepare
 from pneucli.stages.parameter_priors import parameter_priors, with_started_supply
 
-MIN_HORIZON_SAMPLES = 5  # samples within a horizon
 LONG_RECORDING_HOURS = 1.0  # h of recordings in all: one run of the model through them takes a second and more
 
 
@@ -74,17 +74,23 @@ class PipelineData:
         """The recordings of steady benches, whose rows have no clock."""
         return self._loaded[1]
 
+    @property
+    def horizon(self) -> float:
+        """Time in s between restarts of the model: the stated one, or as the time scales of the recordings have it."""
+        return self._loaded[2]
+
     @cached_property
-    def _loaded(self) -> tuple[list[Recording], list[Recording]]:
-        dead = contradicted_signals(self.contradictions)
+    def _loaded(self) -> tuple[list[Recording], list[Recording], float]:
+        dead, horizon = contradicted_signals(self.contradictions), self.context.config.compare.horizon
         loaded = [
             replace(one, signals={n: v for n, v in one.signals.items() if (one.name, n) not in dead})
             for one in load_recordings(self.context.artifacts / "ingest")
         ]
         over_time, steady = (self._kept([one for one in loaded if one.kind.steady == s]) for s in (False, True))
+        horizon = default_horizon(over_time) if horizon is None else horizon
         if self.max_samples is not None and over_time:
-            over_time = subsample(over_time, self.max_samples, self.context.config.compare.horizon)
-        return over_time, steady
+            over_time = subsample(over_time, self.max_samples, horizon)
+        return over_time, steady, horizon
 
     @cached_property
     def contradictions(self) -> list[FindingAnswer]:
@@ -101,13 +107,13 @@ class PipelineData:
     @property
     def impossible(self) -> list[FindingAnswer]:
         """The contradictions in recordings that are used because no others are left."""
-        used, false = {one.name for one in chain(*self._loaded)}, contradicted_recordings(self.contradictions)
+        used, false = {one.name for one in chain(self.recordings, self.flow_recordings)}, contradicted_recordings(self.contradictions)
         return [one for one in self.contradictions if one["recording"] in used & false]
 
     @property
     def contradicted(self) -> list[str]:
         """The names of the recordings that are left out because they cannot be true."""
-        used = {one.name for one in chain(*self._loaded)}
+        used = {one.name for one in chain(self.recordings, self.flow_recordings)}
         return sorted(contradicted_recordings(self.contradictions) - used)
 
     def at_most(self, max_samples: int) -> PipelineData:
@@ -154,13 +160,13 @@ class PipelineData:
     def experiments(self) -> list[Experiment]:
         """Every recording made ready, restarted at the comparison's horizon."""
         compare = self.context.config.compare
-        self._require_samples(compare.horizon)
+        self._require_samples()
         if (hours := sum(r.time[-1] - r.time[0] for r in self.recordings) / 3600) > LONG_RECORDING_HOURS:
             self.context.progress(f"{hours:.3g} h of recordings, if the unit of time is right: this takes long", 0.0)
         ready = []
         for i, recording in enumerate(self.recordings):
             self.context.progress(f"smoothing {recording.name}", 0.2 * i / len(self.recordings))
-            ready.append(prepare(recording, self.rig, compare.horizon, compare.low_pass))
+            ready.append(prepare(recording, self.rig, self.horizon, compare.low_pass))
             self._require_noise(ready[-1])
         release_free_memory()  # smoothing takes several times what it leaves
         return with_common_command_range(with_intersample_commands(with_end_stops(ready, self.rig), self.rig))
@@ -189,12 +195,13 @@ class PipelineData:
             recordings,
             document.get("signals"),
             config.rig.ambient_pressure,
-            config.compare.model_dump(exclude={"tolerance"}),
+            config.compare.model_dump(exclude={"tolerance"}) | {"horizon": self.horizon},
         )
         return digest([*read, self.contradicted] if self.contradicted else read)
 
-    def _require_samples(self, horizon: float) -> None:
-        """Raise InputError where a horizon holds next to no samples, as with time in a wrong unit: it takes minutes."""
+    def _require_samples(self) -> None:
+        """Raise InputError where a stated horizon holds next to no samples, as with time in a wrong unit."""
+        horizon = self.horizon
         for recording in self.recordings:
             if MIN_HORIZON_SAMPLES * recording.period > horizon:
                 found = f"{recording.name} has a sample every {recording.period:g} s, the horizon is {horizon:g} s"

@@ -83,14 +83,13 @@ def diagnosed_pipeline(context: Context) -> Basis:
     rivals = rivals_of_diagnosis(context.answers["diagnose"], present, wanted)
     absent = with_absent_effects(best.model, pipeline.available_effects.values(), train)
     doubtful = {r.effect: without_effect(best.model, r.effect) for r in rivals if not r.present}
-    compare = context.config.compare
     expectation = Expectation(
         best.model,
         absent | doubtful,
         best.free,
         prior_information(len(absent) + len(doubtful), best.free),
-        compare.horizon,
-        compare.low_pass,
+        pipeline.horizon,
+        context.config.compare.low_pass,
         deviations_of(train, best.residual),
     ).with_recordings(train)
     benches = recorded_benches([one.experiment for one in train])

@@ -60,7 +60,7 @@ def test_quantities_are_si_and_gauge_stands_on_the_files_own_ambient(tmp_path: P
     assert rig.stroke is None
     recording = config.recordings[0]
     assert (recording.from_, recording.to, recording.held_constant) == (0.1, 0.5, {"u": 3.0})
-    assert config.compare.horizon == 0.5
+    assert config.compare.horizon is None
     assert config.checks["compare.error.test"].max == 1.5
 
 

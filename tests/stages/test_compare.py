@@ -94,12 +94,12 @@ def test_people_read_the_test_recordings_first(answer: dict[str, Any]) -> None:
 def test_time_in_the_wrong_unit_is_refused_before_anything_is_simulated(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, period: float
 ) -> None:
-    """Milliseconds taken as seconds: 0.5 to 5 kHz look like one sample every 2 s to 0.2 s; the horizon is 0.5 s."""
+    """Milliseconds taken as seconds: 0.5 to 5 kHz look like one sample every 2 s to 0.2 s; 0.5 s are stated."""
     monkeypatch.setattr("pneucli.stages.pipeline_data.prepare", lambda *arguments: pytest.fail("it was simulated"))
     time = period * np.arange(50)
     slow = Recording("slow", "valve", "train", time, {"u": time, "p1": 1e5 + time}, {})
     study = PipelineData(Context(DEMO, load(DEMO), tmp_path, tmp_path))
-    monkeypatch.setitem(study.__dict__, "_loaded", ([slow], []))
+    monkeypatch.setitem(study.__dict__, "_loaded", ([slow], [], load(DEMO).compare.horizon))
     with pytest.raises(InputError, match=f"slow has a sample every {period:g} s, the horizon is 0.5 s") as error:
         _ = study.experiments
     assert 'unit = "ms"' in str(error.value)
@@ -120,7 +120,7 @@ def test_hours_of_recordings_are_told_before_they_are_simulated(
     study = PipelineData(
         Context(DEMO, load(DEMO), tmp_path, tmp_path, progress=lambda message, share: told.append(message))
     )
-    monkeypatch.setitem(study.__dict__, "_loaded", ([slow], []))
+    monkeypatch.setitem(study.__dict__, "_loaded", ([slow], [], load(DEMO).compare.horizon))
     _ = study.experiments
     assert told[0] == "2 h of recordings, if the unit of time is right: this takes long"
 

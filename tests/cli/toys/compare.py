@@ -14,6 +14,6 @@ def run(context: Context) -> dict[str, object]:
         "channels": [{**channel, "ratio_to_noise": error}],
         "error": {"train": None, "test": error},
         "where": [],
-        "data": f"horizon {context.config.compare.horizon:g}",
+        "data": f"horizon {context.config.compare.horizon or 0.5:g}",
     }
     return answer | history.record_model(context, answer, "residuals.parquet")
