@@ -15,6 +15,7 @@ from pneucli.diagnose.candidate import Candidate, Reason
 from pneucli.diagnose.data import RANKING_EFFORT, DiagnosisData
 from pneucli.diagnose.evidence import score_gain
 from pneucli.diagnose.free_run_error import held_out_error
+from pneucli.diagnose.score import FittedModel
 from pneucli.diagnose.validity import (
     below_resolution,
     contains_all_positions,
@@ -82,7 +83,7 @@ def _violations(data: DiagnosisData, candidate: Candidate, *, measured_exclusive
     else:
         yield not score_gain(candidate.reduced.costs, candidate.full.costs).significant, "not-significant"
         fitted = candidate.full.fit
-    yield not measured_exclusively and raises_held_out_error(data, candidate), "raises-error"
+    yield not measured_exclusively and raises_held_out_error(data, candidate.reduced, candidate.full), "raises-error"
     yield varies_with_horizon(fitted, effect, data.train), "varies-with-horizon"
 
 
@@ -129,18 +130,22 @@ def _relative_difference_error(fitted: Fit, name: str, other: str) -> float:
     return float(np.sqrt(variance) / own) if own > 0.0 else 1.0
 
 
-def raises_held_out_error(data: DiagnosisData, candidate: Candidate) -> bool:
-    """Whether the free-run error on held-out recordings is larger with the effect than without it, in units of one.
+def raises_held_out_error(data: DiagnosisData, reduced: FittedModel, full: FittedModel) -> bool:
+    """Whether the free-run error on held-out recordings is larger with an effect (``full``) than without it.
 
-    It is that of the fitted recordings where none is held out.
+    It must fall in mm and bar, and may not rise as ``compare`` prints it, each model in units of its own expected
+    error, by more than chance. It is that of the fitted recordings where none is held out.
     """
-    if data.free_run_errors is None:
+    errors = data.free_run_errors
+    if errors is None:
         return False
-    reference = candidate.reduced.model
-    before, after = (
-        held_out_error(data.free_run_errors(one.model, reference)) for one in (candidate.reduced, candidate.full)
-    )
-    return before is not None and after is not None and after > MIN_ERROR_RISE * before
+    before, after = reduced.model, full.model
+    given = held_out_error(errors(before))
+    in_same_units, printed = held_out_error(errors(after, before)), held_out_error(errors(after))
+    if given is None or in_same_units is None or printed is None:
+        return False
+    chance = max(held_out_error(errors.limits(after)) or 1.0, MIN_ERROR_RISE)
+    return in_same_units > MIN_ERROR_RISE * given or printed > chance * given
 
 
 def varies_with_horizon(fitted: Fit, effect: Effect, residual_models: Sequence[ResidualModel]) -> bool:

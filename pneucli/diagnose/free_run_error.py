@@ -7,8 +7,9 @@ from dataclasses import dataclass, field
 from typing import TypeVar
 
 from pneucli.compare import ChannelResult, compare, overall_error
+from pneucli.compare.error_limit import combined_distribution
 from pneucli.compare.expected_error import ExpectedError, expected_errors
-from pneucli.compare.goodness_of_fit import GoodnessOfFit, Squares, judge_fit, parameter_error_squares
+from pneucli.compare.goodness_of_fit import GoodnessOfFit, Squares, is_judged, judge_fit, parameter_error_squares
 from pneucli.diagnose.score import ErrorsByUse
 from pneucli.identify.estimation.fit import Fit
 from pneucli.identify.estimation.parameter_draws import draw_parameters
@@ -41,6 +42,18 @@ class FreeRunErrors:
     def channels(self, model: Model, reference: Model | None = None) -> list[ChannelResult]:
         """Return the model's error in every channel of every recording."""
         return [result for results in self._errors(model, reference)[0] for result in results]
+
+    def limits(self, model: Model) -> ErrorsByUse:
+        """Return the errors that a correct model exceeds once in a hundred times, in units of its expected error."""
+        found: dict[str, float | None] = {}
+        for use in ("train", "test"):
+            judged = [
+                (one, [r.channel for r in results if r.use == use and is_judged(r, one)])
+                for results, one in zip(*self._errors(model), strict=True)
+            ]
+            whole = combined_distribution([(one.distribution(names), len(names)) for one, names in judged if names])
+            found[use] = None if whole is None else whole.limit()
+        return found
 
     def judge(self, fitted: Fit) -> GoodnessOfFit | None:
         """Judge the errors of a fitted model by the uncertainty of its parameters; None where nothing is compared."""

@@ -35,6 +35,9 @@ class ErrorsOfModel(Protocol):
     def __call__(self, model: Model, reference: Model | None = None) -> ErrorsByUse:
         """Return them in units of the error of the reference if it were correct, by default of the model itself."""
 
+    def limits(self, model: Model) -> ErrorsByUse:
+        """Return the errors that a correct model of this kind exceeds once in a hundred times, in the same units."""
+
 
 class ChannelCost(NamedTuple):
     """The cost of a channel of one recording in units of noise, and the number of its residuals."""

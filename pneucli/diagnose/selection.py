@@ -9,7 +9,7 @@ from itertools import pairwise
 
 from pneucli.diagnose.adequacy import LackOfFit
 from pneucli.diagnose.candidate import Candidate, Decision, Reason, supported_candidates
-from pneucli.diagnose.constraints import IMPOSSIBLE
+from pneucli.diagnose.constraints import IMPOSSIBLE, raises_held_out_error
 from pneucli.diagnose.data import DiagnosisData, lack_of_fit
 from pneucli.diagnose.decision import Judgement, is_complete, judge, log_odds_among_equivalents
 from pneucli.diagnose.equivalence import Term, best_candidate, not_inferior
@@ -127,7 +127,7 @@ def _next_round(data: DiagnosisData, fitted: FittedModel) -> tuple[FittedModel |
     candidates = supported_candidates(decisions)
     if is_complete(data, fitted):
         candidates = [c for c in candidates if judge(data, Term(c, ())).decision.supported]
-    return _most_probable(data, candidates).full if candidates else None, decisions
+    return _first_of(data, candidates).full if candidates else None, decisions
 
 
 def _without_derivatives(data: DiagnosisData, decisions: Decisions, earlier: Sequence[Decisions]) -> Decisions:
@@ -139,6 +139,21 @@ def _without_derivatives(data: DiagnosisData, decisions: Decisions, earlier: Seq
     reported = {d.effect.name for each in earlier for d in each if d.candidate is not None}
     new = [d for d in decisions if d.supported or d.effect.name not in reported]
     return [d if d.supported and not earlier else data.without_derivatives(d) for d in new]
+
+
+def _first_of(data: DiagnosisData, candidates: Sequence[Candidate]) -> Candidate:
+    """Return the most probable candidate that does not raise the free-run error, or else the most probable one.
+
+    A twin that lowers it comes before one that raises it; where all do, the effect that lowers it may need another one.
+    """
+    best = chosen = _most_probable(data, candidates)
+    remaining = list(candidates)
+    while raises_held_out_error(data, chosen.reduced, chosen.full):
+        remaining.remove(chosen)
+        if not remaining:
+            return best
+        chosen = _most_probable(data, remaining)
+    return chosen
 
 
 def _most_probable(data: DiagnosisData, candidates: Sequence[Candidate]) -> Candidate:
@@ -188,7 +203,7 @@ def _without_improbable(
     data: DiagnosisData, base: FittedModel, last: FittedModel
 ) -> tuple[FittedModel, dict[str, Judgement], list[Judgement]]:
     """Drop the least probable effect, again and again, until all are probable: a proxy of an unmodelled effect takes
-    cost from the others.
+    cost from the others. One that raises the free-run error goes first, so that its twins are judged without it.
     """
     refused = list[Judgement]()
     while added := [data.effects[name] for name in last.effect_names if name not in base.effect_names]:
@@ -200,10 +215,14 @@ def _without_improbable(
         refusable = [i for i, j in enumerate(judged) if not j.decision.supported]
         if not refusable:
             return last, {j.decision.effect.name: j for j in judged}, refused
-        worst = min(refusable, key=lambda i: (judged[i].probability, reduced[i].cost))
+        worst = min(refusable, key=lambda i: (not _raises_error(judged[i]), judged[i].probability, reduced[i].cost))
         refused.append(judged[worst])
         last = reduced[worst]
     return last, {}, refused
+
+
+def _raises_error(judgement: Judgement) -> bool:
+    return judgement.decision.reason == "raises-error"
 
 
 def _with_dropped_again(data: DiagnosisData, last: FittedModel, dropped: Sequence[Judgement]) -> FittedModel:
@@ -245,18 +264,19 @@ def _with_whole_effects(data: DiagnosisData, base: FittedModel, last: FittedMode
 def _nested_models(
     data: DiagnosisData, base: FittedModel, last: FittedModel, path: Sequence[FittedModel]
 ) -> tuple[list[FittedModel], list[Effect]]:
-    """Return the models from base to last, the effect with the largest reduction first.
+    """Return the models from base to last, the effect with the largest reduction first that does not raise the error.
 
     The second result has effects without an initial guess at every step, which are left out.
     """
-    if path[-1] is last:
+    if path[-1] is last and not any(raises_held_out_error(data, *step) for step in pairwise(path)):
         return list(path), []
     models, remaining = [base], [e for e in last.model.effects if e.name not in base.effect_names]
     while len(remaining) > 1:
         addable = [e for e in remaining if data.has_initial_guess(models[-1], e)]
         if not addable:
             return models, remaining
-        first = min(data.refit_with(models[-1], addable), key=lambda c: c.full.cost)
+        ranked = sorted(data.refit_with(models[-1], addable), key=lambda c: c.full.cost)
+        first = next((c for c in ranked if not raises_held_out_error(data, c.reduced, c.full)), ranked[0])
         models.append(first.full)
         remaining.remove(first.effect)
     return [*models, last] if remaining else models, []

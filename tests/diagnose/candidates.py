@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
 from types import SimpleNamespace
 from typing import Any
 
@@ -10,7 +11,7 @@ import numpy as np
 
 from pneucli.diagnose.candidate import Candidate
 from pneucli.diagnose.data import DiagnosisData
-from pneucli.diagnose.score import ChannelCost, FittedModel
+from pneucli.diagnose.score import ChannelCost, ErrorsByUse, FittedModel
 from pneucli.physics.effects import catalogue
 from tests.simulate.synthetic_experiments import model
 
@@ -25,6 +26,20 @@ VIEW: Any = SimpleNamespace(
     is_sensitive_to=lambda effect: True,
     exclusive_channels=lambda effect: (),
 )
+
+
+@dataclass(frozen=True)
+class StatedErrors:
+    """Free-run errors of models as they are stated; correct models err by less than ``limit``."""
+
+    of: Callable[[Any, Any], ErrorsByUse]
+    limit: float | None = None
+
+    def __call__(self, model: Any, reference: Any = None) -> ErrorsByUse:
+        return self.of(model, reference)
+
+    def limits(self, model: Any) -> ErrorsByUse:
+        return {"train": self.limit, "test": self.limit}
 
 
 def costing(fitted: Any, costs: np.ndarray, counts: np.ndarray = COUNTS) -> FittedModel:
@@ -88,7 +103,7 @@ def diagnosis_data(
 ) -> DiagnosisData:
     """The data of a diagnosis with one residual model; ``errors`` are the free-run errors of fitted models by use."""
     seen = {id(s.model): {"train": train, "test": test} for s, train, test in errors}
-    shown = (lambda model, reference=None: seen[id(model)]) if errors else None
+    shown = StatedErrors(lambda model, _: seen[id(model)]) if errors else None
     made = DiagnosisData([VIEW], [VIEW] if held_out else [], catalogue(), free_run_errors=shown, **changes)
     made.__dict__["hypothesis_count"] = 50
     return made

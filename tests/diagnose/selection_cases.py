@@ -20,6 +20,7 @@ EFFECT_KEYS = {
         "at_bound_without",
         "interval",
         "raises_error",
+        "raises_error_without",
         "needs",
         "parameters",
         "part",
@@ -55,6 +56,7 @@ def data_of(case: dict[str, Any], **more: Any) -> SyntheticData:
         at_bound_without=of("at_bound_without"),
         interval=of("interval"),
         raises_error=frozenset(of("raises_error")),
+        raises_error_without=of("raises_error_without"),
         needs=of("needs"),
     )
     effects = [

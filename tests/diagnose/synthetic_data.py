@@ -23,7 +23,7 @@ from pneucli.identify.residuals import ForceBalance
 from pneucli.physics.declaration import Effect, Parameter
 from pneucli.simulate.model import Model
 from pneucli.simulate.rig_quantities import rig_quantities
-from tests.diagnose.candidates import costing
+from tests.diagnose.candidates import StatedErrors, costing
 from tests.simulate.synthetic_experiments import FRICTION, RIG, VALVE, make_experiment, time_grid
 
 BLOCKS, BLOCK_READINGS = 40, 250
@@ -61,6 +61,7 @@ class Facts:
         at_bound_without: The effect without which an effect ends at its bound.
         interval: Factor on the standard errors of an effect's interval.
         raises_error: Effects that raise the free-run error tenfold.
+        raises_error_without: The effect without which an effect does.
         needs: The effect without which an effect has no size to start from.
     """
 
@@ -72,6 +73,7 @@ class Facts:
     at_bound_without: Mapping[str, str] = field(default_factory=dict)
     interval: Mapping[str, float] = field(default_factory=dict)
     raises_error: frozenset[str] = frozenset()
+    raises_error_without: Mapping[str, str] = field(default_factory=dict)
     needs: Mapping[str, str] = field(default_factory=dict)
 
     def share(self, names: Sequence[str]) -> float:
@@ -178,12 +180,13 @@ class SyntheticData(DiagnosisData):
 def synthetic_data(effects: Sequence[Effect], facts: Facts, **more: Any) -> SyntheticData:
     """The data of a diagnosis with these effects in its catalogue, and one recording that is fitted."""
 
-    def error(model: Model, reference: Model | None = None) -> dict[str, float | None]:
+    def error(model: Model, _: Model | None) -> dict[str, float | None]:
         names = [e.name for e in model.effects]
-        raised = 10.0 ** len(facts.raises_error.intersection(names))
+        alone = {name for name, other in facts.raises_error_without.items() if other not in names}
+        raised = 10.0 ** len((facts.raises_error | alone).intersection(names))
         return {"train": raised * float(np.sqrt(facts.variance(names))), "test": None}
 
-    given = {"free_run_errors": error, "facts": facts, **more}
+    given = {"free_run_errors": StatedErrors(error), "facts": facts, **more}
     return SyntheticData([RESIDUAL_MODEL], [], {e.name: e for e in effects}, **given)
 
 

@@ -24,6 +24,7 @@ from pneucli.identify.estimation.fit import Fit
 from pneucli.identify.estimation.parameters import FreeParameter
 from pneucli.physics.effects import catalogue
 from pneucli.simulate.model import Model
+from tests.diagnose.candidates import StatedErrors
 from tests.diagnose.synthetic_data import (
     LARGEST,
     READINGS,
@@ -193,13 +194,13 @@ def test_among_equivalents_the_free_run_error_counts_as_ten_readings(
 ) -> None:
     """Stribeck friction and a break-away that grows leave as much of a balance of forces, which has few break-aways."""
 
-    def shown(model: Model, reference: Model | None = None) -> ErrorsByUse:
+    def shown(model: Model, reference: Model | None) -> ErrorsByUse:
         assert [e.name for e in model.effects] == ["a"]
         assert reference is not None  # otherwise each equivalent would be judged in units of its own
         assert not reference.effects
         return errors or {}
 
-    data = replace(stated(10.0, 0.8, size={"a": 0.5}), free_run_errors=None if errors is None else shown)
+    data = replace(stated(10.0, 0.8, size={"a": 0.5}), free_run_errors=None if errors is None else StatedErrors(shown))
     p = probability(Evidence(None, 100.0, 0.5, complete=False, left=3.0 / 11.0))
     assert log_odds_among_equivalents(data, term_of(data).candidate) == pytest.approx(
         math.log(p / (1.0 - p)) - readings

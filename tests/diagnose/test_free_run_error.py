@@ -5,6 +5,7 @@ from __future__ import annotations
 from types import SimpleNamespace
 from typing import Any
 
+import numpy as np
 import pytest
 
 from pneucli.compare import ChannelResult
@@ -100,6 +101,19 @@ def test_two_models_are_compared_in_units_of_one(monkeypatch: pytest.MonkeyPatch
     without, damped = 8.0, 6.0
     assert (shown(without)["train"], shown(damped)["train"]) == (2.0, 6.0)
     assert (shown(without, without)["train"], shown(damped, without)["train"]) == (2.0, 1.5)
+
+
+def test_the_limit_of_a_correct_model_is_that_of_the_recordings_of_a_use(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Two segments of mean 1 and variance 1: chi-square with four degrees of freedom, over four."""
+
+    def expected(model: float, experiments: list[str]) -> list[ExpectedError]:
+        return [ExpectedError({"x": 1.0}, {"x": np.ones((10_000, 2))}, {"x": np.tile([0.0, 2.0], 10_000)})]
+
+    found = SimpleNamespace(results=(result("train", 8.0, 1.0),))
+    monkeypatch.setattr(free_run_error, "compare", lambda model, experiment, noise: found)
+    monkeypatch.setattr(free_run_error, "expected_errors", expected)
+    limits: Any = free_run_error.FreeRunErrors(["train"]).limits(8.0)  # type: ignore[list-item, arg-type]
+    assert limits == {"train": pytest.approx((13.277 / 4.0) ** 0.5, rel=1e-3), "test": None}
 
 
 def test_the_overall_error_of_a_use_is_a_root_mean_square(monkeypatch: pytest.MonkeyPatch) -> None:
