@@ -120,9 +120,7 @@ def _diagnose(
         str | None,
         typer.Option("--executor", metavar="WHERE", help=f"Where a long search is done: {EXECUTORS}."),
     ] = None,
-    force: Annotated[
-        bool, typer.Option("--force", help="Use recordings that cannot be true, too.")
-    ] = False,
+    force: Annotated[bool, typer.Option("--force", help="Use recordings that cannot be true, too.")] = False,
     out: Out = None,
     json: Json = False,
     verbose: Verbose = False,

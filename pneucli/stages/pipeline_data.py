@@ -107,7 +107,10 @@ class PipelineData:
     @property
     def impossible(self) -> list[FindingAnswer]:
         """The contradictions in recordings that are used because no others are left."""
-        used, false = {one.name for one in chain(self.recordings, self.flow_recordings)}, contradicted_recordings(self.contradictions)
+        used, false = (
+            {one.name for one in chain(self.recordings, self.flow_recordings)},
+            contradicted_recordings(self.contradictions),
+        )
         return [one for one in self.contradictions if one["recording"] in used & false]
 
     @property

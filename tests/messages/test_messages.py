@@ -26,7 +26,11 @@ def test_findings_say_what_is_left_out_then_what_conflicts_then_what_is_doubtful
     answer = {"plausibility": [finding("b", "doubt"), finding("a", "contradiction"), finding("c", "contradiction")]}
     said = "p2 rests at 0.01 bar; gauge?"
     assert list(plausibility.lines(answer)) == [f"conflict a and 1 more, {said}", f"doubt    b, {said}"]
-    assert list(plausibility.lines(answer, ["c"])) == [f"left out c, {said}", f"conflict a, {said}", f"doubt    b, {said}"]
+    assert list(plausibility.lines(answer, ["c"])) == [
+        f"left out c, {said}",
+        f"conflict a, {said}",
+        f"doubt    b, {said}",
+    ]
     assert list(plausibility.lines({})) == []
 
 

@@ -66,6 +66,8 @@ def test_values_are_shown_as_people_write_them(value: float, signal: str, text: 
 
 
 def test_in_words_there_is_one_line_for_each_check_and_signal() -> None:
-    found = [vars(Finding("reference", "p2", name, "p2 rests at 0.01 bar", "write it", 9.0)) for name in ("a", "b", "c")]
+    found = [
+        vars(Finding("reference", "p2", name, "p2 rests at 0.01 bar", "write it", 9.0)) for name in ("a", "b", "c")
+    ]
     told = implausibility_sentences([*found, vars(Finding("silent", "p1", "a", "p1 stays", "check it", 4.0))])
     assert told == ["a and 2 more, p2 rests at 0.01 bar; write it", "a, p1 stays; check it"]

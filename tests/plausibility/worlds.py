@@ -38,7 +38,7 @@ NOTES = ("frozen", "plateau", "jumps")  # repairs that only say what is odd
 
 @dataclass(frozen=True)
 class Bench:
-    """The recordings of a pipeline, its rig, the signals that it states as held, and the samples that ingest dropped."""
+    """The recordings of a pipeline, its rig, the signals that it states as held, and the samples that ingest lost."""
 
     recordings: list[Recording]
     rig: Rig

@@ -152,7 +152,14 @@ def test_the_curves_before_and_after_an_effect_have_the_colours_of_their_models(
 
 
 def test_recordings_that_contradict_the_rig_are_stated_once_and_no_search_is_claimed() -> None:
-    finding = {"check": "acceleration", "signal": "x", "recording": "axis_1", "found": "x jumps", "mend": "check it", "weight": "contradiction"}
+    finding = {
+        "check": "acceleration",
+        "signal": "x",
+        "recording": "axis_1",
+        "found": "x jumps",
+        "mend": "check it",
+        "weight": "contradiction",
+    }
     report = whole()
     answer = report.answers["diagnose"] | {"verdict": "inconclusive", "missing": [], "next_experiment": None}
     answer |= {
