@@ -95,7 +95,7 @@ def worlds(python: str, kept: Path, *, full: bool) -> list[World]:
             for rig, count in (("plc", 1), ("bench", 2), ("seal", 2), ("process", 2))
         ),
         World("thesis-cases", 3, lambda: with_pages("thesis-cases", shared / "thesis-cases", AXIS)),
-        World("real", 5, lambda: real(shared / "real")),
+        World("real", 8, lambda: real(shared / "real")),
         World("front-door", 7, lambda: door("front-door", shared / "front-door")),
         World("front-door-2", 7, lambda: door("front-door-2", shared / "front-door-2")),
         World("metadata", 6, lambda: with_pages("metadata", shared / "metadata", READ)),
@@ -137,7 +137,8 @@ def real(folder: Path) -> list[Case]:
     ]
     for name, one in known.items():
         if raw := [path for pattern in one.get("raw", []) for path in sorted(folder.glob(pattern))]:
-            out.append(Case("real", name, DOOR, described_truth(one), None, raw, [*_edits(one), *RIG]))
+            commands = one.get("commands", DOOR)
+            out.append(Case("real", name, commands, described_truth(one), None, raw, [*_edits(one), *RIG]))
     return out
 
 

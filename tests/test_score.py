@@ -61,7 +61,9 @@ def test_an_equivalent_effect_is_in_the_answer_and_not_exactly_the_hidden_one() 
 def test_a_false_name_is_worse_and_a_mild_one_is_not() -> None:
     right = diagnosis("piston-leak")
     assert True in judgements(LEAK, right, diagnosis("piston-leak", "line-delay"))
-    assert True not in judgements(LEAK, right, diagnosis("piston-leak", "valve-lag"))
+    assert set(judgements(LEAK, right, diagnosis("piston-leak", "valve-lag"))) == {None}
+    said = compared(LEAK, {"diagnose": right}, {"diagnose": diagnosis("piston-leak", "valve-lag")}, is_sound=True)
+    assert any("mild 0 -> 1" in one.text for one in said)
     counts = judged(LEAK, diagnosis("piston-leak", "valve-lag", "line-delay"))
     assert (counts.false, counts.mild, counts.right, counts.exact) == (1, 1, 1, 0)
 
@@ -153,13 +155,33 @@ def test_a_reading_is_right_if_refused_or_doubted_where_that_is_right() -> None:
     truth, rows = described_truth(said), {"ingest": reading()}
     assert reading_faults(truth, rows) == []
     assert len(reading_faults(described_truth({**said, "noise": {"p1": 900}}), rows)) == 1
-    wrong = {"ingest": {**reading(), "reads": {"p1": [2e5, 8e5]}}}
-    assert len(reading_faults(truth, wrong)) == 1
+    for range_ in ([2e5, 7e5], [1e5, 8e5]):
+        assert len(reading_faults(truth, {"ingest": {**reading(), "reads": {"p1": range_}}})) == 1
     refused = {"ingest": {"command": "ingest", "exit": 2, "refused": ["E045"]}}
     assert reading_faults(truth, refused) == ["ingest refuses"]
     assert reading_faults(described_truth({**said, "may_refuse": True}), refused) == []
     doubted = {"ingest": {**reading(reference=1), "reads": {"p1": [2e5, 8e5]}}}
     assert reading_faults(described_truth({**said, "doubts": ["reference"]}), doubted) == []
+
+
+def test_clock_samples_and_error_tell_how_a_file_was_read() -> None:
+    rows = {"ingest": {**reading(), "rate": {"p1": 1000.0}, "samples": 50}, "compare": comparison(1.4)}
+    assert reading_faults(described_truth({"rate": {"p1": 1000}, "samples": 50, "error": 2}), rows) == []
+    for said in ({"rate": {"p1": 1}}, {"samples": 51}, {"error": 1.3}):
+        assert len(reading_faults(described_truth(said), rows)) == 1
+
+
+def test_an_effect_that_nothing_can_show_is_a_false_name_whatever_else_acts() -> None:
+    truth = described_truth({"absent": ["constant-force"]})
+    assert (judged(truth, diagnosis("constant-force", "stribeck")).false, judged(truth, diagnosis()).false) == (1, 0)
+    assert judgements(truth, diagnosis("stribeck"), diagnosis("line-delay")) == [None]
+
+
+def test_fitted_recordings_judge_where_none_is_held_out() -> None:
+    fitted, held_out = ({"compare": {**comparison(1.0), "error": [3.0, test]}} for test in (None, 1.0))
+    fitted["compare"]["limit"] = [1.1, None]
+    assert [one.worse for one in compared(HEALTHY, held_out, fitted, is_sound=True)] == [True]
+    assert contradictions({**fitted, "diagnose": diagnosis(error=3.0, do="run")}) != []
 
 
 def test_a_truth_is_read_in_the_form_of_each_world() -> None:
