@@ -120,11 +120,12 @@ def _number_events(candidates: Sequence[_RegionSamples]) -> list[Region]:
 
 
 def _regions_of_channel(comparison: Comparison, result: ChannelResult) -> Iterator[_RegionSamples]:
-    """Yield the worst range of each signal over which the error of one channel is uneven."""
-    squared = np.nan_to_num(comparison.residual(result.channel)) ** 2
+    """Yield the worst range of each signal over which the error of one channel is uneven, of all compared samples."""
+    squared = comparison.residual(result.channel) ** 2
+    compared, squared = np.isfinite(squared), np.nan_to_num(squared)
     weight = (result.ratio_to_noise - 1.0) * result.ratio_to_noise
     for signal, values in locator_signals(comparison.experiment).items():
-        concentration = error_concentration(values, squared)
+        concentration = error_concentration(values[compared], squared[compared])
         if concentration is not None:
             low, high, error, samples = concentration
             unit = SIGNALS[signal].unit if signal in SIGNALS else "1"

@@ -64,7 +64,7 @@ def expected_error(
     Returns:
         The error; its rms is at least the noise of the channel's sensor.
     """
-    valid = ~experiment.reversals if experiment.recording.imposed else slice(None)
+    valid = experiment.force_is_determined if experiment.recording.imposed else slice(None)
     segments, count = experiment.segments[valid], experiment.restarts.size
     drawn = [
         {c: np.bincount(segments, d[valid] ** 2, count) / max(segments.size, 1) for c, d in one.items()}

@@ -68,7 +68,7 @@ def unresolved_parameters(candidate: Candidate) -> list[str]:
 
 
 def contains_all_positions(candidate: Candidate, residual_models: Sequence[ResidualModel]) -> bool:
-    """Whether a stretch of the stroke ended with no recorded position outside, by more than the step of its edges.
+    """Whether a stretch of the stroke ended with no motion outside, by more than the step of its edges.
 
     Nothing tells it from friction along the whole stroke, which the model has without it.
     """
@@ -77,12 +77,12 @@ def contains_all_positions(candidate: Candidate, residual_models: Sequence[Resid
         return False
     step = max((f.step * f.scale for f in candidate.full.fit.free if f.name in names), default=0.0)
     edges = [e.value for e in candidate.full.fit.estimates if e.name in names]
-    measured = [one.experiment.recording.signals.get("x") for one in residual_models if isinstance(one, ForceBalance)]
-    positions = [x for x in measured if x is not None and np.isfinite(x).any()]
+    ranges = [one.experiment.signal_ranges for one in residual_models if isinstance(one, ForceBalance)]
+    moved = [one for one in ranges if one.high > one.low]
     return (
-        bool(positions)
+        bool(moved)
         and bool(edges)
-        and all(np.nanmin(x) >= min(edges) - step and np.nanmax(x) <= max(edges) + step for x in positions)
+        and all(one.low >= min(edges) - step and one.high <= max(edges) + step for one in moved)
     )
 
 

@@ -15,6 +15,7 @@ from pneucli.noise import NoiseModel
 from pneucli.physics.declaration import Effect
 from pneucli.recording import Recording, Rig
 from pneucli.simulate import layout as at
+from pneucli.simulate.end_detection import POSITION_SCATTER_SIGMA, contact_side
 from pneucli.simulate.imposed_motion import MotionInputs, detect_reversals, motion_inputs, smooth_acceleration
 from pneucli.simulate.kernel_settings import max_filling_step, max_motion_step
 from pneucli.simulate.local_polynomials import LocalPolynomialSmoother, choose_windows
@@ -76,6 +77,26 @@ class Experiment:
     def gap_ends(self) -> NDArray[np.int64]:
         """The first sample of the recording, and those after gaps."""
         return restart_samples(self.time, None)
+
+    @cached_property
+    def contact_side(self) -> Array:
+        """The side on which an end of the stroke may carry the piston: -1, 0 or 1 for each sample, shape (n,)."""
+        return contact_side(self.inputs[:, at.IN_X], self.detected_ends, self.contact_tolerance)
+
+    @property
+    def is_free(self) -> NDArray[np.bool_]:
+        """Samples (n,) off the ends. On an end any force may act: they say nothing of friction, springs or loads."""
+        return np.asarray(self.contact_side == 0.0)
+
+    @property
+    def contact_tolerance(self) -> float:
+        """Distance in m from an end within which the piston may touch it, by noise or compliance."""
+        return max(self.position_scatter, self.end_compliance)
+
+    @property
+    def position_scatter(self) -> float:
+        """Distance in m within which noise may scatter the readings of one position."""
+        return POSITION_SCATTER_SIGMA * self.noise["x"].rms if "x" in self.noise else 0.0
 
     @property
     def horizon(self) -> float:
@@ -181,18 +202,23 @@ class Experiment:
 
     @cached_property
     def signal_ranges(self) -> SignalRanges:
-        """Largest command, pressure, force and speed, range of x, sampling period."""
+        """Largest command, pressure, force and speed, range of x, sampling period.
 
-        def largest(*columns: int) -> float:
+        Where the piston rests on an end, a force is no measure of the drive; positions count where it moves.
+        """
+
+        def largest(*columns: int, where: NDArray[np.bool_] | slice = slice(None)) -> float:
             measured = [c for c in columns if at.INPUTS[c] in self.raw]
-            return float(np.abs(self.inputs[:, measured]).max()) if measured else 0.0
+            return float(np.abs(self.inputs[where][:, measured]).max(initial=0.0)) if measured else 0.0
 
-        x = self.inputs[:, at.IN_X] if "x" in self.raw else np.zeros(1)
+        moving = (self.inputs[:, at.IN_V] != 0.0) & self.is_free
+        x = self.inputs[moving, at.IN_X] if "x" in self.raw and moving.any() else np.zeros(1)
         speed = float(np.abs(self.inputs[:, at.IN_V]).max())
         command = float(self.flags[at.U_MAX]) if {"u", "u2"} & self.raw.keys() else 0.0
         pressure = largest(at.IN_SUPPLY, at.IN_P1, at.IN_P2)
         bounds = float(x.min()), float(x.max())
-        return SignalRanges(command, pressure, largest(at.IN_FORCE), speed, *bounds, self.recording.period)
+        force = largest(at.IN_FORCE, where=self.is_free)
+        return SignalRanges(command, pressure, force, speed, *bounds, self.recording.period)
 
     def measured(self, channel: str) -> Array:
         """Return a measured channel, filtered where the comparison filters.
@@ -201,11 +227,12 @@ class Experiment:
             channel: Name of the channel.
 
         Returns:
-            The signal in SI units, shape (n,); NaN where it was not measured, and of the force where an imposed motion
-            reverses: there dry friction may have either sign.
+            The signal in SI units, shape (n,); NaN where it was not measured, and of the force that an imposed motion
+            needs where the motion does not determine it.
         """
         values = self._measured_unmasked(channel)
-        return np.where(self.reversals, np.nan, values) if channel == "force" and self.recording.imposed else values
+        imposed = channel == "force" and self.recording.imposed
+        return np.where(self.force_is_determined, values, np.nan) if imposed else values
 
     def _measured_unmasked(self, channel: str) -> Array:
         if channel == "force" and "force" not in self.recording:
@@ -217,9 +244,9 @@ class Experiment:
         return values if complete else np.where(np.isnan(self.recording[channel]), np.nan, values)
 
     @cached_property
-    def reversals(self) -> NDArray[np.bool_]:
-        """Samples (n,) at which the direction of the measured motion is uncertain."""
-        return detect_reversals(self)
+    def force_is_determined(self) -> NDArray[np.bool_]:
+        """Samples (n,) at which the motion determines the force: off the ends, and in a certain direction."""
+        return np.asarray(self.is_free & ~detect_reversals(self))
 
     def net_pressure_force(self) -> Array:
         """Return the force in N of the measured pressures on the piston toward +x, shape (n,)."""
@@ -317,7 +344,10 @@ class Experiment:
 
 
 class SignalRanges(NamedTuple):
-    """Ranges of the signals of one recording, SI, from which the scales of a rig follow; 0 where not recorded."""
+    """Ranges of the signals of one recording, SI, from which the scales of a rig follow; 0 where not recorded.
+
+    ``low`` and ``high`` bound the positions at which the piston moves.
+    """
 
     command: float
     pressure: float

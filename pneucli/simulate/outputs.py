@@ -104,7 +104,7 @@ def with_estimated_p2(model: Model, experiment: Experiment, inputs: Array) -> Ar
     shifted[:, at.IN_P2] *= 1.0 + RELATIVE_P2_STEP
     sensitivity = (with_p2(model, e, shifted) - estimate)[:, at.IN_P2] / RELATIVE_P2_STEP
     missing = -_force_residual(model, e, estimate) / area_2
-    begins, moving = e.gap_ends, inputs[:, at.IN_V] != 0.0
+    begins, moving = e.gap_ends, (inputs[:, at.IN_V] != 0.0) & e.is_free
     share = np.add.reduceat(sensitivity * missing * moving, begins) / (
         np.add.reduceat(sensitivity**2 * moving, begins) + MIN_DENOMINATOR
     )

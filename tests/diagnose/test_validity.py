@@ -155,7 +155,11 @@ def test_a_stretch_of_all_positions_is_friction_along_the_stroke(start: float, e
     tried = candidate("position-friction", ends={"from": (start, False), "to": (end, False), "gain": (-0.8, False)})
     for one in tried.full.fit.free:
         one.step, one.scale = 0.005, 0.2  # type: ignore[misc]
-    strokes = make_experiment("friction", TIME, {"x": 0.1 - 0.1 * np.cos(2 * np.pi * TIME / TIME[-1])})
+    strokes = make_experiment(
+        "friction",
+        TIME,
+        {"x": 0.1 - 0.1 * np.cos(2 * np.pi * TIME / TIME[-1]), "v": np.sin(2 * np.pi * TIME / TIME[-1])},
+    )
     assert contains_all_positions(tried, [ForceBalance(strokes)]) == everywhere
     assert not contains_all_positions(tried, [ChamberPressures(strokes)])  # that says nothing of where friction acts
 

@@ -14,9 +14,10 @@ from pneucli.identify.residuals import residual_models
 from pneucli.noise import NoiseModel
 from pneucli.recording import Recording, Rig
 from pneucli.simulate import layout as at
-from pneucli.simulate.end_stops import contact_side, estimate_stroke_limits, with_end_stops
+from pneucli.simulate.end_stops import with_end_stops
 from pneucli.simulate.experiment import Experiment
 from pneucli.simulate.model import Model
+from pneucli.simulate.outputs import with_estimated_p2
 from pneucli.simulate.preparation import prepare
 from pneucli.simulate.run import run
 from tests.identify.test_arrangements import FIRST, NOISE, SECOND
@@ -25,6 +26,7 @@ from tests.simulate.synthetic_experiments import FRICTION, RIG
 STROKE = 0.05  # m
 SHORT = replace(RIG, stroke=STROKE, valve_arrangement="5/3")
 PERIOD = 1e-3
+TRUE = Model(SHORT, (), FRICTION, FIRST, SECOND)
 
 
 def to_and_fro(
@@ -42,7 +44,7 @@ def to_and_fro(
     blank = Recording(
         "axis", "axis", "train", time, {"u": levels} | flat, dict.fromkeys(flat, NoiseModel(0.0)), "valve"
     )
-    true = run(Model(SHORT, (), FRICTION, FIRST, SECOND), prepare(blank, SHORT, None))
+    true = run(TRUE, prepare(blank, SHORT, None))
     push = SHORT.piston_areas[0] * true[:, at.P1] - SHORT.piston_areas[1] * true[:, at.P2]
     pressed = np.where(true[:, at.X] >= STROKE, np.maximum(push, 0.0), np.where(true[:, at.X] <= 0.0, push, 0.0))
     x = true[:, at.X] + pressed / stiffness
@@ -61,7 +63,7 @@ def resting() -> Experiment:
 
 
 def test_most_of_this_recording_is_at_the_ends(resting: Experiment):
-    assert np.mean(contact_side(resting) != 0.0) > 0.6
+    assert np.mean(~resting.is_free) > 0.6
 
 
 def test_friction_is_what_motion_shows_and_not_what_an_end_carries(resting: Experiment):
@@ -75,7 +77,7 @@ def test_an_end_that_gives_way_is_an_end():
     """Pressed in by 40 um, seen to 0.1 um: the piston rests deeper the harder it is pressed."""
     (soft,) = with_end_stops([to_and_fro(stiffness=1e7)], SHORT)
     found = fit_model(guess_base_model([soft], SHORT), residual_models([soft]), []).model
-    assert np.ptp(soft.inputs[contact_side(soft) > 0.0, at.IN_X]) > 10 * 1e-7 * 6
+    assert np.ptp(soft.inputs[soft.contact_side > 0.0, at.IN_X]) > 10 * 1e-7 * 6
     assert found.values["friction.coulomb"] == pytest.approx(FRICTION["friction.coulomb"], rel=0.15)
 
 
@@ -88,7 +90,7 @@ def test_a_recording_at_an_end_that_gives_way_is_at_the_end():
     signals = {name: values[part] for name, values in whole.recording.signals.items()}
     filling = prepare(replace(whole.recording, time=whole.time[part], signals=signals), whole.rig, 0.25)
     assert np.ptp(filling.inputs[:, at.IN_X]) > 2e-5
-    assert (contact_side(with_end_stops([whole, filling], SHORT)[1]) == 1.0).all()
+    assert (with_end_stops([whole, filling], SHORT)[1].contact_side == 1.0).all()
 
 
 def test_a_rebound_is_no_end():
@@ -100,8 +102,8 @@ def test_a_rebound_is_no_end():
 
 def test_the_true_model_waits_at_its_ends_as_the_piston_does(resting: Experiment):
     """Both touch the same end, whose hardness no model states: nothing is compared there, and x is near its noise."""
-    seen = compare(Model(SHORT, (), FRICTION, FIRST, SECOND), resting)
-    waiting = np.convolve(contact_side(resting) == 0.0, np.ones(101), mode="same") == 0.0
+    seen = compare(TRUE, resting)
+    waiting = np.convolve(resting.is_free, np.ones(101), mode="same") == 0.0
     assert np.mean(waiting) > 0.3
     assert np.isnan(seen.residual("x")[waiting]).all()
     assert np.nanstd(seen.residual("x")[500:]) < 5.0 * NOISE["x"].rms
@@ -110,21 +112,44 @@ def test_the_true_model_waits_at_its_ends_as_the_piston_does(resting: Experiment
 @pytest.mark.parametrize(("stated", "found"), [(STROKE, STROKE), (1.03 * STROKE, STROKE), (None, STROKE)])
 def test_ends_are_found_where_the_stroke_is_not_given_or_not_exact(stated: float | None, found: float):
     rig = replace(SHORT, stroke=stated)
-    low, high = estimate_stroke_limits([to_and_fro(rig)], rig)
-    assert low == pytest.approx(0.0, abs=1e-4)
-    assert high == pytest.approx(found, abs=1e-4)
+    assert with_end_stops([to_and_fro(rig)], rig)[0].stroke_limits == pytest.approx((0.0, found), abs=1e-4)
 
 
 def test_a_piston_that_friction_holds_in_the_middle_shows_no_end():
     """Steps too short to cross: rests are where friction held it, and the stated ends stand."""
     rig = replace(SHORT, stroke=0.2)
     still = to_and_fro(rig, dwell=0.05)
-    assert estimate_stroke_limits([still], rig)[1] == 0.2
+    assert with_end_stops([still], rig)[0].stroke_limits == pytest.approx((0.0, 0.2))
 
 
-def test_force_inward_counts_at_an_end(resting: Experiment):
-    """With friction taken away the piston would have left its end: what held it there is told by the balance."""
+def test_nothing_counts_on_an_end_not_even_a_force_that_leaves_it(resting: Experiment):
+    """With friction taken away the piston would have left its end, but for a spring that nobody told of."""
     (forces,) = [view for view in residual_models([resting]) if "force" in view.channels]
     slippery = Model(SHORT, (), {"friction.coulomb": 0.0, "friction.viscous": 45.0}, FIRST, SECOND)
-    left = forces.residual(slippery)["force"][contact_side(resting) != 0.0]
-    assert np.max(np.abs(left)) > 5.0
+    left = forces.residual(slippery)["force"]
+    assert not left[~resting.is_free].any()
+    assert np.max(np.abs(left[resting.is_free])) > 5.0
+
+
+def test_no_missing_force_acts_on_a_piston_at_its_end(resting: Experiment):
+    terms = [t for v in residual_models([resting]) if "force" in v.channels for t in v.discrepancy_terms(TRUE, "force")]
+    assert [t.name for t in terms] == ["force", "dry friction", "viscous friction"]
+    assert all(t.unit_signal.any() and not t.unit_signal[~resting.is_free].any() for t in terms)
+
+
+def test_no_imposed_motion_determines_the_force_on_an_end(resting: Experiment):
+    assert not resting.force_is_determined[~resting.is_free].any()
+    assert resting.force_is_determined[resting.is_free].any()
+
+
+def test_p2_is_inferred_from_motion_off_the_ends():
+    """An end that gives way moves the piston, and what presses it in would pass for a pressure."""
+    soft = to_and_fro(stiffness=1e6)
+    signals = {name: values for name, values in soft.recording.signals.items() if name != "p2"}
+    blind = prepare(replace(soft.recording, signals=signals), soft.rig, 0.25)
+    ready = replace(blind, detected_ends=(0.0, STROKE), end_compliance=5e-4)
+    assert np.any(ready.inputs[~ready.is_free, at.IN_V])
+    pushed = ready.inputs.copy()
+    pushed[~ready.is_free, at.IN_FORCE] += 400.0
+    p2, p2_pushed = (with_estimated_p2(TRUE, ready, inputs)[:, at.IN_P2] for inputs in (ready.inputs, pushed))
+    assert p2_pushed == pytest.approx(p2)

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -30,6 +32,14 @@ def test_every_slide_between_two_rests_is_cut_out(sensors: tuple[str, ...]) -> N
         assert abs(one.stop - stop) <= 10
         assert min(one.breakaway - one.start, one.end - one.stop) >= MIN_REST_RATIO * (one.stop - one.breakaway)
         assert one.peak_speed == pytest.approx(np.abs(TRUTH["v"]).max(), rel=0.01)
+
+
+def test_a_slide_from_or_to_a_stop_is_no_stick_slip() -> None:
+    """Until its first slide the piston rests on one."""
+    found = estimate_motion(recorded(STICKY, TRUTH, 1, ("p1", "p2", "x", "a")), Model(RIG))
+    first = find_stick_slips(found, 2.0)[0]
+    stopped = replace(found, contact=np.arange(found.v.size) < first.breakaway)
+    assert len(find_stick_slips(stopped, 2.0)) == 5
 
 
 def test_break_away_takes_the_static_friction() -> None:

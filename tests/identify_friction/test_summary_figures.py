@@ -22,10 +22,10 @@ def level(name: str, friction: float, bar: float | None = None, speed: float = 0
     return KineticFriction(name, pressures, speed, value, value, value, value)
 
 
-def motion(v: np.ndarray, drive: np.ndarray, imposed: bool) -> Motion:
+def motion(v: np.ndarray, drive: np.ndarray, imposed: bool, contact: np.ndarray | None = None) -> Motion:
     named = SimpleNamespace(name="one")
     fields = {"recording": named, "v": v, "drive": drive, "smooth_drive": drive, "rest_speed": 0.1, "imposed": imposed}
-    fields["smooth_a"] = np.gradient(v)
+    fields |= {"smooth_a": np.gradient(v), "contact": np.zeros(v.size, dtype=bool) if contact is None else contact}
     return cast("Motion", SimpleNamespace(**fields))
 
 
@@ -58,6 +58,17 @@ def test_a_free_piston_breaks_away_at_the_force_that_it_held_last() -> None:
     found = break_away(motion(v, drive, imposed=False))
     assert found is not None
     assert (found.count, found.minimum, found.maximum) == (2, pytest.approx(8.0, abs=0.5), pytest.approx(10.0, abs=1.0))
+
+
+@pytest.mark.parametrize("imposed", [False, True])
+def test_leaving_a_stop_is_no_break_away(imposed: bool) -> None:
+    """Up to 18 N leave it on its stop, 10 N break it away elsewhere."""
+    rest, slide = np.zeros(20), np.ones(100)
+    v = np.concatenate([rest, slide, rest, -slide])
+    pull = np.linspace(0, 18, 20), np.full(100, 5.0), np.linspace(5, -10, 20), np.full(100, -5.0)
+    found = break_away(motion(v, np.concatenate(pull), imposed=imposed, contact=np.arange(v.size) < 20))
+    assert found is not None
+    assert found.maximum == pytest.approx(10.0, abs=1.0)
 
 
 def test_a_machine_finds_the_break_away_at_the_start_of_its_stroke() -> None:

@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pneucli.identify.estimation.blocks import copy_nonzero, group_scores, residual_slices
-from pneucli.identify.estimation.least_squares import Approximation, minimise, pseudo_inverse
+from pneucli.identify.estimation.least_squares import Approximation, minimise, pseudo_inverse, undetermined_coordinates
 from pneucli.identify.estimation.objective import LeastSquaresProblem
 from pneucli.identify.estimation.parameters import DIFFERENCE_STEP, FreeParameter
 from pneucli.identify.estimation.progress import iteration_callback
@@ -58,7 +58,8 @@ class Fit:
 
     ``residual`` (N,) and ``jacobian`` (N, k) are in units of the channels' noise and of the fit's coordinates.
     ``blocks`` (N,) labels the block of each residual. ``covariance`` (k, k) is that of the coordinates.
-    ``initial_state_sensitivities`` holds one mapping a residual model.
+    ``initial_state_sensitivities`` holds one mapping a residual model. ``undetermined`` names the parameters
+    that neither data nor priors determine, alone or together with others.
     """
 
     model: Model
@@ -70,6 +71,7 @@ class Fit:
     covariance: Array
     cost: float
     initial_state_sensitivities: Sequence[Mapping[str, Array]]
+    undetermined: frozenset[str] = frozenset()
 
     @cached_property
     def inverse_hessian(self) -> Array:
@@ -208,9 +210,10 @@ def _fit_summary(
     for column in jacobian.T:  # an overflow identifies nothing; zeros that are not written take no memory
         if not (column.min(initial=0.0) > -MAX_DERIVATIVE and column.max(initial=0.0) < MAX_DERIVATIVE):
             column[~(np.abs(column) < MAX_DERIVATIVE)] = 0.0
-    covariance = np.zeros((z.size, z.size))
+    covariance, undetermined = np.zeros((z.size, z.size)), np.zeros(z.size, dtype=bool)
     if has_covariance:
-        inverse_hessian = pseudo_inverse(jacobian.T @ jacobian)
+        curvature = jacobian.T @ jacobian
+        inverse_hessian, undetermined = pseudo_inverse(curvature), undetermined_coordinates(curvature)
         scores = group_scores(jacobian[:n], residual[:n], blocks)
         covariance = inverse_hessian @ (scores.T @ scores + jacobian[n:].T @ jacobian[n:]) @ inverse_hessian
     model = problem.model_at(z)
@@ -224,6 +227,7 @@ def _fit_summary(
         covariance,
         float(residual @ residual),
         problem.errors,
+        frozenset(f.name for f, is_open in zip(problem.free, undetermined, strict=True) if is_open),
     )
 
 

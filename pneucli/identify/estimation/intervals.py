@@ -38,7 +38,8 @@ MAX_LEVERAGE = 0.9  # of the curvature of a direction: beyond it the other group
 def with_intervals(fitted: Fit, residual_models: Sequence[ResidualModel]) -> Fit:
     """Widen covariance and intervals of a fit by the variance that model error causes.
 
-    A parameter without a variance is one that no residual depends on: its interval is its whole range.
+    The interval of a parameter that the residuals do not determine, alone or together with another one, is its whole
+    range: a constant force and the rest position of a spring are one.
 
     Args:
         fitted: The fit.
@@ -55,7 +56,7 @@ def with_intervals(fitted: Fit, residual_models: Sequence[ResidualModel]) -> Fit
     inflation = variance_inflation(fitted, group_labels(residual_models))
     covariance = fitted.covariance * np.outer(np.sqrt(inflation), np.sqrt(inflation))
     estimates = [
-        e if variance > 0.0 else replace(e, ci95=(f.lower, f.upper))
+        e if variance > 0.0 and e.name not in fitted.undetermined else replace(e, ci95=(f.lower, f.upper))
         for e, f, variance in zip(
             parameter_estimates(fitted.free, fitted.model, covariance), fitted.free, covariance.diagonal(), strict=True
         )

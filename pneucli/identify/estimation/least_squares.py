@@ -27,6 +27,8 @@ MAX_APPROXIMATE_STEPS = 8  # with corrected derivatives, then new ones are evalu
 MAX_DECREASE_FOR_REUSE = 0.01  # of the cost: after a smaller decrease the derivatives have hardly changed
 MIN_EXTENSION_RATIO = 1.5  # times the predicted decrease: a step that gains more was too short
 MAX_STEP_DOUBLINGS = 6  # of a step that was too short
+MIN_RELATIVE_CURVATURE = 1e-15  # of the largest: rounding makes as much
+MIN_COMPONENT = 1e-6  # of a unit direction, by which it changes a coordinate
 MIN_GAIN_RATIO = 0.25  # of the predicted decrease, as in trust regions: a step that gains less asks for new derivatives
 
 
@@ -268,10 +270,34 @@ def pseudo_inverse(curvature: Array) -> Array:
     [[0.25, 0.0], [0.0, 0.0]]
 
     """
+    scaled, size = _with_unit_diagonal(curvature)
+    inverse = np.linalg.pinv(scaled, rcond=MIN_RELATIVE_CURVATURE, hermitian=True)
+    return np.asarray(inverse / size[:, None] / size)
+
+
+def undetermined_coordinates(curvature: Array) -> NDArray[np.bool_]:
+    """Return the coordinates that a curvature does not determine, alone or together with others.
+
+    Args:
+        curvature: The curvature, shape (k, k).
+
+    Returns:
+        True where a direction along which :func:`pseudo_inverse` is 0 changes the coordinate, shape (k,).
+
+    >>> undetermined_coordinates(np.array([[1.0, 1.0, 0.0], [1.0, 1.0, 0.0], [0.0, 0.0, 1.0]])).tolist()
+    [True, True, False]
+
+    """
+    values, vectors = np.linalg.eigh(_with_unit_diagonal(curvature)[0])
+    free = vectors[:, np.abs(values) <= MIN_RELATIVE_CURVATURE * np.max(np.abs(values))]
+    return np.asarray(np.any(np.abs(free) > MIN_COMPONENT, axis=1))
+
+
+def _with_unit_diagonal(curvature: Array) -> tuple[Array, Array]:
+    """Return a curvature (k, k) in scales of its own, and these scales (k,)."""
     size = np.sqrt(curvature.diagonal())
     size = np.where(size > 0.0, size, 1.0)
-    scaled = curvature / size[:, None] / size
-    return np.asarray(np.linalg.pinv(scaled, hermitian=True) / size[:, None] / size)
+    return curvature / size[:, None] / size, size
 
 
 def _sum_of_squares(residual: Array) -> float:

@@ -11,7 +11,7 @@ from pneucli.errors import InputError
 from pneucli.identify.friction.binned_curve import FrictionCurve, binned_curve
 from pneucli.identify.friction.friction_model import DEFAULT_NODES, FrictionModel, ModelName, VelocityDomain
 from pneucli.identify.friction.imposed_motion import KineticFriction, kinetic_friction
-from pneucli.identify.friction.kinematics import Motion, estimate_motion
+from pneucli.identify.friction.kinematics import Motion, estimate_motion, with_contact
 from pneucli.identify.friction.model_error import Deviation, StickSlipReplay, model_deviations, replay_stick_slip
 from pneucli.identify.friction.models_a_to_f import identify_models
 from pneucli.identify.friction.regression import fit_coulomb, fit_stribeck
@@ -104,7 +104,7 @@ def identify_friction(
         InputError: There is no such recording, drive or motion was not recorded, or hardly anything moves.
 
     """
-    motions = tuple(estimate_motion(r, model) for r in _friction_recordings(recordings))
+    motions = with_contact([estimate_motion(r, model) for r in _friction_recordings(recordings)], model.rig.stroke)
     train = [m for m in motions if m.recording.use == "train"]
     warnings: list[FrictionWarning] = []
     mass = _mass(train, warnings)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from itertools import chain
@@ -15,6 +15,7 @@ from pneucli.identify.friction.non_friction_forces import NonFrictionForces
 from pneucli.identify.friction.velocity_estimation import Smoother, fuse_position_and_acceleration
 from pneucli.noise import NoiseModel, estimate_noise
 from pneucli.recording import Recording, Rig
+from pneucli.simulate.end_detection import POSITION_SCATTER_SIGMA, Drive, contact_side, detect_ends, end_compliance
 from pneucli.simulate.local_polynomials import choose_windows
 from pneucli.simulate.model import Model
 from pneucli.simulate.position_smoother import fit_position_smoother
@@ -42,8 +43,9 @@ class Motion:
     a measured force, and the ``load`` of the model's effects (``non_friction``). ``smooth_drive`` and ``smooth_a`` are
     smoothed; ``drive_noise_draws`` (draws, n) is the noise that remains in the smooth drive; ``a`` has no sensor bias.
     ``sigma_v``, ``sigma_a`` (of ``smooth_a``) and ``sigma_drive`` (of ``drive``) are standard deviations,
-    ``accelerometer_noise`` that of the accelerometer (0 without one). ``valid`` marks measured samples. Smoothing of
-    velocity and force reaches ``smoothing_samples`` samples to each side.
+    ``accelerometer_noise`` that of the accelerometer (0 without one). ``valid`` marks measured samples off the ends of
+    the stroke, ``contact`` those on an end, which may carry any force. Smoothing of velocity and force reaches
+    ``smoothing_samples`` samples to each side; noise scatters readings of one position within ``position_scatter`` (m).
     """
 
     recording: Recording
@@ -57,7 +59,9 @@ class Motion:
     load: Array
     drive_noise_draws: Array
     valid: Mask
+    contact: Mask
     smoothing_samples: int
+    position_scatter: float
     sigma_v: float
     sigma_a: float
     sigma_drive: float
@@ -186,12 +190,40 @@ def estimate_motion(recording: Recording, model: Model) -> Motion:
         load=load,
         drive_noise_draws=redrawn,
         valid=np.logical_and.reduce([~np.isnan(recording[n]) for n in raw]),
+        contact=np.zeros(time.size, dtype=bool),
         smoothing_samples=smoothing_samples,
+        position_scatter=POSITION_SCATTER_SIGMA * noise["x"].rms if "x" in raw else 0.0,
         sigma_v=float(np.std(v_error)),
         sigma_a=float(np.std(a_error)),
         sigma_drive=float(np.hypot(np.std(drive_error), np.std(load_error))),
         accelerometer_noise=noise["a"].rms if accelerometer else 0.0,
     )
+
+
+def with_contact(motions: Sequence[Motion], stroke: float | None) -> tuple[Motion, ...]:
+    """Mark the samples on the ends of the stroke that the motions of one rig show.
+
+    Args:
+        motions: The motions.
+        stroke: Stated stroke in m, None where it is not known.
+
+    Returns:
+        The motions in order.
+
+    """
+    drives = [_drive(m) for m in motions if np.isfinite(m.x).all()]
+    ends, compliance = detect_ends(drives, stroke), end_compliance(drives)
+    return tuple(_with_contact(m, ends, max(m.position_scatter, compliance)) for m in motions)
+
+
+def _with_contact(motion: Motion, ends: tuple[float, float], tolerance: float) -> Motion:
+    contact = contact_side(motion.x, ends, tolerance) != 0.0
+    return replace(motion, contact=contact, valid=motion.valid & ~contact)
+
+
+def _drive(m: Motion) -> Drive:
+    v = np.where(np.abs(m.v) > m.rest_speed, m.v, 0.0)
+    return Drive(m.x, v, m.smooth_a, m.smooth_drive, max(m.smoothing_samples, 1), m.position_scatter)
 
 
 def _non_friction_force(recording: Recording, non_friction: NonFrictionForces, x: Array, v: Array) -> Array:

@@ -78,7 +78,8 @@ def simulate_driven(
 ) -> Array:
     """Simulate a friction model under the measured drive of a recording, from its initial velocity.
 
-    The effects' forces act at the measured position and the simulated velocity.
+    The effects' forces act at the measured position and the simulated velocity. On an end of the stroke the piston
+    rests, and the simulation starts again where it leaves.
 
     Args:
         model: The friction model.
@@ -92,19 +93,23 @@ def simulate_driven(
 
     """
     tables, step = level_tables(model)
-    initial_velocity = float(motion.v[span][0])
-    start = initial_velocity if abs(initial_velocity) > motion.rest_speed else 0.0
-    drive = motion.smooth_drive - motion.load - model.offset + noise
-    return motion.non_friction.simulate_driven(
-        motion.time[span],
-        drive[span],
-        motion.x[span],
-        start,
-        motion.moved_mass(mass),
-        tables,
-        step,
-        SUBSTEPS,
-    )
+    time, x, v = (values[span] for values in (motion.time, motion.x, motion.v))
+    drive = (motion.smooth_drive - motion.load - model.offset + noise)[span]
+    out = np.zeros((2, time.size))
+    edges = np.flatnonzero(np.diff(motion.contact[span], prepend=True, append=True)).reshape(-1, 2)
+    for free in (slice(first, last) for first, last in edges.tolist()):
+        start = float(v[free][0])
+        out[:, free] = motion.non_friction.simulate_driven(
+            time[free],
+            drive[free],
+            x[free],
+            start if abs(start) > motion.rest_speed else 0.0,
+            motion.moved_mass(mass),
+            tables,
+            step,
+            SUBSTEPS,
+        )
+    return out
 
 
 @dataclass(frozen=True)

@@ -67,7 +67,8 @@ class AveragedFriction:
 def find_stick_slips(motion: Motion, mass: float) -> list[StickSlip]:
     """Find every single stick-slip cycle of a recording.
 
-    A slide counts if the piston rests for ``MIN_REST_RATIO`` of its duration before and after. A slide that stays below
+    A slide counts if the piston rests for ``MIN_REST_RATIO`` of its duration before and after, off the ends of its
+    stroke, which would hold it in friction's place. A slide that stays below
     ``MIN_SLIDE_SPEED_RATIO`` of the highest speed is rest, since a velocity from position alone rings next to a stop.
 
     Args:
@@ -88,6 +89,7 @@ def find_stick_slips(motion: Motion, mass: float) -> list[StickSlip]:
         _stick_slip(motion, mass, start, begin, stop, end)
         for start, begin, stop, end in slides
         if min(begin - start, end - stop) >= MIN_REST_RATIO * (stop - begin) and stop - begin >= MIN_SLIDE_SAMPLES
+        if not motion.contact[max(begin - 1, 0) : stop + 1].any()
     ]
 
 

@@ -72,9 +72,9 @@ def break_away(motion: Motion, mass: float = 0.0) -> BreakAway | None:
 
 
 def _breakaway_forces_at_rest(motion: Motion) -> Iterator[float]:
-    """Yield the driving force at the end of each rest of a free piston."""
+    """Yield the driving force at the end of each rest of a free piston off the ends of its stroke."""
     is_rest = np.abs(motion.v) <= motion.rest_speed
-    for k in np.flatnonzero(is_rest[:-1] & ~is_rest[1:]):
+    for k in np.flatnonzero(is_rest[:-1] & ~is_rest[1:] & ~motion.contact[:-1]):
         if k + 1 >= MIN_REST_SAMPLES and is_rest[k + 1 - MIN_REST_SAMPLES : k + 1].all():
             yield abs(float(np.nanmean(motion.drive[k + 1 - BREAKAWAY_SAMPLES : k + 1])))
 
@@ -83,8 +83,8 @@ def _breakaway_forces_of_strokes(motion: Motion, mass: float) -> Iterator[float]
     """Yield the largest friction at the start of each stroke that a machine makes: it turns before the seal lets go."""
     friction = motion.smooth_drive - mass * motion.smooth_a
     for direction, first, end in _strokes(motion):
-        early = friction[max(first - MIN_REST_SAMPLES, 0) : first + int(BREAKAWAY_STROKE_RATIO * (end - first))]
-        yield float(np.max(direction * early))
+        early = slice(max(first - MIN_REST_SAMPLES, 0), first + int(BREAKAWAY_STROKE_RATIO * (end - first)))
+        yield float(np.max(direction * friction[early], initial=-np.inf, where=~motion.contact[early]))
 
 
 def _strokes(motion: Motion) -> list[tuple[float, int, int]]:

@@ -100,7 +100,7 @@ def guess_friction(experiments: Sequence[Experiment], rig: Rig) -> dict[str, flo
             continue
         _, v, a = imposed_motion(experiment)
         force = _driving_force(experiment, rig)
-        moving = np.abs(v) > MIN_SPEED_RATIO * np.max(np.abs(v))
+        moving = (np.abs(v) > MIN_SPEED_RATIO * np.max(np.abs(v))) & experiment.is_free
         inertia = ((rig.moving_mass or 0.0) + experiment.recording.added_mass) * a
         rows.append(np.column_stack([np.sign(v), v, a, np.ones_like(v)])[moving])
         targets.append((force - inertia)[moving])

@@ -76,7 +76,7 @@ def _force_samples(e: Experiment, mass: float) -> ForceSamples:
     read = e.raw if "a" in e.raw else {}
     p1, p2, force = (read.get(name, e.inputs[:, at.INPUTS.index(name)]) for name in ("p1", "p2", "force"))
     drive = area_1 * (p1 - e.rig.ambient_pressure) - area_2 * (p2 - e.rig.ambient_pressure) + force
-    moving = np.flatnonzero(_slides(v, max(round(e.smear_time / e.recording.period), 1)))
+    moving = np.flatnonzero(_slides(v, max(round(e.smear_time / e.recording.period), 1)) & e.is_free)
     chosen = moving[:: max(1, moving.size // MAX_SAMPLES)]
     along = np.sign(v) * a
     noise = e.noise["a"].rms if "a" in e.noise else 0.0

@@ -212,6 +212,8 @@ class ResidualModel(ABC):
 def force_discrepancy_terms(experiment: Experiment, noise: float) -> tuple[DiscrepancyTerm, ...]:
     """Return the forms of a missing force on the piston: constant 1 N, dry friction of 1 N, viscous friction 1 N s/m.
 
+    None acts on a piston that rests on an end, which may carry any force.
+
     Args:
         experiment: The experiment.
         noise: Noise of the force in N.
@@ -220,8 +222,9 @@ def force_discrepancy_terms(experiment: Experiment, noise: float) -> tuple[Discr
         The three terms.
 
     """
-    v = experiment.inputs[:, at.IN_V]
-    each = (("force", "N", np.ones(v.size)), ("dry friction", "N", np.sign(v)), ("viscous friction", "N s/m", v))
+    free = experiment.is_free.astype(np.float64)
+    v = experiment.inputs[:, at.IN_V] * free
+    each = (("force", "N", free), ("dry friction", "N", np.sign(v)), ("viscous friction", "N s/m", v))
     return tuple(DiscrepancyTerm(name, unit, signal, lambda added: added / noise) for name, unit, signal in each)
 
 

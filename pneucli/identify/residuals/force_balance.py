@@ -21,7 +21,6 @@ from pneucli.identify.residuals.chambers import ChamberPressures
 from pneucli.physics.declaration import Effect
 from pneucli.physics.ports import Balance
 from pneucli.simulate import layout as at
-from pneucli.simulate.end_stops import contact_side
 from pneucli.simulate.model import Model
 from pneucli.simulate.motion_smoother import input_errors, smooth_motion, unrounded_readings
 from pneucli.simulate.noise_draws import cache_draws
@@ -135,12 +134,8 @@ class ForceBalance(ResidualModel):
             ONSET_SPEED_RATIO * e.standstill_speed,
             round(MIN_REST_RATIO * smear_samples),
         )
-        bouncing = (self._contact != 0.0) & (e.inputs[:, at.IN_V] != 0.0)
+        bouncing = ~e.is_free & (e.inputs[:, at.IN_V] != 0.0)
         return breakaway, uncertain_direction(e.inputs[:, at.IN_V], breakaway, smear_samples) | bouncing
-
-    @cached_property
-    def _contact(self) -> Array:
-        return contact_side(self.experiment)
 
     @cached_property
     def _acceleration_and_removed_force(self) -> tuple[Array, Array]:
@@ -206,7 +201,7 @@ class ForceBalance(ResidualModel):
             removed_force,
             breakaway,
             uncertain,
-            self._contact,
+            e.contact_side,
             self._remaining_force_noise if noise is None else noise,
             base_vector(model, e),
             kernel.effect_vector(model.effect_values()),

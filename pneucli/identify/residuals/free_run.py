@@ -50,5 +50,5 @@ class ImposedMotion(FreeRun):
         return force_discrepancy_terms(self.experiment, self.noise[channel])
 
     def apply_whitening(self, residual: Mapping[str, Array], errors: Mapping[str, Array]) -> dict[str, Array]:
-        """Return the residuals, 0 at reversals, where the model's force is not compared."""
-        return {c: np.where(self.experiment.reversals, 0.0, r) for c, r in residual.items()}
+        """Return the residuals, 0 where the motion does not determine the force, which is not compared there."""
+        return {c: np.where(self.experiment.force_is_determined, r, 0.0) for c, r in residual.items()}

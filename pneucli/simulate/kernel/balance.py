@@ -83,7 +83,8 @@ def run_balance(
     """Write the residual of the force balance: measured friction minus that of the model.
 
     At rest only a force beyond the model's holding friction counts, of the smoothed pressures, so that noise does not
-    count as such a force; none that an end may carry counts. Between the branches of friction the drive itself is the
+    count as such a force. Nothing counts on an end, which may carry any force, also one that pushes the piston off it:
+    a spring that the model lacks may hold it there. Between the branches of friction the drive itself is the
     friction, including smoothing noise. That noise is known; what subtracting it gains is added again with an
     alternating sign.
 
@@ -127,7 +128,7 @@ def run_balance(
         friction = push if resting else push - m * (a[k] - bias)
         direction = 1.0 if v > 0.0 or (v == 0.0 and friction > 0.0) else -1.0
         speed = abs(v + leaving[k])
-        if v == 0.0 and contact[k] * friction > 0.0:  # also where it seems to leave: the end gives way
+        if v == 0.0 and contact[k] != 0.0:  # also where it leaves: the end gives way
             rest += h
             continue
         rising, falling = friction_levels(direction, speed, x, p1, p2, base, th, on)
