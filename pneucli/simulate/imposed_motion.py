@@ -158,10 +158,10 @@ def detect_reversals(experiment: MeasuredMotion) -> NDArray[np.bool_]:
         True at a reversal, shape (n,); nowhere in a recording that would contain nothing else.
     """
     v, period = imposed_motion(experiment)[1], experiment.recording.period
-    moving = np.flatnonzero(np.abs(v) > standstill_speed(experiment, v))
+    uncertain = np.abs(v) <= standstill_speed(experiment, v)
+    moving = np.flatnonzero(~uncertain)
     reversed_after = np.flatnonzero(np.diff(np.sign(v[moving])))
     rise = 0 if experiment.low_pass is None else round(RISE_TIME_FACTOR / experiment.low_pass / period)
-    uncertain = np.zeros(v.size, dtype=bool)
     for last, first in zip(moving[reversed_after], moving[reversed_after + 1], strict=True):
         uncertain[max(last - rise, 0) : first + rise + 1] = True
     return uncertain if not uncertain.all() else np.zeros_like(uncertain)

@@ -111,3 +111,14 @@ def test_a_standstill_between_two_directions_is_part_of_the_reversal() -> None:
     rested = {**e.recording.signals, "x": 0.05 + np.cumsum(v) * PERIOD, "v": v}
     found = np.flatnonzero(detect_reversals(prepare(replace(e.recording, signals=rested), RIG, None)))
     assert (found[0], found[-1], found.size) == (299, 400, 102)
+
+
+def test_a_rest_tells_nothing_of_dry_friction() -> None:
+    """A piston that sticks on its way carries any force up to break-away."""
+    v = np.concatenate([np.full(300, 0.02), np.zeros(100), np.full(400, 0.02)])
+    e = driven()
+    force = np.where(v == 0.0, 0.4 * COULOMB, COULOMB)
+    rested = {"x": 0.02 + np.cumsum(v) * PERIOD, "v": v, "force": force}
+    stuck = prepare(replace(e.recording, signals=rested), RIG, None)
+    assert np.flatnonzero(detect_reversals(stuck)).tolist() == list(range(300, 400))
+    assert np.max(np.abs(ImposedMotion(stuck).residual(TRUE)["force"][300:400])) == 0.0
