@@ -17,6 +17,7 @@ Reason = Literal[
     "cannot-show",  # no residual is sensitive to the effect, or no plausible size would have been detected
     "not-promising",  # the score test predicts no more than chance, or far less than others; the effect was not fitted
     "vanishes",  # the fit ended at the value at which the effect is absent
+    "replaces-base-parameter",  # it changes the residuals as a parameter does that the base model has
     "at-bound",  # the fit ended at a bound of the plausible range
     "below-resolution",  # the sampling cannot distinguish the fitted time from zero
     "not-significant",  # not significant in the family of all hypotheses
@@ -34,13 +35,15 @@ Reason = Literal[
 class Candidate:
     """The step from the ``reduced`` to the ``full`` model by one effect.
 
-    ``p_value`` is that of its parameters, not adjusted for the family.
+    ``p_value`` is that of its parameters, not adjusted for the family; ``replaces`` names the base parameters that the
+    data do not distinguish from it.
     """
 
     effect: Effect
     reduced: FittedModel
     full: FittedModel
     p_value: float
+    replaces: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True)

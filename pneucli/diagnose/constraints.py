@@ -36,7 +36,13 @@ MAX_HORIZON_SHIFT = 0.2  # of a time, by which the second horizon may change it;
 
 Violation = tuple[bool, Reason]
 # reasons of an estimate that is impossible, however much the effect explains, in the order in which they count
-IMPOSSIBLE: tuple[Reason, ...] = ("vanishes", "at-bound", "below-resolution", "contradicted-by-reading")
+IMPOSSIBLE: tuple[Reason, ...] = (
+    "vanishes",
+    "replaces-base-parameter",
+    "at-bound",
+    "below-resolution",
+    "contradicted-by-reading",
+)
 
 
 def violations_of_estimate(data: DiagnosisData, candidate: Candidate) -> list[Violation]:
@@ -45,6 +51,7 @@ def violations_of_estimate(data: DiagnosisData, candidate: Candidate) -> list[Vi
     at_bound = "bound" in ends or bool(unresolved_parameters(candidate))
     fails = (
         bool(ends) and set(ends) == {"null"},
+        bool(candidate.replaces),
         at_bound or contains_all_positions(candidate, data.train),
         below_resolution(data.train, candidate),
         refuted_by_reading(candidate.full.model, candidate.effect, data.train),

@@ -16,7 +16,7 @@ from pneucli.compare.goodness_of_fit import GoodnessOfFit
 from pneucli.diagnose.adequacy import LackOfFit, held_out_lack_of_fit, lack_of_fit_by_channel
 from pneucli.diagnose.candidate import Candidate, Decision
 from pneucli.diagnose.cross_validation import leave_one_out_models
-from pneucli.diagnose.evidence import gain_p_value, wald_p_value
+from pneucli.diagnose.evidence import gain_p_value, replaced_base_parameters, wald_p_value
 from pneucli.diagnose.score import (
     Bounds,
     ErrorsOfModel,
@@ -273,7 +273,8 @@ class DiagnosisData:
 
     def candidate(self, reduced: FittedModel, full: FittedModel, effect: Effect) -> Candidate:
         """Return the candidate of the step from the reduced to the full model."""
-        found = Candidate(effect, reduced, full, self._p_value(reduced, full, effect))
+        replaced = replaced_base_parameters(full.fit, effect, self.train)
+        found = Candidate(effect, reduced, full, self._p_value(reduced, full, effect), replaced)
         release_filed()
         return found
 

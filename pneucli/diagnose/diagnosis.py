@@ -160,12 +160,13 @@ def _confidence(
     judged: Mapping[str, Judgement],
     shares: Mapping[str, Mapping[str, float]],
 ) -> dict[str, Confidence]:
-    """Return the probabilities of each effect.
+    """Return the probabilities of each effect; none of one in whose place the model has a parameter.
 
     ``judged`` has the judgements of the effects that were added, ``shares`` the likelihood shares of the named effects
     and their equivalents.
     """
-    confidence = {d.effect.name: Confidence(*[presence_rate(d.reason)] * 2) for d in decisions}
+    rated = [d for d in decisions if d.reason != "replaces-base-parameter"]
+    confidence = {d.effect.name: Confidence(*[presence_rate(d.reason)] * 2) for d in rated}
     probabilities = {
         name: j.probability
         for name, j in judged.items()

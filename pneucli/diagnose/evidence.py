@@ -176,6 +176,30 @@ def residual_change_without(fit: Fit, effect: Effect, residual_models: Sequence[
     return np.asarray(np.concatenate(problem.data_residuals(off)) - fit.residual)
 
 
+MIN_COLLINEARITY = 0.9  # squared cosine: either parameter's variance is ten times that without the other one
+
+
+def replaced_base_parameters(fit: Fit, effect: Effect, residual_models: Sequence[ResidualModel]) -> tuple[str, ...]:
+    """Return the base parameters that may vanish and change the residuals as the effect does.
+
+    Where all motion has one direction, a constant force is dry friction: the data determine what both explain together,
+    and a model that has one of them does not need the other.
+
+    References:
+        D. W. Marquardt, Technometrics 12 (1970) 591-612: variance inflation above 10.
+    """
+    effects = {e.name for e in fit.model.effects}
+    base = [j for j, f in enumerate(fit.free) if f.name.partition(".")[0] not in effects and f.lower == 0.0]
+    if not base or not len(fit.jacobian):
+        return ()
+    change, found = residual_change_without(fit, effect, residual_models), []
+    for j in base:
+        column = fit.jacobian[:, j]
+        if float(column @ change) ** 2 > MIN_COLLINEARITY * float(column @ column) * float(change @ change):
+            found.append(fit.free[j].name)
+    return tuple(found)
+
+
 def switch_distance(fit: Fit, effect: Effect, residual_models: Sequence[ResidualModel]) -> WaldDistance:
     """Return the distance of an effect that is on from off: that of a switch at 1 from 0.
 

@@ -130,6 +130,7 @@ REJECTION_REASONS = {
     "cannot-show": "These recordings cannot detect it: no residual is sensitive to it, or to any plausible size of it.",
     "not-promising": "The residual contains too little of its signature; it was not fitted.",
     "vanishes": "The fit returns zero.",
+    "replaces-base-parameter": "It changes the residuals as a parameter does that the model has.",
     "at-bound": "The fit ends at a bound of the plausible range.",
     "below-resolution": "The fitted time is too short for the sampling.",
     "not-significant": "The improvement is no larger than chance.",
@@ -153,7 +154,9 @@ REJECTION_REASONS = {
 def reason_sentence(candidate: Answer, missing: Sequence[str], held_out: str, looks_like: str = "") -> str:
     """Return why a candidate is named or not."""
     if not candidate["supported"]:
-        return f"{candidate['title']}. {REJECTION_REASONS[candidate['reason']]}"
+        text = f"{candidate['title']}. {REJECTION_REASONS[candidate['reason']]}"
+        alike = join_names(candidate["indistinguishable_from"])
+        return f"{text} These recordings cannot distinguish it from {alike}." if alike else text
     if candidate["effect"] not in missing:
         alike = join_names([n for n in candidate["indistinguishable_from"] if n in missing])
         return f"{candidate['title']}: in place of {alike} it explains these recordings equally well."

@@ -74,12 +74,25 @@ def verdict_sentence(answer: Answer) -> str:
             f"No statement is possible: {undetectable} of {len(limits)} effects are undetectable at a typical size; "
             f"{error}."
         )
+    rest = f"{_remainder(answer)}{_base_equivalents(answer)}"
     if answer["missing"]:
-        return f"{_named_effects(answer)} {_remainder(answer)}"
+        return f"{_named_effects(answer)} {rest}"
     if answer["verdict"] == "adequate":
-        return f"Nothing is missing that these recordings could show: {error}. {_remainder(answer)}"
-    likeliest = _likeliest_effect(answer)
-    return f"No effect of the catalogue explains these recordings: {error}. {likeliest}{_remainder(answer)}"
+        return f"Nothing is missing that these recordings could show: {error}. {rest}"
+    return f"No effect of the catalogue explains these recordings: {error}. {_likeliest_effect(answer)}{rest}"
+
+
+def _base_equivalents(answer: Answer) -> str:
+    """Return which effects these recordings cannot distinguish from parameters of the model."""
+    found: dict[str, list[str]] = {}
+    for c in answer.get("candidates", []):
+        if c.get("reason") == "replaces-base-parameter":
+            found.setdefault(join_names(c["indistinguishable_from"]), []).append(c["effect"])
+    return "".join(
+        f" These recordings cannot distinguish {join_names(effects)} from {base}, which the model has: they determine "
+        "only what both explain together."
+        for base, effects in found.items()
+    )
 
 
 def _likeliest_effect(answer: Answer) -> str:
@@ -149,10 +162,10 @@ def error_reduction(answer: Answer) -> str:
         return f"the error stays at {format_noise_ratio(after)} × noise {on}"
     if not (before and after and after > before):
         return f"the error falls {ratios} {on}"
+    rises = f"the error rises {ratios} {on}"
     if relative is None or relative >= 1.0:
-        return f"the error rises {ratios} {on}"
-    share = format_percent(relative)
-    return f"the error falls to {share} in mm and bar {on} ({ratios}: a correct model of this kind errs less)"
+        return rises
+    return f"{rises}, no more than by chance: in mm and bar it falls to {format_percent(relative)}"
 
 
 def selected_step(answer: Answer) -> Answer:

@@ -9,7 +9,7 @@ from typing import Any
 from pneucli.config.recording_sources import plugin_files
 from pneucli.diagnose import executor_refit
 from pneucli.diagnose.adequacy import LackOfFit, within_parameter_uncertainty
-from pneucli.diagnose.candidate import Candidate, Decision
+from pneucli.diagnose.candidate import Candidate, Decision, Reason
 from pneucli.diagnose.cross_validation import folds_of
 from pneucli.diagnose.data import DiagnosisData
 from pneucli.diagnose.diagnosis import Diagnosis, diagnose
@@ -57,6 +57,8 @@ from pneucli.stages.pipeline_data import PipelineData
 from pneucli.stages.purpose_answer import purpose_answer
 from pneucli.stages.tables.diagnosis import SHAPE_FILE, write_diagnosis
 
+REPLACES_BASE: Reason = "replaces-base-parameter"
+
 
 def run(context: Context) -> dict[str, Any]:
     """Diagnose the model with the effects of the pipeline file; return the answer that ``--json`` prints.
@@ -101,6 +103,8 @@ def run(context: Context) -> dict[str, Any]:
         write_baseline(pipeline, data, joint_fit)
     estimates = with_intervals(joint_fit, [*data.train, *data.held_out]).estimates
     answer["parameters"] = parameters_answer([per_vessel_volume(e, pipeline) for e in estimates])
+    for name in {n for c in answer["candidates"] if c["reason"] == REPLACES_BASE for n in c["indistinguishable_from"]}:
+        answer["parameters"][name]["ci95"] = [None, None]  # an effect may take its place, in part or in whole
     answer |= _flow_answer(pipeline)
     if since := context.options.get("since"):
         from pneucli.stages.changes import compare_with_baseline  # noqa: PLC0415 - few diagnoses have an older one
@@ -232,7 +236,9 @@ def _candidate_answer(
         "error_after": held_out_error(after),
         "beside": _beside(found, candidate),
         "parameters": parameters if told else {n: p | {"ci95": [None, None]} for n, p in parameters.items()},
-        "indistinguishable_from": _equivalents(found, name),
+        "indistinguishable_from": list(candidate.replaces)
+        if candidate is not None and decision.reason == REPLACES_BASE
+        else _equivalents(found, name),
         "supported": decision.supported,
         "reason": decision.reason,
         "confidence": None if confidence is None else round(confidence.of_set, 4),

@@ -51,7 +51,11 @@ def costing(fitted: Any, costs: np.ndarray, counts: np.ndarray = COUNTS) -> Fitt
 def model_fit(names: Sequence[str] = (), cost: float = 8000.0) -> FittedModel:
     """A fit with effects that costs the same in every block."""
     fitted: Any = SimpleNamespace(
-        model=model(names), estimates=(), residual=np.ones(SAMPLES), blocks=np.arange(SAMPLES) * BLOCKS // SAMPLES
+        model=model(names),
+        estimates=(),
+        free=(),
+        residual=np.ones(SAMPLES),
+        blocks=np.arange(SAMPLES) * BLOCKS // SAMPLES,
     )
     costs = np.full(BLOCKS, cost / BLOCKS)
     return costing(fitted, costs)

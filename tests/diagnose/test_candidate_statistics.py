@@ -259,11 +259,15 @@ def test_effects_are_ranked_by_their_best_score_test(monkeypatch: pytest.MonkeyP
     assert [e.name for e, _ in found.ranked_signatures(known)] == ["two"]
 
 
-def test_a_candidate_has_both_models_and_the_p_value_of_its_parameters(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_candidate_has_both_models_the_p_value_of_its_parameters_and_what_it_replaces(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
     before, after = model_fit([10.0, 11.0, 12.0], [5.0, 6.0]), model_fit([5.0, 5.5, 6.5], [4.0, 4.0])
     monkeypatch.setattr(data_module, "wald_p_value", lambda fit, effect, *_: 0.25)
+    monkeypatch.setattr(data_module, "replaced_base_parameters", lambda fit, effect, _: ("friction.coulomb",))
     found = diagnosis_data().candidate(before, after, ONE)
     assert (found.effect, found.reduced, found.full, found.p_value) == (ONE, before, after, 0.25)
+    assert found.replaces == ("friction.coulomb",)
 
 
 # --- the verdict

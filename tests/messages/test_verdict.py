@@ -114,9 +114,9 @@ SMALL = "What is left does not exceed noise and parameter uncertainty"
         ),
         (
             "damped",
-            "The model lacks stribeck (stribeck friction): with it the error falls to 87 % in mm and bar on recordings "
-            "that were not fitted (from 9.00 to 12.0 × noise: a correct model of this kind errs less); it explains "
-            f"25 % of the squared error beyond noise. {SMALL}.",
+            f"The model lacks stribeck (stribeck friction): with it the error rises from 9.00 to 12.0 {HELD_OUT}, no "
+            "more than by chance: in mm and bar it falls to 87 %; it explains 25 % of the squared error beyond noise. "
+            f"{SMALL}.",
         ),
         (
             "named and unexplained",
@@ -187,6 +187,18 @@ def test_a_detection_limit_states_where_the_effect_acts() -> None:
 
 def test_warnings_state_their_numbers() -> None:
     assert warning_text("subsampled", used=10, samples=20).startswith("10 of 20 samples")
+
+
+def test_an_effect_that_takes_the_place_of_a_parameter_is_told_beside_it() -> None:
+    """Where all motion has one direction, a constant force is dry friction."""
+    force = LEAK | {"supported": False, "reason": "replaces-base-parameter", "effect": "constant-force"}
+    force |= {"indistinguishable_from": ["friction.coulomb"]}
+    asymmetry = force | {"effect": "friction-asymmetry"}
+    text = verdict_sentence(diagnosed("unexplained", unexplained=REST) | {"candidates": [force, asymmetry]})
+    assert text.endswith(
+        "These recordings cannot distinguish constant-force and friction-asymmetry from friction.coulomb, which the "
+        "model has: they determine only what both explain together."
+    )
 
 
 @pytest.mark.parametrize(("confidence", "told"), [(0.47, True), (0.3, True), (0.29, False), (None, False)])
