@@ -12,13 +12,11 @@ effects are named. Finished cases in OUT are read, not run again.
 from __future__ import annotations
 
 import json
-import os
 import shutil
-import subprocess
 import sys
 import tempfile
 from collections import Counter
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from itertools import islice
 from pathlib import Path
@@ -27,7 +25,9 @@ from typing import Any
 import numpy as np
 
 from benchmarks import small
+from benchmarks.answers import essence, measured
 from benchmarks.rigs import model_of
+from benchmarks.truths import judged, truth_of
 from pneucli.exam.case_plan import PlannedCase, plan_cases
 from pneucli.exam.cases import generate_case, prepare_case
 from pneucli.exam.conditions import parse
@@ -35,7 +35,6 @@ from pneucli.exam.laboratory import Laboratory
 from pneucli.exam.planned_recordings import planned_recordings, read_commands
 from pneucli.exam.rig.parameters import Parameters
 from pneucli.exam.rig.simulation import Excitation, simulate_rig
-from pneucli.physics.sides import declared_name
 from pneucli.plan.bench import LOOP_RANGE, Bench, described_benches
 from pneucli.plan.limits import Limits, limits_of, violations
 from pneucli.plan.manoeuvre import Manoeuvre, Outcome
@@ -155,40 +154,28 @@ def print_decided(out: Path, wanted: Sequence[PlannedCase]) -> None:
 def before_and_after(folder: Path, planned: PlannedCase) -> dict[str, Any]:
     """Diagnose a case, record its plan on the same rig, and diagnose again."""
     asked = (planned.kind, planned.hidden, planned.outside, 1.0, planned.seed, planned.conditions)
-    truth = generate_case(folder, *asked)
-    before = graded(pneucli(folder, "diagnose", "pipeline.toml"), truth)
-    plan = pneucli(folder, "plan", "pipeline.toml", "--minutes", str(SECONDS / 60.0))
+    truth = truth_of(generate_case(folder, *asked))
+    before = answer(folder, "diagnose")
+    plan = json.loads(answer(folder, "plan", "--minutes", str(SECONDS / 60.0)))
     laboratory = prepare_case("case", *asked).laboratory
     par, commands = laboratory.parameters, read_commands(folder / "out" / "plan" / "commands.csv")
     load = par.constant_force + par.spring_stiffness * (0.5 * par.stroke - par.spring_rest)
     takes = planned_recordings(laboratory, plan["recordings"], commands, load)
     laboratory.record(folder / "raw", takes, np.random.default_rng([planned.seed, 49]))
-    pneucli(folder, "plan", "pipeline.toml", "--take", *(f"raw/{take.name}.csv" for take in takes))
-    after = graded(pneucli(folder, "diagnose", "pipeline.toml"), truth)
-    return {"hidden": planned.hidden, "plan": [r["kind"] for r in plan["recordings"]], "before": before, "after": after}
+    answer(folder, "plan", "--take", *(str(folder / "raw" / f"{take.name}.csv") for take in takes))
+    after = answer(folder, "diagnose")
+    counts = [judged(truth, {"exit": 0} | essence("diagnose", text)) for text in (before, after)]
+    found = {when: {"found": c.right, "false": c.false} for when, c in zip(("before", "after"), counts, strict=True)}
+    return {"hidden": planned.hidden, "plan": [r["kind"] for r in plan["recordings"]]} | found
 
 
-def graded(diagnosis: Mapping[str, Any], truth: Mapping[str, Any]) -> dict[str, int]:
-    """Return whether the hidden effect is in an answer, and how many false effects are named."""
-    hidden = {declared_name(name) for name in truth["hidden"]}
-    named = [c for c in diagnosis["candidates"] if c["effect"] in diagnosis["missing"]]
-    alike = [{declared_name(n) for n in (c["effect"], *c["indistinguishable_from"])} for c in named]
-    return {"found": int(any(one & hidden for one in alike)), "false": sum(not one & hidden for one in alike)}
-
-
-def pneucli(folder: Path, *command: str) -> dict[str, Any]:
-    """Run a command of the program in a folder; return its JSON answer."""
-    told = subprocess.run(
-        [sys.executable, "-m", "pneucli", *command, "--out", "out", "--quiet", "--json"],
-        check=False,
-        cwd=folder,
-        capture_output=True,
-        text=True,
-        env=os.environ | {"PYTHONPATH": str(Path(__file__).parents[1])},
-    )
-    if told.returncode not in (0, 1):
-        raise RuntimeError(told.stderr.strip())
-    return dict(json.loads(told.stdout))
+def answer(folder: Path, command: str, *words: str) -> str:
+    """Return what a command of the program answers to the pipeline of a folder, as JSON."""
+    program = [sys.executable, "-m", "pneucli", command, str(folder / "pipeline.toml"), *words]
+    code, text, *_ = measured([*program, "--out", str(folder / "out"), "--quiet", "--json"])
+    if code not in (0, 1):
+        raise RuntimeError(text)
+    return text
 
 
 if __name__ == "__main__":

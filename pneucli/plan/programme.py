@@ -58,7 +58,7 @@ def draw_programme(
             drawn.append(replace(one, use="test"))
             left -= cost_of(one)
     setups = list(dict.fromkeys(one.bench.setup for one in listed))
-    return sorted([*drawn, *by_hand], key=lambda one: (setups.index(one.bench.setup), one.by_hand))
+    return sorted([*drawn, *by_hand], key=lambda one: setups.index(one.bench.setup))
 
 
 def _in_turn(listed: Sequence[Manoeuvre], rng: np.random.Generator) -> Iterator[Manoeuvre]:

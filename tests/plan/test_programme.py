@@ -54,6 +54,15 @@ def test_benches_take_turns_and_no_kind_comes_again_before_every_other() -> None
     assert {(m.bench.setup, m.kind) for m in draw(7.0 * 16, listed=alike)} == {(m.bench.setup, m.kind) for m in LISTED}
 
 
+def test_a_kind_does_not_come_again_before_the_same_kind_with_another_setup() -> None:
+    loop = next(b for b in BENCHES if b.drive == "position")
+    benches = [replace(loop, template=replace(loop.template, chamber_2=how)) for how in ("closed", "open")]
+    sines = [m for b in benches for m in candidate_manoeuvres(b, LIMITS) if m.kind == "motion-sine"]
+    alike = [replace(m, profile=(hold(0.1, 5.0),)) for m in sines]
+    for seed in range(8):
+        assert [m.bench.template.chamber_2 for m in draw(14.0, seed, alike)] == ["closed", "open"]
+
+
 def test_kinds_come_again_with_other_levels_speeds_or_places_and_nothing_twice() -> None:
     programme = draw(1e4)
     assert len(programme) == len(LISTED)
