@@ -60,7 +60,7 @@ PHASES = {
 
 KERNELS = {
     ("simulate/run.py", "run_kernel"),
-    ("simulate/area_derivatives.py", "_simulated"),
+    ("simulate/derivatives.py", "derivatives"),
     ("simulate/outputs.py", "required_force"),
     ("simulate/outputs.py", "_force_residual"),
     ("residuals/force_balance.py", "balance"),

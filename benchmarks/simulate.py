@@ -34,6 +34,8 @@ from pneucli.physics.effects import catalogue
 from pneucli.recording import Rig
 from pneucli.simulate import layout as at
 from pneucli.simulate.build import Kernel, build
+from pneucli.simulate.derivatives import as_rows
+from pneucli.simulate.dual import LANES
 from pneucli.simulate.kernel.valve import effective_area
 from pneucli.simulate.model import Model
 from pneucli.simulate.rig_quantities import rig_quantities
@@ -74,7 +76,6 @@ class Size(NamedTuple):
 
 
 SMALL = Size(400, 8, 2)
-AREA_PARAMETERS = 20  # whose derivatives are simulated at once
 
 
 class Figure(NamedTuple):
@@ -108,7 +109,7 @@ def measure(size: Size) -> list[Figure]:
     t_c, t_equal, t_bare, t_off, t_whole = fastest(*in_c, *loops, runs=size.runs)
     t_lsoda = fastest(lsoda(bare, n), runs=1)[0]
     t_batch = fastest(batch(bare, size), runs=min(3, size.runs))[0] / size.batch
-    t_imposed, t_derivatives = fastest(imposed_motion(bare, n), area_derivatives(bare, n), runs=size.runs)
+    t_imposed, t_derivatives = fastest(imposed_motion(bare, n), derivatives(bare, n), runs=size.runs)
     exact = positions(bare, n, FINE)
     print(f"C, smoothed: {1e3 * t_c:.2f} ms; kernel, bare: {1e3 * t_bare:.2f} ms, every effect: {1e3 * t_whole:.2f} ms")
     print(f"C with the kernel's {steps} steps a sample: {1e3 * t_equal:.2f} ms, kernel / C: {t_bare / t_equal:.3g}")
@@ -121,9 +122,7 @@ def measure(size: Size) -> list[Figure]:
         Figure(f"all {len(catalogue())} effects off / none", t_off / t_bare, 1.3),
         Figure(f"all {len(catalogue())} effects on / none", t_whole / t_bare, 2.3),
         Figure("closed loop, base model / LSODA", t_bare / t_lsoda, 0.01),
-        Figure(
-            f"derivatives by {AREA_PARAMETERS} areas / differences", t_derivatives / t_imposed / AREA_PARAMETERS, 0.4
-        ),
+        Figure(f"derivatives by {LANES} parameters / differences", t_derivatives / t_imposed / LANES, 0.4),
         Figure(f"one of a batch of {size.batch} / C", t_batch / t_c, 0.25),
     ]
 
@@ -172,12 +171,12 @@ def imposed_motion(kernel: Kernel, samples: int) -> Callable[[], None]:
     return lambda: kernel.run(*given, np.zeros(1), np.zeros(2), out)
 
 
-def area_derivatives(kernel: Kernel, samples: int) -> Callable[[], None]:
-    """The same with the derivatives of both pressures by ``AREA_PARAMETERS`` parameters of the areas."""
-    given, out = imposed_inputs(kernel, samples), np.zeros((samples, at.OUTPUTS))
-    shapes = np.repeat(AREAS[:, None], AREA_PARAMETERS, axis=1)
-    derivatives = np.zeros((samples, 2, AREA_PARAMETERS))
-    return lambda: kernel.functions.run_area_derivatives(*given, shapes, shapes, out, derivatives)
+def derivatives(kernel: Kernel, samples: int) -> Callable[[], None]:
+    """The same with the derivatives by as many parameters as a dual number holds."""
+    time, given, starts, base, th, on, switches, areas, areas_2, step = imposed_inputs(kernel, samples)
+    rows = [as_rows(numbers) for numbers in (base, th, areas, areas_2)]
+    out = np.zeros((samples, at.D_OUTPUTS, 1 + LANES))
+    return lambda: kernel.run_duals(time, given, starts, *rows[:2], on, switches, *rows[2:], step, out)
 
 
 def imposed_inputs(kernel: Kernel, samples: int) -> tuple[Any, ...]:

@@ -7,13 +7,15 @@ which contains every equation that it runs.
 from __future__ import annotations
 
 import ast
+import hashlib
 import inspect
 import re
 from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass
-from functools import cache
+from functools import cache, cached_property, partial
 from threading import Lock
 from types import ModuleType, SimpleNamespace
+from typing import cast
 
 import numpy as np
 from numpy.typing import NDArray
@@ -23,16 +25,15 @@ from pneucli.physics import gas
 from pneucli.physics.declaration import Effect, Parameter
 from pneucli.physics.equations import effect_source
 from pneucli.physics.ports import PORTS
-from pneucli.simulate import layout
+from pneucli.simulate import dual, layout
 from pneucli.simulate.kernel import (
-    area_derivatives,
+    arrays,
     balance,
     chamber,
     friction,
     hose,
     imposed,
     run,
-    sensitivity,
     sensors,
     step,
     table_friction,
@@ -41,15 +42,14 @@ from pneucli.simulate.kernel import (
 
 _LOCK = Lock()  # threads ask for kernels
 PARTS = (
+    arrays,
     valve,
     hose,
     chamber,
     friction,
     sensors,
     step,
-    sensitivity,
     run,
-    area_derivatives,
     imposed,
     balance,
     table_friction,
@@ -63,10 +63,41 @@ ENTRY_POINTS = (
     "run_forces",
     "run_true_pressures",
     "run_gradient",
-    "run_area_derivatives",
 )
 
-CALLED = re.compile(r"\w+_sensitivities")  # only where derivatives are asked for, and long
+# the kernel of dual numbers: a recording whose motion is given, from what its gas depends on
+DUAL_PARTS = (arrays, valve, hose, chamber, sensors, step, run)
+DIFFERENTIABLE = ("rig.dead_volume_1", "rig.dead_volume_2", "rig.supply_pressure", "rig.polytropic_exponent")
+DUAL_TEXT = """
+P1, P2, R1, R2, GAS_T, FLOW = D_P1, D_P2, D_R1, D_R2, D_GAS_T, D_FLOW
+X = V = A = U = D_REST
+
+
+def new_array(shape):
+    return as_duals(np.zeros((*shape, ROW)))
+
+
+def fixed(number):
+    return value_of(number)
+
+
+def piston_step(x, v, z, rest, dv, p1, p2, driven, h, m, stiffness, base, th, on):
+    return x, v, z, rest
+
+
+def piston_acceleration(x, v, z, rest, dv, p1, p2, driven, m, stiffness, base, th, on):
+    return 0.0
+
+
+def run_duals(time, inputs, restarts, base, th, on, flags, areas, areas_2, h_max, out):
+    nothing = np.zeros(2)
+    run(
+        time, inputs, restarts, as_duals(base), as_duals(th), on, flags, as_duals(areas), as_duals(areas_2), h_max,
+        nothing, nothing, as_duals(out),
+    )
+
+
+"""
 
 
 @dataclass(frozen=True)
@@ -78,12 +109,25 @@ class Kernel:
         functions: The functions that Python may call: of a compiled kernel its entry points, else every function.
         effects: Names of the effects in the order of their switches.
         index: Place of each EFFECT.PARAMETER in the vector ``th``.
+        declarations: The effects.
     """
 
     run: Callable[..., None]
     functions: SimpleNamespace
     effects: tuple[str, ...]
     index: dict[str, int]
+    declarations: tuple[Effect, ...] = ()
+
+    @cached_property
+    def has_duals(self) -> bool:
+        """Whether its equations can be differentiated: those of a plug-in may use other functions."""
+        return all(dual.is_known(ast.parse(_equations(effect))) for effect in self.declarations)
+
+    @cached_property
+    def run_duals(self) -> Callable[..., None]:
+        """:func:`pneucli.simulate.kernel.run.run` with dual numbers for base, effects, areas and output."""
+        with _LOCK:
+            return _build_duals(self.declarations)
 
     def effect_vector(self, values: Mapping[str, float]) -> NDArray[np.float64]:
         """Return the vector ``th`` of values by EFFECT.PARAMETER; those of an effect that is off may be missing."""
@@ -120,7 +164,12 @@ def _build(effects: tuple[Effect, ...], compiled: bool, control: str | None) -> 
     index = {name: i for i, name in enumerate(parameters_of(effects))}
     # a compiled function without a wrapper ends the process where Python calls it
     named = {name: f for name, f in vars(module).items() if not compiled or name in ENTRY_POINTS}
-    return Kernel(module.run, SimpleNamespace(**named), tuple(e.name for e in effects), index)
+    return Kernel(module.run, SimpleNamespace(**named), tuple(e.name for e in effects), index, effects)
+
+
+@cache
+def _build_duals(effects: tuple[Effect, ...]) -> Callable[..., None]:
+    return cast("Callable[..., None]", _load(dual_source(effects)).run_duals)
 
 
 def source(
@@ -158,31 +207,59 @@ def source(
         physics,
     ]
     text = "\n\n".join(texts)
-    return re.sub(r"^def (\w+).*?(?=^def |\Z)", _decorate, text, flags=re.MULTILINE | re.DOTALL) if compiled else text
+    return _decorated(text, ENTRY_POINTS) if compiled else text
 
 
-def _decorate(match: re.Match[str]) -> str:
+def dual_source(effects: Sequence[Effect]) -> str:
+    """Return the text of the kernel with dual numbers, see :mod:`pneucli.simulate.dual`.
+
+    Args:
+        effects: Effects.
+
+    Returns:
+        Python text; a hash of the rules of differentiation is part of it, since its hash names the compiled file.
+    """
+    gas_ports = {name for name, port in PORTS.items() if port.balance in ("gas", "pressure sensor")}
+    free = [not gas_ports.isdisjoint(e.ports) for e in effects for _ in e.parameters]
+    numbers = {
+        "base": [name in DIFFERENTIABLE for name in layout.BASE_NAMES],
+        "th": [*free, False],  # what moves the piston is no number of the gas
+    }
+    tuples = [
+        "".join(f"{name}[{i}], " if is_free else f"value_of({name}[{i}]), " for i, is_free in enumerate(which))
+        for name, which in numbers.items()
+    ]
+    switches = "".join(f"on[{i}], " for i in range(len(effects) + 1))
+    scalars = f"def scalars(base, th, on):\n    return {', '.join(f'({one})' for one in (*tuples, switches))}\n"
+    rules = hashlib.sha256(inspect.getsource(dual).encode()).hexdigest()
+    imports = f"# {rules}\nfrom pneucli.simulate.dual import ROW, as_duals, value_of\n"
+    text = imports + source(effects, compiled=False, parts=DUAL_PARTS) + DUAL_TEXT + scalars
+    return _decorated(text, entries=("run_duals",), called=("advance",))
+
+
+def _decorated(text: str, entries: Collection[str], called: Collection[str] = ()) -> str:
+    return re.sub(
+        r"^def (\w+).*?(?=^def |\Z)", partial(_decorate, entries, called), text, flags=re.MULTILINE | re.DOTALL
+    )
+
+
+def _decorate(entries: Collection[str], called: Collection[str], match: re.Match[str]) -> str:
     """Return a function with its decorator.
 
-    All functions but the entry points and ``CALLED`` are inlined, since calls with arrays are expensive. Functions that
-    create no array do not count references to arrays (``_nrt=False``), which took a third of the time; a function
-    inherits this setting from its caller without an own one. An inlined function is never called from Python: without
-    the wrappers that numba makes for that, a kernel compiles in half the time.
+    All functions but the entry points and those ``called`` are inlined, since calls with arrays are expensive.
+    Functions that create no array do not count references to arrays (``_nrt=False``), which took a third of the time; a
+    function inherits this setting from its caller without an own one. An inlined function is never called from Python:
+    without the wrappers that numba makes for that, a kernel compiles in half the time.
     """
     text, name = match[0], match[1]
-    inlined = f"forceinline={not CALLED.fullmatch(name)}, no_cpython_wrapper=True, no_cfunc_wrapper=True"
-    how = "cache=True, nogil=True" if name in ENTRY_POINTS else inlined
-    makes_arrays = name in ENTRY_POINTS or re.search(r"\bnp\.|\.copy\(", text) is not None
+    inlined = f"forceinline={name not in called}, no_cpython_wrapper=True, no_cfunc_wrapper=True"
+    how = "cache=True, nogil=True" if name in entries else inlined
+    makes_arrays = name in (*entries, *called, "run") or re.search(r"\bnp\.|\.copy\(|\bnew_", text) is not None
     return f"@njit({how}, _nrt={makes_arrays}, error_model='numpy')\n{text}"
 
 
 def _constants() -> str:
-    values = {
-        k: v
-        for module in (layout, gas, hose, sensitivity)
-        for k, v in vars(module).items()
-        if isinstance(v, int | float)
-    }
+    values = {k: v for module in (layout, gas, hose) for k, v in vars(module).items() if isinstance(v, int | float)}
     return "\n".join(f"{name} = {value}" for name, value in values.items()) + "\n"
 
 

@@ -39,10 +39,9 @@ FLAGS = 9
 X, V, A, P1, P2, R1, R2, GAS_T, U, FLOW = range(10)
 OUTPUTS = 10
 
-# rows of the derivatives of one chamber: pressure, its gradient, mass and temperature of the gas, pressure at the valve
-# and flow through a hose with a bore, flows of the valve into and out of it
-D_P, D_RATE, D_MASS, D_T, D_END, D_THROUGH, D_IN, D_OUT = range(8)
-DERIVATIVES = 8
+# columns of the output of a simulation with dual numbers: what may depend on a parameter, and one for all else
+D_P1, D_P2, D_R1, D_R2, D_GAS_T, D_FLOW, D_REST = range(7)
+D_OUTPUTS = 7
 
 # state of the plant with a step function (:mod:`pneucli.simulate.kernel.plant`)
 AT_X, AT_V, AT_Z, AT_REST, AT_DV, AT_P1, AT_P2, AT_DP1, AT_DP2, AT_M1, AT_M2, AT_T1, AT_T2, AT_Q = range(14)

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pneucli.simulate import layout as at
-from pneucli.simulate.area_derivatives import AreaChanges
+from pneucli.simulate.derivatives import Directions
 from pneucli.simulate.experiment import Experiment
 from pneucli.simulate.model import Model
 from pneucli.simulate.run import base_vector, kernel_for
@@ -42,7 +42,7 @@ class QuasiStaticGradient:
         """
         return self._run(u, p, supply, NO_SHAPES)[0]
 
-    def area_derivatives(self, u: Array, p: Array, supply: Array, changes: AreaChanges) -> Array:
+    def area_derivatives(self, u: Array, p: Array, supply: Array, changes: Directions) -> Array:
         """Return the derivatives of the gradient by parameters of the valve's areas, of this model's changes.
 
         Args:
@@ -54,7 +54,7 @@ class QuasiStaticGradient:
         Returns:
             Pa/s a unit of the parameter, shape ``u.shape + (parameters,)``.
         """
-        return self._run(u, p, supply, changes.shapes(self.experiment.recording.chamber, self._largest))[1]
+        return self._run(u, p, supply, changes.area_slopes(self.experiment.recording.chamber, self._largest))[1]
 
     def _run(self, u: Array, p: Array, supply: Array, shapes: Array) -> tuple[Array, Array]:
         out, derivatives = np.empty(u.size), np.empty((u.size, shapes.shape[1]))

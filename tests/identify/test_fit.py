@@ -48,6 +48,9 @@ class Line:
         names = {"x": "friction.coulomb", "a": "friction.viscous"}
         return any(one.values[names[c]] != other.values[names[c]] for c in self.channels)
 
+    def differentiable(self, directions: Any) -> np.ndarray:
+        return np.zeros(len(directions.steps), dtype=bool)
+
     def initial_state_sensitivity(self, model: Any) -> dict[str, np.ndarray]:
         return {}
 

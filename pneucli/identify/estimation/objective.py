@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
 from threading import Lock
@@ -14,7 +14,7 @@ from pneucli.executors import map_in_threads, thread_count
 from pneucli.identify.estimation.blocks import block_labels, channel_slices, residual_counts, residual_slices
 from pneucli.identify.estimation.parameters import DIFFERENCE_STEP, FreeParameter
 from pneucli.identify.residuals import ResidualModel
-from pneucli.simulate.area_derivatives import AreaChanges
+from pneucli.simulate.derivatives import Directions
 from pneucli.simulate.model import Model, with_parameters
 
 Array = NDArray[np.float64]
@@ -104,15 +104,14 @@ class LeastSquaresProblem:
     def evaluate_columns(self, z: Array, columns: Sequence[int], out: Array) -> None:
         """Write the derivatives of the data by some coordinates to those columns of derivatives (N + p, k).
 
-        Those by the valves' areas come from one simulation of each residual model where it allows that, others from
-        differences.
+        They come from simulations with dual numbers where a residual model allows that, others from differences.
         """
         base = self.model_at(z)
         rows = residual_slices(self.residual_models)
         nominal = self.residuals(z)
         shifted = {j: [(step, self._shifted(z, j, step)) for step in self._steps(z, j)] for j in columns}
-        areas = [j for j in columns if self.free[j].name in base.valve_parameters()]
-        changes = AreaChanges(base, [shifted[j] for j in areas])
+        directions = Directions(base, [shifted[j] for j in columns])
+        smooth = np.array([self._is_smooth(z, j, base) for j in columns], dtype=bool)
         for j in columns:
             if out[: self.data_size, j].any():
                 out[: self.data_size, j] = 0.0
@@ -131,18 +130,29 @@ class LeastSquaresProblem:
                 change = whitened_residual(self.residual_models[i], model, self.errors[i]) - nominal[rows[i]]
                 write(i, j, change / (step * len(shifted[j])))
 
-        def simulate(i: int, simulated: Iterable[tuple[slice, Array]]) -> None:
-            for some, derivatives in simulated:
-                for j, column in zip(areas[some], derivatives, strict=True):
-                    write(i, j, column)
+        def simulate(i: int, some: Sequence[int]) -> None:
+            for part, derivatives in self.residual_models[i].derivatives(directions, self.errors[i], some):
+                for place, column in zip(part, derivatives, strict=True):
+                    write(i, columns[place], column)
 
         for i, one in enumerate(self.residual_models):
-            changed = [j for j in columns if one.differs(base, shifted[j][0][1])]
-            simulated = one.area_derivatives(changes, self.errors[i]) if set(changed) & set(areas) else None
-            if simulated is not None:
-                jobs.append(partial(simulate, i, simulated))
-            jobs += [partial(difference, i, j) for j in changed if simulated is None or j not in areas]
+            changed = np.array([one.differs(base, shifted[j][0][1]) for j in columns], dtype=bool)
+            simulated = changed & smooth & one.differentiable(directions)
+            if simulated.any():
+                jobs.append(partial(simulate, i, np.flatnonzero(simulated).tolist()))
+            jobs += [partial(difference, i, columns[place]) for place in np.flatnonzero(changed & ~simulated).tolist()]
         map_in_threads(lambda job: job(), jobs, self.max_parallel)
+
+    def _is_smooth(self, z: Array, j: int, model: Model) -> bool:
+        """Return whether the equations are smooth at a coordinate.
+
+        They are not at an edge, and may not be at a bound, where an effect may be switched off. A valve's areas enter
+        through a table, whose differences see to that.
+        """
+        if self.free[j].name in model.valve_parameters():
+            return True
+        step, (lower, upper) = self.free[j].step, self.bounds()
+        return step <= DIFFERENCE_STEP and bool(lower[j] + step < z[j] < upper[j] - step)
 
     def _shifted(self, z: Array, j: int, step: float) -> Model:
         shifted = z.copy()

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from abc import ABC, abstractmethod
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
 from typing import ClassVar
@@ -19,7 +19,7 @@ from pneucli.physics.declaration import Effect
 from pneucli.physics.ports import Balance
 from pneucli.quantities import SIGNALS
 from pneucli.simulate import layout as at
-from pneucli.simulate.area_derivatives import AreaChanges
+from pneucli.simulate.derivatives import Directions
 from pneucli.simulate.experiment import Experiment
 from pneucli.simulate.model import Model
 from pneucli.simulate.noise_propagation import sample_deviations
@@ -110,20 +110,25 @@ class ResidualModel(ABC):
         """Return the effect of initial-state errors by channel, each (k, n), in units of noise, if there are any."""
         return {}
 
-    def area_derivatives(
-        self, changes: AreaChanges, errors: Mapping[str, Array]
-    ) -> Iterable[tuple[slice, Array]] | None:
-        """Differentiate the residuals by parameters of the valves' areas, where one simulation gives all of them.
+    def differentiable(self, directions: Directions) -> NDArray[np.bool_]:
+        """Return by which parameters simulations with dual numbers differentiate the residuals, (parameters,)."""
+        return np.zeros(len(directions.steps), dtype=bool)
+
+    def derivatives(
+        self, directions: Directions, errors: Mapping[str, Array], some: Sequence[int]
+    ) -> Iterator[tuple[tuple[int, ...], Array]]:
+        """Differentiate the residuals by some parameters for which :meth:`differentiable` holds.
 
         Args:
-            changes: The changes of the areas.
+            directions: The parameters.
             errors: Sensitivities to the initial state.
+            some: Indices of parameters.
 
-        Returns:
-            Which parameters, and the derivatives by them in units of noise, weighted, channel after channel, shape
-            (parameters, N); None: by differences only.
+        Yields:
+            Indices of parameters, and the derivatives by them in units of noise, weighted, channel after channel, shape
+            (parameters, N).
         """
-        return None
+        raise NotImplementedError
 
     def flow_gain_sensitivity(self, model: Model) -> dict[str, Array]:
         """Return the effect of relative flow errors by channel, each (k, n), in units of noise, if air flows."""

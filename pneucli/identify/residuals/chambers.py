@@ -2,13 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+import math
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import ClassVar
 
 import numpy as np
+from numpy.typing import NDArray
 
+from pneucli.caches import compiled
 from pneucli.identify.guesses.chamber_balance import (
     Chamber,
     ChamberGas,
@@ -28,12 +31,13 @@ from pneucli.identify.residuals.initial_state import (
 from pneucli.physics.declaration import Effect
 from pneucli.physics.ports import Balance
 from pneucli.simulate import layout as at
-from pneucli.simulate.area_derivatives import AreaChanges, area_derivatives, can_simulate_derivatives
+from pneucli.simulate.derivatives import COLUMNS, Directions, derivatives, differentiable
 from pneucli.simulate.model import Model
 from pneucli.simulate.run import run, simulate
 
 CHAMBER_OF_SIGNAL: dict[str, Chamber] = {"p1": 1, "p2": 2}
 STATE_OF_SIGNAL = {"p1": at.P1, "p2": at.P2}
+SAMPLES_AT_ONCE = 64  # whose outputs stay in the nearest memory while they are transposed
 PLAY_WIDTHS = (0.02, 0.06, 0.18)  # of the range of openings: half widths of a play for hysteresis terms
 
 
@@ -72,24 +76,23 @@ class ChamberPressures(ResidualModel):
             else {}
         )
 
-    def area_derivatives(
-        self, changes: AreaChanges, errors: Mapping[str, Array]
-    ) -> Iterable[tuple[slice, Array]] | None:
-        """Differentiate the residuals by parameters of the valves' areas in one simulation, where that is possible."""
-        if not CHAMBER_OF_SIGNAL.keys() >= set(self.channels):
-            return None
-        if not can_simulate_derivatives(changes.model, self.experiment):
-            return None
-        return self._area_derivatives(changes, errors)
+    def differentiable(self, directions: Directions) -> NDArray[np.bool_]:
+        """Return by which parameters simulations differentiate the residuals: none where a sensor's lag follows."""
+        lags = "temperature" in self.channels and directions.model.sum_of_port("temperature_lag") > 0.0
+        found = differentiable(directions, self.experiment)
+        return np.zeros_like(found) if lags else found
 
-    def _area_derivatives(self, changes: AreaChanges, errors: Mapping[str, Array]) -> Iterator[tuple[slice, Array]]:
-        for some, derivatives in area_derivatives(changes, self.experiment):
+    def derivatives(
+        self, directions: Directions, errors: Mapping[str, Array], some: Sequence[int]
+    ) -> Iterator[tuple[tuple[int, ...], Array]]:
+        """Differentiate the residuals by some parameters, see :meth:`ResidualModel.derivatives`."""
+        for part, simulated in derivatives(directions, self.experiment, some):
             rows = {}
             for c in self.channels:
-                rows[c] = derivatives[CHAMBER_OF_SIGNAL[c] - 1]
-                rows[c] *= -self.weights.get(c, 1.0) / self.noise[c]
-                rows[c][:, np.isnan(self.measured[c])] = 0.0
-            yield some, np.concatenate(list(self.apply_whitening(rows, errors).values()), axis=1)
+                rows[c] = np.empty((len(part), simulated.shape[0]))
+                factor = -self.weights.get(c, 1.0) / self.noise[c]
+                _write_derivatives(simulated, COLUMNS[c], factor, self.measured[c], rows[c])
+            yield part, np.concatenate(list(self.apply_whitening(rows, errors).values()), axis=1)
 
     def discrepancy_terms(self, model: Model, channel: str) -> Sequence[DiscrepancyTerm]:
         """Return the forms of a missing flow into the chamber in kg/s, and of an error of its sensor in Pa.
@@ -152,6 +155,16 @@ class ChamberPressures(ResidualModel):
     @cached_property
     def _initial_state_errors(self) -> dict[str, float]:
         return initial_state_errors(self.experiment)
+
+
+@compiled(nogil=True, error_model="numpy")
+def _write_derivatives(simulated: Array, column: int, factor: float, measured: Array, out: Array) -> None:
+    """Write the derivatives of one column of outputs (n, columns, 1 + lanes) to rows (m, n); 0 without a reading."""
+    for first in range(0, measured.size, SAMPLES_AT_ONCE):
+        last = min(first + SAMPLES_AT_ONCE, measured.size)
+        for j in range(out.shape[0]):
+            for i in range(first, last):
+                out[j, i] = 0.0 if math.isnan(measured[i]) else factor * simulated[i, column, 1 + j]
 
 
 def play_operator(opening: Array, width: float) -> Array:

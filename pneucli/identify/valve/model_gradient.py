@@ -14,7 +14,7 @@ from pneucli.identify.estimation.fit import Fit
 from pneucli.identify.estimation.parameters import FreeParameter
 from pneucli.physics.ports import PORTS
 from pneucli.simulate import layout as at
-from pneucli.simulate.area_derivatives import AreaChanges
+from pneucli.simulate.derivatives import Directions
 from pneucli.simulate.experiment import Experiment
 from pneucli.simulate.model import Model, ValveForm, with_parameters
 from pneucli.simulate.quasi_static_gradient import QuasiStaticGradient
@@ -39,7 +39,7 @@ class ModelGradient:
     free: tuple[FreeParameter, ...]
     start: Array
     covariance: Array
-    _changes: dict[bytes, AreaChanges] = field(default_factory=dict, init=False)
+    _changes: dict[bytes, Directions] = field(default_factory=dict, init=False)
 
     @property
     def valve(self) -> ValveForm:
@@ -100,7 +100,7 @@ class ModelGradient:
         names = self.model.valve_parameters()
         return [j for j, f in enumerate(self.free) if f.name in names]
 
-    def _area_changes(self, z: Array) -> AreaChanges:
+    def _area_changes(self, z: Array) -> Directions:
         """Return the changes of the areas at coordinates z (k,); those of the last coordinates are kept."""
         key = z.tobytes()
         changes = self._changes.get(key)
@@ -110,7 +110,7 @@ class ModelGradient:
                 [(step, self.at_coordinates(self._shifted(z, j, step)).model) for step in steps]
                 for j in self._area_coordinates
             ]
-            changes = AreaChanges(self.at_coordinates(z).model, models)
+            changes = Directions(self.at_coordinates(z).model, models)
             self._changes.clear()
             self._changes[key] = changes
         return changes

@@ -168,7 +168,7 @@ def plant_step(t, dt, h_max, inputs, flags, areas, areas_2, s, s1, s2, s_supply,
         if hot:
             k1, k2 = k_gas * math.sqrt(base[TEMP] / T1), k_gas * math.sqrt(base[TEMP] / T2)
         outlet_1, outlet_2 = outlet_pressures(p1_mid, p2_mid, chamber_2, s, th, on)
-        q_in, q_out, more_in, more_out, _, _, _ = valve_step(
+        q_in, q_out, more_in, more_out = valve_step(
             u, u2, outlet_1, outlet_2, inputs[PLANT_SUPPLY], stated, False, chamber_2, q_supply, h, k1, k2, k_gas,
             flags[U_MAX], areas, areas_2, s1, s2, s_supply, base, th, on,
         )  # fmt: skip

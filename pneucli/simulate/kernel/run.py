@@ -2,15 +2,12 @@
 
 import math
 
-import numpy as np
-
 from pneucli.physics.gas import flow_constant
+from pneucli.simulate.kernel.arrays import fixed, new_array, new_copy
 from pneucli.simulate.kernel.hose import hose_bores, hose_delays, hose_step, line_step, longest_step, volume_beyond_hose
 from pneucli.simulate.kernel.ports import (
     bristle_stiffness,
-    critical_ratio,
     has_heat,
-    leak_area,
     mass,
     read_a,
     scalars,
@@ -18,16 +15,6 @@ from pneucli.simulate.kernel.ports import (
     sensor_lag,
     volume_1,
     volume_2,
-)
-from pneucli.simulate.kernel.sensitivity import (
-    add_leaks,
-    clear_sensitivities,
-    delay_sensitivities,
-    differentiate_chamber,
-    hose_sensitivities,
-    pressure_sensitivities,
-    restart_sensitivities,
-    valve_sensitivities,
 )
 from pneucli.simulate.kernel.sensors import add_unread_change, read_pressures, true_pressures, unread
 from pneucli.simulate.kernel.step import (
@@ -43,11 +30,8 @@ from pneucli.simulate.layout import (
     AREA_1,
     AREA_2,
     CHAMBER_2,
-    CLOSED,
-    CRITICAL,
     DEAD_1,
     DEAD_2,
-    DERIVATIVES,
     FLOW,
     GAMMA,
     GAS,
@@ -147,35 +131,26 @@ def run(time, inputs, restarts, base_values, th_values, on_values, flags, areas,
     """
     base, th, on = scalars(base_values, th_values, on_values)
     lag, delay = sensor_lag(th, on), sensor_delay(th, on)
-    no_shapes, nothing = np.zeros((0, 0)), np.zeros((0, 2, 0))
     predicts_pressures = flags[PNEUMATICS] > 0.0 and flags[LOOP] == 0.0
     if (lag > 0.0 or delay > 0.0) and predicts_pressures:
-        true = inputs[:, IN_P1 : IN_P2 + 1].copy()
+        true = new_copy(inputs[:, IN_P1 : IN_P2 + 1])
         unread(true, base, th, on)
-        imposed, first_pass = flags.copy(), np.zeros(out.shape)
+        imposed, first_pass = flags.copy(), new_array(out.shape)
         imposed[MECHANICS] = 0.0
         advance(
             time, inputs, true, middles(restarts), base_values, th_values, on_values, imposed, areas, areas_2, h_max,
-            cs, cp, first_pass, no_shapes, no_shapes, nothing, nothing,
+            cs, cp, first_pass,
         )  # fmt: skip
         add_unread_change(first_pass, restarts, base, th, on, true)
     else:  # no later reading is needed, or all readings are inputs
         true = true_pressures(time, inputs, lag, base, th, on)
-    advance(
-        time, inputs, true, restarts, base_values, th_values, on_values, flags, areas, areas_2, h_max, cs, cp, out,
-        no_shapes, no_shapes, nothing, nothing,
-    )  # fmt: skip
+    advance(time, inputs, true, restarts, base_values, th_values, on_values, flags, areas, areas_2, h_max, cs, cp, out)
 
 
-def advance(
-    time, inputs, true, restarts, base_values, th_values, on_values, flags, areas, areas_2, h_max, cs, cp, out,
-    shapes, shapes_2, start, derivatives,
-):  # fmt: skip
+def advance(time, inputs, true, restarts, base_values, th_values, on_values, flags, areas, areas_2, h_max, cs, cp, out):
     """Simulate one recording as :func:`run` does, with pressures ``true`` (n, 2) at and before each restart.
 
-    Where no pneumatics are simulated, ``true`` is imposed. ``shapes`` and ``shapes_2`` (areas, columns) are derivatives
-    of the areas; those of both pressures are written to ``derivatives`` (n, 2, columns). ``start`` (n, 2, columns) has
-    the derivatives of ``true``; without samples they are 0.
+    Where no pneumatics are simulated, ``true`` is imposed.
     """
     n = time.size
     base, th, on = scalars(base_values, th_values, on_values)
@@ -195,13 +170,17 @@ def advance(
     bore_1, bore_2 = hose_bores(chamber_2, th, on)
     dead_1 = volume_beyond_hose(dead_1, delay_1, bore_1, base)
     dead_2 = volume_beyond_hose(dead_2, delay_2, bore_2, base)
-    h_max = longest_step(h_max, delay_1, delay_2, bore_1, bore_2)
+    h_max = fixed(longest_step(h_max, delay_1, delay_2, bore_1, bore_2))
     wave_1, wave_2 = 0.0 if bore_1 > 0.0 else delay_1, 0.0 if bore_2 > 0.0 else delay_2
-    delay = max(wave_1, wave_2)
-    ring = np.full((max_steps_within(time, h_max, delay + h_max) + 2 if delay > 0.0 else 1, 5), -1e30)
+    delay = fixed(max(wave_1, wave_2))
+    ring = new_array((max_steps_within(time, h_max, delay + h_max) + 2 if delay > 0.0 else 1, 5))
+    for i in range(ring.shape[0]):
+        ring[i, 0] = -1e30
     head, tail, tail_2 = 0, ring.shape[0] - 1, ring.shape[0] - 1
-    s1, s2 = np.full(on_values.size, flags[INITIAL_U]), np.full(on_values.size, flags[INITIAL_U2])
-    s_supply, before = np.zeros(on_values.size), np.zeros(2)
+    s1, s2, s_supply = new_array((on_values.size,)), new_array((on_values.size,)), new_array((on_values.size,))
+    for i in range(on_values.size):
+        s1[i], s2[i] = flags[INITIAL_U], flags[INITIAL_U2]
+    before = new_array((2,))
 
     x = v = z = rest = dv = dp1 = dp2 = q_supply = 0.0
     p1 = p2 = end_1 = end_2 = p_amb  # of the chambers, and of their hoses at the valve
@@ -209,10 +188,6 @@ def advance(
     m1 = m2 = 1.0
     T1 = T2 = base[TEMP]
     k1 = k2 = k_gas
-    columns = derivatives.shape[2]
-    d_1, d_2 = np.zeros((DERIVATIVES, columns)), np.zeros((DERIVATIVES, columns))
-    passed = np.zeros((ring.shape[0] if columns > 0 else 1, 4, columns))
-    b, leak = critical_ratio(base[CRITICAL], th, on), leak_area(th, on)
     first = segment = 0
     for k in range(n):
         last = k == n - 1
@@ -233,13 +208,9 @@ def advance(
             dp1 = dp2 = dv = 0.0
             m1 = p1 * (dead_1 + area_1 * x) / (base[GAS] * T1)
             m2 = p2 * (dead_2 + area_2 * (stroke - x)) / (base[GAS] * T2)
-            if columns > 0:
-                restart_sensitivities(d_1, d_2, start, k, p1, p2, m1, m2, T1, T2)
         out[k, X], out[k, V], out[k, P1], out[k, P2], out[k, GAS_T] = x, v, p1, p2, T1
         if hot and pneumatics:
             out[k, GAS_T] = p1 * (dead_1 + area_1 * x) / (base[GAS] * m1)
-        if columns > 0:
-            pressure_sensitivities(d_1, d_2, k, derivatives)
         read_pressures(time, inputs, true, out, before, first, k, base, th, on)
         u, u2 = inputs[k, IN_U], inputs[k, IN_U2]
         if loop:
@@ -278,22 +249,10 @@ def advance(
                 k1, k2 = k_gas * math.sqrt(base[TEMP] / T1), k_gas * math.sqrt(base[TEMP] / T2)
             p_line = inputs[k, IN_SUPPLY] + w * (inputs[nxt, IN_SUPPLY] - inputs[k, IN_SUPPLY])
             outlet_1, outlet_2 = end_1 if bore_1 > 0.0 else p1_mid, end_2 if bore_2 > 0.0 else p2_mid
-            q_in, q_out, more_in, more_out, opening, opening_2, p_valve = valve_step(
+            q_in, q_out, more_in, more_out = valve_step(
                 u, u2, outlet_1, outlet_2, p_line, stated, shut, chamber_2, q_supply, h, k1, k2, k_gas, u_max,
                 areas, areas_2, s1, s2, s_supply, base, th, on,
             )  # fmt: skip
-            if columns > 0:
-                clear_sensitivities(d_1, d_2)
-                if not shut:
-                    valve_sensitivities(
-                        d_1, q_in, q_out, opening, outlet_1, bore_1 > 0.0, h, T1, p_valve, p_amb, b, leak, k1, k_gas,
-                        u_max, areas, shapes,
-                    )  # fmt: skip
-                if chamber_2 not in (OPEN, CLOSED):
-                    valve_sensitivities(
-                        d_2, more_in, more_out, opening_2, outlet_2, bore_2 > 0.0, h, T2, p_valve, p_amb, b, leak, k2,
-                        k_gas, u_max, areas_2, shapes_2,
-                    )  # fmt: skip
             q_supply = q_in + more_in
             if i == 0:
                 out[k, FLOW] = q_in - q_out
@@ -301,17 +260,6 @@ def advance(
                 q_in, q_out, more_in, more_out, head, tail, tail_2 = line_step(
                     time[k] + (i + 0.5) * h, q_in, q_out, more_in, more_out, wave_1, wave_2, ring, head, tail, tail_2
                 )
-                if columns > 0:
-                    written: int = (head if head > 0 else ring.shape[0]) - 1
-                    delay_sensitivities(
-                        d_1, d_2, passed, ring, written, tail, tail_2, time[k] + (i + 0.5) * h, wave_1, wave_2
-                    )
-            if columns > 0:
-                if bore_1 > 0.0:
-                    hose_sensitivities(d_1, end_1, through_1, p1_mid, q_in - q_out, h, delay_1, bore_1, base)
-                if bore_2 > 0.0:
-                    hose_sensitivities(d_2, end_2, through_2, p2_mid, more_in - more_out, h, delay_2, bore_2, base)
-                add_leaks(d_1, d_2, chamber_2, p1_mid, p2_mid, h, k1, k2, base, th, on)
             if bore_1 > 0.0:
                 end_1, through_1, q_in, q_out = hose_step(
                     end_1, through_1, p1_mid, q_in - q_out, h, delay_1, bore_1, base
@@ -320,22 +268,12 @@ def advance(
                 end_2, through_2, more_in, more_out = hose_step(
                     end_2, through_2, p2_mid, more_in - more_out, h, delay_2, bore_2, base
                 )
-            before_1, before_2, mass_1, mass_2 = p1, p2, m1, m2
             p1, dp1, m1, T1 = chamber_1_step(
                 p1, p1_mid, p2_mid, m1, h, dead_1 + area_1 * x_mid, area_1 * v_mid, q_in, q_out, hot, k1, base, th, on
             )
-            if columns > 0:
-                differentiate_chamber(
-                    d_1, before_1, p1_mid, mass_1, m1, h, dead_1 + area_1 * x_mid, area_1 * v_mid, q_in, dp1, hot,
-                    base, th, on,
-                )  # fmt: skip
             if chamber_2 == OPEN:
                 continue
             volume_2_mid = dead_2 + area_2 * (stroke - x_mid)
             p2, dp2, m2, T2 = chamber_2_step(
                 p2, p1_mid, p2_mid, m2, h, volume_2_mid, -area_2 * v_mid, more_in, more_out, hot, k1, k2, base, th, on
             )
-            if columns > 0:
-                differentiate_chamber(
-                    d_2, before_2, p2_mid, mass_2, m2, h, volume_2_mid, -area_2 * v_mid, more_in, dp2, hot, base, th, on
-                )

@@ -2,6 +2,7 @@
 
 import math
 
+from pneucli.simulate.kernel.arrays import new_copy
 from pneucli.simulate.kernel.ports import read_p1, read_p2, scalars, sensor_delay, sensor_lag, unread_p1, unread_p2
 from pneucli.simulate.layout import AMBIENT, IN_P1, IN_P2, P1, P2, R1, R2
 
@@ -62,7 +63,7 @@ def unread(readings, base, th, on):
 
 def true_pressures(time, inputs, lag, base, th, on):
     """Return the pressures (n, 2) in Pa whose readings are the measured (smoothed) ones; ``lag`` in s."""
-    true, delay = inputs[:, IN_P1 : IN_P2 + 1].copy(), sensor_delay(th, on)
+    true, delay = new_copy(inputs[:, IN_P1 : IN_P2 + 1]), sensor_delay(th, on)
     for chamber in range(2):
         if lag > 0.0:
             undo_lag(time, inputs, IN_P1 + chamber, lag, true, chamber)
@@ -78,7 +79,7 @@ def add_unread_change(first_pass, restarts, base, th, on, true):
     ``first_pass`` (n, 10) is the output of a model that has forgotten its own start. Before a restart its pressures
     are taken, shifted to that restart's.
     """
-    shown, before = first_pass[:, R1 : R2 + 1].copy(), 0
+    shown, before = new_copy(first_pass[:, R1 : R2 + 1]), 0
     unread(shown, base, th, on)
     for k in restarts:
         for chamber in range(2):

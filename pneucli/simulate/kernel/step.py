@@ -130,21 +130,20 @@ def valve_step(
         on: Switches of effects.
 
     Returns:
-        Mass flows in kg/s: into and out of chamber 1, into and out of chamber 2; the openings of both in V, and the
-        supply pressure at the valves in Pa.
+        Mass flows in kg/s: into and out of chamber 1, into and out of chamber 2.
     """
     b, leak = critical_ratio(base[CRITICAL], th, on), leak_area(th, on)
     if stated:
         p_line = base[SUPPLY]
     p_line = supply(p_line, base[SUPPLY], q_supply, base[GAMMA] * base[GAS] * base[TEMP], h, s_supply, th, on)
-    q_in = q_out = more_in = more_out = opening = opening_2 = 0.0
+    q_in = q_out = more_in = more_out = 0.0
     if not shut:
         opening = command(u, h, s1, th, on)
         q_in, q_out = valve_flow(opening, p1, p_line, base[AMBIENT], b, leak, k1, k_gas, u_max, areas)
     if chamber_2 not in (OPEN, CLOSED):
         opening_2 = command(u2, h, s2, th, on)
         more_in, more_out = valve_flow(opening_2, p2, p_line, base[AMBIENT], b, leak, k2, k_gas, u_max, areas_2)
-    return q_in, q_out, more_in, more_out, opening, opening_2, p_line
+    return q_in, q_out, more_in, more_out
 
 
 def chamber_1_step(

@@ -1,5 +1,7 @@
 """Flow through the valve."""
 
+import math
+
 from pneucli.physics.gas import orifice_flow
 
 
@@ -24,7 +26,7 @@ def effective_area(u, u_max, areas):
         return areas[0]
     if place >= last:
         return areas[last]
-    i: int = int(place)
+    i: int = math.floor(place)
     return areas[i] + (place - i) * (areas[i + 1] - areas[i])
 
 
