@@ -36,9 +36,8 @@ def mean_of(residual: np.ndarray, blocks: np.ndarray) -> Fit:
 
 
 def grouped_variance(found: Fit, labels: np.ndarray) -> np.ndarray:
-    scores = blocks.group_scores(found.jacobian, found.residual, labels)
-    root = intervals._matrix_square_root(found.inverse_hessian)
-    return intervals._bias_reduced_variance(scores, blocks.group_curvatures(found.jacobian, labels), root)
+    (sums,) = blocks.group_sums(found.jacobian, found.residual, [labels])
+    return intervals._bias_reduced_variance(*sums, intervals._matrix_square_root(found.inverse_hessian))
 
 
 def test_an_interval_over_models_contains_that_of_each_of_them() -> None:
@@ -200,12 +199,17 @@ def test_a_fit_without_free_parameters_is_unchanged() -> None:
     assert with_intervals(bare, []) is bare
 
 
-def test_curvatures_are_summed_up_in_pieces(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Of 50 samples in three groups, in some order, 7 at a time; a label may have no sample."""
+def test_scores_and_curvatures_are_summed_up_in_pieces(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Of 50 samples in three groups, in some order, 7 at a time; a label may have no sample. Two groupings at once."""
     monkeypatch.setattr(blocks, "ROWS_PER_CHUNK", 7)
     rng = np.random.default_rng(8)
     jacobian, weights, labels = rng.standard_normal((50, 3)), rng.standard_normal(50), rng.choice([0, 1, 3], 50)
     each = [jacobian[labels == i].T @ jacobian[labels == i] for i in range(4)]
-    assert blocks.group_curvatures(jacobian, labels) == pytest.approx(np.array(each))
+    residual = rng.standard_normal(50)
+    scores = [jacobian[labels == i].T @ residual[labels == i] for i in range(4)]
+    one, other = blocks.group_sums(jacobian, residual, [np.zeros(50, dtype=np.int64), labels])
+    assert one.curvatures == pytest.approx((jacobian.T @ jacobian)[None])
+    assert other.curvatures == pytest.approx(np.array(each))
+    assert other.scores == pytest.approx(np.array(scores))
     weighted = jacobian * weights[:, None]
     assert blocks.weighted_curvature(jacobian, weights) == pytest.approx(weighted.T @ weighted)

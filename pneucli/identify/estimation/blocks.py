@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from itertools import pairwise
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,7 +15,7 @@ Array = NDArray[np.float64]
 
 MIN_BLOCK_LENGTH = 0.25  # s, longer than the residuals' memory
 MAX_BLOCKS = 40  # of one recording
-ROWS_PER_CHUNK = 1 << 15  # rows of derivatives that are copied at once: all of them may be most of the memory
+ROWS_PER_CHUNK = 1 << 13  # rows of derivatives that are copied at once: all of them may be most of the memory
 
 
 def block_labels(residual_models: Sequence[ResidualModel]) -> NDArray[np.int64]:
@@ -95,28 +96,40 @@ def group_scores(jacobian: Array, residual: Array, labels: NDArray[np.int64]) ->
     return np.array(sums, dtype=np.float64).reshape(jacobian.shape[1], int(labels.max()) + 1).T
 
 
-def group_curvatures(jacobian: Array, labels: NDArray[np.int64]) -> Array:
-    """Sum the curvature J^T J over the samples of each group.
+class GroupSums(NamedTuple):
+    """Sums over the samples of each group: scores J^T r (B, k), and curvatures J^T J (B, k, k)."""
+
+    scores: Array
+    curvatures: Array
+
+
+def group_sums(jacobian: Array, residual: Array, groupings: Sequence[NDArray[np.int64]]) -> list[GroupSums]:
+    """Sum scores and curvatures over the samples of each group of some groupings.
 
     Args:
         jacobian: Derivatives of the residuals, shape (N, k).
-        labels: Group of each residual, shape (N,), with B - 1 as the largest.
+        residual: Residuals, shape (N,).
+        groupings: Groups of each residual, each (N,), with B - 1 as the largest.
 
     Returns:
-        The curvatures, shape (B, k, k).
+        The sums, for each grouping.
 
-    >>> group_curvatures(np.array([[1.0], [2.0], [4.0]]), np.array([0, 0, 1])).ravel().tolist()
-    [5.0, 16.0]
+    >>> (sums,) = group_sums(np.array([[1.0], [2.0], [4.0]]), np.ones(3), [np.array([0, 0, 1])])
+    >>> sums.scores.ravel().tolist(), sums.curvatures.ravel().tolist()
+    ([3.0, 4.0], [5.0, 16.0])
     """
     k = jacobian.shape[1]
-    out = np.zeros((int(labels.max()) + 1, k, k))
-    for i in range(0, len(labels), ROWS_PER_CHUNK):
-        own = labels[i : i + ROWS_PER_CHUNK]
-        order = np.argsort(own, kind="stable")
-        part, ends = jacobian[i + order], np.flatnonzero(np.diff(own[order])) + 1
-        for label, rows in zip(own[order[np.append(0, ends)]], np.split(part, ends), strict=True):
-            out[label] += rows.T @ rows
-    return out
+    sums = [np.zeros((int(labels.max()) + 1, k + 1, k + 1)) for labels in groupings]
+    for i in range(0, len(residual), ROWS_PER_CHUNK):
+        rows = slice(i, i + ROWS_PER_CHUNK)
+        part = np.column_stack([jacobian[rows], residual[rows]])  # in the order of rows, which are taken below
+        for labels, out in zip(groupings, sums, strict=True):
+            order = np.argsort(labels[rows], kind="stable")
+            own = labels[rows][order]
+            starts = np.flatnonzero(np.diff(own, prepend=-1))
+            for label, group in zip(own[starts], np.split(part[order], starts[1:]), strict=True):
+                out[label] += group.T @ group
+    return [GroupSums(out[:, :k, k], out[:, :k, :k]) for out in sums]
 
 
 def weighted_curvature(jacobian: Array, weights: Array) -> Array:

@@ -91,12 +91,23 @@ class Fit:
             Frisch, R. and Waugh, F. V., Econometrica 1 (1933) 387.
 
         """
-        return np.asarray(change - self.jacobian @ (self.inverse_hessian @ (self.jacobian.T @ change)))
+        return np.asarray(change - self.jacobian @ (self.inverse_hessian @ self.transposed_product(change)))
+
+    def transposed_product(self, change: Array) -> Array:
+        """Return J'c (k,) for a change c of the residuals (N,); most changes are 0 in most recordings."""
+        changed = np.flatnonzero(change)
+        rows = slice(changed[0], changed[-1] + 1) if changed.size else slice(0)
+        return np.asarray(self.jacobian[rows].T @ change[rows])
 
     @cached_property
     def projected_residual(self) -> Array:
         """The residuals without the part that the free parameters could still absorb, shape (N,)."""
         return self.project_out_nuisance(self.residual)
+
+    @cached_property
+    def projected_scores(self) -> Array:
+        """The derivatives times the projected residuals, summed by block, shape (B, k)."""
+        return group_scores(self.jacobian, self.projected_residual, self.blocks)
 
     def __getitem__(self, name: str) -> Estimate:
         return next(e for e in self.estimates if e.name == name)

@@ -21,7 +21,7 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from pneucli.identify.estimation.blocks import group_curvatures, group_scores, weighted_curvature
+from pneucli.identify.estimation.blocks import group_sums, weighted_curvature
 from pneucli.identify.estimation.fit import Estimate, Fit, parameter_estimates
 from pneucli.identify.estimation.least_squares import pseudo_inverse
 from pneucli.identify.residuals import ResidualModel
@@ -99,20 +99,16 @@ def variance_inflation(fitted: Fit, groups: Iterator[Labels]) -> Array:
 
     """
     inside = np.array([j for j, f in enumerate(fitted.free) if not fitted[f.name].at_bound], dtype=np.intp)
-    block = np.ix_(inside, inside)
-    inverse_hessian = pseudo_inverse((fitted.jacobian.T @ fitted.jacobian)[block])
+    jacobian = fitted.jacobian if inside.size == len(fitted.free) else fitted.jacobian[:, inside]
+    inverse_hessian = pseudo_inverse(jacobian.T @ jacobian)
     root = _matrix_square_root(inverse_hessian)
-
-    def grouped_variance(labels: Labels) -> Array:
-        scores = group_scores(fitted.jacobian, fitted.residual, labels)[:, inside]
-        curvatures = group_curvatures(fitted.jacobian, labels)[:, inside[:, None], inside]
-        return _bias_reduced_variance(scores, curvatures, root)
-
-    by_time, variance = grouped_variance(fitted.blocks), np.diag(fitted.covariance)[inside]
-    shown = np.zeros(inside.size)
-    for labels in groups:
-        shown += np.maximum(grouped_variance(labels) - by_time, 0.0)
-    by_square = weighted_curvature(fitted.jacobian, fitted.residual)[block]
+    by_time, *others = (
+        _bias_reduced_variance(*sums, root) for sums in group_sums(jacobian, fitted.residual, [fitted.blocks, *groups])
+    )
+    variance, shown = np.diag(fitted.covariance)[inside], np.zeros(inside.size)
+    for one in others:
+        shown += np.maximum(one - by_time, 0.0)
+    by_square = weighted_curvature(jacobian, fitted.residual)
     added = (1.0 + _excess_variance_share(inverse_hessian, by_square)) * shown
     factor = np.ones(len(fitted.free))
     factor[inside] += np.divide(added, variance, out=np.zeros_like(added), where=variance > 0.0)

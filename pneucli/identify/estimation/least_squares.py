@@ -129,7 +129,7 @@ def minimise(
     for done in range(1, max_iterations + 1):
         step, decrease, steps = None, np.inf, 0
         tries = MAX_DAMPING_TRIES if is_new or (approximation is not None and approximation.suffices) else 1
-        while (step := _step(residuals, z, r, j, bounds, damping, tries)) is not None:
+        while (step := _step(residuals, z, r, j, bounds, damping, tries, tolerance)) is not None:
             decrease = 1.0 - _sum_of_squares(step.residual) / _sum_of_squares(r)
             before, change = z, step.residual - r
             z, r, damping, steps = step.z, step.residual, step.damping, steps + 1
@@ -158,12 +158,18 @@ def _step(
     bounds: tuple[Array, Array],
     damping: float,
     tries: int,
+    tolerance: float,
 ) -> Step | None:
-    """Return the next step; None where ``tries`` increases of the damping find no lower cost."""
+    """Return the next step; None where ``tries`` increases of the damping find no lower cost.
+
+    Where the derivatives promise less than the ``tolerance``, one try is enough: a shorter step would end the search.
+    """
     free, g, free_curvature, room = _free_equations(z, r, j, bounds)
     if not free.size:
         return None
     cost = _sum_of_squares(r)
+    if _promised(g, free_curvature, room) < tolerance * cost:
+        tries = 1
     for _ in range(tries):
         trial = z.copy()
         trial[free] += bounded_step(free_curvature + damping * np.diag(np.diag(free_curvature)), g, room)
@@ -201,8 +207,10 @@ def _free_equations(
 def _promised_decrease(z: Array, r: Array, j: Array | NormalEquations, bounds: tuple[Array, Array]) -> float:
     """Return the decrease of the cost that the derivatives promise for a step without damping."""
     free, gradient, curvature, room = _free_equations(z, r, j, bounds)
-    if not free.size:
-        return 0.0
+    return _promised(gradient, curvature, room) if free.size else 0.0
+
+
+def _promised(gradient: Array, curvature: Array, room: tuple[Array, Array]) -> float:
     step = bounded_step(curvature, gradient, room)
     return -float(2.0 * gradient @ step + step @ curvature @ step)
 

@@ -30,6 +30,8 @@ from pneucli.simulate.rig_quantities import rig_quantities
 
 Array = NDArray[np.float64]
 
+MIN_POWER_SHARE = 1e-10  # of the squares of a change: what rounding leaves of one that the free parameters reproduce
+
 
 @dataclass(frozen=True)
 class ScoreTest:
@@ -150,14 +152,21 @@ def _direct_test(
 
 
 def _score_test(values: dict[str, float], change: Array, fitted: Fit, *, nested: bool) -> ScoreTest:
-    target, new = fitted.projected_residual, fitted.project_out_nuisance(change)
-    power = float(new @ new)
-    if not np.isfinite(power) or power < 1e-12 * max(float(change @ change), 1e-30):
+    """Return the test of a change of the residuals (N,), from sums over the blocks: no array of N numbers is projected.
+
+    With the part t of the residuals that the free parameters leave, and the change c = n + J a that they reproduce but
+    for n: n'n = c'c - a'J'c, and n't = c't, in each block less (J't)'a.
+    """
+    target, along = fitted.projected_residual, fitted.transposed_product(change)
+    absorbed = fitted.inverse_hessian @ along
+    power = float(change @ change - along @ absorbed)
+    if not np.isfinite(power) or power < MIN_POWER_SHARE * max(float(change @ change), 1e-30):
         return ScoreTest(values, 0.0, 0.0, np.inf)
-    error = float(np.linalg.norm(np.bincount(fitted.blocks, weights=new * target))) / power
+    by_block = np.bincount(fitted.blocks, weights=change * target) - fitted.projected_scores @ absorbed
+    product, error = float(by_block.sum()), float(np.linalg.norm(by_block)) / power
     if not nested:  # it cannot be switched on by degrees
-        return ScoreTest(values, float(target @ target - (target + new) @ (target + new)), 1.0, error)
-    step = -float(new @ target) / power
+        return ScoreTest(values, -2.0 * product - power, 1.0, error)
+    step = -product / power
     return ScoreTest(values, step * step * power, step, error)
 
 
