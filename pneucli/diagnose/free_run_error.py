@@ -9,6 +9,7 @@ from typing import TypeVar
 from pneucli.compare import ChannelResult, compare, overall_error
 from pneucli.compare.error_limit import combined_distribution
 from pneucli.compare.expected_error import ExpectedError, expected_errors
+from pneucli.compare.free_run import free_runs, judge_with_free_runs
 from pneucli.compare.goodness_of_fit import GoodnessOfFit, Squares, is_judged, judge_fit, parameter_error_squares
 from pneucli.diagnose.score import ErrorsByUse
 from pneucli.identify.estimation.fit import Fit
@@ -33,6 +34,7 @@ class FreeRunErrors:
     experiments: Sequence[Experiment]
     _compared: list[tuple[Model, list[Results]]] = field(default_factory=list)
     _expected: list[tuple[Model, list[ExpectedError]]] = field(default_factory=list)
+    _free_runs: list[tuple[Model, list[ChannelResult]]] = field(default_factory=list)
 
     def __call__(self, model: Model, reference: Model | None = None) -> ErrorsByUse:
         """Return the model's errors {"train": ..., "test": ...}; None where no recording has that use."""
@@ -60,10 +62,17 @@ class FreeRunErrors:
         model, (own, expected) = fitted.model, self._errors(fitted.model)
 
         def squares() -> Squares:
-            drawn = [with_parameters(model, values) for values in draw_parameters(fitted)]
-            return parameter_error_squares(model, drawn, self.experiments)
+            return parameter_error_squares(model, _drawn_models(fitted), self.experiments)
 
-        return judge_fit(own, expected, squares)
+        return judge_with_free_runs(judge_fit(own, expected, squares), self.free_runs(fitted))
+
+    def free_runs(self, fitted: Fit) -> list[ChannelResult]:
+        """Return the errors of a fitted model over whole recordings."""
+
+        def compute(model: Model) -> list[ChannelResult]:
+            return free_runs(model, self.experiments, lambda: _drawn_models(fitted))
+
+        return _once(self._free_runs, fitted.model, compute)
 
     def _errors(self, model: Model, reference: Model | None = None) -> tuple[list[Results], list[ExpectedError]]:
         """Return the errors of each experiment, and those if the reference were correct."""
@@ -83,6 +92,11 @@ class FreeRunErrors:
             for results, one in zip(own, expected, strict=True)
         ]
         return in_units, expected
+
+
+def _drawn_models(fitted: Fit) -> list[Model]:
+    """Return models whose parameters are drawn from the uncertainty of a fit."""
+    return [with_parameters(fitted.model, values) for values in draw_parameters(fitted)]
 
 
 def _once(known: list[tuple[Model, T]], model: Model, compute: Callable[[Model], T]) -> T:

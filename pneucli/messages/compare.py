@@ -33,6 +33,8 @@ def lines(answer: Row, file: str, verbose: bool) -> Iterator[str]:
     yield from labelled("error", verdict(answer))
     if worst := worst_channel_sentence(answer):
         yield from labelled("worst", worst)
+    if free_run := free_run_sentence(answer):
+        yield from labelled("free run", free_run)
     for i, event in enumerate(grouped_regions(answer)[: None if verbose else MAX_EVENTS]):
         yield from labelled("" if i else "where", describe_event(event))
     for i, log in enumerate(controller_logs.lines(answer)):
@@ -117,6 +119,19 @@ def worst_channel_sentence(answer: Row) -> str:
     rmsd = format_quantity(worst["rmsd"], worst["unit"], 3)
     ratio = format_noise_ratio(worst["ratio_to_noise"])
     return f"{worst['channel']} in {worst['recording']}, {ratio} × noise ({rmsd} rms)"
+
+
+def free_run_sentence(answer: Row) -> str:
+    """Return how far the model is off over a whole recording, where its printed error does not say so; else nothing."""
+    judged = answer.get("lack_of_fit")
+    if not answer.get("free_run") or judged is None or judged["error"] > BAD_ERROR_RATIO:
+        return ""
+    worst = answer["free_run"][0]
+    share = f"by {format_number(worst['percent'], 2)} % of its range" if worst["percent"] else "away"
+    return (
+        f"Over the whole recording {worst['recording']}, {worst['channel']} drifts {share} "
+        f"({format_noise_ratio(worst['ratio_to_noise'])} × noise)."
+    )
 
 
 def even_error_sentence(answer: Row) -> str:

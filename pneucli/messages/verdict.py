@@ -6,7 +6,7 @@ import math
 from collections.abc import Mapping, Sequence
 from typing import Any
 
-from pneucli.messages.compare import evaluation_error
+from pneucli.messages.compare import evaluation_error, free_run_sentence
 from pneucli.messages.discrepancy import discrepancy_character, discrepancy_location, largest_discrepancy
 from pneucli.messages.formatting import format_noise_ratio, format_percent, join_names
 from pneucli.units import unit_suffix
@@ -74,7 +74,7 @@ def verdict_sentence(answer: Answer) -> str:
             f"No statement is possible: {undetectable} of {len(limits)} effects are undetectable at a typical size; "
             f"{error}."
         )
-    rest = f"{_remainder(answer)}{_base_equivalents(answer)}"
+    rest = " ".join(filter(None, (_remainder(answer), free_run_sentence(answer), _base_equivalents(answer))))
     if answer["missing"]:
         return f"{_named_effects(answer)} {rest}"
     if answer["verdict"] == "adequate":
@@ -88,8 +88,8 @@ def _base_equivalents(answer: Answer) -> str:
     for c in answer.get("candidates", []):
         if c.get("reason") == "replaces-base-parameter":
             found.setdefault(join_names(c["indistinguishable_from"]), []).append(c["effect"])
-    return "".join(
-        f" These recordings cannot distinguish {join_names(effects)} from {base}, which the model has: they determine "
+    return " ".join(
+        f"These recordings cannot distinguish {join_names(effects)} from {base}, which the model has: they determine "
         "only what both explain together."
         for base, effects in found.items()
     )

@@ -340,7 +340,9 @@ class Experiment:
 
     def with_restarts(self, horizon: float | None) -> Experiment:
         """Return the experiment with a restart every ``horizon`` s (None: at the start and after gaps only)."""
-        return replace(self, restarts=restart_samples(self.time, horizon, MIN_SEGMENT_SMEARS * self.smear_time))
+        other = replace(self, restarts=restart_samples(self.time, horizon, MIN_SEGMENT_SMEARS * self.smear_time))
+        other.__dict__["_draw_cache"] = self._draw_cache  # other readings of the same run do not depend on restarts
+        return other
 
 
 class SignalRanges(NamedTuple):

@@ -12,6 +12,7 @@ import pyarrow as pa
 
 from pneucli.compare import ChannelResult, Comparison, Region, compare, find_error_regions, overall_error
 from pneucli.compare.expected_error import ExpectedError, expected_errors
+from pneucli.compare.free_run import free_runs, judge_with_free_runs
 from pneucli.compare.goodness_of_fit import is_judged, judge_fit, parameter_error_squares
 from pneucli.compare.residual_correlation import Correlation, residual_correlations
 from pneucli.identify.valve.flow_bench import FlowComparison
@@ -20,7 +21,7 @@ from pneucli.pipeline.context import Context
 from pneucli.quantities import SIGNALS
 from pneucli.simulate.model import Model
 from pneucli.stages import controller_logs, history
-from pneucli.stages.fit_answer import lack_of_fit_answer
+from pneucli.stages.fit_answer import diverging_answer, free_run_answer, lack_of_fit_answer
 from pneucli.stages.flow_bench import compare_flow_recordings, flow_results, write_flow_residuals
 from pneucli.stages.model_file import load_drawn_models, load_model
 from pneucli.stages.pipeline_data import PipelineData
@@ -38,7 +39,8 @@ def run(context: Context) -> dict[str, Any]:
     _write_correlations(study, [c for one in comparisons for c in residual_correlations(one, study.horizon)])
     results = [*(r for c in comparisons for r in c.results), *flow_results(flows)]
     answer = _answer(study, results, find_error_regions(comparisons))
-    answer["lack_of_fit"] = _lack_of_fit(study, comparisons, expected, model)
+    if model is not None:
+        answer |= _judgement(study, comparisons, expected, model, answer["channels"])
     answer["closed_loop"] = [] if model is None else [controller_logs.log_answer(one, model) for one in looked.values()]
     return answer | history.record_model(context, answer, RESIDUALS_FILE)
 
@@ -74,19 +76,27 @@ def _with_limits(found: Comparison, expected: ExpectedError) -> Comparison:
     return replace(found, results=results)
 
 
-def _lack_of_fit(
-    study: PipelineData, comparisons: Sequence[Comparison], expected: Sequence[ExpectedError], model: Model | None
-) -> dict[str, Any] | None:
-    """Return the judgement of the model's error, None where nothing is compared over time."""
-    if model is None:
-        return None
+def _judgement(
+    study: PipelineData,
+    comparisons: Sequence[Comparison],
+    expected: Sequence[ExpectedError],
+    model: Model,
+    channels: Sequence[dict[str, Any]],
+) -> dict[str, Any]:
+    """Return the judgement of the model's error and of its free runs; ``channels`` get theirs."""
     drawn = load_drawn_models(study.context.artifacts / "identify", model)
     experiments = [c.experiment for c in comparisons]
-    return lack_of_fit_answer(
-        judge_fit(
-            [c.results for c in comparisons], expected, lambda: parameter_error_squares(model, drawn, experiments)
-        )
+    whole = free_runs(model, experiments, lambda: drawn)
+    by_channel = {(r.recording, r.channel): free_run_answer(r) for r in whole}
+    for one in channels:
+        one["free_run"] = by_channel.get((one["recording"], one["channel"]))
+    judged = judge_fit(
+        [c.results for c in comparisons], expected, lambda: parameter_error_squares(model, drawn, experiments)
     )
+    return {
+        "lack_of_fit": lack_of_fit_answer(judge_with_free_runs(judged, whole)),
+        "free_run": diverging_answer(whole),
+    }
 
 
 def _answer(study: PipelineData, results: Sequence[ChannelResult], regions: Sequence[Region]) -> dict[str, Any]:
@@ -97,6 +107,8 @@ def _answer(study: PipelineData, results: Sequence[ChannelResult], regions: Sequ
         "model": study.context.answers["identify"]["model"],
         "channels": [_nan_to_null(asdict(r)) for r in results],
         "error": {use: overall_error(results, use) for use in ("train", "test")},
+        "lack_of_fit": None,
+        "free_run": [],
         "where": [_region_answer(asdict(r)) for r in regions],
         "purpose": purpose_answer(results, study.context.config.compare.tolerance),
         "data": study.data_digest,

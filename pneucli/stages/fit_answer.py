@@ -1,9 +1,13 @@
-"""The judgement of a model's error in the JSON answers of ``compare`` and ``diagnose``."""
+"""The judgement of a model's error, and its free runs, in the JSON answers of ``compare`` and ``diagnose``."""
 
 from __future__ import annotations
 
+import math
+from collections.abc import Sequence
 from typing import Any
 
+from pneucli.compare.channel_errors import ChannelResult
+from pneucli.compare.free_run import exceeds_limit
 from pneucli.compare.goodness_of_fit import GoodnessOfFit
 from pneucli.diagnose.adequacy import LackOfFit
 
@@ -30,3 +34,18 @@ def lack_of_fit_answer(judged: GoodnessOfFit | None, balance: LackOfFit | None =
         if balance is None
         else {"subsystem": balance.kind.title, "channel": balance.channel, "times_noise": balance.ratio},
     }
+
+
+FREE_RUN_KEYS = ("rmsd", "percent", "ratio_to_noise", "ratio_limit")
+
+
+def free_run_answer(result: ChannelResult) -> dict[str, float | None]:
+    """Return the entry ``free_run`` of a channel: its error over the whole recording."""
+    values = {key: getattr(result, key) for key in FREE_RUN_KEYS}
+    return {key: None if v is None or not math.isfinite(v) else v for key, v in values.items()}
+
+
+def diverging_answer(found: Sequence[ChannelResult]) -> list[dict[str, Any]]:
+    """Return the entry ``free_run`` of an answer: the channels whose error exceeds its limit, the largest first."""
+    beyond = sorted(filter(exceeds_limit, found), key=lambda r: -r.rmsd / max(r.measured_range, r.noise))
+    return [{"recording": r.recording, "channel": r.channel, "unit": r.unit} | free_run_answer(r) for r in beyond]

@@ -81,6 +81,17 @@ def one_line(text: str) -> str:
     return " ".join(text.split())
 
 
+@pytest.mark.parametrize(("error", "told"), [(1.1, True), (5.0, False)])
+def test_a_free_run_is_told_where_the_printed_error_does_not_say_so(error: float, told: bool) -> None:
+    drifting = {"recording": "charge_1", "channel": "p1", "percent": 14.2, "ratio_to_noise": 31.0}
+    judged = {"present": True, "undetermined": False, "error": error, "limit": 1.2, "worst": None}
+    answer = COMPARED | {"error": {"train": None, "test": error}, "lack_of_fit": judged, "free_run": [drifting]}
+    said = "Over the whole recording charge_1, p1 drifts by 14 % of its range (31.0 × noise)."
+    assert (said in one_line(messages.render("compare", answer, "p.toml"))) == told
+    found = {"verdict": "unexplained", "missing": [], "ladder": DIAGNOSED["ladder"], "candidates": []}
+    assert (said in verdict.verdict_sentence(found | {"lack_of_fit": judged, "free_run": [drifting]})) == told
+
+
 def test_compare_says_error_worst_channel_events_and_what_to_do() -> None:
     assert messages.render("compare", COMPARED, "p.toml").splitlines()[0] == (
         "error    20.6 × noise on test recordings (12.0 on those fitted): the model misses something"

@@ -1,0 +1,69 @@
+"""The free run: the model over a whole recording, started once.
+
+Between restarts a slow error stays small. A model may follow every second of a recording and miss all of it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import replace
+
+from pneucli.compare.channel_errors import ChannelResult, compare
+from pneucli.compare.error_limit import TAIL
+from pneucli.compare.expected_error import ExpectedError, expected_errors
+from pneucli.compare.goodness_of_fit import GoodnessOfFit, is_judged, parameter_error_squares
+from pneucli.messages.compare import BAD_ERROR_RATIO
+from pneucli.simulate.experiment import Experiment
+from pneucli.simulate.model import Model
+
+
+def free_runs(
+    model: Model, experiments: Sequence[Experiment], drawn: Callable[[], Sequence[Model]]
+) -> list[ChannelResult]:
+    """Return the errors of a model that restarts only after gaps of a recording.
+
+    Args:
+        model: The model.
+        experiments: Experiments; those whose motion is imposed have no state to start from, and no free run.
+        drawn: Returns models whose parameters are drawn from the uncertainty of its own; called only where noise does
+            not explain the errors.
+
+    Returns:
+        The error of each channel of each recording. Of a hundred correct models one exceeds its ``ratio_limit`` in any
+        of the channels.
+    """
+    whole = [e.with_restarts(None) for e in experiments if e.recording.imposed is None]
+    expected = expected_errors(model, whole)
+    results = [compare(model, e, one.rms).results for e, one in zip(whole, expected, strict=True)]
+    tail = TAIL / max(sum(map(len, results)), 1)
+    noise_alone = [_with_limit(r, one, 0.0, tail) for rows, one in zip(results, expected, strict=True) for r in rows]
+    if not any(exceeds_limit(r) for r in noise_alone):
+        return noise_alone
+    squares = parameter_error_squares(model, drawn(), whole)
+    return [
+        _with_limit(r, one, of_parameters.get(r.channel, 0.0), tail)
+        for rows, one, of_parameters in zip(results, expected, squares, strict=True)
+        for r in rows
+    ]
+
+
+def _with_limit(result: ChannelResult, expected: ExpectedError, square: float, tail: float) -> ChannelResult:
+    """Return an error with its limit, where the parameters' uncertainty adds the mean square ``square``, SI."""
+    if not is_judged(result, expected):
+        return result
+    distribution = expected.distribution([result.channel]).with_uncertain_parameters(square / result.noise**2)
+    return replace(result, ratio_limit=max(distribution.limit(tail), BAD_ERROR_RATIO))
+
+
+def exceeds_limit(result: ChannelResult) -> bool:
+    """Return whether an error is larger than noise and the uncertainty of the parameters explain."""
+    return result.ratio_limit is not None and result.ratio_to_noise > result.ratio_limit
+
+
+def judge_with_free_runs(judged: GoodnessOfFit | None, found: Sequence[ChannelResult]) -> GoodnessOfFit | None:
+    """Return the judgement of a model's error with that of its free runs; one beyond its limit is a lack of fit."""
+    beyond = [r for r in found if exceeds_limit(r)]
+    if judged is None or judged.lacks or not beyond:
+        return judged
+    worst = max(beyond, key=lambda r: r.ratio_to_noise / (r.ratio_limit or 1.0))
+    return replace(judged, p=min(judged.p, TAIL), lacks=True, undetermined=False, worst=worst)
