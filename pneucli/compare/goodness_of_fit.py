@@ -62,16 +62,16 @@ def judge_fit(
         The judgement; None where nothing was compared.
     """
     flat = [one for rows in results for one in rows]
-    errors = {use: error for use in ("test", "train") if (error := overall_error(flat, use)) is not None}
-    if not errors:
+    use = "train" if overall_error(flat, "test") is None else "test"
+    error = overall_error(flat, use)
+    if error is None:
         return None
-    use, error = next(iter(errors.items()))
-    noise_alone = judged = _Family(results, expected, errors, [{} for _ in results])
+    noise_alone = judged = _Family(results, expected, use, error, [{} for _ in results])
     if noise_alone.p < TAIL:
-        judged = _Family(results, expected, errors, parameter_squares())
+        judged = _Family(results, expected, use, error, parameter_squares())
     lacks = judged.p < TAIL
     undetermined = noise_alone.p < TAIL and not lacks and error > BAD_ERROR_RATIO
-    limit = min(judged.limit(use), max(noise_alone.limit(use), BAD_ERROR_RATIO))
+    limit = min(judged.limit, max(noise_alone.limit, BAD_ERROR_RATIO))
     return GoodnessOfFit(use, error, limit, judged.p, lacks, undetermined, judged.worst if lacks else None)
 
 
@@ -85,7 +85,7 @@ class _Channel(NamedTuple):
 
 @dataclass(frozen=True)
 class _Family:
-    """The tests of one judgement: the printed errors of held-out and of fitted recordings, and each pressure or force.
+    """The tests of one judgement: the printed error, and each pressure or force of any recording.
 
     The motion of one recording is not tested: whether a piston breaks away before or after a restart decides on its
     error, too rarely to know how rarely. Its part of the printed errors is.
@@ -93,7 +93,8 @@ class _Family:
 
     results: Sequence[Sequence[ChannelResult]]
     expected: Sequence[ExpectedError]
-    errors: Mapping[str, float]
+    use: str
+    error: float
     parameter_squares: Squares
 
     @cached_property
@@ -105,24 +106,21 @@ class _Family:
             for found, one, squares in rows
         ]
 
-    def distribution(self, use: str) -> ErrorDistribution | None:
-        """Return the distribution of the printed error of recordings of one use."""
-        mine = [rows for rows in self.recordings if rows and rows[0].result.use == use]
+    @cached_property
+    def distribution(self) -> ErrorDistribution | None:
+        """The distribution of the printed error."""
+        mine = [rows for rows in self.recordings if rows and rows[0].result.use == self.use]
         whole = combined_distribution(
             [(rows[0].expected.distribution([c.result.channel for c in rows]), len(rows)) for rows in mine]
         )
         squares = [c.parameter_square for rows in mine for c in rows]
         return None if whole is None else whole.with_uncertain_parameters(float(np.mean(squares)))
 
-    def limit(self, use: str) -> float:
-        """Return the printed error below which a model counts as correct; a small excess is immaterial."""
-        whole = self.distribution(use)
-        return IMMATERIAL[use] if whole is None else max(IMMATERIAL[use], whole.limit(TAIL / self.kinds))
-
     @property
-    def kinds(self) -> int:
-        """How many kinds of tests share the false alarms: printed errors, and all single channels together."""
-        return len(self.errors) + 1
+    def limit(self) -> float:
+        """The printed error below which a model counts as correct; a small excess is immaterial."""
+        small = IMMATERIAL[self.use]
+        return small if self.distribution is None else max(small, self.distribution.limit(TAIL / 2))
 
     @cached_property
     def channels(self) -> list[tuple[float, ChannelResult]]:
@@ -135,12 +133,9 @@ class _Family:
     def p(self) -> float:
         """The p value of all tests together (Bonferroni)."""
         single = len(self.channels) * self.channels[0][0] if self.channels else 1.0
-        wholes = {use: self.distribution(use) for use in self.errors}
-        printed = [
-            1.0 if whole is None or self.errors[use] <= IMMATERIAL[use] else whole.p_value(self.errors[use])
-            for use, whole in wholes.items()
-        ]
-        return min(self.kinds * min(single, *printed), 1.0)
+        whole = None if self.error <= IMMATERIAL[self.use] else self.distribution
+        printed = 1.0 if whole is None else whole.p_value(self.error)
+        return min(2 * min(single, printed), 1.0)
 
     @property
     def worst(self) -> ChannelResult | None:

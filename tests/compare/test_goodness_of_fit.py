@@ -52,10 +52,11 @@ def test_the_printed_error_that_is_adequate_is_within_the_stated_limit() -> None
             assert found.lacks or found.undetermined or found.error <= found.limit
 
 
-def test_held_out_recordings_are_the_printed_ones_and_fitted_ones_are_judged_as_well() -> None:
-    found = judged([result(1.0)], [result(1.6, "train", recording="two")])
-    assert (found.use, found.error) == ("test", pytest.approx(1.0))
-    assert found.lacks
+def test_held_out_recordings_are_judged_and_of_fitted_ones_single_pressures() -> None:
+    found = judged([result(1.0)], [result(1.9, "train", recording="two")])
+    assert (found.use, found.error, found.lacks) == ("test", pytest.approx(1.0), False)
+    assert judged([result(1.0)], [result(2.5, "train", recording="two")]).lacks
+    assert judged([result(1.9, "train", recording="two")]).lacks
 
 
 def test_one_pressure_that_errs_counts_among_many_that_do_not() -> None:
