@@ -6,7 +6,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from typing import TypeVar
 
-from pneucli.compare import ChannelResult, compare, overall_error
+from pneucli.compare import ChannelResult, Comparison, compare, overall_error
 from pneucli.compare.error_limit import combined_distribution
 from pneucli.compare.expected_error import ExpectedError, expected_errors
 from pneucli.compare.free_run import free_runs, judge_with_free_runs
@@ -44,6 +44,11 @@ class FreeRunErrors:
     def channels(self, model: Model, reference: Model | None = None) -> list[ChannelResult]:
         """Return the model's error in every channel of every recording."""
         return [result for results in self._errors(model, reference)[0] for result in results]
+
+    def comparisons(self, model: Model) -> list[Comparison]:
+        """Return the comparison of the model with each recording."""
+        expected = self._errors(model)[1]
+        return [compare(model, e, one.rms) for e, one in zip(self.experiments, expected, strict=True)]
 
     def limits(self, model: Model) -> ErrorsByUse:
         """Return the errors that a correct model exceeds once in a hundred times, in units of its expected error."""

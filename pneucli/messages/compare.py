@@ -22,6 +22,7 @@ Row = Mapping[str, Any]
 # docs/method.md; held-out recordings have commands between the fitted ones); a larger one than the last counts in a
 # single channel, too, and no uncertainty of the parameters makes it adequate
 GOOD_ERROR_RATIO, GOOD_TEST_ERROR_RATIO, BAD_ERROR_RATIO = 1.2, 1.4, 2.0
+MAX_WITHIN_RATIO = 0.7  # of the held-out error: the rest is half of the squares
 MAX_EVENTS = 3  # events, without -v
 TITLES = {"direction": "direction of motion", "p_ratio": "pressure ratio"}
 _DIRECTIONS = {-1: "toward −x", 0: "at rest", 1: "toward +x"}
@@ -35,6 +36,8 @@ def lines(answer: Row, file: str, verbose: bool) -> Iterator[str]:
         yield from labelled("worst", worst)
     if free_run := free_run_sentence(answer):
         yield from labelled("free run", free_run)
+    if beyond := beyond_fitted_sentence(answer, answer.get("error", {}).get("test")):
+        yield from labelled("beyond", beyond)
     for i, event in enumerate(grouped_regions(answer)[: None if verbose else MAX_EVENTS]):
         yield from labelled("" if i else "where", describe_event(event))
     for i, log in enumerate(controller_logs.lines(answer)):
@@ -131,6 +134,20 @@ def free_run_sentence(answer: Row) -> str:
     return (
         f"Over the whole recording {worst['recording']}, {worst['channel']} drifts {share} "
         f"({format_noise_ratio(worst['ratio_to_noise'])} × noise)."
+    )
+
+
+def beyond_fitted_sentence(answer: Row, error: float | None) -> str:
+    """Return where held-out recordings go beyond the fitted ones, where half of the squared ``error`` is there."""
+    within = answer.get("error_within_fitted")
+    if within is None or error is None or within > MAX_WITHIN_RATIO * error:
+        return ""
+    worst = answer["beyond_fitted"][0]
+    fitted, reached = (format_quantity(worst[end], worst["unit"], 3) for end in ("from", "to"))
+    where = f"{locator_title(worst['signal'])} to {reached}, fitted to {fitted}"
+    return (
+        f"{worst['recording']} goes beyond the fitted recordings: {where}. Within their range the error is {format_noise_ratio(within)} × noise; for more, fit such "
+        "recordings, too."
     )
 
 

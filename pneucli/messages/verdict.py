@@ -6,7 +6,7 @@ import math
 from collections.abc import Mapping, Sequence
 from typing import Any
 
-from pneucli.messages.compare import evaluation_error, free_run_sentence
+from pneucli.messages.compare import beyond_fitted_sentence, evaluation_error, free_run_sentence
 from pneucli.messages.discrepancy import discrepancy_character, discrepancy_location, largest_discrepancy
 from pneucli.messages.formatting import format_noise_ratio, format_percent, join_names
 from pneucli.units import unit_suffix
@@ -74,7 +74,9 @@ def verdict_sentence(answer: Answer) -> str:
             f"No statement is possible: {undetectable} of {len(limits)} effects are undetectable at a typical size; "
             f"{error}."
         )
-    rest = " ".join(filter(None, (_remainder(answer), free_run_sentence(answer), _base_equivalents(answer))))
+    beyond = beyond_fitted_sentence(answer, selected_step(answer)["error_test"])
+    parts = _remainder(answer), free_run_sentence(answer), beyond, _base_equivalents(answer)
+    rest = " ".join(filter(None, parts))
     if answer["missing"]:
         return f"{_named_effects(answer)} {rest}"
     if answer["verdict"] == "adequate":

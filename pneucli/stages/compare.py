@@ -21,7 +21,7 @@ from pneucli.pipeline.context import Context
 from pneucli.quantities import SIGNALS
 from pneucli.simulate.model import Model
 from pneucli.stages import controller_logs, history
-from pneucli.stages.fit_answer import diverging_answer, free_run_answer, lack_of_fit_answer
+from pneucli.stages.fit_answer import beyond_fitted_answer, diverging_answer, free_run_answer, lack_of_fit_answer
 from pneucli.stages.flow_bench import compare_flow_recordings, flow_results, write_flow_residuals
 from pneucli.stages.model_file import load_drawn_models, load_model
 from pneucli.stages.pipeline_data import PipelineData
@@ -39,6 +39,7 @@ def run(context: Context) -> dict[str, Any]:
     _write_correlations(study, [c for one in comparisons for c in residual_correlations(one, study.horizon)])
     results = [*(r for c in comparisons for r in c.results), *flow_results(flows)]
     answer = _answer(study, results, find_error_regions(comparisons))
+    answer |= beyond_fitted_answer(comparisons)
     if model is not None:
         answer |= _judgement(study, comparisons, expected, model, answer["channels"])
     answer["closed_loop"] = [] if model is None else [controller_logs.log_answer(one, model) for one in looked.values()]

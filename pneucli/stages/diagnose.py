@@ -50,7 +50,7 @@ from pneucli.stages.diagnosis_answer import (
     shift_answer,
     unexplained_answer,
 )
-from pneucli.stages.fit_answer import diverging_answer, lack_of_fit_answer
+from pneucli.stages.fit_answer import beyond_fitted_answer, diverging_answer, lack_of_fit_answer
 from pneucli.stages.leak_answer import per_vessel_volume
 from pneucli.stages.parameters_answer import parameters_answer
 from pneucli.stages.pipeline_data import PipelineData
@@ -199,6 +199,7 @@ def _answer(pipeline: PipelineData, data: DiagnosisData, found: Diagnosis, impos
         "purpose": purpose_answer(data.free_run_errors.channels(selected), pipeline.context.config.compare.tolerance),
         "lack_of_fit": lack_of_fit_answer(found.goodness_of_fit, found.balance_lack),
         "free_run": diverging_answer(data.free_run_errors.free_runs(found.path.last.fit)),
+        **beyond_fitted_answer(data.free_run_errors.comparisons(selected)),
         "next_experiment": proposed_experiment(data, found),
         "detectable": [detectability_answer(d, pipeline) for d in found.detectable],
         "discrepancy": [discrepancy_answer(d) for d in found.discrepancies],

@@ -4,9 +4,11 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from dataclasses import asdict
 from typing import Any
 
-from pneucli.compare.channel_errors import ChannelResult
+from pneucli.compare.beyond_fitted import beyond_fitted
+from pneucli.compare.channel_errors import ChannelResult, Comparison
 from pneucli.compare.free_run import exceeds_limit
 from pneucli.compare.goodness_of_fit import GoodnessOfFit
 from pneucli.diagnose.adequacy import LackOfFit
@@ -49,3 +51,10 @@ def diverging_answer(found: Sequence[ChannelResult]) -> list[dict[str, Any]]:
     """Return the entry ``free_run`` of an answer: the channels whose error exceeds its limit, the largest first."""
     beyond = sorted(filter(exceeds_limit, found), key=lambda r: -r.rmsd / max(r.measured_range, r.noise))
     return [{"recording": r.recording, "channel": r.channel, "unit": r.unit} | free_run_answer(r) for r in beyond]
+
+
+def beyond_fitted_answer(comparisons: Sequence[Comparison]) -> dict[str, Any]:
+    """Return the entries about held-out samples beyond the range of the fitted recordings."""
+    found, within = beyond_fitted(comparisons)
+    rows = [{"from" if key == "from_" else key: value for key, value in asdict(one).items()} for one in found]
+    return {"beyond_fitted": rows, "error_within_fitted": within}

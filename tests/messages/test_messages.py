@@ -92,6 +92,19 @@ def test_a_free_run_is_told_where_the_printed_error_does_not_say_so(error: float
     assert (said in verdict.verdict_sentence(found | {"lack_of_fit": judged, "free_run": [drifting]})) == told
 
 
+@pytest.mark.parametrize(("within", "told"), [(9.9, True), (18.0, False), (None, False)])
+def test_held_out_errors_beyond_the_fitted_range_are_told(within: float | None, told: bool) -> None:
+    beyond = {"recording": "trace_4", "signal": "u", "share": 0.1, "from": 8.03, "to": 10.0, "unit": "V"}
+    answer = COMPARED | {"beyond_fitted": [beyond | {"share_of_error": 0.9}], "error_within_fitted": within}
+    said = (
+        "trace_4 goes beyond the fitted recordings: valve command to 10.0 V, fitted to 8.03 V. Within their range the "
+        "error is 9.90 × noise; for more, fit such recordings, too."
+    )
+    assert (said in one_line(messages.render("compare", answer, "p.toml"))) == told
+    found = {"verdict": "unexplained", "missing": [], "ladder": DIAGNOSED["ladder"], "candidates": []}
+    assert (said in verdict.verdict_sentence(answer | found)) == told
+
+
 def test_compare_says_error_worst_channel_events_and_what_to_do() -> None:
     assert messages.render("compare", COMPARED, "p.toml").splitlines()[0] == (
         "error    20.6 × noise on test recordings (12.0 on those fitted): the model misses something"
