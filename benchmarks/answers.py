@@ -7,6 +7,7 @@ import json
 import math
 import os
 import re
+import resource
 import subprocess
 import tempfile
 import threading
@@ -18,7 +19,8 @@ from typing import Any
 from benchmarks.worlds import Case, shared_folder
 
 COST = ("seconds", "MB")
-TIMEOUT = 3600  # s of a command; a rig that takes so long has no answer
+MAX_SECONDS = 1800  # of processor time for a command; a rig that takes longer has no answer
+MAX_WAIT = 6 * MAX_SECONDS  # of a command that may hang without using the processor
 DIGITS = 4
 READINGS = ("p1", "p2", "p_supply", "u", "x", "v", "force", "flow")  # signals whose range is kept
 Row = dict[str, Any]
@@ -88,7 +90,8 @@ def measured(words: Sequence[str]) -> tuple[int, str, float, float]:
     }
     with tempfile.TemporaryFile() as out, tempfile.TemporaryFile() as messages:
         child = subprocess.Popen(words, stdout=out, stderr=messages, stdin=subprocess.DEVNULL, env=environment)
-        timer = threading.Timer(TIMEOUT, child.kill)
+        resource.prlimit(child.pid, resource.RLIMIT_CPU, (MAX_SECONDS, MAX_SECONDS))
+        timer = threading.Timer(MAX_WAIT, child.kill)
         timer.start()
         _, status, used = os.wait4(child.pid, 0)
         timer.cancel()
