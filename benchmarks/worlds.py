@@ -98,7 +98,7 @@ def worlds(python: str, kept: Path, *, full: bool) -> list[World]:
         World("real", 8, lambda: real(shared / "real")),
         World("front-door", 7, lambda: door("front-door", shared / "front-door")),
         World("front-door-2", 7, lambda: door("front-door-2", shared / "front-door-2")),
-        World("metadata", 6, lambda: with_pages("metadata", shared / "metadata", READ)),
+        World("metadata", 17, lambda: with_pages("metadata", shared / "metadata", READ)),
     ]
 
 
