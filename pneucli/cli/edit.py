@@ -105,7 +105,7 @@ def _difference(before: Mapping[str, Any], after: Mapping[str, Any]) -> dict[str
         "removed": [name for name in was if name not in now],
         "before": before["error"],
         "after": after["error"],
-        "lack_of_fit": after["lack_of_fit"],
+        "lack_of_fit": after.get("lack_of_fit"),
         "recordings": error_changes(before["channels"], after["channels"]),
         "parameters": {n: p for n, p in after["model"]["parameters"].items() if n.partition(".")[0] in added},
     }

@@ -108,8 +108,6 @@ def _answer(study: PipelineData, results: Sequence[ChannelResult], regions: Sequ
         "model": study.context.answers["identify"]["model"],
         "channels": [_nan_to_null(asdict(r)) for r in results],
         "error": {use: overall_error(results, use) for use in ("train", "test")},
-        "lack_of_fit": None,
-        "free_run": [],
         "where": [_region_answer(asdict(r)) for r in regions],
         "purpose": purpose_answer(results, study.context.config.compare.tolerance),
         "data": study.data_digest,
