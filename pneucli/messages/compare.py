@@ -146,8 +146,8 @@ def beyond_fitted_sentence(answer: Row, error: float | None) -> str:
     fitted, reached = (format_quantity(worst[end], worst["unit"], 3) for end in ("from", "to"))
     where = f"{locator_title(worst['signal'])} to {reached}, fitted to {fitted}"
     return (
-        f"{worst['recording']} goes beyond the fitted recordings: {where}. Within their range the error is {format_noise_ratio(within)} × noise; for more, fit such "
-        "recordings, too."
+        f"{worst['recording']} goes beyond the fitted recordings: {where}. Within their range the error is "
+        f"{format_noise_ratio(within)} × noise; for more, fit such recordings, too."
     )
 
 
