@@ -56,8 +56,9 @@ class Stage:
             return False
 
 
-LACK_OF_FIT_PATHS = tuple(
-    f"lack_of_fit.{key}" for key in ("present", "p", "undetermined", "use", "error", "limit", "worst", "balance")
+LACK_OF_FIT_PATHS = (
+    *(f"lack_of_fit.{key}" for key in ("present", "p", "undetermined", "use", "error", "limit", "worst", "balance")),
+    *("free_run", "beyond_fitted", "error_within_fitted"),
 )
 VALVE_ANSWER_KEYS = (
     "map",

@@ -103,14 +103,19 @@ def run(context: Context) -> dict[str, Any]:
         write_baseline(pipeline, data, joint_fit)
     estimates = with_intervals(joint_fit, [*data.train, *data.held_out]).estimates
     answer["parameters"] = parameters_answer([per_vessel_volume(e, pipeline) for e in estimates])
-    for name in {n for c in answer["candidates"] if c["reason"] == REPLACES_BASE for n in c["indistinguishable_from"]}:
-        answer["parameters"][name]["ci95"] = [None, None]  # an effect may take its place, in part or in whole
+    _drop_replaced_intervals(answer)
     answer |= _flow_answer(pipeline)
     if since := context.options.get("since"):
         from pneucli.stages.changes import compare_with_baseline  # noqa: PLC0415 - few diagnoses have an older one
 
         answer |= compare_with_baseline(pipeline, data, since)
     return answer | history.record_model(context, answer, SHAPE_FILE)
+
+
+def _drop_replaced_intervals(answer: dict[str, Any]) -> None:
+    """Drop the intervals of base parameters whose place an effect may take, in part or in whole."""
+    for name in {n for c in answer["candidates"] if c["reason"] == REPLACES_BASE for n in c["indistinguishable_from"]}:
+        answer["parameters"][name]["ci95"] = [None, None]
 
 
 def _flow_answer(pipeline: PipelineData) -> dict[str, Any]:

@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from itertools import chain
+from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -152,11 +153,7 @@ def estimate_motion(recording: Recording, model: Model) -> Motion:
         Thesis (6.1) to (6.7): measured pressures and acceleration, velocity by integration.
     """
     parts, non_friction, time = _drive_parts(recording, model.rig), NonFrictionForces(model), recording.time
-    raw = {n: fill_gaps(time, recording[n]) for n in (*parts, "x", "v", "a") if n in recording}
-    noise = {n: _noise(recording, n, y) for n, y in raw.items()}
-    raw = without_constant_position(raw, noise)
-    source = "x" if "x" in raw else "v"
-    raw = {n: y for n, y in raw.items() if n != "v" or source == "v"}
+    raw, noise, source = _readings(recording, parts)
     derive, smoothers, a, smoothing_samples = _estimators(recording, raw, noise)
 
     def drive_force(readings: Mapping[str, Array]) -> Array:
@@ -198,6 +195,17 @@ def estimate_motion(recording: Recording, model: Model) -> Motion:
         sigma_drive=float(np.hypot(np.std(drive_error), np.std(load_error))),
         accelerometer_noise=noise["a"].rms if accelerometer else 0.0,
     )
+
+
+def _readings(
+    recording: Recording, parts: Iterable[str]
+) -> tuple[dict[str, Array], dict[str, NoiseModel], Literal["x", "v"]]:
+    """Return the readings of drive and motion without gaps, their noise, and the signal that the motion comes from."""
+    raw = {n: fill_gaps(recording.time, recording[n]) for n in (*parts, "x", "v", "a") if n in recording}
+    noise = {n: _noise(recording, n, y) for n, y in raw.items()}
+    raw = without_constant_position(raw, noise)
+    source: Literal["x", "v"] = "x" if "x" in raw else "v"
+    return {n: y for n, y in raw.items() if n != "v" or source == "v"}, noise, source
 
 
 def with_contact(motions: Sequence[Motion], stroke: float | None) -> tuple[Motion, ...]:
