@@ -40,10 +40,11 @@ def answer(*candidates: dict[str, Any]) -> dict[str, Any]:
 
 
 def test_a_named_effect_is_in_question_as_far_as_it_is_doubtful_and_its_equivalents_with_it() -> None:
-    told = answer(named("leak", 0.6, "droop"), named("lag", DECIDED_PROBABILITY), entry("mass", "needless", 0.2))
+    others = entry("mass", "needless", 0.2), entry("droop", "needless", 0.6)
+    told = answer(named("leak", 0.6, "droop"), named("lag", DECIDED_PROBABILITY), *others)
     found = rivals_of_diagnosis(told, ["leak", "lag"])
     assert [r.name for r in found] == ["droop in place of leak", "without leak", "mass"]
-    assert [r.own_probability for r in found] == [None, pytest.approx(0.4), 0.2]
+    assert [r.own_probability for r in found] == [0.6, pytest.approx(0.4), 0.2]
 
 
 def test_the_most_probable_rivals_are_kept() -> None:
