@@ -82,7 +82,7 @@ def fails_acceptance(done: Mapping[str, Done]) -> bool:
     return acceptance.fails_acceptance((designed or {}).get("gate"))
 
 
-def print_findings(done: Mapping[str, Done], left_out: Sequence[str] = ()) -> None:
+def print_findings(done: Mapping[str, Done], left_out: Sequence[Mapping[str, str | None]] = ()) -> None:
     """Print what is odd or cannot be true of the recordings, which could have changed the answer of any stage."""
     if "ingest" in done and (answer := done["ingest"].manifest.answer):
         for line in plausibility.lines(answer, left_out):

@@ -13,17 +13,16 @@ from pneucli.units import parse_unit
 Look = Mapping[str, Any]
 
 
-def lines(answer: Mapping[str, Any], left_out: Sequence[str] = ()) -> Iterator[str]:
+def lines(answer: Mapping[str, Any], left_out: Sequence[Mapping[str, str | None]] = ()) -> Iterator[str]:
     """Yield the findings in an answer of ``ingest``: conflicts first; nothing where there are none.
 
-    ``left_out`` names the recordings that a stage does not use for theirs.
+    ``left_out`` has the recordings, or their signals, that a stage does not use for theirs.
     """
-    findings = answer.get("plausibility", [])
-    false = [one for one in findings if one["weight"] == "contradiction"]
-    dropped = [one for one in false if one["recording"] in left_out]
-    kept = [one for one in false if one["recording"] not in left_out]
-    doubts = [one for one in findings if one["weight"] == "doubt"]
-    for label, group in (("left out", dropped), ("conflict", kept), ("doubt", doubts)):
+    groups: dict[str, list[Mapping[str, Any]]] = {"left out": [], "conflict": [], "doubt": []}
+    for one in answer.get("plausibility", []):
+        is_left_out = any(one["recording"] == p["recording"] and p["signal"] in (None, one["signal"]) for p in left_out)
+        groups["doubt" if one["weight"] == "doubt" else "left out" if is_left_out else "conflict"].append(one)
+    for label, group in groups.items():
         for text in implausibility_sentences(group):
             yield from labelled(label, text)
 

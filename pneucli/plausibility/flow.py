@@ -219,8 +219,8 @@ def _unrelated_command(flow: ChamberFlow, bench: RigCheck) -> Iterator[Finding]:
     if u.size < MIN_BLOCKS_PER_LEVEL * MAX_LEVELS or np.count_nonzero(counts >= MIN_BLOCKS_PER_LEVEL) < 2:
         return
     plain = [np.ones_like(p), p - p.mean()]
-    own = [column * (level == n) for n in range(counts.size) for column in plain]
-    without, with_u = _prediction_errors(plain, target), _prediction_errors(own, target)
+    steps = [(level == n).astype(float) for n in range(1, counts.size)]
+    without, with_u = _prediction_errors(plain, target), _prediction_errors([*plain, *steps], target)
     if without.sum() < MIN_UNEXPLAINED * float(np.sum((target - target.mean()) ** 2)):
         return  # the pressure alone says how fast it changes, as through one opening
     gains = (without - with_u) / float(np.mean(without))

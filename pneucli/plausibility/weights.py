@@ -22,21 +22,19 @@ def contradictions(findings: Iterable[FindingAnswer]) -> list[FindingAnswer]:
     return [one for one in findings if one["weight"] == "contradiction"]
 
 
-def contradicted_signals(findings: Iterable[FindingAnswer]) -> set[tuple[str, str]]:
-    """Return the pairs of recording and signal of which only the signal is left out.
+def contradicted_parts(findings: Iterable[FindingAnswer]) -> list[tuple[str, str | None]]:
+    """Return what contradictions leave out: pairs of recording and signal, which is None for all of its signals.
 
-    >>> contradicted_signals([{"check": "silent", "signal": "a", "recording": "run", "weight": "contradiction"}])
-    {('run', 'a')}
+    >>> contradicted_parts([{"check": "silent", "signal": "a", "recording": "run", "weight": "contradiction"}])
+    [('run', 'a')]
     """
-    dead = [one for one in contradictions(findings) if one["check"] == "silent" and one["signal"] in DERIVATIVES]
-    return {(one["recording"], one["signal"]) for one in dead}
-
-
-def contradicted_recordings(findings: Iterable[FindingAnswer]) -> set[str]:
-    """Return the names of the recordings that are left out."""
     found = contradictions(findings)
-    alone = contradicted_signals(found)
-    return {one["recording"] for one in found if (one["recording"], one["signal"]) not in alone}
+    dead = {(one["recording"], one["signal"] if _is_dead_derivative(one) else None) for one in found}
+    return sorted(dead, key=lambda part: (part[0], part[1] or ""))
+
+
+def _is_dead_derivative(finding: FindingAnswer) -> bool:
+    return finding["check"] == "silent" and finding["signal"] in DERIVATIVES
 
 
 def rank(finding: FindingAnswer) -> int:

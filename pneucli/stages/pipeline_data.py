@@ -24,12 +24,7 @@ from pneucli.physics.effects import all_effects, select_effects
 from pneucli.pipeline.context import Context
 from pneucli.pipeline.manifest import digest
 from pneucli.plausibility.required_inputs import RequiredInput, required_inputs
-from pneucli.plausibility.weights import (
-    FindingAnswer,
-    contradicted_recordings,
-    contradicted_signals,
-    contradictions,
-)
+from pneucli.plausibility.weights import FindingAnswer, contradicted_parts, contradictions
 from pneucli.recording import ParameterPrior, Recording, Rig
 from pneucli.simulate.end_stops import with_end_stops
 from pneucli.simulate.experiment import Experiment
@@ -81,9 +76,9 @@ class PipelineData:
 
     @cached_property
     def _loaded(self) -> tuple[list[Recording], list[Recording], float]:
-        dead, horizon = contradicted_signals(self.contradictions), self.context.config.compare.horizon
+        false, horizon = contradicted_parts(self.contradictions), self.context.config.compare.horizon
         loaded = [
-            replace(one, signals={n: v for n, v in one.signals.items() if (one.name, n) not in dead})
+            replace(one, signals={n: v for n, v in one.signals.items() if (one.name, n) not in false})
             for one in load_recordings(self.context.artifacts / "ingest")
         ]
         over_time, steady = (self._kept([one for one in loaded if one.kind.steady == s]) for s in (False, True))
@@ -100,24 +95,22 @@ class PipelineData:
 
     def _kept(self, recordings: list[Recording]) -> list[Recording]:
         """Return the recordings that nothing contradicts; all of them where none of these would be left to fit."""
-        false = contradicted_recordings(self.contradictions)
-        kept = [one for one in recordings if one.name not in false]
+        false = contradicted_parts(self.contradictions)
+        kept = [one for one in recordings if (one.name, None) not in false]
         return kept if any(one.use == "train" for one in kept) else recordings
 
     @property
     def impossible(self) -> list[FindingAnswer]:
         """The contradictions in recordings that are used because no others are left."""
-        used, false = (
-            {one.name for one in chain(self.recordings, self.flow_recordings)},
-            contradicted_recordings(self.contradictions),
-        )
-        return [one for one in self.contradictions if one["recording"] in used & false]
+        used = {(one.name, None) for one in chain(self.recordings, self.flow_recordings)}
+        return [one for one in self.contradictions if used.intersection(contradicted_parts([one]))]
 
     @property
-    def contradicted(self) -> list[str]:
-        """The names of the recordings that are left out because they cannot be true."""
-        used = {one.name for one in chain(self.recordings, self.flow_recordings)}
-        return sorted(contradicted_recordings(self.contradictions) - used)
+    def contradicted(self) -> list[dict[str, str | None]]:
+        """What is left out because it cannot be true: recordings, or single signals of them."""
+        used = {(one.name, None) for one in chain(self.recordings, self.flow_recordings)}
+        left_out = [part for part in contradicted_parts(self.contradictions) if part not in used]
+        return [{"recording": recording, "signal": signal} for recording, signal in left_out]
 
     def at_most(self, max_samples: int) -> PipelineData:
         """Return the pipeline with at most so many samples; itself where it has no more."""

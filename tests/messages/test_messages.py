@@ -26,11 +26,9 @@ def test_findings_say_what_is_left_out_then_what_conflicts_then_what_is_doubtful
     answer = {"plausibility": [finding("b", "doubt"), finding("a", "contradiction"), finding("c", "contradiction")]}
     said = "p2 rests at 0.01 bar; gauge?"
     assert list(plausibility.lines(answer)) == [f"conflict a and 1 more, {said}", f"doubt    b, {said}"]
-    assert list(plausibility.lines(answer, ["c"])) == [
-        f"left out c, {said}",
-        f"conflict a, {said}",
-        f"doubt    b, {said}",
-    ]
+    left_out = [{"recording": "c", "signal": None}, {"recording": "a", "signal": "v"}]
+    said_of_each = [f"left out c, {said}", f"conflict a, {said}", f"doubt    b, {said}"]
+    assert list(plausibility.lines(answer, left_out)) == said_of_each
     assert list(plausibility.lines({})) == []
 
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import os
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -16,22 +15,16 @@ from pneucli.messages.plausibility import implausibility_sentences
 from pneucli.pipeline.context import Context
 from pneucli.plausibility import SignalSummary
 from pneucli.stages import ingest
-from tests.plausibility.faulty_data_sets import BASES, EXPLAINED, P1, PS, SETS, Rig, T, U, looked_at
-
-ROOT = Path(__file__).parents[2]
-DATA = Path(os.environ.get("PNEUCLI_DATA", ROOT.parent / "shared" / "real"))
-CASES = Path(os.environ.get("PNEUCLI_CASES", ROOT.parent / "shared" / "cases"))
-REAL = sorted(path for path in (ROOT / "pipelines").glob("*.toml") if "PNEUCLI_DATA" in path.read_text())
-
-needs_real = pytest.mark.skipif(not DATA.is_dir(), reason="the real recordings are not here (PNEUCLI_DATA)")
-needs_cases = pytest.mark.skipif(not CASES.is_dir(), reason="the cases are not here (PNEUCLI_CASES)")
+from tests.plausibility.faulty_data_sets import BASES, EXPLAINED, P1, PS, SETS, Rig, T, U, looked_at, told
 
 
 @pytest.mark.parametrize("name", SETS)
 def test_a_false_data_set_is_found_out(name: str, tmp_path: Path) -> None:
-    found = looked_at(SETS[name].make(noise=True), tmp_path)["plausibility"]
-    assert SETS[name].expected <= {(one["check"], one["signal"]) for one in found}, found
-    assert all(one["found"] and one["mend"] and one["recording"] for one in found)
+    answer = looked_at(SETS[name].make(noise=True), tmp_path)
+    assert SETS[name].expected <= told(answer), answer["plausibility"]
+    assert all(
+        one["found"] and one["mend"] and one["recording"] and one["excess"] > 0 for one in answer["plausibility"]
+    )
 
 
 @pytest.mark.parametrize("base", BASES)
@@ -82,23 +75,3 @@ def test_people_read_the_table_of_signals_and_what_is_implausible(tmp_path: Path
 def plausibility(path: Path, out: Path) -> list[dict[str, Any]]:
     found: list[dict[str, Any]] = ingest.run(Context(path, load(path), out / "ingest", out))["plausibility"]
     return found
-
-
-@pytest.mark.parametrize("path", sorted((ROOT / "fixtures").glob("*/pipeline.toml")), ids=lambda path: path.parent.name)
-def test_nothing_is_found_in_the_fixtures(path: Path, tmp_path: Path) -> None:
-    assert plausibility(path, tmp_path) == []
-
-
-@needs_real
-@pytest.mark.real
-@pytest.mark.parametrize("path", REAL, ids=lambda path: path.stem)
-def test_nothing_is_found_in_real_recordings(path: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setenv("PNEUCLI_DATA", str(DATA))
-    assert plausibility(path, tmp_path) == []
-
-
-@needs_cases
-@pytest.mark.real
-@pytest.mark.parametrize("path", sorted(CASES.glob("*/pipeline.toml")), ids=lambda path: path.parent.name)
-def test_nothing_is_found_in_the_cases(path: Path, tmp_path: Path) -> None:
-    assert plausibility(path, tmp_path) == []

@@ -8,7 +8,7 @@ from __future__ import annotations
 import os
 import tempfile
 from collections import Counter
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -23,37 +23,38 @@ from pneucli.io.recordings import load_recordings
 from pneucli.io.signal_repairs import COMMANDS, SignalRepairs
 from pneucli.noise import NoiseModel, detect_jumps, estimate_noise
 from pneucli.pipeline.context import Context
-from pneucli.plausibility import Finding, findings
+from pneucli.plausibility import findings
 from pneucli.recording import Recording, Rig
 from pneucli.stages import ingest
 
 Array = NDArray[np.float64]
 ROOT = Path(__file__).parents[2]
 SHARED = Path(os.environ.get("PNEUCLI_SHARED", ROOT.parent / "shared"))
+FIXTURES = sorted((ROOT / "fixtures").glob("*/pipeline.toml"))
 RATES = (100.0, 300.0, 1e3, 3e3, 1e4)  # Hz
-MAX_SAMPLES = 60_000  # of a recording at another rate: its start
-DROPS = ("saturated", "spike", "mark", "held", "roll-over")  # repairs that take samples away, or change them
-NOTES = ("frozen", "plateau", "jumps")  # repairs that only say what is odd
+MAX_SAMPLES = 20_000  # of a recording at another rate: its start
+GUARDS_OF_IO = ("saturated", "spike", "mark", "held", "roll-over", "frozen", "plateau", "jumps")
 
 
 @dataclass(frozen=True)
 class Bench:
-    """The recordings of a pipeline, its rig, the signals that it states as held, and the samples that ingest lost."""
+    """The recordings of a pipeline, its rig, the signals that it states as held, and what ingest repaired."""
 
     recordings: list[Recording]
     rig: Rig
     stated: Mapping[str, Any]
-    repairs: Counter[tuple[str, str]]
+    repairs: list[tuple[str, str]]
 
-    def findings(self) -> list[Finding]:
-        """Return what the checks of plausibility find."""
-        return findings(self.recordings, self.rig, self.stated)
+    def alarms(self) -> Counter[tuple[str, str]]:
+        """Return how often each guard speaks, by its name and weight; what ``io`` repairs is a doubt."""
+        found = Counter((one.check, one.weight) for one in findings(self.recordings, self.rig, self.stated))
+        return found + Counter((kind, "doubt") for kind, _ in self.repairs if kind in GUARDS_OF_IO)
 
 
 def world_pipelines() -> dict[str, list[Path]]:
     """Return the pipeline files by world; of ``../shared`` (PNEUCLI_SHARED) what is there."""
     worlds = {
-        "fixtures": sorted((ROOT / "fixtures").glob("*/pipeline.toml")),
+        "fixtures": FIXTURES,
         "cases": sorted((SHARED / "cases").glob("*/pipeline.toml")),
         **{
             name: sorted((SHARED / "rigs" / name).glob("*/pipeline.toml"))
@@ -75,13 +76,13 @@ def read(path: Path) -> Bench:
         config = load(path)
         answer = ingest.run(Context(path, config, out / "ingest", out))
         stated = {one.name: one.table.held_constant.keys() for one in recording_sources(config)}
-        repairs = Counter({(one["kind"], one["signal"]): one["count"] for one in answer["repairs"]})
+        repairs = [(one["kind"], one["signal"]) for one in answer["repairs"]]
         return Bench(load_recordings(out / "ingest"), config.to_rig(), stated, repairs)
 
 
 def at_rate(bench: Bench, rate: float) -> Bench:
     """Return a bench as a logger of ``rate`` (Hz) would have recorded it, through the guards of ``io``."""
-    repairs: Counter[tuple[str, str]] = Counter()
+    repairs: list[tuple[str, str]] = []
     made = []
     for seed, one in enumerate(bench.recordings):
         if one.kind.steady:
@@ -117,16 +118,16 @@ def _read_by_sensor(smooth: Array, values: Array, noise: NoiseModel | None, rng:
     return np.asarray(np.round(smooth / step) * step if np.isfinite(step) else smooth)
 
 
-def _guarded(one: Recording, repairs: Counter[tuple[str, str]]) -> Recording:
+def _guarded(one: Recording, repairs: list[tuple[str, str]]) -> Recording:
     """Send a recording through the guards of ``io`` and estimate its noise, as ``ingest`` does."""
     batch = {"time": one.time}
     for name, values in one.signals.items():
         guard = SignalRepairs(name, Channel(name))
         batch[name] = guard.repair(values)
-        repairs.update({(r.kind, r.signal): r.count for r in guard.repairs()})
+        repairs += [(r.kind, r.signal) for r in guard.repairs()]
     cleaner = Cleaner(str)
     parts = [cleaner.push(batch), cleaner.finish()]
-    repairs.update({(r.kind, r.signal): r.count for r in cleaner.repairs()})
+    repairs += [(r.kind, r.signal) for r in cleaner.repairs()]
     signals = {name: np.concatenate([part[name] for part in parts]) for name in batch}
     time = signals.pop("time")
     jumps = detect_jumps([signals[name] for name in ("u", "u2") if name in signals], time.size)
@@ -136,13 +137,3 @@ def _guarded(one: Recording, repairs: Counter[tuple[str, str]]) -> Recording:
         if np.isfinite(values).sum() >= 8
     }
     return replace(one, time=time, signals=signals, noise=noise)
-
-
-def all_benches(rates: tuple[float, ...] = RATES) -> Iterator[tuple[str, Path, float | None, Bench]]:
-    """Yield world, pipeline, rate (None: as recorded) and the bench of each."""
-    for world, paths in world_pipelines().items():
-        for path in paths:
-            bench = read(path)
-            yield world, path, None, bench
-            for rate in rates:
-                yield world, path, rate, at_rate(bench, rate)

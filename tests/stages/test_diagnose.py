@@ -157,9 +157,8 @@ def test_the_answer_has_the_sentence_of_its_own_numbers(hysteresis: Diagnosed) -
 @pytest.mark.parametrize(
     ("name", "words"),
     [
-        ("friction, s declared as ms", "faster than any piston"),
-        ("valve, p_supply a tenth", "p_supply is 1.61 bar, and 7 bar are stated"),
-        ("valve, u another signal", "has nothing to do with u"),
+        ("friction, s declared as ms", "times the second derivative of x"),
+        ("valve, p_supply a tenth", "from a supply of 1.61 bar"),
     ],
 )
 def test_no_verdict_is_given_on_recordings_that_cannot_be_true(name: str, words: str, tmp_path: Path) -> None:
