@@ -27,7 +27,12 @@ ROOT = Path(__file__).parents[1]
 DOCS = ROOT / "docs"
 MADE = docs.generated_pages()
 PAGES = [ROOT / "README.md", ROOT / "CHANGELOG.md", *sorted(DOCS.rglob("*.md"))]
-REFERENCES = {"cli.md", "errors.md", "pipeline-file.md"}  # made by the program, and as long as it has commands and keys
+REFERENCES = {
+    "cli.md",
+    "data-checks.md",
+    "errors.md",
+    "pipeline-file.md",
+}  # as long as there are commands, keys, checks
 METHOD = "method.md"
 
 

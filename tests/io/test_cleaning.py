@@ -130,6 +130,7 @@ def test_a_noisy_channel_that_stands_still_is_noticed_and_kept() -> None:
 
 def test_a_noisy_channel_at_the_end_of_its_range_is_missing() -> None:
     bad = signal()
+    bad["p1"][1460:1500] += np.linspace(0.0, 1e5, 40)  # on the way there: what jumps to a value was set to it
     bad["p1"][1500:1600] = 7e5
     bad["p1"][700] = 7e5  # clipped for one sample only
     cleaned, repairs = clean(bad)
