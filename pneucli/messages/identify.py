@@ -37,6 +37,10 @@ WARNINGS = {
         "have no null command in common; the model has one, {null:.4g} V: split the recordings, or find out what moved "
         "the spool"
     ),
+    "scattered-position": (
+        "{name}: x scatters by {ratio:.2g} times the noise of its sensor, and is smoothed accordingly: record it with "
+        "more digits, on a finer scale or at a higher rate, or state its noise in [signals] x"
+    ),
     "subsampled": "{used} of {samples} samples are fitted: evenly spaced segments of the longest recordings",
     "no-measured-map": "no measured map of chamber {chamber}: {where}: {found}; the map is that of the model's valve",
     "no-map": "no valve map: {where}: {found}",

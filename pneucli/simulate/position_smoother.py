@@ -43,6 +43,7 @@ PRIOR_COUNT = 1.0  # squared disturbances, as expected, that count in addition t
 MAX_UPDATES = 20
 ROUNDING_UPDATES = 2  # each is a fit of its own, and the first ones bring most of the gain
 MIN_PROBABILITY = 1e-12  # of an interval far from the path, where the position is at its nearer end
+DEVIATION_FACTORS = (10.0**0.5, 10.0)  # of the stated deviation: the likelihood may have a valley between two of them
 MIN_GAIN = 0.01  # of the log likelihood a sample: below, the intensity begins to follow the noise
 
 
@@ -76,6 +77,10 @@ class PositionSmoother:
     def memory(self) -> float:
         """The time constant in s in its lower quartile: where the piston moves, not where it rests."""
         return float(np.quantile(self.memories, 0.25))
+
+    def noise_ratio(self, noise: NoiseModel) -> float:
+        """Return how many times the sensor's ``noise`` the readings scatter about the smoothed path, at least 1."""
+        return self.sigma / low_frequency_deviation(noise)
 
     def __call__(self, x: Array) -> tuple[Array, Array, Array]:
         """Return position (m), velocity (m/s) and acceleration (m/s^2), each (n,)."""
@@ -125,6 +130,10 @@ def fit_position_smoother(time: Array, x: Array, noise: NoiseModel) -> PositionS
     long as its memory there. Either ends where the likelihood gains little: further updates would follow the noise.
     Begun with a short memory, the windows would take for motion what rounding makes at speeds of one step a sample.
 
+    Where the sensor's noise is larger than stated, as behind a text with few digits, the path would follow it. Its
+    deviation is therefore raised as long as this makes the readings likelier; it is never lowered, since ``noise`` also
+    counts what is slower than a sample.
+
     Where rounding is most of the noise, a reading tells an interval. It is replaced by the mean that the position has
     in this interval around the smoothed path, and the smoother is fitted again: errors of rounding that vary slowly,
     where the motion is slow or by whole steps a sample, hardly pull the path any longer.
@@ -144,9 +153,10 @@ def fit_position_smoother(time: Array, x: Array, noise: NoiseModel) -> PositionS
     """
     sigma = low_frequency_deviation(noise)
     even = PositionSmoother(time, sigma, np.full(time.size - 1, INITIAL_INTENSITY), noise.step / np.sqrt(12))
+    even = _with_likely_deviation(even, x)
     smoother = _with_likely_intensity(even, x)
     for _ in range(ROUNDING_UPDATES if smoother.rounding > noise.white else 0):
-        correction = _mean_in_interval(smoother(x + smoother.correction)[0] - x, 0.5 * noise.step, sigma)
+        correction = _mean_in_interval(smoother(x + smoother.correction)[0] - x, 0.5 * noise.step, even.sigma)
         smoother = replace(_with_likely_intensity(even, x + correction), correction=correction)
     return smoother
 
@@ -157,6 +167,38 @@ def _mean_in_interval(centre: Array, half: float, sigma: float) -> Array:
     density = np.exp(-0.5 * np.square([low, high])) / np.sqrt(2.0 * np.pi)
     probability = np.maximum(normal_tail(low) - normal_tail(high), MIN_PROBABILITY)
     return np.asarray(np.clip(centre + sigma * (density[0] - density[1]) / probability, -half, half))
+
+
+def _with_likely_deviation(smoother: PositionSmoother, x: Array) -> PositionSmoother:
+    """Return the smoother with an equal intensity, at that deviation, stated or larger, which readings (n,) favour.
+
+    A memory shorter than that of the start means that the path follows every reading: because the motion is as fast,
+    or because the noise is larger than stated, which two likelihoods tell. Otherwise the likelihood grows with the
+    deviation where squared innovations exceed their variance on average.
+    """
+    found = _climbed(smoother, (x - x[0]) / smoother.sigma, _whole)
+    likelihood, excess = _likelihood(found, x)
+    while found.intensity[0] > INITIAL_INTENSITY:
+        rivals = [replace(smoother, sigma=found.sigma * factor) for factor in DEVIATION_FACTORS]
+        rivals = [_climbed(one, (x - x[0]) / one.sigma, _whole) for one in rivals]
+        rival = max(rivals, key=lambda one: _likelihood(one, x)[0])
+        if _likelihood(rival, x)[0] - likelihood < MIN_GAIN * x.size:
+            break
+        found, (likelihood, excess) = rival, _likelihood(rival, x)
+    for _ in range(MAX_UPDATES):
+        if excess <= 1.0 or 0.5 * (excess - 1.0 - np.log(excess)) < MIN_GAIN:
+            break
+        found = replace(found, sigma=found.sigma * np.sqrt(excess))
+        found = _climbed(found, (x - x[0]) / found.sigma, _whole)
+        _, excess = _likelihood(found, x)
+    return found
+
+
+def _likelihood(smoother: PositionSmoother, x: Array) -> tuple[float, float]:
+    """Return the log likelihood of readings (n,), and the mean of their squared innovations over the variance."""
+    z = (x - x[0]) / smoother.sigma
+    _, _, _, variance, innovation, likelihood = kalman_filter(z, smoother._steps, smoother.intensity)
+    return likelihood - x.size * float(np.log(smoother.sigma)), float(np.mean(innovation**2 / variance))
 
 
 def _with_likely_intensity(smoother: PositionSmoother, x: Array) -> PositionSmoother:
@@ -170,12 +212,14 @@ def _climbed(smoother: PositionSmoother, z: Array, summed: Callable[[Array, Arra
 
     ``z`` (n,) are the readings in units of the noise; ``summed`` adds up values (n - 1,) at an intensity (n - 1,).
     """
-    steps, before = smoother._steps, -np.inf
+    steps, former, before = smoother._steps, smoother, -np.inf
     for _ in range(MAX_UPDATES):
         _, covariance, gain, variance, innovation, likelihood = kalman_filter(z, steps, smoother.intensity)
+        if not likelihood > before:
+            return former
         if likelihood - before < MIN_GAIN * z.size:
             break
-        before = likelihood
+        former, before = smoother, likelihood
         adjoint = adjoint_states(steps, gain, variance, innovation)
         _, power, expected = smoothed_variances(steps, smoother.intensity, covariance, gain, variance, adjoint)
         found, awaited = (PRIOR_COUNT + summed(y, smoother.intensity) for y in (power, expected))

@@ -29,7 +29,9 @@ from pneucli.messages.identify import warning_text
 from pneucli.messages.valve import valve_warning
 from pneucli.pipeline.context import Context
 from pneucli.recording import Rig
+from pneucli.simulate.experiment import Experiment
 from pneucli.simulate.model import Model
+from pneucli.simulate.position_smoother import PositionSmoother
 from pneucli.stages.assumptions import assumed_values, fixed_parameters, null_command_estimate
 from pneucli.stages.flow_bench import flow_bench, identify_flow_only
 from pneucli.stages.leak_answer import leak_answer, per_vessel_volume
@@ -43,6 +45,7 @@ from pneucli.stages.tables.friction import friction_answer, write_friction
 from pneucli.stages.tables.uncertainty import budgets_answer, write_budgets
 from pneucli.stages.tables.valve import iso_parameters, valve_answer, valve_findings, write_valves
 
+MAX_NOISE_RATIO = 2.0  # times a sensor's noise, beyond which a position is said to scatter
 MAX_FIT_SAMPLES = 300_000  # of the fit: its derivatives need 0.4 kB each, and minutes describe a rig as well as hours
 
 
@@ -71,6 +74,7 @@ def run(context: Context) -> dict[str, Any]:
     context.progress("identifying the valve", 0.5)
     instruments = measurement_of(study)
     valves = [with_budgets(one, found.estimates, instruments) for one in _identify_valves(study, found, warnings)]
+    warnings += _smoothing_warnings(study.experiments)
     leaks = leak_answer(study, found.model, [per_vessel_volume(e, study) for e in found.estimates])
     study.release_experiments()
     context.progress("identifying friction", 0.7)
@@ -98,6 +102,15 @@ def all_budgets(valves: Sequence[ValveIdentification], bench: FlowBench | None) 
     of_bench = [] if bench is None else list(bench.budgets)
     measured = {one.name for one in of_bench}
     return [*(one for valve in valves for one in valve.budgets if one.name not in measured), *of_bench]
+
+
+def _smoothing_warnings(experiments: Sequence[Experiment]) -> list[str]:
+    """Return what to say of imposed motions whose readings scatter far more than the noise of their sensor."""
+    imposed = [e for e in experiments if e.recording.imposed and isinstance(e.motion_smoother, PositionSmoother)]
+    ratios = [(e.recording.name, e.motion_smoother.noise_ratio(e.noise["x"])) for e in imposed]  # type: ignore[union-attr]
+    return [
+        warning_text("scattered-position", name=name, ratio=ratio) for name, ratio in ratios if ratio > MAX_NOISE_RATIO
+    ]
 
 
 def _at_bound_warning(name: str, rig: Rig) -> str:

@@ -7,6 +7,7 @@ import pytest
 from scipy.signal import savgol_filter
 
 from pneucli.noise import NoiseModel
+from pneucli.simulate import position_smoother
 from pneucli.simulate.position_smoother import PositionSmoother, fit_position_smoother, low_frequency_deviation
 
 Array = np.ndarray
@@ -143,3 +144,31 @@ def test_coloured_noise_counts_as_what_it_is_at_low_frequencies() -> None:
     assert low_frequency_deviation(NoiseModel(3.0)) == 3.0
     assert low_frequency_deviation(NoiseModel(0.0, coloured=1.0, pole=0.6)) == pytest.approx(2.0)
     assert low_frequency_deviation(NoiseModel(0.0, step=12**0.5)) == pytest.approx(1.0)
+
+
+@pytest.mark.parametrize("digits", [4, 5])
+def test_a_text_with_few_digits_is_no_motion(digits: int) -> None:
+    """Rounding to significant digits is small while x is small: noise that is estimated there misses most of it."""
+    time = 2e-3 * np.arange(4000)
+    read = np.array([float(f"{x:.{digits}g}") for x in np.pi * time])
+    fine = NoiseModel(2e-5, period=2e-3)
+    smoother = fit_position_smoother(time, read, fine)
+    assert rms(smoother(read)[1][200:-200] - np.pi) < 0.01 * np.pi
+    assert smoother.noise_ratio(fine) > 2.0
+
+
+@pytest.mark.parametrize("factor", [1, 5])
+def test_a_motion_that_changes_within_two_samples_is_no_noise(factor: int) -> None:
+    """The path follows every reading of a stick-slip that is sampled this slowly, and the noise stays as stated."""
+    time, x, *_ = stick_slip(3)
+    time, x = time[::factor], x[::factor]
+    read = x + 6e-6 * np.random.default_rng(0).standard_normal(x.size)
+    noise = NoiseModel(6e-6, period=factor * PERIOD)
+    assert fit_position_smoother(time, read, noise).noise_ratio(noise) == pytest.approx(1.0)
+
+
+def test_no_update_is_kept_that_makes_the_readings_less_likely(monkeypatch: pytest.MonkeyPatch) -> None:
+    time, read = PERIOD * np.arange(300), np.random.default_rng(1).standard_normal(300)
+    start = PositionSmoother(time, 1.0, np.full(299, 1e-6))
+    monkeypatch.setattr(position_smoother, "UPDATE_EXPONENT", -40.0)  # an update in the wrong direction
+    assert np.array_equal(position_smoother._climbed(start, read, position_smoother._whole).intensity, start.intensity)
