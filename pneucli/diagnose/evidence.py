@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from pneucli.distributions import f_tail, student_t_tail
 from pneucli.identify.estimation.blocks import group_scores
-from pneucli.identify.estimation.fit import Fit
+from pneucli.identify.estimation.fit import Estimate, Fit
 from pneucli.identify.estimation.least_squares import pseudo_inverse
 from pneucli.identify.estimation.objective import LeastSquaresProblem
 from pneucli.identify.estimation.parameters import null_value
@@ -177,27 +177,39 @@ def residual_change_without(fit: Fit, effect: Effect, residual_models: Sequence[
 
 
 MIN_COLLINEARITY = 0.9  # squared cosine: either parameter's variance is ten times that without the other one
+MAX_CONDITION = 30.0  # of two columns of unit length; above it the data do not determine both
 
 
 def replaced_base_parameters(fit: Fit, effect: Effect, residual_models: Sequence[ResidualModel]) -> tuple[str, ...]:
-    """Return the base parameters that may vanish and change the residuals as the effect does.
+    """Return the base parameters that may vanish and in whose place an effect stands.
 
-    Where all motion has one direction, a constant force is dry friction: the data determine what both explain together,
-    and a model that has one of them does not need the other.
+    They change the residuals as the effect does: alike, or so much alike that the fit with the effect does not need
+    them. Where all motion has one direction, a constant force is dry friction, and the data determine only what both
+    explain together.
 
     References:
         D. W. Marquardt, Technometrics 12 (1970) 591-612: variance inflation above 10.
+        D. A. Belsley, E. Kuh, R. E. Welsch, Regression Diagnostics (1980), ch. 3: condition index above 30.
     """
     effects = {e.name for e in fit.model.effects}
     base = [j for j, f in enumerate(fit.free) if f.name.partition(".")[0] not in effects and f.lower == 0.0]
     if not base or not len(fit.jacobian):
         return ()
-    change, found = residual_change_without(fit, effect, residual_models), []
-    for j in base:
-        column = fit.jacobian[:, j]
-        if float(column @ change) ** 2 > MIN_COLLINEARITY * float(column @ column) * float(change @ change):
-            found.append(fit.free[j].name)
-    return tuple(found)
+    change = residual_change_without(fit, effect, residual_models)
+    return tuple(
+        fit.free[j].name for j in base if _is_replaced(fit.estimates[j], _squared_cosine(fit.jacobian[:, j], change))
+    )
+
+
+def _is_replaced(base: Estimate, squared_cosine: float) -> bool:
+    cosine = math.sqrt(squared_cosine)
+    alike = 1.0 + cosine > MAX_CONDITION**2 * (1.0 - cosine)
+    return alike or (squared_cosine > MIN_COLLINEARITY and base.ci95[0] <= 0.0)
+
+
+def _squared_cosine(one: Array, other: Array) -> float:
+    power = float(one @ one) * float(other @ other)
+    return min(float(one @ other) ** 2 / power, 1.0) if 0.0 < power < math.inf else 0.0
 
 
 def switch_distance(fit: Fit, effect: Effect, residual_models: Sequence[ResidualModel]) -> WaldDistance:
