@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from pneucli.distributions import f_tail, student_t_tail
 from pneucli.identify.estimation.blocks import group_scores
-from pneucli.identify.estimation.fit import Estimate, Fit
+from pneucli.identify.estimation.fit import Fit
 from pneucli.identify.estimation.least_squares import pseudo_inverse
 from pneucli.identify.estimation.objective import LeastSquaresProblem
 from pneucli.identify.estimation.parameters import null_value
@@ -25,7 +25,7 @@ from pneucli.identify.estimation.score_test import initial_guesses, residual_cha
 from pneucli.identify.residuals import ResidualModel
 from pneucli.physics.declaration import Effect, Parameter
 from pneucli.physics.scales import RigQuantities
-from pneucli.simulate.model import parameter_value
+from pneucli.simulate.model import Model, parameter_value
 
 Array = NDArray[np.float64]
 
@@ -171,12 +171,20 @@ def null_contrast(fit: Fit, effect: Effect) -> NullContrast | None:
 
 def residual_change_without(fit: Fit, effect: Effect, residual_models: Sequence[ResidualModel]) -> Array:
     """Return the change of the residuals (N,) when an effect of the model is switched off, all else being held."""
-    off = replace(fit.model, effects=tuple(e for e in fit.model.effects if e.name != effect.name))
-    problem = LeastSquaresProblem(off, residual_models, (), fit.initial_state_sensitivities)
-    return np.asarray(np.concatenate(problem.data_residuals(off)) - fit.residual)
+    return _residuals(fit, _without(fit.model, effect), residual_models) - fit.residual
+
+
+def _without(model: Model, effect: Effect) -> Model:
+    return replace(model, effects=tuple(e for e in model.effects if e.name != effect.name))
+
+
+def _residuals(fit: Fit, model: Model, residual_models: Sequence[ResidualModel]) -> Array:
+    problem = LeastSquaresProblem(model, residual_models, (), fit.initial_state_sensitivities)
+    return np.asarray(np.concatenate(problem.data_residuals(model)))
 
 
 MIN_COLLINEARITY = 0.9  # squared cosine: either parameter's variance is ten times that without the other one
+RELATIVE_STEP = 1e-3  # of a parameter, for the change that it makes
 MAX_CONDITION = 30.0  # of two columns of unit length; above it the data do not determine both
 
 
@@ -185,7 +193,8 @@ def replaced_base_parameters(fit: Fit, effect: Effect, residual_models: Sequence
 
     They change the residuals as the effect does: alike, or so much alike that the fit with the effect does not need
     them. Where all motion has one direction, a constant force is dry friction, and the data determine only what both
-    explain together.
+    explain together. No fit with an effect can do without what it multiplies: the effect vanishes with it. Of such a
+    parameter that part is compared which the effect does not multiply.
 
     References:
         D. W. Marquardt, Technometrics 12 (1970) 591-612: variance inflation above 10.
@@ -195,16 +204,22 @@ def replaced_base_parameters(fit: Fit, effect: Effect, residual_models: Sequence
     base = [j for j, f in enumerate(fit.free) if f.name.partition(".")[0] not in effects and f.lower == 0.0]
     if not base or not len(fit.jacobian):
         return ()
-    change = residual_change_without(fit, effect, residual_models)
-    return tuple(
-        fit.free[j].name for j in base if _is_replaced(fit.estimates[j], _squared_cosine(fit.jacobian[:, j], change))
-    )
+    off, change = _without(fit.model, effect), residual_change_without(fit, effect, residual_models)
+    found, multiplied = list[str](), {p.multiplies for p in effect.parameters}
+    for j in base:
+        name, estimate, acts = fit.free[j].name, fit.estimates[j], fit.jacobian[:, j]
+        if name in multiplied:
+            larger = off.with_values({name: (1.0 + RELATIVE_STEP) * estimate.value})
+            acts = _residuals(fit, larger, residual_models) - fit.residual - change
+        squared_cosine = _squared_cosine(acts, change)
+        needless = name not in multiplied and squared_cosine > MIN_COLLINEARITY and estimate.ci95[0] <= 0.0
+        if needless or _are_alike(math.sqrt(squared_cosine)):
+            found.append(name)
+    return tuple(found)
 
 
-def _is_replaced(base: Estimate, squared_cosine: float) -> bool:
-    cosine = math.sqrt(squared_cosine)
-    alike = 1.0 + cosine > MAX_CONDITION**2 * (1.0 - cosine)
-    return alike or (squared_cosine > MIN_COLLINEARITY and base.ci95[0] <= 0.0)
+def _are_alike(cosine: float) -> bool:
+    return 1.0 + cosine > MAX_CONDITION**2 * (1.0 - cosine)
 
 
 def _squared_cosine(one: Array, other: Array) -> float:

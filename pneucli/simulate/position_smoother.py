@@ -44,6 +44,7 @@ MAX_UPDATES = 20
 ROUNDING_UPDATES = 2  # each is a fit of its own, and the first ones bring most of the gain
 MIN_PROBABILITY = 1e-12  # of an interval far from the path, where the position is at its nearer end
 DEVIATION_FACTORS = (10.0**0.5, 10.0)  # of the stated deviation: the likelihood may have a valley between two of them
+NORMAL_MEDIAN = 0.4549  # of the square of a standard normal variable
 MIN_GAIN = 0.01  # of the log likelihood a sample: below, the intensity begins to follow the noise
 
 
@@ -173,8 +174,8 @@ def _with_likely_deviation(smoother: PositionSmoother, x: Array) -> PositionSmoo
     """Return the smoother with an equal intensity, at that deviation, stated or larger, which readings (n,) favour.
 
     A memory shorter than that of the start means that the path follows every reading: because the motion is as fast,
-    or because the noise is larger than stated, which two likelihoods tell. Otherwise the likelihood grows with the
-    deviation where squared innovations exceed their variance on average.
+    or because the noise is larger than stated, which two likelihoods tell. Otherwise the deviation is too small where
+    the squared innovations of most readings exceed their variance: their median, since a few glitches exceed it by far.
     """
     found = _climbed(smoother, (x - x[0]) / smoother.sigma, _whole)
     likelihood, excess = _likelihood(found, x)
@@ -195,10 +196,11 @@ def _with_likely_deviation(smoother: PositionSmoother, x: Array) -> PositionSmoo
 
 
 def _likelihood(smoother: PositionSmoother, x: Array) -> tuple[float, float]:
-    """Return the log likelihood of readings (n,), and the mean of their squared innovations over the variance."""
+    """Return the log likelihood of readings (n,), and the squared innovations over their variance: 1 where normal."""
     z = (x - x[0]) / smoother.sigma
     _, _, _, variance, innovation, likelihood = kalman_filter(z, smoother._steps, smoother.intensity)
-    return likelihood - x.size * float(np.log(smoother.sigma)), float(np.mean(innovation**2 / variance))
+    excess = float(np.median(innovation**2 / variance)) / NORMAL_MEDIAN
+    return likelihood - x.size * float(np.log(smoother.sigma)), excess
 
 
 def _with_likely_intensity(smoother: PositionSmoother, x: Array) -> PositionSmoother:

@@ -85,3 +85,10 @@ def test_a_parameter_that_an_effect_makes_needless_is_replaced() -> None:
     v = np.where(TIME % 2.0 < 0.04, -0.02, ONE_WAY)
     assert replaced(v, "constant-force", {"force": 15.0}, Truth(coulomb=0.0, load=20.0)) == ("friction.coulomb",)
     assert replaced(v, "constant-force", {"force": 15.0}, Truth(load=20.0)) == ()
+
+
+@pytest.mark.parametrize(("coulomb", "gain"), [(0.1, 0.3), (1.0, 10.0)])
+def test_what_an_effect_multiplies_is_never_needless(coulomb: float, gain: float) -> None:
+    """The dry friction at 0 bar is uncertain, or a small part; but where it is none it cannot grow with pressure."""
+    truth = Truth(coulomb=coulomb, gain=gain)
+    assert replaced(BOTH_WAYS, "pressure-friction", {"gain": gain}, truth) == ()

@@ -167,6 +167,15 @@ def test_a_motion_that_changes_within_two_samples_is_no_noise(factor: int) -> No
     assert fit_position_smoother(time, read, noise).noise_ratio(noise) == pytest.approx(1.0)
 
 
+def test_a_few_glitches_are_not_the_noise_of_all_readings() -> None:
+    """Three readings in a hundred exceed what is expected by far, the others are below it."""
+    rng, time = np.random.default_rng(5), PERIOD * np.arange(6000)
+    noise = NoiseModel(3e-5, period=PERIOD)
+    read = 0.02 * np.sin(time) + rng.normal(scale=1.6e-5, size=time.size)
+    read[rng.choice(time.size, 180, replace=False)] += rng.normal(scale=3e-4, size=180)
+    assert fit_position_smoother(time, read, noise).noise_ratio(noise) == 1.0
+
+
 def test_no_update_is_kept_that_makes_the_readings_less_likely(monkeypatch: pytest.MonkeyPatch) -> None:
     time, read = PERIOD * np.arange(300), np.random.default_rng(1).standard_normal(300)
     start = PositionSmoother(time, 1.0, np.full(299, 1e-6))
