@@ -8,6 +8,7 @@ by world with processor seconds and peak memory, medians a case. The exit code i
 ``benchmarks/scores/accepted.toml`` has no line that says why.
 
     python -m benchmarks.score --program ROOT   answers of the program in another folder, or of another interpreter
+    python -m benchmarks.score --only-kept      judges what an interrupted run has answered
     python -m benchmarks.score --write          stores the answers; reasons in accepted.toml move beside the answers
 
 Answers are kept below ``build/score`` by the digest of the program; an interrupted run goes on where it stopped.
@@ -27,7 +28,7 @@ from dataclasses import dataclass
 from fnmatch import fnmatchcase
 from pathlib import Path
 
-from benchmarks.answers import COST, ask
+from benchmarks.answers import COST, ask, is_kept
 from benchmarks.regressions import Row, Rows, compared, contradictions
 from benchmarks.truths import Counts, is_fault, is_refused, judged, reading_faults
 from benchmarks.worlds import DOUBTFUL, ROOT, Case, World, sampled, shared_folder, source_digest, worlds
@@ -207,6 +208,7 @@ def parsed(arguments: Sequence[str]) -> argparse.Namespace:
     parser.add_argument("--program", type=Path, help="a folder with .venv, or an interpreter")
     parser.add_argument("--jobs", type=int, default=2, help="cases at once")
     parser.add_argument("--kept", type=Path, default=KEPT, help="where answers are kept")
+    parser.add_argument("--only-kept", action="store_true", help="ask for nothing, judge what is kept")
     parser.add_argument("--write", action="store_true", help="store the answers")
     parser.add_argument("--small", action="store_true", help="one fixture")
     return parser.parse_args(list(arguments))
@@ -227,10 +229,13 @@ def main(arguments: Sequence[str]) -> int:
         return 2
     chosen = [world for world in at_hand if not asked.worlds or world.name in asked.worlds]
     cases = [one for w in chosen for one in (w.cases() if asked.full else sampled(w.cases(), w.sample))]
+    kept = asked.kept / source_digest(code)
+    if asked.only_kept:
+        cases = [one for one in cases if is_kept(one, kept)]
     results: dict[str, list[tuple[Case, Rows]]] = {world.name: [] for world in chosen}
-    for case, rows in answered(cases, python, asked.kept / source_digest(code), asked.jobs):
+    for case, rows in answered(cases, python, kept, asked.jobs):
         results[case.world].append((case, rows))
-    return judge(results, write=asked.write)
+    return judge({world: answers for world, answers in results.items() if answers}, write=asked.write)
 
 
 def judge(results: Mapping[str, Sequence[tuple[Case, Rows]]], *, write: bool) -> int:
