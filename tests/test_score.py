@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import json
+import sys
 from pathlib import Path
 from typing import Any
 
 import pytest
 
-from benchmarks import score
-from benchmarks.answers import essence, next_command, tiles
+from benchmarks import answers, score
+from benchmarks.answers import essence, measured, next_command, tiles
 from benchmarks.regressions import compared, contradictions
 from benchmarks.truths import Truth, described_truth, judged, reading_faults, truth_of
 from benchmarks.worlds import sampled
@@ -244,6 +245,38 @@ def test_worse_answers_are_stored_with_a_reason_only(tmp_path: Path, monkeypatch
     assert score.ACCEPTED.read_text() == '# reasons\n"exam/two" = "other"\n'
     assert judge({**wrong, "seconds": 2.0}) == 0
     assert score.stored("exam")["one"]["diagnose"]["why"] == "it sticks"
+
+
+def test_a_command_that_somebody_asks_to_end_is_run_again(tmp_path: Path) -> None:
+    mark = tmp_path / "mark"
+    program = f"import os, pathlib, signal\nmark = pathlib.Path({str(mark)!r})\n"
+    program += "if not mark.exists():\n    mark.touch()\n    os.kill(os.getpid(), signal.SIGTERM)\nprint('again')"
+    code, text, seconds, memory = measured([sys.executable, "-c", program])
+    assert (code, text) == (0, "again\n")
+    assert 0.0 < seconds < 10.0
+    assert 1.0 < memory < 1000.0
+
+
+def test_a_case_is_asked_once_and_again_if_it_changes(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    asked: list[str] = []
+
+    def answer(words: list[str]) -> tuple[int, str, float, float]:
+        asked.append(words[3])
+        return 2, '{"error": {"code": "E001"}, "exit_code": 2}', 1.0, 9.0
+
+    monkeypatch.setattr(answers, "measured", answer)
+    pipeline = tmp_path / "rig" / "pipeline.toml"
+    pipeline.parent.mkdir()
+    pipeline.write_text("one")
+    case = score.Case("exam", "one", ("ingest", "diagnose"), HEALTHY, pipeline)
+    assert not answers.is_kept(case, tmp_path / "kept")
+    rows = [answers.ask(case, "python", tmp_path / "kept") for _ in range(2)]
+    assert asked == ["ingest", "diagnose"]
+    assert rows[0] == rows[1]
+    assert rows[0][1] == {"case": "one", "command": "diagnose", "exit": 2, "refused": ["E001"], "seconds": 1.0, "MB": 9}
+    pipeline.write_text("other")
+    answers.ask(case, "python", tmp_path / "kept")
+    assert asked == ["ingest", "diagnose"] * 2
 
 
 def test_the_fixtures_are_answered_as_stored(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
