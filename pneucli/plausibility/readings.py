@@ -11,7 +11,6 @@ from pneucli.plausibility.rig_check import (
     MIN_DOUBT,
     PRESSURE_GAIN,
     PRESSURES,
-    UNIT_SLIP_FACTOR,
     Finding,
     RigCheck,
     excess,
@@ -42,7 +41,6 @@ def check(rig_check: RigCheck) -> Iterator[Finding]:
             if signal in one:
                 yield from _pressure(one, signal, rig_check)
         yield from _temperature(one, rig_check)
-        yield from _supply(one, rig_check)
 
 
 def gauge_finding(one: Recording, signal: str, found: str, by: float, share: float = 1.0) -> Finding:
@@ -146,18 +144,3 @@ def _temperature(one: Recording, bench: RigCheck) -> Iterator[Finding]:
         by = excess(max(coldest - least, most - hottest), noise, PRESSURE_GAIN * (hottest - coldest))
         mend = "check the unit in [signals] temperature, degC or K"
         yield from Finding("unit", "temperature", one.name, found, mend, by).judged()
-
-
-def _supply(one: Recording, bench: RigCheck) -> Iterator[Finding]:
-    """The regulator's setting and what was recorded may differ, but not by a unit."""
-    stated, ambient = bench.rig.supply_pressure, bench.rig.ambient_pressure
-    if stated is None or "p_supply" not in one or one.valve_shut or not stated > ambient:
-        return
-    read = float(np.nanmedian(one["p_supply"]))
-    ratio = max(read - ambient, 0.0) / (stated - ambient)
-    if not 1 / UNIT_SLIP_FACTOR < ratio < UNIT_SLIP_FACTOR:
-        found = f"p_supply is {format_in_display_unit(read, 'p_supply')}, "
-        found += f"and {format_in_display_unit(stated, 'p_supply')} are stated"
-        mend = "check column, unit and reference in [signals] p_supply, and [rig] supply_pressure"
-        by = excess(abs(read - stated), bench.pressure_error(one, "p_supply", read))
-        yield from Finding("supply", "p_supply", one.name, found, mend, by).judged()

@@ -6,9 +6,7 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from pneucli.plausibility.blocks import resolved_blocks
 from pneucli.plausibility.rig_check import (
-    MIN_DIRECTION_SHARE,
     MIN_SIGNAL_TO_NOISE,
     Finding,
     RigCheck,
@@ -25,7 +23,6 @@ def check(rig_check: RigCheck) -> Iterator[Finding]:
             continue
         yield from _driving_pressure(one, rig_check)
         yield from _closed_chamber(one, rig_check)
-        yield from _measured_force(one, rig_check)
 
 
 def _driving_pressure(one: Recording, bench: RigCheck) -> Iterator[Finding]:
@@ -55,20 +52,6 @@ def _closed_chamber(one: Recording, bench: RigCheck) -> Iterator[Finding]:
     found = f"{stays} while x would change it by {format_in_display_unit(expected, 'p2')}"
     by = excess(expected, MIN_SIGNAL_TO_NOISE * noise)
     yield from Finding("silent", "p2", one.name, found, mend, by).judged(physics=True)
-
-
-def _measured_force(one: Recording, bench: RigCheck) -> Iterator[Finding]:
-    """Friction changes its sign with the motion's: a force that is measured shows it."""
-    if "force" not in one or not bench.is_inactive(one, "force") or bench.active_signals(one, "p1", "p2"):
-        return
-    cut = resolved_blocks(one, "x", 1)
-    forth = float(np.mean(cut.slope("x") > 0)) if cut else 0.0
-    if MIN_DIRECTION_SHARE < forth < 1 - MIN_DIRECTION_SHARE:
-        found = (
-            f"the piston moves, and force stays at {format_in_display_unit(float(np.nanmedian(one['force'])), 'force')}"
-        )
-        mend = "a dead sensor or another column? check column and unit in [signals] force"
-        yield from Finding("silent", "force", one.name, found, mend, _travel_over_noise(one)).judged()
 
 
 def _travel_over_noise(one: Recording) -> float:

@@ -266,6 +266,7 @@ SETS = {
             "p2 with marks of no value": (readings(P2, _marked), "mark p2"),
             "p1 stuck for a while": (readings(P1, _stuck), "frozen p1"),
             "p1 sampled at a tenth of the rate": (readings(P1, lambda p: np.repeat(p[::10], 10)[: p.size]), "held p1"),
+            "x loses counts": (readings(X, lambda x: x - 60.0 * (np.arange(x.size) > 900), "driven"), "speed x"),
             "x from a counter of 100 mm": (readings(X, lambda x: np.mod(x, 100.0)), "roll-over x"),
         },
     ),

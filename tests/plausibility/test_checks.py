@@ -45,9 +45,7 @@ def closed(x: np.ndarray) -> np.ndarray:
         (recorded(chamber_2="open", p2=4e5 + 0 * T), ("swapped", "p2"), "4 bar in an open chamber"),
         (recorded(temperature=20 + T), ("unit", "temperature"), "stays between"),
         (recorded(u=200 * T), ("unit", "u"), "792 V, more than"),
-        (recorded(p_supply=1.6e5 + 0 * T), ("supply", "p_supply"), "1.6 bar, and 7 bar are stated"),
         (recorded(x=SWING, p1=3e5 + 0 * T), ("silent", "p1"), "the piston moves, and p1 stays at 3 bar"),
-        (recorded(x=SWING, imposed="motion", force=5 + 0 * T), ("silent", "force"), "force stays at 5 N"),
         (
             recorded(x=SWING, chamber_2="closed", p1=SLOW, p2=3e5 + 0 * T),
             ("silent", "p2"),
