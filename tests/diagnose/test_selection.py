@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from itertools import pairwise
 from typing import Any
 
 import pytest
 
 from benchmarks import ablation
 from pneucli.diagnose.candidate import Candidate, Decision
+from pneucli.diagnose.constraints import raises_held_out_error
 from pneucli.diagnose.data import DiagnosisData, Refit, run_locally
 from pneucli.diagnose.decision import is_complete
 from pneucli.diagnose.hypothesis_tests import ALPHA
@@ -39,7 +41,9 @@ def test_the_selection_answers_as_expected(case: dict[str, Any]) -> None:
 
 @pytest.mark.parametrize("case", selection_cases(), ids=lambda case: case["name"])
 def test_the_path_and_the_judgements_agree_with_the_last_model(case: dict[str, Any]) -> None:
-    """Each model has one effect more; each added effect has a term and a judgement, each other one a decision."""
+    """Each model has one effect more, and no larger error; each added effect has a term and a judgement, each other one
+    a decision.
+    """
     data, given = data_of(case), case.get("given", [])
     found = select_effects(data, data.model_with(given))
     sizes = [len(one.effect_names) for one in found.models]
@@ -49,6 +53,7 @@ def test_the_path_and_the_judgements_agree_with_the_last_model(case: dict[str, A
     assert all(j.decision.supported and j.probability >= 0.5 for j in found.judgements.values())
     assert sorted(names_of(found.decisions)) == sorted(set(data.effects) - {*given, *found.added})
     assert all(not d.supported for d in found.decisions)
+    assert not any(raises_held_out_error(data, *step) for step in pairwise(found.models))
 
 
 CASE_OF_RULE = {

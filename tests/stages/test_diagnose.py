@@ -86,7 +86,7 @@ def test_the_answer_has_the_interfaces_keys(hysteresis: Diagnosed) -> None:
 
 def is_told(candidate: dict[str, Any]) -> bool:
     """Whether the sentences of an answer may speak of a candidate: only then is its error simulated."""
-    return candidate["supported"] or candidate["confidence"] >= MIN_TOLD_PROBABILITY
+    return candidate["supported"] or (candidate["confidence"] or 0.0) >= MIN_TOLD_PROBABILITY
 
 
 def test_the_hidden_effect_is_named_with_its_size(hysteresis: Diagnosed) -> None:
