@@ -10,7 +10,7 @@ import pytest
 
 from pneucli.noise import NoiseModel
 from pneucli.plausibility import findings
-from pneucli.recording import Recording, Rig
+from pneucli.recording import Calibration, Recording, Rig
 
 T = np.arange(4000) * 1e-3
 RNG = np.random.default_rng(0)
@@ -193,3 +193,85 @@ def test_steps_to_both_sides_of_a_middle_show_a_pressure_loop() -> None:
 def test_rests_that_do_not_follow_the_command_are_no_pressure_loop() -> None:
     ones = [regulated(level, 3.5e5, u) for level, u in ((4e5, 6.0), (2.4e5, 8.0), (3e5, 4.0), (5e5, 2.0))]
     assert ("pressure-loop", "u") not in loop_findings(*ones)
+
+
+def test_a_stated_supply_wins_over_what_supplies_usually_have() -> None:
+    one = recorded(p1=52e5 + SLOW)
+    assert ("unit", "p1") in seen(one)
+    assert seen(one, replace(CYLINDER, supply_pressure=52.7e5)) == {}
+
+
+def test_where_x_is_zero_does_not_matter_to_a_force() -> None:
+    """A slide over a load cell counts x from the middle; a chamber of an axis has a volume there."""
+    assert seen(recorded(x=SWING - 0.1, force=5 * np.sign(np.cos(3 * T)) + 3 * np.cos(3 * T))) == {}
+    assert ("stroke", "x") in seen(recorded("axis", "open", x=SWING - 0.1))
+
+
+def flowing(u: np.ndarray, seconds: float = 0.2, supply: float = 7e5, ambient: float = 1.013e5) -> np.ndarray:
+    """A vessel at 1 kHz that fills (u > 0) or vents (u < 0), choked below half the pressure upstream.
+
+    At 10 V and choked its pressure goes by that upstream in ``seconds``.
+    """
+    p = np.full(u.size, ambient)
+    for k in range(1, u.size):
+        up, down = (supply, p[k - 1]) if u[k - 1] > 0 else (p[k - 1], ambient)
+        flow = np.sqrt(1.0 - min(1.0, max(0.0, 2.0 * down / up - 1.0)) ** 2)
+        p[k] = p[k - 1] + 1e-3 * u[k - 1] / 10.0 * up * flow / seconds
+    return p
+
+
+FIVE_OPENINGS = np.where(T % 0.8 < 0.6, 2.0 * (1 + T // 0.8), -10.0)  # most of the time the vessel is full or empty
+VESSEL = Rig(vessel_volume=2e-3, supply_pressure=7e5)
+
+
+def test_a_charge_test_has_to_do_with_its_command() -> None:
+    assert seen(recorded("valve", u=FIVE_OPENINGS, p1=flowing(FIVE_OPENINGS)), VESSEL) == {}
+    late = np.roll(FIVE_OPENINGS, 40)
+    assert seen(recorded("valve", u=FIVE_OPENINGS, p1=flowing(late)), VESSEL) == {}
+
+
+@pytest.mark.parametrize("seconds", [0.02, 0.05, 0.1, 0.2])
+def test_commands_to_a_full_vessel_tell_nothing(seconds: float) -> None:
+    """It fills once, and stays full whatever opening follows."""
+    u = np.where(T < 0.5, 0.0, np.repeat(np.random.default_rng(1).uniform(1.0, 10.0, 40), 100))
+    assert seen(recorded("valve", u=u, p1=flowing(u, seconds)), VESSEL) == {}
+
+
+def test_a_charge_test_of_a_piston_on_its_stop_has_to_do_with_its_command() -> None:
+    one = recorded("axis", "open", u=FIVE_OPENINGS, p1=flowing(FIVE_OPENINGS, 0.02), x=0 * T)
+    moved = replace(recorded("axis", "open", u=np.sin(T), p1=SLOW, x=SWING), name="moved")
+    rig = replace(CYLINDER, supply_pressure=7e5)
+    assert [f for f in findings([one, moved], rig, {}) if f.recording == "one"] == []
+
+
+def test_a_compressor_that_switches_has_to_do_with_the_pressure() -> None:
+    """It fills at 1.6 bar/s while it runs, and a consumer takes half as much, more at a higher pressure."""
+    p, u = np.full(T.size, 6e5), np.zeros(T.size)
+    for k in range(1, T.size):
+        u[k] = 5.0 if p[k - 1] < 5.8e5 else 0.0 if p[k - 1] > 6.2e5 else u[k - 1]
+        p[k] = p[k - 1] + 1e-3 * (1.6e5 * u[k] / 5.0 - 0.8e5 * p[k - 1] / 6e5)
+    assert seen(recorded("valve", u=u, p1=p), Rig(vessel_volume=2e-3)) == {}
+
+
+def test_a_command_of_another_valve_has_nothing_to_do_with_the_flow() -> None:
+    other = 3.0 * RNG.standard_normal(T.size)
+    assert ("silent", "u") in seen(recorded("valve", u=other, p1=flowing(FIVE_OPENINGS)), VESSEL)
+
+
+def test_a_full_vessel_stays_full_at_a_command_to_fill_it() -> None:
+    """And one that is empty stays empty at a command to vent it; at any other pressure the sensor is dead."""
+    filled, vented = 5.0 * (T > 1), -5.0 * (T > 1)
+    for u, level, is_silent in ((filled, 7e5, False), (vented, 1.013e5, False), (filled, 3e5, True)):
+        one = recorded("valve", u=u, p1=level + 0 * T)
+        assert (("silent", "p1") in seen(one, VESSEL)) == is_silent
+
+
+@pytest.mark.parametrize(("depth", "weight"), [(0.05e5, None), (0.2e5, "doubt"), (0.9e5, "contradiction")])
+def test_a_pressure_below_vacuum_weighs_by_its_uncertainty(depth: float, weight: str | None) -> None:
+    """1 % of 5 bar is a sensor's usual zero; a stated calibration counts instead."""
+    one = recorded(chamber_2="closed", p2=2.5e5 - depth + 2.5e5 * np.sin(7 * T))
+    found = [f for f in findings([one], Rig(), {}) if "below vacuum" in f.found]
+    assert [f.weight for f in found] == ([weight] if weight else [])
+    (sure,) = findings([one], Rig(), {}, {"p2": Calibration(zero=500.0)})
+    assert sure.weight == "contradiction"
+    assert sure.excess > 6.0
