@@ -175,11 +175,7 @@ def _of_ingest(answer: Mapping[str, Any]) -> Row:
 
 
 def _of_compare(answer: Mapping[str, Any]) -> Row:
-    limit = answer.get("error_limit") or {}
-    return {
-        "error": [rounded(answer["error"][use]) for use in ("train", "test")],
-        "limit": [rounded(limit.get(use)) for use in ("train", "test")],
-    }
+    return {"error": [rounded(answer["error"][use]) for use in ("train", "test")], **_judgement(answer)}
 
 
 def _of_diagnose(answer: Mapping[str, Any]) -> Row:
@@ -198,9 +194,20 @@ def _of_diagnose(answer: Mapping[str, Any]) -> Row:
             for parameter, value in _parameters(c["parameters"]).items()
         },
     }
-    if "lack_of_fit" in answer:
-        row["lack_of_fit"] = bool(answer["lack_of_fit"]["present"])
-    return row
+    return {**row, **_judgement(answer)}
+
+
+def _judgement(answer: Mapping[str, Any]) -> Row:
+    """Return the limit of the printed error (train, test), and whether the error exceeds what noise explains.
+
+    An older program states limits alone.
+    """
+    limits = answer.get("error_limit") or {}
+    found = answer.get("lack_of_fit")
+    if found:
+        limits = {found["use"]: found["limit"]}
+    row: Row = {"limit": [rounded(limits.get(use)) for use in ("train", "test")]}
+    return {**row, "lack_of_fit": bool(found["present"])} if found else row
 
 
 def _refusing_checks(answer: Mapping[str, Any]) -> set[str]:

@@ -10,6 +10,7 @@ from typing import Any
 from benchmarks.truths import Truth, is_fault, is_refused, judged, reading_faults
 
 ERROR_TOLERANCE, LEAST_CHANGE = 0.05, 0.02  # of an error over noise: of its size, and absolute
+ROUNDING = 1e-3  # of kept numbers
 GOOD = ("found", "right", "silent", "close", "covered")  # counts of which more is better
 BAD = ("false",)  # counts of which fewer are better
 NEITHER = ("exact", "mild")  # a mild name, or an equivalent one in place of the hidden one
@@ -37,19 +38,24 @@ def contradictions(rows: Rows) -> list[str]:
     out = []
     adequate = diagnose.get("verdict") == "adequate"
     within = is_within_limit(compare)
+    path = [judging(pair) for pair in diagnose.get("path", [])]
+    own_limit = judging(diagnose.get("limit", (None, None)))
     if adequate and diagnose["missing"]:
         out.append("adequate, and effects are missing")
     if adequate and diagnose.get("lack_of_fit"):
         out.append("adequate, and a lack of fit is present")
-    if adequate and within is False:
+    if adequate and (within is False or (path and exceeds(path[-1], own_limit))):
         out.append("adequate, and the error is beyond its limit")
     if adequate and diagnose.get("do") == "diagnose":
         out.append("adequate, and proposes to diagnose")
     if diagnose.get("verdict") == "missing-effect" and not diagnose["missing"]:
         out.append("an effect is missing, and none is named")
+    if diagnose.get("verdict") == "missing-effect" and diagnose.get("lack_of_fit"):
+        out.append("an effect is all that is missing, and a lack of fit is present")
+    if diagnose.get("verdict") == "unexplained" and diagnose.get("lack_of_fit") is False:
+        out.append("something is unexplained, and no lack of fit is present")
     if within and compare.get("do") == "diagnose":
         out.append("compare stands within the limit, and proposes to diagnose")
-    path = [judging(pair) for pair in diagnose.get("path", [])]
     if any(b > a * (1 + ERROR_TOLERANCE) for a, b in pairwise(path) if a is not None and b is not None):
         out.append("an added effect raises the error")
     if "error" in compare and path and differs(judging(compare["error"]), path[0]):
@@ -65,12 +71,17 @@ def judging(pair: Sequence[float | None]) -> float | None:
     return train if test is None else test
 
 
+def exceeds(error: float | None, limit: float | None) -> bool:
+    """Whether a printed error is beyond the limit that stands beside it, by more than rounding."""
+    return error is not None and limit is not None and error > limit * (1 + ROUNDING)
+
+
 def is_within_limit(compare: Row) -> bool | None:
-    """Whether the printed error is within the limit that stands beside it; None where there is no limit."""
+    """Whether the answer judges its model to be right: nothing of it is beyond a limit; None where it does not say."""
     if "error" not in compare:
         return None
     error, limit = judging(compare["error"]), judging(compare["limit"])
-    return None if error is None or limit is None else error <= limit
+    return None if error is None or limit is None else not exceeds(error, limit) and not compare.get("lack_of_fit")
 
 
 def differs(a: float | None, b: float | None) -> bool:

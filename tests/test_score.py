@@ -132,6 +132,10 @@ def test_the_right_interval_of_a_truth_takes_the_place_of_a_tolerance() -> None:
         ([comparison(1.0), diagnosis(do="diagnose")], "adequate, and proposes to diagnose"),
         ([comparison(1.0, do="diagnose"), diagnosis(do="run")], "compare stands within the limit"),
         ([diagnosis("stribeck", verdict="adequate")], "adequate, and effects are missing"),
+        ([diagnosis(error=2.7, limit=[None, 1.4], do="run")], "beyond its limit"),
+        ([diagnosis("stribeck", lack_of_fit=True)], "all that is missing"),
+        ([diagnosis(verdict="unexplained", lack_of_fit=False, do="")], "no lack of fit is present"),
+        ([{**comparison(1.0, do="diagnose"), "lack_of_fit": True}], ""),  # a single channel, which the mean hides
         ([comparison(9.0), diagnosis(verdict="missing-effect", error=9.0)], "none is named"),
         ([comparison(9.0), diagnosis("stribeck", error=9.6)], "raises the error"),
         ([comparison(1.0), diagnosis(error=1.2, do="run")], "two errors of one model"),
@@ -142,6 +146,13 @@ def test_the_right_interval_of_a_truth_takes_the_place_of_a_tolerance() -> None:
 def test_each_contradiction_is_seen_alone(rows: list[Row], said: str) -> None:
     found = contradictions({row["command"]: row for row in rows})
     assert (found == []) if not said else (len(found) == 1 and said in found[0]), found
+
+
+@pytest.mark.parametrize("path", sorted(score.SCORES.glob("*.jsonl")), ids=lambda path: path.stem)
+def test_verdict_error_and_tile_agree_on_every_stored_case(path: Path) -> None:
+    cases = score.stored(path.stem)
+    assert cases
+    assert {name: found for name, rows in cases.items() if (found := contradictions(rows))} == {}
 
 
 def test_a_new_contradiction_is_worse() -> None:
@@ -197,8 +208,12 @@ def test_what_matters_of_an_answer() -> None:
     candidate = {"effect": "stribeck", "indistinguishable_from": ["presliding"], "confidence": 0.987}
     candidate["parameters"] = {"static": {"value": 22.00001, "unit": "N", "ci95": [21.0, 23.0]}}
     answer = {"verdict": "missing-effect", "missing": ["stribeck"], "candidates": [candidate], "plausibility": []}
-    answer |= {"ladder": [{"error_train": 9.12345, "error_test": None}], "lack_of_fit": {"present": True, "p": 0.0}}
+    answer |= {"ladder": [{"error_train": 9.12345, "error_test": None}]}
+    answer |= {"lack_of_fit": {"present": True, "p": 0.0, "use": "train", "limit": 1.41421}}
     row = essence("diagnose", json.dumps(answer))
+    assert row["limit"] == [1.414, None]
+    former = essence("compare", json.dumps({"error": {"train": 2.0, "test": 3.0}, "error_limit": {"test": 1.5}}))
+    assert former == {"error": [2.0, 3.0], "limit": [None, 1.5]}
     assert row["twins"] == {"stribeck": ["presliding"]}
     assert row["parameters"] == {"stribeck.static": [22.0, 21.0, 23.0]}
     assert (row["path"], row["lack_of_fit"], row["refused"]) == ([[9.123, None]], True, [])
