@@ -2,7 +2,7 @@
 
 Factors: SI brochure (9th edition, 2019); NIST SP 811 (2008) for units outside the SI, conventional water and mercury
 columns included. Standard volumes: ISO 8778 (20 °C, 100 kPa, 65 % humidity), DIN 1343 and SEMI E12 (0 °C, 101.325 kPa,
-dry), ISO 1217 (20 °C, 100 kPa, dry).
+dry), ISO 13443 (15 °C, 101.325 kPa, dry), ISO 1217 (20 °C, 100 kPa, dry).
 """
 
 from __future__ import annotations
@@ -18,10 +18,23 @@ Dimension = tuple[int, int, int, int, int]  # exponents of m, kg, s, K, A
 
 
 @dataclass(frozen=True)
+class ReferenceState:
+    """The state at which a volume of air stands for its mass: density in kg/m^3, and the state in words.
+
+    ``others``: what the same spelling means elsewhere; empty where the spelling has one meaning.
+    """
+
+    density: float
+    words: str
+    others: str = ""
+
+
+@dataclass(frozen=True)
 class Unit:
     """``value in SI = factor * value + offset``, plus ambient pressure where ``gauge``.
 
-    ``of_air``: a mass stated as the volume of air, of which another gas has R_air / R as much.
+    ``state``: the reference state of a mass that is stated as a volume of air, of which another gas has R_air / R as
+    much.
     """
 
     factor: float
@@ -29,7 +42,7 @@ class Unit:
     offset: float = 0.0
     gauge: bool = False
     absolute: bool = False
-    of_air: bool = False
+    state: ReferenceState | None = None
 
     def __mul__(self, other: Unit) -> Unit:
         exponents = tuple(a + b for a, b in zip(self.dimension, other.dimension, strict=True))
@@ -83,6 +96,8 @@ PLAIN = {
     "t": Unit(1e3, (0, 1, 0, 0, 0)),
     "cc": Unit(1e-6, (3, 0, 0, 0, 0)),
     "lpm": Unit(1e-3 / 60, (3, 0, -1, 0, 0)),
+    "cfm": Unit(0.3048**3 / 60, (3, 0, -1, 0, 0)),
+    "cfh": Unit(0.3048**3 / 3600, (3, 0, -1, 0, 0)),
     "in": Unit(0.0254, _LENGTH),
     "inch": Unit(0.0254, _LENGTH),
     "ft": Unit(0.3048, _LENGTH),
@@ -112,19 +127,52 @@ PLAIN = {
 
 PREFIXES = {"n": 1e-9, "u": 1e-6, "µ": 1e-6, "m": 1e-3, "c": 1e-2, "d": 1e-1, "h": 1e2, "k": 1e3, "M": 1e6, "G": 1e9}
 
-# kg/m^3 of air, by the mark of the standard state
-AIR_DENSITY = {"ANR": 1.185, "N": 1.2929, "scfm": 1.189}
-# flows that are masses, stated as a volume of air: symbol -> mark of the standard state, volume flow
-STANDARD_FLOWS = {
-    "slpm": ("N", "l/min"),
-    "slm": ("N", "l/min"),
-    "nlpm": ("N", "l/min"),
-    "sccm": ("N", "cm^3/min"),
-    "sccs": ("N", "cm^3/s"),
-    "ln/min": ("N", "l/min"),
-    "mln/min": ("N", "ml/min"),
-    "scfm": ("scfm", "ft^3/min"),
-}
+ANR = ReferenceState(1.185, "20 °C, 1 bar and 65 % humidity (ANR, ISO 8778)")
+NORMAL = ReferenceState(1.2929, "0 °C and 1.01325 bar (DIN 1343)")
+_AT_20 = ReferenceState(1.2041, "20 °C and 1.01325 bar", "0 °C and 1.01325 bar")
+_SEMI = ReferenceState(1.2929, "0 °C and 1.01325 bar (SEMI E12)", "20 °C or 25 °C, which is 7 to 8 % less")
+_GAS_TRADE = ReferenceState(1.2255, "15 °C and 1.01325 bar (ISO 13443)", "0 °C, which is 5 % more, or 20 °C")
+_CUBIC_FEET = ReferenceState(1.189, "20 °C and 1 bar (ISO 1217)", "60 °F and 1 atm, which is 3 % more")
+
+_VOLUME = r"(?:[mcd]?[lL]|I|[cd]?m(?:\^|\*\*)?3|cc|cf|ft(?:\^|\*\*)?3)"
+# how a flow or amount of air is spelled, "volume" and "rest" of its unit, and the state that is meant; the first counts
+STANDARD_VOLUMES = [
+    (re.compile(pattern.replace("VOLUME", f"(?P<volume>{_VOLUME})")), state)
+    for pattern, state in (
+        (r"(?P<volume>.+?)[\s_]*\(?ANR\)?", ANR),
+        (r"(?:[Nn]|[Nn]orm(?:al)?)[\s._-]*VOLUME(?P<rest>[\s/.].*)?", NORMAL),  # Nl/min, nl/min, norm l/min
+        (r"VOLUME[\s_]*\(?[Nn]\)?(?P<rest>[\s/].*)", NORMAL),  # ln/min, l_n/min, m3(n)/h
+        (r"(?P<volume>m)_?\(?[Nn]\)?(?:\^|\*\*)?3(?P<rest>/.*)", NORMAL),  # m_n^3/h
+        (r"(?P<volume>.+?/.+?)(?:[\s_]*\(|[\s_]+)(?:[Nn]|[Nn]orm(?:al)?)\)?", NORMAL),  # l/min (n)
+        (r"[Nn](?P<volume>[lLmcCfF]+)(?P<per>[pP]?[mMhHsS])", NORMAL),  # NLPM, nlm
+        (r"(?:[Ss]|[Ss]td\.?|[Ss]tandard)[\s._-]*(?P<volume>m(?:\^|\*\*)?3)(?P<rest>[\s/].*)?", _GAS_TRADE),
+        (r"(?:[Ss]|[Ss]td\.?|[Ss]tandard)[\s._-]*(?P<volume>cf|ft(?:\^|\*\*)?3)(?P<rest>[\s/].*)?", _CUBIC_FEET),
+        (r"(?:[Ss]|[Ss]td\.?|[Ss]tandard)[\s._-]*VOLUME(?P<rest>[\s/].*)?", _SEMI),
+        (r"(?P<volume>[lL])(?:_|\()?[sS]\)?(?P<rest>/.*)", _AT_20),
+        (r"(?P<volume>.+?/.+?)(?:[\s_]*\(|[\s_]+)(?:[Ss]|[Ss]td\.?|[Ss]tandard)\)?", _SEMI),  # l/min (s)
+        (r"[Ss](?P<volume>[cC][fF])(?P<per>[pP]?[mMhHsS])", _CUBIC_FEET),
+        (r"[Ss](?P<volume>[cC][mM])(?P<per>[hHsS])", _GAS_TRADE),
+        (r"[Ss](?P<volume>[lL]|[cC][cC])(?P<per>[pP]?[mMhHsS])", _SEMI),  # SLPM, sccm
+    )
+]
+_VOLUMES = {"I": "l", "l": "l", "cc": "cm^3", "cf": "ft^3", "cm": "m^3", "lm": "l", "m": "m^3"}
+_PER = {"m": "/min", "h": "/h", "s": "/s"}
+
+
+def volume_of_air(text: str) -> tuple[str, ReferenceState] | None:
+    """Return the volume, or its flow, and the state of air that a unit such as ``"Nl/min"`` means; None: it means none.
+
+    Nanolitres are no flow of a rig: ``"nl/min"`` is normal litres.
+    """
+    for pattern, state in STANDARD_VOLUMES:
+        if found := pattern.fullmatch(text):
+            parts = found.groupdict("")
+            volume = _VOLUMES.get(parts["volume"] if parts["volume"] == "I" else parts["volume"].lower())
+            per = _PER[parts["per"][-1].lower()] if "per" in parts else parts.get("rest", "")
+            if "per" not in parts or volume:
+                return f"{volume or parts['volume']}{per}", state
+    return None
+
 
 # what a symbol means where another dimension than its own is wanted
 SYMBOLS_BY_DIMENSION: dict[Dimension, dict[str, Unit]] = {
@@ -192,6 +240,8 @@ _ANY_CASE = [
     "kgf",
     "cc",
     "lpm",
+    "cfm",
+    "cfh",
     "sec",
     "msec",
     "usec",

@@ -1,8 +1,8 @@
 """Units as laboratories write them -> SI floats.
 
 ``"m/s2"``, ``"m/s^2"``, ``"m s⁻²"``, ``"N*s/m"``, ``"J/(kg K)"``, ``"mm2"``, ``"°C"``, ``"barg"``, ``"bar(g)"``,
-``"l/min"``, ``"Psi"``, ``"Volts"``, ``"cmH2O"`` and ``"slpm"`` are all read. A product binds as tightly as a quotient,
-from left to right. The tables stand in :mod:`pneucli.unit_table`.
+``"l/min"``, ``"Psi"``, ``"Volts"``, ``"cmH2O"``, ``"l_n/min"`` and ``"slpm"`` are all read. A product binds as tightly
+as a quotient, from left to right. The tables stand in :mod:`pneucli.unit_table`.
 """
 
 from __future__ import annotations
@@ -14,14 +14,12 @@ from functools import lru_cache
 
 from pneucli.errors import UnitError, did_you_mean
 from pneucli.unit_table import (
-    AIR_DENSITY,
     DIMENSIONLESS,
     NAMES,
     PLAIN,
     PREFIXED,
     PREFIXES,
     STANDARD_ATMOSPHERE,
-    STANDARD_FLOWS,
     STANDARD_GRAVITY,
     SYMBOLS_BY_DIMENSION,
     Dimension,
@@ -29,6 +27,7 @@ from pneucli.unit_table import (
     by_spelling,
     is_count,
     normalize_spelling,
+    volume_of_air,
 )
 
 __all__ = [
@@ -91,19 +90,15 @@ def _parse(text: str) -> Unit:
 
 
 def _of_air(text: str) -> Unit | None:
-    """Read a flow or amount as a volume of air under standard conditions: "l/min ANR", "Nl/min"; None if it is none."""
-    if text.lower() in STANDARD_FLOWS:
-        state, volume = STANDARD_FLOWS[text.lower()]
-    elif anr := re.fullmatch(r"(.+?)[\s_]*\(?ANR\)?", text):
-        state, volume = "ANR", anr[1]
-    elif re.match(r"N[lL]\b|Nm(?:3|\^3)\b", text):
-        state, volume = "N", text[1:]
-    else:
+    """Read a flow or amount as a volume of air in a reference state: "l/min ANR", "Nl/min"; None if it is none."""
+    found = volume_of_air(text)
+    if found is None:
         return None
+    volume, state = found
     unit = _product(volume)
     if unit.dimension[0] != 3:
-        raise UnitError(f'"{volume}" is no volume, of which "{state}" would tell the state')
-    return replace(unit * Unit(AIR_DENSITY[state], (-3, 1, 0, 0, 0)), of_air=True)
+        raise UnitError(f'"{volume}" is no volume, whose reference state would be {state.words}')
+    return replace(unit * Unit(state.density, (-3, 1, 0, 0, 0)), state=state)
 
 
 def _product(text: str) -> Unit:

@@ -6,12 +6,12 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pyarrow as pa
 from pyarrow import feather
 
-from pneucli.errors import InputError
 from pneucli.io.column_reader import ColumnReader
-from pneucli.io.parquet import column_numbers
+from pneucli.io.parquet import LABEL_ROWS, column_numbers, label_columns
 from pneucli.io.raw_file import ColumnValues
 
 NAME = "Feather"
@@ -25,10 +25,14 @@ def open_feather(path: Path) -> ColumnReader:
 
     def fetch(wanted: Sequence[str]) -> list[ColumnValues]:
         table = feather.read_table(path, columns=list(wanted))
-        return [_numbers(path, name, table[name].combine_chunks()) for name in wanted]
+        return [_array(table[name].combine_chunks()) for name in wanted]
 
     file_units = {number: unit for number, unit in enumerate(units) if unit}
-    return ColumnReader(path, NAME, [field.name for field in fields], fetch, file_units)
+    names = [field.name for field in fields]
+    labels = label_columns(
+        pa.schema(fields), lambda texts: feather.read_table(path, columns=texts).slice(0, LABEL_ROWS)
+    )
+    return ColumnReader(path, NAME, names, fetch, file_units, labels=labels)
 
 
 def _schema(path: Path) -> Any:
@@ -40,13 +44,15 @@ def _schema(path: Path) -> Any:
     return feather.read_table(path, memory_map=True).schema
 
 
-def _numbers(path: Path, name: str, column: Any) -> ColumnValues:
-    try:
-        return column_numbers(column)
-    except ValueError as error:
-        raise InputError(
-            f'{path}, column "{name}"', str(error), "numbers", "export it as float64", code="E043"
-        ) from error
+def _array(column: Any) -> ColumnValues:
+    """Return a column as numbers, calendar time, or texts."""
+    if pa.types.is_dictionary(column.type):
+        column = column.dictionary_decode()
+    if pa.types.is_string(column.type) or pa.types.is_large_string(column.type):
+        return np.array(column.to_pylist(), dtype=object)
+    if pa.types.is_temporal(column.type) and not pa.types.is_time(column.type):
+        return np.asarray(column.to_numpy(zero_copy_only=False))
+    return column_numbers(column)
 
 
 def _is_numeric(kind: Any) -> bool:

@@ -1,4 +1,4 @@
-"""Files whose columns are read whole: MATLAB's, HDF5 and TDMS, and what their readers share."""
+"""Files whose columns are read whole: MATLAB's, HDF5, JSON and TDMS, and what all readers of columns share."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ import re
 from collections import Counter
 from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
-from datetime import datetime
+from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
 
@@ -15,6 +15,7 @@ import numpy as np
 
 from pneucli.errors import InputError
 from pneucli.io.damaged_files import library_errors_as_input_errors
+from pneucli.io.date_parsing import CalendarClock, is_date_or_time, parse_since
 from pneucli.io.raw_file import ColumnRequest, ColumnValues, Repair
 
 FetchColumns = Callable[[Sequence[str]], list[ColumnValues]]
@@ -24,6 +25,8 @@ FetchColumns = Callable[[Sequence[str]], list[ColumnValues]]
 class ColumnReader:
     """A file of the format ``format``; ``fetch`` opens it and returns the columns of the given names, no others.
 
+    Columns are arrays of numbers, of calendar time, or of texts; ``labels`` has the positions of texts that are
+    neither numbers nor stamps. ``start`` is when the clock reads 0, where the file says it or once stamps were read.
     ``own_clocks`` has the column of stamps of each column whose clock the file knows, both by name; the column
     ``shared_clock`` stands for the clock of whatever column it is read with.
     """
@@ -39,6 +42,7 @@ class ColumnReader:
     start: datetime | None = None
     own_clocks: Mapping[str, str] = field(default_factory=dict)
     shared_clock: str | None = None
+    labels: Collection[int] = frozenset()
 
     @classmethod
     def of_columns(
@@ -48,6 +52,7 @@ class ColumnReader:
         columns: Mapping[str, ColumnValues],
         units: Mapping[str, str],
         clocks: Mapping[str, str],
+        start: datetime | None = None,
     ) -> ColumnReader:
         """Return the reader of columns that were read already; units and clocks are by the names of columns."""
         if clocks and "time" not in columns:  # stands for each column's own clock
@@ -62,6 +67,7 @@ class ColumnReader:
             names,
             lambda wanted: [columns[name] for name in wanted],
             file_units,
+            start=start,
             own_clocks=clocks,
             shared_clock="time" if clocks else None,
         )
@@ -90,7 +96,22 @@ class ColumnReader:
                 where = f'{self.path}, column "{name}"'
                 raise InputError(where, found, "columns of one length", "take signals of one clock only", code="E042")
         self.rows += fetched[wanted[0]].size
-        yield [fetched[name] for name in wanted]
+        yield [self._values(ask, fetched[name]) for ask, name in zip(asks, wanted, strict=True)]
+
+    def _values(self, ask: ColumnRequest, column: ColumnValues) -> ColumnValues:
+        if ask.text:
+            return np.array([as_text(value) for value in column], dtype=object)
+        try:
+            values, start, words = column_values(column)
+        except ValueError as error:
+            where = f'{self.path}, column "{self.names[ask.position]}"'
+            mend = "take it with where, as a label, or export numbers"
+            raise InputError(where, str(error), "numbers", mend, code="E043") from error
+        if words:
+            name = self.names[ask.position]
+            self.repairs.append(Repair("", "words", sum(words.values()), words_message(name, words)))
+        self.start = self.start or start or parse_since(self.units.get(ask.position, ""))
+        return values
 
     def locate(self, row: int) -> str:
         """Return file and row (from 1)."""
@@ -123,10 +144,73 @@ def split_columns(name: str, array: ColumnValues) -> dict[str, ColumnValues]:
     return dict(zip(column_names(name, array.shape), array if array.ndim == 2 else [array], strict=False))
 
 
-def to_vector(values: Any) -> ColumnValues:
-    """Return values as float64, shape ``(n,)``; calendar time as seconds since the first stamp."""
-    array = np.asarray(values).ravel()
-    return seconds_since_first(array, {}) if array.dtype.kind in "mM" else array.astype(np.float64)
+def column_values(column: Any) -> tuple[ColumnValues, datetime | None, Counter[str]]:
+    """Return a column as float64, shape ``(n,)``, when its clock reads 0, and the words among its numbers by count.
+
+    Calendar time becomes seconds since the first stamp, and words become NaN. Raises ValueError where texts are no
+    numbers, or where words are as many as numbers.
+    """
+    array = np.asarray(column).ravel()
+    if array.dtype.kind in "mM":
+        first: dict[int, Any] = {}
+        seconds = seconds_since_first(array, first)
+        start = first[0].astype("datetime64[us]").item() if first else None
+        return seconds, start if isinstance(start, datetime) else None, Counter()
+    if array.dtype.kind not in "OUS":
+        return array.astype(np.float64), None, Counter()
+    texts = [as_text(value) for value in array]
+    known = [text for text in texts if text]
+    if known and all(map(is_date_or_time, known[:STAMPS_TRIED])):
+        import pyarrow as pa  # noqa: PLC0415 - brings a second of imports where no text is read
+
+        clock = CalendarClock()
+        return clock.seconds(pa.array(texts, pa.string())), clock.start, Counter()
+    numbers = np.array([number_in(text) for text in texts], dtype=np.float64)
+    words = Counter(text for text, number in zip(texts, numbers, strict=True) if text and np.isnan(number))
+    words -= Counter({text: count for text, count in words.items() if text.lower() in _NO_NUMBER})
+    if words and 2 * sum(words.values()) >= len(known):
+        raise ValueError(f'texts, such as "{next(iter(words))}"')
+    return numbers, None, words
+
+
+def words_message(column: str, words: Mapping[str, int]) -> str:
+    """Return what is said of words that stand among the numbers of a column."""
+    listed = ", ".join(f'"{word}" {count} times' for word, count in Counter(words).most_common(5))
+    return f'"{column}": {listed}: no numbers; missing'
+
+
+def is_label_column(texts: Collection[Any]) -> bool:
+    """Return whether a column of texts holds labels: neither numbers nor dates and times."""
+    known = [text for text in map(as_text, texts) if text and text.lower() not in _NO_NUMBER]
+    values = sum(np.isfinite(number_in(text)) or is_date_or_time(text) for text in known)
+    return bool(known) and 2 * values <= len(known)
+
+
+def number_in(text: str) -> float:
+    """Return the number that a text is, NaN where it is none."""
+    try:
+        return float(text)
+    except ValueError:
+        return np.nan
+
+
+def as_text(value: Any) -> str:
+    """Return what stands in a cell as a text; empty where nothing stands."""
+    if value is None:
+        return ""
+    return value.decode(errors="replace").strip("\0 ") if isinstance(value, bytes) else str(value).strip()
+
+
+STAMPS_TRIED = 20  # texts of a column that tell whether it holds dates and times
+_NO_NUMBER = frozenset(("", "nan", "none", "null", "-", "--", "n/a", "na"))
+
+
+def utc_datetime(seconds: float) -> datetime | None:
+    """Return a time in s since 1970 as a date; None where it is before 1990, as of a clock that was never set."""
+    return datetime.fromtimestamp(seconds, UTC) if seconds > EARLIEST_DATE else None
+
+
+EARLIEST_DATE = 631_152_000.0  # s since 1970, of the first day of 1990
 
 
 def seconds_since_first(stamps: ColumnValues, first: dict[int, Any], key: int = 0) -> ColumnValues:

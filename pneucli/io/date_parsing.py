@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from datetime import datetime, timedelta
+from datetime import UTC, datetime, timedelta
 from typing import Any
 
 import numpy as np
@@ -66,12 +66,12 @@ class CalendarClock:
 
     @property
     def start(self) -> datetime | None:
-        """The first stamp, if it has a date."""
+        """The first stamp, if it has a date; in UTC where its offset from UTC is written, else as it stands."""
         if not self._day or self._first is None:
             return None
-        return _parse_date(self._day, self._day_first is not False) + timedelta(
-            seconds=self._first - (self._zone or 0.0)
-        )
+        found = _parse_date(self._day, self._day_first is not False)
+        found += timedelta(seconds=self._first - (self._zone or 0.0))
+        return found if self._zone is None else found.replace(tzinfo=UTC)
 
     def seconds(self, texts: Any) -> ColumnValues:
         """Return seconds since the first stamp, NaN where there is none.
@@ -126,6 +126,37 @@ class CalendarClock:
         since = np.full(clock.size, np.nan)
         since[known] = days
         return since
+
+
+def parse_since(unit: str) -> datetime | None:
+    """Return the date of a unit such as ``"milliseconds since 2026-03-11 09:15:02"``; None where it says none."""
+    found = SINCE.search(unit)
+    if found is None:
+        return None
+    try:
+        date: datetime = parser.parse(found[1])
+    except (parser.ParserError, OverflowError):
+        return None
+    return date
+
+
+SINCE = re.compile(r"(?i)\s+since\s+(.+)$")
+
+
+def difference_of_starts(first: datetime, other: datetime) -> tuple[float, float]:
+    """Return by how many seconds a clock started after another one, and the zone in s that was taken off.
+
+    Where one start is in UTC and the other one in a time of day whose zone is not written, whole quarters of an hour
+    between them are that zone.
+    """
+    seconds = (other.replace(tzinfo=None) - first.replace(tzinfo=None)).total_seconds()
+    if (first.tzinfo is None) == (other.tzinfo is None):
+        return seconds, 0.0
+    zone = QUARTER_HOUR * round(seconds / QUARTER_HOUR)
+    return seconds - zone, zone
+
+
+QUARTER_HOUR = 900.0  # s, of which all zones are multiples
 
 
 def _offset(text: str | None) -> float | None:

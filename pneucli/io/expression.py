@@ -17,6 +17,7 @@ ROW = "row"  # the number of the row, from 0, where no column is called so
 FUNCTIONS: dict[str, Callable[[ColumnValues], ColumnValues]] = {
     **{"sqrt": np.sqrt, "sin": np.sin, "cos": np.cos, "tan": np.tan, "abs": np.abs, "exp": np.exp, "log": np.log}
 }
+POWER = "pow"  # of two numbers, as formulas in files write it
 _OPERATORS: dict[type[ast.AST], Callable[..., ColumnValues]] = {
     **{ast.Add: operator.add, ast.Sub: operator.sub, ast.Mult: operator.mul, ast.Div: np.divide, ast.Pow: np.power},
     **{ast.USub: operator.neg, ast.UAdd: operator.pos},
@@ -60,7 +61,9 @@ class Expression:
         marks: dict[str, ColumnKey] = {_placeholder(n): int(q) if q.isdigit() else q for n, q in enumerate(quoted)}
         bare = (node.id for node in ast.walk(self._tree()) if isinstance(node, ast.Name))
         return {
-            name: marks.get(name, name) for name in bare if name not in (*FUNCTIONS, SUM) and name not in _CONSTANTS
+            name: marks.get(name, name)
+            for name in bare
+            if name not in (*FUNCTIONS, SUM, POWER) and name not in _CONSTANTS
         }
 
     def _tree(self) -> ast.AST:
@@ -86,13 +89,11 @@ class Expression:
             return np.asarray(names[node.id] if node.id in names else _CONSTANTS[node.id])
         if isinstance(node, ast.BinOp | ast.UnaryOp) and type(node.op) in _OPERATORS:
             return _OPERATORS[type(node.op)](*inner)
-        if (
-            isinstance(node, ast.Call)
-            and isinstance(node.func, ast.Name)
-            and node.func.id in (*FUNCTIONS, SUM)
-            and len(inner) == 1
-        ):
-            return self._sum(inner[0], node) if node.func.id == SUM else FUNCTIONS[node.func.id](inner[0])
+        called = node.func.id if isinstance(node, ast.Call) and isinstance(node.func, ast.Name) else ""
+        if called in (*FUNCTIONS, SUM) and len(inner) == 1:
+            return self._sum(inner[0], node) if called == SUM else FUNCTIONS[called](inner[0])
+        if called == POWER and len(inner) == 2:
+            return np.power(*inner)
         known = f"+ - * / ** and {', '.join((*FUNCTIONS, SUM))}"
         raise ValueError(f'"{ast.unparse(node)[:60]}" is no part of an expression; wanted columns, numbers, {known}')
 

@@ -7,6 +7,7 @@ from dataclasses import dataclass, replace
 from math import isclose
 
 from pneucli.errors import InputError, UnitError
+from pneucli.io.date_parsing import SINCE
 from pneucli.io.raw_file import Channel, RawFile, Reader, Repair
 from pneucli.units import factor_and_offset, is_count, parse_scaled_unit, parse_unit, same_dimension
 
@@ -48,7 +49,8 @@ def unit_in_file(reader: Reader, place: int) -> WrittenUnit | None:
 
 
 def read_unit(text: str) -> WrittenUnit:
-    """Return a unit as it is written, known or not."""
+    """Return a unit as it is written, known or not; a date since which it counts is no part of it."""
+    text = SINCE.sub("", text)
     try:
         unit, scale, certain = parse_scaled_unit(text)
     except UnitError:

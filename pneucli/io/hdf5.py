@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from pneucli.errors import InputError
-from pneucli.io.column_reader import ColumnReader, clocks_by_group, column_names, import_extra, split_columns, to_vector
+from pneucli.io.column_reader import ColumnReader, clocks_by_group, column_names, import_extra, split_columns
 from pneucli.io.damaged_files import check_expanded_size
 from pneucli.io.hdf5_layouts import (
     Place,
@@ -80,7 +80,7 @@ def _read(file: Any, place: Place) -> ColumnValues:
         array = list(split_columns("", array).values())[place.column] if array.ndim > 1 else array
     if place.stamps is not None:
         array = np.asarray(array).astype(np.int64).view(place.stamps)
-    return to_vector(unpacked(file[place.dataset], array))
+    return np.ravel(unpacked(file[place.dataset], array))
 
 
 def _unit(dataset: Any) -> str:

@@ -10,9 +10,8 @@ from typing import Any
 import numpy as np
 
 from pneucli.errors import InputError
-from pneucli.io.column_reader import ColumnReader
+from pneucli.io.column_reader import ColumnReader, is_label_column
 from pneucli.io.damaged_files import check_expanded_size
-from pneucli.io.date_parsing import CalendarClock, is_date_or_time
 from pneucli.io.raw_file import ColumnValues
 
 NAME = "JSON"
@@ -20,14 +19,16 @@ EXPANSION = 8  # bytes in memory for one of the text, at most: numbers of two di
 
 
 def open_json(path: Path) -> ColumnReader:
-    """List the columns; one whose values are texts of dates and times is read in seconds since the first of them."""
+    """List the columns: numbers, numbers and stamps as texts, and labels."""
     check_expanded_size(path, EXPANSION * path.stat().st_size)
     columns = _columns(path)
 
     def fetch(wanted: Sequence[str]) -> list[ColumnValues]:
         return [columns[name] for name in wanted]
 
-    return ColumnReader(path, NAME, list(columns), fetch)
+    texts = {name for name, values in columns.items() if values.dtype == object}
+    labels = frozenset(n for n, name in enumerate(columns) if name in texts and is_label_column(columns[name]))
+    return ColumnReader(path, NAME, list(columns), fetch, labels=labels)
 
 
 def is_json(head: bytes) -> bool:
@@ -96,21 +97,10 @@ def _leaves(node: Any, prefix: str) -> Iterator[tuple[str, Any]]:
 
 def _is_column(values: Any) -> bool:
     known = [value for value in values if value is not None] if isinstance(values, list) else []
-    numbers = all(isinstance(value, int | float) or _is_number(value) for value in known)
-    return bool(known) and (numbers or all(isinstance(value, str) and is_date_or_time(value) for value in known))
-
-
-def _is_number(value: Any) -> bool:
-    """Return whether a value is a number written as a text, as brokers of messages pass them on."""
-    try:
-        return isinstance(value, str) and np.isfinite(float(value))
-    except ValueError:
-        return False
+    return bool(known) and all(isinstance(value, int | float | str) for value in known)
 
 
 def _vector(values: Sequence[Any]) -> ColumnValues:
-    if any(isinstance(value, str) and not _is_number(value) for value in values):
-        import pyarrow as pa  # noqa: PLC0415 - brings a second of imports where no text is read
-
-        return CalendarClock().seconds(pa.array(values, pa.string()))
+    if any(isinstance(value, str) for value in values):
+        return np.array(values, dtype=object)
     return np.array([np.nan if value is None else value for value in values], dtype=np.float64)

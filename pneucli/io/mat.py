@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from pneucli.errors import InputError
-from pneucli.io.column_reader import ColumnReader, clocks_by_group, column_names, to_vector
+from pneucli.io.column_reader import ColumnReader, clocks_by_group, column_names
 from pneucli.io.damaged_files import check_expanded_size
 from pneucli.io.mat_elements import check_types, expanded_size
 from pneucli.io.mat_struct import StructColumns
@@ -46,7 +46,7 @@ def open_mat(path: Path) -> ColumnReader:
 
     def fetch(wanted: Sequence[str]) -> list[ColumnValues]:
         columns = _load(path, list(dict.fromkeys(owner[name] for name in wanted))).columns
-        return [to_vector(columns[name]) for name in wanted]
+        return [columns[name].ravel() for name in wanted]
 
     names = list(owner)
     file_units = {names.index(name): unit for name, unit in units.items()}

@@ -13,6 +13,7 @@ import numpy as np
 
 from pneucli.errors import InputError
 from pneucli.io.channel_clocks import align_tables
+from pneucli.io.date_parsing import difference_of_starts
 from pneucli.io.raw_file import Repair
 from pneucli.io.signal_reader import Batch, SignalReader, rebatch
 from pneucli.io.timestamp_order import Array, Table, loss_repairs
@@ -107,8 +108,9 @@ class MultiFileRecording:
         starts = self._first.reader.start, part.opened.reader.start
         if starts[0] is None or starts[1] is None:
             return 0.0
-        offset = (starts[1] - starts[0]).total_seconds()
+        offset, zone = difference_of_starts(starts[0], starts[1])
         message = f"{path.name}: its clock was moved by {offset:.6g} s, as the dates of both files say"
+        message += f"; {zone / 3600:+.4g} h between them are a time zone that one of them does not write" * bool(zone)
         self._found.append(Repair("time", "offset", 1, message))
         return offset
 

@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from pneucli.io.column_reader import ColumnReader, column_names, split_columns, to_vector
+from pneucli.io.column_reader import ColumnReader, column_names, split_columns
 from pneucli.io.damaged_files import check_expanded_size
 from pneucli.io.raw_file import ColumnValues
 
@@ -37,7 +37,7 @@ def open_numpy(path: Path) -> ColumnReader:
             for name, field in dict.fromkeys(owner[one] for one in wanted):
                 array = arrays.load(name)
                 part = array if field is None or array is None else array[field]
-                columns |= {key: to_vector(one) for key, one in split_columns(_column(name, field), part).items()}
+                columns |= {key: np.ravel(one) for key, one in split_columns(_column(name, field), part).items()}
         return [columns[name] for name in wanted]
 
     return ColumnReader(path, NAME, list(owner), fetch)

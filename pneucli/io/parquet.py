@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Iterator, Sequence
-from datetime import datetime
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
 
@@ -13,13 +13,14 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 
 from pneucli.errors import InputError
-from pneucli.io.column_reader import seconds_since_first
+from pneucli.io.column_reader import is_label_column, seconds_since_first
 from pneucli.io.damaged_files import check_expanded_size, library_errors_as_input_errors
 from pneucli.io.date_parsing import CalendarClock, is_date_or_time
 from pneucli.io.raw_file import NO_CLOCKS, ColumnRequest, ColumnValues, Repair
 
 NAME = "Parquet"
 BATCH_ROWS = 1 << 17
+LABEL_ROWS = 1000  # rows that tell whether a text is a label
 
 
 class ParquetReader:
@@ -37,6 +38,7 @@ class ParquetReader:
         self.clocks = NO_CLOCKS
         self.clock_names: frozenset[int] = frozenset()
         self.losses: Counter[str] = Counter()
+        self.labels = label_columns(schema, lambda names: _first_rows(path, names))
 
     def batches(self, asks: Sequence[ColumnRequest]) -> Iterator[list[ColumnValues]]:
         """Yield the asked columns; time stamps of a calendar become seconds since the first of them."""
@@ -57,7 +59,9 @@ class ParquetReader:
             if batch is None:
                 return
             self.rows += batch.num_rows
-            yield [self._values(batch, name, ask, first) for name, ask in zip(wanted, asks, strict=True)]
+            values = [self._values(batch, name, ask, first) for name, ask in zip(wanted, asks, strict=True)]
+            self.start = self.start or first_start(first, batch.schema)
+            yield values
 
     def locate(self, row: int) -> str:
         """Return file and row (from 1)."""
@@ -76,6 +80,36 @@ class ParquetReader:
             raise InputError(
                 where, str(error).splitlines()[0], "numbers", "export it as float64", code="E043"
             ) from error
+
+
+def label_columns(schema: Any, first_rows: Callable[[list[str]], Any]) -> frozenset[int]:
+    """Return the positions of columns whose texts are neither numbers nor stamps; ``first_rows`` reads some of them."""
+    texts = [field.name for field in schema if _is_text(field.type)]
+    table = first_rows(texts) if texts else None
+    return frozenset(
+        number
+        for number, field in enumerate(schema)
+        if field.name in texts and table is not None and is_label_column(table.column(field.name).to_pylist())
+    )
+
+
+def _is_text(kind: Any) -> bool:
+    kind = kind.value_type if pa.types.is_dictionary(kind) else kind
+    return bool(pa.types.is_string(kind) or pa.types.is_large_string(kind))
+
+
+def _first_rows(path: Path, names: list[str]) -> Any:
+    return next(pq.ParquetFile(path).iter_batches(LABEL_ROWS, columns=names), None)
+
+
+def first_start(first: Mapping[int, Any], schema: Any) -> datetime | None:
+    """Return when the clock reads 0, by stamps that :func:`column_numbers` noted; in UTC where the schema says so."""
+    found = next((one for one in first.values() if one is not None), None)
+    if found is None or isinstance(found, CalendarClock):
+        return None if found is None else found.start
+    start = found.astype("datetime64[us]").item()
+    zoned = any(getattr(field.type, "tz", None) for field in schema)
+    return (start.replace(tzinfo=UTC) if zoned else start) if isinstance(start, datetime) else None
 
 
 def column_numbers(column: Any, first: dict[int, Any] | None = None, key: int = 0) -> ColumnValues:

@@ -111,6 +111,10 @@ class Reader(Protocol):
         """The positions of the columns that stand for every column's own clock."""
 
     @property
+    def labels(self) -> Collection[int]:
+        """The positions of columns of text that is neither numbers nor stamps."""
+
+    @property
     def units(self) -> Mapping[int, str]:
         """The units that the file itself says, by position (from 0)."""
 

@@ -6,14 +6,14 @@ The clock is the header's stamp where messages have one, else when a message was
 from __future__ import annotations
 
 import json
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from pneucli.errors import InputError
-from pneucli.io.column_reader import ColumnReader, import_extra
+from pneucli.io.column_reader import ColumnReader, import_extra, utc_datetime
 from pneucli.io.raw_file import ColumnValues
 
 NAME = "MCAP or rosbag2"
@@ -25,7 +25,8 @@ _UNITS = {  # by type of message and field, as their definitions say
     ("Temperature", "temperature"): "degC",
     ("Range", "range"): "m",
 }
-_Row = tuple[int, dict[str, float]]  # stamp in ns, numbers by field
+_Row = tuple[int, int | None, dict[str, float]]  # when it was logged, its own stamp in ns, and numbers by field
+_STORES = ("LATEST", "ROS2_JAZZY", "ROS2_IRON", "ROS2_HUMBLE", "ROS2_GALACTIC", "ROS2_FOXY")  # definitions of messages
 
 
 def open_mcap(path: Path) -> ColumnReader:
@@ -52,14 +53,21 @@ def open_rosbag2(path: Path) -> ColumnReader:
     found = "this is a database of rosbag2, and rosbags is not installed"
     highlevel = import_extra("rosbags.highlevel", EXTRA, path, found)
     typesys = import_extra("rosbags.typesys", EXTRA, path, found)
-    known = typesys.get_typestore(typesys.Stores.LATEST)
-    topics: dict[str, list[_Row]] = {}
-    types: dict[str, str] = {}
-    with highlevel.AnyReader([path], default_typestore=known) as reader:
-        for connection, stamp, raw in reader.messages():
-            decoded = reader.deserialize(raw, connection.msgtype)
-            topics.setdefault(connection.topic, []).append(_row(decoded, stamp))
-            types[connection.topic] = connection.msgtype
+    stores = [getattr(typesys.Stores, name) for name in _STORES if hasattr(typesys.Stores, name)]
+    for number, store in enumerate(stores, 1):
+        topics: dict[str, list[_Row]] = {}
+        types: dict[str, str] = {}
+        try:
+            with highlevel.AnyReader([path], default_typestore=typesys.get_typestore(store)) as reader:
+                for connection, stamp, raw in reader.messages():
+                    decoded = reader.deserialize(raw, connection.msgtype)
+                    topics.setdefault(connection.topic, []).append(_row(decoded, stamp))
+                    types[connection.topic] = connection.msgtype
+        except Exception:  # definitions of another release: messages end too early, or too late
+            if number == len(stores):
+                raise
+        else:
+            break
     return _reader(path, topics, types)
 
 
@@ -84,20 +92,27 @@ def _reader(path: Path, topics: Mapping[str, list[_Row]], types: Mapping[str, st
     columns: dict[str, ColumnValues] = {}
     clocks: dict[str, str] = {}
     units: dict[str, str] = {}
-    first = min((rows[0][0] for rows in topics.values() if rows), default=0)
+    stamped = {topic: _stamps(rows) for topic, rows in topics.items() if rows}
+    first = min((stamps[0] for stamps in stamped.values()), default=0)
     for topic, rows in topics.items():
-        fields = dict.fromkeys(field for _, numbers in rows for field in numbers)
+        fields = dict.fromkeys(field for *_, numbers in rows for field in numbers)
         if not fields:
             continue
         base = topic.strip("/")
         clock = f"{base}/time"
-        columns[clock], units[clock] = 1e-9 * np.array([stamp - first for stamp, _ in rows]), "s"
+        columns[clock], units[clock] = 1e-9 * np.array([stamp - first for stamp in stamped[topic]]), "s"
         for field in fields:
             name = f"{base}/{field}"
-            columns[name] = np.array([numbers.get(field, np.nan) for _, numbers in rows])
+            columns[name] = np.array([numbers.get(field, np.nan) for *_, numbers in rows])
             clocks[name] = clock
             units[name] = _UNITS.get((types.get(topic, "").rpartition("/")[2], field), "")
-    return ColumnReader.of_columns(path, NAME, columns, units, clocks)
+    return ColumnReader.of_columns(path, NAME, columns, units, clocks, utc_datetime(1e-9 * first))
+
+
+def _stamps(rows: Sequence[_Row]) -> list[int]:
+    """Return the stamps of a topic: its own, else when it was logged where none of its messages has a stamp but 0."""
+    own = [stamp for _, stamp, _ in rows if stamp is not None]
+    return own if len(own) == len(rows) and any(own) else [logged for logged, *_ in rows]
 
 
 def _row(message: Any, logged: int) -> _Row:
@@ -106,7 +121,7 @@ def _row(message: Any, logged: int) -> _Row:
     numbers: dict[str, float] = {}
     for name, value in fields.items():
         numbers |= dict(_numbers(name, value, fields.get("name")))
-    return (logged if stamp is None else stamp), numbers
+    return logged, stamp, numbers
 
 
 def _fields(message: Any) -> Iterator[tuple[str, Any]]:
@@ -128,7 +143,7 @@ def _stamp(header: Any) -> int | None:
         parts.get("sec", parts.get("secs", 0)),
         parts.get("nanosec", parts.get("nsec", parts.get("nsecs", 0))),
     )
-    return int(seconds) * 10**9 + int(rest) if seconds else None
+    return int(seconds) * 10**9 + int(rest)
 
 
 def _numbers(name: str, value: Any, labels: Any) -> Iterator[tuple[str, float]]:

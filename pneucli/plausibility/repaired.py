@@ -16,6 +16,7 @@ _MENDS = {
     "frozen": "look at the logger and the sensor of {signal}",
     "held": "state hold = true in [signals] {signal} if its value really stays between the samples",
     "spread": "export the stamps with more digits",
+    "gap": "where the gap parts two runs, cut there with from and to in [[recordings]] {recording}",
     "counter": "export the stamps with more digits, or from a clock that does not wrap",
 }
 REPAIRS = frozenset(_MENDS)  # checks of these names say how a recording was read

@@ -1,12 +1,12 @@
-"""Flows that a pipeline states in a unit of volume without its standard state."""
+"""Flows that a pipeline states as volumes: the reference state of each."""
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterator
 
-from pneucli.config import PipelineConfig, SignalTable
+from pneucli.config import PipelineConfig
 from pneucli.plausibility.required_inputs import Assumption
-from pneucli.units import same_dimension
+from pneucli.units import parse_unit, same_dimension
 
 STANDARD_STATE = "ANR"
 
@@ -30,14 +30,13 @@ def flow_unit(unit: str) -> str:
 
 
 def flow_unit_assumptions(config: PipelineConfig) -> Iterator[Assumption]:
-    """Yield what is assumed of each flow that the pipeline states as a volume without a state."""
+    """Yield the reference state in which each volume flow of the pipeline is taken, where its unit leaves a doubt."""
     tables = [config.signals, *(one.signals for one in config.recordings)]
-    for unit in dict.fromkeys(_plain_units(table.flow for table in tables)):
-        what = f"flow in {unit} is a volume of air in the reference atmosphere (ANR: 20 °C, 1 bar), as in ISO 6358"
-        yield Assumption(what, f'unit = "{flow_unit(unit)}", or "N{unit}" (0 °C, 1.013 bar), in [signals] flow')
-
-
-def _plain_units(signals: Iterable[SignalTable | None]) -> Iterator[str]:
-    for signal in signals:
-        if signal is not None and signal.unit is not None and is_plain_volume_flow(signal.unit):
-            yield signal.unit
+    units = (table.flow.unit for table in tables if table is not None and table.flow is not None)
+    for unit in dict.fromkeys(one for one in units if one is not None):
+        state = parse_unit(flow_unit(unit)).state
+        if state is None or unit.rstrip(")").endswith(STANDARD_STATE):
+            continue
+        others = "0 °C and 1.01325 bar" if is_plain_volume_flow(unit) else state.others
+        what = f"flow in {unit} is a volume of air at {state.words}" + (f", not {others}" if others else "")
+        yield Assumption(what, 'unit = "l/min ANR" (20 °C, 1 bar) or "Nl/min" (0 °C, 1.01325 bar), in [signals] flow')

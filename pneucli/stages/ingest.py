@@ -157,7 +157,7 @@ def _raw_file(
 def _channel(signal: SignalTable, unit: str, rig: Rig) -> Channel:
     stated = flow_unit(signal.unit or unit) if unit == FLOW_UNIT else signal.unit or unit
     factor, offset = factor_and_offset(stated, ambient_pressure=0.0, wanted=unit)
-    if parse_unit_as(stated, unit).of_air:
+    if parse_unit_as(stated, unit).state is not None:
         factor *= AIR.gas_constant / rig.gas_constant
     above = rig.ambient_pressure if signal.gauge else 0.0
     where = (signal.where.column, signal.where.equals) if signal.where else None

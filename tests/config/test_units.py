@@ -130,8 +130,58 @@ def test_units_of_a_rotary_axis(text: str, unit: str, value: float) -> None:
 )
 def test_a_flow_of_air_as_a_volume_is_a_mass(unit: str, density: float) -> None:
     assert parse_quantity(f"600 {unit}", "kg/s") == pytest.approx(600e-3 / 60 * density)
-    assert parse_unit(unit).of_air
-    assert not parse_unit("kg/s").of_air
+    assert parse_unit(unit).state is not None
+    assert parse_unit("kg/s").state is None
+
+
+VOLUMES = {"l": 1e-3, "L": 1e-3, "ml": 1e-6, "m3": 1.0, "m^3": 1.0, "cm3": 1e-6}
+FORMS = {  # how makers of flow meters write volumes in a reference state
+    1.2929: (
+        "N{v}/{t}",
+        "n{v}/{t}",
+        "N {v}/{t}",
+        "norm {v}/{t}",
+        "Norm-{v}/{t}",
+        "{v}n/{t}",
+        "{v}_n/{t}",
+        "{v}(n)/{t}",
+    ),
+    1.185: ("{v}/{t} ANR", "{v}/{t}(ANR)"),
+}
+
+
+@given(st.sampled_from(sorted(VOLUMES)), st.sampled_from([("min", 60.0), ("h", 3600.0), ("s", 1.0)]), st.data())
+def test_volumes_of_air_are_read_in_every_form_and_never_as_nanolitres(
+    volume: str, time: tuple[str, float], data: st.DataObject
+) -> None:
+    density = data.draw(st.sampled_from(sorted(FORMS)))
+    text = data.draw(st.sampled_from(FORMS[density])).format(v=volume, t=time[0])
+    unit = parse_unit(text)
+    assert unit.factor == pytest.approx(density * VOLUMES[volume] / time[1], rel=1e-12), text
+    assert unit.state is not None
+
+
+@pytest.mark.parametrize(
+    ("text", "per_minute"),
+    [
+        *((one, 1.2929e-3) for one in ("NLPM", "nlpm", "slpm", "SLPM", "SLM", "sl/min", "std l/min", "l/min (n)")),
+        *((one, 1.2929e-6) for one in ("sccm", "Scm3/min", "mln/min")),
+        *((one, 1.2255 / 60) for one in ("Sm3/h", "scmh")),
+        *((one, 1.189 * 0.3048**3) for one in ("scfm", "SCFM", "Sft3/min")),
+    ],
+)
+def test_standard_volumes_say_what_else_their_spelling_means(text: str, per_minute: float) -> None:
+    assert 60 * parse_unit(text).factor == pytest.approx(per_minute, rel=1e-9)
+    state = parse_unit(text).state
+    assert state is not None
+    assert bool(state.others) == (text[0] in "sS")
+
+
+@pytest.mark.parametrize(
+    "text", ["Nm", "N m", "N/mm", "N s/m", "nm", "ns", "mm/s", "l/min", "cfm", "lpm", "m/s", "Nm/s"]
+)
+def test_forces_torques_and_plain_flows_have_no_reference_state(text: str) -> None:
+    assert parse_unit(text).state is None
 
 
 def test_only_volumes_have_a_standard_state() -> None:
@@ -156,7 +206,7 @@ def test_only_volumes_have_a_standard_state() -> None:
         *((one, "deg") for one in ("degree", "degrees", "Deg")),
         *((one, "degC") for one in ("Celsius", "deg C", "° C", "Deg. C", "degrees C")),
         *((one, "N") for one in ("Newton", "Newton(s)", "newtons")),
-        *((one, "Nl/min") for one in ("slpm", "SLPM", "ln/min")),
+        *((one, "Nl/min") for one in ("NLPM", "nl/min", "ln/min")),
         *((one, "l/min") for one in ("LPM", "L/min", "L/MIN")),
         *((one, "rpm") for one in ("RPM", "U/min")),
     ],

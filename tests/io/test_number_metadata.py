@@ -1,12 +1,17 @@
 """Metadata without which a number means something else: units of stamps, packing, marks of nothing, kinds of clocks."""
 
+import json
+from datetime import UTC, datetime, timedelta
 from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
 
 import h5py
 import numpy as np
 import pytest
 
 from pneucli.errors import InputError
+from pneucli.io.date_parsing import difference_of_starts
 from pneucli.io.formats import open_raw
 from pneucli.io.raw_file import ColumnRequest, RawFile, Reader
 
@@ -151,3 +156,187 @@ def test_a_waveform_counts_in_the_unit_of_its_axis(tmp_path: Path, text: str, cl
         assert list(reader.names) == ["g/p"]
     else:
         np.testing.assert_allclose(column(reader, "time"), clock)
+
+
+RAW = np.array([0, 5, 9, 10, 15, 20, 29, 30], dtype=np.uint8)
+
+
+def converted(path: Path, samples: np.ndarray, conversion: Any) -> Reader:
+    from asammdf import MDF, Signal
+
+    with MDF(version="4.10") as file:
+        file.append([Signal(samples, np.arange(samples.size) * 0.1, name="p1", unit="bar", conversion=conversion)])
+        file.save(path)
+    return opened(path)
+
+
+@pytest.mark.parametrize(
+    ("formula", "of"),
+    [
+        ("0.25*pow(X,2)", lambda x: 0.25 * x**2),
+        ("0.25*X^2", lambda x: 0.25 * x**2),
+        ("0.25*X**2", lambda x: 0.25 * x**2),
+        ("sqrt(X1) + 1", lambda x: np.sqrt(x) + 1),
+    ],
+)
+def test_formulas_of_mdf_are_evaluated(tmp_path: Path, formula: str, of: Any) -> None:
+    reader = converted(tmp_path / "a.mf4", RAW, {"formula": formula})
+    np.testing.assert_allclose(column(reader, "p1"), of(RAW.astype(float)))
+
+
+def test_a_formula_of_mdf_that_is_not_known_is_refused(tmp_path: Path) -> None:
+    reader = converted(tmp_path / "a.mf4", RAW, {"formula": "lookup(X, Y)"})
+    with pytest.raises(InputError, match="lookup"):
+        column(reader, "p1")
+
+
+@pytest.mark.parametrize("kind", [np.uint8, np.float64])
+def test_ranges_of_mdf_hold_their_upper_end_for_integers_alone(tmp_path: Path, kind: Any) -> None:
+    """ASAM MDF 4, block CC, type 6."""
+    ranges = {f"{key}_{n}": value for n, (low, high, phys) in enumerate(((0, 9, -2), (10, 19, 0), (20, 29, 2)))
+              for key, value in (("lower", low), ("upper", high), ("phys", phys))}  # fmt: skip
+    reader = converted(tmp_path / "a.mf4", RAW.astype(kind), {**ranges, "default": 9.0})
+    of_integers, of_floats = [-2, -2, -2, 0, 0, 2, 2, 9], [-2, -2, 9, 0, 0, 2, 9, 9]
+    np.testing.assert_array_equal(column(reader, "p1"), of_integers if kind is np.uint8 else of_floats)
+
+
+def test_texts_of_mdf_are_labels_and_refused_as_numbers_in_words(tmp_path: Path) -> None:
+    texts = {"val_0": 0, "text_0": b"idle", "val_1": 5, "text_1": b"running"}
+    reader = converted(tmp_path / "a.mf4", RAW, texts)
+    assert list(reader.labels) == [list(reader.names).index("p1")]
+    with pytest.raises(InputError, match=r'channel "p1": texts, such as "idle"'):
+        column(reader, "p1")
+    (found,) = zip(*reader.batches([ColumnRequest(list(reader.names).index("p1"), text=True)]), strict=True)
+    assert found[0].tolist()[:2] == ["idle", "running"]
+
+
+def appended(path: Path, *starts: float) -> Reader:
+    """A waveform of four samples at 10 Hz for each start (s), each appended to the file by itself."""
+    from nptdms import ChannelObject, TdmsWriter
+
+    for number, start in enumerate(starts):
+        begin = np.datetime64("2026-01-01T00:00:00") + np.timedelta64(round(1e6 * start), "us")
+        own = {"wf_start_time": begin, "wf_increment": 0.1, "wf_start_offset": 0.0}
+        with TdmsWriter(path, mode="a" if number else "w") as writer:
+            writer.write_segment([ChannelObject("g", "p", np.arange(4.0) + number, properties=own)])
+    return opened(path)
+
+
+def test_each_run_that_was_appended_to_a_tdms_keeps_its_start(tmp_path: Path) -> None:
+    clock = column(appended(tmp_path / "a.tdms", 0.0, 3.7, 10.0), "time")
+    ticks = 0.1 * np.arange(4)
+    np.testing.assert_allclose(clock, np.concatenate([ticks, 3.7 + ticks, 10.0 + ticks]))
+    np.testing.assert_allclose(column(appended(tmp_path / "b.tdms", 0.0, 0.0), "time"), 0.1 * np.arange(8))
+
+
+def test_a_scale_of_tdms_that_is_not_known_is_refused(tmp_path: Path) -> None:
+    from nptdms import ChannelObject, TdmsWriter
+
+    for kind in ("Linear", "Neural"):
+        scale = {"NI_Number_Of_Scales": 1, "NI_Scale[0]_Scale_Type": kind, "NI_Scale[0]_Linear_Slope": 2.0}
+        scale |= {"NI_Scale[0]_Linear_Y_Intercept": 1.0, "NI_Scale[0]_Linear_Input_Source": 0xFFFFFFFF}
+        with TdmsWriter(tmp_path / f"{kind}.tdms") as writer:
+            own = {**scale, "NI_Scaling_Status": "unscaled"}
+            writer.write_segment([ChannelObject("g", "p", np.arange(3, dtype=np.int16), properties=own)])
+    np.testing.assert_allclose(column(opened(tmp_path / "Linear.tdms"), "g/p"), [1, 3, 5])
+    with pytest.raises(InputError, match='a scale of the type "Neural"'):
+        column(opened(tmp_path / "Neural.tdms"), "g/p")
+
+
+@pytest.mark.parametrize("first", [0, 5, 1_760_000_000])
+@pytest.mark.parametrize("count", [90, 1200])
+def test_stamps_of_a_simulation_count_from_its_first_second_on(first: int, count: int) -> None:
+    from pneucli.io.ros_bag import _row, _stamps
+
+    ns = first * 10**9 + 10**7 * np.arange(count)
+    rows = [
+        _row({"header": {"stamp": {"sec": int(t // 10**9), "nanosec": int(t % 10**9)}}, "p1": 1.0}, 7 + n)
+        for n, t in enumerate(ns.tolist())
+    ]
+    assert _stamps(rows) == ns.tolist()
+    blank = [_row({"header": {"stamp": {"sec": 0, "nanosec": 0}}, "p1": 1.0}, 7 + n) for n in range(count)]
+    assert _stamps(blank) == [7 + n for n in range(count)]
+
+
+def test_definitions_of_an_older_release_are_tried_where_the_newest_do_not_fit(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    from rosbags import highlevel, typesys
+
+    from pneucli.io.ros_bag import open_rosbag2
+
+    tried = []
+
+    class OfHumble:
+        def __init__(self, _: Any, default_typestore: Any) -> None:
+            tried.append(default_typestore)
+
+        def __enter__(self) -> Any:
+            return self
+
+        def __exit__(self, *_: object) -> None:
+            return None
+
+        def messages(self) -> Any:
+            return [(SimpleNamespace(topic="/p", msgtype="a/msg/P"), 10**9 * n, b"") for n in range(3)]
+
+        def deserialize(self, *_: object) -> Any:
+            if tried[-1] != typesys.Stores.ROS2_HUMBLE:
+                raise AssertionError("bytes are left")
+            return {"value": 4.0}
+
+    monkeypatch.setattr(highlevel, "AnyReader", OfHumble)
+    monkeypatch.setattr(typesys, "get_typestore", lambda store: store)
+    (tmp_path / "a.db3").write_bytes(b"SQLite format 3\0 CREATE TABLE messages")
+    np.testing.assert_array_equal(column(open_rosbag2(tmp_path / "a.db3"), "p/value"), [4.0] * 3)
+    assert tried[-1] == typesys.Stores.ROS2_HUMBLE
+
+
+START = datetime(2026, 5, 4, 8, 0, 0, 300_000)
+
+
+def dated_files(folder: Path) -> dict[str, Path]:
+    """Files whose clock begins at START: as a start that the file states, or as stamps with dates."""
+    import pyarrow as pa
+    import pyarrow.parquet as pq
+    from asammdf import MDF, Signal
+    from nptdms import ChannelObject, TdmsWriter
+    from pyarrow import feather
+
+    ticks = [START + timedelta(milliseconds=10 * n) for n in range(30)]
+    found = {kind: folder / f"a.{kind}" for kind in ("mf4", "tdms", "parquet", "feather", "jsonl", "csv", "npz", "nc")}
+    with MDF(version="4.10") as file:
+        file.header.start_time = START.replace(tzinfo=UTC)
+        file.append([Signal(np.arange(30.0), 0.01 * np.arange(30), name="p1")])
+        file.save(found["mf4"])
+    with TdmsWriter(found["tdms"]) as writer:
+        wave = {"wf_start_time": np.datetime64(START), "wf_increment": 0.01, "wf_start_offset": 0.0}
+        writer.write_segment([ChannelObject("g", "p1", np.arange(30.0), properties=wave)])
+    table = pa.table({"time": ticks, "p1": np.arange(30.0)})
+    pq.write_table(table, found["parquet"])
+    feather.write_feather(table, found["feather"])
+    rows = [{"time": f"{t.isoformat()}Z", "p1": n} for n, t in enumerate(ticks)]
+    found["jsonl"].write_text("\n".join(map(json.dumps, rows)))
+    found["csv"].write_text("time,p1\n" + "".join(f"{t},{n}\n" for n, t in enumerate(ticks)))
+    np.savez(found["npz"], time=np.array(ticks, "datetime64[us]"), p1=np.arange(30.0))
+    with h5py.File(found["nc"], "w") as file:
+        file["p1"], file["time"] = np.arange(30.0), 10.0 * np.arange(30)
+        file["time"].attrs["units"] = f"milliseconds since {START}"
+    return found
+
+
+def test_every_format_says_when_its_clock_reads_0(tmp_path: Path) -> None:
+    for kind, path in dated_files(tmp_path).items():
+        reader = opened(path)
+        clock = column(reader, "time")
+        assert reader.start is not None, kind
+        assert reader.start.replace(tzinfo=None) == START, kind
+        scale = 1e-3 if kind == "nc" else 1.0
+        np.testing.assert_allclose(scale * (clock - clock[0]), 0.01 * np.arange(30), atol=1e-9)
+
+
+@pytest.mark.parametrize("hours", [-8.0, -3.5, 0.0, 5.75, 12.0])
+def test_a_zone_that_one_of_two_files_does_not_write_is_taken_off(hours: float) -> None:
+    local = START + timedelta(hours=hours, seconds=0.3)
+    assert difference_of_starts(START.replace(tzinfo=UTC), local) == pytest.approx((0.3, 3600 * hours))
+    assert difference_of_starts(START, local) == pytest.approx((3600 * hours + 0.3, 0.0))
