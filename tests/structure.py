@@ -1,14 +1,21 @@
-"""Count what the structure of the program is: ``python -m tests.structure [CHECKOUT]`` prints one table.
+"""Count what the structure of the program is: ``python -m tests.structure [CHECKOUT] [--walks]`` prints one table.
 
-Imports under ``TYPE_CHECKING`` count like all others. A unit is a package or a module directly below ``pneucli``.
+Imports under ``TYPE_CHECKING`` count like all others. A unit is a package or a module directly below ``pneucli``. A
+line of code holds something other than a docstring, a comment or nothing. A walk counts the modules that one command
+passes through, and the pairs of modules of which one calls the other.
 """
 
 from __future__ import annotations
 
+import argparse
 import ast
 import re
+import shutil
+import statistics
+import subprocess
 import sys
-from collections.abc import Iterator
+import tempfile
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -36,11 +43,24 @@ class Module:
     def lines(self) -> int:
         return len(self.text.splitlines())
 
+    @property
+    def code_lines(self) -> int:
+        """Lines that hold code."""
+        documented = (ast.Module, ast.ClassDef, ast.FunctionDef)
+        nodes = (n for n in ast.walk(self.tree) if isinstance(n, documented) and ast.get_docstring(n))
+        docs = {line for n in nodes for line in range(n.body[0].lineno, (n.body[0].end_lineno or 0) + 1)}
+        lines = enumerate(self.text.splitlines(), 1)
+        return sum(i not in docs and bool(line.strip()) and not line.lstrip().startswith("#") for i, line in lines)
 
-def modules(root: Path = ROOT) -> dict[str, Module]:
-    """Every module of the program by its dotted name."""
+    def nodes(self, *kinds: type[ast.AST]) -> Iterator[ast.AST]:
+        """All nodes of some kinds."""
+        return (node for node in ast.walk(self.tree) if isinstance(node, kinds))
+
+
+def modules(root: Path = ROOT, folder: str = "pneucli") -> dict[str, Module]:
+    """Every module of the program, or of another folder, by its dotted name."""
     found = {}
-    for path in sorted((root / "pneucli").rglob("*.py")):
+    for path in sorted((root / folder).rglob("*.py")):
         parts = path.relative_to(root).with_suffix("").parts
         name = ".".join(parts[:-1] if parts[-1] == "__init__" else parts)
         text = path.read_text(encoding="utf-8")
@@ -156,6 +176,92 @@ def docstrings(found: dict[str, Module]) -> dict[str, float]:
     }
 
 
+def fields(node: ast.ClassDef) -> set[str]:
+    """The annotated attributes of a class."""
+    return {n.target.id for n in node.body if isinstance(n, ast.AnnAssign) and isinstance(n.target, ast.Name)}
+
+
+def interval_types(found: dict[str, Module]) -> list[str]:
+    """The classes that hold one number with its interval."""
+    ends = ({"ci95"}, {"interval"}, {"low", "high"}, {"ci_low", "ci_high"})
+    return [
+        f"{name}.{node.name}"
+        for name, module in found.items()
+        for node in module.nodes(ast.ClassDef)
+        if isinstance(node, ast.ClassDef)
+        and fields(node) & {"value", "before", "start"}
+        and any(pair <= fields(node) for pair in ends)
+    ]
+
+
+def telling(found: dict[str, Module]) -> list[str]:
+    """The classes that tell a person what was found, and the functions that write findings and warnings."""
+    words = {"found", "message", "reason", "cause", "failure"}
+    return [
+        f"{name}.{node.name}"
+        for name, module in found.items()
+        for node in module.nodes(ast.ClassDef, ast.FunctionDef)
+        if (isinstance(node, ast.ClassDef) and fields(node) & words)
+        or (isinstance(node, ast.FunctionDef) and re.search(r"(finding|warning)s?(_text)?$", node.name))
+    ]
+
+
+def dict_annotations(found: dict[str, Module]) -> int:
+    """Arguments, results and attributes that are annotated as a mapping of names to anything."""
+    untyped = re.compile(r"\b(dict|Mapping)\[str, Any\]|\bAnswer\b")
+    annotated = (
+        getattr(node, slot, None)
+        for module in found.values()
+        for node in module.nodes(ast.arg, ast.AnnAssign, ast.FunctionDef)
+        for slot in ("annotation", "returns")
+    )
+    return sum(bool(untyped.search(ast.unparse(one))) for one in annotated if one is not None)
+
+
+def string_subscripts(found: dict[str, Module]) -> int:
+    """How often a key stands between square brackets."""
+    nodes = (n for module in found.values() for n in module.nodes(ast.Subscript) if isinstance(n, ast.Subscript))
+    return sum(isinstance(node.slice, ast.Constant) and isinstance(node.slice.value, str) for node in nodes)
+
+
+def body_lengths(found: Iterable[Module]) -> list[int]:
+    """The number of lines of each function's body, its docstring not counted."""
+    functions = [n for module in found for n in module.nodes(ast.FunctionDef) if isinstance(n, ast.FunctionDef)]
+    bodies = [n.body[1:] if ast.get_docstring(n) else n.body for n in functions]
+    return [(body[-1].end_lineno or 0) - body[0].lineno + 1 for body in bodies if body]
+
+
+WALKER = """
+import sys, typing
+files, pairs = set(), set()
+def look(frame, event, _):
+    there, here = frame.f_code.co_filename, frame.f_back and frame.f_back.f_code.co_filename
+    if event == "call" and PACKAGE in there and not frame.f_code.co_name.startswith("<"):
+        files.add(there)
+        if here and PACKAGE in here and here != there:
+            pairs.add((here, there))
+PACKAGE, sys.argv = sys.argv[1], ["pneucli", *sys.argv[2:]]
+from pneucli.cli import main
+import atexit
+atexit.register(lambda: (sys.setprofile(None), print("walk", len(files), len(pairs), file=sys.stderr)))
+sys.setprofile(look)
+main()
+"""
+
+
+def walks(root: Path = ROOT) -> dict[str, float]:
+    """Modules that a command passes through, and pairs of them that call each other, each stage on its own."""
+    found = {}
+    with tempfile.TemporaryDirectory() as scratch:
+        shutil.copytree(root / "fixtures" / "valve_null", scratch, dirs_exist_ok=True)
+        for stage in ("ingest", "identify", "compare", "diagnose"):
+            words = [sys.executable, "-c", WALKER, str(root / "pneucli"), stage, f"{scratch}/pipeline.toml"]
+            run = subprocess.run(words, cwd=root, capture_output=True, text=True, encoding="utf-8", check=True)
+            files, pairs = re.findall(r"^walk (\d+) (\d+)", run.stderr, re.MULTILINE)[0]
+            found |= {f"walk of {stage}: modules": int(files), f"walk of {stage}: pairs that call": int(pairs)}
+    return found
+
+
 def words_per_page(root: Path = ROOT) -> dict[str, int]:
     """The number of words of each page."""
     pages = [root / "README.md", *sorted((root / "docs").rglob("*.md"))]
@@ -167,15 +273,26 @@ def summary(root: Path = ROOT) -> dict[str, float]:
     found = modules(root)
     graph = import_graph(found)
     lengths = [module.lines for name, module in found.items()]
+    bodies = body_lengths(found.values())
+    others = {folder: modules(root, folder) for folder in ("tests", "benchmarks")}
     return {
         "packages and modules below pneucli": len(unit_graph(graph)) - 1,
         "depth of their import graph": depth(unit_graph(graph)),
         "cycles of these": len(cycles(unit_graph(graph))),
         "cycles of modules": len(cycles(graph)),
-        "files": len(found),
+        "modules": len(found),
         "lines": sum(lengths),
-        "files under 40 lines": sum(length < 40 for length in lengths),
-        "files over 250 lines": sum(length > 250 for length in lengths),
+        "lines of code": sum(module.code_lines for module in found.values()),
+        **{f"modules of {name}": len(of) for name, of in others.items()},
+        **{f"lines of code of {name}": sum(one.code_lines for one in of.values()) for name, of in others.items()},
+        "modules under 40 lines": sum(length < 40 for length in lengths),
+        "modules over 250 lines": sum(length > 250 for length in lengths),
+        "lines of a function's body, median": statistics.median(bodies),
+        "lines of a function's body, 90 % have at most": statistics.quantiles(bodies, n=10, method="inclusive")[-1],
+        "types that hold a number with an interval": len(interval_types(found)),
+        "types and functions that tell something": len(telling(found)),
+        "annotations by a dict of anything": dict_annotations(found),
+        "subscripts by a string": string_subscripts(found),
         "private words": sum(private_words(found).values()),
         "public functions of " + ", ".join(DOCUMENTED): len(list(public_functions(found))),
         **{f"docstrings with {part}, %": round(share) for part, share in docstrings(found).items()},
@@ -185,13 +302,19 @@ def summary(root: Path = ROOT) -> dict[str, float]:
 
 
 def main() -> None:
-    """Print the table, then cycles, then words a page."""
-    root = Path(sys.argv[1]) if len(sys.argv) > 1 else ROOT
-    for title, value in summary(root).items():
+    """Print the table, then cycles, types, words a page."""
+    parser = argparse.ArgumentParser(description=__doc__.partition("\n")[0])
+    parser.add_argument("checkout", nargs="?", type=Path, default=ROOT)
+    parser.add_argument("--walks", action="store_true", help="also run four stages and count what they pass through")
+    asked = parser.parse_args()
+    root = asked.checkout.resolve()
+    for title, value in (summary(root) | (walks(root) if asked.walks else {})).items():
         print(f"{value:8g}  {title}")
     graph = import_graph(modules(root))
     for group in cycles(graph):
         print("cycle:", " ".join(group))
+    print("number with an interval:", *interval_types(modules(root)))
+    print("tell something:", *telling(modules(root)))
     counts = private_words(modules(root))
     print("private words:", ", ".join(f"{word} {n}" for word, n in sorted(counts.items(), key=lambda x: -x[1]) if n))
     for page, count in sorted(words_per_page(root).items(), key=lambda item: -item[1])[:12]:
