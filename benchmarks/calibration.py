@@ -43,8 +43,7 @@ from scipy.special import expit
 
 from benchmarks.worlds import worlds
 from pneucli.diagnose.calibration import Evidence, probability
-from pneucli.exam.grading import graded_cases
-from pneucli.exam.reliability import BIN_EDGES
+from pneucli.exam.grading import BIN_EDGES, graded_cases
 from pneucli.quantities import Z95
 
 Array = NDArray[np.float64]

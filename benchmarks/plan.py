@@ -28,8 +28,7 @@ from benchmarks import small
 from benchmarks.answers import essence, measured
 from benchmarks.rigs import model_of
 from benchmarks.truths import judged, truth_of
-from pneucli.exam.case_plan import PlannedCase, plan_cases
-from pneucli.exam.cases import generate_case, prepare_case
+from pneucli.exam.cases import PlannedCase, generate_case, plan_cases, prepare_case
 from pneucli.exam.conditions import parse
 from pneucli.exam.laboratory import Laboratory
 from pneucli.exam.planned_recordings import planned_recordings, read_commands

@@ -28,7 +28,7 @@ from numpy.typing import NDArray
 from benchmarks import small
 from benchmarks.laws import _make
 from benchmarks.rigs import Trace, driven, model_of
-from pneucli.closed_loop.sliding_share import OBSERVERS, ROUNDING
+from pneucli.closed_loop.metrics import OBSERVERS, ROUNDING
 from pneucli.controller import layout
 from pneucli.controller.laws import LAWS
 from pneucli.controller.parameters import Controller

@@ -6,25 +6,227 @@ pressure that drives the piston. Rules: :mod:`pneucli.design.bandwidths`, :mod:`
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+import math
+from collections.abc import Mapping, Sequence
 from functools import partial
 
 import numpy as np
 from numpy.typing import NDArray
 
+from pneucli.controller.layout import COMPONENT_SWITCHES, OPEN_CHAMBER_VOLUME, STROKE_NODES, TABLE_NODES
 from pneucli.controller.parameters import Controller
 from pneucli.design import effect_compensation
 from pneucli.design.air_spring import level_settings
-from pneucli.design.axis_parameters import axis_parameters, inverse_table
-from pneucli.design.bandwidths import choose_bandwidths, loop_timing, valve_compensation
+from pneucli.design.bandwidths import Bandwidths, choose_bandwidths, loop_timing, valve_compensation
 from pneucli.design.gains import controller_gains
 from pneucli.design.reference_limits import reference_limits
 from pneucli.design.requirements import Requirements
-from pneucli.design.standstill import stiction_parameters
 from pneucli.errors import InputError
-from pneucli.simulate.model import Model
+from pneucli.physics.gas import flow_scale
+from pneucli.simulate.model import Model, ValveForm
+from pneucli.simulate.valve_forms.area import MIN_AREA
 
+SEAL_STIFFNESS = 12.0  # supply forces over the stroke: stiffness of a soft seal before the piston slides
+CLOSING_RATE = 10.0  # 1/s: closing speed per error near a resting reference
+DWELL_RATE_FACTOR = 5.0  # rate of the release force over the rate at which a rest raises break-away
+FAST_RAMP_RATIO = 10.0  # time constants of the pressure loop in which the release force rises by a break-away force
+SLOW_RAMP_RATIO = 400.0  # the same near break-away: the rise within the lag of the loop accelerates the freed piston
+MAX_DEADBAND_GAIN = 10.0  # largest dead band over the holding band
+PRESSURE_MARGIN = (
+    0.01  # of ambient and supply pressure, by which references keep off: what a pressure sensor may be wrong
+)
 Array = NDArray[np.float64]
+
+
+def presliding_distance(values: Mapping[str, float], stiffness: float) -> float:
+    """Return the largest elastic excursion of the seals in m: 1.5 times Coulomb friction over their stiffness.
+
+    Args:
+        values: Parameters of the axis by name (SI).
+        stiffness: Presliding stiffness in N/m; 0 where it is not known, then 12 supply forces over the stroke.
+
+    >>> axis = {"C_COULOMB": 20.0, "C_AREA_1": 8e-4, "C_SUPPLY": 7e5, "C_AMBIENT": 1e5, "C_STROKE": 0.2}
+    >>> presliding_distance(axis, stiffness=6e4)
+    0.0005
+    """
+    supply_force = values["C_AREA_1"] * (values["C_SUPPLY"] - values["C_AMBIENT"])
+    return 1.5 * values["C_COULOMB"] / (stiffness or SEAL_STIFFNESS * supply_force / values["C_STROKE"])
+
+
+def stiction_parameters(
+    bandwidths: Bandwidths,
+    values: Mapping[str, float],
+    requirements: Requirements,
+    stiffness: float,
+    dwell: effect_compensation.DwellStrengthening,
+) -> dict[str, float]:
+    """Return the parameters of hold and release (:mod:`pneucli.controller.standstill`).
+
+    Forces and their rates are multiples of the break-away force.
+
+    Args:
+        bandwidths: Corner frequencies in rad/s.
+        values: Parameters of the axis and of the loops by name (SI).
+        requirements: ``tolerance``, by default 10 um, two quanta or four sigma of the position sensor.
+        stiffness: Presliding stiffness in N/m, 0 without a value.
+        dwell: Growth of break-away with the time at rest.
+
+    """
+    static = values["C_STATIC"]
+    tolerance = requirements.tolerance or max(10e-6, 2.0 * requirements.quantum_x, 4.0 * requirements.noise_x)
+    band = 0.5 * tolerance
+    slope = min(0.2 / requirements.period, bandwidths.pressure / 5.0)
+    slow = bandwidths.pressure / SLOW_RAMP_RATIO * static  # N/s
+    return {
+        "C_HOLDING_BAND": band,
+        "C_V_FLOOR": max(2.0 * requirements.quantum_x / requirements.period, 0.01 * values["C_V_MAX"]),
+        "C_MOTION_WINDOW": 6.0 / bandwidths.pressure,
+        "C_SECTOR_1": slope / requirements.sector_ratio,
+        "C_SECTOR_2": slope,
+        "C_RAMP_RATE_PER_ERROR": slow / (5.0 * band),
+        "C_RAMP_RATE_MIN": max(slow, DWELL_RATE_FACTOR * dwell.initial_rate * static),
+        "C_RAMP_RATE_MAX": bandwidths.pressure / FAST_RAMP_RATIO * static,
+        "C_BREAKAWAY_MAX": static if dwell.initial_rate > 0.0 else 2.0 * static,
+        "C_PRESSURE_BAND": 0.1 * static / values["C_AREA_1"],
+        "C_LOAD_STEP_MAX": max(0.25 * static, 0.01 * values["C_AREA_1"] * values["C_SUPPLY"]),
+        "C_PRESLIDING_DISTANCE": presliding_distance(values, stiffness),
+        "C_RAMP_GROWTH_RATE": bandwidths.pressure / 6.0,
+        "C_RELEASE_FORCE_MAX": 3.0 * static * dwell.max_factor
+        + values["C_AREA_1"] * (values["C_SUPPLY"] - values["C_AMBIENT"]),
+        "C_UNLOADING_RATE": bandwidths.pressure / 5.0,
+        "C_CLOSING_RATE": CLOSING_RATE,
+        "C_BRAKE_DAMPING": values["C_MASS"] * values["C_KD"],
+        "C_DEADBAND_GAIN_MAX": MAX_DEADBAND_GAIN,
+    }
+
+
+def inverse_table(model: Model, valve: ValveForm, direction: float) -> tuple[tuple[float, ...], float]:
+    """Return the inverse of a valve's areas in one direction.
+
+    Args:
+        model: The identified model, whose effects may change the opening (overlap, play).
+        valve: Areas over commands.
+        direction: 1 for filling, -1 for venting.
+
+    Returns:
+        Commands in V, TABLE_NODES of them, at the areas (i / (n - 1))^2 of the largest one, and the largest area in
+        m^2. The largest area is that of the largest tested command; larger openings are not known.
+
+    References:
+        Thesis 7.3, 7.4: the inverse of the identified valve in the pressure loop.
+    """
+    top, stem = (
+        max(direction * c for c in valve.commands if direction * c > 0),
+        effect_compensation.identify_spool(model),
+    )
+    u = np.linspace(0.0, top, 40 * TABLE_NODES)
+    area = np.maximum.accumulate(valve(np.interp(direction * u, stem.commands, stem.openings)))
+    open_ = int(np.argmax(area > MIN_AREA))
+    wanted = area[-1] * np.linspace(0.0, 1.0, TABLE_NODES) ** 2
+    null = model.base_values()["valve.null"]
+    return tuple(null + direction * np.interp(wanted, area[open_:], u[open_:])), float(area[-1])
+
+
+def axis_parameters(
+    model: Model, requirements: Requirements, areas: Sequence[float], sealed_pressure: float | None
+) -> dict[str, float]:
+    """Return the nominal parameters of the axis by the names of the layout.
+
+    Args:
+        model: The identified model.
+        requirements: ``period``, and what chamber 2 is (``chamber_2``).
+        areas: Largest areas in m^2 of filling and venting chamber 1, then chamber 2.
+        sealed_pressure: Pressure in Pa of a closed chamber 2 with the piston at mid-stroke; None: the geometric mean of
+            ambient and supply pressure.
+
+    Returns:
+        Parameters in SI units; switches are 0 or 1.
+    """
+    driven, is_open = requirements.chamber_2 == "valve", requirements.chamber_2 == "open"
+    mirrored = driven and model.rig.arrangement.chamber_2 == "mirrored"
+    fill, vent, fill_2, vent_2 = areas
+    base, (dead_1, dead_2) = model.base_values(), effect_compensation.dead_volumes(model)
+    rt = base["rig.gas_constant"] * base["rig.gas_temperature"]
+    ambient, supply = base["rig.ambient_pressure"], base["rig.supply_pressure"]
+    exponent = base["rig.polytropic_exponent"]
+    return {
+        "C_PERIOD": requirements.period,
+        "C_U_MAX": max(abs(c) for c in model.valve.commands),
+        "C_TWO_VALVES": float(driven and not mirrored),
+        "C_MIRRORED": float(mirrored),
+        **dict.fromkeys(COMPONENT_SWITCHES, 1.0),
+        "C_PRESSURE_MODE": 0.0,
+        "C_MASS": effect_compensation.moving_mass(model),
+        "C_AREA_1": base["rig.piston_area_1"],
+        "C_AREA_2": base["rig.piston_area_2"],
+        "C_STROKE": base["rig.stroke"],
+        "C_DEAD_VOLUME_1": dead_1,
+        "C_DEAD_VOLUME_2": OPEN_CHAMBER_VOLUME if is_open else dead_2,
+        "C_AMBIENT": ambient,
+        "C_SUPPLY": supply,
+        "C_GAMMA": exponent,
+        "C_GAMMA_R_T": exponent * rt,
+        "C_K_GAS": flow_scale(base["rig.heat_capacity_ratio"]) * math.sqrt(2.0 / rt),
+        "C_CRITICAL_RATIO": effect_compensation.critical_ratio(model),
+        **friction_parameters(model),
+        **sensor_parameters(model),
+        **leak_parameters(model),
+        "C_P_LOW": (1.0 + PRESSURE_MARGIN) * ambient,
+        "C_P_HIGH": (1.0 - PRESSURE_MARGIN) * supply,
+        "C_AIR_STIFFNESS": 0.0,
+        "C_P_MEAN": ambient if is_open else sealed_pressure or math.sqrt(ambient * supply),
+        "C_AREA_FILL": fill,
+        "C_AREA_VENT": vent,
+        "C_AREA_FILL_2": fill_2,
+        "C_AREA_VENT_2": vent_2,
+        "C_STROKE_NODES": float(STROKE_NODES),
+        "C_TABLE_NODES": float(TABLE_NODES),
+    }
+
+
+def friction_parameters(model: Model) -> dict[str, float]:
+    """Return the parameters of friction that are constant along the stroke.
+
+    Args:
+        model: The identified model.
+
+    Returns:
+        C_COULOMB and C_STATIC in N, C_STRIBECK in m/s, C_VISCOUS and C_VISCOUS_BACK in N s/m, C_DECELERATION_RATIO (1;
+        -1 for one branch), C_DRY_P1 and C_DRY_P2 in 1/Pa.
+
+    References:
+        Thesis (3.6) and, with two branches, (6.21).
+    """
+    (static, fallen), coulomb = effect_compensation.breakaway_friction(model), model.base_values()["friction.coulomb"]
+    first, second = effect_compensation.dry_friction_per_pressure(model)
+    return {
+        "C_COULOMB": coulomb,
+        "C_STATIC": max(static, coulomb),
+        "C_STRIBECK": fallen,
+        "C_VISCOUS": effect_compensation.viscous_friction(model, 1.0),
+        "C_VISCOUS_BACK": effect_compensation.viscous_friction(model, -1.0),
+        "C_DECELERATION_RATIO": effect_compensation.deceleration_friction_ratio(model),
+        "C_DRY_P1": first,
+        "C_DRY_P2": second,
+    }
+
+
+def sensor_parameters(model: Model) -> dict[str, float]:
+    """Return scale (1) and offset (Pa) of both pressure sensors by the names of the layout."""
+    first, second = (effect_compensation.sensor_line(model, chamber) for chamber in (1, 2))
+    return {
+        "C_SCALE_1": first.scale,
+        "C_OFFSET_1": first.offset,
+        "C_SCALE_2": second.scale,
+        "C_OFFSET_2": second.offset,
+    }
+
+
+def leak_parameters(model: Model) -> dict[str, float]:
+    """Return the areas of the leaks in m^2 by the names of the layout."""
+    found = effect_compensation.leak_areas(model)
+    names = ("C_LEAK_1", "C_LEAK_2", "C_LEAK_12", "C_LEAK_VALVE")
+    return dict(zip(names, (found.chamber_1, found.chamber_2, found.between, found.valve), strict=True))
 
 
 def design_cascade(model: Model, requirements: Requirements, sealed_pressure: float | None = None) -> Controller:

@@ -9,13 +9,100 @@ import numpy as np
 
 from pneucli.exam.conditions import Conditions
 from pneucli.exam.hidden_effects import BY_NAME
-from pneucli.exam.rig.parameters import Parameters
+from pneucli.exam.rig.gas import GAS_CONSTANT, PSI_MAX
+from pneucli.exam.rig.hose import hose_volume
+from pneucli.exam.rig.parameters import FIVE_THREE, TWO_VALVES, Parameters
 from pneucli.exam.rig.sensors import Sensors
 from pneucli.exam.rig_scaling import RigScaling
-from pneucli.exam.rig_variants import draw_variant
 
+ARRANGEMENT_CODES = {"5/3": FIVE_THREE, "two": TWO_VALVES}
 COMMAND_CYCLES = (5, 10, 20)  # ms, of programmable controllers
 ENCODER_STEPS = (2e-6, 5e-6, 10e-6, 20e-6)  # m, of linear encoders
+
+
+def draw_variant(
+    par: Parameters, kind: str, conditions: Conditions, rng: np.random.Generator
+) -> tuple[Parameters, tuple[str, ...]]:
+    """Return the rig with these valves, loads, walls and ends, and the effects that its pipeline file then names."""
+    par = _with_end_stops(_with_valves(par, conditions, rng), rng)
+    if conditions.differential:
+        par = par._replace(piston_area_2=par.piston_area_1 * rng.uniform(0.4, 0.7))
+    par, loads = _with_load(par, kind, conditions, rng)
+    return _with_gas(par, conditions, rng, loads)
+
+
+def _with_load(
+    par: Parameters, kind: str, conditions: Conditions, rng: np.random.Generator
+) -> tuple[Parameters, tuple[str, ...]]:
+    force = (par.supply - par.ambient) * par.piston_area_1
+    if conditions.load == "spring":
+        preload, stiffness = force * rng.uniform(0.12, 0.25), force / par.stroke * rng.uniform(0.1, 0.3)
+        return par._replace(spring_stiffness=stiffness, spring_rest=-preload / stiffness), ("spring-force",)
+    if conditions.load == "weight":
+        weight = force * rng.uniform(0.08, 0.16)
+        # with chamber 2 open, chamber 1 cannot balance a force that pulls outward
+        side = 1.0 if kind == "friction" else float(rng.choice([-1.0, 1.0]))
+        return par._replace(constant_force=side * weight, mass=par.mass + weight / 9.81), ("constant-force",)
+    if conditions.tank:
+        # litres for a vessel of about 0.2 l, and a hose of some metres
+        par = par._replace(supply_volume=rng.uniform(0.8e-3, 2e-3), regulator_conductance=0.0)
+        hose = {"line_delay": rng.uniform(0.006, 0.015), "critical_ratio": rng.uniform(0.15, 0.3)}
+        return par._replace(**hose), ("line-delay", "critical-ratio")
+    return par, ()
+
+
+def _with_gas(
+    par: Parameters, conditions: Conditions, rng: np.random.Generator, loads: tuple[str, ...]
+) -> tuple[Parameters, tuple[str, ...]]:
+    """Draw what a user knows to be there, and not how large: convection at the walls, the critical ratio of a valve."""
+    if conditions.wall_heat:
+        # forced convection in cylinders: 20 to 100 W/(m^2 K), Carneiro and de Almeida (2006)
+        par, loads = par._replace(wall_coefficient=rng.uniform(20.0, 60.0)), (*loads, "heat-transfer")
+    if conditions.free_ratio:
+        par, loads = par._replace(critical_ratio=rng.uniform(0.15, 0.5)), (*loads, "critical-ratio")
+    if conditions.hose:
+        # 0.5 to 3 m, at least as wide as the valve; the stated dead volumes contain it
+        bore = 2.0 * np.sqrt(par.effective_area / np.pi) * rng.uniform(1.5, 3.5)
+        par, loads = par._replace(line_delay=rng.uniform(0.0015, 0.009), hose_bore=bore), (*loads, "line-delay")
+        wider = {name: getattr(par, name) + hose_volume(par, 0) for name in ("dead_volume_1", "dead_volume_2")}
+        par = par._replace(**wider)
+    return par, loads
+
+
+def _with_source(par: Parameters, source: str, rng: np.random.Generator) -> Parameters:
+    """Return the rig with a valve that regulates the pressure, or with a pump, in place of the usual valve."""
+    gauge = par.supply - par.ambient
+    if source == "pump":
+        choked = PSI_MAX * par.effective_area * par.supply * np.sqrt(2.0 / (GAS_CONSTANT * par.temperature))
+        return par._replace(pump_flow=choked * rng.uniform(0.6, 1.0), pump_stall=gauge * rng.uniform(0.85, 1.0))
+    loop = {"regulated_span": gauge * rng.uniform(0.8, 0.95), "regulated_band": gauge * rng.uniform(0.06, 0.12)}
+    return par._replace(valve_lag=rng.uniform(3e-3, 6e-3), **loop)
+
+
+def _with_valves(par: Parameters, conditions: Conditions, rng: np.random.Generator) -> Parameters:
+    par = par._replace(switching=float(conditions.switching), command_null=conditions.null)
+    if conditions.null_stated == "identify":
+        par = par._replace(command_null=conditions.null + rng.uniform(-0.15, 0.15))
+    if conditions.source is not None:
+        return _with_source(par, conditions.source, rng)
+    if conditions.valve is None:
+        return par
+    # the edges of one spool differ slightly, two valves like two of a series
+    spread = 0.12 if conditions.valve == "5/3" else 0.25
+    return par._replace(
+        arrangement=ARRANGEMENT_CODES[conditions.valve],
+        effective_area_2=par.effective_area * rng.uniform(1 - spread, 1 + spread),
+        overlap_2=par.overlap * rng.uniform(1 - spread, 1 + spread),
+        exponent_2=max(1.0, par.exponent + spread * rng.uniform(-0.4, 0.4)),
+    )
+
+
+def _with_end_stops(par: Parameters, rng: np.random.Generator) -> Parameters:
+    """Draw ends that the full supply compresses by 0.02 to 0.1 % of the stroke; on half of them the piston bounces."""
+    pressed = par.stroke * rng.uniform(2e-4, 1e-3)
+    stiffness = (par.supply - par.ambient) * par.piston_area_1 / pressed
+    ratio = rng.uniform(0.05, 0.3) if rng.random() < 0.5 else rng.uniform(0.7, 1.0)
+    return par._replace(stop_stiffness=stiffness, stop_damping=2 * ratio * np.sqrt(stiffness * par.mass))
 
 
 def draw_stated_rig(

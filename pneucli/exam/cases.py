@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -11,7 +11,6 @@ from typing import Any
 import numpy as np
 
 from pneucli.errors import InputError, did_you_mean
-from pneucli.exam.case_plan import plan_cases
 from pneucli.exam.case_rig import (
     COMMAND_CYCLES,
     draw_sensors,
@@ -23,17 +22,120 @@ from pneucli.exam.case_rig import (
     is_linear,
     is_supply_recorded,
 )
-from pneucli.exam.case_truth import case_truth
-from pneucli.exam.conditions import USUAL, Conditions, parse
+from pneucli.exam.conditions import USUAL, WIDE, Conditions, draw_conditions, parse
 from pneucli.exam.hidden_effect import HiddenEffect
-from pneucli.exam.hidden_effects import UNCATALOGUED
-from pneucli.exam.hidden_sides import ALL_BY_NAME
+from pneucli.exam.hidden_effects import BY_NAME, CATALOGUE, UNCATALOGUED
+from pneucli.exam.hidden_sides import ALL_BY_NAME, draw_sides
 from pneucli.exam.laboratory import Laboratory, RecordingPlan
 from pneucli.exam.recording_programme import RecordingProgramme
+from pneucli.exam.rig.gas import wall_conductance
+from pneucli.exam.rig.parameters import ONE_CHAMBER, Parameters
 from pneucli.exam.rig_scaling import RigScaling
 
 SEALED_FOLDER = ".sealed"
 EXAM_FILE = "exam.json"  # in the sealed folder: the options, and the origin of the seed
+
+
+@dataclass(frozen=True)
+class PlannedCase:
+    """What one case hides, on which kind of rig."""
+
+    kind: str
+    hidden: tuple[str, ...]
+    outside: str
+    seed: int
+    conditions: Conditions
+
+
+def plan_cases(cases: int, nulls: int, conditions: Conditions, seed: int) -> Iterator[PlannedCase]:
+    """Yield which effects each case hides, on which kind of rig, and under which conditions."""
+    rng, conditions_rng = np.random.default_rng(seed), np.random.default_rng([seed, 1])
+    singles, disturbances = (_effect_names(effects, conditions, rng) for effects in (CATALOGUE, UNCATALOGUED))
+    for k in range(cases + nulls):
+        hidden: tuple[str, ...] = ()
+        outside = ""
+        if k < cases and k % 6 == 5:
+            hidden = _pair(conditions, rng)
+        elif k < cases and k % 5 == 4:
+            outside = next(disturbances)
+        elif k < cases:
+            hidden = (next(singles),)
+        names = [*hidden, *([outside] if outside else [])]
+        of_case = conditions
+        while WIDE in of_case.names and (of_case is conditions or not _kinds(names, of_case)):
+            of_case = draw_conditions(conditions_rng, names)
+        kind = str(rng.choice(_kinds(names, of_case)))
+        sided = draw_sides(hidden, conditions_rng) if of_case.sides else hidden
+        yield PlannedCase(kind, sided, outside, int(rng.integers(2**31)), of_case)
+
+
+def _effect_names(effects: Sequence[HiddenEffect], conditions: Conditions, rng: np.random.Generator) -> Iterator[str]:
+    while True:
+        order = [effects[i].name for i in rng.permutation(len(effects))]
+        yield from (name for name in order if conditions.allows(name) and _kinds([name], conditions))
+
+
+def _pair(conditions: Conditions, rng: np.random.Generator) -> tuple[str, ...]:
+    kind = str(rng.choice(conditions.kinds))
+    names = [effect.name for effect in CATALOGUE if kind in effect.kinds and conditions.allows(effect.name)]
+    return tuple(str(name) for name in rng.choice(names, 2, replace=False))
+
+
+def _kinds(names: Sequence[str], conditions: Conditions) -> list[str]:
+    return [kind for kind in conditions.kinds if all(kind in BY_NAME[name].kinds for name in names)]
+
+
+def _baseline_parameters(laboratory: Laboratory) -> dict[str, dict[str, float]]:
+    """Return the true parameters of the effects in the pipeline file, as far as there is one true value.
+
+    The walls of a cylinder's chamber grow with the stroke: only a vessel has one conductance.
+    """
+    par, found = laboratory.parameters, {}
+    for name in laboratory.effects:
+        if name != "heat-transfer" or par.wall_coefficient <= 0.0:
+            found[name] = ALL_BY_NAME[name].true_parameters(par)
+        elif not laboratory.has_cylinder and laboratory.vessel_volume is not None:
+            found[name] = {"conductance": float(wall_conductance(par, 0.0, laboratory.vessel_volume))}
+    return found
+
+
+def _second_valve(par: Parameters) -> dict[str, float]:
+    return {
+        "effective_area_2_at_10V": par.effective_area_2,
+        "overlap_2_V": par.overlap_2,
+        "area_exponent_2": par.exponent_2,
+    }
+
+
+def case_truth(
+    laboratory: Laboratory, hidden: Sequence[HiddenEffect], outside: str, conditions: Conditions
+) -> dict[str, object]:
+    """Return the truth of a case with these hidden effects and this disturbance outside the catalogue."""
+    par = laboratory.parameters
+    return {
+        "hidden": {effect.name: effect.true_parameters(par) for effect in hidden},
+        "outside_the_catalogue": outside or None,
+        "baseline": list(laboratory.effects),
+        "baseline_parameters": _baseline_parameters(laboratory),
+        "command_sets_area": conditions.source is None,
+        "part": ALL_BY_NAME[outside].part if outside else None,
+        "over": ALL_BY_NAME[outside].variable if outside else None,
+        "conditions": list(conditions.names) or [USUAL],
+        "verdict": "unexplained" if outside else "missing-effect" if hidden else "adequate",
+        "unexplained_is_right": bool(outside) or conditions.allows_unexplained,
+        "base": {
+            "coulomb": par.coulomb,
+            "viscous": par.viscous,
+            "effective_area_at_10V": par.effective_area,
+            "overlap_V": par.overlap,
+            "area_exponent": par.exponent,
+            "null_V": par.command_null,
+            "fully_open_V": par.command_range,
+            "critical_ratio": par.critical_ratio,
+            **({} if par.arrangement == ONE_CHAMBER else _second_valve(par)),
+        },
+        "sensor_noise_pressure_Pa": laboratory.sensors.pressure,
+    }
 
 
 def write_exam(

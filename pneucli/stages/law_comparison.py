@@ -16,10 +16,9 @@ from pneucli.closed_loop.law_comparison import (
     with_and_without_map,
     without_component,
 )
-from pneucli.closed_loop.metrics import Metrics
+from pneucli.closed_loop.metrics import MIN_SLIDING_SHARE, OBSERVERS, Metrics
 from pneucli.closed_loop.scenarios import PRESSURE_SUFFIX, read_scenarios
 from pneucli.closed_loop.simulation import ClosedLoopSetup, Run, Scenario
-from pneucli.closed_loop.sliding_share import MIN_SLIDING_SHARE, OBSERVERS
 from pneucli.controller.laws import DEFAULT
 from pneucli.controller.parameters import Controller
 from pneucli.messages.law_comparison import observer_at_bound

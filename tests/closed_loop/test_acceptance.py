@@ -8,10 +8,15 @@ import numpy as np
 import pytest
 
 from pneucli.closed_loop import acceptance as gating
-from pneucli.closed_loop import plant_limits
-from pneucli.closed_loop.acceptance import NOMINAL_AXIS, Criterion, acceptance_criteria, axis_variants, check_acceptance
+from pneucli.closed_loop.acceptance import (
+    NOMINAL_AXIS,
+    Criterion,
+    acceptance_criteria,
+    axis_variants,
+    check_acceptance,
+    limiting_cause,
+)
 from pneucli.closed_loop.law_comparison import without_component
-from pneucli.closed_loop.plant_limits import limiting_cause
 from pneucli.closed_loop.scenarios import read_scenarios
 from pneucli.messages import acceptance as words
 from tests.design import axis
@@ -78,14 +83,14 @@ def test_what_cannot_be_reached_is_said_with_its_cause(stated: dict[str, float],
 def test_no_loop_is_stiffer_than_what_valve_and_spring_give_together() -> None:
     """By the deflection of a mass that a ramp of force stops, stepped here in time."""
     c = CONTROLLER.values
-    push, rate = gating.nominal_load(c), plant_limits.max_force_rate(c)
+    push, rate = gating.nominal_load(c), gating.max_force_rate(c)
     left, x, v, dt = push - c["C_STATIC"], 0.0, 0.0, 1e-6
     for k in range(10_000_000):
         v += dt * (left - rate * k * dt) / c["C_MASS"]
         x += dt * v
         if v <= 0.0:
             break
-    assert plant_limits.max_load_stiffness(c) - plant_limits.min_air_stiffness(c) == pytest.approx(push / x, rel=1e-2)
+    assert gating.max_load_stiffness(c) - gating.min_air_stiffness(c) == pytest.approx(push / x, rel=1e-2)
     shown = check_acceptance(
         CONTROLLER, replace(WANTED, stiffness=1e-3), SCENARIOS, axis.BENCH, [(NOMINAL_AXIS, MODEL)]
     )
@@ -111,7 +116,7 @@ def test_the_spring_is_that_of_both_chambers_of_enclosed_gas() -> None:
         "C_P_MEAN": 4e5,
     }
     c = CONTROLLER.with_values(**known, C_STROKE=0.2, C_GAMMA=1.4).values
-    assert plant_limits.min_air_stiffness(c) == pytest.approx(1.4 * 4e5 * 1e-3 * 2 / 0.1)
+    assert gating.min_air_stiffness(c) == pytest.approx(1.4 * 4e5 * 1e-3 * 2 / 0.1)
 
 
 @pytest.mark.parametrize(

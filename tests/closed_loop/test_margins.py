@@ -9,8 +9,14 @@ import numpy as np
 import pytest
 
 from pneucli.closed_loop import linearisation, simulation
-from pneucli.closed_loop.discrete_system import DiscreteSystem, impulse_response, realise_impulse_response
-from pneucli.closed_loop.linearisation import LinearisedLoop, linearise, without_nonsmooth_effects
+from pneucli.closed_loop.linearisation import (
+    DiscreteSystem,
+    LinearisedLoop,
+    impulse_response,
+    linearise,
+    realise_impulse_response,
+    without_nonsmooth_effects,
+)
 from pneucli.closed_loop.margins import (
     analyse_margins,
     closed_loop_matrix,

@@ -11,7 +11,6 @@ import pytest
 
 from pneucli.controller.layout import COMPONENT_SWITCHES, DELAY_LINE_SAMPLES
 from pneucli.design import cascade_design
-from pneucli.design.axis_parameters import axis_parameters, inverse_table
 from pneucli.design.bandwidths import (
     DELAY_UNCERTAINTY,
     SPOOL_LEAD,
@@ -20,6 +19,7 @@ from pneucli.design.bandwidths import (
     Timing,
     choose_bandwidths,
 )
+from pneucli.design.cascade_design import axis_parameters, inverse_table, stiction_parameters
 from pneucli.design.effect_compensation import DwellStrengthening
 from pneucli.design.gains import LOAD_OBSERVER_RATIO, controller_gains
 from pneucli.design.reference_limits import (
@@ -29,7 +29,6 @@ from pneucli.design.reference_limits import (
     reference_limits,
 )
 from pneucli.design.requirements import Requirements, read_requirements
-from pneucli.design.standstill import stiction_parameters
 from pneucli.errors import InputError
 from pneucli.physics.effects import catalogue
 from pneucli.simulate.valve_forms.area import ValveArea

@@ -10,16 +10,15 @@ import pytest
 
 from pneucli.errors import InputError
 from pneucli.exam import workflow
-from pneucli.exam.case_truth import case_truth
-from pneucli.exam.cases import generate_case, write_exam
+from pneucli.exam.cases import case_truth, generate_case, write_exam
 from pneucli.exam.conditions import Conditions
-from pneucli.exam.grade_tables import to_markdown
 from pneucli.exam.grading import grade
 from pneucli.exam.hidden_effects import BY_NAME
 from pneucli.exam.hidden_sides import ON_A_SIDE
 from pneucli.exam.laboratory import Laboratory
 from pneucli.exam.rig.parameters import TWO_VALVES, Parameters
 from pneucli.exam.rig.sensors import Sensors
+from pneucli.exam.workflow import to_markdown
 from pneucli.physics.effects import catalogue
 from pneucli.physics.sides import with_variants
 

@@ -10,8 +10,7 @@ import numpy as np
 import pytest
 
 from pneucli.errors import InputError
-from pneucli.exam.case_plan import plan_cases
-from pneucli.exam.cases import generate_case, write_exam
+from pneucli.exam.cases import generate_case, plan_cases, write_exam
 from pneucli.exam.condition_table import CONDITIONS, DRIFTING_AND_PERIODIC_EFFECTS, WIDE_CHOICES
 from pneucli.exam.conditions import Conditions, describe_conditions, parse
 from pneucli.exam.hidden_effects import BY_NAME, CATALOGUE, UNCATALOGUED

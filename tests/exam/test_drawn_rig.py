@@ -7,11 +7,11 @@ from typing import Any
 import numpy as np
 import pytest
 
-from pneucli.exam import case_rig, rig_variants
+from pneucli.exam import case_rig
+from pneucli.exam.case_rig import draw_variant
 from pneucli.exam.conditions import parse
 from pneucli.exam.rig.parameters import FIVE_THREE, TWO_VALVES, Parameters
 from pneucli.exam.rig_scaling import RigScaling
-from pneucli.exam.rig_variants import draw_variant
 from tests.exam.chosen import Chosen
 
 RNG: Any = Chosen()
@@ -165,4 +165,4 @@ def test_a_bench_tests_the_valve_unless_the_condition_says_that_there_was_none()
 
 
 def test_nothing_of_an_arrangement_is_without_a_code() -> None:
-    assert rig_variants.ARRANGEMENT_CODES == {"5/3": FIVE_THREE, "two": TWO_VALVES}
+    assert case_rig.ARRANGEMENT_CODES == {"5/3": FIVE_THREE, "two": TWO_VALVES}

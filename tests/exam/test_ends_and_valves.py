@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 from pneucli.errors import InputError
+from pneucli.exam.case_rig import draw_variant
 from pneucli.exam.cases import generate_case
 from pneucli.exam.conditions import parse
 from pneucli.exam.laboratory import Laboratory
@@ -18,7 +19,6 @@ from pneucli.exam.rig.kernel import end_stop_force
 from pneucli.exam.rig.parameters import FIVE_THREE, TWO_VALVES, Parameters
 from pneucli.exam.rig.sensors import Sensors
 from pneucli.exam.rig.simulation import Excitation, simulate_rig
-from pneucli.exam.rig_variants import draw_variant
 
 RIG = Parameters(overlap=0.2, effective_area_2=1.6e-6, overlap_2=0.3, exponent_2=1.2)
 FREE = Parameters(coulomb=0.0, viscous=0.0, stop_damping=0.0)

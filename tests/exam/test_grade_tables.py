@@ -7,7 +7,7 @@ from typing import Any
 
 import pytest
 
-from pneucli.exam.grade_tables import SHORT_TITLES, case_rows, measure_rows, to_markdown
+from pneucli.exam.workflow import SHORT_TITLES, case_rows, measure_rows, to_markdown
 
 NOTHING = {"right": 0, "of": 0, "share": None, "ci95": None}
 

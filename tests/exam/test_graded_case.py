@@ -9,9 +9,9 @@ from typing import Any
 import pytest
 
 from pneucli.errors import InputError
-from pneucli.exam.grade_tables import to_markdown
 from pneucli.exam.graded_case import GradedCase
 from pneucli.exam.grading import grade
+from pneucli.exam.workflow import to_markdown
 
 
 def truth(hidden: dict[str, dict[str, float]], outside: str | None = None) -> dict[str, Any]:

@@ -6,9 +6,9 @@ from typing import Any
 
 import pytest
 
-from pneucli.exam.grade_tables import measure_rows, to_markdown
 from pneucli.exam.graded_case import GradedCase
 from pneucli.exam.grading import report
+from pneucli.exam.workflow import measure_rows, to_markdown
 
 LEAK = {"chamber-leak": {"area": 1.0}}
 

@@ -9,7 +9,7 @@ from typing import Any
 import pytest
 
 from pneucli.exam.graded_case import GradedCase
-from pneucli.exam.reliability import reliability, reliability_table
+from pneucli.exam.grading import reliability, reliability_table
 
 
 def stating(*stated: tuple[float, bool]) -> Any:

@@ -9,8 +9,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from pneucli.fleet.openmetrics import to_openmetrics
-from pneucli.fleet.page import page_data, to_html
+from pneucli.fleet.output import page_data, to_html, to_openmetrics
 from pneucli.fleet.trends import Trend
 
 RNG = np.random.default_rng(1)
