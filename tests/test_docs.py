@@ -18,7 +18,7 @@ import pytest
 import typer
 
 from pneucli.cli import docs
-from pneucli.cli.commands import build
+from pneucli.cli.program import build
 from pneucli.config.key_reference import all_keys
 from pneucli.physics.effects import catalogue
 from pneucli.report.effect_figures import effect_figure

@@ -99,7 +99,7 @@ def test_no_effect_of_the_catalogue_is_named_outside_it_and_the_exam() -> None:
 
     The reference simulation has its own equations of some effects, and help texts show the use of real names.
     """
-    apart = ("physics/effects", "exam", "simulate/reference.py", "cli/examples.py", "cli/effects.py")
+    apart = ("physics/effects", "exam", "simulate/reference.py", "cli/commands")
     names = "|".join(re.escape(name) for name in sorted(catalogue(), key=len, reverse=True))
     named = re.compile(rf"(?<![\w-])(?:{names})(?![\w-])")
     found = [

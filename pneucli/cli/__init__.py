@@ -22,7 +22,7 @@ os.environ.setdefault("PYDANTIC_DISABLE_PLUGINS", "__all__")
 import typer
 
 from pneucli.cli import console
-from pneucli.cli.commands import as_command, build
+from pneucli.cli.program import as_command, build
 from pneucli.errors import InputError, environment_error
 
 

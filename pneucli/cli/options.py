@@ -5,7 +5,7 @@ from __future__ import annotations
 import sys
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
@@ -57,3 +57,20 @@ def shortest_path(path: Path) -> str:
 def built_stages(*names: str) -> list[str]:
     """Return those of the stages that this installation has."""
     return [name for name in names if STAGES[name].built]
+
+
+def law_names(names: list[str], where: str) -> list[str]:
+    """Return the checked names of control laws; raises InputError before anything runs."""
+    from pneucli.controller.laws import select_laws
+
+    return [one.name for one in select_laws([name.strip() for name in names], where)]
+
+
+def executor_option(executor: str | None) -> dict[str, Any]:
+    """Return the option that names the executor; raises InputError at once where it does not answer."""
+    if executor is None:
+        return {}
+    from pneucli.executors import require_cluster
+
+    require_cluster(executor)
+    return {"executor": executor}

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 import typer
 
-from pneucli.cli import init as command
+from pneucli.cli.commands import init as command
 
 SAID = ["7 kg", "6 bar gauge", "32 mm", "40 mm", "0", "", "stop"]
 

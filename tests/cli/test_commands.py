@@ -14,7 +14,7 @@ import pytest
 import typer
 
 from pneucli import cli
-from pneucli.cli.commands import build
+from pneucli.cli.program import build
 from pneucli.notebook import progress
 from pneucli.pipeline.context import Context
 from tests.cli.conftest import Command

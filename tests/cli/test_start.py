@@ -20,7 +20,7 @@ HEAVY = ("numpy", "scipy", "pandas", "pyarrow", "matplotlib", "numba", "pydantic
 HELP_OF_ALL = f"""
 import sys, typer
 from pneucli.cli import main
-from pneucli.cli.commands import build
+from pneucli.cli.program import build
 for words in [[], *([name] for name in typer.main.get_command(build()).commands)]:
     sys.argv = ["pneucli", *words, "--help"]
     try:

@@ -8,7 +8,7 @@ from typing import Any
 
 import pytest
 
-from pneucli.cli.plan import _take
+from pneucli.cli.commands.plan import _take
 from pneucli.errors import InputError
 from pneucli.stages.plan_take import add_recordings, last_answers, taken_answer
 

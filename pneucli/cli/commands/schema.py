@@ -6,9 +6,7 @@ from collections.abc import Sequence
 from itertools import groupby
 from typing import TYPE_CHECKING
 
-import typer
-
-from pneucli.cli import examples
+from pneucli.cli.command import Command
 from pneucli.cli.options import Json, Quiet, Verbose
 
 if TYPE_CHECKING:
@@ -53,11 +51,6 @@ TABLES = {
 }
 
 
-def register(app: typer.Typer) -> None:
-    """Add the command."""
-    app.command("schema", help=HELP, epilog=examples.example_line("schema"))(_schema)
-
-
 def _schema(json: Json = True, verbose: Verbose = False, quiet: Quiet = False) -> None:
     """The options exist for uniformity: the answer is JSON, and there is nothing beside it."""
     from pneucli.stages.schema import schema_text
@@ -87,3 +80,6 @@ def _rows(keys: Sequence[Key]) -> str:
         example = f"`` {shown} ``" if "`" in shown else f"`{shown}`"
         lines.append(f"| {name} | {says} | {unit} | {default} | {example} |")
     return "\n".join(lines) + "\n"
+
+
+COMMAND = Command(_schema, "pneucli schema > axis-7/pipeline.schema.json", HELP, place=230)

@@ -10,9 +10,9 @@ from typing import TYPE_CHECKING, Any
 import typer
 
 from pneucli import messages
-from pneucli.cli import console, examples
+from pneucli.cli import console
+from pneucli.cli.command import Command, fails_acceptance, print_findings, update
 from pneucli.cli.options import File, Json, Out, Quiet, Verbose, built_stages, open_pipeline_file, shortest_path
-from pneucli.cli.stage import fails_acceptance, print_findings
 from pneucli.messages.run import lines as summary
 from pneucli.stages.history import history_answer
 
@@ -23,24 +23,13 @@ if TYPE_CHECKING:
 STAGES = ("compare", "design", "simulate", "diagnose", "report")
 
 
-def register(app: typer.Typer) -> None:
-    """Add the command."""
-    app.command(
-        "run",
-        help="All that is out of date, then the report; exit 1 where a check fails.",
-        epilog=examples.example_line("run"),
-    )(_run)
-
-
 def _run(pipeline: File, out: Out = None, json: Json = False, verbose: Verbose = False, quiet: Quiet = False) -> None:
     from pneucli.pipeline.checks import evaluate
 
     opened_pipeline = open_pipeline_file(pipeline, out)
-    say = console.ignore_message if quiet else console.print_message
-    with console.progress(quiet) as progress:
-        done = opened_pipeline.update(built_stages(*STAGES), None, progress, say)
+    done = update(opened_pipeline, built_stages(*STAGES), quiet)
     if not any(stage.reasons for stage in done.values()):
-        say("everything is up to date")
+        console.messenger(quiet)("everything is up to date")
     answers = {name: stage.manifest.answer for name, stage in done.items() if stage.manifest.answer is not None}
     results = evaluate(opened_pipeline.tables.get("checks", {}), answers, str(pipeline))
     if json:
@@ -93,3 +82,11 @@ def _state(stage: Done) -> str:
 
 def _report(pipeline: Pipeline) -> Path:
     return pipeline.artifacts / "report" / "report.html"
+
+
+COMMAND = Command(
+    _run,
+    "pneucli run axis-7/pipeline.toml",
+    "All that is out of date, then the report; exit 1 where a check fails.",
+    place=160,
+)

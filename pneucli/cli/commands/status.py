@@ -4,23 +4,13 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-import typer
-
-from pneucli.cli import console, examples
+from pneucli.cli import console
+from pneucli.cli.command import Command
 from pneucli.cli.options import File, Json, Out, Quiet, Verbose, built_stages, open_pipeline_file, shortest_path
 from pneucli.pipeline.graph import STAGES
 
 if TYPE_CHECKING:
     from pneucli.pipeline.runner import StageStatus
-
-
-def register(app: typer.Typer) -> None:
-    """Add the command."""
-    app.command(
-        "status",
-        help="What is up to date, what is stale and why; nothing is run.",
-        epilog=examples.example_line("status"),
-    )(_status)
 
 
 def _status(
@@ -49,3 +39,11 @@ def _state(verdict: StageStatus) -> str:
         return "stale"
     skipped = verdict.manifest is not None and verdict.manifest.skipped is not None
     return "does not apply" if skipped else "up to date"
+
+
+COMMAND = Command(
+    _status,
+    "pneucli status axis-7/pipeline.toml",
+    "What is up to date, what is stale and why; nothing is run.",
+    place=190,
+)

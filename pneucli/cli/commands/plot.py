@@ -2,19 +2,22 @@
 
 from __future__ import annotations
 
+import io
+import os
+import sys
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from pneucli import messages
-from pneucli.cli import console, examples
+from pneucli.cli.command import Command, show
 from pneucli.cli.options import Json, Out, Quiet, Verbose
 from pneucli.errors import InputError
 
 if TYPE_CHECKING:
     from pneucli.notebook.panels import NotebookFigure
 
+INSTALL = "pip install 'pneucli[terminal]'"
 HELP = "Measured, model and residual of a recording: in the terminal, or in a file with --save."
 ENDINGS = ("png", "svg", "pdf")
 
@@ -37,9 +40,19 @@ Save = Annotated[
 ]  # fmt: skip
 
 
-def register(app: typer.Typer) -> None:
-    """Add the command."""
-    app.command("plot", help=HELP, epilog=examples.example_line("plot"))(_plot)
+def show_picture(png: bytes) -> str:
+    """Show a PNG on standard output; return the reason where that is not possible, else nothing."""
+    if not (sys.stdout.isatty() and sys.stdin.isatty()) or os.environ.get("TERM") == "dumb":
+        return "standard output is no terminal"
+    try:
+        from rich.console import Console
+        from textual_image.renderable import Image, SixelImage, TGPImage
+    except ImportError:
+        return f"pictures in a terminal need the extra terminal: {INSTALL}"
+    if Image not in (SixelImage, TGPImage):
+        return "this terminal shows no pictures (neither sixel nor kitty graphics)"
+    Console().print(Image(io.BytesIO(png), width="auto"))
+    return ""
 
 
 def _plot(
@@ -64,10 +77,7 @@ def _plot(
     answer = plot_answer(run.answer("compare"), recording, channel)
     figure = run.plot.residuals(answer["recording"], channel)
     answer |= _save(figure, save) if save is not None else _show(figure, json)
-    if json:
-        console.print_json(answer)
-    else:
-        console.print_text(messages.render("plot", answer, str(pipeline), verbose=verbose))
+    show("plot", answer, pipeline, json, verbose)
 
 
 def _save(figure: NotebookFigure, file: Path) -> dict[str, Any]:
@@ -78,7 +88,10 @@ def _save(figure: NotebookFigure, file: Path) -> dict[str, Any]:
 
 def _show(figure: NotebookFigure, json: bool) -> dict[str, Any]:
     """Show the figure; under ``--json`` standard output has room for the answer alone."""
-    from pneucli.cli.terminal_picture import show_picture
-
     why = "--json prints the answer alone" if json else show_picture(figure._repr_png_())
     return {"file": None, "not_shown": why or None}
+
+
+COMMAND = Command(
+    _plot, "pneucli plot axis-7/pipeline.toml stickslip_2 --channel x --save stickslip_2.svg", HELP, place=150
+)

@@ -2,17 +2,11 @@
 
 from __future__ import annotations
 
-import typer
-
-from pneucli.cli import console, examples
+from pneucli.cli import console
+from pneucli.cli.command import Command
 from pneucli.cli.options import File, Json, Out, Quiet, Verbose, open_pipeline_file
 
 HELP = "How the error fell: every model that was compared, oldest first; nothing is run."
-
-
-def register(app: typer.Typer) -> None:
-    """Add the command."""
-    app.command("history", help=HELP, epilog=examples.example_line("history"))(_history)
 
 
 def _history(
@@ -30,3 +24,6 @@ def _history(
     console.print_text("\n".join(history.lines(models, str(pipeline), verbose)))
     if models and opened_pipeline.stage_status(["compare"])["compare"].reasons and not quiet:
         console.print_message(f"the file or its data have changed since; to compare anew: pneucli compare {pipeline}")
+
+
+COMMAND = Command(_history, "pneucli history axis-7/pipeline.toml", HELP, place=130)

@@ -7,18 +7,10 @@ from typing import Annotated, Any
 
 import typer
 
-from pneucli.cli import console, examples
+from pneucli.cli import console
+from pneucli.cli.command import Command
 from pneucli.cli.options import EXECUTORS, Json, Quiet, Verbose
 from pneucli.exam import conditions
-
-
-def register(app: typer.Typer) -> None:
-    """Add the command."""
-    app.command(
-        "exam",
-        help="Sealed cases with hidden effects, answers to them, and the grading of answers.",
-        epilog=examples.example_line("exam"),
-    )(_exam)
 
 
 def _exam(
@@ -99,3 +91,11 @@ def _exam(
 def _answered_message(result: dict[str, Any]) -> str:
     failed = [f"{case} failed: {error}" for case, error in result["failed"].items()]
     return "\n".join([*failed, f"{len(result['answered'])} cases answered, {len(failed)} failed"])
+
+
+COMMAND = Command(
+    _exam,
+    "pneucli exam my-exam --cases 12 --nulls 4 --answer --grade",
+    "Sealed cases with hidden effects, answers to them, and the grading of answers.",
+    place=210,
+)

@@ -9,7 +9,8 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from pneucli.cli import console, examples
+from pneucli.cli import console
+from pneucli.cli.command import Command
 from pneucli.cli.options import Json, Quiet, Verbose
 
 if TYPE_CHECKING:
@@ -78,15 +79,6 @@ COLUMNS = ("parameter", "unit", "what", "absent at", "bounds", "typical")
 
 
 HELP = "The catalogue of physical effects, or one of them at length; with a pipeline file its plugins too."
-
-
-def register(app: typer.Typer) -> None:
-    """Add the command."""
-    app.command(
-        "effects",
-        help=HELP,
-        epilog=examples.example_line("effects"),
-    )(_effects)
 
 
 def _effects(
@@ -232,3 +224,6 @@ def _content(effect: Effect) -> dict[str, Any]:
         for p in effect.parameters
     ]
     return {key: getattr(effect, key) for key in keys} | {"twins": list(effect.twins), "parameters": parameters}
+
+
+COMMAND = Command(_effects, "pneucli effects friction-hysteresis", HELP, place=200)

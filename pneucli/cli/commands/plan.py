@@ -7,19 +7,12 @@ from typing import Annotated, Any
 
 import typer
 
-from pneucli import messages
-from pneucli.cli import console, examples
+from pneucli.cli.command import Command, run_stage, show, update
 from pneucli.cli.options import File, Json, Out, Quiet, Verbose, open_pipeline_file
-from pneucli.cli.stage import run_stage
 from pneucli.errors import InputError, did_you_mean
 
 HELP = "The next experiment: varied manoeuvres within the limits of the rig, as files to run, and what they would show."
 TARGETS = ("csv", "st", "c")
-
-
-def register(app: typer.Typer) -> None:
-    """Add the command."""
-    app.command("plan", help=HELP, epilog=examples.example_line("plan"))(_plan)
 
 
 def _plan(
@@ -104,10 +97,8 @@ def _first(file: Path, out: Path | None, json: bool, quiet: bool, verbose: bool,
     from pneucli.stages.pipeline_file import load_rig_description
 
     pipeline = open_pipeline(file, load_rig_description, out, FIRST_PLAN_STAGES)
-    say = console.ignore_message if quiet else console.print_message
-    with console.progress(quiet) as progress:
-        answer = pipeline.update(["plan"], {"plan": options | {"first": True}}, progress, say)["plan"].answer
-    _print(answer, file, json, verbose)
+    done = update(pipeline, ["plan"], quiet, {"plan": options | {"first": True}})
+    show("plan", done["plan"].answer, file, json, verbose)
 
 
 def _take(file: Path, recordings: list[Path], out: Path | None, json: bool, quiet: bool) -> None:
@@ -121,18 +112,12 @@ def _take(file: Path, recordings: list[Path], out: Path | None, json: bool, quie
     before, plan = last_answers(pipeline.artifacts, file)
     former = file.read_bytes()
     added = add_recordings(file, plan, recordings)
-    say = console.ignore_message if quiet else console.print_message
     try:
-        with console.progress(quiet) as progress:
-            done = open_pipeline_file(file, out).update(["diagnose"], None, progress, say)
+        done = update(open_pipeline_file(file, out), ["diagnose"], quiet)
     except InputError:
         file.write_bytes(former)
         raise
-    _print(taken_answer(before, done["diagnose"].answer, plan, added), file, json, verbose=False)
+    show("plan", taken_answer(before, done["diagnose"].answer, plan, added), file, json)
 
 
-def _print(answer: dict[str, Any], file: Path, json: bool, verbose: bool) -> None:
-    if json:
-        console.print_json(answer)
-    else:
-        console.print_text(messages.render("plan", answer, str(file), verbose=verbose))
+COMMAND = Command(_plan, "pneucli plan axis-7/pipeline.toml --minutes 1", HELP, place=100)

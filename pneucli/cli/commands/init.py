@@ -9,21 +9,12 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from pneucli import messages
-from pneucli.cli import console, examples
+from pneucli.cli import console
+from pneucli.cli.command import Command, show
 from pneucli.cli.options import Json, Quiet, Verbose, shortest_path
 
 if TYPE_CHECKING:
     from pneucli.init.components import Component
-
-
-def register(app: typer.Typer) -> None:
-    """Add the command."""
-    app.command(
-        "init",
-        help="A new pipeline from an example, or from raw files, columns guessed and shown.",
-        epilog=examples.example_line("init"),
-    )(_init)
 
 
 def _init(
@@ -65,10 +56,7 @@ def _init(
     if ask:
         answers = _ask(init.questions(answer["fill_in"]), init.refusal)
         answer |= init.fill_in(Path(answer["pipeline"]), answers)
-    if json:
-        console.print_json(answer)
-    else:
-        print(messages.render("init", answer, shortest_path(Path(answer["pipeline"])), verbose=verbose))
+    show("init", answer, Path(shortest_path(Path(answer["pipeline"]))), json, verbose)
 
 
 def _parts(numbers: Mapping[str, str | None], own_table: Path | None) -> list[Component]:
@@ -100,3 +88,11 @@ def _ask(questions: Sequence[tuple[str, str, str]], refusal: Callable[[dict[str,
         answers = given
         waiting.pop(0)
     return answers
+
+
+COMMAND = Command(
+    _init,
+    "pneucli init axis-7 --from recordings/*.csv",
+    "A new pipeline from an example, or from raw files, columns guessed and shown.",
+    place=10,
+)

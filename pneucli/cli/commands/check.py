@@ -8,19 +8,11 @@ from typing import Annotated
 import typer
 
 from pneucli import messages
-from pneucli.cli import console, examples
+from pneucli.cli import console
+from pneucli.cli.command import Command
 from pneucli.cli.options import File, Json, Out, Quiet, Verbose
 
 More = Annotated[list[Path] | None, typer.Argument(metavar="PIPELINE", help="More pipeline files.", show_default=False)]
-
-
-def register(app: typer.Typer) -> None:
-    """Add the command."""
-    app.command(
-        "check",
-        help="All that can be said without running: file, raw files, signals, units, what is missing. Exit 0 or 2.",
-        epilog=examples.example_line("check"),
-    )(_check)
 
 
 def _check(
@@ -39,3 +31,11 @@ def _check(
             console.print_text(messages.render("check", answer, str(file), verbose=verbose))
     if any(answer["faults"] or answer["missing"] for answer in answers):
         raise typer.Exit(2)
+
+
+COMMAND = Command(
+    _check,
+    "pneucli check axis-7/pipeline.toml",
+    "All that can be said without running: file, raw files, signals, units, what is missing. Exit 0 or 2.",
+    place=180,
+)

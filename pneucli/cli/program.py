@@ -2,30 +2,31 @@
 
 from __future__ import annotations
 
-from importlib import import_module
+import importlib
+import importlib.util
+import pkgutil
 from pathlib import Path
 from typing import Any
 
 import typer
 
-from pneucli.pipeline.graph import STAGES, Stage
+from pneucli.cli import commands, console
+from pneucli.cli.command import Command
+from pneucli.pipeline.graph import STAGES
 from pneucli.version import __version__
 
 HELP = """From recordings of a servo-pneumatic axis to valve maps, friction models, the missing physical effect, and a
 validated controller."""
-# commands that are no stage, or more than their stage, in the order of --help; "init" comes before the stages
-_OTHERS = ("plan", "add", "remove", "history", "diff", "plot", "run", "open", "check", "status", "effects", "exam")
-OTHER_COMMANDS = ("init", *_OTHERS, "fleet", "schema", "explain")
-MODULES = {name: name for name in OTHER_COMMANDS} | {"add": "edit", "remove": "edit"}
+GROUP = "pneucli.commands"  # of entry points, by which a package adds a command
 FLAGS = ("help", "install_completion", "show_completion")
 EXIT_CODES = "Exit codes: 0 done; 1 done, and a check of [checks] failed; 2 the input is at fault; 3 the program is."
 
 
 def build(command: str = "") -> typer.Typer:
     """Return the program: with one command, or with all of this installation where none has that name."""
-    commands = _commands()
+    shown = {command: found} if (found := _own_command(command)) else _all_commands()
     # with these defaults typer does not load pydantic
-    defaults = dict.fromkeys(FLAGS, False) | {name: {"help": False} for name in commands}
+    defaults = dict.fromkeys(FLAGS, False) | {name: {"help": False} for name in shown}
     app = typer.Typer(
         name="pneucli",
         help=HELP,
@@ -37,20 +38,40 @@ def build(command: str = "") -> typer.Typer:
         context_settings={"help_option_names": ["-h", "--help"], "default_map": defaults},
     )
     app.callback()(_common)
-    for register in dict.fromkeys([commands[command]] if command in commands else commands.values()):
-        module, _, stage = register.partition(":")
-        arguments = (STAGES[stage],) if stage else ()
-        import_module(f"pneucli.cli.{module}").register(app, *arguments)
-    for registered in app.registered_commands:
-        registered.short_help = registered.help  # else the list of commands cuts it
+    for name, one in shown.items():
+        app.command(name, help=one.text, short_help=one.text, epilog=f"Example: {one.example}")(one.run)
     return app
 
 
-def _commands() -> dict[str, str]:
-    """Return the module of each command, in the order of ``--help``: ``"run"``, or ``"stage:NAME"``."""
-    stages = {one.name: f"stage:{one.name}" for one in STAGES.values() if one.built and one.name not in MODULES}
-    first = {"init": "init"} if Stage("init", "").built else {}
-    return first | stages | {name: module for name, module in MODULES.items() if name != "init"}
+def _own_command(name: str) -> Command | None:
+    """Return a command of this program, whose file has its name; None where there is none, or its stage is missing."""
+    module = f"{commands.__name__}.{name}"
+    if not name.isidentifier() or importlib.util.find_spec(module) is None:
+        return None
+    found: Command = importlib.import_module(module).COMMAND
+    return found if not found.stage or STAGES[found.stage].built else None
+
+
+def _all_commands() -> dict[str, Command]:
+    """Return all commands by name: those of this program in their order, then those of other packages."""
+    own = {one.name: _own_command(one.name) for one in pkgutil.iter_modules(commands.__path__)}
+    found = {name: command for name, command in own.items() if command is not None}
+    return dict(sorted((_others() | found).items(), key=lambda item: item[1].place))
+
+
+def _others() -> dict[str, Command]:
+    """Return the commands of other packages; one that cannot be loaded is left out, and said on standard error."""
+    from importlib.metadata import entry_points  # takes a while
+
+    found = {}
+    for one in entry_points(group=GROUP):
+        try:
+            found[one.name] = one.load()
+        except Exception as error:  # a package may raise anything
+            console.print_message(
+                f"the command {one.name} ({one.value}) cannot be loaded: {type(error).__name__}: {error}"
+            )
+    return found
 
 
 class _PathParameter:

@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated
 
 import typer
 
-from pneucli import messages
-from pneucli.cli import console, examples
+from pneucli.cli import console
+from pneucli.cli.command import Command, show
 from pneucli.cli.options import EXECUTORS, Json, Quiet, Verbose
 
 FleetFile = Annotated[Path, typer.Argument(metavar="FLEET", help="The fleet file (TOML).", show_default=False)]
@@ -26,12 +26,6 @@ Out = Annotated[
 ]
 
 
-def register(app: typer.Typer) -> None:
-    """Add the command."""
-    text = "Many rigs and dates from one template: a pipeline a row, and what changed in which rig."
-    app.command("fleet", help=text, epilog=examples.example_line("fleet"))(_fleet)
-
-
 def _fleet(
     fleet: FleetFile,
     executor: Executor = None,
@@ -47,18 +41,19 @@ def _fleet(
 
     config = load_fleet(fleet)
     here = Path(out or config.path.parent / "artifacts" / config.fleet.name).absolute()
-    place, say = out if out and is_remote(out) else here, console.ignore_message if quiet else console.print_message
     with console.progress(quiet) as progress:
-        answer = stage.run(config, place, executor, progress, say)
-    results = evaluate_checks(config, answer)
-    _print(answer, json, verbose, str(fleet), [str(one) for one in results if not one.passed])
-    raise typer.Exit(0 if all(one.passed for one in results) else 1)
-
-
-def _print(answer: dict[str, Any], json: bool, verbose: bool, file: str, failed: list[str]) -> None:
-    if json:
-        console.print_json(answer)
-        return
-    console.print_text(messages.render("fleet", answer, file, verbose=verbose))
-    for one in failed:
+        place = out if out and is_remote(out) else here
+        answer = stage.run(config, place, executor, progress, console.messenger(quiet))
+    show("fleet", answer, fleet, json, verbose)
+    failed = [one for one in evaluate_checks(config, answer) if not one.passed]
+    for one in failed if not json else ():
         console.print_text(f"check    {one}")
+    raise typer.Exit(1 if failed else 0)
+
+
+COMMAND = Command(
+    _fleet,
+    "pneucli fleet plant-3/fleet.toml --executor dask://scheduler:8786",
+    "Many rigs and dates from one template: a pipeline a row, and what changed in which rig.",
+    place=220,
+)

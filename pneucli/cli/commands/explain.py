@@ -7,7 +7,8 @@ from typing import Annotated, Any
 
 import typer
 
-from pneucli.cli import console, examples
+from pneucli.cli import console
+from pneucli.cli.command import Command
 from pneucli.cli.options import Json, Quiet, Verbose
 from pneucli.errors import InputError, did_you_mean
 from pneucli.fault_kinds import Example, FaultKind, base_files, fault_kinds
@@ -30,11 +31,6 @@ stays with its kind in later versions; texts may change. Each example below is r
 it shows to a pipeline of one recording:
 
 """
-
-
-def register(app: typer.Typer) -> None:
-    """Add the command."""
-    app.command("explain", help=HELP, epilog=examples.example_line("explain"))(_explain)
 
 
 def _explain(
@@ -100,3 +96,6 @@ def _block(name: str, text: str) -> str:
 def _run(example: Example) -> str:
     command: Any = f"$ {example.command}" if example.command else f">>> {example.python}"
     return "\n".join(["```console", command, example.output, "```", ""])
+
+
+COMMAND = Command(_explain, "pneucli explain E042", HELP, place=240)

@@ -4,26 +4,17 @@ from __future__ import annotations
 
 import webbrowser
 
-import typer
-
 from pneucli import messages
-from pneucli.cli import console, examples
+from pneucli.cli import console
+from pneucli.cli.command import Command, update
 from pneucli.cli.options import File, Json, Out, Quiet, Verbose, open_pipeline_file, shortest_path
 
 HELP = "Bring the report up to date and open it in the browser."
 
 
-def register(app: typer.Typer) -> None:
-    """Add the command."""
-    app.command("open", help=HELP, epilog=examples.example_line("open"))(_open)
-
-
 def _open(pipeline: File, out: Out = None, json: Json = False, verbose: Verbose = False, quiet: Quiet = False) -> None:
     opened_pipeline = open_pipeline_file(pipeline, out)
-    with console.progress(quiet) as progress:
-        done = opened_pipeline.update(
-            ["report"], None, progress, console.ignore_message if quiet else console.print_message
-        )
+    done = update(opened_pipeline, ["report"], quiet)
     report = opened_pipeline.artifacts / "report" / "report.html"
     shown = webbrowser.open(report.as_uri())
     if json:
@@ -34,3 +25,6 @@ def _open(pipeline: File, out: Out = None, json: Json = False, verbose: Verbose 
         console.print_text(
             shortest_path(report) if shown else f"no browser was found; the report is {shortest_path(report)}"
         )
+
+
+COMMAND = Command(_open, "pneucli open axis-7/pipeline.toml", HELP, place=170)

@@ -7,8 +7,7 @@ from typing import Annotated
 
 import typer
 
-from pneucli import messages
-from pneucli.cli import console, examples
+from pneucli.cli.command import Command, show, update
 from pneucli.cli.options import Json, Quiet, Verbose, open_pipeline_file
 
 HELP = "Two runs side by side: effects, errors, parameters beyond their intervals, verdicts."
@@ -17,20 +16,12 @@ A = Annotated[Path, typer.Argument(metavar="A", help=_SIDE, show_default=False)]
 B = Annotated[Path, typer.Argument(metavar="B", help="Another one.", show_default=False)]
 
 
-def register(app: typer.Typer) -> None:
-    """Add the command."""
-    app.command("diff", help=HELP, epilog=examples.example_line("diff"))(_diff)
-
-
 def _diff(a: A, b: B, json: Json = False, verbose: Verbose = False, quiet: Quiet = False) -> None:
     from pneucli.stages.diff import difference, read_answers
 
     one, other = (read_answers(str(path), _artifacts(path, quiet)) for path in (a, b))
     answer = difference(one, other)
-    if json:
-        console.print_json(answer)
-    else:
-        console.print_text(messages.render("diff", answer, str(b), verbose=verbose))
+    show("diff", answer, b, json, verbose)
 
 
 def _artifacts(path: Path, quiet: bool) -> Path:
@@ -38,6 +29,8 @@ def _artifacts(path: Path, quiet: bool) -> Path:
     if path.is_dir():
         return path
     pipeline = open_pipeline_file(path, None)
-    with console.progress(quiet) as progress:
-        pipeline.update(["compare"], None, progress, console.ignore_message if quiet else console.print_message)
+    update(pipeline, ["compare"], quiet)
     return pipeline.artifacts
+
+
+COMMAND = Command(_diff, "pneucli diff axis-7/pipeline.toml axis-8/pipeline.toml", HELP, place=140)

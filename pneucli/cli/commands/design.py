@@ -1,0 +1,37 @@
+"""``design``: the control laws, one of them for the axis."""
+
+from __future__ import annotations
+
+from typing import Annotated
+
+import typer
+
+from pneucli.cli.command import Command, run_stage
+from pneucli.cli.options import (
+    File,
+    Json,
+    Out,
+    Quiet,
+    Verbose,
+    law_names,
+)
+
+
+def _design(
+    pipeline: File,
+    compare: Annotated[
+        str | None,
+        typer.Option(
+            "--compare", metavar="NAME,NAME...", help="Laws to run side by side; default: all.", show_default=False
+        ),
+    ] = None,
+    out: Out = None,
+    json: Json = False,
+    verbose: Verbose = False,
+    quiet: Quiet = False,
+) -> None:
+    options = None if compare is None else {"compare": law_names(compare.split(","), "--compare")}
+    run_stage("design", pipeline, out, json, quiet, verbose, options)
+
+
+COMMAND = Command(_design, "pneucli design axis-7/pipeline.toml --compare pid,relay,best", place=60, stage="design")

@@ -1,0 +1,83 @@
+"""``export``: controller and maps as files for other programs."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from enum import StrEnum
+from pathlib import Path
+from typing import Annotated, Any
+
+import typer
+
+from pneucli.cli.command import Command, run_stage
+from pneucli.cli.options import (
+    File,
+    Json,
+    Out,
+    Quiet,
+    Verbose,
+    law_names,
+    open_pipeline_file,
+)
+
+
+class Target(StrEnum):
+    """The target of ``export``."""
+
+    c = "c"
+    mat = "mat"
+    csv = "csv"
+    st = "st"
+    fmu = "fmu"
+
+
+class Precision(StrEnum):
+    """The arithmetic of the exported C."""
+
+    float64 = "float64"
+    float32 = "float32"
+
+
+def _export(
+    pipeline: File,
+    to: Annotated[
+        list[Target],
+        typer.Option(
+            "--to", help="c (PLC, cRIO), st (IEC 61131-3), mat (MATLAB), csv, or fmu (the plant); repeatable."
+        ),
+    ],
+    controller: Annotated[
+        str | None,
+        typer.Option("--controller", metavar="NAME", help="Another than [design] names.", show_default=False),
+    ] = None,
+    precision: Annotated[
+        Precision, typer.Option("--precision", help="Arithmetic of the C: double, or float for small targets.")
+    ] = Precision.float64,
+    out: Out = None,
+    json: Json = False,
+    verbose: Verbose = False,
+    quiet: Quiet = False,
+) -> None:
+    run_stage(
+        "export",
+        pipeline,
+        out,
+        json,
+        quiet,
+        verbose,
+        {"to": _with_previous_targets(open_pipeline_file(pipeline, out).artifacts, to)}
+        | ({"controller": law_names([controller], "--controller")[0]} if controller else {})
+        | ({"precision": precision.value} if precision != Precision.float64 else {}),
+    )
+
+
+def _with_previous_targets(artifacts: Path, to: list[Target]) -> list[str]:
+    """Return the targets together with those of earlier exports, which are updated as well."""
+    from pneucli.pipeline import manifest
+
+    former = manifest.read_manifest(artifacts / "export")
+    options: Mapping[str, Any] = former.inputs.options if former else {}
+    return sorted({*options.get("to", []), *(target.value for target in to)})
+
+
+COMMAND = Command(_export, "pneucli export axis-7/pipeline.toml --to c --to mat", place=90, stage="export")

@@ -1,0 +1,37 @@
+"""``remove``: remove effects from the model, identify again, show the error before and after."""
+
+from __future__ import annotations
+
+from typing import Annotated
+
+import typer
+
+from pneucli.cli.command import Command
+from pneucli.cli.commands.add import change_effects
+from pneucli.cli.options import File, Json, Out, Quiet, Verbose
+from pneucli.errors import InputError, did_you_mean
+
+HELP = "Remove effects from [model], identify anew, show the error before and after."
+Effects = Annotated[list[str], typer.Argument(metavar="EFFECT", help="Names of effects.", show_default=False)]
+
+
+def _remove(
+    pipeline: File,
+    effects: Effects,
+    out: Out = None,
+    json: Json = False,
+    verbose: Verbose = False,
+    quiet: Quiet = False,
+) -> None:
+    from pneucli.config import load
+
+    present = load(pipeline).model.effects
+    for effect in effects:
+        if effect not in present:
+            raise InputError(
+                f"{pipeline}, [model] effects", f'no "{effect}" there', mend=did_you_mean(effect, present), code="E030"
+            )
+    change_effects(pipeline, [effect for effect in present if effect not in effects], out, json, quiet, verbose)
+
+
+COMMAND = Command(_remove, "pneucli remove axis-7/pipeline.toml stribeck", HELP, place=120)

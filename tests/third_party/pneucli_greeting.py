@@ -1,0 +1,17 @@
+"""A package of somebody else that adds a command by the entry point of its distribution."""
+
+from __future__ import annotations
+
+from pneucli.cli.command import Command
+from pneucli.cli.console import print_json, print_text
+from pneucli.cli.options import File, Json
+
+
+def _greet(pipeline: File, json: Json = False) -> None:
+    if json:
+        print_json({"schema": "greeting/1", "pipeline": str(pipeline)})
+    else:
+        print_text(f"good morning, {pipeline.stem}")
+
+
+COMMAND = Command(_greet, "pneucli greet axis-7/pipeline.toml", "Says good morning to a pipeline.")
