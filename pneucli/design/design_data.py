@@ -8,11 +8,15 @@ from dataclasses import dataclass
 import numpy as np
 
 from pneucli.controller.parameters import Controller, nominal_load
+from pneucli.design.air_spring import max_motion_gradient
 from pneucli.design.bandwidths import Bandwidths
+from pneucli.design.gains import loop_gains, low_pass_share
 from pneucli.design.lpv import WeightStudy
 from pneucli.design.pdc import Pdc
 from pneucli.design.requirements import Requirements
 from pneucli.design.sliding import LinearSystem, surface_by_lq, surface_by_poles
+from pneucli.design.sliding_sector import SlidingSector, eta_for_slope, sector_from_eta
+from pneucli.errors import InputError
 from pneucli.tp import TPModel
 
 METHODS = {"poles": "pole placement", "lq": "LQ"}  # of finding a sliding surface, by the words of ``[design] surface``
@@ -45,9 +49,75 @@ class DesignData:
         c = self.cascade.values
         return self.requirements.switching_gain * (c["C_STATIC"] + nominal_load(c))
 
+    @property
+    def max_motion_gradient(self) -> float:
+        """Largest pressure gradient in Pa/s that the piston's motion makes: the a32 term."""
+        return max_motion_gradient(self.cascade.values)
+
+    @property
+    def sector(self) -> SlidingSector:
+        """The sliding sector of ``[design] eta``; raises InputError where the model has no dry friction."""
+        return designed_sector(self.cascade, self.bandwidths, self.requirements)
+
+    def low_pass_share(self, corner: float) -> float:
+        """Return the share by which a low-pass of that corner (rad/s) follows in one sample."""
+        return low_pass_share(corner, self.requirements.period)
+
+    def shared_parameters(self, *, feedforward: bool = False) -> dict[str, float]:
+        """Return the parameters that the laws of the thesis share: loop gains, speed filter, no parts of ``best``.
+
+        Args:
+            feedforward: Whether mass, friction and motion are fed forward.
+        """
+        off = dict.fromkeys(("C_DISTURBANCE_OBSERVERS", "C_HOLD", "C_SWITCHING", "C_FRICTION_LEAD"), 0.0)
+        return {
+            **loop_gains(self.bandwidths, self.requirements),
+            **off,
+            "C_FEEDFORWARD": float(feedforward),
+            "C_SPEED_FILTER": self.low_pass_share(self.bandwidths.motion_observer),
+        }
+
+    def load_observer_parameters(self, *, friction: bool) -> dict[str, float]:
+        """Return the load observer: M_k is the switching force in N, the low-pass has the corner of the position loop.
+
+        Args:
+            friction: Whether the observer's model has the friction a22(v).
+
+        References:
+            Thesis (5.20), (5.21), (7.5), (7.6).
+        """
+        return {
+            "C_LOAD_STEP_MAX": self.switching_force,
+            "C_LOAD_FILTER": self.low_pass_share(self.bandwidths.position),
+            "C_FRICTION_OBSERVED": float(friction),
+        }
+
     def reason_missing(self, name: str) -> str:
         """Return the reason why the field ``name`` is empty."""
         return (self.missing or {}).get(name, "not known")
+
+
+def designed_sector(cascade: Controller, bandwidths: Bandwidths, requirements: Requirements) -> SlidingSector:
+    """Return the sector of ``[design] eta``; by default its steeper line is the corner of the position loop.
+
+    Args:
+        cascade: The controller ``best``, for mass and friction.
+        bandwidths: Corner frequencies in rad/s.
+        requirements: ``eta`` in s/m, ``sector_ratio``, ``period`` in s.
+
+    Raises:
+        InputError: The model has no dry friction.
+
+    References:
+        Thesis (6.18) to (6.20), (6.22).
+    """
+    c, width = cascade.values, requirements.sector_ratio
+    eta = requirements.eta or eta_for_slope(bandwidths.position, c["C_MASS"], c["C_STATIC"], width)
+    if c["C_STATIC"] <= 0.0:
+        raise InputError(
+            "the sliding sector", "the model has no dry friction", "friction that depends on speed", code="E070"
+        )
+    return sector_from_eta(eta, c["C_MASS"], requirements.period, c["C_STATIC"], c["C_VISCOUS"], width)
 
 
 def sliding_surfaces(

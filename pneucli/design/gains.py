@@ -94,6 +94,20 @@ def loop_gains(bandwidths: Bandwidths, requirements: Requirements) -> dict[str, 
     }
 
 
+def low_pass_share(corner: float, period: float) -> float:
+    """Return the share by which a sampled first-order low-pass approaches its input in one sample.
+
+    Args:
+        corner: Corner frequency in rad/s.
+        period: Sample time in s.
+
+    >>> round(low_pass_share(100.0, 1e-3), 6)
+    0.095163
+
+    """
+    return 1.0 - math.exp(-corner * period)
+
+
 def pressure_observer_gains(bandwidths: Bandwidths, timing: Timing, h: float) -> dict[str, float]:
     """Return the gains of the pressure observers for expected reading, pressure and unmodelled flow.
 

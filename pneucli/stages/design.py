@@ -14,8 +14,8 @@ from pneucli.controller.laws import LAWS, select_laws
 from pneucli.controller.parameters import Controller
 from pneucli.design.bandwidths import Bandwidths, choose_bandwidths
 from pneucli.design.cascade_design import design_cascade
-from pneucli.design.control_laws import design_controllers, design_variants, designed_sector
-from pneucli.design.design_data import DesignData, collect_design_data, sliding_surfaces
+from pneucli.design.control_laws import design_controllers, design_variants
+from pneucli.design.design_data import DesignData, collect_design_data, designed_sector, sliding_surfaces
 from pneucli.design.effect_compensation import has_restoring_force
 from pneucli.design.lpv import WeightStudy, compare_weight_types
 from pneucli.design.requirements import Requirements, read_requirements

@@ -15,7 +15,7 @@ from pneucli.closed_loop.simulation import simulate
 from pneucli.controller import layout as at
 from pneucli.controller.laws import LAWS, compensated, find_law, load_observer, pdc, pid, relay, sector, shared_blocks
 from pneucli.design.bandwidths import choose_bandwidths
-from pneucli.design.control_laws import SYNTHESIS, controller_for, design_controllers, design_variants
+from pneucli.design.control_laws import controller_for, design_controllers, design_variants
 from pneucli.design.design_data import sliding_surfaces
 from pneucli.design.requirements import read_requirements
 from pneucli.design.sliding import axis_systems
@@ -56,7 +56,6 @@ def by_equation(v: float) -> float:
 def test_the_table_has_the_laws_of_the_interface_and_the_projects_own_is_the_default() -> None:
     assert set(LAWS) == {"pid", "pid-feedforward", "relay", "sector", "compensated", "pdc", "best"}
     assert next(iter(LAWS)) == "best"
-    assert list(SYNTHESIS) == list(LAWS)
 
 
 def test_a_law_that_is_misspelt_is_mended() -> None:

@@ -1,20 +1,28 @@
-"""Table of the control laws: one module a law, one entry here and in ``design.control_laws.SYNTHESIS``."""
+"""The control laws: one file a law, found in this folder; those of other packages by their entry points."""
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+import pkgutil
+from collections.abc import Iterable, Iterator
+from importlib import import_module
+from importlib.metadata import entry_points
 from typing import Any
 
-from pneucli.controller.laws import cascade, compensated, pdc, pid, relay, sector
 from pneucli.controller.laws.base import ControlLaw
 from pneucli.errors import InputError, did_you_mean
 
+GROUP = "pneucli.laws"  # of entry points, by which a package adds a law
+
+
+def _declared() -> Iterator[ControlLaw]:
+    for one in pkgutil.iter_modules(__path__, f"{__name__}."):
+        yield from (law for law in vars(import_module(one.name)).values() if isinstance(law, ControlLaw))
+    yield from (one.load() for one in entry_points(group=GROUP))
+
+
 # the first is the default; the kernel selects a law by its index
-LAWS: dict[str, ControlLaw] = {
-    law.name: law
-    for law in (cascade.LAW, pid.PID, pid.PID_FEEDFORWARD, relay.LAW, sector.LAW, compensated.LAW, pdc.LAW)
-}
-DEFAULT = cascade.LAW.name
+LAWS: dict[str, ControlLaw] = {law.name: law for law in sorted(_declared(), key=lambda law: law.place)}
+DEFAULT = next(iter(LAWS))
 
 
 def find_law(name: Any, where: str) -> ControlLaw:

@@ -1,4 +1,4 @@
-"""A control law: its sample in scalar code, its own states and parameters, and the functions that it needs."""
+"""A control law: its sample in scalar code, its synthesis, its own states and parameters, the functions it needs."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ import inspect
 import sys
 import textwrap
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cache, cached_property
 from types import FunctionType
 from typing import Any
@@ -37,9 +37,14 @@ def _called_names(function: Callable[..., Any]) -> tuple[str, ...]:
     return tuple(node.func.id for node in nodes if isinstance(node, ast.Call) and isinstance(node.func, ast.Name))
 
 
+LawParameters = Mapping[str, "float | tuple[float, ...]"]
+
+
 @dataclass(frozen=True)
 class ControlLaw:
     """One control law.
+
+    A file of this folder declares it, or a package of somebody else, as an entry point of the group ``pneucli.laws``.
 
     Attributes:
         name: Key of ``[design] controller``.
@@ -47,6 +52,10 @@ class ControlLaw:
         source: Equations of the thesis.
         step: Sample of the law, ``step(x_ref, x, p1, p2, s, c)``, in the scalar code of
             :mod:`pneucli.controller.cascade`.
+        design: The law's own parameters by name, and common ones that it changes, from the data of an axis, a
+            :class:`pneucli.design.design_data.DesignData`.
+        place: Where it stands among all laws; those of other packages come last.
+        variants: Choices of the law by the keys of ``[design]``, by their titles.
         estimates_load: Whether S_LOAD is an estimate of the load.
         controls_pressure: Whether the law can follow a reference of pressure.
 
@@ -56,6 +65,9 @@ class ControlLaw:
     title: str
     source: str
     step: Callable[..., None]
+    design: Callable[[Any], LawParameters]
+    place: int = 1000
+    variants: Mapping[str, Mapping[str, Any]] = field(default_factory=dict)
     estimates_load: bool = False
     controls_pressure: bool = True
 

@@ -16,8 +16,10 @@ behind the map is equivalent where the map is inverted exactly; within the overl
 
 from __future__ import annotations
 
+from typing import Any
+
 from pneucli.controller.cascade import set_pressure_references
-from pneucli.controller.laws.base import ControlLaw
+from pneucli.controller.laws.base import ControlLaw, LawParameters
 from pneucli.controller.laws.load_observer import C_FRICTION_OBSERVED, observe_load
 from pneucli.controller.laws.shared_blocks import (
     NEXT_LAW_PARAMETER,
@@ -82,10 +84,30 @@ def compensated_step(x_ref, x, p1, p2, s, c):
         drive_chamber_2(c[C_P_KP] * (s[S_P2_REF] - s[S_P2]) - s[S_FLOW2], s, c)
 
 
+def compensated_parameters(data: Any) -> LawParameters:
+    """Return both disturbance observers; M_k of the flow is the largest a32 term in Pa/s.
+
+    References:
+        Thesis (5.20), (5.21): model reference adaptive compensation in discrete time.
+    """
+    return {
+        **data.shared_parameters(),
+        **data.load_observer_parameters(friction=data.requirements.friction_in_observer),
+        "C_FLOW_STEP_MAX": data.max_motion_gradient,
+        "C_FLOW_FILTER": data.low_pass_share(data.bandwidths.flow_observer),
+    }
+
+
 LAW = ControlLaw(
     "compensated",
     "model reference adaptive compensation in both loops",
     "5.15-5.21, 7.2, 7.3",
     compensated_step,
+    compensated_parameters,
+    place=60,
+    variants={
+        "friction in the observer": {"friction_in_observer": True},
+        "friction compensated": {"friction_in_observer": False},
+    },
     estimates_load=True,
 )

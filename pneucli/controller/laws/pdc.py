@@ -10,7 +10,11 @@ is that of the TP model.
 
 from __future__ import annotations
 
-from pneucli.controller.laws.base import ControlLaw
+from typing import Any
+
+import numpy as np
+
+from pneucli.controller.laws.base import ControlLaw, LawParameters
 from pneucli.controller.laws.shared_blocks import (
     NEXT_LAW_PARAMETER,
     drive_chamber_1,
@@ -20,6 +24,7 @@ from pneucli.controller.laws.shared_blocks import (
 from pneucli.controller.layout import *
 from pneucli.controller.plant import clamp, pressure_force
 from pneucli.controller.reference import shape_reference
+from pneucli.errors import InputError
 
 (
     C_PDC_SPEEDS,  # nodes of speed from -C_V_MAX to C_V_MAX, and weights there
@@ -73,6 +78,35 @@ def pdc_step(x_ref, x, p1, p2, s, c):
         drive_chamber_2(c[C_P_KP] * (s[S_P2_REF] - s[S_P2]), s, c)
 
 
+def pdc_parameters(data: Any) -> LawParameters:
+    """Return weights and gains of the parallel distributed compensation.
+
+    Raises:
+        InputError: No weight type has verified gains.
+    """
+    if data.scheduled is None:
+        raise InputError("the PDC", data.reason_missing("scheduled"), "gains that the LMIs allow", code="E070")
+    model, pdc = data.scheduled
+    speed_weights, position_weights = model.weights
+    table = np.concatenate([speed_weights.ravel(), position_weights.ravel(), pdc.gains.ravel()])
+    return {
+        **data.shared_parameters(),
+        "C_PDC_SPEEDS": float(speed_weights.shape[0]),
+        "C_PDC_V_WEIGHTS": float(speed_weights.shape[1]),
+        "C_PDC_POSITIONS": float(position_weights.shape[0]),
+        "C_PDC_FIRST": float(model.grids[1][0]),
+        "C_PDC_LAST": float(model.grids[1][-1]),
+        "C_PDC_X_WEIGHTS": float(position_weights.shape[1]),
+        "C_PDC_TABLE": tuple(map(float, table)),
+    }
+
+
 LAW = ControlLaw(
-    "pdc", "parallel distributed compensation, scheduled by TP weights", "4.4-4.6", pdc_step, controls_pressure=False
+    "pdc",
+    "parallel distributed compensation, scheduled by TP weights",
+    "4.4-4.6",
+    pdc_step,
+    pdc_parameters,
+    place=70,
+    controls_pressure=False,
 )

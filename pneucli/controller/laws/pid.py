@@ -32,7 +32,19 @@ def pid_step(x_ref, x, p1, p2, s, c):
     pressure_pi(s, c)
 
 
-PID = ControlLaw("pid", "PIDs of position and pressure", "7.1-7.3", pid_step)
+PID = ControlLaw(
+    "pid",
+    "PIDs of position and pressure",
+    "7.1-7.3",
+    pid_step,
+    design=lambda data: data.shared_parameters(),
+    place=20,
+)
 PID_FEEDFORWARD = ControlLaw(
-    "pid-feedforward", "the PIDs with mass, friction and motion ahead", "7.1-7.3, 3.6", pid_step
+    "pid-feedforward",
+    "the PIDs with mass, friction and motion ahead",
+    "7.1-7.3, 3.6",
+    pid_step,
+    design=lambda data: data.shared_parameters(feedforward=True),
+    place=30,
 )

@@ -15,9 +15,10 @@ force that one sample needs, and sampling alone makes it chatter no longer.
 from __future__ import annotations
 
 import math
+from typing import Any
 
 from pneucli.controller.cascade import set_pressure_references
-from pneucli.controller.laws.base import ControlLaw
+from pneucli.controller.laws.base import ControlLaw, LawParameters
 from pneucli.controller.laws.shared_blocks import NEXT_LAW_PARAMETER, pressure_pi, read_sensors
 from pneucli.controller.layout import *
 from pneucli.controller.plant import clamp, dry_friction, sign
@@ -52,4 +53,27 @@ def relay_step(x_ref, x, p1, p2, s, c):
     pressure_pi(s, c)
 
 
-LAW = ControlLaw("relay", "relay with equivalent control on one line", "5.2, 5.6, 5.9, 5.10", relay_step)
+def relay_parameters(data: Any) -> LawParameters:
+    """Return amplitude (N), slope (1/s) and switches of the relay.
+
+    References:
+        Thesis (5.6): relay; (5.9): equivalent control; (5.10): both.
+    """
+    return {
+        **data.shared_parameters(),
+        "C_RELAY_FORCE": data.switching_force,
+        "C_RELAY_SLOPE": data.surface_slope,
+        "C_RELAY_EQUIVALENT": float(data.requirements.equivalent_control),
+        "C_RELAY_IMPLICIT": float(data.requirements.relay == "implicit"),
+    }
+
+
+LAW = ControlLaw(
+    "relay",
+    "relay with equivalent control on one line",
+    "5.2, 5.6, 5.9, 5.10",
+    relay_step,
+    relay_parameters,
+    place=40,
+    variants={"implicit": {"relay": "implicit"}, "switching": {"relay": "switching"}},
+)

@@ -18,9 +18,10 @@ with y and has one root, found by bisection. A piston that sticks has y = -v_r a
 from __future__ import annotations
 
 import math
+from typing import Any
 
 from pneucli.controller.cascade import friction_feedforward, set_pressure_references
-from pneucli.controller.laws.base import ControlLaw
+from pneucli.controller.laws.base import ControlLaw, LawParameters
 from pneucli.controller.laws.load_observer import observe_load
 from pneucli.controller.laws.shared_blocks import (
     NEXT_LAW_PARAMETER,
@@ -85,10 +86,32 @@ def sector_step(x_ref, x, p1, p2, s, c):
     pressure_pi(s, c)
 
 
+def sector_parameters(data: Any) -> LawParameters:
+    """Return the parameters of sector and load observer: M in N, slopes and the smaller vertex in 1/s.
+
+    Raises:
+        InputError: The model has no dry friction.
+
+    References:
+        Thesis (5.11) to (5.14), (6.18) to (6.20), (7.5), (7.6).
+    """
+    sector = data.sector
+    return {
+        **data.shared_parameters(),
+        **data.load_observer_parameters(friction=True),
+        "C_SECTOR_FORCE": data.switching_force,
+        "C_LAMBDA_1": sector.lambda_1,
+        "C_LAMBDA_2": sector.lambda_2,
+        "C_VERTEX_1": sector.a_1,
+    }
+
+
 LAW = ControlLaw(
     "sector",
     "sliding sector from the direct TP friction model",
     "5.11-5.14, 6.9-6.20",
     sector_step,
+    sector_parameters,
+    place=50,
     estimates_load=True,
 )
