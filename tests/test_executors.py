@@ -28,7 +28,7 @@ from pneucli.executors import (
     run_jobs,
 )
 from pneucli.executors.dask_cluster import require_same_identity
-from pneucli.executors.job_stream import JOBS_PER_SLOT, MAX_ATTEMPTS
+from pneucli.executors.engine import JOBS_PER_SLOT, MAX_ATTEMPTS
 
 
 @pytest.mark.parametrize("address", ["ray://here:8786", "dask://here", "dask://here:port", "dask://", "here:8786"])

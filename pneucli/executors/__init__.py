@@ -5,15 +5,18 @@ The rigs of a fleet, the cases of an exam and the runs of a Monte Carlo study go
 
 from __future__ import annotations
 
-from pneucli.executors.dask_cluster import DaskCluster, Identity, require_cluster
-from pneucli.executors.engine import WORKER_DEATH_ERRORS, Engine, ProcessEngine, ThreadEngine, engine_from, thread_count
-from pneucli.executors.job_stream import WORKER_DIED, Outcome, run_jobs
+from pneucli.executors.dask_cluster import Identity, engine_from, require_cluster
+from pneucli.executors.engine import (
+    Engine,
+    Outcome,
+    ProcessEngine,
+    ThreadEngine,
+    run_jobs,
+    thread_count,
+)
 from pneucli.executors.threads import map_in_threads
 
 __all__ = [
-    "WORKER_DEATH_ERRORS",
-    "WORKER_DIED",
-    "DaskCluster",
     "Engine",
     "Identity",
     "Outcome",

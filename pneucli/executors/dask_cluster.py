@@ -6,7 +6,6 @@ import importlib
 import logging
 import socket
 from collections.abc import Callable, Iterator, Mapping
-from concurrent.futures import CancelledError, Future
 from contextlib import contextmanager, suppress
 from pathlib import Path
 from queue import Empty, SimpleQueue
@@ -16,20 +15,22 @@ from urllib.parse import urlsplit
 
 from pneucli.document import read_toml
 from pneucli.errors import InputError
+from pneucli.executors.engine import Engine, ProcessEngine, ThreadEngine, thread_count
 
 ANSWER_TIMEOUT = 5.0  # s, for the first answer of a cluster
 START_TIMEOUT = 600.0  # s, for the first worker of a queue
+LOCAL_NAME = "local"
 DASK_LOGGERS = ("distributed", "distributed.client", "distributed.core", "tornado.application", "asyncio")
 CLUSTER_KEYS = ("class", "workers", "minimum", "maximum", "options")
 Identity = Callable[[], Mapping[str, str]]
 
 
-class DaskCluster:
-    """Workers of a Dask cluster; another worker repeats the jobs of a dead one."""
+class DaskCluster(Engine):
+    """Workers of a Dask cluster by its own executor; another worker repeats the jobs of a dead one."""
 
     def __init__(self, client: Any, name: str, identity: Identity | None) -> None:
+        super().__init__(0, lambda: client.get_executor(pure=False))
         self._client, self._name = client, name
-        self._executor = client.get_executor(pure=False)
         self._identity, self._seen = identity, set[str]()
         self.check_versions()
 
@@ -37,15 +38,6 @@ class DaskCluster:
     def slots(self) -> int:
         """The number of jobs that run at once at present."""
         return max(sum(int(w["nthreads"]) for w in self._client.scheduler_info(n_workers=-1)["workers"].values()), 1)
-
-    def submit(self, work: Callable[..., Any], *arguments: Any) -> Future[Any]:
-        """Run ``work(*arguments)`` on some worker."""
-        future: Future[Any] = self._executor.submit(work, *arguments)
-        return future
-
-    def is_worker_death(self, error: BaseException) -> bool:
-        """Return whether the job killed several workers (``KilledWorker``), or its result was lost with one."""
-        return type(error).__name__ in {"KilledWorker", "ComputeError"} or isinstance(error, CancelledError)
 
     def replace_workers(self) -> None:
         """Check the versions of new workers; Dask's nannies start them."""
@@ -220,7 +212,7 @@ def require_cluster(address: str) -> None:
 
     Executors without an address are not checked.
     """
-    if address == "local" or address.endswith(".toml"):
+    if address == LOCAL_NAME or address.endswith(".toml"):
         return
     host, port = _host_and_port(address)
     try:
@@ -251,3 +243,25 @@ def _no_answer(address: str) -> InputError:
         mend,
         code="E080",
     )
+
+
+@contextmanager
+def engine_from(
+    name: str | None, identity: Identity | None = None, *, threads: bool = False, preload: str | None = None
+) -> Iterator[Engine]:
+    """Yield the engine that ``--executor`` names: ``local`` (or None), ``dask://host:port``, or a cluster's TOML file.
+
+    Local jobs run in processes that have loaded the module ``preload``, or in threads. On a cluster, ``identity`` runs
+    here and on every worker and must return the same. Raises InputError for another name, without the extra
+    ``cluster``, where no cluster answers, and where a worker differs.
+    """
+    if name is None or name == LOCAL_NAME:
+        engine = ThreadEngine(thread_count()) if threads else ProcessEngine(thread_count(), preload)
+        try:
+            yield engine
+        finally:
+            engine.close()
+        return
+    manager = start_cluster(Path(name), identity) if name.endswith(".toml") else connect_cluster(name, identity)
+    with manager as cluster:
+        yield cluster

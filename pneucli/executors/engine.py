@@ -1,23 +1,33 @@
-"""Engines that run jobs: threads or processes of this machine, or a Dask cluster."""
+"""Engines: an executor of the standard library's kind, or that of a Dask cluster, which gets few jobs at a time."""
 
 from __future__ import annotations
 
 import multiprocessing
 import os
+from collections import deque
 from collections.abc import Callable, Iterator
-from concurrent.futures import BrokenExecutor, Executor, Future, ProcessPoolExecutor, ThreadPoolExecutor
-from contextlib import contextmanager
-from pathlib import Path
-from threading import Thread
-from typing import Any, Protocol
-
-from pneucli.executors.dask_cluster import Identity, connect_cluster, start_cluster
-
-LOCAL_NAME = "local"
-THREADS_VARIABLE = (
-    "PNEUCLI_THREADS"  # the environment variable with the number of threads for the simulations of one process
+from concurrent.futures import (
+    FIRST_COMPLETED,
+    BrokenExecutor,
+    CancelledError,
+    Executor,
+    Future,
+    ProcessPoolExecutor,
+    ThreadPoolExecutor,
+    wait,
 )
+from dataclasses import dataclass
+from threading import Thread
+from typing import Any, Generic, TypeVar
+
+# the environment variable with the number of threads for the simulations of one process
+THREADS_VARIABLE = "PNEUCLI_THREADS"
 WORKER_DEATH_ERRORS: tuple[type[BaseException], ...] = (BrokenExecutor,)  # raised by a job whose worker died
+JOBS_PER_SLOT = 2  # submitted jobs for each running one: a worker that is done has the next one at hand
+MAX_ATTEMPTS = 3  # deaths of a job's worker, while no other job runs, until the job is given up
+POLL_INTERVAL = 2.0  # s, between checks whether the engine is alive
+WORKER_DIED = "its worker died each time it was tried; it may need more memory than there is"
+Job = TypeVar("Job")
 
 
 def thread_count() -> int:
@@ -27,85 +37,59 @@ def thread_count() -> int:
     return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
 
 
-class Engine(Protocol):
-    """What :func:`pneucli.executors.job_stream.run_jobs` needs."""
+class Engine:
+    """An executor, and how it is made; it is made anew where one of its workers dies."""
+
+    def __init__(self, slots: int, make: Callable[[], Executor]) -> None:
+        self._slots, self._make = slots, make
+        self._executor = make()
 
     @property
     def slots(self) -> int:
         """The number of jobs that run at once at present: a cluster may grow and shrink."""
+        return self._slots
 
     def submit(self, work: Callable[..., Any], *arguments: Any) -> Future[Any]:
-        """Run ``work(*arguments)`` somewhere."""
-
-    def is_worker_death(self, error: BaseException) -> bool:
-        """Return whether a job raised this because its worker died, so that the job may be repeated."""
-
-    def replace_workers(self) -> None:
-        """Restore the workers after one died."""
-
-    def require_alive(self) -> None:
-        """Raise InputError where the engine cannot run any more jobs."""
-
-
-class LocalEngine:
-    """Workers of this machine in a pool, which is created again when one of them dies."""
-
-    def __init__(self, slots: int) -> None:
-        self.slots = slots
-        self._pool = self._new_pool()
-
-    def _new_pool(self) -> Executor:
-        raise NotImplementedError
-
-    def submit(self, work: Callable[..., Any], *arguments: Any) -> Future[Any]:
-        """Run ``work(*arguments)`` in a worker; if the pool is broken, the future has the error."""
+        """Run ``work(*arguments)`` in a worker; where no worker is left, the future has the error."""
         try:
-            return self._pool.submit(work, *arguments)
+            return self._executor.submit(work, *arguments)
         except BrokenExecutor as error:
             failed: Future[Any] = Future()
             failed.set_exception(error)
             return failed
 
-    def is_worker_death(self, error: BaseException) -> bool:
-        """Return whether the worker died."""
-        return isinstance(error, WORKER_DEATH_ERRORS)
-
     def replace_workers(self) -> None:
-        """Start new workers."""
-        self._pool.shutdown(wait=True, cancel_futures=True)
-        self._pool = self._new_pool()
+        """Start new workers after one died."""
+        self.close()
+        self._executor = self._make()
 
     def require_alive(self) -> None:
-        """Do nothing: this machine is alive."""
+        """Raise InputError where the engine cannot run any more jobs; this machine can."""
 
     def close(self) -> None:
         """End the workers; jobs that have not begun are dropped."""
-        self._pool.shutdown(wait=True, cancel_futures=True)
+        self._executor.shutdown(wait=True, cancel_futures=True)
 
 
-class ThreadEngine(LocalEngine):
+class ThreadEngine(Engine):
     """Threads of this process, for jobs that rarely hold the interpreter's lock."""
 
-    def _new_pool(self) -> Executor:
-        return ThreadPoolExecutor(self.slots)
+    def __init__(self, slots: int) -> None:
+        super().__init__(slots, lambda: ThreadPoolExecutor(slots))
 
 
-class ProcessEngine(LocalEngine):
+class ProcessEngine(Engine):
     """Processes of this machine, one thread each, because pipelines hold the interpreter's lock most of the time.
 
     Where processes can be forked, a server loads the module ``preload`` once, so that a new worker starts at once.
     """
 
     def __init__(self, slots: int, preload: str | None = None) -> None:
-        self._preload = preload
-        super().__init__(slots)
-
-    def _new_pool(self) -> Executor:
         forks = "forkserver" in multiprocessing.get_all_start_methods()
         context = multiprocessing.get_context("forkserver" if forks else "spawn")
-        if forks and self._preload:
-            context.set_forkserver_preload([self._preload])
-        return ProcessPoolExecutor(self.slots, context, initializer=_initialize_worker)
+        if forks and preload:
+            context.set_forkserver_preload([preload])
+        super().__init__(slots, lambda: ProcessPoolExecutor(slots, context, initializer=_initialize_worker))
 
 
 def _initialize_worker() -> None:
@@ -120,23 +104,56 @@ def _exit_with_client() -> None:
         os._exit(1)
 
 
-@contextmanager
-def engine_from(
-    name: str | None, identity: Identity | None = None, *, threads: bool = False, preload: str | None = None
-) -> Iterator[Engine]:
-    """Yield the engine that ``--executor`` names: ``local`` (or None), ``dask://host:port``, or a cluster's TOML file.
+@dataclass(frozen=True)
+class Outcome(Generic[Job]):
+    """The result of a job, or the error that it raised; the death of its worker is a ``ChildProcessError``."""
 
-    Local jobs run in processes that have loaded the module ``preload``, or in threads. On a cluster, ``identity`` runs
-    here and on every worker and must return the same. Raises InputError for another name, without the extra
-    ``cluster``, where no cluster answers, and where a worker differs.
+    job: Job
+    result: Any = None
+    error: BaseException | None = None
+
+
+def run_jobs(engine: Engine, work: Callable[[Job], Any], jobs: deque[Job]) -> Iterator[Outcome[Job]]:
+    """Yield the outcome of ``work(job)`` for each of ``jobs``, in the order of completion.
+
+    The caller may append to ``jobs`` between two outcomes. At most JOBS_PER_SLOT jobs for each worker are submitted.
+    A job whose worker died is repeated while no other job runs, so that a job that kills its worker destroys no other
+    job's work; after ``MAX_ATTEMPTS`` deaths it is given up.
     """
-    if name is None or name == LOCAL_NAME:
-        engine = ThreadEngine(thread_count()) if threads else ProcessEngine(thread_count(), preload)
-        try:
-            yield engine
-        finally:
-            engine.close()
-        return
-    manager = start_cluster(Path(name), identity) if name.endswith(".toml") else connect_cluster(name, identity)
-    with manager as cluster:
-        yield cluster
+    flying: dict[Future[Any], tuple[Job, int]] = {}  # with the number of times that a job runs alone
+    suspects: deque[tuple[Job, int]] = deque()
+    while jobs or flying or suspects:
+        if suspects and not flying:
+            engine.replace_workers()
+            job, alone = suspects.popleft()
+            flying[engine.submit(work, job)] = job, alone + 1
+        while jobs and not suspects and len(flying) < JOBS_PER_SLOT * engine.slots:
+            if any(alone for _, alone in flying.values()):
+                break
+            job = jobs.popleft()
+            flying[engine.submit(work, job)] = job, 0
+        done, _ = wait(flying, timeout=POLL_INTERVAL, return_when=FIRST_COMPLETED)
+        if not done:
+            engine.require_alive()
+        for future in [one for one in flying if one in done]:  # of those done together, the earliest first
+            job, alone = flying.pop(future)
+            if not _lost_worker(engine, future):
+                yield Outcome(job, None if (error := future.exception()) else future.result(), error)
+            elif alone < MAX_ATTEMPTS:
+                suspects.appendleft((job, alone)) if alone else suspects.append((job, alone))
+            else:
+                yield Outcome(job, error=ChildProcessError(WORKER_DIED))
+
+
+def _lost_worker(engine: Engine, future: Future[Any]) -> bool:
+    """Return whether a job's worker died; ``KilledWorker`` of Dask: several did, ``ComputeError``: with the result."""
+    error = CancelledError() if future.cancelled() else future.exception()
+    if isinstance(error, (*WORKER_DEATH_ERRORS, CancelledError)) or type(error).__name__ in {
+        "KilledWorker",
+        "ComputeError",
+    }:
+        engine.require_alive()  # if the engine ended, the job's worker did not die of the job
+        return True
+    if error is not None and not isinstance(error, Exception):
+        raise error
+    return False

@@ -10,7 +10,7 @@ from pathlib import Path
 import pytest
 
 from pneucli import cli
-from pneucli.executors import ThreadEngine, engine
+from pneucli.executors import ThreadEngine, dask_cluster
 from pneucli.pipeline.graph import STAGES
 from tests.cli.toys import PIPELINE
 
@@ -42,7 +42,7 @@ def pneucli(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str])
     for name, stage in list(STAGES.items()):
         monkeypatch.setitem(STAGES, name, replace(stage, package="tests.cli.toys"))
     monkeypatch.setattr(
-        engine, "ProcessEngine", lambda slots, preload: ThreadEngine(1)
+        dask_cluster, "ProcessEngine", lambda slots, preload: ThreadEngine(1)
     )  # other processes would have the real stages
 
     def run(*words: object) -> Result:
