@@ -23,9 +23,7 @@ from pneucli.exam.case_rig import (
     is_supply_recorded,
 )
 from pneucli.exam.conditions import USUAL, WIDE, Conditions, draw_conditions, parse
-from pneucli.exam.hidden_effect import HiddenEffect
-from pneucli.exam.hidden_effects import BY_NAME, CATALOGUE, UNCATALOGUED
-from pneucli.exam.hidden_sides import ALL_BY_NAME, draw_sides
+from pneucli.exam.hidden_effects import ALL_BY_NAME, BY_NAME, CATALOGUE, UNCATALOGUED, HiddenEffect, draw_sides
 from pneucli.exam.laboratory import Laboratory, RecordingPlan
 from pneucli.exam.recording_programme import RecordingProgramme
 from pneucli.exam.rig.gas import wall_conductance

@@ -1,4 +1,5 @@
-"""The conditions under which the cases of an exam are recorded; each has a name, such as ``rate-200Hz``.
+"""The conditions under which the cases of an exam are recorded; each has a name, such as ``rate-200Hz``, and a row in
+``conditions.toml``.
 
 Names joined by ``+`` hold together. The usual conditions are a bore near 32 mm, 7 bar and 1 kHz.
 """
@@ -6,19 +7,80 @@ Names joined by ``+`` hold together. The usual conditions are a bore near 32 mm,
 from __future__ import annotations
 
 import re
-from collections.abc import Sequence
+import tomllib
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Any
+from importlib.resources import files
+from typing import TYPE_CHECKING, Any, Literal
 
 from pneucli.errors import InputError, did_you_mean
-from pneucli.exam.condition import KINDS, Condition, Kind
-from pneucli.exam.condition_table import CONDITIONS, USUAL, WIDE, WIDE_CHOICES, WIDE_SHARE
-from pneucli.exam.hidden_effects import BY_NAME
+from pneucli.exam.hidden_effects import BY_NAME, CATALOGUE, FRICTION, SIDES, UNCATALOGUED, VALVE
 
 if TYPE_CHECKING:
     import numpy as np
 
-__all__ = ["USUAL", "WIDE", "Conditions", "Kind", "describe_conditions", "draw_conditions", "parse"]
+USUAL, WIDE = "usual", "wide"
+WIDE_SHARE = 0.6  # of the lines, from which "wide" draws one condition each
+Kind = Literal["valve", "friction", "axis"]
+KINDS: tuple[Kind, ...] = ("valve", "friction", "axis")
+
+
+@dataclass(frozen=True)
+class Condition:
+    """One kind of condition, a row of ``conditions.toml``.
+
+    Attributes:
+        pattern: Its name, in which ``#`` is a number.
+        description: What it is.
+        change: The fields of :class:`Conditions` that it sets.
+        number: The field that the number sets (``sets``), its factor to SI, its limits (``from``, ``to``).
+        kinds: The kinds of rig that can have it.
+        excluded: Effects that are not identifiable under it.
+    """
+
+    pattern: str
+    description: str
+    change: Mapping[str, Any]
+    number: Mapping[str, Any]
+    kinds: tuple[Kind, ...]
+    excluded: frozenset[str]
+
+    def match(self, name: str) -> dict[str, Any] | None:
+        """Return the changes for ``name``; None where the pattern differs. Raises InputError beyond the limits."""
+        found = re.fullmatch(re.escape(self.pattern).replace(r"\#", r"(\d+(?:\.\d+)?)"), name)
+        if found is None or not self.number:
+            return None if found is None else dict(self.change)
+        value, low, high = float(found[1]), self.number["from"], self.number["to"]
+        if not low <= value <= high:
+            raise InputError("--condition", name, f"{self.pattern} with # from {low:g} to {high:g}", code="E031")
+        value = value * self.number["factor"]
+        return {self.number["sets"]: int(value) if self.number.get("whole") else value}
+
+
+def _group(names: Iterable[str]) -> frozenset[str]:
+    """Return the names of effects, those of groups (``@NAME``) in place of the group."""
+    return frozenset(one for name in names for one in (GROUPS[name[1:]] if name.startswith("@") else (name,)))
+
+
+def _condition(pattern: str, row: Mapping[str, Any]) -> Condition:
+    change: dict[str, Any] = {name: None if value == "none" else value for name, value in row.get("change", {}).items()}
+    change |= {name: _group(change[name]) for name in ("absent", "mess_of") if name in change}
+    change |= {"mess": tuple(change["mess"])} if "mess" in change else {}
+    kinds = tuple(row.get("rigs", KINDS))
+    return Condition(pattern, row["description"], change, row.get("number", {}), kinds, _group(row.get("excluded", ())))
+
+
+_TABLE = tomllib.loads(files("pneucli.exam").joinpath("conditions.toml").read_text(encoding="utf-8"))
+WIDE_CHOICES: Sequence[Sequence[str]] = _TABLE["wide"]
+GROUPS: dict[str, frozenset[str]] = {
+    **{name: frozenset(effects) for name, effects in _TABLE["groups"].items()},
+    "sides": frozenset(effect.name for effect in CATALOGUE) - frozenset(SIDES),
+    # of the chamber, the valve and its supply
+    "no-area": frozenset(e.name for e in CATALOGUE if VALVE[0] in e.kinds and FRICTION[0] not in e.kinds)
+    | {"piston-leak", "dead-volume", "valve-deadband"}
+    | {effect.name for effect in UNCATALOGUED if effect.part == "flow"},
+}
+CONDITIONS = tuple(_condition(pattern, row) for pattern, row in _TABLE["conditions"].items())
 
 
 @dataclass(frozen=True)
@@ -138,7 +200,7 @@ def draw_conditions(rng: np.random.Generator, effects: Sequence[str]) -> Conditi
 def describe_conditions() -> str:
     """Return all patterns in one sentence, for the help."""
     return "; ".join(
-        f"{c.pattern} ({c.description}" + (f", {c.minimum:g} to {c.maximum:g}" if c.maximum else "") + ")"
+        f"{c.pattern} ({c.description}" + (f", {c.number['from']:g} to {c.number['to']:g}" if c.number else "") + ")"
         for c in CONDITIONS
     )
 

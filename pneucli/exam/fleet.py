@@ -18,8 +18,7 @@ import numpy as np
 
 from pneucli.exam.cases import SEALED_FOLDER, prepare_case
 from pneucli.exam.conditions import Conditions
-from pneucli.exam.hidden_effect import RIGS_WITH_PISTON
-from pneucli.exam.hidden_effects import BY_NAME
+from pneucli.exam.hidden_effects import BY_NAME, RIGS_WITH_PISTON
 from pneucli.exam.laboratory import RecordingPlan
 from pneucli.exam.rig.parameters import Parameters
 from pneucli.exam.rig.simulation import Excitation

@@ -19,8 +19,7 @@ from pneucli.errors import InputError
 from pneucli.exam.cases import EXAM_FILE, seal
 from pneucli.exam.conditions import Kind
 from pneucli.exam.graded_case import GradedCase
-from pneucli.exam.hidden_effect import HiddenEffect
-from pneucli.exam.hidden_effects import CATALOGUE
+from pneucli.exam.hidden_effects import CATALOGUE, HiddenEffect
 from pneucli.exam.laboratory import Laboratory, RecordingPlan
 from pneucli.exam.rig.excitations import closed_loop
 from pneucli.exam.rig.kernel import Array

@@ -13,8 +13,7 @@ from pneucli.exam import workflow
 from pneucli.exam.cases import case_truth, generate_case, write_exam
 from pneucli.exam.conditions import Conditions
 from pneucli.exam.grading import grade
-from pneucli.exam.hidden_effects import BY_NAME
-from pneucli.exam.hidden_sides import ON_A_SIDE
+from pneucli.exam.hidden_effects import BY_NAME, ON_A_SIDE
 from pneucli.exam.laboratory import Laboratory
 from pneucli.exam.rig.parameters import TWO_VALVES, Parameters
 from pneucli.exam.rig.sensors import Sensors

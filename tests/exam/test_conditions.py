@@ -11,10 +11,8 @@ import pytest
 
 from pneucli.errors import InputError
 from pneucli.exam.cases import generate_case, plan_cases, write_exam
-from pneucli.exam.condition_table import CONDITIONS, DRIFTING_AND_PERIODIC_EFFECTS, WIDE_CHOICES
-from pneucli.exam.conditions import Conditions, describe_conditions, parse
-from pneucli.exam.hidden_effects import BY_NAME, CATALOGUE, UNCATALOGUED
-from pneucli.exam.hidden_sides import SIDES
+from pneucli.exam.conditions import CONDITIONS, GROUPS, WIDE_CHOICES, Conditions, describe_conditions, parse
+from pneucli.exam.hidden_effects import BY_NAME, CATALOGUE, SIDES, UNCATALOGUED
 
 
 def test_names_joined_by_plus_hold_together():
@@ -161,7 +159,7 @@ def test_an_uneven_rig_has_only_disturbances_unlike_the_catalogue(tmp_path):
     of_valve, _ = _conditions(tmp_path / "a", "valve", "uneven")
     assert set(of_valve["mess"]) == {"supply ripple that its sensor misses", "valve gain drifts over each recording"}
     of_axis, _ = _conditions(tmp_path / "b", "axis", "uneven", hidden=["extra-mass"])
-    assert set(of_axis["mess"]) <= DRIFTING_AND_PERIODIC_EFFECTS
+    assert set(of_axis["mess"]) <= GROUPS["drifting"]
     assert 3 <= len(of_axis["mess"]) <= 4
     assert of_axis["unexplained_is_right"]
 

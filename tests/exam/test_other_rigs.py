@@ -12,7 +12,7 @@ import pytest
 from pneucli.exam.cases import generate_case
 from pneucli.exam.conditions import parse
 from pneucli.exam.graded_case import GradedCase
-from pneucli.exam.hidden_sides import ALL_BY_NAME, SIDES
+from pneucli.exam.hidden_effects import ALL_BY_NAME, SIDES
 from pneucli.exam.rig.gas import GAS_CONSTANT
 from pneucli.exam.rig.hose import EXPONENT, SPEED_OF_SOUND
 from pneucli.exam.rig.parameters import FIVE_THREE, Parameters
