@@ -6,7 +6,7 @@ import io
 import re
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import matplotlib
@@ -17,7 +17,7 @@ from matplotlib.backends.backend_svg import FigureCanvasSVG
 from matplotlib.colorbar import Colorbar
 from matplotlib.colors import LinearSegmentedColormap
 from matplotlib.figure import Figure as Canvas
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from pneucli.report.page_elements import Figure
 
@@ -78,6 +78,64 @@ def render(draw: Callable[[Canvas], None], width: float, height: float) -> str:
         canvas = Canvas(figsize=(width, height), layout="constrained")
         draw(canvas)
         return _svg(canvas)
+
+
+@dataclass(frozen=True)
+class Line:
+    """One curve of a chart: x and y of shape (n,), its label, and how it is drawn; None: as matplotlib would."""
+
+    x: ArrayLike
+    y: ArrayLike
+    label: str | None = None
+    colour: str | None = None
+    style: str = "-"
+    width: float | None = None
+    size: float | None = None  # of its markers
+
+
+def chart(
+    caption: str,
+    x: str,
+    y: str,
+    *lines: Line,
+    legend: Any = "",
+    height: float = HEIGHT,
+    extra: Callable[[Axes], object] = lambda axes: None,
+    **limits: Any,
+) -> Figure:
+    """Return a figure of curves.
+
+    Args:
+        caption: One sentence that says what it shows.
+        x: Title of the horizontal axis.
+        y: Title of the vertical axis.
+        lines: The curves, the last one on top.
+        legend: Place of the legend within the axes, as matplotlib names it; "" for none.
+        height: Height in inches.
+        extra: Draws what else there is, below the legend.
+        limits: Further properties of the axes, such as ``xlim`` or ``yscale``.
+    """
+    with drawing(caption, x, y, height) as one:
+        for line in lines:
+            look: dict[str, Any] = {
+                "color": line.colour,
+                "linewidth": line.width,
+                "markersize": line.size,
+                "label": line.label,
+            }
+            one.axes.plot(line.x, line.y, line.style, **look)
+        one.axes.set(**limits)
+        extra(one.axes)
+        if legend:
+            one.axes.legend(loc=legend)
+    return figures([one])[0]
+
+
+def reduced(line: Line, max_samples: int) -> Line:
+    """Return a curve of about that many samples, with every peak."""
+    x, y = np.asarray(line.x), np.asarray(line.y)
+    kept = envelope_indices([y], max_samples)
+    return replace(line, x=x[kept], y=y[kept])
 
 
 def figures(drawings: Sequence[Drawing]) -> list[Figure]:

@@ -14,7 +14,7 @@ from jinja2 import Environment, PackageLoader, StrictUndefined
 from markupsafe import Markup, escape
 
 from pneucli.report.overview import Overview, overview
-from pneucli.report.page_elements import Panel, Section, ZoomPlot
+from pneucli.report.page_elements import Panel, Section, SectionMaker, ZoomPlot
 from pneucli.report.report_data import ReportData
 from pneucli.report.sections import SECTIONS
 
@@ -23,15 +23,22 @@ STYLES = ("uPlot.min.css", "page.css")
 SCRIPTS = ("uPlot.iife.min.js", "plots.js")
 
 
-def build_sections(material: ReportData) -> list[Section]:
-    """Return the sections of the page; a section without its artifact is left out."""
-    return [section for make in SECTIONS if (section := make(material)) is not None]
+def build_sections(material: ReportData, makers: Sequence[SectionMaker] = SECTIONS) -> list[Section]:
+    """Return the sections of the page, or of another one; a section without its artifact is left out."""
+    return [section for make in makers if (section := make(material)) is not None]
 
 
 def to_html(material: ReportData, sections: Sequence[Section] | None = None, first: Overview | None = None) -> str:
     """Return the page with the given sections and the given overview, by default with all of the material."""
     sections = build_sections(material) if sections is None else sections
     return render_page(material.name, first or overview(material), sections, material.footer)
+
+
+def thesis_page(material: ReportData, sections: Sequence[Section]) -> str:
+    """Return the page of the thesis with the given sections; nothing but a sentence where there are none."""
+    line = "" if sections else "Nothing is identified that the figures of the thesis could show."
+    front = Overview(" · ".join(filter(None, (material.rig, line))), (), {}, "", (), "", "", "")
+    return render_page(f"{material.name}: figures of the thesis", front, sections, material.footer)
 
 
 def render_page(name: str, front: Overview, sections: Sequence[Section], about: Mapping[str, str]) -> str:

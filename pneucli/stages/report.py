@@ -21,12 +21,14 @@ from pneucli.report import (
     Table,
     build_sections,
     section_tables,
+    thesis_page,
     to_html,
     to_junit,
     to_markdown,
 )
 from pneucli.report.overview import overview
 from pneucli.report.page_elements import Section
+from pneucli.report.thesis import SECTIONS as THESIS_SECTIONS
 from pneucli.stages import history
 from pneucli.stages.closed_loop_checks import closed_loop_checks
 from pneucli.stages.compare import RESIDUALS_FILE
@@ -38,7 +40,10 @@ REPORTED_ARTIFACTS = ("ingest/signals", "compare/*", "identify/*", "diagnose/*",
 
 
 def run(context: Context) -> dict[str, Any]:
-    """Write the report of whatever the stages before have left; return what it holds, in brief."""
+    """Write the report of whatever the stages before have left, and that of the thesis where it was asked for.
+
+    Returns what it holds, in brief.
+    """
     context.progress("reading artifacts", 0.1)
     checks = [check_result(path, limit, context.answers, context.path.name) for path, limit in _limits(context).items()]
     defaults = closed_loop_checks(context.answers)
@@ -50,18 +55,23 @@ def run(context: Context) -> dict[str, Any]:
     sections = build_sections(material)
     first = overview(material)
     page = to_html(material, sections, first)
+    texts = {
+        "report.html": page,
+        "summary.md": to_markdown(material, first),
+        "junit.xml": to_junit(material.name, [*checks, *defaults]),
+    }
+    if context.options.get("thesis"):
+        of_thesis = build_sections(material, THESIS_SECTIONS)
+        texts["thesis.html"] = thesis_page(material, of_thesis)
+        sections += of_thesis
     tables_written = _write_tables(context, sections)
-    for name, text in (
-        ("report.html", page),
-        ("summary.md", to_markdown(material, first)),
-        ("junit.xml", to_junit(material.name, [*checks, *defaults])),
-    ):
+    for name, text in texts.items():
         with atomic_path(context.out / name) as path:
             path.write_text(text, encoding="utf-8")
     return {
         "schema": "pneucli/report/1",
         "pipeline": context.config.name,
-        "files": ["report.html", "summary.md", "junit.xml"],
+        "files": [*texts],
         "tables": tables_written,
         "bytes": len(page.encode()),
         "checks": [{"path": c.path, "passed": not c.failure} for c in checks],

@@ -16,8 +16,8 @@ from pneucli.messages import compare, diagnose
 from pneucli.report import figure, overview
 from pneucli.report.page_elements import ZOOM_HINT, Figure, Grid
 from pneucli.report.report_data import Table
-from pneucli.report.sections import thesis_laws
 from pneucli.report.sections.error_location import _states
+from pneucli.report.thesis import friction as thesis_laws
 from tests.report.bench import fallen, whole
 
 # the package has sections of the same names

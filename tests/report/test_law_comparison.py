@@ -1,4 +1,4 @@
-"""The chapters on the controllers side by side and on the thesis's figures."""
+"""The chapters on the controllers side by side, here and in the report of the thesis."""
 
 from __future__ import annotations
 
@@ -10,7 +10,8 @@ import pytest
 from pneucli.report import ReportData, Table
 from pneucli.report.sections import SECTIONS
 from pneucli.report.sections.law_comparison import section as law_comparison
-from pneucli.report.sections.thesis_figures import section as thesis_figures
+from pneucli.report.thesis.control import section as thesis_control
+from pneucli.report.thesis.valve import section as thesis_figures
 from tests.report import controlled
 
 TIME = 1e-2 * np.arange(600)
@@ -59,14 +60,16 @@ def test_the_laws_the_map_and_the_components_have_a_table_each(material: ReportD
 
 
 def test_the_figures_of_the_thesis_on_control_are_named(material: ReportData) -> None:
-    captions = " ".join(part.caption for part in law_comparison(material).parts if part.kind == "figure")
+    captions = " ".join(part.caption for part in thesis_control(material).parts)
     assert all(f"Figure 7.{number}:" in captions for number in range(28, 35))
+    assert "Figure 7." not in " ".join(getattr(part, "caption", "") for part in law_comparison(material).parts)
 
 
 def test_without_a_design_there_is_no_comparison_and_without_identification_no_figures() -> None:
     assert law_comparison(ReportData("none")) is None
     assert thesis_figures(ReportData("none")) is None
-    assert {law_comparison, thesis_figures} <= set(SECTIONS)
+    assert thesis_control(ReportData("none")) is None
+    assert law_comparison in SECTIONS
 
 
 def test_one_slip_is_shown_under_every_model_and_the_claim_on_the_flow_function_is_checked() -> None:

@@ -36,8 +36,6 @@ ANCHORS = {
     "bench": "design",
     "robustness": "simulate",
     "open-loop": "simulate",
-    "tensor": "identify",
-    "thesis": "identify",
     "measured": "ingest",
     "checks": None,
 }
@@ -62,7 +60,7 @@ def test_a_section_is_absent_where_its_stage_never_ran(material: ReportData, sta
 
 def test_a_report_comes_out_of_ingest_and_identify_alone(material: ReportData) -> None:
     page = to_html(replace(without(material, "compare", "diagnose", "design", "simulate"), checks=[]))
-    assert anchors(page) == ["parameters", "relations", "valve", "friction", "tensor", "thesis", "measured"]
+    assert anchors(page) == ["parameters", "relations", "valve", "friction", "measured"]
 
 
 def test_a_report_comes_out_of_nothing() -> None:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import re
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 from xml.etree import ElementTree
@@ -26,7 +28,7 @@ use = "train"
 "compare.error.train" = { min = 0.5, max = 2.0 }
 "diagnose.verdict" = { equals = "adequate" }
 """
-SHOWN = ("compare/residuals", "identify/valve_areas")
+SHOWN = ("compare/residuals", "identify/valve_areas", "identify/tp_weights", "identify/tp_vertices")
 
 
 @pytest.fixture
@@ -58,6 +60,21 @@ def test_it_writes_page_summary_and_junit(context: Context) -> None:
     assert len(page.encode()) == answer["bytes"]
     assert '<section id="comparison">' in page
     assert str(context.artifacts) not in page
+
+
+def test_the_thesis_has_a_page_of_its_own_where_it_is_asked_for(context: Context) -> None:
+    plain = report.run(context)
+    assert "thesis.html" not in plain["files"]
+    assert not any(name.startswith("tables/tensor") for name in plain["tables"])
+    answer = report.run(replace(context, options={"thesis": True}))
+    assert sorted(path.name for path in context.out.iterdir()) == sorted([*answer["files"], "tables"])
+    page = (context.out / "thesis.html").read_text(encoding="utf-8")
+    assert re.findall(r'<section id="([^"]+)">', page) == ["thesis", "tensor"]
+    assert "Figure 7.23" in page
+    assert "tables/tensor-1.parquet" in answer["tables"]
+    assert "report/report.html" in (told := messages.render("report", answer, "bench.toml"))
+    assert "junit.xml, thesis.html" in told
+    assert '<section id="tensor">' not in (context.out / "report.html").read_text(encoding="utf-8")
 
 
 def test_every_table_of_the_page_is_a_parquet_file_too(context: Context) -> None:

@@ -1,7 +1,32 @@
-"""``report``: the page of all answers."""
+"""``report``: the page of all answers, and that of the thesis."""
 
 from __future__ import annotations
 
-from pneucli.cli.command import stage_command
+from typing import Annotated
 
-COMMAND = stage_command("report", "pneucli report axis-7/pipeline.toml", place=80)
+import typer
+
+from pneucli.cli.command import Command, run_stage
+from pneucli.cli.options import File, Json, Out, Quiet, Verbose
+
+
+def _report(
+    pipeline: File,
+    thesis: Annotated[
+        bool | None,
+        typer.Option(
+            "--thesis/--no-thesis",
+            help="Also thesis.html: the figures of the source thesis with the data of this rig; default: as last time.",
+            show_default=False,
+        ),
+    ] = None,
+    out: Out = None,
+    json: Json = False,
+    verbose: Verbose = False,
+    quiet: Quiet = False,
+) -> None:
+    options = None if thesis is None else {"thesis": True} if thesis else {}
+    run_stage("report", pipeline, out, json, quiet, verbose, options)
+
+
+COMMAND = Command(_report, "pneucli report axis-7/pipeline.toml", place=90, stage="report")

@@ -17,8 +17,6 @@ from pneucli.report.sections.open_loop import section as open_loop
 from pneucli.report.sections.parameters import section as parameters
 from pneucli.report.sections.recordings import section as recordings
 from pneucli.report.sections.robustness import section as robustness
-from pneucli.report.sections.tensor_product import section as tensor_product
-from pneucli.report.sections.thesis_figures import section as thesis_figures
 from pneucli.report.sections.valve import section as valve
 
 SECTIONS: tuple[SectionMaker, ...] = (
@@ -35,8 +33,6 @@ SECTIONS: tuple[SectionMaker, ...] = (
     law_comparison,
     robustness,
     open_loop,
-    tensor_product,
-    thesis_figures,
     recordings,
     checks,
 )

@@ -1,20 +1,21 @@
-"""The figures of the source thesis that no other chapter contains, with their numbers in the thesis."""
+"""Flow function, valve and one stick-slip by each model: figures 2.4, 2.5, 6.14 to 6.19, 6.34 to 6.39, 7.16 to 7.26."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 
 import numpy as np
+from matplotlib.axes import Axes
 from matplotlib.ticker import ScalarFormatter
 from numpy.typing import NDArray
 
 from pneucli.messages.formatting import format_number, format_setting, in_display_unit
 from pneucli.physics.gas import CRITICAL_RATIO, PSI_MAX, choked_maximum, choked_ratio, isentropic_flow_function
 from pneucli.physics.vectorised import flow_functions
-from pneucli.report.figure import BLUE, GREY, ORANGE, Drawing, drawing, envelope_indices, figures
-from pneucli.report.page_elements import Part, Section
+from pneucli.report.figure import BLUE, GREY, ORANGE, Line, chart, reduced
+from pneucli.report.page_elements import Figure, Section
 from pneucli.report.report_data import ReportData, Table
-from pneucli.report.sections.thesis_laws import friction_laws, sliding_sectors
+from pneucli.report.thesis.friction import friction_laws, sliding_sectors
 
 Array = NDArray[np.float64]
 KAPPA = 1.4  # of the thesis' own figures
@@ -27,45 +28,48 @@ COMMANDS_PER_SIDE = 3  # commands on each side of the null in figure 7.25
 
 def section(material: ReportData) -> Section | None:
     """Return the figures; absent where nothing was identified that they could show."""
-    drawings = [*friction_laws(material), *_valve(material), *sliding_sectors(material)]
-    drawings += _slip(material.table("identify/friction_replays"))
-    if not drawings:
-        return None
-    parts: list[Part] = [*figures([*_flow_function(), *drawings])]
+    drawn = [
+        *friction_laws(material),
+        *_valve(material),
+        *sliding_sectors(material),
+        *_slip(material.table("identify/friction_replays")),
+    ]
     lead = (
         "The figures of the source thesis with this rig's data and the numbers of the thesis. Tables 6.2 and 6.3 and "
-        "figures 6.8 to 6.12 and 6.21 to 6.33 are in the chapters on friction and on tensor-product models, figures "
-        "7.28 to 7.34 in the one on controllers."
+        "figures 6.8 to 6.12 and 6.21 to 6.33 are in the report's chapter on friction and below, with the weights."
     )
-    return Section("thesis", "Figures of the thesis", lead, parts, folded=True)
+    return Section("thesis", "Figures of the thesis", lead, [*_flow_function(), *drawn]) if drawn else None
 
 
-def _flow_function() -> Iterator[Drawing]:
+def _flow_function() -> Iterator[Figure]:
     """Yield figures 2.4 and 2.5, with the claimed and the found error of the approximation."""
     ratio = np.linspace(0.0, 1.0, 20001)
     exact = np.array([isentropic_flow_function(float(r), KAPPA) for r in ratio])
     critical, largest = choked_ratio(KAPPA), choked_maximum(KAPPA)
     above = np.maximum((ratio - critical) / (1.0 - critical), 0.0)
     approximation = largest * np.sqrt(np.maximum(1.0 - above**2, 0.0))
-    with drawing("Figure 2.4: the flow function of isentropic outflow (2.34).", "pressure ratio", "Ψ") as one:
-        one.axes.plot(ratio, exact, color=BLUE)
-    yield one
+    caption = "Figure 2.4: the flow function of isentropic outflow (2.34)."
+    yield chart(caption, "pressure ratio", "Ψ", Line(ratio, exact, colour=BLUE))
     open_ = exact > 0.0
     error = np.abs(approximation[open_] / exact[open_] - 1.0)
     rounded = np.abs(flow_functions(ratio[open_], CRITICAL_RATIO) / exact[open_] - 1.0)
-    caption = (
+
+    def error_axis(axes: Axes) -> None:
+        second = axes.twinx()
+        second.plot(ratio[open_], 100.0 * error, color=GREY, linewidth=0.9)
+        second.set_ylabel("error in % of the value")
+
+    yield chart(
         "Figure 2.5: the flow function and its approximation (2.42, 2.43). "
         f"{_claim(ratio[open_], error, 'With the constants unrounded the approximation')} "
-        f"{_claim(ratio[open_], rounded, 'With 0.528 and 0.484, as the program has them, it')}"
+        f"{_claim(ratio[open_], rounded, 'With 0.528 and 0.484, as the program has them, it')}",
+        "pressure ratio",
+        "Ψ",
+        Line(ratio, exact, "exact", BLUE),
+        Line(ratio, approximation, "approximation", ORANGE, "--"),
+        legend="lower left",
+        extra=error_axis,
     )
-    with drawing(caption, "pressure ratio", "Ψ") as one:
-        one.axes.plot(ratio, exact, color=BLUE, label="exact")
-        one.axes.plot(ratio, approximation, "--", color=ORANGE, label="approximation")
-        axes = one.axes.twinx()
-        axes.plot(ratio[open_], 100.0 * error, color=GREY, linewidth=0.9)
-        axes.set_ylabel("error in % of the value")
-        one.axes.legend(loc="lower left")
-    yield one
 
 
 def _claim(ratio: Array, error: Array, subject: str) -> str:
@@ -81,7 +85,7 @@ def _percent(share: float) -> str:
     return f"{format_number(100.0 * float(share), 3)} %"
 
 
-def _valve(material: ReportData) -> Iterator[Drawing]:
+def _valve(material: ReportData) -> Iterator[Figure]:
     """Yield figures 7.16 to 7.26 of the valve at chamber 1."""
     curves, grid, areas = (
         _first_chamber(material.table(f"identify/valve_{name}")) for name in ("curves", "map", "areas")
@@ -119,18 +123,25 @@ def _strongest(curves: Table, sign: float) -> Table | None:
     return max((rows for change, rows in moved if change >= 0.9 * most), key=len) if most > 0.0 else None
 
 
-def _curve(caption: str, rows: Table, scale: str = "linear") -> Drawing:
-    with drawing(f"{caption} Command {format_setting(float(rows['u'][0]))} V.", "time in s", "pressure in bar") as one:
-        for column, style, colour, label in (("measured", ".", GREY, "measured"), ("fitted", "-", BLUE, "fitted")):
-            indices = envelope_indices([rows[column]], MAX_SAMPLES)
-            time, values = rows["time"][indices] - rows["time"][0], in_display_unit(rows[column][indices], "Pa")
-            one.axes.plot(time, values, style, color=colour, markersize=2, label=label)
-        one.axes.set_yscale(scale)
-        if scale == "log":
-            for axis in (one.axes.yaxis.set_major_formatter, one.axes.yaxis.set_minor_formatter):
-                axis(ScalarFormatter())
-        one.axes.legend(loc="upper right")
-    return one
+def _curve(caption: str, rows: Table, scale: str = "linear") -> Figure:
+    def plain_numbers(axes: Axes) -> None:
+        for axis in (axes.yaxis.set_major_formatter, axes.yaxis.set_minor_formatter) if scale == "log" else ():
+            axis(ScalarFormatter())
+
+    looks = (("measured", ".", GREY), ("fitted", "-", BLUE))
+    time = rows["time"] - rows["time"][0]
+    curves = (
+        Line(time, in_display_unit(rows[name], "Pa"), name, colour, style, size=2) for name, style, colour in looks
+    )
+    return chart(
+        f"{caption} Command {format_setting(float(rows['u'][0]))} V.",
+        "time in s",
+        "pressure in bar",
+        *(reduced(curve, MAX_SAMPLES) for curve in curves),
+        legend="upper right",
+        extra=plain_numbers,
+        yscale=scale,
+    )
 
 
 def _supply(material: ReportData, rows: Table, curves: Table) -> tuple[float, str]:
@@ -143,56 +154,54 @@ def _supply(material: ReportData, rows: Table, curves: Table) -> tuple[float, st
     return float(in_display_unit(curves["fitted"].max(), "Pa")), "highest pressure reached"
 
 
-def _inflation(rows: Table, supply: float, origin: str) -> Iterator[Drawing]:
+def _inflation(rows: Table, supply: float, origin: str) -> Iterator[Figure]:
     """Yield the figures of one inflation; ``supply`` (bar) is the ``origin`` of its pressure ratio."""
     yield _curve("Figures 7.16 and 7.19: inflation pressure curve.", rows)
     p, gradient = in_display_unit(rows["fitted"], "Pa"), in_display_unit(rows["gradient"], "Pa/s")
-    most = float(np.nanmax(gradient))
-    caption = "Figure 7.18: flow coefficient from the inflation curve, over its largest value, and (2.42)."
-    with drawing(caption, f"pressure over the {origin}", "Ψ / Ψ max") as one:
-        ratio = p / supply
-        one.axes.plot(ratio, gradient / most, color=BLUE, label="measured")
-        one.axes.plot(ratio, flow_functions(ratio, CRITICAL_RATIO) / PSI_MAX, "--", color=ORANGE, label="(2.42)")
-        one.axes.legend(loc="upper right")
-    yield one
+    ratio = p / supply
+    yield chart(
+        "Figure 7.18: flow coefficient from the inflation curve, over its largest value, and (2.42).",
+        f"pressure over the {origin}",
+        "Ψ / Ψ max",
+        Line(ratio, gradient / float(np.nanmax(gradient)), "measured", BLUE),
+        Line(ratio, flow_functions(ratio, CRITICAL_RATIO) / PSI_MAX, "(2.42)", ORANGE, "--"),
+        legend="upper right",
+    )
     has_flow = "mass_flow" in rows and bool(np.isfinite(rows["mass_flow"]).any())
     flow, title = (
         (1e3 * rows["mass_flow"], "mass flow in g/s") if has_flow else (gradient, "pressure gradient in bar/s")
     )
     instead = "" if has_flow else ", as pressure gradient (2.22), because the volume of the vessel is not stated"
     caption = f"Figure 7.20: mass flow of the inflation{instead}: constant while choked."
-    with drawing(caption, "pressure in bar", title) as one:
-        one.axes.plot(p, flow, color=BLUE)
-        one.axes.set_ylim(bottom=0)
-    yield one
+    from_zero = lambda axes: axes.set_ylim(bottom=0)  # noqa: E731
+    yield chart(caption, "pressure in bar", title, Line(p, flow, colour=BLUE), extra=from_zero)
 
 
-def _deflation(rows: Table) -> Iterator[Drawing]:
+def _deflation(rows: Table) -> Iterator[Figure]:
     yield _curve("Figure 7.17: deflation pressure curve.", rows)
     caption = "Figure 7.21: deflation on a logarithmic scale: while choked it is exponential, a straight line."
     yield _curve(caption, rows, "log")
     p, gradient = in_display_unit(rows["fitted"], "Pa"), in_display_unit(rows["gradient"], "Pa/s")
     choked = p > 1.05 * float(p.min()) / CRITICAL_RATIO
+    lines = [Line(p, gradient, "identified", BLUE)]
+    if choked.any():
+        slope = float(np.sum(p[choked] * gradient[choked]) / np.sum(p[choked] ** 2))
+        through_zero = np.array([0.0, float(p.max())])
+        lines.append(
+            Line(through_zero, slope * through_zero, f"{format_number(slope, 3)} 1/s × pressure", ORANGE, "--")
+        )
     caption = "Figure 7.22: pressure and gradient of the deflation: a straight line through zero while choked."
-    with drawing(caption, "pressure in bar", "pressure gradient in bar/s") as one:
-        one.axes.plot(p, gradient, color=BLUE, label="identified")
-        if choked.any():
-            slope = float(np.sum(p[choked] * gradient[choked]) / np.sum(p[choked] ** 2))
-            line = np.array([0.0, float(p.max())])
-            one.axes.plot(line, slope * line, "--", color=ORANGE, label=f"{format_number(slope, 3)} 1/s × pressure")
-        one.axes.legend(loc="upper right")
-    yield one
+    yield chart(caption, "pressure in bar", "pressure gradient in bar/s", *lines, legend="upper right")
 
 
-def _over_voltage(grid: Table) -> Drawing:
+def _over_voltage(grid: Table) -> Figure:
     levels = np.unique(grid["p"])
     level = float(levels[np.argmin(np.abs(levels - REFERENCE_PRESSURE))])
     rows = grid.where(p=level)
     caption = f"Figure 7.24: pressure gradient over voltage at {format_number(1e-5 * level, 2)} bar."
-    with drawing(caption, "valve command in V", "pressure gradient in bar/s") as one:
-        one.axes.plot(rows["u"], in_display_unit(rows["p_gradient"], "Pa/s"), color=BLUE)
-        one.axes.axhline(0, color=GREY, linewidth=0.6)
-    return one
+    line = Line(rows["u"], in_display_unit(rows["p_gradient"], "Pa/s"), colour=BLUE)
+    zero: Callable[[Axes], object] = lambda axes: axes.axhline(0, color=GREY, linewidth=0.6)  # noqa: E731
+    return chart(caption, "valve command in V", "pressure gradient in bar/s", line, extra=zero)
 
 
 def _nearest_commands(areas: Table, opening: Array) -> NDArray[np.bool_]:
@@ -204,29 +213,35 @@ def _nearest_commands(areas: Table, opening: Array) -> NDArray[np.bool_]:
     return chosen
 
 
-def _areas(caption: str, areas: Table, chosen: NDArray[np.bool_]) -> Drawing:
-    with drawing(caption, "valve command in V", "effective area in mm²") as one:
-        opening = areas["opening" if "opening" in areas else "u"]
-        for side, colour, label in ((1.0, BLUE, "supply → chamber"), (-1.0, ORANGE, "chamber → ambient")):
-            mine = np.flatnonzero(chosen & (np.sign(opening) == side))
-            if mine.size:
-                mine = mine[np.argsort(areas["u"][mine])]
-                area = 1e6 * areas["area"][mine]
-                one.axes.plot(areas["u"][mine], area, "o-", color=colour, markersize=3, label=label)
-        one.axes.set_ylim(bottom=0)
-        one.axes.legend(loc="upper right")
-    return one
+def _areas(caption: str, areas: Table, chosen: NDArray[np.bool_]) -> Figure:
+    opening = areas["opening" if "opening" in areas else "u"]
+    lines = []
+    for side, colour, label in ((1.0, BLUE, "supply → chamber"), (-1.0, ORANGE, "chamber → ambient")):
+        mine = np.flatnonzero(chosen & (np.sign(opening) == side))
+        if mine.size:
+            mine = mine[np.argsort(areas["u"][mine])]
+            lines.append(Line(areas["u"][mine], 1e6 * areas["area"][mine], label, colour, "o-", size=3))
+    return chart(
+        caption,
+        "valve command in V",
+        "effective area in mm²",
+        *lines,
+        legend="upper right",
+        extra=lambda axes: axes.set_ylim(bottom=0),
+    )
 
 
-def _slip(replays: Table) -> Iterator[Drawing]:
+def _slip(replays: Table) -> Iterator[Figure]:
     """Yield figures 6.14 to 6.19 and 6.34 to 6.39: one stick-slip, measured and by each model."""
     for (model,), rows in replays.groups("model"):
         for i, (name, title) in enumerate((("a", "acceleration in m/s²"), ("v", "velocity in m/s"))):
-            what = title.split()[0]
-            figure = f"Figure 6.{FIRST_FIGURE[str(model)] + i}"
-            caption = f"{figure}: {what} of model {model} in one stick-slip, driven by the measured force."
-            with drawing(caption, "time from break-away in s", title, height=2.3) as one:
-                one.axes.plot(rows["time"], rows[name], color=GREY, linewidth=1.0, label="measured")
-                one.axes.plot(rows["time"], rows[f"{name}_model"], color=BLUE, label=f"model {model}")
-                one.axes.legend(loc="upper right")
-            yield one
+            yield chart(
+                f"Figure 6.{FIRST_FIGURE[str(model)] + i}: {title.split()[0]} of model {model} in one stick-slip, "
+                "driven by the measured force.",
+                "time from break-away in s",
+                title,
+                Line(rows["time"], rows[name], "measured", GREY, width=1.0),
+                Line(rows["time"], rows[f"{name}_model"], f"model {model}", BLUE),
+                legend="upper right",
+                height=2.3,
+            )

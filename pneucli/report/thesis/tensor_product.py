@@ -24,7 +24,7 @@ def section(material: ReportData) -> Section | None:
         "a22(v), friction over mass and velocity, as a convex combination of vertex systems: at every velocity the "
         "weights are non-negative and sum to one."
     )
-    return Section("tensor", "Tensor-product models", lead, parts, folded=True)
+    return Section("tensor", "Tensor-product models", lead, parts)
 
 
 def _weights(model: str, branch: str, rows: Table) -> Drawing:

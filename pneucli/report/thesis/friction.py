@@ -6,10 +6,12 @@ from collections.abc import Iterator, Mapping
 from typing import Any
 
 import numpy as np
+from matplotlib.axes import Axes
 from numpy.typing import NDArray
 
 from pneucli.physics.vectorised import stribeck_friction
-from pneucli.report.figure import BLUE, GREEN, GREY, ORANGE, Drawing, drawing, envelope_indices
+from pneucli.report.figure import BLUE, GREEN, GREY, ORANGE, Line, chart, envelope_indices
+from pneucli.report.page_elements import Figure
 from pneucli.report.report_data import ReportData, Table
 
 Array = NDArray[np.float64]
@@ -21,7 +23,7 @@ TINY = 1e-300
 MARGIN = 1.1  # of the axes beyond the trajectory
 
 
-def friction_laws(material: ReportData) -> Iterator[Drawing]:
+def friction_laws(material: ReportData) -> Iterator[Figure]:
     """Yield figures 3.1 to 3.4 from the parameters of model A, and 3.6 from those of model D."""
     parameters = material.table("identify/friction_parameters")
     found = {str(model): _values(rows) for (model,), rows in parameters.groups("model")} if len(parameters) else {}
@@ -54,40 +56,43 @@ def _speeds(velocity: float) -> Array:
     return np.concatenate([np.linspace(-top, -1e-9, MAX_SAMPLES // 2), np.linspace(1e-9, top, MAX_SAMPLES // 2)])
 
 
-def _steady_laws(c: Mapping[str, float]) -> Drawing:
+def _steady_laws(c: Mapping[str, float]) -> Figure:
     coulomb, viscous, static, velocity = (c[name] for name in STRIBECK_PARAMETERS)
     v = _speeds(velocity)
-    plain = stribeck_friction(v, coulomb, viscous, coulomb)
     caption = (
         "Figures 3.1 to 3.4: Coulomb friction (3.1), with viscous friction (3.3), with a break-away force (3.4), and "
         "Stribeck friction (3.6), with the parameters of model A."
     )
-    with drawing(caption, "velocity in mm/s", "friction in N") as one:
-        one.axes.plot(1e3 * v, coulomb * np.sign(v), color=GREY, label="3.1: Coulomb")
-        one.axes.plot(1e3 * v, plain, color=GREEN, label="3.2: and viscous")
-        one.axes.plot([0.0, 0.0], [-static, static], "o", color=ORANGE, markersize=4, label="3.3: break-away force")
-        stribeck = stribeck_friction(v, coulomb, viscous, static, velocity)
-        one.axes.plot(1e3 * v, stribeck, color=BLUE, label="3.4: Stribeck")
-        one.axes.legend(loc="upper left")
-    return one
+    return chart(
+        caption,
+        "velocity in mm/s",
+        "friction in N",
+        Line(1e3 * v, coulomb * np.sign(v), "3.1: Coulomb", GREY),
+        Line(1e3 * v, stribeck_friction(v, coulomb, viscous, coulomb), "3.2: and viscous", GREEN),
+        Line([0.0, 0.0], [-static, static], "3.3: break-away force", ORANGE, "o", size=4),
+        Line(1e3 * v, stribeck_friction(v, coulomb, viscous, static, velocity), "3.4: Stribeck", BLUE),
+        legend="upper left",
+    )
 
 
-def _branches(branches: Mapping[str, Mapping[str, float]]) -> Drawing:
+def _branches(branches: Mapping[str, Mapping[str, float]]) -> Figure:
     up, down = branches["accelerating"], branches["slowing"]
     v = _speeds(up["velocity"])
     v = v[v > 0.0]
-    caption = "Figure 3.6: friction on two branches (3.7): Stribeck accelerating, Coulomb and viscous slowing."
-    with drawing(caption, "velocity in mm/s", "friction in N") as one:
-        rising = stribeck_friction(v, up["coulomb"], up["viscous"], up["static"], up["velocity"])
-        one.axes.plot(1e3 * v, rising, color=BLUE, label="accelerating")
-        falling = stribeck_friction(v, down["coulomb"], down["viscous"], down["coulomb"])
-        one.axes.plot(1e3 * v, falling, color=ORANGE, label="slowing")
-        one.axes.set_ylim(bottom=0)
-        one.axes.legend(loc="upper right")
-    return one
+    rising = stribeck_friction(v, up["coulomb"], up["viscous"], up["static"], up["velocity"])
+    falling = stribeck_friction(v, down["coulomb"], down["viscous"], down["coulomb"])
+    return chart(
+        "Figure 3.6: friction on two branches (3.7): Stribeck accelerating, Coulomb and viscous slowing.",
+        "velocity in mm/s",
+        "friction in N",
+        Line(1e3 * v, rising, "accelerating", BLUE),
+        Line(1e3 * v, falling, "slowing", ORANGE),
+        legend="upper right",
+        extra=lambda axes: axes.set_ylim(bottom=0),
+    )
 
 
-def sliding_sectors(material: ReportData) -> Iterator[Drawing]:
+def sliding_sectors(material: ReportData) -> Iterator[Figure]:
     """Yield figures 5.1, 6.20 and 8.6: the sector of the law, and the trajectory of its steps in it."""
     sector = material.answer("design").get("sector", {}).get("design")
     signals = material.table("design/comparison_signals")
@@ -98,27 +103,33 @@ def sliding_sectors(material: ReportData) -> Iterator[Drawing]:
         yield _trajectory(sector, rows)
 
 
-def _trajectory(sector: Mapping[str, Any], rows: Table) -> Drawing:
+def _trajectory(sector: Mapping[str, Any], rows: Table) -> Figure:
     x1 = 1e3 * (rows["x"] - rows["x_shaped"])
     x2 = 1e3 * (rows["v"] - np.gradient(rows["x_shaped"], rows["time"]))
+    edge, top = (MARGIN * float(np.max(np.abs(values))) for values in (x1, x2))
+    line = np.array([-edge, edge])
+    lower, upper = -sector["lambda_1"] * line, -sector["lambda_2"] * line
+    kept = envelope_indices([x1, x2], MAX_SAMPLES)
+
+    def regions(axes: Axes) -> None:
+        axes.fill_between(line, lower, upper, color=GREY, alpha=0.2, linewidth=0)
+        axes.set(xlim=(-edge, edge), ylim=(-top, top))
+        for name, x, y in (("R1", 0.6, 0.8), ("R2", -0.7, -0.85), ("R3", -0.9, 0.6)):
+            axes.annotate(name, (x * edge, y * top))
+
     caption = (
         "Figures 5.1, 6.20 and 8.6: the sliding sector (5.11-5.14) between lines of slope "
         f"{sector['lambda_1']:.3g} and {sector['lambda_2']:.3g} 1/s (eta {sector['eta']:.3g} s/m), regions R1 (M acts "
         "against +x), R2 (M acts toward +x) and R3 (the sector), and the trajectory of the law in the scenario steps."
     )
-    with drawing(caption, "error x1 of the position in mm", "rate x2 of the error in mm/s", height=3.4) as one:
-        edge = MARGIN * float(np.max(np.abs(x1)))
-        line = np.array([-edge, edge])
-        lower, upper = -sector["lambda_1"] * line, -sector["lambda_2"] * line
-        one.axes.fill_between(line, lower, upper, color=GREY, alpha=0.2, linewidth=0)
-        one.axes.plot(line, lower, color=GREEN, linewidth=0.9, label="s1 = 0")
-        one.axes.plot(line, upper, color=ORANGE, linewidth=0.9, label="s2 = 0")
-        kept = envelope_indices([x1, x2], MAX_SAMPLES)
-        one.axes.plot(x1[kept], x2[kept], color=BLUE, linewidth=0.8, label="trajectory")
-        top = MARGIN * float(np.max(np.abs(x2)))
-        one.axes.set_xlim(-edge, edge)
-        one.axes.set_ylim(-top, top)
-        for name, x, y in (("R1", 0.6, 0.8), ("R2", -0.7, -0.85), ("R3", -0.9, 0.6)):
-            one.axes.annotate(name, (x * edge, y * top))
-        one.axes.legend(loc="lower left")
-    return one
+    return chart(
+        caption,
+        "error x1 of the position in mm",
+        "rate x2 of the error in mm/s",
+        Line(line, lower, "s1 = 0", GREEN, width=0.9),
+        Line(line, upper, "s2 = 0", ORANGE, width=0.9),
+        Line(x1[kept], x2[kept], "trajectory", BLUE, width=0.8),
+        legend="lower left",
+        height=3.4,
+        extra=regions,
+    )
