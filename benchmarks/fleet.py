@@ -28,9 +28,9 @@ from typing import Any
 import pyarrow.dataset as ds
 from threadpoolctl import threadpool_limits
 
+from benchmarks.fleet_rigs import FLEET_FILE, TRUTH_FILE, write_fleet
 from pneucli.config import load_fleet
 from pneucli.exam.cases import SEALED_FOLDER
-from pneucli.exam.fleet import FLEET_FILE, TRUTH_FILE, write_fleet
 from pneucli.executors import Engine, ProcessEngine, ThreadEngine, run_jobs
 from pneucli.fleet import row as fleet_row
 from pneucli.fleet.run import Fleet

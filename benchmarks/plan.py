@@ -26,12 +26,12 @@ import numpy as np
 
 from benchmarks import small
 from benchmarks.answers import essence, measured
+from benchmarks.planned_recordings import planned_recordings, read_commands
 from benchmarks.rigs import model_of
 from benchmarks.truths import judged, truth_of
 from pneucli.exam.cases import PlannedCase, generate_case, plan_cases, prepare_case
 from pneucli.exam.conditions import parse
 from pneucli.exam.laboratory import Laboratory
-from pneucli.exam.planned_recordings import planned_recordings, read_commands
 from pneucli.exam.rig.parameters import Parameters
 from pneucli.exam.rig.simulation import Excitation, simulate_rig
 from pneucli.plan.bench import LOOP_RANGE, Bench, described_benches

@@ -14,7 +14,18 @@ import pytest
 from benchmarks.measure import IMPORTS, KERNELS, PHASES, REST, Sampler
 
 ROOT = Path(__file__).parents[1]
-SHARED = {"answers", "cases", "measure", "regressions", "rigs", "small", "truths", "worlds"}  # no benchmarks
+SHARED = {
+    "answers",
+    "cases",
+    "fleet_rigs",
+    "measure",
+    "planned_recordings",
+    "regressions",
+    "rigs",
+    "small",
+    "truths",
+    "worlds",
+}  # no benchmarks
 TESTED_ELSEWHERE = {"simulate"}  # tests/simulate/test_benchmark.py
 NEED_GCC = {"exam_loop", "gate", "laws", "level", "machine_logs", "plant_fmu", "precision"}
 SLOW = {

@@ -14,12 +14,12 @@ from typing import Any
 import numpy as np
 import pytest
 
+from benchmarks.fleet_rigs import TEMPLATE_FILE, write_fleet
 from pneucli.diagnose import executor_refit
 from pneucli.diagnose.data import Refit, run_locally
 from pneucli.diagnose.diagnosis import diagnose
 from pneucli.diagnose.executor_refit import ExecutorRefits
 from pneucli.errors import InputError
-from pneucli.exam.fleet import TEMPLATE_FILE, write_fleet
 from pneucli.executors import ProcessEngine, ThreadEngine
 from pneucli.physics.declaration import Effect
 from pneucli.physics.effects import catalogue

@@ -13,9 +13,9 @@ from xml.etree import ElementTree
 import pyarrow.dataset as ds
 import pytest
 
+from benchmarks.fleet_rigs import FLEET_FILE, TABLE_FILE, TEMPLATE_FILE, write_fleet
 from pneucli.config import load_fleet
 from pneucli.errors import InputError
-from pneucli.exam.fleet import FLEET_FILE, TABLE_FILE, TEMPLATE_FILE, write_fleet
 from pneucli.fleet import run as stage
 from pneucli.fleet.output import evaluate_checks
 from pneucli.fleet.results import failure_cause, failure_result

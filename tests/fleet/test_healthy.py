@@ -7,11 +7,11 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-
 from pneucli.cli.stage import _baseline_options
+
+from benchmarks.fleet_rigs import CHANGES, FLEET_FILE, TABLE_FILE, TEMPLATE_FILE, write_fleet
 from pneucli.config import load_fleet
 from pneucli.errors import InputError
-from pneucli.exam.fleet import CHANGES, FLEET_FILE, TABLE_FILE, TEMPLATE_FILE, write_fleet
 from pneucli.executors import ThreadEngine
 from pneucli.fleet import row
 from pneucli.fleet import run as stage

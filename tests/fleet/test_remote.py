@@ -12,9 +12,9 @@ import pyarrow.dataset as ds
 import pytest
 from pyarrow import fs
 
+from benchmarks.fleet_rigs import FLEET_FILE, write_fleet
 from pneucli.config import load_fleet
 from pneucli.errors import InputError
-from pneucli.exam.fleet import FLEET_FILE, write_fleet
 from pneucli.fleet import run as stage
 from pneucli.io.remote_files import content_stamp, fetch, is_remote, store_error
 from pneucli.io.result_store import mirror_folder, store_at
