@@ -174,9 +174,11 @@ def imposed_motion(kernel: Kernel, samples: int) -> Callable[[], None]:
 def derivatives(kernel: Kernel, samples: int) -> Callable[[], None]:
     """The same with the derivatives by as many parameters as a dual number holds."""
     time, given, starts, base, th, on, switches, areas, areas_2, step = imposed_inputs(kernel, samples)
-    rows = [as_rows(numbers) for numbers in (base, th, areas, areas_2)]
-    out = np.zeros((samples, at.D_OUTPUTS, 1 + LANES))
-    return lambda: kernel.run_duals(time, given, starts, *rows[:2], on, switches, *rows[2:], step, out)
+    rows, out = [as_rows(numbers) for numbers in (base, th)], np.zeros((samples, at.D_OUTPUTS, 1 + LANES))
+    slopes, places = np.repeat(areas[:, None], LANES, axis=1), np.arange(LANES)
+    return lambda: kernel.run_duals(
+        time, given, starts, *rows, on, switches, areas, areas_2, step, slopes, slopes, places, out
+    )
 
 
 def imposed_inputs(kernel: Kernel, samples: int) -> tuple[Any, ...]:

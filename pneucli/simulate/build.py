@@ -89,11 +89,17 @@ def piston_acceleration(x, v, z, rest, dv, p1, p2, driven, m, stiffness, base, t
     return 0.0
 
 
-def run_duals(time, inputs, restarts, base, th, on, flags, areas, areas_2, h_max, out):
+def effective_area(u, u_max, areas):
+    table, slopes, places = areas
+    i, w = table_place(u, u_max, table.size)
+    return table[i] + w * (table[i + 1] - table[i]) + slopes_between(slopes, i, value_of(w), places)
+
+
+def run_duals(time, inputs, restarts, base, th, on, flags, areas, areas_2, h_max, slopes, slopes_2, places, out):
     nothing = np.zeros(2)
     run(
-        time, inputs, restarts, as_duals(base), as_duals(th), on, flags, as_duals(areas), as_duals(areas_2), h_max,
-        nothing, nothing, as_duals(out),
+        time, inputs, restarts, as_duals(base), as_duals(th), on, flags, (areas, slopes, places),
+        (areas_2, slopes_2, places), h_max, nothing, nothing, as_duals(out),
     )
 
 
@@ -232,7 +238,7 @@ def dual_source(effects: Sequence[Effect]) -> str:
     switches = "".join(f"on[{i}], " for i in range(len(effects) + 1))
     scalars = f"def scalars(base, th, on):\n    return {', '.join(f'({one})' for one in (*tuples, switches))}\n"
     rules = hashlib.sha256(inspect.getsource(dual).encode()).hexdigest()
-    imports = f"# {rules}\nfrom pneucli.simulate.dual import ROW, as_duals, value_of\n"
+    imports = f"# {rules}\nfrom pneucli.simulate.dual import ROW, as_duals, slopes_between, value_of\n"
     text = imports + source(effects, compiled=False, parts=DUAL_PARTS) + DUAL_TEXT + scalars
     return _decorated(text, entries=("run_duals",), called=("advance",))
 

@@ -52,15 +52,6 @@ class Directions:
             self._found[key] = np.ascontiguousarray(rows.T)
         return self._found[key]
 
-    def area_rows(self, chamber: int, largest: float, some: tuple[int, ...]) -> Array:
-        """Return a chamber's table of areas as dual numbers, shape (areas, 1 + LANES), for ``some`` parameters."""
-        key = (chamber if self.model.valve_2 is not None else 1, largest, some)
-        if key not in self._found:
-            rows = as_rows(self.model.valve_of_chamber(chamber).table(largest))
-            rows[:, 1 : 1 + len(some)] = self.area_slopes(chamber, largest)[:, some]
-            self._found[key] = rows
-        return self._found[key]
-
     def base_slopes(self, experiment: Experiment) -> Array:
         """Return the derivatives of the base parameters, shape (19, parameters)."""
         key = ("base", experiment.vessel, experiment.recording.added_mass, experiment.stroke_limits)
@@ -133,16 +124,17 @@ def derivatives(
         derivative stands at the place of its parameter, after the value. The next one overwrites it.
     """
     kernel, model = kernel_for(directions.model.effects), directions.model
-    time, inputs, restarts, base, th, on, flags, _, _, h_max = kernel_arguments(
+    time, inputs, restarts, base, th, on, flags, *areas, h_max = kernel_arguments(
         kernel, model, experiment, experiment.inputs
     )
-    largest, chamber = experiment.flags[at.U_MAX], experiment.recording.chamber
+    largest = experiment.flags[at.U_MAX]
+    slopes = [directions.area_slopes(chamber, largest) for chamber in (experiment.recording.chamber, 2)]
     for first in range(0, len(some), LANES):
         part = tuple(some[first : first + LANES])
         rows = [as_rows(base), as_rows(th)]
-        for numbers, slopes in zip(rows, (directions.base_slopes(experiment), directions.effect_slopes()), strict=True):
-            numbers[:, 1 : 1 + len(part)] = slopes[:, part]
-        areas = [directions.area_rows(one, largest, part) for one in (chamber, 2)]
+        for numbers, own in zip(rows, (directions.base_slopes(experiment), directions.effect_slopes()), strict=True):
+            numbers[:, 1 : 1 + len(part)] = own[:, part]
+        places = np.resize(part, LANES)
         out = _scratch(experiment.time.size)
-        kernel.run_duals(time, inputs, restarts, *rows, on, flags, *areas, h_max, out)
+        kernel.run_duals(time, inputs, restarts, *rows, on, flags, *areas, h_max, *slopes, places, out)
         yield part, out

@@ -167,6 +167,28 @@ def _exponential(b: ir.IRBuilder, x: tuple[Any, Any]) -> Any:
     return _pack(b, value, _scaled(b, x[1], value))
 
 
+def _logarithm(b: ir.IRBuilder, x: tuple[Any, Any]) -> Any:
+    return _pack(b, _call(b, "log", x[0]), _scaled(b, x[1], b.fdiv(ir.Constant(DOUBLE, 1.0), x[0])))
+
+
+def _sine(b: ir.IRBuilder, x: tuple[Any, Any]) -> Any:
+    return _pack(b, _call(b, "sin", x[0]), _scaled(b, x[1], _call(b, "cos", x[0])))
+
+
+def _cosine(b: ir.IRBuilder, x: tuple[Any, Any]) -> Any:
+    return _pack(b, _call(b, "cos", x[0]), _scaled(b, x[1], b.fneg(_call(b, "sin", x[0]))))
+
+
+def _power(b: ir.IRBuilder, x: tuple[Any, Any], y: tuple[Any, Any]) -> Any:
+    """Return x to the power of y: its derivative by x is y x^(y - 1), that by y is x^y log x."""
+    kind = ir.FunctionType(DOUBLE, [DOUBLE, DOUBLE])
+    power = cgutils.get_or_insert_function(b.module, kind, "llvm.pow.f64")
+    value, less = b.call(power, [x[0], y[0]]), b.fsub(y[0], ir.Constant(DOUBLE, 1.0))
+    by_base = _scaled(b, x[1], b.fmul(y[0], b.call(power, [x[0], less])))
+    by_exponent = _scaled(b, y[1], b.fmul(value, _call(b, "log", x[0]))) if y[1] is not None else None
+    return _pack(b, value, _added(b, by_base, by_exponent))
+
+
 def _absolute(b: ir.IRBuilder, x: tuple[Any, Any]) -> Any:
     negative = b.fcmp_ordered("<", x[0], ir.Constant(DOUBLE, 0.0))
     return _pack(b, _call(b, "fabs", x[0]), b.select(negative, b.fneg(x[1]), x[1]))
@@ -181,6 +203,8 @@ for _function, _emit in (
     (operator.isub, _difference),
     (operator.imul, _product),
     (operator.itruediv, _quotient),
+    (operator.pow, _power),
+    (math.pow, _power),
     (max, _chosen(">")),
     (min, _chosen("<")),
 ):
@@ -197,6 +221,9 @@ for _function, _sign in (
 _register(operator.neg, dual, lambda b, x: _pack(b, b.fneg(x[0]), b.fneg(x[1])), 1)
 _register(math.sqrt, dual, _root, 1)
 _register(math.exp, dual, _exponential, 1)
+_register(math.log, dual, _logarithm, 1)
+_register(math.sin, dual, _sine, 1)
+_register(math.cos, dual, _cosine, 1)
 _register(abs, dual, _absolute, 1)
 _register(math.floor, types.int64, lambda b, x: b.fptosi(_call(b, "floor", x[0]), INT), 1)
 
@@ -211,9 +238,9 @@ def is_known(tree: ast.AST) -> bool:
     return not loops and called <= _FUNCTIONS and not named & _ROUNDING and operators <= _OPERATORS
 
 
-_FUNCTIONS = {"sqrt", "exp", "floor", "pi", "e", "inf"}
+_FUNCTIONS = {"sqrt", "exp", "log", "sin", "cos", "pow", "floor", "pi", "e", "inf"}
 _ROUNDING = {"float", "int", "round", "bool", "pow", "range"}
-_OPERATORS = {ast.Add, ast.Sub, ast.Mult, ast.Div}
+_OPERATORS = {ast.Add, ast.Sub, ast.Mult, ast.Div, ast.Pow}
 
 
 @lower_cast(types.Float, DualType)
@@ -252,3 +279,29 @@ def as_duals(typingctx: Any, rows: types.Array) -> Any:
         return impl_ret_borrowed(context, builder, out, made._getvalue())
 
     return out(rows), lower
+
+
+@intrinsic
+def slopes_between(typingctx: Any, table: types.Array, row: types.Type, share: types.Type, places: types.Array) -> Any:
+    """Return a dual number of value 0 whose derivatives lie between two rows of a table.
+
+    It has the derivatives in the columns ``places`` (LANES,) of a table (rows, columns), at the ``share`` of the way
+    from a row to the next.
+    """
+
+    def lower(context: Any, builder: ir.IRBuilder, sig: Any, args: Sequence[Any]) -> Any:
+        given, where = (context.make_array(sig.args[i])(context, builder, args[i]) for i in (0, 3))
+        columns = cgutils.unpack_tuple(builder, given.shape)[1]
+        below = builder.mul(context.cast(builder, args[1], sig.args[1], types.intp), columns)
+        vectors = []
+        for first in (below, builder.add(below, columns)):
+            vector = ir.Constant(VECTOR, ir.Undefined)
+            for lane in range(LANES):
+                place = builder.load(builder.gep(where.data, [context.get_constant(types.intp, lane)]))
+                number = builder.load(builder.gep(given.data, [builder.add(first, place)]))
+                vector = builder.insert_element(vector, number, ir.Constant(ir.IntType(32), lane))
+            vectors.append(vector)
+        way = _scaled(builder, _less(builder, vectors[1], vectors[0]), args[2])
+        return _pack(builder, ir.Constant(DOUBLE, 0.0), _added(builder, vectors[0], way))
+
+    return dual(table, row, types.float64, places), lower

@@ -43,7 +43,7 @@ def table_place(u, u_max, size: int):
     """
     last: int = size - 1
     place = min(max((u + u_max) * (last / (2.0 * u_max)), 0.0), float(last))
-    i: int = min(int(place), last - 1)
+    i: int = min(math.floor(place), last - 1)
     return i, place - i
 
 
