@@ -66,12 +66,19 @@ def format_interval(value: float | None, unit: str, ci95: Sequence[float | None]
     """Return value, 95 % interval and unit with the digits that the interval supports: ``"0.399 ± 0.002 mm²"``.
 
     Half the interval's width has two digits, as the GUM (JCGM 100:2008, 7.2.6) advises; an interval that is not even
-    about its value is given by its ends, one without width not at all.
+    about its value is given by its ends, one without width not at all. An open end, at a bound of the search, is None:
+    the value is at least, or at most, the other end.
 
+    >>> format_interval(0.05, "s", [0.046, None]), format_interval(-0.95, "1", [None, -0.8])
+    ('at least 0.046 s', 'at most −0.80')
     >>> format_interval(2.01e4, "N/m", [1.0e-2, 1.94e9])
     '20100 (0.010 to 1.9·10⁹) N/m'
     """
     low, high = ci95
+    if (low is None) != (high is None):
+        return (
+            f"at least {format_quantity(low, unit, 2)}" if high is None else f"at most {format_quantity(high, unit, 2)}"
+        )
     if (
         value is None
         or low is None
@@ -103,8 +110,9 @@ def _exponent(value: float) -> int:
 
 
 def format_parameters(found: Mapping[str, Mapping[str, Any]]) -> str:
-    """Return an effect's parameters with their intervals: ``"drop = 0.399 ± 0.002"``."""
-    return ", ".join(f"{name} = {format_interval(p['value'], p['unit'], p['ci95'])}" for name, p in found.items())
+    """Return an effect's parameters with their intervals: ``"drop = 0.399 ± 0.002"``, ``"delay at least 0.046 s"``."""
+    shown = {name: format_interval(p["value"], p["unit"], p["ci95"]) for name, p in found.items()}
+    return ", ".join(f"{name} {'' if text.startswith('at ') else '= '}{text}" for name, text in shown.items())
 
 
 def format_noise_ratio(error: float | None) -> str:

@@ -18,8 +18,6 @@ from pneucli.units import parse_unit
 
 NAN = math.nan
 Quantity = float | str
-HORIZON_SHARE = 0.1  # of the horizon, for a delay of a sensor: nine tenths are predicted
-RESPONSE_TIME_SHARE = 0.3  # of a response time: a slower sensor could not have been meant for this rig
 
 
 @dataclass(frozen=True)
@@ -77,13 +75,9 @@ class RigQuantities:
         return max((t for t in (self.fill_time, crossing) if t > 0), default=NAN)
 
     @property
-    def longest_delay(self) -> float:
-        """The longest delay or lag of a sensor that is considered, in s.
-
-        Beyond it a model would predict little of what it is compared with.
-        """
-        bounds = HORIZON_SHARE * self.horizon, RESPONSE_TIME_SHARE * self.response_time
-        return min((t for t in bounds if t > 0), default=NAN)
+    def gas_capacity(self) -> float:
+        """Heat capacity of the full chamber's gas at constant volume, in J/K."""
+        return self.supply * self.volume / (self.gas_temperature * (self.heat_capacity_ratio - 1.0))
 
 
 @dataclass(frozen=True)
@@ -130,11 +124,13 @@ SCALES = {
         Scale("full commands", "V", "the largest command", lambda f: f.max_command),
         Scale("response times", "s", "the longer of filling the chamber through the open valve and crossing the range "
               "of x at top speed", lambda f: f.response_time),
-        Scale("longest delays", "s", "a tenth of the time between two restarts, at most 0.3 response times",
-              lambda f: f.longest_delay),
+        Scale("horizons", "s", "the longest time between two restarts of the model", lambda f: f.horizon),
         Scale("sampling periods", "s", "between samples", lambda f: f.sampling_period),
         Scale("gas conductances", "W/K", "heat capacity of the full chamber's gas over the time to fill it",
-              lambda f: f.supply * f.volume / (f.gas_temperature * (f.heat_capacity_ratio - 1.0) * f.fill_time)),
+              lambda f: f.gas_capacity / f.fill_time),
+        Scale("gas capacities per sampling period", "W/K",
+              "that heat capacity over the time between samples: the gas is at wall temperature within a sample",
+              lambda f: f.gas_capacity / f.sampling_period),
     )
 }  # fmt: skip
 

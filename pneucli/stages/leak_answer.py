@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import asdict
+from dataclasses import asdict, replace
 from typing import Any
 
 from pneucli.identify.estimation.fit import Estimate
@@ -35,7 +35,7 @@ def per_vessel_volume(estimate: Estimate, study: PipelineData) -> Estimate:
     factor, unit = vessel_scale(estimate.name, estimate.unit, study)
     low, high = estimate.ci95
     value, error = factor * estimate.value, factor * estimate.error
-    return Estimate(estimate.name, unit, value, error, (factor * low, factor * high), estimate.at_bound)
+    return replace(estimate, unit=unit, value=value, error=error, ci95=(factor * low, factor * high))
 
 
 def leak_answer(study: PipelineData, model: Model, estimates: list[Estimate]) -> dict[str, Any]:

@@ -8,5 +8,5 @@ from pneucli.identify.estimation.fit import Estimate
 
 
 def parameters_answer(estimates: list[Estimate]) -> dict[str, Any]:
-    """Return the parameters as the JSON answers hold them."""
-    return {e.name: {"value": e.value, "unit": e.unit, "ci95": list(e.ci95)} for e in estimates}
+    """Return the parameters as the JSON answers hold them; an open end of an interval is null."""
+    return {e.name: {"value": e.value, "unit": e.unit, "ci95": list(e.open_interval)} for e in estimates}

@@ -22,6 +22,7 @@ NOISE = {"p1": 200.0, "p2": 200.0, "x": 5e-6}
 @dataclass(frozen=True)
 class Piston:
     """Areas in m^2, mass in kg, spring in N/m with its force at x = 0 in N, friction in N and N s/m, stroke in m.
+    Dry friction grows by ``seal`` (m^2) times both pressures above ambient.
 
     p1 goes from level to level between ``lowest`` and ``highest`` (Pa), p2 swings by ``opposed`` (Pa). The piston
     starts at ``start`` (m).
@@ -39,6 +40,7 @@ class Piston:
     highest: float
     opposed: float = 0.0
     start: float = 0.0
+    seal: float = 0.0
 
     def rig(self, **stated: Any) -> Rig:
         """The rig as its owner describes it: the spring is not mentioned."""
@@ -57,13 +59,15 @@ class Piston:
     def positions(self, p1: np.ndarray, p2: np.ndarray) -> np.ndarray:
         """Positions in m under pressures in Pa: dry friction and hard stops without rebound, Euler steps."""
         push = self.area_1 * (p1 - AMBIENT) - self.area_2 * (p2 - AMBIENT) - self.preload
-        fine = np.interp(np.arange(SUBSTEPS * (push.size - 1) + 1) / SUBSTEPS, np.arange(push.size), push)
+        dry = self.coulomb + self.seal * (p1 + p2 - 2.0 * AMBIENT)
+        places = np.arange(SUBSTEPS * (push.size - 1) + 1) / SUBSTEPS
+        fine, fine_dry = (np.interp(places, np.arange(push.size), values) for values in (push, dry))
         h, x, v, out = PERIOD / SUBSTEPS, self.start, 0.0, np.zeros(fine.size)
         inertia = self.mass / h
-        for k, force in enumerate(fine.tolist()):
+        for k, (force, held) in enumerate(zip(fine.tolist(), fine_dry.tolist(), strict=True)):
             out[k] = x
             drive = inertia * v + force - self.stiffness * x
-            v = math.copysign(max(abs(drive) - self.coulomb, 0.0), drive) / (inertia + self.viscous)
+            v = math.copysign(max(abs(drive) - held, 0.0), drive) / (inertia + self.viscous)
             x += h * v
             if not 0.0 < x < self.stroke:
                 x, v = min(max(x, 0.0), self.stroke), 0.0

@@ -10,7 +10,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property, partial
-from typing import NamedTuple
+from typing import Literal, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -42,7 +42,11 @@ FULL_CONVERGENCE = StoppingRule(12, 1e-5)
 
 @dataclass(frozen=True)
 class Estimate:
-    """One fitted parameter: value, standard error and 95 % interval in its own unit, and whether it lies at a bound."""
+    """One fitted parameter: value, standard error and 95 % interval in its own unit, and whether it lies at a bound.
+
+    ``open_end`` is the end of the interval that is such a bound of the search and no limit of physics: beyond it the
+    fit might go on.
+    """
 
     name: str
     unit: str
@@ -50,6 +54,13 @@ class Estimate:
     error: float
     ci95: tuple[float, float]
     at_bound: bool
+    open_end: Literal["lower", "upper"] | None = None
+
+    @property
+    def open_interval(self) -> tuple[float | None, float | None]:
+        """The interval as answers state it: None for an open end, since the parameter is at least, or at most, that."""
+        low, high = self.ci95
+        return None if self.open_end == "lower" else low, None if self.open_end == "upper" else high
 
 
 @dataclass(frozen=True)
@@ -252,8 +263,7 @@ def parameter_estimates(free: Sequence[FreeParameter], model: Model, covariance:
 
     Returns:
         One estimate a parameter; the interval is symmetric in the fit's coordinate, but for a parameter that multiplies
-        another one (:func:`pneucli.identify.estimation.ratio_interval.ratio_interval`). It ends at the bounds: what
-        lies beyond is no value of the parameter.
+        another one (:func:`pneucli.identify.estimation.ratio_interval.ratio_interval`). It ends at the bounds.
 
     """
     estimates, places = [], {f.name: i for i, f in enumerate(free)}
@@ -267,8 +277,11 @@ def parameter_estimates(free: Sequence[FreeParameter], model: Model, covariance:
             shared = covariance[np.ix_(pair, pair)] * np.outer(slopes[pair], slopes[pair])
             ends = ratio_interval(value, parameter_value(model, f.multiplies), shared)
         low, high = max(ends[0], min(f.lower, value)), min(ends[1], max(f.upper, value))
-        at_bound = bool(z - f.to_coordinate(f.lower) < 1e-6 or f.to_coordinate(f.upper) - z < 1e-6)
-        estimates.append(Estimate(f.name, f.unit, value, error * f.derivative(value), (low, high), at_bound))
+        at_lower, at_upper = z - f.to_coordinate(f.lower) < 1e-6, f.to_coordinate(f.upper) - z < 1e-6
+        is_open = at_lower and not f.lower_is_limit, at_upper and not f.upper_is_limit
+        open_end: Literal["lower", "upper"] | None = "lower" if is_open[0] else "upper" if is_open[1] else None
+        deviation = error * f.derivative(value)
+        estimates.append(Estimate(f.name, f.unit, value, deviation, (low, high), bool(at_lower or at_upper), open_end))
     return tuple(estimates)
 
 

@@ -30,7 +30,8 @@ class FreeParameter:
 
     ``prior_sigma`` is the standard deviation of a normal prior in that coordinate, infinite without a prior;
     ``prior_mean`` is the value at its centre, the start where absent. ``step`` is the coordinate step of the
-    differences. ``multiplies``: the parameter whose product with this one the data determine.
+    differences. ``multiplies``: the parameter whose product with this one the data determine. A bound is a limit where
+    physics or the user excludes what lies beyond, as sizes below zero; else it only ends the search.
     """
 
     name: str
@@ -44,6 +45,8 @@ class FreeParameter:
     step: float = DIFFERENCE_STEP
     prior_mean: float | None = None
     multiplies: str | None = None
+    lower_is_limit: bool = False
+    upper_is_limit: bool = False
 
     def to_coordinate(self, value: float) -> float:
         """Return the fit's coordinate of a value."""
@@ -144,6 +147,11 @@ def _with_prior(free: FreeParameter, prior: ParameterPrior) -> FreeParameter:
     if prior.start is not None:  # what a person states may lie beyond what a rig usually has
         lower, upper = min(lower, max(prior.start, prior.lower)), max(upper, min(prior.start, prior.upper))
     start = float(np.clip(free.start, lower, upper))
+    free = replace(
+        free,
+        lower_is_limit=free.lower_is_limit or lower == prior.lower,
+        upper_is_limit=free.upper_is_limit or upper == prior.upper,
+    )
     if math.isinf(prior.sigma):
         return replace(free, start=start, lower=lower, upper=upper)
     prior_mean = start if prior.start is None else prior.start
@@ -157,7 +165,9 @@ def _base_parameter(name: str, start: float, quantities: RigQuantities) -> FreeP
     valid_range = declaration.range_on(quantities)
     start = max(start, valid_range.lower, 1e-4 * valid_range.typical[0] if valid_range.typical else TINY)
     upper = quantities.heat_capacity_ratio if name == "rig.polytropic_exponent" else valid_range.upper
-    return FreeParameter(name, declaration.unit, start, max(valid_range.lower, 0.0), upper, start)
+    lower, is_exponent = max(valid_range.lower, 0.0), name == "rig.polytropic_exponent"
+    free = FreeParameter(name, declaration.unit, start, lower, upper, start)
+    return replace(free, lower_is_limit=is_exponent or lower == 0.0, upper_is_limit=is_exponent)
 
 
 def _valve_parameters(valve: ValveForm, quantities: RigQuantities) -> list[FreeParameter]:
@@ -171,9 +181,9 @@ def _valve_parameters(valve: ValveForm, quantities: RigQuantities) -> list[FreeP
     for name, (value, unit) in valve.parameters().items():
         if unit == "V":
             scale = overlap.typical[0] if overlap.typical else smallest_command
-            free.append(
-                FreeParameter(name, unit, value, 0.0, MAX_OVERLAP_RATIO * smallest_command, scale, prior_sigma=10.0)
-            )
+            largest = MAX_OVERLAP_RATIO * smallest_command  # at the smallest command the valve is open
+            one = FreeParameter(name, unit, value, 0.0, largest, scale, prior_sigma=10.0)
+            free.append(replace(one, lower_is_limit=True, upper_is_limit=True))
         else:
             a_volt = quantities.max_command if unit == "m^2/V" else 1.0
             bounds = max(area.lower, TINY) / a_volt, area.upper / a_volt
@@ -215,6 +225,7 @@ def effect_parameters(
                 logarithmic=logarithmic,
                 step=step,
                 multiplies=p.multiplies,
+                lower_is_limit=valid_range.lower == 0.0,
             )
         )
     return with_prior_knowledge(free, model.rig)

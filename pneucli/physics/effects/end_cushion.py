@@ -36,7 +36,7 @@ EFFECT = Effect(
             "m",
             None,
             "0.0005 strokes",
-            "1 strokes",
+            "1 ranges of x",
             ("0.05 strokes", "0.15 strokes", "0.4 strokes"),
             "length of each cushion",
         ),

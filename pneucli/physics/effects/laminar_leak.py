@@ -31,7 +31,7 @@ EFFECT = Effect(
             "kg/(s Pa)",
             0.0,
             0.0,
-            "1 valve conductances",
+            "5 valve conductances",
             ("0.002 valve conductances", "0.01 valve conductances"),
             "flow per pressure difference near ambient",
         ),

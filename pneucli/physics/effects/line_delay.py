@@ -45,7 +45,7 @@ EFFECT = Effect(
             "s",
             0.0,
             0.0,
-            "0.3 response times",
+            "1 horizons",
             ("0.01 response times", "0.03 response times"),
             "delay: length over speed of sound",
         ),

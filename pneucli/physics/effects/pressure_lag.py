@@ -28,7 +28,7 @@ EFFECT = Effect(
             "s",
             0.0,
             0.0,
-            "1 longest delays",
+            "0.5 horizons",
             ("0.01 response times", "0.03 response times"),
             "time constant of the sensors",
         ),

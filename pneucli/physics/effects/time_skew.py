@@ -28,7 +28,7 @@ EFFECT = Effect(
             "s",
             0.0,
             0.0,
-            "1 longest delays",
+            "0.5 horizons",
             ("0.005 response times", "0.02 response times"),
             "delay of p1 and p2",
             "0.5 sampling periods",

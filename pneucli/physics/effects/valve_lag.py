@@ -37,7 +37,7 @@ EFFECT = Effect(
             "s",
             0.0,
             0.0,
-            "0.5 response times",
+            "1 horizons",
             ("0.015 response times", "0.05 response times"),
             "time constant of the spool",
         ),
