@@ -74,11 +74,6 @@ class RigQuantities:
         crossing = (self.x_max - self.x_min) / self.max_speed if self.max_speed > 0 else NAN
         return max((t for t in (self.fill_time, crossing) if t > 0), default=NAN)
 
-    @property
-    def gas_capacity(self) -> float:
-        """Heat capacity of the full chamber's gas at constant volume, in J/K."""
-        return self.supply * self.volume / (self.gas_temperature * (self.heat_capacity_ratio - 1.0))
-
 
 @dataclass(frozen=True)
 class Scale:
@@ -124,13 +119,11 @@ SCALES = {
         Scale("full commands", "V", "the largest command", lambda f: f.max_command),
         Scale("response times", "s", "the longer of filling the chamber through the open valve and crossing the range "
               "of x at top speed", lambda f: f.response_time),
-        Scale("horizons", "s", "the longest time between two restarts of the model", lambda f: f.horizon),
+        Scale("horizons", "s", "the longest time between two restarts of the model, or without any the response time",
+              lambda f: f.horizon if f.horizon > 0.0 else f.response_time),
         Scale("sampling periods", "s", "between samples", lambda f: f.sampling_period),
         Scale("gas conductances", "W/K", "heat capacity of the full chamber's gas over the time to fill it",
-              lambda f: f.gas_capacity / f.fill_time),
-        Scale("gas capacities per sampling period", "W/K",
-              "that heat capacity over the time between samples: the gas is at wall temperature within a sample",
-              lambda f: f.gas_capacity / f.sampling_period),
+              lambda f: f.supply * f.volume / (f.gas_temperature * (f.heat_capacity_ratio - 1.0) * f.fill_time)),
     )
 }  # fmt: skip
 

@@ -13,12 +13,14 @@ from pneucli.identify.estimation import model_fit, objective
 from pneucli.identify.estimation.blocks import block_labels, copy_nonzero, group_scores, residual_slices
 from pneucli.identify.estimation.fit import Fit, fit, merge_partial_fit
 from pneucli.identify.estimation.objective import LeastSquaresProblem
-from pneucli.identify.estimation.parameters import FreeParameter
+from pneucli.identify.estimation.parameters import FreeParameter, base_parameters, with_prior_knowledge
 from pneucli.identify.estimation.similar_fit import Similar
 from pneucli.identify.residuals import ChamberPressures, ForceBalance, FreeRun, ImposedMotion
+from pneucli.messages.formatting import format_interval
+from pneucli.recording import ParameterPrior
 from pneucli.simulate.model import parameter_value
 from pneucli.simulate.valve_forms.area import ValveArea
-from tests.simulate.synthetic_experiments import make_experiment, model, time_grid
+from tests.simulate.synthetic_experiments import RIG, make_experiment, model, time_grid
 
 RNG = np.random.default_rng
 N = 2000
@@ -33,12 +35,14 @@ class Line:
     is_simulated = True
     weights: dict[str, float] = {}  # noqa: RUF012 - never changed in place
 
-    def __init__(self, channels: tuple[str, ...] = ("x", "a"), seed: int = 1, noise: float = 2.0) -> None:
+    def __init__(
+        self, channels: tuple[str, ...] = ("x", "a"), seed: int = 1, noise: float = 2.0, coulomb: float = 15.0
+    ) -> None:
         self.channels = channels
         self.experiment = SimpleNamespace(time=TIME)
         self.noise = dict.fromkeys(channels, noise)
         rng = RNG(seed)
-        truth = {"x": 15.0, "a": 40.0}
+        truth = {"x": coulomb, "a": 40.0}
         self.measured = {c: truth[c] * WAVES[c] + noise * rng.standard_normal(N) for c in channels}
 
     def is_sensitive_to(self, effect: Any) -> bool:
@@ -118,6 +122,42 @@ def test_a_parameter_at_a_bound_is_marked(bounds: tuple[float, float], value: fl
     found = fitted(replace(COULOMB, start=15.0, lower=bounds[0], upper=bounds[1]))["friction.coulomb"]
     assert found.value == pytest.approx(value)
     assert found.at_bound
+
+
+@pytest.mark.parametrize(
+    ("bounds", "limits", "shown"),
+    [
+        ((0.0, 12.0), (False, False), "at least 9.6 N"),
+        ((20.0, 1e3), (False, False), "at most 24 N"),
+        ((0.0, 12.0), (False, True), "12.0 (9.6 to 12.0) N"),  # the user says that there is no more
+        ((20.0, 1e3), (True, False), "20.0 (20.0 to 24.1) N"),
+    ],
+)
+def test_an_estimate_at_the_end_of_the_search_is_at_least_or_at_most_that(
+    bounds: tuple[float, float], limits: tuple[bool, bool], shown: str
+) -> None:
+    """15 N are fitted between other bounds."""
+    free = replace(COULOMB, start=15.0, lower=bounds[0], upper=bounds[1])
+    found = fitted(replace(free, lower_is_limit=limits[0], upper_is_limit=limits[1]))["friction.coulomb"]
+    assert format_interval(found.value, found.unit, found.open_interval) == shown
+
+
+def test_sizes_of_zero_and_estimates_between_the_bounds_have_closed_intervals() -> None:
+    zero = fitted(replace(COULOMB, start=1.0, upper=1e3), views=[Line(coulomb=-5.0)])
+    for one in (zero["friction.coulomb"], fitted(COULOMB)["friction.coulomb"]):
+        assert one.open_interval == one.ci95
+
+
+def test_what_is_known_of_a_parameter_limits_it() -> None:
+    """A bound of [model.parameters], of the exponent of a gas, and of an overlap; not that of a mass."""
+    stated = replace(RIG, priors={"rig.moving_mass": ParameterPrior("kg", upper=3.0)}, moving_mass=None)
+    (free,) = with_prior_knowledge([FreeParameter("rig.moving_mass", "kg", 1.0, 1e-3, 1e3, 1.0)], stated)
+    assert (free.lower_is_limit, free.upper, free.upper_is_limit) == (False, 3.0, True)
+    axis = make_experiment("axis", time_grid(1.0), {"u": 5.0})
+    gas = replace(model(), rig=replace(RIG, exponent_free=True, moving_mass=None))
+    known = {f.name: (f.lower_is_limit, f.upper_is_limit) for f in base_parameters(gas, [axis])}
+    assert known["rig.polytropic_exponent"] == (True, True)
+    assert known["rig.moving_mass"] == known["friction.coulomb"] == (False, False)
 
 
 def test_a_prior_draws_toward_the_start() -> None:

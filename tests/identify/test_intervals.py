@@ -4,13 +4,13 @@ from __future__ import annotations
 
 from dataclasses import replace
 from types import SimpleNamespace
-from typing import Any
+from typing import Any, cast
 
 import numpy as np
 import pytest
 
 from pneucli.identify.estimation import blocks, intervals
-from pneucli.identify.estimation.fit import Fit, parameter_estimates
+from pneucli.identify.estimation.fit import Fit, fit, parameter_estimates
 from pneucli.identify.estimation.intervals import (
     group_labels,
     variance_inflation,
@@ -18,8 +18,32 @@ from pneucli.identify.estimation.intervals import (
     with_intervals_over_models,
 )
 from pneucli.identify.estimation.parameters import FreeParameter
+from pneucli.identify.residuals import ResidualModel
 from pneucli.simulate.experiment import Experiment
 from tests.simulate.synthetic_experiments import make_experiment, model, time_grid
+
+
+class Sum:
+    """A view that reads 30 as the sum of both frictions, with noise of 1."""
+
+    name, channels, is_simulated = "a sum", ("x",), False
+    weights: dict[str, float] = {}  # noqa: RUF012 - never changed in place
+    noise = {"x": 1.0}  # noqa: RUF012
+    experiment = make_experiment("axis", time_grid(1.0), {"x": np.linspace(0.0, 0.2, 1001)})
+
+    def is_sensitive_to(self, effect: Any) -> bool:
+        return False
+
+    def differs(self, one: Any, other: Any) -> bool:
+        return True
+
+    def initial_state_sensitivity(self, model: Any) -> dict[str, np.ndarray]:
+        return {}
+
+    def residual(self, model: Any, errors: Any = None) -> dict[str, np.ndarray]:
+        noise = np.random.default_rng(3).standard_normal(1001)
+        return {"x": 30.0 + noise - model.values["friction.coulomb"] - model.values["friction.viscous"]}
+
 
 LEVEL = FreeParameter("friction.coulomb", "N", 10.0, 0.0, 1e3, 1.0)
 N = 4000
@@ -191,6 +215,18 @@ def test_an_interval_ends_at_the_bounds() -> None:
     assert order.ci95 == (1e3, 1e8)
     known, _ = parameter_estimates([slope, stiffness], fitted, np.diag([1.0, 1.0]))
     assert known.ci95 == (0.0, pytest.approx(1.96, abs=1e-2))
+
+
+def test_parameters_that_only_their_sum_determines_have_their_whole_range_as_interval() -> None:
+    """As a constant force and the rest position of a spring; a prior on one of them determines both."""
+    for sigma, is_open in ((np.inf, True), (2.0, False)):
+        found = fit(
+            model(values={"friction.coulomb": 10.0, "friction.viscous": 10.0}),
+            [cast("ResidualModel", Sum())],
+            [LEVEL, replace(LEVEL, name="friction.viscous", unit="N s/m", prior_sigma=sigma)],
+        )
+        widened = with_intervals(found, [cast("ResidualModel", Sum())])
+        assert [e.ci95 == (0.0, 1e3) for e in widened.estimates] == [is_open, is_open]
 
 
 def test_a_fit_without_free_parameters_is_unchanged() -> None:

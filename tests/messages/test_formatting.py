@@ -22,7 +22,7 @@ from pneucli.messages.formatting import format_interval, format_noise_ratio, for
         (2.0, "N", (1.9, 4.0), "2.0 (1.9 to 4.0) N"),  # not even about its value
         (3e-9, "kg/(s Pa)", (2e-9, 4e-9), "(3.0 ± 1.0)·10⁻⁹ kg/(s Pa)"),
         (2.5e6, "N/m", (2.4e6, 2.6e6), "(2.50 ± 0.10)·10⁶ N/m"),
-        (1.0, "N", (None, 2.0), "1.000 N"),
+        (1.0, "N", (None, 2.0), "at most 2.0 N"),
         (2e-6, "m^2", (0.0, 1e304), "2.000 mm²"),  # as good as without an end
         (1.0, "N", (1.0, 1.0), "1.000 N"),  # without width: the value alone
         (None, "N", (None, None), "–"),

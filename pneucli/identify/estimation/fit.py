@@ -278,7 +278,7 @@ def parameter_estimates(free: Sequence[FreeParameter], model: Model, covariance:
             ends = ratio_interval(value, parameter_value(model, f.multiplies), shared)
         low, high = max(ends[0], min(f.lower, value)), min(ends[1], max(f.upper, value))
         at_lower, at_upper = z - f.to_coordinate(f.lower) < 1e-6, f.to_coordinate(f.upper) - z < 1e-6
-        is_open = at_lower and not f.lower_is_limit, at_upper and not f.upper_is_limit
+        is_open = at_lower and f.lower != 0.0 and not f.lower_is_limit, at_upper and not f.upper_is_limit
         open_end: Literal["lower", "upper"] | None = "lower" if is_open[0] else "upper" if is_open[1] else None
         deviation = error * f.derivative(value)
         estimates.append(Estimate(f.name, f.unit, value, deviation, (low, high), bool(at_lower or at_upper), open_end))

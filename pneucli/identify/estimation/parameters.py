@@ -31,7 +31,7 @@ class FreeParameter:
     ``prior_sigma`` is the standard deviation of a normal prior in that coordinate, infinite without a prior;
     ``prior_mean`` is the value at its centre, the start where absent. ``step`` is the coordinate step of the
     differences. ``multiplies``: the parameter whose product with this one the data determine. A bound is a limit where
-    physics or the user excludes what lies beyond, as sizes below zero; else it only ends the search.
+    physics or the user excludes what lies beyond, as a lower bound of zero does; else it only ends the search.
     """
 
     name: str
@@ -167,7 +167,7 @@ def _base_parameter(name: str, start: float, quantities: RigQuantities) -> FreeP
     upper = quantities.heat_capacity_ratio if name == "rig.polytropic_exponent" else valid_range.upper
     lower, is_exponent = max(valid_range.lower, 0.0), name == "rig.polytropic_exponent"
     free = FreeParameter(name, declaration.unit, start, lower, upper, start)
-    return replace(free, lower_is_limit=is_exponent or lower == 0.0, upper_is_limit=is_exponent)
+    return replace(free, lower_is_limit=is_exponent, upper_is_limit=is_exponent)
 
 
 def _valve_parameters(valve: ValveForm, quantities: RigQuantities) -> list[FreeParameter]:
@@ -183,7 +183,7 @@ def _valve_parameters(valve: ValveForm, quantities: RigQuantities) -> list[FreeP
             scale = overlap.typical[0] if overlap.typical else smallest_command
             largest = MAX_OVERLAP_RATIO * smallest_command  # at the smallest command the valve is open
             one = FreeParameter(name, unit, value, 0.0, largest, scale, prior_sigma=10.0)
-            free.append(replace(one, lower_is_limit=True, upper_is_limit=True))
+            free.append(replace(one, upper_is_limit=True))
         else:
             a_volt = quantities.max_command if unit == "m^2/V" else 1.0
             bounds = max(area.lower, TINY) / a_volt, area.upper / a_volt
@@ -225,7 +225,6 @@ def effect_parameters(
                 logarithmic=logarithmic,
                 step=step,
                 multiplies=p.multiplies,
-                lower_is_limit=valid_range.lower == 0.0,
             )
         )
     return with_prior_knowledge(free, model.rig)

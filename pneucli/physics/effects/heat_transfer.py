@@ -47,7 +47,7 @@ EFFECT = Effect(
             "W/K",
             None,
             "0.0003 gas conductances",
-            "10 gas capacities per sampling period",
+            "1000 gas conductances",  # the gas is isothermal to 0.04 % of its pressure
             ("0.03 gas conductances", "0.15 gas conductances", "0.7 gas conductances"),
             "heat conductance gas to wall",
         ),
