@@ -200,5 +200,12 @@ def test_unmeasured_samples_hold_no_error() -> None:
     assert region.share_of_error == pytest.approx(1.0, abs=0.01)
 
 
+def test_samples_that_are_not_compared_share_no_error() -> None:
+    """Two thirds of the recording rest on a stop at 0; the rest errs alike everywhere."""
+    position, error = time_grid(1.0), np.ones(1001)
+    position[:700], error[:700] = 0.0, np.nan
+    assert find_error_regions([comparison(error, 3.0, x=position)]) == []
+
+
 def test_at_most_forty_regions_are_reported() -> None:
     assert len(find_error_regions([comparison(HUMP, 2.0, str(k)) for k in range(45)])) == 40

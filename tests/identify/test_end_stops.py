@@ -9,7 +9,8 @@ import pytest
 
 from pneucli.compare import compare
 from pneucli.identify.estimation.model_fit import fit_model
-from pneucli.identify.guesses.base_model import guess_base_model
+from pneucli.identify.guesses.base_model import guess_base_model, guess_friction
+from pneucli.identify.guesses.direct_friction import force_samples
 from pneucli.identify.residuals import residual_models
 from pneucli.noise import NoiseModel
 from pneucli.recording import Recording, Rig
@@ -142,14 +143,29 @@ def test_no_imposed_motion_determines_the_force_on_an_end(resting: Experiment):
     assert resting.force_is_determined[resting.is_free].any()
 
 
+def pressed(e: Experiment) -> tuple[Experiment, Experiment]:
+    """The same motion twice, the second time with 400 N more on the ends, which give way and move the piston."""
+    ready = replace(e, detected_ends=(0.0, STROKE), end_compliance=5e-4)
+    assert np.any(ready.inputs[~ready.is_free, at.IN_V])
+    inputs = ready.inputs.copy()
+    inputs[~ready.is_free, at.IN_FORCE] += 400.0
+    return ready, replace(ready, inputs=inputs, raw={**ready.raw, "force": inputs[:, at.IN_FORCE]})
+
+
 def test_p2_is_inferred_from_motion_off_the_ends():
-    """An end that gives way moves the piston, and what presses it in would pass for a pressure."""
+    """What presses the piston into an end would pass for a pressure."""
     soft = to_and_fro(stiffness=1e6)
     signals = {name: values for name, values in soft.recording.signals.items() if name != "p2"}
-    blind = prepare(replace(soft.recording, signals=signals), soft.rig, 0.25)
-    ready = replace(blind, detected_ends=(0.0, STROKE), end_compliance=5e-4)
-    assert np.any(ready.inputs[~ready.is_free, at.IN_V])
-    pushed = ready.inputs.copy()
-    pushed[~ready.is_free, at.IN_FORCE] += 400.0
-    p2, p2_pushed = (with_estimated_p2(TRUE, ready, inputs)[:, at.IN_P2] for inputs in (ready.inputs, pushed))
+    ready, pushed = pressed(prepare(replace(soft.recording, signals=signals), soft.rig, 0.25))
+    p2, p2_pushed = (with_estimated_p2(TRUE, ready, e.inputs)[:, at.IN_P2] for e in (ready, pushed))
     assert p2_pushed == pytest.approx(p2)
+
+
+def test_starts_and_scales_follow_from_motion_off_the_ends():
+    ready, pushed = pressed(to_and_fro(stiffness=1e6))
+    assert guess_friction([pushed], SHORT) == pytest.approx(guess_friction([ready], SHORT))
+    a, b = force_samples([ready], 2.2), force_samples([pushed], 2.2)
+    assert np.array_equal(a.friction, b.friction)
+    assert pushed.signal_ranges.force < 1.0
+    assert ready.signal_ranges.low > 0.0  # of the free motion, though the end gives way
+    assert ready.signal_ranges.high < STROKE
