@@ -116,3 +116,29 @@ def _matches(name: str, pattern: str) -> bool:
 def _natural_order(path: Path) -> list[tuple[bool, int, str]]:
     parts = re.split(r"(\d+)", str(path))
     return [(part.isdigit(), int(part) if part.isdigit() else 0, part) for part in parts]
+
+
+MAX_STEPS_UP = 2  # folders above the current one, from which a path is shown as "../"
+
+
+def from_here(text: str) -> str:
+    """Return a text in which paths below the current folder, or near it, start from where the user stands.
+
+    Args:
+        text: A path, or a sentence with paths.
+
+    Returns:
+        ``"raw/a.csv"`` for a file below the current folder, ``"../rig/a.csv"`` beside it, whole paths elsewhere.
+
+    """
+    try:
+        folder = os.getcwd()
+    except FileNotFoundError:  # it was removed
+        return text
+    for up in range(MAX_STEPS_UP + 1):
+        if folder == os.path.dirname(folder):  # the root: all paths are below it
+            break
+        before = r"(?<![\w/\\.~-])" + re.escape(folder + os.sep)
+        text = (f"..{os.sep}" * up).join(re.split(before, text))
+        folder = os.path.dirname(folder)
+    return text

@@ -16,30 +16,34 @@ Z95 = 1.959963984540054  # standard normal quantile of 0.975: half of a 95 % int
 
 @dataclass(frozen=True)
 class Quantity:
-    """One signal: its name in files and code, symbol, SI unit, unit for display, and title."""
+    """One signal: its name in files and code, symbol, SI unit, unit for display, title, and resolution in SI.
+
+    ``resolution`` is finer than any sensor of a rig: a smaller value is shown as 0.
+    """
 
     name: str
     symbol: str
     unit: str
     display_unit: str
     title: str
+    resolution: float
 
 
 _ALL = (
-    Quantity("time", "t", "s", "s", "time"),
-    Quantity("u", "u", "V", "V", "valve command"),
-    Quantity("u2", "u2", "V", "V", "command of the second valve"),
-    Quantity("p_supply", "p_S", "Pa", "bar", "supply pressure"),
-    Quantity("p1", "p1", "Pa", "bar", "pressure of chamber 1"),
-    Quantity("p2", "p2", "Pa", "bar", "pressure of chamber 2"),
-    Quantity("x", "x", "m", "mm", "piston position"),
-    Quantity("v", "v", "m/s", "mm/s", "piston velocity"),
-    Quantity("a", "a", "m/s^2", "m/s^2", "piston acceleration"),
-    Quantity("force", "F", "N", "N", "driving force"),
-    Quantity("temperature", "T", "K", "K", "gas temperature"),
-    Quantity("flow", "q", "kg/s", "g/s", "flow through the valve"),
-    Quantity("x_ref", "x_ref", "m", "mm", "position reference"),
-    Quantity("p_ref", "p_ref", "Pa", "bar", "pressure reference"),
+    Quantity("time", "t", "s", "s", "time", 1e-9),
+    Quantity("u", "u", "V", "V", "valve command", 1e-6),
+    Quantity("u2", "u2", "V", "V", "command of the second valve", 1e-6),
+    Quantity("p_supply", "p_S", "Pa", "bar", "supply pressure", 1e-2),
+    Quantity("p1", "p1", "Pa", "bar", "pressure of chamber 1", 1e-2),
+    Quantity("p2", "p2", "Pa", "bar", "pressure of chamber 2", 1e-2),
+    Quantity("x", "x", "m", "mm", "piston position", 1e-9),
+    Quantity("v", "v", "m/s", "mm/s", "piston velocity", 1e-9),
+    Quantity("a", "a", "m/s^2", "m/s^2", "piston acceleration", 1e-6),
+    Quantity("force", "F", "N", "N", "driving force", 1e-6),
+    Quantity("temperature", "T", "K", "K", "gas temperature", 1e-6),
+    Quantity("flow", "q", "kg/s", "g/s", "flow through the valve", 1e-12),
+    Quantity("x_ref", "x_ref", "m", "mm", "position reference", 1e-9),
+    Quantity("p_ref", "p_ref", "Pa", "bar", "pressure reference", 1e-2),
 )
 
 SIGNALS: dict[str, Quantity] = {q.name: q for q in _ALL}

@@ -42,7 +42,6 @@ __all__ = [
     "parse_unit",
     "parse_unit_as",
     "same_dimension",
-    "unit_suffix",
 ]
 
 MAX_UNIT_LENGTH = 60  # characters of a unit
@@ -162,11 +161,6 @@ def _reduce(tokens: list[Unit | str], text: str, depth: int) -> Unit:
         raise UnitError(f'unit "{text}" has a bracket without its partner')
     del tokens[:1]
     return result
-
-
-def unit_suffix(unit: str) -> str:
-    """Return a unit as it follows a number: nothing where there is none."""
-    return "" if unit == "1" else f" {unit}"
 
 
 def parse_unit_as(text: str, wanted: str) -> Unit:

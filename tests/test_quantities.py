@@ -42,7 +42,7 @@ def test_an_answer_of_a_linear_axis_is_unchanged() -> None:
 
 def test_angles_are_displayed_in_degrees(tmp_path: Path) -> None:
     with axis_motion(rotary=True):
-        assert format_quantity(0.5, "m", 3) == "28.6 °"
+        assert format_quantity(0.5, "m", 3) == "28.6 deg"
         assert format_quantity(1.0, "N") == "1.000 N·m"
         assert (display_unit("x"), display_unit("p1")) == ("deg", "bar")
     assert display_unit("x") == "mm"

@@ -8,6 +8,7 @@ from typing import Any
 
 from pneucli.errors import InputError, printable
 from pneucli.notebook.progress import discard_output, ignore_message, print_message, progress
+from pneucli.paths import from_here
 
 __all__ = ["discard_output", "messenger", "print_error", "print_json", "print_message", "print_text", "progress"]
 
@@ -18,8 +19,8 @@ def messenger(quiet: bool) -> Callable[[str], None]:
 
 
 def print_text(text: str) -> None:
-    """Print an answer for people; control characters in names are escaped."""
-    print(printable(text, keep="\n"))
+    """Print an answer for people; control characters in names are escaped, paths start from where the user stands."""
+    print(from_here(printable(text, keep="\n")))
 
 
 def print_json(content: Mapping[str, Any]) -> None:

@@ -49,11 +49,6 @@ def keep_pandas_out() -> None:
         pa.array([0.0])
 
 
-def shortest_path(path: Path) -> str:
-    """Return a path relative to the current folder if that is shorter."""
-    return str(path.relative_to(Path.cwd()) if path.is_relative_to(Path.cwd()) else path)
-
-
 def built_stages(*names: str) -> list[str]:
     """Return those of the stages that this installation has."""
     return [name for name in names if STAGES[name].built]

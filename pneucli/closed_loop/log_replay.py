@@ -13,6 +13,7 @@ from pneucli.closed_loop.simulation import ClosedLoopSetup, Run, Scenario, simul
 from pneucli.controller import layout
 from pneucli.controller.parameters import Controller
 from pneucli.errors import InputError
+from pneucli.messages.formatting import format_plain
 from pneucli.recording import Recording
 from pneucli.simulate import layout as at
 from pneucli.simulate.model import Model
@@ -68,7 +69,8 @@ class Replay:
 def log_on_grid(recording: Recording, controller: Controller) -> ControllerLog:
     """Return a recording on the sample grid of the controller; raises InputError if samples are missing."""
     if abs(recording.period - controller.period) > PERIOD_TOLERANCE * controller.period:
-        found = f"a sample every {recording.period:g} s, and the controller has a period of {controller.period:g} s"
+        own, wanted = format_plain(recording.period), format_plain(controller.period)
+        found = f"a sample every {own} s, and the controller has a period of {wanted} s"
         mend = 'log every sample of the controller, or write controller = "unknown"'
         raise InputError(f"recording {recording.name}", found, "one sample a period", mend, code="E045")
     places = np.rint((recording.time - recording.time[0]) / recording.period).astype(np.int64)

@@ -12,6 +12,7 @@ from pneucli.closed_loop.simulation import Scenario
 from pneucli.controller.parameters import Controller, nominal_load
 from pneucli.design.reference_limits import chamber_2_pressure
 from pneucli.errors import InputError, UnitError, did_you_mean
+from pneucli.messages.formatting import format_plain
 from pneucli.units import parse_quantity
 
 Array = NDArray[np.float64]
@@ -96,7 +97,7 @@ def read_scenario(table: Mapping[str, Any], where: str) -> dict[str, Any]:
             raise InputError(f"{where}.{key}", f'"{values[key]}"', mend=did_you_mean(values[key], known), code="E023")
     for key in ("duration", "dwell", "frequency"):
         if not values.get(key, 1.0) > 0.0:
-            raise InputError(f"{where}.{key}", f"{values[key]:g}", "above 0", code="E023")
+            raise InputError(f"{where}.{key}", f"{format_plain(values[key])}", "above 0", code="E023")
     if values.get("lost", "x") not in ("x", "p1", "p2"):
         raise InputError(f"{where}.lost", f'"{values["lost"]}"', '"x", "p1" or "p2"', code="E023")
     return values
@@ -122,7 +123,7 @@ def _scenario(values: Mapping[str, Any], controller: Controller, recorded: Recor
     c = controller.values
     duration = values.get("duration", 6.0)
     if duration > MAX_SAMPLES * controller.period:
-        found = f"{duration:g} s in steps of {controller.period:g} s"
+        found = f"{format_plain(duration)} s in steps of {format_plain(controller.period)} s"
         raise InputError(f"{where}.duration", found, f"at most {MAX_SAMPLES} steps", "shorten it", code="E023")
     time = np.arange(0.0, duration, controller.period)
     pressed = values["control"] == "pressure"

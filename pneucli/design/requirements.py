@@ -9,6 +9,7 @@ from typing import Any, Literal
 
 from pneucli.controller.laws import find_law
 from pneucli.errors import InputError, UnitError, did_you_mean
+from pneucli.messages.formatting import format_plain
 from pneucli.units import parse_quantity
 
 UNITS = {
@@ -117,14 +118,17 @@ def _positive(value: Any, key: str, where: str) -> float:
     except UnitError as error:
         raise InputError(f"{where}.{key}", str(error), f'a quantity such as "1 {UNITS[key]}"', code="E024") from error
     if not number > 0.0 and key not in ("noise_x", "quantum_x", "noise_p", "delay"):
-        raise InputError(f"{where}.{key}", f"{number:g}", "above 0", code="E023")
+        raise InputError(f"{where}.{key}", f"{format_plain(number)}", "above 0", code="E023")
     if key == "sector_ratio" and number <= 1.0:
         raise InputError(
-            f"{where}.{key}", f"{number:g}", "above 1: the slope of one line over the other's", code="E023"
+            f"{where}.{key}", f"{format_plain(number)}", "above 1: the slope of one line over the other's", code="E023"
         )
     if key == "period" and not PERIOD_RANGE[0] <= round(number, 9) <= PERIOD_RANGE[1]:
         raise InputError(
-            f"{where}.{key}", f"{number:g} s", f"from {PERIOD_RANGE[0]:g} s to {PERIOD_RANGE[1]:g} s", code="E023"
+            f"{where}.{key}",
+            f"{format_plain(number)} s",
+            f"from {format_plain(PERIOD_RANGE[0])} s to {format_plain(PERIOD_RANGE[1])} s",
+            code="E023",
         )
     return number
 

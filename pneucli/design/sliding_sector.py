@@ -20,6 +20,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from pneucli.errors import InputError
+from pneucli.messages.formatting import format_plain, format_quantity
 
 Array = NDArray[np.float64]
 
@@ -62,8 +63,9 @@ class SlidingSector:
         if self.steepness <= MAX_SLOPE_PER_SAMPLE:
             return ""
         return (
-            f"too steep for the sample time (lambda2 T = {self.steepness:.3g}, at most {MAX_SLOPE_PER_SAMPLE}; "
-            f"a22(0) = {self.a_2:.3g} 1/s with friction resolved down to {self.speed_floor:.2g} m/s): "
+            f"too steep for the sample time (lambda2 T = {format_plain(self.steepness, 3)}, "
+            f"at most {MAX_SLOPE_PER_SAMPLE}; a22(0) = {format_plain(self.a_2, 3)} 1/s "
+            f"with friction resolved down to {format_quantity(self.speed_floor, 'm/s', 2)}): "
             "the law takes the sector of [design] eta"
         )
 
@@ -124,7 +126,7 @@ def sector_from_vertices(
     values = np.asarray(vertices, dtype=np.float64).ravel()
     low, high = float(values.min()), float(values.max())
     if width <= 1.0:
-        raise InputError("[design] sector_ratio", f"{width:g}", "above 1", code="E023")
+        raise InputError("[design] sector_ratio", f"{format_plain(width)}", "above 1", code="E023")
     if high - low <= 1e-9 * max(abs(high), 1.0):
         raise InputError(
             "the friction model", "its vertices are equal: a22 does not depend on speed", "dry friction", code="E070"

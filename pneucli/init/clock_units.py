@@ -10,6 +10,7 @@ import numpy as np
 from pneucli.init.clock_columns import is_increasing
 from pneucli.init.survey_types import Array, Column
 from pneucli.io.clock_repairs import CounterClock
+from pneucli.messages.formatting import format_plain
 from pneucli.units import parse_unit, same_dimension
 
 CLOCK_UNITS = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9}
@@ -47,10 +48,10 @@ def guess_clock_unit(column: Column, columns: Sequence[Column], scalars: Mapping
     votes = [*_votes(column, columns, scalars, period, length)]
     count = {one: sum(_weight(why) for unit, why in votes if unit == one) for one, _ in votes}
     if not count:
-        return "s", f"CHECK no unit is stated, and a sample every {period:.4g} suits none: taken for s"
+        return "s", f"CHECK no unit is stated, and a sample every {format_plain(period, 4)} suits none: taken for s"
     best = max(count, key=lambda unit: count[unit])
     factor = (CLOCK_UNITS | SLOW_UNITS)[best]
-    rate = f"a sample every {period:.4g} is taken for {1 / (period * factor):.4g} Hz"
+    rate = f"a sample every {format_plain(period, 4)} is taken for {format_plain(1 / (period * factor), 4)} Hz"
     reasons = dict.fromkeys(reason for unit, reason in votes if unit == best)
     why = " and ".join([one for one in reasons if one != LIKELIER] or reasons)
     others = [unit for unit in count if unit != best]

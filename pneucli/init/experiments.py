@@ -10,6 +10,7 @@ import numpy as np
 from pneucli.experiments import ExperimentName
 from pneucli.init.column_names import quantity_kind
 from pneucli.init.file_groups import Array, FileGroup
+from pneucli.messages.formatting import format_plain
 from pneucli.units import same_dimension
 
 POSITION_BINS = 20  # of the piston's position
@@ -183,7 +184,7 @@ def _valve_keys(kinds: Sequence[FileGroup], trials: Sequence[GuessedExperiment])
     if np.unique(u).size == 2:
         yield "kind", '"switching"', "the command has two values"
     elif u.min() >= 0 and any(_falls(values) for kind in driven for values in kind.values_per_file("p1")):
-        yield "null", '"identify"', f"p1 falls, although the command is never below {u.min():.3g}"
+        yield "null", '"identify"', f"p1 falls, although the command is never below {format_plain(u.min(), 3)}"
 
 
 def _falls(values: Array) -> bool:

@@ -7,6 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
+from pneucli.messages.formatting import format_plain, format_signal
 from pneucli.plausibility.motion import MAX_SPEED
 from pneucli.plausibility.readings import MAX_COMMAND, MAX_FLOW, MAX_PRESSURE, MAX_STROKE
 from pneucli.quantities import SIGNALS
@@ -31,7 +32,7 @@ def guess_unit(signal: str, values: Array, *, angle: bool) -> tuple[str, str]:
             f"CHECK no unit is stated: taken for {unit}, in which it rests at ambient pressure and moves from there",
         )
     unit = _most_likely_unit(signal, values, angle)
-    return unit, f"CHECK no unit is stated: {low:.4g} to {high:.4g} is taken for {unit}"
+    return unit, f"CHECK no unit is stated: {format_plain(low, 4)} to {format_plain(high, 4)} is taken for {unit}"
 
 
 def _unit_at_ambient(values: Array) -> str:
@@ -66,21 +67,22 @@ def pressure_reference(columns: Sequence[Array], unit: str, stated: str) -> tupl
         return found, f"{found}: stated by the file"
     pascals = [to_si(values, unit, "Pa") for values in columns]
     least = min((float(values.min()) for values in pascals if values.size), default=np.inf)
+    lowest = format_signal(least, "p1", 4)
     if least < LOWEST_GAUGE:
         return (
             "gauge",
-            f"CHECK its unit: it reads down to {least / 1e5:.4g} bar, and no gauge pressure is below -1.013 bar",
+            f"CHECK its unit: it reads down to {lowest}, and no gauge pressure is below -1.013 bar",
         )
     if least < MIN_ABSOLUTE_PRESSURE:
-        return "gauge", f"gauge: it reads down to {least / 1e5:.4g} bar, and no gas of a rig has so little"
+        return "gauge", f"gauge: it reads down to {lowest}, and no gas of a rig has so little"
     if rest := next(filter(None, map(ambient_rest_pressure, pascals)), None):
         return (
             "absolute",
-            f"absolute: it rests at {rest / 1e5:.4g} bar, which is ambient pressure, and moves from there",
+            f"absolute: it rests at {format_signal(rest, 'p1', 4)}, which is ambient pressure, and moves from there",
         )
     guess = "absolute" if parsed.factor == 1.0 else "gauge"
     usual = "pascals are mostly absolute" if guess == "absolute" else "sensors are mostly gauge"
-    return guess, f"CHECK {guess}: it never reads ambient pressure (least {least / 1e5:.4g} bar); {usual}"
+    return guess, f"CHECK {guess}: it never reads ambient pressure (least {lowest}); {usual}"
 
 
 def pressure_reference_from_force(
@@ -96,7 +98,7 @@ def pressure_reference_from_force(
         return None
     slope, offset = np.polyfit(p, force, 1)
     zero = -offset / slope
-    evidence = f"the force is none at {zero / 1e5:.2g} bar"
+    evidence = f"the force is none at {format_signal(zero, 'p1', 2)}"
     if abs(zero) < MIN_ABSOLUTE_PRESSURE:
         return "gauge", f"gauge: {evidence}"
     return ("absolute", f"absolute: {evidence}") if abs(zero - 1e5) < MIN_ABSOLUTE_PRESSURE else None
@@ -144,4 +146,4 @@ def implausibility(signal: str, unit: str, values: Array) -> str:
         return ""
     worst = high if high > limits[1] else low
     why = "no gauge pressure is below -1.013 bar" if worst < 0 and signal.startswith("p") else limits[2]
-    return f"CHECK unit and column: {worst:.3g} {SIGNALS[signal].unit}, {why}"
+    return f"CHECK unit and column: {format_plain(worst, 3)} {SIGNALS[signal].unit}, {why}"

@@ -17,6 +17,7 @@ from pneucli.init.experiments import GuessedExperiment, Line, rig_tables, sign_c
 from pneucli.init.file_groups import FileGroup
 from pneucli.init.survey_types import Guess
 from pneucli.io.raw_file import ColumnKey
+from pneucli.messages.formatting import format_plain
 from pneucli.units import parse_unit
 
 References = Mapping[str, tuple[str, str]]
@@ -142,11 +143,11 @@ def _value_range(kind: FileGroup, one: Guess) -> str:
         if not steps.size:
             return "CHECK its stamps do not go on"
         longest = max(float(np.ptp(values)) for values in each if values.size) * factor
-        return f"{1 / (float(np.median(steps)) * factor):.4g} Hz, up to {longest:.4g} s"
+        return f"{format_plain(1 / (float(np.median(steps)) * factor), 4)} Hz, up to {format_plain(longest, 4)} s"
     values = np.concatenate(each)
     if not values.size:
         return "no numbers"
-    return f"{values.min():.4g}, {np.median(values):.4g}, {values.max():.4g}"
+    return f"{format_plain(values.min(), 4)}, {format_plain(np.median(values), 4)}, {format_plain(values.max(), 4)}"
 
 
 def _compare(kinds: Sequence[FileGroup]) -> list[str]:
@@ -204,13 +205,17 @@ def _unused_columns(kinds: Sequence[FileGroup]) -> Iterator[str]:
                 continue
             written.add(key)
             known = one.column.finite_values
-            seen = f"{known.min():.4g} to {known.max():.4g} {one.unit}".strip() if known.size else "no numbers"
+            seen = (
+                f"{format_plain(known.min(), 4)} to {format_plain(known.max(), 4)} {one.unit}".strip()
+                if known.size
+                else "no numbers"
+            )
             name = one.column.key if isinstance(one.column.key, int) else toml_string(one.column.name)
             yield f"# not taken: column {name}, {seen}" + (f"; {one.note}" if one.note else "")
     for kind in kinds:
         yield from (f"# not taken: {reason}" for one in kind.surveys for reason in one.unused if reason not in written)
         written |= {reason for one in kind.surveys for reason in one.unused}
-    scalars = {f"{n} = {v:.9g}": None for kind in kinds for n, v in kind.surveys[0].scalars.items()}
+    scalars = {f"{n} = {format_plain(v, 9)}": None for kind in kinds for n, v in kind.surveys[0].scalars.items()}
     if scalars:
         yield f"# single values: {', '.join(scalars)}"
 

@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 from pneucli.errors import InputError
 from pneucli.io.raw_file import Repair
 from pneucli.io.timestamp_order import Array, RowLocator, Table, drop_disordered, have_one_clock, join_tables
+from pneucli.messages.formatting import format_plain
 
 MIN_GRID_SAMPLES = 100  # of the largest table; fewer are points of a figure, where every stamp counts
 SAME_STAMP = 1e-3  # of a period of the fast clock, within which two stamps are one: the digits of the files
@@ -62,7 +63,7 @@ def _on_fastest_clock(
     period = _period(fastest.time)
     start, end = max(float(table.time[0]) for table in tables), min(float(table.time[-1]) for table in reading)
     if start > end:
-        found = f"one channel begins at {start:.6g} s, and another one ends at {end:.6g} s"
+        found = f"one channel begins at {format_plain(start, 6)} s, and another one ends at {format_plain(end, 6)} s"
         raise InputError(
             locate(int(fastest.rows[0])), found, "channels that were recorded at one time", MEND, code="E045"
         )
@@ -96,9 +97,11 @@ def _shared_rows(table: Table, held: Collection[str], span: tuple[float, float])
 
 def _clock_note(name: str, stamps: Array, period: float, is_held: bool) -> str:
     rate, base = 1.0 / _period(stamps), 1.0 / period
+    stamp_rate = f"{format_plain(base, 4)} Hz"
     if is_held:
-        return f"{stamps.size} values on a clock of its own, each held until the next, at stamps of {base:.4g} Hz"
-    note = f"sampled at {rate:.4g} Hz on a clock of its own; each sample stands at the nearest stamp of {base:.4g} Hz"
+        return f"{stamps.size} values on a clock of its own, each held until the next, at stamps of {stamp_rate}"
+    own_rate = f"sampled at {format_plain(rate, 4)} Hz on a clock of its own"
+    note = f"{own_rate}; each sample stands at the nearest stamp of {stamp_rate}"
     return f"{note}, interpolated, which takes noise off" if base < SAME_RATE * rate else note
 
 

@@ -26,6 +26,7 @@ from pneucli.io.timestamp_order import (
     count_losses,
     loss_repairs,
 )
+from pneucli.messages.formatting import format_plain
 
 Batch = dict[str, Array]
 
@@ -180,13 +181,12 @@ class _Clock:
         """Return gaps and jitter as far as there are any."""
         found = []
         if self._gaps:
-            message = f"{self._gaps} gaps, {self._missing:.3g} s in all, were left as they are"
+            message = f"{self._gaps} gaps, {format_plain(self._missing, 3)} s in all, were left as they are"
             found.append(Repair("time", "gap", self._gaps, message))
         if self._uneven > max(MAX_BACKWARD_ROWS, 0.01 * self._intervals):
             share = f"{100 * self._uneven / self._intervals:.0f} %"
-            message = (
-                f"the clock jitters: {share} of the intervals are {100 * MAX_JITTER:.0f} % off {self.period:.4g} s"
-            )
+            period = format_plain(self.period, 4)
+            message = f"the clock jitters: {share} of the intervals are {100 * MAX_JITTER:.0f} % off {period} s"
             found.append(Repair("time", "jitter", self._uneven, message))
         return found
 

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from pneucli.io.even_clock import EvenClock
 from pneucli.io.raw_file import Repair
+from pneucli.messages.formatting import format_plain
 
 Array = NDArray[np.float64]
 Batch = dict[str, Array]
@@ -74,7 +75,7 @@ def spread_repeated_stamps(batches: Iterator[Batch], repairs: list[Repair]) -> I
     if clock is not None:
         for batch in chain([first], batches):
             yield batch | {"time": clock.place(batch["time"])}
-        cause = f"an even clock, read in steps of {clock.step:g} s, has these stamps"
+        cause = f"an even clock, read in steps of {format_plain(clock.step)} s, has these stamps"
         repairs.append(Repair("time", "spread", clock.rows, f"{cause}; {clock.rows} rows were placed on its ticks"))
         return
     if not _is_coarse(first["time"]):

@@ -13,6 +13,7 @@ from pathlib import Path
 
 from pneucli.errors import InputError
 from pneucli.io.raw_file import Repair
+from pneucli.messages.formatting import format_plain
 
 MIN_EXPANSION_LIMIT = 512 << 20  # bytes that any file may expand to
 MAX_EXPANSION_RATIO = (
@@ -54,7 +55,7 @@ def check_expanded_size(path: Path, size: int, *, of: str = "the wanted columns"
     """Raise InputError where ``path`` would expand to ``size`` bytes, out of all proportion to its own size."""
     own = path.stat().st_size
     if size > max(MIN_EXPANSION_LIMIT, MAX_EXPANSION_RATIO * own):
-        found = f"{of} expand to {size / 1e6:.0f} MB, from a file of {own / 1e6:.3g} MB"
+        found = f"{of} expand to {size / 1e6:.0f} MB, from a file of {format_plain(own / 1e6, 3)} MB"
         wanted = f"at most {MAX_EXPANSION_RATIO} times the file's size, or {MIN_EXPANSION_LIMIT >> 20} MB"
         raise InputError(
             str(path), found, wanted, "check what wrote the file; no measured signal shrinks so much", code="E044"

@@ -17,6 +17,7 @@ from pneucli.io.date_parsing import difference_of_starts
 from pneucli.io.raw_file import Repair
 from pneucli.io.signal_reader import Batch, SignalReader, rebatch
 from pneucli.io.timestamp_order import Array, Table, loss_repairs
+from pneucli.messages.formatting import format_interval, format_plain, format_signal
 
 MIN_OVERLAP = 0.3  # of the shorter recording
 MIN_CORRELATION = 0.9  # correlation that the same signal has at least in both files
@@ -109,8 +110,11 @@ class MultiFileRecording:
         if starts[0] is None or starts[1] is None:
             return 0.0
         offset, zone = difference_of_starts(starts[0], starts[1])
-        message = f"{path.name}: its clock was moved by {offset:.6g} s, as the dates of both files say"
-        message += f"; {zone / 3600:+.4g} h between them are a time zone that one of them does not write" * bool(zone)
+        message = f"{path.name}: its clock was moved by {format_plain(offset)} s, as the dates of both files say"
+        message += (
+            f"; {format_plain(zone / 3600, 4)} h between them are a time zone that one of them does not write"
+            * bool(zone)
+        )
         self._found.append(Repair("time", "offset", 1, message))
         return offset
 
@@ -145,7 +149,7 @@ def estimate_clock_offset(first: Batch, own: Batch, match: str, where: str) -> t
     between = slope**2 * step**2 / 12  # what trying only whole samples adds to an error
     if far.any() and errors[far].min() < MAX_RIVAL_ERROR_RATIO * (errors[best] + between):
         other = lags[far][int(np.argmin(errors[far]))]
-        found = f"{match} fits at {lags[best]:.4g} s and as well at {other:.4g} s"
+        found = f"{match} fits at {format_plain(lags[best], 4)} s and as well at {format_plain(other, 4)} s"
         raise InputError(where, found, f"a {match} that does not repeat itself", mend, code="E049")
     bounds = (lags[best] - step, lags[best] + step)
     fit = minimize_scalar(
@@ -153,7 +157,8 @@ def estimate_clock_offset(first: Batch, own: Batch, match: str, where: str) -> t
     )
     offset, rest = float(fit.x), float(fit.fun) ** 0.5
     half_width = 2 * rest / (slope * b[0].size ** 0.5)
-    return offset, f"{offset:.6g} s ± {half_width:.1g} s, where {match} fits best (it differs by {rest:.2g} rms, SI)"
+    evidence = format_interval(offset, "s", (offset - half_width, offset + half_width))
+    return offset, f"{evidence}, where {match} fits best (it differs by {format_signal(rest, match, 2)} rms)"
 
 
 def _finite_samples(batch: Batch, name: str) -> tuple[Array, Array]:

@@ -15,6 +15,7 @@ from pneucli.io.held_readings import HeldReadingDetector
 from pneucli.io.missing_marks import MarkDetector
 from pneucli.io.raw_file import Array, Channel, Repair
 from pneucli.io.roll_over import RollOverCorrector
+from pneucli.messages.formatting import format_plain
 
 COMMANDS = ("u", "u2", "x_ref", "p_ref")  # set, not sensed: they hold their value, and may jump
 POSITIONS = ("x", "x_ref")  # whose counter may roll over
@@ -62,7 +63,7 @@ class SignalRepairs:
             yield Repair("time", "counter", count, f"the counter of the clock wraps {count} times; undone")
         if self._marks is not None:
             for mark, count in sorted(self._marks.counts.items()):
-                message = f"{count} samples are {mark:.10g}, a mark of no value: missing"
+                message = f"{count} samples are {format_plain(mark, 10)}, a mark of no value: missing"
                 yield Repair(self._name, "mark", count, message)
         yield from self._roll_over_repair()
         rows = self._sampling.rows if self._sampling is not None else 1
@@ -87,9 +88,8 @@ class SignalRepairs:
         found = self._roll_over.found if self._roll_over is not None else None
         if found is None:
             return
-        turns = (
-            f"the position jumps by {found.period:.6g} of its column's unit, {found.count} times: a counter rolls over"
-        )
+        size = f"{format_plain(found.period)} of its column's unit"
+        turns = f"the position jumps by {size}, {found.count} times: a counter rolls over"
         if found.certain:
             message = f"{turns}; undone (its zero may be off by a multiple of that)"
             yield Repair(self._name, "roll-over", found.count, message)

@@ -18,6 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pneucli.io.raw_file import Repair
+from pneucli.messages.formatting import format_plain
 from pneucli.quantities import SIGNALS
 
 Array = NDArray[np.float64]
@@ -128,7 +129,7 @@ class StuckChannelDetector:
 
     def _with_unit(self, level: float) -> str:
         unit = SIGNALS[self._signal].unit if self._signal in SIGNALS else ""
-        return f"{level:.6g} {unit}".strip()
+        return f"{format_plain(level, 6)} {unit}".strip()
 
     def _is_odd(self, run: _Run) -> bool:
         if self._signal == "x":
@@ -154,9 +155,8 @@ class StuckChannelDetector:
 
     def _frozen(self, runs: list[_Run]) -> Repair:
         count, longest = sum(run.length for run in runs), max(runs, key=lambda run: run.length)
-        message = (
-            f"frozen: {count} samples stand still exactly, {longest.length} at a stretch at {longest.value:.6g}; kept"
-        )
+        stretch = f"{longest.length} at a stretch at {format_plain(longest.value)}"
+        message = f"frozen: {count} samples stand still exactly, {stretch}; kept"
         return Repair(self._signal, "frozen", count, message)
 
 

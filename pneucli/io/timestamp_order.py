@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 
 from pneucli.errors import InputError
 from pneucli.io.raw_file import Repair
+from pneucli.messages.formatting import format_plain
 
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
@@ -98,13 +99,14 @@ class TimestampCheck:
         self._late = runs[-1] if runs and back[-1] else None
         longest = max(runs, key=lambda run: run.length, default=None)
         if longest and (longest.length > MAX_BACKWARD_ROWS or len(runs) > max(MAX_BACKWARD_ROWS, 0.01 * back.size)):
-            found = f"the time goes back from {longest.before:g} s to {longest.time:g} s"
+            found = f"the time goes back from {format_plain(longest.before, 9)} s to {format_plain(longest.time, 9)} s"
             mend = "a clock that starts anew makes another recording: state part = 1 where the header stands again "
             mend += "there, else cut the file there, or use skip_rows"
             if abs(longest.before - longest.time - SUMMER_TIME) < SUMMER_TIME_SLACK:
                 mend = "if summer time ends there, write the stamps with their offset from UTC, such as 02:00:00+01:00"
             elif longest.length > MIN_FALLING_SHARE * time.size:
-                found = f"the time falls from row to row, from {longest.before:g} s to {time[-1]:g} s"
+                last = format_plain(time[-1], 9)
+                found = f"the time falls from row to row, from {format_plain(longest.before, 9)} s to {last} s"
                 mend = "sort the rows by time, the oldest first"
             raise InputError(self._place(longest.row), found, "rising time stamps", mend, code="E045")
         if same.sum() > 0.5 * same.size > MAX_BACKWARD_ROWS:

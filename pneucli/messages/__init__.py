@@ -12,6 +12,8 @@ import textwrap
 from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
 
+from pneucli.paths import from_here
+
 LINE_WIDTH = 110  # of a line on a terminal
 LABEL_WIDTH = 9  # of the word that a line starts with
 
@@ -23,9 +25,9 @@ def render(stage: str, answer: Mapping[str, Any], file: str, *, verbose: bool = 
 
 
 def labelled(label: str, text: str) -> Iterator[str]:
-    """Yield ``text`` behind its label, wrapped under itself."""
+    """Yield ``text`` behind its label, wrapped under itself; its paths start from where the user stands."""
     yield from textwrap.wrap(
-        f"{label:<{LABEL_WIDTH}}{text}",
+        f"{label:<{LABEL_WIDTH}}{from_here(text)}",
         LINE_WIDTH,
         subsequent_indent=" " * LABEL_WIDTH,
         break_long_words=False,

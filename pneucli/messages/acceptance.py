@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping
 from typing import Any
 
-from pneucli.messages.formatting import format_noise_ratio, format_quantity
+from pneucli.messages.formatting import format_noise_ratio, format_plain, format_quantity
 
 Row = Mapping[str, Any]
 
@@ -39,10 +39,12 @@ def cause_text(code: str, quantities: Mapping[str, float]) -> str:
     """Return why the plant cannot meet a requirement; "" where the cause is unknown.
 
     >>> cause_text("speed", {"asked": 2.0, "reachable": 1.25})
-    'the valve is too small: 2e+03 mm/s are asked, it keeps up with 1.25e+03 mm/s'
+    'the valve is too small: 2000 mm/s are asked, it keeps up with 1250 mm/s'
     """
     units = UNITS.get(code, {})
-    return CAUSES[code].format(**{n: f"{v * units[n][0]:.3g} {units[n][1]}" for n, v in quantities.items()})
+    return CAUSES[code].format(
+        **{n: f"{format_plain(v * units[n][0], 3)} {units[n][1]}" for n, v in quantities.items()}
+    )
 
 
 def acceptance_verdict(acceptance: Row) -> str:

@@ -6,7 +6,7 @@ from collections.abc import Iterator, Mapping
 from typing import Any
 
 from pneucli.messages import acceptance, labelled, law_comparison, margins, table, warnings
-from pneucli.messages.formatting import format_number, format_quantity
+from pneucli.messages.formatting import format_number, format_plain, format_quantity
 
 
 def lines(answer: Mapping[str, Any], file: str, verbose: bool) -> Iterator[str]:
@@ -14,7 +14,9 @@ def lines(answer: Mapping[str, Any], file: str, verbose: bool) -> Iterator[str]:
     corners = [
         f"{name.replace('_', ' ')} {format_number(c['value'], 3)} rad/s" for name, c in answer["corners"].items()
     ]
-    yield from labelled("found", f"a cascade at {1e3 * answer['requirements']['period']:g} ms: {', '.join(corners)}")
+    yield from labelled(
+        "found", f"a cascade at {format_plain(1e3 * answer['requirements']['period'])} ms: {', '.join(corners)}"
+    )
     for name, s in answer["sector"].items():
         yield from labelled("sector", describe_sector(name, s))
     if verbose:

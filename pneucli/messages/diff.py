@@ -7,7 +7,14 @@ from typing import Any
 
 from pneucli.messages import labelled, table
 from pneucli.messages.compare import evaluation_error
-from pneucli.messages.formatting import format_interval, format_noise_ratio, format_number, format_quantity, join_names
+from pneucli.messages.formatting import (
+    format_interval,
+    format_noise_ratio,
+    format_number,
+    format_plain,
+    format_quantity,
+    join_names,
+)
 
 Answer = Mapping[str, Any]
 CHANCE = 0.05  # of a 95 % interval to miss
@@ -54,7 +61,7 @@ def _parameters(rows: Sequence[Answer]) -> str:
     beyond = sum(row["beyond"] for row in compared)
     return (
         f"{beyond} of {len(compared)} parameters differ by more than their 95 % intervals allow; in two repeats of one "
-        f"rig about {CHANCE * len(compared):.1g} would"
+        f"rig about {format_plain(CHANCE * len(compared), 1)} would"
     )
 
 

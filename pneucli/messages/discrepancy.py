@@ -5,7 +5,13 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from typing import Any
 
-from pneucli.messages.formatting import format_noise_ratio, format_number, format_percent, format_quantity
+from pneucli.messages.formatting import (
+    format_noise_ratio,
+    format_number,
+    format_percent,
+    format_quantity,
+    format_signal,
+)
 from pneucli.quantities import signal_title
 
 SHAPES = {
@@ -28,14 +34,13 @@ def discrepancy_kind_text(
     """Return as what a discrepancy acts, and over which signal.
 
     ``kind`` is that of :class:`pneucli.diagnose.discrepancy.UnexplainedResidual`, ``share`` the explained part of the
-    squares, ``period`` in s or m.
+    squares, ``period`` in SI.
     """
     if variable is None:
         return FREE_RUN if kind == "free-run" else SHAPELESS
     what = " or ".join(_with_article(one) for one in acts_as) or "something"
     if kind == "periodic":
-        unit = "s" if variable == "time" else "m"
-        return f"{what} that repeats over {signal_title(variable)}, period {period:.3g} {unit}"
+        return f"{what} that repeats over {signal_title(variable)}, period {format_signal(period or 0.0, variable)}"
     over = "that drifts over each recording" if variable == "time" else f", a function of {signal_title(variable)}"
     text = f"{what} {over}".replace(" ,", ",")
     return f"mostly irregular; {format_percent(share or 0.0)} of it is {text}" if kind == "irregular" else text

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
+from pneucli.messages.formatting import format_plain
+
 
 def distinguishing_experiment(names: tuple[str, str], procedures: tuple[str, str]) -> str:
     """Return how to distinguish two effects by the procedures that their declarations state."""
@@ -17,7 +19,7 @@ def discriminating_manoeuvre(manoeuvre: str | None, channel: str = "", times_noi
         return "In no simulated manoeuvre do the two fitted models differ by more than noise."
     return (
         f"In simulation the two fitted models differ most in this manoeuvre: {manoeuvre}; "
-        f"{channel} differs by {times_noise:.2g} times its noise (rms)."
+        f"{channel} differs by {format_plain(times_noise, 2)} times its noise (rms)."
     )
 
 

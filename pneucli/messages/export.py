@@ -6,17 +6,18 @@ from collections.abc import Iterator, Mapping
 from typing import Any
 
 from pneucli.messages import labelled
+from pneucli.messages.formatting import format_plain
 
 
 def _volts(value: float) -> str:
-    return f"{value:.2g} V" if value >= 0.1 else f"{1e3 * value:.2g} mV"
+    return f"{format_plain(value, 2)} V" if value >= 0.1 else f"{format_plain(1e3 * value, 2)} mV"
 
 
 def lines(answer: Mapping[str, Any], file: str, verbose: bool) -> Iterator[str]:
     """Yield the period of the controller, what its precision costs, the plant, and the files."""
     if "controller" in answer:
         yield from labelled(
-            "found", f"controller {answer['controller']}, one step every {1e3 * answer['period_s']:g} ms"
+            "found", f"controller {answer['controller']}, one step every {format_plain(1e3 * answer['period_s'])} ms"
         )
     if off := answer.get("difference_from_float64"):
         text = f"{answer['precision']}: of 99 samples in 100 the command is within {_volts(off['p99_v'])} of float64"

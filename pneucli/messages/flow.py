@@ -11,8 +11,8 @@ from pneucli.messages.formatting import (
     format_noise_ratio,
     format_number,
     format_percent,
+    format_plain,
     format_quantity,
-    format_setting,
 )
 
 FLOW_COLUMNS = ("command", "rows", "C (ISO 6358)", "b", "m", "cracking pressure", "× noise")
@@ -53,7 +53,7 @@ def flow_row(path: Mapping[str, Any]) -> tuple[str, ...]:
 
 def at_command(u: float | None) -> str:
     """Return the command in a sentence."""
-    return "at the one opening" if u is None else f"at {format_setting(u)} V"
+    return "at the one opening" if u is None else f"at {format_plain(u)} V"
 
 
 def _uphill(rows: int, of: int) -> str:

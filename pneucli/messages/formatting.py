@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 import math
+import string
 from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any, TypeVar
 
-from pneucli.quantities import SIGNALS, axis_unit
+from pneucli.quantities import ROTARY_UNITS, SIGNALS, axis_unit
 
 if TYPE_CHECKING:  # numpy takes a tenth of a second to import, and here only types need it
     from numpy.typing import NDArray
@@ -17,8 +18,10 @@ _SHOWN = {
     "Pa": (1e-5, "bar"),
     "Pa/s": (1e-5, "bar/s"),
     "m": (1e3, "mm"),
-    "rad": (180.0 / math.pi, "°"),
+    "rad": (180.0 / math.pi, "deg"),
     "m/s": (1e3, "mm/s"),
+    "rad/s": (180.0 / math.pi, "deg/s"),
+    "kg/s": (1e3, "g/s"),
     "m^2": (1e6, "mm²"),
     "m^3": (1e6, "cm³"),
 }
@@ -39,27 +42,61 @@ def in_display_unit(values: T, unit: str) -> T:
     return values * _SHOWN[unit][0] if unit in _SHOWN else values
 
 
-def format_quantity(value: float | None, unit: str, digits: int = 4) -> str:
-    """Return value and unit as text, ``"5.2 bar"``; a dash where there is no value."""
-    if value is None or not math.isfinite(value):
-        return "–"
-    return f"{format_number(float(in_display_unit(value, unit)), digits)} {unit_symbol(unit)}".rstrip()
-
-
-def format_number(value: float | None, digits: int = 4) -> str:
-    """Return a number with that many significant digits; powers of ten where it is very large or small."""
-    if value is None or not math.isfinite(value):
-        return "–"
-    if value == 0:
-        return "0"
-    mantissa, exponent = f"{value:.{digits - 1}e}".split("e")
-    if not -4 <= int(exponent) < 6:
-        return f"{mantissa}·10{str(int(exponent)).translate(_RAISED)}".replace("-", "−")
-    return f"{value:.{max(0, digits - 1 - int(exponent))}f}".replace("-", "−")
-
-
+RESOLUTIONS = {one.unit: one.resolution for one in SIGNALS.values()}
+RESOLUTIONS |= {ROTARY_UNITS[unit]: size for unit, size in RESOLUTIONS.items() if unit in ROTARY_UNITS}
 MAX_COMMON_POWER = 1e3  # end of an interval over its value, above which they are not written with one power of ten
+MIN_RELATIVE_WIDTH = 1e-9  # of an interval over its ends: rounding errors of the arithmetic, no uncertainty
+PLAIN_RANGE = (1e-4, 1e6)  # of numbers that are written without a power of ten
+LARGEST_MISFIT = -1000.0  # %: y varies by less than a tenth of the error
 _RAISED = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
+
+
+def format_quantity(value: float | None, unit: str, digits: int = 4, *, trimmed: bool = False) -> str:
+    """Return value and unit as text, ``"5.2 bar"``; a dash where there is no value.
+
+    What is below the resolution of every sensor of its unit is 0.
+
+    >>> format_quantity(1.1e-10, "N"), format_quantity(101325.0, "Pa")
+    ('0 N', '1.013 bar')
+    """
+    if value is None or not math.isfinite(value):
+        return "–"
+    shown, smallest = (float(in_display_unit(v, unit)) for v in (value, RESOLUTIONS.get(axis_unit(unit), 0.0)))
+    return f"{format_number(shown, digits, smallest=smallest, trimmed=trimmed)} {unit_symbol(unit)}".rstrip()
+
+
+def format_signal(value: float, signal: str, digits: int = 3) -> str:
+    """Return a value (SI) of a signal or locator in the unit that people read it in, without trailing zeros."""
+    return format_quantity(value, signal_unit(signal), digits, trimmed=True)
+
+
+def format_number(value: float | None, digits: int = 4, *, smallest: float = 0.0, trimmed: bool = False) -> str:
+    """Return a number with that many significant digits; powers of ten where it is very large or small.
+
+    Args:
+        value: The number; None and what is not finite become a dash.
+        digits: Significant digits.
+        smallest: Size below which a number is 0, and no digit is shown.
+        trimmed: Whether trailing zeros are left out.
+
+    >>> format_number(171.3, 2), format_number(-0.25, trimmed=True), format_number(2.5e7, 2)
+    ('170', '−0.25', '2.5·10⁷')
+    """
+    if value is None or not math.isfinite(value):
+        return "–"
+    if value == 0 or abs(value) < smallest:
+        return "0"
+    if smallest:
+        digits = max(1, min(digits, 1 + math.floor(math.log10(abs(value))) - math.floor(math.log10(smallest))))
+    mantissa, exponent = f"{value:.{digits - 1}e}".split("e")
+    rounded = float(f"{mantissa}e{exponent}")
+    if PLAIN_RANGE[0] <= abs(rounded) < PLAIN_RANGE[1]:
+        text, scale = f"{rounded:.{max(0, digits - 1 - int(exponent))}f}", ""
+    else:
+        text, scale = mantissa, f"·10{str(int(exponent)).translate(_RAISED)}"
+    if trimmed and "." in text:
+        text = text.rstrip("0").rstrip(".")
+    return f"{text}{scale}".replace("-", "−")
 
 
 def format_interval(value: float | None, unit: str, ci95: Sequence[float | None]) -> str:
@@ -73,6 +110,8 @@ def format_interval(value: float | None, unit: str, ci95: Sequence[float | None]
     ('at least 0.046 s', 'at most −0.80')
     >>> format_interval(2.01e4, "N/m", [1.0e-2, 1.94e9])
     '20100 (0.010 to 1.9·10⁹) N/m'
+    >>> format_interval(-5.039031693674560e-3, "m", [-5.039031693674590e-3, -5.039031693674512e-3])
+    '−5.039 mm'
     """
     low, high = ci95
     if (low is None) != (high is None):
@@ -88,16 +127,18 @@ def format_interval(value: float | None, unit: str, ci95: Sequence[float | None]
     ):
         return format_quantity(value, unit)
     value, low, high = (float(in_display_unit(v, unit)) for v in (value, low, high))
-    half = 0.5 * (high - low)
+    half, largest = 0.5 * (high - low), max(abs(low), abs(high))
+    smallest = float(in_display_unit(RESOLUTIONS.get(axis_unit(unit), 0.0), unit))
+    if half < max(smallest, MIN_RELATIVE_WIDTH * largest):
+        return f"{format_number(value, smallest=smallest)} {unit_symbol(unit)}".rstrip()
     even = abs(high + low - 2 * value) < 0.2 * half
-    largest = max(abs(low), abs(high))
     if not even and largest > MAX_COMMON_POWER * abs(value):
-        ends = (format_number(v, digits) for v, digits in ((value, 3), (low, 2), (high, 2)))
+        ends = (format_number(v, digits, smallest=smallest) for v, digits in ((value, 3), (low, 2), (high, 2)))
         return "{} ({} to {})".format(*ends) + f" {unit_symbol(unit)}".rstrip()
-    power = _exponent(largest) if not 1e-4 <= largest < 1e6 else 0
-    places = max(0, 1 - _exponent(half) + power)
+    power = 0 if PLAIN_RANGE[0] <= largest < PLAIN_RANGE[1] else _exponent(largest)
+    place = _exponent(half) - 1  # of the second digit of half the width, as a power of ten
     middle, low_text, high_text, width = (
-        f"{v / 10**power:.{places}f}".replace("-", "−") for v in (value, low, high, half)
+        f"{round(v, -place) / 10**power:.{max(0, power - place)}f}".replace("-", "−") for v in (value, low, high, half)
     )
     text = f"{middle} ± {width}" if even else f"{middle} ({low_text} to {high_text})"
     scale = f"·10{str(power).translate(_RAISED)}" if power else ""
@@ -120,14 +161,53 @@ def format_noise_ratio(error: float | None) -> str:
     return "none" if error is None else format_number(error, 3 if error >= 0.995 else 2)
 
 
-def format_setting(value: float) -> str:
-    """Return a number that was set, not measured, without trailing zeros."""
-    return f"{value:g}".replace("-", "−")
+def format_plain(value: float | None, digits: int = 6) -> str:
+    """Return a number without trailing zeros: one that was set, or one in a sentence.
+
+    >>> format_plain(0.5), format_plain(101325.0, 3), format_plain(3.1416, 3)
+    ('0.5', '101000', '3.14')
+    """
+    return format_number(value, digits, trimmed=True)
+
+
+class _Sentences(string.Formatter):
+    """Fills in numbers as :func:`format_plain` writes them, where the template asks for ``.3g``."""
+
+    def format_field(self, value: Any, format_spec: str) -> str:
+        if isinstance(value, float) and format_spec.endswith("g"):
+            return format_plain(value, int(format_spec.strip(".g")))
+        return str(super().format_field(value, format_spec))
+
+
+def fill_in(template: str, **values: Any) -> str:
+    """Return a sentence with its values.
+
+    >>> fill_in("it errs by {ratio:.2g} times its {what}", ratio=171.3, what="noise")
+    'it errs by 170 times its noise'
+    """
+    return _Sentences().format(template, **values)
 
 
 def format_percent(share: float) -> str:
-    """Return a share (0 to 1) in per cent."""
-    return f"{100 * share:.0f} %" if share >= 0.01 else f"{100 * share:.1g} %"
+    """Return a share (0 to 1) in per cent.
+
+    >>> format_percent(0.613), format_percent(0.002), format_percent(1e-7)
+    ('61 %', '0.2 %', 'less than 0.1 %')
+    """
+    if 0.0 < share < 0.001:
+        return "less than 0.1 %"
+    return f"{100 * share:.0f} %" if share >= 0.01 or share == 0.0 else f"{100 * share:.1f} %"
+
+
+def format_fit(fit_percent: float | None) -> str:
+    """Return a fit in per cent, 100 (1 - |y - model| / |y - mean y|); or what a senseless one means.
+
+    >>> format_fit(98.76), format_fit(-3.5e11)
+    ('98.8 %', 'none (hardly varies)')
+    """
+    if fit_percent is not None and fit_percent < LARGEST_MISFIT:
+        return "none (hardly varies)"
+    return "–" if fit_percent is None else f"{format_number(fit_percent, 3)} %"
 
 
 def join_names(names: Sequence[str]) -> str:

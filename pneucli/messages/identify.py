@@ -8,6 +8,7 @@ from typing import Any
 from pneucli.messages import labelled, table, warnings
 from pneucli.messages.flow import flow_lines
 from pneucli.messages.formatting import (
+    fill_in,
     format_interval,
     format_noise_ratio,
     format_number,
@@ -49,7 +50,7 @@ WARNINGS = {
 
 def warning_text(code: str, **values: Any) -> str:
     """Return a warning of ``identify`` by its code."""
-    return WARNINGS[code].format(**values)
+    return fill_in(WARNINGS[code], **values)
 
 
 def lines(answer: Mapping[str, Any], file: str, verbose: bool) -> Iterator[str]:

@@ -7,6 +7,7 @@ from pathlib import PurePath
 from typing import Any
 
 from pneucli.messages import labelled, table
+from pneucli.messages.formatting import format_plain
 
 
 def lines(answer: Mapping[str, Any], file: str, verbose: bool) -> Iterator[str]:
@@ -44,7 +45,7 @@ def _next(answer: Mapping[str, Any], file: str) -> str:
 
 def _row(column: Mapping[str, Any]) -> tuple[str, ...]:
     gauge = " gauge" * column["gauge"]
-    numbers = ("" if column[key] is None else f"{column[key]:.4g}" for key in ("least", "median", "most"))
+    numbers = ("" if column[key] is None else f"{format_plain(column[key], 4)}" for key in ("least", "median", "most"))
     return (f"{column['column']}", column["signal"] or "-", f"{column['unit']}{gauge}", *numbers)
 
 

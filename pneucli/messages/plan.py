@@ -10,8 +10,8 @@ from pneucli.messages.diagnose import REJECTION_REASONS
 from pneucli.messages.formatting import (
     format_interval,
     format_percent,
+    format_plain,
     format_quantity,
-    format_setting,
     join_names,
 )
 
@@ -70,7 +70,7 @@ def manoeuvre_text(recording: Answer) -> str:
     return MANOEUVRES[recording["kind"]].format(
         centre=format_quantity(recording["centre"], "m", 3),
         level="" if recording["level"] is None else format_quantity(abs(recording["level"]), quantity, 3),
-        frequency=f"{format_setting(recording['frequency'] or 0.0)} Hz",
+        frequency=f"{format_plain(recording['frequency'] or 0.0)} Hz",
         speed=format_quantity(recording["speed"], "m/s", 3),
         pressure=format_quantity(recording["pressure"], "Pa", 3),
         force=format_quantity(recording["force"], "N", 3),

@@ -7,6 +7,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
 
 from pneucli.messages import labelled, table
+from pneucli.messages.formatting import format_plain
 from pneucli.quantities import display_unit
 from pneucli.units import parse_unit
 
@@ -64,8 +65,8 @@ def _row(experiment: str, signal: str, seen: Sequence[Look]) -> tuple[str, ...]:
     noise, rate = ([s[key] for s in seen if s[key] is not None] for key in ("noise", "rate"))
     return (
         *(experiment, signal),
-        *(f"{(value - offset) / factor:.4g}" for value in values),
-        f"{statistics.median(noise) / factor:.2g}" if noise else "?",
+        *(f"{format_plain((value - offset) / factor, 4)}" for value in values),
+        f"{format_plain(statistics.median(noise) / factor, 2)}" if noise else "?",
         unit,
-        f"{statistics.median(rate):.4g} Hz" if rate else "?",
+        f"{format_plain(statistics.median(rate), 4)} Hz" if rate else "?",
     )

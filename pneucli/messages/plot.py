@@ -6,7 +6,7 @@ from collections.abc import Iterator, Mapping
 from typing import Any
 
 from pneucli.messages import labelled, table
-from pneucli.messages.formatting import format_noise_ratio, format_number, format_quantity
+from pneucli.messages.formatting import format_fit, format_noise_ratio, format_quantity
 
 Answer = Mapping[str, Any]
 
@@ -21,11 +21,16 @@ def lines(answer: Answer, file: str, verbose: bool) -> Iterator[str]:
         command = f"pneucli plot {file} {answer['recording']} --save {answer['recording']}.png"
         yield from labelled("picture", f"not shown: {answer['not_shown']}. To a file (.png, .svg, .pdf): {command}")
     if verbose:
-        head = ("channel", "rms error", "noise", "× noise", "fit, %")
+        head = ("channel", "rms error", "noise", "× noise", "fit")
         yield from table(head, [_row(c) for c in answer["channels"]], texts=1)
 
 
 def _row(channel: Answer) -> tuple[str, ...]:
     rmsd, noise = (format_quantity(channel[key], channel["unit"], 3) for key in ("rmsd", "noise"))
-    fit = format_number(channel["fit_percent"], 3)
-    return channel["channel"], rmsd, noise, format_noise_ratio(channel["ratio_to_noise"]), fit
+    return (
+        channel["channel"],
+        rmsd,
+        noise,
+        format_noise_ratio(channel["ratio_to_noise"]),
+        format_fit(channel["fit_percent"]),
+    )

@@ -7,7 +7,7 @@ from collections.abc import Iterator, Mapping
 from typing import Any
 
 from pneucli.messages import labelled, table, warnings
-from pneucli.messages.formatting import format_number, format_quantity, join_names
+from pneucli.messages.formatting import format_number, format_plain, format_quantity, join_names
 
 Answer = Mapping[str, Any]
 METRIC_TITLES = {  # of pneucli.closed_loop.metrics.Metrics, as people read them
@@ -75,7 +75,7 @@ def failures(answer: Answer) -> list[str]:
     robust = answer.get("robust", {})
     for name, check in robust.get("checks", {}).items():
         if check["held"] < check["runs"]:
-            limit = f"{METRIC_TITLES.get(name, name)} ≤ {check['limit']:g}"
+            limit = f"{METRIC_TITLES.get(name, name)} ≤ {format_plain(check['limit'])}"
             count = (
                 f"missed in {check['runs'] - check['held']} of {check['runs']} runs with an effect outside its model"
             )

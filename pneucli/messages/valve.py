@@ -5,7 +5,13 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import Any
 
-from pneucli.messages.formatting import format_noise_ratio, format_percent, format_quantity
+from pneucli.messages.formatting import (
+    format_interval,
+    format_noise_ratio,
+    format_percent,
+    format_plain,
+    format_quantity,
+)
 
 MISSING_PHYSICS = (
     "no static map can describe this: heat transfer, valve lag, hysteresis or supply droop, which the model lacks, "
@@ -56,8 +62,8 @@ def _critical_ratio(
 ) -> str:
     value, low, high = measured
     return (
-        f"at {count} of {commands} commands the curve shows another critical ratio than the model has, {model:.3g}; "
-        f"most at {command:+.4g} V: {value:.3g} ({low:.3g} to {high:.3g})"
+        f"at {count} of {commands} commands the curve shows another critical ratio than the model has, "
+        f"{format_plain(model, 3)}; most at {format_plain(command, 4)} V: {format_interval(value, '1', (low, high))}"
     )
 
 

@@ -8,8 +8,7 @@ from typing import Any
 
 from pneucli.messages.compare import beyond_fitted_sentence, evaluation_error, free_run_sentence
 from pneucli.messages.discrepancy import discrepancy_character, discrepancy_location, largest_discrepancy
-from pneucli.messages.formatting import format_noise_ratio, format_percent, join_names
-from pneucli.units import unit_suffix
+from pneucli.messages.formatting import fill_in, format_noise_ratio, format_percent, format_quantity, join_names
 
 Answer = Mapping[str, Any]
 
@@ -43,7 +42,7 @@ WARNINGS = {
 
 def warning_text(code: str, **values: Any) -> str:
     """Return a warning of a diagnosis by its code."""
-    return WARNINGS[code].format(**values)
+    return fill_in(WARNINGS[code], **values)
 
 
 def verdict_sentence(answer: Answer) -> str:
@@ -199,7 +198,7 @@ def detection_limit_sentence(
     """
     if size is None:
         return f"{title}: these recordings cannot detect it at any plausible size"
-    limit = f"{size:.2g}{unit_suffix(unit)} ({'; '.join([parameter, *where])})"
+    limit = f"{format_quantity(size, unit, 2, trimmed=True)} ({'; '.join([parameter, *where])})"
     if null == 0.0:
         return f"{title}: detectable above {limit}"
     if null is None or null == math.inf:
@@ -209,4 +208,4 @@ def detection_limit_sentence(
 
 def location_phrase(parameter: str, value: float, unit: str) -> str:
     """Return the value of a parameter that says where, when or how fast an effect acts."""
-    return f"{parameter} {value:.2g}{unit_suffix(unit)}"
+    return f"{parameter} {format_quantity(value, unit, 2, trimmed=True)}"

@@ -11,15 +11,16 @@ from contextlib import contextmanager, suppress
 from typing import TextIO
 
 from pneucli.errors import printable
+from pneucli.paths import from_here
 from pneucli.pipeline.context import Progress, no_progress
 
 LINE_INTERVAL = 9.0  # s, between progress lines without a terminal
 
 
 def print_message(message: str) -> None:
-    """Print a message on standard error; a closed pipe does not stop the work."""
+    """Print a message on standard error, paths from where the user stands; a closed pipe does not stop the work."""
     try:
-        print(printable(message, keep="\n"), file=sys.stderr, flush=True)
+        print(from_here(printable(message, keep="\n")), file=sys.stderr, flush=True)
     except BrokenPipeError:
         discard_output(sys.stderr)
 

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy.interpolate import RegularGridInterpolator
 
-from pneucli.messages.formatting import format_quantity
+from pneucli.messages.formatting import format_plain, format_quantity
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -32,7 +32,7 @@ class ValveMap:
     def __repr__(self) -> str:
         u, p, gradient = (self.map[name] for name in ("u", "p", "p_gradient"))
         return (
-            f"ValveMap: {u.min():g} to {u.max():g} V ({u.nunique()} commands), "
+            f"ValveMap: {format_plain(u.min())} to {format_plain(u.max())} V ({u.nunique()} commands), "
             f"{format_quantity(p.min(), 'Pa', 3)} to {format_quantity(p.max(), 'Pa', 3)} ({p.nunique()} pressures), "
             f"dp/dt {format_quantity(gradient.min(), 'Pa/s', 3)} to {format_quantity(gradient.max(), 'Pa/s', 3)}; "
             "ask .dp_dt(u, p), .command(dp_dt, p), .reachable(dp_dt, p)"

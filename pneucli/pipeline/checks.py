@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from pneucli.errors import InputError, did_you_mean
+from pneucli.messages.formatting import format_plain
 
 ITEM_KEYS = ("name", "recording", "channel", "effect", "stage")  # each of them selects an item of a list
 
@@ -22,7 +23,7 @@ class CheckResult:
 
     def __str__(self) -> str:
         wanted = ", ".join(f"{kind} {limit}" for kind, limit in self.limit.items())
-        value = f"{self.value:.4g}" if isinstance(self.value, float) else self.value
+        value = format_plain(self.value, 4) if isinstance(self.value, float) else self.value
         return f"{self.path} = {value} ({wanted}): {'passed' if self.passed else 'FAILED'}"
 
 

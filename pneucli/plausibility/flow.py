@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from pneucli.messages.formatting import format_plain, format_quantity, format_signal
 from pneucli.physics.gas import critical_ratio_of
 from pneucli.physics.vectorised import flow_functions
 from pneucli.plausibility.blocks import Blocks, fit_linear, resolved_blocks
@@ -19,7 +20,6 @@ from pneucli.plausibility.rig_check import (
     Finding,
     RigCheck,
     excess,
-    format_in_display_unit,
 )
 from pneucli.recording import Recording, Rig
 
@@ -126,9 +126,7 @@ def _unresponsive_pressure(driven: list[Recording], bench: RigCheck) -> Iterator
         if not bench.is_inactive(one, "p1") or swing == 0.0 or swing < min(answered, default=0.0):
             continue
         level = float(np.nanmedian(one["p1"]))
-        found = (
-            f"p1 stays at {format_in_display_unit(level, 'p1')} while u changes by {format_in_display_unit(swing, 'u')}"
-        )
+        found = f"p1 stays at {format_signal(level, 'p1')} while u changes by {format_signal(swing, 'u')}"
         by = _distance_to_go(one, level, bench)
         if bench.active_signals(one, "p_supply"):
             mend = "exchange the columns in [signals] p1 and p_supply"
@@ -158,10 +156,7 @@ def _supply_below_chamber(flow: ChamberFlow, bench: RigCheck) -> Iterator[Findin
         return
     p, supply = float(np.median(flow.p[flow.fills])), float(np.median(flow.supply[flow.fills]))
     errors = bench.pressure_error(one, "p1", p), bench.pressure_error(one, "p_supply", supply)
-    found = (
-        f"p1 is charged at {format_in_display_unit(p, 'p1')} from "
-        f"a supply of {format_in_display_unit(supply, 'p_supply')}"
-    )
+    found = f"p1 is charged at {format_signal(p, 'p1')} from a supply of {format_signal(supply, 'p_supply')}"
     signal = "p_supply" if "p_supply" in one else "p1"
     mend = "check column, unit and reference in [signals] p_supply and p1"
     if signal == "p1":
@@ -175,7 +170,7 @@ def _dead_command(flow: ChamberFlow) -> Iterator[Finding]:
     """A command that stays where it is does not charge and vent."""
     area = flow.area[np.isfinite(flow.area)]
     if area.size and np.ptp(flow.u) == 0.0:
-        found = f"chamber 1 is charged and vented while u stays at {format_in_display_unit(float(flow.u[0]), 'u')}"
+        found = f"chamber 1 is charged and vented while u stays at {format_signal(float(flow.u[0]), 'u')}"
         by = excess(min(float(area.max()), -float(area.min())), MAX_LEAK_AREA)
         mend = "a dead channel? check the column in [signals] u"
         yield from Finding("silent", "u", flow.recording.name, found, mend, by).judged()
@@ -224,7 +219,7 @@ def _unrelated_command(flow: ChamberFlow, bench: RigCheck) -> Iterator[Finding]:
     if without.sum() < MIN_UNEXPLAINED * float(np.sum((target - target.mean()) ** 2)):
         return  # the pressure alone says how fast it changes, as through one opening
     gains = (without - with_u) / float(np.mean(without))
-    seen = f"{format_in_display_unit(float(u.min()), 'u')} to {format_in_display_unit(float(u.max()), 'u')}"
+    seen = f"{format_signal(float(u.min()), 'u')} to {format_signal(float(u.max()), 'u')}"
     found = f"the flow into chamber 1 has nothing to do with u ({seen})"
     by = excess(MIN_GAIN - float(np.mean(gains)), float(np.std(gains, ddof=1)) / np.sqrt(FOLDS))
     mend = "another column? check the columns in [signals] u and p1"
@@ -247,11 +242,8 @@ def _undersampled(one: Recording) -> Iterator[Finding]:
     span, step = float(np.ptp(p)), float(np.max(np.abs(np.diff(p)), initial=0.0))
     noise = one.noise["p1"].rms if "p1" in one.noise else 0.0
     if step > max((1 - np.exp(-1.0)) * span, MIN_SIGNAL_TO_NOISE * noise):
-        found = (
-            f"p1 changes by {format_in_display_unit(step, 'p1')} of "
-            f"{format_in_display_unit(span, 'p1')} from one sample to the next"
-        )
-        mend = f"record faster than at {1 / one.period:.3g} Hz, or check the unit in [signals] time"
+        found = f"p1 changes by {format_signal(step, 'p1')} of {format_signal(span, 'p1')} from one sample to the next"
+        mend = f"record faster than at {format_plain(1 / one.period, 3)} Hz, or check the unit in [signals] time"
         yield from Finding("sampling", "time", one.name, found, mend, excess(step, noise)).judged()
 
 
@@ -265,7 +257,7 @@ def _implausible_areas(flows: list[ChamberFlow]) -> Iterator[Finding]:
         area, flow = max(mine, key=lambda pair: pair[0])
         opened = any(np.ptp(f.u) > 0 for _, f in mine)  # else what flows may be a leak
         outside = max(area / MAX_AREA, MIN_AREA / max(area, 1e-300) if opened else 0.0) - 1.0
-        found = f"what flows into chamber 1 needs a hole of {area * 1e6:.3g} mm^2, no valve has one"
+        found = f"what flows into chamber 1 needs a hole of {format_quantity(area, 'm^2', 3)}, no valve has one"
         where = "[rig.vessel] volume" if vessel else "dead_volume_1 and piston_area_1 in [rig.cylinder]"
         mend = f"check {where}, and the units in [signals] time and p1"
         by = excess(outside, GEOMETRY_ERROR)
@@ -286,7 +278,8 @@ def _vessel_against_cylinder(flows: list[ChamberFlow]) -> Iterator[Finding]:
         return
     ratio = float(np.sum(pairs[:, 0] * pairs[:, 1]) / np.sum(pairs[:, 0] ** 2))
     if ratio > 0.0:
-        found = f"the valve lets {ratio:.2g} times as much into the cylinder as into the vessel, at the same commands"
+        times = format_plain(ratio, 2)
+        found = f"the valve lets {times} times as much into the cylinder as into the vessel, at the same commands"
         mend = "check [rig.vessel] volume, and dead_volume_1 and piston_area_1 in [rig.cylinder]"
         by = excess(max(ratio, 1.0 / ratio) / UNIT_SLIP_FACTOR - 1.0, GEOMETRY_ERROR)
         yield from Finding("volume", "p1", cylinder[0].recording.name, found, mend, by).judged()

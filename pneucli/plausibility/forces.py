@@ -9,6 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from pneucli.messages.formatting import format_plain, format_quantity, format_signal
 from pneucli.plausibility.blocks import fit_linear, resolved_blocks
 from pneucli.plausibility.readings import absolute_finding, gauge_finding
 from pneucli.plausibility.rig_check import (
@@ -22,7 +23,6 @@ from pneucli.plausibility.rig_check import (
     Finding,
     RigCheck,
     excess,
-    format_in_display_unit,
 )
 from pneucli.recording import Recording
 
@@ -111,7 +111,7 @@ def _direction(one: Recording, balance: ForceBalance, *, turned: bool) -> Iterat
         mend = "x grows toward chamber 1? write scale = -1.0 in [signals] x"
     else:
         mend = "p1 and p2 swapped? exchange the columns in [signals] p1 and p2; or write scale = -1.0 in [signals] x"
-    found = f"the force on the piston brakes its motion by {-balance.drag:.3g} N in either direction"
+    found = f"the force on the piston brakes its motion by {format_signal(-balance.drag, 'force')} in either direction"
     by = excess(-balance.drag, balance.drag_error)
     yield from Finding("direction", "x", one.name, found, mend, by).judged(physics=True)
 
@@ -128,7 +128,8 @@ def _mass(balances: list[tuple[Recording, ForceBalance]], bench: RigCheck) -> It
     scatter = float(np.sqrt(np.sum(((masses - mass) / errors) ** 2) / max(masses.size - 1, 1)))
     error = max(1.0, scatter) * float(errors.min() / np.sqrt(weights.sum()))
     best = known[int(np.argmax(weights))][0]
-    found = f"the force on the piston accelerates {mass:.3g} kg, and {stated:.3g} kg are stated"
+    moved, known_mass = (format_quantity(one, "kg", 3) for one in (mass, stated))
+    found = f"the force on the piston accelerates {moved}, and {known_mass} are stated"
     mend = "check piston_area_1, piston_area_2 and moving_mass in [rig.cylinder], "
     mend += "and the units in [signals] p1, p2, x and time"
     outside = max(mass - MAX_MASS_RATIO * stated, MIN_MASS_RATIO * stated - abs(mass))
@@ -189,11 +190,13 @@ def _polytropic_law(
     steepest = kappa * ((middle + ambient) / max(middle, 1.0)) ** 1.5
     outside = max(exponent - steepest, MIN_POLYTROPIC_EXPONENT - exponent)
     if exponent < 0:
-        found = f"p2 of the closed chamber falls where x grows and makes it smaller (p2 goes like V^{-exponent:.3g})"
+        power = format_plain(-exponent, 3)
+        found = f"p2 of the closed chamber falls where x grows and makes it smaller (p2 goes like V^{power})"
         mend = "x grows toward chamber 1? write scale = -1.0 in [signals] x"
         yield from Finding("direction", "x", one.name, found, mend, excess(-exponent, error)).judged(physics=True)
     elif excess(outside, error) >= MIN_DOUBT:
-        found = f"p2 of the closed chamber goes like V^-{exponent:.3g}, air between V^-1 and V^-{kappa:.3g}"
+        powers = (format_plain(-exponent, 3), format_plain(-kappa, 3))
+        found = "p2 of the closed chamber goes like V^{}, air between V^−1 and V^{}".format(*powers)
         mend = "check dead_volume_2, piston_area_2 and stroke in [rig.cylinder], and the units in [signals] x and p2"
         yield Finding("volume", "p2", one.name, found, mend, min(excess(outside, error), MAX_EXCESS))
     else:
@@ -202,7 +205,7 @@ def _polytropic_law(
 
 def _closed_reference(one: Recording, offset: float, error: float, middle: float, ambient: float) -> Iterator[Finding]:
     by = excess(abs(offset) - AMBIENT_SLIP_SHARE * ambient, error)
-    at = format_in_display_unit(middle, "p2")
+    at = format_signal(middle, "p2")
     if offset > 0:
         yield from gauge_finding(one, "p2", f"p2 of the closed chamber lacks ambient pressure at {at}", by).judged()
     else:

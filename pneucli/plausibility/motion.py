@@ -7,6 +7,7 @@ from collections.abc import Iterator
 import numpy as np
 from numpy.typing import NDArray
 
+from pneucli.messages.formatting import format_plain, format_signal
 from pneucli.plausibility.blocks import Blocks, fit_linear, resolved_blocks
 from pneucli.plausibility.rig_check import (
     MIN_DOUBT,
@@ -16,7 +17,6 @@ from pneucli.plausibility.rig_check import (
     Finding,
     RigCheck,
     excess,
-    format_in_display_unit,
 )
 from pneucli.quantities import axis_unit
 from pneucli.recording import Recording
@@ -47,8 +47,8 @@ def _stroke(one: Recording, bench: RigCheck) -> Iterator[Finding]:
     if stroke is None:
         return
     seen = (
-        f"x goes from {format_in_display_unit(low, 'x')} to {format_in_display_unit(high, 'x')}, "
-        f"the stroke is {format_in_display_unit(stroke, 'x')}"
+        f"x goes from {format_signal(low, 'x')} to {format_signal(high, 'x')}, "
+        f"the stroke is {format_signal(stroke, 'x')}"
     )
     own = bench.calibrations.get("x")
     gain = POSITION_GAIN if own is None else max(own.gain, own.zero / stroke)
@@ -72,10 +72,7 @@ def _speed(one: Recording) -> Iterator[Finding]:
     if at.size < 2:
         return
     speed = float(np.percentile(np.abs(np.diff(one["x"][at]) / np.diff(one.time[at])), 99.0))
-    found = (
-        f"x moves at {format_in_display_unit(speed, 'v')}, faster "
-        f"than any piston ({format_in_display_unit(MAX_SPEED, 'v')})"
-    )
+    found = f"x moves at {format_signal(speed, 'v')}, faster than any piston ({format_signal(MAX_SPEED, 'v')})"
     by = excess(speed / MAX_SPEED - 1.0, PRESSURE_GAIN)
     yield from Finding("speed", "x", one.name, found, "check the units in [signals] time and x", by).judged()
 
@@ -94,8 +91,8 @@ def _jumps(one: Recording) -> Iterator[Finding]:
         jump, period = abs(float(steps[first - 1])), time[first] - time[first - 1]
         times = "once" if len(stays) == 1 else f"{len(stays)} times"
         found = (
-            f"x jumps {times}, first by {format_in_display_unit(jump, 'x')} in {1e3 * period:.3g} ms "
-            f"at {time[first]:.5g} s: no piston is so fast"
+            f"x jumps {times}, first by {format_signal(jump, 'x')} in {format_plain(1e3 * period, 3)} ms "
+            f"at {format_plain(time[first], 5)} s: no piston is so fast"
         )
         mend = f"lost counts, or two recordings in one? cut with from and to in [[recordings]] {one.name}"
         noise = 0.0 if model is None else model.rms
@@ -111,7 +108,7 @@ def _derivative(one: Recording, signal: str, order: int, cut: Blocks) -> Iterato
     if line is None:
         return
     factor, error = float(line.factors[0]), float(line.errors[0])
-    found = f"{signal} is {factor:.2g} times the {'first' if order == 1 else 'second'} derivative of x"
+    found = f"{signal} is {format_plain(factor, 2)} times the {'first' if order == 1 else 'second'} derivative of x"
     check, slip = "derivative", _unit_slip(factor, order, signal)
     mend = f"check the units in [signals] {signal}, x and time ({slip})"
     outside = max(abs(factor) - UNIT_SLIP_FACTOR, 1 / UNIT_SLIP_FACTOR - abs(factor))
@@ -145,8 +142,8 @@ def _motionless(moved: list[Recording], bench: RigCheck) -> Iterator[Finding]:
         swing, x = _net_force_range(one, bench), float(np.nanmedian(one["x"]))
         if others and (min(abs(x - stop) for stop in stops) <= reach or not swing > limit > 0):
             continue
-        low, high = (format_in_display_unit(float(end), "x", 6) for end in (np.nanmin(one["x"]), np.nanmax(one["x"])))
-        pushed = f" while the force on it changes by {swing:.3g} N" if np.isfinite(swing) else ""
+        low, high = (format_signal(float(end), "x", 6) for end in (np.nanmin(one["x"]), np.nanmax(one["x"])))
+        pushed = f" while the force on it changes by {format_signal(swing, 'force')}" if np.isfinite(swing) else ""
         found = f"the piston does not move: x stays at {low} to {high}{pushed}"
         mend = "a dead sensor or another column? check [signals] x; "
         mend += f'if the piston was held, write x = "{low}" in [[recordings]] {one.name}'

@@ -6,6 +6,7 @@ from collections.abc import Iterator
 
 import numpy as np
 
+from pneucli.messages.formatting import format_plain, format_signal
 from pneucli.plausibility.rig_check import (
     AMBIENT_SLIP_SHARE,
     MIN_DOUBT,
@@ -14,7 +15,6 @@ from pneucli.plausibility.rig_check import (
     Finding,
     RigCheck,
     excess,
-    format_in_display_unit,
 )
 from pneucli.quantities import axis_unit
 from pneucli.recording import Recording
@@ -58,12 +58,12 @@ def absolute_finding(one: Recording, signal: str, found: str, by: float, share: 
 def _surroundings(bench: RigCheck) -> Iterator[Finding]:
     rig, name = bench.rig, bench.recordings[0].name
     if not MIN_AMBIENT_PRESSURE < rig.ambient_pressure < MAX_AMBIENT_PRESSURE:
-        found = f"ambient_pressure is {format_in_display_unit(rig.ambient_pressure, 'p1')}, as in no laboratory"
+        found = f"ambient_pressure is {format_signal(rig.ambient_pressure, 'p1')}, as in no laboratory"
         mend = 'write the air pressure in [rig] ambient_pressure, such as "1.013 bar"'
         by = _times_outside(rig.ambient_pressure, MIN_AMBIENT_PRESSURE, MAX_AMBIENT_PRESSURE)
         yield Finding("rig", "p1", name, found, mend, by)
     if not MIN_ROOM_TEMPERATURE < rig.gas_temperature < MAX_ROOM_TEMPERATURE:
-        found = f"gas_temperature is {rig.gas_temperature:.4g} K"
+        found = f"gas_temperature is {format_plain(rig.gas_temperature, 4)} K"
         mend = 'write its unit in [rig] gas_temperature, such as "20 degC"'
         by = _times_outside(rig.gas_temperature, MIN_ROOM_TEMPERATURE, MAX_ROOM_TEMPERATURE)
         yield Finding("rig", "temperature", name, found, mend, by)
@@ -81,15 +81,16 @@ def _beyond_usual(one: Recording, bench: RigCheck) -> Iterator[Finding]:
         if signal in one:
             most = float(np.nanpercentile(np.abs(one[signal]), 99))
             limit = max(limit, supply) if signal in PRESSURES else limit  # noqa: PLW2901 - of this recording
-            found = f"{signal} reaches {format_in_display_unit(most, signal)}, "
-            found += f"more than {usual} ({format_in_display_unit(limit, signal)})"
+            found = f"{signal} reaches {format_signal(most, signal)}, "
+            found += f"more than {usual} ({format_signal(limit, signal)})"
             mend = f"check column, unit and scale in [signals] {signal}"
             yield from Finding(
                 "unit", signal, one.name, found, mend, excess(most / limit - 1.0, PRESSURE_GAIN)
             ).judged()
     if "x" in one and stroke is None and axis_unit("m") == "m":  # an angle may turn for ever
         travel = float(np.ptp(np.nanpercentile(one["x"], (0.1, 99.9))))
-        found = f"x travels {travel:.3g} m, further than any cylinder's stroke ({MAX_STROKE:.3g} m)"
+        longest = format_signal(MAX_STROKE, "x")
+        found = f"x travels {format_signal(travel, 'x')}, further than any cylinder's stroke ({longest})"
         by = excess(travel / MAX_STROKE - 1.0, PRESSURE_GAIN)
         yield from Finding("unit", "x", one.name, found, "check unit and scale in [signals] x", by).judged()
 
@@ -103,21 +104,21 @@ def _pressure(one: Recording, signal: str, bench: RigCheck) -> Iterator[Finding]
     if signal == "p2" and one.chamber_2 == "open":
         yield from _open_chamber(one, middle, bench)
     elif below_vacuum >= MIN_DOUBT:
-        found = f"{signal} goes down to {format_in_display_unit(least, signal)} absolute, below vacuum"
+        found = f"{signal} goes down to {format_signal(least, signal)} absolute, below vacuum"
         mend = f"check unit, offset and reference in [signals] {signal}"
         share = float(np.nanmean(values < 0.0))
         yield from Finding("reference", signal, one.name, found, mend, below_vacuum, share).judged(physics=True)
     elif least < 0.0 or (quarter < (1 - AMBIENT_SLIP_SHARE) * ambient and not is_closed):
         seen, share = (least, 0.01) if least < 0.0 else (quarter, 0.25)
         verb, time = ("goes down to", "") if least < 0.0 else ("is", " or less for a quarter of the time")
-        found = f"{signal} {verb} {format_in_display_unit(seen, signal)} absolute{time}"
+        found = f"{signal} {verb} {format_signal(seen, signal)} absolute{time}"
         by = excess(ambient - seen, bench.pressure_error(one, signal, seen))
         yield from gauge_finding(one, signal, found, by, share).judged()
 
 
 def _open_chamber(one: Recording, middle: float, bench: RigCheck) -> Iterator[Finding]:
     ambient, error = bench.rig.ambient_pressure, bench.pressure_error(one, "p2", middle)
-    found, by = f"p2 rests at {format_in_display_unit(middle, 'p2')} in an open chamber", abs(middle - ambient) / error
+    found, by = f"p2 rests at {format_signal(middle, 'p2')} in an open chamber", abs(middle - ambient) / error
     share = float(np.nanmean(np.abs(one["p2"] - ambient) > AMBIENT_SLIP_SHARE * ambient))
     if middle < ambient:
         yield from gauge_finding(one, "p2", found, by, share).judged(physics=True)
@@ -138,8 +139,8 @@ def _temperature(one: Recording, bench: RigCheck) -> Iterator[Finding]:
     coldest = rig.gas_temperature * (rig.ambient_pressure / highest) ** ((kappa - 1) / kappa)
     hottest = kappa * rig.gas_temperature
     if least < coldest or most > hottest:
-        found = f"temperature goes from {least:.3g} K to {most:.3g} K; "
-        found += f"air at these pressures stays between {coldest:.3g} K and {hottest:.3g} K"
+        found = f"temperature goes from {format_plain(least, 3)} K to {format_plain(most, 3)} K; "
+        found += f"air at these pressures stays between {format_plain(coldest, 3)} K and {format_plain(hottest, 3)} K"
         noise = one.noise["temperature"].rms if "temperature" in one.noise else 0.0
         by = excess(max(coldest - least, most - hottest), noise, PRESSURE_GAIN * (hottest - coldest))
         mend = "check the unit in [signals] temperature, degC or K"

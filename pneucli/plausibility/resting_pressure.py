@@ -6,6 +6,7 @@ from collections.abc import Iterator, Sequence
 
 import numpy as np
 
+from pneucli.messages.formatting import format_signal
 from pneucli.plausibility.readings import absolute_finding, gauge_finding
 from pneucli.plausibility.rig_check import (
     AMBIENT_SLIP_SHARE,
@@ -14,8 +15,6 @@ from pneucli.plausibility.rig_check import (
     Finding,
     RigCheck,
     excess,
-    format_in_display_unit,
-    format_number,
 )
 from pneucli.recording import Recording
 
@@ -54,9 +53,9 @@ def pressure_loop(vessels: Sequence[Recording], bench: RigCheck) -> Finding | No
     scatter = float(np.std(levels - slope * u - offset))
     if scatter > MAX_LOOP_SCATTER * float(np.ptp(levels)):
         return None
-    lowest, highest = (format_in_display_unit(float(level), "p1") for level in (levels.min(), levels.max()))
+    lowest, highest = (format_signal(float(level), "p1") for level in (levels.min(), levels.max()))
     found = (
-        f"p1 comes to rest between {lowest} and {highest}, {format_number(abs(slope) / 1e5)} bar for each volt, from "
+        f"p1 comes to rest between {lowest} and {highest}, {format_signal(abs(slope), 'p1')} for each volt, from "
         "above and from below: the valve controls its pressure, and its command sets no area"
     )
     mend = 'the piston alone shows in recordings with experiment = "friction", whose pressures are inputs'
@@ -69,7 +68,7 @@ def resting_pressure(one: Recording, bench: RigCheck) -> Iterator[Finding]:
     ambient = bench.rig.ambient_pressure
     for charged, level, rows in _resting_levels(one, MIN_PRESSURE_TRAVEL):
         error, share = bench.pressure_error(one, "p1", level), (rows.stop - rows.start) / one.time.size
-        seen = f"p1 rests at {format_in_display_unit(level, 'p1')} in a vented chamber"
+        seen = f"p1 rests at {format_signal(level, 'p1')} in a vented chamber"
         if not charged and level < ambient:  # it cannot vent further than to what it vents to
             yield from gauge_finding(one, "p1", seen, excess(ambient - level, error), share).judged(physics=True)
         elif not charged and AMBIENT_SLIP_SHARE < level / ambient - 1.0 < 1.0 + AMBIENT_SLIP_SHARE:
@@ -84,8 +83,8 @@ def _charged(one: Recording, level: float, rows: slice, bench: RigCheck) -> Iter
     errors = bench.pressure_error(one, "p1", level), bench.pressure_error(one, "p_supply", supply)
     above, share = excess(level - supply, *errors), (rows.stop - rows.start) / one.time.size
     seen = (
-        f"p1 rests at {format_in_display_unit(level, 'p1')} in a chamber "
-        f"that is charged from {format_in_display_unit(supply, 'p_supply')}"
+        f"p1 rests at {format_signal(level, 'p1')} in a chamber "
+        f"that is charged from {format_signal(supply, 'p_supply')}"
     )
     if above > 0.0 and level - supply < (1 + AMBIENT_SLIP_SHARE) * ambient:
         yield from gauge_finding(one, "p_supply", seen, above, share).judged(physics=True)

@@ -12,9 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pneucli.plausibility.signal_activity import is_inactive
-from pneucli.quantities import display_unit
 from pneucli.recording import Calibration, Recording, Rig
-from pneucli.units import parse_unit
 
 Array = NDArray[np.float64]
 Weight = Literal["contradiction", "doubt"]
@@ -145,17 +143,3 @@ def excess(outside: float, *uncertainties: float) -> float:
     2.0
     """
     return float(outside / max(math.hypot(*uncertainties), 1e-300))
-
-
-def format_in_display_unit(value: float, signal: str, digits: int = 3) -> str:
-    """Return a value (SI) of a signal in the unit that people read it in, such as ``"1.01 bar"``."""
-    unit = display_unit(signal)
-    return f"{format_number(value / parse_unit(unit).factor, digits)} {unit}"
-
-
-def format_number(value: float, digits: int = 3) -> str:
-    """Return a number as people write it: to a thousandth at most, and without an exponent up to a million."""
-    rounded = float(f"{value:.{digits}g}")
-    if abs(rounded) < 1e-3:
-        return f"{abs(rounded):.3f}"
-    return f"{rounded:.0f}" if 10.0**digits <= abs(rounded) < 1e6 else f"{rounded:.{digits}g}"

@@ -8,6 +8,7 @@ from itertools import combinations
 
 import numpy as np
 
+from pneucli.messages.formatting import format_plain
 from pneucli.plausibility.rig_check import Finding, RigCheck, excess
 from pneucli.plausibility.signal_summary import missing_share
 from pneucli.quantities import CHANNELS
@@ -73,10 +74,12 @@ def _undersampled(one: Recording, bench: RigCheck) -> Iterator[Finding]:
     omega = float(np.sqrt(max(stiffness, 0.0) / ((rig.moving_mass or 1.0) + one.added_mass)))
     if omega * one.period > 1.0:
         by = excess(omega * one.period - 1.0, STIFFNESS_ERROR)
-        found = f"sampled at {1 / one.period:.3g} Hz, and the piston swings on its air at {omega / (2 * np.pi):.3g} Hz"
-        mend = (
-            f"record at {10 * omega / (2 * np.pi):.2g} Hz or more; if the logger did, mend the unit in [signals] time"
+        rate, swing = 1 / one.period, omega / (2 * np.pi)
+        found = (
+            f"sampled at {format_plain(rate, 3)} Hz, and the piston swings on its air at {format_plain(swing, 3)} Hz"
         )
+        wanted = format_plain(10 * swing, 2)
+        mend = f"record at {wanted} Hz or more; if the logger did, mend the unit in [signals] time"
         yield from Finding("sampling", "time", one.name, found, mend, by).judged()
 
 

@@ -6,12 +6,12 @@ from collections.abc import Iterator
 
 import numpy as np
 
+from pneucli.messages.formatting import format_signal
 from pneucli.plausibility.rig_check import (
     MIN_SIGNAL_TO_NOISE,
     Finding,
     RigCheck,
     excess,
-    format_in_display_unit,
 )
 from pneucli.recording import Recording
 
@@ -29,7 +29,7 @@ def _driving_pressure(one: Recording, bench: RigCheck) -> Iterator[Finding]:
     """What drives the piston changes, unless something else does."""
     if "p1" not in one or one.imposed or "force" in one or not bench.is_inactive(one, "p1"):
         return
-    found = f"the piston moves, and p1 stays at {format_in_display_unit(float(np.nanmedian(one['p1'])), 'p1')}"
+    found = f"the piston moves, and p1 stays at {format_signal(float(np.nanmedian(one['p1'])), 'p1')}"
     if one.chamber_2 == "open" and bench.active_signals(one, "p2"):
         mend = "exchange the columns in [signals] p1 and p2"
         found = f"{found} while p2 of the open chamber moves: swapped?"
@@ -47,9 +47,9 @@ def _closed_chamber(one: Recording, bench: RigCheck) -> Iterator[Finding]:
     middle = float(np.nanmedian(one["p2"]))
     expected = middle * float(np.nanmax(volume) - np.nanmin(volume)) / float(np.nanmax(np.abs(volume)))
     noise = one.noise["p2"].rms if "p2" in one.noise else 0.0
-    stays = f"p2 of the closed chamber stays at {format_in_display_unit(middle, 'p2')}"
+    stays = f"p2 of the closed chamber stays at {format_signal(middle, 'p2')}"
     mend = f"a dead sensor or another column? check [signals] p2, and chamber_2 in [[recordings]] {one.name}"
-    found = f"{stays} while x would change it by {format_in_display_unit(expected, 'p2')}"
+    found = f"{stays} while x would change it by {format_signal(expected, 'p2')}"
     by = excess(expected, MIN_SIGNAL_TO_NOISE * noise)
     yield from Finding("silent", "p2", one.name, found, mend, by).judged(physics=True)
 

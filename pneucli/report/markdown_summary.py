@@ -6,6 +6,14 @@ from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
 
 from pneucli.messages.compare import describe_event, grouped_regions, test_first
+from pneucli.messages.formatting import (
+    format_fit,
+    format_interval,
+    format_noise_ratio,
+    format_number,
+    format_plain,
+    format_quantity,
+)
 from pneucli.messages.history import models_on_current_data
 from pneucli.report.overview import Overview, overview
 from pneucli.report.report_data import ReportData
@@ -45,8 +53,8 @@ def _lines(material: ReportData, first: Overview) -> Iterator[str]:
         steps = [(s["add"] or "model as given", _number(s["error_train"]), _number(s["error_test"])) for s in ladder]
         yield from _table("Selection path, error over noise", ("add", "train", "test"), steps)
     if parameters := material.answer("identify").get("model", {}).get("parameters"):
-        rows = [(n, _number(p["value"]), *map(_number, p["ci95"]), p["unit"]) for n, p in parameters.items()]
-        yield from _table("Parameters", ("name", "value", "95 % from", "to", "unit"), rows)
+        estimates = [(n, format_interval(p["value"], p["unit"], p["ci95"])) for n, p in parameters.items()]
+        yield from _table("Parameters", ("name", "value, 95 % interval"), estimates)
     warnings = [f"{stage}: {w}" for stage, answer in material.answers.items() for w in answer.get("warnings", [])]
     if warnings:
         yield from ("", "## Warnings", "", *(f"- {warning}" for warning in warnings))
@@ -61,9 +69,8 @@ def _overview_lines(first: Overview) -> Iterator[str]:
 def _comparison(answer: Mapping[str, Any]) -> Iterator[str]:
     if not answer:
         return
-    keys = ("recording", "use", "channel", "rmsd", "unit", "percent", "fit_percent", "noise", "ratio_to_noise")
-    rows = [[_number(c[key]) for key in keys] for c in test_first(answer["channels"])]
-    yield from _table("Model against measurement", keys, rows)
+    head = ("recording", "use", "channel", "rms error", "of range", "fit", "noise", "× noise")
+    yield from _table("Model against measurement", head, [_channel(c) for c in test_first(answer["channels"])])
     if answer.get("where"):
         yield from (
             "",
@@ -71,6 +78,13 @@ def _comparison(answer: Mapping[str, Any]) -> Iterator[str]:
             "",
             *(f"- {describe_event(e)}" for e in grouped_regions(answer)[:10]),
         )
+
+
+def _channel(c: Mapping[str, Any]) -> Row:
+    share = "–" if c["percent"] is None else f"{format_number(c['percent'], 3)} %"
+    rmsd, noise = (format_quantity(c[key], c["unit"], 3) for key in ("rmsd", "noise"))
+    ratio = format_noise_ratio(c["ratio_to_noise"])
+    return c["recording"], c["use"], c["channel"], rmsd, share, format_fit(c["fit_percent"]), noise, ratio
 
 
 def _table(title: str, head: Sequence[str], rows: Sequence[Row]) -> Iterator[str]:
@@ -84,4 +98,4 @@ def _row(cells: Row) -> str:
 def _number(value: Any) -> str:
     if value is None:
         return "–"
-    return f"{value:.4g}" if isinstance(value, float) else str(value)
+    return format_plain(value, 4) if isinstance(value, float) else str(value)

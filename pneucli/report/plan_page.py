@@ -14,6 +14,7 @@ from pneucli.messages.formatting import (
     axis_title,
     format_number,
     format_percent,
+    format_plain,
     format_quantity,
     in_display_unit,
 )
@@ -150,7 +151,7 @@ def _differences(time: Array, differences: Mapping[str, Difference]) -> Drawing:
             figure.axes.axhline(level, color=GREY, linestyle="--", linewidth=0.9)
         figure.axes.set_yscale("log")
         figure.axes.set_ylim(bottom=LOWEST_DIFFERENCE)
-        figure.axes.yaxis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
+        figure.axes.yaxis.set_major_formatter(FuncFormatter(lambda value, _: f"{format_plain(value)}"))
         figure.axes.yaxis.set_minor_formatter(NullFormatter())
         figure.canvas.legend(loc="outside lower center", ncols=2)
     return figure

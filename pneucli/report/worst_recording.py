@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from pneucli.compare.error_regions import error_concentration
 from pneucli.messages.compare import evaluation_error
-from pneucli.messages.formatting import axis_title, format_noise_ratio, format_setting, in_display_unit
+from pneucli.messages.formatting import axis_title, format_noise_ratio, format_plain, in_display_unit
 from pneucli.quantities import SIGNALS
 from pneucli.report.figure import BLUE, GREY, ORANGE, envelope_indices, render, with_gap_indices, with_gaps
 from pneucli.report.report_data import ReportData, Table
@@ -59,8 +59,8 @@ def worst_recording_figure(found: WorstRecording) -> tuple[dict[str, str], str]:
     shaded = "Shaded: the interval with the largest error. " if found.stretch else ""
     return pictures, (
         f"{found.channel} in {found.recording}, the worst {found.kind}recording: {ratio} × noise. {shaded}Below: "
-        f"measured − model, with the band of ± {BAND_SIGMA:g} σ of a correct model. The model restarts from the "
-        f"measurement every {format_setting(found.horizon)} s (ticks)."
+        f"measured − model, with the band of ± {format_plain(BAND_SIGMA)} σ of a correct model. The model restarts "
+        f"from the measurement every {format_plain(found.horizon)} s (ticks)."
     )
 
 
@@ -139,7 +139,7 @@ def _frame(found: WorstRecording, upper: Axes, lower: Axes, time: Array) -> None
     most = max(abs(end) for end in lower.get_ylim())
     powers = [10.0**k for k in range(1, 7) if 10.0**k < most]
     lower.set_yticks([*(-p for p in powers), -BAND_SIGMA, BAND_SIGMA, *powers], minor=False)
-    lower.yaxis.set_major_formatter(FuncFormatter(lambda value, _: format_setting(value)))
+    lower.yaxis.set_major_formatter(FuncFormatter(lambda value, _: format_plain(value)))
     lower.yaxis.set_minor_locator(NullLocator())
     lower.set(xlabel="time in s", ylabel="× noise", xlim=(time[0], time[-1]))
 

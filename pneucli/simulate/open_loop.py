@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from pneucli.errors import InputError, UnitError, did_you_mean
 from pneucli.experiments import EXPERIMENT_KINDS, ExperimentName
+from pneucli.messages.formatting import format_plain
 from pneucli.noise import NoiseModel
 from pneucli.quantities import SIGNALS
 from pneucli.recording import Recording, Rig
@@ -187,7 +188,12 @@ def parse_scenario(table: Mapping[str, Any], where: str) -> dict[str, Any]:
         raise InputError(f"{where}.values", "no steps", 'a list such as ["2 V", "-1 V"]', code="E023")
     for key in ("duration", "dwell", "frequency"):
         if not 0.0 < values.get(key, 1.0) <= MAX_DURATION:
-            raise InputError(f"{where}.{key}", f"{values[key]:g}", f"above 0, at most {MAX_DURATION:g}", code="E023")
+            raise InputError(
+                f"{where}.{key}",
+                f"{format_plain(values[key])}",
+                f"above 0, at most {format_plain(MAX_DURATION)}",
+                code="E023",
+            )
     return values
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from pneucli.identify.estimation.fit import Estimate
+from pneucli.messages.formatting import format_signal
 from pneucli.plausibility.required_inputs import Assumption, assumptions
 from pneucli.quantities import axis_parameter_name
 from pneucli.recording import Rig
@@ -43,9 +44,12 @@ def assumed_values(study: PipelineData, names: set[str]) -> list[Assumption]:
     pressed = gas or any("p1" in r or "p2" in r for r in study.recordings)
     found = []
     if pressed and "ambient_pressure" not in stated:
-        found.append(Assumption(f"ambient pressure is {rig.ambient_pressure / 1e5:.5g} bar", "rig.ambient_pressure"))
+        ambient = format_signal(rig.ambient_pressure, "p1", 5)
+        found.append(Assumption(f"ambient pressure is {ambient}", "rig.ambient_pressure"))
     if gas and "gas_temperature" not in stated:
-        found.append(Assumption(f"the gas has {rig.gas_temperature:g} K", "rig.gas_temperature"))
+        found.append(
+            Assumption(f"the gas has {format_signal(rig.gas_temperature, 'temperature', 6)}", "rig.gas_temperature")
+        )
     unstated = {name for name in names & PIPELINE_KEYS.keys() if getattr(rig, name.removeprefix("rig.")) is None}
     keys = {
         axis_parameter_name(name): axis_parameter_name(PIPELINE_KEYS[name])

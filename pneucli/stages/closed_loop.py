@@ -18,6 +18,7 @@ from pneucli.executors import engine_from
 from pneucli.experiments import EXPERIMENT_KINDS
 from pneucli.export.replay_check import replay_exported_c
 from pneucli.io.artifacts import read_table, write_table
+from pneucli.messages.formatting import format_plain
 from pneucli.pipeline.manifest import program_versions
 from pneucli.simulate.model import Model
 from pneucli.stages.designed_controller import closed_loop_setup, load_controller, selected_controller
@@ -124,7 +125,7 @@ def _write_monte_carlo(
             "run": np.array([r["run"] for r in rows]),
             "scenario": [r["scenario"] for r in rows],
             "effect": [r["effect"] for r in rows],
-            "sizes": [", ".join(f"{n} = {v:.4g}" for n, v in r["sizes"].items()) for r in rows],
+            "sizes": [", ".join(f"{n} = {format_plain(v, 4)}" for n, v in r["sizes"].items()) for r in rows],
             **{n: np.array([r[n] for r in rows], dtype=np.float64) for n in figures},
         },
         units={"run": "1"} | {n: unit_from_name(n) for n in figures},

@@ -7,6 +7,7 @@ from typing import Any
 
 from pneucli.export.replay_check import MAX_DIFFERENCE
 from pneucli.messages.acceptance import violations
+from pneucli.messages.formatting import format_plain
 from pneucli.messages.law_comparison import worst_value
 from pneucli.report import Check
 
@@ -52,14 +53,15 @@ def _limited(name: str, value: float | None, limit: float | None, unit: str, key
     if value is None:
         return Check(path, "", None, skipped="no scenario shows it")
     if limit is None:
-        return Check(path, "", value, skipped=f"[design] {key} is not stated; found {value:.3g} {unit}")
-    wanted = f"max {limit:.6g} {unit}"
-    return Check(path, wanted, value, "" if value <= limit else f"{path} = {value:.3g} {unit} ({wanted}): FAILED")
+        return Check(path, "", value, skipped=f"[design] {key} is not stated; found {format_plain(value, 3)} {unit}")
+    wanted = f"max {format_plain(limit, 6)} {unit}"
+    failure = f"{path} = {format_plain(value, 3)} {unit} ({wanted}): FAILED"
+    return Check(path, wanted, value, "" if value <= limit else failure)
 
 
 def _recovery(figures: Any, limit: float | None) -> Check:
     """Return the check of the time after which a load is rejected to 50 um; without a stated limit, that it is."""
-    path, wanted = "closed-loop.recovery", "finite" if limit is None else f"max {limit:.6g} s"
+    path, wanted = "closed-loop.recovery", "finite" if limit is None else f"max {format_plain(limit, 6)} s"
     loaded = [f["recovery_s"] for f in figures.values() if f["peak_um"] is not None]
     if not loaded:
         return Check(path, wanted, None, skipped="no scenario has a load")
@@ -67,7 +69,7 @@ def _recovery(figures: Any, limit: float | None) -> Check:
         return Check(path, wanted, None, f"{path}: a load is never rejected to 50 um ({wanted}): FAILED")
     value = max(loaded)
     failed = limit is not None and value > limit
-    return Check(path, wanted, value, f"{path} = {value:.3g} s ({wanted}): FAILED" if failed else "")
+    return Check(path, wanted, value, f"{path} = {format_plain(value, 3)} s ({wanted}): FAILED" if failed else "")
 
 
 def _gate(gate: Mapping[str, Any]) -> Check:
@@ -76,7 +78,8 @@ def _gate(gate: Mapping[str, Any]) -> Check:
 
 
 def _exported_c(found: Mapping[str, Any]) -> Check:
-    path, wanted, value = "closed-loop.exported-c", f"max {MAX_DIFFERENCE:g} V", found["difference_v"]
+    path, wanted, value = "closed-loop.exported-c", f"max {format_plain(MAX_DIFFERENCE)} V", found["difference_v"]
     if value is None:
         return Check(path, wanted, None, skipped=found["reason"])
-    return Check(path, wanted, value, "" if value <= MAX_DIFFERENCE else f"{path} = {value:.3g} V ({wanted}): FAILED")
+    failure = f"{path} = {format_plain(value, 3)} V ({wanted}): FAILED"
+    return Check(path, wanted, value, "" if value <= MAX_DIFFERENCE else failure)

@@ -31,6 +31,7 @@ from pneucli.io.recordings import SIGNALS_FILE, signals_schema
 from pneucli.io.signal_reader import SignalReader
 from pneucli.io.steady_rows import RowChecks
 from pneucli.io.timestamp_order import LOSS_MESSAGES
+from pneucli.messages.formatting import format_plain
 from pneucli.messages.ingest import repair_location
 from pneucli.paths import file_on_disk
 from pneucli.pipeline.context import Context, Progress
@@ -268,10 +269,9 @@ def _require_usable(one: IngestedRecording) -> None:
         found = f"{one.samples} usable rows" + (f" ({kinds})" if kinds else "")
         raise InputError(where, found, "a recording of at least 2 samples", "check from, to and skip_rows", code="E050")
     if not MIN_PERIOD < one.period < MAX_PERIOD:
-        wanted = f"between {MIN_PERIOD:g} and {MAX_PERIOD:g} s"
-        raise InputError(
-            where, f"a sampling period of {one.period:g} s", wanted, "check the column and unit of time", code="E045"
-        )
+        found = f"a sampling period of {format_plain(one.period)} s"
+        wanted = f"between {format_plain(MIN_PERIOD)} and {format_plain(MAX_PERIOD)} s"
+        raise InputError(where, found, wanted, "check the column and unit of time", code="E045")
     for name in sorted(one.empty & _required_signals(one.source, set(one.signals))):
         found = f"no value in any of {one.samples} rows"
         raise InputError(

@@ -9,6 +9,7 @@ from dataclasses import replace
 
 from pneucli.config import ParameterTable, PipelineConfig, join_faults
 from pneucli.errors import InputError, UnitError, did_you_mean
+from pneucli.messages.formatting import format_plain
 from pneucli.physics.declaration import BASE_PARAMETERS, Effect
 from pneucli.quantities import PISTON_AREA_UNITS, ROTARY_UNITS
 from pneucli.recording import ParameterPrior, Rig
@@ -88,7 +89,9 @@ def _prior_from_table(table: ParameterTable, unit: str, where: str, stated: floa
             where, f"min {table.min} is not below max {table.max}", "a range", "exchange them", code="E023"
         )
     if start is not None and not lower <= start <= upper:
-        raise InputError(where, f"start {start:g} {unit} lies outside min and max", "a start between them", code="E023")
+        raise InputError(
+            where, f"start {format_plain(start)} {unit} lies outside min and max", "a start between them", code="E023"
+        )
     if sigma is not None and not sigma > 0.0:
         raise InputError(
             f"{where}.sigma", f"{table.sigma}", "a standard deviation above 0", 'or fixed = "..."', code="E023"

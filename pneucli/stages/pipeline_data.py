@@ -19,6 +19,7 @@ from pneucli.identify.residuals import ResidualModel, residual_models
 from pneucli.io.artifacts import Provenance, sha256_of
 from pneucli.io.recordings import load_recordings
 from pneucli.memory import release_free_memory
+from pneucli.messages.formatting import format_plain
 from pneucli.physics.declaration import Effect
 from pneucli.physics.effects import all_effects, select_effects
 from pneucli.pipeline.context import Context
@@ -158,7 +159,9 @@ class PipelineData:
         compare = self.context.config.compare
         self._require_samples()
         if (hours := sum(r.time[-1] - r.time[0] for r in self.recordings) / 3600) > LONG_RECORDING_HOURS:
-            self.context.progress(f"{hours:.3g} h of recordings, if the unit of time is right: this takes long", 0.0)
+            self.context.progress(
+                f"{format_plain(hours, 3)} h of recordings, if the unit of time is right: this takes long", 0.0
+            )
         ready = []
         for i, recording in enumerate(self.recordings):
             self.context.progress(f"smoothing {recording.name}", 0.2 * i / len(self.recordings))

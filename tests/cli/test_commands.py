@@ -15,7 +15,9 @@ import typer
 
 from pneucli import cli
 from pneucli.cli.program import build
+from pneucli.messages.equations import plain_equation
 from pneucli.notebook import progress
+from pneucli.paths import from_here
 from pneucli.pipeline.context import Context
 from tests.cli.conftest import Command
 from tests.cli.toys import PIPELINE
@@ -103,7 +105,7 @@ def test_run_names_the_missing_effect_and_the_command_that_adds_it(pneucli: Comm
     out = pneucli("run", bench).out
     assert "error    2.00 × noise on test recordings\n" in out
     assert "found    The model lacks valve-leak." in out
-    assert f"do pneucli add {bench} --suggested" in " ".join(out.split())
+    assert f"do pneucli add {from_here(str(bench))} --suggested" in " ".join(out.split())
 
 
 def test_verbose_shows_the_tables_behind_the_verdict(pneucli: Command, bench: Path) -> None:
@@ -338,7 +340,7 @@ def test_effects_lists_the_catalogue_and_shows_one(pneucli: Command) -> None:
     assert listed == [effect["name"] for effect in catalogue]
     page = pneucli("effects", listed[0])
     assert page.code == 0
-    assert catalogue[0]["equation"] in page.out
+    assert plain_equation(catalogue[0]["equation"]) in page.out
     assert pneucli("effects", f"{listed[0]}x").code == 2
 
 
@@ -391,3 +393,9 @@ def test_plan_refuses_what_it_cannot_do_before_anything_runs(
     assert told.code == 2
     assert said in told.err
     assert "running" not in told.err
+
+
+def test_an_effect_is_shown_in_plain_text_and_json_the_source(pneucli: Command) -> None:
+    assert "√(2/(R T))" in pneucli("effects", "chamber-leak").out
+    assert "\\\\sqrt" in pneucli("effects", "chamber-leak", "--json").out
+    assert "\\" not in pneucli("effects", "--verbose").out

@@ -125,7 +125,7 @@ def test_numbers_without_a_unit_are_read_as_what_a_rig_has_and_the_guess_is_told
     assert 'unit = "ms"' in line(answer, "time")
     assert 'unit = "Pa", reference = "absolute"' in line(answer, "p1")
     assert 'unit = "mm"' in line(answer, "x")
-    assert "no unit is stated: -40 to 40 is taken for mm" in line(answer, "x")
+    assert "no unit is stated: −40 to 40 is taken for mm" in line(answer, "x")
 
 
 GAUGE = {

@@ -17,7 +17,7 @@ from pneucli.messages.valve import valve_warning
         (
             "valve-critical-ratio",
             {"count": 2, "commands": 5, "model": 0.3, "command": -4.0, "measured": (0.5, 0.4, 0.6)},
-            "at 2 of 5 commands the curve shows another critical ratio than the model has, 0.3; most at -4 V: 0.5 (0.4",
+            "another critical ratio than the model has, 0.3; most at −4 V: 0.50 ± 0.10",
         ),
     ],
 )

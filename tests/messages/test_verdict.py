@@ -182,7 +182,7 @@ def test_a_detection_limit_counts_from_the_null(null: float | None, limit: str) 
 
 def test_a_detection_limit_states_where_the_effect_acts() -> None:
     where = [location_phrase("length", 0.08, "m")]
-    assert "(damping; length 0.08 m)" in detection_limit_sentence("A cushion", "damping", 8.0, "N s/m", 0.0, where)
+    assert "(damping; length 80 mm)" in detection_limit_sentence("A cushion", "damping", 8.0, "N s/m", 0.0, where)
 
 
 def test_warnings_state_their_numbers() -> None:

@@ -53,7 +53,7 @@ def closed(x: np.ndarray) -> np.ndarray:
         ),
         (recorded(x=0.8 * SWING + 0.06 * (T > 2)), ("speed", "x"), "x jumps once, first by 60.1 mm in 1 ms at 2.001 s"),
         (recorded(x=5 * SWING), ("stroke", "x"), "from 250 mm to 750 mm"),
-        (recorded("axis", "open", x=SWING - 0.3), ("stroke", "x"), "from -250 mm to -150 mm"),
+        (recorded("axis", "open", x=SWING - 0.3), ("stroke", "x"), "from −250 mm to −150 mm"),
         (
             recorded(x=0.2 - SWING, chamber_2="closed", p1=closed(SWING), p2=closed(SWING)),
             ("direction", "x"),

@@ -5,10 +5,11 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from pneucli.messages.formatting import format_signal
 from pneucli.messages.plausibility import implausibility_sentences, signal_summary_table
 from pneucli.noise import NoiseModel
 from pneucli.plausibility import summarize_signal
-from pneucli.plausibility.rig_check import Finding, format_in_display_unit
+from pneucli.plausibility.rig_check import Finding
 from pneucli.recording import Recording
 
 T = np.arange(1000) * 1e-3
@@ -62,7 +63,7 @@ def test_the_table_is_in_peoples_units_over_all_recordings_of_an_experiment() ->
     [(1000.0, "p1", "0.01 bar"), (361.2, "v", "361000 mm/s"), (0.03, "x", "30 mm"), (4800.0, "u", "4800 V")],
 )
 def test_values_are_shown_as_people_write_them(value: float, signal: str, text: str) -> None:
-    assert format_in_display_unit(value, signal) == text
+    assert format_signal(value, signal) == text
 
 
 def test_in_words_there_is_one_line_for_each_check_and_signal() -> None:

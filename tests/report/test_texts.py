@@ -10,7 +10,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from pneucli.messages.formatting import format_number, format_quantity
+from pneucli.messages.formatting import format_noise_ratio, format_number, format_quantity
 from pneucli.report import ReportData, Table, to_junit, to_markdown
 from pneucli.report.figure import envelope_indices
 
@@ -18,10 +18,10 @@ from pneucli.report.figure import envelope_indices
 def test_the_summary_holds_the_numbers_of_the_answers(material: ReportData) -> None:
     text = to_markdown(material)
     for c in material.answers["compare"]["channels"]:
-        cells = (c["recording"], c["use"], c["channel"], f"{c['rmsd']:.4g}", c["unit"])
+        cells = (c["recording"], c["use"], c["channel"], format_quantity(c["rmsd"], c["unit"], 3))
         assert f"| {' | '.join(cells)} |" in text
-        assert f"{c['ratio_to_noise']:.4g} |" in text
-    assert "| friction.coulomb | 14.01 | 13.98 | 14.03 | N |" in text
+        assert f"| {format_noise_ratio(c['ratio_to_noise'])} |" in text
+    assert "| friction.coulomb | 14.008 (13.980 to 14.030) N |" in text
     assert "| piston-leak | 1.02 | – |" in text
 
 
@@ -61,7 +61,7 @@ def test_junit_mirrors_the_checks(material: ReportData) -> None:
         (1.0, "1.000"),
         (-0.5, "−0.5000"),
         (999.96, "1000"),
-        (12345.6, "12346"),
+        (12345.6, "12350"),
         (-3.2e-9, "−3.200·10⁻⁹"),
         (None, "–"),
     ],

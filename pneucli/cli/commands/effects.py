@@ -12,6 +12,8 @@ import typer
 from pneucli.cli import console
 from pneucli.cli.command import Command
 from pneucli.cli.options import Json, Quiet, Verbose
+from pneucli.messages.equations import plain_equation
+from pneucli.messages.formatting import format_plain
 
 if TYPE_CHECKING:
     from pneucli.physics.declaration import Effect, Parameter
@@ -103,7 +105,7 @@ def _effects(
             parameters = ", ".join(f"{p.name} ({p.unit})" for p in one.parameters)
             print(f"{one.name:20} {one.part:13} {parameters}")
             if verbose:
-                print(f"{'':20} {one.title}: {one.equation}")
+                print(f"{'':20} {one.title}: {plain_equation(one.equation)}")
     else:
         print(_text(chosen[0]))
 
@@ -160,14 +162,14 @@ def ports_table() -> str:
 
 def _row(parameter: Parameter) -> tuple[str, ...]:
     p = parameter
-    absent = "-" if p.null is None else f"{p.null:g}" if isinstance(p.null, float) else p.null
+    absent = "∞" if p.null == math.inf else "-" if p.null is None else _together((p.null,), "")
     bounds = _together((p.lower, p.upper), " to ")
     return (p.name, p.unit, p.title, absent, bounds, _together(p.typical, ", "))
 
 
 def _together(quantities: Sequence[Quantity], between: str) -> str:
     """Return quantities, with a common scale named once."""
-    parts = [f"{q:g}" if not isinstance(q, str) else q for q in quantities]
+    parts = [q if isinstance(q, str) else format_plain(q) for q in quantities]
     scales = [part.partition(" ")[2] for part in parts]
     return between.join(
         part.partition(" ")[0] if scale == following else part
@@ -212,7 +214,15 @@ def _text(effect: Effect) -> str:
     table = ["  ".join(cell.ljust(w) for cell, w in zip(row, widths, strict=True)).rstrip() for row in rows]
     story = [f"{heading}: {text}" for heading, text in _description(effect, effect.twins)]
     return "\n".join(
-        [f"{effect.name}: {effect.title} (part: {effect.part})", "", effect.equation, "", *table, "", *story]
+        [
+            f"{effect.name}: {effect.title} (part: {effect.part})",
+            "",
+            plain_equation(effect.equation),
+            "",
+            *table,
+            "",
+            *story,
+        ]
     )
 
 

@@ -11,7 +11,8 @@ import typer
 
 from pneucli.cli import console
 from pneucli.cli.command import Command, show
-from pneucli.cli.options import Json, Quiet, Verbose, shortest_path
+from pneucli.cli.options import Json, Quiet, Verbose
+from pneucli.paths import from_here
 
 if TYPE_CHECKING:
     from pneucli.init.components import Component
@@ -56,7 +57,7 @@ def _init(
     if ask:
         answers = _ask(init.questions(answer["fill_in"]), init.refusal)
         answer |= init.fill_in(Path(answer["pipeline"]), answers)
-    show("init", answer, Path(shortest_path(Path(answer["pipeline"]))), json, verbose)
+    show("init", answer, Path(from_here(answer["pipeline"])), json, verbose)
 
 
 def _parts(numbers: Mapping[str, str | None], own_table: Path | None) -> list[Component]:

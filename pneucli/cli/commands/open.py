@@ -7,7 +7,7 @@ import webbrowser
 from pneucli import messages
 from pneucli.cli import console
 from pneucli.cli.command import Command, update
-from pneucli.cli.options import File, Json, Out, Quiet, Verbose, open_pipeline_file, shortest_path
+from pneucli.cli.options import File, Json, Out, Quiet, Verbose, open_pipeline_file
 
 HELP = "Bring the report up to date and open it in the browser."
 
@@ -22,9 +22,7 @@ def _open(pipeline: File, out: Out = None, json: Json = False, verbose: Verbose 
     else:
         if verbose:
             console.print_text(messages.render("report", done["report"].answer, str(pipeline), verbose=True))
-        console.print_text(
-            shortest_path(report) if shown else f"no browser was found; the report is {shortest_path(report)}"
-        )
+        console.print_text(str(report) if shown else f"no browser was found; the report is {report}")
 
 
 COMMAND = Command(_open, "pneucli open axis-7/pipeline.toml", HELP, place=170)

@@ -12,8 +12,9 @@ import typer
 from pneucli import messages
 from pneucli.cli import console
 from pneucli.cli.command import Command, fails_acceptance, print_findings, update
-from pneucli.cli.options import File, Json, Out, Quiet, Verbose, built_stages, open_pipeline_file, shortest_path
+from pneucli.cli.options import File, Json, Out, Quiet, Verbose, built_stages, open_pipeline_file
 from pneucli.messages.run import lines as summary
+from pneucli.paths import from_here
 from pneucli.stages.history import history_answer
 
 if TYPE_CHECKING:
@@ -71,7 +72,7 @@ def _print(
             if name in answers:
                 console.print_text(textwrap.indent(messages.render(name, answers[name], str(file), verbose=True), "  "))
     print_findings(done, answers.get("compare", {}).get("contradicted", ()))
-    console.print_text("\n".join(summary(answers, models, failed, shortest_path(_report(pipeline)), str(file))))
+    console.print_text("\n".join(summary(answers, models, failed, from_here(str(_report(pipeline))), str(file))))
 
 
 def _state(stage: Done) -> str:

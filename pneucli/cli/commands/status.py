@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 from pneucli.cli import console
 from pneucli.cli.command import Command
-from pneucli.cli.options import File, Json, Out, Quiet, Verbose, built_stages, open_pipeline_file, shortest_path
+from pneucli.cli.options import File, Json, Out, Quiet, Verbose, built_stages, open_pipeline_file
 from pneucli.pipeline.graph import STAGES
 
 if TYPE_CHECKING:
@@ -24,7 +24,7 @@ def _status(
         stages = [{"stage": name, "state": _state(v), "why": list(v.reasons)} for name, v in verdicts.items()]
         console.print_json({"schema": "pneucli/status/1", "pipeline": opened_pipeline.name, "stages": stages})
         return
-    folder = shortest_path(opened_pipeline.artifacts)
+    folder = opened_pipeline.artifacts
     for name, verdict in verdicts.items():
         console.print_text(f"{name:10}{_state(verdict)}{(verdict.reasons and ': ' + ', '.join(verdict.reasons)) or ''}")
         if verbose and verdict.manifest is not None:

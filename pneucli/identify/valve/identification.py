@@ -33,6 +33,7 @@ from pneucli.identify.valve.resampling import interpolation_error, is_unevenly_s
 from pneucli.identify.valve.result import Curve, RecordingResidual, ValveIdentification, known_vessel_volume
 from pneucli.identify.valve.simulation import initial_pressure_sensitivity, initial_pressures, simulate_transients
 from pneucli.identify.valve.transients import Transients, cut_transients
+from pneucli.messages.formatting import format_quantity
 from pneucli.noise import NoiseModel, pool_noise
 from pneucli.quantities import Z95
 from pneucli.recording import Recording, Rig
@@ -81,7 +82,7 @@ def identify_valve(experiments: Sequence[Experiment], fitted: Fit, chamber: Cham
     data = _cut_tests(train, model_gradient)
     area_model = _area_model(model_gradient, data, rig)
     if not area_model.supply > area_model.ambient:
-        fault = f"the supply has {area_model.supply:.4g} Pa, no more than ambient pressure"
+        fault = f"the supply has {format_quantity(area_model.supply, 'Pa')}, no more than ambient pressure"
         raise InputError("valve tests", fault, "a supply above it, over which a map goes", "see p_supply", code="E065")
     sensor = pool_noise([e.noise["p1"] for e in train])
     if not sensor.rms:

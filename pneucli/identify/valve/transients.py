@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from pneucli.errors import InputError
 from pneucli.identify.valve.resampling import MAX_RESAMPLING_ERROR, interpolation_error, is_unevenly_sampled, resample
+from pneucli.messages.formatting import format_quantity
 from pneucli.recording import Recording
 
 Array = NDArray[np.float64]
@@ -163,7 +164,8 @@ def _segments(index: int, recording: Recording, supply_pressure: float | None, m
             )
     dt, noise, error = recording.period, recording.noise.get("p1"), interpolation_error(recording, "p1")
     if error > MAX_RESAMPLING_ERROR * (noise.rms if noise else 0.0):
-        fault = f"sampled unevenly, and too slowly to be resampled: p1 would err by {error:.2g} Pa, which shows"
+        size = format_quantity(error, "Pa", 2)
+        fault = f"sampled unevenly, and too slowly to be resampled: p1 would err by {size}, which shows"
         mend = "record it faster, or leave it to the fit of the model"
         raise InputError(f"recording {recording.name}", fault, "even sampling, or faster", mend, code="E045")
     rows = np.stack(

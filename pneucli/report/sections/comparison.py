@@ -10,7 +10,14 @@ import numpy as np
 
 from pneucli.compare.channel_errors import fit_percent
 from pneucli.messages.compare import rating, test_first
-from pneucli.messages.formatting import format_number, format_quantity, format_setting, in_display_unit, unit_symbol
+from pneucli.messages.formatting import (
+    format_fit,
+    format_number,
+    format_plain,
+    format_quantity,
+    in_display_unit,
+    unit_symbol,
+)
 from pneucli.quantities import CHANNELS, COMMANDS
 from pneucli.report.figure import envelope_indices, with_gap_indices, with_gaps
 from pneucli.report.page_elements import ZOOM_HINT, Cell, Grid, Note, Panel, Part, PlotRun, Section, Series, ZoomPlot
@@ -37,7 +44,7 @@ def section(material: ReportData) -> Section | None:
     if not answer:
         return None
     lead = (
-        f"The model restarts from the measured state every {format_setting(answer['horizon_s'])} s and runs freely in "
+        f"The model restarts from the measured state every {format_plain(answer['horizon_s'])} s and runs freely in "
         "between. A correct model has an error of 1 × noise: sensor noise, including that of the restart state and of "
         "the measured inputs, propagated through the model."
     )
@@ -98,7 +105,7 @@ def _errors(answer: Mapping[str, Any]) -> Grid:
             Cell(c["channel"], numeric=False),
             Cell(format_quantity(c["rmsd"], c["unit"], 3)),
             Cell(f"{format_number(c['percent'], 2)} %"),
-            Cell(f"{format_number(c['fit_percent'], 3)} %"),
+            Cell(format_fit(c["fit_percent"])),
             Cell(format_quantity(c["noise"], c["unit"], 3)),
             Cell(format_number(c["ratio_to_noise"], 3), tone=rating(c["ratio_to_noise"], c.get("ratio_limit"))),
             Cell("" if c.get("ratio_limit") is None else format_number(c["ratio_limit"], 3)),
@@ -151,7 +158,7 @@ def _panel(channel: str, rows: Table, before: Table | None, max_samples: int) ->
         role = "before" if label == "before" else "model"
         compared = np.where(np.isnan(rows["residual"]), np.nan, values)
         fit = fit_percent(rows["measured"], compared)
-        title = label if math.isnan(fit) else f"{label}, fit {format_number(fit, 3)} %"
+        title = label if math.isnan(fit) else f"{label}, fit {format_fit(fit)}"
         curves.append(
             Series(title, role, in_display_unit(with_gaps(compared[indices], rows["segment"][indices]), unit))
         )

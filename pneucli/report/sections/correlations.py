@@ -9,7 +9,7 @@ import numpy as np
 from matplotlib.ticker import FuncFormatter, NullFormatter
 
 from pneucli.distributions import normal_quantile
-from pneucli.messages.formatting import format_number, format_setting, join_names
+from pneucli.messages.formatting import format_number, format_plain, join_names
 from pneucli.quantities import CHANNELS, SIGNALS, Z95
 from pneucli.report.figure import BLUE, GREY, PALETTE, Drawing, drawing, figures, heat_map
 from pneucli.report.page_elements import Cell, Grid, Note, Part, Section
@@ -103,7 +103,7 @@ def _iterations(table: Table) -> Iterator[Drawing]:
             one.axes.plot(place, rows["residual"], ".-", color=colours[effects], markersize=3, label=label)
             colours[f"done {effects}"] = GREY
         one.axes.set_yscale("log")
-        one.axes.yaxis.set_major_formatter(FuncFormatter(lambda value, _: format_setting(value)))
+        one.axes.yaxis.set_major_formatter(FuncFormatter(lambda value, _: format_plain(value)))
         one.axes.yaxis.set_minor_formatter(NullFormatter())
         one.axes.legend()
     yield one
@@ -142,7 +142,7 @@ def _correlation(rows: Table, channel: Mapping[str, Any]) -> Drawing:
                 one.axes.plot(part["lag"][[0, -1]], [-edge, -edge], ":", color=PALETTE[(i - 1) % 6], linewidth=0.8)
                 if np.abs(part["correlation"]).max() > edge * _of_many(len(part)):
                     most = int(np.argmax(np.abs(part["correlation"])))
-                    beyond.append(f"{against} at {format_setting(float(part['lag'][most]))} s")
+                    beyond.append(f"{against} at {format_plain(float(part['lag'][most]))} s")
         one.axes.axhline(0.0, color=BLUE, linewidth=0.4)
         one.axes.legend()
     result = f"significant with {join_names(beyond)}" if beyond else "no significant correlation with the inputs"

@@ -17,7 +17,7 @@ from pneucli.messages.formatting import (
     axis_title,
     format_number,
     format_percent,
-    format_setting,
+    format_plain,
     in_display_unit,
     join_names,
     signal_unit,
@@ -165,7 +165,7 @@ def _map(when: str, cloud: StateSamples, pair: tuple[str, str], most: float) -> 
         title = f"rms residual of {cloud.channel}, × noise"
         bar = heat_map(one, *ends, rms.T, title, norm=LogNorm(vmin=COLOUR_FLOOR, vmax=most))
         bar.ax.axhline(1.0, color=ORANGE, linewidth=2)
-        bar.ax.yaxis.set_major_formatter(FuncFormatter(lambda value, _: format_setting(value)))
+        bar.ax.yaxis.set_major_formatter(FuncFormatter(lambda value, _: format_plain(value)))
         bar.ax.yaxis.set_minor_formatter(NullFormatter())
     return one
 

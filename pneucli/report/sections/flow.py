@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from pneucli.messages.flow import FLOW_COLUMNS, LITRES_PER_BAR, LITRES_PER_MINUTE, flow_row
-from pneucli.messages.formatting import format_quantity, format_setting, in_display_unit
+from pneucli.messages.formatting import format_plain, format_quantity, in_display_unit
 from pneucli.report.figure import GREY, Drawing, drawing, figures, rank_colour
 from pneucli.report.page_elements import Cell, Grid, Note, Part, Section
 from pneucli.report.report_data import ReportData, Table
@@ -96,7 +96,7 @@ def _over_pressure(grid: Table) -> Drawing:
             p, colour = in_display_unit(rows["p"], "Pa"), rank_colour(i, len(chosen))
             low, high = (LITRES_PER_MINUTE * rows[f"flow_ci_{end}"] for end in ("low", "high"))
             one.axes.fill_between(p, low, high, color=colour, alpha=0.25, linewidth=0)
-            label = "one opening" if u is None else f"{format_setting(float(f'{u:.4g}'))} V"
+            label = "one opening" if u is None else f"{format_plain(u, 4)} V"
             one.axes.plot(p, LITRES_PER_MINUTE * rows["flow"], color=colour, label=label)
         one.axes.legend()
     return one

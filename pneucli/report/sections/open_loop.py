@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from pneucli.messages.formatting import format_number, format_quantity, in_display_unit, unit_symbol
+from pneucli.messages.formatting import format_fit, format_quantity, in_display_unit, unit_symbol
 from pneucli.report.figure import envelope_indices
 from pneucli.report.page_elements import (
     MAX_UNFOLDED_ROWS,
@@ -37,7 +37,7 @@ def section(material: ReportData) -> Section | None:
             Cell(f"{format_quantity(m['from'], m['unit'], 3)} – {format_quantity(m['to'], m['unit'], 3)}"),
             Cell(format_quantity(m["end"], m["unit"], 3)),
             Cell(format_quantity(m["rmsd"], m["unit"], 3)),
-            Cell("–" if m["fit_percent"] is None else f"{format_number(m['fit_percent'], 3)} %"),
+            Cell(format_fit(m["fit_percent"])),
         ]
         for one in scenarios
         for m in one["channels"]

@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from pathlib import PurePath
 from typing import Any
 
-from pneucli.messages.formatting import format_number, format_quantity
+from pneucli.messages.formatting import format_number, format_plain, format_quantity
 from pneucli.messages.plausibility import implausibility_sentences
 from pneucli.report.page_elements import MAX_UNFOLDED_ROWS, Cell, Grid, Note, Part, Section, warning_notes
 from pneucli.report.report_data import ReportData
@@ -49,7 +49,7 @@ def _recordings(recordings: list[Mapping[str, Any]], material: ReportData) -> Gr
             Cell(r["chamber_2"] or "–", numeric=False),
             Cell(", ".join(name for name in r["signals"] if name != "time"), numeric=False),
             Cell(f"{r['samples']}"),
-            Cell("–" if r["name"] in material.steady_recordings else f"{1 / r['period']:.6g} Hz"),
+            Cell("–" if r["name"] in material.steady_recordings else f"{format_plain(1 / r['period'], 6)} Hz"),
             Cell("rows" if r["name"] in material.steady_recordings else _span(r)),
             Cell(PurePath(r["file"]).name, numeric=False),
             Cell(r["sha256"][:10], numeric=False),

@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from pneucli.messages.formatting import format_setting
+from pneucli.messages.formatting import format_plain
 from pneucli.messages.simulate import METRIC_TITLES
 from pneucli.report.page_elements import Cell, Grid, Note, Part, Section
 from pneucli.report.report_data import ReportData, Table
@@ -40,7 +40,7 @@ def section(material: ReportData) -> Section | None:
 
 
 def _rates(rates: Mapping[tuple[str, str], Answer], checks: Mapping[str, Answer], effects: Sequence[str]) -> Grid:
-    head = ("effect", *(f"{METRIC_TITLES.get(c, c)} ≤ {format_setting(v['limit'])}" for c, v in checks.items()))
+    head = ("effect", *(f"{METRIC_TITLES.get(c, c)} ≤ {format_plain(v['limit'])}" for c, v in checks.items()))
     rows = [[_effect(e), *(_pass_rate(rates.get((e, c))) for c in checks)] for e in effects]
     caption = (
         "Number of runs in which each check held, over all scenarios, and the worst value. The most harmful effects "

@@ -15,8 +15,8 @@ from pneucli.messages.formatting import (
     format_noise_ratio,
     format_number,
     format_percent,
+    format_plain,
     format_quantity,
-    format_setting,
     in_display_unit,
     unit_symbol,
 )
@@ -123,7 +123,7 @@ def _colour(u: float, steps: list[tuple[float, Table]]) -> Any:
 
 def _legend(one: Drawing, steps: list[tuple[float, Table]]) -> None:
     sizes = sorted({abs(u) for u, _ in steps})
-    handles = [Line2D([], [], color=_colour(u, steps), label=f"{format_setting(u)} V") for u in sizes]
+    handles = [Line2D([], [], color=_colour(u, steps), label=f"{format_plain(u)} V") for u in sizes]
     one.axes.legend(handles=handles, title="|command|", loc="upper left", bbox_to_anchor=(1, 1))
 
 

@@ -9,6 +9,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from numpy.typing import NDArray
 
+from pneucli.messages.formatting import format_plain
 from pneucli.physics.vectorised import stribeck_friction
 from pneucli.report.figure import BLUE, GREEN, GREY, ORANGE, Line, chart, envelope_indices
 from pneucli.report.page_elements import Figure
@@ -119,7 +120,8 @@ def _trajectory(sector: Mapping[str, Any], rows: Table) -> Figure:
 
     caption = (
         "Figures 5.1, 6.20 and 8.6: the sliding sector (5.11-5.14) between lines of slope "
-        f"{sector['lambda_1']:.3g} and {sector['lambda_2']:.3g} 1/s (eta {sector['eta']:.3g} s/m), regions R1 (M acts "
+        f"{format_plain(sector['lambda_1'], 3)} and {format_plain(sector['lambda_2'], 3)} 1/s "
+        f"(eta {format_plain(sector['eta'], 3)} s/m), regions R1 (M acts "
         "against +x), R2 (M acts toward +x) and R3 (the sector), and the trajectory of the law in the scenario steps."
     )
     return chart(

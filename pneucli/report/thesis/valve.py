@@ -9,7 +9,7 @@ from matplotlib.axes import Axes
 from matplotlib.ticker import ScalarFormatter
 from numpy.typing import NDArray
 
-from pneucli.messages.formatting import format_number, format_setting, in_display_unit
+from pneucli.messages.formatting import format_number, format_plain, in_display_unit
 from pneucli.physics.gas import CRITICAL_RATIO, PSI_MAX, choked_maximum, choked_ratio, isentropic_flow_function
 from pneucli.physics.vectorised import flow_functions
 from pneucli.report.figure import BLUE, GREY, ORANGE, Line, chart, reduced
@@ -134,7 +134,7 @@ def _curve(caption: str, rows: Table, scale: str = "linear") -> Figure:
         Line(time, in_display_unit(rows[name], "Pa"), name, colour, style, size=2) for name, style, colour in looks
     )
     return chart(
-        f"{caption} Command {format_setting(float(rows['u'][0]))} V.",
+        f"{caption} Command {format_plain(float(rows['u'][0]))} V.",
         "time in s",
         "pressure in bar",
         *(reduced(curve, MAX_SAMPLES) for curve in curves),
