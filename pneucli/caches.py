@@ -7,17 +7,14 @@ import importlib.util
 import logging
 import os
 import sys
-import tempfile
 from collections.abc import Callable
 from contextlib import suppress
-from functools import cache, partial
-from pathlib import Path
+from functools import partial
 from types import ModuleType
 from typing import Any, TypeVar, cast
 
-import platformdirs
-
 from pneucli.imports import hidden_modules
+from pneucli.paths import cache_folder
 
 with hidden_modules("coverage", "yaml"):  # numba loads them, and uses them for its own tests and a file of settings
     import numba
@@ -27,34 +24,6 @@ from numba.core.runtime.nrt import rtsys
 
 Function = TypeVar("Function", bound=Callable[..., Any])
 _LOG = logging.getLogger(__name__)
-
-
-def cache_folder() -> Path:
-    """Return the folder of the cache: ``PNEUCLI_CACHE``, else the user's, else, with a warning, a temporary one."""
-    return _writable_folder(Path(os.environ.get("PNEUCLI_CACHE") or platformdirs.user_cache_dir("pneucli")))
-
-
-@cache
-def _writable_folder(wanted: Path) -> Path:
-    try:
-        wanted.mkdir(parents=True, exist_ok=True)
-        with tempfile.TemporaryFile(dir=wanted):
-            return wanted
-    except OSError as error:
-        instead = _temporary()
-        _LOG.warning("warning: cannot write to %s (%s): compiled kernels go to %s", wanted, error.strerror, instead)
-        return instead
-
-
-def _temporary() -> Path:
-    """Return a folder that only this user can write, because the program executes its content."""
-    if not hasattr(os, "getuid"):
-        return Path(tempfile.mkdtemp(prefix="pneucli-"))
-    usual = Path(tempfile.gettempdir(), f"pneucli-{os.getuid()}")
-    usual.mkdir(mode=0o700, exist_ok=True)
-    status = usual.lstat()
-    own = usual.is_dir() and not usual.is_symlink() and status.st_uid == os.getuid() and not status.st_mode & 0o077
-    return usual if own else Path(tempfile.mkdtemp(prefix="pneucli-"))
 
 
 def import_generated(text: str, prefix: str) -> ModuleType:

@@ -1,18 +1,24 @@
 """The meaning of paths in the pipeline file: relative to the file, with variables, ``~`` and globs.
 
-A path may lead into a zip archive, ``runs.zip/step_1.csv``; a glob may, too.
+A path may lead into a zip archive, ``runs.zip/step_1.csv``; a glob may, too. :func:`cache_folder` is where the program
+keeps what it can make again.
 """
 
 from __future__ import annotations
 
 import glob
+import logging
 import os
 import re
+import tempfile
 import zipfile
 from fnmatch import fnmatchcase
+from functools import cache
 from pathlib import Path, PurePosixPath
 
 from pneucli.errors import InputError, printable
+
+_LOG = logging.getLogger(__name__)
 
 
 def expand_path(text: str, folder: Path, where: str) -> Path:
@@ -142,3 +148,33 @@ def from_here(text: str) -> str:
         text = (f"..{os.sep}" * up).join(re.split(before, text))
         folder = os.path.dirname(folder)
     return text
+
+
+def cache_folder() -> Path:
+    """Return the folder of the cache: ``PNEUCLI_CACHE``, else the user's, else, with a warning, a temporary one."""
+    from platformdirs import user_cache_dir  # noqa: PLC0415 - it takes a moment, and few commands need it
+
+    return _writable_folder(Path(os.environ.get("PNEUCLI_CACHE") or user_cache_dir("pneucli")))
+
+
+@cache
+def _writable_folder(wanted: Path) -> Path:
+    try:
+        wanted.mkdir(parents=True, exist_ok=True)
+        with tempfile.TemporaryFile(dir=wanted):
+            return wanted
+    except OSError as error:
+        instead = _temporary()
+        _LOG.warning("warning: cannot write to %s (%s): compiled kernels go to %s", wanted, error.strerror, instead)
+        return instead
+
+
+def _temporary() -> Path:
+    """Return a folder that only this user can write, because the program executes its content."""
+    if not hasattr(os, "getuid"):
+        return Path(tempfile.mkdtemp(prefix="pneucli-"))
+    usual = Path(tempfile.gettempdir(), f"pneucli-{os.getuid()}")
+    usual.mkdir(mode=0o700, exist_ok=True)
+    status = usual.lstat()
+    own = usual.is_dir() and not usual.is_symlink() and status.st_uid == os.getuid() and not status.st_mode & 0o077
+    return usual if own else Path(tempfile.mkdtemp(prefix="pneucli-"))

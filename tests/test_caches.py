@@ -12,7 +12,8 @@ from types import ModuleType
 
 import pytest
 
-from pneucli import caches
+from pneucli import caches, paths
+from pneucli.paths import cache_folder
 from pneucli.simulate import build
 
 TEXT = """
@@ -92,7 +93,7 @@ def test_a_read_only_home_gives_a_temporary_cache_and_one_warning(
     monkeypatch.setenv("PNEUCLI_CACHE", str(tmp_path / "home"))
     monkeypatch.setattr("tempfile.tempdir", str(tmp_path))
     with caplog.at_level(logging.WARNING):
-        first, second = caches.cache_folder(), caches.cache_folder()
+        first, second = cache_folder(), cache_folder()
     assert first == second
     assert first.parent == tmp_path
     assert first.stat().st_mode & 0o077 == 0
@@ -101,9 +102,9 @@ def test_a_read_only_home_gives_a_temporary_cache_and_one_warning(
 
 def test_a_temporary_folder_that_others_can_write_is_not_used(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("tempfile.tempdir", str(tmp_path))
-    open_to_all = caches._temporary()
+    open_to_all = paths._temporary()
     open_to_all.chmod(0o777)
-    assert caches._temporary() != open_to_all
+    assert paths._temporary() != open_to_all
 
 
 def test_a_kept_function_is_loaded_without_the_types_of_all_of_numpy(tmp_path: Path) -> None:

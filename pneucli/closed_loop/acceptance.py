@@ -220,7 +220,7 @@ def check_acceptance(
     scenarios: Sequence[Scenario],
     setup: ClosedLoopSetup,
     axes: Sequence[tuple[str, Model]],
-    progress: Callable[[float], None] = lambda share: None,
+    progress: Callable[[int], None] = lambda number: None,
 ) -> AcceptanceResult:
     """Run the controller on every axis and return its violations.
 
@@ -230,13 +230,13 @@ def check_acceptance(
         scenarios: Scenarios of each axis.
         setup: Noise, quanta and delay of the sensors.
         axes: Axes by name, see :func:`axis_variants`.
-        progress: Called with the share of the axes that are done, 0 to 1.
+        progress: Called with the number of each axis, from 0 on.
 
     """
     asked = acceptance_criteria(requirements, controller)
     rows: list[tuple[str, str, dict[str, float]]] = []
     for i, (name, model) in enumerate(axes):
-        progress(i / len(axes))
+        progress(i)
         for scenario in scenarios:
             figures = evaluate_run(simulate(model, controller, scenario, setup, seed=SEED + i), model, controller)
             rows.append((name, scenario.name, {d.name: d.figure(figures) for d in asked}))

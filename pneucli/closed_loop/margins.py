@@ -8,7 +8,6 @@ about a sliding piston; a sticking piston, or a valve within its overlap, does n
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
 
@@ -90,15 +89,13 @@ def analyse_margins(
     controller: Controller,
     setup: ClosedLoopSetup,
     corner: float,
-    progress: Callable[[float], None] = lambda share: None,
 ) -> MarginAnalysis:
     """Return margins and poles at PLACES of the stroke in both directions; ``corner`` of the position loop in rad/s."""
     smoothed, left = without_nonsmooth_effects(model)
     cuts: list[LoopCut] = []
     poles, stuck = {}, []
     points = [(share * controller.values["C_STROKE"], way) for share in STROKE_FRACTIONS for way in (1.0, -1.0)]
-    for i, (x, way) in enumerate(points):
-        progress(i / len(points))
+    for x, way in points:
         if (one := linearise(smoothed, controller, setup, corner, x, way)) is None:
             stuck.append((x, way))
             continue

@@ -199,6 +199,7 @@ def run_study(
     paths = {k: place / f"{k:06d}_{min(CHUNK_SIZE, study.runs - k)}.json" for k in first}
     missing = deque(k for k in first if not paths[k].exists())
     before = len(first) - len(missing)
+    progress(f"{before} of {len(first)} chunks", before / len(first))
     for done, outcome in enumerate(run_jobs(engine, partial(run_chunk, study), missing), before + 1):
         if outcome.error is not None:
             raise outcome.error

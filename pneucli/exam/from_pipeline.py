@@ -17,7 +17,7 @@ from pneucli.exam.grading import graded_cases
 from pneucli.exam.rig.parameters import FIVE_THREE, ONE_CHAMBER, TWO_VALVES, Parameters
 from pneucli.exam.rig.sensors import Sensors
 from pneucli.io.artifacts import atomic_path
-from pneucli.pipeline.context import Context, Progress, no_progress
+from pneucli.pipeline.context import NO_PROGRESS, Context, Progress
 from pneucli.pipeline.manifest import program_digest
 from pneucli.pipeline.runner import open_pipeline
 from pneucli.recording import Recording, Rig
@@ -39,7 +39,7 @@ def write(
     repeats: int = 3,
     nulls: int = 20,
     seed: int = 1,
-    progress: Progress = no_progress,
+    progress: Progress = NO_PROGRESS,
 ) -> dict[str, Any]:
     """Identify ``pipeline``, write an exam of a rig like it, and return the answer.
 

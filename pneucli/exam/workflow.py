@@ -20,7 +20,7 @@ from pneucli.exam.grading import SECONDS_FILE, graded_cases, reliability_table
 from pneucli.exam.grading import grade as grade_answers
 from pneucli.executors import engine_from, run_jobs
 from pneucli.io.artifacts import Provenance, TableWriter, atomic_path, schema_of
-from pneucli.pipeline.context import Progress, no_progress
+from pneucli.pipeline.context import NO_PROGRESS, Progress
 from pneucli.pipeline.manifest import program_digest, program_versions
 from pneucli.pipeline.runner import open_pipeline
 from pneucli.stages.pipeline_file import load_pipeline_file
@@ -219,7 +219,7 @@ def seed_from_program(program: str) -> int:
     return int(hashlib.sha256(program.encode()).hexdigest()[:8], 16)
 
 
-def answer(directory: Path, progress: Progress = no_progress, executor: str | None = None) -> dict[str, Any]:
+def answer(directory: Path, progress: Progress = NO_PROGRESS, executor: str | None = None) -> dict[str, Any]:
     """Diagnose every ``CASE/pipeline.toml`` that has no ``answers/CASE.json`` yet, and store the seconds of each.
 
     A case that fails gets the verdict ``failed`` and the error as its answer; delete that file to repeat it. Raises
@@ -248,6 +248,7 @@ def answer(directory: Path, progress: Progress = no_progress, executor: str | No
 
 def _answer_all(open_jobs: deque[Job], executor: str | None, progress: Progress) -> None:
     total = len(open_jobs)
+    progress(f"{total} cases", 0.0)
     with engine_from(executor, program_versions, preload=__name__) as engine:
         for done, outcome in enumerate(run_jobs(engine, answer_case, open_jobs), 1):
             if isinstance(outcome.error, ChildProcessError):

@@ -32,7 +32,7 @@ from pneucli.io.remote_files import is_remote
 from pneucli.io.result_store import LocalFolder, mirror_folder, store_at
 from pneucli.messages.fleet import progress_text
 from pneucli.pipeline import lock
-from pneucli.pipeline.context import Progress, no_progress
+from pneucli.pipeline.context import NO_PROGRESS, Progress
 from pneucli.pipeline.manifest import program_versions
 from pneucli.quantities import Z95
 
@@ -94,7 +94,7 @@ def run(
     config: FleetConfig,
     out: Path | str,
     executor: str | None = None,
-    progress: Progress = no_progress,
+    progress: Progress = NO_PROGRESS,
     notify: Callable[[str], None] = lambda message: None,
 ) -> dict[str, Any]:
     """Process all new and changed rows; write datasets, page, JUnit and metrics; return the answer of ``--json``.
@@ -243,19 +243,17 @@ class Fleet:
 
     def process_queue(self, engine: Engine, progress: Progress) -> None:
         """Process the queued rows, and those that become ready while it runs."""
-        begun, done_before = time.monotonic(), self.done_count
+        self._report_progress(progress)
         for outcome in run_jobs(engine, fleet_row.process_row, self.job_queue):
             self._store_result(outcome.job, self._result(outcome))
             self.updated_count += not self.results[outcome.job.row.key].get("same")
             self._schedule_rig(outcome.job.row.rig)
             self._estimate_repeatability_once()
-            self._report_progress(progress, (time.monotonic() - begun) / max(self.done_count - done_before, 1))
+            self._report_progress(progress)
 
-    def _report_progress(self, progress: Progress, seconds_per_row: float) -> None:
+    def _report_progress(self, progress: Progress) -> None:
         failed = sum(r["failure"] is not None for r in self.results.values())
-        seconds_left = seconds_per_row * (len(self.rows) - self.done_count)
-        text = progress_text(self.done_count, len(self.rows), failed, seconds_left)
-        progress(text, self.done_count / len(self.rows))
+        progress(progress_text(self.done_count, len(self.rows), failed), self.done_count / len(self.rows))
 
     def _result(self, outcome: Outcome[Job]) -> Result:
         if outcome.error is None:

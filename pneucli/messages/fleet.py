@@ -39,10 +39,9 @@ def fleet_summary(answer: Answer) -> str:
     return f"{text}; missing from the model: {join_names(missing)}" if missing else text
 
 
-def progress_text(done: int, rows: int, failed: int, seconds_left: float) -> str:
-    """Return how many rows are done, how many of these failed, and how long the rest will take."""
-    rest = f"{seconds_left / 60:.0f} min" if seconds_left > 90 else f"{seconds_left:.0f} s"
-    return f"{done} of {rows} rows, {failed} failed, about {rest} to go"
+def progress_text(done: int, rows: int, failed: int) -> str:
+    """Return how many rows are done, and how many of these failed."""
+    return f"{done} of {rows} rows, {failed} failed"
 
 
 def repeatability_sentence(answer: Answer) -> str:

@@ -3,22 +3,28 @@
 from __future__ import annotations
 
 import os
+import shutil
 import sys
 import threading
 import time
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
+from contextvars import ContextVar
 from typing import TextIO
 
 from pneucli.errors import printable
+from pneucli.messages.progress import progress_line
 from pneucli.paths import from_here
-from pneucli.pipeline.context import Progress, no_progress
+from pneucli.pipeline.context import NO_PROGRESS, Progress
 
-LINE_INTERVAL = 9.0  # s, between progress lines without a terminal
+REDRAW_INTERVAL = 0.5  # s, between two drawings of the line on a terminal
+LOG_INTERVAL = 30.0  # s, between two lines in a log
 
 
 def print_message(message: str) -> None:
     """Print a message on standard error, paths from where the user stands; a closed pipe does not stop the work."""
+    if (line := _line.get()) is not None:
+        line.clear()
     try:
         print(from_here(printable(message, keep="\n")), file=sys.stderr, flush=True)
     except BrokenPipeError:
@@ -35,54 +41,82 @@ def ignore_message(message: str) -> None:
     """Print nothing."""
 
 
+class ProgressLine(Progress):
+    """One line about the present work: redrawn in its place on a terminal, written now and then to a log."""
+
+    def __init__(self, *, redrawn: bool) -> None:
+        self._redrawn, self._drawn = redrawn, 0
+        self._lock = threading.Lock()
+        self.begin("", None)
+
+    def begin(self, work: str, seconds: float | None) -> None:
+        """Begin a work that takes about so many seconds."""
+        self._work, self._message, self._began = work, "starting", time.monotonic()
+        self._end = None if seconds is None else self._began + seconds
+        self._first: tuple[float, float] | None = None  # when the first share was reported, and the share
+
+    def __call__(self, message: str, share: float | None = None) -> None:
+        """Note what is being done; shares of the work that are reported tell better than the estimate when it ends."""
+        self._message, now = message, time.monotonic()
+        if share is None:
+            return
+        if self._first is None or share < self._first[1]:
+            self._first = now, share
+        elif share > self._first[1]:
+            since, before = self._first
+            self._end = now + (now - since) * (1.0 - share) / (share - before)
+
+    def text(self) -> str:
+        """Return the line."""
+        now = time.monotonic()
+        left = None if self._end is None else self._end - now
+        return progress_line(": ".join(filter(None, [self._work, self._message])), now - self._began, left)
+
+    def draw(self) -> None:
+        """Write the line, on a terminal in place of the former one."""
+        if not self._redrawn:
+            print_message(self.text())
+            return
+        with self._lock:
+            text = printable(self.text())[: shutil.get_terminal_size().columns - 1]
+            self._write(f"\r{text.ljust(self._drawn)}")
+            self._drawn = len(text)
+
+    def clear(self) -> None:
+        """Remove the line from the terminal."""
+        with self._lock:
+            if self._drawn:
+                self._write(f"\r{' ' * self._drawn}\r")
+                self._drawn = 0
+
+    def _write(self, text: str) -> None:
+        with suppress(OSError):  # a closed terminal does not stop the work
+            sys.stderr.write(text)
+            sys.stderr.flush()
+
+
+_line: ContextVar[ProgressLine | None] = ContextVar("line", default=None)
+
+
 @contextmanager
 def progress(quiet: bool) -> Iterator[Progress]:
-    """Yield the function to which stages report: it draws a bar on a terminal, and prints plain lines elsewhere."""
+    """Yield what stages report to: one line that is redrawn on a terminal, a line every half minute elsewhere."""
     if quiet:
-        yield no_progress
-    elif sys.stderr.isatty():
-        with _bar() as show:
-            yield show
-    else:
-        with _lines() as show:
-            yield show
+        yield NO_PROGRESS
+        return
+    on_terminal = sys.stderr.isatty() and os.environ.get("TERM") != "dumb"
+    line, done = ProgressLine(redrawn=on_terminal), threading.Event()
 
+    def draw() -> None:
+        while not done.wait(REDRAW_INTERVAL if on_terminal else LOG_INTERVAL):
+            line.draw()
 
-@contextmanager
-def _bar() -> Iterator[Progress]:
-    from rich.console import Console  # noqa: PLC0415 - only a terminal needs it
-    from rich.progress import (  # noqa: PLC0415 - likewise
-        BarColumn,
-        Progress,
-        SpinnerColumn,
-        TextColumn,
-        TimeElapsedColumn,
-    )
-
-    columns = (SpinnerColumn(), TextColumn("{task.description}"), BarColumn(), TimeElapsedColumn())
-    with Progress(*columns, console=Console(stderr=True), transient=True) as bar:
-        task = bar.add_task("starting", total=1.0)
-        yield lambda message, fraction: bar.update(task, description=message, completed=fraction)
-
-
-@contextmanager
-def _lines() -> Iterator[Progress]:
-    """Yield a function that stores the last report; a thread prints it every few seconds."""
-    last = ["starting"]
-    start = time.monotonic()
-    done = threading.Event()
-
-    def show(message: str, fraction: float) -> None:
-        last[0] = f"{message}, {100 * fraction:.0f} %"
-
-    def tell() -> None:
-        while not done.wait(LINE_INTERVAL):
-            print_message(f"  {last[0]} ({time.monotonic() - start:.0f} s)")
-
-    teller = threading.Thread(target=tell, daemon=True)
-    teller.start()
+    drawer, token = threading.Thread(target=draw, daemon=True), _line.set(line)
+    drawer.start()
     try:
-        yield show
+        yield line
     finally:
         done.set()
-        teller.join()
+        drawer.join()
+        line.clear()
+        _line.reset(token)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -48,6 +48,7 @@ def open_run(path: str | Path, out: str | Path | None = None, *, quiet: bool = F
 
 def open_pipeline_of(path: Path, out: Path | None = None) -> Pipeline:
     """Open a pipeline file; validate it only when it has changed (the units take half a second to import)."""
+    from pneucli.stages.workload import workload  # noqa: PLC0415 - a folder of artifacts needs none
 
     def load(path: Path) -> Any:
         with paused_collection():
@@ -55,7 +56,7 @@ def open_pipeline_of(path: Path, out: Path | None = None) -> Pipeline:
 
         return load_pipeline_file(path)
 
-    return open_pipeline(path, load, out)
+    return replace(open_pipeline(path, load, out), workload=workload)
 
 
 @dataclass(frozen=True, repr=False)

@@ -16,11 +16,12 @@ from typing import Any
 from pneucli.document import read_toml
 from pneucli.errors import InputError, printable
 from pneucli.imports import load_on_use, paused_collection
-from pneucli.pipeline import folders, lock
+from pneucli.messages.progress import starting
+from pneucli.pipeline import folders, lock, speeds
 from pneucli.pipeline import manifest as staleness
-from pneucli.pipeline.context import Answer, Context, NotApplicable, Progress, no_progress
+from pneucli.pipeline.context import NO_PROGRESS, Answer, Context, NotApplicable, Progress, Workload
 from pneucli.pipeline.graph import STAGES, Stage, parents_of, upstream
-from pneucli.pipeline.manifest import Inputs, Manifest
+from pneucli.pipeline.manifest import Inputs, Manifest, Stamp
 from pneucli.quantities import axis_motion, in_axis_units
 
 VALIDATED_FILE = ".validated"
@@ -61,7 +62,8 @@ class Done:
 class Pipeline:
     """A pipeline file and the folder of its artifacts; ``load`` validates the file (raises InputError).
 
-    ``prepare`` is called before a stage runs.
+    ``prepare`` is called before a stage runs; ``workload`` returns what the stage of a name has before it, from its
+    context and input files, None where nobody knows.
     """
 
     path: Path
@@ -71,6 +73,7 @@ class Pipeline:
     stages: Mapping[str, Stage] = field(default_factory=lambda: STAGES)
     program: str = field(default_factory=staleness.program_digest)
     prepare: Callable[[], None] = lambda: None
+    workload: Callable[[str, Context, Mapping[str, Stamp]], Workload | None] = lambda name, context, files: None
 
     @property
     def name(self) -> str:
@@ -131,7 +134,7 @@ class Pipeline:
         self,
         targets: Iterable[str],
         options: Options | None = None,
-        progress: Progress = no_progress,
+        progress: Progress = NO_PROGRESS,
         notify: Callable[[str], None] = lambda message: None,
     ) -> dict[str, Done]:
         """Bring ``targets`` and all stages that they need up to date; return each of them, parents first.
@@ -158,9 +161,7 @@ class Pipeline:
                 config = self.load(self.path)
             done: dict[str, Done] = {}
             for name, verdict in verdicts.items():
-                if verdict.reasons:
-                    notify(f"running {name} ({', '.join(verdict.reasons).replace(staleness.NEVER_RUN, 'first time')})")
-                done[name] = self._update_stage(name, verdict, done, config, progress)
+                done[name] = self._update_stage(name, verdict, done, config, progress, notify)
         return done
 
     def require_own_folder(self) -> None:
@@ -208,7 +209,13 @@ class Pipeline:
         return staleness.digest([self.program, staleness.stamp(self.path).sha256])
 
     def _update_stage(
-        self, name: str, verdict: StageStatus, done: Mapping[str, Done], config: Any, progress: Progress
+        self,
+        name: str,
+        verdict: StageStatus,
+        done: Mapping[str, Done],
+        config: Any,
+        progress: Progress,
+        notify: Callable[[str], None],
     ) -> Done:
         if verdict.manifest and not verdict.reasons:
             if verdict.manifest != staleness.read_manifest(
@@ -222,10 +229,24 @@ class Pipeline:
                 answers = {n: d.manifest.answer for n, d in done.items() if d.manifest.answer is not None}
                 options, former = {**verdict.inputs.options, **verdict.executor_option}, self.artifacts / name
                 context = Context(self.path, config, out, self.artifacts, progress, answers, options, former)
+                work = self._begin(name, context, verdict, notify)
                 self.prepare()
                 manifest = _run(self.stages[name], context, manifest)
+                if work is not None and manifest.skipped is None:
+                    speeds.remember(name, self.path, work.units, manifest.seconds)
             manifest.write(out)
         return Done(manifest, verdict.reasons)
+
+    def _begin(
+        self, name: str, context: Context, verdict: StageStatus, notify: Callable[[str], None]
+    ) -> Workload | None:
+        """Say what the stage will do and about how long; return what it has before it."""
+        work = self.workload(name, context, verdict.inputs.files)
+        seconds = None if work is None else speeds.estimate(name, self.path, work.units)
+        reasons = [reason.replace(staleness.NEVER_RUN, "first time") for reason in verdict.reasons]
+        notify(starting(name, reasons, None if work is None else work.text, seconds))
+        context.progress.begin(name, seconds)
+        return work
 
     def _skipped_parent(self, name: str, done: Mapping[str, Done]) -> Mapping[str, Any] | None:
         skipped = (done[parent].manifest.skipped for parent in self.stages[name].parents)

@@ -16,6 +16,7 @@ from pneucli.design.requirements import Requirements
 from pneucli.io.artifacts import read_table
 from pneucli.messages.acceptance import cause_text
 from pneucli.messages.compare import BAD_ERROR_RATIO, evaluation_error
+from pneucli.messages.progress import counted
 from pneucli.pipeline.context import Context
 from pneucli.simulate.model import Model
 
@@ -27,9 +28,11 @@ def acceptance_answer(
     sized = parameter_intervals(context)
     axes = list(axis_variants(model, sized, sigma_from_intervals(sized, model)))
     scenarios = [s for s in read_scenarios([], controller, "") if s.name in ACCEPTANCE_SCENARIOS]
-    found = check_acceptance(
-        controller, requirements, scenarios, setup, axes, lambda share: context.progress("the gate", 0.8 + 0.2 * share)
-    )
+
+    def progress(number: int) -> None:
+        context.progress(counted("the gate, axis", number, len(axes)))
+
+    found = check_acceptance(controller, requirements, scenarios, setup, axes, progress)
     error = model_error(context.answers)
     missed = [violation_answer(one) for one in found.violations]
     return {

@@ -17,6 +17,7 @@ from pneucli.compare.goodness_of_fit import is_judged, judge_fit, parameter_erro
 from pneucli.compare.residual_correlation import Correlation, residual_correlations
 from pneucli.identify.valve.flow_bench import FlowComparison
 from pneucli.io.artifacts import TableWriter, schema_of, write_table
+from pneucli.messages.progress import counted
 from pneucli.pipeline.context import Context
 from pneucli.quantities import SIGNALS
 from pneucli.simulate.model import Model
@@ -55,7 +56,7 @@ def _compare_over_time(
     experiments = study.experiments
 
     def progress(i: int) -> None:
-        context.progress(f"comparing {experiments[i].recording.name}", 0.2 + 0.7 * i / len(experiments))
+        context.progress(counted(f"comparing {experiments[i].recording.name}", i, len(experiments)))
 
     expected = expected_errors(model, experiments, progress)
     comparisons = [_with_limits(compare(model, e, one.rms), one) for e, one in zip(experiments, expected, strict=True)]

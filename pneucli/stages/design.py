@@ -81,7 +81,7 @@ def run(context: Context) -> dict[str, Any]:
     designed = _design(context, model, wanted, sealed_pressure(axes, model))
     names = [law.name for law in select_laws(context.options.get("compare") or LAWS, "--compare")]
     _require_controllers(designed, [wanted.controller, *context.options.get("compare", [])], context)
-    context.progress("the same scenarios under each law", 0.7)
+    context.progress("the same scenarios under each law")
     chosen = {name: designed.controllers[name] for name in names if name in designed.controllers}
     scenarios = closed_loop_scenarios(context, study.recordings, designed.selected)
     variants = design_variants(designed.data, chosen)
@@ -144,7 +144,7 @@ def sealed_pressure(axes: Sequence[Recording], model: Model) -> float | None:
 
 
 def _design(context: Context, model: Model, wanted: Requirements, sealed: float | None) -> DesignResult:
-    context.progress("controller", 0.1)
+    context.progress("controller")
     controller = design_cascade(model, wanted, sealed)
     c = controller.values
     corners = choose_bandwidths(model, wanted, c)
@@ -154,7 +154,7 @@ def _design(context: Context, model: Model, wanted: Requirements, sealed: float 
     designed = _designed_sector(controller, unpredicted, wanted)
     sectors, warnings = _sectors(context.artifacts / "identify", controller, designed, wanted)
     rows = sliding_surfaces(systems["mechanical"], unpredicted, wanted)
-    context.progress("linear matrix inequalities", 0.4)
+    context.progress("linear matrix inequalities")
     floor = sectors["resolved"].speed_floor if "resolved" in sectors else c["C_V_FLOOR"]
     weights: list[WeightStudy] = []
     missing = {"scheduled": "no weight type gives gains that are verified"}

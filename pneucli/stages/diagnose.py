@@ -80,7 +80,7 @@ def run(context: Context) -> dict[str, Any]:
             'at least one with use = "train"',
             code="E061",
         )
-    context.progress(GIVEN_MODEL_PROGRESS, 0.2)
+    context.progress(GIVEN_MODEL_PROGRESS)
     fitted = [one.experiment for one in data.train]
     guess = guess_base_model(fitted, pipeline.rig, pipeline.valve)
     impossible = pipeline.impossible
@@ -97,7 +97,7 @@ def run(context: Context) -> dict[str, Any]:
     answer["warnings"], answer["thinned"] = [*warnings, *answer["warnings"]], subsampling
     answer["plausibility"] = context.answers["ingest"]["plausibility"]
     answer["contradicted"] = pipeline.contradicted
-    context.progress(BASELINE_PROGRESS, 0.95)
+    context.progress(BASELINE_PROGRESS)
     joint_fit = fit_all_recordings(pipeline, data, model)
     if context.options.get("baseline"):
         write_baseline(pipeline, data, joint_fit)
@@ -139,7 +139,7 @@ def _run_diagnosis(
     context, plugins = pipeline.context, plugin_files(pipeline.context.config)
     with executor_refit.open_refits(context.options.get("executor"), context.out, plugins, program_versions) as refits:
         found = diagnose(replace(data, run_refits=refits), fit_model(guess, data.train, pipeline.effects))
-    context.progress(FREE_RUN_PROGRESS, 0.9)
+    context.progress(FREE_RUN_PROGRESS)
     answer = _answer(pipeline, data, found, impossible)
     write_diagnosis(pipeline, data, found, answer)
     return found.path.models[0].model, answer
@@ -165,13 +165,8 @@ def _diagnosis_data(pipeline: PipelineData) -> tuple[DiagnosisData, list[str]]:
     warnings = [] if test else [warning_text("cross-validated" if folds else "no-held-out")]
     warnings += unmeasured_p2_warnings(train)
     effects = {n: e for n, e in pipeline.available_effects.items() if n not in pipeline.excluded_effects}
-    steps = iter(range(1, 10_000))
-
-    def progress(text: str) -> None:
-        n = next(steps)
-        pipeline.context.progress(text, 0.25 + 0.65 * n / (n + 40.0))  # the number of steps depends on the data
-
     base_effects = tuple(e.name for e in pipeline.effects)
+    progress = pipeline.context.progress
     return DiagnosisData(train, test, effects, base_effects=base_effects, progress=progress, folds=folds), warnings
 
 

@@ -11,6 +11,7 @@ from pneucli.controller.parameters import Controller
 from pneucli.export import export_files
 from pneucli.export.controller_program import controller_hash
 from pneucli.io.artifacts import read_table
+from pneucli.messages.progress import counted
 from pneucli.pipeline.context import Context, NotApplicable
 from pneucli.stages.designed_controller import closed_loop_setup, load_controller
 from pneucli.stages.model_file import load_model
@@ -41,7 +42,7 @@ def run(context: Context) -> dict[str, Any]:
     if of_controller := [target for target in wanted if target != PLANT_TARGET]:
         answer |= _export_controller(context, of_controller)
     if PLANT_TARGET in wanted:
-        context.progress("compiling the plant", 0.9)
+        context.progress("compiling the plant")
         study = PipelineData(context)
         model = load_model(context.artifacts / "identify", study.rig, study.effects)
         answer["plant"] = export_plant(context, study, model)
@@ -60,7 +61,7 @@ def _export_controller(context: Context, wanted: Sequence[str]) -> dict[str, Any
     precision = context.options.get("precision", "float64")
     difference: dict[str, float] = {}
     for i, target in enumerate(wanted):
-        context.progress(f"writing {target}", i / len(wanted))
+        context.progress(counted(f"writing {target}", i, len(wanted)))
         if target in ("c", "st"):
             study = PipelineData(context)
             model = load_model(context.artifacts / "identify", study.rig, study.effects)

@@ -47,7 +47,7 @@ def flow_bench(study: PipelineData) -> FlowBench | None:
 
 def identify_flow_only(study: PipelineData) -> dict[str, Any]:
     """Identify a pipeline that records steady benches alone; write its files, return the answer of ``identify``."""
-    study.context.progress("fitting the flow of each opening", 0.3)
+    study.context.progress("fitting the flow of each opening")
     bench = flow_bench(study)
     assert bench is not None
     out, provenance = study.context.out, study.provenance("ingest/signals.parquet")

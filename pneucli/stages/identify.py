@@ -71,13 +71,13 @@ def run(context: Context) -> dict[str, Any]:
         warnings.append(warning_text("subsampled", **subsampling))
     found = without_data(whole)
     del fitted, whole, views, fitted_part  # their derivatives fill the memory with a long recording
-    context.progress("identifying the valve", 0.5)
+    context.progress("identifying the valve")
     instruments = measurement_of(study)
     valves = [with_budgets(one, found.estimates, instruments) for one in _identify_valves(study, found, warnings)]
     warnings += _smoothing_warnings(study.experiments)
     leaks = leak_answer(study, found.model, [per_vessel_volume(e, study) for e in found.estimates])
     study.release_experiments()
-    context.progress("identifying friction", 0.7)
+    context.progress("identifying friction")
     model, estimates = (
         found.model,
         [per_vessel_volume(e, study) for e in found.estimates] + null_command_estimate(study.rig),
@@ -156,7 +156,7 @@ def _round_observer(study: PipelineData, rounds: list[Iteration]) -> Callable[[I
         rounds.append(one)
         what = f"with {one.effects[-1]}" if one.effects else "the base model"
         text = f"fitting {what}, round {one.round}: {format_number(one.residual, 3)} × noise"
-        study.context.progress(text, 0.3 + 0.2 * len(rounds) / (len(rounds) + 30.0))  # how many there are, data decide
+        study.context.progress(text)
 
     return see
 
@@ -171,7 +171,7 @@ def _fit_model(study: PipelineData, views: Sequence[ResidualModel]) -> Fit:
             'at least one with use = "train"',
             code="E061",
         )
-    study.context.progress("fitting the model", 0.3)
+    study.context.progress("fitting the model")
     guess = guess_base_model(train, study.rig, study.valve)
     return fit_model(guess, views, study.effects)
 

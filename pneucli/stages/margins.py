@@ -31,7 +31,7 @@ def margins_answer(
     provenance: Provenance,
 ) -> dict[str, Any]:
     """Return the margins as a part of the answer of ``design``; write ``margins.parquet``. ``bandwidth`` in rad/s."""
-    context.progress("margins of the loop", 0.78)
+    context.progress("margins of the loop")
     found = analyse_margins(model, controller, setup, bandwidth)
     _write(context, found.cuts, provenance)
     points = [_point(cut, found) for cut in found.cuts]

@@ -20,6 +20,7 @@ from pneucli.io.artifacts import Provenance, sha256_of
 from pneucli.io.recordings import load_recordings
 from pneucli.memory import release_free_memory
 from pneucli.messages.formatting import format_plain
+from pneucli.messages.progress import counted
 from pneucli.physics.declaration import Effect
 from pneucli.physics.effects import all_effects, select_effects
 from pneucli.pipeline.context import Context
@@ -160,11 +161,11 @@ class PipelineData:
         self._require_samples()
         if (hours := sum(r.time[-1] - r.time[0] for r in self.recordings) / 3600) > LONG_RECORDING_HOURS:
             self.context.progress(
-                f"{format_plain(hours, 3)} h of recordings, if the unit of time is right: this takes long", 0.0
+                f"{format_plain(hours, 3)} h of recordings, if the unit of time is right: this takes long"
             )
         ready = []
         for i, recording in enumerate(self.recordings):
-            self.context.progress(f"smoothing {recording.name}", 0.2 * i / len(self.recordings))
+            self.context.progress(counted(f"smoothing {recording.name}", i, len(self.recordings)))
             ready.append(prepare(recording, self.rig, self.horizon, compare.low_pass))
             self._require_noise(ready[-1])
         release_free_memory()  # smoothing takes several times what it leaves
@@ -203,7 +204,8 @@ class PipelineData:
         horizon = self.horizon
         for recording in self.recordings:
             if MIN_HORIZON_SAMPLES * recording.period > horizon:
-                found = f"{recording.name} has a sample every {recording.period:g} s, the horizon is {horizon:g} s"
+                period, stated = format_plain(recording.period), format_plain(horizon)
+                found = f"{recording.name} has a sample every {period} s, the horizon is {stated} s"
                 mend = 'state the unit of time, such as unit = "ms" in [signals] time, or else a longer horizon'
                 raise InputError(
                     f"{self.context.path}, key compare.horizon",

@@ -9,7 +9,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pneucli.errors import InputError
+from pneucli.messages.formatting import format_plain
 from pneucli.messages.plan import GOOD_POWER
+from pneucli.messages.progress import counted
 from pneucli.pipeline.context import Context
 from pneucli.plan.manoeuvre import Manoeuvre
 from pneucli.plan.manoeuvres import candidate_manoeuvres, manual_manoeuvres
@@ -35,20 +37,22 @@ def run(context: Context) -> dict[str, Any]:
     first = bool(context.options.get("first"))
     seconds = 60.0 * float(context.options.get("minutes", FIRST_MINUTES if first else DEFAULT_MINUTES))
     if seconds < MIN_SECONDS:
-        raise InputError("--minutes", f"{seconds / 60.0:g}", f"at least {MIN_SECONDS / 60.0:g}", code="E001")
+        raise InputError(
+            "--minutes", f"{format_plain(seconds / 60.0)}", f"at least {format_plain(MIN_SECONDS / 60.0)}", code="E001"
+        )
     basis = described_rig(context) if first else diagnosed_pipeline(context)
-    context.progress("drawing a programme", 0.2)
+    context.progress("drawing a programme")
     programme = _drawn(basis, seconds)
     if not programme and not basis.safety.refused:
-        raise InputError("--minutes", f"{seconds / 60.0:g}", "time for the shortest manoeuvre", code="E001")
+        raise InputError("--minutes", f"{format_plain(seconds / 60.0)}", "time for the shortest manoeuvre", code="E001")
     if not programme:
         raise limits_too_narrow(f"{context.path}, key plan")
-    predictions = _predictions(context, basis, programme, 0.3, 0.7)
+    predictions = _predictions(context, basis, programme)
     if by_hand := _needed_by_hand(basis, _total_information(programme, predictions), seconds):
         programme = _drawn(basis, seconds, by_hand)
-        predictions = _predictions(context, basis, programme, 0.7, 0.9)
+        predictions = _predictions(context, basis, programme)
     information = _total_information(programme, predictions)
-    context.progress("power of the plan", 0.9)
+    context.progress("power of the plan")
     powers = power_table(basis.expectation, information)
     answer = plan_answer(context, basis, programme, predictions)
     answer["expected"] = expected_answer(basis, powers, information)
@@ -61,13 +65,11 @@ def _drawn(basis: Basis, seconds: float, by_hand: Sequence[Manoeuvre] = ()) -> l
     return draw_programme(listed, seconds, basis.safety, seed, by_hand)
 
 
-def _predictions(
-    context: Context, basis: Basis, programme: Sequence[Manoeuvre], begin: float, end: float
-) -> list[Prediction]:
-    """Return each recording as the best model predicts it; progress goes from ``begin`` to ``end``."""
+def _predictions(context: Context, basis: Basis, programme: Sequence[Manoeuvre]) -> list[Prediction]:
+    """Return each recording as the best model predicts it."""
     shown, found = [rival.effect for rival in basis.shown_rivals], []
     for number, one in enumerate(programme):
-        context.progress(f"simulating {one.kind}", begin + (end - begin) * number / len(programme))
+        context.progress(counted(f"simulating {one.kind}", number, len(programme)))
         found.append(basis.expectation.predict(one, shown))
     return found
 

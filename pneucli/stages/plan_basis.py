@@ -77,7 +77,7 @@ def diagnosed_pipeline(context: Context) -> Basis:
             code="E061",
         )
     wanted = _wanted_effects(context, pipeline.available_effects)
-    context.progress("fitting the best model", 0.02)
+    context.progress("fitting the best model")
     best = _best_fit(pipeline, train)
     present = [e.name for e in best.model.effects]
     rivals = rivals_of_diagnosis(context.answers["diagnose"], present, wanted)

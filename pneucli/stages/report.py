@@ -44,14 +44,14 @@ def run(context: Context) -> dict[str, Any]:
 
     Returns what it holds, in brief.
     """
-    context.progress("reading artifacts", 0.1)
+    context.progress("reading artifacts")
     checks = [check_result(path, limit, context.answers, context.path.name) for path, limit in _limits(context).items()]
     defaults = closed_loop_checks(context.answers)
     tables = load_tables(context.artifacts)
     about = {"made by": f"pneucli {__version__}", "pipeline file": context.path.name}
     material = ReportData(context.config.name, context.answers, tables, checks, about, rig_description(context.config))
     material = replace(material, file=context.path.name, **_earlier_models(context.artifacts))
-    context.progress("drawing", 0.3)
+    context.progress("drawing")
     sections = build_sections(material)
     first = overview(material)
     page = to_html(material, sections, first)

@@ -49,7 +49,7 @@ def provoke(example: Example, folder: Path) -> tuple[int, str]:
         os.environ.pop("BENCH_DATA", None)
         code = _run_python(example.python) if example.python else _run_command(example.command)
     text = printed.getvalue().replace(f"{folder.resolve()}{os.sep}", "").replace(str(folder.resolve()), ".")
-    lines = [line for line in text.splitlines() if not re.match(r"running |  .*\(\d+ s\)$", line)]
+    lines = [line for line in text.splitlines() if not re.match(r"running |  .* \(.* s, .*\)$", line)]
     return code, "\n".join(lines)
 
 

@@ -351,7 +351,7 @@ def test_runs_go_in_chunks_of_sixteen_in_order_and_progress_is_told(
     with closing(ThreadEngine(1)) as one:
         rows = robustness.run_study(study(), one, tmp_path, lambda message, share: told.append((message, share)))
     assert [r["run"] for r in rows] == list(range(40))
-    assert told == [("1 of 3 chunks", 1 / 3), ("2 of 3 chunks", 2 / 3), ("3 of 3 chunks", 1.0)]
+    assert told == [("0 of 3 chunks", 0.0), ("1 of 3 chunks", 1 / 3), ("2 of 3 chunks", 2 / 3), ("3 of 3 chunks", 1.0)]
     files = sorted(p.name for p in tmp_path.rglob("*.json"))
     assert files == ["000000_16.json", "000016_16.json", "000032_8.json"]
     assert [r["run"] for r in json.loads(next(tmp_path.rglob("000032_8.json")).read_text())] == list(range(32, 40))

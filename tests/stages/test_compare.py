@@ -15,7 +15,7 @@ from pneucli.config import load
 from pneucli.errors import InputError
 from pneucli.io.artifacts import read_table
 from pneucli.noise import NoiseModel
-from pneucli.pipeline.context import Context
+from pneucli.pipeline.context import Context, Progress
 from pneucli.quantities import CHANNELS, RESIDUAL_VARIABLES
 from pneucli.recording import Recording
 from pneucli.stages.pipeline_data import PipelineData
@@ -117,9 +117,12 @@ def test_hours_of_recordings_are_told_before_they_are_simulated(
     monkeypatch.setattr("pneucli.stages.pipeline_data.with_common_command_range", lambda experiments: experiments)
     time = 0.1 * np.arange(72_000)
     slow = Recording("slow", "valve", "train", time, {"u": time, "p1": 1e5 + time}, {})
-    study = PipelineData(
-        Context(DEMO, load(DEMO), tmp_path, tmp_path, progress=lambda message, share: told.append(message))
-    )
+
+    class Told(Progress):
+        def __call__(self, message: str, share: float | None = None) -> None:
+            told.append(message)
+
+    study = PipelineData(Context(DEMO, load(DEMO), tmp_path, tmp_path, progress=Told()))
     monkeypatch.setitem(study.__dict__, "_loaded", ([slow], [], load(DEMO).compare.horizon))
     _ = study.experiments
     assert told[0] == "2 h of recordings, if the unit of time is right: this takes long"

@@ -107,7 +107,7 @@ def inspect_signals(context: Context, done: Sequence[IngestedRecording]) -> dict
 
     What signals look like, what is odd or cannot be true of them, and what was repaired that bears on what they say.
     """
-    context.progress("looking at what was read", 1.0)
+    context.progress("looking at what was read")
     recordings = load_recordings(context.out)
     stated = {one.source.name: one.source.table.held_constant.keys() for one in done}
     repairs = [
