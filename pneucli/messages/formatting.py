@@ -43,6 +43,7 @@ def in_display_unit(values: T, unit: str) -> T:
 
 
 RESOLUTIONS = {one.unit: one.resolution for one in SIGNALS.values()}
+RESOLUTIONS["m^2"] = 1e-12  # a leak of 0.1 ml/min at 6 bar, of which no bubble shows
 RESOLUTIONS |= {ROTARY_UNITS[unit]: size for unit, size in RESOLUTIONS.items() if unit in ROTARY_UNITS}
 MAX_COMMON_POWER = 1e3  # end of an interval over its value, above which they are not written with one power of ten
 MIN_RELATIVE_WIDTH = 1e-9  # of an interval over its ends: rounding errors of the arithmetic, no uncertainty

@@ -17,7 +17,7 @@ from pneucli.report import to_html
 from tests.report.bench import whole
 
 PACKAGE = Path(pneucli.__file__).parent
-EXPONENT = re.compile(r"\d[eE][+-]\d")
+STUMBLING = re.compile(r"\d[eE][+-]\d|\d*\.\d{8,}")
 LATEX = re.compile(r"\\[a-zA-Z]+|\$[^$\n]*[\\^_][^$\n]*\$")
 INTERVAL = re.compile(r"(−?[\d.]+) ± ([\d.]+)")
 
@@ -54,8 +54,8 @@ def test_people_read_numbers_of_one_formatter() -> None:
 
 
 def faults(text: str) -> list[str]:
-    """What a reader stumbles over: exponents of programs, and more digits than an interval has."""
-    wrong = [match.group() for match in EXPONENT.finditer(text)]
+    """What a reader stumbles over: exponents of programs, more digits than an interval or any sensor has."""
+    wrong = [match.group() for match in STUMBLING.finditer(text)]
     for value, width in INTERVAL.findall(text):
         digits = width.replace(".", "").lstrip("0")
         even = len(value.partition(".")[2]) == len(width.partition(".")[2])
@@ -68,6 +68,7 @@ def faults(text: str) -> list[str]:
     ("text", "wrong"),
     [
         ("1.7e+02 times", ["7e+0"]),
+        ("12.345678901 N", ["12.345678901"]),
         ("3.0 ± 1.0 and 1230 ± 230", []),
         ("0.12345 ± 0.00321", ["0.12345 ± 0.00321"]),
         ("5.0 ± 0.10", ["5.0 ± 0.10"]),
