@@ -19,6 +19,9 @@ from pneucli.physics.ports import PORTS, Balance
 from pneucli.physics.scales import SCALES, Quantity, RigQuantities, parse_scaled, value_of
 
 
+MAX_TYPICAL_RATIO = 1000.0  # of a bound to a typical value, where the rig does not determine the bound
+
+
 class ParameterRange(NamedTuple):
     """Bounds, typical values and step of a parameter on one rig, in its unit; no typical values without a scale."""
 
@@ -87,7 +90,10 @@ class Parameter:
         return self.null if isinstance(self.null, float) else self.unrefined
 
     def range_on(self, facts: RigQuantities) -> ParameterRange:
-        """Return the parameter's numbers on a rig; a bound whose scale is missing is infinite.
+        """Return the parameter's numbers on a rig.
+
+        A bound whose scale is missing is ``MAX_TYPICAL_RATIO`` times beyond the typical values; without them, too, it
+        is infinite.
 
         >>> lower, upper, typical, _ = Parameter("force", "N", 0.0, 0.0, "1 supply forces", (20.0,)).range_on(
         ...     RigQuantities(force=500.0)
@@ -98,8 +104,12 @@ class Parameter:
         lower, upper, step, *typical = (
             value_of(q, self.unit, facts) for q in (self.lower, self.upper, self.step, *self.typical)
         )
-        lower, upper = (-math.inf if math.isnan(lower) else lower), (math.inf if math.isnan(upper) else upper)
-        complete = not any(map(math.isnan, typical))
+        complete = bool(typical) and not any(map(math.isnan, typical))
+        sizes = [abs(t) for t in typical] if complete else [math.inf]
+        if math.isnan(lower):
+            is_positive = complete and not str(self.lower).startswith("-")
+            lower = min(sizes) / MAX_TYPICAL_RATIO if is_positive else -max(sizes) * MAX_TYPICAL_RATIO
+        upper = max(sizes) * MAX_TYPICAL_RATIO if math.isnan(upper) else upper
         return ParameterRange(
             lower,
             upper,

@@ -31,7 +31,7 @@ class RigQuantities:
         dead_volume: Volume of chamber 1 at x = 0, or of the vessel.
         valve_area: Effective area at the largest command ``max_command``.
         x_min, x_max: Range of the position.
-        horizon: Longest time in s from one restart of the model to the next.
+        horizon: Longest time in s from one restart of the model to the next; NaN where it never restarts.
     """
 
     supply: float = NAN

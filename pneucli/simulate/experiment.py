@@ -28,6 +28,7 @@ from pneucli.simulate.velocity_integration import IntegratedMotion
 Array = NDArray[np.float64]
 
 OUTPUT_COLUMNS = {"p1": at.R1, "p2": at.R2, "x": at.X, "v": at.V, "a": at.A, "temperature": at.GAS_T, "flow": at.FLOW}
+LATE_READINGS = {"sensor_lag", "sensor_delay"}  # ports at which pressures are only read later
 SMEAR_MEMORY_FACTOR = 3.0  # times the smoother's memory, over which it spreads a stop
 MIN_SEGMENT_SMEARS = 4.0  # times ``smear_time``: in a shorter segment the error of the restart dominates
 
@@ -124,10 +125,14 @@ class Experiment:
         )
 
     def can_show(self, effect: Effect) -> bool:
-        """Return whether the effect's part takes part, and for a sensor's fault whether that sensor was recorded."""
+        """Return whether the effect's part takes part, and for a sensor's fault whether that sensor was recorded.
+
+        In a shut vessel nothing happens at a known time: a late reading of its pressure is that of an earlier start.
+        """
         recorded = self.raw.keys()
         read = not effect.sensors or bool(effect.sensors & recorded)
-        return effect.part in self.parts and read and effect.needs <= recorded
+        is_timed = not (self.vessel and self.recording.valve_shut) or not effect.ports.keys() <= LATE_READINGS
+        return effect.part in self.parts and read and is_timed and effect.needs <= recorded
 
     @property
     def p2_is_unmeasured(self) -> bool:

@@ -8,6 +8,8 @@ from typing import Any
 
 import numpy as np
 import pytest
+from hypothesis import assume, given, settings
+from hypothesis import strategies as st
 
 from pneucli.identify.estimation import model_fit, objective
 from pneucli.identify.estimation.blocks import block_labels, copy_nonzero, group_scores, residual_slices
@@ -20,6 +22,7 @@ from pneucli.messages.formatting import format_interval
 from pneucli.recording import ParameterPrior
 from pneucli.simulate.model import parameter_value
 from pneucli.simulate.valve_forms.area import ValveArea
+from pneucli.stages.parameters_answer import parameters_answer
 from tests.simulate.synthetic_experiments import RIG, make_experiment, model, time_grid
 
 RNG = np.random.default_rng
@@ -140,6 +143,21 @@ def test_an_estimate_at_the_end_of_the_search_is_at_least_or_at_most_that(
     free = replace(COULOMB, start=15.0, lower=bounds[0], upper=bounds[1])
     found = fitted(replace(free, lower_is_limit=limits[0], upper_is_limit=limits[1]))["friction.coulomb"]
     assert format_interval(found.value, found.unit, found.open_interval) == shown
+
+
+@settings(max_examples=40, deadline=None)
+@given(truth=st.floats(1.0, 25.0), lower=st.floats(0.5, 20.0), width=st.floats(2.0, 20.0))
+def test_an_answer_at_a_bound_of_the_search_says_so(truth: float, lower: float, width: float) -> None:
+    upper = lower + width
+    assume(min(abs(truth - lower), abs(truth - upper)) > 0.5)  # 8 standard errors
+    free = replace(COULOMB, start=lower + 0.5 * width, lower=lower, upper=upper)
+    found = fitted(free, views=[Line(coulomb=truth)])["friction.coulomb"]
+    (answer,) = parameters_answer([found]).values()
+    text = format_interval(answer["value"], answer["unit"], answer["ci95"])
+    said = "at most" if truth < lower else "at least" if truth > upper else ""
+    assert text.startswith(said)
+    assert ("at " in text) == found.at_bound == bool(said)
+    assert [end is None for end in answer["ci95"]] == [said == "at most", said == "at least"]
 
 
 def test_sizes_of_zero_and_estimates_between_the_bounds_have_closed_intervals() -> None:

@@ -37,6 +37,9 @@ class Sum:
     def differs(self, one: Any, other: Any) -> bool:
         return True
 
+    def differentiable(self, directions: Any) -> np.ndarray:
+        return np.zeros(len(directions.steps), dtype=bool)
+
     def initial_state_sensitivity(self, model: Any) -> dict[str, np.ndarray]:
         return {}
 

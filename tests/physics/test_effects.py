@@ -8,6 +8,7 @@ import inspect
 import itertools
 import math
 from collections.abc import Iterator
+from dataclasses import fields, replace
 from pathlib import Path
 
 import numpy as np
@@ -19,9 +20,10 @@ from pneucli.errors import InputError
 from pneucli.exam.hidden_effects import BY_NAME
 from pneucli.exam.rig.kernel import valve_area
 from pneucli.exam.rig.parameters import Parameters
-from pneucli.physics.declaration import Effect
+from pneucli.physics.declaration import BASE_PARAMETERS, Effect, Parameter
 from pneucli.physics.effects import all_effects, catalogue, load_plugin, select_effects
 from pneucli.physics.ports import PORTS
+from pneucli.physics.scales import RigQuantities
 from pneucli.simulate import layout as at
 from pneucli.simulate.build import build
 from pneucli.simulate.experiment import Experiment
@@ -99,6 +101,35 @@ def test_bounds_hold_null_and_typical_values(effect: Effect) -> None:
         if isinstance(p.null, float) and p.null < math.inf:
             assert size.lower <= p.null <= size.upper
             assert p.null not in size.typical
+
+
+@st.composite
+def any_rig(draw: st.DrawFn) -> RigQuantities:
+    """A rig of any size, of which any quantities are unknown; its supply is above ambient, its range of x a range."""
+    size = st.one_of(st.just(math.nan), st.floats(-9.0, 9.0).map(lambda power: 10.0**power))
+    known = RigQuantities(**{field.name: draw(size) for field in fields(RigQuantities)})
+    low = draw(st.floats(-1.0, 1.0))
+    return replace(
+        known, supply=known.ambient + known.supply, x_min=low, x_max=low + known.x_max, heat_capacity_ratio=1.4
+    )
+
+
+@settings(max_examples=300, deadline=None)
+@given(any_rig())
+def test_bounds_are_finite_and_ordered_wherever_an_effect_can_be_fitted(rig: RigQuantities) -> None:
+    for p in [*BASE_PARAMETERS.values(), *(p for e in EFFECTS for p in e.parameters)]:
+        size = p.range_on(rig)
+        if size.typical:
+            assert -math.inf < size.lower < size.upper < math.inf, p
+            assert all(size.lower <= value <= size.upper for value in size.typical), p
+
+
+def test_a_bound_without_a_scale_is_far_from_what_is_typical() -> None:
+    sized = Parameter("size", "N", None, "0.1 supply forces", "2 supply forces", (3.0, 5.0))
+    signed = Parameter("size", "N", 0.0, "-2 supply forces", "2 supply forces", (3.0, 5.0))
+    unknown = RigQuantities()
+    assert sized.range_on(unknown)[:2] == pytest.approx((3e-3, 5e3))
+    assert signed.range_on(unknown)[:2] == pytest.approx((-5e3, 5e3))
 
 
 @every_effect

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from pneucli.physics.effects import catalogue
 from pneucli.simulate import layout as at
 from pneucli.simulate.kernel.sensors import undo_delay
 from pneucli.simulate.run import run
@@ -144,3 +145,16 @@ def test_undoing_a_delay_keeps_the_noise(delay: float):
     true = inputs[:, [at.IN_P1, at.IN_P2]]
     undo_delay(TIME, inputs, at.IN_P1, delay, true, 0)
     assert np.var(true[:-10, 0]) == pytest.approx(np.var(noise), rel=0.03)
+
+
+def test_a_late_pressure_shows_only_beside_a_command_or_a_motion():
+    """In a shut vessel it is the pressure of an earlier start."""
+    late, leak = [catalogue()[name] for name in ("time-skew", "pressure-lag")], catalogue()["chamber-leak"]
+    shut = make_experiment("valve", TIME, {"p1": TRUE}, valve_shut=True)
+    driven = make_experiment("valve", TIME, {"p1": TRUE, "u": 5.0})
+    moved = make_experiment("axis", TIME, {"p1": TRUE, "p2": TRUE, "x": 0.1}, valve_shut=True)
+    assert [[e.can_show(one) for one in (*late, leak)] for e in (shut, driven, moved)] == [
+        [False, False, True],
+        [True, True, True],
+        [True, True, True],
+    ]

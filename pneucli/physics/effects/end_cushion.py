@@ -35,7 +35,7 @@ EFFECT = Effect(
             "length",
             "m",
             None,
-            "0.0005 strokes",
+            "0.0005 ranges of x",
             "1 ranges of x",
             ("0.05 strokes", "0.15 strokes", "0.4 strokes"),
             "length of each cushion",
