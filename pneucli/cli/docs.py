@@ -99,6 +99,7 @@ def generated_pages() -> dict[str, str]:
         "pipeline.schema.json": schema_text(),
         "gallery.md": effects.gallery_page(all_effects),
         "own-effect.md": _own_effect(),
+        "development/extend.md": _extend(),
         "development/constants.md": constants_page(),
     }
     return made | {f"effects/{effect.name}.md": effects.effect_page(effect) for effect in all_effects}
@@ -111,6 +112,15 @@ def _own_effect() -> str:
     return _replace_between_marks(
         _replace_between_marks(text, "example", f"```python\n{example}```"), "ports", effects.ports_table()
     )
+
+
+def _extend() -> str:
+    """Return the page on extensions with the present examples."""
+    text = (DOCS / "development" / "extend.md").read_text(encoding="utf-8")
+    for name in re.findall(r"<!-- made: (\w+\.py) -->", text):
+        example = (DOCS / "examples" / name).read_text(encoding="utf-8")
+        text = _replace_between_marks(text, name, f"```python\n{example}```")
+    return text
 
 
 def _replace_between_marks(text: str, name: str, made: str) -> str:

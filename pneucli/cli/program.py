@@ -10,14 +10,15 @@ from typing import Any
 
 import typer
 
+from pneucli import extensions
 from pneucli.cli import commands, console
 from pneucli.cli.command import Command
+from pneucli.errors import InputError
 from pneucli.pipeline.graph import STAGES
 from pneucli.version import __version__
 
 HELP = """From recordings of a servo-pneumatic axis to valve maps, friction models, the missing physical effect, and a
 validated controller."""
-GROUP = "pneucli.commands"  # of entry points, by which a package adds a command
 FLAGS = ("help", "install_completion", "show_completion")
 EXIT_CODES = "Exit codes: 0 done; 1 done, and a check of [checks] failed; 2 the input is at fault; 3 the program is."
 
@@ -61,16 +62,12 @@ def _all_commands() -> dict[str, Command]:
 
 def _others() -> dict[str, Command]:
     """Return the commands of other packages; one that cannot be loaded is left out, and said on standard error."""
-    from importlib.metadata import entry_points  # takes a while
-
     found = {}
-    for one in entry_points(group=GROUP):
+    for name, one in extensions.entry_points(extensions.COMMANDS).items():
         try:
-            found[one.name] = one.load()
-        except Exception as error:  # a package may raise anything
-            console.print_message(
-                f"the command {one.name} ({one.value}) cannot be loaded: {type(error).__name__}: {error}"
-            )
+            found[name] = extensions.load(one)
+        except InputError as error:
+            console.print_message(f"left out: {error}")
     return found
 
 

@@ -17,7 +17,7 @@ from functools import cache
 from pathlib import Path
 from typing import Any
 
-from pneucli import paths
+from pneucli import extensions, paths
 from pneucli.pipeline.context import Answer
 from pneucli.version import __version__
 
@@ -33,7 +33,7 @@ def digest(value: object) -> str:
 
 @cache
 def program_digest() -> str:
-    """Return the program's version and the SHA-256 of its source; a changed program makes everything stale."""
+    """Return the program's version and the SHA-256 of its source and of extensions; a change makes all stale."""
     package = str(Path(__file__).parents[1])
     names = [
         os.path.join(folder, name)[len(package) + 1 :].replace(os.sep, "/")
@@ -46,6 +46,7 @@ def program_digest() -> str:
         content.update(name.encode() + b"\0")
         with open(os.path.join(package, name), "rb", buffering=0) as file:
             content.update(file.read())
+    content.update(repr(extensions.versions()).encode())
     return f"{__version__} {content.hexdigest()}"
 
 

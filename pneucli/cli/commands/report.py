@@ -29,4 +29,4 @@ def _report(
     run_stage("report", pipeline, out, json, quiet, verbose, options)
 
 
-COMMAND = Command(_report, "pneucli report axis-7/pipeline.toml", place=90, stage="report")
+COMMAND = Command(_report, "pneucli report axis-7/pipeline.toml", place=80, stage="report")

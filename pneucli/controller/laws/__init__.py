@@ -5,19 +5,17 @@ from __future__ import annotations
 import pkgutil
 from collections.abc import Iterable, Iterator
 from importlib import import_module
-from importlib.metadata import entry_points
 from typing import Any
 
+from pneucli import extensions
 from pneucli.controller.laws.base import ControlLaw
 from pneucli.errors import InputError, did_you_mean
-
-GROUP = "pneucli.laws"  # of entry points, by which a package adds a law
 
 
 def _declared() -> Iterator[ControlLaw]:
     for one in pkgutil.iter_modules(__path__, f"{__name__}."):
         yield from (law for law in vars(import_module(one.name)).values() if isinstance(law, ControlLaw))
-    yield from (one.load() for one in entry_points(group=GROUP))
+    yield from map(extensions.load, extensions.entry_points(extensions.LAWS).values())
 
 
 # the first is the default; the kernel selects a law by its index

@@ -1,4 +1,5 @@
-"""The catalogue of physical effects: every module here declares one as ``EFFECT``.
+"""The catalogue of physical effects: every module here declares one as ``EFFECT``, and so does each entry point of the
+group ``pneucli.effects`` in other packages.
 
 A plugin is the same declaration in a Python file of the user, which the pipeline file names (``[model] plugins``).
 """
@@ -11,11 +12,12 @@ import keyword
 import linecache
 import pkgutil
 import traceback
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from functools import cache
 from pathlib import Path
 from typing import get_args
 
+from pneucli import extensions
 from pneucli.errors import InputError, did_you_mean
 from pneucli.experiments import Part
 from pneucli.physics.declaration import Effect
@@ -29,13 +31,21 @@ def catalogue() -> dict[str, Effect]:
     """Return the effects of the catalogue by name.
 
     Returns:
-        Every effect that a module of this package declares.
+        Every effect that a module of this package declares, or an entry point of another one.
+
+    Raises:
+        InputError: Another package's effect cannot be loaded, or the kernel cannot compile it.
 
     >>> catalogue()["stribeck"].title
     'Stribeck friction'
     """
     modules = (importlib.import_module(f"{__name__}.{m.name}") for m in pkgutil.iter_modules(__path__))
-    return {m.EFFECT.name: m.EFFECT for m in modules}
+    found = {m.EFFECT.name: m.EFFECT for m in modules}
+    for name, point in extensions.entry_points(extensions.EFFECTS).items():
+        effect = extensions.load(point)
+        _check_effect(effect, f"entry point {name} of {extensions.EFFECTS}", found)
+        found[effect.name] = effect
+    return found
 
 
 @cache
@@ -102,28 +112,28 @@ def load_plugin(path: Path) -> Effect:
         raise InputError(
             f"{path}", "it declares no EFFECT", "EFFECT = pneucli.physics.declaration.Effect(...)", code="E028"
         )
-    _check_plugin(effect, path)
+    _check_effect(effect, f"{path}", catalogue())
     return effect
 
 
-def _check_plugin(effect: Effect, path: Path) -> None:
-    """Raise InputError for a name of the catalogue, an unknown part or port, or an equation that cannot be compiled."""
-    if effect.name in catalogue():
-        raise InputError(f"{path}", f'"{effect.name}" is an effect of the catalogue', "a name of its own", code="E028")
+def _check_effect(effect: Effect, where: str, known: Mapping[str, Effect]) -> None:
+    """Raise InputError for a name that is known, an unknown part or port, or an equation that cannot be compiled."""
+    if effect.name in known:
+        raise InputError(where, f'"{effect.name}" is an effect of the catalogue', "a name of its own", code="E028")
     parts = get_args(Part)
     if effect.part not in parts:
-        raise InputError(f"{path}", f'unknown part "{effect.part}"', mend=did_you_mean(effect.part, parts), code="E028")
+        raise InputError(where, f'unknown part "{effect.part}"', mend=did_you_mean(effect.part, parts), code="E028")
     unknown = [port for port in effect.ports if port not in PORTS]
     if unknown or not effect.ports:
         found = f'unknown port "{unknown[0]}"' if unknown else "it enters at no port"
-        raise InputError(f"{path}", found, mend=did_you_mean(unknown[0] if unknown else "", PORTS), code="E028")
+        raise InputError(where, found, mend=did_you_mean(unknown[0] if unknown else "", PORTS), code="E028")
     for p in effect.parameters:
         if not p.name.isidentifier() or keyword.iskeyword(p.name):
-            raise InputError(f"{path}", f'"{p.name}" is no name of a parameter', "letters, digits and _", code="E028")
+            raise InputError(where, f'"{p.name}" is no name of a parameter', "letters, digits and _", code="E028")
     try:
         check_effect(effect)
     except EquationError as fault:
-        raise InputError(f"{path}", fault.found, fault.wanted, "see docs/own-effect.md", code="E028") from fault
+        raise InputError(where, fault.found, fault.wanted, "see docs/own-effect.md", code="E028") from fault
 
 
 def all_effects(plugins: Iterable[Path] = ()) -> dict[str, Effect]:

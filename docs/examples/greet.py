@@ -1,4 +1,4 @@
-"""A package of somebody else that adds a command by the entry point of its distribution."""
+"""``greet``: a good morning for a pipeline."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""A control law of somebody else: a force in proportion to the error of the position."""
+"""A law whose force is in proportion to the error of the position."""
 # mypy: disable-error-code="no-untyped-def, no-untyped-call"
 # ruff: noqa: F403, F405
 
