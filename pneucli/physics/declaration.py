@@ -18,7 +18,6 @@ from pneucli.experiments import Part
 from pneucli.physics.ports import PORTS, Balance
 from pneucli.physics.scales import SCALES, Quantity, RigQuantities, parse_scaled, value_of
 
-
 MAX_TYPICAL_RATIO = 1000.0  # of a bound to a typical value, where the rig does not determine the bound
 
 
