@@ -104,8 +104,9 @@ def format_interval(value: float | None, unit: str, ci95: Sequence[float | None]
     """Return value, 95 % interval and unit with the digits that the interval supports: ``"0.399 ± 0.002 mm²"``.
 
     Half the interval's width has two digits, as the GUM (JCGM 100:2008, 7.2.6) advises; an interval that is not even
-    about its value is given by its ends, one without width not at all. An open end, at a bound of the search, is None:
-    the value is at least, or at most, the other end.
+    about its value is given by its ends. One without width, or of a width that is arithmetic or below the resolution of
+    every sensor of its unit, is not given at all. An open end, at a bound of the search, is None: the value is at
+    least, or at most, the other end.
 
     >>> format_interval(0.05, "s", [0.046, None]), format_interval(-0.95, "1", [None, -0.8])
     ('at least 0.046 s', 'at most −0.80')
@@ -133,7 +134,7 @@ def format_interval(value: float | None, unit: str, ci95: Sequence[float | None]
     if half < max(smallest, MIN_RELATIVE_WIDTH * largest):
         return f"{format_number(value, smallest=smallest)} {unit_symbol(unit)}".rstrip()
     even = abs(high + low - 2 * value) < 0.2 * half
-    if not even and largest > MAX_COMMON_POWER * abs(value):
+    if low * high > 0.0 and largest > MAX_COMMON_POWER * abs(value):
         ends = (format_number(v, digits, smallest=smallest) for v, digits in ((value, 3), (low, 2), (high, 2)))
         return "{} ({} to {})".format(*ends) + f" {unit_symbol(unit)}".rstrip()
     power = 0 if PLAIN_RANGE[0] <= largest < PLAIN_RANGE[1] else _exponent(largest)

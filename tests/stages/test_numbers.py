@@ -25,9 +25,9 @@ INTERVAL = re.compile(r"(−?[\d.]+) ± ([\d.]+)")
 FOR_PROGRAMS = {
     *("config/key_reference.py", "config/load.py", "config/value_types.py", "units.py"),  # what a file may hold
     *("init/clock_columns.py", "init/columns.py", "init/components.py", "init/questions.py", "init/writer.py"),  # TOML
-    *("exam/condition.py", "exam/conditions.py", "exam/from_pipeline.py", "exam/laboratory.py", "exam/like.py"),
-    *("exam/reliability.py", "executors/dask_cluster.py", "export/fmu/package.py", "export/fmu/variables.py"),
-    *("fleet/openmetrics.py", "fleet/page.py", "io/file_units.py", "stages/plan_take.py"),
+    *("exam/conditions.py", "exam/from_pipeline.py", "exam/laboratory.py", "exam/like.py"),
+    *("exam/grading.py", "executors/dask_cluster.py", "export/fmu/package.py", "export/fmu/variables.py"),
+    *("fleet/output.py", "io/file_units.py", "stages/plan_take.py"),
     *(
         "stages/history.py",
         "identify/valve/charge_budget.py",
@@ -35,7 +35,7 @@ FOR_PROGRAMS = {
         "stages/tables/flow.py",
     ),  # names of rows
     *("stages/tables/valve.py", "tp/model.py", "tp/sampling.py", "tp/scattered.py", "tp/weights.py"),
-    *("messages/formatting.py", "messages/identify.py", "messages/verdict.py"),  # the formatter, and its templates
+    "messages/formatting.py",
 }
 
 
