@@ -17,7 +17,7 @@ from pathlib import Path
 from signal import SIGHUP, SIGTERM
 from typing import Any
 
-from benchmarks.worlds import Case, shared_folder
+from benchmarks.worlds import Case, own_program, shared_folder
 
 COST = ("seconds", "MB")
 DONE = "done.json"  # beside the answers of a case that has been asked all
@@ -68,7 +68,7 @@ def _row(folder: Path, asked: Row) -> Row:
 def _asked(case: Case, command: str, python: str, scratch: Path, folder: Path) -> Row | None:
     """Ask for one command and keep its answer; return the rest. None: ``init`` left nothing to go on with."""
     pipeline, out = case.pipeline or scratch / "door" / "pipeline.toml", scratch / "out"
-    program = [python, "-m", "pneucli", command]
+    program = [*own_program(python), command]
     if command == "init":
         words = [str(pipeline.parent), "--from", *map(str, case.raw)]
     elif pipeline.is_file():

@@ -196,8 +196,8 @@ def interpreter(program: Path | None) -> str:
 
 def package(python: str) -> Path:
     """Return the folder of the package that an interpreter would run."""
-    asked = [python, "-c", "import pneucli; print(pneucli.__path__[0])"]
-    return Path(subprocess.run(asked, check=True, capture_output=True, text=True, cwd=ROOT.parent).stdout.strip())
+    asked = [python, "-P", "-c", "import pneucli; print(pneucli.__path__[0])"]
+    return Path(subprocess.run(asked, check=True, capture_output=True, text=True).stdout.strip())
 
 
 def parsed(arguments: Sequence[str]) -> argparse.Namespace:

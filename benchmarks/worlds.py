@@ -59,6 +59,11 @@ class World:
     cases: Callable[[], list[Case]]
 
 
+def own_program(python: str) -> list[str]:
+    """Return the words that run the program of an interpreter's environment, not one in the current folder."""
+    return [python, "-P", "-m", "pneucli"]
+
+
 def shared_folder() -> Path:
     """Return the folder of shared cases: ``PNEUCLI_SHARED``, else ``shared`` beside the repository."""
     return Path(os.environ.get("PNEUCLI_SHARED") or ROOT.parent / "shared")
@@ -169,7 +174,7 @@ def exam(python: str, kept: Path) -> list[Case]:
         if not (folder / "complete").is_file():
             shutil.rmtree(folder, ignore_errors=True)
             asked = ["exam", str(folder), *EXAM_COUNTS, "--seed", str(EXAM_SEED), *options, "--quiet"]
-            subprocess.run([python, "-m", "pneucli", *asked], check=True, stdout=subprocess.DEVNULL)
+            subprocess.run([*own_program(python), *asked], check=True, stdout=subprocess.DEVNULL)
             (folder / "complete").touch()
         out += [
             Case("exam", f"{condition}/{path.name}", AXIS, truth_of(written), path / "pipeline.toml")

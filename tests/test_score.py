@@ -272,11 +272,27 @@ def test_a_command_that_somebody_asks_to_end_is_run_again(tmp_path: Path) -> Non
     assert 1.0 < memory < 1000.0
 
 
+def test_another_program_is_asked_and_not_the_one_in_the_current_folder(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    other, python = tmp_path / "other" / "pneucli", tmp_path / "python"
+    other.mkdir(parents=True)
+    (other / "__init__.py").touch()
+    (other / "__main__.py").write_text("print('{}')")
+    python.write_text(f'#!/bin/sh\nPYTHONPATH={other.parent} exec {sys.executable} "$@"\n')
+    python.chmod(0o755)
+    monkeypatch.chdir(score.ROOT)
+    assert score.package(str(python)) == other
+    case = score.Case("fixtures", "one", ("history",), HEALTHY, score.ROOT / "pipelines" / "demo.toml")
+    (row,) = answers.ask(case, str(python), tmp_path / "kept")
+    assert (row["exit"], (tmp_path / "kept" / "fixtures" / "one" / "history.json").read_text()) == (0, "{}\n")
+
+
 def test_a_case_is_asked_once_and_again_if_it_changes(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     asked: list[str] = []
 
     def answer(words: list[str]) -> tuple[int, str, float, float]:
-        asked.append(words[3])
+        asked.append(words[4])
         return 2, '{"error": {"code": "E001"}, "exit_code": 2}', 1.0, 9.0
 
     monkeypatch.setattr(answers, "measured", answer)
