@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from pneucli.cli.command import Command
+from pneucli.cli.command import Command, How
 from pneucli.cli.console import print_json, print_text
-from pneucli.cli.options import File, Json
+from pneucli.cli.options import File
 
 
-def _greet(pipeline: File, json: Json = False) -> None:
-    if json:
+def _greet(pipeline: File, how: How = How()) -> None:
+    if how.json:
         print_json({"schema": "greeting/1", "pipeline": str(pipeline)})
     else:
         print_text(f"good morning, {pipeline.stem}")

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import inspect
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -25,7 +26,7 @@ class Command:
     group ``pneucli.commands``; the command's name is that of the file or of the entry point.
 
     Attributes:
-        run: The function behind it, with the arguments of the command line as typer reads them.
+        run: The function behind it, with the arguments of the command line as typer reads them, and ``how``.
         example: The last line of ``--help``.
         help: What it does, in one line; default: the title of its stage.
         place: Where it stands in the list of all commands; those of other packages come last.
@@ -45,57 +46,92 @@ class Command:
         return self.help or f"{title[0].upper()}{title[1:]}."
 
 
+@dataclass(frozen=True)
+class How:
+    """How a command answers: the options that every command has, by its argument ``how``."""
+
+    json: bool = False
+    verbose: bool = False
+    quiet: bool = False
+
+    @property
+    def say(self) -> Callable[[str], None]:
+        """The function that takes messages for standard error."""
+        return console.ignore_message if self.quiet else console.print_message
+
+    def show(self, name: str, answer: Mapping[str, Any], file: Path | str) -> None:
+        """Print an answer: as the one JSON object, or as the sentences of :mod:`pneucli.messages`."""
+        from pneucli import messages
+
+        if self.json:
+            console.print_json(answer)
+        else:
+            console.print_text(messages.render(name, answer, str(file), verbose=self.verbose))
+
+    def update(
+        self, pipeline: Pipeline, *stages: str, options: Mapping[str, Mapping[str, Any]] | None = None
+    ) -> dict[str, Done]:
+        """Bring stages of a pipeline up to date; report on standard error."""
+        with console.progress(self.quiet) as progress:
+            return pipeline.update(stages, options, progress, self.say)
+
+
+@dataclass(frozen=True)
+class HowToRun(How):
+    """The same of a command that opens a pipeline file: also where its artifacts are."""
+
+    out: Path | None = None
+
+    def open(self, file: Path) -> Pipeline:
+        """Open a pipeline file."""
+        return open_pipeline_file(file, self.out)
+
+
+OPTIONS = {"out": Out, "json": Json, "verbose": Verbose, "quiet": Quiet}  # of these two, in their order
+
+
+def with_common_options(run: Callable[..., None]) -> Callable[..., None]:
+    """Return a command with the common options in place of its argument ``how``, as typer reads them."""
+    signature = inspect.signature(run, eval_str=True)
+    if (how := signature.parameters.get("how")) is None:
+        return run
+    default = how.default
+    own = [
+        inspect.Parameter(name, how.kind, default=getattr(default, name), annotation=option)
+        for name, option in OPTIONS.items()
+        if hasattr(default, name)
+    ]
+
+    def command(**given: Any) -> None:
+        chosen = {one.name: given.pop(one.name) for one in own}
+        run(**given, how=type(default)(**chosen))
+
+    parameters = [part for one in signature.parameters.values() for part in (own if one is how else (one,))]
+    command.__signature__ = signature.replace(parameters=parameters)  # type: ignore[attr-defined]
+    command.__annotations__ = {one.name: one.annotation for one in parameters}
+    return command
+
+
 def stage_command(name: str, example: str, place: int) -> Command:
     """Return the command of a stage that has no options of its own."""
 
-    def command(
-        pipeline: File, out: Out = None, json: Json = False, verbose: Verbose = False, quiet: Quiet = False
-    ) -> None:
-        run_stage(name, pipeline, out, json, quiet, verbose)
+    def command(pipeline: File, how: HowToRun = HowToRun()) -> None:
+        run_stage(name, pipeline, how)
 
     return Command(command, example, place=place, stage=name)
 
 
-def run_stage(
-    name: str,
-    file: Path,
-    out: Path | None,
-    json: bool,
-    quiet: bool,
-    verbose: bool = False,
-    options: Mapping[str, Any] | None = None,
-) -> None:
+def run_stage(name: str, file: Path, how: HowToRun, options: Mapping[str, Any] | None = None) -> None:
     """Bring the stage up to date and print its answer; ``options`` default to those of its last run."""
-    done = update(open_pipeline_file(file, out), [name], quiet, None if options is None else {name: options})
+    done = how.update(how.open(file), name, options=None if options is None else {name: options})
     answer = done[name].answer
-    if not json and name != "ingest":
+    if not how.json and name != "ingest":
         print_findings(done, answer.get("contradicted", ()))
-    show(name, answer, file, json, verbose)
-    if not json and name == "ingest":
+    how.show(name, answer, file)
+    if not how.json and name == "ingest":
         print_findings(done)
     if fails_acceptance(done):
         raise typer.Exit(1)
-
-
-def update(
-    pipeline: Pipeline,
-    stages: Sequence[str],
-    quiet: bool,
-    options: Mapping[str, Mapping[str, Any]] | None = None,
-) -> dict[str, Done]:
-    """Bring stages up to date and report on standard error, unless ``quiet``."""
-    with console.progress(quiet) as progress:
-        return pipeline.update(stages, options, progress, console.messenger(quiet))
-
-
-def show(name: str, answer: Mapping[str, Any], file: Path, json: bool, verbose: bool = False) -> None:
-    """Print an answer: as the one JSON object, or as the sentences of :mod:`pneucli.messages`."""
-    from pneucli import messages
-
-    if json:
-        console.print_json(answer)
-    else:
-        console.print_text(messages.render(name, answer, str(file), verbose=verbose))
 
 
 def fails_acceptance(done: Mapping[str, Done]) -> bool:

@@ -3,19 +3,14 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from typing import Any
 
 from pneucli.errors import InputError, printable
 from pneucli.notebook.progress import discard_output, ignore_message, print_message, progress
 from pneucli.paths import from_here
 
-__all__ = ["discard_output", "messenger", "print_error", "print_json", "print_message", "print_text", "progress"]
-
-
-def messenger(quiet: bool) -> Callable[[str], None]:
-    """Return the function that takes messages for standard error."""
-    return ignore_message if quiet else print_message
+__all__ = ["discard_output", "ignore_message", "print_error", "print_json", "print_message", "print_text", "progress"]
 
 
 def print_text(text: str) -> None:

@@ -12,7 +12,7 @@ import typer
 
 from pneucli import extensions
 from pneucli.cli import commands, console
-from pneucli.cli.command import Command
+from pneucli.cli.command import Command, with_common_options
 from pneucli.errors import InputError
 from pneucli.pipeline.graph import STAGES
 from pneucli.version import __version__
@@ -40,7 +40,9 @@ def build(command: str = "") -> typer.Typer:
     )
     app.callback()(_common)
     for name, one in shown.items():
-        app.command(name, help=one.text, short_help=one.text, epilog=f"Example: {one.example}")(one.run)
+        app.command(name, help=one.text, short_help=one.text, epilog=f"Example: {one.example}")(
+            with_common_options(one.run)
+        )
     return app
 
 

@@ -23,7 +23,7 @@ def test_an_answer_that_cannot_be_taken_is_asked_for_again(
     )
     said = iter(SAID)
     monkeypatch.setattr(typer, "prompt", lambda *_, **__: next(said))
-    command._init(tmp_path / "p", [tmp_path / "a.csv"], None, False, 0, None, None, True, False)
+    command._init(tmp_path / "p", [tmp_path / "a.csv"], None, False, 0, None, None, True)
     text = (tmp_path / "p" / "pipeline.toml").read_text(encoding="utf-8")
     assert 'supply_pressure = "6 bar gauge"' in text
     assert text.count('= "8.04248 cm^2"') == 2

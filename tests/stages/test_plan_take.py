@@ -8,6 +8,7 @@ from typing import Any
 
 import pytest
 
+from pneucli.cli.command import HowToRun
 from pneucli.cli.commands.plan import _take
 from pneucli.errors import InputError
 from pneucli.stages.plan_take import add_recordings, last_answers, taken_answer
@@ -106,7 +107,7 @@ def test_the_pipeline_file_stays_where_the_recordings_cannot_be_read(
     file = folder / "pipeline.toml"
     monkeypatch.setattr("pneucli.stages.plan_take.last_answers", lambda *_: ({}, PLAN))
     with pytest.raises(InputError):
-        _take(file, [folder / "a.csv", folder / "b.csv"], None, json=False, quiet=True)
+        _take(file, [folder / "a.csv", folder / "b.csv"], HowToRun(quiet=True))
     assert file.read_text(encoding="utf-8") == PIPELINE
 
 

@@ -8,8 +8,8 @@ from typing import Annotated, Any
 
 import typer
 
-from pneucli.cli.command import Command, show, update
-from pneucli.cli.options import File, Json, Out, Quiet, Verbose, open_pipeline_file
+from pneucli.cli.command import Command, HowToRun
+from pneucli.cli.options import File
 from pneucli.errors import InputError
 
 HELP = "Add effects to [model], identify anew, show the error before and after."
@@ -21,10 +21,7 @@ def _add(
     pipeline: File,
     effects: Effects = None,
     suggested: Suggested = False,
-    out: Out = None,
-    json: Json = False,
-    verbose: Verbose = False,
-    quiet: Quiet = False,
+    how: HowToRun = HowToRun(),
 ) -> None:
     from pneucli.config import load, plugin_files
     from pneucli.physics.effects import all_effects, select_effects
@@ -34,28 +31,27 @@ def _add(
             "pneucli add", "no effect", "names of effects, or --suggested", "pneucli effects lists them", code="E001"
         )
     config = load(pipeline)
-    chosen = [*(effects or []), *(_stage_answer("diagnose", pipeline, out, quiet)["missing"] if suggested else [])]
+    chosen = [
+        *(effects or []),
+        *(how.update(how.open(pipeline), "diagnose")["diagnose"].answer["missing"] if suggested else []),
+    ]
     select_effects(chosen, all_effects(plugin_files(config)))
-    change_effects(pipeline, list(dict.fromkeys([*config.model.effects, *chosen])), out, json, quiet, verbose)
+    change_effects(pipeline, list(dict.fromkeys([*config.model.effects, *chosen])), how)
 
 
-def change_effects(file: Path, effects: list[str], out: Path | None, json: bool, quiet: bool, verbose: bool) -> None:
+def change_effects(file: Path, effects: list[str], how: HowToRun) -> None:
     """Write the effects into the file; print the error of the model before and after."""
     from pneucli.config.effect_edit import set_effects
 
-    before = _stage_answer("compare", file, out, quiet)
+    before = how.update(how.open(file), "compare")["compare"].answer
     present = before["model"]["effects"]
     if effects != present:
         set_effects(file, effects)
-    after = _stage_answer("compare", file, out, quiet)
+    after = how.update(how.open(file), "compare")["compare"].answer
     answer = _difference(before, after)
-    show("edit", answer, file, json)
-    if verbose and not json:
-        show("compare", after, file, json, verbose)
-
-
-def _stage_answer(stage: str, file: Path, out: Path | None, quiet: bool) -> dict[str, Any]:
-    return update(open_pipeline_file(file, out), [stage], quiet)[stage].answer
+    how.show("edit", answer, file)
+    if how.verbose and not how.json:
+        how.show("compare", after, file)
 
 
 def _difference(before: Mapping[str, Any], after: Mapping[str, Any]) -> dict[str, Any]:

@@ -9,26 +9,25 @@ import typer
 
 from pneucli import messages
 from pneucli.cli import console
-from pneucli.cli.command import Command
-from pneucli.cli.options import File, Json, Out, Quiet, Verbose
+from pneucli.cli.command import Command, HowToRun
+from pneucli.cli.options import File
 
 More = Annotated[list[Path] | None, typer.Argument(metavar="PIPELINE", help="More pipeline files.", show_default=False)]
 
 
 def _check(
-    pipeline: File, more: More = None, out: Out = None, json: Json = False, verbose: Verbose = False,
-    quiet: Quiet = False,
+    pipeline: File, more: More = None, how: HowToRun = HowToRun()
 ) -> None:  # fmt: skip
     """``out`` and ``quiet`` exist for uniform options: nothing is written, and no progress is printed."""
     from pneucli.stages.check import check_pipeline
 
     files = [pipeline, *(more or [])]
     answers = [check_pipeline(file) for file in files]
-    if json:
+    if how.json:
         console.print_json(answers[0] if not more else {"schema": "pneucli/checks/1", "pipelines": answers})
     else:
         for file, answer in zip(files, answers, strict=True):
-            console.print_text(messages.render("check", answer, str(file), verbose=verbose))
+            console.print_text(messages.render("check", answer, str(file), verbose=how.verbose))
     if any(answer["faults"] or answer["missing"] for answer in answers):
         raise typer.Exit(2)
 

@@ -6,15 +6,8 @@ from typing import Annotated
 
 import typer
 
-from pneucli.cli.command import Command, run_stage
-from pneucli.cli.options import (
-    File,
-    Json,
-    Out,
-    Quiet,
-    Verbose,
-    law_names,
-)
+from pneucli.cli.command import Command, HowToRun, run_stage
+from pneucli.cli.options import File, law_names
 
 
 def _design(
@@ -25,13 +18,10 @@ def _design(
             "--compare", metavar="NAME,NAME...", help="Laws to run side by side; default: all.", show_default=False
         ),
     ] = None,
-    out: Out = None,
-    json: Json = False,
-    verbose: Verbose = False,
-    quiet: Quiet = False,
+    how: HowToRun = HowToRun(),
 ) -> None:
     options = None if compare is None else {"compare": law_names(compare.split(","), "--compare")}
-    run_stage("design", pipeline, out, json, quiet, verbose, options)
+    run_stage("design", pipeline, how, options)
 
 
 COMMAND = Command(_design, "pneucli design axis-7/pipeline.toml --compare pid,relay,best", place=60, stage="design")

@@ -7,17 +7,8 @@ from typing import Annotated, Any
 
 import typer
 
-from pneucli.cli.command import Command, run_stage, update
-from pneucli.cli.options import (
-    EXECUTORS,
-    File,
-    Json,
-    Out,
-    Quiet,
-    Verbose,
-    executor_option,
-    open_pipeline_file,
-)
+from pneucli.cli.command import Command, HowToRun, run_stage
+from pneucli.cli.options import EXECUTORS, File, executor_option, open_pipeline_file
 
 
 def _diagnose(
@@ -43,26 +34,20 @@ def _diagnose(
         typer.Option("--executor", metavar="WHERE", help=f"Where a long search is done: {EXECUTORS}."),
     ] = None,
     force: Annotated[bool, typer.Option("--force", help="Use recordings that cannot be true, too.")] = False,
-    out: Out = None,
-    json: Json = False,
-    verbose: Verbose = False,
-    quiet: Quiet = False,
+    how: HowToRun = HowToRun(),
 ) -> None:
     run_stage(
         "diagnose",
         pipeline,
-        out,
-        json,
-        quiet,
-        verbose,
+        how,
         ({"exclude": sorted(set(exclude))} if exclude else {})
         | ({"force": True} if force else {})
-        | _baseline_options(since, alarm_rate, quiet, repeat or [])
+        | _baseline_options(since, alarm_rate, how, repeat or [])
         | executor_option(executor),
     )
 
 
-def _baseline_options(old: Path | None, alarm_rate: float | None, quiet: bool, repeats: list[Path]) -> dict[str, Any]:
+def _baseline_options(old: Path | None, alarm_rate: float | None, how: HowToRun, repeats: list[Path]) -> dict[str, Any]:
     """Return the options for a comparison with the baseline ``old``, a pipeline (diagnosed first) or its artifacts.
 
     ``repeats`` are pipelines, or their artifacts, that were compared with it before.
@@ -71,20 +56,20 @@ def _baseline_options(old: Path | None, alarm_rate: float | None, quiet: bool, r
         return {}
     from pneucli.stages.changes import baseline_options, read_repeat
 
-    folder = _diagnosis_folder(old, quiet)
+    folder = _diagnosis_folder(old, how)
     asked = baseline_options(folder, alarm_rate)
     differences = [
-        read_repeat(one / "diagnose" if one.is_dir() else _diagnosis_folder(one, quiet), asked) for one in repeats
+        read_repeat(one / "diagnose" if one.is_dir() else _diagnosis_folder(one, how), asked) for one in repeats
     ]
     return baseline_options(folder, alarm_rate, differences)
 
 
-def _diagnosis_folder(old: Path, quiet: bool) -> Path:
+def _diagnosis_folder(old: Path, how: HowToRun) -> Path:
     """Return the folder of a diagnosis; bring it up to date where ``old`` is a pipeline file."""
     if old.is_dir():
         return old / "diagnose"
     pipeline = open_pipeline_file(old, None)
-    update(pipeline, ["diagnose"], quiet)
+    how.update(pipeline, "diagnose")
     return pipeline.artifacts / "diagnose"
 
 

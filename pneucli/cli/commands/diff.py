@@ -7,8 +7,8 @@ from typing import Annotated
 
 import typer
 
-from pneucli.cli.command import Command, show, update
-from pneucli.cli.options import Json, Quiet, Verbose, open_pipeline_file
+from pneucli.cli.command import Command, How
+from pneucli.cli.options import open_pipeline_file
 
 HELP = "Two runs side by side: effects, errors, parameters beyond their intervals, verdicts."
 _SIDE = "A pipeline file, which is compared first, or a folder of artifacts, which is read as it is."
@@ -16,20 +16,20 @@ A = Annotated[Path, typer.Argument(metavar="A", help=_SIDE, show_default=False)]
 B = Annotated[Path, typer.Argument(metavar="B", help="Another one.", show_default=False)]
 
 
-def _diff(a: A, b: B, json: Json = False, verbose: Verbose = False, quiet: Quiet = False) -> None:
+def _diff(a: A, b: B, how: How = How()) -> None:
     from pneucli.stages.diff import difference, read_answers
 
-    one, other = (read_answers(str(path), _artifacts(path, quiet)) for path in (a, b))
+    one, other = (read_answers(str(path), _artifacts(path, how)) for path in (a, b))
     answer = difference(one, other)
-    show("diff", answer, b, json, verbose)
+    how.show("diff", answer, b)
 
 
-def _artifacts(path: Path, quiet: bool) -> Path:
+def _artifacts(path: Path, how: How) -> Path:
     """Return the folder of a run; bring the comparison up to date where ``path`` is a pipeline file."""
     if path.is_dir():
         return path
     pipeline = open_pipeline_file(path, None)
-    update(pipeline, ["compare"], quiet)
+    how.update(pipeline, "compare")
     return pipeline.artifacts
 
 

@@ -10,8 +10,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from pneucli.cli import console
-from pneucli.cli.command import Command
-from pneucli.cli.options import Json, Quiet, Verbose
+from pneucli.cli.command import Command, How
 from pneucli.messages.equations import plain_equation
 from pneucli.messages.formatting import format_plain
 
@@ -89,22 +88,20 @@ def _effects(
         typer.Argument(metavar="PIPELINE", help="A pipeline file, for effects of its plugins.", show_default=False),
     ] = None,
     second: Annotated[str | None, typer.Argument(metavar="EFFECT", help="Its name.", show_default=False)] = None,
-    json: Json = False,
-    verbose: Verbose = False,
-    quiet: Quiet = False,
+    how: How = How(),
 ) -> None:
     from pneucli.physics.effects import all_effects, select_effects
 
     pipeline, effect = (first, second) if second is not None or (first or "").endswith(".toml") else (None, first)
     available = all_effects(_plugins(Path(pipeline)) if pipeline else ())
     chosen = list(available.values()) if effect is None else list(select_effects([effect], available, "effects"))
-    if json:
+    if how.json:
         console.print_json({"schema": "pneucli/effects/1", "effects": [_content(one) for one in chosen]})
     elif effect is None:
         for one in chosen:
             parameters = ", ".join(f"{p.name} ({p.unit})" for p in one.parameters)
             print(f"{one.name:20} {one.part:13} {parameters}")
-            if verbose:
+            if how.verbose:
                 print(f"{'':20} {one.title}: {plain_equation(one.equation)}")
     else:
         print(_text(chosen[0]))

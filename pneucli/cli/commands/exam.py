@@ -8,8 +8,8 @@ from typing import Annotated, Any
 import typer
 
 from pneucli.cli import console
-from pneucli.cli.command import Command
-from pneucli.cli.options import EXECUTORS, Json, Quiet, Verbose
+from pneucli.cli.command import Command, How
+from pneucli.cli.options import EXECUTORS
 from pneucli.exam import conditions
 
 
@@ -57,14 +57,12 @@ def _exam(
         typer.Option("--executor", metavar="WHERE", help=f"Where cases are answered: {EXECUTORS}.", show_default=False),
     ] = None,
     grade: Annotated[bool, typer.Option("--grade", help="Print the grades of the answers.")] = False,
-    json: Json = False,
-    verbose: Verbose = False,
-    quiet: Quiet = False,
+    how: How = How(),
 ) -> None:
     from pneucli.exam import from_pipeline, workflow
 
     if answer:
-        with console.progress(quiet) as progress:
+        with console.progress(how.quiet) as progress:
             result = workflow.answer(directory, progress, executor)
         text = _answered_message(result)
     if grade:
@@ -74,7 +72,7 @@ def _exam(
             result = result | {"like": like_result}
             text = f"{text}\n\n{from_pipeline.read_result_page(directory / workflow.ANSWERS)}"
     if like is not None and not (answer or grade):
-        with console.progress(quiet) as progress:
+        with console.progress(how.quiet) as progress:
             result = from_pipeline.write(
                 directory, like, repeats=repeats, nulls=nulls, seed=seed or 1, progress=progress
             )
@@ -82,7 +80,7 @@ def _exam(
     elif not (answer or grade):
         result = workflow.write(directory, cases, nulls, size, seed, condition or [conditions.USUAL])
         text = f"wrote {len(result['cases'])} cases into {directory}; to answer them: pneucli exam {directory} --answer"
-    if json:
+    if how.json:
         console.print_json(result)
     else:
         print(text)

@@ -8,8 +8,7 @@ from typing import Annotated, Any
 import typer
 
 from pneucli.cli import console
-from pneucli.cli.command import Command
-from pneucli.cli.options import Json, Quiet, Verbose
+from pneucli.cli.command import Command, How
 from pneucli.errors import InputError, did_you_mean
 from pneucli.fault_kinds import Example, FaultKind, base_files, fault_kinds
 
@@ -37,20 +36,18 @@ def _explain(
     code: Annotated[
         str | None, typer.Argument(metavar="CODE", help="Such as E042; default: all codes.", show_default=False)
     ] = None,
-    json: Json = False,
-    verbose: Verbose = False,
-    quiet: Quiet = False,
+    how: How = How(),
 ) -> None:
     kinds = fault_kinds()
     if code is not None and code.upper() not in kinds:
         raise InputError("explain", f'no code "{code}"', mend=did_you_mean(code.upper(), kinds), code="E031")
     chosen = list(kinds.values()) if code is None else [kinds[code.upper()]]
-    if json:
+    if how.json:
         console.print_json({"schema": "pneucli/explain/1", "kinds": [asdict(kind) for kind in chosen]})
     elif code is None:
         for kind in chosen:
             console.print_text(f"{kind.code}  {kind.title}")
-            if verbose:
+            if how.verbose:
                 console.print_text(f"      {kind.found}\n      {kind.mend}")
     else:
         console.print_text(_text(chosen[0]))

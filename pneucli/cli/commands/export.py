@@ -9,16 +9,8 @@ from typing import Annotated, Any
 
 import typer
 
-from pneucli.cli.command import Command, run_stage
-from pneucli.cli.options import (
-    File,
-    Json,
-    Out,
-    Quiet,
-    Verbose,
-    law_names,
-    open_pipeline_file,
-)
+from pneucli.cli.command import Command, HowToRun, run_stage
+from pneucli.cli.options import File, law_names
 
 
 class Target(StrEnum):
@@ -53,19 +45,13 @@ def _export(
     precision: Annotated[
         Precision, typer.Option("--precision", help="Arithmetic of the C: double, or float for small targets.")
     ] = Precision.float64,
-    out: Out = None,
-    json: Json = False,
-    verbose: Verbose = False,
-    quiet: Quiet = False,
+    how: HowToRun = HowToRun(),
 ) -> None:
     run_stage(
         "export",
         pipeline,
-        out,
-        json,
-        quiet,
-        verbose,
-        {"to": _with_previous_targets(open_pipeline_file(pipeline, out).artifacts, to)}
+        how,
+        {"to": _with_previous_targets(how.open(pipeline).artifacts, to)}
         | ({"controller": law_names([controller], "--controller")[0]} if controller else {})
         | ({"precision": precision.value} if precision != Precision.float64 else {}),
     )

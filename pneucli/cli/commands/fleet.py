@@ -8,8 +8,8 @@ from typing import Annotated
 import typer
 
 from pneucli.cli import console
-from pneucli.cli.command import Command, show
-from pneucli.cli.options import EXECUTORS, Json, Quiet, Verbose
+from pneucli.cli.command import Command, How
+from pneucli.cli.options import EXECUTORS
 
 FleetFile = Annotated[Path, typer.Argument(metavar="FLEET", help="The fleet file (TOML).", show_default=False)]
 Executor = Annotated[
@@ -30,9 +30,7 @@ def _fleet(
     fleet: FleetFile,
     executor: Executor = None,
     out: Out = None,
-    json: Json = False,
-    verbose: Verbose = False,
-    quiet: Quiet = False,
+    how: How = How(),
 ) -> None:
     from pneucli.config import load_fleet
     from pneucli.fleet import run as stage
@@ -41,12 +39,12 @@ def _fleet(
 
     config = load_fleet(fleet)
     here = Path(out or config.path.parent / "artifacts" / config.fleet.name).absolute()
-    with console.progress(quiet) as progress:
+    with console.progress(how.quiet) as progress:
         place = out if out and is_remote(out) else here
-        answer = stage.run(config, place, executor, progress, console.messenger(quiet))
-    show("fleet", answer, fleet, json, verbose)
+        answer = stage.run(config, place, executor, progress, how.say)
+    how.show("fleet", answer, fleet)
     failed = [one for one in evaluate_checks(config, answer) if not one.passed]
-    for one in failed if not json else ():
+    for one in failed if not how.json else ():
         console.print_text(f"check    {one}")
     raise typer.Exit(1 if failed else 0)
 

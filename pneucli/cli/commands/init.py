@@ -10,8 +10,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from pneucli.cli import console
-from pneucli.cli.command import Command, show
-from pneucli.cli.options import Json, Quiet, Verbose
+from pneucli.cli.command import Command, How
 from pneucli.paths import from_here
 
 if TYPE_CHECKING:
@@ -38,9 +37,7 @@ def _init(
     ask: Annotated[
         bool, typer.Option("--ask", help="Ask what raw files cannot tell: bore, rod, stroke, supply.")
     ] = False,
-    json: Json = False,
-    verbose: Verbose = False,
-    quiet: Quiet = False,
+    how: How = How(),
     cylinder: Annotated[
         str | None, typer.Option("--cylinder", metavar="PART", help="The cylinder by its part number.")
     ] = None,
@@ -57,7 +54,7 @@ def _init(
     if ask:
         answers = _ask(init.questions(answer["fill_in"]), init.refusal)
         answer |= init.fill_in(Path(answer["pipeline"]), answers)
-    show("init", answer, Path(from_here(answer["pipeline"])), json, verbose)
+    how.show("init", answer, from_here(answer["pipeline"]))
 
 
 def _parts(numbers: Mapping[str, str | None], own_table: Path | None) -> list[Component]:

@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 from typing import Annotated, Any
 
 import typer
 
-from pneucli.cli.command import Command, run_stage, show, update
-from pneucli.cli.options import File, Json, Out, Quiet, Verbose, open_pipeline_file
+from pneucli.cli.command import Command, HowToRun, run_stage
+from pneucli.cli.options import File
 from pneucli.errors import InputError, did_you_mean
 
 HELP = "The next experiment: varied manoeuvres within the limits of the rig, as files to run, and what they would show."
@@ -47,13 +48,10 @@ def _plan(
             "--take", metavar="FILE", help="Add the recordings of the last plan, diagnose, show what changed."
         ),
     ] = None,
-    out: Out = None,
-    json: Json = False,
-    verbose: Verbose = False,
-    quiet: Quiet = False,
+    how: HowToRun = HowToRun(),
 ) -> None:
     if take:
-        _take(pipeline, [*take, *(files or [])], out, json, quiet)
+        _take(pipeline, [*take, *(files or [])], how)
         return
     if files:
         raise InputError(
@@ -69,9 +67,9 @@ def _plan(
             code="E001",
         )
     if first:
-        _first(pipeline, out, json, quiet, verbose, options)
+        _first(pipeline, how, options)
     else:
-        run_stage("plan", pipeline, out, json, quiet, verbose, options)
+        run_stage("plan", pipeline, how, options)
 
 
 def _options(minutes: float | None, effects: str | None, to: str) -> dict[str, Any]:
@@ -90,34 +88,34 @@ def _names(text: str) -> list[str]:
     return [name for name in (part.strip() for part in text.split(",")) if name]
 
 
-def _first(file: Path, out: Path | None, json: bool, quiet: bool, verbose: bool, options: dict[str, Any]) -> None:
+def _first(file: Path, how: HowToRun, options: dict[str, Any]) -> None:
     """Plan from the rig's description alone: no stage runs before."""
     from pneucli.pipeline.graph import FIRST_PLAN_STAGES
     from pneucli.pipeline.runner import open_pipeline
     from pneucli.stages.pipeline_file import load_rig_description
 
-    pipeline = open_pipeline(file, load_rig_description, out, FIRST_PLAN_STAGES)
-    done = update(pipeline, ["plan"], quiet, {"plan": options | {"first": True}})
-    show("plan", done["plan"].answer, file, json, verbose)
+    pipeline = open_pipeline(file, load_rig_description, how.out, FIRST_PLAN_STAGES)
+    done = how.update(pipeline, "plan", options={"plan": options | {"first": True}})
+    how.show("plan", done["plan"].answer, file)
 
 
-def _take(file: Path, recordings: list[Path], out: Path | None, json: bool, quiet: bool) -> None:
+def _take(file: Path, recordings: list[Path], how: HowToRun) -> None:
     """Add recordings to the pipeline file, diagnose, and show before and after.
 
     The pipeline file stays as it was where the recordings cannot be diagnosed.
     """
     from pneucli.stages.plan_take import add_recordings, last_answers, taken_answer
 
-    pipeline = open_pipeline_file(file, out)
+    pipeline = how.open(file)
     before, plan = last_answers(pipeline.artifacts, file)
     former = file.read_bytes()
     added = add_recordings(file, plan, recordings)
     try:
-        done = update(open_pipeline_file(file, out), ["diagnose"], quiet)
+        done = how.update(how.open(file), "diagnose")
     except InputError:
         file.write_bytes(former)
         raise
-    show("plan", taken_answer(before, done["diagnose"].answer, plan, added), file, json)
+    replace(how, verbose=False).show("plan", taken_answer(before, done["diagnose"].answer, plan, added), file)
 
 
 COMMAND = Command(_plan, "pneucli plan axis-7/pipeline.toml --minutes 1", HELP, place=100)

@@ -10,8 +10,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from pneucli.cli.command import Command, show
-from pneucli.cli.options import Json, Out, Quiet, Verbose
+from pneucli.cli.command import Command, HowToRun
 from pneucli.errors import InputError
 
 if TYPE_CHECKING:
@@ -60,10 +59,7 @@ def _plot(
     recording: Recording = None,
     channel: Channels = None,
     save: Save = None,
-    out: Out = None,
-    json: Json = False,
-    verbose: Verbose = False,
-    quiet: Quiet = False,
+    how: HowToRun = HowToRun(),
 ) -> None:
     if save is not None and save.suffix.lstrip(".").lower() not in ENDINGS:
         wanted = f"a file that ends in {', '.join(ENDINGS)}"
@@ -73,11 +69,11 @@ def _plot(
     from pneucli.notebook.run import open_run
     from pneucli.stages.plot import plot_answer
 
-    run = open_run(pipeline, out, quiet=quiet)
+    run = open_run(pipeline, how.out, quiet=how.quiet)
     answer = plot_answer(run.answer("compare"), recording, channel)
     figure = run.plot.residuals(answer["recording"], channel)
-    answer |= _save(figure, save) if save is not None else _show(figure, json)
-    show("plot", answer, pipeline, json, verbose)
+    answer |= _save(figure, save) if save is not None else _show(figure, how.json)
+    how.show("plot", answer, pipeline)
 
 
 def _save(figure: NotebookFigure, file: Path) -> dict[str, Any]:

@@ -6,9 +6,9 @@ from typing import Annotated
 
 import typer
 
-from pneucli.cli.command import Command
+from pneucli.cli.command import Command, HowToRun
 from pneucli.cli.commands.add import change_effects
-from pneucli.cli.options import File, Json, Out, Quiet, Verbose
+from pneucli.cli.options import File
 from pneucli.errors import InputError, did_you_mean
 
 HELP = "Remove effects from [model], identify anew, show the error before and after."
@@ -18,10 +18,7 @@ Effects = Annotated[list[str], typer.Argument(metavar="EFFECT", help="Names of e
 def _remove(
     pipeline: File,
     effects: Effects,
-    out: Out = None,
-    json: Json = False,
-    verbose: Verbose = False,
-    quiet: Quiet = False,
+    how: HowToRun = HowToRun(),
 ) -> None:
     from pneucli.config import load
 
@@ -31,7 +28,7 @@ def _remove(
             raise InputError(
                 f"{pipeline}, [model] effects", f'no "{effect}" there', mend=did_you_mean(effect, present), code="E030"
             )
-    change_effects(pipeline, [effect for effect in present if effect not in effects], out, json, quiet, verbose)
+    change_effects(pipeline, [effect for effect in present if effect not in effects], how)
 
 
 COMMAND = Command(_remove, "pneucli remove axis-7/pipeline.toml stribeck", HELP, place=120)

@@ -6,8 +6,8 @@ from typing import Annotated
 
 import typer
 
-from pneucli.cli.command import Command, run_stage
-from pneucli.cli.options import File, Json, Out, Quiet, Verbose
+from pneucli.cli.command import Command, HowToRun, run_stage
+from pneucli.cli.options import File
 
 
 def _report(
@@ -20,13 +20,10 @@ def _report(
             show_default=False,
         ),
     ] = None,
-    out: Out = None,
-    json: Json = False,
-    verbose: Verbose = False,
-    quiet: Quiet = False,
+    how: HowToRun = HowToRun(),
 ) -> None:
     options = None if thesis is None else {"thesis": True} if thesis else {}
-    run_stage("report", pipeline, out, json, quiet, verbose, options)
+    run_stage("report", pipeline, how, options)
 
 
 COMMAND = Command(_report, "pneucli report axis-7/pipeline.toml", place=80, stage="report")

@@ -11,8 +11,8 @@ import typer
 
 from pneucli import messages
 from pneucli.cli import console
-from pneucli.cli.command import Command, fails_acceptance, print_findings, update
-from pneucli.cli.options import File, Json, Out, Quiet, Verbose, built_stages, open_pipeline_file
+from pneucli.cli.command import Command, HowToRun, fails_acceptance, print_findings
+from pneucli.cli.options import File, built_stages
 from pneucli.messages.run import lines as summary
 from pneucli.paths import from_here
 from pneucli.stages.history import history_answer
@@ -24,19 +24,19 @@ if TYPE_CHECKING:
 STAGES = ("compare", "design", "simulate", "diagnose", "report")
 
 
-def _run(pipeline: File, out: Out = None, json: Json = False, verbose: Verbose = False, quiet: Quiet = False) -> None:
+def _run(pipeline: File, how: HowToRun = HowToRun()) -> None:
     from pneucli.pipeline.checks import evaluate
 
-    opened_pipeline = open_pipeline_file(pipeline, out)
-    done = update(opened_pipeline, built_stages(*STAGES), quiet)
+    opened_pipeline = how.open(pipeline)
+    done = how.update(opened_pipeline, *built_stages(*STAGES))
     if not any(stage.reasons for stage in done.values()):
-        console.messenger(quiet)("everything is up to date")
+        how.say("everything is up to date")
     answers = {name: stage.manifest.answer for name, stage in done.items() if stage.manifest.answer is not None}
     results = evaluate(opened_pipeline.tables.get("checks", {}), answers, str(pipeline))
-    if json:
+    if how.json:
         console.print_json(_answer(opened_pipeline, done, results))
     else:
-        _print(opened_pipeline, done, results, pipeline, verbose)
+        _print(opened_pipeline, done, results, pipeline, how.verbose)
     raise typer.Exit(0 if all(result.passed for result in results) and not fails_acceptance(done) else 1)
 
 

@@ -6,8 +6,7 @@ from collections.abc import Sequence
 from itertools import groupby
 from typing import TYPE_CHECKING
 
-from pneucli.cli.command import Command
-from pneucli.cli.options import Json, Quiet, Verbose
+from pneucli.cli.command import Command, How
 
 if TYPE_CHECKING:
     from pneucli.config.key_reference import Key
@@ -51,7 +50,7 @@ TABLES = {
 }
 
 
-def _schema(json: Json = True, verbose: Verbose = False, quiet: Quiet = False) -> None:
+def _schema(how: How = How(json=True)) -> None:
     """The options exist for uniformity: the answer is JSON, and there is nothing beside it."""
     from pneucli.stages.schema import schema_text
 

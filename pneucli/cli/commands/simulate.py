@@ -6,16 +6,8 @@ from typing import Annotated
 
 import typer
 
-from pneucli.cli.command import Command, run_stage
-from pneucli.cli.options import (
-    EXECUTORS,
-    File,
-    Json,
-    Out,
-    Quiet,
-    Verbose,
-    executor_option,
-)
+from pneucli.cli.command import Command, HowToRun, run_stage
+from pneucli.cli.options import EXECUTORS, File, executor_option
 
 
 def _simulate(
@@ -24,12 +16,9 @@ def _simulate(
         str | None,
         typer.Option("--executor", metavar="WHERE", help=f"Where the Monte Carlo study runs: {EXECUTORS}."),
     ] = None,
-    out: Out = None,
-    json: Json = False,
-    verbose: Verbose = False,
-    quiet: Quiet = False,
+    how: HowToRun = HowToRun(),
 ) -> None:
-    run_stage("simulate", pipeline, out, json, quiet, verbose, executor_option(executor) or None)
+    run_stage("simulate", pipeline, how, executor_option(executor) or None)
 
 
 COMMAND = Command(_simulate, "pneucli simulate axis-7/pipeline.toml -v", place=70, stage="simulate")

@@ -5,29 +5,27 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from pneucli.cli import console
-from pneucli.cli.command import Command
-from pneucli.cli.options import File, Json, Out, Quiet, Verbose, built_stages, open_pipeline_file
+from pneucli.cli.command import Command, HowToRun
+from pneucli.cli.options import File, built_stages
 from pneucli.pipeline.graph import STAGES
 
 if TYPE_CHECKING:
     from pneucli.pipeline.runner import StageStatus
 
 
-def _status(
-    pipeline: File, out: Out = None, json: Json = False, verbose: Verbose = False, quiet: Quiet = False
-) -> None:
+def _status(pipeline: File, how: HowToRun = HowToRun()) -> None:
     """``quiet`` exists for uniform options; this command prints nothing on standard error."""
-    opened_pipeline = open_pipeline_file(pipeline, out)
+    opened_pipeline = how.open(pipeline)
     opened_pipeline.validate()
     verdicts = opened_pipeline.stage_status(built_stages(*STAGES))
-    if json:
+    if how.json:
         stages = [{"stage": name, "state": _state(v), "why": list(v.reasons)} for name, v in verdicts.items()]
         console.print_json({"schema": "pneucli/status/1", "pipeline": opened_pipeline.name, "stages": stages})
         return
     folder = opened_pipeline.artifacts
     for name, verdict in verdicts.items():
         console.print_text(f"{name:10}{_state(verdict)}{(verdict.reasons and ': ' + ', '.join(verdict.reasons)) or ''}")
-        if verbose and verdict.manifest is not None:
+        if how.verbose and verdict.manifest is not None:
             manifest = verdict.manifest
             console.print_text(
                 f"          ran in {manifest.seconds:.1f} s, {len(manifest.outputs)} files: {folder}/{name}"
