@@ -197,14 +197,6 @@ def draw_conditions(rng: np.random.Generator, effects: Sequence[str]) -> Conditi
     return found
 
 
-def describe_conditions() -> str:
-    """Return all patterns in one sentence, for the help."""
-    return "; ".join(
-        f"{c.pattern} ({c.description}" + (f", {c.number['from']:g} to {c.number['to']:g}" if c.number else "") + ")"
-        for c in CONDITIONS
-    )
-
-
 def _find(name: str) -> tuple[Condition, dict[str, Any]]:
     for condition in CONDITIONS:
         change = condition.match(name)

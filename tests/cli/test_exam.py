@@ -8,6 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from pneucli.exam.conditions import CONDITIONS
 from pneucli.exam.workflow import seed_from_program
 from pneucli.io.artifacts import read_table
 from pneucli.pipeline.manifest import program_digest
@@ -15,6 +16,13 @@ from tests.cli.conftest import Command
 from tests.cli.toys import PIPELINE
 
 ADEQUATE = {"verdict": "adequate", "missing": []}
+
+
+def test_the_conditions_are_listed_without_a_folder(pneucli: Command) -> None:
+    shown = pneucli("exam", "--conditions")
+    assert (shown.code, shown.err) == (0, "")
+    assert [line.split()[0] for line in shown.out.splitlines()] == [one.pattern for one in CONDITIONS]
+    assert "bore-#mm         a piston of this diameter, 6 to 200\n" in shown.out
 
 
 def case(exam: Path, name: str) -> None:

@@ -10,7 +10,16 @@ import typer
 from pneucli.cli import console
 from pneucli.cli.command import Command, How
 from pneucli.cli.options import EXECUTORS
-from pneucli.exam import conditions
+
+
+def _list_conditions(wanted: bool) -> None:
+    from pneucli.exam.conditions import CONDITIONS
+
+    if wanted:
+        for one in CONDITIONS:
+            limits = f", {one.number['from']:g} to {one.number['to']:g}" if one.number else ""
+            console.print_text(f"{one.pattern:16} {one.description}{limits}")
+        raise typer.Exit
 
 
 def _exam(
@@ -36,11 +45,16 @@ def _exam(
         typer.Option(
             "--condition",
             metavar="NAME",
-            help="Repeatable: as many cases of each, by names that + joins to hold at once. "
-            + conditions.describe_conditions(),
+            help="Repeatable: as many cases of each, by names that + joins to hold at once; default: usual.",
             show_default=False,
         ),
     ] = None,
+    list_conditions: Annotated[
+        bool,
+        typer.Option(
+            "--conditions", callback=_list_conditions, is_eager=True, help="List the names of conditions, and stop."
+        ),
+    ] = False,
     like: Annotated[
         Path | None,
         typer.Option(
@@ -59,7 +73,7 @@ def _exam(
     grade: Annotated[bool, typer.Option("--grade", help="Print the grades of the answers.")] = False,
     how: How = How(),
 ) -> None:
-    from pneucli.exam import from_pipeline, workflow
+    from pneucli.exam import conditions, from_pipeline, workflow
 
     if answer:
         with console.progress(how.quiet) as progress:
