@@ -29,7 +29,7 @@ from pneucli.fleet.table import FleetRow, read_rows
 from pneucli.fleet.trends import Trend, parameter_trends
 from pneucli.io.artifacts import Provenance, sha256_of
 from pneucli.io.remote_files import is_remote
-from pneucli.io.result_store import LocalFolder, mirror_folder, store_at
+from pneucli.io.result_store import mirror_folder, store_at
 from pneucli.messages.fleet import progress_text
 from pneucli.pipeline import lock
 from pneucli.pipeline.context import NO_PROGRESS, Progress
@@ -111,7 +111,7 @@ def run(
 
     """
     fleet = Fleet(config, out)
-    with lock.folder_lock(Path(out), notify) if isinstance(fleet.store, LocalFolder) else nullcontext():
+    with lock.folder_lock(Path(out), notify) if fleet.store.folder is not None else nullcontext():
         begun = time.monotonic()
         if fleet.queue_pending():
             with engine_from(executor, program_versions, preload=fleet_row.__name__) as engine:
@@ -275,8 +275,8 @@ class Fleet:
     @contextmanager
     def output_folder(self) -> Iterator[Path]:
         """Yield the folder of the files about all rows; a remote store is updated from it at the end."""
-        if isinstance(self.store, LocalFolder):
-            yield self.store.path
+        if self.store.folder is not None:
+            yield self.store.folder
             return
         with TemporaryDirectory(prefix="pneucli-fleet-") as folder:
             yield Path(folder)

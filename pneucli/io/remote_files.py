@@ -5,7 +5,7 @@ from __future__ import annotations
 import re
 import shutil
 from pathlib import Path
-from typing import IO, Any
+from typing import Any
 from urllib.parse import urlsplit
 
 from pyarrow import fs
@@ -48,7 +48,8 @@ def fetch(url: str, folder: Path) -> Path:
     """
     target = folder / (Path(urlsplit(url).path).name or "file")
     try:
-        with _open_stream(url) as source, target.open("wb") as file:
+        system, path = filesystem_of(url)
+        with system.open_input_stream(path) as source, target.open("wb") as file:
             shutil.copyfileobj(source, file, BLOCK_BYTES)
     except InputError:
         raise
@@ -68,13 +69,6 @@ def filesystem_of(url: str) -> tuple[fs.FileSystem, str]:
 
 def _scheme(url: str) -> str:
     return url.partition("://")[0].lower()
-
-
-def _open_stream(url: str) -> IO[bytes]:
-    if _scheme(url) in ARROW_SCHEMES:
-        system, path = fs.FileSystem.from_uri(url)
-        return system.open_input_stream(path)  # type: ignore[return-value]
-    return _fsspec_filesystem(url).open(url, "rb")  # type: ignore[no-any-return]
 
 
 def _fsspec_filesystem(url: str) -> Any:

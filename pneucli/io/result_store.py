@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import shutil
 from collections.abc import Callable, Iterable, Mapping
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
@@ -20,74 +19,38 @@ MAX_REQUESTS = 16  # requests to a store: each waits for an answer
 T = TypeVar("T")
 
 
-class LocalFolder:
-    """A folder of this machine, or one that all workers see."""
-
-    def __init__(self, path: Path) -> None:
-        self.path = path
-
-    def __str__(self) -> str:
-        return str(self.path)
-
-    def read(self, name: str) -> bytes | None:
-        """Return a file's content, None where there is none."""
-        try:
-            return (self.path / name).read_bytes()
-        except OSError:
-            return None
-
-    def read_all(self, names: Iterable[str]) -> dict[str, bytes | None]:
-        """Return the content of several files, None where there is none."""
-        return {name: self.read(name) for name in names}
-
-    def copy_file(self, name: str, source: Path) -> None:
-        """Write a copy of the file ``source``."""
-        with atomic_path(self.path / name) as path:
-            shutil.copyfile(source, path)
-
-    def write(self, name: str, text: str) -> None:
-        """Write a text."""
-        with atomic_path(self.path / name) as path:
-            path.write_text(text, encoding="utf-8")
-
-    def local_copy(self, name: str, scratch: Path) -> Path:
-        """Return the folder ``name`` as one of this machine, a copy in ``scratch`` where it is elsewhere."""
-        return self.path / name
-
-    def names(self, under: str) -> set[str]:
-        """Return the names of all files below a folder."""
-        return {path.relative_to(self.path).as_posix() for path in (self.path / under).rglob("*") if path.is_file()}
-
-    def remove(self, name: str) -> None:
-        """Remove a file, and its folder where that is empty then."""
-        path = self.path / name
-        path.unlink()
-        if not any(path.parent.iterdir()):
-            path.parent.rmdir()
-
-
 @dataclass(frozen=True)
-class RemoteFolder:
-    """A folder of a store at ``url``: one request writes a file, so it is there whole or not at all.
+class Store:
+    """A folder of results at ``where``, a path or a URL.
 
-    Its methods are those of :class:`LocalFolder`; each raises InputError where the store refuses.
+    In a folder of this machine, or one that all workers see, a file is renamed to its place; on a store one request
+    writes it. Each method raises InputError where a store refuses.
     """
 
-    url: str
+    where: str
     system: fs.FileSystem
     base: str
 
     def __str__(self) -> str:
-        return self.url.partition("?")[0]
+        return self.where.partition("?")[0]
+
+    @property
+    def folder(self) -> Path | None:
+        """The folder, where it is one of this machine."""
+        return None if is_remote(self.where) else Path(self.where)
 
     def read(self, name: str) -> bytes | None:
-        """Return a file's content, None where there is none."""
+        """Return a file's content, None where there is none, or none that can be read here."""
 
         def content() -> bytes | None:
             try:
+                if self.folder is not None:
+                    return (self.folder / name).read_bytes()
                 with self.system.open_input_stream(f"{self.base}/{name}") as file:
                     return bytes(file.read())
-            except FileNotFoundError:
+            except OSError as error:
+                if self.folder is None and not isinstance(error, FileNotFoundError):
+                    raise
                 return None
 
         return self._request(content)
@@ -100,24 +63,27 @@ class RemoteFolder:
 
     def copy_file(self, name: str, source: Path) -> None:
         """Write a copy of the file ``source``."""
-        self._write(name, source.read_bytes())
+        self.write(name, source.read_bytes())
 
-    def write(self, name: str, text: str) -> None:
-        """Write a text."""
-        self._write(name, text.encode())
+    def write(self, name: str, content: str | bytes) -> None:
+        """Write a file."""
+        text = content.encode() if isinstance(content, str) else content
+        if self.folder is None:
+            self._request(lambda: self._upload(f"{self.base}/{name}", text))
+            return
+        with atomic_path(self.folder / name) as path:
+            path.write_bytes(text)
 
-    def _write(self, name: str, content: bytes) -> None:
-        def written() -> None:
-            path = f"{self.base}/{name}"
-            if not self.url.lower().startswith("s3:"):  # a store of objects has no folders
-                self.system.create_dir(path.rpartition("/")[0])
-            with self.system.open_output_stream(path) as file:
-                file.write(content)
-
-        self._request(written)
+    def _upload(self, path: str, content: bytes) -> None:
+        if not self.where.lower().startswith("s3:"):  # a store of objects has no folders
+            self.system.create_dir(path.rpartition("/")[0])
+        with self.system.open_output_stream(path) as file:
+            file.write(content)
 
     def local_copy(self, name: str, scratch: Path) -> Path:
-        """Return a copy of the folder ``name`` in ``scratch``."""
+        """Return the folder ``name`` as one of this machine, a copy in ``scratch`` where it is elsewhere."""
+        if self.folder is not None:
+            return self.folder / name
         for one in self.names(name):
             target = scratch / one
             target.parent.mkdir(parents=True, exist_ok=True)
@@ -131,17 +97,14 @@ class RemoteFolder:
         return {one.path[len(self.base) + 1 :] for one in found if one.type == fs.FileType.File}
 
     def remove(self, name: str) -> None:
-        """Remove a file."""
+        """Remove a file of a store."""
         self._request(lambda: self.system.delete_file(f"{self.base}/{name}"))
 
     def _request(self, question: Callable[[], T]) -> T:
         try:
             return question()
         except Exception as error:  # whatever a store may say
-            raise store_error(self.url, error, "a store that answers and may be written to") from error
-
-
-Store = LocalFolder | RemoteFolder
+            raise store_error(self.where, error, "a store that answers and may be written to") from error
 
 
 @lru_cache(maxsize=4)
@@ -151,14 +114,14 @@ def store_at(where: str) -> Store:
     Raises InputError where a URL is none that can be opened.
     """
     if not is_remote(where):
-        return LocalFolder(Path(where))
+        return Store(where, fs.LocalFileSystem(), where)
     try:
         system, base = filesystem_of(where)
     except InputError:
         raise
     except Exception as error:  # whatever a store may say
         raise store_error(where, error, "a URL such as s3://bucket/folder") from error
-    return RemoteFolder(where, system, base.rstrip("/"))
+    return Store(where, system, base.rstrip("/"))
 
 
 def mirror_folder(source: Path, store: Store, folders: Mapping[str, str]) -> None:
