@@ -21,14 +21,6 @@ from pathlib import Path
 
 ROOT = Path(__file__).parents[1]
 DOCUMENTED = ("physics", "tp", "identify", "simulate", "design", "controller", "noise")
-PRIVATE_WORDS = tuple(
-    re.findall(
-        r"\w+",
-        """beside told tells standing likely lawful outdone unlike foremost astray promise judged weighed rung law
-        stretches carried settled feels felt acts_in alone lacking hats said bread meat naming elsewhere known loosen
-        stir haste firm calm hurried spared missed least fewest near kept sure slight enough words""",
-    )
-)
 
 
 @dataclass(frozen=True)
@@ -143,13 +135,6 @@ def depth(graph: dict[str, set[str]]) -> int:
         return longest[node]
 
     return max(length(node) for node in merged)
-
-
-def private_words(found: dict[str, Module]) -> dict[str, int]:
-    """How often each of the private words stands in the program, as a word or as a part of a name."""
-    text = "\n".join(module.text for module in found.values()).lower()
-    words = re.findall(r"[a-z]+", text)
-    return {word: sum(w == word for w in words) for word in PRIVATE_WORDS}
 
 
 def public_functions(found: dict[str, Module]) -> Iterator[tuple[str, ast.FunctionDef]]:
@@ -293,7 +278,6 @@ def summary(root: Path = ROOT) -> dict[str, float]:
         "types and functions that tell something": len(telling(found)),
         "annotations by a dict of anything": dict_annotations(found),
         "subscripts by a string": string_subscripts(found),
-        "private words": sum(private_words(found).values()),
         "public functions of " + ", ".join(DOCUMENTED): len(list(public_functions(found))),
         **{f"docstrings with {part}, %": round(share) for part, share in docstrings(found).items()},
         "pages": len(words_per_page(root)),
@@ -315,8 +299,6 @@ def main() -> None:
         print("cycle:", " ".join(group))
     print("number with an interval:", *interval_types(modules(root)))
     print("tell something:", *telling(modules(root)))
-    counts = private_words(modules(root))
-    print("private words:", ", ".join(f"{word} {n}" for word, n in sorted(counts.items(), key=lambda x: -x[1]) if n))
     for page, count in sorted(words_per_page(root).items(), key=lambda item: -item[1])[:12]:
         print(f"{count:8d}  {page}")
 
