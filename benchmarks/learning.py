@@ -35,7 +35,8 @@ from pneucli import config
 from pneucli.controller.parameters import Controller
 from pneucli.design.cascade_design import design_cascade
 from pneucli.design.requirements import Requirements
-from pneucli.exam.cases import _draw_rig, generate_case, prepare_case
+from pneucli.exam.case_rig import draw_rig
+from pneucli.exam.cases import generate_case, prepare_case
 from pneucli.exam.conditions import Conditions
 from pneucli.exam.hidden_effects import BY_NAME, CATALOGUE
 from pneucli.exam.rig.parameters import ONE_CHAMBER, Parameters
@@ -56,7 +57,7 @@ HEAD = ("rest", "moves", "sine", "load", "moves'", "after", "fast", "air")
 def rig(seed: int, effect: str = "none") -> Parameters:
     """Return an axis of the exam with one effect at its full size."""
     rng = np.random.default_rng(seed)
-    par = _draw_rig("axis", False, rng)
+    par = draw_rig("axis", False, rng)
     return par if effect == "none" else BY_NAME[effect].apply(par, 1.0, rng)
 
 

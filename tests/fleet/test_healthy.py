@@ -7,9 +7,10 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from pneucli.cli.stage import _baseline_options
 
 from benchmarks.fleet_rigs import CHANGES, FLEET_FILE, TABLE_FILE, TEMPLATE_FILE, write_fleet
+from pneucli.cli.command import HowToRun
+from pneucli.cli.commands.diagnose import _baseline_options
 from pneucli.config import load_fleet
 from pneucli.errors import InputError
 from pneucli.executors import ThreadEngine
@@ -100,7 +101,7 @@ def rig(tmp_path_factory: pytest.TempPathFactory) -> list[Path]:
 
 def asked(rig: list[Path], repeats: list[int], date: int) -> dict[str, Any]:
     """The answer of `diagnose DATE --since FIRST --repeat ...`."""
-    options = _baseline_options(rig[0], None, True, [rig[k].parent / f"out-{k}" for k in repeats])
+    options = _baseline_options(rig[0], None, HowToRun(quiet=True), [rig[k].parent / f"out-{k}" for k in repeats])
     pipeline = open_pipeline(rig[date], load_pipeline_file, rig[0].parent / f"out-{date}")
     return dict(pipeline.update(["diagnose"], {"diagnose": options})["diagnose"].answer)
 
@@ -117,7 +118,7 @@ def test_a_rig_that_never_repeats_alarms_until_healthy_dates_are_stated(rig: lis
 
 def test_a_repeat_of_another_model_is_refused(rig: list[Path]) -> None:
     with pytest.raises(InputError, match="no comparison in it"):
-        _baseline_options(rig[0], None, True, [rig[0]])
+        _baseline_options(rig[0], None, HowToRun(quiet=True), [rig[0]])
 
 
 def test_two_changes_at_once_are_both_in_the_answer(tmp_path: Path) -> None:
@@ -137,7 +138,7 @@ def test_the_first_comparison_writes_the_baseline_of_the_old_diagnosis(rig: list
     pipeline = open_pipeline(rig[0], load_pipeline_file, old)
     pipeline.update(["diagnose"])
     assert not (old / "diagnose" / REFERENCE_FILE).exists()
-    _baseline_options(old, None, True, [])
+    _baseline_options(old, None, HowToRun(quiet=True), [])
     baseline = read_baseline(old / "diagnose" / REFERENCE_FILE)
     answer = read_manifest(old / "diagnose").answer
     assert pipeline.stage_status(["diagnose"])["diagnose"].reasons == ()
@@ -151,7 +152,7 @@ def test_a_baseline_needs_the_pipeline_file_as_it_was_diagnosed(rig: list[Path],
     text = file.read_text(encoding="utf-8")
     file.write_text(text.replace('gas_temperature = "', 'gas_temperature = "1', 1), encoding="utf-8")
     with pytest.raises(InputError, match="has changed since that diagnosis"):
-        _baseline_options(tmp_path / "out", None, True, [])
+        _baseline_options(tmp_path / "out", None, HowToRun(quiet=True), [])
     file.unlink()
     with pytest.raises(InputError, match=r"no .*changed\.toml"):
-        _baseline_options(tmp_path / "out", None, True, [])
+        _baseline_options(tmp_path / "out", None, HowToRun(quiet=True), [])
