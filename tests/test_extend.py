@@ -120,5 +120,5 @@ def test_each_file_of_the_folder_is_the_command_of_its_name_in_the_order_of_thei
 def test_the_page_shows_the_examples_as_they_are() -> None:
     page = (ROOT / "docs" / "development" / "extend.md").read_text(encoding="utf-8")
     for name, place in FOLDERS.items():
-        assert f"`pneucli/{place}/{name}`" in page
+        assert f"`{name}` in `pneucli/{place}`" in page
         assert f"```python\n{(EXAMPLES / name).read_text(encoding='utf-8')}```" in page
