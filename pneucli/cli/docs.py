@@ -18,7 +18,7 @@ PACKAGES = ("diagnose", "identify")
 PAGE_HEAD = """# Constants of identification and diagnosis
 
 Made by `make docs` from the source: each constant, its value, and its comment. This reference table is longer
-than other pages. [Inside the diagnosis](diagnosis.md) explains where they act, [The method](../method.md) what for.
+than other pages. [Inside the program](internals.md) explains where they act, [The method](../method.md) what for.
 
 | constant | value | comment |
 | --- | --- | --- |
@@ -97,7 +97,6 @@ def generated_pages() -> dict[str, str]:
     }
     made |= {
         "pipeline.schema.json": schema_text(),
-        "gallery.md": effects.gallery_page(all_effects),
         "own-effect.md": _own_effect(),
         "development/extend.md": _extend(),
         "development/constants.md": constants_page(),

@@ -1,6 +1,6 @@
 """A candidate effect, and the decision about it with its reason.
 
-Where each reason is decided: the table "Reasons" of docs/development/diagnosis.md; where it is worded:
+Where each reason is decided: the table "Reasons" of docs/development/internals.md; where it is worded:
 :mod:`pneucli.messages.diagnose`.
 """
 

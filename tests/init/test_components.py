@@ -98,5 +98,5 @@ def test_a_new_pipeline_has_the_parts_in_place_of_questions(tmp_path: Path, own:
 
 
 def test_the_page_has_every_column() -> None:
-    page = (Path(__file__).parents[2] / "docs" / "components.md").read_text(encoding="utf-8")
+    page = (Path(__file__).parents[2] / "docs" / "rig.md").read_text(encoding="utf-8")
     assert [name for name in COLUMNS if f"`{name}`" not in page] == []

@@ -25,12 +25,12 @@ def test_every_example_of_the_page_runs(
     (tmp_path / "pipeline.toml").rename(tmp_path / "valve-3.toml")
     shutil.copytree(valve.artifacts, tmp_path / "artifacts" / "valve_null")
     monkeypatch.chdir(tmp_path)
-    examples = re.findall(r"```python\n(.*?)```", (DOCS / "python.md").read_text(encoding="utf-8"), re.DOTALL)
+    examples = re.findall(r"```python\n(.*?)```", (DOCS / "results.md").read_text(encoding="utf-8"), re.DOTALL)
     assert len(examples) >= 10
     names: dict[str, object] = {}
     with mpl.rc_context():
         for example in examples:
-            exec(compile(example, f"docs/python.md: {example.splitlines()[0]}", "exec"), names)
+            exec(compile(example, f"docs/results.md: {example.splitlines()[0]}", "exec"), names)
     assert names["found"].verdict == "adequate"  # type: ignore[attr-defined]
     assert (tmp_path / "correlation.png").is_file()
 

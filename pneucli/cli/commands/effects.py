@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -20,9 +20,9 @@ if TYPE_CHECKING:
 
 INDEX_HEAD = """# The catalogue of effects
 
-Physical effects that the base model may lack. Each page describes how the effect changes the residual, its confounders,
-and the experiment that distinguishes them. `make docs` makes the pages from the declarations in
-`pneucli/physics/effects`; `pneucli effects EFFECT` prints the same.
+You look an effect up: one that the diagnosis names, or one whose [picture](#pictures) resembles your residual. Each
+page says how the effect changes the residual, what it is taken for, and which experiment distinguishes them. `make
+docs` makes the pages from the declarations in `pneucli/physics/effects`; `pneucli effects EFFECT` prints the same.
 
 | effect | description | part | parameters | visible over | confounders |
 | --- | --- | --- | --- | --- | --- |
@@ -34,7 +34,7 @@ be split: `"line-delay:1"`, `"pressure-scale:1"`. `diagnose` tries either side w
 sensors recorded.
 
 [An effect of your own](own-effect.md) is the same declaration in a Python file that the pipeline file names
-(`[model] plugins`); `pneucli effects PIPELINE` lists it, too. [A gallery](gallery.md) has a picture of each.
+(`[model] plugins`); `pneucli effects PIPELINE` lists it, too.
 
 ## Sizes
 
@@ -52,23 +52,11 @@ effect, and `identify` refuses it by name. The base model's parameters have size
 | scale | unit | definition |
 | --- | --- | --- |
 """
-GALLERY = """# A gallery
+PICTURES = """
+## Pictures
 
-Each effect in a picture, made by `make docs` from the declarations. Left: a rig with the effect at a typical size, and
-the model without it. Right: the difference. No parameter is refitted; a fit would absorb a part of it. The three walks
-through recordings of real rigs come first.
-
-## [Seals that press harder under pressure](walks/seal-friction.md)
-
-![Friction over pressure](img/walk-seal-friction.svg)
-
-## [A carriage whose friction differs by direction](walks/emps.md)
-
-![The error of the carriage](img/walk-emps.svg)
-
-## [Does this chamber leak?](walks/pressure-decay.md)
-
-![A pressure that decays](img/walk-pressure-decay.svg)
+Left: a rig with the effect at a typical size, and the model without it. Right: the difference. No parameter is
+refitted; a fit would absorb a part of it.
 """
 PICTURE_CAPTION = """Left: the most sensitive channel, on a rig with the effect (at a typical size) and by the model
 without it, restarted every 0.5 s. Right: the difference. No parameter is refitted; a fit would absorb a part of it."""
@@ -125,8 +113,8 @@ def effect_page(effect: Effect) -> str:
     return "\n".join([*lines, "", "[All effects](../effects.md)", ""])
 
 
-def index_page(effects: Iterable[Effect]) -> str:
-    """Return the page of all effects in Markdown."""
+def index_page(effects: Sequence[Effect]) -> str:
+    """Return the page of all effects with their pictures in Markdown."""
     from pneucli.physics.scales import SCALES
 
     rows = [
@@ -135,16 +123,12 @@ def index_page(effects: Iterable[Effect]) -> str:
         for e in effects
     ]
     scales = [f"| {s.name} | {s.unit} | {s.meaning} |" for s in SCALES.values()]
-    return INDEX_HEAD + "\n".join(rows) + "\n" + INDEX_TAIL + "\n".join(scales) + "\n"
-
-
-def gallery_page(effects: Sequence[Effect]) -> str:
-    """Return the page with the pictures of all effects and walks, in Markdown."""
-    shown = [
-        f"## [{e.title}](effects/{e.name}.md)\n\n{e.looks_like}\n\n![{e.title}](effects/{e.name}.svg)\n"
+    pictures = [
+        f"### [{e.title}](effects/{e.name}.md)\n\n{e.looks_like}\n\n![{e.title}](effects/{e.name}.svg)\n"
         for e in effects
     ]
-    return "\n".join([GALLERY, *shown])
+    tables = INDEX_HEAD + "\n".join(rows) + "\n" + INDEX_TAIL + "\n".join(scales) + "\n"
+    return tables + "\n".join([PICTURES, *pictures])
 
 
 def ports_table() -> str:
