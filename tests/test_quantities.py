@@ -7,6 +7,7 @@ from pathlib import Path
 import pytest
 
 from pneucli.io.artifacts import Provenance, read_metadata, read_table, write_table
+from pneucli.messages.discrepancy import discrepancy_kind_text
 from pneucli.messages.formatting import format_quantity
 from pneucli.quantities import axis_motion, axis_unit, display_unit, in_axis_units
 
@@ -47,6 +48,12 @@ def test_angles_are_displayed_in_degrees(tmp_path: Path) -> None:
         assert (display_unit("x"), display_unit("p1")) == ("deg", "bar")
     assert display_unit("x") == "mm"
     assert display_unit("x", "rad") == "deg"
+
+
+@pytest.mark.parametrize(("variable", "text"), [("x", "1.5 deg"), ("v", "1.5 deg/s"), ("time", "0.0261 s")])
+def test_a_period_over_an_angle_is_an_angle(variable: str, text: str) -> None:
+    with axis_motion(rotary=True):
+        assert discrepancy_kind_text("periodic", ["force"], variable, period=0.0261).endswith(f"period {text}")
 
 
 def test_artifacts_state_rotary_units_in_metadata_and_columns(tmp_path: Path) -> None:

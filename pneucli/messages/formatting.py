@@ -22,6 +22,8 @@ _SHOWN = {
     "m/s": (1e3, "mm/s"),
     "rad/s": (180.0 / math.pi, "deg/s"),
     "kg/s": (1e3, "g/s"),
+    "kg/(s Pa)": (1e8, "g/(s·bar)"),
+    "m^2/Pa": (1e11, "mm²/bar"),
     "m^2": (1e6, "mm²"),
     "m^3": (1e6, "cm³"),
 }
