@@ -33,9 +33,9 @@ MIN_EQUIVALENT_SHARE = 0.05  # of the likelihood of all refits; one with less is
 class Change:
     """One change, by the name of its parameter; ``effect`` where it belongs to one.
 
-    ``ci95`` is that of ``after``. ``confidence`` is one minus the probability that a healthy repeat looks as changed in
-    any quantity, ``confidence_alone`` that of this change among its ``equivalents``, which explain the change equally
-    well.
+    ``ci95`` is that of ``after``; an end is None where the search ended there. ``confidence`` is one minus the
+    probability that a healthy repeat looks as changed in any quantity, ``confidence_alone`` that of this change among
+    its ``equivalents``, which explain the change equally well.
     """
 
     name: str
@@ -43,7 +43,7 @@ class Change:
     before: float | None
     after: float | None
     unit: str
-    ci95: tuple[float, float] | None
+    ci95: tuple[float | None, float | None] | None
     confidence: float
     confidence_alone: float
     equivalents: tuple[str, ...] = ()
@@ -122,7 +122,7 @@ def _change(selection: ChangeSelection, selected: Hypotheses, position: int, p_v
     effect = selection.effects[hypothesis.name].in_model_with(fitted.model.effects)
     leading = next((p for p in effect.parameters if p.null is not None), effect.parameters[0])
     estimate, before = fitted[f"{effect.name}.{leading.name}"], null_value(leading, fitted.model)
-    described = (estimate.name, effect.name, before, estimate.value, estimate.unit, estimate.ci95)
+    described = (estimate.name, effect.name, before, estimate.value, estimate.unit, estimate.open_interval)
     return Change(*described, confidence, confidence_alone, equivalents)
 
 

@@ -149,11 +149,11 @@ def test_undoing_a_delay_keeps_the_noise(delay: float):
 
 def test_a_late_pressure_shows_only_beside_a_command_or_a_motion():
     """In a shut vessel it is the pressure of an earlier start."""
-    late, leak = [catalogue()[name] for name in ("time-skew", "pressure-lag")], catalogue()["chamber-leak"]
+    late, scaled = [catalogue()[name] for name in ("time-skew", "pressure-lag")], catalogue()["pressure-scale"]
     shut = make_experiment("valve", TIME, {"p1": TRUE}, valve_shut=True)
     driven = make_experiment("valve", TIME, {"p1": TRUE, "u": 5.0})
     moved = make_experiment("axis", TIME, {"p1": TRUE, "p2": TRUE, "x": 0.1}, valve_shut=True)
-    assert [[e.can_show(one) for one in (*late, leak)] for e in (shut, driven, moved)] == [
+    assert [[e.can_show(one) for one in (*late, scaled)] for e in (shut, driven, moved)] == [
         [False, False, True],
         [True, True, True],
         [True, True, True],
