@@ -8,6 +8,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from pneucli.init.column_names import NOUNS, read_name
 from pneucli.init.survey_types import Array, Column
 from pneucli.io.clock_repairs import spread_stamps
 
@@ -16,14 +17,15 @@ MIN_MOVING = 0.5  # of the steps of a clock that is not coarse, that go on
 MAX_STEP_SPREAD = 0.5  # of its median, that a column of time steps may spread
 SAME_CLOCK = 1e-3  # of its length, that a clock which tells the same time may differ from a line over another
 
-_SECONDS = re.compile(r"(?i)(?:.*[/_.\s])?(?:header[/_.]stamp[/_.])?(?:s|secs?|seconds?|tv_sec|epoch)")
-_FRACTIONS = (  # of a second, in columns of their own: names, seconds of one, and how many there are in a second
-    (re.compile(r"(?i)(?:.*[/_.\s])?(?:ns|nsecs?|nanosecs?|nanoseconds?|tv_nsec)"), 1e-9),
-    (re.compile(r"(?i)(?:.*[/_.\s])?(?:us|µs|usecs?|microsecs?|microseconds?|tv_usec)"), 1e-6),
-    (re.compile(r"(?i)(?:.*[/_.\s])?(?:ms|msecs?|millis|millisecs?|milliseconds?)"), 1e-3),
+MIN_WRAPS = 3  # whole seconds after which a fraction begins anew, where its name does not say that it is one
+_FRACTION = re.compile(r"(?i)(?<![a-z])[mµun]s(?:ecs?)?(?![a-z])|milli|micro|nano|frac|sub[\s_-]?sec|tv_[un]sec")
+FRACTIONS = tuple(10.0**n for n in range(1, 10))  # how many there are in a second
+_PARTS = (  # of a time of day in columns of their own: names, and seconds of one
+    (re.compile(r"(?i)(?:.*[/_.\s])?(?:h|hours?|stunden?|heures?)"), 3600.0, 24.0),
+    (re.compile(r"(?i)(?:.*[/_.\s])?(?:m|mins?|minutes?|minuten?)"), 60.0, 60.0),
+    (re.compile(r"(?i)(?:.*[/_.\s])?(?:s|secs?|seconds?|sekunden?|secondes?)"), 1.0, 61.0),
 )
 _STEPS = re.compile(r"(?i)d_?t|delta[_ ]?t(?:ime)?|time[_ ]?step|dtime|loop[_ ]?time|(?:sample[_ ]?)?interval")
-_CLOCK = re.compile(r"(?i)(?:.*[/_.\s])?(?:t|time|zeit|timestamp|stamp|clock|tout|temps)(?:[_ ]?\d+)?(?:[_ /.].*)?")
 _BARE = re.compile(r"\s*[\[(<{][^\])>}]*[\])>}]\s*$")
 
 
@@ -37,21 +39,61 @@ def is_increasing(values: Array) -> bool:
 
 def computed_clocks(columns: Sequence[Column]) -> list[Column]:
     """Return the clock that several columns, or steps of time, make together; nothing where they make none."""
-    return [*_with_fraction(columns), *_of_steps(columns)][:1]
+    return [*_with_fraction(columns), *_of_parts(columns), *_of_steps(columns)][:1]
 
 
 def _with_fraction(columns: Sequence[Column]) -> Iterator[Column]:
-    """Yield whole seconds with a fraction in another column, as ROS and C write them."""
+    """Yield whole seconds, or stamps in whole seconds, with the fraction of a second that stands in another column.
+
+    A fraction begins anew at each second and rises in between, whatever it is called: the second that it begins anew
+    with goes on by as much as its own steps lead to expect only in the unit that it counts in.
+    """
     for seconds in columns:
-        if not _is_name(_SECONDS, seconds) or not _is_whole(seconds.values) or seconds.where is not None:
+        if not _is_whole(seconds.values) or seconds.where is not None or seconds.computed:
             continue
         for fraction in columns:
-            for pattern, size in _FRACTIONS:
-                if _is_name(pattern, fraction) and _is_below(fraction.values, round(1 / size)):
-                    values = seconds.values + size * fraction.values
-                    if is_increasing(values[np.isfinite(values)]):
-                        text = f"{_quoted(seconds)} + {size:g} * {_quoted(fraction)}"
-                        yield Column(text, "time", "s", values, computed=True)
+            if fraction is seconds or (in_a_second := _fractions_in_a_second(seconds.values, fraction)) is None:
+                continue
+            values = seconds.values + fraction.values / in_a_second
+            if is_increasing(values[np.isfinite(values)]):
+                text = f"{_quoted(seconds)} + {1 / in_a_second:g} * {_quoted(fraction)}"
+                yield Column(text, "time", "s", values, computed=True)
+
+
+def _fractions_in_a_second(seconds: Array, fraction: Column) -> float | None:
+    """Return how many steps of a fraction make a second; None where it is no fraction of these seconds."""
+    both = np.isfinite(seconds) & np.isfinite(fraction.values)
+    whole, part = seconds[both], fraction.values[both]
+    if part.size < 2 or part.min() < 0 or not np.ptp(part):
+        return None
+    ticks, steps = np.diff(whole), np.diff(part)
+    inside, at_ticks = steps[ticks == 0], ticks == 1
+    wraps = 1 if _FRACTION.search(fraction.name) or fraction.unit in ("ms", "us", "ns") else MIN_WRAPS
+    if inside.size < wraps or np.count_nonzero(at_ticks) < wraps or float(np.mean(inside > 0)) < MIN_INCREASING:
+        return None
+    usual = float(np.median(inside))
+    wanted = float(np.median((usual - steps[at_ticks]) / ticks[at_ticks]))
+    nearest = min(FRACTIONS, key=lambda one: abs(one - wanted))
+    return nearest if part.max() < nearest and abs(nearest - wanted) < max(0.02 * nearest, usual) else None
+
+
+def _of_parts(columns: Sequence[Column]) -> Iterator[Column]:
+    """Yield the time of day of hours, minutes and seconds in columns of their own."""
+    found: list[tuple[Column, float]] = []
+    for pattern, size, limit in _PARTS:
+        fitting = [one for one in columns if _is_name(pattern, one) and one.unit in ("", "h", "min", "s", "m")]
+        fitting = [
+            one
+            for one in fitting
+            if one.finite_values.size and 0 <= one.finite_values.min() <= one.finite_values.max() < limit
+        ]
+        found += [(one, size) for one in fitting[:1]]
+    if len(found) < 2 or found[-1][1] != 1.0:
+        return
+    values = np.sum([size * one.values for one, size in found], axis=0)
+    if is_increasing(values[np.isfinite(values)]):
+        text = " + ".join(_quoted(one) if size == 1.0 else f"{size:g} * {_quoted(one)}" for one, size in found)
+        yield Column(text, "time", "s", values, computed=True)
 
 
 def _of_steps(columns: Sequence[Column]) -> Iterator[Column]:
@@ -69,16 +111,39 @@ def _of_steps(columns: Sequence[Column]) -> Iterator[Column]:
 
 
 def paired_clocks(columns: Sequence[Column]) -> list[Column]:
-    """Return the columns, each with the clock that stands before it, where several clocks do not tell one time."""
+    """Return the columns, each with a clock of its own, where several clocks do not tell one time.
+
+    A clock that is called after a column is that column's, else it is that of the columns behind it.
+    """
     at = [n for n, column in enumerate(columns) if _is_clock(column) and not column.computed]
-    apart = [n for n in at if n == at[0] or (n - 1 not in at and not _tells_same(columns[at[0]], columns[n]))]
-    if len(apart) < 2 or at[0] != 0:
+    apart = [n for n in at if n == at[0] or not _tells_same(columns[at[0]], columns[n])]
+    if len(apart) < 2:
+        return list(columns)
+    called = {stem: n for n in at if (stem := _stem(columns[n].name))}
+    named = {n: called[_stem(one.name)] for n, one in enumerate(columns) if n not in at and _stem(one.name) in called}
+    behind = [n for n in apart if n == at[0] or n - 1 not in at]
+    if not named and (len(behind) < 2 or at[0] != 0):
         return list(columns)
     found = []
     for n, column in enumerate(columns):
-        clock = columns[max(one for one in apart if one <= n)]
+        clock = columns[named.get(n, max((one for one in behind if one <= n), default=at[0]))]
         found.append(column if n in at else replace(column, clock=clock.key))
     return found
+
+
+def _stem(name: str) -> str:
+    """Return a name without its unit, words of time and of values, and what is no letter or digit."""
+    plain = _BARE.sub("", name).strip()
+    return re.sub(r"[\W_]+", "", _TIME_WORDS.sub("", plain)).lower()
+
+
+_TIME_WORDS = re.compile(r"(?i)time[\s_]*stamps?|(?<![a-z])(?:times?|zeit|stamps?|t|value[xy]?|val|wert)(?![a-z])")
+
+
+def repeated_clocks(columns: Sequence[Column]) -> set[int]:
+    """Return the positions of clocks that only tell the time of an earlier one again: they are no signals."""
+    at = [n for n, column in enumerate(columns) if _is_clock(column)]
+    return {n for n in at[1:] if _tells_same(columns[at[0]], columns[n])}
 
 
 def _tells_same(first: Column, other: Column) -> bool:
@@ -92,14 +157,9 @@ def _tells_same(first: Column, other: Column) -> bool:
 
 
 def _is_clock(column: Column) -> bool:
-    named = _CLOCK.fullmatch(_BARE.sub("", column.name).strip()) is not None or column.unit in (
-        "s",
-        "ms",
-        "us",
-        "min",
-        "h",
-    )
-    return named and column.where is None and is_increasing(column.finite_values)
+    timed = column.unit in ("s", "ms", "us", "ns", "min", "h", "d")
+    named = read_name(column, False).has(NOUNS["time"]) and not column.unit
+    return (named or timed) and column.where is None and is_increasing(column.finite_values)
 
 
 def _is_name(pattern: re.Pattern[str], column: Column) -> bool:
@@ -109,13 +169,6 @@ def _is_name(pattern: re.Pattern[str], column: Column) -> bool:
 def _is_whole(values: Array) -> bool:
     known = values[np.isfinite(values)]
     return bool(known.size) and bool(np.all(known == np.floor(known))) and bool(np.all(np.diff(known) >= 0))
-
-
-def _is_below(values: Array, limit: int) -> bool:
-    known = values[np.isfinite(values)]
-    return (
-        bool(known.size) and bool(np.all(known >= 0) and np.all(known < limit)) and float(np.max(known)) > 0.5 * limit
-    )
 
 
 def _quoted(column: Column) -> str:

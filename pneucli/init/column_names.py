@@ -7,6 +7,7 @@ A name is cut into words. A noun says the quantity (``Kolbenweg`` a position), o
 from __future__ import annotations
 
 import re
+import unicodedata
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
@@ -15,25 +16,40 @@ from pneucli.io.file_units import read_unit
 from pneucli.io.text_sniffer import is_unit
 from pneucli.units import same_dimension
 
-# whole words, or with a hyphen before or behind them the ends of words; most telling first
+# whole words; with a hyphen behind or before them the beginnings or ends of words, with both the middles of words, as
+# in languages that write no blanks; most telling first, without accents
 NOUNS: dict[str, str] = {
     "time": "t time- -time zeit -zeit uhrzeit temps tiempo tempo tijd timestamp clock uhr stamp datetime elapsed czas "
-    "tout micros millis",
-    "pressure": "p pa pb ps p0 press- -pressure druck -druck druck- pression presion pressione druk cisnienie",
-    "force": "f force- -force kraft- -kraft fuerza effort kracht forza load- cell torque -moment moment tau",
+    "tout micros millis tid aika cas ido zaman timp время -时间- -時間- -시간-",
+    "pressure": "p pa pb ps p0 press- -pressure druck -druck druck- pression presion pressione druk cisnienie tryck- "
+    "-tryck trykk- -trykk tryk- -tryk paine- -paine tlak- nyomas- basinc- pressao presiune давлен- -压力- -圧力- "
+    "-압력-",
+    "force": "f force- -force kraft- -kraft fuerza effort kracht forza load- cell torque -moment moment tau voima sila "
+    "ero kuvvet forca forta сила усилие -力-",
     "position": "x q y s qm qg pos position- -position weg- -weg hub -hub stroke displacement- laser lvdt encoder "
-    "angle -winkel winkel- theta phi deplacement course posicion desplazamiento spostamento verplaatsing",
-    "velocity": "v vel velocity- speed- geschw- -geschwindigkeit vitesse velocidad velocita omega dq qd xd rpm",
-    "acceleration": "a acc accel- -beschleunigung beschleunigung- acceleracion aceleracion",
-    "temperature": "temp temperature- -temperature temperatur- -temperatur temperatura temperature",
+    "angle -winkel winkel- theta phi deplacement course posicion desplazamiento spostamento verplaatsing lage -lage "
+    "asema polozenie poloha helyzet konum posicao pozitie positie положен- перемещ- -位置- -位移- -変位- -위치-",
+    "velocity": "v vel velocity- speed- geschw- -geschwindigkeit vitesse velocidad velocita omega dq qd xd rpm "
+    "hastighet- nopeus predkosc rychlost sebesseg hiz velocidade snelheid скорост- -速度- -속도-",
+    "acceleration": "a acc accel- -beschleunigung beschleunigung- acceleracion aceleracion ускорен- -加速度-",
+    "temperature": "temp temperature- -temperature temperatur- -temperatur temperatura temperature lampotila темпер- "
+    "-温度- -온도-",
     "command": "u cmd command- valve- -valve ventil- -ventil voltage spannung stell- control- duty pwm vanne valvula "
-    "ansteuer- drive- volt input pump- relay- solenoid- magnet- switch-",
-    "flow": "flow- -flow durchfluss- volumenstrom massenstrom mdot debit caudal portata",
+    "ansteuer- drive- volt input pump- relay- solenoid- magnet- switch- styr- spanning spenning ohjaus- sterow- rizen- "
+    "vezerl- kumanda- comando mando stuur- napiecie napeti управл- напряж- -电压- -電圧- -전압- -阀- -弁- -指令-",
+    "flow": "flow- -flow durchfluss- volumenstrom massenstrom mdot debit caudal portata flode- virtaus- vazao расход- "
+    "-流量- -유량-",
 }
 _COMMANDED = "cmd command- control-"
 _SENSED = ("pressure", "force", "position")
 ANGLES = "angle winkel- -winkel theta phi q"
-SUPPLY = "s ps supply- source- versorgung- speise- netz- rail- compressor- kompressor- line pump- p0 alimentation"
+SUPPLY = (
+    "s ps supply- -supply source- versorgung- speise- netz- rail- compressor- kompressor- line pump- p0 alimenta- "
+    "matning- forsyning- syotto- zasilan- napaj- taplal- besleme- voeding- питан- подач- -供- -气源- -공급-"
+)
+UPSTREAM = "up upstream vor inlet in entry eingang primary"
+DOWNSTREAM = "down downstream nach outlet out exit ausgang secondary back"
+DIFFERENCE = "dp delta diff- differ- differenz- -differenz verschil- δ δp d1p Δ"  # of two pressures
 _RESULTS = "error err deviation abweichung fehler residual overshoot rmse std -norm"  # made of what was recorded
 _TANK = "tank- kessel- reservoir- vessel- behalter- accumulator"
 _REFERENCE = "ref soll- -soll reference- set setpoint- target- desired des goal- qg sollwert demand consigne"
@@ -59,7 +75,10 @@ _KINDS = {
     "m^3/s": "flow",
 }
 _ANGLE = re.compile("m?rad|deg|°")
-_PLAIN = str.maketrans("äöüéèó", "aoueeo")
+_PLAIN = str.maketrans({"ß": "ss", "ø": "o", "Ø": "O", "æ": "ae", "ł": "l", "Ł": "L", "ı": "i", "đ": "d"})
+_WORD = re.compile(r"[A-Z]?[a-z]+|[A-Z]+(?![a-z])|\d+|[^\W\d_A-Za-z]+")
+_NODE = re.compile(r"^(?:ns=\d+;)?[sgib]=")  # what OPC UA writes before a name
+_DOTTED = re.compile(r"[A-Za-z_]\w*(?:\.[A-Za-z_]\w*)+")
 _MARKED = re.compile(r"^(.*?)\s*[\[(<{]\s*([^\])>}]*)\s*[\])>}]\s*$|^(.+?)\s+in\s+(\S+)$|^(.+?),\s*(\S+)$")
 _SUFFIX = re.compile(r"^(.+)_([^_\s]+)$")
 _NO_NAMES = ("data", "value", "values", "signal")  # last parts of paths that say nothing
@@ -91,7 +110,8 @@ class ColumnName:
             return next(iter(nouns), "")
         if by_unit in nouns or not nouns or by_unit == "flow":  # q is a flow as often as a joint's angle
             return by_unit
-        if by_unit == "command" and nouns[0] in _SENSED and "command" not in nouns:
+        scaled = by_unit == "command" or (not by_unit and self.unit == "%")
+        if scaled and nouns[0] in _SENSED and "command" not in nouns:
             return nouns[0]  # the output of a sensor, whose scale people have to say
         return "command" if nouns == ["command"] and by_unit not in ("pressure", "position", "flow") else ""
 
@@ -127,7 +147,9 @@ def signal_scores(name: ColumnName) -> Iterator[tuple[str, float]]:
 
 
 def _pressure_scores(name: ColumnName, certainty: float) -> Iterator[tuple[str, float]]:
-    """Yield how well a pressure's name fits each place; one that says no place is a chamber's."""
+    """Yield how well a pressure's name fits each place: one that says none is a chamber's, a difference has none."""
+    if name.has(DIFFERENCE):
+        return
     if name.has(SUPPLY):
         yield "p_supply", certainty + 1.0
     elif name.has(_TANK):
@@ -144,7 +166,7 @@ def read_name(column: Column, is_text: bool) -> ColumnName:
     """Return what the name of a column says; ``is_text``: whether a slash before a unit divides."""
     stem, unit, certainty = _stem_and_unit(column.name, is_text)
     if column.written and not column.unit:
-        return ColumnName(_words(f"{stem} {column.written}"), "")
+        return ColumnName(_words(f"{stem} {column.written}" if len(column.written) > 1 else stem), "")
     name = ColumnName(_words(stem), column.unit or unit)
     if not certainty and not column.unit and name.nouns and not name.kind:
         return ColumnName(_words(f"{stem}_{unit}"), "")  # p_s is no pressure in seconds
@@ -152,8 +174,9 @@ def read_name(column: Column, is_text: bool) -> ColumnName:
 
 
 def _words(stem: str) -> tuple[str, ...]:
-    plain = stem.translate(_PLAIN)
-    return tuple(part.lower() for part in re.findall(r"[A-Z]?[a-z]+|[A-Z]+(?![a-z])|\d+", plain))
+    plain = unicodedata.normalize("NFKD", stem.translate(_PLAIN))
+    plain = "".join(letter for letter in plain if not unicodedata.combining(letter))
+    return tuple(part.lower() for part in _WORD.findall(plain))
 
 
 def _stem_and_unit(column: str, is_text: bool) -> tuple[str, str, bool]:
@@ -161,27 +184,42 @@ def _stem_and_unit(column: str, is_text: bool) -> tuple[str, str, bool]:
 
     The unit is empty where the end of the name is none.
     """
-    name = column.strip()
+    name = _NODE.sub("", column.strip())
     for pattern in (_SLASH, _MARKED, _SUFFIX) if is_text else (_MARKED, _SUFFIX):
         if match := pattern.match(name):
             stem, unit = (part for part in match.groups() if part is not None)
+            stem, unit = _longest_unit(stem, unit) if pattern is _SUFFIX else (stem, unit)
             if is_unit(unit) and not unit.isdigit():
                 certainty = pattern is not _SUFFIX or unit == "V" or (len(unit) > 1 and unit.lower() not in _WORDS_TOO)
                 return stem, unit, certainty
             if pattern is _MARKED:
-                return stem if read_unit(unit).unit else f"{stem} {unit}", "", True
+                return stem if read_unit(unit).unit or len(unit) < 2 else f"{stem} {unit}", "", True
     return _telling_part(name), "", True
+
+
+def _longest_unit(stem: str, unit: str) -> tuple[str, str]:
+    """Return a name and the unit at its end where that has underscores of its own: ``bar_g``, ``mm_s``, ``l_min``."""
+    words = [*stem.split("_"), unit]
+    for count in (3, 2):
+        ends = words[-count:]
+        for joined in ("_".join(ends), "/".join(ends)):
+            if 1 < count < len(words) and is_unit(joined) and quantity_kind(joined):
+                return "_".join(words[:-count]), joined
+    return stem, unit
 
 
 def _telling_part(name: str) -> str:
     """Return the last part of a path, or the one before where the last is a word such as ``data``."""
-    parts = [part for part in re.split(r"/(?![^\[(]*[\])])", name) if part]
+    dotted = _DOTTED.fullmatch(name) is not None
+    parts = [part for part in re.split(r"\." if dotted else r"/(?![^\[(]*[\])])", name) if part]
     while len(parts) > 1 and parts[-1].lower() in _NO_NAMES:
         parts.pop()
     return parts[-1] if parts else name
 
 
 def _matches(word: str, words: Sequence[str]) -> bool:
+    if word.startswith("-") and word.endswith("-"):
+        return any(word[1:-1] in one for one in words)
     if word.startswith("-"):
         return any(one.endswith(word[1:]) for one in words)
     if word.endswith("-"):

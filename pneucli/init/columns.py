@@ -12,7 +12,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from pneucli.init.clock_columns import is_increasing
+from pneucli.init.clock_columns import is_increasing, repeated_clocks
 from pneucli.init.clock_units import guess_clock_unit
 from pneucli.init.column_names import (
     ABSOLUTE,
@@ -20,20 +20,24 @@ from pneucli.init.column_names import (
     GAUGE,
     NOUNS,
     SUPPLY,
+    UPSTREAM,
     ColumnName,
     quantity_kind,
     read_name,
     signal_scores,
 )
+from pneucli.init.role_evidence import rivals, role_evidence
 from pneucli.init.survey_types import Array, Column, Guess, Survey
 from pneucli.init.units import guess_unit, implausibility
 from pneucli.init.unnamed_columns import guess_unnamed_columns
 from pneucli.io.missing_marks import MarkDetector
 from pneucli.io.signal_repairs import COMMANDS
 from pneucli.quantities import SIGNALS
-from pneucli.units import is_count, same_dimension
+from pneucli.unit_table import ANR
+from pneucli.units import is_count, parse_unit, same_dimension
 
 MIN_SWITCHED_SAMPLES, MAX_SWITCHED_LEVELS = 100, 3  # samples of one that was surely read, values of one that was not
+_DEGREES = {"C": "degC", "F": "degF"}  # letters that mean something else where no temperature is measured
 MOTION = ("v", "a")  # of which a column that never changes tells nothing; an x that does not is a place
 
 
@@ -49,19 +53,28 @@ def guess_columns(surveys: Sequence[Survey]) -> list[Guess]:
         return guess_unnamed_columns(surveys, clock)
     taken = {clock: "time"} if clock is not None else {}
     clocks = {column.clock for column in found.columns}
-    still = _constant_columns(surveys, names)
+    still = _constant_columns(surveys, names) | repeated_clocks(found.columns)
     usable = [n for n in range(len(names)) if found.columns[n].finite_values.size > 1]
     free = [n for n in usable if n not in taken and n not in still and found.columns[n].key not in clocks]
-    offers = [(score, -n, signal) for n in free for signal, score in signal_scores(names[n])]
-    for _, n, signal in sorted(offers, reverse=True):
-        if -n not in taken and signal not in taken.values():
-            taken[-n] = signal
+    scores = {(n, signal): score for n in free for signal, score in signal_scores(names[n])}
+    seen = [*role_evidence(found.columns, names, free)]
+    for one in seen:
+        scores[one.position, one.signal] = scores.get((one.position, one.signal), 0.0) + one.weight
+    for (n, signal), _ in sorted(scores.items(), key=lambda item: (item[1], -item[0][0], item[0][1]), reverse=True):
+        if n not in taken and signal not in taken.values():
+            taken[n] = signal
+    why = rivals(taken, scores, found.columns)
+    why |= {one.position: one.why for one in seen if taken.get(one.position) == one.signal}
     taken = {n: one for n, one in taken.items() if one not in MOTION or np.ptp(found.columns[n].finite_values) > 0}
     taken = {
         n: given for n, given in taken.items() if given in ("u", "u2", "time") or not _is_switched(found.columns[n])
     }
     _assign_single_pressure(taken)
-    return [_column_guess(surveys, n, taken.get(n, ""), names[n]) for n in range(len(names))]
+    guesses = [_column_guess(surveys, n, taken.get(n, ""), names[n]) for n in range(len(names))]
+    return [
+        replace(one, note="; ".join(filter(None, (why[n], one.note)))) if n in why and one.signal else one
+        for n, one in enumerate(guesses)
+    ]
 
 
 def _constant_columns(surveys: Sequence[Survey], names: Sequence[ColumnName]) -> set[int]:
@@ -73,7 +86,7 @@ def _constant_columns(surveys: Sequence[Survey], names: Sequence[ColumnName]) ->
         changes = bool(pooled.size) and float(np.ptp(pooled)) > 0.0
         moving[name.kind] = moving.get(name.kind, False) or changes
         still |= set() if changes else {n}
-    return {n for n in still if moving[names[n].kind] and not names[n].has(SUPPLY)}
+    return {n for n in still if moving[names[n].kind] and not names[n].has(f"{SUPPLY} {UPSTREAM}")}
 
 
 def _column_guess(alike: Sequence[Survey], n: int, signal: str, name: ColumnName) -> Guess:
@@ -87,6 +100,10 @@ def _column_guess(alike: Sequence[Survey], n: int, signal: str, name: ColumnName
     known = known[~np.isin(known, missing)]
     found = replace(_unit_guess(column, signal, name, known), missing=missing)
     doubt = implausibility(signal, found.unit, found.scale * known) if np.isfinite(found.scale) else ""
+    if doubt and not found.unit_stated:
+        written = f'the unit "{column.written}" is not known' if column.written else "no unit is stated"
+        note = f"CHECK {written}, and in {found.unit} this cannot be: {doubt.partition(': ')[2]}"
+        return replace(found, note=note, ask_unit=True)
     return replace(found, note="; ".join(filter(None, (found.note, _marks_note(missing), doubt))))
 
 
@@ -94,23 +111,44 @@ def _unit_guess(column: Column, signal: str, name: ColumnName, known: Array) -> 
     reference = "absolute" if name.has(ABSOLUTE) else "gauge" if name.has(GAUGE) else ""
     reference = reference if name.kind == "pressure" else ""
     column = replace(column, written=column.written or _counts_in_name(column.name))
-    if column.written and is_count(column.written):
-        unit = {"p": "bar", "x": "mm", "v": "mm/s", "f": "N"}.get(signal[0], SIGNALS[signal].unit)
-        note = f"CHECK the file says {column.written}, which is no unit: what one count is in {unit}"
-        return Guess(column, signal, unit, False, reference, note, scale=np.nan)
-    if signal not in ("u", "u2", "time") and name.unit and quantity_kind(name.unit) == "command":
-        unit = {"p": "bar", "x": "mm", "f": "N"}.get(signal[0], SIGNALS[signal].unit)
-        note = f"CHECK the file says {name.unit}, of a sensor: what one {name.unit} is in {unit}; add offset"
-        return Guess(column, signal, unit, False, reference, note, scale=np.nan)
+    if what := _what_to_scale(column, signal, name):
+        unit = _SENSED_IN.get(signal[0], SIGNALS[signal].unit)
+        return Guess(column, signal, unit, False, reference, f"CHECK the file says {what} in {unit}", scale=np.nan)
     if signal in ("u", "u2") and name.unit and quantity_kind(name.unit) != "command":
         return Guess(column, signal, "V", False, "", f"CHECK {name.unit} taken for volts, one for one")
     if name.unit:
+        if signal == "flow":
+            return Guess(column, signal, name.unit, True, "", _reference_state(name.unit), scale=column.scale)
         doubt = f"CHECK the file writes {column.written}: larger or smaller by that factor" if column.written else ""
         return Guess(column, signal, name.unit, True, reference, doubt, scale=column.scale)
+    if signal == "temperature" and column.written in _DEGREES:
+        return Guess(column, signal, _DEGREES[column.written], True)
     unit, note = guess_unit(signal, known, angle=name.has(ANGLES))
     if column.written:
         note = f'CHECK the unit "{column.written}" is not known: {note.removeprefix("CHECK no unit is stated: ")}'
-    return Guess(column, signal, unit, False, reference, note)
+    rests = "rests at ambient" in note
+    return Guess(column, signal, unit, False, reference, note, ask_unit=bool(column.written) and not rests)
+
+
+_SENSED_IN = {"p": "bar", "x": "mm", "v": "mm/s", "f": "N"}  # what people state a sensor's scale in, by signal
+
+
+def _what_to_scale(column: Column, signal: str, name: ColumnName) -> str:
+    """Return what people have to say of a column in counts, volts, milliamperes or percent of a sensor; else empty."""
+    if column.written and is_count(column.written):
+        return f"{column.written}, which is no unit: what one count is"
+    scaled = signal not in ("u", "u2", "time") and (name.unit == "%" or quantity_kind(name.unit) == "command")
+    return f"{name.unit}, of a sensor: add offset, and what one {name.unit} is" if scaled else ""
+
+
+def _reference_state(unit: str) -> str:
+    """Return the state at which a flow in a unit of volume is taken, in words; empty for a flow of mass."""
+    if same_dimension(unit, "m^3/s"):
+        return f"CHECK no reference state is stated: taken at {ANR.words}; N{unit} is at 0 °C and 1.01325 bar"
+    state = parse_unit(unit).state
+    if state is None:
+        return ""
+    return f"CHECK taken at {state.words}; others mean {state.others}" if state.others else f"taken at {state.words}"
 
 
 def _counts_in_name(name: str) -> str:

@@ -25,7 +25,7 @@ MIN_MOTION_STEPS = 20.0  # times the usual step between samples, that the range 
 _NUMBER = re.compile(r"\d+(?:[.,]\d+)?")
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class FileGroup:
     """Files that are read alike and are called alike: ``file`` is their path or glob, ``held_out`` those held out.
 

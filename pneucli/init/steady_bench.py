@@ -8,13 +8,12 @@ from dataclasses import replace
 import numpy as np
 
 from pneucli.init.clock_units import stated_period
-from pneucli.init.column_names import read_name
+from pneucli.init.column_names import DOWNSTREAM, UPSTREAM, read_name
+from pneucli.init.role_evidence import BY_ORDER
 from pneucli.init.survey_types import Guess, Survey
 
 MAX_ROWS = 5000  # a person or a bench sets each row; more rows are a recording over time whose clock is missing
 OPENINGS = "opening offnung- offnungs- turns lift spindle position stellung valve poppet"
-UPSTREAM = "up upstream vor inlet in entry eingang primary"
-DOWNSTREAM = "down downstream nach outlet out exit ausgang secondary back"
 
 
 def as_steady_bench(surveys: Sequence[Survey], guesses: Sequence[Guess]) -> list[Guess]:
@@ -52,9 +51,10 @@ def _pressures(survey: Survey, found: Mapping[str, Guess]) -> dict[int, Guess]:
     )
     first, last = taken[order[0]], taken[order[-1]]
     note = "" if names[order[0]].has(UPSTREAM) or names[order[-1]].has(DOWNSTREAM) else "CHECK the higher one"
+    own = [*(part for part in first.note.split("; ") if BY_ORDER not in part), note]
     return {
-        id(first): replace(first, signal="p_supply", note="; ".join(filter(None, (first.note, note)))),
-        id(last): replace(last, signal="p1"),
+        id(first): replace(first, signal="p_supply", note="; ".join(filter(None, own))),
+        id(last): replace(last, signal="p1", note="; ".join(p for p in last.note.split("; ") if BY_ORDER not in p)),
         **{id(one): replace(one, signal="") for one in taken if one is not first and one is not last},
     }
 

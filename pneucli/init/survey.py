@@ -11,11 +11,14 @@ from numpy.typing import NDArray
 
 from pneucli.errors import InputError
 from pneucli.init.clock_columns import computed_clocks, is_increasing, paired_clocks
+from pneucli.init.column_names import read_name
+from pneucli.init.role_evidence import pressure_behind_valve
 from pneucli.init.survey_types import Column, Guess, Survey
+from pneucli.init.table_shapes import long_table, runs_below_one_another, runs_beside_one_another
 from pneucli.io.channel_clocks import align_tables
 from pneucli.io.clock_repairs import CounterClock, spread_stamps
 from pneucli.io.delimited import DelimitedReader
-from pneucli.io.file_units import unit_in_file
+from pneucli.io.file_units import WrittenUnit, read_unit, unit_in_file
 from pneucli.io.formats import is_text, open_raw, unpacked
 from pneucli.io.packed import named_as
 from pneucli.io.raw_file import ColumnKey, ColumnRequest, ColumnValues, RawFile, Reader
@@ -29,18 +32,19 @@ __all__ = ["Column", "Guess", "Survey", "survey_file"]
 Array = NDArray[np.float64]
 MAX_SURVEY_ROWS = 200_000  # rows that are looked at
 SPARSE = 0.1  # of the rows of the longest clock: fewer are those of a command that is logged on change
-MAX_LABELS = 30  # of a long table, at most
+MAX_TEXTS = 3  # texts of a column that are shown
 
 
 def survey_parts(raw: RawFile) -> list[Survey]:
-    """Read what there is; a text in which the header and the clock start anew is several recordings.
+    """Read what there is; a file of several runs is several recordings.
 
+    Runs begin where the header and the clock start anew, or where a column says the run, or stand beside one another.
     Raises InputError as :func:`survey_file` does.
     """
     found = survey_file(raw)
-    if not found.parts:
-        return [found]
-    return [survey_file(replace(raw, part=number)) for number in range(1, found.parts + 1)]
+    if found.parts:
+        return [survey_file(replace(raw, part=number)) for number in range(1, found.parts + 1)]
+    return [replace(found, columns=columns, run=run) for run, columns in found.runs] or [found]
 
 
 def survey_file(raw: RawFile) -> Survey:
@@ -57,7 +61,7 @@ def _survey_text(raw: RawFile) -> Survey:
     found = sniff(raw)
     stated = apply_sniffed(raw, found)
     reader = DelimitedReader(stated)
-    columns, unused = _text_columns(reader, found)
+    columns, labels = _text_columns(reader, found)
     if not columns:
         raise InputError(
             str(raw.path), "no column of numbers", "rows of numbers", "say --skip-rows or --delimiter", code="E041"
@@ -68,9 +72,47 @@ def _survey_text(raw: RawFile) -> Survey:
         )
     bare = replace(stated, delimiter=raw.delimiter)
     plain = raw.delimiter is None and _same_table(bare, reader)
-    columns = _aligned(paired_clocks([*computed_clocks(columns), *columns]))
-    parts = reader.header_lines + 1 if reader.header_lines and _starts_anew(columns) else 0
-    return Survey(bare if plain else stated, True, columns, stated_numbers(raw, found), unused, parts)
+    columns, unused, runs = _shaped(reader, columns, labels)
+    parts = reader.header_lines + 1 if reader.header_lines and _starts_anew(columns) and not runs else 0
+    return Survey(bare if plain else stated, True, columns, stated_numbers(raw, found), unused, parts, runs)
+
+
+def _shaped(
+    reader: Reader, columns: Sequence[Column], labels: Mapping[str, ColumnValues]
+) -> tuple[list[Column], list[str], list[tuple[str, list[Column]]]]:
+    """Return the columns of a table as one of signals, what is left out in words, and the columns of each run."""
+    words = [one.message for one in reader.repairs if one.kind == "words"]
+    if long := long_table(columns, labels):
+        by_label = {one.where[0] for one in long if one.where is not None}
+        return long, [*words, *(_counted(key, own) for key, own in labels.items() if key not in by_label)], []
+
+    def as_text(column: Column) -> ColumnValues:
+        return _read(reader, [ColumnRequest(list(reader.names).index(str(column.key)), text=True)])[0]
+
+    timed = _has_names(reader, columns) and not computed_clocks(columns)
+    runs = runs_below_one_another(columns, labels, as_text) if timed else []
+    runs = runs or runs_beside_one_another(columns)
+    clocked = [(run, _with_clocks(own)) for run, own in runs]
+    by_run = {one.where[0] for _, own in runs for one in own if one.where is not None}
+    unused = [*words, *(_counted(key, own) for key, own in labels.items() if key not in by_run)]
+    return (clocked[0][1] if clocked else _with_clocks(columns)), unused, clocked
+
+
+def _with_clocks(columns: Sequence[Column]) -> list[Column]:
+    found = [*computed_clocks(columns), *columns]
+    behind = pressure_behind_valve(found, [read_name(one, False) for one in found])
+    return _aligned(paired_clocks([*found, *behind]))
+
+
+def _has_names(reader: Reader, columns: Sequence[Column]) -> bool:
+    return all(isinstance(one.key, str) and list(reader.names).count(one.key) == 1 for one in columns)
+
+
+def _counted(key: str, texts: ColumnValues) -> str:
+    """Return a column of text in words: what stands in it, and how often."""
+    often = Counter(str(text) for text in texts if text)
+    listed = ", ".join(f'"{text}" {count} times' for text, count in often.most_common(MAX_TEXTS))
+    return f'"{key}": texts, {listed}' + ", ..." * (len(often) > MAX_TEXTS)
 
 
 def _starts_anew(columns: Sequence[Column]) -> bool:
@@ -87,8 +129,8 @@ def _same_table(raw: RawFile, reader: DelimitedReader) -> bool:
         return False
 
 
-def _text_columns(reader: DelimitedReader, found: SniffedLayout) -> tuple[list[Column], list[str]]:
-    """Return the columns of numbers, and why the others are left out."""
+def _text_columns(reader: DelimitedReader, found: SniffedLayout) -> tuple[list[Column], dict[str, ColumnValues]]:
+    """Return the columns of numbers, and those of text by their keys."""
     numbers = [n for n in range(len(reader.names)) if n not in reader.labels | reader.dates]
     asks = [ColumnRequest(n, thousands=found.thousands.get(n)) for n in numbers]
     labels = [ColumnRequest(n, text=True) for n in sorted(reader.labels)]
@@ -98,11 +140,17 @@ def _text_columns(reader: DelimitedReader, found: SniffedLayout) -> tuple[list[C
         name = found.names[ask.position] if ask.position < len(found.names) else ""
         often = reader.names.count(reader.names[ask.position]) > 1
         key: ColumnKey = ask.position + 1 if not found.header or often or not name else name
-        columns.append(_column(reader, ask.position, key, name, values, ask.thousands))
-    texts = {ask.position: values for ask, values in zip(labels, read[len(asks) :], strict=True)}
-    if long := _long_table_channels(reader, columns, texts):
-        return long, []
-    return columns, [f'"{reader.names[place]}": texts, such as "{texts[place][0]}"' for place in texts]
+        title = found.titles[ask.position] if ask.position < len(found.titles) else ""
+        one = _column(reader, ask.position, key, title or name, values, ask.thousands)
+        above = found.units[ask.position] if ask.position < len(found.units) else ""
+        columns.append(one if one.unit or not above else _in_unit(one, read_unit(above)))
+    texts = {str(reader.names[ask.position]): values for ask, values in zip(labels, read[len(asks) :], strict=True)}
+    return columns, texts
+
+
+def _in_unit(column: Column, unit: WrittenUnit) -> Column:
+    """Return a column in a unit that a line above the table says; a word that is none is no unit of it."""
+    return replace(column, unit=unit.unit, scale=unit.scale) if unit.unit and unit.certain else column
 
 
 def _column(
@@ -131,31 +179,22 @@ def _read(reader: Reader, asks: Sequence[ColumnRequest]) -> list[ColumnValues]:
     return [np.concatenate(column) for column in zip(*parts, strict=True)]
 
 
-def _long_table_channels(reader: Reader, columns: list[Column], labels: Mapping[int, ColumnValues]) -> list[Column]:
-    """Return clock and channels of a long table (a label, a stamp, a value); nothing where it is none."""
-    if len(columns) != 2 or not labels:
-        return []
-    position, texts = next(iter(labels.items()))
-    names = dict.fromkeys(texts)
-    if not 1 < len(names) <= min(MAX_LABELS, texts.size // 2):
-        return []
-    clock, value = columns
-    split = [Column(value.key, name, "", value.values[texts == name], (reader.names[position], name)) for name in names]
-    return [Column(clock.key, clock.name, clock.unit, clock.values[texts == split[0].name]), *split]
-
-
 def _survey_binary(raw: RawFile) -> Survey:
     """Survey a binary file, column by column or clock by clock: what has another length than most is left out."""
     reader = open_raw(raw)
     stamps = set(reader.clocks.values())
     columns, unused = [], []
+    labels: dict[str, ColumnValues] = {}
     for place, name in enumerate(reader.names):
         if stamps and place in reader.clock_names and place not in reader.clocks:
             continue  # stands for the clocks of the others
         try:
-            (values,) = _read(reader, [ColumnRequest(place)])
+            (values,) = _read(reader, [ColumnRequest(place, text=place in reader.labels)])
         except InputError as error:
             unused.append(f'"{name}": {error.found}')
+            continue
+        if place in reader.labels:
+            labels[name] = values
             continue
         clock = reader.names[reader.clocks[place]] if place in reader.clocks else None
         columns.append(replace(_column(reader, place, name, name, values), clock=clock))
@@ -169,14 +208,16 @@ def _survey_binary(raw: RawFile) -> Survey:
         shared = next(
             (_column(reader, n, reader.names[n], reader.names[n], np.empty(0)) for n in reader.clock_names), None
         )
-        return Survey(raw, False, _aligned(columns, shared), scalars, unused)
+        texts = [_counted(name, own) for name, own in labels.items()]
+        return Survey(raw, False, _aligned(columns, shared), scalars, [*unused, *texts])
     sizes = Counter(one.values.size for one in columns)
     usual = max(sizes, key=lambda size: (sizes[size], size))
     other = [
         f'"{one.name}": {one.values.size} values, most have {usual}' for one in columns if one.values.size != usual
     ]
     kept = [one for one in columns if one.values.size == usual]
-    return Survey(raw, False, [*computed_clocks(kept), *kept], scalars, [*unused, *other])
+    found, left, runs = _shaped(reader, kept, {name: own for name, own in labels.items() if own.size == usual})
+    return Survey(raw, False, found, scalars, [*unused, *other, *left], runs=runs)
 
 
 def _aligned(columns: Sequence[Column], shared: Column | None = None) -> list[Column]:

@@ -14,7 +14,7 @@ from pneucli.io.raw_file import ColumnKey, RawFile
 Array = NDArray[np.float64]
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Column:
     """One column of numbers: its ``key`` in the pipeline file, its ``name``, the unit that the file says, its values.
 
@@ -43,12 +43,13 @@ class Column:
         return self.values[np.isfinite(self.values)]
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Survey:
     """A raw file: how it has to be read, its columns, and what it has one value of only.
 
     ``unused`` says of each further column why it is left out; ``parts`` is in how many tables the header stands again
-    and the clock starts anew, 0 where it is one table.
+    and the clock starts anew, 0 where it is one table; ``runs`` has the columns of each run that one table holds, and
+    ``run`` is the one that the columns are of.
     """
 
     raw: RawFile
@@ -57,6 +58,8 @@ class Survey:
     scalars: dict[str, float]
     unused: Sequence[str] = ()
     parts: int = 0
+    runs: Sequence[tuple[str, Sequence[Column]]] = ()
+    run: str = ""
 
     @property
     def path(self) -> Path:
@@ -64,13 +67,13 @@ class Survey:
         return self.raw.path
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Guess:
     """One column and the signal it is taken for, read in ``unit``; ``signal`` is empty where nothing fits.
 
     ``unit_stated``: whether the file says the unit; ``reference``: gauge or absolute, where the name says it; ``note``:
     what speaks for it. One of the column's numbers is ``scale`` units; NaN: people have to say it. ``missing`` are the
-    numbers that mark no value.
+    numbers that mark no value. ``ask_unit``: people have to say the unit; ``unit`` is what the numbers look like.
     """
 
     column: Column
@@ -81,3 +84,4 @@ class Guess:
     note: str = ""
     scale: float = 1.0
     missing: tuple[float, ...] = ()
+    ask_unit: bool = False

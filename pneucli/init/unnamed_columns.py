@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pneucli.init.clock_units import guess_clock_unit
+from pneucli.init.role_evidence import looks_set, supply_like
 from pneucli.init.survey_types import Guess, Survey
 from pneucli.init.units import guess_unit
 from pneucli.io.text_sniffer import is_unit
@@ -32,8 +33,9 @@ def guess_unnamed_columns(surveys: Sequence[Survey], clock: int | None) -> list[
     own = [n for n in filled if n not in twins and n != clock]
     medians = {n: np.array([np.median(one.columns[n].finite_values) for one in surveys]) for n in own}
     found = {} if clock is None else {clock: ("time", *_clock_unit(surveys[0], clock))}
-    found |= _pressure(surveys, medians)
-    found |= _position(surveys, [n for n in own if n not in found])
+    found |= _driven_vessel(surveys[0], own) or _pressure(surveys, medians)
+    if not any(signal == "p_supply" for signal, *_ in found.values()):
+        found |= _position(surveys, [n for n in own if n not in found])
     found |= _force(medians, found)
     if len(own) == 1 and own[0] not in found:
         unit, note = guess_unit("p1", columns[own[0]].finite_values, angle=False)
@@ -44,6 +46,28 @@ def guess_unnamed_columns(surveys: Sequence[Survey], clock: int | None) -> list[
         note = f"column {columns[twins[n]].key} in other numbers" if n in twins else note
         guesses.append(Guess(column, signal, unit, False, "", note))
     return guesses
+
+
+def _driven_vessel(found: Survey, own: Sequence[int]) -> dict[int, tuple[str, str, str]]:
+    """Return command, supply and pressure of a vessel: what is set, what bounds the others, and what is between."""
+    columns = {n: found.columns[n] for n in own}
+    commands = [n for n, one in columns.items() if looks_set(one.values)]
+    others = {n: one.values for n, one in columns.items() if n not in commands}
+    supply = supply_like(others)
+    if len(commands) != 1 or len(supply) != 1 or len(others) != 2:
+        return {}
+    pressure = next(n for n in others if n not in supply)
+    roles = {
+        commands[0]: ("u", "it is set in steps and shows no noise, as a command does"),
+        supply[0]: ("p_supply", "it stands at the top of the other reading, as a supply does"),
+        pressure: ("p1", "it moves below the supply"),
+    }
+    guessed = {n: guess_unit(signal, columns[n].finite_values, angle=False) for n, (signal, _) in roles.items()}
+    unit = guessed[pressure][0]
+    return {
+        n: (signal, unit if signal.startswith("p") else guessed[n][0], f"CHECK {why}; {guessed[n][1]}")
+        for n, (signal, why) in roles.items()
+    }
 
 
 def _clock_unit(found: Survey, clock: int) -> tuple[str, str]:

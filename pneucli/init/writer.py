@@ -106,7 +106,7 @@ def _take(kind: FileGroup, one: GuessedExperiment, groups: Sequence[FileGroup]) 
 def _signal(kind: FileGroup, one: Guess, references: References) -> str:
     column = one.column
     source = "expression" if column.computed else "column"
-    parts = [f"{source} = {_key(column.key)}", f"unit = {toml_string(one.unit)}"]
+    parts = [f"{source} = {_key(column.key)}", f"unit = {toml_string('?' if one.ask_unit else one.unit)}"]
     if one.scale != 1.0:
         parts.append(f"scale = {one.scale:.10g}" if np.isfinite(one.scale) else 'scale = "?"')
     if column.clock is not None:
@@ -223,11 +223,13 @@ def _unused_columns(kinds: Sequence[FileGroup]) -> Iterator[str]:
 def _names(groups: Sequence[FileGroup]) -> list[str]:
     """Return a name for each group whose files are called like those of another one; empty for the others."""
     stems = [{(survey.path.stem, survey.raw.part) for survey in kind.surveys} for kind in groups]
+    runs = [kind.surveys[0].run for kind in groups]
     often = Counter(stem for own in stems for stem in own)
     names = []
-    for kind, own in zip(groups, stems, strict=True):
+    for kind, own, run in zip(groups, stems, runs, strict=True):
         path, part = kind.surveys[0].path, kind.surveys[0].raw.part
         plain = f"{path.parent.name}_{path.name}".replace(".", "_") + (f"_{part}" if part else "")
+        plain = f"{path.stem}_{run}" if run else plain
         names.append(plain if any(often[stem] > 1 for stem in own) else "")
     return names
 

@@ -79,7 +79,7 @@ class CalendarClock:
         ``texts`` is an array of Arrow. Raises ValueError with the first text that is no stamp.
         """
         parts = pc.extract_regex(texts, _PATTERN)
-        lost = pc.and_(pc.is_null(parts), pc.not_equal(pc.utf8_trim_whitespace(texts), ""))
+        lost = pc.and_(pc.is_null(parts), pc.match_substring_regex(texts, r"\d"))  # a word stamps no row
         if pc.any(lost).as_py():
             text = texts.filter(lost)[0].as_py()
             raise ValueError(f'"{text}"')

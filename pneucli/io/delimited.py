@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from datetime import datetime
 from itertools import islice
 from typing import Any, Literal
@@ -12,12 +12,14 @@ import numpy as np
 import pyarrow as pa
 import pyarrow.csv as pcsv
 
-from pneucli.errors import InputError
+from pneucli.errors import InputError, UnitError
 from pneucli.io import arrow_compute as pc
+from pneucli.io.column_reader import words_message
 from pneucli.io.date_parsing import CalendarClock
 from pneucli.io.raw_file import NO_CLOCKS, ColumnRequest, ColumnValues, RawFile, Repair
 from pneucli.io.text_layout import NULL_TEXTS, TextLayout, detect_layout
 from pneucli.io.text_stream import NormalizedTextStream
+from pneucli.units import Dimension, Unit, parse_unit
 
 BLOCK_BYTES = 4 << 20
 BLOCK_ROWS = 4096  # read at once in the search for a fault
@@ -37,7 +39,9 @@ class DelimitedReader:
         self.clocks = NO_CLOCKS
         self.clock_names: frozenset[int] = frozenset()
         self.losses: Counter[str] = Counter()
-        self.units = {number: unit for number, unit in enumerate(self._look.units) if unit not in NULL_TEXTS}
+        above = {number: unit for number, unit in enumerate(self._look.units) if unit not in NULL_TEXTS}
+        self.units = {**self._look.cells, **above}
+        self._words: dict[int, Counter[str]] = {}
         if self._look.units:
             self.repairs.append(Repair("", "units-line", 1, "the line below the header holds no number: units"))
         self._date_of = _dates_beside(self._look)
@@ -65,13 +69,18 @@ class DelimitedReader:
         return self._look.stamps
 
     @property
+    def cells(self) -> frozenset[int]:
+        """The columns (from 0) in whose cells a unit stands behind each number."""
+        return frozenset(self._look.cells)
+
+    @property
     def start(self) -> datetime | None:
         """When the clock reads 0, where it is a calendar's and has been read."""
         return next((stamps.start for stamps in self._stamps.values() if stamps.start), None)
 
     def batches(self, asks: Sequence[ColumnRequest]) -> Iterator[list[ColumnValues]]:
         """Yield the asked columns; raises InputError with line and column where a row does not fit."""
-        self._bad = []
+        self._bad, self._words = [], {}
         try:
             with NormalizedTextStream(self._raw.path, self._look) as stream:
                 while block := stream.read(BLOCK_BYTES):
@@ -85,6 +94,10 @@ class DelimitedReader:
             self._drop_truncated_last_line(asks)
         elif not stream.ends_with_newline:
             self._note_unterminated_last_line()
+        for place, words in self._words.items():
+            if words:
+                message = words_message(self.names[place], words)
+                self.repairs.append(Repair("", "words", sum(words.values()), message))
         self.header_lines = stream.header_lines
         if stream.header_lines:
             message = f"the header stands again {stream.header_lines} times among the rows and was passed over"
@@ -100,7 +113,14 @@ class DelimitedReader:
 
     def _parse(self, block: bytes, asks: Sequence[ColumnRequest]) -> Any:
         """Return a table of whole rows; Arrow reads from memory only, so that none of its threads calls Python."""
-        types = {f"c{ask.position}": pa.string() if self._as_text(ask) else pa.float64() for ask in asks}
+        try:
+            return self._table(block, asks, self._as_text)
+        except pa.ArrowInvalid:  # words among the numbers, or rows that do not fit
+            self._bad = []
+            return self._table(block, asks, lambda _: True)
+
+    def _table(self, block: bytes, asks: Sequence[ColumnRequest], is_text: Callable[[ColumnRequest], bool]) -> Any:
+        types = {f"c{ask.position}": pa.string() if is_text(ask) else pa.float64() for ask in asks}
         types |= {f"c{self._date_of[ask.position]}": pa.string() for ask in asks if ask.position in self._date_of}
         delimiter = "\t" if self._look.delimiter == " " else self._look.delimiter
         source: Any = pa.BufferReader(block)
@@ -120,7 +140,8 @@ class DelimitedReader:
 
     def _as_text(self, ask: ColumnRequest) -> bool:
         own = ask.decimal is not None and ask.decimal != self._look.decimal
-        return ask.text or own or bool(ask.thousands or self._raw.thousands) or ask.position in self._stamps
+        marked = bool(ask.thousands or self._raw.thousands)
+        return ask.text or own or marked or ask.position in self._stamps or ask.position in self._look.cells
 
     def _on_bad_row(self, row: Any) -> Literal["skip", "error"]:
         self._bad.append(row.text)
@@ -133,7 +154,7 @@ class DelimitedReader:
         if ask.position in self._stamps:
             return self._seconds(table, ask)
         if pa.types.is_string(column.type):
-            column = self._numbers(column, ask)
+            column = self._numbers(column, ask, self._words.setdefault(ask.position, Counter()))
         return np.asarray(column.to_numpy(zero_copy_only=False))
 
     def _seconds(self, table: Any, ask: ColumnRequest) -> ColumnValues:
@@ -151,15 +172,24 @@ class DelimitedReader:
                 where, f'"{bad}"', "a date or time of day as above it", "mend the line", code="E045"
             ) from error
 
-    def _numbers(self, column: Any, ask: ColumnRequest) -> Any:
+    def _numbers(self, column: Any, ask: ColumnRequest, words: Counter[str] | None = None) -> Any:
+        """Return texts as numbers; words become null and are counted, units behind numbers are taken off."""
         plain = pc.utf8_trim_whitespace(column)
         plain = pc.if_else(pc.is_in(plain, value_set=pa.array(list(NULL_TEXTS))), pa.scalar(None, pa.string()), plain)
+        is_word = pc.invert(pc.match_substring_regex(plain, r"\d|^[+-]?inf$"))
+        if words is not None and pc.any(is_word).as_py():
+            words.update(plain.filter(is_word).drop_null().to_pylist())
+        plain = pc.if_else(is_word, pa.scalar(None, pa.string()), plain)
+        factors = None
+        if ask.position in self._look.cells:
+            plain, factors = _without_units(plain, self._look.cells[ask.position])
         if thousands := ask.thousands or self._raw.thousands:
             plain = pc.replace_substring(plain, thousands, "")
         decimal = ask.decimal or self._look.decimal
         if decimal not in (".", thousands):
             plain = pc.replace_substring(plain, decimal, ".")
-        return plain.cast(pa.float64())
+        numbers = plain.cast(pa.float64())
+        return numbers if factors is None else pc.multiply(numbers, factors)
 
     def _rows(self) -> Iterator[tuple[int, str]]:
         """Yield line number (from 1) and text of every data row."""
@@ -236,6 +266,30 @@ class DelimitedReader:
 def _array(table: Any, position: int) -> Any:
     column = table.column(f"c{position}")
     return column.chunk(0) if column.num_chunks else pa.array([], column.type)
+
+
+def _without_units(cells: Any, first: str) -> tuple[Any, Any]:
+    """Return the numbers of cells with units, as texts, and what one of each unit is in the first; None: all alike.
+
+    Raises ArrowInvalid where a cell has a unit of another kind.
+    """
+    parts = pc.extract_regex(cells, r"^(?P<number>[+-]?[\d.,]+(?:[eE][+-]?\d+)?)\s*(?P<unit>[^\d\s.,+-].*)?$")
+    units = pc.fill_null(pc.struct_field(parts, "unit"), "").dictionary_encode()
+    texts = units.dictionary.to_pylist()
+    if set(texts) <= {first, ""}:
+        return pc.struct_field(parts, "number"), None
+    try:
+        wanted, known = parse_unit(first), [parse_unit(text or first) for text in texts]
+    except UnitError as error:
+        raise pa.ArrowInvalid(str(error)) from error
+    if any(_kind(one) != _kind(wanted) for one in known):
+        raise pa.ArrowInvalid("units of several kinds")
+    factors = pa.array([one.factor / wanted.factor for one in known])
+    return pc.struct_field(parts, "number"), pc.take(factors, units.indices)
+
+
+def _kind(unit: Unit) -> tuple[Dimension, float, bool]:
+    return unit.dimension, unit.offset, unit.gauge
 
 
 def _dates_beside(look: TextLayout) -> dict[int, int]:

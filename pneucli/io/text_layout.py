@@ -6,14 +6,15 @@ import codecs
 import csv
 import re
 import string
-from collections.abc import Callable
-from dataclasses import dataclass, replace
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field, replace
 from itertools import zip_longest
 from pathlib import Path
 
-from pneucli.errors import InputError
+from pneucli.errors import InputError, UnitError
 from pneucli.io.date_parsing import has_date, is_date, is_date_or_time
 from pneucli.io.raw_file import RawFile
+from pneucli.units import parse_unit
 
 HEAD_BYTES = 1 << 18
 NULL_TEXTS = (
@@ -23,6 +24,9 @@ NULL_TEXTS = (
     *("*" * number for number in range(1, 13)),  # a field too narrow for its number
 )
 _POINTS_BETWEEN_THOUSANDS = re.compile(r"[+-]?\d{1,3}(?:\.\d{3})+,\d+")
+_CELL = re.compile(r"([+-]?(?:\d[\d.,]*|[.,]\d+)(?:[eE][+-]?\d+)?)\s*([^\d\s.,+-].*)")  # a number and its unit
+ARROW = r"^([\d:.,]+)\s*->\s*"  # between a stamp and what a serial monitor shows after it
+_ARROW = re.compile(ARROW)
 _BRACKETS = re.compile(r"^[\[(<{]\s*(.*?)\s*[\])>}]$")
 _DELIMITERS = ("\t", ";", ",", " ")
 _BLANK_NAMES = (" ", r"\s+", "whitespace")  # as some programs call blanks
@@ -36,7 +40,8 @@ class TextLayout:
     ``units`` is the line below the header, if that is none of numbers; ``stamps`` are the columns (from 0) of times of
     day, with or without their dates, ``dates`` those of dates alone, ``labels`` those of other text;
     ``dated_stamps`` are those of ``stamps`` that have their dates. ``repeated`` are the lines of the header, which may
-    stand again among the rows; ``lines`` is how many lines after ``skip`` are read, all where it is None.
+    stand again among the rows; ``lines`` is how many lines after ``skip`` are read, all where it is None. ``cells``
+    has the unit of columns in whose cells a unit stands behind each number.
     """
 
     encoding: str
@@ -52,9 +57,12 @@ class TextLayout:
     line_end: str = "\n"
     repeated: tuple[str, ...] = ()
     lines: int | None = None
+    cells: Mapping[int, str] = field(default_factory=dict)
 
     def split(self, line: str) -> list[str]:
-        """Return the fields of one line, without blanks around them."""
+        """Return the fields of one line, without blanks around them; an arrow behind a stamp parts fields too."""
+        if "->" in line:
+            line = _ARROW.sub(rf"\1{self.delimiter}", line)
         if self.delimiter == " ":
             return line.split()
         try:
@@ -137,7 +145,38 @@ def _with_names(raw: RawFile, plain: TextLayout, sample: list[list[str]], rows: 
     units_row = tuple(_BRACKETS.sub(r"\1", field) for field in first) if units else ()
     kinds = {"stamps": is_date_or_time, "labels": _is_label, "dates": is_date, "dated_stamps": has_date}
     columns = {kind: _columns_of(body, test, len(names)) for kind, test in kinds.items()}
-    return replace(plain, decimal=decimal, skip=skip, names=tuple(names), units=units_row, **columns)  # type: ignore[arg-type]
+    cells = _units_in_cells(body, len(names))
+    columns["labels"] = columns["labels"] - cells.keys()
+    return replace(plain, decimal=decimal, skip=skip, names=tuple(names), units=units_row, cells=cells, **columns)  # type: ignore[arg-type]
+
+
+def _units_in_cells(body: list[list[str]], width: int) -> dict[int, str]:
+    """Return the first unit of each column in all of whose cells a unit stands behind a number."""
+    parts: dict[int, list[tuple[str, str] | None]] = {}
+    for number, column in enumerate(zip_longest(*body, fillvalue="")):
+        parts[number] = [number_and_unit(text) for text in column if text not in NULL_TEXTS]
+    return {number: own[0][1] for number, own in parts.items() if number < width and own and own[0] and all(own)}
+
+
+def number_and_unit(text: str) -> tuple[str, str] | None:
+    """Return a number and the unit behind it, as in ``"1.012 bar"``; None where a text is no such cell.
+
+    >>> number_and_unit("-0.5 mbar"), number_and_unit("1.2"), number_and_unit("3 runs")
+    (('-0.5', 'mbar'), None, None)
+    """
+    found = _CELL.fullmatch(text.strip())
+    if found is None:
+        return None
+    try:
+        parse_unit(found[2])
+    except UnitError:
+        return None
+    return found[1], found[2]
+
+
+def is_cell(field: str) -> bool:
+    """Return whether a field is a value, or a number with its unit."""
+    return is_value(field) or number_and_unit(field) is not None
 
 
 def _columns_of(body: list[list[str]], test: Callable[[str], bool], width: int) -> frozenset[int]:
@@ -168,7 +207,7 @@ def _check_marks(raw: RawFile) -> None:
 
 
 def _is_number(field: str) -> bool:
-    return bool(re.fullmatch(r"[+-]?[\d.,]*\d[\d.,]*(?:[eE][+-]?\d+)?|nan|NaN|[+-]?inf", field))
+    return bool(re.fullmatch(r"[+-]?[\d.,]*\d[\d.,]*(?:[eE][+-]?\d+)?|nan|NaN|[+-]?inf|[+-]?∞", field))
 
 
 def detect_encoding(path: Path, head: bytes) -> str:
@@ -226,6 +265,7 @@ def _delimiter(body: list[str], header: str) -> str:
 
 def _decimal(body: list[list[str]]) -> str:
     """A comma inside a field is the decimal mark where no number has a point, but for those between thousands."""
-    fields = [field for row in body for field in row if _is_number(field) and not is_date(field)]
+    numbers = [(number_and_unit(field) or (field, ""))[0] for row in body for field in row]
+    fields = [field for field in numbers if _is_number(field) and not is_date(field)]
     points = any("." in field and not _POINTS_BETWEEN_THOUSANDS.fullmatch(field) for field in fields)
     return "," if any("," in field for field in fields) and not points else "."

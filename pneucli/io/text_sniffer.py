@@ -13,7 +13,7 @@ from itertools import pairwise
 
 from pneucli.errors import InputError, UnitError
 from pneucli.io.raw_file import RawFile
-from pneucli.io.text_layout import HEAD_BYTES, NULL_TEXTS, TextLayout, decode_head, detect_encoding, is_value
+from pneucli.io.text_layout import HEAD_BYTES, NULL_TEXTS, TextLayout, decode_head, detect_encoding, is_cell, is_value
 from pneucli.units import is_count, parse_scaled_unit, parse_unit, same_dimension
 
 MAX_LINES = 2000  # lines that are looked at
@@ -29,7 +29,8 @@ _MAX_COLUMNS = 1000  # columns
 class SniffedLayout:
     """How a text is written: what has to be stated to read it, and what its columns are called.
 
-    ``thousands`` maps columns (from 0) to their mark. ``names`` and ``units`` are empty where there are none.
+    ``thousands`` maps columns (from 0) to their mark. ``names`` and ``units`` are empty where there are none;
+    ``titles`` are the names that lines above the table give to its columns, such as to ``CH1``.
     """
 
     header: bool
@@ -38,6 +39,7 @@ class SniffedLayout:
     names: tuple[str, ...]
     units: tuple[str, ...]
     thousands: dict[int, str]
+    titles: tuple[str, ...] = ()
 
 
 def sniff(raw: RawFile) -> SniffedLayout:
@@ -53,7 +55,7 @@ def sniff(raw: RawFile) -> SniffedLayout:
         lines.pop()
     found = max(
         (_DelimitedTable(lines, mark, raw.skip_rows) for mark in ([raw.delimiter] if raw.delimiter else DELIMITERS)),
-        key=lambda table: table.score,
+        key=lambda table: (table.score, table.width),
     )
     if not found.score:
         wanted, mend = "rows of numbers", "say --skip-rows, --delimiter or --decimal, or export it as CSV"
@@ -82,7 +84,7 @@ def stated_numbers(raw: RawFile, found: SniffedLayout) -> dict[str, float]:
 MAX_PREAMBLE_LINES = 60
 _STATED_RATE = re.compile(
     r'(?i)^[#%;"\s]*((?:sampl\w*|scan|data|acquisition|record\w*)?[ _]?(?:rate|freq\w*|fs|interval|period|dt|increment|'
-    r'time[ _]?step|x[ _]?increment|delta[ _]?[tx]))\s*(?:[\[(]([^\])]*)[\])])?["\s]*[:=,;\t]\s*"?'
+    r'time[ _]?step|x[ _]?increment|delta[ _]?[tx]))\s*(?:[\[(]([^\])]*)[\])])?["\s]*[:=,;\t]+\s*"?'
     r"(\d+(?:[.,]\d+)?(?:[eE][+-]?\d+)?)\s*([A-Za-zµ/]*)"
 )
 
@@ -95,11 +97,11 @@ class _DelimitedTable:
         cut = TextLayout("", delimiter, "", 0, ())
         self._rows = [() if _is_skipped(line) else tuple(cut.split(line)) for line in lines]
         tail = [row for row in self._rows[max(skip, len(lines) // 2) :] if row] or [r for r in self._rows[skip:] if r]
-        tail = [row for row in tail if any(map(is_value, row))] or tail  # not the header, where it stands again
+        tail = [row for row in tail if any(map(is_cell, row))] or tail  # not the header, where it stands again
         self.width = Counter(map(len, tail)).most_common(1)[0][0] if tail else 0
         self._tail = [row for row in tail if len(row) == self.width]
         there = self._there = [[row[n] for row in self._tail if row[n] not in NULL_TEXTS] for n in range(self.width)]
-        self._numeric = [n for n in range(self.width) if _share(map(is_value, there[n])) >= MIN_VALUE_SHARE]
+        self._numeric = [n for n in range(self.width) if _share(map(is_cell, there[n])) >= MIN_VALUE_SHARE]
         self.start = self._first_row()
         usual = len(self._tail) / max(len(tail), 1)
         cells = _share(n in self._numeric or not there[n] for n in range(self.width))
@@ -114,7 +116,7 @@ class _DelimitedTable:
         if any(row[n] not in NULL_TEXTS for n in range(self._numeric[0]) if not self._there[n]):
             return False  # a line of keys above rows whose first column is empty
         fields = [row[n] for n in self._numeric]
-        return any(map(is_value, fields)) and all(is_value(field) or field in NULL_TEXTS for field in fields)
+        return any(map(is_cell, fields)) and all(is_cell(field) or field in NULL_TEXTS for field in fields)
 
     def _first_row(self) -> int | None:
         there = [n for n, row in enumerate(self._rows) if row and n >= self._skip]
@@ -133,21 +135,51 @@ class _DelimitedTable:
         )  # else names that reading passes over
         skip = at if direct and at is not None else start if above or self._skip else 0
         skip = 0 if direct and not [n for n in above if n < skip] else skip
-        return SniffedLayout(
-            direct, skip, self._delimiter, names or self._names_in_comment(start), units, self._thousands()
-        )
+        names = names or self._names_in_comment(start)
+        titles, own = self._channel_table(above, names)
+        units = units or own
+        return SniffedLayout(direct, skip, self._delimiter, names, units, self._thousands(), titles)
 
     def _header(self, above: list[int]) -> tuple[tuple[str, ...], tuple[str, ...], int | None]:
         """Return names, units and the names' line: those above the rows that are as wide as they are."""
         wide = [n for n in above if len(self._rows[n]) in (self.width, self.width + 1)]
         if self._delimiter == " " and not wide and above:
             return self._names_in_columns(self._lines[above[-1]]), (), None
-        if not wide or any(is_value(field) for field in self._rows[wide[-1]] if field not in NULL_TEXTS):
+        keyed = [n for n in wide if _TITLES.fullmatch(self._rows[n][0]) or _UNITS.fullmatch(self._rows[n][0])]
+        wide = [n for n in wide if n not in keyed] or wide  # lines of a table of channels, by their first word
+        if not wide or self._has_value(wide[-1]):
             return (), (), None
         for names, units in reversed([*pairwise(wide[-MAX_HEADER_LINES:])]):
             if _are_units(self._rows[units]) and not all(map(is_value, self._rows[names])):
                 return self._rows[names][: self.width], self._rows[units][: self.width], names
-        return self._rows[wide[-1]][: self.width], (), wide[-1]
+        last = next((n for n in reversed(wide) if self._has_value(n)), -1)
+        most = max((n for n in wide[-MAX_HEADER_LINES:] if n > last), key=lambda n: (self._distinct(n), n))
+        return self._rows[most][: self.width], (), most
+
+    def _has_value(self, line: int) -> bool:
+        return any(is_value(field) for field in self._rows[line] if field not in NULL_TEXTS)
+
+    def _distinct(self, line: int) -> int:
+        """Return how many different texts stand in a line: a line that says "Value" of each column names none."""
+        return len({field for field in self._rows[line] if field})
+
+    def _channel_table(self, above: list[int], names: tuple[str, ...]) -> tuple[tuple[str, ...], tuple[str, ...]]:
+        """Return what lines above the table call its columns, and their units: a line a channel, or a line of names."""
+        titles, units = dict[str, str](), dict[str, str]()
+        lines = [self._rows[n] for n in above if self._rows[n][: self.width] != names and len(self._rows[n]) > 1]
+        channels = [n for n, row in enumerate(lines) if row[0] in names and row[0]]
+        if len({lines[n][0] for n in channels}) > 1:
+            heading = lines[channels[0] - 1] if channels[0] else ()
+            title = next((n for n, text in enumerate(heading) if n and _TITLES.search(text)), 1)
+            for row in (lines[n] for n in channels):
+                titles.setdefault(row[0], row[title] if title < len(row) else "")
+                units.setdefault(row[0], next((text for text in reversed(row[1:]) if is_unit(text)), ""))
+        for row in (row for row in lines if len(row) in (self.width, self.width + 1)):
+            found = titles if _TITLES.fullmatch(row[0]) else units if _UNITS.fullmatch(row[0]) else {}
+            for name, text in zip(names[1:], row[1:], strict=False):
+                found.setdefault(name, text)
+        tell = any(titles.values()), any(units.values())
+        return tuple(titles.get(name, "") for name in names) * tell[0], tuple(units.get(n, "") for n in names) * tell[1]
 
     def _names_in_columns(self, line: str) -> tuple[str, ...]:
         """Return the names in a header of columns of fixed width, in which names and units are apart by one blank."""
@@ -167,6 +199,12 @@ class _DelimitedTable:
         """Return the columns that have more than one mark in a number."""
         hits = {n: [_THOUSANDS.fullmatch(row[n]) for row in self._tail] for n in range(self.width)}
         return {n: hit[1] or hit[2] for n, column in hits.items() for hit in [next(filter(None, column), None)] if hit}
+
+
+_TITLES = re.compile(
+    r"(?i)(?:channel |signal )?names?|signals?|labels?|titles?|descriptions?|tags?|bezeichnung|kanalname"
+)
+_UNITS = re.compile(r"(?i)units?|einheit(?:en)?|eu|eng\.? units?")
 
 
 def apply_sniffed(raw: RawFile, found: SniffedLayout) -> RawFile:

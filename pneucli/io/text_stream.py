@@ -8,11 +8,12 @@ import re
 from pathlib import Path
 
 from pneucli.errors import InputError
-from pneucli.io.text_layout import HEAD_BYTES, TextLayout
+from pneucli.io.text_layout import ARROW, HEAD_BYTES, TextLayout
 
 MAX_LINE_BYTES = 16 << 20  # bytes of a line
 _COMMENT = re.compile(rb"^[ \t]*#[^\n]*\n?", re.MULTILINE)
 _BLANKS = re.compile(rb"[ \t]+")
+_ARROW = re.compile(ARROW.encode(), re.MULTILINE)
 _EDGES = re.compile(rb"^[ \t]+|[ \t]+(?=\r?$)", re.MULTILINE)
 
 
@@ -32,6 +33,8 @@ class NormalizedTextStream(io.RawIOBase):
             None if _is_ascii_compatible(look.encoding) else codecs.getincrementaldecoder(look.encoding)("replace")
         )
         self._blanks = look.delimiter == " "
+        self._delimiter = look.delimiter.encode()
+        self._padding = re.compile(rb" *%b *" % re.escape(self._delimiter))
         self._line_end = look.line_end.encode()
         self._skip = look.skip
         self._left = look.lines
@@ -84,7 +87,12 @@ class NormalizedTextStream(io.RawIOBase):
         if b"#" in block:
             block, comments = _COMMENT.subn(b"", block)
             self.comment_lines += comments
-        return _BLANKS.sub(b"\t", _EDGES.sub(b"", block)) if self._blanks else block
+        if b"->" in block:
+            block = _ARROW.sub(rb"\1%b" % (b"\t" if self._blanks else self._delimiter), block)
+        if self._blanks:
+            return _BLANKS.sub(b"\t", _EDGES.sub(b"", block))
+        padded = b" " + self._delimiter in block or self._delimiter + b" " in block
+        return self._padding.sub(self._delimiter, _EDGES.sub(b"", block)) if padded else block
 
     def _within_part(self, block: bytes) -> bytes:
         """Return the lines of a block that belong to the part that is read."""

@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from pathlib import PurePath
+from shlex import quote
 from typing import Any
 
 from pneucli.messages import labelled, table
 from pneucli.messages.formatting import format_plain
+
+Answer = Mapping[str, Any]
 
 
 def lines(answer: Mapping[str, Any], file: str, verbose: bool) -> Iterator[str]:
@@ -15,24 +18,31 @@ def lines(answer: Mapping[str, Any], file: str, verbose: bool) -> Iterator[str]:
     if not answer["columns"]:
         yield from labelled("do", f"describe your rig and recordings in {file}, then pneucli run {file}")
         return
-    for one in answer["recordings"]:
+    yield from column_lines(answer["recordings"], answer["columns"])
+    for text in answer["left_out"]:
+        yield from labelled("left out", text)
+    for text in answer["cannot"]:
+        yield from labelled("cannot", text)
+    yield from labelled("wrote", answer["pipeline"])
+    if answer["check"]:
+        yield from labelled("check", f"line {_listed(answer['check'])}: what the data alone cannot tell")
+    look = f"pneucli look {' '.join(dict.fromkeys(quote(one['file']) for one in answer['recordings']))}"
+    yield from labelled("do", f"{look} to see the curves; {_next(answer, file)}")
+
+
+def column_lines(kinds: Sequence[Answer], columns: Sequence[Answer]) -> Iterator[str]:
+    """Yield the columns of each kind of recording with their ranges, and why each is taken as it is."""
+    for one in kinds:
         held = f"held out to test: {', '.join(one['held_out'])}" if one["held_out"] else "none held out"
         count = f"{one['files']} file" + "s" * (one["files"] > 1)
-        part = "" if one["part"] is None else f", part {one['part']}"
+        part = f", run {one['run']}" if one["run"] else "" if one["part"] is None else f", part {one['part']}"
         yield from labelled("kind", f"{_short(one['file'])}{part}: {count}, {one['experiment']}; {held}")
-        own = [column for column in answer["columns"] if (column["file"], column["part"]) == (one["file"], one["part"])]
-        rows = [_row(column) for column in own]
-        yield from table(("column", "taken for", "unit", "least", "median", "most"), rows, texts=3)
+        own = [column for column in columns if all(column[key] == one[key] for key in ("file", "part", "run"))]
+        yield from table(("column", "taken for", "unit", "least", "median", "most"), [*map(_row, own)], texts=3)
         for column in own:
             if column["why"] and column["signal"]:
                 yield from labelled("", f"{column['signal']}: {column['why'].replace('CHECK ', '')}")
         yield ""
-    for text in answer["left_out"]:
-        yield from labelled("left out", text)
-    yield from labelled("wrote", answer["pipeline"])
-    if answer["check"]:
-        yield from labelled("check", f"line {_listed(answer['check'])}: what the data alone cannot tell")
-    yield from labelled("do", _next(answer, file))
 
 
 def _next(answer: Mapping[str, Any], file: str) -> str:

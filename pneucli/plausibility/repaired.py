@@ -16,6 +16,8 @@ _MENDS = {
     "frozen": "look at the logger and the sensor of {signal}",
     "held": "state hold = true in [signals] {signal} if its value really stays between the samples",
     "spread": "export the stamps with more digits",
+    "jitter": 'stamp the samples where they are taken; of an even logger write time = {{ expression = "row / RATE" }}',
+    "words": "check what these cells should hold, in the file of [[recordings]] {recording}",
     "gap": "where the gap parts two runs, cut there with from and to in [[recordings]] {recording}",
     "counter": "export the stamps with more digits, or from a clock that does not wrap",
 }

@@ -7,8 +7,9 @@ from collections.abc import Iterator
 from itertools import combinations
 
 import numpy as np
+from numpy.typing import NDArray
 
-from pneucli.messages.formatting import format_plain
+from pneucli.messages.formatting import format_percent, format_plain, format_signal
 from pneucli.plausibility.rig_check import Finding, RigCheck, excess
 from pneucli.plausibility.signal_summary import missing_share
 from pneucli.quantities import CHANNELS
@@ -17,6 +18,13 @@ from pneucli.recording import Recording
 MAX_MISSING_SHARE = 0.1  # of the time: more than now and then a sample; nothing in the catalogue loses any
 MIN_SAMPLES = 8  # samples: fewer do not tell a sensor's noise (pneucli.noise)
 STIFFNESS_ERROR = 0.1  # of the piston's frequency on its air: volumes are stated to a fifth or so
+CHATTER_STEP, MIN_CHATTER_SHARE = 0.25, 0.05  # of the command's range, and of the samples
+MAX_SHORT_HOLDS = 0.1  # of a command's levels, that last one sample: a test's levels last several
+MAX_JUMPS = 3  # places where runs were joined
+JUMP_RATIO = 3.5  # times the largest other step, from which on a step is a jump: a time constant of 0.8 samples
+MIN_RISE_SAMPLES = 15  # samples that a pressure takes over its range at its fastest
+MAX_JUMP_PERIODS = 2.5  # of the clock: over a gap a pressure goes where it likes
+MIN_CALM_STEPS = 2  # other commands, as large, that caused no such step
 INITIAL_STATES = {"p1": 1, "p2": 1, "x": 2}  # what a restart takes from a channel: its value, and the velocity of x
 
 
@@ -26,6 +34,8 @@ def check(rig_check: RigCheck) -> Iterator[Finding]:
         yield from _missing(one)
         yield from _too_few_samples(one)
         yield from _duplicated_columns(one)
+        yield from _chattering(one)
+        yield from _pressure_jumps(one)
         yield from _undersampled(one, rig_check)
 
 
@@ -59,6 +69,67 @@ def _duplicated_columns(one: Recording) -> Iterator[Finding]:
         if np.nanmin(a) < np.nanmax(a) and np.array_equal(a, b, equal_nan=True):
             found, mend = f"{second} is {first}, digit by digit", f"name the column of {second} in [signals] {second}"
             yield Finding("copy", second, one.name, found, mend, float(np.isfinite(a).sum()))
+
+
+def _chattering(one: Recording) -> Iterator[Finding]:
+    """A command that goes over its range from sample to sample does so between them as well."""
+    for signal in (name for name in ("u", "u2") if name in one):
+        steps = np.abs(np.diff(one[signal]))
+        span = float(np.nanmax(one[signal]) - np.nanmin(one[signal]))
+        jumps = np.flatnonzero(steps > CHATTER_STEP * span) if span > 0.0 else np.empty(0, dtype=np.intp)
+        short = float(np.mean(np.diff(jumps) == 1)) if jumps.size > MIN_SAMPLES else 0.0
+        share = jumps.size / max(steps.size, 1)
+        if share > MIN_CHATTER_SHARE and short > MAX_SHORT_HOLDS:
+            found = f"{signal} goes over a quarter of its range or more in {format_percent(share)} of the samples, and "
+            found += f"{format_percent(short)} of its levels last one sample"
+            mend = "it changes between the samples too: log it at the controller's rate, or its mean over each sample"
+            by = excess(short - MAX_SHORT_HOLDS, math.sqrt(MAX_SHORT_HOLDS / jumps.size))
+            yield from Finding("sampling", signal, one.name, found, mend, by, share).judged()
+
+
+def _pressure_jumps(one: Recording) -> Iterator[Finding]:
+    """A pressure that goes further in one sample than ever otherwise, and not for its command, is of two runs."""
+    if "u" not in one or not one.kind.vessel:
+        return
+    near = np.diff(one.time) < MAX_JUMP_PERIODS * one.period
+    commands = np.flatnonzero(np.abs(np.diff(one["u"])) > 0.0)
+    for signal in (name for name in ("p1", "p2") if name in one):
+        p = one[signal]
+        steps = np.where(near, np.abs(np.diff(p)), np.nan)
+        order = np.argsort(np.nan_to_num(steps))[::-1]
+        if order.size <= MAX_JUMPS + MIN_SAMPLES:
+            continue
+        rest = float(np.nan_to_num(steps)[order[MAX_JUMPS]])
+        if rest * MIN_RISE_SAMPLES > float(np.nanmax(p) - np.nanmin(p)):
+            continue  # sampled too slowly to tell a jump from filling
+        noise = one.noise[signal].rms if signal in one.noise else 0.0
+        for at in sorted(int(n) for n in order[:MAX_JUMPS] if steps[n] > JUMP_RATIO * max(rest, 4.0 * noise)):
+            if not _stays(p, at) or _is_answer(one["u"], steps, commands, at):
+                continue
+            found = f"{signal} jumps by {format_signal(float(steps[at]), signal)} in one sample"
+            found += f" at {format_plain(one.time[at + 1], 4)} s, and never otherwise by more than"
+            found += f" {format_signal(rest, signal)}: two runs after one another?"
+            mend = f"cut the recording there with from and to in [[recordings]] {one.name}"
+            by = excess(float(steps[at]) - JUMP_RATIO * rest, max(2.0 * noise, 1e-6 * float(steps[at])))
+            yield from Finding("jumps", signal, one.name, found, mend, by).judged()
+
+
+def _stays(p: NDArray[np.float64], at: int) -> bool:
+    """Return whether a pressure stays where it jumped to: what comes back was no gas."""
+    after = p[at + 1 : at + 4]
+    back = float(np.nanmax(np.abs(after - p[at + 1])))
+    return bool(after.size > 1 and back < 0.5 * abs(p[at + 1] - p[at]))
+
+
+def _is_answer(u: NDArray[np.float64], steps: NDArray[np.float64], commands: NDArray[np.intp], at: int) -> bool:
+    """Return whether a command may have caused a jump: it went over a step as others that cause as much, or alone."""
+    own = commands[np.abs(commands - at) <= 1]
+    if not own.size:
+        return False
+    size = float(np.max(np.abs(np.diff(u))[own]))
+    alike = [n for n in commands if abs(n - at) > MAX_JUMPS and abs(u[n + 1] - u[n]) >= 0.5 * size]
+    calm: int = sum(float(np.nanmax(steps[n : n + 3], initial=0.0)) < steps[at] / JUMP_RATIO for n in alike)
+    return calm < MIN_CALM_STEPS
 
 
 def _undersampled(one: Recording, bench: RigCheck) -> Iterator[Finding]:

@@ -14,6 +14,7 @@ import numpy as np
 from pneucli.config.json_schema import DIRECTIVE
 from pneucli.config.json_schema import SCHEMA_FILE as SCHEMA
 from pneucli.errors import InputError
+from pneucli.init.columns import guess_columns
 from pneucli.init.components import Component, with_components
 from pneucli.init.experiments import guess_experiment
 from pneucli.init.file_groups import (
@@ -26,6 +27,7 @@ from pneucli.init.file_groups import (
 )
 from pneucli.init.questions import Question, values_of, with_values
 from pneucli.init.questions import questions as asked_questions
+from pneucli.init.refusals import limits_of, refuse_unusable
 from pneucli.init.survey import survey_parts
 from pneucli.init.survey_types import Guess, Survey
 from pneucli.init.writer import References, fields_to_fill_in, pipeline_text, toml_string
@@ -69,6 +71,7 @@ def create(
     found = _recordings([together] if together else group_files(surveys), left)
     content = _from_raw(directory, found) if raw else _example(directory)
     content = "\n".join([content, *(f"# left out: {one}" for one in left)]) + "\n" * bool(left)
+    left += dict.fromkeys(f"{one.path.name}: {text}" for kind in found for one in kind.surveys for text in one.unused)
     content = f"{DIRECTIVE}\n{with_components(content, parts) if parts else content}"
     references = pressure_references(found)
     with atomic_path(target) as temporary:
@@ -80,6 +83,7 @@ def create(
         "pipeline": str(target),
         "columns": [row for kind in found for row in _column_rows(kind, references)],
         "left_out": left,
+        "cannot": [*limits_of(found)] if raw else [],
         "recordings": [_recording_row(kind) for kind in found],
         "fill_in": [{"line": line, "key": key} for line, key in fields_to_fill_in(content)],
         "check": [
@@ -121,7 +125,10 @@ def _survey_files(raw: Sequence[Path], stated: dict[str, Any], left: list[str]) 
     found = list(dict.fromkeys(one for path in raw for one in _files_at(path)))
     for one in found:
         try:
-            yield from survey_parts(RawFile(one, {}, **stated))
+            parts = survey_parts(RawFile(one, {}, **stated))
+            for part in parts:
+                refuse_unusable(part, guess_columns([part]))
+            yield from parts
         except InputError as error:
             if len(found) < 2:
                 raise
@@ -178,6 +185,7 @@ def _column_rows(kind: FileGroup, references: References) -> Iterator[dict[str, 
         yield {
             "file": kind.file,
             "part": kind.surveys[0].raw.part,
+            "run": kind.surveys[0].run,
             "column": one.column.name or one.column.key,
             "signal": one.signal,
             "unit": one.unit,
@@ -194,6 +202,7 @@ def _recording_row(kind: FileGroup) -> dict[str, Any]:
     return {
         "file": kind.file,
         "part": kind.surveys[0].raw.part,
+        "run": kind.surveys[0].run,
         "files": len(kind.surveys) + len(kind.further_files),
         "experiment": guess_experiment(kind).experiment,
         "held_out": held,

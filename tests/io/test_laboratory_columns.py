@@ -87,7 +87,7 @@ def test_a_column_of_stamps_is_read_as_time(tmp_path: Path) -> None:
 def test_a_text_among_stamps_is_refused_with_its_place(tmp_path: Path) -> None:
     rows = "".join(f"10:00:{n:02d},1\n" for n in range(30))
     with pytest.raises(InputError, match=r'line 32, column "t".*\n  wanted: a date or time'):
-        signals(tmp_path, f"t,p\n{rows}soon,1\n", time=Channel("t"))
+        signals(tmp_path, f"t,p\n{rows}10 o'clock,1\n", time=Channel("t"))
 
 
 def test_labviews_column_of_comments_is_no_column_of_numbers(tmp_path: Path) -> None:

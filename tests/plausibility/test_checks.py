@@ -275,3 +275,33 @@ def test_a_pressure_below_vacuum_weighs_by_its_uncertainty(depth: float, weight:
     (sure,) = findings([one], Rig(), {}, {"p2": Calibration(zero=500.0)})
     assert sure.weight == "contradiction"
     assert sure.excess > 6.0
+
+
+def filling(*commands: float, hold: int = 200, jump: float = 0.0) -> Recording:
+    """A vessel that a valve fills and vents by turns; ``jump`` is added to p1 from the middle on, in Pa."""
+    u = np.repeat(commands, hold)[: T.size]
+    p = 3e5 + np.cumsum(400.0 * u) * 1.0
+    p = 3e5 + 1.5e5 * np.tanh((p - 3e5) / 1.5e5) + jump * (np.arange(u.size) >= u.size // 2)
+    noisy = p + 100.0 * RNG.standard_normal(u.size)
+    return Recording("one", "valve", "train", T[: u.size], {"u": u, "p1": noisy}, {"p1": NoiseModel(100.0)})
+
+
+def test_a_pressure_that_jumps_from_one_run_to_another_is_seen_and_filling_is_not() -> None:
+    commands = [3.0, -2.0, 4.0, -5.0] * 5
+    vessel = Rig(vessel_volume=1.6e-4, supply_pressure=7e5)
+    assert "two runs after one another?" in seen(filling(*commands, jump=0.4e5), vessel)["jumps", "p1"]
+    assert ("jumps", "p1") not in seen(filling(*commands), vessel)
+    fast = filling(*commands, hold=20)  # each command fills the vessel within a sample or two
+    stepped = Recording("one", "valve", "train", fast.time, {"u": fast["u"], "p1": 3e5 + 4e4 * fast["u"]}, fast.noise)
+    assert ("jumps", "p1") not in seen(stepped, vessel)
+
+
+def test_a_command_that_chatters_between_samples_is_seen_and_a_test_signal_is_not() -> None:
+    vessel = Rig(vessel_volume=1.6e-4, supply_pressure=7e5)
+    rng = np.random.default_rng(5)
+    chattering = filling(*np.where(rng.random(4000) < np.linspace(0.1, 0.9, 4000), 6.0, -6.0), hold=1)
+    assert "of its levels last one sample" in seen(chattering, vessel)["sampling", "u"]
+    for hold in (3, 10, 100):  # random binary commands, each held for some samples
+        assert ("sampling", "u") not in seen(filling(*rng.choice([-6.0, 6.0], 4000 // hold), hold=hold), vessel)
+    smooth = filling(*(6.0 * np.sin(9 * T)), hold=1)
+    assert ("sampling", "u") not in seen(smooth, vessel)

@@ -1,0 +1,38 @@
+"""``look``: signals of raw files as they would be taken, before there is a pipeline file."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from shlex import quote
+from typing import Annotated
+
+import typer
+
+from pneucli.cli.command import Command, How
+
+Files = Annotated[
+    list[Path], typer.Argument(metavar="FILE...", help="Raw files, folders or globs.", show_default=False)
+]
+Page = Annotated[Path | None, typer.Option("--html", metavar="FILE", help="Write a page with the curves as well.")]
+
+
+def _look(raw: Files, html: Page = None, how: How = How()) -> None:
+    from pneucli.stages.look import look_at
+
+    answer = look_at(raw)
+    if html is not None:
+        from pneucli.io.artifacts import atomic_path
+        from pneucli.report.look_page import look_page
+
+        with atomic_path(html) as temporary:
+            temporary.write_text(look_page(answer), encoding="utf-8")
+        answer |= {"page": str(html)}
+    how.show("look", answer, " ".join(quote(str(path)) for path in raw))
+
+
+COMMAND = Command(
+    _look,
+    "pneucli look recordings/*.csv --html look.html",
+    "Raw files as they would be taken: roles, units, references, clocks, rests and doubts, with curves.",
+    place=15,
+)

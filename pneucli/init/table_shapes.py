@@ -1,0 +1,154 @@
+"""Part of ``init``: tables that hold channels, or whole recordings, below or beside one another.
+
+A long table has a label, a stamp and a value in each row; runs stand below one another under a number of the run, or
+beside one another as repeated columns.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from pneucli.init.clock_columns import is_increasing
+from pneucli.init.column_names import NOUNS, read_name
+from pneucli.init.survey_types import Array, Column
+from pneucli.io.raw_file import ColumnKey, ColumnValues
+
+MAX_LABELS = 30  # channels of a long table
+MAX_RUNS = 200  # runs in one table
+MIN_REPEATED_STAMPS = 0.2  # of the rows of a long table whose channels were sampled together
+MIN_NAMED = 0.5  # of the labels, that name a quantity
+_VALUE = re.compile(r"(?i)value|val|payload|reading|data|y|wert|valeur|valor|_value|numeric_value")
+_LABEL = re.compile(
+    r"(?i)topic|tag|name|node|channel|signal|variable|sensor|metric|field|item|point|label|_measurement"
+)
+_SOURCE, _SERVER = (
+    re.compile(r"(?i)source|device|measured|origin"),
+    re.compile(r"(?i)server|receiv|arriv|logged|ingest"),
+)
+_RUN_WORDS = r"run|test|trial|rep|repeat|repetition|versuch|messung|cycle|zyklus|lauf|essai|prueba|series"
+_RUN_COLUMN = re.compile(
+    rf"(?i)(?:.*[_\s/.])?(?:{_RUN_WORDS}|experiment|batch|shot)s?(?:[_\s.]*(?:id|no|nr|number|index|#))?\.?"
+)
+_RUN_TAG = re.compile(rf"(?i)[\s_\-./(#]*(?<![a-z])(?:{_RUN_WORDS})[\s_\-.#]*(\d+)\)?")
+
+Labels = Mapping[str, ColumnValues]  # columns of text, or of numbers that were read as text, by name
+
+
+def long_table(columns: Sequence[Column], labels: Labels) -> list[Column]:
+    """Return clock and channels of a long table, however many further columns it has; nothing where it is none.
+
+    The label is the column of text by which stamps rise within each channel; the value is the column of numbers that is
+    no stamp and changes; of several stamps that of the source counts.
+    """
+    stamps = [one for one in columns if _may_be_stamp(one)]
+    others = [one for one in columns if all(one is not stamp for stamp in stamps)]
+    values = [one for one in others if one.finite_values.size and np.ptp(one.finite_values) > 0]
+    named = [one for one in values if _VALUE.fullmatch(one.name.rpartition("/")[2].strip())]
+    if not stamps or not (len(values) == 1 or len(named) == 1):
+        return []
+    value = named[0] if len(named) == 1 else values[0]
+    clock = min(stamps, key=lambda one: (bool(_SERVER.search(one.name)), not _SOURCE.search(one.name)))
+    fitting = [key for key, texts in labels.items() if _parts_channels(texts, clock.values)]
+    if not fitting:
+        return []
+    key = max(fitting, key=lambda name: (bool(_LABEL.search(name)), -len(set(labels[name]))))
+    texts = labels[key]
+    names = dict.fromkeys(text for text in texts if text)
+    split = [
+        replace(value, name=name, values=value.values[texts == name], where=(key, name), unit="") for name in names
+    ]
+    return [replace(clock, values=clock.values[texts == next(iter(names))]), *split]
+
+
+def _may_be_stamp(column: Column) -> bool:
+    """Return whether a column never goes back, and is called like a clock or in a unit of time."""
+    known = column.finite_values
+    called = read_name(column, False).has(NOUNS["time"]) or column.unit in ("s", "ms", "us", "ns")
+    return called and bool(known.size > 1 and np.mean(np.diff(known) >= 0) > 0.9 and np.ptp(known) > 0)
+
+
+def _parts_channels(texts: ColumnValues, clock: Array) -> bool:
+    """Return whether labels part the rows into channels: stamps rise in each, and repeat over all or names tell."""
+    names = [name for name in dict.fromkeys(texts) if name]
+    if not 1 < len(names) <= min(MAX_LABELS, texts.size // 2):
+        return False
+    if not all(_rises(clock[texts == name]) for name in names):
+        return False
+    repeated = float(np.mean(np.diff(clock) == 0)) if clock.size > 1 else 0.0
+    nouns = [bool(read_name(Column(name, name, "", clock[:0]), False).nouns) for name in names]
+    return repeated > MIN_REPEATED_STAMPS or float(np.mean(nouns)) >= MIN_NAMED
+
+
+def _rises(stamps: Array) -> bool:
+    known = stamps[np.isfinite(stamps)]
+    return known.size > 0 and (known.size < 2 or float(np.mean(np.diff(known) > 0)) > 0.9)
+
+
+def runs_below_one_another(
+    columns: Sequence[Column], labels: Labels, as_text: Callable[[Column], ColumnValues]
+) -> list[tuple[str, list[Column]]]:
+    """Return the columns of each run of a table in which a column says the run; nothing where none does.
+
+    Each value of that column stands in one stretch of rows; the clock starts anew there, or the column is called so.
+    """
+    counted = {one.name: one for one in columns if _is_run_number(one)}
+    found: dict[str, ColumnValues] = {name: as_text(one) for name, one in counted.items()} | dict(labels)
+    for name, texts in found.items():
+        edges = np.flatnonzero(texts[1:] != texts[:-1]) + 1
+        names = list(dict.fromkeys(texts))
+        if not 1 < len(names) == edges.size + 1 <= MAX_RUNS or texts.size < 8 * len(names):
+            continue
+        others = [one for one in columns if one.name != name]
+        starts_anew = any(_starts_anew(one.values, edges) for one in others)
+        if starts_anew or _RUN_COLUMN.fullmatch(name.strip()):
+            key: ColumnKey = counted[name].key if name in counted else name
+            return [(str(run), _rows_of(others, key, str(run), texts == run)) for run in names]
+    return []
+
+
+def _is_run_number(column: Column) -> bool:
+    known = column.values
+    if column.unit or read_name(column, False).has(NOUNS["time"]):
+        return False
+    whole = bool(known.size and np.all(np.isfinite(known)) and np.all(known == np.floor(known)))
+    return whole and 1 < np.unique(known).size <= MAX_RUNS
+
+
+def _starts_anew(values: Array, edges: ColumnValues) -> bool:
+    """Return whether a column rises but where the runs meet, and goes back at each of these places."""
+    steps = np.diff(values)
+    inside = np.delete(steps, edges - 1)
+    return bool(inside.size and np.all(inside[np.isfinite(inside)] > 0) and np.all(steps[edges - 1] < 0))
+
+
+def _rows_of(columns: Sequence[Column], key: ColumnKey, run: str, rows: ColumnValues) -> list[Column]:
+    clock = next((one for one in columns if one.unit == "s" or is_increasing(one.values[rows])), None)
+    return [replace(one, values=one.values[rows], where=None if one is clock else (key, run)) for one in columns]
+
+
+def runs_beside_one_another(columns: Sequence[Column]) -> list[tuple[str, list[Column]]]:
+    """Return the columns of each run of a table whose names say it, such as ``"p1 run2"``; nothing where none do.
+
+    Columns without a run belong to each of them.
+    """
+    tags = [_RUN_TAG.search(one.name) for one in columns]
+    runs = list(dict.fromkeys(tag[1] for tag in tags if tag))
+    plain = [_RUN_TAG.sub("", one.name) for one in columns]
+    repeated = {stem for stem, tag in zip(plain, tags, strict=True) if tag and plain.count(stem) > 1}
+    if len(runs) < 2 or not repeated:
+        return []
+    return [
+        (
+            run,
+            [
+                replace(one, name=stem)
+                for one, stem, tag in zip(columns, plain, tags, strict=True)
+                if not tag or tag[1] == run
+            ],
+        )
+        for run in runs
+    ]

@@ -1,0 +1,65 @@
+"""Raw files as they would be taken: each signal with its column, unit, range, rests and a curve, then doubts."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Mapping, Sequence
+from typing import Any
+
+from pneucli.messages import init as init_messages
+from pneucli.messages import labelled, table
+from pneucli.messages.formatting import format_percent, format_quantity
+
+Answer = Mapping[str, Any]
+CURVE = 40  # characters
+_LEVELS = "▁▂▃▄▅▆▇█"
+MAX_RESTS = 3  # levels that are said
+
+
+def lines(answer: Answer, file: str, verbose: bool) -> Iterator[str]:
+    """Yield columns as ``init`` shows them, the curves of each recording, what is left out, and doubts."""
+    yield from init_messages.column_lines(answer["kinds"], answer["columns"])
+    for one in answer["recordings"]:
+        rate = "" if one["rate"] is None else f", {one['rate']:.4g} Hz"
+        head = f"{one['name']}: {one['experiment']}, {one['samples']} samples{rate}, {one['seconds']:.4g} s"
+        yield from labelled("reads", head)
+        rows = [_row(signal) for signal in one["signals"]]
+        yield from table(("signal", "curve", "rests at", "least", "median", "most", "noise"), rows, texts=3)
+        yield ""
+    for label, key in (("left out", "left_out"), ("cannot", "cannot"), ("doubt", "doubts")):
+        for text in answer[key]:
+            yield from labelled(label, text)
+    if verbose:
+        for text in answer["repairs"]:
+            yield from labelled("repair", text)
+    yield from labelled("do", f"pneucli init DIR --from {file}, which writes this into a pipeline file")
+
+
+def _row(signal: Answer) -> tuple[str, ...]:
+    shown = [format_quantity(signal[key], signal["unit"]) for key in ("least", "median", "most")]
+    noise = "" if not signal["noise"] else format_quantity(signal["noise"], signal["unit"], 2)
+    return signal["signal"], curve(signal["values"]), rest_text(signal), *shown, noise
+
+
+def rest_text(signal: Answer) -> str:
+    """Return the levels at which a signal rests, in words."""
+    return ", ".join(
+        f"{format_quantity(one['level'], signal['unit'], 3)} ({format_percent(one['share'])})"
+        for one in signal["rests"][:MAX_RESTS]
+    )
+
+
+def curve(values: Sequence[float | None]) -> str:
+    """Return a curve in one line of characters; a blank where nothing was measured.
+
+    >>> curve([0.0, 1.0, 2.0, None, 7.0])
+    '▁▂▃ █'
+    """
+    known = [value for value in values if value is not None and math.isfinite(value)]
+    if not known:
+        return ""
+    low, span = min(known), (max(known) - min(known)) or 1.0
+    count = min(CURVE, len(values))
+    picked = [values[number * len(values) // count] for number in range(count)]
+    marks = (" " if one is None else _LEVELS[round((one - low) / span * (len(_LEVELS) - 1))] for one in picked)
+    return "".join(marks)

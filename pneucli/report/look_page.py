@@ -1,0 +1,71 @@
+"""The page of ``look``: the signals of raw files as they would be taken, with curves, rests and doubts."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+
+from pneucli.messages.formatting import axis_title, format_quantity, in_display_unit
+from pneucli.messages.look import rest_text
+from pneucli.report.figure import Drawing, drawing, figures
+from pneucli.report.overview import Overview, Tile
+from pneucli.report.page import render_page
+from pneucli.report.page_elements import Cell, Grid, Note, Section
+from pneucli.version import __version__
+
+Answer = Mapping[str, Any]
+CURVE_HEIGHT = 1.8  # inches
+
+
+def look_page(answer: Answer) -> str:
+    """Return the page of an answer of ``look``: HTML that needs no network."""
+    sections = [_columns(answer), *(_recording(one, number) for number, one in enumerate(answer["recordings"]))]
+    count, doubts = len(answer["recordings"]), len(answer["doubts"])
+    tiles = [Tile("Recordings", str(count), "as they would be read"), Tile("Doubts", str(doubts), "listed below")]
+    sentence = "Signals of the raw files as they would be taken; init writes them into a pipeline file."
+    return render_page("look", Overview(sentence, tiles, {}, "", [], "", "", ""), sections, _about())
+
+
+def _about() -> dict[str, str]:
+    return {"made by": f"pneucli {__version__}"}
+
+
+def _columns(answer: Answer) -> Section:
+    rows = [
+        (
+            str(one["column"]),
+            one["signal"] or "-",
+            f"{one['unit']}{' gauge' * one['gauge']}",
+            Cell("" if one["least"] is None else f"{one['least']:.4g} to {one['most']:.4g}"),
+            one["why"].replace("CHECK ", "?  "),
+        )
+        for one in answer["columns"]
+    ]
+    notes = [Note(text, "warning") for key in ("cannot", "doubts") for text in answer[key]]
+    notes += [Note(f"left out: {text}") for text in answer["left_out"]]
+    grid = Grid("Columns of the files", ("column", "taken for", "unit", "range", "why (?: check it)"), rows)
+    return Section("columns", "Columns", "What each column is taken for, and what speaks for it.", [grid, *notes])
+
+
+def _recording(one: Answer, number: int) -> Section:
+    drawings: list[Drawing] = []
+    for signal in one["signals"]:
+        rest = rest_text(signal)
+        caption = f"{signal['signal']} of {one['name']}" + (f"; rests at {rest}" if rest else "")
+        with drawing(caption, "time, s", axis_title(signal["signal"]), height=CURVE_HEIGHT) as own:
+            values = np.array([np.nan if value is None else value for value in signal["values"]])
+            own.axes.plot(signal["time"], in_display_unit(values, signal["unit"]))
+        drawings.append(own)
+    head = ("signal", "least", "median", "most", "noise", "missing")
+    rows = [
+        (
+            signal["signal"],
+            *(Cell(format_quantity(signal[key], signal["unit"])) for key in ("least", "median", "most", "noise")),
+            Cell(f"{100 * signal['missing']:.1f} %"),
+        )
+        for signal in one["signals"]
+    ]
+    lead = f"{one['experiment']}, {one['samples']} samples, {one['seconds']:.4g} s"
+    return Section(f"recording-{number}", one["name"], lead, [*figures(drawings), Grid("Readings", head, rows)])

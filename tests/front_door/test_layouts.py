@@ -1,0 +1,322 @@
+"""How recorders lay out their files: headers, stamps, runs, cells, roles: each is right, marked or refused in words."""
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
+
+from benchmarks.door import WAYS, WRONG, plain, verdict
+from pneucli.errors import InputError
+from pneucli.init.clock_columns import computed_clocks, paired_clocks, repeated_clocks
+from pneucli.init.column_names import read_name, signal_scores
+from pneucli.init.role_evidence import looks_set, supply_like
+from pneucli.init.survey_types import Column
+from pneucli.init.table_shapes import long_table, runs_below_one_another, runs_beside_one_another
+from pneucli.init.units import ambient_floor
+from pneucli.io.formats import open_raw
+from pneucli.io.open_signals import open_signals
+from pneucli.io.raw_file import Channel, ColumnRequest, RawFile
+from pneucli.stages import init
+
+RNG = np.random.default_rng(68)
+REFUSED = {"scaled": "refused", "scores": "refused", "unknown unit": "asked", "by number": "asked"}
+REFUSED |= {"transposed table": "right"}
+MARKED = {
+    "mbar",
+    "no unit",
+    "kPa",
+    "long with status",
+    "json long",
+    "unit that changes",
+    "stamps by channel",
+}  # gauge or absolute
+
+
+@pytest.mark.parametrize("way", sorted(WAYS))
+def test_each_way_of_writing_is_right_marked_or_refused_as_it_should_be(way: str, tmp_path: Path) -> None:
+    sheet = plain(np.random.default_rng([68, sorted(WAYS).index(way)]))
+    WAYS[way](sheet)
+    found, why = verdict(sheet, tmp_path)
+    assert found != WRONG, why
+    allowed = {REFUSED.get(way, "right")} | ({"marked"} if way in MARKED else set())
+    assert found in allowed, why
+
+
+def written(folder: Path, text: str, name: str = "a.csv") -> Path:
+    path = folder / name
+    path.write_text(text, encoding="utf-8")
+    return path
+
+
+def read(path: Path, column: int = 1) -> tuple[np.ndarray, Any]:
+    reader = open_raw(RawFile(path, {}))
+    return np.concatenate([own[0] for own in reader.batches([ColumnRequest(column)])]), reader
+
+
+def guessed(path: Path) -> dict[str, str]:
+    answer = init.create(path.parent / "rig", [path])
+    return {one["signal"]: one["column"] for one in answer["columns"] if one["signal"]}
+
+
+# ---- cells
+
+
+@settings(max_examples=40, suppress_health_check=[HealthCheck.function_scoped_fixture], deadline=None)
+@given(
+    st.sampled_from(["-", " -", "- ", "BURNOUT", "∞", "n/a", "Trigger", ""]),
+    st.sampled_from([",", ";", "\t", ", "]),
+    st.integers(0, 39),
+)
+def test_words_and_marks_among_numbers_are_missing_and_words_are_counted(
+    tmp_path: Path, word: str, mark: str, at: int
+) -> None:
+    rows = [mark.join([f"{n / 100}", word if n == at else f"{n / 7:.4f}"]) for n in range(40)]
+    values, reader = read(written(tmp_path, f"t{mark}p\n" + "\n".join(rows) + "\n"))
+    assert np.flatnonzero(np.isnan(values)).tolist() == [at]
+    np.testing.assert_allclose(np.delete(values, at), np.delete(np.round(np.arange(40) / 7, 4), at))
+    counted = [one.message for one in reader.repairs if one.kind == "words"]
+    assert counted == ([f'"p": "{word}" 1 times: no numbers; missing'] if word in ("BURNOUT", "∞", "Trigger") else [])
+
+
+@settings(max_examples=30, suppress_health_check=[HealthCheck.function_scoped_fixture], deadline=None)
+@given(st.sampled_from(["bar", "mbar", "V", "°C", "mm/s", "l/min"]), st.sampled_from(["", " "]), st.sampled_from(",;"))
+def test_a_unit_behind_each_number_is_the_unit_of_its_column(tmp_path: Path, unit: str, gap: str, mark: str) -> None:
+    decimal = "," if mark == ";" else "."
+    cells = [f"{n / 10:.1f}".replace(".", decimal) + gap + unit for n in range(40)]
+    values, reader = read(written(tmp_path, f"t{mark}p\n" + "".join(f"{n}{mark}{c}\n" for n, c in enumerate(cells))))
+    np.testing.assert_allclose(values, np.arange(40) / 10)
+    assert reader.units[1] == unit
+
+
+def test_cells_whose_unit_changes_are_read_in_the_first_and_other_kinds_are_refused(tmp_path: Path) -> None:
+    rows = "".join(f"{n},{'999 mbar' if n % 2 else '1.5 bar'}\n" for n in range(40))
+    values, reader = read(written(tmp_path, f"t,p\n{rows}"))
+    np.testing.assert_allclose(values, np.where(np.arange(40) % 2, 0.999, 1.5))
+    assert reader.units[1] == "bar"
+    with pytest.raises(InputError, match=r'line 42, column "p"'):
+        read(written(tmp_path, f"t,p\n{rows}40,7 mm\n"))
+
+
+def test_a_number_that_is_none_is_still_refused_with_its_line(tmp_path: Path) -> None:
+    with pytest.raises(InputError, match=r'line 22, column "p": "1\.2\.3"'):
+        read(written(tmp_path, "t,p\n" + "0,1.5\n" * 20 + "1,1.2.3\n" + "2,1.5\n" * 20))
+
+
+# ---- clocks
+
+
+@given(
+    st.sampled_from([10.0, 100.0, 1e3, 1e6, 1e9]),
+    st.integers(20, 400),
+    st.floats(0.0, 0.9),
+    st.sampled_from(["Millitm", "part", "ms"]),
+)
+def test_a_fraction_of_a_second_is_found_by_its_numbers(per: float, rate: int, start: float, name: str) -> None:
+    """Whatever it is called; where it is too coarse for the rate it is no fraction that tells the rows apart."""
+    time = start + np.arange(6 * rate) / rate
+    fraction = np.floor((time % 1.0) * per + 1e-7)
+    found = computed_clocks([Column("Time", "Time", "s", np.floor(time + 1e-9)), Column(name, name, "", fraction)])
+    if per < 2 * rate:
+        return
+    assert [one.key for one in found] == [f"`Time` + {1 / per:g} * `{name}`"]
+    np.testing.assert_allclose(found[0].values, time, atol=1.01 / per)
+
+
+@given(st.integers(0, 2**32 - 1))
+def test_readings_beside_whole_seconds_are_no_fraction_of_them(seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    time = np.arange(600) / 100
+    readings = [rng.integers(0, 1000, 600).astype(float), np.cumsum(rng.standard_normal(600)), np.arange(600.0)]
+    columns = [Column(f"c{n}", f"c{n}", "", own) for n, own in enumerate(readings)]
+    assert computed_clocks([Column("Time", "Time", "s", np.floor(time)), *columns]) == []
+
+
+def test_clocks_of_one_time_are_no_signals_and_clocks_of_their_own_are_paired_by_name_or_order() -> None:
+    t, late = np.arange(500) * 0.01, np.arange(500) * 0.0101 + 0.3 * np.sin(np.arange(500) / 90)
+    same = [Column("TimeStamp a.u", "TimeStamp a.u", "", 1e4 * t), Column("a.u", "a.u", "", np.sin(t))]
+    same += [Column("TimeStamp a.p", "TimeStamp a.p", "", 1e4 * t), Column("a.p", "a.p", "", np.cos(t))]
+    assert repeated_clocks(same) == {2}
+    assert [one.clock for one in paired_clocks(same)] == [None] * 4
+    behind = [Column("p [bar]", "p [bar]", "bar", np.cos(t)), Column("p time", "p time", "", late)]
+    behind = [Column("u [V]", "u [V]", "V", np.sin(t)), Column("u time", "u time", "", t), *behind]
+    assert [one.clock for one in paired_clocks(behind)] == ["u time", None, "p time", None]
+
+
+# ---- tables
+
+
+LABELS = ("Rig.U", "Rig.P1", "Rig.PSupply")
+
+
+def long_columns(status: list[str]) -> tuple[list[Column], dict[str, np.ndarray]]:
+    stamps = np.repeat(np.arange(100) * 0.01, 3)
+    labels = {"NodeId": np.array(list(LABELS) * 100, dtype=object), "Status": np.array(status * 100, dtype=object)}
+    values = RNG.standard_normal(300)
+    columns = [Column("Source", "SourceTimestamp", "s", stamps), Column("Server", "ServerTimestamp", "s", stamps + 0.1)]
+    return [
+        *columns,
+        Column("Value", "Value", "", values),
+        Column("Quality", "Quality", "", np.full(300, 192.0)),
+    ], labels
+
+
+@pytest.mark.parametrize("status", [["Good"] * 3, ["Good", "Good", "Bad"]])
+def test_channels_of_a_long_table_are_found_beside_further_columns(status: list[str]) -> None:
+    columns, labels = long_columns(status)
+    found = long_table(columns, labels)
+    assert [one.where for one in found] == [None, *(("NodeId", label) for label in LABELS)]
+    assert found[0].key == "Source"
+    np.testing.assert_array_equal(found[2].values, columns[2].values[1::3])
+
+
+def test_a_wide_table_with_a_status_is_no_long_table() -> None:
+    t = np.arange(300) * 0.01
+    status = {"state": np.array(["run", "rest"] * 150, dtype=object)}
+    assert long_table([Column("t", "time", "s", t), Column("p1", "p1", "bar", np.sin(t))], status) == []
+
+
+def test_runs_are_told_by_a_number_or_by_names_and_not_by_other_columns() -> None:
+    t, both = np.arange(200) * 0.01, np.tile(np.arange(100) * 0.01, 2)
+    number = Column("run", "run", "", np.repeat([1.0, 2.0], 100))
+
+    def text(column: Column) -> np.ndarray:
+        return np.array([f"{value:.0f}" for value in column.values], dtype=object)
+
+    found = runs_below_one_another([number, Column("t", "t", "s", both), Column("p", "p", "", np.sin(t))], {}, text)
+    assert [run for run, _ in found] == ["1", "2"]
+    assert [one.where for one in found[1][1]] == [None, ("run", "2")]
+    state = Column("valve open", "valve open", "", np.repeat([0.0, 1.0], 100))
+    assert runs_below_one_another([state, Column("t", "t", "s", t), Column("p", "p", "", np.sin(t))], {}, text) == []
+    names = ("t", "u", "p1 run1 [bar]", "p1 run2 [bar]")
+    beside = runs_beside_one_another([Column(name, name, "", t) for name in names])
+    assert [[one.key for one in columns] for _, columns in beside] == [[*names[:3]], ["t", "u", names[3]]]
+    assert runs_beside_one_another([Column(name, name, "", t) for name in ("t", "p1", "p2", "run 1")]) == []
+
+
+# ---- roles
+
+
+@pytest.mark.parametrize(
+    ("name", "signal"),
+    [
+        ("chamber_bar_g", "p1"),
+        ("v_mm_s", "v"),
+        ("flow_l_min", "flow"),
+        ("p1 run2 [bar]", "p1"),
+        ("Plc.GVL.pSupply", "p_supply"),
+        ("ns=2;s=Rig.P1", "p1"),
+        ("tryck 2 [bar]", "p2"),
+        ("ciśnienie zasilania [bar]", "p_supply"),
+        ("压力1 [bar]", "p1"),
+        ("давление питания", "p_supply"),
+        ("Läge [mm]", "x"),
+        ("dp [bar]", ""),
+        ("delta_p [bar]", ""),
+        ("p_s", "p_supply"),
+    ],
+)
+def test_a_name_says_its_role(name: str, signal: str) -> None:
+    ((_, (column, *_)), *_) = runs_beside_one_another(
+        [Column(one, one, "", np.zeros(2)) for one in (name, name.replace("run2", "run1"))]
+    ) or [("", [Column(name, name, "", np.zeros(2))])]
+    scores = dict(signal_scores(read_name(column, True)))
+    assert max(scores, key=lambda one: scores[one], default="") == signal
+
+
+@given(st.integers(0, 2**32 - 1))
+def test_a_supply_stands_at_the_top_and_a_command_shows_no_noise(seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    top = 7 + 0.004 * rng.standard_normal(400)
+    below = 1 + rng.uniform(0.5, 5.5) * np.abs(np.sin(np.arange(400) / 40)) + 0.004 * rng.standard_normal(400)
+    assert supply_like({0: below, 1: top}) == [1]
+    assert supply_like({0: below, 1: below[::-1]}) == []
+    assert looks_set(np.repeat(rng.integers(-5, 6, 20).astype(float), 20)) or seed % 10 == 0
+    assert not looks_set(below)
+
+
+def test_a_difference_of_pressures_is_no_pressure_but_tells_the_one_behind_the_valve(tmp_path: Path) -> None:
+    rows = "".join(f"7.0,{6 - n / 10:.1f},{100 + n}\n" for n in range(40))
+    found = guessed(written(tmp_path, f"p_upstream [bar(a)],dp [bar],flow [l/min ANR]\n{rows}"))
+    text = (tmp_path / "rig" / "pipeline.toml").read_text(encoding="utf-8")
+    assert found["p1"] == "p1 behind the valve"
+    assert 'p1 = { expression = "`p_upstream [bar(a)]` - `dp [bar]`", unit = "bar(a)"' in text
+
+
+def test_what_only_the_order_of_columns_decides_is_marked(tmp_path: Path) -> None:
+    rows = "".join(f"{n / 100},{n % 9},{1 + n % 7},{2 + n % 5}\n" for n in range(200))
+    answer = init.create(
+        tmp_path / "rig", [written(tmp_path, f"t [s],u [V],p left upper [bar],p left lower [bar]\n{rows}")]
+    )
+    marks = {one["signal"]: one["why"] for one in answer["columns"]}
+    assert 'CHECK "p left lower [bar]" may be p1 as well' in marks["p1"]
+
+
+@pytest.mark.parametrize(("unit", "scale"), [("zorps", 1.0), ("", 1e8)])
+def test_a_unit_that_cannot_be_is_asked_for(tmp_path: Path, unit: str, scale: float) -> None:
+    rows = "".join(f"{n / 100},{n % 9},{scale * (3 + np.sin(n / 9)):.4f}\n" for n in range(200))
+    answer = init.create(tmp_path / "rig", [written(tmp_path, f"t [s],u [V],p1{f' [{unit}]' if unit else ''}\n{rows}")])
+    text = (tmp_path / "rig" / "pipeline.toml").read_text(encoding="utf-8")
+    asked = [one["key"] for one in answer["fill_in"]]
+    assert ("signals.p1" in asked) == (unit == "zorps" or 'unit = "?"' in text)
+    assert 'unit = "?"' in text
+
+
+@pytest.mark.parametrize(
+    ("unit", "said"),
+    [
+        ("nl/min", "taken at 0 °C and 1.01325 bar (DIN 1343)"),
+        ("l/min", "CHECK no reference state is stated: taken at 20 °C, 1 bar"),
+        ("SLPM", "CHECK taken at 0 °C and 1.01325 bar (SEMI E12); others mean"),
+    ],
+)
+def test_the_reference_state_of_a_flow_is_said(tmp_path: Path, unit: str, said: str) -> None:
+    rows = "".join(f"7.0,{1 + n / 10:.1f},{100 + n}\n" for n in range(40))
+    path = written(tmp_path, f"p_upstream [bar(a)],p_downstream [bar(a)],flow [{unit}]\n{rows}")
+    answer = init.create(tmp_path / "rig", [path])
+    assert said in next(one["why"] for one in answer["columns"] if one["signal"] == "flow")
+
+
+# ---- what no experiment can use
+
+
+def test_a_friction_map_is_refused_with_what_to_export(tmp_path: Path) -> None:
+    rows = "".join(f"{(n - 20) / 100},{20 * np.sign(n - 20.5) + n}\n" for n in range(40))
+    with pytest.raises(InputError, match="a friction map") as caught:
+        init.create(tmp_path / "rig", [written(tmp_path, f"velocity [m/s],friction force [N]\n{rows}")])
+    assert "export the runs" in caught.value.mend
+
+
+def test_numbers_that_fill_0_to_1_in_a_unit_or_rest_at_an_end_are_no_scaled_ones(tmp_path: Path) -> None:
+    p = np.clip(np.sin(np.arange(400) / 40), 0.0, 1.0)
+    p[0], p[60] = 0.0, 1.0
+    for number, header in enumerate(("t [s],u [V],p1 [bar]", "t,u,p1")):
+        rows = "".join(f"{n / 100},{n // 50 % 3},{value:.6f}\n" for n, value in enumerate(p))
+        init.create(tmp_path / f"rig{number}", [written(tmp_path, f"{header}\n{rows}", f"{number}.csv")])
+
+
+def test_what_cannot_be_identified_without_a_pressure_is_said(tmp_path: Path) -> None:
+    rows = "".join(f"{n / 100},{n // 50 % 3},{100 + 50 * np.sin(n / 30):.3f}\n" for n in range(400))
+    answer = init.create(tmp_path / "rig", [written(tmp_path, f"t [s],u [V],x [mm]\n{rows}")])
+    assert answer["cannot"] == [
+        "a.csv: u, x and no pressure: neither the valve's map nor friction can be identified; record p1 (and p2, "
+        "p_supply), or the force on the piston beside x"
+    ]
+
+
+@pytest.mark.parametrize("lowest", [0.6e5, 1.01e5, 1.9e5])
+def test_a_vessel_that_is_vented_in_between_tells_absolute(lowest: float) -> None:
+    swing = np.clip(np.sin(np.arange(2000) / 60), -0.6, 1.0)
+    pascals = lowest + 3e5 * (swing + 0.6) + 300 * RNG.standard_normal(2000)
+    assert (ambient_floor(pascals) is not None) == (lowest == 1.01e5)
+    assert ambient_floor(1.3e5 + 3e5 * np.abs(np.sin(np.arange(2000) / 60))) is None
+
+
+def test_a_channel_of_json_is_taken_by_its_label(tmp_path: Path) -> None:
+    lines = [f'{{"time": {n // 2 / 100}, "topic": "{"ab"[n % 2]}", "payload": "{n}"}}' for n in range(100)]
+    path = written(tmp_path, "\n".join(lines), "a.jsonl")
+    channels = {"time": Channel("time"), "p1": Channel("payload", where=("topic", "b"))}
+    batch = next(open_signals(RawFile(path, channels)).batches())
+    np.testing.assert_array_equal(batch["p1"], np.arange(1.0, 100.0, 2.0))
