@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import pkgutil
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
+from importlib import import_module
 from typing import Any, ClassVar
 
 from numpy.typing import NDArray
@@ -120,3 +122,10 @@ def warning_notes(material: ReportData, stage: str) -> list[Part]:
 
 
 SectionMaker = Callable[[ReportData], "Section | None"]
+
+
+def declared_sections(package: str) -> tuple[SectionMaker, ...]:
+    """Return the function ``section`` of each module of a package that has a ``PLACE``, in the order of these."""
+    names = [one.name for one in pkgutil.iter_modules(import_module(package).__path__, f"{package}.")]
+    found = [module for module in map(import_module, names) if hasattr(module, "PLACE")]
+    return tuple(module.section for module in sorted(found, key=lambda module: module.PLACE))

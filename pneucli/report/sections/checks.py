@@ -8,6 +8,8 @@ from pneucli.messages.formatting import format_number
 from pneucli.report.page_elements import Cell, Grid, Section
 from pneucli.report.report_data import Check, ReportData
 
+PLACE = 150  # on the page
+
 
 def section(material: ReportData) -> Section | None:
     """Return the checks as a table; absent where the pipeline file has none."""

@@ -31,6 +31,7 @@ from pneucli.report.page_elements import (
 from pneucli.report.report_data import ReportData, Table
 from pneucli.report.sections.checks import grid as checks_grid
 
+PLACE = 90  # on the page
 COLOURS = {"command": ORANGE, "command 2": GREEN, "position": BLUE}
 PLANE_HALF_WIDTH = 2.5  # of the plane to either side of -1
 Answer = Mapping[str, Any]

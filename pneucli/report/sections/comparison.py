@@ -23,6 +23,7 @@ from pneucli.report.figure import envelope_indices, with_gap_indices, with_gaps
 from pneucli.report.page_elements import ZOOM_HINT, Cell, Grid, Note, Panel, Part, PlotRun, Section, Series, ZoomPlot
 from pneucli.report.report_data import ReportData, Table
 
+PLACE = 30  # on the page
 MAX_PLOT_SAMPLES = 80_000  # of all plots together: the page stays small enough for a mail
 MIN_CURVE_SAMPLES, MAX_CURVE_SAMPLES = 200, 4000
 MIN_VISIBLE_SHARE = 2e-3  # of a channel's range: half a pixel of a plot; curves that are closer coincide

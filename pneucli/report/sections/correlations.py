@@ -15,6 +15,7 @@ from pneucli.report.figure import BLUE, GREY, PALETTE, Drawing, drawing, figures
 from pneucli.report.page_elements import Cell, Grid, Note, Part, Section
 from pneucli.report.report_data import ReportData, Table
 
+PLACE = 60  # on the page
 STRONG_CORRELATION = 0.9  # from here on, one parameter can compensate the other
 MAX_PAIRS = 5  # pairs of parameters in the note
 MAX_RESIDUALS = 6  # residuals in figures

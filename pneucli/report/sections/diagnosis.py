@@ -21,6 +21,7 @@ from pneucli.report.figure import BLUE, GREEN, ORANGE, TEXT_COLOUR, Drawing, dra
 from pneucli.report.page_elements import Cell, Figure, Grid, Note, Part, Section, warning_notes
 from pneucli.report.report_data import ReportData, Table
 
+PLACE = 20  # on the page
 Answer = Mapping[str, Any]
 Colours = tuple[str, str]  # before and after: the first model is blue, the present one orange, a proposed one green
 MAX_SHAPES = 4

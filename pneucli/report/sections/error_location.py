@@ -26,6 +26,7 @@ from pneucli.report.figure import ORANGE, Drawing, drawing, figures, heat_map
 from pneucli.report.page_elements import Cell, Grid, Note, Part, Section
 from pneucli.report.report_data import ReportData, Table
 
+PLACE = 10  # on the page
 Array = NDArray[np.float64]
 MAP_CELLS = 24  # along each side of a map
 MIN_CELL_SAMPLES = 5  # samples that a cell needs to be drawn

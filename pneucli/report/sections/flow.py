@@ -14,6 +14,7 @@ from pneucli.report.page_elements import Cell, Grid, Note, Part, Section
 from pneucli.report.report_data import ReportData, Table
 from pneucli.report.sections.uncertainty import budget_tables
 
+PLACE = 40  # on the page
 MAX_LABELS = 7  # openings in a legend
 
 

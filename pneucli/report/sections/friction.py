@@ -11,6 +11,7 @@ from pneucli.report.figure import BLUE, GREEN, GREY, ORANGE, PINK, SKY, TEXT_COL
 from pneucli.report.page_elements import Cell, Grid, Note, Part, Section
 from pneucli.report.report_data import ReportData, Table
 
+PLACE = 80  # on the page
 BRANCHES = {"both": GREY, "accelerating": BLUE, "slowing": ORANGE}
 MODELS = {
     "A": "parametric Stribeck",

@@ -6,6 +6,8 @@ from pneucli.messages import controller_logs
 from pneucli.report.page_elements import Cell, Grid, Part, Section
 from pneucli.report.report_data import ReportData
 
+PLACE = 100  # on the page
+
 
 def section(material: ReportData) -> Section | None:
     """Return a table for each log; absent where no log belongs to an exported controller."""

@@ -20,6 +20,7 @@ from pneucli.report.page_elements import (
 )
 from pneucli.report.report_data import ReportData, Table
 
+PLACE = 130  # on the page
 MAX_SAMPLES = 800  # samples of a curve
 
 

@@ -11,6 +11,8 @@ from pneucli.report.page_elements import Cell, Grid, Note, Part, Section, warnin
 from pneucli.report.report_data import ReportData
 from pneucli.report.sections.friction import friction_warnings
 
+PLACE = 50  # on the page
+
 
 def section(material: ReportData) -> Section | None:
     """Return the parameters of the model; absent where none was identified."""

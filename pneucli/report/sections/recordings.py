@@ -11,6 +11,8 @@ from pneucli.messages.plausibility import implausibility_sentences
 from pneucli.report.page_elements import MAX_UNFOLDED_ROWS, Cell, Grid, Note, Part, Section, warning_notes
 from pneucli.report.report_data import ReportData
 
+PLACE = 140  # on the page
+
 
 def section(material: ReportData) -> Section | None:
     """Return the recordings and repairs; absent where nothing was ingested."""

@@ -13,6 +13,7 @@ from pneucli.report.page_elements import Cell, Grid, Note, Part, Section
 from pneucli.report.report_data import ReportData, Table
 from pneucli.report.sections.closed_loop import format_bounded
 
+PLACE = 120  # on the page
 Answer = Mapping[str, Any]
 RESIDUAL_ERROR_FIGURES = ("steady_um", "tracking_rms_um", "recovery_s", "load_error")
 BASE = {"all": "all runs", "": "none"}  # rows that belong to no effect

@@ -36,6 +36,7 @@ from pneucli.report.page_elements import Cell, Figure, Grid, Part, Section
 from pneucli.report.report_data import ReportData, Table
 from pneucli.report.sections.uncertainty import budget_tables
 
+PLACE = 70  # on the page
 Array = NDArray[np.float64]
 MAX_CURVE_SAMPLES = 100  # samples of a curve
 MAX_SWITCHING_COMMANDS = 3  # commands of a switching valve, between which there are no contours

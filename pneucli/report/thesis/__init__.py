@@ -1,10 +1,10 @@
-"""The report of the source thesis (``pneucli report --thesis``): its figures with this rig's data, in its numbers."""
+"""The report of the source thesis (``pneucli report --thesis``): its figures with this rig's data, in its numbers.
+
+One file a chapter, as in :mod:`pneucli.report.sections`.
+"""
 
 from __future__ import annotations
 
-from pneucli.report.page_elements import SectionMaker
-from pneucli.report.thesis.control import section as control
-from pneucli.report.thesis.tensor_product import section as tensor_product
-from pneucli.report.thesis.valve import section as figures
+from pneucli.report.page_elements import declared_sections
 
-SECTIONS: tuple[SectionMaker, ...] = (figures, control, tensor_product)
+SECTIONS = declared_sections(__name__)

@@ -11,6 +11,7 @@ from pneucli.report.figure import BLUE, GREEN, GREY, ORANGE, Line, chart, reduce
 from pneucli.report.page_elements import Figure, Section
 from pneucli.report.report_data import ReportData, Table
 
+PLACE = 20  # on the page
 MAX_SAMPLES = 800  # samples of a curve
 MICROMETRES_PER_METRE = 1e6
 THESIS_LAW = "compensated"  # the control law in the figures of the thesis

@@ -8,6 +8,7 @@ from pneucli.report.page_elements import Cell, Grid, Part, Section
 from pneucli.report.report_data import ReportData, Table
 from pneucli.report.sections.friction import MODELS
 
+PLACE = 30  # on the page
 MIN_WEIGHT_RANGE = 0.02
 
 

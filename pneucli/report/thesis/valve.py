@@ -17,6 +17,7 @@ from pneucli.report.page_elements import Figure, Section
 from pneucli.report.report_data import ReportData, Table
 from pneucli.report.thesis.friction import friction_laws, sliding_sectors
 
+PLACE = 10  # on the page
 Array = NDArray[np.float64]
 KAPPA = 1.4  # of the thesis' own figures
 TYPICAL_PRESSURE_RATIOS = (0.2, 0.8)  # pressure ratios of the claim
