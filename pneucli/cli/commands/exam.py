@@ -14,11 +14,12 @@ from pneucli.cli.options import EXECUTORS
 
 def _list_conditions(wanted: bool) -> None:
     from pneucli.exam.conditions import CONDITIONS
+    from pneucli.messages.formatting import format_plain
 
     if wanted:
         for one in CONDITIONS:
-            limits = f", {one.number['from']:g} to {one.number['to']:g}" if one.number else ""
-            console.print_text(f"{one.pattern:16} {one.description}{limits}")
+            limits = " to ".join(format_plain(one.number[end]) for end in ("from", "to") if one.number)
+            console.print_text(f"{one.pattern:16} {', '.join(filter(None, (one.description, limits)))}")
         raise typer.Exit
 
 

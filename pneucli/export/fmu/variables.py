@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import tomllib
 from collections.abc import Iterator
 from dataclasses import dataclass
+from importlib.resources import files
 from typing import Literal
 
 from pneucli.export.fmu.plant import Plant
@@ -13,52 +15,8 @@ from pneucli.simulate import layout as at
 
 FIRST_INPUT, FIRST_OUTPUT, FIRST_VALUE = 1, 11, 100  # value references, as in templates/plant.c
 AXIS_ONLY = ("friction.", "rig.moving_mass", "rig.piston", "rig.stroke", "rig.dead_volume_2", "rig.lower", "rig.upper")
-BASE = {
-    "friction.coulomb": ("N", "Coulomb friction"),
-    "friction.viscous": ("N s/m", "viscous friction"),
-    "rig.moving_mass": ("kg", "moving mass"),
-    "rig.piston_area_1": ("m^2", "area of the piston toward chamber 1"),
-    "rig.piston_area_2": ("m^2", "area of the piston toward chamber 2"),
-    "rig.stroke": ("m", "stroke"),
-    "rig.dead_volume_1": ("m^3", "volume of chamber 1 at x = 0 with its hose"),
-    "rig.dead_volume_2": ("m^3", "volume of chamber 2 at x = stroke with its hose"),
-    "rig.ambient_pressure": ("Pa", "ambient pressure, absolute"),
-    "rig.supply_pressure": ("Pa", "supply pressure, absolute; the regulator's setting"),
-    "rig.gas_temperature": ("K", "temperature of the gas from the supply"),
-    "rig.heat_capacity_ratio": ("1", "ratio of heat capacities"),
-    "rig.gas_constant": ("J/(kg K)", "gas constant"),
-    "valve.critical_ratio": ("1", "critical pressure ratio of the valve"),
-    "rig.wall_temperature": ("K", "temperature of the walls; acts with heat transfer"),
-    "valve.null": ("V", "command at which nothing flows"),
-    "rig.lower_end": ("m", "lower end of the stroke"),
-    "rig.upper_end": ("m", "upper end of the stroke"),
-    "rig.polytropic_exponent": ("1", "exponent of the gas in the chambers; without heat transfer"),
-}
-INPUT_TITLES = {
-    "u": ("V", "command of the valve at chamber 1"),
-    "u2": ("V", "command of the valve at chamber 2"),
-    "p_supply": ("Pa", "supply pressure, absolute"),
-    "force": ("N", "driving force or load, positive toward +x"),
-}
-OUTPUT_TITLES = {
-    "x": ("m", "position"),
-    "v": ("m/s", "velocity"),
-    "a": ("m/s^2", "acceleration as its sensor reads it"),
-    "p1": ("Pa", "pressure of chamber 1 as its sensor reads it, absolute"),
-    "p2": ("Pa", "pressure of chamber 2 as its sensor reads it, absolute"),
-    "temperature": ("K", "gas temperature of chamber 1"),
-    "flow": ("kg/s", "mass flow through the valve into chamber 1"),
-    "chamber_1.p": ("Pa", "pressure of the gas in chamber 1, absolute"),
-    "chamber_2.p": ("Pa", "pressure of the gas in chamber 2, absolute"),
-}
-START_TITLES = {
-    "x": ("m", "position at the start"),
-    "v": ("m/s", "velocity at the start"),
-    "p1": ("Pa", "pressure of the gas in chamber 1 at the start, absolute"),
-    "p2": ("Pa", "pressure of the gas in chamber 2 at the start, absolute"),
-    "u": ("V", "opening of the spool at chamber 1 at the start, from the null command"),
-    "u2": ("V", "opening of the spool at chamber 2 at the start, from the null command"),
-}
+_TABLES = tomllib.loads(files("pneucli.export.fmu").joinpath("variables.toml").read_text(encoding="utf-8"))
+BASE, INPUT_TITLES, OUTPUT_TITLES, START_TITLES = (_TABLES[name] for name in ("base", "input", "output", "start"))
 OF_CYLINDER = ("x", "v", "a", "p2", "chamber_2.p")
 
 
