@@ -9,6 +9,7 @@ import numpy as np
 from pneucli.errors import InputError
 from pneucli.init.file_groups import FileGroup
 from pneucli.init.survey_types import Array, Guess, Survey
+from pneucli.messages.formatting import format_plain
 
 MAX_END_SAMPLES = 3  # samples at either end of a scaled column: a sensor that rests or clips has more there
 MIN_LEVELS = 50  # different numbers of a column that may be scaled
@@ -50,7 +51,7 @@ def _scaled(one: Guess) -> str:
     for low, high in SCALED_ENDS:
         if abs(float(values.min()) - low) < ROUNDING and abs(float(values.max()) - high) < ROUNDING:
             at_ends = max(_count_at(values, low), _count_at(values, high))
-            return f"fills exactly {low:g} to {high:g}" if at_ends <= MAX_END_SAMPLES else ""
+            return f"fills exactly {format_plain(low)} to {format_plain(high)}" if at_ends <= MAX_END_SAMPLES else ""
     is_score = abs(float(values.mean())) < Z_MEAN and abs(float(values.std()) - 1.0) < Z_DEVIATION
     return "has a mean of 0 and a deviation of 1" if is_score else ""
 

@@ -83,7 +83,8 @@ def pressure_reference(columns: Sequence[Array], unit: str, stated: str) -> tupl
             f"absolute: it rests at {format_signal(rest, 'p1', 4)}, which is ambient pressure, and moves from there",
         )
     if floor := next(filter(None, map(ambient_floor, pascals)), None):
-        return "absolute", f"CHECK absolute: where it is lowest it is {floor / 1e5:.4g} bar, which is ambient pressure"
+        level = format_signal(floor, "p1", 4)
+        return "absolute", f"CHECK absolute: where it is lowest it is {level}, which is ambient pressure"
     guess = "absolute" if parsed.factor == 1.0 else "gauge"
     usual = "pascals are mostly absolute" if guess == "absolute" else "sensors are mostly gauge"
     return guess, f"CHECK {guess}: it never reads ambient pressure (least {lowest}); {usual}"

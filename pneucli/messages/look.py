@@ -8,7 +8,7 @@ from typing import Any
 
 from pneucli.messages import init as init_messages
 from pneucli.messages import labelled, table
-from pneucli.messages.formatting import format_percent, format_quantity
+from pneucli.messages.formatting import format_percent, format_plain, format_quantity
 
 Answer = Mapping[str, Any]
 CURVE = 40  # characters
@@ -20,8 +20,10 @@ def lines(answer: Answer, file: str, verbose: bool) -> Iterator[str]:
     """Yield columns as ``init`` shows them, the curves of each recording, what is left out, and doubts."""
     yield from init_messages.column_lines(answer["kinds"], answer["columns"])
     for one in answer["recordings"]:
-        rate = "" if one["rate"] is None else f", {one['rate']:.4g} Hz"
-        head = f"{one['name']}: {one['experiment']}, {one['samples']} samples{rate}, {one['seconds']:.4g} s"
+        rate = "" if one["rate"] is None else f", {format_plain(one['rate'], 4)} Hz"
+        head = (
+            f"{one['name']}: {one['experiment']}, {one['samples']} samples{rate}, {format_plain(one['seconds'], 4)} s"
+        )
         yield from labelled("reads", head)
         rows = [_row(signal) for signal in one["signals"]]
         yield from table(("signal", "curve", "rests at", "least", "median", "most", "noise"), rows, texts=3)

@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from pneucli.messages.formatting import axis_title, format_quantity, in_display_unit
+from pneucli.messages.formatting import axis_title, format_plain, format_quantity, in_display_unit
 from pneucli.messages.look import rest_text
 from pneucli.report.figure import Drawing, drawing, figures
 from pneucli.report.overview import Overview, Tile
@@ -38,7 +38,7 @@ def _columns(answer: Answer) -> Section:
             str(one["column"]),
             one["signal"] or "-",
             f"{one['unit']}{' gauge' * one['gauge']}",
-            Cell("" if one["least"] is None else f"{one['least']:.4g} to {one['most']:.4g}"),
+            Cell("" if one["least"] is None else f"{format_plain(one['least'], 4)} to {format_plain(one['most'], 4)}"),
             one["why"].replace("CHECK ", "?  "),
         )
         for one in answer["columns"]
@@ -67,5 +67,5 @@ def _recording(one: Answer, number: int) -> Section:
         )
         for signal in one["signals"]
     ]
-    lead = f"{one['experiment']}, {one['samples']} samples, {one['seconds']:.4g} s"
+    lead = f"{one['experiment']}, {one['samples']} samples, {format_plain(one['seconds'], 4)} s"
     return Section(f"recording-{number}", one["name"], lead, [*figures(drawings), Grid("Readings", head, rows)])
