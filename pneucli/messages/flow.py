@@ -99,6 +99,13 @@ def _against_pressure(u: float | None) -> str:
     )
 
 
+def _loops(share: float, half_width: float) -> str:
+    return (
+        f"a command that is reached from above lets through another flow than from below, by {format_percent(share)}: "
+        f"hysteresis of the valve, about ± {format_number(half_width, 2)} V"
+    )
+
+
 def _at_no_difference(u: float | None, share: float) -> str:
     return (
         f"{at_command(u)} {format_percent(abs(share))} of the largest flow remains without a pressure difference: "
@@ -125,6 +132,7 @@ def _cracking(u: float | None, pressure: tuple[float, float, float], count: int,
 _TEXTS: dict[str, Callable[..., str]] = {
     "flow-uphill": _uphill,
     "pressure-loop": _pressure_loop,
+    "flow-hysteresis": _loops,
     "flow-scatters": _scatters,
     "command-idle": _idle,
     "flow-against-pressure": _against_pressure,

@@ -118,6 +118,27 @@ def test_a_valve_has_no_findings():
     assert sets_area(bench_of(bench_rows(8, SEVERAL))) is True
 
 
+def up_and_down(half_width, zero=0.0, seed=4):
+    """A bench that goes up and down over its commands at one pressure; the opening lags by the half width."""
+    rng = np.random.default_rng(seed)
+    u = np.concatenate([np.arange(0.0, 5.01, 0.25), np.arange(5.0, -0.01, -0.25)])
+    lag = np.where(np.arange(u.size) < u.size // 2, -half_width, half_width)
+    opening = np.clip(u + lag - 1.0, 0.0, None)
+    flow = opening * 2e-3 * (1 + 0.003 * rng.standard_normal(u.size)) + zero * rng.choice([1.0, -1.0, 1e-18], u.size)
+    constant = np.full(u.size, 1.0)
+    return {"u": u, "p_supply": 7e5 * constant, "p1": 1.013e5 * constant, "flow": flow}
+
+
+def test_a_flow_that_lags_behind_its_command_is_told_as_hysteresis():
+    numbers = dict(bench_findings(bench_of(up_and_down(0.1))))["flow-hysteresis"]
+    assert numbers["half_width"] == pytest.approx(0.1, rel=0.25)
+    assert "flow-hysteresis" not in codes(up_and_down(0.0))
+
+
+def test_the_zero_of_a_meter_is_no_scatter():
+    assert "flow-scatters" not in codes(up_and_down(0.0, zero=5e-6))
+
+
 def test_a_command_that_moves_nothing_is_told():
     assert "command-idle" in codes(bench_rows(9, dict.fromkeys((1.0, 2.0, 4.0), 1e-8)))
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import replace
+from itertools import pairwise
 from typing import Any
 
 import numpy as np
@@ -17,6 +18,10 @@ from pneucli.identify.valve.flow_path import FlowPath
 Array = NDArray[np.float64]
 Finding = tuple[str, dict[str, Any]]
 
+MIN_LOOP_COMMANDS = 5  # commands that were reached from below and from above
+MIN_SAME_SENSE = 0.75  # of these, at which the flow differs the same way: by chance 1 of 10 with five, 1 of 600 with 20
+MIN_LOOP_SHARE = 0.02  # of the flow, by which it differs: what a meter repeats
+MIN_PATH_FLOW = 0.01  # of the largest flow at any command: less is within the zero of a flow meter of 1 %
 MAX_SCATTER = 0.1  # rms of the residual over that of the flow: a bench of a valve has 0.02 and less
 MIN_LACK_OF_FIT = 3.0  # times the scatter between neighbouring rows: a curve of another shape
 MIN_CURVE_ERROR = 0.02  # of the flow: what the equation of ISO 6358 is worth with most valves
@@ -45,10 +50,14 @@ def bench_findings(bench: FlowBench) -> Iterator[Finding]:
     loop = _pressure_loop(bench)
     if loop is not None:
         yield "pressure-loop", loop
-    worst = max(bench.paths, key=_scatter)
-    if _scatter(worst) > MAX_SCATTER:
+    flowing = _flowing(bench)
+    hysteresis = _hysteresis(flowing)
+    if hysteresis is not None:
+        yield "flow-hysteresis", hysteresis
+    worst = max(flowing, key=_scatter)
+    if hysteresis is None and _scatter(worst) > MAX_SCATTER:
         yield "flow-scatters", {"u": worst.rows.u, "share": _scatter(worst)} | _pair(worst)
-    misfit = max(bench.paths, key=_lack_of_fit)
+    misfit = max(flowing, key=_lack_of_fit)
     if _lack_of_fit(misfit) > MIN_LACK_OF_FIT and MIN_CURVE_ERROR < _scatter(misfit) <= MAX_SCATTER:
         yield "curve-not-followed", {"u": misfit.rows.u, "share": _scatter(misfit), "ratio": _lack_of_fit(misfit)}
     yield from _equal_conductances(bench)
@@ -79,6 +88,46 @@ def sets_area(bench: FlowBench) -> bool | None:
     if any(code in AREA_FINDINGS for code, _ in bench_findings(bench)):
         return False
     return True if np.isfinite(bench.commands).sum() > 1 else None
+
+
+def _hysteresis(paths: list[FlowPath]) -> dict[str, Any] | None:
+    """Return by how much the flow differs between rising and falling commands; None where that is within the scatter.
+
+    Rows of a bench that goes up and down: each command is compared with itself, and the command's half width is what
+    shifts the flow by half of the difference.
+    """
+    forward = [path.rows for path in paths if path.rows.direction == "forward" and path.rows.u is not None]
+    if len(forward) < MIN_LOOP_COMMANDS:
+        return None
+    order = sorted(
+        (str(recording), int(row), float(rows.u or 0.0))
+        for rows in forward
+        for recording, row in zip(rows.recording, rows.row, strict=True)
+    )
+    goes = {b[:2]: np.sign(b[2] - a[2]) for a, b in pairwise(order) if a[0] == b[0]}
+    found = []
+    for rows in forward:
+        sense = np.array([goes.get((str(r), int(n)), 0.0) for r, n in zip(rows.recording, rows.row, strict=True)])
+        relative = rows.flow / rows.upstream
+        if np.ptp(rows.ratio) < MIN_RATIO_SPAN and (sense > 0).any() and (sense < 0).any():
+            found.append((float(rows.u or 0.0), float(relative[sense > 0].mean()), float(relative[sense < 0].mean())))
+    if len(found) < MIN_LOOP_COMMANDS:
+        return None
+    u, up, down = np.array(found).T
+    difference, size = down - up, 0.5 * (up + down)
+    same = float(np.mean(np.sign(difference) == np.sign(np.median(difference))))
+    share = float(np.median(np.abs(difference) / size))
+    slope = np.gradient(size, u)
+    steep = np.abs(slope) > 0.1 * np.abs(slope).max()
+    if same < MIN_SAME_SENSE or share < MIN_LOOP_SHARE:
+        return None
+    return {"share": share, "half_width": 0.5 * float(np.median(np.abs(difference[steep] / slope[steep])))}
+
+
+def _flowing(bench: FlowBench) -> list[FlowPath]:
+    """Return the paths through which gas flows: what a meter shows below its zero scatters by any share of itself."""
+    sizes = [float(np.sqrt(np.mean(path.rows.flow**2))) for path in bench.paths]
+    return [path for path, size in zip(bench.paths, sizes, strict=True) if size >= MIN_PATH_FLOW * max(sizes)]
 
 
 def _scatter(path: FlowPath) -> float:
@@ -136,7 +185,7 @@ def _pressure_loop(bench: FlowBench) -> dict[str, Any] | None:
 
 def _equal_conductances(bench: FlowBench) -> Iterator[Finding]:
     for direction in ("forward", "reverse", "to ambient"):
-        alike = [path for path in bench.paths if path.rows.direction == direction and path.rows.u is not None]
+        alike = [path for path in _flowing(bench) if path.rows.direction == direction and path.rows.u is not None]
         sizes = np.array([path.C.value for path in alike])
         if len(alike) >= 2 and float(np.ptp(sizes)) < MAX_EQUAL_SPREAD * float(sizes.mean()):
             yield "command-idle", {"count": len(alike), "spread": float(np.ptp(sizes) / sizes.mean())}
