@@ -95,7 +95,7 @@ def with_common_options(run: Callable[..., None]) -> Callable[..., None]:
     signature = inspect.signature(run, eval_str=True)
     if (how := signature.parameters.get("how")) is None:
         return run
-    default = how.default
+    default = how.annotation() if how.default is how.empty else how.default
     own = [
         inspect.Parameter(name, how.kind, default=getattr(default, name), annotation=option)
         for name, option in OPTIONS.items()
