@@ -147,7 +147,7 @@ def _page(title: str, command: Any) -> str:
 def _flags(parameter: Any) -> str:
     if parameter.param_type_name == "argument":
         return str(parameter.metavar)
-    return " ".join([", ".join(parameter.opts), *([parameter.metavar] if parameter.metavar else [])])
+    return " ".join([", ".join([*parameter.opts, *parameter.secondary_opts]), *([parameter.metavar] if parameter.metavar else [])])
 
 
 def main(docs: Path) -> None:
