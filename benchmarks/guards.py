@@ -1,8 +1,9 @@
-"""False alarms and power of each guard of ``plausibility`` and ``io``: ``python -m benchmarks.guards [EXAM]``.
+"""False alarms and power of each guard of ``plausibility`` and ``io``: ``python -m benchmarks.guards [EXAM...]``.
 
 False alarms: how often a guard speaks in the true recordings of every world (fixtures, cases of an EXAM, and
-``../shared`` or PNEUCLI_SHARED), as recorded and at 100 Hz to 10 kHz; contradictions, then doubts. Power: in how many
-of the false data sets of ``tests/plausibility/faulty_data_sets.py`` that it has to find it speaks.
+``../shared`` or PNEUCLI_SHARED; up to 8 pipelines of each, evenly spread, or all with ``--full``), as recorded and at
+100 Hz to 10 kHz; contradictions, then doubts. Power: in how many of the false data sets that it has to find, of
+``tests/plausibility/faulty_data_sets.py``, it speaks. ``--write`` puts the table into ``docs/data-checks.md``.
 """
 
 from __future__ import annotations
@@ -13,9 +14,13 @@ from collections import Counter
 from collections.abc import Iterator, Sequence
 from pathlib import Path
 
+from benchmarks.worlds import sampled
+from pneucli.cli.docs import replace_between_marks
 from tests.plausibility.faulty_data_sets import SETS, looked_at, told
 from tests.plausibility.worlds import FIXTURES, RATES, at_rate, read, world_pipelines
 
+PAGE = Path(__file__).parents[1] / "docs" / "data-checks.md"
+SAMPLE = 8  # pipelines of a world
 Alarms = Counter[tuple[str, str]]
 
 
@@ -61,13 +66,16 @@ def main(arguments: list[str]) -> None:
         print("\n".join(table({"valve_null": false_alarms(small, ())}, power([*SETS][:1]))))
         return
     pipelines = world_pipelines()
-    if arguments:
-        pipelines["exam"] = sorted(Path(arguments[0]).glob("*/pipeline.toml"))
+    if folders := [Path(one) for one in arguments if not one.startswith("--")]:
+        pipelines["exam"] = sorted(path for folder in folders for path in folder.rglob("pipeline.toml"))
     worlds = {}
     for world, paths in pipelines.items():
-        worlds[world] = false_alarms(paths, RATES)
+        worlds[world] = false_alarms(paths if "--full" in arguments else sampled(paths, SAMPLE), RATES)
         print(f"{world}: {worlds[world][0]} recordings", file=sys.stderr, flush=True)
-    print("\n".join(table(worlds, power([*SETS]))))
+    made = "\n".join(table(worlds, power([*SETS])))
+    if "--write" in arguments:
+        PAGE.write_text(replace_between_marks(PAGE.read_text(encoding="utf-8"), "guards", made), encoding="utf-8")
+    print(made)
 
 
 if __name__ == "__main__":

@@ -11,6 +11,7 @@ import subprocess
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from typing import TypeVar
 
 from benchmarks.truths import Truth, described, described_truth, truth_of, truths
 
@@ -28,6 +29,7 @@ EXAMS = {  # options of "pneucli exam" by condition
     "third": ("--condition", "usual", "--size", "0.3333"),
 }
 EXAM_COUNTS = ("--cases", "3", "--nulls", "1")  # of each condition
+T = TypeVar("T")
 Edit = tuple[str, str]  # a regular expression, and what stands in its place
 
 # what a user knows of the rig of which most raw files at the doors are
@@ -69,7 +71,7 @@ def shared_folder() -> Path:
     return Path(os.environ.get("PNEUCLI_SHARED") or ROOT.parent / "shared")
 
 
-def sampled(cases: Sequence[Case], count: int) -> list[Case]:
+def sampled(cases: Sequence[T], count: int) -> list[T]:
     """Return cases that are evenly spread over all, the first among them."""
     if len(cases) <= count:
         return list(cases)

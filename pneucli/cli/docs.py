@@ -108,8 +108,8 @@ def _own_effect() -> str:
     """Return the page on user-defined effects with the present example and table of ports."""
     text = (DOCS / "own-effect.md").read_text(encoding="utf-8")
     example = (DOCS / "examples" / "rod_wiper.py").read_text(encoding="utf-8")
-    return _replace_between_marks(
-        _replace_between_marks(text, "example", f"```python\n{example}```"), "ports", effects.ports_table()
+    return replace_between_marks(
+        replace_between_marks(text, "example", f"```python\n{example}```"), "ports", effects.ports_table()
     )
 
 
@@ -118,11 +118,11 @@ def _extend() -> str:
     text = (DOCS / "development" / "extend.md").read_text(encoding="utf-8")
     for name in re.findall(r"<!-- made: (\w+\.py) -->", text):
         example = (DOCS / "examples" / name).read_text(encoding="utf-8")
-        text = _replace_between_marks(text, name, f"```python\n{example}```")
+        text = replace_between_marks(text, name, f"```python\n{example}```")
     return text
 
 
-def _replace_between_marks(text: str, name: str, made: str) -> str:
+def replace_between_marks(text: str, name: str, made: str) -> str:
     """Return a page with the text between two marks replaced."""
     begin, end = f"<!-- made: {name} -->\n\n", f"\n\n<!-- end of {name} -->"
     before, _, rest = text.partition(begin)
@@ -147,7 +147,9 @@ def _page(title: str, command: Any) -> str:
 def _flags(parameter: Any) -> str:
     if parameter.param_type_name == "argument":
         return str(parameter.metavar)
-    return " ".join([", ".join([*parameter.opts, *parameter.secondary_opts]), *([parameter.metavar] if parameter.metavar else [])])
+    return " ".join(
+        [", ".join([*parameter.opts, *parameter.secondary_opts]), *([parameter.metavar] if parameter.metavar else [])]
+    )
 
 
 def main(docs: Path) -> None:
