@@ -23,8 +23,8 @@ def draw_parameters(fitted: Fit, draws: int = DRAWS, seed: int = SEED) -> list[d
         seed: Seed of the generator.
 
     Returns:
-        For each draw the value of every free parameter by name, in its own unit; parameters that no residual depends
-        on keep their value.
+        For each draw the value of every free parameter by name, in its own unit. Parameters that no residual depends
+        on may be anything between their bounds, as recordings that were not fitted may show.
     """
     z = np.array([f.to_coordinate(parameter_value(fitted.model, f.name)) for f in fitted.free])
     low = np.array([f.to_coordinate(f.lower) for f in fitted.free])
@@ -34,6 +34,9 @@ def draw_parameters(fitted: Fit, draws: int = DRAWS, seed: int = SEED) -> list[d
     scale = np.where(deviation > 0.0, deviation, 1.0)
     values, vectors = np.linalg.eigh(covariance / np.outer(scale, scale))
     root = scale[:, None] * vectors * np.sqrt(np.maximum(values, 0.0))
-    steps = np.random.default_rng(seed).standard_normal((draws, z.size)) @ root.T
+    rng = np.random.default_rng(seed)
+    steps = rng.standard_normal((draws, z.size)) @ root.T
     drawn = np.clip(z + steps, np.minimum(low, z), np.maximum(high, z))
+    is_open = (deviation == 0.0) & np.isfinite(low) & np.isfinite(high)
+    drawn[:, is_open] = rng.uniform(low[is_open], high[is_open], (draws, np.count_nonzero(is_open)))
     return [{f.name: f.from_coordinate(c) for f, c in zip(fitted.free, row, strict=True)} for row in drawn.tolist()]
