@@ -155,6 +155,15 @@ def raises_held_out_error(data: DiagnosisData, reduced: FittedModel, full: Fitte
     return in_same_units > MIN_ERROR_RISE * given or printed > chance * given
 
 
+def error_ratio(data: DiagnosisData, reduced: FittedModel, full: FittedModel) -> float:
+    """Return the error with an effect over that without it, both as ``compare`` prints them; 1 where one is unknown."""
+    errors = data.free_run_errors
+    if errors is None:
+        return 1.0
+    before, after = held_out_error(errors(reduced.model)), held_out_error(errors(full.model))
+    return after / before if before and after is not None else 1.0
+
+
 def varies_with_horizon(fitted: Fit, effect: Effect, residual_models: Sequence[ResidualModel]) -> bool:
     """Whether a delay or time constant changes by more than its interval where the horizon is doubled.
 

@@ -9,7 +9,7 @@ from itertools import pairwise
 
 from pneucli.diagnose.adequacy import LackOfFit
 from pneucli.diagnose.candidate import Candidate, Decision, Reason, supported_candidates
-from pneucli.diagnose.constraints import IMPOSSIBLE, raises_held_out_error
+from pneucli.diagnose.constraints import IMPOSSIBLE, MIN_ERROR_RISE, error_ratio, raises_held_out_error
 from pneucli.diagnose.data import DiagnosisData, lack_of_fit
 from pneucli.diagnose.decision import Judgement, is_complete, judge, log_odds_among_equivalents
 from pneucli.diagnose.equivalence import Term, best_candidate, not_inferior
@@ -19,6 +19,7 @@ from pneucli.memory import release_free_memory
 from pneucli.physics.declaration import Effect
 
 MAX_EFFECTS = 4
+NO_RISE = (False, MIN_ERROR_RISE)
 # reasons that leave open whether an effect is there in a small amount
 IMPROBABLE: tuple[Reason, ...] = ("needless", "immaterial", "explained-by-unknown")
 
@@ -266,9 +267,11 @@ def _nested_models(
 ) -> tuple[list[FittedModel], list[Effect]]:
     """Return the models from base to last, the effect with the largest reduction first that does not raise the error.
 
+    Where one rises within chance, another order is shown; where all do, the effect that raises it least is the first.
+
     The second result has effects without an initial guess at every step, which are left out.
     """
-    if path[-1] is last and not any(raises_held_out_error(data, *step) for step in pairwise(path)):
+    if path[-1] is last and all(_rise(data, *step) == NO_RISE for step in pairwise(path)):
         return list(path), []
     models, remaining = [base], [e for e in last.model.effects if e.name not in base.effect_names]
     while len(remaining) > 1:
@@ -276,10 +279,17 @@ def _nested_models(
         if not addable:
             return models, remaining
         ranked = sorted(data.refit_with(models[-1], addable), key=lambda c: c.full.cost)
-        first = next((c for c in ranked if not raises_held_out_error(data, c.reduced, c.full)), ranked[0])
+        first = min(ranked, key=lambda c: _rise(data, c.reduced, c.full))
         models.append(first.full)
         remaining.remove(first.effect)
     return [*models, last] if remaining else models, []
+
+
+def _rise(data: DiagnosisData, reduced: FittedModel, full: FittedModel) -> tuple[bool, float]:
+    """Return whether an effect raises the held-out error by more than chance, and by which factor, at least that of
+    ``NO_RISE``.
+    """
+    return raises_held_out_error(data, reduced, full), max(error_ratio(data, reduced, full), MIN_ERROR_RISE)
 
 
 def _terms(

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 from itertools import pairwise
 from typing import Any
 
@@ -10,13 +11,13 @@ import pytest
 
 from benchmarks import ablation
 from pneucli.diagnose.candidate import Candidate, Decision
-from pneucli.diagnose.constraints import raises_held_out_error
+from pneucli.diagnose.constraints import error_ratio, raises_held_out_error
 from pneucli.diagnose.data import DiagnosisData, Refit, run_locally
 from pneucli.diagnose.decision import is_complete
 from pneucli.diagnose.hypothesis_tests import ALPHA
 from pneucli.diagnose.score import FittedModel
 from pneucli.diagnose.selection import SelectionPath, final_decisions, select_effects, unsearched_path
-from tests.diagnose.candidates import candidate, model_fit
+from tests.diagnose.candidates import StatedErrors, candidate, model_fit
 from tests.diagnose.selection_cases import data_of, named, names_of, selection_cases
 
 
@@ -105,6 +106,24 @@ def test_without_a_search_the_path_is_the_given_model() -> None:
     found = unsearched_path(data, base)
     assert (found.models, found.added, found.decisions, found.refused) == ((base,), [], (), ())
     assert [round(one.ratio**2) for one in found.train] == [11]
+
+
+def test_an_order_in_which_no_step_raises_the_error_comes_before_one_in_which_chance_may() -> None:
+    """The effect with the largest gain raises the printed error by 3 % while the other one is missing."""
+    case = next(one for one in selection_cases() if len(one["expected"]["added"]) == 2)
+    data, first = data_of(case), case["expected"]["added"][0]
+    assert select_effects(data, data.model_with([])).added[0] == first
+    shown: Any = data.free_run_errors
+
+    def error(model: Any, reference: Any) -> dict[str, float | None]:
+        given = shown.of(data.model_with([]).model, None)["train"]
+        alone = [e.name for e in model.effects] == [first]
+        return {"train": given * (0.9 if reference else 1.03), "test": None} if alone else shown.of(model, reference)
+
+    data = replace(data, free_run_errors=StatedErrors(error, 1.2))
+    found = select_effects(data, data.model_with([]))
+    assert found.added == case["expected"]["added"][::-1]
+    assert all(error_ratio(data, *step) <= 1.0 for step in pairwise(found.models))
 
 
 def test_added_effects_have_the_order_of_the_path() -> None:
