@@ -60,6 +60,28 @@ def beyond_fitted(comparisons: Sequence[Comparison]) -> tuple[list[BeyondFitted]
     return sorted(found, key=lambda one: -one.share_of_error), float(np.sqrt(np.mean(ratios)))
 
 
+def excess_beyond_fitted(comparisons: Sequence[Comparison]) -> list[dict[str, float]]:
+    """Return by how much samples beyond the fitted range raise the mean square error above that of the others, SI.
+
+    The result has a mapping by channel for each comparison; empty where nothing is beyond, or all.
+    """
+    ranges = _fitted_ranges([c.experiment for c in comparisons if c.experiment.recording.use == "train"])
+    return [_excess(c, ranges) if c.experiment.recording.use == "test" else {} for c in comparisons]
+
+
+def _excess(comparison: Comparison, ranges: Mapping[str, tuple[float, float]]) -> dict[str, float]:
+    samples, found = _samples_beyond(comparison.experiment, ranges), {}
+    if samples:
+        beyond = np.any([*samples.values()], axis=0)
+        for channel in (r.channel for r in comparison.results):
+            squares = comparison.residual(channel) ** 2
+            known = np.isfinite(squares)
+            if (known & beyond).any() and (known & ~beyond).any():
+                within = float(np.mean(squares[known & ~beyond]))
+                found[channel] = max(float(np.mean(squares[known])) - within, 0.0)
+    return found
+
+
 def _fitted_ranges(experiments: Sequence[Experiment]) -> dict[str, tuple[float, float]]:
     """Return the range of each signal over the fitted recordings."""
     seen = [locator_signals(e) for e in experiments]

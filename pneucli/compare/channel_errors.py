@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -57,6 +58,18 @@ class Comparison:
     def residual(self, channel: str) -> Array:
         """Return measured minus model, NaN where nothing was measured."""
         return self.measured[channel] - self.modelled[channel]
+
+    @cached_property
+    def segment_squares(self) -> dict[str, Array]:
+        """The part of each segment between restarts in the mean square error of each channel, SI, (segments,)."""
+        found: dict[str, Array] = {}
+        segments = self.experiment.segments
+        for channel in (r.channel for r in self.results):
+            squares = self.residual(channel) ** 2
+            valid = np.isfinite(squares)
+            sums = np.bincount(segments[valid], squares[valid], self.experiment.restarts.size)
+            found[channel] = np.asarray(sums / max(int(np.count_nonzero(valid)), 1))
+        return found
 
 
 def compare(model: Model, experiment: Experiment, noise: dict[str, float] | None = None) -> Comparison:

@@ -26,12 +26,14 @@ class ExpectedError(NamedTuple):
 
     ``rms``: SI. ``squares``: the contribution of each segment between restarts to the mean square, in each draw, SI
     squared, (draws, segments). ``population``: squares of segments over that of ``rms``, of all draws and of all
-    recordings of the same kind, (P,); the same segments in each channel.
+    recordings of the same kind, (P,); the same segments in each channel. ``undetermined``: the segments that
+    start at a velocity which the readings leave open, so that no draw tells how they err, (segments,) or (1,) for all.
     """
 
     rms: dict[str, float]
     squares: dict[str, Array]
     population: dict[str, Array] = {}  # noqa: RUF012 - a tuple has no default factory
+    undetermined: NDArray[np.bool_] = np.zeros(1, dtype=bool)
 
     def relative_squares(self, channel: str) -> Array:
         """Return the squares of the segments of a channel over that of its rms, in all draws, (draws x segments,)."""
@@ -73,7 +75,8 @@ def expected_error(
     squares = {c: np.array([one[c] for one in drawn]) for c in experiment.channels}
     low_pass = experiment.low_pass is not None
     least = {c: 0.0 if low_pass or c not in experiment.noise else experiment.noise[c].rms for c in squares}
-    return ExpectedError({c: max(float(np.sqrt(v.sum(axis=1).mean())), least[c]) for c, v in squares.items()}, squares)
+    rms = {c: max(float(np.sqrt(v.sum(axis=1).mean())), least[c]) for c, v in squares.items()}
+    return ExpectedError(rms, squares, undetermined=experiment.undetermined_restarts)
 
 
 def expected_rms(

@@ -5,6 +5,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
@@ -14,6 +15,7 @@ import numpy as np
 
 from pneucli.compare.channel_errors import ChannelResult, overall_error
 from pneucli.compare.error_limit import TAIL, ErrorDistribution, combined_distribution
+from pneucli.compare.excused_segments import Excused
 from pneucli.compare.expected_error import MOTION_CHANNELS, ExpectedError
 from pneucli.messages.compare import BAD_ERROR_RATIO, GOOD_ERROR_RATIO, GOOD_TEST_ERROR_RATIO
 from pneucli.simulate.experiment import Experiment
@@ -34,6 +36,7 @@ class GoodnessOfFit:
     one of a single channel, if the model were correct and its parameters as uncertain as they are. ``lacks``: the
     error exceeds what a correct model would show. ``undetermined``: the error is large, and the parameters are too
     uncertain to tell why. ``worst``: the channel that a correct model explains least; None where all are within it.
+    ``excused``: so many segments beside a break-away tell nothing of the model; the limit has room for what they add.
     """
 
     use: str
@@ -43,12 +46,14 @@ class GoodnessOfFit:
     lacks: bool
     undetermined: bool
     worst: ChannelResult | None
+    excused: int = 0
 
 
 def judge_fit(
     results: Sequence[Sequence[ChannelResult]],
     expected: Sequence[ExpectedError],
     parameter_squares: Callable[[], Squares],
+    excused: Excused,
 ) -> GoodnessOfFit | None:
     """Judge the errors of a model.
 
@@ -57,6 +62,7 @@ def judge_fit(
         expected: Error of a correct model in each recording.
         parameter_squares: Returns the mean square error (SI) that the uncertainty of the parameters causes; called
             only where noise does not explain the errors.
+        excused: What tells nothing of the model.
 
     Returns:
         The judgement; None where nothing was compared.
@@ -66,29 +72,37 @@ def judge_fit(
     error = overall_error(flat, use)
     if error is None:
         return None
-    noise_alone = judged = _Family(results, expected, use, error, [{} for _ in results])
+    noise_alone = judged = _Family(results, expected, use, error, [{} for _ in results], excused.squares)
     if noise_alone.p < TAIL:
-        judged = _Family(results, expected, use, error, parameter_squares())
+        judged = replace(noise_alone, parameter_squares=parameter_squares())
     lacks = judged.p < TAIL
-    undetermined = noise_alone.p < TAIL and not lacks and error > BAD_ERROR_RATIO
-    limit = min(judged.limit, max(noise_alone.limit, BAD_ERROR_RATIO))
-    return GoodnessOfFit(use, error, limit, judged.p, lacks, undetermined, judged.worst if lacks else None)
+    large = judged.with_excess(BAD_ERROR_RATIO)
+    undetermined = noise_alone.p < TAIL and not lacks and error > large
+    limit = min(judged.limit, max(noise_alone.limit, large))
+    worst = judged.worst if lacks else None
+    return GoodnessOfFit(use, error, limit, judged.p, lacks, undetermined, worst, excused.segments)
 
 
 class _Channel(NamedTuple):
-    """The error of a channel, that of a correct model, and what uncertain parameters add to its mean square."""
+    """The error of a channel, that of a correct model, and what parameters and excused samples add to its square."""
 
     result: ChannelResult
     expected: ExpectedError
     parameter_square: float
+    excess: float
+
+    @property
+    def error(self) -> float:
+        """The error over noise without what is excused."""
+        return math.sqrt(max(self.result.ratio_to_noise**2 - self.excess, 0.0))
 
 
 @dataclass(frozen=True)
 class _Family:
     """The tests of one judgement: the printed error, and each pressure or force of any recording.
 
-    The motion of one recording is not tested: whether a piston breaks away before or after a restart decides on its
-    error, too rarely to know how rarely. Its part of the printed errors is.
+    The motion of one recording is not tested; its part of the printed error is. ``excess``: what excused
+    samples add to the mean square error of each channel, SI.
     """
 
     results: Sequence[Sequence[ChannelResult]]
@@ -96,15 +110,29 @@ class _Family:
     use: str
     error: float
     parameter_squares: Squares
+    excess: Squares
 
     @cached_property
     def recordings(self) -> list[list[_Channel]]:
         """The channels of each recording."""
-        rows = zip(self.results, self.expected, self.parameter_squares, strict=True)
+        rows = zip(self.results, self.expected, self.parameter_squares, self.excess, strict=True)
         return [
-            [_Channel(r, one, squares.get(r.channel, 0.0) / r.noise**2) for r in found if is_judged(r, one)]
-            for found, one, squares in rows
+            [
+                _Channel(r, one, squares.get(r.channel, 0.0) / r.noise**2, excess.get(r.channel, 0.0) / r.noise**2)
+                for r in found
+                if is_judged(r, one)
+            ]
+            for found, one, squares, excess in rows
         ]
+
+    @cached_property
+    def overall_excess(self) -> float:
+        """What excused samples add to the square of the printed error."""
+        return float(np.mean([c.excess for rows in self.recordings for c in rows if c.result.use == self.use] or [0.0]))
+
+    def with_excess(self, error: float) -> float:
+        """Return the printed error that has the excess of excused samples besides ``error``."""
+        return math.sqrt(error**2 + self.overall_excess)
 
     @cached_property
     def distribution(self) -> ErrorDistribution | None:
@@ -120,7 +148,7 @@ class _Family:
     def limit(self) -> float:
         """The printed error below which a model counts as correct; a small excess is immaterial."""
         small = IMMATERIAL[self.use]
-        return small if self.distribution is None else max(small, self.distribution.limit(TAIL / 2))
+        return self.with_excess(small if self.distribution is None else max(small, self.distribution.limit(TAIL / 2)))
 
     @cached_property
     def channels(self) -> list[tuple[float, ChannelResult]]:
@@ -133,8 +161,9 @@ class _Family:
     def p(self) -> float:
         """The p value of all tests together (Bonferroni)."""
         single = len(self.channels) * self.channels[0][0] if self.channels else 1.0
-        whole = None if self.error <= IMMATERIAL[self.use] else self.distribution
-        printed = 1.0 if whole is None else whole.p_value(self.error)
+        error = math.sqrt(max(self.error**2 - self.overall_excess, 0.0))
+        whole = None if error <= IMMATERIAL[self.use] else self.distribution
+        printed = 1.0 if whole is None else whole.p_value(error)
         return min(2 * min(single, printed), 1.0)
 
     @property
@@ -152,10 +181,10 @@ def is_judged(result: ChannelResult, expected: ExpectedError) -> bool:
 
 def _p_value(channel: _Channel) -> float:
     """Return the probability of a channel's error if the model were correct; 1 where the error is immaterial."""
-    result, expected, square = channel
-    if result.ratio_to_noise <= BAD_ERROR_RATIO:
+    if channel.error <= BAD_ERROR_RATIO:
         return 1.0
-    return expected.distribution([result.channel]).with_uncertain_parameters(square).p_value(result.ratio_to_noise)
+    whole = channel.expected.distribution([channel.result.channel])
+    return whole.with_uncertain_parameters(channel.parameter_square).p_value(channel.error)
 
 
 def parameter_error_squares(model: Model, drawn: Sequence[Model], experiments: Sequence[Experiment]) -> Squares:

@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import TypeVar
+from typing import NamedTuple, TypeVar
 
 from pneucli.compare import ChannelResult, Comparison, compare, overall_error
+from pneucli.compare.beyond_fitted import excess_beyond_fitted
 from pneucli.compare.error_limit import combined_distribution
+from pneucli.compare.excused_segments import SegmentSquares, excused_error
 from pneucli.compare.expected_error import ExpectedError, expected_errors
 from pneucli.compare.free_run import free_runs, judge_with_free_runs
 from pneucli.compare.goodness_of_fit import GoodnessOfFit, Squares, is_judged, judge_fit, parameter_error_squares
@@ -21,6 +23,14 @@ T = TypeVar("T")
 Results = tuple[ChannelResult, ...]
 
 
+class _Compared(NamedTuple):
+    """Errors of one recording; the squares of segments, and what samples beyond the fitted range add, SI."""
+
+    results: Results
+    segments: SegmentSquares
+    beyond_fitted: Mapping[str, float]
+
+
 @dataclass(frozen=True)
 class FreeRunErrors:
     """The free-run errors of models in units of the error of a correct model, as ``compare`` states them.
@@ -32,7 +42,7 @@ class FreeRunErrors:
     """
 
     experiments: Sequence[Experiment]
-    _compared: list[tuple[Model, list[Results]]] = field(default_factory=list)
+    _compared: list[tuple[Model, list[_Compared]]] = field(default_factory=list)
     _expected: list[tuple[Model, list[ExpectedError]]] = field(default_factory=list)
     _free_runs: list[tuple[Model, list[ChannelResult]]] = field(default_factory=list)
 
@@ -65,11 +75,13 @@ class FreeRunErrors:
     def judge(self, fitted: Fit) -> GoodnessOfFit | None:
         """Judge the errors of a fitted model by the uncertainty of its parameters; None where nothing is compared."""
         model, (own, expected) = fitted.model, self._errors(fitted.model)
+        found = self._results_of(model, expected)
+        excused = excused_error([one.segments for one in found], [one.beyond_fitted for one in found], expected)
 
         def squares() -> Squares:
             return parameter_error_squares(model, _drawn_models(fitted), self.experiments)
 
-        return judge_with_free_runs(judge_fit(own, expected, squares), self.free_runs(fitted))
+        return judge_with_free_runs(judge_fit(own, expected, squares, excused), self.free_runs(fitted))
 
     def free_runs(self, fitted: Fit) -> list[ChannelResult]:
         """Return the errors of a fitted model over whole recordings."""
@@ -87,16 +99,22 @@ class FreeRunErrors:
             lambda correct: expected_errors(correct, self.experiments),
         )
 
-        def compared(model: Model) -> list[Results]:
-            pairs = zip(self.experiments, expected, strict=True)
-            return [compare(model, experiment, one.rms).results for experiment, one in pairs]
-
-        own = _once(self._compared, model, compared)
+        own = self._results_of(model, expected)
         in_units = [
-            tuple(result.in_units_of(one.rms[result.channel]) for result in results)
-            for results, one in zip(own, expected, strict=True)
+            tuple(result.in_units_of(one.rms[result.channel]) for result in found.results)
+            for found, one in zip(own, expected, strict=True)
         ]
         return in_units, expected
+
+    def _results_of(self, model: Model, expected: Sequence[ExpectedError]) -> list[_Compared]:
+        """Return the errors of a model in each experiment, in any units."""
+
+        def compared(model: Model) -> list[_Compared]:
+            found = [compare(model, e, one.rms) for e, one in zip(self.experiments, expected, strict=True)]
+            beyond = excess_beyond_fitted(found)
+            return [_Compared(c.results, c.segment_squares, b) for c, b in zip(found, beyond, strict=True)]
+
+        return _once(self._compared, model, compared)
 
 
 def _drawn_models(fitted: Fit) -> list[Model]:

@@ -19,7 +19,7 @@ from pneucli.simulate.end_detection import POSITION_SCATTER_SIGMA, contact_side
 from pneucli.simulate.imposed_motion import MotionInputs, detect_reversals, motion_inputs, smooth_acceleration
 from pneucli.simulate.kernel_settings import max_filling_step, max_motion_step
 from pneucli.simulate.local_polynomials import LocalPolynomialSmoother, choose_windows
-from pneucli.simulate.motion_smoother import MotionSmoother, input_errors
+from pneucli.simulate.motion_smoother import MotionSmoother, input_errors, missed_speed
 from pneucli.simulate.noise_draws import cache_draws, draw_sensor_noise
 from pneucli.simulate.position_smoother import PositionSmoother
 from pneucli.simulate.restarts import restart_samples
@@ -108,6 +108,14 @@ class Experiment:
     def segments(self) -> NDArray[np.int64]:
         """Number of the restart that each sample follows, shape (n,)."""
         return np.searchsorted(self.restarts, np.arange(self.time.size), side="right") - 1
+
+    @cached_property
+    def undetermined_restarts(self) -> NDArray[np.bool_]:
+        """The restarts beside a jump of the acceleration between two samples, which leaves their velocity open."""
+        if not isinstance(self.motion_smoother, MotionSmoother):
+            return np.zeros(self.restarts.size, dtype=bool)
+        missed = np.pad(missed_speed(self.time, self.raw["a"]), 1)
+        return np.asarray(np.maximum(missed[:-1], missed[1:])[self.restarts] > self.standstill_speed)
 
     @property
     def vessel(self) -> bool:

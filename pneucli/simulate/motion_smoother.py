@@ -50,6 +50,26 @@ class MotionSmoother:
         return least_squares_motion(dt, 1.0 / self.x_noise, 1.0 / slack, 1.0 / (slack * dt), x, a)
 
 
+def missed_speed(time: Array, a: Array) -> Array:
+    """Return the standard deviation of the speed in m/s that readings miss between two samples, (n - 1,).
+
+    The acceleration may jump at any instant between them. A jump is its change less what the changes before and after
+    it let expect.
+
+    Args:
+        time: Time stamps in s, shape (n,).
+        a: Acceleration in m/s^2, shape (n,).
+
+    >>> missed_speed(np.arange(6.0), np.array([0.0, 0.0, 12.0, 12.0, 12.0, 12.0])).round(2)
+    array([3.46, 3.46, 1.73, 0.  , 0.  ])
+    """
+    change = np.diff(a)
+    if change.size < 2:
+        return np.zeros(change.size)
+    around = 0.5 * (np.append(change[1], change[:-1]) + np.append(change[1:], change[-2]))
+    return np.asarray(np.abs(change - around) * np.diff(time) / np.sqrt(12.0))
+
+
 def estimate_acceleration_delay(x: Array, a: Array, period: float, memory: float) -> int:
     """Estimate by how many samples an accelerometer reads later than the position, as behind a filter of its own.
 

@@ -11,6 +11,8 @@ import numpy as np
 import pyarrow as pa
 
 from pneucli.compare import ChannelResult, Comparison, Region, compare, find_error_regions, overall_error
+from pneucli.compare.beyond_fitted import excess_beyond_fitted
+from pneucli.compare.excused_segments import excused_error
 from pneucli.compare.expected_error import ExpectedError, expected_errors
 from pneucli.compare.free_run import free_runs, judge_with_free_runs
 from pneucli.compare.goodness_of_fit import is_judged, judge_fit, parameter_error_squares
@@ -93,7 +95,10 @@ def _judgement(
     for one in channels:
         one["free_run"] = by_channel.get((one["recording"], one["channel"]))
     judged = judge_fit(
-        [c.results for c in comparisons], expected, lambda: parameter_error_squares(model, drawn, experiments)
+        [c.results for c in comparisons],
+        expected,
+        lambda: parameter_error_squares(model, drawn, experiments),
+        excused_error([c.segment_squares for c in comparisons], excess_beyond_fitted(comparisons), expected),
     )
     return {
         "lack_of_fit": lack_of_fit_answer(judge_with_free_runs(judged, whole)),

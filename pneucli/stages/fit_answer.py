@@ -29,6 +29,7 @@ def lack_of_fit_answer(judged: GoodnessOfFit | None, balance: LackOfFit | None =
         "use": judged.use,
         "error": judged.error,
         "limit": judged.limit,
+        "excused": judged.excused,
         "worst": None
         if worst is None
         else {"recording": worst.recording, "channel": worst.channel, "ratio_to_noise": worst.ratio_to_noise},

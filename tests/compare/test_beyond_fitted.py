@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from pneucli.compare.beyond_fitted import BeyondFitted, beyond_fitted
+from pneucli.compare.beyond_fitted import BeyondFitted, beyond_fitted, excess_beyond_fitted
 from pneucli.compare.channel_errors import Comparison, channel_result
 from pneucli.recording import Use
 from tests.simulate.synthetic_experiments import make_experiment, time_grid
@@ -37,6 +37,8 @@ def test_samples_beyond_hold_the_error_up_to_the_next_restart() -> None:
     share = 50.0 * 100.0 / (50.0 * 100.0 + 950.0 * 4.0)
     assert found == [BeyondFitted("test_run", "u", 0.05, 3.0, 5.0, "V", pytest.approx(share))]  # type: ignore[arg-type]
     assert within == pytest.approx(2.0)
+    excess = excess_beyond_fitted([FITTED, compared("test", u, error)])
+    assert excess == [{}, {"p1": pytest.approx(0.05 * 100.0 + 0.95 * 4.0 - 4.0)}]
 
 
 @pytest.mark.parametrize(("high", "beyond"), [(3.15, False), (3.3, True)])
@@ -64,3 +66,4 @@ def test_unmeasured_samples_are_no_error() -> None:
 def test_fitted_recordings_alone_go_beyond_nothing() -> None:
     assert beyond_fitted([FITTED]) == ([], None)
     assert beyond_fitted([]) == ([], None)
+    assert excess_beyond_fitted([FITTED]) == [{}]

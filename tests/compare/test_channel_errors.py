@@ -53,6 +53,10 @@ def test_figures_follow_their_definitions() -> None:
     assert r.fit_percent == pytest.approx(100 * (1 - np.linalg.norm(y - model) / np.linalg.norm(y - y.mean())))
     assert r.ratio_to_noise == pytest.approx(r.rmsd / 2.0)
     assert r.unit == "N"
+    of_segments = replace(found, experiment=found.experiment.with_restarts(0.5)).segment_squares["force"]
+    assert of_segments.size == 4
+    assert np.sum(of_segments) == pytest.approx(r.rmsd**2)
+    assert of_segments[2] == pytest.approx(np.sum((y - model)[1000 - 4 : 1500 - 6] ** 2) / seen.sum())
 
 
 def test_samples_that_were_not_measured_do_not_count() -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import replace
 from types import SimpleNamespace
 from typing import Any
@@ -11,6 +12,7 @@ import pytest
 
 from pneucli.compare import goodness_of_fit
 from pneucli.compare.channel_errors import ChannelResult
+from pneucli.compare.excused_segments import Excused, SegmentSquares, excused_error, excused_segments
 from pneucli.compare.expected_error import ExpectedError
 from pneucli.compare.goodness_of_fit import GoodnessOfFit, Squares, judge_fit, parameter_error_squares
 from pneucli.simulate.model import Model
@@ -18,6 +20,7 @@ from pneucli.simulate.valve_forms.area import ValveArea
 from tests.simulate.synthetic_experiments import FRICTION, RIG
 
 SEGMENTS = 200
+NOTHING = Excused([{}], 0)
 
 
 def result(ratio: float, use: str = "test", channel: str = "p1", recording: str = "one") -> ChannelResult:
@@ -25,14 +28,22 @@ def result(ratio: float, use: str = "test", channel: str = "p1", recording: str 
     return ChannelResult(recording, use, channel, "Pa", ratio, 1.0, 1.0, 99.0, 1.0, ratio, 10.0)
 
 
-def judged(*rows: list[ChannelResult], squares: Squares | None = None) -> GoodnessOfFit:
-    """The judgement of recordings; each channel has many segments, so that chance is small."""
+def judged(
+    *rows: list[ChannelResult],
+    squares: Squares | None = None,
+    segments: list[SegmentSquares] | None = None,
+    beyond_fitted: Squares | None = None,
+) -> GoodnessOfFit:
+    """The judgement of recordings; each channel has many segments, so that chance is small, and they err alike."""
     rng = np.random.default_rng(3)
     drawn = rng.standard_normal((6, SEGMENTS)) ** 2 / SEGMENTS
     names = ("p1", "x", "force")
     population = np.ravel(drawn) * SEGMENTS
     one = ExpectedError(dict.fromkeys(names, 1.0), dict.fromkeys(names, drawn), dict.fromkeys(names, population))
-    found = judge_fit(rows, [one] * len(rows), lambda: squares or [{} for _ in rows])
+    equal = [{r.channel: np.full(SEGMENTS, r.rmsd**2 / SEGMENTS) for r in row} for row in rows]
+    expected, beyond = [one] * len(rows), beyond_fitted or [{} for _ in rows]
+    excused = excused_error(segments or equal, beyond, expected)
+    found = judge_fit(rows, expected, lambda: squares or [{} for _ in rows], excused)
     assert found is not None
     return found
 
@@ -75,6 +86,54 @@ def test_the_motion_of_one_recording_is_judged_with_all_others_alone() -> None:
     assert not judged(*rows, [result(5.0, channel="x", recording="one")]).lacks
 
 
+def with_break_aways(count: int, power: float) -> GoodnessOfFit:
+    """The judgement of two recordings of which so many segments err by ``power``, and all others by noise."""
+    found = np.full((2, SEGMENTS), 0.5 / SEGMENTS)
+    found.flat[:count] = power / SEGMENTS
+    names, rms = ("p1", "x"), np.sqrt(found.sum(axis=1))
+    rows = [[result(float(r), channel=c, recording=f"{i}") for c in names] for i, r in enumerate(rms)]
+    return judged(*rows, segments=[dict.fromkeys(names, own) for own in found])
+
+
+def test_a_break_away_on_the_other_side_of_a_restart_is_excused_and_many_are_not() -> None:
+    """The pressures of the segment follow its motion; the limit says how large an error is excused."""
+    one, two, three = (with_break_aways(count, 2e3) for count in (1, 2, 3))
+    assert (one.lacks, one.excused, two.lacks, two.excused) == (False, 1, False, 2)
+    assert 2.0 < one.error < two.error <= two.limit < 1.4 * two.error
+    assert (three.lacks, three.excused, three.limit < 2.1) == (True, 0, True)
+
+
+def test_segments_that_err_are_excused_where_the_motion_errs_alone() -> None:
+    own = np.full(SEGMENTS, 0.5 / SEGMENTS)
+    own[3] = 2e3 / SEGMENTS
+    ratio = float(np.sqrt(own.sum()))
+    assert judged([result(ratio)], segments=[{"p1": own}]).lacks  # a vessel: no piston is there to break away
+    assert [np.flatnonzero(found).tolist() for found in excused_segments([{"x": own}], [of_motion()])] == [[3]]
+
+
+def test_an_error_beyond_the_fitted_range_is_none_of_the_model_and_stands_in_the_limit() -> None:
+    """Of a square of 25 nine tenths come from samples at which the model extrapolates."""
+    found = judged([result(5.0)], beyond_fitted=[{"p1": 24.0}])
+    assert (found.lacks, found.excused) == (False, 0)
+    assert 5.0 < found.limit < 5.2
+    assert judged([result(5.0)], beyond_fitted=[{"p1": 20.0}]).lacks
+
+
+def test_segments_that_start_at_an_unknown_velocity_are_excused_whatever_their_number() -> None:
+    own = np.full(SEGMENTS, 0.5 / SEGMENTS)
+    own[:20] = 9e2 / SEGMENTS
+    assert not np.any(excused_segments([{"x": own}], [of_motion()]))
+    assert [np.flatnonzero(found).tolist() for found in excused_segments([{"x": own}], [of_motion(range(20))])] == [
+        [*range(20)]
+    ]
+
+
+def of_motion(undetermined: Iterable[int] = ()) -> ExpectedError:
+    """The error of a correct model in x, with segments that start at an unknown velocity."""
+    unknown = np.isin(np.arange(SEGMENTS), list(undetermined))
+    return ExpectedError({"x": 1.0}, {"x": np.ones((6, SEGMENTS)) / SEGMENTS}, {"x": np.ones(6 * SEGMENTS)}, unknown)
+
+
 def test_a_large_error_that_uncertain_parameters_may_cause_is_undetermined() -> None:
     found = judged([result(5.0)], squares=[{"p1": 30.0}])
     assert (found.lacks, found.undetermined) == (False, True)
@@ -89,13 +148,13 @@ def test_parameters_are_drawn_only_where_noise_does_not_explain_the_error() -> N
 
     row = [result(1.1)]
     one = ExpectedError({"p1": 1.0}, {"p1": np.ones((6, 4)) / 4.0}, {"p1": np.ones(24)})
-    assert judge_fit([row], [one], never) is not None
+    assert judge_fit([row], [one], never, NOTHING) is not None
     with pytest.raises(AssertionError):
-        judge_fit([[result(3.0)]], [one], never)
+        judge_fit([[result(3.0)]], [one], never, NOTHING)
 
 
 def test_nothing_compared_is_not_judged() -> None:
-    assert judge_fit([], [], lambda: []) is None
+    assert judge_fit([], [], lambda: [], NOTHING) is None
 
 
 VALVE = ValveArea((1.0, 2.0, 4.0, 8.0), (1e-7, 2.1e-7, 4e-7, 8e-7))

@@ -23,6 +23,12 @@ def errors(train: float | None, test: float | None) -> dict[str, float | None]:
     return {"train": train, "test": test}
 
 
+@pytest.fixture(autouse=True)
+def within_the_fitted_range(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Stand-ins for comparisons have no samples."""
+    monkeypatch.setattr(free_run_error, "excess_beyond_fitted", lambda found: [{} for _ in found])
+
+
 def test_the_held_out_error_counts_where_it_exists() -> None:
     assert held_out_error(errors(3.0, 5.0)) == 5.0
     assert held_out_error(errors(3.0, None)) == 3.0
@@ -63,7 +69,7 @@ def test_errors_are_over_each_models_own_noise_by_use(monkeypatch: pytest.Monkey
 
     def compare(model: float, experiment: Any, noise: dict[str, float]) -> Any:
         compared.append(model)
-        return SimpleNamespace(results=(result(experiment, model, noise["x"]),))
+        return SimpleNamespace(segment_squares={}, results=(result(experiment, model, noise["x"]),))
 
     compared: list[float] = []
     drawn: list[float] = []
@@ -90,7 +96,7 @@ def test_two_models_are_compared_in_units_of_one(monkeypatch: pytest.MonkeyPatch
     """Of a correct model without a damper errors of 4 um are expected, with it of 1 um; 6 um are left of 8 um."""
 
     def compare(model: float, experiment: Any, noise: dict[str, float]) -> Any:
-        return SimpleNamespace(results=(result("train", model, noise["x"]),))
+        return SimpleNamespace(segment_squares={}, results=(result("train", model, noise["x"]),))
 
     def expected(model: float, experiments: list[str]) -> list[ExpectedError]:
         return [ExpectedError({"x": 4.0 if model == 8.0 else 1.0}, {})]
@@ -109,7 +115,7 @@ def test_the_limit_of_a_correct_model_is_that_of_the_recordings_of_a_use(monkeyp
     def expected(model: float, experiments: list[str]) -> list[ExpectedError]:
         return [ExpectedError({"x": 1.0}, {"x": np.ones((10_000, 2))}, {"x": np.tile([0.0, 2.0], 10_000)})]
 
-    found = SimpleNamespace(results=(result("train", 8.0, 1.0),))
+    found = SimpleNamespace(segment_squares={}, results=(result("train", 8.0, 1.0),))
     monkeypatch.setattr(free_run_error, "compare", lambda model, experiment, noise: found)
     monkeypatch.setattr(free_run_error, "expected_errors", expected)
     limits: Any = free_run_error.FreeRunErrors(["train"]).limits(8.0)  # type: ignore[list-item, arg-type]
@@ -118,7 +124,9 @@ def test_the_limit_of_a_correct_model_is_that_of_the_recordings_of_a_use(monkeyp
 
 def test_the_overall_error_of_a_use_is_a_root_mean_square(monkeypatch: pytest.MonkeyPatch) -> None:
     results = tuple(result("train", rmsd, 1.0, channel) for channel, rmsd in (("x", 3.0), ("v", 4.0)))
-    monkeypatch.setattr(free_run_error, "compare", lambda model, experiment, noise: SimpleNamespace(results=results))
+    monkeypatch.setattr(
+        free_run_error, "compare", lambda model, experiment, noise: SimpleNamespace(segment_squares={}, results=results)
+    )
     monkeypatch.setattr(
         free_run_error, "expected_errors", lambda model, experiments: [ExpectedError({"x": 1.0, "v": 1.0}, {})]
     )

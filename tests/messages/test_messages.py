@@ -156,6 +156,7 @@ def test_an_error_that_a_correct_model_may_have_counts_as_noise() -> None:
         "on those fitted): the model misses something"
     )
     assert "too uncertain to tell" in compare.verdict(compared(30.5, undetermined=True, limit=40.0))
+    assert "below 1.62 with one segment beside a break-away)" in compare.verdict(compared(excused=1))
 
 
 @pytest.mark.parametrize(

@@ -7,8 +7,10 @@ import pytest
 from scipy.integrate import cumulative_trapezoid
 
 from pneucli.noise import NoiseModel
+from pneucli.recording import Recording, Rig
 from pneucli.simulate.local_polynomials import autocovariance, choose_windows, polynomial_window, window_deviations
 from pneucli.simulate.motion_smoother import MotionSmoother, estimate_acceleration_delay, least_squares_motion
+from pneucli.simulate.preparation import prepare
 
 N, PERIOD = 600, 1e-3
 TIME = PERIOD * np.arange(N)
@@ -118,3 +120,22 @@ def test_the_delay_of_a_filtered_accelerometer_is_found_in_samples(late: int, fo
 
 def test_a_short_record_gives_no_delay() -> None:
     assert estimate_acceleration_delay(np.zeros(40), np.zeros(40), 1e-3, 1.4e-3) == 0
+
+
+@pytest.mark.parametrize(("rate", "delay", "open_at"), [(200.0, 0.5e-3, [0]), (200.0, 0.053, []), (5e3, 0.5e-3, [])])
+def test_a_jump_of_the_acceleration_beside_a_restart_leaves_its_velocity_open(
+    rate: float, delay: float, open_at: list[int]
+) -> None:
+    """A piston that breaks away half a sample after the recording begins, or later; fast sampling shows when."""
+    fine = np.arange(-delay, 2.0, 1e-5)
+    a = np.where(fine >= 0.0, 10.0 * np.cos(30.0 * np.maximum(fine, 0.0)), 0.0)
+    v = np.cumsum(a) * 1e-5
+    x = 0.05 + np.cumsum(v) * 1e-5
+    kept = slice(None, None, round(1e5 / rate))
+    time, rng = fine[kept] + delay, np.random.default_rng(1)
+    noise = {"x": NoiseModel(1e-6), "a": NoiseModel(0.05), "p1": NoiseModel(300.0)}
+    signals = {"x": x[kept], "a": a[kept], "p1": np.full(time.size, 3e5)}
+    read = {name: values + noise[name].rms * rng.standard_normal(time.size) for name, values in signals.items()}
+    rig = Rig(piston_area_1=1e-3, piston_area_2=1e-3, moving_mass=2.0, stroke=0.2)
+    one = prepare(Recording("away", "friction", "test", time, read, noise, "open"), rig, 0.5)
+    assert np.flatnonzero(one.undetermined_restarts).tolist() == open_at
