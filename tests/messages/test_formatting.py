@@ -118,6 +118,7 @@ def test_an_interval_of_rounding_errors_is_none() -> None:
     assert format_interval(-5.039031693674560e-3, "m", ends) == "−5.039 mm"
     assert format_interval(1.1e-10, "N", (1.0e-10, 1.2e-10)) == "0 N"
     assert format_quantity(7.4e-8, "Pa") == "0 bar"
+    assert format_quantity(8.0e-13, "m^2") == "0 mm²"
 
 
 @pytest.mark.parametrize(
