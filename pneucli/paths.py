@@ -124,6 +124,7 @@ def _natural_order(path: Path) -> list[tuple[bool, int, str]]:
     return [(part.isdigit(), int(part) if part.isdigit() else 0, part) for part in parts]
 
 
+BEFORE_A_PATH = r"(?<![\w/\\.~-])"
 MAX_STEPS_UP = 2  # folders above the current one, from which a path is shown as "../"
 
 
@@ -134,17 +135,19 @@ def from_here(text: str) -> str:
         text: A path, or a sentence with paths.
 
     Returns:
-        ``"raw/a.csv"`` for a file below the current folder, ``"../rig/a.csv"`` beside it, whole paths elsewhere.
+        ``"."`` for the current folder, ``"raw/a.csv"`` for a file below it, ``"../rig/a.csv"`` beside it, whole paths
+        elsewhere.
 
     """
     try:
         folder = os.getcwd()
     except FileNotFoundError:  # it was removed
         return text
+    text = re.sub(BEFORE_A_PATH + re.escape(folder) + r"(?![\w/\\.~-])", lambda _: os.curdir, text)
     for up in range(MAX_STEPS_UP + 1):
         if folder == os.path.dirname(folder):  # the root: all paths are below it
             break
-        before = r"(?<![\w/\\.~-])" + re.escape(folder + os.sep)
+        before = BEFORE_A_PATH + re.escape(folder + os.sep)
         text = (f"..{os.sep}" * up).join(re.split(before, text))
         folder = os.path.dirname(folder)
     return text

@@ -118,7 +118,8 @@ def _pressure(one: Recording, signal: str, bench: RigCheck) -> Iterator[Finding]
 
 def _open_chamber(one: Recording, middle: float, bench: RigCheck) -> Iterator[Finding]:
     ambient, error = bench.rig.ambient_pressure, bench.pressure_error(one, "p2", middle)
-    found, by = f"p2 rests at {format_signal(middle, 'p2')} in an open chamber", abs(middle - ambient) / error
+    shown, by = 0.0 if abs(middle) < error else middle, abs(middle - ambient) / error
+    found = f"p2 rests at {format_signal(shown, 'p2')} in an open chamber"
     share = float(np.nanmean(np.abs(one["p2"] - ambient) > AMBIENT_SLIP_SHARE * ambient))
     if middle < ambient:
         yield from gauge_finding(one, "p2", found, by, share).judged(physics=True)

@@ -139,7 +139,7 @@ def test_a_pressure_may_be_asked_for_and_its_sizes_are_pressures() -> None:
         ({"speed": "1 m/s"}, r"here\.speed: unknown key"),
         ({"reference": "step"}, r'here\.reference: "step".*steps'),
         ({"duration": "0 s"}, r"here\.duration: 0.*above 0"),
-        ({"dwell": "-1 s"}, r"here\.dwell: -1.*above 0"),
+        ({"dwell": "-1 s"}, r"here\.dwell: −1.*above 0"),
         ({"frequency": "0 Hz"}, r"here\.frequency: 0.*above 0"),
         ({"control": "force"}, r'here\.control: "force"'),
         ({"control": "pressure", "centre": "3 mm"}, r'here\.centre.*a quantity such as "1 Pa"'),

@@ -385,9 +385,9 @@ def test_requirements_are_read_with_their_units_over_what_is_known() -> None:
         ({"period": "1 m"}, r"here\.period.*a quantity such as \"1 s\""),
         ({"damping": 0}, r"here\.damping: 0.*above 0"),
         ({"sector_ratio": 1}, r"here\.sector_ratio: 1.*above 1: the slope of one line"),
-        ({"period": "2 s"}, r"here\.period: 2 s.*from 1e-05 s to 1 s"),
-        ({"period": "5 us"}, r"here\.period: 5e-06 s.*from 1e-05 s to 1 s"),
-        ({"max_speed": "-1 m/s"}, r"here\.max_speed: -1.*above 0"),
+        ({"period": "2 s"}, r"here\.period: 2 s.*from 1·10⁻⁵ s to 1 s"),
+        ({"period": "5 us"}, r"here\.period: 5·10⁻⁶ s.*from 1·10⁻⁵ s to 1 s"),
+        ({"max_speed": "-1 m/s"}, r"here\.max_speed: −1.*above 0"),
     ],
 )
 def test_a_requirement_that_cannot_be_read_says_how_to_mend_it(table: dict[str, Any], says: str) -> None:

@@ -58,7 +58,7 @@ def test_the_controller_switches_by_the_same_term(x1: float, x2: float) -> None:
 
 def test_vertices_that_the_sample_time_cannot_follow_lead_to_a_remark_that_states_the_choice() -> None:
     assert "lambda2 T = 15.4" in STEEP.warning
-    assert "0.0013 m/s" in STEEP.warning
+    assert "1.3 mm/s" in STEEP.warning
     assert SECTOR.warning == ""
     assert SECTOR.lambda_2 - SECTOR.lambda_1 == pytest.approx(SECTOR.a_2 - SECTOR.a_1)  # 6.18 still holds
 

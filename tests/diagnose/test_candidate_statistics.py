@@ -375,7 +375,7 @@ def test_the_detection_limit_states_where_the_effect_acts() -> None:
     """A shorter cushion that the piston hardly reaches may be far stiffer."""
     long, short = {"length": 0.08, "damping": 100.0}, {"length": 0.03, "damping": 100.0}
     found = size_of("end-cushion", (short, np.inf), (long, 0.02))
-    assert "above 8 N s/m (damping at the very end; length of each cushion 0.08 m)" in sentence(found)
+    assert "above 8 N·s/m (damping at the very end; length of each cushion 80 mm)" in sentence(found)
 
 
 @pytest.mark.parametrize(("error", "plausible"), [(0.74, True), (0.76, False)])
@@ -396,7 +396,7 @@ def test_an_effect_without_a_null_shows_at_its_typical_size_or_not(error: float,
     found = size_of("presliding", ({"stiffness": 2e4, "damping": 50.0}, error))
     assert (found.size, found.plausible) == (2e4, plausible)
     if plausible:
-        assert "at 2e+04 N/m" in sentence(found)
+        assert "at 20000 N/m" in sentence(found)
 
 
 def test_every_effect_that_the_model_lacks_and_can_show_has_a_size(monkeypatch: pytest.MonkeyPatch) -> None:

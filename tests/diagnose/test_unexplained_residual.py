@@ -90,7 +90,7 @@ def test_a_negligible_share_is_shapeless(monkeypatch: pytest.MonkeyPatch) -> Non
 def test_a_period_over_the_same_signal_is_reported(monkeypatch: pytest.MonkeyPatch) -> None:
     found = described(monkeypatch, law("x", 0.9), repeats=PeriodicTerm("x", 0.02, 0.6))
     assert (found.variable, found.kind, found.share) == ("x", "periodic", 0.9)
-    assert text(found) == "a force that repeats over piston position, period 0.02 m"
+    assert text(found) == "a force that repeats over piston position, period 20 mm"
     assert found.smooth_term is not None
     assert found.smooth_term.signal == "x"
 

@@ -238,7 +238,12 @@ class View:
         self.wave, self.felt = wave, felt
         recording = SimpleNamespace(name="run 7", kind=SimpleNamespace(valve=False), signals={})
         self.experiment = SimpleNamespace(
-            time=np.arange(wave.size), horizon=1.0, raw={}, signal_ranges=EXTENT, recording=recording
+            time=np.arange(wave.size),
+            horizon=1.0,
+            restarts=np.arange(2),
+            raw={},
+            signal_ranges=EXTENT,
+            recording=recording,
         )
         self.noise = {"x": 2.0}
         self.weights: dict[str, float] = {}

@@ -77,7 +77,7 @@ def test_an_offset_is_found_where_both_files_hold_a_signal(tmp_path: Path) -> No
     two(tmp_path, shift=0.3712, with_x=True)
     answer, (one,) = ingested(tmp_path, 'offset = "find"\nmatch = "x"\n')
     (told,) = [r["message"] for r in answer["repairs"] if r["kind"] == "offset"]
-    found = float(told.split("moved by ")[1].split(" s")[0])
+    found = float(told.split("moved by ")[1].split(" ±")[0])
     assert found == pytest.approx(0.3712, abs=5e-4)
     there = np.isfinite(one["p1"])
     np.testing.assert_allclose(one["p1"][there], 1e5 * (3 + np.sin(one.time[there])), atol=60)

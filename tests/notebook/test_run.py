@@ -130,7 +130,7 @@ def test_a_run_shows_itself_at_a_glance(axis: pneucli.Run, valve: pneucli.Run) -
     assert "× noise on test recordings" in text
     assert "driven_2" in text
     assert "<table>" in axis._repr_html_()
-    assert repr(valve.valve).startswith("ValveMap: -10 to 10 V")
+    assert repr(valve.valve).startswith("ValveMap: −10 to 10 V")
     assert ".residuals()" in repr(axis.plot)
 
 

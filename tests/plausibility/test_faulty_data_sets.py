@@ -66,7 +66,7 @@ def test_people_read_the_table_of_signals_and_what_is_implausible(tmp_path: Path
     text = messages.render("ingest", answer, "p.toml").splitlines()
     assert [line.split()[-3:-1] for line in text if line.split()[:2] == ["friction", "p2"]] == [["bar", "1000"]]
     first, second = implausibility_sentences(answer["plausibility"])
-    assert first.startswith("stickslip_2, p2 rests at 0.000 bar in an open chamber: gauge?")
+    assert first.startswith("stickslip_2, p2 rests at 0 bar in an open chamber: gauge?")
     assert second.startswith("driven_1 and 1 more, p2 of the closed chamber lacks ambient pressure at")
     assert first.endswith('; write reference = "gauge" in [signals] p2')
     assert answer["findings"] == {"contradictions": 1, "doubts": 2}
