@@ -124,6 +124,16 @@ def test_bounds_are_finite_and_ordered_wherever_an_effect_can_be_fitted(rig: Rig
             assert all(size.lower <= value <= size.upper for value in size.typical), p
 
 
+@every_effect
+def test_places_move_with_the_zero_of_x_and_sizes_do_not(effect: Effect) -> None:
+    moved = replace(FACTS, x_min=FACTS.x_min - 2.0, x_max=FACTS.x_max - 2.0)
+    for p in effect.parameters:
+        (lower, upper, typical, _), (new_lower, new_upper, new_typical, _) = p.range_on(FACTS), p.range_on(moved)
+        shifts = np.array([new_lower, new_upper, *new_typical]) - np.array([lower, upper, *typical])
+        assert np.ptp(shifts) < 1e-6, p  # rounding
+        assert min(abs(shifts[0]), abs(shifts[0] + 2.0)) < 1e-6, p
+
+
 def test_a_bound_without_a_scale_is_far_from_what_is_typical() -> None:
     sized = Parameter("size", "N", None, "0.1 supply forces", "2 supply forces", (3.0, 5.0))
     signed = Parameter("size", "N", 0.0, "-2 supply forces", "2 supply forces", (3.0, 5.0))
