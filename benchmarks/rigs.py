@@ -1,4 +1,4 @@
-"""The controller's own sample on the exam's rig, compiled together: what ``benchmarks.learning`` drives.
+"""The controller's own sample on the exam's rig, compiled together: what ``benchmarks.loop`` and ``thesis`` drive.
 
 Rig and model share no code. The controller's code is that of :mod:`pneucli.controller.cascade`; the exported C is a
 translation of it that gives the same commands to the last bit (``tests/export``).

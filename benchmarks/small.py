@@ -1,4 +1,4 @@
-"""Small inputs for ``python -m benchmarks.NAME --small``, with which a benchmark runs to its end in seconds.
+"""What benchmarks share, and small inputs with which ``python -m benchmarks.NAME --small`` runs to its end in seconds.
 
 So small a run measures nothing; it shows that a benchmark still runs. A pipeline that a benchmark otherwise identifies
 is replaced by the exact model of the exam's rig.
@@ -7,7 +7,7 @@ is replaced by the exact model of the exam's rig.
 from __future__ import annotations
 
 import tempfile
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -16,6 +16,7 @@ import tomlkit
 
 from benchmarks.rigs import model_of
 from pneucli.closed_loop.simulation import ClosedLoopSetup
+from pneucli.config import load
 from pneucli.controller.parameters import Controller
 from pneucli.design.cascade_design import design_cascade
 from pneucli.design.requirements import Requirements
@@ -24,11 +25,32 @@ from pneucli.exam.conditions import parse
 from pneucli.exam.laboratory import Laboratory
 from pneucli.exam.rig.parameters import ONE_CHAMBER
 from pneucli.export.export_files import write_c, write_c_source
+from pneucli.pipeline.context import Context
 from pneucli.simulate.model import Model
+from pneucli.stages import ingest
+from pneucli.stages.pipeline_data import PipelineData
 
 SMALL = "--small"
 CONTROLLERS = "design/controllers"
 VALVE_TEST_STEMS = ("step_+1.0V", "step_+3.0V", "step_+3.5V", "step_+10.0V")  # of a test of a valve; one is held out
+
+
+def print_tables(tables: Mapping[str, Callable[..., object]], arguments: Sequence[str]) -> int:
+    """Print the table that the first argument names, or of each a small one; return 1 where one returned False."""
+    is_small = SMALL in arguments
+    name, *rest = [one for one in arguments if one != SMALL] or [""]
+    if name not in tables and (name or not is_small):
+        raise SystemExit(f"no table {name!r}; wanted: {', '.join(tables)}")
+    found = [tables[one](rest, is_small=is_small) for one in ([name] if name else tables)]
+    return int(any(one is False for one in found) and not is_small)
+
+
+def study_of(case: Path, folder: Path, most: int | None = None) -> PipelineData:
+    """Return a case, ingested into an empty folder, as the stages after ``ingest`` see it."""
+    path = case / "pipeline.toml"
+    (folder / "ingest").mkdir()
+    ingest.run(Context(path, load(path), folder / "ingest", folder))
+    return PipelineData(Context(path, load(path), folder / "none", folder), max_samples=most)
 
 
 def exam(folder: Path) -> Path:

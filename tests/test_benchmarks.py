@@ -11,49 +11,33 @@ from pathlib import Path
 
 import pytest
 
+from benchmarks import loop
 from benchmarks.measure import IMPORTS, KERNELS, PHASES, REST, Sampler
 
 ROOT = Path(__file__).parents[1]
-SHARED = {
-    "answers",
-    "cases",
-    "fleet_rigs",
-    "measure",
-    "planned_recordings",
-    "regressions",
-    "rigs",
-    "small",
-    "truths",
-    "worlds",
-}  # no benchmarks
+SHARED = {"answers", "fleet_rigs", "measure", "planned_recordings", "regressions", "rigs", "small", "truths", "worlds"}
 TESTED_ELSEWHERE = {"simulate"}  # tests/simulate/test_benchmark.py
-NEED_GCC = {"exam_loop", "gate", "laws", "level", "machine_logs", "plant_fmu", "precision"}
-SLOW = {
-    "arrangements",
-    "fleet",
-    "learning",
-    "machine_logs",
-    "periods",
-    "report",
-    "score",
-    "thesis_friction",
-    "thesis_laws",
-}
+NEED_GCC = {("fmu", ""), *(("loop", name) for name in loop.TABLES if name not in ("periods", "benefit"))}
+SLOW = {("fleet", ""), ("score", ""), ("loop", "logs"), ("loop", "periods"), ("loop", "benefit"),
+        ("thesis", "friction"), ("thesis", "laws"), ("valve", "maps")}  # fmt: skip
 BENCHMARKS = sorted(path.stem for path in (ROOT / "benchmarks").glob("*.py") if path.stem not in SHARED)
 
 
+def tables() -> list[tuple[str, str]]:
+    """Every benchmark with each of its tables; "" where it has one."""
+    named = [name for name in BENCHMARKS if name not in TESTED_ELSEWHERE]
+    modules = [(name, importlib.import_module(f"benchmarks.{name}")) for name in named]
+    return [(name, table) for name, module in modules for table in getattr(module, "TABLES", [""])]
+
+
 @pytest.mark.parametrize(
-    "name",
-    [
-        pytest.param(name, marks=[pytest.mark.slow] if name in SLOW else [])
-        for name in BENCHMARKS
-        if name not in TESTED_ELSEWHERE
-    ],
+    ("name", "table"), [pytest.param(*one, marks=[pytest.mark.slow] if one in SLOW else []) for one in tables()]
 )
-def test_a_benchmark_finishes_in_its_small_mode(name: str, capsys: pytest.CaptureFixture[str]) -> None:
-    if name in NEED_GCC and shutil.which("gcc") is None:
+def test_a_benchmark_finishes_in_its_small_mode(name: str, table: str, capsys: pytest.CaptureFixture[str]) -> None:
+    if (name, table) in NEED_GCC and shutil.which("gcc") is None:
         pytest.skip("no gcc")
-    assert importlib.import_module(f"benchmarks.{name}").main(["--small"]) in (None, 0)
+    arguments = [*([table] if table else []), "--small"]
+    assert importlib.import_module(f"benchmarks.{name}").main(arguments) in (None, 0)
     printed = capsys.readouterr().out
     assert re.search(r"\d", printed), printed
     assert "Error" not in printed

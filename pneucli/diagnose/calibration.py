@@ -3,7 +3,7 @@
 On clean data a likelihood ratio decides. On a real rig unmodelled effects act as well, some effect of the catalogue
 resembles each of them, and the likelihood ratio is overconfident about it. The probability is therefore a logistic
 model of the evidence, estimated on exams with known truth. Their rigs share no code with this program
-(``python -m benchmarks.calibration``). ``calibration.json`` has the weights, the exams and their seeds.
+(``python -m benchmarks.diagnosis calibration``). ``calibration.json`` has the weights, the exams and their seeds.
 """
 
 from __future__ import annotations

@@ -9,7 +9,6 @@ from typing import Any
 
 import pytest
 
-from benchmarks import ablation
 from pneucli.diagnose.candidate import Candidate, Decision
 from pneucli.diagnose.constraints import error_ratio, raises_held_out_error
 from pneucli.diagnose.data import DiagnosisData, Refit, run_locally
@@ -17,6 +16,7 @@ from pneucli.diagnose.decision import is_complete
 from pneucli.diagnose.hypothesis_tests import ALPHA
 from pneucli.diagnose.score import FittedModel
 from pneucli.diagnose.selection import SelectionPath, final_decisions, select_effects, unsearched_path
+from tests.diagnose import rules
 from tests.diagnose.candidates import StatedErrors, candidate, model_fit
 from tests.diagnose.selection_cases import data_of, named, names_of, selection_cases
 
@@ -75,14 +75,14 @@ CASE_OF_RULE = {
 
 @pytest.mark.parametrize("rule", CASE_OF_RULE)
 def test_without_a_rule_the_answer_to_its_case_is_another(rule: str) -> None:
-    """The benchmark of the rules notes that the rule acted there, and leaves it out."""
+    """The rule acts there, and without it the answer differs."""
     case, acted = named(CASE_OF_RULE[rule]), set[str]()
     data = data_of(case)
-    with ablation.replaced(ablation.watching({rule: ablation.RULES[rule]}, acted)):
+    with rules.replaced(rules.watching({rule: rules.RULES[rule]}, acted)):
         found = select_effects(data, data.model_with([]))
     assert acted == {rule}
     assert found.added == case["expected"]["added"]
-    with ablation.replaced(ablation.RULES[rule].without):
+    with rules.replaced(rules.RULES[rule].without):
         without = select_effects(data, data.model_with([]))
     assert (without.added, reasons(without)) != (found.added, reasons(found))
 

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from benchmarks import gum
+from benchmarks import valve
 from pneucli.identify.guesses.base_model import PLACEHOLDER_VOLUME
 from pneucli.identify.valve import charge_budget
 from pneucli.identify.valve.flow_bench import FlowBench, identify_flow_bench
@@ -220,15 +220,15 @@ def test_the_interval_of_a_path_is_that_of_its_budget() -> None:
 
 def test_a_monte_carlo_of_charge_and_discharge_tests_has_the_ends_of_the_budget() -> None:
     """Within 5 % of the half width; 95 % are inside whatever the wall does, which no even law achieves."""
-    for name, value, interval, ends, covered in gum.charge_rows(4000):
-        assert gum.end_errors(interval, ends, value)[1] <= 0.05, name
+    for name, value, interval, ends, covered in valve.charge_rows(4000):
+        assert valve.end_errors(interval, ends, value)[1] <= 0.05, name
         assert (covered >= 0.95) != name.endswith("evenly"), name
 
 
 def test_a_monte_carlo_of_a_steady_bench_has_the_ends_of_the_budget() -> None:
     """Of the half width; 200 draws know an end to about 10 % of it."""
-    for name, value, interval, ends, _ in gum.steady_rows(200):
-        assert gum.end_errors(interval, ends, value)[1] <= 0.3, name
+    for name, value, interval, ends, _ in valve.steady_rows(200):
+        assert valve.end_errors(interval, ends, value)[1] <= 0.3, name
 
 
 def test_a_worked_example_of_a_data_sheet_lies_within_the_interval_of_its_own_rows() -> None:

@@ -1,4 +1,4 @@
-"""The exported plant in FMPy against the simulation: ``python -m benchmarks.plant_fmu``. Needs FMPy and a C compiler.
+"""The exported plant in FMPy against the simulation: ``python -m benchmarks.fmu``. Needs FMPy and a C compiler.
 
 Ten seconds of an axis of the size of the demo, command and load in steps, called every millisecond. Printed are the
 largest difference of x, v, a, p1 and p2 relative to the range of each, and the seconds of FMPy and of the FMU alone.
