@@ -29,7 +29,7 @@ _SOURCE, _SERVER = (
     re.compile(r"(?i)source|device|measured|origin"),
     re.compile(r"(?i)server|receiv|arriv|logged|ingest"),
 )
-_RUN_WORDS = r"run|test|trial|rep|repeat|repetition|versuch|messung|cycle|zyklus|lauf|essai|prueba|series"
+_RUN_WORDS = r"run|test|trial|rep|repeat|repetition|versuch|messung|lauf|essai|prueba"
 _RUN_COLUMN = re.compile(
     rf"(?i)(?:.*[_\s/.])?(?:{_RUN_WORDS}|experiment|batch|shot)s?(?:[_\s.]*(?:id|no|nr|number|index|#))?\.?"
 )

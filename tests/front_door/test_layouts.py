@@ -188,6 +188,8 @@ def test_runs_are_told_by_a_number_or_by_names_and_not_by_other_columns() -> Non
     found = runs_below_one_another([number, Column("t", "t", "s", both), Column("p", "p", "", np.sin(t))], {}, text)
     assert [run for run, _ in found] == ["1", "2"]
     assert [one.where for one in found[1][1]] == [None, ("run", "2")]
+    cycles = Column("cycle", "cycle", "", np.repeat([1.0, 2.0], 100))  # of one recording that goes on
+    assert runs_below_one_another([cycles, Column("t", "t", "s", t), Column("p", "p", "", np.sin(t))], {}, text) == []
     state = Column("valve open", "valve open", "", np.repeat([0.0, 1.0], 100))
     assert runs_below_one_another([state, Column("t", "t", "s", t), Column("p", "p", "", np.sin(t))], {}, text) == []
     names = ("t", "u", "p1 run1 [bar]", "p1 run2 [bar]")
