@@ -100,7 +100,7 @@ def _column_guess(alike: Sequence[Survey], n: int, signal: str, name: ColumnName
     known = known[~np.isin(known, missing)]
     found = replace(_unit_guess(column, signal, name, known), missing=missing)
     doubt = implausibility(signal, found.unit, found.scale * known) if np.isfinite(found.scale) else ""
-    if doubt and not found.unit_stated:
+    if doubt and not found.unit_stated and signal not in COMMANDS:  # a command counts in whatever the bench takes
         written = f'the unit "{column.written}" is not known' if column.written else "no unit is stated"
         note = f"CHECK {written}, and in {found.unit} this cannot be: {doubt.partition(': ')[2]}"
         return replace(found, note=note, ask_unit=True)
