@@ -19,8 +19,8 @@ from pneucli.units import same_dimension
 # whole words; with a hyphen behind or before them the beginnings or ends of words, with both the middles of words, as
 # in languages that write no blanks; most telling first, without accents
 NOUNS: dict[str, str] = {
-    "time": "t time- -time zeit -zeit uhrzeit temps tiempo tempo tijd timestamp clock uhr stamp datetime elapsed czas "
-    "tout micros millis tid aika cas ido zaman timp время -时间- -時間- -시간-",
+    "time": "t ts time- -time zeit -zeit uhrzeit temps tiempo tempo tijd timestamp clock uhr stamp datetime elapsed "
+    "czas tout micros millis tid aika cas ido zaman timp время -时间- -時間- -시간-",
     "pressure": "p pa pb ps p0 press- -pressure druck -druck druck- pression presion pressione druk cisnienie tryck- "
     "-tryck trykk- -trykk tryk- -tryk paine- -paine tlak- nyomas- basinc- pressao presiune давлен- -压力- -圧力- "
     "-압력-",
@@ -78,6 +78,7 @@ _ANGLE = re.compile("m?rad|deg|°")
 _PLAIN = str.maketrans({"ß": "ss", "ø": "o", "Ø": "O", "æ": "ae", "ł": "l", "Ł": "L", "ı": "i", "đ": "d"})
 _WORD = re.compile(r"[A-Z]?[a-z]+|[A-Z]+(?![a-z])|\d+|[^\W\d_A-Za-z]+")
 _NODE = re.compile(r"^(?:ns=\d+;)?[sgib]=")  # what OPC UA writes before a name
+_VALUE = re.compile(r"(?i)[\s_]+value[xy]?$")  # what recorders write behind a name, beside its stamps
 _DOTTED = re.compile(r"[A-Za-z_]\w*(?:\.[A-Za-z_]\w*)+")
 _MARKED = re.compile(r"^(.*?)\s*[\[(<{]\s*([^\])>}]*)\s*[\])>}]\s*$|^(.+?)\s+in\s+(\S+)$|^(.+?),\s*(\S+)$")
 _SUFFIX = re.compile(r"^(.+)_([^_\s]+)$")
@@ -184,7 +185,7 @@ def _stem_and_unit(column: str, is_text: bool) -> tuple[str, str, bool]:
 
     The unit is empty where the end of the name is none.
     """
-    name = _NODE.sub("", column.strip())
+    name = _VALUE.sub("", _NODE.sub("", column.strip())) or column.strip()
     for pattern in (_SLASH, _MARKED, _SUFFIX) if is_text else (_MARKED, _SUFFIX):
         if match := pattern.match(name):
             stem, unit = (part for part in match.groups() if part is not None)

@@ -43,7 +43,7 @@ def role_evidence(columns: Sequence[Column], names: Sequence[ColumnName], free: 
                 yield Evidence(n, "p_supply", SURE, why)
     if not any("command" in names[n].nouns for n in free):
         for n in free:
-            nameless = not names[n].nouns and quantity_kind(names[n].unit) in ("", "command")
+            nameless = not (names[n].nouns and names[n].kind) and quantity_kind(names[n].unit) in ("", "command")
             if nameless and looks_set(columns[n].values):
                 yield Evidence(n, "u", LIKELY, "CHECK it is set in steps and shows no noise, as a command does")
 

@@ -84,7 +84,10 @@ def _shaped(
     words = [one.message for one in reader.repairs if one.kind == "words"]
     if long := long_table(columns, labels):
         by_label = {one.where[0] for one in long if one.where is not None}
-        return long, [*words, *(_counted(key, own) for key, own in labels.items() if key not in by_label)], []
+        taken = {one.key for one in long}
+        beside = {one.name: _as_texts(one.values) for one in columns if one.key not in taken and not one.unit}
+        beside = {key: own for key, own in (beside | dict(labels)).items() if key not in by_label}
+        return long, [*words, *(_counted(key, own) for key, own in beside.items())], []
 
     def as_text(column: Column) -> ColumnValues:
         return _read(reader, [ColumnRequest(list(reader.names).index(str(column.key)), text=True)])[0]
@@ -96,6 +99,10 @@ def _shaped(
     by_run = {one.where[0] for _, own in runs for one in own if one.where is not None}
     unused = [*words, *(_counted(key, own) for key, own in labels.items() if key not in by_run)]
     return (clocked[0][1] if clocked else _with_clocks(columns)), unused, clocked
+
+
+def _as_texts(values: Array) -> ColumnValues:
+    return np.array([f"{value:g}" for value in values], dtype=object)
 
 
 def _with_clocks(columns: Sequence[Column]) -> list[Column]:

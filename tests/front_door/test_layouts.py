@@ -215,6 +215,7 @@ def test_runs_are_told_by_a_number_or_by_names_and_not_by_other_columns() -> Non
         ("压力1 [bar]", "p1"),
         ("давление питания", "p_supply"),
         ("Läge [mm]", "x"),
+        ("u ValueY", "u"),
         ("dp [bar]", ""),
         ("delta_p [bar]", ""),
         ("p_s", "p_supply"),
@@ -314,6 +315,13 @@ def test_a_vessel_that_is_vented_in_between_tells_absolute(lowest: float) -> Non
     pascals = lowest + 3e5 * (swing + 0.6) + 300 * RNG.standard_normal(2000)
     assert (ambient_floor(pascals) is not None) == (lowest == 1.01e5)
     assert ambient_floor(1.3e5 + 3e5 * np.abs(np.sin(np.arange(2000) / 60))) is None
+
+
+def test_what_stands_beside_the_values_of_a_long_table_is_counted(tmp_path: Path) -> None:
+    rows = "".join(f"{n / 100},{tag},{n % 7},{192 if n % 50 else 0}\n" for n in range(200) for tag in ("u", "p1"))
+    answer = init.create(tmp_path / "rig", [written(tmp_path, f"ts,tag,val,quality\n{rows}")])
+    assert answer["left_out"] == ['a.csv: "quality": texts, "192" 392 times, "0" 8 times']
+    assert {one["signal"] for one in answer["columns"]} == {"time", "u", "p1"}
 
 
 def test_a_channel_of_json_is_taken_by_its_label(tmp_path: Path) -> None:
