@@ -33,7 +33,7 @@ EFFECT = Effect(
             "1/bar",
             0.0,
             "-0.5 per supply pressure",
-            "1000 per supply pressure",
+            "20 per supply pressure",
             ("0.3 per supply pressure", "1.2 per supply pressure"),
             "growth of dry friction per bar",
             multiplies="friction.coulomb",
