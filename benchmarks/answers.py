@@ -168,8 +168,8 @@ def _of_ingest(answer: Mapping[str, Any]) -> Row:
     for signal in READINGS:
         if mine := [look for name, look in looks if name == signal]:
             reads[signal] = [rounded(min(o["least"] for o in mine)), rounded(max(o["most"] for o in mine))]
-            noise[signal] = rounded(max(o["noise"] for o in mine), 2)
-            rate[signal] = rounded(min(o["rate"] for o in mine))
+            noise[signal] = rounded(max((o["noise"] for o in mine if o["noise"] is not None), default=None), 2)
+            rate[signal] = rounded(min((o["rate"] for o in mine if o["rate"] is not None), default=None))
     samples = sum(one["samples"] for one in answer["recordings"])
     return {"doubts": _checks(answer), "samples": samples, "reads": reads, "noise": noise, "rate": rate}
 
