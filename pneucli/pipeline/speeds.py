@@ -1,11 +1,16 @@
-"""How long a stage will take on this machine: by what its earlier runs took, which a small file remembers."""
+"""How long a stage will take on this machine: by what its earlier runs took, which a small file remembers.
+
+On a machine where it has not run, what the demo took on another one is scaled by the speed of a short loop on both.
+"""
 
 from __future__ import annotations
 
 import json
 import math
 import os
+import time
 from contextlib import suppress
+from functools import cache
 from pathlib import Path
 
 from pneucli.paths import cache_folder
@@ -16,10 +21,16 @@ MAX_PIPELINES = 50  # that are remembered for each stage, the last ones
 Runs = dict[str, tuple[float, float]]  # units of work and seconds of the last run, by the digest of the pipeline's path
 
 
-def estimate(stage: str, pipeline: Path, units: float) -> float | None:
-    """Return about how many seconds a stage will take; None where it has not run on this machine.
+# units of work and seconds of each stage of the demo (`make demo`, all compiled), and of the loop on the same machine
+DEMO_RUNS: dict[str, tuple[float, float]] = {}
+LOOP_LENGTH, LOOP_SECONDS = 200_000, 0.01
 
-    The last run of this pipeline tells, or else that of the pipeline whose work is the most alike in size.
+
+def estimate(stage: str, pipeline: Path, units: float) -> float | None:
+    """Return about how many seconds a stage will take; None where no run tells.
+
+    The last run of this pipeline tells, or else that of the pipeline whose work is the most alike in size, or else,
+    where the stage has not run on this machine, that of the demo on another one.
 
     Args:
         stage: The stage's name.
@@ -28,9 +39,24 @@ def estimate(stage: str, pipeline: Path, units: float) -> float | None:
 
     """
     runs = _read().get(stage, {})
+    if not runs and stage in DEMO_RUNS:
+        demo, seconds = DEMO_RUNS[stage]
+        runs = {"": (demo, seconds * _slowness())}
     alike = min(runs.values(), key=lambda run: abs(math.log(run[0] / units)), default=None)
     run = runs.get(_key(pipeline), alike)
     return None if run is None else run[1] * units / run[0]
+
+
+@cache
+def _slowness() -> float:
+    """Return how many times as long a short loop takes here as on the machine of :data:`DEMO_RUNS`."""
+
+    def seconds() -> float:
+        begun = time.perf_counter()
+        sum(k * k for k in range(LOOP_LENGTH))
+        return time.perf_counter() - begun
+
+    return min(seconds() for _ in range(3)) / LOOP_SECONDS
 
 
 def remember(stage: str, pipeline: Path, units: float, seconds: float) -> None:

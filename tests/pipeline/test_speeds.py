@@ -16,8 +16,9 @@ from tests.pipeline import toys
 
 @pytest.fixture(autouse=True)
 def cache(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
-    """An empty cache."""
+    """An empty cache, and nothing known of other machines."""
     monkeypatch.setattr(speeds, "cache_folder", lambda: tmp_path)
+    monkeypatch.setattr(speeds, "DEMO_RUNS", {})
     return tmp_path / speeds.SPEEDS_FILE
 
 
@@ -45,6 +46,15 @@ def test_a_damaged_file_counts_as_none(cache: Path, text: str) -> None:
     assert speeds.estimate("compare", Path("a.toml"), 1.0) is None
     speeds.remember("compare", Path("a.toml"), 1.0, 2.0)
     assert speeds.estimate("compare", Path("a.toml"), 1.0) == pytest.approx(2.0)
+
+
+def test_on_a_new_machine_the_demo_on_another_one_tells_by_the_speed_of_both(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(speeds, "DEMO_RUNS", {"compare": (10.0, 4.0)})
+    monkeypatch.setattr(speeds, "_slowness", lambda: 3.0)
+    assert speeds.estimate("compare", Path("a.toml"), 20.0) == pytest.approx(24.0)
+    assert speeds.estimate("diagnose", Path("a.toml"), 20.0) is None
+    speeds.remember("compare", Path("b.toml"), 20.0, 7.0)
+    assert speeds.estimate("compare", Path("a.toml"), 20.0) == pytest.approx(7.0)
 
 
 def test_the_file_does_not_grow_for_ever() -> None:
