@@ -178,6 +178,10 @@ class DiagnosisData:
         return replace(decision, candidate=replace(c, full=full))
 
     @cached_property
+    def _signatures(self) -> WeakKeyDictionary[FittedModel, dict[str, list[ScoreTest]]]:
+        return WeakKeyDictionary()
+
+    @cached_property
     def _fits_with_intervals(self) -> WeakKeyDictionary[FittedModel, Fit]:
         return WeakKeyDictionary()
 
@@ -234,13 +238,16 @@ class DiagnosisData:
         return sorted(ranked, key=lambda one: -one[1][0].gain)
 
     def signatures_of(self, fitted: FittedModel, effects: Sequence[Effect]) -> list[ScreenedEffect]:
-        """Return the score tests of effects at a fitted model, best first, without effects that have none."""
-        screened = []
+        """Return the score tests of effects at a fitted model, best first, without effects that have none.
+
+        The last round of a search asks for those of the model that it ends with, as does what is detectable there.
+        """
+        known = self._signatures.setdefault(fitted, {})
         for i, effect in enumerate(effects):
-            self.progress(screening_progress(effect.name, len(effects) - i - 1))
-            if tests := score_tests(effect, fitted.fit, self.train):
-                screened.append((effect, tests))
-        return screened
+            if effect.name not in known:
+                self.progress(screening_progress(effect.name, len(effects) - i - 1))
+                known[effect.name] = score_tests(effect, fitted.fit, self.train)
+        return [(e, known[e.name]) for e in effects if known[e.name]]
 
     def run_refit(self, task: Refit) -> FittedModel:
         """Do one refit."""

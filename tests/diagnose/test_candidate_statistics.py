@@ -250,13 +250,18 @@ def test_effects_are_ranked_by_their_best_score_test(monkeypatch: pytest.MonkeyP
     found = diagnosis_data(
         train=[seen("one", "two", "three")], effects={e.name: e for e in (ONE, TWO, THREE)}, progress=told.append
     )
-    known: Any = SimpleNamespace(model=SimpleNamespace(effects=[]), fit=None)
+
+    def having(*effects: Any) -> FittedModel:
+        return FittedModel(SimpleNamespace(model=SimpleNamespace(effects=effects)), *[np.zeros(0)] * 4)  # type: ignore[arg-type]
+
+    known = having()
     assert [(e.name, s[0].gain) for e, s in found.ranked_signatures(known)] == [("two", 9.0), ("one", 5.0)]
     assert told == ["screening one, 2 left", "screening two, 1 left", "screening three, 0 left"]
-    has: Any = SimpleNamespace(model=SimpleNamespace(effects=[TWO]), fit=None)
-    assert [e.name for e, _ in found.ranked_signatures(has)] == ["one"]
+    assert [e.name for e, _ in found.ranked_signatures(having(TWO))] == ["one"]
     promised["one"] = [0.0]
-    assert [e.name for e, _ in found.ranked_signatures(known)] == ["two"]
+    assert len(found.ranked_signatures(known)) == 2  # no model is screened twice
+    assert len(told) == 5
+    assert [e.name for e, _ in found.ranked_signatures(having())] == ["two"]
 
 
 def test_a_candidate_has_both_models_the_p_value_of_its_parameters_and_what_it_replaces(
@@ -413,7 +418,8 @@ def test_every_effect_that_the_model_lacks_and_can_show_has_a_size(monkeypatch: 
 
     monkeypatch.setattr(data_module, "score_tests", found_for)
     ready = diagnosis_data(train=[seen("constant-force", "stribeck", "extra-mass")], effects=effects)
-    has: Any = SimpleNamespace(fit=None, model=model(["extra-mass"]))
+    fit: Any = SimpleNamespace(model=model(["extra-mass"]))
+    has = FittedModel(fit, *[np.zeros(0)] * 4)
     found = visible.minimum_detectable_effects(ready, has)
     assert [d.effect.name for d in found] == ["constant-force", "stribeck"]
     assert [d.size for d in found] == pytest.approx([4.0, 4 * 0.1 * 8.0])
