@@ -1,6 +1,6 @@
 """How long a stage will take on this machine: by what its earlier runs took, which a small file remembers.
 
-On a machine where it has not run, what the demo took on another one is scaled by the speed of a short loop on both.
+Where it has not run on this machine, what it took of the demo on another one is scaled by a short loop on both.
 """
 
 from __future__ import annotations
@@ -12,6 +12,7 @@ import time
 from contextlib import suppress
 from functools import cache
 from pathlib import Path
+from typing import NamedTuple
 
 from pneucli.paths import cache_folder
 from pneucli.pipeline.manifest import digest
@@ -21,9 +22,25 @@ MAX_PIPELINES = 50  # that are remembered for each stage, the last ones
 Runs = dict[str, tuple[float, float]]  # units of work and seconds of the last run, by the digest of the pipeline's path
 
 
-# units of work and seconds of each stage of the demo (`make demo`, all compiled), and of the loop on the same machine
-DEMO_RUNS: dict[str, tuple[float, float]] = {}
-LOOP_LENGTH, LOOP_SECONDS = 200_000, 0.01
+class DemoRun(NamedTuple):
+    """The work of a stage of the demo, how many seconds it took, and for how many more it compiled at its first run."""
+
+    units: float
+    seconds: float
+    compiling: float = 0.0
+
+
+# of `make demo`, and the seconds that the loop took on the same machine
+DEMO_RUNS = {
+    "ingest": DemoRun(5.9e6, 2.0),
+    "identify": DemoRun(2.7e5, 11.0, 36.0),
+    "compare": DemoRun(2.7e5, 1.3),
+    "diagnose": DemoRun(2.5e6, 9.0, 4.0),
+    "design": DemoRun(7, 12.5, 43.0),
+    "simulate": DemoRun(112, 6.1),
+    "report": DemoRun(26, 6.4),
+}
+LOOP_LENGTH, LOOP_SECONDS = 200_000, 0.009
 
 
 def estimate(stage: str, pipeline: Path, units: float) -> float | None:
@@ -39,9 +56,8 @@ def estimate(stage: str, pipeline: Path, units: float) -> float | None:
 
     """
     runs = _read().get(stage, {})
-    if not runs and stage in DEMO_RUNS:
-        demo, seconds = DEMO_RUNS[stage]
-        runs = {"": (demo, seconds * _slowness())}
+    if not runs and (demo := DEMO_RUNS.get(stage)):
+        return (demo.compiling + demo.seconds * units / demo.units) * _slowness()
     alike = min(runs.values(), key=lambda run: abs(math.log(run[0] / units)), default=None)
     run = runs.get(_key(pipeline), alike)
     return None if run is None else run[1] * units / run[0]

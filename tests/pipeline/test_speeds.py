@@ -49,9 +49,9 @@ def test_a_damaged_file_counts_as_none(cache: Path, text: str) -> None:
 
 
 def test_on_a_new_machine_the_demo_on_another_one_tells_by_the_speed_of_both(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(speeds, "DEMO_RUNS", {"compare": (10.0, 4.0)})
+    monkeypatch.setattr(speeds, "DEMO_RUNS", {"compare": speeds.DemoRun(10.0, 4.0, 1.0)})
     monkeypatch.setattr(speeds, "_slowness", lambda: 3.0)
-    assert speeds.estimate("compare", Path("a.toml"), 20.0) == pytest.approx(24.0)
+    assert speeds.estimate("compare", Path("a.toml"), 20.0) == pytest.approx(27.0)
     assert speeds.estimate("diagnose", Path("a.toml"), 20.0) is None
     speeds.remember("compare", Path("b.toml"), 20.0, 7.0)
     assert speeds.estimate("compare", Path("a.toml"), 20.0) == pytest.approx(7.0)
