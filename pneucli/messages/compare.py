@@ -107,14 +107,15 @@ def verdict(answer: Row) -> str:
     if use == "test" and errors.get("train") is not None:
         notes.append(f"{format_noise_ratio(errors['train'])} on those fitted")
     if judged is not None and error <= BAD_ERROR_RATIO * judged["limit"]:
-        beside = f" with {_excused_segments(judged['excused'])}" if judged.get("excused") else ""
+        beside = f" with {excused_segments(judged['excused'])}" if judged.get("excused") else ""
         notes.append(f"of correct models 99 % are below {format_noise_ratio(judged['limit'])}{beside}")
     other = f" ({'; '.join(notes)})" if notes else ""
     kind = "test recordings" if use == "test" else "the recordings that were fitted; none was held out"
     return f"{format_noise_ratio(error)} × noise on {kind}{other}: {fit_meaning(answer)}"
 
 
-def _excused_segments(count: int) -> str:
+def excused_segments(count: int) -> str:
+    """Return how many segments tell nothing of the model: when a piston breaks away decides on their error."""
     return f"{'one segment' if count == 1 else f'{count} segments'} beside a break-away"
 
 

@@ -6,7 +6,7 @@ import math
 from collections.abc import Mapping, Sequence
 from typing import Any
 
-from pneucli.messages.compare import beyond_fitted_sentence, evaluation_error, free_run_sentence
+from pneucli.messages.compare import beyond_fitted_sentence, evaluation_error, excused_segments, free_run_sentence
 from pneucli.messages.discrepancy import discrepancy_character, discrepancy_location, largest_discrepancy
 from pneucli.messages.formatting import fill_in, format_noise_ratio, format_percent, format_quantity, join_names
 
@@ -147,7 +147,9 @@ def _remainder(answer: Answer) -> str:
         return f"{text}; no effect of the catalogue explains it." if answer["missing"] else f"{text}."
     largest = largest_discrepancy(answer)
     where = f"; it is largest in {largest}" if largest else ""
-    return f"What is left does not exceed noise and parameter uncertainty{where}."
+    count = (answer.get("lack_of_fit") or {}).get("excused", 0)
+    beside = f", but for {excused_segments(count)}, where little decides when a piston starts" if count else ""
+    return f"What is left does not exceed noise and parameter uncertainty{beside}{where}."
 
 
 def error_reduction(answer: Answer) -> str:

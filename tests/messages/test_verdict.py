@@ -61,6 +61,7 @@ ANSWERS = {
     "named and unexplained": diagnosed("unexplained", STRIBECK, after=3.0, explained_share=0.9, unexplained=REST),
     "unexplained": diagnosed("unexplained", unexplained=REST),
     "adequate": diagnosed("adequate"),
+    "excused": diagnosed("adequate", lack_of_fit={"excused": 2}),
     "inconclusive": diagnosed(
         "inconclusive",
         detectable=[
@@ -134,6 +135,11 @@ SMALL = "What is left does not exceed noise and parameter uncertainty"
         (
             "adequate",
             f"Nothing is missing that these recordings could show: the error is 9.00 {HELD_OUT}. {SMALL}.",
+        ),
+        (
+            "excused",
+            f"Nothing is missing that these recordings could show: the error is 9.00 {HELD_OUT}. {SMALL}, but for 2 "
+            "segments beside a break-away, where little decides when a piston starts.",
         ),
         (
             "inconclusive",
