@@ -305,3 +305,18 @@ def test_a_command_that_chatters_between_samples_is_seen_and_a_test_signal_is_no
         assert ("sampling", "u") not in seen(filling(*rng.choice([-6.0, 6.0], 4000 // hold), hold=hold), vessel)
     smooth = filling(*(6.0 * np.sin(9 * T)), hold=1)
     assert ("sampling", "u") not in seen(smooth, vessel)
+
+
+def steady_bench(upstream: np.ndarray, downstream: np.ndarray, flow: np.ndarray) -> Recording:
+    signals = {"p_supply": upstream, "p1": downstream, "flow": flow}
+    models = {"p_supply": NoiseModel(100.0), "p1": NoiseModel(100.0), "flow": NoiseModel(1e-6)}
+    return Recording("one", "flow", "train", np.arange(float(flow.size)), signals, models)
+
+
+def test_gas_on_a_steady_bench_flows_toward_the_lower_pressure() -> None:
+    """A pump moves it the other way, but the less the higher the pressure is; exchanged columns show the opposite."""
+    upstream, downstream = np.full(9, 7e5), np.linspace(6.9e5, 3e5, 9)
+    valve = 1e-3 * np.sqrt(1.0 - downstream / upstream)
+    assert seen(steady_bench(upstream, downstream, valve)) == {}
+    assert list(seen(steady_bench(downstream, upstream, valve))) == [("flow-direction", "flow")]
+    assert seen(steady_bench(downstream, upstream, valve[::-1])) == {}
