@@ -31,7 +31,7 @@ def test_signals_are_shown_with_curves_rests_and_what_is_left_out(pneucli: Comma
     assert "reads    a tank: valve, 1200 samples, 100 Hz, 11.99 s" in shown
     assert "▁" in shown
     assert '"state": texts, "ok" 1200 times' in shown
-    assert f"pneucli init DIR --from '{from_here(str(tank))}'" in shown
+    assert f"pneucli init DIR --from '{from_here(str(tank))}'" in " ".join(shown.split())
 
 
 def test_the_answer_says_units_rests_and_doubts(pneucli: Command, tank: Path) -> None:

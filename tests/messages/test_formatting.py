@@ -6,7 +6,7 @@ import math
 import re
 
 import pytest
-from hypothesis import assume, given
+from hypothesis import assume, example, given
 from hypothesis import strategies as st
 
 from pneucli.messages.formatting import (
@@ -74,12 +74,14 @@ def last_place(number: str) -> int:
 
 
 @given(st.floats(-1e300, 1e300), UNITS, st.integers(1, 6))
+@example(1e-9, "m", 1)  # the resolution itself, whose size in mm is not exact
 def test_a_quantity_has_no_exponent_between_a_thousandth_and_a_million(value: float, unit: str, digits: int) -> None:
     text = format_quantity(value, unit, digits)
-    size = float(f"{abs(in_display_unit(value, unit)):.{digits - 1}e}")
+    exact = abs(in_display_unit(value, unit))
+    size = float(f"{exact:.{digits - 1}e}")
     assert "e" not in text.removesuffix(unit_symbol(unit))
     smallest = in_display_unit(RESOLUTIONS.get(unit, 0.0), unit)
-    assert ("·10" in text) == (size >= 1e6 or (size > 0.0 and smallest <= size < 1e-4))
+    assert ("·10" in text) == (size >= 1e6 or (0.0 < size < 1e-4 and exact >= smallest))
 
 
 @given(st.floats(1e-3, 9.4e5), st.integers(1, 6))  # larger ones may round to a million
