@@ -25,7 +25,7 @@ from pneucli.identify.estimation.score_test import initial_guesses, residual_cha
 from pneucli.identify.residuals import ResidualModel
 from pneucli.physics.declaration import Effect, Parameter
 from pneucli.physics.scales import RigQuantities
-from pneucli.simulate.model import Model, parameter_value
+from pneucli.simulate.model import Model, parameter_value, without_effect
 
 Array = NDArray[np.float64]
 
@@ -171,11 +171,7 @@ def null_contrast(fit: Fit, effect: Effect) -> NullContrast | None:
 
 def residual_change_without(fit: Fit, effect: Effect, residual_models: Sequence[ResidualModel]) -> Array:
     """Return the change of the residuals (N,) when an effect of the model is switched off, all else being held."""
-    return _residuals(fit, _without(fit.model, effect), residual_models) - fit.residual
-
-
-def _without(model: Model, effect: Effect) -> Model:
-    return replace(model, effects=tuple(e for e in model.effects if e.name != effect.name))
+    return _residuals(fit, without_effect(fit.model, effect.name), residual_models) - fit.residual
 
 
 def _residuals(fit: Fit, model: Model, residual_models: Sequence[ResidualModel]) -> Array:
@@ -204,7 +200,7 @@ def replaced_base_parameters(fit: Fit, effect: Effect, residual_models: Sequence
     base = [j for j, f in enumerate(fit.free) if f.name.partition(".")[0] not in effects and f.lower == 0.0]
     if not base or not len(fit.jacobian):
         return ()
-    off, change = _without(fit.model, effect), residual_change_without(fit, effect, residual_models)
+    off, change = without_effect(fit.model, effect.name), residual_change_without(fit, effect, residual_models)
     found, multiplied = list[str](), {p.multiplies for p in effect.parameters}
     for j in base:
         name, estimate, acts = fit.free[j].name, fit.estimates[j], fit.jacobian[:, j]

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pneucli.noise.mains_lines import detect_mains_lines
-from pneucli.noise.model import NoiseModel
+from pneucli.noise.model import NORMAL_MAD, NoiseModel
 from pneucli.noise.quantisation import quantisation_step
 from pneucli.noise.spectrum import NoiseFloor, noise_floor
 
@@ -121,7 +121,7 @@ def _white_noise_from_differences(values: Array) -> float:
     if order < 1:
         return 0.0
     differences = np.diff(finite, order)
-    robust = 1.4826 * float(np.median(np.abs(differences)))
+    robust = NORMAL_MAD * float(np.median(np.abs(differences)))
     return min(robust, float(np.sqrt(np.mean(differences**2)))) / math.sqrt(math.comb(2 * order, order))
 
 

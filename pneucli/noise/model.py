@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 from scipy.linalg.lapack import dtbtrs
 
 Array = NDArray[np.float64]
+NORMAL_MAD = 1.4826  # standard deviation over median absolute value, of a normal distribution
 
 
 @dataclass(frozen=True)

@@ -294,11 +294,6 @@ def prior_information(count: int, free: Sequence[FreeParameter]) -> Array:
     return np.diag([*np.zeros(count), *(f.prior_sigma**-2 for f in free)])
 
 
-def without_effect(model: Model, name: str) -> Model:
-    """Return a model without one of its effects."""
-    return replace(model, effects=tuple(e for e in model.effects if e.name != name))
-
-
 def deviations_of(models: Sequence[ResidualModel], residual: Array) -> dict[tuple[str, str], Deviation]:
     """Return the deviation of a fitted model in each channel of each subsystem.
 

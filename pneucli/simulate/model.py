@@ -171,6 +171,11 @@ def has_parameter(model: Model, name: str) -> bool:
     return name in model.valve_parameters() or name in model.base_values() or name in model.values
 
 
+def without_effect(model: Model, name: str) -> Model:
+    """Return a model without one of its effects."""
+    return replace(model, effects=tuple(e for e in model.effects if e.name != name))
+
+
 def with_parameters(model: Model, values: dict[str, float]) -> Model:
     """Return a model with parameters of any kind replaced.
 

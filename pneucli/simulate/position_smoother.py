@@ -23,7 +23,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pneucli.distributions import normal_tail
-from pneucli.noise import NoiseModel
+from pneucli.noise import NORMAL_MAD, NoiseModel
 from pneucli.simulate.jerk_process import (
     adjoint_states,
     jerk_path,
@@ -44,7 +44,6 @@ MAX_UPDATES = 20
 ROUNDING_UPDATES = 2  # each is a fit of its own, and the first ones bring most of the gain
 MIN_PROBABILITY = 1e-12  # of an interval far from the path, where the position is at its nearer end
 DEVIATION_FACTORS = (10.0**0.5, 10.0)  # of the stated deviation: the likelihood may have a valley between two of them
-NORMAL_MEDIAN = 0.4549  # of the square of a standard normal variable
 MIN_GAIN = 0.01  # of the log likelihood a sample: below, the intensity begins to follow the noise
 
 
@@ -199,7 +198,7 @@ def _likelihood(smoother: PositionSmoother, x: Array) -> tuple[float, float]:
     """Return the log likelihood of readings (n,), and the squared innovations over their variance: 1 where normal."""
     z = (x - x[0]) / smoother.sigma
     _, _, _, variance, innovation, likelihood = kalman_filter(z, smoother._steps, smoother.intensity)
-    excess = float(np.median(innovation**2 / variance)) / NORMAL_MEDIAN
+    excess = NORMAL_MAD**2 * float(np.median(innovation**2 / variance))
     return likelihood - x.size * float(np.log(smoother.sigma)), excess
 
 

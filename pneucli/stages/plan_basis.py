@@ -20,10 +20,11 @@ from pneucli.pipeline.manifest import digest
 from pneucli.plan.bench import Bench, described_benches, recorded_benches
 from pneucli.plan.first import MODEL_ERROR, extreme_models, sample_residual_models, typical_model, with_typical_spread
 from pneucli.plan.limits import Limits, limits_of
-from pneucli.plan.power import Expectation, deviations_of, prior_information, with_absent_effects, without_effect
+from pneucli.plan.power import Expectation, deviations_of, prior_information, with_absent_effects
 from pneucli.plan.rivals import Rival, rivals_of_diagnosis
 from pneucli.plan.safety import Safety, models_to_check
 from pneucli.recording import Rig
+from pneucli.simulate.model import without_effect
 from pneucli.stages.pipeline_data import PipelineData
 
 VESSEL_HORIZON, AXIS_HORIZON = 5.0, 0.5  # s between restarts of the comparison, as the pipelines of new rigs have them

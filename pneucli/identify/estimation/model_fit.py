@@ -26,7 +26,7 @@ from pneucli.identify.guesses.valve_areas import guess_overlap
 from pneucli.identify.residuals import ResidualModel
 from pneucli.physics.declaration import Effect, Parameter
 from pneucli.physics.scales import RigQuantities
-from pneucli.simulate.model import Model, parameter_value, with_effect, with_parameters
+from pneucli.simulate.model import Model, parameter_value, with_effect, with_parameters, without_effect
 from pneucli.simulate.rig_quantities import rig_quantities
 from pneucli.simulate.valve_forms.area import ValveArea
 
@@ -378,7 +378,7 @@ def fit_without(
         The fit without the effect.
 
     """
-    model = replace(fitted.model, effects=tuple(e for e in fitted.model.effects if e.name != effect.name))
+    model = without_effect(fitted.model, effect.name)
     free = free_parameters(model, residual_models)
     similar = Similar(fitted, residual_models) if any(one.is_simulated for one in residual_models) else None
     return _fit_coarse_to_fine(model, residual_models, free, stopping=stopping, similar=similar)

@@ -12,6 +12,7 @@ from pneucli.identify.estimation.blocks import group_scores
 from pneucli.identify.estimation.least_squares import minimise
 from pneucli.identify.friction.samples import IntervalEstimate, MovingSamples
 from pneucli.identify.guesses.direct_friction import search_stribeck
+from pneucli.noise import NORMAL_MAD
 from pneucli.physics.vectorised import stribeck_friction
 from pneucli.quantities import Z95
 
@@ -201,7 +202,7 @@ def _jacobian(residual: Residual, theta: Array) -> Array:
 
 
 def _robust_scale(r: Array) -> float:
-    return max(1.4826 * float(np.median(np.abs(r))), 1e-9)
+    return max(NORMAL_MAD * float(np.median(np.abs(r))), 1e-9)
 
 
 def _huber_loss(r: Array, scale: float) -> float:
