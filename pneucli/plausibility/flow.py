@@ -39,6 +39,7 @@ MIN_GAIN = 0.05  # of that, which a command explains that has to do with the flo
 MAX_LEVELS, MIN_BLOCKS_PER_LEVEL = 5, 4  # of a command, each with a flow of its own over the pressure
 FOLDS = 10  # of the blocks, each predicted from the others
 MIN_WRONG_SHARE = 0.9  # of the flow, that goes against a command with its sign wrong: a late one is wrong at times
+ROUNDING = 1e-9  # of a command: means of equal numbers differ by less
 COMMAND_BINS, MIN_BLOCKS_PER_BIN = 20, 5  # of the commands, and blocks in each
 
 
@@ -213,6 +214,8 @@ def _unrelated_command(flow: ChamberFlow, bench: RigCheck) -> Iterator[Finding]:
     counts = np.bincount(level, minlength=1)
     if u.size < MIN_BLOCKS_PER_LEVEL * MAX_LEVELS or np.count_nonzero(counts >= MIN_BLOCKS_PER_LEVEL) < 2:
         return
+    if float(np.ptp(u)) <= ROUNDING * float(np.max(np.abs(u))):
+        return  # one command, whose means differ in their last digits
     plain = [np.ones_like(p), p - p.mean()]
     steps = [(level == n).astype(float) for n in range(1, counts.size)]
     without, with_u = _prediction_errors(plain, target), _prediction_errors([*plain, *steps], target)

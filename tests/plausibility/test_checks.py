@@ -307,6 +307,20 @@ def test_a_command_that_chatters_between_samples_is_seen_and_a_test_signal_is_no
     assert ("sampling", "u") not in seen(smooth, vessel)
 
 
+def swinging(turns: float, noise: float = 0.0) -> Recording:
+    """Return a light piston in its cylinder, logged slowly while it swings by ``turns`` radians a sample."""
+    x = 0.1 + 0.01 * np.sin(turns * np.arange(400.0)) + noise * RNG.standard_normal(400)
+    signals = {"u": np.zeros(400), "p1": np.full(400, 3e5), "p2": np.full(400, 3e5), "x": x}
+    return Recording("one", "axis", "train", 0.1 * np.arange(400.0), signals, {"x": NoiseModel(max(noise, 1e-6))})
+
+
+def test_a_slow_log_of_a_piston_is_odd_only_where_the_piston_is_seen_to_turn_between_samples() -> None:
+    light = replace(CYLINDER, moving_mass=0.5)
+    assert ("sampling", "time") in seen(swinging(1.2), light)
+    assert ("sampling", "time") not in seen(swinging(0.8), light)
+    assert ("sampling", "time") not in seen(swinging(0.01, noise=1e-3), light)  # its noise turns, it does not
+
+
 def steady_bench(upstream: np.ndarray, downstream: np.ndarray, flow: np.ndarray) -> Recording:
     signals = {"p_supply": upstream, "p1": downstream, "flow": flow}
     models = {"p_supply": NoiseModel(100.0), "p1": NoiseModel(100.0), "flow": NoiseModel(1e-6)}
