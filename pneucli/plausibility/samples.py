@@ -25,6 +25,7 @@ JUMP_RATIO = 3.5  # times the largest other step, from which on a step is a jump
 MIN_RISE_SAMPLES = 15  # samples that a pressure takes over its range at its fastest
 MAX_JUMP_PERIODS = 2.5  # of the clock: over a gap a pressure goes where it likes
 MIN_CALM_STEPS = 2  # other commands, as large, that caused no such step
+MAX_ANGLE = 2.0 * math.pi / 3.0  # rad a sample, of the piston's swing: three samples tell its mean, size and phase
 MAX_TURN = 2.0 * math.sin(0.5)  # of differences from sample to sample over the change: a swing of one radian a sample
 INITIAL_STATES = {"p1": 1, "p2": 1, "x": 2}  # what a restart takes from a channel: its value, and the velocity of x
 
@@ -134,7 +135,7 @@ def _is_answer(u: NDArray[np.float64], steps: NDArray[np.float64], commands: NDA
 
 
 def _undersampled(one: Recording, bench: RigCheck) -> Iterator[Finding]:
-    """A piston that turns by more than one radian of its own oscillation from sample to sample is not seen moving.
+    """A piston of whose swing the log has less than three samples is not seen moving: a sine has three unknowns.
 
     It hangs between two springs of air, k = kappa p A^2 / V each. Where the log is slower than that, and what it has
     recorded is smooth, nothing swings between its samples: friction and the valve settle the piston in less.
@@ -145,8 +146,8 @@ def _undersampled(one: Recording, bench: RigCheck) -> Iterator[Finding]:
         return
     stiffness = sum(_air_spring_stiffness(bench, one, chamber) for chamber in (1, 2))
     omega = float(np.sqrt(max(stiffness, 0.0) / ((rig.moving_mass or 1.0) + one.added_mass)))
-    if omega * one.period > 1.0 and any(_turns(one, name) for name in ("x", "p1", "p2") if name in one):
-        by = excess(omega * one.period - 1.0, STIFFNESS_ERROR)
+    if omega * one.period > MAX_ANGLE and any(_turns(one, name) for name in ("x", "p1", "p2") if name in one):
+        by = excess(omega * one.period / MAX_ANGLE - 1.0, STIFFNESS_ERROR)
         rate, swing = 1 / one.period, omega / (2 * np.pi)
         found = (
             f"sampled at {format_plain(rate, 3)} Hz, and the piston swings on its air at {format_plain(swing, 3)} Hz"
