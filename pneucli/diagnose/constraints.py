@@ -140,9 +140,9 @@ def _relative_difference_error(fitted: Fit, name: str, other: str) -> float:
 def raises_held_out_error(data: DiagnosisData, reduced: FittedModel, full: FittedModel) -> bool:
     """Whether the free-run error on held-out recordings is larger with an effect (``full``) than without it.
 
-    It may not rise by more than chance, in mm and bar and as ``compare`` prints it, each model in units of its own
-    expected error: one held-out recording more or less decides on less. It is that of the fitted recordings where none
-    is held out.
+    Its square may not rise by more than that of a correct model varies, in mm and bar and as ``compare`` prints it,
+    each model in units of its own expected error: one held-out recording more or less decides on less. It is that of
+    the fitted recordings where none is held out.
     """
     errors = data.free_run_errors
     if errors is None:
@@ -152,8 +152,9 @@ def raises_held_out_error(data: DiagnosisData, reduced: FittedModel, full: Fitte
     in_same_units, printed = held_out_error(errors(after, before)), held_out_error(errors(after))
     if given is None or in_same_units is None or printed is None:
         return False
-    chance = max(held_out_error(errors.limits(after)) or 1.0, MIN_ERROR_RISE)
-    return max(in_same_units, printed) > chance * given
+    limit = held_out_error(errors.limits(after)) or 1.0
+    chance = max(limit**2 - 1.0, (MIN_ERROR_RISE**2 - 1.0) * given**2)
+    return max(in_same_units, printed) ** 2 > given**2 + chance
 
 
 def error_ratio(data: DiagnosisData, reduced: FittedModel, full: FittedModel) -> float:

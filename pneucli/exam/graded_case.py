@@ -10,7 +10,7 @@ from pneucli.exam.conditions import USUAL, WIDE
 
 PARAMETER_TOLERANCE = 0.15
 HIGH_CONFIDENCE = 0.9
-SUBSYSTEMS_OF_PART = {"force": ("mechanics",), "flow": ("gas",), "sensor": ("gas", "mechanics", "the whole")}
+SUBSYSTEMS_OF_PART = {"force": ("mechanics",), "flow": ("gas",), "sensor": ("gas", "mechanics", "the complete")}
 SMALL_EFFECTS_LABEL = "several small ones"  # small disturbances in the truths of other rigs
 
 

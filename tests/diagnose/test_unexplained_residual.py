@@ -112,7 +112,7 @@ def test_a_smooth_term_with_a_larger_share_precedes_a_period(monkeypatch: pytest
     ("kind", "words"),
     [
         (ChamberPressures, "gas, valve and their sensors"),
-        (FreeRun, "the whole axis"),
+        (FreeRun, "the complete simulation"),
         (ImposedMotion, "mechanics: friction, load or a force on the piston"),
     ],
 )

@@ -80,7 +80,7 @@ def test_a_true_effect_is_confidently_found_if_it_or_an_equivalent_is_named(
         ("force", "gas, valve and their sensors", "x", [], False),
         ("flow", "gas, valve and their sensors", None, ["p1", "x"], True),  # told among what remains
         ("force", "mechanics: friction", "v", ["p1"], False),
-        ("sensor", "the whole axis", "x", [], True),
+        ("sensor", "the complete simulation", "x", [], True),
         (None, None, None, [], True),  # a truth that does not say where it is
     ],
 )

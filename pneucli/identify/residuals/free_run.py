@@ -24,7 +24,7 @@ from pneucli.simulate.outputs import simulate_outputs
 class FreeRun(ResidualModel):
     """All channels simulated together, where a subsystem has no signal."""
 
-    title: ClassVar[str] = "the whole axis"
+    title: ClassVar[str] = "the complete simulation"
     balances: ClassVar[frozenset[Balance]] = frozenset({"gas", "mechanics", "friction", "pressure sensor"})
     base_groups: ClassVar[frozenset[str]] = frozenset({"rig", "friction", "valve"})
     predicts_force: ClassVar[bool] = True
