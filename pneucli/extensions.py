@@ -10,7 +10,8 @@ from pneucli.errors import InputError
 if TYPE_CHECKING:
     from importlib.metadata import EntryPoint
 
-COMMANDS, EFFECTS, LAWS = GROUPS = ("pneucli.commands", "pneucli.effects", "pneucli.laws")
+GROUPS = ("pneucli.commands", "pneucli.effects", "pneucli.laws", "pneucli.formats")
+COMMANDS, EFFECTS, LAWS, FORMATS = GROUPS
 
 
 @cache

@@ -18,7 +18,12 @@ from pneucli.cli.program import build
 
 ROOT = Path(__file__).parents[1]
 EXAMPLES = ROOT / "docs" / "examples"
-FOLDERS = {"greet.py": "cli/commands", "rod_wiper.py": "physics/effects", "proportional.py": "controller/laws"}
+FOLDERS = {
+    "greet.py": "cli/commands",
+    "rod_wiper.py": "physics/effects",
+    "proportional.py": "controller/laws",
+    "lab_log.py": "io/formats",
+}
 PACKAGE = (ROOT / "tests" / "extensions", EXAMPLES)  # a distribution with entry points, and its modules
 
 
@@ -94,6 +99,30 @@ print("pneucli_proportional_step" in structured_text.source(made, "axis"))
 def test_a_law_is_designed_sampled_and_exported(where: list[Path]) -> None:
     ran = python(where, "-c", LAW)
     assert ran.stdout.splitlines() == ["proportional 1000.0 True", "True", "True"], ran.stderr
+
+
+READ = """
+import sys
+from pathlib import Path
+from pneucli.cli.docs import formats_table
+from pneucli.io.formats import formats, open_raw
+from pneucli.io.raw_file import ColumnRequest, RawFile
+reader = open_raw(RawFile(Path(sys.argv[1]), {}))
+((time, p1),) = reader.batches([ColumnRequest(0), ColumnRequest(1)])
+print(list(reader.names), dict(reader.units), time.tolist(), p1.tolist())
+print("our logger (`.lab`)" in formats_table())
+"""
+
+
+def test_a_format_is_recognised_read_and_listed(where: list[Path], tmp_path: Path) -> None:
+    about = {"rate": 500, "channels": [{"name": "p1", "unit": "bar", "scale": 0.5}]}
+    content = b"\n".join([b"LABLOG 1", json.dumps(about).encode(), b"\x02\x00\xff\xff"])
+    (tmp_path / "run.lab").write_bytes(content)
+    ran = python(where, "-c", READ, str(tmp_path / "run.lab"))
+    read = "['time', 'p1'] {0: 's', 1: 'bar'} [0.0, 0.002] [1.0, -0.5]"
+    assert ran.stdout.splitlines() == [read, "True"], ran.stderr
+    (tmp_path / "run.lab").write_bytes(content[:-1])
+    assert "cannot be read as lab log: ValueError" in python(where, "-c", READ, str(tmp_path / "run.lab")).stderr
 
 
 DIGEST = "from pneucli.pipeline.manifest import program_digest; print(program_digest())"

@@ -98,6 +98,7 @@ def generated_pages() -> dict[str, str]:
     made |= {
         "pipeline.schema.json": schema_text(),
         "own-effect.md": _own_effect(),
+        "raw-files.md": _with_made("raw-files.md", "formats", formats_table()),
         "development/extend.md": _extend(),
         "development/constants.md": constants_page(),
     }
@@ -111,6 +112,23 @@ def _own_effect() -> str:
     return replace_between_marks(
         replace_between_marks(text, "example", f"```python\n{example}```"), "ports", effects.ports_table()
     )
+
+
+def _with_made(page: str, name: str, made: str) -> str:
+    return replace_between_marks((DOCS / page).read_text(encoding="utf-8"), name, made)
+
+
+def formats_table() -> str:
+    """Return the table of the formats of raw files: what each declares."""
+    from pneucli.io.formats import formats
+
+    rows = [
+        f"| {one.file} | {one.column} | {one.extra and f'`{one.extra}`'} | {one.used} | {one.unused} |"
+        for one in sorted(formats(), key=lambda one: one.file.lower())
+        if one.file
+    ]
+    head = ["| file | a column is | needs | used of what it says of its numbers | not used |", "| --- " * 5 + "|"]
+    return "\n".join([*head, *rows])
 
 
 def _extend() -> str:

@@ -237,6 +237,12 @@ def detect_encoding(path: Path, head: bytes) -> str:
     return "utf-8"
 
 
+def text_of(path: Path) -> str:
+    """Return a whole text file; raises InputError where it is none."""
+    content = path.read_bytes()
+    return decode_head(path, content, detect_encoding(path, content[:HEAD_BYTES]))
+
+
 def decode_head(path: Path, head: bytes, encoding: str) -> str:
     """Return the first bytes of a file as text; raises InputError where they are not of this encoding."""
     try:

@@ -32,8 +32,7 @@ from pneucli.init.survey import survey_parts
 from pneucli.init.survey_types import Guess, Survey
 from pneucli.init.writer import References, fields_to_fill_in, pipeline_text, toml_string
 from pneucli.io.artifacts import atomic_path
-from pneucli.io.formats import is_archive
-from pneucli.io.packed import recordings_in_archive
+from pneucli.io.formats import recordings_in_archive
 from pneucli.io.raw_file import RawFile
 from pneucli.paths import archive_members
 from pneucli.stages.schema import schema_text
@@ -145,7 +144,7 @@ def _files_at(path: Path) -> Iterator[Path]:
             str(path), "no such file", "a raw file, a folder of them or a glob", "check the path", code="E002"
         )
     for one in sorted((Path(os.path.abspath(hit)) for hit in hits), key=natural_sort_key):
-        members = recordings_in_archive(one) if is_archive(one) else []
+        members = recordings_in_archive(one)
         yield from sorted(members, key=natural_sort_key) if len(members) > 1 else [one]
 
 

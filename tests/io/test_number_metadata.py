@@ -246,7 +246,7 @@ def test_a_scale_of_tdms_that_is_not_known_is_refused(tmp_path: Path) -> None:
 @pytest.mark.parametrize("first", [0, 5, 1_760_000_000])
 @pytest.mark.parametrize("count", [90, 1200])
 def test_stamps_of_a_simulation_count_from_its_first_second_on(first: int, count: int) -> None:
-    from pneucli.io.ros_bag import _row, _stamps
+    from pneucli.io.formats.ros_bag import _row, _stamps
 
     ns = first * 10**9 + 10**7 * np.arange(count)
     rows = [
@@ -263,7 +263,7 @@ def test_definitions_of_an_older_release_are_tried_where_the_newest_do_not_fit(
 ) -> None:
     from rosbags import highlevel, typesys
 
-    from pneucli.io.ros_bag import open_rosbag2
+    from pneucli.io.formats.ros_bag import open_rosbag2
 
     tried = []
 

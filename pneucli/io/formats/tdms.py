@@ -17,10 +17,10 @@ import numpy as np
 from pneucli.errors import InputError, UnitError
 from pneucli.io.column_reader import ColumnReader, clocks_by_group, import_extra
 from pneucli.io.damaged_files import check_expanded_size
+from pneucli.io.formats.base import Format
 from pneucli.io.raw_file import ColumnValues
 from pneucli.units import parse_unit, same_dimension
 
-NAME = "TDMS"
 CLOCK = "time"  # stands for the waveform's own clock, where no channel is called so
 _SCALE_TYPE = re.compile(r"NI_Scale\[\d+\]_Scale_Type")
 _SCALES = (  # types of scale that nptdms applies; it leaves the numbers of others as they are
@@ -71,7 +71,7 @@ def open_tdms(path: Path) -> ColumnReader:
             return [np.ravel(columns[name]()) for name in wanted]
 
     shared = CLOCK if clocks else None
-    return ColumnReader(path, NAME, names, fetch, file_units, start=start, own_clocks=clocks, shared_clock=shared)
+    return ColumnReader(path, TDMS.name, names, fetch, file_units, start=start, own_clocks=clocks, shared_clock=shared)
 
 
 def _check_scales(path: Path, name: str, channel: Any) -> None:
@@ -169,3 +169,15 @@ def _clock(timing: _Timing, first: Any) -> Callable[[], ColumnValues]:
 def _stamps(piece: _Piece, end: int, first: Any) -> ColumnValues:
     after = 0.0 if piece.start is None or first is None else float((piece.start - first) / np.timedelta64(1, "s"))
     return np.asarray(after + piece.offset + piece.step * np.arange(end - piece.first))
+
+
+TDMS = Format(
+    "TDMS",
+    "NI TDMS",
+    open_tdms,
+    magic=(b"TDSm",),
+    column="`group/channel`; a waveform's own clock is `time` where no channel has that name",
+    extra="tdms",
+    used="scales (unknown ones are refused), unit, start and increment of each run that was appended",
+    unused="a waveform over Hz or mm has no clock",
+)

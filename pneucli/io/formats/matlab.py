@@ -8,11 +8,11 @@ from pathlib import Path
 from pneucli.errors import InputError
 from pneucli.io.column_reader import ColumnReader, clocks_by_group, column_names
 from pneucli.io.damaged_files import check_expanded_size
+from pneucli.io.formats.base import Format
 from pneucli.io.mat_elements import check_types, expanded_size
 from pneucli.io.mat_struct import StructColumns
 from pneucli.io.raw_file import ColumnValues, Repair
 
-NAME = "MATLAB v5"
 _NUMBERS = ("double", "single", "logical", "int8", "int16", "int32", "int64", "uint8", "uint16", "uint32", "uint64")
 _OBJECTS = ("opaque", "object", "function")
 SAVE_AS_STRUCT = (
@@ -51,7 +51,7 @@ def open_mat(path: Path) -> ColumnReader:
     names = list(owner)
     file_units = {names.index(name): unit for name, unit in units.items()}
     clocks = clocks or clocks_by_group(names, sizes)
-    reader = ColumnReader(path, NAME, names, fetch, file_units, own_clocks=clocks)
+    reader = ColumnReader(path, MATLAB.name, names, fetch, file_units, own_clocks=clocks)
     if objects:
         listed = ", ".join(f'"{name}"' for name in objects[:5])
         message = f"{listed}: objects of MATLAB (timeseries, timetable, Dataset), left out; {SAVE_AS_STRUCT}"
@@ -78,3 +78,14 @@ def _load(path: Path, variables: list[str]) -> StructColumns:
         found.add(tree[name], name)
     found.link_numbered_clocks()
     return found
+
+
+MATLAB = Format(
+    "MATLAB v5",
+    "MATLAB v5",
+    open_mat,
+    magic=(b"MATLAB 5.0",),
+    column="a vector; a field, `struct/field`; column 2 of a matrix, `m/2`",
+    used="name, unit and clock of a struct that holds a signal (Simulink, dSPACE)",
+    unused="objects (`timeseries`, `timetable`) are refused: save them as structs",
+)

@@ -10,15 +10,15 @@ import numpy as np
 
 from pneucli.io.column_reader import ColumnReader, column_names, split_columns
 from pneucli.io.damaged_files import check_expanded_size
+from pneucli.io.formats.base import Format
 from pneucli.io.raw_file import ColumnValues
 
-NAME = "MATLAB level 4"
 _HEADER = struct.Struct("<5i")
 _MAX_NAME = 64  # characters
 _DYMOLA = {"Aclass", "name", "dataInfo"}
 
 
-def is_mat4(head: bytes) -> bool:
+def is_mat4(head: bytes, _: Path) -> bool:
     """Return whether a file begins with a matrix of level 4: type, rows, columns, imaginary flag, length of name."""
     if len(head) < _HEADER.size + 2:
         return False
@@ -40,7 +40,7 @@ def open_mat4(path: Path) -> ColumnReader:
     check_expanded_size(path, 8 * sum(int(np.prod(shape)) for _, shape, kind in variables if kind != "char"))
     if {name for name, _, _ in variables} >= _DYMOLA:
         columns = _dymola(path)
-        return ColumnReader(path, "Dymola", list(columns), lambda wanted: [columns[name] for name in wanted])
+        return ColumnReader(path, MATLAB_4.name, list(columns), lambda wanted: [columns[name] for name in wanted])
     owner: dict[str, str] = {}
     for name, shape, kind in variables:
         if kind not in ("char", "sparse"):
@@ -53,7 +53,7 @@ def open_mat4(path: Path) -> ColumnReader:
             found |= split_columns(name, np.asarray(tree[name], dtype=np.float64))
         return [np.ravel(found[name]) for name in wanted]
 
-    return ColumnReader(path, NAME, list(owner), fetch)
+    return ColumnReader(path, MATLAB_4.name, list(owner), fetch)
 
 
 def _dymola(path: Path) -> dict[str, ColumnValues]:
@@ -75,3 +75,12 @@ def _dymola(path: Path) -> dict[str, ColumnValues]:
         if name and data.shape[0] > 2:  # constants have a matrix of two rows
             found[name] = np.sign(column or 1) * data[:, abs(column or 1) - 1]
     return found
+
+
+MATLAB_4 = Format(
+    "MATLAB v4",
+    "MATLAB v4, Dymola",
+    open_mat4,
+    recognises=is_mat4,
+    column="a vector, a column `m/2`, a trajectory of Dymola",
+)

@@ -11,6 +11,8 @@ import numpy as np
 from pneucli.errors import InputError
 from pneucli.io.column_reader import ColumnReader, clocks_by_group, column_names, import_extra, split_columns
 from pneucli.io.damaged_files import check_expanded_size
+from pneucli.io.formats.base import Format
+from pneucli.io.formats.matlab import SAVE_AS_STRUCT
 from pneucli.io.hdf5_layouts import (
     Place,
     frame_columns,
@@ -20,10 +22,7 @@ from pneucli.io.hdf5_layouts import (
     struct_array_columns,
     unpacked,
 )
-from pneucli.io.mat import SAVE_AS_STRUCT
 from pneucli.io.raw_file import ColumnValues
-
-NAME = "HDF5"
 
 
 def open_hdf5(path: Path) -> ColumnReader:
@@ -59,7 +58,7 @@ def open_hdf5(path: Path) -> ColumnReader:
     names = list(owner)
     units |= {name: "s" for name, place in owner.items() if place.stamps}
     file_units = {number: units[name] for number, name in enumerate(names) if units.get(name)}
-    return ColumnReader(path, NAME, names, fetch, file_units, own_clocks=clocks_by_group(names, sizes))
+    return ColumnReader(path, HDF5.name, names, fetch, file_units, own_clocks=clocks_by_group(names, sizes))
 
 
 def _dataset_columns(name: str, dataset: Any) -> Iterator[tuple[str, Place]]:
@@ -121,3 +120,25 @@ def _is_own(h5py: Any, group: Any, key: str) -> bool:
     if isinstance(group.get(key, getlink=True), h5py.ExternalLink):
         return False
     return isinstance(group.get(key), h5py.Group | h5py.Dataset)
+
+
+MAGIC = b"\x89HDF\r\n\x1a\n"
+MATLAB_BLOCK = 512  # bytes that MATLAB writes before it
+
+
+def _is_hdf5(head: bytes, _: Path) -> bool:
+    return MAGIC in (head[: len(MAGIC)], head[MATLAB_BLOCK : MATLAB_BLOCK + len(MAGIC)])
+
+
+HDF5 = Format(
+    "HDF5",
+    "HDF5, netCDF, MATLAB v7.3, frames of pandas",
+    open_hdf5,
+    recognises=_is_hdf5,
+    column="a path, `group/name`",
+    extra="hdf5",
+    used="unit, `scale_factor`, `add_offset`; `_FillValue`, `missing_value` and values beyond `valid_range` are "
+    "missing; `milliseconds since ...` is a unit and a start; the unit of stamps and durations of pandas; empty arrays "
+    "of MATLAB are no columns",
+    unused="fill values that no attribute states; the unit of dates that `savemat` turned into numbers: state it",
+)

@@ -19,9 +19,9 @@ from pneucli.errors import InputError
 from pneucli.io.column_reader import EARLIEST_DATE, as_text, column_values, import_extra, words_message
 from pneucli.io.damaged_files import check_expanded_size, library_errors_as_input_errors
 from pneucli.io.expression import Expression
+from pneucli.io.formats.base import Format
 from pneucli.io.raw_file import ColumnRequest, ColumnValues, Repair
 
-NAME = "MDF4"
 _NO_SYNC, _TIME = 0, 1  # of a channel's synchronisation type (ASAM MDF 4, block CN)
 _Where = tuple[int, int]  # group, channel
 _FORMULA, _RANGES, _TEXTS = 3, 6, 7  # types of conversion; those from the last one on give texts, or take them
@@ -61,7 +61,7 @@ class MdfReader:
     def batches(self, requests: Sequence[ColumnRequest]) -> Iterator[list[ColumnValues]]:
         """Yield all rows of one group at once; raises InputError where the columns are of several."""
         names = [self.names[request.position] for request in requests]
-        with library_errors_as_input_errors(self._path, NAME, self.repairs), self._open() as file:
+        with library_errors_as_input_errors(self._path, MDF.name, self.repairs), self._open() as file:
             group = self._group(file, names)
             is_timed = not self._where.keys() >= set(names)
             if is_timed:
@@ -201,3 +201,16 @@ def _unit(channel: Any) -> str:
 
 def _is_signal(file: Any, where: _Where) -> bool:
     return not str(file.groups[where[0]].channels[where[1]].name).startswith("CAN_")
+
+
+MDF = Format(
+    "MDF4",
+    "MDF4",
+    MdfReader,
+    magic=(b"MDF ",),
+    column="a channel; `group/channel` where names repeat; groups with clocks of their own are joined",
+    extra="mdf",
+    used="conversions, formulas and ranges included; texts are labels; invalid samples are missing; masters of angle, "
+    "distance and index are channels, no clocks",
+    unused="flags of channels; formulas of several channels are refused",
+)

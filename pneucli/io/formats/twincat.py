@@ -1,4 +1,4 @@
-"""Text exports of scopes that are no plain table: TwinCAT's, a clock a channel; Tektronix's, keys in columns."""
+"""Exports of TwinCAT's scope: a text with a clock a channel."""
 
 from __future__ import annotations
 
@@ -9,35 +9,23 @@ from pathlib import Path
 import numpy as np
 
 from pneucli.errors import InputError
-from pneucli.io.column_reader import ColumnReader
+from pneucli.io.column_reader import ColumnReader, number_in
+from pneucli.io.formats.base import Format
 from pneucli.io.raw_file import ColumnValues
-from pneucli.io.text_layout import HEAD_BYTES, decode_head, detect_encoding
+from pneucli.io.text_layout import text_of
 
-NAME = "TwinCAT scope export"
-TEKTRONIX = "Tektronix export"
 _SAMPLE_TIME = re.compile(r"(?i)sample\s*-?time\s*\[(\w+)\]")
-_TWINCAT = ("SymbolComment", "SymbolName", "SampleTime")
+_WORDS = ("SymbolComment", "SymbolName", "SampleTime", "Data-Type")
 
 
-def scope_format(head: bytes) -> str | None:
-    """Return the name of the export, by its header; None where it is none of them."""
+def _is_twincat(head: bytes, _: Path) -> bool:
     text = head.decode("latin-1").replace("\0", "")
-    if all(word in text for word in _TWINCAT) and "Data-Type" in text:
-        return NAME
-    lines = [line.split(",") for line in text.splitlines()[:3]]
-    is_tektronix = len(lines) == 3 and all(len(line) in (5, 6) for line in lines) and lines[0][0] == "Record Length"
-    return TEKTRONIX if is_tektronix else None
+    return all(word in text for word in _WORDS)
 
 
-def open_scope(path: Path) -> ColumnReader:
+def open_twincat(path: Path) -> ColumnReader:
     """List the channels; each has a clock of its own."""
-    with path.open("rb") as file:
-        head = file.read(HEAD_BYTES)
-    rows = decode_head(path, path.read_bytes(), detect_encoding(path, head)).splitlines()
-    return _tektronix(path, rows) if scope_format(head) == TEKTRONIX else _twincat(path, rows)
-
-
-def _twincat(path: Path, lines: Sequence[str]) -> ColumnReader:
+    lines = text_of(path).splitlines()
     delimiter = max("\t;,", key=lambda mark: sum(line.count(mark) for line in lines[:20]))
     rows = [[field.strip() for field in line.split(delimiter)] for line in lines]
     at = next(n for n, row in enumerate(rows) if row and row[0].lower().startswith("symbolcomment"))
@@ -49,7 +37,7 @@ def _twincat(path: Path, lines: Sequence[str]) -> ColumnReader:
     names = keys.get("Name") or keys.get("SymbolName") or []
     body = [row for row in rows[start:] if _is_data(row)]
     if not names or not body:
-        raise InputError(str(path), f"a {NAME} without rows", "rows of numbers", "export it again", code="E041")
+        raise InputError(str(path), f"a {TWINCAT.name} without rows", "rows of numbers", "export it again", code="E041")
     comma = delimiter != "," and not any("." in field for row in body[:20] for field in row)
     width = 2 * len(names)
     table = np.array([[_number(field, comma) for field in [*row[:width], *[""] * (width - len(row))]] for row in body])
@@ -71,16 +59,7 @@ def _with_clocks(
         columns |= {f"{own}/time": stamps[there], own: values[there]}
         clocks[own] = f"{own}/time"
         file_units |= {f"{own}/time": unit} | ({own: units[number]} if number < len(units) and units[number] else {})
-    return ColumnReader.of_columns(path, NAME, columns, file_units, clocks)
-
-
-def _tektronix(path: Path, lines: Sequence[str]) -> ColumnReader:
-    rows = [[field.strip() for field in line.split(",")] for line in lines if line.strip()]
-    keys = {row[0]: row[1] for row in rows if row[0]}
-    table = np.array([[_number(field, False) for field in row[3:5]] for row in rows if len(row) > 4])
-    name = keys.get("Source", "CH1")
-    units = {"time": {"S": "s"}.get(keys.get("Horizontal Units", "s"), "s"), name: keys.get("Vertical Units", "V")}
-    return ColumnReader.of_columns(path, TEKTRONIX, {"time": table[:, 0], name: table[:, 1]}, units, {})
+    return ColumnReader.of_columns(path, TWINCAT.name, columns, file_units, clocks)
 
 
 def _is_data(row: Sequence[str]) -> bool:
@@ -89,7 +68,13 @@ def _is_data(row: Sequence[str]) -> bool:
 
 
 def _number(field: str, comma: bool) -> float:
-    try:
-        return float(field.replace(",", ".") if comma else field)
-    except ValueError:
-        return np.nan
+    return number_in(field.replace(",", ".") if comma else field)
+
+
+TWINCAT = Format(
+    "TwinCAT scope export",
+    "TwinCAT scope (text)",
+    open_twincat,
+    recognises=_is_twincat,
+    used="name, unit and sample time of each channel",
+)

@@ -14,9 +14,9 @@ import numpy as np
 
 from pneucli.errors import InputError
 from pneucli.io.column_reader import ColumnReader, import_extra, utc_datetime
+from pneucli.io.formats.base import Format
 from pneucli.io.raw_file import ColumnValues
 
-NAME = "MCAP or rosbag2"
 EXTRA = "mcap"
 SCHEMA_BYTES = 1 << 16  # of a database of SQLite, in whose first pages its tables are defined
 MAX_ARRAY = 64  # numbers of one message that become columns: more are pictures and clouds of points
@@ -42,7 +42,7 @@ def open_mcap(path: Path) -> ColumnReader:
         for schema, channel, message, decoded in reader.iter_decoded_messages():
             topics.setdefault(channel.topic, []).append(_row(decoded, message.log_time))
             types[channel.topic] = schema.name if schema is not None else ""
-    return _reader(path, topics, types)
+    return _reader(path, "MCAP", topics, types)
 
 
 def open_rosbag2(path: Path) -> ColumnReader:
@@ -68,7 +68,7 @@ def open_rosbag2(path: Path) -> ColumnReader:
                 raise
         else:
             break
-    return _reader(path, topics, types)
+    return _reader(path, "rosbag2", topics, types)
 
 
 class _Json:
@@ -88,7 +88,7 @@ def _check_encodings(path: Path, reader: Any) -> None:
         )
 
 
-def _reader(path: Path, topics: Mapping[str, list[_Row]], types: Mapping[str, str]) -> ColumnReader:
+def _reader(path: Path, name: str, topics: Mapping[str, list[_Row]], types: Mapping[str, str]) -> ColumnReader:
     columns: dict[str, ColumnValues] = {}
     clocks: dict[str, str] = {}
     units: dict[str, str] = {}
@@ -102,11 +102,11 @@ def _reader(path: Path, topics: Mapping[str, list[_Row]], types: Mapping[str, st
         clock = f"{base}/time"
         columns[clock], units[clock] = 1e-9 * np.array([stamp - first for stamp in stamped[topic]]), "s"
         for field in fields:
-            name = f"{base}/{field}"
-            columns[name] = np.array([numbers.get(field, np.nan) for *_, numbers in rows])
-            clocks[name] = clock
-            units[name] = _UNITS.get((types.get(topic, "").rpartition("/")[2], field), "")
-    return ColumnReader.of_columns(path, NAME, columns, units, clocks, utc_datetime(1e-9 * first))
+            column = f"{base}/{field}"
+            columns[column] = np.array([numbers.get(field, np.nan) for *_, numbers in rows])
+            clocks[column] = clock
+            units[column] = _UNITS.get((types.get(topic, "").rpartition("/")[2], field), "")
+    return ColumnReader.of_columns(path, name, columns, units, clocks, utc_datetime(1e-9 * first))
 
 
 def _stamps(rows: Sequence[_Row]) -> list[int]:
@@ -158,3 +158,23 @@ def _numbers(name: str, value: Any, labels: Any) -> Iterator[tuple[str, float]]:
     elif not isinstance(value, str | bytes) and (isinstance(value, Mapping) or hasattr(value, "__slots__")):
         for inner, one in _fields(value):
             yield from _numbers(f"{name}/{inner}", one, None)
+
+
+MCAP = Format(
+    "MCAP",
+    "MCAP (ROS 2, JSON)",
+    open_mcap,
+    magic=(b"\x89MCAP0\r\n",),
+    column="`topic/field`",
+    extra=EXTRA,
+    used="the stamp of the header, a stamp of 0 s included; units of `FluidPressure`, `Temperature`, `Range`",
+)
+ROSBAG_2 = Format(
+    "rosbag2",
+    "rosbag2",
+    open_rosbag2,
+    magic=(b"SQLite format 3\x00",),
+    column="`topic/field`",
+    extra=EXTRA,
+    used="as MCAP",
+)

@@ -10,9 +10,9 @@ import numpy as np
 
 from pneucli.io.column_reader import ColumnReader, column_names, split_columns
 from pneucli.io.damaged_files import check_expanded_size
+from pneucli.io.formats.base import ZIP_MAGIC, Format
 from pneucli.io.raw_file import ColumnValues
-
-NAME = "NumPy"
+from pneucli.paths import member_names
 
 
 def open_numpy(path: Path) -> ColumnReader:
@@ -40,7 +40,7 @@ def open_numpy(path: Path) -> ColumnReader:
                 columns |= {key: np.ravel(one) for key, one in split_columns(_column(name, field), part).items()}
         return [columns[name] for name in wanted]
 
-    return ColumnReader(path, NAME, list(owner), fetch)
+    return ColumnReader(path, NUMPY.name, list(owner), fetch)
 
 
 def _column(name: str, field: str | None) -> str:
@@ -76,3 +76,20 @@ class _Arrays:
             return self._opened[name]
         except ValueError:  # of objects
             return None
+
+
+def _is_npz(head: bytes, path: Path) -> bool:
+    names = member_names(path) if head.startswith(ZIP_MAGIC) else []
+    return bool(names) and all(name.endswith(".npy") for name in names)
+
+
+NUMPY = Format(
+    "NumPy",
+    "NumPy (`npz`, `npy`)",
+    open_numpy,
+    magic=(b"\x93NUMPY",),
+    recognises=_is_npz,
+    column="an array, a column `m/2`, a field",
+    used="the unit of stamps and durations",
+    unused="arrays of objects, which would run what the file says",
+)

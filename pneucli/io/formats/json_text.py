@@ -12,9 +12,9 @@ import numpy as np
 from pneucli.errors import InputError
 from pneucli.io.column_reader import ColumnReader, is_label_column
 from pneucli.io.damaged_files import check_expanded_size
+from pneucli.io.formats.base import Format
 from pneucli.io.raw_file import ColumnValues
 
-NAME = "JSON"
 EXPANSION = 8  # bytes in memory for one of the text, at most: numbers of two digits become objects
 
 
@@ -28,10 +28,10 @@ def open_json(path: Path) -> ColumnReader:
 
     texts = {name for name, values in columns.items() if values.dtype == object}
     labels = frozenset(n for n, name in enumerate(columns) if name in texts and is_label_column(columns[name]))
-    return ColumnReader(path, NAME, list(columns), fetch, labels=labels)
+    return ColumnReader(path, JSON.name, list(columns), fetch, labels=labels)
 
 
-def is_json(head: bytes) -> bool:
+def is_json(head: bytes, _: Path) -> bool:
     """Return whether the first bytes of a file begin JSON: an object or a list, and no text in brackets."""
     start = head.lstrip(b"\xef\xbb\xbf \t\r\n")[:256].replace(b" ", b"").replace(b"\n", b"").replace(b"\r", b"")
     return start.startswith((b'{"', b'[{"', b"[{}", b"{}"))
@@ -104,3 +104,6 @@ def _vector(values: Sequence[Any]) -> ColumnValues:
     if any(isinstance(value, str) for value in values):
         return np.array(values, dtype=object)
     return np.array([np.nan if value is None else value for value in values], dtype=np.float64)
+
+
+JSON = Format("JSON", "JSON, JSON lines", open_json, recognises=is_json, column="a name, or a path `a/b`")

@@ -11,10 +11,9 @@ import pyarrow as pa
 from pyarrow import feather
 
 from pneucli.io.column_reader import ColumnReader
-from pneucli.io.parquet import LABEL_ROWS, column_numbers, label_columns
+from pneucli.io.formats.base import Format
+from pneucli.io.formats.parquet import LABEL_ROWS, column_numbers, label_columns
 from pneucli.io.raw_file import ColumnValues
-
-NAME = "Feather"
 
 
 def open_feather(path: Path) -> ColumnReader:
@@ -32,7 +31,7 @@ def open_feather(path: Path) -> ColumnReader:
     labels = label_columns(
         pa.schema(fields), lambda texts: feather.read_table(path, columns=texts).slice(0, LABEL_ROWS)
     )
-    return ColumnReader(path, NAME, names, fetch, file_units, labels=labels)
+    return ColumnReader(path, FEATHER.name, names, fetch, file_units, labels=labels)
 
 
 def _schema(path: Path) -> Any:
@@ -68,3 +67,12 @@ def _is_numeric(kind: Any) -> bool:
         or pa.types.is_string(kind)
         or pa.types.is_large_string(kind)
     )
+
+
+FEATHER = Format(
+    "Feather",
+    "Feather, Arrow",
+    open_feather,
+    magic=(b"ARROW1", b"FEA1"),
+    used="the unit of stamps, durations and fields (`unit`)",
+)

@@ -16,9 +16,9 @@ from pneucli.errors import InputError
 from pneucli.io.column_reader import is_label_column, seconds_since_first
 from pneucli.io.damaged_files import check_expanded_size, library_errors_as_input_errors
 from pneucli.io.date_parsing import CalendarClock, is_date_or_time
+from pneucli.io.formats.base import Format
 from pneucli.io.raw_file import NO_CLOCKS, ColumnRequest, ColumnValues, Repair
 
-NAME = "Parquet"
 BATCH_ROWS = 1 << 17
 LABEL_ROWS = 1000  # rows that tell whether a text is a label
 
@@ -49,12 +49,12 @@ class ParquetReader:
                 str(self._path), f'two columns are called "{twice[0]}"', "a name for each", "rename one", code="E042"
             )
         first: dict[int, Any] = {}
-        with library_errors_as_input_errors(self._path, NAME, self.repairs):
+        with library_errors_as_input_errors(self._path, PARQUET.name, self.repairs):
             file = pq.ParquetFile(self._path, page_checksum_verification=True)
             check_expanded_size(self._path, _size(file, wanted))
             parts = file.iter_batches(BATCH_ROWS, columns=list(dict.fromkeys(wanted)))
         while True:
-            with library_errors_as_input_errors(self._path, NAME, self.repairs):
+            with library_errors_as_input_errors(self._path, PARQUET.name, self.repairs):
                 batch = next(parts, None)
             if batch is None:
                 return
@@ -141,3 +141,8 @@ def _size(file: Any, wanted: Sequence[str]) -> int:
     columns = [group.column(index) for group in groups for index in range(group.num_columns)]
     stored = sum(one.total_uncompressed_size for one in columns if one.path_in_schema.split(".")[0] in wanted)
     return max(int(stored), 8 * int(meta.num_rows) * len(set(wanted)))
+
+
+PARQUET = Format(
+    "Parquet", "Parquet", ParquetReader, magic=(b"PAR1",), used="the unit of stamps, durations and fields (`unit`)"
+)

@@ -1,0 +1,62 @@
+"""Excel: the sheet of a workbook that holds most rows, as a text with tabs."""
+
+from __future__ import annotations
+
+import csv
+from collections.abc import Sequence
+from datetime import date, datetime, time, timedelta
+from pathlib import Path
+from typing import Any
+
+from pneucli.errors import InputError
+from pneucli.io.column_reader import import_extra
+from pneucli.io.formats.base import ZIP_MAGIC, Format
+from pneucli.paths import member_names
+
+
+def _is_workbook(head: bytes, path: Path) -> bool:
+    names = member_names(path) if head.startswith(ZIP_MAGIC) else []
+    return "content.xml" in names or any(name.startswith("xl/") for name in names)
+
+
+def _write_sheet(path: Path, folder: Path) -> Path:
+    target = folder / f"{path.stem}.tsv"
+    calamine = import_extra(
+        "python_calamine", "excel", path, found="this is an Excel file, and python-calamine is not installed"
+    )
+    workbook = calamine.CalamineWorkbook.from_path(str(path))
+    sheets = [workbook.get_sheet_by_name(name).to_python(skip_empty_area=True) for name in workbook.sheet_names]
+    rows: list[list[Any]] = max(sheets, key=_numeric_rows, default=[])
+    if not _numeric_rows(rows):
+        raise InputError(
+            str(path), "no sheet of this Excel file holds numbers", "rows of numbers", "export it again", code="E041"
+        )
+    with target.open("w", encoding="utf-8", newline="") as file:
+        writer = csv.writer(file, delimiter="\t", lineterminator="\n")
+        writer.writerows([_cell(value) for value in row] for row in rows)
+    return target
+
+
+def _numeric_rows(rows: Sequence[Sequence[Any]]) -> int:
+    return sum(any(isinstance(value, int | float | datetime) for value in row) for row in rows)
+
+
+def _cell(value: Any) -> str:
+    if isinstance(value, float | int) and not isinstance(value, bool):
+        return repr(value)
+    if isinstance(value, timedelta):
+        return repr(value.total_seconds())
+    if isinstance(value, datetime | date | time):
+        return value.isoformat(" ") if isinstance(value, datetime) else value.isoformat()
+    return str(value).replace("\t", " ").replace("\n", " ").strip()
+
+
+EXCEL = Format(
+    "Excel",
+    "Excel (`xlsx`, `xls`, `ods`)",
+    magic=(b"\xd0\xcf\x11\xe0\xa1\xb1\x1a\xe1",),
+    recognises=_is_workbook,
+    unpack=_write_sheet,
+    column="a column of the sheet with most rows",
+    extra="excel",
+)
