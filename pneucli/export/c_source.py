@@ -7,6 +7,7 @@ from pneucli.controller.laws import LAWS
 from pneucli.controller.parameters import Controller
 from pneucli.export.c_translator import DOUBLE, FLOAT, Real, c_functions
 from pneucli.export.controller_program import (
+    PREFIX,
     controller_functions,
     controller_hash,
     fill_template,
@@ -20,10 +21,11 @@ REPLAY_FILE = "pneucli_replay.c"
 PRECISIONS = {"float64": DOUBLE, "float32": FLOAT}
 
 
-def header(controller: Controller, pipeline: str, precision: str = "float64") -> str:
+def header(controller: Controller, pipeline: str, precision: str = "float64", prefix: str = PREFIX) -> str:
     """Return ``pneucli_controller.h``."""
     return fill_template(
         "controller.h",
+        prefix,
         VERSION=__version__,
         PIPELINE=_comment(pipeline),
         PERIOD=repr(controller.period),
@@ -35,12 +37,13 @@ def header(controller: Controller, pipeline: str, precision: str = "float64") ->
     )
 
 
-def source(controller: Controller, pipeline: str, precision: str = "float64") -> str:
+def source(controller: Controller, pipeline: str, precision: str = "float64", prefix: str = PREFIX) -> str:
     """Return ``pneucli_controller.c``; every equation in it is translated from the law's own sample."""
     law, real = LAWS[controller.law], PRECISIONS[precision]
     defined = [f"#define {name} {real.number(value)}" for name, value in physical_constants().items()]
     return fill_template(
         "controller.c",
+        prefix,
         VERSION=__version__,
         PIPELINE=_comment(pipeline),
         STATE=", ".join(state_names(controller.law)),
@@ -54,9 +57,9 @@ def source(controller: Controller, pipeline: str, precision: str = "float64") ->
     )
 
 
-def replay_program(precision: str = "float64") -> str:
+def replay_program(precision: str = "float64", prefix: str = PREFIX) -> str:
     """Return ``pneucli_replay.c``, which runs a replay file through the controller and says how far it is off."""
-    return fill_template("replay.c", REAL=PRECISIONS[precision].type)
+    return fill_template("replay.c", prefix, REAL=PRECISIONS[precision].type)
 
 
 def _numbers(controller: Controller, real: Real) -> list[str]:

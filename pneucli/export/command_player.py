@@ -79,10 +79,11 @@ def write_players(
     for target in sorted(targets):
         for name in FILES[target]:
             with atomic_path(folder / name) as path:
-                path.write_text(_text(name, recordings, limits, pipeline), encoding="utf-8")
+                path.write_text(player_text(name, recordings, limits, pipeline), encoding="utf-8")
 
 
-def _text(name: str, recordings: Sequence[PlayedRecording], limits: PlayerLimits, pipeline: str) -> str:
+def player_text(name: str, recordings: Sequence[PlayedRecording], limits: PlayerLimits, pipeline: str) -> str:
+    """Return one of the files of :data:`FILES`."""
     rows = _rows(recordings)
     low, high = limits.position or (-NO_LIMIT, NO_LIMIT)
     numbers = [number for row in rows for number in row]

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import ast
 import hashlib
+import re
 from collections.abc import Callable
 from importlib.resources import files
 from types import FunctionType
@@ -23,9 +24,11 @@ from pneucli.controller.operation import (
 )
 from pneucli.controller.parameters import Controller
 from pneucli.controller.pressure_level import set_level
+from pneucli.errors import InputError
 from pneucli.export.type_inference import syntax_tree
 from pneucli.physics import gas
 
+MAX_PREFIX = 24  # C99 tells external names apart by their first 31 characters
 OPERATION_FUNCTIONS: tuple[Callable[..., Any], ...] = (
     set_supply,
     set_level,
@@ -54,9 +57,25 @@ def state_names(law: str) -> list[str]:
     return [*layout.STATE, *LAWS[law].states]
 
 
-def fill_template(name: str, **values: str) -> str:
-    """Return a template with what stands between @ and @ filled in."""
-    text = files("pneucli.export").joinpath("templates", name).read_text(encoding="utf-8")
+PREFIX = "pneucli"  # of the names of an exported program
+
+
+def checked_prefix(text: str, where: str) -> str:
+    """Return the prefix of an exported program's names. Raises InputError where a language would refuse them."""
+    if re.fullmatch(r"[a-z][a-z0-9]*(_[a-z0-9]+)*", text) and 2 <= len(text) <= MAX_PREFIX:
+        return text
+    wanted = f"2 to {MAX_PREFIX} small letters and digits with a letter first, single underscores between them"
+    raise InputError(where, f'"{text}"', wanted, "for example axis1", code="E001")
+
+
+def named(text: str, prefix: str) -> str:
+    """Return a text in which the program's names begin with another prefix."""
+    return text.replace(f"{PREFIX}_", f"{prefix}_").replace(f"{PREFIX}_".upper(), f"{prefix}_".upper())
+
+
+def fill_template(name: str, prefix: str = PREFIX, **values: str) -> str:
+    """Return a template with its names begun by ``prefix``, and with what stands between @ and @ filled in."""
+    text = named(files("pneucli.export").joinpath("templates", name).read_text(encoding="utf-8"), prefix)
     for key, value in values.items():
         text = text.replace(f"@{key}@", value)
     return text

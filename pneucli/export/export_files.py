@@ -17,6 +17,7 @@ from pneucli.closed_loop.simulation import ClosedLoopSetup, Run, Scenario, simul
 from pneucli.controller import layout
 from pneucli.controller.parameters import Controller
 from pneucli.export import c_source, controller_file, structured_text
+from pneucli.export.controller_program import PREFIX, named
 from pneucli.export.single_precision import run_in_single_precision
 from pneucli.io.artifacts import atomic_path
 from pneucli.simulate.model import Model
@@ -76,10 +77,13 @@ def run_replay(controller: Controller, model: Model, bench: ClosedLoopSetup) -> 
     return simulate(model, controller, replay_scenario(controller), replace(bench, supply=True))
 
 
-def write_c_source(folder: Path, controller: Controller, pipeline: str, precision: str = "float64") -> None:
+def write_c_source(
+    folder: Path, controller: Controller, pipeline: str, precision: str = "float64", prefix: str = PREFIX
+) -> None:
     """Write header and source alone."""
-    _write(folder / f"{c_source.BASE_NAME}.h", c_source.header(controller, pipeline, precision))
-    _write(folder / f"{c_source.BASE_NAME}.c", c_source.source(controller, pipeline, precision))
+    for ending, text in (("h", c_source.header), ("c", c_source.source)):
+        name = named(f"{c_source.BASE_NAME}.{ending}", prefix)
+        _write(folder / name, text(controller, pipeline, precision, prefix))
 
 
 def write_c(
@@ -89,27 +93,35 @@ def write_c(
     bench: ClosedLoopSetup,
     pipeline: str,
     precision: str = "float64",
+    prefix: str = PREFIX,
 ) -> dict[str, float]:
-    """Write header, source, test vectors and the program that replays them.
+    """Write header, source, test vectors and the program that replays them, all named with the prefix.
 
     The vectors hold what this precision commands. Return by how much samples differ from those in double
     precision; nothing where that is what it has.
     """
-    write_c_source(folder, controller, pipeline, precision)
-    _write(folder / c_source.REPLAY_FILE, c_source.replay_program(precision))
+    write_c_source(folder, controller, pipeline, precision, prefix)
+    _write(folder / named(c_source.REPLAY_FILE, prefix), c_source.replay_program(precision, prefix))
     vectors, found = replay_vectors(run_replay(controller, model, bench)), {}
     if precision == "float32":
         single = run_in_single_precision(controller, vectors)
         found = single.difference()
         vectors |= {"u1": single.commands[:, 0], "u2": single.commands[:, 1]}
-    write_csv(folder / REPLAY_FILE, vectors)
+    write_csv(folder / named(REPLAY_FILE, prefix), vectors)
     return found
 
 
-def write_st(folder: Path, controller: Controller, model: Model, bench: ClosedLoopSetup, pipeline: str) -> None:
-    """Write the structured text and its test vectors."""
-    _write(folder / structured_text.FILE_NAME, structured_text.source(controller, pipeline))
-    write_csv(folder / REPLAY_ST_FILE, replay_vectors(run_replay(controller, model, bench)))
+def write_st(
+    folder: Path,
+    controller: Controller,
+    model: Model,
+    bench: ClosedLoopSetup,
+    pipeline: str,
+    prefix: str = PREFIX,
+) -> None:
+    """Write the structured text and its test vectors, named with the prefix."""
+    _write(folder / named(structured_text.FILE_NAME, prefix), structured_text.source(controller, pipeline, prefix))
+    write_csv(folder / named(REPLAY_ST_FILE, prefix), replay_vectors(run_replay(controller, model, bench)))
 
 
 def write_replay(folder: Path, controller: Controller, pipeline: str, precision: str) -> None:

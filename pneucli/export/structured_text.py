@@ -15,6 +15,7 @@ from pneucli.controller import layout
 from pneucli.controller.laws import LAWS
 from pneucli.controller.parameters import Controller
 from pneucli.export.controller_program import (
+    PREFIX,
     controller_functions,
     controller_hash,
     fill_template,
@@ -34,15 +35,12 @@ OPERATORS: dict[type[ast.AST], str] = {
     ast.Or: "OR",
 }
 INDENT = "    "
-PREFIX = "pneucli_"  # of functions; locals and arguments begin with v_: none can be a word of the language
-ARRAYS = {"s": "PNEUCLI_STATE", "c": "PNEUCLI_NUMBERS"}
+ARRAYS = {"s": "STATE", "c": "NUMBERS"}  # types behind the prefix
 MAX_FINITE = 1e30  # beyond it a reading is none; what is no number compares as false
-
-
 FILE_NAME = "pneucli_controller.st"
 
 
-def source(controller: Controller, pipeline: str) -> str:
+def source(controller: Controller, pipeline: str, prefix: str = PREFIX) -> str:
     """Return ``pneucli_controller.st``: types, functions, and the function block ``PNEUCLI_CONTROLLER``."""
     law = LAWS[controller.law]
     places: dict[str, float] = {name: i for i, name in enumerate(state_names(controller.law))}
@@ -51,6 +49,7 @@ def source(controller: Controller, pipeline: str) -> str:
     rows = [", ".join(vector[i : i + 6]) for i in range(0, len(vector), 6)]
     return fill_template(
         "controller.st",
+        prefix,
         VERSION=__version__,
         PIPELINE=pipeline.replace("*)", "* )"),
         PERIOD=repr(controller.period),
@@ -58,7 +57,7 @@ def source(controller: Controller, pipeline: str) -> str:
         HASH=controller_hash(controller, "float64"),
         LAST_STATE=str(layout.L_STATES - 1),
         LAST_NUMBER=str(len(vector) - 1),
-        FUNCTIONS=st_functions(controller_functions(controller.law), places | {"L_STATES": layout.L_STATES}),
+        FUNCTIONS=st_functions(controller_functions(controller.law), places | {"L_STATES": layout.L_STATES}, prefix),
         NUMBERS=",\n".join(f"        {row}" for row in rows),
         OFF=str(layout.S_DISABLED),
         U1=str(layout.S_U1),
@@ -67,17 +66,18 @@ def source(controller: Controller, pipeline: str) -> str:
     )
 
 
-def st_functions(functions: Iterable[Callable[..., Any]], constants: Mapping[str, float]) -> str:
+def st_functions(functions: Iterable[Callable[..., Any]], constants: Mapping[str, float], prefix: str = PREFIX) -> str:
     """Return the functions as structured text, in the order given (callees first).
 
-    ``constants``: the constants that they name: whole places in the arrays, and physical ones.
+    ``constants``: the constants that they name: whole places in the arrays, and physical ones. The names of functions
+    and types begin with ``prefix``, those of arguments and locals with ``v``: none can be a word of the language.
     """
     every = list(functions)
     trees = [syntax_tree(function) for function in every]
     truths = frozenset(t.name for t in trees if InferredTypes(t).returns == "truth")
     nothing = frozenset(t.name for t in trees if InferredTypes(t, truths).returns == "nothing")
     takes = {t.name: _argument_kinds(t, truths) for t in trees}
-    return "\n\n".join(_Writer(tree, truths, nothing, takes, constants).function() for tree in trees)
+    return "\n\n".join(_Writer(tree, truths, nothing, takes, constants, prefix).function() for tree in trees)
 
 
 def number(value: float) -> str:
@@ -102,9 +102,11 @@ class _Writer:
         nothing: frozenset[str],
         takes: Mapping[str, list[str]],
         places: Mapping[str, float],
+        prefix: str,
     ) -> None:
         self._tree, self._kinds = tree, InferredTypes(tree, truths)
         self._nothing, self._takes, self._places = nothing, takes, places
+        self._prefix = f"{prefix}_"
         self._chosen: list[str] = []  # kinds of the conditions within expressions so far
 
     def function(self) -> str:
@@ -113,14 +115,14 @@ class _Writer:
         body = [line for statement in self._tree.body[1:] for line in self._statement(statement, 1)]
         scalars = [a for a in kinds.arguments if a not in ARRAYS]
         given = [f"{self._name(a)} : {TYPES[kinds.of(ast.Name(id=a))]};" for a in scalars]
-        arrays = [f"{a} : {ARRAYS[a]};" for a in kinds.arguments if a in ARRAYS]
+        arrays = [f"{self._name(a)} : {self._prefix.upper()}{ARRAYS[a]};" for a in kinds.arguments if a in ARRAYS]
         own = dict.fromkeys(kinds.locals([*kinds.whole, *kinds.truth, *kinds.real]))
         local = [f"{self._name(n)} : {TYPES[kinds.of(ast.Name(id=n))]};" for n in own]
-        local += [f"chosen_{i} : {TYPES[kind]};" for i, kind in enumerate(self._chosen, 1)]
-        for answer, kind in (("done", "BOOL"), ("ignored", "LREAL")):
+        local += [f"v{i} : {TYPES[kind]};" for i, kind in enumerate(self._chosen, 1)]
+        for answer, kind in (("v_done", "BOOL"), ("v_ignored", "LREAL")):
             local += [f"{answer} : {kind};"] * any(line.lstrip().startswith(f"{answer} :=") for line in body)
-        last = [f"{INDENT}{PREFIX}{name} := TRUE;"] if kinds.returns == "nothing" else []
-        head = f"(* {summary(self._tree)} *)\nFUNCTION {PREFIX}{name} : {TYPES[kinds.returns]}"
+        last = [f"{INDENT}{self._prefix}{name} := TRUE;"] if kinds.returns == "nothing" else []
+        head = f"(* {summary(self._tree)} *)\nFUNCTION {self._prefix}{name} : {TYPES[kinds.returns]}"
         blocks = [*_block("VAR_INPUT", given), *_block("VAR_IN_OUT", arrays), *_block("VAR", local)]
         return "\n".join([head, *blocks, *body, *last, "END_FUNCTION"])
 
@@ -128,7 +130,7 @@ class _Writer:
         return isinstance(call.func, ast.Name) and call.func.id in self._nothing
 
     def _name(self, name: str) -> str:
-        return name if name in ARRAYS and name in self._kinds.arguments else f"v_{name.strip('_')}"
+        return f"v_{name.strip('_')}"
 
     def _statement(self, node: ast.stmt, depth: int) -> list[str]:
         """Return the lines of a statement, the conditions within its expressions before it."""
@@ -142,12 +144,12 @@ class _Writer:
                 changed, wanted = self._expression(target, before), self._kinds.of(target)
                 lines = [f"{changed} := {changed} {OPERATORS[type(op)]} {self._as(value, wanted, before)};"]
             case ast.Return(value=None):
-                lines = [f"{PREFIX}{self._tree.name} := TRUE;", "RETURN;"]
+                lines = [f"{self._prefix}{self._tree.name} := TRUE;", "RETURN;"]
             case ast.Return(value=ast.expr() as value):
                 given = self._as(value, self._kinds.returns, before)
-                lines = [f"{PREFIX}{self._tree.name} := {given};", "RETURN;"]
+                lines = [f"{self._prefix}{self._tree.name} := {given};", "RETURN;"]
             case ast.Expr(value=ast.Call() as call):
-                answer = "done" if self._kinds.of(call) == "truth" or self._is_nothing(call) else "ignored"
+                answer = "v_done" if self._kinds.of(call) == "truth" or self._is_nothing(call) else "v_ignored"
                 lines = [f"{answer} := {self._expression(call, before)};"]
             case ast.For(
                 target=ast.Name(id=i), iter=ast.Call(func=ast.Name(id="range"), args=[stop]), body=body, orelse=[]
@@ -210,7 +212,7 @@ class _Writer:
         """Put a condition within an expression before it; return where its value then stands."""
         kind = self._kinds.of(node)
         self._chosen.append(kind)
-        name, sides = f"chosen_{len(self._chosen)}", []
+        name, sides = f"v{len(self._chosen)}", []
         test = self._expression(node.test, before)
         for side in (node.body, node.orelse):
             inner: list[str] = []
@@ -229,7 +231,7 @@ class _Writer:
                 return f"{BUILT_IN[name]}({', '.join(given)})"
             case ast.Name(id=name) if name in self._takes:
                 given = (self._as(a, kind, before) for a, kind in zip(arguments, self._takes[name], strict=True))
-                return f"{PREFIX}{name}({', '.join(given)})"
+                return f"{self._prefix}{name}({', '.join(given)})"
         raise ValueError(f"no counterpart in structured text: {ast.unparse(function)}")
 
 

@@ -9,7 +9,7 @@ from typing import Any
 from pneucli.controller.laws import find_law
 from pneucli.controller.parameters import Controller
 from pneucli.export import export_files
-from pneucli.export.controller_program import controller_hash
+from pneucli.export.controller_program import PREFIX, controller_hash
 from pneucli.io.artifacts import read_table
 from pneucli.messages.progress import counted
 from pneucli.pipeline.context import Context, NotApplicable
@@ -59,6 +59,7 @@ def _export_controller(context: Context, wanted: Sequence[str]) -> dict[str, Any
     name = context.options.get("controller") or context.answers["design"]["requirements"]["controller"]
     controller = load_controller(context.artifacts / "design", find_law(name, "--controller").name)
     precision = context.options.get("precision", "float64")
+    prefix = context.options.get("prefix", PREFIX)
     difference: dict[str, float] = {}
     for i, target in enumerate(wanted):
         context.progress(counted(f"writing {target}", i, len(wanted)))
@@ -67,9 +68,9 @@ def _export_controller(context: Context, wanted: Sequence[str]) -> dict[str, Any
             model = load_model(context.artifacts / "identify", study.rig, study.effects)
             about = (context.out, controller, model, closed_loop_setup(context.answers["design"]), context.config.name)
             if target == "c":
-                difference = export_files.write_c(*about, precision)
+                difference = export_files.write_c(*about, precision, prefix)
             else:
-                export_files.write_st(*about)
+                export_files.write_st(*about, prefix)
         else:
             _write_tables(context.out, target, controller, _tables(context.artifacts))
     precision = precision if "c" in wanted else "float64"

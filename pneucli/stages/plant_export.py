@@ -22,7 +22,7 @@ def export_plant(context: Context, study: PipelineData, model: Model) -> dict[st
     where = f"{context.path}, key model.effects"
     require_valve(study.experiments, f"{context.path}, key recordings")
     plant = plant_of(context.config.name, model, study.experiments, _intervals(context), where)
-    return write_fmu(context.out, plant, where)
+    return write_fmu(context.out, plant, where, context.options.get("fmi", "3.0"))
 
 
 def _intervals(context: Context) -> dict[str, Interval]:

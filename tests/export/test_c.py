@@ -12,9 +12,13 @@ import pytest
 from scipy.io import loadmat
 
 from pneucli.closed_loop.simulation import ClosedLoopSetup
+from pneucli.controller import layout
 from pneucli.controller.laws import LAWS
+from pneucli.controller.operation import active_reference, finish_commands
+from pneucli.errors import InputError
 from pneucli.export import export_files
 from pneucli.export.c_translator import c_function
+from pneucli.export.controller_program import checked_prefix
 from tests.design import axis
 
 CONTROLLER, MODEL = axis.controller(), axis.model()
@@ -68,6 +72,65 @@ def test_the_c_of_every_law_gives_its_simulated_commands(law: str, arrangement: 
     assert samples == 60_000
     assert worst <= 1e-9
     assert mean < 2e-5
+
+
+TWO = """
+#include "axis1_controller.h"
+#include "axis2_controller.h"
+#include <stdio.h>
+
+int main(void)
+{
+    static axis1_controller one;
+    static axis2_controller two;
+    double u[2], w[2], sums[2] = {0.0, 0.0};
+    int i;
+    axis1_controller_init(&one);
+    axis2_controller_init(&two);
+    for (i = 0; i < 200; ++i) {
+        axis1_controller_step(&one, 0.1005, 0.1, 3e5, 3e5, u);
+        axis2_controller_step(&two, 0.1005, 0.1, 3e5, 3e5, w);
+        sums[0] += u[0];
+        sums[1] += w[0];
+    }
+    printf("%.17g %.17g %s %s\\n", sums[0], sums[1], AXIS1_CONTROLLER_HASH, AXIS2_CONTROLLER_HASH);
+    return 0;
+}
+"""
+
+
+def test_two_controllers_with_prefixes_run_in_one_program_as_each_runs_alone(tmp_path: Path) -> None:
+    made = axis.bench_of_laws()[1]
+    wanted = []
+    for prefix, law in (("axis1", "pid"), ("axis2", "best")):
+        export_files.write_c_source(tmp_path, made[law], "demo", prefix=prefix)
+        s, c = np.zeros(layout.L_STATES), made[law].vector()
+        total = 0.0
+        for _ in range(200):
+            LAWS[law].step(active_reference(0.1005, 0.1, 3e5, 3e5, s, c), 0.1, 3e5, 3e5, s, c)
+            finish_commands(s, c)
+            total += s[layout.S_U1]
+        wanted.append(total)
+    (tmp_path / "two.c").write_text(TWO)
+    sources = [tmp_path / name for name in ("two.c", "axis1_controller.c", "axis2_controller.c")]
+    subprocess.run(["gcc", "-std=c99", *STRICT, *sources, "-lm", "-o", tmp_path / "two"], check=True)
+    found = subprocess.run([tmp_path / "two"], check=True, capture_output=True, text=True).stdout.split()
+    assert [float(u) for u in found[:2]] == pytest.approx(wanted, rel=1e-12)
+    assert wanted[0] != pytest.approx(wanted[1], rel=0.01)
+    assert found[2] != found[3]
+
+
+def test_a_replay_with_a_prefix_is_that_of_its_own_names(tmp_path: Path) -> None:
+    export_files.write_c(tmp_path, CONTROLLER, MODEL, axis.BENCH, "demo", prefix="axis1")
+    sources = [tmp_path / "axis1_replay.c", tmp_path / "axis1_controller.c"]
+    subprocess.run(["gcc", "-std=c11", *STRICT, *sources, "-lm", "-o", tmp_path / "replay"], check=True)
+    subprocess.run([tmp_path / "replay", tmp_path / "axis1_replay.csv"], check=True, capture_output=True)
+
+
+@pytest.mark.parametrize("prefix", ["", "a", "1axis", "Axis", "axis-1", "axis__1", "axis_", "a" * 25, "int main"])
+def test_a_prefix_that_a_language_refuses_is_refused(prefix: str) -> None:
+    with pytest.raises(InputError, match="--prefix"):
+        checked_prefix(prefix, "--prefix")
 
 
 def test_the_sanitizers_find_nothing(folder: Path) -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import sys
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
@@ -223,10 +224,77 @@ def test_a_parameter_cannot_change_during_the_run(slave: Slave) -> None:
 
 
 def test_an_impossible_parameter_ends_with_a_reason(slave: Slave) -> None:
-    slave.set("rig.gas_temperature", 0.0)
+    slave.set("rig.gas_temperature", sys.float_info.min)
+    slave.set("start.p1", 1e300)
     with pytest.raises(fmpy.fmi1.FMICallException):
         slave.begin()
     assert slave.messages == ["the start values give no finite state"]
+
+
+@pytest.mark.parametrize(
+    ("name", "value"),
+    [("rig.moving_mass", 0.0), ("rig.stroke", -1.0), ("start.p1", 0.0), ("valve.critical_ratio", 1.1),
+     ("valve-lag.time_constant", -1e-3)],
+)  # fmt: skip
+def test_a_parameter_beyond_its_range_is_refused(slave: Slave, name: str, value: float) -> None:
+    with pytest.raises(fmpy.fmi1.FMICallException):
+        slave.set(name, value)
+    assert slave.messages[0].startswith(f"{name} = {value:.9g} is too ")
+
+
+def test_a_start_beyond_the_stroke_is_refused(slave: Slave) -> None:
+    slave.set("start.x", slave.get("rig.upper_end") + 0.01)
+    with pytest.raises(fmpy.fmi1.FMICallException):
+        slave.begin()
+    assert slave.messages == ["start.x is beyond an end of the stroke"]
+
+
+def test_every_parameter_begins_within_the_range_that_the_description_states(axis: Case) -> None:
+    described = {v.name: v for v in fmpy.read_model_description(str(axis.path)).modelVariables}
+    assert (described["rig.stroke"].min, described["valve.critical_ratio"].max) == (repr(sys.float_info.min), "1.0")
+    for v in variables_of(axis.plant):
+        assert v.kind != "parameter" or v.low <= (v.start or 0.0) <= v.high, v.name
+
+
+@pytest.fixture(scope="module")
+def older(axis: Case, tmp_path_factory: pytest.TempPathFactory) -> Case:
+    """The same plant as an FMU of FMI 2.0."""
+    folder = tmp_path_factory.mktemp("fmi2")
+    write_fmu(folder, axis.plant, WHERE, "2.0")
+    return replace(axis, path=folder / FILE_NAME)
+
+
+def test_in_fmi_2_the_plant_is_the_same(older: Case) -> None:
+    assert validation.validate_fmu(str(older.path)) == []
+    assert fmpy.read_model_description(str(older.path)).fmiVersion == "2.0"
+    assert largest_difference(older) <= 1e-9
+    exchanged, stepped = older.in_fmpy(fmi_type="ModelExchange"), older.in_fmpy()
+    assert float(np.abs(exchanged["p1"] - stepped["p1"]).max()) <= 1e-9 * float(np.ptp(stepped["p1"]))
+
+
+def test_in_fmi_2_a_state_is_restored_and_a_mass_of_nothing_is_refused(older: Case, tmp_path: Path) -> None:
+    folder = fmpy.extract(str(older.path), unzipdir=str(tmp_path))
+    described = fmpy.read_model_description(folder)
+    at_name = {v.name: [v.valueReference] for v in described.modelVariables}
+    fmu = fmpy.fmi2.FMU2Slave(guid=described.guid, unzipDirectory=folder, modelIdentifier="pneucli_plant")
+    fmu.instantiate()
+    fmu.setupExperiment(startTime=0.0)
+    with pytest.raises(fmpy.fmi1.FMICallException):
+        fmu.setReal(at_name["rig.moving_mass"], [0.0])
+    fmu.enterInitializationMode()
+    fmu.exitInitializationMode()
+    kept = fmu.serializeFMUstate(fmu.getFMUstate())
+    fmu.setReal(at_name["u"], [3.0])
+    pressures = []
+    for _ in range(2):
+        for i in range(50):
+            fmu.doStep(currentCommunicationPoint=1e-3 * i, communicationStepSize=1e-3)
+        pressures.append(fmu.getReal(at_name["p1"])[0])
+        fmu.setFMUstate(fmu.deSerializeFMUstate(kept))
+        fmu.setReal(at_name["u"], [3.0])
+    assert pressures[0] == pressures[1]
+    fmu.terminate()
+    fmu.freeInstance()
 
 
 def test_after_a_reset_the_run_repeats(slave: Slave) -> None:

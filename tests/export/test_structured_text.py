@@ -10,12 +10,16 @@ from pathlib import Path
 
 import pytest
 
+from pneucli.controller.laws import LAWS
 from pneucli.export import export_files, structured_text
+from pneucli.export.command_player import PlayedRecording, PlayerLimits, player_text
+from pneucli.plan.profile import hold
 from tests.design import axis
 
 blark = pytest.importorskip("blark.parse", reason="needs blark")
 COMPILER, LIBRARY = shutil.which("iec2c"), os.environ.get("MATIEC_INCLUDE_PATH", "/usr/share/matiec/lib")
 DRIVER = Path(__file__).parent / "drive_st.c"
+KEYWORDS = Path(__file__).parent / "words_of_st.txt"
 EVERY = 5  # of the functions that are parsed: all of them take 40 s
 
 
@@ -44,7 +48,7 @@ def test_the_parser_would_find_a_fault() -> None:
 def test_no_condition_is_chosen_from_two_values_that_were_both_calculated() -> None:
     assert "SEL(" not in text()
     part = next(p for p in parts("best") if "FUNCTION pneucli_sector_switching_term " in p)
-    assert re.search(r"IF \(v_total > 0\.0\) THEN\s+chosen_1 := \(\(v_s1 \+ v_s2\) / v_total\);", part)
+    assert re.search(r"IF \(v_total > 0\.0\) THEN\s+v1 := \(\(v_s1 \+ v_s2\) / v_total\);", part)
 
 
 @pytest.mark.parametrize(
@@ -62,13 +66,50 @@ def test_every_number_of_the_controller_is_in_it() -> None:
     assert [float(one) for one in found[1].split(",")] == list(axis.bench_of_laws()[1]["best"].vector())
 
 
-def test_no_name_is_a_word_of_the_language() -> None:
-    code = re.sub(r"\(\*.*?\*\)", "", "\n".join(parts("pdc")[1:-1]), flags=re.DOTALL)
-    declared = set(re.findall(r"^    (\w+) : \w+;", code, flags=re.MULTILINE)) | set(
-        re.findall(r"FUNCTION (\w+)", code)
+def declared_names(code: str) -> list[str]:
+    """Each name that a program declares, once a scope: functions, blocks, types and their variables."""
+    bare = re.sub(r"\(\*.*?\*\)", "", code, flags=re.DOTALL)
+    return re.findall(r"^ +(\w+) : \w", bare, flags=re.MULTILINE) + re.findall(
+        r"^FUNCTION(?:_BLOCK)? (\w+)", bare, flags=re.MULTILINE
     )
-    assert all(re.match(r"v_|chosen_|pneucli_|(s|c|done|ignored)$", name) for name in declared)
-    assert not any(name.endswith("_") or "__" in name for name in declared)
+
+
+def player() -> str:
+    segments = [PlayedRecording("motion", True, 100.0, (hold(0.1, 0.1),), 0.05)]
+    limits = PlayerLimits(
+        null=5.0, command=4.0, position=None, pressure=None, soft_start=0.1, max_speed=None, mirrored=True
+    )
+    return player_text("pneucli_player.st", segments, limits, "demo")
+
+
+@pytest.mark.parametrize(
+    "code", [*(pytest.param(text(law), id=law) for law in LAWS), pytest.param(player(), id="player")]
+)
+def test_no_name_is_a_word_of_a_dialect_or_refused_by_the_standard(code: str) -> None:
+    """Keywords of IEC 61131-3 (ST and IL, all editions), of CODESYS, TwinCAT, SCL, Control Expert and Studio 5000."""
+    names = declared_names(code)
+    assert len(names) > 20
+    words = set(KEYWORDS.read_text(encoding="utf-8").upper().split())
+    assert not [name for name in names if name.upper() in words]
+    assert not [name for name in names if name.endswith("_") or "__" in name]
+    reachable = [
+        n.upper() for n in re.findall(r"^(?:FUNCTION|FUNCTION_BLOCK|    PNEUCLI_\w+)\b ?(\w*)", code, flags=re.M)
+    ]
+    assert len(set(filter(None, reachable))) == len([*filter(None, reachable)])
+
+
+def test_a_name_that_is_a_word_of_a_dialect_would_be_found() -> None:
+    words = set(KEYWORDS.read_text(encoding="utf-8").upper().split())
+    assert {"S", "RESET", "END_VAR", "LREAL", "BEGIN"} <= words
+
+
+def test_every_name_begins_with_the_prefix() -> None:
+    code = structured_text.source(axis.bench_of_laws()[1]["pdc"], "demo", "axis1")
+    bare = re.sub(r"\(\*.*?\*\)", "", code, flags=re.DOTALL)
+    assert "pneucli" not in bare.lower()
+    outside = re.findall(r"^(?:FUNCTION|FUNCTION_BLOCK) (\w+)|^TYPE\s+(\w+)", bare, flags=re.MULTILINE)
+    assert len(outside) > 20
+    assert all("".join(names).lower().startswith("axis1_") for names in outside)
 
 
 def test_python_without_a_counterpart_is_refused() -> None:

@@ -30,6 +30,13 @@ class Precision(StrEnum):
     float32 = "float32"
 
 
+class Fmi(StrEnum):
+    """The version of the standard of the exported plant."""
+
+    three = "3.0"
+    two = "2.0"
+
+
 def _export(
     pipeline: File,
     to: Annotated[
@@ -45,15 +52,23 @@ def _export(
     precision: Annotated[
         Precision, typer.Option("--precision", help="Arithmetic of the C: double, or float for small targets.")
     ] = Precision.float64,
+    prefix: Annotated[
+        str, typer.Option("--prefix", help="Begins every name of the C and the structured text, such as axis1.")
+    ] = "pneucli",
+    fmi: Annotated[Fmi, typer.Option("--fmi", help="Version of FMI of the plant.")] = Fmi.three,
     how: HowToRun = HowToRun(),
 ) -> None:
+    from pneucli.export.controller_program import checked_prefix
+
     run_stage(
         "export",
         pipeline,
         how,
         {"to": _with_previous_targets(how.open(pipeline).artifacts, to)}
         | ({"controller": law_names([controller], "--controller")[0]} if controller else {})
-        | ({"precision": precision.value} if precision != Precision.float64 else {}),
+        | ({"precision": precision.value} if precision != Precision.float64 else {})
+        | ({"prefix": checked_prefix(prefix, "--prefix")} if prefix != "pneucli" else {})
+        | ({"fmi": fmi.value} if fmi != Fmi.three else {}),
     )
 
 

@@ -4,12 +4,15 @@ from __future__ import annotations
 
 import hashlib
 import html
+import math
 import shutil
 import subprocess
+import sys
 from collections.abc import Iterable, Sequence
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import TYPE_CHECKING
+from xml.etree import ElementTree
 from xml.sax.saxutils import quoteattr
 from zipfile import ZIP_DEFLATED, ZipFile, ZipInfo
 
@@ -31,12 +34,17 @@ if TYPE_CHECKING:
 MODEL_IDENTIFIER = "pneucli_plant"
 SOURCE_FILE = "pneucli_plant.c"
 FILE_NAME = "pneucli_plant.fmu"
+MAX = sys.float_info.max
 STEP = 1e-3  # s, the communication step that an importer takes by default, and between events of model exchange
 RING_MARGIN = 8.0  # times the delay of a hose: the parameter may be set higher before the start
 MIN_RING_ROWS = 2048
 RING_COLUMNS = 5
 DELAY_PORTS = ("flow_delay", "flow_delay_1", "flow_delay_2")
-HEADERS = ("fmi3Functions.h", "fmi3FunctionTypes.h", "fmi3PlatformTypes.h")
+HEADERS = {
+    "3.0": ("fmi3Functions.h", "fmi3FunctionTypes.h", "fmi3PlatformTypes.h"),
+    "2.0": ("fmi2Functions.h", "fmi2FunctionTypes.h", "fmi2TypesPlatform.h"),
+}
+REAL = {"3.0": "Float64", "2.0": "Real"}  # the type of variables in the description
 LIBRARIES = {"CMAKE_C_STANDARD_LIBRARIES:STRING": "-lm"}  # elsewhere math.h is part of the library of C
 
 
@@ -55,7 +63,7 @@ def token_of(sources: Sequence[str]) -> str:
 
 
 def model_description(
-    name: str, title: str, token: str, variables: Sequence[Variable], step: float
+    name: str, title: str, token: str, variables: Sequence[Variable], step: float, fmi: str = "3.0"
 ) -> ModelDescription:
     """Return the description of the FMU.
 
@@ -65,6 +73,7 @@ def model_description(
         token: Instantiation token.
         variables: Its variables.
         step: Communication step in s that an importer takes by default; of model exchange, time between events.
+        fmi: Version of the standard, ``3.0`` or ``2.0``.
     """
     from fmpy.model_description import (  # noqa: PLC0415 - an extra
         CoSimulation,
@@ -74,10 +83,10 @@ def model_description(
         Unknown,
     )
 
-    written = [_time(), *(_variable(one) for one in variables)]
+    written = [_time(REAL[fmi]), *(_variable(one, REAL[fmi]) for one in variables)]
     outputs = [one for one in written if one.causality == "output"]
     return ModelDescription(
-        fmiVersion="3.0",
+        fmiVersion=fmi,
         modelName=name,
         instantiationToken=token,
         description=title,
@@ -118,28 +127,28 @@ def build_description() -> str:
     )
 
 
-def _time() -> ModelVariable:
+def _time(real: str) -> ModelVariable:
     from fmpy.model_description import ModelVariable  # noqa: PLC0415 - an extra
 
     about = {"causality": "independent", "variability": "continuous", "description": "time", "unit": "s"}
-    return ModelVariable(name="time", valueReference=0, type="Float64", **about)
+    return ModelVariable(name="time", valueReference=0, type=real, **about)
 
 
-def _variable(one: Variable) -> ModelVariable:
+def _variable(one: Variable, real: str) -> ModelVariable:
     from fmpy.model_description import ModelVariable  # noqa: PLC0415 - an extra
 
     variability = "fixed" if one.kind == "parameter" else "continuous"
-    initial = {"input": None, "output": None, "parameter": None}[one.kind]
     return ModelVariable(
         name=one.name,
         valueReference=one.reference,
-        type="Float64",
+        type=real,
         causality=one.kind,
         variability=variability,
-        initial=initial,
         unit=one.unit,
         description=one.description,
         start=None if one.start is None else repr(one.start),
+        min=repr(one.low) if math.isfinite(one.low) else None,
+        max=repr(one.high) if math.isfinite(one.high) else None,
     )
 
 
@@ -152,42 +161,41 @@ def _unit(text: str) -> Unit:
     return Unit(name=text, baseUnit=BaseUnit(m=m, kg=kg, s=s, K=K, A=A, factor=unit.factor, offset=unit.offset))
 
 
-def write_fmu(folder: Path, plant: Plant, where: str) -> dict[str, object]:
+def write_fmu(folder: Path, plant: Plant, where: str, fmi: str = "3.0") -> dict[str, object]:
     """Write ``pneucli_plant.fmu``.
 
     Args:
         folder: Folder of the file.
         plant: The plant.
         where: The place of the model in the pipeline file, for messages.
+        fmi: Version of the standard, ``3.0`` or ``2.0``.
 
     Returns:
-        What an importer finds: inputs, outputs, parameters (name, unit, value, ci95), effects, and the platforms of
+        What an importer finds: version, inputs, outputs, parameters (name, unit, value, ci95), effects, platforms of
         its binaries (none where no C compiler is installed; the sources are there).
 
     Raises:
         InputError: FMPy is not installed, or an effect has Python without a counterpart in C.
     """
     require_fmpy()
-    from fmpy.model_description import write_model_description  # noqa: PLC0415 - an extra
-
     variables = variables_of(plant)
-    sources = _sources(plant, where)
+    sources = _sources(plant, where, fmi)
     with TemporaryDirectory() as name:
         root = Path(name) / "fmu"
         (root / "sources").mkdir(parents=True)
         (root / "documentation").mkdir()
         title = f"Plant of the pipeline {plant.name}: {'an axis' if plant.has_cylinder else 'a vessel'} with its valve"
-        about = model_description(plant.name, title, sources.pop("token"), variables, STEP)
-        write_model_description(about, root / "modelDescription.xml")
-        (root / "sources" / "buildDescription.xml").write_text(build_description(), encoding="utf-8")
+        about = model_description(plant.name, title, sources.pop("token"), variables, STEP, fmi)
+        _write_descriptions(root, about)
         for file, text in sources.items():
             (root / "sources" / file).write_text(text, encoding="utf-8")
-        _copy_headers(root / "sources")
+        _copy_headers(root / "sources", HEADERS[fmi])
         (root / "documentation" / "index.html").write_text(_documentation(plant, title, variables), encoding="utf-8")
         binaries = _compile(root, Path(name) / "build")
         with atomic_path(folder / FILE_NAME) as temporary:
             _archive(root, temporary)
     return {
+        "fmi": fmi,
         "inputs": [v.name for v in variables if v.kind == "input"],
         "outputs": [v.name for v in variables if v.kind == "output"],
         "parameters": {
@@ -201,6 +209,27 @@ def write_fmu(folder: Path, plant: Plant, where: str) -> dict[str, object]:
     }
 
 
+def _write_descriptions(root: Path, about: ModelDescription) -> None:
+    """Write the description, and what another platform compiles: in FMI 2.0 a part of it, in FMI 3.0 a file.
+
+    FMPy writes neither the sources of FMI 2.0 nor the ranges of FMI 3.0.
+    """
+    from fmpy.model_description import write_model_description  # noqa: PLC0415 - an extra
+
+    path = root / "modelDescription.xml"
+    write_model_description(about, path)
+    tree = ElementTree.parse(path)
+    if about.fmiMajorVersion == 3:
+        (root / "sources" / "buildDescription.xml").write_text(build_description(), encoding="utf-8")
+        for one, element in zip(about.modelVariables, tree.getroot().iter(REAL["3.0"]), strict=True):
+            element.attrib |= {key: text for key in ("min", "max") if (text := getattr(one, key)) is not None}
+    else:
+        for interface in ("ModelExchange", "CoSimulation"):
+            element = tree.getroot().findall(interface)[0]
+            ElementTree.SubElement(ElementTree.SubElement(element, "SourceFiles"), "File", name=SOURCE_FILE)
+    tree.write(path, encoding="utf-8", xml_declaration=True)
+
+
 def _archive(root: Path, target: Path) -> None:
     """Write an archive of a folder that is the same for the same files: sorted, without their times."""
     with ZipFile(target, "w", ZIP_DEFLATED) as archive:
@@ -211,7 +240,7 @@ def _archive(root: Path, target: Path) -> None:
                 archive.writestr(about, path.read_bytes(), ZIP_DEFLATED)
 
 
-def _sources(plant: Plant, where: str) -> dict[str, str]:
+def _sources(plant: Plant, where: str, fmi: str) -> dict[str, str]:
     """Return the text of each C file by name, and the token that follows from them."""
     rows, n = _ring_rows(plant), len(plant.effects) + 1
     sizes = {"areas": plant.areas.shape, "areas_2": plant.areas_2.shape, "ring": (rows, RING_COLUMNS)}
@@ -223,10 +252,10 @@ def _sources(plant: Plant, where: str) -> dict[str, str]:
         raise InputError(where, f"an effect cannot be written in C: {error}", wanted, code="E064") from error
     tables = _tables(plant)
     token = token_of([functions, tables, __version__])
-    main = fill_template(
-        "plant.c",
-        PIPELINE=plant.name.replace("*/", "* /"),
-        VERSION=__version__,
+    about = {"PIPELINE": plant.name.replace("*/", "* /"), "VERSION": __version__}
+    core = fill_template(
+        "plant_core.h",
+        **about,
         TOKEN=token,
         N_BASE=str(len(at.BASE_NAMES)),
         N_TH=str(len(plant.th)),
@@ -235,8 +264,17 @@ def _sources(plant: Plant, where: str) -> dict[str, str]:
         RING_ROWS=str(rows),
         TABLE_POINTS=str(plant.areas.size),
         SAMPLE=repr(STEP),
+        LOWER_END=str(at.BASE_NAMES.index("rig.lower_end")),
+        UPPER_END=str(at.BASE_NAMES.index("rig.upper_end")),
     )
-    return {SOURCE_FILE: main, "plant_model.h": functions, "plant_tables.h": tables, "token": token}
+    main = fill_template(f"plant_fmi{fmi[0]}.c", **about)
+    return {
+        SOURCE_FILE: main,
+        "plant_core.h": core,
+        "plant_model.h": functions,
+        "plant_tables.h": tables,
+        "token": token,
+    }
 
 
 def _ring_rows(plant: Plant) -> int:
@@ -255,8 +293,13 @@ def _tables(plant: Plant) -> str:
     """Return the numbers of the plant as C."""
     inputs = [plant.inputs.get(name, 0.0) for name in at.PLANT_INPUTS]
     same = np.array_equal(plant.areas, plant.areas_2)
+    values = all_values(plant)
+    names = "\n".join(f'    "{v.name}",' for v in values)
     parts = [
-        _array("VALUES", [float(v.start or 0.0) for v in all_values(plant)]),
+        _array("VALUES", [float(v.start or 0.0) for v in values]),
+        _array("LOWEST", np.clip([v.low for v in values], -MAX, MAX)),
+        _array("HIGHEST", np.clip([v.high for v in values], -MAX, MAX)),
+        f"static const char *const NAMES[{len(values)}] = {{\n{names}\n}};",
         _array("INPUTS", inputs),
         _array("FLAGS", plant.flags),
         _array("ON", [1.0] * (len(plant.effects) + 1)),
@@ -272,11 +315,11 @@ def _array(name: str, values: Iterable[float]) -> str:
     return "\n".join([f"static const double {name}[{len(numbers)}] = {{", *rows, "};"])
 
 
-def _copy_headers(folder: Path) -> None:
+def _copy_headers(folder: Path, names: Iterable[str]) -> None:
     """Copy the headers of the standard, which FMPy brings with it (2-clause BSD licence, in the files)."""
     import fmpy  # noqa: PLC0415 - an extra
 
-    for name in HEADERS:
+    for name in names:
         shutil.copyfile(Path(fmpy.__file__).parent / "c-code" / name, folder / name)
 
 

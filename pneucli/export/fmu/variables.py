@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+import sys
 import tomllib
 from collections.abc import Iterator
 from dataclasses import dataclass
@@ -13,16 +15,26 @@ from pneucli.physics.declaration import Parameter
 from pneucli.quantities import PISTON_AREA_UNITS, axis_unit
 from pneucli.simulate import layout as at
 
-FIRST_INPUT, FIRST_OUTPUT, FIRST_VALUE = 1, 11, 100  # value references, as in templates/plant.c
+FIRST_INPUT, FIRST_OUTPUT, FIRST_VALUE = 1, 11, 100  # value references, as in templates/plant_core.h
 AXIS_ONLY = ("friction.", "rig.moving_mass", "rig.piston", "rig.stroke", "rig.dead_volume_2", "rig.lower", "rig.upper")
 _TABLES = tomllib.loads(files("pneucli.export.fmu").joinpath("variables.toml").read_text(encoding="utf-8"))
 BASE, INPUT_TITLES, OUTPUT_TITLES, START_TITLES = (_TABLES[name] for name in ("base", "input", "output", "start"))
+RANGES = {
+    "any": (-math.inf, math.inf),
+    "not negative": (0.0, math.inf),
+    "positive": (sys.float_info.min, math.inf),  # the smallest number that is not 0 in any importer
+    "ratio": (0.0, 1.0),
+    "from 1": (1.0, math.inf),
+}
 OF_CYLINDER = ("x", "v", "a", "p2", "chamber_2.p")
 
 
 @dataclass(frozen=True)
 class Variable:
-    """A variable of the FMU; ``start`` is None for an output, ``interval`` where it is not identified."""
+    """A variable of the FMU; ``start`` is None for an output, ``interval`` where it is not identified.
+
+    A parameter outside ``low`` to ``high`` is refused.
+    """
 
     name: str
     reference: int
@@ -31,6 +43,8 @@ class Variable:
     title: str
     start: float | None = None
     interval: tuple[float, float] | None = None
+    low: float = -math.inf
+    high: float = math.inf
 
     @property
     def description(self) -> str:
@@ -48,21 +62,28 @@ def variables_of(plant: Plant) -> list[Variable]:
 
 def all_values(plant: Plant) -> list[Variable]:
     """Return every parameter in the order of the plant's array of values: base, effects, start, step, valve."""
-    named: list[tuple[str, str, str, float]] = [
-        (name, _base_unit(name), BASE[name][1], float(value))
+    named: list[tuple[str, str, str, float, tuple[float, float]]] = [
+        (name, _base_unit(name), BASE[name][1], float(value), RANGES[BASE[name][2]])
         for name, value in zip(at.BASE_NAMES, plant.base, strict=True)
     ]
     named += [
-        (f"{e.name}.{p.name}", p.unit, _title(p), plant.th[f"{e.name}.{p.name}"])
+        (f"{e.name}.{p.name}", p.unit, _title(p), plant.th[f"{e.name}.{p.name}"], _range(p))
         for e in plant.effects
         for p in e.parameters
     ]
-    named += [(f"start.{n}", axis_unit(START_TITLES[n][0]), START_TITLES[n][1], v) for n, v in plant.start.items()]
-    named.append(("solver.max_step", "s", "longest step of the equations", plant.max_step))
-    named += [(f"valve.area_factor_{i}", "1", f"factor on the areas of the valve at chamber {i}", 1.0) for i in (1, 2)]
+    for n, v in plant.start.items():
+        unit, title, kind = START_TITLES[n]
+        named.append((f"start.{n}", axis_unit(unit), title, v, RANGES[kind]))
+    named.append(("solver.max_step", "s", "longest step of the equations", plant.max_step, RANGES["positive"]))
+    for i in (1, 2):
+        title = f"factor on the areas of the valve at chamber {i}"
+        named.append((f"valve.area_factor_{i}", "1", title, 1.0, RANGES["not negative"]))
     return [
-        Variable(name, FIRST_VALUE + i, "parameter", unit, title, value, plant.intervals.get(name))
-        for i, (name, unit, title, value) in enumerate(named)
+        Variable(
+            *(name, FIRST_VALUE + i, "parameter", unit, title, value, plant.intervals.get(name)),
+            *(min(low, value), max(high, value)),  # what the rig states is within its range
+        )
+        for i, (name, unit, title, value, (low, high)) in enumerate(named)
     ]
 
 
@@ -101,6 +122,20 @@ def _base_unit(name: str) -> str:
     unit = axis_unit(BASE[name][0])
     rotary = axis_unit("m") != "m"
     return PISTON_AREA_UNITS[1] if rotary and name.startswith("rig.piston_area") else unit
+
+
+def _range(parameter: Parameter) -> tuple[float, float]:
+    """Return the bounds that the declaration states as numbers, with the value at which the effect vanishes.
+
+    A bound in a scale of the rig is that of a search, of which the sign is kept.
+    """
+    low, high = parameter.lower, parameter.upper
+    bounds = [
+        (-math.inf if low.startswith("-") else 0.0) if isinstance(low, str) else low,
+        math.inf if isinstance(high, str) else high,
+    ]
+    bounds += [parameter.null] if isinstance(parameter.null, float | int) else []
+    return min(bounds), max(bounds)
 
 
 def _title(parameter: Parameter) -> str:

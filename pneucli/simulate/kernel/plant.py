@@ -323,7 +323,8 @@ def plant_outputs(inputs, flags, s, base, th, on, outputs):
     outputs[0], outputs[1], outputs[2], outputs[3], outputs[4] = x, v, 0.0, s[AT_R1], s[AT_R2]
     outputs[5], outputs[6], outputs[7], outputs[8] = s[AT_T1], s[AT_FLOW], p1, p2
     if has_heat(on):
-        outputs[5] = p1 * (base[DEAD_1] + volume_1(th, on) + base[AREA_1] * x) / (base[GAS] * s[AT_M1])
+        dead_1, _ = dead_volumes(int(flags[CHAMBER_2]), base, th, on)
+        outputs[5] = p1 * (dead_1 + base[AREA_1] * x) / (base[GAS] * s[AT_M1])
     if flags[MECHANICS] > 0.0:
         m, stiffness = base[MASS] + mass(th, on), bristle_stiffness(th, on)
         a = piston_acceleration(
