@@ -8,6 +8,7 @@ import math
 import os
 import re
 import resource
+import shutil
 import subprocess
 import tempfile
 import threading
@@ -20,6 +21,7 @@ from typing import Any
 from benchmarks.worlds import Case, own_program, shared_folder
 
 COST = ("seconds", "MB")
+SETS = "sets.parquet"
 DONE = "done.json"  # beside the answers of a case that has been asked all
 MAX_SECONDS = 1800  # of processor time for a command; a rig that takes longer has no answer
 MAX_WAIT = 6 * MAX_SECONDS  # of a command that may hang without using the processor
@@ -78,6 +80,8 @@ def _asked(case: Case, command: str, python: str, scratch: Path, folder: Path) -
     code, text, seconds, memory = measured([*program, *words, "--json", "--quiet"])
     (folder / f"{command}.json").write_text(text, encoding="utf-8")
     row: Row = {"case": case.name, "command": command, "exit": code}
+    if command == "diagnose" and (sets := out / "diagnose" / SETS).is_file():
+        shutil.copy(sets, folder)  # for benchmarks.evidence
     if command in ("compare", "diagnose") and code in (0, 1):  # a second time, from the kept stage: takes no time
         row["do"] = next_command(measured([*program, *words, "--quiet"])[1])
     if command == "report" and (page := out / "report" / "report.html").is_file():

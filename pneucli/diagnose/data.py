@@ -16,7 +16,7 @@ from pneucli.compare.goodness_of_fit import GoodnessOfFit
 from pneucli.diagnose.adequacy import LackOfFit, held_out_lack_of_fit, lack_of_fit_by_channel
 from pneucli.diagnose.candidate import Candidate, Decision
 from pneucli.diagnose.cross_validation import leave_one_out_models
-from pneucli.diagnose.evidence import gain_p_value, replaced_base_parameters, wald_p_value
+from pneucli.diagnose.evidence import gain_p_value, relative_effect_size, replaced_base_parameters, wald_p_value
 from pneucli.diagnose.score import (
     Bounds,
     ErrorsOfModel,
@@ -26,6 +26,7 @@ from pneucli.diagnose.score import (
     fitted_costs,
     held_out_costs,
 )
+from pneucli.diagnose.set_evidence import VisitedSet
 from pneucli.diagnose.spline_regression import SplineRegression
 from pneucli.experiments import Part
 from pneucli.identify.estimation.blocks import block_labels
@@ -133,6 +134,40 @@ class DiagnosisData:
             _exclusive_channel_cost(fitted.model, residual_models, effect)
             for residual_models in (self.train, self.held_out)
         ]
+
+    @cached_property
+    def visited(self) -> dict[frozenset[str], VisitedSet]:
+        """The cheapest fit of every set of effects that was fitted."""
+        return {}
+
+    def visit(self, fitted: FittedModel) -> FittedModel:
+        """Note a fitted set of effects, and return it."""
+        added = tuple(e.name for e in fitted.model.effects if e.name not in self.base_effects)
+        known, cost = self.visited.get(frozenset(added)), fitted.cost / max(fitted.residual_count, 1)
+        if known is None or cost < known.cost:
+            facts = rig_quantities(fitted.model, [m.experiment for m in self.train])
+            sizes = {
+                e.name: relative_effect_size(fitted.fit, e, facts, self.train)
+                for e in fitted.model.effects
+                if e.name in added
+            }
+            self.visited[frozenset(added)] = VisitedSet(added, self._log_variances(fitted), sizes, cost)
+        return fitted
+
+    def _log_variances(self, fitted: FittedModel) -> dict[str, tuple[float, float]]:
+        """Return by balance and signal the number of readings and n log s^2 of all recordings."""
+        found: dict[str, tuple[float, float]] = {}
+        channels = [(m, channel) for m in self.residual_models for channel in m.channels]
+        for (m, channel), cost in zip(channels, fitted.channels, strict=True):
+            if cost.residual_count:
+                bounds = bounds_of(fitted.model, m) if channel == "force" else Bounds.none()
+                one, key = RecordingCost(*cost, bounds), f"{type(m).__name__} {channel}"
+                count, total = found.get(key, (0.0, 0.0))
+                found[key] = count + cost.residual_count, total + one.log_variance()
+        return found
+
+    def _refit(self, refits: Sequence[Refit]) -> list[FittedModel]:
+        return [self.visit(fitted) for fitted in self.run_refits(self, refits)]
 
     def sensitive_blocks(self, effect: Effect) -> NDArray[np.bool_]:
         """Return which blocks of a fitted model's costs the effect influences (B,)."""
@@ -266,17 +301,17 @@ class DiagnosisData:
     ) -> list[Candidate]:
         """Refit with each effect (from the score tests ``ranked``), and compare on fitted and held-out data."""
         refits = [Refit("add", fitted, e, tuple(s) if s else None) for e, s in zip_longest(effects, ranked)]
-        refitted = self.run_refits(self, refits)
+        refitted = self._refit(refits)
         return [self.candidate(fitted, full, effect) for full, effect in zip(refitted, effects, strict=True)]
 
     def refit_to_convergence(self, candidates: Sequence[Candidate]) -> list[Candidate]:
         """Refit candidates until convergence."""
-        refitted = self.run_refits(self, [Refit("converge", c.full, c.effect) for c in candidates])
+        refitted = self._refit([Refit("converge", c.full, c.effect) for c in candidates])
         return [self.candidate(c.reduced, full, c.effect) for full, c in zip(refitted, candidates, strict=True)]
 
     def refit_without(self, fitted: FittedModel, effects: Sequence[Effect]) -> list[FittedModel]:
         """Refit without each of the effects, one at a time."""
-        return self.run_refits(self, [Refit("drop", fitted, effect) for effect in effects])
+        return self._refit([Refit("drop", fitted, effect) for effect in effects])
 
     def candidate(self, reduced: FittedModel, full: FittedModel, effect: Effect) -> Candidate:
         """Return the candidate of the step from the reduced to the full model."""

@@ -20,6 +20,7 @@ from pneucli.diagnose.detectability import MinimumDetectableEffect, minimum_dete
 from pneucli.diagnose.discrepancy import Discrepancy, UnexplainedResidual, describe_discrepancies, describe_lack_of_fit
 from pneucli.diagnose.equivalence import Term
 from pneucli.diagnose.selection import SelectionPath, select_effects, unsearched_path
+from pneucli.diagnose.set_evidence import SetProbability, set_probabilities
 from pneucli.identify.estimation.fit import Estimate, Fit
 from pneucli.identify.estimation.intervals import with_intervals_over_models
 from pneucli.identify.residuals import FreeRun
@@ -55,7 +56,8 @@ class Diagnosis:
     ``missing`` has the named effects in the order to add them, ``equivalents`` the indistinguishable effects of each
     added one, ``decisions`` one for every effect that the model lacked, the added ones first. ``fit`` is that of the
     last model, with intervals over all models that the data allow; ``goodness_of_fit`` judges its printed error, and
-    ``balance_lack`` is the subsystem in which it errs most by more than noise, which the whole model may hide.
+    ``balance_lack`` is the subsystem in which it errs most by more than noise, which the whole model may hide. ``sets``
+    are all fitted sets of effects, the most probable first; they decide nothing.
     """
 
     verdict: Verdict
@@ -72,11 +74,12 @@ class Diagnosis:
     discrepancies: tuple[Discrepancy, ...]
     goodness_of_fit: GoodnessOfFit | None = None
     balance_lack: LackOfFit | None = None
+    sets: tuple[SetProbability, ...] = ()
 
 
 def diagnose(data: DiagnosisData, base: Fit) -> Diagnosis:
     """Find the effects that a fitted model lacks; none is looked for in recordings that cannot be true."""
-    start = data.fitted_model(base)
+    start = data.visit(data.fitted_model(base))
     del base  # its derivatives are in memory, those of the start in a file
     path = unsearched_path(data, start) if data.implausible else select_effects(data, start)
     judged = data.judge_fit(path.last.fit)
@@ -114,6 +117,7 @@ def diagnose(data: DiagnosisData, base: Fit) -> Diagnosis:
         discrepancies=tuple(describe_discrepancies(data, path.last.fit, [*path.test, *path.train])),
         goodness_of_fit=judged,
         balance_lack=next((one for one in unexplained if one.kind is not FreeRun), None),
+        sets=tuple(set_probabilities([*data.visited.values()])),
     )
 
 

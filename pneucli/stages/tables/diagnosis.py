@@ -14,6 +14,7 @@ from pneucli.diagnose.data import DiagnosisData
 from pneucli.diagnose.diagnosis import Diagnosis
 from pneucli.diagnose.discrepancy import UnexplainedResidual
 from pneucli.diagnose.score import FittedModel
+from pneucli.diagnose.set_evidence import VisitedSet
 from pneucli.identify.residuals import ResidualModel
 from pneucli.io.artifacts import write_table
 from pneucli.physics.declaration import Effect
@@ -27,9 +28,21 @@ MAX_SHAPE_RECORDINGS = 3  # recordings a picture is drawn of
 
 
 def write_diagnosis(pipeline: PipelineData, data: DiagnosisData, diagnosis: Diagnosis, answer: dict[str, Any]) -> None:
-    """Write ``candidates``, ``ladder``, ``shape`` and ``law`` into the folder of the stage."""
+    """Write ``candidates``, ``ladder``, ``shape``, ``law`` and ``sets`` into the folder of the stage."""
     shapes = [row for i, name in enumerate(diagnosis.path.added) for row in _residual_shapes(data, diagnosis, i, name)]
     _write_tables(pipeline, answer, shapes, list(_smooth_term_rows(diagnosis.unexplained)))
+    rows = [
+        (i, *_texts(s.visited), s.log_evidence, s.probability, s.visited.cost, channel, *sums)
+        for i, s in enumerate(diagnosis.sets)
+        for channel, sums in s.visited.channels.items()
+    ]
+    columns = "number effects sizes log_evidence probability cost channel readings log_variance"
+    _write(pipeline, "sets", columns, rows, dict.fromkeys(columns.split(), "1"), ("ingest/signals.parquet",))
+
+
+def _texts(visited: VisitedSet) -> tuple[str, str]:
+    """Return the effects of a set and their sizes over their typical ones."""
+    return ", ".join(visited.effects), ", ".join(f"{visited.sizes[name]:.4g}" for name in visited.effects)
 
 
 def write_flow_diagnosis(pipeline: PipelineData, answer: dict[str, Any]) -> None:
@@ -80,6 +93,8 @@ TEXT_COLUMNS = {"effect", "parameter", "unit", "indistinguishable_from", "reason
     "channel",
     "variable",
     "acts_as",
+    "effects",
+    "sizes",
 }
 NOT_FITTED: dict[str, Any] = {"": {"value": None, "unit": "", "ci95": (None, None)}}
 BOOLEAN_COLUMNS = {"supported", "missing"}

@@ -1,0 +1,169 @@
+"""One evidence against the rules that decide: ``python -m benchmarks.evidence [--kappa K] [--odds O]``.
+
+Judges what ``benchmarks.score`` keeps: the sets of effects that each diagnosis fitted, by their evidence
+(``pneucli.diagnose.set_evidence``), and what the diagnosis said. Both are judged by families: an effect without its
+chamber. The log score is -log of the probability of what is true, summed over the effects that any fitted set has.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import math
+import sys
+import tempfile
+from collections import defaultdict
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import replace
+from pathlib import Path
+
+import pyarrow as pa
+import pyarrow.parquet as pq
+
+from benchmarks.answers import SETS
+from benchmarks.score import KEPT, package, source_digest
+from benchmarks.truths import Counts, Truth, judged
+from benchmarks.worlds import worlds
+from pneucli.diagnose.set_evidence import (
+    KAPPA,
+    PRIOR_ODDS,
+    VisitedSet,
+    family,
+    named,
+    presence,
+    set_probabilities,
+)
+
+MIN_STATED, MAX_STATED = 0.003, 0.997  # probabilities, as both may state them
+Sides = tuple[Counts, Counts]
+Scores = tuple[float, float]
+
+
+def visited_sets(path: Path) -> list[VisitedSet]:
+    """Return the fitted sets of a kept diagnosis."""
+    rows = pq.read_table(path).to_pylist()
+    by_number = defaultdict(list)
+    for row in rows:
+        by_number[row["number"]].append(row)
+    out = []
+    for group in by_number.values():
+        effects = tuple(one for one in group[0]["effects"].split(", ") if one)
+        sizes = dict(zip(effects, map(float, filter(None, group[0]["sizes"].split(", "))), strict=True))
+        channels = {row["channel"]: (row["readings"], row["log_variance"]) for row in group}
+        out.append(VisitedSet(effects, channels, sizes, group[0]["cost"]))
+    return out
+
+
+def by_family(truth: Truth) -> Truth:
+    """Return a truth without chambers and parameters."""
+    return replace(
+        truth, hidden=frozenset(map(family, truth.hidden)), mild=frozenset(map(family, truth.mild)), parameters={}
+    )
+
+
+def by_rules(answer: Mapping[str, object]) -> tuple[list[tuple[str, ...]], dict[str, float]]:
+    """Return what a diagnosis names, each with its twins, and the probability of each family."""
+    candidates = answer["candidates"]
+    assert isinstance(candidates, list)
+    twins = {c["effect"]: c["indistinguishable_from"] for c in candidates}
+    missing = answer["missing"]
+    assert isinstance(missing, list)
+    groups = [tuple(dict.fromkeys(map(family, (name, *twins.get(name, []))))) for name in missing]
+    probability: dict[str, float] = {}
+    for c in candidates:
+        name = family(c["effect"])
+        probability[name] = max(probability.get(name, 0.0), c["confidence_alone"] or 0.0)
+    return groups, probability
+
+
+def counts(truth: Truth, groups: Sequence[tuple[str, ...]]) -> Counts:
+    """Return the counts of some names, each with its twins."""
+    row = {"exit": 0, "missing": [g[0] for g in groups], "twins": {g[0]: list(g[1:]) for g in groups}, "parameters": {}}
+    return judged(truth, row)
+
+
+def log_score(truth: Truth, names: Iterable[str], probability: Mapping[str, float]) -> float:
+    """Return -log of the probability of what is true; of what a rig has a little of nothing is asked."""
+    total = 0.0
+    for name in set(names) - truth.mild:
+        p = min(max(probability.get(name, 0.0), MIN_STATED), MAX_STATED)
+        total -= math.log(p if name in truth.hidden else 1.0 - p)
+    return total
+
+
+def compared(truth: Truth, folder: Path, kappa: float, odds: float) -> tuple[Sides, Scores] | None:
+    """Return the counts and log scores of rules and evidence; None of a case without a truth or without sets."""
+    if not (folder / SETS).is_file() or not truth.names_known:
+        return None
+    truth = by_family(truth)
+    groups, stated = by_rules(json.loads((folder / "diagnose.json").read_text(encoding="utf-8")))
+    sets = set_probabilities(visited_sets(folder / SETS), kappa, odds)
+    found = presence(sets)
+    asked = {*found, *truth.hidden}
+    return (counts(truth, groups), counts(truth, named(sets))), (
+        log_score(truth, asked, stated),
+        log_score(truth, asked, found),
+    )
+
+
+def made_up() -> tuple[Sides, Scores]:
+    """Return the comparison of a case with two sets, whose leak both find."""
+    with tempfile.TemporaryDirectory() as name:
+        folder = Path(name)
+        leak = {"effect": "chamber-leak", "indistinguishable_from": [], "confidence_alone": 0.9}
+        (folder / "diagnose.json").write_text(json.dumps({"missing": ["chamber-leak"], "candidates": [leak]}))
+        columns = ("number", "effects", "sizes", "cost", "channel", "readings", "log_variance")
+        rows = [(0.0, "", "", 9.0, "p1", 1e4, 2e4), (1.0, "chamber-leak", "1", 1.0, "p1", 1e4, 0.0)]
+        pq.write_table(pa.table(dict(zip(columns, map(list, zip(*rows, strict=True)), strict=True))), folder / SETS)
+        found = compared(Truth(frozenset({"chamber-leak"})), folder, KAPPA, PRIOR_ODDS)
+    assert found is not None
+    return found
+
+
+def lines(results: Mapping[str, Sequence[tuple[Sides, Scores]]]) -> Iterator[str]:
+    """Yield a table: by world the rules, then the evidence."""
+    yield "| world | by | effects in answer | right | false | mild | healthy silent | log score a case |"
+    yield "| --- | --- | ---: | ---: | ---: | ---: | ---: | ---: |"
+    for world, cases in results.items():
+        for i, by in enumerate(("rules", "evidence")):
+            c = sum((sides[i] for sides, _ in cases), Counts())
+            score = sum(scores[i] for _, scores in cases) / len(cases)
+            cells = (f"{c.found}/{c.effects}", f"{c.right}/{c.known}", f"{c.false}", f"{c.mild}")
+            yield f"| {world} | {by} | {' | '.join(cells)} | {c.silent}/{c.healthy} | {score:.2f} |"
+
+
+def main(arguments: Sequence[str]) -> int:
+    """Print the table."""
+    parser = argparse.ArgumentParser(prog="python -m benchmarks.evidence")
+    parser.add_argument("--kappa", type=float, default=KAPPA, help="readings that a disturbed channel is worth")
+    parser.add_argument("--odds", type=float, default=PRIOR_ODDS, help="prior odds of an effect")
+    parser.add_argument("--kept", type=Path, default=KEPT, help="where benchmarks.score keeps answers")
+    parser.add_argument("-v", "--verbose", action="store_true", help="the cases in which both differ")
+    parser.add_argument("--small", action="store_true", help="one case that is made up")
+    asked = parser.parse_args(list(arguments))
+    if asked.small:
+        print("\n".join(lines({"made up": [made_up()]})))
+        return 0
+    code = package(sys.executable)
+    kept = asked.kept / source_digest(code)
+    results: dict[str, list[tuple[Sides, Scores]]] = {}
+    for world in worlds(sys.executable, asked.kept / f"exam-{source_digest(code / 'exam')}", full=True):
+        for case in world.cases():
+            found = compared(case.truth, kept / case.world / case.name, asked.kappa, asked.odds)
+            if found is None:
+                continue
+            results.setdefault(world.name, []).append(found)
+            (rules, evidence), (old, new) = found
+            if asked.verbose and (rules != evidence or abs(old - new) > 1.0):
+                said = f"right {rules.right} -> {evidence.right}, log score {old:.2f} -> {new:.2f}"
+                print(f"{world.name}/{case.name}: {said}")
+    if not results:
+        print("nothing is kept of this program: run python -m benchmarks.score first", file=sys.stderr)
+        return 2
+    results["all"] = [one for cases in [*results.values()] for one in cases]
+    print("\n".join(lines(results)))
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main(sys.argv[1:]))
