@@ -40,7 +40,7 @@ def lines(answer: Answer, file: str, verbose: bool) -> Iterator[str]:
 def _row(signal: Answer) -> tuple[str, ...]:
     shown = [format_quantity(signal[key], signal["unit"]) for key in ("least", "median", "most")]
     noise = "" if not signal["noise"] else format_quantity(signal["noise"], signal["unit"], 2)
-    return signal["signal"], curve(signal["values"]), rest_text(signal), *shown, noise
+    return signal["signal"], curve(signal["time"], signal["values"]), rest_text(signal), *shown, noise
 
 
 def rest_text(signal: Answer) -> str:
@@ -51,17 +51,20 @@ def rest_text(signal: Answer) -> str:
     )
 
 
-def curve(values: Sequence[float | None]) -> str:
-    """Return a curve in one line of characters; a blank where nothing was measured.
+def curve(time: Sequence[float], values: Sequence[float | None]) -> str:
+    """Return a curve in one line of characters, each the middle of what was read meanwhile; a blank where nothing was.
 
-    >>> curve([0.0, 1.0, 2.0, None, 7.0])
-    '▁▂▃ █'
+    >>> curve([0.0, 1.0, 2.0, 3.0, 4.0, 5.0], [0.0, 1.0, 2.0, None, 7.0, 7.0])
+    '▁▂▃ ██'
     """
-    known = [value for value in values if value is not None and math.isfinite(value)]
+    known = [(at, value) for at, value in zip(time, values, strict=True) if value is not None and math.isfinite(value)]
     if not known:
         return ""
-    low, span = min(known), (max(known) - min(known)) or 1.0
-    count = min(CURVE, len(values))
-    picked = [values[number * len(values) // count] for number in range(count)]
-    marks = (" " if one is None else _LEVELS[round((one - low) / span * (len(_LEVELS) - 1))] for one in picked)
+    count, begin, length = min(CURVE, len(values)), time[0], (time[-1] - time[0]) or 1.0
+    cells: list[list[float]] = [[] for _ in range(count)]
+    for at, value in known:
+        cells[min(int(count * (at - begin) / length), count - 1)].append(value)
+    middle = [0.5 * (min(cell) + max(cell)) if cell else None for cell in cells]
+    low, span = min(value for _, value in known), max(value for _, value in known) - min(value for _, value in known)
+    marks = (" " if one is None else _LEVELS[round((one - low) / (span or 1.0) * (len(_LEVELS) - 1))] for one in middle)
     return "".join(marks)

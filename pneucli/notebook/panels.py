@@ -13,9 +13,10 @@ from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
 from pneucli.compare.channel_errors import fit_percent
+from pneucli.messages.envelope import envelope_indices
 from pneucli.messages.formatting import format_noise_ratio, format_number, in_display_unit, unit_symbol
 from pneucli.quantities import SIGNALS
-from pneucli.report.figure import GREY, PALETTE, envelope_indices, with_gaps
+from pneucli.report.figure import GREY, PALETTE, with_gaps
 
 WIDTH, PANEL_HEIGHT = 8.0, 1.7  # inches
 MAX_SAMPLES = 4000  # of a curve: more than the pixels of a screen

@@ -10,6 +10,7 @@ import numpy as np
 from matplotlib.ticker import FuncFormatter, NullFormatter
 from numpy.typing import NDArray
 
+from pneucli.messages.envelope import envelope_indices
 from pneucli.messages.formatting import (
     axis_title,
     format_number,
@@ -21,7 +22,7 @@ from pneucli.messages.formatting import (
 from pneucli.messages.plan import GOOD_POWER, by_hand_title, limit_texts, manoeuvre_text, refused_text
 from pneucli.plan.power import Difference, Prediction
 from pneucli.quantities import SIGNALS
-from pneucli.report.figure import GREY, PALETTE, Drawing, drawing, envelope_indices, figures
+from pneucli.report.figure import GREY, PALETTE, Drawing, drawing, figures
 from pneucli.report.overview import Overview, Tile
 from pneucli.report.page import render_page
 from pneucli.report.page_elements import Cell, Grid, Note, Part, Section

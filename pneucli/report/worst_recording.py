@@ -15,9 +15,10 @@ from numpy.typing import NDArray
 
 from pneucli.compare.error_regions import error_concentration
 from pneucli.messages.compare import evaluation_error
+from pneucli.messages.envelope import envelope_indices, with_gap_indices
 from pneucli.messages.formatting import axis_title, format_noise_ratio, format_plain, in_display_unit
 from pneucli.quantities import SIGNALS
-from pneucli.report.figure import BLUE, GREY, ORANGE, envelope_indices, render, with_gap_indices, with_gaps
+from pneucli.report.figure import BLUE, GREY, ORANGE, render, with_gaps
 from pneucli.report.report_data import ReportData, Table
 
 Array = NDArray[np.float64]

@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from pneucli.config import load
 from pneucli.errors import InputError
 from pneucli.io.recordings import load_recordings
+from pneucli.messages.envelope import envelope_indices, with_gap_indices
 from pneucli.pipeline.context import Context
 from pneucli.quantities import SIGNALS
 from pneucli.recording import Recording
@@ -21,7 +22,7 @@ from pneucli.stages import ingest, init
 
 Array = NDArray[np.float64]
 SCHEMA = "pneucli/look/1"
-MAX_POINTS = 400  # of a curve
+MAX_POINTS = 400  # of a curve, besides the first of each gap
 REST_BLOCKS = 100  # stretches of a recording, of which each rests or moves
 MAX_REST_RANGE = 0.02  # of a signal's range, over which it moves in a stretch in which it rests
 MIN_REST_SHARE = 0.03  # of the time, that a level is worth being said
@@ -105,7 +106,7 @@ def _recording(one: Recording) -> dict[str, Any]:
 
 def _signal(one: Recording, name: str) -> dict[str, Any]:
     values = one[name]
-    shown = np.linspace(0, values.size - 1, min(values.size, MAX_POINTS)).astype(int)
+    shown = with_gap_indices(envelope_indices([values], MAX_POINTS), values)
     return {
         "signal": name,
         "unit": SIGNALS[name].unit,

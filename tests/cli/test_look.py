@@ -7,6 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from pneucli.messages.look import curve
 from pneucli.paths import from_here
 from pneucli.stages.look import look_at, rests
 
@@ -42,6 +43,19 @@ def test_the_answer_says_units_rests_and_doubts(pneucli: Command, tank: Path) ->
     assert signals["p1"]["least"] == pytest.approx(1.013e5)
     assert signals["u"]["rests"][0]["share"] == pytest.approx(0.25, abs=0.02)
     assert {round(one["level"]) for one in signals["u"]["rests"]} == {5, -4, 6, -8}
+
+
+def test_one_sample_of_many_shows_in_the_curve(pneucli: Command, tmp_path: Path) -> None:
+    p1 = 1.5 + 0.5 * np.sin(np.arange(12_000) / 900)
+    p1[7770:7776] = [2.0, 3.0, 4.0, 4.0, 3.0, 2.0]
+    rows = "".join(f"{k / 100:.2f},{np.sign(p):g},{p:.5f}\n" for k, p in enumerate(p1))
+    (tmp_path / "a.csv").write_text(f"t [s],u [V],p1 [bar(a)]\n{rows}", encoding="utf-8")
+    (one,) = json.loads(pneucli("look", tmp_path / "a.csv", "--json").out)["recordings"]
+    signal = next(one for one in one["signals"] if one["signal"] == "p1")
+    assert max(signal["values"]) == pytest.approx(4e5)
+    assert len(signal["values"]) <= 402
+    line = curve(signal["time"], signal["values"])
+    assert line.index(max(line)) == int(len(line) * 77.72 / 119.99)
 
 
 def test_a_page_has_a_figure_for_each_signal(pneucli: Command, tank: Path, tmp_path: Path) -> None:

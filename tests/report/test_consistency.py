@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from pneucli.messages import compare, diagnose
+from pneucli.messages import compare, diagnose, envelope
 from pneucli.report import figure, overview
 from pneucli.report.page_elements import ZOOM_HINT, Figure, Grid
 from pneucli.report.report_data import Table
@@ -58,7 +58,7 @@ def test_a_first_model_that_coincides_with_the_present_one_is_left_out() -> None
 def test_no_line_crosses_a_gap_however_short() -> None:
     values = np.sin(np.arange(5000.0))
     values[2345] = np.nan
-    kept = figure.with_gap_indices(figure.envelope_indices([np.nan_to_num(values)], 100), values)
+    kept = envelope.with_gap_indices(envelope.envelope_indices([np.nan_to_num(values)], 100), values)
     assert 2345 in kept
     assert (np.diff(kept) > 0).all()
 

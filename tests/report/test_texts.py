@@ -10,9 +10,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from pneucli.messages.envelope import envelope_indices
 from pneucli.messages.formatting import format_noise_ratio, format_number, format_quantity
 from pneucli.report import ReportData, Table, to_junit, to_markdown
-from pneucli.report.figure import envelope_indices
 
 
 def test_the_summary_holds_the_numbers_of_the_answers(material: ReportData) -> None:

@@ -12,9 +12,10 @@ from numpy.typing import NDArray
 
 from pneucli.messages import margins
 from pneucli.messages.design import describe_decay_rate, describe_matching, describe_sector
+from pneucli.messages.envelope import envelope_indices
 from pneucli.messages.formatting import format_number, in_display_unit
 from pneucli.messages.simulate import METRIC_TITLES
-from pneucli.report.figure import BLUE, GREEN, GREY, ORANGE, Drawing, drawing, envelope_indices, figures
+from pneucli.report.figure import BLUE, GREEN, GREY, ORANGE, Drawing, drawing, figures
 from pneucli.report.page_elements import (
     ZOOM_HINT,
     Cell,

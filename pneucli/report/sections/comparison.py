@@ -10,6 +10,7 @@ import numpy as np
 
 from pneucli.compare.channel_errors import fit_percent
 from pneucli.messages.compare import rating, test_first
+from pneucli.messages.envelope import envelope_indices, with_gap_indices
 from pneucli.messages.formatting import (
     format_fit,
     format_number,
@@ -19,7 +20,7 @@ from pneucli.messages.formatting import (
     unit_symbol,
 )
 from pneucli.quantities import CHANNELS, COMMANDS
-from pneucli.report.figure import envelope_indices, with_gap_indices, with_gaps
+from pneucli.report.figure import with_gaps
 from pneucli.report.page_elements import ZOOM_HINT, Cell, Grid, Note, Panel, Part, PlotRun, Section, Series, ZoomPlot
 from pneucli.report.report_data import ReportData, Table
 

@@ -9,7 +9,8 @@ import numpy as np
 from matplotlib.ticker import NullLocator, ScalarFormatter
 
 from pneucli.messages import law_comparison
-from pneucli.report.figure import GREY, PALETTE, Drawing, drawing, envelope_indices, figures
+from pneucli.messages.envelope import envelope_indices
+from pneucli.report.figure import GREY, PALETTE, Drawing, drawing, figures
 from pneucli.report.page_elements import Cell, Grid, Note, Part, Section
 from pneucli.report.report_data import ReportData, Table
 from pneucli.report.sections.closed_loop import format_bounded

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
+from pneucli.messages.envelope import envelope_indices
 from pneucli.messages.formatting import format_fit, format_quantity, in_display_unit, unit_symbol
-from pneucli.report.figure import envelope_indices
 from pneucli.report.page_elements import (
     MAX_UNFOLDED_ROWS,
     ZOOM_HINT,

@@ -11,6 +11,7 @@ import numpy as np
 from matplotlib.lines import Line2D
 from numpy.typing import NDArray
 
+from pneucli.messages.envelope import envelope_indices
 from pneucli.messages.formatting import (
     format_noise_ratio,
     format_number,
@@ -27,7 +28,6 @@ from pneucli.report.figure import (
     ORANGE,
     Drawing,
     drawing,
-    envelope_indices,
     figures,
     heat_map,
     rank_colour,

@@ -9,9 +9,10 @@ import numpy as np
 from matplotlib.axes import Axes
 from numpy.typing import NDArray
 
+from pneucli.messages.envelope import envelope_indices
 from pneucli.messages.formatting import format_plain
 from pneucli.physics.vectorised import stribeck_friction
-from pneucli.report.figure import BLUE, GREEN, GREY, ORANGE, Line, chart, envelope_indices
+from pneucli.report.figure import BLUE, GREEN, GREY, ORANGE, Line, chart
 from pneucli.report.page_elements import Figure
 from pneucli.report.report_data import ReportData, Table
 
