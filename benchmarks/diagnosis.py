@@ -89,13 +89,11 @@ from pneucli.identify.estimation.model_fit import fit_model, fit_with_effect
 from pneucli.identify.guesses.base_model import guess_base_model
 from pneucli.physics.effects import catalogue_with_sides
 from pneucli.plan.bench import LOOP_RANGE, Bench, described_benches
-from pneucli.plan.limits import Limits, limits_of, violations
+from pneucli.plan.limits import SHIFTED_BEST, Limits, Safety, limits_of, violations
 from pneucli.plan.manoeuvre import Manoeuvre, Outcome
-from pneucli.plan.manoeuvres import candidate_manoeuvres
-from pneucli.plan.programme import draw_programme
-from pneucli.plan.safety import SHIFTED_BEST, Safety
+from pneucli.plan.manoeuvres import candidate_manoeuvres, draw_programme
 from pneucli.quantities import Z95
-from pneucli.stages.plan_answer import recordings_answer
+from pneucli.stages.expected_power import recordings_answer
 from pneucli.stages.plan_files import commands_csv
 
 Array = NDArray[np.float64]

@@ -51,8 +51,8 @@ PHASES = {
     "intervals": [("estimation/intervals.py", "with_intervals")],
     "detectability": [("diagnose/detectability.py", "minimum_detectable_effects")],
     "fit of all recordings, baseline": [
-        ("stages/baseline.py", "write_baseline"),
-        ("stages/baseline.py", "fit_all_recordings"),
+        ("stages/changes.py", "write_baseline"),
+        ("stages/changes.py", "fit_all_recordings"),
         ("stages/changes.py", "compare_with_baseline"),
     ],
 }

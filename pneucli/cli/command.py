@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 import inspect
-from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import asdict, dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, ClassVar, Protocol
 
 import typer
 
@@ -46,6 +46,15 @@ class Command:
         return self.help or f"{title[0].upper()}{title[1:]}."
 
 
+class Told(Protocol):
+    """An answer whose fields are the keys of its JSON, and which says itself what a person reads."""
+
+    __dataclass_fields__: ClassVar[dict[str, Any]]
+
+    def lines(self, file: str, verbose: bool) -> Iterator[str]:
+        """Yield what a person reads; ``file`` is the pipeline file as the user typed it, for the commands."""
+
+
 @dataclass(frozen=True)
 class How:
     """How a command answers: the options that every command has, by its argument ``how``."""
@@ -67,6 +76,13 @@ class How:
             console.print_json(answer)
         else:
             console.print_text(messages.render(name, answer, str(file), verbose=self.verbose))
+
+    def tell(self, answer: Told, file: Path | str) -> None:
+        """Print an answer that words itself: as the one JSON object, or as its sentences."""
+        if self.json:
+            console.print_json(asdict(answer))
+        else:
+            console.print_text("\n".join(answer.lines(str(file), self.verbose)))
 
     def update(
         self, pipeline: Pipeline, *stages: str, options: Mapping[str, Mapping[str, Any]] | None = None
@@ -136,16 +152,16 @@ def run_stage(name: str, file: Path, how: HowToRun, options: Mapping[str, Any] |
 
 def fails_acceptance(done: Mapping[str, Done]) -> bool:
     """Return whether the design violates a requirement of a strict ``[design]``."""
-    from pneucli.messages import acceptance
+    from pneucli.messages import design
 
     designed = done["design"].manifest.answer if "design" in done else None
-    return acceptance.fails_acceptance((designed or {}).get("gate"))
+    return design.fails_acceptance((designed or {}).get("gate"))
 
 
 def print_findings(done: Mapping[str, Done], left_out: Sequence[Mapping[str, str | None]] = ()) -> None:
     """Print what is odd or cannot be true of the recordings, which could have changed the answer of any stage."""
-    from pneucli.messages import plausibility
+    from pneucli.messages import ingest
 
     if "ingest" in done and (answer := done["ingest"].manifest.answer):
-        for line in plausibility.lines(answer, left_out):
+        for line in ingest.plausibility_lines(answer, left_out):
             console.print_text(line)

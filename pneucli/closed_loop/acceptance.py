@@ -133,7 +133,7 @@ class Violation:
     """A violated criterion: worst figure, axis and scenario of it, and the cause ("": unknown).
 
     ``share``: share of the draws that violate it. The cause is a code with its quantities in SI units;
-    :mod:`pneucli.messages.acceptance` words it.
+    :mod:`pneucli.messages.design` words it.
     """
 
     demand: str

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 
@@ -16,6 +16,33 @@ from pneucli.simulate.end_stops import in_end_contact
 from pneucli.simulate.experiment import Experiment
 from pneucli.simulate.model import Model
 from pneucli.simulate.outputs import simulate_outputs
+
+DEFAULT_SHARE = 0.05  # of the measured range: a fit of 95 %, which control engineers take for a good one
+
+
+@dataclass(frozen=True)
+class ToleranceUse:
+    """One channel of one recording: its rms error ``value`` and the ``tolerance``, both in ``unit`` (SI)."""
+
+    recording: str
+    channel: str
+    value: float
+    tolerance: float
+    unit: str
+
+    @property
+    def ratio(self) -> float:
+        """The error over the tolerance; 1 is the limit."""
+        return self.value / self.tolerance
+
+
+@dataclass(frozen=True)
+class Purpose:
+    """Whether every channel stays within its tolerance, and the channel that uses most of it."""
+
+    adequate: bool
+    worst: ToleranceUse
+
 
 Array = NDArray[np.float64]
 
@@ -181,3 +208,29 @@ def overall_error(results: Sequence[ChannelResult], use: str) -> float | None:
     """
     ratios = [r.ratio_to_noise for r in results if r.use == use and np.isfinite(r.ratio_to_noise)]
     return float(np.sqrt(np.mean(np.square(ratios)))) if ratios else None
+
+
+def assess_purpose(results: Sequence[ChannelResult], tolerances: Mapping[str, float]) -> Purpose | None:
+    """Compare the rms error of each channel with its tolerance.
+
+    Args:
+        results: errors of all channels of all recordings. Test recordings decide where there are any.
+        tolerances: the largest rms error by channel (SI). A channel without one takes ``DEFAULT_SHARE`` of its largest
+            measured range over all recordings.
+
+    Returns:
+        The verdict with its worst channel; None where no channel has both an error and a tolerance.
+
+    """
+    ranges: dict[str, float] = {}
+    for r in results:
+        ranges[r.channel] = float(np.fmax(ranges.get(r.channel, 0.0), r.measured_range))
+    limits = {channel: DEFAULT_SHARE * span for channel, span in ranges.items()} | dict(tolerances)
+    test = [r for r in results if r.use == "test"]
+    used = [
+        ToleranceUse(r.recording, r.channel, r.rmsd, limits[r.channel], r.unit)
+        for r in test or results
+        if np.isfinite(r.rmsd) and limits[r.channel] > 0.0
+    ]
+    worst = max(used, key=lambda one: one.ratio, default=None)
+    return None if worst is None else Purpose(worst.ratio <= 1.0, worst)

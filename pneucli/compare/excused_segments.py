@@ -14,8 +14,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from pneucli.compare.error_limit import TAIL
-from pneucli.compare.expected_error import MOTION_CHANNELS, ExpectedError
+from pneucli.compare.expected_error import MOTION_CHANNELS, TAIL, ExpectedError
 
 Array = NDArray[np.float64]
 SegmentSquares = Mapping[str, Array]  # by channel, the part of each segment in the mean square error, SI

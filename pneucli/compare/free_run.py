@@ -9,8 +9,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import replace
 
 from pneucli.compare.channel_errors import ChannelResult, compare
-from pneucli.compare.error_limit import TAIL
-from pneucli.compare.expected_error import MOTION_CHANNELS, ExpectedError, expected_errors
+from pneucli.compare.expected_error import MOTION_CHANNELS, TAIL, ExpectedError, expected_errors
 from pneucli.compare.goodness_of_fit import GoodnessOfFit, is_judged, parameter_error_squares
 from pneucli.messages.compare import BAD_ERROR_RATIO
 from pneucli.simulate.experiment import Experiment

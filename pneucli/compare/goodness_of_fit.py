@@ -14,9 +14,14 @@ from typing import NamedTuple
 import numpy as np
 
 from pneucli.compare.channel_errors import ChannelResult, overall_error
-from pneucli.compare.error_limit import TAIL, ErrorDistribution, combined_distribution
 from pneucli.compare.excused_segments import Excused
-from pneucli.compare.expected_error import MOTION_CHANNELS, ExpectedError
+from pneucli.compare.expected_error import (
+    MOTION_CHANNELS,
+    TAIL,
+    ErrorDistribution,
+    ExpectedError,
+    combined_distribution,
+)
 from pneucli.messages.compare import BAD_ERROR_RATIO, GOOD_ERROR_RATIO, GOOD_TEST_ERROR_RATIO
 from pneucli.simulate.experiment import Experiment
 from pneucli.simulate.model import Model

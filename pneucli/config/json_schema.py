@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import json
 import tomllib
 from collections.abc import Iterable
 from typing import Any
 
 from pneucli.config.key_reference import CLOSED_LOOP, MODELS, MONTE_CARLO, OPEN_LOOP, Key, all_keys
 from pneucli.config.pipeline_tables import PipelineConfig
+from pneucli.physics.effects import catalogue_with_sides
 
 SCHEMA_FILE = "pipeline.schema.json"
 DIRECTIVE = f"#:schema ./{SCHEMA_FILE}"  # on the first line of a TOML file, as Taplo and its editors read it
@@ -53,3 +55,8 @@ def _choices(key: Key) -> dict[str, Any]:
 def parse_toml_value(text: str) -> Any:
     """Return the value that a piece of TOML stands for."""
     return tomllib.loads(f"value = {text}")["value"]
+
+
+def schema_text() -> str:
+    """Return the schema as JSON."""
+    return json.dumps(json_schema(catalogue_with_sides()), indent=1, ensure_ascii=False) + "\n"

@@ -17,12 +17,12 @@ from jinja2 import Environment, PackageLoader, StrictUndefined
 from markupsafe import Markup
 
 from pneucli.config import FleetConfig
-from pneucli.fleet.trends import Trend
+from pneucli.fleet.dataset import Trend
 from pneucli.io.artifacts import atomic_path
 from pneucli.messages.fleet import repeatability_sentence
 from pneucli.pipeline.checks import CheckResult, evaluate
-from pneucli.report.junit import to_junit
 from pneucli.report.report_data import Check
+from pneucli.report.summaries import to_junit
 
 _ASSETS = files("pneucli.fleet") / "assets"
 MAX_TREND_BYTES = 2_000_000  # of the trends: those of the first rigs of the list, as far as they fit

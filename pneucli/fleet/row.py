@@ -14,15 +14,15 @@ import tomlkit
 
 from pneucli.changes.repeatability import RepeatDifferences, VariancePrior
 from pneucli.errors import InputError
-from pneucli.fleet.results import (
+from pneucli.fleet.row_files import (
     failure_result,
+    raw_file_names,
     read_result,
     result_from_diagnosis,
     result_header,
     row_folder,
     write_result,
 )
-from pneucli.fleet.row_pipelines import raw_file_names
 from pneucli.fleet.table import FleetRow
 from pneucli.io import remote_files
 from pneucli.io.artifacts import sha256_of
@@ -32,9 +32,9 @@ from pneucli.pipeline.manifest import MANIFEST_FILE as MANIFEST
 from pneucli.pipeline.manifest import digest, program_digest, program_versions
 from pneucli.pipeline.runner import Pipeline, open_pipeline
 from pneucli.stages import changes, diagnose, ingest
+from pneucli.stages.changes import REFERENCE_FILE
 from pneucli.stages.model_file import MODEL_FILE
 from pneucli.stages.pipeline_file import load_pipeline_file
-from pneucli.stages.tables.baseline import REFERENCE_FILE
 
 PIPELINE, REFERENCE, REPORT = "pipeline.toml", "reference", "report.html"
 PRELOADED_STAGES = (ingest, diagnose)  # imported with this module, so that forked workers have them

@@ -21,17 +21,22 @@ from pneucli.document import read_toml
 from pneucli.errors import InputError
 from pneucli.executors import Engine, Outcome, engine_from, run_jobs
 from pneucli.fleet import row as fleet_row
-from pneucli.fleet.dataset import COLUMNS, PART_FILE, TRENDS, write_datasets, write_trends
-from pneucli.fleet.results import failure_result, read_results, write_result
+from pneucli.fleet.dataset import COLUMNS, PART_FILE, TRENDS, Trend, parameter_trends, write_datasets, write_trends
 from pneucli.fleet.row import Job, ProgramMismatchError
-from pneucli.fleet.row_pipelines import raw_file_names, require_columns, row_pipeline
+from pneucli.fleet.row_files import (
+    failure_result,
+    raw_file_names,
+    read_results,
+    require_columns,
+    row_pipeline,
+    write_result,
+)
 from pneucli.fleet.table import FleetRow, read_rows
-from pneucli.fleet.trends import Trend, parameter_trends
 from pneucli.io.artifacts import Provenance, sha256_of
 from pneucli.io.remote_files import is_remote
 from pneucli.io.result_store import mirror_folder, store_at
 from pneucli.messages.fleet import progress_text
-from pneucli.pipeline import lock
+from pneucli.pipeline import folders
 from pneucli.pipeline.context import NO_PROGRESS, Progress
 from pneucli.pipeline.manifest import program_versions
 from pneucli.quantities import Z95
@@ -111,7 +116,7 @@ def run(
 
     """
     fleet = Fleet(config, out)
-    with lock.folder_lock(Path(out), notify) if fleet.store.folder is not None else nullcontext():
+    with folders.folder_lock(Path(out), notify) if fleet.store.folder is not None else nullcontext():
         begun = time.monotonic()
         if fleet.queue_pending():
             with engine_from(executor, program_versions, preload=fleet_row.__name__) as engine:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from typing import Any
 
-from pneucli.messages import controller_logs, labelled, table
+from pneucli.messages import labelled, table
 from pneucli.messages.formatting import (
     format_noise_ratio,
     format_number,
@@ -17,6 +17,16 @@ from pneucli.messages.formatting import (
 )
 from pneucli.quantities import SIGNALS
 
+FIGURES = (
+    ("steady_um", "error at rest", "m", 1e-6),
+    ("cycle_um", "moves at rest", "m", 1e-6),
+    ("tracking_rms_um", "error on the way, rms", "m", 1e-6),
+    ("overshoot_um", "overshoot", "m", 1e-6),
+    ("settling_s", "settles in", "s", 1.0),
+    ("fast_v", "command above 50 Hz, rms", "V", 1.0),
+    ("load_estimate_n", "estimate of the load, mean", "N", 1.0),
+)
+COLUMN_TITLES = ("figure", "predicted", "measured")
 Row = Mapping[str, Any]
 # times the error of a correct model: a smaller excess is immaterial, however significant (measured on exams,
 # docs/method.md; held-out recordings have commands between the fitted ones); a larger one than the last counts in a
@@ -40,7 +50,7 @@ def lines(answer: Row, file: str, verbose: bool) -> Iterator[str]:
         yield from labelled("beyond", beyond)
     for i, event in enumerate(grouped_regions(answer)[: None if verbose else MAX_EVENTS]):
         yield from labelled("" if i else "where", describe_event(event))
-    for i, log in enumerate(controller_logs.lines(answer)):
+    for i, log in enumerate(controller_log_lines(answer)):
         yield from labelled("" if i else "loop", log)
     yield from labelled("do", f"pneucli {'diagnose' if lacks_something(answer) else 'run'} {file}")
     if verbose:
@@ -221,3 +231,24 @@ def _channels(channels: Iterable[Row]) -> Iterator[str]:
         for c in test_first(channels)
     ]
     return table(head, rows, texts=3)
+
+
+def figure_rows(log: Row) -> Iterator[tuple[str, str, str]]:
+    """Yield title, prediction and measurement of the figures that the log shows."""
+    for name, title, unit, scale in FIGURES:
+        predicted, measured = log["foretold"].get(name), log["measured"].get(name)
+        if predicted is not None or measured is not None:
+            yield title, _shown(predicted, unit, scale), _shown(measured, unit, scale)
+
+
+def _shown(value: float | None, unit: str, scale: float) -> str:
+    return "never" if value is None else format_quantity(scale * value, unit, 3)
+
+
+def controller_log_lines(answer: Row) -> Iterator[str]:
+    """Yield a sentence for each log."""
+    for log in answer.get("closed_loop", ()):
+        figures = "; ".join(
+            f"{title} {measured} ({predicted} predicted)" for title, predicted, measured in figure_rows(log)
+        )
+        yield f"{log['recording']}, {log['controller']}: {figures}"

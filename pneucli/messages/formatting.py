@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 import math
+import re
 import string
-from collections.abc import Mapping, Sequence
-from typing import TYPE_CHECKING, Any, TypeVar
+from collections.abc import Callable, Mapping, Sequence
+from typing import TYPE_CHECKING, Any, ClassVar, TypeVar
 
 from pneucli.quantities import ROTARY_UNITS, SIGNALS, axis_unit
 
@@ -13,7 +14,6 @@ if TYPE_CHECKING:  # numpy takes a tenth of a second to import, and here only ty
     from numpy.typing import NDArray
 
 T = TypeVar("T", float, "NDArray[Any]")
-
 _SHOWN = {
     "Pa": (1e-5, "bar"),
     "Pa/s": (1e-5, "bar/s"),
@@ -174,20 +174,42 @@ def format_plain(value: float | None, digits: int = 6) -> str:
     return format_number(value, digits, trimmed=True)
 
 
+def at_command(u: float | None) -> str:
+    """Return the command in a sentence."""
+    return "at the one opening" if u is None else f"at {format_plain(u)} V"
+
+
 class _Sentences(string.Formatter):
-    """Fills in numbers as :func:`format_plain` writes them, where the template asks for ``.3g``."""
+    """Fills in values as people read them, see :func:`fill_in`."""
 
     def format_field(self, value: Any, format_spec: str) -> str:
         if isinstance(value, float) and format_spec.endswith("g"):
             return format_plain(value, int(format_spec.strip(".g")))
+        if format_spec.endswith("#"):
+            return format_number(value, int(format_spec[:-1]))
+        if asked := re.fullmatch(r"(\d+) (.+)", format_spec):
+            return format_quantity(value, asked[2], int(asked[1]))
+        if format_spec in self.WORDED:
+            return self.WORDED[format_spec](value)
         return str(super().format_field(value, format_spec))
+
+    WORDED: ClassVar[Mapping[str, Callable[[Any], str]]] = {
+        "%": lambda share: format_percent(share or 0.0),
+        "noise": format_noise_ratio,
+        "command": at_command,
+    }
 
 
 def fill_in(template: str, **values: Any) -> str:
     """Return a sentence with its values.
 
+    A field says how: ``3 Pa`` with three digits in the display unit of Pa, ``3#`` a number with three digits, ``.3g``
+    without trailing zeros, ``%`` a share, ``noise`` an error over noise, ``command`` a command or the one opening.
+
     >>> fill_in("it errs by {ratio:.2g} times its {what}", ratio=171.3, what="noise")
     'it errs by 170 times its noise'
+    >>> fill_in("{u:command} {p:3 Pa}, {share:%}", u=2.0, p=1.2e5, share=0.05)
+    'at 2 V 1.20 bar, 5 %'
     """
     return _Sentences().format(template, **values)
 

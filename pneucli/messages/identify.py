@@ -8,7 +8,6 @@ from typing import Any
 from pneucli.messages import labelled, table, warnings
 from pneucli.messages.flow import flow_lines
 from pneucli.messages.formatting import (
-    fill_in,
     format_interval,
     format_noise_ratio,
     format_number,
@@ -17,40 +16,15 @@ from pneucli.messages.formatting import (
     join_names,
     unit_symbol,
 )
-from pneucli.messages.uncertainty import uncertainty_lines
 
+INTERVAL_MEANING = (
+    "Intervals are the value ± the expanded uncertainty (k = 2, GUM) of all sources of the budget; where the thermal "
+    "state of the gas is open, they hold for every state between no heat and the most that the wall can give or take."
+)
+CONDUCTANCE = "sonic_conductance("
 ISO_COLUMNS = ("command", "C (ISO 6358)", "b", "m")
 FRICTION_COLUMNS = ("recording", "p1", "kinetic friction", "break-away")
 LITRES_PER_BAR = 1e8  # l/(s bar) in m^3/(s Pa)
-WARNINGS = {
-    "vessel-volume": "the recorded flow gives the vessel {value:.4g} cm^3 [{low:.4g}, {high:.4g}], the pipeline file "
-    "{stated:.4g} cm^3: check the volume, and the flow's unit and reference conditions",
-    "at-stated-bound": (
-        "{name} stands at its bound, which [model.parameters] may set: these recordings ask for more, or do not show it"
-    ),
-    "at-default-bound": (
-        "{name} stands at its bound: these recordings do not show it; leave it out, or record a motion that does"
-    ),
-    "prior-not-identified": "[model.parameters] {name} is not used: these recordings do not show it",
-    "prior-of-absent-effect": "[model.parameters] {name} is not used: the model has not that effect",
-    "valve-null-drifts": (
-        "valve-null-drifts: {low[0]} ({low[1]:.4g} to {low[2]:.4g} V) and {high[0]} ({high[1]:.4g} to {high[2]:.4g} V) "
-        "have no null command in common; the model has one, {null:.4g} V: split the recordings, or find out what moved "
-        "the spool"
-    ),
-    "scattered-position": (
-        "{name}: x scatters by {ratio:.2g} times the noise of its sensor, and is smoothed accordingly: record it with "
-        "more digits, on a finer scale or at a higher rate, or state its noise in [signals] x"
-    ),
-    "subsampled": "{used} of {samples} samples are fitted: evenly spaced segments of the longest recordings",
-    "no-measured-map": "no measured map of chamber {chamber}: {where}: {found}; the map is that of the model's valve",
-    "no-map": "no valve map: {where}: {found}",
-}
-
-
-def warning_text(code: str, **values: Any) -> str:
-    """Return a warning of ``identify`` by its code."""
-    return fill_in(WARNINGS[code], **values)
 
 
 def lines(answer: Mapping[str, Any], file: str, verbose: bool) -> Iterator[str]:
@@ -168,3 +142,35 @@ def leak_lines(leaks: Mapping[str, Any]) -> Iterator[str]:
             f"{one['name']} goes with the exponent {format_number(one['exponent'], 3)} ([rig] thermal): {isothermal} "
             f"if the gas keeps the wall's temperature, {adiabatic} if it takes none of its heat"
         )
+
+
+def largest_conductance(uncertainty: Mapping[str, Any]) -> tuple[str, Mapping[str, Any]] | None:
+    """Return name and budget of the largest C; None without one."""
+    named = [(name, one) for name, one in uncertainty.get("budgets", {}).items() if "sonic_conductance" in name]
+    return max(named, key=lambda item: item[1]["value"], default=None)
+
+
+def uncertainty_lines(uncertainty: Mapping[str, Any]) -> Iterator[str]:
+    """Yield how well the largest C is known, and from where its uncertainty comes."""
+    if (found := largest_conductance(uncertainty)) is None:
+        return
+    name, budget = found
+    at = f" at {name.partition('(')[2].rstrip(')')}" if "(" in name else ""
+    text = f"C{at} is known to ± {format_number(100.0 * budget['expanded'] / budget['value'], 2)} % (k = 2)"
+    certain = [one for one in budget["sources"] if not one["bound"]]
+    variance = sum(one["contribution"] ** 2 for one in certain)
+    if variance > 0.0:
+        main = max(certain, key=lambda one: one["contribution"])
+        share = format_percent(main["contribution"] ** 2 / variance)
+        text += f"; main source: {main['source']} (type {main['type']}, {share} of the variance)"
+    if (factors := thermal_factors(budget)) is not None:
+        least, largest = (format_number(factor, 3) for factor in factors)
+        text += f"; the heat of the wall may make it {least} to {largest} × as large"
+    if missing := budget["calibration_not_stated"]:
+        text += f"; no calibration is stated for {', '.join(missing)}"
+    yield text
+
+
+def thermal_factors(budget: Mapping[str, Any]) -> tuple[float, float] | None:
+    """Return the least and the largest factor on C for the heat of the wall; None where the model knows that heat."""
+    return next((tuple(one["factors"]) for one in budget["sources"] if one["factors"]), None)

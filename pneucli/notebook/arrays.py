@@ -17,8 +17,7 @@ import tomlkit
 
 from pneucli.errors import InputError
 from pneucli.messages.formatting import format_percent
-from pneucli.notebook.overview import as_html, as_text
-from pneucli.notebook.run import Run, open_run
+from pneucli.notebook.run import Run, as_html, as_text, open_run
 from pneucli.quantities import SIGNALS
 
 if TYPE_CHECKING:

@@ -2,19 +2,27 @@
 
 from __future__ import annotations
 
+import html
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from pneucli.errors import InputError
 from pneucli.imports import paused_collection
+from pneucli.messages.compare import evaluation_error
+from pneucli.messages.formatting import format_noise_ratio, join_names
 from pneucli.notebook.run_data import RunData
 from pneucli.pipeline.graph import STAGES
-from pneucli.pipeline.manifest import MANIFEST_FILE
+from pneucli.pipeline.manifest import MANIFEST_FILE, read_manifest
 from pneucli.pipeline.runner import Pipeline, open_pipeline
 
 if TYPE_CHECKING:
     from pneucli.notebook.plots import Plots
+
+
+Rows = Sequence[tuple[str, str]]
+MAX_NAMES = 6  # recordings in the overview
 
 
 def open_run(path: str | Path, out: str | Path | None = None, *, quiet: bool = False) -> Run:
@@ -48,7 +56,7 @@ def open_run(path: str | Path, out: str | Path | None = None, *, quiet: bool = F
 
 def open_pipeline_of(path: Path, out: Path | None = None) -> Pipeline:
     """Open a pipeline file; validate it only when it has changed (the units take half a second to import)."""
-    from pneucli.stages.workload import workload  # noqa: PLC0415 - a folder of artifacts needs none
+    from pneucli.pipeline.workload import workload  # noqa: PLC0415 - a folder of artifacts needs none
 
     def load(path: Path) -> Any:
         with paused_collection():
@@ -64,12 +72,10 @@ class Run(RunData):
     """Artifacts as DataFrames, answers as dictionaries, figures, and the identified model."""
 
     def __repr__(self) -> str:
-        from pneucli.notebook.overview import as_text, run_overview  # noqa: PLC0415 - the command line shows no run
 
         return as_text(f"Run {self.artifacts.name}", run_overview(self.artifacts))
 
     def _repr_html_(self) -> str:
-        from pneucli.notebook.overview import as_html, run_overview  # noqa: PLC0415 - the command line shows no run
 
         return as_html(f"Run {self.artifacts.name}", run_overview(self.artifacts))
 
@@ -79,3 +85,40 @@ class Run(RunData):
         from pneucli.notebook.plots import Plots  # noqa: PLC0415 - matplotlib takes a moment
 
         return Plots(self)
+
+
+def run_overview(artifacts: Path) -> list[tuple[str, str]]:
+    """Return label and text of each line: model, error, verdict, recordings, finished stages, folder."""
+    answers = _answers(artifacts)
+    rows = [("folder", str(artifacts))]
+    if "compare" in answers:
+        compared = answers["compare"]
+        use, error = evaluation_error(compared["error"])
+        rows.append(("model", " + ".join(["base", *compared["model"]["effects"]])))
+        rows.append(("error", f"{format_noise_ratio(error)} × noise on {use} recordings"))
+    if "diagnose" in answers:
+        rows.append(("verdict", answers["diagnose"].get("sentence", answers["diagnose"]["verdict"])))
+    if "ingest" in answers:
+        names = [one["name"] for one in answers["ingest"]["recordings"]]
+        more = f" and {len(names) - MAX_NAMES} more" if len(names) > MAX_NAMES else ""
+        rows.append(("recordings", f"{len(names)}: {', '.join(names[:MAX_NAMES])}{more}"))
+    rows.append(("stages", join_names(list(answers)) or "none has run"))
+    return rows
+
+
+def _answers(artifacts: Path) -> dict[str, dict[str, Any]]:
+    manifests = {name: read_manifest(artifacts / name) for name in STAGES}
+    return {name: dict(one.answer) for name, one in manifests.items() if one is not None and one.answer is not None}
+
+
+def as_text(title: str, rows: Rows) -> str:
+    """Return an overview as text."""
+    width = max(len(label) for label, _ in rows)
+    return "\n".join([title, *(f"  {label:<{width}}  {text}" for label, text in rows)])
+
+
+def as_html(title: str, rows: Rows) -> str:
+    """Return an overview as a table of HTML; names are escaped."""
+    cell = '<td style="text-align:left">{}</td>'
+    lines = (f"<tr>{cell.format(html.escape(a))}{cell.format(html.escape(b))}</tr>" for a, b in rows)
+    return f"<strong>{html.escape(title)}</strong><table>{''.join(lines)}</table>"

@@ -17,7 +17,7 @@ from pneucli.document import read_toml
 from pneucli.errors import InputError, printable
 from pneucli.imports import load_on_use, paused_collection
 from pneucli.messages.progress import starting
-from pneucli.pipeline import folders, lock, speeds
+from pneucli.pipeline import folders, workload
 from pneucli.pipeline import manifest as staleness
 from pneucli.pipeline.context import NO_PROGRESS, Answer, Context, NotApplicable, Progress, Workload
 from pneucli.pipeline.graph import STAGES, Stage, parents_of, upstream
@@ -150,7 +150,7 @@ class Pipeline:
     ) -> dict[str, Done]:
         config = self.validate()
         folders.require_own_files(self.artifacts, upstream(targets, self.stages))
-        with lock.folder_lock(self.artifacts, notify):
+        with folders.folder_lock(self.artifacts, notify):
             self.require_own_folder()
             if config is not None:
                 self._remember_valid()
@@ -233,7 +233,7 @@ class Pipeline:
                 self.prepare()
                 manifest = _run(self.stages[name], context, manifest)
                 if work is not None and manifest.skipped is None:
-                    speeds.remember(name, self.path, work.units, manifest.seconds)
+                    workload.remember(name, self.path, work.units, manifest.seconds)
             manifest.write(out)
         return Done(manifest, verdict.reasons)
 
@@ -242,7 +242,7 @@ class Pipeline:
     ) -> Workload | None:
         """Say what the stage will do and about how long; return what it has before it."""
         work = self.workload(name, context, verdict.inputs.files)
-        seconds = None if work is None else speeds.estimate(name, self.path, work.units)
+        seconds = None if work is None else workload.estimate(name, self.path, work.units)
         reasons = [reason.replace(staleness.NEVER_RUN, "first time") for reason in verdict.reasons]
         notify(starting(name, reasons, None if work is None else work.text, seconds))
         context.progress.begin(name, seconds)

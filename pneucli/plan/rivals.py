@@ -1,12 +1,38 @@
-"""The hypotheses that a diagnosis leaves open: an effect that is likely, doubtful, or not told from a named one."""
+"""The hypotheses that a diagnosis leaves open, and the manoeuvre in which two fitted models differ most.
+
+References:
+    Hunter, W. G. and Reiner, A. M., Technometrics 7 (1965) 307.
+
+"""
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
+
+from pneucli.plan.bench import Bench, recorded_benches
+from pneucli.plan.limits import Limits, limits_of, violations
+from pneucli.plan.manoeuvre import Manoeuvre
+from pneucli.plan.manoeuvres import candidate_manoeuvres
+from pneucli.plan.simulation import simulate_manoeuvre
+from pneucli.simulate.experiment import Experiment
+from pneucli.simulate.model import Model
+
+MIN_SEPARATION = 3.0  # times the noise
+COMPARED = ("x", "v", "a", "p1", "p2", "force", "temperature", "flow")  # readings that may differ
+
+
+@dataclass(frozen=True)
+class Discrimination:
+    """The separation of two models in a manoeuvre: the rms of their difference in the channel with the largest one."""
+
+    manoeuvre: Manoeuvre
+    channel: str
+    times_noise: float
+
 
 MAX_RIVALS = 8  # beside the best model
 DECIDED_PROBABILITY = 0.97  # a named effect that is more probable is no longer in question
@@ -97,3 +123,36 @@ def refused_effects(candidates: Sequence[Mapping[str, Any]]) -> list[tuple[float
 
 def _odds_of_equivalent(mine: float | None, its: float | None) -> float:
     return 1.0 if not mine or not its else float(np.clip(its / mine, MIN_PRIOR_ODDS, 1.0 / MIN_PRIOR_ODDS))
+
+
+def most_discriminating_manoeuvre(one: Model, other: Model, experiments: Sequence[Experiment]) -> Discrimination | None:
+    """Return the manoeuvre that separates two fitted models most.
+
+    The models are not fitted again, because both were fitted to all recordings.
+
+    Args:
+        one: The first model.
+        other: The second model.
+        experiments: The recordings, whose benches carry the manoeuvre out.
+
+    Returns:
+        The manoeuvre; None where no difference exceeds MIN_SEPARATION within the limits of the rig.
+    """
+    benches = recorded_benches(experiments)
+    limits = limits_of(one.rig, benches)
+    found = (d for bench in benches for d in _separations(one, other, bench, limits))
+    best = max(found, key=lambda d: d.times_noise, default=None)
+    return best if best is not None and best.times_noise > MIN_SEPARATION else None
+
+
+def _separations(one: Model, other: Model, bench: Bench, limits: Limits) -> Iterator[Discrimination]:
+    channels = [c for c in COMPARED if c in bench.noise and bench.noise[c].rms > 0.0]
+    for manoeuvre in candidate_manoeuvres(bench, limits):
+        first, second = (simulate_manoeuvre(manoeuvre, model) for model in (one, other))
+        if violations(first, limits, one.rig) or violations(second, limits, one.rig):
+            continue
+        for channel in channels:
+            difference = first.readings[channel] - second.readings[channel]
+            times_noise = float(np.sqrt(np.mean(difference**2))) / bench.noise[channel].rms
+            if np.isfinite(times_noise):
+                yield Discrimination(manoeuvre, channel, times_noise)

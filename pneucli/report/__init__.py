@@ -2,11 +2,10 @@
 
 from __future__ import annotations
 
-from pneucli.report.junit import to_junit
-from pneucli.report.markdown_summary import to_markdown
 from pneucli.report.page import build_sections, thesis_page, to_html
+from pneucli.report.page_elements import section_tables
 from pneucli.report.report_data import Check, EarlierAnswer, ReportData, Table
-from pneucli.report.section_tables import section_tables
+from pneucli.report.summaries import to_junit, to_markdown
 
 __all__ = [
     "Check",

@@ -8,9 +8,9 @@ from dataclasses import dataclass
 from itertools import pairwise
 from typing import Any
 
-from pneucli.messages import compare, diagnose, history, law_comparison, run, simulate
+from pneucli.messages import compare, design, diagnose, history, run, simulate
 from pneucli.messages.formatting import format_noise_ratio, format_number, format_parameters, format_percent, join_names
-from pneucli.messages.plausibility import implausibility_sentences
+from pneucli.messages.ingest import implausibility_sentences
 from pneucli.messages.verdict import selected_step
 from pneucli.report.report_data import ReportData
 from pneucli.report.worst_recording import find_worst_recording, worst_recording_figure
@@ -159,7 +159,7 @@ def _controller(material: ReportData) -> Tile | None:
     failed = simulate.failed_scenarios(answer)
     large, _, tolerance = rest.partition(" (")
     text = f"Simulated, {join_names([tolerance.rstrip(')'), *others])}." if tolerance else "Simulated."
-    if comparison := law_comparison.comparison_sentence(material.answer("design")):
+    if comparison := design.comparison_sentence(material.answer("design")):
         text += f" {comparison}"
     if failed:
         text += f" Fails: {join_names(failed)}."

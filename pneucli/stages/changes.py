@@ -2,15 +2,18 @@
 
 from __future__ import annotations
 
+import json
+import os
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from pneucli.changes.attribution import Change, Changes, attribute_changes
-from pneucli.changes.baseline import Baseline, align, fit_baseline
+from pneucli.changes.baseline import Baseline, Coordinate, TypicalEffect, align, fit_baseline
 from pneucli.changes.comparison import ALARM_RATE
 from pneucli.changes.repeatability import (
     NO_DRIFT,
@@ -21,17 +24,26 @@ from pneucli.changes.repeatability import (
     quantity_names,
     repeat_differences,
 )
+from pneucli.config import load
 from pneucli.diagnose.data import DiagnosisData
+from pneucli.diagnose.subsample import MAX_SAMPLES
 from pneucli.errors import InputError
+from pneucli.identify.estimation.fit import Fit, StoppingRule, fit
+from pneucli.identify.estimation.model_fit import free_parameters
 from pneucli.identify.residuals import ResidualModel
-from pneucli.io.artifacts import sha256_of
+from pneucli.io.artifacts import read_table, sha256_of, write_table
 from pneucli.physics.effects import select_effects
 from pneucli.pipeline import manifest as staleness
+from pneucli.pipeline.context import Context
+from pneucli.pipeline.graph import STAGES
 from pneucli.simulate.model import Model
-from pneucli.stages.baseline import write_missing_baseline
-from pneucli.stages.model_file import load_model
+from pneucli.stages.model_file import load_model, save_model
 from pneucli.stages.pipeline_data import PipelineData
-from pneucli.stages.tables.baseline import REFERENCE_FILE, read_baseline
+
+SOURCE_FILE = "source.json"  # the pipeline file's path from the folder of artifacts
+NO_ITERATION = StoppingRule(0, 0.0)
+REFERENCE_FILE = "reference.parquet"
+SCHEMA = "pneucli/diagnose/reference/1"
 
 
 def baseline_options(
@@ -147,3 +159,158 @@ def _change_answer(one: Change) -> dict[str, Any]:
 
 def _number(value: float | None) -> float | None:
     return None if value is None or not np.isfinite(value) else float(value)
+
+
+def fit_all_recordings(pipeline: PipelineData, data: DiagnosisData, model: Model) -> Fit:
+    """Fit the model to all recordings, save it, and return the fit."""
+    out, artifacts = pipeline.context.out, pipeline.context.artifacts
+    residual_models = [*data.train, *data.held_out]
+    fitted = fit(model, residual_models, free_parameters(model, residual_models))
+    save_model(fitted.model, out, pipeline.provenance("ingest/signals.parquet"))
+    source = {"pipeline": os.path.relpath(pipeline.context.path, artifacts)}
+    (out / SOURCE_FILE).write_text(json.dumps(source), encoding="utf-8")
+    return fitted
+
+
+def write_baseline(pipeline: PipelineData, data: DiagnosisData, fitted: Fit) -> None:
+    """Write the baseline of a model that is fitted to all recordings."""
+    from pneucli.changes.baseline import baseline_at_fit  # noqa: PLC0415 - few diagnoses write one
+
+    residual_models = [*data.train, *data.held_out]
+    baseline = baseline_at_fit(fitted, residual_models, data.absent_effects(fitted.model))
+    write_baseline_table(pipeline, baseline)
+
+
+def write_missing_baseline(folder: Path) -> None:
+    """Write the baseline of an earlier diagnosis into its folder, where it has none, from the model in it.
+
+    Raises:
+        InputError: The pipeline file of the diagnosis has changed since then, or is not there any more.
+
+    """
+    manifest = staleness.read_manifest(folder)
+    if (folder / REFERENCE_FILE).is_file() or not (folder / SOURCE_FILE).is_file() or manifest is None:
+        return
+    source = json.loads((folder / SOURCE_FILE).read_text(encoding="utf-8"))
+    path = Path(os.path.normpath(folder.parent.absolute() / source["pipeline"]))
+    if not path.is_file():
+        wanted = "the pipeline file that was diagnosed"
+        raise InputError(
+            f"--since {folder.parent}", f"no {path}", wanted, "give OLD as a pipeline file instead", code="E007"
+        )
+    config = load(path)
+    if _has_changed(config.document, folder.parent):
+        found, mend = f"{path} has changed since that diagnosis", f"run pneucli diagnose {path} first"
+        raise InputError(f"--since {folder.parent}", found, "", mend, code="E007")
+    context = Context(
+        path, config, folder, folder.parent, answers=_answers(folder.parent), options=manifest.inputs.options
+    )
+    pipeline = PipelineData(context, max_samples=MAX_SAMPLES)
+    model = load_model(folder, pipeline.rig, pipeline.effects)
+    effects = {n: e for n, e in pipeline.available_effects.items() if n not in pipeline.excluded_effects}
+    train, held_out = (pipeline.residual_models(use) for use in ("train", "test"))
+    data = DiagnosisData(train, held_out, effects, modelled_parts=model.valve.covers)
+    residual_models = [*train, *held_out]
+    free = free_parameters(model, residual_models)
+    write_baseline(pipeline, data, fit(model, residual_models, free, stopping=NO_ITERATION))
+    replace(manifest, outputs=staleness.stamp_files(folder, manifest.outputs)).write(folder)
+
+
+def _has_changed(document: Mapping[str, Any], artifacts: Path) -> bool:
+    """Return whether a pipeline file has other tables than those of which these are the artifacts."""
+    for stage in ("ingest", "diagnose"):
+        manifest = staleness.read_manifest(artifacts / stage)
+        former = {} if manifest is None else manifest.inputs.tables
+        now = {name: staleness.digest(document[name]) for name in STAGES[stage].tables if name in document}
+        if now != former:
+            return True
+    return False
+
+
+def _answers(artifacts: Path) -> dict[str, dict[str, Any]]:
+    """Return the answer of ``ingest``, on which the recordings depend."""
+    manifest = staleness.read_manifest(artifacts / "ingest")
+    return {} if manifest is None or manifest.answer is None else {"ingest": manifest.answer}
+
+
+def write_baseline_table(pipeline: PipelineData, baseline: Baseline) -> None:
+    """Write a baseline: a row for each parameter and each typical effect, and one for the residual levels."""
+    k, m = len(baseline.coordinates), len(baseline.typical_effects)
+    no_values = np.full(m, np.nan)
+    vectors = [*baseline.white_noise_covariance, *baseline.bias.T]
+    blocks = [*baseline.influence.T, *baseline.step_influence.T, baseline.levels]
+    write_table(
+        pipeline.context.out / REFERENCE_FILE,
+        {
+            "kind": ["parameter"] * k + ["effect"] * m + ["levels"],
+            "name": [*(c.name for c in baseline.coordinates), *(s.effect for s in baseline.typical_effects), ""],
+            "unit": [*(c.unit for c in baseline.coordinates), *[""] * (m + 1)],
+            "value": np.array([*(c.value for c in baseline.coordinates), *no_values, np.nan], dtype=np.float64),
+            "logarithmic": np.array([*(c.logarithmic for c in baseline.coordinates), *[False] * (m + 1)]),
+            "at_bound": np.array([*(c.at_bound for c in baseline.coordinates), *[False] * (m + 1)]),
+            "one_sided": np.array([*[False] * k, *(s.one_sided for s in baseline.typical_effects), False]),
+            "values": [*["{}"] * k, *(json.dumps(dict(s.values)) for s in baseline.typical_effects), "{}"],
+            "step": np.array([*[np.nan] * k, *baseline.steps, np.nan], dtype=np.float64),
+            "power": np.array([*[np.nan] * k, *baseline.power, np.nan], dtype=np.float64),
+            "vector": [*(list(map(float, v)) for v in vectors), []],
+            "blocks": [list(map(float, b)) for b in blocks],
+            "gram": [*[[]] * k, *(list(map(float, row[: i + 1])) for i, row in enumerate(_gram(baseline))), []],
+        },
+        units={"value": "see column unit", "step": "1", "power": "1"},
+        schema=SCHEMA,
+        provenance=pipeline.provenance("ingest/signals.parquet"),
+    )
+
+
+def read_baseline(path: Path) -> Baseline:
+    """Return the baseline that :func:`write_baseline_table` wrote."""
+    table = read_table(path)
+    kind = np.array(table["kind"])
+    parameter_rows, effect_rows = np.flatnonzero(kind == "parameter"), np.flatnonzero(kind == "effect")
+    (level_rows,) = np.flatnonzero(kind == "levels")
+
+    def stacked(column: str, rows: NDArray[np.int64], width: int) -> NDArray[np.float64]:
+        return np.array([np.asarray(table[column][i], dtype=np.float64) for i in rows]).reshape(len(rows), width)
+
+    levels = np.asarray(table["blocks"][level_rows], dtype=np.float64)
+    k = parameter_rows.size
+    return Baseline(
+        coordinates=tuple(_coordinate(table, int(i)) for i in parameter_rows),
+        typical_effects=tuple(_typical_effect(table, int(i)) for i in effect_rows),
+        influence=stacked("blocks", parameter_rows, levels.size).T,
+        white_noise_covariance=stacked("vector", parameter_rows, k),
+        steps=np.asarray(table["step"], dtype=np.float64)[effect_rows],
+        step_influence=stacked("blocks", effect_rows, levels.size).T,
+        power=np.asarray(table["power"], dtype=np.float64)[effect_rows],
+        bias=stacked("vector", effect_rows, k).T,
+        levels=levels,
+        gram=_symmetric_matrix([np.asarray(table["gram"][i], dtype=np.float64) for i in effect_rows])
+        if "gram" in table
+        else None,
+    )
+
+
+def _gram(baseline: Baseline) -> NDArray[np.float64]:
+    return np.zeros((0, 0)) if baseline.gram is None else baseline.gram
+
+
+def _symmetric_matrix(rows: Sequence[NDArray[np.float64]]) -> NDArray[np.float64]:
+    """Return a symmetric matrix from its lower triangle."""
+    lower = np.zeros((len(rows), len(rows)))
+    for i, row in enumerate(rows):
+        lower[i, : i + 1] = row
+    return lower + np.tril(lower, -1).T
+
+
+def _typical_effect(table: Mapping[str, Any], i: int) -> TypicalEffect:
+    return TypicalEffect(str(table["name"][i]), json.loads(str(table["values"][i])), bool(table["one_sided"][i]))
+
+
+def _coordinate(table: Mapping[str, Any], i: int) -> Coordinate:
+    return Coordinate(
+        str(table["name"][i]),
+        str(table["unit"][i]),
+        float(table["value"][i]),
+        bool(table["logarithmic"][i]),
+        bool(table["at_bound"][i]),
+    )

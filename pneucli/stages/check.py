@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
-from dataclasses import asdict
+from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import dataclass
 from functools import partial
-from pathlib import Path
+from pathlib import Path, PurePath
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -15,20 +15,87 @@ from pneucli.document import read_toml
 from pneucli.errors import InputError
 from pneucli.io.multi_file import MultiFileRecording
 from pneucli.io.signal_reader import SignalReader
+from pneucli.messages import labelled, table
 from pneucli.physics.effects import all_effects, select_effects
-from pneucli.plausibility.required_inputs import assumptions, required_inputs
+from pneucli.plausibility.required_inputs import Assumption, RequiredInput, assumptions, required_inputs
 from pneucli.recording import Recording
 from pneucli.stages.absent_columns import Opened, absence_notes, absent_column_faults
-from pneucli.stages.flow_units import flow_unit_assumptions
+from pneucli.stages.answer_parts import flow_unit_assumptions
 from pneucli.stages.ingest import open_recording, recorded_signals
-from pneucli.stages.parameter_priors import parameter_priors, with_started_supply
+from pneucli.stages.pipeline_file import parameter_priors, with_started_supply
 
-Answer = dict[str, Any]
 TO_FILL_IN = "is to be filled in"  # ends what is said of a value with a "?"
 NAMES = ("file", "test", "column", "expression")  # in which a "?" stands for a letter, or is one
 
 
-def check_pipeline(path: Path) -> Answer:
+@dataclass(frozen=True)
+class CheckedSignal:
+    """How a signal is read: from which column, in which unit, and what of it was repaired."""
+
+    signal: str
+    column: str
+    unit: str
+    told: str
+
+
+@dataclass(frozen=True)
+class CheckedRecording:
+    """A recording and its signals."""
+
+    name: str
+    file: str
+    experiment: str
+    use: str
+    signals: Sequence[CheckedSignal]
+
+
+@dataclass(frozen=True)
+class Fault:
+    """What is at fault, as an InputError has it."""
+
+    where: str
+    found: str
+    wanted: str
+    mend: str
+
+
+@dataclass(frozen=True)
+class Checked:
+    """The answer of ``check``."""
+
+    schema: str
+    pipeline: str
+    recordings: Sequence[CheckedRecording]
+    missing: Sequence[RequiredInput]
+    assumed: Sequence[Assumption]
+    left_out: Sequence[str]
+    faults: Sequence[Fault]
+
+    def lines(self, file: str, verbose: bool) -> Iterator[str]:
+        """Yield each recording with its signals, then what is missing, assumed and at fault."""
+        for one in self.recordings:
+            yield from labelled("reads", f"{one.name}: {PurePath(one.file).name}, {one.experiment}, {one.use}")
+            rows = [(row.signal, row.column, row.unit or "as the file says, else SI") for row in one.signals]
+            yield from table(("signal", "column", "unit"), rows, texts=3)
+            for row in one.signals:
+                if row.told:
+                    yield from labelled("", f"{row.signal}: {row.told}")
+            yield ""
+        for need in self.missing:
+            yield from labelled("missing", f"[{need.table}] {need.key} = {need.example}: {need.wanted}")
+        for guess in self.assumed:
+            yield from labelled("assumed", f"{guess.what}; {guess.instead} would say it")
+        for text in self.left_out:
+            yield from labelled("left out", text)
+        for fault in self.faults:
+            more = {"wanted": fault.wanted, "mend": fault.mend}
+            parts = [fault.found, *(f"{key}: {text}" for key, text in more.items() if text)]
+            yield from labelled("fault", f"{fault.where}: {'; '.join(parts)}")
+        if not self.missing and not self.faults:
+            yield from labelled("do", f"pneucli run {file}")
+
+
+def check_pipeline(path: Path) -> Checked:
     """Return what is recorded, what is missing, what is assumed, and every fault that is found without running.
 
     The beginning of each raw file is read. Raises InputError where the pipeline file itself is at fault.
@@ -48,19 +115,15 @@ def check_pipeline(path: Path) -> Answer:
     recordings = [one.recording for one in begun]
     rig = _attempt(lambda: with_started_supply(config.to_rig(), config), faults) or config.to_rig()
     needs = required_inputs(recordings, rig) if recordings else []
-    missing = [asdict(need) for need in needs if f"{need.table}.{need.key}" not in waiting]
-    return {
-        "schema": "pneucli/check/1",
-        "pipeline": config.name,
-        "recordings": [_row(one.source, one.signals) for one in begun],
-        "missing": missing,
-        "assumed": [
-            asdict(one)
-            for one in (*flow_unit_assumptions(config), *(assumptions(recordings, rig) if recordings else []))
-        ],
-        "left_out": absence_notes(config, opened) if complete else [],
-        "faults": [{key: getattr(one, key) for key in ("where", "found", "wanted", "mend")} for one in _each(faults)],
-    }
+    return Checked(
+        schema="pneucli/check/1",
+        pipeline=config.name,
+        recordings=[_row(one.source, one.signals) for one in begun],
+        missing=[need for need in needs if f"{need.table}.{need.key}" not in waiting],
+        assumed=[*flow_unit_assumptions(config), *(assumptions(recordings, rig) if recordings else [])],
+        left_out=absence_notes(config, opened) if complete else [],
+        faults=[Fault(one.where, one.found, one.wanted, one.mend) for one in _each(faults)],
+    )
 
 
 def _loaded(path: Path) -> tuple[PipelineConfig, list[InputError]]:
@@ -121,7 +184,7 @@ class Beginning(NamedTuple):
 
     source: RecordingSource
     recording: Recording
-    signals: list[dict[str, str]]
+    signals: list[CheckedSignal]
 
 
 def _beginning(opened: Opened) -> Beginning:
@@ -151,16 +214,13 @@ def _beginning(opened: Opened) -> Beginning:
     return Beginning(source, recording, [_signal(name, source, file) for name in names])
 
 
-def _signal(name: str, source: RecordingSource, file: SignalReader | MultiFileRecording) -> dict[str, str]:
-    """Return how a signal is read: from which column, in which unit, and what of it was repaired."""
+def _signal(name: str, source: RecordingSource, file: SignalReader | MultiFileRecording) -> CheckedSignal:
     asked = source.signals.get(name)
     column = "" if asked is None else str(asked.column or asked.expression)
     notes = "; ".join(one.message for one in file.repairs if one.signal == name)
     held = "held" if name in source.table.held_constant else column
-    return {"signal": name, "column": held, "unit": (asked.unit or "") if asked is not None else "", "told": notes}
+    return CheckedSignal(name, held, (asked.unit or "") if asked is not None else "", notes)
 
 
-def _row(source: RecordingSource, signals: list[dict[str, str]]) -> dict[str, Any]:
-    table = source.table
-    about = {"name": source.name, "file": str(source.path), "experiment": table.experiment, "use": table.use}
-    return {**about, "signals": signals}
+def _row(source: RecordingSource, signals: list[CheckedSignal]) -> CheckedRecording:
+    return CheckedRecording(source.name, str(source.path), source.table.experiment, source.table.use, signals)

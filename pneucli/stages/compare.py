@@ -3,32 +3,75 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
-from dataclasses import asdict, replace
+from collections.abc import Mapping, Sequence
+from dataclasses import asdict, dataclass, replace
+from functools import partial
 from typing import Any
 
 import numpy as np
 import pyarrow as pa
 
+from pneucli import paths
+from pneucli.closed_loop.log_replay import (
+    ControllerLog,
+    Engine,
+    Replay,
+    find_replay,
+    log_on_grid,
+    log_resolution,
+    logged_loop,
+    predict_loop,
+    replay_rounding_error,
+    setup_from_recording,
+)
+from pneucli.closed_loop.metrics import evaluate_run
+from pneucli.closed_loop.simulation import ClosedLoopSetup, Run, replay_log
 from pneucli.compare import ChannelResult, Comparison, Region, compare, find_error_regions, overall_error
 from pneucli.compare.beyond_fitted import excess_beyond_fitted
+from pneucli.compare.channel_errors import evaluate_channel
 from pneucli.compare.excused_segments import excused_error
 from pneucli.compare.expected_error import ExpectedError, expected_errors
 from pneucli.compare.free_run import free_runs, judge_with_free_runs
 from pneucli.compare.goodness_of_fit import is_judged, judge_fit, parameter_error_squares
 from pneucli.compare.residual_correlation import Correlation, residual_correlations
+from pneucli.config import recording_sources
+from pneucli.controller import layout
+from pneucli.export.controller_file import ExportedController, load_controller
+from pneucli.export.single_precision import replay_in_single_precision
 from pneucli.identify.valve.flow_bench import FlowComparison
 from pneucli.io.artifacts import TableWriter, schema_of, write_table
 from pneucli.messages.progress import counted
 from pneucli.pipeline.context import Context
 from pneucli.quantities import SIGNALS
+from pneucli.recording import Recording
 from pneucli.simulate.model import Model
-from pneucli.stages import controller_logs, history
-from pneucli.stages.fit_answer import beyond_fitted_answer, diverging_answer, free_run_answer, lack_of_fit_answer
+from pneucli.stages import history
+from pneucli.stages.answer_parts import (
+    beyond_fitted_answer,
+    diverging_answer,
+    free_run_answer,
+    lack_of_fit_answer,
+    purpose_answer,
+)
+from pneucli.stages.control_laws import metrics_answer
 from pneucli.stages.flow_bench import compare_flow_recordings, flow_results, write_flow_residuals
 from pneucli.stages.model_file import load_drawn_models, load_model
 from pneucli.stages.pipeline_data import PipelineData
-from pneucli.stages.purpose_answer import purpose_answer
+
+UNKNOWN_CONTROLLER = "unknown"
+MIN_COMMAND_ERROR = 1e-9  # V, within which any two programs of one controller agree
+
+
+@dataclass(frozen=True)
+class ReplayedLog:
+    """A log, the controller that ran, and its replay."""
+
+    recording: Recording
+    exported: ExportedController
+    log: ControllerLog
+    engine: Engine
+    replay: Replay
+
 
 RESIDUALS_FILE = "residuals.parquet"
 
@@ -45,13 +88,13 @@ def run(context: Context) -> dict[str, Any]:
     answer |= beyond_fitted_answer(comparisons)
     if model is not None:
         answer |= _judgement(study, comparisons, expected, model, answer["channels"])
-    answer["closed_loop"] = [] if model is None else [controller_logs.log_answer(one, model) for one in looked.values()]
+    answer["closed_loop"] = [] if model is None else [log_answer(one, model) for one in looked.values()]
     return answer | history.record_model(context, answer, RESIDUALS_FILE)
 
 
 def _compare_over_time(
     study: PipelineData,
-) -> tuple[list[Comparison], list[ExpectedError], dict[str, controller_logs.ReplayedLog], Model]:
+) -> tuple[list[Comparison], list[ExpectedError], dict[str, ReplayedLog], Model]:
     """Compare the model with the recordings over time, and replay the controllers of those that state one."""
     context = study.context
     model = load_model(context.artifacts / "identify", study.rig, study.effects)
@@ -62,13 +105,11 @@ def _compare_over_time(
 
     expected = expected_errors(model, experiments, progress)
     comparisons = [_with_limits(compare(model, e, one.rms), one) for e, one in zip(experiments, expected, strict=True)]
-    controllers = controller_logs.controllers_by_recording(context)
+    controllers = controllers_by_recording(context)
     looked = {
-        r.name: controller_logs.replay_recording(model, r, controllers[r.name])
-        for r in study.recordings
-        if r.name in controllers
+        r.name: replay_recording(model, r, controllers[r.name]) for r in study.recordings if r.name in controllers
     }
-    return [controller_logs.with_commands(c, looked, model) for c in comparisons], expected, looked, model
+    return [with_commands(c, looked, model) for c in comparisons], expected, looked, model
 
 
 def _with_limits(found: Comparison, expected: ExpectedError) -> Comparison:
@@ -178,3 +219,88 @@ def _write_correlations(study: PipelineData, found: Sequence[Correlation]) -> No
         schema="pneucli/compare/correlation/1",
         provenance=study.provenance(*_model_inputs(study)),
     )
+
+
+def controllers_by_recording(context: Context) -> dict[str, ExportedController]:
+    """Return the controllers that ran, by recording; unnamed ones are left out. Raises InputError."""
+    found = {}
+    for source in recording_sources(context.config):
+        name = source.table.controller
+        if name is not None and name != UNKNOWN_CONTROLLER:
+            where = f"{source.where}.controller"
+            found[source.name] = load_controller(paths.expand_path(name, context.path.parent, where), where)
+    return found
+
+
+def replay_recording(model: Model, recording: Recording, exported: ExportedController) -> ReplayedLog:
+    """Replay one log; raises InputError where it was not logged at every sample."""
+    log, controller = log_on_grid(recording, exported.controller), exported.controller
+    engine: Engine = partial(replay_log, model, controller)
+    if exported.precision == "float32":
+        engine = partial(replay_in_single_precision, controller)
+    return ReplayedLog(recording, exported, log, engine, find_replay(engine, log))
+
+
+def with_commands(found: Comparison, replayed: Mapping[str, ReplayedLog], model: Model) -> Comparison:
+    """Return a comparison with the logged commands as further channels, held against those of the replay, if any."""
+    recording = found.experiment.recording
+    if recording.name not in replayed:
+        return found
+    looked = replayed[recording.name]
+    replay, places = looked.replay, looked.log.grid_indices
+    # a position that is counted is logged as it is
+    rounded = {n: log_resolution(recording[n]) for n in ("x", "x_ref", "p1", "p2", "p_supply") if n in recording}
+    steps = {n: step for n, step in rounded.items() if n == "x_ref" or _noise_rms(recording, n) > step > 0.0}
+    off = replay_rounding_error(looked.engine, looked.log, replay, steps) if steps else 0.0
+    names = ["u", *(["u2"] if "u2" in recording else [])]
+    read = {name: recording[name] for name in names}
+    commands = {name: replay.commands[places, i] for i, name in enumerate(names)}
+    results = tuple(
+        evaluate_channel(found.experiment, n, read[n], commands[n], _command_error_floor(recording, n, off))
+        for n in names
+    )
+    return replace(
+        found,
+        results=found.results + results,
+        measured={**found.measured, **read},
+        modelled={**found.modelled, **commands},
+    )
+
+
+def _noise_rms(recording: Recording, name: str) -> float:
+    return recording.noise[name].rms if name in recording.noise else 0.0
+
+
+def _command_error_floor(recording: Recording, name: str, off: float) -> float:
+    """Return what a right replay differs by in V: the rounding of readings, and that of the command."""
+    return max(float(np.hypot(off, log_resolution(recording[name]) / np.sqrt(12.0))), MIN_COMMAND_ERROR)
+
+
+def log_answer(looked: ReplayedLog, model: Model) -> dict[str, Any]:
+    """Return the predicted and the measured figures of a logged closed loop."""
+    controller = looked.exported.controller
+    expected = predict_loop(model, controller, looked.log, setup_from_recording(looked.recording, ClosedLoopSetup()))
+    came = logged_loop(model, controller, looked.log, looked.replay)
+    return {
+        "recording": looked.recording.name,
+        "use": looked.recording.use,
+        "controller": controller.law,
+        "hash": looked.exported.hash,
+        "precision": looked.exported.precision,
+        "began": looked.replay.start_mode,
+        "supply_told": "p_supply" in looked.replay.readings,
+        "foretold": _loop_answer(expected, model, looked),
+        "measured": _loop_answer(came, model, looked),
+    }
+
+
+def _loop_answer(run: Run, model: Model, looked: ReplayedLog) -> Mapping[str, Any]:
+    return metrics_answer(evaluate_run(run, model, looked.exported.controller)) | mean_estimates(run)
+
+
+def mean_estimates(run: Run) -> dict[str, float]:
+    """Return the means of the controller's estimates: of the load in N, and of the flow past the valve in Pa/s."""
+    return {
+        "load_estimate_n": float(np.mean(run.log[:, layout.L_LOAD])),
+        "flow_estimate_pa_s": float(np.mean(run.log[:, layout.L_FLOW1])),
+    }

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
@@ -22,24 +22,23 @@ from pneucli.design.requirements import Requirements, read_requirements
 from pneucli.design.sliding import axis_systems, unmatched_disturbances
 from pneucli.design.sliding_sector import SlidingSector, limit_slope, sector_from_vertices
 from pneucli.errors import InputError
-from pneucli.io.artifacts import atomic_path, read_table, write_table
+from pneucli.io.artifacts import Provenance, atomic_path, read_table, write_table
 from pneucli.pipeline.context import Context, NotApplicable
 from pneucli.recording import Recording
 from pneucli.simulate.model import Model
-from pneucli.stages.acceptance import acceptance_answer
-from pneucli.stages.designed_controller import CONTROLLERS_FOLDER, setup_from_requirements
-from pneucli.stages.law_comparison import (
+from pneucli.stages.acceptance import acceptance_answer, margins_answer
+from pneucli.stages.control_laws import (
+    CONTROLLERS_FOLDER,
     LawComparison,
     closed_loop_scenarios,
     compare_controllers,
     comparison_answer,
     observer_warnings,
+    setup_from_requirements,
+    write_comparison,
 )
-from pneucli.stages.margins import margins_answer
 from pneucli.stages.model_file import load_model
 from pneucli.stages.pipeline_data import PipelineData
-from pneucli.stages.tables.comparison import write_comparison
-from pneucli.stages.tables.design import write_sectors, write_weight_studies
 
 
 @dataclass(frozen=True)
@@ -262,3 +261,41 @@ def _answer(study: PipelineData, designed: DesignResult, found: LawComparison) -
         **comparison_answer(found),
         "warnings": designed.warnings,
     }
+
+
+def write_sectors(out: Path, rows: Mapping[str, SlidingSector], provenance: Provenance) -> None:
+    """Write the sliding sectors."""
+    units = {"a_1": "1/s", "a_2": "1/s", "lambda_1": "1/s", "lambda_2": "1/s", "speed_floor": "m/s"}
+    write_table(
+        out / "sector.parquet",
+        {"name": list(rows)}
+        | {
+            n: np.array([getattr(s, n) for s in rows.values()], dtype=np.float64)
+            for n in [*units, "middle", "steepness"]
+        }
+        | {"warning": [s.warning for s in rows.values()]},
+        units=units | {"middle": "1/s", "steepness": "1"},
+        schema="pneucli/design/sector/1",
+        provenance=provenance,
+    )
+
+
+def write_weight_studies(out: Path, weights: Sequence[WeightStudy], provenance: Provenance) -> None:
+    """Write the parallel distributed compensation of each weight type."""
+    numbers = ("rate", "worst_pole", "worst_lmi")
+    write_table(
+        out / "lmi.parquet",
+        {
+            "weight_type": [str(w.weight_type) for w in weights],
+            "vertices": np.array([w.vertices for w in weights]),
+            **{n: np.array([getattr(w.pdc, n) if w.pdc else np.nan for w in weights]) for n in numbers},
+            "status": [w.pdc.status if w.pdc else w.failure for w in weights],
+            "verified": np.array([bool(w.pdc and w.pdc.verified) for w in weights]),
+            "peak": np.array([w.peak_input_ratio for w in weights]),
+            "decayed": np.array([w.lyapunov_ratio for w in weights]),
+        },
+        units={"vertices": "1", "rate": "1/s", "worst_pole": "1/s"}
+        | dict.fromkeys(("worst_lmi", "peak", "decayed", "verified"), "1"),
+        schema="pneucli/design/lmi/1",
+        provenance=provenance,
+    )

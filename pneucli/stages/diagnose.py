@@ -31,31 +31,37 @@ from pneucli.identify.guesses.base_model import guess_base_model
 from pneucli.identify.residuals import ForceBalanceInferredP2, ResidualModel
 from pneucli.memory import release_free_memory
 from pneucli.messages.diagnose import reason_sentence
-from pneucli.messages.plausibility import implausibility_sentences
+from pneucli.messages.findings import tell
+from pneucli.messages.ingest import implausibility_sentences
 from pneucli.messages.progress import (
     BASELINE_PROGRESS,
     FREE_RUN_PROGRESS,
     GIVEN_MODEL_PROGRESS,
 )
-from pneucli.messages.verdict import MIN_TOLD_PROBABILITY, verdict_sentence, warning_text
+from pneucli.messages.verdict import MIN_TOLD_PROBABILITY, verdict_sentence
 from pneucli.pipeline.context import Context
 from pneucli.pipeline.manifest import program_versions
 from pneucli.simulate.model import Model
 from pneucli.stages import history
-from pneucli.stages.baseline import fit_all_recordings, write_baseline
+from pneucli.stages.answer_parts import (
+    beyond_fitted_answer,
+    diverging_answer,
+    lack_of_fit_answer,
+    parameters_answer,
+    per_vessel_volume,
+    purpose_answer,
+)
+from pneucli.stages.changes import compare_with_baseline, fit_all_recordings, write_baseline
 from pneucli.stages.diagnosis_answer import (
+    SHAPE_FILE,
     detectability_answer,
     discrepancy_answer,
     proposed_experiment,
     shift_answer,
     unexplained_answer,
+    write_diagnosis,
 )
-from pneucli.stages.fit_answer import beyond_fitted_answer, diverging_answer, lack_of_fit_answer
-from pneucli.stages.leak_answer import per_vessel_volume
-from pneucli.stages.parameters_answer import parameters_answer
 from pneucli.stages.pipeline_data import PipelineData
-from pneucli.stages.purpose_answer import purpose_answer
-from pneucli.stages.tables.diagnosis import SHAPE_FILE, write_diagnosis
 
 REPLACES_BASE: Reason = "replaces-base-parameter"
 
@@ -72,7 +78,7 @@ def run(context: Context) -> dict[str, Any]:
         return diagnose_flow_only(pipeline)
     data, warnings = _diagnosis_data(pipeline)
     if subsampling := pipeline.subsampling:
-        warnings.append(warning_text("subsampled", **subsampling))
+        warnings.append(tell("diagnosis-subsampled", **subsampling))
     if not data.train:
         raise InputError(
             f"{context.path}, key recordings",
@@ -106,8 +112,6 @@ def run(context: Context) -> dict[str, Any]:
     _drop_replaced_intervals(answer)
     answer |= _flow_answer(pipeline)
     if since := context.options.get("since"):
-        from pneucli.stages.changes import compare_with_baseline  # noqa: PLC0415 - few diagnoses have an older one
-
         answer |= compare_with_baseline(pipeline, data, since)
     return answer | history.record_model(context, answer, SHAPE_FILE)
 
@@ -150,19 +154,19 @@ def unmeasured_p2_warnings(residual_models: Sequence[ResidualModel]) -> list[str
     inferred = [one.experiment.recording.name for one in residual_models if isinstance(one, ForceBalanceInferredP2)]
     missing = [one.experiment.recording.name for one in residual_models if lacks_p2(one)]
     named = (("p2-inferred", inferred), ("p2-missing", missing))
-    return [warning_text(code, recordings=", ".join(names)) for code, names in named if names]
+    return [tell(code, recordings=", ".join(names)) for code, names in named if names]
 
 
 def parameter_uncertainty_warnings(held_out: Sequence[LackOfFit]) -> list[str]:
     """Return warnings about held-out recordings whose error is within the uncertainty of the parameters."""
     within = within_parameter_uncertainty(held_out)
-    return [warning_text("within-uncertainty", channel=r.channel, ratio=r.ratio) for r in within]
+    return [tell("within-uncertainty", channel=r.channel, ratio=r.ratio) for r in within]
 
 
 def _diagnosis_data(pipeline: PipelineData) -> tuple[DiagnosisData, list[str]]:
     train, test = (pipeline.residual_models(use) for use in ("train", "test"))
     folds = () if test else folds_of(train)
-    warnings = [] if test else [warning_text("cross-validated" if folds else "no-held-out")]
+    warnings = [] if test else [tell("cross-validated" if folds else "no-held-out")]
     warnings += unmeasured_p2_warnings(train)
     effects = {n: e for n, e in pipeline.available_effects.items() if n not in pipeline.excluded_effects}
     base_effects = tuple(e.name for e in pipeline.effects)

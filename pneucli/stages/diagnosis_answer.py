@@ -2,25 +2,58 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable, Sequence
 from typing import Any
 
+import numpy as np
+from numpy.typing import NDArray
+
+from pneucli.compare.error_regions import locator_signals
+from pneucli.diagnose.adequacy import bins_of
 from pneucli.diagnose.data import DiagnosisData
 from pneucli.diagnose.detectability import MinimumDetectableEffect
 from pneucli.diagnose.diagnosis import Diagnosis, ParameterShift
 from pneucli.diagnose.discrepancy import Discrepancy, UnexplainedResidual
-from pneucli.messages.discrepancy import PERIODIC_SHAPE, SHAPES, discrepancy_kind_text
-from pneucli.messages.experiment_design import (
+from pneucli.diagnose.score import FittedModel
+from pneucli.diagnose.set_evidence import VisitedSet
+from pneucli.identify.residuals import ResidualModel
+from pneucli.io.artifacts import write_table
+from pneucli.messages.diagnose import (
     detecting_experiment,
     discrepancy_experiment,
     discriminating_manoeuvre,
     distinguishing_experiment,
 )
 from pneucli.messages.plan import manoeuvre_text
-from pneucli.messages.verdict import MIN_TOLD_PROBABILITY, detection_limit_sentence, location_phrase
-from pneucli.plan.discrimination import most_discriminating_manoeuvre
-from pneucli.stages.leak_answer import vessel_scale
+from pneucli.messages.verdict import (
+    MIN_TOLD_PROBABILITY,
+    PERIODIC_SHAPE,
+    SHAPES,
+    detection_limit_sentence,
+    discrepancy_kind_text,
+    location_phrase,
+)
+from pneucli.physics.declaration import Effect
+from pneucli.plan.rivals import most_discriminating_manoeuvre
+from pneucli.quantities import SIGNALS
+from pneucli.stages.answer_parts import vessel_scale
+from pneucli.stages.expected_power import manoeuvre_answer
 from pneucli.stages.pipeline_data import PipelineData
-from pneucli.stages.plan_answer import manoeuvre_answer
+
+Array = NDArray[np.float64]
+SHAPE_BINS = 40
+SHAPE_FILE = "shape.parquet"
+MAX_SHAPE_RECORDINGS = 3  # recordings a picture is drawn of
+TEXT_COLUMNS = {"effect", "parameter", "unit", "indistinguishable_from", "reason", "why", "add"} | {
+    "recording",
+    "channel",
+    "variable",
+    "acts_as",
+    "effects",
+    "sizes",
+}
+NOT_FITTED: dict[str, Any] = {"": {"value": None, "unit": "", "ci95": (None, None)}}
+BOOLEAN_COLUMNS = {"supported", "missing"}
 
 
 def unexplained_answer(one: UnexplainedResidual) -> dict[str, Any]:
@@ -107,3 +140,142 @@ def proposed_experiment(data: DiagnosisData, found: Diagnosis) -> str | None:
     if found.verdict in ("adequate", "inconclusive") and undetectable:
         return detecting_experiment(undetectable[0].name, undetectable[0].separate)
     return None
+
+
+def write_diagnosis(pipeline: PipelineData, data: DiagnosisData, diagnosis: Diagnosis, answer: dict[str, Any]) -> None:
+    """Write ``candidates``, ``ladder``, ``shape``, ``law`` and ``sets`` into the folder of the stage."""
+    shapes = [row for i, name in enumerate(diagnosis.path.added) for row in _residual_shapes(data, diagnosis, i, name)]
+    _write_tables(pipeline, answer, shapes, list(_smooth_term_rows(diagnosis.unexplained)))
+    rows = [
+        (i, *_texts(s.visited), s.log_evidence, s.probability, s.visited.cost, channel, *sums)
+        for i, s in enumerate(diagnosis.sets)
+        for channel, sums in s.visited.channels.items()
+    ]
+    columns = "number effects sizes log_evidence probability cost channel readings log_variance"
+    _write(pipeline, "sets", columns, rows, dict.fromkeys(columns.split(), "1"), ("ingest/signals.parquet",))
+
+
+def _texts(visited: VisitedSet) -> tuple[str, str]:
+    """Return the effects of a set and their sizes over their typical ones."""
+    return ", ".join(visited.effects), ", ".join(f"{visited.sizes[name]:.4g}" for name in visited.effects)
+
+
+def write_flow_diagnosis(pipeline: PipelineData, answer: dict[str, Any]) -> None:
+    """Write the same files for a steady bench, whose residuals have no shapes over time."""
+    _write_tables(pipeline, answer, [], [])
+
+
+def _write_tables(
+    pipeline: PipelineData, answer: dict[str, Any], shapes: list[tuple[Any, ...]], laws: list[tuple[Any, ...]]
+) -> None:
+    inputs = ("ingest/signals.parquet",)
+    candidates = [
+        (
+            *(c["effect"], c["error_before"], c["error_after"], name, p["value"], p["unit"], *p["ci95"]),
+            *(c["supported"], c["effect"] in answer["missing"], ", ".join(c["indistinguishable_from"])),
+            *(c["reason"], c["why"]),
+        )
+        for c in answer["candidates"]
+        for name, p in (c["parameters"] or NOT_FITTED).items()
+    ]
+    _write(
+        pipeline,
+        "candidates",
+        "effect error_before error_after parameter value unit ci_low ci_high supported missing "
+        "indistinguishable_from reason why",
+        candidates,
+        {"error_before": "1", "error_after": "1"} | dict.fromkeys(("value", "ci_low", "ci_high"), "see column unit"),
+        inputs,
+    )
+    ladder = [(s["add"] or "", s["error_train"], s["error_test"]) for s in answer["ladder"]]
+    _write(pipeline, "ladder", "add error_train error_test", ladder, {"error_train": "1", "error_test": "1"}, inputs)
+    columns = "effect recording channel variable unit value residual_before residual_after expected"
+    values = dict.fromkeys(("residual_before", "residual_after", "expected"), "see column unit")
+    _write(pipeline, "shape", columns, shapes, values | {"value": "SI"}, inputs)
+    columns = "channel acts_as variable unit value law"
+    _write(
+        pipeline,
+        "law",
+        columns,
+        laws,
+        {"value": "SI", "law": "see column unit"},
+        inputs,
+    )
+
+
+def _write(
+    pipeline: PipelineData,
+    name: str,
+    columns: str,
+    rows: Sequence[tuple[Any, ...]],
+    units: dict[str, str],
+    inputs: tuple[str],
+) -> None:
+    table: dict[str, Any] = {}
+    for i, column in enumerate(columns.split()):
+        cells = [row[i] for row in rows]
+        if column in TEXT_COLUMNS:
+            table[column] = cells
+        elif column in BOOLEAN_COLUMNS:
+            table[column] = np.array(cells, dtype=bool)
+        else:
+            table[column] = np.array([np.nan if c is None else c for c in cells], dtype=np.float64)
+    write_table(
+        pipeline.context.out / f"{name}.parquet",
+        table,
+        units=units,
+        schema=f"pneucli/diagnose/{name}/1",
+        provenance=pipeline.provenance(*inputs),
+    )
+
+
+def _smooth_term_rows(residual: UnexplainedResidual | None) -> Iterable[tuple[Any, ...]]:
+    """Yield the smooth function of the unexplained residual over its signal."""
+    smooth_term = None if residual is None else residual.smooth_term
+    if residual is not None and smooth_term is not None:
+        for position, value in zip(
+            np.linspace(smooth_term.low, smooth_term.high, smooth_term.values.size), smooth_term.values, strict=True
+        ):
+            yield (
+                residual.channel,
+                smooth_term.acts_as,
+                smooth_term.signal,
+                smooth_term.unit,
+                float(position),
+                float(value),
+            )
+
+
+def _residual_shapes(data: DiagnosisData, diagnosis: Diagnosis, i: int, name: str) -> Iterable[tuple[Any, ...]]:
+    """Yield the residual before and after an effect, and the change, over the variable in which the effect shows."""
+    before, after = diagnosis.path.models[i], diagnosis.path.models[i + 1]
+    effect = data.effects[name]
+    reductions = []
+    for residual_model in [*data.held_out, *data.train]:
+        if residual_model.is_sensitive_to(effect):
+            reductions += [
+                _residual_reduction(residual_model, channel, effect, before, after)
+                for channel in residual_model.channels
+            ]
+    finite = [f for f in reductions if f is not None]
+    for _, rows in sorted(finite, key=lambda f: -f[0])[:MAX_SHAPE_RECORDINGS]:
+        yield from rows
+
+
+def _residual_reduction(
+    residual_model: ResidualModel, channel: str, effect: Effect, before: FittedModel, after: FittedModel
+) -> tuple[float, list[tuple[Any, ...]]] | None:
+    old, new = residual_model.residual(before.model)[channel], residual_model.residual(after.model)[channel]
+    variables = locator_signals(residual_model.experiment)
+    variable = effect.shows_over if effect.shows_over in variables else "time"
+    q = variables[variable]
+    valid = np.isfinite(q) & ((old != 0.0) | (new != 0.0))
+    if np.count_nonzero(valid) < SHAPE_BINS:
+        return None
+    q, old, new = q[valid], old[valid], new[valid]
+    position = bins_of(q, SHAPE_BINS)
+    count = np.maximum(np.bincount(position), 1)
+    mean = [np.bincount(position, part) / count for part in (q, old, new, old - new)]
+    keys = (effect.name, residual_model.experiment.recording.name, channel, variable, SIGNALS[channel].unit)
+    reduction = float(np.sum(old**2) - np.sum(new**2)) / residual_model.noise[channel] ** 2
+    return reduction, [(*keys, *(float(part[b]) for part in mean)) for b in range(count.size)]

@@ -1,20 +1,32 @@
-"""Two finished runs side by side: effects, errors, parameters beyond their intervals, verdicts."""
+"""``diff``: two finished runs side by side: effects, errors, parameters beyond their intervals, verdicts."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
-from dataclasses import asdict, dataclass
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
-from pneucli.changes.interval_difference import interval_difference
 from pneucli.errors import InputError
+from pneucli.figure import Figure
+from pneucli.messages import labelled, table
+from pneucli.messages.compare import evaluation_error
+from pneucli.messages.formatting import (
+    format_interval,
+    format_noise_ratio,
+    format_number,
+    format_plain,
+    format_quantity,
+    join_names,
+)
 from pneucli.pipeline import manifest as staleness
 from pneucli.pipeline.manifest import Manifest
 
 Answer = Mapping[str, Any]
-SCHEMA = "pneucli/diff/1"
+Ends = Sequence[float | None]
+CHANCE = 0.05  # of a 95 % interval to miss
+MIN_ERROR_CHANGE = 0.005  # of an error: what its three digits show
 
 
 @dataclass(frozen=True)
@@ -30,6 +42,135 @@ class RunAnswers:
         """The model that was compared."""
         model: Answer = self.compare["model"]
         return model
+
+
+@dataclass(frozen=True)
+class Side:
+    """One of the two runs; the last three of a diagnosis are None where the present model was not diagnosed."""
+
+    path: str
+    pipeline: str
+    effects: Sequence[str]
+    error: Mapping[str, float | None]
+    data: str
+    verdict: str | None
+    missing: Sequence[str] | None
+    sentence: str | None
+
+    @property
+    def told(self) -> str:
+        """The verdict in words."""
+        if self.verdict is None:
+            return "not diagnosed, or not as the model is now"
+        return f"{self.verdict}. {self.sentence}"
+
+
+@dataclass(frozen=True)
+class Estimate:
+    """A parameter of one run; an open end of its interval is None."""
+
+    value: float
+    ci95: Ends | None
+
+    def shown(self, unit: str) -> str:
+        """Return the estimate as text."""
+        return format_interval(self.value, unit, self.ci95 or (None, None))
+
+
+@dataclass(frozen=True)
+class ParameterChange:
+    """A parameter of both runs, or of one.
+
+    ``ci95`` is that of the ``difference``, ``distance`` the difference over the half width of its interval toward zero:
+    ``beyond`` 1 it excludes zero.
+    """
+
+    name: str
+    unit: str
+    a: Estimate | None
+    b: Estimate | None
+    difference: float | None = None
+    ci95: Ends | None = None
+    distance: float | None = None
+    beyond: bool | None = None
+
+    @property
+    def row(self) -> tuple[str, ...]:
+        """The row of the table."""
+        a, b = ("-" if one is None else one.shown(self.unit) for one in (self.a, self.b))
+        change = "-" if self.difference is None else format_quantity(self.difference, self.unit, 3)
+        return self.name, a, b, change, "-" if self.distance is None else format_number(self.distance, 2)
+
+
+@dataclass(frozen=True)
+class ErrorChange:
+    """The error of a recording over noise in two answers of ``compare``; None where one does not have it."""
+
+    recording: str
+    use: str
+    before: float | None
+    after: float | None
+
+    @property
+    def is_visible(self) -> bool:
+        """Whether three digits show the change."""
+        a, b = self.before, self.after
+        if a is None or b is None:
+            return (a is None) != (b is None)
+        return abs(b - a) > MIN_ERROR_CHANGE * max(a, b)
+
+    @property
+    def row(self) -> tuple[str, ...]:
+        """The row of a table."""
+        return self.recording, self.use, format_noise_ratio(self.before), format_noise_ratio(self.after)
+
+
+@dataclass(frozen=True)
+class Difference:
+    """The answer of ``diff``: what b has that a has not, and where both differ."""
+
+    schema: str
+    a: Side
+    b: Side
+    same_data: bool
+    effects: Mapping[str, Sequence[str]]
+    parameters: Sequence[ParameterChange]
+    recordings: Sequence[ErrorChange]
+
+    def lines(self, file: str, verbose: bool) -> Iterator[str]:
+        """Yield effects, errors, parameters beyond their intervals and verdicts of two runs."""
+        sides = {"A": self.a, "B": self.b}
+        for name, side in sides.items():
+            yield from labelled(name, f"{side.path}: {join_names(side.effects) or 'base model'}")
+        only = [f"only {name}: {join_names(self.effects[f'only_{name.lower()}'])}" for name in sides
+                if self.effects[f"only_{name.lower()}"]]  # fmt: skip
+        yield from labelled("effects", "; ".join(only) or "the same in both")
+        yield from labelled("error", self._errors())
+        yield from labelled("found", self._found())
+        shown = [one.row for one in self.parameters if verbose or one.beyond]
+        if shown:
+            yield from table(("parameter", "A", "B", "B - A", "× interval"), shown, texts=1)
+        for name, side in sides.items():
+            yield from labelled("verdict", f"{name}: {side.told}")
+        recordings = [one.row for one in self.recordings if verbose or one.is_visible]
+        if recordings:
+            yield from table(("recording", "use", "A", "B, × noise"), recordings, texts=2)
+
+    def _errors(self) -> str:
+        use, _ = evaluation_error(self.b.error)
+        a, b = (format_noise_ratio(side.error.get(use)) for side in (self.a, self.b))
+        other = "" if self.same_data else "; on other recordings or at another horizon, so the errors do not compare"
+        return f"{a} → {b} × noise on {use} recordings{other}"
+
+    def _found(self) -> str:
+        """Return how many parameters differ beyond their intervals, and how many would by chance."""
+        compared = [one.beyond for one in self.parameters if one.beyond is not None]
+        if not compared:
+            return "no parameter has an interval in both"
+        return (
+            f"{sum(compared)} of {len(compared)} parameters differ by more than their 95 % intervals allow; in two "
+            f"repeats of one rig about {format_plain(CHANCE * len(compared), 1)} would"
+        )
 
 
 def read_answers(path: str, folder: Path) -> RunAnswers:
@@ -57,84 +198,73 @@ def _same_basis(folder: Path, diagnosed: Manifest, compared: Answer) -> bool:
     return now == dict(parents) and effects == compared["model"]["effects"]
 
 
-def difference(a: RunAnswers, b: RunAnswers) -> dict[str, Any]:
-    """Return the answer of ``diff``: what b has that a has not, and where both differ."""
+def difference(a: RunAnswers, b: RunAnswers) -> Difference:
+    """Return the answer of ``diff``."""
     was, now = a.model["effects"], b.model["effects"]
-    return {
-        "schema": SCHEMA,
-        "a": _side(a),
-        "b": _side(b),
-        "same_data": a.compare["data"] == b.compare["data"],
-        "effects": {
+    return Difference(
+        schema="pneucli/diff/1",
+        a=_side(a),
+        b=_side(b),
+        same_data=a.compare["data"] == b.compare["data"],
+        effects={
             "only_a": [name for name in was if name not in now],
             "only_b": [name for name in now if name not in was],
         },
-        "parameters": _parameters(a.model.get("parameters", {}), b.model.get("parameters", {})),
-        "recordings": error_changes(a.compare["channels"], b.compare["channels"]),
-    }
+        parameters=_parameters(a.model.get("parameters", {}), b.model.get("parameters", {})),
+        recordings=error_changes(a.compare["channels"], b.compare["channels"]),
+    )
 
 
-def _side(one: RunAnswers) -> dict[str, Any]:
-    found = one.diagnose or {}
-    return {
-        "path": one.path,
-        "pipeline": one.compare["pipeline"],
-        "effects": one.model["effects"],
-        "error": one.compare["error"],
-        "data": one.compare["data"],
-        "verdict": found.get("verdict"),
-        "missing": found.get("missing"),
-        "sentence": found.get("sentence"),
-    }
+def _side(one: RunAnswers) -> Side:
+    found, compared = one.diagnose or {}, one.compare
+    diagnosed = (found.get(key) for key in ("verdict", "missing", "sentence"))
+    return Side(one.path, compared["pipeline"], one.model["effects"], compared["error"], compared["data"], *diagnosed)
 
 
-def _parameters(a: Answer, b: Answer) -> list[dict[str, Any]]:
+def _parameters(a: Answer, b: Answer) -> list[ParameterChange]:
     """Return every parameter of either model; those beyond their intervals first, the most distant one first."""
     rows = [_parameter(name, a.get(name), b.get(name)) for name in dict.fromkeys([*a, *b])]
-    return sorted(rows, key=lambda row: -row["distance"] if row["distance"] is not None else 0.0)
+    return sorted(rows, key=lambda row: -row.distance if row.distance is not None else 0.0)
 
 
-def _parameter(name: str, a: Answer | None, b: Answer | None) -> dict[str, Any]:
-    sides = {"a": a and _estimate(a), "b": b and _estimate(b)}
+def _parameter(name: str, a: Answer | None, b: Answer | None) -> ParameterChange:
     unit = (a or b or {})["unit"]
+    both = ParameterChange(name, unit, _estimate(a), _estimate(b))
     if a is None or b is None or a["unit"] != b["unit"]:
-        return {"name": name, "unit": unit, **sides, "difference": None, "ci95": None, "distance": None, "beyond": None}
-    found = interval_difference(a["value"], a.get("ci95"), b["value"], b.get("ci95"))
-    return {
-        "name": name,
-        "unit": unit,
-        **sides,
-        "difference": b["value"] - a["value"],
-        "ci95": found and [found.low, found.high],
-        "distance": None if found is None else _distance(**asdict(found)),
-        "beyond": found and found.beyond,
-    }
+        return both
+    found, change = interval_difference(a["value"], a.get("ci95"), b["value"], b.get("ci95")), b["value"] - a["value"]
+    if found is None:
+        return replace(both, difference=change)
+    return replace(
+        both,
+        difference=change,
+        ci95=[found.low, found.high],
+        distance=_distance(found),
+        beyond=found.excludes(0.0),
+    )
 
 
-def _estimate(parameter: Answer) -> dict[str, Any]:
-    return {"value": parameter["value"], "ci95": parameter.get("ci95")}
+def _estimate(parameter: Answer | None) -> Estimate | None:
+    return None if parameter is None else Estimate(parameter["value"], parameter.get("ci95"))
 
 
-def _distance(value: float, low: float, high: float) -> float | None:
+def _distance(change: Figure) -> float | None:
     """Return the difference over the half width of its interval toward zero: beyond 1 it excludes zero."""
-    half = value - low if value > 0.0 else high - value
-    return abs(value) / half if half > 0.0 else (0.0 if value == 0.0 else None)
+    half = change.value - change.low if change.value > 0.0 else change.high - change.value
+    return abs(change.value) / half if half > 0.0 else (0.0 if change.value == 0.0 else None)
 
 
-def error_changes(before: Sequence[Answer], after: Sequence[Answer]) -> list[dict[str, Any]]:
+def error_changes(before: Sequence[Answer], after: Sequence[Answer]) -> list[ErrorChange]:
     """Return the error of each recording over noise, in two answers of ``compare``; test recordings first.
 
     Args:
         before: ``channels`` of the first answer.
         after: ``channels`` of the second answer.
 
-    Returns:
-        A row a recording: recording, use, before, after; None where an answer does not have it.
-
     """
     was, now = _errors_by_recording(before), _errors_by_recording(after)
     keys = sorted(dict.fromkeys([*now, *was]), key=lambda key: key[1])
-    return [{"recording": key[0], "use": key[1], "before": was.get(key), "after": now.get(key)} for key in keys]
+    return [ErrorChange(*key, was.get(key), now.get(key)) for key in keys]
 
 
 def _errors_by_recording(channels: Sequence[Answer]) -> dict[tuple[str, str], float | None]:
@@ -144,3 +274,36 @@ def _errors_by_recording(channels: Sequence[Answer]) -> dict[tuple[str, str], fl
         ratio = c["ratio_to_noise"]
         squares.setdefault((c["recording"], c["use"]), []).extend([] if ratio is None else [ratio**2])
     return {key: math.sqrt(sum(of) / len(of)) if of else None for key, of in squares.items()}
+
+
+def interval_difference(
+    a: float, a_ci95: Sequence[float | None] | None, b: float, b_ci95: Sequence[float | None] | None
+) -> Figure | None:
+    """Return the difference of two independent estimates with its 95 % interval.
+
+    Each end of the interval follows from the ends that face each other, so intervals may be asymmetric. For symmetric
+    ones the half width is the root of the sum of the squared half widths.
+
+    Args:
+        a: The first estimate.
+        a_ci95: The ends of its 95 % interval; an end may be None.
+        b: The second estimate, in the unit of the first.
+        b_ci95: The ends of its 95 % interval.
+
+    Returns:
+        The difference; None where an end of an interval is missing or the interval of the difference is infinite.
+
+    References:
+        G. Y. Zou and A. Donner, Statistics in Medicine 27 (2008) 1693-1702 (method of variance estimates recovery).
+
+    >>> interval_difference(10.0, (7.0, 13.0), 15.0, (11.0, 19.0))
+    Figure(value=5.0, low=0.0, high=10.0, unit='', determined=True)
+    """
+    ends = [*(a_ci95 or (None,)), *(b_ci95 or (None,))]
+    if len(ends) != 4 or any(end is None for end in ends):
+        return None
+    a_low, a_high, b_low, b_high = (float(end) for end in ends if end is not None)
+    difference = b - a
+    low = difference - math.hypot(b - b_low, a_high - a)
+    high = difference + math.hypot(b_high - b, a - a_low)
+    return Figure(difference, low, high) if math.isfinite(high - low) else None

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
@@ -10,14 +11,18 @@ from pneucli.controller.laws import find_law
 from pneucli.controller.parameters import Controller
 from pneucli.export import export_files
 from pneucli.export.controller_program import PREFIX, controller_hash
+from pneucli.export.fmu.package import write_fmu
+from pneucli.export.fmu.plant import Interval, plant_of, require_valve
 from pneucli.io.artifacts import read_table
 from pneucli.messages.progress import counted
 from pneucli.pipeline.context import Context, NotApplicable
-from pneucli.stages.designed_controller import closed_loop_setup, load_controller
+from pneucli.simulate.model import Model
+from pneucli.stages.control_laws import closed_loop_setup, load_controller
+from pneucli.stages.flow_bench import require_recordings_over_time
 from pneucli.stages.model_file import load_model
 from pneucli.stages.pipeline_data import PipelineData
-from pneucli.stages.plant_export import export_plant
 
+PARAMETERS_FILE = "identify/parameters.parquet"
 TARGETS = ("c", "mat", "csv", "st")  # of the controller and the maps
 PLANT_TARGET = "fmu"
 TABLES = (
@@ -99,3 +104,20 @@ def _write_tables(out: Path, target: str, controller: Controller, tables: dict[s
         return
     for name, table in {**tables, "controller": export_files.controller_table(controller)}.items():
         export_files.write_csv(out / f"{name}.csv", table)
+
+
+def export_plant(context: Context, study: PipelineData, model: Model) -> dict[str, Any]:
+    """Write the FMU; return what an importer finds in it."""
+    require_recordings_over_time(study)
+    where = f"{context.path}, key model.effects"
+    require_valve(study.experiments, f"{context.path}, key recordings")
+    plant = plant_of(context.config.name, model, study.experiments, _intervals(context), where)
+    return write_fmu(context.out, plant, where, context.options.get("fmi", "3.0"))
+
+
+def _intervals(context: Context) -> dict[str, Interval]:
+    """Return the 95 % interval of each identified parameter by name."""
+    table = read_table(context.artifacts / PARAMETERS_FILE)
+    rows = zip(table["name"], table["ci_low"], table["ci_high"], strict=True)
+    found = {str(name): (float(low), float(high)) for name, low, high in rows}
+    return {name: interval for name, interval in found.items() if all(map(math.isfinite, interval))}

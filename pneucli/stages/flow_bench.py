@@ -13,15 +13,13 @@ from pneucli.errors import InputError
 from pneucli.identify.valve.flow_bench import FlowBench, FlowComparison, compare_flow, identify_flow_bench
 from pneucli.identify.valve.steady_budget import with_flow_budgets
 from pneucli.io.artifacts import TableWriter
-from pneucli.messages.flow import idle_effects_warning
+from pneucli.messages.findings import tell
 from pneucli.pipeline.context import NotApplicable
 from pneucli.quantities import SIGNALS
-from pneucli.stages.assumptions import assumed_values
-from pneucli.stages.measurement import measurement_of
+from pneucli.stages.answer_parts import assumed_values, measurement_of
+from pneucli.stages.flow_tables import flow_answer, flow_parameters, path_label, write_flow
+from pneucli.stages.parameter_tables import budgets_answer, write_budgets, write_parameters
 from pneucli.stages.pipeline_data import PipelineData
-from pneucli.stages.tables.correlation import write_parameters
-from pneucli.stages.tables.flow import flow_answer, flow_parameters, path_label, write_flow
-from pneucli.stages.tables.uncertainty import budgets_answer, write_budgets
 
 RATIO_PORT, LEAK_PORT = "critical_ratio", "leak_area"  # where effects act that rows of steady flow can show
 
@@ -61,7 +59,10 @@ def identify_flow_only(study: PipelineData) -> dict[str, Any]:
         "pipeline": study.context.config.name,
         "model": {"effects": [e.name for e in study.effects], "parameters": answer["parameters"]},
         "assumed": [asdict(one) for one in assumed_values(study, set())],
-        "warnings": [*(one["text"] for one in answer["findings"]), *([idle_effects_warning(idle)] if idle else [])],
+        "warnings": [
+            *(one["text"] for one in answer["findings"]),
+            *([tell("effects-idle", names=", ".join(idle))] if idle else []),
+        ],
         "flow": answer,
         "uncertainty": budgets_answer(bench.budgets),
     }

@@ -15,10 +15,9 @@ from pneucli.identify.valve.flow_hypotheses import FlowHypothesis, closed_paths,
 from pneucli.identify.valve.iso6358 import ELLIPSE_SUBSONIC_INDEX
 from pneucli.identify.valve.steady_flow import MIN_GAIN
 from pneucli.messages.compare import GOOD_ERROR_RATIO
+from pneucli.messages.findings import tell
 from pneucli.messages.flow import (
-    base_model_warning,
     effect_reason,
-    flow_finding,
     flow_verdict,
     next_rows,
     other_characteristics,
@@ -26,14 +25,14 @@ from pneucli.messages.flow import (
     undetermined_sentence,
 )
 from pneucli.messages.formatting import format_parameters
-from pneucli.messages.plausibility import implausibility_sentences
-from pneucli.messages.verdict import impossible_data_sentence, warning_text
+from pneucli.messages.ingest import implausibility_sentences
+from pneucli.messages.verdict import impossible_data_sentence
 from pneucli.physics.declaration import Effect
 from pneucli.stages import history
+from pneucli.stages.answer_parts import purpose_answer
+from pneucli.stages.diagnosis_answer import SHAPE_FILE, write_flow_diagnosis
 from pneucli.stages.flow_bench import LEAK_PORT, RATIO_PORT, flow_bench, flow_results
 from pneucli.stages.pipeline_data import PipelineData
-from pneucli.stages.purpose_answer import purpose_answer
-from pneucli.stages.tables.diagnosis import SHAPE_FILE, write_flow_diagnosis
 
 Answer = dict[str, Any]
 MAX_ISO_SHARE = 0.9  # of the error with one critical ratio for all openings, that C, b and m of each leave
@@ -174,7 +173,7 @@ class _Search:
             "moved": [],
             "unexplained": None,
             "thinned": None,
-            "warnings": [base_model_warning(), *([] if held_out else [warning_text("no-held-out")])],
+            "warnings": [tell("flow-function-of-simulations"), *([] if held_out else [tell("no-held-out")])],
             "plausibility": context.answers["ingest"]["plausibility"],
             "contradicted": study.contradicted,
             "parameters": {},
@@ -192,14 +191,14 @@ class _Search:
     def _left(self, last: dict[str, float | None]) -> str:
         """Return what the rows say that no effect of the catalogue explains; empty where nothing is left."""
         findings = list(bench_findings(self._bench))
-        for code, numbers in findings:
-            if code in AREA_FINDINGS or code == "curve-not-followed":
-                return flow_finding(code, **numbers)
+        for one in findings:
+            if one.code in AREA_FINDINGS or one.code == "curve-not-followed":
+                return one.text
         error = held_out_error(last)
         if error is None or error <= GOOD_ERROR_RATIO:
             return ""
-        for code, numbers in findings:
-            return flow_finding(code, **numbers)
+        if findings:
+            return findings[0].text
         best = held_out_error(self.errors(None))
         within = best is not None and best <= max(GOOD_ERROR_RATIO, MAX_ISO_SHARE * error)
         return "" if within else other_shape(best)

@@ -23,27 +23,29 @@ from pneucli.identify.valve import ValveIdentification, identify_valve, identify
 from pneucli.identify.valve.charge_budget import with_budgets
 from pneucli.identify.valve.flow_bench import FlowBench
 from pneucli.identify.valve.uncertainty import Budget
+from pneucli.messages.findings import tell
 from pneucli.messages.formatting import format_number
-from pneucli.messages.friction import friction_warning
-from pneucli.messages.identify import warning_text
-from pneucli.messages.valve import valve_warning
 from pneucli.pipeline.context import Context
 from pneucli.recording import Rig
 from pneucli.simulate.experiment import Experiment
 from pneucli.simulate.model import Model
 from pneucli.simulate.position_smoother import PositionSmoother
-from pneucli.stages.assumptions import assumed_values, fixed_parameters, null_command_estimate
+from pneucli.stages.answer_parts import (
+    assumed_values,
+    fixed_parameters,
+    leak_answer,
+    measurement_of,
+    null_command_estimate,
+    parameters_answer,
+    per_vessel_volume,
+)
 from pneucli.stages.flow_bench import flow_bench, identify_flow_only
-from pneucli.stages.leak_answer import leak_answer, per_vessel_volume
-from pneucli.stages.measurement import measurement_of
+from pneucli.stages.flow_tables import flow_answer, flow_parameters, write_flow
+from pneucli.stages.friction_tables import friction_answer, write_friction
 from pneucli.stages.model_file import save_drawn_parameters, save_model
-from pneucli.stages.parameters_answer import parameters_answer
+from pneucli.stages.parameter_tables import budgets_answer, write_budgets, write_parameter_relations, write_parameters
 from pneucli.stages.pipeline_data import PipelineData
-from pneucli.stages.tables.correlation import write_parameter_relations, write_parameters
-from pneucli.stages.tables.flow import flow_answer, flow_parameters, write_flow
-from pneucli.stages.tables.friction import friction_answer, write_friction
-from pneucli.stages.tables.uncertainty import budgets_answer, write_budgets
-from pneucli.stages.tables.valve import iso_parameters, valve_answer, valve_findings, write_valves
+from pneucli.stages.valve_tables import iso_parameters, valve_answer, valve_findings, write_valves
 
 MAX_NOISE_RATIO = 2.0  # times a sensor's noise, beyond which a position is said to scatter
 MAX_FIT_SAMPLES = 300_000  # of the fit: its derivatives need 0.4 kB each, and minutes describe a rig as well as hours
@@ -68,7 +70,7 @@ def run(context: Context) -> dict[str, Any]:
     whole = with_intervals(fitted, views)
     write_parameter_relations(whole, views, rounds, context.out, study.provenance("ingest/signals.parquet"))
     if subsampling := fitted_part.subsampling:
-        warnings.append(warning_text("subsampled", **subsampling))
+        warnings.append(tell("fit-subsampled", **subsampling))
     found = without_data(whole)
     del fitted, whole, views, fitted_part  # their derivatives fill the memory with a long recording
     context.progress("identifying the valve")
@@ -108,13 +110,11 @@ def _smoothing_warnings(experiments: Sequence[Experiment]) -> list[str]:
     """Return what to say of imposed motions whose readings scatter far more than the noise of their sensor."""
     imposed = [e for e in experiments if e.recording.imposed and isinstance(e.motion_smoother, PositionSmoother)]
     ratios = [(e.recording.name, e.motion_smoother.noise_ratio(e.noise["x"])) for e in imposed]  # type: ignore[union-attr]
-    return [
-        warning_text("scattered-position", name=name, ratio=ratio) for name, ratio in ratios if ratio > MAX_NOISE_RATIO
-    ]
+    return [tell("scattered-position", name=name, ratio=ratio) for name, ratio in ratios if ratio > MAX_NOISE_RATIO]
 
 
 def _at_bound_warning(name: str, rig: Rig) -> str:
-    return warning_text("at-stated-bound" if name in rig.priors else "at-default-bound", name=name)
+    return tell("at-stated-bound" if name in rig.priors else "at-default-bound", name=name)
 
 
 def _volume_warnings(rig: Rig, estimates: Sequence[Estimate]) -> list[str]:
@@ -124,9 +124,7 @@ def _volume_warnings(rig: Rig, estimates: Sequence[Estimate]) -> list[str]:
         return []
     volumes = (found.value, *found.ci95, rig.vessel_volume)
     return [
-        warning_text(
-            "vessel-volume", **dict(zip(("value", "low", "high", "stated"), (1e6 * v for v in volumes), strict=True))
-        )
+        tell("vessel-volume", **dict(zip(("value", "low", "high", "stated"), (1e6 * v for v in volumes), strict=True)))
     ]
 
 
@@ -136,8 +134,8 @@ def _unused_prior_warnings(study: PipelineData, free: Sequence[FreeParameter]) -
     idle = [n for n, k in study.rig.priors.items() if k.fixed is None and n not in model_has]
     waiting = [n for n in study.context.config.model.parameters if n not in study.rig.priors]
     return [
-        *(warning_text("prior-not-identified", name=n) for n in idle),
-        *(warning_text("prior-of-absent-effect", name=n) for n in waiting),
+        *(tell("prior-not-identified", name=n) for n in idle),
+        *(tell("prior-of-absent-effect", name=n) for n in waiting),
     ]
 
 
@@ -146,7 +144,7 @@ def _null_warnings(rig: Rig) -> list[str]:
     if (names := drifting_recordings(rig)) is None:
         return []
     low, high = ((name, *rig.null_ranges[name]) for name in names)
-    return [warning_text("valve-null-drifts", low=low, high=high, null=rig.valve_null)]
+    return [tell("valve-null-drifts", low=low, high=high, null=rig.valve_null)]
 
 
 def _round_observer(study: PipelineData, rounds: list[Iteration]) -> Callable[[Iteration], None]:
@@ -184,7 +182,7 @@ def _identify_valves(study: PipelineData, found: Fit, warnings: list[str]) -> li
     ]
     for valve in valves:
         which = " (chamber 2)" if valve.chamber == 2 else ""
-        warnings += [f"{valve_warning(code, **numbers)}{which}" for code, numbers in valve_findings(valve)]
+        warnings += [f"{one.text}{which}" for one in valve_findings(valve)]
     return valves
 
 
@@ -202,11 +200,11 @@ def _identify_chamber_valve(
         if any(e.vessel for e in shown):
             return identify_valve(study.experiments, found, chamber)
     except InputError as error:
-        warnings.append(warning_text("no-measured-map", chamber=chamber, where=error.where, found=error.found))
+        warnings.append(tell("no-measured-map", chamber=chamber, where=error.where, found=error.found))
     try:
         return identify_valve_on_piston(study.experiments, found, chamber)
     except InputError as error:
-        warnings.append(warning_text("no-map", where=error.where, found=error.found))
+        warnings.append(tell("no-map", where=error.where, found=error.found))
         return None
 
 
@@ -217,9 +215,9 @@ def _identify_friction(study: PipelineData, model: Model, warnings: list[str]) -
         asked = study.context.config.identify.friction
         found = identify_friction(study.recordings, model, asked.nodes, asked.velocity_range, asked.eta)
     except InputError as error:
-        warnings.append(f"no friction models: {error.where}: {error.found}")
+        warnings.append(tell("no-friction-models", where=error.where, found=error.found))
         return None
-    warnings += [friction_warning(one.kind, one.values) for one in found.warnings]
+    warnings += [one.text for one in found.warnings]
     return found
 
 

@@ -38,9 +38,18 @@ from pneucli.pipeline.context import Context, Progress
 from pneucli.quantities import SIGNALS
 from pneucli.recording import Rig
 from pneucli.stages.absent_columns import Opened, absence_notes, absent_column_faults
-from pneucli.stages.flow_units import flow_unit, flow_unit_assumptions
-from pneucli.stages.ingest_noise import MAX_NOISE_SAMPLES, noise_of, pool_noise_by_sensor, stated_noise
-from pneucli.stages.tables.ingest import IngestedRecording, inspect_signals, loss_column, recording_row, write_tables
+from pneucli.stages.answer_parts import flow_unit, flow_unit_assumptions
+from pneucli.stages.ingest_tables import (
+    MAX_NOISE_SAMPLES,
+    IngestedRecording,
+    inspect_signals,
+    loss_column,
+    noise_of,
+    pool_noise_by_sensor,
+    recording_row,
+    stated_noise,
+    write_tables,
+)
 from pneucli.units import factor_and_offset, parse_unit_as
 
 SPOOL_VALVE_HINT = '; where one valve drives both chambers, say [rig.valve] arrangement = "5/3"'
@@ -51,7 +60,6 @@ WARNING_REPAIRS = (
     *("vacuum", "cut-number", "empty", "reader", "unit"),
     *("mark", "roll-over", "jumps", "held", "spread", "counter", "matlab-object", "header-again"),
 )
-
 Array = NDArray[np.float64]
 
 

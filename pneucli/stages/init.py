@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from pneucli.config.json_schema import DIRECTIVE
+from pneucli.config.json_schema import DIRECTIVE, schema_text
 from pneucli.config.json_schema import SCHEMA_FILE as SCHEMA
 from pneucli.errors import InputError
 from pneucli.init.columns import guess_columns
@@ -35,7 +35,6 @@ from pneucli.io.artifacts import atomic_path
 from pneucli.io.formats import recordings_in_archive
 from pneucli.io.raw_file import RawFile
 from pneucli.paths import archive_members
-from pneucli.stages.schema import schema_text
 
 NAME = "pipeline.toml"
 HEADER_LINES = 2  # lines: where the schema is, and what CHECK means

@@ -31,7 +31,7 @@ from pneucli.recording import ParameterPrior, Recording, Rig
 from pneucli.simulate.end_stops import with_end_stops
 from pneucli.simulate.experiment import Experiment
 from pneucli.simulate.preparation import prepare
-from pneucli.stages.parameter_priors import parameter_priors, with_started_supply
+from pneucli.stages.pipeline_file import parameter_priors, with_started_supply
 
 LONG_RECORDING_HOURS = 1.0  # h of recordings in all: one run of the model through them takes a second and more
 

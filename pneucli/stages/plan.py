@@ -14,15 +14,19 @@ from pneucli.messages.plan import GOOD_POWER
 from pneucli.messages.progress import counted
 from pneucli.pipeline.context import Context
 from pneucli.plan.manoeuvre import Manoeuvre
-from pneucli.plan.manoeuvres import candidate_manoeuvres, manual_manoeuvres
+from pneucli.plan.manoeuvres import candidate_manoeuvres, cost_of, draw_programme, manual_manoeuvres
 from pneucli.plan.power import Prediction, power_table
-from pneucli.plan.programme import cost_of, draw_programme
-from pneucli.stages.plan_answer import expected_answer, limits_too_narrow, plan_answer
-from pneucli.stages.plan_basis import Basis, described_rig, diagnosed_pipeline
+from pneucli.stages.expected_power import (
+    Basis,
+    described_rig,
+    diagnosed_pipeline,
+    expected_answer,
+    limits_too_narrow,
+    plan_answer,
+)
 from pneucli.stages.plan_files import write_plan
 
 Array = NDArray[np.float64]
-
 DEFAULT_MINUTES, FIRST_MINUTES = 3.0, 5.0
 MIN_SECONDS = 15.0  # s of machine time: one recording and one that is held out
 MAX_SHARE_BY_HAND = 0.5  # of the machine time

@@ -15,16 +15,13 @@ from pneucli.io.artifacts import Provenance, atomic_path, write_table
 from pneucli.messages.plan import plan_sentence, steps_page
 from pneucli.pipeline.context import Context
 from pneucli.plan.limits import Limits
-from pneucli.plan.manoeuvre import Manoeuvre
-from pneucli.plan.manoeuvres import SPEED_SHARE
+from pneucli.plan.manoeuvre import Manoeuvre, sample
+from pneucli.plan.manoeuvres import CHANGE_OVER_TIME, SPEED_SHARE
 from pneucli.plan.power import Power, Prediction
-from pneucli.plan.profile import sample
-from pneucli.plan.programme import CHANGE_OVER_TIME
 from pneucli.report.plan_page import plan_page
-from pneucli.stages.plan_basis import Basis
+from pneucli.stages.expected_power import Basis
 
 Array = NDArray[np.float64]
-
 COMMAND_PERIOD = 1e-3  # s, between the rows of commands.csv
 COMMANDS_FILE, STEPS_FILE, POWER_FILE, PAGE_FILE = "commands.csv", "steps.md", "power.parquet", "plan.html"
 COLUMNS = {  # of commands.csv: header, factor from SI, decimals

@@ -2,19 +2,46 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import asdict
 from typing import Any
 
 import numpy as np
 
-from pneucli.io.artifacts import write_table
+from pneucli.closed_loop import robustness
+from pneucli.closed_loop.law_comparison import compare_laws
+from pneucli.closed_loop.scenarios import read_scenarios
+from pneucli.closed_loop.simulation import ClosedLoopSetup, Scenario
+from pneucli.controller.parameters import Controller
+from pneucli.executors import engine_from
+from pneucli.experiments import EXPERIMENT_KINDS
+from pneucli.export.replay_check import replay_exported_c
+from pneucli.io.artifacts import read_table, write_table
+from pneucli.messages.formatting import format_plain
 from pneucli.pipeline.context import Context
+from pneucli.pipeline.manifest import program_versions
 from pneucli.quantities import SIGNALS
+from pneucli.simulate.model import Model
 from pneucli.simulate.open_loop import OpenLoopRun, default_free_runs, run_scenario
-from pneucli.stages.closed_loop import simulate_closed_loop
+from pneucli.stages.control_laws import (
+    closed_loop_scenarios,
+    closed_loop_setup,
+    load_controller,
+    metrics_answer,
+    selected_controller,
+    unit_from_name,
+    write_runs,
+)
 from pneucli.stages.flow_bench import require_recordings_over_time
 from pneucli.stages.model_file import load_model
 from pneucli.stages.pipeline_data import PipelineData
+
+REST_TOLERANCE_RATIO = (
+    2.0  # times the reach within which the piston is left alone: the error at rest that is good enough
+)
+MIN_PARALLEL_RUNS = 500  # runs, below which starting processes takes longer than they save
+MONTE_CARLO_SCENARIOS = ("steps", "sine", "load")  # scenarios of the Monte Carlo study
 
 
 def run(context: Context) -> dict[str, Any]:
@@ -64,4 +91,117 @@ def _write(study: PipelineData, runs: Sequence[OpenLoopRun]) -> None:
         units={"time": "s", "value": "see column unit", "measured": "see column unit"},
         schema="pneucli/simulate/open_loop/1",
         provenance=study.provenance("ingest/signals.parquet", "identify/model.parquet"),
+    )
+
+
+def simulate_closed_loop(study: PipelineData) -> dict[str, Any]:
+    """Run the closed-loop scenarios of the pipeline file, or the default ones; write their files, return their part
+    of the answer. Nothing where no controller was designed.
+    """
+    context = study.context
+    if "design" not in context.answers:
+        return {}
+    folder, designed = context.artifacts / "design", context.answers["design"]
+    controller, bench = selected_controller(folder, designed), closed_loop_setup(designed)
+    model = load_model(context.artifacts / "identify", study.rig, study.effects)
+    tables = context.config.scenarios
+    answer: dict[str, Any] = {}
+    if scenarios := closed_loop_scenarios(context, study.recordings, controller):
+        pair = {"compensated": controller, "pid_alone": load_controller(folder, "pid")}
+        found = compare_laws(model, pair, scenarios, bench)
+        write_runs(
+            context.out / "closed_loop.parquet",
+            {(kind, name): one for kind, by in found.items() for name, (one, _) in by.items()},
+            study.provenance("identify/model.parquet", "design/gains.parquet"),
+            "pneucli/simulate/closed_loop/1",
+        )
+        metrics = {kind: {name: metrics_answer(m) for name, (_, m) in by.items()} for kind, by in found.items()}
+        answer["closed_loop"], answer["pid_alone"] = metrics["compensated"], metrics["pid_alone"]
+        answer["tolerance_um"] = REST_TOLERANCE_RATIO * 1e6 * controller.values["C_HOLDING_BAND"]
+        replayed = replay_exported_c(controller, model, bench, context.config.name)
+        answer["exported_c"] = asdict(replayed)
+    studies = [t for t in tables if t.get("kind") == "monte-carlo"] or ([] if tables else [{}])
+    for table in studies:
+        answer["robust"] = _monte_carlo_study(study, model, controller, bench, table)
+    return answer
+
+
+def _monte_carlo_study(
+    study: PipelineData, model: Model, controller: Controller, bench: ClosedLoopSetup, table: Mapping[str, Any]
+) -> dict[str, Any]:
+    """Run a Monte Carlo study, write its rows and rates, and return its part of the answer."""
+    context = study.context
+    wanted = robustness.read_settings(table, f"{context.path}, key scenarios")
+    parameters = read_table(context.artifacts / "identify" / "parameters.parquet")
+    names = (parameters[n] for n in ("name", "ci_low", "ci_high"))
+    intervals = {str(n): (float(low), float(high)) for n, low, high in zip(*names, strict=True)}
+    active = {e.name for e in model.effects}
+    effects = tuple(
+        e
+        for e in study.available_effects.values()
+        if e.name not in active
+        and e.side is None
+        and e.part in EXPERIMENT_KINDS["axis"].parts(vessel_is_chamber=False, supply_recorded=False)
+    )
+    axes = robustness.AxisDistribution(
+        model, robustness.sigma_from_intervals(intervals, model), wanted.tolerances, effects
+    )
+    scenarios: tuple[Scenario, ...] = tuple(
+        s for s in read_scenarios([], controller, "") if s.name in MONTE_CARLO_SCENARIOS
+    )
+    asked = robustness.MonteCarloStudy(axes, controller, scenarios, bench, wanted.runs, wanted.seed, wanted.checks)
+    brief = asked.runs < MIN_PARALLEL_RUNS
+    with engine_from(context.options.get("executor"), program_versions, threads=brief) as engine:
+        rows = robustness.run_study(asked, engine, context.artifacts / ".robust", context.progress)
+    rates = robustness.success_rates(rows, wanted.checks)
+    _write_monte_carlo(study, rows, rates)
+    return {
+        "runs": asked.runs,
+        "seed": asked.seed,
+        "checks": {
+            r.check: {
+                "limit": r.limit,
+                "held": r.held,
+                "runs": r.runs,
+                "share": r.held / r.runs,
+                "worst": r.worst if math.isfinite(r.worst) else None,
+                "worst_run": r.worst_run,
+            }
+            for r in rates
+            if r.effect == "all"
+        },
+        "by_effect": [asdict(r) | {"worst": r.worst if math.isfinite(r.worst) else None} for r in rates],
+    }
+
+
+def _write_monte_carlo(
+    study: PipelineData, rows: Sequence[Mapping[str, Any]], rates: Sequence[robustness.SuccessRate]
+) -> None:
+    figures = [n for n, v in rows[0].items() if isinstance(v, float)]
+    provenance = study.provenance("identify/model.parquet", "design/gains.parquet")
+    write_table(
+        study.context.out / "robust.parquet",
+        {
+            "run": np.array([r["run"] for r in rows]),
+            "scenario": [r["scenario"] for r in rows],
+            "effect": [r["effect"] for r in rows],
+            "sizes": [", ".join(f"{n} = {format_plain(v, 4)}" for n, v in r["sizes"].items()) for r in rows],
+            **{n: np.array([r[n] for r in rows], dtype=np.float64) for n in figures},
+        },
+        units={"run": "1"} | {n: unit_from_name(n) for n in figures},
+        schema="pneucli/simulate/robust/1",
+        provenance=provenance,
+    )
+    plain = [asdict(r) for r in rates]
+    numbers = ("limit", "held", "runs", "worst", "worst_run")
+    write_table(
+        study.context.out / "robust_rates.parquet",
+        {
+            "check": [r["check"] for r in plain],
+            "effect": [r["effect"] for r in plain],
+            **{n: np.array([r[n] for r in plain], dtype=np.float64) for n in numbers},
+        },
+        units=dict.fromkeys(("held", "runs", "worst_run"), "1") | dict.fromkeys(("limit", "worst"), "the figure's"),
+        schema="pneucli/simulate/robust_rates/1",
+        provenance=provenance,
     )

@@ -13,8 +13,8 @@ import pytest
 import typer
 
 from pneucli import cli
+from pneucli.cli.commands.effects import plain_equation
 from pneucli.cli.program import build
-from pneucli.messages.equations import plain_equation
 from pneucli.paths import from_here
 from pneucli.pipeline.context import Context
 from tests.cli.conftest import Command

@@ -18,7 +18,7 @@ from pneucli.closed_loop.acceptance import (
 )
 from pneucli.closed_loop.law_comparison import without_component
 from pneucli.closed_loop.scenarios import read_scenarios
-from pneucli.messages import acceptance as words
+from pneucli.messages import design as words
 from tests.design import axis
 
 MODEL, CONTROLLER, WANTED = axis.model(), axis.controller(), axis.REQUIREMENTS

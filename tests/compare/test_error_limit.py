@@ -6,8 +6,7 @@ import numpy as np
 import pytest
 
 from pneucli.compare import find_error_regions
-from pneucli.compare.error_limit import ErrorDistribution, combined_distribution
-from pneucli.compare.expected_error import ExpectedError
+from pneucli.compare.expected_error import ErrorDistribution, ExpectedError, combined_distribution
 from tests.compare.test_channel_errors import comparison, with_limit
 
 SEGMENTS, DRAWS = 30, 6

@@ -5,8 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from pneucli.compare.channel_errors import ChannelResult
-from pneucli.compare.purpose import DEFAULT_SHARE, assess_purpose
+from pneucli.compare.channel_errors import DEFAULT_SHARE, ChannelResult, assess_purpose
 
 
 def result(channel: str, rmsd: float, span: float, use: str = "test", recording: str = "run") -> ChannelResult:

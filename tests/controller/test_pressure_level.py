@@ -15,7 +15,7 @@ from pneucli.controller import layout as at
 from pneucli.controller import pressure_level
 from pneucli.design.air_spring import level_for_stiffness, stiffness_per_pressure
 from pneucli.design.cascade_design import design_cascade
-from pneucli.messages import acceptance as words
+from pneucli.messages import design as words
 from pneucli.simulate import layout as out
 from tests.controller.test_cascade import of, settings, state
 from tests.design import axis

@@ -29,7 +29,7 @@ from pneucli.identify.estimation.fit import Estimate, Fit
 from pneucli.identify.estimation.parameters import FreeParameter, effect_parameters
 from pneucli.physics.effects import catalogue
 from pneucli.simulate.rig_quantities import rig_quantities
-from pneucli.stages import leak_answer
+from pneucli.stages import answer_parts
 from pneucli.stages.diagnosis_answer import detectability_answer, shift_answer
 from tests.simulate.synthetic_experiments import model
 
@@ -352,7 +352,7 @@ def sentence(one: visible.MinimumDetectableEffect) -> str:
 
 
 def test_a_limit_is_per_volume_of_a_vessel_of_unknown_volume(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(leak_answer, "only_ratio_identifiable", lambda study: study == "unknown")
+    monkeypatch.setattr(answer_parts, "only_ratio_identifiable", lambda study: study == "unknown")
     found = size_of("chamber-leak", ({"area": 1e-8}, 0.01))
     study: Any = "unknown"
     entry = detectability_answer(found, study)

@@ -14,7 +14,7 @@ from pneucli.diagnose.discrepancy import UnexplainedResidual, describe_lack_of_f
 from pneucli.diagnose.periodic_term import PeriodicTerm
 from pneucli.diagnose.smooth_term import SmoothTerm
 from pneucli.identify.residuals import ChamberPressures, ForceBalance, FreeRun, ImposedMotion
-from pneucli.messages.discrepancy import FREE_RUN, SHAPELESS, discrepancy_kind_text
+from pneucli.messages.verdict import FREE_RUN, SHAPELESS, discrepancy_kind_text
 
 VIEW: Any = ForceBalance(SimpleNamespace())  # type: ignore[arg-type]
 VIEW.__dict__["channels"] = ("force",)

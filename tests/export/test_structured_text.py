@@ -13,7 +13,7 @@ import pytest
 from pneucli.controller.laws import LAWS
 from pneucli.export import export_files, structured_text
 from pneucli.export.command_player import PlayedRecording, PlayerLimits, player_text
-from pneucli.plan.profile import hold
+from pneucli.plan.manoeuvre import hold
 from tests.design import axis
 
 blark = pytest.importorskip("blark.parse", reason="needs blark")

@@ -18,8 +18,8 @@ from pneucli.config import load_fleet
 from pneucli.errors import InputError
 from pneucli.fleet import run as stage
 from pneucli.fleet.output import evaluate_checks
-from pneucli.fleet.results import failure_cause, failure_result
 from pneucli.fleet.row import Job, ProgramMismatchError, require_same_program
+from pneucli.fleet.row_files import failure_cause, failure_result
 from pneucli.fleet.table import FleetRow
 
 ADDED = "odd,2026-01-01,,,,,,,none.csv,,,\nodd,soon,,,,,,,,,,\n"

@@ -16,11 +16,11 @@ from pneucli.errors import InputError
 from pneucli.executors import ThreadEngine
 from pneucli.fleet import row
 from pneucli.fleet import run as stage
-from pneucli.fleet.results import EMPTY_RESULT
+from pneucli.fleet.row_files import EMPTY_RESULT
 from pneucli.pipeline.manifest import read_manifest
 from pneucli.pipeline.runner import open_pipeline
+from pneucli.stages.changes import REFERENCE_FILE, read_baseline
 from pneucli.stages.pipeline_file import load_pipeline_file
-from pneucli.stages.tables.baseline import REFERENCE_FILE, read_baseline
 
 DATES = tuple(f"2026-01-0{k}" for k in range(1, 6))
 

@@ -9,8 +9,8 @@ from typing import Any
 import numpy as np
 import pytest
 
+from pneucli.fleet.dataset import Trend
 from pneucli.fleet.output import page_data, to_html, to_openmetrics
-from pneucli.fleet.trends import Trend
 
 RNG = np.random.default_rng(1)
 CHANGE = {"name": "piston-leak.area", "effect": "piston-leak", "before": 0.0, "after": 5.2e-8, "unit": "m^2"}

@@ -12,7 +12,7 @@ import pytest
 
 from pneucli.config import keys_at
 from pneucli.errors import InputError
-from pneucli.fleet.row_pipelines import folder_name, raw_file_names, require_columns, row_pipeline
+from pneucli.fleet.row_files import folder_name, raw_file_names, require_columns, row_pipeline
 from pneucli.fleet.table import FleetRow, read_rows
 
 TEMPLATE = """\

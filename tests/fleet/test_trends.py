@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from pneucli.fleet.trends import find_change_points, parameter_trends, robust_scatter
+from pneucli.fleet.dataset import find_change_points, parameter_trends, robust_scatter
 
 RNG = np.random.default_rng(3)
 

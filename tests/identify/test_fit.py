@@ -22,7 +22,7 @@ from pneucli.messages.formatting import format_interval
 from pneucli.recording import ParameterPrior
 from pneucli.simulate.model import parameter_value
 from pneucli.simulate.valve_forms.area import ValveArea
-from pneucli.stages.parameters_answer import parameters_answer
+from pneucli.stages.answer_parts import parameters_answer
 from tests.simulate.synthetic_experiments import RIG, make_experiment, model, time_grid
 
 RNG = np.random.default_rng

@@ -56,7 +56,7 @@ def test_parameters_of_another_virtual_rig_are_within_3_percent(number: str) -> 
 
 
 def test_friction_that_drifts_is_a_misfit_of_a_function_of_velocity() -> None:
-    assert "misfit" in {warning.kind for warning in identified(case("17")).warnings}
+    assert "misfit" in {warning.code for warning in identified(case("17")).warnings}
 
 
 def synthetic(seed: int, pole: float, static: float = 10.0) -> MovingSamples:
@@ -77,7 +77,7 @@ def test_intervals_cover_the_truth_though_residuals_are_correlated(pole: float) 
     for seed in range(60):
         found = fit_coulomb(synthetic(seed, pole), offset=True).values()
         truth = {"coulomb": 10.0, "viscous": 50.0, "offset": 0.0}
-        hits += [found[k].ci_low <= t <= found[k].ci_high for k, t in truth.items()]
+        hits += [found[k].low <= t <= found[k].high for k, t in truth.items()]
     # 95 % of 180: below 88 % in less than one run of ten thousand, were they independent
     assert np.mean(hits) >= 0.88
 

@@ -63,7 +63,7 @@ def test_a_constant_force_is_identifiable_only_from_both_directions() -> None:
     rising = pressed(STICKY, np.abs(pulses(2, 30.0)) * 0.8)
     one_way = identify_friction([recorded(STICKY, rising, 2)], Model(RIG))
     assert "offset" not in one_way.parameters
-    assert "one-direction" in {warning.kind for warning in one_way.warnings}
+    assert "one-direction" in {warning.code for warning in one_way.warnings}
 
 
 def test_the_grid_is_the_users_to_choose() -> None:

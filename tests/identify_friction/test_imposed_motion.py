@@ -39,13 +39,13 @@ def test_kinetic_friction_is_half_the_difference_of_the_directions() -> None:
         assert one.offset.value == pytest.approx(0.7, abs=0.02)
         assert one.pressures["p2"] == pytest.approx(AMBIENT + pressure)
         assert one.speed == pytest.approx(0.01, rel=0.05)
-    assert "levels-differ" in {warning.kind for warning in found.warnings}
+    assert "levels-differ" in {warning.code for warning in found.warnings}
 
 
 def test_an_unidentifiable_mass_is_neglected_with_a_warning() -> None:
     found = identify_friction([stroking(4.0, 1e5)], Model(RIG))
     assert found.mass is None
-    assert "mass-not-identifiable" in {warning.kind for warning in found.warnings}
+    assert "mass-not-identifiable" in {warning.code for warning in found.warnings}
     assert {d.channel for d in found.deviations} == {"force"}
 
 
@@ -100,7 +100,7 @@ def test_positioning_system_has_its_published_parameters() -> None:
     assert found.mass.value == pytest.approx(95.109, rel=0.01)
     for name, published in (("coulomb", 20.39), ("viscous", 203.50), ("offset", -3.165)):
         assert found.parameters[name].value == pytest.approx(published, rel=0.06)
-        assert found.parameters[name].ci_low < published < found.parameters[name].ci_high
+        assert found.parameters[name].low < published < found.parameters[name].high
     error = next(d for d in found.deviations if (d.model, d.recording) == ("A", "train"))
     assert error.relative_percent < 4.6
 

@@ -56,7 +56,7 @@ def times_noise(found: FrictionIdentification, name: str, channel: str) -> float
 def test_the_parameters_of_a_lie_in_their_intervals_with_a_spring_and_a_constant_force() -> None:
     assert found_with().removed_effects == ("constant-force", "spring-force")
     for name, truth in (("coulomb", LOADED.coulomb), ("viscous", LOADED.viscous), ("offset", 0.0)):
-        assert found_with().parameters[name].ci_low <= truth <= found_with().parameters[name].ci_high, name
+        assert found_with().parameters[name].low <= truth <= found_with().parameters[name].high, name
 
 
 @pytest.mark.parametrize("name", "AB")
@@ -68,7 +68,7 @@ def test_its_replay_is_at_the_noise_with_the_other_effects(name: str) -> None:
 
 def test_without_them_a_constant_force_and_a_misfit_are_reported() -> None:
     assert found_with().warnings == ()
-    warnings = {warning.kind: warning.values for warning in found_without().warnings}
+    warnings = {warning.code: warning.values for warning in found_without().warnings}
     assert "force-offset" in warnings
     assert warnings["misfit"]["unmodelled"] == ()
 
@@ -140,7 +140,7 @@ def test_a_misfit_of_a_is_attributed_to_effects_that_it_cannot_represent() -> No
     friction = BENCH._replace(viscous_asymmetry=0.5)
     values = {"friction-asymmetry.asymmetry": 0.0, "friction-asymmetry.viscous_asymmetry": 0.5}
     found = identify_friction(runs(friction), model(values))
-    (misfit,) = [warning.values for warning in found.warnings if warning.kind == "misfit"]
+    (misfit,) = [warning.values for warning in found.warnings if warning.code == "misfit"]
     assert misfit["unmodelled"] == ("friction-asymmetry",)
     assert misfit["better"] == ["C", "F"]
 
@@ -150,8 +150,8 @@ def test_a_weight_that_moved_along_in_one_recording_is_not_friction_nor_the_rigs
     unknown = Model(replace(RIG, moving_mass=None))
     found = identify_friction([light, replace(heavy, added_mass=2.0)], unknown)
     assert found.mass is not None
-    assert found.mass.ci_low <= BENCH.mass <= found.mass.ci_high
+    assert found.mass.low <= BENCH.mass <= found.mass.high
     for name, truth in (("coulomb", BENCH.coulomb), ("viscous", BENCH.viscous)):
-        assert found.parameters[name].ci_low <= truth <= found.parameters[name].ci_high, name
+        assert found.parameters[name].low <= truth <= found.parameters[name].high, name
     assert times_noise(found, "A", "a") < 1.3
     assert times_noise(identify_friction([light, heavy], unknown), "A", "a") > 3.0

@@ -129,7 +129,7 @@ def test_coulomb_and_viscous_friction_are_found_with_honest_errors() -> None:
     values = [fit_coulomb(measured(truth(), seed), offset=True).values() for seed in range(30)]
     for name, true, unit in (("coulomb", 12.0, "N"), ("viscous", 40.0, "N s/m"), ("offset", 0.0, "N")):
         found = np.array([v[name].value for v in values])
-        half = np.array([v[name].ci_high - v[name].value for v in values])
+        half = np.array([v[name].high - v[name].value for v in values])
         assert {v[name].unit for v in values} == {unit}
         assert np.mean(found) == pytest.approx(true, abs=np.mean(half))
         assert np.mean(half) / Z95 == pytest.approx(np.std(found), rel=0.4)
@@ -141,7 +141,7 @@ def test_a_constant_force_is_fitted_on_request_and_may_be_negative() -> None:
     found = fit_coulomb(pushed, offset=True)
     assert found["offset"] == pytest.approx(-5.0, abs=0.1)
     assert found["coulomb"] == pytest.approx(12.0, abs=0.15)
-    assert found.values()["offset"].ci_low < -5.0 < found.values()["offset"].ci_high
+    assert found.values()["offset"].low < -5.0 < found.values()["offset"].high
     assert "offset" not in fit_coulomb(pushed, offset=False).names
     assert fit_coulomb(pushed, offset=False)["offset"] == 0.0
 
@@ -157,7 +157,7 @@ def test_a_mass_is_fitted_to_the_drive() -> None:
 def test_friction_is_never_negative() -> None:
     found = fit_coulomb(measured(-truth()), offset=False).values()
     assert found["coulomb"].value == pytest.approx(0.0, abs=1e-6)
-    assert min(found["coulomb"].ci_low, found["viscous"].ci_low) == 0.0
+    assert min(found["coulomb"].low, found["viscous"].low) == 0.0
 
 
 def test_the_deviation_of_a_fit_is_relative_to_the_sensors_noise() -> None:
@@ -371,8 +371,8 @@ def test_kinetic_friction_is_half_the_difference_of_both_directions() -> None:
     assert found.recording == "stroke"
     assert found.pressures == {"p1": 3e5}
     assert found.friction.unit == "N"
-    halves = [v.ci_high - v.value for v in (found.forward, found.backward, found.friction, found.offset)]
-    assert [v.value - v.ci_low for v in (found.forward, found.backward)] == pytest.approx(halves[:2])
+    halves = [v.high - v.value for v in (found.forward, found.backward, found.friction, found.offset)]
+    assert [v.value - v.low for v in (found.forward, found.backward)] == pytest.approx(halves[:2])
     assert halves[2] == pytest.approx(np.hypot(*halves[:2]) / 2)
     assert halves[2] == pytest.approx(halves[3])
     # the median of 3840 normal numbers: 1.25 / sqrt(3840) of their deviation

@@ -8,16 +8,16 @@ from typing import Any, cast
 import numpy as np
 import pytest
 
+from pneucli.figure import Figure
 from pneucli.identify.friction.imposed_motion import KineticFriction
 from pneucli.identify.friction.kinematics import Motion
-from pneucli.identify.friction.samples import IntervalEstimate
 from pneucli.identify.friction.summary_figures import break_away, pressure_dependence, repeatability
 
 AMBIENT = 1e5
 
 
 def level(name: str, friction: float, bar: float | None = None, speed: float = 0.01) -> KineticFriction:
-    value = IntervalEstimate(friction, friction - 0.1, friction + 0.1, "N")
+    value = Figure(friction, friction - 0.1, friction + 0.1, "N")
     pressures = {} if bar is None else {"p1": AMBIENT + bar * 1e5}
     return KineticFriction(name, pressures, speed, value, value, value, value)
 
@@ -36,7 +36,7 @@ def test_friction_grows_along_a_line_over_pressure() -> None:
     assert (line.at_ambient.unit, line.slope.unit) == ("N", "N/Pa")
     bent = pressure_dependence([level("a", 3.0, 1), level("b", 5.0, 3), level("c", 4.0, 5)], AMBIENT)
     assert bent is not None
-    assert bent.slope.ci_low < 0.25e-5 < bent.slope.ci_high
+    assert bent.slope.low < 0.25e-5 < bent.slope.high
 
 
 @pytest.mark.parametrize("bars", [(1, 5), (3, 3, 3), (None, None, None)])

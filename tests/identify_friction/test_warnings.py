@@ -9,10 +9,11 @@ import numpy as np
 import pytest
 
 from pneucli.errors import InputError
+from pneucli.figure import Figure
 from pneucli.identify.friction import identification, warnings
 from pneucli.identify.friction.regression import UNITS, FrictionFit
-from pneucli.identify.friction.samples import IntervalEstimate
-from pneucli.identify.friction.warnings import FrictionWarning, level_warnings, model_a_warnings
+from pneucli.identify.friction.warnings import level_warnings, model_a_warnings
+from pneucli.messages.findings import Finding
 from pneucli.quantities import Z95
 from pneucli.recording import Recording
 from tests.identify_friction.test_pieces import samples
@@ -30,12 +31,12 @@ def fitted(deviation: float = 1.0, error: float = 1.0, **values: float) -> Frict
     return FrictionFit(names, theta, (error / Z95) ** 2 * np.eye(len(names)), deviation)
 
 
-def warned(fit: FrictionFit, unmodelled: Any = None) -> list[FrictionWarning]:
+def warned(fit: FrictionFit, unmodelled: Any = None) -> list[Finding]:
     return list(model_a_warnings(fit, FAST, unmodelled or NONE))
 
 
 def kinds(fit: FrictionFit) -> list[str]:
-    return [warning.kind for warning in warned(fit)]
+    return [warning.code for warning in warned(fit)]
 
 
 def test_a_model_that_describes_its_samples_has_no_warning() -> None:
@@ -47,7 +48,7 @@ def test_a_model_that_describes_its_samples_has_no_warning() -> None:
     ("offset", "expected"), [(0.99, False), (1.01, True), (-0.99, False), (-1.01, True), (30.0, True)]
 )
 def test_a_constant_force_is_significant_where_its_interval_excludes_zero(offset: float, expected: bool) -> None:
-    assert warned(fitted(offset=offset)) == [FrictionWarning("force-offset", {"force": offset})] * expected
+    assert warned(fitted(offset=offset)) == [Finding("force-offset", {"force": offset})] * expected
 
 
 @pytest.mark.parametrize(("coulomb", "expected"), [(1.01, False), (0.99, True)])
@@ -76,20 +77,20 @@ def test_a_misfit_names_the_effects_that_a_cannot_represent_and_the_models_that_
 ) -> None:
     limit = warnings.MAX_RESIDUAL_TO_NOISE
     (misfit,) = warned(fitted(limit + 0.06), unmodelled)
-    assert (misfit.kind, misfit.values["ratio"]) == ("misfit", limit + 0.06)
+    assert (misfit.code, misfit.values["ratio"]) == ("misfit", limit + 0.06)
     assert (misfit.values["unmodelled"], misfit.values["better"]) == (unmodelled["A"], better)
     assert warned(fitted(limit), unmodelled) == []
 
 
 def level(low: float, value: float, high: float) -> Any:
-    return SimpleNamespace(friction=IntervalEstimate(value, low, high, "N"))
+    return SimpleNamespace(friction=Figure(value, low, high, "N"))
 
 
 def test_levels_of_recordings_differ_where_their_intervals_are_apart() -> None:
     assert list(level_warnings([])) == []
     assert list(level_warnings([level(10.0, 11.0, 12.0), level(12.0, 13.0, 14.0)])) == []
     assert list(level_warnings([level(10.0, 11.0, 12.0), level(12.1, 13.0, 14.0)])) == [
-        FrictionWarning("levels-differ", {"lowest": 11.0, "highest": 13.0})
+        Finding("levels-differ", {"lowest": 11.0, "highest": 13.0})
     ]
 
 
@@ -99,9 +100,9 @@ def test_every_parameter_has_its_unit_and_forces_and_masses_an_interval_from_zer
         "coulomb": "N", "viscous": "N s/m", "static": "N", "velocity": "m/s", "offset": "N",
     }  # fmt: skip
     assert UNITS["mass"] == "kg"
-    assert (found["coulomb"].ci_low, found["coulomb"].ci_high) == (0.0, pytest.approx(42.0))
-    assert (found["viscous"].ci_low, found["viscous"].ci_high) == (pytest.approx(10.0), pytest.approx(70.0))
-    assert (found["offset"].ci_low, found["offset"].ci_high) == (pytest.approx(-30.0), pytest.approx(30.0))
+    assert (found["coulomb"].low, found["coulomb"].high) == (0.0, pytest.approx(42.0))
+    assert (found["viscous"].low, found["viscous"].high) == (pytest.approx(10.0), pytest.approx(70.0))
+    assert (found["offset"].low, found["offset"].high) == (pytest.approx(-30.0), pytest.approx(30.0))
 
 
 def recording(kind: str, use: str = "train") -> Recording:

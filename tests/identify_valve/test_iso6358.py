@@ -25,7 +25,7 @@ UNIT = 0.484 * np.sqrt(2.0 / (287.0 * 293.15)) / 1.185  # m^3/(s Pa) of 1 m^2
     ("value", "contradicted"), [(0.1, True), (0.2, False), (0.3, False), (0.4, False), (0.5, True)]
 )
 def test_a_characteristic_is_contradicted_by_an_interval_that_excludes_it(value: float, contradicted: bool) -> None:
-    assert Characteristic(value, 0.0, 1.0, (0.3, 0.2, 0.4)).is_contradicted == contradicted
+    assert Characteristic(value, 0.0, 1.0, measured=(0.3, 0.2, 0.4)).is_contradicted == contradicted
     assert not Characteristic(value, 0.0, 1.0).is_contradicted
 
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from pneucli.messages.equations import plain_equation
+from pneucli.cli.commands.effects import plain_equation
 from pneucli.physics.effects import catalogue
 
 

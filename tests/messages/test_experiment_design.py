@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from pneucli.messages import experiment_design as words
+from pneucli.messages import diagnose as words
 
 
 def test_the_procedures_of_two_effects_are_joined_and_a_common_one_stands_once() -> None:

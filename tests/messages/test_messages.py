@@ -7,7 +7,7 @@ from typing import Any
 import pytest
 
 from pneucli import messages
-from pneucli.messages import compare, diagnose, history, ingest, plausibility, simulate, verdict
+from pneucli.messages import compare, diagnose, history, ingest, simulate, verdict
 from pneucli.messages import run as summary
 
 
@@ -25,11 +25,11 @@ def test_findings_say_what_is_left_out_then_what_conflicts_then_what_is_doubtful
     """A doubt about a recording is not taken for a contradiction in another one."""
     answer = {"plausibility": [finding("b", "doubt"), finding("a", "contradiction"), finding("c", "contradiction")]}
     said = "p2 rests at 0.01 bar; gauge?"
-    assert list(plausibility.lines(answer)) == [f"conflict a and 1 more, {said}", f"doubt    b, {said}"]
+    assert list(ingest.plausibility_lines(answer)) == [f"conflict a and 1 more, {said}", f"doubt    b, {said}"]
     left_out = [{"recording": "c", "signal": None}, {"recording": "a", "signal": "v"}]
     said_of_each = [f"left out c, {said}", f"conflict a, {said}", f"doubt    b, {said}"]
-    assert list(plausibility.lines(answer, left_out)) == said_of_each
-    assert list(plausibility.lines({})) == []
+    assert list(ingest.plausibility_lines(answer, left_out)) == said_of_each
+    assert list(ingest.plausibility_lines({})) == []
 
 
 def channel(name: str, ratio: float, use: str = "test") -> dict[str, Any]:

@@ -11,12 +11,12 @@ from typing import Any
 import pytest
 
 from pneucli import messages
-from pneucli.fleet.results import result_from_diagnosis
+from pneucli.fleet.row_files import result_from_diagnosis
 from pneucli.messages import run
-from pneucli.messages.verdict import detection_limit_sentence, location_phrase, verdict_sentence, warning_text
+from pneucli.messages.verdict import detection_limit_sentence, location_phrase, verdict_sentence
 from pneucli.report import to_html
-from pneucli.report.markdown_summary import to_markdown
 from pneucli.report.sections.diagnosis import section as diagnosis
+from pneucli.report.summaries import to_markdown
 from tests.report.bench import whole
 
 REST = {
@@ -189,10 +189,6 @@ def test_a_detection_limit_counts_from_the_null(null: float | None, limit: str) 
 def test_a_detection_limit_states_where_the_effect_acts() -> None:
     where = [location_phrase("length", 0.08, "m")]
     assert "(damping; length 80 mm)" in detection_limit_sentence("A cushion", "damping", 8.0, "N s/m", 0.0, where)
-
-
-def test_warnings_state_their_numbers() -> None:
-    assert warning_text("subsampled", used=10, samples=20).startswith("10 of 20 samples")
 
 
 def test_an_effect_that_takes_the_place_of_a_parameter_is_told_beside_it() -> None:

@@ -9,8 +9,8 @@ import pandas as pd
 import pytest
 
 import pneucli
-from pneucli.notebook import ladder
-from pneucli.notebook.panels import GAP_NOTE
+from pneucli.notebook import plots
+from pneucli.notebook.plots import GAP_NOTE
 
 
 def test_a_recording_is_drawn_by_channel_with_its_fit(axis: pneucli.Run) -> None:
@@ -57,7 +57,7 @@ def test_the_ladder_shows_the_models_before_the_present_one_and_what_is_suggeste
         {"effects": effects, "error": {"test": error, "train": None}, "data": data, "current": i == 2}
         for i, (effects, error, data) in enumerate([([], 9.0, "old"), ([], 8.0, "d"), (["stribeck"], 2.0, "d")])
     ]
-    monkeypatch.setattr(ladder, "history_answer", lambda folder: compared)
+    monkeypatch.setattr(plots, "history_answer", lambda folder: compared)
     steps = pd.DataFrame({"add": [None, "piston-leak"], "error_train": [1.0, 1.0], "error_test": [2.0, 1.1]})
     monkeypatch.setattr(type(axis), "ladder", steps)
     figure = axis.plot.ladder()

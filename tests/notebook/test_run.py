@@ -13,7 +13,7 @@ import pytest
 
 import pneucli
 from pneucli.io.artifacts import read_table
-from pneucli.notebook import overview
+from pneucli.notebook import run
 
 
 @pytest.mark.parametrize(
@@ -135,8 +135,8 @@ def test_a_run_shows_itself_at_a_glance(axis: pneucli.Run, valve: pneucli.Run) -
 
 
 def test_names_in_an_overview_are_escaped() -> None:
-    assert "<b>" not in overview.as_html("Run <b>", [("recordings", "<b>")])
+    assert "<b>" not in run.as_html("Run <b>", [("recordings", "<b>")])
 
 
 def test_an_empty_folder_has_an_overview(tmp_path: Path) -> None:
-    assert "none has run" in overview.as_text("Run", overview.run_overview(tmp_path))
+    assert "none has run" in run.as_text("Run", run.run_overview(tmp_path))

@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 
 from pneucli.errors import InputError
-from pneucli.pipeline.lock import LOCK_FILE, folder_lock
+from pneucli.pipeline.folders import LOCK_FILE, folder_lock
 
 
 def test_a_second_run_waits_and_says_for_which_process(tmp_path: Path) -> None:

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 
-from pneucli.pipeline import speeds
+from pneucli.pipeline import workload
 from pneucli.pipeline.context import Context, Progress, Workload
 from pneucli.pipeline.manifest import Stamp
 from tests.pipeline import toys
@@ -17,25 +17,25 @@ from tests.pipeline import toys
 @pytest.fixture(autouse=True)
 def cache(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     """An empty cache, and nothing known of other machines."""
-    monkeypatch.setattr(speeds, "cache_folder", lambda: tmp_path)
-    monkeypatch.setattr(speeds, "DEMO_RUNS", {})
-    return tmp_path / speeds.SPEEDS_FILE
+    monkeypatch.setattr(workload, "cache_folder", lambda: tmp_path)
+    monkeypatch.setattr(workload, "DEMO_RUNS", {})
+    return tmp_path / workload.SPEEDS_FILE
 
 
 def test_the_last_run_of_the_pipeline_tells_by_its_work() -> None:
-    assert speeds.estimate("compare", Path("a.toml"), 10.0) is None
-    speeds.remember("compare", Path("a.toml"), 10.0, 4.0)
-    speeds.remember("compare", Path("a.toml"), 10.0, 5.0)
-    assert speeds.estimate("compare", Path("a.toml"), 20.0) == pytest.approx(10.0)
-    assert speeds.estimate("diagnose", Path("a.toml"), 20.0) is None
+    assert workload.estimate("compare", Path("a.toml"), 10.0) is None
+    workload.remember("compare", Path("a.toml"), 10.0, 4.0)
+    workload.remember("compare", Path("a.toml"), 10.0, 5.0)
+    assert workload.estimate("compare", Path("a.toml"), 20.0) == pytest.approx(10.0)
+    assert workload.estimate("diagnose", Path("a.toml"), 20.0) is None
 
 
 def test_of_other_pipelines_the_one_alike_in_size_tells() -> None:
-    speeds.remember("compare", Path("small.toml"), 10.0, 5.0)
-    speeds.remember("compare", Path("large.toml"), 1e6, 100.0)
-    assert speeds.estimate("compare", Path("new.toml"), 2e6) == pytest.approx(200.0)
-    assert speeds.estimate("compare", Path("new.toml"), 20.0) == pytest.approx(10.0)
-    assert speeds.estimate("compare", Path("small.toml"), 1e6) == pytest.approx(5e5)  # its own, however unlike
+    workload.remember("compare", Path("small.toml"), 10.0, 5.0)
+    workload.remember("compare", Path("large.toml"), 1e6, 100.0)
+    assert workload.estimate("compare", Path("new.toml"), 2e6) == pytest.approx(200.0)
+    assert workload.estimate("compare", Path("new.toml"), 20.0) == pytest.approx(10.0)
+    assert workload.estimate("compare", Path("small.toml"), 1e6) == pytest.approx(5e5)  # its own, however unlike
 
 
 @pytest.mark.parametrize(
@@ -43,24 +43,24 @@ def test_of_other_pipelines_the_one_alike_in_size_tells() -> None:
 )
 def test_a_damaged_file_counts_as_none(cache: Path, text: str) -> None:
     cache.write_text(text)
-    assert speeds.estimate("compare", Path("a.toml"), 1.0) is None
-    speeds.remember("compare", Path("a.toml"), 1.0, 2.0)
-    assert speeds.estimate("compare", Path("a.toml"), 1.0) == pytest.approx(2.0)
+    assert workload.estimate("compare", Path("a.toml"), 1.0) is None
+    workload.remember("compare", Path("a.toml"), 1.0, 2.0)
+    assert workload.estimate("compare", Path("a.toml"), 1.0) == pytest.approx(2.0)
 
 
 def test_on_a_new_machine_the_demo_on_another_one_tells_by_the_speed_of_both(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(speeds, "DEMO_RUNS", {"compare": speeds.DemoRun(10.0, 4.0, 1.0)})
-    monkeypatch.setattr(speeds, "_slowness", lambda: 3.0)
-    assert speeds.estimate("compare", Path("a.toml"), 20.0) == pytest.approx(27.0)
-    assert speeds.estimate("diagnose", Path("a.toml"), 20.0) is None
-    speeds.remember("compare", Path("b.toml"), 20.0, 7.0)
-    assert speeds.estimate("compare", Path("a.toml"), 20.0) == pytest.approx(7.0)
+    monkeypatch.setattr(workload, "DEMO_RUNS", {"compare": workload.DemoRun(10.0, 4.0, 1.0)})
+    monkeypatch.setattr(workload, "_slowness", lambda: 3.0)
+    assert workload.estimate("compare", Path("a.toml"), 20.0) == pytest.approx(27.0)
+    assert workload.estimate("diagnose", Path("a.toml"), 20.0) is None
+    workload.remember("compare", Path("b.toml"), 20.0, 7.0)
+    assert workload.estimate("compare", Path("a.toml"), 20.0) == pytest.approx(7.0)
 
 
 def test_the_file_does_not_grow_for_ever() -> None:
-    for number in range(speeds.MAX_PIPELINES + 1):
-        speeds.remember("compare", Path(f"{number}.toml"), 1.0 + number, 7.0 * (1.0 + number) ** 2)
-    assert speeds.estimate("compare", Path("0.toml"), 1.0) == pytest.approx(14.0)  # as that of 1.toml
+    for number in range(workload.MAX_PIPELINES + 1):
+        workload.remember("compare", Path(f"{number}.toml"), 1.0 + number, 7.0 * (1.0 + number) ** 2)
+    assert workload.estimate("compare", Path("0.toml"), 1.0) == pytest.approx(14.0)  # as that of 1.toml
 
 
 def test_a_stage_says_what_it_has_before_it_and_about_how_long(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -76,7 +76,7 @@ def test_a_stage_says_what_it_has_before_it_and_about_how_long(tmp_path: Path, m
     file = toys.new(tmp_path / "rig")
     pipeline = replace(toys.toy(file), workload=work)
     pipeline.update(["raw"], progress=Begun(), notify=said.append)
-    monkeypatch.setattr(speeds, "estimate", lambda stage, path, units: 130.0)
+    monkeypatch.setattr(workload, "estimate", lambda stage, path, units: 130.0)
     (tmp_path / "rig" / "raw" / "c.csv").write_text("0")
     pipeline.update(["raw"], progress=Begun(), notify=said.append)
     assert said == [
@@ -89,6 +89,6 @@ def test_a_stage_says_what_it_has_before_it_and_about_how_long(tmp_path: Path, m
 def test_what_a_stage_took_is_remembered(tmp_path: Path) -> None:
     pipeline = replace(toys.toy(toys.new(tmp_path / "rig")), workload=lambda *about: Workload("", 2.0))
     pipeline.update(["model"])
-    assert speeds.estimate("model", pipeline.path, 4.0) == pytest.approx(
+    assert workload.estimate("model", pipeline.path, 4.0) == pytest.approx(
         2.0 * pipeline.update(["model"])["model"].manifest.seconds
     )

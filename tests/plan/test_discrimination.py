@@ -6,7 +6,7 @@ from dataclasses import replace
 
 from pneucli.noise import NoiseModel
 from pneucli.plan.bench import recorded_benches
-from pneucli.plan.discrimination import MIN_SEPARATION, most_discriminating_manoeuvre
+from pneucli.plan.rivals import MIN_SEPARATION, most_discriminating_manoeuvre
 from pneucli.simulate.experiment import Experiment
 from tests.simulate.synthetic_experiments import held_commands, make_experiment, model, time_grid
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from pneucli.plan.profile import duration_of, hold, ramp, sample, sine
+from pneucli.plan.manoeuvre import duration_of, hold, ramp, sample, sine
 
 
 def test_a_sine_begins_and_ends_at_its_centre_without_a_jump():

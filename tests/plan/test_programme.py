@@ -11,10 +11,8 @@ import pytest
 
 from pneucli.plan.bench import described_benches
 from pneucli.plan.limits import limits_of
-from pneucli.plan.manoeuvre import Manoeuvre
-from pneucli.plan.manoeuvres import candidate_manoeuvres, manual_manoeuvres
-from pneucli.plan.profile import hold
-from pneucli.plan.programme import cost_of, draw_programme
+from pneucli.plan.manoeuvre import Manoeuvre, hold
+from pneucli.plan.manoeuvres import candidate_manoeuvres, cost_of, draw_programme, manual_manoeuvres
 from pneucli.recording import Rig
 
 RIG = Rig(supply_pressure=7e5, piston_area_1=8e-4, stroke=0.2, moving_mass=2.0, vessel_volume=160e-6)

@@ -12,16 +12,16 @@ import pytest
 from pneucli.identify.estimation.parameters import FreeParameter
 from pneucli.plan.bench import described_benches
 from pneucli.plan.first import extreme_models, typical_model
-from pneucli.plan.limits import limits_of
-from pneucli.plan.manoeuvres import candidate_manoeuvres
-from pneucli.plan.safety import (
+from pneucli.plan.limits import (
     SHIFTED_BEST,
     SHIFTED_RIVAL,
     Safety,
+    limits_of,
     models_to_check,
     shifted_models,
     with_monotone_valves,
 )
+from pneucli.plan.manoeuvres import candidate_manoeuvres
 from pneucli.plan.simulation import simulate_manoeuvre
 from pneucli.recording import Rig
 from pneucli.simulate.model import Model

@@ -11,9 +11,8 @@ from pneucli.physics.effects import catalogue
 from pneucli.plan.bench import Bench, described_benches
 from pneucli.plan.first import typical_model
 from pneucli.plan.limits import limits_of, violations
-from pneucli.plan.manoeuvre import Manoeuvre
+from pneucli.plan.manoeuvre import Manoeuvre, sample
 from pneucli.plan.manoeuvres import SPEED_SHARE, candidate_manoeuvres, manual_manoeuvres
-from pneucli.plan.profile import sample
 from pneucli.plan.simulation import needed_force, simulate_manoeuvre, synthetic_recording
 from pneucli.recording import Rig
 from pneucli.simulate.model import Model

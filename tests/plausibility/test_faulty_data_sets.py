@@ -11,7 +11,7 @@ import pytest
 
 from pneucli import messages
 from pneucli.config import load
-from pneucli.messages.plausibility import implausibility_sentences
+from pneucli.messages.ingest import implausibility_sentences
 from pneucli.pipeline.context import Context
 from pneucli.plausibility import SignalSummary
 from pneucli.stages import ingest

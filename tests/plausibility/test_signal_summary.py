@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from pneucli.messages.formatting import format_signal
-from pneucli.messages.plausibility import implausibility_sentences, signal_summary_table
+from pneucli.messages.ingest import implausibility_sentences, signal_summary_table
 from pneucli.noise import NoiseModel
 from pneucli.plausibility import summarize_signal
 from pneucli.plausibility.rig_check import Finding

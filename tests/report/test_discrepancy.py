@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from pneucli.messages import discrepancy
+from pneucli.messages import verdict
 from pneucli.report.report_data import Table
 from pneucli.report.sections.diagnosis import _smooth_terms
 
@@ -17,11 +17,11 @@ REST: dict[str, Any] = {
 
 
 def test_a_discrepancy_has_its_location_and_its_variable() -> None:
-    assert discrepancy.discrepancy_character(REST) == (
+    assert verdict.discrepancy_character(REST) == (
         "a force, a function of piston position (a parabola), or of pressure of chamber 1, or of pressure of chamber 2"
     )
-    assert discrepancy.discrepancy_location(REST) == "force errs by 13 times its noise (mechanics)"
-    assert discrepancy.explaining_signal(REST) == (
+    assert verdict.discrepancy_location(REST) == "force errs by 13 times its noise (mechanics)"
+    assert verdict.explaining_signal(REST) == (
         "A function of x explains 95 % of what is left in recordings that were left out."
     )
 
@@ -29,23 +29,23 @@ def test_a_discrepancy_has_its_location_and_its_variable() -> None:
 def test_of_many_other_signals_the_first_are_named() -> None:
     """Where it is a function of nearly every signal, their list tells nothing."""
     rest = REST | {"also_over": ["p1", "p2", "v", "a"]}
-    assert discrepancy.discrepancy_character(rest).endswith(
+    assert verdict.discrepancy_character(rest).endswith(
         "(a parabola), or of pressure of chamber 1, or of pressure of chamber 2, or of 2 other signals"
     )
     one_more = REST | {"also_over": ["p1", "p2", "v"]}
-    assert discrepancy.discrepancy_character(one_more).endswith("or of piston velocity")
+    assert verdict.discrepancy_character(one_more).endswith("or of piston velocity")
 
 
 def test_a_period_is_stated_only_for_fitted_recordings() -> None:
     """It is found in all recordings at once."""
     rest = REST | {"variable": "time", "law": "a sine", "also_over": []}
-    assert discrepancy.explaining_signal(rest) == "The period explains 95 % of what is left."
+    assert verdict.explaining_signal(rest) == "The period explains 95 % of what is left."
 
 
 def test_a_discrepancy_without_a_shape_has_no_explaining_signal() -> None:
     rest = REST | {"variable": None, "share": None, "law": None, "also_over": [], "character": "without a shape"}
-    assert discrepancy.discrepancy_character(rest) == "without a shape"
-    assert discrepancy.explaining_signal(rest) == ""
+    assert verdict.discrepancy_character(rest) == "without a shape"
+    assert verdict.explaining_signal(rest) == ""
 
 
 def test_the_smooth_term_is_drawn_over_its_signal() -> None:

@@ -4,8 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from pneucli.report.page_elements import Cell, Grid, Note, Section
-from pneucli.report.section_tables import section_tables
+from pneucli.report.page_elements import Cell, Grid, Note, Section, section_tables
 
 
 def test_columns_of_numbers_are_numbers_and_others_are_text() -> None:

@@ -6,7 +6,7 @@ from typing import Any
 
 import pytest
 
-from pneucli.stages.closed_loop_checks import closed_loop_checks
+from pneucli.stages.report import closed_loop_checks
 
 FIGURES: dict[str, Any] = {
     "steady_um": 4.0,

@@ -14,11 +14,11 @@ from pneucli.controller import layout as at
 from pneucli.errors import InputError
 from pneucli.export import export_files
 from pneucli.export.controller_file import ExportedController, load_controller
-from pneucli.messages import controller_logs as words
+from pneucli.messages import compare as words
 from pneucli.noise import NoiseModel
 from pneucli.recording import Recording
 from pneucli.simulate.preparation import prepare
-from pneucli.stages import controller_logs
+from pneucli.stages import compare
 from tests.design import axis
 
 MODEL, CONTROLLER = axis.model(), axis.controller()
@@ -38,9 +38,9 @@ def recording() -> Recording:
 
 
 def compared(recording: Recording, controller=CONTROLLER) -> Comparison:
-    looked = controller_logs.replay_recording(MODEL, recording, ExportedController(controller, "float64", "hash"))
+    looked = compare.replay_recording(MODEL, recording, ExportedController(controller, "float64", "hash"))
     bare = Comparison(prepare(recording, axis.RIG, 0.5), (), {}, {})
-    return controller_logs.with_commands(bare, {"log": looked}, MODEL)
+    return compare.with_commands(bare, {"log": looked}, MODEL)
 
 
 def test_the_command_of_the_controller_that_ran_stands_within_its_rounding(recording: Recording) -> None:
@@ -57,16 +57,16 @@ def test_the_command_of_another_controller_does_not(recording: Recording) -> Non
 
 def test_a_recording_without_a_known_controller_is_left_as_it_is(recording: Recording) -> None:
     bare = Comparison(prepare(recording, axis.RIG, 0.5), (), {}, {})
-    assert controller_logs.with_commands(bare, {}, MODEL) is bare
+    assert compare.with_commands(bare, {}, MODEL) is bare
 
 
 def test_what_was_foretold_stands_beside_what_came(recording: Recording) -> None:
-    told = controller_logs.log_answer(
-        controller_logs.replay_recording(MODEL, recording, ExportedController(CONTROLLER, "float64", "hash")), MODEL
+    told = compare.log_answer(
+        compare.replay_recording(MODEL, recording, ExportedController(CONTROLLER, "float64", "hash")), MODEL
     )
     assert told["measured"]["steady_um"] < 10.0
     assert told["foretold"]["settling_s"] == pytest.approx(told["measured"]["settling_s"], rel=0.3)
-    (line,) = words.lines({"closed_loop": [told]})
+    (line,) = words.controller_log_lines({"closed_loop": [told]})
     assert line.startswith("log, best: error at rest ")
     assert "predicted" in line
 
@@ -79,11 +79,11 @@ def test_controllers_are_found_beside_the_pipeline_and_an_unknown_one_is_none(
     found = [
         SimpleNamespace(name=n, where="pipeline.toml", table=SimpleNamespace(controller=c)) for n, c in tables.items()
     ]
-    monkeypatch.setattr(controller_logs, "recording_sources", lambda config: found)
+    monkeypatch.setattr(compare, "recording_sources", lambda config: found)
     context = SimpleNamespace(config=None, path=tmp_path / "pipeline.toml")
-    assert controller_logs.controllers_by_recording(context) == {
+    assert compare.controllers_by_recording(context) == {
         "a": load_controller(tmp_path / "pneucli_controller.c", "here")
     }
     found[0].table.controller = "nowhere/controller.c"
     with pytest.raises(InputError, match="controller"):
-        controller_logs.controllers_by_recording(context)
+        compare.controllers_by_recording(context)

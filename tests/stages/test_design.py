@@ -15,8 +15,8 @@ from pneucli.controller.laws import LAWS
 from pneucli.errors import InputError
 from pneucli.io.artifacts import read_metadata, read_table
 from pneucli.pipeline.context import Context, NotApplicable
-from pneucli.stages import closed_loop, design, export
-from pneucli.stages.designed_controller import load_controller, selected_controller
+from pneucli.stages import design, export, simulate
+from pneucli.stages.control_laws import load_controller, selected_controller
 from pneucli.stages.pipeline_data import PipelineData
 from tests.stages.chain import known_as_declared
 from tests.stages.conftest import DEMO
@@ -103,7 +103,7 @@ def test_the_closed_loop_on_the_identified_model_does_what_issue_and_checks_ask(
         + more.format("load", "hold") + 'load = "-50 N"\nload_to = "3.5 s"\n'
         + '\n[[scenarios]]\nkind = "monte-carlo"\nruns = 4\n',
     )  # fmt: skip
-    answer = closed_loop.simulate_closed_loop(PipelineData(context_of(designed, "simulate", path)))
+    answer = simulate.simulate_closed_loop(PipelineData(context_of(designed, "simulate", path)))
     known_as_declared("simulate", answer)
     json.dumps(answer, allow_nan=False)
     loop, alone = answer["closed_loop"], answer["pid_alone"]
@@ -126,7 +126,7 @@ def test_every_law_stands_on_the_bench_with_and_without_the_map(designed: Demo) 
     assert set(answer["without_map"]) == {f"{name}, no map" for name in LAWS}
     assert list(answer["ablation"]) == ["nothing", *COMPONENTS]
     assert answer["ablation"]["nothing"] == answer["compare"]["best"]
-    rest = {name: messages.law_comparison.worst_value(by, "steady_um") for name, by in answer["compare"].items()}
+    rest = {name: messages.design.worst_value(by, "steady_um") for name, by in answer["compare"].items()}
     assert max(rest["best"], rest["sector"]) <= answer["tolerance_um"] < min(rest["relay"], rest["pdc"])
     told = messages.render("design", answer, "demo.toml", verbose=True)
     assert "cascade without" in told

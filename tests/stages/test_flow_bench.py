@@ -125,7 +125,7 @@ def test_without_an_upstream_pressure_the_key_is_named(tmp_path):
     path = tmp_path / "pipeline.toml"
     path.write_text("\n".join(line for line in PIPELINE.splitlines() if not line.startswith("p_supply")))
     answer = check.check_pipeline(path)
-    assert [need["key"] for need in answer["missing"]] == ["supply_pressure"]
+    assert [need.key for need in answer.missing] == ["supply_pressure"]
 
 
 def test_a_plain_volume_flow_is_read_at_the_reference_atmosphere_and_said(tmp_path):

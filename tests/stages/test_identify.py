@@ -14,9 +14,8 @@ import pytest
 
 from pneucli import messages
 from pneucli.io.artifacts import read_metadata, read_table
-from pneucli.messages.valve import valve_warning
 from pneucli.stages import identify
-from pneucli.stages.tables.valve import MAX_TRAIN_RESIDUAL, lack_of_fit_findings, valve_findings
+from pneucli.stages.valve_tables import MAX_TRAIN_RESIDUAL, lack_of_fit_findings, valve_findings
 from tests.stages.chain import run_stages
 from tests.stages.conftest import DEMO
 
@@ -112,7 +111,7 @@ def test_one_valve(demo: Demo) -> None:
 
 def test_what_the_model_lacks_of_the_valve_is_a_warning_with_numbers() -> None:
     lack = SimpleNamespace(is_significant=True, median=0.047, p95=0.2, share_outside=0.61)
-    assert [valve_warning(code, **numbers) for code, numbers in lack_of_fit_findings(lack)] == [  # type: ignore[arg-type]
+    assert [one.text for one in lack_of_fit_findings(lack)] == [  # type: ignore[arg-type]
         "valve-lack-of-fit: the model's valve is off the measured map by 5 % in the median, 20 % at the 95th "
         "percentile, outside both 95 % intervals at 61 % of the points: pneucli diagnose says what it may lack"
     ]

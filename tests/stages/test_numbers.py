@@ -33,9 +33,9 @@ FOR_PROGRAMS = {
         "stages/history.py",
         "identify/valve/charge_budget.py",
         "simulate/valve_forms/area.py",
-        "stages/tables/flow.py",
+        "stages/flow_tables.py",
     ),  # names of rows
-    *("stages/tables/valve.py", "tp/model.py", "tp/sampling.py", "tp/scattered.py", "tp/weights.py"),
+    *("stages/valve_tables.py", "tp/model.py", "tp/sampling.py", "tp/scattered.py", "tp/weights.py"),
     "messages/formatting.py",
 }
 

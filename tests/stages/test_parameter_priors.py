@@ -11,8 +11,8 @@ from pneucli.errors import InputError
 from pneucli.physics.effects import catalogue
 from pneucli.plausibility.required_inputs import RequiredInput
 from pneucli.recording import ParameterPrior, Rig
-from pneucli.stages.parameter_priors import parameter_priors, with_started_supply
 from pneucli.stages.pipeline_data import require_stated
+from pneucli.stages.pipeline_file import parameter_priors, with_started_supply
 from tests.config.test_config import BASE, write
 
 

@@ -14,7 +14,7 @@ from pneucli.physics.effects import catalogue
 from pneucli.pipeline.context import Context
 from pneucli.pipeline.graph import STAGES
 from pneucli.pipeline.manifest import Stamp
-from pneucli.stages.workload import workload
+from pneucli.pipeline.workload import workload
 from tests.stages.conftest import DEMO
 
 RECORDINGS = {"recordings": [{"samples": 30_000}, {"samples": 18_000}]}

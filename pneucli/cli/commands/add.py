@@ -2,19 +2,63 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
 from pneucli.cli.command import Command, HowToRun
 from pneucli.cli.options import File
 from pneucli.errors import InputError
+from pneucli.messages import labelled, table
+from pneucli.messages.compare import lacks_something
+from pneucli.messages.formatting import format_noise_ratio, format_parameters, join_names
+
+if TYPE_CHECKING:
+    from pneucli.stages.diff import ErrorChange
 
 HELP = "Add effects to [model], identify anew, show the error before and after."
 Effects = Annotated[list[str] | None, typer.Argument(metavar="EFFECT", help="Names of effects.", show_default=False)]
 Suggested = Annotated[bool, typer.Option("--suggested", help="What the diagnosis names, in its order.")]
+
+
+@dataclass(frozen=True)
+class Edit:
+    """What adding or removing effects did: the error before and after, of the model and of each recording."""
+
+    schema: str
+    pipeline: str
+    effects: Sequence[str]
+    added: Sequence[str]
+    removed: Sequence[str]
+    before: Mapping[str, float | None]
+    after: Mapping[str, float | None]
+    lack_of_fit: Mapping[str, Any] | None
+    recordings: Sequence[ErrorChange]
+    parameters: Mapping[str, Mapping[str, Any]]
+
+    def lines(self, file: str, verbose: bool) -> Iterator[str]:
+        """Yield what was changed, the error before and after, each recording, and what to do next."""
+        changes = {"added": self.added, "removed": self.removed}
+        changed = " and ".join(f"{word} {join_names(names)}" for word, names in changes.items() if names)
+        yield from labelled("changed", f"{changed or 'nothing'}; effects: {join_names(self.effects) or 'none'}")
+        yield from labelled("error", self._error())
+        if self.parameters:
+            yield from labelled("size", format_parameters(self.parameters))
+        yield from table(("recording", "use", "before", "after, × noise"), [r.row for r in self.recordings], texts=2)
+        judged = {"error": self.after, "lack_of_fit": self.lack_of_fit}
+        yield from labelled("do", f"pneucli {'diagnose' if lacks_something(judged) else 'run'} {file}")
+
+    def _error(self) -> str:
+        """Return the error before and after on test recordings, and on those that were fitted."""
+        parts = [
+            f"{format_noise_ratio(self.before[use])} → {format_noise_ratio(self.after[use])} × noise on {name}"
+            for use, name in {"test": "test recordings", "train": "those fitted"}.items()
+            if self.after.get(use) is not None
+        ]
+        return ", ".join(parts) or "nothing was compared"
 
 
 def _add(
@@ -48,29 +92,28 @@ def change_effects(file: Path, effects: list[str], how: HowToRun) -> None:
     if effects != present:
         set_effects(file, effects)
     after = how.update(how.open(file), "compare")["compare"].answer
-    answer = _difference(before, after)
-    how.show("edit", answer, file)
+    how.tell(_edit(before, after), file)
     if how.verbose and not how.json:
         how.show("compare", after, file)
 
 
-def _difference(before: Mapping[str, Any], after: Mapping[str, Any]) -> dict[str, Any]:
+def _edit(before: Mapping[str, Any], after: Mapping[str, Any]) -> Edit:
     from pneucli.stages.diff import error_changes
 
     was, now = before["model"]["effects"], after["model"]["effects"]
     added = [name for name in now if name not in was]
-    return {
-        "schema": "pneucli/edit/1",
-        "pipeline": after["pipeline"],
-        "effects": now,
-        "added": added,
-        "removed": [name for name in was if name not in now],
-        "before": before["error"],
-        "after": after["error"],
-        "lack_of_fit": after.get("lack_of_fit"),
-        "recordings": error_changes(before["channels"], after["channels"]),
-        "parameters": {n: p for n, p in after["model"]["parameters"].items() if n.partition(".")[0] in added},
-    }
+    return Edit(
+        schema="pneucli/edit/1",
+        pipeline=after["pipeline"],
+        effects=now,
+        added=added,
+        removed=[name for name in was if name not in now],
+        before=before["error"],
+        after=after["error"],
+        lack_of_fit=after.get("lack_of_fit"),
+        recordings=error_changes(before["channels"], after["channels"]),
+        parameters={n: p for n, p in after["model"]["parameters"].items() if n.partition(".")[0] in added},
+    )
 
 
 COMMAND = Command(_add, "pneucli add axis-7/pipeline.toml --suggested", HELP, place=110)

@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
+from dataclasses import asdict
 from pathlib import Path
 from typing import Annotated
 
 import typer
 
-from pneucli import messages
 from pneucli.cli import console
 from pneucli.cli.command import Command, HowToRun
 from pneucli.cli.options import File
@@ -23,12 +23,12 @@ def _check(
 
     files = [pipeline, *(more or [])]
     answers = [check_pipeline(file) for file in files]
-    if how.json:
-        console.print_json(answers[0] if not more else {"schema": "pneucli/checks/1", "pipelines": answers})
+    if how.json and more:
+        console.print_json({"schema": "pneucli/checks/1", "pipelines": list(map(asdict, answers))})
     else:
         for file, answer in zip(files, answers, strict=True):
-            console.print_text(messages.render("check", answer, str(file), verbose=how.verbose))
-    if any(answer["faults"] or answer["missing"] for answer in answers):
+            how.tell(answer, file)
+    if any(answer.faults or answer.missing for answer in answers):
         raise typer.Exit(2)
 
 

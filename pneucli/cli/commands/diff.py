@@ -20,8 +20,7 @@ def _diff(a: A, b: B, how: How = How()) -> None:
     from pneucli.stages.diff import difference, read_answers
 
     one, other = (read_answers(str(path), _artifacts(path, how)) for path in (a, b))
-    answer = difference(one, other)
-    how.show("diff", answer, b)
+    how.tell(difference(one, other), b)
 
 
 def _artifacts(path: Path, how: How) -> Path:

@@ -5,21 +5,22 @@ from __future__ import annotations
 import io
 import os
 import sys
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, fields, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import Annotated, Any
 
 import typer
 
 from pneucli.cli.command import Command, HowToRun
-from pneucli.errors import InputError
-
-if TYPE_CHECKING:
-    from pneucli.notebook.panels import NotebookFigure
+from pneucli.errors import InputError, did_you_mean
+from pneucli.messages import labelled, table
+from pneucli.messages.compare import evaluation_error
+from pneucli.messages.formatting import format_fit, format_noise_ratio, format_quantity
 
 INSTALL = "pip install 'pneucli[terminal]'"
 HELP = "Measured, model and residual of a recording: in the terminal, or in a file with --save."
 ENDINGS = ("png", "svg", "pdf")
-
 Source = Annotated[
     Path,
     typer.Argument(
@@ -37,6 +38,55 @@ Channels = Annotated[
 Save = Annotated[
     Path | None, typer.Option("--save", metavar="FILE", help="Write the picture: .png, .svg or .pdf.")
 ]  # fmt: skip
+
+
+@dataclass(frozen=True)
+class Channel:
+    """One channel of the picture; its errors in ``unit`` (SI)."""
+
+    channel: str
+    unit: str
+    rmsd: float | None
+    noise: float | None
+    ratio_to_noise: float | None
+    fit_percent: float | None
+
+
+SHOWN = tuple(one.name for one in fields(Channel))
+
+
+@dataclass(frozen=True)
+class Plot:
+    """What a picture of a recording shows, where it is, or why it is not shown."""
+
+    schema: str
+    pipeline: str
+    recording: str
+    use: str
+    channels: Sequence[Channel]
+    file: str | None = None
+    not_shown: str | None = None
+
+    def lines(self, file: str, verbose: bool) -> Iterator[str]:
+        """Yield the errors of the channels that are shown, and the file or how to get one."""
+        parts = [f"{one.channel} {format_noise_ratio(one.ratio_to_noise)} × noise" for one in self.channels]
+        yield from labelled("shown", f"{self.recording} ({self.use}): {', '.join(parts)}")
+        if self.file:
+            yield from labelled("saved", self.file)
+        if self.not_shown:
+            command = f"pneucli plot {file} {self.recording} --save {self.recording}.png"
+            yield from labelled("picture", f"not shown: {self.not_shown}. To a file (.png, .svg, .pdf): {command}")
+        if verbose:
+            rows = [
+                (
+                    one.channel,
+                    *(format_quantity(size, one.unit, 3) for size in (one.rmsd, one.noise)),
+                    format_noise_ratio(one.ratio_to_noise),
+                    format_fit(one.fit_percent),
+                )
+                for one in self.channels
+            ]
+            yield from table(("channel", "rms error", "noise", "× noise", "fit"), rows, texts=1)
 
 
 def show_picture(png: bytes) -> str:
@@ -67,25 +117,47 @@ def _plot(
             f"--save {save}", f'the ending "{save.suffix}"', wanted, f"--save {save.stem}.png", code="E001"
         )
     from pneucli.notebook.run import open_run
-    from pneucli.stages.plot import plot_answer
 
     run = open_run(pipeline, how.out, quiet=how.quiet)
-    answer = plot_answer(run.answer("compare"), recording, channel)
-    figure = run.plot.residuals(answer["recording"], channel)
-    answer |= _save(figure, save) if save is not None else _show(figure, how.json)
-    how.show("plot", answer, pipeline)
+    shown = shown_channels(run.answer("compare"), recording, channel)
+    figure = run.plot.residuals(shown.recording, channel)
+    if save is not None:
+        save.parent.mkdir(parents=True, exist_ok=True)
+        figure.savefig(save, dpi=150)
+        how.tell(replace(shown, file=str(save)), pipeline)
+        return
+    # under --json standard output has room for the answer alone
+    why = "--json prints the answer alone" if how.json else show_picture(figure._repr_png_())
+    how.tell(replace(shown, not_shown=why or None), pipeline)
 
 
-def _save(figure: NotebookFigure, file: Path) -> dict[str, Any]:
-    file.parent.mkdir(parents=True, exist_ok=True)
-    figure.savefig(file, dpi=150)
-    return {"file": str(file), "not_shown": None}
+def shown_channels(compared: Mapping[str, Any], recording: str | None, channels: Sequence[str] | None) -> Plot:
+    """Return what a picture of one recording shows, by default of the one with the largest error that judges the model.
+
+    Raises InputError where the recording, or one of the channels, was not compared.
+    """
+    name = worst_recording(compared) if recording is None else recording
+    rows = [row for row in compared["channels"] if row["recording"] == name]
+    _require("recording", str(name), {row["recording"] for row in compared["channels"]})
+    for channel in channels or ():
+        _require("channel", channel, {row["channel"] for row in rows})
+    shown = [Channel(*map(row.get, SHOWN)) for row in rows if not channels or row["channel"] in channels]
+    return Plot("pneucli/plot/1", compared["pipeline"], str(name), rows[0]["use"], shown)
 
 
-def _show(figure: NotebookFigure, json: bool) -> dict[str, Any]:
-    """Show the figure; under ``--json`` standard output has room for the answer alone."""
-    why = "--json prints the answer alone" if json else show_picture(figure._repr_png_())
-    return {"file": None, "not_shown": why or None}
+def _require(kind: str, name: str, known: set[str]) -> None:
+    if name not in known:
+        raise InputError(f"plot, {kind}", f'"{name}" was not compared', mend=did_you_mean(name, known), code="E091")
+
+
+def worst_recording(compared: Mapping[str, Any]) -> str | None:
+    """Return the recording with the largest error over noise among those that judge the model."""
+    from pneucli.stages.diff import error_changes
+
+    use, _ = evaluation_error(compared["error"])
+    rows = [row for row in error_changes([], compared["channels"]) if row.use == use]
+    worst = max(rows, key=lambda row: row.after or 0.0, default=None)
+    return None if worst is None else worst.recording
 
 
 COMMAND = Command(

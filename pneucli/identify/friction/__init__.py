@@ -9,7 +9,6 @@ from pneucli.identify.friction.imposed_motion import KineticFriction
 from pneucli.identify.friction.kinematics import Motion, estimate_motion
 from pneucli.identify.friction.model_error import Deviation
 from pneucli.identify.friction.models_a_to_f import grid_convergence
-from pneucli.identify.friction.samples import IntervalEstimate
 from pneucli.identify.friction.stick_slip import AveragedFriction, StickSlip
 
 __all__ = [
@@ -18,7 +17,6 @@ __all__ = [
     "FrictionCurve",
     "FrictionIdentification",
     "FrictionModel",
-    "IntervalEstimate",
     "KineticFriction",
     "ModelBranch",
     "Motion",

@@ -9,13 +9,12 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
+from pneucli.figure import Figure
 from pneucli.identify.friction.binned_curve import Branch
-from pneucli.identify.friction.samples import IntervalEstimate
 from pneucli.tp import TPModel
 
 Array = NDArray[np.float64]
 ModelName = Literal["A", "B", "C", "D", "E", "F"]
-
 TITLES: dict[ModelName, str] = {
     "A": "Stribeck friction",
     "B": "TP model of A",
@@ -85,7 +84,7 @@ class ModelBranch:
 
     branch: Branch
     force: Callable[[Array], Array]
-    parameters: Mapping[str, IntervalEstimate] = field(default_factory=dict)
+    parameters: Mapping[str, Figure] = field(default_factory=dict)
     tp: TPModel | None = None
 
 

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from pneucli.errors import InputError
+from pneucli.figure import Figure
 from pneucli.identify.friction.binned_curve import FrictionCurve, binned_curve
 from pneucli.identify.friction.friction_model import DEFAULT_NODES, FrictionModel, ModelName, VelocityDomain
 from pneucli.identify.friction.imposed_motion import KineticFriction, kinetic_friction
@@ -15,7 +16,7 @@ from pneucli.identify.friction.kinematics import Motion, estimate_motion, with_c
 from pneucli.identify.friction.model_error import Deviation, StickSlipReplay, model_deviations, replay_stick_slip
 from pneucli.identify.friction.models_a_to_f import identify_models
 from pneucli.identify.friction.regression import fit_coulomb, fit_stribeck
-from pneucli.identify.friction.samples import IntervalEstimate, pool_samples
+from pneucli.identify.friction.samples import pool_samples
 from pneucli.identify.friction.stick_slip import AveragedFriction, StickSlip, average_stick_slips, find_stick_slips
 from pneucli.identify.friction.summary_figures import (
     BreakAway,
@@ -26,7 +27,8 @@ from pneucli.identify.friction.summary_figures import (
     repeatability,
 )
 from pneucli.identify.friction.unmodelled_effects import unmodelled_effects
-from pneucli.identify.friction.warnings import FrictionWarning, level_warnings, missing_model_warnings, model_a_warnings
+from pneucli.identify.friction.warnings import level_warnings, missing_model_warnings, model_a_warnings
+from pneucli.messages.findings import Finding
 from pneucli.recording import Recording
 from pneucli.simulate.model import Model
 
@@ -47,8 +49,8 @@ class FrictionIdentification:
     were removed, ``unmodelled_effects`` for each of A to F the effects on friction that it cannot represent.
     """
 
-    mass: IntervalEstimate | None
-    parameters: Mapping[str, IntervalEstimate]
+    mass: Figure | None
+    parameters: Mapping[str, Figure]
     domain: VelocityDomain
     motions: tuple[Motion, ...]
     curves: tuple[FrictionCurve, ...]
@@ -63,7 +65,7 @@ class FrictionIdentification:
     repeatability: tuple[Repeatability, ...]
     removed_effects: tuple[str, ...]
     unmodelled_effects: Mapping[ModelName, tuple[str, ...]]
-    warnings: tuple[FrictionWarning, ...]
+    warnings: tuple[Finding, ...]
 
     @property
     def offset(self) -> float:
@@ -106,7 +108,7 @@ def identify_friction(
     """
     motions = with_contact([estimate_motion(r, model) for r in _friction_recordings(recordings)], model.rig.stroke)
     train = [m for m in motions if m.recording.use == "train"]
-    warnings: list[FrictionWarning] = []
+    warnings: list[Finding] = []
     mass = _mass(train, warnings)
     inertia = mass.value if mass else 0.0
     samples, unmodelled = pool_samples(train, inertia), unmodelled_effects(model, train)
@@ -114,7 +116,7 @@ def identify_friction(
         found, wanted = f"{len(samples)} moving samples", f"at least {MIN_MOVING_SAMPLES}"
         raise InputError("friction recordings", found, wanted, "move further", code="E062")
     if not samples.both_directions:
-        warnings.append(FrictionWarning("one-direction"))
+        warnings.append(Finding("one-direction"))
     fit_a = fit_stribeck(samples, offset=samples.both_directions)
     max_speed = max(float(np.abs(m.v[m.valid]).max()) for m in motions)  # the models cover the velocities of the tests
     resolution = max(m.rest_speed for m in train)
@@ -160,15 +162,15 @@ def _friction_recordings(recordings: Sequence[Recording]) -> list[Recording]:
     return tests
 
 
-def _mass(train: Sequence[Motion], warnings: list[FrictionWarning]) -> IntervalEstimate | None:
+def _mass(train: Sequence[Motion], warnings: list[Finding]) -> Figure | None:
     """Return the moving mass: stated, or fitted together with Coulomb and viscous friction where it is observable."""
     if stated_mass := train[0].non_friction.model.rig.moving_mass:
         mass = stated_mass + train[0].non_friction.added_mass
-        return IntervalEstimate(mass, mass, mass, "kg")
+        return Figure(mass, mass, mass, "kg")
     samples = pool_samples(train, 0.0)
     fit = fit_coulomb(samples, offset=samples.both_directions, mass=True)
     estimate = fit.values()["mass"]
-    if estimate.value and estimate.ci_high - estimate.value < MAX_RELATIVE_MASS_ERROR * estimate.value:
+    if estimate.value and estimate.high - estimate.value < MAX_RELATIVE_MASS_ERROR * estimate.value:
         return estimate
     if not all(m.imposed for m in train):
         raise InputError(
@@ -177,5 +179,5 @@ def _mass(train: Sequence[Motion], warnings: list[FrictionWarning]) -> IntervalE
             "the moving mass",
             code="E063",
         )
-    warnings.append(FrictionWarning("mass-not-identifiable"))
+    warnings.append(Finding("mass-not-identifiable"))
     return None

@@ -7,12 +7,11 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from pneucli.figure import Figure
 from pneucli.identify.friction.kinematics import Motion
-from pneucli.identify.friction.samples import IntervalEstimate
 from pneucli.quantities import Z95
 
 Array = NDArray[np.float64]
-
 MIN_STROKE_SPEED_RATIO = 0.5  # of the median speed while moving: slower samples belong to a reversal
 
 
@@ -29,10 +28,10 @@ class KineticFriction:
     recording: str
     pressures: dict[str, float]
     speed: float
-    forward: IntervalEstimate
-    backward: IntervalEstimate
-    friction: IntervalEstimate
-    offset: IntervalEstimate
+    forward: Figure
+    backward: Figure
+    friction: Figure
+    offset: Figure
 
 
 def kinetic_friction(motion: Motion, mass: float) -> KineticFriction | None:
@@ -81,5 +80,5 @@ def _bootstrapped_median(force: Array, time: Array, block_length: float) -> tupl
     return float(np.median(force)), float(np.std(medians))
 
 
-def _with_interval(value: float, error: float) -> IntervalEstimate:
-    return IntervalEstimate(value, value - Z95 * error, value + Z95 * error, "N")
+def _with_interval(value: float, error: float) -> Figure:
+    return Figure(value, value - Z95 * error, value + Z95 * error, "N")

@@ -20,7 +20,6 @@ from pneucli.identify.friction.samples import MovingSamples
 from pneucli.tp import transform
 
 Array = NDArray[np.float64]
-
 MIN_BRANCH_SAMPLES = 50  # of a branch, or of one direction of it
 MIN_NODE_SUPPORT = 0.5  # samples at an outermost node of a direct model, below which it does not count as measured
 
@@ -169,7 +168,7 @@ def identify_models(
     References:
         Thesis 6.1 to 6.3.
     """
-    a, viscous = parametric_model("A", domain, {"both": both}, both["offset"]), both.values()["viscous"].ci_low
+    a, viscous = parametric_model("A", domain, {"both": both}, both["offset"]), both.values()["viscous"].low
     candidates: list[FrictionModel | None] = [
         a,
         tp_from_model("B", a, mass),
@@ -201,7 +200,7 @@ def _common_offset(branch_samples: Mapping[Branch, MovingSamples]) -> float:
             fit_coulomb(branch_samples["slowing"], offset=True),
         )
     ]
-    return float(np.average([v.value for v in offsets], weights=[(v.ci_high - v.ci_low) ** -2.0 for v in offsets]))
+    return float(np.average([v.value for v in offsets], weights=[(v.high - v.low) ** -2.0 for v in offsets]))
 
 
 def _branch_fits(branch_samples: Mapping[Branch, MovingSamples], offset: float) -> dict[Branch, FrictionFit]:

@@ -8,9 +8,10 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from pneucli.figure import Figure
 from pneucli.identify.estimation.blocks import group_scores
 from pneucli.identify.estimation.least_squares import minimise
-from pneucli.identify.friction.samples import IntervalEstimate, MovingSamples
+from pneucli.identify.friction.samples import MovingSamples
 from pneucli.identify.guesses.direct_friction import search_stribeck
 from pneucli.noise import NORMAL_MAD
 from pneucli.physics.vectorised import stribeck_friction
@@ -18,7 +19,6 @@ from pneucli.quantities import Z95
 
 Array = NDArray[np.float64]
 Residual = Callable[[Array], Array]
-
 HUBER_THRESHOLD = 1.345  # robust standard deviations: 95 % efficient for normal residuals
 MAX_ITERATIONS, TOLERANCE = 50, 1e-10
 UNITS = {"coulomb": "N", "viscous": "N s/m", "static": "N", "velocity": "m/s", "offset": "N", "mass": "kg"}
@@ -36,13 +36,13 @@ class FrictionFit:
     def __getitem__(self, name: str) -> float:
         return float(self.theta[self.names.index(name)]) if name in self.names else 0.0
 
-    def values(self) -> dict[str, IntervalEstimate]:
+    def values(self) -> dict[str, Figure]:
         """Return each parameter with its 95 % interval; the interval of a force or mass is cut at zero."""
         half_width = Z95 * np.sqrt(np.diag(self.covariance))
         out = {}
         for name, value, h in zip(self.names, self.theta, half_width, strict=True):
             lower = value - h if name == "offset" else max(0.0, value - h)
-            out[name] = IntervalEstimate(float(value), float(lower), float(value + h), UNITS[name])
+            out[name] = Figure(float(value), float(lower), float(value + h), UNITS[name])
         return out
 
 

@@ -15,16 +15,6 @@ Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True)
-class IntervalEstimate:
-    """A number with its 95 % interval and its unit."""
-
-    value: float
-    ci_low: float
-    ci_high: float
-    unit: str
-
-
-@dataclass(frozen=True)
 class MovingSamples:
     """Moving samples of several recordings, each of shape (n,): velocity (m/s), acceleration (m/s^2), drive (N).
 

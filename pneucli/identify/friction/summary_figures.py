@@ -9,13 +9,12 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
+from pneucli.figure import Figure
 from pneucli.identify.friction.imposed_motion import KineticFriction
 from pneucli.identify.friction.kinematics import Motion
-from pneucli.identify.friction.samples import IntervalEstimate
 from pneucli.quantities import Z95
 
 Array = NDArray[np.float64]
-
 MIN_REST_SAMPLES = 5  # at rest before a break-away
 BREAKAWAY_SAMPLES = 3  # the last samples at rest, whose mean force is the break-away force
 MAX_PRESSURE_DIFFERENCE = 0.1  # of the gauge pressure, within which recordings repeat each other
@@ -29,7 +28,7 @@ class BreakAway:
     """The break-away force (N) of one recording: median over ``count`` break-aways, smallest and largest."""
 
     recording: str
-    force: IntervalEstimate
+    force: Figure
     minimum: float
     maximum: float
     count: int
@@ -39,8 +38,8 @@ class BreakAway:
 class PressureDependence:
     """Kinetic friction over the gauge pressure of chamber 1: N at ambient pressure, and N/Pa."""
 
-    at_ambient: IntervalEstimate
-    slope: IntervalEstimate
+    at_ambient: Figure
+    slope: Figure
 
 
 @dataclass(frozen=True)
@@ -67,7 +66,7 @@ def break_away(motion: Motion, mass: float = 0.0) -> BreakAway | None:
         return None
     median, error = float(np.median(forces)), 1.2533 * float(np.std(forces)) / np.sqrt(forces.size)  # of a median
     low, high = (median - Z95 * error, median + Z95 * error) if forces.size > 1 else (np.nan, np.nan)
-    force = IntervalEstimate(median, low, high, "N")
+    force = Figure(median, low, high, "N")
     return BreakAway(motion.recording.name, force, float(forces.min()), float(forces.max()), forces.size)
 
 
@@ -126,8 +125,8 @@ def pressure_dependence(levels: Sequence[KineticFriction], ambient: float) -> Pr
     errors = np.sqrt(np.diag(np.linalg.inv(design.T @ design)) * float(np.sum(squares)) / (p.size - 2))
     (at_ambient, slope), (e0, e1) = coefficients.tolist(), errors.tolist()
     return PressureDependence(
-        IntervalEstimate(at_ambient, at_ambient - Z95 * e0, at_ambient + Z95 * e0, "N"),
-        IntervalEstimate(1e-5 * slope, 1e-5 * (slope - Z95 * e1), 1e-5 * (slope + Z95 * e1), "N/Pa"),
+        Figure(at_ambient, at_ambient - Z95 * e0, at_ambient + Z95 * e0, "N"),
+        Figure(1e-5 * slope, 1e-5 * (slope - Z95 * e1), 1e-5 * (slope + Z95 * e1), "N/Pa"),
     )
 
 

@@ -14,10 +14,9 @@ from scipy.linalg import block_diag
 from pneucli.distributions import f_tail
 from pneucli.identify.valve.flow_bench import FlowBench
 from pneucli.identify.valve.flow_path import FlowPath
+from pneucli.messages.findings import Finding
 
 Array = NDArray[np.float64]
-Finding = tuple[str, dict[str, Any]]
-
 MIN_LOOP_COMMANDS = 5  # commands that were reached from below and from above
 MIN_SAME_SENSE = 0.75  # of these, at which the flow differs the same way: by chance 1 of 10 with five, 1 of 600 with 20
 MIN_LOOP_SHARE = 0.02  # of the flow, by which it differs: what a meter repeats
@@ -46,28 +45,30 @@ def bench_findings(bench: FlowBench) -> Iterator[Finding]:
     """
     uphill = _uphill(bench)
     if uphill:
-        yield "flow-uphill", {"rows": uphill, "of": sum(path.rows.flow.size for path in bench.paths)}
+        yield Finding("flow-uphill", {"rows": uphill, "of": sum(path.rows.flow.size for path in bench.paths)})
     loop = _pressure_loop(bench)
     if loop is not None:
-        yield "pressure-loop", loop
+        yield Finding("pressure-loop", loop)
     flowing = _flowing(bench)
     hysteresis = _hysteresis(flowing)
     if hysteresis is not None:
-        yield "flow-hysteresis", hysteresis
+        yield Finding("flow-hysteresis", hysteresis)
     worst = max(flowing, key=_scatter)
     if hysteresis is None and _scatter(worst) > MAX_SCATTER:
-        yield "flow-scatters", {"u": worst.rows.u, "share": _scatter(worst)} | _pair(worst)
+        yield Finding("flow-scatters", {"u": worst.rows.u, "share": _scatter(worst)} | _pair(worst))
     misfit = max(flowing, key=_lack_of_fit)
     if _lack_of_fit(misfit) > MIN_LACK_OF_FIT and MIN_CURVE_ERROR < _scatter(misfit) <= MAX_SCATTER:
-        yield "curve-not-followed", {"u": misfit.rows.u, "share": _scatter(misfit), "ratio": _lack_of_fit(misfit)}
+        yield Finding(
+            "curve-not-followed", {"u": misfit.rows.u, "share": _scatter(misfit), "ratio": _lack_of_fit(misfit)}
+        )
     yield from _equal_conductances(bench)
     for path in bench.paths:
         if _grows_against_pressure(path):
-            yield "flow-against-pressure", {"u": path.rows.u}
+            yield Finding("flow-against-pressure", {"u": path.rows.u})
             break
     remains = _offset(bench)
     if remains is not None:
-        yield "flow-at-no-difference", {"u": remains[1].rows.u, "share": remains[0]}
+        yield Finding("flow-at-no-difference", {"u": remains[1].rows.u, "share": abs(remains[0])})
     described = not uphill and loop is None  # else a cracking pressure is that of no component
     opening = [path for path in bench.paths if path.cracking is not None and described]
     if opening:
@@ -75,7 +76,7 @@ def bench_findings(bench: FlowBench) -> Iterator[Finding]:
         pressure = path.cracking
         assert pressure is not None
         numbers = {"pressure": (pressure.value, pressure.low, pressure.high), "count": len(opening)}
-        yield "cracking-pressure", {"u": path.rows.u, "paths": len(bench.paths), **numbers}
+        yield Finding("cracking-pressure", {"u": path.rows.u, "paths": len(bench.paths), **numbers})
 
 
 def sets_area(bench: FlowBench) -> bool | None:
@@ -188,7 +189,7 @@ def _equal_conductances(bench: FlowBench) -> Iterator[Finding]:
         alike = [path for path in _flowing(bench) if path.rows.direction == direction and path.rows.u is not None]
         sizes = np.array([path.C.value for path in alike])
         if len(alike) >= 2 and float(np.ptp(sizes)) < MAX_EQUAL_SPREAD * float(sizes.mean()):
-            yield "command-idle", {"count": len(alike), "spread": float(np.ptp(sizes) / sizes.mean())}
+            yield Finding("command-idle", {"count": len(alike), "spread": float(np.ptp(sizes) / sizes.mean())})
 
 
 def _grows_against_pressure(path: FlowPath) -> bool:

@@ -7,20 +7,11 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from pneucli.figure import Figure
 from pneucli.identify.valve.steady_rows import FlowRows
 from pneucli.physics.iso_flow import FlowCharacteristics, iso_mass_flow
 
 Array = NDArray[np.float64]
-
-
-@dataclass(frozen=True)
-class FlowParameter:
-    """A characteristic with its 95 % interval; not ``determined`` where typical values of valves hold it."""
-
-    value: float
-    low: float
-    high: float
-    determined: bool = True
 
 
 @dataclass(frozen=True)
@@ -41,10 +32,10 @@ class FlowPath:
 
     rows: FlowRows
     characteristics: FlowCharacteristics
-    C: FlowParameter
-    b: FlowParameter
-    m: FlowParameter
-    cracking: FlowParameter | None
+    C: Figure
+    b: Figure
+    m: Figure
+    cracking: Figure | None
     covariance: Array
     quantile: float
     deviation: Array

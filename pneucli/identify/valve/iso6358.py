@@ -15,6 +15,7 @@ from typing import cast
 import numpy as np
 from numpy.typing import NDArray
 
+from pneucli.figure import Figure
 from pneucli.identify.estimation.fit import Estimate, Fit
 from pneucli.identify.estimation.least_squares import minimise
 from pneucli.identify.valve.area_model import AreaModel
@@ -28,7 +29,6 @@ from pneucli.simulate.model import Model
 
 Array = NDArray[np.float64]
 Interval = tuple[float, float]
-
 ELLIPSE_SUBSONIC_INDEX = 0.5  # m of an ellipse
 PRESSURE_POINTS = 41  # of pressure, at which the map is read
 MIN_RELATIVE_ERROR = 1e-3  # of the largest gradient: the floor of the map's standard error
@@ -39,15 +39,12 @@ MAX_ERROR_RATIO = 0.5  # of that prior: a larger standard error means that the c
 
 
 @dataclass(frozen=True)
-class Characteristic:
-    """A characteristic and its 95 % interval; ``measured`` is that of the measured map: value, low, high.
+class Characteristic(Figure):
+    """A characteristic; ``measured`` is that of the measured map: value, low, high.
 
     ``parts`` are the standard uncertainties of the latter: of its noise, and of the thermal state.
     """
 
-    value: float
-    low: float
-    high: float
     measured: tuple[float, float, float] | None = None
     parts: tuple[float, float] | None = None
 
@@ -148,7 +145,7 @@ def _characteristic(
     low, high = model_interval or (value, value)
     measured = None if curve is None else (curve[0], curve[1], curve[2])
     parts = None if curve is None or len(curve) < 5 else (curve[3], curve[4])
-    characteristic = Characteristic(value, low, high, measured, parts)
+    characteristic = Characteristic(value, low, high, measured=measured, parts=parts)
     if model_interval is not None and not characteristic.is_contradicted:
         return characteristic
     typical = (

@@ -10,8 +10,9 @@ from functools import partial
 import numpy as np
 from numpy.typing import NDArray
 
+from pneucli.figure import Figure
 from pneucli.identify.valve.flow_bench import FlowBench
-from pneucli.identify.valve.flow_path import FlowParameter, FlowPath, coordinates_of
+from pneucli.identify.valve.flow_path import FlowPath, coordinates_of
 from pneucli.identify.valve.steady_flow import refit
 from pneucli.identify.valve.steady_rows import FlowRows
 from pneucli.identify.valve.uncertainty import (
@@ -24,7 +25,6 @@ from pneucli.identify.valve.uncertainty import (
 
 Array = NDArray[np.float64]
 Move = Callable[[FlowRows, float], FlowRows]
-
 FIGURES = (
     ("sonic_conductance", "C", "m^3/(s Pa)"),
     ("critical_ratio", "b", "1"),
@@ -71,7 +71,7 @@ def _path_budgets(
     missing = tuple(s for s in SIGNALS if s in recorded and s not in measurement.calibrations)
     found = {}
     for i, (name, letter, unit) in enumerate(FIGURES):
-        figure: FlowParameter | None = getattr(path, letter)
+        figure: Figure | None = getattr(path, letter)
         if figure is None:
             continue
         sources = [_scatter(path, i, figure, unit)]
@@ -81,7 +81,7 @@ def _path_budgets(
     return found
 
 
-def _scatter(path: FlowPath, i: int, figure: FlowParameter, unit: str) -> Contribution:
+def _scatter(path: FlowPath, i: int, figure: Figure, unit: str) -> Contribution:
     """Return the contribution of the rows' scatter: k times it has 95 % of Student's t."""
     scale = path.C.value if i == 0 else 1.0
     uncertainty = path.quantile / COVERAGE_FACTOR * math.sqrt(max(path.covariance[i, i], 0.0)) * scale
@@ -93,7 +93,7 @@ def _scatter(path: FlowPath, i: int, figure: FlowParameter, unit: str) -> Contri
     return Contribution("between shut and open rows", "B", between, unit, 1.0)
 
 
-def _interval(i: int, figure: FlowParameter, sources: Sequence[Contribution]) -> tuple[float, float]:
+def _interval(i: int, figure: Figure, sources: Sequence[Contribution]) -> tuple[float, float]:
     """Return the value with its expanded uncertainty; what the fit found one-sided stays so, and grows."""
     own, rest = sources[0], math.hypot(*(one.contribution for one in sources[1:]), 0.0)
     if i == 0:

@@ -13,15 +13,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pneucli.distributions import f_tail, student_t_quantile
+from pneucli.figure import Figure
 from pneucli.identify.valve.flow_noise import NoiseLaw, fit_noise_law, flow_deviation
-from pneucli.identify.valve.flow_path import FlowParameter, FlowPath, characteristics_at, coordinates_of
+from pneucli.identify.valve.flow_path import FlowPath, characteristics_at, coordinates_of
 from pneucli.identify.valve.iso6358 import MAX_ERROR_RATIO, TYPICAL_B_M, TYPICAL_B_M_SPREAD
 from pneucli.identify.valve.steady_rows import FlowRows
 from pneucli.physics.iso_flow import FlowCharacteristics, iso_mass_flow
 from pneucli.quantities import Z95
 
 Array = NDArray[np.float64]
-
 BOUNDS = (np.array([-7.0, 0.0, 0.2]), np.array([7.0, 0.9, 1.5]))  # of log C from its start, of b, of m
 MIN_GAIN = 12.0  # F of one parameter more: exceeded by chance in 1 of 1,000 with 15 rows and more
 MIN_CRACKING_SHARE = 0.005  # of the upstream pressure: a smaller difference is one of the gauges' zeros
@@ -219,7 +219,7 @@ def _path(
     c, lack = path.sonic_conductance, fit.cost / max(rows.flow.size - 4, 1)
     ends = (np.zeros(4), np.array([np.inf, 1.0, np.inf, np.inf]))
     b, m, cracking = (
-        FlowParameter(v, max(v - half[i], ends[0][i]), min(v + half[i], ends[1][i]))
+        Figure(v, max(v - half[i], ends[0][i]), min(v + half[i], ends[1][i]))
         for i, v in enumerate(coordinates_of(path)[1:], 1)
     )
     if not any(known):  # choked rows exclude a small b, and leave every larger one
@@ -228,7 +228,7 @@ def _path(
     return FlowPath(
         rows=rows,
         characteristics=path,
-        C=FlowParameter(c, c * float(np.exp(-half[0])), c * float(np.exp(half[0]))),
+        C=Figure(c, c * float(np.exp(-half[0])), c * float(np.exp(half[0]))),
         b=replace(b, determined=known[0]),
         m=replace(m, determined=known[1]),
         cracking=_cracking(rows, fit, cracking, follows=lack < MAX_LACK_OF_FIT),
@@ -238,7 +238,7 @@ def _path(
     )
 
 
-def _cracking(rows: FlowRows, fit: _Fit, fitted: FlowParameter, *, follows: bool) -> FlowParameter | None:
+def _cracking(rows: FlowRows, fit: _Fit, fitted: Figure, *, follows: bool) -> Figure | None:
     """Return the cracking pressure: as fitted, or between the rows that are shut and open.
 
     The latter holds where the path opens abruptly, and where its rows do not follow the curve.
@@ -250,4 +250,4 @@ def _cracking(rows: FlowRows, fit: _Fit, fitted: FlowParameter, *, follows: bool
     high = float(np.min(difference[~shut], initial=np.inf))
     if (follows and not fit.abrupt) or not low < high:
         return fitted
-    return FlowParameter(0.5 * (low + high), low, high)
+    return Figure(0.5 * (low + high), low, high)

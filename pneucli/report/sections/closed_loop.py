@@ -10,7 +10,7 @@ import numpy as np
 from matplotlib.ticker import NullLocator, ScalarFormatter
 from numpy.typing import NDArray
 
-from pneucli.messages import margins
+from pneucli.messages import design
 from pneucli.messages.design import describe_decay_rate, describe_matching, describe_sector
 from pneucli.messages.envelope import envelope_indices
 from pneucli.messages.formatting import format_number, in_display_unit
@@ -49,16 +49,16 @@ def margin_parts(answer: Mapping[str, Any], table: Table) -> list[Part]:
     if not answer or not answer["points"]:
         return []
     rows = [
-        [Cell(t, numeric=i > 0) for i, t in enumerate(margins.table_row(loop, w))]
+        [Cell(t, numeric=i > 0) for i, t in enumerate(design.margin_row(loop, w))]
         for loop, w in answer["worst"].items()
     ]
     caption = "The smallest margins over the stroke and both directions, one loop cut, the others closed."
-    doubts: list[Part] = [Note(f"{doubt}.", "warning") for doubt in margins.stability_warnings(answer)]
+    doubts: list[Part] = [Note(f"{doubt}.", "warning") for doubt in design.stability_warnings(answer)]
     return [
-        Grid(caption, margins.COLUMN_TITLES, rows),
+        Grid(caption, design.MARGIN_TITLES, rows),
         *doubts,
         *figures([_nyquist(answer, table)]),
-        Note(margins.validity_note(answer)),
+        Note(design.validity_note(answer)),
     ]
 
 
@@ -75,7 +75,7 @@ def _nyquist(answer: Mapping[str, Any], table: Table) -> Drawing:
         axes.plot(-1.0, 0.0, "+", color="#d00000", markersize=9, markeredgewidth=1.6)
         named = set()
         for (loop, _, _), rows in table.groups("loop", "x", "speed"):
-            label = None if loop in named else margins.LOOP_TITLES[loop]
+            label = None if loop in named else design.LOOP_TITLES[loop]
             axes.plot(rows["real"], rows["imaginary"], color=COLOURS[loop], linewidth=0.9, alpha=0.8, label=label)
             named.add(loop)
         for loop, worst in answer["worst"].items():

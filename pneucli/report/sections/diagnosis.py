@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from typing import Any
 
-from pneucli.messages import diagnose, discrepancy
+from pneucli.messages import diagnose, verdict
 from pneucli.messages.formatting import (
     axis_title,
     format_number,
@@ -182,7 +182,7 @@ def _changed_parameters(moved: Sequence[Answer]) -> Grid | None:
 
 def _remarks(answer: Answer) -> list[Part]:
     parts: list[Part] = []
-    if explained := discrepancy.explaining_signal(answer.get("unexplained") or {}):
+    if explained := verdict.explaining_signal(answer.get("unexplained") or {}):
         parts.append(Note(explained))
     parts += _discrepancy(answer.get("discrepancy", []))
     if following := answer.get("next_experiment"):

@@ -7,7 +7,8 @@ from typing import Any
 
 import numpy as np
 
-from pneucli.messages.flow import FLOW_COLUMNS, LITRES_PER_BAR, LITRES_PER_MINUTE, flow_row
+from pneucli.messages.findings import LITRES_PER_MINUTE
+from pneucli.messages.flow import FLOW_COLUMNS, LITRES_PER_BAR, flow_row
 from pneucli.messages.formatting import format_plain, format_quantity, in_display_unit
 from pneucli.report.figure import GREY, Drawing, drawing, figures, rank_colour
 from pneucli.report.page_elements import Cell, Grid, Note, Part, Section

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from matplotlib.ticker import NullLocator, ScalarFormatter
 
-from pneucli.messages import law_comparison
+from pneucli.messages.design import LAW_LEGEND, LAW_TITLES, law_rows, shortcomings
 from pneucli.messages.envelope import envelope_indices
 from pneucli.report.figure import GREY, PALETTE, Drawing, drawing, figures
 from pneucli.report.page_elements import Cell, Grid, Note, Part, Section
@@ -29,7 +29,7 @@ def section(material: ReportData) -> Section | None:
     signals = material.table("design/comparison_signals")
     tolerance = design["tolerance_um"]
     parts: list[Part] = [_grid("Results of each controller", design["compare"], tolerance)]
-    if poor := law_comparison.shortcomings(design["compare"], tolerance):
+    if poor := shortcomings(design["compare"], tolerance):
         parts.append(Note(f"With set-valued friction at rest {'; '.join(poor)}."))
     parts += [Note(f"Not designed: {name}: {why}.", "warning") for name, why in design["not_made"].items()]
     if design["ablation"]:
@@ -51,9 +51,9 @@ def section(material: ReportData) -> Section | None:
 def _grid(caption: str, cases: Answer, tolerance: float) -> Grid:
     rows = [
         [Cell(name, numeric=False), *map(Cell, figures), Cell(verdict, numeric=False)]
-        for name, *figures, verdict in law_comparison.table_rows(cases, tolerance)
+        for name, *figures, verdict in law_rows(cases, tolerance)
     ]
-    return Grid(f"{caption}: {law_comparison.COLUMN_LEGEND}.", ("controller", *law_comparison.COLUMN_TITLES), rows)
+    return Grid(f"{caption}: {LAW_LEGEND}.", ("controller", *LAW_TITLES), rows)
 
 
 def _pressure_control(design: Answer) -> Iterator[Grid]:

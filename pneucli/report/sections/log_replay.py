@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from pneucli.messages import controller_logs
+from pneucli.messages import compare
 from pneucli.report.page_elements import Cell, Grid, Part, Section
 from pneucli.report.report_data import ReportData
 
@@ -15,10 +15,10 @@ def section(material: ReportData) -> Section | None:
     parts: list[Part] = [
         Grid(
             f"{one['recording']}: controller {one['controller']}, {one['precision']}, hash {one['hash'][:12]}.",
-            controller_logs.COLUMN_TITLES,
+            compare.COLUMN_TITLES,
             [
                 [Cell(title, numeric=False), Cell(predicted), Cell(measured)]
-                for title, predicted, measured in controller_logs.figure_rows(one)
+                for title, predicted, measured in compare.figure_rows(one)
             ],
         )
         for one in found

@@ -7,7 +7,7 @@ from pathlib import PurePath
 from typing import Any
 
 from pneucli.messages.formatting import format_number, format_plain, format_quantity
-from pneucli.messages.plausibility import implausibility_sentences
+from pneucli.messages.ingest import implausibility_sentences
 from pneucli.report.page_elements import MAX_UNFOLDED_ROWS, Cell, Grid, Note, Part, Section, warning_notes
 from pneucli.report.report_data import ReportData
 

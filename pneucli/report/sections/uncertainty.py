@@ -14,7 +14,7 @@ from pneucli.messages.formatting import (
     in_display_unit,
     unit_symbol,
 )
-from pneucli.messages.uncertainty import INTERVAL_MEANING, largest_conductance, thermal_factors
+from pneucli.messages.identify import INTERVAL_MEANING, largest_conductance, thermal_factors
 from pneucli.report.page_elements import Cell, Grid
 
 CONDUCTANCE_UNIT = "m^3/(s Pa)"

@@ -16,11 +16,11 @@ from pneucli.identify.valve import IsoConductance, LackOfFit, ValveIdentificatio
 from pneucli.identify.valve.iso6358 import Characteristic
 from pneucli.identify.valve.result import known_vessel_volume
 from pneucli.io.artifacts import Provenance, write_table
+from pneucli.messages.findings import Finding
 from pneucli.quantities import Z95
 
 Row = tuple[str, float, str, float, float]
 Columns = dict[str, NDArray[Any]]
-Finding = tuple[str, dict[str, Any]]
 INTERVAL_COLUMNS = ("ci_low", "ci_high")
 GRADIENT_COLUMNS = ("gradient", *INTERVAL_COLUMNS)
 LACK_OF_FIT_COLUMNS = (
@@ -186,15 +186,15 @@ def valve_answer(valve: ValveIdentification, estimates: Sequence[Estimate]) -> d
 def valve_findings(valve: ValveIdentification) -> Iterator[Finding]:
     """Yield what users must know before they use the map or the model of the valve: a code and its numbers."""
     if not valve.is_consistent:
-        yield "valve-not-described", {"largest": valve.max_gradient, "measured": valve.max_measured_gradient}
+        yield Finding("valve-not-described", {"largest": valve.max_gradient, "measured": valve.max_measured_gradient})
     if valve.resampled:
         recording, error = max(valve.resampled, key=lambda one: one[1])
-        yield "valve-resampled", {"count": len(valve.resampled), "error": error, "recording": recording}
+        yield Finding("valve-resampled", {"count": len(valve.resampled), "error": error, "recording": recording})
     train, test = valve.residual_to_noise("train") or 0.0, valve.residual_to_noise("test") or 0.0
     if train > MAX_TRAIN_RESIDUAL:
-        yield "valve-curves-not-followed", {"residual": train}
+        yield Finding("valve-curves-not-followed", {"residual": train})
     if test > max(MAX_TRAIN_RESIDUAL, MAX_TEST_TO_TRAIN * train):
-        yield "valve-not-foreseen", {"residual": test}
+        yield Finding("valve-not-foreseen", {"residual": test})
     yield from lack_of_fit_findings(valve.lack_of_fit, "map" if valve.measured else "gradients")
     yield from _critical_ratio_findings([one for one in valve.iso if one.b.is_contradicted], len(valve.iso))
 
@@ -203,7 +203,7 @@ def lack_of_fit_findings(lack: LackOfFit, reference: str = "map") -> Iterator[Fi
     """Yield the difference of the model's valve from the measured one, where it is significant."""
     if lack.is_significant:
         numbers = {"median": lack.median, "p95": lack.p95, "outside": lack.share_outside}
-        yield "valve-lack-of-fit", {"reference": reference} | numbers
+        yield Finding("valve-lack-of-fit", {"reference": reference} | numbers)
 
 
 def _critical_ratio_findings(contradicted: Sequence[IsoConductance], commands: int) -> Iterator[Finding]:
@@ -211,4 +211,4 @@ def _critical_ratio_findings(contradicted: Sequence[IsoConductance], commands: i
         one = max(contradicted, key=lambda i: abs((i.b.measured or (i.b.value,))[0] - i.b.value))
         measured = one.b.measured or (one.b.value, one.b.low, one.b.high)
         numbers = {"count": len(contradicted), "commands": commands, "model": one.b.value, "command": one.u}
-        yield "valve-critical-ratio", {**numbers, "measured": measured}
+        yield Finding("valve-critical-ratio", {**numbers, "measured": measured})

@@ -8,17 +8,16 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from pneucli.figure import Figure
 from pneucli.identify.valve.flow_bench import FlowBench
 from pneucli.identify.valve.flow_findings import bench_findings, sets_area
-from pneucli.identify.valve.flow_path import FlowParameter, FlowPath
+from pneucli.identify.valve.flow_path import FlowPath
 from pneucli.io.artifacts import Provenance, write_table
-from pneucli.messages.flow import flow_finding
 from pneucli.physics.iso_flow import FlowCharacteristics, iso_mass_flow
 from pneucli.recording import Rig
 
 Array = NDArray[np.float64]
 Row = tuple[str, float, str, float, float]
-
 GRID_POINTS = 41  # of the map, over command and over pressure
 MAX_SUPPLY_LEVELS = 3  # of the map: the least, the middle and the largest recorded one
 MIN_SUPPLY_STEP = 0.05  # of the supply pressure: closer levels are one
@@ -39,7 +38,7 @@ def flow_parameters(bench: FlowBench) -> list[Row]:
     return rows
 
 
-def _row(name: str, unit: str, figure: FlowParameter) -> Row:
+def _row(name: str, unit: str, figure: Figure) -> Row:
     return name, float(figure.value), unit, float(figure.low), float(figure.high)
 
 
@@ -62,7 +61,7 @@ def flow_answer(bench: FlowBench) -> dict[str, Any]:
             n: {"value": v, "unit": u, "ci95": [low, high]} for n, v, u, low, high in flow_parameters(bench)
         },
         "command_sets_area": sets_area(bench),
-        "findings": [{"code": code, "text": flow_finding(code, **numbers)} for code, numbers in bench_findings(bench)],
+        "findings": [{"code": one.code, "text": one.text} for one in bench_findings(bench)],
         "noise": {"constant": bench.law.constant, "relative": bench.law.relative, "unit": "kg/s"},
     }
 
@@ -85,7 +84,7 @@ def _path_answer(bench: FlowBench, path: FlowPath) -> dict[str, Any]:
     }
 
 
-def _figure(one: FlowParameter, unit: str) -> dict[str, Any]:
+def _figure(one: Figure, unit: str) -> dict[str, Any]:
     ends = [float(one.low), float(one.high)]
     return {"value": float(one.value), "unit": unit, "ci95": ends, "determined": one.determined}
 

@@ -8,10 +8,10 @@ from typing import Any
 
 import numpy as np
 
-from pneucli.identify.friction import FrictionIdentification, IntervalEstimate
+from pneucli.figure import Figure
+from pneucli.identify.friction import FrictionIdentification
 from pneucli.identify.friction.stick_slip import StickSlip
 from pneucli.io.artifacts import Provenance, write_table
-from pneucli.messages.friction import friction_warning
 
 MODEL_POINTS = 401
 
@@ -20,7 +20,7 @@ def friction_answer(friction: FrictionIdentification) -> dict[str, Any]:
     """Return what the JSON answer holds of friction."""
     line = friction.pressure_dependence
     return {
-        "warnings": [friction_warning(one.kind, one.values) for one in friction.warnings],
+        "warnings": [one.text for one in friction.warnings],
         "taken_out": list(friction.removed_effects),
         "domain": {
             "velocity_range": {"value": friction.domain.max_velocity, "unit": "m/s"},
@@ -58,7 +58,7 @@ def _kinetic(friction: FrictionIdentification) -> list[dict[str, Any]]:
             "pressures": k.pressures,
             "speed": k.speed,
             "friction": k.friction.value,
-            "ci95": [k.friction.ci_low, k.friction.ci_high],
+            "ci95": [k.friction.low, k.friction.high],
             "unit": "N",
         }
         for k in friction.kinetic
@@ -72,8 +72,8 @@ def _break_aways(friction: FrictionIdentification) -> list[dict[str, Any]]:
     ]
 
 
-def _value(value: IntervalEstimate) -> dict[str, Any]:
-    ends = [end if np.isfinite(end) else None for end in (value.ci_low, value.ci_high)]
+def _value(value: Figure) -> dict[str, Any]:
+    ends = [end if np.isfinite(end) else None for end in (value.low, value.high)]
     return {"value": value.value, "unit": value.unit, "ci95": ends}
 
 
@@ -159,8 +159,8 @@ def _write_tables(friction: FrictionIdentification, out: Path, provenance: Prove
             "name": name,
             "value": v.value,
             "unit": v.unit,
-            "ci_low": v.ci_low,
-            "ci_high": v.ci_high,
+            "ci_low": v.low,
+            "ci_high": v.high,
         }
         for m in friction.models
         for b in m.branches
@@ -178,8 +178,8 @@ def _write_kinetic(friction: FrictionIdentification, out: Path, provenance: Prov
             "p1": k.pressures.get("p1", np.nan),
             "speed": k.speed,
             "friction": k.friction.value,
-            "ci_low": k.friction.ci_low,
-            "ci_high": k.friction.ci_high,
+            "ci_low": k.friction.low,
+            "ci_high": k.friction.high,
             "offset": k.offset.value,
         }
         for k in friction.kinetic

@@ -1,0 +1,232 @@
+"""Parts that the answers of several stages have: parameters, assumptions, leaks, lack of fit, free runs, purpose."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import asdict, replace
+from typing import Any
+
+from pneucli.compare.beyond_fitted import beyond_fitted
+from pneucli.compare.channel_errors import ChannelResult, Comparison, assess_purpose
+from pneucli.compare.free_run import exceeds_limit
+from pneucli.compare.goodness_of_fit import GoodnessOfFit
+from pneucli.config import PipelineConfig
+from pneucli.config.stage_tables import Channel
+from pneucli.diagnose.adequacy import LackOfFit
+from pneucli.identify.estimation.fit import Estimate
+from pneucli.identify.guesses.base_model import PLACEHOLDER_VOLUME
+from pneucli.identify.leak_rate import FLOW_UNIT, leak_flows, pressure_losses
+from pneucli.identify.valve.uncertainty import DEFAULT_TEMPERATURE, Measurement
+from pneucli.messages.formatting import format_signal
+from pneucli.plausibility.required_inputs import Assumption, assumptions, volumes_to_identify
+from pneucli.quantities import axis_parameter_name
+from pneucli.recording import Rig
+from pneucli.simulate.model import Model, has_parameter, parameter_value
+from pneucli.stages.pipeline_data import PipelineData
+from pneucli.units import parse_unit, same_dimension
+
+FREE_RUN_KEYS = ("rmsd", "percent", "ratio_to_noise", "ratio_limit")
+STANDARD_STATE = "ANR"
+PIPELINE_KEYS = {
+    "rig.moving_mass": "rig.cylinder.moving_mass",
+    "rig.dead_volume_1": "rig.cylinder.dead_volume_1",
+    "rig.dead_volume_2": "rig.cylinder.dead_volume_2",
+    "rig.vessel_volume": "rig.vessel.volume",
+}  # where the pipeline file says what is identified where it does not
+
+
+def null_command_estimate(rig: Rig) -> list[Estimate]:
+    """Return the null command where it was identified: anywhere in its range it explains the recordings as well."""
+    if rig.null_range is None:
+        return []
+    low, high = rig.null_range
+    return [Estimate("valve.null", "V", rig.valve_null, 0.25 * (high - low), (low, high), False)]
+
+
+def fixed_parameters(model: Model) -> list[Estimate]:
+    """Return the parameters that the pipeline file fixes: the interval has no width."""
+    fixed = {name: k for name, k in model.rig.priors.items() if k.fixed is not None and has_parameter(model, name)}
+    return [
+        Estimate(name, k.unit, value := parameter_value(model, name), 0.0, (value, value), False)
+        for name, k in fixed.items()
+    ]
+
+
+def assumed_values(study: PipelineData, names: set[str]) -> list[Assumption]:
+    """Return the values that are assumed because the pipeline file does not state them; ``names`` were fitted."""
+    rig, stated = study.rig, study.context.config.document.get("rig", {})
+    gas = any(r.kind.valve for r in [*study.recordings, *study.flow_recordings])
+    pressed = gas or any("p1" in r or "p2" in r for r in study.recordings)
+    found = []
+    if pressed and "ambient_pressure" not in stated:
+        ambient = format_signal(rig.ambient_pressure, "p1", 5)
+        found.append(Assumption(f"ambient pressure is {ambient}", "rig.ambient_pressure"))
+    if gas and "gas_temperature" not in stated:
+        found.append(
+            Assumption(f"the gas has {format_signal(rig.gas_temperature, 'temperature', 6)}", "rig.gas_temperature")
+        )
+    unstated = {name for name in names & PIPELINE_KEYS.keys() if getattr(rig, name.removeprefix("rig.")) is None}
+    keys = {
+        axis_parameter_name(name): axis_parameter_name(PIPELINE_KEYS[name])
+        for name in PIPELINE_KEYS
+        if name in unstated
+    }
+    instead = [Assumption(f"{name} is not stated and identified", key) for name, key in keys.items()]
+    if only_ratio_identifiable(study):
+        instead.append(Assumption("areas, volumes and flows are per volume of the vessel", "rig.vessel.volume"))
+    found += flow_unit_assumptions(study.context.config)
+    return [*found, *assumptions(study.recordings, rig), *instead]
+
+
+def parameters_answer(estimates: list[Estimate]) -> dict[str, Any]:
+    """Return the parameters as the JSON answers hold them; an open end of an interval is null."""
+    return {e.name: {"value": e.value, "unit": e.unit, "ci95": list(e.open_interval)} for e in estimates}
+
+
+def only_ratio_identifiable(study: PipelineData) -> bool:
+    """Whether vessels of unknown volume are all that gas flows into."""
+    unknown = study.rig.vessel_volume is None and "rig.vessel_volume" not in volumes_to_identify(
+        study.recordings, study.rig
+    )
+    return unknown and {r.kind.cylinder for r in study.recordings if r.kind.valve} == {False}
+
+
+def vessel_scale(name: str, unit: str, study: PipelineData) -> tuple[float, str]:
+    """Return the factor and the unit of a parameter's value in answers.
+
+    Where the vessel's volume is unknown, only ratios to it are identifiable: such a value is per volume of the vessel.
+    """
+    counted = unit.startswith(("m^2", "m^3", "W/K", "kg/")) and not name.startswith("rig.")
+    return (1.0 / PLACEHOLDER_VOLUME, f"{unit}/m^3") if counted and only_ratio_identifiable(study) else (1.0, unit)
+
+
+def per_vessel_volume(estimate: Estimate, study: PipelineData) -> Estimate:
+    """Return the estimate, per volume of the vessel where that volume is unknown."""
+    factor, unit = vessel_scale(estimate.name, estimate.unit, study)
+    low, high = estimate.ci95
+    value, error = factor * estimate.value, factor * estimate.error
+    return replace(estimate, unit=unit, value=value, error=error, ci95=(factor * low, factor * high))
+
+
+def leak_answer(study: PipelineData, model: Model, estimates: list[Estimate]) -> dict[str, Any]:
+    """Return what the answer says of leaks, in the units of the trade, and what an area takes for granted of heat."""
+    lost = [asdict(one) for one in pressure_losses(study.experiments, study.rig)]
+    flows = [
+        asdict(one) | {"unit": FLOW_UNIT}
+        for one in leak_flows(model, study.experiments, volume_known=not only_ratio_identifiable(study))
+    ]
+    leaking = {f"{e.name}.area" for e in model.effects if any(port.startswith("leak_") for port in e.ports)}
+    simulated = any("heat" in e.ports for e in model.effects)
+    mine = [e for e in estimates if e.name in leaking and not simulated]
+    exponent, kappa = model.base_values()["rig.polytropic_exponent"], study.rig.heat_capacity_ratio
+    areas = [
+        {
+            "name": e.name,
+            "unit": e.unit,
+            "exponent": exponent,
+            "isothermal": e.value * exponent,
+            "adiabatic": e.value * exponent / kappa,
+        }
+        for e in mine
+    ]
+    return {"leaks": {"lost": lost, "flows": flows, "areas": areas}} if lost or flows else {}
+
+
+def purpose_answer(results: Sequence[ChannelResult], tolerances: Mapping[Channel, float]) -> dict[str, Any] | None:
+    """Return whether the model serves its user, as JSON has it; None where no channel can tell."""
+    found = assess_purpose(results, {str(channel): limit for channel, limit in tolerances.items()})
+    return None if found is None else {"adequate": found.adequate, "worst": asdict(found.worst)}
+
+
+def lack_of_fit_answer(judged: GoodnessOfFit | None, balance: LackOfFit | None = None) -> dict[str, Any] | None:
+    """Return the entry ``lack_of_fit`` (interface, section 8); None where nothing was compared.
+
+    ``balance`` is the subsystem that errs by more than noise.
+    """
+    if judged is None:
+        return None
+    worst = judged.worst
+    return {
+        "present": judged.lacks or balance is not None,
+        "p": judged.p,
+        "undetermined": judged.undetermined,
+        "use": judged.use,
+        "error": judged.error,
+        "limit": judged.limit,
+        "excused": judged.excused,
+        "worst": None
+        if worst is None
+        else {"recording": worst.recording, "channel": worst.channel, "ratio_to_noise": worst.ratio_to_noise},
+        "balance": None
+        if balance is None
+        else {"subsystem": balance.kind.title, "channel": balance.channel, "times_noise": balance.ratio},
+    }
+
+
+def free_run_answer(result: ChannelResult) -> dict[str, float | None]:
+    """Return the entry ``free_run`` of a channel: its error over the whole recording."""
+    values = {key: getattr(result, key) for key in FREE_RUN_KEYS}
+    return {key: None if v is None or not math.isfinite(v) else v for key, v in values.items()}
+
+
+def diverging_answer(found: Sequence[ChannelResult]) -> list[dict[str, Any]]:
+    """Return the entry ``free_run`` of an answer: the channels whose error exceeds its limit, the largest first."""
+    beyond = sorted(filter(exceeds_limit, found), key=lambda r: -r.rmsd / max(r.measured_range, r.noise))
+    return [{"recording": r.recording, "channel": r.channel, "unit": r.unit} | free_run_answer(r) for r in beyond]
+
+
+def beyond_fitted_answer(comparisons: Sequence[Comparison]) -> dict[str, Any]:
+    """Return the entries about held-out samples beyond the range of the fitted recordings."""
+    found, within = beyond_fitted(comparisons)
+    rows = [{"from" if key == "from_" else key: value for key, value in asdict(one).items()} for one in found]
+    return {"beyond_fitted": rows, "error_within_fitted": within}
+
+
+def measurement_of(study: PipelineData) -> Measurement:
+    """Return the instruments of a pipeline: ``calibration`` of ``[signals]``, ``sigma`` of the vessel's volume.
+
+    The calibration of ``temperature`` holds for the gas temperature of tests that do not record it, too.
+    """
+    config = study.context.config
+    present = config.signals.present()
+    calibrations = config.calibrations
+    volume = study.rig.priors.get("rig.vessel_volume")
+    temperature = calibrations.get("temperature")
+    return Measurement(
+        calibrations,
+        frozenset(name for name, one in present.items() if one.gauge),
+        volume.sigma if volume is not None and math.isfinite(volume.sigma) else None,
+        temperature.zero if temperature is not None and temperature.zero else DEFAULT_TEMPERATURE,
+    )
+
+
+def is_plain_volume_flow(unit: str | None) -> bool:
+    """Return whether a unit measures a volume per time and says no state of the gas.
+
+    >>> is_plain_volume_flow("m3/h"), is_plain_volume_flow("Nm3/h"), is_plain_volume_flow("kg/s")
+    (True, False, False)
+    """
+    return unit is not None and same_dimension(unit, "m^3/s")
+
+
+def flow_unit(unit: str) -> str:
+    """Return a unit of flow with the reference atmosphere of ISO 8778 where it names no state.
+
+    >>> flow_unit("l/min"), flow_unit("Nl/min")
+    ('l/min ANR', 'Nl/min')
+    """
+    return f"{unit} {STANDARD_STATE}" if is_plain_volume_flow(unit) else unit
+
+
+def flow_unit_assumptions(config: PipelineConfig) -> Iterator[Assumption]:
+    """Yield the reference state in which each volume flow of the pipeline is taken, where its unit leaves a doubt."""
+    tables = [config.signals, *(one.signals for one in config.recordings)]
+    units = (table.flow.unit for table in tables if table is not None and table.flow is not None)
+    for unit in dict.fromkeys(one for one in units if one is not None):
+        state = parse_unit(flow_unit(unit)).state
+        if state is None or unit.rstrip(")").endswith(STANDARD_STATE):
+            continue
+        others = "0 °C and 1.01325 bar" if is_plain_volume_flow(unit) else state.others
+        what = f"flow in {unit} is a volume of air at {state.words}" + (f", not {others}" if others else "")
+        yield Assumption(what, 'unit = "l/min ANR" (20 °C, 1 bar) or "Nl/min" (0 °C, 1.01325 bar), in [signals] flow')

@@ -1,0 +1,230 @@
+"""The bench of controllers, a part of ``design``: the same scenarios under each law, and what each component brings."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import asdict, dataclass, field
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from pneucli.closed_loop.law_comparison import (
+    COMPONENTS,
+    NO_COMPONENT,
+    compare_laws,
+    with_and_without_map,
+    without_component,
+)
+from pneucli.closed_loop.metrics import MIN_SLIDING_SHARE, OBSERVERS, Metrics
+from pneucli.closed_loop.scenarios import PRESSURE_SUFFIX, read_scenarios
+from pneucli.closed_loop.simulation import ClosedLoopSetup, Run, Scenario
+from pneucli.controller import layout
+from pneucli.controller.laws import DEFAULT
+from pneucli.controller.parameters import Controller
+from pneucli.design.requirements import Requirements
+from pneucli.errors import InputError
+from pneucli.io.artifacts import Provenance, write_table
+from pneucli.messages.design import observer_at_bound
+from pneucli.pipeline.context import Context
+from pneucli.recording import Recording
+from pneucli.simulate import layout as at
+from pneucli.simulate.model import Model
+
+CONTROLLERS_FOLDER = "controllers"  # a file a law
+MAX_PLOT_SAMPLES = 2000  # samples of a run that are kept for pictures
+MODEL_SIGNALS = {"x": (at.X, "m"), "v": (at.V, "m/s"), "p1": (at.P1, "Pa"), "p2": (at.P2, "Pa")}
+CONTROLLER_SIGNALS = {
+    "u": (layout.L_U1, "V"),
+    "u2": (layout.L_U2, "V"),
+    "p1_ref": (layout.L_P1_REF, "Pa"),
+    "x_shaped": (layout.L_X_SHAPED, "m"),
+    "load_estimate": (layout.L_LOAD, "N"),
+    "flow_estimate": (layout.L_FLOW1, "Pa/s"),
+}
+RunsByLaw = Mapping[str, Mapping[str, tuple[Run, Metrics]]]
+
+
+@dataclass(frozen=True)
+class LawComparison:
+    """Runs and figures of the laws, without the inverse map, of ``best`` without a component, and of variants."""
+
+    laws: RunsByLaw = field(default_factory=dict)
+    without_inverse_map: RunsByLaw = field(default_factory=dict)
+    ablation: RunsByLaw = field(default_factory=dict)
+    variants: RunsByLaw = field(default_factory=dict)
+
+
+def closed_loop_tables(context: Context) -> list[dict[str, Any]] | None:
+    """Return the pipeline's closed-loop scenarios, none for the default ones; None where it has others only."""
+    tables = context.config.scenarios
+    own = [{k: v for k, v in t.items() if k != "kind"} for t in tables if t.get("kind") == "closed-loop"]
+    return own if own or not tables else None
+
+
+def closed_loop_scenarios(context: Context, recordings: Sequence[Recording], controller: Controller) -> list[Scenario]:
+    """Return the closed-loop scenarios of the pipeline, or the default ones."""
+    tables = closed_loop_tables(context)
+    where = f"{context.path}, key scenarios"
+    return [] if tables is None else read_scenarios(tables, controller, where, recorded_references(recordings))
+
+
+def recorded_references(recordings: Sequence[Recording]) -> dict[str, tuple[Any, Any]]:
+    """Return what recordings asked for or did, as references: x_ref, else x; p_ref, else p1."""
+    found = {}
+    for r in recordings:
+        for end, names in (("", ("x_ref", "x")), (PRESSURE_SUFFIX, ("p_ref", "p1"))):
+            if (name := next((n for n in names if n in r), None)) is not None:
+                found[r.name + end] = (r.time, np.nan_to_num(r[name], nan=0.0))
+    return found
+
+
+def compare_controllers(
+    model: Model,
+    controllers: Mapping[str, Controller],
+    scenarios: Sequence[Scenario],
+    setup: ClosedLoopSetup,
+    variants: Mapping[str, Controller] | None = None,
+) -> LawComparison:
+    """Run the laws, each without the inverse map as well, ``best`` without each component, and the variants."""
+    cases = with_and_without_map(controllers)
+    laws = compare_laws(model, controllers, scenarios, setup)
+    bare = {name: c for name, c in cases.items() if name not in controllers}
+    unmapped = compare_laws(model, bare, scenarios, setup)
+    own = controllers.get(DEFAULT)
+    parts = {name: without_component(own, name) for name in (NO_COMPONENT, *COMPONENTS)} if own is not None else {}
+    ablation = compare_laws(model, parts, scenarios, setup)
+    return LawComparison(laws, unmapped, ablation, compare_laws(model, variants or {}, scenarios, setup))
+
+
+def observer_warnings(found: LawComparison) -> list[str]:
+    """Return a warning for each law whose disturbance observer is at its bound M_k in over 20 % of the samples."""
+    warnings = []
+    for name, by in found.laws.items():
+        for observer in OBSERVERS:
+            shares = {s: getattr(m, f"sliding_{observer}") for s, (_, m) in by.items()}
+            finite = {s: share for s, share in shares.items() if not math.isnan(share)}
+            if finite and (worst := min(finite, key=finite.__getitem__)) and finite[worst] < MIN_SLIDING_SHARE:
+                warnings.append(observer_at_bound(name, observer, worst, 1 - finite[worst], 1 - MIN_SLIDING_SHARE))
+    return warnings
+
+
+def comparison_answer(found: LawComparison) -> dict[str, Any]:
+    """Return the figures by controller and scenario; null where one is not shown or without bound."""
+    return {
+        "compare": _metrics_by_law(found.laws),
+        "without_map": _metrics_by_law(found.without_inverse_map),
+        "ablation": _metrics_by_law(found.ablation),
+        "variants": _metrics_by_law(found.variants),
+    }
+
+
+def _metrics_by_law(found: RunsByLaw) -> dict[str, Any]:
+    return {name: {s: metrics_answer(m) for s, (_, m) in by.items()} for name, by in found.items()}
+
+
+def metrics_answer(found: Metrics) -> dict[str, float | None]:
+    """Return figures as JSON has them: null where a scenario does not show one, or it is without bound."""
+    return {n: v if math.isfinite(v) else None for n, v in asdict(found).items()}
+
+
+def load_controller(folder: Path, name: str) -> Controller:
+    """Return the controller of that name; raises InputError where the stage could not make it."""
+    if not (path := folder / CONTROLLERS_FOLDER / f"{name}.json").is_file():
+        made = ", ".join(sorted(one.stem for one in path.parent.iterdir()))
+        raise InputError(f"controller {name}", "it could not be designed for this axis", f"one of {made}", code="E070")
+    return Controller.from_json(path.read_text(encoding="utf-8"))
+
+
+def selected_controller(folder: Path, answer: Mapping[str, Any]) -> Controller:
+    """Return the controller that ``[design] controller`` names."""
+    return load_controller(folder, answer["requirements"]["controller"])
+
+
+def closed_loop_setup(answer: Mapping[str, Any]) -> ClosedLoopSetup:
+    """Return the sensors and the delay that the design reckoned with."""
+    return setup_from_requirements(Requirements(**answer["requirements"]))
+
+
+def setup_from_requirements(wanted: Requirements) -> ClosedLoopSetup:
+    """Return the sensors and the delay of a simulation with these requirements."""
+    return ClosedLoopSetup(wanted.noise_x, wanted.noise_p, wanted.quantum_x, 0.0, round(wanted.delay / wanted.period))
+
+
+def write_comparison(found: LawComparison, out: Any, provenance: Provenance) -> None:
+    """Write the figures of all cases, and the signals of the laws, thinned out for pictures."""
+    rows = [
+        {"group": group, "controller": name, "scenario": s} | asdict(m)
+        for group, cases in (
+            ("law", found.laws),
+            ("without map", found.without_inverse_map),
+            ("without", found.ablation),
+            ("variant", found.variants),
+        )
+        for name, by in cases.items()
+        for s, (_, m) in by.items()
+    ]
+    if not rows:
+        return
+    numbers = [n for n, v in rows[0].items() if isinstance(v, float)]
+    texts = {n: [str(r[n]) for r in rows] for n in ("group", "controller", "scenario")}
+    write_table(
+        out / "comparison.parquet",
+        texts | {n: np.array([r[n] for r in rows]) for n in numbers},
+        units={n: unit_from_name(n) for n in numbers},
+        schema="pneucli/design/comparison/1",
+        provenance=provenance,
+    )
+    write_runs(
+        out / "comparison_signals.parquet",
+        {
+            (name, s): r
+            for name, by in {
+                **found.laws,
+                **_pressure_control_runs(found.without_inverse_map),
+                **found.variants,
+            }.items()
+            for s, (r, _) in by.items()
+        },
+        provenance,
+        "pneucli/design/comparison_signals/1",
+        MAX_PLOT_SAMPLES,
+    )
+
+
+def _pressure_control_runs(found: RunsByLaw) -> RunsByLaw:
+    """Return the runs in which a pressure is asked for: those that the map's pictures show."""
+    return {name: {s: one for s, one in by.items() if one[0].scenario.controls_pressure} for name, by in found.items()}
+
+
+def write_runs(
+    path: Any, runs: Mapping[tuple[str, str], Run], provenance: Provenance, schema: str, max_samples: int | None = None
+) -> None:
+    """Write signals of runs by (controller, scenario), of each at most ``max_samples`` samples."""
+    texts: dict[str, list[str]] = {"scenario": [], "controller": []}
+    numbers: dict[str, list[Any]] = {}
+    for (name, scenario), one in runs.items():
+        s, step = one.scenario, 1 if max_samples is None else -(-one.time.size // max_samples)
+        parts = {"time": one.time, "x_ref": s.reference, "load": s.force, "p_supply": s.supply}
+        if s.controls_pressure:
+            parts["x_ref"] = np.full(one.time.size, np.nan)
+        parts |= {signal: one.model[:, place] for signal, (place, _) in MODEL_SIGNALS.items()}
+        parts |= {signal: one.log[:, place] for signal, (place, _) in CONTROLLER_SIGNALS.items()}
+        for signal, part in parts.items():
+            numbers.setdefault(signal, []).append(part[::step])
+        count = parts["time"][::step].size
+        texts["scenario"] += [scenario] * count
+        texts["controller"] += [name] * count
+    write_table(
+        path,
+        {**texts, **{n: np.concatenate(parts) for n, parts in numbers.items()}},
+        units={n: u for n, (_, u) in (MODEL_SIGNALS | CONTROLLER_SIGNALS).items()} | {"load": "N"},
+        schema=schema,
+        provenance=provenance,
+    )
+
+
+def unit_from_name(figure: str) -> str:
+    """Return the unit that a figure's name ends in."""
+    return {"um": "um", "s": "s", "hz": "Hz", "v": "V", "kg": "kg", "pa": "Pa"}.get(figure.rsplit("_", 1)[-1], "1")

@@ -1,1 +1,0 @@
-"""Artifacts and answers of the stages as tables."""
