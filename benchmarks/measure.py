@@ -59,7 +59,7 @@ PHASES = {
 
 
 KERNELS = {
-    ("simulate/run.py", "run_kernel"),
+    ("simulate/run.py", "_outputs"),
     ("simulate/derivatives.py", "derivatives"),
     ("simulate/outputs.py", "required_force"),
     ("simulate/outputs.py", "_force_residual"),

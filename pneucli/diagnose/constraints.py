@@ -7,12 +7,11 @@ while another effect is missing.
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import replace
 
 import numpy as np
 
 from pneucli.diagnose.candidate import Candidate, Reason
-from pneucli.diagnose.data import RANKING_EFFORT, DiagnosisData
+from pneucli.diagnose.data import DiagnosisData
 from pneucli.diagnose.evidence import score_gain
 from pneucli.diagnose.free_run_error import held_out_error
 from pneucli.diagnose.score import FittedModel
@@ -24,14 +23,11 @@ from pneucli.diagnose.validity import (
     refuted_by_reading,
     unresolved_parameters,
 )
-from pneucli.identify.estimation.fit import Fit, fit
-from pneucli.identify.estimation.model_fit import free_parameters
+from pneucli.identify.estimation.fit import Fit
 from pneucli.identify.estimation.parameters import absent_value
-from pneucli.identify.residuals import ResidualModel
 from pneucli.physics.declaration import Effect, Parameter, consists_of_times
 
 MIN_ERROR_RISE = 1.005  # ratio of free-run errors: the smallest that three digits show
-HORIZON_FACTOR = 2.0  # of the second horizon, at which a time is estimated again
 MAX_HORIZON_SHIFT = 0.2  # of a time, by which the second horizon may change it; and no more than its interval
 
 Violation = tuple[bool, Reason]
@@ -91,7 +87,8 @@ def _violations(data: DiagnosisData, candidate: Candidate, *, measured_exclusive
         yield not score_gain(candidate.reduced.costs, candidate.full.costs).significant, "not-significant"
         fitted = candidate.full.fit
     yield not measured_exclusively and raises_held_out_error(data, candidate.reduced, candidate.full), "raises-error"
-    yield varies_with_horizon(fitted, effect, data.train), "varies-with-horizon"
+    timed = consists_of_times(effect)
+    yield timed and varies_with_horizon(fitted, effect, data.with_longer_horizon(candidate.full)), "varies-with-horizon"
 
 
 def _parameters_with_null(fitted: Fit, effect: Effect) -> list[tuple[str, Parameter]]:
@@ -166,7 +163,7 @@ def error_ratio(data: DiagnosisData, reduced: FittedModel, full: FittedModel) ->
     return after / before if before and after is not None else 1.0
 
 
-def varies_with_horizon(fitted: Fit, effect: Effect, residual_models: Sequence[ResidualModel]) -> bool:
+def varies_with_horizon(fitted: Fit, effect: Effect, again: Fit | None) -> bool:
     """Whether a delay or time constant changes by more than its interval where the horizon is doubled.
 
     A delay of the rig does not depend on how often the model restarts. A time that only shortens what is predicted
@@ -174,27 +171,12 @@ def varies_with_horizon(fitted: Fit, effect: Effect, residual_models: Sequence[R
 
     Args:
         fitted: The fit with the effect and its intervals.
-        effect: The effect; only one whose main parameters are all times with a null of 0 s can vary.
-        residual_models: The residual models of the fit.
+        effect: The effect, whose main parameters are all times with a null of 0 s.
+        again: The fit of the same model with the longer horizon; None where nothing restarts.
     """
-    if not consists_of_times(effect):
-        return False
-    doubled = [with_longer_horizon(one, HORIZON_FACTOR) for one in residual_models]
-    if all(new is old for new, old in zip(doubled, residual_models, strict=True)):
-        return False
-    again = fit(fitted.model, doubled, free_parameters(fitted.model, doubled), stopping=RANKING_EFFORT)
-    for name in (f"{effect.name}.{p.name}" for p in effect.main_parameters):
+    for name in (f"{effect.name}.{p.name}" for p in effect.main_parameters if again is not None):
         before, low, high = fitted[name].value, *fitted[name].ci95
         shift = abs(again[name].value - before)
         if shift > MAX_HORIZON_SHIFT * abs(before) and shift > 0.5 * (high - low):
             return True
     return False
-
-
-def with_longer_horizon(residual_model: ResidualModel, factor: float) -> ResidualModel:
-    """Return a residual model restarted less often; the same one where it is not simulated or never restarted."""
-    e = residual_model.experiment
-    if not residual_model.is_simulated or e.restarts.size < 2:
-        return residual_model
-    horizon = float(np.median(np.diff(e.time[e.restarts])))
-    return replace(residual_model, experiment=e.with_restarts(factor * horizon))

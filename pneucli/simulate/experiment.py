@@ -351,6 +351,15 @@ class Experiment:
     def _draw_cache(self) -> dict[tuple[int, int], list[tuple[dict[str, Array], Array]]]:
         return {}
 
+    def __getstate__(self) -> dict[str, object]:
+        """Leave the last simulations out of a copy for another process: they are those of compiled code in this one."""
+        return {name: value for name, value in self.__dict__.items() if name != "recent_runs"}
+
+    @cached_property
+    def recent_runs(self) -> dict[tuple[object, ...], Array]:
+        """The outputs of the last simulations by what they depend on, see :mod:`pneucli.simulate.run`."""
+        return {}
+
     def with_restarts(self, horizon: float | None) -> Experiment:
         """Return the experiment with a restart every ``horizon`` s (None: at the start and after gaps only)."""
         other = replace(self, restarts=restart_samples(self.time, horizon, MIN_SEGMENT_SMEARS * self.smear_time))

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import pickle
 from dataclasses import replace
 
 import numpy as np
@@ -318,3 +319,23 @@ def test_an_unrecorded_supply_pressure_is_the_models(recorded: bool) -> None:
         p = run(vessel, e)[:, at.R1]
         flow.append(p[-1] - p[0])
     assert flow[1] == pytest.approx(flow[0] if recorded else 0.5 * flow[0], rel=1e-6)  # choked: in proportion
+
+
+def test_a_model_that_is_asked_for_again_is_simulated_once_and_any_change_anew() -> None:
+    e = make_experiment("valve", TIME, {"u": STEP, "p1": 101_300.0}, rig=VESSEL)
+    small, large = (model([], {"rig.vessel_volume": volume}, rig=VESSEL) for volume in (VOLUME, 2.0 * VOLUME))
+    first = run(small, e)
+    assert run(model([], dict(small.values), rig=VESSEL), e) is first
+    other = run(large, e)
+    assert other[-1, at.P1] < first[-1, at.P1]
+    wider = replace(small, valve=replace(small.valve, areas=tuple(2.0 * a for a in small.valve.areas)))
+    assert run(wider, e)[-1, at.P1] > first[-1, at.P1]
+    shifted = e.inputs.copy()
+    shifted[:, at.IN_P1] += 1e4
+    assert run(small, e, shifted)[0, at.P1] == first[0, at.P1] + 1e4
+    for volume in (3.0, 4.0, 5.0, 6.0, 7.0):
+        run(small.with_values({"rig.vessel_volume": volume * VOLUME}), e)
+    assert len(e.recent_runs) == 4
+    assert "recent_runs" not in vars(pickle.loads(pickle.dumps(e)))
+    assert run(small, e) is not first
+    np.testing.assert_array_equal(run(small, e), first)
