@@ -65,6 +65,7 @@ def run_locally(data: DiagnosisData, refits: Sequence[Refit]) -> list[FittedMode
 RANKING_EFFORT = StoppingRule(
     12, 5e-3
 )  # of a first fit, which only ranks candidates: its cost is exact to half a percent
+CONVERGED_COST_RATIO = 1.05  # times the lowest cost: models within it are refitted to convergence before the comparison
 HORIZON_FACTOR = 2.0  # of the second horizon, at which a time is estimated again
 PRESSURE_SENSOR_SIDES = frozenset(
     {"pressure sensor"}
@@ -305,7 +306,7 @@ class DiagnosisData:
             self.progress(fitting_progress(task.effect.name))
             return fit_with_effect(task.base.fit, self.train, task.effect, stopping=RANKING_EFFORT, ranked=task.ranked)
         if task.kind == "drop":
-            return fit_without(task.base.fit, self.train, task.effect)
+            return fit_without(task.base.fit, self.train, task.effect, stopping=RANKING_EFFORT)
         return refit(task.base.fit, self.train)
 
     def refit_with(
@@ -322,8 +323,11 @@ class DiagnosisData:
         return [self.candidate(c.reduced, full, c.effect) for full, c in zip(refitted, candidates, strict=True)]
 
     def refit_without(self, fitted: FittedModel, effects: Sequence[Effect]) -> list[FittedModel]:
-        """Refit without each of the effects, one at a time."""
-        return self._refit([Refit("drop", fitted, effect) for effect in effects])
+        """Refit without each of the effects, one at a time; until convergence where the cost hardly rises."""
+        found = self._refit([Refit("drop", fitted, effect) for effect in effects])
+        near = [i for i, one in enumerate(found) if one.cost < CONVERGED_COST_RATIO * fitted.cost]
+        converged = self._refit([Refit("converge", found[i], effects[i]) for i in near])
+        return [dict(zip(near, converged, strict=True)).get(i, one) for i, one in enumerate(found)]
 
     def candidate(self, reduced: FittedModel, full: FittedModel, effect: Effect) -> Candidate:
         """Return the candidate of the step from the reduced to the full model."""

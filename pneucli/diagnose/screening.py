@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from pneucli.diagnose.candidate import Decision
-from pneucli.diagnose.data import DiagnosisData, ScreenedEffect
+from pneucli.diagnose.data import CONVERGED_COST_RATIO, DiagnosisData, ScreenedEffect
 from pneucli.diagnose.hypothesis_tests import apply_tests
 from pneucli.diagnose.score import FittedModel
 
@@ -31,9 +31,6 @@ def score_test_screen(
     return [pair for i, pair in enumerate(by_share) if i < MAX_BY_SHARE or pair in by_gain]
 
 
-CONVERGED_COST_RATIO = (
-    1.05  # times the lowest cost: candidates within it are refitted to convergence before the comparison
-)
 Decisions = list[Decision]  # about the effects that a model lacks
 
 

@@ -10,7 +10,7 @@ from itertools import pairwise
 from pneucli.diagnose.adequacy import LackOfFit
 from pneucli.diagnose.candidate import Candidate, Decision, Reason, supported_candidates
 from pneucli.diagnose.constraints import IMPOSSIBLE, MIN_ERROR_RISE, error_ratio, raises_held_out_error
-from pneucli.diagnose.data import DiagnosisData, lack_of_fit
+from pneucli.diagnose.data import CONVERGED_COST_RATIO, DiagnosisData, Refit, lack_of_fit
 from pneucli.diagnose.decision import Judgement, is_complete, judge, log_odds_among_equivalents
 from pneucli.diagnose.equivalence import Term, best_candidate, not_inferior
 from pneucli.diagnose.score import FittedModel
@@ -60,7 +60,7 @@ class SelectionPath:
 def select_effects(data: DiagnosisData, base: FittedModel) -> SelectionPath:
     """Select the effects that explain the lack of fit of ``base``."""
     path, rounds = _forward(data, base)
-    last, judgements, refused = _probable_effects(data, base, path[-1])
+    last, judgements, refused = _probable_effects(data, path)
     models, unguessable = _nested_models(data, base, last, path)
     last = models[-1]
     terms = _terms(data, base, last, rounds[0], judgements)
@@ -186,39 +186,44 @@ def _alternatives(
 
 
 def _probable_effects(
-    data: DiagnosisData, base: FittedModel, last: FittedModel
+    data: DiagnosisData, path: Sequence[FittedModel]
 ) -> tuple[FittedModel, dict[str, Judgement], list[Judgement]]:
     """Return the model in which every added effect is probable given the others, and the judgements.
 
     The second result has the judgement of each effect that stays, the third those of the dropped ones.
     """
-    last, judgements, dropped = _without_improbable(data, base, _with_whole_effects(data, base, last))
+    last, judgements, dropped = _without_improbable(data, path, _with_whole_effects(data, path[0], path[-1]))
     again = _with_dropped_again(data, last, dropped)
     if again is not last:
-        last, judgements, dropped_then = _without_improbable(data, base, again)
+        last, judgements, dropped_then = _without_improbable(data, path, again)
         dropped = [j for j in [*dropped_then, *dropped] if j.decision.effect.name not in judgements]
     return last, judgements, dropped
 
 
 def _without_improbable(
-    data: DiagnosisData, base: FittedModel, last: FittedModel
+    data: DiagnosisData, path: Sequence[FittedModel], last: FittedModel
 ) -> tuple[FittedModel, dict[str, Judgement], list[Judgement]]:
     """Drop the least probable effect, again and again, until all are probable: a proxy of an unmodelled effect takes
     cost from the others. One that raises the free-run error goes first, so that its twins are judged without it.
     """
-    refused = list[Judgement]()
-    while added := [data.effects[name] for name in last.effect_names if name not in base.effect_names]:
-        reduced = [base] if len(added) == 1 else data.refit_without(last, added)
+    refused, known = list[Judgement](), {frozenset(one.effect_names): one for one in path}
+    while added := [data.effects[name] for name in last.effect_names if name not in path[0].effect_names]:
+        before = [known.get(frozenset(last.effect_names) - {effect.name}) for effect in added]
+        refits = iter(data.refit_without(last, [e for e, one in zip(added, before, strict=True) if one is None]))
+        reduced = [one or next(refits) for one in before]
         judged = [
-            judge(data, Term(data.candidate(before, last, effect), ()), constrained=True)
-            for before, effect in zip(reduced, added, strict=True)
+            judge(data, Term(data.candidate(one, last, effect), ()), constrained=True)
+            for one, effect in zip(reduced, added, strict=True)
         ]
         refusable = [i for i, j in enumerate(judged) if not j.decision.supported]
         if not refusable:
             return last, {j.decision.effect.name: j for j in judged}, refused
         worst = min(refusable, key=lambda i: (not _raises_error(judged[i]), judged[i].probability, reduced[i].cost))
         refused.append(judged[worst])
-        last = reduced[worst]
+        if before[worst] is None and reduced[worst].cost >= CONVERGED_COST_RATIO * last.cost:
+            (last,) = data.run_refits(data, [Refit("converge", reduced[worst], added[worst])])
+        else:
+            last = reduced[worst]
     return last, {}, refused
 
 

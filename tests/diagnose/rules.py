@@ -76,10 +76,10 @@ def up_to_improbable(forward: Callable[..., Any]) -> Callable[..., Any]:
     return ended
 
 
-def drop_none(data: DiagnosisData, base: FittedModel, last: FittedModel) -> Any:
+def drop_none(data: DiagnosisData, path: Sequence[FittedModel], last: FittedModel) -> Any:
     """Return a model with the judgement of every added effect."""
     judged = {}
-    for effect in added_effects(base, last):
+    for effect in added_effects(path[0], last):
         (reduced,) = data.refit_without(last, [effect])
         judged[effect.name] = judge(data, Term(data.candidate(reduced, last, effect), ()), constrained=True)
     return last, judged, []

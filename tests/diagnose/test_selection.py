@@ -87,17 +87,19 @@ def test_without_a_rule_the_answer_to_its_case_is_another(rule: str) -> None:
     assert (without.added, reasons(without)) != (found.added, reasons(found))
 
 
-def test_no_model_is_fitted_twice_while_effects_are_added() -> None:
-    fitted: list[frozenset[str]] = []
+def test_no_model_of_the_path_is_fitted_twice() -> None:
+    fitted, reduced = list[frozenset[str]](), list[set[str]]()
 
     def recorded(data: DiagnosisData, refits: Sequence[Refit]) -> list[FittedModel]:
         fitted.extend(frozenset([*r.base.effect_names, r.effect.name]) for r in refits if r.kind == "add")
+        reduced.extend({*r.base.effect_names} - {r.effect.name} for r in refits if r.kind == "drop")
         return run_locally(data, refits)
 
     case = named("of two effects the larger one is first")
     data = data_of(case, run_refits=recorded)
     assert select_effects(data, data.model_with([])).added == ["b", "a"]
     assert sorted(map(sorted, fitted)) == [["a"], ["a", "b"], ["b"]]
+    assert reduced == [{"a"}]  # the path has "b" and the model without an effect
 
 
 def test_without_a_search_the_path_is_the_given_model() -> None:
