@@ -209,7 +209,7 @@ def _inverse_hessian(fitted: Fit, residual_models: Sequence[ResidualModel]) -> A
     problem = LeastSquaresProblem(fitted.model, residual_models, fitted.free, fitted.initial_state_sensitivities)
     z = np.array([f.to_coordinate(fitted[f.name].value) for f in fitted.free])
     prior = problem.prior_jacobian(z)
-    return pseudo_inverse(fitted.jacobian.T @ fitted.jacobian + prior.T @ prior)
+    return pseudo_inverse(fitted.curvature + prior.T @ prior)
 
 
 def _scales(fitted: Fit) -> Array:

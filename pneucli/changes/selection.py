@@ -214,7 +214,7 @@ class ChangeSelection:
     def _cost(self, fitted: Fit, directions: Sequence[Array]) -> float:
         """Return the cost of a fit whose estimates are held at their old values, except in free directions."""
         old = self.comparison.old
-        inverse_hessian = pseudo_inverse(fitted.jacobian.T @ fitted.jacobian)
+        inverse_hessian = fitted.inverse_hessian
         columns = [[f.name for f in fitted.free].index(c.name) for c in old.coordinates]
         scale = np.array([1.0 if f.logarithmic else f.scale for f in (fitted.free[i] for i in columns)])
         values = [fitted[c.name].value for c in old.coordinates]

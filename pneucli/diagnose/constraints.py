@@ -6,7 +6,7 @@ while another effect is missing.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 
 import numpy as np
 
@@ -174,7 +174,9 @@ def varies_with_horizon(fitted: Fit, effect: Effect, again: Fit | None) -> bool:
         effect: The effect, whose main parameters are all times with a null of 0 s.
         again: The fit of the same model with the longer horizon; None where nothing restarts.
     """
-    for name in (f"{effect.name}.{p.name}" for p in effect.main_parameters if again is not None):
+    if again is None:
+        return False
+    for name in (f"{effect.name}.{p.name}" for p in effect.main_parameters):
         before, low, high = fitted[name].value, *fitted[name].ci95
         shift = abs(again[name].value - before)
         if shift > MAX_HORIZON_SHIFT * abs(before) and shift > 0.5 * (high - low):

@@ -239,7 +239,7 @@ class DiagnosisData:
 
     def fitted_model(self, fit: Fit) -> FittedModel:
         """Return a fit with its costs; its derivatives wait in a file, else those of all candidates fill the memory."""
-        found = self._with_costs(replace(fit, jacobian=filed(fit.jacobian)))
+        found = self._with_costs(fit.with_derivatives(filed(fit.jacobian)))
         release_filed()
         return found
 

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
@@ -116,9 +116,7 @@ def wald_distance(fit: Fit, effect: Effect, residual_models: Sequence[ResidualMo
         return None
     without_null_names = {f"{effect.name}.{p.name}" for p in effect.parameters if p.null is None}
     held = np.array([f.name in without_null_names for f in fit.free])
-    jacobian = fit.jacobian[:, ~held] if held.any() else fit.jacobian
-    inverse = pseudo_inverse(jacobian.T @ jacobian) if held.any() else fit.inverse_hessian
-    influence = jacobian @ (inverse @ null.contrast[:, ~held].T)
+    influence = fit.jacobian @ (fit.inverse_hessian_holding(held) @ null.contrast.T)
     scored = group_scores(influence, fit.residual, fit.blocks)
     tested = pseudo_inverse(scored.T @ scored) @ null.distance
     return WaldDistance(
@@ -230,9 +228,9 @@ def switch_distance(fit: Fit, effect: Effect, residual_models: Sequence[Residual
     other parameters adjust; the effect's own are held, because they have no meaning without it. The estimate of the
     switch is 1 where the effect explains the residuals and 0 where they are smaller without it.
     """
-    own = [f.name.startswith(f"{effect.name}.") for f in fit.free]
-    others = replace(fit, jacobian=fit.jacobian[:, np.logical_not(own)])
-    change = others.project_out_nuisance(residual_change_without(fit, effect, residual_models))
+    own = np.array([f.name.startswith(f"{effect.name}.") for f in fit.free], dtype=bool)
+    change = residual_change_without(fit, effect, residual_models)
+    change = fit.project_out_nuisance(change, fit.inverse_hessian_holding(own))
     power = float(change @ change)
     if not np.isfinite(power) or power <= TINY:
         return WaldDistance(0.0, 1, 1.0, one_sided=False)

@@ -189,7 +189,8 @@ def test_a_true_time_is_that_of_any_horizon(name: str) -> None:
     parameter = "delay" if name == "time-skew" else "time_constant"
     assert found[f"{name}.{parameter}"].value == pytest.approx(DELAY, rel=0.05)
     again = fit_with_longer_horizon(found.model, [residual_model])
-    assert again is not None and again[f"{name}.{parameter}"].value == pytest.approx(DELAY, rel=0.05)
+    assert again is not None
+    assert again[f"{name}.{parameter}"].value == pytest.approx(DELAY, rel=0.05)
     assert not varies_with_horizon(found, catalogue()[name], again)
 
 

@@ -208,6 +208,19 @@ def test_what_the_parameters_can_do_is_taken_out_of_a_change() -> None:
     assert found.inverse_hessian @ (found.jacobian.T @ found.jacobian) == pytest.approx(np.eye(2), abs=1e-8)
 
 
+def test_a_held_parameter_explains_nothing_of_a_change() -> None:
+    columns, held = RNG(4).normal(size=(60, 3)), np.array([False, True, False])
+    found = replace(fitted(COULOMB, VISCOUS), jacobian=columns)
+    inverse = found.inverse_hessian_holding(held)
+    assert not inverse[held].any()
+    assert not inverse[:, held].any()
+    left = found.project_out_nuisance(columns[:, 1], inverse)
+    assert np.max(np.abs(columns[:, ~held].T @ left)) < 1e-12 < np.max(np.abs(left))
+    assert np.max(np.abs(found.project_out_nuisance(columns[:, 1]))) < 1e-12
+    moved = found.with_derivatives(np.asfortranarray(columns))
+    np.testing.assert_array_equal(moved.curvature, found.curvature)
+
+
 # --- blocks
 
 

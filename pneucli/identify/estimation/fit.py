@@ -85,15 +85,35 @@ class Fit:
     undetermined: frozenset[str] = frozenset()
 
     @cached_property
+    def curvature(self) -> Array:
+        """The curvature of the data, shape (k, k)."""
+        return np.asarray(self.jacobian.T @ self.jacobian)
+
+    @cached_property
     def inverse_hessian(self) -> Array:
         """The inverse of the curvature of the data, shape (k, k)."""
-        return pseudo_inverse(self.jacobian.T @ self.jacobian)
+        return pseudo_inverse(self.curvature)
 
-    def project_out_nuisance(self, change: Array) -> Array:
+    def inverse_hessian_holding(self, held: NDArray[np.bool_]) -> Array:
+        """Return the inverse (k, k) where some parameters (k,) are held, 0 in their rows and columns."""
+        if not held.any():
+            return self.inverse_hessian
+        out, moving = np.zeros_like(self.curvature), np.flatnonzero(~held)
+        out[np.ix_(moving, moving)] = pseudo_inverse(self.curvature[np.ix_(moving, moving)])
+        return out
+
+    def with_derivatives(self, jacobian: Array) -> Fit:
+        """Return the fit with the same derivatives (N, k) elsewhere in memory."""
+        moved = replace(self, jacobian=jacobian)
+        moved.__dict__["curvature"] = self.curvature
+        return moved
+
+    def project_out_nuisance(self, change: Array, inverse_hessian: Array | None = None) -> Array:
         """Project a change of the residuals on the complement of the free parameters.
 
         Args:
             change: Change of the residuals in units of noise, shape (N,).
+            inverse_hessian: That of :meth:`inverse_hessian_holding`, where parameters are held; shape (k, k).
 
         Returns:
             The part of the change that no free parameter can reproduce to first order, shape (N,).
@@ -102,7 +122,8 @@ class Fit:
             Frisch, R. and Waugh, F. V., Econometrica 1 (1933) 387.
 
         """
-        return np.asarray(change - self.jacobian @ (self.inverse_hessian @ self.transposed_product(change)))
+        inverse = self.inverse_hessian if inverse_hessian is None else inverse_hessian
+        return np.asarray(change - self.jacobian @ (inverse @ self.transposed_product(change)))
 
     def transposed_product(self, change: Array) -> Array:
         """Return J'c (k,) for a change c of the residuals (N,); most changes are 0 in most recordings."""
@@ -188,7 +209,10 @@ def fit(
     if solution.stalled and not is_draft:  # an overlap may end at a held command: beyond it the valve is shut
         problem.backward = True
         solution = search(solution.z)
-    return _fit_summary(problem, solution.z, solution.residual, solution.jacobian, has_covariance=not is_draft)
+    curvature = None if is_draft else solution.curvature
+    return _fit_summary(
+        problem, solution.z, solution.residual, solution.jacobian, curvature, has_covariance=not is_draft
+    )
 
 
 class _Derivatives:
@@ -222,8 +246,15 @@ class _Derivatives:
 
 
 def _fit_summary(
-    problem: LeastSquaresProblem, z: Array, residual: Array, jacobian: Array, *, has_covariance: bool = True
+    problem: LeastSquaresProblem,
+    z: Array,
+    residual: Array,
+    jacobian: Array,
+    curvature: Array | None = None,
+    *,
+    has_covariance: bool = True,
 ) -> Fit:
+    """Return the fit that ends at coordinates z (k,); ``curvature`` is that of the derivatives where it is known."""
     blocks = problem.blocks()
     n = blocks.size
     if not problem.free:
@@ -231,10 +262,10 @@ def _fit_summary(
         return Fit(problem.model, (), (), residual[:n], jacobian[:n], blocks, none, cost, problem.errors)
     for column in jacobian.T:  # an overflow identifies nothing; zeros that are not written take no memory
         if not (column.min(initial=0.0) > -MAX_DERIVATIVE and column.max(initial=0.0) < MAX_DERIVATIVE):
-            column[~(np.abs(column) < MAX_DERIVATIVE)] = 0.0
+            column[~(np.abs(column) < MAX_DERIVATIVE)], curvature = 0.0, None
     covariance, undetermined = np.zeros((z.size, z.size)), np.zeros(z.size, dtype=bool)
     if has_covariance:
-        curvature = jacobian.T @ jacobian
+        curvature = jacobian.T @ jacobian if curvature is None else curvature
         inverse_hessian, undetermined = pseudo_inverse(curvature), undetermined_coordinates(curvature)
         scores = group_scores(jacobian[:n], residual[:n], blocks)
         covariance = inverse_hessian @ (scores.T @ scores + jacobian[n:].T @ jacobian[n:]) @ inverse_hessian

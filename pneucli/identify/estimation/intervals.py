@@ -100,7 +100,7 @@ def variance_inflation(fitted: Fit, groups: Iterator[Labels]) -> Array:
     """
     inside = np.array([j for j, f in enumerate(fitted.free) if not fitted[f.name].at_bound], dtype=np.intp)
     jacobian = fitted.jacobian if inside.size == len(fitted.free) else fitted.jacobian[:, inside]
-    inverse_hessian = pseudo_inverse(jacobian.T @ jacobian)
+    inverse_hessian = pseudo_inverse(fitted.curvature[np.ix_(inside, inside)])
     root = _matrix_square_root(inverse_hessian)
     by_time, *others = (
         _bias_reduced_variance(*sums, root) for sums in group_sums(jacobian, fitted.residual, [fitted.blocks, *groups])

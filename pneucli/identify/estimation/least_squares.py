@@ -60,15 +60,45 @@ class Approximation(Generic[J]):
 class Solution(Generic[J]):
     """The end of a search: coordinates z (k,), residuals (N,), derivatives (N, k), and the number of iterations.
 
-    ``stalled``: no step lowered the cost though the derivatives promise more than the tolerance. They are of one side,
-    and the search may have met a kink.
+    ``curvature`` (k, k) is that of the derivatives. ``stalled``: no step lowered the cost though the derivatives
+    promise more than the tolerance. They are of one side, and the search may have met a kink.
     """
 
     z: Array
     residual: Array
     jacobian: J
+    curvature: Array
     iterations: int
     stalled: bool = False
+
+
+class _Derivatives(Generic[J]):
+    """Derivatives, and their curvature from the first time that it is asked for: it costs more than a simulation."""
+
+    def __init__(self, jacobian: J) -> None:
+        self.jacobian: J = jacobian
+        self._curvature: Array | None = None
+
+    def changed(self) -> None:
+        """Forget the curvature, since the derivatives were changed in place."""
+        self._curvature = None
+
+    @property
+    def curvature(self) -> Array:
+        """The curvature J'J, shape (k, k); not finite where the model diverges."""
+        if isinstance(self.jacobian, NormalEquations):
+            return self.jacobian.curvature
+        if self._curvature is None:
+            with np.errstate(over="ignore", invalid="ignore"):  # a diverging model has no derivatives
+                self._curvature = np.asarray(self.jacobian.T @ self.jacobian)
+        return self._curvature
+
+    def equations(self, residual: Array) -> NormalEquations:
+        """Return the normal equations with residuals (N,)."""
+        if isinstance(self.jacobian, NormalEquations):
+            return self.jacobian
+        with np.errstate(over="ignore", invalid="ignore"):
+            return NormalEquations(np.asarray(self.jacobian.T @ residual), self.curvature)
 
 
 class Step(NamedTuple):
@@ -123,7 +153,7 @@ def minimise(
     [2.0]
     """
     z, damping = np.clip(start, *bounds), INITIAL_DAMPING
-    r, j = residuals(z), jacobian(z) if initial_jacobian is None else initial_jacobian
+    r, j = residuals(z), _Derivatives(jacobian(z) if initial_jacobian is None else initial_jacobian)
     is_new = initial_jacobian is None or approximation is None or approximation.start_is_exact
     callback(_sum_of_squares(r))
     for done in range(1, max_iterations + 1):
@@ -136,7 +166,8 @@ def minimise(
             if decrease < tolerance or not step.as_predicted:
                 break
             if approximation is not None and steps < MAX_APPROXIMATE_STEPS:
-                approximation.correct(j, before, z, change)
+                approximation.correct(j.jacobian, before, z, change)
+                j.changed()
             elif decrease > MAX_DECREASE_FOR_REUSE:
                 break
             is_new, tries = False, 1
@@ -144,17 +175,17 @@ def minimise(
         is_settled = step is None or decrease < tolerance
         if is_settled and (is_new or (approximation is not None and approximation.suffices)):
             stalled = _promised_decrease(z, r, j, bounds) > tolerance * _sum_of_squares(r)
-            return Solution(z, r, j, done, stalled)
+            return Solution(z, r, j.jacobian, j.curvature, done, stalled)
         del j  # frees the largest array before the next one is allocated
-        j, is_new = jacobian(z), True
-    return Solution(z, r, j, max_iterations)
+        j, is_new = _Derivatives(jacobian(z)), True
+    return Solution(z, r, j.jacobian, j.curvature, max_iterations)
 
 
 def _step(
     residuals: Callable[[Array], Array],
     z: Array,
     r: Array,
-    j: Array | NormalEquations,
+    j: _Derivatives[J],
     bounds: tuple[Array, Array],
     damping: float,
     tries: int,
@@ -193,10 +224,10 @@ def _step(
 
 
 def _free_equations(
-    z: Array, r: Array, j: Array | NormalEquations, bounds: tuple[Array, Array]
+    z: Array, r: Array, j: _Derivatives[J], bounds: tuple[Array, Array]
 ) -> tuple[NDArray[np.intp], Array, Array, tuple[Array, Array]]:
     """Return which coordinates may move, (f,), their gradient and curvature, and the room to their bounds."""
-    gradient, curvature = j if isinstance(j, NormalEquations) else normal_equations(r, j)
+    gradient, curvature = j.equations(r)
     is_determined = np.isfinite(gradient) & np.isfinite(curvature.diagonal()) & (curvature.diagonal() > 0)
     is_fixed = ((z <= bounds[0]) & (gradient > 0)) | ((z >= bounds[1]) & (gradient < 0)) | ~is_determined
     free = np.flatnonzero(~is_fixed)
@@ -204,7 +235,7 @@ def _free_equations(
     return free, gradient[free], curvature[np.ix_(free, free)], room
 
 
-def _promised_decrease(z: Array, r: Array, j: Array | NormalEquations, bounds: tuple[Array, Array]) -> float:
+def _promised_decrease(z: Array, r: Array, j: _Derivatives[J], bounds: tuple[Array, Array]) -> float:
     """Return the decrease of the cost that the derivatives promise for a step without damping."""
     free, gradient, curvature, room = _free_equations(z, r, j, bounds)
     return _promised(gradient, curvature, room) if free.size else 0.0

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -42,14 +41,14 @@ def lower_profile_minimum(
     (time,) = effect.main_parameters
     name, size = f"{effect.name}.{time.name}", time.range_on(quantities)
     values = [{name: float(t)} for t in np.geomspace(min(size.typical), size.upper, TIME_SCAN_POINTS)]
-    others = replace(fitted, jacobian=fitted.jacobian[:, [f.name != name for f in fitted.free]])
-    changes = residual_changes(effect, fitted, residual_models, values)
-    profile = [_adjusted_cost(others, fitted.residual + change) for change in changes]
+    inverse = fitted.inverse_hessian_holding(np.array([f.name == name for f in fitted.free], dtype=bool))
+    gradient = fitted.jacobian.T @ fitted.residual
+
+    def adjusted_cost(change: Array) -> float:
+        """Return the squares that remain of changed residuals where the other parameters adjust."""
+        residual, slope = fitted.residual + change, gradient + fitted.transposed_product(change)
+        return float(residual @ residual - slope @ inverse @ slope)
+
+    profile = [adjusted_cost(change) for change in residual_changes(effect, fitted, residual_models, values)]
     lowest = int(np.argmin(profile))
-    return values[lowest] if profile[lowest] < _adjusted_cost(others, fitted.residual) else None
-
-
-def _adjusted_cost(fitted: Fit, residual: Array) -> float:
-    """Return the squares of residuals (N,) that remain where the free parameters adjust."""
-    gradient = fitted.jacobian.T @ residual
-    return float(residual @ residual - gradient @ fitted.inverse_hessian @ gradient)
+    return values[lowest] if profile[lowest] < adjusted_cost(np.zeros_like(fitted.residual)) else None

@@ -135,13 +135,13 @@ def run(time, inputs, restarts, base_values, th_values, on_values, flags, areas,
     if (lag > 0.0 or delay > 0.0) and predicts_pressures:
         true = new_copy(inputs[:, IN_P1 : IN_P2 + 1])
         unread(true, base, th, on)
-        imposed, first_pass = flags.copy(), new_array(out.shape)
+        imposed = flags.copy()
         imposed[MECHANICS] = 0.0
         advance(
             time, inputs, true, middles(restarts), base_values, th_values, on_values, imposed, areas, areas_2, h_max,
-            cs, cp, first_pass,
+            cs, cp, out,  # which the second pass overwrites
         )  # fmt: skip
-        add_unread_change(first_pass, restarts, base, th, on, true)
+        add_unread_change(out, restarts, base, th, on, true)
     else:  # no later reading is needed, or all readings are inputs
         true = true_pressures(time, inputs, lag, base, th, on)
     advance(time, inputs, true, restarts, base_values, th_values, on_values, flags, areas, areas_2, h_max, cs, cp, out)
