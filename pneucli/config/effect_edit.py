@@ -37,6 +37,24 @@ def set_effects(path: str | Path, effects: Sequence[str]) -> None:
         model["effects"] = list(effects)
 
 
+def set_fixed(path: str | Path, name: str, value: str | float | None) -> None:
+    """Fix a parameter at a value in ``[model.parameters]``, or free it where ``value`` is None.
+
+    The file is replaced atomically, everything else in it stays as it was.
+    """
+    with edit_document(path) as document:
+        model = document.setdefault("model", tomlkit.table())
+        if value is None:
+            parameters = model.get("parameters", {})
+            parameters.pop(name, None)
+            if "parameters" in model and not parameters:
+                del model["parameters"]
+            return
+        entry = tomlkit.inline_table()
+        entry["fixed"] = value
+        model.setdefault("parameters", tomlkit.table())[name] = entry
+
+
 @contextmanager
 def edit_document(path: str | Path) -> Iterator[TOMLDocument]:
     """Yield a TOML file as a document to edit; it is replaced atomically when the block ends without an error."""
@@ -48,10 +66,11 @@ def edit_document(path: str | Path) -> Iterator[TOMLDocument]:
     if b"\r\n" in content:  # what is new has the line ends of the rest
         text = re.sub("\r?\n", "\r\n", text)
     mark = codecs.BOM_UTF8 if content.startswith(codecs.BOM_UTF8) else b""
-    _replace(path, mark + text.encode())
+    replace_file(path, mark + text.encode())
 
 
-def _replace(path: Path, content: bytes) -> None:
+def replace_file(path: Path, content: bytes) -> None:
+    """Replace a file at once, with its permissions; behind a link, the file that it leads to."""
     target = path.resolve()
     with tempfile.NamedTemporaryFile(dir=target.parent, prefix=f".{target.name}.", delete=False) as file:
         file.write(content)

@@ -6,6 +6,7 @@ from collections.abc import Sequence
 
 from pneucli.messages.formatting import format_plain
 
+LOG_INTERVAL_VARIABLE = "PNEUCLI_LOG_INTERVAL"  # of the environment: s, between two lines of progress in a log
 NO_ESTIMATE = "no estimate yet"
 GIVEN_MODEL_PROGRESS = "fitting the given model"
 FREE_RUN_PROGRESS = "comparing the free run"

@@ -13,12 +13,12 @@ from contextvars import ContextVar
 from typing import TextIO
 
 from pneucli.errors import printable
-from pneucli.messages.progress import progress_line
+from pneucli.messages.progress import LOG_INTERVAL_VARIABLE, progress_line
 from pneucli.paths import from_here
 from pneucli.pipeline.context import NO_PROGRESS, Progress
 
 REDRAW_INTERVAL = 0.5  # s, between two drawings of the line on a terminal
-LOG_INTERVAL = 30.0  # s, between two lines in a log
+LOG_INTERVAL = 30.0  # s, between two lines in a log, unless the environment says otherwise
 
 
 def print_message(message: str) -> None:
@@ -95,6 +95,13 @@ class ProgressLine(Progress):
             sys.stderr.flush()
 
 
+def _log_interval() -> float:
+    """Return the time in s between two lines in a log; a value that is no number counts as none."""
+    with suppress(ValueError):
+        return max(float(os.environ.get(LOG_INTERVAL_VARIABLE, LOG_INTERVAL)), 0.1)
+    return LOG_INTERVAL
+
+
 _line: ContextVar[ProgressLine | None] = ContextVar("line", default=None)
 
 
@@ -108,7 +115,7 @@ def progress(quiet: bool) -> Iterator[Progress]:
     line, done = ProgressLine(redrawn=on_terminal), threading.Event()
 
     def draw() -> None:
-        while not done.wait(REDRAW_INTERVAL if on_terminal else LOG_INTERVAL):
+        while not done.wait(REDRAW_INTERVAL if on_terminal else _log_interval()):
             line.draw()
 
     drawer, token = threading.Thread(target=draw, daemon=True), _line.set(line)

@@ -20,7 +20,7 @@ from pneucli.report.sections import SECTIONS
 
 _ASSETS = files("pneucli.report") / "assets"
 STYLES = ("uPlot.min.css", "page.css")
-SCRIPTS = ("uPlot.iife.min.js", "plots.js")
+SCRIPTS = ("uPlot.iife.min.js", "plots.js", "report.js")
 
 
 def build_sections(material: ReportData, makers: Sequence[SectionMaker] = SECTIONS) -> list[Section]:

@@ -129,10 +129,10 @@ def _zoom(residuals: Table, before: Table, signals: Table, errors: Sequence[Mapp
     for (recording, channel), rows in channels.items():
         panels = runs.setdefault((rows.text("use") != "test", recording), [])
         if not panels and recording in inputs:
-            panels += _command(inputs[recording], max_samples)
-        panels.append(_panel(channel, rows, earlier.get((recording, channel)), max_samples))
+            panels += command_panels(inputs[recording], max_samples)
+        panels.append(channel_panel(channel, rows, earlier.get((recording, channel)), max_samples))
     for (_, recording), panels in runs.items():
-        panels.extend(_deviation(recording, channels, noise, max_samples))
+        panels.extend(deviation_panels(recording, channels, noise, max_samples))
     named = [
         PlotRun(f"{name} ({'train' if train else 'test'})", panels) for (train, name), panels in sorted(runs.items())
     ]
@@ -140,7 +140,8 @@ def _zoom(residuals: Table, before: Table, signals: Table, errors: Sequence[Mapp
     return ZoomPlot("comparison", f"{CAPTION}{f' {GAPS}' if gaps else ''}", named, ZOOM_HINT)
 
 
-def _command(signals: Table, max_samples: int) -> list[Panel]:
+def command_panels(signals: Table, max_samples: int) -> list[Panel]:
+    """Return the valve's commands over time; nothing where there are none."""
     commands = [name for name in ("u", "u2") if name in signals and np.isfinite(signals[name]).any()]
     if not commands:
         return []
@@ -149,7 +150,8 @@ def _command(signals: Table, max_samples: int) -> list[Panel]:
     return [Panel("valve command", "V", signals["time"][indices], curves)]
 
 
-def _panel(channel: str, rows: Table, before: Table | None, max_samples: int) -> Panel:
+def channel_panel(channel: str, rows: Table, before: Table | None, max_samples: int) -> Panel:
+    """Return a channel as measured and by the model, and by an earlier model where that differs visibly."""
     unit = rows.text("unit")
     models = {"model": rows["model"]}
     if before is not None and len(before) == len(rows) and _differ(before, rows):
@@ -174,7 +176,7 @@ def _differ(before: Table, now: Table) -> bool:
     return bool(np.nanmax(distance, initial=0.0) > MIN_VISIBLE_SHARE * span)
 
 
-def _deviation(
+def deviation_panels(
     recording: str, channels: Mapping[tuple[str, str], Table], noise: Mapping[tuple[str, str], float], max_samples: int
 ) -> list[Panel]:
     """Return measured minus model of all channels, in units of the noise floor."""

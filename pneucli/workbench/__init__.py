@@ -1,0 +1,23 @@
+"""The workbench: one live page of a pipeline, on this machine, over the same functions and files as the commands.
+
+Changes of the model run as the commands themselves, in processes of their own (:mod:`pneucli.workbench.commands`): the
+page can end one at any moment as a killed command ends, and a fit never makes a slider wait. Only what follows the hand
+is computed here (:mod:`pneucli.workbench.live_model`): the identified model with other values, on recordings that stay
+in memory.
+"""
+
+from pneucli.errors import InputError
+
+
+def require_aiohttp() -> None:
+    """Raise InputError where the extra is not installed."""
+    try:
+        import aiohttp  # noqa: F401, PLC0415
+    except ImportError as error:
+        raise InputError(
+            "pneucli workbench",
+            "aiohttp is not installed",
+            "the extra workbench",
+            "pip install 'pneucli[workbench]'",
+            code="E009",
+        ) from error

@@ -1,0 +1,171 @@
+"""What a page asks and changes: a handler for each path, all through the same door."""
+
+from __future__ import annotations
+
+import asyncio
+from collections.abc import Awaitable, Callable
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+from aiohttp import web
+
+from pneucli.errors import InputError
+from pneucli.io.artifacts import atomic_path
+from pneucli.workbench.bench import DROPPED
+from pneucli.workbench.lifetime import Workbench
+from pneucli.workbench.packing import pack
+from pneucli.workbench.requests import interval_of, json_body, number, text_of, unreadable, variant_of
+
+MAX_SAMPLES = 40_000  # of a panel: ten times those of a wide screen
+MAX_DROP = 2 * 1024**3  # bytes of a dropped recording
+RECORDING_ENDINGS = (
+    ".csv",
+    ".txt",
+    ".tsv",
+    ".dat",
+    ".tdms",
+    ".mat",
+    ".mf4",
+    ".h5",
+    ".hdf5",
+    ".parquet",
+    ".xlsx",
+    ".mcap",
+)
+
+
+class Questions:
+    """The handlers of one workbench."""
+
+    def __init__(self, workbench: Workbench) -> None:
+        self._workbench = workbench
+        self._bench = workbench.bench
+
+    def routes(self) -> list[web.RouteDef]:
+        """Return the paths and their handlers."""
+        get = {"/state": self._state, "/chapter/{name}": self._chapter, "/effect/{name}": self._effect}
+        post = {
+            "/curves": self._curves,
+            "/error": self._error,
+            "/quantity": self._quantity,
+            "/command": self._command,
+            "/cancel": self._cancel,
+            "/undo": self._undo,
+            "/fix": self._fix,
+            "/drop": self._drop,
+        }
+        return [
+            *(web.get(path, self._answer(work)) for path, work in get.items()),
+            *(web.post(path, self._answer(work)) for path, work in post.items()),
+        ]
+
+    def _answer(
+        self, work: Callable[[web.Request], Awaitable[Any]]
+    ) -> Callable[[web.Request], Awaitable[web.StreamResponse]]:
+        """Return a handler that answers in JSON, with errors as one line."""
+
+        async def handler(request: web.Request) -> web.StreamResponse:
+            try:
+                found = await work(request)
+            except InputError as error:
+                return web.json_response({"error": str(error)}, status=409 if error.code == "E006" else 400)
+            except web.HTTPException:
+                raise
+            except (ConnectionError, asyncio.CancelledError):
+                raise
+            except Exception as error:
+                self._workbench.say(f"a fault of the program: {type(error).__name__}: {error}")
+                return web.json_response({"error": f"a fault of the program: {type(error).__name__}"}, status=500)
+            return found if isinstance(found, web.StreamResponse) else web.json_response(found)
+
+        return handler
+
+    async def _state(self, request: web.Request) -> dict[str, Any]:
+        return await self._workbench.in_other(self._bench.describe)
+
+    async def _chapter(self, request: web.Request) -> list[dict[str, str]]:
+        return await self._workbench.in_other(partial(self._bench.chapter, request.match_info["name"]))
+
+    async def _effect(self, request: web.Request) -> dict[str, str]:
+        return await self._workbench.in_other(partial(self._bench.effect, request.match_info["name"]))
+
+    async def _curves(self, request: web.Request) -> web.Response:
+        asked = await json_body(request)
+        interval = interval_of(asked.get("interval"))
+        earlier = asked.get("earlier")
+        if earlier is not None and not isinstance(earlier, int):
+            raise unreadable("earlier", "a number of the ladder")
+        samples = min(max(int(number(asked.get("samples", 4000))), 100), MAX_SAMPLES)
+        work = partial(self._bench.curves, variant_of(asked), text_of(asked, "recording"), interval, samples, earlier)
+        panels, head = await self._workbench.in_live(work)
+        return web.Response(body=pack(panels, head), content_type="application/octet-stream")
+
+    async def _error(self, request: web.Request) -> dict[str, Any]:
+        asked = await json_body(request)
+        return await self._workbench.in_live(partial(self._bench.error, variant_of(asked), text_of(asked, "recording")))
+
+    async def _quantity(self, request: web.Request) -> dict[str, float]:
+        asked = await json_body(request)
+        return {"value": self._bench.quantity(text_of(asked, "text"), text_of(asked, "unit"))}
+
+    async def _command(self, request: web.Request) -> dict[str, Any]:
+        asked = await json_body(request)
+        names = asked.get("names", [])
+        if not isinstance(names, list) or not all(isinstance(name, str) for name in names):
+            raise unreadable("names", "names of effects")
+        action = text_of(asked, "action")
+        if action in ("add", "remove", "add-named"):
+            self._bench.require_version(text_of(asked, "version"))
+        self._workbench.require_idle()
+        self._bench.words(action, names)
+        self._workbench.busy = True
+        self._workbench.spawn(self._workbench.run(action, names))
+        return {}
+
+    async def _cancel(self, request: web.Request) -> dict[str, Any]:
+        await self._bench.runner.cancel()
+        return {}
+
+    async def _undo(self, request: web.Request) -> dict[str, Any]:
+        asked = await json_body(request)
+        self._workbench.require_idle()
+        self._bench.require_version(text_of(asked, "version"))
+        self._bench.undo()
+        self._workbench.spawn(self._workbench.run("fit", []))
+        return {}
+
+    async def _fix(self, request: web.Request) -> dict[str, Any]:
+        asked = await json_body(request)
+        self._workbench.require_idle()
+        self._bench.require_version(text_of(asked, "version"))
+        value = asked.get("value")
+        self._bench.fix(text_of(asked, "name"), None if value is None else number(value), text_of(asked, "unit"))
+        self._workbench.spawn(self._workbench.run("fit", []))
+        return {}
+
+    async def _drop(self, request: web.Request) -> dict[str, Any]:
+        """Store a dropped recording beside the pipeline file, and look at it."""
+        name = Path(request.query.get("name", "").replace("\\", "/")).name
+        if not name or name.startswith((".", "-")) or not name.lower().endswith(RECORDING_ENDINGS):
+            raise InputError("the file", f'"{name}"', f"a recording: {', '.join(RECORDING_ENDINGS)}", code="E040")
+        self._workbench.require_idle()
+        target = self._bench.file.parent / DROPPED / name
+        if target.exists():
+            raise InputError(str(target), "exists already", "a new name", "rename the file", code="E006")
+        target.parent.mkdir(exist_ok=True)
+        with atomic_path(target) as temporary:
+            await _receive(request, temporary)
+        self._workbench.spawn(self._workbench.look(name))
+        return {"file": f"{DROPPED}/{name}"}
+
+
+async def _receive(request: web.Request, target: Path) -> None:
+    """Write a request's body to a file; raises InputError beyond the limit."""
+    size = 0
+    with target.open("wb") as file:
+        async for part in request.content.iter_chunked(1 << 16):
+            size += len(part)
+            if size > MAX_DROP:
+                raise InputError("the file", "more than 2 GB", "a smaller one", "name it in the pipeline", code="E003")
+            file.write(part)

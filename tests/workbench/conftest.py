@@ -1,0 +1,91 @@
+"""A workbench on a copy of a small run, asked through aiohttp's own client."""
+
+from __future__ import annotations
+
+import asyncio
+import shutil
+from collections.abc import Callable, Coroutine
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import pytest
+from aiohttp.test_utils import TestClient, TestServer
+
+import pneucli
+from pneucli.notebook.run import open_pipeline_of
+from pneucli.workbench.bench import Bench
+from pneucli.workbench.commands import CommandRunner
+from pneucli.workbench.guards import TOKEN_HEADER, Guard
+from pneucli.workbench.lifetime import Workbench
+from pneucli.workbench.server import application
+
+FIXTURES = Path(__file__).parents[2] / "fixtures"
+TOKEN = "the-token"
+
+
+@pytest.fixture(scope="session")
+def compared(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A folder with a pipeline that has been compared: a cylinder without effects."""
+    folder = tmp_path_factory.mktemp("compared") / "bench"
+    shutil.copytree(FIXTURES / "friction_null_coulomb", folder, ignore=shutil.ignore_patterns("artifacts"))
+    pneucli.open(folder / "pipeline.toml", quiet=True).bring_up("compare")
+    return folder
+
+
+@pytest.fixture
+def folder(compared: Path, tmp_path: Path) -> Path:
+    """A copy of it of the test's own."""
+    shutil.copytree(compared, tmp_path / "bench")
+    return tmp_path / "bench"
+
+
+@dataclass
+class Asked:
+    """A workbench that runs, and a client."""
+
+    workbench: Workbench
+    client: TestClient[Any, Any]
+
+    async def get(self, path: str, **headers: str) -> tuple[int, Any]:
+        """Return status and JSON."""
+        response = await self.client.get(path, headers={TOKEN_HEADER: TOKEN} | headers)
+        return response.status, await response.json()
+
+    async def post(self, path: str, content: Any, **headers: str) -> tuple[int, Any]:
+        """Return status and JSON, or bytes."""
+        response = await self.client.post(path, json=content, headers={TOKEN_HEADER: TOKEN} | headers)
+        binary = response.content_type == "application/octet-stream"
+        return response.status, await (response.read() if binary else response.json())
+
+    async def idle(self) -> None:
+        """Wait until no command runs."""
+        await asyncio.sleep(0.05)
+        while self.workbench.busy or self.workbench.bench.runner.running:
+            await asyncio.sleep(0.05)
+
+
+Session = Callable[[Asked], Coroutine[Any, Any, None]]
+
+
+@pytest.fixture
+def session(folder: Path) -> Callable[[Session], None]:
+    """Run a coroutine with a workbench that has loaded its model."""
+    file = folder / "pipeline.toml"
+
+    async def run(work: Session) -> None:
+        runner = CommandRunner(folder)
+        bench = Bench(file, None, lambda: open_pipeline_of(file), runner)
+        workbench = Workbench(bench, Guard(TOKEN, "127.0.0.1"), keep=True)
+        runner.changed = workbench.tell
+        async with TestClient(TestServer(application(workbench))) as client:
+            asked = Asked(workbench, client)
+            while bench.live is None and not bench.problem:
+                await asyncio.sleep(0.02)
+            await asked.idle()
+            await work(asked)
+
+    def start(work: Session) -> None:
+        asyncio.run(run(work))
+
+    return start

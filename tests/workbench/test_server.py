@@ -1,0 +1,267 @@
+"""What the page asks for is what the commands do: the same numbers, the same file, undone to the letter."""
+
+from __future__ import annotations
+
+import asyncio
+import json
+import os
+import signal
+import socket
+import struct
+import subprocess
+import sys
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from pneucli.config import load
+from pneucli.errors import InputError
+from pneucli.io.artifacts import read_table
+from pneucli.pipeline.manifest import read_manifest
+from pneucli.report.page_elements import Panel, Series
+from pneucli.workbench.packing import pack
+from pneucli.workbench.server import listen
+from tests.workbench.conftest import Asked, Session
+
+Start = Callable[[Session], None]
+
+
+def unpack(content: bytes) -> tuple[dict[str, Any], list[np.ndarray]]:
+    """Return head and arrays as the page reads them."""
+    (length,) = struct.unpack("<I", content[:4])
+    head = json.loads(content[4 : 4 + length])
+    numbers = np.frombuffer(content, "<f4", offset=4 + length)
+    sizes = [panel["samples"] for panel in head["panels"] for _ in range(1 + len(panel["series"]))]
+    return head, np.split(numbers, np.cumsum(sizes)[:-1])
+
+
+def test_panels_are_packed_on_whole_words_with_gaps_as_nan() -> None:
+    panel = Panel("p1", "bar", np.array([2.0, 3.0]), [Series("m", "model", np.array([1.5, np.nan]))], [2.5])
+    head, (time, values) = unpack(pack([panel], {"ü": 1}))
+    assert head["panels"][0] == {
+        "title": "p1",
+        "unit": "bar",
+        "start": 2.0,
+        "restarts": [2.5],
+        "samples": 2,
+        "series": [{"label": "m", "role": "model"}],
+    }
+    assert time.tolist() == [0.0, 1.0]
+    assert values[0] == 1.5
+    assert np.isnan(values[1])
+
+
+def test_the_errors_of_the_page_are_those_of_compare(session: Start) -> None:
+    async def work(asked: Asked) -> None:
+        compared = read_manifest(asked.workbench.bench.artifacts / "compare")
+        assert compared is not None
+        assert compared.answer is not None
+        expected = {(c["recording"], c["channel"]): c["ratio_to_noise"] for c in compared.answer["channels"]}
+        found = {}
+        for name in {recording for recording, _ in expected}:
+            status, content = await asked.post("/curves", {"recording": name, "samples": 100})
+            assert status == 200
+            found |= {(name, one["channel"]): one["ratio"] for one in unpack(content)[0]["errors"]}
+        assert found == pytest.approx(expected)
+        _, overall = await asked.post("/error", {"recording": "driven_1"})
+        assert overall == pytest.approx(compared.answer["error"])
+
+    session(work)
+
+
+def test_the_curves_are_those_that_compare_stored(session: Start) -> None:
+    async def work(asked: Asked) -> None:
+        _, content = await asked.post("/curves", {"recording": "driven_2", "samples": 40_000})
+        head, arrays = unpack(content)
+        table = read_table(asked.workbench.bench.artifacts / "compare" / "residuals.parquet")
+        mine = [(r, c) == ("driven_2", "x") for r, c in zip(table["recording"], table["channel"], strict=True)]
+        titles = [panel["title"] for panel in head["panels"]]
+        before = sum(1 + len(panel["series"]) for panel in head["panels"][: titles.index("x")])
+        shown = arrays[before + 1]
+        np.testing.assert_allclose(shown, 1e3 * np.asarray(table["measured"])[mine], rtol=1e-6)
+
+    session(work)
+
+
+def test_a_value_by_hand_moves_the_curve_and_the_error(session: Start) -> None:
+    async def work(asked: Asked) -> None:
+        _, content = await asked.post("/curves", {"recording": "driven_1", "values": {"friction.coulomb": 25.0}})
+        head, _ = unpack(content)
+        assert max(one["ratio"] for one in head["errors"]) > 3.0
+        labels = {s["label"].partition(",")[0] for panel in head["panels"] for s in panel["series"]}
+        assert {"measured", "fitted", "now"} <= labels
+        status, answer = await asked.post("/curves", {"recording": "driven_1", "values": {"friction.none": 1.0}})
+        assert status == 400
+        assert "friction.none" in answer["error"]
+
+    session(work)
+
+
+def test_peaks_survive_the_reduction_and_a_window_is_sent_alone(session: Start) -> None:
+    async def work(asked: Asked) -> None:
+        _, whole = await asked.post("/curves", {"recording": "driven_1", "samples": 40_000})
+        _, few = await asked.post("/curves", {"recording": "driven_1", "samples": 200})
+        _, window = await asked.post("/curves", {"recording": "driven_1", "interval": [1.0, 2.0]})
+        assert len(few) < 0.2 * len(whole)
+        (_, full), (_, reduced) = unpack(whole), unpack(few)
+        for a, b in zip(full, reduced, strict=True):
+            if np.isfinite(a).any():
+                # the curve of the model lies between the peaks of measurement and residual
+                assert np.nanmax(b) == pytest.approx(float(np.nanmax(a)), abs=0.02 * float(np.nanmax(a) - np.nanmin(a)))
+        head, arrays = unpack(window)
+        assert all(0.9 <= panel["start"] <= 1.0 for panel in head["panels"])
+        assert arrays[0][-1] + head["panels"][0]["start"] == pytest.approx(2.0, abs=0.05)
+        assert head["ends"][1] > 2.5
+
+    session(work)
+
+
+def test_adding_an_effect_does_what_the_command_does_and_is_undone_to_the_letter(session: Start) -> None:
+    async def work(asked: Asked) -> None:
+        bench = asked.workbench.bench
+        before = bench.file.read_bytes()
+        seen = {"version": bench.version}
+        status, _ = await asked.post("/command", {"action": "add", "names": ["stribeck"], **seen})
+        assert status == 200
+        await asked.idle()
+        _, state = await asked.get("/state")
+        assert state["command"]["line"] == "pneucli add pipeline.toml stribeck"
+        assert not state["command"]["failed"], state["command"]["text"]
+        assert "added stribeck" in state["command"]["text"]
+        assert b"# measurements of one rig" in bench.file.read_bytes()
+        assert load(bench.file).model.effects == ["stribeck"]
+        assert [one["effects"] for one in state["ladder"]] == [[], ["stribeck"]]
+        assert [one["name"] for one in state["effects"] if one["in_model"]] == ["stribeck"]
+        assert state["undo"]["line"] == "pneucli remove pipeline.toml stribeck"
+
+        stale, answer = await asked.post("/command", {"action": "remove", "names": ["stribeck"], **seen})
+        assert stale == 409
+        assert "has changed" in answer["error"]
+
+        first = next(one["number"] for one in state["ladder"] if not one["effects"])
+        _, content = await asked.post("/curves", {"recording": "driven_1", "earlier": first})
+        assert unpack(content)[0]["panels"]
+        status, _ = await asked.post("/undo", {"version": state["version"]})
+        assert status == 200
+        await asked.idle()
+        assert bench.file.read_bytes() == before
+
+    session(work)
+
+
+def test_what_another_program_wrote_is_not_undone(session: Start) -> None:
+    async def work(asked: Asked) -> None:
+        bench = asked.workbench.bench
+        _, state = await asked.get("/state")
+        fix = {"name": "friction.coulomb", "value": 14.0, "unit": "N", "version": state["version"]}
+        assert (await asked.post("/fix", fix))[0] == 200
+        await asked.idle()
+        assert load(bench.file).model.parameters["friction.coulomb"].fixed == "14 N"
+        text = bench.file.read_text() + "# by hand\n"
+        bench.file.write_text(text)
+        status, answer = await asked.post("/undo", {"version": bench.version})
+        assert status == 409
+        assert "another program" in answer["error"]
+        assert bench.file.read_text() == text
+
+    session(work)
+
+
+def test_a_value_that_the_file_cannot_have_leaves_it_as_it_was(session: Start) -> None:
+    async def work(asked: Asked) -> None:
+        bench = asked.workbench.bench
+        before = bench.file.read_bytes()
+        wrong = {"name": "friction.none", "value": 14.0, "unit": "N", "version": bench.version}
+        status, answer = await asked.post("/fix", wrong)
+        assert status == 400
+        assert "friction.none" in answer["error"]
+        assert bench.file.read_bytes() == before
+
+    session(work)
+
+
+def test_a_quantity_is_read_with_its_unit(session: Start) -> None:
+    async def work(asked: Asked) -> None:
+        assert await asked.post("/quantity", {"text": "12 mm/s", "unit": "m/s"}) == (200, {"value": 0.012})
+        status, answer = await asked.post("/quantity", {"text": "12 bar", "unit": "m/s"})
+        assert status == 400
+        assert "dimension" in answer["error"]
+
+    session(work)
+
+
+def test_a_cancelled_command_leaves_answers_whole(session: Start) -> None:
+    async def work(asked: Asked) -> None:
+        bench = asked.workbench.bench
+        before = {path: path.read_bytes() for path in bench.artifacts.rglob("*.json")}
+        await asked.post("/command", {"action": "diagnose", "version": bench.version})
+        while not bench.runner.running or not bench.runner.last or not bench.runner.last.messages:
+            await asyncio.sleep(0.05)
+        busy, _ = await asked.post("/command", {"action": "fit", "version": bench.version})
+        assert busy == 409
+        await asked.post("/cancel", {})
+        await asked.idle()
+        _, state = await asked.get("/state")
+        assert state["command"]["cancelled"]
+        assert {path: path.read_bytes() for path in before} == before
+
+    session(work)
+
+
+def test_a_page_hears_of_changes_by_another_program(session: Start) -> None:
+    async def work(asked: Asked) -> None:
+        page = await asked.client.ws_connect("/events?token=the-token")
+        assert (await page.receive_str(timeout=5)) == "changed"
+        file = asked.workbench.bench.file
+        file.write_text(file.read_text() + "\n# by hand\n")
+        assert (await page.receive_str(timeout=5)) == "changed"
+        await page.close()
+
+    session(work)
+
+
+def test_a_broken_file_is_told_and_mended_again(session: Start) -> None:
+    async def work(asked: Asked) -> None:
+        file = asked.workbench.bench.file
+        good = file.read_text()
+        file.write_text(good + "[model]\n")
+        status, state = await asked.get("/state")
+        assert status == 200
+        assert "pipeline.toml" in state["broken"]
+        file.write_text(good)
+        _, state = await asked.get("/state")
+        assert "broken" not in state
+
+    session(work)
+
+
+def test_a_taken_port_is_a_clear_line() -> None:
+    taken = listen("127.0.0.1", 0)
+    taken.listen()
+    with pytest.raises(InputError, match="cannot listen there"):
+        listen("127.0.0.1", taken.getsockname()[1])
+    with pytest.raises(InputError, match="cannot listen there"):
+        listen("192.0.2.1", 0)
+    taken.close()
+
+
+@pytest.mark.skipif(not hasattr(signal, "SIGINT") or sys.platform == "win32", reason="needs signals")
+def test_the_command_prints_its_address_and_ends_on_ctrl_c(folder: Path) -> None:
+    words = [sys.executable, "-m", "pneucli", "workbench", "pipeline.toml", "--no-browser", "--json"]
+    started = subprocess.Popen(words, cwd=folder, stdout=subprocess.PIPE, stderr=subprocess.PIPE, env={**os.environ})
+    assert started.stdout is not None
+    opened = b""
+    while b"}" not in opened:
+        opened += started.stdout.readline()
+    address = json.loads(opened)["address"]
+    assert address.startswith("http://127.0.0.1:")
+    port = int(address.split(":")[2].partition("/")[0])
+    with socket.create_connection(("127.0.0.1", port), timeout=5):
+        pass
+    started.send_signal(signal.SIGINT)
+    _, messages = started.communicate(timeout=20)
+    assert started.returncode == 0, messages
+    assert b"Traceback" not in messages
