@@ -17,7 +17,7 @@ from pneucli.io.recordings import load_recordings
 from pneucli.messages.envelope import envelope_indices, with_gap_indices
 from pneucli.pipeline.context import Context
 from pneucli.quantities import SIGNALS
-from pneucli.recording import Recording
+from pneucli.recording import Recording, Rig
 from pneucli.stages import ingest, init
 
 Array = NDArray[np.float64]
@@ -46,7 +46,7 @@ def look_at(raw: Sequence[Path], **stated: Any) -> dict[str, Any]:
     """
     with tempfile.TemporaryDirectory() as place:
         folder = Path(place) / "look"
-        seen = init.create(folder, raw, **stated)
+        seen, waiting = write_pipeline(folder, raw, **stated)
         answer = {
             "schema": SCHEMA,
             "kinds": seen["recordings"],
@@ -56,13 +56,8 @@ def look_at(raw: Sequence[Path], **stated: Any) -> dict[str, Any]:
             "recordings": [],
             "repairs": [],
         }
-        pipeline = folder / init.NAME
-        content, waiting = _without_waiting(pipeline.read_text(encoding="utf-8"))
-        pipeline.write_text(content, encoding="utf-8")
         try:
-            context = Context(pipeline, load(pipeline), folder / "ingest", folder)
-            read = ingest.run(context)
-            own = load_recordings(context.out)
+            read, own, _ = read_pipeline(folder / init.NAME, folder)
         except InputError as error:
             reason = f"{error.found}; {error.mend}" if error.mend else error.found
             return answer | {"doubts": [*waiting, f"not read: {reason.replace(str(folder), '').strip()}"]}
@@ -73,6 +68,24 @@ def look_at(raw: Sequence[Path], **stated: Any) -> dict[str, Any]:
         "repairs": repairs,
         "doubts": list(dict.fromkeys([*waiting, *doubts])),
     }
+
+
+def write_pipeline(folder: Path, raw: Sequence[Path], **stated: Any) -> tuple[dict[str, Any], list[str]]:
+    """Write a pipeline file for raw files; return the answer of ``init``, and what is asked of signals, in words."""
+    seen = init.create(folder, raw, **stated)
+    content, waiting = _without_waiting((folder / init.NAME).read_text(encoding="utf-8"))
+    (folder / init.NAME).write_text(content, encoding="utf-8")
+    return seen, waiting
+
+
+def read_pipeline(pipeline: Path, folder: Path) -> tuple[dict[str, Any], list[Recording], Rig]:
+    """Return the answer of ``ingest``, the recordings and the rig of a pipeline file; its artifacts go to ``folder``.
+
+    Raises InputError as ``ingest`` does.
+    """
+    context = Context(pipeline, load(pipeline), folder / "ingest", folder)
+    read = ingest.run(context)
+    return read, load_recordings(context.out), context.config.to_rig()
 
 
 def _without_waiting(text: str) -> tuple[str, list[str]]:
