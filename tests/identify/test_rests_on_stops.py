@@ -143,7 +143,7 @@ def test_friction_over_velocity_is_the_same_without_the_rests(piston: Piston) ->
     whole, parts = friction(piston), friction(piston, without_rests=True)
     for name, one in whole.parameters.items():
         other = parts.parameters[name]
-        assert max(one.ci_low, other.ci_low) <= min(one.ci_high, other.ci_high), name
+        assert max(one.low, other.low) <= min(one.high, other.high), name
     assert whole.parameters["viscous"].value == pytest.approx(piston.viscous, rel=0.02)
 
 
