@@ -18,6 +18,7 @@ demo: $(VENV)/.installed-all
 	$(BIN)/pneucli diagnose $(DEMO)/pipeline.toml
 	$(BIN)/pneucli add $(DEMO)/pipeline.toml --suggested
 	$(BIN)/pneucli run $(DEMO)/pipeline.toml
+	@echo "the same with your own hands, in the browser: $(BIN)/pneucli workbench $(DEMO)/pipeline.toml"
 
 # The tests run even where a check fails, so that one go tells all; what fails makes the whole fail.
 test: $(VENV)/.installed-dev hooks chromium

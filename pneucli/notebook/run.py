@@ -18,6 +18,7 @@ from pneucli.pipeline.manifest import MANIFEST_FILE, read_manifest
 from pneucli.pipeline.runner import Pipeline, open_pipeline
 
 if TYPE_CHECKING:
+    from pneucli.notebook.live_page import LivePage
     from pneucli.notebook.plots import Plots
 
 
@@ -85,6 +86,12 @@ class Run(RunData):
         from pneucli.notebook.plots import Plots  # noqa: PLC0415 - matplotlib takes a moment
 
         return Plots(self)
+
+    def workbench(self) -> LivePage:
+        """Serve the live page of this run, shown in a frame of the notebook; ``close()`` ends it."""
+        from pneucli.notebook.live_page import open_live_page  # noqa: PLC0415 - the command line has its own server
+
+        return open_live_page(self.pipeline, open_pipeline_of)
 
 
 def run_overview(artifacts: Path) -> list[tuple[str, str]]:

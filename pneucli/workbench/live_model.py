@@ -195,7 +195,7 @@ class LiveModel:
                 values = signals[one["signal"]]
                 inside = (values >= one["from"]) & (values <= one["to"])
                 spans.setdefault(one["channel"], []).extend(_stretches(experiment.time, inside))
-        return {channel: sorted(found)[:MAX_SPANS] for channel, found in spans.items()}
+        return {channel: _merged(found)[:MAX_SPANS] for channel, found in spans.items()}
 
 
 def _with_names(panel: Panel, names: Mapping[str, str]) -> Panel:
@@ -223,6 +223,21 @@ def _stretches(time: Array, inside: NDArray[np.bool_]) -> list[tuple[float, floa
     """Return begin and end in s of each run of true samples."""
     edges = np.flatnonzero(np.diff(np.concatenate([[False], inside, [False]]).astype(np.int8)))
     return [(float(time[a]), float(time[b - 1])) for a, b in zip(edges[::2], edges[1::2], strict=True)]
+
+
+def _merged(spans: Sequence[tuple[float, float]]) -> list[tuple[float, float]]:
+    """Return stretches that do not overlap and hold the same times.
+
+    >>> _merged([(3.0, 4.0), (0.0, 1.0), (0.5, 2.0)])
+    [(0.0, 2.0), (3.0, 4.0)]
+    """
+    found: list[tuple[float, float]] = []
+    for begin, end in sorted(spans):
+        if found and begin <= found[-1][1]:
+            found[-1] = found[-1][0], max(end, found[-1][1])
+        else:
+            found.append((begin, end))
+    return found
 
 
 def comparison_tables(found: Comparison) -> dict[str, Table]:

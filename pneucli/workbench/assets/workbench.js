@@ -166,7 +166,7 @@
       button.title = lines?.[action === "add-named" ? "add" : action] ?? "";
     }
     const next = named.length ? "add-named" : state.stale?.compare ? "fit" : state.stale?.diagnose ? "diagnose" : state.lacks ? "plan" : "report";
-    $("buttons").querySelectorAll("button").forEach((one) => one.classList.toggle("primary", one.dataset.action === next));
+    $("buttons").querySelectorAll("button").forEach((one) => one.classList.toggle("primary", one.dataset.action === next && !one.disabled));
     $("undo").disabled = running || !state.undo;
     $("undo").title = state.undo ? `take back: ${state.undo.title}${state.undo.line ? ` (${state.undo.line})` : ""}` : "";
     $("cancel").hidden = $("bar").hidden = !running;
