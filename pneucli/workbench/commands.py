@@ -3,25 +3,23 @@
 from __future__ import annotations
 
 import asyncio
-import json
 import os
 import shlex
 import sys
 import time
 from collections import deque
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-from pneucli import messages
 from pneucli.messages.progress import LOG_INTERVAL_VARIABLE
 
 PROGRESS_INTERVAL = 0.5  # s, between two lines of progress
 KILL_DELAY = 5.0  # s, from asking a command to end to ending it
 KEPT_LINES = 200  # of a command's messages
-SENTENCES = {"add": "edit", "remove": "edit"}  # the module of pneucli.messages, where it has another name
+ERROR = "error: "  # with which the lines of a refusal begin
 
 
 @dataclass
@@ -31,7 +29,7 @@ class Command:
     Attributes:
         words: The command line after ``pneucli``, the pipeline file as the user would write it.
         messages: What it wrote on standard error, the last line last.
-        answer: The JSON object that it printed.
+        printed: What it wrote on standard output.
         exit_code: None while it runs.
         cancelled: Whether the user ended it.
         number: How many commands this workbench has begun by then.
@@ -41,7 +39,7 @@ class Command:
     words: Sequence[str]
     started: float = field(default_factory=time.monotonic)
     messages: deque[str] = field(default_factory=lambda: deque(maxlen=KEPT_LINES))
-    answer: Mapping[str, Any] = field(default_factory=dict)
+    printed: str = ""
     exit_code: int | None = None
     cancelled: bool = False
     number: int = 1
@@ -75,14 +73,11 @@ class Command:
         """Return what it found, in the sentences of the command line."""
         if self.cancelled:
             return "Cancelled: every file is as before, or complete."
-        if error := self.answer.get("error") if self.exit_code not in (0, 1) else None:
-            parts = [f"{error['where']}: {error['found']}"]
-            parts += [f"{key}: {error[key]}" for key in ("wanted", "mend") if error[key]]
-            return "\n".join(parts)
-        if self.exit_code not in (0, 1) or not self.answer:
-            return "\n".join(self.messages) or f"the command ended with exit code {self.exit_code}"
-        file = next((word for word in self.words if word.endswith(".toml")), "")
-        return messages.render(SENTENCES.get(self.name, self.name), self.answer, file)
+        if self.exit_code in (0, 1):
+            return self.printed
+        lines = [*self.messages]
+        first = next((i for i, line in enumerate(lines) if line.startswith(ERROR)), 0)
+        return "\n".join(lines[first:]).removeprefix(ERROR) or f"the command ended with exit code {self.exit_code}"
 
 
 class CommandRunner:
@@ -112,7 +107,7 @@ class CommandRunner:
         command = self.last = Command(words, number=1 + (self.last.number if self.last else 0))
         environment = {**os.environ, LOG_INTERVAL_VARIABLE: str(PROGRESS_INTERVAL), "PYTHONIOENCODING": "utf-8"}
         self._process = process = await asyncio.create_subprocess_exec(
-            *(sys.executable, "-m", "pneucli", *words, "--json"),
+            *(sys.executable, "-m", "pneucli", *words),
             cwd=self.folder,
             env=environment,
             stdin=asyncio.subprocess.DEVNULL,
@@ -122,8 +117,7 @@ class CommandRunner:
         self.changed()
         out, _ = await asyncio.gather(process.stdout.read(), self._listen(process, command))  # type: ignore[union-attr]
         code = await process.wait()
-        with suppress(ValueError):
-            command.answer = json.loads(out)
+        command.printed = out.decode("utf-8", "replace").rstrip()
         command.exit_code, self._process = code, None
         self.changed()
         return command
