@@ -38,7 +38,7 @@ from pneucli.pipeline.context import Context, Progress
 from pneucli.quantities import SIGNALS
 from pneucli.recording import Rig
 from pneucli.stages.absent_columns import Opened, absence_notes, absent_column_faults
-from pneucli.stages.answer_parts import flow_unit, flow_unit_assumptions
+from pneucli.stages.flow_units import flow_unit, flow_unit_assumptions
 from pneucli.stages.ingest_tables import (
     MAX_NOISE_SAMPLES,
     IngestedRecording,
