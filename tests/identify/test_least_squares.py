@@ -55,6 +55,27 @@ def test_a_search_that_stalls_at_a_kink_says_so_and_derivatives_of_the_other_sid
     assert led.z[0] == pytest.approx(1.0, abs=1e-2)
 
 
+def test_no_step_is_tried_that_promises_less_than_would_go_on() -> None:
+    """At the kink each step fails. One of 3 / (1 + d) promises 9 - 9 (d / (1 + d))^2 of 9: at d = 4 less than half."""
+    evaluated = list[float]()
+
+    def residuals(z: np.ndarray) -> np.ndarray:
+        evaluated.append(float(z[0]))
+        return np.array([3.0 + abs(z[0])])
+
+    def searched(tolerance: float) -> int:
+        evaluated.clear()
+        bounds = np.full(1, -9.0), np.full(1, 9.0)
+        found = minimise(
+            residuals, lambda z: np.ones((1, 1)), np.zeros(1), bounds, max_iterations=3, tolerance=tolerance
+        )
+        assert (found.z[0], found.stalled) == (0.0, True)
+        return len(evaluated)
+
+    assert searched(0.5) == 1 + 4  # d = 0.001, 0.008, 0.064, 0.51
+    assert searched(1e-6) == 1 + 8
+
+
 def test_where_a_parameter_stops_at_its_bound_the_others_are_solved_for_anew():
     """Without the bound the second would be at -9.7: a step that only cuts off the first leads far past -0.94."""
     slope, evaluated = np.linalg.cholesky(np.array([[2.0, 1.9], [1.9, 2.0]])).T, []

@@ -193,7 +193,8 @@ def _step(
 ) -> Step | None:
     """Return the next step; None where ``tries`` increases of the damping find no lower cost.
 
-    Where the derivatives promise less than the ``tolerance``, one try is enough: a shorter step would end the search.
+    Where the derivatives promise less than the ``tolerance`` for a step, no shorter one is tried: it would end the
+    search even if it gained that.
     """
     free, g, free_curvature, room = _free_equations(z, r, j, bounds)
     if not free.size:
@@ -201,14 +202,16 @@ def _step(
     cost = _sum_of_squares(r)
     if _promised(g, free_curvature, room) < tolerance * cost:
         tries = 1
-    for _ in range(tries):
+    for done in range(tries):
         trial = z.copy()
         trial[free] += bounded_step(free_curvature + damping * np.diag(np.diag(free_curvature)), g, room)
         trial = np.clip(trial, *bounds)
+        step = (trial - z)[free]
+        predicted_decrease = -float(2.0 * g @ step + step @ free_curvature @ step)
+        if done > 0 and predicted_decrease < tolerance * cost:
+            break
         trial_residual = residuals(trial)
         if _sum_of_squares(trial_residual) < cost:
-            step = (trial - z)[free]
-            predicted_decrease = -float(2.0 * g @ step + step @ free_curvature @ step)
             if cost - _sum_of_squares(trial_residual) > MIN_EXTENSION_RATIO * predicted_decrease:
                 trial, trial_residual = _extend_step(residuals, z, trial, trial_residual, bounds)
             return Step(

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from functools import lru_cache
 from typing import ClassVar, Literal
@@ -229,6 +229,14 @@ def _end_tangent(h: float, h_next: float, slope: float, slope_next: float) -> fl
 def _half_table(side: Knots, largest: float) -> Array:
     """Return the areas of one direction from the smallest opening of the kernel's table to the largest."""
     return _areas(np.linspace(-largest, largest, TABLE_POINTS)[TABLE_POINTS // 2 + 1 :], side)
+
+
+@lru_cache(maxsize=64)
+def sampled_table(valve: Callable[[Array], Array], largest: float) -> Array:
+    """Return the area of a valve at commands up to ``largest`` V in both directions, (TABLE_POINTS,), read-only."""
+    table = valve(np.linspace(-largest, largest, TABLE_POINTS))
+    table.setflags(write=False)
+    return table
 
 
 @lru_cache(maxsize=64)  # more than a valve has parameters

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pneucli.experiments import Part
-from pneucli.simulate.valve_forms.area import TABLE_POINTS
+from pneucli.simulate.valve_forms.area import sampled_table
 
 Array = NDArray[np.float64]
 
@@ -35,8 +35,8 @@ class SwitchingValve:
         return np.where(u > 0.0, self.fill, np.where(u < 0.0, self.vent, 0.0))
 
     def table(self, largest: float) -> Array:
-        """Return the area at commands up to ``largest`` V in both directions, shape (TABLE_POINTS,)."""
-        return self(np.linspace(-largest, largest, TABLE_POINTS))
+        """Return the area at commands up to ``largest`` V in both directions, shape (TABLE_POINTS,), read-only."""
+        return sampled_table(self, largest)
 
     @property
     def commands(self) -> tuple[float, ...]:
