@@ -11,6 +11,7 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
+from pneucli.identify.estimation.blocks import GroupSums, group_sums
 from pneucli.identify.estimation.fit import Fit
 from pneucli.identify.estimation.objective import LeastSquaresProblem
 from pneucli.identify.estimation.parameters import absent_value
@@ -32,12 +33,13 @@ def leave_one_out_models(fit: Fit, residual_models: Sequence[ResidualModel], fol
     problem = LeastSquaresProblem(fit.model, residual_models, fit.free, fit.initial_state_sensitivities)
     sizes = [residual_model.experiment.time.size * len(residual_model.channels) for residual_model in residual_models]
     rows = np.repeat(np.asarray(folds), sizes)
-    models = {fold: problem.model_at(parameters_without(fit, problem, rows == fold)) for fold in set(folds)}
+    (sums,) = group_sums(fit.jacobian, fit.residual, [rows])
+    models = {fold: problem.model_at(parameters_without(fit, problem, sums, fold)) for fold in set(folds)}
     return [models[fold] for fold in folds]
 
 
-def parameters_without(fit: Fit, problem: LeastSquaresProblem, is_held_out: NDArray[np.bool_]) -> Array:
-    """Return the fit's coordinates (k,) without the residuals that are held out (N,).
+def parameters_without(fit: Fit, problem: LeastSquaresProblem, sums: GroupSums, fold: int) -> Array:
+    """Return the fit's coordinates (k,) without a fold, from the scores and curvatures of each.
 
     Parameters that the remaining recordings do not identify keep their value. An effect's own parameters are shrunk to
     their null by one pseudo-observation of their size.
@@ -45,13 +47,14 @@ def parameters_without(fit: Fit, problem: LeastSquaresProblem, is_held_out: NDAr
     z = np.array([f.to_coordinate(parameter_value(fit.model, f.name)) for f in fit.free])
     if not z.size:
         return z
-    jacobian, prior = fit.jacobian[~is_held_out], problem.prior_jacobian(z)
+    scores, curvatures = (np.delete(one, fold, axis=0).sum(axis=0) for one in sums)
+    prior = problem.prior_jacobian(z)
     sizes = _distances_from_null(fit, z)
     inverse_size = np.divide(1.0, sizes, out=np.zeros_like(sizes), where=sizes != 0.0)
-    gradient = jacobian.T @ fit.residual[~is_held_out] + prior.T @ problem.prior_residuals(z) + inverse_size
-    curvature = jacobian.T @ jacobian + prior.T @ prior + np.diag(inverse_size**2)
+    gradient = scores + prior.T @ problem.prior_residuals(z) + inverse_size
+    curvature = curvatures + prior.T @ prior + np.diag(inverse_size**2)
     step = np.linalg.pinv(curvature, hermitian=True) @ gradient
-    return np.clip(z - step, *problem.bounds())
+    return np.asarray(np.clip(z - step, *problem.bounds()))
 
 
 def _distances_from_null(fit: Fit, z: Array) -> Array:
