@@ -75,5 +75,7 @@ def _noise(folder: Path) -> dict[str, dict[str, NoiseModel]]:
     for index, (recording, signal) in enumerate(zip(table["recording"], table["signal"], strict=True)):
         lines = tuple((float(f), float(a)) for f, a in json.loads(str(table["lines"][index])))
         own = {name: float(table[name][index]) for name in numbers}
-        models.setdefault(str(recording), {})[str(signal)] = NoiseModel(**own, lines=lines)
+        least, most = float(table["least"][index]), float(table["most"][index])
+        interval = (least, most) if np.isfinite(least) else None
+        models.setdefault(str(recording), {})[str(signal)] = NoiseModel(**own, lines=lines, interval=interval)
     return models

@@ -20,6 +20,15 @@ POLE_BOUNDS = (0.2, 0.98)  # of coloured noise: below, it is white; above, the s
 # corner of coloured noise over the lowest frequency of the spectrum, down to which the spectrum shows it
 MIN_CORNER_SHARE = 0.27
 MAX_ROLL_OFF, MIN_ROLL_OFF = 12.0, 4.0  # a smooth signal's power falls at least like that of a bend, omega^-4
+MAX_BIC_DIFFERENCE = 6.0  # of models that the data do not reject: 20 times less likely than the best
+# 1 + 2 (4/9 + 1/36): squared correlations of the bins of a Hann spectrum with their neighbours
+BIN_CORRELATION = 1.94
+# the same of third differences, 1 + 2 (15^2 + 6^2 + 1) / 20^2, over the 37 % that a median is worth, over 2
+DIFFERENCE_VARIANCE = 3.1
+STANDARD_ERRORS, MAX_LOG_VARIANCE = 1.96, 9.0  # of a 95 % interval; of a log of a power that nothing tells
+UNKNOWN = 1e-6  # information of a parameter that nothing tells
+GAP_PERIODS = 2.5  # a longer step between stamps is a gap
+MAX_JITTER, MIN_UNEVEN_SHARE = 0.2, 0.01  # of a period, and of the steps that miss it by more where a clock is uneven
 LOG_ZERO_POWER = -60.0  # log of a power that is absent
 
 
@@ -36,7 +45,8 @@ def estimate_noise(
     A Whittle fit to the spectrum of the quiet segments separates white noise, AR(1) noise and the signal's own content,
     whose power falls at least like omega^-4 (AR(1): omega^-2). BIC selects white, coloured, or both. Lines are mains
     hum. Below about 80 samples only white noise is estimated, from third-order differences: colour and content of this
-    speed cannot be distinguished from white noise there.
+    speed cannot be distinguished from white noise there; the same where a clock is uneven, and differences divided by
+    its stamps are smaller than those of the rows.
 
     Args:
         time: Time stamps in s, shape (n,).
@@ -57,19 +67,31 @@ def estimate_noise(
     >>> abs(estimate.rms - 2.0) < 0.1
     True
     """
-    period = float(np.median(np.diff(time))) if time.size > 1 else 1e-3
+    steps = np.diff(time)
+    period = float(np.median(steps)) if steps.size else 1e-3
     step = quantisation_step(values)
     if not step and np.median(np.abs(np.diff(values))) == 0:
         return NoiseModel(white=0.0, period=period)  # a command, constant between its jumps
+    gaps = np.diff(time, prepend=time[:1]) > GAP_PERIODS * period
+    command_jumps = gaps if command_jumps is None else command_jumps | gaps
     floor = noise_floor(values, period, command_jumps, signal_jumps)
     rest = noise_floor(values, period, command_jumps, signal_jumps, at_rest=True) if is_motion else floor
-    if floor is None:
-        return NoiseModel(white=_white_noise_from_differences(values), period=period, step=step)
+    if floor is None or _stamps_tell_more(time, period, values):
+        return replace(_from_differences(values, time), period=period, step=step)
     min_power = max(step**2 / 1200, float(np.finfo(float).tiny) ** 0.5)
     lines = detect_mains_lines(values, period)
     spectrum = _without_lines(rest or floor, lines, period, min_power)
     model = _whittle(spectrum, period, may_be_coloured=rest is not None)
     return replace(model, lines=lines, step=step)
+
+
+def _stamps_tell_more(time: Array, period: float, values: Array) -> bool:
+    """Return whether a clock is uneven, and its stamps are those of the samples: jitter of the stamps alone is not."""
+    uneven = np.count_nonzero(np.abs(np.diff(time) - period) > MAX_JITTER * period)
+    if uneven <= MIN_UNEVEN_SHARE * time.size:
+        return False
+    by_stamps, by_rows = _from_differences(values, time).interval, _from_differences(values).interval
+    return by_stamps is not None and by_rows is not None and by_stamps[1] < by_rows[0]
 
 
 def pool_noise(models: Sequence[NoiseModel]) -> NoiseModel:
@@ -100,7 +122,18 @@ def pool_noise(models: Sequence[NoiseModel]) -> NoiseModel:
         period=float(np.median([m.period for m in models])),
         lines=_pooled_lines(models),
         step=min(steps, default=0.0),
+        interval=_pooled_interval(models, math.sqrt(total)),
     )
+
+
+def _pooled_interval(models: Sequence[NoiseModel], rms: float) -> tuple[float, float] | None:
+    """Return the interval of the pooled rms: independent estimates, as wide in the logarithm as each says."""
+    known = [(one.interval, math.hypot(one.white, one.coloured)) for one in models if one.interval]
+    if not known or not all(least > 0.0 and own > 0.0 for (least, _), own in known):
+        return None
+    below = math.sqrt(sum(math.log(own / least) ** 2 for (least, _), own in known)) / len(known)
+    above = math.sqrt(sum(math.log(most / own) ** 2 for (_, most), own in known)) / len(known)
+    return rms * math.exp(-below), rms * math.exp(above)
 
 
 def _pooled_lines(models: Sequence[NoiseModel]) -> tuple[tuple[float, float], ...]:
@@ -115,14 +148,24 @@ def _pooled_lines(models: Sequence[NoiseModel]) -> tuple[tuple[float, float], ..
     return tuple(pooled)
 
 
-def _white_noise_from_differences(values: Array) -> float:
-    finite = values[np.isfinite(values)]
-    order = min(3, finite.size - 1)
+def _from_differences(values: Array, time: Array | None = None) -> NoiseModel:
+    """Return white noise from third differences, divided by the stamps (n,) where these are given, of values (n,)."""
+    finite = np.isfinite(values)
+    known = values[finite]
+    order = min(3, known.size - 1)
     if order < 1:
-        return 0.0
-    differences = np.diff(finite, order)
+        return NoiseModel(0.0)
+    windows = np.lib.stride_tricks.sliding_window_view(
+        np.arange(known.size) if time is None else time[finite], order + 1
+    )
+    distances = windows[:, :, None] - windows[:, None, :] + np.eye(order + 1)
+    weights = 1.0 / np.prod(distances, axis=2)
+    weights /= np.linalg.norm(weights, axis=1, keepdims=True)
+    differences = np.sum(weights * np.lib.stride_tricks.sliding_window_view(known, order + 1), axis=1)
     robust = NORMAL_MAD * float(np.median(np.abs(differences)))
-    return min(robust, float(np.sqrt(np.mean(differences**2)))) / math.sqrt(math.comb(2 * order, order))
+    rms = min(robust, float(np.sqrt(np.mean(differences**2))))
+    reach = math.exp(STANDARD_ERRORS * math.sqrt(DIFFERENCE_VARIANCE / differences.size))
+    return NoiseModel(white=rms, interval=(rms / reach, rms * reach))
 
 
 def _without_lines(
@@ -136,22 +179,40 @@ def _without_lines(
 
 
 def _whittle(floor: NoiseFloor, period: float, *, may_be_coloured: bool) -> NoiseModel:
-    level = float(np.log(np.median(floor.power[floor.power.size // 2 :])))
+    upper = floor.power[floor.power.size // 2 :]
+    level, most = float(np.log(np.median(upper))), float(np.max(upper))
     # per model: start and bounds of log white, log coloured power, pole
-    white, coloured = (level, (level - 8, level + 8)), (level + 1, (level - 8, level + 8))
+    some_white, some_coloured = (level, (level - 8, level + 8)), (level + 1, (level - 8, level + 8))
     absent, no_pole = _fixed(LOG_ZERO_POWER), _fixed(0.0)
     bounds = (POLE_BOUNDS[0], max(POLE_BOUNDS[1], float(np.exp(-MIN_CORNER_SHARE * floor.omega[0]))))
-    choices = [[white, absent, no_pole]]
+    choices = [[some_white, absent, no_pole]]
     if may_be_coloured:
-        choices += [[part, coloured, (pole, bounds)] for part in (absent, white) for pole in (0.5, 0.9)]
+        choices += [[part, some_coloured, (pole, bounds)] for part in (absent, some_white) for pole in (0.5, 0.9)]
     fits = [_fit(floor, choice) for choice in choices]
-    log_white, log_coloured, pole = min(fits, key=lambda fit: fit[0])[1][:3]
-    return NoiseModel(
-        white=float(np.exp(log_white / 2)) if log_white > LOG_ZERO_POWER else 0.0,
-        coloured=float(np.exp(log_coloured / 2)) if log_coloured > LOG_ZERO_POWER else 0.0,
-        pole=float(pole),
-        period=period,
-    )
+    best, (log_white, log_coloured, pole, *_) = min(fits, key=lambda fit: fit[0])
+    white, coloured = (float(np.exp(log / 2)) if log > LOG_ZERO_POWER else 0.0 for log in (log_white, log_coloured))
+    intervals = [_interval(floor, p, most) for bic, p in fits if bic - best < MAX_BIC_DIFFERENCE]
+    least, most = min(low for low, _ in intervals), max(high for _, high in intervals)
+    return NoiseModel(white=white, coloured=coloured, pole=float(pole), period=period, interval=(least, most))
+
+
+def _interval(floor: NoiseFloor, p: Array, most: float) -> tuple[float, float]:
+    """Return the 95 % interval of the rms of white and coloured noise together, from the information of the spectrum.
+
+    White noise alone is at most what the upper half of the spectrum shows: ``most`` is its largest power.
+    """
+    power, slopes = _power(floor.omega, p)
+    present = p[:2] > LOG_ZERO_POWER
+    free = np.array([*present, present[1], True, True])
+    relative = slopes[free] / power
+    information = floor.weight / BIN_CORRELATION * relative @ relative.T
+    parts = np.exp(p[:2]) * present
+    share = np.zeros(5)
+    share[:2] = parts / parts.sum()
+    variance = share[free] @ np.linalg.solve(information + UNKNOWN * np.eye(information.shape[0]), share[free])
+    reach = math.exp(0.5 * STANDARD_ERRORS * math.sqrt(min(float(variance), MAX_LOG_VARIANCE)))
+    rms = math.sqrt(float(parts.sum()))
+    return rms / reach, rms * reach if present[1] else max(rms, min(rms * reach, math.sqrt(most)))
 
 
 def _fixed(value: float) -> tuple[float, tuple[float, float]]:

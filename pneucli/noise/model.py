@@ -23,6 +23,8 @@ class NoiseModel:
         period: Sampling period in s.
         lines: Pairs of frequency in Hz and amplitude.
         step: Quantisation step; 0: none.
+        interval: Least and most rms of white and coloured noise that the recording leaves possible (95 %); None where
+            they are stated, or absent.
     """
 
     white: float
@@ -31,6 +33,7 @@ class NoiseModel:
     period: float = 1e-3
     lines: tuple[tuple[float, float], ...] = ()
     step: float = 0.0
+    interval: tuple[float, float] | None = None
 
     @property
     def rms(self) -> float:

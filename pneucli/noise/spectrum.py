@@ -123,10 +123,9 @@ def noise_floor(
     Args:
         values: Signal, shape (n,); segments with NaN are left out.
         period: Sampling period in s.
-        command_jumps: Samples at which a command jumps, shape (n,). Segments with a jump are left out where enough
-            others remain: where most have a bend, as behind a switching valve, even the lower quartile is signal.
-        signal_jumps: Samples at which the signal itself jumps, shape (n,). Segments are then short enough to lie
-            between the jumps.
+        command_jumps: Samples at which a command jumps, shape (n,). Segments are then short enough to lie between the
+            jumps, if that is possible: where most have a bend, even the lower quartile is signal.
+        signal_jumps: Samples at which the signal itself jumps, shape (n,); they count in place of the command's.
         at_rest: Whether only segments count whose line and parabola may be noise of the segment's own colour.
 
     Returns:
@@ -139,9 +138,8 @@ def noise_floor(
     length = segment_length(values.size, period)
     if not length:
         return None
-    free = None if command_jumps is None else _jump_free(command_jumps, length)
-    if signal_jumps is not None:
-        length, free = _segments_between_jumps(signal_jumps, length)
+    jumps = command_jumps if signal_jumps is None else signal_jumps
+    length, free = (length, None) if jumps is None else _segments_between_jumps(jumps, length)
     segments = np.lib.stride_tricks.sliding_window_view(values, length)[:: length // 2]
     segments = segments[np.isfinite(segments).all(axis=1) & (True if free is None else free)]
     if segments.shape[0] < 4:

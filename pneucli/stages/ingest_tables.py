@@ -27,6 +27,8 @@ from pneucli.plausibility.rig_check import Weight
 from pneucli.plausibility.weights import rank
 from pneucli.quantities import SIGNALS
 
+UNKNOWN = (np.nan, np.nan)  # interval of a noise that is stated
+
 
 @dataclass
 class IngestedRecording:
@@ -164,9 +166,13 @@ def _write_noise(out: Path, done: list[IngestedRecording], about: Provenance) ->
         "signal": [row[1] for row in rows],
         "unit": [SIGNALS[row[1]].unit for row in rows],
         **{key: np.array([getattr(row[2], key) for row in rows], np.float64) for key in numbers},
+        **{
+            key: np.array([(row[2].interval or UNKNOWN)[at] for row in rows])
+            for at, key in enumerate(("least", "most"))
+        },
         "lines": [json.dumps(row[2].lines) for row in rows],
     }
-    units = {"white": "column unit", "coloured": "column unit", "pole": "1", "period": "s", "step": "column unit"}
+    units = dict.fromkeys(("white", "coloured", "step", "least", "most"), "column unit") | {"pole": "1", "period": "s"}
     write_table(out / NOISE_FILE, columns, units=units, schema="pneucli/ingest/noise/1", provenance=about)
 
 

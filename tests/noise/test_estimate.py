@@ -158,6 +158,53 @@ def test_bends_by_a_switching_valve_are_not_taken_for_coloured_noise(seed):
     assert estimate_noise(time, values, detect_jumps([u], u.size)).rms == pytest.approx(400.0, rel=0.25)
 
 
+def tank(samples: int, seed: int) -> tuple[np.ndarray, np.ndarray]:
+    """Command and pressure (Pa) of a tank at 100 Hz; the valve is set anew after 0.25 to 0.7 s."""
+    rng = np.random.default_rng(seed)
+    levels = np.repeat(rng.choice([-9.0, -5.0, 4.0, 8.0], samples), rng.integers(25, 70, samples))[:samples]
+    p = np.full(samples, 1.2e5)
+    for k in range(1, samples):
+        goal = 7e5 if levels[k - 1] > 0 else 1.013e5
+        p[k] = goal + (p[k - 1] - goal) * np.exp(-0.004 * abs(levels[k - 1]))
+    return levels, p
+
+
+@pytest.mark.parametrize("samples", [400, 600, 1000])
+def test_noise_of_a_short_test_with_steps_is_found_and_its_interval_holds_it(samples):
+    time, found = 0.01 * np.arange(samples), []
+    for seed in range(20):
+        u, p = tank(samples, seed)
+        values = p + 400.0 * np.random.default_rng(99 + seed).standard_normal(samples)
+        found.append(estimate_noise(time, values, detect_jumps([u], samples)))
+    assert all(400.0 / 1.5 < one.rms < 1.5 * 400.0 for one in found)
+    assert sum(one.interval[0] < 400.0 < one.interval[1] for one in found) >= 18  # 95 % of 20
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_stamps_of_an_uneven_clock_count_where_they_are_those_of_the_samples(seed):
+    rng = np.random.default_rng(seed)
+    time = np.cumsum(rng.choice([0.005, 0.01, 0.015], 800))
+    time[500:] += 0.8  # a hole
+    values = 6e5 * np.exp(-np.sin(2.0 * time)) + 400.0 * rng.standard_normal(800)
+    found = estimate_noise(time, values)
+    assert found.rms == pytest.approx(400.0, rel=0.25)
+    assert found.interval[0] < found.rms < found.interval[1]
+    even = 0.01 * np.arange(800)
+    host = np.sort(even + rng.uniform(-0.004, 0.004, 800))  # stamps of a busy host: the samples are even
+    values = 6e5 * np.exp(-np.sin(2.0 * even)) + 400.0 * rng.standard_normal(800)
+    assert estimate_noise(host, values).rms == pytest.approx(400.0, rel=0.25)
+
+
+def test_a_signal_that_is_all_motion_leaves_its_noise_open():
+    time = 0.05 * np.arange(160)
+    values = (
+        3e5 + 4e4 * np.sin(2 * np.pi * 3.1 * time + 5 * np.sin(time)) + np.random.default_rng(1).normal(0, 400, 160)
+    )
+    least, most = estimate_noise(time, values).interval
+    assert least < 400.0 < most
+    assert most > 4.0 * least
+
+
 def test_a_command_jumps_where_a_tenth_of_its_range_passes_within_a_sample():
     ramp, step = np.linspace(0.0, 10.0, 101), np.repeat([0.0, 0.9, 10.0], [40, 30, 31])
     assert not detect_jumps([ramp], 101).any()

@@ -120,3 +120,10 @@ def test_hum_and_its_harmonics_are_pooled_separately() -> None:
     )
     assert [f for f, _ in lines.lines] == pytest.approx([50.0, 60.0, 100.1])
     assert [a for _, a in lines.lines] == pytest.approx([3.0, 0.5**0.5, 0.5**0.5])
+
+
+def test_the_interval_of_several_recordings_is_narrower_than_each_of_theirs() -> None:
+    one = NoiseModel(100.0, interval=(50.0, 200.0))
+    least, most = pool_noise([one] * 4).interval or (0.0, 0.0)
+    assert (least, most) == pytest.approx((100.0 / 2**0.5, 100.0 * 2**0.5))
+    assert pool_noise([NoiseModel(100.0)] * 2).interval is None
