@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 import struct
 from collections.abc import Sequence
 from pathlib import Path
@@ -16,6 +17,7 @@ from pneucli.io.raw_file import ColumnValues
 _HEADER = struct.Struct("<5i")
 _MAX_NAME = 64  # characters
 _DYMOLA = {"Aclass", "name", "dataInfo"}
+_UNIT = re.compile(r"\[([^][|:]+)(?:\|[^][|]*)?\](?=[^][]*$)")  # the last brackets; a colon begins a type, no unit
 
 
 def is_mat4(head: bytes, _: Path) -> bool:
@@ -39,8 +41,8 @@ def open_mat4(path: Path) -> ColumnReader:
     variables = whosmat(path)
     check_expanded_size(path, 8 * sum(int(np.prod(shape)) for _, shape, kind in variables if kind != "char"))
     if {name for name, _, _ in variables} >= _DYMOLA:
-        columns = _dymola(path)
-        return ColumnReader(path, MATLAB_4.name, list(columns), lambda wanted: [columns[name] for name in wanted])
+        columns, units = _dymola(path)
+        return ColumnReader.of_columns(path, MATLAB_4.name, columns, units, {})
     owner: dict[str, str] = {}
     for name, shape, kind in variables:
         if kind not in ("char", "sparse"):
@@ -56,17 +58,24 @@ def open_mat4(path: Path) -> ColumnReader:
     return ColumnReader(path, MATLAB_4.name, list(owner), fetch)
 
 
-def _dymola(path: Path) -> dict[str, ColumnValues]:
-    """Return the trajectories: ``dataInfo`` says of each name in which matrix, in which column, and with which sign."""
+def _dymola(path: Path) -> tuple[dict[str, ColumnValues], dict[str, str]]:
+    """Return the trajectories and their units, by name.
+
+    ``dataInfo`` says of each name in which matrix, in which column, and with which sign. ``description`` ends with the
+    unit of the stored numbers, then that in which Dymola displays them: ``Pressure [Pa|bar]``.
+    """
     from scipy.io import loadmat  # noqa: PLC0415 - slow to import, and few recordings are MATLAB's
 
     tree = loadmat(path, chars_as_strings=False)
     transposed = "binTrans" in ["".join(row).strip("\0 ") for row in tree["Aclass"]]
     letters, info = tree["name"], np.asarray(tree["dataInfo"], dtype=np.int64)
+    remarks = tree.get("description", letters[:0])
     if transposed:
-        letters, info = letters.T, info.T
+        letters, info, remarks = letters.T, info.T, remarks.T
+    texts = ["".join(row).strip("\0 ") for row in remarks] if len(remarks) == len(letters) else [""] * len(letters)
     found: dict[str, ColumnValues] = {}
-    for row, (matrix, column, *_) in zip(letters, info.tolist(), strict=True):
+    units: dict[str, str] = {}
+    for row, (matrix, column, *_), text in zip(letters, info.tolist(), texts, strict=True):
         name = "".join(row).strip("\0 ")
         data = tree.get(f"data_{matrix or 2}")
         if data is None:
@@ -74,7 +83,9 @@ def _dymola(path: Path) -> dict[str, ColumnValues]:
         data = np.asarray(data.T if transposed else data, dtype=np.float64)
         if name and data.shape[0] > 2:  # constants have a matrix of two rows
             found[name] = np.sign(column or 1) * data[:, abs(column or 1) - 1]
-    return found
+            if unit := _UNIT.search(text):
+                units[name] = unit[1].replace(".", "*")  # Modelica's N.m
+    return found, units
 
 
 MATLAB_4 = Format(
@@ -82,5 +93,6 @@ MATLAB_4 = Format(
     "MATLAB v4, Dymola",
     open_mat4,
     recognises=is_mat4,
-    column="a vector, a column `m/2`, a trajectory of Dymola",
+    column="a vector, a column `m/2`, a trajectory",
+    used="Dymola's units",
 )
