@@ -217,7 +217,7 @@
 
   function bar(share) {
     const made = element("span", { class: "step", "aria-hidden": "true" });
-    made.style.width = `${Math.round(100 * share)}%`;
+    made.style.backgroundSize = `max(2px, ${Math.round(100 * share)}%) 100%`;
     return made;
   }
 
