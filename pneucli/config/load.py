@@ -49,9 +49,11 @@ def validate(
 
     Raises InputError as :func:`load` does.
     """
-    context = {"ambient_pressure": _ambient(document), "rotary": is_rotary(document)}
+    tolerances: dict[str, float] = {}
+    context = {"ambient_pressure": _ambient(document), "rotary": is_rotary(document), "tolerances": tolerances}
     config = validate_as(model, path, document, text, context)
     config._path, config._document, config._rotary = path, document, is_rotary(document)
+    config._tolerances = tolerances
     return config
 
 

@@ -8,13 +8,16 @@ from typing import Annotated, Any, Literal
 from pydantic import (
     Field,
     PrivateAttr,
+    ValidationInfo,
     model_validator,
 )
 
 from pneucli.arrangements import ArrangementName
+from pneucli.config.plant_words import in_words_of_the_bench
 from pneucli.config.rig_table import RigTable
 from pneucli.config.signal_tables import SignalName, SignalsTable, TextTable, parse_calibration
 from pneucli.config.stage_tables import CheckTable, CompareTable, IdentifyTable, ModelTable, PlanTable
+from pneucli.config.stated_effects import model_with_stated
 from pneucli.config.value_types import (
     Acceleration,
     Force,
@@ -152,6 +155,7 @@ class PipelineConfig(Table):
     checks: dict[str, CheckTable] = Field(default_factory=dict)
 
     _rotary: bool = PrivateAttr(default=False)
+    _tolerances: dict[str, float] = PrivateAttr(default_factory=dict)
     _path: Path = PrivateAttr(default=Path("pipeline.toml"))
     _document: dict[str, Any] = PrivateAttr(default_factory=dict)
 
@@ -164,6 +168,11 @@ class PipelineConfig(Table):
     def rotary(self) -> bool:
         """Whether the axis turns: its x is an angle."""
         return self._rotary
+
+    @property
+    def tolerances(self) -> dict[str, float]:
+        """Standard deviations (SI) of what ``[rig]`` states with a tolerance, by the names of parameters."""
+        return self._tolerances
 
     def unit(self, signal: str) -> str:
         """The SI unit of a signal, as the axis moves."""
@@ -198,6 +207,19 @@ class PipelineConfig(Table):
             valve_kind=valve.kind,
             axis_recorded=not self.recordings or any(EXPERIMENT_KINDS[t.experiment].axis for t in self.recordings),
         )
+
+    @model_validator(mode="before")
+    @classmethod
+    def _in_words_of_the_bench(cls, document: Any) -> Any:
+        return in_words_of_the_bench(document)
+
+    @model_validator(mode="after")
+    def _with_stated_effects(self, info: ValidationInfo) -> PipelineConfig:
+        kinds = [EXPERIMENT_KINDS[one.experiment] for one in self.recordings]
+        tolerances = (info.context or {}).get("tolerances", {})
+        model = model_with_stated(self.model, self.rig.cylinder, self.signals, kinds, tolerances)
+        object.__setattr__(self, "model", model)
+        return self
 
     @model_validator(mode="after")
     def _arranged(self) -> PipelineConfig:

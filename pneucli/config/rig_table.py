@@ -4,15 +4,19 @@ from __future__ import annotations
 
 from typing import Annotated, Any, Literal
 
-from pydantic import Field, model_validator
+from pydantic import BeforeValidator, Field, model_validator
 
 from pneucli.config.value_types import (
+    Angle,
     Area,
+    Force,
     GasConstant,
+    GaugePressure,
     HeatCapacityRatio,
     Length,
     Mass,
     Pressure,
+    Stiffness,
     Table,
     Temperature,
     Voltage,
@@ -28,10 +32,15 @@ class VesselTable(Table):
     volume: Volume | None = None
 
 
+def _of_ports(name: Any) -> Any:
+    """Return the arrangement of a valve of three ports, which serves one chamber; other names unchanged."""
+    return "one-chamber" if name in ("3/2", "3/3") else name
+
+
 class ValveTable(Table):
     """``[rig.valve]``: how the valves are connected, the command in V at which nothing flows, and their kind."""
 
-    arrangement: Literal["one-chamber", "5/3", "two"] | None = None
+    arrangement: Annotated[Literal["one-chamber", "5/3", "two"], BeforeValidator(_of_ports)] | None = None
     null: Voltage | Literal["identify"] = 0.0
     kind: Literal["proportional", "switching"] = "proportional"
 
@@ -46,6 +55,11 @@ class CylinderTable(Table):
     dead_volume_2: Volume | None = None
     moving_mass: Mass | None = None
     moment_of_inertia: Mass | None = None
+    spring: Stiffness | None = None
+    preload: Force | None = None
+    bench_range: Annotated[list[GaugePressure], Field(min_length=2, max_length=2)] | None = None
+    angle: Angle | None = None
+    chamber_2: Literal["ambient"] | None = None
 
     @model_validator(mode="after")
     def _moves_one_way(self) -> CylinderTable:
@@ -74,7 +88,8 @@ class RigTable(Table):
     def stated(self) -> dict[str, Any]:
         """Return what is stated of gas, pressures and cylinder by name, SI; a gas by name has its constants."""
         plain = self.model_dump(exclude={"vessel", "cylinder", "valve", "gas", "thermal"})
-        gas, cylinder = GASES[self.gas], self.cylinder.model_dump(exclude={"moment_of_inertia"})
+        of_effects = {"spring", "preload", "bench_range", "angle", "chamber_2"}  # or of the recordings
+        gas, cylinder = GASES[self.gas], self.cylinder.model_dump(exclude={"moment_of_inertia", *of_effects})
         if self.cylinder.moment_of_inertia is not None:
             cylinder["moving_mass"] = self.cylinder.moment_of_inertia
         plain["heat_capacity_ratio"] = self.heat_capacity_ratio or gas.heat_capacity_ratio

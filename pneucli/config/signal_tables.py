@@ -7,7 +7,7 @@ from typing import Annotated, Literal
 
 from pydantic import AfterValidator, Field, ValidationInfo, model_validator
 
-from pneucli.config.value_types import Column, DecimalMark, Delimiter, Encoding, Scale, Table, Thousands
+from pneucli.config.value_types import Column, DecimalMark, Delimiter, Duration, Encoding, Scale, Table, Thousands
 from pneucli.errors import UnitError
 from pneucli.io.expression import Expression
 from pneucli.quantities import ROTARY_UNITS, SIGNALS
@@ -18,6 +18,7 @@ SignalName = Literal[
     "time", "u", "u2", "p_supply", "p1", "p2", "x", "v", "a", "force", "temperature", "flow", "x_ref", "p_ref"
 ]
 
+WANTED_SPREADS = {"noise": "a standard deviation", "resolution": "the step of its readings"}
 STANDARD_VOLUME_HINT = ', or a volume of air under standard conditions, "l/min ANR" or "Nl/min"'
 
 
@@ -56,9 +57,10 @@ class ClockTable(Table):
 class SignalTable(Table):
     """How raw columns become a signal: ``scale * column + offset``, read in ``unit``, with one column or an expression.
 
-    Where no unit is stated, and no scale, it is what the file says of the column, else SI; ``noise`` becomes SI while
-    it is checked. ``time`` is the column of its own stamps, ``hold`` whether the value holds until the next of them,
-    ``missing`` the numbers of the column that mark no value, ``optional`` whether a file may lack the column.
+    Where no unit is stated, and no scale, it is what the file says of the column, else SI; ``noise`` and ``resolution``
+    become SI while they are checked. ``time`` is the column of its own stamps, ``hold`` whether the value holds until
+    the next of them, ``missing`` the numbers of the column that mark no value, ``optional`` whether a file may lack the
+    column.
     """
 
     column: Column | None = None
@@ -71,6 +73,8 @@ class SignalTable(Table):
     decimal: DecimalMark | None = None
     where: WhereTable | None = None
     noise: str | float | None = None
+    resolution: str | float | None = None
+    lag: Duration | None = None
     calibration: str | float | None = None
     time: Column | ClockTable | None = None
     hold: bool | None = None
@@ -174,12 +178,17 @@ def _checked_against(name: str) -> AfterValidator:
             raise UnitError("time is a clock itself and has none; leave out its key time")
         if signal.calibration is not None:
             parse_calibration(signal.calibration, wanted)
-        if signal.noise is None:
-            return signal
-        noise = parse_quantity(signal.noise, wanted, difference=True)
-        if noise < 0:
-            raise UnitError(f"noise {signal.noise} is negative; wanted a standard deviation")
-        return signal.model_copy(update={"noise": noise})
+        if signal.lag is not None and name not in ("p1", "p2"):
+            raise UnitError(f"{name} takes no lag; wanted one of p1 and p2, whose sensors it delays")
+        read = {
+            key: parse_quantity(value, wanted, difference=True)
+            for key, value in (("noise", signal.noise), ("resolution", signal.resolution))
+            if value is not None
+        }
+        for key, number in read.items():
+            if number < 0:
+                raise UnitError(f"{key} {getattr(signal, key)} is negative; wanted {WANTED_SPREADS[key]}")
+        return signal.model_copy(update=read) if read else signal
 
     return AfterValidator(check)
 

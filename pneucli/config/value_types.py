@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+import re
 from dataclasses import dataclass
 from typing import Annotated, Any, Literal, TypeAlias
 
@@ -10,6 +12,15 @@ from pydantic import AfterValidator, BaseModel, BeforeValidator, ConfigDict, Fie
 from pneucli.quantities import PISTON_AREA_UNITS, ROTARY_UNITS
 from pneucli.units import STANDARD_ATMOSPHERE, parse_quantity
 
+# what may have a tolerance, and the parameter of which it is prior knowledge: limits "+- a" are a standard deviation of
+# a / sqrt(3) (JCGM 100:2008, 4.3.7)
+TOLERANCED = {
+    **{name: f"rig.{name}" for name in ("piston_area_1", "piston_area_2", "dead_volume_1", "dead_volume_2")},
+    "moving_mass": "rig.moving_mass",
+    "moment_of_inertia": "rig.moving_mass",
+    "volume": "rig.vessel_volume",
+    "spring": "spring",
+}
 MIN_MAGNITUDE = 1e-30  # of any number of a rig that is not 0, in SI: quotients stay finite
 
 
@@ -71,8 +82,11 @@ class QuantityReader(BeforeValidator):
     unit: str = ""
 
 
-def _quantity_in(unit: str, rotary: str | None = None) -> QuantityReader:
-    """Read text with a unit; gauge values stand on the file's own ambient pressure, ``rotary`` is the unit there."""
+def _quantity_in(unit: str, rotary: str | None = None, *, gauge: bool = False) -> QuantityReader:
+    """Read text with a unit; gauge values stand on the file's own ambient pressure, ``rotary`` is the unit there.
+
+    ``gauge``: a pressure over ambient, however its unit is written.
+    """
 
     def parse(value: Any, info: ValidationInfo) -> float | None:
         context = info.context or {}
@@ -80,9 +94,37 @@ def _quantity_in(unit: str, rotary: str | None = None) -> QuantityReader:
         if isinstance(value, str) and "?" in value:
             raise ValueError(f'"{value}" is to be filled in; wanted a quantity such as "{value.replace("?", "1")}"')
         ambient = context.get("ambient_pressure", STANDARD_ATMOSPHERE)
-        return require_dividable(parse_quantity(value, wanted, ambient_pressure=ambient))
+        value, tolerance = _split_tolerance(value)
+        number = require_dividable(parse_quantity(value, wanted, ambient_pressure=ambient, difference=gauge))
+        if tolerance:
+            if info.field_name not in TOLERANCED:
+                raise ValueError(f"a tolerance says nothing here; wanted one of {', '.join(TOLERANCED)} to have it")
+            deviation = _tolerance(tolerance, number, wanted) / math.sqrt(3.0)
+            context.get("tolerances", {})[TOLERANCED[info.field_name]] = deviation
+        return number
 
     return QuantityReader(parse, json_schema_input_type=float | str, unit=unit)
+
+
+def _split_tolerance(value: Any) -> tuple[Any, str]:
+    """Return a quantity and its tolerance, which is empty where none is stated.
+
+    >>> _split_tolerance("38 cm^3 +- 5 %")
+    ('38 cm^3', '5 %')
+    """
+    if not isinstance(value, str):
+        return value, ""
+    number, *tolerance = re.split(r"\s*(?:\+/?-|±)\s*", value, maxsplit=1)
+    return (number, tolerance[0]) if tolerance else (value, "")
+
+
+def _tolerance(text: str, number: float, unit: str) -> float:
+    """Return a tolerance in the unit of its quantity; a percentage is of the quantity."""
+    share = re.fullmatch(r"([0-9.]+)\s*%", text.strip())
+    found = abs(number) * float(share[1]) / 100.0 if share else parse_quantity(text, unit, difference=True)
+    if not found > 0.0:
+        raise ValueError(f'the tolerance "{text}" is not above 0; wanted one such as "5 %" or "1 {unit}"')
+    return found
 
 
 Pressure: TypeAlias = Annotated[float, _quantity_in("Pa"), Field(gt=0)]
@@ -103,6 +145,9 @@ Velocity: TypeAlias = Annotated[float, _quantity_in("m/s")]
 Steepness: TypeAlias = Annotated[float, _quantity_in("s/m"), Field(gt=0)]
 Acceleration: TypeAlias = Annotated[float, _quantity_in("m/s^2")]
 Force: TypeAlias = Annotated[float, _quantity_in("N")]
+Stiffness: TypeAlias = Annotated[float, _quantity_in("N/m"), Field(gt=0)]
+GaugePressure: TypeAlias = Annotated[float, _quantity_in("Pa", gauge=True)]
+Angle: TypeAlias = Annotated[float, _quantity_in("rad", "rad")]
 
 
 class Table(BaseModel):

@@ -57,6 +57,8 @@ class Parameter:
         multiplies: The base parameter whose product with this one acts; the parameter is then a ratio
             (:func:`pneucli.identify.estimation.ratio_interval.ratio_interval`), and its null is 0.
 
+        stated: What a pipeline file may state of it outside ``[model]`` (:mod:`pneucli.config.stated_effects`).
+
     Raises:
         UnitError: A size is neither a number nor a number of a known scale of the right dimension.
     """
@@ -75,6 +77,7 @@ class Parameter:
     needs: frozenset[str] = frozenset()
     widens_overlap: bool = False
     multiplies: str | None = None
+    stated: str = ""
 
     def __post_init__(self) -> None:
         for quantity in (self.lower, self.upper, *self.typical, self.step):

@@ -6,7 +6,7 @@ import json
 from collections import Counter
 from collections.abc import Sequence
 from concurrent.futures import Future, ThreadPoolExecutor
-from dataclasses import asdict, dataclass, field
+from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
 from typing import Any, get_args
 
@@ -89,6 +89,9 @@ def noise_of(
                 estimate_noise, time[measured], values[measured], jumps[measured], own, is_motion=is_lone_position
             )
     models |= {name: estimate.result() for name, estimate in estimates.items()}
+    for name in models.keys() & one.source.signals.keys():
+        step = float(one.source.signals[name].resolution or 0.0)
+        models[name] = replace(models[name], step=max(models[name].step, step))
     return {name: models[name] for name in (*one.source.table.held_constant, *one.signals) if name in models}
 
 

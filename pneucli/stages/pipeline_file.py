@@ -1,4 +1,4 @@
-"""``[model.parameters]``: priors of identified parameters."""
+"""``[model.parameters]`` and the tolerances of ``[rig]``: priors of identified parameters."""
 
 from __future__ import annotations
 
@@ -55,7 +55,12 @@ def parameter_priors(config: PipelineConfig, effects: Mapping[str, Effect]) -> d
             faults.append(error)
     if faults:
         raise join_faults(config.path, faults)
-    return priors
+    stated = {
+        name: ParameterPrior(units[name], start=_stated_value(config, name), sigma=deviation)
+        for name, deviation in config.tolerances.items()
+        if name in units and name not in priors
+    }
+    return priors | stated
 
 
 def with_started_supply(rig: Rig, config: PipelineConfig) -> Rig:

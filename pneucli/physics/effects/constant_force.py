@@ -34,6 +34,7 @@ EFFECT = Effect(
             "10 supply forces",
             ("0.02 supply forces", "-0.02 supply forces"),
             "force toward x = 0",
+            stated="weight",
         ),
     ),
     ports={"force": force},

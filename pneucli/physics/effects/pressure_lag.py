@@ -31,6 +31,7 @@ EFFECT = Effect(
             "0.5 horizons",
             ("0.01 response times", "0.03 response times"),
             "time constant of the sensors",
+            stated="lag",
         ),
     ),
     ports={"sensor_lag": sensor_lag},

@@ -35,6 +35,7 @@ EFFECT = Effect(
             "40 supply forces per stroke",
             ("0.12 supply forces per stroke",),
             "stiffness",
+            stated="spring",
         ),
         Parameter(
             "rest_position",
@@ -44,6 +45,7 @@ EFFECT = Effect(
             "50 ranges of x",
             ("0 ranges of x", "0.5 ranges of x", "1 ranges of x"),
             "position without force",
+            stated="relaxed position of the spring",
         ),
     ),
     ports={"force": force},
