@@ -10,8 +10,8 @@ from pneucli.errors import InputError
 if TYPE_CHECKING:
     from importlib.metadata import EntryPoint
 
-GROUPS = ("pneucli.commands", "pneucli.effects", "pneucli.laws", "pneucli.formats")
-COMMANDS, EFFECTS, LAWS, FORMATS = GROUPS
+GROUPS = ("pneucli.commands", "pneucli.effects", "pneucli.laws", "pneucli.formats", "pneucli.detectors")
+COMMANDS, EFFECTS, LAWS, FORMATS, DETECTORS = GROUPS
 
 
 @cache

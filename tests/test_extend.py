@@ -24,6 +24,7 @@ FOLDERS = {
     "rod_wiper.py": "physics/effects",
     "proportional.py": "controller/laws",
     "lab_log.py": "io/formats",
+    "supply_sag.py": "plausibility/detectors",
 }
 PACKAGE = (ROOT / "tests" / "extensions", EXAMPLES)  # a distribution with entry points, and its modules
 
@@ -124,6 +125,24 @@ def test_a_format_is_recognised_read_and_listed(where: list[Path], tmp_path: Pat
     assert ran.stdout.splitlines() == [read, "True"], ran.stderr
     (tmp_path / "run.lab").write_bytes(content[:-1])
     assert "cannot be read as lab log: ValueError" in python(where, "-c", READ, str(tmp_path / "run.lab")).stderr
+
+
+DOUBTS = """
+import numpy as np
+from pneucli.cli.docs import detectors_table
+from pneucli.plausibility import findings
+from pneucli.recording import Recording, Rig
+time = 0.01 * np.arange(400)
+signals = {"p1": 3e5 + 1e5 * np.sin(time), "p_supply": 7e5 - 1.2e5 * time, "u": np.sin(time)}
+tank = Recording("tank", "valve", "train", time, signals)
+print([one.found for one in findings([tank], Rig(), {}) if one.check == "supply-sag"])
+print("| `supply-sag` |" in detectors_table())
+"""
+
+
+def test_a_detector_speaks_and_is_listed(where: list[Path]) -> None:
+    ran = python(where, "-c", DOUBTS)
+    assert ran.stdout.splitlines() == ["['the supply falls by 80 %']", "True"], ran.stderr
 
 
 DIGEST = "from pneucli.pipeline.manifest import program_digest; print(program_digest())"

@@ -99,6 +99,7 @@ def generated_pages() -> dict[str, str]:
         "pipeline.schema.json": schema_text(),
         "own-effect.md": _own_effect(),
         "raw-files.md": _with_made("raw-files.md", "formats", formats_table()),
+        "data-checks.md": _with_made("data-checks.md", "detectors", detectors_table()),
         "development/extend.md": _extend(),
         "development/constants.md": constants_page(),
     }
@@ -129,6 +130,20 @@ def formats_table() -> str:
     ]
     head = ["| file | a column is | needs | used of what it says of its numbers | not used |", "| --- " * 5 + "|"]
     return "\n".join([*head, *rows])
+
+
+def detectors_table() -> str:
+    """Return the table of what the detectors of odd data say: each check, when it contradicts, and when it doubts."""
+    from pneucli.plausibility.detectors import detectors
+
+    said: dict[str, tuple[list[str], list[str]]] = {}
+    for one in detectors():
+        for check, (contradiction, doubt) in one.says.items():
+            told = said.setdefault(check, ([], []))
+            told[0].extend([contradiction] * bool(contradiction))
+            told[1].extend([doubt] * bool(doubt))
+    rows = [f"| `{check}` | {'; '.join(told[0])} | {'; '.join(told[1])} |" for check, told in said.items()]
+    return "\n".join(["| check | contradiction if | doubt if |", "| --- | --- | --- |", *rows])
 
 
 def _extend() -> str:

@@ -8,8 +8,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pneucli.messages.formatting import format_plain, format_signal
-from pneucli.plausibility.motion import MAX_SPEED
-from pneucli.plausibility.readings import MAX_COMMAND, MAX_FLOW, MAX_PRESSURE, MAX_STROKE
+from pneucli.plausibility.detectors.motion import MAX_SPEED
+from pneucli.plausibility.detectors.readings import MAX_COMMAND, MAX_FLOW, MAX_PRESSURE, MAX_STROKE
 from pneucli.quantities import SIGNALS
 from pneucli.units import factor_and_offset, parse_unit, same_dimension
 

@@ -40,6 +40,8 @@ def lines(answer: Answer, file: str, verbose: bool) -> Iterator[str]:
 def _row(signal: Answer) -> tuple[str, ...]:
     shown = [format_quantity(signal[key], signal["unit"]) for key in ("least", "median", "most")]
     noise = "" if not signal["noise"] else format_quantity(signal["noise"], signal["unit"], 2)
+    if signal["noise"] and signal["noise_ci95"]:
+        noise += f" ({' to '.join(format_quantity(value, signal['unit'], 2) for value in signal['noise_ci95'])})"
     return signal["signal"], curve(signal["time"], signal["values"]), rest_text(signal), *shown, noise
 
 

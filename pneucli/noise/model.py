@@ -42,7 +42,19 @@ class NoiseModel:
         >>> NoiseModel(white=3.0, coloured=4.0).rms
         5.0
         """
-        power = self.white**2 + self.coloured**2 + sum(a * a / 2 for _, a in self.lines)
+        return self._with_lines_and_step(float(np.hypot(self.white, self.coloured)))
+
+    @property
+    def rms_interval(self) -> tuple[float, float] | None:
+        """Least and most :attr:`rms` that the recording leaves possible (95 %); None where it is not estimated.
+
+        >>> NoiseModel(white=1.0, step=34.7, interval=(0.1, 11.0)).rms_interval  # doctest: +ELLIPSIS
+        (10.01702..., 11.0)
+        """
+        return None if self.interval is None else tuple(map(self._with_lines_and_step, self.interval))  # type: ignore[return-value]
+
+    def _with_lines_and_step(self, rms: float) -> float:
+        power = rms**2 + sum(a * a / 2 for _, a in self.lines)
         return float(max(np.sqrt(power), self.step / np.sqrt(12)))
 
     def draw(self, time: Array, rng: np.random.Generator) -> Array:

@@ -12,7 +12,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from pneucli.plausibility import flow, forces, motion, readings, samples, sensor_response, steady
+from pneucli.plausibility.detectors import detectors
 from pneucli.plausibility.own_signals import with_own_signals
 from pneucli.plausibility.rig_check import Finding, RigCheck
 from pneucli.plausibility.signal_summary import SignalSummary, summarize_signal, without_empty_signals
@@ -21,8 +21,6 @@ from pneucli.recording import Calibration, Recording, Rig
 __all__ = ["Finding", "SignalSummary", "findings", "summarize_signal", "without_empty_signals"]
 
 THREADS = 2  # checks side by side: numpy lets others run while it sums over a long recording
-STEADY_CHECKS = (readings, steady)  # of single values, whatever their neighbours are
-CHECKS = (samples, sensor_response, motion, forces, flow)  # of recordings over time
 
 
 def findings(
@@ -38,8 +36,8 @@ def findings(
     """
     bench = RigCheck([without_empty_signals(one) for one in recordings], rig, stated, calibrations or {})
     series = replace(bench, recordings=[one for one in bench.recordings if not one.kind.steady])
-    checks = [(module.check, bench) for module in STEADY_CHECKS]
-    checks += [(module.check, series) for module in CHECKS if series.recordings]
+    looked_at = ((one.find, bench if one.steady else series) for one in detectors())
+    checks = [(find, on) for find, on in looked_at if on.recordings]
 
     def findings_of(check: Callable[[RigCheck], Iterator[Finding]], on: RigCheck) -> list[Finding]:
         with np.errstate(all="ignore"):  # other checks report numbers that overflow

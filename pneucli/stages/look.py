@@ -128,6 +128,7 @@ def _signal(one: Recording, name: str) -> dict[str, Any]:
         "most": float(np.nanmax(values)),
         "missing": float(np.mean(np.isnan(values))),
         "noise": one.noise[name].rms if name in one.noise else None,
+        "noise_ci95": one.noise[name].rms_interval if name in one.noise else None,
         "rests": [{"level": level, "share": share} for level, share in rests(values)],
         "time": [round(float(t), 9) for t in one.time[shown]],
         "values": [None if np.isnan(v) else float(v) for v in values[shown]],

@@ -43,6 +43,8 @@ def test_the_answer_says_units_rests_and_doubts(pneucli: Command, tank: Path) ->
     assert signals["p1"]["least"] == pytest.approx(1.013e5)
     assert signals["u"]["rests"][0]["share"] == pytest.approx(0.25, abs=0.02)
     assert {round(one["level"]) for one in signals["u"]["rests"]} == {5, -4, 6, -8}
+    least, most = signals["p1"]["noise_ci95"]
+    assert 0.0 < least <= signals["p1"]["noise"] <= most
 
 
 def test_one_sample_of_many_shows_in_the_curve(pneucli: Command, tmp_path: Path) -> None:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from pneucli.plausibility.forces import ClosedChamber
+from pneucli.plausibility.detectors.forces import ClosedChamber
 
 PERIOD, KAPPA = 5e-3, 1.4
 TIME = PERIOD * np.arange(1300)

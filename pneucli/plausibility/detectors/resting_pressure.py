@@ -7,7 +7,7 @@ from collections.abc import Iterator, Sequence
 import numpy as np
 
 from pneucli.messages.formatting import format_signal
-from pneucli.plausibility.readings import absolute_finding, gauge_finding
+from pneucli.plausibility.detectors.readings import absolute_finding, gauge_finding
 from pneucli.plausibility.rig_check import (
     AMBIENT_SLIP_SHARE,
     MAX_EXCESS,

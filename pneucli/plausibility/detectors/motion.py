@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from pneucli.messages.formatting import format_plain, format_signal
 from pneucli.plausibility.blocks import Blocks, fit_linear, resolved_blocks
+from pneucli.plausibility.detectors.base import Detector
 from pneucli.plausibility.rig_check import (
     MIN_DOUBT,
     POSITION_GAIN,
@@ -29,7 +30,7 @@ MAX_JUMPS = 1000  # that are looked at
 MAX_SPEED = 30.0  # m/s: seals last to 3 m/s, impact cylinders reach 10 m/s
 
 
-def check(rig_check: RigCheck) -> Iterator[Finding]:
+def _check(rig_check: RigCheck) -> Iterator[Finding]:
     """Yield findings of all recordings with a piston."""
     moved = [one for one in rig_check.recordings if "x" in one and one.kind.cylinder]
     for one in moved:
@@ -159,3 +160,24 @@ def _net_force_range(one: Recording, bench: RigCheck) -> float:
         return float("nan")
     force = bench.net_force(one, {name: cut.mean(name) for name in ("p1", "p2", "force") if name in one})
     return float("nan") if force is None else float(np.ptp(force))
+
+
+DETECTOR = Detector(
+    _check,
+    {
+        "stroke": (
+            "the range of x exceeds the stroke",
+            "x leaves the stroke by more than 5 % at either end, where volumes follow from x",
+        ),
+        "speed": ("", "x is faster than 30 m/s, or jumps from one place to another in one sample"),
+        "derivative": ("v or a is not the derivative of x within half a power of ten", ""),
+        "direction": ("v or a is against x", ""),
+        "silent": ("v or a has nothing to do with x (the signal alone is left out)", ""),
+        "motionless": (
+            "",
+            "the piston moves in no recording, or away from the stops not under twice the force that moves it "
+            'elsewhere; state a clamped piston: `x = "100 mm"`',
+        ),
+    },
+    place=5,
+)

@@ -11,7 +11,8 @@ from numpy.typing import NDArray
 
 from pneucli.messages.formatting import format_plain, format_quantity, format_signal
 from pneucli.plausibility.blocks import fit_linear, resolved_blocks
-from pneucli.plausibility.readings import absolute_finding, gauge_finding
+from pneucli.plausibility.detectors.base import Detector
+from pneucli.plausibility.detectors.readings import absolute_finding, gauge_finding
 from pneucli.plausibility.rig_check import (
     AMBIENT_SLIP_SHARE,
     LAG,
@@ -47,7 +48,7 @@ class ForceBalance:
     both_ways: bool
 
 
-def check(rig_check: RigCheck) -> Iterator[Finding]:
+def _check(rig_check: RigCheck) -> Iterator[Finding]:
     """Yield findings of all recordings with a piston."""
     balances: list[tuple[Recording, ForceBalance]] = []
     for one in rig_check.recordings:
@@ -211,3 +212,15 @@ def _closed_reference(one: Recording, offset: float, error: float, middle: float
     else:
         found = f"p2 of the closed chamber has ambient pressure twice at {at}"
         yield from absolute_finding(one, "p2", found, by).judged()
+
+
+DETECTOR = Detector(
+    _check,
+    {
+        "direction": ("a closed chamber grows with its pressure; the net force brakes motion both ways", ""),
+        "mass": ("", "net force accelerates more than ten times, or less than a third of, the stated mass"),
+        "volume": ("", "a closed chamber is far from V^-1 to V^-kappa"),
+        "reference": ("", "the gas law of a closed chamber fits without ambient pressure, or with twice of it"),
+    },
+    place=6,
+)

@@ -12,7 +12,8 @@ from pneucli.messages.formatting import format_plain, format_quantity, format_si
 from pneucli.physics.gas import critical_ratio_of
 from pneucli.physics.vectorised import flow_functions
 from pneucli.plausibility.blocks import Blocks, fit_linear, resolved_blocks
-from pneucli.plausibility.resting_pressure import pressure_loop, resting_pressure
+from pneucli.plausibility.detectors.base import Detector
+from pneucli.plausibility.detectors.resting_pressure import pressure_loop, resting_pressure
 from pneucli.plausibility.rig_check import (
     MIN_DOUBT,
     MIN_SIGNAL_TO_NOISE,
@@ -61,7 +62,7 @@ class ChamberFlow:
     fills: Mask
 
 
-def check(rig_check: RigCheck) -> Iterator[Finding]:
+def _check(rig_check: RigCheck) -> Iterator[Finding]:
     """Yield findings of all recordings with a valve."""
     driven = [r for r in rig_check.recordings if r.kind.valve and not r.valve_shut and {"u", "p1"} <= r.signals.keys()]
     flows = [flow for one in driven if (flow := _chamber_flow(one, rig_check)) is not None]
@@ -291,3 +292,40 @@ def _vessel_against_cylinder(flows: list[ChamberFlow]) -> Iterator[Finding]:
 def _median_areas(edges: Array, *pairs: tuple[Array, Array]) -> list[float]:
     inside = [area[(u >= edges[0]) & (u <= edges[1]) & np.isfinite(area)] for u, area in pairs]
     return [float(np.median(areas)) if areas.size >= MIN_BLOCKS_PER_BIN else float("nan") for areas in inside]
+
+
+DETECTOR = Detector(
+    _check,
+    {
+        "supply": (
+            "gas flows into a chamber whose pressure is above the supply, recorded or stated",
+            "a charged vessel rests far below the supply",
+        ),
+        "reference": (
+            "a vented vessel rests below ambient pressure; a charged one above its supply",
+            "a vented vessel rests near twice ambient pressure",
+        ),
+        "direction": (
+            "nearly all gas flows against u",
+            "the flow falls with u, not all the time, or with a null that is to be identified",
+        ),
+        "silent": (
+            "",
+            "p1 rests far from where a command leads that moves it elsewhere; a chamber is charged and vented at one"
+            " u; u does not help to predict dp1/dt beside p1, where gas can flow",
+        ),
+        "swapped": ("", "p_supply moves instead of p1"),
+        "volume": (
+            "",
+            "the flow needs a hole above 500 mm² or, where u moves, below 0.01 mm²; vessel and cylinder differ "
+            "threefold",
+        ),
+        "pressure-loop": (
+            "",
+            "a vessel comes to rest where the command says, in a straight line, from above and from below: the valve"
+            " controls a pressure, and its command sets no area",
+        ),
+        "sampling": ("", "less than one sample per time constant of a charge"),
+    },
+    place=7,
+)

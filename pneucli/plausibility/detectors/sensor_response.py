@@ -7,6 +7,7 @@ from collections.abc import Iterator
 import numpy as np
 
 from pneucli.messages.formatting import format_signal
+from pneucli.plausibility.detectors.base import Detector
 from pneucli.plausibility.rig_check import (
     MIN_SIGNAL_TO_NOISE,
     Finding,
@@ -16,7 +17,7 @@ from pneucli.plausibility.rig_check import (
 from pneucli.recording import Recording
 
 
-def check(rig_check: RigCheck) -> Iterator[Finding]:
+def _check(rig_check: RigCheck) -> Iterator[Finding]:
     """Yield findings of all recordings in which the piston moves."""
     for one in rig_check.recordings:
         if one.kind.vessel or not rig_check.active_signals(one, "x"):
@@ -58,3 +59,13 @@ def _travel_over_noise(one: Recording) -> float:
     """Return how far the piston goes in units of the noise of x: that it moves is what makes a silent sensor odd."""
     noise = one.noise["x"].rms if "x" in one.noise else 0.0
     return excess(float(np.nanmax(one["x"]) - np.nanmin(one["x"])), MIN_SIGNAL_TO_NOISE * noise)
+
+
+DETECTOR = Detector(
+    _check,
+    {
+        "silent": ("p2 of a closed chamber rests while x changes its volume", "p1 rests while the piston moves"),
+        "swapped": ("", "p2 of an open chamber moves instead of p1"),
+    },
+    place=4,
+)

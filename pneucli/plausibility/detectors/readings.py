@@ -7,6 +7,7 @@ from collections.abc import Iterator
 import numpy as np
 
 from pneucli.messages.formatting import format_plain, format_signal
+from pneucli.plausibility.detectors.base import Detector
 from pneucli.plausibility.rig_check import (
     AMBIENT_SLIP_SHARE,
     MIN_DOUBT,
@@ -32,7 +33,7 @@ MIN_AMBIENT_PRESSURE, MAX_AMBIENT_PRESSURE = 0.5e5, 1.1e5  # Pa: at 5,500 m, and
 MIN_ROOM_TEMPERATURE, MAX_ROOM_TEMPERATURE = 200.0, 400.0  # K
 
 
-def check(rig_check: RigCheck) -> Iterator[Finding]:
+def _check(rig_check: RigCheck) -> Iterator[Finding]:
     """Yield findings of all recordings."""
     yield from _surroundings(rig_check)
     for one in rig_check.recordings:
@@ -96,7 +97,9 @@ def _beyond_usual(one: Recording, bench: RigCheck) -> Iterator[Finding]:
 
 
 def _pressure(one: Recording, signal: str, bench: RigCheck) -> Iterator[Finding]:
-    """A chamber behind a valve rests at ambient pressure or above; a closed one may be drawn below it, not below 0."""
+    """A chamber behind a valve rests at ambient pressure or above; a closed one may be drawn below it, not below "
+    "0.
+    """
     ambient, values = bench.rig.ambient_pressure, one[signal]
     least, quarter, middle = (float(p) for p in np.nanpercentile(values, (1, 25, 50)))
     is_closed = signal == "p2" and one.chamber_2 == "closed"
@@ -146,3 +149,23 @@ def _temperature(one: Recording, bench: RigCheck) -> Iterator[Finding]:
         by = excess(max(coldest - least, most - hottest), noise, PRESSURE_GAIN * (hottest - coldest))
         mend = "check the unit in [signals] temperature, degC or K"
         yield from Finding("unit", "temperature", one.name, found, mend, by).judged()
+
+
+DETECTOR = Detector(
+    _check,
+    {
+        "reference": (
+            "a pressure goes below vacuum; p2 of an open chamber is not at ambient pressure",
+            "a chamber is below half of ambient pressure for a quarter of the time",
+        ),
+        "swapped": ("p2 of an open chamber stands at several bar", ""),
+        "unit": (
+            "",
+            "pressures above 50 bar and the stated supply, commands above 120 V, flows above 6 kg/s, x over more "
+            "than 12 m where no stroke is stated, temperatures that air cannot have at these pressures",
+        ),
+        "rig": ("", "ambient pressure or gas temperature that no laboratory has"),
+    },
+    steady=True,
+    place=1,
+)

@@ -6,6 +6,7 @@ from collections.abc import Iterator
 
 import numpy as np
 
+from pneucli.plausibility.detectors.base import Detector
 from pneucli.plausibility.rig_check import Finding, RigCheck, excess
 from pneucli.recording import Array, Recording
 
@@ -15,7 +16,7 @@ MIN_CORRELATION = 0.3
 MIN_UPHILL_ROWS = 0.5  # of the rows with flow: fewer are rows at a small difference, or what a pump does
 
 
-def check(rig_check: RigCheck) -> Iterator[Finding]:
+def _check(rig_check: RigCheck) -> Iterator[Finding]:
     """Yield gas that flows toward the higher pressure, of all recordings of steady benches."""
     for one in rig_check.recordings:
         if one.kind.steady and {"flow", "p1", "p_supply"} <= one.signals.keys():
@@ -23,7 +24,9 @@ def check(rig_check: RigCheck) -> Iterator[Finding]:
 
 
 def _grows_with(difference: Array, flow: Array) -> bool:
-    """Whether the flow grows with the pressure that it flows against: that of a pump falls, exchanged columns grow."""
+    """Whether the flow grows with the pressure that it flows against: that of a pump falls, exchanged columns "
+    "grow.
+    """
     if not np.ptp(difference) > 0.0 or not np.ptp(flow) > 0.0:
         return False
     return bool(np.corrcoef(difference, flow)[0, 1] > MIN_CORRELATION)
@@ -44,3 +47,13 @@ def _uphill(recording: Recording, bench: RigCheck) -> Iterator[Finding]:
         share = float(np.count_nonzero(uphill) / np.count_nonzero(flowing))
         by = excess(p - from_p, *errors)
         yield from Finding("flow-direction", "flow", recording.name, found, mend, by, share).judged(physics=True)
+
+
+DETECTOR = Detector(
+    _check,
+    {
+        "flow-direction": ("on a steady bench gas flows toward the higher pressure, the more the higher it is", ""),
+    },
+    steady=True,
+    place=2,
+)

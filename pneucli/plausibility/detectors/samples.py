@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pneucli.messages.formatting import format_percent, format_plain, format_signal
+from pneucli.plausibility.detectors.base import Detector
 from pneucli.plausibility.rig_check import Finding, RigCheck, excess
 from pneucli.plausibility.signal_summary import missing_share
 from pneucli.quantities import CHANNELS
@@ -30,7 +31,7 @@ MAX_TURN = 2.0 * math.sin(0.5)  # of differences from sample to sample over the 
 INITIAL_STATES = {"p1": 1, "p2": 1, "x": 2}  # what a restart takes from a channel: its value, and the velocity of x
 
 
-def check(rig_check: RigCheck) -> Iterator[Finding]:
+def _check(rig_check: RigCheck) -> Iterator[Finding]:
     """Yield findings of all recordings."""
     for one in rig_check.recordings:
         yield from _missing(one)
@@ -177,3 +178,20 @@ def _air_spring_stiffness(bench: RigCheck, one: Recording, chamber: int) -> floa
         return 0.0
     area = bench.rig.piston_areas[chamber - 1]
     return float(bench.rig.heat_capacity_ratio * np.nanmedian(one[f"p{chamber}"]) * area**2 / np.nanmedian(volume))
+
+
+DETECTOR = Detector(
+    _check,
+    {
+        "missing": ("", "more than 10 % of the time without samples (a slower clock of its own misses nothing)"),
+        "samples": ("", "fewer samples than noise, start and parameters need"),
+        "copy": ("", "two signals that agree digit by digit"),
+        "sampling": (
+            "",
+            "less than three samples per swing of the piston on its air, where neighbours turn; a command that "
+            "chatters between the samples",
+        ),
+        "jumps": ("", "a pressure that jumps in one sample and stays, not for its command"),
+    },
+    place=3,
+)
