@@ -1,8 +1,8 @@
 #!/bin/sh
 # SciPy 1.17.1: a piston restarted at its end stop after `solve_ivp`'s event goes through the stop, or does not move at all.
 #
-# A piston falls on an end stop (restitution 0.5), each bounce an event and a new call. After 50 bounces, each shorter, an
-# event ends a hair below zero, the next call begins there and sees no crossing: the piston is 32 m below the stop at 3 s.
+# A piston falls on an end stop (restitution 0.5), each bounce an event and a new call. After dozens of bounces, each shorter,
+# an event ends a hair below zero, the next call begins there and sees no crossing: the piston is 32 m below the stop at 3 s.
 # Pushed against the stop from rest, the call ends at once, also where the event has a direction; leaving it with 1 m/s too where
 # the event has none. With `t_eval`, the last state is that of the last stamp before the stop, not that of the stop.
 # The event's own state is in `y_events`.
@@ -31,7 +31,7 @@ while True:
     if run.status != 1:
         break
     time, state, bounces = run.t[-1], [run.y[0, -1], -0.5 * run.y[1, -1]], bounces + 1
-print(f"bounces {bounces}, the last at {time:.3f} s; at 3 s the piston is at {run.y[0, -1]:.0f} m")
+print(f"dozens of bounces {20 < bounces < 200}, the last at {time:.3f} s; at 3 s the piston is at {run.y[0, -1]:.0f} m")
 for what, velocity, direction in (("pushed", 0.0, -1.0), ("leaves", 1.0, -1.0), ("leaves, no direction", 1.0, 0.0)):
     run = fall(0.0, 1.0, [0.0, velocity], direction)
     print(f"{what}: status {run.status}, ends at {run.t[-1]:.3f} s")
@@ -39,7 +39,7 @@ run = fall(0.0, 1.0, [0.1, 0.0], t_eval=np.arange(0, 1, 0.01))
 print(f"t_eval: last state {run.y[0, -1]:.4f} m at {run.t[-1]:.2f} s; y_events {abs(run.y_events[0][0][0]):.4f} m at {run.t_events[0][0]:.3f} s")
 END
 diff - seen <<'END'
-bounces 50, the last at 0.428 s; at 3 s the piston is at -32 m
+dozens of bounces True, the last at 0.428 s; at 3 s the piston is at -32 m
 pushed: status 1, ends at 0.000 s
 leaves: status 1, ends at 0.204 s
 leaves, no direction: status 1, ends at 0.000 s
