@@ -19,7 +19,7 @@ SHARED = {"answers", "fleet_rigs", "measure", "planned_recordings", "regressions
 TESTED_ELSEWHERE = {"simulate"}  # tests/simulate/test_benchmark.py
 NEED_GCC = {("fmu", ""), *(("loop", name) for name in loop.TABLES if name not in ("periods", "benefit"))}
 SLOW = {("door", ""), ("fleet", ""), ("score", ""), ("loop", "logs"), ("loop", "periods"), ("loop", "benefit"),
-        ("thesis", "friction"), ("thesis", "laws"), ("valve", "maps")}  # fmt: skip
+        ("thesis", "friction"), ("thesis", "laws"), ("valve", "maps"), ("workbench", "")}  # fmt: skip
 BENCHMARKS = sorted(path.stem for path in (ROOT / "benchmarks").glob("*.py") if path.stem not in SHARED)
 
 

@@ -142,6 +142,8 @@ class Workbench:
         try:
             await self.bench.run(action, names)
             await self.in_live(self.bench.refresh)
+        except (InputError, OSError) as error:  # the file is not what it was when the page asked
+            self.bench.problem = str(error)
         finally:
             self.busy = False
             self.tell()

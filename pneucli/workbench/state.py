@@ -18,7 +18,7 @@ from pneucli.messages.formatting import (
     in_display_unit,
     unit_symbol,
 )
-from pneucli.messages.history import error_bar, models_on_current_data
+from pneucli.messages.history import models_on_current_data
 from pneucli.physics.declaration import Effect
 from pneucli.pipeline.manifest import read_manifest
 from pneucli.pipeline.runner import Pipeline
@@ -161,13 +161,17 @@ def ladder(artifacts: Path) -> list[dict[str, Any]]:
     shown = models_on_current_data(rows) if rows else []
     most = max((_error(one) or 0.0 for one in shown), default=0.0)
     return [
-        dict(one)
-        | {
-            "text": format_noise_ratio(_error(one)),
-            "bar": len(error_bar(_error(one), most)) / max(len(error_bar(most, most)), 1),
-        }
-        for one in shown
+        dict(one) | {"text": format_noise_ratio(_error(one)), "bar": bar_length(_error(one), most)} for one in shown
     ]
+
+
+def bar_length(error: float | None, largest: float) -> float:
+    """Return the length of a bar down to 1, the noise floor, as a share of the longest, on a logarithmic scale.
+
+    >>> bar_length(10.0, 100.0), bar_length(0.9, 100.0)
+    (0.5, 0.0)
+    """
+    return 0.0 if error is None or error <= 1.0 or largest <= 1.0 else math.log(error) / math.log(largest)
 
 
 def _error(model: Mapping[str, Any]) -> float | None:

@@ -105,6 +105,10 @@ def test_the_demo_fails_is_diagnosed_and_its_error_falls(servers: Servers, chrom
     assert stored is not None
     assert stored.answer is not None
     assert after == pytest.approx(stored.answer["error"]["test"], rel=5e-3)
+    bars = "return window.pneucliWorkbench.state().ladder.map((one) => one.bar)"
+    first, last = chromium.execute_script(bars)
+    assert first == 1.0
+    assert last < 0.2
     assert file.read_text(encoding="utf-8").count("# absolute") == text.count("# absolute")
     assert errors_of(chromium) == []
 
@@ -174,14 +178,16 @@ WANTED = ", ".join(
 
 def test_random_clicks_leave_no_error_and_a_valid_file(page: Any, folder: Path) -> None:
     choose = random.Random(7)
-    click = "arguments[0].scrollIntoView({block: 'center', behavior: 'instant'}); arguments[0].click()"
+    click = (
+        "const some = [...document.querySelectorAll(arguments[0])].filter((e) => e.offsetParent && !e.disabled); "
+        "some[Math.floor(arguments[1] * some.length)].click()"
+    )
     slide = (
         "const all = [...document.querySelectorAll('input[type=range]')]; const one = all[Math.floor(arguments[0] * "
         "all.length)]; one.value = 1000 * arguments[0]; one.dispatchEvent(new Event('input', {bubbles: true}))"
     )
     for _ in range(CLICKS):
-        some = [e for e in page.find_elements(By.CSS_SELECTOR, WANTED) if e.is_displayed() and e.is_enabled()]
-        page.execute_script(click, choose.choice(some))
+        page.execute_script(click, WANTED, choose.random())
         page.execute_script(slide, choose.random())
         load(folder / "pipeline.toml")
     page.execute_script("document.getElementById('cancel').click()")

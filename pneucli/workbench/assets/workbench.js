@@ -391,7 +391,7 @@
   async function command(action, names = []) {
     banner("");
     await ask("command", { action, names, version: state.version });
-    state.command = { ...state.command, name: action, line: state.lines[action] ?? action, running: true, progress: "starting", text: "" };
+    state.command = { ...state.command, name: action, line: state.lines[action === "add-named" ? "add" : action] ?? `pneucli ${[action, state.file, ...names].join(" ")}`, running: true, progress: "starting", text: "" };
     showCommand();
   }
 
