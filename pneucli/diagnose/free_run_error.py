@@ -13,8 +13,8 @@ from pneucli.compare.expected_error import ExpectedError, combined_distribution,
 from pneucli.compare.free_run import free_runs, judge_with_free_runs
 from pneucli.compare.goodness_of_fit import GoodnessOfFit, Squares, is_judged, judge_fit, parameter_error_squares
 from pneucli.diagnose.score import ErrorsByUse
+from pneucli.identify.estimation.correlation import draw_parameters
 from pneucli.identify.estimation.fit import Fit
-from pneucli.identify.estimation.parameter_draws import draw_parameters
 from pneucli.simulate.experiment import Experiment
 from pneucli.simulate.model import Model, with_parameters
 

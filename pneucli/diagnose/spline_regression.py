@@ -2,22 +2,126 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.linalg import solve
 
 from pneucli.compare.error_regions import locator_signals
-from pneucli.diagnose.normal_equations import Folds, NormalEquations, scaled_derivatives
-from pneucli.diagnose.smooth_term import KNOTS, SIMPLE_SHAPES, SmoothTerm, linear_bspline_basis
 from pneucli.identify.estimation.blocks import channel_slices
 from pneucli.identify.estimation.fit import Fit
 from pneucli.identify.residuals import ResidualModel
 from pneucli.identify.residuals.base import DiscrepancyTerm
 
 Array = NDArray[np.float64]
+
+Folds = Sequence[Array]
+KNOTS = 60  # evenly spaced over the range of the signal
+RIDGE = 1e-6  # the same of the coefficients, for those without samples
+_SECOND_DIFFERENCES = np.diff(np.eye(KNOTS), 2, axis=0)
+
+
+class NormalEquations:
+    """The normal equations by fold of coefficients (k,) of rows (k, n), together with the fit's own parameters."""
+
+    def __init__(self, rows: Folds, residuals: Folds, derivatives: Folds) -> None:
+        # a residual of 0 does not count
+        rows = [np.where(r == 0.0, 0.0, x.astype(np.float64)) for x, r in zip(rows, residuals, strict=True)]
+        self.total = [float(r @ r) for r in residuals]
+        self.xx, self.xr = [x @ x.T for x in rows], [x @ r for x, r in zip(rows, residuals, strict=True)]
+        self.xj = [x @ j.T for x, j in zip(rows, derivatives, strict=True)]
+        self.jr = [j @ r for j, r in zip(derivatives, residuals, strict=True)]
+        self.jj = [j @ j.T for j in derivatives]
+
+    def _penalty_matrix(self, smooth_term: SmoothTerm) -> Array:
+        """Return the penalty (k, k): of a spline that of the second differences, times the mean curvature."""
+        curvature = np.diag(sum(self.xx))
+        if smooth_term.simple_shape is not None:
+            return np.asarray(RIDGE * np.diag(curvature + RIDGE))
+        mean = float(np.mean(curvature)) or 1.0  # of a function of which no residual depends
+        return np.asarray(
+            mean * (smooth_term.penalty * _SECOND_DIFFERENCES.T @ _SECOND_DIFFERENCES + RIDGE * np.eye(KNOTS))
+        )
+
+    def explained(self, smooth_term: SmoothTerm) -> tuple[float, Array]:
+        """Return the share of the left-out squares that is explained, and the coefficients from all folds."""
+        values, adjustment, left_out = self.solved(smooth_term)
+        gain = 0.0
+        for coefficients, x_x, x_j, x_r, j_j, j_r in zip(
+            left_out, self.xx, self.xj, self.xr, self.jj, self.jr, strict=True
+        ):
+            gain += (
+                2.0 * (coefficients @ x_r + adjustment @ j_r)
+                - coefficients @ x_x @ coefficients
+                - adjustment @ j_j @ adjustment
+                - 2.0 * coefficients @ x_j @ adjustment
+            )
+        return gain / max(sum(self.total), 1e-300), values
+
+    def solved(self, smooth_term: SmoothTerm) -> tuple[Array, Array, list[Array]]:
+        """Return the coefficients of all folds, the adjustment of the fit's own parameters, and the coefficients
+        without each fold.
+
+        The adjustment is that of all folds, because a single fold may alone identify one of the parameters.
+        """
+        xx, xj, xr = (
+            np.sum(self.xx, axis=0) + self._penalty_matrix(smooth_term),
+            np.sum(self.xj, axis=0),
+            np.sum(self.xr, axis=0),
+        )
+        jj, jr = np.sum(self.jj, axis=0), np.sum(self.jr, axis=0)
+        jj = jj + RIDGE * np.eye(jr.size)
+        elimination = np.linalg.solve(jj, np.column_stack([xj.T, jr]))
+        values = np.linalg.solve(xx - xj @ elimination[:, :-1], xr - xj @ elimination[:, -1])
+        adjustment = elimination[:, -1] - elimination[:, :-1] @ values
+        parts = zip(self.xx, self.xj, self.xr, strict=True)
+        left_out = [solve(xx - x_x, xr - x_r - (xj - x_j) @ adjustment, assume_a="pos") for x_x, x_j, x_r in parts]
+        return values, adjustment, left_out
+
+
+SIMPLE_SHAPES: dict[str, Callable[[Array], Array]] = {
+    "constant": lambda q: np.array([np.ones_like(q)]),
+    "proportional": lambda q: np.array([q]),
+    "sign": lambda q: np.array([np.sign(q)]),
+    "signed-square": lambda q: np.array([q * np.abs(q)]),
+    "line": lambda q: np.array([np.ones_like(q), q]),
+    "parabola": lambda q: np.array([np.ones_like(q), q, q**2]),
+}
+
+
+@dataclass(frozen=True)
+class SmoothTerm:
+    """A function of one signal in one channel.
+
+    ``acts_as`` is the quantity as which it acts (:class:`pneucli.identify.residuals.base.DiscrepancyTerm`), ``share``
+    the part of the left-out squares that it explains; ``values`` (KNOTS,) has its values in ``unit`` from ``low`` to
+    ``high`` of the signal. It is a spline with the weight ``penalty``, or has one of the SIMPLE_SHAPES. ``term_index``
+    is that of the discrepancy term.
+    """
+
+    signal: str
+    acts_as: str
+    unit: str
+    term_index: int
+    share: float
+    low: float
+    high: float
+    values: Array
+    penalty: float
+    simple_shape: str | None = None
+
+    @property
+    def basis(self) -> Array:
+        """The basis functions at the knots (k, KNOTS)."""
+        if self.simple_shape is None:
+            return np.eye(KNOTS)
+        return SIMPLE_SHAPES[self.simple_shape](
+            np.linspace(self.low, self.high, KNOTS) / max(abs(self.low), abs(self.high))
+        )
+
 
 PENALTIES = (1e-5, 1e-3, 1e-1, 1e1, 1e3)  # of the second differences, over the mean curvature
 MAX_SAMPLES = 8000  # of a channel
@@ -155,3 +259,20 @@ def _fit_smooth_term(column: _TermDesign, residuals: Folds, derivatives: Folds) 
     ]
     (share, values), smooth_term = max(((sums.explained(one), one) for one in options), key=lambda pair: pair[0][0])
     return replace(smooth_term, share=share, values=values)
+
+
+def scaled_derivatives(rows: Sequence[Array]) -> list[Array]:
+    """Return derivatives (k, n) by fold, scaled to length 1 over all folds, without those that are 0."""
+    size = np.sqrt(sum(np.sum(r * r, axis=1) for r in rows))
+    is_active = size > 0.0
+    return [r[is_active] / size[is_active, None] for r in rows]
+
+
+def linear_bspline_basis(positions: Array) -> Array:
+    """Return linear B-splines (KNOTS, n) at positions (n,) from 0 to 1; 0 where a position is NaN."""
+    out = np.zeros((KNOTS, positions.size))
+    finite = np.flatnonzero(np.isfinite(positions))
+    knots = np.clip(positions[finite], 0.0, 1.0) * (KNOTS - 1)
+    first = np.minimum(knots.astype(np.int64), KNOTS - 2)
+    out[first, finite], out[first + 1, finite] = 1.0 - (knots - first), knots - first
+    return out

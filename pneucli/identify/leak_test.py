@@ -17,7 +17,7 @@ from scipy.ndimage import median_filter
 from scipy.optimize import OptimizeResult, least_squares
 
 from pneucli.identify.leaking_vessel import leak_share, vessel_pressure
-from pneucli.noise.quantisation import quantisation_step
+from pneucli.noise.estimate import quantisation_step
 
 Array = NDArray[np.float64]
 

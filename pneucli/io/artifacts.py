@@ -10,7 +10,7 @@ import hashlib
 import json
 import os
 import tempfile
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -156,6 +156,26 @@ def write_table(
     types = {name: array.type for name, array in arrays.items()}
     with TableWriter(path, schema_of(types, units=units or {}, schema=schema, provenance=provenance)) as writer:
         writer.write(arrays)
+
+
+@dataclass(frozen=True)
+class Tables:
+    """The tables that a stage writes into its folder: ``NAME.parquet`` with the schema ``pneucli/STAGE/NAME/1``."""
+
+    out: Path
+    stage: str
+    made_by: Provenance
+
+    def write(self, name: str, columns: Mapping[str, ArrayLike], units: Mapping[str, str] | None = None) -> None:
+        """Write one table, as :func:`write_table` does."""
+        schema = f"pneucli/{self.stage}/{name}/1"
+        write_table(self.out / f"{name}.parquet", columns, units=units, schema=schema, provenance=self.made_by)
+
+    def write_rows(self, name: str, rows: Sequence[Mapping[str, Any]], units: Mapping[str, str]) -> None:
+        """Write rows; the columns that have a unit are floats. Nothing where there is no row."""
+        if rows:
+            columns: dict[str, Any] = {key: [row[key] for row in rows] for key in rows[0]}
+            self.write(name, {k: np.array(c, np.float64) if k in units else c for k, c in columns.items()}, units)
 
 
 def _column(values: ArrayLike) -> Any:

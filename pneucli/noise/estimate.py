@@ -9,13 +9,18 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from pneucli.noise.mains_lines import detect_mains_lines
 from pneucli.noise.model import NORMAL_MAD, NoiseModel
-from pneucli.noise.quantisation import quantisation_step
-from pneucli.noise.spectrum import NoiseFloor, noise_floor
+from pneucli.noise.spectrum import NoiseFloor, hann, noise_floor
 
+MAINS_FREQUENCIES = (50.0, 60.0)  # Hz
+LINE_SIGNIFICANCE = 1e-4  # probability of a false line
+PADDING = 8  # lengths of the signal that its spectrum is padded to
+MIN_FAST_LENGTH = 1 << 18  # samples of a padded spectrum; below it any length takes milliseconds
+MIN_INDEPENDENT_BINS = 4.0  # around a line, from which its background can be estimated
+BACKGROUND_HALF_BAND = 8.0  # Hz on each side of a line, in which its background is estimated
+MAX_ROUNDING = 0.3  # of a converter's step, to which its readings may be rounded where they are written
+MIN_SINGLE_STEPS = 8  # gaps of one step that tell it
 Array = NDArray[np.float64]
-
 POLE_BOUNDS = (0.2, 0.98)  # of coloured noise: below, it is white; above, the signal's own content
 # corner of coloured noise over the lowest frequency of the spectrum, down to which the spectrum shows it
 MIN_CORNER_SHARE = 0.27
@@ -246,3 +251,135 @@ def _power(omega: Array, p: Array) -> tuple[Array, Array]:
     content = np.exp(p[3] - p[4] * fall)
     slopes = [np.full(omega.size, white), coloured, by_pole, content, -content * fall]
     return np.asarray(white + coloured + content), np.array(slopes)
+
+
+def detect_mains_lines(values: Array, period: float) -> tuple[tuple[float, float], ...]:
+    """Detect mains hum at 50 and 60 Hz and its first two harmonics.
+
+    An F test compares one bin with the bins around it in the Hann spectrum of the whole signal. A second difference
+    removes slow content beforehand; its gain is divided out again.
+
+    Args:
+        values: Signal without missing samples, at least 0.5 s, shape (n,).
+        period: Sampling period in s.
+
+    Returns:
+        Pairs of frequency in Hz and amplitude.
+
+    >>> time = 1e-3 * np.arange(5000)
+    >>> noise = 0.1 * np.random.default_rng(1).standard_normal(time.size)
+    >>> [(f, a)] = detect_mains_lines(np.sin(2 * np.pi * 50.0 * time) + noise, 1e-3)
+    >>> round(f, 1), round(a, 1)
+    (50.0, 1.0)
+    """
+    finite = values[np.isfinite(values)]
+    if finite.size < 0.5 / period or finite.size != values.size:
+        return ()
+    nominals = [n * mains for mains in MAINS_FREQUENCIES for n in (1, 2, 3)]
+    nominals = [nominal for nominal in nominals if nominal + BACKGROUND_HALF_BAND <= 0.5 / period]
+    if not nominals:
+        return ()
+    whitened = np.diff(finite, 2)
+    taper = hann(whitened.size)
+    length = padded_length(whitened.size)
+    spectrum = np.fft.rfft(whitened * taper, length)
+    resolution = 1 / (whitened.size * period)
+    reach = BACKGROUND_HALF_BAND + 3 * resolution + max(0.3, 0.5 * resolution)
+    lines = []
+    for nominal in nominals:
+        first = max(0, int((nominal - reach) * length * period))
+        bins = np.arange(first, min(spectrum.size, int((nominal + reach) * length * period) + 2))
+        frequency = np.asarray(bins * (1.0 / (length * period)), dtype=np.float64)
+        gain = np.maximum(4 * np.sin(np.pi * frequency * period) ** 2, 1e-12)
+        amplitude = 2 * np.abs(spectrum[bins[0] : bins[-1] + 1]) / taper.sum()
+        line = _line(frequency, amplitude / gain, nominal, resolution)
+        lines += [line] if line else []
+    return tuple(lines)
+
+
+def padded_length(samples: int) -> int:
+    """Return the length to which a spectrum is padded with zeros: the bins are then an eighth of the resolution apart.
+
+    A long spectrum gets a length of small factors, since a large prime factor makes it many times slower.
+
+    Args:
+        samples: Number of samples of the signal.
+
+    Returns:
+        Length in samples, at least eight times ``samples``.
+
+    >>> padded_length(1001), padded_length(262_142)
+    (8008, 2097152)
+    """
+    length = PADDING * samples
+    if length < MIN_FAST_LENGTH:
+        return length
+    from scipy.fft import next_fast_len  # noqa: PLC0415 - slow to import, and few recordings are so long
+
+    return int(next_fast_len(length, real=True))
+
+
+def _line(frequency: Array, amplitude: Array, nominal: float, resolution: float) -> tuple[float, float] | None:
+    inside = np.flatnonzero(np.abs(frequency - nominal) <= max(0.3, 0.5 * resolution))
+    peak = inside[np.argmax(amplitude[inside])]
+    distance = np.abs(frequency - frequency[peak])
+    around = (distance > 2 * resolution) & (distance < BACKGROUND_HALF_BAND + 2 * resolution)
+    independent = float(around.sum()) / PADDING / 1.5
+    if independent < MIN_INDEPENDENT_BINS:
+        return None
+    background = float(np.mean(amplitude[around] ** 2))
+    tests = max(1.0, 0.6 / resolution)  # number of bins searched for the peak
+    # quantile of the F distribution with 2 and 2 * independent degrees of freedom
+    limit = independent * ((LINE_SIGNIFICANCE / tests) ** (-1.0 / independent) - 1.0)
+    power = float(amplitude[peak] ** 2)
+    if power <= limit * background:
+        return None
+    return float(frequency[peak]), float(np.sqrt(power - background))
+
+
+def quantisation_step(values: Array) -> float:
+    """Return the quantisation step of a signal: the largest step of which all differences are multiples.
+
+    A command that holds few levels has no step: 24 levels are needed, or a change in every twentieth sample.
+
+    Args:
+        values: Signal, shape (n,).
+
+    Returns:
+        The step in the unit of the signal; 0 where there is none.
+
+    >>> noise = np.random.default_rng(1).standard_normal(1000)
+    >>> round(quantisation_step(0.25 * np.round(noise / 0.25)), 6)
+    0.25
+    """
+    finite = values[np.isfinite(values)]
+    levels = np.unique(finite)
+    changes = np.count_nonzero(np.diff(finite))
+    if levels.size < 4 or (levels.size < 24 and changes < 0.05 * finite.size):
+        return 0.0
+    gaps = np.diff(levels)
+    gaps = gaps[gaps > 1e-9 * max(np.ptp(levels), float(np.abs(levels).max()) * 1e-4)]
+    for parts in range(1, 9):
+        step = float(gaps.min()) / parts
+        narrow = gaps[gaps < 50 * step]  # wide gaps carry rounding errors
+        if narrow.size >= 3 and np.all(np.abs(narrow / step - np.round(narrow / step)) < 0.02):
+            return float(np.median(narrow / np.round(narrow / step)))
+    return _rounded_step(levels, gaps)
+
+
+def _rounded_step(levels: Array, gaps: Array) -> float:
+    """Return the step of a converter whose readings are written with few digits; 0 where there is none.
+
+    Steps of 0.12875 written with two digits are gaps of 0.12 and 0.13: no level is a multiple of a step, but each is
+    one within the rounding.
+    """
+    single = gaps[gaps < 1.5 * gaps.min()] if gaps.size else gaps
+    rounding = float(np.ptp(single)) if single.size else 0.0
+    if single.size < MIN_SINGLE_STEPS or not 0.0 < rounding < MAX_ROUNDING * float(single.min()):
+        return 0.0
+    step = float(single.mean())
+    for _ in range(3):
+        count = np.round((levels - levels[0]) / step)
+        step = float(np.sum(count * (levels - levels[0])) / np.sum(count**2))
+    left = np.abs(levels - levels[0] - np.round((levels - levels[0]) / step) * step)
+    return step if float(left.max()) <= 1.001 * rounding else 0.0

@@ -8,8 +8,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import replace
 
-from pneucli.plausibility.rig_check import Finding
-from pneucli.plausibility.signal_activity import is_inactive
+from pneucli.plausibility.rig_check import Finding, is_inactive
 from pneucli.quantities import COMMANDS
 from pneucli.recording import Recording
 

@@ -16,7 +16,7 @@ from pneucli.closed_loop.scenarios import read_scenarios
 from pneucli.closed_loop.simulation import ClosedLoopSetup
 from pneucli.controller.parameters import Controller
 from pneucli.design.requirements import Requirements
-from pneucli.io.artifacts import Provenance, read_table, write_table
+from pneucli.io.artifacts import Tables, read_table
 from pneucli.messages.compare import BAD_ERROR_RATIO, evaluation_error
 from pneucli.messages.design import cause_text
 from pneucli.messages.progress import counted
@@ -79,12 +79,12 @@ def margins_answer(
     controller: Controller,
     setup: ClosedLoopSetup,
     bandwidth: float,
-    provenance: Provenance,
+    tables: Tables,
 ) -> dict[str, Any]:
     """Return the margins as a part of the answer of ``design``; write ``margins.parquet``. ``bandwidth`` in rad/s."""
     context.progress("margins of the loop")
     found = analyse_margins(model, controller, setup, bandwidth)
-    _write(context, found.cuts, provenance)
+    _write(tables, found.cuts)
     points = [_point(cut, found) for cut in found.cuts]
     width = controller.fill[0] - controller.vent[0]
     return {
@@ -121,7 +121,7 @@ def _worst(points: Sequence[dict[str, Any]]) -> dict[str, float | None]:
     return {n: worst(finite[n]) if finite[n] else None for n, worst in WORST_OF_MARGIN.items()}
 
 
-def _write(context: Context, cuts: Sequence[LoopCut], provenance: Provenance) -> None:
+def _write(tables: Tables, cuts: Sequence[LoopCut]) -> None:
     indices = [np.unique(np.linspace(0, c.frequency.size - 1, MAX_FREQUENCIES).astype(int)) for c in cuts]
     columns = {
         "x": [np.full(k.size, c.x) for c, k in zip(cuts, indices, strict=True)],
@@ -130,11 +130,9 @@ def _write(context: Context, cuts: Sequence[LoopCut], provenance: Provenance) ->
         "real": [c.ratio.real[k] for c, k in zip(cuts, indices, strict=True)],
         "imaginary": [c.ratio.imag[k] for c, k in zip(cuts, indices, strict=True)],
     }
-    write_table(
-        context.out / "margins.parquet",
+    tables.write(
+        "margins",
         {"loop": [c.loop for c, k in zip(cuts, indices, strict=True) for _ in k]}
         | {name: np.concatenate([*parts, np.zeros(0)]) for name, parts in columns.items()},
-        units={"x": "m", "speed": "m/s", "frequency": "1/s", "real": "1", "imaginary": "1"},
-        schema="pneucli/design/margins/1",
-        provenance=provenance,
+        {"x": "m", "speed": "m/s", "frequency": "1/s", "real": "1", "imaginary": "1"},
     )

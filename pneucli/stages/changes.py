@@ -166,7 +166,7 @@ def fit_all_recordings(pipeline: PipelineData, data: DiagnosisData, model: Model
     out, artifacts = pipeline.context.out, pipeline.context.artifacts
     residual_models = [*data.train, *data.held_out]
     fitted = fit(model, residual_models, free_parameters(model, residual_models))
-    save_model(fitted.model, out, pipeline.provenance("ingest/signals.parquet"))
+    save_model(fitted.model, pipeline.tables("identify", "ingest/signals.parquet"))
     source = {"pipeline": os.path.relpath(pipeline.context.path, artifacts)}
     (out / SOURCE_FILE).write_text(json.dumps(source), encoding="utf-8")
     return fitted

@@ -39,7 +39,7 @@ from pneucli.controller import layout
 from pneucli.export.controller_file import ExportedController, load_controller
 from pneucli.export.single_precision import replay_in_single_precision
 from pneucli.identify.valve.flow_bench import FlowComparison
-from pneucli.io.artifacts import TableWriter, schema_of, write_table
+from pneucli.io.artifacts import TableWriter, schema_of
 from pneucli.messages.progress import counted
 from pneucli.pipeline.context import Context
 from pneucli.quantities import SIGNALS
@@ -207,17 +207,15 @@ def _write_correlations(study: PipelineData, found: Sequence[Correlation]) -> No
     texts = {name: [getattr(one, name) for one in found for _ in one.lag] for name in ("recording", "use", "channel")}
     numbers = {name: [np.zeros(0), *(getattr(one, name) for one in found)] for name in ("lag", "correlation")}
     bounds = [np.zeros(0), *(np.full(one.lag.size, one.bound) for one in found)]
-    write_table(
-        study.context.out / "correlation.parquet",
+    study.tables("compare", *_model_inputs(study)).write(
+        "correlation",
         {
             **texts,
             "against": [one.against for one in found for _ in one.lag],
             **{name: np.concatenate(parts) for name, parts in numbers.items()},
             "bound": np.concatenate(bounds),
         },
-        units={"lag": "s", "correlation": "1", "bound": "1"},
-        schema="pneucli/compare/correlation/1",
-        provenance=study.provenance(*_model_inputs(study)),
+        {"lag": "s", "correlation": "1", "bound": "1"},
     )
 
 

@@ -25,7 +25,7 @@ from pneucli.controller.laws import DEFAULT
 from pneucli.controller.parameters import Controller
 from pneucli.design.requirements import Requirements
 from pneucli.errors import InputError
-from pneucli.io.artifacts import Provenance, write_table
+from pneucli.io.artifacts import Tables
 from pneucli.messages.design import observer_at_bound
 from pneucli.pipeline.context import Context
 from pneucli.recording import Recording
@@ -152,7 +152,7 @@ def setup_from_requirements(wanted: Requirements) -> ClosedLoopSetup:
     return ClosedLoopSetup(wanted.noise_x, wanted.noise_p, wanted.quantum_x, 0.0, round(wanted.delay / wanted.period))
 
 
-def write_comparison(found: LawComparison, out: Any, provenance: Provenance) -> None:
+def write_comparison(found: LawComparison, tables: Tables) -> None:
     """Write the figures of all cases, and the signals of the laws, thinned out for pictures."""
     rows = [
         {"group": group, "controller": name, "scenario": s} | asdict(m)
@@ -169,15 +169,14 @@ def write_comparison(found: LawComparison, out: Any, provenance: Provenance) -> 
         return
     numbers = [n for n, v in rows[0].items() if isinstance(v, float)]
     texts = {n: [str(r[n]) for r in rows] for n in ("group", "controller", "scenario")}
-    write_table(
-        out / "comparison.parquet",
+    tables.write(
+        "comparison",
         texts | {n: np.array([r[n] for r in rows]) for n in numbers},
-        units={n: unit_from_name(n) for n in numbers},
-        schema="pneucli/design/comparison/1",
-        provenance=provenance,
+        {n: unit_from_name(n) for n in numbers},
     )
     write_runs(
-        out / "comparison_signals.parquet",
+        tables,
+        "comparison_signals",
         {
             (name, s): r
             for name, by in {
@@ -187,8 +186,6 @@ def write_comparison(found: LawComparison, out: Any, provenance: Provenance) -> 
             }.items()
             for s, (r, _) in by.items()
         },
-        provenance,
-        "pneucli/design/comparison_signals/1",
         MAX_PLOT_SAMPLES,
     )
 
@@ -198,13 +195,11 @@ def _pressure_control_runs(found: RunsByLaw) -> RunsByLaw:
     return {name: {s: one for s, one in by.items() if one[0].scenario.controls_pressure} for name, by in found.items()}
 
 
-def write_runs(
-    path: Any, runs: Mapping[tuple[str, str], Run], provenance: Provenance, schema: str, max_samples: int | None = None
-) -> None:
+def write_runs(tables: Tables, name: str, runs: Mapping[tuple[str, str], Run], max_samples: int | None = None) -> None:
     """Write signals of runs by (controller, scenario), of each at most ``max_samples`` samples."""
     texts: dict[str, list[str]] = {"scenario": [], "controller": []}
     numbers: dict[str, list[Any]] = {}
-    for (name, scenario), one in runs.items():
+    for (controller, scenario), one in runs.items():
         s, step = one.scenario, 1 if max_samples is None else -(-one.time.size // max_samples)
         parts = {"time": one.time, "x_ref": s.reference, "load": s.force, "p_supply": s.supply}
         if s.controls_pressure:
@@ -215,13 +210,11 @@ def write_runs(
             numbers.setdefault(signal, []).append(part[::step])
         count = parts["time"][::step].size
         texts["scenario"] += [scenario] * count
-        texts["controller"] += [name] * count
-    write_table(
-        path,
+        texts["controller"] += [controller] * count
+    tables.write(
+        name,
         {**texts, **{n: np.concatenate(parts) for n, parts in numbers.items()}},
-        units={n: u for n, (_, u) in (MODEL_SIGNALS | CONTROLLER_SIGNALS).items()} | {"load": "N"},
-        schema=schema,
-        provenance=provenance,
+        {n: u for n, (_, u) in (MODEL_SIGNALS | CONTROLLER_SIGNALS).items()} | {"load": "N"},
     )
 
 

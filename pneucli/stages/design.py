@@ -22,7 +22,7 @@ from pneucli.design.requirements import Requirements, read_requirements
 from pneucli.design.sliding import axis_systems, unmatched_disturbances
 from pneucli.design.sliding_sector import SlidingSector, limit_slope, sector_from_vertices
 from pneucli.errors import InputError
-from pneucli.io.artifacts import Provenance, atomic_path, read_table, write_table
+from pneucli.io.artifacts import Tables, atomic_path, read_table
 from pneucli.pipeline.context import Context, NotApplicable
 from pneucli.recording import Recording
 from pneucli.simulate.model import Model
@@ -86,11 +86,12 @@ def run(context: Context) -> dict[str, Any]:
     variants = design_variants(designed.data, chosen)
     found = compare_controllers(model, chosen, scenarios, setup_from_requirements(wanted), variants)
     designed.warnings.extend(observer_warnings(found))
-    _write(study, designed)
-    write_comparison(found, context.out, study.provenance("identify/model.parquet"))
+    tables = study.tables("design", "identify/model.parquet")
+    _write(tables, designed)
+    write_comparison(found, tables)
     about = (context, model, designed.selected)
-    setup, provenance = setup_from_requirements(wanted), study.provenance("identify/model.parquet")
-    margins = margins_answer(*about, setup, designed.corners.position, provenance)
+    setup = setup_from_requirements(wanted)
+    margins = margins_answer(*about, setup, designed.corners.position, tables)
     held = acceptance_answer(*about, wanted, setup)
     return _answer(study, designed, found) | {"margins": margins, "gate": held}
 
@@ -203,26 +204,23 @@ def _designed_sector(
         return None
 
 
-def _write(study: PipelineData, designed: DesignResult) -> None:
-    out, provenance = study.context.out, study.provenance("identify/model.parquet")
+def _write(tables: Tables, designed: DesignResult) -> None:
     for name, controller in designed.controllers.items():
-        with atomic_path(out / CONTROLLERS_FOLDER / f"{name}.json") as path:
+        with atomic_path(tables.out / CONTROLLERS_FOLDER / f"{name}.json") as path:
             path.write_text(controller.to_json(), encoding="utf-8")
     values = designed.selected.values
-    write_table(
-        out / "gains.parquet",
+    tables.write(
+        "gains",
         {
             "name": list(values),
             "value": np.array(list(values.values())),
             "unit": [layout.UNITS.get(n, "1") for n in values],
         },
-        units={"value": "see column unit"},
-        schema="pneucli/design/gains/1",
-        provenance=provenance,
+        {"value": "see column unit"},
     )
-    write_sectors(out, designed.sectors, provenance)
+    write_sectors(tables, designed.sectors)
     if designed.weight_studies:
-        write_weight_studies(out, designed.weight_studies, provenance)
+        write_weight_studies(tables, designed.weight_studies)
 
 
 def _answer(study: PipelineData, designed: DesignResult, found: LawComparison) -> dict[str, Any]:
@@ -263,28 +261,26 @@ def _answer(study: PipelineData, designed: DesignResult, found: LawComparison) -
     }
 
 
-def write_sectors(out: Path, rows: Mapping[str, SlidingSector], provenance: Provenance) -> None:
+def write_sectors(tables: Tables, rows: Mapping[str, SlidingSector]) -> None:
     """Write the sliding sectors."""
     units = {"a_1": "1/s", "a_2": "1/s", "lambda_1": "1/s", "lambda_2": "1/s", "speed_floor": "m/s"}
-    write_table(
-        out / "sector.parquet",
+    tables.write(
+        "sector",
         {"name": list(rows)}
         | {
             n: np.array([getattr(s, n) for s in rows.values()], dtype=np.float64)
             for n in [*units, "middle", "steepness"]
         }
         | {"warning": [s.warning for s in rows.values()]},
-        units=units | {"middle": "1/s", "steepness": "1"},
-        schema="pneucli/design/sector/1",
-        provenance=provenance,
+        units | {"middle": "1/s", "steepness": "1"},
     )
 
 
-def write_weight_studies(out: Path, weights: Sequence[WeightStudy], provenance: Provenance) -> None:
+def write_weight_studies(tables: Tables, weights: Sequence[WeightStudy]) -> None:
     """Write the parallel distributed compensation of each weight type."""
     numbers = ("rate", "worst_pole", "worst_lmi")
-    write_table(
-        out / "lmi.parquet",
+    tables.write(
+        "lmi",
         {
             "weight_type": [str(w.weight_type) for w in weights],
             "vertices": np.array([w.vertices for w in weights]),
@@ -294,8 +290,6 @@ def write_weight_studies(out: Path, weights: Sequence[WeightStudy], provenance: 
             "peak": np.array([w.peak_input_ratio for w in weights]),
             "decayed": np.array([w.lyapunov_ratio for w in weights]),
         },
-        units={"vertices": "1", "rate": "1/s", "worst_pole": "1/s"}
+        {"vertices": "1", "rate": "1/s", "worst_pole": "1/s"}
         | dict.fromkeys(("worst_lmi", "peak", "decayed", "verified"), "1"),
-        schema="pneucli/design/lmi/1",
-        provenance=provenance,
     )

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -17,7 +17,7 @@ from pneucli.diagnose.discrepancy import Discrepancy, UnexplainedResidual
 from pneucli.diagnose.score import FittedModel
 from pneucli.diagnose.set_evidence import VisitedSet
 from pneucli.identify.residuals import ResidualModel
-from pneucli.io.artifacts import write_table
+from pneucli.io.artifacts import Tables
 from pneucli.messages.diagnose import (
     detecting_experiment,
     discrepancy_experiment,
@@ -145,14 +145,15 @@ def proposed_experiment(data: DiagnosisData, found: Diagnosis) -> str | None:
 def write_diagnosis(pipeline: PipelineData, data: DiagnosisData, diagnosis: Diagnosis, answer: dict[str, Any]) -> None:
     """Write ``candidates``, ``ladder``, ``shape``, ``law`` and ``sets`` into the folder of the stage."""
     shapes = [row for i, name in enumerate(diagnosis.path.added) for row in _residual_shapes(data, diagnosis, i, name)]
-    _write_tables(pipeline, answer, shapes, list(_smooth_term_rows(diagnosis.unexplained)))
+    tables = pipeline.tables("diagnose", "ingest/signals.parquet")
+    _write_tables(tables, answer, shapes, list(_smooth_term_rows(diagnosis.unexplained)))
     rows = [
         (i, *_texts(s.visited), s.log_evidence, s.probability, s.visited.cost, channel, *sums)
         for i, s in enumerate(diagnosis.sets)
         for channel, sums in s.visited.channels.items()
     ]
     columns = "number effects sizes log_evidence probability cost channel readings log_variance"
-    _write(pipeline, "sets", columns, rows, dict.fromkeys(columns.split(), "1"), ("ingest/signals.parquet",))
+    _write(tables, "sets", columns, rows, dict.fromkeys(columns.split(), "1"))
 
 
 def _texts(visited: VisitedSet) -> tuple[str, str]:
@@ -162,13 +163,12 @@ def _texts(visited: VisitedSet) -> tuple[str, str]:
 
 def write_flow_diagnosis(pipeline: PipelineData, answer: dict[str, Any]) -> None:
     """Write the same files for a steady bench, whose residuals have no shapes over time."""
-    _write_tables(pipeline, answer, [], [])
+    _write_tables(pipeline.tables("diagnose", "ingest/signals.parquet"), answer, [], [])
 
 
 def _write_tables(
-    pipeline: PipelineData, answer: dict[str, Any], shapes: list[tuple[Any, ...]], laws: list[tuple[Any, ...]]
+    tables: Tables, answer: dict[str, Any], shapes: list[tuple[Any, ...]], laws: list[tuple[Any, ...]]
 ) -> None:
-    inputs = ("ingest/signals.parquet",)
     candidates = [
         (
             *(c["effect"], c["error_before"], c["error_after"], name, p["value"], p["unit"], *p["ci95"]),
@@ -179,38 +179,23 @@ def _write_tables(
         for name, p in (c["parameters"] or NOT_FITTED).items()
     ]
     _write(
-        pipeline,
+        tables,
         "candidates",
         "effect error_before error_after parameter value unit ci_low ci_high supported missing "
         "indistinguishable_from reason why",
         candidates,
         {"error_before": "1", "error_after": "1"} | dict.fromkeys(("value", "ci_low", "ci_high"), "see column unit"),
-        inputs,
     )
     ladder = [(s["add"] or "", s["error_train"], s["error_test"]) for s in answer["ladder"]]
-    _write(pipeline, "ladder", "add error_train error_test", ladder, {"error_train": "1", "error_test": "1"}, inputs)
+    _write(tables, "ladder", "add error_train error_test", ladder, {"error_train": "1", "error_test": "1"})
     columns = "effect recording channel variable unit value residual_before residual_after expected"
     values = dict.fromkeys(("residual_before", "residual_after", "expected"), "see column unit")
-    _write(pipeline, "shape", columns, shapes, values | {"value": "SI"}, inputs)
+    _write(tables, "shape", columns, shapes, values | {"value": "SI"})
     columns = "channel acts_as variable unit value law"
-    _write(
-        pipeline,
-        "law",
-        columns,
-        laws,
-        {"value": "SI", "law": "see column unit"},
-        inputs,
-    )
+    _write(tables, "law", columns, laws, {"value": "SI", "law": "see column unit"})
 
 
-def _write(
-    pipeline: PipelineData,
-    name: str,
-    columns: str,
-    rows: Sequence[tuple[Any, ...]],
-    units: dict[str, str],
-    inputs: tuple[str],
-) -> None:
+def _write(tables: Tables, name: str, columns: str, rows: Sequence[tuple[Any, ...]], units: Mapping[str, str]) -> None:
     table: dict[str, Any] = {}
     for i, column in enumerate(columns.split()):
         cells = [row[i] for row in rows]
@@ -220,13 +205,7 @@ def _write(
             table[column] = np.array(cells, dtype=bool)
         else:
             table[column] = np.array([np.nan if c is None else c for c in cells], dtype=np.float64)
-    write_table(
-        pipeline.context.out / f"{name}.parquet",
-        table,
-        units=units,
-        schema=f"pneucli/diagnose/{name}/1",
-        provenance=pipeline.provenance(*inputs),
-    )
+    tables.write(name, table, units)
 
 
 def _smooth_term_rows(residual: UnexplainedResidual | None) -> Iterable[tuple[Any, ...]]:

@@ -48,10 +48,10 @@ def identify_flow_only(study: PipelineData) -> dict[str, Any]:
     study.context.progress("fitting the flow of each opening")
     bench = flow_bench(study)
     assert bench is not None
-    out, provenance = study.context.out, study.provenance("ingest/signals.parquet")
-    write_parameters(flow_parameters(bench), out, provenance)
-    write_flow(bench, out, provenance, valve_map=True)
-    write_budgets(bench.budgets, out, provenance)
+    tables = study.tables("identify", "ingest/signals.parquet")
+    write_parameters(flow_parameters(bench), tables)
+    write_flow(bench, tables, valve_map=True)
+    write_budgets(bench.budgets, tables)
     answer = flow_answer(bench)
     idle = [effect.name for effect in study.effects if not {RATIO_PORT, LEAK_PORT} & effect.ports.keys()]
     return {

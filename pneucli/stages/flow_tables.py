@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -12,7 +11,7 @@ from pneucli.figure import Figure
 from pneucli.identify.valve.flow_bench import FlowBench
 from pneucli.identify.valve.flow_findings import bench_findings, sets_area
 from pneucli.identify.valve.flow_path import FlowPath
-from pneucli.io.artifacts import Provenance, write_table
+from pneucli.io.artifacts import Tables
 from pneucli.physics.iso_flow import FlowCharacteristics, iso_mass_flow
 from pneucli.recording import Rig
 
@@ -89,39 +88,32 @@ def _figure(one: Figure, unit: str) -> dict[str, Any]:
     return {"value": float(one.value), "unit": unit, "ci95": ends, "determined": one.determined}
 
 
-def write_flow(bench: FlowBench, out: Path, provenance: Provenance, *, valve_map: bool) -> None:
+def write_flow(bench: FlowBench, tables: Tables, *, valve_map: bool) -> None:
     """Write the flow map and its inverse; with ``valve_map`` the map of a vessel too, where its volume is stated.
 
     Args:
         bench: The fitted paths.
-        out: Folder of the stage.
-        provenance: What made the files.
+        tables: What writes them.
         valve_map: Whether no other recording gives the valve's map.
 
     """
-    _write_rows(bench, out, provenance)
+    _write_rows(bench, tables)
     u, levels = _command_grid(bench), _supply_levels(bench)
-    write_table(
-        out / "flow_map.parquet",
+    tables.write(
+        "flow_map",
         _stack([_map_columns(bench, u, level) for level in levels]),
-        units={"u": "V", "p": "Pa"} | dict.fromkeys(("flow", "flow_ci_low", "flow_ci_high"), "kg/s"),
-        schema="pneucli/identify/flow_map/1",
-        provenance=provenance,
+        {"u": "V", "p": "Pa"} | dict.fromkeys(("flow", "flow_ci_low", "flow_ci_high"), "kg/s"),
     )
     if np.isfinite(u).sum() < 2:
         return
-    write_table(
-        out / "flow_inverse.parquet",
-        _inverse_columns(bench, bench.supply),
-        units={"flow": "kg/s", "p": "Pa", "u": "V", "reachable": "1"},
-        schema="pneucli/identify/flow_inverse/1",
-        provenance=provenance,
+    tables.write(
+        "flow_inverse", _inverse_columns(bench, bench.supply), {"flow": "kg/s", "p": "Pa", "u": "V", "reachable": "1"}
     )
     if valve_map and bench.rig.vessel_volume is not None:
-        _write_valve_map(bench, u, out, provenance)
+        _write_valve_map(bench, u, tables)
 
 
-def _write_rows(bench: FlowBench, out: Path, provenance: Provenance) -> None:
+def _write_rows(bench: FlowBench, tables: Tables) -> None:
     """Write the fitted rows with pressure ratio, conductance and residual."""
     paths = bench.paths
     sizes = [path.rows.flow.size for path in paths]
@@ -131,14 +123,12 @@ def _write_rows(bench: FlowBench, out: Path, provenance: Provenance) -> None:
         "recording": [str(name) for path in paths for name in path.rows.recording],
         "row": np.concatenate([path.rows.row for path in paths]),
     }
-    write_table(
-        out / "flow_rows.parquet",
+    tables.write(
+        "flow_rows",
         table | {name: np.concatenate([part[name] for part in parts]) for name in parts[0]},
-        units={"row": "1", "ratio": "1", "upstream": "Pa", "downstream": "Pa", "u": "V"}
+        {"row": "1", "ratio": "1", "upstream": "Pa", "downstream": "Pa", "u": "V"}
         | dict.fromkeys(("flow", "fitted", "residual", "deviation"), "kg/s")
         | dict.fromkeys(("conductance", "conductance_fitted"), "m^3/(s Pa)"),
-        schema="pneucli/identify/flow_rows/1",
-        provenance=provenance,
     )
 
 
@@ -233,25 +223,21 @@ def gradient_per_flow(rig: Rig) -> float:
     return exponent * rig.gas_constant * rig.gas_temperature / rig.vessel_volume
 
 
-def _write_valve_map(bench: FlowBench, u: Array, out: Path, provenance: Provenance) -> None:
+def _write_valve_map(bench: FlowBench, u: Array, tables: Tables) -> None:
     """Write the map and the inverse for the rig's vessel, in the columns of a charge and discharge test."""
     factor, supply = gradient_per_flow(bench.rig), bench.supply
     columns = _map_columns(bench, u, supply)
     ends = {"p_gradient": "flow", "p_gradient_ci_low": "flow_ci_low", "p_gradient_ci_high": "flow_ci_high"}
     table: dict[str, Any] = {"u": columns["u"], "p": columns["p"]}
     table |= {name: factor * columns[flow] for name, flow in ends.items()}
-    write_table(
-        out / "valve_map.parquet",
+    tables.write(
+        "valve_map",
         table | {"covered": np.ones(columns["u"].size, dtype=bool)},
-        units={"u": "V", "p": "Pa", "covered": "1"} | dict.fromkeys(ends, "Pa/s"),
-        schema="pneucli/identify/valve_map/1",
-        provenance=provenance,
+        {"u": "V", "p": "Pa", "covered": "1"} | dict.fromkeys(ends, "Pa/s"),
     )
     inverse = _inverse_columns(bench, supply)
-    write_table(
-        out / "valve_inverse.parquet",
+    tables.write(
+        "valve_inverse",
         {"p_gradient": factor * inverse.pop("flow"), **inverse},
-        units={"p_gradient": "Pa/s", "p": "Pa", "u": "V", "reachable": "1"},
-        schema="pneucli/identify/valve_inverse/1",
-        provenance=provenance,
+        {"p_gradient": "Pa/s", "p": "Pa", "u": "V", "reachable": "1"},
     )

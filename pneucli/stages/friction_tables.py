@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -11,7 +10,7 @@ import numpy as np
 from pneucli.figure import Figure
 from pneucli.identify.friction import FrictionIdentification
 from pneucli.identify.friction.stick_slip import StickSlip
-from pneucli.io.artifacts import Provenance, write_table
+from pneucli.io.artifacts import Tables
 
 MODEL_POINTS = 401
 
@@ -77,7 +76,7 @@ def _value(value: Figure) -> dict[str, Any]:
     return {"value": value.value, "unit": value.unit, "ci95": ends}
 
 
-def write_friction(friction: FrictionIdentification, out: Path, provenance: Provenance) -> None:
+def write_friction(friction: FrictionIdentification, tables: Tables) -> None:
     """Write models A to F, curves, stick-slips, tables 6.2 and 6.3, kinetic friction, TP weights and vertices."""
     grid = np.linspace(-friction.domain.max_velocity, friction.domain.max_velocity, MODEL_POINTS)
     models = [
@@ -86,28 +85,28 @@ def write_friction(friction: FrictionIdentification, out: Path, provenance: Prov
         for b in m.branches
         for v, f in zip(grid, b.force(grid), strict=True)
     ]
-    _write(out / "friction_models.parquet", models, {"v": "m/s", "force": "N"}, provenance)
+    tables.write_rows("friction_models", models, {"v": "m/s", "force": "N"})
     slip = [
         {"model": r.model, "time": time, "v": v, "v_model": vm, "a": a, "a_model": am}
         for r in friction.replays
         for time, v, vm, a, am in zip(r.time, r.v, r.v_model, r.a, r.a_model, strict=True)
     ]
     units = {"v_model": "m/s", "a_model": "m/s^2"}
-    _write(out / "friction_replays.parquet", slip, units, provenance)
+    tables.write_rows("friction_replays", slip, units)
     curves = [
         {"branch": c.branch, "v": v, "force": f, "ci_low": low, "ci_high": high, "count": float(n)}
         for c in friction.curves
         for v, f, low, high, n in zip(c.v, c.force, c.ci_low, c.ci_high, c.count, strict=True)
     ]
     force = {"force": "N", "ci_low": "N", "ci_high": "N"}
-    _write(out / "friction_curves.parquet", curves, {"v": "m/s", "count": "1", **force}, provenance)
-    _write_cuts(friction.stick_slips, out, provenance)
-    _write_averages(friction, out, provenance)
-    _write_tables(friction, out, provenance)
-    _write_tp(friction, out, provenance)
+    tables.write_rows("friction_curves", curves, {"v": "m/s", "count": "1", **force})
+    _write_cuts(friction.stick_slips, tables)
+    _write_averages(friction, tables)
+    _write_tables(friction, tables)
+    _write_tp(friction, tables)
 
 
-def _write_cuts(cuts: Sequence[StickSlip], out: Path, provenance: Provenance) -> None:
+def _write_cuts(cuts: Sequence[StickSlip], tables: Tables) -> None:
     sizes = [c.time.size for c in cuts]
     if not sum(sizes):
         return
@@ -120,21 +119,20 @@ def _write_cuts(cuts: Sequence[StickSlip], out: Path, provenance: Provenance) ->
         "force": np.concatenate([c.friction for c in cuts]),
     }
     units = {"cut": "1", "direction": "1", "time": "s", "speed": "m/s", "force": "N"}
-    schema = "pneucli/identify/friction_cuts/1"
-    write_table(out / "friction_cuts.parquet", columns, units=units, schema=schema, provenance=provenance)
+    tables.write("friction_cuts", columns, units)
 
 
-def _write_averages(friction: FrictionIdentification, out: Path, provenance: Provenance) -> None:
+def _write_averages(friction: FrictionIdentification, tables: Tables) -> None:
     rows = [
         {"branch": a.branch, "direction": float(a.direction), "speed": s, "force": f, "error": e, "count": float(n)}
         for a in friction.averages
         for s, f, e, n in zip(a.speed, a.friction, a.error, a.count, strict=True)
     ]
     units = {"direction": "1", "speed": "m/s", "force": "N", "error": "N", "count": "1"}
-    _write(out / "friction_averages.parquet", rows, units, provenance)
+    tables.write_rows("friction_averages", rows, units)
 
 
-def _write_tables(friction: FrictionIdentification, out: Path, provenance: Provenance) -> None:
+def _write_tables(friction: FrictionIdentification, tables: Tables) -> None:
     rows: list[dict[str, Any]] = [
         {
             "model": d.model,
@@ -151,7 +149,7 @@ def _write_tables(friction: FrictionIdentification, out: Path, provenance: Prove
         for d in friction.deviations
     ]
     units = {"rmsd": "see column unit", "noise": "see column unit", "percent": "%", "relative_percent": "%"}
-    _write(out / "friction_deviations.parquet", rows, units, provenance)
+    tables.write_rows("friction_deviations", rows, units)
     parameters: list[dict[str, Any]] = [
         {
             "model": m.name,
@@ -167,11 +165,11 @@ def _write_tables(friction: FrictionIdentification, out: Path, provenance: Prove
         for name, v in b.parameters.items()
     ]
     units = dict.fromkeys(("value", "ci_low", "ci_high"), "see column unit")
-    _write(out / "friction_parameters.parquet", parameters, units, provenance)
-    _write_kinetic(friction, out, provenance)
+    tables.write_rows("friction_parameters", parameters, units)
+    _write_kinetic(friction, tables)
 
 
-def _write_kinetic(friction: FrictionIdentification, out: Path, provenance: Provenance) -> None:
+def _write_kinetic(friction: FrictionIdentification, tables: Tables) -> None:
     kinetic: list[dict[str, Any]] = [
         {
             "recording": k.recording,
@@ -185,10 +183,10 @@ def _write_kinetic(friction: FrictionIdentification, out: Path, provenance: Prov
         for k in friction.kinetic
     ]
     units = {"p1": "Pa", "speed": "m/s", "friction": "N", "offset": "N", "ci_low": "N", "ci_high": "N"}
-    _write(out / "friction_kinetic.parquet", kinetic, units, provenance)
+    tables.write_rows("friction_kinetic", kinetic, units)
 
 
-def _write_tp(friction: FrictionIdentification, out: Path, provenance: Provenance) -> None:
+def _write_tp(friction: FrictionIdentification, tables: Tables) -> None:
     weights: list[dict[str, Any]] = []
     vertices: list[dict[str, Any]] = []
     for m in friction.models:
@@ -204,14 +202,5 @@ def _write_tp(friction: FrictionIdentification, out: Path, provenance: Provenanc
                 {"model": m.name, "branch": b.branch, "vertex": float(j), "a22": float(a)}
                 for j, a in enumerate(np.ravel(b.tp.vertices))
             ]
-    _write(out / "tp_weights.parquet", weights, {"vertex": "1", "v": "m/s", "weight": "1"}, provenance)
-    _write(out / "tp_vertices.parquet", vertices, {"vertex": "1", "a22": "1/s"}, provenance)
-
-
-def _write(path: Path, rows: Sequence[dict[str, Any]], units: dict[str, str], provenance: Provenance) -> None:
-    """Write rows as columns; nothing where there is none."""
-    if not rows:
-        return
-    columns: dict[str, Any] = {name: [row[name] for row in rows] for name in rows[0]}
-    columns = {n: np.array(c, dtype=np.float64) if n in units else c for n, c in columns.items()}
-    write_table(path, columns, units=units, schema=f"pneucli/identify/{path.stem}/1", provenance=provenance)
+    tables.write_rows("tp_weights", weights, {"vertex": "1", "v": "m/s", "weight": "1"})
+    tables.write_rows("tp_vertices", vertices, {"vertex": "1", "a22": "1/s"})

@@ -7,10 +7,10 @@ from dataclasses import asdict
 from typing import Any
 
 from pneucli.errors import InputError
+from pneucli.identify.estimation.correlation import draw_parameters
 from pneucli.identify.estimation.fit import Estimate, Fit, without_data
 from pneucli.identify.estimation.intervals import with_intervals
 from pneucli.identify.estimation.model_fit import fit_model
-from pneucli.identify.estimation.parameter_draws import draw_parameters
 from pneucli.identify.estimation.parameters import FreeParameter
 from pneucli.identify.estimation.progress import Iteration, report_iterations_to
 from pneucli.identify.friction import FrictionIdentification, identify_friction
@@ -23,6 +23,7 @@ from pneucli.identify.valve import ValveIdentification, identify_valve, identify
 from pneucli.identify.valve.charge_budget import with_budgets
 from pneucli.identify.valve.flow_bench import FlowBench
 from pneucli.identify.valve.uncertainty import Budget
+from pneucli.io.artifacts import Tables
 from pneucli.messages.findings import tell
 from pneucli.messages.formatting import format_number
 from pneucli.pipeline.context import Context
@@ -66,9 +67,10 @@ def run(context: Context) -> dict[str, Any]:
     views = with_channel_weights(fitted_part.residual_models("train"), context.config.identify.weights)
     with report_iterations_to(_round_observer(study, rounds)):
         fitted = _fit_model(fitted_part, views)
-    save_drawn_parameters(draw_parameters(fitted), context.out, study.provenance("ingest/signals.parquet"))
+    tables = study.tables("identify", "ingest/signals.parquet")
+    save_drawn_parameters(draw_parameters(fitted), tables)
     whole = with_intervals(fitted, views)
-    write_parameter_relations(whole, views, rounds, context.out, study.provenance("ingest/signals.parquet"))
+    write_parameter_relations(whole, views, rounds, tables)
     if subsampling := fitted_part.subsampling:
         warnings.append(tell("fit-subsampled", **subsampling))
     found = without_data(whole)
@@ -89,7 +91,7 @@ def run(context: Context) -> dict[str, Any]:
     warnings += [_at_bound_warning(e.name, study.rig) for e in found.estimates if e.at_bound]
     warnings += _volume_warnings(study.rig, found.estimates)
     friction = _identify_friction(study, model, warnings)
-    _write(study, model, estimates, valves, friction, bench)
+    _write(tables, model, estimates, valves, friction, bench)
     answer = _answer(study, estimates, valves, friction, warnings) | leaks
     if bench is not None:
         answer["flow"] = flow_answer(bench)
@@ -222,27 +224,26 @@ def _identify_friction(study: PipelineData, model: Model, warnings: list[str]) -
 
 
 def _write(
-    study: PipelineData,
+    tables: Tables,
     model: Model,
     estimates: list[Estimate],
     valves: list[ValveIdentification],
     friction: FrictionIdentification | None,
     bench: FlowBench | None,
 ) -> None:
-    out, provenance = study.context.out, study.provenance("ingest/signals.parquet")
-    save_model(model, out, provenance)
+    save_model(model, tables)
     rows = [(e.name, e.value, e.unit, *e.ci95) for e in estimates]
     if valves:
-        write_valves(valves, estimates, out, provenance)
+        write_valves(valves, estimates, tables)
         rows += [row for valve in valves for row in iso_parameters(valve)]
     if bench is not None:  # which measures the flow itself: its characteristics replace those of the same command
         measured = flow_parameters(bench)
         rows = [*(row for row in rows if row[0] not in {name for name, *_ in measured}), *measured]
-        write_flow(bench, out, provenance, valve_map=not valves)
+        write_flow(bench, tables, valve_map=not valves)
     if friction is not None:
-        write_friction(friction, out, provenance)
-    write_parameters(rows, out, provenance)
-    write_budgets(all_budgets(valves, bench), out, provenance)
+        write_friction(friction, tables)
+    write_parameters(rows, tables)
+    write_budgets(all_budgets(valves, bench), tables)
 
 
 def _answer(

@@ -22,9 +22,8 @@ from pneucli.io.timestamp_order import LOSS_MESSAGES
 from pneucli.noise import NoiseModel, detect_jumps, estimate_noise, jump_free_segments, pool_noise
 from pneucli.pipeline.context import Context
 from pneucli.plausibility import findings, summarize_signal, without_empty_signals
-from pneucli.plausibility.repaired import repair_findings
 from pneucli.plausibility.rig_check import Weight
-from pneucli.plausibility.weights import rank
+from pneucli.plausibility.weights import rank, repair_findings
 from pneucli.quantities import SIGNALS
 
 UNKNOWN = (np.nan, np.nan)  # interval of a noise that is stated

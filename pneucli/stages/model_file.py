@@ -4,10 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
-from pneucli.io.artifacts import Provenance, read_table, write_table
+from pneucli.io.artifacts import Tables, read_table
 from pneucli.physics.declaration import Effect
 from pneucli.recording import Rig
 from pneucli.simulate.model import Model, ValveForm, with_parameters
@@ -19,18 +20,18 @@ MODEL_FILE = "model.parquet"
 DRAWS_FILE = "parameter_draws.parquet"
 
 
-def save_model(model: Model, folder: Path, provenance: Provenance) -> None:
+def save_model(model: Model, tables: Tables) -> None:
     """Write a model's values and its valve."""
     rows = [("value", name, np.nan, value) for name, value in model.values.items()]
     rows += [row for valve in model.valves for row in _valve_rows(valve)]
     kind, name, command, value = zip(*rows, strict=True)
-    write_table(
-        folder / MODEL_FILE,
-        {"kind": list(kind), "name": list(name), "command": np.array(command), "value": np.array(value)},
-        units={"command": "V", "value": "SI"},
-        schema="pneucli/identify/model/1",
-        provenance=provenance,
-    )
+    columns: dict[str, Any] = {
+        "kind": list(kind),
+        "name": list(name),
+        "command": np.array(command),
+        "value": np.array(value),
+    }
+    tables.write("model", columns, {"command": "V", "value": "SI"})
 
 
 def _valve_rows(valve: ValveForm) -> list[tuple[str, str, float, float]]:
@@ -75,17 +76,16 @@ def load_model(folder: Path, rig: Rig, effects: tuple[Effect, ...]) -> Model:
     return Model(rig, effects, values, _valve_from_rows(valves["valve"], "valve"), second)
 
 
-def save_drawn_parameters(drawn: Sequence[Mapping[str, float]], folder: Path, provenance: Provenance) -> None:
+def save_drawn_parameters(drawn: Sequence[Mapping[str, float]], tables: Tables) -> None:
     """Write parameters that the recordings allow as well, a row for each draw and parameter."""
     rows = [(i, name, value) for i, values in enumerate(drawn) for name, value in values.items()]
     draw, name, value = zip(*rows, strict=True) if rows else ((),) * 3
-    write_table(
-        folder / DRAWS_FILE,
-        {"draw": np.array(draw, dtype=np.int64), "name": list(name), "value": np.array(value, dtype=np.float64)},
-        units={"draw": "1", "value": "SI"},
-        schema="pneucli/identify/parameter_draws/1",
-        provenance=provenance,
-    )
+    columns: dict[str, Any] = {
+        "draw": np.array(draw, dtype=np.int64),
+        "name": list(name),
+        "value": np.array(value, dtype=np.float64),
+    }
+    tables.write("parameter_draws", columns, {"draw": "1", "value": "SI"})
 
 
 def load_drawn_models(folder: Path, model: Model) -> list[Model]:

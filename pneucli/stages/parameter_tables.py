@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -13,66 +12,58 @@ from pneucli.identify.estimation.fit import Fit
 from pneucli.identify.estimation.progress import Iteration
 from pneucli.identify.residuals import ResidualModel
 from pneucli.identify.valve.uncertainty import COVERAGE_FACTOR, Budget
-from pneucli.io.artifacts import Provenance, write_table
+from pneucli.io.artifacts import Tables
 
 ParameterRow = tuple[str, float, str, float, float]  # name, value, unit, and the ends of the interval
 
 
-def write_parameters(rows: Sequence[ParameterRow], out: Path, provenance: Provenance) -> None:
+def write_parameters(rows: Sequence[ParameterRow], tables: Tables) -> None:
     """Write ``parameters``, a row for each parameter or characteristic."""
     name, value, unit, low, high = zip(*rows, strict=True) if rows else ((),) * 5
-    write_table(
-        out / "parameters.parquet",
+    tables.write(
+        "parameters",
         {"name": list(name), "value": value, "unit": list(unit), "ci_low": low, "ci_high": high},
-        units=dict.fromkeys(("value", "ci_low", "ci_high"), "see column unit"),
-        schema="pneucli/identify/parameters/1",
-        provenance=provenance,
+        dict.fromkeys(("value", "ci_low", "ci_high"), "see column unit"),
     )
 
 
 def write_parameter_relations(
-    found: Fit, views: Sequence[ResidualModel], rounds: Sequence[Iteration], out: Path, provenance: Provenance
+    found: Fit, views: Sequence[ResidualModel], rounds: Sequence[Iteration], tables: Tables
 ) -> None:
     """Write ``correlation`` (a row a pair), ``sensitivity`` (a row a parameter and channel) and ``iterations``."""
     names = [e.name for e in found.estimates]
-    write_table(
-        out / "correlation.parquet",
+    tables.write(
+        "correlation",
         {
             "name": [a for a in names for _ in names],
             "other": [b for _ in names for b in names],
             "correlation": parameter_correlation(found).ravel(),
         },
-        units={"correlation": "1"},
-        schema="pneucli/identify/correlation/1",
-        provenance=provenance,
+        {"correlation": "1"},
     )
     influences = sensitivities(found, views)
-    write_table(
-        out / "sensitivity.parquet",
+    tables.write(
+        "sensitivity",
         {
             "name": [s.name for s in influences],
             "channel": [s.channel for s in influences],
             "times_noise": np.array([s.times_noise for s in influences], dtype=np.float64),
         },
-        units={"times_noise": "1"},
-        schema="pneucli/identify/sensitivity/1",
-        provenance=provenance,
+        {"times_noise": "1"},
     )
-    write_table(
-        out / "iterations.parquet",
+    tables.write(
+        "iterations",
         {
             "effects": [", ".join(r.effects) for r in rounds],
             "search": np.array([r.search for r in rounds], dtype=np.int64),
             "round": np.array([r.round for r in rounds], dtype=np.int64),
             "residual": np.array([r.residual for r in rounds], dtype=np.float64),
         },
-        units={"search": "1", "round": "1", "residual": "1"},
-        schema="pneucli/identify/iterations/1",
-        provenance=provenance,
+        {"search": "1", "round": "1", "residual": "1"},
     )
 
 
-def write_budgets(budgets: Sequence[Budget], out: Path, provenance: Provenance) -> None:
+def write_budgets(budgets: Sequence[Budget], tables: Tables) -> None:
     """Write ``uncertainty_budget``: a row for each source of each result."""
     rows = [(budget, one) for budget in budgets for one in budget.contributions]
     if not rows:
@@ -97,18 +88,16 @@ def write_budgets(budgets: Sequence[Budget], out: Path, provenance: Provenance) 
         "bound": np.array([one.bound for _, one in rows]),
     }
     units = dict.fromkeys(("contribution", "value", "combined", "expanded", "ci_low", "ci_high"), "see column unit")
-    write_table(
-        out / "uncertainty_budget.parquet",
+    tables.write(
+        "uncertainty_budget",
         texts | {name: np.array(values, dtype=np.float64) for name, values in numbers.items()},
-        units=units
+        units
         | {
             "uncertainty": "see column uncertainty_unit",
             "sensitivity": "unit / uncertainty_unit",
             "share": "1",
             "bound": "1",
         },
-        schema="pneucli/identify/uncertainty_budget/1",
-        provenance=provenance,
     )
 
 

@@ -16,7 +16,7 @@ from pneucli.errors import InputError, did_you_mean
 from pneucli.identify.guesses.command_timing import with_common_command_range, with_intersample_commands
 from pneucli.identify.guesses.null_command import with_identified_null
 from pneucli.identify.residuals import ResidualModel, residual_models
-from pneucli.io.artifacts import Provenance, sha256_of
+from pneucli.io.artifacts import Provenance, Tables, sha256_of
 from pneucli.io.recordings import load_recordings
 from pneucli.memory import release_free_memory
 from pneucli.messages.formatting import format_plain
@@ -223,6 +223,10 @@ class PipelineData:
     def residual_models(self, use: str) -> list[ResidualModel]:
         """The recordings of one use, one subsystem at a time; the same for every stage, so that they fit one model."""
         return residual_models([e for e in self.experiments if e.recording.use == use], whiten_initial_state=True)
+
+    def tables(self, stage: str, *inputs: str) -> Tables:
+        """Return what writes the tables of a stage, which it makes of these earlier artifacts."""
+        return Tables(self.context.out, stage, self.provenance(*inputs))
 
     def provenance(self, *inputs: str) -> Provenance:
         """What made an artifact of this stage: earlier artifacts by path, and the file's own model and comparison."""

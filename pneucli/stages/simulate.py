@@ -17,7 +17,7 @@ from pneucli.controller.parameters import Controller
 from pneucli.executors import engine_from
 from pneucli.experiments import EXPERIMENT_KINDS
 from pneucli.export.replay_check import replay_exported_c
-from pneucli.io.artifacts import read_table, write_table
+from pneucli.io.artifacts import read_table
 from pneucli.messages.formatting import format_plain
 from pneucli.pipeline.context import Context
 from pneucli.pipeline.manifest import program_versions
@@ -85,12 +85,11 @@ def _write(study: PipelineData, runs: Sequence[OpenLoopRun]) -> None:
             measured = one.measured.get(channel, np.full(values.size, np.nan))
             for name, part in zip(numbers, (one.time, values, measured), strict=True):
                 numbers[name].append(part)
-    write_table(
-        study.context.out / "open_loop.parquet",
+    tables = study.tables("simulate", "ingest/signals.parquet", "identify/model.parquet")
+    tables.write(
+        "open_loop",
         {**texts, **{name: np.concatenate([np.zeros(0), *parts]) for name, parts in numbers.items()}},
-        units={"time": "s", "value": "see column unit", "measured": "see column unit"},
-        schema="pneucli/simulate/open_loop/1",
-        provenance=study.provenance("ingest/signals.parquet", "identify/model.parquet"),
+        {"time": "s", "value": "see column unit", "measured": "see column unit"},
     )
 
 
@@ -109,12 +108,8 @@ def simulate_closed_loop(study: PipelineData) -> dict[str, Any]:
     if scenarios := closed_loop_scenarios(context, study.recordings, controller):
         pair = {"compensated": controller, "pid_alone": load_controller(folder, "pid")}
         found = compare_laws(model, pair, scenarios, bench)
-        write_runs(
-            context.out / "closed_loop.parquet",
-            {(kind, name): one for kind, by in found.items() for name, (one, _) in by.items()},
-            study.provenance("identify/model.parquet", "design/gains.parquet"),
-            "pneucli/simulate/closed_loop/1",
-        )
+        runs = {(kind, name): one for kind, by in found.items() for name, (one, _) in by.items()}
+        write_runs(study.tables("simulate", "identify/model.parquet", "design/gains.parquet"), "closed_loop", runs)
         metrics = {kind: {name: metrics_answer(m) for name, (_, m) in by.items()} for kind, by in found.items()}
         answer["closed_loop"], answer["pid_alone"] = metrics["compensated"], metrics["pid_alone"]
         answer["tolerance_um"] = REST_TOLERANCE_RATIO * 1e6 * controller.values["C_HOLDING_BAND"]
@@ -178,9 +173,9 @@ def _write_monte_carlo(
     study: PipelineData, rows: Sequence[Mapping[str, Any]], rates: Sequence[robustness.SuccessRate]
 ) -> None:
     figures = [n for n, v in rows[0].items() if isinstance(v, float)]
-    provenance = study.provenance("identify/model.parquet", "design/gains.parquet")
-    write_table(
-        study.context.out / "robust.parquet",
+    tables = study.tables("simulate", "identify/model.parquet", "design/gains.parquet")
+    tables.write(
+        "robust",
         {
             "run": np.array([r["run"] for r in rows]),
             "scenario": [r["scenario"] for r in rows],
@@ -188,20 +183,16 @@ def _write_monte_carlo(
             "sizes": [", ".join(f"{n} = {format_plain(v, 4)}" for n, v in r["sizes"].items()) for r in rows],
             **{n: np.array([r[n] for r in rows], dtype=np.float64) for n in figures},
         },
-        units={"run": "1"} | {n: unit_from_name(n) for n in figures},
-        schema="pneucli/simulate/robust/1",
-        provenance=provenance,
+        {"run": "1"} | {n: unit_from_name(n) for n in figures},
     )
     plain = [asdict(r) for r in rates]
     numbers = ("limit", "held", "runs", "worst", "worst_run")
-    write_table(
-        study.context.out / "robust_rates.parquet",
+    tables.write(
+        "robust_rates",
         {
             "check": [r["check"] for r in plain],
             "effect": [r["effect"] for r in plain],
             **{n: np.array([r[n] for r in plain], dtype=np.float64) for n in numbers},
         },
-        units=dict.fromkeys(("held", "runs", "worst_run"), "1") | dict.fromkeys(("limit", "worst"), "the figure's"),
-        schema="pneucli/simulate/robust_rates/1",
-        provenance=provenance,
+        dict.fromkeys(("held", "runs", "worst_run"), "1") | dict.fromkeys(("limit", "worst"), "the figure's"),
     )

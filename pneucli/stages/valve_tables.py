@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import asdict
 from functools import partial
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -15,7 +14,7 @@ from pneucli.identify.estimation.fit import Estimate
 from pneucli.identify.valve import IsoConductance, LackOfFit, ValveIdentification
 from pneucli.identify.valve.iso6358 import Characteristic
 from pneucli.identify.valve.result import known_vessel_volume
-from pneucli.io.artifacts import Provenance, write_table
+from pneucli.io.artifacts import Tables
 from pneucli.messages.findings import Finding
 from pneucli.quantities import Z95
 
@@ -31,15 +30,13 @@ MAX_TRAIN_RESIDUAL = 3.0  # times the noise: the limit of a good map on its own 
 MAX_TEST_TO_TRAIN = 2.0  # times the residual on fitted curves
 
 
-def write_valves(
-    valves: Sequence[ValveIdentification], estimates: Sequence[Estimate], out: Path, provenance: Provenance
-) -> None:
+def write_valves(valves: Sequence[ValveIdentification], estimates: Sequence[Estimate], tables: Tables) -> None:
     """Write map, inverse, lack of fit, areas and curves of the valve's paths (interface, section 4).
 
     Commands are those that went to the valve. A column has the chamber where both are driven.
     """
     gradients = ("p_gradient", "p_gradient_ci_low", "p_gradient_ci_high")
-    tables: dict[str, tuple[Callable[[ValveIdentification], Columns], dict[str, str]]] = {
+    kinds: dict[str, tuple[Callable[[ValveIdentification], Columns], dict[str, str]]] = {
         "valve_map": (_map, dict.fromkeys(gradients, "Pa/s") | {"covered": "1"}),
         "valve_inverse": (_inverse, {"p_gradient": "Pa/s", "reachable": "1"}),
         "valve_lack_of_fit": (_lack_of_fit_columns, dict.fromkeys(LACK_OF_FIT_COLUMNS, "Pa/s") | {"outside": "1"}),
@@ -54,17 +51,15 @@ def write_valves(
         ),
     }
     both = valves[0].area_model.model_gradient.model.rig.arrangement.drives_both
-    for name, (columns, units) in tables.items():
+    for name, (columns, units) in kinds.items():
         parts = [columns(valve) for valve in valves]
         if both:
             parts = [_with_chamber(part, valve.chamber) for part, valve in zip(parts, valves, strict=True)]
         table = {key: np.concatenate([np.asarray(part[key]) for part in parts]) for key in parts[0]}
-        write_table(
-            out / f"{name}.parquet",
+        tables.write(
+            name,
             {key: values if values.dtype.kind in "bif" else list(values) for key, values in table.items()},
-            units={key: unit for key, unit in ({"u": "V", "p": "Pa", "chamber": "1"} | units).items() if key in table},
-            schema=f"pneucli/identify/{name}/1",
-            provenance=provenance,
+            {key: unit for key, unit in ({"u": "V", "p": "Pa", "chamber": "1"} | units).items() if key in table},
         )
 
 

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from scipy.signal import lfilter
 
-from pneucli.diagnose.periodic_term import PeriodicTerm, find_period
+from pneucli.diagnose.discrepancy import PeriodicTerm, find_period
 from pneucli.identify.residuals import ChamberPressures
 from pneucli.simulate import layout as at
 

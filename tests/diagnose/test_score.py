@@ -10,8 +10,14 @@ import numpy as np
 import pytest
 
 from pneucli.diagnose import score as counted
-from pneucli.diagnose.flow_gain_variance import flow_gain_deviation, with_flow_gain_errors
-from pneucli.diagnose.score import correct_for_model_noise, fitted_costs, held_out_costs, likelihood_costs
+from pneucli.diagnose.score import (
+    correct_for_model_noise,
+    fitted_costs,
+    flow_gain_deviation,
+    held_out_costs,
+    likelihood_costs,
+    with_flow_gain_errors,
+)
 from pneucli.identify.residuals import ChamberPressures
 from pneucli.simulate import layout as at
 from pneucli.simulate.model import Model

@@ -10,8 +10,7 @@ import numpy as np
 import pytest
 
 from pneucli.diagnose import spline_regression
-from pneucli.diagnose.smooth_term import KNOTS, SmoothTerm, linear_bspline_basis
-from pneucli.diagnose.spline_regression import SplineRegression
+from pneucli.diagnose.spline_regression import KNOTS, SmoothTerm, SplineRegression, linear_bspline_basis
 from pneucli.identify.residuals import ForceBalance
 from pneucli.identify.residuals.base import DiscrepancyTerm
 from tests.simulate.synthetic_experiments import make_experiment, model, time_grid

@@ -10,9 +10,8 @@ import pytest
 
 from pneucli.diagnose import discrepancy
 from pneucli.diagnose.adequacy import LackOfFit
-from pneucli.diagnose.discrepancy import UnexplainedResidual, describe_lack_of_fit
-from pneucli.diagnose.periodic_term import PeriodicTerm
-from pneucli.diagnose.smooth_term import SmoothTerm
+from pneucli.diagnose.discrepancy import PeriodicTerm, UnexplainedResidual, describe_lack_of_fit
+from pneucli.diagnose.spline_regression import SmoothTerm
 from pneucli.identify.residuals import ChamberPressures, ForceBalance, FreeRun, ImposedMotion
 from pneucli.messages.verdict import FREE_RUN, SHAPELESS, discrepancy_kind_text
 

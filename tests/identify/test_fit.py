@@ -14,9 +14,9 @@ from hypothesis import strategies as st
 from pneucli.identify.estimation import model_fit, objective
 from pneucli.identify.estimation.blocks import block_labels, copy_nonzero, group_scores, residual_slices
 from pneucli.identify.estimation.fit import Fit, fit, merge_partial_fit
+from pneucli.identify.estimation.model_fit import Similar
 from pneucli.identify.estimation.objective import LeastSquaresProblem
 from pneucli.identify.estimation.parameters import FreeParameter, base_parameters, with_prior_knowledge
-from pneucli.identify.estimation.similar_fit import Similar
 from pneucli.identify.residuals import ChamberPressures, ForceBalance, FreeRun, ImposedMotion
 from pneucli.messages.formatting import format_interval
 from pneucli.recording import ParameterPrior

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from pneucli.identify.residuals import ChamberPressures, ForceBalance
-from pneucli.identify.residuals.flow_gain import flow_gain_sensitivity
+from pneucli.identify.residuals.chambers import flow_gain_sensitivity
 from pneucli.simulate.experiment import Experiment
 from pneucli.simulate.preparation import prepare
 from pneucli.simulate.run import simulate

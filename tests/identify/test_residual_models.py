@@ -9,9 +9,9 @@ import pytest
 
 from pneucli.errors import InputError
 from pneucli.identify.estimation.model_fit import fit_model
-from pneucli.identify.guesses.rest_detection import breakaway_velocities, uncertain_direction
 from pneucli.identify.residuals import ChamberPressures, ForceBalance, ResidualModel, residual_models
 from pneucli.identify.residuals.base import MAX_RESIDUAL, bounded_difference
+from pneucli.identify.residuals.force_balance import breakaway_velocities, uncertain_direction
 from pneucli.identify.residuals.initial_state import apply_whitening
 from pneucli.noise import NoiseModel
 from pneucli.physics.effects import catalogue

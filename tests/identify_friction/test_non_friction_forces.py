@@ -15,7 +15,7 @@ from pneucli.exam.rig.parameters import Parameters
 from pneucli.identify.friction import FrictionIdentification, identify_friction
 from pneucli.identify.friction.kinematics import estimate_motion
 from pneucli.identify.friction.non_friction_forces import NonFrictionForces
-from pneucli.identify.friction.unmodelled_effects import unmodelled_effects
+from pneucli.identify.friction.warnings import unmodelled_effects
 from pneucli.physics.effects import catalogue
 from pneucli.recording import Recording
 from pneucli.simulate.model import Model

@@ -10,9 +10,9 @@ import pytest
 from scipy.stats import t as student
 
 from pneucli.identify.friction import regression
-from pneucli.identify.friction.binned_curve import binned_curve
 from pneucli.identify.friction.friction_model import TITLES, FrictionModel, ModelBranch, VelocityDomain
 from pneucli.identify.friction.imposed_motion import kinetic_friction
+from pneucli.identify.friction.kinematics import fuse_position_and_acceleration
 from pneucli.identify.friction.regression import (
     FrictionFit,
     fit_coulomb,
@@ -20,9 +20,8 @@ from pneucli.identify.friction.regression import (
     scaled_residual,
     velocity_friction,
 )
-from pneucli.identify.friction.samples import MovingSamples
+from pneucli.identify.friction.samples import MovingSamples, binned_curve
 from pneucli.identify.friction.stick_slip import StickSlip, average_stick_slips
-from pneucli.identify.friction.velocity_estimation import fuse_position_and_acceleration
 from pneucli.noise import NoiseModel
 from pneucli.quantities import Z95
 from pneucli.simulate.velocity_integration import (

@@ -24,12 +24,17 @@ from pneucli.identify.valve.area_model import (
     Direction,
     polynomial,
 )
-from pneucli.identify.valve.fit import Posterior, TransientBatch, TransientProblem
+from pneucli.identify.valve.fit import (
+    Posterior,
+    TransientBatch,
+    TransientProblem,
+    autocovariances,
+    averaged_noise_autocovariance,
+    whitening_filter,
+)
 from pneucli.identify.valve.maps import invert_gradient
-from pneucli.identify.valve.noise_covariance import autocovariances, averaged_noise_autocovariance, whitening_filter
-from pneucli.identify.valve.resampling import interpolation_error
 from pneucli.identify.valve.simulation import initial_pressure_sensitivity, parameter_sensitivity, simulate_transients
-from pneucli.identify.valve.transients import Transients, average_readings, cut_transients
+from pneucli.identify.valve.transients import Transients, average_readings, cut_transients, interpolation_error
 from pneucli.noise import NoiseModel
 from pneucli.recording import Recording
 

@@ -18,7 +18,7 @@ from pneucli.identify.residuals import residual_models
 from pneucli.identify.valve import ValveIdentification, identify_valve
 from pneucli.identify.valve.charge_budget import with_budgets
 from pneucli.identify.valve.uncertainty import Measurement
-from pneucli.io.artifacts import Provenance, read_table
+from pneucli.io.artifacts import Provenance, Tables, read_table
 from pneucli.noise import NoiseModel
 from pneucli.recording import Recording, Rig
 from pneucli.simulate.preparation import prepare
@@ -262,7 +262,7 @@ def test_two_chambers_have_a_column_and_one_has_none(tmp_path, base):
     both = replace(base, area_model=_arranged(base, "5/3"))
     second = replace(both, chamber=2, map=replace(base.map, gradient=2.0 * base.map.gradient))
     for valves in ([base], [both, second]):
-        write_valves(valves, (), tmp_path, Provenance({}, {}))
+        write_valves(valves, (), Tables(tmp_path, "identify", Provenance({}, {})))
         names = ("valve_map", "valve_inverse", "valve_lack_of_fit", "valve_areas", "valve_curves")
         tables = {name: read_table(tmp_path / f"{name}.parquet") for name in names}
         assert all(("chamber" in table) == (len(valves) == 2) for table in tables.values())

@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 from scipy.signal import lfilter
 
 from pneucli.noise import NoiseModel, detect_jumps, estimate_noise, jump_free_segments, pool_noise
-from pneucli.noise.mains_lines import detect_mains_lines
+from pneucli.noise.estimate import detect_mains_lines
 
 PERIOD = 1e-3
 

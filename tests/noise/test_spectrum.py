@@ -6,8 +6,7 @@ import numpy as np
 import pytest
 
 from pneucli.noise import NoiseModel, estimate_noise
-from pneucli.noise.mains_lines import detect_mains_lines, padded_length
-from pneucli.noise.quantisation import quantisation_step
+from pneucli.noise.estimate import detect_mains_lines, padded_length, quantisation_step
 from pneucli.noise.spectrum import noise_floor, segment_length
 
 RNG = np.random.default_rng

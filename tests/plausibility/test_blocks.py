@@ -8,7 +8,7 @@ from scipy.signal import lfilter
 
 from pneucli.noise import NoiseModel
 from pneucli.plausibility.blocks import Blocks, fit_linear, resolved_blocks
-from pneucli.plausibility.signal_activity import is_inactive
+from pneucli.plausibility.rig_check import is_inactive
 from pneucli.recording import Recording
 
 RNG = np.random.default_rng(0)

@@ -9,8 +9,8 @@ import pytest
 
 from pneucli.recording import Recording
 from pneucli.simulate import layout as at
+from pneucli.simulate.preparation import substitute_missing_inputs
 from pneucli.simulate.run import run
-from pneucli.simulate.substitutes import substitute_missing_inputs
 from tests.simulate.synthetic_experiments import BALANCED, RIG, held_commands, make_experiment, model, time_grid
 
 TIME = time_grid(4.0)

@@ -34,6 +34,7 @@ FOR_PROGRAMS = {
         "identify/valve/charge_budget.py",
         "simulate/valve_forms/area.py",
         "stages/flow_tables.py",
+        "stages/diagnosis_answer.py",
     ),  # names of rows
     *("stages/valve_tables.py", "tp/model.py", "tp/sampling.py", "tp/scattered.py", "tp/weights.py"),
     "messages/formatting.py",

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pneucli.figure import Figure
-from pneucli.identify.friction.binned_curve import Branch
+from pneucli.identify.friction.samples import Branch
 from pneucli.tp import TPModel
 
 Array = NDArray[np.float64]

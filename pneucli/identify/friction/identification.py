@@ -9,14 +9,13 @@ import numpy as np
 
 from pneucli.errors import InputError
 from pneucli.figure import Figure
-from pneucli.identify.friction.binned_curve import FrictionCurve, binned_curve
 from pneucli.identify.friction.friction_model import DEFAULT_NODES, FrictionModel, ModelName, VelocityDomain
 from pneucli.identify.friction.imposed_motion import KineticFriction, kinetic_friction
 from pneucli.identify.friction.kinematics import Motion, estimate_motion, with_contact
 from pneucli.identify.friction.model_error import Deviation, StickSlipReplay, model_deviations, replay_stick_slip
 from pneucli.identify.friction.models_a_to_f import identify_models
 from pneucli.identify.friction.regression import fit_coulomb, fit_stribeck
-from pneucli.identify.friction.samples import pool_samples
+from pneucli.identify.friction.samples import FrictionCurve, binned_curve, pool_samples
 from pneucli.identify.friction.stick_slip import AveragedFriction, StickSlip, average_stick_slips, find_stick_slips
 from pneucli.identify.friction.summary_figures import (
     BreakAway,
@@ -26,8 +25,12 @@ from pneucli.identify.friction.summary_figures import (
     pressure_dependence,
     repeatability,
 )
-from pneucli.identify.friction.unmodelled_effects import unmodelled_effects
-from pneucli.identify.friction.warnings import level_warnings, missing_model_warnings, model_a_warnings
+from pneucli.identify.friction.warnings import (
+    level_warnings,
+    missing_model_warnings,
+    model_a_warnings,
+    unmodelled_effects,
+)
 from pneucli.messages.findings import Finding
 from pneucli.recording import Recording
 from pneucli.simulate.model import Model

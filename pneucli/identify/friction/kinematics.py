@@ -13,20 +13,26 @@ from numpy.typing import NDArray
 
 from pneucli.errors import InputError
 from pneucli.identify.friction.non_friction_forces import NonFrictionForces
-from pneucli.identify.friction.velocity_estimation import Smoother, fuse_position_and_acceleration
 from pneucli.noise import NoiseModel, estimate_noise
 from pneucli.recording import Recording, Rig
 from pneucli.simulate.end_detection import POSITION_SCATTER_SIGMA, Drive, contact_side, detect_ends, end_compliance
 from pneucli.simulate.local_polynomials import choose_windows
 from pneucli.simulate.model import Model
+from pneucli.simulate.motion_smoother import least_squares_motion
 from pneucli.simulate.position_smoother import fit_position_smoother
 from pneucli.simulate.preparation import fill_gaps
-from pneucli.simulate.velocity_integration import integrate_between_rests, rest_mask, without_constant_position
+from pneucli.simulate.velocity_integration import (
+    JUMP_ERROR_RATIO,
+    integrate_between_rests,
+    rest_mask,
+    without_constant_position,
+)
 
 Array = NDArray[np.float64]
+
+Smoother = Callable[[Array], Array]
 Mask = NDArray[np.bool_]
 Kinematics = Callable[[Array, Array], tuple[Array, Array]]
-
 REST_SIGMA = 5.0  # standard deviations of the velocity, below which the piston counts as resting
 RINGING_RATIO = 1e-3  # of the highest speed: the ringing of the smoothed velocity next to a stop
 MIN_NOISE_RATIO = 1e-5  # of a signal's spread: sampling errors of a computed signal exceed smaller noise
@@ -310,3 +316,28 @@ def _estimators(
         bias = float(np.mean(raw["a"][rest]))
         derive = lambda _, a: (integrate_between_rests(time, a, rest), smoothers["a"](a))  # noqa: E731
     return derive, smoothers, raw["a"] - bias, 1
+
+
+def fuse_position_and_acceleration(
+    time: Array, a: Array, x_noise: float, a_noise: float
+) -> Callable[[Array, Array], tuple[Array, float]]:
+    """Build the map from position and acceleration to a velocity without drift, and the accelerometer's bias.
+
+    Least squares over position, velocity and one bias: x differs by its noise, and the velocity follows the
+    acceleration, linear between samples, except for its noise and for jumps between two samples (break-away and stop),
+    which ``a`` locates.
+
+    Args:
+        time: Stamps in s, shape (n,).
+        a: Acceleration in m/s^2, shape (n,).
+        x_noise: Standard deviation of x in m.
+        a_noise: Standard deviation of a in m/s^2.
+
+    Returns:
+        The map from x and a, each (n,), to velocity in m/s and bias in m/s^2.
+
+    """
+    dt = np.diff(time)
+    tolerance = dt * (a_noise + JUMP_ERROR_RATIO * np.abs(np.diff(a)))  # m/s a step
+    weights = 1.0 / x_noise, 1.0 / tolerance, 2.0 / (tolerance * dt)
+    return lambda x, a: least_squares_motion(dt, *weights, x, a)[1:]

@@ -13,10 +13,9 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from pneucli.identify.friction.binned_curve import Branch
 from pneucli.identify.friction.friction_model import FrictionModel, ModelBranch, ModelName, VelocityDomain
 from pneucli.identify.friction.regression import FrictionFit, fit_coulomb, fit_stribeck, velocity_friction
-from pneucli.identify.friction.samples import MovingSamples
+from pneucli.identify.friction.samples import Branch, MovingSamples
 from pneucli.tp import transform
 
 Array = NDArray[np.float64]

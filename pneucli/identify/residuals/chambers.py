@@ -21,7 +21,6 @@ from pneucli.identify.guesses.chamber_balance import (
 )
 from pneucli.identify.guesses.flow_paths import opening_from_null
 from pneucli.identify.residuals.base import Array, DiscrepancyTerm, ResidualModel, bounded_difference
-from pneucli.identify.residuals.flow_gain import flow_gain_sensitivity
 from pneucli.identify.residuals.initial_state import (
     apply_whitening,
     initial_state_errors,
@@ -32,9 +31,11 @@ from pneucli.physics.declaration import Effect
 from pneucli.physics.ports import Balance
 from pneucli.simulate import layout as at
 from pneucli.simulate.derivatives import COLUMNS, Directions, derivatives, differentiable
+from pneucli.simulate.experiment import Experiment
 from pneucli.simulate.model import Model
 from pneucli.simulate.run import run, simulate
 
+COMMAND_PERTURBATION = 1e-3  # of each command, for forward differences
 CHAMBER_OF_SIGNAL: dict[str, Chamber] = {"p1": 1, "p2": 2}
 STATE_OF_SIGNAL = {"p1": at.P1, "p2": at.P2}
 SAMPLES_AT_ONCE = 64  # whose outputs stay in the nearest memory while they are transposed
@@ -139,7 +140,7 @@ class ChamberPressures(ResidualModel):
         return modelled_gas(self.experiment, rig, CHAMBER_OF_SIGNAL[channel], vessel, pressure)
 
     def flow_gain_sensitivity(self, model: Model) -> dict[str, Array]:
-        """Return the effect of relative flow errors (:mod:`pneucli.identify.residuals.flow_gain`)."""
+        """Return the effect of relative flow errors (:mod:`pneucli.identify.residuals.chambers`)."""
         return flow_gain_sensitivity(model, self.experiment)
 
     def apply_whitening(self, residual: Mapping[str, Array], errors: Mapping[str, Array]) -> dict[str, Array]:
@@ -187,3 +188,38 @@ def play_operator(opening: Array, width: float) -> Array:
         centre = min(max(centre, value - half_width), value + half_width)
         out[i] = (value - centre) / half_width
     return np.asarray(out * np.sign(opening))
+
+
+def flow_gain_sensitivity(model: Model, experiment: Experiment) -> dict[str, Array]:
+    """Compute the pressure change caused by commands with a relative error of 1, linearised, from each restart on.
+
+    Where the area grows with the n-th power of the command, its relative error is n times the command's.
+
+    Args:
+        model: The model.
+        experiment: The experiment.
+
+    Returns:
+        By pressure, shape (2, n), in units of the sensor's noise: commands that fill chamber 1, then those that vent
+        it.
+
+    """
+    e, null = experiment, model.base_values()["valve.null"]
+    nominal, shifted = (
+        simulate(model, e),
+        [simulate(model, e, _perturbed_commands(e.inputs, null, sign)) for sign in (1.0, -1.0)],
+    )
+    channels = [c for c in ("p1", "p2") if c in e.channels and e.noise[c].rms]
+    return {
+        c: np.array([(nominal[c] - one[c]) / (COMMAND_PERTURBATION * e.noise[c].rms) for one in shifted])
+        for c in channels
+    }
+
+
+def _perturbed_commands(inputs: Array, null: float, sign: float) -> Array:
+    """Return inputs (n, 8) with the commands on one side of the null slightly closer to it."""
+    perturbed = inputs.copy()
+    for column in (at.IN_U, at.IN_U2):
+        opening = perturbed[:, column] - null
+        perturbed[:, column] -= COMMAND_PERTURBATION * np.where(sign * opening > 0.0, opening, 0.0)
+    return perturbed

@@ -16,7 +16,7 @@ from pneucli.identify.guesses.chamber_balance import Chamber
 from pneucli.identify.guesses.flow_paths import CommandConversion, as_valve_test, command_conversion
 from pneucli.identify.residuals import residual_models
 from pneucli.identify.valve.area_model import AreaModel, Direction
-from pneucli.identify.valve.fit import Posterior, fit_area_model
+from pneucli.identify.valve.fit import Posterior, averaged_noise_autocovariance, fit_area_model
 from pneucli.identify.valve.iso6358 import IsoConductance, iso_conductances
 from pneucli.identify.valve.lack_of_fit import LackOfFit, compare_with_map
 from pneucli.identify.valve.maps import (
@@ -28,11 +28,9 @@ from pneucli.identify.valve.maps import (
     transient_coverage,
 )
 from pneucli.identify.valve.model_gradient import ModelGradient, model_gradient_of
-from pneucli.identify.valve.noise_covariance import averaged_noise_autocovariance
-from pneucli.identify.valve.resampling import interpolation_error, is_unevenly_sampled
 from pneucli.identify.valve.result import Curve, RecordingResidual, ValveIdentification, known_vessel_volume
 from pneucli.identify.valve.simulation import initial_pressure_sensitivity, initial_pressures, simulate_transients
-from pneucli.identify.valve.transients import Transients, cut_transients
+from pneucli.identify.valve.transients import Transients, cut_transients, interpolation_error, is_unevenly_sampled
 from pneucli.messages.formatting import format_quantity
 from pneucli.noise import NoiseModel, pool_noise
 from pneucli.quantities import Z95
@@ -40,7 +38,6 @@ from pneucli.recording import Recording, Rig
 from pneucli.simulate.experiment import Experiment
 
 Array = NDArray[np.float64]
-
 MIN_HELD_TIME = 0.3  # s: a command that is held for less in total gets no correction of its own
 GRID_POINTS = 41  # of the map, over command and over pressure
 
