@@ -17,9 +17,10 @@ from benchmarks.measure import IMPORTS, KERNELS, PHASES, REST, Sampler
 ROOT = Path(__file__).parents[1]
 SHARED = {"answers", "fleet_rigs", "measure", "planned_recordings", "regressions", "rigs", "small", "truths", "worlds"}
 TESTED_ELSEWHERE = {"simulate"}  # tests/simulate/test_benchmark.py
-NEED_GCC = {("fmu", ""), *(("loop", name) for name in loop.TABLES if name not in ("periods", "benefit"))}
+NEED_GCC = {("fmu", ""), *(("loop", name) for name in loop.TABLES if name not in ("periods", "benefit", "ensemble"))}
 SLOW = {("door", ""), ("fleet", ""), ("score", ""), ("loop", "logs"), ("loop", "periods"), ("loop", "benefit"),
-        ("thesis", "friction"), ("thesis", "laws"), ("valve", "maps"), ("workbench", "")}  # fmt: skip
+        ("loop", "ensemble"), ("thesis", "friction"), ("thesis", "laws"), ("valve", "maps"),
+        ("workbench", "")}  # fmt: skip
 BENCHMARKS = sorted(path.stem for path in (ROOT / "benchmarks").glob("*.py") if path.stem not in SHARED)
 
 

@@ -81,8 +81,7 @@ import numpy as np
 from pneucli.controller import layout as at
 from pneucli.controller.laws import LAWS
 from pneucli.design.bandwidths import choose_bandwidths
-from pneucli.design.control_laws import controller_for
-from pneucli.design.design_data import DesignData
+from pneucli.design.control_laws import DesignData, controller_for
 from pneucli.export import c_source, structured_text
 from tests.design import axis
 

@@ -238,7 +238,8 @@ def check_acceptance(
     for i, (name, model) in enumerate(axes):
         progress(i)
         for scenario in scenarios:
-            figures = evaluate_run(simulate(model, controller, scenario, setup, seed=SEED + i), model, controller)
+            run = simulate(model, controller, scenario.supplied_by(model, controller), setup, seed=SEED + i)
+            figures = evaluate_run(run, model, controller)
             rows.append((name, scenario.name, {d.name: d.figure(figures) for d in asked}))
     missed = [_violation(demand, rows, controller, requirements, scenarios) for demand in asked]
     spring = unmet_requirements(requirements, controller.values, min_air_stiffness(controller.values))

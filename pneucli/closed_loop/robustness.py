@@ -105,20 +105,26 @@ class AxisDistribution:
     def draw(self, seed: int, k: int) -> tuple[Model, str, dict[str, float]]:
         """Return the axis of run k, the name of its effect ("" for none) and the sizes of that effect's parameters."""
         rng = np.random.default_rng([seed, k])
-        base = self.model.base_values() | dict(self.model.values)
-        values = {n: base[n] + s * rng.standard_normal() for n, s in sorted(self.sigma.items()) if n in base}
-        for name, share in sorted(self.tolerances.items()):
-            if name in BASE_NAMES:
-                values[name] = values.get(name, base[name]) * (1.0 + share * rng.standard_normal())
-        factor = 1.0 + self.tolerances.get("valve.areas", 0.0) * rng.standard_normal()
-        valve = self.model.valve.scaled(factor)
-        model = replace(self.model.with_values(values), valve=valve)
+        model = drawn_model(self.model, self.sigma, self.tolerances, rng)
         place = k % (len(self.effects) + 1)
         if place == 0:
             return model, "", {}
         effect = self.effects[place - 1]
         sizes = draw_effect_size(effect, model, rng)
         return replace(model, effects=(*model.effects, effect)).with_values(sizes), effect.name, sizes
+
+
+def drawn_model(
+    model: Model, sigma: Mapping[str, float], tolerances: Mapping[str, float], rng: np.random.Generator
+) -> Model:
+    """Return a model with parameters from their 1 sigma and the rig's values from their relative tolerances."""
+    base = model.base_values() | dict(model.values)
+    values = {n: base[n] + s * rng.standard_normal() for n, s in sorted(sigma.items()) if n in base}
+    for name, share in sorted(tolerances.items()):
+        if name in BASE_NAMES:
+            values[name] = values.get(name, base[name]) * (1.0 + share * rng.standard_normal())
+    factor = 1.0 + tolerances.get("valve.areas", 0.0) * rng.standard_normal()
+    return replace(model.with_values(values), valve=model.valve.scaled(factor))
 
 
 def draw_effect_size(effect: Effect, model: Model, rng: np.random.Generator) -> dict[str, float]:
@@ -174,7 +180,8 @@ def run_draw(study: MonteCarloStudy, k: int) -> list[dict[str, Any]]:
     model, effect, sizes = study.distribution.draw(study.seed, k)
     rows = []
     for scenario in study.scenarios:
-        result = simulate(model, study.controller, scenario, study.setup, seed=study.seed + k)
+        supplied = scenario.supplied_by(model, study.controller)
+        result = simulate(model, study.controller, supplied, study.setup, seed=study.seed + k)
         figures = asdict(evaluate_run(result, model, study.controller))
         held = {n: bool(figures[n] <= limit) for n, limit in study.checks.items() if not np.isnan(figures[n])}
         rows.append({"run": k, "scenario": scenario.name, "effect": effect, "sizes": sizes, **figures, "held": held})

@@ -73,6 +73,11 @@ class Scenario:
     operating_mode: Array | None = None
     level: Array | None = None
 
+    def supplied_by(self, model: Model, controller: Controller) -> Scenario:
+        """Return the scenario with the supply of a model in place of that of the design."""
+        factor = model.base_values()["rig.supply_pressure"] / controller.values["C_SUPPLY"]
+        return self if factor == 1.0 else replace(self, supply=factor * self.supply)
+
 
 @dataclass(frozen=True)
 class Run:

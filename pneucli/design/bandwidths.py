@@ -101,6 +101,13 @@ def loop_timing(model: Model, requirements: Requirements) -> Timing:
     )
 
 
+def pressure_corner(model: Model, requirements: Requirements, *, predicted: bool = True) -> float:
+    """Return the corner of the pressure loop in rad/s by the rule above; arguments as of :func:`choose_bandwidths`."""
+    timing, period = loop_timing(model, requirements), requirements.period
+    delay = timing.residual_delay if predicted else timing.total_delay
+    return min(MAX_CORRECTION_PER_SAMPLE / period, PRESSURE_LOOP_DELAY_PRODUCT / (delay + 0.5 * period))
+
+
 def choose_bandwidths(
     model: Model, requirements: Requirements, axis: Mapping[str, float], *, predicted: bool = True
 ) -> Bandwidths:
@@ -116,12 +123,7 @@ def choose_bandwidths(
         Thesis 7.1: the inner loop is faster than the outer one.
 
     """
-    timing = loop_timing(model, requirements)
-    delay = timing.residual_delay if predicted else timing.total_delay
-    pressure = min(
-        MAX_CORRECTION_PER_SAMPLE / requirements.period,
-        PRESSURE_LOOP_DELAY_PRODUCT / (delay + 0.5 * requirements.period),
-    )
+    pressure = pressure_corner(model, requirements, predicted=predicted)
     if requirements.pressure_bandwidth is not None:
         pressure = 2.0 * math.pi * requirements.pressure_bandwidth
     position = pressure / CASCADE_RATIO

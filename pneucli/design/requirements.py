@@ -53,6 +53,8 @@ class Requirements:
     ``pressure_level`` (Pa): mean of both pressures, where two valves drive the chambers; ``air_stiffness``: of the
     enclosed gas, which sets that mean along the stroke (:mod:`pneucli.design.air_spring`).
 
+    ``gains``: by the rules, or those that hold best on an ensemble of rigs (:mod:`pneucli.closed_loop.ensemble`).
+
     ``controller`` names the law that is simulated and exported. Laws of sliding mode: ``surface`` is the method that
     finds the line of the relay, ``surface_weights`` its LQ weights of squared error (1/m^2) and rate (s^2/m^2),
     ``equivalent_control`` whether the relay has it (5.9), ``relay`` whether its sign is that at the end of the sample
@@ -89,6 +91,7 @@ class Requirements:
     strict: bool = False
     pressure_level: float | None = None
     air_stiffness: float | None = None
+    gains: Literal["rules", "ensemble"] = "rules"
 
 
 def read_requirements(table: Mapping[str, Any], where: str, **known: Any) -> Requirements:
@@ -163,6 +166,7 @@ def _law(value: Any, where: str) -> str:
 
 VALUE_READERS: dict[str, Callable[[Any, str], Any]] = {
     "chamber_2": _one_of("closed", "open", "valve"),
+    "gains": _one_of("rules", "ensemble"),
     "surface": _one_of("poles", "lq"),
     "relay": _one_of("implicit", "switching"),
     "friction_in_observer": _one_of(True, False),

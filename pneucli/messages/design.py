@@ -6,7 +6,7 @@ import math
 from collections.abc import Iterator, Mapping
 from typing import Any
 
-from pneucli.messages import labelled, table, warnings
+from pneucli.messages import ensemble, labelled, table, warnings
 from pneucli.messages.formatting import format_noise_ratio, format_number, format_plain, format_quantity, join_names
 
 Row = Mapping[str, Any]
@@ -85,6 +85,9 @@ def lines(answer: Mapping[str, Any], file: str, verbose: bool) -> Iterator[str]:
             list(law_rows(answer["compare"], answer["tolerance_um"])),
             texts=1,
         )
+    if rigs := answer.get("ensemble"):
+        yield ""
+        yield from table(ensemble.HEAD, list(ensemble.rows(rigs)), texts=1)
     for name, why in answer["not_made"].items():
         yield from labelled("lacks", f"{name}: {why}")
     if verbose and answer["ablation"]:
@@ -103,6 +106,9 @@ def margins_and_acceptance(answer: Mapping[str, Any], verbose: bool) -> Iterator
             yield from labelled("margins", line)
         for doubt in stability_warnings(found):
             yield from labelled("warning", doubt)
+    if rigs := answer.get("ensemble"):
+        for line in ensemble.promise(rigs):
+            yield from labelled("rigs", line)
     if held := answer.get("gate"):
         yield from labelled("gate", acceptance_verdict(held))
         for doubt in violations(held):

@@ -10,12 +10,18 @@ from typing import Any
 import numpy as np
 
 from pneucli.controller import layout
-from pneucli.controller.laws import LAWS, select_laws
+from pneucli.controller.laws import DEFAULT, LAWS, select_laws
 from pneucli.controller.parameters import Controller
 from pneucli.design.bandwidths import Bandwidths, choose_bandwidths
 from pneucli.design.cascade_design import design_cascade
-from pneucli.design.control_laws import design_controllers, design_variants
-from pneucli.design.design_data import DesignData, collect_design_data, designed_sector, sliding_surfaces
+from pneucli.design.control_laws import (
+    DesignData,
+    collect_design_data,
+    design_controllers,
+    design_variants,
+    designed_sector,
+    sliding_surfaces,
+)
 from pneucli.design.effect_compensation import has_restoring_force
 from pneucli.design.lpv import WeightStudy, compare_weight_types
 from pneucli.design.requirements import Requirements, read_requirements
@@ -37,6 +43,7 @@ from pneucli.stages.control_laws import (
     setup_from_requirements,
     write_comparison,
 )
+from pneucli.stages.ensemble import EnsembleDesign, design_on_ensemble, ensemble_answer
 from pneucli.stages.model_file import load_model
 from pneucli.stages.pipeline_data import PipelineData
 
@@ -55,6 +62,7 @@ class DesignResult:
     weight_studies: list[WeightStudy]
     warnings: list[str]
     data: DesignData
+    on_ensemble: EnsembleDesign | None = None
 
     @property
     def selected(self) -> Controller:
@@ -93,7 +101,10 @@ def run(context: Context) -> dict[str, Any]:
     setup = setup_from_requirements(wanted)
     margins = margins_answer(*about, setup, designed.corners.position, tables)
     held = acceptance_answer(*about, wanted, setup)
-    return _answer(study, designed, found) | {"margins": margins, "gate": held}
+    rigs = None
+    if (own := designed.on_ensemble) is not None:
+        rigs = ensemble_answer(context, own, chosen, designed.data, setup)
+    return _answer(study, designed, found) | {"margins": margins, "gate": held, "ensemble": rigs}
 
 
 def _require_controllers(designed: DesignResult, names: Sequence[str], context: Context) -> None:
@@ -165,7 +176,11 @@ def _design(context: Context, model: Model, wanted: Requirements, sealed: float 
         warnings.append(f"no PDC: {error.found}")
     data = collect_design_data(controller, unpredicted, wanted, rows, weights, missing)
     made, failed = design_controllers(data)
-    return DesignResult(made, failed, wanted, corners, sectors, rows, matching, weights, warnings, data)
+    own = None
+    if wanted.gains == "ensemble":
+        own = design_on_ensemble(context, model, wanted, setup_from_requirements(wanted), sealed)
+        made[DEFAULT], corners = own.controller, choose_bandwidths(own.model, own.requirements, own.controller.values)
+    return DesignResult(made, failed, wanted, corners, sectors, rows, matching, weights, warnings, data, own)
 
 
 def _vertices(folder: Path) -> list[float]:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from concurrent.futures import Future
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -11,7 +12,9 @@ import numpy as np
 import pytest
 
 from pneucli.closed_loop import robustness
+from pneucli.closed_loop.metrics import evaluate_run
 from pneucli.closed_loop.robustness import AxisDistribution, MonteCarloStudy, run_study, success_rates
+from pneucli.closed_loop.simulation import simulate
 from pneucli.errors import InputError
 from pneucli.executors import ThreadEngine, engine_from
 from pneucli.physics.effects import catalogue
@@ -154,3 +157,15 @@ def test_what_is_stated_of_a_study_goes_over_what_is_usual() -> None:
 def test_an_effect_whose_size_the_rig_does_not_tell_is_refused() -> None:
     with pytest.raises(InputError, match="supply forces"):
         robustness.draw_effect_size(catalogue()["constant-force"], Model(Rig()), np.random.default_rng(0))
+
+
+def test_the_supply_of_a_drawn_axis_acts_on_its_run() -> None:
+    """The scenario states the supply of the design; an axis with another one draws other air."""
+    axes = AxisDistribution(MODEL, {}, {"rig.supply_pressure": 0.1}, ())
+    drawn = axes.draw(3, 0)[0]
+    supply = drawn.base_values()["rig.supply_pressure"]
+    assert supply != MODEL.base_values()["rig.supply_pressure"]
+    row = robustness.run_draw(replace(study(), distribution=axes), 0)[0]
+    scenes = (replace(SCENE, supply=np.full(TIME.size, supply)), SCENE)
+    own, other = (evaluate_run(simulate(drawn, CONTROLLER, s, axis.BENCH, seed=3), drawn, CONTROLLER) for s in scenes)
+    assert row["air_kg"] == own.air_kg != other.air_kg

@@ -15,8 +15,7 @@ from pneucli.closed_loop.simulation import simulate
 from pneucli.controller import layout as at
 from pneucli.controller.laws import LAWS, compensated, find_law, load_observer, pdc, pid, relay, sector, shared_blocks
 from pneucli.design.bandwidths import choose_bandwidths
-from pneucli.design.control_laws import controller_for, design_controllers, design_variants
-from pneucli.design.design_data import sliding_surfaces
+from pneucli.design.control_laws import controller_for, design_controllers, design_variants, sliding_surfaces
 from pneucli.design.requirements import read_requirements
 from pneucli.design.sliding import axis_systems
 from pneucli.errors import InputError

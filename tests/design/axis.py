@@ -14,8 +14,7 @@ from pneucli.closed_loop.simulation import ClosedLoopSetup, Scenario
 from pneucli.controller.parameters import Controller
 from pneucli.design.bandwidths import choose_bandwidths
 from pneucli.design.cascade_design import design_cascade
-from pneucli.design.control_laws import design_controllers
-from pneucli.design.design_data import DesignData, collect_design_data, sliding_surfaces
+from pneucli.design.control_laws import DesignData, collect_design_data, design_controllers, sliding_surfaces
 from pneucli.design.lpv import compare_weight_types
 from pneucli.design.requirements import Requirements
 from pneucli.design.sliding import axis_systems

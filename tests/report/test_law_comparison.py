@@ -59,6 +59,39 @@ def test_the_laws_the_map_and_the_components_have_a_table_each(material: ReportD
     assert names == [["best", "pdc", "pid"], ["nothing", "switching"], ["best, no map"]]
 
 
+def test_a_design_on_an_ensemble_states_its_promise_and_every_law_on_its_rigs() -> None:
+    row = {"rigs": 40, "held": 38, "probability": 0.851}
+    row |= {
+        "worst": {"rest": 1.2, "motion": 0.3, "load": None, "chattering": 0.5},
+        "median": dict.fromkeys(("rest", "motion", "load", "chattering"), 0.2),
+    }
+    found = {
+        "laws": {"best": row, "pid, ensemble": row},
+        "limits": {name: {"value": 5e-5, "unit": "m"} for name in ("rest", "motion", "load", "chattering")},
+        "confidence": 0.95,
+        "effects": ["valve-lag"],
+        "limiting": None,
+        "rescued": {"valve-lag": 0},
+        "separate": None,
+    }
+    shown = law_comparison(ReportData("demo", {"design": controlled.design() | {"ensemble": found}}))
+    assert any("at least 85 %" in part.text for part in shown.parts if part.kind == "note")
+    grid = next(part for part in shown.parts if part.kind == "grid" and "ensemble" in part.caption)
+    assert [cell.text for cell in grid.rows[1]] == [
+        "pid, ensemble",
+        "38 of 40",
+        "0.20 ×; 1.2 ×",
+        "0.20 ×; 0.30 ×",
+        "0.20 ×; ∞",
+        "0.20 ×; 0.50 ×",
+    ]
+    assert all(
+        "ensemble" not in part.caption
+        for part in law_comparison(ReportData("demo", {"design": controlled.design()})).parts
+        if part.kind == "grid"
+    )
+
+
 def test_the_figures_of_the_thesis_on_control_are_named(material: ReportData) -> None:
     captions = " ".join(part.caption for part in thesis_control(material).parts)
     assert all(f"Figure 7.{number}:" in captions for number in range(28, 35))

@@ -9,6 +9,7 @@ from typing import Any
 import pytest
 
 from pneucli import messages
+from pneucli.closed_loop import ensemble
 from pneucli.closed_loop.law_comparison import COMPONENTS
 from pneucli.config import load
 from pneucli.controller.laws import LAWS
@@ -16,6 +17,7 @@ from pneucli.errors import InputError
 from pneucli.io.artifacts import read_metadata, read_table
 from pneucli.pipeline.context import Context, NotApplicable
 from pneucli.stages import design, export, simulate
+from pneucli.stages import ensemble as stage
 from pneucli.stages.control_laws import load_controller, selected_controller
 from pneucli.stages.pipeline_data import PipelineData
 from tests.stages.chain import known_as_declared
@@ -65,6 +67,30 @@ def test_the_margins_are_those_of_the_loop_that_is_exported(designed: Demo) -> N
     ratios = read_table(designed[0] / "design" / "margins.parquet")
     assert set(ratios["loop"]) == {"command", "position"}
     assert "margins" in messages.render("design", designed[1]["design"], "demo.toml", verbose=False)
+
+
+def test_gains_from_an_ensemble_hold_more_rigs_than_those_by_the_rules(
+    demo: Demo, designed: Demo, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    for name, value in (("LAGS", (0.0, 5e-3)), ("PRESSURE_SHARES", (1.0, 0.5)), ("POSITION_SHARES", (1.4,)),
+                        ("SEARCH_RIGS", 8)):  # fmt: skip
+        monkeypatch.setattr(ensemble, name, value)
+    for name, value in (("PROOF_RIGS", 15), ("LAW_RIGS", 15), ("LAW_SEARCH_RIGS", 2)):
+        monkeypatch.setattr(stage, name, value)
+    path = edited(tmp_path, '\n[design]\ngains = "ensemble"\n')
+    chosen = {"compare": ["best", "pid"]}
+    answer = design.run(Context(path, load(path), tmp_path, demo[0], answers=demo[1], options=chosen))
+    json.dumps(answer, allow_nan=False)
+    known_as_declared("design", answer)
+    rows = answer["ensemble"]["laws"]
+    assert set(rows) == {"best", "best, by the rules", "pid", "pid, ensemble"}
+    assert rows["best"]["held"] > rows["best, by the rules"]["held"]
+    chosen_lag = answer["ensemble"]["spool_lag"]["value"]
+    assert (load_controller(tmp_path, "best").values["C_SPOOL_SHARE"] < 1.0) == (chosen_lag > 0.0)
+    assert load_controller(tmp_path, "best") != load_controller(designed[0] / "design", "best")
+    assert load_controller(tmp_path, "pid") == load_controller(designed[0] / "design", "pid")
+    shown = " ".join(messages.render("design", answer, "demo.toml", verbose=False).split())
+    assert "rigs that the search did not see" in shown
 
 
 def test_every_rate_that_is_told_is_verified(designed: Demo) -> None:

@@ -53,7 +53,7 @@ class ControlLaw:
         step: Sample of the law, ``step(x_ref, x, p1, p2, s, c)``, in the scalar code of
             :mod:`pneucli.controller.cascade`.
         design: The law's own parameters by name, and common ones that it changes, from the data of an axis, a
-            :class:`pneucli.design.design_data.DesignData`.
+            :class:`pneucli.design.control_laws.DesignData`.
         place: Where it stands among all laws; those of other packages come last.
         variants: Choices of the law by the keys of ``[design]``, by their titles.
         estimates_load: Whether S_LOAD is an estimate of the load.

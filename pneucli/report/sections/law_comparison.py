@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 from matplotlib.ticker import NullLocator, ScalarFormatter
 
+from pneucli.messages import ensemble
 from pneucli.messages.design import LAW_LEGEND, LAW_TITLES, law_rows, shortcomings
 from pneucli.messages.envelope import envelope_indices
 from pneucli.report.figure import GREY, PALETTE, Drawing, drawing, figures
@@ -32,6 +33,11 @@ def section(material: ReportData) -> Section | None:
     if poor := shortcomings(design["compare"], tolerance):
         parts.append(Note(f"With set-valued friction at rest {'; '.join(poor)}."))
     parts += [Note(f"Not designed: {name}: {why}.", "warning") for name, why in design["not_made"].items()]
+    if rigs := design.get("ensemble"):
+        parts += [Note(line) for line in ensemble.promise(rigs)]
+        rows = [[Cell(cell, numeric=i > 0) for i, cell in enumerate(row)] for row in ensemble.rows(rigs)]
+        caption = "Figures over their limits on the rigs of the ensemble, median; worst"
+        parts.append(Grid(f"{caption}: 1 × is the limit.", ensemble.HEAD, rows))
     if design["ablation"]:
         parts.append(_grid("Results of best without one component, otherwise unchanged", design["ablation"], tolerance))
     if design.get("variants"):

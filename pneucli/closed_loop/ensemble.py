@@ -1,0 +1,317 @@
+"""Scenario design: gains that hold the limits on an ensemble of rigs, and the probability that fresh rigs promise.
+
+The rigs of the ensemble are those that the recordings allow: parameters within their intervals, the rig's tolerances,
+and all at once what most rigs have and the model may lack (:data:`UNTOLD`). Gains are searched within a small family on
+one set of rigs; the promise comes from others that the search never saw, so that it needs no convexity: of N of them k
+hold, and the probability has the lower bound of Clopper and Pearson (randomised algorithms, Tempo, Bai and Dabbene
+1997).
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
+from itertools import product
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pneucli.closed_loop.robustness import TOLERANCES, drawn_model
+from pneucli.closed_loop.scenarios import equilibrium_at
+from pneucli.closed_loop.simulation import ClosedLoopSetup, Scenario, simulate
+from pneucli.controller import layout
+from pneucli.controller.parameters import Controller, nominal_load
+from pneucli.design.bandwidths import CASCADE_RATIO, pressure_corner
+from pneucli.design.control_laws import DesignData
+from pneucli.design.requirements import Requirements
+from pneucli.executors import map_in_threads, thread_count
+from pneucli.physics.effects import catalogue
+from pneucli.simulate import layout as at
+from pneucli.simulate.model import Model
+
+Array = NDArray[np.float64]
+
+SEARCH_RIGS, PROOF_RIGS = 24, 100  # rigs of the search, and fresh ones of the promise
+LAW_RIGS, LAW_SEARCH_RIGS = 20, 5  # fresh rigs that compare the other laws, and those of their search
+SCREENING_RIGS, KEPT = 5, 0.125  # rigs that every member of the family meets, and share of those that meet all
+SEARCH_SEED, PROOF_SEED = 0, 1  # of their draws
+CONFIDENCE = 0.95  # of the promise
+SUPPLY_SPREAD = 0.1  # of the supply pressure, either way
+REST_LIMIT, MOTION_LIMIT, LOAD_LIMIT = 50e-6, 0.5e-3, 100e-6  # m, where [design] states nothing
+WORST_RATIO = 1e3  # over its limit: of a loop that runs away
+FIGURES = {"rest": "m", "motion": "m", "load": "m", "chattering": "V"}  # of a rig, in the order of its ratios
+CHATTERING_LIMIT, CHATTERING_PERIOD = 0.2, 0.02  # of the largest command, rms; s: what is faster is chattering
+DWELL, SINE = 2.0, 2.5  # s, of each stretch of the test, and of its sine
+FREQUENCY, AMPLITUDE = 0.5, 0.15  # Hz; of the stroke, what a closed chamber's air spring allows
+JUDGED = 0.4  # s, at the end of a stretch at rest
+LAGS = (0.0, 2.5e-3, 5e-3, 7.5e-3)  # s: spool lag that the controller leads and plans for, where the model has none
+PRESSURE_SHARES = (1.0, 0.7, 0.5, 0.35)  # of the pressure loop's corner by the rules
+POSITION_SHARES = (1.0, 1.4, 2.0)  # of the position loop's corner over the pressure loop's
+BRISTLE_DEFLECTIONS = (20e-6, 50e-6)  # m, of seals before they slide
+BRISTLE_DAMPING = 2e-3  # s: damping over stiffness
+
+
+def _bristles(rng: np.random.Generator, model: Model) -> dict[str, float]:
+    stiffness = max(model.base_values()["friction.coulomb"], 1.0) / rng.uniform(*BRISTLE_DEFLECTIONS)
+    return {"stiffness": stiffness, "damping": BRISTLE_DAMPING * stiffness}
+
+
+def _place_of_friction(rng: np.random.Generator, model: Model) -> dict[str, float]:
+    stroke = model.base_values()["rig.stroke"]
+    begin = rng.uniform(0.0, 0.8) * stroke
+    return {"from": begin, "to": begin + 0.2 * stroke, "gain": rng.uniform(0.0, 0.5)}
+
+
+# what most rigs have and a model may lack: parameters by effect
+UNTOLD: dict[str, Callable[[np.random.Generator, Model], dict[str, float]]] = {
+    "valve-lag": lambda rng, model: {"time_constant": rng.uniform(0.0, 10e-3)},
+    "line-delay": lambda rng, model: {"delay": rng.uniform(0.0, 1e-3)},
+    "presliding": _bristles,
+    "valve-hysteresis": lambda rng, model: {"half_width": rng.uniform(0.0, 0.01) * max(map(abs, model.valve.commands))},
+    "pressure-lag": lambda rng, model: {"time_constant": rng.uniform(0.0, 2e-3)},
+    "pressure-friction": lambda rng, model: {"gain": rng.uniform(0.0, 0.05)},
+    "position-friction": _place_of_friction,
+}
+WITHOUT_BRISTLES = ("friction-hysteresis", "dwell-breakaway")  # friction of two branches or with memory of rest
+
+
+@dataclass(frozen=True)
+class RigEnsemble:
+    """Rigs that the recordings allow.
+
+    Attributes:
+        model: The identified model.
+        sigma: 1 sigma of identified parameters by name.
+        effects: Effects of :data:`UNTOLD` that the model lacks.
+    """
+
+    model: Model
+    sigma: Mapping[str, float]
+    effects: tuple[str, ...]
+
+    def draw(self, seed: int, k: int, without: str = "") -> Model:
+        """Return rig k of a seed; ``without`` an effect it is the same rig but for that."""
+        rng = np.random.default_rng([seed, k])
+        supply = self.model.base_values()["rig.supply_pressure"] * (1.0 + SUPPLY_SPREAD * rng.uniform(-1.0, 1.0))
+        model = drawn_model(self.model, self.sigma, TOLERANCES, rng).with_values({"rig.supply_pressure": supply})
+        sizes: dict[str, float] = {}
+        for name in self.effects:
+            drawn = UNTOLD[name](rng, model)
+            if name != without:
+                sizes |= {f"{name}.{key}": size for key, size in drawn.items()}
+        added = tuple(catalogue()[name] for name in self.effects if name != without)
+        return replace(model, effects=(*model.effects, *added)).with_values(sizes)
+
+
+def ensemble_of(model: Model, sigma: Mapping[str, float]) -> RigEnsemble:
+    """Return the ensemble of a model, with those effects of :data:`UNTOLD` that it lacks."""
+    known = {effect.name for effect in model.effects}
+    lacks = [n for n in UNTOLD if n not in known and not (n == "presliding" and known & set(WITHOUT_BRISTLES))]
+    return RigEnsemble(model, sigma, tuple(lacks))
+
+
+@dataclass(frozen=True)
+class RigTest:
+    """One run with steps both ways, a load on and off, and a sine, and the limits of its ``FIGURES``."""
+
+    scenario: Scenario
+    limits: tuple[float, float, float, float]
+    period: float
+
+    def ratios(self, model: Model, controller: Controller, setup: ClosedLoopSetup, seed: int) -> Array:
+        """Return the figures of a run over their limits, shape (4,); motion and chattering are rms."""
+        supplied = self.scenario.supplied_by(model, controller)
+        run = simulate(model, controller, supplied, setup, seed)
+        error = np.abs(np.nan_to_num(self.scenario.reference - run.model[:, at.X], nan=np.inf))
+        ends = [round(i * DWELL / self.period) for i in range(1, 5)]
+        rests = [float(error[end - round(JUDGED / self.period) : end].max()) for end in ends]
+        moving = error[ends[-1] + round(1.0 / self.period) :]
+        fast = chattering(run.log[:, layout.L_U1], self.period)
+        found = np.array([max(rests[:2]), math.sqrt(float(np.mean(moving**2))), max(rests[2:]), fast])
+        return np.asarray(np.minimum(found / np.array(self.limits), WORST_RATIO))
+
+
+def chattering(u: Array, period: float) -> float:
+    """Return the rms in V of a command, shape (n,), beside its mean over ``CHATTERING_PERIOD``.
+
+    >>> time = 1e-3 * np.arange(4000)
+    >>> slow, fast = (chattering(np.sin(2 * np.pi * f * time), 1e-3) for f in (1.0, 200.0))
+    >>> round(slow, 3), round(fast, 2)
+    (0.003, 0.71)
+    """
+    width = max(round(CHATTERING_PERIOD / period) // 2 * 2 + 1, 3)
+    total = np.concatenate([[0.0], np.cumsum(u)])
+    mean = (total[width:] - total[:-width]) / width
+    half = width // 2
+    return float(np.sqrt(np.mean((u[half:-half] - mean) ** 2)))
+
+
+def rig_test(controller: Controller, requirements: Requirements) -> RigTest:
+    """Return the test of each rig: what ``[design]`` asks, or 50 um at rest, 0.5 mm in motion, 100 um under a load."""
+    c, h = controller.values, controller.period
+    time = np.arange(round((4.0 * DWELL + SINE) / h)) * h
+    stretch = np.minimum((time / DWELL + 1e-9).astype(int), 4)
+    way = np.where(stretch == 0, 1.0, -1.0)
+    way = np.where(stretch == 4, -np.cos(2.0 * np.pi * FREQUENCY * (time - 4.0 * DWELL)), way)
+    centre = 0.5 * c["C_STROKE"]
+    rest = requirements.tolerance or REST_LIMIT
+    scenario = Scenario(
+        "ensemble",
+        centre + AMPLITUDE * c["C_STROKE"] * way,
+        np.where(stretch == 2, nominal_load(c), 0.0),
+        np.full(time.size, c["C_SUPPLY"]),
+        equilibrium_at(c, centre),
+    )
+    fast = CHATTERING_LIMIT * c["C_U_MAX"]
+    limits = (rest, requirements.tracking_error or MOTION_LIMIT, max(LOAD_LIMIT, 2.0 * rest), fast)
+    return RigTest(scenario, limits, h)
+
+
+@dataclass(frozen=True)
+class Choice:
+    """A member of the family: spool lag (s) that is planned for, shares of both corners, and its score, least best."""
+
+    lag: float
+    pressure: float
+    position: float
+    score: float = math.inf
+
+
+def chosen_requirements(choice: Choice, model: Model, requirements: Requirements) -> tuple[Model, Requirements]:
+    """Return the model and the requirements from which a member of the family of ``best`` is designed."""
+    if choice.lag > 0.0:
+        added = (*model.effects, catalogue()["valve-lag"])
+        model = replace(model, effects=added).with_values({"valve-lag.time_constant": choice.lag})
+    corner = pressure_corner(model, requirements)
+    pressure = choice.pressure * corner
+    position = choice.position * pressure / CASCADE_RATIO
+    hz = 2.0 * math.pi
+    return model, replace(requirements, pressure_bandwidth=pressure / hz, position_bandwidth=position / hz)
+
+
+def chosen_data(choice: Choice, data: DesignData) -> DesignData:
+    """Return the data from which a member of the family of another law is designed, which plans for no lag."""
+    corners, slower = data.bandwidths, choice.pressure * choice.position
+    scaled = replace(
+        corners,
+        pressure=choice.pressure * corners.pressure,
+        flow_observer=choice.pressure * corners.flow_observer,
+        motion_observer=choice.pressure * corners.motion_observer,
+        position=slower * corners.position,
+    )
+    return replace(data, bandwidths=scaled, surface_slope=slower * data.surface_slope)
+
+
+def ratios_on(rigs: Mapping[int, Model], test: RigTest, controller: Controller, setup: ClosedLoopSetup) -> Array:
+    """Return the figures over their limits on rigs by number, which seeds the noise, shape (rigs, 4); on all cores."""
+
+    def one(k: int) -> Array:
+        return test.ratios(rigs[k], controller, setup, k)
+
+    return np.reshape(map_in_threads(one, list(rigs), thread_count()), (-1, len(FIGURES)))
+
+
+def score_of(ratios: Array) -> float:
+    """Return the mean excess over the limits, in logarithms; among designs that hold them all, the margin decides.
+
+    Args:
+        ratios: Figures over their limits, shape (rigs, 4).
+    """
+    worst = np.log(np.maximum(ratios.max(axis=1), 1e-3))
+    return float(np.mean(np.maximum(worst, 0.0)) + 1e-2 * np.mean(worst))
+
+
+def family_of(ensemble: RigEnsemble) -> list[Choice]:
+    """Return the members of the family, the rules first; a lag that the model knows is planned for anyway."""
+    lags = LAGS if "valve-lag" in ensemble.effects else (0.0,)
+    return [Choice(*one) for one in product(lags, PRESSURE_SHARES, POSITION_SHARES)]
+
+
+def search(
+    ensemble: RigEnsemble,
+    make: Callable[[Choice], Controller],
+    setup: ClosedLoopSetup,
+    test: RigTest,
+    family: Sequence[Choice],
+    progress: Callable[[float], None] = lambda share: None,
+    count: int = SEARCH_RIGS,
+) -> Choice:
+    """Return the member of a family that holds the limits best on the model and ``count`` rigs.
+
+    All of the family runs on the first ``SCREENING_RIGS`` rigs, the better ``KEPT`` on all.
+    """
+    rigs = {0: ensemble.model} | {k: ensemble.draw(SEARCH_SEED, k) for k in range(1, count + 1)}
+    first = dict(list(rigs.items())[:SCREENING_RIGS])
+
+    def scored(choice: Choice, rigs: Mapping[int, Model]) -> Choice:
+        return replace(choice, score=score_of(ratios_on(rigs, test, make(choice), setup)))
+
+    screened = []
+    for i, choice in enumerate(family):
+        progress(i / len(family))
+        screened.append(scored(choice, first))
+    best = sorted(screened, key=lambda choice: choice.score)[: math.ceil(len(family) * KEPT)]
+    return min((scored(choice, rigs) for choice in best), key=lambda choice: choice.score)
+
+
+@dataclass(frozen=True)
+class Proof:
+    """What a controller does on fresh rigs.
+
+    Attributes:
+        ratios: Figures over their limits, shape (rigs, 4).
+        rescued: Rigs that fail and hold without one effect, by effect.
+    """
+
+    ratios: Array
+    rescued: Mapping[str, int]
+
+    @property
+    def held(self) -> int:
+        """How many rigs hold all limits."""
+        return int(np.sum(self.ratios.max(axis=1) <= 1.0))
+
+    @property
+    def probability(self) -> float:
+        """The probability with which a further rig holds all limits, at least, with ``CONFIDENCE``."""
+        return probability_at_least(self.held, len(self.ratios))
+
+    @property
+    def limiting(self) -> str:
+        """The effect without which most of the rigs that fail would hold; "" where none fails or none helps."""
+        best = max(self.rescued, key=lambda name: self.rescued[name], default="")
+        return best if best and self.rescued[best] > 0 else ""
+
+
+def probability_at_least(held: int, rigs: int) -> float:
+    """Return the lower bound of a probability of which ``held`` of ``rigs`` independent draws are a sample.
+
+    References:
+        Clopper and Pearson (1934), one-sided.
+
+    >>> round(probability_at_least(59, 59), 3), round(probability_at_least(95, 100), 3), probability_at_least(0, 9)
+    (0.95, 0.898, 0.0)
+    """
+    from scipy.stats import beta  # noqa: PLC0415 - slow to import
+
+    return float(beta.ppf(1.0 - CONFIDENCE, held, rigs - held + 1)) if held else 0.0
+
+
+def prove(
+    controller: Controller,
+    ensemble: RigEnsemble,
+    test: RigTest,
+    setup: ClosedLoopSetup,
+    rigs: int = PROOF_RIGS,
+    *,
+    explained: bool = True,
+) -> Proof:
+    """Run a controller on rigs that no search saw; where it is ``explained``, those that fail without each effect."""
+    found = ratios_on({k: ensemble.draw(PROOF_SEED, k) for k in range(rigs)}, test, controller, setup)
+    failed = [int(k) for k in np.flatnonzero(found.max(axis=1) > 1.0)]
+    rescued = {}
+    for name in ensemble.effects if explained else ():
+        without = ratios_on({k: ensemble.draw(PROOF_SEED, k, name) for k in failed}, test, controller, setup)
+        rescued[name] = int(np.sum(without.max(axis=1) <= 1.0))
+    return Proof(found, rescued)
