@@ -81,6 +81,7 @@ class LiveModel:
         compared = answers["compare"]
         self.where: Sequence[Mapping[str, Any]] = compared["where"]
         self._noise: dict[str, dict[str, float]] = {}
+        self._fitted: tuple[tuple[str, bool] | None, Mapping[str, Table]] = (None, {})
         for one in compared["channels"]:
             self._noise.setdefault(one["recording"], {})[one["channel"]] = one["noise"]
         self._suggested = _suggested_values(answers.get("diagnose", {}))
@@ -140,6 +141,13 @@ class LiveModel:
         noise = self._noise.get(recording, {})
         return compare(model, experiment, {c: noise.get(c, math.nan) for c in experiment.channels})
 
+    def _fitted_tables(self, recording: str, free_run: bool) -> Mapping[str, Table]:
+        """Return the columns of the identified model; those of the last recording are kept while the hand moves."""
+        if self._fitted[0] != (recording, free_run):
+            tables = comparison_tables(self.comparison(self.model, recording, free_run=free_run))
+            self._fitted = (recording, free_run), tables
+        return self._fitted[1]
+
     def overall_error(self, wanted: Variant, recording: str) -> dict[str, float | None]:
         """Return the error over all recordings by use, x noise, as ``compare`` has it under ``error``."""
         model = self.variant(wanted, recording)
@@ -164,7 +172,7 @@ class LiveModel:
         changed = wanted.values or wanted.effects is not None or wanted.step
         name = "fitted" if earlier is None else "earlier"
         if earlier is None and changed:
-            earlier = comparison_tables(self.comparison(self.model, recording, free_run=wanted.free_run))
+            earlier = self._fitted_tables(recording, wanted.free_run)
         tables = comparison_tables(found)
         panels = recording_panels(
             recording,
