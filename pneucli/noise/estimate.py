@@ -206,8 +206,10 @@ def _interval(floor: NoiseFloor, p: Array, most: float) -> tuple[float, float]:
 
     White noise alone is at most what the upper half of the spectrum shows: ``most`` is its largest power.
     """
-    power, slopes = _power(floor.omega, p)
     present = p[:2] > LOG_ZERO_POWER
+    if not present.any():
+        return 0.0, math.sqrt(most)
+    power, slopes = _power(floor.omega, p)
     free = np.array([*present, present[1], True, True])
     relative = slopes[free] / power
     information = floor.weight / BIN_CORRELATION * relative @ relative.T
