@@ -1,10 +1,10 @@
 """Scenario design: gains that hold the limits on an ensemble of rigs, and the probability that fresh rigs promise.
 
 The rigs of the ensemble are those that the recordings allow: parameters within their intervals, the rig's tolerances,
-and all at once what most rigs have and the model may lack (:data:`UNTOLD`). Gains are searched within a small family on
-one set of rigs; the promise comes from others that the search never saw, so that it needs no convexity: of N of them k
-hold, and the probability has the lower bound of Clopper and Pearson (randomised algorithms, Tempo, Bai and Dabbene
-1997).
+and all at once what most rigs have and the model may lack (``untold`` of the effects). Gains are searched within a
+small family on one set of rigs; the promise comes from others that the search never saw, so that it needs no convexity:
+of N of them k hold, and the probability has the lower bound of Clopper and Pearson (randomised algorithms, Tempo, Bai
+and Dabbene 1997).
 """
 
 from __future__ import annotations
@@ -26,9 +26,11 @@ from pneucli.design.bandwidths import CASCADE_RATIO, pressure_corner
 from pneucli.design.control_laws import DesignData
 from pneucli.design.requirements import Requirements
 from pneucli.executors import map_in_threads, thread_count
+from pneucli.physics.declaration import Effect, consists_of_times
 from pneucli.physics.effects import catalogue
 from pneucli.simulate import layout as at
 from pneucli.simulate.model import Model
+from pneucli.simulate.rig_quantities import rig_quantities
 
 Array = NDArray[np.float64]
 
@@ -48,32 +50,6 @@ JUDGED = 0.4  # s, at the end of a stretch at rest
 LAGS = (0.0, 2.5e-3, 5e-3, 7.5e-3)  # s: spool lag that the controller leads and plans for, where the model has none
 PRESSURE_SHARES = (1.0, 0.7, 0.5, 0.35)  # of the pressure loop's corner by the rules
 POSITION_SHARES = (1.0, 1.4, 2.0)  # of the position loop's corner over the pressure loop's
-BRISTLE_DEFLECTIONS = (20e-6, 50e-6)  # m, of seals before they slide
-BRISTLE_DAMPING = 2e-3  # s: damping over stiffness
-
-
-def _bristles(rng: np.random.Generator, model: Model) -> dict[str, float]:
-    stiffness = max(model.base_values()["friction.coulomb"], 1.0) / rng.uniform(*BRISTLE_DEFLECTIONS)
-    return {"stiffness": stiffness, "damping": BRISTLE_DAMPING * stiffness}
-
-
-def _place_of_friction(rng: np.random.Generator, model: Model) -> dict[str, float]:
-    stroke = model.base_values()["rig.stroke"]
-    begin = rng.uniform(0.0, 0.8) * stroke
-    return {"from": begin, "to": begin + 0.2 * stroke, "gain": rng.uniform(0.0, 0.5)}
-
-
-# what most rigs have and a model may lack: parameters by effect
-UNTOLD: dict[str, Callable[[np.random.Generator, Model], dict[str, float]]] = {
-    "valve-lag": lambda rng, model: {"time_constant": rng.uniform(0.0, 10e-3)},
-    "line-delay": lambda rng, model: {"delay": rng.uniform(0.0, 1e-3)},
-    "presliding": _bristles,
-    "valve-hysteresis": lambda rng, model: {"half_width": rng.uniform(0.0, 0.01) * max(map(abs, model.valve.commands))},
-    "pressure-lag": lambda rng, model: {"time_constant": rng.uniform(0.0, 2e-3)},
-    "pressure-friction": lambda rng, model: {"gain": rng.uniform(0.0, 0.05)},
-    "position-friction": _place_of_friction,
-}
-WITHOUT_BRISTLES = ("friction-hysteresis", "dwell-breakaway")  # friction of two branches or with memory of rest
 
 
 @dataclass(frozen=True)
@@ -83,7 +59,7 @@ class RigEnsemble:
     Attributes:
         model: The identified model.
         sigma: 1 sigma of identified parameters by name.
-        effects: Effects of :data:`UNTOLD` that the model lacks.
+        effects: The effects that most rigs have and the model lacks.
     """
 
     model: Model
@@ -96,8 +72,10 @@ class RigEnsemble:
         supply = self.model.base_values()["rig.supply_pressure"] * (1.0 + SUPPLY_SPREAD * rng.uniform(-1.0, 1.0))
         model = drawn_model(self.model, self.sigma, TOLERANCES, rng).with_values({"rig.supply_pressure": supply})
         sizes: dict[str, float] = {}
+        rig = rig_quantities(model)
         for name in self.effects:
-            drawn = UNTOLD[name](rng, model)
+            untold = catalogue()[name].untold
+            drawn = untold.draw(rng, rig) if untold else {}
             if name != without:
                 sizes |= {f"{name}.{key}": size for key, size in drawn.items()}
         added = tuple(catalogue()[name] for name in self.effects if name != without)
@@ -105,9 +83,9 @@ class RigEnsemble:
 
 
 def ensemble_of(model: Model, sigma: Mapping[str, float]) -> RigEnsemble:
-    """Return the ensemble of a model, with those effects of :data:`UNTOLD` that it lacks."""
+    """Return the ensemble of a model, with those effects of most rigs that it lacks."""
     known = {effect.name for effect in model.effects}
-    lacks = [n for n in UNTOLD if n not in known and not (n == "presliding" and known & set(WITHOUT_BRISTLES))]
+    lacks = [e.name for e in catalogue().values() if e.untold and not known & {e.name, *e.untold.apart}]
     return RigEnsemble(model, sigma, tuple(lacks))
 
 
@@ -138,7 +116,7 @@ def chattering(u: Array, period: float) -> float:
     >>> time = 1e-3 * np.arange(4000)
     >>> slow, fast = (chattering(np.sin(2 * np.pi * f * time), 1e-3) for f in (1.0, 200.0))
     >>> round(slow, 3), round(fast, 2)
-    (0.003, 0.71)
+    (0.001, 0.67)
     """
     width = max(round(CHATTERING_PERIOD / period) // 2 * 2 + 1, 3)
     total = np.concatenate([[0.0], np.cumsum(u)])
@@ -178,11 +156,17 @@ class Choice:
     score: float = math.inf
 
 
+def spool_lag() -> Effect:
+    """Return the effect that delays the opening of the valve on most rigs: a time alone, between command and spool."""
+    return next(e for e in catalogue().values() if e.untold and "command" in e.ports and consists_of_times(e))
+
+
 def chosen_requirements(choice: Choice, model: Model, requirements: Requirements) -> tuple[Model, Requirements]:
     """Return the model and the requirements from which a member of the family of ``best`` is designed."""
     if choice.lag > 0.0:
-        added = (*model.effects, catalogue()["valve-lag"])
-        model = replace(model, effects=added).with_values({"valve-lag.time_constant": choice.lag})
+        spool = spool_lag()
+        name = f"{spool.name}.{spool.parameters[0].name}"
+        model = replace(model, effects=(*model.effects, spool)).with_values({name: choice.lag})
     corner = pressure_corner(model, requirements)
     pressure = choice.pressure * corner
     position = choice.position * pressure / CASCADE_RATIO
@@ -224,7 +208,7 @@ def score_of(ratios: Array) -> float:
 
 def family_of(ensemble: RigEnsemble) -> list[Choice]:
     """Return the members of the family, the rules first; a lag that the model knows is planned for anyway."""
-    lags = LAGS if "valve-lag" in ensemble.effects else (0.0,)
+    lags = LAGS if spool_lag().name in ensemble.effects else (0.0,)
     return [Choice(*one) for one in product(lags, PRESSURE_SHARES, POSITION_SHARES)]
 
 

@@ -16,15 +16,17 @@ from pneucli.compare.goodness_of_fit import GoodnessOfFit
 from pneucli.diagnose.adequacy import LackOfFit, held_out_lack_of_fit, lack_of_fit_by_channel
 from pneucli.diagnose.candidate import Candidate, Decision
 from pneucli.diagnose.cross_validation import leave_one_out_models
-from pneucli.diagnose.evidence import gain_p_value, relative_effect_size, replaced_base_parameters, wald_p_value
+from pneucli.diagnose.evidence import gain_p_value, relative_effect_sizes, replaced_base_parameters, wald_p_value
 from pneucli.diagnose.score import (
     Bounds,
     ErrorsOfModel,
     FittedModel,
     RecordingCost,
     bounds_of,
+    exclusive_channel_cost,
     fitted_costs,
     held_out_costs,
+    log_variances,
 )
 from pneucli.diagnose.set_evidence import VisitedSet
 from pneucli.diagnose.spline_regression import SplineRegression
@@ -132,10 +134,7 @@ class DiagnosisData:
 
     def exclusive_channel_costs(self, fitted: FittedModel, effect: Effect) -> list[RecordingCost]:
         """Return the cost of the effect's exclusive channels, fitted and held out; of no residual where it has none."""
-        return [
-            _exclusive_channel_cost(fitted.model, residual_models, effect)
-            for residual_models in (self.train, self.held_out)
-        ]
+        return [exclusive_channel_cost(fitted.model, models, effect) for models in (self.train, self.held_out)]
 
     @cached_property
     def visited(self) -> dict[frozenset[str], VisitedSet]:
@@ -147,26 +146,9 @@ class DiagnosisData:
         added = tuple(e.name for e in fitted.model.effects if e.name not in self.base_effects)
         known, cost = self.visited.get(frozenset(added)), fitted.cost / max(fitted.residual_count, 1)
         if known is None or cost < known.cost:
-            facts = rig_quantities(fitted.model, [m.experiment for m in self.train])
-            sizes = {
-                e.name: relative_effect_size(fitted.fit, e, facts, self.train)
-                for e in fitted.model.effects
-                if e.name in added
-            }
-            self.visited[frozenset(added)] = VisitedSet(added, self._log_variances(fitted), sizes, cost)
+            sizes = relative_effect_sizes(fitted.fit, added, self.train)
+            self.visited[frozenset(added)] = VisitedSet(added, log_variances(self.residual_models, fitted), sizes, cost)
         return fitted
-
-    def _log_variances(self, fitted: FittedModel) -> dict[str, tuple[float, float]]:
-        """Return by balance and signal the number of readings and n log s^2 of all recordings."""
-        found: dict[str, tuple[float, float]] = {}
-        channels = [(m, channel) for m in self.residual_models for channel in m.channels]
-        for (m, channel), cost in zip(channels, fitted.channels, strict=True):
-            if cost.residual_count:
-                bounds = bounds_of(fitted.model, m) if channel == "force" else Bounds.none()
-                one, key = RecordingCost(*cost, bounds), f"{type(m).__name__} {channel}"
-                count, total = found.get(key, (0.0, 0.0))
-                found[key] = count + cost.residual_count, total + one.log_variance()
-        return found
 
     def _refit(self, refits: Sequence[Refit]) -> list[FittedModel]:
         return [self.visit(fitted) for fitted in self.run_refits(self, refits)]
@@ -278,12 +260,8 @@ class DiagnosisData:
 
     def ranked_signatures(self, fitted: FittedModel) -> list[ScreenedEffect]:
         """Return the effects that a fitted model lacks with their score tests, the largest predicted gain first."""
-        ranked = [
-            (e, tests)
-            for e, tests in self.signatures_of(fitted, self.absent_effects(fitted.model))
-            if tests[0].gain > 0.0
-        ]
-        return sorted(ranked, key=lambda one: -one[1][0].gain)
+        tested = self.signatures_of(fitted, self.absent_effects(fitted.model))
+        return sorted(((e, tests) for e, tests in tested if tests[0].gain > 0.0), key=lambda one: -one[1][0].gain)
 
     def signatures_of(self, fitted: FittedModel, effects: Sequence[Effect]) -> list[ScreenedEffect]:
         """Return the score tests of effects at a fitted model, best first, without effects that have none.
@@ -348,14 +326,6 @@ class DiagnosisData:
         if not self.held_out:
             return p_value
         return min(2.0 * min(p_value, gain_p_value(reduced.test_costs, full.test_costs)), 1.0)
-
-
-def _exclusive_channel_cost(model: Model, residual_models: Sequence[ResidualModel], effect: Effect) -> RecordingCost:
-    """Return the cost of an effect's exclusive channels."""
-    residuals = [m.residual(model)[c] / m.noise[c] for m in residual_models for c in m.exclusive_channels(effect)]
-    return RecordingCost(
-        float(sum(r @ r for r in residuals)), float(sum(np.count_nonzero(r) for r in residuals)), Bounds.none()
-    )
 
 
 def lack_of_fit(data: DiagnosisData, fitted: FittedModel) -> LackOfFitByUse:

@@ -26,6 +26,7 @@ from pneucli.identify.residuals import ResidualModel
 from pneucli.physics.declaration import Effect, Parameter
 from pneucli.physics.scales import RigQuantities
 from pneucli.simulate.model import Model, parameter_value, without_effect
+from pneucli.simulate.rig_quantities import rig_quantities
 
 Array = NDArray[np.float64]
 
@@ -270,6 +271,13 @@ def holm_adjusted(p_values: Sequence[float], hypotheses: int) -> list[float]:
     adjusted = np.empty(len(p_values))
     adjusted[order] = np.maximum.accumulate(np.asarray(p_values)[order] * (hypotheses - np.arange(len(p_values))))
     return [float(p) for p in np.minimum(adjusted, 1.0)]
+
+
+def relative_effect_sizes(fit: Fit, names: Sequence[str], residual_models: Sequence[ResidualModel]) -> dict[str, float]:
+    """Return the sizes of some effects of a fitted model over their typical ones."""
+    rig = rig_quantities(fit.model, [m.experiment for m in residual_models])
+    effects = [e for e in fit.model.effects if e.name in names]
+    return {e.name: relative_effect_size(fit, e, rig, residual_models) for e in effects}
 
 
 def relative_effect_size(

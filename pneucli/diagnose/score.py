@@ -20,6 +20,7 @@ from pneucli.identify.estimation.fit import Fit
 from pneucli.identify.estimation.objective import in_noise_units
 from pneucli.identify.residuals import ResidualModel
 from pneucli.identify.residuals.initial_state import apply_whitening
+from pneucli.physics.declaration import Effect
 from pneucli.simulate.model import Model
 
 Array = NDArray[np.float64]
@@ -290,3 +291,24 @@ def flow_gain_deviation(parts: Array) -> float:
         lowest = int(np.argmin(costs))
         low, high = sizes[max(lowest - 1, 0)], sizes[min(lowest + 1, SEARCH_POINTS - 1)]
     return float(np.exp(sizes[np.argmin(costs)])) if costs.min() < 0.0 else 0.0
+
+
+def log_variances(residual_models: Sequence[ResidualModel], fitted: FittedModel) -> dict[str, tuple[float, float]]:
+    """Return by balance and signal the number of readings and n log s^2 of all recordings."""
+    found: dict[str, tuple[float, float]] = {}
+    channels = [(m, channel) for m in residual_models for channel in m.channels]
+    for (m, channel), cost in zip(channels, fitted.channels, strict=True):
+        if cost.residual_count:
+            bounds = bounds_of(fitted.model, m) if channel == "force" else Bounds.none()
+            count, total = found.get(key := f"{type(m).__name__} {channel}", (0.0, 0.0))
+            more = RecordingCost(*cost, bounds).log_variance()
+            found[key] = count + cost.residual_count, total + more
+    return found
+
+
+def exclusive_channel_cost(model: Model, residual_models: Sequence[ResidualModel], effect: Effect) -> RecordingCost:
+    """Return the cost of an effect's exclusive channels."""
+    residuals = [m.residual(model)[c] / m.noise[c] for m in residual_models for c in m.exclusive_channels(effect)]
+    return RecordingCost(
+        float(sum(r @ r for r in residuals)), float(sum(np.count_nonzero(r) for r in residuals)), Bounds.none()
+    )

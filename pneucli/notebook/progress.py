@@ -97,8 +97,8 @@ class ProgressLine(Progress):
 
 def _log_interval() -> float:
     """Return the time in s between two lines in a log; a value that is no number counts as none."""
-    with suppress(ValueError):
-        return max(float(os.environ.get(LOG_INTERVAL_VARIABLE, LOG_INTERVAL)), 0.1)
+    with suppress(KeyError, ValueError):
+        return max(float(os.environ[LOG_INTERVAL_VARIABLE]), 0.1)
     return LOG_INTERVAL
 
 

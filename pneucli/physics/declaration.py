@@ -13,6 +13,8 @@ from collections.abc import Callable, Iterable
 from dataclasses import dataclass, replace
 from typing import Literal, NamedTuple
 
+import numpy as np
+
 from pneucli.errors import InputError
 from pneucli.experiments import Part
 from pneucli.physics.ports import PORTS, Balance
@@ -120,6 +122,19 @@ class Parameter:
         )
 
 
+@dataclass(frozen=True)
+class Untold:
+    """What most rigs have of an effect, though their models may lack it.
+
+    Attributes:
+        draw: Returns the parameters of one such rig in their units, by a generator of random numbers and the rig.
+        apart: Effects beside which it adds nothing.
+    """
+
+    draw: Callable[[np.random.Generator, RigQuantities], dict[str, float]]
+    apart: tuple[str, ...] = ()
+
+
 @dataclass(frozen=True, eq=False)
 class Effect:
     """One physical effect.
@@ -140,6 +155,7 @@ class Effect:
         nested: Whether the base model is this effect at the null values.
         side: Chamber on which a variant acts (:mod:`pneucli.physics.sides`); None for the declaration itself.
         needs: Signals without which it cannot show, or the variant equals the declaration.
+        untold: What most rigs have of it; None: nothing.
     """
 
     name: str
@@ -157,6 +173,7 @@ class Effect:
     nested: bool = True
     side: Literal[1, 2] | None = None
     needs: frozenset[str] = frozenset()
+    untold: Untold | None = None
 
     @property
     def main_parameters(self) -> tuple[Parameter, ...]:

@@ -21,6 +21,7 @@ MIN_SIGNAL_TO_NOISE = (
     10.0  # times its noise, that slopes stand clear of it: what noise in x takes off a fitted line is then 1 %
 )
 JACKKNIFE_GROUPS = 10  # stretches of a recording, left out one at a time, that tell how sure a line is
+FOLDS = 10  # of the blocks, each predicted from the others
 MAX_DURATION_RATIO = 1.5  # of its usual duration: a longer block has a gap in it
 
 
@@ -163,3 +164,13 @@ def fit_linear(columns: list[Array], target: Array) -> LinearFit | None:
         (JACKKNIFE_GROUPS - 1) / JACKKNIFE_GROUPS * np.sum((np.stack(left) - np.mean(left, axis=0)) ** 2, axis=0)
     )
     return LinearFit(whole / scale, errors / scale)
+
+
+def prediction_errors(columns: list[Array], target: Array) -> Array:
+    """Return the sums of squared errors of ``FOLDS`` parts of ``target``, each predicted from the others."""
+    design, fold = np.column_stack(columns), np.arange(target.size) % FOLDS
+    squares = []
+    for n in range(FOLDS):
+        fitted = np.linalg.lstsq(design[fold != n], target[fold != n], rcond=1e-10)[0]
+        squares.append(np.sum((target[fold == n] - design[fold == n] @ fitted) ** 2))
+    return np.array(squares)

@@ -51,7 +51,9 @@ def test_a_first_model_that_coincides_with_the_present_one_is_left_out() -> None
     )  # fmt: skip
     same = Table({**{name: now[name] for name in ("measured", "time")}, "model": now["model"] + 1e-5})
     other = Table({**{name: now[name] for name in ("measured", "time")}, "model": now["model"] + 0.1})
-    names = [[s.label.partition(",")[0] for s in comparison._panel("x", now, b, 400).series] for b in (same, other)]
+    names = [
+        [s.label.partition(",")[0] for s in comparison.channel_panel("x", now, b, 400).series] for b in (same, other)
+    ]
     assert names == [["measured", "model"], ["measured", "before", "after"]]
 
 

@@ -7,7 +7,6 @@ import html
 import math
 import shutil
 import subprocess
-import sys
 from collections.abc import Iterable, Sequence
 from pathlib import Path
 from tempfile import TemporaryDirectory
@@ -22,7 +21,7 @@ from pneucli.errors import InputError
 from pneucli.export.controller_program import fill_template
 from pneucli.export.fmu.plant import Plant
 from pneucli.export.fmu.plant_source import plant_functions
-from pneucli.export.fmu.variables import Variable, all_values, variables_of
+from pneucli.export.fmu.variables import Variable, c_tables, variables_of
 from pneucli.io.artifacts import atomic_path
 from pneucli.simulate import layout as at
 from pneucli.units import parse_unit
@@ -34,7 +33,6 @@ if TYPE_CHECKING:
 MODEL_IDENTIFIER = "pneucli_plant"
 SOURCE_FILE = "pneucli_plant.c"
 FILE_NAME = "pneucli_plant.fmu"
-MAX = sys.float_info.max
 STEP = 1e-3  # s, the communication step that an importer takes by default, and between events of model exchange
 RING_MARGIN = 8.0  # times the delay of a hose: the parameter may be set higher before the start
 MIN_RING_ROWS = 2048
@@ -250,7 +248,7 @@ def _sources(plant: Plant, where: str, fmi: str) -> dict[str, str]:
     except ValueError as error:
         wanted = "arithmetic, if, for over a range, and functions of math.h"
         raise InputError(where, f"an effect cannot be written in C: {error}", wanted, code="E064") from error
-    tables = _tables(plant)
+    tables = c_tables(plant)
     token = token_of([functions, tables, __version__])
     about = {"PIPELINE": plant.name.replace("*/", "* /"), "VERSION": __version__}
     core = fill_template(
@@ -287,32 +285,6 @@ def _ring_rows(plant: Plant) -> int:
         if p.unit == "s"
     ]
     return max(MIN_RING_ROWS, int(np.ceil(RING_MARGIN * sum(delays) / plant.max_step))) if delays else 1
-
-
-def _tables(plant: Plant) -> str:
-    """Return the numbers of the plant as C."""
-    inputs = [plant.inputs.get(name, 0.0) for name in at.PLANT_INPUTS]
-    same = np.array_equal(plant.areas, plant.areas_2)
-    values = all_values(plant)
-    names = "\n".join(f'    "{v.name}",' for v in values)
-    parts = [
-        _array("VALUES", [float(v.start or 0.0) for v in values]),
-        _array("LOWEST", np.clip([v.low for v in values], -MAX, MAX)),
-        _array("HIGHEST", np.clip([v.high for v in values], -MAX, MAX)),
-        f"static const char *const NAMES[{len(values)}] = {{\n{names}\n}};",
-        _array("INPUTS", inputs),
-        _array("FLAGS", plant.flags),
-        _array("ON", [1.0] * (len(plant.effects) + 1)),
-        _array("AREAS_1", plant.areas),
-        "#define AREAS_2 AREAS_1" if same else _array("AREAS_2", plant.areas_2),
-    ]
-    return "\n".join([*parts, ""])
-
-
-def _array(name: str, values: Iterable[float]) -> str:
-    numbers = [repr(float(value)) for value in values]
-    rows = [f"    {', '.join(numbers[i : i + 5])}," for i in range(0, len(numbers), 5)]
-    return "\n".join([f"static const double {name}[{len(numbers)}] = {{", *rows, "};"])
 
 
 def _copy_headers(folder: Path, names: Iterable[str]) -> None:

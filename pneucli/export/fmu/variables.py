@@ -5,10 +5,12 @@ from __future__ import annotations
 import math
 import sys
 import tomllib
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from importlib.resources import files
 from typing import Literal
+
+import numpy as np
 
 from pneucli.export.fmu.plant import Plant
 from pneucli.physics.declaration import Parameter
@@ -140,3 +142,29 @@ def _range(parameter: Parameter) -> tuple[float, float]:
 
 def _title(parameter: Parameter) -> str:
     return parameter.title or parameter.name.replace("_", " ")
+
+
+def c_tables(plant: Plant) -> str:
+    """Return the numbers of the plant as C."""
+    inputs = [plant.inputs.get(name, 0.0) for name in at.PLANT_INPUTS]
+    same = np.array_equal(plant.areas, plant.areas_2)
+    values = all_values(plant)
+    names = "\n".join(f'    "{v.name}",' for v in values)
+    parts = [
+        _array("VALUES", [float(v.start or 0.0) for v in values]),
+        _array("LOWEST", np.clip([v.low for v in values], -sys.float_info.max, sys.float_info.max)),
+        _array("HIGHEST", np.clip([v.high for v in values], -sys.float_info.max, sys.float_info.max)),
+        f"static const char *const NAMES[{len(values)}] = {{\n{names}\n}};",
+        _array("INPUTS", inputs),
+        _array("FLAGS", plant.flags),
+        _array("ON", [1.0] * (len(plant.effects) + 1)),
+        _array("AREAS_1", plant.areas),
+        "#define AREAS_2 AREAS_1" if same else _array("AREAS_2", plant.areas_2),
+    ]
+    return "\n".join([*parts, ""])
+
+
+def _array(name: str, values: Iterable[float]) -> str:
+    numbers = [repr(float(value)) for value in values]
+    rows = [f"    {', '.join(numbers[i : i + 5])}," for i in range(0, len(numbers), 5)]
+    return "\n".join([f"static const double {name}[{len(numbers)}] = {{", *rows, "};"])

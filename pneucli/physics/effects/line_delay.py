@@ -1,6 +1,6 @@
 """Delay in the hoses between valve and chambers."""
 
-from pneucli.physics.declaration import Effect, Parameter
+from pneucli.physics.declaration import Effect, Parameter, Untold
 
 
 def flow_delay(delay: float, bore: float) -> float:
@@ -80,4 +80,5 @@ EFFECT = Effect(
         "speed of sound in the hose, length / 343 m/s and more; with a bore a section of a transmission line: Richer "
         "and Hurmuzlu, ASME J. DSMC 122 (2000)"
     ),
+    untold=Untold(lambda rng, rig: {"delay": rng.uniform(0.0, 1e-3)}),
 )

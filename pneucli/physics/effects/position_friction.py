@@ -1,6 +1,9 @@
 """A stretch of the stroke with more friction."""
 
-from pneucli.physics.declaration import Effect, Parameter
+import numpy as np
+
+from pneucli.physics.declaration import Effect, Parameter, Untold
+from pneucli.physics.scales import RigQuantities
 
 EDGE_STEP = "0.005 strokes"  # a fit must move an edge by as much, to have readings on both of its sides
 
@@ -27,6 +30,11 @@ def dry_factor(
     1.5
     """
     return 1.0 + gain if start <= x <= end else 1.0
+
+
+def _weak_place(rng: np.random.Generator, rig: RigQuantities) -> dict[str, float]:
+    begin = rng.uniform(0.0, 0.8) * rig.stroke
+    return {"from": begin, "to": begin + 0.2 * rig.stroke, "gain": rng.uniform(0.0, 0.5)}
 
 
 EFFECT = Effect(
@@ -66,4 +74,5 @@ EFFECT = Effect(
     separate="One slow pass over the whole stroke in each direction at constant pressure.",
     source="wear or a tight stretch of the bore",
     needs=frozenset({"x"}),
+    untold=Untold(_weak_place),
 )

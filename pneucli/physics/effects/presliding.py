@@ -2,7 +2,10 @@
 
 import math
 
-from pneucli.physics.declaration import Effect, Parameter
+import numpy as np
+
+from pneucli.physics.declaration import Effect, Parameter, Untold
+from pneucli.physics.scales import RigQuantities
 
 
 def bristle_stiffness(stiffness: float, damping: float) -> float:
@@ -35,6 +38,15 @@ def bristle_damping(stiffness: float, damping: float) -> float:
     300.0
     """
     return damping
+
+
+DEFLECTIONS = (20e-6, 50e-6)  # m, of seals before they slide
+DAMPING = 2e-3  # s: damping over stiffness
+
+
+def _seal(rng: np.random.Generator, rig: RigQuantities) -> dict[str, float]:
+    stiffness = max(rig.coulomb, 1.0) / rng.uniform(*DEFLECTIONS)
+    return {"stiffness": stiffness, "damping": DAMPING * stiffness}
 
 
 EFFECT = Effect(
@@ -71,4 +83,5 @@ EFFECT = Effect(
     twins=("stribeck", "spring-force"),
     separate="Small slow force cycles below breakaway.",
     source="Canudas de Wit et al., IEEE TAC 40 (1995), LuGre",
+    untold=Untold(_seal, apart=("friction-hysteresis", "dwell-breakaway")),
 )

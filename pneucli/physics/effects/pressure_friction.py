@@ -1,6 +1,6 @@
 """Seals that press harder under pressure."""
 
-from pneucli.physics.declaration import Effect, Parameter
+from pneucli.physics.declaration import Effect, Parameter, Untold
 
 
 def dry_factor(direction: float, x: float, p1: float, p2: float, p_amb: float, gain: float) -> float:
@@ -46,4 +46,5 @@ EFFECT = Effect(
     twins=("position-friction", "pressure-scale"),
     separate="One speed at three pressure levels.",
     source="Belforte et al., seal friction; van Varseveld and Bone, IEEE/ASME Trans. Mechatronics 2 (1997)",
+    untold=Untold(lambda rng, rig: {"gain": rng.uniform(0.0, 0.05)}),
 )

@@ -1,6 +1,6 @@
 """First-order lag of the pressure sensors."""
 
-from pneucli.physics.declaration import Effect, Parameter
+from pneucli.physics.declaration import Effect, Parameter, Untold
 
 
 def sensor_lag(time_constant: float) -> float:
@@ -41,4 +41,5 @@ EFFECT = Effect(
     twins=("valve-lag", "line-delay", "time-skew"),
     separate="Burst a foil or open a ball valve on the sensor: the reading's own step response.",
     source="sensor hose and electronics, first order",
+    untold=Untold(lambda rng, rig: {"time_constant": rng.uniform(0.0, 2e-3)}),
 )

@@ -1,6 +1,6 @@
 """Play between command and opening."""
 
-from pneucli.physics.declaration import Effect, Parameter
+from pneucli.physics.declaration import Effect, Parameter, Untold
 
 
 def command(u: float, s: float, h: float, half_width: float) -> tuple[float, float]:
@@ -51,4 +51,5 @@ EFFECT = Effect(
     twins=("valve-deadband", "valve-lag"),
     separate="A staircase up and down through the same commands, each held.",
     source="backlash (play) operator, Krasnosel'skii and Pokrovskii",
+    untold=Untold(lambda rng, rig: {"half_width": rng.uniform(0.0, 0.01) * rig.max_command}),
 )

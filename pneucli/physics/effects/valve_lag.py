@@ -2,7 +2,7 @@
 
 import math
 
-from pneucli.physics.declaration import Effect, Parameter
+from pneucli.physics.declaration import Effect, Parameter, Untold
 
 
 def command(u: float, s: float, h: float, time_constant: float) -> tuple[float, float]:
@@ -53,4 +53,5 @@ EFFECT = Effect(
     separate=("Step the command and record at 10 kHz; large and small steps (a lag scales, a delay does not)."),
     source="first-order spool dynamics of proportional valves",
     order=1,
+    untold=Untold(lambda rng, rig: {"time_constant": rng.uniform(0.0, 10e-3)}),
 )

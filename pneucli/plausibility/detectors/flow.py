@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from pneucli.messages.formatting import format_plain, format_quantity, format_signal
 from pneucli.physics.gas import critical_ratio_of
 from pneucli.physics.vectorised import flow_functions
-from pneucli.plausibility.blocks import Blocks, fit_linear, resolved_blocks
+from pneucli.plausibility.blocks import FOLDS, Blocks, fit_linear, prediction_errors, resolved_blocks
 from pneucli.plausibility.detectors.base import Detector
 from pneucli.plausibility.detectors.resting_pressure import pressure_loop, resting_pressure
 from pneucli.plausibility.rig_check import (
@@ -38,7 +38,6 @@ MIN_NET_FLOW_SHARE = 0.3
 MIN_UNEXPLAINED = 0.2  # of the variance of dp/dt, that the pressure leaves to a command
 MIN_GAIN = 0.05  # of that, which a command explains that has to do with the flow
 MAX_LEVELS, MIN_BLOCKS_PER_LEVEL = 5, 4  # of a command, each with a flow of its own over the pressure
-FOLDS = 10  # of the blocks, each predicted from the others
 MIN_WRONG_SHARE = 0.9  # of the flow, that goes against a command with its sign wrong: a late one is wrong at times
 ROUNDING = 1e-9  # of a command: means of equal numbers differ by less
 COMMAND_BINS, MIN_BLOCKS_PER_BIN = 20, 5  # of the commands, and blocks in each
@@ -219,7 +218,7 @@ def _unrelated_command(flow: ChamberFlow, bench: RigCheck) -> Iterator[Finding]:
         return  # one command, whose means differ in their last digits
     plain = [np.ones_like(p), p - p.mean()]
     steps = [(level == n).astype(float) for n in range(1, counts.size)]
-    without, with_u = _prediction_errors(plain, target), _prediction_errors([*plain, *steps], target)
+    without, with_u = prediction_errors(plain, target), prediction_errors([*plain, *steps], target)
     if without.sum() < MIN_UNEXPLAINED * float(np.sum((target - target.mean()) ** 2)):
         return  # the pressure alone says how fast it changes, as through one opening
     gains = (without - with_u) / float(np.mean(without))
@@ -228,16 +227,6 @@ def _unrelated_command(flow: ChamberFlow, bench: RigCheck) -> Iterator[Finding]:
     by = excess(MIN_GAIN - float(np.mean(gains)), float(np.std(gains, ddof=1)) / np.sqrt(FOLDS))
     mend = "another column? check the columns in [signals] u and p1"
     yield from Finding("silent", "u", one.name, found, mend, by, float(np.mean(can_flow))).judged()
-
-
-def _prediction_errors(columns: list[Array], target: Array) -> Array:
-    """Return the sums of squared errors of ``FOLDS`` parts of ``target``, each predicted from the others."""
-    design, fold = np.column_stack(columns), np.arange(target.size) % FOLDS
-    squares = []
-    for n in range(FOLDS):
-        fitted = np.linalg.lstsq(design[fold != n], target[fold != n], rcond=1e-10)[0]
-        squares.append(np.sum((target[fold == n] - design[fold == n] @ fitted) ** 2))
-    return np.array(squares)
 
 
 def _undersampled(one: Recording) -> Iterator[Finding]:
