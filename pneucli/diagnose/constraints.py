@@ -135,23 +135,39 @@ def _relative_difference_error(fitted: Fit, name: str, other: str) -> float:
 
 
 def raises_held_out_error(data: DiagnosisData, reduced: FittedModel, full: FittedModel) -> bool:
-    """Whether the free-run error on held-out recordings is larger with an effect (``full``) than without it.
+    """Return whether the free-run error on held-out recordings is larger with an effect (``full``) than without it.
 
-    Its square may not rise by more than that of a correct model varies, in mm and bar and as ``compare`` prints it,
-    each model in units of its own expected error: one held-out recording more or less decides on less. It is that of
-    the fitted recordings where none is held out.
+    It may not rise by more than chance, in mm and bar and as ``compare`` prints it, each model in units of its own
+    expected error: one held-out recording more or less decides on less. It is that of the fitted recordings where none
+    is held out.
+    """
+    before, after, limit = _errors_of_step(data, reduced, full)
+    return after > max(limit, MIN_ERROR_RISE) * before
+
+
+def raises_error_beyond_noise(data: DiagnosisData, reduced: FittedModel, full: FittedModel) -> bool:
+    """Return whether that error rises by more than noise moves it: its square by more than a correct model's varies.
+
+    While other effects are missing or too many, an error far above the noise may rise within chance; beside the effects
+    that are named in the end none may.
+    """
+    before, after, limit = _errors_of_step(data, reduced, full)
+    return after**2 > before**2 + max(limit**2 - 1.0, (MIN_ERROR_RISE**2 - 1.0) * before**2)
+
+
+def _errors_of_step(data: DiagnosisData, reduced: FittedModel, full: FittedModel) -> tuple[float, float, float]:
+    """Return the held-out error without an effect, the larger one with it, in the units of either model, and the limit
+    of a correct model; no rise where one is unknown.
     """
     errors = data.free_run_errors
     if errors is None:
-        return False
+        return 1.0, 1.0, 1.0
     before, after = reduced.model, full.model
     given = held_out_error(errors(before))
     in_same_units, printed = held_out_error(errors(after, before)), held_out_error(errors(after))
     if given is None or in_same_units is None or printed is None:
-        return False
-    limit = held_out_error(errors.limits(after)) or 1.0
-    chance = max(limit**2 - 1.0, (MIN_ERROR_RISE**2 - 1.0) * given**2)
-    return max(in_same_units, printed) ** 2 > given**2 + chance
+        return 1.0, 1.0, 1.0
+    return given, max(in_same_units, printed), held_out_error(errors.limits(after)) or 1.0
 
 
 def error_ratio(data: DiagnosisData, reduced: FittedModel, full: FittedModel) -> float:

@@ -9,7 +9,13 @@ from itertools import pairwise
 
 from pneucli.diagnose.adequacy import LackOfFit
 from pneucli.diagnose.candidate import Candidate, Decision, Reason, supported_candidates
-from pneucli.diagnose.constraints import IMPOSSIBLE, MIN_ERROR_RISE, error_ratio, raises_held_out_error
+from pneucli.diagnose.constraints import (
+    IMPOSSIBLE,
+    MIN_ERROR_RISE,
+    error_ratio,
+    raises_error_beyond_noise,
+    raises_held_out_error,
+)
 from pneucli.diagnose.data import CONVERGED_COST_RATIO, DiagnosisData, Refit, lack_of_fit
 from pneucli.diagnose.decision import Judgement, is_complete, judge, log_odds_among_equivalents
 from pneucli.diagnose.equivalence import Term, best_candidate, not_inferior
@@ -215,6 +221,8 @@ def _without_improbable(
             judge(data, Term(data.candidate(one, last, effect), ()), constrained=True)
             for one, effect in zip(reduced, added, strict=True)
         ]
+        if all(j.decision.supported for j in judged):
+            judged = [_without_rise(data, j, before, last) for j, before in zip(judged, reduced, strict=True)]
         refusable = [i for i, j in enumerate(judged) if not j.decision.supported]
         if not refusable:
             return last, {j.decision.effect.name: j for j in judged}, refused
@@ -225,6 +233,15 @@ def _without_improbable(
         else:
             last = reduced[worst]
     return last, {}, refused
+
+
+def _without_rise(data: DiagnosisData, judged: Judgement, reduced: FittedModel, full: FittedModel) -> Judgement:
+    """Refuse an effect that raises the error by more than noise moves it, unless channels of its own measure it."""
+    decision = judged.decision
+    assert decision.candidate is not None
+    if not raises_error_beyond_noise(data, reduced, full) or Term(decision.candidate, ()).is_measured_exclusively(data):
+        return judged
+    return replace(judged, decision=replace(decision, reason="raises-error"))
 
 
 def _raises_error(judgement: Judgement) -> bool:

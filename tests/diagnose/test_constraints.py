@@ -13,6 +13,7 @@ from pneucli.diagnose import constraints
 from pneucli.diagnose import data as data_module
 from pneucli.diagnose.constraints import (
     interval_contains_null,
+    raises_error_beyond_noise,
     raises_held_out_error,
     varies_with_horizon,
     violated_constraint,
@@ -92,12 +93,15 @@ def test_the_held_out_error_may_not_rise_whatever_the_fitted_one_does(after: tup
 
 
 @pytest.mark.parametrize(
-    ("before", "limit", "rises"), [(1.0, 1.2, False), (1.0, 1.05, True), (1.0, None, True), (9.0, 1.2, True)]
+    ("before", "limit", "rises", "beyond_noise"),
+    [(1.0, 1.2, False, False), (1.0, 1.05, True, True), (1.0, None, True, True), (9.0, 1.2, False, True)],
 )
-def test_the_printed_error_may_rise_by_chance_alone(before: float, limit: float | None, rises: bool) -> None:
+def test_the_printed_error_may_rise_by_chance_alone(
+    before: float, limit: float | None, rises: bool, beyond_noise: bool
+) -> None:
     """With a damper a correct model errs by less, so that a smaller error in mm is more of its own units.
 
-    Chance moves the noise in an error, not the nine tenths of it that the model misses.
+    Noise moves the noise in an error, not the eight ninths of it that the model misses.
     """
     tried = candidate("end-cushion")
     without, damped = tried.reduced.model, tried.full.model
@@ -109,6 +113,7 @@ def test_the_printed_error_may_rise_by_chance_alone(before: float, limit: float 
 
     data = replace(diagnosis_data(), free_run_errors=StatedErrors(errors, limit))
     assert raises_held_out_error(data, tried.reduced, tried.full) == rises
+    assert raises_error_beyond_noise(data, tried.reduced, tried.full) == beyond_noise
 
 
 @pytest.mark.parametrize("unseen", [True, False])
