@@ -180,11 +180,12 @@ def test_random_clicks_leave_no_error_and_a_valid_file(page: Any, folder: Path) 
     choose = random.Random(7)
     click = (
         "const some = [...document.querySelectorAll(arguments[0])].filter((e) => e.offsetParent && !e.disabled); "
-        "some[Math.floor(arguments[1] * some.length)].click()"
+        "some[Math.floor(arguments[1] * some.length)]?.click()"
     )
     slide = (
         "const all = [...document.querySelectorAll('input[type=range]')]; const one = all[Math.floor(arguments[0] * "
-        "all.length)]; one.value = 1000 * arguments[0]; one.dispatchEvent(new Event('input', {bubbles: true}))"
+        "all.length)]; if (!one) return; "  # while a model is read there is none
+        "one.value = 1000 * arguments[0]; one.dispatchEvent(new Event('input', {bubbles: true}))"
     )
     for _ in range(CLICKS):
         page.execute_script(click, WANTED, choose.random())
