@@ -114,7 +114,7 @@ def held_out_costs(
     """Return the costs of held-out data, each residual model with its own model.
 
     ``initial_state_errors`` are the sensitivities to the initial states. The flow through the valve may have another
-    gain in each held-out recording, too (:mod:`pneucli.diagnose.score`).
+    gain in each held-out recording, too (:func:`with_flow_gain_errors`).
     """
     plain = [residual_model.residual(model, {}) for residual_model, model in zip(residual_models, models, strict=True)]
     errors = with_flow_gain_errors(models, residual_models, plain, initial_state_errors)

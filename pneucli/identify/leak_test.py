@@ -17,6 +17,7 @@ from scipy.ndimage import median_filter
 from scipy.optimize import OptimizeResult, least_squares
 
 from pneucli.identify.leaking_vessel import leak_share, vessel_pressure
+from pneucli.noise import NORMAL_MAD
 from pneucli.noise.estimate import quantisation_step
 
 Array = NDArray[np.float64]
@@ -132,12 +133,12 @@ def _held(level: Array) -> int:
 def _scatter(level: Array, ambient: float) -> float:
     """Return the standard deviation of the changes of blocks' means about their slow course."""
     change = np.diff(np.abs(level - ambient))
-    return float(1.4826 * np.median(np.abs(change - median_filter(change, 3 * SMOOTH, mode="nearest"))))
+    return float(NORMAL_MAD * np.median(np.abs(change - median_filter(change, 3 * SMOOTH, mode="nearest"))))
 
 
 def _block_noise(level: Array) -> float:
     """Return the standard deviation of blocks' means from their second differences, which no slow course moves."""
-    return float(1.4826 * np.median(np.abs(np.diff(level, 2))) / math.sqrt(6.0)) if level.size > 2 else 0.0
+    return float(NORMAL_MAD * np.median(np.abs(np.diff(level, 2))) / math.sqrt(6.0)) if level.size > 2 else 0.0
 
 
 def fit_leak(

@@ -53,6 +53,7 @@ def vessel_pressure(time, start, warmed, drift, ambient, laminar, loss, settling
     warmer until the last time.
     """
     n = time.size
+    law = ambient, laminar, loss, settling, by_density, by_difference, kappa
     pressure = np.empty(n)
     heat = 1.0 + warmed
     mass = start / heat
@@ -64,31 +65,9 @@ def vessel_pressure(time, start, warmed, drift, ambient, laminar, loss, settling
         steps = min(max(math.ceil(span * fastest / SHORTEST / 2.0), 1), MAX_STEPS)
         h = span / steps
         for _ in range(steps):
-            m1, t1 = gas_rates(mass, heat, wall, ambient, laminar, loss, settling, by_density, by_difference, kappa)
-            m2, t2 = gas_rates(
-                max(mass + 0.5 * h * m1, 1e-6),
-                heat + 0.5 * h * t1,
-                wall,
-                ambient,
-                laminar,
-                loss,
-                settling,
-                by_density,
-                by_difference,
-                kappa,
-            )
-            m3, t3 = gas_rates(
-                max(mass + 0.75 * h * m2, 1e-6),
-                heat + 0.75 * h * t2,
-                wall,
-                ambient,
-                laminar,
-                loss,
-                settling,
-                by_density,
-                by_difference,
-                kappa,
-            )
+            m1, t1 = gas_rates(mass, heat, wall, *law)
+            m2, t2 = gas_rates(max(mass + 0.5 * h * m1, 1e-6), heat + 0.5 * h * t1, wall, *law)
+            m3, t3 = gas_rates(max(mass + 0.75 * h * m2, 1e-6), heat + 0.75 * h * t2, wall, *law)
             mass = max(mass + h * (2.0 * m1 + 3.0 * m2 + 4.0 * m3) / 9.0, 1e-6)
             heat = min(max(heat + h * (2.0 * t1 + 3.0 * t2 + 4.0 * t3) / 9.0, 0.3), 3.0)
         pressure[k] = mass * heat
