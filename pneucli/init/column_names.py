@@ -77,10 +77,13 @@ _KINDS = {
 _ANGLE = re.compile("m?rad|deg|°")
 _PLAIN = str.maketrans({"ß": "ss", "ø": "o", "Ø": "O", "æ": "ae", "ł": "l", "Ł": "L", "ı": "i", "đ": "d"})
 _WORD = re.compile(r"[A-Z]?[a-z]+|[A-Z]+(?![a-z])|\d+|[^\W\d_A-Za-z]+")
+_INPUTS = ("ch", "channel", "kanal", "ai", "ain")  # of a recorder, whose number or letter is that of no chamber
 _NODE = re.compile(r"^(?:ns=\d+;)?[sgib]=")  # what OPC UA writes before a name
 _VALUE = re.compile(r"(?i)[\s_]+value[xy]?$")  # what recorders write behind a name, beside its stamps
 _DOTTED = re.compile(r"[A-Za-z_]\w*(?:\.[A-Za-z_]\w*)+")
-_MARKED = re.compile(r"^(.*?)\s*[\[(<{]\s*([^\])>}]*)\s*[\])>}]\s*$|^(.+?)\s+in\s+(\S+)$|^(.+?),\s*(\S+)$")
+_MARKED = re.compile(
+    r"^(.*?)\s*[\[(<{]\s*([^\])>}]*)\s*[\])>}]\s*$|^(.+?)\s+in\s+(\S+)$|^()in\s+(\S+)$|^(.+?),\s*(\S+)$"
+)
 _SUFFIX = re.compile(r"^(.+)_([^_\s]+)$")
 _NO_NAMES = ("data", "value", "values", "signal")  # last parts of paths that say nothing
 _WORDS_TOO = ("in", "at", "min")  # units that are words of names more often: p_in is no pressure in inches
@@ -177,7 +180,8 @@ def read_name(column: Column, is_text: bool) -> ColumnName:
 def _words(stem: str) -> tuple[str, ...]:
     plain = unicodedata.normalize("NFKD", stem.translate(_PLAIN))
     plain = "".join(letter for letter in plain if not unicodedata.combining(letter))
-    return tuple(part.lower() for part in _WORD.findall(plain))
+    words = tuple(part.lower() for part in _WORD.findall(plain))
+    return words[:1] if words[:1] and words[0] in _INPUTS and all(len(word) < 3 for word in words[1:]) else words
 
 
 def _stem_and_unit(column: str, is_text: bool) -> tuple[str, str, bool]:

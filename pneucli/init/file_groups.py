@@ -197,9 +197,14 @@ def pressure_references(found: Sequence[FileGroup]) -> dict[str, tuple[str, str]
             answer = pressure_reference(columns, one.unit, one.reference)
             if answer[1].startswith("CHECK") and signal == "p1" and "force" in kind.signals:
                 answer = pressure_reference_from_force(columns, kind.raw_numbers("force"), one.unit) or answer
-            if one.unit not in references or references[one.unit][1].startswith("CHECK"):
+            if one.unit not in references or _certainty(answer) > _certainty(references[one.unit]):
                 references[one.unit] = answer
     return references
+
+
+def _certainty(answer: tuple[str, str]) -> int:
+    """Return how sure gauge or absolute is: by custom alone (0), by what the numbers suggest (1), or certain (2)."""
+    return 2 if not answer[1].startswith("CHECK") else 1 if "which is ambient pressure" in answer[1] else 0
 
 
 def join_single_signal_files(surveys: Sequence[Survey]) -> FileGroup | None:

@@ -17,8 +17,6 @@ Array = NDArray[np.float64]
 AMBIENT_RANGE = (0.94e5, 1.06e5)  # Pa, of laboratories up to some 600 m
 MIN_ABSOLUTE_PRESSURE = 0.5e5  # Pa, absolute, that no chamber of a rig has
 MIN_PRESSURE_CHANGE = 0.3e5  # Pa, by which a pressure moves that has come from ambient
-MIN_REST_SAMPLES = 8  # samples of a rest
-FLOOR_SHARE, FLOOR_WIDTH = 0.02, 0.02  # of the samples that are lowest; of the range, within which they are one level
 REST_SHARE = 0.02  # share of the samples that a rest has at least
 LOWEST_GAUGE = -1.013e5  # Pa: below it no gas is left
 
@@ -82,9 +80,9 @@ def pressure_reference(columns: Sequence[Array], unit: str, stated: str) -> tupl
             "absolute",
             f"absolute: it rests at {format_signal(rest, 'p1', 4)}, which is ambient pressure, and moves from there",
         )
-    if floor := next(filter(None, map(ambient_floor, pascals)), None):
-        level = format_signal(floor, "p1", 4)
-        return "absolute", f"CHECK absolute: where it is lowest it is {level}, which is ambient pressure"
+    moves = any(float(np.ptp(values)) >= MIN_PRESSURE_CHANGE for values in pascals if values.size)
+    if moves and AMBIENT_RANGE[0] <= least <= AMBIENT_RANGE[1]:  # by chance a gauge pressure seldom ends there
+        return "absolute", f"CHECK absolute: where it is lowest it is {lowest}, which is ambient pressure"
     guess = "absolute" if parsed.factor == 1.0 else "gauge"
     usual = "pascals are mostly absolute" if guess == "absolute" else "sensors are mostly gauge"
     return guess, f"CHECK {guess}: it never reads ambient pressure (least {lowest}); {usual}"
@@ -122,24 +120,6 @@ def ambient_rest_pressure(pascals: Array) -> float | None:
     few = max(1, int(REST_SHARE * pascals.size))
     ends = [float(np.median(part)) for part in (pascals[:few], pascals[-few:])]
     return next((end for end in ends if AMBIENT_RANGE[0] <= end <= AMBIENT_RANGE[1]), None)
-
-
-def ambient_floor(pascals: Array) -> float | None:
-    """Return the pressure at which a chamber begins or each time rests where it is lowest, if that is ambient."""
-    known = pascals[np.isfinite(pascals)]
-    if known.size < MIN_REST_SAMPLES or float(np.ptp(known)) < MIN_PRESSURE_CHANGE:
-        return None
-    floor = float(np.quantile(known, FLOOR_SHARE))
-    if known[0] <= floor and AMBIENT_RANGE[0] <= known.min() <= known[0] <= AMBIENT_RANGE[1]:
-        return float(known[0])
-    if not AMBIENT_RANGE[0] <= floor <= AMBIENT_RANGE[1]:
-        return None
-    near = np.abs(known - floor) <= FLOOR_WIDTH * float(np.ptp(known))
-    edges = np.flatnonzero(np.diff(np.concatenate([[0], near.astype(np.int8), [0]])))
-    rests = [known[a:b] for a, b in edges.reshape(-1, 2).tolist() if b - a >= MIN_REST_SAMPLES]
-    levels = [float(np.median(rest)) for rest in rests]
-    is_floor = len(levels) > 1 and max(levels) - min(levels) < 0.5 * FLOOR_WIDTH * float(np.ptp(known))
-    return float(np.median(levels)) if is_floor else None
 
 
 LIMITS = {  # in SI, gauge: what no pneumatic rig has, and why

@@ -52,6 +52,7 @@ class DelimitedReader:
         self._stamps = {number: CalendarClock() for number in self._look.stamps}
         self.header_lines = 0
         self._bad: list[str] = []
+        self._events: Counter[str] = Counter()
 
     @property
     def labels(self) -> frozenset[int]:
@@ -80,7 +81,7 @@ class DelimitedReader:
 
     def batches(self, asks: Sequence[ColumnRequest]) -> Iterator[list[ColumnValues]]:
         """Yield the asked columns; raises InputError with line and column where a row does not fit."""
-        self._bad, self._words = [], {}
+        self._bad, self._words, self._events = [], {}, Counter()
         try:
             with NormalizedTextStream(self._raw.path, self._look) as stream:
                 while block := stream.read(BLOCK_BYTES):
@@ -98,6 +99,9 @@ class DelimitedReader:
             if words:
                 message = words_message(self.names[place], words)
                 self.repairs.append(Repair("", "words", sum(words.values()), message))
+        if self._events:
+            message = f"lines that hold an event and no reading were passed over: {words_message('', self._events)}"
+            self.repairs.append(Repair("", "event", sum(self._events.values()), message))
         self.header_lines = stream.header_lines
         if stream.header_lines:
             message = f"the header stands again {stream.header_lines} times among the rows and was passed over"
@@ -143,7 +147,16 @@ class DelimitedReader:
         marked = bool(ask.thousands or self._raw.thousands)
         return ask.text or own or marked or ask.position in self._stamps or ask.position in self._look.cells
 
+    def _event(self, line: str) -> str:
+        """Return the word at the end of a line that is shorter than the others, as of a trigger; else nothing."""
+        fields = self._fields(line)
+        is_event = 1 < len(fields) < len(self.names) and not any(map(str.isdigit, fields[-1]))
+        return fields[-1] if is_event and fields[-1] not in NULL_TEXTS else ""
+
     def _on_bad_row(self, row: Any) -> Literal["skip", "error"]:
+        if event := self._event(row.text):
+            self._events[event] += 1
+            return "skip"
         self._bad.append(row.text)
         return "skip" if len(self._bad) == 1 else "error"
 
@@ -197,7 +210,9 @@ class DelimitedReader:
         with self._raw.path.open(encoding=self._look.encoding, errors="replace", newline=self._look.line_end) as file:
             for number, line in enumerate(islice(file, last), 1):
                 plain = line.strip()
-                if number > self._look.skip and plain and plain[0] != "#" and plain not in self._look.repeated:
+                if number <= self._look.skip or not plain or plain[0] == "#" or plain in self._look.repeated:
+                    continue
+                if not self._event(plain):
                     yield number, line.rstrip("\r\n")
 
     def _tail(self) -> list[str]:

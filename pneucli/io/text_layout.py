@@ -66,7 +66,7 @@ class TextLayout:
         if self.delimiter == " ":
             return line.split()
         try:
-            fields = next(csv.reader([line], delimiter=self.delimiter), [])
+            fields = next(csv.reader([line], delimiter=self.delimiter, skipinitialspace=True), [])
         except csv.Error:  # quotes left open, fields without end
             fields = line.split(self.delimiter)
         return [field.strip() for field in fields]

@@ -146,22 +146,39 @@ class _DelimitedTable:
         if self._delimiter == " " and not wide and above:
             return self._names_in_columns(self._lines[above[-1]]), (), None
         keyed = [n for n in wide if _TITLES.fullmatch(self._rows[n][0]) or _UNITS.fullmatch(self._rows[n][0])]
-        wide = [n for n in wide if n not in keyed] or wide  # lines of a table of channels, by their first word
+        others = [n for n in wide if n not in keyed]  # the keyed ones are lines of a table of channels
+        titles = self._keyed(keyed, _TITLES)
+        if titles and (not others or self._has_value(others[-1])):
+            return titles, self._keyed(keyed, _UNITS), None
+        wide = others or wide
         if not wide or self._has_value(wide[-1]):
             return (), (), None
-        for names, units in reversed([*pairwise(wide[-MAX_HEADER_LINES:])]):
-            if _are_units(self._rows[units]) and not all(map(is_value, self._rows[names])):
+        for before, units in reversed([*pairwise(wide[-MAX_HEADER_LINES:])]):
+            if _are_units(self._rows[units]) and not all(map(is_value, self._rows[before])):
+                texts = [n for n in wide if n <= before and not self._has_value(n)]
+                names = max(texts, key=lambda n: (self._distinct(n), n), default=before)
                 return self._rows[names][: self.width], self._rows[units][: self.width], names
         last = next((n for n in reversed(wide) if self._has_value(n)), -1)
         most = max((n for n in wide[-MAX_HEADER_LINES:] if n > last), key=lambda n: (self._distinct(n), n))
         return self._rows[most][: self.width], (), most
 
+    def _keyed(self, lines: list[int], key: re.Pattern[str]) -> tuple[str, ...]:
+        """Return what the last line behind a key says of the columns; the key has no column, or an empty one."""
+        found = [self._rows[n] for n in lines if key.fullmatch(self._rows[n][0])]
+        if not found or (not self._stands_apart(found[-1]) and self._there[0]):
+            return ()
+        return found[-1][1:] if self._stands_apart(found[-1]) else ("", *found[-1][1 : self.width])
+
+    def _stands_apart(self, line: tuple[str, ...]) -> bool:
+        """Return whether the key of a line takes a field more than the rows have."""
+        return len(line) > self.width and line[-1] != ""
+
     def _has_value(self, line: int) -> bool:
         return any(is_value(field) for field in self._rows[line] if field not in NULL_TEXTS)
 
     def _distinct(self, line: int) -> int:
-        """Return how many different texts stand in a line: a line that says "Value" of each column names none."""
-        return len({field for field in self._rows[line] if field})
+        """Return how many columns different texts name: a line that says "Value" of each column names none."""
+        return min(len({field for field in self._rows[line] if field}), self.width)
 
     def _channel_table(self, above: list[int], names: tuple[str, ...]) -> tuple[tuple[str, ...], tuple[str, ...]]:
         """Return what lines above the table call its columns, and their units: a line a channel, or a line of names."""
@@ -176,7 +193,7 @@ class _DelimitedTable:
                 units.setdefault(row[0], next((text for text in reversed(row[1:]) if is_unit(text)), ""))
         for row in (row for row in lines if len(row) in (self.width, self.width + 1)):
             found = titles if _TITLES.fullmatch(row[0]) else units if _UNITS.fullmatch(row[0]) else {}
-            for name, text in zip(names[1:], row[1:], strict=False):
+            for name, text in zip(names if self._stands_apart(row) else names[1:], row[1:], strict=False):
                 found.setdefault(name, text)
         tell = any(titles.values()), any(units.values())
         return tuple(titles.get(name, "") for name in names) * tell[0], tuple(units.get(n, "") for n in names) * tell[1]
@@ -202,9 +219,10 @@ class _DelimitedTable:
 
 
 _TITLES = re.compile(
-    r"(?i)(?:channel |signal )?names?|signals?|labels?|titles?|descriptions?|tags?|bezeichnung|kanalname"
+    r"(?i)(?:channel |signal |trace)?names?|signals?|labels?|titles?|comments?|descriptions?|tags?|bezeichnung|"
+    r"kanalname"
 )
-_UNITS = re.compile(r"(?i)units?|einheit(?:en)?|eu|eng\.? units?")
+_UNITS = re.compile(r"(?i)(?:v|vert_|y[ _]?)?units?|einheit(?:en)?|eu|eng\.? units?")
 
 
 def apply_sniffed(raw: RawFile, found: SniffedLayout) -> RawFile:

@@ -15,7 +15,7 @@ from pneucli.init.column_names import read_name, signal_scores
 from pneucli.init.role_evidence import looks_set, supply_like
 from pneucli.init.survey_types import Column
 from pneucli.init.table_shapes import long_table, runs_below_one_another, runs_beside_one_another
-from pneucli.init.units import ambient_floor
+from pneucli.init.units import pressure_reference
 from pneucli.io.formats import open_raw
 from pneucli.io.open_signals import open_signals
 from pneucli.io.raw_file import Channel, ColumnRequest, RawFile
@@ -313,8 +313,8 @@ def test_what_cannot_be_identified_without_a_pressure_is_said(tmp_path: Path) ->
 def test_a_vessel_that_is_vented_in_between_tells_absolute(lowest: float) -> None:
     swing = np.clip(np.sin(np.arange(2000) / 60), -0.6, 1.0)
     pascals = lowest + 3e5 * (swing + 0.6) + 300 * RNG.standard_normal(2000)
-    assert (ambient_floor(pascals) is not None) == (lowest == 1.01e5)
-    assert ambient_floor(1.3e5 + 3e5 * np.abs(np.sin(np.arange(2000) / 60))) is None
+    reference, why = pressure_reference([pascals * 1e-5], "bar", "")
+    assert (reference, "where it is lowest" in why) == (("absolute", True) if lowest == 1.01e5 else ("gauge", False))
 
 
 def test_what_stands_beside_the_values_of_a_long_table_is_counted(tmp_path: Path) -> None:
