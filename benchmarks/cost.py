@@ -5,61 +5,200 @@ a short test of its valve (``--kind friction`` or ``valve``: another rig). ``--s
 alone, ``--out DIR`` keeps the artifacts. Prints one Markdown table, with the median and the largest value of all
 folders, then the share of each phase of ``diagnose``. The libraries' start is part of each time; a run in which numba
 compiled is repeated.
+
+The measured process samples itself: a timer of processor time interrupts it, and the time since the last interrupt
+counts for the phase in which the main thread is. A profiler would double the time of short functions. This module
+imports nothing that the program does not.
 """
 
 from __future__ import annotations
 
 import argparse
+import json
 import os
+import re
+import runpy
 import shutil
+import signal
 import statistics
+import subprocess
 import sys
 import tempfile
+import time
 from collections import Counter
 from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cache
 from pathlib import Path
+from types import CodeType, FrameType
+from typing import Any
 
-import numpy as np
+import pneucli
 
-from benchmarks import small
-from benchmarks.measure import REST, Cost, measured
-from pneucli.exam.laboratory import Laboratory, RecordingPlan
-from pneucli.exam.rig.excitations import closed_loop, two_sine_reference, valve_staircase, valve_step
-from pneucli.exam.rig.parameters import Parameters
-from pneucli.exam.rig.sensors import Sensors
-from pneucli.exam.rig.simulation import Excitation
+SAMPLED = "--sampled"  # REPORT COMMAND...: how this module runs and samples one command
+PERIOD = 0.002  # s of processor time between two samples
+REST = "the rest"
+IMPORTS = "imports"
+PHASES = {
+    IMPORTS: [("importlib._bootstrap>", "_find_and_load")],
+    "loading of compiled code": [
+        ("pneucli/caches.py", "load_or_empty"),
+        ("pneucli/caches.py", "import_generated"),
+        ("pneucli/caches.py", "compiled"),
+    ],
+    "reading and preparing": [
+        ("stages/diagnose.py", "_diagnosis_data"),
+        ("guesses/base_model.py", "guess_base_model"),
+        ("stages/pipeline_data.py", "experiments"),
+    ],
+    "first fit": [("estimation/model_fit.py", "fit_model")],
+    "screen": [("diagnose/data.py", "signatures_of")],
+    "refits": [("estimation/model_fit.py", name) for name in ("fit_with_effect", "refit", "fit_without")],
+    "costs and tests": [("diagnose/data.py", name) for name in ("fitted_model", "candidate")],
+    "lack of fit": [("diagnose/data.py", "lack_of_fit")],
+    "smooth terms": [("diagnose/spline_regression.py", name) for name in ("_term_designs", "_fit_smooth_term")],
+    "equivalents": [("diagnose/equivalence.py", "equivalents")],
+    "free-run error": [("diagnose/free_run_error.py", "channels")],
+    "intervals": [("estimation/intervals.py", "with_intervals")],
+    "detectability": [("diagnose/detectability.py", "minimum_detectable_effects")],
+    "fit of all recordings, baseline": [
+        ("stages/changes.py", "write_baseline"),
+        ("stages/changes.py", "fit_all_recordings"),
+        ("stages/changes.py", "compare_with_baseline"),
+    ],
+}
+
+
+KERNELS = {
+    ("simulate/run.py", "_outputs"),
+    ("simulate/derivatives.py", "derivatives"),
+    ("simulate/outputs.py", "required_force"),
+    ("simulate/outputs.py", "_force_residual"),
+    ("residuals/force_balance.py", "balance"),
+}  # what calls compiled equations
+
+
+@dataclass(frozen=True)
+class Cost:
+    """What a command cost: exit code, processor and wall time (s), peak memory (MB), and processor time by phase (s).
+
+    ``kernels``: processor time (s) in the compiled equations of simulations and force balances, part of the phases.
+    ``was_compiled``: numba compiled functions in it, so that it measures nothing.
+    """
+
+    code: int
+    seconds: float
+    wall: float
+    memory: float
+    was_compiled: bool
+    kernels: float
+    phases: dict[str, float]
+
+    def __str__(self) -> str:
+        return f"exit {self.code} {self.seconds:6.1f} s of processor time ({self.wall:.1f} s), {self.memory:5.0f} MB"
+
+
+@cache
+def environment() -> dict[str, str]:
+    """Return the environment of a measured command: as installed, the program's byte code is on disk."""
+    variables = {name: value for name, value in os.environ.items() if name != "PYTHONDONTWRITEBYTECODE"}
+    subprocess.run([sys.executable, "-m", "compileall", "-q", pneucli.__path__[0]], env=variables, check=True)
+    return variables
+
+
+def measured(stage: str, pipeline: Path, out: Path | None = None) -> Cost:
+    """Run a command on a pipeline file; return its cost, that of its children included."""
+    with tempfile.TemporaryDirectory() as name:
+        report = Path(name) / "report.json"
+        words = [stage, str(pipeline), "--quiet", *(["--out", str(out)] if out else [])]
+        start = time.monotonic()
+        child = subprocess.Popen(
+            [sys.executable, "-m", "benchmarks.cost", SAMPLED, str(report), *words],
+            stdout=subprocess.DEVNULL,
+            env=environment(),
+        )
+        _, status, used = os.wait4(child.pid, 0)
+        wall = time.monotonic() - start
+        child.returncode = os.waitstatus_to_exitcode(status)  # Popen does not see that it was waited for
+        found = json.loads(report.read_text(encoding="utf-8"))
+    return Cost(child.returncode, used.ru_utime + used.ru_stime, wall, **found)
+
+
+class Sampler:
+    """Counts the processor time of this process by phase."""
+
+    def __init__(self) -> None:
+        self.seconds: Counter[str] = Counter()
+        self.kernels = 0.0
+        self._phase_of: dict[CodeType, str | None] = {}
+        self._last = 0.0
+
+    def start(self) -> None:
+        """Start the timer; what the process has used so far counts as the rest."""
+        signal.signal(signal.SIGPROF, self._sample)
+        signal.setitimer(signal.ITIMER_PROF, PERIOD, PERIOD)
+
+    def stop(self) -> None:
+        """Stop the timer."""
+        signal.setitimer(signal.ITIMER_PROF, 0.0)
+
+    def _sample(self, _: int, frame: FrameType | None) -> None:
+        now, phase = time.process_time(), None
+        if frame is not None and any(
+            frame.f_code.co_name == n and frame.f_code.co_filename.endswith(f) for f, n in KERNELS
+        ):
+            self.kernels += now - self._last
+        while frame is not None and phase is None:
+            phase = self._phase(frame.f_code)
+            frame = frame.f_back
+        self.seconds[phase or REST] += now - self._last
+        self._last = now
+
+    def _phase(self, code: CodeType) -> str | None:
+        if code not in self._phase_of:
+            named = [(phase, file) for phase, places in PHASES.items() for file, name in places if name == code.co_name]
+            self._phase_of[code] = next((phase for phase, file in named if code.co_filename.endswith(file)), None)
+        return self._phase_of[code]
+
+
+def peak_memory() -> float:
+    """Return the peak of the resident memory of this process in MB; what its parent held does not count."""
+    status = Path("/proc/self/status").read_text(encoding="ascii")
+    found = re.search(r"VmHWM:\s+(\d+) kB", status)
+    assert found is not None
+    return int(found[1]) / 1024
+
+
+def was_compiled() -> bool:
+    """Return whether this process compiled a function that the cache did not have; such a run measures the compiler."""
+    if "numba.core.dispatcher" not in sys.modules:
+        return False
+    dispatcher: Any = sys.modules["numba.core.dispatcher"]
+    objects = [o for module in list(sys.modules.values()) for o in list(vars(module).values())]
+    return any(sum(o.stats.cache_misses.values()) for o in objects if isinstance(o, dispatcher.Dispatcher))
+
+
+def run_sampled(report: Path, words: Sequence[str]) -> None:
+    """Run a command as ``python -m pneucli`` does, and write what it cost this process."""
+    sys.argv = ["pneucli", *words]
+    sampler = Sampler()
+    sampler.start()
+    try:
+        runpy.run_module("pneucli", run_name="__main__", alter_sys=True)
+    finally:
+        sampler.stop()
+        found = {
+            "memory": peak_memory(),
+            "was_compiled": was_compiled(),
+            "kernels": sampler.kernels,
+            "phases": dict(sampler.seconds),
+        }
+        report.write_text(json.dumps(found), encoding="utf-8")
+
 
 STAGES = ("ingest", "identify", "diagnose")
-VESSEL = 160e-6  # m^3
 SMALL_PIPELINE = Path(__file__).parents[1] / "fixtures" / "valve_null" / "pipeline.toml"
 Row = dict[str, Cost]  # by stage
-
-
-def make(folder: Path, kind: str, samples: int) -> None:
-    """Write a pipeline with one recording of ``samples`` rows at 1 kHz and, for an axis, a short test of its valve."""
-    rng = np.random.default_rng(4)
-    area = 0.0 if kind == "valve" else 8e-4
-    rig = Parameters(piston_area_1=area, piston_area_2=area, overlap=0.0 if kind == "friction" else 0.15)
-    bench = None if kind == "friction" else VESSEL
-    laboratory = Laboratory(kind, rig, Sensors(400.0, 0.5, 0.0), vessel_volume=bench, has_cylinder=kind != "valve")
-    takes = []
-    if kind == "valve":
-        parts = [
-            valve_staircase(laboratory.valve_test_rig, 0.5, 1.6),
-            *(valve_step(laboratory.valve_test_rig, v) for v in (1.0, 3.5, 8.0)),
-        ]
-        command = np.resize(np.concatenate([part.command for part in parts]), samples)
-        takes = [RecordingPlan("long", "valve", "train", Excitation(command))]
-    else:
-        driven = closed_loop(rig, two_sine_reference(rng, samples), 150.0, 1.7e5)
-        takes = [RecordingPlan("long", "axis" if kind == "axis" else "friction", "train", driven)]
-    if kind == "axis":
-        takes += [
-            RecordingPlan(f"step_{v}", "valve", "train", valve_step(laboratory.valve_test_rig, v))
-            for v in (0.5, 1.0, 3.5, 8.0)
-        ]
-    laboratory.record(folder / "raw", takes, rng)
-    (folder / "pipeline.toml").write_text(laboratory.pipeline(takes, "raw"))
 
 
 def pipelines(folder: Path) -> list[Path]:
@@ -131,13 +270,20 @@ def parsed(arguments: Sequence[str]) -> argparse.Namespace:
     parser.add_argument("--kind", default="axis", choices=("axis", "friction", "valve"))
     parser.add_argument("--stages", default=",".join(STAGES))
     parser.add_argument("--out", type=Path)
-    parser.add_argument(small.SMALL, action="store_true")
+    parser.add_argument("--small", action="store_true")
     return parser.parse_args(list(arguments))
 
 
 def main(arguments: list[str]) -> None:
-    """Print the table."""
-    asked = parsed(arguments)
+    """Print the tables, or run one command and sample it."""
+    if arguments[:1] == [SAMPLED]:
+        run_sampled(Path(arguments[1]), arguments[2:])
+    else:
+        print_costs(parsed(arguments))
+
+
+def print_costs(asked: argparse.Namespace) -> None:
+    """Print the table of costs, then the shares of the phases of ``diagnose``."""
     os.environ["PNEUCLI_THREADS"] = "1"
     stages = asked.stages.split(",")
     with tempfile.TemporaryDirectory() as name:
@@ -155,7 +301,9 @@ def main(arguments: list[str]) -> None:
         for samples in [int(n) for n in asked.samples.split(",") if n]:
             made = folder / f"{samples}"
             made.mkdir()
-            make(made, asked.kind, samples)
+            from benchmarks.rigs import write_long_recording  # a measured process imports this module, not the rigs
+
+            write_long_recording(made, asked.kind, samples)
             rows.append(measure(made / "pipeline.toml", stages, made / "out"))
             print(line(f"{asked.kind}, {samples} samples", rows[-1]), flush=True)
         if "diagnose" in stages:

@@ -48,6 +48,7 @@ again.
 from __future__ import annotations
 
 import argparse
+import csv
 import json
 import shutil
 import sys
@@ -64,11 +65,9 @@ from numpy.typing import NDArray
 from scipy.optimize import minimize
 from scipy.special import expit
 
-from benchmarks import rigs, small
-from benchmarks.answers import essence, measured
-from benchmarks.planned_recordings import planned_recordings, read_commands
-from benchmarks.truths import CLOSE, SEALED, Truth, judged, truth_of, truths
-from benchmarks.worlds import worlds
+from benchmarks import rigs
+from benchmarks.cases import CLOSE, SEALED, Truth, judged, truth_of, truths, worlds
+from benchmarks.score import essence, measured
 from pneucli.diagnose.calibration import Evidence, probability
 from pneucli.diagnose.candidate import Reason
 from pneucli.diagnose.cross_validation import folds_of
@@ -80,8 +79,11 @@ from pneucli.diagnose.subsample import MAX_SAMPLES
 from pneucli.exam.cases import PlannedCase, generate_case, plan_cases, prepare_case
 from pneucli.exam.conditions import parse
 from pneucli.exam.grading import BIN_EDGES, graded_cases
-from pneucli.exam.laboratory import Laboratory
-from pneucli.exam.rig.parameters import Parameters
+from pneucli.exam.laboratory import Laboratory, RecordingPlan
+from pneucli.exam.rig.excitations import closed_loop
+from pneucli.exam.rig.imposed_motion import MotionMachine
+from pneucli.exam.rig.kernel import Array
+from pneucli.exam.rig.parameters import FIVE_THREE, Parameters
 from pneucli.exam.rig.simulation import Excitation, simulate_rig
 from pneucli.identify.estimation.fit import Fit
 from pneucli.identify.estimation.intervals import with_intervals
@@ -95,6 +97,92 @@ from pneucli.plan.manoeuvres import candidate_manoeuvres, draw_programme
 from pneucli.quantities import Z95
 from pneucli.stages.expected_power import recordings_answer
 from pneucli.stages.plan_files import commands_csv
+
+FACTORS = {"u [V]": 1.0, "u2 [V]": 1.0, "p_ref [bar]": 1e5, "x_ref [mm]": 1e-3}
+DRIVE_GAIN = 600.0  # V/m, of the own drive of a bench that follows a position, on the usual rig (0.2 m, 10 V)
+Commands = dict[str, dict[str, Array]]
+
+
+def read_commands(path: Path) -> Commands:
+    """Return the commands of each recording by column, SI, each (n,) with a value each ms."""
+    with path.open(encoding="utf-8", newline="") as file:
+        rows = list(csv.DictReader(file))
+    names = [name for name in dict.fromkeys(row["recording"] for row in rows) if name]
+    return {name: _columns([row for row in rows if row["recording"] == name]) for name in names}
+
+
+def _columns(rows: Sequence[Mapping[str, str]]) -> dict[str, Array]:
+    return {
+        header.partition(" ")[0]: factor * np.array([float(row[header]) for row in rows])
+        for header, factor in FACTORS.items()
+        if rows[0].get(header)
+    }
+
+
+def planned_recordings(
+    laboratory: Laboratory, planned: Sequence[Mapping[str, Any]], commands: Commands, load: float = 0.0
+) -> list[RecordingPlan]:
+    """Return the recordings of a plan on the rig of a laboratory.
+
+    Args:
+        laboratory: The laboratory with the hidden rig.
+        planned: The entries ``recordings`` of the plan's answer; of those by hand a weight is hung on the piston, and a
+            valve that a person shuts is left out.
+        commands: The commands of each, as :func:`read_commands` returns them.
+        load: Stated force in N toward x = 0 that p1 carries at the start.
+    """
+    return [
+        RecordingPlan(
+            one["name"],
+            one["experiment"],
+            one["use"],
+            excitation(laboratory, one, commands[one["name"]], load - one["force"]),
+            one["chamber"],
+            one["force"],
+        )
+        for one in planned
+        if one["force"] or not one["by_hand"]
+    ]
+
+
+def excitation(
+    laboratory: Laboratory, planned: Mapping[str, Any], commands: Mapping[str, Array], load: float
+) -> Excitation | MotionMachine:
+    """Return the excitation of one recording of a plan.
+
+    Args:
+        laboratory: The laboratory with the hidden rig.
+        planned: The entry of the plan.
+        commands: Its commands.
+        load: Stated force in N toward x = 0.
+    """
+    par = laboratory.parameters
+    if planned["experiment"] == "valve":
+        bench = laboratory.valve_test_rig_of(planned["chamber"])
+        opening = bench.command_sign * (commands["u"] - par.command_null)
+        return Excitation(opening, pressure_1=par.ambient, pressure_2=par.ambient)
+    if planned["drive"] == "machine":
+        return _machine_strokes(commands["x_ref"], float(commands["p_ref"][0]), planned["speed"])
+    start, is_open = planned["start"], planned["chamber_2"] == "open"
+    gauge = float(start["p1"]) - par.ambient
+    if planned["drive"] == "valve":
+        at_rest = closed_loop(par, np.full(1, float(start["x"])), 0.0, gauge, load)
+        return replace(at_rest, command=commands["u"] - par.command_null, chamber_2_open=is_open)
+    gain = planned["gain"] if planned["drive"] == "position" else drive_gain(par)
+    return replace(closed_loop(par, commands["x_ref"], gain, gauge, load), chamber_2_open=is_open)
+
+
+def drive_gain(par: Parameters) -> float:
+    """Return the gain in V/m of a bench's own drive; half where the valve drives both chambers."""
+    shared = 0.5 if par.arrangement == FIVE_THREE else 1.0
+    return shared * DRIVE_GAIN * (par.command_range / 10.0) * (0.2 / par.stroke)
+
+
+def _machine_strokes(reference: Array, pressure: float, speed: float) -> MotionMachine:
+    """Return the strokes of a machine between the extremes of a reference (m)."""
+    low, high = float(reference.min()), float(reference.max())
+    return MotionMachine((low, high), (speed,), 4, pressure)
+
 
 Array = NDArray[np.float64]
 RIDGE = 0.3  # of each weight but the constant
@@ -346,7 +434,7 @@ def _known_case(
 def interval_rows(world: str, case: KnownCase) -> Iterator[Interval]:
     """Yield the intervals of one case."""
     with tempfile.TemporaryDirectory() as out:
-        study = small.study_of(case.folder, Path(out), FITTED_SAMPLES)
+        study = rigs.study_of(case.folder, Path(out), FITTED_SAMPLES)
         views = study.residual_models("train")
         guess = guess_base_model([v.experiment for v in views], study.rig, study.valve)
         found = fit_model(guess, views, tuple(catalogue_with_sides()[name] for name in case.effects))
@@ -414,7 +502,7 @@ def fit_of(bench: DiagnosisData, base: Fit, names: list[str]) -> Fit:
 def true_effects(case: Path, truth: Truth) -> Iterator[TrueEffect]:
     """Yield the true effects of one case."""
     with tempfile.TemporaryDirectory() as out:
-        study = small.study_of(case, Path(out), MAX_SAMPLES)
+        study = rigs.study_of(case, Path(out), MAX_SAMPLES)
         train, test = (study.residual_models(use) for use in ("train", "test"))
         guess = guess_base_model([v.experiment for v in train], study.rig, study.valve)
         bench = DiagnosisData(
@@ -472,7 +560,7 @@ MAX_DRAWN = 200  # cases that are drawn for each one of a stated kind
 def print_limits(programmes: int = 300, seed: int = 49) -> None:
     """Play programmes on the exam's rig with parameters off by their intervals, and count exceeded limits."""
     rng, exceeded, played, refused = np.random.default_rng(seed), Counter[str](), 0, 0
-    laboratories = [small.laboratory(condition) for condition in LIMIT_CONDITIONS]
+    laboratories = [rigs.laboratory(condition) for condition in LIMIT_CONDITIONS]
     for number in range(programmes):
         laboratory = laboratories[number % len(laboratories)]
         benches, limits, safety = benches_within_limits(laboratory, rng)
@@ -581,12 +669,12 @@ def answer(folder: Path, command: str, *words: str) -> str:
 
 def print_intervals(arguments: Sequence[str], *, is_small: bool) -> None:
     """Fit every case with its true effects, and print the table of intervals."""
-    small.on_folders([*arguments, *([small.SMALL] if is_small else [])], table_of_intervals)
+    rigs.on_folders([*arguments, *([rigs.SMALL] if is_small else [])], table_of_intervals)
 
 
 def print_limit(arguments: Sequence[str], *, is_small: bool) -> None:
     """Fit every case that hides effects, and print what could be named."""
-    small.on_folders([*arguments, *([small.SMALL] if is_small else [])], table_of_limits)
+    rigs.on_folders([*arguments, *([rigs.SMALL] if is_small else [])], table_of_limits)
 
 
 def print_plan(arguments: Sequence[str], *, is_small: bool) -> None:
@@ -611,7 +699,7 @@ TABLES: dict[str, Callable[..., object]] = {
 
 def main(arguments: list[str]) -> int:
     """Print one of the tables, or of each a small one."""
-    return small.print_tables(TABLES, arguments)
+    return rigs.print_tables(TABLES, arguments)
 
 
 if __name__ == "__main__":

@@ -250,7 +250,7 @@ NAMES: dict[str, Callable[[Sheet], None]] = {
     "by number": _called("CH1", "CH3", "CH2"),
     "dotted": _called("Plc.GVL.u", "Plc.GVL.pSupply", "Plc.GVL.p1"),
 }
-TABLES: dict[str, Callable[[Sheet], None]] = {
+LAYOUTS: dict[str, Callable[[Sheet], None]] = {
     **{
         kind: _written(kind)
         for kind in ("three lines", "value line", "channel table", "transposed table", "long", "blanks")
@@ -260,7 +260,7 @@ TABLES: dict[str, Callable[[Sheet], None]] = {
     **{"stamps by channel": _stamps_by_channel, "serial monitor": _serial_monitor, "repeats": _repeats},
     **{"runs by number": _runs_by_number, "header again": _header_again},
 }
-WAYS = CLOCKS | UNITS | NAMES | TABLES
+WAYS = CLOCKS | UNITS | NAMES | LAYOUTS
 OWN_CLOCK = {"runs by number", "header again"}  # which write another clock
 NO_NAMES = {"serial monitor"}  # which write none
 
@@ -500,7 +500,7 @@ def _agrees(time: Array, values: Array, truth: Array, role: str) -> bool:
 def situations(seed: int, count: int) -> Iterator[Sheet]:
     """Yield sheets: each way by itself, then pairs of ways of different kinds, until there are as many as asked."""
     singles: list[tuple[str, ...]] = [(way,) for way in WAYS]
-    kinds = (CLOCKS, UNITS, NAMES, TABLES)
+    kinds = (CLOCKS, UNITS, NAMES, LAYOUTS)
     pairs: list[tuple[str, ...]] = [(a, b) for one, other in combinations(kinds, 2) for a in one for b in other]
     pairs = [pair for pair in pairs if not (pair[0] in CLOCKS and pair[1] in OWN_CLOCK)]
     order = np.random.default_rng([seed, 1]).permutation(len(pairs))

@@ -20,10 +20,8 @@ from pathlib import Path
 import pyarrow as pa
 import pyarrow.parquet as pq
 
-from benchmarks.answers import SETS
-from benchmarks.score import KEPT, package, source_digest
-from benchmarks.truths import Counts, Truth, judged
-from benchmarks.worlds import worlds
+from benchmarks.cases import Counts, Truth, judged, worlds
+from benchmarks.score import KEPT, SETS, package, source_digest
 from pneucli.diagnose.set_evidence import (
     KAPPA,
     PRIOR_ODDS,

@@ -14,7 +14,7 @@ from collections import Counter
 from collections.abc import Iterator, Sequence
 from pathlib import Path
 
-from benchmarks.worlds import sampled
+from benchmarks.cases import sampled
 from pneucli.cli.docs import replace_between_marks
 from tests.plausibility.faulty_data_sets import SETS, looked_at, told
 from tests.plausibility.worlds import FIXTURES, RATES, at_rate, read, world_pipelines

@@ -48,7 +48,7 @@ import pandas as pd
 import tomlkit
 from numpy.typing import NDArray
 
-from benchmarks import rigs, small
+from benchmarks import rigs
 from pneucli import config
 from pneucli.caches import compiled
 from pneucli.closed_loop import ensemble
@@ -281,10 +281,10 @@ def print_laws(asked: argparse.Namespace) -> None:
     for name in ["usual"] if asked.small else asked.names or RIGS:
         with tempfile.TemporaryDirectory() as place:
             folder = Path(place)
-            rig = small.laboratory() if asked.small else recorded_rig(name, folder, asked.seed)
+            rig = rigs.laboratory() if asked.small else recorded_rig(name, folder, asked.seed)
             for law in ["best"] if asked.small else LAWS:
                 try:
-                    control = small.exported(folder, rig) if asked.small else exported(folder, "--controller", law)
+                    control = rigs.exported(folder, rig) if asked.small else exported(folder, "--controller", law)
                 except RuntimeError as error:
                     row(name, law, error)
                     continue
@@ -301,8 +301,8 @@ def print_arrangements(asked: argparse.Namespace) -> None:
         conditions = parse(name)
         with tempfile.TemporaryDirectory() as place:
             folder = Path(place)
-            rig = small.laboratory(name) if asked.small else recorded_rig(name, folder, asked.seed)
-            control = small.exported(folder, rig) if asked.small else exported(folder)
+            rig = rigs.laboratory(name) if asked.small else recorded_rig(name, folder, asked.seed)
+            control = rigs.exported(folder, rig) if asked.small else exported(folder)
             is_open = conditions.load == "spring" and conditions.valve is None
             row(name, *figures_of_c(rig, control, is_open=is_open))
 
@@ -313,10 +313,10 @@ def print_precision(asked: argparse.Namespace) -> None:
     for name in ["usual"] if asked.small else asked.names or RIGS:
         with tempfile.TemporaryDirectory() as place:
             folder = Path(place)
-            rig = small.laboratory() if asked.small else recorded_rig(name, folder, asked.seed)
+            rig = rigs.laboratory() if asked.small else recorded_rig(name, folder, asked.seed)
             for precision in ("float64", "float32"):
                 if asked.small:
-                    control = small.exported(folder / precision, rig, precision)
+                    control = rigs.exported(folder / precision, rig, precision)
                 else:
                     control = exported(folder, "--precision", precision)
                 row(name, precision, *figures_of_c(rig, control))
@@ -328,8 +328,8 @@ def print_levels(asked: argparse.Namespace) -> None:
     for seed in range(asked.seed, asked.seed + asked.seeds):
         with tempfile.TemporaryDirectory() as place:
             folder = Path(place)
-            rig = small.laboratory("two-valves") if asked.small else recorded_rig("two-valves", folder, seed)
-            control = small.exported(folder / "out", rig) if asked.small else exported(folder)
+            rig = rigs.laboratory("two-valves") if asked.small else recorded_rig("two-valves", folder, seed)
+            control = rigs.exported(folder / "out", rig) if asked.small else exported(folder)
             values = controller_of(folder / "out", "best").values
             for share in (0.25,) if asked.small else (0.25, 0.5, 0.75):
                 row(seed, *level_figures(rig, values, control, share))
@@ -350,7 +350,7 @@ def level_figures(rig: Laboratory, values: Mapping[str, float], control: Path, s
 
 def controller_of(out: Path, law: str) -> Controller:
     """Return a controller that ``design`` wrote."""
-    return Controller.from_json((out / small.CONTROLLERS / f"{law}.json").read_text(encoding="utf-8"))
+    return Controller.from_json((out / rigs.CONTROLLERS / f"{law}.json").read_text(encoding="utf-8"))
 
 
 # The acceptance test.
@@ -383,10 +383,10 @@ def print_acceptance(asked: argparse.Namespace) -> None:
     """Print a row for each model, then the counts by kind of model."""
     head("model", "hidden", "rig", "acceptance", "model's error", "on the rig", "at rest", "moves")
     if asked.small:
-        rig = small.laboratory()
+        rig = rigs.laboratory()
         wanted = Requirements(quantum_x=rig.sensors.position_step, noise_p=rig.sensors.pressure)
         with tempfile.TemporaryDirectory() as place:
-            held, found = on_the_rig(Path(place), small.exported(Path(place), rig), rig.parameters, rig, wanted, 1)
+            held, found = on_the_rig(Path(place), rigs.exported(Path(place), rig), rig.parameters, rig, wanted, 1)
         row("exact", "", 1, "", "", "holds" if held else "fails", *found)
         return
     counts: Counter[tuple[str, bool, bool]] = Counter()
@@ -496,7 +496,7 @@ def print_periods(asked: argparse.Namespace) -> None:
     for name in ["usual"] if asked.small else asked.names or RIGS:
         with tempfile.TemporaryDirectory() as place:
             folder = Path(place)
-            rig = small.laboratory() if asked.small else recorded_rig(name, folder, asked.seed)
+            rig = rigs.laboratory() if asked.small else recorded_rig(name, folder, asked.seed)
             model = rigs.model_of(rig.parameters) if asked.small else identified(folder)
         par, x = rig.parameters, rig.sensors.position_step
         cases = [(f"{1e3 * h:g} ms", par, h, x) for h in ((1e-3,) if asked.small else (0.25e-3, 1e-3, 2e-3, 5e-3))]
@@ -655,8 +655,8 @@ def print_logs(asked: argparse.Namespace) -> None:
             generate_case(folder, "axis", (), "", 1.0, seed, USUAL)
             case = prepare_case("rig", "axis", (), "", 1.0, seed, USUAL)
             if asked.small:
-                small.shorten(folder / "pipeline.toml")
-                write_logs(folder, small.exported(folder / "out", case.laboratory), case, case.laboratory.parameters,
+                rigs.shorten(folder / "pipeline.toml")
+                write_logs(folder, rigs.exported(folder / "out", case.laboratory), case, case.laboratory.parameters,
                            asked, ["test"])  # fmt: skip
                 answer = told(folder, "ingest", pipeline="logs.toml", out="of-logs")
                 row("none", seed, "read", len(answer["recordings"]), "", "", "", "")
@@ -759,7 +759,7 @@ def main(arguments: list[str]) -> None:
     parser.add_argument("names", nargs="*")
     parser.add_argument("--seed", type=int, default=1)
     parser.add_argument("--seeds", type=int, default=1)
-    for option in ("--recorded", "--unknown", "--unknown-controller", "--no-accelerometer", small.SMALL):
+    for option in ("--recorded", "--unknown", "--unknown-controller", "--no-accelerometer", rigs.SMALL):
         parser.add_argument(option, action="store_true")
     asked = parser.parse_args(arguments)
     for name in [asked.table] if asked.table else list(TABLES) if asked.small else []:

@@ -416,7 +416,7 @@ def judged_by(folder: Path, true: Fit) -> Callable[[Fit], list[float]]:
     """Return a function of a fit: its held-out errors times noise, of motion and of pressures; noise by the truth."""
     import tomlkit
 
-    from benchmarks.small import study_of
+    from benchmarks.rigs import study_of
     from pneucli.compare import compare, overall_error
     from pneucli.compare.expected_error import expected_errors
 

@@ -1,7 +1,10 @@
-"""The controller's own sample on the exam's rig, compiled together: what ``benchmarks.loop`` and ``thesis`` drive.
+"""Rigs of the exam for other benchmarks: exact models, a compiled loop, short pipelines, small inputs.
 
-Rig and model share no code. The controller's code is that of :mod:`pneucli.controller.cascade`; the exported C is a
-translation of it that gives the same commands to the last bit (``tests/export``).
+The loop joins the code of :mod:`pneucli.controller.cascade` with the exam's rig, which shares no code with the model.
+The exported C is a translation of it that gives the same commands to the last bit (``tests/export``).
+
+With ``--small`` a benchmark runs to its end in seconds and measures nothing. A pipeline that a benchmark otherwise
+identifies is then replaced by the exact model of the rig.
 """
 
 from __future__ import annotations
@@ -9,28 +12,45 @@ from __future__ import annotations
 import hashlib
 import inspect
 import math
+import tempfile
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cache
+from pathlib import Path
 from typing import Any
 
 import numpy as np
+import tomlkit
 from numpy.typing import NDArray
 
 from pneucli.caches import compiled, import_generated
+from pneucli.closed_loop.simulation import ClosedLoopSetup
+from pneucli.config import load
 from pneucli.controller import layout
 from pneucli.controller.laws import LAWS
 from pneucli.controller.laws.base import callees_first
 from pneucli.controller.parameters import Controller
+from pneucli.design.cascade_design import design_cascade
+from pneucli.design.requirements import Requirements
+from pneucli.exam.cases import generate_case, prepare_case, seal
+from pneucli.exam.conditions import parse
 from pneucli.exam.hidden_effects import BY_NAME
+from pneucli.exam.laboratory import Laboratory, RecordingPlan
 from pneucli.exam.rig import kernel, parameters, simulation
+from pneucli.exam.rig.excitations import closed_loop, two_sine_reference, valve_staircase, valve_step
 from pneucli.exam.rig.kernel import MAX_STEP, P1, P2, PS, T1, T2, XL, X
-from pneucli.exam.rig.parameters import FIVE_THREE, TWO_VALVES, Parameters
-from pneucli.exam.rig.simulation import empty_delay_line, limit_opening, step_rig
+from pneucli.exam.rig.parameters import FIVE_THREE, ONE_CHAMBER, TWO_VALVES, Parameters
+from pneucli.exam.rig.sensors import Sensors
+from pneucli.exam.rig.simulation import Excitation, empty_delay_line, limit_opening, step_rig
+from pneucli.export.export_files import write_c, write_c_source
 from pneucli.physics import gas
 from pneucli.physics.effects import catalogue
+from pneucli.pipeline.context import Context
 from pneucli.recording import Rig
 from pneucli.simulate.model import Model
 from pneucli.simulate.valve_forms.area import ValveArea
+from pneucli.stages import ingest
+from pneucli.stages.pipeline_data import PipelineData
 
 Array = NDArray[np.float64]
 COMMANDS = (0.4, 0.7, 1.0, 2.0, 3.5, 5.0, 7.5, 10.0)  # V, at which a valve test would be made
@@ -165,3 +185,119 @@ def driven(
         controller.period, reference, load, noises, quantum, int(is_open), np.array([x, p1, p2]), out,
     )  # fmt: skip
     return Trace(out[:, 0], out[:, 1], air, out[:, 2:])
+
+
+SMALL = "--small"
+VESSEL = 160e-6  # m^3
+CONTROLLERS = "design/controllers"
+VALVE_TEST_STEMS = ("step_+1.0V", "step_+3.0V", "step_+3.5V", "step_+10.0V")  # of a test of a valve; one is held out
+
+
+def print_tables(tables: Mapping[str, Callable[..., object]], arguments: Sequence[str]) -> int:
+    """Print the table that the first argument names, or of each a small one; return 1 where one returned False."""
+    is_small = SMALL in arguments
+    name, *rest = [one for one in arguments if one != SMALL] or [""]
+    if name not in tables and (name or not is_small):
+        raise SystemExit(f"no table {name!r}; wanted: {', '.join(tables)}")
+    found = [tables[one](rest, is_small=is_small) for one in ([name] if name else tables)]
+    return int(any(one is False for one in found))
+
+
+def study_of(case: Path, folder: Path, most: int | None = None) -> PipelineData:
+    """Return a case, ingested into an empty folder, as the stages after ``ingest`` see it."""
+    path = case / "pipeline.toml"
+    (folder / "ingest").mkdir()
+    ingest.run(Context(path, load(path), folder / "ingest", folder))
+    return PipelineData(Context(path, load(path), folder / "none", folder), max_samples=most)
+
+
+def exam(folder: Path) -> Path:
+    """Write an exam of one valve test with a lag of the spool; return its folder."""
+    seal(folder, "case-001.json", generate_case(folder / "case-001", "valve", ("valve-lag",), "", 1.0, 2))
+    shorten(folder / "case-001" / "pipeline.toml")
+    return folder
+
+
+def on_folders(arguments: Sequence[str], print_table: Callable[[list[Path]], None]) -> None:
+    """Print the table of the folders that are named, or of a small exam."""
+    if SMALL in arguments:
+        with tempfile.TemporaryDirectory() as folder:
+            print_table([exam(Path(folder))])
+    else:
+        print_table([Path(name) for name in arguments])
+
+
+def shorten(path: Path) -> None:
+    """Leave few valve tests in a pipeline file, the first part of each, and one of them held out."""
+    document = tomlkit.parse(path.read_text(encoding="utf-8"))
+    recordings: Any = document["recordings"]
+    kept = tomlkit.aot()
+    for table in recordings:
+        is_valve_test = table["experiment"] == "valve"
+        if is_valve_test:
+            table["to"] = "0.7 s"
+        if not is_valve_test or table["name"] in VALVE_TEST_STEMS:
+            kept.append(table)
+    document["recordings"] = kept
+    path.write_text(tomlkit.dumps(document), encoding="utf-8")
+
+
+def laboratory(condition: str = "usual") -> Laboratory:
+    """Return a healthy axis of the exam."""
+    return prepare_case("rig", "axis", (), "", 1.0, 1, parse(condition)).laboratory
+
+
+def design(rig: Laboratory) -> tuple[Controller, Model, ClosedLoopSetup]:
+    """Return the controller for the exact model of a rig, the model, and the sensors that the design assumes."""
+    par, sensors = rig.parameters, rig.sensors
+    one_chamber = par.arrangement == ONE_CHAMBER
+    requirements = Requirements(
+        quantum_x=sensors.position_step, noise_p=sensors.pressure, chamber_2="closed" if one_chamber else "valve"
+    )
+    model = model_of(par)
+    p2 = float(np.sqrt(par.ambient * par.supply)) if one_chamber else None
+    setup = ClosedLoopSetup(noise_p=sensors.pressure, quantum_x=sensors.position_step)
+    return design_cascade(model, requirements, p2), model, setup
+
+
+def exported(out: Path, rig: Laboratory, precision: str = "float64", *, replay: bool = False) -> Path:
+    """Design for a rig; write controller and C as ``pneucli export --out OUT`` does; return the folder of the C.
+
+    The replay of a minute, which takes longest, only where it is asked for.
+    """
+    controller, model, setup = design(rig)
+    (out / CONTROLLERS).mkdir(parents=True, exist_ok=True)
+    (out / CONTROLLERS / "best.json").write_text(controller.to_json(), encoding="utf-8")
+    (out / "export").mkdir(exist_ok=True)
+    if replay:
+        write_c(out / "export", controller, model, setup, "small", precision)
+    else:
+        write_c_source(out / "export", controller, "small", precision)
+    return out / "export"
+
+
+def write_long_recording(folder: Path, kind: str, samples: int) -> None:
+    """Write a pipeline with one recording of ``samples`` rows at 1 kHz and, for an axis, a short test of its valve."""
+    rng = np.random.default_rng(4)
+    area = 0.0 if kind == "valve" else 8e-4
+    rig = Parameters(piston_area_1=area, piston_area_2=area, overlap=0.0 if kind == "friction" else 0.15)
+    bench = None if kind == "friction" else VESSEL
+    laboratory = Laboratory(kind, rig, Sensors(400.0, 0.5, 0.0), vessel_volume=bench, has_cylinder=kind != "valve")
+    takes = []
+    if kind == "valve":
+        parts = [
+            valve_staircase(laboratory.valve_test_rig, 0.5, 1.6),
+            *(valve_step(laboratory.valve_test_rig, v) for v in (1.0, 3.5, 8.0)),
+        ]
+        command = np.resize(np.concatenate([part.command for part in parts]), samples)
+        takes = [RecordingPlan("long", "valve", "train", Excitation(command))]
+    else:
+        driven = closed_loop(rig, two_sine_reference(rng, samples), 150.0, 1.7e5)
+        takes = [RecordingPlan("long", "axis" if kind == "axis" else "friction", "train", driven)]
+    if kind == "axis":
+        takes += [
+            RecordingPlan(f"step_{v}", "valve", "train", valve_step(laboratory.valve_test_rig, v))
+            for v in (0.5, 1.0, 3.5, 8.0)
+        ]
+    laboratory.record(folder / "raw", takes, rng)
+    (folder / "pipeline.toml").write_text(laboratory.pipeline(takes, "raw"))

@@ -1,34 +1,40 @@
-"""Measure speed and accuracy of the simulation core: ``python -m benchmarks.simulate``. Writes nothing.
+"""The simulation core and the exported plant: ``python -m benchmarks.simulate [kernel|fmu]``. Writes nothing.
 
-The task is a proportional position loop at 1 kHz over 10 s, chamber 2 closed, valve of ``fixtures/demo``. The reference
-is the same loop in C (``smoothed.c``: RK4 at 100 us, gcc -O3, friction smoothed by tanh(v / 1 mm/s)). Each time is the
-fastest of many runs; the programs take turns. The exit code is 1 where a limit of the project is exceeded.
+``kernel``: speed and accuracy of a proportional position loop at 1 kHz over 10 s, chamber 2 closed, valve of
+``fixtures/demo``. The reference is the same loop in C (``smoothed.c``: RK4 at 100 us, gcc -O3, friction smoothed by
+tanh(v / 1 mm/s)). Each time is the fastest of many runs; the programs take turns. The exit code is 1 where a limit of
+the project is exceeded. ``--small`` runs 0.4 s of the task a few times and tests accuracy alone: so short a run
+measures no speed.
 
-``--small`` runs 0.4 s of the task a few times and tests accuracy alone: so short a run measures no speed.
+``fmu``: the exported plant in FMPy against the kernel; needs FMPy and a C compiler. Ten seconds of an axis of the size
+of the demo, command and load in steps, called every millisecond. Printed are the largest difference of x, v, a, p1 and
+p2 relative to the range of each, and the seconds of FMPy and of the FMU alone.
 """
 
 from __future__ import annotations
 
-import os
-
-os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
-
 import ctypes
 import math
+import os
 import subprocess
 import sys
 import tempfile
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
+from dataclasses import replace
 from pathlib import Path
 from typing import Any, NamedTuple
 
+import fmpy
 import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 from scipy.integrate import odeint
 
+from benchmarks.rigs import print_tables
+from pneucli.export.fmu.package import FILE_NAME, write_fmu
+from pneucli.export.fmu.plant import Plant, plant_of
 from pneucli.physics.declaration import Effect
 from pneucli.physics.effects import catalogue
 from pneucli.recording import Rig
@@ -36,9 +42,13 @@ from pneucli.simulate import layout as at
 from pneucli.simulate.build import Kernel, build
 from pneucli.simulate.derivatives import as_rows
 from pneucli.simulate.dual import LANES
+from pneucli.simulate.experiment import Experiment
 from pneucli.simulate.kernel.valve import effective_area
 from pneucli.simulate.model import Model
+from pneucli.simulate.open_loop import noise_free_recording
+from pneucli.simulate.preparation import prepare
 from pneucli.simulate.rig_quantities import rig_quantities
+from pneucli.simulate.run import run_kernel
 from pneucli.simulate.valve_forms.area import ValveArea
 
 Array = NDArray[np.float64]
@@ -87,15 +97,14 @@ class Figure(NamedTuple):
     is_time: bool = True
 
 
-def main(arguments: list[str]) -> int:
-    """Print every figure and its limit; return the exit code."""
-    small = "--small" in arguments
-    figures = measure(SMALL if small else Size())
-    failed = [f for f in figures if not f.value <= f.limit and not (small and f.is_time)]
+def print_kernel(_: Sequence[str], *, is_small: bool) -> bool:
+    """Print every figure and its limit; return whether all keep it."""
+    figures = measure(SMALL if is_small else Size())
+    failed = [f for f in figures if not f.value <= f.limit and not (is_small and f.is_time)]
     for f in figures:
-        verdict = "FAILED" if f in failed else "not tested" if small and f.is_time else "ok"
+        verdict = "FAILED" if f in failed else "not tested" if is_small and f.is_time else "ok"
         print(f"{f.name:45s} {f.value:9.3g}  (limit {f.limit:g}) {verdict}")
-    return int(bool(failed))
+    return not failed
 
 
 def measure(size: Size) -> list[Figure]:
@@ -291,6 +300,99 @@ def elapsed(run: Callable[[], object]) -> float:
     start = time.perf_counter()
     run()
     return time.perf_counter() - start
+
+
+DURATION, SMALL_DURATION = 10.0, 0.3  # s
+CHANNELS = {"x": at.X, "v": at.V, "a": at.A, "p1": at.R1, "p2": at.R2}
+FMU_VALVE = ValveArea((-5.0, -2.0, -0.5, 0.5, 2.0, 5.0), (1.8e-6, 6e-7, 8e-8, 8e-8, 6e-7, 1.8e-6), 0.1, 0.1)
+INTERFACES = ("CoSimulation", "ModelExchange")
+CASES = {
+    "5/3": ("5/3", ("stribeck",)),
+    "5/3, four effects": ("5/3", ("stribeck", "heat-transfer", "valve-lag", "piston-leak")),
+    "two valves": ("two", ("stribeck",)),
+    "two valves, four effects": ("two", ("friction-hysteresis", "stribeck", "line-delay", "valve-hysteresis")),
+    "one chamber, bristles": ("one-chamber", ("presliding", "end-cushion", "pressure-lag")),
+}
+
+
+def axis(arrangement: str, effects: tuple[str, ...], duration: float) -> tuple[Model, Experiment]:
+    """Return an axis with typical effects, and an experiment with steps of command and load."""
+    rig = replace(RIG, valve_arrangement=arrangement)
+    values = {"friction.coulomb": 14.0, "friction.viscous": 45.0}
+    chosen = tuple(catalogue()[name] for name in effects)
+    facts = rig_quantities(Model(rig, (), values, FMU_VALVE))
+    values |= {f"{e.name}.{p.name}": p.range_on(facts).typical[0] for e in chosen for p in e.parameters}
+    n = round(1e3 * duration) + 1
+    steps = np.random.default_rng(1).uniform(-3.0, 3.0, n // 100 + 1)
+    u = np.repeat(steps, 100)[:n]
+    signals = {"u": u, "p1": np.full(n, 3e5), "p2": np.full(n, 3e5), "x": np.full(n, 0.1)}
+    if arrangement == "two":
+        signals["u2"] = -u[::-1]
+    chamber_2 = "closed" if arrangement == "one-chamber" else "valve"
+    experiment = prepare(noise_free_recording("axis", signals, chamber_2), rig, None)
+    return Model(rig, chosen, values, FMU_VALVE), experiment
+
+
+def simulated(model: Model, experiment: Experiment) -> np.ndarray:
+    """Return the kernel's output, as plain Python."""
+    return run_kernel(build(model.effects, compiled=False), model, experiment, experiment.inputs)
+
+
+def in_fmpy(
+    path: Path, plant: Plant, experiment: Experiment, first: np.ndarray, interface: str
+) -> tuple[np.ndarray, float]:
+    """Return what FMPy reads, and the seconds that it took, with the FMU unpacked before."""
+    columns = {name: experiment.inputs[:, at.INPUTS.index(name)] for name in plant.inputs}
+    signals = np.rec.fromarrays([experiment.time, *columns.values()], names=["time", *columns])
+    start = {f"start.{name}": first[i] for name, i in (("x", at.X), ("v", at.V), ("p1", at.P1), ("p2", at.P2))}
+    folder = fmpy.extract(str(path), unzipdir=str(path.parent / "unpacked"))
+    began = time.perf_counter()
+    result = fmpy.simulate_fmu(
+        folder,
+        fmi_type=interface,
+        record_events=False,
+        stop_time=float(experiment.time[-1]),
+        step_size=1e-3,
+        output_interval=1e-3,
+        input=signals,
+        start_values=start,
+        output=list(CHANNELS),
+    )
+    return result, time.perf_counter() - began
+
+
+def print_fmu(_: Sequence[str], *, is_small: bool) -> bool:
+    """Print a row for each axis; return whether no difference is above 1e-6 of the range."""
+    duration = SMALL_DURATION if is_small else DURATION
+    cases = dict(list(CASES.items())[:1]) if is_small else CASES
+    print(f"| axis | interface | largest difference, of the range | seconds in FMPy for {duration:g} s | file |")
+    print("| --- | --- | --- | --- | --- |")
+    worst = 0.0
+    for name, (arrangement, effects) in cases.items():
+        model, experiment = axis(arrangement, effects, duration)
+        plant = plant_of(name, model, [experiment], {}, "benchmark")
+        plant = replace(plant, flags=experiment.flags, max_step=experiment.max_step)
+        with tempfile.TemporaryDirectory() as folder:
+            path = Path(folder) / FILE_NAME
+            write_fmu(path.parent, plant, "benchmark")
+            out = simulated(model, experiment)
+            found = {one: in_fmpy(path, plant, experiment, out[0], one) for one in INTERFACES}
+            size = path.stat().st_size
+        ranges = {c: float(np.ptp(out[:, i])) for c, i in CHANNELS.items()}
+        for interface, (result, seconds) in found.items():
+            difference = max(float(np.max(np.abs(result[c] - out[:, i]))) / ranges[c] for c, i in CHANNELS.items())
+            worst = max(worst, difference)
+            figures = f"{difference:.2g} | {seconds:.2f} | {size // 1000} kB"
+            print(f"| {name} ({', '.join(effects)}) | {interface} | {figures} |", flush=True)
+    return worst <= 1e-6
+
+
+TABLES: dict[str, Callable[..., object]] = {"kernel": print_kernel, "fmu": print_fmu}
+
+
+def main(arguments: list[str]) -> int:
+    """Print one of the tables, or of each a small one; return 1 where a limit of the project is exceeded."""
+    return print_tables(TABLES, arguments)
 
 
 if __name__ == "__main__":

@@ -32,7 +32,7 @@ import numpy as np
 import pyarrow.parquet as pq
 from numpy.typing import NDArray
 
-from benchmarks import small
+from benchmarks import rigs
 from benchmarks.loop import demo_rig, rejected
 from benchmarks.rigs import Trace, driven, model_of
 from pneucli.caches import compiled
@@ -261,7 +261,7 @@ def print_friction(seed: int) -> None:
 def rig(name: str) -> Parameters:
     """Return the parameters of a rig by its condition, or those of fixtures/demo or of small runs."""
     if name == SMALL_RIG:
-        return small.laboratory().parameters
+        return rigs.laboratory().parameters
     if name == "demo":
         return demo_rig().parameters
     return prepare_case("rig", "axis", ("stribeck",), "", STRIBECK_SIZE, SEED, parse(name)).laboratory.parameters
@@ -357,8 +357,8 @@ def print_row(name: str, title: str, found: Sequence[float], *, estimates_load: 
 
 def main(arguments: list[str]) -> None:
     """Print one of the tables, or of each a small one."""
-    table, *rest = [a for a in arguments if a != small.SMALL] or [""]
-    is_small = small.SMALL in arguments
+    table, *rest = [a for a in arguments if a != rigs.SMALL] or [""]
+    is_small = rigs.SMALL in arguments
     if table == "friction" or (is_small and not table):
         print_small_friction() if is_small else print_friction(int(rest[0]) if rest else 1)
     if table == "laws" or (is_small and not table):

@@ -22,7 +22,7 @@ from typing import Any
 
 import numpy as np
 
-from benchmarks.small import SMALL
+from benchmarks.rigs import SMALL
 
 SOURCE = Path(__file__).parents[1] / "fixtures" / "friction_null_coulomb"
 RECORDING, PARAMETER = "driven_1", "friction.coulomb"

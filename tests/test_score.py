@@ -9,11 +9,9 @@ from typing import Any
 
 import pytest
 
-from benchmarks import answers, score
-from benchmarks.answers import essence, measured, next_command, tiles
-from benchmarks.regressions import compared, contradictions
-from benchmarks.truths import Truth, described_truth, judged, reading_faults, truth_of
-from benchmarks.worlds import sampled
+from benchmarks import score
+from benchmarks.cases import Truth, described_truth, judged, reading_faults, sampled, truth_of
+from benchmarks.score import compared, contradictions, essence, measured, next_command, tiles
 
 Row = dict[str, Any]
 LEAK = Truth(frozenset({"piston-leak"}), {"piston-leak": {"area": 1e-7}}, mild=frozenset({"valve-lag"}))
@@ -284,7 +282,7 @@ def test_another_program_is_asked_and_not_the_one_in_the_current_folder(
     monkeypatch.chdir(score.ROOT)
     assert score.package(str(python)) == other
     case = score.Case("fixtures", "one", ("history",), HEALTHY, score.ROOT / "pipelines" / "demo.toml")
-    (row,) = answers.ask(case, str(python), tmp_path / "kept")
+    (row,) = score.ask(case, str(python), tmp_path / "kept")
     assert (row["exit"], (tmp_path / "kept" / "fixtures" / "one" / "history.json").read_text()) == (0, "{}\n")
 
 
@@ -295,18 +293,18 @@ def test_a_case_is_asked_once_and_again_if_it_changes(tmp_path: Path, monkeypatc
         asked.append(words[4])
         return 2, '{"error": {"code": "E001"}, "exit_code": 2}', 1.0, 9.0
 
-    monkeypatch.setattr(answers, "measured", answer)
+    monkeypatch.setattr(score, "measured", answer)
     pipeline = tmp_path / "rig" / "pipeline.toml"
     pipeline.parent.mkdir()
     pipeline.write_text("one")
     case = score.Case("exam", "one", ("ingest", "diagnose"), HEALTHY, pipeline)
-    assert not answers.is_kept(case, tmp_path / "kept")
-    rows = [answers.ask(case, "python", tmp_path / "kept") for _ in range(2)]
+    assert not score.is_kept(case, tmp_path / "kept")
+    rows = [score.ask(case, "python", tmp_path / "kept") for _ in range(2)]
     assert asked == ["ingest", "diagnose"]
     assert rows[0] == rows[1]
     assert rows[0][1] == {"case": "one", "command": "diagnose", "exit": 2, "refused": ["E001"], "seconds": 1.0, "MB": 9}
     pipeline.write_text("other")
-    answers.ask(case, "python", tmp_path / "kept")
+    score.ask(case, "python", tmp_path / "kept")
     assert asked == ["ingest", "diagnose"] * 2
 
 

@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from benchmarks.fleet_rigs import TEMPLATE_FILE, write_fleet
+from benchmarks.fleet import TEMPLATE_FILE, write_fleet
 from pneucli.diagnose import executor_refit
 from pneucli.diagnose.data import Refit, run_locally
 from pneucli.diagnose.diagnosis import diagnose

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from benchmarks.planned_recordings import planned_recordings, read_commands
+from benchmarks.diagnosis import planned_recordings, read_commands
 from pneucli.exam.cases import prepare_case
 from pneucli.exam.conditions import parse
 from pneucli.exam.rig.imposed_motion import MotionMachine

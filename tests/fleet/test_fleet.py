@@ -13,7 +13,7 @@ from xml.etree import ElementTree
 import pyarrow.dataset as ds
 import pytest
 
-from benchmarks.fleet_rigs import FLEET_FILE, TABLE_FILE, TEMPLATE_FILE, write_fleet
+from benchmarks.fleet import FLEET_FILE, TABLE_FILE, TEMPLATE_FILE, write_fleet
 from pneucli.config import load_fleet
 from pneucli.errors import InputError
 from pneucli.fleet import run as stage

@@ -8,7 +8,7 @@ from typing import Any
 
 import pytest
 
-from benchmarks.fleet_rigs import CHANGES, FLEET_FILE, TABLE_FILE, TEMPLATE_FILE, write_fleet
+from benchmarks.fleet import CHANGES, FLEET_FILE, TABLE_FILE, TEMPLATE_FILE, write_fleet
 from pneucli.cli.command import HowToRun
 from pneucli.cli.commands.diagnose import _baseline_options
 from pneucli.config import load_fleet

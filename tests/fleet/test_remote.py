@@ -12,7 +12,7 @@ import pyarrow.dataset as ds
 import pytest
 from pyarrow import fs
 
-from benchmarks.fleet_rigs import FLEET_FILE, write_fleet
+from benchmarks.fleet import FLEET_FILE, write_fleet
 from pneucli.config import load_fleet
 from pneucli.errors import InputError
 from pneucli.fleet import run as stage

@@ -11,7 +11,7 @@ from benchmarks import simulate
 
 @pytest.mark.skipif(shutil.which("gcc") is None, reason="the benchmark compares with C, compiled by gcc")
 def test_the_small_benchmark_finishes_and_meets_its_accuracy(capsys: pytest.CaptureFixture[str]) -> None:
-    assert simulate.main(["--small"]) == 0
+    assert simulate.main(["kernel", "--small"]) == 0
     printed = capsys.readouterr().out
     assert "closed loop, base model / C" in printed
     assert "FAILED" not in printed
@@ -22,7 +22,7 @@ def test_the_small_benchmark_finishes_and_meets_its_accuracy(capsys: pytest.Capt
 def test_an_error_above_its_limit_fails(monkeypatch: pytest.MonkeyPatch) -> None:
     figures = [simulate.Figure("error", 11.0, 10.0, is_time=False), simulate.Figure("time", 9.0, 1.0)]
     monkeypatch.setattr(simulate, "measure", lambda size: figures[1:])
-    assert simulate.main(["--small"]) == 0
-    assert simulate.main([]) == 1
+    assert simulate.main(["kernel", "--small"]) == 0
+    assert simulate.main(["kernel"]) == 1
     monkeypatch.setattr(simulate, "measure", lambda size: figures)
-    assert simulate.main(["--small"]) == 1
+    assert simulate.main(["kernel", "--small"]) == 1
