@@ -38,15 +38,11 @@ PRESSURE_MARGIN = (
 Array = NDArray[np.float64]
 
 
-def presliding_distance(values: Mapping[str, float], stiffness: float) -> float:
+def _presliding_distance(values: Mapping[str, float], stiffness: float) -> float:
     """Return the largest elastic excursion of the seals in m: 1.5 times Coulomb friction over their stiffness.
 
-    Args:
-        values: Parameters of the axis by name (SI).
-        stiffness: Presliding stiffness in N/m; 0 where it is not known, then 12 supply forces over the stroke.
-
     >>> axis = {"C_COULOMB": 20.0, "C_AREA_1": 8e-4, "C_SUPPLY": 7e5, "C_AMBIENT": 1e5, "C_STROKE": 0.2}
-    >>> presliding_distance(axis, stiffness=6e4)
+    >>> _presliding_distance(axis, stiffness=6e4)
     0.0005
     """
     supply_force = values["C_AREA_1"] * (values["C_SUPPLY"] - values["C_AMBIENT"])
@@ -89,7 +85,7 @@ def stiction_parameters(
         "C_BREAKAWAY_MAX": static if dwell.initial_rate > 0.0 else 2.0 * static,
         "C_PRESSURE_BAND": 0.1 * static / values["C_AREA_1"],
         "C_LOAD_STEP_MAX": max(0.25 * static, 0.01 * values["C_AREA_1"] * values["C_SUPPLY"]),
-        "C_PRESLIDING_DISTANCE": presliding_distance(values, stiffness),
+        "C_PRESLIDING_DISTANCE": _presliding_distance(values, stiffness),
         "C_RAMP_GROWTH_RATE": bandwidths.pressure / 6.0,
         "C_RELEASE_FORCE_MAX": 3.0 * static * dwell.max_factor
         + values["C_AREA_1"] * (values["C_SUPPLY"] - values["C_AMBIENT"]),
@@ -169,8 +165,8 @@ def axis_parameters(
         "C_K_GAS": flow_scale(base["rig.heat_capacity_ratio"]) * math.sqrt(2.0 / rt),
         "C_CRITICAL_RATIO": effect_compensation.critical_ratio(model),
         **friction_parameters(model),
-        **sensor_parameters(model),
-        **leak_parameters(model),
+        **_sensor_parameters(model),
+        **_leak_parameters(model),
         "C_P_LOW": (1.0 + PRESSURE_MARGIN) * ambient,
         "C_P_HIGH": (1.0 - PRESSURE_MARGIN) * supply,
         "C_AIR_STIFFNESS": 0.0,
@@ -211,7 +207,7 @@ def friction_parameters(model: Model) -> dict[str, float]:
     }
 
 
-def sensor_parameters(model: Model) -> dict[str, float]:
+def _sensor_parameters(model: Model) -> dict[str, float]:
     """Return scale (1) and offset (Pa) of both pressure sensors by the names of the layout."""
     first, second = (effect_compensation.sensor_line(model, chamber) for chamber in (1, 2))
     return {
@@ -222,7 +218,7 @@ def sensor_parameters(model: Model) -> dict[str, float]:
     }
 
 
-def leak_parameters(model: Model) -> dict[str, float]:
+def _leak_parameters(model: Model) -> dict[str, float]:
     """Return the areas of the leaks in m^2 by the names of the layout."""
     found = effect_compensation.leak_areas(model)
     names = ("C_LEAK_1", "C_LEAK_2", "C_LEAK_12", "C_LEAK_VALVE")
@@ -267,35 +263,21 @@ def design_cascade(model: Model, requirements: Requirements, sealed_pressure: fl
     fill, vent, fill_2, vent_2 = (commands for commands, _ in tables)
     if axis["C_MIRRORED"] > 0.5:
         null = model.base_values()["valve.null"]
-        fill_2, vent_2 = (mirrored_commands(commands, null) for commands in (fill_2, vent_2))
-    return Controller(values, fill, vent, fill_2, vent_2, along=stroke_tables(model, limits["C_V_MAX"]))
+        fill_2, vent_2 = (_mirrored_commands(commands, null) for commands in (fill_2, vent_2))
+    return Controller(values, fill, vent, fill_2, vent_2, along=_stroke_tables(model, limits["C_V_MAX"]))
 
 
-def mirrored_commands(commands: Sequence[float], null: float) -> tuple[float, ...]:
+def _mirrored_commands(commands: Sequence[float], null: float) -> tuple[float, ...]:
     """Return the commands of the one spool of a 5/3 valve at the openings of chamber 2, which opens the other way.
 
-    Args:
-        commands: Commands (n,) in V in the sense of the map of chamber 2: above ``null`` it fills.
-        null: Command in V at which nothing flows.
-
-    >>> mirrored_commands((5.5, 6.0), 5.0)
+    >>> _mirrored_commands((5.5, 6.0), 5.0)
     (4.5, 4.0)
-
     """
     return tuple(2.0 * null - u for u in commands)
 
 
-def stroke_tables(model: Model, speed: float) -> tuple[tuple[float, ...], ...]:
-    """Return the tables over the stroke by the order of ``layout.STROKE_TABLES``.
-
-    Args:
-        model: The identified model.
-        speed: Speed in m/s at which added damping is evaluated, both ways.
-
-    Returns:
-        Factors on dry friction toward +x and -x (1), added damping both ways (N s/m), and the static force of the
-        effects on the resting piston (N toward +x), each at STROKE_NODES positions.
-    """
+def _stroke_tables(model: Model, speed: float) -> tuple[tuple[float, ...], ...]:
+    """Return the tables over the stroke by the order of ``layout.STROKE_TABLES``."""
     x = effect_compensation.stroke_grid(model)
     both = (1.0, -1.0)
     tables = [effect_compensation.dry_friction_factors(model, x, way) for way in both]

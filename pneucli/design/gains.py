@@ -37,28 +37,15 @@ def controller_gains(
     h = requirements.period
     return {
         **loop_gains(bandwidths, requirements),
-        **motion_observer_gains(bandwidths, axis["C_MASS"], h),
-        **pressure_observer_gains(bandwidths, timing, h),
+        **_motion_observer_gains(bandwidths, axis["C_MASS"], h),
+        **_pressure_observer_gains(bandwidths, timing, h),
     }
 
 
-def motion_observer_gains(bandwidths: Bandwidths, mass: float, h: float) -> dict[str, float]:
+def _motion_observer_gains(bandwidths: Bandwidths, mass: float, h: float) -> dict[str, float]:
     """Return the gains of the observer of position, velocity and load.
 
-    The model is ``dx/dt = v``, ``dv/dt = F / m`` with a constant load in F, sampled exactly. The poles of the motion
-    coincide; that of the load is slower.
-
-    Args:
-        bandwidths: Corner frequencies in rad/s.
-        mass: Moving mass in kg.
-        h: Sample time in s.
-
-    Returns:
-        C_OBS_X (1), C_OBS_V (1/s) and C_OBS_LOAD (N/m).
-
-    Infinite corners give the deadbeat observer, 1, 3 / (2 h), m / h^2:
-
-    >>> gains = motion_observer_gains(Bandwidths(math.inf, 0.0, math.inf, 0.0), mass=2.0, h=1e-3)
+    >>> gains = _motion_observer_gains(Bandwidths(math.inf, 0.0, math.inf, 0.0), mass=2.0, h=1e-3)
     >>> {name: round(gain, 6) for name, gain in gains.items()}
     {'C_OBS_X': 1.0, 'C_OBS_V': 1500.0, 'C_OBS_LOAD': 2000000.0}
     """
@@ -108,21 +95,11 @@ def low_pass_share(corner: float, period: float) -> float:
     return 1.0 - math.exp(-corner * period)
 
 
-def pressure_observer_gains(bandwidths: Bandwidths, timing: Timing, h: float) -> dict[str, float]:
+def _pressure_observer_gains(bandwidths: Bandwidths, timing: Timing, h: float) -> dict[str, float]:
     """Return the gains of the pressure observers for expected reading, pressure and unmodelled flow.
 
-    Args:
-        bandwidths: Corner frequencies in rad/s.
-        timing: Lag and delay of the pressure sensors in s; with a lag the corner is at most 2 / lag.
-        h: Sample time in s.
-
-    Returns:
-        C_SENSOR_SHARE (1), C_SENSOR_DELAY (samples), C_OBS_SENSOR (1), C_OBS_P (1) and C_OBS_FLOW (1/s).
-
-    Without a lag the observer of pressure corrects the share 1 - exp(-w h) of its error in each sample:
-
     >>> timing = Timing(0.0, 0.0, 0.0, sensor_lag=0.0, sensor_delay=3e-3, unmodelled_delay=0.0)
-    >>> gains = pressure_observer_gains(Bandwidths(100.0, 10.0, 100.0, 20.0), timing, h=1e-3)
+    >>> gains = _pressure_observer_gains(Bandwidths(100.0, 10.0, 100.0, 20.0), timing, h=1e-3)
     >>> gains["C_OBS_P"] == 1.0 - math.exp(-0.1), gains["C_SENSOR_SHARE"], gains["C_SENSOR_DELAY"]
     (True, 1.0, 3.0)
     """

@@ -52,7 +52,7 @@ def effect_source(effect: Effect, prefix: str) -> str:
         docstrings and annotations are removed.
 
     Raises:
-        EquationError: As :func:`function_tree`.
+        EquationError: A function has no text of its own, is not plain, or has more than arithmetic, `if` and `for`.
 
     >>> from pneucli.physics.effects import catalogue
     >>> print(effect_source(catalogue()["acceleration-bias"], "a"))
@@ -61,7 +61,7 @@ def effect_source(effect: Effect, prefix: str) -> str:
     """
     functions = {f.__name__: f for port in effect.ports.values() for f in _with_helpers(_require_plain_function(port))}
     names = {name: f"{prefix}__{name}" for name in functions}
-    return "\n\n".join(ast.unparse(_Renamer(f, names).visit(function_tree(f))) for f in functions.values())
+    return "\n\n".join(ast.unparse(_Renamer(f, names).visit(_function_tree(f))) for f in functions.values())
 
 
 def check_effect(effect: Effect) -> None:
@@ -90,20 +90,11 @@ def check_effect(effect: Effect) -> None:
             raise EquationError(f"port {name}: {fault.found}", fault.wanted) from fault
 
 
-def function_tree(function: FunctionType) -> ast.FunctionDef:
+def _function_tree(function: FunctionType) -> ast.FunctionDef:
     """Parse the text of a function.
 
-    Args:
-        function: A function that is defined by ``def`` in a file.
-
-    Returns:
-        Its syntax tree without docstring and annotations.
-
-    Raises:
-        EquationError: The function has no text, has decorators, or contains more than arithmetic and control flow.
-
     >>> from pneucli.physics.gas import choked_ratio
-    >>> [argument.arg for argument in function_tree(choked_ratio).args.args]
+    >>> [argument.arg for argument in _function_tree(choked_ratio).args.args]
     ['kappa']
     """
     try:
@@ -156,7 +147,7 @@ def _with_helpers(function: FunctionType) -> list[FunctionType]:
 
 def _global_names(function: FunctionType) -> Iterator[str]:
     """Yield the names that a function takes from outside, each once."""
-    tree = function_tree(function)
+    tree = _function_tree(function)
     own = {a.arg for a in tree.args.args} | {
         inner.id for inner in ast.walk(tree) if isinstance(inner, ast.Name) and isinstance(inner.ctx, ast.Store)
     }
@@ -180,7 +171,7 @@ def _check_names(function: FunctionType) -> None:
         if name not in ALLOWED_BUILTINS and not _is_supported(function.__globals__.get(name), function.__module__):
             wanted = "a number, a function of the same file, math, or one of pneucli.physics.gas"
             raise EquationError(f'{function.__name__} uses "{name}", which the simulator does not know', wanted)
-    for inner in ast.walk(function_tree(function)):
+    for inner in ast.walk(_function_tree(function)):
         if isinstance(inner, ast.Attribute):
             owner = function.__globals__.get(inner.value.id) if isinstance(inner.value, ast.Name) else None
             if owner is not math or not hasattr(math, inner.attr):

@@ -167,7 +167,7 @@ def build(effects: Sequence[Effect], *, compiled: bool = True, control: str | No
 def _build(effects: tuple[Effect, ...], compiled: bool, control: str | None) -> Kernel:
     text = source(effects, compiled=compiled, control=control)
     module = _load(text)
-    index = {name: i for i, name in enumerate(parameters_of(effects))}
+    index = {name: i for i, name in enumerate(_parameters_of(effects))}
     # a compiled function without a wrapper ends the process where Python calls it
     named = {name: f for name, f in vars(module).items() if not compiled or name in ENTRY_POINTS}
     return Kernel(module.run, SimpleNamespace(**named), tuple(e.name for e in effects), index, effects)
@@ -175,7 +175,7 @@ def _build(effects: tuple[Effect, ...], compiled: bool, control: str | None) -> 
 
 @cache
 def _build_duals(effects: tuple[Effect, ...]) -> Callable[..., None]:
-    return cast("Callable[..., None]", _load(dual_source(effects)).run_duals)
+    return cast("Callable[..., None]", _load(_dual_source(effects)).run_duals)
 
 
 def source(
@@ -216,15 +216,8 @@ def source(
     return _decorated(text, ENTRY_POINTS) if compiled else text
 
 
-def dual_source(effects: Sequence[Effect]) -> str:
-    """Return the text of the kernel with dual numbers, see :mod:`pneucli.simulate.dual`.
-
-    Args:
-        effects: Effects.
-
-    Returns:
-        Python text; a hash of the rules of differentiation is part of it, since its hash names the compiled file.
-    """
+def _dual_source(effects: Sequence[Effect]) -> str:
+    """Return the text of the kernel with dual numbers, see :mod:`pneucli.simulate.dual`."""
     gas_ports = {name for name, port in PORTS.items() if port.balance in ("gas", "pressure sensor")}
     free = [not gas_ports.isdisjoint(e.ports) for e in effects for _ in e.parameters]
     numbers = {
@@ -308,7 +301,7 @@ def _port(name: str, effects: Sequence[Effect]) -> str:
 
 def _scalars(effects: Sequence[Effect]) -> str:
     """Return the function that unpacks the parameters once a run: tuples live in registers."""
-    sizes = {"base": len(layout.BASE_NAMES), "th": len(parameters_of(effects)), "on": len(effects)}
+    sizes = {"base": len(layout.BASE_NAMES), "th": len(_parameters_of(effects)), "on": len(effects)}
     tuples = [
         f"({''.join(f'{name}[{i}], ' for i in range(size + 1 - (name == 'base')))})" for name, size in sizes.items()
     ]
@@ -332,13 +325,6 @@ def _load(text: str) -> ModuleType:
     return caches.import_generated(text, "pneucli_kernel")
 
 
-def parameters_of(effects: Sequence[Effect]) -> dict[str, Parameter]:
-    """Return every parameter of effects.
-
-    Args:
-        effects: Effects.
-
-    Returns:
-        Parameters by EFFECT.PARAMETER.
-    """
+def _parameters_of(effects: Sequence[Effect]) -> dict[str, Parameter]:
+    """Return every parameter of effects."""
     return {f"{e.name}.{p.name}": p for e in effects for p in e.parameters}

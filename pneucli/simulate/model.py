@@ -71,7 +71,7 @@ class Model:
 
     @cached_property
     def _base_values(self) -> dict[str, float]:
-        return base_values_of_rig(self.rig) | {name: v for name, v in self.values.items() if name in BASE_NAMES}
+        return _base_values_of_rig(self.rig) | {name: v for name, v in self.values.items() if name in BASE_NAMES}
 
     def effect_values(self) -> dict[str, float]:
         """Return the values of the effects' parameters by EFFECT.PARAMETER."""
@@ -103,16 +103,10 @@ class Model:
         return replace(self, values={**self.values, **values})
 
 
-def base_values_of_rig(rig: Rig) -> dict[str, float]:
+def _base_values_of_rig(rig: Rig) -> dict[str, float]:
     """Return the base parameters of a rig.
 
-    Args:
-        rig: The rig.
-
-    Returns:
-        Values by name, SI; a missing one has a value without influence, NaN for the supply pressure.
-
-    >>> base_values_of_rig(Rig(stroke=0.2))["rig.upper_end"]
+    >>> _base_values_of_rig(Rig(stroke=0.2))["rig.upper_end"]
     0.2
     """
     area_1 = rig.piston_area_1 or 0.0

@@ -151,7 +151,7 @@ def run_scenario(
                 f"{where}.recording", f'"{name}"', "a recording's name", did_you_mean(name, experiments), code="E091"
             )
         return free_run(model, experiments[name], str(table.get("name", name)))
-    experiment = prepare(scenario_recording(values, model.rig), model.rig, None)
+    experiment = prepare(_scenario_recording(values, model.rig), model.rig, None)
     name = str(table.get("name", values["command"]))
     return OpenLoopRun(name, experiment.time, _commands(experiment), simulate_outputs(model, experiment), {})
 
@@ -205,16 +205,8 @@ def _in_si(key: str, value: Any) -> Any:
     return parse_quantity(value, UNITS[key]) if key in UNITS else value
 
 
-def scenario_recording(values: Mapping[str, Any], rig: Rig) -> Recording:
-    """Return the recording with which a scenario starts: the command over time, and the initial state.
-
-    Args:
-        values: Values as of :func:`parse_scenario`.
-        rig: The rig.
-
-    Returns:
-        The recording.
-    """
+def _scenario_recording(values: Mapping[str, Any], rig: Rig) -> Recording:
+    """Return the recording with which a scenario starts: the command over time, and the initial state."""
     return command_recording(_command(values), values, rig)
 
 

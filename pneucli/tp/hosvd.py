@@ -103,7 +103,7 @@ def hosvd(
     floor = min(_ROUNDING_TOLERANCE, tolerance)
     core, bases, values = samples, {}, {}
     for mode in sorted(range(parameters), key=samples.shape.__getitem__):
-        basis, values[mode] = left_svd(core, mode)
+        basis, values[mode] = _left_svd(core, mode)
         bases[mode] = basis[:, : _count_above(values[mode], floor)]
         core = contract(core, bases[mode].T, mode)
     ranks = [_count_above(values[k], tolerance) for k in range(parameters)]
@@ -138,20 +138,10 @@ def contract(tensor: Array, matrix: Array, mode: int) -> Array:
     return (matrix @ _fibres(tensor, mode)).reshape(*before, rows, *after)
 
 
-def left_svd(tensor: Array, mode: int) -> tuple[Array, Array]:
+def _left_svd(tensor: Array, mode: int) -> tuple[Array, Array]:
     """Return left singular vectors and singular values of the unfolding of one mode.
 
-    A wide unfolding is first reduced to its triangular factor, block by block. This is as accurate as the SVD of the
-    whole; the Gram matrix would lose singular values below 1e-8 of the first.
-
-    Args:
-        tensor: Tensor, shape (..., n, ...).
-        mode: The axis of length n, from 0.
-
-    Returns:
-        Vectors, shape (n, k), and values, shape (k,), with k = min(n, product of the other lengths).
-
-    >>> left_svd(np.diag([3.0, 2.0]), 0)[1]
+    >>> _left_svd(np.diag([3.0, 2.0]), 0)[1]
     array([3., 2.])
     """
     n = tensor.shape[mode]

@@ -56,16 +56,8 @@ class ChannelSums(NamedTuple):
     high: float
 
 
-def level_tables(model: FrictionModel) -> tuple[Array, float]:
-    """Tabulate the friction levels of a model for the simulator.
-
-    Args:
-        model: The friction model.
-
-    Returns:
-        The levels in N, shape (2, 2, n): toward +x and -x, then accelerating and slowing; and the step of speed in m/s.
-
-    """
+def _level_tables(model: FrictionModel) -> tuple[Array, float]:
+    """Tabulate the friction levels of a model for the simulator."""
     n = TABLE_REFINEMENT * model.domain.nodes // 2
     step = model.domain.max_velocity / n
     speed = np.asarray(step * (np.arange(n) + 0.5), dtype=np.float64)
@@ -92,7 +84,7 @@ def simulate_driven(
         v (m/s) and a (m/s^2), shape (2, n).
 
     """
-    tables, step = level_tables(model)
+    tables, step = _level_tables(model)
     time, x, v = (values[span] for values in (motion.time, motion.x, motion.v))
     drive = (motion.smooth_drive - motion.load - model.offset + noise)[span]
     out = np.zeros((2, time.size))
@@ -160,21 +152,8 @@ def replay_stick_slip(
     return tuple(out)
 
 
-def predicted_force(model: FrictionModel, motion: Motion, mass: float) -> Array:
-    """Compute the driving force that a model needs for an imposed motion, with the smoothed sign.
-
-    Args:
-        model: The friction model.
-        motion: The imposed motion.
-        mass: Moving mass in kg.
-
-    Returns:
-        The force in N, shape (n,).
-
-    References:
-        Thesis, equation 6.22.
-
-    """
+def _predicted_force(model: FrictionModel, motion: Motion, mass: float) -> Array:
+    """Compute the driving force that a model needs for an imposed motion, with the smoothed sign."""
     inertia: Array = motion.moved_mass(mass) * motion.smooth_a
     return inertia + model.force(motion.v, motion.v * motion.smooth_a >= 0) + model.offset - motion.load
 
@@ -217,7 +196,7 @@ def _channel_sums(model: FrictionModel, m: Motion, mass: float) -> dict[Channel,
         drawn = np.mean(
             [_sum_of_squares(one + spread * rng.standard_normal(one.size), m) for one in m.drive_noise_draws]
         )
-        return {"force": _sums(m, m.drive - m.load, predicted_force(model, m, mass), float(drawn))}
+        return {"force": _sums(m, m.drive - m.load, _predicted_force(model, m, mass), float(drawn))}
     nominal, sensor_noise = simulate_driven(model, m, mass), np.array([[m.sigma_v], [m.accelerometer_noise]])
     powers = []
     for noise in m.drive_noise_draws:

@@ -23,23 +23,10 @@ MIN_BRANCH_SAMPLES = 50  # of a branch, or of one direction of it
 MIN_NODE_SUPPORT = 0.5  # samples at an outermost node of a direct model, below which it does not count as measured
 
 
-def parametric_model(
+def _parametric_model(
     name: ModelName, domain: VelocityDomain, fits: Mapping[Branch, FrictionFit], offset: float
 ) -> FrictionModel:
-    """Build model A or D from parametric fits.
-
-    Args:
-        name: "A" or "D".
-        domain: The velocities of the model.
-        fits: One fit of ``both``, or one of ``accelerating`` and one of ``slowing``.
-        offset: Constant force in N.
-
-    Returns:
-        The model.
-
-    References:
-        Thesis (3.6) for A, (6.21) for D, with the smoothed sign (6.22).
-    """
+    """Build model A or D from parametric fits."""
     return FrictionModel(name, domain, tuple(_parametric(domain, branch, fit) for branch, fit in fits.items()), offset)
 
 
@@ -52,20 +39,8 @@ def _parametric(domain: VelocityDomain, branch: Branch, fit: FrictionFit) -> Mod
     return ModelBranch(branch, force, fit.values())
 
 
-def tp_from_model(name: ModelName, source: FrictionModel, mass: float) -> FrictionModel:
-    """Build model B or E: the TP models of the branches of A or D.
-
-    Args:
-        name: "B" or "E".
-        source: Model A or D.
-        mass: Moving mass in kg.
-
-    Returns:
-        The model.
-
-    References:
-        Thesis chapter 4 (analytical TP model transformation) and 6.1 to 6.3.
-    """
+def _tp_from_model(name: ModelName, source: FrictionModel, mass: float) -> FrictionModel:
+    """Build model B or E: the TP models of the branches of A or D."""
     branches = tuple(
         _tp_on_grid(branch_model, source.domain, source.domain.grid, mass) for branch_model in source.branches
     )
@@ -167,10 +142,10 @@ def identify_models(
     References:
         Thesis 6.1 to 6.3.
     """
-    a, viscous = parametric_model("A", domain, {"both": both}, both["offset"]), both.values()["viscous"].low
+    a, viscous = _parametric_model("A", domain, {"both": both}, both["offset"]), both.values()["viscous"].low
     candidates: list[FrictionModel | None] = [
         a,
-        tp_from_model("B", a, mass),
+        _tp_from_model("B", a, mass),
         tp_from_samples("C", domain, {"both": samples}, viscous, a.offset, mass),
     ]
     branch_samples: dict[Branch, MovingSamples] = {
@@ -179,10 +154,10 @@ def identify_models(
     }
     if all(len(s) >= MIN_BRANCH_SAMPLES for s in branch_samples.values()):
         offset = _common_offset(branch_samples)
-        d = parametric_model("D", domain, _branch_fits(branch_samples, offset), offset)
+        d = _parametric_model("D", domain, _branch_fits(branch_samples, offset), offset)
         candidates += [
             d,
-            tp_from_model("E", d, mass),
+            _tp_from_model("E", d, mass),
             tp_from_samples("F", domain, branch_samples, viscous, offset, mass),
         ]
     return tuple(m for m in candidates if m is not None)

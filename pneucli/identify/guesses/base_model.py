@@ -43,7 +43,7 @@ def guess_base_model(experiments: Sequence[Experiment], rig: Rig, valve: str = "
 
     """
     values = guess_friction([experiment for experiment in experiments if experiment.recording.kind.cylinder], rig)
-    values |= guess_volumes(experiments, rig)
+    values |= _guess_volumes(experiments, rig)
     values |= {name: k.start for name, k in rig.priors.items() if k.start is not None}
     volume, guess = values.get("rig.vessel_volume", PLACEHOLDER_VOLUME), GUESS_BY_VALVE_FORM[valve]
     dead = {f"dead_volume_{c}": values.get(f"rig.dead_volume_{c}", getattr(rig, f"dead_volume_{c}")) for c in (1, 2)}
@@ -53,17 +53,8 @@ def guess_base_model(experiments: Sequence[Experiment], rig: Rig, valve: str = "
     return Model(rig, (), values, first_valve, guess(second, "valve_2") if second else None)
 
 
-def guess_volumes(experiments: Sequence[Experiment], rig: Rig) -> dict[str, float]:
-    """Guess the volumes that the rig leaves out.
-
-    Args:
-        experiments: The experiments.
-        rig: The rig.
-
-    Returns:
-        The vessel's volume and start values of unknown dead volumes in m^3, by parameter name.
-
-    """
+def _guess_volumes(experiments: Sequence[Experiment], rig: Rig) -> dict[str, float]:
+    """Guess the volumes that the rig leaves out."""
     values = (
         {"rig.vessel_volume": rig.vessel_volume or PLACEHOLDER_VOLUME}
         if any(experiment.vessel for experiment in experiments)
@@ -115,7 +106,7 @@ def guess_friction(experiments: Sequence[Experiment], rig: Rig) -> dict[str, flo
     if not has_both_directions(design[:, 0]):  # nothing tells a constant force from dry friction
         design[:, -1] = 0.0
     # the constant force has no bounds, so that it does not bias the friction
-    solution = least_squares_at_least_zero(design, target, design.shape[1] - 1)
+    solution = _least_squares_at_least_zero(design, target, design.shape[1] - 1)
     values = {"friction.coulomb": float(solution[0]), "friction.viscous": float(solution[1])}
     if rig.moving_mass is None:
         min_mass = MIN_MASS_RATIO * float(np.abs(target).max() / max(np.abs(design[:, 2]).max(), TINY))
@@ -123,20 +114,11 @@ def guess_friction(experiments: Sequence[Experiment], rig: Rig) -> dict[str, flo
     return values
 
 
-def least_squares_at_least_zero(design: Array, target: Array, bounded: int) -> Array:
+def _least_squares_at_least_zero(design: Array, target: Array, bounded: int) -> Array:
     """Solve a linear least-squares problem whose first unknowns are not negative.
 
-    Args:
-        design: The design, shape (n, k).
-        target: The right side, shape (n,).
-        bounded: How many of the unknowns are at least zero; each subset of them is tried at zero.
-
-    Returns:
-        The unknowns, shape (k,).
-
-    >>> least_squares_at_least_zero(np.eye(2), np.array([-3.0, -4.0]), 1).tolist()
+    >>> _least_squares_at_least_zero(np.eye(2), np.array([-3.0, -4.0]), 1).tolist()
     [0.0, -4.0]
-
     """
     k = design.shape[1]
     triangle: Array = np.linalg.qr(np.column_stack([design, target]))[1]  # the same problem in k + 1 rows

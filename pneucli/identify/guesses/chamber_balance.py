@@ -56,7 +56,7 @@ def measured_gas(experiment: Experiment, rig: Rig, chamber: Chamber, vessel_volu
         if name in experiment.smoothers
         else np.gradient(p, experiment.time)
     )
-    return gas_balance(rig, *_volume_and_rate(experiment, rig, chamber, vessel_volume), p, pressure_rate)
+    return _gas_balance(rig, *_volume_and_rate(experiment, rig, chamber, vessel_volume), p, pressure_rate)
 
 
 def modelled_gas(experiment: Experiment, rig: Rig, chamber: Chamber, vessel_volume: float, p: Array) -> ChamberGas:
@@ -82,31 +82,14 @@ def modelled_gas(experiment: Experiment, rig: Rig, chamber: Chamber, vessel_volu
         (segment_ends, np.maximum(segment_ends - 1, experiment.restarts)),
     ):
         pressure_rate[edge] = pressure_rate[neighbour]
-    return gas_balance(rig, *_volume_and_rate(experiment, rig, chamber, vessel_volume), p, pressure_rate)
+    return _gas_balance(rig, *_volume_and_rate(experiment, rig, chamber, vessel_volume), p, pressure_rate)
 
 
-def gas_balance(rig: Rig, volume: Array, volume_rate: Array, p: Array, pressure_rate: Array) -> ChamberGas:
-    r"""Compute the flow into a chamber from the polytropic balance of its pressure.
-
-    .. math:: q = (\dot p V + n p \dot V) / (n R T)
-
-    Args:
-        rig: The rig with the gas constant R, the temperature T and the exponent n.
-        volume: Volume V in m^3, shape (n,).
-        volume_rate: Its rate in m^3/s, shape (n,).
-        p: Absolute pressure in Pa, shape (n,).
-        pressure_rate: Its rate in Pa/s, shape (n,).
-
-    Returns:
-        The gas.
-
-    References:
-        Thesis (2.14), change of volume, and (2.22), change of mass.
-
-    A chamber of 1 l at 1 bar whose pressure rises by 1 bar/s takes p V / (kappa R T) in each second, 0.849 g:
+def _gas_balance(rig: Rig, volume: Array, volume_rate: Array, p: Array, pressure_rate: Array) -> ChamberGas:
+    """Compute the flow into a chamber from the polytropic balance of its pressure.
 
     >>> one = np.ones(1)
-    >>> gas = gas_balance(Rig(), 1e-3 * one, 0.0 * one, 1e5 * one, 1e5 * one)
+    >>> gas = _gas_balance(Rig(), 1e-3 * one, 0.0 * one, 1e5 * one, 1e5 * one)
     >>> round(float(gas.flow[0]), 6)
     0.000849
     """

@@ -68,17 +68,8 @@ def guess_gain(flow_paths: Sequence[FlowPathData], label: str) -> LinearValve:
     return LinearValve(gain, _max_opening(flow_paths), label)
 
 
-def guess_switching(flow_paths: Sequence[FlowPathData], label: str) -> SwitchingValve:
-    """Fit one filling and one venting area to the flow.
-
-    Args:
-        flow_paths: The flow-path data of one chamber.
-        label: Name of the valve.
-
-    Returns:
-        The switching valve; its areas are at least ``TINY``.
-
-    """
+def _guess_switching(flow_paths: Sequence[FlowPathData], label: str) -> SwitchingValve:
+    """Fit one filling and one venting area to the flow."""
     command, flow, flux = _settled_samples(flow_paths)
     directions = [np.sign(command) == sign for sign in (1.0, -1.0)]
     areas = [float(np.sum((flow * flux)[mask])) / max(float(np.sum(flux[mask] ** 2)), TINY) for mask in directions]
@@ -109,7 +100,7 @@ def guess_map(flow_paths: Sequence[FlowPathData], label: str) -> ValveArea:
 GUESS_BY_VALVE_FORM: dict[str, Callable[[Sequence[FlowPathData], str], ValveForm]] = {
     "map": guess_map,
     "linear": guess_gain,
-    "switching": guess_switching,
+    "switching": _guess_switching,
 }
 
 

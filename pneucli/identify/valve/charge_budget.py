@@ -153,7 +153,7 @@ def _thermal_factors(model: Model, c: float, supply: float, *, fills: bool) -> t
         base["rig.heat_capacity_ratio"],
         base["rig.gas_constant"],
     )
-    least, largest = thermal_range(vessel, c, fills=fills)
+    least, largest = _thermal_range(vessel, c, fills=fills)
     return least, largest if volume is not None else vessel.kappa  # without a volume all heat is possible
 
 
@@ -172,26 +172,15 @@ def _budgets_of_curve(valve: ValveIdentification, one: IsoConductance) -> Iterat
         yield Budget(full_name, value, "1", tuple(sources), (low, high))
 
 
-def thermal_range(vessel: Vessel, conductance: float, *, fills: bool) -> tuple[float, float]:
+def _thermal_range(vessel: Vessel, conductance: float, *, fills: bool) -> tuple[float, float]:
     """Return by what C may have to be multiplied for heat between gas and wall.
 
-    Args:
-        vessel: The vessel.
-        conductance: C in m^3/(s Pa) as the adiabatic model finds it.
-        fills: Whether the path fills the vessel.
-
-    Returns:
-        Least and largest factor: over walls without heat and with the most heat, and in a discharge over gas at the
-        supply's temperature and gas that a charge has warmed just before.
-
-    A valve of 0.36 l/(s bar) charges 160 cm^3 to 7 bar nearly without heat; one of 0.004 l/(s bar) nearly isothermally:
-
     >>> vessel = Vessel(160e-6, 7e5, 1e5, 293.15, 1.4, 287.0)
-    >>> [round(factor, 2) for factor in thermal_range(vessel, 3.6e-9, fills=True)]
+    >>> [round(factor, 2) for factor in _thermal_range(vessel, 3.6e-9, fills=True)]
     [1.0, 1.11]
-    >>> [round(factor, 2) for factor in thermal_range(vessel, 4e-11, fills=True)]
+    >>> [round(factor, 2) for factor in _thermal_range(vessel, 4e-11, fills=True)]
     [1.0, 1.39]
-    >>> [round(factor, 2) for factor in thermal_range(vessel, 3.6e-9, fills=False)]
+    >>> [round(factor, 2) for factor in _thermal_range(vessel, 3.6e-9, fills=False)]
     [0.93, 1.21]
     """
     states = [(0.0, vessel.temperature), (MAX_HEAT_TRANSFER, vessel.temperature)]

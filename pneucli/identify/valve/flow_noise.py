@@ -47,7 +47,7 @@ def flow_deviation(rows: FlowRows, path: FlowCharacteristics, law: NoiseLaw) -> 
         Shape (n,), above 0.
 
     """
-    flow, slope = flow_and_slope(rows, path)
+    flow, slope = _flow_and_slope(rows, path)
     stated, pressure = rows.stated_noise
     finest = MIN_PRESSURE_NOISE * float(rows.upstream.max())
     own = np.sqrt(stated**2 + (np.where(pressure > 0.0, pressure, finest) * slope) ** 2)
@@ -57,7 +57,7 @@ def flow_deviation(rows: FlowRows, path: FlowCharacteristics, law: NoiseLaw) -> 
     return np.asarray(np.maximum(np.where(stated > 0.0, own, np.sqrt(variance)), least))
 
 
-def flow_and_slope(rows: FlowRows, path: FlowCharacteristics) -> tuple[Array, Array]:
+def _flow_and_slope(rows: FlowRows, path: FlowCharacteristics) -> tuple[Array, Array]:
     """Return the flow in kg/s of each row, and its slope over the downstream pressure in kg/(s Pa), each (n,)."""
     step = SLOPE_STEP * rows.upstream
     flow, below, above = (
@@ -83,7 +83,7 @@ def fit_noise_law(groups: Sequence[FlowRows], paths: Sequence[FlowCharacteristic
     squares, terms, plain = [], [], []
     for rows, path in zip(groups, paths, strict=True):
         order = np.argsort(rows.ratio, kind="stable")
-        flow, slope = flow_and_slope(rows, path)
+        flow, slope = _flow_and_slope(rows, path)
         residual = (rows.flow - flow)[order]
         plain.append(residual)
         if residual.size < 3:

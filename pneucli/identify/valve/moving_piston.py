@@ -84,14 +84,14 @@ def identify_valve_on_piston(experiments: Sequence[Experiment], fitted: Fit, cha
         sample_coverage(u, p, area_model),
     )
     chambers = zip(flow_path_data(driven, model.rig, chamber, volume), tests, strict=True)
-    gradients = [measured_and_model_gradient(model_gradient, path, test, volume) for path, test in chambers]
+    gradients = [_measured_and_model_gradient(model_gradient, path, test, volume) for path, test in chambers]
     has_volume = model.rig.has_cylinder or model.rig.vessel_volume
     return assemble_identification(
         area_model,
         posterior,
         coverage,
         command,
-        compute_lack_of_fit=lambda _: lack_of_fit_in_cells(model_gradient, area_model, tests, gradients),
+        compute_lack_of_fit=lambda _: _lack_of_fit_in_cells(model_gradient, area_model, tests, gradients),
         iso=iso_conductances(area_model, posterior, fitted, coverage, ()) if has_volume else (),
         max_measured_gradient=max(float(np.abs(measured).max()) for measured, _ in gradients),
     )
@@ -113,24 +113,10 @@ def mid_stroke_volume(model: Model, chamber: Chamber) -> float:
     return base[f"rig.dead_volume_{chamber}"] + 0.5 * stroke * base[f"rig.piston_area_{chamber}"]
 
 
-def measured_and_model_gradient(
+def _measured_and_model_gradient(
     model_gradient: ModelGradient, driven: FlowPathData, test: Experiment, volume: float
 ) -> tuple[Array, Array]:
-    """Compute the measured gradient and the model's, both for one volume.
-
-    The pressure that the model's flow would produce is subtracted before smoothing and differentiation. Smoothing then
-    spreads only the difference, not the gradient itself, which a moving command changes quickly.
-
-    Args:
-        model_gradient: The gradient of the fitted model.
-        driven: The flow-path data of the chamber.
-        test: The same chamber as a valve test.
-        volume: Volume in m^3.
-
-    Returns:
-        Measured and modelled gradient in Pa/s, each (n,).
-
-    """
+    """Compute the measured gradient and the model's, both for one volume."""
     e, kappa = driven.experiment, model_gradient.model.base_values()["rig.polytropic_exponent"]
     u, p, supply = test.inputs[:, (at.IN_U, at.IN_P1, at.IN_SUPPLY)].T
     quasi_static = model_gradient.at_coordinates(model_gradient.start)
@@ -151,27 +137,13 @@ def _previous_command(u: Array) -> Array:
     return np.append(u[:1], u[:-1])
 
 
-def lack_of_fit_in_cells(
+def _lack_of_fit_in_cells(
     model_gradient: ModelGradient,
     area_model: AreaModel,
     tests: Sequence[Experiment],
     gradients: Sequence[tuple[Array, Array]],
 ) -> LackOfFit:
-    """Compare measured with modelled gradients, averaged over cells of command and pressure.
-
-    The model is evaluated at the samples' own commands, pressures and supply, so cells may be large. Each visit to a
-    cell counts as one reading, since errors within a visit are correlated.
-
-    Args:
-        model_gradient: The gradient of the fitted model.
-        area_model: The area model with the ranges of command and pressure.
-        tests: The driven experiments as valve tests.
-        gradients: Measured and modelled gradients in Pa/s of each test.
-
-    Returns:
-        The comparison in cells.
-
-    """
+    """Compare measured with modelled gradients, averaged over cells of command and pressure."""
     low, *_, high = area_model.command_grid(2)
     edges = [
         np.linspace(low, high, CELL_COUNTS[0] + 1),

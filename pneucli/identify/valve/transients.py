@@ -174,7 +174,7 @@ def _segments(index: int, recording: Recording, supply_pressure: float | None, m
     rows = np.stack(
         [recording.time, recording["u"], _supply_pressure(recording, supply_pressure), recording["p1"], *memory]
     )
-    rows = resample(rows, dt) if is_unevenly_sampled(recording) else rows
+    rows = _resample(rows, dt) if is_unevenly_sampled(recording) else rows
     u = rows[1]
     jumps = np.flatnonzero(np.abs(np.diff(u)) > MIN_COMMAND_JUMP * max(np.ptp(u), 1e-9)) + 1
     starts, stops = np.append(0, jumps), np.append(jumps, u.size)
@@ -262,18 +262,11 @@ def interpolation_error(recording: Recording, signal: str) -> float:
     return float(INTERPOLATION_ERROR_RATIO * max(excess, 0.0) ** 0.5)
 
 
-def resample(rows: Array, period: float) -> Array:
+def _resample(rows: Array, period: float) -> Array:
     """Resample rows to an even clock: the command is held, all other signals are interpolated linearly.
 
-    Args:
-        rows: Time, command and further signals, shape (m, n).
-        period: The new period in s.
-
-    Returns:
-        The resampled rows.
-
     >>> rows = np.array([[0.0, 1.0, 3.0], [5.0, 6.0, 7.0], [0.0, 10.0, 30.0]])
-    >>> resample(rows, 1.5).tolist()  # time, held command, interpolated signal
+    >>> _resample(rows, 1.5).tolist()  # time, held command, interpolated signal
     [[0.0, 1.5, 3.0], [5.0, 6.0, 7.0], [0.0, 15.0, 30.0]]
     """
     time, u, *others = rows
