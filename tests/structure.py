@@ -21,6 +21,22 @@ from pathlib import Path
 
 ROOT = Path(__file__).parents[1]
 DOCUMENTED = ("physics", "tp", "identify", "simulate", "design", "controller", "noise")
+TRANSLATED = ("pneucli.controller.", "pneucli.simulate.kernel.")  # into C and structured text, or compiled as a whole
+PORTS = "pneucli.simulate.kernel.ports"
+LAID_OUT = {"self", "s", "c", "par"}  # state and constants of a controller: each index of theirs has a unit in layout
+ARRAY = re.compile(r"(?<!types\.)\b(Array|NDArray|ArrayLike)\b")
+NUMBER = re.compile(r"\bfloat\b|(?<!types\.)\b(Array|ArrayLike|NDArray\[np\.float64\])")
+PLAIN = re.compile(
+    r"(float|int|str|tuple\[(float|int)(, (float|int|\.\.\.))*\]|Sequence\[(float|int|str)\])( \| None)?"
+)
+UNIT = re.compile(
+    r"(?<![\w`])(m|mm|um|cm|s|ms|us|kg|g|N|Pa|kPa|bar|V|mV|K|Hz|kHz|J|W|rad|samples?|%|per cent|1/\w+|SI|units?"
+    r"|dimensionless|shares?|ratio|relative|normali[sz]ed|factors?|probabilit\w+|weights?)(?![\w`])"
+)
+SHAPE = re.compile(r"\([\w.]+,\)|\(\w+(, [\w .+*-]+)+\)|\bshapes?\b|\bbroadcast")
+SOURCE = re.compile(
+    r"^References?:|[Tt]hesis|ISO \d|IEC|JCGM|source=|\(\d\.\d+\)|\b(19|20)\d\d\b|docs/\w", re.MULTILINE
+)
 
 
 @dataclass(frozen=True)
@@ -137,27 +153,73 @@ def depth(graph: dict[str, set[str]]) -> int:
     return max(length(node) for node in merged)
 
 
-def public_functions(found: dict[str, Module]) -> Iterator[tuple[str, ast.FunctionDef]]:
-    """The public functions of the packages whose docstrings are specifications."""
+def public_functions(found: dict[str, Module]) -> Iterator[tuple[Module, ast.FunctionDef]]:
+    """The public functions of the packages whose docstrings are specifications.
+
+    Code that is translated has no names that begin with an underscore: of it, those are public that another module
+    names. The ports of the kernel are specified where they are declared, in ``pneucli.physics.ports``.
+    """
+    named = {name: set(re.findall(r"\w+", module.text)) for name, module in found.items()}
     for name, module in found.items():
-        if name.split(".")[1:2] and name.split(".")[1] in DOCUMENTED:
-            for node in module.tree.body:
-                if isinstance(node, ast.FunctionDef) and not node.name.startswith("_"):
-                    yield name, node
+        if unit(name).removeprefix("pneucli.") not in DOCUMENTED or name == PORTS:
+            continue
+        for node in module.tree.body:
+            if isinstance(node, ast.FunctionDef) and not node.name.startswith("_"):
+                elsewhere = any(node.name in words for other, words in named.items() if other != name)
+                if elsewhere or not name.startswith(TRANSLATED):
+                    yield module, node
+
+
+def signature(function: ast.FunctionDef) -> tuple[dict[str, str], str]:
+    """The arguments that a docstring has to explain with their types, and the type of the result.
+
+    Translated code has no annotations; what it takes and returns are numbers.
+    """
+    arguments = [*function.args.posonlyargs, *function.args.args, *function.args.kwonlyargs]
+    types = {one.arg: ast.unparse(one.annotation) if one.annotation else "float" for one in arguments}
+    if function.returns is not None:
+        result = ast.unparse(function.returns)
+    elif (ast.get_docstring(function) or "").startswith("Whether"):
+        result = "bool"
+    else:
+        result = "float" if any(isinstance(n, ast.Return) and n.value for n in ast.walk(function)) else "None"
+    return {name: kind for name, kind in types.items() if name not in LAID_OUT}, result
+
+
+def specification(module: Module, function: ast.FunctionDef) -> dict[str, bool]:
+    """Which parts of a specification apply to a public function, and whether its docstring has them.
+
+    - arguments: each number is named, unless it is the only argument
+    - units: where numbers go in or out; "share", "factor" and the like say that there is none
+    - shapes: where arrays go in or out
+    - errors: where it raises one itself
+    - source: where it returns a number that it has multiplied or divided; the module's docstring may have it
+    - doctest: where it turns plain numbers and words into numbers
+    """
+    text, (arguments, result) = ast.get_docstring(function) or "", signature(function)
+    types, numbers = [*arguments.values(), result], [name for name, kind in arguments.items() if NUMBER.search(kind)]
+    products = (n for n in ast.walk(function) if isinstance(n, ast.BinOp))
+    is_equation = any(isinstance(n.op, (ast.Mult, ast.Div, ast.Pow, ast.MatMult)) for n in products)
+    source = text + (ast.get_docstring(module.tree) or "") + " ".join(re.findall(r"^    source=.*", module.text, re.M))
+    is_annotated = all(one.annotation for one in function.args.args)
+    parts = {
+        "arguments": (bool(arguments), len(arguments) == 1 or all(re.search(rf"\b{n}\b", text) for n in numbers)),
+        "units": (any(map(NUMBER.search, types)), bool(UNIT.search(text))),
+        "shapes": (any(map(ARRAY.search, types)), bool(SHAPE.search(text))),
+        "errors": (any(isinstance(n, ast.Raise) for n in ast.walk(function)), "Raises:" in text),
+        "source": (is_equation and bool(NUMBER.search(result)), bool(SOURCE.search(source))),
+        "doctest": (is_annotated and bool(arguments) and all(map(PLAIN.fullmatch, types)), ">>> " in text),
+    }
+    return {part: has for part, (applies, has) in parts.items() if applies}
 
 
 def docstrings(found: dict[str, Module]) -> dict[str, float]:
-    """The share of these functions whose docstring has each part of a specification, in per cent."""
-    texts = [ast.get_docstring(node) or "" for _, node in public_functions(found)]
-    parts = {
-        "Args or Returns": r"^(Args|Returns):",
-        "units": r"\b(m|mm|s|ms|kg|N|Pa|bar|V|K|Hz|J|W|rad)\b(\^|/|\)|,|\.|;| )",
-        "references": r"^References?:",
-        "doctest": r">>> ",
-    }
-    return {
-        part: 100 * sum(bool(re.search(pattern, text, re.MULTILINE)) for text in texts) / max(len(texts), 1)
-        for part, pattern in parts.items()
+    """The share of public functions whose docstring has each part of a specification that applies, in per cent."""
+    had = [specification(*one) for one in public_functions(found)]
+    share = lambda those: 100 * sum(those) / max(len(those), 1)  # noqa: E731
+    parts = ("arguments", "units", "shapes", "errors", "source", "doctest")
+    return {part: share([one[part] for one in had if part in one]) for part in parts} | {
+        "all that applies": share([all(one.values()) for one in had])
     }
 
 

@@ -10,6 +10,8 @@ from types import ModuleType
 
 import pytest
 
+from tests import structure
+
 ROOT = Path(__file__).parents[1]
 PACKAGES = ("physics", "tp", "identify", "simulate", "design", "controller", "closed_loop", "noise", "messages")
 SPECIFIED = ("physics", "tp")  # packages in which every public function states arguments, result and an example
@@ -70,3 +72,51 @@ def _takes_arguments(name: str) -> bool:
     tree = ast.parse((ROOT / path).read_text(encoding="utf-8"))
     node = next(n for n in tree.body if isinstance(n, ast.FunctionDef) and n.name == function)
     return bool(node.args.args or node.args.kwonlyargs)
+
+
+def parts(text: str, doc: str = "") -> dict[str, bool]:
+    """What applies of a specification to the only function of a module."""
+    module = structure.Module("pneucli.tp.one", text, ast.parse(f'"""{doc}"""\n{text}'))
+    (function,) = (node for node in module.tree.body if isinstance(node, ast.FunctionDef))
+    return structure.specification(module, function)
+
+
+def test_a_specification_has_only_what_applies() -> None:
+    assert parts("def f(model: Model) -> str: ...") == {"arguments": True}
+    assert parts("def f() -> None: ...") == {}
+    bare = parts("def f(a: Array, b: float) -> Array:\n  if b: raise ValueError\n  return a * b")
+    assert bare == dict.fromkeys(("arguments", "units", "shapes", "errors", "source"), False)
+    assert parts("def f(a: float, b: float) -> float: return a / b")["doctest"] is False
+    assert "doctest" not in parts("def f(a, s, c): return a / s[0]")
+
+
+@pytest.mark.parametrize(
+    ("part", "doc"),
+    [
+        ("arguments", "Return a at b."),
+        ("units", "Return a force in N."),
+        ("units", "Return a share."),
+        ("shapes", "Return it, shape (n,)."),
+        ("errors", "Raises:\n        ValueError: b is 0."),
+        ("source", "Thesis (2.46)."),
+        ("source", "References:\n        JCGM 100."),
+        ("doctest", ">>> f(1.0, 2.0)"),
+    ],
+)
+def test_each_part_of_a_specification_is_found(part: str, doc: str) -> None:
+    types = "a: float, b: float" if part == "doctest" else "a: Array, b: float"
+    body = f'def f({types}) -> float:\n    """{{}}"""\n    if b: raise ValueError\n    return a * b'
+    assert not parts(body.format("Return something."))[part]
+    assert parts(body.format(doc))[part]
+
+
+def test_a_source_may_stand_at_the_module() -> None:
+    body = "def f(a: float) -> float: return a * a"
+    assert not parts(body, "Own.")["source"]
+    assert parts(body, "Thesis 7.4.")["source"]
+
+
+def test_most_public_functions_state_all_that_applies() -> None:
+    shares = structure.docstrings(structure.modules())
+    assert shares["all that applies"] >= 85
+    assert shares["errors"] == shares["doctest"] == 100

@@ -53,7 +53,7 @@ def friction_feedforward(s, c):
 
     The speed is that of the reference at the time when the force arrives, the lag of the pressure loop ahead. It is
     limited to within a factor of two of the speed of the piston: above half of it after break-away, where friction
-    falls, and below twice of it for a piston that lags behind and must still break away.
+    falls, and below twice of it for a piston that lags behind and must still break away. Friction: thesis (3.6).
     """
     v = s[S_V_SHAPED] + c[C_FRICTION_LEAD] * s[S_A_SHAPED]
     speed = max(math.fabs(v), 0.5 * math.fabs(s[S_V]))
@@ -187,7 +187,8 @@ def control_chamber_2(s, c):
 def cascade_step(x_ref, x, p1, p2, s, c):
     """Advance the controller by one sample: readings in, commands in s[S_U1] and s[S_U2].
 
-    Positions in m, pressures absolute in Pa. The observers bridge implausible readings.
+    ``x_ref`` is the reference and ``x`` the read position in m; ``p1`` and ``p2`` are the read pressures, absolute in
+    Pa. The observers bridge implausible readings.
     """
     x_ref = initialise_at_first_sample(x_ref, x, p1, p2, s, c)
     advance_valve_gradients(s, c)

@@ -1,4 +1,7 @@
-"""Source text of the controller for the simulation kernel: constants, functions of all laws, and the loop."""
+"""Source text of the controller for the simulation kernel: constants, functions of all laws, and the loop.
+
+What a law is and which there are: docs/design.md.
+"""
 
 # mypy: disable-error-code="no-untyped-def, no-untyped-call"
 # ruff: noqa: F403, F405, ANN
@@ -75,14 +78,19 @@ def quantize(value, quantum):
 
 
 def step_law(which: int, x_ref, x, p1, p2, s, c):
-    """Advance the law with the index ``which`` of LAWS; the kernel replaces this function by a dispatch."""
+    """Advance the law with the index ``which`` of LAWS; the kernel replaces this function by a dispatch.
+
+    ``x_ref`` is the reference in m, or in Pa of a controller of pressure; ``x`` the read position in m; ``p1`` and
+    ``p2`` the read pressures in Pa.
+    """
     tuple(LAWS.values())[which].step(x_ref, x, p1, p2, s, c)
 
 
 def operate(which: int, x_ref, x, p1, p2, supply, duty, level, s, c):
     """Run one sample of a law with its operation: measured supply (Pa, 0: none), operating mode, pressure level.
 
-    ``duty`` is an index of ``OPERATING_MODES``; ``level`` the set mean pressure (Pa, 0: as designed).
+    ``duty`` is an index of ``OPERATING_MODES``; ``level`` the set mean pressure (Pa, 0: as designed); ``which``,
+    ``x_ref``, ``x``, ``p1`` and ``p2`` are those of :func:`step_law`.
     """
     set_supply(supply, s, c)
     set_level(level, s, c)
@@ -100,8 +108,9 @@ def operate(which: int, x_ref, x, p1, p2, supply, duty, level, s, c):
 def control(k, x_ref, x, p1, p2, cs, cp):
     """Run one sample of the controller in the loop: ``cs`` holds its state, followed by one log row a sample.
 
-    The last four of ``cp`` are the quanta of position (m) and pressure (Pa), the delay in samples, and the index of
-    the law.
+    ``k`` is the number of the sample, ``x_ref`` the reference, ``x`` the true position in m, ``p1`` and ``p2`` the true
+    pressures in Pa. The last four of ``cp`` are the quanta of position (m) and pressure (Pa), the delay in samples,
+    and the index of the law. Returns the commands of both valves in V that arrive at this sample.
     """
     settings: int = cp.size - 4
     row: int = L_STATES + k * L_ROW

@@ -27,7 +27,7 @@ from pneucli.controller.valve_dynamics import (
 
 
 def initialise_state(x_ref, x, p1, p2, s, c):
-    """Initialise the state from the first readings, at rest and without disturbances."""
+    """Initialise the state from the first readings x (m), p1, p2 (Pa) and the reference x_ref, at rest, undisturbed."""
     s[S_STARTED] = 1.0
     s[S_X] = x if is_plausible(x, -c[C_STROKE], 2.0 * c[C_STROKE]) else 0.5 * c[C_STROKE]
     s[S_P1] = p1 if is_plausible(p1, 0.3 * c[C_AMBIENT], 2.0 * c[C_SUPPLY]) else c[C_P_MEAN]
@@ -63,7 +63,7 @@ def settle_valves_and_sensors(s, c):
 
 
 def initialise_at_first_sample(x_ref, x, p1, p2, s, c):
-    """Initialise at the first sample; return the reference, or the last one if it is missing."""
+    """Initialise at the first sample, from x (m), p1, p2 (Pa); return the reference x_ref, the last one if missing."""
     if not math.isfinite(x_ref):
         x_ref = s[S_X_REF] if s[S_STARTED] > 0.5 else x
     if s[S_STARTED] < 0.5:

@@ -31,14 +31,17 @@ def set_supply(p, s, c):
 
 
 def enable(on, s):
-    """Enable the controller, or disable it and shut the valves; on enabling, the next readings reset the state."""
+    """Enable the controller, or disable it and shut the valves; on enabling, the next readings reset the state.
+
+    ``on`` is 1 or 0, without a unit.
+    """
     if on > 0.5 and s[S_DISABLED] > 0.5:
         s[S_RESET_PHASE] = 2.0
     s[S_DISABLED] = 0.0 if on > 0.5 else 1.0
 
 
 def pause(on, s):
-    """Request a hold at the shortest stopping distance of the reference, or release it."""
+    """Request a hold at the shortest stopping distance of the reference (``on`` is 1, no unit), or release it."""
     if on < 0.5:
         s[S_HOLD_REQUEST] = 0.0
     elif s[S_HOLD_REQUEST] < 0.5:
@@ -107,8 +110,9 @@ def reset(x, p1, p2, u1, u2, s, c):
 def active_reference(x_ref, x, p1, p2, s, c):
     """Return the reference of the law: that of the caller, or the position of a hold.
 
-    An axis that was disabled is reset first. A start within the tolerance, twice the holding band, holds
-    at once.
+    ``x_ref`` is the reference and ``x`` the read position in m, ``p1`` and ``p2`` are the read pressures in Pa. An axis
+    that was disabled is reset first. A start within the tolerance, twice the holding band, holds at once
+    (docs/closed-loop.md).
     """
     if s[S_RESET_PHASE] > 1.5:
         reset(x, p1, p2, null_command_1(c), null_command_2(c), s, c)

@@ -78,6 +78,12 @@ class Controller:
 def nominal_load(c: Mapping[str, float]) -> float:
     """Return the nominal load in N: a tenth of the force of supply against ambient pressure.
 
+    Args:
+        c: Parameters of a controller by name (SI).
+
+    References:
+        A convention: the load of a scenario that states none, and of the acceptance test.
+
     >>> round(nominal_load({"C_AREA_1": 8e-4, "C_SUPPLY": 7e5, "C_AMBIENT": 1e5}), 6)
     48.0
     """

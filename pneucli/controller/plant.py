@@ -1,4 +1,8 @@
-"""Model of piston, valve map and forces in the controller, in the scalar code of :mod:`pneucli.controller.cascade`."""
+"""Model of piston, valve map and forces in the controller, in the scalar code of :mod:`pneucli.controller.cascade`.
+
+Source: thesis (2.43) and (2.46) for the flow, (2.47-2.52) for chambers and piston, (3.6) and (3.7) for friction on two
+branches, 7.4 for the inverse valve map. ``s`` is the state and ``c`` the constants of :mod:`pneucli.controller.layout`.
+"""
 # mypy: disable-error-code="no-untyped-def, no-untyped-call"
 # ruff: noqa: F403, F405, ANN
 
@@ -11,17 +15,17 @@ from pneucli.physics.gas import flow_function
 
 
 def clamp(value, low, high):
-    """Return ``value`` limited to [low, high]."""
+    """Return ``value`` limited to [``low``, ``high``], all in one unit."""
     return low if value < low else high if value > high else value
 
 
 def sign(value):
-    """Return -1, 0 or 1."""
+    """Return the sign of ``value``, whatever its unit: -1, 0 or 1."""
     return 1.0 if value > 0.0 else -1.0 if value < 0.0 else 0.0
 
 
 def is_plausible(reading, low, high):
-    """Whether a reading is finite and within [low, high]."""
+    """Whether ``reading`` is finite and within [``low``, ``high``], all in one unit."""
     return math.isfinite(reading) and reading >= low and reading <= high
 
 
@@ -54,7 +58,10 @@ def damping(x, direction, c):
 
 
 def speed_after(x, v, force, h, s, c):
-    """Return the speed in m/s after h (s) under a force in N, with set-valued friction: two branches, or sticking."""
+    """Return the speed in m/s after ``h`` (s) under ``force`` (N), with set-valued friction: two branches, or sticking.
+
+    ``x`` is the position in m and ``v`` the speed in m/s at the start of the step.
+    """
     way = sign(v) if v != 0.0 else sign(force)
     factor = dry_friction_factor(x, way, s, c)
     rising = dry_friction(math.fabs(v), s, c) * factor
@@ -78,7 +85,7 @@ def pressure_force(s, c):
 
 
 def net_force(x, p1, p2, s, c):
-    """Return the net force in N without friction at x (m): pressures, static forces of the stroke, load estimate."""
+    """Return the net force in N without friction at x (m): p1, p2 (Pa), forces of the stroke, estimated load."""
     return pressure_force_at(p1, p2, c) + stroke_table(x, 4, c) + s[S_LOAD]
 
 
@@ -93,7 +100,11 @@ def max_pressure_reference(s, c):
 
 
 def pressure_rate_per_area(filling, p, volume, s, c):
-    """Return dp/dt in Pa/s per m^2 of effective area, thesis (2.46), while filling or venting."""
+    """Return dp/dt in Pa/s per m^2 of effective area, thesis (2.46), while ``filling`` or venting.
+
+    ``p`` is the pressure of the chamber in Pa, ``volume`` its volume in m^3. Not below 0: the sense of the flow is the
+    caller's.
+    """
     scale = c[C_GAMMA_R_T] * c[C_K_GAS] / volume
     if filling:
         supply = supply_pressure(s, c)
@@ -102,7 +113,7 @@ def pressure_rate_per_area(filling, p, volume, s, c):
 
 
 def relative_area(u, begin: int, c):
-    """Return the effective area at a command in V over the largest, from the inverse table at ``begin``."""
+    """Return the effective area at a command ``u`` (V) over the largest, from the inverse table at ``begin``."""
     nodes: int = int(c[C_TABLE_NODES])
     way = sign(c[begin + nodes - 1] - c[begin])
     low: int = 0
@@ -151,25 +162,31 @@ def inverse_valve_map(gradient, p, volume, fill, vent, table: int, s, c):
 
 
 def valve_command(gradient, p, volume, s, c):
-    """Return the command in V for a gradient in Pa/s in chamber 1, limited to the identified range."""
+    """Return the command in V for ``gradient`` (Pa/s) in chamber 1, limited to the identified range.
+
+    ``p`` is the pressure in Pa, ``volume`` the volume of the chamber in m^3.
+    """
     return inverse_valve_map(gradient, p, volume, c[C_AREA_FILL], c[C_AREA_VENT], C_TABLE, s, c)
 
 
 def valve_command_2(gradient, p, volume, s, c):
-    """Return the command in V for a gradient in Pa/s in chamber 2, likewise."""
+    """Return the command in V for ``gradient`` (Pa/s) in chamber 2, limited to the identified range.
+
+    ``p`` is the pressure in Pa, ``volume`` the volume of the chamber in m^3.
+    """
     begin: int = C_TABLE + 2 * int(c[C_TABLE_NODES])
     return inverse_valve_map(gradient, p, volume, c[C_AREA_FILL_2], c[C_AREA_VENT_2], begin, s, c)
 
 
 def limit_gradient_1(gradient, p, volume, s, c):
-    """Return the gradient in Pa/s limited to what the valve of chamber 1 can make."""
+    """Return ``gradient`` (Pa/s) limited to what the valve of chamber 1 makes at ``p`` (Pa) in ``volume`` (m^3)."""
     if gradient > 0.0:
         return min(gradient, c[C_AREA_FILL] * pressure_rate_per_area(True, p, volume, s, c))
     return max(gradient, -c[C_AREA_VENT] * pressure_rate_per_area(False, p, volume, s, c))
 
 
 def limit_gradient_2(gradient, p, volume, s, c):
-    """Return the gradient in Pa/s limited to what the valve of chamber 2 can make."""
+    """Return ``gradient`` (Pa/s) limited to what the valve of chamber 2 makes at ``p`` (Pa) in ``volume`` (m^3)."""
     if gradient > 0.0:
         return min(gradient, c[C_AREA_FILL_2] * pressure_rate_per_area(True, p, volume, s, c))
     return max(gradient, -c[C_AREA_VENT_2] * pressure_rate_per_area(False, p, volume, s, c))
@@ -192,8 +209,9 @@ def mirrored_command(target, low, high, slope_1, slope_2, table_1: int, table_2:
 def drive_mirrored_valve(wanted, x, p1, p2, s, c):
     """Set the command of a 5/3 valve, which fills one chamber and vents the other; return the rate that it reaches.
 
-    ``wanted`` and the result are the rate of the pressure force over the first area in Pa/s, with the piston at x (m)
-    and both pressures (Pa). Each chamber has its own inverse table; the command solves the sum of both rates.
+    ``wanted`` and the result are the rate of the pressure force over the first area in Pa/s, with the piston at ``x``
+    (m) and the pressures ``p1`` and ``p2`` (Pa). Each chamber has its own inverse table; the command solves the sum of
+    both rates.
     """
     nodes: int = int(c[C_TABLE_NODES])
     ratio = c[C_AREA_2] / c[C_AREA_1]

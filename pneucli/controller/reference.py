@@ -60,7 +60,7 @@ def set_pressure_reference(p_ref, s, c):
 
 
 def follow_reference(x_ref, s, c):
-    """Process the reference; return whether it is a position (else the pressure of chamber 1)."""
+    """Process the reference, in m or Pa; return whether it is a position (else the pressure of chamber 1)."""
     if c[C_PRESSURE_MODE] > 0.5:
         set_pressure_reference(x_ref, s, c)
         return False

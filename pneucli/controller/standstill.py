@@ -1,5 +1,7 @@
 """Standstill: how the controller frees a piston that sticks off a resting reference, and when it holds it.
 
+Source: own, docs/closed-loop.md shows what it does on a machine; friction is that of thesis (3.6), gas of (2.14).
+
 State chart (state variable in brackets; "at rest": the reference has rested for more than 0.05 s [S_REF_REST_TIME])::
 
     TRACKING   the reference moves: release force 0, ramp gain 4, dead-band gain 1, loop gain 1
@@ -236,7 +238,7 @@ def enter_hold(s, c):
 
 
 def update_hold(x_ref, s, c):
-    """Enter or leave the state HOLD; return whether the piston is held."""
+    """Enter or leave the state HOLD at a reference x_ref (m); return whether the piston is held."""
     resting = s[S_REF_REST_TIME] > 0.05 and math.fabs(s[S_V]) < c[C_V_FLOOR]
     error = math.fabs(x_ref - s[S_X])
     band = c[C_HOLDING_BAND] * s[S_DEADBAND_GAIN]

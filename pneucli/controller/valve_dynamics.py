@@ -2,6 +2,8 @@
 
 The play precedes the spool, a first-order lag; a delay line holds the openings that are on their way through the hose.
 :mod:`pneucli.design.effect_compensation` identifies each from the response of the model.
+Source of the gradients: thesis (2.14) for the motion, (2.22) and (2.46) for the flow; ``s`` is the state and ``c`` the
+constants of :mod:`pneucli.controller.layout`.
 """
 # mypy: disable-error-code="no-untyped-def, no-untyped-call"
 # ruff: noqa: F403, F405, ANN
@@ -55,13 +57,13 @@ def delay_line_update(value, row: int, wait, s):
 
 
 def delay_line_fill(row: int, value, s):
-    """Set all entries of a delay line."""
+    """Set all entries of the delay line at ``row`` to ``value``, in the unit of what it delays (V or Pa)."""
     for i in range(S_OPENING_LINE2 - S_OPENING_LINE1):
         s[row + i] = value
 
 
 def valve_gradient_1(u, p, volume, s, c):
-    """Return dp/dt in Pa/s of chamber 1 by an opening u (V) and the leaks of the valve."""
+    """Return dp/dt in Pa/s of chamber 1 at p (Pa) in a volume (m^3) by an opening u (V) and the leaks of the valve."""
     fill = c[C_LEAK_VALVE]
     vent = c[C_LEAK_VALVE]
     if u > null_command_1(c):
@@ -72,7 +74,10 @@ def valve_gradient_1(u, p, volume, s, c):
 
 
 def valve_gradient_2(u, p, volume, s, c):
-    """Return dp/dt in Pa/s of chamber 2: by its own valve, by the one spool of a 5/3 valve, or zero."""
+    """Return dp/dt in Pa/s of chamber 2: by its own valve, by the one spool of a 5/3 valve, or zero.
+
+    ``u`` is the opening in V of that valve or spool, ``p`` the pressure in Pa, ``volume`` the volume in m^3.
+    """
     nodes: int = int(c[C_TABLE_NODES])
     fill = c[C_LEAK_VALVE]
     vent = c[C_LEAK_VALVE]
@@ -108,7 +113,7 @@ def chamber_volume_1(x, c):
 
 
 def chamber_volume_2(x, c):
-    """Return the value of chamber 2, likewise."""
+    """Return the volume of chamber 2 in m^3 with the piston at x in m."""
     return c[C_DEAD_VOLUME_2] + c[C_AREA_2] * (c[C_STROKE] - x)
 
 
@@ -118,18 +123,18 @@ def gas_stiffness_1(x, c):
 
 
 def gas_stiffness_2(x, c):
-    """Return the value of chamber 2, likewise."""
+    """Return A^2 / V of chamber 2 in m; times gamma and pressure it is the stiffness of the enclosed gas in N/m."""
     return c[C_AREA_2] * c[C_AREA_2] / chamber_volume_2(x, c)
 
 
 def drift_1(x, v, p1, p2, c):
-    """Return dp1/dt in Pa/s by motion and leaks, without the valve."""
+    """Return dp1/dt in Pa/s by motion and leaks, without the valve, at x (m), v (m/s), p1 and p2 (Pa)."""
     volume = chamber_volume_1(x, c)
     return -(c[C_GAMMA_R_T] * leak_flow_1(p1, p2, c) + c[C_GAMMA] * p1 * c[C_AREA_1] * v) / volume
 
 
 def drift_2(x, v, p1, p2, c):
-    """Return dp2/dt in Pa/s by motion and leaks, without the valve."""
+    """Return dp2/dt in Pa/s by motion and leaks, without the valve, at x (m), v (m/s), p1 and p2 (Pa)."""
     volume = chamber_volume_2(x, c)
     return (c[C_GAMMA] * p2 * c[C_AREA_2] * v - c[C_GAMMA_R_T] * leak_flow_2(p1, p2, c)) / volume
 

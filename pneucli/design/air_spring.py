@@ -1,8 +1,8 @@
 """The enclosed gas as a spring: stiffness, the pressure level that sets it, and arrangements that can set it.
 
-``k = gamma (A1^2 p1 / V1 + A2^2 p2 / V2)``, isentropic. Two valves set both pressures, hence the level. One 5/3 spool
-fills one chamber and vents the other: their mean follows from leaks and overlap alone, too slowly for a reference. A
-chamber without a valve keeps its sealed gas, or is at ambient pressure.
+``k = gamma (A1^2 p1 / V1 + A2^2 p2 / V2)``, isentropic, thesis (2.14). Two valves set both pressures, hence
+the level. One 5/3 spool fills one chamber and vents the other: their mean follows from leaks and overlap alone, too
+slowly for a reference. A chamber without a valve keeps its sealed gas, or is at ambient pressure.
 """
 
 from __future__ import annotations

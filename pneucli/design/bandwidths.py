@@ -102,7 +102,11 @@ def loop_timing(model: Model, requirements: Requirements) -> Timing:
 
 
 def pressure_corner(model: Model, requirements: Requirements, *, predicted: bool = True) -> float:
-    """Return the corner of the pressure loop in rad/s by the rule above; arguments as of :func:`choose_bandwidths`."""
+    """Return the corner of the pressure loop in rad/s by the rule above; arguments as of :func:`choose_bandwidths`.
+
+    References:
+        Thesis 7.1: the inner loop is faster than the outer one. The products of corner and delay are the project's own.
+    """
     timing, period = loop_timing(model, requirements), requirements.period
     delay = timing.residual_delay if predicted else timing.total_delay
     return min(MAX_CORRECTION_PER_SAMPLE / period, PRESSURE_LOOP_DELAY_PRODUCT / (delay + 0.5 * period))
@@ -116,8 +120,11 @@ def choose_bandwidths(
     Args:
         model: The identified model.
         requirements: Stated bandwidths have precedence.
-        axis: Parameters of the axis by name (C_COULOMB, C_MASS).
+        axis: Parameters of the axis by name: C_COULOMB in N, C_MASS in kg.
         predicted: Whether the loops predict delays and lead the spool, as ``best`` does.
+
+    Returns:
+        Corners in rad/s.
 
     References:
         Thesis 7.1: the inner loop is faster than the outer one.
@@ -147,6 +154,10 @@ def valve_compensation(model: Model, requirements: Requirements, timing: Timing)
     Returns:
         C_SPOOL_SHARE, C_SPOOL_MEAN_SHARE and C_SPOOL_LEAD (1 each), C_PLAY and C_PLAY_DEADBAND (V), C_FLOW_DELAY
         (samples).
+
+    References:
+        Exact sampling of a first-order lag under a held input: K. J. Astrom, B. Wittenmark, Computer-Controlled
+        Systems, Prentice Hall 1997, chapter 2.
     """
     h, found = requirements.period, effect_compensation.identify_spool(model)
     lag, led_lag = timing.lag, timing.led_lag

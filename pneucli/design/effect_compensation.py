@@ -1,4 +1,7 @@
-"""Parameters of the controller from the effects of a model, evaluated at the ports at which effects enter."""
+"""Parameters of the controller from the effects of a model, evaluated at the ports at which effects enter.
+
+The source of each equation is that of the effect (docs/effects.md).
+"""
 
 from __future__ import annotations
 
@@ -43,7 +46,7 @@ def stroke_grid(model: Model) -> Array:
 
 
 def restoring_force(model: Model, x: Array) -> Array:
-    """Return the static force in N toward x = 0 on the resting piston at x (m): springs, weights."""
+    """Return the static force in N toward x = 0 on the resting piston at x (m), both (n,): springs, weights."""
     return -_over_stroke(x, lambda at: model.sum_of_port("force", at, 0.0, model.base_values()["rig.stroke"]))
 
 
@@ -53,7 +56,7 @@ def has_restoring_force(model: Model) -> bool:
 
 
 def added_damping(model: Model, x: Array, v: float) -> Array:
-    """Return the damping in N s/m in addition to friction at x (m) and a signed speed v (m/s)."""
+    """Return the damping (n,) in N s/m in addition to friction at x (m), (n,), and a signed speed v (m/s)."""
     stroke = model.base_values()["rig.stroke"]
     return _over_stroke(
         x, lambda at: (model.sum_of_port("force", at, 0.0, stroke) - model.sum_of_port("force", at, v, stroke)) / v
@@ -66,7 +69,7 @@ def viscous_friction(model: Model, direction: float) -> float:
 
 
 def dry_friction_factors(model: Model, x: Array, direction: float) -> Array:
-    """Return the factor on dry friction at x (m) toward ``direction``, with both chambers at ambient pressure."""
+    """Return the factor (n,) on dry friction at x (m), (n,), toward ``direction``, both chambers at ambient."""
     return _over_stroke(x, lambda at: _dry_friction_factor(model, direction, at, 0.0, 0.0))
 
 

@@ -1,6 +1,7 @@
 """Gains of the loops and observers, from their bandwidths.
 
-The position loop has the poles of ``(s + w)(s^2 + 2 damping w s + w^2)``.
+The position loop has the poles of ``(s + w)(s^2 + 2 damping w s + w^2)``. Source: pole placement after Ackermann, for
+example G. F. Franklin, J. D. Powell, M. Workman, Digital Control of Dynamic Systems, Addison-Wesley 1998, chapter 8.
 """
 
 from __future__ import annotations

@@ -1,7 +1,7 @@
 """TP model of the axis over speed and position, and the weight types that its PDC allows.
 
 States: position error x (m), speed v (m/s), pressure force F (N) about equilibrium; input: gas flow q (kg/s).
-``dv/dt = F / m - a22(v) v``, ``dF/dt = - k(x) v + g(x) q`` with the stiffness k of both chambers (2.47-2.52).
+``dv/dt = F / m - a22(v) v``, ``dF/dt = - k(x) v + g(x) q`` with the stiffness k of both chambers (thesis, 2.47-2.52).
 """
 
 from __future__ import annotations

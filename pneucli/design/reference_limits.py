@@ -2,7 +2,8 @@
 
 The largest speed is 0.7 of the speed that the slower direction of the valve reaches, anywhere in the middle 60 % of the
 stroke with pressures well within their range. The largest acceleration is that whose force this direction builds within
-half the time constant of the position loop.
+half the time constant of the position loop. Source: thesis (2.46-2.52) for what the valve can do; the shares are the
+project's own.
 """
 
 from __future__ import annotations
@@ -105,7 +106,10 @@ def chamber_2_pressure(axis: Mapping[str, float], x: Array) -> Array:
 
     Args:
         axis: Parameters of the axis by name (SI); C_P_MEAN is the pressure at mid-stroke.
-        x: Position in m.
+        x: Position in m, shape (n,).
+
+    Returns:
+        Pressure in Pa, shape (n,).
 
     >>> axis = {"C_TWO_VALVES": 0.0, "C_MIRRORED": 0.0, "C_P_MEAN": 3e5, "C_GAMMA": 1.4, "C_STROKE": 0.2}
     >>> axis |= {"C_DEAD_VOLUME_2": 0.0, "C_AREA_2": 8e-4}

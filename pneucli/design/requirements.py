@@ -97,7 +97,13 @@ class Requirements:
 def read_requirements(table: Mapping[str, Any], where: str, **known: Any) -> Requirements:
     """Return the requirements of a ``[design]`` table over ``known`` ones (what the recordings tell).
 
-    Raises InputError for a key or value that it cannot read; ``where`` names file and table.
+    Args:
+        table: Keys and values as written.
+        where: File and table, for messages.
+        known: Requirements by name (SI) that a key of the table replaces.
+
+    Raises:
+        InputError: A key is unknown (E021), or a value cannot be read.
     """
     values: dict[str, Any] = dict(known)
     for key, value in table.items():

@@ -107,7 +107,7 @@ def sector_from_vertices(
     """Return the sector of a TP friction model.
 
     Args:
-        vertices: Vertices of a22 in 1/s, of any number; the smallest and the largest count.
+        vertices: Vertices of a22 in 1/s, of any shape; the smallest and the largest count.
         mass: Moving mass in kg.
         period: Sample time in s.
         static: Break-away force in N, for the speed floor.

@@ -321,7 +321,15 @@ def _deviation(slopes: Array) -> float:
 def settling_time(p: float, volume: float | None, temperature: float) -> float:
     """Return the time constant in s with which gas at rest comes to its wall's temperature, by natural convection.
 
-    A cube of that volume (m^3; a litre where it is None) with ``Nu = 0.13 Ra^(1/3)``, gas 5 K off the wall.
+    A cube with ``Nu = 0.13 Ra^(1/3)``, gas 5 K off the wall.
+
+    Args:
+        p: Pressure in Pa.
+        volume: Volume in m^3; a litre where it is None.
+        temperature: Temperature of the wall in K.
+
+    References:
+        W. H. McAdams, Heat Transmission, McGraw-Hill 1954.
 
     >>> round(settling_time(8e5, 1e-3, 293.15), 1)
     10.5

@@ -1,6 +1,7 @@
 """Mass and temperature of the gas in a shut vessel that leaks, relative to a reference state at the wall's temperature.
 
-Compiled functions have no annotations: numba knows their types.
+Compiled functions have no annotations: numba knows their types. Source: balances of mass and energy of an open system;
+natural convection after W. H. McAdams, Heat Transmission, McGraw-Hill 1954.
 """
 # mypy: disable-error-code="no-untyped-def, no-untyped-call"
 
@@ -31,8 +32,10 @@ def leak_share(p, ambient, laminar):
 
 @compiled()
 def gas_rates(mass, heat, wall, ambient, laminar, loss, settling, by_density, by_difference, kappa):
-    """Return the rates of relative mass and temperature of the gas.
+    """Return the rates of relative mass and temperature of the gas in 1/s.
 
+    ``mass``, ``heat`` (temperature) and ``wall`` (its temperature) are relative to the reference; ``ambient`` and
+    ``laminar`` are those of :func:`leak_share`, ``kappa`` is the ratio of heat capacities.
     ``loss`` is the rate of mass in 1/s at p = 1, ``settling`` the time constant in s with which the gas comes to the
     wall's temperature there, at a difference of 5 K; ``by_density`` and ``by_difference`` are the powers with which the
     coefficient of heat transfer grows (0 and 0: a constant; 2/3 and 1/3: natural convection).
@@ -50,7 +53,8 @@ def vessel_pressure(time, start, warmed, drift, ambient, laminar, loss, settling
     """Return the pressure relative to the reference, shape of ``time``, with Runge-Kutta steps of third order.
 
     ``start`` is the first pressure, ``warmed`` the first temperature over the wall's, ``drift`` what the wall's becomes
-    warmer until the last time.
+    warmer until the last time; ``time`` is in s, shape (n,). ``ambient``, ``laminar``, ``loss``,
+    ``settling``, ``by_density``, ``by_difference`` and ``kappa`` are those of :func:`gas_rates`.
     """
     n = time.size
     law = ambient, laminar, loss, settling, by_density, by_difference, kappa

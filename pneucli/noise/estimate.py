@@ -1,4 +1,7 @@
-"""Estimate the noise of a recording: white and first-order coloured noise, mains lines, quantisation."""
+"""Estimate the noise of a recording: white and first-order coloured noise, mains lines, quantisation.
+
+Source: docs/method.md, cost and initial state: a Whittle fit below jumps, an F test of lines.
+"""
 
 from __future__ import annotations
 

@@ -1,4 +1,8 @@
-"""The spectrum of the noise floor below jumps and motion."""
+"""The spectrum of the noise floor below jumps and motion.
+
+Source: P. D. Welch, IEEE Trans. Audio Electroacoust. 15 (1967) 70-73, with an order statistic in place of the mean of
+the segments.
+"""
 
 from __future__ import annotations
 

@@ -145,6 +145,9 @@ def parse_scaled(text: str, unit: str) -> tuple[float, Scale, float]:
     Raises:
         UnitError: The text has another form, or the scale is unknown or of another dimension.
 
+    References:
+        docs/effects.md, sizes: what is counted in what a rig has.
+
     >>> number, scale, factor = parse_scaled("0.2 supply pressures", "bar")
     >>> number, scale.name, factor
     (0.2, 'supply pressures', 1e-05)
@@ -172,6 +175,9 @@ def value_of(quantity: Quantity, unit: str, facts: RigQuantities) -> float:
 
     Raises:
         UnitError: The quantity cannot be parsed.
+
+    References:
+        docs/effects.md, sizes: what is counted in what a rig has.
 
     >>> value_of("0.2 supply forces", "N", RigQuantities(force=500.0))
     100.0

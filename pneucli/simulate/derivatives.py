@@ -87,7 +87,7 @@ def _scratch(samples: int) -> Array:
 
 
 def as_rows(values: Array) -> Array:
-    """Return numbers (...) as dual numbers without derivatives, shape (..., 1 + LANES)."""
+    """Return numbers (...) of any unit as dual numbers without derivatives, shape (..., 1 + LANES)."""
     rows = np.zeros((*values.shape, ROW))
     rows[..., 0] = values
     return rows

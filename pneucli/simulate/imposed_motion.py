@@ -120,7 +120,7 @@ def motion_inputs(experiment: MeasuredMotion, noise: Mapping[str, Array] | None 
         noise: Noise added to the readings, by signal, each (n,).
 
     Returns:
-        The inputs, in which x and v are those of the motion.
+        The inputs, in which x (m) and v (m/s) are those of the motion.
     """
     inputs = experiment.inputs.copy()
     inputs[:, at.IN_X], inputs[:, at.IN_V], a = imposed_motion(experiment, noise)

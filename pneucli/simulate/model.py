@@ -175,7 +175,7 @@ def with_parameters(model: Model, values: dict[str, float]) -> Model:
 
     Args:
         model: The model.
-        values: New values by name.
+        values: New values by name (SI).
 
     Returns:
         The new model.
@@ -192,7 +192,7 @@ def with_effect(model: Model, effect: Effect, values: dict[str, float]) -> Model
     Args:
         model: The model.
         effect: The effect.
-        values: Values of its parameters by EFFECT.PARAMETER.
+        values: Values of its parameters by EFFECT.PARAMETER, each in the unit that the effect declares.
 
     Returns:
         The new model.

@@ -1,4 +1,7 @@
-"""Smooth the motion: fuse position and acceleration by least squares, which has no drift; else smooth x alone."""
+"""Smooth the motion: fuse position and acceleration by least squares, which has no drift; else smooth x alone.
+
+Source: linear least squares with banded normal equations, G. H. Golub, C. F. Van Loan, Matrix Computations, 2013.
+"""
 
 from __future__ import annotations
 
@@ -157,7 +160,12 @@ def least_squares_motion(dt: Array, wx: float, wv: Array, wp: Array, x: Array, a
 def unrounded_readings(
     raw: Mapping[str, Array], motion_smoother: MotionSmoother | PositionSmoother | IntegratedMotion | None
 ) -> Mapping[str, Array]:
-    """Return the signals that a smoother of the motion is for: with a position (n,) corrected for its rounding."""
+    """Return the signals that a smoother of the motion is for: with a position (n,) corrected for its rounding.
+
+    Args:
+        raw: Readings by signal (SI), each (n,).
+        motion_smoother: The smoother, if any.
+    """
     if not isinstance(motion_smoother, PositionSmoother):
         return raw
     return {**raw, "x": raw["x"] + motion_smoother.correction}

@@ -97,7 +97,10 @@ def with_estimated_p2(model: Model, experiment: Experiment, inputs: Array) -> Ar
         inputs: Inputs, shape (n, 8).
 
     Returns:
-        Inputs with p2, shape (n, 8).
+        Inputs with p2 in Pa, shape (n, 8).
+
+    References:
+        docs/method.md, residual models: force balance with an inferred p2.
     """
     e, area_2 = experiment, experiment.rig.piston_areas[1]
     shifted, estimate = inputs.copy(), with_p2(model, e, inputs)

@@ -1,4 +1,4 @@
-"""Restarts: the samples at which the state of a model is set to the smoothed measurement."""
+"""Restarts: the samples at which the state of a model is set to the smoothed measurement (docs/method.md)."""
 
 from __future__ import annotations
 
@@ -34,11 +34,11 @@ def segment_lengths(restarts: NDArray[np.int64], n: int) -> NDArray[np.int64]:
     """Return the number of samples of each segment, from one restart to the next.
 
     Args:
-        restarts: Indices of the restarts, rising.
+        restarts: Indices of the restarts, rising, shape (k,).
         n: Number of samples.
 
     Returns:
-        Number of samples of each segment.
+        Number of samples of each segment, shape (k,).
 
     >>> segment_lengths(np.array([0, 3]), 10)
     array([3, 7])

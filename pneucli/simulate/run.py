@@ -166,7 +166,7 @@ def kernel_arguments(kernel: Kernel, model: Model, experiment: Experiment, input
 
 
 def read_only(values: Array) -> Array:
-    """Return values (n,) as an array that cannot be written: a kernel is compiled anew for one that can.
+    """Return values (n,) of any unit as an array that cannot be written: a kernel is compiled anew for one that can.
 
     Those of a file cannot, those of a calculation can; the kernel writes to neither.
     """
@@ -183,7 +183,7 @@ def area_tables(model: Model, experiment: Experiment) -> tuple[Array, Array]:
         experiment: The experiment; a vessel takes the place of chamber 1.
 
     Returns:
-        Areas in m^2 over the commands of both directions, for chamber 1 and chamber 2.
+        Areas in m^2 over the commands of both directions, shape (TABLE_POINTS,), for chamber 1 and chamber 2.
     """
     largest = experiment.flags[at.U_MAX]
     return model.valve_of_chamber(experiment.recording.chamber).table(largest), model.chamber_2_valve.table(largest)

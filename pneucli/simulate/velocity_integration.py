@@ -66,6 +66,12 @@ def integrated_motion(
 ) -> IntegratedMotion | None:
     """Return how motion follows from v or a where x was not measured; None where x was, or neither of them.
 
+    Args:
+        recording: The recording, whose stated x (m) is where the motion starts.
+        raw: Readings by signal (SI), each (n,).
+        noise: Noise of each sensor.
+        smoothers: Smoother of each signal.
+
     Raises:
         InputError: The acceleration never rests, so that its integral would drift.
 
@@ -84,7 +90,12 @@ def integrated_motion(
 
 
 def without_constant_position(signals: Mapping[str, Array], noise: Mapping[str, NoiseModel]) -> dict[str, Array]:
-    """Return the signals without an x that never changes while v or a shows motion: x is then a place, no motion."""
+    """Return the signals without an x that never changes while v or a shows motion: x is then a place, no motion.
+
+    Args:
+        signals: Readings by signal (SI), each (n,).
+        noise: Noise of each sensor.
+    """
     held = "x" in signals and np.ptp(signals["x"]) == 0.0
     moving = any(n in signals and np.std(signals[n]) > REST_NOISE_RATIO * noise[n].rms for n in ("v", "a"))
     return {n: y for n, y in signals.items() if not (n == "x" and held and moving)}

@@ -16,7 +16,7 @@ def as_grids(grids: Sequence[ArrayLike]) -> tuple[Array, ...]:
     """Return grids as arrays.
 
     Args:
-        grids: Nodes of each parameter.
+        grids: Nodes of each parameter, in its own unit.
 
     Returns:
         One array (n_k,) for each parameter.

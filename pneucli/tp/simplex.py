@@ -2,7 +2,8 @@
 
 A simplex in d dimensions is stored as the matrix M, shape (d + 1, d + 1), with ``[Y 1] M = B``: B holds the
 barycentric coordinates of the points Y, shape (n, d). Its rows sum to 1, and it is non-negative where the simplex
-encloses Y.
+encloses Y. All numbers are dimensionless. Source: thesis (4.6); types of weights after P. Baranyi, IEEE Trans. Ind.
+Electron. 51 (2004) 387-400.
 """
 
 from __future__ import annotations
@@ -62,7 +63,7 @@ def homogeneous(points: Array) -> Array:
     """Append a column of ones.
 
     Args:
-        points: Points, shape (n, d).
+        points: Points in any unit, shape (n, d).
 
     Returns:
         Homogeneous coordinates, shape (n, d + 1).
@@ -81,7 +82,8 @@ def tighten(h: Array, simplex: Array) -> Array:
         simplex: A simplex, shape (d + 1, d + 1).
 
     Returns:
-        The simplex; the minimum of every barycentric coordinate over the points is 0.
+        The simplex, shape (d + 1, d + 1), dimensionless; the minimum of every barycentric coordinate over the points
+        is 0.
 
     >>> h = homogeneous(np.array([[0.0, 0.0], [2.0, 0.0], [0.0, 2.0], [0.5, 0.5]]))
     >>> (h @ tighten(h, regular_simplex(h))).min(axis=0).round(12) + 0.0
@@ -100,7 +102,7 @@ def regular_simplex(h: Array) -> Array:
         h: Points in homogeneous coordinates, shape (n, d + 1).
 
     Returns:
-        The simplex, shape (d + 1, d + 1).
+        The simplex, shape (d + 1, d + 1), dimensionless.
 
     >>> h = homogeneous(np.array([[0.0, 0.0], [2.0, 0.0], [0.0, 2.0], [0.5, 0.5]]))
     >>> bool((h @ regular_simplex(h) > -1e-12).all())
@@ -121,7 +123,7 @@ def spanned_simplex(h: Array, first: int | None = None) -> Array:
         first: Index of the first vertex; None: the point farthest from the mean.
 
     Returns:
-        The simplex, shape (d + 1, d + 1).
+        The simplex, shape (d + 1, d + 1), dimensionless.
 
     >>> h = homogeneous(np.array([[0.0, 0.0], [2.0, 0.0], [0.0, 2.0], [0.5, 0.5]]))
     >>> (h @ spanned_simplex(h))[3].round(6).tolist()
@@ -145,7 +147,7 @@ def log_reciprocal_volume(simplex: Array) -> float:
         simplex: The simplex, shape (d + 1, d + 1).
 
     Returns:
-        -log(d! volume).
+        -log(d! volume), dimensionless.
 
     >>> h = homogeneous(np.array([[0.0, 0.0], [2.0, 0.0], [0.0, 2.0], [0.5, 0.5]]))
     >>> round(log_reciprocal_volume(spanned_simplex(h)), 4)
@@ -176,7 +178,7 @@ def inverse(matrix: Array) -> Array:
         matrix: Regular matrix, shape (n, n).
 
     Returns:
-        The inverse, shape (n, n).
+        The inverse, shape (n, n), in the reciprocal unit.
 
     >>> inverse(np.diag([2.0, 4.0]))
     array([[0.5 , 0.  ],

@@ -1,4 +1,7 @@
-"""Search for enclosing simplices that are optimal: the smallest, the closest to the points, with equal maxima."""
+"""Search for enclosing simplices that are optimal: the smallest, the closest to the points, with equal maxima.
+
+Source of the types: thesis (4.6); P. Baranyi, IEEE Trans. Ind. Electron. 51 (2004) 387-400.
+"""
 
 from __future__ import annotations
 
@@ -58,7 +61,7 @@ def closest_simplex(h: Array) -> Array:
         h: Points in homogeneous coordinates, shape (n, d + 1).
 
     Returns:
-        The simplex, shape (d + 1, d + 1).
+        The simplex, shape (d + 1, d + 1), dimensionless.
 
     >>> from pneucli.tp.simplex import homogeneous
     >>> h = homogeneous(np.array([[0.0, 0.0], [2.0, 0.0], [0.0, 2.0], [0.5, 0.5]]))
@@ -79,7 +82,7 @@ def equal_maxima_simplex(h: Array) -> Array | None:
         h: Points in homogeneous coordinates, shape (n, d + 1).
 
     Returns:
-        The simplex, shape (d + 1, d + 1); None where no start converges.
+        The simplex, shape (d + 1, d + 1), dimensionless; None where no start converges.
 
     >>> angle = np.linspace(0.0, 2.0 * np.pi, 60, endpoint=False)
     >>> from pneucli.tp.simplex import homogeneous

@@ -24,7 +24,15 @@ DEFAULT = next(iter(LAWS))
 
 
 def find_law(name: Any, where: str) -> ControlLaw:
-    """Return a law by its name; raises InputError at ``where`` for an unknown one."""
+    """Return a law by its name.
+
+    Args:
+        name: The name; anything else is refused.
+        where: The key of the pipeline file that names it.
+
+    Raises:
+        InputError: There is no law of that name (E031).
+    """
     if not isinstance(name, str) or name not in LAWS:
         raise InputError(where, f"{name!r}", f"one of {', '.join(LAWS)}", did_you_mean(str(name), LAWS), code="E031")
     return LAWS[name]

@@ -29,6 +29,7 @@ NEXT_LAW_STATE, NEXT_LAW_PARAMETER = FIRST_LAW_STATE + 1, FIRST_LAW_PARAMETER + 
 def read_sensors(x_ref, x, p1, p2, s, c):
     """Process the readings, with the speed as the filtered rate of position; return the reference.
 
+    ``x_ref`` is the reference and ``x`` the read position in m, ``p1`` and ``p2`` are the read pressures in Pa.
     An implausible position is extrapolated at the last speed, an implausible pressure keeps its last value.
     """
     x_ref = initialise_at_first_sample(x_ref, x, p1, p2, s, c)
@@ -72,7 +73,7 @@ def drive_chamber_1(wanted, s, c):
 
 
 def drive_chamber_2(wanted, s, c):
-    """Set the command of the valve of chamber 2, likewise."""
+    """Set the command for a gradient (Pa/s) of chamber 2 by the inverse map; return the gradient that it reaches."""
     volume = c[C_DEAD_VOLUME_2] + c[C_AREA_2] * (c[C_STROKE] - s[S_X])
     s[S_U2] = valve_command_2(wanted, s[S_P2], volume, s, c)
     s[S_RATE2] = limit_gradient_2(wanted, s[S_P2], volume, s, c)

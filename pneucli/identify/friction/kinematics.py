@@ -1,4 +1,7 @@
-"""Motion and friction of a recording: velocity, acceleration, driving force, and their uncertainty."""
+"""Motion and friction of a recording: velocity, acceleration, driving force, and their uncertainty.
+
+Source: thesis 6 (friction from the balance of forces); docs/friction-identification.md.
+"""
 
 from __future__ import annotations
 

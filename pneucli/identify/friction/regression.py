@@ -1,4 +1,7 @@
-"""Robust fits of friction models to the equation of motion, with intervals that allow for correlated residuals."""
+"""Robust fits of friction models to the equation of motion, with intervals that allow for correlated residuals.
+
+Source: P. J. Huber, Ann. Math. Stat. 35 (1964) 73-101; docs/friction-identification.md.
+"""
 
 from __future__ import annotations
 

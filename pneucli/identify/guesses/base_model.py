@@ -84,6 +84,9 @@ def guess_friction(experiments: Sequence[Experiment], rig: Rig) -> dict[str, flo
     Raises:
         InputError: Nothing moves in any experiment, and the moving mass is not stated.
 
+    References:
+        Thesis (3.1) to (3.4).
+
     """
     rows, targets = [], []
     for experiment in experiments:

@@ -1,4 +1,4 @@
-"""The mass balance of one chamber: its volume, the flow into it, and the pressure that additional flow causes."""
+"""The mass balance of one chamber, thesis (2.14) and (2.22): its volume, its flow, and the pressure of added flow."""
 
 from __future__ import annotations
 

@@ -112,6 +112,9 @@ def search_stribeck(v: Array, friction: Array, sigma: Array | float, *, offset: 
     Returns:
         Shape (4,) or (5,); None where friction does not fall with speed.
 
+    References:
+        Thesis (3.6).
+
     """
     speed, weight = np.abs(v), 1.0 / np.broadcast_to(np.asarray(sigma), v.shape)
     best: tuple[float, Array | None] = (np.inf, None)

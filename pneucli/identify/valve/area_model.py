@@ -5,7 +5,7 @@
 g is the quasi-static gradient of the fitted model (:mod:`pneucli.identify.valve.model_gradient`) and r the ratio of the
 lower to the higher pressure across the valve. h is a polynomial in r shared by the commands of one sign, plus one of
 low degree for each command, interpolated linearly in log |u|; l is a leak. Where h and l exceed their errors, the model
-does not describe the valve.
+does not describe the valve. Source: thesis 7.4; docs/valve-identification.md.
 """
 
 from __future__ import annotations

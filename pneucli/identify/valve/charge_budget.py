@@ -1,4 +1,4 @@
-"""The uncertainty of C, b and m of charge and discharge tests."""
+"""The uncertainty of C, b and m of charge and discharge tests (ISO 6358-2), by JCGM 100."""
 
 from __future__ import annotations
 

@@ -1,4 +1,8 @@
-"""Fit the area model to whole charge and discharge curves, without differentiating a noisy signal."""
+"""Fit the area model to whole charge and discharge curves, without differentiating a noisy signal.
+
+Source: docs/valve-identification.md; widths of priors after D. J. C. MacKay, Neural Computation 4 (1992) 415-447;
+whitening by the Yule-Walker equations.
+"""
 
 from __future__ import annotations
 

@@ -98,7 +98,11 @@ def _at_ratio(bench: FlowBench, critical_ratio: float, *, leak: bool) -> FlowHyp
 
 
 def leak_area(bench: FlowBench) -> tuple[float, float, float]:
-    """Return the area in m^2 through which gas flows at the null command, with its 95 % interval."""
+    """Return the area in m^2 through which gas flows at the null command, with its 95 % interval.
+
+    References:
+        ISO 6358-1: C of the closed path, as the area of a nozzle whose choked flow is the same.
+    """
     choked = PSI_MAX * flow_constant(bench.rig.gas_constant, REFERENCE_TEMPERATURE, bench.rig.heat_capacity_ratio)
     largest = max(closed_paths(bench), key=lambda path: path.C.value).C
     unit = REFERENCE_DENSITY / choked

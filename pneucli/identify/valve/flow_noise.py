@@ -1,4 +1,4 @@
-"""The noise of rows of steady flow, from the scatter between neighbouring rows of a path."""
+"""The noise of rows of steady flow, from the scatter between neighbouring rows of a path (Gasser et al., 1986)."""
 
 from __future__ import annotations
 

@@ -68,10 +68,10 @@ class FlowPath:
 
 
 def characteristics_at(z: Array, *, abrupt: bool) -> FlowCharacteristics:
-    """Return the characteristics at (log C, b, m, cracking pressure in Pa)."""
+    """Return the characteristics at z, shape (4,): log C (m^3/(s Pa)), b, m, cracking pressure in Pa."""
     return FlowCharacteristics(float(np.exp(z[0])), float(z[1]), float(z[2]), max(float(z[3]), 0.0), abrupt)
 
 
 def coordinates_of(of: FlowCharacteristics) -> Array:
-    """Return (log C, b, m, cracking pressure in Pa) of characteristics."""
+    """Return the coordinates, shape (4,), of characteristics: log C (m^3/(s Pa)), b, m, cracking pressure in Pa."""
     return np.array([np.log(of.sonic_conductance), of.critical_ratio, of.subsonic_index, of.cracking_pressure])

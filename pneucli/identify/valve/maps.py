@@ -1,4 +1,7 @@
-"""The map dp/dt(u, p) with its interval, the region that data cover, and the inverse of the map."""
+"""The map dp/dt(u, p) with its interval, the region that data cover, and the inverse of the map.
+
+Source: thesis 7.4; docs/valve-identification.md.
+"""
 
 from __future__ import annotations
 

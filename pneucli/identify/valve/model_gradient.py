@@ -1,4 +1,7 @@
-"""The quasi-static gradient of the fitted model, and its sensitivity to the model's parameters."""
+"""The quasi-static gradient of the fitted model, and its sensitivity to the model's parameters.
+
+Source: g and m of docs/valve-identification.md.
+"""
 
 from __future__ import annotations
 

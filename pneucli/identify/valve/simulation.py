@@ -1,4 +1,7 @@
-"""Simulation of transients with the area model, and its sensitivity to initial pressures and parameters."""
+"""Simulation of transients with the area model, and its sensitivity to initial pressures and parameters.
+
+Source: the equation of docs/valve-identification.md and its first variation.
+"""
 
 from __future__ import annotations
 
