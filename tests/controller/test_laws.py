@@ -14,6 +14,7 @@ from pneucli.closed_loop.scenarios import read_scenarios
 from pneucli.closed_loop.simulation import simulate
 from pneucli.controller import layout as at
 from pneucli.controller.laws import LAWS, compensated, find_law, load_observer, pdc, pid, relay, sector, shared_blocks
+from pneucli.controller.laws.base import callees_first, own_constants
 from pneucli.design.bandwidths import choose_bandwidths
 from pneucli.design.control_laws import controller_for, design_controllers, design_variants, sliding_surfaces
 from pneucli.design.requirements import read_requirements
@@ -75,6 +76,12 @@ def test_every_law_has_a_place_for_each_of_its_own_numbers_and_states(law: str) 
     assert len(one.states) <= at.MAX_LAW_STATES
     assert len(MADE[law].own) >= len(places)
     assert MADE[law].law == law
+
+
+def test_the_compiled_text_has_the_constants_of_all_laws_in_the_order_of_their_functions_in_every_process() -> None:
+    for law in LAWS.values():
+        names = (own_constants(f.__globals__) for f in callees_first(law.step))
+        assert list(law.constants) == list(dict.fromkeys(name for one in names for name in one))
 
 
 def test_best_is_the_cascade_as_it_was() -> None:

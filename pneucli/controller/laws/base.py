@@ -74,7 +74,9 @@ class ControlLaw:
     @cached_property
     def constants(self) -> dict[str, int]:
         """Indices of the law's own states and parameters by name, those of shared blocks included."""
-        modules = {sys.modules[f.__module__] for f in callees_first(self.step)}
+        modules = dict.fromkeys(
+            sys.modules[f.__module__] for f in callees_first(self.step)
+        )  # a set of them is unordered
         return {name: place for module in modules for name, place in own_constants(vars(module)).items()}
 
     @property
