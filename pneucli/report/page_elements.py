@@ -30,7 +30,7 @@ MAX_UNFOLDED_ROWS = 40  # rows; a longer table is folded
 
 @dataclass(frozen=True)
 class Cell:
-    """One cell of a grid: its text, a share (0 to 1) drawn as a bar behind it, and a tone (good, bad or none)."""
+    """A number in a grid: its text, a share (0 to 1) drawn as a bar behind it, and a tone (good, bad or none)."""
 
     text: str
     bar: float | None = None
@@ -38,14 +38,17 @@ class Cell:
     numeric: bool = True
 
 
+Row = Sequence[Cell | str]
+
+
 @dataclass(frozen=True)
 class Grid:
-    """A table for people; ``head`` has a title for each column, ``rows`` texts or cells. Long ones are folded."""
+    """A table for people; ``head`` has a title for each column, ``rows`` texts, and cells for numbers."""
 
     kind: ClassVar[str] = "grid"
     caption: str
     head: Sequence[str]
-    rows: Sequence[Sequence[Cell | str]]
+    rows: Sequence[Row]
     folded: bool = False
 
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from pneucli.messages.formatting import format_number
-from pneucli.report.page_elements import Cell, Grid, Section
+from pneucli.report.page_elements import Cell, Grid, Row, Section
 from pneucli.report.report_data import Check, ReportData
 
 PLACE = 150  # on the page
@@ -26,8 +26,8 @@ def grid(checks: Sequence[Check], caption: str) -> Grid:
     return Grid(caption, ("check", "wanted", "found", ""), [_row(check) for check in checks])
 
 
-def _row(check: Check) -> list[Cell]:
+def _row(check: Check) -> Row:
     value = format_number(check.value) if isinstance(check.value, float) else str(check.value)
-    found = Cell("nothing there" if check.value is None else value, numeric=False)
+    found = "nothing there" if check.value is None else value
     verdict = Cell("failed", tone="bad", numeric=False) if check.failure else Cell("passed", tone="good", numeric=False)
-    return [Cell(check.path, numeric=False), Cell(check.wanted, numeric=False), found, verdict]
+    return [check.path, check.wanted, found, verdict]

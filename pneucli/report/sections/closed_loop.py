@@ -24,6 +24,7 @@ from pneucli.report.page_elements import (
     Panel,
     Part,
     PlotRun,
+    Row,
     Section,
     Series,
     ZoomPlot,
@@ -48,10 +49,8 @@ def margin_parts(answer: Mapping[str, Any], table: Table) -> list[Part]:
     """Return the margins of a design; nothing where there are none."""
     if not answer or not answer["points"]:
         return []
-    rows = [
-        [Cell(t, numeric=i > 0) for i, t in enumerate(design.margin_row(loop, w))]
-        for loop, w in answer["worst"].items()
-    ]
+    margins = (design.margin_row(loop, worst) for loop, worst in answer["worst"].items())
+    rows: list[Row] = [[title, *map(Cell, figures)] for title, *figures in margins]
     caption = "The smallest margins over the stroke and both directions, one loop cut, the others closed."
     doubts: list[Part] = [Note(f"{doubt}.", "warning") for doubt in design.stability_warnings(answer)]
     return [
@@ -124,19 +123,12 @@ def _design(answer: Answer, tolerance: float) -> Grid:
     rows += [("sliding sector", describe_sector(name, s)) for name, s in answer["sector"].items()]
     rows += [(f"{name} system", describe_matching(m)) for name, m in answer["matching"].items()]
     rows += [(f"PDC, weights {t['weight_type']}", describe_decay_rate(t)) for t in answer["lmi"]["types"]]
-    cells = [[Cell(name, numeric=False), Cell(value, numeric=False)] for name, value in rows]
-    return Grid("Design", ("quantity", "value"), cells, folded=True)
+    return Grid("Design", ("quantity", "value"), rows, folded=True)
 
 
 def _figures(compensated: Answer, pid_only: Answer) -> Grid:
     names = [n for n in next(iter(compensated.values()), {}) if any(_shows(f, n) for f in compensated.values())]
-    rows = [
-        [
-            Cell(METRIC_TITLES.get(n, n), numeric=False),
-            *(Cell(_both(f, pid_only[s], n)) for s, f in compensated.items()),
-        ]
-        for n in names
-    ]
+    rows = [[METRIC_TITLES.get(n, n), *(Cell(_both(f, pid_only[s], n)) for s, f in compensated.items())] for n in names]
     caption = (
         f"Results of each scenario: {COMPENSATED} / {UNCOMPENSATED}; ∞: not reached before the reference moves on."
     )

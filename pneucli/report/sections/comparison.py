@@ -21,7 +21,19 @@ from pneucli.messages.formatting import (
 )
 from pneucli.quantities import CHANNELS, COMMANDS
 from pneucli.report.figure import with_gaps
-from pneucli.report.page_elements import ZOOM_HINT, Cell, Grid, Note, Panel, Part, PlotRun, Section, Series, ZoomPlot
+from pneucli.report.page_elements import (
+    ZOOM_HINT,
+    Cell,
+    Grid,
+    Note,
+    Panel,
+    Part,
+    PlotRun,
+    Row,
+    Section,
+    Series,
+    ZoomPlot,
+)
 from pneucli.report.report_data import ReportData, Table
 
 PLACE = 30  # on the page
@@ -75,13 +87,9 @@ def _overview(channels: Iterable[Mapping[str, Any]], earlier: Iterable[Mapping[s
     for c in test_first(channels):
         ratios.setdefault((c["recording"], c["use"]), {})[c["channel"]] = c["ratio_to_noise"]
     names = [name for name in (*CHANNELS, *COMMANDS) if any(name in channels for channels in ratios.values())]
-    rows = [
-        [
-            Cell(recording, numeric=False),
-            Cell(use, numeric=False),
-            *(_ratio(before.get((recording, name)), errors.get(name)) for name in names),
-        ]
-        for (recording, use), errors in ratios.items()
+    rows: list[Row] = [
+        [*key, *(_ratio(before.get((key[0], name)), errors.get(name)) for name in names)]
+        for key, errors in ratios.items()
     ]
     models = "before → after, the first and the present model; " if before else ""
     caption = f"Error of each channel, × noise; {models}held-out test recordings first."
@@ -102,9 +110,9 @@ def _errors(answer: Mapping[str, Any]) -> Grid:
     head = ("recording", "use", "channel", "RMSD", "of range", "fit", "noise floor", "× noise", "99 % below")
     rows = [
         [
-            Cell(c["recording"], numeric=False),
-            Cell(c["use"], numeric=False),
-            Cell(c["channel"], numeric=False),
+            c["recording"],
+            c["use"],
+            c["channel"],
             Cell(format_quantity(c["rmsd"], c["unit"], 3)),
             Cell(f"{format_number(c['percent'], 2)} %"),
             Cell(format_fit(c["fit_percent"])),

@@ -18,7 +18,7 @@ from pneucli.messages.formatting import (
     unit_symbol,
 )
 from pneucli.report.figure import BLUE, GREEN, ORANGE, TEXT_COLOUR, Drawing, drawing, figures
-from pneucli.report.page_elements import Cell, Figure, Grid, Note, Part, Section, warning_notes
+from pneucli.report.page_elements import Cell, Figure, Grid, Note, Part, Row, Section, warning_notes
 from pneucli.report.report_data import ReportData, Table
 
 PLACE = 20  # on the page
@@ -138,30 +138,27 @@ def _candidates(candidates: Sequence[Answer], missing: Sequence[str]) -> Grid | 
     return Grid(caption, head, rows, folded=True)
 
 
-def _candidate(c: Answer, missing: Sequence[str]) -> list[Cell]:
+def _candidate(c: Answer, missing: Sequence[str]) -> Row:
     return [
-        Cell(c["effect"], numeric=False),
+        c["effect"],
         Cell("yes" if c.get("supported") else "no", tone="good" if c["effect"] in missing else "", numeric=False),
         Cell(format_percent(c["confidence"]) if c.get("confidence") is not None else "–"),
         Cell(format_number(c.get("error_before"), 3)),
         Cell(format_number(c.get("error_after"), 3)),
-        Cell(format_parameters(c.get("parameters", {})), numeric=False),
-        Cell(", ".join(c.get("indistinguishable_from", [])) or "–", numeric=False),
-        Cell(c.get("why", ""), numeric=False),
+        format_parameters(c.get("parameters", {})),
+        ", ".join(c.get("indistinguishable_from", [])) or "–",
+        c.get("why", ""),
     ]
 
 
-def _unfitted(candidates: Sequence[Answer]) -> list[list[Cell]]:
+def _unfitted(candidates: Sequence[Answer]) -> list[Row]:
     """Return a row for each reason why candidates were not fitted, with all of those candidates."""
     reasons = dict.fromkeys(c.get("reason", "") for c in candidates)
-    rows = []
+    rows: list[Row] = []
     for reason in reasons:
         alike = [c["effect"] for c in candidates if c.get("reason", "") == reason]
         why = diagnose.REJECTION_REASONS.get(reason, "")
-        dashes = [Cell("–") for _ in range(5)]
-        rows.append(
-            [Cell(", ".join(alike), numeric=False), Cell("no", numeric=False), *dashes, Cell(why, numeric=False)]
-        )
+        rows.append([", ".join(alike), "no", *[Cell("–")] * 5, why])
     return rows
 
 
@@ -170,7 +167,7 @@ def _changed_parameters(moved: Sequence[Answer]) -> Grid | None:
         return None
     rows = [
         [
-            Cell(m["parameter"], numeric=False),
+            m["parameter"],
             Cell(format_quantity(m["from"], m["unit"])),
             Cell(format_quantity(m["to"], m["unit"])),
             Cell("yes" if m["plausible"] else "no", tone="" if m["plausible"] else "bad", numeric=False),
@@ -188,7 +185,7 @@ def _remarks(answer: Answer) -> list[Part]:
     if following := answer.get("next_experiment"):
         parts.append(Note(f"Next experiment: {following}"))
     if limits := answer.get("detectable"):
-        rows = [[Cell(diagnose.describe_detection_limit(one), numeric=False)] for one in limits]
+        rows = [[diagnose.describe_detection_limit(one)] for one in limits]
         caption = f"Minimum detectable size of each of the {len(rows)} effects that are not in the model"
         parts.append(Grid(caption, ("effect",), rows, folded=True))
     return parts
@@ -198,11 +195,11 @@ def _discrepancy(discrepancies: Sequence[Answer]) -> list[Part]:
     """Return the table of the discrepancies that remain with all named effects."""
     rows = [
         [
-            Cell(one["channel"], numeric=False),
-            Cell(one["subsystem"], numeric=False),
+            one["channel"],
+            one["subsystem"],
             Cell(format_number(one["size"], 3)),
             Cell("–" if one["time_constant_s"] is None else format_quantity(one["time_constant_s"], "s", 2)),
-            Cell(one["over"] or "–", numeric=False),
+            one["over"] or "–",
             Cell(format_percent(one["share"])),
         ]
         for one in discrepancies

@@ -80,9 +80,9 @@ def _even_error(answer: Mapping[str, Any]) -> Note:
 def _events(events: Sequence[Sequence[Mapping[str, Any]]]) -> Grid:
     rows = [
         [
-            Cell(event[0]["recording"], numeric=False),
-            Cell(join_names(list(dict.fromkeys(r["channel"] for r in event))), numeric=False),
-            Cell("; ".join(dict.fromkeys(compare.describe_region(r) for r in event[:MAX_LOCATIONS])), numeric=False),
+            event[0]["recording"],
+            join_names(list(dict.fromkeys(r["channel"] for r in event))),
+            "; ".join(dict.fromkeys(compare.describe_region(r) for r in event[:MAX_LOCATIONS])),
             Cell(format_percent(event[0]["share_of_error"]), bar=event[0]["share_of_error"]),
             Cell(format_percent(event[0]["share_of_samples"]), bar=event[0]["share_of_samples"]),
         ]

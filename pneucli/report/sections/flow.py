@@ -11,7 +11,7 @@ from pneucli.messages.findings import LITRES_PER_MINUTE
 from pneucli.messages.flow import FLOW_COLUMNS, LITRES_PER_BAR, flow_row
 from pneucli.messages.formatting import format_plain, format_quantity, in_display_unit
 from pneucli.report.figure import GREY, Drawing, drawing, figures, rank_colour
-from pneucli.report.page_elements import Cell, Grid, Note, Part, Section
+from pneucli.report.page_elements import Grid, Note, Part, Section
 from pneucli.report.report_data import ReportData, Table
 from pneucli.report.sections.uncertainty import budget_tables
 
@@ -39,9 +39,8 @@ def section(material: ReportData) -> Section | None:
 
 
 def _table(answer: Mapping[str, Any]) -> Grid:
-    rows = [[Cell(text, numeric=False) for text in flow_row(path)] for path in answer["paths"]]
     caption = "Intervals: k = 2, lack of fit included. An asterisk: typical values of valves hold it, the rows do not."
-    return Grid(caption, FLOW_COLUMNS, rows)
+    return Grid(caption, FLOW_COLUMNS, [flow_row(path) for path in answer["paths"]])
 
 
 def _openings(rows: Table) -> list[tuple[str, Any, Table]]:

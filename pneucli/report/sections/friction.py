@@ -8,7 +8,7 @@ import numpy as np
 
 from pneucli.messages.formatting import format_number, format_quantity, in_display_unit
 from pneucli.report.figure import BLUE, GREEN, GREY, ORANGE, PINK, SKY, TEXT_COLOUR, Drawing, drawing, figures
-from pneucli.report.page_elements import Cell, Grid, Note, Part, Section
+from pneucli.report.page_elements import Cell, Grid, Note, Part, Row, Section
 from pneucli.report.report_data import ReportData, Table
 
 PLACE = 80  # on the page
@@ -133,12 +133,9 @@ def _tables(material: ReportData) -> Iterator[Part]:
         yield from _deviations(deviations)
     if len(parameters := material.table("identify/friction_parameters")):
         columns = ("model", "branch", "name", "value", "unit", "ci_low", "ci_high")
-        rows = [
-            [
-                *(Cell(str(text), numeric=False) for text in (model, branch, name)),
-                *(Cell(format_quantity(float(v), str(unit))) for v in (value, low, high)),
-            ]
-            for model, branch, name, value, unit, low, high in zip(*(parameters[c] for c in columns), strict=True)
+        rows: list[Row] = [
+            [*map(str, of), *(Cell(format_quantity(float(v), str(unit))) for v in (value, low, high))]
+            for *of, value, unit, low, high in zip(*(parameters[c] for c in columns), strict=True)
         ]
         head = ("model", "branch", "parameter", "value", "95 % from", "to")
         yield Grid("Parameters of the parametric models.", head, rows)
@@ -150,10 +147,10 @@ def _deviations(table: Table) -> Iterator[Part]:
     shown_in = [(use, c) for use in ("test", "train") for c in CHANNELS if len(whole.where(use=use, channel=c))]
     rows = []
     for (model,), of_model in whole.groups("model"):
-        cells = [Cell(model, numeric=False), Cell(MODELS.get(model, ""), numeric=False)]
+        cells: list[Cell | str] = [model, MODELS.get(model, "")]
         for use, channel in shown_in:
             cells += _deviation(of_model.where(use=use, channel=channel))
-        rows.append([*cells, Cell(of_model.text("lacks") or "–", numeric=False)])
+        rows.append([*cells, of_model.text("lacks") or "–"])
     titles = [title for use, c in shown_in for title in (f"{c}, {use}", "of range", "times noise")]
     caption = (
         "Root mean square deviation of each model under the measured drive and the pipeline's other forces (tables 6.2 "

@@ -12,7 +12,7 @@ from pneucli.messages import ensemble
 from pneucli.messages.design import LAW_LEGEND, LAW_TITLES, law_rows, shortcomings
 from pneucli.messages.envelope import envelope_indices
 from pneucli.report.figure import GREY, PALETTE, Drawing, drawing, figures
-from pneucli.report.page_elements import Cell, Grid, Note, Part, Section
+from pneucli.report.page_elements import Cell, Grid, Note, Part, Row, Section
 from pneucli.report.report_data import ReportData, Table
 from pneucli.report.sections.closed_loop import format_bounded
 
@@ -35,7 +35,7 @@ def section(material: ReportData) -> Section | None:
     parts += [Note(f"Not designed: {name}: {why}.", "warning") for name, why in design["not_made"].items()]
     if rigs := design.get("ensemble"):
         parts += [Note(line) for line in ensemble.promise(rigs)]
-        rows = [[Cell(cell, numeric=i > 0) for i, cell in enumerate(row)] for row in ensemble.rows(rigs)]
+        rows: list[Row] = [[name, *map(Cell, figures)] for name, *figures in ensemble.rows(rigs)]
         caption = "Figures over their limits on the rigs of the ensemble, median; worst"
         parts.append(Grid(f"{caption}: 1 × is the limit.", ensemble.HEAD, rows))
     if design["ablation"]:
@@ -55,10 +55,7 @@ def section(material: ReportData) -> Section | None:
 
 
 def _grid(caption: str, cases: Answer, tolerance: float) -> Grid:
-    rows = [
-        [Cell(name, numeric=False), *map(Cell, figures), Cell(verdict, numeric=False)]
-        for name, *figures, verdict in law_rows(cases, tolerance)
-    ]
+    rows: list[Row] = [[name, *map(Cell, figures), verdict] for name, *figures, verdict in law_rows(cases, tolerance)]
     return Grid(f"{caption}: {LAW_LEGEND}.", ("controller", *LAW_TITLES), rows)
 
 
@@ -72,7 +69,7 @@ def _pressure_control(design: Answer) -> Iterator[Grid]:
                 pair = (mapped, bare.get(scenario, {}))
                 settling = [Cell(format_bounded(one.get("pressure_settling_s"))) for one in pair]
                 rest = [Cell(format_bounded(one.get("pressure_rest_pa"))) for one in pair]
-                rows.append([Cell(name, numeric=False), *settling, *rest])
+                rows.append([name, *settling, *rest])
     if rows:
         head = ("controller", "settles, s", "without the map", "at rest, Pa", "without the map")
         caption = "Pressure control with the piston clamped: time to within 2 % of a step, and largest error at rest."
@@ -80,8 +77,7 @@ def _pressure_control(design: Answer) -> Iterator[Grid]:
 
 
 def _titles(titles: Mapping[str, str]) -> Grid:
-    rows = [[Cell(name, numeric=False), Cell(title, numeric=False)] for name, title in titles.items()]
-    return Grid("The controllers.", ("controller", "control law"), rows, folded=True)
+    return Grid("The controllers.", ("controller", "control law"), [*titles.items()], folded=True)
 
 
 def _errors(signals: Table) -> Iterator[Drawing]:

@@ -16,10 +16,7 @@ def section(material: ReportData) -> Section | None:
         Grid(
             f"{one['recording']}: controller {one['controller']}, {one['precision']}, hash {one['hash'][:12]}.",
             compare.COLUMN_TITLES,
-            [
-                [Cell(title, numeric=False), Cell(predicted), Cell(measured)]
-                for title, predicted, measured in compare.figure_rows(one)
-            ],
+            [[title, Cell(predicted), Cell(measured)] for title, predicted, measured in compare.figure_rows(one)],
         )
         for one in found
     ]

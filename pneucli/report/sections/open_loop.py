@@ -33,8 +33,8 @@ def section(material: ReportData) -> Section | None:
     scenarios = material.answer("simulate").get("open_loop", [])
     rows = [
         [
-            Cell(one["scenario"], numeric=False),
-            Cell(m["channel"], numeric=False),
+            one["scenario"],
+            m["channel"],
             Cell(f"{format_quantity(m['from'], m['unit'], 3)} – {format_quantity(m['to'], m['unit'], 3)}"),
             Cell(format_quantity(m["end"], m["unit"], 3)),
             Cell(format_quantity(m["rmsd"], m["unit"], 3)),

@@ -7,7 +7,7 @@ from typing import Any
 
 from pneucli.messages.formatting import format_interval, format_number
 from pneucli.messages.identify import FRICTION_COLUMNS, friction_lines, friction_rows, leak_lines
-from pneucli.report.page_elements import Cell, Grid, Note, Part, Section, warning_notes
+from pneucli.report.page_elements import Cell, Grid, Note, Part, Row, Section, warning_notes
 from pneucli.report.report_data import ReportData
 from pneucli.report.sections.friction import friction_warnings
 
@@ -33,16 +33,15 @@ def _summary(answer: Mapping[str, Any]) -> Iterator[Part]:
     """Yield friction and break-away by recording, growth with pressure, repeatability, and leaks."""
     friction = answer.get("friction", {})
     if rows := friction_rows(friction):
-        cells = [[Cell(text, numeric=False) for text in row] for row in rows]
-        yield Grid("Friction by recording; in brackets the number of break-aways.", FRICTION_COLUMNS, cells)
+        yield Grid("Friction by recording; in brackets the number of break-aways.", FRICTION_COLUMNS, rows)
     yield from (Note(f"{line}.") for line in (*friction_lines(friction), *leak_lines(answer.get("leaks", {}))))
 
 
-def _row(name: str, parameter: Mapping[str, Any]) -> list[Cell]:
+def _row(name: str, parameter: Mapping[str, Any]) -> Row:
     value, unit, (low, high) = parameter["value"], parameter["unit"], parameter["ci95"]
     relative = abs(high - low) / 2 / abs(value) if value and None not in (low, high) else None
     return [
-        Cell(name, numeric=False),
+        name,
         Cell(format_interval(value, unit, (low, high))),
         Cell("–" if relative is None else f"{format_number(100 * relative, 2)} %", bar=relative),
     ]

@@ -45,16 +45,16 @@ def _recordings(recordings: list[Mapping[str, Any]], material: ReportData) -> Gr
     head = ("recording", "experiment", "use", "chamber 2", "signals", "samples", "rate", "from – to", "file", "SHA-256")
     rows = [
         [
-            Cell(r["name"], numeric=False),
-            Cell(r["experiment"] + (", imposed motion" if r["imposed"] else ""), numeric=False),
-            Cell(r["use"], numeric=False),
-            Cell(r["chamber_2"] or "–", numeric=False),
-            Cell(", ".join(name for name in r["signals"] if name != "time"), numeric=False),
+            r["name"],
+            r["experiment"] + (", imposed motion" if r["imposed"] else ""),
+            r["use"],
+            r["chamber_2"] or "–",
+            ", ".join(name for name in r["signals"] if name != "time"),
             Cell(f"{r['samples']}"),
             Cell("–" if r["name"] in material.steady_recordings else f"{format_plain(1 / r['period'], 6)} Hz"),
             Cell("rows" if r["name"] in material.steady_recordings else _span(r)),
-            Cell(PurePath(r["file"]).name, numeric=False),
-            Cell(r["sha256"][:10], numeric=False),
+            PurePath(r["file"]).name,
+            r["sha256"][:10],
         ]
         for r in recordings
     ]
@@ -65,7 +65,7 @@ def _recordings(recordings: list[Mapping[str, Any]], material: ReportData) -> Gr
 
 def _noise(recordings: list[Mapping[str, Any]]) -> Grid:
     names = list(dict.fromkeys(name for r in recordings for name in r["noise"]))
-    rows = [[Cell(r["name"], numeric=False), *(_rms(r["noise"].get(name)) for name in names)] for r in recordings]
+    rows = [[r["name"], *(_rms(r["noise"].get(name)) for name in names)] for r in recordings]
     caption = "Noise of each sensor, rms: stated in the pipeline file, or estimated from the recordings."
     return Grid(caption, ("recording", *names), rows, folded=True)
 
@@ -77,10 +77,10 @@ def _rms(noise: Mapping[str, Any] | None) -> Cell:
 def _repairs(repairs: list[Mapping[str, Any]]) -> Grid:
     rows = [
         [
-            Cell(r["recording"], numeric=False),
-            Cell(r["signal"], numeric=False),
+            r["recording"],
+            r["signal"],
             Cell(f"{r['count']}"),
-            Cell(r["message"], numeric=False),
+            r["message"],
         ]
         for r in repairs
     ]

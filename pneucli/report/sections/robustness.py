@@ -9,7 +9,7 @@ import numpy as np
 
 from pneucli.messages.formatting import format_plain
 from pneucli.messages.simulate import METRIC_TITLES
-from pneucli.report.page_elements import Cell, Grid, Note, Part, Section
+from pneucli.report.page_elements import Cell, Grid, Note, Part, Row, Section
 from pneucli.report.report_data import ReportData, Table
 from pneucli.report.sections.closed_loop import format_bounded
 
@@ -42,7 +42,7 @@ def section(material: ReportData) -> Section | None:
 
 def _rates(rates: Mapping[tuple[str, str], Answer], checks: Mapping[str, Answer], effects: Sequence[str]) -> Grid:
     head = ("effect", *(f"{METRIC_TITLES.get(c, c)} ≤ {format_plain(v['limit'])}" for c, v in checks.items()))
-    rows = [[_effect(e), *(_pass_rate(rates.get((e, c))) for c in checks)] for e in effects]
+    rows: list[Row] = [[BASE.get(e, e), *(_pass_rate(rates.get((e, c))) for c in checks)] for e in effects]
     caption = (
         "Number of runs in which each check held, over all scenarios, and the worst value. The most harmful effects "
         "come first."
@@ -53,10 +53,6 @@ def _rates(rates: Mapping[tuple[str, str], Answer], checks: Mapping[str, Answer]
 def _share(rates: Mapping[tuple[str, str], Answer], effect: str, checks: Iterable[str]) -> float:
     mine = [rates[effect, check] for check in checks if (effect, check) in rates]
     return float(sum(r["held"] for r in mine) / sum(r["runs"] for r in mine))
-
-
-def _effect(name: str) -> Cell:
-    return Cell(BASE.get(name, name), numeric=False)
 
 
 def _pass_rate(rate: Answer | None) -> Cell:
@@ -71,7 +67,8 @@ def _residual_errors(runs: Table, effects: Sequence[str]) -> list[Grid]:
     if not len(runs):
         return []
     names = [name for name in RESIDUAL_ERROR_FIGURES if name in runs]
-    rows = [[_effect(e), *(_median(runs if e == "all" else runs.where(effect=e), n) for n in names)] for e in effects]
+    of = {effect: runs if effect == "all" else runs.where(effect=effect) for effect in effects}
+    rows: list[Row] = [[BASE.get(e, e), *(_median(mine, n) for n in names)] for e, mine in of.items()]
     caption = "Error under each effect, median of its runs; “none”: without any additional effect"
     return [Grid(caption, ("effect", *(METRIC_TITLES[n] for n in names)), rows, folded=True)]
 

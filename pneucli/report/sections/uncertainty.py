@@ -15,7 +15,7 @@ from pneucli.messages.formatting import (
     unit_symbol,
 )
 from pneucli.messages.identify import INTERVAL_MEANING, largest_conductance, thermal_factors
-from pneucli.report.page_elements import Cell, Grid
+from pneucli.report.page_elements import Grid
 
 CONDUCTANCE_UNIT = "m^3/(s Pa)"
 SOURCE_COLUMNS = ("source", "type", "standard uncertainty", "sensitivity", "contribution to C", "share of variance")
@@ -36,19 +36,17 @@ def _sources(name: str, budget: Mapping[str, Any]) -> Grid:
     """Return the budget of one C."""
     rows = [
         [
-            Cell(one["source"], numeric=False),
-            Cell(one["type"], numeric=False),
-            _text(_uncertainty(one)),
-            _text(_sensitivity(one)),
-            _text(_conductance(one["contribution"])),
-            _text(format_percent(one["share"])),
+            one["source"],
+            one["type"],
+            _uncertainty(one),
+            _sensitivity(one),
+            _conductance(one["contribution"]),
+            format_percent(one["share"]),
         ]
         for one in budget["sources"]
     ]
     for title, key in (("combined standard uncertainty", "combined"), ("expanded uncertainty, k = 2", "expanded")):
-        rows.append(
-            [Cell(title, numeric=False), *(_text("") for _ in range(3)), _text(_conductance(budget[key])), _text("")]
-        )
+        rows.append([title, "", "", "", _conductance(budget[key]), ""])
     caption = f"Uncertainty budget of the largest conductance, {name} = {_conductance(budget['value'])}."
     if (factors := thermal_factors(budget)) is not None:
         least, largest = (format_number(factor, 3) for factor in factors)
@@ -63,15 +61,15 @@ def _sources(name: str, budget: Mapping[str, Any]) -> Grid:
     return Grid(caption, SOURCE_COLUMNS, rows)
 
 
-def _result(name: str, budget: Mapping[str, Any]) -> list[Cell]:
+def _result(name: str, budget: Mapping[str, Any]) -> list[str]:
     factor, unit = (LITRES_PER_BAR, "l/(s bar)") if budget["unit"] == CONDUCTANCE_UNIT else (1.0, budget["unit"])
     main = max(budget["sources"], key=lambda one: one["contribution"])
     ends = [factor * end for end in budget["interval"]]
     return [
-        Cell(name, numeric=False),
-        _text(format_interval(factor * budget["value"], unit, ends)),
-        _text(format_quantity(factor * budget["expanded"], unit, 2)),
-        Cell(f"{main['source']}, {format_percent(main['share'])}", numeric=False),
+        name,
+        format_interval(factor * budget["value"], unit, ends),
+        format_quantity(factor * budget["expanded"], unit, 2),
+        f"{main['source']}, {format_percent(main['share'])}",
     ]
 
 
@@ -93,7 +91,3 @@ def _sensitivity(source: Mapping[str, Any]) -> str:
 
 def _conductance(value: float) -> str:
     return format_quantity(LITRES_PER_BAR * value, "l/(s bar)", 3)
-
-
-def _text(value: str) -> Cell:
-    return Cell(value, numeric=False)

@@ -32,7 +32,7 @@ from pneucli.report.figure import (
     heat_map,
     rank_colour,
 )
-from pneucli.report.page_elements import Cell, Figure, Grid, Part, Section
+from pneucli.report.page_elements import Cell, Figure, Grid, Part, Row, Section
 from pneucli.report.report_data import ReportData, Table
 from pneucli.report.sections.uncertainty import budget_tables
 
@@ -272,10 +272,10 @@ def _tables(valve: Mapping[str, Any]) -> Iterator[Grid]:
     if lack := valve.get("lack_of_fit"):
         yield _fit(lack, valve["residual"])
     if overlap := valve.get("overlap"):
-        rows = [[Cell(name, numeric=False), *_value(o)] for name, o in overlap.items()]
+        rows = [[name, *_value(o)] for name, o in overlap.items()]
         yield Grid("Overlap of the spool.", ("", "value", "95 % from", "to"), rows)
     if iso := valve.get("iso"):
-        rows = [[Cell(name.removeprefix("valve."), numeric=False), *_value(p)] for name, p in iso.items()]
+        rows = [[name.removeprefix("valve."), *_value(p)] for name, p in iso.items()]
         caption = "Characteristics by ISO 6358-1: sonic conductance, critical ratio and subsonic index of each command."
         yield Grid(caption, ("characteristic", "value", "95 % from", "to"), rows, folded=True)
 
@@ -288,10 +288,8 @@ def _fit(lack: Mapping[str, Any], residual: Mapping[str, Any]) -> Grid:
         ("points outside both 95 % intervals", lack["share_outside"]),
     )
     noise = (("map on its own curves", residual["train"]), ("map on held-out curves", residual["test"]))
-    rows = [[Cell(name, numeric=False), Cell("–" if n is None else format_percent(n))] for name, n in shares]
-    rows += [
-        [Cell(name, numeric=False), Cell("–" if n is None else f"{format_noise_ratio(n)} × noise")] for name, n in noise
-    ]
+    rows: list[Row] = [[name, Cell("–" if n is None else format_percent(n))] for name, n in shares]
+    rows += [[name, Cell("–" if n is None else f"{format_noise_ratio(n)} × noise")] for name, n in noise]
     caption = (
         "Lack of fit of the model's valve, relative to the measured gradient, and residuals of the map over noise."
     )
