@@ -35,8 +35,9 @@ NOUNS: dict[str, str] = {
     "temperature": "temp temperature- -temperature temperatur- -temperatur temperatura temperature lampotila темпер- "
     "-温度- -온도-",
     "command": "u cmd command- valve- -valve ventil- -ventil voltage spannung stell- control- duty pwm vanne valvula "
-    "ansteuer- drive- volt input pump- relay- solenoid- magnet- switch- styr- spanning spenning ohjaus- sterow- rizen- "
-    "vezerl- kumanda- comando mando stuur- napiecie napeti управл- напряж- -电压- -電圧- -전압- -阀- -弁- -指令-",
+    "ansteuer- drive- volt input pump- relay- solenoid- magnet- switch- dac ao styr- spanning spenning ohjaus- sterow- "
+    "rizen- vezerl- kumanda- comando mando stuur- napiecie napeti управл- напряж- -电压- -電圧- -전압- -阀- -弁- "
+    "-指令-",
     "flow": "flow- -flow durchfluss- volumenstrom massenstrom mdot debit caudal portata flode- virtaus- vazao расход- "
     "-流量- -유량-",
 }
@@ -79,12 +80,12 @@ _PLAIN = str.maketrans({"ß": "ss", "ø": "o", "Ø": "O", "æ": "ae", "ł": "l",
 _WORD = re.compile(r"[A-Z]?[a-z]+|[A-Z]+(?![a-z])|\d+|[^\W\d_A-Za-z]+")
 _INPUTS = ("ch", "channel", "kanal", "ai", "ain")  # of a recorder, whose number or letter is that of no chamber
 _NODE = re.compile(r"^(?:ns=\d+;)?[sgib]=")  # what OPC UA writes before a name
-_VALUE = re.compile(r"(?i)[\s_]+value[xy]?$")  # what recorders write behind a name, beside its stamps
+_VALUE = re.compile(r"(?i)(?<!^x)[\s_]+value[xy]?$")  # what recorders write behind a name, beside its stamps
 _DOTTED = re.compile(r"[A-Za-z_]\w*(?:\.[A-Za-z_]\w*)+")
 _MARKED = re.compile(
-    r"^(.*?)\s*[\[(<{]\s*([^\])>}]*)\s*[\])>}]\s*$|^(.+?)\s+in\s+(\S+)$|^()in\s+(\S+)$|^(.+?),\s*(\S+)$"
+    r"^(.*?)\s*\[\s*([^\]]*?)\s*\]\s*$|^(.*?)\s*[(<{]\s*([^\])>}]*)\s*[)>}]\s*$|^(.+?)\s+in\s+(\S+)$|^()in\s+(\S+)$|^(.+?),\s*(\S+)$"
 )
-_SUFFIX = re.compile(r"^(.+)_([^_\s]+)$")
+_SUFFIX = re.compile(r"^(.+)[_\s]([^_\s\[(<{][^_\s]*)$")
 _NO_NAMES = ("data", "value", "values", "signal")  # last parts of paths that say nothing
 _WORDS_TOO = ("in", "at", "min")  # units that are words of names more often: p_in is no pressure in inches
 _SLASH = re.compile(r"^([^/\[(<]+?)\s*/\s*([^/\d][^/]*)$")  # "p / bar", as standards write it

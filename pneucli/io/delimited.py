@@ -17,13 +17,14 @@ from pneucli.io import arrow_compute as pc
 from pneucli.io.column_reader import words_message
 from pneucli.io.date_parsing import CalendarClock
 from pneucli.io.raw_file import NO_CLOCKS, ColumnRequest, ColumnValues, RawFile, Repair
-from pneucli.io.text_layout import NULL_TEXTS, TextLayout, detect_layout
+from pneucli.io.text_layout import NULL_TEXTS, TextLayout, detect_layout, is_value
 from pneucli.io.text_stream import NormalizedTextStream
 from pneucli.units import Dimension, Unit, parse_unit
 
 BLOCK_BYTES = 4 << 20
 BLOCK_ROWS = 4096  # read at once in the search for a fault
 TAIL_BYTES = 1 << 16
+MAX_TRAILER_LINES = 20  # behind the rows
 Row = tuple[int, str, list[str]]  # line number, text, fields
 
 
@@ -92,7 +93,7 @@ class DelimitedReader:
         except (pa.ArrowInvalid, UnicodeDecodeError) as error:
             raise self._first_fault(asks, str(error)) from error
         if self._bad:
-            self._drop_truncated_last_line(asks)
+            self._drop_last_lines(asks)
         elif not stream.ends_with_newline:
             self._note_unterminated_last_line()
         for place, words in self._words.items():
@@ -158,7 +159,7 @@ class DelimitedReader:
             self._events[event] += 1
             return "skip"
         self._bad.append(row.text)
-        return "skip" if len(self._bad) == 1 else "error"
+        return "skip" if len(self._bad) <= MAX_TRAILER_LINES else "error"
 
     def _values(self, table: Any, ask: ColumnRequest) -> ColumnValues:
         column = _array(table, ask.position)
@@ -224,10 +225,19 @@ class DelimitedReader:
         lines = text.rstrip().split(self._look.line_end)[0 if start else self._look.skip :]
         return [line.rstrip("\r") for line in lines[-50:] if line.strip() and not line.lstrip().startswith("#")]
 
-    def _drop_truncated_last_line(self, asks: Sequence[ColumnRequest]) -> None:
-        """A logger that was cut off in its last line loses that line only; any other odd row is an error."""
-        last = self._look.split(self._tail()[-1])
-        if len(last) >= len(self.names) or last != self._fields(self._bad[0]):
+    def _drop_last_lines(self, asks: Sequence[ColumnRequest]) -> None:
+        """A logger that was cut off in its last line loses that line only; words behind the rows are none of them.
+
+        Any other odd row is an error.
+        """
+        last = [self._look.split(line) for line in self._tail()[-len(self._bad) :]]
+        if max(map(len, last)) >= len(self.names) or last != [self._fields(row) for row in self._bad]:
+            raise self._first_fault(asks, "")
+        if len(last[0]) == 1 and not is_value(last[0][0]):
+            message = f'{len(last)} lines behind the rows, from "{last[0][0]}" on, were passed over'
+            self.repairs.append(Repair("", "trailer", len(last), message))
+            return
+        if len(last) > 1:
             raise self._first_fault(asks, "")
         self.rows += 1
         self.losses["truncated"] += 1

@@ -222,7 +222,7 @@ _TITLES = re.compile(
     r"(?i)(?:channel |signal |trace)?names?|signals?|labels?|titles?|comments?|descriptions?|tags?|bezeichnung|"
     r"kanalname"
 )
-_UNITS = re.compile(r"(?i)(?:v|vert_|y[ _]?)?units?|einheit(?:en)?|eu|eng\.? units?")
+_UNITS = re.compile(r"(?i)(?:v|vert_|y[ _]?)?units?(?:[ _]labels?)?|einheit(?:en)?|eu|eng\.? units?")
 
 
 def apply_sniffed(raw: RawFile, found: SniffedLayout) -> RawFile:

@@ -58,7 +58,7 @@ FLOW_UNIT = SIGNALS["flow"].unit
 WARNING_REPAIRS = (
     *("frozen", "saturated", "plateau", "spike", "gap", "no-stamp", "backward", "duplicate", "truncated"),
     *("vacuum", "cut-number", "empty", "reader", "unit"),
-    *("mark", "roll-over", "jumps", "held", "spread", "counter", "matlab-object", "header-again", "event"),
+    *("mark", "roll-over", "jumps", "held", "spread", "counter", "matlab-object", "header-again", "event", "trailer"),
 )
 Array = NDArray[np.float64]
 

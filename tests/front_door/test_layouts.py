@@ -22,7 +22,7 @@ from pneucli.io.raw_file import Channel, ColumnRequest, RawFile
 from pneucli.stages import init
 
 RNG = np.random.default_rng(68)
-REFUSED = {"scaled": "refused", "scores": "refused", "unknown unit": "asked", "by number": "asked"}
+REFUSED = {"scaled": "refused", "scores": "refused", "unknown unit": "asked"}
 REFUSED |= {"transposed table": "right"}
 MARKED = {
     "mbar",

@@ -168,10 +168,67 @@ def panasonic(rows: Rows) -> str:
     return lines(*head, rows=[*body[:400], "2026/03/11,09:15:06,0,STOP TRG", *body[400:]])
 
 
+def labview(rows: Rows) -> str:
+    """LVM 2.0, National Instruments' specification: two heads, units behind a key, a column of comments."""
+    head = (
+        "LabVIEW Measurement\t",
+        "Writer_Version\t2",
+        "Separator\tTab",
+        "X_Columns\tOne",
+        "***End_of_Header***\t",
+        "\t",
+        "Channels\t3\t\t\t",
+        f"Samples\t{COUNT}\t{COUNT}\t{COUNT}\t",
+        "Y_Unit_Label\tV\tbar\tbar\t",
+        "X_Dimension\tTime\tTime\tTime\t",
+        "X0\t0.0\t0.0\t0.0\t",
+        "Delta_X\t0.01\t0.01\t0.01\t",
+        "***End_of_Header***\t\t\t\t",
+        "X_Value\tValve\tSupply\tTank\tComment",
+    )
+    return lines(*head, rows=[f"{t:.6f}\t{u:.6f}\t{s:.6f}\t{p:.6f}" for t, u, s, p in rows])
+
+
+def motion_scope(rows: Rows) -> str:
+    """Motion Scope, "Export": samples by number, names with the unit behind a blank."""
+    head = "Sample #\tAx 0 DAC Out\tSupply bar\tTank bar"
+    return lines(head, rows=[f"{n}\t{u:.4f}\t{s:.4f}\t{p:.4f}" for n, (_, u, s, p) in enumerate(rows)])
+
+
+def indramotion(rows: Rows) -> str:
+    """IndraMotion MTX, section 12: sections in front of the rows, and behind them."""
+    head = ("[Settings]", "[DATE]", "11.03.2026 09:15:02", "[Data]", "u_valve;p_supply [bar];p1 [bar]")
+    body = [f"{u:.4f};{s:.4f};{p:.4f}" for _, u, s, p in rows]
+    return lines(*head, rows=[*body, "[Statistics]", "NmbOfSamples", str(COUNT)])
+
+
+def step_7(rows: Rows) -> str:
+    """S7-1200, "Data logs": a record's number, date and time apart, "//END" behind the rows."""
+    head = "Record,Date,UTC Time,ValveOut,PressSupply,PressTank"
+    body = [
+        f"{n + 1}, 03/11/2026, 09:15:{2 + t:06.3f}, {u:.3f}, {s:.4f}, {p:.4f}" for n, (t, u, s, p) in enumerate(rows)
+    ]
+    return lines(head, rows=[*body, "//END"])
+
+
+def mitsubishi(rows: Rows) -> str:
+    """MELSEC iQ-R, "Unicode text file": what the lines are, data types, an index, a column of triggers."""
+    head = (
+        "[LOGGING]\tRCPU_1\t3\t4\t5",
+        "LOG01",
+        "DATETIME[YYYY/MM/DD hh:mm:ss.sss]\tINDEX\tFLOAT[EXP.5]\tFLOAT[EXP.5]\tFLOAT[EXP.5]\tTRIGGER[*]",
+        "TIME\tINDEX\tu_valve\tp_supply\tp1\tTRIGGER",
+    )
+    body = [
+        f"2026/03/11 09:15:{2 + t:06.3f}\t{n + 1}\t{u:.5E}\t{s:.5E}\t{p:.5E}\t" for n, (t, u, s, p) in enumerate(rows)
+    ]
+    return lines(*head, rows=body)
+
+
 RECORDERS: dict[Callable[[Rows], str], float] = {  # with the period that is read, 0 where people have to state it
     **dict.fromkeys((hioki_memory_hicorder, hioki_hilogger, hioki_8807, yokogawa_dlm, picoscope), 0.01),
-    **dict.fromkeys((twin_builder, rohde_schwarz, druck), 0.01),
-    **{sapphire: 1.0, panasonic: 0.0},
+    **dict.fromkeys((twin_builder, rohde_schwarz, druck, labview, step_7, mitsubishi), 0.01),
+    **{sapphire: 1.0, panasonic: 0.0, motion_scope: 0.0, indramotion: 0.0},
 }
 
 
@@ -180,7 +237,8 @@ def test_a_recorder_s_layout_is_read_without_a_line_by_hand(
     recorder: Callable[[Rows], str], period: float, tmp_path: Path
 ) -> None:
     rows = tank()
-    (tmp_path / "step.csv").write_text(recorder(rows), encoding="utf-8", newline="")
+    encoding = "utf-16" if recorder is mitsubishi else "utf-8"
+    (tmp_path / "step.csv").write_text(recorder(rows), encoding=encoding, newline="")
     init.create(tmp_path / "rig", [tmp_path / "step.csv"])
     pipeline = tmp_path / "rig" / "pipeline.toml"
     text = pipeline.read_text(encoding="utf-8")
