@@ -1,4 +1,7 @@
-"""Blocks of time, and the scores of residuals in them: the units of a sandwich covariance of correlated residuals."""
+"""Blocks of time, and the scores of residuals in them: the units of a sandwich covariance of correlated residuals.
+
+Source: docs/method.md, intervals; K.-Y. Liang, S. L. Zeger, Biometrika 73 (1986) 13-22.
+"""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What follows from the covariance of a fit: correlations, sensitivities, and draws of the parameters."""
+"""What follows from the covariance of a fit (docs/method.md): correlations, sensitivities, draws of the parameters."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ def parameter_correlation(fitted: Fit) -> Array:
         fitted: The fit.
 
     Returns:
-        The correlation, shape (k, k), in the order of ``fitted.estimates``.
+        The correlation, dimensionless, shape (k, k), in the order of ``fitted.estimates``.
 
     """
     deviation = np.sqrt(np.maximum(np.diag(fitted.inverse_hessian), 0.0))

@@ -16,7 +16,7 @@ from pneucli.simulate.rig_quantities import rig_quantities
 
 
 def direct_guesses(effect: Effect, model: Model, views: Sequence[ResidualModel]) -> list[dict[str, float]]:
-    """Return values of an effect and of all other friction, by name, as the balance of forces gives them.
+    """Return values (SI) of an effect and of all other friction, by name, as the balance of forces gives them.
 
     None where the effect declares no such parameter. What the pipeline file says of a parameter takes its place.
     """
@@ -29,7 +29,7 @@ def direct_guesses(effect: Effect, model: Model, views: Sequence[ResidualModel])
 
 
 def direct_base_friction(model: Model, views: Sequence[ResidualModel]) -> list[dict[str, float]]:
-    """Return Coulomb friction above zero with viscous friction, by name, as the balance of forces gives them."""
+    """Return Coulomb friction above zero (N) with viscous friction (N s/m), by name, from the balance of forces."""
     known = _direct_friction(model, views, two_branches=False)
     return [_with_priors(_base(direct), model.rig.priors) for direct in known if direct["coulomb"] > 0.0]
 

@@ -344,7 +344,7 @@ def merge_partial_fit(
         found: The fit of all residual models.
         part: The fit of the chosen ones.
         residual_models: All residual models.
-        chosen: Which of them the part was fitted to, one entry a model.
+        chosen: Which of them the part was fitted to, shape (models,).
 
     Returns:
         The fit of all residual models; those that were not chosen keep their residuals.

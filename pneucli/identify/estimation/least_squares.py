@@ -306,7 +306,7 @@ def pseudo_inverse(curvature: Array) -> Array:
         curvature: The curvature, shape (k, k).
 
     Returns:
-        The inverse, shape (k, k); 0 along directions that the curvature does not determine.
+        The inverse in reciprocal units, shape (k, k); 0 along directions that the curvature does not determine.
 
     >>> pseudo_inverse(np.array([[4.0, 0.0], [0.0, 0.0]])).tolist()
     [[0.25, 0.0], [0.0, 0.0]]
@@ -321,7 +321,7 @@ def undetermined_coordinates(curvature: Array) -> NDArray[np.bool_]:
     """Return the coordinates that a curvature does not determine, alone or together with others.
 
     Args:
-        curvature: The curvature, shape (k, k).
+        curvature: The curvature in any units, shape (k, k).
 
     Returns:
         True where a direction along which :func:`pseudo_inverse` is 0 changes the coordinate, shape (k,).

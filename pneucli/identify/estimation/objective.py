@@ -1,4 +1,4 @@
-"""The least-squares problem of a fit: residuals in units of noise, priors, and derivatives."""
+"""The least-squares problem of a fit (docs/method.md): residuals in units of noise, priors, and derivatives."""
 
 from __future__ import annotations
 

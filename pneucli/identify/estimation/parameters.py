@@ -200,7 +200,7 @@ def effect_parameters(
         effect: The effect.
         model: The model; its values are the start values where the effect is present.
         quantities: The quantities of the rig that scale ranges and typical values.
-        initial_values: Start values by EFFECT.PARAMETER that take precedence.
+        initial_values: Start values by EFFECT.PARAMETER, in declared units, that take precedence.
 
     Returns:
         The free parameters in the order of their declaration.
@@ -238,7 +238,7 @@ def null_value(parameter: Parameter, model: Model) -> float | None:
         model: The model, for a null that is the value of another parameter.
 
     Returns:
-        The null; None where it is infinite or absent.
+        The null in the declared unit; None where it is infinite or absent.
 
     """
     if isinstance(parameter.null, str):
@@ -255,7 +255,7 @@ def absent_value(parameter: Parameter, model: Model, upper: float) -> float | No
         upper: The upper bound, which replaces an infinite null.
 
     Returns:
-        The value; None where the parameter has no null.
+        The value in the declared unit; None where the parameter has no null.
 
     """
     if parameter.null is None:

@@ -1,4 +1,7 @@
-"""The force residual: the friction that measured motion and pressures imply, compared with what the model allows."""
+"""The force residual: the friction that measured motion and pressures imply, compared with what the model allows.
+
+Source: docs/method.md, residual models.
+"""
 
 from __future__ import annotations
 

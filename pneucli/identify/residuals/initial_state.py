@@ -1,4 +1,4 @@
-"""Errors of a simulation's initial state, and the whitening of residuals for them.
+"""Errors of a simulation's initial state, and the whitening of residuals for them (docs/method.md).
 
 Each segment between restarts starts from the smoothed pressure, whatever the model. Its error persists for as long as
 no gas flows. Pressures without a smoother (recordings of few samples) are taken as exact.
