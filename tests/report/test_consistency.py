@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from pneucli.messages import compare, diagnose, envelope
+from pneucli.messages import diagnose, envelope
 from pneucli.report import figure, overview
 from pneucli.report.page_elements import ZOOM_HINT, Figure, Grid
 from pneucli.report.report_data import Table
@@ -88,21 +88,6 @@ def test_a_reason_stands_once_however_many_effects_it_refuses() -> None:
     texts = [cell if isinstance(cell, str) else cell.text for row in grid.rows for cell in row]
     assert texts.count(diagnose.REJECTION_REASONS["not-promising"]) == 1
     assert "e42" in texts[0]
-
-
-def test_effects_that_nothing_can_show_count_among_the_others() -> None:
-    limit = {"effect": "a", "parameter": "gain", "size": 1.0, "unit": "1", "typical": True}
-    answer = {
-        "detectable": [limit],
-        "candidates": [{"effect": "a"}, {"effect": "b"}, {"effect": "named"}],
-        "missing": ["named"],
-    }
-    assert diagnose.detectability_summary(answer).startswith("1 of 2 other effects")
-
-
-def test_a_bad_error_that_is_spread_evenly_is_not_called_small() -> None:
-    assert "spread" in compare.even_error_sentence({"error": {"test": 5.0, "train": None}})
-    assert "No channel" in compare.even_error_sentence({"error": {"test": 1.0, "train": None}})
 
 
 @pytest.mark.parametrize(

@@ -10,8 +10,9 @@ import pytest
 from pneucli.plan.manoeuvre import Outcome
 from pneucli.plan.power import Difference, Prediction
 from pneucli.report.plan_page import plan_page
-from tests.messages.test_plan import ANSWER, RECORDING
+from tests.messages.stored_calls import stored
 
+RECORDING, ANSWER = (stored("plan")["answers"][f"answer {k}"] for k in (1, 2))
 TIME = 1e-3 * np.arange(3000)
 
 
