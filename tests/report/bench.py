@@ -10,7 +10,6 @@ import numpy as np
 from pneucli.report import Check, EarlierAnswer, ReportData, Table
 from tests.report import controlled
 
-RNG = np.random.default_rng(1)
 SAMPLES = 4000
 TIME = np.arange(SAMPLES) * 1e-3
 NOISE = {"p1": 400.0, "x": 3e-5, "v": 1e-3}
@@ -91,10 +90,10 @@ def _residuals(fault: float = 5.0) -> Table:
     columns: dict[str, list[Any]] = {n: [] for n in ("recording", "use", "channel", "unit")}
     numbers: dict[str, list[Any]] = {n: [] for n in ("time", "measured", "model", "residual", "segment")}
     signals = _signals()
-    segment = np.arange(SAMPLES) // 500
+    segment, rng = np.arange(SAMPLES) // 500, np.random.default_rng(1)
     for name, use in RECORDINGS.items():
         for channel, noise in NOISE.items():
-            residual = noise * RNG.standard_normal(SAMPLES)
+            residual = noise * rng.standard_normal(SAMPLES)
             residual += fault * noise * ((signals["x"] > 0.12) & (TIME > 3.0) & (channel == "x"))
             for column, text in zip(columns, (name, use, channel, UNIT[channel]), strict=True):
                 columns[column] += [text] * SAMPLES

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import re
-from dataclasses import replace
 from importlib import import_module
 from pathlib import Path
 from types import SimpleNamespace
@@ -136,26 +135,3 @@ def test_the_curves_before_and_after_an_effect_have_the_colours_of_their_models(
         found = diagnosis.section(report)
         shapes = [part.svg for part in found.parts if isinstance(part, Figure) and "before and after" in part.caption]
         assert {colour for svg in shapes for colour in known if colour in svg} == wanted
-
-
-def test_recordings_that_contradict_the_rig_are_stated_once_and_no_search_is_claimed() -> None:
-    finding = {
-        "check": "acceleration",
-        "signal": "x",
-        "recording": "axis_1",
-        "found": "x jumps",
-        "mend": "check it",
-        "weight": "contradiction",
-    }
-    report = whole()
-    answer = report.answers["diagnose"] | {"verdict": "inconclusive", "missing": [], "next_experiment": None}
-    answer |= {
-        "impossible": ["axis_1, x jumps; check it"],
-        "sentence": "axis_1, x jumps; check it. Nothing was looked for.",
-    }
-    ingest = report.answers["ingest"] | {"plausibility": [finding]}
-    report = replace(report, answers=report.answers | {"ingest": ingest, "diagnose": answer})
-    assert overview.overview(report).doubt == ""
-    evidence = diagnosis.section(report)
-    assert evidence.lead == diagnosis.CONTRADICTED
-    assert not [part for part in evidence.parts if isinstance(part, Grid) and "candidates" in part.caption]

@@ -12,14 +12,10 @@ import numpy as np
 import pytest
 
 from pneucli.report import ReportData, to_html
-from pneucli.report.page_elements import Cell, Grid, Note
-from pneucli.report.report_data import Table
+from pneucli.report.page_elements import Cell, Grid
 from pneucli.report.sections import SECTIONS
-from pneucli.report.sections.comparison import section as comparison
-from pneucli.report.sections.correlations import section as correlations
 from pneucli.report.sections.diagnosis import section as diagnosis
 from pneucli.report.sections.error_location import StateSamples, _grid, _maps
-from pneucli.report.sections.valve import section as valve
 from tests.report.bench import without
 
 ANCHORS = {
@@ -79,17 +75,6 @@ def test_a_warning_is_in_the_chapter_of_its_stage(page: str) -> None:
     assert re.search(r"<h2>Measurements</h2>\s*<span>\(1 warning\)</span>", chapter)
 
 
-def test_missing_test_recordings_are_noted(material: ReportData) -> None:
-    error = {"train": 1.0, "test": None}
-    answers = {**material.answers, "compare": {**material.answers["compare"], "error": error}}
-    section = comparison(replace(material, answers=answers))
-    assert section is not None
-    assert any(
-        isinstance(part, Note) and "these are the errors of the fitted recordings" in part.text
-        for part in section.parts
-    )
-
-
 def test_nothing_runs_and_nothing_is_fetched_that_is_not_the_pages_own(page: str) -> None:
     policy = re.search(r'http-equiv="Content-Security-Policy" content="([^"]*)"', page)
     assert policy is not None
@@ -125,30 +110,6 @@ def test_each_figure_has_a_caption(page: str) -> None:
 def cloud(fault: np.ndarray, **states: np.ndarray) -> StateSamples:
     rng = np.random.default_rng(0)
     return StateSamples("axis", "x", rng.standard_normal(fault.size) + 6 * fault, states)
-
-
-def test_two_chambers_have_a_map_each_and_captions_name_the_chamber(material: ReportData) -> None:
-    names = ("map", "inverse", "lack_of_fit", "areas", "curves")
-    tables = dict(material.tables)
-    for name in (f"identify/valve_{name}" for name in names):
-        one = tables[name]
-        twice = {key: np.concatenate([one[key], one[key]]) for key in one.columns}
-        chamber = np.repeat([1, 2], len(one))
-        tables[name] = Table({"chamber": chamber, **twice}, one.units)
-    answers = {**material.answers, "identify": {**material.answers["identify"]}}
-    answers["identify"]["valve_2"] = answers["identify"]["valve"]
-    section = valve(replace(material, tables=tables, answers=answers))
-    assert section is not None
-    captions = [part.caption for part in section.parts]  # type: ignore[union-attr]
-    for chamber in (1, 2):
-        mine = [caption for caption in captions if caption.startswith(f"Chamber {chamber}. ")]
-        assert sum("The valve map" in caption for caption in mine) == 1
-        assert sum("The inverse map" in caption for caption in mine) == 1
-        assert sum("Lack of fit of the model" in caption for caption in mine) == 1
-    assert all(caption.startswith("Chamber ") for caption in captions)
-    alone = valve(material)
-    assert alone is not None
-    assert not any(part.caption.startswith("Chamber ") for part in alone.parts)  # type: ignore[union-attr]
 
 
 def test_the_residual_map_is_over_the_pair_with_the_largest_variation() -> None:
@@ -199,29 +160,3 @@ def test_only_what_is_missing_is_marked_among_the_candidates(material: ReportDat
         ("yes", "good"),
         ("yes", ""),
     ]
-
-
-def test_strong_correlations_and_significant_residuals_are_stated(material: ReportData) -> None:
-    section = correlations(material)
-    assert section is not None
-    (together,) = [part.text for part in section.parts if isinstance(part, Note)]
-    assert "friction.coulomb and friction.viscous (−0.95)" in together
-    (sensitivity,) = [part for part in section.parts if isinstance(part, Grid)]
-    assert sensitivity.head == ("parameter", "x", "v")
-    assert [cell.text for cell in sensitivity.rows[0]] == ["friction.coulomb", "0.40", "–"]
-    captions = [part.caption for part in section.parts if hasattr(part, "svg")]
-    assert "significant with u at 0.1 s" in captions[-1]
-    table = material.tables["compare/correlation"]
-    weak = Table({**table.columns, "correlation": 0.3 * table["correlation"]})  # 0.15 at most: 1.5 bounds, of 101 lags
-    faint = correlations(replace(material, tables={**material.tables, "compare/correlation": weak}))
-    assert faint is not None
-    assert "no significant correlation with the inputs" in faint.parts[-1].caption  # type: ignore[union-attr]
-    assert correlations(ReportData("bench")) is None
-
-
-def test_the_legend_has_the_fit_of_each_model(material: ReportData) -> None:
-    section = comparison(material)
-    assert section is not None
-    zoom = next(part for part in section.parts if part.kind == "zoom")
-    labels = [series.label for run in zoom.runs for panel in run.panels for series in panel.series]
-    assert any(re.fullmatch(r"model, fit [\d.]+ %", label) for label in labels)

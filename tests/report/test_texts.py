@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import re
 from xml.etree import ElementTree
 
 import numpy as np
@@ -11,33 +10,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from pneucli.messages.envelope import envelope_indices
-from pneucli.messages.formatting import format_noise_ratio, format_number, format_quantity
-from pneucli.report import ReportData, Table, to_junit, to_markdown
-
-
-def test_the_summary_holds_the_numbers_of_the_answers(material: ReportData) -> None:
-    text = to_markdown(material)
-    for c in material.answers["compare"]["channels"]:
-        cells = (c["recording"], c["use"], c["channel"], format_quantity(c["rmsd"], c["unit"], 3))
-        assert f"| {' | '.join(cells)} |" in text
-        assert f"| {format_noise_ratio(c['ratio_to_noise'])} |" in text
-    assert "| friction.coulomb | 14.008 (13.980 to 14.030) N |" in text
-    assert "| piston-leak | 1.02 | – |" in text
-
-
-def test_the_summary_repeats_the_first_screen_and_ends_with_warnings(material: ReportData) -> None:
-    text = to_markdown(material)
-    parts = ("**The model: ", "**Missing effect: piston-leak**", "## Checks", "## Model against", "## Warnings")
-    places = [text.index(part) for part in parts]
-    assert places == sorted(places)
-
-
-def test_tables_of_the_summary_are_whole(material: ReportData) -> None:
-    rows = [line for line in to_markdown(material).splitlines() if line.startswith("|")]
-    blocks = re.split(r"\n\n", to_markdown(material))
-    tables = [block.splitlines() for block in blocks if block.startswith("|")]
-    assert len(rows) == sum(map(len, tables))
-    assert all(len({line.count("|") for line in table}) == 1 for table in tables)
+from pneucli.messages.formatting import format_number, format_quantity
+from pneucli.report import ReportData, Table, to_junit
 
 
 def test_junit_mirrors_the_checks(material: ReportData) -> None:
