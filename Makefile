@@ -20,9 +20,11 @@ demo: $(VENV)/.installed-all
 	$(BIN)/pneucli run $(DEMO)/pipeline.toml
 	@echo "the same with your own hands, in the browser: $(BIN)/pneucli workbench $(DEMO)/pipeline.toml"
 
-# The tests run even where a check fails, so that one go tells all; what fails makes the whole fail.
+# The checks run beside the tests, so that one go tells all and no core waits; what fails makes the whole fail.
 test: $(VENV)/.installed-dev hooks chromium
-	@$(MAKE) --no-print-directory --keep-going check; checked=$$?; $(BIN)/python -m pytest -n 2 --dist worksteal && exit $$checked
+	@$(MAKE) --no-print-directory --keep-going check & checks=$$!; \
+	$(BIN)/python -m pytest -n 2 --dist worksteal --durations 20; tested=$$?; \
+	wait $$checks && exit $$tested
 
 # All tests, those of slow benchmarks as well.
 test-all: $(VENV)/.installed-dev hooks chromium

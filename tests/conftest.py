@@ -13,7 +13,7 @@ from hypothesis import settings
 os.environ.setdefault("PNEUCLI_CACHE", str(Path(tempfile.gettempdir(), f"pneucli-tests-{getpass.getuser()}")))
 
 # the same examples each time: a run that fails says that something changed
-settings.register_profile("pneucli", derandomize=True, deadline=None)
+settings.register_profile("pneucli", derandomize=True, deadline=None, max_examples=40)
 settings.load_profile("pneucli")
 
 # simulations with a controller; together, so that one of the processes of a run compiles their large kernels

@@ -2,16 +2,20 @@
 
 from __future__ import annotations
 
+import io
 import json
 import sys
+from contextlib import redirect_stderr, redirect_stdout
 from pathlib import Path
 from typing import Any
+from unittest import mock
 
 import pytest
 
 from benchmarks import score
 from benchmarks.cases import Truth, described_truth, judged, reading_faults, sampled, truth_of
 from benchmarks.score import compared, contradictions, essence, measured, next_command, tiles
+from pneucli import cli
 
 Row = dict[str, Any]
 LEAK = Truth(frozenset({"piston-leak"}), {"piston-leak": {"area": 1e-7}}, mild=frozenset({"valve-lag"}))
@@ -308,6 +312,21 @@ def test_a_case_is_asked_once_and_again_if_it_changes(tmp_path: Path, monkeypatc
     assert asked == ["ingest", "diagnose"] * 2
 
 
-def test_the_fixtures_are_answered_as_stored(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    code = score.main(["fixtures", "--kept", str(tmp_path)])
+def measured_here(words: list[str]) -> tuple[int, str, float, float]:
+    """As ``measured``, in this process: a new one takes longer to start than a fixture to be answered."""
+    out = io.StringIO()
+    with redirect_stdout(out), redirect_stderr(io.StringIO()), mock.patch.object(sys, "argv", words[3:]):
+        try:
+            cli.main()
+        except SystemExit as end:
+            return int(end.code or 0), out.getvalue(), 0.0, 0.0
+    return 0, out.getvalue(), 0.0, 0.0
+
+
+def test_the_fixtures_are_answered_as_stored(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(score, "measured", measured_here)
+    monkeypatch.setenv("PNEUCLI_THREADS", "1")
+    code = score.main(["fixtures", "--kept", str(tmp_path), "--jobs", "1"])
     assert code == 0, capsys.readouterr().out

@@ -131,23 +131,6 @@ def test_the_controller_holds_on_axes_within_tolerances(tmp_path: Path) -> None:
     assert overall["steady_um"].held >= 20
 
 
-@pytest.mark.parametrize(
-    ("table", "says"),
-    [
-        ({"checks": {"steady_mm": 1.0}}, "steady_um"),
-        ({"checks": [1.0]}, "a table of numbers"),
-        ({"checks": {"steady_um": "1"}}, "a number, not below 0"),
-        ({"tolerances": {"rig.mass": 0.1}}, "rig.moving_mass"),
-        ({"runs": "many"}, "whole number"),
-        ({"runs": 0}, "whole number"),
-        ({"seeds": 3}, 'did you mean "seed"'),
-    ],
-)
-def test_settings_that_cannot_be_read_say_how_to_mend_them(table: dict[str, object], says: str) -> None:
-    with pytest.raises(InputError, match=says):
-        robustness.read_settings(table, "here")
-
-
 def test_what_is_stated_of_a_study_goes_over_what_is_usual() -> None:
     found = robustness.read_settings({"kind": "monte-carlo", "runs": 7, "tolerances": {"valve.areas": 0.1}}, "here")
     assert (found.runs, found.seed, found.checks) == (7, 0, robustness.DEFAULT_LIMITS)

@@ -345,7 +345,7 @@ def test_each_direction_ends_at_its_own_largest_command() -> None:
 def test_what_a_controller_needs_and_is_not_known_is_asked_for(field: str, key: str) -> None:
     poor = replace(MODEL, rig=replace(axis.RIG, **{field: None}))
     with pytest.raises(InputError, match=rf"(?s)\[rig\] {key}.*not known.*its value"):
-        cascade_design._require(poor)
+        cascade_design.design_cascade(poor, axis.REQUIREMENTS)
 
 
 def test_what_was_identified_need_not_be_stated() -> None:

@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 
 from pneucli.controller.layout import C_SECTOR_1, C_SECTOR_2
 from pneucli.controller.standstill import sector_switching_term
-from pneucli.design.sliding_sector import SlidingSector, limit_slope, sector_from_vertices
+from pneucli.design.sliding_sector import limit_slope, sector_from_vertices
 from pneucli.errors import InputError
 from tests.design import axis
 
@@ -117,8 +117,3 @@ def test_the_sector_follows_a_moving_reference() -> None:
         piston(moving(known), 4.0, 0.0)
         worst.append(np.abs(errors[1000:]).max())
     assert worst[0] < 0.5 * worst[1]
-
-
-def test_a_sector_keeps_its_numbers() -> None:
-    assert isinstance(SECTOR, SlidingSector)
-    assert SECTOR.steepness == pytest.approx(0.06)

@@ -19,6 +19,7 @@ from pneucli.exam.rig.kernel import end_stop_force
 from pneucli.exam.rig.parameters import FIVE_THREE, TWO_VALVES, Parameters
 from pneucli.exam.rig.sensors import Sensors
 from pneucli.exam.rig.simulation import Excitation, simulate_rig
+from tests.exam.written import columns, rows
 
 RIG = Parameters(overlap=0.2, effective_area_2=1.6e-6, overlap_2=0.3, exponent_2=1.2)
 FREE = Parameters(coulomb=0.0, viscous=0.0, stop_damping=0.0)
@@ -172,7 +173,7 @@ def test_the_pipeline_file_states_the_arrangement(tmp_path, name):
     assert {r["chamber_2"] for r in axis} == {"valve" if both else "closed"}
     assert any(r.get("chamber") == 2 for r in pipeline["recordings"]) == both
     assert ("u2" in pipeline["signals"]) == (name == "two-valves")
-    table = np.genfromtxt(tmp_path / "case" / axis[0]["file"], delimiter=",", names=True, skip_header=2, deletechars="")
+    table = columns(tmp_path / "case" / axis[0]["file"])
     assert (
         0.3 < np.ptp(table["U_valve_[V]"]) / {"5/3-5V": 10, "5/3-null": 10}.get(name, 48 if "sw" in name else 20) <= 1
     )
@@ -190,7 +191,7 @@ def test_springs_and_weights_are_in_the_pipeline_file_and_balanced_at_the_start(
         generate_case(tmp_path / name, "axis", [], "", 1.0, 4, parse(name))
         pipeline = tomllib.loads((tmp_path / name / "pipeline.toml").read_text())
         assert effect in pipeline["model"]["effects"]
-        table = np.genfromtxt(tmp_path / name / "raw" / "axis_1.csv", delimiter=",", skip_header=3)
+        table = rows(tmp_path / name / "raw" / "axis_1.csv")
         assert np.ptp(table[:5, 5]) < 0.01  # mm: it does not fall
     assert not parse("return-spring").allows("spring-force")
 

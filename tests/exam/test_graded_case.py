@@ -152,18 +152,26 @@ CASES: dict[str, tuple[dict[str, Any], dict[str, Any] | None]] = {
 def test_every_share_counts_its_own_cases(tmp_path: Path) -> None:
     result = written(tmp_path, CASES)
     counted = {what: (s["right"], s["of"]) for what, s in result["shares"].items()}
-    assert (
-        counted.items()
-        >= {
-            "verdict right": (6, 8),
-            "true effects in the answer": (3, 4),
-            "exactly the true effects": (2, 4),
-            "nulls named nothing": (1, 2),
-            "unknown flagged": (1, 2),
-            "unknown wrongly named": (1, 2),
-            "parameters within 15 %": (1, 2),
-        }.items()
-    )
+    assert counted == {
+        "verdict right": (6, 8),
+        "true effects in the answer": (3, 4),
+        "exactly the true effects": (2, 4),
+        "nulls named nothing": (1, 2),
+        "clean nulls named nothing": (1, 2),
+        "messy nulls named nothing": (0, 0),
+        "unknown flagged": (1, 2),
+        "unknown wrongly named": (1, 2),
+        "inconclusive": (0, 8),
+        "parameters within 15 %": (1, 2),
+        "intervals that hold the truth": (0, 0),
+        "stated effects: parameters within 15 %": (0, 0),
+        "stated effects: intervals that hold the truth": (0, 0),
+        "told that the command sets no area": (0, 0),
+        "named with 0.9 or more, and true": (0, 0),
+        "true effects named with 0.9 or more": (0, 4),  # no answer says how sure it is
+        "unknown flagged in its subsystem, over its signal": (1, 2),  # these truths do not say where it is
+    }
+    assert result["calibration"] is None
     assert result["shares"]["exactly the true effects"]["share"] == 0.5
     assert (result["schema"], result["cases"], result["unanswered"]) == ("pneucli/exam/1", 8, ["h"])
 

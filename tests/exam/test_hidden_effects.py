@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from functools import cache
+
 import numpy as np
 import pytest
 
@@ -18,6 +20,7 @@ SCALED = [effect for effect in CATALOGUE + UNCATALOGUED if effect.null_values]
 QUIET = Sensors(pressure=0.0, acceleration=0.0, position_step=0.0)
 
 
+@cache  # without an effect it is the same for most of them
 def recorded(par: Parameters, kind: str) -> dict[str, np.ndarray]:
     if kind == "valve":
         par = par._replace(piston_area_1=0.0, piston_area_2=0.0, dead_volume_1=160e-6)

@@ -13,6 +13,7 @@ from pneucli.exam.conditions import parse
 from pneucli.exam.rig.imposed_motion import REVERSAL_TIME, MotionMachine, simulate_imposed_motion
 from pneucli.exam.rig.parameters import Parameters
 from pneucli.notebook.run import open_pipeline_of
+from tests.exam.written import rows
 
 PAR = Parameters(coulomb=10.0, viscous=40.0, mass=2.0)
 MACHINE = MotionMachine((0.04, 0.08), (0.01, 0.02), 4, PAR.ambient + 3e5)
@@ -54,10 +55,7 @@ def test_an_imposed_case_says_so_and_holds_out_a_pressure_between_the_others(tmp
     assert [r["imposed"] for r in pipeline["recordings"]] == ["motion"] * 4
     assert [r["use"] for r in pipeline["recordings"]] == ["train"] * 3 + ["test"]
     assert set(pipeline["signals"]) == {"time", "p1", "x", "force"}
-    levels = [
-        np.median(np.genfromtxt(tmp_path / "case" / r["file"], delimiter=",", skip_header=3)[:, 1])
-        for r in pipeline["recordings"]
-    ]
+    levels = [np.median(rows(tmp_path / "case" / r["file"])[:, 1]) for r in pipeline["recordings"]]
     assert levels[1] < levels[3] < levels[2]
     assert truth["conditions"] == ["imposed"]
 

@@ -20,6 +20,7 @@ from pneucli.exam.rig.sensors import Sensors, measure
 from pneucli.exam.rig.simulation import Excitation, command_stamps, simulate_rig
 from pneucli.exam.rig.steady_rows import SteadyRows, simulate_steady_rows
 from pneucli.notebook.run import open_pipeline_of
+from tests.exam.written import columns
 
 PAR = Parameters()
 VESSEL = Parameters(piston_area_1=0.0, piston_area_2=0.0, dead_volume_1=160e-6)
@@ -28,11 +29,6 @@ VESSEL = Parameters(piston_area_1=0.0, piston_area_2=0.0, dead_volume_1=160e-6)
 def case(folder: Path, kind: str, name: str, hidden: tuple[str, ...] = ()) -> tuple[dict[str, Any], dict[str, Any]]:
     truth = generate_case(folder, kind, hidden, "", 1.0, 5, parse(name))
     return truth, tomllib.loads((folder / "pipeline.toml").read_text())
-
-
-def columns(path: Path) -> dict[str, np.ndarray]:
-    table = np.genfromtxt(path, delimiter=",", names=True, skip_header=2, deletechars="")
-    return {name: table[name] for name in table.dtype.names}
 
 
 # --- gas and valve

@@ -11,8 +11,6 @@ from pneucli.errors import InputError
 from pneucli.identify.estimation.model_fit import fit_model
 from pneucli.identify.residuals import ChamberPressures, ForceBalance, ResidualModel, residual_models
 from pneucli.identify.residuals.base import MAX_RESIDUAL, bounded_difference
-from pneucli.identify.residuals.force_balance import breakaway_velocities, uncertain_direction
-from pneucli.identify.residuals.initial_state import apply_whitening
 from pneucli.noise import NoiseModel
 from pneucli.physics.effects import catalogue
 from pneucli.simulate import layout as at
@@ -29,30 +27,6 @@ LAG = 0.004  # s
 @pytest.fixture(scope="module")
 def stribeck(tmp_path_factory: pytest.TempPathFactory) -> FixtureExperiments:
     return load_fixture("friction_null_stribeck", tmp_path_factory)
-
-
-def test_a_break_away_is_where_the_velocity_begins_to_grow():
-    """It passes 1 mm/s, below which noise hides it, 4 samples after it has left zero by more than a quarter of that."""
-    smoothed = np.concatenate([np.full(50, 1e-5), 3e-4 * np.arange(1, 60)])
-    v = np.where(smoothed < 1e-3, 0.0, smoothed)
-    leaving = breakaway_velocities(v, smoothed, 0.25e-3, 20)
-    assert np.flatnonzero(leaving).tolist() == [49]
-    assert leaving[49] == 1e-5
-
-
-def test_samples_from_the_break_away_to_the_first_certain_motion_are_uncertain():
-    smoothed = np.concatenate([np.zeros(50), 1e-5 * np.arange(1, 200)])
-    v = np.where(smoothed < 1e-3, 0.0, smoothed)
-    leaving = breakaway_velocities(v, smoothed, 0.9e-3, 20)
-    onset = int(np.flatnonzero(leaving)[0])
-    doubtful = uncertain_direction(v, leaving, 5)
-    assert not doubtful[onset]
-    assert doubtful[onset + 1 : int(np.argmax(v > 0))].all()
-
-
-def test_a_rest_too_short_or_a_motion_to_and_fro_is_no_break_away():
-    v = np.concatenate([np.ones(30), np.zeros(10), np.ones(30), np.zeros(30), [1.0, -1.0] * 15])
-    assert not breakaway_velocities(v, v, 0.1, 20).any()
 
 
 def test_static_friction_is_met_at_break_aways(stribeck: FixtureExperiments):
@@ -123,19 +97,6 @@ def test_other_errors_are_not_whitened_away(chamber: ResidualModel):
     assert np.std(left["p1"]) > 0.9 * np.std(sine["p1"])
 
 
-def test_larger_initial_state_errors_cost_their_log_determinant(chamber: ResidualModel):
-    """With starts that err three times as much, the squares fall by no more than the volume grows."""
-    plain = chamber.initial_state_sensitivity(model())
-    larger = {name: 3.0 * error for name, error in plain.items()}
-    rng, falls = np.random.default_rng(3), []
-    noise = {"p1": rng.normal(size=(50, chamber.experiment.time.size))}
-    for row in noise["p1"]:
-        few, many = (chamber.apply_whitening({"p1": row}, e)["p1"] for e in (plain, larger))
-        falls.append(float(few @ few - many @ many))
-    assert np.mean(falls) > 0.0
-    assert np.mean(falls) < chamber.log_determinant(larger).sum() - chamber.log_determinant(plain).sum()
-
-
 def test_the_start_of_a_late_sensor_errs_as_that_of_any(chamber: ResidualModel):
     """A lag is not undone, so it gains nothing by the noise of a slope: 2 % come from its own dynamics."""
     late = model(["pressure-lag"], {"pressure-lag.time_constant": 0.005})
@@ -173,31 +134,6 @@ def test_a_diverging_model_has_large_finite_residuals():
     measured = np.array([1.0, np.nan, 2.0, 3.0])
     left = bounded_difference(measured, np.array([0.5, 1.0, np.nan, -np.inf]), noise=0.1)
     np.testing.assert_array_equal(left, [0.5, 0.0, 0.1 * MAX_RESIDUAL, 0.1 * MAX_RESIDUAL])
-
-
-@pytest.mark.parametrize("samples", [3, 7, 128, 129, 5000])
-def test_a_residual_is_whitened_segment_by_segment(samples: int):
-    rng = np.random.default_rng(samples)
-    error, residual = rng.standard_normal(samples), rng.standard_normal((2, samples))
-    restarts = np.unique([0, samples // 3])
-    expected = []
-    for row in residual:
-        for e, r in zip(np.split(error, restarts[1:]), np.split(row, restarts[1:]), strict=True):
-            along = e * (e @ r) / (e @ e)  # the covariance is 1 + e'e along the error, and 1 across it
-            expected.append(r - along + along / np.sqrt(1.0 + e @ e))
-    whitened = apply_whitening(residual, error[None], restarts)
-    np.testing.assert_allclose(whitened.ravel(), np.concatenate(expected), rtol=1e-10, atol=1e-12)
-
-
-def test_sums_have_the_order_of_numpy():
-    rng = np.random.default_rng(1)
-    for samples in (2, 9, 130, 3001):
-        error, residual = rng.standard_normal((2, samples))
-        power, along = (np.add.reduceat(error * other, [0])[0] for other in (error, residual))
-        shrinkage = (1.0 - 1.0 / np.sqrt(1.0 + power)) / power
-        np.testing.assert_array_equal(
-            apply_whitening(residual, error[None], np.array([0])), residual - shrinkage * along * error
-        )
 
 
 def test_an_effect_whose_part_no_recording_has_is_refused():

@@ -277,17 +277,6 @@ def test_a_model_has_the_force_of_its_branch_and_the_ends_hold_beyond() -> None:
     assert one.force(v, False) == pytest.approx(one.force(v, True))
 
 
-def test_every_model_says_what_it_is() -> None:
-    assert TITLES == {
-        "A": "Stribeck friction",
-        "B": "TP model of A",
-        "C": "TP model of the measurement",
-        "D": "Stribeck friction while speeding up, Coulomb and viscous while slowing",
-        "E": "TP models of D, one per branch",
-        "F": "TP models of the measurement, one per branch",
-    }
-
-
 def test_a_level_is_held_toward_standstill_with_a_true_sign() -> None:
     domain = VelocityDomain(max_velocity=0.2, resolved_velocity=1e-3, nodes=100)
     found = FrictionModel("A", domain, (branch("both", 20.0, domain),))

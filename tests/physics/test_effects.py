@@ -114,7 +114,7 @@ def any_rig(draw: st.DrawFn) -> RigQuantities:
     )
 
 
-@settings(max_examples=300, deadline=None)
+@settings(max_examples=100, deadline=None)
 @given(any_rig())
 def test_bounds_are_finite_and_ordered_wherever_an_effect_can_be_fitted(rig: RigQuantities) -> None:
     for p in [*BASE_PARAMETERS.values(), *(p for e in EFFECTS for p in e.parameters)]:

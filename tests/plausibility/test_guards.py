@@ -9,7 +9,12 @@ import pytest
 from .worlds import FIXTURES, SHARED, at_rate, read, world_pipelines
 
 WORLDS = {world: paths for world, paths in world_pipelines().items() if world != "fixtures"}
-PATHS = [pytest.param(path, id=f"{path.parent.name}-{path.stem}") for paths in WORLDS.values() for path in paths]
+EVERY = 3  # of each world; the others in "make test-all", and in benchmarks.guards
+PATHS = [
+    pytest.param(path, id=f"{path.parent.name}-{path.stem}", marks=[pytest.mark.slow] if number % EVERY else [])
+    for paths in WORLDS.values()
+    for number, path in enumerate(paths)
+]
 SMALL = [path for path in FIXTURES if path.parent.name != "demo"]
 
 

@@ -47,7 +47,7 @@ def recordings(draw: st.DrawFn) -> list[Recording]:
     return made
 
 
-@settings(max_examples=300)
+@settings(max_examples=100)
 @given(recordings(), st.sampled_from(RIGS))
 def test_anything_can_be_looked_at(made: list[Recording], rig: Rig) -> None:
     for finding in findings(made, rig, {}):

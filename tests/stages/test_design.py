@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from itertools import islice
 from pathlib import Path
 from typing import Any
 
@@ -16,7 +17,7 @@ from pneucli.controller.laws import LAWS
 from pneucli.errors import InputError
 from pneucli.io.artifacts import read_metadata, read_table
 from pneucli.pipeline.context import Context, NotApplicable
-from pneucli.stages import design, export, simulate
+from pneucli.stages import acceptance, control_laws, design, export, simulate
 from pneucli.stages import ensemble as stage
 from pneucli.stages.control_laws import load_controller, selected_controller
 from pneucli.stages.pipeline_data import PipelineData
@@ -36,6 +37,13 @@ def context_of(demo: Demo, stage: str, path: Path = DEMO, **more: Any) -> Contex
 def designed(demo: Demo) -> Demo:
     answer = design.run(context_of(demo, "design"))
     return demo[0], demo[1] | {"design": answer}
+
+
+@pytest.fixture
+def on_the_model_alone(monkeypatch: pytest.MonkeyPatch) -> None:
+    """The gate on one axis: what it does on all is tested where the whole design is."""
+    every = acceptance.axis_variants
+    monkeypatch.setattr(acceptance, "axis_variants", lambda *of: islice(every(*of), 1))
 
 
 def edited(tmp_path: Path, more: str) -> Path:
@@ -70,13 +78,15 @@ def test_the_margins_are_those_of_the_loop_that_is_exported(designed: Demo) -> N
 
 
 def test_gains_from_an_ensemble_are_chosen_compared_and_promised(
-    demo: Demo, designed: Demo, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    demo: Demo, designed: Demo, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, on_the_model_alone: None
 ) -> None:
     for name, value in (("LAGS", (0.0, 5e-3)), ("PRESSURE_SHARES", (1.0, 0.5)), ("POSITION_SHARES", (1.4,)),
                         ("SEARCH_RIGS", 8)):  # fmt: skip
         monkeypatch.setattr(ensemble, name, value)
     for name, value in (("PROOF_RIGS", 15), ("LAW_RIGS", 15), ("LAW_SEARCH_RIGS", 2)):
         monkeypatch.setattr(stage, name, value)
+    monkeypatch.setattr(design, "compare_weight_types", lambda *_: [])  # for a law that is not asked for
+    monkeypatch.setattr(control_laws, "COMPONENTS", ())
     path = edited(tmp_path, '\n[design]\ngains = "ensemble"\n')
     chosen = {"compare": ["best", "pid"]}
     answer = design.run(Context(path, load(path), tmp_path, demo[0], answers=demo[1], options=chosen))
@@ -161,19 +171,15 @@ def test_every_law_stands_on_the_bench_with_and_without_the_map(designed: Demo) 
     assert set(table["group"]) == {"law", "without map", "without", "variant"}
 
 
-def test_only_the_laws_that_are_asked_for_are_compared(designed: Demo) -> None:
-    answer = design.run(context_of(designed, "compared", options={"compare": ["pid", "relay"]}))
-    assert list(answer["compare"]) == ["pid", "relay"]
-    assert answer["ablation"] == {}
-    assert set(answer["controllers"]) == set(LAWS)  # each can be exported all the same
-
-
 def test_the_controller_of_the_file_is_simulated_and_exported_and_another_one_on_demand(
-    designed: Demo, tmp_path: Path
+    designed: Demo, tmp_path: Path, on_the_model_alone: None
 ) -> None:
     path = edited(tmp_path, '\n[design]\ncontroller = "relay"\nsurface = "lq"\nsurface_weights = [900.0, 1.0]\n')
-    folder = context_of(designed, "relays", path)
+    folder = context_of(designed, "relays", path, options={"compare": ["pid", "relay"]})
     answer = design.run(folder)
+    assert list(answer["compare"]) == ["pid", "relay"]  # only those that are asked for are compared
+    assert answer["ablation"] == {}
+    assert set(answer["controllers"]) == set(LAWS)  # each can be exported all the same
     assert next(line for line in answer["surface"] if line["taken"])["slope"] == pytest.approx(30.0)
     assert selected_controller(folder.out, answer).law == "relay"
     asked = context_of(designed, "export", options={"to": ["c"], "controller": "pdc"})
