@@ -5,6 +5,7 @@
 from __future__ import annotations
 
 import math
+from collections import Counter
 from collections.abc import Callable, Sequence
 from typing import NamedTuple
 
@@ -60,6 +61,16 @@ class ErrorDistribution(NamedTuple):
         """
         return ErrorDistribution(self.mean + square, self.variance + 2.0 * square**2)
 
+    def with_uncertain_noise(self, error: float) -> ErrorDistribution:
+        """Return the distribution where the noise, of which all errors are multiples, has a relative standard error.
+
+        It is one for all recordings, and its square errs by twice as much.
+
+        >>> ErrorDistribution(1.0, 0.0).with_uncertain_noise(0.1)
+        ErrorDistribution(mean=1.0, variance=0.04000000000000001)
+        """
+        return ErrorDistribution(self.mean, self.variance + (2.0 * error * self.mean) ** 2)
+
 
 Array = NDArray[np.float64]
 
@@ -74,28 +85,45 @@ class ExpectedError(NamedTuple):
     squared, (draws, segments). ``population``: squares of segments over that of ``rms``, of all draws and of all
     recordings of the same kind, (P,); the same segments in each channel. ``undetermined``: the segments that
     start at a velocity which the readings leave open, so that no draw tells how they err, (segments,) or (1,) for all.
+    ``noise_error``: the relative standard error of the noise of the channel's sensor, where it was estimated.
     """
 
     rms: dict[str, float]
     squares: dict[str, Array]
     population: dict[str, Array] = {}  # noqa: RUF012 - a tuple has no default factory
     undetermined: NDArray[np.bool_] = np.zeros(1, dtype=bool)
+    noise_error: dict[str, float] = {}  # noqa: RUF012 - a tuple has no default factory
 
     def relative_squares(self, channel: str) -> Array:
         """Return the squares of the segments of a channel over that of its rms, in all draws, (draws x segments,)."""
         squares, noise = self.squares[channel], self.rms[channel]
         return np.ravel(squares) * squares.shape[1] / noise**2 if noise > 0.0 else np.zeros(squares.size)
 
-    def distribution(self, channels: Sequence[str]) -> ErrorDistribution:
+    def distribution(self, channels: Sequence[str], *, certain_noise: bool = False) -> ErrorDistribution:
         """Return the distribution of the mean square error over channels that a correct model may have.
 
         Every segment starts with noise of its own, so the errors of segments are independent; those of the channels of
-        one recording are not.
+        one recording are not. ``certain_noise``: without the error of the noise, which other recordings share.
         """
         of_segments = np.mean([self.population[c] for c in channels], axis=0)
         draws, segments = next(iter(self.squares.values())).shape
         variance = float(of_segments.var(ddof=1)) / segments * (1.0 + 1.0 / draws)  # of an error, and of its mean
-        return ErrorDistribution(float(of_segments.mean()), variance)
+        found = ErrorDistribution(float(of_segments.mean()), variance)
+        return found if certain_noise else found.with_uncertain_noise(noise_error([(self, channels)]))
+
+
+def noise_error(channels: Sequence[tuple[ExpectedError, Sequence[str]]]) -> float:
+    """Return the relative standard error of the noise in the mean of the squares of channels.
+
+    Args:
+        channels: The channels of each recording; those of one name share a sensor, whose noise errs once.
+
+    Returns:
+        The error; 0 where all noise is stated.
+    """
+    names = Counter(name for _, own in channels for name in own)
+    errors = {name: one.noise_error.get(name, 0.0) for one, own in channels for name in own}
+    return math.hypot(*(count / names.total() * errors[name] for name, count in names.items()))
 
 
 def expected_error(
@@ -122,7 +150,8 @@ def expected_error(
     low_pass = experiment.low_pass is not None
     least = {c: 0.0 if low_pass or c not in experiment.noise else experiment.noise[c].rms for c in squares}
     rms = {c: max(float(np.sqrt(v.sum(axis=1).mean())), least[c]) for c, v in squares.items()}
-    return ExpectedError(rms, squares, undetermined=experiment.undetermined_restarts)
+    errors = {c: experiment.noise[c].relative_error for c in squares if c in experiment.noise}
+    return ExpectedError(rms, squares, undetermined=experiment.undetermined_restarts, noise_error=errors)
 
 
 def expected_rms(

@@ -21,6 +21,7 @@ from pneucli.compare.expected_error import (
     ErrorDistribution,
     ExpectedError,
     combined_distribution,
+    noise_error,
 )
 from pneucli.messages.compare import BAD_ERROR_RATIO, GOOD_ERROR_RATIO, GOOD_TEST_ERROR_RATIO
 from pneucli.simulate.experiment import Experiment
@@ -144,10 +145,16 @@ class _Family:
         """The distribution of the printed error."""
         mine = [rows for rows in self.recordings if rows and rows[0].result.use == self.use]
         whole = combined_distribution(
-            [(rows[0].expected.distribution([c.result.channel for c in rows]), len(rows)) for rows in mine]
+            [
+                (rows[0].expected.distribution([c.result.channel for c in rows], certain_noise=True), len(rows))
+                for rows in mine
+            ]
         )
         squares = [c.parameter_square for rows in mine for c in rows]
-        return None if whole is None else whole.with_uncertain_parameters(float(np.mean(squares)))
+        if whole is None:
+            return None
+        of_noise = noise_error([(rows[0].expected, [c.result.channel for c in rows]) for rows in mine])
+        return whole.with_uncertain_parameters(float(np.mean(squares))).with_uncertain_noise(of_noise)
 
     @property
     def limit(self) -> float:

@@ -12,7 +12,7 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from pneucli.noise.model import NORMAL_MAD, NoiseModel
+from pneucli.noise.model import NORMAL_MAD, STANDARD_ERRORS, NoiseModel
 from pneucli.noise.spectrum import NoiseFloor, hann, noise_floor
 
 MAINS_FREQUENCIES = (50.0, 60.0)  # Hz
@@ -33,7 +33,7 @@ MAX_BIC_DIFFERENCE = 6.0  # of models that the data do not reject: 20 times less
 BIN_CORRELATION = 1.94
 # the same of third differences, 1 + 2 (15^2 + 6^2 + 1) / 20^2, over the 37 % that a median is worth, over 2
 DIFFERENCE_VARIANCE = 3.1
-STANDARD_ERRORS, MAX_LOG_VARIANCE = 2.0, 9.0  # of a 95 % interval; of a log of a power that nothing tells
+MAX_LOG_VARIANCE = 9.0  # of a log of a power that nothing tells
 UNKNOWN = 1e-6  # information of a parameter that nothing tells
 GAP_PERIODS = 2.5  # a longer step between stamps is a gap
 MAX_JITTER, MIN_UNEVEN_SHARE = 0.2, 0.01  # of a period, and of the steps that miss it by more where a clock is uneven

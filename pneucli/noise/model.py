@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 
 import numpy as np
@@ -9,6 +10,7 @@ from numpy.typing import NDArray
 from scipy.linalg.lapack import dtbtrs
 
 Array = NDArray[np.float64]
+STANDARD_ERRORS = 2.0  # of a 95 % interval
 NORMAL_MAD = 1.4826  # standard deviation over median absolute value, of a normal distribution
 
 
@@ -52,6 +54,18 @@ class NoiseModel:
         (10.01702..., 11.0)
         """
         return None if self.interval is None else tuple(map(self._with_lines_and_step, self.interval))  # type: ignore[return-value]
+
+    @property
+    def relative_error(self) -> float:
+        """Standard error of :attr:`rms` over it, from the logarithm of the interval's ends; 0 where it is stated.
+
+        >>> round(NoiseModel(white=1.0, interval=(0.8, 1.25)).relative_error, 3)
+        0.112
+        """
+        if self.rms_interval is None or not self.rms_interval[0] > 0.0:
+            return 0.0
+        low, high = self.rms_interval
+        return math.log(high / low) / (2.0 * STANDARD_ERRORS)
 
     def _with_lines_and_step(self, rms: float) -> float:
         power = rms**2 + sum(a * a / 2 for _, a in self.lines)

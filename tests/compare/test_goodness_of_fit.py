@@ -13,7 +13,7 @@ import pytest
 from pneucli.compare import goodness_of_fit
 from pneucli.compare.channel_errors import ChannelResult
 from pneucli.compare.excused_segments import Excused, SegmentSquares, excused_error, excused_segments
-from pneucli.compare.expected_error import ExpectedError
+from pneucli.compare.expected_error import ExpectedError, noise_error
 from pneucli.compare.goodness_of_fit import GoodnessOfFit, Squares, judge_fit, parameter_error_squares
 from pneucli.simulate.model import Model
 from pneucli.simulate.valve_forms.area import ValveArea
@@ -182,3 +182,22 @@ def test_a_map_is_as_uncertain_between_its_knots_as_a_quarter_of_what_these_depa
     assert VALVE.interpolation_uncertainty == pytest.approx(1.4826 * 0.5 * (0.04879 + 0.02439) / 4.0, rel=1e-3)
     straight = replace(VALVE, areas=(1e-7, 2e-7, 4e-7, 8e-7))
     assert straight.interpolation_uncertainty == pytest.approx(0.0, abs=1e-12)
+
+
+def test_an_error_that_uncertain_noise_explains_is_no_lack() -> None:
+    known, guessed = (
+        ExpectedError({"p1": 1.0}, {"p1": np.ones((6, 4)) / 4.0}, {"p1": np.ones(24)}, noise_error={"p1": error})
+        for error in (0.0, 0.2)
+    )
+    rows = [[result(1.6, "train")]]
+    excused = excused_error([{"p1": np.full(4, 1.6**2 / 4)}], [{}], [known])
+    found = [judge_fit(rows, [one], lambda: [{}], excused) for one in (known, guessed)]
+    assert [one.lacks for one in found if one] == [True, False]
+    assert found[1] is not None
+    assert found[1].limit > 1.6
+
+
+def test_noise_of_one_sensor_errs_once_for_all_recordings() -> None:
+    one = ExpectedError({}, {}, noise_error={"p1": 0.1, "x": 0.3})
+    assert noise_error([(one, ["p1"])] * 5) == pytest.approx(0.1)
+    assert noise_error([(one, ["p1", "x"])]) == pytest.approx(np.hypot(0.05, 0.15))
