@@ -85,6 +85,7 @@ from pneucli.exam.rig.imposed_motion import MotionMachine
 from pneucli.exam.rig.kernel import Array
 from pneucli.exam.rig.parameters import FIVE_THREE, Parameters
 from pneucli.exam.rig.simulation import Excitation, simulate_rig
+from pneucli.figure import to_json
 from pneucli.identify.estimation.fit import Fit
 from pneucli.identify.estimation.intervals import with_intervals
 from pneucli.identify.estimation.model_fit import fit_model, fit_with_effect
@@ -95,8 +96,8 @@ from pneucli.plan.limits import SHIFTED_BEST, Limits, Safety, limits_of, violati
 from pneucli.plan.manoeuvre import Manoeuvre, Outcome
 from pneucli.plan.manoeuvres import candidate_manoeuvres, draw_programme
 from pneucli.quantities import Z95
-from pneucli.stages.expected_power import recordings_answer
-from pneucli.stages.plan_files import commands_csv
+from pneucli.stages.plan import commands_csv
+from pneucli.stages.plan import planned_recordings as recordings_of
 
 FACTORS = {"u [V]": 1.0, "u2 [V]": 1.0, "p_ref [bar]": 1e5, "x_ref [mm]": 1e-3}
 DRIVE_GAIN = 600.0  # V/m, of the own drive of a bench that follows a position, on the usual rig (0.2 m, 10 V)
@@ -602,11 +603,11 @@ def off_by_interval(par: Parameters, rng: np.random.Generator) -> Parameters:
 
 def played_violations(laboratory: Laboratory, programme: Sequence[Manoeuvre], limits: Limits) -> Iterator[str]:
     """Play a programme on the rig from its file of commands; yield the quantity of each limit that is exceeded."""
-    rows = recordings_answer(programme)
+    rows = [*recordings_of(programme)]
     with tempfile.TemporaryDirectory() as folder:
         file = Path(folder) / "commands.csv"
         file.write_text(commands_csv(programme, rows), encoding="utf-8")
-        takes = planned_recordings(laboratory, rows, read_commands(file)) if programme else []
+        takes = planned_recordings(laboratory, to_json(rows), read_commands(file)) if programme else []
     for take, one in zip(takes, programme, strict=True):
         assert isinstance(take.excitation, Excitation)
         truth = simulate_rig(laboratory.parameters, take.excitation)

@@ -1,10 +1,21 @@
-"""A number with its 95 % interval, and how attributes become the entries of an answer."""
+"""A number with its 95 % interval, and answers as typed trees: one routine writes their JSON, one reads it.
+
+A field of an answer is a key, without the underscore that tells it from a word of Python. Numbers that are not finite
+are null; a null is NaN where the type is ``float``.
+"""
 
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
-from typing import Any
+from collections.abc import Mapping, Sequence
+from dataclasses import MISSING, Field, dataclass, field, fields, is_dataclass
+from functools import cache
+from types import NoneType
+from typing import Any, TypeVar, get_args, get_origin, get_type_hints
+
+T = TypeVar("T")
+INTERVAL_UNITS = dict.fromkeys(("value", "ci_low", "ci_high"), "see column unit")
+_OPTIONAL, _LAYOUT = {"optional": True}, "layout"
 
 
 @dataclass(frozen=True)
@@ -34,6 +45,11 @@ class Figure:
         ends = [float(end) if math.isfinite(end) else None for end in (self.low, self.high)]
         return {"value": float(self.value), "unit": self.unit, "ci95": ends}
 
+    @property
+    def columns(self) -> dict[str, Any]:
+        """The figure in a row of a table, whose units are ``INTERVAL_UNITS``."""
+        return {"value": self.value, "unit": self.unit, "ci_low": self.low, "ci_high": self.high}
+
 
 def named(one: object, names: str) -> dict[str, Any]:
     """Return attributes by their names.
@@ -42,3 +58,85 @@ def named(one: object, names: str) -> dict[str, Any]:
     {'value': 2.0, 'unit': 'N'}
     """
     return {name: getattr(one, name) for name in names.split()}
+
+
+def optional() -> Any:
+    """Return the field of a key that is left out of the JSON where its value is None."""
+    return field(default=None, metadata=_OPTIONAL)
+
+
+def laid_out(keys: str) -> Any:
+    """Return the field of a figure that has these keys in the JSON, in this order."""
+    return field(metadata={_LAYOUT: keys.split()})
+
+
+def to_json(one: Any) -> Any:
+    """Return an answer, or a part of one, as JSON has it.
+
+    >>> to_json({"sizes": [Figure(2.0, 1.0, math.inf, "N"), math.nan]})
+    {'sizes': [{'value': 2.0, 'unit': 'N', 'ci95': [1.0, None]}, None]}
+    """
+    if isinstance(one, Figure):
+        return one.answer
+    if is_dataclass(one):
+        pairs = ((f, getattr(one, f.name)) for f in fields(one))
+        return {_key(f): _field_json(f, value) for f, value in pairs if value is not None or f.metadata != _OPTIONAL}
+    if isinstance(one, Mapping):
+        return {key: to_json(value) for key, value in one.items()}
+    if isinstance(one, Sequence) and not isinstance(one, str):
+        return [to_json(value) for value in one]
+    return None if isinstance(one, float) and not math.isfinite(one) else one
+
+
+def _field_json(one: Field[Any], value: Any) -> Any:
+    if not isinstance(value, Figure) or _LAYOUT not in one.metadata:
+        return to_json(value)
+    entries = value.answer | {"determined": value.determined}
+    return {key: entries[key] for key in one.metadata[_LAYOUT]}
+
+
+def read(kind: type[T], content: Mapping[str, Any]) -> T:
+    """Return the answer of a kind that JSON holds; keys that it lacks, as those of an older program, are empty."""
+    typed: Any = kind
+    return kind(**{f.name: _read_field(f, type_, content) for f, type_ in _typed_fields(typed)})
+
+
+@cache
+def _typed_fields(kind: Any) -> list[tuple[Field[Any], Any]]:
+    types = get_type_hints(kind)
+    return [(one, types[one.name]) for one in fields(kind)]
+
+
+def _key(one: Field[Any]) -> str:
+    return one.name.rstrip("_")
+
+
+def _read_field(one: Field[Any], kind: Any, content: Mapping[str, Any]) -> Any:
+    if _key(one) in content:
+        return _read(kind, content[_key(one)])
+    return _empty(kind) if one.default is MISSING else one.default
+
+
+def _read(kind: Any, content: Any) -> Any:
+    inner = get_args(kind)
+    if content is None:
+        return math.nan if kind is float else None
+    if NoneType in inner:
+        return _read(inner[0], content) if len(inner) == 2 else content
+    if kind is Figure:
+        low, high = content.get("ci95") or (None, None)
+        ends = (-math.inf if low is None else low, math.inf if high is None else high)
+        return Figure(content["value"], *ends, content.get("unit", ""), content.get("determined", True))
+    if is_dataclass(kind):
+        return read(kind, content)  # type: ignore[arg-type]
+    if get_origin(kind) is Mapping:
+        return {key: _read(inner[1], value) for key, value in content.items()}
+    return [_read(inner[0], value) for value in content] if get_origin(kind) is Sequence else content
+
+
+def _empty(kind: Any) -> Any:
+    """Return what stands for a value that the JSON does not have."""
+    if is_dataclass(kind):
+        return read(kind, {})  # type: ignore[arg-type]
+    empty: dict[Any, Any] = {Mapping: {}, Sequence: [], str: "", float: math.nan, bool: False, int: 0}
+    return empty.get(get_origin(kind) or kind)

@@ -7,8 +7,8 @@ from pathlib import Path
 import pytest
 
 from pneucli.io.artifacts import Provenance, read_metadata, read_table, write_table
+from pneucli.messages.diagnose import discrepancy_kind_text
 from pneucli.messages.formatting import format_quantity
-from pneucli.messages.verdict import discrepancy_kind_text
 from pneucli.quantities import axis_motion, axis_unit, display_unit, in_axis_units
 
 ANSWER = {

@@ -20,6 +20,7 @@ from pneucli.changes.selection import ChangeSelection, Hypotheses
 from pneucli.identify.estimation.fit import Fit
 from pneucli.identify.estimation.parameters import null_value
 from pneucli.identify.residuals import ResidualModel
+from pneucli.messages.diagnose import Change, DetectableChange
 from pneucli.physics.declaration import Effect
 from pneucli.quantities import Z95
 from pneucli.simulate.model import Model
@@ -27,36 +28,6 @@ from pneucli.simulate.model import Model
 Array = NDArray[np.float64]
 
 MIN_EQUIVALENT_SHARE = 0.05  # of the likelihood of all refits; one with less is distinguishable from the first
-
-
-@dataclass(frozen=True)
-class Change:
-    """One change, by the name of its parameter; ``effect`` where it belongs to one.
-
-    ``ci95`` is that of ``after``; an end is None where the search ended there. ``confidence`` is one minus the
-    probability that a healthy repeat looks as changed in any quantity, ``confidence_alone`` that of this change among
-    its ``equivalents``, which explain the change equally well.
-    """
-
-    name: str
-    effect: str | None
-    before: float | None
-    after: float | None
-    unit: str
-    ci95: tuple[float | None, float | None] | None
-    confidence: float
-    confidence_alone: float
-    equivalents: tuple[str, ...] = ()
-
-
-@dataclass(frozen=True)
-class DetectableChange:
-    """The minimum detectable change of a parameter; ``plausible``: it is within a typical size."""
-
-    name: str
-    size: float
-    unit: str
-    plausible: bool
 
 
 @dataclass(frozen=True)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import inspect
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, ClassVar, Protocol
 
@@ -12,6 +12,7 @@ import typer
 
 from pneucli.cli import console
 from pneucli.cli.options import File, Json, Out, Quiet, Verbose, open_pipeline_file
+from pneucli.figure import to_json
 from pneucli.pipeline.graph import STAGES
 
 if TYPE_CHECKING:
@@ -80,7 +81,7 @@ class How:
     def tell(self, answer: Told, file: Path | str) -> None:
         """Print an answer that words itself: as the one JSON object, or as its sentences."""
         if self.json:
-            console.print_json(asdict(answer))
+            console.print_json(to_json(answer))
         else:
             console.print_text("\n".join(answer.lines(str(file), self.verbose)))
 

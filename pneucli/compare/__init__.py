@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from pneucli.compare.channel_errors import ChannelResult, Comparison, compare, overall_error
-from pneucli.compare.error_regions import Region, find_error_regions
+from pneucli.compare.channel_errors import Comparison, compare, overall_error
+from pneucli.compare.error_regions import find_error_regions
+from pneucli.messages.compare import ChannelResult, Region
 
 __all__ = ["ChannelResult", "Comparison", "Region", "compare", "find_error_regions", "overall_error"]

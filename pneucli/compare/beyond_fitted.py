@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
 from pneucli.compare.channel_errors import Comparison
 from pneucli.compare.error_regions import locator_signals
+from pneucli.messages.compare import BeyondFitted
 from pneucli.quantities import SIGNALS
 from pneucli.simulate.experiment import Experiment
 
@@ -17,24 +17,6 @@ Array = NDArray[np.float64]
 
 EXTRAPOLATED_SIGNALS = ("u", "v", "p1", "p2")
 MIN_DISTANCE = 0.05  # of the fitted range, beyond it: so far a smooth law may be continued
-
-
-@dataclass(frozen=True)
-class BeyondFitted:
-    """The samples of a held-out recording at which one signal is beyond the fitted range.
-
-    ``share`` and ``share_of_error`` are those of the recording's samples, and of its squared error over noise in all
-    channels, at these samples and after them up to the next restart: the model ran through them. ``from_`` is the end
-    of the fitted range that the recording passes furthest, ``to`` how far it goes, both in ``unit`` (SI).
-    """
-
-    recording: str
-    signal: str
-    share: float
-    from_: float
-    to: float
-    unit: str
-    share_of_error: float
 
 
 def beyond_fitted(comparisons: Sequence[Comparison]) -> tuple[list[BeyondFitted], float | None]:

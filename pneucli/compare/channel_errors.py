@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
 
 from pneucli.compare.expected_error import MOTION_CHANNELS, expected_rms
+from pneucli.messages.compare import ChannelResult, Purpose, ToleranceUse
 from pneucli.quantities import SIGNALS
 from pneucli.recording import Recording
 from pneucli.simulate.end_stops import in_end_contact
@@ -20,57 +21,7 @@ from pneucli.simulate.outputs import simulate_outputs
 DEFAULT_SHARE = 0.05  # of the measured range: a fit of 95 %, which control engineers take for a good one
 
 
-@dataclass(frozen=True)
-class ToleranceUse:
-    """One channel of one recording: its rms error ``value`` and the ``tolerance``, both in ``unit`` (SI)."""
-
-    recording: str
-    channel: str
-    value: float
-    tolerance: float
-    unit: str
-
-    @property
-    def ratio(self) -> float:
-        """The error over the tolerance; 1 is the limit."""
-        return self.value / self.tolerance
-
-
-@dataclass(frozen=True)
-class Purpose:
-    """Whether every channel stays within its tolerance, and the channel that uses most of it."""
-
-    adequate: bool
-    worst: ToleranceUse
-
-
 Array = NDArray[np.float64]
-
-
-@dataclass(frozen=True)
-class ChannelResult:
-    """Errors of one channel in one recording, SI.
-
-    ``noise`` is the rms error of a correct model; 99 % of correct models have a ratio below ``ratio_limit``, which is
-    None where it is unknown.
-    """
-
-    recording: str
-    use: str
-    channel: str
-    unit: str
-    rmsd: float
-    percent: float
-    relative_error_percent: float
-    fit_percent: float
-    noise: float
-    ratio_to_noise: float
-    measured_range: float
-    ratio_limit: float | None = None
-
-    def in_units_of(self, noise: float) -> ChannelResult:
-        """Return the same error beside another rms error of a correct model, in SI."""
-        return replace(self, noise=noise, ratio_to_noise=_ratio_to_noise(self.rmsd, noise))
 
 
 @dataclass(frozen=True)
@@ -168,13 +119,9 @@ def channel_result(recording: Recording, channel: str, y: Array, model: Array, n
         relative_error_percent=100 * float(np.linalg.norm(error) / (np.linalg.norm(y) or np.nan)),
         fit_percent=fit_percent(y, y - error),
         noise=noise,
-        ratio_to_noise=_ratio_to_noise(rmsd, noise),
+        ratio_to_noise=rmsd / noise if noise > 0 else np.nan,
         measured_range=float(np.ptp(y)),
     )
-
-
-def _ratio_to_noise(rmsd: float, noise: float) -> float:
-    return rmsd / noise if noise > 0 else np.nan
 
 
 def fit_percent(measured: Array, modelled: Array) -> float:

@@ -8,7 +8,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from pneucli.compare.channel_errors import ChannelResult, Comparison
+from pneucli.compare.channel_errors import Comparison
+from pneucli.messages.compare import ChannelResult, Region
 from pneucli.quantities import RESIDUAL_VARIABLES, SIGNALS
 from pneucli.simulate import layout as at
 from pneucli.simulate.experiment import Experiment
@@ -19,24 +20,6 @@ LOCATOR_BINS = 20
 MIN_CONCENTRATION = 2.0  # times its share of the samples
 MIN_SHARED_ERROR = 0.5  # of a region's error within another one: both are one event
 MAX_REGIONS = 40
-
-
-@dataclass(frozen=True)
-class Region:
-    """A range of one signal in one recording, and its share of the channel's squared error.
-
-    Regions of one ``event`` hold the same error, seen over several signals or in several channels; 0 is the worst.
-    """
-
-    recording: str
-    channel: str
-    signal: str
-    from_: float
-    to: float
-    unit: str
-    share_of_error: float
-    share_of_samples: float
-    event: int = 0
 
 
 @dataclass(frozen=True)

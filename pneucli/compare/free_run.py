@@ -8,10 +8,10 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 
-from pneucli.compare.channel_errors import ChannelResult, compare
+from pneucli.compare.channel_errors import compare
 from pneucli.compare.expected_error import MOTION_CHANNELS, TAIL, ExpectedError, expected_errors
 from pneucli.compare.goodness_of_fit import GoodnessOfFit, is_judged, parameter_error_squares
-from pneucli.messages.compare import BAD_ERROR_RATIO
+from pneucli.messages.compare import BAD_ERROR_RATIO, ChannelResult
 from pneucli.simulate.experiment import Experiment
 from pneucli.simulate.model import Model
 

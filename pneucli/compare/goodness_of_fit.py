@@ -13,7 +13,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from pneucli.compare.channel_errors import ChannelResult, overall_error
+from pneucli.compare.channel_errors import overall_error
 from pneucli.compare.excused_segments import Excused
 from pneucli.compare.expected_error import (
     MOTION_CHANNELS,
@@ -23,7 +23,7 @@ from pneucli.compare.expected_error import (
     combined_distribution,
     noise_error,
 )
-from pneucli.messages.compare import BAD_ERROR_RATIO, GOOD_ERROR_RATIO, GOOD_TEST_ERROR_RATIO
+from pneucli.messages.compare import BAD_ERROR_RATIO, GOOD_ERROR_RATIO, GOOD_TEST_ERROR_RATIO, ChannelResult
 from pneucli.simulate.experiment import Experiment
 from pneucli.simulate.model import Model
 from pneucli.simulate.outputs import simulate_outputs

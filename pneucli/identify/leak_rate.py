@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
 
 import numpy as np
 
+from pneucli.messages.identify import LeakFlow, PressureLoss
 from pneucli.physics.gas import flow_constant
 from pneucli.recording import Rig
 from pneucli.simulate import layout as at
@@ -18,38 +18,6 @@ EDGE_RATIO = 0.02  # of a recording: the median over it is the pressure at the s
 REFERENCE_VOLUME = 1e-3  # m^3, assumed where the volume is unknown
 FLOW_UNIT = "l/min ANR"
 LEAK_PORTS = ("leak_1_ambient", "leak_2_ambient", "leak_1_2")
-
-
-@dataclass(frozen=True)
-class PressureLoss:
-    """The pressure decay of one shut chamber.
-
-    ``start`` and ``end`` are pressures in Pa at both ends of ``seconds``, ``percent`` the loss of gauge pressure for
-    each second, relative to the start; the flow in l/min ANR follows for gas at the wall's temperature (``isothermal``)
-    and for gas that takes up no heat (``adiabatic``). It is that of a litre where the volume is unknown.
-    """
-
-    recording: str
-    start: float
-    end: float
-    seconds: float
-    percent: float
-    isothermal: float
-    adiabatic: float
-    volume_known: bool
-
-
-@dataclass(frozen=True)
-class LeakFlow:
-    """The flow in l/min ANR of one of the model's leaks from ``pressure`` (Pa) to ambient.
-
-    It is that of a litre where the vessel's volume is unknown.
-    """
-
-    effect: str
-    pressure: float
-    flow: float
-    volume_known: bool
 
 
 def pressure_losses(experiments: Sequence[Experiment], rig: Rig) -> Iterator[PressureLoss]:

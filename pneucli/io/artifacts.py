@@ -172,10 +172,12 @@ class Tables:
         write_table(self.out / f"{name}.parquet", columns, units=units, schema=schema, provenance=self.made_by)
 
     def write_rows(self, name: str, rows: Sequence[Mapping[str, Any]], units: Mapping[str, str]) -> None:
-        """Write rows; the columns that have a unit are floats. Nothing where there is no row."""
+        """Write rows; the columns that have a unit are floats or booleans. Nothing where there is no row."""
         if rows:
             columns: dict[str, Any] = {key: [row[key] for row in rows] for key in rows[0]}
-            self.write(name, {k: np.array(c, np.float64) if k in units else c for k, c in columns.items()}, units)
+            numbers = {k: np.array(c) for k, c in columns.items() if k in units}
+            numbers = {k: c if c.dtype == np.bool_ else c.astype(np.float64) for k, c in numbers.items()}
+            self.write(name, columns | numbers, units)
 
 
 def _column(values: ArrayLike) -> Any:

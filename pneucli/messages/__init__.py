@@ -1,17 +1,18 @@
 """What the program says of an answer to a person: the verdict first, in bar, mm and mm/s.
 
-One module a stage or command, each with ``lines(answer, file, verbose)``: what was found, how certain it is, what it
-changes, what to do, and the tables behind ``-v``. Terminal and report say the same sentences. Nothing heavy is
-imported here.
+One module a stage or command, each with its ``Answer``, whose fields are the keys of the JSON and whose ``lines`` say
+what was found, how certain it is, what it changes, what to do, and the tables behind ``-v``. Terminal and report say
+the same sentences. Nothing heavy is imported here.
 """
 
 from __future__ import annotations
 
 import importlib
 import textwrap
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from typing import Any
 
+from pneucli.figure import read
 from pneucli.paths import from_here
 
 LINE_WIDTH = 110  # of a line on a terminal
@@ -21,7 +22,9 @@ LABEL_WIDTH = 9  # of the word that a line starts with
 def render(stage: str, answer: Mapping[str, Any], file: str, *, verbose: bool = False) -> str:
     """Return a stage's answer as text; ``file`` is the pipeline file as the user typed it, for the commands."""
     module = importlib.import_module(f"{__name__}.{stage}")
-    return "\n".join(module.lines(answer, file, verbose))
+    if hasattr(module, "lines"):
+        return "\n".join(module.lines(answer, file, verbose))
+    return "\n".join(read(module.Answer, answer).lines(file, verbose))
 
 
 def labelled(label: str, text: str) -> Iterator[str]:
@@ -46,5 +49,10 @@ def table(head: Sequence[str], rows: Sequence[Sequence[str]], texts: int) -> Ite
 
 def warnings(answer: Mapping[str, Any]) -> Iterator[str]:
     """Yield the warnings of a stage."""
-    for warning in answer.get("warnings", []):
-        yield from labelled("warning", warning)
+    yield from each("warning", answer.get("warnings", []))
+
+
+def each(label: str, texts: Iterable[str]) -> Iterator[str]:
+    """Yield each text behind the same label."""
+    for text in texts:
+        yield from labelled(label, text)

@@ -6,8 +6,15 @@ import math
 from collections.abc import Iterator, Mapping
 from typing import Any
 
-from pneucli.messages import ensemble, labelled, table, warnings
-from pneucli.messages.formatting import format_noise_ratio, format_number, format_plain, format_quantity, join_names
+from pneucli.messages import each, labelled, table, warnings
+from pneucli.messages.formatting import (
+    format_noise_ratio,
+    format_number,
+    format_percent,
+    format_plain,
+    format_quantity,
+    join_names,
+)
 
 Row = Mapping[str, Any]
 CAUSES = {
@@ -87,7 +94,7 @@ def lines(answer: Mapping[str, Any], file: str, verbose: bool) -> Iterator[str]:
         )
     if rigs := answer.get("ensemble"):
         yield ""
-        yield from table(ensemble.HEAD, list(ensemble.rows(rigs)), texts=1)
+        yield from table(ENSEMBLE_TITLES, list(ensemble_rows(rigs)), texts=1)
     for name, why in answer["not_made"].items():
         yield from labelled("lacks", f"{name}: {why}")
     if verbose and answer["ablation"]:
@@ -102,13 +109,10 @@ def lines(answer: Mapping[str, Any], file: str, verbose: bool) -> Iterator[str]:
 def margins_and_acceptance(answer: Mapping[str, Any], verbose: bool) -> Iterator[str]:
     """Yield the margins of the loop, and what the gate found."""
     if (found := answer.get("margins")) and found["points"]:
-        for line in [*margin_lines(found), *([validity_note(found)] if verbose else [])]:
-            yield from labelled("margins", line)
-        for doubt in stability_warnings(found):
-            yield from labelled("warning", doubt)
+        yield from each("margins", [*margin_lines(found), *([validity_note(found)] if verbose else [])])
+        yield from each("warning", stability_warnings(found))
     if rigs := answer.get("ensemble"):
-        for line in ensemble.promise(rigs):
-            yield from labelled("rigs", line)
+        yield from each("rigs", promise(rigs))
     if held := answer.get("gate"):
         yield from labelled("gate", acceptance_verdict(held))
         for doubt in violations(held):
@@ -308,3 +312,46 @@ def shortcomings(cases: Cases, tolerance_um: float) -> list[str]:
     """Return a sentence for each controller that does not hold the tolerance at rest."""
     verdicts = {name: rest_verdict(figures, tolerance_um) for name, figures in cases.items()}
     return [f"{name} {verdict}" for name, verdict in verdicts.items() if verdict != "holds"]
+
+
+ENSEMBLE_TITLES = ("controller", "rigs held", "at rest", "in motion", "under the load", "chattering")
+ENSEMBLE_FIGURES = {
+    "rest": "at rest",
+    "motion": "rms in motion",
+    "load": "under a load",
+    "chattering": "rms of chattering",
+}
+
+
+def promise(found: Mapping[str, Any]) -> Iterator[str]:
+    """Yield the promise of ``best``, and which untold effect limits it."""
+    own, limits = found["laws"]["best"], found["limits"]
+    asked = ", ".join(
+        f"{format_quantity(limits[name]['value'], limits[name]['unit'], 2)} {where}"
+        for name, where in ENSEMBLE_FIGURES.items()
+    )
+    probability, sure = format_percent(own["probability"]), format_percent(found["confidence"])
+    yield (
+        f"holds {asked} on {own['held']} of {own['rigs']} rigs that the search did not see: on a rig like yours with "
+        f"a probability of at least {probability} (confidence {sure})"
+    )
+    if found["effects"]:
+        lacks = join_names(found["effects"])
+        yield f"these rigs differ as the recordings allow, and have {lacks}, which the model lacks"
+    if found["limiting"]:
+        failed = own["rigs"] - own["held"]
+        yield (
+            f"{found['limiting']} limits it: {found['rescued'][found['limiting']]} of the {failed} rigs that fail hold "
+            f"without it. To exclude or to identify it: {found['separate']}"
+        )
+
+
+def ensemble_rows(found: Mapping[str, Any]) -> Iterator[tuple[str, ...]]:
+    """Yield a row a controller: rigs that it holds, and its figures over their limits, median and worst."""
+    for name, row in found["laws"].items():
+        cells = (f"{_times(row['median'][n])}; {_times(row['worst'][n])}" for n in ENSEMBLE_FIGURES)
+        yield name, f"{row['held']} of {row['rigs']}", *cells
+
+
+def _times(ratio: float | None) -> str:
+    return "∞" if ratio is None else f"{format_number(ratio, 2)} ×"

@@ -5,8 +5,9 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping
 from typing import Any
 
+from pneucli.figure import read
 from pneucli.messages import labelled, table
-from pneucli.messages.diagnose import describe_change
+from pneucli.messages.diagnose import Change
 from pneucli.messages.formatting import format_number, join_names
 
 Answer = Mapping[str, Any]
@@ -19,7 +20,7 @@ def lines(answer: Answer, file: str, verbose: bool) -> Iterator[str]:
     yield from labelled("repeats", repeatability_sentence(answer))
     listed = answer["changes"] if verbose else answer["changes"][:MAX_LISTED_RIGS]
     for one in listed:
-        what = "; ".join(describe_change(each) for each in one["changes"])
+        what = "; ".join(read(Change, each).text for each in one["changes"])
         yield from labelled("changed", f"{one['rig']} at {one['date']}, since {one['since']}: {what}")
     if rest := len(answer["changes"]) - len(listed):
         yield from labelled("", f"and {rest} more (-v lists them)")

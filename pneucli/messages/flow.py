@@ -2,17 +2,20 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
 from typing import Any
 
+from pneucli.figure import Figure, laid_out
 from pneucli.messages import labelled, table
 from pneucli.messages.formatting import (
-    format_interval,
+    format_figure,
     format_noise_ratio,
     format_number,
 )
 
 FLOW_COLUMNS = ("command", "rows", "C (ISO 6358)", "b", "m", "cracking pressure", "× noise")
+LAYOUT = "value unit ci95 determined"  # of a characteristic; typical values of valves hold what is not determined
 LITRES_PER_BAR = 1e8  # l/(s bar) in m^3/(s Pa)
 STEADY_BENCH_LIMITS = (
     "a steady bench shows the flow function and leaks at a closed valve; effects of time (lag, delay, hysteresis, heat "
@@ -20,26 +23,73 @@ STEADY_BENCH_LIMITS = (
 )
 
 
-def flow_lines(flow: Mapping[str, Any]) -> Iterator[str]:
-    """Yield the table of a steady bench; an asterisk marks what typical values hold."""
-    yield from table(FLOW_COLUMNS, [flow_row(path) for path in flow["paths"]], texts=6)
-    if any(not path[name]["determined"] for path in flow["paths"] for name in ("b", "m")):
-        text = "the rows do not determine b or m there: typical values of valves (b 0.35, m 0.5) hold them"
-        yield from labelled("*", text)
+def format_conductance(one: Figure) -> str:
+    """Return a sonic conductance in l/(s bar) with its interval."""
+    low, high = LITRES_PER_BAR * one.low, LITRES_PER_BAR * one.high
+    return format_figure(Figure(LITRES_PER_BAR * one.value, low, high, "l/(s bar)"))
 
 
-def flow_row(path: Mapping[str, Any]) -> tuple[str, ...]:
-    """Return a path's command, number of rows, C, b, m, cracking pressure, and residual over noise."""
-    c = path["C"]
-    shown = format_interval(LITRES_PER_BAR * c["value"], "l/(s bar)", [LITRES_PER_BAR * end for end in c["ci95"]])
-    b, m = (
-        format_interval(path[name]["value"], "1", path[name]["ci95"]) + ("" if path[name]["determined"] else " *")
-        for name in ("b", "m")
-    )
-    cracking = path["cracking_pressure"]
-    opens = "–" if cracking is None else format_interval(cracking["value"], "Pa", cracking["ci95"])
-    ratio = format_noise_ratio(path["residual"]["ratio_to_noise"])
-    return (path["name"] or "one opening", f"{path['rows']}", shown, b, m, opens, ratio)
+@dataclass(frozen=True)
+class FlowResidual:
+    """The rms residual of a path in ``unit``, and over the scatter of neighbouring rows."""
+
+    rms: float
+    unit: str
+    ratio_to_noise: float
+
+
+@dataclass(frozen=True)
+class FlowPath:
+    """One opening: its command, its number of rows and their range of pressure ratios, and its characteristics, SI."""
+
+    name: str
+    u: float | None
+    direction: str
+    rows: int
+    C: Figure = laid_out(LAYOUT)
+    b: Figure = laid_out(LAYOUT)
+    m: Figure = laid_out(LAYOUT)
+    cracking_pressure: Figure | None = laid_out(LAYOUT)
+    opens_abruptly: bool
+    pressure_ratio: Sequence[float]
+    residual: FlowResidual
+
+    @property
+    def row(self) -> tuple[str, ...]:
+        """Command, number of rows, C, b, m, cracking pressure, and residual over noise."""
+        b, m = (format_figure(one) + ("" if one.determined else " *") for one in (self.b, self.m))
+        opens = "–" if self.cracking_pressure is None else format_figure(self.cracking_pressure)
+        ratio = format_noise_ratio(self.residual.ratio_to_noise)
+        return self.name or "one opening", f"{self.rows}", format_conductance(self.C), b, m, opens, ratio
+
+
+@dataclass(frozen=True)
+class FlowFinding:
+    """What the rows say that a valve does not explain."""
+
+    code: str
+    text: str
+
+
+@dataclass(frozen=True)
+class Flow:
+    """A steady bench: its flow paths and their parameters, what its rows say, and their noise."""
+
+    paths: Sequence[FlowPath]
+    parameters: Mapping[str, Figure]
+    command_sets_area: bool
+    findings: Sequence[FlowFinding]
+    noise: Mapping[str, Any]
+
+    @property
+    def lines(self) -> Iterator[str]:
+        """The table of the bench; an asterisk marks what typical values hold."""
+        several = "s" if len(self.paths) > 1 else ""
+        yield from labelled("flow", f"{len(self.paths)} flow path{several} of a steady bench")
+        yield from table(FLOW_COLUMNS, [path.row for path in self.paths], texts=6)
+        if not all(path.b.determined and path.m.determined for path in self.paths):
+            text = "the rows do not determine b or m there: typical values of valves (b 0.35, m 0.5) hold them"
+            yield from labelled("*", text)
 
 
 def flow_verdict(base: float | None, last: float | None, named: str, left: str, beyond: str = "") -> str:

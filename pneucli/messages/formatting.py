@@ -8,6 +8,7 @@ import string
 from collections.abc import Callable, Mapping, Sequence
 from typing import TYPE_CHECKING, Any, ClassVar, TypeVar
 
+from pneucli.figure import Figure
 from pneucli.quantities import ROTARY_UNITS, SIGNALS, axis_unit
 
 if TYPE_CHECKING:  # numpy takes a tenth of a second to import, and here only types need it
@@ -154,15 +155,20 @@ def _exponent(value: float) -> int:
     return int(f"{value:.1e}".partition("e")[2])
 
 
-def format_parameters(found: Mapping[str, Mapping[str, Any]]) -> str:
+def format_figure(one: Figure) -> str:
+    """Return a figure with its interval, an open end of which is not finite, see :func:`format_interval`."""
+    return format_interval(one.value, one.unit, [end if math.isfinite(end) else None for end in (one.low, one.high)])
+
+
+def format_parameters(found: Mapping[str, Figure]) -> str:
     """Return an effect's parameters with their intervals: ``"drop = 0.399 ± 0.002"``, ``"delay at least 0.046 s"``."""
-    shown = {name: format_interval(p["value"], p["unit"], p["ci95"]) for name, p in found.items()}
+    shown = {name: format_figure(p) for name, p in found.items()}
     return ", ".join(f"{name} {'' if text.startswith('at ') else '= '}{text}" for name, text in shown.items())
 
 
 def format_noise_ratio(error: float | None) -> str:
     """Return an error over noise: three digits, below the noise floor two; none where there is no such recording."""
-    return "none" if error is None else format_number(error, 3 if error >= 0.995 else 2)
+    return "none" if error is None or math.isnan(error) else format_number(error, 3 if error >= 0.995 else 2)
 
 
 def format_plain(value: float | None, digits: int = 6) -> str:
@@ -231,9 +237,9 @@ def format_fit(fit_percent: float | None) -> str:
     >>> format_fit(98.76), format_fit(-3.5e11)
     ('98.8 %', 'none (hardly varies)')
     """
-    if fit_percent is not None and fit_percent < LARGEST_MISFIT:
-        return "none (hardly varies)"
-    return "–" if fit_percent is None else f"{format_number(fit_percent, 3)} %"
+    if fit_percent is None or math.isnan(fit_percent):
+        return "–"
+    return "none (hardly varies)" if fit_percent < LARGEST_MISFIT else f"{format_number(fit_percent, 3)} %"
 
 
 def join_names(names: Sequence[str]) -> str:

@@ -4,14 +4,36 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Mapping, Sequence
-from typing import Any
+from dataclasses import dataclass
 
+from pneucli.figure import Figure
 from pneucli.messages import labelled, table
-from pneucli.messages.compare import evaluation_error
+from pneucli.messages.compare import Errors, evaluation_error
 from pneucli.messages.formatting import format_noise_ratio, format_quantity, join_names
 
-Model = Mapping[str, Any]
 BAR_LENGTH = 24  # characters of the longest bar
+
+
+@dataclass(frozen=True)
+class Model:
+    """A model that was compared: its errors over noise, a digest of the data, when, and whether it is present."""
+
+    effects: Sequence[str]
+    error: Errors
+    data: str
+    when: str
+    current: bool
+    parameters: Mapping[str, Figure]
+
+    def added(self, effects: Sequence[str]) -> Mapping[str, Figure]:
+        """Return the parameters of these effects; those of a single one without its name."""
+        found = {name: p for name, p in self.parameters.items() if name.partition(".")[0] in effects}
+        return {name.partition(".")[2]: p for name, p in found.items()} if len(effects) == 1 else found
+
+    @property
+    def date(self) -> str:
+        """Day and time, UTC."""
+        return self.when.replace("T", " ").removesuffix("Z")
 
 
 def lines(models: Sequence[Model], file: str, verbose: bool = False) -> Iterator[str]:
@@ -27,37 +49,36 @@ def lines(models: Sequence[Model], file: str, verbose: bool = False) -> Iterator
     yield from _table(here)
     if verbose:
         yield from _parameters(here)
-    for data in dict.fromkeys(m["data"] for m in models if m["data"] != here[-1]["data"]):
+    for data in dict.fromkeys(m.data for m in models if m.data != here[-1].data):
         yield ""
         yield "on other recordings, or at another horizon; not to be compared with the above:"
-        yield from _table([m for m in models if m["data"] == data])
+        yield from _table([m for m in models if m.data == data])
 
 
 def _parameters(models: Sequence[Model]) -> Iterator[str]:
-    names = list(dict.fromkeys(name for model in models for name in model.get("parameters", {})))
+    names = list(dict.fromkeys(name for model in models for name in model.parameters))
     if names:
         yield ""
-        head = ["parameter", *(model["when"].replace("T", " ").removesuffix("Z") for model in models)]
-        yield from table(head, [[name, *(_value(model, name) for model in models)] for name in names], texts=1)
+        head = ["parameter", *(model.date for model in models)]
+        yield from table(head, [[name, *(_value(model.parameters.get(name)) for model in models)] for name in names], 1)
 
 
-def _value(model: Model, name: str) -> str:
-    found = model["parameters"].get(name)
-    return "-" if found is None else format_quantity(found["value"], found["unit"])
+def _value(found: Figure | None) -> str:
+    return "-" if found is None else format_quantity(found.value, found.unit)
 
 
 def models_on_current_data(models: Sequence[Model]) -> list[Model]:
     """Return the models on the data of the model as it is, oldest first, that one last."""
-    now = next((m for m in models if m["current"]), models[-1])
-    return [*(m for m in models if m["data"] == now["data"] and m is not now), now]
+    now = next((m for m in models if m.current), models[-1])
+    return [*(m for m in models if m.data == now.data and m is not now), now]
 
 
 def error_reduction(models: Sequence[Model]) -> str:
     """Return first and last error of models on the same data, and what was changed between them."""
     first, last = models[0], models[-1]
-    use, after = evaluation_error(last["error"])
+    use, after = evaluation_error(last.error)
     text = (
-        f"{format_noise_ratio(first['error'][use])} → {format_noise_ratio(after)} × noise"
+        f"{format_noise_ratio(first.error[use])} → {format_noise_ratio(after)} × noise"
         if len(models) > 1
         else f"{format_noise_ratio(after)} × noise"
     )
@@ -67,20 +88,20 @@ def error_reduction(models: Sequence[Model]) -> str:
 
 def effect_changes(first: Model, last: Model) -> str:
     """Return the effects that were added and removed between two models."""
-    added, removed = ([n for n in b["effects"] if n not in a["effects"]] for a, b in ((first, last), (last, first)))
+    added, removed = ([n for n in b.effects if n not in a.effects] for a, b in ((first, last), (last, first)))
     return " ".join(filter(None, [join_names(added), f"without {join_names(removed)}" if removed else ""]))
 
 
 def _table(models: Sequence[Model]) -> Iterator[str]:
-    use, _ = evaluation_error(models[-1]["error"])
-    most = max(m["error"][use] or 0.0 for m in models)
+    use, _ = evaluation_error(models[-1].error)
+    most = max(m.error[use] or 0.0 for m in models)
     rows = [
         (
-            m["when"].replace("T", " ").removesuffix("Z"),
-            ", ".join(m["effects"]) or "base model",
-            format_noise_ratio(m["error"]["test"]),
-            format_noise_ratio(m["error"]["train"]),
-            error_bar(m["error"][use], most) + (" now" if m["current"] else ""),
+            m.date,
+            ", ".join(m.effects) or "base model",
+            format_noise_ratio(m.error["test"]),
+            format_noise_ratio(m.error["train"]),
+            error_bar(m.error[use], most) + (" now" if m.current else ""),
         )
         for m in models
     ]

@@ -1,13 +1,17 @@
-"""The identified parameters with their intervals."""
+"""The answer of ``identify``: the parameters with their intervals, the valve, friction, leaks and their uncertainty."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
 from typing import Any
 
-from pneucli.messages import labelled, table, warnings
-from pneucli.messages.flow import flow_lines
+from pneucli.figure import Figure, optional
+from pneucli.messages import each, labelled, table
+from pneucli.messages.compare import LeftOut, ModelAnswer
+from pneucli.messages.flow import Flow, format_conductance
 from pneucli.messages.formatting import (
+    format_figure,
     format_interval,
     format_noise_ratio,
     format_number,
@@ -21,156 +25,364 @@ INTERVAL_MEANING = (
     "Intervals are the value ± the expanded uncertainty (k = 2, GUM) of all sources of the budget; where the thermal "
     "state of the gas is open, they hold for every state between no heat and the most that the wall can give or take."
 )
-CONDUCTANCE = "sonic_conductance("
 ISO_COLUMNS = ("command", "C (ISO 6358)", "b", "m")
 FRICTION_COLUMNS = ("recording", "p1", "kinetic friction", "break-away")
-LITRES_PER_BAR = 1e8  # l/(s bar) in m^3/(s Pa)
+FLOW_UNIT = "l/min ANR"
 
 
-def lines(answer: Mapping[str, Any], file: str, verbose: bool) -> Iterator[str]:
-    """Yield the model, its parameters, warnings, and what to do next."""
-    model = answer["model"]
-    effects = ", ".join(model["effects"])
-    flow = answer.get("flow")
-    listed = {n: p for n, p in model["parameters"].items() if flow is None or n not in flow["parameters"]}
-    if listed or flow is None:
-        yield from labelled(
-            "found", f"{len(listed)} parameters of the base model{f' with {effects}' if effects else ''}"
+@dataclass(frozen=True)
+class Assumption:
+    """What the program took for granted because the pipeline file does not say it; ``instead`` is what would say it."""
+
+    what: str
+    instead: str
+
+
+@dataclass(frozen=True)
+class ValveDeviation:
+    """How far the model's valve is off the measured gradients, as shares of them; ``share_outside`` of the points."""
+
+    median: float | None
+    p95: float | None
+    share_outside: float | None
+
+    def clause(self, what: str) -> str:
+        """Return the deviation in words."""
+        if self.median is None or self.p95 is None or self.share_outside is None:
+            return f" cannot be compared with {what}: there are no points with flow"
+        off = f"{format_percent(self.median)} in the median, {format_percent(self.p95)} at the 95th percentile"
+        return f" is off {what} by {off}, outside both intervals at {format_percent(self.share_outside)}"
+
+
+@dataclass(frozen=True)
+class MapResidual:
+    """The residual of the map over the noise, on its own curves and on held-out ones, and by recording."""
+
+    train: float | None
+    test: float | None
+    recordings: Sequence[Mapping[str, Any]]
+
+
+@dataclass(frozen=True)
+class Valve:
+    """The valve's paths at one chamber; ``map`` is ``measured``, or that of the ``model``."""
+
+    map: str
+    volume: Mapping[str, Any] | None
+    overlap: Mapping[str, Figure]
+    iso: Mapping[str, Figure]
+    lack_of_fit: ValveDeviation
+    residual: MapResidual
+
+    @property
+    def text(self) -> str:
+        """How well the measured map follows its curves, and the model the map."""
+        residual, lack = self.residual, self.lack_of_fit
+        if self.map == "model":
+            clause = lack.clause("measured gradients")
+            return f"no vessel was filled: the map is that of the model's valve, which{clause}"
+        held = "" if residual.test is None else f", {format_noise_ratio(residual.test)} × noise on held-out ones"
+        text = f"the measured map leaves {format_noise_ratio(residual.train)} × noise on its curves{held}"
+        if lack.median is None:
+            return f"{text}; no command was covered"
+        return f"{text}; the model's valve{lack.clause('it')}"
+
+    def iso_rows(self, label: str) -> list[tuple[str, ...]]:
+        """Return the characteristics of ISO 6358 by command: command, C, b, m."""
+        rows: list[tuple[str, ...]] = []
+        for name in [name for name in self.iso if name.startswith(f"{label}.sonic_conductance(")]:
+            of = "(" + name.partition("(")[2]
+            figures = ("sonic_conductance", "critical_ratio", "subsonic_index")
+            c, b, m = (self.iso[f"{label}.{figure}{of}"] for figure in figures)
+            rows.append((of.strip("()"), format_conductance(c), format_figure(b), format_figure(m)))
+        return rows
+
+
+@dataclass(frozen=True)
+class KineticLevel:
+    """The kinetic friction of a recording in ``unit``, at its pressures (Pa) and speed (m/s)."""
+
+    recording: str
+    pressures: Mapping[str, float]
+    speed: float
+    friction: float
+    ci95: Sequence[float]
+    unit: str
+
+
+@dataclass(frozen=True)
+class BreakAway:
+    """The forces at which the piston broke away in a recording, so many times."""
+
+    recording: str
+    value: float
+    unit: str
+    ci95: Sequence[float | None]
+    least: float
+    most: float
+    count: int
+
+
+@dataclass(frozen=True)
+class OverPressure:
+    """Kinetic friction as a line over p1 above ambient."""
+
+    at_ambient: Figure
+    slope: Figure
+
+
+@dataclass(frozen=True)
+class Repeats:
+    """How far recordings at one pressure and speed agree: the mean friction, and its relative standard deviation."""
+
+    recordings: Sequence[str]
+    friction: float
+    unit: str
+    spread: float
+
+
+@dataclass(frozen=True)
+class Friction:
+    """The friction of the recordings, and the models A to F."""
+
+    warnings: Sequence[str]
+    taken_out: Sequence[str]
+    domain: Mapping[str, Any]
+    models: Sequence[Mapping[str, Any]]
+    kinetic: Sequence[KineticLevel]
+    breakaway: Sequence[BreakAway]
+    over_pressure: OverPressure | None
+    repeats: Sequence[Repeats]
+    deviations: Sequence[Mapping[str, Any]]
+
+    @property
+    def rows(self) -> list[tuple[str, ...]]:
+        """Friction by recording: its name, the pressure, kinetic friction, break-away."""
+        kinetic, broken = {k.recording: k for k in self.kinetic}, {b.recording: b for b in self.breakaway}
+        rows: list[tuple[str, ...]] = []
+        for name in {**kinetic, **broken}:
+            level, away = kinetic.get(name), broken.get(name)
+            p1 = level.pressures.get("p1") if level else None
+            sliding = format_interval(level.friction, level.unit, level.ci95) if level else "–"
+            held = f"{format_interval(away.value, away.unit, away.ci95)} ({away.count} ×)" if away else "–"
+            rows.append((name, format_quantity(p1, "Pa", 3), sliding, held))
+        return rows
+
+    @property
+    def lines(self) -> Iterator[str]:
+        """How friction grows with pressure, and how far recordings agree."""
+        if line := self.over_pressure:
+            slope, unit = line.slope, line.at_ambient.unit
+            ends = [1e5 * end for end in (slope.low, slope.high)]
+            growth = format_interval(1e5 * slope.value, f"{unit_symbol(unit)}/bar", ends)
+            yield f"kinetic, over p1 above ambient: {format_figure(line.at_ambient)} + {growth}"
+        for one in self.repeats:
+            force, spread = format_quantity(one.friction, one.unit, 3), format_percent(one.spread)
+            recordings = join_names(one.recordings)
+            yield f"{recordings}, at one pressure and speed: {force} with a standard deviation of {spread}"
+
+
+@dataclass(frozen=True)
+class PressureLoss:
+    """The pressure decay of one shut chamber.
+
+    ``start`` and ``end`` are pressures in Pa at both ends of ``seconds``, ``percent`` the loss of gauge pressure for
+    each second, relative to the start; the flow in l/min ANR follows for gas at the wall's temperature (``isothermal``)
+    and for gas that takes up no heat (``adiabatic``). It is that of a litre where the volume is unknown.
+    """
+
+    recording: str
+    start: float
+    end: float
+    seconds: float
+    percent: float
+    isothermal: float
+    adiabatic: float
+    volume_known: bool
+
+    @property
+    def text(self) -> str:
+        """The decay and what it is as a flow."""
+        of = "" if self.volume_known else " for each litre of volume"
+        return (
+            f"{self.recording}: {format_quantity(self.start, 'Pa')} to {format_quantity(self.end, 'Pa')} in "
+            f"{format_number(self.seconds, 3)} s, {format_number(self.percent, 2)} %/s of the pressure above "
+            f"ambient at first; in the mean {format_number(self.isothermal, 3)} l/min ANR{of} if the gas kept the "
+            f"wall's temperature, {format_number(self.adiabatic, 3)} if it took none of its heat"
         )
-        rows = [(name, format_interval(p["value"], p["unit"], p["ci95"])) for name, p in listed.items()]
-        yield from table(("parameter", "value, 95 % interval"), rows, texts=2)
-    if flow is not None:
-        openings = len(flow["paths"])
-        yield from labelled("flow", f"{openings} flow path{'s' if openings > 1 else ''} of a steady bench")
-        yield from flow_lines(flow)
-    for one in answer["assumed"]:
-        yield from labelled("assumed", f"{one['what']} (to state it: {one['instead']})")
-    for label in ("valve", "valve_2"):
-        if valve := answer.get(label):
-            yield from labelled(label.replace("_", " "), _valve(valve))
-            if by_command := iso_rows(valve["iso"], label):
-                yield from table(ISO_COLUMNS, by_command, texts=4)
-    for line in uncertainty_lines(answer.get("uncertainty", {})):
-        yield from labelled("budget", line)
-    friction = answer.get("friction", {})
-    if by_recording := friction_rows(friction):
-        yield from table(FRICTION_COLUMNS, by_recording, texts=4)
-    for name, texts in (("friction", friction_lines(friction)), ("leak", leak_lines(answer.get("leaks", {})))):
-        for one in texts:
-            yield from labelled(name, one)
-    yield from warnings(answer)
-    yield from labelled("do", f"pneucli compare {file}")
 
 
-def _valve(valve: Mapping[str, Any]) -> str:
-    """Return how well the measured map follows its curves, and the model the map."""
-    residual, lack = valve["residual"], valve["lack_of_fit"]
-    if valve["map"] == "model":
-        clause = _lack_of_fit_clause(lack, "measured gradients")
-        return f"no vessel was filled: the map is that of the model's valve, which{clause}"
-    held = "" if residual["test"] is None else f", {format_noise_ratio(residual['test'])} × noise on held-out ones"
-    text = f"the measured map leaves {format_noise_ratio(residual['train'])} × noise on its curves{held}"
-    if lack["median"] is None:
-        return f"{text}; no command was covered"
-    return f"{text}; the model's valve{_lack_of_fit_clause(lack, 'it')}"
+@dataclass(frozen=True)
+class LeakFlow:
+    """The flow of one of the model's leaks from ``pressure`` (Pa) to ambient.
+
+    It is that of a litre where the vessel's volume is unknown.
+    """
+
+    effect: str
+    pressure: float
+    flow: float
+    volume_known: bool
+    unit: str = FLOW_UNIT
+
+    @property
+    def text(self) -> str:
+        """The flow in a sentence."""
+        of = "" if self.volume_known else " for each litre of volume"
+        text = f"{self.effect}: {format_number(self.flow, 3)} {self.unit}{of}"
+        return f"{text} from {format_quantity(self.pressure, 'Pa', 3)} to ambient"
 
 
-def _lack_of_fit_clause(lack: Mapping[str, Any], what: str) -> str:
-    if lack["median"] is None:
-        return f" cannot be compared with {what}: there are no points with flow"
-    off = f"{format_percent(lack['median'])} in the median, {format_percent(lack['p95'])} at the 95th percentile"
-    return f" is off {what} by {off}, outside both intervals at {format_percent(lack['share_outside'])}"
+@dataclass(frozen=True)
+class LeakArea:
+    """What a leak's area takes for granted of heat: the area for gas that keeps the wall's temperature, or no heat."""
 
+    name: str
+    unit: str
+    exponent: float
+    isothermal: float
+    adiabatic: float
 
-def iso_rows(iso: Mapping[str, Any], label: str) -> list[tuple[str, ...]]:
-    """Return the characteristics of ISO 6358 by command: command, C, b, m."""
-    rows: list[tuple[str, ...]] = []
-    for name in [name for name in iso if name.startswith(f"{label}.sonic_conductance(")]:
-        of = "(" + name.partition("(")[2]
-        c, b, m = (iso[f"{label}.{figure}{of}"] for figure in ("sonic_conductance", "critical_ratio", "subsonic_index"))
-        ends = [None if end is None else LITRES_PER_BAR * end for end in c["ci95"]]
-        shown = format_interval(LITRES_PER_BAR * c["value"], "l/(s bar)", ends)
-        rows.append((of.strip("()"), shown, *(format_interval(v["value"], "1", v["ci95"]) for v in (b, m))))
-    return rows
-
-
-def friction_rows(friction: Mapping[str, Any]) -> list[tuple[str, ...]]:
-    """Return friction by recording: its name, the pressure, kinetic friction, break-away."""
-    kinetic = {k["recording"]: k for k in friction.get("kinetic", [])}
-    broken = {b["recording"]: b for b in friction.get("breakaway", [])}
-    rows: list[tuple[str, ...]] = []
-    for name in {**kinetic, **broken}:
-        level, away = kinetic.get(name), broken.get(name)
-        p1 = level["pressures"].get("p1") if level else None
-        sliding = format_interval(level["friction"], level["unit"], level["ci95"]) if level else "–"
-        held = f"{format_interval(away['value'], away['unit'], away['ci95'])} ({away['count']} ×)" if away else "–"
-        rows.append((name, format_quantity(p1, "Pa", 3), sliding, held))
-    return rows
-
-
-def friction_lines(friction: Mapping[str, Any]) -> Iterator[str]:
-    """Yield how friction grows with pressure, and how far recordings agree."""
-    if line := friction.get("over_pressure"):
-        at_ambient, slope = line["at_ambient"], line["slope"]
-        unit, ends = at_ambient["unit"], [1e5 * end for end in slope["ci95"]]
-        growth = format_interval(1e5 * slope["value"], f"{unit_symbol(unit)}/bar", ends)
-        force = format_interval(at_ambient["value"], unit, at_ambient["ci95"])
-        yield f"kinetic, over p1 above ambient: {force} + {growth}"
-    for one in friction.get("repeats", []):
-        force, spread = format_quantity(one["friction"], one["unit"], 3), format_percent(one["spread"])
-        recordings = join_names(one["recordings"])
-        yield f"{recordings}, at one pressure and speed: {force} with a standard deviation of {spread}"
-
-
-def leak_lines(leaks: Mapping[str, Any]) -> Iterator[str]:
-    """Yield what shut chambers lost, what that is as a flow, and what an area takes for granted of heat."""
-    for one in leaks.get("lost", []):
-        of = "" if one["volume_known"] else " for each litre of volume"
-        yield (
-            f"{one['recording']}: {format_quantity(one['start'], 'Pa')} to {format_quantity(one['end'], 'Pa')} in "
-            f"{format_number(one['seconds'], 3)} s, {format_number(one['percent'], 2)} %/s of the pressure above "
-            f"ambient at first; in the mean {format_number(one['isothermal'], 3)} l/min ANR{of} if the gas kept the "
-            f"wall's temperature, {format_number(one['adiabatic'], 3)} if it took none of its heat"
-        )
-    for one in leaks.get("flows", []):
-        of = "" if one["volume_known"] else " for each litre of volume"
-        text = f"{one['effect']}: {format_number(one['flow'], 3)} {one['unit']}{of}"
-        yield f"{text} from {format_quantity(one['pressure'], 'Pa', 3)} to ambient"
-    for one in leaks.get("areas", []):
-        isothermal, adiabatic = (format_quantity(one[name], one["unit"]) for name in ("isothermal", "adiabatic"))
-        yield (
-            f"{one['name']} goes with the exponent {format_number(one['exponent'], 3)} ([rig] thermal): {isothermal} "
+    @property
+    def text(self) -> str:
+        """Both areas in a sentence."""
+        isothermal, adiabatic = (format_quantity(area, self.unit) for area in (self.isothermal, self.adiabatic))
+        return (
+            f"{self.name} goes with the exponent {format_number(self.exponent, 3)} ([rig] thermal): {isothermal} "
             f"if the gas keeps the wall's temperature, {adiabatic} if it takes none of its heat"
         )
 
 
-def largest_conductance(uncertainty: Mapping[str, Any]) -> tuple[str, Mapping[str, Any]] | None:
+@dataclass(frozen=True)
+class Leaks:
+    """What shut chambers lost, what that is as a flow, and what an area takes for granted of heat."""
+
+    lost: Sequence[PressureLoss]
+    flows: Sequence[LeakFlow]
+    areas: Sequence[LeakArea]
+
+    @property
+    def lines(self) -> list[str]:
+        """One sentence each."""
+        return [one.text for one in (*self.lost, *self.flows, *self.areas)]
+
+
+@dataclass(frozen=True)
+class Source:
+    """A source of a budget: its standard uncertainty in ``unit``, and what it contributes to that of the result.
+
+    A ``bound`` has no standard uncertainty; ``factors`` are the least and the largest factor on the result.
+    """
+
+    source: str
+    type_: str
+    uncertainty: float
+    unit: str
+    sensitivity: float
+    contribution: float
+    share: float
+    bound: bool
+    factors: Sequence[float] | None
+
+
+@dataclass(frozen=True)
+class BudgetAnswer:
+    """The uncertainty budget of one result (GUM): its combined and its expanded (k = 2) uncertainty."""
+
+    value: float
+    unit: str
+    combined: float
+    expanded: float
+    interval: Sequence[float]
+    propagated: Sequence[float] | None
+    calibration_not_stated: Sequence[str]
+    sources: Sequence[Source]
+
+    @property
+    def thermal_factors(self) -> Sequence[float] | None:
+        """The least and the largest factor for the heat of the wall; None where the model knows that heat."""
+        return next((one.factors for one in self.sources if one.factors), None)
+
+    def sentence(self, name: str) -> str:
+        """Return how well the result is known, and from where its uncertainty comes."""
+        at = f" at {name.partition('(')[2].rstrip(')')}" if "(" in name else ""
+        text = f"C{at} is known to ± {format_number(100.0 * self.expanded / self.value, 2)} % (k = 2)"
+        certain = [one for one in self.sources if not one.bound]
+        variance = sum(one.contribution**2 for one in certain)
+        if variance > 0.0:
+            main = max(certain, key=lambda one: one.contribution)
+            share = format_percent(main.contribution**2 / variance)
+            text += f"; main source: {main.source} (type {main.type_}, {share} of the variance)"
+        if (factors := self.thermal_factors) is not None:
+            least, largest = (format_number(factor, 3) for factor in factors)
+            text += f"; the heat of the wall may make it {least} to {largest} × as large"
+        if missing := self.calibration_not_stated:
+            text += f"; no calibration is stated for {', '.join(missing)}"
+        return text
+
+
+@dataclass(frozen=True)
+class Uncertainty:
+    """The budgets of the characteristics by name."""
+
+    coverage_factor: float
+    budgets: Mapping[str, BudgetAnswer]
+
+
+@dataclass(frozen=True)
+class Answer:
+    """What the recordings say of the model's parameters, of the valve and of friction."""
+
+    schema: str
+    pipeline: str
+    model: ModelAnswer
+    assumed: Sequence[Assumption]
+    warnings: Sequence[str]
+    contradicted: Sequence[LeftOut] | None = optional()
+    valve: Valve | None = optional()
+    valve_2: Valve | None = optional()
+    friction: Friction | None = optional()
+    leaks: Leaks | None = optional()
+    flow: Flow | None = optional()
+    uncertainty: Uncertainty | None = optional()
+
+    @property
+    def valves(self) -> dict[str, Valve]:
+        """The valves by label."""
+        return {label: one for label in ("valve", "valve_2") if (one := getattr(self, label)) is not None}
+
+    @property
+    def budgets(self) -> Mapping[str, BudgetAnswer]:
+        """The uncertainty budgets by the name of their result."""
+        return self.uncertainty.budgets if self.uncertainty else {}
+
+    def lines(self, file: str, verbose: bool) -> Iterator[str]:
+        """Yield the model, its parameters, warnings, and what to do next."""
+        effects, flow = ", ".join(self.model.effects), self.flow
+        listed = {n: p for n, p in self.model.parameters.items() if flow is None or n not in flow.parameters}
+        if listed or flow is None:
+            of = f" with {effects}" if effects else ""
+            yield from labelled("found", f"{len(listed)} parameters of the base model{of}")
+            rows = [(name, format_figure(one)) for name, one in listed.items()]
+            yield from table(("parameter", "value, 95 % interval"), rows, texts=2)
+        if flow is not None:
+            yield from flow.lines
+        yield from each("assumed", (f"{one.what} (to state it: {one.instead})" for one in self.assumed))
+        for label, valve in self.valves.items():
+            yield from labelled(label.replace("_", " "), valve.text)
+            if by_command := valve.iso_rows(label):
+                yield from table(ISO_COLUMNS, by_command, texts=4)
+        if (largest := largest_conductance(self.budgets)) is not None:
+            yield from labelled("budget", largest[1].sentence(largest[0]))
+        if self.friction and (by_recording := self.friction.rows):
+            yield from table(FRICTION_COLUMNS, by_recording, texts=4)
+        yield from each("friction", self.friction.lines if self.friction else ())
+        yield from each("leak", self.leaks.lines if self.leaks else ())
+        yield from each("warning", self.warnings)
+        yield from labelled("do", f"pneucli compare {file}")
+
+
+def largest_conductance(budgets: Mapping[str, BudgetAnswer]) -> tuple[str, BudgetAnswer] | None:
     """Return name and budget of the largest C; None without one."""
-    named = [(name, one) for name, one in uncertainty.get("budgets", {}).items() if "sonic_conductance" in name]
-    return max(named, key=lambda item: item[1]["value"], default=None)
-
-
-def uncertainty_lines(uncertainty: Mapping[str, Any]) -> Iterator[str]:
-    """Yield how well the largest C is known, and from where its uncertainty comes."""
-    if (found := largest_conductance(uncertainty)) is None:
-        return
-    name, budget = found
-    at = f" at {name.partition('(')[2].rstrip(')')}" if "(" in name else ""
-    text = f"C{at} is known to ± {format_number(100.0 * budget['expanded'] / budget['value'], 2)} % (k = 2)"
-    certain = [one for one in budget["sources"] if not one["bound"]]
-    variance = sum(one["contribution"] ** 2 for one in certain)
-    if variance > 0.0:
-        main = max(certain, key=lambda one: one["contribution"])
-        share = format_percent(main["contribution"] ** 2 / variance)
-        text += f"; main source: {main['source']} (type {main['type']}, {share} of the variance)"
-    if (factors := thermal_factors(budget)) is not None:
-        least, largest = (format_number(factor, 3) for factor in factors)
-        text += f"; the heat of the wall may make it {least} to {largest} × as large"
-    if missing := budget["calibration_not_stated"]:
-        text += f"; no calibration is stated for {', '.join(missing)}"
-    yield text
-
-
-def thermal_factors(budget: Mapping[str, Any]) -> tuple[float, float] | None:
-    """Return the least and the largest factor on C for the heat of the wall; None where the model knows that heat."""
-    return next((tuple(one["factors"]) for one in budget["sources"] if one["factors"]), None)
+    named = [(name, one) for name, one in budgets.items() if "sonic_conductance" in name]
+    return max(named, key=lambda item: item[1].value, default=None)

@@ -6,7 +6,7 @@ import statistics
 from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
 
-from pneucli.messages import labelled, table, warnings
+from pneucli.messages import each, labelled, table, warnings
 from pneucli.messages.formatting import format_plain
 from pneucli.quantities import display_unit
 from pneucli.units import parse_unit
@@ -28,8 +28,7 @@ def lines(answer: Mapping[str, Any], file: str, verbose: bool) -> Iterator[str]:
         yield ""
         yield from signal_summary_table(answer["looks"], {one["name"]: one["experiment"] for one in recordings})
         yield ""
-    for text in answer.get("left_out", []):
-        yield from labelled("left out", text)
+    yield from each("left out", answer.get("left_out", []))
     repairs = [f"{repair_location(one)}: {one['message']}" for one in answer["repairs"]]
     for text in repairs:
         if text not in answer["warnings"]:  # which say the weightier ones

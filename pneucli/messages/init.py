@@ -7,7 +7,7 @@ from pathlib import PurePath
 from shlex import quote
 from typing import Any
 
-from pneucli.messages import labelled, table
+from pneucli.messages import each, labelled, table
 from pneucli.messages.formatting import format_plain
 
 Answer = Mapping[str, Any]
@@ -19,10 +19,8 @@ def lines(answer: Mapping[str, Any], file: str, verbose: bool) -> Iterator[str]:
         yield from labelled("do", f"describe your rig and recordings in {file}, then pneucli run {file}")
         return
     yield from column_lines(answer["recordings"], answer["columns"])
-    for text in answer["left_out"]:
-        yield from labelled("left out", text)
-    for text in answer["cannot"]:
-        yield from labelled("cannot", text)
+    yield from each("left out", answer["left_out"])
+    yield from each("cannot", answer["cannot"])
     yield from labelled("wrote", answer["pipeline"])
     if answer["check"]:
         yield from labelled("check", f"line {_listed(answer['check'])}: what the data alone cannot tell")

@@ -6,8 +6,8 @@ import math
 from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
 
+from pneucli.messages import each, labelled, table
 from pneucli.messages import init as init_messages
-from pneucli.messages import labelled, table
 from pneucli.messages.formatting import format_percent, format_plain, format_quantity
 
 Answer = Mapping[str, Any]
@@ -32,8 +32,7 @@ def lines(answer: Answer, file: str, verbose: bool) -> Iterator[str]:
         for text in answer[key]:
             yield from labelled(label, text)
     if verbose:
-        for text in answer["repairs"]:
-            yield from labelled("repair", text)
+        yield from each("repair", answer["repairs"])
     yield from labelled("do", f"pneucli init DIR --from {file}, which writes this into a pipeline file")
 
 

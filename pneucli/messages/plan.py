@@ -1,21 +1,15 @@
-"""The plan of the next experiment: manoeuvres, steps for a person, what was refused, and what a plan decided."""
+"""The answers of ``plan``: manoeuvres, steps for a person, what was refused, and what a plan decided."""
 
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
 from typing import Any
 
-from pneucli.messages import labelled, table, warnings
+from pneucli.figure import Figure
+from pneucli.messages import each, labelled, table
 from pneucli.messages.diagnose import REJECTION_REASONS
-from pneucli.messages.formatting import (
-    format_interval,
-    format_percent,
-    format_plain,
-    format_quantity,
-    join_names,
-)
-
-Answer = Mapping[str, Any]
+from pneucli.messages.formatting import format_figure, format_percent, format_plain, format_quantity, join_names
 
 GOOD_POWER = 0.8  # of an effect that the recordings would show
 
@@ -54,6 +48,7 @@ RUNNING_RULES = (
     "Save each recording as its own file, NAME as in the table, with the same channels as before.",
     "Stop at once when the piston touches an end: send the null command.",
 )
+CHAMBERS_2 = {"closed": "chamber 2 closed", "open": "chamber 2 open", "valve": "chamber 2 at its valve", None: ""}
 QUANTITIES = {
     "x": "position",
     "v": "speed",
@@ -64,67 +59,236 @@ QUANTITIES = {
 }
 
 
-def manoeuvre_text(recording: Answer) -> str:
-    """Return a planned recording as a phrase; its keys are those of the JSON answer."""
-    quantity = "V" if recording["drive"] == "valve" else "m"
-    return MANOEUVRES[recording["kind"]].format(
-        centre=format_quantity(recording["centre"], "m", 3),
-        level="" if recording["level"] is None else format_quantity(abs(recording["level"]), quantity, 3),
-        frequency=f"{format_plain(recording['frequency'] or 0.0)} Hz",
-        speed=format_quantity(recording["speed"], "m/s", 3),
-        pressure=format_quantity(recording["pressure"], "Pa", 3),
-        force=format_quantity(recording["force"], "N", 3),
-    )
+@dataclass(frozen=True)
+class PlannedRecording:
+    """A recording of a plan: its bench, its manoeuvre (SI), its times in ``commands.csv``, and what it shows.
+
+    ``times_noise`` has the rms difference of each rival from the best model over the noise, by effect.
+    """
+
+    use: str
+    kind: str
+    bench: str
+    experiment: str
+    drive: str
+    column: str
+    chamber_2: str | None
+    chamber: int | None
+    imposed: str | None
+    valve: str | None
+    start: Mapping[str, float]
+    gain: float | None
+    centre: float
+    level: float | None
+    frequency: float | None
+    speed: float | None
+    pressure: float | None
+    force: float
+    added_mass: float
+    by_hand: str | None
+    name: str = ""
+    begin: float = 0.0
+    end: float = 0.0
+    times_noise: Mapping[str, float] = field(default_factory=dict)
+
+    @property
+    def manoeuvre(self) -> str:
+        """The manoeuvre as a phrase."""
+        quantity = "V" if self.drive == "valve" else "m"
+        return MANOEUVRES[self.kind].format(
+            centre=format_quantity(self.centre, "m", 3),
+            level="" if self.level is None else format_quantity(abs(self.level), quantity, 3),
+            frequency=f"{format_plain(self.frequency or 0.0)} Hz",
+            speed=format_quantity(self.speed, "m/s", 3),
+            pressure=format_quantity(self.pressure, "Pa", 3),
+            force=format_quantity(self.force, "N", 3),
+        )
+
+    @property
+    def begins_at(self) -> str:
+        """Where it starts: a vessel has one pressure, a cylinder two and a position."""
+        moves = self.bench == "cylinder"
+        names = ("p1", "p2") if moves else ("p1",)
+        pressures = [f"{name} near {format_quantity(self.start[name], 'Pa', 2)} (absolute)" for name in names]
+        return f"x = {format_quantity(self.start['x'], 'm', 3)}, {join_names(pressures)}" if moves else pressures[0]
+
+    @property
+    def driven(self) -> str:
+        """How the bench is driven."""
+        how = DRIVES[self.drive][1].format(gain=format_quantity(self.gain or 0.0, "V/m", 3))
+        return ", ".join(filter(None, [how, CHAMBERS_2[self.chamber_2]]))
+
+    @property
+    def drive_title(self) -> str:
+        """How it is driven, in a few words."""
+        return "with a step by hand" if self.by_hand else DRIVES[self.drive][0]
+
+    @property
+    def row(self) -> tuple[str, ...]:
+        """The row of the table on a terminal."""
+        return self.name, self.use, self.manoeuvre, self.bench, f"{self.end - self.begin:.1f}"
 
 
-def refused_text(one: Answer) -> str:
-    """Return why a manoeuvre was refused."""
-    quantity, unit = QUANTITIES[one["quantity"]], one["unit"]
-    return (
-        f"{one['text']}: {quantity} {format_quantity(one['value'], unit, 3)} against the limit "
-        f"{format_quantity(one['limit'], unit, 3)} ({one['model']})"
-    )
+@dataclass(frozen=True)
+class ManualStep:
+    """What a person does before a recording."""
+
+    recording: str
+    text: str
 
 
-def plan_sentence(answer: Answer) -> str:
-    """Return what a plan is for, in one sentence."""
-    count = sum(r["use"] == "train" for r in answer["recordings"])
-    held_out, seconds = len(answer["recordings"]) - count, f"{answer['seconds']:.0f} s"
-    recordings = f"{count} recordings and {held_out} to be held out, {seconds} of machine time"
-    found, all_effects = sum(e["power"] >= GOOD_POWER for e in answer["expected"]), len(answer["expected"])
-    if answer["first"] or len(answer["rivals"]) == 1:
-        question = "" if answer["first"] else "no effect is in question, and "
-        return f"{recordings}: {question}{found} of {all_effects} effects would be shown at their typical size (80 %)."
-    names = join_names(list(dict.fromkeys(r["effect"] for r in answer["rivals"] if r["effect"] is not None)))
-    return f"{recordings}, to decide about {names}: {found} of {all_effects} would be shown if they are true (80 %)."
+@dataclass(frozen=True)
+class RefusedManoeuvre:
+    """A manoeuvre that would exceed a limit in a model, SI."""
+
+    text: str
+    bench: str
+    model: str
+    quantity: str
+    value: float
+    limit: float
+    unit: str
+
+    @property
+    def reason(self) -> str:
+        """Why it was refused."""
+        value, limit = (format_quantity(size, self.unit, 3) for size in (self.value, self.limit))
+        return f"{self.text}: {QUANTITIES[self.quantity]} {value} against the limit {limit} ({self.model})"
 
 
-def lines(answer: Answer, file: str, verbose: bool) -> Iterator[str]:
-    """Yield the plan, its expected outcome and the next step; with ``-v`` also refused manoeuvres and powers."""
-    if answer["schema"].startswith("pneucli/plan-taken"):
-        yield from _taken(answer, file)
-        return
-    yield from labelled("plan", answer["sentence"])
-    rows = [
-        (r["name"], r["use"], manoeuvre_text(r), r["bench"], f"{r['end'] - r['begin']:.1f}")
-        for r in answer["recordings"]
-    ]
-    if rows:
-        yield from table(("recording", "use", "manoeuvre", "bench", "s"), rows, texts=4)
-    for step in answer["manual"]:
-        yield from labelled("by hand", f"{step['recording']}: {step['text']}")
-    expected = sorted(answer["expected"], key=lambda e: -e["power"])
-    found = [f"{e['rival']} {format_percent(e['power'])}" for e in expected[:8]]
-    if found:
-        yield from labelled("power", f"probability that the recordings show what is true: {join_names(found)}")
-    yield from labelled("files", join_names(answer["files"]))
-    if answer["recordings"]:
-        do = f"record {answer['folder']}/commands.csv as steps.md says, then: pneucli plan {file} --take FILE..."
-        yield from labelled("do", do)
-    yield from warnings(answer)
-    if verbose:
-        for one in answer["refused"]:
-            yield from labelled("refused", refused_text(one))
+@dataclass(frozen=True)
+class RivalAnswer:
+    """A hypothesis in question; the best model has no effect."""
+
+    name: str
+    effect: str | None
+    present: bool
+    probability: float | None
+    in_place_of: str | None
+
+
+@dataclass(frozen=True)
+class Expected:
+    """How probable an effect is now, and how probably the recordings show it if it is there."""
+
+    effect: str
+    rival: str
+    probability_before: float | None
+    power: float
+
+    @property
+    def is_shown(self) -> bool:
+        """Whether the recordings would show it."""
+        return self.power >= GOOD_POWER
+
+
+@dataclass(frozen=True)
+class Power:
+    """The power of a plan to find an effect of one size.
+
+    Attributes:
+        effect: Name of the effect.
+        parameter: Its leading parameter.
+        size: Distance of the parameter from its null; the value itself where it has no null; infinite: never found.
+        unit: Unit of the size.
+        power: Probability that an effect of this size is found.
+        typical: Whether the size is the typical one; else it is the smallest with a power of 80 %.
+    """
+
+    effect: str
+    parameter: str
+    size: float
+    unit: str
+    power: float
+    typical: bool
+
+
+@dataclass(frozen=True)
+class Answer:
+    """The next experiment (interface, section 7)."""
+
+    schema: str
+    pipeline: str
+    first: bool
+    seconds: float
+    recordings: Sequence[PlannedRecording]
+    manual: Sequence[ManualStep]
+    limits: Mapping[str, Any]
+    refused: Sequence[RefusedManoeuvre]
+    refused_count: int
+    rivals: Sequence[RivalAnswer]
+    warnings: Sequence[str]
+    expected: Sequence[Expected]
+    sentence: str = ""
+    power: Sequence[Power] = ()
+    files: Sequence[str] = ()
+    folder: str = ""
+
+    @property
+    def purpose(self) -> str:
+        """What the plan is for, in one sentence."""
+        count = sum(r.use == "train" for r in self.recordings)
+        held_out, seconds = len(self.recordings) - count, f"{self.seconds:.0f} s"
+        recordings = f"{count} recordings and {held_out} to be held out, {seconds} of machine time"
+        found = f"{sum(e.is_shown for e in self.expected)} of {len(self.expected)}"
+        if self.first or len(self.rivals) == 1:
+            question = "" if self.first else "no effect is in question, and "
+            return f"{recordings}: {question}{found} effects would be shown at their typical size (80 %)."
+        names = join_names(list(dict.fromkeys(r.effect for r in self.rivals if r.effect is not None)))
+        return f"{recordings}, to decide about {names}: {found} would be shown if they are true (80 %)."
+
+    @property
+    def limit_texts(self) -> list[str]:
+        """The limits that the plan keeps, one sentence each."""
+        texts = []
+        if self.limits["position"] is not None:
+            low, high = (format_quantity(x, "m", 3) for x in self.limits["position"])
+            texts.append(f"The plan keeps the piston between {low} and {high}.")
+        shown = (
+            ("max_speed", "m/s", "speed"), ("max_pressure", "Pa", "pressure (absolute)"), ("max_force", "N", "force"),
+        )  # fmt: skip
+        texts += [
+            f"Highest {title}: {format_quantity(self.limits[key], unit, 3)}."
+            for key, unit, title in shown
+            if self.limits[key] is not None
+        ]
+        return texts
+
+    def lines(self, file: str, verbose: bool) -> Iterator[str]:
+        """Yield the plan, its expected outcome and the next step; with ``-v`` also refused manoeuvres."""
+        yield from labelled("plan", self.sentence)
+        if self.recordings:
+            yield from table(("recording", "use", "manoeuvre", "bench", "s"), [r.row for r in self.recordings], texts=4)
+        yield from each("by hand", (f"{step.recording}: {step.text}" for step in self.manual))
+        expected = sorted(self.expected, key=lambda e: -e.power)
+        if found := [f"{e.rival} {format_percent(e.power)}" for e in expected[:8]]:
+            yield from labelled("power", f"probability that the recordings show what is true: {join_names(found)}")
+        yield from labelled("files", join_names(self.files))
+        if self.recordings:
+            do = f"record {self.folder}/commands.csv as steps.md says, then: pneucli plan {file} --take FILE..."
+            yield from labelled("do", do)
+        yield from each("warning", self.warnings)
+        if verbose:
+            yield from each("refused", (one.reason for one in self.refused))
+
+    def steps_page(self, file: str) -> str:
+        """Return ``steps.md``: what a person does, in order; ``file`` is the pipeline file."""
+        parts = [f"# Next experiment for {self.pipeline}", "", self.sentence, "", "## Before", ""]
+        parts += [f"- {rule}" for rule in (*RUNNING_RULES, *self.limit_texts)]
+        parts += ["", "## Recordings", ""]
+        setup = None
+        for number, r in enumerate(self.recordings, 1):
+            if setup != (setup := f"**On the {r.bench}** ({r.driven}):"):
+                parts += [setup, ""] if number == 1 else ["", setup, ""]
+            use = "fitted" if r.use == "train" else "held out: never fitted"
+            parts.append(f"{number}. `{r.name}` ({r.end - r.begin:.1f} s, {use}): {r.manoeuvre}.")
+            parts.append(f"   Start at rest: {r.begins_at}.")
+            if r.by_hand:
+                parts.append(f"   By hand: {r.by_hand}")
+            parts.append(f"   Commands: `commands.csv` from {r.begin:.2f} s to {r.end:.2f} s, column `{r.column}`.")
+        parts += ["", "## After", "", "Take the recordings in, in this order:", ""]
+        names = " ".join(f"{r.name}.csv" for r in self.recordings)
+        return "\n".join([*parts, f"    pneucli plan {file} --take {names}", ""])
 
 
 def by_hand_text(kind: str, force: float, mass: float) -> str:
@@ -133,105 +297,99 @@ def by_hand_text(kind: str, force: float, mass: float) -> str:
     return BY_HAND[kind].format(mass=format_quantity(mass, "kg", 3), direction=direction)
 
 
-def steps_page(answer: Answer, file: str) -> str:
-    """Return ``steps.md``: what a person does, in order; ``file`` is the pipeline file."""
-    parts = [f"# Next experiment for {answer['pipeline']}", "", answer["sentence"], "", "## Before", ""]
-    parts += [f"- {rule}" for rule in RUNNING_RULES]
-    parts += [f"- {limit}" for limit in limit_texts(answer["limits"])]
-    parts += ["", "## Recordings", ""]
-    setup = None
-    for number, r in enumerate(answer["recordings"], 1):
-        if setup != (setup := f"**On the {r['bench']}** ({bench_text(r)}):"):
-            parts += [setup, ""] if number == 1 else ["", setup, ""]
-        use = "fitted" if r["use"] == "train" else "held out: never fitted"
-        parts.append(f"{number}. `{r['name']}` ({r['end'] - r['begin']:.1f} s, {use}): {manoeuvre_text(r)}.")
-        parts.append(f"   Start at rest: {start_text(r['start'], r['bench'] == 'cylinder')}.")
-        if r["by_hand"]:
-            parts.append(f"   By hand: {r['by_hand']}")
-        parts.append(
-            f"   Commands: `commands.csv` from {r['begin']:.2f} s to {r['end']:.2f} s, column `{r['column']}`."
-        )
-    parts += ["", "## After", "", "Take the recordings in, in this order:", ""]
-    names = " ".join(f"{r['name']}.csv" for r in answer["recordings"])
-    parts += [f"    pneucli plan {file} --take {names}", ""]
-    return "\n".join(parts)
+@dataclass(frozen=True)
+class TakenRecording:
+    """A recording that was added to the pipeline file."""
+
+    name: str
+    file: str
+    use: str
 
 
-def start_text(start: Answer, moves: bool = True) -> str:
-    """Return where a recording starts: a vessel has one pressure, a cylinder two and a position."""
-    names = ("p1", "p2") if moves else ("p1",)
-    pressures = [f"{name} near {format_quantity(start[name], 'Pa', 2)} (absolute)" for name in names]
-    return f"x = {format_quantity(start['x'], 'm', 3)}, {join_names(pressures)}" if moves else pressures[0]
+@dataclass(frozen=True)
+class Diagnosed:
+    """What a diagnosis said, in brief."""
+
+    verdict: str | None
+    missing: Sequence[str]
+    probabilities: Mapping[str, float | None]
+    indistinguishable: Mapping[str, Sequence[str]]
+    unexplained_share: float | None
 
 
-def bench_text(recording: Answer) -> str:
-    """Return how a bench is driven."""
-    how = DRIVES[recording["drive"]][1].format(gain=format_quantity((recording["gain"] or 0.0), "V/m", 3))
-    state = {"closed": "chamber 2 closed", "open": "chamber 2 open", "valve": "chamber 2 at its valve", None: ""}
-    return ", ".join(filter(None, [how, state[recording["chamber_2"]]]))
+@dataclass(frozen=True)
+class TakenEffect:
+    """The probability of an effect before and after, and whether it is ``named`` or ``refused`` now."""
+
+    effect: str
+    before: float | None
+    after: float | None
+    reason: str | None
+    now: str | None
 
 
-def by_hand_title(recording: Answer) -> str:
-    """Return how a recording is driven, in a few words."""
-    return "with a step by hand" if recording["by_hand"] else DRIVES[recording["drive"]][0]
+@dataclass(frozen=True)
+class Decided:
+    """An effect that is named or refused now."""
+
+    effect: str
+    now: str
 
 
-def limit_texts(limits: Answer) -> list[str]:
-    """Return the limits that a plan keeps, one sentence each."""
-    texts = []
-    if limits["position"] is not None:
-        low, high = (format_quantity(x, "m", 3) for x in limits["position"])
-        texts.append(f"The plan keeps the piston between {low} and {high}.")
-    shown = (("max_speed", "m/s", "speed"), ("max_pressure", "Pa", "pressure (absolute)"), ("max_force", "N", "force"))
-    texts += [
-        f"Highest {title}: {format_quantity(limits[key], unit, 3)}."
-        for key, unit, title in shown
-        if limits[key] is not None
-    ]
-    return texts
+@dataclass(frozen=True)
+class TakenParameter:
+    """A parameter of an effect before and after."""
+
+    name: str
+    before: Figure | None
+    after: Figure
 
 
-def _taken(answer: Answer, file: str) -> Iterator[str]:
-    before, after = answer["before"], answer["after"]
-    yield from labelled("taken", f"{join_names([r['name'] for r in answer['recordings']])} into {file}")
-    yield from labelled("found", answer["sentence"])
-    rows = [
-        (one["effect"], _probability(one["before"]), _probability(one["after"]), _change(one["effect"], before, after))
-        for one in answer["effects"]
-    ]
-    if rows:
-        yield from table(("effect", "before", "after", "named"), rows, texts=1)
-    for reason in dict.fromkeys(one["reason"] for one in answer["effects"] if one["reason"] in REJECTION_REASONS):
-        alike = join_names([one["effect"] for one in answer["effects"] if one["reason"] == reason])
-        yield from labelled("refused", f"{alike}. {REJECTION_REASONS[reason]}")
-    for one in answer["parameters"]:
-        old, new = (_interval(one[when]) for when in ("before", "after"))
-        yield from labelled("size", f"{one['name']}: {old} → {new}")
-    if before["verdict"] != after["verdict"]:
-        yield from labelled("verdict", f"{before['verdict'] or 'no diagnosis'} → {after['verdict']}")
+@dataclass(frozen=True)
+class Taken:
+    """What the recordings of a plan changed."""
+
+    schema: str
+    pipeline: str
+    recordings: Sequence[TakenRecording]
+    before: Diagnosed
+    after: Diagnosed
+    effects: Sequence[TakenEffect]
+    decided: Sequence[Decided]
+    parameters: Sequence[TakenParameter]
+    sentence: str
+
+    def lines(self, file: str, verbose: bool) -> Iterator[str]:
+        """Yield what was taken and what it decided, with probabilities and sizes before and after."""
+        yield from labelled("taken", f"{join_names([r.name for r in self.recordings])} into {file}")
+        yield from labelled("found", self.sentence)
+        rows = [(e.effect, _probability(e.before), _probability(e.after), self._change(e.effect)) for e in self.effects]
+        if rows:
+            yield from table(("effect", "before", "after", "named"), rows, texts=1)
+        for reason in dict.fromkeys(one.reason for one in self.effects):
+            if reason in REJECTION_REASONS:
+                alike = join_names([one.effect for one in self.effects if one.reason == reason])
+                yield from labelled("refused", f"{alike}. {REJECTION_REASONS[reason]}")
+        for one in self.parameters:
+            was = "not fitted" if one.before is None else format_figure(one.before)
+            yield from labelled("size", f"{one.name}: {was} → {format_figure(one.after)}")
+        if self.before.verdict != self.after.verdict:
+            yield from labelled("verdict", f"{self.before.verdict or 'no diagnosis'} → {self.after.verdict}")
+
+    def _change(self, effect: str) -> str:
+        """Return whether an effect was named, and is now."""
+        now = effect in self.after.missing
+        return ("as before" if now else "no longer") if effect in self.before.missing else "now" if now else ""
 
 
-def taken_sentence(before: Answer, after: Answer, decided: Sequence[Answer]) -> str:
-    """Return what new recordings decided."""
-    new = [one["effect"] for one in decided if one["now"] == "named"]
-    gone = [one["effect"] for one in decided if one["now"] == "refused"]
-    parts = [f"{join_names(new)} is now named" if len(new) == 1 else f"{join_names(new)} are now named"] if new else []
+def taken_sentence(missing: Sequence[str], decided: Sequence[Decided]) -> str:
+    """Return what new recordings decided; ``missing`` has the effects that are named now."""
+    new, gone = ([one.effect for one in decided if one.now == now] for now in ("named", "refused"))
+    parts = [f"{join_names(new)} {'is' if len(new) == 1 else 'are'} now named"] if new else []
     parts += [f"{join_names(gone)} is no longer named"] if gone else []
-    if parts:
-        return "; ".join(parts) + "."
-    named = join_names(after["missing"])
-    return f"The recordings decide nothing new: {named or 'no effect'} is named as before."
+    named = join_names(missing) or "no effect"
+    return f"{'; '.join(parts)}." if parts else f"The recordings decide nothing new: {named} is named as before."
 
 
 def _probability(value: float | None) -> str:
     return "–" if value is None else format_percent(value)
-
-
-def _change(effect: str, before: Answer, after: Answer) -> str:
-    """Return whether an effect was named, and is now."""
-    was, now = (effect in when["missing"] for when in (before, after))
-    return {(True, True): "as before", (False, True): "now", (True, False): "no longer", (False, False): ""}[was, now]
-
-
-def _interval(one: Answer | None) -> str:
-    return "not fitted" if one is None else format_interval(one["value"], one["unit"], one["ci95"])

@@ -17,12 +17,12 @@ from pneucli.compare.channel_errors import fit_percent
 from pneucli.errors import InputError, did_you_mean
 from pneucli.messages.envelope import envelope_indices
 from pneucli.messages.formatting import format_noise_ratio, format_number, in_display_unit, unit_symbol
-from pneucli.messages.history import effect_changes, models_on_current_data
+from pneucli.messages.history import Model, effect_changes, models_on_current_data
 from pneucli.notebook.data_frames import read_frame, select_rows
 from pneucli.quantities import SIGNALS
 from pneucli.report.figure import GREY, PALETTE, with_gaps
 from pneucli.stages import history
-from pneucli.stages.history import history_answer
+from pneucli.stages.history import compared_models
 
 if TYPE_CHECKING:
     from pneucli.notebook.run_data import RunData
@@ -216,7 +216,7 @@ def ladder_steps(run: RunData) -> list[LadderStep]:
     """Return the steps, oldest first; of a run without comparison those of the diagnosis alone."""
     suggested = run.ladder
     rows = [_diagnosed(row) for row in suggested.to_dict("records")]
-    history = history_answer(run.artifacts / "compare")
+    history = compared_models(run.artifacts / "compare")
     if not history:
         return rows
     models = models_on_current_data(history)
@@ -229,13 +229,13 @@ def _diagnosed(row: Mapping[Any, Any]) -> LadderStep:
     return LadderStep(f"+ {row['add']}" if named else "present model", errors, named)
 
 
-def _compared(models: Sequence[Mapping[str, Any]], i: int) -> LadderStep:
+def _compared(models: Sequence[Model], i: int) -> LadderStep:
     one = models[i]
-    label = " + ".join(one["effects"]) or "base model"
+    label = " + ".join(one.effects) or "base model"
     if i:
         label = effect_changes(models[i - 1], one) or "other parameters"
         label = label if label.startswith("without") else f"+ {label}"
-    return LadderStep(label + (" (present)" if one["current"] else ""), one["error"])
+    return LadderStep(label + (" (present)" if one.current else ""), one.error)
 
 
 def canvas(panels: int, height: float = PANEL_HEIGHT) -> tuple[NotebookFigure, list[Axes]]:

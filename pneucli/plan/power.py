@@ -23,7 +23,7 @@ from pneucli.identify.estimation.objective import LeastSquaresProblem
 from pneucli.identify.estimation.parameters import FreeParameter, null_value
 from pneucli.identify.estimation.score_test import initial_guesses
 from pneucli.identify.residuals import ResidualModel, residual_models
-from pneucli.messages.plan import GOOD_POWER
+from pneucli.messages.plan import GOOD_POWER, Power
 from pneucli.physics.declaration import Effect, Parameter, consists_of_times
 from pneucli.physics.sides import declared_name
 from pneucli.plan.manoeuvre import Manoeuvre, Outcome
@@ -215,27 +215,6 @@ def detection_power(size_over_error: float) -> float:
     0.8
     """
     return float(ndtr(size_over_error - DETECTION_LEVEL) + ndtr(-size_over_error - DETECTION_LEVEL))
-
-
-@dataclass(frozen=True)
-class Power:
-    """The power of a plan to find an effect of one size.
-
-    Attributes:
-        effect: Name of the effect.
-        parameter: Its leading parameter.
-        size: Distance of the parameter from its null; the value itself where it has no null; infinite: never found.
-        unit: Unit of the size.
-        power: Probability that an effect of this size is found.
-        typical: Whether the size is the typical one; else it is the smallest with a power of 80 %.
-    """
-
-    effect: str
-    parameter: str
-    size: float
-    unit: str
-    power: float
-    typical: bool
 
 
 def power_table(expectation: Expectation, information: Array) -> list[Power]:

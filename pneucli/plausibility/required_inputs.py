@@ -8,6 +8,7 @@ from typing import Literal
 
 import numpy as np
 
+from pneucli.messages.identify import Assumption
 from pneucli.recording import Recording, Rig
 
 MAX_NAMED_RECORDINGS = 3  # recordings that are named
@@ -24,14 +25,6 @@ class RequiredInput:
     key: str
     wanted: str
     example: str
-
-
-@dataclass(frozen=True)
-class Assumption:
-    """What the program took for granted because the pipeline file does not say it; ``instead`` is what would say it."""
-
-    what: str
-    instead: str
 
 
 AppliesTo = Callable[[Recording, Rig], bool]

@@ -5,17 +5,35 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from functools import partial
 from itertools import pairwise
-from typing import Any
 
-from pneucli.messages import compare, design, diagnose, history, run, simulate
-from pneucli.messages.formatting import format_noise_ratio, format_number, format_parameters, format_percent, join_names
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure as Canvas
+from matplotlib.ticker import FuncFormatter, NullLocator
+from numpy.typing import NDArray
+
+from pneucli.compare.error_regions import error_concentration
+from pneucli.messages import compare, design, diagnose, history, simulate
+from pneucli.messages.compare import Answer, ChannelResult, evaluation_error
+from pneucli.messages.diagnose import selected_step
+from pneucli.messages.envelope import envelope_indices, with_gap_indices
+from pneucli.messages.formatting import (
+    axis_title,
+    format_noise_ratio,
+    format_number,
+    format_parameters,
+    format_percent,
+    format_plain,
+    in_display_unit,
+    join_names,
+)
 from pneucli.messages.ingest import implausibility_sentences
-from pneucli.messages.verdict import selected_step
-from pneucli.report.report_data import ReportData
-from pneucli.report.worst_recording import find_worst_recording, worst_recording_figure
+from pneucli.quantities import SIGNALS
+from pneucli.report.figure import BLUE, GREY, ORANGE, render, with_gaps
+from pneucli.report.report_data import ReportData, Table
 
-Answer = Mapping[str, Any]
 LARGE_VERDICTS = {
     "adequate": "nothing further detected",
     "unexplained": "none of the catalogue",
@@ -83,12 +101,12 @@ def overview(material: ReportData) -> Overview:
 
 def _headline(material: ReportData) -> str:
     """Return rig, date, model and recordings in one line."""
-    compared, recordings = material.answer("compare"), material.answer("ingest").get("recordings", [])
+    compared, recordings = material.read(compare.Answer), material.answer("ingest").get("recordings", [])
     parts = [material.rig]
-    if compared.get("when"):
-        parts.append(f"compared on {compared['when'][:10]}")
-    if "model" in compared:
-        effects = join_names(compared["model"]["effects"])
+    if compared.when:
+        parts.append(f"compared on {compared.when[:10]}")
+    if "model" in material.answer("compare"):
+        effects = join_names(compared.model.effects)
         parts.append(f"base model{f' with {effects}' if effects else ''}")
     if recordings:
         tests = sum(r["use"] == "test" for r in recordings)
@@ -96,42 +114,42 @@ def _headline(material: ReportData) -> str:
     return " · ".join(filter(None, parts))
 
 
-def _comparable_models(material: ReportData) -> list[Answer]:
+def _comparable_models(material: ReportData) -> list[history.Model]:
     """Return the models that were compared with the present data, oldest first, the present one last."""
     return history.models_on_current_data(material.history) if material.history else []
 
 
 def _model(material: ReportData) -> Tile | None:
     """Return the error of the model, and that of the first one."""
-    answer = material.answer("compare")
-    use, error = compare.evaluation_error(answer.get("error", {}))
+    answer = material.read(compare.Answer)
+    use, error = compare.evaluation_error(answer.error)
     if error is None:
         return None
     here = _comparable_models(material)
-    first = here[0]["error"][use] if len(here) > 1 else None
+    first = here[0].error[use] if len(here) > 1 else None
     large = (
         f"{format_noise_ratio(first)} → {format_noise_ratio(error)} × noise"
         if first is not None
         else f"{format_noise_ratio(error)} × noise"
     )
-    added = [name for name in here[-1]["effects"] if name not in here[0]["effects"]] if here else []
-    sizes = format_parameters(run.added_parameters(here[-1], added)) if added else ""
+    added = [name for name in here[-1].effects if name not in here[0].effects] if here else []
+    sizes = format_parameters(here[-1].added(added)) if added else ""
     text = (
         f"with {join_names(added)}: {sizes}{_stated_probability(material, added)}."
         if added
-        else f"{compare.verdict(answer).partition(': ')[2]}."
+        else f"{answer.verdict.partition(': ')[2]}."
     )
     if use == "train":
         text += " No recording was held out: this is the error of the fitted recordings."
-    elif worst := compare.worst_channel_sentence(answer):
+    elif worst := answer.worst_channel:
         text += f" Worst: {worst}."
-    return Tile("The model", large, _capital(text), compare.overall_rating(answer))
+    return Tile("The model", large, _capital(text), answer.rating)
 
 
 def _stated_probability(material: ReportData, added: Sequence[str]) -> str:
     """Return the probability that the diagnosis stated for the added effects; "" where it stated none."""
-    candidates = [c for one in material.diagnoses for c in one.answer.get("candidates", [])]
-    stated = {c["effect"]: c["confidence"] for c in candidates if c["effect"] in added and c.get("confidence")}
+    candidates = [c for one in material.diagnoses for c in one.answer.candidates]
+    stated = {c.effect: c.confidence for c in candidates if c.effect in added and c.confidence}
     if not stated:
         return ""
     is_single = len(stated) == 1
@@ -141,13 +159,13 @@ def _stated_probability(material: ReportData, added: Sequence[str]) -> str:
 
 def _missing(material: ReportData) -> Tile | None:
     """Return the verdict of the diagnosis, and the evidence for it."""
-    answer = material.answer("diagnose")
-    if not answer:
+    if not material.answer("diagnose"):
         return None
+    answer = material.read(diagnose.Answer)
     evidence = diagnose.evidence_summary(answer)
-    text = f"{answer['sentence']}{f' Evidence: {evidence}.' if evidence else ''}"
-    large = join_names(answer["missing"]) or LARGE_VERDICTS[answer["verdict"]]
-    return Tile("Missing effect", large, text, "good" if answer["verdict"] == "adequate" else "bad")
+    text = f"{answer.sentence}{f' Evidence: {evidence}.' if evidence else ''}"
+    large = join_names(answer.missing) or LARGE_VERDICTS[answer.verdict]
+    return Tile("Missing effect", large, text, "good" if answer.verdict == "adequate" else "bad")
 
 
 def _controller(material: ReportData) -> Tile | None:
@@ -175,24 +193,24 @@ def selection_path(material: ReportData) -> list[PathStep]:
     here = _comparable_models(material)
     if not here:
         return []
-    use, _ = compare.evaluation_error(here[-1]["error"])
+    use, _ = compare.evaluation_error(here[-1].error)
     shown = here if len(here) <= MAX_STEPS else [*here[: MAX_STEPS // 2], *here[MAX_STEPS // 2 - MAX_STEPS :]]
-    steps = [(label, m["error"][use], False, m is here[-1]) for label, m in zip(_labels(shown), shown, strict=True)]
-    answer = material.answer("diagnose")
-    if answer.get("missing"):
-        error = selected_step(answer)[f"error_{use}"]
-        steps.append((f"+ {' + '.join(answer['missing'])}", error, True, False))
+    steps = [(label, m.error[use], False, m is here[-1]) for label, m in zip(_labels(shown), shown, strict=True)]
+    answer = material.read(diagnose.Answer)
+    if answer.missing:
+        error = selected_step(answer).error[use]
+        steps.append((f"+ {' + '.join(answer.missing)}", error, True, False))
     most = max([2.0, *(error for _, error, _, _ in steps if error is not None)])
     return [PathStep(label, format_noise_ratio(error), _length(error, most), *kind) for label, error, *kind in steps]
 
 
-def _labels(models: Sequence[Answer]) -> Iterator[str]:
+def _labels(models: Sequence[history.Model]) -> Iterator[str]:
     """Yield the effects of the first model, and those that each later model adds and removes."""
-    effects = join_names(models[0]["effects"])
+    effects = join_names(models[0].effects)
     yield f"base model{f' with {effects}' if effects else ''}"
     for before, after in pairwise(models):
-        added = [f"+ {n}" for n in after["effects"] if n not in before["effects"]]
-        removed = [f"− {n}" for n in before["effects"] if n not in after["effects"]]
+        added = [f"+ {n}" for n in after.effects if n not in before.effects]
+        removed = [f"− {n}" for n in before.effects if n not in after.effects]
         yield " ".join([*added, *removed]) or "fitted again"
 
 
@@ -203,22 +221,22 @@ def _length(error: float | None, most: float) -> float:
 
 def _worst_failure(material: ReportData, pictured: str) -> str:
     """Return in one sentence where the model fails worst, preferably in the recording that is ``pictured``."""
-    answer = material.first_comparison.answer if material.first_comparison else material.answer("compare")
-    found = sorted(compare.grouped_regions(answer), key=lambda event: event[0]["recording"] != pictured)
+    answer = material.first_comparison.answer if material.first_comparison else material.read(compare.Answer)
+    found = sorted(answer.events, key=lambda event: event[0].recording != pictured)
     if not found:
-        return compare.even_error_sentence(answer) if answer else ""
+        return answer.even_error if material.answer("compare") else ""
     return f"{'It failed' if material.first_comparison else 'It fails'} most in {compare.describe_event(found[0])}."
 
 
 def _next_command(material: ReportData) -> str:
     """Return the next step, with its command."""
-    answer = material.answer("diagnose")
-    if not answer:
+    answer = material.read(diagnose.Answer)
+    if not material.answer("diagnose"):
         return f"Next: pneucli diagnose {material.file}" if material.answer("compare") else ""
-    if answer["verdict"] == "adequate" and "closed_loop" in material.answer("simulate"):
+    if answer.verdict == "adequate" and "closed_loop" in material.answer("simulate"):
         return f"Next: pneucli export {material.file} --to c"
-    if answer.get("next_experiment") and not answer["missing"] and not answer.get("impossible"):
-        purpose, colon, _ = answer["next_experiment"].partition(":")
+    if answer.next_experiment and not answer.missing and not answer.impossible:
+        purpose, colon, _ = answer.next_experiment.partition(":")
         about = (
             f"{purpose[:1].lower()}{purpose[1:]}, see" if colon and len(purpose) <= MAX_PURPOSE else "the experiment in"
         )
@@ -245,3 +263,133 @@ def _first_doubt(material: ReportData) -> str:
 
 def _capital(text: str) -> str:
     return text[:1].upper() + text[1:]
+
+
+Array = NDArray[np.float64]
+FIGURE_SIZES = {"wide": (8.6, 4.3), "narrow": (4.3, 4.6)}  # inches, on a desk and on a telephone
+MAX_SAMPLES = 1500  # samples of a curve
+CONTEXT_RESTARTS = 2.0  # restart intervals on each side of the marked interval; at least the interval's own length
+BAND_SIGMA = 2.0  # standard deviations
+
+
+@dataclass(frozen=True)
+class WorstRecording:
+    """One channel of one recording, SI: the models before (None where there is only one) and after, each (n,).
+
+    ``noise`` is the rms error of a correct model, ``stretch`` the interval (s) in which the error is worst.
+    """
+
+    recording: str
+    kind: str
+    channel: str
+    unit: str
+    noise: float
+    time: Array
+    measured: Array
+    before: Array | None
+    after: Array
+    segment: Array
+    stretch: tuple[float, float] | None
+    horizon: float
+    error_ratios: tuple[float | None, float]
+
+
+def worst_recording_figure(found: WorstRecording) -> tuple[dict[str, str], str]:
+    """Return the picture as SVG in each of ``FIGURE_SIZES``, and its caption."""
+    pictures = {name: render(partial(_draw, found), *size) for name, size in FIGURE_SIZES.items()}
+    before, now = found.error_ratios
+    ratio = format_noise_ratio(now)
+    if before is not None:
+        ratio = f"{format_noise_ratio(before)} → {ratio}"
+    shaded = "Shaded: the interval with the largest error. " if found.stretch else ""
+    return pictures, (
+        f"{found.channel} in {found.recording}, the worst {found.kind}recording: {ratio} × noise. {shaded}Below: "
+        f"measured − model, with the band of ± {format_plain(BAND_SIGMA)} σ of a correct model. The model restarts "
+        f"from the measurement every {format_plain(found.horizon)} s (ticks)."
+    )
+
+
+def find_worst_recording(material: ReportData) -> WorstRecording | None:
+    """Return the channel with the largest error over noise, that of the first model where there was one."""
+    answer, residuals = material.read(Answer), material.table("compare/residuals")
+    first = material.first_comparison
+    judge = first.answer if first else answer
+    use, _ = evaluation_error(answer.error)
+    channels = {c.key: c for c in answer.channels if c.noise > 0.0}
+    ratios = [
+        c
+        for c in judge.channels
+        if c.use == use
+        and c.ratio_to_noise > 0.0
+        and c.key in channels
+        and c.recording not in material.steady_recordings  # they have a chapter of their own, over pressures
+    ]
+    if not ratios or not len(residuals):
+        return None
+    worst = max(ratios, key=lambda c: c.ratio_to_noise)
+    rows = _rows(residuals, worst)
+    earlier = _rows(first.table, worst) if first else None
+    if earlier is not None and len(earlier) != len(rows):
+        earlier = None
+    error = rows["residual"] if earlier is None else earlier["residual"]
+    stretch = error_concentration(rows["time"], np.nan_to_num(error) ** 2)
+    now = channels[worst.key]
+    return WorstRecording(
+        *(worst.recording, "held-out " if use == "test" else "", worst.channel, worst.unit, now.noise),
+        *(rows["time"], rows["measured"]),
+        None if earlier is None else earlier["model"],
+        *(rows["model"], rows["segment"]),
+        stretch[:2] if stretch else None,
+        answer.horizon_s,
+        (None if earlier is None else worst.ratio_to_noise, now.ratio_to_noise),
+    )
+
+
+def _rows(residuals: Table, channel: ChannelResult) -> Table:
+    return residuals.where(recording=channel.recording, channel=channel.channel)
+
+
+def _draw(found: WorstRecording, canvas: Canvas) -> None:
+    upper, lower = canvas.subplots(2, 1, sharex=True, height_ratios=[2.4, 1])
+    indices = _shown_samples(found)
+    time = found.time[indices]
+    curves = [("measured", found.measured, GREY, "-", 3.0)]
+    if found.before is not None:
+        curves.append(("before", found.before, BLUE, "--", 1.3))
+    curves.append(("model" if found.before is None else "after", found.after, ORANGE, "-", 1.3))
+    for label, values, colour, style, width in curves:
+        drawn = values[indices] if label == "measured" else with_gaps(values[indices], found.segment[indices])
+        upper.plot(time, in_display_unit(drawn, found.unit), style, color=colour, linewidth=width, label=label)
+        if label != "measured":
+            residual = with_gaps((found.measured - values)[indices], found.segment[indices]) / found.noise
+            lower.plot(time, residual, style, color=colour, linewidth=1.0)
+    _frame(found, upper, lower, time)
+    upper.set_ylabel(axis_title(found.channel).replace(SIGNALS[found.channel].title, found.channel))
+    canvas.legend(loc="outside upper left", ncols=3)
+
+
+def _frame(found: WorstRecording, upper: Axes, lower: Axes, time: Array) -> None:
+    """Mark the interval with the largest error, the restarts and the band of the noise."""
+    starts = found.time[np.flatnonzero(np.diff(found.segment)) + 1]
+    for axes in (upper, lower):
+        if found.stretch:
+            axes.axvspan(*found.stretch, color=ORANGE, alpha=0.12, linewidth=0)
+    upper.plot(starts, np.zeros(starts.size), "|", color=GREY, markersize=7, transform=upper.get_xaxis_transform())
+    lower.axhspan(-BAND_SIGMA, BAND_SIGMA, color=GREY, alpha=0.3, linewidth=0)
+    lower.set_yscale("symlog", linthresh=BAND_SIGMA, linscale=0.6)
+    most = max(abs(end) for end in lower.get_ylim())
+    powers = [10.0**k for k in range(1, 7) if 10.0**k < most]
+    lower.set_yticks([*(-p for p in powers), -BAND_SIGMA, BAND_SIGMA, *powers], minor=False)
+    lower.yaxis.set_major_formatter(FuncFormatter(lambda value, _: format_plain(value)))
+    lower.yaxis.set_minor_locator(NullLocator())
+    lower.set(xlabel="time in s", ylabel="× noise", xlim=(time[0], time[-1]))
+
+
+def _shown_samples(found: WorstRecording) -> NDArray[np.int64]:
+    """Return the samples to draw: the marked interval and as much on each side, with every peak."""
+    low, high = found.stretch or (found.time[0], found.time[-1])
+    margin = max(high - low, CONTEXT_RESTARTS * found.horizon)
+    window = np.flatnonzero((found.time >= low - margin) & (found.time <= high + margin))
+    curves = [c[window] for c in (found.measured, found.before, found.after) if c is not None]
+    error = (found.measured - found.after)[window]
+    return window[with_gap_indices(envelope_indices(curves, MAX_SAMPLES), error)]

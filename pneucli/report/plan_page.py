@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from itertools import islice
-from typing import Any
 
 import numpy as np
 from matplotlib.ticker import FuncFormatter, NullFormatter
@@ -19,7 +18,7 @@ from pneucli.messages.formatting import (
     format_quantity,
     in_display_unit,
 )
-from pneucli.messages.plan import GOOD_POWER, by_hand_title, limit_texts, manoeuvre_text, refused_text
+from pneucli.messages.plan import GOOD_POWER, Answer
 from pneucli.plan.power import Difference, Prediction
 from pneucli.quantities import SIGNALS
 from pneucli.report.figure import GREY, PALETTE, Drawing, drawing, figures
@@ -29,8 +28,6 @@ from pneucli.report.page_elements import Cell, Grid, Note, Part, Section
 from pneucli.version import __version__
 
 Array = NDArray[np.float64]
-Answer = Mapping[str, Any]
-
 MAX_SAMPLES = 600  # of a curve
 MAX_PLOTTED_RIVALS = 6
 LOWEST_DIFFERENCE = 0.1  # of the noise, the bottom of the drawing
@@ -54,53 +51,51 @@ def plan_page(answer: Answer, predictions: Sequence[Prediction]) -> str:
         *_power(answer),
         _limits(answer),
     ]
-    front = Overview(answer["sentence"], _tiles(answer), {}, "", [], "", "", "")
-    return render_page(f"{answer['pipeline']}: next experiment", front, sections, {"made by": f"pneucli {__version__}"})
+    front = Overview(answer.sentence, _tiles(answer), {}, "", [], "", "", "")
+    return render_page(f"{answer.pipeline}: next experiment", front, sections, {"made by": f"pneucli {__version__}"})
 
 
 def _tiles(answer: Answer) -> list[Tile]:
-    count = len(answer["recordings"])
-    tiles = [Tile("Machine time", f"{answer['seconds']:.0f} s", f"{count} recordings, changes between them included")]
-    if answer["expected"]:
-        likely = sum(e["power"] >= GOOD_POWER for e in answer["expected"])
+    count = len(answer.recordings)
+    tiles = [Tile("Machine time", f"{answer.seconds:.0f} s", f"{count} recordings, changes between them included")]
+    if answer.expected:
+        likely = sum(e.is_shown for e in answer.expected)
         text = "hypotheses that the recordings would show if they are true (power of 80 %)"
-        tiles.append(Tile("Would be shown", f"{likely} of {len(answer['expected'])}", text))
+        tiles.append(Tile("Would be shown", f"{likely} of {len(answer.expected)}", text))
     return tiles
 
 
 def _programme(answer: Answer) -> Section:
     rows = [
         (
-            r["name"],
-            "fitted" if r["use"] == "train" else "held out",
-            manoeuvre_text(r),
-            f"{r['bench']}, {by_hand_title(r)}",
-            Cell(f"{r['begin']:.1f}"),
-            Cell(f"{r['end']:.1f}"),
+            r.name,
+            "fitted" if r.use == "train" else "held out",
+            r.manoeuvre,
+            f"{r.bench}, {r.drive_title}",
+            Cell(f"{r.begin:.1f}"),
+            Cell(f"{r.end:.1f}"),
         )
-        for r in answer["recordings"]
+        for r in answer.recordings
     ]
     head = ("recording", "use", "manoeuvre", "bench", "from, s", "to, s")
     parts: list[Part] = [Grid("Times of commands.csv", head, rows)]
-    parts += [Note(f"{m['recording']}: {m['text']}", "warning") for m in answer["manual"]]
+    parts += [Note(f"{m.recording}: {m.text}", "warning") for m in answer.manual]
     lead = "Make these recordings in this order; steps.md says how, commands.csv holds the commands."
     return Section("programme", "Programme", lead, parts)
 
 
 def _expected(answer: Answer) -> list[Section]:
-    if not answer["rivals"]:
+    if not answer.rivals:
         return []
     rows = []
-    for e in answer["expected"]:
-        found = {
-            r["name"]: r["times_noise"][e["effect"]] for r in answer["recordings"] if e["effect"] in r["times_noise"]
-        }
+    for e in answer.expected:
+        found = {r.name: r.times_noise[e.effect] for r in answer.recordings if e.effect in r.times_noise}
         best = max(found, key=found.__getitem__, default=None)
         rows.append(
             (
-                e["rival"],
-                Cell("–" if e["probability_before"] is None else format_percent(e["probability_before"])),
-                Cell(format_percent(e["power"]), e["power"], "good" if e["power"] >= GOOD_POWER else ""),
+                e.rival,
+                Cell("–" if e.probability_before is None else format_percent(e.probability_before)),
+                Cell(format_percent(e.power), e.power, "good" if e.is_shown else ""),
                 Cell("–" if best is None else format_number(found[best], 2)),
                 best or "–",
             )
@@ -116,22 +111,20 @@ def _expected(answer: Answer) -> list[Section]:
 
 def _recordings(answer: Answer, predictions: Sequence[Prediction]) -> list[Section]:
     sections = []
-    for number, (row, one) in enumerate(zip(answer["recordings"], predictions, strict=True), 1):
+    for number, (row, one) in enumerate(zip(answer.recordings, predictions, strict=True), 1):
         drawings, time = [], one.outcome.time
-        for signal in (row["column"], *(["x"] if one.outcome.x is not None else []), "p1"):
+        for signal in (row.column, *(["x"] if one.outcome.x is not None else []), "p1"):
             values = one.outcome.readings[signal]
             kept = envelope_indices([values], MAX_SAMPLES)
-            caption = (
-                f"{SIGNALS[signal].title}: {'command' if signal == row['column'] else 'as the best model predicts'}"
-            )
+            caption = f"{SIGNALS[signal].title}: {'command' if signal == row.column else 'as the best model predicts'}"
             with drawing(caption, "time in s", axis_title(signal), 2.3) as figure:
                 figure.axes.plot(time[kept], in_display_unit(values[kept], SIGNALS[signal].unit))
             drawings.append(figure)
         if one.differences:
             drawings.append(_differences(time, dict(islice(one.differences.items(), MAX_PLOTTED_RIVALS))))
-        text = manoeuvre_text(row)
+        text = row.manoeuvre
         lead = f"{text[0].upper()}{text[1:]}."
-        sections.append(Section(f"recording-{number}", row["name"], lead, figures(drawings), number > 3))
+        sections.append(Section(f"recording-{number}", row.name, lead, figures(drawings), number > 3))
     return sections
 
 
@@ -166,19 +159,19 @@ def running_rms(values: Array, time: Array) -> Array:
 
 
 def _power(answer: Answer) -> list[Section]:
-    if not answer.get("power"):
+    if not answer.power:
         return []
-    least = {p["effect"]: p for p in answer["power"] if not p["typical"]}
+    least = {p.effect: p for p in answer.power if not p.typical}
     rows = []
-    for p in sorted((p for p in answer["power"] if p["typical"]), key=lambda p: -p["power"]):
-        smallest = least.get(p["effect"])
-        found = "–" if smallest is None else format_quantity(smallest["size"], p["unit"], 2)
+    for p in sorted((p for p in answer.power if p.typical), key=lambda p: -p.power):
+        smallest = least.get(p.effect)
+        found = "–" if smallest is None else format_quantity(smallest.size, p.unit, 2)
         rows.append(
             (
-                p["effect"],
-                p["parameter"],
-                Cell(format_quantity(p["size"], p["unit"], 2)),
-                Cell(format_percent(p["power"]), p["power"], "good" if p["power"] >= GOOD_POWER else ""),
+                p.effect,
+                p.parameter,
+                Cell(format_quantity(p.size, p.unit, 2)),
+                Cell(format_percent(p.power), p.power, "good" if p.power >= GOOD_POWER else ""),
                 Cell(found),
             )
         )
@@ -190,10 +183,10 @@ def _power(answer: Answer) -> list[Section]:
 
 
 def _limits(answer: Answer) -> Section:
-    parts: list[Part] = [Note(text) for text in limit_texts(answer["limits"])]
-    refused = [(refused_text(one),) for one in answer["refused"]]
+    parts: list[Part] = [Note(text) for text in answer.limit_texts]
+    refused = [(one.reason,) for one in answer.refused]
     if refused:
-        caption = f"Refused manoeuvres ({answer['refused_count']})"
+        caption = f"Refused manoeuvres ({answer.refused_count})"
         parts.append(Grid(caption, ("manoeuvre and limit",), refused, folded=True))
     lead = "Every recording was simulated with each rival, and with parameters off by their intervals."
     return Section("limits", "Limits", lead, parts)

@@ -5,13 +5,17 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
-from typing import Any
+from typing import Any, Generic, TypeVar
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from pneucli.experiments import EXPERIMENT_KINDS
+from pneucli.figure import read
+from pneucli.messages import compare, diagnose
+from pneucli.messages.history import Model
 
+T = TypeVar("T")
 Array = NDArray[np.float64]
 
 
@@ -75,10 +79,10 @@ class Check:
 
 
 @dataclass(frozen=True)
-class EarlierAnswer:
+class EarlierAnswer(Generic[T]):
     """An earlier answer of a stage about an earlier model on the same data, and a table that was stored with it."""
 
-    answer: Mapping[str, Any]
+    answer: T
     table: Table = field(default_factory=lambda: Table({}))
 
 
@@ -103,13 +107,17 @@ class ReportData:
     footer: Mapping[str, str] = field(default_factory=dict)
     rig: str = ""
     file: str = "pipeline.toml"
-    history: Sequence[Mapping[str, Any]] = ()
-    first_comparison: EarlierAnswer | None = None
-    diagnoses: Sequence[EarlierAnswer] = ()
+    history: Sequence[Model] = ()
+    first_comparison: EarlierAnswer[compare.Answer] | None = None
+    diagnoses: Sequence[EarlierAnswer[diagnose.Answer]] = ()
 
     def answer(self, stage: str) -> Mapping[str, Any]:
         """Return a stage's answer, empty where there is none."""
         return self.answers.get(stage, {})
+
+    def read(self, kind: type[T]) -> T:
+        """Return the answer of a stage as its type in :mod:`pneucli.messages`, empty where there is none."""
+        return read(kind, self.answer(kind.__module__.rpartition(".")[2]))
 
     @property
     def steady_recordings(self) -> set[str]:

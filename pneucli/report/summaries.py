@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+import math
+from collections.abc import Iterator, Sequence
 from typing import Any
 from xml.etree import ElementTree
 
-from pneucli.messages.compare import describe_event, grouped_regions, test_first
+from pneucli.messages import compare, diagnose
+from pneucli.messages.compare import describe_event, test_first
 from pneucli.messages.formatting import (
     format_fit,
     format_interval,
@@ -38,10 +40,10 @@ def _lines(material: ReportData, first: Overview) -> Iterator[str]:
     if len(material.history) > 1:
         rows = [
             (
-                m["when"],
-                ", ".join(m["effects"]) or "base model",
-                _number(m["error"]["test"]),
-                _number(m["error"]["train"]),
+                m.when,
+                ", ".join(m.effects) or "base model",
+                _number(m.error["test"]),
+                _number(m.error["train"]),
             )
             for m in models_on_current_data(material.history)
         ]
@@ -49,9 +51,9 @@ def _lines(material: ReportData, first: Overview) -> Iterator[str]:
     if material.checks:
         checks = [(c.path, c.wanted, _number(c.value), "FAILED" if c.failure else "passed") for c in material.checks]
         yield from _table("Checks", ("check", "wanted", "found", ""), checks)
-    yield from _comparison(material.answer("compare"))
-    if ladder := material.answer("diagnose").get("ladder"):
-        steps = [(s["add"] or "model as given", _number(s["error_train"]), _number(s["error_test"])) for s in ladder]
+    yield from _comparison(material.read(compare.Answer))
+    if ladder := material.read(diagnose.Answer).ladder:
+        steps = [(s.add or "model as given", _number(s.error_train), _number(s.error_test)) for s in ladder]
         yield from _table("Selection path, error over noise", ("add", "train", "test"), steps)
     if parameters := material.answer("identify").get("model", {}).get("parameters"):
         estimates = [(n, format_interval(p["value"], p["unit"], p["ci95"])) for n, p in parameters.items()]
@@ -67,25 +69,25 @@ def _overview_lines(first: Overview) -> Iterator[str]:
     yield from filter(None, (first.doubt, first.checks, first.failed, first.following))
 
 
-def _comparison(answer: Mapping[str, Any]) -> Iterator[str]:
-    if not answer:
+def _comparison(answer: compare.Answer) -> Iterator[str]:
+    if not answer.channels:
         return
     head = ("recording", "use", "channel", "rms error", "of range", "fit", "noise", "× noise")
-    yield from _table("Model against measurement", head, [_channel(c) for c in test_first(answer["channels"])])
-    if answer.get("where"):
+    yield from _table("Model against measurement", head, [_channel(c) for c in test_first(answer.channels)])
+    if answer.where:
         yield from (
             "",
             "## Where the error concentrates, worst first",
             "",
-            *(f"- {describe_event(e)}" for e in grouped_regions(answer)[:10]),
+            *(f"- {describe_event(e)}" for e in answer.events[:10]),
         )
 
 
-def _channel(c: Mapping[str, Any]) -> Row:
-    share = "–" if c["percent"] is None else f"{format_number(c['percent'], 3)} %"
-    rmsd, noise = (format_quantity(c[key], c["unit"], 3) for key in ("rmsd", "noise"))
-    ratio = format_noise_ratio(c["ratio_to_noise"])
-    return c["recording"], c["use"], c["channel"], rmsd, share, format_fit(c["fit_percent"]), noise, ratio
+def _channel(c: compare.ChannelResult) -> Row:
+    share = "–" if math.isnan(c.percent) else f"{format_number(c.percent, 3)} %"
+    rmsd, noise = (format_quantity(size, c.unit, 3) for size in (c.rmsd, c.noise))
+    ratio = format_noise_ratio(c.ratio_to_noise)
+    return c.recording, c.use, c.channel, rmsd, share, format_fit(c.fit_percent), noise, ratio
 
 
 def _table(title: str, head: Sequence[str], rows: Sequence[Row]) -> Iterator[str]:

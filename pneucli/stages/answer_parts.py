@@ -4,21 +4,22 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import asdict, replace
-from typing import Any
+from dataclasses import replace
 
-from pneucli.compare.beyond_fitted import beyond_fitted
-from pneucli.compare.channel_errors import ChannelResult, Comparison, assess_purpose
+from pneucli.compare.channel_errors import assess_purpose
 from pneucli.compare.free_run import exceeds_limit
 from pneucli.compare.goodness_of_fit import GoodnessOfFit
 from pneucli.config.stage_tables import Channel
-from pneucli.diagnose.adequacy import LackOfFit
+from pneucli.diagnose import adequacy as balances
+from pneucli.figure import Figure
 from pneucli.identify.estimation.fit import Estimate
 from pneucli.identify.guesses.base_model import PLACEHOLDER_VOLUME
-from pneucli.identify.leak_rate import FLOW_UNIT, leak_flows, pressure_losses
+from pneucli.identify.leak_rate import leak_flows, pressure_losses
 from pneucli.identify.valve.uncertainty import DEFAULT_TEMPERATURE, Measurement
+from pneucli.messages.compare import ChannelResult, Divergence, ExcessBalance, LackOfFit, Purpose, WorstChannel
 from pneucli.messages.formatting import format_signal
-from pneucli.plausibility.required_inputs import Assumption, assumptions, volumes_to_identify
+from pneucli.messages.identify import Assumption, LeakArea, Leaks
+from pneucli.plausibility.required_inputs import assumptions, volumes_to_identify
 from pneucli.quantities import axis_parameter_name
 from pneucli.recording import Rig
 from pneucli.simulate.model import Model, has_parameter, parameter_value
@@ -77,9 +78,13 @@ def assumed_values(study: PipelineData, names: set[str]) -> list[Assumption]:
     return [*found, *assumptions(study.recordings, rig), *instead]
 
 
-def parameters_answer(estimates: list[Estimate]) -> dict[str, Any]:
-    """Return the parameters as the JSON answers hold them; an open end of an interval is null."""
-    return {e.name: {"value": e.value, "unit": e.unit, "ci95": list(e.open_interval)} for e in estimates}
+def figures_of(estimates: Sequence[Estimate]) -> dict[str, Figure]:
+    """Return the parameters by name; an open end of an interval is not finite."""
+    found = {}
+    for e in estimates:
+        low, high = e.open_interval
+        found[e.name] = Figure(e.value, -math.inf if low is None else low, math.inf if high is None else high, e.unit)
+    return found
 
 
 def only_ratio_identifiable(study: PipelineData) -> bool:
@@ -107,78 +112,42 @@ def per_vessel_volume(estimate: Estimate, study: PipelineData) -> Estimate:
     return replace(estimate, unit=unit, value=value, error=error, ci95=(factor * low, factor * high))
 
 
-def leak_answer(study: PipelineData, model: Model, estimates: list[Estimate]) -> dict[str, Any]:
+def leaks_of(study: PipelineData, model: Model, estimates: list[Estimate]) -> Leaks | None:
     """Return what the answer says of leaks, in the units of the trade, and what an area takes for granted of heat."""
-    lost = [asdict(one) for one in pressure_losses(study.experiments, study.rig)]
-    flows = [
-        asdict(one) | {"unit": FLOW_UNIT}
-        for one in leak_flows(model, study.experiments, volume_known=not only_ratio_identifiable(study))
-    ]
+    lost = [*pressure_losses(study.experiments, study.rig)]
+    flows = [*leak_flows(model, study.experiments, volume_known=not only_ratio_identifiable(study))]
     leaking = {f"{e.name}.area" for e in model.effects if any(port.startswith("leak_") for port in e.ports)}
     simulated = any("heat" in e.ports for e in model.effects)
     mine = [e for e in estimates if e.name in leaking and not simulated]
     exponent, kappa = model.base_values()["rig.polytropic_exponent"], study.rig.heat_capacity_ratio
-    areas = [
-        {
-            "name": e.name,
-            "unit": e.unit,
-            "exponent": exponent,
-            "isothermal": e.value * exponent,
-            "adiabatic": e.value * exponent / kappa,
-        }
-        for e in mine
-    ]
-    return {"leaks": {"lost": lost, "flows": flows, "areas": areas}} if lost or flows else {}
+    areas = [LeakArea(e.name, e.unit, exponent, e.value * exponent, e.value * exponent / kappa) for e in mine]
+    return Leaks(lost, flows, areas) if lost or flows else None
 
 
-def purpose_answer(results: Sequence[ChannelResult], tolerances: Mapping[Channel, float]) -> dict[str, Any] | None:
-    """Return whether the model serves its user, as JSON has it; None where no channel can tell."""
-    found = assess_purpose(results, {str(channel): limit for channel, limit in tolerances.items()})
-    return None if found is None else {"adequate": found.adequate, "worst": asdict(found.worst)}
+def purpose_of(results: Sequence[ChannelResult], tolerances: Mapping[Channel, float]) -> Purpose | None:
+    """Return whether the model serves its user; None where no channel can tell."""
+    return assess_purpose(results, {str(channel): limit for channel, limit in tolerances.items()})
 
 
-def lack_of_fit_answer(judged: GoodnessOfFit | None, balance: LackOfFit | None = None) -> dict[str, Any] | None:
-    """Return the entry ``lack_of_fit`` (interface, section 8); None where nothing was compared.
+def lack_of_fit(judged: GoodnessOfFit | None, balance: balances.LackOfFit | None = None) -> LackOfFit | None:
+    """Return the one judgement as the answers have it (interface, section 8); None where nothing was compared.
 
     ``balance`` is the subsystem that errs by more than noise.
     """
     if judged is None:
         return None
-    worst = judged.worst
-    return {
-        "present": judged.lacks or balance is not None,
-        "p": judged.p,
-        "undetermined": judged.undetermined,
-        "use": judged.use,
-        "error": judged.error,
-        "limit": judged.limit,
-        "excused": judged.excused,
-        "worst": None
-        if worst is None
-        else {"recording": worst.recording, "channel": worst.channel, "ratio_to_noise": worst.ratio_to_noise},
-        "balance": None
-        if balance is None
-        else {"subsystem": balance.kind.title, "channel": balance.channel, "times_noise": balance.ratio},
-    }
+    worst, present = judged.worst, judged.lacks or balance is not None
+    return LackOfFit(
+        *(present, judged.p, judged.undetermined, judged.use, judged.error, judged.limit, judged.excused),
+        None if worst is None else WorstChannel(worst.recording, worst.channel, worst.ratio_to_noise),
+        None if balance is None else ExcessBalance(balance.kind.title, balance.channel, balance.ratio),
+    )
 
 
-def free_run_answer(result: ChannelResult) -> dict[str, float | None]:
-    """Return the entry ``free_run`` of a channel: its error over the whole recording."""
-    values = {key: getattr(result, key) for key in FREE_RUN_KEYS}
-    return {key: None if v is None or not math.isfinite(v) else v for key, v in values.items()}
-
-
-def diverging_answer(found: Sequence[ChannelResult]) -> list[dict[str, Any]]:
-    """Return the entry ``free_run`` of an answer: the channels whose error exceeds its limit, the largest first."""
+def divergences(found: Sequence[ChannelResult]) -> list[Divergence]:
+    """Return the channels whose error over the whole recording exceeds its limit, the largest first."""
     beyond = sorted(filter(exceeds_limit, found), key=lambda r: -r.rmsd / max(r.measured_range, r.noise))
-    return [{"recording": r.recording, "channel": r.channel, "unit": r.unit} | free_run_answer(r) for r in beyond]
-
-
-def beyond_fitted_answer(comparisons: Sequence[Comparison]) -> dict[str, Any]:
-    """Return the entries about held-out samples beyond the range of the fitted recordings."""
-    found, within = beyond_fitted(comparisons)
-    rows = [{"from" if key == "from_" else key: value for key, value in asdict(one).items()} for one in found]
-    return {"beyond_fitted": rows, "error_within_fitted": within}
+    return [Divergence(r.recording, r.channel, r.unit, *(getattr(r, key) for key in FREE_RUN_KEYS)) for r in beyond]
 
 
 def measurement_of(study: PipelineData) -> Measurement:

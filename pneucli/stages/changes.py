@@ -5,14 +5,14 @@ from __future__ import annotations
 import json
 import os
 from collections.abc import Mapping, Sequence
-from dataclasses import asdict, replace
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from pneucli.changes.attribution import Change, Changes, attribute_changes
+from pneucli.changes.attribution import attribute_changes
 from pneucli.changes.baseline import Baseline, Coordinate, TypicalEffect, align, fit_baseline
 from pneucli.changes.comparison import ALARM_RATE
 from pneucli.changes.repeatability import (
@@ -32,6 +32,7 @@ from pneucli.identify.estimation.fit import Fit, StoppingRule, fit
 from pneucli.identify.estimation.model_fit import free_parameters
 from pneucli.identify.residuals import ResidualModel
 from pneucli.io.artifacts import read_table, sha256_of, write_table
+from pneucli.messages.diagnose import Change, Since
 from pneucli.physics.effects import select_effects
 from pneucli.pipeline import manifest as staleness
 from pneucli.pipeline.context import Context
@@ -88,7 +89,9 @@ def read_repeat(folder: Path, options: Mapping[str, Any]) -> RepeatDifferences:
     return dict(answer["repeat"])
 
 
-def compare_with_baseline(pipeline: PipelineData, data: DiagnosisData, options: Mapping[str, Any]) -> dict[str, Any]:
+def compare_with_baseline(
+    pipeline: PipelineData, data: DiagnosisData, options: Mapping[str, Any]
+) -> tuple[Since, Sequence[Change]]:
     """Return the entries ``since`` and ``changes`` of the answer."""
     folder, rate = Path(options["folder"]), float(options["alarm_rate"])
     model, old = _baseline_model(pipeline, folder)
@@ -104,12 +107,9 @@ def compare_with_baseline(pipeline: PipelineData, data: DiagnosisData, options: 
     changes = attribute_changes(
         old, new, fit, residual_models, data.effects, rate, repeatability, quantity_names(whole, old)
     )
-    answer = _comparison_answer(folder, rate, changes) | {
-        "sha256": options["sha256"],
-        "repeat": repeat_differences(whole, old, new),
-    }
-    answer["repeatability"] = _repeatability(repeatability, old, repeats)
-    return {"since": answer, "changes": [_change_answer(c) for c in changes.changes]}
+    differences, typical = repeat_differences(whole, old, new), _repeatability(repeatability, old, repeats)
+    since = Since(str(folder), rate, changes.p_value, changes.limits, options["sha256"], differences, typical)
+    return since, changes.changes
 
 
 def _repeatability(
@@ -132,33 +132,6 @@ def _baseline_model(pipeline: PipelineData, folder: Path) -> tuple[Model, Baseli
     effects = select_effects(effects, pipeline.available_effects, f"--since {folder}")
     model = load_model(folder, pipeline.rig, effects)
     return model, read_baseline(folder / REFERENCE_FILE)
-
-
-def _comparison_answer(folder: Path, rate: float, fit: Changes) -> dict[str, Any]:
-    return {
-        "folder": str(folder),
-        "alarm_rate": rate,
-        "p_value": fit.p_value,
-        "unseen": [asdict(limit) for limit in fit.limits],
-    }
-
-
-def _change_answer(one: Change) -> dict[str, Any]:
-    return {
-        "name": one.name,
-        "effect": one.effect,
-        "before": _number(one.before),
-        "after": _number(one.after),
-        "unit": one.unit,
-        "ci95": None if one.ci95 is None else [_number(end) for end in one.ci95],
-        "confidence": one.confidence,
-        "confidence_alone": one.confidence_alone,
-        "indistinguishable_from": list(one.equivalents),
-    }
-
-
-def _number(value: float | None) -> float | None:
-    return None if value is None or not np.isfinite(value) else float(value)
 
 
 def fit_all_recordings(pipeline: PipelineData, data: DiagnosisData, model: Model) -> Fit:

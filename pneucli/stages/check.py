@@ -15,7 +15,7 @@ from pneucli.document import read_toml
 from pneucli.errors import InputError
 from pneucli.io.multi_file import MultiFileRecording
 from pneucli.io.signal_reader import SignalReader
-from pneucli.messages import labelled, table
+from pneucli.messages import each, labelled, table
 from pneucli.physics.effects import all_effects, select_effects
 from pneucli.plausibility.required_inputs import Assumption, RequiredInput, assumptions, required_inputs
 from pneucli.recording import Recording
@@ -85,8 +85,7 @@ class Checked:
             yield from labelled("missing", f"[{need.table}] {need.key} = {need.example}: {need.wanted}")
         for guess in self.assumed:
             yield from labelled("assumed", f"{guess.what}; {guess.instead} would say it")
-        for text in self.left_out:
-            yield from labelled("left out", text)
+        yield from each("left out", self.left_out)
         for fault in self.faults:
             more = {"wanted": fault.wanted, "mend": fault.mend}
             parts = [fault.found, *(f"{key}: {text}" for key, text in more.items() if text)]

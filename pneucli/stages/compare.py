@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Mapping, Sequence
-from dataclasses import asdict, dataclass, replace
+from dataclasses import dataclass, replace
 from functools import partial
 from typing import Any
 
@@ -26,8 +25,8 @@ from pneucli.closed_loop.log_replay import (
 )
 from pneucli.closed_loop.metrics import evaluate_run
 from pneucli.closed_loop.simulation import ClosedLoopSetup, Run, replay_log
-from pneucli.compare import ChannelResult, Comparison, Region, compare, find_error_regions, overall_error
-from pneucli.compare.beyond_fitted import excess_beyond_fitted
+from pneucli.compare import Comparison, compare, find_error_regions, overall_error
+from pneucli.compare.beyond_fitted import beyond_fitted, excess_beyond_fitted
 from pneucli.compare.channel_errors import evaluate_channel
 from pneucli.compare.excused_segments import excused_error
 from pneucli.compare.expected_error import ExpectedError, expected_errors
@@ -38,8 +37,11 @@ from pneucli.config import recording_sources
 from pneucli.controller import layout
 from pneucli.export.controller_file import ExportedController, load_controller
 from pneucli.export.single_precision import replay_in_single_precision
+from pneucli.figure import read, to_json
 from pneucli.identify.valve.flow_bench import FlowComparison
 from pneucli.io.artifacts import TableWriter, schema_of
+from pneucli.messages.compare import Answer, ChannelResult, LackOfFit, ModelAnswer
+from pneucli.messages.compare import ControllerLog as ControllerLogAnswer
 from pneucli.messages.progress import counted
 from pneucli.pipeline.context import Context
 from pneucli.quantities import SIGNALS
@@ -47,11 +49,10 @@ from pneucli.recording import Recording
 from pneucli.simulate.model import Model
 from pneucli.stages import history
 from pneucli.stages.answer_parts import (
-    beyond_fitted_answer,
-    diverging_answer,
-    free_run_answer,
-    lack_of_fit_answer,
-    purpose_answer,
+    FREE_RUN_KEYS,
+    divergences,
+    lack_of_fit,
+    purpose_of,
 )
 from pneucli.stages.control_laws import metrics_answer
 from pneucli.stages.flow_bench import compare_flow_recordings, flow_results, write_flow_residuals
@@ -84,12 +85,32 @@ def run(context: Context) -> dict[str, Any]:
     _write_residuals(study, comparisons, flows)
     _write_correlations(study, [c for one in comparisons for c in residual_correlations(one, study.horizon)])
     results = [*(r for c in comparisons for r in c.results), *flow_results(flows)]
-    answer = _answer(study, results, find_error_regions(comparisons))
-    answer |= beyond_fitted_answer(comparisons)
-    if model is not None:
-        answer |= _judgement(study, comparisons, expected, model, answer["channels"])
-    answer["closed_loop"] = [] if model is None else [log_answer(one, model) for one in looked.values()]
-    return answer | history.record_model(context, answer, RESIDUALS_FILE)
+    beyond, within = beyond_fitted(comparisons)
+    judged, whole = (None, []) if model is None else _judgement(study, comparisons, expected, model)
+    free = {r.key: {key: getattr(r, key) for key in FREE_RUN_KEYS} for r in whole}
+    found = Answer(
+        schema="pneucli/compare/1",
+        pipeline=context.config.name,
+        horizon_s=study.horizon,
+        model=read(ModelAnswer, context.answers["identify"]["model"]),
+        channels=[replace(r, free_run=free.get(r.key)) for r in results],
+        error={use: overall_error(results, use) for use in ("train", "test")},
+        where=find_error_regions(comparisons),
+        purpose=purpose_of(results, context.config.compare.tolerance),
+        data=study.data_digest,
+        contradicted=study.contradicted,
+        beyond_fitted=beyond,
+        error_within_fitted=within,
+        lack_of_fit=judged,
+        free_run=divergences(whole),
+        closed_loop=[] if model is None else [log_answer(one, model) for one in looked.values()],
+    )
+    answer: dict[str, Any] = to_json(found)
+    for channel in answer["channels"] if model else ():
+        channel.setdefault("free_run", None)
+    if model is None:  # rows of a steady bench have neither a restart nor a course
+        del answer["lack_of_fit"], answer["free_run"]
+    return {**answer, **history.record_model(context, answer, RESIDUALS_FILE)}
 
 
 def _compare_over_time(
@@ -122,53 +143,19 @@ def _with_limits(found: Comparison, expected: ExpectedError) -> Comparison:
 
 
 def _judgement(
-    study: PipelineData,
-    comparisons: Sequence[Comparison],
-    expected: Sequence[ExpectedError],
-    model: Model,
-    channels: Sequence[dict[str, Any]],
-) -> dict[str, Any]:
-    """Return the judgement of the model's error and of its free runs; ``channels`` get theirs."""
+    study: PipelineData, comparisons: Sequence[Comparison], expected: Sequence[ExpectedError], model: Model
+) -> tuple[LackOfFit | None, list[ChannelResult]]:
+    """Return the judgement of the model's error, and the errors of its free runs."""
     drawn = load_drawn_models(study.context.artifacts / "identify", model)
     experiments = [c.experiment for c in comparisons]
     whole = free_runs(model, experiments, lambda: drawn)
-    by_channel = {(r.recording, r.channel): free_run_answer(r) for r in whole}
-    for one in channels:
-        one["free_run"] = by_channel.get((one["recording"], one["channel"]))
     judged = judge_fit(
         [c.results for c in comparisons],
         expected,
         lambda: parameter_error_squares(model, drawn, experiments),
         excused_error([c.segment_squares for c in comparisons], excess_beyond_fitted(comparisons), expected),
     )
-    return {
-        "lack_of_fit": lack_of_fit_answer(judge_with_free_runs(judged, whole)),
-        "free_run": diverging_answer(whole),
-    }
-
-
-def _answer(study: PipelineData, results: Sequence[ChannelResult], regions: Sequence[Region]) -> dict[str, Any]:
-    return {
-        "schema": "pneucli/compare/1",
-        "pipeline": study.context.config.name,
-        "horizon_s": study.horizon,
-        "model": study.context.answers["identify"]["model"],
-        "channels": [_nan_to_null(asdict(r)) for r in results],
-        "error": {use: overall_error(results, use) for use in ("train", "test")},
-        "where": [_region_answer(asdict(r)) for r in regions],
-        "purpose": purpose_answer(results, study.context.config.compare.tolerance),
-        "data": study.data_digest,
-        "contradicted": study.contradicted,
-    }
-
-
-def _nan_to_null(row: dict[str, Any]) -> dict[str, Any]:
-    """JSON knows no NaN: null stands for an undefined number, such as a percentage of a zero range."""
-    return {k: None if isinstance(v, float) and not math.isfinite(v) else v for k, v in row.items()}
-
-
-def _region_answer(row: dict[str, Any]) -> dict[str, Any]:
-    return {"from" if k == "from_" else k: v for k, v in row.items()}
+    return lack_of_fit(judge_with_free_runs(judged, whole)), whole
 
 
 def _model_inputs(study: PipelineData) -> tuple[str, ...]:
@@ -274,22 +261,18 @@ def _command_error_floor(recording: Recording, name: str, off: float) -> float:
     return max(float(np.hypot(off, log_resolution(recording[name]) / np.sqrt(12.0))), MIN_COMMAND_ERROR)
 
 
-def log_answer(looked: ReplayedLog, model: Model) -> dict[str, Any]:
+def log_answer(looked: ReplayedLog, model: Model) -> ControllerLogAnswer:
     """Return the predicted and the measured figures of a logged closed loop."""
-    controller = looked.exported.controller
+    controller, exported = looked.exported.controller, looked.exported
     expected = predict_loop(model, controller, looked.log, setup_from_recording(looked.recording, ClosedLoopSetup()))
     came = logged_loop(model, controller, looked.log, looked.replay)
-    return {
-        "recording": looked.recording.name,
-        "use": looked.recording.use,
-        "controller": controller.law,
-        "hash": looked.exported.hash,
-        "precision": looked.exported.precision,
-        "began": looked.replay.start_mode,
-        "supply_told": "p_supply" in looked.replay.readings,
-        "foretold": _loop_answer(expected, model, looked),
-        "measured": _loop_answer(came, model, looked),
-    }
+    return ControllerLogAnswer(
+        *(looked.recording.name, looked.recording.use, controller.law, exported.hash, exported.precision),
+        began=looked.replay.start_mode,
+        supply_told="p_supply" in looked.replay.readings,
+        foretold=_loop_answer(expected, model, looked),
+        measured=_loop_answer(came, model, looked),
+    )
 
 
 def _loop_answer(run: Run, model: Model, looked: ReplayedLog) -> Mapping[str, Any]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
@@ -9,6 +10,29 @@ from typing import Any
 
 import numpy as np
 
+from pneucli.closed_loop.acceptance import ACCEPTANCE_SCENARIOS, Violation, axis_variants, check_acceptance
+from pneucli.closed_loop.ensemble import (
+    CONFIDENCE,
+    FIGURES,
+    LAW_RIGS,
+    LAW_SEARCH_RIGS,
+    PROOF_RIGS,
+    Choice,
+    Proof,
+    RigEnsemble,
+    RigTest,
+    chosen_data,
+    chosen_requirements,
+    ensemble_of,
+    family_of,
+    prove,
+    rig_test,
+    search,
+)
+from pneucli.closed_loop.margins import LoopCut, MarginAnalysis, analyse_margins
+from pneucli.closed_loop.robustness import sigma_from_intervals
+from pneucli.closed_loop.scenarios import read_scenarios
+from pneucli.closed_loop.simulation import ClosedLoopSetup
 from pneucli.controller import layout
 from pneucli.controller.laws import DEFAULT, LAWS, select_laws
 from pneucli.controller.parameters import Controller
@@ -17,6 +41,7 @@ from pneucli.design.cascade_design import design_cascade
 from pneucli.design.control_laws import (
     DesignData,
     collect_design_data,
+    controller_for,
     design_controllers,
     design_variants,
     designed_sector,
@@ -29,10 +54,13 @@ from pneucli.design.sliding import axis_systems, unmatched_disturbances
 from pneucli.design.sliding_sector import SlidingSector, limit_slope, sector_from_vertices
 from pneucli.errors import InputError
 from pneucli.io.artifacts import Tables, atomic_path, read_table
+from pneucli.messages.compare import BAD_ERROR_RATIO, evaluation_error
+from pneucli.messages.design import cause_text
+from pneucli.messages.progress import counted
+from pneucli.physics.effects import catalogue
 from pneucli.pipeline.context import Context, NotApplicable
 from pneucli.recording import Recording
 from pneucli.simulate.model import Model
-from pneucli.stages.acceptance import acceptance_answer, margins_answer
 from pneucli.stages.control_laws import (
     CONTROLLERS_FOLDER,
     LawComparison,
@@ -43,8 +71,7 @@ from pneucli.stages.control_laws import (
     setup_from_requirements,
     write_comparison,
 )
-from pneucli.stages.ensemble import EnsembleDesign, design_on_ensemble, ensemble_answer
-from pneucli.stages.model_file import load_model
+from pneucli.stages.model_file import load_model, parameter_intervals
 from pneucli.stages.pipeline_data import PipelineData
 
 
@@ -308,3 +335,193 @@ def write_weight_studies(tables: Tables, weights: Sequence[WeightStudy]) -> None
         {"vertices": "1", "rate": "1/s", "worst_pole": "1/s"}
         | dict.fromkeys(("worst_lmi", "peak", "decayed", "verified"), "1"),
     )
+
+
+MARGIN_UNITS = {"gain_up": "1", "gain_down": "1", "phase": "rad", "delay": "s", "modulus": "1", "crossover": "1/s"}
+MAX_FREQUENCIES = 300  # frequencies of a ratio
+MAX_POLES = 8  # poles of an operating point, slowest first
+WORST_OF_MARGIN = {"gain_up": min, "gain_down": max, "phase": min, "delay": min, "modulus": min}
+
+
+def acceptance_answer(
+    context: Context, model: Model, controller: Controller, requirements: Requirements, setup: ClosedLoopSetup
+) -> dict[str, Any]:
+    """Run the gate; return its part of the answer of ``design``."""
+    sized = parameter_intervals(context.artifacts)
+    axes = list(axis_variants(model, sized, sigma_from_intervals(sized, model)))
+    scenarios = [s for s in read_scenarios([], controller, "") if s.name in ACCEPTANCE_SCENARIOS]
+
+    def progress(number: int) -> None:
+        context.progress(counted("the gate, axis", number, len(axes)))
+
+    found = check_acceptance(controller, requirements, scenarios, setup, axes, progress)
+    error = model_error(context.answers)
+    missed = [violation_answer(one) for one in found.violations]
+    return {
+        "passed": not missed and not (error is not None and error > BAD_ERROR_RATIO),
+        "strict": requirements.strict,
+        "missed": missed,
+        "asked": [{"demand": d.name, "limit": d.limit, "unit": d.unit} for d in found.criteria],
+        "axes": found.axis_count,
+        "model_error": error,
+        "model_error_limit": BAD_ERROR_RATIO,
+    }
+
+
+def violation_answer(one: Violation) -> dict[str, Any]:
+    """Return the entry about a violation, its cause in words."""
+    entry = {n: None if isinstance(v, float) and not math.isfinite(v) else v for n, v in asdict(one).items()}
+    del entry["quantities"]
+    return entry | {"cause": cause_text(one.cause, one.quantities)}
+
+
+def model_error(answers: Mapping[str, Mapping[str, Any]]) -> float | None:
+    """Return the model's error over the noise floor, on test recordings, or on training recordings without any."""
+    return evaluation_error(answers.get("compare", {}).get("error", {}))[1]
+
+
+def margins_answer(
+    context: Context,
+    model: Model,
+    controller: Controller,
+    setup: ClosedLoopSetup,
+    bandwidth: float,
+    tables: Tables,
+) -> dict[str, Any]:
+    """Return the margins as a part of the answer of ``design``; write ``margins.parquet``. ``bandwidth`` in rad/s."""
+    context.progress("margins of the loop")
+    found = analyse_margins(model, controller, setup, bandwidth)
+    _write_margins(tables, found.cuts)
+    points = [_point(cut, found) for cut in found.cuts]
+    width = controller.fill[0] - controller.vent[0]
+    return {
+        "points": points,
+        "worst": {
+            loop: _worst([p for p in points if p["loop"] == loop]) for loop in dict.fromkeys(c.loop for c in found.cuts)
+        },
+        "poles": [
+            {"x": x, "speed": speed, "unit": "1/s", "poles": [[p.real, p.imag] for p in poles[:MAX_POLES].tolist()]}
+            for (x, speed), poles in found.poles.items()
+        ],
+        "stable": bool(found.poles) and not any(found.is_unstable(point) for point in found.poles),
+        "stuck": [{"x": x, "direction": way} for x, way in found.sticking_points],
+        "left_out": list(found.excluded_effects),
+        "overlap": {"value": width, "unit": "V"},
+        "units": MARGIN_UNITS,
+    }
+
+
+def _point(cut: LoopCut, found: MarginAnalysis) -> dict[str, Any]:
+    numbers = {n: v if math.isfinite(v) else None for n, v in asdict(cut.margins).items()}
+    return {
+        "loop": cut.loop,
+        "x": cut.x,
+        "speed": cut.speed,
+        "stable": not found.is_unstable((cut.x, cut.speed)),
+        **numbers,
+    }
+
+
+def _worst(points: Sequence[dict[str, Any]]) -> dict[str, float | None]:
+    """Return of each margin the smallest one; null where there is no limit."""
+    finite = {n: [p[n] for p in points if p[n] is not None] for n in WORST_OF_MARGIN}
+    return {n: worst(finite[n]) if finite[n] else None for n, worst in WORST_OF_MARGIN.items()}
+
+
+def _write_margins(tables: Tables, cuts: Sequence[LoopCut]) -> None:
+    indices = [np.unique(np.linspace(0, c.frequency.size - 1, MAX_FREQUENCIES).astype(int)) for c in cuts]
+    columns = {
+        "x": [np.full(k.size, c.x) for c, k in zip(cuts, indices, strict=True)],
+        "speed": [np.full(k.size, c.speed) for c, k in zip(cuts, indices, strict=True)],
+        "frequency": [c.frequency[k] for c, k in zip(cuts, indices, strict=True)],
+        "real": [c.ratio.real[k] for c, k in zip(cuts, indices, strict=True)],
+        "imaginary": [c.ratio.imag[k] for c, k in zip(cuts, indices, strict=True)],
+    }
+    tables.write(
+        "margins",
+        {"loop": [c.loop for c, k in zip(cuts, indices, strict=True) for _ in k]}
+        | {name: np.concatenate([*parts, np.zeros(0)]) for name, parts in columns.items()},
+        {"x": "m", "speed": "m/s", "frequency": "1/s", "real": "1", "imaginary": "1"},
+    )
+
+
+@dataclass(frozen=True)
+class EnsembleDesign:
+    """``best`` with gains from the ensemble, the model and the requirements that give them, and the test of a rig."""
+
+    controller: Controller
+    model: Model
+    requirements: Requirements
+    choice: Choice
+    ensemble: RigEnsemble
+    test: RigTest
+
+
+def design_on_ensemble(
+    context: Context, model: Model, wanted: Requirements, setup: ClosedLoopSetup, sealed: float | None
+) -> EnsembleDesign:
+    """Return the design whose gains hold best on the ensemble of rigs that the recordings allow."""
+
+    def make(choice: Choice) -> Controller:
+        return design_cascade(*chosen_requirements(choice, model, wanted), sealed)
+
+    def progress(share: float) -> None:
+        context.progress(f"gains on the ensemble, {share:.0%}")
+
+    ensemble = ensemble_of(model, sigma_from_intervals(parameter_intervals(context.artifacts), model))
+    test = rig_test(design_cascade(model, wanted, sealed), wanted)
+    choice = search(ensemble, make, setup, test, family_of(ensemble), progress)
+    return EnsembleDesign(make(choice), *chosen_requirements(choice, model, wanted), choice, ensemble, test)
+
+
+def ensemble_answer(
+    context: Context, found: EnsembleDesign, laws: Mapping[str, Controller], data: DesignData, setup: ClosedLoopSetup
+) -> dict[str, Any]:
+    """Return what the chosen gains promise, and what every law does on fresh rigs, as it is stated and as chosen."""
+    promise = prove(found.controller, found.ensemble, found.test, setup, PROOF_RIGS)
+    rows = {DEFAULT: _proof_row(promise), f"{DEFAULT}, by the rules": _law_row(found, data.cascade, setup)}
+    others = [name for name in laws if name != DEFAULT]
+    for i, name in enumerate(others):
+        context.progress(counted("laws on the ensemble", i, len(others)))
+        rows[name] = _law_row(found, laws[name], setup)
+        rows[f"{name}, ensemble"] = _law_row(found, _law_on_ensemble(name, found, data, setup), setup)
+    limiting = promise.limiting
+    return {
+        "effects": list(found.ensemble.effects),
+        "spool_lag": {"value": found.choice.lag, "unit": "s"},
+        "confidence": CONFIDENCE,
+        "limits": {
+            name: {"value": limit, "unit": unit}
+            for (name, unit), limit in zip(FIGURES.items(), found.test.limits, strict=True)
+        },
+        "laws": rows,
+        "limiting": limiting or None,
+        "rescued": dict(promise.rescued),
+        "separate": catalogue()[limiting].separate if limiting else None,
+    }
+
+
+def _law_on_ensemble(name: str, found: EnsembleDesign, data: DesignData, setup: ClosedLoopSetup) -> Controller:
+    """Return a law with the corners that hold best on the ensemble."""
+    family = [choice for choice in family_of(found.ensemble) if choice.lag == 0.0]
+
+    def make(choice: Choice) -> Controller:
+        return controller_for(name, chosen_data(choice, data))
+
+    return make(search(found.ensemble, make, setup, found.test, family, count=LAW_SEARCH_RIGS))
+
+
+def _law_row(found: EnsembleDesign, controller: Controller, setup: ClosedLoopSetup) -> dict[str, Any]:
+    return _proof_row(prove(controller, found.ensemble, found.test, setup, LAW_RIGS, explained=False))
+
+
+def _proof_row(proof: Proof) -> dict[str, Any]:
+    """Return one controller's rigs, those that it holds, and its figures over their limits, worst and median."""
+    worst, median = proof.ratios.max(axis=0), np.median(proof.ratios, axis=0)
+    return {
+        "rigs": len(proof.ratios),
+        "held": proof.held,
+        "probability": proof.probability,
+        "worst": {n: float(v) if math.isfinite(v) else None for n, v in zip(FIGURES, worst, strict=True)},
+        "median": {n: float(v) for n, v in zip(FIGURES, median, strict=True)},
+    }

@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+import math
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from typing import Any
 
+from pneucli.compare.beyond_fitted import beyond_fitted
 from pneucli.config.recording_sources import plugin_files
 from pneucli.diagnose import executor_refit
 from pneucli.diagnose.adequacy import LackOfFit, within_parameter_uncertainty
@@ -24,13 +26,23 @@ from pneucli.diagnose.score import ErrorsByUse
 from pneucli.diagnose.subsample import MAX_SAMPLES
 from pneucli.diagnose.validity import lacks_p2
 from pneucli.errors import InputError
+from pneucli.figure import Figure, to_json
 from pneucli.identify.estimation.fit import Fit
 from pneucli.identify.estimation.intervals import with_intervals
 from pneucli.identify.estimation.model_fit import fit_model
 from pneucli.identify.guesses.base_model import guess_base_model
 from pneucli.identify.residuals import ForceBalanceInferredP2, ResidualModel
 from pneucli.memory import release_free_memory
-from pneucli.messages.diagnose import reason_sentence
+from pneucli.messages.diagnose import (
+    MIN_TOLD_PROBABILITY,
+    Answer,
+    CandidateAnswer,
+    DiscrepancyAnswer,
+    GivenModel,
+    Step,
+    reason_sentence,
+    verdict_sentence,
+)
 from pneucli.messages.findings import tell
 from pneucli.messages.ingest import implausibility_sentences
 from pneucli.messages.progress import (
@@ -38,26 +50,23 @@ from pneucli.messages.progress import (
     FREE_RUN_PROGRESS,
     GIVEN_MODEL_PROGRESS,
 )
-from pneucli.messages.verdict import MIN_TOLD_PROBABILITY, verdict_sentence
 from pneucli.pipeline.context import Context
 from pneucli.pipeline.manifest import program_versions
 from pneucli.simulate.model import Model
 from pneucli.stages import history
 from pneucli.stages.answer_parts import (
-    beyond_fitted_answer,
-    diverging_answer,
-    lack_of_fit_answer,
-    parameters_answer,
+    divergences,
+    figures_of,
+    lack_of_fit,
     per_vessel_volume,
-    purpose_answer,
+    purpose_of,
 )
 from pneucli.stages.changes import compare_with_baseline, fit_all_recordings, write_baseline
 from pneucli.stages.diagnosis_answer import (
     SHAPE_FILE,
-    detectability_answer,
-    discrepancy_answer,
+    detection_limit,
+    parameter_shift,
     proposed_experiment,
-    shift_answer,
     unexplained_answer,
     write_diagnosis,
 )
@@ -98,44 +107,58 @@ def run(context: Context) -> dict[str, Any]:
         judge_fit=errors.judge,
         implausible=bool(impossible),
     )
-    model, answer = _run_diagnosis(pipeline, data, guess, implausibility_sentences(impossible))
+    model, found = _run_diagnosis(pipeline, data, guess, implausibility_sentences(impossible))
     release_free_memory()  # the derivatives of all candidates
-    answer["warnings"], answer["thinned"] = [*warnings, *answer["warnings"]], subsampling
-    answer["plausibility"] = context.answers["ingest"]["plausibility"]
-    answer["contradicted"] = pipeline.contradicted
     context.progress(BASELINE_PROGRESS)
     joint_fit = fit_all_recordings(pipeline, data, model)
     if context.options.get("baseline"):
         write_baseline(pipeline, data, joint_fit)
     estimates = with_intervals(joint_fit, [*data.train, *data.held_out]).estimates
-    answer["parameters"] = parameters_answer([per_vessel_volume(e, pipeline) for e in estimates])
-    _drop_replaced_intervals(answer)
-    answer |= _flow_answer(pipeline)
-    if since := context.options.get("since"):
-        answer |= compare_with_baseline(pipeline, data, since)
-    return answer | history.record_model(context, answer, SHAPE_FILE)
+    parameters = figures_of([per_vessel_volume(e, pipeline) for e in estimates])
+    since, changes = None, None
+    if context.options.get("since"):
+        since, changes = compare_with_baseline(pipeline, data, context.options["since"])
+    found = replace(
+        found,
+        warnings=[*warnings, *found.warnings],
+        thinned=subsampling,
+        plausibility=context.answers["ingest"]["plausibility"],
+        contradicted=pipeline.contradicted,
+        parameters=_without_replaced_intervals(parameters, found.candidates),
+        flow=_flow_answer(pipeline),
+        since=since,
+        changes=changes,
+    )
+    answer: dict[str, Any] = to_json(found)
+    return {**answer, **history.record_model(context, answer, SHAPE_FILE)}
 
 
-def _drop_replaced_intervals(answer: dict[str, Any]) -> None:
-    """Drop the intervals of base parameters whose place an effect may take, in part or in whole."""
-    for name in {n for c in answer["candidates"] if c["reason"] == REPLACES_BASE for n in c["indistinguishable_from"]}:
-        answer["parameters"][name]["ci95"] = [None, None]
+def _without_replaced_intervals(
+    parameters: Mapping[str, Figure], candidates: Sequence[CandidateAnswer]
+) -> dict[str, Figure]:
+    """Return the parameters, those without their intervals whose place an effect may take, in part or in whole."""
+    replaced = {n for c in candidates if c.reason == REPLACES_BASE for n in c.indistinguishable_from}
+    return {name: _without_interval(one) if name in replaced else one for name, one in parameters.items()}
 
 
-def _flow_answer(pipeline: PipelineData) -> dict[str, Any]:
-    """Return the entry about steady benches; none where the pipeline records none."""
+def _without_interval(one: Figure) -> Figure:
+    return replace(one, low=-math.inf, high=math.inf)
+
+
+def _flow_answer(pipeline: PipelineData) -> dict[str, Any] | None:
+    """Return the entry about steady benches; None where the pipeline records none."""
     if not pipeline.flow_recordings:
-        return {}
+        return None
     from pneucli.stages.flow_diagnosis import flow_diagnosis  # noqa: PLC0415 - few pipelines have a flow bench
 
     flow = flow_diagnosis(pipeline)
     assert flow is not None
-    return {"flow": {key: flow[key] for key in ("verdict", "missing", "ladder", "sentence")}}
+    return {key: flow[key] for key in ("verdict", "missing", "ladder", "sentence")}
 
 
 def _run_diagnosis(
     pipeline: PipelineData, data: DiagnosisData, guess: Model, impossible: Sequence[str]
-) -> tuple[Model, dict[str, Any]]:
+) -> tuple[Model, Answer]:
     """Diagnose, write the tables, and return the fitted given model and the answer.
 
     ``impossible`` has a sentence for each finding that forbids a verdict.
@@ -174,56 +197,56 @@ def _diagnosis_data(pipeline: PipelineData) -> tuple[DiagnosisData, list[str]]:
     return DiagnosisData(train, test, effects, base_effects=base_effects, progress=progress, folds=folds), warnings
 
 
-def _answer(pipeline: PipelineData, data: DiagnosisData, found: Diagnosis, impossible: Sequence[str]) -> dict[str, Any]:
+def _answer(pipeline: PipelineData, data: DiagnosisData, found: Diagnosis, impossible: Sequence[str]) -> Answer:
     assert isinstance(data.free_run_errors, FreeRunErrors)
     errors = [dict(data.free_run_errors(fitted.model)) for fitted in found.path.models]
-    ladder = [
-        {"add": add, "error_train": e["train"], "error_test": e["test"]}
-        for add, e in zip([None, *found.path.added], errors, strict=True)
-    ]
-    candidates = [_candidate_answer(pipeline, data, found, decision) for decision in found.decisions]
     given, selected = found.path.models[0].model, found.path.last.model
     in_same_units = data.free_run_errors(selected, given)
-    answer = {
-        "schema": "pneucli/diagnose/1",
-        "pipeline": pipeline.context.config.name,
-        "model": {"effects": [e.name for e in pipeline.effects]},
-        "data": pipeline.data_digest,
-        "held_out": validation_method(data),
-        "excluded": pipeline.excluded_effects,
-        "forced": bool(pipeline.context.options.get("force", False)),
-        "impossible": list(impossible),
-        "verdict": found.verdict,
-        "missing": list(found.missing),
-        "ladder": ladder,
-        "candidates": candidates,
-        "unexplained_share": remaining_error_share(errors[0], in_same_units),
-        "explained_share": removed_error_share(errors[0], in_same_units),
-        "relative_error": relative_error(errors[0], in_same_units),
-        "purpose": purpose_answer(data.free_run_errors.channels(selected), pipeline.context.config.compare.tolerance),
-        "lack_of_fit": lack_of_fit_answer(found.goodness_of_fit, found.balance_lack),
-        "free_run": diverging_answer(data.free_run_errors.free_runs(found.path.last.fit)),
-        **beyond_fitted_answer(data.free_run_errors.comparisons(selected)),
-        "next_experiment": proposed_experiment(data, found),
-        "detectable": [detectability_answer(d, pipeline) for d in found.detectable],
-        "discrepancy": [discrepancy_answer(d) for d in found.discrepancies],
-        "moved": [shift_answer(one, pipeline) for one in found.parameter_shifts],
-        "unexplained": None if found.unexplained is None else unexplained_answer(found.unexplained),
-        "warnings": []
+    beyond, within = beyond_fitted(data.free_run_errors.comparisons(selected))
+    answer = Answer(
+        schema="pneucli/diagnose/1",
+        pipeline=pipeline.context.config.name,
+        model=GivenModel([e.name for e in pipeline.effects]),
+        data=pipeline.data_digest,
+        held_out=validation_method(data),
+        excluded=pipeline.excluded_effects,
+        forced=bool(pipeline.context.options.get("force", False)),
+        impossible=impossible,
+        verdict=found.verdict,
+        missing=found.missing,
+        ladder=[Step(add, e["train"], e["test"]) for add, e in zip([None, *found.path.added], errors, strict=True)],
+        candidates=[_candidate_answer(pipeline, data, found, decision) for decision in found.decisions],
+        unexplained_share=remaining_error_share(errors[0], in_same_units),
+        explained_share=removed_error_share(errors[0], in_same_units),
+        relative_error=relative_error(errors[0], in_same_units),
+        purpose=purpose_of(data.free_run_errors.channels(selected), pipeline.context.config.compare.tolerance),
+        lack_of_fit=lack_of_fit(found.goodness_of_fit, found.balance_lack),
+        free_run=divergences(data.free_run_errors.free_runs(found.path.last.fit)),
+        beyond_fitted=beyond,
+        error_within_fitted=within,
+        next_experiment=proposed_experiment(data, found),
+        detectable=[detection_limit(d, pipeline) for d in found.detectable],
+        discrepancy=[
+            DiscrepancyAnswer(d.subsystem, d.channel, d.size, d.time_constant, d.over, d.share)
+            for d in found.discrepancies
+        ],
+        moved=[parameter_shift(one, pipeline) for one in found.parameter_shifts],
+        unexplained=None if found.unexplained is None else unexplained_answer(found.unexplained),
+        warnings=[]
         if found.unexplained
         else parameter_uncertainty_warnings(found.path.test),  # an unmodelled effect would raise these errors, too
-    }
-    return answer | {"sentence": verdict_sentence(answer)}
+    )
+    return replace(answer, sentence=verdict_sentence(answer))
 
 
-def _parameters(pipeline: PipelineData, found: Fit, effect: str) -> dict[str, Any]:
+def _parameters(pipeline: PipelineData, found: Fit, effect: str) -> dict[str, Figure]:
     estimates = [per_vessel_volume(e, pipeline) for e in found.estimates if e.name.startswith(f"{effect}.")]
-    return {name.partition(".")[2]: value for name, value in parameters_answer(estimates).items()}
+    return {name.partition(".")[2]: value for name, value in figures_of(estimates).items()}
 
 
 def _candidate_answer(
     pipeline: PipelineData, data: DiagnosisData, found: Diagnosis, decision: Decision
-) -> dict[str, Any]:
+) -> CandidateAnswer:
     assert data.free_run_errors is not None
     name, candidate = decision.effect.name, decision.candidate
     fitted = candidate.full if candidate else found.path.models[0]
@@ -235,25 +258,25 @@ def _candidate_answer(
         before, after = (data.free_run_errors(one.model) for one in (candidate.reduced, fitted))
     shown = found.fit if name in found.missing else data.with_intervals(fitted) if told else fitted.fit
     parameters = _parameters(pipeline, shown, name)
-    answer = {
-        "effect": name,
-        "title": decision.effect.title,
-        "error_before": held_out_error(before),
-        "error_after": held_out_error(after),
-        "beside": _beside(found, candidate),
-        "parameters": parameters if told else {n: p | {"ci95": [None, None]} for n, p in parameters.items()},
-        "indistinguishable_from": list(candidate.replaces)
-        if candidate is not None and decision.reason == REPLACES_BASE
-        else _equivalents(found, name),
-        "supported": decision.supported,
-        "reason": decision.reason,
-        "confidence": None if confidence is None else round(confidence.of_set, 4),
-        "confidence_alone": None if confidence is None else round(confidence.alone, 4),
-        "share": None if held_out_error(before) is None else removed_error_share(before, after) or 0.0,
-        "residual_share": None if candidate is None else 1.0 - candidate.full.cost / candidate.reduced.cost,
-        "evidence": found.evidence[name]._asdict() if name in found.evidence else None,
-    }
-    return answer | {"why": reason_sentence(answer, found.missing, validation_method(data), decision.effect.looks_like)}
+    replaces = candidate is not None and decision.reason == REPLACES_BASE
+    answer = CandidateAnswer(
+        effect=name,
+        title=decision.effect.title,
+        error_before=held_out_error(before),
+        error_after=held_out_error(after),
+        beside=_beside(found, candidate),
+        parameters=parameters if told else {n: _without_interval(p) for n, p in parameters.items()},
+        indistinguishable_from=candidate.replaces if replaces and candidate else _equivalents(found, name),
+        supported=decision.supported,
+        reason=decision.reason,
+        confidence=None if confidence is None else round(confidence.of_set, 4),
+        confidence_alone=None if confidence is None else round(confidence.alone, 4),
+        share=None if held_out_error(before) is None else removed_error_share(before, after) or 0.0,
+        residual_share=None if candidate is None else 1.0 - candidate.full.cost / candidate.reduced.cost,
+        evidence=found.evidence[name]._asdict() if name in found.evidence else None,
+    )
+    why = reason_sentence(answer, found.missing, validation_method(data), decision.effect.looks_like)
+    return replace(answer, why=why)
 
 
 def _beside(found: Diagnosis, candidate: Candidate | None) -> list[str]:

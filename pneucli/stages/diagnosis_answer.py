@@ -13,32 +13,35 @@ from pneucli.diagnose.adequacy import bins_of
 from pneucli.diagnose.data import DiagnosisData
 from pneucli.diagnose.detectability import MinimumDetectableEffect
 from pneucli.diagnose.diagnosis import Diagnosis, ParameterShift
-from pneucli.diagnose.discrepancy import Discrepancy, UnexplainedResidual
+from pneucli.diagnose.discrepancy import UnexplainedResidual
 from pneucli.diagnose.score import FittedModel
 from pneucli.diagnose.set_evidence import VisitedSet
+from pneucli.figure import Figure
 from pneucli.identify.residuals import ResidualModel
 from pneucli.io.artifacts import Tables
 from pneucli.messages.diagnose import (
-    detecting_experiment,
-    discrepancy_experiment,
-    discriminating_manoeuvre,
-    distinguishing_experiment,
-)
-from pneucli.messages.plan import manoeuvre_text
-from pneucli.messages.verdict import (
     MIN_TOLD_PROBABILITY,
     PERIODIC_SHAPE,
     SHAPES,
+    Answer,
+    DetectionLimit,
+    Place,
+    Shift,
+    Unexplained,
+    detecting_experiment,
     detection_limit_sentence,
+    discrepancy_experiment,
     discrepancy_kind_text,
+    discriminating_manoeuvre,
+    distinguishing_experiment,
     location_phrase,
 )
 from pneucli.physics.declaration import Effect
 from pneucli.plan.rivals import most_discriminating_manoeuvre
 from pneucli.quantities import SIGNALS
 from pneucli.stages.answer_parts import vessel_scale
-from pneucli.stages.expected_power import manoeuvre_answer
 from pneucli.stages.pipeline_data import PipelineData
+from pneucli.stages.plan import planned_recording
 
 Array = NDArray[np.float64]
 SHAPE_BINS = 40
@@ -52,62 +55,34 @@ TEXT_COLUMNS = {"effect", "parameter", "unit", "indistinguishable_from", "reason
     "effects",
     "sizes",
 }
-NOT_FITTED: dict[str, Any] = {"": {"value": None, "unit": "", "ci95": (None, None)}}
+NOT_FITTED = {"": Figure(np.nan, np.nan, np.nan)}
 BOOLEAN_COLUMNS = {"supported", "missing"}
 
 
-def unexplained_answer(one: UnexplainedResidual) -> dict[str, Any]:
+def unexplained_answer(one: UnexplainedResidual) -> Unexplained:
     """Return the entry about the unexplained residual."""
-    return {
-        "subsystem": one.subsystem,
-        "channel": one.channel,
-        "times_noise": one.ratio,
-        "variable": one.variable,
-        "character": discrepancy_kind_text(one.kind, one.acts_as, one.variable, share=one.share, period=one.period),
-        "law": PERIODIC_SHAPE if one.kind == "periodic" else SHAPES.get(one.simple_shape or ""),
-        "share": one.share,
-        "also_over": list(one.other_signals),
-    }
+    character = discrepancy_kind_text(one.kind, one.acts_as, one.variable, share=one.share, period=one.period)
+    law = PERIODIC_SHAPE if one.kind == "periodic" else SHAPES.get(one.simple_shape or "")
+    of = (one.subsystem, one.channel, one.ratio, one.variable)
+    return Unexplained(*of, character, law, one.share, one.other_signals)
 
 
-def detectability_answer(one: MinimumDetectableEffect, study: PipelineData) -> dict[str, Any]:
+def detection_limit(one: MinimumDetectableEffect, study: PipelineData) -> DetectionLimit:
     """Return the entry about the detection limit of an effect."""
-    factor, unit = vessel_scale(f"{one.effect.name}.{one.parameter.name}", one.parameter.unit, study)
+    parameter = one.parameter
+    factor, unit = vessel_scale(f"{one.effect.name}.{parameter.name}", parameter.unit, study)
     size = factor * one.size if one.plausible else None
-    return {
-        "effect": one.effect.name,
-        "parameter": one.parameter.name,
-        "size": size,
-        "unit": unit,
-        "typical": one.typical,
-        "where": [{"parameter": p.name, "value": value, "unit": p.unit} for p, value in one.where.items()],
-        "would_show": _detection_limit(one, size, unit),
-    }
+    places = [Place(p.name, value, p.unit) for p, value in one.where.items()]
+    phrases = [location_phrase(p.title or p.name, value, p.unit) for p, value in one.where.items()]
+    title = parameter.title or parameter.name
+    text = detection_limit_sentence(one.effect.title, title, size, unit, parameter.null, phrases)
+    return DetectionLimit(one.effect.name, parameter.name, size, unit, one.typical, places, text)
 
 
-def _detection_limit(one: MinimumDetectableEffect, size: float | None, unit: str) -> str:
-    where = [location_phrase(p.title or p.name, value, p.unit) for p, value in one.where.items()]
-    name = one.parameter.title or one.parameter.name
-    return detection_limit_sentence(one.effect.title, name, size, unit, one.parameter.null, where)
-
-
-def shift_answer(one: ParameterShift, study: PipelineData) -> dict[str, Any]:
+def parameter_shift(one: ParameterShift, study: PipelineData) -> Shift:
     """Return the entry about a base parameter that the added effects changed."""
     factor, unit = vessel_scale(one.parameter, one.unit, study)
-    sizes = {"from": factor * one.before, "to": factor * one.after}
-    return {"parameter": one.parameter, **sizes, "unit": unit, "plausible": one.plausible}
-
-
-def discrepancy_answer(one: Discrepancy) -> dict[str, Any]:
-    """Return the entry about the discrepancy of a channel."""
-    return {
-        "subsystem": one.subsystem,
-        "channel": one.channel,
-        "size": one.size,
-        "time_constant_s": one.time_constant,
-        "over": one.over,
-        "share": one.share,
-    }
+    return Shift(one.parameter, factor * one.before, factor * one.after, unit, one.plausible)
 
 
 def _discriminating_experiment(data: DiagnosisData, found: Diagnosis, name: str, other: str) -> str:
@@ -118,7 +93,7 @@ def _discriminating_experiment(data: DiagnosisData, found: Diagnosis, name: str,
     simulated = (
         discriminating_manoeuvre(None)
         if best is None
-        else discriminating_manoeuvre(manoeuvre_text(manoeuvre_answer(best.manoeuvre)), best.channel, best.times_noise)
+        else discriminating_manoeuvre(planned_recording(best.manoeuvre).manoeuvre, best.channel, best.times_noise)
     )
     return f"{distinguishing_experiment((name, other), procedures)} {simulated}"
 
@@ -142,7 +117,7 @@ def proposed_experiment(data: DiagnosisData, found: Diagnosis) -> str | None:
     return None
 
 
-def write_diagnosis(pipeline: PipelineData, data: DiagnosisData, diagnosis: Diagnosis, answer: dict[str, Any]) -> None:
+def write_diagnosis(pipeline: PipelineData, data: DiagnosisData, diagnosis: Diagnosis, answer: Answer) -> None:
     """Write ``candidates``, ``ladder``, ``shape``, ``law`` and ``sets`` into the folder of the stage."""
     shapes = [row for i, name in enumerate(diagnosis.path.added) for row in _residual_shapes(data, diagnosis, i, name)]
     tables = pipeline.tables("diagnose", "ingest/signals.parquet")
@@ -161,22 +136,20 @@ def _texts(visited: VisitedSet) -> tuple[str, str]:
     return ", ".join(visited.effects), ", ".join(f"{visited.sizes[name]:.4g}" for name in visited.effects)
 
 
-def write_flow_diagnosis(pipeline: PipelineData, answer: dict[str, Any]) -> None:
+def write_flow_diagnosis(pipeline: PipelineData, answer: Answer) -> None:
     """Write the same files for a steady bench, whose residuals have no shapes over time."""
     _write_tables(pipeline.tables("diagnose", "ingest/signals.parquet"), answer, [], [])
 
 
-def _write_tables(
-    tables: Tables, answer: dict[str, Any], shapes: list[tuple[Any, ...]], laws: list[tuple[Any, ...]]
-) -> None:
+def _write_tables(tables: Tables, answer: Answer, shapes: list[tuple[Any, ...]], laws: list[tuple[Any, ...]]) -> None:
     candidates = [
         (
-            *(c["effect"], c["error_before"], c["error_after"], name, p["value"], p["unit"], *p["ci95"]),
-            *(c["supported"], c["effect"] in answer["missing"], ", ".join(c["indistinguishable_from"])),
-            *(c["reason"], c["why"]),
+            *(c.effect, c.error_before, c.error_after, name, p.value, p.unit),
+            *(end if np.isfinite(end) else None for end in (p.low, p.high)),
+            *(c.supported, c.effect in answer.missing, ", ".join(c.indistinguishable_from), c.reason, c.why),
         )
-        for c in answer["candidates"]
-        for name, p in (c["parameters"] or NOT_FITTED).items()
+        for c in answer.candidates
+        for name, p in (c.parameters or NOT_FITTED).items()
     ]
     _write(
         tables,
@@ -186,7 +159,7 @@ def _write_tables(
         candidates,
         {"error_before": "1", "error_after": "1"} | dict.fromkeys(("value", "ci_low", "ci_high"), "see column unit"),
     )
-    ladder = [(s["add"] or "", s["error_train"], s["error_test"]) for s in answer["ladder"]]
+    ladder = [(s.add or "", s.error_train, s.error_test) for s in answer.ladder]
     _write(tables, "ladder", "add error_train error_test", ladder, {"error_train": "1", "error_test": "1"})
     columns = "effect recording channel variable unit value residual_before residual_after expected"
     values = dict.fromkeys(("residual_before", "residual_after", "expected"), "see column unit")

@@ -9,11 +9,11 @@ from pathlib import Path
 from typing import Any
 
 from pneucli.errors import InputError
-from pneucli.figure import Figure
-from pneucli.messages import labelled, table
-from pneucli.messages.compare import evaluation_error
+from pneucli.figure import Figure, laid_out, read
+from pneucli.messages import compare, diagnose, labelled, table
+from pneucli.messages.compare import ChannelResult, evaluation_error
 from pneucli.messages.formatting import (
-    format_interval,
+    format_figure,
     format_noise_ratio,
     format_number,
     format_plain,
@@ -34,14 +34,8 @@ class RunAnswers:
     """What a run found: the answer of ``compare``, and that of ``diagnose`` if it diagnosed the same model and data."""
 
     path: str
-    compare: Answer
-    diagnose: Answer | None
-
-    @property
-    def model(self) -> Answer:
-        """The model that was compared."""
-        model: Answer = self.compare["model"]
-        return model
+    compare: compare.Answer
+    diagnose: diagnose.Answer | None
 
 
 @dataclass(frozen=True)
@@ -66,18 +60,6 @@ class Side:
 
 
 @dataclass(frozen=True)
-class Estimate:
-    """A parameter of one run; an open end of its interval is None."""
-
-    value: float
-    ci95: Ends | None
-
-    def shown(self, unit: str) -> str:
-        """Return the estimate as text."""
-        return format_interval(self.value, unit, self.ci95 or (None, None))
-
-
-@dataclass(frozen=True)
 class ParameterChange:
     """A parameter of both runs, or of one.
 
@@ -87,8 +69,8 @@ class ParameterChange:
 
     name: str
     unit: str
-    a: Estimate | None
-    b: Estimate | None
+    a: Figure | None = laid_out("value ci95")
+    b: Figure | None = laid_out("value ci95")
     difference: float | None = None
     ci95: Ends | None = None
     distance: float | None = None
@@ -97,7 +79,7 @@ class ParameterChange:
     @property
     def row(self) -> tuple[str, ...]:
         """The row of the table."""
-        a, b = ("-" if one is None else one.shown(self.unit) for one in (self.a, self.b))
+        a, b = ("-" if one is None else format_figure(one) for one in (self.a, self.b))
         change = "-" if self.difference is None else format_quantity(self.difference, self.unit, 3)
         return self.name, a, b, change, "-" if self.distance is None else format_number(self.distance, 2)
 
@@ -187,7 +169,8 @@ def read_answers(path: str, folder: Path) -> RunAnswers:
         )
     diagnosed = staleness.read_manifest(folder / "diagnose")
     same = diagnosed is not None and diagnosed.answer is not None and _same_basis(folder, diagnosed, compared.answer)
-    return RunAnswers(path, compared.answer, diagnosed.answer if same and diagnosed else None)
+    own = read(diagnose.Answer, diagnosed.answer) if same and diagnosed and diagnosed.answer else None
+    return RunAnswers(path, read(compare.Answer, compared.answer), own)
 
 
 def _same_basis(folder: Path, diagnosed: Manifest, compared: Answer) -> bool:
@@ -200,52 +183,43 @@ def _same_basis(folder: Path, diagnosed: Manifest, compared: Answer) -> bool:
 
 def difference(a: RunAnswers, b: RunAnswers) -> Difference:
     """Return the answer of ``diff``."""
-    was, now = a.model["effects"], b.model["effects"]
+    was, now = a.compare.model, b.compare.model
     return Difference(
         schema="pneucli/diff/1",
         a=_side(a),
         b=_side(b),
-        same_data=a.compare["data"] == b.compare["data"],
+        same_data=a.compare.data == b.compare.data,
         effects={
-            "only_a": [name for name in was if name not in now],
-            "only_b": [name for name in now if name not in was],
+            "only_a": [name for name in was.effects if name not in now.effects],
+            "only_b": [name for name in now.effects if name not in was.effects],
         },
-        parameters=_parameters(a.model.get("parameters", {}), b.model.get("parameters", {})),
-        recordings=error_changes(a.compare["channels"], b.compare["channels"]),
+        parameters=_parameters(was.parameters, now.parameters),
+        recordings=error_changes(a.compare.channels, b.compare.channels),
     )
 
 
 def _side(one: RunAnswers) -> Side:
-    found, compared = one.diagnose or {}, one.compare
-    diagnosed = (found.get(key) for key in ("verdict", "missing", "sentence"))
-    return Side(one.path, compared["pipeline"], one.model["effects"], compared["error"], compared["data"], *diagnosed)
+    found, compared = one.diagnose, one.compare
+    diagnosed = (None, None, None) if found is None else (found.verdict, found.missing, found.sentence)
+    return Side(one.path, compared.pipeline, compared.model.effects, compared.error, compared.data, *diagnosed)
 
 
-def _parameters(a: Answer, b: Answer) -> list[ParameterChange]:
+def _parameters(a: Mapping[str, Figure], b: Mapping[str, Figure]) -> list[ParameterChange]:
     """Return every parameter of either model; those beyond their intervals first, the most distant one first."""
     rows = [_parameter(name, a.get(name), b.get(name)) for name in dict.fromkeys([*a, *b])]
     return sorted(rows, key=lambda row: -row.distance if row.distance is not None else 0.0)
 
 
-def _parameter(name: str, a: Answer | None, b: Answer | None) -> ParameterChange:
-    unit = (a or b or {})["unit"]
-    both = ParameterChange(name, unit, _estimate(a), _estimate(b))
-    if a is None or b is None or a["unit"] != b["unit"]:
+def _parameter(name: str, a: Figure | None, b: Figure | None) -> ParameterChange:
+    units = [one.unit for one in (a, b) if one is not None]
+    both = ParameterChange(name, units[0], a, b)
+    if a is None or b is None or a.unit != b.unit:
         return both
-    found, change = interval_difference(a["value"], a.get("ci95"), b["value"], b.get("ci95")), b["value"] - a["value"]
+    found = interval_difference(a, b)
     if found is None:
-        return replace(both, difference=change)
-    return replace(
-        both,
-        difference=change,
-        ci95=[found.low, found.high],
-        distance=_distance(found),
-        beyond=found.excludes(0.0),
-    )
-
-
-def _estimate(parameter: Answer | None) -> Estimate | None:
-    return None if parameter is None else Estimate(parameter["value"], parameter.get("ci95"))
+        return replace(both, difference=b.value - a.value)
+    ends = [found.low, found.high]
+    return replace(both, difference=found.value, ci95=ends, distance=_distance(found), beyond=found.excludes(0.0))
 
 
 def _distance(change: Figure) -> float | None:
@@ -254,7 +228,7 @@ def _distance(change: Figure) -> float | None:
     return abs(change.value) / half if half > 0.0 else (0.0 if change.value == 0.0 else None)
 
 
-def error_changes(before: Sequence[Answer], after: Sequence[Answer]) -> list[ErrorChange]:
+def error_changes(before: Sequence[ChannelResult], after: Sequence[ChannelResult]) -> list[ErrorChange]:
     """Return the error of each recording over noise, in two answers of ``compare``; test recordings first.
 
     Args:
@@ -267,43 +241,35 @@ def error_changes(before: Sequence[Answer], after: Sequence[Answer]) -> list[Err
     return [ErrorChange(*key, was.get(key), now.get(key)) for key in keys]
 
 
-def _errors_by_recording(channels: Sequence[Answer]) -> dict[tuple[str, str], float | None]:
+def _errors_by_recording(channels: Sequence[ChannelResult]) -> dict[tuple[str, str], float | None]:
     """Return the error of each recording over noise: the root mean square over its channels."""
     squares: dict[tuple[str, str], list[float]] = {}
     for c in channels:
-        ratio = c["ratio_to_noise"]
-        squares.setdefault((c["recording"], c["use"]), []).extend([] if ratio is None else [ratio**2])
+        ratio = c.ratio_to_noise
+        squares.setdefault((c.recording, c.use), []).extend([] if math.isnan(ratio) else [ratio**2])
     return {key: math.sqrt(sum(of) / len(of)) if of else None for key, of in squares.items()}
 
 
-def interval_difference(
-    a: float, a_ci95: Sequence[float | None] | None, b: float, b_ci95: Sequence[float | None] | None
-) -> Figure | None:
-    """Return the difference of two independent estimates with its 95 % interval.
+def interval_difference(a: Figure, b: Figure) -> Figure | None:
+    """Return the difference b - a of two independent estimates with its 95 % interval.
 
     Each end of the interval follows from the ends that face each other, so intervals may be asymmetric. For symmetric
     ones the half width is the root of the sum of the squared half widths.
 
     Args:
         a: The first estimate.
-        a_ci95: The ends of its 95 % interval; an end may be None.
         b: The second estimate, in the unit of the first.
-        b_ci95: The ends of its 95 % interval.
 
     Returns:
-        The difference; None where an end of an interval is missing or the interval of the difference is infinite.
+        The difference; None where the interval of either one is open.
 
     References:
         G. Y. Zou and A. Donner, Statistics in Medicine 27 (2008) 1693-1702 (method of variance estimates recovery).
 
-    >>> interval_difference(10.0, (7.0, 13.0), 15.0, (11.0, 19.0))
-    Figure(value=5.0, low=0.0, high=10.0, unit='', determined=True)
+    >>> interval_difference(Figure(10.0, 7.0, 13.0, "N"), Figure(15.0, 11.0, 19.0, "N"))
+    Figure(value=5.0, low=0.0, high=10.0, unit='N', determined=True)
     """
-    ends = [*(a_ci95 or (None,)), *(b_ci95 or (None,))]
-    if len(ends) != 4 or any(end is None for end in ends):
-        return None
-    a_low, a_high, b_low, b_high = (float(end) for end in ends if end is not None)
-    difference = b - a
-    low = difference - math.hypot(b - b_low, a_high - a)
-    high = difference + math.hypot(b_high - b, a - a_low)
-    return Figure(difference, low, high) if math.isfinite(high - low) else None
+    difference = b.value - a.value
+    low = difference - math.hypot(b.value - b.low, a.high - a.value)
+    high = difference + math.hypot(b.high - b.value, a.value - a.low)
+    return Figure(difference, low, high, a.unit) if math.isfinite(high - low) else None

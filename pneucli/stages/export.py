@@ -19,10 +19,9 @@ from pneucli.pipeline.context import Context, NotApplicable
 from pneucli.simulate.model import Model
 from pneucli.stages.control_laws import closed_loop_setup, load_controller
 from pneucli.stages.flow_bench import require_recordings_over_time
-from pneucli.stages.model_file import load_model
+from pneucli.stages.model_file import load_model, parameter_intervals
 from pneucli.stages.pipeline_data import PipelineData
 
-PARAMETERS_FILE = "identify/parameters.parquet"
 TARGETS = ("c", "mat", "csv", "st")  # of the controller and the maps
 PLANT_TARGET = "fmu"
 TABLES = (
@@ -117,7 +116,5 @@ def export_plant(context: Context, study: PipelineData, model: Model) -> dict[st
 
 def _intervals(context: Context) -> dict[str, Interval]:
     """Return the 95 % interval of each identified parameter by name."""
-    table = read_table(context.artifacts / PARAMETERS_FILE)
-    rows = zip(table["name"], table["ci_low"], table["ci_high"], strict=True)
-    found = {str(name): (float(low), float(high)) for name, low, high in rows}
+    found = parameter_intervals(context.artifacts)
     return {name: interval for name, interval in found.items() if all(map(math.isfinite, interval))}

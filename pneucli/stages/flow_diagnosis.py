@@ -9,12 +9,15 @@ from typing import Any
 from pneucli.compare import overall_error
 from pneucli.diagnose.free_run_error import held_out_error, remaining_error_share, removed_error_share
 from pneucli.errors import InputError
+from pneucli.figure import Figure, read, to_json
 from pneucli.identify.valve.flow_bench import FlowBench, compare_flow
 from pneucli.identify.valve.flow_findings import AREA_FINDINGS, bench_findings
 from pneucli.identify.valve.flow_hypotheses import FlowHypothesis, closed_paths, fit_hypothesis, leak_area
 from pneucli.identify.valve.iso6358 import ELLIPSE_SUBSONIC_INDEX
 from pneucli.identify.valve.steady_flow import MIN_GAIN
+from pneucli.messages import diagnose as messages
 from pneucli.messages.compare import GOOD_ERROR_RATIO
+from pneucli.messages.diagnose import impossible_data_sentence
 from pneucli.messages.findings import tell
 from pneucli.messages.flow import (
     effect_reason,
@@ -26,10 +29,9 @@ from pneucli.messages.flow import (
 )
 from pneucli.messages.formatting import format_parameters
 from pneucli.messages.ingest import implausibility_sentences
-from pneucli.messages.verdict import impossible_data_sentence
 from pneucli.physics.declaration import Effect
 from pneucli.stages import history
-from pneucli.stages.answer_parts import purpose_answer
+from pneucli.stages.answer_parts import purpose_of
 from pneucli.stages.diagnosis_answer import SHAPE_FILE, write_flow_diagnosis
 from pneucli.stages.flow_bench import LEAK_PORT, RATIO_PORT, flow_bench, flow_results
 from pneucli.stages.pipeline_data import PipelineData
@@ -50,7 +52,7 @@ def diagnose_flow_only(study: PipelineData) -> Answer:
         raise InputError("--since", "rows of a steady bench alone", wanted, mend, code="E071")
     answer = flow_diagnosis(study)
     assert answer is not None
-    write_flow_diagnosis(study, answer)
+    write_flow_diagnosis(study, read(messages.Answer, answer))
     return answer | history.record_model(context, answer, SHAPE_FILE)
 
 
@@ -149,7 +151,7 @@ class _Search:
             "candidates": [self._candidate(e, missing) for e in study.available_effects.values() if self._is_open(e)],
             "unexplained_share": remaining_error_share(errors[0], errors[-1]),
             "explained_share": removed_error_share(errors[0], errors[-1]),
-            "purpose": purpose_answer(self._results(shown), context.config.compare.tolerance),
+            "purpose": to_json(purpose_of(self._results(shown), context.config.compare.tolerance)),
             "next_experiment": next_rows(
                 ratio=RATIO_PORT not in self._shown, closed=LEAK_PORT not in self._shown and not known
             ),
@@ -175,7 +177,7 @@ class _Search:
             "thinned": None,
             "warnings": [tell("flow-function-of-simulations"), *([] if held_out else [tell("no-held-out")])],
             "plausibility": context.answers["ingest"]["plausibility"],
-            "contradicted": study.contradicted,
+            "contradicted": to_json(study.contradicted),
             "parameters": {},
         }
 
@@ -216,11 +218,11 @@ class _Search:
     def _is_open(self, effect: Effect) -> bool:
         return effect.name not in self._present and effect.name not in self._study.excluded_effects
 
-    def _parameters(self, name: str) -> Answer:
+    def _parameters(self, name: str) -> dict[str, Figure]:
         effect = self._study.available_effects[name]
         value, (low, high) = self._ratio() if RATIO_PORT in effect.ports else self._leak()
         (parameter, *_) = effect.parameters
-        return {parameter.name: {"value": value, "unit": parameter.unit, "ci95": [low, high]}}
+        return {parameter.name: Figure(value, low, high, parameter.unit)}
 
     def _ratio(self) -> tuple[float, tuple[float, float]]:
         model = next(one for one in reversed(self.path) if one.ratio_interval is not None)
@@ -242,7 +244,7 @@ class _Search:
             "title": effect.title,
             "error_before": first if tried is None else before,
             "error_after": first if tried is None else after,
-            "parameters": self._parameters(name) if named else {},
+            "parameters": to_json(self._parameters(name)) if named else {},
             "indistinguishable_from": [],
             "supported": named,
             "reason": "supported" if named else "cannot-show" if tried is None else "not-significant",

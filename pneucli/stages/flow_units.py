@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 from pneucli.config import PipelineConfig
-from pneucli.plausibility.required_inputs import Assumption
+from pneucli.messages.identify import Assumption
 from pneucli.units import parse_unit, same_dimension
 
 STANDARD_STATE = "ANR"

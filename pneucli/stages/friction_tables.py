@@ -7,73 +7,40 @@ from typing import Any
 
 import numpy as np
 
-from pneucli.figure import Figure
+from pneucli.figure import INTERVAL_UNITS, named
 from pneucli.identify.friction import FrictionIdentification
 from pneucli.identify.friction.stick_slip import StickSlip
 from pneucli.io.artifacts import Tables
+from pneucli.messages.identify import BreakAway, Friction, KineticLevel, OverPressure, Repeats
 
 MODEL_POINTS = 401
+DEVIATION_KEYS = "model recording use channel rmsd noise unit percent"
 
 
-def friction_answer(friction: FrictionIdentification) -> dict[str, Any]:
-    """Return what the JSON answer holds of friction."""
-    line = friction.pressure_dependence
-    return {
-        "warnings": [one.text for one in friction.warnings],
-        "taken_out": list(friction.removed_effects),
-        "domain": {
-            "velocity_range": {"value": friction.domain.max_velocity, "unit": "m/s"},
-            "nodes": friction.domain.nodes,
-            "eta": {"value": friction.domain.eta, "unit": "s/m"},
+def friction_answer(friction: FrictionIdentification) -> Friction:
+    """Return what the answer holds of friction."""
+    line, domain = friction.pressure_dependence, friction.domain
+    return Friction(
+        warnings=[one.text for one in friction.warnings],
+        taken_out=friction.removed_effects,
+        domain={
+            "velocity_range": {"value": domain.max_velocity, "unit": "m/s"},
+            "nodes": domain.nodes,
+            "eta": {"value": domain.eta, "unit": "s/m"},
         },
-        "models": [{"model": m.name, "lacks": list(friction.unmodelled_effects[m.name])} for m in friction.models],
-        "kinetic": _kinetic(friction),
-        "breakaway": _break_aways(friction),
-        "over_pressure": None if line is None else {n: _value(getattr(line, n)) for n in ("at_ambient", "slope")},
-        "repeats": [
-            {"recordings": list(r.recordings), "friction": r.friction, "unit": "N", "spread": r.spread}
-            for r in friction.repeatability
+        models=[{"model": m.name, "lacks": friction.unmodelled_effects[m.name]} for m in friction.models],
+        kinetic=[
+            KineticLevel(k.recording, k.pressures, k.speed, k.friction.value, [k.friction.low, k.friction.high], "N")
+            for k in friction.kinetic
         ],
-        "deviations": [
-            {
-                "model": d.model,
-                "recording": d.recording,
-                "use": d.use,
-                "channel": d.channel,
-                "rmsd": d.rmsd,
-                "noise": d.noise,
-                "unit": d.unit,
-                "percent": d.percent,
-            }
-            for d in friction.deviations
+        breakaway=[
+            BreakAway(b.recording, **b.force.answer, least=b.minimum, most=b.maximum, count=int(b.count))
+            for b in friction.break_aways
         ],
-    }
-
-
-def _kinetic(friction: FrictionIdentification) -> list[dict[str, Any]]:
-    return [
-        {
-            "recording": k.recording,
-            "pressures": k.pressures,
-            "speed": k.speed,
-            "friction": k.friction.value,
-            "ci95": [k.friction.low, k.friction.high],
-            "unit": "N",
-        }
-        for k in friction.kinetic
-    ]
-
-
-def _break_aways(friction: FrictionIdentification) -> list[dict[str, Any]]:
-    return [
-        {"recording": b.recording, **_value(b.force), "least": b.minimum, "most": b.maximum, "count": int(b.count)}
-        for b in friction.break_aways
-    ]
-
-
-def _value(value: Figure) -> dict[str, Any]:
-    ends = [end if np.isfinite(end) else None for end in (value.low, value.high)]
-    return {"value": value.value, "unit": value.unit, "ci95": ends}
+        over_pressure=None if line is None else OverPressure(line.at_ambient, line.slope),
+        repeats=[Repeats(r.recordings, r.friction, "N", r.spread) for r in friction.repeatability],
+        deviations=[named(d, DEVIATION_KEYS) for d in friction.deviations],
+    )
 
 
 def write_friction(friction: FrictionIdentification, tables: Tables) -> None:
@@ -133,53 +100,20 @@ def _write_averages(friction: FrictionIdentification, tables: Tables) -> None:
 
 
 def _write_tables(friction: FrictionIdentification, tables: Tables) -> None:
-    rows: list[dict[str, Any]] = [
-        {
-            "model": d.model,
-            "recording": d.recording,
-            "use": d.use,
-            "channel": d.channel,
-            "rmsd": d.rmsd,
-            "unit": d.unit,
-            "percent": d.percent,
-            "relative_percent": d.relative_percent,
-            "noise": d.noise,
-            "lacks": ", ".join(friction.unmodelled_effects[d.model]),
-        }
-        for d in friction.deviations
-    ]
+    columns = "model recording use channel rmsd unit percent relative_percent noise"
+    rows = [named(d, columns) | {"lacks": ", ".join(friction.unmodelled_effects[d.model])} for d in friction.deviations]
     units = {"rmsd": "see column unit", "noise": "see column unit", "percent": "%", "relative_percent": "%"}
     tables.write_rows("friction_deviations", rows, units)
-    parameters: list[dict[str, Any]] = [
-        {
-            "model": m.name,
-            "branch": b.branch,
-            "name": name,
-            "value": v.value,
-            "unit": v.unit,
-            "ci_low": v.low,
-            "ci_high": v.high,
-        }
+    parameters = [
+        {"model": m.name, "branch": b.branch, "name": name} | v.columns
         for m in friction.models
         for b in m.branches
         for name, v in b.parameters.items()
     ]
-    units = dict.fromkeys(("value", "ci_low", "ci_high"), "see column unit")
-    tables.write_rows("friction_parameters", parameters, units)
-    _write_kinetic(friction, tables)
-
-
-def _write_kinetic(friction: FrictionIdentification, tables: Tables) -> None:
-    kinetic: list[dict[str, Any]] = [
-        {
-            "recording": k.recording,
-            "p1": k.pressures.get("p1", np.nan),
-            "speed": k.speed,
-            "friction": k.friction.value,
-            "ci_low": k.friction.low,
-            "ci_high": k.friction.high,
-            "offset": k.offset.value,
-        }
+    tables.write_rows("friction_parameters", parameters, INTERVAL_UNITS)
+    kinetic = [
+        {"recording": k.recording, "p1": k.pressures.get("p1", np.nan), "speed": k.speed, "friction": k.friction.value}
+        | {"ci_low": k.friction.low, "ci_high": k.friction.high, "offset": k.offset.value}
         for k in friction.kinetic
     ]
     units = {"p1": "Pa", "speed": "m/s", "friction": "N", "offset": "N", "ci_low": "N", "ci_high": "N"}

@@ -15,6 +15,8 @@ from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
 
+from pneucli.figure import read
+from pneucli.messages.history import Model
 from pneucli.pipeline import manifest as staleness
 from pneucli.pipeline.context import Context
 
@@ -27,7 +29,7 @@ PARAMETER_DIGITS = 9  # of a parameter: what a fit repeats exactly, and another 
 class ModelRecord:
     """One model: the answer of the stage to it, and the folder with the files that were kept of it."""
 
-    answer: Mapping[str, Any]
+    answer: dict[str, Any]
     folder: Path
     current: bool
 
@@ -45,7 +47,7 @@ def record_model(context: Context, answer: Mapping[str, Any], *artifacts: str) -
     ``answer`` is the stage's answer to the model as it is. Returns what is to be added to it: its ``number`` in the
     history, and ``when`` it was there first.
     """
-    now = ModelRecord(answer, context.out, current=True)
+    now = ModelRecord(dict(answer), context.out, current=True)
     former = recorded_models(context.former) if context.former else []
     for one in former:
         if one.key != now.key and all((one.folder / name).is_file() for name in artifacts):
@@ -62,23 +64,14 @@ def recorded_models(folder: Path) -> list[ModelRecord]:
     manifest = staleness.read_manifest(folder)
     found = list(_previous_records(folder / FOLDER))
     if manifest is not None and manifest.answer is not None:
-        found.append(ModelRecord(manifest.answer, folder, current=True))
+        found.append(ModelRecord(dict(manifest.answer), folder, current=True))
     return sorted((one for one in found if "number" in one.answer), key=lambda one: one.answer["number"])
 
 
-def history_answer(folder: Path) -> list[dict[str, Any]]:
-    """Return the models as ``history --json`` lists them, oldest first."""
-    return [
-        {
-            "effects": one.answer["model"]["effects"],
-            "error": one.answer["error"],
-            "data": one.answer["data"],
-            "when": one.answer["when"],
-            "current": one.current,
-            "parameters": one.answer["model"].get("parameters", {}),
-        }
-        for one in recorded_models(folder)
-    ]
+def compared_models(folder: Path) -> list[Model]:
+    """Return the models that ``history`` lists, oldest first."""
+    found = [one.answer | {"current": one.current} | one.answer["model"] for one in recorded_models(folder)]
+    return [read(Model, one) for one in found]
 
 
 def _previous_records(folder: Path) -> Iterator[ModelRecord]:

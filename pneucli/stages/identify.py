@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import asdict
 from typing import Any
 
 from pneucli.errors import InputError
+from pneucli.figure import Figure, to_json
 from pneucli.identify.estimation.correlation import draw_parameters
 from pneucli.identify.estimation.fit import Estimate, Fit, without_data
 from pneucli.identify.estimation.intervals import with_intervals
@@ -24,8 +24,10 @@ from pneucli.identify.valve.charge_budget import with_budgets
 from pneucli.identify.valve.flow_bench import FlowBench
 from pneucli.identify.valve.uncertainty import Budget
 from pneucli.io.artifacts import Tables
+from pneucli.messages.compare import ModelAnswer
 from pneucli.messages.findings import tell
 from pneucli.messages.formatting import format_number
+from pneucli.messages.identify import Answer
 from pneucli.pipeline.context import Context
 from pneucli.recording import Rig
 from pneucli.simulate.experiment import Experiment
@@ -33,15 +35,14 @@ from pneucli.simulate.model import Model
 from pneucli.simulate.position_smoother import PositionSmoother
 from pneucli.stages.answer_parts import (
     assumed_values,
+    figures_of,
     fixed_parameters,
-    leak_answer,
+    leaks_of,
     measurement_of,
     null_command_estimate,
-    parameters_answer,
     per_vessel_volume,
 )
-from pneucli.stages.flow_bench import flow_bench, identify_flow_only
-from pneucli.stages.flow_tables import flow_answer, flow_parameters, write_flow
+from pneucli.stages.flow_bench import flow_answer, flow_bench, flow_parameters, identify_flow_only, write_flow
 from pneucli.stages.friction_tables import friction_answer, write_friction
 from pneucli.stages.model_file import save_drawn_parameters, save_model
 from pneucli.stages.parameter_tables import budgets_answer, write_budgets, write_parameter_relations, write_parameters
@@ -79,7 +80,7 @@ def run(context: Context) -> dict[str, Any]:
     instruments = measurement_of(study)
     valves = [with_budgets(one, found.estimates, instruments) for one in _identify_valves(study, found, warnings)]
     warnings += _smoothing_warnings(study.experiments)
-    leaks = leak_answer(study, found.model, [per_vessel_volume(e, study) for e in found.estimates])
+    leaks = leaks_of(study, found.model, [per_vessel_volume(e, study) for e in found.estimates])
     study.release_experiments()
     context.progress("identifying friction")
     model, estimates = (
@@ -92,13 +93,25 @@ def run(context: Context) -> dict[str, Any]:
     warnings += _volume_warnings(study.rig, found.estimates)
     friction = _identify_friction(study, model, warnings)
     _write(tables, model, estimates, valves, friction, bench)
-    answer = _answer(study, estimates, valves, friction, warnings) | leaks
-    if bench is not None:
-        answer["flow"] = flow_answer(bench)
-        answer["warnings"] = [*warnings, *(one["text"] for one in answer["flow"]["findings"])]
-    if budgets := all_budgets(valves, bench):
-        answer["uncertainty"] = budgets_answer(budgets)
-    return answer
+    flow = None if bench is None else flow_answer(bench)
+    budgets = all_budgets(valves, bench)
+    by_label = {valve.label: valve_answer(valve, estimates) for valve in valves}
+    answer = Answer(
+        schema="pneucli/identify/1",
+        pipeline=context.config.name,
+        model=ModelAnswer([e.name for e in study.effects], figures_of(estimates)),
+        assumed=assumed_values(study, {e.name for e in estimates}),
+        warnings=[*warnings, *(one.text for one in (flow.findings if flow else ()))],
+        contradicted=study.contradicted,
+        valve=by_label.get("valve"),
+        valve_2=by_label.get("valve_2"),
+        friction=None if friction is None else friction_answer(friction),
+        leaks=leaks,
+        flow=flow,
+        uncertainty=budgets_answer(budgets) if budgets else None,
+    )
+    stated: dict[str, Any] = to_json(answer)
+    return stated
 
 
 def all_budgets(valves: Sequence[ValveIdentification], bench: FlowBench | None) -> list[Budget]:
@@ -232,36 +245,15 @@ def _write(
     bench: FlowBench | None,
 ) -> None:
     save_model(model, tables)
-    rows = [(e.name, e.value, e.unit, *e.ci95) for e in estimates]
+    found = {e.name: Figure(e.value, *e.ci95, e.unit) for e in estimates}
     if valves:
         write_valves(valves, estimates, tables)
-        rows += [row for valve in valves for row in iso_parameters(valve)]
+        found |= {name: one for valve in valves for name, one in iso_parameters(valve).items()}
     if bench is not None:  # which measures the flow itself: its characteristics replace those of the same command
         measured = flow_parameters(bench)
-        rows = [*(row for row in rows if row[0] not in {name for name, *_ in measured}), *measured]
+        found = {name: one for name, one in found.items() if name not in measured} | measured
         write_flow(bench, tables, valve_map=not valves)
     if friction is not None:
         write_friction(friction, tables)
-    write_parameters(rows, tables)
+    write_parameters(found, tables)
     write_budgets(all_budgets(valves, bench), tables)
-
-
-def _answer(
-    study: PipelineData,
-    estimates: list[Estimate],
-    valves: list[ValveIdentification],
-    friction: FrictionIdentification | None,
-    warnings: list[str],
-) -> dict[str, Any]:
-    answer: dict[str, Any] = {
-        "schema": "pneucli/identify/1",
-        "pipeline": study.context.config.name,
-        "model": {"effects": [e.name for e in study.effects], "parameters": parameters_answer(estimates)},
-        "assumed": [asdict(one) for one in assumed_values(study, {e.name for e in estimates})],
-        "warnings": warnings,
-        "contradicted": study.contradicted,
-    }
-    answer |= {valve.label: valve_answer(valve, estimates) for valve in valves}
-    if friction is not None:
-        answer["friction"] = friction_answer(friction)
-    return answer

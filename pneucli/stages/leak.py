@@ -14,9 +14,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pneucli.errors import InputError, UnitError
+from pneucli.figure import Figure, named
 from pneucli.identify.leak_rate import FLOW_UNIT, normal_flow
 from pneucli.identify.leak_test import MIN_BLOCKS, SPREAD, LeakFit, fit_leak, settling_time, shut_stretch
 from pneucli.messages.formatting import format_quantity
+from pneucli.messages.leak import Answer, Bound, LeakTest
 from pneucli.physics.gas import critical_ratio_of, flow_constant, orifice_flow
 from pneucli.recording import Recording, Rig
 from pneucli.stages import init
@@ -33,7 +35,7 @@ UNITS = {"rate": "Pa/s", "flow": FLOW_UNIT, "area": "m^2", "throughput": "Pa m^3
 
 def leak_test(
     files: Sequence[Path], *, volume: str | None = None, limit: str | None = None, drift: str = "0.1 K", **stated: Any
-) -> dict[str, Any]:
+) -> Answer:
     """Return the leaks of shut vessels.
 
     Args:
@@ -65,29 +67,17 @@ def leak_test(
             raise replace(error, where=where, faults=()) from error
     size = size or rig.vessel_volume
     bound = None if limit is None else _limit(limit, size)
-    tests, left = [], []
-    for one in recordings:
-        found = _test(one, rig, size, wall, null=rig.valve_null if stated_rig else None)
-        if isinstance(found, str):
-            left.append(f"{one.name}: {found}")
-        else:
-            tests.append(found | _verdict(found, bound))
+    null = rig.valve_null if stated_rig else None
+    found = {one.name: _test(one, rig, size, wall, null=null) for one in recordings}
+    left = [f"{name}: {one}" for name, one in found.items() if isinstance(one, str)]
+    tests = [_judged(one, bound) for one in found.values() if isinstance(one, LeakTest)]
     if not tests:
         raise InputError(
             str(files[0]), left[0] if left else "no recording", "a vessel that is shut and above or below ambient",
             "record the pressure from filling on, and wait", code="E063",
         )  # fmt: skip
-    return {
-        "schema": SCHEMA,
-        "volume": size,
-        "ambient_pressure": rig.ambient_pressure,
-        "temperature": rig.gas_temperature,
-        "drift": wall,
-        "limit": bound,
-        "tests": tests,
-        "left_out": left,
-        "verdict": _worst([one["verdict"] for one in tests]),
-    }
+    worst = next((one for one in ("fail", "undecided", "pass") if one in {test.verdict for test in tests}), None)
+    return Answer(SCHEMA, size, rig.ambient_pressure, rig.gas_temperature, wall, bound, tests, left, worst)
 
 
 def _written(folder: Path, files: Sequence[Path], stated: dict[str, Any]) -> Path:
@@ -111,7 +101,7 @@ def _quantity(option: str, text: str, unit: str, *, difference: bool = False) ->
     return found
 
 
-def _limit(text: str, volume: float | None) -> dict[str, Any]:
+def _limit(text: str, volume: float | None) -> Bound:
     """Return the limit: its text, the quantity it bounds, and its size in that quantity's unit."""
     unit = next((one for one in OF_LIMITS if _measures(text, one)), None)
     if unit is None:
@@ -125,7 +115,7 @@ def _limit(text: str, volume: float | None) -> dict[str, Any]:
         )
     per_litre = parse_unit(FLOW_UNIT).factor
     size = size / per_litre if unit == "kg/s" else size / parse_unit("l/min").factor if unit == "m^3/s" else size
-    return {"text": text, "quantity": kind, "value": size, "unit": UNITS[kind]}
+    return Bound(text, kind, size, UNITS[kind])
 
 
 def _measures(text: str, unit: str) -> bool:
@@ -136,7 +126,7 @@ def _measures(text: str, unit: str) -> bool:
     return not text.replace(".", "").strip().isdigit()
 
 
-def _test(one: Recording, rig: Rig, volume: float | None, drift: float, null: float | None) -> dict[str, Any] | str:
+def _test(one: Recording, rig: Rig, volume: float | None, drift: float, null: float | None) -> LeakTest | str:
     """Return the leak of one recording, or why it is none; ``null`` is the command that shuts the valve, if known."""
     name = next((signal for signal in ("p1", "p2") if signal in one), None)
     if name is None:
@@ -159,26 +149,24 @@ def _test(one: Recording, rig: Rig, volume: float | None, drift: float, null: fl
     fit = fit_leak(time[shut], p[shut], rig.ambient_pressure, volume=volume, **wall)
     rest = float(np.median(p[stretch.rest : stretch.start])) if stretch.rest < stretch.start else None
     shown = np.linspace(0, p.size - 1, min(p.size, MAX_POINTS)).astype(int)
-    return {
-        "recording": one.name,
-        "signal": name,
-        "rest": rest,
-        "shut": [float(time[stretch.start]), float(time[stretch.stop - 1])],
-        "fitted_from": fit.start,
-        "pressure": fit.pressure,
-        "pressure_end": float(fit.curve[-1, 1]),
+    return LeakTest(
+        recording=one.name,
+        signal=name,
+        rest=rest,
+        shut=[float(time[stretch.start]), float(time[stretch.stop - 1])],
+        fitted_from=fit.start,
+        pressure=fit.pressure,
+        pressure_end=float(fit.curve[-1, 1]),
         **_rates(fit, rig, volume),
-        "law": fit.law,
-        "laminar_share": fit.laminar,
-        "warmed": fit.warmed,
-        "settling": fit.settling,
-        "temperature_measured": measured,
-        "drift_half_width": fit.drift,
-        "misfit": fit.misfit,
-        "time": [float(value) for value in time[shown]],
-        "values": [float(value) for value in p[shown]],
-        "model": [[float(row[0]), float(row[2])] for row in fit.curve],
-    }
+        law=fit.law,
+        laminar_share=fit.laminar,
+        **named(fit, "warmed settling misfit"),
+        temperature_measured=measured,
+        drift_half_width=fit.drift,
+        time=time[shown].tolist(),
+        values=p[shown].tolist(),
+        model=fit.curve[:, [0, 2]].tolist(),
+    )
 
 
 def _no_test(time: Array, command: Array | None, shut: slice, null: float | None, settling: float) -> str:
@@ -212,25 +200,18 @@ def _rates(fit: LeakFit, rig: Rig, volume: float | None) -> dict[str, Any]:
         "throughput": volume,
     }
     return {
-        name: None
-        if factor is None
-        else {"value": factor * rate, "ci95": [factor * end for end in ends], "unit": UNITS[name]}
+        name: None if factor is None else Figure(factor * rate, factor * ends[0], factor * ends[1], UNITS[name])
         for name, factor in factors.items()
     }
 
 
-def _verdict(found: dict[str, Any], limit: dict[str, Any] | None) -> dict[str, Any]:
-    """Return whether a test passes, and for how long one must test that did not decide."""
-    if limit is None:
-        return {"verdict": None, "seconds_to_decide": None}
-    own = found[limit["quantity"]]
-    low, high = own["ci95"]
-    verdict = "pass" if high <= limit["value"] else "fail" if low > limit["value"] else "undecided"
-    room = abs(own["value"] - limit["value"])
-    seconds = found["shut"][1] - found["fitted_from"]
+def _judged(found: LeakTest, limit: Bound | None) -> LeakTest:
+    """Return a test with whether it passes, and for how long one must test that did not decide."""
+    own: Figure | None = None if limit is None else getattr(found, limit.quantity)
+    if limit is None or own is None:
+        return found
+    low, high = own.low, own.high
+    verdict = "pass" if high <= limit.value else "fail" if low > limit.value else "undecided"
+    room, seconds = abs(own.value - limit.value), found.shut[1] - found.fitted_from
     needed = seconds * 0.5 * (high - low) / room if verdict == "undecided" and room else math.inf
-    return {"verdict": verdict, "seconds_to_decide": needed if math.isfinite(needed) else None}
-
-
-def _worst(verdicts: Sequence[str | None]) -> str | None:
-    return next((one for one in ("fail", "undecided", "pass") if one in verdicts), None)
+    return replace(found, verdict=verdict, seconds_to_decide=needed if math.isfinite(needed) else None)

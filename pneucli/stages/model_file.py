@@ -95,3 +95,10 @@ def load_drawn_models(folder: Path, model: Model) -> list[Model]:
     for draw, name, value in zip(table["draw"], table["name"], table["value"], strict=True):
         drawn.setdefault(int(draw), {})[str(name)] = float(value)
     return [with_parameters(model, values) for values in drawn.values()]
+
+
+def parameter_intervals(artifacts: Path) -> dict[str, tuple[float, float]]:
+    """Return the 95 % intervals of the identified parameters."""
+    table = read_table(artifacts / "identify" / "parameters.parquet")
+    rows = zip(table["name"], table["ci_low"], table["ci_high"], strict=True)
+    return {str(name): (float(low), float(high)) for name, low, high in rows}

@@ -2,28 +2,29 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from typing import Any
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 
+from pneucli.figure import INTERVAL_UNITS, Figure, named
 from pneucli.identify.estimation.correlation import parameter_correlation, sensitivities
 from pneucli.identify.estimation.fit import Fit
 from pneucli.identify.estimation.progress import Iteration
 from pneucli.identify.residuals import ResidualModel
 from pneucli.identify.valve.uncertainty import COVERAGE_FACTOR, Budget
 from pneucli.io.artifacts import Tables
+from pneucli.messages.identify import BudgetAnswer, Source, Uncertainty
 
-ParameterRow = tuple[str, float, str, float, float]  # name, value, unit, and the ends of the interval
+SOURCE_KEYS = "uncertainty unit sensitivity contribution bound factors"
 
 
-def write_parameters(rows: Sequence[ParameterRow], tables: Tables) -> None:
+def write_parameters(found: Mapping[str, Figure], tables: Tables) -> None:
     """Write ``parameters``, a row for each parameter or characteristic."""
-    name, value, unit, low, high = zip(*rows, strict=True) if rows else ((),) * 5
+    rows = [{"name": name} | one.columns for name, one in found.items()]
     tables.write(
         "parameters",
-        {"name": list(name), "value": value, "unit": list(unit), "ci_low": low, "ci_high": high},
-        dict.fromkeys(("value", "ci_low", "ci_high"), "see column unit"),
+        {key: [row[key] for row in rows] for key in ("name", "value", "unit", "ci_low", "ci_high")},
+        INTERVAL_UNITS,
     )
 
 
@@ -68,65 +69,38 @@ def write_budgets(budgets: Sequence[Budget], tables: Tables) -> None:
     rows = [(budget, one) for budget in budgets for one in budget.contributions]
     if not rows:
         return
-    numbers: dict[str, Any] = {
-        "uncertainty": [one.uncertainty for _, one in rows],
-        "sensitivity": [one.sensitivity for _, one in rows],
-        "contribution": [one.contribution for _, one in rows],
-        "share": [budget.share(one) for budget, one in rows],
-        "value": [budget.value for budget, _ in rows],
-        "combined": [budget.combined for budget, _ in rows],
-        "expanded": [budget.expanded for budget, _ in rows],
-        "ci_low": [budget.interval[0] for budget, _ in rows],
-        "ci_high": [budget.interval[1] for budget, _ in rows],
-    }
-    texts: dict[str, Any] = {
-        "name": [budget.name for budget, _ in rows],
-        "unit": [budget.unit for budget, _ in rows],
-        "source": [one.source for _, one in rows],
-        "type": [one.kind for _, one in rows],
-        "uncertainty_unit": [one.unit for _, one in rows],
-        "bound": np.array([one.bound for _, one in rows]),
-    }
-    units = dict.fromkeys(("contribution", "value", "combined", "expanded", "ci_low", "ci_high"), "see column unit")
-    tables.write(
+    tables.write_rows(
         "uncertainty_budget",
-        texts | {name: np.array(values, dtype=np.float64) for name, values in numbers.items()},
-        units
-        | {
-            "uncertainty": "see column uncertainty_unit",
-            "sensitivity": "unit / uncertainty_unit",
-            "share": "1",
-            "bound": "1",
+        [
+            named(budget, "name unit")
+            | named(one, "source")
+            | {"type": one.kind, "uncertainty_unit": one.unit, "bound": one.bound}
+            | named(one, "uncertainty sensitivity contribution")
+            | {"share": budget.share(one)}
+            | named(budget, "value combined expanded")
+            | dict(zip(("ci_low", "ci_high"), budget.interval, strict=True))
+            for budget, one in rows
+        ],
+        {
+            **INTERVAL_UNITS,
+            **dict.fromkeys(("contribution", "combined", "expanded"), "see column unit"),
+            **{"uncertainty": "see column uncertainty_unit", "sensitivity": "unit / uncertainty_unit"},
+            **{"share": "1", "bound": "1"},
         },
     )
 
 
-def budgets_answer(budgets: Sequence[Budget]) -> dict[str, Any]:
-    """Return what ``identify --json`` says of the uncertainty, by the name of the result."""
-    return {"coverage_factor": COVERAGE_FACTOR, "budgets": {one.name: _budget(one) for one in budgets}}
+def budgets_answer(budgets: Sequence[Budget]) -> Uncertainty:
+    """Return what ``identify`` says of the uncertainty, by the name of the result."""
+    return Uncertainty(COVERAGE_FACTOR, {one.name: _budget(one) for one in budgets})
 
 
-def _budget(budget: Budget) -> dict[str, Any]:
-    return {
-        "value": budget.value,
-        "unit": budget.unit,
-        "combined": budget.combined,
-        "expanded": budget.expanded,
-        "interval": list(budget.interval),
-        "propagated": budget.propagated and list(budget.propagated),
-        "calibration_not_stated": list(budget.not_stated),
-        "sources": [
-            {
-                "source": one.source,
-                "type": one.kind,
-                "uncertainty": one.uncertainty,
-                "unit": one.unit,
-                "sensitivity": one.sensitivity,
-                "contribution": one.contribution,
-                "share": budget.share(one),
-                "bound": one.bound,
-                "factors": one.factors and list(one.factors),
-            }
+def _budget(budget: Budget) -> BudgetAnswer:
+    return BudgetAnswer(
+        **named(budget, "value unit combined expanded interval propagated"),
+        calibration_not_stated=budget.not_stated,
+        sources=[
+            Source(one.source, one.kind, share=budget.share(one), **named(one, SOURCE_KEYS))
             for one in budget.contributions
         ],
-    }
+    )

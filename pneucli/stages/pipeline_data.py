@@ -13,12 +13,14 @@ from pneucli.compare.horizon import MIN_HORIZON_SAMPLES, default_horizon
 from pneucli.config import join_faults, plugin_files
 from pneucli.diagnose.subsample import subsample
 from pneucli.errors import InputError, did_you_mean
+from pneucli.figure import to_json
 from pneucli.identify.guesses.command_timing import with_common_command_range, with_intersample_commands
 from pneucli.identify.guesses.null_command import with_identified_null
 from pneucli.identify.residuals import ResidualModel, residual_models
 from pneucli.io.artifacts import Provenance, Tables, sha256_of
 from pneucli.io.recordings import load_recordings
 from pneucli.memory import release_free_memory
+from pneucli.messages.compare import LeftOut
 from pneucli.messages.formatting import format_plain
 from pneucli.messages.progress import counted
 from pneucli.physics.declaration import Effect
@@ -108,11 +110,10 @@ class PipelineData:
         return [one for one in self.contradictions if used.intersection(contradicted_parts([one]))]
 
     @property
-    def contradicted(self) -> list[dict[str, str | None]]:
+    def contradicted(self) -> list[LeftOut]:
         """What is left out because it cannot be true: recordings, or single signals of them."""
         used = {(one.name, None) for one in chain(self.recordings, self.flow_recordings)}
-        left_out = [part for part in contradicted_parts(self.contradictions) if part not in used]
-        return [{"recording": recording, "signal": signal} for recording, signal in left_out]
+        return [LeftOut(*part) for part in contradicted_parts(self.contradictions) if part not in used]
 
     def at_most(self, max_samples: int) -> PipelineData:
         """Return the pipeline with at most so many samples; itself where it has no more."""
@@ -197,7 +198,7 @@ class PipelineData:
             config.rig.ambient_pressure,
             config.compare.model_dump(exclude={"tolerance"}) | {"horizon": self.horizon},
         )
-        return digest([*read, self.contradicted] if self.contradicted else read)
+        return digest([*read, to_json(self.contradicted)] if self.contradicted else read)
 
     def _require_samples(self) -> None:
         """Raise InputError where a stated horizon holds next to no samples, as with time in a wrong unit."""

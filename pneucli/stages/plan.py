@@ -2,29 +2,68 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import asdict, dataclass, fields, replace
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from pneucli.errors import InputError
+from pneucli.config.recording_sources import plugin_files
+from pneucli.diagnose.subsample import MAX_SAMPLES
+from pneucli.errors import InputError, did_you_mean
+from pneucli.export.command_player import PlayedRecording, PlayerLimits, write_players
+from pneucli.figure import named, to_json
+from pneucli.identify.estimation.fit import Fit
+from pneucli.identify.estimation.intervals import with_intervals
+from pneucli.identify.estimation.model_fit import fit_model, free_parameters
+from pneucli.identify.guesses.base_model import guess_base_model
+from pneucli.identify.residuals import ResidualModel
+from pneucli.io.artifacts import Provenance, atomic_path, write_table
 from pneucli.messages.formatting import format_plain
-from pneucli.messages.plan import GOOD_POWER
-from pneucli.messages.progress import counted
-from pneucli.pipeline.context import Context
-from pneucli.plan.manoeuvre import Manoeuvre
-from pneucli.plan.manoeuvres import candidate_manoeuvres, cost_of, draw_programme, manual_manoeuvres
-from pneucli.plan.power import Prediction, power_table
-from pneucli.stages.expected_power import (
-    Basis,
-    described_rig,
-    diagnosed_pipeline,
-    expected_answer,
-    limits_too_narrow,
-    plan_answer,
+from pneucli.messages.plan import (
+    GOOD_POWER,
+    Answer,
+    Expected,
+    ManualStep,
+    PlannedRecording,
+    Power,
+    RefusedManoeuvre,
+    RivalAnswer,
+    by_hand_text,
 )
-from pneucli.stages.plan_files import write_plan
+from pneucli.messages.progress import counted
+from pneucli.physics.declaration import Effect
+from pneucli.physics.effects import all_effects, select_effects
+from pneucli.pipeline.context import Context
+from pneucli.pipeline.manifest import digest
+from pneucli.plan.bench import Bench, described_benches, recorded_benches
+from pneucli.plan.first import MODEL_ERROR, extreme_models, sample_residual_models, typical_model, with_typical_spread
+from pneucli.plan.limits import BEST_MODEL, Limits, Refused, Safety, limits_of, models_to_check
+from pneucli.plan.manoeuvre import Manoeuvre, sample
+from pneucli.plan.manoeuvres import (
+    CHANGE_OVER_TIME,
+    SPEED_SHARE,
+    candidate_manoeuvres,
+    cost_of,
+    draw_programme,
+    manual_manoeuvres,
+)
+from pneucli.plan.power import (
+    Expectation,
+    Prediction,
+    deviations_of,
+    power_table,
+    prior_information,
+    with_absent_effects,
+)
+from pneucli.plan.rivals import Rival, rivals_of_diagnosis
+from pneucli.plan.simulation import start_of
+from pneucli.recording import Rig
+from pneucli.report.plan_page import plan_page
+from pneucli.simulate.model import without_effect
+from pneucli.stages.pipeline_data import PipelineData
 
 Array = NDArray[np.float64]
 DEFAULT_MINUTES, FIRST_MINUTES = 3.0, 5.0
@@ -58,9 +97,9 @@ def run(context: Context) -> dict[str, Any]:
     information = _total_information(programme, predictions)
     context.progress("power of the plan")
     powers = power_table(basis.expectation, information)
-    answer = plan_answer(context, basis, programme, predictions)
-    answer["expected"] = expected_answer(basis, powers, information)
-    return write_plan(answer, programme, predictions, powers, context, basis)
+    answer = plan_answer(context, basis, programme, predictions, powers, information)
+    found: dict[str, Any] = to_json(write_plan(answer, programme, predictions, context, basis))
+    return found
 
 
 def _drawn(basis: Basis, seconds: float, by_hand: Sequence[Manoeuvre] = ()) -> list[Manoeuvre]:
@@ -101,3 +140,361 @@ def _needed_by_hand(basis: Basis, information: Array, seconds: float) -> list[Ma
         if fits and any(power(more, r.effect) >= GOOD_POWER for r in weak):
             needed += group
     return needed
+
+
+COMMAND_PERIOD = 1e-3  # s, between the rows of commands.csv
+COMMANDS_FILE, STEPS_FILE, POWER_FILE, PAGE_FILE = "commands.csv", "steps.md", "power.parquet", "plan.html"
+COLUMNS = {  # of commands.csv: header, factor from SI, decimals
+    "u": ("u [V]", 1.0, 5),
+    "u2": ("u2 [V]", 1.0, 5),
+    "p_ref": ("p_ref [bar]", 1e-5, 5),
+    "x_ref": ("x_ref [mm]", 1e3, 4),
+}
+TYPES = {"size": np.float64, "power": np.float64, "typical": np.bool_}  # of columns of numbers, also empty ones
+
+
+def write_plan(
+    answer: Answer,
+    programme: Sequence[Manoeuvre],
+    predictions: Sequence[Prediction],
+    context: Context,
+    basis: Basis,
+) -> Answer:
+    """Write the files of a plan; return its answer with their names.
+
+    Args:
+        answer: The answer so far.
+        programme: The recordings.
+        predictions: Each as the best model predicts it.
+        context: The run of the stage.
+        basis: What the plan started from.
+    """
+    out, rows = context.out, answer.recordings
+    answer = replace(answer, sentence=answer.purpose)
+    _write_text(out / COMMANDS_FILE, commands_csv(programme, rows))
+    _write_text(out / STEPS_FILE, answer.steps_page(context.path.name))
+    _write_power(out / POWER_FILE, answer.power, Provenance({}, {"plan": context.config.document.get("plan", {})}))
+    _write_text(out / PAGE_FILE, plan_page(answer, predictions))
+    if targets := {*context.options.get("to", [])} & {"c", "st"}:
+        played = [_played(m, row) for m, row in zip(programme, rows, strict=True)]
+        write_players(out, targets, played, _player_limits(basis.limits, programme), context.config.name)
+    return replace(
+        answer,
+        files=sorted(path.name for path in out.iterdir() if not path.name.startswith(".")),
+        folder=f"{context.artifacts.parent.name}/{context.artifacts.name}/plan",
+    )
+
+
+def _write_text(path: Path, text: str) -> None:
+    with atomic_path(path) as temporary:
+        temporary.write_text(text, encoding="utf-8")
+
+
+def commands_csv(programme: Sequence[Manoeuvre], rows: Sequence[PlannedRecording]) -> str:
+    """Return ``commands.csv``: a row each millisecond, the columns that the benches take, the recording's name.
+
+    A column is empty where the bench takes another command. Between recordings the last value is held.
+    """
+    columns = [name for name in COLUMNS if any(name in _commands(m) for m in programme)]
+    lines = [",".join(["time [s]", *(COLUMNS[name][0] for name in columns), "recording"])]
+    step = 0
+    for m, row in zip(programme, rows, strict=True):
+        commands = _commands(m)
+        length = next(iter(commands.values())).size
+        rest = round(CHANGE_OVER_TIME / COMMAND_PERIOD) if row is not rows[-1] else 0
+        for k in range(length + rest):
+            cells = [f"{(step + k) * COMMAND_PERIOD:.3f}"]
+            for name in columns:
+                _, factor, decimals = COLUMNS[name]
+                value = commands[name][min(k, length - 1)] * factor if name in commands else None
+                cells.append("" if value is None else f"{value:.{decimals}f}".rstrip("0").rstrip("."))
+            lines.append(",".join([*cells, row.name if k < length else ""]))
+        step += length + rest
+    return "\n".join(lines) + "\n"
+
+
+def _commands(manoeuvre: Manoeuvre) -> dict[str, Array]:
+    """Return the commands (n,) of a manoeuvre in SI: what its bench takes."""
+    bench, values = manoeuvre.bench, sample(manoeuvre.profile, COMMAND_PERIOD)
+    found = {bench.quantity: values}
+    if bench.drive == "valve" and "u2" in bench.signals:
+        found["u2"] = 2.0 * bench.rig.valve_null - values
+    if manoeuvre.pressure is not None:
+        found["p_ref"] = np.full(values.size, manoeuvre.pressure)
+    return found
+
+
+def _write_power(path: Path, powers: Sequence[Power], provenance: Provenance) -> None:
+    columns = {
+        f.name: np.array([getattr(one, f.name) for one in powers], dtype=TYPES.get(f.name)) for f in fields(Power)
+    }
+    units = {"size": "see column unit", "power": "1", "typical": "1"}
+    write_table(path, columns, units=units, schema="pneucli/plan/power/1", provenance=provenance)
+
+
+def _played(manoeuvre: Manoeuvre, row: PlannedRecording) -> PlayedRecording:
+    bench = manoeuvre.bench
+    return PlayedRecording(
+        name=row.name,
+        is_position=bench.quantity == "x_ref",
+        gain=bench.gain if bench.drive == "position" else 0.0,
+        segments=manoeuvre.profile,
+        rest=CHANGE_OVER_TIME,
+    )
+
+
+def _player_limits(limits: Limits, programme: Sequence[Manoeuvre]) -> PlayerLimits:
+    benches = [m.bench for m in programme]
+    low, high = limits.position
+    return PlayerLimits(
+        null=benches[0].rig.valve_null,
+        command=max(limits.command_range(b) for b in benches),
+        position=(low, high) if np.isfinite(low) and np.isfinite(high) else None,
+        pressure=limits.max_pressure if np.isfinite(limits.max_pressure) else None,
+        soft_start=limits.soft_start,
+        max_speed=SPEED_SHARE * limits.max_speed if np.isfinite(limits.max_speed) else None,
+        mirrored=any("u2" in b.signals for b in benches),
+    )
+
+
+VESSEL_HORIZON, AXIS_HORIZON = 5.0, 0.5  # s between restarts of the comparison, as the pipelines of new rigs have them
+NOISE_WARNING = (
+    "The powers assume usual sensors, and that the best model leaves five times the noise, correlated over 0.1 s: "
+    "after the first recordings, plan again from the diagnosis."
+)
+
+
+@dataclass(frozen=True)
+class Basis:
+    """What a plan starts from.
+
+    Attributes:
+        benches: The benches that can show what is in question.
+        safety: The limits of the rig, and the models in which every manoeuvre must keep them.
+        expectation: The best model, the models with other effects, and what is known of parameters.
+        rivals: The hypotheses in question.
+        digest: Digest of what the plan starts from, which seeds the draw.
+        warnings: What a reader has to know.
+    """
+
+    benches: Sequence[Bench]
+    safety: Safety
+    expectation: Expectation
+    rivals: Sequence[Rival]
+    digest: str
+    warnings: Sequence[str] = ()
+
+    @property
+    def limits(self) -> Limits:
+        """The limits of the rig."""
+        return self.safety.limits
+
+    @property
+    def shown_rivals(self) -> list[Rival]:
+        """The rivals that the benches can show."""
+        return [rival for rival in self.rivals if rival.effect in self.expectation.others]
+
+
+MAX_REFUSED = 30  # refused manoeuvres in an answer
+
+
+def plan_answer(
+    context: Context,
+    basis: Basis,
+    programme: Sequence[Manoeuvre],
+    predictions: Sequence[Prediction],
+    powers: Sequence[Power],
+    information: Array,
+) -> Answer:
+    """Return the answer without its files."""
+    recordings = [
+        replace(row, times_noise={name: one.rms for name, one in predicted.differences.items()})
+        for row, predicted in zip(planned_recordings(programme), predictions, strict=True)
+    ]
+    refused = list({r.text + r.quantity: r for r in map(_refused, basis.safety.refused)}.values())
+    first = bool(context.options.get("first"))
+    best = RivalAnswer(BEST_MODEL, None, True, None, None)
+    rivals = [RivalAnswer(r.name, r.effect, r.present, r.probability, r.in_place_of) for r in basis.rivals]
+    return Answer(
+        schema="pneucli/plan/1",
+        pipeline=context.config.name,
+        first=first,
+        seconds=recordings[-1].end,
+        recordings=recordings,
+        manual=[ManualStep(r.name, r.by_hand) for r in recordings if r.by_hand],
+        limits=_limits(basis.limits),
+        refused=refused[:MAX_REFUSED],
+        refused_count=len(refused),
+        rivals=[] if first else [best, *rivals],
+        warnings=basis.warnings,
+        expected=_expected(basis, powers, information),
+        power=powers,
+    )
+
+
+def planned_recordings(programme: Sequence[Manoeuvre]) -> Iterator[PlannedRecording]:
+    """Yield the planned recordings with their times in ``commands.csv``."""
+    begin = 0.0
+    for number, m in enumerate(programme, 1):
+        yield replace(planned_recording(m), name=f"plan_{number}_{m.kind}", begin=begin, end=begin + m.duration)
+        begin += cost_of(m)
+
+
+def planned_recording(m: Manoeuvre) -> PlannedRecording:
+    """Return one manoeuvre as a recording."""
+    bench = m.bench
+    return PlannedRecording(
+        *(m.use, m.kind, bench.name, bench.experiment, bench.drive, bench.quantity),
+        *(bench.template.chamber_2, bench.template.chamber, bench.template.imposed),
+        valve="shut" if m.kind == "shut-valve" else None,
+        start=asdict(start_of(m)),
+        gain=bench.gain if bench.drive == "position" else None,
+        **named(m, "centre level frequency speed pressure force added_mass"),
+        by_hand=by_hand_text(m.kind, m.force, m.added_mass) if m.by_hand else None,
+    )
+
+
+def _expected(basis: Basis, powers: Sequence[Power], information: Array) -> list[Expected]:
+    """Return for each rival its probability before, and the power to show it; without rivals for every effect.
+
+    A rival that no bench of the recordings can show has a power of 0.
+    """
+    if not basis.rivals:
+        return [Expected(p.effect, p.effect, None, p.power) for p in powers if p.typical]
+    shown = {r.name: basis.expectation.power(information, r.effect) for r in basis.shown_rivals}
+    return [Expected(r.effect, r.name, r.own_probability, shown.get(r.name, 0.0)) for r in basis.rivals]
+
+
+def _limits(limits: Limits) -> dict[str, Any]:
+    """Return the limits, SI; None: not limited."""
+    values = asdict(limits) | {"position": list(limits.position)}
+    return {name: value if value is not None and np.isfinite(value).all() else None for name, value in values.items()}
+
+
+def _refused(one: Refused) -> RefusedManoeuvre:
+    """Return a refused manoeuvre with the first limit that it exceeds."""
+    first, manoeuvre = one.violations[0], planned_recording(one.manoeuvre)
+    return RefusedManoeuvre(
+        manoeuvre.manoeuvre, manoeuvre.bench, one.model, first.quantity, first.value, first.limit, first.unit
+    )
+
+
+def limits_too_narrow(where: str) -> InputError:
+    """Return the refusal of a plan for which no manoeuvre is left."""
+    mend = "state end_margin, max_speed, max_pressure or max_force in [plan]; pneucli plan -v shows what was refused"
+    return InputError(where, "no manoeuvre keeps the limits of the rig", "wider limits", mend, code="E071")
+
+
+def diagnosed_pipeline(context: Context) -> Basis:
+    """Return what the last diagnosis leaves open; raises InputError where no recording runs over time."""
+    pipeline = PipelineData(context, max_samples=MAX_SAMPLES)
+    train = pipeline.residual_models("train")
+    if not train:
+        raise InputError(
+            f"{context.path}, key recordings",
+            "no recording over time to plan from",
+            "recordings, or --first",
+            f"pneucli plan {context.path} --first",
+            code="E061",
+        )
+    wanted = _wanted_effects(context, pipeline.available_effects)
+    context.progress("fitting the best model")
+    best = _best_fit(pipeline, train)
+    present = [e.name for e in best.model.effects]
+    rivals = rivals_of_diagnosis(context.answers["diagnose"], present, wanted)
+    absent = with_absent_effects(best.model, pipeline.available_effects.values(), train)
+    doubtful = {r.effect: without_effect(best.model, r.effect) for r in rivals if not r.present}
+    expectation = Expectation(
+        best.model,
+        absent | doubtful,
+        best.free,
+        prior_information(len(absent) + len(doubtful), best.free),
+        pipeline.horizon,
+        context.config.compare.low_pass,
+        deviations_of(train, best.residual),
+    ).with_recordings(train)
+    benches = recorded_benches([one.experiment for one in train])
+    limits = limits_of(pipeline.rig, benches, context.config.plan.model_dump())
+    checked = {r.name: expectation.others[r.effect] for r in rivals if r.effect in expectation.others}
+    asked = [pipeline.available_effects[r.effect] for r in rivals]
+    telling = [m.experiment.recording for m in train if any(m.is_sensitive_to(e) for e in asked)]
+    return Basis(
+        [b for b in benches if any(map(b.made, telling))] or benches,
+        Safety(pipeline.rig, limits, models_to_check(best, checked)),
+        expectation,
+        rivals,
+        context.answers["diagnose"]["data"],
+    )
+
+
+def _wanted_effects(context: Context, available: Mapping[str, Effect]) -> list[str]:
+    wanted: list[str] = context.options.get("effects", [])
+    for name in wanted:
+        if name not in available:
+            mend = did_you_mean(name, available)
+            raise InputError("--effects", f'no effect "{name}"', "effects of the catalogue", mend, code="E030")
+    return wanted
+
+
+def _best_fit(pipeline: PipelineData, train: Sequence[ResidualModel]) -> Fit:
+    """Return the fit of the model with the effects of the pipeline file and those that the diagnosis names."""
+    given, where = pipeline.effects, f"{pipeline.context.path}, key model.effects"
+    named = [n for n in pipeline.context.answers["diagnose"]["missing"] if n not in {e.name for e in given}]
+    added = select_effects(named, pipeline.available_effects, where)
+    guess = guess_base_model([one.experiment for one in train], pipeline.rig, pipeline.valve)
+    return with_intervals(fit_model(guess, train, (*given, *added)), train)
+
+
+def described_rig(context: Context) -> Basis:
+    """Return a typical model of a rig that is only described; raises InputError where ``[rig]`` describes no bench."""
+    config = context.config
+    rig = _described(context)
+    benches = described_benches(rig, config.plan.max_command)
+    limits = limits_of(rig, benches, config.plan.model_dump())
+    model = typical_model(rig, benches, "switching" if rig.valve_kind == "switching" else config.model.valve)
+    horizon = AXIS_HORIZON if rig.has_cylinder else VESSEL_HORIZON
+    samples = sample_residual_models(benches, limits, model, horizon)
+    free, catalogue = free_parameters(model, samples), all_effects(plugin_files(config)).values()
+    absent = with_absent_effects(model, [e for e in catalogue if e.side is None], samples)
+    free = with_typical_spread(free)
+    return Basis(
+        benches,
+        Safety(rig, limits, extreme_models(model)),
+        Expectation(
+            model,
+            absent,
+            free,
+            prior_information(len(absent), free),
+            horizon,
+            usual=MODEL_ERROR,
+        ),
+        [],
+        digest([config.rig.model_dump(mode="json"), config.plan.model_dump(mode="json")]),
+        [NOISE_WARNING],
+    )
+
+
+def _described(context: Context) -> Rig:
+    """Return the rig; raises InputError where no bench, no supply or no null command is described."""
+    rig = context.config.to_rig()
+    if not described_benches(rig):
+        raise InputError(
+            f"{context.path}, key rig",
+            "neither a vessel nor a cylinder with its stroke",
+            "[rig.vessel] volume, or [rig.cylinder] piston_area_1 and stroke",
+            "describe the rig",
+            code="E063",
+        )
+    if rig.supply_pressure is None:
+        raise InputError(
+            f"{context.path}, key rig.supply_pressure", "missing", 'such as "7 bar"', "state the supply", code="E063"
+        )
+    if rig.null_free:
+        raise InputError(
+            f"{context.path}, key rig.valve.null",
+            '"identify", but there is no recording yet',
+            "the command at which nothing flows: every command of the programme is about it",
+            'such as null = "5 V", half the range of the valve',
+            code="E063",
+        )
+    return rig

@@ -10,10 +10,20 @@ from typing import Any
 from pneucli.config.recording_edit import append_recordings
 from pneucli.document import read_toml
 from pneucli.errors import InputError
-from pneucli.messages.plan import taken_sentence
+from pneucli.figure import named, read
+from pneucli.messages import diagnose
+from pneucli.messages.plan import Answer as Plan
+from pneucli.messages.plan import (
+    Decided,
+    Diagnosed,
+    PlannedRecording,
+    Taken,
+    TakenEffect,
+    TakenParameter,
+    TakenRecording,
+    taken_sentence,
+)
 from pneucli.pipeline.manifest import read_manifest
-
-Answer = Mapping[str, Any]
 
 OWN_KEYS = frozenset(
     {"name", "file", "use", "test", "from", "to", "more", "valve", "force", "added_mass", "x_ref", "p_ref"}
@@ -22,7 +32,7 @@ MIN_SHOWN_PROBABILITY = 0.05  # of an effect, before or after
 IDENTITY_KEYS = ("experiment", "chamber_2", "imposed", "chamber")
 
 
-def last_answers(artifacts: Path, file: Path) -> tuple[Answer, Answer]:
+def last_answers(artifacts: Path, file: Path) -> tuple[diagnose.Answer, Plan]:
     """Return the answers of the last diagnosis and of the last plan; raises InputError where there is no plan.
 
     A plan from the rig's description alone has no diagnosis before it; its answer is then empty.
@@ -32,10 +42,10 @@ def last_answers(artifacts: Path, file: Path) -> tuple[Answer, Answer]:
         raise InputError(
             f"{file}", "no plan whose recordings could be taken", "a plan", f"pneucli plan {file}", code="E007"
         )
-    return (diagnosis.answer or {}) if diagnosis is not None else {}, plan.answer
+    return read(diagnose.Answer, (diagnosis and diagnosis.answer) or {}), read(Plan, plan.answer)
 
 
-def add_recordings(file: Path, plan: Answer, paths: Sequence[Path]) -> list[dict[str, Any]]:
+def add_recordings(file: Path, plan: Plan, paths: Sequence[Path]) -> list[dict[str, Any]]:
     """Add recordings of a plan to the pipeline file.
 
     A file belongs to the planned recording of its name, else the files are those of all planned recordings in their
@@ -66,13 +76,13 @@ def add_recordings(file: Path, plan: Answer, paths: Sequence[Path]) -> list[dict
             )
     taken = {str(table.get("name", table.get("file"))) for table in present}
     tables = []
-    for planned, path, is_part in _matched(plan["recordings"], paths):
-        name = _free_name(planned["name"], taken)
+    for planned, path, is_part in _matched(plan.recordings, paths):
+        name = _free_name(planned.name, taken)
         taken.add(name)
         table = {"name": name, "file": _relative(path, file)}
         table |= _table(planned, present)
         if is_part:
-            table |= {"from": f"{planned['begin']:.3f} s", "to": f"{planned['end']:.3f} s"}
+            table |= {"from": f"{planned.begin:.3f} s", "to": f"{planned.end:.3f} s"}
         tables.append(table)
     append_recordings(file, tables)
     return tables
@@ -82,9 +92,9 @@ def _relative(path: Path, file: Path) -> str:
     return Path(os.path.relpath(path.absolute(), file.absolute().parent)).as_posix()
 
 
-def _matched(planned: Sequence[Answer], paths: Sequence[Path]) -> list[tuple[Answer, Path, bool]]:
+def _matched(planned: Sequence[PlannedRecording], paths: Sequence[Path]) -> list[tuple[PlannedRecording, Path, bool]]:
     """Return each planned recording with its file, and whether it is a part of the file."""
-    by_name = {one["name"]: one for one in planned}
+    by_name = {one.name: one for one in planned}
     if all(path.stem in by_name for path in paths):
         return [(by_name[path.stem], path, False) for path in paths]
     if len(paths) == 1 and len(planned) > 1:
@@ -105,77 +115,64 @@ def _free_name(name: str, taken: set[str]) -> str:
     return f"{name}_{number}"
 
 
-def _table(planned: Answer, present: Sequence[Answer]) -> dict[str, Any]:
+def _table(planned: PlannedRecording, present: Sequence[Mapping[str, Any]]) -> dict[str, Any]:
     """Return the table of a planned recording: as those of its bench, with what the plan held."""
-    own = {key: planned[key] for key in IDENTITY_KEYS if planned[key] is not None}
-    own = {key: value for key, value in own.items() if (key, value) != ("chamber", 1)}
+    identity = named(planned, " ".join(IDENTITY_KEYS))
+    own = {key: value for key, value in identity.items() if value is not None and (key, value) != ("chamber", 1)}
     alike = next(
-        (t for t in present if all(t.get(k, 1 if k == "chamber" else None) == planned[k] for k in IDENTITY_KEYS)), {}
+        (t for t in present if all(t.get(k, 1 if k == "chamber" else None) == identity[k] for k in IDENTITY_KEYS)), {}
     )
     table: dict[str, Any] = {key: value for key, value in alike.items() if key not in OWN_KEYS}
-    table |= own | {"use": planned["use"]}
-    if planned["valve"]:
-        table["valve"] = planned["valve"]
-    if planned["force"]:
-        table |= {"force": f"{planned['force']:.4g} N", "added_mass": f"{planned['added_mass']:.4g} kg"}
+    table |= own | {"use": planned.use}
+    if planned.valve:
+        table["valve"] = planned.valve
+    if planned.force:
+        table |= {"force": f"{planned.force:.4g} N", "added_mass": f"{planned.added_mass:.4g} kg"}
     return table
 
 
-def taken_answer(before: Answer, after: Answer, plan: Answer, added: Sequence[Answer]) -> dict[str, Any]:
+def taken_answer(
+    before: diagnose.Answer, after: diagnose.Answer, plan: Plan, added: Sequence[Mapping[str, Any]]
+) -> Taken:
     """Return what the new recordings changed: verdicts, probabilities, parameters, what is decided now."""
     effects = _effects(before, after, plan)
-    decided = [{"effect": e["effect"], "now": e["now"]} for e in effects if e["now"] is not None]
-    return {
-        "schema": "pneucli/plan-taken/1",
-        "pipeline": after["pipeline"],
-        "recordings": [{"name": t["name"], "file": t["file"], "use": t["use"]} for t in added],
-        "before": _summary(before),
-        "after": _summary(after),
-        "effects": effects,
-        "decided": decided,
-        "parameters": _parameters(before, after),
-        "sentence": taken_sentence(_summary(before), _summary(after), decided),
-    }
+    decided = [Decided(e.effect, e.now) for e in effects if e.now is not None]
+    return Taken(
+        schema="pneucli/plan-taken/1",
+        pipeline=after.pipeline,
+        recordings=[TakenRecording(t["name"], t["file"], t["use"]) for t in added],
+        before=_summary(before),
+        after=_summary(after),
+        effects=effects,
+        decided=decided,
+        parameters=_parameters(before, after),
+        sentence=taken_sentence(after.missing, decided),
+    )
 
 
-def _summary(answer: Answer) -> dict[str, Any]:
-    return {
-        "verdict": answer.get("verdict"),
-        "missing": answer.get("missing", []),
-        "probabilities": {c["effect"]: c["confidence_alone"] for c in answer.get("candidates", [])},
-        "indistinguishable": {
-            c["effect"]: c["indistinguishable_from"]
-            for c in answer.get("candidates", [])
-            if c["indistinguishable_from"]
-        },
-        "unexplained_share": answer.get("unexplained_share"),
-    }
+def _summary(answer: diagnose.Answer) -> Diagnosed:
+    alone = {c.effect: c.confidence_alone for c in answer.candidates}
+    alike = {c.effect: c.indistinguishable_from for c in answer.candidates if c.indistinguishable_from}
+    return Diagnosed(answer.verdict or None, answer.missing, alone, alike, answer.unexplained_share)
 
 
-def _effects(before: Answer, after: Answer, plan: Answer) -> list[dict[str, Any]]:
+def _effects(before: diagnose.Answer, after: diagnose.Answer, plan: Plan) -> list[TakenEffect]:
     """Return the effects in question with their probabilities, and what became of those whose answer changed."""
-    old, new = ({c["effect"]: c for c in a.get("candidates", [])} for a in (before, after))
-    asked = {r["effect"] for r in plan["rivals"] if r["effect"] is not None}
+    old, new = ({c.effect: c for c in a.candidates} for a in (before, after))
+    asked = {r.effect for r in plan.rivals if r.effect is not None}
     rows = []
     for name in dict.fromkeys([*new, *old]):
-        was, now = (c.get(name, {}).get("confidence_alone") for c in (old, new))
-        named = [name in a.get("missing", []) for a in (before, after)]
+        was, now = (c[name].confidence_alone if name in c else None for c in (old, new))
+        named = [name in a.missing for a in (before, after)]
         if name in asked or any(named) or max(was or 0.0, now or 0.0) >= MIN_SHOWN_PROBABILITY:
             change = None if named[0] == named[1] else "named" if named[1] else "refused"
-            reason = new.get(name, {}).get("reason")
-            rows.append({"effect": name, "before": was, "after": now, "reason": reason, "now": change})
-    return sorted(rows, key=lambda r: -(r["after"] or 0.0))
+            rows.append(TakenEffect(name, was, now, new[name].reason if name in new else None, change))
+    return sorted(rows, key=lambda r: -(r.after or 0.0))
 
 
-def _parameters(before: Answer, after: Answer) -> list[dict[str, Any]]:
+def _parameters(before: diagnose.Answer, after: diagnose.Answer) -> list[TakenParameter]:
     """Return the parameters of effects with their intervals, before and after."""
-    old, new = (_effect_parameters(a) for a in (before, after))
-    shown = [n for n in new if n.partition(".")[0] in {*before.get("missing", []), *after.get("missing", [])}]
+    old, new = ({f"{c.effect}.{n}": p for c in a.candidates for n, p in c.parameters.items()} for a in (before, after))
+    shown = [n for n in new if n.partition(".")[0] in {*before.missing, *after.missing}]
     shown += [n for n in new if n in old and n not in shown]
-    return [{"name": name, "before": old.get(name), "after": new[name]} for name in shown]
-
-
-def _effect_parameters(answer: Answer) -> dict[str, Any]:
-    return {
-        f"{c['effect']}.{name}": value for c in answer.get("candidates", []) for name, value in c["parameters"].items()
-    }
+    return [TakenParameter(name, old.get(name), new[name]) for name in shown]

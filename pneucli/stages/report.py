@@ -11,25 +11,18 @@ from typing import Any
 from pneucli.config import PipelineConfig
 from pneucli.errors import InputError
 from pneucli.export.replay_check import MAX_DIFFERENCE
+from pneucli.figure import read
 from pneucli.io.artifacts import Provenance, atomic_path, read_metadata, read_table, write_table
+from pneucli.messages import compare, diagnose
 from pneucli.messages.design import violations, worst_value
 from pneucli.messages.formatting import format_number, format_plain, format_quantity
 from pneucli.pipeline.checks import evaluate
 from pneucli.pipeline.context import Context
-from pneucli.report import (
-    Check,
-    EarlierAnswer,
-    ReportData,
-    Table,
-    build_sections,
-    section_tables,
-    thesis_page,
-    to_html,
-    to_junit,
-    to_markdown,
-)
 from pneucli.report.overview import overview
-from pneucli.report.page_elements import Section
+from pneucli.report.page import build_sections, thesis_page, to_html
+from pneucli.report.page_elements import Section, section_tables
+from pneucli.report.report_data import Check, EarlierAnswer, ReportData, Table
+from pneucli.report.summaries import to_junit, to_markdown
 from pneucli.report.thesis import SECTIONS as THESIS_SECTIONS
 from pneucli.stages import history
 from pneucli.stages.compare import RESIDUALS_FILE
@@ -121,16 +114,17 @@ def rig_description(config: PipelineConfig) -> str:
 
 def _earlier_models(artifacts: Path) -> dict[str, Any]:
     """Return earlier models and diagnoses on the present data."""
-    compared = history.recorded_models(artifacts / "compare")
-    data = next((one.answer["data"] for one in compared if one.current), None)
-    former = [one for one in compared if one.answer["data"] == data and not one.current]
-    first = EarlierAnswer(former[0].answer, _table(former[0].folder / RESIDUALS_FILE)) if former else None
-    diagnoses = [
-        EarlierAnswer(one.answer, _table(one.folder / SHAPE_FILE))
-        for one in history.recorded_models(artifacts / "diagnose")
-        if one.answer["data"] == data and not one.current
-    ]
-    return {"history": history.history_answer(artifacts / "compare"), "first_comparison": first, "diagnoses": diagnoses}
+    models, found = history.recorded_models(artifacts / "compare"), history.recorded_models(artifacts / "diagnose")
+    data = next((one.answer["data"] for one in models if one.current), None)
+    former, found = ([one for one in of if one.answer["data"] == data and not one.current] for of in (models, found))
+    first = [EarlierAnswer(read(compare.Answer, one.answer), _table(one.folder / RESIDUALS_FILE)) for one in former[:1]]
+    return {
+        "history": history.compared_models(artifacts / "compare"),
+        "first_comparison": first[0] if first else None,
+        "diagnoses": [
+            EarlierAnswer(read(diagnose.Answer, one.answer), _table(one.folder / SHAPE_FILE)) for one in found
+        ],
+    }
 
 
 def _table(path: Path) -> Table:

@@ -17,7 +17,6 @@ from pneucli.controller.parameters import Controller
 from pneucli.executors import engine_from
 from pneucli.experiments import EXPERIMENT_KINDS
 from pneucli.export.replay_check import replay_exported_c
-from pneucli.io.artifacts import read_table
 from pneucli.messages.formatting import format_plain
 from pneucli.pipeline.context import Context
 from pneucli.pipeline.manifest import program_versions
@@ -34,7 +33,7 @@ from pneucli.stages.control_laws import (
     write_runs,
 )
 from pneucli.stages.flow_bench import require_recordings_over_time
-from pneucli.stages.model_file import load_model
+from pneucli.stages.model_file import load_model, parameter_intervals
 from pneucli.stages.pipeline_data import PipelineData
 
 REST_TOLERANCE_RATIO = (
@@ -127,9 +126,7 @@ def _monte_carlo_study(
     """Run a Monte Carlo study, write its rows and rates, and return its part of the answer."""
     context = study.context
     wanted = robustness.read_settings(table, f"{context.path}, key scenarios")
-    parameters = read_table(context.artifacts / "identify" / "parameters.parquet")
-    names = (parameters[n] for n in ("name", "ci_low", "ci_high"))
-    intervals = {str(n): (float(low), float(high)) for n, low, high in zip(*names, strict=True)}
+    intervals = parameter_intervals(context.artifacts)
     active = {e.name for e in model.effects}
     effects = tuple(
         e

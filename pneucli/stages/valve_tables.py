@@ -10,15 +10,16 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from pneucli.figure import Figure, named
 from pneucli.identify.estimation.fit import Estimate
 from pneucli.identify.valve import IsoConductance, LackOfFit, ValveIdentification
 from pneucli.identify.valve.iso6358 import Characteristic
 from pneucli.identify.valve.result import known_vessel_volume
 from pneucli.io.artifacts import Tables
 from pneucli.messages.findings import Finding
+from pneucli.messages.identify import MapResidual, Valve, ValveDeviation
 from pneucli.quantities import Z95
 
-Row = tuple[str, float, str, float, float]
 Columns = dict[str, NDArray[Any]]
 INTERVAL_COLUMNS = ("ci_low", "ci_high")
 GRADIENT_COLUMNS = ("gradient", *INTERVAL_COLUMNS)
@@ -144,38 +145,33 @@ def mass_flow(valve: ValveIdentification, gradient: NDArray[np.float64]) -> NDAr
     return gradient * ((np.nan if volume is None else volume) / per_flow)
 
 
-def iso_parameters(valve: ValveIdentification) -> list[Row]:
-    """Return ISO 6358-1 characteristics by command: name, value, unit, 95 % interval; and what the curves show."""
-    rows: list[Row] = []
+def iso_parameters(valve: ValveIdentification) -> dict[str, Figure]:
+    """Return ISO 6358-1 characteristics by command: name, value, 95 % interval; and what the curves show."""
+    found = {}
     names = {"C": ("sonic_conductance", "m^3/(s Pa)"), "b": ("critical_ratio", "1"), "m": ("subsonic_index", "1")}
     for one in valve.iso:
         for letter, (name, unit) in names.items():
             figure: Characteristic = getattr(one, letter)
-            rows.append((f"{valve.label}.{name}({one.u:+.4g} V)", figure.value, unit, figure.low, figure.high))
+            found[f"{valve.label}.{name}({one.u:+.4g} V)"] = Figure(figure.value, figure.low, figure.high, unit)
             if figure.measured is not None:
-                value, low, high = figure.measured
-                rows.append((f"{valve.label}.{name}_of_curve({one.u:+.4g} V)", value, unit, low, high))
-    return rows
+                found[f"{valve.label}.{name}_of_curve({one.u:+.4g} V)"] = Figure(*figure.measured, unit)
+    return found
 
 
-def valve_answer(valve: ValveIdentification, estimates: Sequence[Estimate]) -> dict[str, Any]:
-    """Return what ``identify --json`` says of the valve."""
+def valve_answer(valve: ValveIdentification, estimates: Sequence[Estimate]) -> Valve:
+    """Return what ``identify`` says of the valve."""
     found = {e.name: e for e in estimates}
     sides = {"charge": f"{valve.label}.overlap_fill", "discharge": f"{valve.label}.overlap_vent"}
     overlap = {side: found[name] for side, name in sides.items() if name in found}
-    lack = valve.lack_of_fit
-    return {
-        "map": "measured" if valve.measured else "model",
-        "volume": None if valve.volume is None else {"value": valve.volume, "unit": "m^3"},
-        "overlap": {k: {"value": e.value, "unit": e.unit, "ci95": list(e.ci95)} for k, e in overlap.items()},
-        "iso": {n: {"value": v, "unit": u, "ci95": [low, high]} for n, v, u, low, high in iso_parameters(valve)},
-        "lack_of_fit": {"median": lack.median, "p95": lack.p95, "share_outside": lack.share_outside},
-        "residual": {
-            "train": valve.residual_to_noise("train"),
-            "test": valve.residual_to_noise("test"),
-            "recordings": [asdict(one) for one in valve.residuals],
-        },
-    }
+    residual = [valve.residual_to_noise(use) for use in ("train", "test")]
+    return Valve(
+        map="measured" if valve.measured else "model",
+        volume=None if valve.volume is None else {"value": valve.volume, "unit": "m^3"},
+        overlap={side: Figure(e.value, *e.ci95, e.unit) for side, e in overlap.items()},
+        iso=iso_parameters(valve),
+        lack_of_fit=ValveDeviation(**named(valve.lack_of_fit, "median p95 share_outside")),
+        residual=MapResidual(*residual, [asdict(one) for one in valve.residuals]),
+    )
 
 
 def valve_findings(valve: ValveIdentification) -> Iterator[Finding]:

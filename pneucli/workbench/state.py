@@ -9,7 +9,8 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-from pneucli.messages.diagnose import probability_clause
+from pneucli.figure import read
+from pneucli.messages.diagnose import CandidateAnswer, probability_clause
 from pneucli.messages.formatting import (
     format_interval,
     format_noise_ratio,
@@ -18,7 +19,6 @@ from pneucli.messages.formatting import (
     in_display_unit,
     unit_symbol,
 )
-from pneucli.messages.history import models_on_current_data
 from pneucli.physics.declaration import Effect
 from pneucli.pipeline.manifest import read_manifest
 from pneucli.pipeline.runner import Pipeline
@@ -84,7 +84,7 @@ def effects(
                 "verdict": verdict,
                 "probability": _probability(candidate),
                 "share": _share(candidate),
-                "size": format_parameters(candidate["parameters"]) if candidate and candidate["parameters"] else "",
+                "size": format_parameters(read(CandidateAnswer, candidate).parameters) if candidate else "",
                 "why": candidate["why"] if candidate else "",
             }
         )
@@ -92,7 +92,7 @@ def effects(
 
 
 def _probability(candidate: Mapping[str, Any] | None) -> str:
-    return probability_clause(candidate).strip() if candidate else ""
+    return probability_clause(read(CandidateAnswer, candidate)).strip() if candidate else ""
 
 
 def _share(candidate: Mapping[str, Any] | None) -> str:
@@ -158,7 +158,8 @@ def ladder(artifacts: Path) -> list[dict[str, Any]]:
         }
         for one in records
     ]
-    shown = models_on_current_data(rows) if rows else []
+    now = next((one for one in rows if one["current"]), rows[-1] if rows else {})
+    shown = [*(one for one in rows if one["data"] == now["data"] and one is not now), *([now] if now else [])]
     most = max((_error(one) or 0.0 for one in shown), default=0.0)
     return [
         dict(one) | {"text": format_noise_ratio(_error(one)), "bar": bar_length(_error(one), most)} for one in shown

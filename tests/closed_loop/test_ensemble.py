@@ -14,7 +14,7 @@ from pneucli.controller.parameters import Controller
 from pneucli.design.cascade_design import design_cascade
 from pneucli.design.control_laws import controller_for
 from pneucli.design.requirements import Requirements
-from pneucli.messages import ensemble as messages
+from pneucli.messages import design as messages
 from pneucli.physics.effects import catalogue
 from tests.design import axis
 
@@ -143,4 +143,4 @@ def test_the_message_says_probability_and_what_to_record() -> None:
     assert "at least 91 %" in first
     assert "3 of the 4 rigs" in last
     assert catalogue()["valve-lag"].separate in last
-    assert next(iter(messages.rows(found)))[:2] == ("best", "96 of 100")
+    assert next(iter(messages.ensemble_rows(found)))[:2] == ("best", "96 of 100")

@@ -30,7 +30,7 @@ from pneucli.identify.estimation.parameters import FreeParameter, effect_paramet
 from pneucli.physics.effects import catalogue
 from pneucli.simulate.rig_quantities import rig_quantities
 from pneucli.stages import answer_parts
-from pneucli.stages.diagnosis_answer import detectability_answer, shift_answer
+from pneucli.stages.diagnosis_answer import detection_limit, parameter_shift
 from tests.simulate.synthetic_experiments import model
 
 RNG = np.random.default_rng
@@ -348,20 +348,20 @@ def size_of(name: str, *found: tuple[dict[str, float], float]) -> visible.Minimu
 def sentence(one: visible.MinimumDetectableEffect) -> str:
     """The sentence of the answer."""
     vessel: Any = SimpleNamespace(rig=SimpleNamespace(vessel_volume=1e-3))
-    return str(detectability_answer(one, vessel)["would_show"])
+    return detection_limit(one, vessel).would_show
 
 
 def test_a_limit_is_per_volume_of_a_vessel_of_unknown_volume(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(answer_parts, "only_ratio_identifiable", lambda study: study == "unknown")
     found = size_of("chamber-leak", ({"area": 1e-8}, 0.01))
     study: Any = "unknown"
-    entry = detectability_answer(found, study)
-    assert (entry["size"], entry["unit"]) == (pytest.approx(4 * 0.01 * 1e-8 / 1e-3), "m^2/m^3")  # a litre is assumed
-    assert "m^2/m^3" in entry["would_show"]
-    shift = shift_answer(ParameterShift("chamber-leak.area", 1e-8, 2e-8, "m^2", plausible=True), study)
-    assert (shift["from"], shift["to"], shift["unit"]) == (pytest.approx(1e-5), pytest.approx(2e-5), "m^2/m^3")
-    friction = shift_answer(ParameterShift("friction.coulomb", 10.0, 14.0, "N", plausible=True), study)
-    assert (friction["from"], friction["unit"]) == (10.0, "N")
+    entry = detection_limit(found, study)
+    assert (entry.size, entry.unit) == (pytest.approx(4 * 0.01 * 1e-8 / 1e-3), "m^2/m^3")  # a litre is assumed
+    assert "m^2/m^3" in entry.would_show
+    shift = parameter_shift(ParameterShift("chamber-leak.area", 1e-8, 2e-8, "m^2", plausible=True), study)
+    assert (shift.from_, shift.to, shift.unit) == (pytest.approx(1e-5), pytest.approx(2e-5), "m^2/m^3")
+    friction = parameter_shift(ParameterShift("friction.coulomb", 10.0, 14.0, "N", plausible=True), study)
+    assert (friction.from_, friction.unit) == (10.0, "N")
 
 
 def test_the_detection_limit_is_four_standard_errors_of_the_best_score_test() -> None:

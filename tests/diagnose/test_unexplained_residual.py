@@ -13,7 +13,7 @@ from pneucli.diagnose.adequacy import LackOfFit
 from pneucli.diagnose.discrepancy import PeriodicTerm, UnexplainedResidual, describe_lack_of_fit
 from pneucli.diagnose.spline_regression import SmoothTerm
 from pneucli.identify.residuals import ChamberPressures, ForceBalance, FreeRun, ImposedMotion
-from pneucli.messages.verdict import FREE_RUN, SHAPELESS, discrepancy_kind_text
+from pneucli.messages.diagnose import FREE_RUN, SHAPELESS, discrepancy_kind_text
 
 VIEW: Any = ForceBalance(SimpleNamespace())  # type: ignore[arg-type]
 VIEW.__dict__["channels"] = ("force",)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import replace
 from types import SimpleNamespace
 from typing import Any
@@ -18,11 +19,11 @@ from pneucli.identify.estimation.model_fit import Similar
 from pneucli.identify.estimation.objective import LeastSquaresProblem
 from pneucli.identify.estimation.parameters import FreeParameter, base_parameters, with_prior_knowledge
 from pneucli.identify.residuals import ChamberPressures, ForceBalance, FreeRun, ImposedMotion
-from pneucli.messages.formatting import format_interval
+from pneucli.messages.formatting import format_figure, format_interval
 from pneucli.recording import ParameterPrior
 from pneucli.simulate.model import parameter_value
 from pneucli.simulate.valve_forms.area import ValveArea
-from pneucli.stages.answer_parts import parameters_answer
+from pneucli.stages.answer_parts import figures_of
 from tests.simulate.synthetic_experiments import RIG, make_experiment, model, time_grid
 
 RNG = np.random.default_rng
@@ -152,12 +153,12 @@ def test_an_answer_at_a_bound_of_the_search_says_so(truth: float, lower: float, 
     assume(min(abs(truth - lower), abs(truth - upper)) > 0.5)  # 8 standard errors
     free = replace(COULOMB, start=lower + 0.5 * width, lower=lower, upper=upper)
     found = fitted(free, views=[Line(coulomb=truth)])["friction.coulomb"]
-    (answer,) = parameters_answer([found]).values()
-    text = format_interval(answer["value"], answer["unit"], answer["ci95"])
+    (figure,) = figures_of([found]).values()
+    text = format_figure(figure)
     said = "at most" if truth < lower else "at least" if truth > upper else ""
     assert text.startswith(said)
     assert ("at " in text) == found.at_bound == bool(said)
-    assert [end is None for end in answer["ci95"]] == [said == "at most", said == "at least"]
+    assert [not math.isfinite(end) for end in (figure.low, figure.high)] == [said == "at most", said == "at least"]
 
 
 def test_sizes_of_zero_and_estimates_between_the_bounds_have_closed_intervals() -> None:

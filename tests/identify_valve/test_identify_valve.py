@@ -255,7 +255,7 @@ def test_the_other_way_of_a_spool_has_a_map_at_the_commands_that_went_out():
     assert command == pytest.approx([5.0, 2.0], abs=0.1)
     assert reachable.all()
     assert {c.u for c in found.curves} == {5.0 + v for v in COMMANDS} | {5.0 - v for v in COMMANDS}
-    assert {name.partition("(")[0] for name, *_ in iso_parameters(found)} >= {"valve_2.sonic_conductance"}
+    assert {name.partition("(")[0] for name in iso_parameters(found)} >= {"valve_2.sonic_conductance"}
 
 
 def test_two_chambers_have_a_column_and_one_has_none(tmp_path, base):
@@ -322,7 +322,7 @@ def test_a_switching_valve_has_its_commands_and_nothing_between():
     )
     assert command.tolist() == [10.0, 10.0, 0.0, 0.0, -10.0, -10.0]
     assert reachable.tolist() == [True, False, False, True, False, True]
-    assert {name for name, *_ in iso_parameters(found)} >= {"valve.sonic_conductance(+10 V)"}
+    assert set(iso_parameters(found)) >= {"valve.sonic_conductance(+10 V)"}
 
 
 CASES = Path(os.environ.get("PNEUCLI_CASES", Path(__file__).parents[3] / "shared" / "cases"))

@@ -19,7 +19,7 @@ from pneucli.io.artifacts import read_table
 from pneucli.io.recordings import load_recordings
 from pneucli.pipeline.context import Context
 from pneucli.stages import ingest
-from pneucli.stages.ingest_tables import LOSS_MESSAGES, loss_column
+from pneucli.stages.ingest import LOSS_MESSAGES, loss_column
 
 Columns = dict[str, np.ndarray]
 N = 120

@@ -17,7 +17,7 @@ from pneucli.io.artifacts import read_metadata, read_table
 from pneucli.io.recordings import load_recordings
 from pneucli.pipeline.context import Context
 from pneucli.recording import Recording
-from pneucli.stages import ingest, ingest_tables
+from pneucli.stages import ingest
 
 ROOT = Path(__file__).parents[2]
 DATA = Path(os.environ.get("PNEUCLI_DATA", ROOT.parent / "shared" / "real"))
@@ -295,7 +295,7 @@ def real(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Callable[[str], lis
     if not DATA.is_dir():
         pytest.skip("the real recordings are not here (PNEUCLI_DATA)")
     monkeypatch.setenv("PNEUCLI_DATA", str(DATA))
-    monkeypatch.setattr(ingest_tables, "MIN_NOISE_SAMPLES", 10**9)  # noise is another matter, and takes longer
+    monkeypatch.setattr(ingest, "MIN_NOISE_SAMPLES", 10**9)  # noise is another matter, and takes longer
     return lambda name: ingested(ROOT / "pipelines" / f"{name}.toml", tmp_path / "ingest")[1]
 
 
@@ -348,7 +348,7 @@ def test_emps_and_hyddown_have_the_published_sizes(real: Callable[[str], list[Re
 @pytest.mark.real
 @pytest.mark.parametrize("path", sorted(CASES.glob("case-*/pipeline.toml")), ids=lambda path: path.parent.name)
 def test_cases_pass_unaltered(path: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(ingest_tables, "MIN_NOISE_SAMPLES", 10**9)  # noise is another matter, and takes longer
+    monkeypatch.setattr(ingest, "MIN_NOISE_SAMPLES", 10**9)  # noise is another matter, and takes longer
     answer, recordings = ingested(path, tmp_path / "ingest")
     assert answer["repairs"] == []
     for one, row in zip(recordings, answer["recordings"], strict=True):

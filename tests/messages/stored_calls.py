@@ -6,12 +6,15 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import make_dataclass
 from importlib import import_module
+from inspect import signature
 from pathlib import Path
 from types import GeneratorType
-from typing import Any
+from typing import Any, get_type_hints
 
+from pneucli.figure import read, to_json
 from pneucli.messages.findings import Finding
 
 FOLDER = Path(__file__).with_name("stored")
@@ -34,16 +37,28 @@ def answer(command: str, one: Any) -> Any:
 
 
 def said(command: str, call: Call) -> Any:
-    """Call as stored; texts of several lines become lists of them."""
-    module, _, name = call["call"].rpartition(".")
+    """Call as stored, with typed arguments; texts of several lines become lists of them."""
+    module, _, path = call["call"].rpartition(".") if call["call"].islower() else call["call"].partition(".")
+    *owner, name = path.split(".")
     arguments = [answer(command, one) for one in call["with"]]
-    function = getattr(import_module(f"pneucli.messages.{module}".rstrip(".")), name)
-    words = function(*arguments, **call.get("options", {}))
+    holder: Any = import_module(f"pneucli.messages.{module}".rstrip("."))
+    if owner:
+        holder = read(getattr(holder, owner[0]), arguments.pop(0))
+    words = getattr(holder, name)
+    if callable(words):
+        words = words(**typed(words, arguments, call.get("options", {})))
     if isinstance(words, Finding):
         words = words.text
     if isinstance(words, GeneratorType):
         words = list(words)
-    return words.split("\n") if isinstance(words, str) and "\n" in words else words
+    return words.split("\n") if isinstance(words, str) and "\n" in words else to_json(words)
+
+
+def typed(function: Callable[..., Any], arguments: Sequence[Any], options: Mapping[str, Any]) -> dict[str, Any]:
+    """Return the arguments by their names, those that are answers as what the function takes."""
+    given = dict(zip(signature(function).parameters, arguments, strict=False)) | options
+    hints = {name: kind for name, kind in get_type_hints(function).items() if name in given}
+    return vars(read(make_dataclass("Arguments", hints.items()), given))
 
 
 def layout(found: Mapping[str, Any]) -> str:

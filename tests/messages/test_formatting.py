@@ -9,6 +9,7 @@ import pytest
 from hypothesis import assume, example, given
 from hypothesis import strategies as st
 
+from pneucli.figure import Figure
 from pneucli.messages.formatting import (
     RESOLUTIONS,
     format_fit,
@@ -137,7 +138,7 @@ def test_a_senseless_fit_is_said_to_be_none(fit: float | None, text: str) -> Non
 
 
 def test_parameters_are_named_with_their_intervals() -> None:
-    drop = {"drop": {"value": 0.4, "unit": "1", "ci95": [0.39, 0.41]}}
+    drop = {"drop": Figure(0.4, 0.39, 0.41, "1")}
     assert format_parameters(drop) == "drop = 0.400 ± 0.010"
 
 

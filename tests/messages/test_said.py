@@ -15,13 +15,13 @@ import pytest
 import pneucli
 from pneucli import messages
 from pneucli.diagnose.candidate import Reason
+from pneucli.figure import read
 from pneucli.fleet.row_files import result_from_diagnosis
 from pneucli.messages import plan, run
-from pneucli.messages.diagnose import REJECTION_REASONS, reason_sentence
+from pneucli.messages.diagnose import REJECTION_REASONS, Answer, CandidateAnswer, reason_sentence, verdict_sentence
 from pneucli.messages.findings import OTHERS, VALVE
-from pneucli.messages.verdict import verdict_sentence
 from pneucli.plan.manoeuvre import ManoeuvreKind
-from pneucli.report import to_html
+from pneucli.report.page import to_html
 from pneucli.report.sections.diagnosis import section as diagnosis
 from pneucli.report.summaries import to_markdown
 from tests.messages.stored_calls import FOLDER, Call, answer, said, stored
@@ -42,7 +42,7 @@ def one_line(text: str) -> str:
 
 @pytest.mark.parametrize("found", VERDICTS, ids=range(len(VERDICTS)))
 def test_terminal_summary_page_and_fleet_show_the_same_sentence(found: dict[str, Any]) -> None:
-    sentence = verdict_sentence(found)
+    sentence = verdict_sentence(read(Answer, found))
     shown = found | {"sentence": sentence}
     report = whole()
     report = replace(report, answers=report.answers | {"diagnose": shown})
@@ -81,5 +81,6 @@ def test_every_manoeuvre_and_every_reason_has_words_of_its_own() -> None:
 @pytest.mark.parametrize("reason", sorted(set(get_args(Reason)) - {"supported"}))
 def test_chance_is_stated_only_where_it_decided(reason: str) -> None:
     refused = {"effect": "leak", "title": "Leak", "error_before": 9.4, "error_after": 1.05, "reason": reason}
-    text = reason_sentence(refused | {"supported": False, "indistinguishable_from": []}, [], "apart", "It creeps.")
+    candidate = read(CandidateAnswer, refused | {"supported": False, "indistinguishable_from": []})
+    text = reason_sentence(candidate, [], "apart", "It creeps.")
     assert ("chance" in text) == (reason == "not-significant")

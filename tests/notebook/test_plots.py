@@ -9,6 +9,7 @@ import pandas as pd
 import pytest
 
 import pneucli
+from pneucli.messages.history import Model
 from pneucli.notebook import plots
 from pneucli.notebook.plots import GAP_NOTE
 
@@ -54,10 +55,10 @@ def test_the_ladder_shows_the_models_before_the_present_one_and_what_is_suggeste
 ) -> None:
     """As after ``add``: the diagnosis knows only the present model, the history also the one before."""
     compared = [
-        {"effects": effects, "error": {"test": error, "train": None}, "data": data, "current": i == 2}
+        Model(effects, {"test": error, "train": None}, data, "", i == 2, {})
         for i, (effects, error, data) in enumerate([([], 9.0, "old"), ([], 8.0, "d"), (["stribeck"], 2.0, "d")])
     ]
-    monkeypatch.setattr(plots, "history_answer", lambda folder: compared)
+    monkeypatch.setattr(plots, "compared_models", lambda folder: compared)
     steps = pd.DataFrame({"add": [None, "piston-leak"], "error_train": [1.0, 1.0], "error_test": [2.0, 1.1]})
     monkeypatch.setattr(type(axis), "ladder", steps)
     figure = axis.plot.ladder()

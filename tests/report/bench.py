@@ -7,7 +7,10 @@ from typing import Any
 
 import numpy as np
 
-from pneucli.report import Check, EarlierAnswer, ReportData, Table
+from pneucli.figure import read
+from pneucli.messages import compare, diagnose
+from pneucli.messages.history import Model
+from pneucli.report.report_data import Check, EarlierAnswer, ReportData, Table
 from tests.report import controlled
 
 SAMPLES = 4000
@@ -286,12 +289,13 @@ def whole() -> ReportData:
     )
 
 
-def before(effects: tuple[str, ...], ratios: dict[str, float], number: int, *, current: bool) -> dict[str, Any]:
+def before(effects: tuple[str, ...], ratios: dict[str, float], number: int, *, current: bool) -> Model:
     """One entry of the history."""
     compared = _compare(ratios)
     parameters = {"piston-leak.area": LEAK} if "piston-leak" in effects else {}
     model = {"effects": list(effects), "parameters": parameters, "error": compared["error"]}
-    return {**model, "data": "bench", "when": f"2026-11-2{number}T10:00:00Z", "current": current}
+    when = f"2026-11-2{number}T10:00:00Z"
+    return read(Model, {**model, "data": "bench", "when": when, "current": current})
 
 
 def fallen() -> ReportData:
@@ -312,9 +316,9 @@ def fallen() -> ReportData:
         answers={**now.answers, "diagnose": diagnosed},
         history=[before(effects, r, i, current=i == 2) for i, (effects, r) in enumerate(ways)],
         first_comparison=EarlierAnswer(
-            former | {"model": {"effects": ["stribeck"], "parameters": {}}}, _residuals(50.0)
+            read(compare.Answer, former | {"model": {"effects": ["stribeck"], "parameters": {}}}), _residuals(50.0)
         ),
-        diagnoses=[EarlierAnswer(_diagnosis(), _shape())],
+        diagnoses=[EarlierAnswer(read(diagnose.Answer, _diagnosis()), _shape())],
         rig="cylinder",
     )
 

@@ -2,7 +2,8 @@ from __future__ import annotations
 
 import pytest
 
-from pneucli.report import ReportData, to_html
+from pneucli.report.page import to_html
+from pneucli.report.report_data import ReportData
 from tests.report.bench import whole
 
 

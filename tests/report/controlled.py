@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 
 from pneucli.closed_loop.metrics import Metrics
-from pneucli.report import Table
+from pneucli.report.report_data import Table
 
 PERIOD = 1e-3
 TIME = PERIOD * np.arange(3000)

@@ -5,8 +5,8 @@ from __future__ import annotations
 from dataclasses import replace
 
 from pneucli.closed_loop.metrics import Metrics
-from pneucli.report import Check, ReportData
 from pneucli.report.page_elements import Cell, Grid, Section, ZoomPlot
+from pneucli.report.report_data import Check, ReportData
 from pneucli.report.sections.closed_loop import METRIC_TITLES
 from pneucli.report.sections.closed_loop import section as closed_loop
 from pneucli.report.sections.robustness import section as robustness

@@ -11,10 +11,11 @@ from typing import Any
 import numpy as np
 import pytest
 
+from pneucli.figure import read
 from pneucli.messages import diagnose, envelope
 from pneucli.report import figure, overview
 from pneucli.report.page_elements import ZOOM_HINT, Figure, Grid
-from pneucli.report.report_data import Table
+from pneucli.report.report_data import ReportData, Table
 from pneucli.report.sections.error_location import _states
 from pneucli.report.thesis import friction as thesis_laws
 from tests.report.bench import fallen, whole
@@ -81,7 +82,7 @@ def test_a_model_without_stribeck_friction_has_no_figure_of_branches() -> None:
 
 def test_a_reason_stands_once_however_many_effects_it_refuses() -> None:
     refused = [{"effect": f"e{i}", "reason": "not-promising", "why": "a. b", "supported": False} for i in range(43)]
-    grid = diagnosis._candidates(refused, [])
+    grid = diagnosis._candidates([read(diagnose.CandidateAnswer, one) for one in refused], [])
     assert isinstance(grid, Grid)
     assert grid.caption.startswith("All 43 candidates, 0 of them fitted")
     texts = [cell if isinstance(cell, str) else cell.text for row in grid.rows for cell in row]
@@ -100,7 +101,7 @@ def test_a_reason_stands_once_however_many_effects_it_refuses() -> None:
     ],
 )  # fmt: skip
 def test_the_next_step_is_one_line(answer: dict[str, Any], line: str) -> None:
-    material: Any = SimpleNamespace(answer={"diagnose": answer, "simulate": {}}.get, file="rig.toml")
+    material = ReportData("rig", {"diagnose": answer, "simulate": {}}, file="rig.toml")
     assert overview._next_command(material) == line
 
 

@@ -8,12 +8,12 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from pneucli.report import ReportData, to_html
 from pneucli.report.figure import with_gaps
-from pneucli.report.overview import overview
+from pneucli.report.overview import find_worst_recording, overview
+from pneucli.report.page import to_html
 from pneucli.report.page_elements import Section
+from pneucli.report.report_data import ReportData
 from pneucli.report.sections.diagnosis import section as diagnosis
-from pneucli.report.worst_recording import find_worst_recording
 from tests.report.bench import fallen, without
 
 

@@ -11,8 +11,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from pneucli.report import ReportData, to_html
+from pneucli.report.page import to_html
 from pneucli.report.page_elements import Cell, Grid
+from pneucli.report.report_data import ReportData
 from pneucli.report.sections import SECTIONS
 from pneucli.report.sections.diagnosis import section as diagnosis
 from pneucli.report.sections.error_location import StateSamples, _grid, _maps

@@ -7,6 +7,8 @@ from typing import Any
 import numpy as np
 import pytest
 
+from pneucli.figure import read
+from pneucli.messages.plan import Answer
 from pneucli.plan.manoeuvre import Outcome
 from pneucli.plan.power import Difference, Prediction
 from pneucli.report.plan_page import plan_page
@@ -21,7 +23,9 @@ def page(differences: dict[str, Difference], **more: Any) -> str:
     answer |= {"recordings": [RECORDING]} | more
     readings = {"x_ref": 0.1 + 0.0 * TIME, "x": 0.1 + 0.0 * TIME, "p1": 3e5 + TIME}
     outcome = Outcome(TIME, readings, readings["p1"], readings["p1"], readings["x"], 0.0 * TIME)
-    return plan_page(answer, [Prediction(outcome, np.zeros((0, 0)), differences)] * len(answer["recordings"]))
+    return plan_page(
+        read(Answer, answer), [Prediction(outcome, np.zeros((0, 0)), differences)] * len(answer["recordings"])
+    )
 
 
 @pytest.mark.parametrize("size", [0.5, 5.0, 500.0])

@@ -9,9 +9,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from pneucli.report import EarlierAnswer, ReportData, Table, build_sections
+from pneucli.figure import read
+from pneucli.messages.diagnose import Answer
 from pneucli.report.overview import overview
+from pneucli.report.page import build_sections
 from pneucli.report.page_elements import SectionMaker
+from pneucli.report.report_data import EarlierAnswer, ReportData, Table
 from pneucli.report.sections import (
     SECTIONS,
     closed_loop,
@@ -40,7 +43,7 @@ def doubtful() -> ReportData:
     compared = found.answers["compare"] | {"error": {"train": 1.0, "test": None}}
     answers = {"ingest": found.answers["ingest"] | {"plausibility": findings}, "compare": compared}
     candidate = {"effect": "piston-leak", "confidence": 0.97}
-    earlier = [EarlierAnswer({"candidates": [candidate], "missing": ["piston-leak"]})]
+    earlier = [EarlierAnswer(read(Answer, {"candidates": [candidate], "missing": ["piston-leak"]}))]
     return replace(found, answers=found.answers | answers, diagnoses=earlier)
 
 

@@ -11,7 +11,8 @@ from hypothesis import strategies as st
 
 from pneucli.messages.envelope import envelope_indices
 from pneucli.messages.formatting import format_number, format_quantity
-from pneucli.report import ReportData, Table, to_junit
+from pneucli.report.report_data import ReportData, Table
+from pneucli.report.summaries import to_junit
 
 
 def test_junit_mirrors_the_checks(material: ReportData) -> None:

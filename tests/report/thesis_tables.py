@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from pneucli.report import ReportData, Table
+from pneucli.report.report_data import ReportData, Table
 from tests.report import controlled
 from tests.report.bench import whole
 

@@ -14,7 +14,6 @@ from pneucli.controller import layout as at
 from pneucli.errors import InputError
 from pneucli.export import export_files
 from pneucli.export.controller_file import ExportedController, load_controller
-from pneucli.messages import compare as words
 from pneucli.noise import NoiseModel
 from pneucli.recording import Recording
 from pneucli.simulate.preparation import prepare
@@ -64,11 +63,10 @@ def test_what_was_foretold_stands_beside_what_came(recording: Recording) -> None
     told = compare.log_answer(
         compare.replay_recording(MODEL, recording, ExportedController(CONTROLLER, "float64", "hash")), MODEL
     )
-    assert told["measured"]["steady_um"] < 10.0
-    assert told["foretold"]["settling_s"] == pytest.approx(told["measured"]["settling_s"], rel=0.3)
-    (line,) = words.controller_log_lines({"closed_loop": [told]})
-    assert line.startswith("log, best: error at rest ")
-    assert "predicted" in line
+    assert told.measured["steady_um"] < 10.0
+    assert told.foretold["settling_s"] == pytest.approx(told.measured["settling_s"], rel=0.3)
+    assert told.sentence.startswith("log, best: error at rest ")
+    assert "predicted" in told.sentence
 
 
 def test_controllers_are_found_beside_the_pipeline_and_an_unknown_one_is_none(

@@ -17,8 +17,7 @@ from pneucli.controller.laws import LAWS
 from pneucli.errors import InputError
 from pneucli.io.artifacts import read_metadata, read_table
 from pneucli.pipeline.context import Context, NotApplicable
-from pneucli.stages import acceptance, control_laws, design, export, simulate
-from pneucli.stages import ensemble as stage
+from pneucli.stages import control_laws, design, export, simulate
 from pneucli.stages.control_laws import load_controller, selected_controller
 from pneucli.stages.pipeline_data import PipelineData
 from tests.stages.chain import known_as_declared
@@ -42,8 +41,8 @@ def designed(demo: Demo) -> Demo:
 @pytest.fixture
 def on_the_model_alone(monkeypatch: pytest.MonkeyPatch) -> None:
     """The gate on one axis: what it does on all is tested where the whole design is."""
-    every = acceptance.axis_variants
-    monkeypatch.setattr(acceptance, "axis_variants", lambda *of: islice(every(*of), 1))
+    every = design.axis_variants
+    monkeypatch.setattr(design, "axis_variants", lambda *of: islice(every(*of), 1))
 
 
 def edited(tmp_path: Path, more: str) -> Path:
@@ -84,7 +83,7 @@ def test_gains_from_an_ensemble_are_chosen_compared_and_promised(
                         ("SEARCH_RIGS", 8)):  # fmt: skip
         monkeypatch.setattr(ensemble, name, value)
     for name, value in (("PROOF_RIGS", 15), ("LAW_RIGS", 15), ("LAW_SEARCH_RIGS", 2)):
-        monkeypatch.setattr(stage, name, value)
+        monkeypatch.setattr(design, name, value)
     monkeypatch.setattr(design, "compare_weight_types", lambda *_: [])  # for a law that is not asked for
     monkeypatch.setattr(control_laws, "COMPONENTS", ())
     path = edited(tmp_path, '\n[design]\ngains = "ensemble"\n')

@@ -19,11 +19,12 @@ from pneucli.diagnose.candidate import Reason
 from pneucli.diagnose.diagnosis import Confidence
 from pneucli.errors import InputError
 from pneucli.exam.cases import generate_case
+from pneucli.figure import Figure, to_json
 from pneucli.identify.estimation.fit import Estimate, Fit
 from pneucli.identify.residuals import ChamberPressures, ResidualModel
 from pneucli.io.artifacts import read_table
+from pneucli.messages.diagnose import MIN_TOLD_PROBABILITY, verdict_sentence
 from pneucli.messages.formatting import format_noise_ratio
-from pneucli.messages.verdict import MIN_TOLD_PROBABILITY, verdict_sentence
 from pneucli.physics.effects import catalogue_with_sides
 from pneucli.pipeline.context import Context
 from pneucli.stages import diagnose, ingest
@@ -271,7 +272,7 @@ def test_an_effect_that_is_told_has_the_interval_of_the_model_that_it_is_told_of
     """Intervals of a model with unmodelled effects are wide; narrower ones would contradict the reason. What no
     sentence tells has none, and no error: both take longer than its fit.
     """
-    monkeypatch.setattr(diagnose, "_parameters", lambda pipeline, fit, name: {"size": {"of": fit, "ci95": [1.0, 2.0]}})
+    monkeypatch.setattr(diagnose, "_parameters", lambda pipeline, fit, name: {"size": Figure(1.5, 1.0, 2.0, fit)})
     effect = SimpleNamespace(name="a", title="An effect", looks_like="")
     reduced = SimpleNamespace(model="m", effect_names=["stribeck", "b"], cost=100.0)
     candidate = SimpleNamespace(full=SimpleNamespace(model="m", fit="fit with a", cost=25.0), reduced=reduced)
@@ -294,10 +295,10 @@ def test_an_effect_that_is_told_has_the_interval_of_the_model_that_it_is_told_of
     )
     pipeline: Any = None
     answer = diagnose._candidate_answer(pipeline, data, found, decision)
-    assert answer["parameters"] == {"size": {"of": shown, "ci95": interval}}
-    assert answer["residual_share"] == 0.75
-    assert answer["error_after"] == (None if interval == [None, None] else 2.0)
-    assert answer["beside"] == ["b"]
+    assert to_json(answer.parameters) == {"size": {"value": 1.5, "unit": shown, "ci95": interval}}
+    assert answer.residual_share == 0.75
+    assert answer.error_after == (None if interval == [None, None] else 2.0)
+    assert answer.beside == ["b"]
 
 
 def test_no_rung_raises_both_errors_and_each_entry_has_its_reason(hysteresis: Diagnosed) -> None:

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import pytest
 
+from pneucli.figure import read
+from pneucli.messages.compare import Answer
 from pneucli.stages.diff import Difference, ErrorChange, RunAnswers, difference
 
 
@@ -21,7 +23,7 @@ def run(effects: list[str], error: float, data: str = "d", **parameters: tuple[f
         "data": data,
         "channels": [channel],
     }
-    return RunAnswers("bench.toml", compare, None)
+    return RunAnswers("bench.toml", read(Answer, compare), None)
 
 
 def shown(answer: Difference, *, verbose: bool = False) -> str:

@@ -13,7 +13,7 @@ import pytest
 
 import pneucli
 from pneucli import messages
-from pneucli.report import to_html
+from pneucli.report.page import to_html
 from tests.report.bench import whole
 
 PACKAGE = Path(pneucli.__file__).parent
@@ -33,7 +33,7 @@ FOR_PROGRAMS = {
         "stages/history.py",
         "identify/valve/charge_budget.py",
         "simulate/valve_forms/area.py",
-        "stages/flow_tables.py",
+        "stages/flow_bench.py",
         "stages/diagnosis_answer.py",
     ),  # names of rows
     *("stages/valve_tables.py", "tp/model.py", "tp/sampling.py", "tp/scattered.py", "tp/weights.py"),

@@ -5,15 +5,16 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
 from pneucli.cli.command import Command, HowToRun
 from pneucli.cli.options import File
 from pneucli.errors import InputError
+from pneucli.figure import Figure, read
 from pneucli.messages import labelled, table
-from pneucli.messages.compare import lacks_something
+from pneucli.messages.compare import Answer, LackOfFit, next_command
 from pneucli.messages.formatting import format_noise_ratio, format_parameters, join_names
 
 if TYPE_CHECKING:
@@ -35,9 +36,9 @@ class Edit:
     removed: Sequence[str]
     before: Mapping[str, float | None]
     after: Mapping[str, float | None]
-    lack_of_fit: Mapping[str, Any] | None
+    lack_of_fit: LackOfFit | None
     recordings: Sequence[ErrorChange]
-    parameters: Mapping[str, Mapping[str, Any]]
+    parameters: Mapping[str, Figure]
 
     def lines(self, file: str, verbose: bool) -> Iterator[str]:
         """Yield what was changed, the error before and after, each recording, and what to do next."""
@@ -48,8 +49,7 @@ class Edit:
         if self.parameters:
             yield from labelled("size", format_parameters(self.parameters))
         yield from table(("recording", "use", "before", "after, × noise"), [r.row for r in self.recordings], texts=2)
-        judged = {"error": self.after, "lack_of_fit": self.lack_of_fit}
-        yield from labelled("do", f"pneucli {'diagnose' if lacks_something(judged) else 'run'} {file}")
+        yield from labelled("do", f"pneucli {next_command(self.lack_of_fit, self.after)} {file}")
 
     def _error(self) -> str:
         """Return the error before and after on test recordings, and on those that were fitted."""
@@ -92,27 +92,27 @@ def change_effects(file: Path, effects: list[str], how: HowToRun) -> None:
     if effects != present:
         set_effects(file, effects)
     after = how.update(how.open(file), "compare")["compare"].answer
-    how.tell(_edit(before, after), file)
+    how.tell(_edit(read(Answer, before), read(Answer, after)), file)
     if how.verbose and not how.json:
         how.show("compare", after, file)
 
 
-def _edit(before: Mapping[str, Any], after: Mapping[str, Any]) -> Edit:
+def _edit(before: Answer, after: Answer) -> Edit:
     from pneucli.stages.diff import error_changes
 
-    was, now = before["model"]["effects"], after["model"]["effects"]
+    was, now = before.model.effects, after.model.effects
     added = [name for name in now if name not in was]
     return Edit(
         schema="pneucli/edit/1",
-        pipeline=after["pipeline"],
+        pipeline=after.pipeline,
         effects=now,
         added=added,
         removed=[name for name in was if name not in now],
-        before=before["error"],
-        after=after["error"],
-        lack_of_fit=after.get("lack_of_fit"),
-        recordings=error_changes(before["channels"], after["channels"]),
-        parameters={n: p for n, p in after["model"]["parameters"].items() if n.partition(".")[0] in added},
+        before=before.error,
+        after=after.error,
+        lack_of_fit=after.lack_of_fit,
+        recordings=error_changes(before.channels, after.channels),
+        parameters={n: p for n, p in after.model.parameters.items() if n.partition(".")[0] in added},
     )
 
 

@@ -10,14 +10,15 @@ HELP = "How the error fell: every model that was compared, oldest first; nothing
 
 
 def _history(pipeline: File, how: HowToRun = HowToRun()) -> None:
+    from pneucli.figure import to_json
     from pneucli.messages import history
-    from pneucli.stages.history import history_answer
+    from pneucli.stages.history import compared_models
 
     opened_pipeline = how.open(pipeline)
     opened_pipeline.validate()
-    models = history_answer(opened_pipeline.artifacts / "compare")
+    models = compared_models(opened_pipeline.artifacts / "compare")
     if how.json:
-        console.print_json({"schema": "pneucli/history/1", "pipeline": opened_pipeline.name, "models": models})
+        console.print_json({"schema": "pneucli/history/1", "pipeline": opened_pipeline.name, "models": to_json(models)})
         return
     console.print_text("\n".join(history.lines(models, str(pipeline), how.verbose)))
     if models and opened_pipeline.stage_status(["compare"])["compare"].reasons and not how.quiet:

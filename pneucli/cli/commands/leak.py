@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 from shlex import quote
 from typing import Annotated
@@ -51,9 +52,9 @@ def _leak(
 
         with atomic_path(html) as temporary:
             temporary.write_text(leak_page(answer), encoding="utf-8")
-        answer |= {"page": str(html)}
-    how.show("leak", answer, " ".join(quote(str(path)) for path in files))
-    if answer["verdict"] in ("fail", "undecided"):
+        answer = replace(answer, page=str(html))
+    how.tell(answer, " ".join(quote(str(path)) for path in files))
+    if answer.verdict in ("fail", "undecided"):
         raise typer.Exit(1)
 
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -104,6 +103,8 @@ def _take(file: Path, recordings: list[Path], how: HowToRun) -> None:
 
     The pipeline file stays as it was where the recordings cannot be diagnosed.
     """
+    from pneucli.figure import read
+    from pneucli.messages.diagnose import Answer
     from pneucli.stages.plan_take import add_recordings, last_answers, taken_answer
 
     pipeline = how.open(file)
@@ -115,7 +116,8 @@ def _take(file: Path, recordings: list[Path], how: HowToRun) -> None:
     except InputError:
         file.write_bytes(former)
         raise
-    replace(how, verbose=False).show("plan", taken_answer(before, done["diagnose"].answer, plan, added), file)
+    after = read(Answer, done["diagnose"].answer)
+    how.tell(taken_answer(before, after, plan, added), file)
 
 
 COMMAND = Command(_plan, "pneucli plan axis-7/pipeline.toml --minutes 1", HELP, place=100)

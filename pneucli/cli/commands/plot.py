@@ -5,17 +5,18 @@ from __future__ import annotations
 import io
 import os
 import sys
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, fields, replace
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated
 
 import typer
 
 from pneucli.cli.command import Command, HowToRun
 from pneucli.errors import InputError, did_you_mean
+from pneucli.figure import read
 from pneucli.messages import labelled, table
-from pneucli.messages.compare import evaluation_error
+from pneucli.messages.compare import Answer, evaluation_error
 from pneucli.messages.formatting import format_fit, format_noise_ratio, format_quantity
 
 INSTALL = "pip install 'pneucli[terminal]'"
@@ -46,10 +47,10 @@ class Channel:
 
     channel: str
     unit: str
-    rmsd: float | None
-    noise: float | None
-    ratio_to_noise: float | None
-    fit_percent: float | None
+    rmsd: float
+    noise: float
+    ratio_to_noise: float
+    fit_percent: float
 
 
 SHOWN = tuple(one.name for one in fields(Channel))
@@ -119,7 +120,7 @@ def _plot(
     from pneucli.notebook.run import open_run
 
     run = open_run(pipeline, how.out, quiet=how.quiet)
-    shown = shown_channels(run.answer("compare"), recording, channel)
+    shown = shown_channels(read(Answer, run.answer("compare")), recording, channel)
     figure = run.plot.residuals(shown.recording, channel)
     if save is not None:
         save.parent.mkdir(parents=True, exist_ok=True)
@@ -131,18 +132,18 @@ def _plot(
     how.tell(replace(shown, not_shown=why or None), pipeline)
 
 
-def shown_channels(compared: Mapping[str, Any], recording: str | None, channels: Sequence[str] | None) -> Plot:
+def shown_channels(compared: Answer, recording: str | None, channels: Sequence[str] | None) -> Plot:
     """Return what a picture of one recording shows, by default of the one with the largest error that judges the model.
 
     Raises InputError where the recording, or one of the channels, was not compared.
     """
     name = worst_recording(compared) if recording is None else recording
-    rows = [row for row in compared["channels"] if row["recording"] == name]
-    _require("recording", str(name), {row["recording"] for row in compared["channels"]})
+    rows = [row for row in compared.channels if row.recording == name]
+    _require("recording", str(name), {row.recording for row in compared.channels})
     for channel in channels or ():
-        _require("channel", channel, {row["channel"] for row in rows})
-    shown = [Channel(*map(row.get, SHOWN)) for row in rows if not channels or row["channel"] in channels]
-    return Plot("pneucli/plot/1", compared["pipeline"], str(name), rows[0]["use"], shown)
+        _require("channel", channel, {row.channel for row in rows})
+    shown = [Channel(*(getattr(row, key) for key in SHOWN)) for row in rows if not channels or row.channel in channels]
+    return Plot("pneucli/plot/1", compared.pipeline, str(name), rows[0].use, shown)
 
 
 def _require(kind: str, name: str, known: set[str]) -> None:
@@ -150,12 +151,12 @@ def _require(kind: str, name: str, known: set[str]) -> None:
         raise InputError(f"plot, {kind}", f'"{name}" was not compared', mend=did_you_mean(name, known), code="E091")
 
 
-def worst_recording(compared: Mapping[str, Any]) -> str | None:
+def worst_recording(compared: Answer) -> str | None:
     """Return the recording with the largest error over noise among those that judge the model."""
     from pneucli.stages.diff import error_changes
 
-    use, _ = evaluation_error(compared["error"])
-    rows = [row for row in error_changes([], compared["channels"]) if row.use == use]
+    use, _ = evaluation_error(compared.error)
+    rows = [row for row in error_changes([], compared.channels) if row.use == use]
     worst = max(rows, key=lambda row: row.after or 0.0, default=None)
     return None if worst is None else worst.recording
 

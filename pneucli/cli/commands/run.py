@@ -15,7 +15,7 @@ from pneucli.cli.command import Command, HowToRun, fails_acceptance, print_findi
 from pneucli.cli.options import File, built_stages
 from pneucli.messages.run import lines as summary
 from pneucli.paths import from_here
-from pneucli.stages.history import history_answer
+from pneucli.stages.history import compared_models
 
 if TYPE_CHECKING:
     from pneucli.pipeline.checks import CheckResult
@@ -64,7 +64,7 @@ def _print(
     pipeline: Pipeline, done: Mapping[str, Done], results: Sequence[CheckResult], file: Path, verbose: bool
 ) -> None:
     answers = {name: stage.manifest.answer for name, stage in done.items() if stage.manifest.answer is not None}
-    models = history_answer(pipeline.artifacts / "compare")
+    models = compared_models(pipeline.artifacts / "compare")
     failed = [str(result) for result in results if not result.passed]
     if verbose:
         for name, stage in done.items():

@@ -4,12 +4,11 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Mapping, Sequence
-from typing import Any
 
 import numpy as np
 
 from pneucli.compare.channel_errors import fit_percent
-from pneucli.messages.compare import rating, test_first
+from pneucli.messages.compare import Answer, ChannelResult, rating, test_first
 from pneucli.messages.envelope import envelope_indices, with_gap_indices
 from pneucli.messages.formatting import (
     format_fit,
@@ -54,38 +53,38 @@ GAPS = (
 
 def section(material: ReportData) -> Section | None:
     """Return errors and zoomable plots; absent where nothing was compared."""
-    answer = material.answer("compare")
-    if not answer:
+    if not material.answer("compare"):
         return None
+    answer = material.read(Answer)
     lead = (
-        f"The model restarts from the measured state every {format_plain(answer['horizon_s'])} s and runs freely in "
+        f"The model restarts from the measured state every {format_plain(answer.horizon_s)} s and runs freely in "
         "between. A correct model has an error of 1 × noise: sensor noise, including that of the restart state and of "
         "the measured inputs, propagated through the model."
     )
     steady = material.steady_recordings
-    over_time = [c for c in answer["channels"] if c["recording"] not in steady]
+    over_time = [c for c in answer.channels if c.recording not in steady]
     if not over_time:
         lead = (
             "Flow of each row against C, b and m of its opening. A correct model has an error of 1 × noise: the "
             "scatter of neighbouring rows, or the noise that the pipeline states."
         )
     parts: list[Part] = []
-    if answer["error"].get("test") is None:
+    if answer.error.get("test") is None:
         parts.append(Note('No recording has use = "test": these are the errors of the fitted recordings.', "warning"))
     residuals = material.table("compare/residuals")
     if len(residuals) and over_time:
         before = material.first_comparison.table if material.first_comparison else Table({})
         parts.append(_zoom(residuals, before, material.table("ingest/signals"), over_time))
-    earlier = material.first_comparison.answer["channels"] if material.first_comparison else []
-    parts += [_overview(answer["channels"], earlier), _errors(answer)]
+    earlier = material.first_comparison.answer.channels if material.first_comparison else []
+    parts += [_overview(answer.channels, earlier), _errors(answer)]
     return Section("comparison", "Recordings", lead, parts)
 
 
-def _overview(channels: Iterable[Mapping[str, Any]], earlier: Iterable[Mapping[str, Any]]) -> Grid:
-    ratios: dict[tuple[str, str], dict[str, float | None]] = {}
-    before = {(c["recording"], c["channel"]): c["ratio_to_noise"] for c in earlier}
+def _overview(channels: Iterable[ChannelResult], earlier: Iterable[ChannelResult]) -> Grid:
+    ratios: dict[tuple[str, str], dict[str, float]] = {}
+    before = {c.key: c.ratio_to_noise for c in earlier}
     for c in test_first(channels):
-        ratios.setdefault((c["recording"], c["use"]), {})[c["channel"]] = c["ratio_to_noise"]
+        ratios.setdefault((c.recording, c.use), {})[c.channel] = c.ratio_to_noise
     names = [name for name in (*CHANNELS, *COMMANDS) if any(name in channels for channels in ratios.values())]
     rows: list[Row] = [
         [*key, *(_ratio(before.get((key[0], name)), errors.get(name)) for name in names)]
@@ -106,29 +105,29 @@ def _ratio(before: float | None, now: float | None) -> Cell:
     )
 
 
-def _errors(answer: Mapping[str, Any]) -> Grid:
+def _errors(answer: Answer) -> Grid:
     head = ("recording", "use", "channel", "RMSD", "of range", "fit", "noise floor", "× noise", "99 % below")
-    rows = [
+    rows: list[Row] = [
         [
-            c["recording"],
-            c["use"],
-            c["channel"],
-            Cell(format_quantity(c["rmsd"], c["unit"], 3)),
-            Cell(f"{format_number(c['percent'], 2)} %"),
-            Cell(format_fit(c["fit_percent"])),
-            Cell(format_quantity(c["noise"], c["unit"], 3)),
-            Cell(format_number(c["ratio_to_noise"], 3), tone=rating(c["ratio_to_noise"], c.get("ratio_limit"))),
-            Cell("" if c.get("ratio_limit") is None else format_number(c["ratio_limit"], 3)),
+            c.recording,
+            c.use,
+            c.channel,
+            Cell(format_quantity(c.rmsd, c.unit, 3)),
+            Cell(f"{format_number(c.percent, 2)} %"),
+            Cell(format_fit(c.fit_percent)),
+            Cell(format_quantity(c.noise, c.unit, 3)),
+            Cell(format_number(c.ratio_to_noise, 3), tone=rating(c.ratio_to_noise, c.ratio_limit)),
+            Cell("" if c.ratio_limit is None else format_number(c.ratio_limit, 3)),
         ]
-        for c in test_first(answer["channels"])
+        for c in test_first(answer.channels)
     ]
     caption = "These errors in detail"
     return Grid(caption, head, rows, folded=True)
 
 
-def _zoom(residuals: Table, before: Table, signals: Table, errors: Sequence[Mapping[str, Any]]) -> ZoomPlot:
-    noise = {(c["recording"], c["channel"]): c["noise"] for c in errors if c["noise"]}
-    shown = {c["recording"] for c in errors}
+def _zoom(residuals: Table, before: Table, signals: Table, errors: Sequence[ChannelResult]) -> ZoomPlot:
+    noise = {c.key: c.noise for c in errors if c.noise > 0.0}
+    shown = {c.recording for c in errors}
     channels = {key: rows for key, rows in residuals.groups("recording", "channel") if key[0] in shown}
     earlier = dict(before.groups("recording", "channel"))
     max_samples = int(np.clip(MAX_PLOT_SAMPLES / (4 * len(channels)), MIN_CURVE_SAMPLES, MAX_CURVE_SAMPLES))

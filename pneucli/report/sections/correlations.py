@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
-from typing import Any
+import math
+from collections.abc import Iterator
 
 import numpy as np
 from matplotlib.ticker import FuncFormatter, NullFormatter
 
 from pneucli.distributions import normal_quantile
+from pneucli.messages.compare import Answer, ChannelResult
 from pneucli.messages.formatting import format_number, format_plain, join_names
 from pneucli.quantities import CHANNELS, SIGNALS, Z95
 from pneucli.report.figure import BLUE, GREY, PALETTE, Drawing, drawing, figures, heat_map
@@ -110,10 +111,10 @@ def _residuals(material: ReportData) -> Iterator[Drawing]:
     table = material.table("compare/correlation")
     if not len(table):
         return
-    errors = [c for c in material.answer("compare").get("channels", []) if c["ratio_to_noise"] is not None]
-    worst = sorted(errors, key=lambda c: (c["use"] != "test", -c["ratio_to_noise"]))[:MAX_RESIDUALS]
+    errors = [c for c in material.read(Answer).channels if not math.isnan(c.ratio_to_noise)]
+    worst = sorted(errors, key=lambda c: (c.use != "test", -c.ratio_to_noise))[:MAX_RESIDUALS]
     for channel in worst:
-        rows = table.where(recording=channel["recording"], channel=channel["channel"])
+        rows = table.where(recording=channel.recording, channel=channel.channel)
         if len(rows):
             yield _correlation(rows, channel)
 
@@ -123,10 +124,10 @@ def _of_many(lags: int) -> float:
     return float(normal_quantile(1.0 - 0.025 / max(lags, 1)) / Z95)
 
 
-def _correlation(rows: Table, channel: Mapping[str, Any]) -> Drawing:
-    name = channel["channel"]
+def _correlation(rows: Table, channel: ChannelResult) -> Drawing:
+    name = channel.channel
     beyond = []
-    caption = f"Residual of {name} in {channel['recording']} ({format_number(channel['ratio_to_noise'], 3)} × noise)"
+    caption = f"Residual of {name} in {channel.recording} ({format_number(channel.ratio_to_noise, 3)} × noise)"
     with drawing(caption, "lag in s; positive: the input leads", "correlation") as one:
         for i, ((against,), part) in enumerate(rows.groups("against")):
             own = str(against) == name

@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from typing import Any
+from collections.abc import Sequence
 
-from pneucli.messages import diagnose, verdict
+from pneucli.messages import diagnose
+from pneucli.messages.diagnose import Answer, CandidateAnswer, DiscrepancyAnswer, Shift
 from pneucli.messages.formatting import (
     axis_title,
     format_number,
@@ -22,7 +22,6 @@ from pneucli.report.page_elements import Cell, Figure, Grid, Note, Part, Row, Se
 from pneucli.report.report_data import ReportData, Table
 
 PLACE = 20  # on the page
-Answer = Mapping[str, Any]
 Colours = tuple[str, str]  # before and after: the first model is blue, the present one orange, a proposed one green
 MAX_SHAPES = 4
 SEARCHED = (
@@ -37,34 +36,34 @@ HOW_TO_READ = (
 
 def section(material: ReportData) -> Section | None:
     """Return the evidence for the named effects and the rejected rivals; absent where nothing was diagnosed."""
-    answer = material.answer("diagnose")
-    if not answer:
+    if not material.answer("diagnose"):
         return None
+    answer = material.read(Answer)
     parts: list[Part] = []
     for former in material.diagnoses:
-        if set(former.answer["missing"]) & set(answer["model"]["effects"]):
+        if set(former.answer.missing) & set(answer.model.effects):
             parts += [*_verdict(former.answer), *_evidence(former.answer, former.table, (BLUE, ORANGE))]
     parts += _evidence(answer, material.table("diagnose/shape"), (ORANGE, GREEN))  # its verdict is on the first screen
-    if answer["missing"] and (moved := _changed_parameters(answer.get("moved") or [])):
+    if answer.missing and (moved := _changed_parameters(answer.moved)):
         parts.append(moved)
     parts += [*_remarks(answer), *_smooth_terms(material.table("diagnose/law")), *warning_notes(material, "diagnose")]
-    return Section("diagnosis", "Evidence", CONTRADICTED if answer.get("impossible") else SEARCHED, parts)
+    return Section("diagnosis", "Evidence", CONTRADICTED if answer.impossible else SEARCHED, parts)
 
 
 def _verdict(answer: Answer) -> list[Part]:
     """Return what an earlier diagnosis found, and its evidence in words."""
-    tone = "good" if answer["verdict"] == "adequate" else ""
-    effects = join_names(answer["model"]["effects"])
+    tone = "good" if answer.verdict == "adequate" else ""
+    effects = join_names(answer.model.effects)
     return [
-        Note(f"Base model{f' with {effects}' if effects else ''}: {answer['sentence']}", tone),
+        Note(f"Base model{f' with {effects}' if effects else ''}: {answer.sentence}", tone),
         *[Note(f"Evidence: {text}.") for text in (diagnose.evidence_summary(answer),) if text],
     ]
 
 
 def _evidence(answer: Answer, shape: Table, colours: Colours) -> list[Part]:
     """Return the residual over the decisive variable of the named effects, and the rivals."""
-    missing = answer["missing"]
-    looked_for = [] if answer.get("impossible") else answer.get("candidates", [])
+    missing = answer.missing
+    looked_for = [] if answer.impossible else answer.candidates
     grid = _candidates(looked_for, missing)
     return [*_shapes(shape, missing, colours), *([grid] if grid else [])]
 
@@ -115,12 +114,12 @@ def _smooth_terms(term: Table) -> list[Figure]:
     return figures([one])
 
 
-def _candidates(candidates: Sequence[Answer], missing: Sequence[str]) -> Grid | None:
+def _candidates(candidates: Sequence[CandidateAnswer], missing: Sequence[str]) -> Grid | None:
     if not candidates:
         return None
-    fitted = [c for c in candidates if c.get("parameters")]
+    fitted = [c for c in candidates if c.parameters]
     rows = [_candidate(c, missing) for c in fitted]
-    rows += _unfitted([c for c in candidates if not c.get("parameters")])
+    rows += _unfitted([c for c in candidates if not c.parameters])
     head = (
         "effect",
         "supported",
@@ -138,39 +137,39 @@ def _candidates(candidates: Sequence[Answer], missing: Sequence[str]) -> Grid | 
     return Grid(caption, head, rows, folded=True)
 
 
-def _candidate(c: Answer, missing: Sequence[str]) -> Row:
+def _candidate(c: CandidateAnswer, missing: Sequence[str]) -> Row:
     return [
-        c["effect"],
-        Cell("yes" if c.get("supported") else "no", tone="good" if c["effect"] in missing else "", numeric=False),
-        Cell(format_percent(c["confidence"]) if c.get("confidence") is not None else "–"),
-        Cell(format_number(c.get("error_before"), 3)),
-        Cell(format_number(c.get("error_after"), 3)),
-        format_parameters(c.get("parameters", {})),
-        ", ".join(c.get("indistinguishable_from", [])) or "–",
-        c.get("why", ""),
+        c.effect,
+        Cell("yes" if c.supported else "no", tone="good" if c.effect in missing else "", numeric=False),
+        Cell(format_percent(c.confidence) if c.confidence is not None else "–"),
+        Cell(format_number(c.error_before, 3)),
+        Cell(format_number(c.error_after, 3)),
+        format_parameters(c.parameters),
+        ", ".join(c.indistinguishable_from) or "–",
+        c.why,
     ]
 
 
-def _unfitted(candidates: Sequence[Answer]) -> list[Row]:
+def _unfitted(candidates: Sequence[CandidateAnswer]) -> list[Row]:
     """Return a row for each reason why candidates were not fitted, with all of those candidates."""
-    reasons = dict.fromkeys(c.get("reason", "") for c in candidates)
+    reasons = dict.fromkeys(c.reason for c in candidates)
     rows: list[Row] = []
     for reason in reasons:
-        alike = [c["effect"] for c in candidates if c.get("reason", "") == reason]
+        alike = [c.effect for c in candidates if c.reason == reason]
         why = diagnose.REJECTION_REASONS.get(reason, "")
         rows.append([", ".join(alike), "no", *[Cell("–")] * 5, why])
     return rows
 
 
-def _changed_parameters(moved: Sequence[Answer]) -> Grid | None:
+def _changed_parameters(moved: Sequence[Shift]) -> Grid | None:
     if not moved:
         return None
-    rows = [
+    rows: list[Row] = [
         [
-            m["parameter"],
-            Cell(format_quantity(m["from"], m["unit"])),
-            Cell(format_quantity(m["to"], m["unit"])),
-            Cell("yes" if m["plausible"] else "no", tone="" if m["plausible"] else "bad", numeric=False),
+            m.parameter,
+            Cell(format_quantity(m.from_, m.unit)),
+            Cell(format_quantity(m.to, m.unit)),
+            Cell("yes" if m.plausible else "no", tone="" if m.plausible else "bad", numeric=False),
         ]
         for m in moved
     ]
@@ -179,28 +178,28 @@ def _changed_parameters(moved: Sequence[Answer]) -> Grid | None:
 
 def _remarks(answer: Answer) -> list[Part]:
     parts: list[Part] = []
-    if explained := verdict.explaining_signal(answer.get("unexplained") or {}):
+    if answer.unexplained and (explained := diagnose.explaining_signal(answer.unexplained)):
         parts.append(Note(explained))
-    parts += _discrepancy(answer.get("discrepancy", []))
-    if following := answer.get("next_experiment"):
+    parts += _discrepancy(answer.discrepancy)
+    if following := answer.next_experiment:
         parts.append(Note(f"Next experiment: {following}"))
-    if limits := answer.get("detectable"):
+    if limits := answer.detectable:
         rows = [[diagnose.describe_detection_limit(one)] for one in limits]
         caption = f"Minimum detectable size of each of the {len(rows)} effects that are not in the model"
         parts.append(Grid(caption, ("effect",), rows, folded=True))
     return parts
 
 
-def _discrepancy(discrepancies: Sequence[Answer]) -> list[Part]:
+def _discrepancy(discrepancies: Sequence[DiscrepancyAnswer]) -> list[Part]:
     """Return the table of the discrepancies that remain with all named effects."""
-    rows = [
+    rows: list[Row] = [
         [
-            one["channel"],
-            one["subsystem"],
-            Cell(format_number(one["size"], 3)),
-            Cell("–" if one["time_constant_s"] is None else format_quantity(one["time_constant_s"], "s", 2)),
-            one["over"] or "–",
-            Cell(format_percent(one["share"])),
+            one.channel,
+            one.subsystem,
+            Cell(format_number(one.size, 3)),
+            Cell("–" if one.time_constant_s is None else format_quantity(one.time_constant_s, "s", 2)),
+            one.over or "–",
+            Cell(format_percent(one.share)),
         ]
         for one in discrepancies
     ]

@@ -23,7 +23,7 @@ from pneucli.messages.formatting import (
     signal_unit,
 )
 from pneucli.report.figure import ORANGE, Drawing, drawing, figures, heat_map
-from pneucli.report.page_elements import Cell, Grid, Note, Part, Section
+from pneucli.report.page_elements import Cell, Grid, Note, Part, Row, Section
 from pneucli.report.report_data import ReportData, Table
 
 PLACE = 10  # on the page
@@ -53,9 +53,9 @@ class StateSamples:
 
 def section(material: ReportData) -> Section | None:
     """Return maps of the first and the present model, and the worst intervals; absent where nothing was compared."""
-    answer = material.answer("compare")
-    if not answer:
+    if not material.answer("compare"):
         return None
+    answer = material.read(compare.Answer)
     now = _clouds(material, answer, material.table("compare/residuals"))
     former = material.first_comparison
     first = _clouds(material, former.answer, former.table) if former else {}
@@ -63,7 +63,7 @@ def section(material: ReportData) -> Section | None:
     parts: list[Part] = []
     for key in worst:
         parts += figures(_maps(first.get(key), now[key]))
-    events = compare.grouped_regions(answer)
+    events = answer.events
     parts += [_events(events)] if events else [_even_error(answer)]
     lead = (
         "Each map pools all recordings of an experiment over the two variables over which the error varies most; the "
@@ -72,19 +72,18 @@ def section(material: ReportData) -> Section | None:
     return Section("where", "Where the model fails", lead, parts)
 
 
-def _even_error(answer: Mapping[str, Any]) -> Note:
-    good = compare.overall_rating(answer) == "good"
-    return Note(compare.even_error_sentence(answer), "good" if good else "")
+def _even_error(answer: compare.Answer) -> Note:
+    return Note(answer.even_error, "good" if answer.rating == "good" else "")
 
 
-def _events(events: Sequence[Sequence[Mapping[str, Any]]]) -> Grid:
-    rows = [
+def _events(events: Sequence[Sequence[compare.Region]]) -> Grid:
+    rows: list[Row] = [
         [
-            event[0]["recording"],
-            join_names(list(dict.fromkeys(r["channel"] for r in event))),
-            "; ".join(dict.fromkeys(compare.describe_region(r) for r in event[:MAX_LOCATIONS])),
-            Cell(format_percent(event[0]["share_of_error"]), bar=event[0]["share_of_error"]),
-            Cell(format_percent(event[0]["share_of_samples"]), bar=event[0]["share_of_samples"]),
+            event[0].recording,
+            join_names(list(dict.fromkeys(r.channel for r in event))),
+            "; ".join(dict.fromkeys(r.text for r in event[:MAX_LOCATIONS])),
+            Cell(format_percent(event[0].share_of_error), bar=event[0].share_of_error),
+            Cell(format_percent(event[0].share_of_samples), bar=event[0].share_of_samples),
         ]
         for event in events
     ]
@@ -93,9 +92,9 @@ def _events(events: Sequence[Sequence[Mapping[str, Any]]]) -> Grid:
     return Grid(caption, head, rows, folded=True)
 
 
-def _clouds(material: ReportData, answer: Mapping[str, Any], table: Table) -> dict[tuple[str, str], StateSamples]:
+def _clouds(material: ReportData, answer: compare.Answer, table: Table) -> dict[tuple[str, str], StateSamples]:
     """Return a model's residuals by experiment and channel, all recordings of it together."""
-    noise = {(c["recording"], c["channel"]): c["noise"] for c in answer["channels"]}
+    noise = {c.key: c.noise for c in answer.channels if c.noise > 0.0}
     kind = {r["name"]: _kind(r) for r in material.answer("ingest").get("recordings", [])}
     signals = {name: rows for (name,), rows in material.table("ingest/signals").groups("recording")}
     residuals = dict(table.groups("recording", "channel"))

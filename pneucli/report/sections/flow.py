@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
 
 from pneucli.messages.findings import LITRES_PER_MINUTE
-from pneucli.messages.flow import FLOW_COLUMNS, LITRES_PER_BAR, flow_row
+from pneucli.messages.flow import FLOW_COLUMNS, LITRES_PER_BAR, Flow
 from pneucli.messages.formatting import format_plain, format_quantity, in_display_unit
+from pneucli.messages.identify import Answer
 from pneucli.report.figure import GREY, Drawing, drawing, figures, rank_colour
 from pneucli.report.page_elements import Grid, Note, Part, Section
 from pneucli.report.report_data import ReportData, Table
@@ -21,12 +21,12 @@ MAX_LABELS = 7  # openings in a legend
 
 def section(material: ReportData) -> Section | None:
     """Return the steady bench; absent where none was recorded."""
-    answer, rows = material.answer("identify").get("flow"), material.table("identify/flow_rows")
-    if not answer or not len(rows):
+    identified, rows = material.read(Answer), material.table("identify/flow_rows")
+    if (answer := identified.flow) is None or not len(rows):
         return None
-    parts: list[Part] = [Note(f"{one['text']}.", "warning") for one in answer["findings"]]
+    parts: list[Part] = [Note(f"{one.text}.", "warning") for one in answer.findings]
     parts.append(_table(answer))
-    parts += budget_tables(material.answer("identify").get("uncertainty", {}), "valve.")
+    parts += budget_tables(identified.budgets, "valve.")
     drawings = [_conductance(rows), _residual(rows)]
     if len(grid := material.table("identify/flow_map")):
         drawings.append(_over_pressure(grid))
@@ -38,9 +38,9 @@ def section(material: ReportData) -> Section | None:
     return Section("flow", "Steady flow bench", lead, parts)
 
 
-def _table(answer: Mapping[str, Any]) -> Grid:
+def _table(answer: Flow) -> Grid:
     caption = "Intervals: k = 2, lack of fit included. An asterisk: typical values of valves hold it, the rows do not."
-    return Grid(caption, FLOW_COLUMNS, [flow_row(path) for path in answer["paths"]])
+    return Grid(caption, FLOW_COLUMNS, [path.row for path in answer.paths])
 
 
 def _openings(rows: Table) -> list[tuple[str, Any, Table]]:

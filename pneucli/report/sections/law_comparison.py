@@ -8,8 +8,15 @@ from typing import Any
 import numpy as np
 from matplotlib.ticker import NullLocator, ScalarFormatter
 
-from pneucli.messages import ensemble
-from pneucli.messages.design import LAW_LEGEND, LAW_TITLES, law_rows, shortcomings
+from pneucli.messages.design import (
+    ENSEMBLE_TITLES,
+    LAW_LEGEND,
+    LAW_TITLES,
+    ensemble_rows,
+    law_rows,
+    promise,
+    shortcomings,
+)
 from pneucli.messages.envelope import envelope_indices
 from pneucli.report.figure import GREY, PALETTE, Drawing, drawing, figures
 from pneucli.report.page_elements import Cell, Grid, Note, Part, Row, Section
@@ -34,10 +41,10 @@ def section(material: ReportData) -> Section | None:
         parts.append(Note(f"With set-valued friction at rest {'; '.join(poor)}."))
     parts += [Note(f"Not designed: {name}: {why}.", "warning") for name, why in design["not_made"].items()]
     if rigs := design.get("ensemble"):
-        parts += [Note(line) for line in ensemble.promise(rigs)]
-        rows: list[Row] = [[name, *map(Cell, figures)] for name, *figures in ensemble.rows(rigs)]
+        parts += [Note(line) for line in promise(rigs)]
+        rows: list[Row] = [[name, *map(Cell, figures)] for name, *figures in ensemble_rows(rigs)]
         caption = "Figures over their limits on the rigs of the ensemble, median; worst"
-        parts.append(Grid(f"{caption}: 1 × is the limit.", ensemble.HEAD, rows))
+        parts.append(Grid(f"{caption}: 1 × is the limit.", ENSEMBLE_TITLES, rows))
     if design["ablation"]:
         parts.append(_grid("Results of best without one component, otherwise unchanged", design["ablation"], tolerance))
     if design.get("variants"):

@@ -11,12 +11,12 @@ PLACE = 100  # on the page
 
 def section(material: ReportData) -> Section | None:
     """Return a table for each log; absent where no log belongs to an exported controller."""
-    found = material.answer("compare").get("closed_loop", [])
+    found = material.read(compare.Answer).closed_loop
     parts: list[Part] = [
         Grid(
-            f"{one['recording']}: controller {one['controller']}, {one['precision']}, hash {one['hash'][:12]}.",
+            f"{one.recording}: controller {one.controller}, {one.precision}, hash {one.hash[:12]}.",
             compare.COLUMN_TITLES,
-            [[title, Cell(predicted), Cell(measured)] for title, predicted, measured in compare.figure_rows(one)],
+            [[title, Cell(predicted), Cell(measured)] for title, predicted, measured in one.rows],
         )
         for one in found
     ]

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
-from typing import Any
 
 from pneucli.messages.flow import LITRES_PER_BAR
 from pneucli.messages.formatting import (
@@ -14,7 +13,7 @@ from pneucli.messages.formatting import (
     in_display_unit,
     unit_symbol,
 )
-from pneucli.messages.identify import INTERVAL_MEANING, largest_conductance, thermal_factors
+from pneucli.messages.identify import INTERVAL_MEANING, BudgetAnswer, Source, largest_conductance
 from pneucli.report.page_elements import Grid
 
 CONDUCTANCE_UNIT = "m^3/(s Pa)"
@@ -22,70 +21,73 @@ SOURCE_COLUMNS = ("source", "type", "standard uncertainty", "sensitivity", "cont
 RESULT_COLUMNS = ("result", "value, interval", "± (k = 2)", "main source")
 
 
-def budget_tables(uncertainty: Mapping[str, Any], results: str) -> Iterator[Grid]:
+def budget_tables(budgets: Mapping[str, BudgetAnswer], results: str) -> Iterator[Grid]:
     """Yield the budget of the largest C, and one line for each result whose name holds ``results``."""
-    chosen = {name: one for name, one in uncertainty.get("budgets", {}).items() if name.startswith(results)}
-    if (largest := largest_conductance({"budgets": chosen})) is None:
+    chosen = {name: one for name, one in budgets.items() if name.startswith(results)}
+    if (largest := largest_conductance(chosen)) is None:
         return
     yield _sources(*largest)
     rows = [_result(name, one) for name, one in chosen.items()]
     yield Grid(f"Uncertainty of every result. {INTERVAL_MEANING}", RESULT_COLUMNS, rows)
 
 
-def _sources(name: str, budget: Mapping[str, Any]) -> Grid:
+def _sources(name: str, budget: BudgetAnswer) -> Grid:
     """Return the budget of one C."""
     rows = [
         [
-            one["source"],
-            one["type"],
+            one.source,
+            one.type_,
             _uncertainty(one),
             _sensitivity(one),
-            _conductance(one["contribution"]),
-            format_percent(one["share"]),
+            _conductance(one.contribution),
+            format_percent(one.share),
         ]
-        for one in budget["sources"]
+        for one in budget.sources
     ]
-    for title, key in (("combined standard uncertainty", "combined"), ("expanded uncertainty, k = 2", "expanded")):
-        rows.append([title, "", "", "", _conductance(budget[key]), ""])
-    caption = f"Uncertainty budget of the largest conductance, {name} = {_conductance(budget['value'])}."
-    if (factors := thermal_factors(budget)) is not None:
+    for title, size in (
+        ("combined standard uncertainty", budget.combined),
+        ("expanded uncertainty, k = 2", budget.expanded),
+    ):
+        rows.append([title, "", "", "", _conductance(size), ""])
+    caption = f"Uncertainty budget of the largest conductance, {name} = {_conductance(budget.value)}."
+    if (factors := budget.thermal_factors) is not None and budget.propagated:
         least, largest = (format_number(factor, 3) for factor in factors)
-        low, high = (_conductance(end) for end in budget["propagated"])
+        low, high = (_conductance(end) for end in budget.propagated)
         caption += (
             f" The thermal state is a bound: C is {least} to {largest} × the value for any heat between gas and wall."
             " It is in the interval, not in the combined uncertainty; drawn evenly between its bounds (JCGM 101), it"
             f" gives a 95 % interval of {low} to {high}."
         )
-    if missing := budget["calibration_not_stated"]:
+    if missing := budget.calibration_not_stated:
         caption += f" The pipeline file states no calibration of {', '.join(missing)}: the budget lacks them."
     return Grid(caption, SOURCE_COLUMNS, rows)
 
 
-def _result(name: str, budget: Mapping[str, Any]) -> list[str]:
-    factor, unit = (LITRES_PER_BAR, "l/(s bar)") if budget["unit"] == CONDUCTANCE_UNIT else (1.0, budget["unit"])
-    main = max(budget["sources"], key=lambda one: one["contribution"])
-    ends = [factor * end for end in budget["interval"]]
+def _result(name: str, budget: BudgetAnswer) -> list[str]:
+    factor, unit = (LITRES_PER_BAR, "l/(s bar)") if budget.unit == CONDUCTANCE_UNIT else (1.0, budget.unit)
+    main = max(budget.sources, key=lambda one: one.contribution)
+    ends = [factor * end for end in budget.interval]
     return [
         name,
-        format_interval(factor * budget["value"], unit, ends),
-        format_quantity(factor * budget["expanded"], unit, 2),
-        f"{main['source']}, {format_percent(main['share'])}",
+        format_interval(factor * budget.value, unit, ends),
+        format_quantity(factor * budget.expanded, unit, 2),
+        f"{main.source}, {format_percent(main.share)}",
     ]
 
 
-def _uncertainty(source: Mapping[str, Any]) -> str:
+def _uncertainty(source: Source) -> str:
     """Return the standard uncertainty of a source."""
-    if source["unit"] == CONDUCTANCE_UNIT:
-        return _conductance(source["uncertainty"])
-    return format_quantity(source["uncertainty"], source["unit"], 2)
+    if source.unit == CONDUCTANCE_UNIT:
+        return _conductance(source.uncertainty)
+    return format_quantity(source.uncertainty, source.unit, 2)
 
 
-def _sensitivity(source: Mapping[str, Any]) -> str:
+def _sensitivity(source: Source) -> str:
     """Return the derivative of C by a source in l/(s bar) for each display unit of the source."""
-    if source["unit"] == CONDUCTANCE_UNIT:
-        return f"{format_number(source['sensitivity'], 3)}"
-    size, unit = in_display_unit(1.0, source["unit"]), unit_symbol(source["unit"])
-    value = format_number(LITRES_PER_BAR * source["sensitivity"] / size, 3)
+    if source.unit == CONDUCTANCE_UNIT:
+        return f"{format_number(source.sensitivity, 3)}"
+    size, unit = in_display_unit(1.0, source.unit), unit_symbol(source.unit)
+    value = format_number(LITRES_PER_BAR * source.sensitivity / size, 3)
     return f"{value} l/(s bar)" + (f" per {unit}" if unit else "")
 
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator
 from dataclasses import replace
 from functools import partial
 from typing import Any
@@ -11,6 +11,7 @@ import numpy as np
 from matplotlib.lines import Line2D
 from numpy.typing import NDArray
 
+from pneucli.figure import Figure as Interval
 from pneucli.messages.envelope import envelope_indices
 from pneucli.messages.formatting import (
     format_noise_ratio,
@@ -21,6 +22,7 @@ from pneucli.messages.formatting import (
     in_display_unit,
     unit_symbol,
 )
+from pneucli.messages.identify import Answer, MapResidual, Valve, ValveDeviation
 from pneucli.report.figure import (
     BLUE,
     GREY,
@@ -58,19 +60,22 @@ def section(material: ReportData) -> Section | None:
     """Return the valve's figures and tables; absent where no valve was identified."""
     if not len(material.table("identify/valve_map")):
         return None
-    answer = material.answer("identify")
-    valves = {chamber: answer[name] for chamber, name in ((1, "valve"), (2, "valve_2")) if name in answer}
+    answer = material.read(Answer)
+    valves = {2 if label == "valve_2" else 1: valve for label, valve in answer.valves.items()}
     parts: list[Part] = []
-    for chamber, valve in (valves or {1: {}}).items():
+    for chamber in valves or (1,):
         of_chamber = partial(_table, material, chamber)
-        label = "valve." if chamber == 1 else "valve_2."
-        budgets = budget_tables(answer.get("uncertainty", {}), label) if valve else ()
         drawn = _figures(of_chamber) if not parts else _maps(of_chamber)
-        mine: list[Figure | Grid] = [*drawn, *_tables(valve), *budgets]
+        mine: list[Figure | Grid] = [*drawn]
+        if chamber in valves:
+            mine += [
+                *_tables(valves[chamber]),
+                *budget_tables(answer.budgets, "valve." if chamber == 1 else "valve_2."),
+            ]
         parts += (
             [replace(one, caption=f"Chamber {chamber}. {one.caption}") for one in mine] if len(valves) > 1 else mine
         )
-    measured = any(valve.get("map") != "model" for valve in valves.values())
+    measured = any(valve.map != "model" for valve in valves.values())
     lead = MEASUREMENT_FIGURES if measured else MODEL_FIGURES if valves else BENCH_FIGURES
     return Section("valve", "Valve: map and inverse", lead, parts, folded=True)
 
@@ -268,26 +273,25 @@ def _areas(areas: Table) -> Drawing:
     return one
 
 
-def _tables(valve: Mapping[str, Any]) -> Iterator[Grid]:
-    if lack := valve.get("lack_of_fit"):
-        yield _fit(lack, valve["residual"])
-    if overlap := valve.get("overlap"):
-        rows = [[name, *_value(o)] for name, o in overlap.items()]
+def _tables(valve: Valve) -> Iterator[Grid]:
+    yield _fit(valve.lack_of_fit, valve.residual)
+    if valve.overlap:
+        rows = [[name, *_value(one)] for name, one in valve.overlap.items()]
         yield Grid("Overlap of the spool.", ("", "value", "95 % from", "to"), rows)
-    if iso := valve.get("iso"):
-        rows = [[name.removeprefix("valve."), *_value(p)] for name, p in iso.items()]
+    if valve.iso:
+        rows = [[name.removeprefix("valve."), *_value(one)] for name, one in valve.iso.items()]
         caption = "Characteristics by ISO 6358-1: sonic conductance, critical ratio and subsonic index of each command."
         yield Grid(caption, ("characteristic", "value", "95 % from", "to"), rows, folded=True)
 
 
-def _fit(lack: Mapping[str, Any], residual: Mapping[str, Any]) -> Grid:
+def _fit(lack: ValveDeviation, residual: MapResidual) -> Grid:
     """Return the deviation of the model from the map, and the residual of the map."""
     shares = (
-        ("deviation of the model from the measured map, median", lack["median"]),
-        ("deviation of the model from the measured map, 95th percentile", lack["p95"]),
-        ("points outside both 95 % intervals", lack["share_outside"]),
+        ("deviation of the model from the measured map, median", lack.median),
+        ("deviation of the model from the measured map, 95th percentile", lack.p95),
+        ("points outside both 95 % intervals", lack.share_outside),
     )
-    noise = (("map on its own curves", residual["train"]), ("map on held-out curves", residual["test"]))
+    noise = (("map on its own curves", residual.train), ("map on held-out curves", residual.test))
     rows: list[Row] = [[name, Cell("–" if n is None else format_percent(n))] for name, n in shares]
     rows += [[name, Cell("–" if n is None else f"{format_noise_ratio(n)} × noise")] for name, n in noise]
     caption = (
@@ -296,6 +300,5 @@ def _fit(lack: Mapping[str, Any], residual: Mapping[str, Any]) -> Grid:
     return Grid(caption, ("", "value"), rows)
 
 
-def _value(parameter: Mapping[str, Any]) -> list[Cell]:
-    values = (parameter["value"], *parameter["ci95"])
-    return [Cell(format_quantity(value, parameter["unit"])) for value in values]
+def _value(one: Interval) -> Row:
+    return [Cell(format_quantity(value, one.unit)) for value in (one.value, one.low, one.high)]
