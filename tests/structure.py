@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import argparse
 import ast
+import math
 import re
 import shutil
 import statistics
@@ -309,6 +310,47 @@ def walks(root: Path = ROOT) -> dict[str, float]:
     return found
 
 
+QUESTIONS = {  # what a reader looks for: the files that answer
+    "flow function": ("physics.gas",),
+    "Stribeck friction": ("physics.effects.stribeck",),
+    "likelihood": ("identify.estimation.objective", "diagnose.score"),
+    "effect declared": ("physics.declaration",),
+    "95 interval": ("identify.estimation.intervals",),
+    "effect refused reason": ("diagnose.decision", "diagnose.constraints", "diagnose.candidate"),
+    "controller holds standstill": ("controller.standstill",),
+    "TDMS clock": ("io.formats.tdms",),
+    "probability effect": ("diagnose.calibration",),
+    "HTML page": ("report.page",),
+    "exit codes": ("cli", "cli.program", "errors"),
+    "add command": ("cli.command", "cli.program"),
+}
+PATIENCE = 5  # wrong files, after which a reader asks somebody
+
+
+def wrong_turns(found: dict[str, Module], question: str, answers: tuple[str, ...]) -> int:
+    """How many files a reader opens in vain who goes by names alone.
+
+    He opens files in the order of how many words of the question, the rarer the more, are in the name of the file
+    (3), the first line of its docstring (2), names of its functions and classes (1), and its folders (1/2).
+    """
+    words = [word.lower().rstrip("s") for word in question.split()]
+    seen = {}
+    for name, module in found.items():
+        defined = (n.name for n in ast.walk(module.tree) if isinstance(n, (ast.FunctionDef, ast.ClassDef)))
+        first = (ast.get_docstring(module.tree) or "").partition("\n")[0]
+        seen[name] = [one.lower() for one in (name.rpartition(".")[2], first, " ".join(defined), name)]
+    rarity = {word: math.log(len(seen) / max(1, sum(word in " ".join(one) for one in seen.values()))) for word in words}
+
+    def promise(name: str) -> float:
+        return sum(
+            rarity[w] * share for w in words for share, one in zip((3, 2, 1, 0.5), seen[name], strict=True) if w in one
+        )
+
+    order = sorted(seen, key=lambda name: (-promise(name), len(name)))
+    places = [order.index(f"pneucli.{answer}") for answer in answers if f"pneucli.{answer}" in seen]
+    return min([*places, PATIENCE])
+
+
 def words_per_page(root: Path = ROOT) -> dict[str, int]:
     """The number of words of each page."""
     pages = [root / "README.md", *sorted((root / "docs").rglob("*.md"))]
@@ -342,6 +384,7 @@ def summary(root: Path = ROOT) -> dict[str, float]:
         "subscripts by a string": string_subscripts(found),
         "public functions of " + ", ".join(DOCUMENTED): len(list(public_functions(found))),
         **{f"docstrings with {part}, %": round(share) for part, share in docstrings(found).items()},
+        "wrong turns of a reader with twelve questions": sum(wrong_turns(found, *one) for one in QUESTIONS.items()),
         "pages": len(words_per_page(root)),
         "words in pages": sum(words_per_page(root).values()),
     }

@@ -1,4 +1,4 @@
-"""The judgement of an effect: its evidence, its probability (:mod:`pneucli.diagnose.calibration`), and the decision."""
+"""Why an effect is named or refused: its evidence, its probability (:mod:`pneucli.diagnose.calibration`), a reason."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The declaration of a physical effect: its name, parameters, equations at the simulator's ports, and description.
+"""How a physical effect is declared: its name, parameters, equations at the simulator's ports, and description.
 
 A declaration is the only place that describes an effect. The simulator's code, the fit's parameter vector, the
 diagnosis, the catalogue, the page of the documentation and the tests are made from it. A port's function takes the

@@ -1,4 +1,4 @@
-"""Gas flow through an orifice (thesis 2.34-2.46).
+"""The flow function, and the flow of gas through an orifice (thesis 2.34-2.46).
 
 Functions take and return scalars and use nothing but ``math`` and the constants here, since the simulation kernel
 compiles their source. :mod:`pneucli.physics.vectorised` calls them for whole arrays.
