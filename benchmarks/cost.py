@@ -2,9 +2,10 @@
 
 FOLDER has a pipeline file, or folders that have one. ``--samples N,N`` adds an axis with one recording of N samples and
 a short test of its valve (``--kind friction`` or ``valve``: another rig). ``--stages diagnose`` measures that stage
-alone, ``--out DIR`` keeps the artifacts. Prints one Markdown table, with the median and the largest value of all
-folders, then the share of each phase of ``diagnose``. The libraries' start is part of each time; a run in which numba
-compiled is repeated.
+alone, ``--out DIR`` keeps the artifacts, ``--beside CHECKOUT`` adds the start of each stage, interpreter and imports,
+here and by the program of that folder, which has its own ``.venv``. Prints one Markdown table, with the median and the
+largest value of all folders, then the share of each phase of ``diagnose``. The libraries' start is part of each time; a
+run in which numba compiled is repeated.
 
 The measured process samples itself: a timer of processor time interrupts it, and the time since the last interrupt
 counts for the phase in which the main thread is. A profiler would double the time of short functions. This module
@@ -197,6 +198,15 @@ def run_sampled(report: Path, words: Sequence[str]) -> None:
 
 
 STAGES = ("ingest", "identify", "diagnose")
+START_RUNS = 5  # of which the shortest counts
+START = """
+import sys
+from pneucli.pipeline import runner
+try:
+    runner._run(runner.STAGES[sys.argv[1]], None, None)
+except AttributeError:
+    pass  # it has imported the stage, and looks into the pipeline that there is not
+"""
 SMALL_PIPELINE = Path(__file__).parents[1] / "fixtures" / "valve_null" / "pipeline.toml"
 Row = dict[str, Cost]  # by stage
 
@@ -218,6 +228,26 @@ def measure(path: Path, stages: Sequence[str], out: Path) -> Row:
                 cost = measured(stage, path, out)
             row[stage] = cost
     return {stage: row[stage] for stage in stages}
+
+
+def started(stage: str, python: Path, program: Path) -> float:
+    """Return the processor time in s that a program needs to start and to import a stage."""
+    spent = []
+    for _ in range(START_RUNS):
+        child = subprocess.Popen([python, "-c", START, stage], cwd=program, env=environment())
+        _, status, used = os.wait4(child.pid, 0)
+        child.returncode = os.waitstatus_to_exitcode(status)
+        spent.append(used.ru_utime + used.ru_stime)
+    return min(spent)
+
+
+def starts(stages: Sequence[str], other: Path) -> list[str]:
+    """Return the table of the start of each stage here and by another program, by turns in one run."""
+    own, former = (Path(sys.executable), Path(__file__).parents[1]), (other / ".venv/bin/python", other)
+    started(stages[0], *former)  # whose byte code is then on disk
+    rows = [(stage, started(stage, *own), started(stage, *former)) for stage in stages]
+    shown = [f"| {stage} | {here:.2f} | {there:.2f} | {here / there:.2f} |" for stage, here, there in rows]
+    return ["", f"| start | here, s | {other.name}, s | ratio |", "| --- | --- | --- | --- |", *shown]
 
 
 def cells(stages: Sequence[str], values: dict[str, tuple[float, float]]) -> str:
@@ -270,6 +300,7 @@ def parsed(arguments: Sequence[str]) -> argparse.Namespace:
     parser.add_argument("--kind", default="axis", choices=("axis", "friction", "valve"))
     parser.add_argument("--stages", default=",".join(STAGES))
     parser.add_argument("--out", type=Path)
+    parser.add_argument("--beside", type=Path)
     parser.add_argument("--small", action="store_true")
     return parser.parse_args(list(arguments))
 
@@ -306,7 +337,9 @@ def print_costs(asked: argparse.Namespace) -> None:
             write_long_recording(made, asked.kind, samples)
             rows.append(measure(made / "pipeline.toml", stages, made / "out"))
             print(line(f"{asked.kind}, {samples} samples", rows[-1]), flush=True)
-        if "diagnose" in stages:
+        if asked.beside:
+            print("\n".join(starts(stages, asked.beside.absolute())), flush=True)
+        if "diagnose" in stages and rows:
             print("\n".join(["", *shares([row["diagnose"] for row in rows])]))
 
 

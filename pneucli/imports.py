@@ -46,14 +46,15 @@ def paused_collection() -> Iterator[None]:
             gc.enable()
 
 
-def load_on_use(package: str, name: str) -> None:
-    """Let a module of a package load itself at the first use of what it holds; libraries import it for its name."""
+def load_on_use(package: str, *names: str) -> None:
+    """Let modules of a package load themselves at the first use of what they hold; libraries import them for a name."""
     parent = importlib.import_module(package)
-    if f"{package}.{name}" in sys.modules or (spec := importlib.util.find_spec(f"{package}.{name}")) is None:
-        return
-    assert spec.loader is not None
-    spec.loader = importlib.util.LazyLoader(spec.loader)
-    module = importlib.util.module_from_spec(spec)
-    sys.modules[spec.name] = module
-    spec.loader.exec_module(module)
-    setattr(parent, name, module)
+    for name in names:
+        if f"{package}.{name}" in sys.modules or (spec := importlib.util.find_spec(f"{package}.{name}")) is None:
+            continue
+        assert spec.loader is not None
+        spec.loader = importlib.util.LazyLoader(spec.loader)
+        module = importlib.util.module_from_spec(spec)
+        sys.modules[spec.name] = module
+        spec.loader.exec_module(module)
+        setattr(parent, name, module)

@@ -257,7 +257,7 @@ def _run(stage: Stage, context: Context, manifest: Manifest) -> Manifest:
     """Run the stage into ``context.out``; return its manifest."""
     start = time.monotonic()
     with paused_collection():
-        load_on_use("numpy", "f2py")  # scipy asks numpy for all of its modules
+        load_on_use("numpy", "f2py", "ma", "testing")  # scipy asks numpy for all of its modules
         module = importlib.import_module(stage.module)
     from threadpoolctl import threadpool_limits  # noqa: PLC0415 - it limits what is loaded when it is asked
 

@@ -23,7 +23,6 @@ from numba.core.extending import intrinsic, lower_builtin, lower_cast, models, r
 from numba.core.imputils import impl_ret_borrowed
 from numba.core.typeconv.castgraph import Conversion
 from numba.core.typing.templates import AbstractTemplate, infer_global, signature
-from numba.np.arrayobj import populate_array
 
 LANES = 8  # derivatives of a dual number: what one vector register of today's processors holds
 ROW = LANES + 1  # floats of a dual number in memory: its value, then its derivatives
@@ -265,6 +264,8 @@ def as_duals(typingctx: Any, rows: types.Array) -> Any:
     out = types.Array(dual, rows.ndim - 1, "C")
 
     def lower(context: Any, builder: ir.IRBuilder, sig: Any, args: Sequence[Any]) -> Any:
+        from numba.np.arrayobj import populate_array  # noqa: PLC0415 - slow to import, and only a compilation needs it
+
         given = context.make_array(sig.args[0])(context, builder, args[0])
         made = context.make_array(out)(context, builder)
         populate_array(
