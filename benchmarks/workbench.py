@@ -1,13 +1,24 @@
-"""How soon does the curve follow the hand? ``python -m benchmarks.workbench [SAMPLES...]``
+"""Is the live page quick, and does it last? ``python -m benchmarks.workbench TABLE``; all but ``hours`` use Chromium.
 
-A driven piston of the fixtures, repeated to so many samples, is compared and served. A row each: from a question for
-curves to the last byte, and the bytes; then, where there is Chromium, from opening the page to its first curves, and
-from the move of a slider to the drawn curve. Median and 95 %.
+- ``speed [SAMPLES...]``: a driven piston of the fixtures, repeated to so many samples: from a question for curves to
+  the last byte, the server's processor time, the bytes; first paint, first curves and all bytes of the page; from a
+  move of a slider to the curve on the screen, with the whole recording in view; the server's memory.
+- ``walk [FOLDER]``: a pipeline (by default ``cases/case-09`` of ``../shared``, else the demo) in the page alone: it
+  fails, is diagnosed, gets what was named, its error falls; clicks and seconds, and whether the answers are those of
+  the commands.
+- ``clicks [NUMBER]``: random clicks, drags and moves of sliders on a small run, the pipeline file loaded after each.
+- ``hours [HOURS]``: a page that stays open, its clock sped up: heartbeats and looks at the files of so many hours, then
+  thousands of questions; memory before and after.
+- ``picture FILE``: the moving picture of the README, from the demo.
 """
 
 from __future__ import annotations
 
+import asyncio
 import json
+import os
+import random
+import re
 import shutil
 import statistics
 import subprocess
@@ -15,18 +26,28 @@ import sys
 import tempfile
 import time
 import urllib.request
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
+from dataclasses import dataclass, field
+from functools import partial
+from io import BytesIO
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from benchmarks.rigs import SMALL
+from benchmarks.cases import shared_folder
+from benchmarks.rigs import print_tables
+from pneucli.config import load
+from pneucli.pipeline.manifest import read_manifest
 
-SOURCE = Path(__file__).parents[1] / "fixtures" / "friction_null_coulomb"
+ROOT = Path(__file__).parents[1]
+SOURCE = ROOT / "fixtures" / "friction_null_coulomb"
 RECORDING, PARAMETER = "driven_1", "friction.coulomb"
-MOVES, WIDTH = 40, 1400
+MOVES, WIDTH = 100, 1400
+CLICKS, SEED = 400, 7
+SPED_UP = 200  # times: a heartbeat of 20 s every 100 ms
+QUESTIONS = 5000
 HEAD = """[[recordings]]
 name = "{name}"
 file = "{file}"
@@ -35,6 +56,10 @@ use = "{use}"
 chamber_2 = "closed"
 
 """
+STATE = "return window.pneucliWorkbench.state()"
+DRAWN = "return window.pneucliWorkbench?.drawn() ?? 0"
+IDLE = "const s = window.pneucliWorkbench?.state(); return Boolean(s && !s.command?.running)"
+LIVE = "return Boolean(window.pneucliWorkbench?.state()?.live && document.querySelector('.plots canvas'))"
 
 
 def write_pipeline(folder: Path, samples: int) -> Path:
@@ -57,14 +82,42 @@ def write_pipeline(folder: Path, samples: int) -> Path:
     return file
 
 
+def copy_small(folder: Path) -> Path:
+    """Copy the small run of the fixtures, and compare it; return its pipeline file."""
+    shutil.copytree(SOURCE, folder / "bench", ignore=shutil.ignore_patterns("artifacts"))
+    return compared(folder / "bench" / "pipeline.toml")
+
+
+def copy_demo(folder: Path) -> Path:
+    """Write the demo's pipeline file into a folder."""
+    text = (ROOT / "pipelines" / "demo.toml").read_text(encoding="utf-8")
+    file = folder / "pipeline.toml"
+    file.write_text(text.replace("../fixtures", (ROOT / "fixtures").as_posix()), encoding="utf-8")
+    return file
+
+
+def pneucli(*words: str) -> None:
+    """Run a command of the program."""
+    subprocess.run([sys.executable, "-m", "pneucli", *words, "--quiet"], check=False, stdout=subprocess.DEVNULL)
+
+
+def compared(file: Path) -> Path:
+    """Compare a pipeline; return its file."""
+    pneucli("compare", str(file))
+    return file
+
+
+# the server
+
+
 @contextmanager
-def served(file: Path) -> Iterator[str]:
-    """Serve the workbench of a pipeline; yield its address."""
+def served(file: Path) -> Iterator[tuple[str, int]]:
+    """Serve the workbench of a pipeline; yield its address and the number of its process."""
     words = [sys.executable, "-m", "pneucli", "workbench", str(file), "--no-browser", "--keep", "--quiet"]
-    running = subprocess.Popen(words, stdout=subprocess.PIPE, text=True)
+    running = subprocess.Popen(words, stdout=subprocess.PIPE, text=True, start_new_session=True)
     try:
         assert running.stdout is not None
-        yield running.stdout.readline().split()[-1]
+        yield running.stdout.readline().split()[-1], running.pid
     finally:
         running.terminate()
         running.communicate(timeout=60)
@@ -79,61 +132,118 @@ def ask(address: str, path: str, content: Any = None) -> bytes:
         return bytes(answer.read())
 
 
-def wait_for_model(address: str) -> float:
-    """Wait until the model is loaded and nothing runs; return the parameter's value."""
+def wait_for_model(address: str) -> dict[str, Any]:
+    """Wait until the model is loaded and nothing runs; return what the page shows."""
     while True:
-        state = json.loads(ask(address, "state"))
+        state: dict[str, Any] = json.loads(ask(address, "state"))
         if state["live"] and not (state["command"] or {}).get("running"):
-            return float(next(one["value"] for one in state["parameters"] if one["name"] == PARAMETER))
+            return state
         time.sleep(0.2)
 
 
-def questions(address: str, value: float, moves: int) -> tuple[list[float], int]:
-    """Return the times in ms of questions for curves whose parameter moves, and the bytes of the last answer."""
-    took, size = [], 0
+def memory(process: int | str = "self", line: str = "VmRSS") -> float:
+    """Return the memory of a process in MB; NaN where the system does not say."""
+    status = Path(f"/proc/{process}/status")
+    text = status.read_text(encoding="utf-8") if status.exists() else ""
+    found = re.search(rf"{line}:\s+(\d+) kB", text)
+    return float(found[1]) / 1e3 if found else float("nan")
+
+
+def processor_time(process: int) -> float:
+    """Return the processor time of a process in s; NaN where the system does not say."""
+    stat = Path(f"/proc/{process}/stat")
+    if not stat.exists():
+        return float("nan")
+    words = stat.read_text(encoding="utf-8").rpartition(")")[2].split()
+    return (int(words[11]) + int(words[12])) / os.sysconf("SC_CLK_TCK")
+
+
+def questions(address: str, process: int, moves: int) -> tuple[list[float], float, int]:
+    """Return the times in ms of questions for curves whose parameter moves, the processor's in ms, and the bytes."""
+    state = wait_for_model(address)
+    value = next(one["value"] for one in state["parameters"] if one["name"] == PARAMETER)
+    place = next(one["place"] for one in state["recordings"] if one["name"] == "long")
+    asked = {"focus": "long", "interval": [place["begin"], place["end"]], "samples": WIDTH}
+    took, size, before = [], 0, processor_time(process)
     for i in range(moves):
         begin = time.perf_counter()
-        values = {PARAMETER: value * (1.0 + 0.01 * (i + 1))}
-        size = len(ask(address, "curves", {"recording": "long", "values": values, "samples": 4 * WIDTH // 2}))
+        size = len(ask(address, "curves", asked | {"values": {PARAMETER: value * (1.0 + 0.01 * (i + 1))}}))
         took.append(1e3 * (time.perf_counter() - begin))
-    return took, size
+    return took, 1e3 * (processor_time(process) - before) / moves, size
 
 
-def in_browser(address: str, moves: int) -> tuple[float, list[float]] | None:
-    """Return s to the first curves, and ms from each move of a slider to the drawn curve; None without Chromium."""
-    binary, driver = shutil.which("chromium"), shutil.which("chromedriver")
-    if not (binary and driver):
-        return None
+# the browser
+
+
+def has_chromium() -> bool:
+    """Return whether Chromium and its driver are here."""
+    return bool(shutil.which("chromium") and shutil.which("chromedriver"))
+
+
+@contextmanager
+def chromium(width: int = WIDTH, height: int = 900) -> Iterator[Any]:
+    """Yield a browser of so many pixels that shows nothing on a screen."""
     from selenium import webdriver  # noqa: PLC0415
 
     options = webdriver.ChromeOptions()
-    options.binary_location = binary
+    options.binary_location = shutil.which("chromium") or ""
     for argument in ("--headless=new", "--no-sandbox", "--disable-gpu", "--disable-dev-shm-usage"):
         options.add_argument(argument)
-    options.add_argument(f"--window-size={WIDTH},900")
-    browser = webdriver.Chrome(options=options, service=webdriver.ChromeService(executable_path=driver))
+    options.set_capability("goog:loggingPrefs", {"browser": "ALL"})
+    service = webdriver.ChromeService(executable_path=shutil.which("chromedriver"))
+    browser = webdriver.Chrome(options=options, service=service)
     try:
-        begin = time.perf_counter()
-        browser.get(address)
-        drawn = "return (window.pneucliWorkbench?.latencies ?? []).length"
-        while not browser.execute_script(drawn):
-            time.sleep(0.02)
-        first = time.perf_counter() - begin
-        pick = "[...document.querySelectorAll('#recordings button')].find((b) => b.dataset.key === 'long').click()"
-        browser.execute_script(pick)
-        slider = f"document.querySelector(\"[data-key='slide {PARAMETER}']\")"
-        time.sleep(2.0)
-        for i in range(moves):
-            before = browser.execute_script(drawn)
-            value = 500 + 400 * i // moves
-            browser.execute_script(f"{slider}.value = {value}; {slider}.dispatchEvent(new Event('input'))")
-            while browser.execute_script(drawn) == before:
-                time.sleep(0.005)
-        return first, [
-            float(one) for one in browser.execute_script("return window.pneucliWorkbench.latencies")[-moves:]
-        ]
+        size = {"width": width, "height": height, "deviceScaleFactor": 1, "mobile": False}
+        browser.execute_cdp_cmd("Emulation.setDeviceMetricsOverride", size)
+        yield browser
     finally:
         browser.quit()
+
+
+def until(browser: Any, condition: str, seconds: float = 300.0) -> None:
+    """Wait until a script returns what is true; raise TimeoutError after so many seconds."""
+    end = time.monotonic() + seconds
+    while not browser.execute_script(condition):
+        if time.monotonic() > end:
+            raise TimeoutError(browser.execute_script("return document.getElementById('progress').textContent"))
+        time.sleep(0.02)
+
+
+def press(browser: Any, selector: str) -> None:
+    """Press a button that runs a command; wait until the command has ended."""
+    before = (browser.execute_script(STATE).get("command") or {}).get("number", 0)
+    browser.execute_script("document.querySelector(arguments[0]).click()", selector)
+    until(browser, f"const c = window.pneucliWorkbench.state().command; return c.number > {before} && !c.running")
+
+
+def slide(browser: Any, parameter: str, step: int) -> None:
+    """Move the slider of a parameter to one of its 1000 steps; wait for the curve."""
+    before = browser.execute_script(DRAWN)
+    move = f"const s = document.querySelector(\"[data-key='slide {parameter}']\"); s.value = {step}; "
+    browser.execute_script(f"{move} s.dispatchEvent(new Event('input', {{bubbles: true}}))")
+    until(browser, f"return window.pneucliWorkbench.drawn() > {before}")
+
+
+def first_view(browser: Any, address: str) -> tuple[float, float, float]:
+    """Open the page; return s to the first paint and to the first curves, and kB that came."""
+    begin = time.perf_counter()
+    browser.get(address)
+    until(browser, "return (window.pneucliWorkbench?.drawn() ?? 0) > 0")
+    curves = time.perf_counter() - begin
+    paint = browser.execute_script("return performance.getEntriesByName('first-contentful-paint')[0]?.startTime")
+    entries = "[...performance.getEntriesByType('resource'), ...performance.getEntriesByType('navigation')]"
+    size = browser.execute_script(f"return {entries}.reduce((sum, one) => sum + one.transferSize, 0)")
+    return (float("nan") if paint is None else paint / 1e3), curves, size / 1e3
+
+
+def slid(browser: Any, moves: int) -> list[float]:
+    """Return ms from each move of a slider to the curve of the long recording on the screen."""
+    pick = "[...document.querySelectorAll('#recordings button')].find((b) => b.dataset.key === 'long').click()"
+    browser.execute_script(pick)
+    time.sleep(2.0)
+    for i in range(moves):
+        slide(browser, PARAMETER, 500 + 400 * i // moves)
+    return [float(one) for one in browser.execute_script(f"return window.pneucliWorkbench.latencies.slice(-{moves})")]
 
 
 def quantiles(took: Sequence[float]) -> str:
@@ -141,24 +251,339 @@ def quantiles(took: Sequence[float]) -> str:
     return f"{statistics.median(took):.0f} / {np.quantile(took, 0.95):.0f}"
 
 
-def main(arguments: Sequence[str] | None = None) -> int:
+def print_speed(arguments: Sequence[str], *, is_small: bool = False) -> None:
     """Print a row for each number of samples."""
-    given = list(sys.argv[1:] if arguments is None else arguments)
-    small = SMALL in given
-    counts = [int(float(one)) for one in given if one != SMALL] or ([3000] if small else [10_000, 100_000, 1_000_000])
-    moves = 3 if small else MOVES
-    print("samples    question ms     kB    first curves s    slider to curve ms")
+    counts = [int(float(one)) for one in arguments] or ([3000] if is_small else [10_000, 100_000, 1_000_000])
+    moves = 3 if is_small else MOVES
+    print("samples   question ms  cpu ms  kB   paint s  curves s  page kB  slider to curve ms  server MB")
     for samples in counts:
-        with tempfile.TemporaryDirectory() as folder:
-            file = write_pipeline(Path(folder), samples)
-            subprocess.run([sys.executable, "-m", "pneucli", "compare", str(file), "--quiet"], check=True, stdout=-3)
-            with served(file) as address:
-                took, size = questions(address, wait_for_model(address), moves)
-                shown = in_browser(address, moves)
-        page = "-" if shown is None else f"{shown[0]:.1f}               {quantiles(shown[1])}"
-        print(f"{samples:<10} {quantiles(took):<15} {size / 1e3:<5.0f} {page}")
-    return 0
+        with tempfile.TemporaryDirectory() as folder, served(compared(write_pipeline(Path(folder), samples))) as one:
+            address, process = one
+            took, used, size = questions(address, process, moves)
+            row = f"{samples:<9} {quantiles(took):<12} {used:<7.0f} {size / 1e3:<4.0f}"
+            if has_chromium():
+                with chromium() as browser:
+                    paint, curves, kilobytes = first_view(browser, address)
+                    row += f" {paint:<8.1f} {curves:<9.1f} {kilobytes:<8.0f} {quantiles(slid(browser, moves)):<19}"
+            print(f"{row} {memory(process):.0f}, at most {memory(process, 'VmHWM'):.0f}")
+
+
+# a walk through the page
+
+
+def walk(browser: Any, file: Path) -> list[tuple[str, float, float]]:
+    """Diagnose and add what is named until nothing more is; return each click, its seconds, and the error then."""
+    steps: list[tuple[str, float, float]] = []
+
+    def click(action: str) -> dict[str, Any]:
+        begin = time.perf_counter()
+        press(browser, f"[data-action={action}]")
+        steps.append((action, time.perf_counter() - begin, float(browser.find_element("id", "error").text)))
+        return dict(browser.execute_script(STATE))
+
+    while click("diagnose")["diagnosis"]["missing"]:
+        missing = browser.execute_script(STATE)["diagnosis"]["missing"]
+        if not set(missing) - set(load(file).model.effects):
+            break
+        click("add-named")
+    return steps
+
+
+def answers(file: Path) -> dict[str, Any]:
+    """Return effects, errors and verdict as the stages have stored them."""
+    folder = next((file.parent / "artifacts").iterdir())
+    found = {name: read_manifest(folder / name) for name in ("compare", "diagnose")}
+    read = {name: one.answer for name, one in found.items() if one is not None and one.answer is not None}
+    values = {name: one["value"] for name, one in read["compare"]["model"]["parameters"].items()}
+    wanted = ("verdict", "missing")
+    stored = {"errors": read["compare"]["error"], "parameters": values}
+    return stored | {name: read["diagnose"][name] for name in wanted} | {"effects": load(file).model.effects}
+
+
+def print_walk(arguments: Sequence[str], *, is_small: bool = False) -> bool:
+    """Print each click of a walk; return whether the answers are those of the commands."""
+    if is_small or not has_chromium():
+        print("0 clicks: needs Chromium and minutes")
+        return True
+    case = Path(arguments[0]) if arguments else shared_folder() / "cases" / "case-09"
+    with tempfile.TemporaryDirectory() as here, tempfile.TemporaryDirectory() as there:
+        files = []
+        for folder in (Path(here) / "case", Path(there) / "case"):
+            if case.is_dir():
+                shutil.copytree(case, folder, ignore=shutil.ignore_patterns("artifacts", "truth.json"))
+            else:
+                folder.mkdir()
+                copy_demo(folder)
+            files.append(folder / "pipeline.toml")
+        begin = time.perf_counter()
+        with served(files[0]) as (address, _), chromium() as browser:
+            browser.get(address)
+            until(browser, LIVE)
+            until(browser, IDLE)
+            error = browser.find_element("id", "error").text
+            print(f"opened, first fit     {time.perf_counter() - begin:6.1f} s  error {error}")
+            steps = walk(browser, files[0])
+            log = browser.get_log("browser")
+        for action, seconds, error in steps:
+            print(f"click {action:<15} {seconds:6.1f} s  error {error:.3g}")
+            pneucli(*(["add", str(files[1]), "--suggested"] if action == "add-named" else [action, str(files[1])]))
+        same = answers(files[0]) == answers(files[1])
+        effects = ", ".join(load(files[0]).model.effects)
+        print(f"{len(steps)} clicks, {sum(one[1] for one in steps):.0f} s; effects: {effects}")
+        print(f"answers {'equal' if same else 'differ from'} those of the commands; {len(log)} messages in the console")
+    return same and not log
+
+
+# random hands
+
+WANTED = ", ".join(
+    f"{where} {what}"
+    for where in ("#curves", "#recordings", "#ladder", "#buttons", ".parameter", ".effect", "main")
+    for what in ({"main": ["summary"], "#curves": ["button", "input"]}.get(where, ["button"]))
+)
+CLICK = (
+    "const some = [...document.querySelectorAll(arguments[0])].filter((e) => e.offsetParent && !e.disabled); "
+    "some[Math.floor(arguments[1] * some.length)]?.click()"
+)
+SLIDE = (
+    "const all = [...document.querySelectorAll('input[type=range]')]; const one = all[Math.floor(arguments[0] * "
+    "all.length)]; if (!one) return; "  # while a model is read there is none
+    "one.value = 1000 * arguments[0]; one.dispatchEvent(new Event('input', {bubbles: true}))"
+)
+DRAG = (
+    "const all = [...document.querySelectorAll('.u-over')]; const one = all[Math.floor(arguments[0] * all.length)]; "
+    "if (!one) return; const r = one.getBoundingClientRect(); const at = (type, share) => ("
+    "type === 'mouseup' ? document : one).dispatchEvent(new MouseEvent(type, {bubbles: true, button: 0, buttons: 1, "
+    "clientX: r.left + share * r.width, clientY: r.top + r.height / 2})); const [from, to] = arguments; "
+    "at('mousemove', from); at('mousedown', from); at('mousemove', to); at('mouseup', to)"
+)
+REFUSED = ("409", "400")  # what came while a command ran, or of a page that the file has left behind
+
+
+def random_hands(browser: Any, file: Path, number: int) -> list[str]:
+    """Click, drag and slide at random, the pipeline file loaded after each; return the errors of the console."""
+    choose = random.Random(SEED)
+    for i in range(number):
+        drags = i % 4 == 3
+        words = [] if drags else [WANTED]
+        browser.execute_script(DRAG if drags else CLICK, *words, choose.random(), choose.random())
+        browser.execute_script(SLIDE, choose.random())
+        load(file)
+    browser.execute_script("document.getElementById('cancel').click()")
+    until(browser, IDLE)
+    messages = [one["message"] for one in browser.get_log("browser")]
+    return [one for one in messages if not any(f"status of {code}" in one for code in REFUSED)]
+
+
+def print_clicks(arguments: Sequence[str], *, is_small: bool = False) -> bool:
+    """Print what so many random clicks, drags and moves of sliders left behind; return whether it was nothing."""
+    number = int(arguments[0]) if arguments else 12 if is_small else CLICKS
+    if not has_chromium():
+        print("0 clicks: needs Chromium")
+        return True
+    with tempfile.TemporaryDirectory() as folder:
+        file = copy_small(Path(folder))
+        with served(file) as (address, process), chromium() as browser:
+            browser.get(address)
+            until(browser, LIVE)
+            until(browser, IDLE)
+            begin = time.perf_counter()
+            errors = random_hands(browser, file, number)
+            seconds, used = time.perf_counter() - begin, memory(process)
+            wait_for_model(address)
+    print(
+        f"{number} clicks and drags, as many moves of sliders in {seconds:.0f} s: {len(errors)} errors; {used:.0f} MB"
+    )
+    print(*errors, sep="\n", end="")
+    return not errors
+
+
+# a page that stays open
+
+
+@dataclass
+class Stay:
+    """What a page that stayed open has seen.
+
+    Attributes:
+        beats: Heartbeats that it answered.
+        connections: How often it connected; again where an answer came too late.
+        looks: Looks of the server at the files.
+        used: Memory in MB at the start, after the hours, after a tenth of the questions and after all.
+        took: Time in ms of each question.
+
+    """
+
+    beats: int = 0
+    connections: int = 0
+    looks: int = 0
+    used: list[float] = field(default_factory=list)
+    took: list[float] = field(default_factory=list)
+
+
+async def stay(file: Path, hours: float, count: int) -> Stay:
+    """Keep a page open for so many hours of a sped-up clock, then ask for curves."""
+    from aiohttp.test_utils import TestClient, TestServer  # noqa: PLC0415
+
+    from pneucli.notebook.run import open_pipeline_of  # noqa: PLC0415
+    from pneucli.workbench import lifetime  # noqa: PLC0415
+    from pneucli.workbench.bench import Bench  # noqa: PLC0415
+    from pneucli.workbench.commands import CommandRunner  # noqa: PLC0415
+    from pneucli.workbench.guards import Guard  # noqa: PLC0415
+    from pneucli.workbench.server import application  # noqa: PLC0415
+
+    found, usual = Stay(), (lifetime.HEARTBEAT, lifetime.WATCH_INTERVAL)
+    beats, looks = (3600.0 * hours / one for one in usual)
+    lifetime.HEARTBEAT, lifetime.WATCH_INTERVAL = (one / SPED_UP for one in usual)
+    bench = Bench(file, None, lambda: open_pipeline_of(file), CommandRunner(file.parent))
+    look = bench.stamp
+
+    def counted() -> tuple[Any, ...]:
+        found.looks += 1
+        return look()
+
+    bench.stamp = counted  # type: ignore[method-assign]
+    try:
+        workbench = lifetime.Workbench(bench, Guard("token", "127.0.0.1"))
+        async with TestClient(TestServer(application(workbench))) as client:
+            while bench.live is None:
+                await asyncio.sleep(0.05)
+            found.used.append(memory())
+            while found.beats < beats or found.looks < looks:
+                await _listen(client, found, lambda: found.beats >= beats and found.looks >= looks)
+            found.used.append(memory())
+            await _question(client, found, count)
+    finally:
+        lifetime.HEARTBEAT, lifetime.WATCH_INTERVAL = usual
+    return found
+
+
+async def _listen(client: Any, found: Stay, is_enough: Callable[[], bool]) -> None:
+    """Answer heartbeats as a page does, until enough have come or the server hangs up."""
+    from aiohttp import WSMsgType  # noqa: PLC0415
+
+    page = await client.ws_connect("/events?token=token", autoping=False)
+    found.connections += 1
+    while not is_enough():
+        try:
+            message = await page.receive(timeout=0.2)
+        except TimeoutError:
+            continue
+        if message.type is WSMsgType.PING:
+            await page.pong(message.data)
+            found.beats += 1
+        elif message.type is not WSMsgType.TEXT:
+            break
+    await page.close()
+
+
+async def _question(client: Any, found: Stay, count: int) -> None:
+    """Ask for curves of so many models."""
+    from pneucli.workbench.guards import TOKEN_HEADER  # noqa: PLC0415
+
+    for i in range(count):
+        begin = time.perf_counter()
+        asked = {"focus": RECORDING, "values": {PARAMETER: 10.0 + 0.001 * i}, "samples": 2000}
+        async with client.post("/curves", json=asked, headers={TOKEN_HEADER: "token"}) as answer:
+            answer.raise_for_status()
+            await answer.read()
+        found.took.append(1e3 * (time.perf_counter() - begin))
+        if i + 1 in (max(count // 10, 1), count):
+            found.used.append(memory())
+
+
+def print_hours(arguments: Sequence[str], *, is_small: bool = False) -> None:
+    """Print what a page of so many hours leaves."""
+    hours, count = (0.1, 20) if is_small else (float(arguments[0]) if arguments else 8.0, QUESTIONS)
+    with tempfile.TemporaryDirectory() as folder:
+        file, begin = copy_small(Path(folder)), time.perf_counter()
+        found = asyncio.run(stay(file, hours, count))
+    seconds, used = time.perf_counter() - begin, found.used
+    print(f"{hours:g} h in {seconds:.0f} s: {found.beats} heartbeats answered, {found.looks} looks at the files")
+    print(f"the page connected {found.connections} times; {used[0]:.0f} MB, after the hours {used[1]:.0f} MB")
+    print(f"{count} questions, {quantiles(found.took)} ms; after a tenth {used[2]:.0f} MB, after all {used[3]:.0f} MB")
+
+
+# the moving picture
+
+PICTURE = 1200, 900  # pixels of the page
+SHOWN = 900, 675  # of the picture
+PROGRESS = 8  # frames of a command that runs
+QUALITY = 60  # of WebP: text stays sharp
+
+
+def print_picture(arguments: Sequence[str], *, is_small: bool = False) -> None:
+    """Write the moving picture of the demo: it fails, a slider moves, it is diagnosed, the error falls."""
+    from PIL import Image  # noqa: PLC0415
+
+    if is_small or not has_chromium():
+        print("0 pictures: needs Chromium and minutes")
+        return
+    frames: list[tuple[Any, int]] = []
+
+    def take(browser: Any, milliseconds: int) -> tuple[Any, int]:
+        image = Image.open(BytesIO(browser.get_screenshot_as_png())).convert("RGB")
+        return image.resize(SHOWN, Image.Resampling.LANCZOS), milliseconds
+
+    with tempfile.TemporaryDirectory() as folder:
+        file = compared(copy_demo(Path(folder)))
+        with served(file) as (address, _), chromium(*PICTURE) as browser:
+            record(browser, address, partial(take, browser), frames.append)
+    target = Path(arguments[0]) if arguments else ROOT / "docs" / "img" / "workbench.webp"
+    images, durations = zip(*frames, strict=True)
+    images[0].save(
+        target, save_all=True, append_images=images[1:], duration=durations, loop=0, quality=QUALITY, method=6
+    )
+    print(f"{target.name}: {len(frames)} frames, {sum(durations) / 1e3:.0f} s, {target.stat().st_size / 1e3:.0f} kB")
+
+
+def record(browser: Any, address: str, take: Callable[[int], Any], keep: Callable[[Any], None]) -> None:
+    """Go through the demo's page; ``take`` makes a frame of so many ms, ``keep`` puts one into the picture."""
+    browser.get(address)
+    until(browser, LIVE)
+    until(browser, IDLE)
+    browser.execute_script("document.documentElement.style.scrollbarWidth = 'none'")
+    time.sleep(0.5)
+    keep(take(1500))
+    shown = browser.execute_script("return document.querySelector('#recordings [aria-current=true]').dataset.key")
+    for selector in ("[data-do=all]", f"[data-key='{shown}']"):
+        before = browser.execute_script(DRAWN)
+        browser.execute_script("document.querySelector(arguments[0]).click()", selector)
+        until(browser, f"return window.pneucliWorkbench.drawn() > {before}")
+        time.sleep(0.2)
+        keep(take(1500))
+    parameter = browser.execute_script("return document.querySelector('input[type=range]').dataset.key.slice(6)")
+    for step in (*range(500, 700, 20), *range(700, 500, -20)):
+        slide(browser, parameter, step)
+        keep(take(80))
+    browser.execute_script("document.getElementById('reset-all').click()")
+    for action in ("diagnose", "add-named"):
+        before = (browser.execute_script(STATE).get("command") or {}).get("number", 0)
+        browser.execute_script(f"document.querySelector('[data-action={action}]').click()")
+        ended = f"const c = window.pneucliWorkbench.state().command; return c.number > {before} && !c.running"
+        running = []
+        while not browser.execute_script(ended):
+            running.append(take(300))
+            time.sleep(0.3)
+        for frame in running[:: -(-len(running) // PROGRESS)]:
+            keep(frame)
+        time.sleep(1.0)
+        keep(take(3500))
+
+
+TABLES: dict[str, Callable[..., object]] = {
+    "speed": print_speed,
+    "walk": print_walk,
+    "clicks": print_clicks,
+    "hours": print_hours,
+    "picture": print_picture,
+}
+
+
+def main(arguments: list[str]) -> int:
+    """Print one of the tables, or of each a small one; return 1 where a walk or a hand left an error."""
+    return print_tables(TABLES, arguments)
 
 
 if __name__ == "__main__":
-    raise SystemExit(main())
+    sys.exit(main(sys.argv[1:]))

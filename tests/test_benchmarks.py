@@ -23,7 +23,7 @@ NEED_GCC = {
 }
 SLOW = {("door", ""), ("fleet", ""), ("score", ""), ("loop", "logs"), ("loop", "periods"), ("loop", "benefit"),
         ("loop", "ensemble"), ("thesis", "friction"), ("thesis", "laws"), ("valve", "maps"),
-        ("workbench", "")}  # fmt: skip
+        ("workbench", "speed"), ("workbench", "clicks")}  # fmt: skip
 BENCHMARKS = sorted(path.stem for path in (ROOT / "benchmarks").glob("*.py") if path.stem not in SHARED)
 
 

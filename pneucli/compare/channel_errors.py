@@ -106,8 +106,8 @@ def channel_result(recording: Recording, channel: str, y: Array, model: Array, n
     Returns:
         The errors.
     """
-    valid = ~np.isnan(y) & ~np.isnan(model)
-    y, error = y[valid], (y - model)[valid]
+    y, model = _both_known(y, model)
+    error = y - model
     rmsd = float(np.sqrt(np.mean(error**2)))
     return ChannelResult(
         recording=recording.name,
@@ -124,6 +124,12 @@ def channel_result(recording: Recording, channel: str, y: Array, model: Array, n
     )
 
 
+def _both_known(measured: Array, modelled: Array) -> tuple[Array, Array]:
+    """Return the samples of both signals at which neither is NaN."""
+    missing = np.isnan(measured) | np.isnan(modelled)
+    return (measured[~missing], modelled[~missing]) if missing.any() else (measured, modelled)
+
+
 def fit_percent(measured: Array, modelled: Array) -> float:
     """Return the fit 100 (1 - |y - model| / |y - mean y|).
 
@@ -137,10 +143,9 @@ def fit_percent(measured: Array, modelled: Array) -> float:
     >>> fit_percent(np.array([0.0, 1.0, 2.0]), np.array([0.0, 1.0, 2.0]))
     100.0
     """
-    valid = ~np.isnan(measured) & ~np.isnan(modelled)
-    y, error = measured[valid], (measured - modelled)[valid]
+    y, model = _both_known(measured, modelled)
     spread = float(np.linalg.norm(y - y.mean())) if y.size else 0.0
-    return 100 * (1 - float(np.linalg.norm(error)) / (spread or np.nan))
+    return 100 * (1 - float(np.linalg.norm(y - model)) / (spread or np.nan))
 
 
 def overall_error(results: Sequence[ChannelResult], use: str) -> float | None:

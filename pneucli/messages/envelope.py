@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from typing import Any
 
 import numpy as np
@@ -28,18 +28,30 @@ def envelope_indices(curves: Sequence[NDArray[Any]], max_samples: int) -> NDArra
         return np.arange(n)
     blocks = max(1, (max_samples - 2) // (2 * len(curves)))
     length = -(-n // blocks)
-    start = length * np.arange(-(-n // length))
-    chosen = [np.array([0, n - 1])]
+    chosen = np.zeros(n, dtype=bool)
+    chosen[[0, n - 1]] = True
     for curve in curves:
-        padded = np.pad(np.asarray(curve, dtype=np.float64), (0, start.size * length - n), constant_values=np.nan)
-        cut = padded.reshape(start.size, length)
-        chosen.append(start + np.argmin(np.where(np.isnan(cut), np.inf, cut), axis=1))
-        chosen.append(start + np.argmax(np.where(np.isnan(cut), -np.inf, cut), axis=1))
-    return np.unique(np.concatenate(chosen))
+        for indices in _extremes(np.asarray(curve, dtype=np.float64), length):
+            chosen[indices] = True
+    return np.flatnonzero(chosen)
+
+
+def _extremes(values: NDArray[np.float64], length: int) -> Iterator[NDArray[np.int64]]:
+    """Yield the indices of the minimum and of the maximum of each block of so many values; NaN is ignored."""
+    whole = values.size - values.size % length
+    missing = np.isnan(values)
+    gaps = bool(missing.any())
+    for choose, never in ((np.argmin, np.inf), (np.argmax, -np.inf)):
+        known = np.where(missing, never, values) if gaps else values
+        yield np.arange(0, whole, length) + choose(known[:whole].reshape(-1, length), axis=1)
+        if whole < values.size:
+            yield whole + choose(known[whole:], keepdims=True)
 
 
 def with_gap_indices(indices: NDArray[np.int64], values: NDArray[Any]) -> NDArray[np.int64]:
     """Return rising indices with those of the first NaN of each gap in ``values`` (n,), so that no line crosses it."""
     missing = np.isnan(values)
+    if not missing.any():
+        return indices
     starts = np.flatnonzero(missing & ~np.concatenate([[False], missing[:-1]]))
     return np.union1d(indices, starts)

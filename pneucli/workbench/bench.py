@@ -4,9 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
+from functools import partial
 from pathlib import Path
 from typing import Any
 
+from pneucli.compare import ChannelResult
 from pneucli.config import load
 from pneucli.config.effect_edit import replace_file, set_fixed
 from pneucli.errors import InputError, UnitError, did_you_mean
@@ -28,6 +30,7 @@ from pneucli.units import parse_quantity
 from pneucli.workbench import state
 from pneucli.workbench.commands import Command, CommandRunner
 from pneucli.workbench.live_model import LiveModel, Variant
+from pneucli.workbench.timeline import Interval
 
 CHAPTERS = {"where": error_location, "valve": valve, "friction": friction}
 DROPPED = "dropped"  # folder beside the pipeline file, for recordings that are dropped onto the page
@@ -137,7 +140,7 @@ class Bench:
                 "effects": state.effects(catalogue, config.model.effects, answers.get("diagnose", {})),
                 "parameters": state.parameters(answers.get("compare", {}), None if self.problem else self.live),
                 "ladder": state.ladder(pipeline.artifacts),
-                "recordings": state.recordings(answers),
+                "recordings": state.recordings(answers, self.live.places if self.live and not self.problem else {}),
                 "lines": state.command_lines(self.file.name, None if self.out is None else str(self.out)),
                 "undo": {"title": self.changes[-1].title, "line": self.changes[-1].line} if self.changes else None,
                 "report": (pipeline.artifacts / "report" / "report.html").is_file(),
@@ -257,20 +260,20 @@ class Bench:
     def curves(
         self,
         wanted: Variant,
-        recording: str,
-        interval: tuple[float, float] | None,
+        focus: str,
+        interval: Interval | None,
         max_samples: int,
         earlier: int | None,
     ) -> tuple[list[Panel], dict[str, Any]]:
-        """Return the panels of a recording, with those of an earlier model of the ladder as the model before."""
+        """Return the panels of all recordings, with those of an earlier model of the ladder as the model before."""
         live = self.require_live()
-        before = None if earlier is None else self._stored_tables(earlier, recording)
+        before = None if earlier is None else (earlier, partial(self._stored_tables, earlier))
         with axis_motion(rotary=live.rotary):
-            return live.curves(wanted, recording, interval, max_samples, before)
+            return live.curves(wanted, focus, interval, max_samples, before)
 
-    def error(self, wanted: Variant, recording: str) -> dict[str, float | None]:
-        """Return the error over all recordings."""
-        return self.require_live().overall_error(wanted, recording)
+    def errors(self, wanted: Variant, focus: str, recording: str) -> tuple[ChannelResult, ...]:
+        """Return the errors of one recording."""
+        return self.require_live().errors(wanted, focus, recording)
 
     def _stored_tables(self, number: int, recording: str) -> dict[str, Table]:
         """Return what ``compare`` stored of an earlier model for one recording, by channel."""

@@ -115,8 +115,15 @@ class CommandRunner:
             stderr=asyncio.subprocess.PIPE,
         )
         self.changed()
-        out, _ = await asyncio.gather(process.stdout.read(), self._listen(process, command))  # type: ignore[union-attr]
-        code = await process.wait()
+        reading = asyncio.gather(process.stdout.read(), self._listen(process, command))  # type: ignore[union-attr]
+        try:
+            out, _ = await reading
+            code = await process.wait()
+        except asyncio.CancelledError:  # the workbench ends as the command begins
+            with suppress(ProcessLookupError):
+                process.kill()
+            await process.wait()
+            raise
         command.printed = out.decode("utf-8", "replace").rstrip()
         command.exit_code, self._process = code, None
         self.changed()

@@ -63,8 +63,9 @@ class Workbench:
         await self.bench.runner.cancel()
         for page in set(self.pages):
             await page.close(code=WSCloseCode.GOING_AWAY, message=b"the workbench has ended")
-        for task in self._tasks:
+        for task in (tasks := set(self._tasks)):
             task.cancel()
+        await asyncio.gather(*tasks, return_exceptions=True)
         self.live.shutdown(wait=False, cancel_futures=True)
         self.other.shutdown(wait=False, cancel_futures=True)
 

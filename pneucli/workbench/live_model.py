@@ -3,20 +3,20 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
-from functools import cached_property
+from functools import cached_property, partial
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from pneucli.compare import Comparison, compare, overall_error
+from pneucli.compare import ChannelResult, Comparison, compare
 from pneucli.compare.error_regions import locator_signals
 from pneucli.errors import InputError, did_you_mean
 from pneucli.identify.estimation.parameters import FreeParameter, base_parameters, effect_parameters
-from pneucli.messages.formatting import format_noise_ratio, format_quantity
+from pneucli.messages.formatting import format_fit, format_noise_ratio, format_quantity
 from pneucli.physics.declaration import Effect
 from pneucli.physics.effects import select_effects
 from pneucli.quantities import SIGNALS
@@ -29,9 +29,11 @@ from pneucli.simulate.rig_quantities import rig_quantities
 from pneucli.stages.model_file import load_model
 from pneucli.stages.pipeline_data import PipelineData
 from pneucli.workbench.one_step import gauss_newton_step
+from pneucli.workbench.timeline import Interval, Place, joined, lay_out, visible, within
 
 Array = NDArray[np.float64]
 MAX_SPANS = 200  # shaded stretches of time of one channel
+MIN_SAMPLES = 100  # of the curve of a recording among others
 
 
 @dataclass(frozen=True)
@@ -81,7 +83,10 @@ class LiveModel:
         compared = answers["compare"]
         self.where: Sequence[Mapping[str, Any]] = compared["where"]
         self._noise: dict[str, dict[str, float]] = {}
-        self._fitted: tuple[tuple[str, bool] | None, Mapping[str, Table]] = (None, {})
+        self.places = lay_out(self.experiments.values())
+        self._free_runs: dict[str, Experiment] = {}
+        self._fitted: dict[tuple[str, bool], Mapping[str, Table]] = {}
+        self._located: dict[str, dict[str, list[Interval]]] = {}
         for one in compared["channels"]:
             self._noise.setdefault(one["recording"], {})[one["channel"]] = one["noise"]
         self._suggested = _suggested_values(answers.get("diagnose", {}))
@@ -137,82 +142,104 @@ class LiveModel:
     def comparison(self, model: Model, recording: str, *, free_run: bool = False) -> Comparison:
         """Return the comparison of a model with one recording, as the command ``compare`` makes it."""
         experiment = self.experiment(recording)
-        experiment = experiment.with_restarts(None) if free_run else experiment
+        if free_run:
+            if recording not in self._free_runs:
+                self._free_runs[recording] = experiment.with_restarts(None)
+            experiment = self._free_runs[recording]
         noise = self._noise.get(recording, {})
         return compare(model, experiment, {c: noise.get(c, math.nan) for c in experiment.channels})
 
     def _fitted_tables(self, recording: str, free_run: bool) -> Mapping[str, Table]:
-        """Return the columns of the identified model; those of the last recording are kept while the hand moves."""
-        if self._fitted[0] != (recording, free_run):
+        """Return the curves of the identified model, kept while the hand moves."""
+        if (recording, free_run) not in self._fitted:
             tables = comparison_tables(self.comparison(self.model, recording, free_run=free_run))
-            self._fitted = (recording, free_run), tables
-        return self._fitted[1]
+            kept = {c: Table({"time": t["time"], "model": t["model"]}) for c, t in tables.items()}
+            self._fitted[recording, free_run] = kept
+        return self._fitted[recording, free_run]
 
-    def overall_error(self, wanted: Variant, recording: str) -> dict[str, float | None]:
-        """Return the error over all recordings by use, x noise, as ``compare`` has it under ``error``."""
-        model = self.variant(wanted, recording)
-        results = [r for name in self.experiments for r in self.comparison(model, name).results]
-        return {use: overall_error(results, use) for use in ("train", "test")}
+    def errors(self, wanted: Variant, focus: str, recording: str) -> tuple[ChannelResult, ...]:
+        """Return the errors of one recording, as ``compare`` has them."""
+        return self.comparison(self.variant(wanted, focus), recording).results
 
     def curves(
         self,
         wanted: Variant,
-        recording: str,
-        interval: tuple[float, float] | None,
+        focus: str,
+        interval: Interval | None,
         max_samples: int,
-        earlier: Mapping[str, Table] | None = None,
+        earlier: tuple[int, Callable[[str], Mapping[str, Table]]] | None = None,
     ) -> tuple[list[Panel], dict[str, Any]]:
-        """Return the panels of a recording within an interval of time, and what the page says of them.
+        """Return the panels of all recordings within an interval of the common axis, and what the page says of them.
 
-        ``earlier`` are the columns of an earlier model by channel, drawn as the model before; by default it is the
-        identified one.
+        Args:
+            wanted: The model.
+            focus: The recording on which a Gauss-Newton step is made.
+            interval: Begin and end in s of the common axis; None: everything.
+            max_samples: About how many samples of each curve.
+            earlier: The number of an earlier model and its curves by recording, drawn as the model before; by default
+                the identified one.
+
         """
-        model = self.variant(wanted, recording)
-        found = self.comparison(model, recording, free_run=wanted.free_run)
-        changed = wanted.values or wanted.effects is not None or wanted.step
-        name = "fitted" if earlier is None else "earlier"
-        if earlier is None and changed:
-            earlier = self._fitted_tables(recording, wanted.free_run)
-        tables = comparison_tables(found)
-        panels = recording_panels(
-            recording,
-            tables,
-            earlier or {},
-            command_table(found.experiment),
-            self._noise.get(recording, {}),
-            interval,
-            max_samples,
-        )
-        panels = [_with_names(panel, {"before": name, "after": "now"}) for panel in panels]
-        time = found.experiment.time
-        return panels, {
-            "ends": [float(time[0]), float(time[-1])],
-            "spans": self._spans(found.experiment),
-            "errors": [error_answer(r) for r in found.results],
-            "values": {p.name: parameter_value(model, p.name) for p in self._free_parameters(model, [found.experiment])}
-            if wanted.step or wanted.effects is not None
-            else {},
+        model = self.variant(wanted, focus)
+        name, before = ("fitted", None) if earlier is None else (f"model {earlier[0]}", earlier[1])
+        if before is None and (wanted.values or wanted.effects is not None or wanted.step):
+            before = partial(self._fitted_tables, free_run=wanted.free_run)
+        shown = visible(self.places, interval)
+        span = sum(end - begin for begin, end in shown.values())
+        parts: list[tuple[Place, list[Panel]]] = []
+        spans: dict[str, list[Interval]] = {}
+        errors = []
+        for recording, own in shown.items():
+            found, place = self.comparison(model, recording, free_run=wanted.free_run), self.places[recording]
+            samples = max(int(max_samples * (own[1] - own[0]) / span), MIN_SAMPLES)
+            panels = self._panels(found, before(recording) if before else {}, own, samples)
+            parts.append((place, [_named(panel, name) for panel in panels]))
+            errors += [error_answer(r) for r in found.results]
+            for channel, some in self._spans(found.experiment).items():
+                spans.setdefault(channel, []).extend((a + place.shift, b + place.shift) for a, b in some)
+        moves = wanted.step or wanted.effects is not None
+        free = self._free_parameters(model, [self.experiment(focus)]) if moves else []
+        return joined(parts), {
+            "spans": spans,
+            "errors": errors,
+            "values": {p.name: parameter_value(model, p.name) for p in free},
         }
 
-    def _spans(self, experiment: Experiment) -> dict[str, list[tuple[float, float]]]:
+    def _panels(
+        self, found: Comparison, before: Mapping[str, Table], interval: Interval, max_samples: int
+    ) -> list[Panel]:
+        """Return the panels of one recording as the report has them, within an interval of its own time."""
+        noise = self._noise.get(found.experiment.recording.name, {})
+        tables = {channel: within(table, interval) for channel, table in comparison_tables(found).items()}
+        panels = command_panels(within(command_table(found.experiment), interval), max_samples)
+        for channel, table in tables.items():
+            earlier = within(before[channel], interval) if channel in before else None
+            panels.append(channel_panel(channel, table, earlier, max_samples))
+        by_key = {("", channel): table for channel, table in tables.items()}
+        return panels + deviation_panels("", by_key, {("", c): n for c, n in noise.items()}, max_samples)
+
+    def _spans(self, experiment: Experiment) -> dict[str, list[Interval]]:
         """Return the stretches of time in which the identified model fails, by channel, as ``compare`` locates them."""
+        name = experiment.recording.name
+        if name in self._located:
+            return self._located[name]
         signals = locator_signals(experiment)
-        spans: dict[str, list[tuple[float, float]]] = {}
+        spans: dict[str, list[Interval]] = {}
         for one in self.where:
-            if one["recording"] == experiment.recording.name and one["signal"] in signals:
+            if one["recording"] == name and one["signal"] in signals:
                 values = signals[one["signal"]]
                 inside = (values >= one["from"]) & (values <= one["to"])
                 spans.setdefault(one["channel"], []).extend(_stretches(experiment.time, inside))
-        return {channel: _merged(found)[:MAX_SPANS] for channel, found in spans.items()}
+        self._located[name] = {channel: _merged(found)[:MAX_SPANS] for channel, found in spans.items()}
+        return self._located[name]
 
 
-def _with_names(panel: Panel, names: Mapping[str, str]) -> Panel:
-    """Return a panel whose curves have other names; what follows a comma in a label stays."""
-    series = []
-    for one in panel.series:
-        first, comma, rest = one.label.partition(",")
-        series.append(replace(one, label=f"{names.get(first, first)}{comma}{rest}"))
-    return replace(panel, series=series)
+def _named(panel: Panel, before: str) -> Panel:
+    """Return a panel whose curves are called the same whatever their values, so that a page need not begin anew."""
+    names = {"after": "model", "before": before}
+    plain = [one.label.partition(",")[0] for one in panel.series]
+    named = zip(panel.series, plain, strict=True)
+    return replace(panel, series=[replace(one, label=names.get(label, label)) for one, label in named])
 
 
 def _suggested_values(diagnosis: Mapping[str, Any]) -> dict[str, float]:
@@ -227,19 +254,19 @@ def _moved_values(diagnosis: Mapping[str, Any]) -> tuple[frozenset[str], dict[st
     return frozenset([*diagnosis.get("model", {}).get("effects", []), *diagnosis.get("missing", [])]), moved
 
 
-def _stretches(time: Array, inside: NDArray[np.bool_]) -> list[tuple[float, float]]:
+def _stretches(time: Array, inside: NDArray[np.bool_]) -> list[Interval]:
     """Return begin and end in s of each run of true samples."""
     edges = np.flatnonzero(np.diff(np.concatenate([[False], inside, [False]]).astype(np.int8)))
     return [(float(time[a]), float(time[b - 1])) for a, b in zip(edges[::2], edges[1::2], strict=True)]
 
 
-def _merged(spans: Sequence[tuple[float, float]]) -> list[tuple[float, float]]:
+def _merged(spans: Sequence[Interval]) -> list[Interval]:
     """Return stretches that do not overlap and hold the same times.
 
     >>> _merged([(3.0, 4.0), (0.0, 1.0), (0.5, 2.0)])
     [(0.0, 2.0), (3.0, 4.0)]
     """
-    found: list[tuple[float, float]] = []
+    found: list[Interval] = []
     for begin, end in sorted(spans):
         if found and begin <= found[-1][1]:
             found[-1] = found[-1][0], max(end, found[-1][1])
@@ -272,40 +299,15 @@ def command_table(experiment: Experiment) -> Table:
     return Table({"time": experiment.time, **commands})
 
 
-def recording_panels(
-    recording: str,
-    tables: Mapping[str, Table],
-    before: Mapping[str, Table],
-    commands: Table,
-    noise: Mapping[str, float],
-    interval: tuple[float, float] | None,
-    max_samples: int,
-) -> list[Panel]:
-    """Return the panels of one recording as the report has them, within an interval of time."""
-    tables, before = ({c: _within(t, interval) for c, t in some.items()} for some in (tables, before))
-    panels = command_panels(_within(commands, interval), max_samples)
-    panels += [channel_panel(c, t, before.get(c), max_samples) for c, t in tables.items()]
-    by_key = {(recording, c): t for c, t in tables.items()}
-    return panels + deviation_panels(recording, by_key, {(recording, c): n for c, n in noise.items()}, max_samples)
-
-
-def _within(table: Table, interval: tuple[float, float] | None) -> Table:
-    """Return the rows within an interval, and one more on each side, so that curves go on to the edge."""
-    if interval is None:
-        return table
-    time = table["time"]
-    first, last = np.searchsorted(time, interval)
-    rows = slice(max(int(first) - 1, 0), max(int(last) + 1, 2))
-    return Table({n: v if n == "unit" else np.asarray(v)[rows] for n, v in table.columns.items()}, table.units)
-
-
-def error_answer(result: Any) -> dict[str, Any]:
+def error_answer(result: ChannelResult) -> dict[str, Any]:
     """Return one channel's error x noise and in the unit that people read, as the page shows it."""
+    fit = "" if math.isnan(result.fit_percent) else f", fit {format_fit(result.fit_percent)}"
     return {
+        "recording": result.recording,
         "channel": result.channel,
         "ratio": None if math.isnan(result.ratio_to_noise) else result.ratio_to_noise,
         "text": f"{format_noise_ratio(_finite(result.ratio_to_noise))} × noise",
-        "size": format_quantity(result.rmsd, result.unit, 3),
+        "size": f"{format_quantity(result.rmsd, result.unit, 3)}{fit}",
     }
 
 

@@ -10,6 +10,7 @@ from typing import Any
 
 from aiohttp import web
 
+from pneucli.compare import ChannelResult, overall_error
 from pneucli.errors import InputError
 from pneucli.io.artifacts import atomic_path
 from pneucli.workbench.bench import DROPPED
@@ -82,7 +83,10 @@ class Questions:
         return handler
 
     async def _state(self, request: web.Request) -> dict[str, Any]:
-        return await self._workbench.in_other(self._bench.describe)
+        found = await self._workbench.in_other(self._bench.describe)
+        if self._workbench.busy and found["command"]:  # what the command found is being read
+            found["command"]["running"] = True
+        return found
 
     async def _chapter(self, request: web.Request) -> list[dict[str, str]]:
         return await self._workbench.in_other(partial(self._bench.chapter, request.match_info["name"]))
@@ -97,13 +101,18 @@ class Questions:
         if earlier is not None and not isinstance(earlier, int):
             raise unreadable("earlier", "a number of the ladder")
         samples = min(max(int(number(asked.get("samples", 4000))), 100), MAX_SAMPLES)
-        work = partial(self._bench.curves, variant_of(asked), text_of(asked, "recording"), interval, samples, earlier)
+        work = partial(self._bench.curves, variant_of(asked), text_of(asked, "focus"), interval, samples, earlier)
         panels, head = await self._workbench.in_live(work)
         return web.Response(body=pack(panels, head), content_type="application/octet-stream")
 
     async def _error(self, request: web.Request) -> dict[str, Any]:
+        """Return the error over all recordings, one after the other: the hand need not wait for all of them."""
         asked = await json_body(request)
-        return await self._workbench.in_live(partial(self._bench.error, variant_of(asked), text_of(asked, "recording")))
+        wanted, focus = variant_of(asked), text_of(asked, "focus")
+        results: list[ChannelResult] = []
+        for recording in list(self._bench.require_live().experiments):
+            results += await self._workbench.in_live(partial(self._bench.errors, wanted, focus, recording))
+        return {use: overall_error(results, use) for use in ("train", "test")}
 
     async def _quantity(self, request: web.Request) -> dict[str, float]:
         asked = await json_body(request)

@@ -6,6 +6,7 @@ import hashlib
 import math
 import shlex
 from collections.abc import Mapping, Sequence
+from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
@@ -25,6 +26,7 @@ from pneucli.pipeline.runner import Pipeline
 from pneucli.simulate.model import has_parameter, parameter_value
 from pneucli.stages.history import recorded_models
 from pneucli.workbench.live_model import LiveModel
+from pneucli.workbench.timeline import Place
 
 Answers = Mapping[str, dict[str, Any]]
 SHOWN_STAGES = ("ingest", "identify", "compare", "diagnose")
@@ -181,8 +183,8 @@ def _error(model: Mapping[str, Any]) -> float | None:
     return value
 
 
-def recordings(answers: Answers) -> list[dict[str, Any]]:
-    """Return the recordings with their largest error, those held out first, else in the file's order."""
+def recordings(answers: Answers, places: Mapping[str, Place]) -> list[dict[str, Any]]:
+    """Return the recordings with largest error and place in time: those held out, then in the file's order."""
     worst: dict[str, float] = {}
     uses: dict[str, str] = {}
     for one in answers.get("compare", {}).get("channels", []):
@@ -197,6 +199,7 @@ def recordings(answers: Answers) -> list[dict[str, Any]]:
             "samples": one["samples"],
             "error": worst[one["name"]],
             "text": format_noise_ratio(worst[one["name"]]),
+            "place": asdict(places[one["name"]]) if one["name"] in places else None,
         }
         for one in listed
         if one["name"] in uses

@@ -187,7 +187,7 @@ def test_a_map_is_as_uncertain_between_its_knots_as_a_quarter_of_what_these_depa
 def test_an_error_that_uncertain_noise_explains_is_no_lack() -> None:
     known, guessed = (
         ExpectedError({"p1": 1.0}, {"p1": np.ones((6, 4)) / 4.0}, {"p1": np.ones(24)}, noise_error={"p1": error})
-        for error in (0.0, 0.2)
+        for error in (0.0, 0.3)
     )
     rows = [[result(1.6, "train")]]
     excused = excused_error([{"p1": np.full(4, 1.6**2 / 4)}], [{}], [known])

@@ -58,6 +58,12 @@ class Asked:
         binary = response.content_type == "application/octet-stream"
         return response.status, await (response.read() if binary else response.json())
 
+    async def interval(self, recording: str) -> list[float]:
+        """Return where a recording begins and ends on the common axis."""
+        _, state = await self.get("/state")
+        place = next(one["place"] for one in state["recordings"] if one["name"] == recording)
+        return [place["begin"], place["end"]]
+
     async def idle(self) -> None:
         """Wait until no command runs."""
         await asyncio.sleep(0.05)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import random
 import re
 import subprocess
 import sys
@@ -16,19 +15,18 @@ import pytest
 pytest.importorskip("selenium")
 from selenium import webdriver
 from selenium.webdriver.common.by import By
+from selenium.webdriver.common.keys import Keys
 
+from benchmarks.workbench import IDLE, LIVE, STATE, copy_demo, press, random_hands, until
 from pneucli.config import load
 from pneucli.pipeline.manifest import read_manifest
 from tests.report.test_browser import CHROMIUM, DRIVER, chromium  # noqa: F401 - a fixture
 
-ROOT = Path(__file__).parents[2]
 pytestmark = [
     pytest.mark.browser,
     pytest.mark.skipif(not (CHROMIUM and DRIVER), reason="no Chromium, or no chromedriver"),
 ]
-CLICKS = 60
-STATE = "return window.pneucliWorkbench.state()"
-IDLE = "const s = window.pneucliWorkbench?.state(); return Boolean(s && !s.command?.running)"
+HANDS = 60
 
 
 class Servers:
@@ -59,28 +57,22 @@ def servers() -> Iterator[Servers]:
     found.end()
 
 
-def until(browser: Any, condition: str, seconds: float = 180.0) -> None:
-    end = time.monotonic() + seconds
-    while not browser.execute_script(condition):
-        assert time.monotonic() < end, browser.execute_script("return document.getElementById('progress').textContent")
-        time.sleep(0.1)
-
-
 def open_page(browser: webdriver.Chrome, address: str, width: int = 1400) -> None:
     size = {"width": width, "height": 900, "deviceScaleFactor": 1, "mobile": width < 500}
     browser.execute_cdp_cmd("Emulation.setDeviceMetricsOverride", size)
+    browser.get("about:blank")  # else the page of the test before complains that its workbench has ended
     browser.get_log("browser")
     browser.get(address)
-    until(browser, "return Boolean(window.pneucliWorkbench?.state()?.live && document.querySelector('.plots canvas'))")
+    until(browser, LIVE)
     until(browser, IDLE)
 
 
-def press(browser: Any, selector: str) -> None:
-    """Press a button that runs a command; wait until the command has ended."""
-    before = (browser.execute_script(STATE).get("command") or {}).get("number", 0)
-    browser.find_element(By.CSS_SELECTOR, selector).click()
-    ended = f"const c = window.pneucliWorkbench.state().command; return c.number > {before} && !c.running"
-    until(browser, ended)
+LABELS = "window.pneucliWorkbench.plots.panels.flatMap((p) => p.series.map((s) => s.label))"
+
+
+def labels(browser: Any) -> list[str]:
+    found: list[str] = browser.execute_script(f"return {LABELS}")
+    return found
 
 
 def errors_of(browser: Any) -> list[str]:
@@ -88,9 +80,8 @@ def errors_of(browser: Any) -> list[str]:
 
 
 def test_the_demo_fails_is_diagnosed_and_its_error_falls(servers: Servers, chromium: Any, tmp_path: Path) -> None:  # noqa: F811
-    text = (ROOT / "pipelines" / "demo.toml").read_text(encoding="utf-8")
-    file = tmp_path / "pipeline.toml"
-    file.write_text(text.replace("../fixtures", (ROOT / "fixtures").as_posix()), encoding="utf-8")
+    file = copy_demo(tmp_path)
+    text = file.read_text(encoding="utf-8")
     open_page(chromium, servers.start(file))
     before = float(chromium.find_element(By.ID, "error").text)
     assert before > 10.0
@@ -110,6 +101,12 @@ def test_the_demo_fails_is_diagnosed_and_its_error_falls(servers: Servers, chrom
     assert first == 1.0
     assert last < 0.2
     assert file.read_text(encoding="utf-8").count("# absolute") == text.count("# absolute")
+    assert "model 1" not in labels(chromium)
+    chromium.find_element(By.CSS_SELECTOR, "#ladder button[aria-pressed=false]").click()
+    until(chromium, f"return ({LABELS}).includes('model 1')", 30)
+    for name in ("where", "valve", "friction"):
+        chromium.execute_script(f"document.querySelector('#chapters [data-key={name}]').open = true")
+        until(chromium, f"return Boolean(document.querySelector('#chapters [data-key={name}] figure svg'))", 60)
     assert errors_of(chromium) == []
 
 
@@ -154,10 +151,74 @@ def test_the_page_is_found_accessible_and_fits_a_telephone(page: Any, servers: S
     page.execute_cdp_cmd("Runtime.evaluate", {"expression": script})
     found = page.execute_async_script("axe.run(document).then(arguments[arguments.length - 1])")
     assert [(one["id"], one["nodes"][0]["html"]) for one in found["violations"]] == []
+    dark = {"features": [{"name": "prefers-color-scheme", "value": "dark"}]}
+    page.execute_cdp_cmd("Emulation.setEmulatedMedia", dark)
+    found = page.execute_async_script("axe.run(document).then(arguments[arguments.length - 1])")
+    page.execute_cdp_cmd("Emulation.setEmulatedMedia", {"features": []})
+    assert [(one["id"], one["nodes"][0]["html"]) for one in found["violations"]] == []
     size = {"width": 400, "height": 900, "deviceScaleFactor": 1, "mobile": True}
     page.execute_cdp_cmd("Emulation.setDeviceMetricsOverride", size)
     wide, shown = page.execute_script("return [document.documentElement.scrollWidth, window.innerWidth]")
     assert wide <= shown
+
+
+def interval(browser: Any) -> list[float] | None:
+    found: list[float] | None = browser.execute_script("return window.pneucliWorkbench.plots.interval()")
+    return found
+
+
+def test_one_axis_of_time_zooms_over_all_recordings(page: Any) -> None:
+    places = [one["place"] for one in page.execute_script(STATE)["recordings"]]
+    shown = interval(page)
+    assert shown in [[one["begin"], one["end"]] for one in places]
+    page.find_element(By.CSS_SELECTOR, "[data-do=all]").click()
+    limits = "window.pneucliWorkbench.plots.plots.map((p) => [p.scales.x.min, p.scales.x.max])"
+    whole = [places[0]["begin"], places[-1]["end"]]
+    until(page, f"return ({limits}).every((one) => one[0] === {whole[0]} && one[1] === {whole[1]})", 20)
+    assert "4 recordings" in page.find_element(By.ID, "recording").text
+    currents = page.find_elements(By.CSS_SELECTOR, "#recordings [aria-current=true]")
+    assert len(currents) == len(places)
+    errors = page.find_element(By.ID, "errors")
+    until(page, "return document.getElementById('errors').textContent.includes('driven_1: ')", 20)
+    assert all(f"{one['name']}: " in errors.text for one in places)
+    plots = page.find_element(By.CSS_SELECTOR, ".plots")
+    plots.send_keys("+")
+    zoomed = interval(page)
+    assert zoomed is not None
+    assert zoomed[1] - zoomed[0] == pytest.approx(0.5 * (whole[1] - whole[0]))
+    plots.send_keys(Keys.ARROW_RIGHT)
+    moved = interval(page)
+    assert moved is not None
+    assert moved[0] > zoomed[0]
+    plots.send_keys("0")
+    assert interval(page) is None
+    slider = page.find_element(By.CSS_SELECTOR, "[data-key='slide friction.coulomb']")
+    slider.send_keys(Keys.ARROW_RIGHT)
+    assert page.find_element(By.CSS_SELECTOR, ".parameter.moved")
+    assert errors_of(page) == []
+
+
+def test_a_command_shows_its_line_and_progress_and_is_cancelled(page: Any) -> None:
+    page.find_element(By.CSS_SELECTOR, "[data-action=diagnose]").click()
+    until(page, "return document.getElementById('progress').textContent.includes('diagnose')", 60)
+    assert page.find_element(By.ID, "line").text == "pneucli diagnose pipeline.toml"
+    assert page.find_element(By.ID, "bar").is_displayed()
+    page.find_element(By.ID, "cancel").click()
+    until(page, "return document.getElementById('progress').textContent.startsWith('Cancelled')", 30)
+    assert not page.find_element(By.ID, "cancel").is_displayed()
+    assert errors_of(page) == []
+
+
+def test_a_new_recording_goes_through_look_and_init(page: Any, folder: Path, tmp_path: Path) -> None:
+    new = tmp_path / "another.csv"
+    new.write_bytes((folder / "driven_1.csv").read_bytes())
+    page.find_element(By.ID, "file").send_keys(str(new))
+    until(page, "return !document.getElementById('init').hidden && document.getElementById('text').textContent", 60)
+    assert "pneucli look" in page.find_element(By.ID, "line").text
+    assert "another.csv" in page.find_element(By.ID, "text").text
+    press(page, "#init")
+    assert (folder / "dropped" / "another" / "pipeline.toml").is_file()
+    assert errors_of(page) == []
 
 
 def test_a_page_of_an_ended_workbench_says_so(servers: Servers, chromium: Any, folder: Path) -> None:  # noqa: F811
@@ -169,29 +230,5 @@ def test_a_page_of_an_ended_workbench_says_so(servers: Servers, chromium: Any, f
     )
 
 
-WANTED = ", ".join(
-    f"{where} {what}"
-    for where in ("#curves", "#recordings", "#ladder", "#buttons", ".parameter", ".effect", "main")
-    for what in ({"main": ["summary"], "#curves": ["button", "input"]}.get(where, ["button"]))
-)
-
-
-def test_random_clicks_leave_no_error_and_a_valid_file(page: Any, folder: Path) -> None:
-    choose = random.Random(7)
-    click = (
-        "const some = [...document.querySelectorAll(arguments[0])].filter((e) => e.offsetParent && !e.disabled); "
-        "some[Math.floor(arguments[1] * some.length)]?.click()"
-    )
-    slide = (
-        "const all = [...document.querySelectorAll('input[type=range]')]; const one = all[Math.floor(arguments[0] * "
-        "all.length)]; if (!one) return; "  # while a model is read there is none
-        "one.value = 1000 * arguments[0]; one.dispatchEvent(new Event('input', {bubbles: true}))"
-    )
-    for _ in range(CLICKS):
-        page.execute_script(click, WANTED, choose.random())
-        page.execute_script(slide, choose.random())
-        load(folder / "pipeline.toml")
-    page.execute_script("document.getElementById('cancel').click()")
-    until(page, IDLE)
-    refused = ("409", "400")  # what came while a command ran, or of a page that the file has left behind
-    assert [one for one in errors_of(page) if not any(code in one for code in refused)] == []
+def test_random_hands_leave_no_error_and_a_valid_file(page: Any, folder: Path) -> None:
+    assert random_hands(page, folder / "pipeline.toml", HANDS) == []

@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 import asyncio
-from collections.abc import Callable
+from collections.abc import AsyncIterator, Callable
+from contextlib import suppress
 
 import pytest
-from aiohttp import WSServerHandshakeError
+from aiohttp import ClientError, WSMsgType, WSServerHandshakeError
 from aiohttp.test_utils import make_mocked_request
 
 from pneucli.workbench.guards import MAX_BODY, TOKEN_HEADER, Guard
@@ -161,14 +162,52 @@ def test_large_and_malformed_messages_are_refused_and_it_goes_on(session: Start)
             b"\xff",
             b"1",
             b"[" * 60_000,
-            b'{"recording": 1}',
-            b'{"recording": "x", "values": 3}',
+            b'{"focus": 1}',
+            b'{"focus": "x", "values": 3}',
         ):
             response = await asked.client.post("/curves", data=body, headers={TOKEN_HEADER: TOKEN})
             assert response.status == 400, body[:20]
             assert (await response.json())["error"]
         status, _ = await asked.get("/state")
         assert status == 200
+
+    session(work)
+
+
+def test_a_message_of_100_mb_is_refused_before_it_is_in_memory(session: Start) -> None:
+    async def work(asked: Asked) -> None:
+        sent = 0
+
+        async def parts() -> AsyncIterator[bytes]:
+            nonlocal sent
+            for _ in range(1600):
+                sent += 65_536
+                yield b" " * 65_536
+
+        with suppress(ClientError):  # the server hangs up on who goes on
+            response = await asked.client.post("/curves", data=parts(), headers={TOKEN_HEADER: TOKEN})
+            assert response.status == 413
+        assert sent < 20 << 20
+        page = await asked.client.ws_connect(f"/events?token={TOKEN}")
+        await page.receive_str()
+        with suppress(ConnectionError):
+            await page.send_bytes(bytes(100 << 20))
+        closed = await page.receive(timeout=20)
+        assert closed.type in (WSMsgType.CLOSE, WSMsgType.CLOSED, WSMsgType.CLOSING, WSMsgType.ERROR)
+        assert (await asked.get("/state"))[0] == 200
+
+    session(work)
+
+
+def test_200_connections_that_say_nothing_stop_nobody(session: Start) -> None:
+    async def work(asked: Asked) -> None:
+        port = asked.client.server.port
+        silent = [await asyncio.open_connection("127.0.0.1", port) for _ in range(200)]
+        for _, writer in silent:
+            writer.write(b"POST /curves HTTP/1.1\r\nHost: 127.0.0.1\r\n")
+        assert (await asyncio.wait_for(asked.get("/state"), 10))[0] == 200
+        for _, writer in silent:
+            writer.close()
 
     session(work)
 

@@ -60,13 +60,11 @@ def test_the_errors_of_the_page_are_those_of_compare(session: Start) -> None:
         assert compared is not None
         assert compared.answer is not None
         expected = {(c["recording"], c["channel"]): c["ratio_to_noise"] for c in compared.answer["channels"]}
-        found = {}
-        for name in {recording for recording, _ in expected}:
-            status, content = await asked.post("/curves", {"recording": name, "samples": 100})
-            assert status == 200
-            found |= {(name, one["channel"]): one["ratio"] for one in unpack(content)[0]["errors"]}
+        status, content = await asked.post("/curves", {"focus": "driven_1", "samples": 100})
+        assert status == 200
+        found = {(one["recording"], one["channel"]): one["ratio"] for one in unpack(content)[0]["errors"]}
         assert found == pytest.approx(expected)
-        _, overall = await asked.post("/error", {"recording": "driven_1"})
+        _, overall = await asked.post("/error", {"focus": "driven_1"})
         assert overall == pytest.approx(compared.answer["error"])
 
     session(work)
@@ -74,7 +72,8 @@ def test_the_errors_of_the_page_are_those_of_compare(session: Start) -> None:
 
 def test_the_curves_are_those_that_compare_stored(session: Start) -> None:
     async def work(asked: Asked) -> None:
-        _, content = await asked.post("/curves", {"recording": "driven_2", "samples": 40_000})
+        interval = await asked.interval("driven_2")
+        _, content = await asked.post("/curves", {"focus": "driven_2", "interval": interval, "samples": 40_000})
         head, arrays = unpack(content)
         table = read_table(asked.workbench.bench.artifacts / "compare" / "residuals.parquet")
         mine = [(r, c) == ("driven_2", "x") for r, c in zip(table["recording"], table["channel"], strict=True)]
@@ -88,12 +87,12 @@ def test_the_curves_are_those_that_compare_stored(session: Start) -> None:
 
 def test_a_value_by_hand_moves_the_curve_and_the_error(session: Start) -> None:
     async def work(asked: Asked) -> None:
-        _, content = await asked.post("/curves", {"recording": "driven_1", "values": {"friction.coulomb": 25.0}})
+        _, content = await asked.post("/curves", {"focus": "driven_1", "values": {"friction.coulomb": 25.0}})
         head, _ = unpack(content)
         assert max(one["ratio"] for one in head["errors"]) > 3.0
         labels = {s["label"].partition(",")[0] for panel in head["panels"] for s in panel["series"]}
-        assert {"measured", "fitted", "now"} <= labels
-        status, answer = await asked.post("/curves", {"recording": "driven_1", "values": {"friction.none": 1.0}})
+        assert {"measured", "fitted", "model"} <= labels
+        status, answer = await asked.post("/curves", {"focus": "driven_1", "values": {"friction.none": 1.0}})
         assert status == 400
         assert "friction.none" in answer["error"]
 
@@ -102,9 +101,11 @@ def test_a_value_by_hand_moves_the_curve_and_the_error(session: Start) -> None:
 
 def test_peaks_survive_the_reduction_and_a_window_is_sent_alone(session: Start) -> None:
     async def work(asked: Asked) -> None:
-        _, whole = await asked.post("/curves", {"recording": "driven_1", "samples": 40_000})
-        _, few = await asked.post("/curves", {"recording": "driven_1", "samples": 200})
-        _, window = await asked.post("/curves", {"recording": "driven_1", "interval": [1.0, 2.0]})
+        begin, end = await asked.interval("driven_1")
+        asked_for = {"focus": "driven_1", "interval": [begin, end]}
+        _, whole = await asked.post("/curves", asked_for | {"samples": 40_000})
+        _, few = await asked.post("/curves", asked_for | {"samples": 200})
+        _, window = await asked.post("/curves", {"focus": "driven_1", "interval": [begin + 1.0, begin + 2.0]})
         assert len(few) < 0.2 * len(whole)
         (_, full), (_, reduced) = unpack(whole), unpack(few)
         for a, b in zip(full, reduced, strict=True):
@@ -112,9 +113,33 @@ def test_peaks_survive_the_reduction_and_a_window_is_sent_alone(session: Start) 
                 # the curve of the model lies between the peaks of measurement and residual
                 assert np.nanmax(b) == pytest.approx(float(np.nanmax(a)), abs=0.02 * float(np.nanmax(a) - np.nanmin(a)))
         head, arrays = unpack(window)
-        assert all(0.9 <= panel["start"] <= 1.0 for panel in head["panels"])
-        assert arrays[0][-1] + head["panels"][0]["start"] == pytest.approx(2.0, abs=0.05)
-        assert head["ends"][1] > 2.5
+        assert all(begin + 0.9 <= panel["start"] <= begin + 1.0 for panel in head["panels"])
+        assert arrays[0][-1] + head["panels"][0]["start"] == pytest.approx(begin + 2.0, abs=0.05)
+        assert end > begin + 2.5
+
+    session(work)
+
+
+def test_all_recordings_stand_on_one_axis_with_gaps_between_them(session: Start) -> None:
+    async def work(asked: Asked) -> None:
+        _, state = await asked.get("/state")
+        places = {one["name"]: one["place"] for one in state["recordings"]}
+        uses = [one["use"] for one in state["recordings"]]
+        assert uses == sorted(uses)  # "test" before "train"
+        ends = [time for one in places.values() for time in (one["begin"], one["end"])]
+        assert ends == sorted(ends)
+        assert len(places) > 2
+        _, content = await asked.post("/curves", {"focus": "driven_1", "samples": 2000})
+        head, arrays = unpack(content)
+        position = next(i for i, panel in enumerate(head["panels"]) if panel["title"] == "x")
+        before = sum(1 + len(panel["series"]) for panel in head["panels"][:position])
+        time, measured = arrays[before] + head["panels"][position]["start"], arrays[before + 1]
+        assert (np.diff(time) >= 0.0).all()
+        for one in places.values():
+            inside = (time >= one["begin"] - 1e-3) & (time <= one["end"] + 1e-3)
+            assert np.isfinite(measured[inside]).sum() > 100
+        firsts = np.searchsorted(time, [one["begin"] - 1e-3 for one in list(places.values())[1:]])
+        assert np.isnan(measured[firsts - 1]).all()  # no line leads from one recording to the next
 
     session(work)
 
@@ -142,7 +167,7 @@ def test_adding_an_effect_does_what_the_command_does_and_is_undone_to_the_letter
         assert "has changed" in answer["error"]
 
         first = next(one["number"] for one in state["ladder"] if not one["effects"])
-        _, content = await asked.post("/curves", {"recording": "driven_1", "earlier": first})
+        _, content = await asked.post("/curves", {"focus": "driven_1", "earlier": first})
         assert unpack(content)[0]["panels"]
         status, _ = await asked.post("/undo", {"version": state["version"]})
         assert status == 200

@@ -1,5 +1,7 @@
 // Time plots, for the report and the workbench: one uPlot a panel, all over the same interval of time, with one cursor.
 // A panel is { title, unit, start, restarts, spans, time, series: [{ label, role, values }] }, its arrays Float32Array.
+// Where recordings follow one another on the axis, each has a place { name, begin, end, first, held }: it goes from begin
+// to end of the axis, and its own first time is first.
 const TimePlots = (() => {
   "use strict";
   const colour = (name) => getComputedStyle(document.documentElement).getPropertyValue(`--${name}`).trim();
@@ -51,7 +53,7 @@ const TimePlots = (() => {
     ctx.save();
     ctx.strokeStyle = colour("faint");
     ctx.lineWidth = devicePixelRatio;
-    for (const time of times) {
+    for (const time of times || []) {
       const x = Math.round(plot.valToPos(time, "x", true));
       if (x < bbox.left || x > bbox.left + bbox.width) continue;
       ctx.beginPath();
@@ -60,6 +62,40 @@ const TimePlots = (() => {
       ctx.stroke();
     }
     ctx.restore();
+  }
+
+  // the recordings on the axis: those held out are tinted, each begins with a line and, in the first plot, its name
+  function recordings(plot, places, named) {
+    const { ctx, bbox } = plot;
+    ctx.save();
+    ctx.font = `${11 * devicePixelRatio}px system-ui, "DejaVu Sans", sans-serif`;
+    ctx.textBaseline = "top";
+    ctx.textAlign = "left";
+    for (const { name, begin, end, held } of places) {
+      const [left, right] = [begin, end].map((t) => Math.min(Math.max(plot.valToPos(t, "x", true), bbox.left), bbox.left + bbox.width));
+      if (right <= left) continue;
+      ctx.save();
+      ctx.beginPath();
+      ctx.rect(left, bbox.top, right - left, bbox.height);
+      ctx.clip();
+      ctx.fillStyle = colour(held ? "raised" : "ground");
+      ctx.fillRect(left, bbox.top, right - left, bbox.height);
+      ctx.fillStyle = colour("faint");
+      ctx.fillRect(left, bbox.top, devicePixelRatio, bbox.height);
+      if (named) ctx.fillText(held ? `${name} · held out` : name, left + 5 * devicePixelRatio, bbox.top + 9 * devicePixelRatio);
+      ctx.restore();
+    }
+    ctx.restore();
+  }
+
+  // nothing is drawn between two recordings: a clipped line would leave a pixel of its way from one to the other
+  function between(plot, places) {
+    const { ctx, bbox } = plot;
+    ctx.fillStyle = colour("ground");
+    places.slice(1).forEach(({ begin }, i) => {
+      const [left, right] = [places[i].end, begin].map((t) => Math.min(Math.max(plot.valToPos(t, "x", true), bbox.left), bbox.left + bbox.width));
+      ctx.fillRect(left + devicePixelRatio, bbox.top, Math.max(right - left - devicePixelRatio, 0), bbox.height);
+    });
   }
 
   // what a picture shows, for who cannot see it: each curve with its least and largest value
@@ -78,7 +114,8 @@ const TimePlots = (() => {
   // `moved` is called with an interval that the user chose.
   class TimePlots {
     constructor(box, group, { height = 150, moved = () => {} } = {}) {
-      Object.assign(this, { box, group, height, moved, plots: [], panels: [], ends: null, following: false, width: 0 });
+      Object.assign(this, { box, group, height, moved, plots: [], panels: [], ends: null, places: [], chosen: null });
+      Object.assign(this, { following: false, width: 0, telling: 0 });
       this.target = box.querySelector(".plots");
       this.target.tabIndex = 0;
       this.target.setAttribute("role", "group");
@@ -90,7 +127,7 @@ const TimePlots = (() => {
         this.move(how);
       });
       box.querySelectorAll("[data-do]").forEach((one) => one.addEventListener("click", () => this.move(one.dataset.do)));
-      matchMedia("(prefers-color-scheme: dark)").addEventListener("change", () => this.show(this.panels, this.ends));
+      matchMedia("(prefers-color-scheme: dark)").addEventListener("change", () => this.draw());
       new ResizeObserver(([entry]) => {
         const now = Math.floor(entry.contentRect.width);
         if (now === this.width) return;
@@ -105,86 +142,133 @@ const TimePlots = (() => {
       return {
         width: this.target.clientWidth,
         height: this.height,
+        padding: [null, 12, null, null], // the same of each plot: their axes stand below one another
         legend: { live: true },
-        cursor: { y: false, sync: { key: this.group }, drag: { x: true, y: false }, points: { size: 6 } },
+        cursor: { y: false, sync: { key: this.group }, drag: { x: true, y: false }, points: { size: 6 }, bind: { dblclick: () => () => this.move("all") } },
         scales: { x: { time: false } },
-        series: [{ label: "t in s", value: (plot, v) => shown(v) }, ...series(panel)],
+        series: [{ label: "t in s", value: (plot, v) => this.own(v) }, ...series(panel)],
         axes: [
-          { ...axis, size: 34 },
+          { ...axis, size: 34, ...(this.places.length ? { splits: this.ticks.bind(this), values: (plot, ticks) => ticks.map((t) => this.own(t, false)) } : {}) },
           { ...axis, size: 62, space: 24, values: (plot, ticks) => ticks.map(shown) },
         ],
         hooks: {
           setScale: [(plot, scale) => scale === "x" && this.zoomed(plot)],
-          drawClear: [(plot) => shade(plot, now().spans)],
-          draw: [(plot) => restarts(plot, now().restarts)],
+          drawClear: [
+            (plot) => recordings(plot, this.places, index === 0),
+            (plot) => shade(plot, now().spans),
+          ],
+          draw: [
+            (plot) => between(plot, this.places),
+            (plot) => restarts(plot, now().restarts),
+          ],
         },
       };
     }
 
-    // draw panels anew; `ends` are those of the whole recording where the panels hold a part of it only
-    show(panels, ends = null) {
+    // the recording at a time of the axis
+    place(time) {
+      return this.places.find(({ begin, end }) => time >= begin && time <= end);
+    }
+
+    // a time of the axis as the recording has it
+    own(time, named = true) {
+      const at = time == null ? undefined : this.place(time);
+      if (!at) return this.places.length ? "–" : shown(time);
+      const text = Number((time - at.begin + at.first).toPrecision(4)).toString();
+      return named && this.places.length > 1 ? `${text} (${at.name})` : text;
+    }
+
+    // ticks at round times of each recording
+    ticks(plot, axis, min, max, step) {
+      const found = [];
+      for (const { begin, end, first } of this.places) {
+        const shift = begin - first;
+        for (let k = Math.ceil((Math.max(begin, min) - shift) / step - 1e-6); k * step + shift <= Math.min(end, max); k += 1) {
+          const time = Math.max(k * step + shift, begin);
+          if (!found.length || time - found.at(-1) > 0.6 * step) found.push(time);
+        }
+      }
+      return found;
+    }
+
+    // draw panels anew, everything of them; see `update`
+    show(panels, ends = null, places = []) {
+      Object.assign(this, { panels, ends, places, chosen: null });
+      this.draw();
+    }
+
+    draw() {
       this.plots.splice(0).forEach((plot) => plot.destroy());
       this.target.replaceChildren();
-      Object.assign(this, { panels, ends });
-      panels.forEach((panel, index) => {
+      this.panels.forEach((panel, index) => {
         const title = document.createElement("h3");
         title.textContent = titled(panel);
         this.target.append(title);
-        const plot = new uPlot(this.options(index, panel), data(panel), this.target);
+        const plot = new uPlot(this.options(index, panel), undefined, this.target);
         plot.ctx.canvas.setAttribute("role", "img");
         plot.ctx.canvas.setAttribute("aria-label", named(panel));
         this.plots.push(plot);
         this.touchable(plot);
       });
-      if (this.plots.length) this.tell();
+      this.fill();
     }
 
-    // put new numbers into the same panels; the interval that is shown stays
-    update(panels, ends = null) {
+    // put new numbers into the same panels, and keep the interval that is shown; `ends` are those of everything where
+    // the panels hold a part of it only
+    update(panels, ends = null, places = []) {
       const form = (some) => JSON.stringify(some.map((panel) => [titled(panel), panel.series.map(({ label, role }) => [label, role])]));
-      const interval = this.interval();
-      if (form(panels) !== form(this.panels)) {
-        this.show(panels, ends);
-      } else {
-        Object.assign(this, { panels, ends });
-        this.following = true;
-        this.plots.forEach((plot, index) => {
-          plot.setData(data(panels[index]), false);
-          plot.ctx.canvas.setAttribute("aria-label", named(panels[index]));
-        });
-        this.following = false;
-      }
-      if (interval) this.set(interval);
+      const same = form(panels) === form(this.panels) && Boolean(places.length) === Boolean(this.places.length);
+      Object.assign(this, { panels, ends, places });
+      if (same) this.fill();
+      else this.draw();
+    }
+
+    fill() {
+      if (!this.plots.length) return;
+      const numbers = this.panels.map(data);
+      const { now: [min, max] } = this.stretch();
+      this.following = true;
+      this.plots.forEach((plot, index) => plot.batch(() => {
+        plot.setData(numbers[index], false);
+        plot.setScale("x", { min, max });
+      }));
+      this.following = false;
+      this.tell();
+      clearTimeout(this.telling);
+      this.telling = setTimeout(() => this.plots.forEach((plot, i) => plot.ctx.canvas.setAttribute("aria-label", named(this.panels[i]))), 200);
     }
 
     // the interval that is shown, where it is not everything
     interval() {
-      if (!this.plots.length) return null;
-      const { ends, now } = this.stretch();
-      return now[0] <= ends[0] && now[1] >= ends[1] ? null : now;
+      return this.chosen;
     }
 
-    set([min, max]) {
+    // show an interval; null: everything
+    set(interval) {
+      if (interval && this.ends && interval[0] <= this.ends[0] && interval[1] >= this.ends[1]) interval = null;
+      this.chosen = interval;
+      if (!this.plots.length) return;
+      const { now: [min, max] } = this.stretch();
       this.following = true;
-      this.plots.forEach((plot) => plot.setScale("x", { min, max }));
+      this.plots.forEach((plot) => plot.batch(() => plot.setScale("x", { min, max })));
       this.following = false;
       this.tell();
     }
 
     // a zoom by drag reaches the others through the shared cursor; one by any other way through here
     zoomed(source) {
-      if (this.following || this.plots.length < this.panels.length) return;
+      if (this.following) return;
       const { min, max } = source.scales.x;
-      if (min == null || max == null) return;
+      const { now } = this.stretch();
+      if (min == null || max == null || (min === now[0] && max === now[1])) return;
       this.set([min, max]);
       this.moved(this.interval());
     }
 
     stretch() {
-      const whole = this.plots.map((plot) => [plot.data[0][0], plot.data[0][plot.data[0].length - 1]]);
+      const whole = this.panels.map(({ start, time }) => [start + (time[0] ?? 0), start + (time.at(-1) ?? 0)]);
       const ends = this.ends || [Math.min(...whole.map(([a]) => a)), Math.max(...whole.map(([, b]) => b))];
-      const { min, max } = this.plots[0].scales.x;
-      return { ends, now: [min ?? ends[0], max ?? ends[1]] };
+      return { ends, now: this.chosen ?? ends };
     }
 
     move(how) {
@@ -200,9 +284,11 @@ const TimePlots = (() => {
 
     tell() {
       const { ends, now } = this.stretch();
-      const whole = now[0] <= ends[0] && now[1] >= ends[1];
-      this.box.querySelector("[data-do=all]").disabled = whole;
-      this.box.querySelector(".stretch").textContent = whole ? "" : `${shown(now[0])} to ${shown(now[1])} s of ${shown(ends[1])} s`;
+      this.box.querySelector("[data-do=all]").disabled = !this.chosen;
+      const [from, to] = now.map((time) => this.places.find(({ end }) => time <= end) ?? this.places.at(-1));
+      const said = (time, at) => (at ? `${this.own(Math.min(Math.max(time, at.begin), at.end), false)} s${from === to ? "" : ` of ${at.name}`}` : shown(time));
+      const of = from ? "" : ` s of ${shown(ends[1])} s`;
+      this.box.querySelector(".stretch").textContent = this.chosen ? `${said(now[0], from)} to ${said(now[1], to)}${of}` : "";
     }
 
     // one finger drags over a stretch, two pinch; up and down scroll the page

@@ -6,16 +6,20 @@
   const HEADERS = { "X-Pneucli-Token": token };
   const STEPS = 1000; // of a slider
   const RETRY = 3000; // ms, until the page asks again for a workbench that does not answer
+  const KEPT = 1000; // times of drawing
+  const WORST = 4; // recordings whose error is told where more are shown
   const SETTLED = 250; // ms of rest, after which the error over all recordings is asked for
   let state = null;
-  let recording = null;
+  let begun = false; // whether the first curves have been asked for
   let earlier = null; // number of the model of the ladder that is shown as well
   let values = {}; // by hand, by name
   let trial = null; // effects of the model that is shown at once, until its fit has ended
   let byName = new Map();
-  const latencies = []; // ms from a request for curves to their drawing
-  const plots = new TimePlots($("curves"), "workbench", { moved: () => draw() });
-  window.pneucliWorkbench = { plots, latencies, state: () => state };
+  const latencies = []; // ms from a move of the hand to the curves on the screen
+  let drawn = 0; // how often curves came onto the screen
+  let since = null; // when the hand moved what is not drawn yet
+  const plots = new TimePlots($("curves"), "workbench", { moved: () => { showVisible(); draw(); } });
+  window.pneucliWorkbench = { plots, latencies, drawn: () => drawn, state: () => state };
 
   function element(name, attributes = {}, ...children) {
     const made = document.createElement(name);
@@ -75,7 +79,8 @@
   }
 
   async function draw() {
-    if (!state?.live || !recording) return;
+    if (!state?.live) return;
+    since ??= performance.now();
     if (asking) {
       again = true;
       return;
@@ -84,16 +89,21 @@
     try {
       do {
         again = false;
-        const begin = performance.now();
+        const begin = since ?? performance.now();
+        since = null;
         const wanted = {
-          recording, values, earlier, interval: plots.interval(), free_run: $("free-run").checked,
-          effects: trial, step: trial !== null, samples: Math.round(4 * Math.max($("curves").clientWidth, 200)),
+          focus: focus(), values, earlier, interval: plots.interval(), free_run: $("free-run").checked,
+          effects: trial, step: trial !== null, samples: Math.round(2 * Math.max($("curves").clientWidth, 200)),
         };
         const head = unpack(await ask("curves", wanted));
-        if (wanted.recording !== recording) continue;
-        plots.update(head.panels, head.ends);
+        const all = places();
+        plots.update(head.panels, [all[0].begin, all.at(-1).end], all);
         tellErrors(head.errors);
-        latencies.push(performance.now() - begin);
+        requestAnimationFrame(() => setTimeout(() => {
+          latencies.push(performance.now() - begin);
+          if (latencies.length > KEPT) latencies.shift();
+          drawn += 1;
+        }));
       } while (again);
     } catch (error) {
       complain(error);
@@ -102,12 +112,17 @@
     }
   }
 
+  // the error of each channel of the recording that is shown; of several, that of the worst channel of the worst ones
   function tellErrors(errors) {
+    const names = [...new Set(errors.map((one) => one.recording))];
+    const worst = (name) => errors.filter((one) => one.recording === name).reduce((a, b) => (b.ratio > a.ratio ? b : a));
+    const some = names.length > 1 ? names.map(worst).sort((a, b) => b.ratio - a.ratio).slice(0, WORST) : errors;
     $("errors").replaceChildren(
-      ...errors.flatMap((one, i) => [
+      ...some.flatMap((one, i) => [
         i ? " · " : "",
-        element("span", { class: "number" }, `${one.channel} `, element("b", { class: one.ratio > 2 ? "bad-text" : "good-text" }, one.text), ` (${one.size})`),
+        element("span", { class: "number" }, names.length > 1 ? `${one.recording}: ` : "", `${one.channel} `, element("b", { class: one.ratio > 2 ? "bad-text" : "good-text" }, one.text), ` (${one.size})`),
       ]),
+      names.length > WORST ? ` · the other ${names.length - WORST}: less` : "",
     );
   }
 
@@ -116,7 +131,7 @@
     clearTimeout(settling);
     settling = setTimeout(() => attempt(async () => {
       if (!Object.keys(values).length) return void ($("by-hand").textContent = "");
-      const { train, test } = await ask("error", { recording, values, effects: trial });
+      const { train, test } = await ask("error", { focus: focus(), values, effects: trial });
       const parts = [["held out", test], ["fitted", train]].filter(([, v]) => v != null);
       $("by-hand").textContent = `By hand, all recordings: ${parts.map(([name, v]) => `${v.toPrecision(3)} × noise ${name}`).join(", ")}`;
     }), SETTLED);
@@ -173,35 +188,53 @@
     $("report").hidden = !state.report;
     $("report").href = `report?token=${token}`;
     if (command) $("line").textContent = command.line;
+    $("command-line").hidden = !command;
     $("progress").textContent = !command ? "" : running ? command.progress || "starting" : command.cancelled ? command.text : command.failed ? "It failed:" : `${command.name}: done`;
     $("result").hidden = running || !command?.text || command.cancelled;
     if (command?.failed) $("result").open = true;
     $("text").textContent = command?.text ?? "";
   }
 
+  // where the recordings are on the axis, and which of them are shown
+  const places = () => state.recordings.filter((one) => one.place).map((one) => ({ ...one.place, held: one.use === "test" }));
+  function shown() {
+    const [from, to] = plots.interval() ?? [-Infinity, Infinity];
+    return places().filter(({ begin, end }) => Math.min(end, to) - Math.max(begin, from) > 0.01 * Math.min(end - begin, to - from));
+  }
+  const focus = () => (shown()[0] ?? places()[0])?.name ?? "";
+
   function showRecordings() {
-    const names = state.recordings.map((one) => one.name);
-    if (!names.includes(recording)) recording = worst();
     keepFocus($("recordings"), state.recordings.map((one) =>
-      element("li", {}, element("button", { type: "button", "data-key": one.name, "aria-current": one.name === recording ? "true" : "false", onclick: () => choose(one.name) },
+      element("li", {}, element("button", { type: "button", "data-key": one.name, disabled: !one.place, onclick: () => choose(one) },
         element("span", { class: "grow" }, one.name),
         one.use === "test" ? element("span", { class: "mark" }, "held out") : "",
         element("span", { class: `number ${one.error > 2 ? "bad-text" : "good-text"}`, title: "largest error of a channel, × noise" }, one.text)))));
-    const now = state.recordings.find((one) => one.name === recording);
-    $("recording").textContent = now ? `${now.name}${now.use === "test" ? " (held out: never fitted to)" : ""}` : "Curves";
+    if (state.live && !begun) {
+      begun = true;
+      plots.set(span(worst()));
+    }
+    showVisible();
+  }
+
+  function showVisible() {
+    const names = new Set(shown().map(({ name }) => name));
+    for (const button of $("recordings").querySelectorAll("button")) button.setAttribute("aria-current", String(names.has(button.dataset.key)));
+    const [one] = state.recordings.filter(({ name }) => names.has(name));
+    $("recording").textContent = names.size > 1 ? `${names.size} recordings, one after the other` : one ? `${one.name}${one.use === "test" ? " (held out: never fitted to)" : ""}` : "Curves";
   }
 
   // the recording that is shown first: the worst of those that were held out
   function worst() {
-    const use = state.recordings[0]?.use;
-    const some = state.recordings.filter((one) => one.use === use);
-    return some.reduce((most, one) => (one.error > most.error ? one : most), some[0])?.name ?? null;
+    const some = state.recordings.filter((one) => one.place);
+    const held = some.filter((one) => one.use === some[0]?.use);
+    return held.reduce((most, one) => (one.error > most.error ? one : most), held[0]);
   }
 
-  function choose(name) {
-    recording = name;
-    plots.move("all");
-    showRecordings();
+  const span = (one) => (one?.place ? [one.place.begin, one.place.end] : null);
+
+  function choose(one) {
+    plots.set(span(one));
+    showVisible();
     draw();
   }
 
