@@ -9,6 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from pneucli import messages
 from pneucli.figure import read
 from pneucli.messages.diagnose import Answer
 from pneucli.report.overview import overview
@@ -116,6 +117,12 @@ def test_the_page_is_as_stored(name: str) -> None:
 
 def test_the_summary_is_as_stored(material: ReportData) -> None:
     hold_against(STORED / "summary.md", to_markdown(material))
+
+
+@pytest.mark.parametrize("command", ["ingest", "compare", "diagnose", "design", "simulate"])
+def test_the_terminal_says_of_the_same_answer_what_is_stored(material: ReportData, command: str) -> None:
+    told = messages.render(command, material.answers[command], "axis.toml", verbose=True)
+    hold_against(STORED / f"{command} on the terminal.txt", told + "\n")
 
 
 def test_of_nothing_there_is_no_thesis() -> None:
