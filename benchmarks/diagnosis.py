@@ -68,6 +68,7 @@ from scipy.special import expit
 from benchmarks import rigs
 from benchmarks.cases import CLOSE, SEALED, Truth, judged, truth_of, truths, worlds
 from benchmarks.score import essence, measured
+from pneucli.arrays import Array
 from pneucli.diagnose.calibration import Evidence, probability
 from pneucli.diagnose.candidate import Reason
 from pneucli.diagnose.cross_validation import folds_of
@@ -82,7 +83,6 @@ from pneucli.exam.grading import BIN_EDGES, graded_cases
 from pneucli.exam.laboratory import Laboratory, RecordingPlan
 from pneucli.exam.rig.excitations import closed_loop
 from pneucli.exam.rig.imposed_motion import MotionMachine
-from pneucli.exam.rig.kernel import Array
 from pneucli.exam.rig.parameters import FIVE_THREE, Parameters
 from pneucli.exam.rig.simulation import Excitation, simulate_rig
 from pneucli.figure import to_json
@@ -159,7 +159,7 @@ def excitation(
     """
     par = laboratory.parameters
     if planned["experiment"] == "valve":
-        bench = laboratory.valve_test_rig_of(planned["chamber"])
+        bench = laboratory.valve_test_rig(planned["chamber"])
         opening = bench.command_sign * (commands["u"] - par.command_null)
         return Excitation(opening, pressure_1=par.ambient, pressure_2=par.ambient)
     if planned["drive"] == "machine":

@@ -286,8 +286,8 @@ def write_long_recording(folder: Path, kind: str, samples: int) -> None:
     takes = []
     if kind == "valve":
         parts = [
-            valve_staircase(laboratory.valve_test_rig, 0.5, 1.6),
-            *(valve_step(laboratory.valve_test_rig, v) for v in (1.0, 3.5, 8.0)),
+            valve_staircase(laboratory.valve_test_rig(), 0.5, 1.6),
+            *(valve_step(laboratory.valve_test_rig(), v) for v in (1.0, 3.5, 8.0)),
         ]
         command = np.resize(np.concatenate([part.command for part in parts]), samples)
         takes = [RecordingPlan("long", "valve", "train", Excitation(command))]
@@ -296,7 +296,7 @@ def write_long_recording(folder: Path, kind: str, samples: int) -> None:
         takes = [RecordingPlan("long", "axis" if kind == "axis" else "friction", "train", driven)]
     if kind == "axis":
         takes += [
-            RecordingPlan(f"step_{v}", "valve", "train", valve_step(laboratory.valve_test_rig, v))
+            RecordingPlan(f"step_{v}", "valve", "train", valve_step(laboratory.valve_test_rig(), v))
             for v in (0.5, 1.0, 3.5, 8.0)
         ]
     laboratory.record(folder / "raw", takes, rng)

@@ -46,10 +46,10 @@ from pneucli.exam.conditions import parse
 from pneucli.identify.estimation.model_fit import fit_model
 from pneucli.identify.guesses.base_model import guess_base_model
 from pneucli.identify.residuals import ResidualModel, residual_models
-from pneucli.identify.valve import identify_valve
 from pneucli.identify.valve.charge_budget import Vessel, budget_of_conductance, conductance_factor, with_budgets
 from pneucli.identify.valve.flow_bench import FlowBench, identify_flow_bench
 from pneucli.identify.valve.flow_path import coordinates_of
+from pneucli.identify.valve.identification import identify_valve
 from pneucli.identify.valve.iso6358 import Characteristic, IsoConductance
 from pneucli.identify.valve.steady_budget import with_flow_budgets
 from pneucli.identify.valve.steady_flow import refit

@@ -6,10 +6,9 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.special import chdtrc, chdtri, fdtrc, ndtr, ndtri, stdtr, stdtrit
 
-Array = NDArray[np.float64]
+from pneucli.arrays import Array
 
 
 def student_t_tail(t: float | Array, freedom: float | Array) -> Array:

@@ -10,9 +10,8 @@ from weakref import WeakSet
 
 import numpy as np
 import pyarrow as pa
-from numpy.typing import NDArray
 
-Array = NDArray[np.float64]
+from pneucli.arrays import Array
 
 MIN_FILED_BYTES = 4 << 20  # a smaller array stays in memory: many of them still are few megabytes
 

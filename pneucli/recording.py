@@ -9,16 +9,15 @@ from functools import cached_property
 from typing import TYPE_CHECKING, Literal
 
 import numpy as np
-from numpy.typing import NDArray
 
 from pneucli.arrangements import ARRANGEMENTS, Arrangement, ArrangementName
+from pneucli.arrays import Array
 from pneucli.experiments import EXPERIMENT_KINDS, ExperimentKind
 from pneucli.experiments import ExperimentName as Experiment
 
 if TYPE_CHECKING:  # reading the pipeline file alone does not import scipy
     from pneucli.noise import NoiseModel
 
-Array = NDArray[np.float64]
 Use = Literal["train", "test"]
 
 

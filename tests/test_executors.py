@@ -18,17 +18,9 @@ from typing import Any
 import pytest
 
 from pneucli.errors import InputError
-from pneucli.executors import (
-    ProcessEngine,
-    ThreadEngine,
-    dask_cluster,
-    engine_from,
-    map_in_threads,
-    require_cluster,
-    run_jobs,
-)
-from pneucli.executors.dask_cluster import require_same_identity
-from pneucli.executors.engine import JOBS_PER_SLOT, MAX_ATTEMPTS
+from pneucli.executors import dask_cluster
+from pneucli.executors.dask_cluster import engine_from, require_cluster, require_same_identity
+from pneucli.executors.engine import JOBS_PER_SLOT, MAX_ATTEMPTS, ProcessEngine, ThreadEngine, map_in_threads, run_jobs
 
 
 @pytest.mark.parametrize("address", ["ray://here:8786", "dask://here", "dask://here:port", "dask://", "here:8786"])
@@ -195,7 +187,7 @@ def test_a_worker_of_a_cluster_that_dies_loses_nothing(tmp_path: Path) -> None:
 
 ORPHANS = """
 import os, time
-from pneucli.executors import ProcessEngine
+from pneucli.executors.engine import ProcessEngine
 if __name__ == "__main__":
     engine = ProcessEngine(1)
     print(engine.submit(os.getpid).result(), flush=True)

@@ -97,9 +97,9 @@ def string_literals(path: Path) -> Iterator[tuple[int, str]]:
 def test_no_effect_of_the_catalogue_is_named_outside_it_and_the_exam() -> None:
     """What is true of one effect alone stands in its declaration, so that a user's own effect is treated alike.
 
-    The reference simulation has its own equations of some effects, and help texts show the use of real names.
+    Help texts show the use of real names.
     """
-    apart = ("physics/effects", "exam", "simulate/reference.py", "cli/commands")
+    apart = ("physics/effects", "exam", "cli/commands")
     names = "|".join(re.escape(name) for name in sorted(catalogue(), key=len, reverse=True))
     named = re.compile(rf"(?<![\w-])(?:{names})(?![\w-])")
     found = [

@@ -11,7 +11,6 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from pneucli.changes.baseline import Baseline
 from pneucli.changes.comparison import ALARM_RATE, UNEXPLAINED, Comparison, HypothesisTest
@@ -24,8 +23,6 @@ from pneucli.messages.diagnose import Change, DetectableChange
 from pneucli.physics.declaration import Effect
 from pneucli.quantities import Z95
 from pneucli.simulate.model import Model
-
-Array = NDArray[np.float64]
 
 MIN_EQUIVALENT_SHARE = 0.05  # of the likelihood of all refits; one with less is distinguishable from the first
 

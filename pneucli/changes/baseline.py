@@ -12,8 +12,8 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from pneucli.arrays import Array
 from pneucli.identify.estimation.blocks import group_scores
 from pneucli.identify.estimation.fit import Fit, fit
 from pneucli.identify.estimation.least_squares import pseudo_inverse
@@ -26,8 +26,6 @@ from pneucli.physics.declaration import Effect
 from pneucli.physics.scales import RigQuantities
 from pneucli.simulate.model import Model
 from pneucli.simulate.rig_quantities import rig_quantities
-
-Array = NDArray[np.float64]
 
 MIN_RELATIVE_POWER = 1e-6  # of a signature: the model's parameters span an effect with less orthogonal power
 

@@ -14,15 +14,13 @@ from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
-from numpy.typing import NDArray
 
+from pneucli.arrays import Array
 from pneucli.changes.baseline import Baseline
 from pneucli.changes.repeatability import NO_DRIFT, RESIDUAL_LEVEL, Repeatability
 from pneucli.diagnose.evidence import effective_degrees_of_freedom
 from pneucli.distributions import student_t_quantile, student_t_tail
 from pneucli.identify.estimation.least_squares import pseudo_inverse
-
-Array = NDArray[np.float64]
 
 ALARM_RATE = 1e-3  # false alarms for each rig and comparison
 UNEXPLAINED = "unexplained"  # the name of a change that no parameter and no effect explains

@@ -11,12 +11,11 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.special import digamma, polygamma
 
+from pneucli.arrays import Array
 from pneucli.changes.baseline import Baseline
 
-Array = NDArray[np.float64]
 RepeatDifferences = Mapping[str, Sequence[float]]
 """By name: the difference from the old model, its error, and the error of the old model."""
 VariancePrior = tuple[float, float]

@@ -10,8 +10,8 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
+from pneucli.arrays import Array
 from pneucli.changes.baseline import baseline_at_fit
 from pneucli.changes.comparison import Comparison, Hypothesis, HypothesisTest
 from pneucli.distributions import chi_square_upper_quantile
@@ -22,7 +22,6 @@ from pneucli.identify.estimation.score_test import score_tests
 from pneucli.identify.residuals import ResidualModel
 from pneucli.physics.declaration import Effect
 
-Array = NDArray[np.float64]
 Hypotheses = tuple[Hypothesis, ...]
 
 MAX_CANDIDATES = 6  # hypotheses in one round

@@ -159,33 +159,19 @@ class AcceptanceResult:
 def acceptance_criteria(requirements: Requirements, controller: Controller) -> list[Criterion]:
     """Return the criteria of the loop: rest and limit cycle always, others as stated."""
     tolerance, push = 2.0 * controller.values["C_HOLDING_BAND"], nominal_load(controller.values)
-    found = [
-        Criterion("tolerance", tolerance, "m", lambda m: m.steady_um / MICROMETRES_PER_METRE),
-        Criterion("no limit cycle", tolerance, "m", lambda m: m.cycle_um / MICROMETRES_PER_METRE),
+    asked: tuple[tuple[str, float | None, str, Callable[[Metrics], float]], ...] = (
+        ("tolerance", tolerance, "m", lambda m: m.steady_um / MICROMETRES_PER_METRE),
+        ("no limit cycle", tolerance, "m", lambda m: m.cycle_um / MICROMETRES_PER_METRE),
+        ("settling_time", requirements.settling_time, "s", lambda m: m.settling_s),
+        ("overshoot", requirements.overshoot, "m", lambda m: m.overshoot_um / MICROMETRES_PER_METRE),
+        ("tracking_error", requirements.tracking_error, "m", lambda m: m.tracking_rms_um / MICROMETRES_PER_METRE),
+        ("stiffness", requirements.stiffness, "N/m", lambda m: push / (m.peak_um / MICROMETRES_PER_METRE)),
+    )
+    return [
+        Criterion(name, limit, unit, figure, at_least=name == "stiffness")
+        for name, limit, unit, figure in asked
+        if limit is not None
     ]
-    if requirements.settling_time is not None:
-        found.append(Criterion("settling_time", requirements.settling_time, "s", lambda m: m.settling_s))
-    if requirements.overshoot is not None:
-        found.append(
-            Criterion("overshoot", requirements.overshoot, "m", lambda m: m.overshoot_um / MICROMETRES_PER_METRE)
-        )
-    if requirements.tracking_error is not None:
-        found.append(
-            Criterion(
-                "tracking_error", requirements.tracking_error, "m", lambda m: m.tracking_rms_um / MICROMETRES_PER_METRE
-            )
-        )
-    if requirements.stiffness is not None:
-        found.append(
-            Criterion(
-                "stiffness",
-                requirements.stiffness,
-                "N/m",
-                lambda m: push / (m.peak_um / MICROMETRES_PER_METRE),
-                at_least=True,
-            )
-        )
-    return found
 
 
 def gas_spring_criteria(requirements: Requirements) -> list[Criterion]:

@@ -15,8 +15,8 @@ from dataclasses import dataclass, replace
 from itertools import product
 
 import numpy as np
-from numpy.typing import NDArray
 
+from pneucli.arrays import Array
 from pneucli.closed_loop.robustness import TOLERANCES, drawn_model
 from pneucli.closed_loop.scenarios import equilibrium_at
 from pneucli.closed_loop.simulation import ClosedLoopSetup, Scenario, simulate
@@ -25,14 +25,12 @@ from pneucli.controller.parameters import Controller, nominal_load
 from pneucli.design.bandwidths import CASCADE_RATIO, pressure_corner
 from pneucli.design.control_laws import DesignData
 from pneucli.design.requirements import Requirements
-from pneucli.executors import map_in_threads, thread_count
+from pneucli.executors.engine import map_in_threads, thread_count
 from pneucli.physics.declaration import Effect, consists_of_times
 from pneucli.physics.effects import catalogue
 from pneucli.simulate import layout as at
 from pneucli.simulate.model import Model
 from pneucli.simulate.rig_quantities import rig_quantities
-
-Array = NDArray[np.float64]
 
 SEARCH_RIGS, PROOF_RIGS = 24, 100  # rigs of the search, and fresh ones of the promise
 LAW_RIGS, LAW_SEARCH_RIGS = 20, 5  # fresh rigs that compare the other laws, and those of their search

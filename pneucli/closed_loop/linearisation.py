@@ -11,8 +11,8 @@ import math
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
+from pneucli.arrays import Array
 from pneucli.closed_loop.scenarios import equilibrium_at
 from pneucli.closed_loop.simulation import ClosedLoopSetup, Run, Scenario, simulate, simulate_open_loop
 from pneucli.controller import layout
@@ -28,7 +28,6 @@ from pneucli.simulate.model import Model
 SINGULAR_VALUE_TOLERANCE = (
     1e-4  # singular values below that share of the largest are the way that the piston makes meanwhile
 )
-Array = NDArray[np.float64]
 
 READINGS = [at.X, at.R1, at.R2]
 RESTARTED_STATES = [at.X, at.V, at.R1, at.R2]  # that begin anew where they are read so

@@ -7,8 +7,8 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
+from pneucli.arrays import Array, Integers
 from pneucli.closed_loop.simulation import ClosedLoopSetup, Run, Scenario, simulate
 from pneucli.controller import layout
 from pneucli.controller.parameters import Controller
@@ -17,8 +17,6 @@ from pneucli.messages.formatting import format_plain
 from pneucli.recording import Recording
 from pneucli.simulate import layout as at
 from pneucli.simulate.model import Model
-
-Array = NDArray[np.float64]
 
 Engine = Callable[[Mapping[str, Array], str], Array]  # signals of a log and how it began -> rows (n, L_ROW)
 
@@ -39,7 +37,7 @@ class ControllerLog:
     """
 
     signals: dict[str, Array]
-    grid_indices: NDArray[np.int64]
+    grid_indices: Integers
 
     def __getitem__(self, name: str) -> Array:
         return self.signals[name]

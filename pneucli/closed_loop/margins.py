@@ -14,12 +14,12 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from pneucli.arrays import Array
 from pneucli.closed_loop.linearisation import LinearisedLoop, linearise, without_nonsmooth_effects
 from pneucli.closed_loop.simulation import ClosedLoopSetup
 from pneucli.controller.parameters import Controller
 from pneucli.simulate.model import Model
 
-Array = NDArray[np.float64]
 Complex = NDArray[np.complex128]
 
 STROKE_FRACTIONS = (0.3, 0.5, 0.7)  # of the stroke

@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, fields
+from dataclasses import dataclass
 from itertools import pairwise
 
 import numpy as np
-from numpy.typing import NDArray
 
+from pneucli.arrays import Array, Mask
 from pneucli.caches import compiled
 from pneucli.closed_loop.simulation import Run
 from pneucli.controller import layout
@@ -28,7 +28,6 @@ OBSERVERS = {
     "load": (layout.L_LOAD, "C_LOAD_STEP_MAX", "C_LOAD_FILTER"),
     "flow": (layout.L_FLOW1, "C_FLOW_STEP_MAX", "C_FLOW_FILTER"),
 }
-Array = NDArray[np.float64]
 
 MICROMETRES_PER_METRE = 1e6
 REST_WINDOW = 0.4  # s at the end of a stretch in which nothing changes, over which rest is judged
@@ -97,20 +96,20 @@ class Metrics:
 
     """
 
-    steady_um: float
-    cycle_um: float
-    tracking_rms_um: float
-    tracking_max_um: float
-    overshoot_um: float
-    rise_s: float
-    settling_s: float
-    recovery_s: float
-    peak_um: float
-    load_error: float
-    switching_hz: float
-    fast_share: float
-    fast_v: float
-    air_kg: float
+    steady_um: float = np.nan
+    cycle_um: float = np.nan
+    tracking_rms_um: float = np.nan
+    tracking_max_um: float = np.nan
+    overshoot_um: float = np.nan
+    rise_s: float = np.nan
+    settling_s: float = np.nan
+    recovery_s: float = np.nan
+    peak_um: float = np.nan
+    load_error: float = np.nan
+    switching_hz: float = np.nan
+    fast_share: float = np.nan
+    fast_v: float = np.nan
+    air_kg: float = np.nan
     pressure_rest_pa: float = np.nan
     pressure_rms_pa: float = np.nan
     pressure_settling_s: float = np.nan
@@ -172,30 +171,29 @@ def _pressure_metrics(run: Run, model: Model, controller: Controller) -> Metrics
     ]
     ends = [slice(r.stop - round(REST_WINDOW / controller.period), r.stop) for r in rests]
     fast, share = _chattering(run.log[:, layout.L_U1], controller.period)
-    nothing = dict.fromkeys((f.name for f in fields(Metrics)), np.nan)
-    figures = {
-        "switching_hz": _switching(run, controller),
-        "fast_share": share,
-        "fast_v": fast,
-        "air_kg": air_consumption(run, model, controller),
-        "pressure_rest_pa": _worst(float(np.max(np.abs(error[e]))) for e in ends),
-        "pressure_rms_pa": float(np.sqrt(np.mean(error**2))),
-        "pressure_settling_s": _worst(_pressure_settling(run, r) for r in rests if r.start > 0),
-        "sliding_flow": _sliding(run, controller)["sliding_flow"],
-    }
-    return Metrics(**(nothing | figures))
+    return Metrics(
+        switching_hz=_switching(run, controller),
+        fast_share=share,
+        fast_v=fast,
+        air_kg=air_consumption(run, model, controller),
+        pressure_rest_pa=_worst(float(np.max(np.abs(error[e]))) for e in ends),
+        pressure_rms_pa=float(np.sqrt(np.mean(error**2))),
+        pressure_settling_s=_worst(_pressure_settling(run, r) for r in rests if r.start > 0),
+        sliding_flow=_sliding(run, controller)["sliding_flow"],
+    )
 
 
 def _pressure_settling(run: Run, segment: slice) -> float:
     """Return the time in s after which a pressure stays in its settling band; infinite: never."""
     reference, p = run.scenario.reference, run.model[segment, at.P1]
     step = abs(reference[segment.start] - reference[segment.start - 1])
-    outside = np.flatnonzero(np.abs(reference[segment] - p) > PRESSURE_SETTLING_BAND * step)
-    if outside.size == 0:
-        return 0.0
-    if outside[-1] == p.size - 1:
-        return np.inf
-    return float(run.time[segment][outside[-1] + 1] - run.time[segment.start])
+    return _settled(run.time[segment], np.abs(reference[segment] - p) > PRESSURE_SETTLING_BAND * step)
+
+
+def _settled(time: Array, outside: Mask) -> float:
+    """Return the time in s after which a signal stays inside; infinite: never."""
+    off = np.flatnonzero(outside)
+    return 0.0 if off.size == 0 else np.inf if off[-1] == time.size - 1 else float(time[off[-1] + 1] - time[0])
 
 
 def _switching(run: Run, controller: Controller) -> float:
@@ -209,7 +207,7 @@ def _worst(values: object) -> float:
     return max(values, default=float("nan"))  # type: ignore[call-overload,no-any-return]
 
 
-def _constant_segments(run: Run, moving: NDArray[np.bool_]) -> list[slice]:
+def _constant_segments(run: Run, moving: Mask) -> list[slice]:
     """Return the segments with constant reference, load and supply."""
     s = run.scenario
     change = moving.copy()
@@ -232,9 +230,7 @@ def _step_response(time: Array, x: Array, reference: Array) -> tuple[float, floa
 
 def _recovery(time: Array, error: Array) -> tuple[float, float]:
     """Return the time in s after which the error stays within 50 um (infinite: never), and its peak in m."""
-    off = np.flatnonzero(np.abs(error) > SETTLING_BAND)
-    late = 0.0 if off.size == 0 else np.inf if off[-1] == time.size - 1 else time[off[-1] + 1] - time[0]
-    return float(late), float(np.max(np.abs(error)))
+    return _settled(time, np.abs(error) > SETTLING_BAND), float(np.max(np.abs(error)))
 
 
 def _load_error(run: Run, ends: list[slice]) -> float:

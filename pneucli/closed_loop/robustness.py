@@ -18,15 +18,14 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from pneucli.closed_loop.metrics import Metrics, evaluate_run
 from pneucli.closed_loop.simulation import ClosedLoopSetup, Scenario, simulate
 from pneucli.controller.codegen import controller_source
 from pneucli.controller.parameters import Controller
 from pneucli.errors import InputError, did_you_mean
-from pneucli.executors import Engine, run_jobs
-from pneucli.io.artifacts import atomic_path
+from pneucli.executors.engine import Engine, run_jobs
+from pneucli.io.artifacts import write_text
 from pneucli.physics.declaration import Effect
 from pneucli.physics.effects import catalogue_with_sides
 from pneucli.quantities import Z95
@@ -34,8 +33,6 @@ from pneucli.simulate.build import source
 from pneucli.simulate.layout import BASE_NAMES
 from pneucli.simulate.model import Model
 from pneucli.simulate.rig_quantities import rig_quantities
-
-Array = NDArray[np.float64]
 
 CHUNK_SIZE = 16  # runs
 TOLERANCES = {  # 1 sigma, relative: weighing, measuring drawings, a regulator's setting
@@ -210,8 +207,7 @@ def run_study(
     for done, outcome in enumerate(run_jobs(engine, partial(run_chunk, study), missing), before + 1):
         if outcome.error is not None:
             raise outcome.error
-        with atomic_path(paths[outcome.job]) as temporary:
-            temporary.write_text(json.dumps(outcome.result), encoding="utf-8")
+        write_text(paths[outcome.job], json.dumps(outcome.result))
         progress(f"{done} of {len(first)} chunks", done / len(first))
     return [row for k in first for row in json.loads(paths[k].read_text(encoding="utf-8"))]
 

@@ -6,8 +6,8 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from pneucli.arrays import Array
 from pneucli.closed_loop.simulation import Scenario
 from pneucli.controller.parameters import Controller, nominal_load
 from pneucli.design.reference_limits import chamber_2_pressure
@@ -15,7 +15,6 @@ from pneucli.errors import InputError, UnitError, did_you_mean
 from pneucli.messages.formatting import format_plain
 from pneucli.units import parse_quantity
 
-Array = NDArray[np.float64]
 Recorded = Mapping[str, tuple[Array, Array]]
 PRESSURE_SUFFIX = ", pressure"  # behind a recording's name: what was asked of its pressure
 

@@ -7,8 +7,8 @@ from dataclasses import dataclass, field, replace
 from functools import cache
 
 import numpy as np
-from numpy.typing import NDArray
 
+from pneucli.arrays import Array
 from pneucli.controller import layout
 from pneucli.controller.codegen import controller_source
 from pneucli.controller.laws import LAWS
@@ -20,8 +20,6 @@ from pneucli.simulate.build import Kernel, build
 from pneucli.simulate.kernel_settings import max_motion_step
 from pneucli.simulate.model import Model
 from pneucli.simulate.run import read_only
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True)

@@ -5,15 +5,13 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 
+from pneucli.arrays import Array, Mask
 from pneucli.compare.channel_errors import Comparison
 from pneucli.compare.error_regions import locator_signals
 from pneucli.messages.compare import BeyondFitted
 from pneucli.quantities import SIGNALS
 from pneucli.simulate.experiment import Experiment
-
-Array = NDArray[np.float64]
 
 EXTRAPOLATED_SIGNALS = ("u", "v", "p1", "p2")
 MIN_DISTANCE = 0.05  # of the fitted range, beyond it: so far a smooth law may be continued
@@ -72,7 +70,7 @@ def _fitted_ranges(experiments: Sequence[Experiment]) -> dict[str, tuple[float, 
     return {name: (float(low), float(high)) for name, (low, high) in ends.items() if high > low}
 
 
-def _samples_beyond(e: Experiment, ranges: Mapping[str, tuple[float, float]]) -> dict[str, NDArray[np.bool_]]:
+def _samples_beyond(e: Experiment, ranges: Mapping[str, tuple[float, float]]) -> dict[str, Mask]:
     """Return by signal the samples (n,) beyond its range, and those after them up to the next restart."""
     signals, found = locator_signals(e), {}
     for name in ranges.keys() & signals.keys():
@@ -85,9 +83,7 @@ def _samples_beyond(e: Experiment, ranges: Mapping[str, tuple[float, float]]) ->
     return found
 
 
-def _described(
-    comparison: Comparison, name: str, fitted: tuple[float, float], samples: NDArray[np.bool_]
-) -> BeyondFitted:
+def _described(comparison: Comparison, name: str, fitted: tuple[float, float], samples: Mask) -> BeyondFitted:
     values = locator_signals(comparison.experiment)[name]
     (low, high), reached = fitted, (float(np.nanmin(values)), float(np.nanmax(values)))
     end, to = (low, reached[0]) if low - reached[0] > reached[1] - high else (high, reached[1])

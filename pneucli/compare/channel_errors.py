@@ -7,8 +7,8 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
-from numpy.typing import NDArray
 
+from pneucli.arrays import Array
 from pneucli.compare.expected_error import MOTION_CHANNELS, expected_rms
 from pneucli.messages.compare import ChannelResult, Purpose, ToleranceUse
 from pneucli.quantities import SIGNALS
@@ -19,9 +19,6 @@ from pneucli.simulate.model import Model
 from pneucli.simulate.outputs import simulate_outputs
 
 DEFAULT_SHARE = 0.05  # of the measured range: a fit of 95 %, which control engineers take for a good one
-
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True)

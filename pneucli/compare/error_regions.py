@@ -6,15 +6,13 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
+from pneucli.arrays import Array, Mask
 from pneucli.compare.channel_errors import Comparison
 from pneucli.messages.compare import ChannelResult, Region
 from pneucli.quantities import RESIDUAL_VARIABLES, SIGNALS
 from pneucli.simulate import layout as at
 from pneucli.simulate.experiment import Experiment
-
-Array = NDArray[np.float64]
 
 LOCATOR_BINS = 20
 MIN_CONCENTRATION = 2.0  # times its share of the samples
@@ -27,7 +25,7 @@ class _RegionSamples:
     """A region with its samples (n,), the channel's squared error (n,), and its weight."""
 
     region: Region
-    inside: NDArray[np.bool_]
+    inside: Mask
     squared: Array
     weight: float
 

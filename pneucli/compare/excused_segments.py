@@ -12,11 +12,10 @@ from collections.abc import Mapping, Sequence
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from pneucli.arrays import Array, Mask
 from pneucli.compare.expected_error import MOTION_CHANNELS, TAIL, ExpectedError
 
-Array = NDArray[np.float64]
 SegmentSquares = Mapping[str, Array]  # by channel, the part of each segment in the mean square error, SI
 
 
@@ -47,7 +46,7 @@ def most_by_chance(observed: int, drawn: int, tail: float = TAIL) -> int:
     return count
 
 
-def excused_segments(observed: Sequence[SegmentSquares], expected: Sequence[ExpectedError]) -> list[NDArray[np.bool_]]:
+def excused_segments(observed: Sequence[SegmentSquares], expected: Sequence[ExpectedError]) -> list[Mask]:
     """Return, for each recording, the segments (S,) whose motion tells nothing of the model.
 
     They are those that start at an unknown velocity, and those that err more than any drawn one, as chance may have it.
@@ -83,14 +82,14 @@ def excused_error(
     return Excused(squares, int(sum(map(np.count_nonzero, segments))))
 
 
-def _excess(squares: Array, excused: NDArray[np.bool_]) -> float:
+def _excess(squares: Array, excused: Mask) -> float:
     those = np.broadcast_to(excused, squares.shape)
     if not those.any() or those.all():
         return 0.0
     return max(float(np.sum(squares[those]) - np.mean(squares[~those]) * np.count_nonzero(those)), 0.0)
 
 
-def _beyond_population(squares: SegmentSquares, expected: ExpectedError) -> NDArray[np.bool_]:
+def _beyond_population(squares: SegmentSquares, expected: ExpectedError) -> Mask:
     """Return the segments (S,) whose motion errs more than that of all segments of a correct model."""
     channels = _motion_channels(squares, expected)
     if not channels:

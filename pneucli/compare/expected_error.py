@@ -10,8 +10,8 @@ from collections.abc import Callable, Sequence
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from pneucli.arrays import Array, Mask
 from pneucli.distributions import chi_square_tail, chi_square_upper_quantile
 from pneucli.simulate.experiment import Experiment
 from pneucli.simulate.model import Model
@@ -72,8 +72,6 @@ class ErrorDistribution(NamedTuple):
         return ErrorDistribution(self.mean, self.variance + (2.0 * error * self.mean) ** 2)
 
 
-Array = NDArray[np.float64]
-
 NOISE_DRAWS = 6
 MOTION_CHANNELS = ("x", "v", "a")
 
@@ -91,7 +89,7 @@ class ExpectedError(NamedTuple):
     rms: dict[str, float]
     squares: dict[str, Array]
     population: dict[str, Array] = {}  # noqa: RUF012 - a tuple has no default factory
-    undetermined: NDArray[np.bool_] = np.zeros(1, dtype=bool)
+    undetermined: Mask = np.zeros(1, dtype=bool)
     noise_error: dict[str, float] = {}  # noqa: RUF012 - a tuple has no default factory
 
     def relative_squares(self, channel: str) -> Array:

@@ -10,11 +10,9 @@ from collections.abc import Iterator, Sequence
 from itertools import takewhile
 
 import numpy as np
-from numpy.typing import NDArray
 
+from pneucli.arrays import Array
 from pneucli.recording import Recording
-
-Array = NDArray[np.float64]
 
 MIN_HORIZON = 0.5  # s, in which the readings of most axes and valve tests change by most of their range
 MIN_HORIZON_SAMPLES = 5  # samples within a horizon

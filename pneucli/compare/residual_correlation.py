@@ -13,12 +13,10 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from pneucli.arrays import Array, Integers
 from pneucli.compare.channel_errors import Comparison
 from pneucli.quantities import Z95
-
-Array = NDArray[np.float64]
 
 MAX_LAGS = 100  # lags up to the horizon
 NON_INPUT_SIGNALS = ("x_ref", "p_ref", "flow", "temperature")  # recorded, but no input of the model
@@ -104,7 +102,7 @@ def confidence_bound(own: Array, other: Array) -> float:
     return float(Z95 * np.sqrt(max(float(np.sum(taper * own * other)), 1.0) / n))
 
 
-def _lags(max_lag: float, period: float, samples: int) -> NDArray[np.int64]:
+def _lags(max_lag: float, period: float, samples: int) -> Integers:
     max_samples = min(round(max_lag / period), samples // 4)
     return (
         np.unique(np.linspace(-max_samples, max_samples, 2 * MAX_LAGS + 1).round()).astype(np.int64)
@@ -133,5 +131,5 @@ def _cross_correlation(first: Array, second: Array) -> Array:
     return np.concatenate([full[length - n + 1 :], full[:n]])
 
 
-def _at_lags(full: Array, lags: NDArray[np.int64]) -> Array:
+def _at_lags(full: Array, lags: Integers) -> Array:
     return np.asarray(full[full.size // 2 + lags])

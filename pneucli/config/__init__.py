@@ -3,7 +3,7 @@
 from pneucli.config.fleet_file import FleetConfig, load_fleet
 from pneucli.config.load import join_faults, keys_at, line_of, load, load_description, validate
 from pneucli.config.pipeline_tables import PipelineConfig, RecordingTable
-from pneucli.config.recording_sources import RecordingSource, plugin_files, raw_files, recording_sources
+from pneucli.config.recording_sources import RecordingSource, plugin_files, recording_sources
 from pneucli.config.signal_tables import SignalTable, TextTable, WhereTable
 from pneucli.config.stage_tables import CheckTable, ParameterTable
 
@@ -24,7 +24,6 @@ __all__ = [
     "load_description",
     "load_fleet",
     "plugin_files",
-    "raw_files",
     "recording_sources",
     "validate",
 ]

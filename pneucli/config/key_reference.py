@@ -142,15 +142,11 @@ def _keys_of_stages() -> Iterator[tuple[str, str, str, str, tuple[str, ...]]]:
     from pneucli.design import requirements as design  # noqa: PLC0415 - they bring scipy
     from pneucli.simulate import open_loop  # noqa: PLC0415
 
-    choices: dict[str, tuple[str, ...]] = {
-        "chamber_2": ("closed", "open", "valve"),
-        "surface": ("poles", "lq"),
-        "relay": ("implicit", "switching"),
-        "controller": tuple(LAWS),
-    }
+    choices = design.CHOICES | {"controller": tuple(LAWS)}
     for one in fields(design.Requirements):
         default = "" if one.default is None else _toml(one.default)
-        yield "design", one.name, design.UNITS.get(one.name, ""), default, _quoted(choices.get(one.name, ()))
+        words = tuple(word for word in choices.get(one.name, ()) if isinstance(word, str))
+        yield "design", one.name, design.UNITS.get(one.name, ""), default, _quoted(words)
     for name in open_loop.KEYS:
         unit = "V" if name == "values" else open_loop.UNITS.get(name, "")
         yield OPEN_LOOP, name, unit, "", _quoted(open_loop.CHOICES.get(name, ()))

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
@@ -13,7 +14,6 @@ from pydantic import (
 )
 
 from pneucli.arrangements import ArrangementName
-from pneucli.config.plant_words import in_words_of_the_bench
 from pneucli.config.rig_table import RigTable
 from pneucli.config.signal_tables import SignalName, SignalsTable, TextTable, parse_calibration
 from pneucli.config.stage_tables import CheckTable, CompareTable, IdentifyTable, ModelTable, PlanTable
@@ -32,10 +32,57 @@ from pneucli.config.value_types import (
     Velocity,
     Voltage,
 )
+from pneucli.errors import UnitError
 from pneucli.experiments import EXPERIMENT_KINDS
 from pneucli.experiments import ExperimentName as Experiment
 from pneucli.quantities import ROTARY_UNITS, SIGNALS
 from pneucli.recording import Calibration, Rig, Use
+from pneucli.units import parse_quantity
+
+PERCENT = "%"
+
+
+def in_words_of_the_bench(document: Any) -> Any:
+    """Return the tables of a pipeline file in which chamber 2 and travel are stated as on a bench.
+
+    ``[rig.cylinder] chamber_2 = "ambient"`` is ``chamber_2 = "open"`` of every recording that says nothing else, and
+    ``unit = "%"`` of a position is a share of the stroke. What is at fault is left to the checks that follow.
+    """
+    cylinder = _table(_table(document, "rig"), "cylinder")
+    changed = dict(document) if isinstance(document, Mapping) else document
+    if cylinder.get("chamber_2") == "ambient" and isinstance(changed.get("recordings"), list):
+        changed["recordings"] = [_opened(one) for one in changed["recordings"]]
+    if (stroke := _stroke(cylinder)) is not None and isinstance(changed.get("signals"), Mapping):
+        changed["signals"] = _in_metres(changed["signals"], stroke)
+    return changed
+
+
+def _table(document: Any, key: str) -> Mapping[str, Any]:
+    found = document.get(key) if isinstance(document, Mapping) else None
+    return found if isinstance(found, Mapping) else {}
+
+
+def _opened(recording: Any) -> Any:
+    moves = isinstance(recording, Mapping) and recording.get("experiment") in ("axis", "closed-loop")
+    return {"chamber_2": "open", **recording} if moves else recording
+
+
+def _stroke(cylinder: Mapping[str, Any]) -> float | None:
+    try:
+        return parse_quantity(cylinder["stroke"], "m")
+    except (KeyError, UnitError):
+        return None
+
+
+def _in_metres(signals: Mapping[str, Any], stroke: float) -> dict[str, Any]:
+    def metres(name: str, one: Any) -> Any:
+        if name not in ("x", "x_ref") or not isinstance(one, Mapping) or one.get("unit") != PERCENT:
+            return one
+        share = stroke / 100.0
+        counted = {key: one.get(key, plain) for key, plain in (("scale", 1.0), ("offset", 0.0))}
+        return {**one, "unit": "m"} | {k: v * share if isinstance(v, int | float) else v for k, v in counted.items()}
+
+    return {name: metres(name, one) for name, one in signals.items()}
 
 
 class PipelineTable(Table):

@@ -73,11 +73,6 @@ def plugin_files(config: PipelineConfig) -> list[Path]:
     return [path for plugin in config.model.plugins for path in paths.matching_files_or_path(plugin, folder, where)]
 
 
-def raw_files(config: PipelineConfig) -> list[Path]:
-    """Return the raw files that the pipeline reads, each once."""
-    return list(dict.fromkeys(path for source in recording_sources(config) for path in source.paths))
-
-
 def _sources_of(config: PipelineConfig, index: int, text: str) -> list[RecordingSource]:
     table = config.recordings[index]
     where = f"{config.path}, line {line_of(text, ('recordings', index, 'file'))}, recording {index + 1}"

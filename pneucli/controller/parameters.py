@@ -7,11 +7,10 @@ from collections.abc import Mapping
 from dataclasses import asdict, dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
+from pneucli.arrays import Array
 from pneucli.controller.layout import PARAMETERS, STROKE_NODES, STROKE_TABLES
 
-Array = NDArray[np.float64]
 TABLE_MARKER = "C_TABLE"
 
 

@@ -11,12 +11,11 @@ from collections.abc import Mapping
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from pneucli.arrays import Array
 from pneucli.controller.layout import OPEN_CHAMBER_VOLUME
 from pneucli.design.requirements import Requirements
 
-Array = NDArray[np.float64]
 Values = Mapping[str, float]
 
 STROKE_FRACTIONS = np.linspace(0.2, 0.8, 25)  # of the stroke

@@ -14,15 +14,10 @@ import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 
-import numpy as np
-from numpy.typing import NDArray
-
 from pneucli.controller.layout import DELAY_LINE_SAMPLES
 from pneucli.design import effect_compensation
 from pneucli.design.requirements import Requirements
 from pneucli.simulate.model import Model
-
-Array = NDArray[np.float64]
 
 SPOOL_LEAD = 5.0  # lag of the spool over its lag with lead compensation
 UNMODELLED_DELAY = 2e-3  # s: delay of a valve that no model has; most loops tolerate 5 ms and presliding in addition

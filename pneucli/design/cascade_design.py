@@ -11,7 +11,6 @@ from collections.abc import Mapping, Sequence
 from functools import partial
 
 import numpy as np
-from numpy.typing import NDArray
 
 from pneucli.controller.layout import COMPONENT_SWITCHES, OPEN_CHAMBER_VOLUME, STROKE_NODES, TABLE_NODES
 from pneucli.controller.parameters import Controller
@@ -35,7 +34,6 @@ MAX_DEADBAND_GAIN = 10.0  # largest dead band over the holding band
 PRESSURE_MARGIN = (
     0.01  # of ambient and supply pressure, by which references keep off: what a pressure sensor may be wrong
 )
-Array = NDArray[np.float64]
 
 
 def _presliding_distance(values: Mapping[str, float], stiffness: float) -> float:

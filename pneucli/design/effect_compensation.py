@@ -10,13 +10,11 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from pneucli.arrays import Array
 from pneucli.controller.layout import STROKE_NODES
 from pneucli.physics.gas import orifice_flow
 from pneucli.simulate.model import Model
-
-Array = NDArray[np.float64]
 
 MAX_SPEED = 1e3  # m/s, by which friction has fallen
 SETTLING_STEPS = 400  # steps of the valve's answer to a step of the command

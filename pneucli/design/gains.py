@@ -11,7 +11,8 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
-from pneucli.design.bandwidths import Array, Bandwidths, Timing
+from pneucli.arrays import Array
+from pneucli.design.bandwidths import Bandwidths, Timing
 from pneucli.design.requirements import Requirements
 
 LOAD_OBSERVER_RATIO = 0.5  # corner of the load estimate over that of the pressure loop

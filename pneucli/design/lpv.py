@@ -11,8 +11,8 @@ from dataclasses import dataclass
 from typing import get_args
 
 import numpy as np
-from numpy.typing import NDArray
 
+from pneucli.arrays import Array
 from pneucli.design.pdc import Pdc, design_pdc
 from pneucli.design.reference_limits import WORKING_PRESSURES, chamber_2_pressure
 from pneucli.errors import InputError
@@ -20,8 +20,6 @@ from pneucli.physics.gas import PSI_MAX
 from pneucli.physics.vectorised import stribeck_friction
 from pneucli.tp import TPModel, sample, transform
 from pneucli.tp.weights import WeightType
-
-Array = NDArray[np.float64]
 
 GRID_SHAPE = (201, 41)  # speeds, positions
 SIMULATION_STEP = 2e-4  # s, of the simulation that checks a design

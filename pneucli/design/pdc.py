@@ -17,9 +17,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from pneucli.arrays import Array
 from pneucli.errors import InputError
-
-Array = NDArray[np.float64]
 
 LMI_MARGIN = 1e-6  # of the normalised LMIs, below which an inequality counts as an equality
 RATE_TOLERANCE = 5e-3  # of the decay rate

@@ -11,13 +11,12 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 
 import numpy as np
-from numpy.typing import NDArray
 
+from pneucli.arrays import Array
 from pneucli.design.bandwidths import Bandwidths
 from pneucli.design.requirements import Requirements
 from pneucli.physics.vectorised import flow_functions
 
-Array = NDArray[np.float64]
 RestoringForce = Callable[[Array], Array]
 
 WORKING_PRESSURES = (1.3, 0.85)  # of ambient and supply pressure: between them the valve has flow to spare both ways

@@ -5,35 +5,13 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, fields
-from typing import Any, Literal
+from typing import Annotated, Any, Literal, get_args, get_origin, get_type_hints
 
 from pneucli.controller.laws import find_law
 from pneucli.errors import InputError, UnitError, did_you_mean
 from pneucli.messages.formatting import format_plain
 from pneucli.units import parse_quantity
 
-UNITS = {
-    "period": "s",
-    "tolerance": "m",
-    "settling_time": "s",
-    "overshoot": "m",
-    "tracking_error": "m",
-    "stiffness": "N/m",
-    "pressure_level": "Pa",
-    "air_stiffness": "N/m",
-    "pressure_bandwidth": "1/s",
-    "position_bandwidth": "1/s",
-    "damping": "1",
-    "sector_ratio": "1",
-    "max_speed": "m/s",
-    "max_acceleration": "m/s^2",
-    "noise_x": "m",
-    "quantum_x": "m",
-    "noise_p": "Pa",
-    "delay": "s",
-    "switching_gain": "1",
-    "eta": "s/m",
-}
 PERIOD_RANGE = (1e-5, 1.0)  # s, of a controller
 
 
@@ -63,35 +41,44 @@ class Requirements:
     the friction a22(v) (7.5, 7.6).
     """
 
-    period: float = 1e-3
-    tolerance: float | None = None
-    pressure_bandwidth: float | None = None
-    position_bandwidth: float | None = None
-    damping: float = 1.0
-    sector_ratio: float = 2.0
-    max_speed: float | None = None
-    max_acceleration: float | None = None
-    noise_x: float = 0.0
-    quantum_x: float = 0.0
-    noise_p: float = 0.0
-    delay: float = 0.0
+    period: Annotated[float, "s"] = 1e-3
+    tolerance: Annotated[float | None, "m"] = None
+    pressure_bandwidth: Annotated[float | None, "1/s"] = None
+    position_bandwidth: Annotated[float | None, "1/s"] = None
+    damping: Annotated[float, "1"] = 1.0
+    sector_ratio: Annotated[float, "1"] = 2.0
+    max_speed: Annotated[float | None, "m/s"] = None
+    max_acceleration: Annotated[float | None, "m/s^2"] = None
+    noise_x: Annotated[float, "m"] = 0.0
+    quantum_x: Annotated[float, "m"] = 0.0
+    noise_p: Annotated[float, "Pa"] = 0.0
+    delay: Annotated[float, "s"] = 0.0
     chamber_2: Literal["closed", "open", "valve"] = "closed"
     controller: str = "best"
     surface: Literal["poles", "lq"] = "poles"
     surface_weights: tuple[float, float] | None = None
     equivalent_control: bool = True
-    switching_gain: float = 1.5
-    eta: float | None = None
+    switching_gain: Annotated[float, "1"] = 1.5
+    eta: Annotated[float | None, "s/m"] = None
     relay: Literal["implicit", "switching"] = "implicit"
     friction_in_observer: bool = False
-    settling_time: float | None = None
-    overshoot: float | None = None
-    tracking_error: float | None = None
-    stiffness: float | None = None
+    settling_time: Annotated[float | None, "s"] = None
+    overshoot: Annotated[float | None, "m"] = None
+    tracking_error: Annotated[float | None, "m"] = None
+    stiffness: Annotated[float | None, "N/m"] = None
     strict: bool = False
-    pressure_level: float | None = None
-    air_stiffness: float | None = None
+    pressure_level: Annotated[float | None, "Pa"] = None
+    air_stiffness: Annotated[float | None, "N/m"] = None
     gains: Literal["rules", "ensemble"] = "rules"
+
+
+_HINTS = get_type_hints(Requirements, include_extras=True)
+UNITS: dict[str, str] = {name: get_args(hint)[1] for name, hint in _HINTS.items() if get_origin(hint) is Annotated}
+CHOICES: dict[str, tuple[Any, ...]] = {
+    name: (True, False) if hint is bool else get_args(hint)
+    for name, hint in _HINTS.items()
+    if hint is bool or get_origin(hint) is Literal
+}
 
 
 def read_requirements(table: Mapping[str, Any], where: str, **known: Any) -> Requirements:
@@ -171,13 +158,7 @@ def _law(value: Any, where: str) -> str:
 
 
 VALUE_READERS: dict[str, Callable[[Any, str], Any]] = {
-    "chamber_2": _one_of("closed", "open", "valve"),
-    "gains": _one_of("rules", "ensemble"),
-    "surface": _one_of("poles", "lq"),
-    "relay": _one_of("implicit", "switching"),
-    "friction_in_observer": _one_of(True, False),
-    "equivalent_control": _one_of(True, False),
-    "strict": _one_of(True, False),
+    **{name: _one_of(*choices) for name, choices in CHOICES.items()},
     "surface_weights": _weights,
     "controller": _law,
 }

@@ -14,9 +14,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import solve_continuous_are
 
+from pneucli.arrays import Array
 from pneucli.errors import InputError
-
-Array = NDArray[np.float64]
 
 ROUNDING_TOLERANCE = 1e-9
 
@@ -125,27 +124,6 @@ def unmatched_disturbances(system: LinearSystem) -> dict[str, list[str]]:
         if where:
             found[name] = where
     return found
-
-
-def require_matching(system: LinearSystem, where: str) -> None:
-    """Refuse a system that violates the matching condition.
-
-    Args:
-        system: The linear system.
-        where: What the error names as its place.
-
-    Raises:
-        InputError: A disturbance is unmatched; the error names the states on which it acts, and the remedy.
-    """
-    broken = unmatched_disturbances(system)
-    if broken:
-        words = "; ".join(
-            f"{name} acts on {' and '.join(states)}, where no input does" for name, states in broken.items()
-        )
-        raise InputError(
-            where, f"the matching condition does not hold: {words}", "disturbances in the span of the inputs",
-            "control it as a cascade of subsystems that each satisfy it (thesis 7.1)", code="E090"
-        )  # fmt: skip
 
 
 def regular_form(A: Array, B: Array) -> RegularForm:

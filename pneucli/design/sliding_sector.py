@@ -17,12 +17,11 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from pneucli.arrays import Array
 from pneucli.errors import InputError
 from pneucli.messages.formatting import format_plain, format_quantity
-
-Array = NDArray[np.float64]
 
 MAX_SLOPE_PER_SAMPLE = 0.2  # lambda T: a sampled controller overshoots a line by less than this share of its error
 

@@ -168,10 +168,7 @@ def write_exam(
 
     """
     each = [parse(text) for text in conditions]
-    if directory.exists() and any(directory.iterdir()):
-        raise InputError(
-            str(directory), "the folder is not empty", "a new folder for the exam", "choose another name", code="E006"
-        )
+    require_empty(directory)
     asked = {"cases": cases, "nulls": nulls, "size": size, "seed": seed, "conditions": list(conditions)}
     seal(directory, EXAM_FILE, asked | dict(about or {"seed_from": "given"}))
     plan = [planned for one in each for planned in plan_cases(cases, nulls, one, seed)]
@@ -183,6 +180,13 @@ def write_exam(
         )
         seal(directory, f"{name}.json", truth)
     return names
+
+
+def require_empty(directory: Path) -> None:
+    """Raise InputError where the folder of a new exam holds something."""
+    if directory.exists() and any(directory.iterdir()):
+        mend = "choose another name"
+        raise InputError(str(directory), "the folder is not empty", "a new folder for the exam", mend, code="E006")
 
 
 def seal(directory: Path, name: str, content: Mapping[str, Any]) -> None:

@@ -8,15 +8,15 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from pneucli.arrays import Array
 from pneucli.errors import InputError
 from pneucli.exam import like
 from pneucli.exam.cases import EXAM_FILE, SEALED_FOLDER
 from pneucli.exam.grading import graded_cases
 from pneucli.exam.rig.parameters import FIVE_THREE, ONE_CHAMBER, TWO_VALVES, Parameters
 from pneucli.exam.rig.sensors import Sensors
-from pneucli.io.artifacts import atomic_path
+from pneucli.io.artifacts import write_text
 from pneucli.pipeline.context import NO_PROGRESS, Context, Progress
 from pneucli.pipeline.manifest import program_digest
 from pneucli.pipeline.runner import open_pipeline
@@ -29,7 +29,6 @@ from pneucli.stages.pipeline_file import load_pipeline_file
 
 VALVE_ARRANGEMENTS = {"one-chamber": ONE_CHAMBER, "5/3": FIVE_THREE, "two": TWO_VALVES}
 RESULT_PAGE, RESULT_FILE = "like.md", "like.json"
-Array = NDArray[np.float64]
 
 
 def write(
@@ -75,16 +74,16 @@ def exam_rig(study: PipelineData, model: Model) -> like.UserRig:
         )
     recordings = study.recordings
     return like.UserRig(
+        "",  # each case has a name of its own
         _parameters(study, model),
         _sensors(recordings),
-        tuple(_exam_recording(r, study.rig) for r in recordings),
         vessel_volume=study.rig.vessel_volume if any(r.kind.vessel for r in recordings) else None,
         has_cylinder=any(r.kind.cylinder for r in recordings),
         supply_recorded=any("p_supply" in r for r in recordings),
         linear_valve=study.valve == "linear",
-        effects=(),
         stated_null=f"{study.rig.valve_null:g} V" if study.rig.valve_null else None,
         absent_signals=frozenset({"a"} if not any("a" in r for r in recordings) else ()),
+        recordings=tuple(_exam_recording(r, study.rig) for r in recordings),
     )
 
 
@@ -187,6 +186,5 @@ def write_result(directory: Path, answers: Path) -> dict[str, Any] | None:
         (RESULT_PAGE, like.to_markdown(found, asked["sizes"])),
         (RESULT_FILE, json.dumps(found, indent=1) + "\n"),
     ):
-        with atomic_path(answers / name) as path:
-            path.write_text(text, encoding="utf-8")
+        write_text(answers / name, text)
     return found

@@ -131,13 +131,13 @@ def _counts(graded: Sequence[GradedCase]) -> dict[str, Any]:
             "unknown flagged": _share_correct(disturbed, lambda g: g.verdict == "unexplained"),
             "unknown wrongly named": _share_correct(disturbed, lambda g: bool(g.missing)),
             "inconclusive": _share_correct(graded, lambda g: g.verdict == "inconclusive"),
-            "parameters within 15 %": _proportion(sum(accurate), len(accurate)),
-            "intervals that hold the truth": _proportion(sum(covered), len(covered)),
-            "stated effects: parameters within 15 %": _proportion(sum(stated), len(stated)),
-            "stated effects: intervals that hold the truth": _proportion(sum(stated_covered), len(stated_covered)),
+            "parameters within 15 %": proportion(sum(accurate), len(accurate)),
+            "intervals that hold the truth": proportion(sum(covered), len(covered)),
+            "stated effects: parameters within 15 %": proportion(sum(stated), len(stated)),
+            "stated effects: intervals that hold the truth": proportion(sum(stated_covered), len(stated_covered)),
             "told that the command sets no area": _share_correct(without_area, lambda g: g.is_source_recognised),
-            "named with 0.9 or more, and true": _proportion(sum(confident_namings), len(confident_namings)),
-            "true effects named with 0.9 or more": _proportion(sum(confident_detections), len(confident_detections)),
+            "named with 0.9 or more, and true": proportion(sum(confident_namings), len(confident_namings)),
+            "true effects named with 0.9 or more": proportion(sum(confident_detections), len(confident_detections)),
             "unknown flagged in its subsystem, over its signal": _share_correct(
                 disturbed, lambda g: g.verdict_is_correct
             ),
@@ -192,10 +192,11 @@ def _run_times(graded: Sequence[GradedCase]) -> dict[str, Any] | None:
 
 
 def _share_correct(cases: Sequence[GradedCase], is_right: Callable[[GradedCase], bool]) -> dict[str, Any]:
-    return _proportion(sum(is_right(case) for case in cases), len(cases))
+    return proportion(sum(is_right(case) for case in cases), len(cases))
 
 
-def _proportion(right: int, of: int) -> dict[str, Any]:
+def proportion(right: int, of: int) -> dict[str, Any]:
+    """Return a share with its exact 95 % interval; None for both of no cases."""
     if not of:
         return {"right": 0, "of": 0, "share": None, "ci95": None}
     interval = binomtest(right, of).proportion_ci(0.95, method="exact")

@@ -11,8 +11,8 @@ from typing import Literal
 
 import numpy as np
 
+from pneucli.arrays import Array
 from pneucli.exam.rig.imposed_motion import MotionMachine, simulate_imposed_motion
-from pneucli.exam.rig.kernel import Array
 from pneucli.exam.rig.parameters import FIVE_THREE, ONE_CHAMBER, TWO_VALVES, Parameters
 from pneucli.exam.rig.sensors import Sensors, measure
 from pneucli.exam.rig.simulation import Excitation, command_stamps, simulate_rig
@@ -130,12 +130,7 @@ class Laboratory:
     command_cycle: int = 1
     supply_start: float | None = None
 
-    @property
-    def valve_test_rig(self) -> Parameters:
-        """The rig of the valve test of chamber 1: its valve on the vessel."""
-        return self.valve_test_rig_of(1)
-
-    def valve_test_rig_of(self, chamber: Literal[1, 2]) -> Parameters:
+    def valve_test_rig(self, chamber: Literal[1, 2] = 1) -> Parameters:
         """Return the rig of a valve test: this valve, supply and sensors on the vessel, no leak of the cylinder."""
         par = self.parameters._replace(piston_area_1=0.0, piston_area_2=0.0, dead_volume_1=self.vessel_volume or 0.0)
         par = par._replace(dead_volume_added=0.0, piston_leak_area=0.0, load_mass=0.0, arrangement=ONE_CHAMBER)
@@ -177,7 +172,7 @@ class Laboratory:
 
     def _rig_of(self, take: RecordingPlan) -> Parameters:
         if take.experiment == "valve":
-            return self.valve_test_rig_of(take.chamber)
+            return self.valve_test_rig(take.chamber)
         par = self.parameters
         force, mass = par.constant_force - take.weight, par.mass + abs(take.weight) / GRAVITY
         return par._replace(constant_force=force, mass=mass) if take.weight else par

@@ -13,18 +13,16 @@ from pathlib import Path
 from typing import Any, Literal
 
 import numpy as np
-from scipy.stats import binomtest
 
-from pneucli.errors import InputError
-from pneucli.exam.cases import EXAM_FILE, seal
+from pneucli.arrays import Array
+from pneucli.exam.cases import EXAM_FILE, require_empty, seal
 from pneucli.exam.conditions import Kind
 from pneucli.exam.graded_case import GradedCase
+from pneucli.exam.grading import proportion
 from pneucli.exam.hidden_effects import CATALOGUE, HiddenEffect
 from pneucli.exam.laboratory import Laboratory, RecordingPlan
 from pneucli.exam.rig.excitations import closed_loop
-from pneucli.exam.rig.kernel import Array
 from pneucli.exam.rig.parameters import Parameters
-from pneucli.exam.rig.sensors import Sensors
 from pneucli.exam.rig.simulation import LOOP_PERIOD, Excitation
 from pneucli.exam.rig_scaling import DIMENSIONS, RigScaling
 
@@ -51,19 +49,10 @@ class UserRecording:
 
 
 @dataclass(frozen=True)
-class UserRig:
-    """The exam's imitation of the user's rig: parameters, sensors, recordings, contents of its pipeline file."""
+class UserRig(Laboratory):
+    """The exam's imitation of the user's rig: a laboratory that repeats the user's recordings."""
 
-    parameters: Parameters
-    sensors: Sensors
-    recordings: tuple[UserRecording, ...]
-    vessel_volume: float | None = None
-    has_cylinder: bool = True
-    supply_recorded: bool = True
-    linear_valve: bool = False
-    stated_null: str | None = None
-    effects: tuple[str, ...] = ()
-    absent_signals: frozenset[str] = frozenset()
+    recordings: tuple[UserRecording, ...] = ()
 
     @property
     def kinds(self) -> list[Kind]:
@@ -93,10 +82,7 @@ def write_like(
 
     Raises InputError where the folder is not empty.
     """
-    if directory.exists() and any(directory.iterdir()):
-        raise InputError(
-            str(directory), "the folder is not empty", "a new folder for the exam", "choose another name", code="E006"
-        )
+    require_empty(directory)
     shown = [e for e in CATALOGUE if set(e.kinds) & set(rig.kinds) and e.name not in rig.effects]
     plan: list[tuple[HiddenEffect | None, float]] = [(e, size) for e in shown for size in sizes for _ in range(repeats)]
     plan += [(None, 0.0)] * nulls
@@ -112,18 +98,8 @@ def write_like(
 def _case(folder: Path, bench: UserRig, effect: HiddenEffect | None, size: float, seed: list[int]) -> dict[str, Any]:
     rng = np.random.default_rng(seed)
     par = bench.parameters if effect is None else with_hidden_effect(bench, effect, size, rng)
-    laboratory = Laboratory(
-        folder.name,
-        par,
-        bench.sensors,
-        vessel_volume=bench.vessel_volume,
-        has_cylinder=bench.has_cylinder,
-        supply_recorded=bench.supply_recorded and (effect is None or effect.name != "supply-droop"),
-        linear_valve=bench.linear_valve,
-        effects=bench.effects,
-        stated_null=bench.stated_null,
-        absent_signals=bench.absent_signals,
-    )
+    supplied = bench.supply_recorded and (effect is None or effect.name != "supply-droop")
+    laboratory = replace(bench, name=folder.name, parameters=par, supply_recorded=supplied)
     takes = [RecordingPlan(r.name, r.experiment, r.use, excitation_for(bench, r), r.chamber) for r in bench.recordings]
     laboratory.record(folder / "raw", takes, rng)
     (folder / "pipeline.toml").write_text(laboratory.pipeline(takes, "raw"), encoding="utf-8")
@@ -183,7 +159,7 @@ def summarize(graded: Sequence[GradedCase]) -> dict[str, Any]:
         "effects": [row | {"named_from": _smallest_named_size(row["sizes"])} for row in rows],
         "nulls": len(nulls),
         "false_alarms": alarms,
-        "false_alarms_ci95": _interval(alarms, len(nulls)),
+        "false_alarms_ci95": proportion(alarms, len(nulls))["ci95"],
     }
 
 
@@ -193,8 +169,9 @@ def _by_size(graded: Sequence[GradedCase], name: str) -> Iterator[dict[str, Any]
         cases = [g for g in mine if float(g.truth["size"]) == size]
         named = sum(name in g.answer_set for g in cases)
         others = sorted({other for g in cases for other in g.missing - {name}})
-        yield {"size": size, "cases": len(cases), "named": named, "share": named / len(cases),
-               "ci95": _interval(named, len(cases)), "named_instead": others}  # fmt: skip
+        found = proportion(named, len(cases))
+        yield {"size": size, "cases": len(cases), "named": named, "share": found["share"],
+               "ci95": found["ci95"], "named_instead": others}  # fmt: skip
 
 
 def _smallest_named_size(sizes: Any) -> float | None:
@@ -205,13 +182,6 @@ def _smallest_named_size(sizes: Any) -> float | None:
             break
         found = one["size"]
     return found
-
-
-def _interval(right: int, of: int) -> list[float] | None:
-    if not of:
-        return None
-    interval = binomtest(right, of).proportion_ci(0.95, method="exact")
-    return [float(interval.low), float(interval.high)]
 
 
 def to_markdown(found: Mapping[str, Any], sizes: Sequence[float]) -> str:

@@ -8,6 +8,7 @@ from typing import Literal
 
 import numpy as np
 
+from pneucli.arrays import Array
 from pneucli.exam.conditions import Conditions
 from pneucli.exam.laboratory import Laboratory, RecordingPlan
 from pneucli.exam.rig.excitations import (
@@ -21,7 +22,6 @@ from pneucli.exam.rig.excitations import (
     valve_step,
 )
 from pneucli.exam.rig.imposed_motion import MotionMachine
-from pneucli.exam.rig.kernel import Array
 from pneucli.exam.rig.parameters import ONE_CHAMBER, TWO_VALVES, Parameters
 from pneucli.exam.rig.simulation import LOOP_PERIOD, Excitation
 from pneucli.exam.rig.steady_rows import SteadyRows
@@ -70,7 +70,7 @@ class RecordingProgramme:
         return takes
 
     def _valve_tests(self, chamber: Literal[1, 2], tested: bool) -> list[RecordingPlan]:
-        bench = self.laboratory.valve_test_rig_of(chamber)
+        bench = self.laboratory.valve_test_rig(chamber)
         before = "" if chamber == 1 else "chamber_2_"
         if self.conditions.switching:
             moves = [valve_step(bench, bench.command_range), *(valve_pulses(bench, self.rng) for _ in range(3))]

@@ -18,8 +18,9 @@ from pneucli.exam.conditions import USUAL
 from pneucli.exam.graded_case import GradedCase
 from pneucli.exam.grading import SECONDS_FILE, graded_cases, reliability_table
 from pneucli.exam.grading import grade as grade_answers
-from pneucli.executors import engine_from, run_jobs
-from pneucli.io.artifacts import Provenance, TableWriter, atomic_path, schema_of
+from pneucli.executors.dask_cluster import engine_from
+from pneucli.executors.engine import run_jobs
+from pneucli.io.artifacts import Provenance, TableWriter, schema_of, write_text
 from pneucli.pipeline.context import NO_PROGRESS, Progress
 from pneucli.pipeline.manifest import program_digest, program_versions
 from pneucli.pipeline.runner import open_pipeline
@@ -114,19 +115,9 @@ def case_rows(graded: Sequence[GradedCase]) -> list[dict[str, Any]]:
     ]
 
 
-def _row(
-    group: dict[str, Any],
-    what: str,
-    value: float | None,
-    unit: str,
-    *,
-    right: int | None = None,
-    of: int = 0,
-    ci_low: float | None = None,
-    ci_high: float | None = None,
-) -> dict[str, Any]:
-    about = {"condition": group["condition"], "what": what, "value": value, "unit": unit}
-    return about | {"right": right, "of": of, "ci_low": ci_low, "ci_high": ci_high}
+def _row(group: dict[str, Any], what: str, value: float | None, unit: str, **counts: Any) -> dict[str, Any]:
+    usual = {"right": None, "of": 0, "ci_low": None, "ci_high": None}
+    return {"condition": group["condition"], "what": what, "value": value, "unit": unit, **(usual | counts)}
 
 
 def _seed_origin(result: dict[str, Any]) -> list[str]:
@@ -289,8 +280,7 @@ def grade(directory: Path, answers: Path | None = None) -> dict[str, Any]:
     answers = answers or directory / ANSWERS
     result = grade_answers(directory, answers)
     _write(answers / GRADES, result)
-    with atomic_path(answers / SUMMARY) as path:
-        path.write_text(to_markdown(result), encoding="utf-8")
+    write_text(answers / SUMMARY, to_markdown(result))
     made_of = Provenance(parameters={"exam": result["exam"], "answered_by": result["answered_by"]})
     _write_rows(answers / GRADES_TABLE, measure_rows(result), "pneucli/exam-grades/1", made_of)
     _write_rows(answers / CASES_TABLE, case_rows(graded_cases(directory, answers)), "pneucli/exam-cases/1", made_of)
@@ -310,5 +300,4 @@ def _read(path: Path) -> dict[str, Any]:
 
 
 def _write(path: Path, content: dict[str, Any]) -> None:
-    with atomic_path(path) as temporary:
-        temporary.write_text(json.dumps(content, indent=1) + "\n", encoding="utf-8")
+    write_text(path, json.dumps(content, indent=1) + "\n")

@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import multiprocessing
 import os
+import threading
 from collections import deque
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import (
     FIRST_COMPLETED,
     BrokenExecutor,
@@ -17,8 +18,53 @@ from concurrent.futures import (
     wait,
 )
 from dataclasses import dataclass
+from functools import cache
 from threading import Thread
 from typing import Any, Generic, TypeVar
+
+Job = TypeVar("Job")
+Result = TypeVar("Result")
+
+_thread = threading.local()
+
+
+def map_in_threads(work: Callable[[Job], Result], jobs: Sequence[Job], threads: int) -> list[Result]:
+    """Return the result of each job.
+
+    Each thread, of which the caller's is one, takes every n-th job, since handing over single jobs costs as much. Jobs
+    that ask for threads themselves get none.
+
+    >>> map_in_threads(abs, [-1, 2, -3], 2)
+    [1, 2, 3]
+    """
+    shares = [jobs[n::threads] for n in range(min(threads, len(jobs)))]
+    if len(shares) <= 1 or getattr(_thread, "is_worker", False):
+        return [work(job) for job in jobs]
+
+    def run_all(share: Sequence[Job]) -> list[Result]:
+        return [work(job) for job in share]
+
+    futures = [_pool(threads - 1).submit(run_all, share) for share in shares[1:]]
+    try:
+        parts = [run_all(shares[0])]
+    finally:
+        wait(futures)  # they may write to arrays of the caller
+    parts += [future.result() for future in futures]
+    return [parts[n % len(parts)][n // len(parts)] for n in range(len(jobs))]
+
+
+@cache
+def _pool(workers: int) -> ThreadPoolExecutor:
+    return ThreadPoolExecutor(workers, initializer=_mark)
+
+
+def _mark() -> None:
+    _thread.is_worker = True
+
+
+if hasattr(os, "register_at_fork"):
+    os.register_at_fork(after_in_child=_pool.cache_clear)  # threads do not outlive a fork
+
 
 # the environment variable with the number of threads for the simulations of one process
 THREADS_VARIABLE = "PNEUCLI_THREADS"
@@ -27,7 +73,6 @@ JOBS_PER_SLOT = 2  # submitted jobs for each running one: a worker that is done 
 MAX_ATTEMPTS = 3  # deaths of a job's worker, while no other job runs, until the job is given up
 POLL_INTERVAL = 2.0  # s, between checks whether the engine is alive
 WORKER_DIED = "its worker died each time it was tried; it may need more memory than there is"
-Job = TypeVar("Job")
 
 
 def thread_count() -> int:

@@ -13,7 +13,7 @@ from pathlib import Path
 
 from pneucli.export import structured_text
 from pneucli.export.controller_program import fill_template
-from pneucli.io.artifacts import atomic_path
+from pneucli.io.artifacts import write_text
 from pneucli.plan.manoeuvre import Profile, hold, ramp
 from pneucli.version import __version__
 
@@ -78,8 +78,7 @@ def write_players(
     """
     for target in sorted(targets):
         for name in FILES[target]:
-            with atomic_path(folder / name) as path:
-                path.write_text(player_text(name, recordings, limits, pipeline), encoding="utf-8")
+            write_text(folder / name, player_text(name, recordings, limits, pipeline))
 
 
 def player_text(name: str, recordings: Sequence[PlayedRecording], limits: PlayerLimits, pipeline: str) -> str:

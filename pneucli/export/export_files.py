@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.io import savemat
 
+from pneucli.arrays import Array
 from pneucli.closed_loop.scenarios import equilibrium_at
 from pneucli.closed_loop.simulation import ClosedLoopSetup, Run, Scenario, simulate
 from pneucli.controller import layout
@@ -19,10 +20,9 @@ from pneucli.controller.parameters import Controller
 from pneucli.export import c_source, controller_file, structured_text
 from pneucli.export.controller_program import PREFIX, named
 from pneucli.export.single_precision import run_in_single_precision
-from pneucli.io.artifacts import atomic_path
+from pneucli.io.artifacts import atomic_path, write_text
 from pneucli.simulate.model import Model
 
-Array = NDArray[np.float64]
 Columns = Mapping[str, NDArray[Any] | list[str]]
 REPLAY_FILE, REPLAY_ST_FILE = "pneucli_replay.csv", "pneucli_replay_st.csv"
 REPLAY_COLUMNS = ("x_ref", "x", "p1", "p2", "u1", "u2", "supply", "duty", "level")
@@ -83,7 +83,7 @@ def write_c_source(
     """Write header and source alone."""
     for ending, text in (("h", c_source.header), ("c", c_source.source)):
         name = named(f"{c_source.BASE_NAME}.{ending}", prefix)
-        _write(folder / name, text(controller, pipeline, precision, prefix))
+        write_text(folder / name, text(controller, pipeline, precision, prefix))
 
 
 def write_c(
@@ -101,7 +101,7 @@ def write_c(
     precision; nothing where that is what it has.
     """
     write_c_source(folder, controller, pipeline, precision, prefix)
-    _write(folder / named(c_source.REPLAY_FILE, prefix), c_source.replay_program(precision, prefix))
+    write_text(folder / named(c_source.REPLAY_FILE, prefix), c_source.replay_program(precision, prefix))
     vectors, found = replay_vectors(run_replay(controller, model, bench)), {}
     if precision == "float32":
         single = run_in_single_precision(controller, vectors)
@@ -120,13 +120,13 @@ def write_st(
     prefix: str = PREFIX,
 ) -> None:
     """Write the structured text and its test vectors, named with the prefix."""
-    _write(folder / named(structured_text.FILE_NAME, prefix), structured_text.source(controller, pipeline, prefix))
+    write_text(folder / named(structured_text.FILE_NAME, prefix), structured_text.source(controller, pipeline, prefix))
     write_csv(folder / named(REPLAY_ST_FILE, prefix), replay_vectors(run_replay(controller, model, bench)))
 
 
 def write_replay(folder: Path, controller: Controller, pipeline: str, precision: str) -> None:
     """Write the controller as the file that a log of it names."""
-    _write(folder / controller_file.FILE_NAME, controller_file.to_json(controller, pipeline, precision))
+    write_text(folder / controller_file.FILE_NAME, controller_file.to_json(controller, pipeline, precision))
 
 
 def write_csv(path: Path, table: Columns) -> None:
@@ -135,7 +135,7 @@ def write_csv(path: Path, table: Columns) -> None:
     text.write(",".join(table) + "\n")
     for row in zip(*(list(column) for column in table.values()), strict=True):
         text.write(",".join(v if isinstance(v, str) else repr(float(v)) for v in row) + "\n")
-    _write(path, text.getvalue())
+    write_text(path, text.getvalue())
 
 
 def write_mat(path: Path, controller: Controller, tables: Mapping[str, Columns]) -> None:
@@ -169,8 +169,3 @@ def inverse_table(controller: Controller) -> dict[str, NDArray[Any] | list[str]]
     table = {"area": np.concatenate(areas), "u": np.concatenate([[*vent[::-1], *fill] for _, _, vent, fill in sides])}
     chamber = {"chamber": np.repeat([1.0, 2.0], 2 * share.size)} if len(sides) > 1 else {}
     return {**chamber, **table}
-
-
-def _write(path: Path, text: str) -> None:
-    with atomic_path(path) as temporary:
-        temporary.write_text(text, encoding="utf-8")

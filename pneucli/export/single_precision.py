@@ -13,15 +13,14 @@ from types import FunctionType, SimpleNamespace
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from pneucli.arrays import Array
 from pneucli.controller import codegen, layout, operation
 from pneucli.controller.laws import LAWS
 from pneucli.controller.laws.base import callees_first
 from pneucli.controller.parameters import Controller
 from pneucli.export.controller_program import controller_functions
 
-Array = NDArray[np.float64]
 SINGLE_PRECISION_MATH = SimpleNamespace(
     sqrt=lambda value: np.float32(math.sqrt(value)), fabs=lambda value: np.float32(abs(value)), isfinite=math.isfinite
 )

@@ -10,11 +10,10 @@ from urllib.parse import quote
 
 import numpy as np
 import pyarrow as pa
-from numpy.typing import NDArray
 
+from pneucli.arrays import Array
 from pneucli.io.artifacts import Provenance, TableWriter, schema_of
 
-Array = NDArray[np.float64]
 MIN_DATES = 3  # two dates show no trend
 
 # times the logarithm of the number of dates, for each additional level: its value and the place of its change

@@ -18,7 +18,7 @@ from markupsafe import Markup
 
 from pneucli.config import FleetConfig
 from pneucli.fleet.dataset import Trend
-from pneucli.io.artifacts import atomic_path
+from pneucli.io.artifacts import write_text
 from pneucli.messages.fleet import repeatability_sentence
 from pneucli.pipeline.checks import CheckResult, evaluate
 from pneucli.report.report_data import Check
@@ -209,8 +209,7 @@ def write_outputs(
         ANSWER: json.dumps(answer, indent=1, allow_nan=False) + "\n",
     }
     for name, text in texts.items():
-        with atomic_path(out / name) as path:
-            path.write_text(text, encoding="utf-8")
+        write_text(out / name, text)
 
 
 def evaluate_checks(config: FleetConfig, answer: Mapping[str, Any]) -> list[CheckResult]:

@@ -12,15 +12,13 @@ from dataclasses import dataclass
 from itertools import pairwise
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.ndimage import median_filter
 from scipy.optimize import OptimizeResult, least_squares
 
+from pneucli.arrays import Array
 from pneucli.identify.leaking_vessel import leak_share, vessel_pressure
 from pneucli.noise import NORMAL_MAD
 from pneucli.noise.estimate import quantisation_step
-
-Array = NDArray[np.float64]
 
 BLOCKS = 300  # stretches of a recording, each of which counts as one reading
 MIN_BLOCKS = 20  # of the shut stretch, below which its shape says nothing

@@ -8,8 +8,9 @@ from dataclasses import replace
 
 import numpy as np
 
+from pneucli.arrays import Array
 from pneucli.init.column_names import NOUNS, read_name
-from pneucli.init.survey_types import Array, Column
+from pneucli.init.survey_types import Column
 from pneucli.io.clock_repairs import spread_stamps
 
 MIN_INCREASING = 0.98  # of the steps of a clock, that do not go back: a counter may wrap now and then
@@ -34,7 +35,7 @@ def is_increasing(values: Array) -> bool:
     steps = np.diff(values)
     if not steps.size or float(np.mean(steps >= 0)) <= MIN_INCREASING:
         return False
-    return float(np.mean(steps > 0)) > MIN_MOVING or spread_stamps(values) is not None
+    return float(np.mean(steps > 0)) > MIN_MOVING or spread_stamps(values) is not values
 
 
 def computed_clocks(columns: Sequence[Column]) -> list[Column]:

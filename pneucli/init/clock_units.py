@@ -7,8 +7,9 @@ from collections.abc import Iterator, Mapping, Sequence
 
 import numpy as np
 
+from pneucli.arrays import Array
 from pneucli.init.clock_columns import is_increasing
-from pneucli.init.survey_types import Array, Column
+from pneucli.init.survey_types import Column
 from pneucli.io.clock_repairs import CounterClock
 from pneucli.messages.formatting import format_plain
 from pneucli.units import parse_unit, same_dimension

@@ -12,6 +12,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from pneucli.arrays import Array
 from pneucli.init.clock_columns import is_increasing, repeated_clocks
 from pneucli.init.clock_units import guess_clock_unit
 from pneucli.init.column_names import (
@@ -27,7 +28,7 @@ from pneucli.init.column_names import (
     signal_scores,
 )
 from pneucli.init.role_evidence import rivals, role_evidence
-from pneucli.init.survey_types import Array, Column, Guess, Survey
+from pneucli.init.survey_types import Column, Guess, Survey
 from pneucli.init.units import guess_unit, implausibility
 from pneucli.init.unnamed_columns import guess_unnamed_columns
 from pneucli.io.missing_marks import MarkDetector

@@ -7,9 +7,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from pneucli.arrays import Array
 from pneucli.experiments import ExperimentName
 from pneucli.init.column_names import quantity_kind
-from pneucli.init.file_groups import Array, FileGroup
+from pneucli.init.file_groups import FileGroup
 from pneucli.messages.formatting import format_plain
 from pneucli.units import same_dimension
 

@@ -6,9 +6,10 @@ from collections.abc import Iterator, Sequence
 
 import numpy as np
 
+from pneucli.arrays import Array
 from pneucli.errors import InputError
 from pneucli.init.file_groups import FileGroup
-from pneucli.init.survey_types import Array, Guess, Survey
+from pneucli.init.survey_types import Guess, Survey
 from pneucli.messages.formatting import format_plain
 
 MAX_END_SAMPLES = 3  # samples at either end of a scaled column: a sensor that rests or clips has more there

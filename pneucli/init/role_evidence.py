@@ -11,8 +11,9 @@ from typing import NamedTuple
 
 import numpy as np
 
+from pneucli.arrays import Array
 from pneucli.init.column_names import DIFFERENCE, SUPPLY, ColumnName, quantity_kind
-from pneucli.init.survey_types import Array, Column
+from pneucli.init.survey_types import Column
 from pneucli.units import parse_unit
 
 MAX_SUPPLY_RANGE = 0.15  # of the largest range of the other pressures, over which a supply moves

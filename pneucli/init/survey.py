@@ -7,8 +7,8 @@ from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
-from numpy.typing import NDArray
 
+from pneucli.arrays import Array
 from pneucli.errors import InputError
 from pneucli.init.clock_columns import computed_clocks, is_increasing, paired_clocks
 from pneucli.init.column_names import read_name
@@ -16,7 +16,7 @@ from pneucli.init.role_evidence import pressure_behind_valve
 from pneucli.init.survey_types import Column, Guess, Survey
 from pneucli.init.table_shapes import long_table, runs_below_one_another, runs_beside_one_another
 from pneucli.io.channel_clocks import align_tables
-from pneucli.io.clock_repairs import CounterClock, spread_stamps
+from pneucli.io.clock_repairs import CounterClock, continuous_stamps
 from pneucli.io.delimited import DelimitedReader
 from pneucli.io.file_units import WrittenUnit, read_unit, unit_in_file
 from pneucli.io.formats import is_text, open_raw, unpacked
@@ -29,7 +29,6 @@ from pneucli.units import parse_unit, same_dimension
 
 __all__ = ["Column", "Guess", "Survey", "survey_file"]
 
-Array = NDArray[np.float64]
 MAX_SURVEY_ROWS = 200_000  # rows that are looked at
 SPARSE = 0.1  # of the rows of the longest clock: fewer are those of a command that is logged on change
 MAX_TEXTS = 3  # texts of a column that are shown
@@ -269,7 +268,5 @@ def _is_timed(clock: Column) -> bool:
 
 def _seconds(clock: Column) -> Array:
     """Return the stamps of a clock in s, or in its own numbers where it says no unit."""
-    time = CounterClock().unwrap(clock.values)
-    spread = spread_stamps(time)
-    time = time if spread is None else spread
+    time = continuous_stamps(clock.values)
     return np.asarray(time * parse_unit(clock.unit).factor) if _is_timed(clock) else time

@@ -7,11 +7,9 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
+from pneucli.arrays import Array
 from pneucli.io.raw_file import ColumnKey, RawFile
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True, eq=False)

@@ -12,9 +12,10 @@ from dataclasses import replace
 
 import numpy as np
 
+from pneucli.arrays import Array
 from pneucli.init.clock_columns import is_increasing
 from pneucli.init.column_names import NOUNS, read_name
-from pneucli.init.survey_types import Array, Column
+from pneucli.init.survey_types import Column
 from pneucli.io.raw_file import ColumnKey, ColumnValues
 
 MAX_LABELS = 30  # channels of a long table

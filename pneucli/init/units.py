@@ -5,15 +5,14 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 
+from pneucli.arrays import Array
 from pneucli.messages.formatting import format_plain, format_signal
 from pneucli.plausibility.detectors.motion import MAX_SPEED
 from pneucli.plausibility.detectors.readings import MAX_COMMAND, MAX_FLOW, MAX_PRESSURE, MAX_STROKE
 from pneucli.quantities import SIGNALS
 from pneucli.units import factor_and_offset, parse_unit, same_dimension
 
-Array = NDArray[np.float64]
 AMBIENT_RANGE = (0.94e5, 1.06e5)  # Pa, of laboratories up to some 600 m
 MIN_ABSOLUTE_PRESSURE = 0.5e5  # Pa, absolute, that no chamber of a rig has
 MIN_PRESSURE_CHANGE = 0.3e5  # Pa, by which a pressure moves that has come from ambient

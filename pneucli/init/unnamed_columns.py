@@ -6,8 +6,8 @@ import re
 from collections.abc import Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 
+from pneucli.arrays import Array
 from pneucli.init.clock_units import guess_clock_unit
 from pneucli.init.role_evidence import looks_set, supply_like
 from pneucli.init.survey_types import Guess, Survey
@@ -15,7 +15,6 @@ from pneucli.init.units import guess_unit
 from pneucli.io.text_sniffer import is_unit
 from pneucli.units import same_dimension
 
-Array = NDArray[np.float64]
 MIN_RANGE_STEPS = 5.0  # steps of its resolution that a reading moves at least, to be compared
 PRESSURE_NAME_TOLERANCE = 0.06  # of the number in a file's name
 COPY_TOLERANCE = 0.01  # of its deviation, that one reading in two columns may be off a line

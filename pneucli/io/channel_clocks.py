@@ -13,11 +13,11 @@ from collections.abc import Collection, Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
+from pneucli.arrays import Array, Indices, Mask
 from pneucli.errors import InputError
 from pneucli.io.raw_file import Repair
-from pneucli.io.timestamp_order import Array, RowLocator, Table, drop_disordered, have_one_clock, join_tables
+from pneucli.io.timestamp_order import RowLocator, Table, drop_disordered, have_one_clock, join_tables
 from pneucli.messages.formatting import format_plain
 
 MIN_GRID_SAMPLES = 100  # of the largest table; fewer are points of a figure, where every stamp counts
@@ -86,11 +86,11 @@ def _on_fastest_clock(
     return Alignment(Table(time, columns, fastest.rows[inside]), losses, repairs)
 
 
-def _inside(table: Table, span: tuple[float, float]) -> NDArray[np.bool_]:
+def _inside(table: Table, span: tuple[float, float]) -> Mask:
     return (table.time >= span[0]) & (table.time <= span[1])
 
 
-def _shared_rows(table: Table, held: Collection[str], span: tuple[float, float]) -> NDArray[np.intp]:
+def _shared_rows(table: Table, held: Collection[str], span: tuple[float, float]) -> Indices:
     """Return the rows of a table that are used; commands from before the span hold their value in it."""
     return table.rows if table.columns.keys() <= set(held) else table.rows[_inside(table, span)]
 

@@ -51,29 +51,13 @@ class DelimitedReader:
             message = f'the dates of "{self.names[place]}" stand in "{self.names[date]}"'
             self.repairs.append(Repair("time", "date-column", 1, message))
         self._stamps = {number: CalendarClock() for number in self._look.stamps}
+        self.labels = self._look.labels
+        self.dates = self._look.dates  # columns of dates alone
+        self.stamps = self._look.stamps  # columns of dates and times of day, read in seconds
+        self.cells = frozenset(self._look.cells)  # columns in whose cells a unit stands behind each number
         self.header_lines = 0
         self._bad: list[str] = []
         self._events: Counter[str] = Counter()
-
-    @property
-    def labels(self) -> frozenset[int]:
-        """The columns (from 0) that hold text, and no numbers and no stamps."""
-        return self._look.labels
-
-    @property
-    def dates(self) -> frozenset[int]:
-        """The columns (from 0) that hold dates alone."""
-        return self._look.dates
-
-    @property
-    def stamps(self) -> frozenset[int]:
-        """The columns (from 0) that hold dates and times of day, read in seconds."""
-        return self._look.stamps
-
-    @property
-    def cells(self) -> frozenset[int]:
-        """The columns (from 0) in whose cells a unit stands behind each number."""
-        return frozenset(self._look.cells)
 
     @property
     def start(self) -> datetime | None:

@@ -10,10 +10,8 @@ from collections import Counter
 from collections.abc import Collection
 
 import numpy as np
-from numpy.typing import NDArray
 
-Array = NDArray[np.float64]
-Mask = NDArray[np.bool_]
+from pneucli.arrays import Array, Indices, Mask
 
 # what loggers and converters write for "no value"; of these one sample is enough, and it need not come back
 _OF_LOGGERS = (-99.0, -999.0, -9999.0, -99999.0, -999999.0, 9999.0, 99999.0, 999999.0, -999.9, -999.99, -999.25)
@@ -129,7 +127,7 @@ class _Runs:
         steps = steps[steps > 0]
         return MIN_JUMP_STEPS * float(np.quantile(steps, quantile)) if steps.size else np.inf
 
-    def _established(self, isolated: Mask, length: NDArray[np.intp], found: Collection[float]) -> Array:
+    def _established(self, isolated: Mask, length: Indices, found: Collection[float]) -> Array:
         """Return the levels that are marks: of two isolated runs, of a long one, or found before."""
         levels, at = np.unique(self._level[isolated & (length > 1)], return_inverse=True)
         longest = np.zeros(levels.size, dtype=np.intp)

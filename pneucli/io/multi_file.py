@@ -11,12 +11,13 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from pneucli.arrays import Array
 from pneucli.errors import InputError
 from pneucli.io.channel_clocks import align_tables
 from pneucli.io.date_parsing import difference_of_starts
 from pneucli.io.raw_file import Repair
 from pneucli.io.signal_reader import Batch, SignalReader, rebatch
-from pneucli.io.timestamp_order import Array, Table, loss_repairs
+from pneucli.io.timestamp_order import Table, loss_repairs
 from pneucli.messages.formatting import format_interval, format_plain, format_signal
 
 MIN_OVERLAP = 0.3  # of the shorter recording

@@ -3,14 +3,13 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Collection, Iterator, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from datetime import datetime
 from pathlib import Path
 from types import MappingProxyType
 from typing import Any, Protocol
 
-import numpy as np
 from numpy.typing import NDArray
 
 from pneucli.errors import InputError, did_you_mean
@@ -18,7 +17,6 @@ from pneucli.units import STANDARD_ATMOSPHERE
 
 ColumnKey = str | int
 ColumnValues = NDArray[Any]
-Array = NDArray[np.float64]
 NO_CLOCKS: Mapping[int, int] = MappingProxyType({})
 
 
@@ -137,8 +135,14 @@ def column_position(path: Path, signal: str, column: ColumnKey, names: Sequence[
     if isinstance(column, int):
         return column - 1 if 1 <= column <= len(names) else None
     wanted = column.strip()
-    for same in (_same_name, _same_path, _same_last_part):
-        hits = [index for index, name in enumerate(names) if same(name, wanted)]
+    path_wanted = wanted.replace(".", "/").strip("/")
+    same: tuple[Callable[[str], bool], ...] = (
+        lambda name: name == wanted,
+        lambda name: name.strip("/") == path_wanted,
+        lambda name: name.rsplit("/", 1)[-1] == wanted,
+    )
+    for fits in same:
+        hits = [index for index, name in enumerate(names) if fits(name)]
         if len(hits) > 1:
             listed = ", ".join(f'"{names[hit]}" (column {hit + 1})' for hit in hits[:10])
             mend = "name it in full or by its number, or rename it"
@@ -148,18 +152,6 @@ def column_position(path: Path, signal: str, column: ColumnKey, names: Sequence[
         if hits:
             return hits[0]
     return None
-
-
-def _same_name(name: str, wanted: str) -> bool:
-    return name == wanted
-
-
-def _same_path(name: str, wanted: str) -> bool:
-    return name.strip("/") == wanted.replace(".", "/").strip("/")
-
-
-def _same_last_part(name: str, wanted: str) -> bool:
-    return name.rsplit("/", 1)[-1] == wanted
 
 
 def missing_column(path: Path, signal: str, column: ColumnKey, names: Sequence[str]) -> InputError:

@@ -10,11 +10,12 @@ import numpy as np
 import pyarrow as pa
 import pyarrow.parquet as pq
 
+from pneucli.arrays import Array
 from pneucli.errors import InputError
 from pneucli.io.artifacts import Provenance, read_table, schema_of
 from pneucli.noise import NoiseModel
 from pneucli.quantities import SIGNALS
-from pneucli.recording import Array, Recording
+from pneucli.recording import Recording
 
 SIGNALS_FILE, RECORDINGS_FILE = "signals.parquet", "recordings.parquet"
 NOISE_FILE, REPAIRS_FILE = "noise.parquet", "repairs.parquet"

@@ -11,9 +11,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
-Array = NDArray[np.float64]
+from pneucli.arrays import Array, Indices
 
 MIN_JUMP_RANGE = 0.8  # of the column's range, that a jump has at least: less, and the counter does not wrap
 MAX_STEP_SHARE = 0.25  # of the period, that any other step has at most: above it a jump might go either way
@@ -90,7 +89,7 @@ def find_roll_over(values: Array) -> RollOver | None:
     return RollOver(named or period, int(jumps.size), named is not None)
 
 
-def _goes_on(values: Array, steps: Array, jumps: NDArray[np.intp], span: float) -> bool:
+def _goes_on(values: Array, steps: Array, jumps: Indices, span: float) -> bool:
     """Return whether every jump leads from near one end of the range to near the other."""
     low = float(values.min())
     before, after = (values[jumps] - low) / span, (values[jumps + 1] - low) / span
@@ -99,7 +98,7 @@ def _goes_on(values: Array, steps: Array, jumps: NDArray[np.intp], span: float) 
     return bool(np.all(up == (after > 1 - near)) and np.all(up == (before < near)) and np.all(down != up))
 
 
-def _expected_steps(steps: Array, jumps: NDArray[np.intp]) -> Array:
+def _expected_steps(steps: Array, jumps: Indices) -> Array:
     """Return the step that the neighbours of each jump lead to expect."""
     plain = steps.copy()
     plain[jumps] = np.nan

@@ -7,14 +7,13 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from pneucli.arrays import Array, Indices, Mask
 from pneucli.errors import InputError
 from pneucli.io.channel_clocks import align_tables
 from pneucli.io.clock_repairs import spread_repeated_stamps, spread_stamps
 from pneucli.io.expression import ROW, Expression
 from pneucli.io.raw_file import (
-    Array,
     Channel,
     ColumnKey,
     ColumnRequest,
@@ -59,7 +58,7 @@ class SignalReader:
         self.raw, self.reader, self.positions, self._columns, self._clocks = raw, reader, positions, columns, clocks
         self._first = 0  # row of the next batch
         self._losses: Counter[str] = Counter()
-        self._rows: NDArray[np.intp] | None = None  # of the file, that the signals' rows come from
+        self._rows: Indices | None = None  # of the file, that the signals' rows come from
         self._starts: list[int] = [0]  # first row of each clock that was read by itself
         self._repairs = {name: SignalRepairs(name, raw.channels[name]) for name in positions}
         self._expressions = {n: Expression(c.expression) for n, c in self.channels.items() if c.expression is not None}
@@ -185,7 +184,7 @@ class SignalReader:
         self._repairs["time"] = SignalRepairs("time", self.raw.channels["time"])
         self._starts.append(first)
         time = values.pop("time")
-        return Table(_spread(time), values, np.arange(first, first + time.size))
+        return Table(spread_stamps(time), values, np.arange(first, first + time.size))
 
     def _read_rows(self, groups: Mapping[str, _Group]) -> list[Table]:
         """Return the channels whose clocks and labels are further columns of the same rows, a table for each."""
@@ -232,19 +231,15 @@ class SignalReader:
         if not where and self._clocks:
             known = np.flatnonzero(np.isfinite(time))
             rows = rows[: int(known[-1]) + 1 if known.size else 0]
-        return Table(_spread(time[rows]), {name: self._repaired(name, values[name][rows]) for name in names}, rows)
+        return Table(
+            spread_stamps(time[rows]), {name: self._repaired(name, values[name][rows]) for name in names}, rows
+        )
 
     def _required_position(self, signal: str, column: ColumnKey) -> int:
         place = column_position(self.raw.path, signal, column, self.reader.names)
         if place is None:
             raise missing_column(self.raw.path, signal, column, self.reader.names)
         return place
-
-
-def _spread(time: Array) -> Array:
-    """Return the stamps of a clock, spread over the rows that share them where the clock is coarse."""
-    spread = spread_stamps(time)
-    return time if spread is None else spread
 
 
 def _unique(groups: Mapping[str, _Group]) -> list[_Group]:
@@ -275,7 +270,7 @@ def _to_si(column: ColumnValues, channel: Channel) -> Array:
         return values if channel.offset == 0.0 else values + channel.offset
 
 
-def _label_mask(labels: ColumnValues, wanted: str | float) -> NDArray[np.bool_]:
+def _label_mask(labels: ColumnValues, wanted: str | float) -> Mask:
     if isinstance(wanted, str) and labels.dtype == object:
         return np.asarray(labels == wanted.strip(), dtype=np.bool_)
     number = _number(wanted)

@@ -6,13 +6,13 @@ from collections import Counter
 from collections.abc import Mapping
 
 import numpy as np
-from numpy.typing import NDArray
 
+from pneucli.arrays import Array
 from pneucli.io.cleaning import PRESSURES
 from pneucli.io.raw_file import Repair
 from pneucli.io.timestamp_order import MAX_MAGNITUDE
 
-Batch = dict[str, NDArray[np.float64]]
+Batch = dict[str, Array]
 ROW_PERIOD = 1.0  # the "time" of such a recording counts rows
 
 
@@ -30,7 +30,7 @@ class RowChecks:
         self.losses: Counter[str] = Counter()
         self._counts: Counter[tuple[str, str]] = Counter()
 
-    def push(self, batch: Mapping[str, NDArray[np.float64]]) -> Batch:
+    def push(self, batch: Mapping[str, Array]) -> Batch:
         """Return the rows, with NaN in place of infinite values."""
         self.samples += batch["time"].size
         return {name: values if name == "time" else self._checked(name, values) for name, values in batch.items()}
@@ -39,7 +39,7 @@ class RowChecks:
         """Return the rows that waited: none does."""
         return {"time": np.zeros(0)}
 
-    def _checked(self, name: str, values: NDArray[np.float64]) -> NDArray[np.float64]:
+    def _checked(self, name: str, values: Array) -> Array:
         infinite = np.abs(values) > MAX_MAGNITUDE
         self._counts[name, "nan"] += int(np.count_nonzero(np.isnan(values)))
         self._counts[name, "infinite"] += int(np.count_nonzero(infinite))

@@ -15,13 +15,11 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from pneucli.arrays import Array, Mask
 from pneucli.io.raw_file import Repair
 from pneucli.messages.formatting import format_plain
 from pneucli.quantities import SIGNALS
-
-Array = NDArray[np.float64]
 
 MIN_RUN_SAMPLES = 20  # samples
 FALSE_ALARM_COUNT = 1e-9  # expected number of such runs in the recording, were each repetition independent
@@ -57,7 +55,7 @@ class StuckChannelDetector:
         self._clipped: dict[float, int] = {}  # samples at each end of the range that the sensor clips at
         self._step = self._resolution = self._bend = np.inf
 
-    def update(self, values: Array) -> NDArray[np.bool_]:
+    def update(self, values: Array) -> Mask:
         """Take note of the next samples; return which of them are saturated."""
         if values.size < 2:
             return np.zeros(values.size, dtype=np.bool_)

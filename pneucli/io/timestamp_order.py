@@ -13,12 +13,11 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from pneucli.arrays import Array, Mask
 from pneucli.errors import InputError
 from pneucli.io.raw_file import Repair
 from pneucli.messages.formatting import format_plain
 
-Array = NDArray[np.float64]
-Mask = NDArray[np.bool_]
 RowClasses = NDArray[np.int8]
 RowLocator = Callable[[int], str]  # of a row, counted from 0, in words
 

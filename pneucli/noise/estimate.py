@@ -10,8 +10,8 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
-from numpy.typing import NDArray
 
+from pneucli.arrays import Array, Mask
 from pneucli.noise.model import NORMAL_MAD, STANDARD_ERRORS, NoiseModel
 from pneucli.noise.spectrum import NoiseFloor, hann, noise_floor
 
@@ -23,7 +23,6 @@ MIN_INDEPENDENT_BINS = 4.0  # around a line, from which its background can be es
 BACKGROUND_HALF_BAND = 8.0  # Hz on each side of a line, in which its background is estimated
 MAX_ROUNDING = 0.3  # of a converter's step, to which its readings may be rounded where they are written
 MIN_SINGLE_STEPS = 8  # gaps of one step that tell it
-Array = NDArray[np.float64]
 POLE_BOUNDS = (0.2, 0.98)  # of coloured noise: below, it is white; above, the signal's own content
 # corner of coloured noise over the lowest frequency of the spectrum, down to which the spectrum shows it
 MIN_CORNER_SHARE = 0.27
@@ -43,8 +42,8 @@ LOG_ZERO_POWER = -60.0  # log of a power that is absent
 def estimate_noise(
     time: Array,
     values: Array,
-    command_jumps: NDArray[np.bool_] | None = None,
-    signal_jumps: NDArray[np.bool_] | None = None,
+    command_jumps: Mask | None = None,
+    signal_jumps: Mask | None = None,
     *,
     is_motion: bool = False,
 ) -> NoiseModel:

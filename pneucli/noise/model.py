@@ -6,10 +6,10 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.linalg.lapack import dtbtrs
 
-Array = NDArray[np.float64]
+from pneucli.arrays import Array
+
 STANDARD_ERRORS = 2.0  # of a 95 % interval
 NORMAL_MAD = 1.4826  # standard deviation over median absolute value, of a normal distribution
 

@@ -10,9 +10,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
-Array = NDArray[np.float64]
+from pneucli.arrays import Array, Mask
 
 # s of a segment: many times the correlation time of a sensor's noise, and a duration in which motion may be quiet
 MAX_SEGMENT_DURATION = 0.3
@@ -57,7 +56,7 @@ def segment_length(samples: int, period: float) -> int:
     return 0 if longest < MIN_SEGMENT_SAMPLES else 2 ** int(np.log2(longest))
 
 
-def detect_jumps(commands: Sequence[Array], samples: int) -> NDArray[np.bool_]:
+def detect_jumps(commands: Sequence[Array], samples: int) -> Mask:
     """Detect jumps of commands: steps, switching valves.
 
     Args:
@@ -76,7 +75,7 @@ def detect_jumps(commands: Sequence[Array], samples: int) -> NDArray[np.bool_]:
     return jumps
 
 
-def jump_free_segments(jumps: NDArray[np.bool_], period: float) -> NDArray[np.bool_] | None:
+def jump_free_segments(jumps: Mask, period: float) -> Mask | None:
     """Return which segments of the spectrum contain no jump.
 
     Args:
@@ -93,12 +92,12 @@ def jump_free_segments(jumps: NDArray[np.bool_], period: float) -> NDArray[np.bo
     return _jump_free(jumps, length) if length else None
 
 
-def _jump_free(jumps: NDArray[np.bool_], length: int) -> NDArray[np.bool_] | None:
+def _jump_free(jumps: Mask, length: int) -> Mask | None:
     free = ~np.lib.stride_tricks.sliding_window_view(jumps, length)[:: length // 2].any(axis=1)
     return np.asarray(free) if np.count_nonzero(free) >= MIN_JUMP_FREE_SEGMENTS else None
 
 
-def _segments_between_jumps(jumps: NDArray[np.bool_], length: int) -> tuple[int, NDArray[np.bool_] | None]:
+def _segments_between_jumps(jumps: Mask, length: int) -> tuple[int, Mask | None]:
     """Return the longest segment length, at most ``length``, with enough segments free of ``jumps``, and which are.
 
     Where no length is short enough, return ``length`` and None.
@@ -113,8 +112,8 @@ def _segments_between_jumps(jumps: NDArray[np.bool_], length: int) -> tuple[int,
 def noise_floor(
     values: Array,
     period: float,
-    command_jumps: NDArray[np.bool_] | None = None,
-    signal_jumps: NDArray[np.bool_] | None = None,
+    command_jumps: Mask | None = None,
+    signal_jumps: Mask | None = None,
     *,
     at_rest: bool = False,
 ) -> NoiseFloor | None:
@@ -166,7 +165,7 @@ def noise_floor(
     return NoiseFloor(2 * np.pi * bins / length, power[bins], max(1.0, 0.25 * count))
 
 
-def _at_rest(shape: Array, remainder: Array) -> NDArray[np.bool_]:
+def _at_rest(shape: Array, remainder: Array) -> Mask:
     """Return which segments (k,) hold no motion, from their parabolas' orthonormal coefficients (k, 3)."""
     return np.asarray(np.sum(shape[:, 1:] ** 2, axis=1) <= MAX_REST_SHAPE * np.sum(remainder**2, axis=1))
 

@@ -5,9 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
-Array = NDArray[np.float64]
+from pneucli.arrays import Array
 
 REFERENCE_DENSITY = 1.185  # kg/m^3, ISO 8778 (293.15 K, 100 kPa, 65 % humidity)
 REFERENCE_TEMPERATURE = 293.15  # K

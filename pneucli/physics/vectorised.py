@@ -3,12 +3,10 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
+from pneucli.arrays import Array
 from pneucli.physics import gas
 from pneucli.physics.effects.stribeck import dry_rise
-
-Array = NDArray[np.float64]
 
 _orifice_flows = np.vectorize(gas.orifice_flow, otypes=[np.float64])
 

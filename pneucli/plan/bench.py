@@ -7,15 +7,12 @@ from dataclasses import dataclass, replace
 from typing import Literal
 
 import numpy as np
-from numpy.typing import NDArray
 
 from pneucli.experiments import EXPERIMENT_KINDS, ExperimentName
 from pneucli.noise import NoiseModel
 from pneucli.recording import Recording, Rig
 from pneucli.simulate import layout as at
 from pneucli.simulate.experiment import Experiment
-
-Array = NDArray[np.float64]
 
 Drive = Literal[
     "valve",  # a command in V at the valve

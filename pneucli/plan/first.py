@@ -6,7 +6,6 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from pneucli.identify.estimation.parameters import FreeParameter
 from pneucli.identify.residuals import ResidualModel, residual_models
@@ -24,8 +23,6 @@ from pneucli.simulate.rig_quantities import rig_quantities
 from pneucli.simulate.valve_forms.area import NO_VALVE, ValveArea
 from pneucli.simulate.valve_forms.linear import LinearValve
 from pneucli.simulate.valve_forms.switching import SwitchingValve
-
-Array = NDArray[np.float64]
 
 KNOTS = (0.1, 0.25, 0.5, 1.0)  # of the command's range, at which a typical valve's area is a parameter
 AREA_EXPONENT = 1.1  # of a typical valve's area over its command

@@ -7,8 +7,8 @@ from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
-from numpy.typing import NDArray
 
+from pneucli.arrays import Array
 from pneucli.plan.bench import Bench
 
 RISE_PERIODS = 1.0  # periods over which the amplitude of a sine rises and falls
@@ -54,7 +54,6 @@ class Segment:
 
 
 Profile = tuple[Segment, ...]
-Array = NDArray[np.float64]
 GRAVITY = 9.81  # m/s^2
 SETTLING_TIME = 0.3  # s at rest before and after a manoeuvre
 ManoeuvreKind = Literal[

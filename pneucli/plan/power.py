@@ -15,9 +15,9 @@ from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.special import ndtr
 
+from pneucli.arrays import Array
 from pneucli.identify.estimation.blocks import channel_slices
 from pneucli.identify.estimation.objective import LeastSquaresProblem
 from pneucli.identify.estimation.parameters import FreeParameter, null_value
@@ -31,8 +31,6 @@ from pneucli.plan.simulation import simulate_manoeuvre, synthetic_recording
 from pneucli.simulate.model import Model, parameter_value, with_effect
 from pneucli.simulate.preparation import prepare
 from pneucli.simulate.rig_quantities import rig_quantities
-
-Array = NDArray[np.float64]
 
 DETECTION_LEVEL = 3.16  # standard errors that a catalogue of effects takes: 4 less the 0.84 of 80 % power
 SIGMA_80 = 4.0  # standard errors of a size that is found with a power of 80 %

@@ -5,8 +5,8 @@ from __future__ import annotations
 from dataclasses import replace
 
 import numpy as np
-from numpy.typing import NDArray
 
+from pneucli.arrays import Array
 from pneucli.plan.bench import Bench, State
 from pneucli.plan.manoeuvre import Manoeuvre, Outcome, sample
 from pneucli.recording import Recording
@@ -15,7 +15,6 @@ from pneucli.simulate.kernel_settings import max_motion_step
 from pneucli.simulate.model import Model
 from pneucli.simulate.run import base_vector_of, kernel_for, read_only
 
-Array = NDArray[np.float64]
 DRIVE_BANDWIDTH = 12.0  # Hz, of a bench's own drive that follows a position reference
 MAX_RESPONSE_PERIODS = 4.0  # of that frequency: its impulse response has decayed to 2e-8
 STANDSTILL_SPEED = 2e-4  # m/s, below which the direction of dry friction is uncertain

@@ -9,11 +9,9 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
-from numpy.typing import NDArray
 
+from pneucli.arrays import Array, Indices
 from pneucli.recording import Recording
-
-Array = NDArray[np.float64]
 
 MIN_BLOCK_SAMPLES = 6  # samples of a block: a parabola through it leaves as many to tell its noise from
 MIN_BLOCKS = 16  # blocks that a statement about a recording needs
@@ -33,7 +31,7 @@ class Blocks:
     """
 
     recording: Recording
-    rows: NDArray[np.intp]
+    rows: Indices
     time: Array
     width: int
 
@@ -41,7 +39,7 @@ class Blocks:
     def cut(cls, recording: Recording, signal: str, width: int) -> Blocks:
         """Cut a recording into blocks of ``width`` samples of ``signal``."""
         measured = np.flatnonzero(np.isfinite(recording[signal]))
-        rows: NDArray[np.intp] = measured[: measured.size // width * width].reshape(-1, width)
+        rows: Indices = measured[: measured.size // width * width].reshape(-1, width)
         time = recording.time[rows]
         lasts = time[:, -1] - time[:, 0]
         whole = lasts < MAX_DURATION_RATIO * np.median(lasts) if lasts.size else np.zeros(0, dtype=bool)

@@ -9,14 +9,13 @@ from functools import cached_property
 from typing import Literal
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.special import betainccinv
 
+from pneucli.arrays import Array
 from pneucli.recording import Calibration, Recording, Rig
 
 MIN_BLOCKS = 8  # blocks
 FALSE_ALARM_PROBABILITY = 1e-6  # that white noise seems to move, at one width of blocks
-Array = NDArray[np.float64]
 Weight = Literal["contradiction", "doubt"]
 
 # standard uncertainties by which something is outside: of 10 jackknifed stretches, Student's t with 9 degrees of

@@ -5,12 +5,9 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from pneucli.quantities import SIGNALS
 from pneucli.recording import Recording
-
-Array = NDArray[np.float64]
 
 GAP_PERIODS = 2.5  # of a signal's own sampling period: two samples may lie two periods apart where its clock drifts
 PERIOD_PERCENTILE = (

@@ -53,7 +53,7 @@ from pneucli.design.requirements import Requirements, read_requirements
 from pneucli.design.sliding import axis_systems, unmatched_disturbances
 from pneucli.design.sliding_sector import SlidingSector, limit_slope, sector_from_vertices
 from pneucli.errors import InputError
-from pneucli.io.artifacts import Tables, atomic_path, read_table
+from pneucli.io.artifacts import Tables, read_table, write_text
 from pneucli.messages.compare import BAD_ERROR_RATIO, evaluation_error
 from pneucli.messages.design import cause_text
 from pneucli.messages.progress import counted
@@ -248,8 +248,7 @@ def _designed_sector(
 
 def _write(tables: Tables, designed: DesignResult) -> None:
     for name, controller in designed.controllers.items():
-        with atomic_path(tables.out / CONTROLLERS_FOLDER / f"{name}.json") as path:
-            path.write_text(controller.to_json(), encoding="utf-8")
+        write_text(tables.out / CONTROLLERS_FOLDER / f"{name}.json", controller.to_json())
     values = designed.selected.values
     tables.write(
         "gains",

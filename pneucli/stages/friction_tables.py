@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from pneucli.figure import INTERVAL_UNITS, named
-from pneucli.identify.friction import FrictionIdentification
+from pneucli.identify.friction.identification import FrictionIdentification
 from pneucli.identify.friction.stick_slip import StickSlip
 from pneucli.io.artifacts import Tables
 from pneucli.messages.identify import BreakAway, Friction, KineticLevel, OverPressure, Repeats

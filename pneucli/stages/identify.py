@@ -13,15 +13,17 @@ from pneucli.identify.estimation.intervals import with_intervals
 from pneucli.identify.estimation.model_fit import fit_model
 from pneucli.identify.estimation.parameters import FreeParameter
 from pneucli.identify.estimation.progress import Iteration, report_iterations_to
-from pneucli.identify.friction import FrictionIdentification, identify_friction
+from pneucli.identify.friction.identification import FrictionIdentification, identify_friction
 from pneucli.identify.guesses.base_model import guess_base_model
 from pneucli.identify.guesses.chamber_balance import Chamber
 from pneucli.identify.guesses.flow_paths import opening_from_null, valve_driven
 from pneucli.identify.guesses.null_command import drifting_recordings
 from pneucli.identify.residuals import ResidualModel, with_channel_weights
-from pneucli.identify.valve import ValveIdentification, identify_valve, identify_valve_on_piston
 from pneucli.identify.valve.charge_budget import with_budgets
 from pneucli.identify.valve.flow_bench import FlowBench
+from pneucli.identify.valve.identification import identify_valve
+from pneucli.identify.valve.moving_piston import identify_valve_on_piston
+from pneucli.identify.valve.result import ValveIdentification
 from pneucli.identify.valve.uncertainty import Budget
 from pneucli.io.artifacts import Tables
 from pneucli.messages.compare import ModelAnswer

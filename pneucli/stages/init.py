@@ -31,7 +31,7 @@ from pneucli.init.refusals import limits_of, refuse_unusable
 from pneucli.init.survey import survey_parts
 from pneucli.init.survey_types import Guess, Survey
 from pneucli.init.writer import References, fields_to_fill_in, pipeline_text, toml_string
-from pneucli.io.artifacts import atomic_path
+from pneucli.io.artifacts import write_text
 from pneucli.io.formats import recordings_in_archive
 from pneucli.io.raw_file import RawFile
 from pneucli.paths import archive_members
@@ -72,10 +72,8 @@ def create(
     left += dict.fromkeys(f"{one.path.name}: {text}" for kind in found for one in kind.surveys for text in one.unused)
     content = f"{DIRECTIVE}\n{with_components(content, parts) if parts else content}"
     references = pressure_references(found)
-    with atomic_path(target) as temporary:
-        temporary.write_text(content, encoding="utf-8")
-    with atomic_path(directory / SCHEMA) as temporary:
-        temporary.write_text(schema_text(), encoding="utf-8")
+    write_text(target, content)
+    write_text(directory / SCHEMA, schema_text())
     return {
         "schema": "pneucli/init/1",
         "pipeline": str(target),
@@ -110,8 +108,7 @@ def fill_in(path: Path, answers: Mapping[str, str]) -> dict[str, Any]:
     Raises InputError where an answer is no quantity of its kind.
     """
     content = with_values(path.read_text(encoding="utf-8"), values_of(answers))
-    with atomic_path(path) as temporary:
-        temporary.write_text(content, encoding="utf-8")
+    write_text(path, content)
     return {"fill_in": [{"line": line, "key": key} for line, key in fields_to_fill_in(content)]}
 
 

@@ -7,7 +7,7 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-from pneucli.config.recording_edit import append_recordings
+from pneucli.config.effect_edit import append_recordings
 from pneucli.document import read_toml
 from pneucli.errors import InputError
 from pneucli.figure import named, read

@@ -12,7 +12,7 @@ from pneucli.config import PipelineConfig
 from pneucli.errors import InputError
 from pneucli.export.replay_check import MAX_DIFFERENCE
 from pneucli.figure import read
-from pneucli.io.artifacts import Provenance, atomic_path, read_metadata, read_table, write_table
+from pneucli.io.artifacts import Provenance, read_metadata, read_table, write_table, write_text
 from pneucli.messages import compare, diagnose
 from pneucli.messages.design import violations, worst_value
 from pneucli.messages.formatting import format_number, format_plain, format_quantity
@@ -62,8 +62,7 @@ def run(context: Context) -> dict[str, Any]:
         sections += of_thesis
     tables_written = _write_tables(context, sections)
     for name, text in texts.items():
-        with atomic_path(context.out / name) as path:
-            path.write_text(text, encoding="utf-8")
+        write_text(context.out / name, text)
     return {
         "schema": "pneucli/report/1",
         "pipeline": context.config.name,

@@ -12,9 +12,9 @@ from numpy.typing import NDArray
 
 from pneucli.figure import Figure, named
 from pneucli.identify.estimation.fit import Estimate
-from pneucli.identify.valve import IsoConductance, LackOfFit, ValveIdentification
-from pneucli.identify.valve.iso6358 import Characteristic
-from pneucli.identify.valve.result import known_vessel_volume
+from pneucli.identify.valve.iso6358 import Characteristic, IsoConductance
+from pneucli.identify.valve.lack_of_fit import LackOfFit
+from pneucli.identify.valve.result import ValveIdentification, known_vessel_volume
 from pneucli.io.artifacts import Tables
 from pneucli.messages.findings import Finding
 from pneucli.messages.identify import MapResidual, Valve, ValveDeviation

@@ -9,8 +9,9 @@ from functools import cached_property
 from typing import TYPE_CHECKING, Literal
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from pneucli.arrays import Array
 from pneucli.errors import InputError
 from pneucli.tp.hosvd import DEFAULT_TOLERANCE, Hosvd, Spectrum, contract, hosvd
 from pneucli.tp.sampling import as_grids, locate, require_finite
@@ -20,7 +21,6 @@ from pneucli.tp.weights import Violation, WeightType, convex_weights, violations
 if TYPE_CHECKING:
     from scipy.interpolate import CubicSpline
 
-Array = NDArray[np.float64]
 Scaling = Literal["peak", "none"]
 
 _MAX_CHUNK = 2**22  # numbers of one reconstructed piece while errors are taken

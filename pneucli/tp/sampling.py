@@ -5,11 +5,10 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from pneucli.arrays import Array, Indices
 from pneucli.errors import InputError
-
-Array = NDArray[np.float64]
 
 
 def as_grids(grids: Sequence[ArrayLike]) -> tuple[Array, ...]:
@@ -92,7 +91,7 @@ def require_finite(samples: Array, grids: Sequence[Array]) -> None:
         )
 
 
-def locate(grid: Array, at: Array) -> tuple[NDArray[np.intp], Array]:
+def locate(grid: Array, at: Array) -> tuple[Indices, Array]:
     """Locate values between the nodes of a grid.
 
     Args:

@@ -7,14 +7,13 @@ from dataclasses import dataclass
 from functools import reduce
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 from scipy import sparse
 from scipy.sparse.linalg import splu
 
+from pneucli.arrays import Array
 from pneucli.errors import InputError
 from pneucli.tp.sampling import as_grids, locate
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True)

@@ -10,7 +10,8 @@ from pathlib import Path
 import pytest
 
 from pneucli import cli
-from pneucli.executors import ThreadEngine, dask_cluster
+from pneucli.executors import dask_cluster
+from pneucli.executors.engine import ThreadEngine
 from pneucli.pipeline.graph import STAGES
 from tests.cli.toys import PIPELINE
 

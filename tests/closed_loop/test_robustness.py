@@ -16,7 +16,8 @@ from pneucli.closed_loop.metrics import evaluate_run
 from pneucli.closed_loop.robustness import AxisDistribution, MonteCarloStudy, run_study, success_rates
 from pneucli.closed_loop.simulation import simulate
 from pneucli.errors import InputError
-from pneucli.executors import ThreadEngine, engine_from
+from pneucli.executors.dask_cluster import engine_from
+from pneucli.executors.engine import ThreadEngine
 from pneucli.physics.effects import catalogue
 from pneucli.recording import Rig
 from pneucli.simulate.model import Model

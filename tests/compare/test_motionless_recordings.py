@@ -12,8 +12,8 @@ from pneucli.compare import find_error_regions, overall_error
 from pneucli.compare.channel_errors import compare
 from pneucli.compare.expected_error import expected_errors
 from pneucli.compare.residual_correlation import residual_correlations
+from pneucli.identify.friction.identification import break_away
 from pneucli.identify.friction.kinematics import estimate_motion
-from pneucli.identify.friction.summary_figures import break_away
 from pneucli.identify.guesses.base_model import guess_base_model
 from pneucli.identify.residuals import residual_models
 from pneucli.noise import estimate_noise

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from pneucli.config.recording_edit import append_recordings
+from pneucli.config.effect_edit import append_recordings
 from pneucli.errors import InputError
 
 TEXT = """# my rig

@@ -134,7 +134,7 @@ def test_a_switching_valve_is_open_or_shut():
 @pytest.mark.parametrize("arrangement", [FIVE_THREE, TWO_VALVES])
 def test_the_bench_of_chamber_2_has_the_edges_of_chamber_2(arrangement):
     par = RIG._replace(arrangement=arrangement, coulomb=1e4)
-    bench = Laboratory("rig", par, Sensors(), vessel_volume=100e-6).valve_test_rig_of(2)
+    bench = Laboratory("rig", par, Sensors(), vessel_volume=100e-6).valve_test_rig(2)
     tested = simulate_rig(bench, Excitation(np.full(100, 5.0), pressure_1=2e5))
     # the cylinder's own chamber 2, whose valve opens toward it
     second = np.full(100, 5.0)
@@ -209,9 +209,9 @@ def test_a_weight_pulls_to_either_side_but_never_outward_where_an_open_chamber_w
 
 def test_a_leak_of_the_cylinder_stays_with_the_cylinder():
     leaking = Parameters(leak_area=1e-8, laminar_conductance=1e-12, relief_growth=1e-13, piston_leak_area=1e-8)
-    bench = Laboratory("rig", leaking, Sensors(), vessel_volume=1e-4).valve_test_rig
+    bench = Laboratory("rig", leaking, Sensors(), vessel_volume=1e-4).valve_test_rig()
     assert bench.leak_area == bench.laminar_conductance == bench.relief_growth == bench.piston_leak_area == 0.0
-    alone = Laboratory("rig", leaking, Sensors(), vessel_volume=1e-4, has_cylinder=False).valve_test_rig
+    alone = Laboratory("rig", leaking, Sensors(), vessel_volume=1e-4, has_cylinder=False).valve_test_rig()
     assert (alone.leak_area, alone.laminar_conductance, alone.relief_growth) == (1e-8, 1e-12, 1e-13)
 
 

@@ -221,13 +221,13 @@ def test_a_valve_test_file_has_no_cylinder_and_no_unrecorded_supply() -> None:
 
 def test_the_bench_has_the_vessel_and_not_the_cylinders_faults() -> None:
     par = PAR._replace(dead_volume_added=1e-6, piston_leak_area=1e-8, load_mass=1.0, leak_area=2e-8)
-    on_rig = Laboratory("b", par, Sensors(), vessel_volume=160e-6).valve_test_rig
-    alone = Laboratory("b", par, Sensors(), vessel_volume=160e-6, has_cylinder=False).valve_test_rig
+    on_rig = Laboratory("b", par, Sensors(), vessel_volume=160e-6).valve_test_rig()
+    alone = Laboratory("b", par, Sensors(), vessel_volume=160e-6, has_cylinder=False).valve_test_rig()
     for bench in (on_rig, alone):
         assert (bench.piston_area_1, bench.piston_area_2, bench.dead_volume_1) == (0.0, 0.0, 160e-6)
         assert (bench.dead_volume_added, bench.piston_leak_area, bench.load_mass) == (0.0, 0.0, 0.0)
     assert (on_rig.leak_area, alone.leak_area) == (0.0, 2e-8)
-    assert Laboratory("b", par, Sensors()).valve_test_rig.dead_volume_1 == 0.0
+    assert Laboratory("b", par, Sensors()).valve_test_rig().dead_volume_1 == 0.0
 
 
 def test_a_recording_is_simulated_on_its_own_rig(tmp_path: Path) -> None:

@@ -29,7 +29,7 @@ from tests.exam.chosen import Chosen
 
 TIME = np.arange(0.0, 3.0, 2e-3)
 MOVED = UserRecording("driven", "friction", "train", TIME, 0.1 + 0.04 * np.sin(3.0 * TIME), (3e5, 3e5))
-BENCH = UserRig(Parameters(coulomb=30.0, mass=1.0), Sensors(), (MOVED,), has_cylinder=True)
+BENCH = UserRig("", Parameters(coulomb=30.0, mass=1.0), Sensors(), has_cylinder=True, recordings=(MOVED,))
 TWICE = replace(BENCH, parameters=BENCH.parameters._replace(piston_area_1=16e-4, piston_area_2=16e-4))
 
 

@@ -13,7 +13,7 @@ from pneucli.cli.command import HowToRun
 from pneucli.cli.commands.diagnose import _baseline_options
 from pneucli.config import load_fleet
 from pneucli.errors import InputError
-from pneucli.executors import ThreadEngine
+from pneucli.executors.engine import ThreadEngine
 from pneucli.fleet import row
 from pneucli.fleet import run as stage
 from pneucli.fleet.row_files import EMPTY_RESULT

@@ -11,12 +11,11 @@ from hypothesis.extra.numpy import arrays
 
 from pneucli.errors import InputError
 from pneucli.io.channel_clocks import align_tables
-from pneucli.io.clock_repairs import CounterClock, spread_stamps
-from pneucli.io.even_clock import EvenClock
-from pneucli.io.held_readings import HeldReadingDetector
+from pneucli.io.cleaning import MARGIN_SAMPLES, MAX_SPIKE_SAMPLES, MIN_NOISE_RATIO, MIN_STEP_RATIO, find_spikes
+from pneucli.io.clock_repairs import CounterClock, EvenClock, spread_stamps
 from pneucli.io.missing_marks import MarkDetector
 from pneucli.io.roll_over import RollOverCorrector
-from pneucli.io.spikes import MARGIN_SAMPLES, MAX_SPIKE_SAMPLES, MIN_NOISE_RATIO, MIN_STEP_RATIO, find_spikes
+from pneucli.io.signal_repairs import HeldReadingDetector
 from pneucli.io.timestamp_order import Table
 from pneucli.stages import init
 

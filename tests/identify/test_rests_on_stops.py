@@ -16,7 +16,7 @@ from pneucli.diagnose.data import DiagnosisData
 from pneucli.diagnose.diagnosis import diagnose
 from pneucli.identify.estimation.fit import Fit
 from pneucli.identify.estimation.model_fit import fit_model
-from pneucli.identify.friction import FrictionIdentification, identify_friction
+from pneucli.identify.friction.identification import FrictionIdentification, identify_friction
 from pneucli.identify.guesses.base_model import guess_base_model
 from pneucli.identify.residuals import residual_models
 from pneucli.physics.effects import catalogue

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from pneucli.exam.rig.parameters import Parameters
 from pneucli.exam.rig.sensors import Sensors, measure
 from pneucli.exam.rig.simulation import Excitation, simulate_rig
-from pneucli.identify.friction import FrictionIdentification, identify_friction
+from pneucli.identify.friction.identification import FrictionIdentification, identify_friction
 from pneucli.noise import NoiseModel
 from pneucli.recording import Recording, Rig
 from pneucli.simulate.model import Model

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from pneucli.errors import InputError
-from pneucli.identify.friction import identify_friction
+from pneucli.identify.friction.identification import identify_friction
 from pneucli.simulate.model import Model
 from tests.identify_friction.synthetic_recordings import (
     BENCH,

@@ -10,7 +10,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from pneucli.errors import InputError
-from pneucli.identify.friction import estimate_motion, kinematics
+from pneucli.identify.friction import kinematics
+from pneucli.identify.friction.kinematics import estimate_motion
 from pneucli.noise import NoiseModel
 from pneucli.physics.effects import catalogue
 from pneucli.recording import Rig

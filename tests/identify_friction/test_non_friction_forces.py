@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 
 from pneucli.exam.rig.parameters import Parameters
-from pneucli.identify.friction import FrictionIdentification, identify_friction
+from pneucli.identify.friction.identification import FrictionIdentification, identify_friction
 from pneucli.identify.friction.kinematics import estimate_motion
 from pneucli.identify.friction.non_friction_forces import NonFrictionForces
 from pneucli.identify.friction.warnings import unmodelled_effects

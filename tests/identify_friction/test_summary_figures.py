@@ -9,9 +9,9 @@ import numpy as np
 import pytest
 
 from pneucli.figure import Figure
+from pneucli.identify.friction.identification import break_away, pressure_dependence, repeatability
 from pneucli.identify.friction.imposed_motion import KineticFriction
 from pneucli.identify.friction.kinematics import Motion
-from pneucli.identify.friction.summary_figures import break_away, pressure_dependence, repeatability
 
 AMBIENT = 1e5
 

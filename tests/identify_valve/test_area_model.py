@@ -30,10 +30,12 @@ from pneucli.identify.valve.fit import (
     TransientProblem,
     autocovariances,
     averaged_noise_autocovariance,
+    initial_pressure_sensitivity,
+    parameter_sensitivity,
+    simulate_transients,
     whitening_filter,
 )
 from pneucli.identify.valve.maps import invert_gradient
-from pneucli.identify.valve.simulation import initial_pressure_sensitivity, parameter_sensitivity, simulate_transients
 from pneucli.identify.valve.transients import Transients, average_readings, cut_transients, interpolation_error
 from pneucli.noise import NoiseModel
 from pneucli.recording import Recording

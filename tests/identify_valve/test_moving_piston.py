@@ -10,8 +10,8 @@ import pytest
 
 from pneucli.errors import InputError
 from pneucli.identify.estimation.fit import Fit
-from pneucli.identify.valve import ValveIdentification, identify_valve_on_piston
-from pneucli.identify.valve.moving_piston import mid_stroke_volume
+from pneucli.identify.valve.moving_piston import identify_valve_on_piston, mid_stroke_volume
+from pneucli.identify.valve.result import ValveIdentification
 from pneucli.simulate.experiment import Experiment
 from pneucli.simulate.model import Model
 from tests.identify.test_arrangements import FIRST, FRICTION, SECOND, axis, fit

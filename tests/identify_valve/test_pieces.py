@@ -13,7 +13,7 @@ from pneucli.identify.estimation.model_fit import free_parameters
 from pneucli.identify.residuals import ChamberPressures
 from pneucli.identify.valve import identification, maps, model_gradient
 from pneucli.identify.valve.area_model import AreaModel
-from pneucli.identify.valve.fit import Posterior
+from pneucli.identify.valve.fit import Posterior, initial_pressures
 from pneucli.identify.valve.lack_of_fit import LackOfFit, compare_with_map
 from pneucli.identify.valve.maps import (
     Coverage,
@@ -25,7 +25,6 @@ from pneucli.identify.valve.maps import (
 )
 from pneucli.identify.valve.model_gradient import ModelGradient, has_memory, memory_gradient, whitening_matrix
 from pneucli.identify.valve.result import RecordingResidual, ValveIdentification
-from pneucli.identify.valve.simulation import initial_pressures
 from pneucli.identify.valve.transients import Transients
 from pneucli.simulate.model import parameter_value
 from pneucli.simulate.quasi_static_gradient import QuasiStaticGradient

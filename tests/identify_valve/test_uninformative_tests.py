@@ -11,9 +11,9 @@ from hypothesis import strategies as st
 
 from pneucli.errors import InputError
 from pneucli.identify.estimation.model_fit import require_finite
-from pneucli.identify.valve import ValveIdentification
 from pneucli.identify.valve.fit import autocovariances, averaged_noise_autocovariance
 from pneucli.identify.valve.model_gradient import whitening_matrix
+from pneucli.identify.valve.result import ValveIdentification
 from pneucli.identify.valve.transients import average_readings
 from pneucli.noise import NoiseModel
 from pneucli.recording import Recording, Rig

@@ -12,7 +12,8 @@ import pyarrow.parquet as pq
 import pytest
 
 from pneucli.errors import InputError
-from pneucli.io import damaged_files, mat_elements
+from pneucli.io import damaged_files
+from pneucli.io.formats import matlab
 from pneucli.io.open_signals import open_signals
 from pneucli.io.raw_file import Channel, RawFile
 
@@ -281,7 +282,7 @@ def mat_bomb(path: Path) -> None:
 def test_what_a_file_expands_to_is_bounded_and_said(
     tmp_path: Path, write: Callable[[Path], None], most: float, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    for module in (damaged_files, mat_elements):
+    for module in (damaged_files, matlab):
         monkeypatch.setattr(module, "MIN_EXPANSION_LIMIT", 32 << 20)
     write(tmp_path / "a")
     assert (tmp_path / "a").stat().st_size < 300_000
@@ -346,9 +347,9 @@ def test_a_matrix_without_its_numbers_is_refused(tmp_path: Path, at: int, now: b
         raw = raw[:176] + bytes(8) + raw[176 + 8 + 8 * T.size :]
         raw[132:136] = (48).to_bytes(4, "little")
     (tmp_path / "a.mat").write_bytes(raw)
-    mat_elements.check_types(tmp_path / "a.mat", {1})
+    matlab.check_types(tmp_path / "a.mat", {1})
     with pytest.raises(ValueError, match="a matrix without its numbers"):
-        mat_elements.check_types(tmp_path / "a.mat", {0})
+        matlab.check_types(tmp_path / "a.mat", {0})
 
 
 def with_image(write: str, path: Path) -> None:

@@ -13,9 +13,9 @@ import pytest
 
 from pneucli.simulate import layout as at
 from pneucli.simulate.model import Model
-from pneucli.simulate.reference import solve
 from pneucli.simulate.run import run
 
+from .reference import solve
 from .synthetic_experiments import BALANCED, RIG, STRIBECK, held_commands, make_experiment, model, time_grid
 
 TIME = time_grid(2.0)

@@ -10,7 +10,7 @@ import pytest
 from pneucli.errors import InputError
 from pneucli.experiments import EXPERIMENT_KINDS
 from pneucli.identify.estimation.model_fit import fit_model
-from pneucli.identify.friction import estimate_motion
+from pneucli.identify.friction.kinematics import estimate_motion
 from pneucli.identify.guesses.base_model import guess_base_model
 from pneucli.identify.residuals import ForceBalance, residual_models
 from pneucli.noise import NoiseModel

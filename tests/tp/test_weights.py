@@ -12,7 +12,7 @@ from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
 from pneucli.errors import InputError
-from pneucli.tp import WeightType, check, hosvd, sample, simplex_search, transform
+from pneucli.tp import WeightType, check, hosvd, sample, transform, weights
 from pneucli.tp import simplex as sx
 
 from .cases import CASES
@@ -37,8 +37,8 @@ def test_invariants_span_and_reconstruction(name, weight_type):
     assert check(model) == []
     assert np.abs(rebuilt(model) - case.samples).max() < 1e-13 * np.abs(case.samples).max()
     assert np.all(model.errors <= 1e-12 * model.scale)
-    for weights, basis in zip(model.weights, hosvd(case.samples / model.scale, len(case.grids)).bases, strict=True):
-        outside = basis - weights @ np.linalg.lstsq(weights, basis, rcond=None)[0]
+    for columns, basis in zip(model.weights, hosvd(case.samples / model.scale, len(case.grids)).bases, strict=True):
+        outside = basis - columns @ np.linalg.lstsq(columns, basis, rcond=None)[0]
         assert np.abs(outside).max() < 1e-10
 
 
@@ -100,7 +100,7 @@ clouds = st.builds(
 def test_smallest_volume_does_not_change_when_the_points_are_rotated(cloud, seed):
     turn = np.linalg.qr(np.random.default_rng(seed).standard_normal((cloud.shape[1],) * 2))[0]
     plain, turned = (sx.homogeneous(y) for y in (cloud, cloud @ turn))
-    smallest = [sx.log_reciprocal_volume(simplex_search.smallest_simplices(h)[0]) for h in (plain, turned)]
+    smallest = [sx.log_reciprocal_volume(weights.smallest_simplices(h)[0]) for h in (plain, turned)]
     assert smallest[0] == pytest.approx(smallest[1], abs=0.02)  # several local optima of a random cloud nearly tie
 
 
@@ -109,9 +109,9 @@ def test_smallest_volume_does_not_change_when_the_points_are_rotated(cloud, seed
 def test_each_weight_type_is_best_by_its_own_criterion(cloud):
     h = sx.homogeneous(cloud)
     smallest, closest, equal = (
-        simplex_search.smallest_simplices(h)[0],
-        simplex_search.closest_simplex(h),
-        simplex_search.equal_maxima_simplex(h),
+        weights.smallest_simplices(h)[0],
+        weights.closest_simplex(h),
+        weights.equal_maxima_simplex(h),
     )
     assume(equal is not None)
     others = [sx.regular_simplex(h), sx.tighten(h, sx.spanned_simplex(h)), closest, equal]

@@ -47,11 +47,10 @@ def _leak(
 
     answer = leak_test(files, volume=volume, limit=limit, drift=drift)
     if html is not None:
-        from pneucli.io.artifacts import atomic_path
+        from pneucli.io.artifacts import write_text
         from pneucli.report.leak_page import leak_page
 
-        with atomic_path(html) as temporary:
-            temporary.write_text(leak_page(answer), encoding="utf-8")
+        write_text(html, leak_page(answer))
         answer = replace(answer, page=str(html))
     how.tell(answer, " ".join(quote(str(path)) for path in files))
     if answer.verdict in ("fail", "undecided"):

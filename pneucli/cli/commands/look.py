@@ -21,11 +21,10 @@ def _look(raw: Files, html: Page = None, how: How = How()) -> None:
 
     answer = look_at(raw)
     if html is not None:
-        from pneucli.io.artifacts import atomic_path
+        from pneucli.io.artifacts import write_text
         from pneucli.report.look_page import look_page
 
-        with atomic_path(html) as temporary:
-            temporary.write_text(look_page(answer), encoding="utf-8")
+        write_text(html, look_page(answer))
         answer |= {"page": str(html)}
     how.show("look", answer, " ".join(quote(str(path)) for path in raw))
 

@@ -6,8 +6,8 @@ from dataclasses import replace
 
 import numpy as np
 
+from pneucli.arrays import Array
 from pneucli.exam.rig.gas import GAS_CONSTANT, KAPPA, PSI_MAX
-from pneucli.exam.rig.kernel import Array
 from pneucli.exam.rig.parameters import Parameters
 from pneucli.exam.rig.simulation import LOOP_PERIOD, Excitation
 

@@ -4,14 +4,10 @@ from __future__ import annotations
 
 import math
 
-import numpy as np
-from numpy.typing import NDArray
-
+from pneucli.arrays import Array
 from pneucli.caches import compiled
 from pneucli.exam.rig.gas import GAS_CONSTANT
 from pneucli.exam.rig.parameters import ONE_CHAMBER, Parameters
-
-Array = NDArray[np.float64]
 
 SEGMENTS = 8
 SPEED_OF_SOUND = 343.0  # m/s, by which a length is stated as a delay

@@ -6,8 +6,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from pneucli.arrays import Array
 from pneucli.caches import compiled
-from pneucli.exam.rig.kernel import P1, P2, Array, V, X, dry_friction, net_force
+from pneucli.exam.rig.kernel import P1, P2, V, X, dry_friction, net_force
 from pneucli.exam.rig.parameters import Parameters
 
 REVERSAL_TIME = 0.15  # s, in which the machine turns round

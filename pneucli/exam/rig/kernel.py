@@ -10,8 +10,8 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numpy.typing import NDArray
 
+from pneucli.arrays import Array
 from pneucli.caches import compiled
 from pneucli.exam.rig.gas import (
     GAS_CONSTANT,
@@ -26,7 +26,6 @@ from pneucli.exam.rig.gas import (
 from pneucli.exam.rig.hose import hose_volume
 from pneucli.exam.rig.parameters import Parameters
 
-Array = NDArray[np.float64]
 Flows = tuple[float, float, float, float]  # kg/s: into and out of chamber 1, into and out of chamber 2
 
 MAX_STEP = 25e-6  # s, the longest

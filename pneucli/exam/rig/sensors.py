@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.signal import lfilter
 
-from pneucli.exam.rig.kernel import Array
+from pneucli.arrays import Array
 from pneucli.exam.rig.parameters import Parameters
 
 HUM_HZ = 50.0

@@ -9,8 +9,8 @@ import math
 from dataclasses import dataclass, field
 
 import numpy as np
-from numpy.typing import NDArray
 
+from pneucli.arrays import Array, Indices
 from pneucli.caches import compiled
 from pneucli.exam.rig.gas import pump_flow, regulated_opening
 from pneucli.exam.rig.hose import SEGMENTS, flow_through_hose
@@ -22,7 +22,6 @@ from pneucli.exam.rig.kernel import (
     T1,
     T2,
     XL,
-    Array,
     Flows,
     V,
     X,
@@ -94,7 +93,7 @@ def _steps(rate: float) -> tuple[int, int]:
     return every, round(LOOP_PERIOD * rate * every)
 
 
-def command_stamps(excitation: Excitation, rate: float) -> tuple[Array, NDArray[np.intp]]:
+def command_stamps(excitation: Excitation, rate: float) -> tuple[Array, Indices]:
     """Return the times (s) at which the controller gives a command, and the samples over ``rate`` (Hz) that show it."""
     every, hold = _steps(rate)
     commands = np.arange(math.ceil(excitation.command.size / excitation.cycle), dtype=np.intp)

@@ -7,8 +7,9 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.optimize import brentq
 
+from pneucli.arrays import Array
 from pneucli.exam.rig.gas import orifice_flow, pump_flow, regulated_opening
-from pneucli.exam.rig.kernel import P1, PS, Array, valve_area, valve_flow
+from pneucli.exam.rig.kernel import P1, PS, valve_area, valve_flow
 from pneucli.exam.rig.parameters import Parameters
 
 THROTTLE_RATIO = 0.4  # critical pressure ratio of the throttle

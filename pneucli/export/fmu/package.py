@@ -12,7 +12,6 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import TYPE_CHECKING
 from xml.etree import ElementTree
-from xml.sax.saxutils import quoteattr
 from zipfile import ZIP_DEFLATED, ZipFile, ZipInfo
 
 import numpy as np
@@ -32,6 +31,7 @@ if TYPE_CHECKING:
 
 MODEL_IDENTIFIER = "pneucli_plant"
 SOURCE_FILE = "pneucli_plant.c"
+BUILD_FILE = "buildDescription.xml"  # how another platform compiles the sources, from FMI 3.0 on
 FILE_NAME = "pneucli_plant.fmu"
 STEP = 1e-3  # s, the communication step that an importer takes by default, and between events of model exchange
 RING_MARGIN = 8.0  # times the delay of a hose: the parameter may be set higher before the start
@@ -104,24 +104,6 @@ def model_description(
         modelVariables=written,
         outputs=[Unknown(variable=one) for one in outputs],
         initialUnknowns=[Unknown(variable=one) for one in outputs],
-    )
-
-
-def build_description() -> str:
-    """Return ``buildDescription.xml``: how another platform compiles the sources."""
-    return "\n".join(
-        [
-            '<?xml version="1.0" encoding="UTF-8"?>',
-            '<fmiBuildDescription fmiVersion="3.0">',
-            f"  <BuildConfiguration modelIdentifier={quoteattr(MODEL_IDENTIFIER)}>",
-            '    <SourceFileSet language="C99">',
-            f"      <SourceFile name={quoteattr(SOURCE_FILE)}/>",
-            "    </SourceFileSet>",
-            '    <Library name="m" external="true" description="the mathematical functions, where they are apart"/>',
-            "  </BuildConfiguration>",
-            "</fmiBuildDescription>",
-            "",
-        ]
     )
 
 
@@ -218,7 +200,7 @@ def _write_descriptions(root: Path, about: ModelDescription) -> None:
     write_model_description(about, path)
     tree = ElementTree.parse(path)
     if about.fmiMajorVersion == 3:
-        (root / "sources" / "buildDescription.xml").write_text(build_description(), encoding="utf-8")
+        (root / "sources" / BUILD_FILE).write_text(fill_template(BUILD_FILE), encoding="utf-8")
         for one, element in zip(about.modelVariables, tree.getroot().iter(REAL["3.0"]), strict=True):
             element.attrib |= {key: text for key in ("min", "max") if (text := getattr(one, key)) is not None}
     else:

@@ -7,8 +7,8 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
+from pneucli.arrays import Array
 from pneucli.errors import InputError
 from pneucli.physics.declaration import Effect
 from pneucli.simulate import layout as at
@@ -19,7 +19,6 @@ from pneucli.simulate.open_loop import SAMPLING_PERIOD, command_recording
 from pneucli.simulate.preparation import prepare
 from pneucli.simulate.run import area_tables, base_vector
 
-Array = NDArray[np.float64]
 Interval = tuple[float, float]
 
 FAR = 1e9  # m: an end of the stroke that is nowhere; C has no literal for infinity

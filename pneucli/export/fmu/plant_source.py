@@ -9,8 +9,7 @@ from dataclasses import dataclass
 from typing import ClassVar
 
 from pneucli.export.c_translator import DOUBLE, CWriter, c_definition, c_signature
-from pneucli.export.fmu.lowered_expressions import Shapes
-from pneucli.export.fmu.lowering import RESULT, lower, tuple_lengths
+from pneucli.export.fmu.lowering import RESULT, Shapes, lower, tuple_lengths
 from pneucli.export.type_inference import InferredTypes
 from pneucli.physics.declaration import Effect
 from pneucli.simulate.build import PARTS, source

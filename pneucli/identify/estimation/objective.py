@@ -10,7 +10,7 @@ from threading import Lock
 import numpy as np
 from numpy.typing import NDArray
 
-from pneucli.executors import map_in_threads, thread_count
+from pneucli.executors.engine import map_in_threads, thread_count
 from pneucli.identify.estimation.blocks import block_labels, channel_slices, residual_counts, residual_slices
 from pneucli.identify.estimation.parameters import DIFFERENCE_STEP, FreeParameter
 from pneucli.identify.residuals import ResidualModel

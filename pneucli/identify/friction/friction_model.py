@@ -7,13 +7,12 @@ from dataclasses import dataclass, field
 from typing import Literal
 
 import numpy as np
-from numpy.typing import NDArray
 
+from pneucli.arrays import Array, Mask
 from pneucli.figure import Figure
 from pneucli.identify.friction.samples import Branch
 from pneucli.tp import TPModel
 
-Array = NDArray[np.float64]
 ModelName = Literal["A", "B", "C", "D", "E", "F"]
 TITLES: dict[ModelName, str] = {
     "A": "Stribeck friction",
@@ -110,7 +109,7 @@ class FrictionModel:
         """Return the branch for acceleration or deceleration."""
         return self.branches[0 if accelerating else -1]
 
-    def force(self, v: Array, accelerating: NDArray[np.bool_] | bool = True) -> Array:
+    def force(self, v: Array, accelerating: Mask | bool = True) -> Array:
         """Return the friction force (N) at ``v`` (m/s) on the branch of ``accelerating``; shapes broadcast.
 
         Beyond the domain the value at its end holds.

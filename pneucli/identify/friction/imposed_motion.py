@@ -5,13 +5,12 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from pneucli.arrays import Array
 from pneucli.figure import Figure
 from pneucli.identify.friction.kinematics import Motion
 from pneucli.quantities import Z95
 
-Array = NDArray[np.float64]
 MIN_STROKE_SPEED_RATIO = 0.5  # of the median speed while moving: slower samples belong to a reversal
 
 

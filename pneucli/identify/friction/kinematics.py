@@ -14,6 +14,7 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
+from pneucli.arrays import Array, Mask
 from pneucli.errors import InputError
 from pneucli.identify.friction.non_friction_forces import NonFrictionForces
 from pneucli.noise import NoiseModel, estimate_noise
@@ -31,10 +32,7 @@ from pneucli.simulate.velocity_integration import (
     without_constant_position,
 )
 
-Array = NDArray[np.float64]
-
 Smoother = Callable[[Array], Array]
-Mask = NDArray[np.bool_]
 Kinematics = Callable[[Array, Array], tuple[Array, Array]]
 REST_SIGMA = 5.0  # standard deviations of the velocity, below which the piston counts as resting
 RINGING_RATIO = 1e-3  # of the highest speed: the ringing of the smoothed velocity next to a stop

@@ -7,13 +7,12 @@ from dataclasses import dataclass
 from typing import Literal, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from pneucli.arrays import Array
 from pneucli.identify.friction.friction_model import FrictionModel, ModelName
 from pneucli.identify.friction.kinematics import Motion
 from pneucli.identify.friction.stick_slip import StickSlip
 
-Array = NDArray[np.float64]
 Channel = Literal["a", "v", "force"]
 
 SUBSTEPS = 10  # of the simulation between two samples

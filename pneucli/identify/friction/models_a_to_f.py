@@ -7,18 +7,17 @@ branch. The TP models hold S(v) = a22(v) = F(v) / (m v) of (2.48), so that F(v) 
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import replace
 
 import numpy as np
-from numpy.typing import NDArray
 
+from pneucli.arrays import Array
 from pneucli.identify.friction.friction_model import FrictionModel, ModelBranch, ModelName, VelocityDomain
 from pneucli.identify.friction.regression import FrictionFit, fit_coulomb, fit_stribeck, velocity_friction
 from pneucli.identify.friction.samples import Branch, MovingSamples
 from pneucli.tp import transform
 
-Array = NDArray[np.float64]
 MIN_BRANCH_SAMPLES = 50  # of a branch, or of one direction of it
 MIN_NODE_SUPPORT = 0.5  # samples at an outermost node of a direct model, below which it does not count as measured
 
@@ -39,7 +38,7 @@ def _parametric(domain: VelocityDomain, branch: Branch, fit: FrictionFit) -> Mod
     return ModelBranch(branch, force, fit.values())
 
 
-def _tp_from_model(name: ModelName, source: FrictionModel, mass: float) -> FrictionModel:
+def tp_from_model(name: ModelName, source: FrictionModel, mass: float) -> FrictionModel:
     """Build model B or E: the TP models of the branches of A or D."""
     branches = tuple(
         _tp_on_grid(branch_model, source.domain, source.domain.grid, mass) for branch_model in source.branches
@@ -145,7 +144,7 @@ def identify_models(
     a, viscous = _parametric_model("A", domain, {"both": both}, both["offset"]), both.values()["viscous"].low
     candidates: list[FrictionModel | None] = [
         a,
-        _tp_from_model("B", a, mass),
+        tp_from_model("B", a, mass),
         tp_from_samples("C", domain, {"both": samples}, viscous, a.offset, mass),
     ]
     branch_samples: dict[Branch, MovingSamples] = {
@@ -157,7 +156,7 @@ def identify_models(
         d = _parametric_model("D", domain, _branch_fits(branch_samples, offset), offset)
         candidates += [
             d,
-            _tp_from_model("E", d, mass),
+            tp_from_model("E", d, mass),
             tp_from_samples("F", domain, branch_samples, viscous, offset, mass),
         ]
     return tuple(m for m in candidates if m is not None)
@@ -182,32 +181,3 @@ def _branch_fits(branch_samples: Mapping[Branch, MovingSamples], offset: float) 
         replace(branch_samples[b], friction=branch_samples[b].friction - offset) for b in ("accelerating", "slowing")
     )
     return {"accelerating": fit_stribeck(rising, offset=False), "slowing": fit_coulomb(falling, offset=False)}
-
-
-def grid_convergence(source: FrictionModel, mass: float, sizes: Sequence[int]) -> list[tuple[int, float]]:
-    """Compute the error of the TP models (E of D, B of A) over the number of grid nodes.
-
-    The smoothed sign is that of the source throughout, so only the grid changes.
-
-    Args:
-        source: Model A or D.
-        mass: Moving mass in kg.
-        sizes: Numbers of nodes.
-
-    Returns:
-        For each number of nodes, the rms deviation of force in N.
-
-    References:
-        Thesis 6.3.4: E approaches D as the grid becomes finer.
-    """
-    fine = np.linspace(-source.domain.max_velocity, source.domain.max_velocity, 40_001)
-    out = []
-    for nodes in sizes:
-        grid = replace(source.domain, nodes=nodes).grid
-        copies = [_tp_on_grid(branch_model, source.domain, grid, mass) for branch_model in source.branches]
-        errors = [
-            copy.force(fine) - branch_model.force(fine)
-            for copy, branch_model in zip(copies, source.branches, strict=True)
-        ]
-        out.append((nodes, float(np.sqrt(np.mean(np.square(errors))))))
-    return out

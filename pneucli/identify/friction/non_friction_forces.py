@@ -9,12 +9,11 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
+from pneucli.arrays import Array
 from pneucli.simulate import layout as at
 from pneucli.simulate.build import Kernel
 from pneucli.simulate.model import Model
 from pneucli.simulate.run import kernel_for, read_only
-
-Array = NDArray[np.float64]
 
 REMOVED_BALANCES = {
     "mechanics",

@@ -9,8 +9,8 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from pneucli.arrays import Array, Integers
 from pneucli.figure import Figure
 from pneucli.identify.estimation.blocks import group_scores
 from pneucli.identify.estimation.least_squares import minimise
@@ -20,7 +20,6 @@ from pneucli.noise import NORMAL_MAD
 from pneucli.physics.vectorised import stribeck_friction
 from pneucli.quantities import Z95
 
-Array = NDArray[np.float64]
 Residual = Callable[[Array], Array]
 HUBER_THRESHOLD = 1.345  # robust standard deviations: 95 % efficient for normal residuals
 MAX_ITERATIONS, TOLERANCE = 50, 1e-10
@@ -214,7 +213,7 @@ def _huber_loss(r: Array, scale: float) -> float:
     return float(np.sum(np.where(z <= HUBER_THRESHOLD, 0.5 * z**2, HUBER_THRESHOLD * z - 0.5 * HUBER_THRESHOLD**2)))
 
 
-def _correlation_inflation(r: Array, block: NDArray[np.int64]) -> float:
+def _correlation_inflation(r: Array, block: Integers) -> float:
     """Return the residuals' long-run variance over their variance, at least 1."""
     clipped = np.clip(r, -3 * _robust_scale(r), 3 * _robust_scale(r))
     _, index, count = np.unique(block, return_inverse=True, return_counts=True)

@@ -9,6 +9,7 @@ from typing import Any, Literal
 import numpy as np
 from numpy.typing import NDArray
 
+from pneucli.arrays import Array
 from pneucli.distributions import student_t_quantile
 from pneucli.identify.friction.kinematics import Motion
 from pneucli.quantities import Z95
@@ -33,9 +34,6 @@ class FrictionCurve:
     ci_low: Array
     ci_high: Array
     count: NDArray[np.int64]
-
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True)

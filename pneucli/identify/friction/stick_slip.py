@@ -7,12 +7,10 @@ from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
-from numpy.typing import NDArray
 
+from pneucli.arrays import Array, Indices, Integers
 from pneucli.identify.friction.kinematics import Motion
 
-Array = NDArray[np.float64]
-Indices = NDArray[np.intp]
 BranchName = Literal["accelerating", "slowing"]
 
 MIN_REST_RATIO = 0.1  # of a slide's duration: the shortest rest before and after a stick-slip
@@ -61,7 +59,7 @@ class AveragedFriction:
     speed: Array
     friction: Array
     error: Array
-    count: NDArray[np.int64]
+    count: Integers
 
 
 def find_stick_slips(motion: Motion, mass: float) -> list[StickSlip]:

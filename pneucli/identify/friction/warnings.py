@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping, Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 
 from pneucli.identify.friction.friction_model import TITLES, FrictionModel, ModelName
 from pneucli.identify.friction.imposed_motion import KineticFriction
@@ -17,7 +16,6 @@ from pneucli.physics.declaration import Effect
 from pneucli.physics.ports import PORTS
 from pneucli.simulate.model import Model
 
-Array = NDArray[np.float64]
 MAX_STATES = 100  # of each recording, at which a factor is evaluated
 BY_BRANCH, BY_DIRECTION, NO_MODEL = set("DEF"), set("CF"), set[str]()
 # the models that can represent an effect at each port of friction; D has no Stribeck rise while slowing

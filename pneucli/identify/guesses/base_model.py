@@ -7,8 +7,8 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
-from numpy.typing import NDArray
 
+from pneucli.arrays import Array
 from pneucli.errors import InputError
 from pneucli.identify.guesses.direct_friction import has_both_directions
 from pneucli.identify.guesses.flow_paths import flow_path_data
@@ -20,8 +20,6 @@ from pneucli.simulate.experiment import Experiment
 from pneucli.simulate.imposed_motion import imposed_motion
 from pneucli.simulate.model import Model
 from pneucli.simulate.valve_forms.area import NO_VALVE
-
-Array = NDArray[np.float64]
 
 TINY = 1e-30  # a positive floor that keeps quotients and logarithms finite
 MIN_SPEED_RATIO = 0.02  # of the largest speed; slower samples may be at rest

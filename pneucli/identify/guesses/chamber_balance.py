@@ -6,14 +6,13 @@ from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
-from numpy.typing import NDArray
 
+from pneucli.arrays import Array
 from pneucli.recording import Rig
 from pneucli.simulate import layout as at
 from pneucli.simulate.experiment import Experiment
 from pneucli.simulate.restarts import segment_lengths
 
-Array = NDArray[np.float64]
 Chamber = Literal[1, 2]
 
 PRESSURE_SIGNALS = {1: ("p1", at.IN_P1), 2: ("p2", at.IN_P2)}

@@ -7,15 +7,13 @@ from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from pneucli.arrays import Array, Mask
 from pneucli.identify.guesses.chamber_balance import PRESSURE_SIGNALS, Chamber
 from pneucli.identify.guesses.flow_paths import FlowPathData, flow_path_data, mass_flux, valve_driven
 from pneucli.recording import Rig
 from pneucli.simulate import layout as at
 from pneucli.simulate.experiment import Experiment
-
-Array = NDArray[np.float64]
 
 MIN_LOOP_PERIOD = 1e-3  # s: loops of pneumatic axes are no faster; a logger at that rate records every command
 MIN_CHANGING_RATIO = 0.5  # share of samples with a new command; below, the command is a sequence of held steps
@@ -148,7 +146,7 @@ def _unexplained_shares(interval: SampleIntervals) -> Array:
     return np.nan_to_num(residual_power) / max(float(np.nansum(interval.flow[is_smooth] ** 2)), 1e-300)
 
 
-def _jumps(u: Array) -> NDArray[np.bool_]:
+def _jumps(u: Array) -> Mask:
     """Mask the intervals in which a command changes by more than in both neighbours together, shape (n - 1,).
 
     A jump happens at some instant between two samples and is no evidence on a loop that changes commands throughout.

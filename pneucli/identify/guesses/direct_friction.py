@@ -7,15 +7,12 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from pneucli.arrays import Array, Mask
 from pneucli.physics.vectorised import stribeck_friction
 from pneucli.simulate import layout as at
 from pneucli.simulate.experiment import Experiment
 from pneucli.simulate.imposed_motion import imposed_motion
-
-Array = NDArray[np.float64]
-Mask = NDArray[np.bool_]
 
 VELOCITY_GRID_POINTS = 24
 MIN_MOVING_SAMPLES = 100

@@ -6,16 +6,14 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
+from pneucli.arrays import Array
 from pneucli.identify.guesses.chamber_balance import PRESSURE_SIGNALS, Chamber, measured_gas
 from pneucli.physics.gas import critical_ratio_of, flow_constant
 from pneucli.physics.vectorised import orifice_flows
 from pneucli.recording import Rig
 from pneucli.simulate import layout as at
 from pneucli.simulate.experiment import Experiment
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True)

@@ -6,14 +6,12 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
-from numpy.typing import NDArray
 
+from pneucli.arrays import Array
 from pneucli.errors import InputError
 from pneucli.identify.guesses.flow_paths import flow_path_data
 from pneucli.recording import Recording, Rig
 from pneucli.simulate.preparation import prepare
-
-Array = NDArray[np.float64]
 
 GRID_COMMANDS = 2000  # commands at which the wrong-way flow is evaluated
 MIN_DRIFT = 0.01  # of the range of commands; a smaller distance is within the noise of the flow at the null

@@ -5,15 +5,13 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 
+from pneucli.arrays import Array, Mask
 from pneucli.identify.guesses.flow_paths import FlowPathData
 from pneucli.simulate.model import ValveForm
 from pneucli.simulate.valve_forms.area import MAX_OVERLAP_RATIO, ValveArea
 from pneucli.simulate.valve_forms.linear import LinearValve
 from pneucli.simulate.valve_forms.switching import SwitchingValve
-
-Array = NDArray[np.float64]
 
 TINY = 1e-30  # a positive floor that keeps quotients and logarithms finite
 MIN_KNOTS, MAX_LEVELS = 3, 40
@@ -35,7 +33,7 @@ def _settled_samples(flow_paths: Sequence[FlowPathData]) -> tuple[Array, Array, 
     return opening, flow, flux
 
 
-def _is_settled(opening: Array) -> NDArray[np.bool_]:
+def _is_settled(opening: Array) -> Mask:
     """Mask where an opening (n,) has been held for a while, at least one sample, or has changed only slightly."""
     steps = np.diff(opening, prepend=np.nan)
     starts = np.flatnonzero(steps != 0.0)

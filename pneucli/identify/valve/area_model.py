@@ -15,12 +15,11 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from pneucli.arrays import Array, Integers
 from pneucli.caches import compiled
 from pneucli.identify.valve.model_gradient import ModelGradient
 
-Array = NDArray[np.float64]
 Gradient = Callable[[Array, Array, Array], Array]
 
 SHARED_COEFFICIENTS = 9  # of the correction that a direction shares
@@ -138,7 +137,7 @@ class AreaModel:
         ends = -largest.get(-1, 0.0), largest.get(1, 0.0)
         return np.unique([*ends, 0.0]) if self.model_gradient.valve.form == "switching" else np.linspace(*ends, count)
 
-    def prior_groups(self) -> dict[str, NDArray[np.int64]]:
+    def prior_groups(self) -> dict[str, Integers]:
         """Return the indices of corrections with a common prior width: ``shared``, ``own`` and ``leak``."""
         offsets = list(zip(self.offsets(), self.directions, strict=True))
         shared = [np.arange(offset, offset + SHARED_COEFFICIENTS) for offset, _ in offsets]

@@ -7,8 +7,8 @@ from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
+from pneucli.arrays import Array
 from pneucli.identify.estimation.fit import Estimate
 from pneucli.identify.valve.iso6358 import Characteristic, IsoConductance, thermal_state_is_known
 from pneucli.identify.valve.result import ValveIdentification, known_vessel_volume
@@ -24,7 +24,6 @@ from pneucli.quantities import Z95
 from pneucli.recording import Calibration
 from pneucli.simulate.model import Model
 
-Array = NDArray[np.float64]
 MAX_HEAT_TRANSFER = 100.0  # W/(m^2 K): four times the most of free convection of gases (25), for a jet that stirs
 CRITICAL_RATIO = 0.528  # of the curve whose shape is compared; another one moves the range by less than 0.01
 SHARE_OF_CURVE = 0.9  # of the change of pressure that is compared

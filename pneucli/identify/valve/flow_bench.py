@@ -6,16 +6,14 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from pneucli.arrays import Array, Integers, Mask
 from pneucli.identify.valve.flow_noise import NoiseLaw, flow_deviation
 from pneucli.identify.valve.flow_path import FlowPath
 from pneucli.identify.valve.steady_flow import fit_flow_paths
 from pneucli.identify.valve.steady_rows import FlowRows, flow_rows
 from pneucli.identify.valve.uncertainty import Budget
 from pneucli.recording import Recording, Rig
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True)
@@ -91,7 +89,7 @@ class FlowBench:
                 variance += path.flow_error(upstream, downstream, self.rig.gas_temperature) ** 2
         return flow, np.sqrt(variance)
 
-    def command(self, flow: Array, supply: float, p: float) -> tuple[Array, NDArray[np.bool_]]:
+    def command(self, flow: Array, supply: float, p: float) -> tuple[Array, Mask]:
         """Return the command (V) for each flow (kg/s) at one pressure p (Pa), clipped, and whether it is reachable."""
         tested = self.commands[np.isfinite(self.commands)]
         at = self.surface(tested, supply, np.array([p])).flow[:, 0]
@@ -127,7 +125,7 @@ class FlowComparison:
     """Rows of one recording: measured and predicted flow in kg/s and the noise, each (n,) in the recording's order."""
 
     recording: Recording
-    row: NDArray[np.int64]
+    row: Integers
     u: Array
     measured: Array
     predicted: Array

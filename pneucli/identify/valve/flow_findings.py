@@ -8,15 +8,14 @@ from itertools import pairwise
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.linalg import block_diag
 
+from pneucli.arrays import Array
 from pneucli.distributions import f_tail
 from pneucli.identify.valve.flow_bench import FlowBench
 from pneucli.identify.valve.flow_path import FlowPath
 from pneucli.messages.findings import Finding
 
-Array = NDArray[np.float64]
 MIN_LOOP_COMMANDS = 5  # commands that were reached from below and from above
 MIN_SAME_SENSE = 0.75  # of these, at which the flow differs the same way: by chance 1 of 10 with five, 1 of 600 with 20
 MIN_LOOP_SHARE = 0.02  # of the flow, by which it differs: what a meter repeats

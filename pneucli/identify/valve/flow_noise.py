@@ -6,12 +6,10 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from pneucli.arrays import Array
 from pneucli.identify.valve.steady_rows import FlowRows
 from pneucli.physics.iso_flow import FlowCharacteristics, iso_mass_flow
-
-Array = NDArray[np.float64]
 
 SLOPE_STEP = 0.005  # of the upstream pressure, over which the slope of the curve is taken: it is infinite at r = 1
 MIN_TRIPLES_BY_TERMS = {3: 20, 2: 8}  # neighbouring rows from which so many terms of the noise may be told

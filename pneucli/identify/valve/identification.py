@@ -6,8 +6,8 @@ from collections.abc import Callable, Sequence
 from dataclasses import replace
 
 import numpy as np
-from numpy.typing import NDArray
 
+from pneucli.arrays import Array
 from pneucli.errors import InputError
 from pneucli.identify.estimation.fit import Fit
 from pneucli.identify.estimation.model_fit import fit_model
@@ -16,7 +16,14 @@ from pneucli.identify.guesses.chamber_balance import Chamber
 from pneucli.identify.guesses.flow_paths import CommandConversion, as_valve_test, command_conversion
 from pneucli.identify.residuals import residual_models
 from pneucli.identify.valve.area_model import AreaModel, Direction
-from pneucli.identify.valve.fit import Posterior, averaged_noise_autocovariance, fit_area_model
+from pneucli.identify.valve.fit import (
+    Posterior,
+    averaged_noise_autocovariance,
+    fit_area_model,
+    initial_pressure_sensitivity,
+    initial_pressures,
+    simulate_transients,
+)
 from pneucli.identify.valve.iso6358 import IsoConductance, iso_conductances
 from pneucli.identify.valve.lack_of_fit import LackOfFit, compare_with_map
 from pneucli.identify.valve.maps import (
@@ -29,7 +36,6 @@ from pneucli.identify.valve.maps import (
 )
 from pneucli.identify.valve.model_gradient import ModelGradient, model_gradient_of
 from pneucli.identify.valve.result import Curve, RecordingResidual, ValveIdentification, known_vessel_volume
-from pneucli.identify.valve.simulation import initial_pressure_sensitivity, initial_pressures, simulate_transients
 from pneucli.identify.valve.transients import Transients, cut_transients, interpolation_error, is_unevenly_sampled
 from pneucli.messages.formatting import format_quantity
 from pneucli.noise import NoiseModel, pool_noise
@@ -37,7 +43,6 @@ from pneucli.quantities import Z95
 from pneucli.recording import Recording, Rig
 from pneucli.simulate.experiment import Experiment
 
-Array = NDArray[np.float64]
 MIN_HELD_TIME = 0.3  # s: a command that is held for less in total gets no correction of its own
 GRID_POINTS = 41  # of the map, over command and over pressure
 

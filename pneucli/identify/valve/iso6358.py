@@ -13,8 +13,8 @@ from itertools import product
 from typing import cast
 
 import numpy as np
-from numpy.typing import NDArray
 
+from pneucli.arrays import Array
 from pneucli.figure import Figure
 from pneucli.identify.estimation.fit import Estimate, Fit
 from pneucli.identify.estimation.least_squares import minimise
@@ -27,7 +27,6 @@ from pneucli.physics.iso_flow import REFERENCE_DENSITY, REFERENCE_TEMPERATURE
 from pneucli.quantities import Z95
 from pneucli.simulate.model import Model
 
-Array = NDArray[np.float64]
 Interval = tuple[float, float]
 ELLIPSE_SUBSONIC_INDEX = 0.5  # m of an ellipse
 PRESSURE_POINTS = 41  # of pressure, at which the map is read

@@ -6,13 +6,11 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
-from numpy.typing import NDArray
 
+from pneucli.arrays import Array, Mask
 from pneucli.identify.valve.maps import GradientMap
 from pneucli.identify.valve.model_gradient import ModelGradient
 from pneucli.quantities import Z95
-
-Array = NDArray[np.float64]
 
 MIN_GRADIENT_RATIO = 0.01  # of the largest gradient; relative differences of smaller ones are not counted
 MIN_RELATIVE_DIFFERENCE = 0.02  # of the gradient: a difference beyond it and both intervals counts as a misfit
@@ -33,7 +31,7 @@ class LackOfFit:
     model_error: Array
     measured: Array
     half_interval: Array
-    covered: NDArray[np.bool_]
+    covered: Mask
 
     @property
     def difference(self) -> Array:
@@ -41,13 +39,13 @@ class LackOfFit:
         return self.measured - self.model
 
     @cached_property
-    def outside(self) -> NDArray[np.bool_]:
+    def outside(self) -> Mask:
         """Where the difference exceeds both 95 % intervals."""
         distance = np.abs(self.difference)
         return np.asarray(self.covered & (distance > Z95 * self.model_error) & (distance > self.half_interval))
 
     @cached_property
-    def has_flow(self) -> NDArray[np.bool_]:
+    def has_flow(self) -> Mask:
         """Where the gradient is large enough for a relative difference."""
         magnitude = np.abs(self.measured)
         return np.asarray(

@@ -8,14 +8,12 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from pneucli.arrays import Array, Mask
 from pneucli.identify.valve.area_model import AreaModel
 from pneucli.identify.valve.fit import JACOBIAN_MEMORY, Posterior
 from pneucli.identify.valve.transients import Transients
 from pneucli.quantities import Z95
-
-Array = NDArray[np.float64]
 
 INVERSE_COMMANDS = 801  # commands at which the inverse is prepared
 COVERAGE_DISTANCE = 0.1  # of the largest command: the distance up to which a tested command covers others
@@ -35,7 +33,7 @@ class GradientMap:
     gradient: Array
     ci_low: Array
     ci_high: Array
-    covered: NDArray[np.bool_]
+    covered: Mask
 
 
 @dataclass(frozen=True)
@@ -49,7 +47,7 @@ class InverseMap:
     p_gradient: Array
     p: Array
     u: Array
-    reachable: NDArray[np.bool_]
+    reachable: Mask
 
 
 @dataclass(frozen=True)
@@ -61,7 +59,7 @@ class Coverage:
     highest: Array
     area_model: AreaModel
 
-    def __call__(self, u: Array, p: Array) -> NDArray[np.bool_]:
+    def __call__(self, u: Array, p: Array) -> Mask:
         """Return whether data cover commands ``u`` at pressures ``p``, arrays of one shape.
 
         They do where a command of the same sign within 10 % of the range saw that pressure, or one below and one above
@@ -165,7 +163,7 @@ def gradient_map(area_model: AreaModel, posterior: Posterior, u: Array, p: Array
 
 def invert_gradient(
     area_model: AreaModel, posterior: Posterior, gradient: Array, p: Array, coverage: Coverage
-) -> tuple[Array, NDArray[np.bool_]]:
+) -> tuple[Array, Mask]:
     """Find the command for given gradients.
 
     The gradient rises with u except for noise in its corrections; its monotone envelope is inverted. A gradient that

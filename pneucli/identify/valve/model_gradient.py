@@ -10,8 +10,8 @@ from dataclasses import dataclass, field, replace
 from functools import cached_property
 
 import numpy as np
-from numpy.typing import NDArray
 
+from pneucli.arrays import Array
 from pneucli.errors import InputError
 from pneucli.identify.estimation.fit import Fit
 from pneucli.identify.estimation.parameters import FreeParameter
@@ -22,8 +22,6 @@ from pneucli.simulate.experiment import Experiment
 from pneucli.simulate.model import Model, ValveForm, with_parameters
 from pneucli.simulate.quasi_static_gradient import QuasiStaticGradient
 from pneucli.simulate.run import simulate
-
-Array = NDArray[np.float64]
 
 DIFFERENCE_STEP = 1e-3  # of a coordinate, for finite differences
 PRIOR_WIDENING = 3.0  # times the standard error: the prior width of a parameter in the fit to the curves

@@ -6,8 +6,8 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
-from numpy.typing import NDArray
 
+from pneucli.arrays import Array
 from pneucli.distributions import student_t_quantile
 from pneucli.errors import InputError
 from pneucli.identify.estimation.fit import Fit
@@ -30,8 +30,6 @@ from pneucli.identify.valve.result import ValveIdentification
 from pneucli.simulate import layout as at
 from pneucli.simulate.experiment import Experiment
 from pneucli.simulate.model import Model
-
-Array = NDArray[np.float64]
 
 CELL_COUNTS = (20, 12)  # cells of command and pressure in which measured gradients are averaged
 MIN_VISITS = 4  # of a cell, from which the scatter gives an error

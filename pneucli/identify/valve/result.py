@@ -5,8 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from pneucli.arrays import Array, Mask
 from pneucli.identify.guesses.base_model import PLACEHOLDER_VOLUME
 from pneucli.identify.guesses.chamber_balance import Chamber
 from pneucli.identify.guesses.flow_paths import CommandConversion
@@ -17,8 +17,6 @@ from pneucli.identify.valve.lack_of_fit import LackOfFit
 from pneucli.identify.valve.maps import Coverage, GradientMap, InverseMap, invert_gradient
 from pneucli.identify.valve.uncertainty import Budget
 from pneucli.simulate.model import Model
-
-Array = NDArray[np.float64]
 
 MAX_GRADIENT_RATIO = 3.0  # times the steepest measured slope: a steeper map does not describe this valve
 
@@ -103,7 +101,7 @@ class ValveIdentification:
             self.posterior.theta, *np.broadcast_arrays(opening, p, np.asarray(supply, dtype=np.float64))
         )
 
-    def command(self, gradient: Array, p: Array) -> tuple[Array, NDArray[np.bool_]]:
+    def command(self, gradient: Array, p: Array) -> tuple[Array, Mask]:
         """Return the command (V) for ``gradient`` (Pa/s) at ``p`` (Pa), and whether it is reachable."""
         gradient, p = np.broadcast_arrays(gradient, p)
         opening, reachable = invert_gradient(self.area_model, self.posterior, gradient, p, self.coverage)

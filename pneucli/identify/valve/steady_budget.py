@@ -8,8 +8,8 @@ from dataclasses import replace
 from functools import partial
 
 import numpy as np
-from numpy.typing import NDArray
 
+from pneucli.arrays import Array
 from pneucli.figure import Figure
 from pneucli.identify.valve.flow_bench import FlowBench
 from pneucli.identify.valve.flow_path import FlowPath, coordinates_of
@@ -23,7 +23,6 @@ from pneucli.identify.valve.uncertainty import (
     positive_interval,
 )
 
-Array = NDArray[np.float64]
 Move = Callable[[FlowRows, float], FlowRows]
 FIGURES = (
     ("sonic_conductance", "C", "m^3/(s Pa)"),

@@ -10,8 +10,8 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
+from pneucli.arrays import Array
 from pneucli.distributions import f_tail, student_t_quantile
 from pneucli.figure import Figure
 from pneucli.identify.valve.flow_noise import NoiseLaw, fit_noise_law, flow_deviation
@@ -21,7 +21,6 @@ from pneucli.identify.valve.steady_rows import FlowRows
 from pneucli.physics.iso_flow import FlowCharacteristics, iso_mass_flow
 from pneucli.quantities import Z95
 
-Array = NDArray[np.float64]
 BOUNDS = (np.array([-7.0, 0.0, 0.2]), np.array([7.0, 0.9, 1.5]))  # of log C from its start, of b, of m
 MIN_GAIN = 12.0  # F of one parameter more: exceeded by chance in 1 of 1,000 with 15 rows and more
 MIN_CRACKING_SHARE = 0.005  # of the upstream pressure: a smaller difference is one of the gauges' zeros

@@ -9,9 +9,9 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
+from pneucli.arrays import Array
 from pneucli.recording import Recording, Rig
 
-Array = NDArray[np.float64]
 Direction = Literal["forward", "reverse", "to ambient"]
 
 MAX_ZERO_FLOW = 0.01  # of the largest flow at a command: a smaller flow has no certain direction

@@ -6,8 +6,8 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, fields
 
 import numpy as np
-from numpy.typing import NDArray
 
+from pneucli.arrays import Array, Integers, Mask
 from pneucli.errors import InputError
 from pneucli.messages.formatting import format_quantity
 from pneucli.recording import Recording
@@ -17,7 +17,6 @@ MAX_JITTER_RATIO = 0.1  # median departure of the steps from the period, over it
 INTERPOLATION_ERROR_RATIO = 30.0**-0.5
 MAX_RESAMPLING_ERROR = 1 / 3  # of the noise: resampling then adds 5 % to the noise
 LEAVE_ONE_OUT_VARIANCE = 1.5  # variances of the noise: a reading minus the mean of its neighbours has 1 + 1/2
-Array = NDArray[np.float64]
 SETTLING_TIME = 0.03  # s left out after a jump of the command, where spool, hose and clock dominate
 MIN_DURATION = 0.03  # s that a transient lasts after that
 MIN_SAMPLES = 4  # samples of a transient
@@ -45,14 +44,14 @@ class Transients:
     supply: Array
     p: Array
     memory_gradient: Array
-    valid: NDArray[np.bool_]
+    valid: Mask
     period: Array
-    recording: NDArray[np.int64]
-    averaged_readings: NDArray[np.int64]
+    recording: Integers
+    averaged_readings: Integers
     substeps: int
     max_slope: float
 
-    def select(self, indices: NDArray[np.int64]) -> Transients:
+    def select(self, indices: Integers) -> Transients:
         """Return the transients of these indices, as long as the longest of them."""
         longest = int(self.lengths[indices].max(initial=1))
         arrays = {f.name: getattr(self, f.name) for f in fields(self)}
@@ -64,12 +63,12 @@ class Transients:
         return Transients(**{**arrays, **selected})
 
     @property
-    def lengths(self) -> NDArray[np.int64]:
+    def lengths(self) -> Integers:
         """The number of samples of each transient, (L,)."""
         last = self.valid[::-1].argmax(axis=0)
         return np.where(self.valid.any(axis=0), len(self.valid) - last, 0)
 
-    def batches(self, samples: int) -> Iterator[NDArray[np.int64]]:
+    def batches(self, samples: int) -> Iterator[Integers]:
         """Yield the indices of transients of similar length, of up to ``samples`` samples or one transient."""
         lengths = np.maximum(self.lengths, 1)
         remaining = np.argsort(-lengths, kind="stable")

@@ -6,8 +6,8 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from pneucli.arrays import Array, Mask
 from pneucli.messages.formatting import format_plain, format_quantity, format_signal
 from pneucli.physics.gas import critical_ratio_of
 from pneucli.physics.vectorised import flow_functions
@@ -23,9 +23,6 @@ from pneucli.plausibility.rig_check import (
     excess,
 )
 from pneucli.recording import Recording, Rig
-
-Array = NDArray[np.float64]
-Mask = NDArray[np.bool_]
 
 MAX_AREA = 5e-4  # m^2: the bore of a one-inch port, wider than any servo valve
 MIN_AREA = 1e-8  # m^2: a hole of 0.1 mm, the smallest orifice of a proportional valve

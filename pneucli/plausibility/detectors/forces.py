@@ -7,8 +7,8 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from pneucli.arrays import Array
 from pneucli.messages.formatting import format_plain, format_quantity, format_signal
 from pneucli.plausibility.blocks import fit_linear, resolved_blocks
 from pneucli.plausibility.detectors.base import Detector
@@ -26,8 +26,6 @@ from pneucli.plausibility.rig_check import (
     excess,
 )
 from pneucli.recording import Recording
-
-Array = NDArray[np.float64]
 
 # a payload that the description misses may weigh several times what is stated (extra-mass); beyond ten times it is a
 # slip of units: g for kg, mm^2 for cm^2. Nothing makes a piston lighter

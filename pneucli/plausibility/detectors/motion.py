@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 import numpy as np
-from numpy.typing import NDArray
 
 from pneucli.messages.formatting import format_plain, format_signal
 from pneucli.plausibility.blocks import Blocks, fit_linear, resolved_blocks
@@ -21,8 +20,6 @@ from pneucli.plausibility.rig_check import (
 )
 from pneucli.quantities import axis_unit
 from pneucli.recording import Recording
-
-Array = NDArray[np.float64]
 
 MAX_ZERO_ERROR = 0.05  # of the stroke: x = 0 is set by hand at an end stop; further off it is another zero
 MIN_JUMP_NOISE, MIN_JUMP_STEPS = 20.0, 5.0  # times the noise, and steps of its resolution, of a jump of x

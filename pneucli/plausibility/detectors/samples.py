@@ -7,8 +7,8 @@ from collections.abc import Iterator
 from itertools import combinations
 
 import numpy as np
-from numpy.typing import NDArray
 
+from pneucli.arrays import Array, Indices
 from pneucli.messages.formatting import format_percent, format_plain, format_signal
 from pneucli.plausibility.detectors.base import Detector
 from pneucli.plausibility.rig_check import Finding, RigCheck, excess
@@ -117,14 +117,14 @@ def _pressure_jumps(one: Recording) -> Iterator[Finding]:
             yield from Finding("jumps", signal, one.name, found, mend, by).judged()
 
 
-def _stays(p: NDArray[np.float64], at: int) -> bool:
+def _stays(p: Array, at: int) -> bool:
     """Return whether a pressure stays where it jumped to: what comes back was no gas."""
     after = p[at + 1 : at + 4]
     back = float(np.nanmax(np.abs(after - p[at + 1])))
     return bool(after.size > 1 and back < 0.5 * abs(p[at + 1] - p[at]))
 
 
-def _is_answer(u: NDArray[np.float64], steps: NDArray[np.float64], commands: NDArray[np.intp], at: int) -> bool:
+def _is_answer(u: Array, steps: Array, commands: Indices, at: int) -> bool:
     """Return whether a command may have caused a jump: it went over a step as others that cause as much, or alone."""
     own = commands[np.abs(commands - at) <= 1]
     if not own.size:

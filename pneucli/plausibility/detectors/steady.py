@@ -6,9 +6,10 @@ from collections.abc import Iterator
 
 import numpy as np
 
+from pneucli.arrays import Array
 from pneucli.plausibility.detectors.base import Detector
 from pneucli.plausibility.rig_check import Finding, RigCheck, excess
-from pneucli.recording import Array, Recording
+from pneucli.recording import Recording
 
 MIN_FLOW = 0.05  # of the largest flow, that counts as flow
 MIN_ROWS = 3

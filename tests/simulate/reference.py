@@ -85,7 +85,7 @@ class Plant:
 
     def integrate(self, time: Array, y: Array, areas: tuple[float, float]) -> Array:
         """Return the states at ``time[1:]`` for held commands; scipy is called once for each mode."""
-        from scipy.integrate import solve_ivp  # noqa: PLC0415 - slow to import, and only tests ask for it
+        from scipy.integrate import solve_ivp
 
         rows, t = [], float(time[0])
         mode = self.motion_direction(t, y)
