@@ -82,7 +82,7 @@ const TimePlots = (() => {
       ctx.fillRect(left, bbox.top, right - left, bbox.height);
       ctx.fillStyle = colour("faint");
       ctx.fillRect(left, bbox.top, devicePixelRatio, bbox.height);
-      if (named) ctx.fillText(held ? `${name} · held out` : name, left + 5 * devicePixelRatio, bbox.top + 9 * devicePixelRatio);
+      if (named && right - left > 40 * devicePixelRatio) ctx.fillText(held ? `${name} · held out` : name, left + 5 * devicePixelRatio, bbox.top + 9 * devicePixelRatio);
       ctx.restore();
     }
     ctx.restore();
