@@ -5,7 +5,7 @@ from __future__ import annotations
 import importlib
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import pytest
 
@@ -31,7 +31,7 @@ class Whole:
     sizes: Mapping[str, Figure]
     first: Part | None
     rows: Sequence[Sequence[float]]
-    held: Figure = laid_out("value ci95 determined")
+    held: Figure = field(metadata=laid_out("value ci95 determined"))
 
 
 WHOLE = Whole(

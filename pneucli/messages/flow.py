@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any
 
 from pneucli.figure import Figure, laid_out
@@ -46,10 +46,10 @@ class FlowPath:
     u: float | None
     direction: str
     rows: int
-    C: Figure = laid_out(LAYOUT)
-    b: Figure = laid_out(LAYOUT)
-    m: Figure = laid_out(LAYOUT)
-    cracking_pressure: Figure | None = laid_out(LAYOUT)
+    C: Figure = field(metadata=laid_out(LAYOUT))
+    b: Figure = field(metadata=laid_out(LAYOUT))
+    m: Figure = field(metadata=laid_out(LAYOUT))
+    cracking_pressure: Figure | None = field(metadata=laid_out(LAYOUT))
     opens_abruptly: bool
     pressure_ratio: Sequence[float]
     residual: FlowResidual
@@ -77,7 +77,7 @@ class Flow:
 
     paths: Sequence[FlowPath]
     parameters: Mapping[str, Figure]
-    command_sets_area: bool
+    command_sets_area: bool | None
     findings: Sequence[FlowFinding]
     noise: Mapping[str, Any]
 

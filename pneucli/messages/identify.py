@@ -264,7 +264,11 @@ class Leaks:
     @property
     def lines(self) -> list[str]:
         """One sentence each."""
-        return [one.text for one in (*self.lost, *self.flows, *self.areas)]
+        return [
+            *(loss.text for loss in self.lost),
+            *(flow.text for flow in self.flows),
+            *(area.text for area in self.areas),
+        ]
 
 
 @dataclass(frozen=True)

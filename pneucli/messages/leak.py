@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 from pneucli.figure import Figure, laid_out, optional
 from pneucli.messages import each, labelled
@@ -50,10 +50,10 @@ class LeakTest:
     fitted_from: float
     pressure: float
     pressure_end: float
-    rate: Figure = laid_out(LAYOUT)
-    flow: Figure | None = laid_out(LAYOUT)
-    area: Figure | None = laid_out(LAYOUT)
-    throughput: Figure | None = laid_out(LAYOUT)
+    rate: Figure = field(metadata=laid_out(LAYOUT))
+    flow: Figure | None = field(metadata=laid_out(LAYOUT))
+    area: Figure | None = field(metadata=laid_out(LAYOUT))
+    throughput: Figure | None = field(metadata=laid_out(LAYOUT))
     law: str
     laminar_share: float
     warmed: float

@@ -16,8 +16,9 @@ from pneucli.errors import InputError
 from pneucli.io.multi_file import MultiFileRecording
 from pneucli.io.signal_reader import SignalReader
 from pneucli.messages import each, labelled, table
+from pneucli.messages.identify import Assumption
 from pneucli.physics.effects import all_effects, select_effects
-from pneucli.plausibility.required_inputs import Assumption, RequiredInput, assumptions, required_inputs
+from pneucli.plausibility.required_inputs import RequiredInput, assumptions, required_inputs
 from pneucli.recording import Recording
 from pneucli.stages.absent_columns import Opened, absence_notes, absent_column_faults
 from pneucli.stages.flow_units import flow_unit_assumptions

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
@@ -69,8 +69,8 @@ class ParameterChange:
 
     name: str
     unit: str
-    a: Figure | None = laid_out("value ci95")
-    b: Figure | None = laid_out("value ci95")
+    a: Figure | None = field(metadata=laid_out("value ci95"))
+    b: Figure | None = field(metadata=laid_out("value ci95"))
     difference: float | None = None
     ci95: Ends | None = None
     distance: float | None = None

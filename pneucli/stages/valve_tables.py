@@ -163,14 +163,15 @@ def valve_answer(valve: ValveIdentification, estimates: Sequence[Estimate]) -> V
     found = {e.name: e for e in estimates}
     sides = {"charge": f"{valve.label}.overlap_fill", "discharge": f"{valve.label}.overlap_vent"}
     overlap = {side: found[name] for side, name in sides.items() if name in found}
-    residual = [valve.residual_to_noise(use) for use in ("train", "test")]
     return Valve(
         map="measured" if valve.measured else "model",
         volume=None if valve.volume is None else {"value": valve.volume, "unit": "m^3"},
         overlap={side: Figure(e.value, *e.ci95, e.unit) for side, e in overlap.items()},
         iso=iso_parameters(valve),
         lack_of_fit=ValveDeviation(**named(valve.lack_of_fit, "median p95 share_outside")),
-        residual=MapResidual(*residual, [asdict(one) for one in valve.residuals]),
+        residual=MapResidual(
+            valve.residual_to_noise("train"), valve.residual_to_noise("test"), [asdict(r) for r in valve.residuals]
+        ),
     )
 
 
