@@ -10,7 +10,7 @@ import sys
 from collections.abc import Callable
 from contextlib import suppress
 from functools import partial
-from types import ModuleType, SimpleNamespace
+from types import ModuleType
 from typing import Any, TypeVar, cast
 
 from pneucli.imports import hidden_modules
@@ -20,8 +20,6 @@ with hidden_modules("coverage", "yaml"):  # numba loads them, and uses them for 
     import numba
 from numba import njit
 from numba.core.caching import FunctionCache
-from numba.core.codegen import JITCodeLibrary
-from numba.core.compiler import Compiler
 from numba.core.runtime.nrt import rtsys
 
 Function = TypeVar("Function", bound=Callable[..., Any])
@@ -58,39 +56,6 @@ def import_generated(text: str, prefix: str) -> ModuleType:
             with_cache_fallback(function)
     sys.modules[name] = module  # where numba looks for what it cached
     return module
-
-
-class _InlinedLibrary(JITCodeLibrary):
-    """The code of a function that other compiled functions contain, which optimize it and make it machine code.
-
-    numba does both for the function alone as well, and again for each one on the way to that which Python calls.
-    """
-
-    def finalize(self) -> None:
-        self._raise_if_finalized()
-        for library in dict.fromkeys(self._linking_libraries):
-            self._reload_init.update(library._reload_init)
-            self._final_module.link_in(library._get_module_for_linking(), preserve=True)
-        self._finalize_dynamic_globals()
-        self._finalized = True
-
-    def get_pointer_to_function(self, name: str) -> int:
-        self._ensure_finalized()
-        return 0  # none in the machine's memory
-
-    @property
-    def codegen(self) -> Any:
-        return SimpleNamespace(set_env=lambda name, env: None)  # where it would store what only Python's objects need
-
-
-class InlinedCompiler(Compiler):
-    """The ``pipeline_class`` of functions that only compiled functions call."""
-
-    def __init__(self, typing: Any, target: Any, library: Any, *rest: Any) -> None:
-        if library is None:
-            library = _InlinedLibrary(target.codegen(), "inlined")
-            library.enable_object_caching()
-        super().__init__(typing, target, library, *rest)
 
 
 def compiled(**options: Any) -> Callable[[Function], Function]:

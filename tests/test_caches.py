@@ -25,20 +25,6 @@ def twice(x):
 """
 
 
-INLINED = """
-from numba import njit
-from pneucli.caches import InlinedCompiler
-
-@njit(pipeline_class=InlinedCompiler, forceinline=True, no_cpython_wrapper=True, no_cfunc_wrapper=True)
-def inner(x):
-    return 2.0 * x
-
-@njit
-def outer(x):
-    return inner(x) + 1.0
-"""
-
-
 def loaded(path: Path) -> ModuleType:
     """Import a module from its file, as a new process does."""
     spec = importlib.util.spec_from_file_location(path.stem, path)
@@ -135,13 +121,3 @@ assert "numba.cpython.setobj" in sys.modules
 """
     for code in (use, use + check):
         subprocess.run([sys.executable, "-c", code], check=True)
-
-
-def test_an_inlined_function_is_machine_code_only_in_the_function_that_contains_it(tmp_path: Path) -> None:
-    path = tmp_path / "inlined.py"
-    path.write_text(INLINED)
-    module = loaded(path)
-    assert module.outer(1.0) == 3.0
-    (inner,), (outer,) = (f.overloads.values() for f in (module.inner, module.outer))
-    addresses = [outer.library.get_pointer_to_function(one.fndesc.llvm_func_name) for one in (inner, outer)]
-    assert addresses[0] == 0 < addresses[1]

@@ -204,7 +204,7 @@ def source(
         before, after = re.split(r"^def control\(.*?(?=^def )", physics, flags=re.MULTILINE | re.DOTALL)
         physics = f"{before}{control}\n\n{after}"
     texts = [
-        "import math\n\nimport numpy as np\nfrom numba import njit\n\nfrom pneucli.caches import InlinedCompiler\n",
+        "import math\n\nimport numpy as np\nfrom numba import njit\n",
         _constants(),
         _functions(gas) + "\n",
         *(_equations(effect) for effect in effects),
@@ -248,12 +248,10 @@ def _decorate(entries: Collection[str], called: Collection[str], match: re.Match
     All functions but the entry points and those ``called`` are inlined, since calls with arrays are expensive.
     Functions that create no array do not count references to arrays (``_nrt=False``), which took a third of the time; a
     function inherits this setting from its caller without an own one. An inlined function is never called from Python:
-    without the wrappers that numba makes for that, a kernel compiles in half the time; without machine code of its own
-    (:class:`pneucli.caches.InlinedCompiler`), in a quarter less.
+    without the wrappers that numba makes for that, a kernel compiles in half the time.
     """
     text, name = match[0], match[1]
     inlined = f"forceinline={name not in called}, no_cpython_wrapper=True, no_cfunc_wrapper=True"
-    inlined += ", pipeline_class=InlinedCompiler"
     how = "cache=True, nogil=True" if name in entries else inlined
     makes_arrays = name in (*entries, *called, "run") or re.search(r"\bnp\.|\.copy\(|\bnew_", text) is not None
     return f"@njit({how}, _nrt={makes_arrays}, error_model='numpy')\n{text}"
