@@ -69,9 +69,12 @@ def code_lines(path: Path) -> int:
     return len(text.splitlines()) - docstrings
 
 
+MAX_LINES = 600  # what a command answers, its types and its words, is one module
+
+
 def test_modules_are_short() -> None:
     lengths = {path: code_lines(path) for path in MODULES}
-    long = [f"{path.relative_to(ROOT)}: {lines} lines" for path, lines in lengths.items() if lines > 300]
+    long = [f"{path.relative_to(ROOT)}: {lines} lines" for path, lines in lengths.items() if lines > MAX_LINES]
     assert not long, "\n".join(long)
 
 

@@ -88,13 +88,7 @@ def run(context: Context) -> dict[str, Any]:
     data, warnings = _diagnosis_data(pipeline)
     if subsampling := pipeline.subsampling:
         warnings.append(tell("diagnosis-subsampled", **subsampling))
-    if not data.train:
-        raise InputError(
-            f"{context.path}, key recordings",
-            "no recording to train on",
-            'at least one with use = "train"',
-            code="E061",
-        )
+    _require_training(data, context)
     context.progress(GIVEN_MODEL_PROGRESS)
     fitted = [one.experiment for one in data.train]
     guess = guess_base_model(fitted, pipeline.rig, pipeline.valve)
@@ -131,6 +125,16 @@ def run(context: Context) -> dict[str, Any]:
     )
     answer: dict[str, Any] = to_json(found)
     return {**answer, **history.record_model(context, answer, SHAPE_FILE)}
+
+
+def _require_training(data: DiagnosisData, context: Context) -> None:
+    if not data.train:
+        raise InputError(
+            f"{context.path}, key recordings",
+            "no recording to train on",
+            'at least one with use = "train"',
+            code="E061",
+        )
 
 
 def _without_replaced_intervals(

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 from typing import Any
 
 from pneucli.errors import InputError
@@ -95,25 +96,34 @@ def run(context: Context) -> dict[str, Any]:
     warnings += _volume_warnings(study.rig, found.estimates)
     friction = _identify_friction(study, model, warnings)
     _write(tables, model, estimates, valves, friction, bench)
-    flow = None if bench is None else flow_answer(bench)
+    answer = _answer(study, estimates, valves, friction, bench)
+    flow_warnings = [one.text for one in (answer.flow.findings if answer.flow else ())]
+    stated: dict[str, Any] = to_json(replace(answer, warnings=[*warnings, *flow_warnings], leaks=leaks))
+    return stated
+
+
+def _answer(
+    study: PipelineData,
+    estimates: Sequence[Estimate],
+    valves: Sequence[ValveIdentification],
+    friction: FrictionIdentification | None,
+    bench: FlowBench | None,
+) -> Answer:
     budgets = all_budgets(valves, bench)
     by_label = {valve.label: valve_answer(valve, estimates) for valve in valves}
-    answer = Answer(
+    return Answer(
         schema="pneucli/identify/1",
-        pipeline=context.config.name,
+        pipeline=study.context.config.name,
         model=ModelAnswer([e.name for e in study.effects], figures_of(estimates)),
         assumed=assumed_values(study, {e.name for e in estimates}),
-        warnings=[*warnings, *(one.text for one in (flow.findings if flow else ()))],
+        warnings=[],
         contradicted=study.contradicted,
         valve=by_label.get("valve"),
         valve_2=by_label.get("valve_2"),
         friction=None if friction is None else friction_answer(friction),
-        leaks=leaks,
-        flow=flow,
+        flow=None if bench is None else flow_answer(bench),
         uncertainty=budgets_answer(budgets) if budgets else None,
     )
-    stated: dict[str, Any] = to_json(answer)
-    return stated
 
 
 def all_budgets(valves: Sequence[ValveIdentification], bench: FlowBench | None) -> list[Budget]:

@@ -26,7 +26,7 @@ def pipeline_of(mistake: Mistake, folder: Path, **options: Any) -> PipelineData:
 
 
 def left_out(pipeline: PipelineData) -> list[tuple[str | None, str | None]]:
-    return [(part["recording"], part["signal"]) for part in pipeline.contradicted]
+    return [(part.recording, part.signal) for part in pipeline.contradicted]
 
 
 def test_one_false_recording_is_left_out_and_the_others_are_used(tmp_path: Path) -> None:

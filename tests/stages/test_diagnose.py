@@ -19,11 +19,11 @@ from pneucli.diagnose.candidate import Reason
 from pneucli.diagnose.diagnosis import Confidence
 from pneucli.errors import InputError
 from pneucli.exam.cases import generate_case
-from pneucli.figure import Figure, to_json
+from pneucli.figure import Figure, read, to_json
 from pneucli.identify.estimation.fit import Estimate, Fit
 from pneucli.identify.residuals import ChamberPressures, ResidualModel
 from pneucli.io.artifacts import read_table
-from pneucli.messages.diagnose import MIN_TOLD_PROBABILITY, verdict_sentence
+from pneucli.messages.diagnose import MIN_TOLD_PROBABILITY, Answer, verdict_sentence
 from pneucli.messages.formatting import format_noise_ratio
 from pneucli.physics.effects import catalogue_with_sides
 from pneucli.pipeline.context import Context
@@ -150,7 +150,7 @@ def test_what_the_parameters_leave_open_is_said_and_what_to_record() -> None:
 
 def test_the_answer_has_the_sentence_of_its_own_numbers(hysteresis: Diagnosed) -> None:
     answer = hysteresis[1]
-    assert answer["sentence"] == verdict_sentence(answer)
+    assert answer["sentence"] == verdict_sentence(read(Answer, answer))
     assert answer["sentence"].startswith("The model lacks friction-hysteresis (less dry friction while slowing")
     assert format_noise_ratio(answer["ladder"][-1]["error_test"]) in answer["sentence"]
 
