@@ -245,7 +245,8 @@ const TimePlots = (() => {
 
     // show an interval; null: everything
     set(interval) {
-      if (interval && this.ends && interval[0] <= this.ends[0] && interval[1] >= this.ends[1]) interval = null;
+      const { ends } = this.stretch();
+      if (interval && this.panels.length && interval[0] <= ends[0] && interval[1] >= ends[1]) interval = null;
       this.chosen = interval;
       if (!this.plots.length) return;
       const { now: [min, max] } = this.stretch();
