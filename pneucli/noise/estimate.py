@@ -32,6 +32,7 @@ MAX_BIC_DIFFERENCE = 6.0  # of models that the data do not reject: 20 times less
 BIN_CORRELATION = 1.94
 # the same of third differences, 1 + 2 (15^2 + 6^2 + 1) / 20^2, over the 37 % that a median is worth, over 2
 DIFFERENCE_VARIANCE = 3.1
+MIN_DISTANCE = 0.3  # Hz from half the rate, where a line is seen as its phase happens to be
 MAX_LOG_VARIANCE = 9.0  # of a log of a power that nothing tells
 UNKNOWN = 1e-6  # information of a parameter that nothing tells
 GAP_PERIODS = 2.5  # a longer step between stamps is a gap
@@ -258,7 +259,7 @@ def _power(omega: Array, p: Array) -> tuple[Array, Array]:
 
 
 def detect_mains_lines(values: Array, period: float) -> tuple[tuple[float, float], ...]:
-    """Detect mains hum at 50 and 60 Hz and its first two harmonics.
+    """Detect mains hum at 50 and 60 Hz and its first two harmonics, which a slow log shows at other frequencies.
 
     An F test compares one bin with the bins around it in the Hann spectrum of the whole signal. A second difference
     removes slow content beforehand; its gain is divided out again.
@@ -279,8 +280,8 @@ def detect_mains_lines(values: Array, period: float) -> tuple[tuple[float, float
     finite = values[np.isfinite(values)]
     if finite.size < 0.5 / period or finite.size != values.size:
         return ()
-    nominals = [n * mains for mains in MAINS_FREQUENCIES for n in (1, 2, 3)]
-    nominals = [nominal for nominal in nominals if nominal + BACKGROUND_HALF_BAND <= 0.5 / period]
+    seen = {aliased(n * mains, 1.0 / period) for mains in MAINS_FREQUENCIES for n in (1, 2, 3)}
+    nominals = sorted(one for one in seen if BACKGROUND_HALF_BAND < one < 0.5 / period - MIN_DISTANCE)
     if not nominals:
         return ()
     whitened = np.diff(finite, 2)
@@ -289,7 +290,7 @@ def detect_mains_lines(values: Array, period: float) -> tuple[tuple[float, float
     spectrum = np.fft.rfft(whitened * taper, length)
     resolution = 1 / (whitened.size * period)
     reach = BACKGROUND_HALF_BAND + 3 * resolution + max(0.3, 0.5 * resolution)
-    lines = []
+    lines: dict[float, float] = {}
     for nominal in nominals:
         first = max(0, int((nominal - reach) * length * period))
         bins = np.arange(first, min(spectrum.size, int((nominal + reach) * length * period) + 2))
@@ -297,8 +298,17 @@ def detect_mains_lines(values: Array, period: float) -> tuple[tuple[float, float
         gain = np.maximum(4 * np.sin(np.pi * frequency * period) ** 2, 1e-12)
         amplitude = 2 * np.abs(spectrum[bins[0] : bins[-1] + 1]) / taper.sum()
         line = _line(frequency, amplitude / gain, nominal, resolution)
-        lines += [line] if line else []
-    return tuple(lines)
+        lines |= dict([line]) if line else {}
+    return tuple(lines.items())
+
+
+def aliased(frequency: float, rate: float) -> float:
+    """Return the frequency in Hz at which samples taken at a rate in Hz show a line.
+
+    >>> aliased(50.0, 1000.0), aliased(50.0, 99.0), aliased(50.0, 60.0)
+    (50.0, 49.0, 10.0)
+    """
+    return abs(frequency - round(frequency / rate) * rate)
 
 
 def padded_length(samples: int) -> int:
