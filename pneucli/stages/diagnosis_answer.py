@@ -41,7 +41,7 @@ from pneucli.plan.rivals import most_discriminating_manoeuvre
 from pneucli.quantities import SIGNALS
 from pneucli.stages.answer_parts import vessel_scale
 from pneucli.stages.pipeline_data import PipelineData
-from pneucli.stages.plan import planned_recording
+from pneucli.stages.planned_recordings import planned_recording
 
 Array = NDArray[np.float64]
 SHAPE_BINS = 40

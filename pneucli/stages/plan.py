@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, fields, replace
 from pathlib import Path
 from typing import Any
@@ -14,7 +14,7 @@ from pneucli.config.recording_sources import plugin_files
 from pneucli.diagnose.subsample import MAX_SAMPLES
 from pneucli.errors import InputError, did_you_mean
 from pneucli.export.command_player import PlayedRecording, PlayerLimits, write_players
-from pneucli.figure import named, to_json
+from pneucli.figure import to_json
 from pneucli.identify.estimation.fit import Fit
 from pneucli.identify.estimation.intervals import with_intervals
 from pneucli.identify.estimation.model_fit import fit_model, free_parameters
@@ -31,7 +31,6 @@ from pneucli.messages.plan import (
     Power,
     RefusedManoeuvre,
     RivalAnswer,
-    by_hand_text,
 )
 from pneucli.messages.progress import counted
 from pneucli.physics.declaration import Effect
@@ -59,11 +58,11 @@ from pneucli.plan.power import (
     with_absent_effects,
 )
 from pneucli.plan.rivals import Rival, rivals_of_diagnosis
-from pneucli.plan.simulation import start_of
 from pneucli.recording import Rig
 from pneucli.report.plan_page import plan_page
 from pneucli.simulate.model import without_effect
 from pneucli.stages.pipeline_data import PipelineData
+from pneucli.stages.planned_recordings import planned_recording, planned_recordings
 
 Array = NDArray[np.float64]
 DEFAULT_MINUTES, FIRST_MINUTES = 3.0, 5.0
@@ -329,28 +328,6 @@ def plan_answer(
         warnings=basis.warnings,
         expected=_expected(basis, powers, information),
         power=powers,
-    )
-
-
-def planned_recordings(programme: Sequence[Manoeuvre]) -> Iterator[PlannedRecording]:
-    """Yield the planned recordings with their times in ``commands.csv``."""
-    begin = 0.0
-    for number, m in enumerate(programme, 1):
-        yield replace(planned_recording(m), name=f"plan_{number}_{m.kind}", begin=begin, end=begin + m.duration)
-        begin += cost_of(m)
-
-
-def planned_recording(m: Manoeuvre) -> PlannedRecording:
-    """Return one manoeuvre as a recording."""
-    bench = m.bench
-    return PlannedRecording(
-        *(m.use, m.kind, bench.name, bench.experiment, bench.drive, bench.quantity),
-        *(bench.template.chamber_2, bench.template.chamber, bench.template.imposed),
-        valve="shut" if m.kind == "shut-valve" else None,
-        start=asdict(start_of(m)),
-        gain=bench.gain if bench.drive == "position" else None,
-        **named(m, "centre level frequency speed pressure force added_mass"),
-        by_hand=by_hand_text(m.kind, m.force, m.added_mass) if m.by_hand else None,
     )
 
 

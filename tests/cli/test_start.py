@@ -40,6 +40,18 @@ def test_help_of_every_command_loads_nothing_heavy() -> None:
     assert all("Example: pneucli " in one or " COMMAND " in one for one in helps)
 
 
+STAGES_THAT_DRAW_NOTHING = """
+import importlib, sys
+for name in ("ingest", "identify", "compare", "diagnose", "design", "simulate"):
+    importlib.import_module(f"pneucli.stages.{name}")
+    assert "matplotlib" not in sys.modules, name
+"""
+
+
+def test_stages_that_draw_nothing_load_no_plots() -> None:
+    subprocess.run([sys.executable, "-c", STAGES_THAT_DRAW_NOTHING], cwd=ROOT, check=True)
+
+
 def test_python_m_pneucli_works() -> None:
     for option in ("--version", "-V"):
         words = [sys.executable, "-m", "pneucli", option]
