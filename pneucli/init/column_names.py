@@ -85,7 +85,7 @@ _DOTTED = re.compile(r"[A-Za-z_]\w*(?:\.[A-Za-z_]\w*)+")
 _MARKED = re.compile(
     r"^(.*?)\s*\[\s*([^\]]*?)\s*\]\s*$|^(.*?)\s*[(<{]\s*([^\])>}]*)\s*[)>}]\s*$|^(.+?)\s+in\s+(\S+)$|^()in\s+(\S+)$|^(.+?),\s*(\S+)$"
 )
-_SUFFIX = re.compile(r"^(.+)[_\s]([^_\s\[(<{][^_\s]*)$")
+_SUFFIX = re.compile(r"^(.+)_([^_\s]+)$|^(.+)\s(?![A-Z]+$)([^_\s\[(<{][^_\s]+)$")  # "Pressure A", "Loop PV" have none
 _NO_NAMES = ("data", "value", "values", "signal")  # last parts of paths that say nothing
 _WORDS_TOO = ("in", "at", "min")  # units that are words of names more often: p_in is no pressure in inches
 _SLASH = re.compile(r"^([^/\[(<]+?)\s*/\s*([^/\d][^/]*)$")  # "p / bar", as standards write it
@@ -191,6 +191,11 @@ def _stem_and_unit(column: str, is_text: bool) -> tuple[str, str, bool]:
     The unit is empty where the end of the name is none.
     """
     name = _VALUE.sub("", _NODE.sub("", column.strip())) or column.strip()
+    parts = name.split()
+    for count in (2, 1):  # "Q l/min ANR", "v mm/s"; not "p / bar"
+        unit = " ".join(parts[-count:])
+        if len(parts) > count and "/" in unit and unit[0].isalpha() and parts[-count] != "in" and is_unit(unit):
+            return " ".join(parts[:-count]).removesuffix(" /").removesuffix(" in"), unit, True
     for pattern in (_SLASH, _MARKED, _SUFFIX) if is_text else (_MARKED, _SUFFIX):
         if match := pattern.match(name):
             stem, unit = (part for part in match.groups() if part is not None)

@@ -219,6 +219,14 @@ def test_runs_are_told_by_a_number_or_by_names_and_not_by_other_columns() -> Non
         ("dp [bar]", ""),
         ("delta_p [bar]", ""),
         ("p_s", "p_supply"),
+        ("Flow l/min", "flow"),
+        ("Q / l/min", "flow"),
+        ("Q [l/min]", "flow"),
+        ("v in mm/s", "v"),
+        ("Q l/min ANR", "flow"),
+        ("Piston speed mm/s", "v"),
+        ("Pressure A", "p1"),
+        ("Pressure B bar", "p2"),
     ],
 )
 def test_a_name_says_its_role(name: str, signal: str) -> None:
