@@ -39,9 +39,10 @@ class GoodnessOfFit:
 
     ``use``: the recordings that it is judged by, ``test`` where there are any. ``error``: their printed error;
     ``limit``: below which the model counts as correct. ``p``: the probability of so large an error, or of so large a
-    one of a single channel, if the model were correct and its parameters as uncertain as they are. ``lacks``: the
-    error exceeds what a correct model would show. ``undetermined``: the error is large, and the parameters are too
-    uncertain to tell why. ``worst``: the channel that a correct model explains least; None where all are within it.
+    one of a single channel, if the model were correct and its parameters and the noise as uncertain as they are.
+    ``lacks``: the error exceeds what a correct model would show. ``undetermined``: the error is large, and the
+    parameters, or the noise, are too uncertain to tell why. ``worst``: the channel that a correct model explains least;
+    None where all are within it.
     ``excused``: so many segments beside a break-away tell nothing of the model; the limit has room for what they add.
     """
 
@@ -78,9 +79,10 @@ def judge_fit(
     error = overall_error(flat, use)
     if error is None:
         return None
-    noise_alone = judged = _Family(results, expected, use, error, [{} for _ in results], excused.squares)
+    certain = [one._replace(noise_error={}) for one in expected]
+    noise_alone = judged = _Family(results, certain, use, error, [{} for _ in results], excused.squares)
     if noise_alone.p < TAIL:
-        judged = replace(noise_alone, parameter_squares=parameter_squares())
+        judged = replace(noise_alone, expected=expected, parameter_squares=parameter_squares())
     lacks = judged.p < TAIL
     large = judged.with_excess(BAD_ERROR_RATIO)
     undetermined = noise_alone.p < TAIL and not lacks and error > large

@@ -174,7 +174,7 @@ class LackOfFit:
     def meaning(self) -> str:
         """What the error of the model means."""
         if self.undetermined:
-            return "its parameters are too uncertain to tell whether the model misses something"
+            return "its parameters, or the noise, are too uncertain to tell whether the model misses something"
         if not self.present:
             return _VERDICTS["good"]
         if self.error > BAD_ERROR_RATIO:

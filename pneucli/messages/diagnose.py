@@ -479,8 +479,8 @@ def verdict_sentence(answer: Answer) -> str:
     if answer.verdict == "inconclusive":
         if answer.lack_of_fit and answer.lack_of_fit.undetermined:
             return (
-                f"No statement is possible: {error}, which the uncertainty of the fitted parameters may explain alone. "
-                "Record such commands and speeds for the fit, too."
+                f"No statement is possible: {error}, which the uncertainty of the fitted parameters or of the noise "
+                "may explain alone. Record such commands and speeds for the fit, too, and rests."
             )
         limits = answer.detectable
         undetectable = sum(not one.typical for one in limits)
