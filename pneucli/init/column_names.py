@@ -85,7 +85,7 @@ _DOTTED = re.compile(r"[A-Za-z_]\w*(?:\.[A-Za-z_]\w*)+")
 _MARKED = re.compile(
     r"^(.*?)\s*\[\s*([^\]]*?)\s*\]\s*$|^(.*?)\s*[(<{]\s*([^\])>}]*)\s*[)>}]\s*$|^(.+?)\s+in\s+(\S+)$|^()in\s+(\S+)$|^(.+?),\s*(\S+)$"
 )
-_SUFFIX = re.compile(r"^(.+)_([^_\s]+)$|^(.+)\s(?![A-Z]+$)([^_\s\[(<{][^_\s]+)$")  # "Pressure A", "Loop PV" have none
+_SUFFIX = re.compile(r"^(.+)_([^_\s]+)$")
 _NO_NAMES = ("data", "value", "values", "signal")  # last parts of paths that say nothing
 _WORDS_TOO = ("in", "at", "min")  # units that are words of names more often: p_in is no pressure in inches
 _SLASH = re.compile(r"^([^/\[(<]+?)\s*/\s*([^/\d][^/]*)$")  # "p / bar", as standards write it
@@ -192,9 +192,9 @@ def _stem_and_unit(column: str, is_text: bool) -> tuple[str, str, bool]:
     """
     name = _VALUE.sub("", _NODE.sub("", column.strip())) or column.strip()
     parts = name.split()
-    for count in (2, 1):  # "Q l/min ANR", "v mm/s"; not "p / bar"
+    for count in (2, 1):
         unit = " ".join(parts[-count:])
-        if len(parts) > count and "/" in unit and unit[0].isalpha() and parts[-count] != "in" and is_unit(unit):
+        if len(parts) > count and parts[-count] != "in" and _stands_behind_a_blank(unit):
             return " ".join(parts[:-count]).removesuffix(" /").removesuffix(" in"), unit, True
     for pattern in (_SLASH, _MARKED, _SUFFIX) if is_text else (_MARKED, _SUFFIX):
         if match := pattern.match(name):
@@ -206,6 +206,12 @@ def _stem_and_unit(column: str, is_text: bool) -> tuple[str, str, bool]:
             if pattern is _MARKED:
                 return stem if read_unit(unit).unit or len(unit) < 2 else f"{stem} {unit}", "", True
     return _telling_part(name), "", True
+
+
+def _stands_behind_a_blank(text: str) -> bool:
+    """Return whether the end of a name is a unit and no word: "v mm/s", "Q l/min ANR"; not "Pressure A", "Loop PV"."""
+    is_word = len(text) < 2 or text.isupper() or text.lower() in _WORDS_TOO
+    return text[0].isalpha() and not is_word and ("/" in text or " " not in text) and is_unit(text)
 
 
 def _longest_unit(stem: str, unit: str) -> tuple[str, str]:

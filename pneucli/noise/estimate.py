@@ -16,6 +16,7 @@ from pneucli.noise.model import NORMAL_MAD, STANDARD_ERRORS, NoiseModel
 from pneucli.noise.spectrum import NoiseFloor, hann, noise_floor
 
 MAINS_FREQUENCIES = (50.0, 60.0)  # Hz
+MAINS_TOLERANCE = 0.3  # Hz, by which they may differ
 LINE_SIGNIFICANCE = 1e-4  # probability of a false line
 PADDING = 8  # lengths of the signal that its spectrum is padded to
 MIN_FAST_LENGTH = 1 << 18  # samples of a padded spectrum; below it any length takes milliseconds
@@ -32,7 +33,6 @@ MAX_BIC_DIFFERENCE = 6.0  # of models that the data do not reject: 20 times less
 BIN_CORRELATION = 1.94
 # the same of third differences, 1 + 2 (15^2 + 6^2 + 1) / 20^2, over the 37 % that a median is worth, over 2
 DIFFERENCE_VARIANCE = 3.1
-MIN_DISTANCE = 0.3  # Hz from half the rate, where a line is seen as its phase happens to be
 MAX_LOG_VARIANCE = 9.0  # of a log of a power that nothing tells
 UNKNOWN = 1e-6  # information of a parameter that nothing tells
 GAP_PERIODS = 2.5  # a longer step between stamps is a gap
@@ -281,7 +281,7 @@ def detect_mains_lines(values: Array, period: float) -> tuple[tuple[float, float
     if finite.size < 0.5 / period or finite.size != values.size:
         return ()
     seen = {aliased(n * mains, 1.0 / period) for mains in MAINS_FREQUENCIES for n in (1, 2, 3)}
-    nominals = sorted(one for one in seen if BACKGROUND_HALF_BAND < one < 0.5 / period - MIN_DISTANCE)
+    nominals = sorted(one for one in seen if BACKGROUND_HALF_BAND < one < 0.5 / period - MAINS_TOLERANCE)
     if not nominals:
         return ()
     whitened = np.diff(finite, 2)
@@ -289,7 +289,7 @@ def detect_mains_lines(values: Array, period: float) -> tuple[tuple[float, float
     length = padded_length(whitened.size)
     spectrum = np.fft.rfft(whitened * taper, length)
     resolution = 1 / (whitened.size * period)
-    reach = BACKGROUND_HALF_BAND + 3 * resolution + max(0.3, 0.5 * resolution)
+    reach = BACKGROUND_HALF_BAND + 3 * resolution + max(MAINS_TOLERANCE, 0.5 * resolution)
     lines: dict[float, float] = {}
     for nominal in nominals:
         first = max(0, int((nominal - reach) * length * period))
@@ -334,7 +334,7 @@ def padded_length(samples: int) -> int:
 
 
 def _line(frequency: Array, amplitude: Array, nominal: float, resolution: float) -> tuple[float, float] | None:
-    inside = np.flatnonzero(np.abs(frequency - nominal) <= max(0.3, 0.5 * resolution))
+    inside = np.flatnonzero(np.abs(frequency - nominal) <= max(MAINS_TOLERANCE, 0.5 * resolution))
     peak = inside[np.argmax(amplitude[inside])]
     distance = np.abs(frequency - frequency[peak])
     around = (distance > 2 * resolution) & (distance < BACKGROUND_HALF_BAND + 2 * resolution)
@@ -342,7 +342,7 @@ def _line(frequency: Array, amplitude: Array, nominal: float, resolution: float)
     if independent < MIN_INDEPENDENT_BINS:
         return None
     background = float(np.mean(amplitude[around] ** 2))
-    tests = max(1.0, 0.6 / resolution)  # number of bins searched for the peak
+    tests = max(1.0, 2.0 * MAINS_TOLERANCE / resolution)  # number of bins searched for the peak
     # quantile of the F distribution with 2 and 2 * independent degrees of freedom
     limit = independent * ((LINE_SIGNIFICANCE / tests) ** (-1.0 / independent) - 1.0)
     power = float(amplitude[peak] ** 2)
