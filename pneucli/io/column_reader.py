@@ -175,8 +175,16 @@ def column_values(column: Any) -> tuple[ColumnValues, datetime | None, Counter[s
 
 def words_message(column: str, words: Mapping[str, int]) -> str:
     """Return what is said of words that stand among the numbers of a column."""
-    listed = ", ".join(f'"{word}" {count} times' for word, count in Counter(words).most_common(5))
-    return f'"{column}": {listed}: no numbers; missing'
+    return f'"{column}": {counted_words(words)}: no numbers; missing'
+
+
+def counted_words(words: Mapping[str, int]) -> str:
+    """Return the most frequent words with their counts.
+
+    >>> counted_words({"BAD": 2, "STOP": 1})
+    '"BAD" 2 times, "STOP" 1 times'
+    """
+    return ", ".join(f'"{word}" {count} times' for word, count in Counter(words).most_common(5))
 
 
 def is_label_column(texts: Collection[Any]) -> bool:

@@ -14,7 +14,7 @@ import pyarrow.csv as pcsv
 
 from pneucli.errors import InputError, UnitError
 from pneucli.io import arrow_compute as pc
-from pneucli.io.column_reader import words_message
+from pneucli.io.column_reader import counted_words, words_message
 from pneucli.io.date_parsing import CalendarClock
 from pneucli.io.raw_file import NO_CLOCKS, ColumnRequest, ColumnValues, RawFile, Repair
 from pneucli.io.text_layout import NULL_TEXTS, TextLayout, detect_layout, is_value
@@ -85,7 +85,7 @@ class DelimitedReader:
                 message = words_message(self.names[place], words)
                 self.repairs.append(Repair("", "words", sum(words.values()), message))
         if self._events:
-            message = f"lines that hold an event and no reading were passed over: {words_message('', self._events)}"
+            message = f"lines that end in a word and hold no readings were passed over: {counted_words(self._events)}"
             self.repairs.append(Repair("", "event", sum(self._events.values()), message))
         self.header_lines = stream.header_lines
         if stream.header_lines:

@@ -338,3 +338,23 @@ def test_a_channel_of_json_is_taken_by_its_label(tmp_path: Path) -> None:
     channels = {"time": Channel("time"), "p1": Channel("payload", where=("topic", "b"))}
     batch = next(open_signals(RawFile(path, channels)).batches())
     np.testing.assert_array_equal(batch["p1"], np.arange(1.0, 100.0, 2.0))
+
+
+def test_lines_of_a_trigger_and_behind_the_rows_are_passed_over_and_said(tmp_path: Path) -> None:
+    rows = [f"{n / 100},{n}\n" for n in range(60)]
+    for rest in ("", "[Statistics]\nn 60\n"):
+        text = "".join(["t,p1,state\n", *(f"{row[:-1]},1\n" for row in rows[:30]), "0.30,TRIGGER\n"])
+        text += "".join(f"{row[:-1]},1\n" for row in rows[30:]) + rest
+        values, reader = read(written(tmp_path, text))
+        assert values.tolist() == [float(n) for n in range(60)]
+        said = {one.kind: one.message for one in reader.repairs}
+        assert said.pop("event") == 'lines that end in a word and hold no readings were passed over: "TRIGGER" 1 times'
+        assert said == (
+            {"trailer": '2 lines behind the rows, from "[Statistics]" on, were passed over'} if rest else {}
+        )
+
+
+def test_a_line_that_lacks_readings_among_the_rows_is_refused(tmp_path: Path) -> None:
+    rows = [f"{n / 100},{n},1\n" for n in range(60)]
+    with pytest.raises(InputError, match="line 33"):
+        read(written(tmp_path, "".join(["t,p1,state\n", *rows[:30], "0.30,TRIGGER\n", "0.31,1\n", *rows[30:]])))
