@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field
+from functools import partial
 from threading import local
 
 import numpy as np
@@ -14,7 +15,8 @@ from pneucli.simulate.build import DIFFERENTIABLE
 from pneucli.simulate.dual import LANES, ROW
 from pneucli.simulate.experiment import Experiment
 from pneucli.simulate.model import Model
-from pneucli.simulate.run import base_vector, kernel_arguments, kernel_for
+from pneucli.simulate.run import base_vector, kernel_arguments, kernel_for, temperature_lag
+from pneucli.simulate.temperature_sensor import temperature_reading
 
 Array = NDArray[np.float64]
 
@@ -137,4 +139,20 @@ def derivatives(
         places = np.resize(part, LANES)
         out = _scratch(experiment.time.size)
         kernel.run_duals(time, inputs, restarts, *rows, on, flags, *areas, h_max, *slopes, places, out)
+        _read_temperature(directions, experiment, part, out)
         yield part, out
+
+
+def _read_temperature(directions: Directions, experiment: Experiment, part: Sequence[int], out: Array) -> None:
+    """Replace the gas temperature in dual numbers (n, 7, 1 + LANES) by the reading of a slow sensor, in place."""
+    lag = temperature_lag(directions.model, experiment)
+    if lag <= 0.0:
+        return
+    read = partial(temperature_reading, experiment.time, starts=experiment.gap_ends)
+    gas, columns = out[:, at.D_GAS_T, 0].copy(), 1 + len(part)
+    out[:, at.D_GAS_T, :columns] = read(out[:, at.D_GAS_T, :columns], time_constant=lag)
+    for lane, steps in enumerate((directions.steps[j] for j in part), start=1):
+        for step, other in steps:
+            if (other_lag := temperature_lag(other, experiment)) != lag:
+                change = read(gas, time_constant=other_lag) - out[:, at.D_GAS_T, 0]
+                out[:, at.D_GAS_T, lane] += change / (step * len(steps))

@@ -54,11 +54,15 @@ def simulate(model: Model, experiment: Experiment, inputs: Array | None = None) 
     """
     out = run(model, experiment, inputs)
     readings = {channel: out[:, column] for channel, column in OUTPUT_COLUMNS.items()}
-    lag = model.sum_of_port("temperature_lag") if "temperature" in experiment.channels else 0.0
-    if lag > 0.0:
+    if (lag := temperature_lag(model, experiment)) > 0.0:
         temperature = readings["temperature"]
         readings["temperature"] = temperature_reading(experiment.time, temperature, lag, experiment.gap_ends)
     return readings
+
+
+def temperature_lag(model: Model, experiment: Experiment) -> float:
+    """Return the time constant in s of the sensor of the gas temperature; 0 where there is none."""
+    return model.sum_of_port("temperature_lag") if "temperature" in experiment.channels else 0.0
 
 
 def run(model: Model, experiment: Experiment, inputs: Array | None = None) -> Array:

@@ -16,14 +16,16 @@ Array = NDArray[np.float64]
 def temperature_reading(time: Array, temperature: Array, time_constant: float, starts: NDArray[np.int64]) -> Array:
     """Return the reading of a first-order sensor, which starts at the gas temperature, after each gap anew.
 
+    The reading is linear in the temperature: of a derivative of the temperature it is that derivative of the reading.
+
     Args:
         time: Time stamps in s, shape (n,).
-        temperature: Gas temperature in K, shape (n,).
+        temperature: Gas temperature in K, or derivatives of it by m parameters; shape (n,) or (n, m).
         time_constant: Time constant in s, above 0.
         starts: Samples at which it starts: the first one, and those after gaps.
 
     Returns:
-        Reading in K, shape (n,).
+        Reading in K, of the shape of ``temperature``.
 
     >>> time = np.arange(0.0, 5.0, 0.01)
     >>> ramp = 293.0 + 10.0 * time
@@ -31,17 +33,20 @@ def temperature_reading(time: Array, temperature: Array, time_constant: float, s
     >>> round(float(late[-1]), 3)  # of a ramp of 10 K/s, once the start is forgotten
     3.0
     """
-    reading = temperature.copy()
-    _follow(time, temperature, starts, time_constant, reading)
-    return reading
+    columns = np.ascontiguousarray(temperature, dtype=np.float64).reshape(time.size, -1)
+    reading = columns.copy()
+    _follow(time, columns, starts, time_constant, reading)
+    return reading.reshape(temperature.shape)
 
 
 _lag: Callable[..., float] = compiled(nogil=True)(first_order_lag)
 
 
 @compiled(nogil=True)
-def _follow(time: Array, temperature: Array, starts: NDArray[np.int64], time_constant: float, reading: Array) -> None:
+def _follow(time: Array, columns: Array, starts: NDArray[np.int64], time_constant: float, reading: Array) -> None:
     for s in range(starts.size):
         end = starts[s + 1] if s + 1 < starts.size else time.size
         for i in range(starts[s] + 1, end):
-            reading[i] = _lag(time[i] - time[i - 1], temperature[i], time_constant, reading[i - 1], temperature[i - 1])
+            step = time[i] - time[i - 1]
+            for j in range(columns.shape[1]):
+                reading[i, j] = _lag(step, columns[i, j], time_constant, reading[i - 1, j], columns[i - 1, j])

@@ -18,7 +18,7 @@ from pneucli.simulate.derivatives import COLUMNS, Directions, as_rows, derivativ
 from pneucli.simulate.dual import LANES, as_duals
 from pneucli.simulate.experiment import OUTPUT_COLUMNS, Experiment
 from pneucli.simulate.model import Model, parameter_value, with_parameters
-from pneucli.simulate.run import kernel_for, run
+from pneucli.simulate.run import kernel_for, run, simulate
 
 from .synthetic_experiments import VALVE, held_commands, make_experiment, model, time_grid, typical_values
 
@@ -137,6 +137,23 @@ def test_temperature_and_flow_have_derivatives() -> None:
     assert found[2].any()
     assert found[3].any()
     assert max(relative_error(found[i : i + 1], expected[i : i + 1]) for i in (2, 3)) < TOLERANCE
+
+
+def test_a_slow_sensor_of_temperature_follows_with_its_derivatives() -> None:
+    """By its own time constant, which no simulation depends on, and by all that the gas depends on."""
+    which = with_effects({"heat-transfer": {"heat-transfer.sensor_time_constant": 0.05}})
+    names, made = names_of(which), axis()
+    signals = {**made.recording.signals, "temperature": np.full(TIME.size, 293.0)}
+    experiment = replace(made, recording=replace(made.recording, signals=signals), raw={**made.raw, **signals})
+    found = simulated(which, experiment, names)[2]
+    for name, row in zip(names, found, strict=True):
+        value = parameter_value(which, name)
+        step = STEP * value
+        upper, lower = (
+            simulate(with_parameters(which, {name: value + s}), experiment)["temperature"] for s in (step, -step)
+        )
+        assert row == pytest.approx((upper - lower) / (2.0 * step), rel=1e-3, abs=1e-4 * np.abs(row).max() + 1e-9)
+    assert found[names.index("heat-transfer.sensor_time_constant")].any()
 
 
 def test_in_a_vessel_of_chamber_2_its_own_valve_counts() -> None:

@@ -78,10 +78,8 @@ class ChamberPressures(ResidualModel):
         )
 
     def differentiable(self, directions: Directions) -> NDArray[np.bool_]:
-        """Return by which parameters simulations differentiate the residuals: none where a sensor's lag follows."""
-        lags = "temperature" in self.channels and directions.model.sum_of_port("temperature_lag") > 0.0
-        found = differentiable(directions, self.experiment)
-        return np.zeros_like(found) if lags else found
+        """Return by which parameters simulations differentiate the residuals."""
+        return differentiable(directions, self.experiment)
 
     def derivatives(
         self, directions: Directions, errors: Mapping[str, Array], some: Sequence[int]
