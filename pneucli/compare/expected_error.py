@@ -40,7 +40,7 @@ class ErrorDistribution(NamedTuple):
     @property
     def freedom(self) -> float:
         """Degrees of freedom of the chi-square distribution with this mean and variance."""
-        return 2.0 * self.mean**2 / self.variance if self.variance > 0.0 else math.inf
+        return 2.0 * self.mean * self.mean / self.variance if self.variance > 0.0 else math.inf
 
     def limit(self, tail: float = TAIL) -> float:
         """Return the root mean square error that the share ``tail`` of correct models exceeds."""
@@ -59,7 +59,7 @@ class ErrorDistribution(NamedTuple):
 
         Parameters err once for all recordings, so that what they add is taken to be one squared normal number.
         """
-        return ErrorDistribution(self.mean + square, self.variance + 2.0 * square**2)
+        return ErrorDistribution(self.mean + square, self.variance + 2.0 * square * square)
 
     def with_uncertain_noise(self, error: float) -> ErrorDistribution:
         """Return the distribution where the noise, of which all errors are multiples, has a relative standard error.

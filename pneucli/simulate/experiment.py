@@ -353,11 +353,16 @@ class Experiment:
 
     def __getstate__(self) -> dict[str, object]:
         """Leave the last simulations out of a copy for another process: they are those of compiled code in this one."""
-        return {name: value for name, value in self.__dict__.items() if name != "recent_runs"}
+        return {name: value for name, value in self.__dict__.items() if not name.startswith("recent_")}
 
     @cached_property
     def recent_runs(self) -> dict[tuple[object, ...], Array]:
         """The outputs of the last simulations by what they depend on, see :mod:`pneucli.simulate.run`."""
+        return {}
+
+    @cached_property
+    def recent_sensitivities(self) -> dict[tuple[object, ...], Array]:
+        """How the pressures of the last models depend on their initial state: refits and tests ask again."""
         return {}
 
     def with_restarts(self, horizon: float | None) -> Experiment:

@@ -17,6 +17,8 @@ MIN_STEPS_PER_STROKE = 150.0  # while the force of the supply moves the mass ove
 MIN_STEPS_PER_FILLING = 300.0  # while a chamber fills at the highest measured rate
 MAX_PERIOD_SHARE = 0.5  # of a sampling period: a recording at rest does not show how fast a command fills a chamber
 FULL_PERIOD_STEP = 0.5e-3  # s: a shorter sampling period may be one step
+SHOWN_FILLING = 0.5  # of the highest pressure: a recording that spans as much shows how fast the chamber fills,
+SHOWN_FILLING_STEP = 1e-3  # s, and there a longer one errs by at most 0.03 of the noise (docs/development/internals.md)
 STEPS_PER_PERIOD = 4.0  # of a sampling period, where the rig's mass, stroke or supply is unknown
 FILLING_RATE_QUANTILE = 0.99  # of the samples: higher rates are noise or last an instant
 
@@ -98,7 +100,8 @@ def max_filling_step(pressure: Array, slope: Array, period: float) -> float:
     """Return the longest step for a chamber that fills.
 
     The step is at most half the sampling period, or all of a period that is short: the rate of a logger does not change
-    how fast a chamber fills.
+    how fast a chamber fills. A recording that does not show that may be one of a full chamber: near equal pressures,
+    where the slope of the flow is infinite, it would ring with longer steps.
 
     Args:
         pressure: Pressure in Pa, shape (n,).
@@ -111,6 +114,8 @@ def max_filling_step(pressure: Array, slope: Array, period: float) -> float:
     >>> max_filling_step(np.array([6e5]), np.array([1e7]), 1e-3)
     0.0002
     """
-    longest = min(max(MAX_PERIOD_SHARE * period, FULL_PERIOD_STEP), period)
+    highest = float(pressure.max())
+    shows_filling = highest - float(pressure.min()) >= SHOWN_FILLING * highest
+    longest = min(max(MAX_PERIOD_SHARE * period, SHOWN_FILLING_STEP if shows_filling else FULL_PERIOD_STEP), period)
     fastest = float(np.quantile(np.abs(slope), FILLING_RATE_QUANTILE))
-    return min(longest, float(pressure.max()) / (MIN_STEPS_PER_FILLING * fastest)) if fastest > 0.0 else longest
+    return min(longest, highest / (MIN_STEPS_PER_FILLING * fastest)) if fastest > 0.0 else longest

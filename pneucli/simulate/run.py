@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from functools import cache
 from threading import Lock
 from typing import Any
@@ -109,14 +109,31 @@ def _run(model: Model, experiment: Experiment, inputs: Array) -> Array:
     arguments = kernel_arguments(kernel, model, experiment, inputs)
     if inputs is not experiment.inputs:
         return _outputs(kernel, arguments)
-    recent, parameters = experiment.recent_runs, tuple(values.tobytes() for values in arguments[3:7])
-    key = (id(kernel), *parameters, model.valve, model.valve_2)
+    key = (id(kernel), *(values.tobytes() for values in arguments[3:7]), model.valve, model.valve_2)
+    return recalled(experiment.recent_runs, key, lambda: _outputs(kernel, arguments), RECENT_RUNS, RECENT_BYTES)
+
+
+def recalled(
+    recent: dict[tuple[object, ...], Array], key: tuple[object, ...], make: Callable[[], Array], most: int, bytes_: int
+) -> Array:
+    """Return what belongs to a key, made where it is not among the last ones, of which it becomes the last.
+
+    Args:
+        recent: What was made or asked for last, by key; in place.
+        key: All that it depends on.
+        make: Makes it.
+        most: Largest number of arrays that are kept.
+        bytes_: Largest number of bytes of all of them.
+
+    Returns:
+        The array.
+    """
     with _LOCK:
         found = recent.pop(key, None)
-    found = _outputs(kernel, arguments) if found is None else found
+    found = make() if found is None else found
     with _LOCK:
         recent[key] = found  # the last one
-        while recent and (len(recent) > RECENT_RUNS or len(recent) * found.nbytes > RECENT_BYTES):
+        while recent and (len(recent) > most or len(recent) * found.nbytes > bytes_):
             del recent[next(iter(recent))]
     return found
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 from types import SimpleNamespace
-from typing import Any
+from typing import Any, cast
 
 import numpy as np
 import pytest
@@ -18,9 +18,10 @@ from pneucli.identify.residuals.force_balance import breakaway_velocities, uncer
 from pneucli.physics.gas import CRITICAL_RATIO
 from pneucli.recording import Rig
 from pneucli.simulate import layout as at
+from pneucli.simulate.model import Model
 from pneucli.simulate.restarts import segment_lengths
 from pneucli.simulate.valve_forms.linear import LinearValve
-from tests.simulate.synthetic_experiments import RIG, held_commands, make_experiment, model, time_grid
+from tests.simulate.synthetic_experiments import RIG, VALVE, held_commands, make_experiment, model, time_grid
 
 TIME = time_grid(4.0)
 X = 0.1 + 0.03 * np.sin(2 * np.pi * TIME)
@@ -320,6 +321,7 @@ class Read:
         self.restarts = np.arange(0, 4000, 10)
         self.inputs = np.full((4000, len(at.INPUTS)), 3e5)
         self.noise = {c: SimpleNamespace(rms=50.0) for c in self.channels}
+        self.recent_sensitivities: dict[tuple[object, ...], np.ndarray] = {}
 
     def draw_noise(self, rng: np.random.Generator) -> dict[str, np.ndarray]:
         return {"p1": rng.standard_normal(4000), "p2": 3.0 * rng.standard_normal(4000)}
@@ -342,9 +344,24 @@ def test_an_initial_error_persists_as_the_model_keeps_it(monkeypatch: pytest.Mon
         },
     )  # fmt: skip
     errors = {"p1": 100.0, "p2": 100.0}
-    found = initial_state.initial_state_sensitivity(model(), Read(), errors)  # type: ignore[arg-type]
+    e: Any = Read()
+    found = initial_state.initial_state_sensitivity(model(), e, errors)
     assert found["p1"] == pytest.approx(np.full((1, 4000), 0.5 * 100.0 / 50.0))
     assert found["p2"] == pytest.approx(np.zeros((1, 4000)))
+
+
+def test_a_model_that_is_asked_for_again_starts_alike_and_another_one_anew(monkeypatch: pytest.MonkeyPatch) -> None:
+    e, asked = cast("Any", Read()), []
+
+    def simulated(one: Model, _: Any, inputs: np.ndarray | None = None) -> dict[str, np.ndarray]:
+        asked.append(one)
+        return {c: np.zeros(4000) if inputs is None else inputs[:, at.IN_P1] for c in ("p1", "p2")}
+
+    monkeypatch.setattr(initial_state, "simulate", simulated)
+    same, other, wider = model(), model((), {"rig.dead_volume_1": 9e-5}), replace(model(), valve=VALVE.scaled(2.0))
+    for one, runs in ((same, 2), (model(), 2), (other, 4), (wider, 6), (same, 6)):
+        initial_state.initial_state_sensitivity(one, e, dict.fromkeys(("p1", "p2"), 1.0))
+        assert len(asked) == runs
 
 
 @pytest.mark.parametrize(

@@ -135,6 +135,14 @@ def test_a_short_sampling_period_is_one_step(period: float, step: float) -> None
     assert max_filling_step(still, np.zeros(100), period) == max_filling_step(still, np.full(100, 1e3), period) == step
 
 
+@pytest.mark.parametrize(("lowest", "period", "step"), [(3e5, 1e-3, 1e-3), (3.1e5, 1e-3, 0.5e-3), (3e5, 5e-3, 2.5e-3)])
+def test_a_recording_that_shows_a_filling_takes_a_longer_step(lowest: float, period: float, step: float) -> None:
+    """It spans half of its highest pressure; a fast filling still takes a 300th of its time."""
+    pressure = np.linspace(lowest, 6e5, 100)
+    assert max_filling_step(pressure, np.full(100, 1e5), period) == step
+    assert max_filling_step(pressure, np.full(100, 8e6), period) == pytest.approx(6e5 / 8e6 / 300)
+
+
 @settings(max_examples=20, deadline=None)
 @given(delay=st.floats(1e-4, 0.09))
 def test_a_line_delays_the_pressure(delay: float) -> None:

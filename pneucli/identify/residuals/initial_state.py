@@ -16,7 +16,7 @@ from pneucli.simulate import layout as at
 from pneucli.simulate.experiment import Experiment
 from pneucli.simulate.model import Model
 from pneucli.simulate.restarts import segment_lengths
-from pneucli.simulate.run import simulate
+from pneucli.simulate.run import recalled, simulate
 
 Array = NDArray[np.float64]
 
@@ -25,6 +25,8 @@ NOISE_DRAWS = 16  # draws of the sensors' noise
 SMOOTHING_BIAS_FACTOR = 1.4  # times the noise left after smoothing: sqrt(2), since the bias at bends is as large
 PAIRWISE_LANES, PAIRWISE_BLOCK = 8, 128  # of numpy's pairwise summation
 MIN_POWER = 1e-12  # of an error, relative to the noise
+RECENT_SENSITIVITIES = 16  # of a recording: the candidates of a round, before and after their last fit
+RECENT_BYTES = 8 << 20  # of all of them
 PRESSURE_PERTURBATION = 2e-4  # of the highest pressure, for forward differences
 
 
@@ -60,14 +62,25 @@ def initial_state_sensitivity(model: Model, experiment: Experiment, errors: dict
         By pressure, shape (1, n), in units of the sensor's noise.
 
     """
-    perturbed, e, out = experiment.inputs.copy(), experiment, {}
-    perturbation = PRESSURE_PERTURBATION * float(perturbed[:, list(PRESSURE_COLUMNS.values())].max())
-    perturbed[:, list(PRESSURE_COLUMNS.values())] += perturbation
-    nominal, shifted = simulate(model, e), simulate(model, e, perturbed)
-    for channel in (c for c in PRESSURE_COLUMNS if c in e.smoothers and c in e.channels and e.noise[c].rms):
-        error = errors[channel] / e.noise[channel].rms
-        out[channel] = error * (shifted[channel] - nominal[channel])[None] / perturbation
+    e, numbers = experiment, {**model.base_values(), **model.values}
+    key = (model.effects, tuple(numbers.items()), model.valve, model.valve_2)
+    changes = recalled(
+        e.recent_sensitivities, key, lambda: _pressure_changes(model, e), RECENT_SENSITIVITIES, RECENT_BYTES
+    )
+    out = {}
+    for channel, change in zip(PRESSURE_COLUMNS, changes, strict=True):
+        if channel in e.smoothers and channel in e.channels and e.noise[channel].rms:
+            out[channel] = errors[channel] / e.noise[channel].rms * change[None]
     return out
+
+
+def _pressure_changes(model: Model, experiment: Experiment) -> Array:
+    """Return the changes of the readings of p1 and p2 where all pressures start 1 Pa higher, shape (2, n)."""
+    perturbed, columns = experiment.inputs.copy(), list(PRESSURE_COLUMNS.values())
+    perturbation = PRESSURE_PERTURBATION * float(perturbed[:, columns].max())
+    perturbed[:, columns] += perturbation
+    nominal, shifted = simulate(model, experiment), simulate(model, experiment, perturbed)
+    return np.array([shifted[c] - nominal[c] for c in PRESSURE_COLUMNS]) / perturbation
 
 
 def apply_whitening(residual: Array, errors: Array, restarts: NDArray[np.int64]) -> Array:
