@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 
 import numpy as np
@@ -15,7 +16,8 @@ from pneucli.physics.scales import RigQuantities
 
 Array = NDArray[np.float64]
 
-TIME_SCAN_POINTS = 32  # values of a time constant or delay, from its smallest typical value to its bound
+TIME_SCAN_POINTS = 33  # values of a time constant or delay, from its smallest typical value to its bound
+SCAN_STRIDE = 2  # every second value is tried, then those beside the best one: minima are far wider than a step
 
 
 def lower_profile_minimum(
@@ -40,15 +42,26 @@ def lower_profile_minimum(
         return None
     (time,) = effect.main_parameters
     name, size = f"{effect.name}.{time.name}", time.range_on(quantities)
-    values = [{name: float(t)} for t in np.geomspace(min(size.typical), size.upper, TIME_SCAN_POINTS)]
+    times = np.geomspace(min(size.typical), size.upper, TIME_SCAN_POINTS)
     inverse = fitted.inverse_hessian_holding(np.array([f.name == name for f in fitted.free], dtype=bool))
     gradient = fitted.jacobian.T @ fitted.residual
 
     def adjusted_cost(change: Array) -> float:
-        """Return the squares that remain of changed residuals where the other parameters adjust."""
+        """Return the squares that remain of changed residuals where the other parameters adjust; of a diverging model
+        infinitely many.
+        """
         residual, slope = fitted.residual + change, gradient + fitted.transposed_product(change)
-        return float(residual @ residual - slope @ inverse @ slope)
+        cost = float(residual @ residual - slope @ inverse @ slope)
+        return cost if math.isfinite(cost) else math.inf
 
-    profile = [adjusted_cost(change) for change in residual_changes(effect, fitted, residual_models, values)]
-    lowest = int(np.argmin(profile))
-    return values[lowest] if profile[lowest] < adjusted_cost(np.zeros_like(fitted.residual)) else None
+    def scan(places: Sequence[int]) -> dict[int, float]:
+        values = [{name: float(times[i])} for i in places]
+        changes = residual_changes(effect, fitted, residual_models, values)
+        return {i: adjusted_cost(change) for i, change in zip(places, changes, strict=True)}
+
+    profile = scan(range(0, TIME_SCAN_POINTS, SCAN_STRIDE))
+    best = min(profile, key=profile.__getitem__)
+    profile |= scan([i for i in (best - 1, best + 1) if 0 <= i < TIME_SCAN_POINTS])
+    best = min(profile, key=profile.__getitem__)
+    lower = profile[best] < adjusted_cost(np.zeros_like(fitted.residual))
+    return {name: float(times[best])} if lower else None
