@@ -185,7 +185,6 @@ def _machine_strokes(reference: Array, pressure: float, speed: float) -> MotionM
     return MotionMachine((low, high), (speed,), 4, pressure)
 
 
-Array = NDArray[np.float64]
 RIDGE = 0.3  # of each weight but the constant
 SMALL_CASES = 30
 FEATURES = {

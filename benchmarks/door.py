@@ -22,14 +22,13 @@ from pathlib import Path
 
 import numpy as np
 import pyarrow.parquet as pq
-from numpy.typing import NDArray
 
+from pneucli.arrays import Array
 from pneucli.config import load
 from pneucli.errors import InputError
 from pneucli.pipeline.context import Context
 from pneucli.stages import ingest, init
 
-Array = NDArray[np.float64]
 RATE, COUNT, SUPPLY, AMBIENT = 100.0, 700, 7.013e5, 1.013e5  # Hz, rows, Pa
 NOISE = 400.0  # Pa
 SITUATIONS = 200  # of a seed

@@ -13,14 +13,13 @@ from collections.abc import Callable
 
 import numpy as np
 from numba import njit
-from numpy.typing import NDArray
 from scipy.signal import savgol_filter
 
+from pneucli.arrays import Array
 from pneucli.noise import NoiseModel
 from pneucli.simulate.jerk_process import kalman_filter
 from pneucli.simulate.position_smoother import PositionSmoother, fit_position_smoother, low_frequency_deviation
 
-Array = NDArray[np.float64]
 STEP, DURATION = 2e-5, 16.0  # s
 MASS, COULOMB, VISCOUS = 3.5, 20.0, 40.0
 # s; m: step and noise

@@ -14,15 +14,14 @@ from pathlib import Path
 
 import numpy as np
 from numba import njit
-from numpy.typing import NDArray
 
 from benchmarks.rigs import study_of
+from pneucli.arrays import Array
 from pneucli.identify.estimation.fit import Fit
 from pneucli.identify.estimation.model_fit import fit_model
 from pneucli.identify.guesses.base_model import guess_base_model
 from pneucli.physics.effects import catalogue
 
-Array = NDArray[np.float64]
 RT, KAPPA, AMBIENT, SUPPLY, VISCOSITY = 287.0 * 293.15, 1.4, 1.013e5, 7e5, 1.82e-5
 SOUND = float(np.sqrt(KAPPA * RT))  # m/s
 PERIOD, NOISE, DURATION, STEPS, SEGMENTS = 1e-3, 200.0, 20.0, 200, 20  # s, Pa, s, per sample, of the line

@@ -46,10 +46,10 @@ from typing import Any, NamedTuple
 import numpy as np
 import pandas as pd
 import tomlkit
-from numpy.typing import NDArray
 
 from benchmarks import rigs
 from pneucli import config
+from pneucli.arrays import Array
 from pneucli.caches import compiled
 from pneucli.closed_loop import ensemble
 from pneucli.closed_loop.acceptance import ACCEPTANCE_SCENARIOS, acceptance_criteria
@@ -78,7 +78,6 @@ from pneucli.simulate import layout as at
 from pneucli.simulate.model import Model
 from pneucli.stages.model_file import load_model
 
-Array = NDArray[np.float64]
 ROOT = Path(__file__).parents[1]
 RIGS = ("demo", "bore-12mm", "bore-25mm", "bore-50mm", "bore-100mm")
 ARRANGEMENTS = (

@@ -34,9 +34,9 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
-Array = NDArray[np.float64]
+from pneucli.arrays import Array
+
 Signals = dict[str, Array]
 PINNED = ("numpy==2.4.6", "pysindy==2.1.0", "mujoco[sysid]==4.0.0")
 PARAMETERS = ("mass", "coulomb", "viscous", "area", "leak")

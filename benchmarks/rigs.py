@@ -21,8 +21,8 @@ from typing import Any
 
 import numpy as np
 import tomlkit
-from numpy.typing import NDArray
 
+from pneucli.arrays import Array
 from pneucli.caches import compiled, import_generated
 from pneucli.closed_loop.simulation import ClosedLoopSetup
 from pneucli.config import load
@@ -52,7 +52,6 @@ from pneucli.simulate.valve_forms.area import ValveArea
 from pneucli.stages import ingest
 from pneucli.stages.pipeline_data import PipelineData
 
-Array = NDArray[np.float64]
 COMMANDS = (0.4, 0.7, 1.0, 2.0, 3.5, 5.0, 7.5, 10.0)  # V, at which a valve test would be made
 
 

@@ -29,10 +29,10 @@ from typing import Any, NamedTuple
 import fmpy
 import numpy as np
 from numba import njit
-from numpy.typing import NDArray
 from scipy.integrate import odeint
 
 from benchmarks.rigs import print_tables
+from pneucli.arrays import Array
 from pneucli.export.fmu.package import FILE_NAME, write_fmu
 from pneucli.export.fmu.plant import Plant, plant_of
 from pneucli.physics.declaration import Effect
@@ -50,8 +50,6 @@ from pneucli.simulate.preparation import prepare
 from pneucli.simulate.rig_quantities import rig_quantities
 from pneucli.simulate.run import run_kernel
 from pneucli.simulate.valve_forms.area import ValveArea
-
-Array = NDArray[np.float64]
 
 RIG = Rig(
     ambient_pressure=101_300.0,

@@ -30,11 +30,11 @@ from typing import Any, NamedTuple
 
 import numpy as np
 import pyarrow.parquet as pq
-from numpy.typing import NDArray
 
 from benchmarks import rigs
 from benchmarks.loop import demo_rig, rejected
 from benchmarks.rigs import Trace, driven, model_of
+from pneucli.arrays import Array
 from pneucli.caches import compiled
 from pneucli.closed_loop.metrics import OBSERVERS, ROUNDING
 from pneucli.controller import layout
@@ -57,7 +57,6 @@ from pneucli.exam.conditions import parse
 from pneucli.exam.rig.parameters import ONE_CHAMBER, Parameters
 from pneucli.tp import WeightType
 
-Array = NDArray[np.float64]
 STEP, EVERY = 1e-5, 100  # s; of which one is recorded
 AMBIENT, GAS, KAPPA = 101_300.0, 287.0 * 293.15, 1.4
 RUNS = 4

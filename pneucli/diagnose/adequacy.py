@@ -9,6 +9,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from pneucli.arrays import Array
 from pneucli.compare.error_regions import locator_signals
 from pneucli.distributions import chi_square_tail, normal_quantile, student_t_tail
 from pneucli.identify.estimation.blocks import block_labels
@@ -18,8 +19,6 @@ from pneucli.identify.residuals import ResidualModel
 from pneucli.messages.compare import GOOD_ERROR_RATIO, GOOD_TEST_ERROR_RATIO
 from pneucli.quantities import Z95
 from pneucli.simulate.model import Model, parameter_value
-
-Array = NDArray[np.float64]
 
 NOISE_DRAWS = 1  # of each recording; many recordings and restarts are pooled
 NOISE_SEED = 11

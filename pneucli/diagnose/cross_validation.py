@@ -9,16 +9,14 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 
+from pneucli.arrays import Array
 from pneucli.identify.estimation.blocks import GroupSums, group_sums
 from pneucli.identify.estimation.fit import Fit
 from pneucli.identify.estimation.objective import LeastSquaresProblem
 from pneucli.identify.estimation.parameters import absent_value
 from pneucli.identify.residuals import ResidualModel
 from pneucli.simulate.model import Model, parameter_value
-
-Array = NDArray[np.float64]
 
 
 def folds_of(residual_models: Sequence[ResidualModel]) -> tuple[int, ...]:

@@ -9,8 +9,8 @@ from dataclasses import dataclass, replace
 from typing import Literal, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from pneucli.arrays import Array
 from pneucli.diagnose.adequacy import MIN_TRIMMED_RATIO, LackOfFit
 from pneucli.diagnose.data import DiagnosisData
 from pneucli.diagnose.equivalence import CHANCE_COST_RATIO
@@ -38,9 +38,6 @@ class PeriodicTerm(NamedTuple):
     variable: str
     length: float
     share: float
-
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True)

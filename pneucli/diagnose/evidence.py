@@ -13,8 +13,8 @@ from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from pneucli.arrays import Array
 from pneucli.distributions import f_tail, student_t_tail
 from pneucli.identify.estimation.blocks import group_scores
 from pneucli.identify.estimation.fit import Fit
@@ -27,8 +27,6 @@ from pneucli.physics.declaration import Effect, Parameter
 from pneucli.physics.scales import RigQuantities
 from pneucli.simulate.model import Model, parameter_value, without_effect
 from pneucli.simulate.rig_quantities import rig_quantities
-
-Array = NDArray[np.float64]
 
 RESAMPLES = 2000
 SEED = 7

@@ -12,8 +12,8 @@ from dataclasses import dataclass
 from typing import NamedTuple, Protocol
 
 import numpy as np
-from numpy.typing import NDArray
 
+from pneucli.arrays import Array
 from pneucli.diagnose.adequacy import drawn_rms
 from pneucli.identify.estimation.blocks import block_labels, channel_slices
 from pneucli.identify.estimation.fit import Fit
@@ -22,8 +22,6 @@ from pneucli.identify.residuals import ResidualModel
 from pneucli.identify.residuals.initial_state import apply_whitening
 from pneucli.physics.declaration import Effect
 from pneucli.simulate.model import Model
-
-Array = NDArray[np.float64]
 
 ErrorsByChannel = Mapping[str, Array]  # by channel (k, n), in units of the noise
 MIN_FLOW_ERROR, MAX_FLOW_ERROR = 1e-4, 0.5  # of the flow: the search range of the deviation

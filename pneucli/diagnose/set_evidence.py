@@ -17,10 +17,9 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.special import softmax
 
-Array = NDArray[np.float64]
+from pneucli.arrays import Array
 
 # calibrated on fits of 27 cases of the exam and of two virtual rigs, the same with each world left out
 KAPPA = 8.0  # independent readings that a disturbed channel is worth

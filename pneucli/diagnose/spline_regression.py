@@ -7,16 +7,14 @@ from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.linalg import solve
 
+from pneucli.arrays import Array
 from pneucli.compare.error_regions import locator_signals
 from pneucli.identify.estimation.blocks import channel_slices
 from pneucli.identify.estimation.fit import Fit
 from pneucli.identify.residuals import ResidualModel
 from pneucli.identify.residuals.base import DiscrepancyTerm
-
-Array = NDArray[np.float64]
 
 Folds = Sequence[Array]
 KNOTS = 60  # evenly spaced over the range of the signal

@@ -7,8 +7,9 @@ from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 import pandas as pd
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from pneucli.arrays import Array
 from pneucli.errors import InputError, did_you_mean
 from pneucli.experiments import EXPERIMENT_KINDS
 from pneucli.noise import NoiseModel
@@ -23,7 +24,6 @@ from pneucli.simulate.preparation import prepare
 if TYPE_CHECKING:
     from pneucli.notebook.run_data import RunData
 
-Array = NDArray[np.float64]
 Chamber2 = Literal["closed", "open", "valve"]
 INPUTS = ("u", "u2", "p_supply")
 STATE = ("x", "v", "p1", "p2")  # the state from which a run starts

@@ -11,8 +11,8 @@ from typing import Any
 import matplotlib
 import numpy as np
 from matplotlib.figure import Figure
-from numpy.typing import NDArray
 
+from pneucli.arrays import Array
 from pneucli.compare.error_regions import locator_signals
 from pneucli.experiments import EXPERIMENT_KINDS
 from pneucli.physics.declaration import Effect
@@ -26,8 +26,6 @@ from pneucli.simulate.outputs import simulate_outputs
 from pneucli.simulate.restarts import restart_samples
 from pneucli.simulate.rig_quantities import rig_quantities
 from pneucli.simulate.valve_forms.area import ValveArea
-
-Array = NDArray[np.float64]
 
 # the rig of fixtures/demo, which is of the size of the thesis's cylinder
 CYLINDER = Rig(

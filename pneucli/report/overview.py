@@ -14,6 +14,7 @@ from matplotlib.figure import Figure as Canvas
 from matplotlib.ticker import FuncFormatter, NullLocator
 from numpy.typing import NDArray
 
+from pneucli.arrays import Array
 from pneucli.compare.error_regions import error_concentration
 from pneucli.messages import compare, design, diagnose, history, simulate
 from pneucli.messages.compare import Answer, ChannelResult, evaluation_error
@@ -265,7 +266,6 @@ def _capital(text: str) -> str:
     return text[:1].upper() + text[1:]
 
 
-Array = NDArray[np.float64]
 FIGURE_SIZES = {"wide": (8.6, 4.3), "narrow": (4.3, 4.6)}  # inches, on a desk and on a telephone
 MAX_SAMPLES = 1500  # samples of a curve
 CONTEXT_RESTARTS = 2.0  # restart intervals on each side of the marked interval; at least the interval's own length

@@ -7,8 +7,8 @@ from itertools import islice
 
 import numpy as np
 from matplotlib.ticker import FuncFormatter, NullFormatter
-from numpy.typing import NDArray
 
+from pneucli.arrays import Array
 from pneucli.messages.envelope import envelope_indices
 from pneucli.messages.formatting import (
     axis_title,
@@ -27,7 +27,6 @@ from pneucli.report.page import render_page
 from pneucli.report.page_elements import Cell, Grid, Note, Part, Section
 from pneucli.version import __version__
 
-Array = NDArray[np.float64]
 MAX_SAMPLES = 600  # of a curve
 MAX_PLOTTED_RIVALS = 6
 LOWEST_DIFFERENCE = 0.1  # of the noise, the bottom of the drawing

@@ -16,7 +16,6 @@ from pneucli.messages import compare, diagnose
 from pneucli.messages.history import Model
 
 T = TypeVar("T")
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True)

@@ -10,6 +10,7 @@ from threading import local
 import numpy as np
 from numpy.typing import NDArray
 
+from pneucli.arrays import Array
 from pneucli.simulate import layout as at
 from pneucli.simulate.build import DIFFERENTIABLE
 from pneucli.simulate.dual import LANES, ROW
@@ -17,8 +18,6 @@ from pneucli.simulate.experiment import Experiment
 from pneucli.simulate.model import Model
 from pneucli.simulate.run import base_vector, kernel_arguments, kernel_for, temperature_lag
 from pneucli.simulate.temperature_sensor import temperature_reading
-
-Array = NDArray[np.float64]
 
 COLUMNS = {"p1": at.D_R1, "p2": at.D_R2, "temperature": at.D_GAS_T, "flow": at.D_FLOW}
 _LOCAL = local()

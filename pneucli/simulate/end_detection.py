@@ -14,10 +14,8 @@ from functools import cached_property
 from itertools import pairwise
 
 import numpy as np
-from numpy.typing import NDArray
 
-Array = NDArray[np.float64]
-Mask = NDArray[np.bool_]
+from pneucli.arrays import Array, Mask
 
 POSITION_SCATTER_SIGMA = 6.0  # standard deviations of the position's noise, within which it is one position
 STROKE_TOLERANCE = 0.05  # of the stroke: error of a stated end

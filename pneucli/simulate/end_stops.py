@@ -8,12 +8,11 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
+from pneucli.arrays import Array
 from pneucli.recording import Rig
 from pneucli.simulate import layout as at
 from pneucli.simulate.end_detection import Drive, detect_ends, end_compliance, stroke_limits
 from pneucli.simulate.experiment import Experiment
-
-Array = NDArray[np.float64]
 
 
 def with_end_stops(experiments: Sequence[Experiment], rig: Rig) -> list[Experiment]:

@@ -10,6 +10,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from pneucli.arrays import Array
 from pneucli.experiments import Part
 from pneucli.noise import NoiseModel
 from pneucli.physics.declaration import Effect
@@ -24,8 +25,6 @@ from pneucli.simulate.noise_draws import cache_draws, draw_sensor_noise
 from pneucli.simulate.position_smoother import PositionSmoother
 from pneucli.simulate.restarts import restart_samples
 from pneucli.simulate.velocity_integration import IntegratedMotion
-
-Array = NDArray[np.float64]
 
 OUTPUT_COLUMNS = {"p1": at.R1, "p2": at.R2, "x": at.X, "v": at.V, "a": at.A, "temperature": at.GAS_T, "flow": at.FLOW}
 LATE_READINGS = {"sensor_lag", "sensor_delay"}  # ports at which pressures are only read later

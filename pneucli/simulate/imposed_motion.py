@@ -8,6 +8,7 @@ from typing import NamedTuple, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
+from pneucli.arrays import Array
 from pneucli.noise import NoiseModel
 from pneucli.recording import Recording
 from pneucli.simulate import layout as at
@@ -15,8 +16,6 @@ from pneucli.simulate.local_polynomials import LocalPolynomialSmoother
 from pneucli.simulate.motion_smoother import MotionSmoother, unrounded_readings
 from pneucli.simulate.position_smoother import PositionSmoother
 from pneucli.simulate.velocity_integration import IntegratedMotion
-
-Array = NDArray[np.float64]
 
 DIFFERENTIATION_BANDWIDTH_FACTOR = 4.0  # times the frequency of the low-pass, before differentiation
 RISE_TIME_FACTOR = 0.35  # rise time from 10 to 90 % of a step times the frequency of the low-pass

@@ -11,11 +11,10 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numpy.typing import NDArray
 
+from pneucli.arrays import Array
 from pneucli.caches import compiled
 
-Array = NDArray[np.float64]
 Symmetric = tuple[float, float, float, float, float, float]  # xx, xv, xa, vv, va, aa
 
 UNKNOWN = 1e10  # variance of the first state: nothing is known of it

@@ -5,13 +5,11 @@ from __future__ import annotations
 from collections.abc import Mapping
 
 import numpy as np
-from numpy.typing import NDArray
 
+from pneucli.arrays import Array
 from pneucli.noise import NoiseModel
 from pneucli.recording import Recording, Rig
 from pneucli.simulate import layout as at
-
-Array = NDArray[np.float64]
 
 MIN_STEPS_PER_STROKE = 150.0  # while the force of the supply moves the mass over the stroke
 MIN_STEPS_PER_FILLING = 300.0  # while a chamber fills at the highest measured rate

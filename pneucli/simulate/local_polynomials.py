@@ -18,10 +18,10 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from pneucli.arrays import Array
 from pneucli.caches import compiled
 from pneucli.noise import NoiseModel
 
-Array = NDArray[np.float64]
 Chosen = NDArray[np.int8]
 Index = NDArray[np.int64]
 WINDOW_HALF_WIDTHS = (0, 1, 2, 4, 8, 16, 32, 64, 128)

@@ -7,7 +7,6 @@ from dataclasses import dataclass, field, replace
 from functools import cached_property
 
 import numpy as np
-from numpy.typing import NDArray
 
 from pneucli.physics.declaration import Effect, Parameter
 from pneucli.physics.gas import critical_ratio_of
@@ -17,7 +16,6 @@ from pneucli.simulate.valve_forms.area import NO_VALVE, ValveArea
 from pneucli.simulate.valve_forms.linear import LinearValve
 from pneucli.simulate.valve_forms.switching import SwitchingValve
 
-Array = NDArray[np.float64]
 ValveForm = ValveArea | LinearValve | SwitchingValve
 
 

@@ -9,15 +9,13 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.linalg import cho_solve_banded, cholesky_banded
 
+from pneucli.arrays import Array
 from pneucli.simulate import layout as at
 from pneucli.simulate.local_polynomials import LocalPolynomialSmoother
 from pneucli.simulate.position_smoother import PositionSmoother
 from pneucli.simulate.velocity_integration import IntegratedMotion
-
-Array = NDArray[np.float64]
 
 # times an accelerometer's noise, by which its integral errs: it misses what happens between two samples
 ACCELERATION_ERROR_FACTOR = 3.0

@@ -6,11 +6,10 @@ from collections.abc import Iterable, Mapping
 from typing import TypeVar
 
 import numpy as np
-from numpy.typing import NDArray
 
+from pneucli.arrays import Array
 from pneucli.noise import NoiseModel
 
-Array = NDArray[np.float64]
 Draw = TypeVar("Draw")
 
 MAX_CACHE_BYTES = 16 << 20  # bytes, of one recording

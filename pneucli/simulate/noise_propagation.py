@@ -8,14 +8,12 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 import numpy as np
-from numpy.typing import NDArray
 
+from pneucli.arrays import Array
 from pneucli.simulate import layout as at
 from pneucli.simulate.experiment import Experiment
 from pneucli.simulate.model import Model
 from pneucli.simulate.outputs import simulate_outputs
-
-Array = NDArray[np.float64]
 
 NOISE_SEED = 20151
 

@@ -7,8 +7,8 @@ from dataclasses import dataclass
 from typing import Any, Literal
 
 import numpy as np
-from numpy.typing import NDArray
 
+from pneucli.arrays import Array
 from pneucli.errors import InputError, UnitError, did_you_mean
 from pneucli.experiments import EXPERIMENT_KINDS, ExperimentName
 from pneucli.messages.formatting import format_plain
@@ -20,8 +20,6 @@ from pneucli.simulate.model import Model
 from pneucli.simulate.outputs import simulate_outputs
 from pneucli.simulate.preparation import prepare
 from pneucli.units import parse_quantity
-
-Array = NDArray[np.float64]
 
 SAMPLING_PERIOD = 1e-3  # s, between the samples of a command
 MAX_DURATION = 1e4  # s of a command

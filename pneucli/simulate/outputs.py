@@ -5,15 +5,13 @@ from __future__ import annotations
 from collections.abc import Mapping
 
 import numpy as np
-from numpy.typing import NDArray
 
+from pneucli.arrays import Array
 from pneucli.simulate import layout as at
 from pneucli.simulate.experiment import Experiment
 from pneucli.simulate.imposed_motion import motion_inputs, standstill_speed
 from pneucli.simulate.model import Model
 from pneucli.simulate.run import base_vector, kernel_for, read_only, simulate, with_p2
-
-Array = NDArray[np.float64]
 
 RELATIVE_P2_STEP = 1e-3  # of the start, for a difference quotient
 MIN_DENOMINATOR = 1e-300

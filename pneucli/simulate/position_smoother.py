@@ -20,8 +20,8 @@ from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
-from numpy.typing import NDArray
 
+from pneucli.arrays import Array
 from pneucli.distributions import normal_tail
 from pneucli.noise import NORMAL_MAD, NoiseModel
 from pneucli.simulate.jerk_process import (
@@ -31,8 +31,6 @@ from pneucli.simulate.jerk_process import (
     smoothed_states,
     smoothed_variances,
 )
-
-Array = NDArray[np.float64]
 
 WINDOW_MEMORIES = 8.0  # times the smoother's memory to either side, over which the intensity is averaged
 MIN_WINDOW = 2  # samples to either side

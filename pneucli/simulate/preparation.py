@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Mapping
 
 import numpy as np
-from numpy.typing import NDArray
 
+from pneucli.arrays import Array
 from pneucli.noise import NoiseModel, estimate_noise
 from pneucli.recording import Recording, Rig
 from pneucli.simulate import layout as at
@@ -25,7 +25,6 @@ from pneucli.simulate.position_smoother import PositionSmoother, fit_position_sm
 from pneucli.simulate.restarts import restart_samples
 from pneucli.simulate.velocity_integration import IntegratedMotion, integrated_motion, without_constant_position
 
-Array = NDArray[np.float64]
 SMOOTHED_PRESSURES = ("p1", "p2", "p_supply")
 MIN_SMOOTHED_SAMPLES = 80  # samples; fewer are taken as they are
 MIN_RELATIVE_NOISE = {"x": 1e-8, "a": 1e-4}  # of a signal's spread: no sensor of a rig is surer than that

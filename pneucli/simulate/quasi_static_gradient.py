@@ -8,13 +8,12 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
+from pneucli.arrays import Array
 from pneucli.simulate import layout as at
 from pneucli.simulate.derivatives import Directions
 from pneucli.simulate.experiment import Experiment
 from pneucli.simulate.model import Model
 from pneucli.simulate.run import base_vector, kernel_for
-
-Array = NDArray[np.float64]
 
 NO_SHAPES = np.zeros((0, 0))
 

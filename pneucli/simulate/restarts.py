@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-Array = NDArray[np.float64]
+from pneucli.arrays import Array
 
 MAX_GAP_PERIODS = 20  # sampling periods
 

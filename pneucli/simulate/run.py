@@ -8,8 +8,8 @@ from threading import Lock
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from pneucli.arrays import Array
 from pneucli.physics.declaration import Effect
 from pneucli.physics.effects import catalogue_with_sides, with_catalogue
 from pneucli.simulate import layout as at
@@ -17,8 +17,6 @@ from pneucli.simulate.build import Kernel, build
 from pneucli.simulate.experiment import OUTPUT_COLUMNS, Experiment
 from pneucli.simulate.model import Model
 from pneucli.simulate.temperature_sensor import temperature_reading
-
-Array = NDArray[np.float64]
 
 RECENT_RUNS = 4  # of a recording: more are hardly asked for again
 RECENT_BYTES = 16 << 20  # of all of them

@@ -7,10 +7,9 @@ from collections.abc import Callable
 import numpy as np
 from numpy.typing import NDArray
 
+from pneucli.arrays import Array
 from pneucli.caches import compiled
 from pneucli.simulate.kernel.sensors import first_order_lag
-
-Array = NDArray[np.float64]
 
 
 def temperature_reading(time: Array, temperature: Array, time_constant: float, starts: NDArray[np.int64]) -> Array:

@@ -9,15 +9,12 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from pneucli.arrays import Array, Mask
 from pneucli.errors import InputError
 from pneucli.noise import NoiseModel
 from pneucli.recording import Recording
 from pneucli.simulate.local_polynomials import LocalPolynomialSmoother
-
-Array = NDArray[np.float64]
-Mask = NDArray[np.bool_]
 
 MIN_REST_SAMPLES = 9  # over which a rest is recognised
 REST_NOISE_RATIO = 1.5  # times the sensor's noise, beyond which the piston is not at rest

@@ -6,7 +6,6 @@ from collections.abc import Iterable, Mapping, Sequence
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from pneucli.compare.error_regions import locator_signals
 from pneucli.diagnose.adequacy import bins_of
@@ -43,7 +42,6 @@ from pneucli.stages.answer_parts import vessel_scale
 from pneucli.stages.pipeline_data import PipelineData
 from pneucli.stages.planned_recordings import planned_recording
 
-Array = NDArray[np.float64]
 SHAPE_BINS = 40
 SHAPE_FILE = "shape.parquet"
 MAX_SHAPE_RECORDINGS = 3  # recordings a picture is drawn of

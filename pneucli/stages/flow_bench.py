@@ -7,8 +7,8 @@ from dataclasses import replace
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from pneucli.arrays import Array
 from pneucli.compare.channel_errors import channel_result
 from pneucli.errors import InputError
 from pneucli.figure import Figure, named, to_json
@@ -30,7 +30,6 @@ from pneucli.stages.answer_parts import assumed_values, measurement_of
 from pneucli.stages.parameter_tables import budgets_answer, write_budgets, write_parameters
 from pneucli.stages.pipeline_data import PipelineData
 
-Array = NDArray[np.float64]
 RATIO_PORT, LEAK_PORT = "critical_ratio", "leak_area"  # where effects act that rows of steady flow can show
 
 

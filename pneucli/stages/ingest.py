@@ -13,6 +13,7 @@ from typing import Any, get_args
 import numpy as np
 from numpy.typing import NDArray
 
+from pneucli.arrays import Array
 from pneucli.config import (
     PipelineConfig,
     RecordingSource,
@@ -62,7 +63,6 @@ WARNING_REPAIRS = (
     *("vacuum", "cut-number", "empty", "reader", "unit"),
     *("mark", "roll-over", "jumps", "held", "spread", "counter", "matlab-object", "header-again", "event", "trailer"),
 )
-Array = NDArray[np.float64]
 
 
 def run(context: Context) -> dict[str, Any]:

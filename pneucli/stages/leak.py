@@ -11,8 +11,8 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from pneucli.arrays import Array
 from pneucli.errors import InputError, UnitError
 from pneucli.figure import Figure, named
 from pneucli.identify.leak_rate import FLOW_UNIT, normal_flow
@@ -25,7 +25,6 @@ from pneucli.stages import init
 from pneucli.stages.look import read_pipeline, write_pipeline
 from pneucli.units import parse_quantity, parse_unit
 
-Array = NDArray[np.float64]
 SCHEMA = "pneucli/leak/1"
 OPEN_SHARE = 0.02  # of the largest command, beyond which a valve is open
 MAX_POINTS = 400  # of a curve

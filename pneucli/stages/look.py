@@ -9,8 +9,8 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from pneucli.arrays import Array
 from pneucli.config import load
 from pneucli.errors import InputError
 from pneucli.io.recordings import load_recordings
@@ -20,7 +20,6 @@ from pneucli.quantities import SIGNALS
 from pneucli.recording import Recording, Rig
 from pneucli.stages import ingest, init
 
-Array = NDArray[np.float64]
 SCHEMA = "pneucli/look/1"
 MAX_POINTS = 400  # of a curve, besides the first of each gap
 REST_BLOCKS = 100  # stretches of a recording, of which each rests or moves

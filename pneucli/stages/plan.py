@@ -8,8 +8,8 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from pneucli.arrays import Array
 from pneucli.config.recording_sources import plugin_files
 from pneucli.diagnose.subsample import MAX_SAMPLES
 from pneucli.errors import InputError, did_you_mean
@@ -64,7 +64,6 @@ from pneucli.simulate.model import without_effect
 from pneucli.stages.pipeline_data import PipelineData
 from pneucli.stages.planned_recordings import planned_recording, planned_recordings
 
-Array = NDArray[np.float64]
 DEFAULT_MINUTES, FIRST_MINUTES = 3.0, 5.0
 MIN_SECONDS = 15.0  # s of machine time: one recording and one that is held out
 MAX_SHARE_BY_HAND = 0.5  # of the machine time

@@ -12,6 +12,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from pneucli.arrays import Array
 from pneucli.compare import ChannelResult, Comparison, compare
 from pneucli.compare.error_regions import locator_signals
 from pneucli.errors import InputError, did_you_mean
@@ -31,7 +32,6 @@ from pneucli.stages.pipeline_data import PipelineData
 from pneucli.workbench.one_step import gauss_newton_step
 from pneucli.workbench.timeline import Interval, Place, joined, lay_out, visible, within
 
-Array = NDArray[np.float64]
 MAX_SPANS = 200  # shaded stretches of time of one channel
 MIN_SAMPLES = 100  # of the curve of a recording among others
 

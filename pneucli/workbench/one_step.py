@@ -5,14 +5,13 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 
+from pneucli.arrays import Array
 from pneucli.identify.estimation.parameters import FreeParameter
 from pneucli.simulate.experiment import Experiment
 from pneucli.simulate.model import Model, parameter_value, with_parameters
 from pneucli.simulate.outputs import simulate_outputs
 
-Array = NDArray[np.float64]
 MAX_RESIDUALS = 20_000  # of the step: it is to be seen at once, and more samples hardly change it
 RANK_TOLERANCE = 1e-3  # of the largest singular value, below which a direction is not moved
 STEPS = (1.0, 0.5, 0.25, 0.1, 0.03)  # shares of the step, until one lowers the cost

@@ -6,13 +6,12 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 
+from pneucli.arrays import Array
 from pneucli.changes.baseline import Baseline, Coordinate, TypicalEffect, align
 from pneucli.changes.comparison import Comparison, Hypothesis
 
 BLOCKS = 60
-Array = NDArray[np.float64]
 
 
 def linear(rng: np.random.Generator, theta: tuple[float, float], effect: float = 0.0, noise: float = 1.0) -> Baseline:

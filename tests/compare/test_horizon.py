@@ -4,13 +4,12 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 
+from pneucli.arrays import Array
 from pneucli.compare.horizon import default_horizon
 from pneucli.noise import NoiseModel
 from pneucli.recording import Recording
 
-Array = NDArray[np.float64]
 NOISE = 300.0  # Pa
 
 

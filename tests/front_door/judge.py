@@ -8,12 +8,13 @@ from pathlib import Path
 import numpy as np
 import pyarrow.parquet as pq
 
+from pneucli.arrays import Array
 from pneucli.config import load
 from pneucli.errors import InputError
 from pneucli.pipeline.context import Context
 from pneucli.stages import ingest, init
 
-from .laboratory import NOISE, RATE, TRUTH, Array
+from .laboratory import NOISE, RATE, TRUTH
 
 FILL_IN = {
     '"? V"': '"5 V"', '"? bar"': '"7 bar"', '"? l"': '"0.16 l"', '"? cm^2"': '"8.04 cm^2"', '"? mm"': '"200 mm"',

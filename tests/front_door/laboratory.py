@@ -12,9 +12,9 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
-Array = NDArray[np.float64]
+from pneucli.arrays import Array
+
 RATE, COUNT = 1000.0, 1600  # Hz, rows
 NOISE = {"u": 0.0, "p1": 300.0, "x": 2e-5}  # V, Pa, m
 EPOCH = 1_711_026_307.123  # s since 1970

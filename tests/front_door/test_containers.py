@@ -9,6 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from pneucli.arrays import Array
 from pneucli.config import load
 from pneucli.errors import InputError
 from pneucli.io.artifacts import sha256_of
@@ -20,7 +21,7 @@ from pneucli.pipeline.context import Context
 from pneucli.stages import ingest, init
 
 from .judge import FILL_IN, judge
-from .laboratory import COUNT, RATE, Array, command, position, pressure, write_workbook
+from .laboratory import COUNT, RATE, command, position, pressure, write_workbook
 
 T = np.arange(COUNT) / RATE
 U, P, X = command(T), pressure(T) / 1e5, 1e3 * position(T)

@@ -6,6 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from pneucli.arrays import Array
 from pneucli.config import load
 from pneucli.errors import InputError
 from pneucli.io.cleaning import Cleaner
@@ -14,7 +15,7 @@ from pneucli.io.raw_file import Channel, RawFile
 from pneucli.stages import init
 
 from .judge import Outcome, judge
-from .laboratory import COUNT, NOISE, RATE, Array, command, position, pressure
+from .laboratory import COUNT, NOISE, RATE, command, position, pressure
 
 T = np.arange(COUNT) / RATE
 RNG = np.random.default_rng(47)

@@ -2,11 +2,10 @@
 
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 
+from pneucli.arrays import Array
 from pneucli.identify.leak_test import LeakFit, fit_leak, shut_stretch
 
-Array = NDArray[np.float64]
 AMBIENT, WALL, R = 1.013e5, 293.15, 287.0
 
 

@@ -11,8 +11,8 @@ from typing import Any
 
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 
+from pneucli.arrays import Array
 from pneucli.exam.rig.parameters import Parameters
 from pneucli.exam.rig.sensors import Sensors, measure
 from pneucli.exam.rig.simulation import Excitation, simulate_rig
@@ -22,7 +22,6 @@ from pneucli.recording import Recording, Rig
 from pneucli.simulate.model import Model
 from pneucli.units import factor_and_offset, parse_quantity
 
-Array = NDArray[np.float64]
 FIXTURES = Path(__file__).parents[2] / "fixtures"
 SHARED = Path(__file__).parents[3] / "shared"
 CYLINDER = {"piston_area_1": "m^2", "piston_area_2": "m^2", "stroke": "m", "moving_mass": "kg"}

@@ -9,11 +9,12 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from pneucli.arrays import Array
 from pneucli.identify.friction.model_error import POOLED, SUBSTEPS, model_deviations, simulate_driven
 from pneucli.identify.friction.non_friction_forces import NonFrictionForces
 from pneucli.recording import Rig
 from pneucli.simulate.model import Model
-from tests.identify_friction.synthetic_recordings import FIXTURES, Array, identified
+from tests.identify_friction.synthetic_recordings import FIXTURES, identified
 
 TIME = 1e-3 * np.arange(500)
 TOP, NODES = 1.0, 2000

@@ -7,6 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from pneucli.arrays import Array
 from pneucli.identify.friction.friction_model import FrictionModel, VelocityDomain
 from pneucli.identify.friction.models_a_to_f import identify_models, tp_from_model, tp_from_samples
 from pneucli.identify.friction.regression import fit_coulomb
@@ -14,7 +15,7 @@ from pneucli.identify.friction.samples import MovingSamples
 from pneucli.identify.friction.warnings import missing_model_warnings
 from pneucli.physics.vectorised import stribeck_friction
 from pneucli.tp import check
-from tests.identify_friction.synthetic_recordings import FIXTURES, Array, identified
+from tests.identify_friction.synthetic_recordings import FIXTURES, identified
 
 HYSTERETIC = FIXTURES / "friction_hysteresis"
 RISING, FALLING = (12.0, 40.0, 18.0, 0.02), (8.0, 45.0, 8.0)

@@ -9,13 +9,12 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from pneucli.arrays import Array
 from pneucli.config import load
 from pneucli.pipeline.context import Context
 from pneucli.stages import ingest
 
-Array = NDArray[np.float64]
 Columns = dict[str, Array]
 FIXTURES = Path(__file__).parents[2] / "fixtures"
 

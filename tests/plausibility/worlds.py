@@ -14,8 +14,8 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from pneucli.arrays import Array
 from pneucli.config import load, recording_sources
 from pneucli.io.cleaning import Cleaner
 from pneucli.io.raw_file import Channel
@@ -27,7 +27,6 @@ from pneucli.plausibility import findings
 from pneucli.recording import Recording, Rig
 from pneucli.stages import ingest
 
-Array = NDArray[np.float64]
 ROOT = Path(__file__).parents[2]
 SHARED = Path(os.environ.get("PNEUCLI_SHARED", ROOT.parent / "shared"))
 FIXTURES = sorted((ROOT / "fixtures").glob("*/pipeline.toml"))

@@ -15,11 +15,10 @@ from itertools import pairwise
 from typing import Literal
 
 import numpy as np
-from numpy.typing import NDArray
 
+from pneucli.arrays import Array
 from pneucli.simulate.model import Model
 
-Array = NDArray[np.float64]
 Force = Callable[[float], float]
 
 X, V, P1, P2, T1, T2 = range(6)

@@ -7,11 +7,10 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
+from pneucli.arrays import Array
 from pneucli.tp import sample
 
-Array = NDArray[np.float64]
 FOLDER = Path(__file__).parents[2] / "fixtures" / "tp"
 
 

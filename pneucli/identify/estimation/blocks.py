@@ -12,9 +12,8 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from pneucli.arrays import Array
 from pneucli.identify.residuals import ResidualModel
-
-Array = NDArray[np.float64]
 
 MIN_BLOCK_LENGTH = 0.25  # s, longer than the residuals' memory
 MAX_BLOCKS = 40  # of one recording

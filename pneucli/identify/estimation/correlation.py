@@ -6,15 +6,14 @@ from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from pneucli.arrays import Array
 from pneucli.identify.estimation.fit import Fit
 from pneucli.identify.residuals import ResidualModel
 from pneucli.simulate.model import parameter_value
 
 DRAWS = 6
 SEED = 20261
-Array = NDArray[np.float64]
 RELATIVE_CHANGE = 0.01
 
 

@@ -15,6 +15,7 @@ from typing import Literal, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from pneucli.arrays import Array
 from pneucli.identify.estimation.blocks import copy_nonzero, group_scores, residual_slices
 from pneucli.identify.estimation.least_squares import Approximation, minimise, pseudo_inverse, undetermined_coordinates
 from pneucli.identify.estimation.objective import LeastSquaresProblem
@@ -24,8 +25,6 @@ from pneucli.identify.estimation.ratio_interval import ratio_interval
 from pneucli.identify.residuals import ResidualModel
 from pneucli.quantities import Z95
 from pneucli.simulate.model import Model, parameter_value
-
-Array = NDArray[np.float64]
 
 MAX_DERIVATIVE = 1e100  # times the noise: its square is still a finite number
 

@@ -21,6 +21,7 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
+from pneucli.arrays import Array
 from pneucli.identify.estimation.blocks import group_sums, weighted_curvature
 from pneucli.identify.estimation.fit import Estimate, Fit, parameter_estimates
 from pneucli.identify.estimation.least_squares import pseudo_inverse
@@ -28,7 +29,6 @@ from pneucli.identify.residuals import ResidualModel
 from pneucli.simulate import layout as at
 from pneucli.simulate.experiment import Experiment
 
-Array = NDArray[np.float64]
 Labels = NDArray[np.int64]
 
 BINS_PER_SIGNAL = 10  # of a signal, each with as many samples

@@ -18,7 +18,7 @@ from typing import Generic, NamedTuple, TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
-Array = NDArray[np.float64]
+from pneucli.arrays import Array
 
 INITIAL_DAMPING = 1e-3
 MAX_DAMPING = 1e8

@@ -30,8 +30,6 @@ from pneucli.simulate.model import Model, parameter_value, with_effect, with_par
 from pneucli.simulate.rig_quantities import rig_quantities
 from pneucli.simulate.valve_forms.area import ValveArea
 
-Array = NDArray[np.float64]
-
 MAX_EDGE_STARTS = 4  # best starts of an effect with an edge: its residual is not smooth, so a fit ends near its start
 DRAFT_TOLERANCE = 5e-3  # of the cost: as exactly as starts are compared
 REFINEMENT_SIGMA = 4.0  # standard errors from its null, beyond which a parameter that refines an effect is fitted

@@ -10,14 +10,13 @@ from threading import Lock
 import numpy as np
 from numpy.typing import NDArray
 
+from pneucli.arrays import Array
 from pneucli.executors.engine import map_in_threads, thread_count
 from pneucli.identify.estimation.blocks import block_labels, channel_slices, residual_counts, residual_slices
 from pneucli.identify.estimation.parameters import DIFFERENCE_STEP, FreeParameter
 from pneucli.identify.residuals import ResidualModel
 from pneucli.simulate.derivatives import Directions
 from pneucli.simulate.model import Model, with_parameters
-
-Array = NDArray[np.float64]
 
 SIMULATION_MEMORY = 256 << 20  # bytes of all simulations that run at once
 BYTES_PER_SAMPLE = 200  # of one simulation

@@ -7,7 +7,6 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from pneucli.identify.guesses.base_model import TINY
 from pneucli.physics.declaration import BASE_PARAMETERS, Effect, Parameter
@@ -18,8 +17,6 @@ from pneucli.simulate.experiment import Experiment
 from pneucli.simulate.model import Model, ValveForm, parameter_value
 from pneucli.simulate.rig_quantities import rig_quantities
 from pneucli.simulate.valve_forms.area import MAX_OVERLAP_RATIO
-
-Array = NDArray[np.float64]
 
 DIFFERENCE_STEP = 1e-4  # of a parameter's scale, for forward differences
 

@@ -6,15 +6,13 @@ import math
 from collections.abc import Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 
+from pneucli.arrays import Array
 from pneucli.identify.estimation.fit import Fit
 from pneucli.identify.estimation.score_test import residual_changes
 from pneucli.identify.residuals import ResidualModel
 from pneucli.physics.declaration import Effect, consists_of_times
 from pneucli.physics.scales import RigQuantities
-
-Array = NDArray[np.float64]
 
 TIME_SCAN_POINTS = 33  # values of a time constant or delay, from its smallest typical value to its bound
 SCAN_STRIDE = 2  # every second value is tried, then those beside the best one: minima are far wider than a step

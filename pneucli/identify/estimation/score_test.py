@@ -14,8 +14,8 @@ from dataclasses import dataclass
 from types import MappingProxyType
 
 import numpy as np
-from numpy.typing import NDArray
 
+from pneucli.arrays import Array
 from pneucli.identify.estimation.blocks import residual_counts
 from pneucli.identify.estimation.direct_starts import direct_guesses
 from pneucli.identify.estimation.fit import Fit
@@ -27,8 +27,6 @@ from pneucli.physics.scales import RigQuantities
 from pneucli.recording import ParameterPrior
 from pneucli.simulate.model import Model, with_effect
 from pneucli.simulate.rig_quantities import rig_quantities
-
-Array = NDArray[np.float64]
 
 MIN_POWER_SHARE = 1e-10  # of the squares of a change: what rounding leaves of one that the free parameters reproduce
 

@@ -5,16 +5,12 @@ from __future__ import annotations
 from collections.abc import Collection, Sequence
 from dataclasses import dataclass
 
-import numpy as np
-from numpy.typing import NDArray
-
+from pneucli.arrays import Array
 from pneucli.identify.estimation.blocks import copy_nonzero, residual_slices
 from pneucli.identify.estimation.fit import Fit, Start
 from pneucli.identify.estimation.parameters import FreeParameter
 from pneucli.identify.residuals import ResidualModel
 from pneucli.simulate.model import parameter_value
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True)

@@ -12,6 +12,7 @@ from typing import ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
+from pneucli.arrays import Array
 from pneucli.caches import compiled
 from pneucli.identify.guesses.chamber_balance import Chamber
 from pneucli.identify.guesses.flow_paths import opening_from_null
@@ -23,8 +24,6 @@ from pneucli.simulate.derivatives import Directions
 from pneucli.simulate.experiment import Experiment
 from pneucli.simulate.model import Model
 from pneucli.simulate.noise_propagation import sample_deviations
-
-Array = NDArray[np.float64]
 
 MAX_RESIDUAL = 1e9  # times the noise: the residual of a diverging model
 

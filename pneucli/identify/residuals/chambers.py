@@ -11,6 +11,7 @@ from typing import ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
+from pneucli.arrays import Array
 from pneucli.caches import compiled
 from pneucli.identify.guesses.chamber_balance import (
     Chamber,
@@ -20,7 +21,7 @@ from pneucli.identify.guesses.chamber_balance import (
     sensor_error_deviation,
 )
 from pneucli.identify.guesses.flow_paths import opening_from_null
-from pneucli.identify.residuals.base import Array, DiscrepancyTerm, ResidualModel, bounded_difference
+from pneucli.identify.residuals.base import DiscrepancyTerm, ResidualModel, bounded_difference
 from pneucli.identify.residuals.initial_state import (
     apply_whitening,
     initial_state_errors,

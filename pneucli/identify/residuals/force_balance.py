@@ -13,7 +13,8 @@ from typing import ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
-from pneucli.identify.residuals.base import Array, DiscrepancyTerm, ResidualModel, force_discrepancy_terms
+from pneucli.arrays import Array
+from pneucli.identify.residuals.base import DiscrepancyTerm, ResidualModel, force_discrepancy_terms
 from pneucli.identify.residuals.chambers import ChamberPressures
 from pneucli.physics.declaration import Effect
 from pneucli.physics.ports import Balance

@@ -8,8 +8,8 @@ from typing import ClassVar
 
 import numpy as np
 
+from pneucli.arrays import Array
 from pneucli.identify.residuals.base import (
-    Array,
     DiscrepancyTerm,
     ResidualModel,
     bounded_difference,

@@ -10,8 +10,8 @@ from typing import Any
 import numpy as np
 from matplotlib.colors import LogNorm
 from matplotlib.ticker import FuncFormatter, NullFormatter
-from numpy.typing import NDArray
 
+from pneucli.arrays import Array
 from pneucli.messages import compare
 from pneucli.messages.formatting import (
     axis_title,
@@ -27,7 +27,6 @@ from pneucli.report.page_elements import Cell, Grid, Note, Part, Row, Section
 from pneucli.report.report_data import ReportData, Table
 
 PLACE = 10  # on the page
-Array = NDArray[np.float64]
 MAP_CELLS = 24  # along each side of a map
 MIN_CELL_SAMPLES = 5  # samples that a cell needs to be drawn
 MAX_MAPS = 3  # channels, those with the largest error of the first model

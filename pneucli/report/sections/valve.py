@@ -9,8 +9,8 @@ from typing import Any
 
 import numpy as np
 from matplotlib.lines import Line2D
-from numpy.typing import NDArray
 
+from pneucli.arrays import Array
 from pneucli.figure import Figure as Interval
 from pneucli.messages.envelope import envelope_indices
 from pneucli.messages.formatting import (
@@ -39,7 +39,6 @@ from pneucli.report.report_data import ReportData, Table
 from pneucli.report.sections.uncertainty import budget_tables
 
 PLACE = 70  # on the page
-Array = NDArray[np.float64]
 MAX_CURVE_SAMPLES = 100  # samples of a curve
 MAX_SWITCHING_COMMANDS = 3  # commands of a switching valve, between which there are no contours
 MAX_LABELS = 7  # sizes of the command in a figure

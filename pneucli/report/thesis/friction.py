@@ -7,8 +7,8 @@ from typing import Any
 
 import numpy as np
 from matplotlib.axes import Axes
-from numpy.typing import NDArray
 
+from pneucli.arrays import Array
 from pneucli.messages.envelope import envelope_indices
 from pneucli.messages.formatting import format_plain
 from pneucli.physics.vectorised import stribeck_friction
@@ -16,7 +16,6 @@ from pneucli.report.figure import BLUE, GREEN, GREY, ORANGE, Line, chart
 from pneucli.report.page_elements import Figure
 from pneucli.report.report_data import ReportData, Table
 
-Array = NDArray[np.float64]
 MAX_SAMPLES = 2000  # of a curve
 SPEEDS = 20.0  # Stribeck velocities that the friction figures show to either side
 STRIBECK_PARAMETERS = ("coulomb", "viscous", "static", "velocity")

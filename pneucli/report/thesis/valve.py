@@ -9,6 +9,7 @@ from matplotlib.axes import Axes
 from matplotlib.ticker import ScalarFormatter
 from numpy.typing import NDArray
 
+from pneucli.arrays import Array
 from pneucli.messages.formatting import format_number, format_plain, in_display_unit
 from pneucli.physics.gas import CRITICAL_RATIO, PSI_MAX, choked_maximum, choked_ratio, isentropic_flow_function
 from pneucli.physics.vectorised import flow_functions
@@ -18,7 +19,6 @@ from pneucli.report.report_data import ReportData, Table
 from pneucli.report.thesis.friction import friction_laws, sliding_sectors
 
 PLACE = 10  # on the page
-Array = NDArray[np.float64]
 KAPPA = 1.4  # of the thesis' own figures
 TYPICAL_PRESSURE_RATIOS = (0.2, 0.8)  # pressure ratios of the claim
 MAX_SAMPLES = 600  # samples of a curve

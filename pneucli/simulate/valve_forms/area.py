@@ -9,13 +9,12 @@ from functools import lru_cache
 from typing import ClassVar, Literal
 
 import numpy as np
-from numpy.typing import NDArray
 
+from pneucli.arrays import Array
 from pneucli.caches import compiled
 from pneucli.experiments import Part
 from pneucli.noise import NORMAL_MAD
 
-Array = NDArray[np.float64]
 TABLE_POINTS = 8001  # of the kernel's table over both directions
 MIN_AREA = 1e-14  # m^2, in place of zero in a logarithm
 MAX_OVERLAP_RATIO = 0.95  # of the smallest command with a knot; a larger overlap leaves no area to fit

@@ -7,12 +7,10 @@ from dataclasses import dataclass, replace
 from typing import ClassVar, Literal
 
 import numpy as np
-from numpy.typing import NDArray
 
+from pneucli.arrays import Array
 from pneucli.experiments import Part
 from pneucli.simulate.valve_forms.area import sampled_table
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True)
