@@ -21,6 +21,8 @@ from pneucli.physics.effects import catalogue
 from pneucli.physics.sides import with_variants
 from tests.exam.written import rows
 
+pytestmark = pytest.mark.usefixtures("a_quarter")
+
 
 def test_a_case_has_the_files_of_a_laboratory_and_reveals_nothing(tmp_path):
     truth = generate_case(tmp_path / "case-001", "valve", ["valve-lag"], "", 1.0, 7)

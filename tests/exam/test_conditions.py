@@ -15,6 +15,8 @@ from pneucli.exam.conditions import CONDITIONS, GROUPS, WIDE_CHOICES, Conditions
 from pneucli.exam.hidden_effects import BY_NAME, CATALOGUE, SIDES, UNCATALOGUED
 from tests.exam.written import columns, rows
 
+pytestmark = pytest.mark.usefixtures("a_quarter")
+
 
 def test_names_joined_by_plus_hold_together():
     both = parse("bore-6mm+rate-200Hz")

@@ -22,6 +22,8 @@ from pneucli.exam.rig.steady_rows import SteadyRows, simulate_steady_rows
 from pneucli.notebook.run import open_pipeline_of
 from tests.exam.written import columns
 
+pytestmark = pytest.mark.usefixtures("a_quarter")
+
 PAR = Parameters()
 VESSEL = Parameters(piston_area_1=0.0, piston_area_2=0.0, dead_volume_1=160e-6)
 
