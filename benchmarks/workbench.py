@@ -7,8 +7,8 @@
   fails, is diagnosed, gets what was named, its error falls; clicks and seconds, and whether the answers are those of
   the commands.
 - ``clicks [NUMBER]``: random clicks, drags and moves of sliders on a small run, the pipeline file loaded after each.
-- ``hours [HOURS]``: a page that stays open, its clock sped up: heartbeats and looks at the files of so many hours, then
-  thousands of questions; memory before and after.
+- ``hours [HOURS]``: a page that stays open, its clock sped up: heartbeats and looks at the files of so many hours; then
+  thousands of questions to a server of its own, a connection each, and its memory.
 - ``picture FILE``: the moving picture of the README, from the demo.
 """
 
@@ -158,16 +158,16 @@ def processor_time(process: int) -> float:
     return (int(words[11]) + int(words[12])) / os.sysconf("SC_CLK_TCK")
 
 
-def questions(address: str, process: int, moves: int) -> tuple[list[float], float, int]:
+def questions(address: str, process: int, moves: int, recording: str) -> tuple[list[float], float, int]:
     """Return the times in ms of questions for curves whose parameter moves, the processor's in ms, and the bytes."""
     state = wait_for_model(address)
     value = next(one["value"] for one in state["parameters"] if one["name"] == PARAMETER)
-    place = next(one["place"] for one in state["recordings"] if one["name"] == "long")
-    asked = {"focus": "long", "interval": [place["begin"], place["end"]], "samples": WIDTH}
+    place = next(one["place"] for one in state["recordings"] if one["name"] == recording)
+    asked = {"focus": recording, "interval": [place["begin"], place["end"]], "samples": WIDTH}
     took, size, before = [], 0, processor_time(process)
     for i in range(moves):
         begin = time.perf_counter()
-        size = len(ask(address, "curves", asked | {"values": {PARAMETER: value * (1.0 + 0.01 * (i + 1))}}))
+        size = len(ask(address, "curves", asked | {"values": {PARAMETER: value * (1.0 + (i + 1) / moves)}}))
         took.append(1e3 * (time.perf_counter() - begin))
     return took, 1e3 * (processor_time(process) - before) / moves, size
 
@@ -259,7 +259,7 @@ def print_speed(arguments: Sequence[str], *, is_small: bool = False) -> None:
     for samples in counts:
         with tempfile.TemporaryDirectory() as folder, served(compared(write_pipeline(Path(folder), samples))) as one:
             address, process = one
-            took, used, size = questions(address, process, moves)
+            took, used, size = questions(address, process, moves, "long")
             row = f"{samples:<9} {quantiles(took):<12} {used:<7.0f} {size / 1e3:<4.0f}"
             if has_chromium():
                 with chromium() as browser:
@@ -358,10 +358,14 @@ DRAG = (
     "at('mousemove', from); at('mousedown', from); at('mousemove', to); at('mouseup', to)"
 )
 REFUSED = ("409", "400")  # what came while a command ran, or of a page that the file has left behind
+PATIENCE = 0.04  # share of the clicks after which the hand waits for the command that runs
 
 
 def random_hands(browser: Any, file: Path, number: int) -> list[str]:
-    """Click, drag and slide at random, the pipeline file loaded after each; return the errors of the console."""
+    """Click, drag and slide at random, the pipeline file loaded after each; return the errors of the console.
+
+    At the end a fit brings the curves back, whatever the hands have done: TimeoutError where it does not.
+    """
     choose = random.Random(SEED)
     for i in range(number):
         drags = i % 4 == 3
@@ -369,8 +373,12 @@ def random_hands(browser: Any, file: Path, number: int) -> list[str]:
         browser.execute_script(DRAG if drags else CLICK, *words, choose.random(), choose.random())
         browser.execute_script(SLIDE, choose.random())
         load(file)
+        if choose.random() < PATIENCE:
+            until(browser, IDLE)
     browser.execute_script("document.getElementById('cancel').click()")
-    until(browser, IDLE)
+    until(browser, IDLE, 30)
+    press(browser, "[data-action=fit]")
+    until(browser, LIVE, 30)
     messages = [one["message"] for one in browser.get_log("browser")]
     return [one for one in messages if not any(f"status of {code}" in one for code in REFUSED)]
 
@@ -390,7 +398,6 @@ def print_clicks(arguments: Sequence[str], *, is_small: bool = False) -> bool:
             begin = time.perf_counter()
             errors = random_hands(browser, file, number)
             seconds, used = time.perf_counter() - begin, memory(process)
-            wait_for_model(address)
     print(
         f"{number} clicks and drags, as many moves of sliders in {seconds:.0f} s: {len(errors)} errors; {used:.0f} MB"
     )
@@ -409,8 +416,7 @@ class Stay:
         beats: Heartbeats that it answered.
         connections: How often it connected; again where an answer came too late.
         looks: Looks of the server at the files.
-        used: Memory in MB at the start, after the hours, after a tenth of the questions and after all.
-        took: Time in ms of each question.
+        used: Memory in MB at the start and after the hours.
 
     """
 
@@ -418,11 +424,10 @@ class Stay:
     connections: int = 0
     looks: int = 0
     used: list[float] = field(default_factory=list)
-    took: list[float] = field(default_factory=list)
 
 
-async def stay(file: Path, hours: float, count: int) -> Stay:
-    """Keep a page open for so many hours of a sped-up clock, then ask for curves."""
+async def stay(file: Path, hours: float) -> Stay:
+    """Keep a page open for so many hours of a sped-up clock."""
     from aiohttp.test_utils import TestClient, TestServer  # noqa: PLC0415
 
     from pneucli.notebook.run import open_pipeline_of  # noqa: PLC0415
@@ -452,7 +457,6 @@ async def stay(file: Path, hours: float, count: int) -> Stay:
             while found.beats < beats or found.looks < looks:
                 await _listen(client, found, lambda: found.beats >= beats and found.looks >= looks)
             found.used.append(memory())
-            await _question(client, found, count)
     finally:
         lifetime.HEARTBEAT, lifetime.WATCH_INTERVAL = usual
     return found
@@ -477,19 +481,14 @@ async def _listen(client: Any, found: Stay, is_enough: Callable[[], bool]) -> No
     await page.close()
 
 
-async def _question(client: Any, found: Stay, count: int) -> None:
-    """Ask for curves of so many models."""
-    from pneucli.workbench.guards import TOKEN_HEADER  # noqa: PLC0415
-
-    for i in range(count):
-        begin = time.perf_counter()
-        asked = {"focus": RECORDING, "values": {PARAMETER: 10.0 + 0.001 * i}, "samples": 2000}
-        async with client.post("/curves", json=asked, headers={TOKEN_HEADER: "token"}) as answer:
-            answer.raise_for_status()
-            await answer.read()
-        found.took.append(1e3 * (time.perf_counter() - begin))
-        if i + 1 in (max(count // 10, 1), count):
-            found.used.append(memory())
+def kept(file: Path, count: int) -> tuple[list[float], list[float]]:
+    """Return the times in ms of so many questions, and the server's memory in MB after each tenth of them."""
+    took, used = [], []
+    with served(file) as (address, process):
+        for _ in range(10):
+            took += questions(address, process, count // 10, RECORDING)[0]
+            used.append(memory(process))
+    return took, used
 
 
 def print_hours(arguments: Sequence[str], *, is_small: bool = False) -> None:
@@ -497,11 +496,14 @@ def print_hours(arguments: Sequence[str], *, is_small: bool = False) -> None:
     hours, count = (0.1, 20) if is_small else (float(arguments[0]) if arguments else 8.0, QUESTIONS)
     with tempfile.TemporaryDirectory() as folder:
         file, begin = copy_small(Path(folder)), time.perf_counter()
-        found = asyncio.run(stay(file, hours, count))
-    seconds, used = time.perf_counter() - begin, found.used
+        found = asyncio.run(stay(file, hours))
+        seconds = time.perf_counter() - begin
+        took, used = kept(file, count)
     print(f"{hours:g} h in {seconds:.0f} s: {found.beats} heartbeats answered, {found.looks} looks at the files")
-    print(f"the page connected {found.connections} times; {used[0]:.0f} MB, after the hours {used[1]:.0f} MB")
-    print(f"{count} questions, {quantiles(found.took)} ms; after a tenth {used[2]:.0f} MB, after all {used[3]:.0f} MB")
+    print(f"the page connected {found.connections} times; {found.used[0]:.0f} MB, then {found.used[1]:.0f} MB")
+    print(
+        f"{count} questions, {quantiles(took)} ms; the server's MB after each tenth:", *(f"{one:.0f}" for one in used)
+    )
 
 
 # the moving picture

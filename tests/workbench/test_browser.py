@@ -1,8 +1,9 @@
-"""The page in a real browser: the demo fails, is diagnosed, gets what it lacks, and its error falls."""
+"""The page in a real browser: a model fails, is diagnosed, gets what it lacks, and its error falls."""
 
 from __future__ import annotations
 
 import re
+import shutil
 import subprocess
 import sys
 import time
@@ -17,10 +18,11 @@ from selenium import webdriver
 from selenium.webdriver.common.by import By
 from selenium.webdriver.common.keys import Keys
 
-from benchmarks.workbench import IDLE, LIVE, STATE, copy_demo, press, random_hands, until
+from benchmarks.workbench import IDLE, LIVE, STATE, press, random_hands, until
 from pneucli.config import load
 from pneucli.pipeline.manifest import read_manifest
 from tests.report.test_browser import CHROMIUM, DRIVER, chromium  # noqa: F401 - a fixture
+from tests.workbench.conftest import FIXTURES
 
 pytestmark = [
     pytest.mark.browser,
@@ -79,8 +81,8 @@ def errors_of(browser: Any) -> list[str]:
     return [one["message"] for one in browser.get_log("browser")]
 
 
-def test_the_demo_fails_is_diagnosed_and_its_error_falls(servers: Servers, chromium: Any, tmp_path: Path) -> None:  # noqa: F811
-    file = copy_demo(tmp_path)
+def test_a_model_fails_is_diagnosed_and_its_error_falls(servers: Servers, chromium: Any, tmp_path: Path) -> None:  # noqa: F811
+    file = Path(shutil.copytree(FIXTURES / "friction_hysteresis", tmp_path / "bench")) / "pipeline.toml"
     text = file.read_text(encoding="utf-8")
     open_page(chromium, servers.start(file))
     before = float(chromium.find_element(By.ID, "error").text)
@@ -92,7 +94,7 @@ def test_the_demo_fails_is_diagnosed_and_its_error_falls(servers: Servers, chrom
     after = float(chromium.find_element(By.ID, "error").text)
     assert after < 2.0
     assert load(file).model.effects[-1:] == named[-1:]
-    stored = read_manifest(tmp_path / "artifacts" / "demo" / "compare")
+    stored = read_manifest(file.parent / "artifacts" / "friction_hysteresis" / "compare")
     assert stored is not None
     assert stored.answer is not None
     assert after == pytest.approx(stored.answer["error"]["test"], rel=5e-3)
@@ -104,9 +106,13 @@ def test_the_demo_fails_is_diagnosed_and_its_error_falls(servers: Servers, chrom
     assert "model 1" not in labels(chromium)
     chromium.find_element(By.CSS_SELECTOR, "#ladder button[aria-pressed=false]").click()
     until(chromium, f"return ({LABELS}).includes('model 1')", 30)
-    for name in ("where", "valve", "friction"):
+    for name, content in (
+        ("where", "figure svg"),
+        ("friction", "figure svg"),
+        ("valve", ".small:not([role])"),
+    ):  # it has no valve
         chromium.execute_script(f"document.querySelector('#chapters [data-key={name}]').open = true")
-        until(chromium, f"return Boolean(document.querySelector('#chapters [data-key={name}] figure svg'))", 60)
+        until(chromium, f"return Boolean(document.querySelector('#chapters [data-key={name}] {content}'))", 60)
     assert errors_of(chromium) == []
 
 

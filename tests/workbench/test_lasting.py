@@ -53,10 +53,9 @@ def test_a_kill_in_the_middle_of_a_write_loses_nothing(folder: Path, seconds: fl
 
 
 def test_a_page_that_stays_open_is_answered(folder: Path) -> None:
-    found = asyncio.run(stay(folder / "pipeline.toml", 0.1, 20))
+    found = asyncio.run(stay(folder / "pipeline.toml", 0.1))
     assert found.beats >= 18
     assert found.looks >= 360
-    assert len(found.took) == 20
 
 
 def test_no_command_outlives_a_workbench_that_ends_as_it_begins(
