@@ -308,6 +308,15 @@ def test_a_laminar_leak_follows_its_closed_form() -> None:
     assert np.log(left[-1] / left[0]) / (TIME[-1] - TIME[0]) == pytest.approx(-KAPPA * R * T / VOLUME * g, rel=1e-4)
 
 
+@pytest.mark.parametrize("turbulence", [0.1, 100.0])
+def test_a_turbulent_leak_takes_a_part_of_the_difference_by_the_square_of_its_flow(turbulence: float) -> None:
+    """p^2 - p_amb^2 = a q + b q^2, and the flow empties the vessel by the balance of mass."""
+    p = charged({"laminar-leak.conductance": 2e-9, "laminar-leak.turbulence": turbulence}, u=SHUT, p1=7e5)
+    q = -VOLUME * np.gradient(p, TIME)[1:-1] / (KAPPA * R * T)
+    a = 2.0 * 101_300.0 / 2e-9
+    assert a * q + turbulence * (a * q / 101_300.0) ** 2 == pytest.approx(p[1:-1] ** 2 - 101_300.0**2, rel=1e-3)
+
+
 def test_a_leak_that_opens_under_pressure_stops_at_its_opening_pressure() -> None:
     values = {"opening-leak.growth": 2e-12, "opening-leak.opening": 2e5}
     held = charged(values, u=SHUT, p1=3.0e5)
