@@ -115,6 +115,8 @@ def format_interval(value: float | None, unit: str, ci95: Sequence[float | None]
     ('at least 0.046 s', 'at most −0.80')
     >>> format_interval(2.01e4, "N/m", [1.0e-2, 1.94e9])
     '20100 (0.010 to 1.9·10⁹) N/m'
+    >>> format_interval(7.0, "1/bar", [0.16, 28.0])
+    '7.00 (0.16 to 28) 1/bar'
     >>> format_interval(-5.039031693674560e-3, "m", [-5.039031693674590e-3, -5.039031693674512e-3])
     '−5.039 mm'
     """
@@ -137,11 +139,12 @@ def format_interval(value: float | None, unit: str, ci95: Sequence[float | None]
     if half < max(smallest, MIN_RELATIVE_WIDTH * largest):
         return f"{format_number(value, smallest=smallest)} {unit_symbol(unit)}".rstrip()
     even = abs(high + low - 2 * value) < 0.2 * half
-    if low * high > 0.0 and largest > MAX_COMMON_POWER * abs(value):
+    place = _exponent(half) - 1  # of the second digit of half the width, as a power of ten
+    reads_zero = not even and min(abs(low), abs(high)) < 0.5 * 10.0**place  # an end that is not
+    if low * high > 0.0 and (reads_zero or largest > MAX_COMMON_POWER * abs(value)):
         ends = (format_number(v, digits, smallest=smallest) for v, digits in ((value, 3), (low, 2), (high, 2)))
         return "{} ({} to {})".format(*ends) + f" {unit_symbol(unit)}".rstrip()
     power = 0 if PLAIN_RANGE[0] <= largest < PLAIN_RANGE[1] else _exponent(largest)
-    place = _exponent(half) - 1  # of the second digit of half the width, as a power of ten
     middle, low_text, high_text, width = (
         f"{round(v, -place) / 10**power:.{max(0, power - place)}f}".replace("-", "−") for v in (value, low, high, half)
     )
