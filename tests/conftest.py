@@ -1,16 +1,39 @@
-"""Compiled kernels are shared by all tests and runs of them, and kept apart from the user's own."""
+"""Compiled kernels are shared by all tests and runs of them, and kept apart from the user's own.
+
+Of the processes of a run, one compiles a function; another that needs it waits and loads what the first one wrote.
+"""
 
 from __future__ import annotations
 
 import getpass
+import hashlib
 import os
 import tempfile
 from pathlib import Path
+from typing import Any
 
 import pytest
+from filelock import FileLock
 from hypothesis import settings
+from numba.core.compiler_lock import global_compiler_lock
+from numba.core.dispatcher import Dispatcher
 
 os.environ.setdefault("PNEUCLI_CACHE", str(Path(tempfile.gettempdir(), f"pneucli-tests-{getpass.getuser()}")))
+
+compile_here = Dispatcher.compile
+
+
+def compile_once(function: Any, signature: Any) -> Any:
+    """Compile or load a function while no other process compiles it; threads take the locks in the same order."""
+    name = f"{function.py_func.__code__.co_filename} {function.py_func.__qualname__} {signature}"
+    folder = Path(os.environ["PNEUCLI_CACHE"], "locks")
+    folder.mkdir(parents=True, exist_ok=True)
+    with global_compiler_lock, FileLock(folder / hashlib.sha256(name.encode()).hexdigest()[:24]):
+        return compile_here(function, signature)
+
+
+if "PYTEST_XDIST_WORKER" in os.environ:
+    Dispatcher.compile = compile_once
 
 # the same examples each time: a run that fails says that something changed
 settings.register_profile("pneucli", derandomize=True, deadline=None, max_examples=40)

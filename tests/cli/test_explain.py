@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import ast
 import json
-from collections.abc import Iterator
+from functools import cache
 from pathlib import Path
 
 import pytest
@@ -20,14 +20,15 @@ KINDS = fault_kinds()
 RAISED = {"InputError", "NotApplicable"}
 
 
-def _faults() -> Iterator[tuple[str, ast.Call]]:
-    for path in sorted(SOURCE.rglob("*.py")):
-        for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
-            if isinstance(node, ast.Call) and isinstance(node.func, ast.Name) and node.func.id in RAISED:
-                yield f"{path.relative_to(SOURCE)}:{node.lineno}", node
-
-
-FAULTS = list(_faults())
+@cache
+def faults() -> list[tuple[str, ast.Call]]:
+    """Every place where a fault is raised, with the call that makes it."""
+    return [
+        (f"{path.relative_to(SOURCE)}:{node.lineno}", node)
+        for path in sorted(SOURCE.rglob("*.py"))
+        for node in ast.walk(ast.parse(path.read_text(encoding="utf-8")))
+        if isinstance(node, ast.Call) and isinstance(node.func, ast.Name) and node.func.id in RAISED
+    ]
 
 
 def code_of(call: ast.Call) -> str | None:
@@ -42,11 +43,11 @@ def code_of(call: ast.Call) -> str | None:
 
 def test_every_fault_has_a_code_that_is_explained() -> None:
     known = {*KINDS, "passed on"}
-    assert [place for place, call in FAULTS if code_of(call) not in known] == []
+    assert [place for place, call in faults() if code_of(call) not in known] == []
 
 
 def test_every_code_is_in_use() -> None:
-    assert set(KINDS) - {code_of(call) for _, call in FAULTS} == set()
+    assert set(KINDS) - {code_of(call) for _, call in faults()} == set()
 
 
 @pytest.mark.parametrize("code", KINDS)

@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from functools import cache
 
 import numpy as np
 import pytest
 
 from pneucli.errors import InputError
 from pneucli.identify.friction.identification import identify_friction
+from pneucli.recording import Recording
 from pneucli.simulate.model import Model
 from tests.identify_friction.synthetic_recordings import (
     BENCH,
@@ -22,7 +24,11 @@ from tests.identify_friction.synthetic_recordings import (
 )
 
 STICKY = BENCH._replace(static=18.0, stribeck_velocity=0.015)
-RUN = recorded(STICKY, pressed(STICKY, pulses(2, 30.0)), 1)
+
+
+@cache
+def run() -> Recording:
+    return recorded(STICKY, pressed(STICKY, pulses(2, 30.0)), 1)
 
 
 def test_everything_for_tables_and_figures_is_there() -> None:
@@ -55,7 +61,7 @@ def _spoilt(recording):  # type: ignore[no-untyped-def]
 
 
 def test_axis_recordings_serve_where_there_is_no_friction_test() -> None:
-    found = identify_friction([replace(RUN, experiment="axis")], Model(RIG))
+    found = identify_friction([replace(run(), experiment="axis")], Model(RIG))
     assert found.parameters["coulomb"].value == pytest.approx(12.0, rel=0.03)
 
 
@@ -67,7 +73,7 @@ def test_a_constant_force_is_identifiable_only_from_both_directions() -> None:
 
 
 def test_the_grid_is_the_users_to_choose() -> None:
-    found = identify_friction([RUN], Model(RIG), nodes=400, max_velocity=0.05, sign_steepness=2000.0)
+    found = identify_friction([run()], Model(RIG), nodes=400, max_velocity=0.05, sign_steepness=2000.0)
     grid = found.model("E").branches[0].tp.grids[0]
     assert grid.size == 400
     assert grid[[0, -1]] == pytest.approx([-0.05, 0.05])
@@ -77,15 +83,15 @@ def test_the_grid_is_the_users_to_choose() -> None:
 
 def test_what_cannot_be_identified_is_said() -> None:
     with pytest.raises(InputError, match="no friction test to train on"):
-        identify_friction([replace(RUN, use="test")], Model(RIG))
+        identify_friction([replace(run(), use="test")], Model(RIG))
     resting = recorded(BENCH, pressed(BENCH, np.zeros(500)), 3)
     with pytest.raises(InputError, match="moving samples"):
         identify_friction([resting], Model(RIG))
     with pytest.raises(InputError, match="friction model"):
-        identify_friction([RUN], Model(RIG)).model("G")
+        identify_friction([run()], Model(RIG)).model("G")
 
 
 def test_a_mass_left_out_is_identified() -> None:
-    found = identify_friction([RUN], Model(replace(RIG, moving_mass=None)))
+    found = identify_friction([run()], Model(replace(RIG, moving_mass=None)))
     assert found.mass is not None
     assert found.mass.value == pytest.approx(2.0, rel=0.03)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from functools import cache
 
 import numpy as np
 import pytest
@@ -20,14 +21,18 @@ from pneucli.simulate.velocity_integration import integrate_between_rests, rest_
 from tests.identify_friction.synthetic_recordings import BENCH, RIG, pressed, pulses, recorded
 
 STICKY = BENCH._replace(static=18.0, stribeck_velocity=0.015, acceleration_bias=0.3)
-TRUTH = pressed(STICKY, pulses(3, 30.0))
+
+
+@cache
+def moved() -> dict[str, np.ndarray]:
+    return pressed(STICKY, pulses(3, 30.0))
 
 
 @pytest.mark.parametrize("sensors", [("x", "a"), ("x",), ("a",)], ids=["x and a", "x", "a"])
 def test_velocity_has_no_drift_whatever_measures_the_motion(sensors: tuple[str, ...]) -> None:
-    kinematics = estimate_motion(recorded(STICKY, TRUTH, 1, ("p1", "p2", *sensors)), Model(RIG))
-    error = kinematics.v - TRUTH["v"]
-    fastest = np.abs(TRUTH["v"]).max()
+    kinematics = estimate_motion(recorded(STICKY, moved(), 1, ("p1", "p2", *sensors)), Model(RIG))
+    error = kinematics.v - moved()["v"]
+    fastest = np.abs(moved()["v"]).max()
     # 0.3 m/s^2 of bias, integrated over these 2.6 s, would be 0.78 m/s; the sensors promise sigma_v, and position
     # alone cannot follow the jumps of the acceleration, where the period times half a jump of 10 m/s^2 is 5 mm/s
     assert np.sqrt(np.mean(error**2)) < (1e-3 * fastest if sensors == ("x",) else 2 * kinematics.sigma_v)
@@ -36,8 +41,8 @@ def test_velocity_has_no_drift_whatever_measures_the_motion(sensors: tuple[str, 
 
 @pytest.mark.parametrize("sensors", [("x", "a"), ("a",)], ids=["x and a", "a"])
 def test_the_error_of_the_friction_force_agrees_with_its_sigma(sensors: tuple[str, ...]) -> None:
-    kinematics = estimate_motion(recorded(STICKY, TRUTH, 2, ("p1", "p2", *sensors)), Model(RIG))
-    truth = STICKY.piston_area_1 * (TRUTH["p1"] - TRUTH["p2"]) - 2.0 * TRUTH["a"]
+    kinematics = estimate_motion(recorded(STICKY, moved(), 2, ("p1", "p2", *sensors)), Model(RIG))
+    truth = STICKY.piston_area_1 * (moved()["p1"] - moved()["p2"]) - 2.0 * moved()["a"]
     error = (kinematics.friction(2.0) - truth)[kinematics.moving]
     # 200 Pa on each of two pressures over 8 cm^2, 0.05 m/s^2 on 2 kg
     expected = np.sqrt(2 * (200 * 8e-4) ** 2 + (2 * 0.05) ** 2)
@@ -47,23 +52,23 @@ def test_the_error_of_the_friction_force_agrees_with_its_sigma(sensors: tuple[st
 
 
 def test_a_resting_piston_is_not_taken_for_a_moving_one() -> None:
-    kinematics = estimate_motion(recorded(STICKY, TRUTH, 3), Model(RIG))
-    rest = TRUTH["v"] == 0.0
-    clear = np.abs(TRUTH["v"]) > 3 * kinematics.rest_speed
+    kinematics = estimate_motion(recorded(STICKY, moved(), 3), Model(RIG))
+    rest = moved()["v"] == 0.0
+    clear = np.abs(moved()["v"]) > 3 * kinematics.rest_speed
     assert not np.any(kinematics.moving & rest)
     assert np.mean(kinematics.moving[clear]) > 0.98
 
 
 def test_branches_are_those_of_the_true_acceleration() -> None:
-    kinematics = estimate_motion(recorded(STICKY, TRUTH, 4), Model(RIG))
-    true_branch = np.sign(TRUTH["v"] * TRUTH["a"])
+    kinematics = estimate_motion(recorded(STICKY, moved(), 4), Model(RIG))
+    true_branch = np.sign(moved()["v"] * moved()["a"])
     judged = kinematics.branch != 0
     assert np.mean(judged[kinematics.moving]) > 0.8
     assert np.mean((kinematics.branch == true_branch)[judged]) > 0.97
 
 
 def test_a_slide_lasts_as_long_whenever_the_clock_began() -> None:
-    r = recorded(STICKY, TRUTH, 4)
+    r = recorded(STICKY, moved(), 4)
     late = replace(r, time=r.time + 100.0)
     assert estimate_motion(late, Model(RIG)).block_length == pytest.approx(estimate_motion(r, Model(RIG)).block_length)
     still = recorded(BENCH, pressed(BENCH, np.zeros(500)), 3)
@@ -71,7 +76,7 @@ def test_a_slide_lasts_as_long_whenever_the_clock_began() -> None:
 
 
 def test_a_measured_force_does_as_well_as_the_pressures() -> None:
-    by_pressure = estimate_motion(recorded(STICKY, TRUTH, 5), Model(RIG))
+    by_pressure = estimate_motion(recorded(STICKY, moved(), 5), Model(RIG))
     r = by_pressure.recording
     force = RIG.piston_area_1 * (r["p1"] - r["p2"])
     noise = {**{k: r.noise[k] for k in ("x", "a")}, "force": NoiseModel(white=0.23)}
@@ -88,7 +93,7 @@ def test_ambient_pressure_acts_on_the_rod() -> None:
 
 
 def test_samples_that_were_not_measured_are_left_out() -> None:
-    r = recorded(STICKY, TRUTH, 7)
+    r = recorded(STICKY, moved(), 7)
     p1 = r["p1"].copy()
     p1[300:340] = np.nan
     kinematics = estimate_motion(replace(r, signals={**r.signals, "p1": p1}), Model(RIG))
@@ -115,7 +120,7 @@ def test_what_is_missing_is_named(
     signals: tuple[str, ...], rig: Rig, says: tuple[str, str, str], chamber_2: str
 ) -> None:
     """An air spring is not ambient pressure; an open chamber is."""
-    r = recorded(STICKY, TRUTH, 8)
+    r = recorded(STICKY, moved(), 8)
     with pytest.raises(InputError) as error:
         estimate_motion(replace(r, signals={k: r[k] for k in signals}, chamber_2=chamber_2), Model(rig))
     told = error.value
@@ -126,7 +131,7 @@ def test_what_is_missing_is_named(
 
 
 def test_a_force_that_depends_on_position_needs_the_position() -> None:
-    r = recorded(STICKY, TRUTH, 8)
+    r = recorded(STICKY, moved(), 8)
     values = {"spring-force.stiffness": 100.0, "spring-force.rest_position": 0.1}
     sprung = Model(RIG, (catalogue()["spring-force"],), values)
     with pytest.raises(InputError) as error:
@@ -167,7 +172,7 @@ def test_a_long_recordings_noise_is_drawn_less_often(
     monkeypatch: pytest.MonkeyPatch, samples: float, draws: int
 ) -> None:
     """Its spread is as well known from fewer draws, which take their time and memory in proportion."""
-    recording = recorded(STICKY, TRUTH, 1, ("p1", "p2", "x", "a"))
+    recording = recorded(STICKY, moved(), 1, ("p1", "p2", "x", "a"))
     monkeypatch.setattr(kinematics, "MAX_DRAWN_SAMPLES", int(samples * recording.time.size))
     found = estimate_motion(recording, Model(RIG))
     assert found.drive_noise_draws.shape == (draws, recording.time.size)

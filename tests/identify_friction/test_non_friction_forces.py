@@ -35,17 +35,14 @@ def runs(par: Parameters) -> list[Recording]:
     return [recorded(par, pressed(par, pulses(2, peak)), seed) for seed, peak in enumerate((28.0, 34.0))]
 
 
-RUNS = runs(LOADED)
-
-
 @cache
 def found_with() -> FrictionIdentification:
-    return identify_friction(RUNS, model(LOADS))
+    return identify_friction(runs(LOADED), model(LOADS))
 
 
 @cache
 def found_without() -> FrictionIdentification:
-    return identify_friction(RUNS, model({}))
+    return identify_friction(runs(LOADED), model({}))
 
 
 def times_noise(found: FrictionIdentification, name: str, channel: str) -> float:
@@ -111,7 +108,7 @@ def test_a_force_that_depends_on_position_asks_for_it() -> None:
 
 def shown(values: dict[str, float]) -> dict[str, tuple[str, ...]]:
     described = model(values)
-    return dict(unmodelled_effects(described, [estimate_motion(RUNS[0], described)]))
+    return dict(unmodelled_effects(described, [estimate_motion(runs(LOADED)[0], described)]))
 
 
 STRIBECK = {"stribeck.static": 18.0, "stribeck.velocity": 0.015}

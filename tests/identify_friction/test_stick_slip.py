@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from functools import cache
 
 import numpy as np
 import pytest
@@ -13,17 +14,21 @@ from pneucli.simulate.model import Model
 from tests.identify_friction.synthetic_recordings import BENCH, RIG, pressed, pulses, recorded
 
 STICKY = BENCH._replace(static=18.0, stribeck_velocity=0.015)
-TRUTH = pressed(STICKY, pulses(3, 30.0))
+
+
+@cache
+def moved() -> dict[str, np.ndarray]:
+    return pressed(STICKY, pulses(3, 30.0))
 
 
 def true_slides() -> list[tuple[int, int]]:
-    edges = np.flatnonzero(np.diff((TRUTH["v"] != 0).astype(int)))
+    edges = np.flatnonzero(np.diff((moved()["v"] != 0).astype(int)))
     return [(int(a), int(b)) for a, b in zip(edges[::2], edges[1::2], strict=True)]
 
 
 @pytest.mark.parametrize("sensors", [("x", "a"), ("x",), ("a",)], ids=["x and a", "x", "a"])
 def test_every_slide_between_two_rests_is_cut_out(sensors: tuple[str, ...]) -> None:
-    cuts = find_stick_slips(estimate_motion(recorded(STICKY, TRUTH, 1, ("p1", "p2", *sensors)), Model(RIG)), 2.0)
+    cuts = find_stick_slips(estimate_motion(recorded(STICKY, moved(), 1, ("p1", "p2", *sensors)), Model(RIG)), 2.0)
     slides = true_slides()
     assert len(cuts) == len(slides) == 6
     assert [c.direction for c in cuts] == [1, -1] * 3
@@ -31,19 +36,19 @@ def test_every_slide_between_two_rests_is_cut_out(sensors: tuple[str, ...]) -> N
         assert abs(one.breakaway - begin) <= 5
         assert abs(one.stop - stop) <= 10
         assert min(one.breakaway - one.start, one.end - one.stop) >= MIN_REST_RATIO * (one.stop - one.breakaway)
-        assert one.peak_speed == pytest.approx(np.abs(TRUTH["v"]).max(), rel=0.01)
+        assert one.peak_speed == pytest.approx(np.abs(moved()["v"]).max(), rel=0.01)
 
 
 def test_a_slide_from_or_to_a_stop_is_no_stick_slip() -> None:
     """Until its first slide the piston rests on one."""
-    found = estimate_motion(recorded(STICKY, TRUTH, 1, ("p1", "p2", "x", "a")), Model(RIG))
+    found = estimate_motion(recorded(STICKY, moved(), 1, ("p1", "p2", "x", "a")), Model(RIG))
     first = find_stick_slips(found, 2.0)[0]
     stopped = replace(found, contact=np.arange(found.v.size) < first.breakaway)
     assert len(find_stick_slips(stopped, 2.0)) == 5
 
 
 def test_break_away_takes_the_static_friction() -> None:
-    cuts = find_stick_slips(estimate_motion(recorded(STICKY, TRUTH, 2), Model(RIG)), 2.0)
+    cuts = find_stick_slips(estimate_motion(recorded(STICKY, moved(), 2), Model(RIG)), 2.0)
     # the force rises by at most 30 N pi / 280 ms = 0.34 N a sample; it is read within two samples of break-away
     assert np.mean([c.breakaway_force for c in cuts]) == pytest.approx(18.0, abs=0.7)
 
@@ -59,7 +64,7 @@ def test_averaging_n_repeats_brings_the_error_down_by_the_root_of_n() -> None:
     cuts = [
         c
         for seed in range(16)
-        for c in find_stick_slips(estimate_motion(recorded(STICKY, TRUTH, seed), Model(RIG)), 2.0)
+        for c in find_stick_slips(estimate_motion(recorded(STICKY, moved(), seed), Model(RIG)), 2.0)
     ]
     forward = [c for c in cuts if c.direction == 1]
 
@@ -77,7 +82,7 @@ def test_the_stated_error_of_the_mean_is_its_scatter() -> None:
     cuts = [
         c
         for seed in range(8)
-        for c in find_stick_slips(estimate_motion(recorded(STICKY, TRUTH, seed), Model(RIG)), 2.0)
+        for c in find_stick_slips(estimate_motion(recorded(STICKY, moved(), seed), Model(RIG)), 2.0)
     ]
     for one in average_stick_slips(cuts):
         truth = 12.0 + 6.0 / (1 + (one.speed / 0.015) ** 2) + 40.0 * one.speed

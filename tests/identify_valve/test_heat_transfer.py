@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from functools import cache
 
 import numpy as np
 import pytest
@@ -36,23 +37,27 @@ def charge_and_discharge(level: float, seed: int) -> Recording:
     return Recording(still.name, "valve", "train", time, {"u": u, "p1": read}, {"p1": NOISE})
 
 
-TESTS = [charge_and_discharge(u, k) for k, u in enumerate((0.6, 1.2, 2.5, 6.0, 8.0, 10.0))]
+@cache
+def vessel_tests() -> list[Recording]:
+    return [charge_and_discharge(u, k) for k, u in enumerate((0.6, 1.2, 2.5, 6.0, 8.0, 10.0))]
 
 
 def test_curves_are_followed_though_the_model_knows_nothing_of_heat() -> None:
     """No map over command and pressure holds them exactly; the corrections must not lead the curves astray."""
-    found = identify(TESTS, RIG)
+    found = identify(vessel_tests(), RIG)
     assert 1.2 < found.residual_to_noise("train") < 8.0  # of the noise of averaged readings
     assert found.lack_of_fit.is_significant
 
 
 def test_heat_transfer_in_the_model_does_not_change_the_map_of_the_valve() -> None:
     """What the model's heat adds in these very tests is taken off: the map is the valve's, the gas as the wall."""
-    found = identify(TESTS, RIG, ["heat-transfer"])
+    found = identify(vessel_tests(), RIG, ["heat-transfer"])
     assert found.residual_to_noise("train") == pytest.approx(1.0, abs=0.1)
     assert found.lack_of_fit.p95 < 0.05
     u, p = np.meshgrid(found.map.u, found.map.p, indexing="ij")
-    cold = QuasiStaticGradient(replace(WARM, effects=()), prepare(TESTS[0], RIG, None))(u, p, np.full(u.shape, 7.5e5))
+    cold = QuasiStaticGradient(replace(WARM, effects=()), prepare(vessel_tests()[0], RIG, None))(
+        u, p, np.full(u.shape, 7.5e5)
+    )
     off = (found.map.gradient - cold)[found.map.covered]
     assert np.sqrt(np.mean(off**2)) < 0.005 * np.abs(cold).max()
     for one in found.iso:  # the gas's state is known: no isothermal vessel is left to doubt

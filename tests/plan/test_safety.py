@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from functools import cache
 from types import SimpleNamespace
 from typing import Any
 
@@ -32,12 +33,16 @@ BENCHES = described_benches(RIG)
 MODEL = typical_model(RIG, BENCHES)
 LIMITS = limits_of(RIG, BENCHES)
 HOLD = next(m for m in candidate_manoeuvres(BENCHES[-1], LIMITS) if m.kind == "hold")
-SPEED = float(np.abs(simulate_manoeuvre(HOLD, MODEL).v).max())
+
+
+@cache
+def top_speed() -> float:
+    return float(np.abs(simulate_manoeuvre(HOLD, MODEL).v).max())
 
 
 def test_a_rival_that_exceeds_a_limit_refuses_what_the_best_model_allows() -> None:
     models = extreme_models(MODEL)
-    limits = replace(LIMITS, max_speed=1.3 * SPEED)
+    limits = replace(LIMITS, max_speed=1.3 * top_speed())
     alone, all_models = Safety(RIG, limits, {"typical model": MODEL}), Safety(RIG, limits, models)
     assert alone(HOLD)
     assert not all_models(HOLD)
@@ -47,8 +52,8 @@ def test_a_rival_that_exceeds_a_limit_refuses_what_the_best_model_allows() -> No
 
 
 def test_a_simulation_has_to_leave_a_reserve() -> None:
-    assert Safety(RIG, replace(LIMITS, max_speed=1.2 * SPEED), {"best": MODEL})(HOLD)
-    assert not Safety(RIG, replace(LIMITS, max_speed=1.05 * SPEED), {"best": MODEL})(HOLD)
+    assert Safety(RIG, replace(LIMITS, max_speed=1.2 * top_speed()), {"best": MODEL})(HOLD)
+    assert not Safety(RIG, replace(LIMITS, max_speed=1.05 * top_speed()), {"best": MODEL})(HOLD)
 
 
 def fit(mass: float, error: float) -> Any:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from functools import cache
 
 import numpy as np
 import pytest
@@ -24,14 +25,18 @@ from pneucli.simulate.preparation import prepare
 from tests.identify_friction.synthetic_recordings import BENCH, NOISE, RIG, pressed, pulses, recorded
 
 STICKY = BENCH._replace(static=18.0, stribeck_velocity=0.015, acceleration_bias=0.3)
-TRUTH = pressed(STICKY, pulses(4, 30.0))
+
+
+@cache
+def true_motion() -> dict[str, np.ndarray]:
+    return pressed(STICKY, pulses(4, 30.0))
 
 
 def bench(*signals: str, **constants: float) -> Recording:
     """A recording with p1, p2 and these signals, or what is stated of others."""
-    whole = recorded(STICKY, TRUTH, 1)
+    whole = recorded(STICKY, true_motion(), 1)
     rng = np.random.default_rng(9)
-    known = {**whole.signals, "v": TRUTH["v"] + 1e-4 * rng.normal(size=whole.time.size)}
+    known = {**whole.signals, "v": true_motion()["v"] + 1e-4 * rng.normal(size=whole.time.size)}
     known |= {name: np.full(whole.time.size, value) for name, value in constants.items()}
     noise = {**NOISE, "v": NoiseModel(white=1e-4)}
     chosen = ("p1", "p2", *signals, *constants)
@@ -45,11 +50,11 @@ def bench(*signals: str, **constants: float) -> Recording:
 @pytest.mark.parametrize("signals", [("a",), ("v",), ("v", "a")], ids=["a", "v", "v and a"])
 def test_motion_follows_without_a_position_sensor(signals: tuple[str, ...]) -> None:
     e = prepare(bench(*signals), RIG, 0.5)
-    fastest = np.abs(TRUTH["v"]).max()
-    assert np.sqrt(np.mean((e.inputs[:, at.IN_V] - TRUTH["v"]) ** 2)) < 0.02 * fastest
+    fastest = np.abs(true_motion()["v"]).max()
+    assert np.sqrt(np.mean((e.inputs[:, at.IN_V] - true_motion()["v"]) ** 2)) < 0.02 * fastest
     moved = e.inputs[:, at.IN_X] - e.inputs[0, at.IN_X]
-    assert moved == pytest.approx(TRUTH["x"] - TRUTH["x"][0], abs=0.03 * np.ptp(TRUTH["x"]))
-    resting = TRUTH["v"] == 0.0
+    assert moved == pytest.approx(true_motion()["x"] - true_motion()["x"][0], abs=0.03 * np.ptp(true_motion()["x"]))
+    resting = true_motion()["v"] == 0.0
     assert np.mean(e.inputs[resting, at.IN_V] == 0.0) > 0.9
     assert e.motion_is_known
     assert set(e.channels) == {"v", *signals}
@@ -71,7 +76,7 @@ def test_an_unknown_place_strikes_no_end() -> None:
     (e,) = with_end_stops([prepare(bench("a"), RIG, 0.5)], RIG)
     assert e.stroke_limits == (-np.inf, np.inf)
     modelled = simulate_outputs(Model(RIG, (), {"friction.coulomb": 12.0, "friction.viscous": 40.0}), e)["v"]
-    assert np.ptp(modelled) > 0.5 * np.ptp(TRUTH["v"])
+    assert np.ptp(modelled) > 0.5 * np.ptp(true_motion()["v"])
 
 
 def test_a_constant_x_is_a_place_where_the_piston_moves() -> None:
@@ -119,7 +124,7 @@ def test_a_friction_bench_needs_one_signal_of_motion() -> None:
 @pytest.mark.parametrize("signals", [("v",), ("v", "a")], ids=["v", "v and a"])
 def test_friction_identification_takes_a_velocity(signals: tuple[str, ...]) -> None:
     motion = estimate_motion(bench(*signals), Model(RIG))
-    error = motion.v - TRUTH["v"]
-    assert np.sqrt(np.mean(error**2)) < 0.02 * np.abs(TRUTH["v"]).max()
+    error = motion.v - true_motion()["v"]
+    assert np.sqrt(np.mean(error**2)) < 0.02 * np.abs(true_motion()["v"]).max()
     placed = estimate_motion(bench(*signals, x=0.1), Model(RIG))
     assert placed.v == pytest.approx(motion.v)
