@@ -9,6 +9,7 @@ import pytest
 from benchmarks import simulate
 
 
+@pytest.mark.slow  # where nothing is compiled yet
 @pytest.mark.skipif(shutil.which("gcc") is None, reason="the benchmark compares with C, compiled by gcc")
 def test_the_small_benchmark_finishes_and_meets_its_accuracy(capsys: pytest.CaptureFixture[str]) -> None:
     assert simulate.main(["kernel", "--small"]) == 0
