@@ -456,7 +456,7 @@ def verdict(sheet: Sheet, folder: Path) -> tuple[str, str]:
         return "refused", str(error).splitlines()[0]
     except Exception as error:  # whatever it is: this is counted
         return "fault", f"{type(error).__name__}: {error}"
-    marked = {one["signal"] for one in answer["columns"] if "CHECK" in one["why"]}
+    marked = {one.signal for one in answer.columns if "CHECK" in one.why}
     told = {one["signal"] for one in [*read["repairs"], *read["plausibility"]] if one.get("kind") != "unit-said"}
     table = pq.read_table(folder / "out" / "signals.parquet").to_pandas()
     found = [own for _, own in table.groupby("recording", sort=False)]
@@ -466,7 +466,7 @@ def verdict(sheet: Sheet, folder: Path) -> tuple[str, str]:
         right = bool(here) and all(
             any(_agrees(own["time"], own[role], run[role], role) for run in sheet.runs) for own in here
         )
-        absent = not here and any(one["signal"] == "" for one in answer["columns"])
+        absent = not here and any(one.signal == "" for one in answer.columns)
         state = (
             "right"
             if right

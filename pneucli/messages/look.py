@@ -3,53 +3,102 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Mapping, Sequence
-from typing import Any
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
 
-from pneucli.messages import each, labelled, table
-from pneucli.messages import init as init_messages
+from pneucli.figure import optional
+from pneucli.messages import each, init, labelled, table
 from pneucli.messages.formatting import format_percent, format_plain, format_quantity
 
-Answer = Mapping[str, Any]
 CURVE = 40  # characters
 _LEVELS = "▁▂▃▄▅▆▇█"
 MAX_RESTS = 3  # levels that are said
 
 
-def lines(answer: Answer, file: str, verbose: bool) -> Iterator[str]:
-    """Yield columns as ``init`` shows them, the curves of each recording, what is left out, and doubts."""
-    yield from init_messages.column_lines(answer["kinds"], answer["columns"])
-    for one in answer["recordings"]:
-        rate = "" if one["rate"] is None else f", {format_plain(one['rate'], 4)} Hz"
-        head = (
-            f"{one['name']}: {one['experiment']}, {one['samples']} samples{rate}, {format_plain(one['seconds'], 4)} s"
+@dataclass(frozen=True)
+class Rest:
+    """A level at which a signal rests, and the share of the time that it does."""
+
+    level: float
+    share: float
+
+
+@dataclass(frozen=True)
+class Signal:
+    """A signal of a recording in SI: its readings, the share of them that is missing, its noise, and a curve of it."""
+
+    signal: str
+    unit: str
+    least: float
+    median: float
+    most: float
+    missing: float
+    noise: float | None
+    noise_ci95: Sequence[float] | None
+    rests: Sequence[Rest]
+    time: Sequence[float]
+    values: Sequence[float | None]
+
+    @property
+    def row(self) -> tuple[str, ...]:
+        """The signal in a table: its curve, its rests, its range and its noise."""
+        shown = [format_quantity(one, self.unit) for one in (self.least, self.median, self.most)]
+        noise = "" if not self.noise else format_quantity(self.noise, self.unit, 2)
+        if self.noise and self.noise_ci95:
+            noise += f" ({' to '.join(format_quantity(end, self.unit, 2) for end in self.noise_ci95)})"
+        return self.signal, curve(self.time, self.values), self.rest_text, *shown, noise
+
+    @property
+    def rest_text(self) -> str:
+        """The levels at which it rests, in words."""
+        return ", ".join(
+            f"{format_quantity(one.level, self.unit, 3)} ({format_percent(one.share)})"
+            for one in self.rests[:MAX_RESTS]
         )
-        yield from labelled("reads", head)
-        rows = [_row(signal) for signal in one["signals"]]
-        yield from table(("signal", "curve", "rests at", "least", "median", "most", "noise"), rows, texts=3)
-        yield ""
-    for label, key in (("left out", "left_out"), ("cannot", "cannot"), ("doubt", "doubts")):
-        for text in answer[key]:
-            yield from labelled(label, text)
-    if verbose:
-        yield from each("repair", answer["repairs"])
-    yield from labelled("do", f"pneucli init DIR --from {file}, which writes this into a pipeline file")
 
 
-def _row(signal: Answer) -> tuple[str, ...]:
-    shown = [format_quantity(signal[key], signal["unit"]) for key in ("least", "median", "most")]
-    noise = "" if not signal["noise"] else format_quantity(signal["noise"], signal["unit"], 2)
-    if signal["noise"] and signal["noise_ci95"]:
-        noise += f" ({' to '.join(format_quantity(value, signal['unit'], 2) for value in signal['noise_ci95'])})"
-    return signal["signal"], curve(signal["time"], signal["values"]), rest_text(signal), *shown, noise
+@dataclass(frozen=True)
+class Recording:
+    """A recording as it would be read; ``rate`` is in Hz, None where its samples have none."""
+
+    name: str
+    experiment: str
+    samples: int
+    seconds: float
+    rate: float | None
+    signals: Sequence[Signal]
 
 
-def rest_text(signal: Answer) -> str:
-    """Return the levels at which a signal rests, in words."""
-    return ", ".join(
-        f"{format_quantity(one['level'], signal['unit'], 3)} ({format_percent(one['share'])})"
-        for one in signal["rests"][:MAX_RESTS]
-    )
+@dataclass(frozen=True)
+class Answer:
+    """What raw files hold; ``recordings`` is empty where a ``?`` keeps them from being read."""
+
+    schema: str
+    kinds: Sequence[init.Kind]
+    columns: Sequence[init.Column]
+    left_out: Sequence[str]
+    cannot: Sequence[str]
+    recordings: Sequence[Recording]
+    repairs: Sequence[str]
+    doubts: Sequence[str]
+    page: str | None = optional()
+
+    def lines(self, file: str, verbose: bool) -> Iterator[str]:
+        """Yield columns as ``init`` shows them, the curves of each recording, what is left out, and doubts."""
+        yield from init.column_lines(self.kinds, self.columns)
+        for one in self.recordings:
+            rate = "" if one.rate is None else f", {format_plain(one.rate, 4)} Hz"
+            about = f"{one.experiment}, {one.samples} samples{rate}, {format_plain(one.seconds, 4)} s"
+            yield from labelled("reads", f"{one.name}: {about}")
+            head = ("signal", "curve", "rests at", "least", "median", "most", "noise")
+            yield from table(head, [signal.row for signal in one.signals], texts=3)
+            yield ""
+        yield from each("left out", self.left_out)
+        yield from each("cannot", self.cannot)
+        yield from each("doubt", self.doubts)
+        if verbose:
+            yield from each("repair", self.repairs)
+        yield from labelled("do", f"pneucli init DIR --from {file}, which writes this into a pipeline file")
 
 
 def curve(time: Sequence[float], values: Sequence[float | None]) -> str:

@@ -1,18 +1,47 @@
-"""Where the report is."""
+"""Where the report is, and whether what was stated holds."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
-from typing import Any
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
 
 from pneucli.messages import labelled
 from pneucli.messages.formatting import join_names
 
 
-def lines(answer: Mapping[str, Any], file: str, verbose: bool) -> Iterator[str]:
-    """Yield the files, the checks that failed, and how to look at them."""
-    page, *others = answer["files"]
-    yield from labelled("wrote", f"report/{page} ({answer['bytes'] / 1e6:.1f} MB), {', '.join(others)}")
-    if failed := [c["path"] for c in answer["checks"] if not c["passed"]]:
-        yield from labelled("failed", f"checks: {join_names(failed)}")
-    yield from labelled("do", f"pneucli open {file}")
+@dataclass(frozen=True)
+class StatedCheck:
+    """A check of the pipeline file, by its path into the answers."""
+
+    path: str
+    passed: bool
+
+
+@dataclass(frozen=True)
+class DefaultCheck:
+    """A check of the selected controller: the value found, and whether it passed; neither where it was skipped."""
+
+    path: str
+    passed: bool | None
+    value: float | bool | None
+
+
+@dataclass(frozen=True)
+class Answer:
+    """What the stage ``report`` wrote: the page first, its size in bytes, and the checks."""
+
+    schema: str
+    pipeline: str
+    files: Sequence[str]
+    tables: Sequence[str]
+    bytes: int
+    checks: Sequence[StatedCheck]
+    default_checks: Sequence[DefaultCheck]
+
+    def lines(self, file: str, verbose: bool) -> Iterator[str]:
+        """Yield the files, the checks that failed, and how to look at them."""
+        page, *others = self.files
+        yield from labelled("wrote", f"report/{page} ({self.bytes / 1e6:.1f} MB), {', '.join(others)}")
+        if failed := [one.path for one in self.checks if not one.passed]:
+            yield from labelled("failed", f"checks: {join_names(failed)}")
+        yield from labelled("do", f"pneucli open {file}")

@@ -2,27 +2,24 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from typing import Any
-
 import numpy as np
 
 from pneucli.messages.formatting import axis_title, format_plain, format_quantity, in_display_unit
-from pneucli.messages.look import rest_text
+from pneucli.messages.init import Column
+from pneucli.messages.look import Answer, Recording
 from pneucli.report.figure import Drawing, drawing, figures
 from pneucli.report.overview import Overview, Tile
 from pneucli.report.page import render_page
 from pneucli.report.page_elements import Cell, Grid, Note, Section
 from pneucli.version import __version__
 
-Answer = Mapping[str, Any]
 CURVE_HEIGHT = 1.8  # inches
 
 
 def look_page(answer: Answer) -> str:
     """Return the page of an answer of ``look``: HTML that needs no network."""
-    sections = [_columns(answer), *(_recording(one, number) for number, one in enumerate(answer["recordings"]))]
-    count, doubts = len(answer["recordings"]), len(answer["doubts"])
+    sections = [_columns(answer), *(_recording(one, number) for number, one in enumerate(answer.recordings))]
+    count, doubts = len(answer.recordings), len(answer.doubts)
     tiles = [Tile("Recordings", str(count), "as they would be read"), Tile("Doubts", str(doubts), "listed below")]
     sentence = "Signals of the raw files as they would be taken; init writes them into a pipeline file."
     return render_page("look", Overview(sentence, tiles, {}, "", [], "", "", ""), sections, _about())
@@ -35,37 +32,43 @@ def _about() -> dict[str, str]:
 def _columns(answer: Answer) -> Section:
     rows = [
         (
-            str(one["column"]),
-            one["signal"] or "-",
-            f"{one['unit']}{' gauge' * one['gauge']}",
-            Cell("" if one["least"] is None else f"{format_plain(one['least'], 4)} to {format_plain(one['most'], 4)}"),
-            one["why"].replace("CHECK ", "?  "),
+            str(one.column),
+            one.signal or "-",
+            f"{one.unit}{' gauge' * one.gauge}",
+            Cell(_range(one)),
+            one.why.replace("CHECK ", "?  "),
         )
-        for one in answer["columns"]
+        for one in answer.columns
     ]
-    notes = [Note(text, "warning") for key in ("cannot", "doubts") for text in answer[key]]
-    notes += [Note(f"left out: {text}") for text in answer["left_out"]]
+    notes = [Note(text, "warning") for text in (*answer.cannot, *answer.doubts)]
+    notes += [Note(f"left out: {text}") for text in answer.left_out]
     grid = Grid("Columns of the files", ("column", "taken for", "unit", "range", "why (?: check it)"), rows)
     return Section("columns", "Columns", "What each column is taken for, and what speaks for it.", [grid, *notes])
 
 
-def _recording(one: Answer, number: int) -> Section:
+def _range(one: Column) -> str:
+    if one.least is None or one.most is None:
+        return ""
+    return f"{format_plain(one.least, 4)} to {format_plain(one.most, 4)}"
+
+
+def _recording(one: Recording, number: int) -> Section:
     drawings: list[Drawing] = []
-    for signal in one["signals"]:
-        rest = rest_text(signal)
-        caption = f"{signal['signal']} of {one['name']}" + (f"; rests at {rest}" if rest else "")
-        with drawing(caption, "time, s", axis_title(signal["signal"]), height=CURVE_HEIGHT) as own:
-            values = np.array([np.nan if value is None else value for value in signal["values"]])
-            own.axes.plot(signal["time"], in_display_unit(values, signal["unit"]))
+    for signal in one.signals:
+        rest = signal.rest_text
+        caption = f"{signal.signal} of {one.name}" + (f"; rests at {rest}" if rest else "")
+        with drawing(caption, "time, s", axis_title(signal.signal), height=CURVE_HEIGHT) as own:
+            values = np.array([np.nan if value is None else value for value in signal.values])
+            own.axes.plot(signal.time, in_display_unit(values, signal.unit))
         drawings.append(own)
     head = ("signal", "least", "median", "most", "noise", "missing")
-    rows = [
+    rows: list[tuple[Cell | str, ...]] = [
         (
-            signal["signal"],
-            *(Cell(format_quantity(signal[key], signal["unit"])) for key in ("least", "median", "most", "noise")),
-            Cell(f"{100 * signal['missing']:.1f} %"),
+            signal.signal,
+            *(Cell(format_quantity(n, signal.unit)) for n in (signal.least, signal.median, signal.most, signal.noise)),
+            Cell(f"{100 * signal.missing:.1f} %"),
         )
-        for signal in one["signals"]
+        for signal in one.signals
     ]
-    lead = f"{one['experiment']}, {one['samples']} samples, {format_plain(one['seconds'], 4)} s"
-    return Section(f"recording-{number}", one["name"], lead, [*figures(drawings), Grid("Readings", head, rows)])
+    lead = f"{one.experiment}, {one.samples} samples, {format_plain(one.seconds, 4)} s"
+    return Section(f"recording-{number}", one.name, lead, [*figures(drawings), Grid("Readings", head, rows)])

@@ -34,15 +34,14 @@ from pneucli.init.writer import References, fields_to_fill_in, pipeline_text, to
 from pneucli.io.artifacts import write_text
 from pneucli.io.formats import recordings_in_archive
 from pneucli.io.raw_file import RawFile
+from pneucli.messages.init import Answer, Column, Kind, Waiting
 from pneucli.paths import archive_members
 
 NAME = "pipeline.toml"
 HEADER_LINES = 2  # lines: where the schema is, and what CHECK means
 
 
-def create(
-    directory: Path, raw: Sequence[Path] = (), *, parts: Sequence[Component] = (), **stated: Any
-) -> dict[str, Any]:
+def create(directory: Path, raw: Sequence[Path] = (), *, parts: Sequence[Component] = (), **stated: Any) -> Answer:
     """Write ``directory / "pipeline.toml"`` and its schema; return what was written, with what was seen and guessed.
 
     ``raw`` holds files, folders and globs; ``parts`` are the rig's cylinder and valve, by part number; ``stated`` says
@@ -74,23 +73,27 @@ def create(
     references = pressure_references(found)
     write_text(target, content)
     write_text(directory / SCHEMA, schema_text())
-    return {
-        "schema": "pneucli/init/1",
-        "pipeline": str(target),
-        "columns": [row for kind in found for row in _column_rows(kind, references)],
-        "left_out": left,
-        "cannot": [*limits_of(found)] if raw else [],
-        "recordings": [_recording_row(kind) for kind in found],
-        "fill_in": [{"line": line, "key": key} for line, key in fields_to_fill_in(content)],
-        "check": [
+    return Answer(
+        schema="pneucli/init/1",
+        pipeline=str(target),
+        columns=[column for kind in found for column in _columns_of(kind, references)],
+        left_out=left,
+        cannot=[*limits_of(found)] if raw else [],
+        recordings=[_kind_of(kind) for kind in found],
+        fill_in=_waiting(content),
+        check=[
             number for number, line in enumerate(content.splitlines(), 1) if "CHECK " in line and number > HEADER_LINES
         ],
-    }
+    )
 
 
-def questions(waiting: Sequence[Mapping[str, Any]]) -> list[Question]:
+def _waiting(content: str) -> list[Waiting]:
+    return [Waiting(line, key) for line, key in fields_to_fill_in(content)]
+
+
+def questions(waiting: Sequence[Waiting]) -> list[Question]:
     """Return what is to be asked for the fields that wait, as :func:`create` returns them under ``fill_in``."""
-    return asked_questions([str(one["key"]) for one in waiting])
+    return asked_questions([one.key for one in waiting])
 
 
 def refusal(answers: Mapping[str, str]) -> str:
@@ -102,14 +105,14 @@ def refusal(answers: Mapping[str, str]) -> str:
     return ""
 
 
-def fill_in(path: Path, answers: Mapping[str, str]) -> dict[str, Any]:
+def fill_in(path: Path, answers: Mapping[str, str]) -> list[Waiting]:
     """Write answers to :func:`questions` into the pipeline file; return what still waits, as :func:`create` does.
 
     Raises InputError where an answer is no quantity of its kind.
     """
     content = with_values(path.read_text(encoding="utf-8"), values_of(answers))
     write_text(path, content)
-    return {"fill_in": [{"line": line, "key": key} for line, key in fields_to_fill_in(content)]}
+    return _waiting(content)
 
 
 def _survey_files(raw: Sequence[Path], stated: dict[str, Any], left: list[str]) -> Iterator[Survey]:
@@ -170,35 +173,34 @@ def _from_raw(directory: Path, found: Sequence[FileGroup]) -> str:
     return pipeline_text(directory, found, [guess_experiment(kind) for kind in found], pressure_references(found))
 
 
-def _column_rows(kind: FileGroup, references: References) -> Iterator[dict[str, Any]]:
+def _columns_of(kind: FileGroup, references: References) -> Iterator[Column]:
     """Yield what was seen of each column of a kind of file."""
     guesses: list[Guess] = [*kind.signals.values(), *kind.unused]
     for one in guesses:
         each = kind.raw_numbers(one.signal) if one.signal else [column_values(survey, one) for survey in kind.surveys]
         values = np.concatenate(each)
         reference, why = references.get(one.unit, ("", "")) if one.signal.startswith("p") else ("", "")
-        yield {
-            "file": kind.file,
-            "part": kind.surveys[0].raw.part,
-            "run": kind.surveys[0].run,
-            "column": one.column.name or one.column.key,
-            "signal": one.signal,
-            "unit": "?" if one.ask_unit else one.unit,
-            "gauge": reference == "gauge" and not one.ask_unit,
-            "least": float(values.min()) if values.size else None,
-            "median": float(np.median(values)) if values.size else None,
-            "most": float(values.max()) if values.size else None,
-            "why": "; ".join(filter(None, (one.note, why))),
-        }
+        yield Column(
+            file=kind.file,
+            part=kind.surveys[0].raw.part,
+            run=kind.surveys[0].run,
+            column=one.column.name or one.column.key,
+            signal=one.signal,
+            unit="?" if one.ask_unit else one.unit,
+            gauge=reference == "gauge" and not one.ask_unit,
+            least=float(values.min()) if values.size else None,
+            median=float(np.median(values)) if values.size else None,
+            most=float(values.max()) if values.size else None,
+            why="; ".join(filter(None, (one.note, why))),
+        )
 
 
-def _recording_row(kind: FileGroup) -> dict[str, Any]:
-    held = [one.path.name for one in kind.held_out]
-    return {
-        "file": kind.file,
-        "part": kind.surveys[0].raw.part,
-        "run": kind.surveys[0].run,
-        "files": len(kind.surveys) + len(kind.further_files),
-        "experiment": guess_experiment(kind).experiment,
-        "held_out": held,
-    }
+def _kind_of(kind: FileGroup) -> Kind:
+    return Kind(
+        file=kind.file,
+        part=kind.surveys[0].raw.part,
+        run=kind.surveys[0].run,
+        files=len(kind.surveys) + len(kind.further_files),
+        experiment=guess_experiment(kind).experiment,
+        held_out=[one.path.name for one in kind.held_out],
+    )

@@ -5,6 +5,7 @@ from __future__ import annotations
 import re
 import tempfile
 from collections.abc import Iterator, Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -14,7 +15,10 @@ from pneucli.arrays import Array
 from pneucli.config import load
 from pneucli.errors import InputError
 from pneucli.io.recordings import load_recordings
+from pneucli.messages import look as messages
 from pneucli.messages.envelope import envelope_indices, with_gap_indices
+from pneucli.messages.init import Answer as Seen
+from pneucli.messages.look import Answer, Rest, Signal
 from pneucli.pipeline.context import Context
 from pneucli.quantities import SIGNALS
 from pneucli.recording import Recording, Rig
@@ -28,7 +32,7 @@ MIN_REST_SHARE = 0.03  # of the time, that a level is worth being said
 _WAITS = re.compile(r'"[^"#]*\?[^"]*"')
 
 
-def look_at(raw: Sequence[Path], **stated: Any) -> dict[str, Any]:
+def look_at(raw: Sequence[Path], **stated: Any) -> Answer:
     """Return what raw files hold: columns as taken, and readings, rests and doubts of each recording.
 
     Args:
@@ -46,30 +50,22 @@ def look_at(raw: Sequence[Path], **stated: Any) -> dict[str, Any]:
     with tempfile.TemporaryDirectory() as place:
         folder = Path(place) / "look"
         seen, waiting = write_pipeline(folder, raw, **stated)
-        answer = {
-            "schema": SCHEMA,
-            "kinds": seen["recordings"],
-            "columns": seen["columns"],
-            "left_out": seen["left_out"],
-            "cannot": seen["cannot"],
-            "recordings": [],
-            "repairs": [],
-        }
+        answer = Answer(SCHEMA, seen.recordings, seen.columns, seen.left_out, seen.cannot, [], [], [])
         try:
             read, own, _ = read_pipeline(folder / init.NAME, folder)
         except InputError as error:
             reason = f"{error.found}; {error.mend}" if error.mend else error.found
-            return answer | {"doubts": [*waiting, f"not read: {reason.replace(str(folder), '').strip()}"]}
+            return replace(answer, doubts=[*waiting, f"not read: {reason.replace(str(folder), '').strip()}"])
     doubts = [f"{one['recording']}: {one['found']}; {one['mend']}" for one in read["plausibility"]]
-    repairs = [f"{one['recording']}, {one['signal']}: {one['message']}" for one in read["repairs"]]
-    return answer | {
-        "recordings": [_recording(one) for one in own],
-        "repairs": repairs,
-        "doubts": list(dict.fromkeys([*waiting, *doubts])),
-    }
+    return replace(
+        answer,
+        recordings=[_recording(one) for one in own],
+        repairs=[f"{one['recording']}, {one['signal']}: {one['message']}" for one in read["repairs"]],
+        doubts=list(dict.fromkeys([*waiting, *doubts])),
+    )
 
 
-def write_pipeline(folder: Path, raw: Sequence[Path], **stated: Any) -> tuple[dict[str, Any], list[str]]:
+def write_pipeline(folder: Path, raw: Sequence[Path], **stated: Any) -> tuple[Seen, list[str]]:
     """Write a pipeline file for raw files; return the answer of ``init``, and what is asked of signals, in words."""
     seen = init.create(folder, raw, **stated)
     content, waiting = _without_waiting((folder / init.NAME).read_text(encoding="utf-8"))
@@ -105,33 +101,33 @@ def _without_waiting(text: str) -> tuple[str, list[str]]:
     return "\n".join(kept) + "\n", waiting
 
 
-def _recording(one: Recording) -> dict[str, Any]:
-    return {
-        "name": one.name,
-        "experiment": one.experiment,
-        "samples": one.time.size,
-        "seconds": float(np.ptp(one.time)) if one.time.size else 0.0,
-        "rate": 1.0 / one.period if one.time.size > 1 and one.period > 0 else None,
-        "signals": [_signal(one, name) for name in one.signals],
-    }
+def _recording(one: Recording) -> messages.Recording:
+    return messages.Recording(
+        name=one.name,
+        experiment=one.experiment,
+        samples=one.time.size,
+        seconds=float(np.ptp(one.time)) if one.time.size else 0.0,
+        rate=1.0 / one.period if one.time.size > 1 and one.period > 0 else None,
+        signals=[_signal(one, name) for name in one.signals],
+    )
 
 
-def _signal(one: Recording, name: str) -> dict[str, Any]:
+def _signal(one: Recording, name: str) -> Signal:
     values = one[name]
     shown = with_gap_indices(envelope_indices([values], MAX_POINTS), values)
-    return {
-        "signal": name,
-        "unit": SIGNALS[name].unit,
-        "least": float(np.nanmin(values)),
-        "median": float(np.nanmedian(values)),
-        "most": float(np.nanmax(values)),
-        "missing": float(np.mean(np.isnan(values))),
-        "noise": one.noise[name].rms if name in one.noise else None,
-        "noise_ci95": one.noise[name].rms_interval if name in one.noise else None,
-        "rests": [{"level": level, "share": share} for level, share in rests(values)],
-        "time": [round(float(t), 9) for t in one.time[shown]],
-        "values": [None if np.isnan(v) else float(v) for v in values[shown]],
-    }
+    return Signal(
+        signal=name,
+        unit=SIGNALS[name].unit,
+        least=float(np.nanmin(values)),
+        median=float(np.nanmedian(values)),
+        most=float(np.nanmax(values)),
+        missing=float(np.mean(np.isnan(values))),
+        noise=one.noise[name].rms if name in one.noise else None,
+        noise_ci95=one.noise[name].rms_interval if name in one.noise else None,
+        rests=[Rest(level, share) for level, share in rests(values)],
+        time=[round(float(t), 9) for t in one.time[shown]],
+        values=[None if np.isnan(v) else float(v) for v in values[shown]],
+    )
 
 
 def rests(values: Array) -> Iterator[tuple[float, float]]:

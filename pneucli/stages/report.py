@@ -11,11 +11,12 @@ from typing import Any
 from pneucli.config import PipelineConfig
 from pneucli.errors import InputError
 from pneucli.export.replay_check import MAX_DIFFERENCE
-from pneucli.figure import read
+from pneucli.figure import read, to_json
 from pneucli.io.artifacts import Provenance, read_metadata, read_table, write_table, write_text
 from pneucli.messages import compare, diagnose
 from pneucli.messages.design import violations, worst_value
 from pneucli.messages.formatting import format_number, format_plain, format_quantity
+from pneucli.messages.report import Answer, DefaultCheck, StatedCheck
 from pneucli.pipeline.checks import evaluate
 from pneucli.pipeline.context import Context
 from pneucli.report.overview import overview
@@ -63,17 +64,17 @@ def run(context: Context) -> dict[str, Any]:
     tables_written = _write_tables(context, sections)
     for name, text in texts.items():
         write_text(context.out / name, text)
-    return {
-        "schema": "pneucli/report/1",
-        "pipeline": context.config.name,
-        "files": [*texts],
-        "tables": tables_written,
-        "bytes": len(page.encode()),
-        "checks": [{"path": c.path, "passed": not c.failure} for c in checks],
-        "default_checks": [
-            {"path": c.path, "passed": None if c.skipped else not c.failure, "value": c.value} for c in defaults
-        ],
-    }
+    found = Answer(
+        schema="pneucli/report/1",
+        pipeline=context.config.name,
+        files=[*texts],
+        tables=tables_written,
+        bytes=len(page.encode()),
+        checks=[StatedCheck(c.path, not c.failure) for c in checks],
+        default_checks=[DefaultCheck(c.path, None if c.skipped else not c.failure, c.value) for c in defaults],
+    )
+    answer: dict[str, Any] = to_json(found)
+    return answer
 
 
 def _write_tables(context: Context, sections: Sequence[Section]) -> list[str]:

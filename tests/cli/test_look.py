@@ -71,8 +71,8 @@ def test_what_waits_for_people_is_a_doubt_and_the_rest_is_shown(tmp_path: Path) 
     rows = "".join(f"{u:g},{p:.5f}\n" for u, p in zip(U, P, strict=True))
     (tmp_path / "a.csv").write_text(f"u [V],p1 [zorps]\n{rows}", encoding="utf-8")
     answer = look_at([tmp_path / "a.csv"])
-    assert any("time: a ? waits" in one for one in answer["doubts"])
-    assert {one["signal"] for one in answer["columns"]} == {"u", "p1"}
+    assert any("time: a ? waits" in one for one in answer.doubts)
+    assert {one.signal for one in answer.columns} == {"u", "p1"}
 
 
 def test_a_file_that_cannot_be_read_is_refused_in_one_line(pneucli: Command, tmp_path: Path) -> None:

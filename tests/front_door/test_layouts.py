@@ -58,7 +58,7 @@ def read(path: Path, column: int = 1) -> tuple[np.ndarray, Any]:
 
 def guessed(path: Path) -> dict[str, str]:
     answer = init.create(path.parent / "rig", [path])
-    return {one["signal"]: one["column"] for one in answer["columns"] if one["signal"]}
+    return {one.signal: one.column for one in answer.columns if one.signal}
 
 
 # ---- cells
@@ -261,7 +261,7 @@ def test_what_only_the_order_of_columns_decides_is_marked(tmp_path: Path) -> Non
     answer = init.create(
         tmp_path / "rig", [written(tmp_path, f"t [s],u [V],p left upper [bar],p left lower [bar]\n{rows}")]
     )
-    marks = {one["signal"]: one["why"] for one in answer["columns"]}
+    marks = {one.signal: one.why for one in answer.columns}
     assert 'CHECK "p left lower [bar]" may be p1 as well' in marks["p1"]
 
 
@@ -270,7 +270,7 @@ def test_a_unit_that_cannot_be_is_asked_for(tmp_path: Path, unit: str, scale: fl
     rows = "".join(f"{n / 100},{n % 9},{scale * (3 + np.sin(n / 9)):.4f}\n" for n in range(200))
     answer = init.create(tmp_path / "rig", [written(tmp_path, f"t [s],u [V],p1{f' [{unit}]' if unit else ''}\n{rows}")])
     text = (tmp_path / "rig" / "pipeline.toml").read_text(encoding="utf-8")
-    asked = [one["key"] for one in answer["fill_in"]]
+    asked = [one.key for one in answer.fill_in]
     assert ("signals.p1" in asked) == (unit == "zorps" or 'unit = "?"' in text)
     assert 'unit = "?"' in text
 
@@ -287,7 +287,7 @@ def test_the_reference_state_of_a_flow_is_said(tmp_path: Path, unit: str, said: 
     rows = "".join(f"7.0,{1 + n / 10:.1f},{100 + n}\n" for n in range(40))
     path = written(tmp_path, f"p_upstream [bar(a)],p_downstream [bar(a)],flow [{unit}]\n{rows}")
     answer = init.create(tmp_path / "rig", [path])
-    assert said in next(one["why"] for one in answer["columns"] if one["signal"] == "flow")
+    assert said in next(one.why for one in answer.columns if one.signal == "flow")
 
 
 # ---- what no experiment can use
@@ -311,7 +311,7 @@ def test_numbers_that_fill_0_to_1_in_a_unit_or_rest_at_an_end_are_no_scaled_ones
 def test_what_cannot_be_identified_without_a_pressure_is_said(tmp_path: Path) -> None:
     rows = "".join(f"{n / 100},{n // 50 % 3},{100 + 50 * np.sin(n / 30):.3f}\n" for n in range(400))
     answer = init.create(tmp_path / "rig", [written(tmp_path, f"t [s],u [V],x [mm]\n{rows}")])
-    assert answer["cannot"] == [
+    assert answer.cannot == [
         "a.csv: u, x and no pressure: neither the valve's map nor friction can be identified; record p1 (and p2, "
         "p_supply), or the force on the piston beside x"
     ]
@@ -328,8 +328,8 @@ def test_a_vessel_that_is_vented_in_between_tells_absolute(lowest: float) -> Non
 def test_what_stands_beside_the_values_of_a_long_table_is_counted(tmp_path: Path) -> None:
     rows = "".join(f"{n / 100},{tag},{n % 7},{192 if n % 50 else 0}\n" for n in range(200) for tag in ("u", "p1"))
     answer = init.create(tmp_path / "rig", [written(tmp_path, f"ts,tag,val,quality\n{rows}")])
-    assert answer["left_out"] == ['a.csv: "quality": texts, "192" 392 times, "0" 8 times']
-    assert {one["signal"] for one in answer["columns"]} == {"time", "u", "p1"}
+    assert answer.left_out == ['a.csv: "quality": texts, "192" 392 times, "0" 8 times']
+    assert {one.signal for one in answer.columns} == {"time", "u", "p1"}
 
 
 def test_a_channel_of_json_is_taken_by_its_label(tmp_path: Path) -> None:

@@ -136,7 +136,7 @@ def test_a_column_without_a_name_and_without_a_number_is_no_fault(tmp_path: Path
     rows = "".join(f"{n};{n % 7};;{n % 5}\n" for n in range(200))
     (tmp_path / "a.csv").write_text(rows, encoding="utf-8")
     answer = init.create(tmp_path / "p", [tmp_path / "a.csv"])
-    assert [one["signal"] for one in answer["columns"]].count("time") == 1
+    assert [one.signal for one in answer.columns].count("time") == 1
 
 
 def test_a_table_of_results_beside_recordings_is_left_out(tmp_path: Path) -> None:
@@ -146,14 +146,14 @@ def test_a_table_of_results_beside_recordings_is_left_out(tmp_path: Path) -> Non
     )
     (tmp_path / "summary.csv").write_text(results, encoding="utf-8")
     answer = init.create(tmp_path / "q", [tmp_path / "a.csv", tmp_path / "summary.csv"])
-    assert answer["left_out"] == ["summary.csv: no column rises like a clock"]
+    assert answer.left_out == ["summary.csv: no column rises like a clock"]
 
 
 def test_each_part_of_a_file_has_its_own_columns_in_the_answer(tmp_path: Path) -> None:
     half = "t [s],u [V],p1 [bar]\n" + "".join(f"{n / 100},{n % 3},{1 + n % 7}\n" for n in range(100))
     (tmp_path / "a.csv").write_text(half + half, encoding="utf-8")
     answer = init.create(tmp_path / "p", [tmp_path / "a.csv"])
-    assert [(one["part"], one["column"]) for one in answer["columns"] if one["signal"] == "p1"] == [
+    assert [(one.part, one.column) for one in answer.columns if one.signal == "p1"] == [
         (1, "p1 [bar]"),
         (2, "p1 [bar]"),
     ]

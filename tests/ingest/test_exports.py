@@ -29,13 +29,13 @@ EXPORTS = {
 def started(name: str, folder: Path) -> tuple[int, list[Recording]]:
     """Return how many lines had to be filled in, and the recordings."""
     answer = init.create(folder / name, [FIXTURES / name])
-    path = Path(answer["pipeline"])
+    path = Path(answer.pipeline)
     text = path.read_text(encoding="utf-8")
     for asked, given in RIG.items():
         text = text.replace(asked, given)
     path.write_text(text, encoding="utf-8")
     ingest.run(Context(path, load(path), folder / "out", folder))
-    return len(answer["fill_in"]), load_recordings(folder / "out")
+    return len(answer.fill_in), load_recordings(folder / "out")
 
 
 @pytest.mark.parametrize("name", EXPORTS)

@@ -93,7 +93,7 @@ def test_a_new_pipeline_has_the_parts_in_place_of_questions(tmp_path: Path, own:
     np.savetxt(tmp_path / "a.csv", columns, delimiter=",", header="t [s],P1 [bar],P2 [bar],x [mm]")
     part = find_component("AX-40-250", "cylinder", own)
     answer = init.create(tmp_path / "p", [tmp_path / "a.csv"], parts=[part])
-    assert [one["key"] for one in answer["fill_in"] if "piston_area" in one["key"] or "stroke" in one["key"]] == []
+    assert [one.key for one in answer.fill_in if "piston_area" in one.key or "stroke" in one.key] == []
     assert rig((tmp_path / "p" / "pipeline.toml").read_text())["cylinder"]["stroke"] == "250 mm"
 
 

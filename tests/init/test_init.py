@@ -6,12 +6,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from pneucli import messages
 from pneucli.config import load
 from pneucli.errors import InputError
 from pneucli.init.columns import guess_columns
 from pneucli.init.survey import Column, Survey, survey_file
 from pneucli.io.raw_file import RawFile
+from pneucli.messages.init import Answer
 from pneucli.pipeline.context import Context
 from pneucli.stages import ingest, init
 from pneucli.units import parse_quantity
@@ -31,17 +31,17 @@ def stroke(pressure: float = 4.0, size: float = 30.0) -> dict[str, np.ndarray]:
     return {"t [s]": T, "p1 [bar]": pressure + noise, "pos [mm]": 50 + size * np.sin(T) + noise, "F [N]": np.cos(T)}
 
 
-def lines_of(answer: dict) -> list[str]:
-    return Path(answer["pipeline"]).read_text(encoding="utf-8").splitlines()
+def lines_of(answer: Answer) -> list[str]:
+    return Path(answer.pipeline).read_text(encoding="utf-8").splitlines()
 
 
-def line(answer: dict, key: str) -> str:
+def line(answer: Answer, key: str) -> str:
     return next(one for one in lines_of(answer) if one.startswith(f"{key} = "))
 
 
 def test_the_example_is_a_valid_pipeline(tmp_path: Path) -> None:
     answer = init.create(tmp_path / "my bench")
-    assert load(answer["pipeline"]).name == "my bench"
+    assert load(answer.pipeline).name == "my bench"
     with pytest.raises(InputError, match="exists already"):
         init.create(tmp_path / "my bench")
 
@@ -184,14 +184,14 @@ def test_files_of_one_kind_are_one_entry_and_one_of_them_is_held_out(tmp_path: P
         write(tmp_path / f"step_{n}.csv", stroke(size=0.0 if n in (2, 9) else 30.0))
     write(tmp_path / "other.csv", stroke())
     answer = init.create(tmp_path / "rig", [tmp_path / "step_*.csv", tmp_path / "other.csv"])
-    first, second = answer["recordings"]
-    assert (first["files"], first["held_out"]) == (4, ["step_10.csv"])  # 2 and 9 stand still
-    assert (second["files"], second["held_out"]) == (1, [])
+    first, second = answer.recordings
+    assert (first.files, first.held_out) == (4, ["step_10.csv"])  # 2 and 9 stand still
+    assert (second.files, second.held_out) == (1, [])
     text = "\n".join(lines_of(answer)).replace('"? cm^2"', '"5 cm^2"')
-    Path(answer["pipeline"]).write_text(text, encoding="utf-8")
-    config = load(answer["pipeline"])
+    Path(answer.pipeline).write_text(text, encoding="utf-8")
+    config = load(answer.pipeline)
     out = tmp_path / "out"
-    rows = ingest.run(Context(Path(answer["pipeline"]), config, out, tmp_path))["recordings"]
+    rows = ingest.run(Context(Path(answer.pipeline), config, out, tmp_path))["recordings"]
     assert {row["name"]: row["use"] for row in rows} == {
         **dict.fromkeys(("step_1", "step_2", "step_9", "other"), "train"), "step_10": "test"
     }  # fmt: skip
@@ -212,16 +212,16 @@ def test_a_file_to_hold_out_that_is_not_there_is_refused(tmp_path: Path) -> None
 def test_what_the_recordings_need_of_the_rig_is_a_line_to_fill_in(tmp_path: Path) -> None:
     columns = {**stroke(), "u [V]": 5 + np.sin(T)}
     answer = init.create(tmp_path / "rig", [write(tmp_path / "a.csv", columns)])
-    keys = [one["key"] for one in answer["fill_in"]]
+    keys = [one.key for one in answer.fill_in]
     cylinder = ["piston_area_1", "piston_area_2", "stroke", "dead_volume_2"]  # no p2 is recorded
     assert keys == ["rig.supply_pressure", *(f"rig.cylinder.{key}" for key in cylinder)]
-    for one in answer["fill_in"]:
-        assert one["key"].endswith(lines_of(answer)[one["line"] - 1].split(" =")[0])
-    said = " ".join(messages.render("init", answer, "rig/pipeline.toml").split())
+    for one in answer.fill_in:
+        assert one.key.endswith(lines_of(answer)[one.line - 1].split(" =")[0])
+    said = " ".join("\n".join(answer.lines("rig/pipeline.toml", verbose=False)).split())
     assert "fill in these 5: rig.supply_pressure (line 9)" in said
     assert said.endswith("then pneucli run rig/pipeline.toml")
     with pytest.raises(InputError, match=r'"\? bar" is to be filled in \[E023\]\n  wanted: a quantity such as'):
-        load(answer["pipeline"])
+        load(answer.pipeline)
 
 
 def test_a_null_in_the_middle_and_who_drives_chamber_2_are_seen(tmp_path: Path) -> None:
@@ -249,7 +249,7 @@ def test_without_a_clock_the_rate_is_asked_for_or_found(tmp_path: Path) -> None:
     savemat(tmp_path / "a.mat", columns)
     savemat(tmp_path / "b.mat", {**columns, "fs": 500.0})
     asked = init.create(tmp_path / "a", [tmp_path / "a.mat"])
-    assert "signals.time" in [one["key"] for one in asked["fill_in"]]
+    assert "signals.time" in [one.key for one in asked.fill_in]
     found = init.create(tmp_path / "b", [tmp_path / "b.mat"])
     assert line(found, "time").startswith('time = { expression = "row / 500" }')
 
@@ -259,7 +259,7 @@ def test_init_ends_with_a_file_to_edit_where_no_column_is_recognised(tmp_path: P
     text = "\n".join(lines_of(answer))
     assert 'p1 = { column = "?"' in text
     assert '# not taken: column "gain"' in text
-    assert "signals.p1" in [one["key"] for one in answer["fill_in"]]
+    assert "signals.p1" in [one.key for one in answer.fill_in]
 
 
 def test_one_bad_file_stops_no_others_and_is_listed(tmp_path: Path) -> None:
@@ -267,24 +267,24 @@ def test_one_bad_file_stops_no_others_and_is_listed(tmp_path: Path) -> None:
     bad = tmp_path / "b.csv"
     bad.write_text("nothing\nto\nread\n", encoding="utf-8")
     answer = init.create(tmp_path / "rig", [good, bad])
-    assert [one["files"] for one in answer["recordings"]] == [1]
-    assert answer["left_out"][0].startswith("b.csv: ")
+    assert [one.files for one in answer.recordings] == [1]
+    assert answer.left_out[0].startswith("b.csv: ")
     assert "# left out: b.csv" in "\n".join(lines_of(answer))
 
 
 def test_answers_become_areas_and_lengths(tmp_path: Path) -> None:
     raw = write(tmp_path / "a.csv", {"t [s]": T, "u [V]": T % 3, "p1 [bar]": 1.013 + T, "x [mm]": 50 * np.sin(T)})
     answer = init.create(tmp_path / "rig", [raw])
-    asked = [name for name, _, _ in init.questions(answer["fill_in"])]
+    asked = [name for name, _, _ in init.questions(answer.fill_in)]
     assert asked == ["rig.supply_pressure", "bore", "rod", "rig.cylinder.stroke"]
-    path = Path(answer["pipeline"])
+    path = Path(answer.pipeline)
     left = init.fill_in(path, {"rig.supply_pressure": "7 bar", "bore": "32 mm", "rod": "12 mm"})
     cylinder = tomllib.loads(path.read_text(encoding="utf-8"))["rig"]["cylinder"]
     assert parse_quantity(cylinder["piston_area_1"], "m^2") == pytest.approx(np.pi / 4 * 0.032**2, rel=1e-5)
     assert parse_quantity(cylinder["piston_area_2"], "m^2") == pytest.approx(
         np.pi / 4 * (0.032**2 - 0.012**2), rel=1e-5
     )
-    assert "rig.cylinder.stroke" in [one["key"] for one in left["fill_in"]]
+    assert "rig.cylinder.stroke" in [one.key for one in left]
 
 
 @pytest.mark.parametrize(
@@ -292,7 +292,7 @@ def test_answers_become_areas_and_lengths(tmp_path: Path) -> None:
 )
 def test_an_answer_that_is_none_is_refused(answers: dict[str, str], tmp_path: Path) -> None:
     raw = write(tmp_path / "a.csv", {"t [s]": T, "u [V]": T % 3, "p1 [bar]": 1.013 + T, "x [mm]": 50 * np.sin(T)})
-    path = Path(init.create(tmp_path / "rig", [raw])["pipeline"])
+    path = Path(init.create(tmp_path / "rig", [raw]).pipeline)
     before = path.read_text(encoding="utf-8")
     with pytest.raises(InputError):
         init.fill_in(path, answers)
@@ -313,7 +313,7 @@ def test_globs_that_the_shell_left_alone_and_folders_are_filled_in(tmp_path: Pat
         write(tmp_path / f"a_{n}.csv", stroke())
     by_glob = init.create(tmp_path / "one", [tmp_path / "a_*.csv"])
     by_folder = init.create(tmp_path / "two", [tmp_path.joinpath(".")])
-    assert by_glob["recordings"][0]["files"] == by_folder["recordings"][0]["files"] == 2
+    assert by_glob.recordings[0].files == by_folder.recordings[0].files == 2
     with pytest.raises(InputError, match="no such file"):
         init.create(tmp_path / "three", [tmp_path / "b_*.csv"])
 
@@ -328,8 +328,8 @@ def test_files_of_one_signal_each_are_one_recording(tmp_path: Path, same: bool) 
         write(tmp_path / f"{name}.csv", {"t [s]": T[some], "value" if same else name: values[some]})
     (tmp_path / "notes.md").write_text("no numbers\n", encoding="utf-8")
     answer = init.create(tmp_path / "rig", [tmp_path])
-    assert answer["left_out"] == ["notes.md: no table of numbers"]
-    path = Path(answer["pipeline"])
+    assert answer.left_out == ["notes.md: no table of numbers"]
+    path = Path(answer.pipeline)
     path.write_text(path.read_text(encoding="utf-8").replace('"? cm^2"', '"5 cm^2"'), encoding="utf-8")
     out = tmp_path / "out"
     (row,) = ingest.run(Context(path, load(path), out, tmp_path))["recordings"]

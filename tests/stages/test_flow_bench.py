@@ -153,7 +153,7 @@ def test_a_closed_valve_that_leaks_is_named(tmp_path):
 def test_init_recognises_the_rows(tmp_path):
     write_csv(tmp_path / "rows.csv", bench_rows(3, SEVERAL))
     found = create(tmp_path / "new", [tmp_path / "rows.csv"])
-    assert found["recordings"][0]["experiment"] == "flow"
-    taken = {row["signal"] for row in found["columns"]}
+    assert found.recordings[0].experiment == "flow"
+    taken = {row.signal for row in found.columns}
     assert {"u", "p_supply", "p1", "flow"} <= taken
-    assert found["fill_in"] == []
+    assert found.fill_in == []

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import importlib
 from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -52,9 +53,9 @@ def _init(
     parts = _parts({"cylinder": cylinder, "valve": valve}, components)
     answer = init.create(directory, [*(raw or []), *(more or [])], parts=parts, **stated)
     if ask:
-        answers = _ask(init.questions(answer["fill_in"]), init.refusal)
-        answer |= init.fill_in(Path(answer["pipeline"]), answers)
-    how.show("init", answer, from_here(answer["pipeline"]))
+        answers = _ask(init.questions(answer.fill_in), init.refusal)
+        answer = replace(answer, fill_in=init.fill_in(Path(answer.pipeline), answers))
+    how.tell(answer, from_here(answer.pipeline))
 
 
 def _parts(numbers: Mapping[str, str | None], own_table: Path | None) -> list[Component]:

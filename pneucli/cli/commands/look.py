@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 from shlex import quote
 from typing import Annotated
@@ -25,8 +26,8 @@ def _look(raw: Files, html: Page = None, how: How = How()) -> None:
         from pneucli.report.look_page import look_page
 
         write_text(html, look_page(answer))
-        answer |= {"page": str(html)}
-    how.show("look", answer, " ".join(quote(str(path)) for path in raw))
+        answer = replace(answer, page=str(html))
+    how.tell(answer, " ".join(quote(str(path)) for path in raw))
 
 
 COMMAND = Command(
