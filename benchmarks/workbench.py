@@ -1,8 +1,9 @@
 """Is the live page quick, and does it last? ``python -m benchmarks.workbench TABLE``; all but ``hours`` use Chromium.
 
-- ``speed [SAMPLES...]``: a driven piston of the fixtures, repeated to so many samples: from a question for curves to
-  the last byte, the server's processor time, the bytes; first paint, first curves and all bytes of the page; from a
-  move of a slider to the curve on the screen, with the whole recording in view; the server's memory.
+- ``speed [SAMPLES...]``: a driven piston of the fixtures, repeated to so many samples: from a question for simulated
+  curves to the last byte, the server's processor time, the bytes; first paint, first curves and all bytes of the page;
+  from a move of a slider to the curve on the screen (the first move, median and 95 % of all), with the whole recording
+  in view, how many of the curves were predicted, and from the last move to the simulated one; the server's memory.
 - ``walk [FOLDER]``: a pipeline (by default ``cases/case-09`` of ``../shared``, else the demo) in the page alone: it
   fails, is diagnosed, gets what was named, its error falls; clicks and seconds, and whether the answers are those of
   the commands.
@@ -236,14 +237,31 @@ def first_view(browser: Any, address: str) -> tuple[float, float, float]:
     return (float("nan") if paint is None else paint / 1e3), curves, size / 1e3
 
 
-def slid(browser: Any, moves: int) -> list[float]:
-    """Return ms from each move of a slider to the curve of the long recording on the screen."""
+@dataclass(frozen=True)
+class Slid:
+    """What followed the moves of a slider: ms of each until the curve, how many were predicted, s until it rests."""
+
+    took: Sequence[float]
+    predicted: int
+    rest: float
+
+    def __str__(self) -> str:
+        return f"{self.took[0]:.0f}, {quantiles(self.took)}, {self.predicted} predicted, rest {self.rest:.1f} s"
+
+
+def slid(browser: Any, moves: int) -> Slid:
+    """Move a slider with the curves of the long recording on the screen."""
     pick = "[...document.querySelectorAll('#recordings button')].find((b) => b.dataset.key === 'long').click()"
     browser.execute_script(pick)
     time.sleep(2.0)
+    predicted = 0
     for i in range(moves):
-        slide(browser, PARAMETER, 500 + 400 * i // moves)
-    return [float(one) for one in browser.execute_script(f"return window.pneucliWorkbench.latencies.slice(-{moves})")]
+        slide(browser, PARAMETER, 505 + 400 * i // moves)
+        predicted += browser.execute_script("return window.pneucliWorkbench.predicted()")
+    begin = time.perf_counter()
+    until(browser, "return !window.pneucliWorkbench.predicted()", 60)
+    rest = time.perf_counter() - begin
+    return Slid(browser.execute_script(f"return window.pneucliWorkbench.latencies.slice(-{moves})"), predicted, rest)
 
 
 def quantiles(took: Sequence[float]) -> str:
@@ -255,7 +273,7 @@ def print_speed(arguments: Sequence[str], *, is_small: bool = False) -> None:
     """Print a row for each number of samples."""
     counts = [int(float(one)) for one in arguments] or ([3000] if is_small else [10_000, 100_000, 1_000_000])
     moves = 3 if is_small else MOVES
-    print("samples   question ms  cpu ms  kB   paint s  curves s  page kB  slider to curve ms  server MB")
+    print("samples   question ms  cpu ms  kB   paint s  curves s  page kB  slider to curve ms, server MB")
     for samples in counts:
         with tempfile.TemporaryDirectory() as folder, served(compared(write_pipeline(Path(folder), samples))) as one:
             address, process = one
@@ -264,7 +282,7 @@ def print_speed(arguments: Sequence[str], *, is_small: bool = False) -> None:
             if has_chromium():
                 with chromium() as browser:
                     paint, curves, kilobytes = first_view(browser, address)
-                    row += f" {paint:<8.1f} {curves:<9.1f} {kilobytes:<8.0f} {quantiles(slid(browser, moves)):<19}"
+                    row += f" {paint:<8.1f} {curves:<9.1f} {kilobytes:<8.0f} {slid(browser, moves)};"
             print(f"{row} {memory(process):.0f}, at most {memory(process, 'VmHWM'):.0f}")
 
 

@@ -30,7 +30,7 @@ from pneucli.units import parse_quantity
 from pneucli.workbench import state
 from pneucli.workbench.commands import Command, CommandRunner
 from pneucli.workbench.live_model import LiveModel, Variant
-from pneucli.workbench.timeline import Interval
+from pneucli.workbench.timeline import Interval, visible
 
 CHAPTERS = {"where": error_location, "valve": valve, "friction": friction}
 DROPPED = "dropped"  # folder beside the pipeline file, for recordings that are dropped onto the page
@@ -264,12 +264,19 @@ class Bench:
         interval: Interval | None,
         max_samples: int,
         earlier: int | None,
+        moving: str | None,
     ) -> tuple[list[Panel], dict[str, Any]]:
         """Return the panels of all recordings, with those of an earlier model of the ladder as the model before."""
         live = self.require_live()
         before = None if earlier is None else (earlier, partial(self._stored_tables, earlier))
         with axis_motion(rotary=live.rotary):
-            return live.curves(wanted, focus, interval, max_samples, before)
+            return live.curves(wanted, focus, interval, max_samples, before, moving)
+
+    def simulate(self, wanted: Variant, focus: str, interval: Interval | None) -> None:
+        """Simulate what is visible, so that the next curves need not."""
+        live = self.require_live()
+        with axis_motion(rotary=live.rotary):
+            live.simulated(wanted, focus, tuple(visible(live.places, interval)))
 
     def errors(self, wanted: Variant, focus: str, recording: str) -> tuple[ChannelResult, ...]:
         """Return the errors of one recording."""

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import time
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property, partial
@@ -20,7 +21,6 @@ from pneucli.identify.estimation.parameters import FreeParameter, base_parameter
 from pneucli.messages.formatting import format_fit, format_noise_ratio, format_quantity
 from pneucli.physics.declaration import Effect
 from pneucli.physics.effects import select_effects
-from pneucli.quantities import SIGNALS
 from pneucli.report.page_elements import Panel
 from pneucli.report.report_data import Table
 from pneucli.report.sections.comparison import channel_panel, command_panels, deviation_panels
@@ -30,10 +30,12 @@ from pneucli.simulate.rig_quantities import rig_quantities
 from pneucli.stages.model_file import load_model
 from pneucli.stages.pipeline_data import PipelineData
 from pneucli.workbench.one_step import gauss_newton_step
+from pneucli.workbench.prediction import Line, Prediction, Simulated, at_rows, comparison_tables
 from pneucli.workbench.timeline import Interval, Place, joined, lay_out, visible, within
 
 MAX_SPANS = 200  # shaded stretches of time of one channel
 MIN_SAMPLES = 100  # of the curve of a recording among others
+MAX_SIMULATION = 0.06  # s of a simulation that still follows the hand; longer ones are predicted while it moves
 
 
 @dataclass(frozen=True)
@@ -45,6 +47,7 @@ class Variant:
         effects: All effects of the model; None: those of the identified one.
         free_run: Whether the model runs from the first sample on, without restarts.
         step: Whether one Gauss-Newton step on the shown recording replaces the start values of added effects.
+
     """
 
     values: Mapping[str, float]
@@ -86,6 +89,7 @@ class LiveModel:
         self.places = lay_out(self.experiments.values())
         self._free_runs: dict[str, Experiment] = {}
         self._fitted: dict[tuple[str, bool], Mapping[str, Table]] = {}
+        self._prediction = Prediction()
         self._located: dict[str, dict[str, list[Interval]]] = {}
         for one in compared["channels"]:
             self._noise.setdefault(one["recording"], {})[one["channel"]] = one["noise"]
@@ -159,7 +163,32 @@ class LiveModel:
 
     def errors(self, wanted: Variant, focus: str, recording: str) -> tuple[ChannelResult, ...]:
         """Return the errors of one recording, as ``compare`` has them."""
-        return self.comparison(self.variant(wanted, focus), recording).results
+        kept = self._prediction.same(_others(wanted, focus), wanted.values, (recording,))
+        found = kept.found[recording] if kept else self.comparison(self.variant(wanted, focus), recording)
+        return found.results
+
+    def simulated(self, wanted: Variant, focus: str, recordings: Sequence[str]) -> Simulated:
+        """Return the comparisons of recordings with a model; those of the last models are kept."""
+        others = _others(wanted, focus)
+        kept = self._prediction.same(others, wanted.values, recordings)
+        if kept is None:
+            begin = time.perf_counter()
+            model = self.variant(wanted, focus)
+            found = {name: self.comparison(model, name, free_run=wanted.free_run) for name in recordings}
+            kept = Simulated(others, dict(wanted.values), found, time.perf_counter() - begin)
+            self._prediction.keep(kept)
+        return kept
+
+    def _source(self, wanted: Variant, focus: str, recordings: Sequence[str], moving: str | None) -> Simulated | Line:
+        """Return the simulation of a model; where one takes long and the hand moves, the line that predicts it."""
+        others = _others(wanted, focus)
+        if moving is None or moving not in wanted.values or self._prediction.same(others, wanted.values, recordings):
+            return self.simulated(wanted, focus, recordings)
+        here = has_parameter(self.model, moving)
+        fitted = parameter_value(self.model, moving) if here else math.nan  # of an added effect: none is fitted
+        line = self._prediction.line(others, wanted.values, moving, fitted, recordings)
+        slow = line is not None and line.first.seconds > MAX_SIMULATION
+        return line if line and slow else self.simulated(wanted, focus, recordings)
 
     def curves(
         self,
@@ -168,6 +197,7 @@ class LiveModel:
         interval: Interval | None,
         max_samples: int,
         earlier: tuple[int, Callable[[str], Mapping[str, Table]]] | None = None,
+        moving: str | None = None,
     ) -> tuple[list[Panel], dict[str, Any]]:
         """Return the panels of all recordings within an interval of the common axis, and what the page says of them.
 
@@ -178,24 +208,24 @@ class LiveModel:
             max_samples: About how many samples of each curve.
             earlier: The number of an earlier model and its curves by recording, drawn as the model before; by default
                 the identified one.
+            moving: The parameter under the hand: where a simulation takes long, its curves are predicted.
 
         """
-        model = self.variant(wanted, focus)
         name, before = ("fitted", None) if earlier is None else (f"model {earlier[0]}", earlier[1])
         if before is None and (wanted.values or wanted.effects is not None or wanted.step):
             before = partial(self._fitted_tables, free_run=wanted.free_run)
         shown = visible(self.places, interval)
         span = sum(end - begin for begin, end in shown.values())
+        model, source = self.variant(wanted, focus), self._source(wanted, focus, tuple(shown), moving)
         parts: list[tuple[Place, list[Panel]]] = []
         spans: dict[str, list[Interval]] = {}
         errors = []
         for recording, own in shown.items():
-            found, place = self.comparison(model, recording, free_run=wanted.free_run), self.places[recording]
-            samples = max(int(max_samples * (own[1] - own[0]) / span), MIN_SAMPLES)
-            panels = self._panels(found, before(recording) if before else {}, own, samples)
+            place, samples = self.places[recording], max(int(max_samples * (own[1] - own[0]) / span), MIN_SAMPLES)
+            panels, results = self._drawn(source, recording, before(recording) if before else {}, own, samples)
             parts.append((place, [_named(panel, name) for panel in panels]))
-            errors += [error_answer(r) for r in found.results]
-            for channel, some in self._spans(found.experiment).items():
+            errors += [error_answer(r) for r in results]
+            for channel, some in self._spans(self.experiment(recording)).items():
                 spans.setdefault(channel, []).extend((a + place.shift, b + place.shift) for a, b in some)
         moves = wanted.step or wanted.effects is not None
         free = self._free_parameters(model, [self.experiment(focus)]) if moves else []
@@ -203,18 +233,41 @@ class LiveModel:
             "spans": spans,
             "errors": errors,
             "values": {p.name: parameter_value(model, p.name) for p in free},
+            "predicted": isinstance(source, Line),
         }
 
+    def _drawn(
+        self,
+        source: Simulated | Line,
+        recording: str,
+        before: Mapping[str, Table],
+        interval: Interval,
+        max_samples: int,
+    ) -> tuple[list[Panel], tuple[ChannelResult, ...]]:
+        """Return the panels of one recording within an interval of its own time, and its errors."""
+        older = {channel: within(table, interval) for channel, table in before.items()}
+        experiment = self.experiment(recording)
+        if isinstance(source, Line):
+            tables, results, rows = self._prediction.tables(source, recording, interval, max_samples)
+            older = {channel: at_rows(table, rows) for channel, table in older.items()}
+        else:
+            found = source.found[recording]
+            experiment, results = found.experiment, found.results
+            tables = {channel: within(table, interval) for channel, table in comparison_tables(found).items()}
+        return self._panels(experiment, tables, older, interval, max_samples), results
+
     def _panels(
-        self, found: Comparison, before: Mapping[str, Table], interval: Interval, max_samples: int
+        self,
+        experiment: Experiment,
+        tables: Mapping[str, Table],
+        before: Mapping[str, Table],
+        interval: Interval,
+        max_samples: int,
     ) -> list[Panel]:
         """Return the panels of one recording as the report has them, within an interval of its own time."""
-        noise = self._noise.get(found.experiment.recording.name, {})
-        tables = {channel: within(table, interval) for channel, table in comparison_tables(found).items()}
-        panels = command_panels(within(command_table(found.experiment), interval), max_samples)
-        for channel, table in tables.items():
-            earlier = within(before[channel], interval) if channel in before else None
-            panels.append(channel_panel(channel, table, earlier, max_samples))
+        noise = self._noise.get(experiment.recording.name, {})
+        panels = command_panels(within(command_table(experiment), interval), max_samples)
+        panels += [channel_panel(c, table, before.get(c), max_samples) for c, table in tables.items()]
         by_key = {("", channel): table for channel, table in tables.items()}
         return panels + deviation_panels("", by_key, {("", c): n for c, n in noise.items()}, max_samples)
 
@@ -232,6 +285,11 @@ class LiveModel:
                 spans.setdefault(one["channel"], []).extend(_stretches(experiment.time, inside))
         self._located[name] = {channel: _merged(found)[:MAX_SPANS] for channel, found in spans.items()}
         return self._located[name]
+
+
+def _others(wanted: Variant, focus: str) -> object:
+    """Return what tells a model from the fitted one, but for the values of parameters."""
+    return wanted.effects, wanted.free_run, focus if wanted.step else None
 
 
 def _named(panel: Panel, before: str) -> Panel:
@@ -273,24 +331,6 @@ def _merged(spans: Sequence[Interval]) -> list[Interval]:
         else:
             found.append((begin, end))
     return found
-
-
-def comparison_tables(found: Comparison) -> dict[str, Table]:
-    """Return the columns of ``compare/residuals.parquet`` by channel, from a comparison in memory."""
-    segment = found.experiment.segments.astype(np.float64)
-    return {
-        r.channel: Table(
-            {
-                "time": found.experiment.time,
-                "unit": np.array([SIGNALS[r.channel].unit]),
-                "measured": found.measured[r.channel],
-                "model": found.modelled[r.channel],
-                "residual": found.residual(r.channel),
-                "segment": segment,
-            }
-        )
-        for r in found.results
-    }
 
 
 def command_table(experiment: Experiment) -> Table:

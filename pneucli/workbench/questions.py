@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import asyncio
 from collections.abc import Awaitable, Callable
+from contextlib import suppress
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -42,6 +43,7 @@ class Questions:
     def __init__(self, workbench: Workbench) -> None:
         self._workbench = workbench
         self._bench = workbench.bench
+        self._trails = False
 
     def routes(self) -> list[web.RouteDef]:
         """Return the paths and their handlers."""
@@ -101,9 +103,22 @@ class Questions:
         if earlier is not None and not isinstance(earlier, int):
             raise unreadable("earlier", "a number of the ladder")
         samples = min(max(int(number(asked.get("samples", 4000))), 100), MAX_SAMPLES)
-        work = partial(self._bench.curves, variant_of(asked), text_of(asked, "focus"), interval, samples, earlier)
+        moving = None if asked.get("moving") is None else text_of(asked, "moving")
+        wanted, focus = variant_of(asked), text_of(asked, "focus")
+        work = partial(self._bench.curves, wanted, focus, interval, samples, earlier, moving)
         panels, head = await self._workbench.in_live(work)
+        if head["predicted"] and not self._trails:
+            self._trails = True
+            self._workbench.spawn(self._trail(partial(self._bench.simulate, wanted, focus, interval)))
         return web.Response(body=pack(panels, head), content_type="application/octet-stream")
+
+    async def _trail(self, simulate: Callable[[], None]) -> None:
+        """Simulate what was predicted, behind the hand: the next prediction starts from there."""
+        try:
+            with suppress(InputError):  # the model has changed meanwhile
+                await self._workbench.in_other(simulate)
+        finally:
+            self._trails = False
 
     async def _error(self, request: web.Request) -> dict[str, Any]:
         """Return the error over all recordings, one after the other: the hand need not wait for all of them."""
@@ -111,7 +126,7 @@ class Questions:
         wanted, focus = variant_of(asked), text_of(asked, "focus")
         results: list[ChannelResult] = []
         for recording in list(self._bench.require_live().experiments):
-            results += await self._workbench.in_live(partial(self._bench.errors, wanted, focus, recording))
+            results += await self._workbench.in_other(partial(self._bench.errors, wanted, focus, recording))
         return {use: overall_error(results, use) for use in ("train", "test")}
 
     async def _quantity(self, request: web.Request) -> dict[str, float]:

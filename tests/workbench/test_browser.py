@@ -127,6 +127,11 @@ def test_a_slider_moves_curve_and_error_and_is_reset(page: Any) -> None:
     middle = "p.series.map((s) => [s.label, s.values[s.values.length >> 1]])"
     ink = f"return window.pneucliWorkbench.plots.panels.map((p) => {middle})"
     slider = page.find_element(By.CSS_SELECTOR, "[data-key='slide friction.coulomb']")
+    one = next(p for p in page.execute_script(STATE)["parameters"] if p["name"] == "friction.coulomb")
+    shaded = "const s = arguments[0]; return [s.clientWidth, getComputedStyle(s.parentElement, '::before').width]"
+    width, interval = page.execute_script(shaded, slider)
+    share = (one["ci95"][1] - one["ci95"][0]) / (one["range"][1] - one["range"][0])
+    assert float(interval.removesuffix("px")) == pytest.approx(max(share * (width - 16), 4.0), abs=0.5)
     first = page.execute_script(ink)
     move = "arguments[0].value = 950; arguments[0].dispatchEvent(new Event('input', {bubbles: true}))"
     page.execute_script(move, slider)

@@ -64,28 +64,36 @@ const TimePlots = (() => {
     ctx.restore();
   }
 
-  // the recordings on the axis: those held out are tinted, each begins with a line and, in the first plot, its name
-  function recordings(plot, places, named) {
+  // call `paint` for each recording on the axis, within its part of the plot
+  function recordings(plot, places, paint) {
     const { ctx, bbox } = plot;
-    ctx.save();
-    ctx.font = `${11 * devicePixelRatio}px system-ui, "DejaVu Sans", sans-serif`;
-    ctx.textBaseline = "top";
-    ctx.textAlign = "left";
-    for (const { name, begin, end, held } of places) {
-      const [left, right] = [begin, end].map((t) => Math.min(Math.max(plot.valToPos(t, "x", true), bbox.left), bbox.left + bbox.width));
+    for (const place of places) {
+      const [left, right] = [place.begin, place.end].map((t) => Math.min(Math.max(plot.valToPos(t, "x", true), bbox.left), bbox.left + bbox.width));
       if (right <= left) continue;
       ctx.save();
       ctx.beginPath();
       ctx.rect(left, bbox.top, right - left, bbox.height);
       ctx.clip();
-      ctx.fillStyle = colour(held ? "raised" : "ground");
-      ctx.fillRect(left, bbox.top, right - left, bbox.height);
-      ctx.fillStyle = colour("faint");
-      ctx.fillRect(left, bbox.top, devicePixelRatio, bbox.height);
-      if (named && right - left > 40 * devicePixelRatio) ctx.fillText(held ? `${name} · held out` : name, left + 5 * devicePixelRatio, bbox.top + 9 * devicePixelRatio);
+      paint(ctx, bbox, left, right, place);
       ctx.restore();
     }
-    ctx.restore();
+  }
+
+  // those held out are tinted, each begins with a line
+  function ground(ctx, { top, height }, left, right, { held }) {
+    ctx.fillStyle = colour(held ? "raised" : "ground");
+    ctx.fillRect(left, top, right - left, height);
+    ctx.fillStyle = colour("faint");
+    ctx.fillRect(left, top, devicePixelRatio, height);
+  }
+
+  function label(ctx, { top }, left, right, { name, held }) {
+    if (right - left <= 40 * devicePixelRatio) return;
+    ctx.font = `${11 * devicePixelRatio}px system-ui, "DejaVu Sans", sans-serif`;
+    ctx.textBaseline = "top";
+    ctx.textAlign = "left";
+    ctx.fillStyle = colour("faint");
+    ctx.fillText(held ? `${name} · held out` : name, left + 5 * devicePixelRatio, top + 9 * devicePixelRatio);
   }
 
   // nothing is drawn between two recordings: a clipped line would leave a pixel of its way from one to the other
@@ -154,8 +162,9 @@ const TimePlots = (() => {
         hooks: {
           setScale: [(plot, scale) => scale === "x" && this.zoomed(plot)],
           drawClear: [
-            (plot) => recordings(plot, this.places, index === 0),
+            (plot) => recordings(plot, this.places, ground),
             (plot) => shade(plot, now().spans),
+            (plot) => index === 0 && recordings(plot, this.places, label), // on the shading
           ],
           draw: [
             (plot) => between(plot, this.places),

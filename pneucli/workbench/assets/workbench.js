@@ -15,11 +15,13 @@
   let values = {}; // by hand, by name
   let trial = null; // effects of the model that is shown at once, until its fit has ended
   let byName = new Map();
-  const latencies = []; // ms from a move of the hand to the curves on the screen
+  const latencies = []; // ms from a move of a slider to the curves on the screen
   let drawn = 0; // how often curves came onto the screen
   let since = null; // when the hand moved what is not drawn yet
+  let moving = null; // the parameter whose slider the hand moves
+  let predicted = false; // whether the curves are predicted, for a simulation takes longer than the hand waits
   const plots = new TimePlots($("curves"), "workbench", { moved: () => { showVisible(); draw(); } });
-  window.pneucliWorkbench = { plots, latencies, drawn: () => drawn, state: () => state };
+  window.pneucliWorkbench = { plots, latencies, drawn: () => drawn, predicted: () => predicted, state: () => state };
 
   function element(name, attributes = {}, ...children) {
     const made = document.createElement(name);
@@ -89,18 +91,19 @@
     try {
       do {
         again = false;
-        const begin = since ?? performance.now();
+        const [begin, byHand] = [since ?? performance.now(), moving !== null];
         since = null;
         const wanted = {
-          focus: focus(), values, earlier, interval: plots.interval(), free_run: $("free-run").checked,
+          focus: focus(), values, moving, earlier, interval: plots.interval(), free_run: $("free-run").checked,
           effects: trial, step: trial !== null, samples: Math.round(2 * Math.max($("curves").clientWidth, 200)),
         };
         const head = unpack(await ask("curves", wanted));
         const all = places();
         plots.update(head.panels, [all[0].begin, all.at(-1).end], all);
+        predicted = head.predicted;
         tellErrors(head.errors);
         requestAnimationFrame(() => setTimeout(() => {
-          latencies.push(performance.now() - begin);
+          if (byHand) latencies.push(performance.now() - begin);
           if (latencies.length > KEPT) latencies.shift();
           drawn += 1;
         }));
@@ -118,6 +121,8 @@
     const worst = (name) => errors.filter((one) => one.recording === name).reduce((a, b) => (b.ratio > a.ratio ? b : a));
     const some = names.length > 1 ? names.map(worst).sort((a, b) => b.ratio - a.ratio).slice(0, WORST) : errors;
     $("errors").replaceChildren(
+      predicted ? element("span", { class: "mark" }, "predicted while the slider moves") : "",
+      predicted ? " " : "",
       ...some.flatMap((one, i) => [
         i ? " · " : "",
         element("span", { class: "number" }, names.length > 1 ? `${one.recording}: ` : "", `${one.channel} `, element("b", { class: one.ratio > 2 ? "bad-text" : "good-text" }, one.text), ` (${one.size})`),
@@ -130,6 +135,9 @@
   function settle() {
     clearTimeout(settling);
     settling = setTimeout(() => attempt(async () => {
+      if (asking) return settle(); // the answer to the last move comes first
+      moving = null;
+      if (predicted) draw(); // simulated, now that the hand rests
       if (!Object.keys(values).length) return void ($("by-hand").textContent = "");
       const { train, test } = await ask("error", { focus: focus(), values, effects: trial });
       const parts = [["held out", test], ["fitted", train]].filter(([, v]) => v != null);
@@ -367,9 +375,8 @@
     const slider = element("input", { type: "range", id: `slide ${one.name}`, "data-key": `slide ${one.name}`, min: 0, max: STEPS, step: 1, "aria-valuetext": display(one, value) });
     slider.value = toStep(one, value);
     const ends = one.ci95.map((end, i) => Math.min(Math.max(end == null ? (i ? STEPS : 0) : toStep(one, Math.max(end, one.logarithmic ? 1e-300 : -Infinity)), 0), STEPS));
-    const wide = (ends[1] - ends[0]) / STEPS;
-    slider.style.setProperty("--wide", `max(${100 * wide}%, 4px)`);
-    slider.style.setProperty("--at", wide < 1 ? `${(100 * ends[0]) / STEPS / (1 - wide)}%` : "0");
+    const slide = element("div", { class: "slide" }, slider);
+    ends.forEach((end, i) => slide.style.setProperty(["--from", "--to"][i], end / STEPS));
     const reset = element("button", { type: "button", "data-key": `reset ${one.name}`, "aria-label": `reset ${one.name}`, disabled: !(one.name in values) && "disabled" }, "reset");
     const lock = element("button", { type: "button", "data-key": `lock ${one.name}`, "aria-pressed": String(one.fixed), "aria-label": `${one.fixed ? "free" : "fix"} ${one.name} in the pipeline file`, disabled: running }, one.fixed ? "fixed" : "fix");
     const set = (now) => {
@@ -384,7 +391,10 @@
       draw();
       settle();
     };
-    slider.addEventListener("input", () => set(fromStep(one, Number(slider.value))));
+    slider.addEventListener("input", () => {
+      moving = one.name;
+      set(fromStep(one, Number(slider.value)));
+    });
     reset.addEventListener("click", () => {
       slider.value = toStep(one, one.value);
       set(undefined);
@@ -408,7 +418,7 @@
         throw error;
       }
     }));
-    box.append(slider, element("div", { class: "row" }, element("span", { class: "small grow" }, one.text), lock, reset));
+    box.append(slide, element("div", { class: "row" }, element("span", { class: "small grow" }, one.text), lock, reset));
     return box;
   }
 
