@@ -18,7 +18,7 @@ from selenium import webdriver
 from selenium.webdriver.common.by import By
 from selenium.webdriver.common.keys import Keys
 
-from benchmarks.workbench import IDLE, LIVE, STATE, press, random_hands, until
+from benchmarks.workbench import IDLE, LIVE, STATE, press, random_hands, slide, until
 from pneucli.config import load
 from pneucli.pipeline.manifest import read_manifest
 from tests.report.test_browser import CHROMIUM, DRIVER, chromium  # noqa: F401 - a fixture
@@ -222,11 +222,20 @@ def test_a_command_shows_its_line_and_progress_and_is_cancelled(page: Any) -> No
     assert errors_of(page) == []
 
 
+DROP = (
+    "const held = new DataTransfer(); held.items.add(new File([arguments[0]], arguments[1])); "
+    "document.body.dispatchEvent(new DragEvent('drop', {dataTransfer: held, bubbles: true, cancelable: true}))"
+)
+
+
 def test_a_new_recording_goes_through_look_and_init(page: Any, folder: Path, tmp_path: Path) -> None:
-    new = tmp_path / "another.csv"
+    new = tmp_path / "chosen.csv"
     new.write_bytes((folder / "driven_1.csv").read_bytes())
     page.find_element(By.ID, "file").send_keys(str(new))
-    until(page, "return !document.getElementById('init').hidden && document.getElementById('text').textContent", 60)
+    until(page, "return document.getElementById('text').textContent.includes('chosen.csv')", 60)
+    page.execute_script(DROP, new.read_text(encoding="utf-8"), "another.csv")
+    until(page, "return document.getElementById('init').textContent.includes('another.csv')", 60)
+    until(page, "return document.getElementById('text').textContent.includes('another.csv')", 60)
     assert "pneucli look" in page.find_element(By.ID, "line").text
     assert "another.csv" in page.find_element(By.ID, "text").text
     press(page, "#init")
@@ -241,6 +250,27 @@ def test_a_page_of_an_ended_workbench_says_so(servers: Servers, chromium: Any, f
     until(
         chromium, "return document.querySelector('#banner').textContent.includes('pneucli workbench pipeline.toml')", 20
     )
+
+
+def test_a_page_whose_connection_broke_listens_again(servers: Servers, chromium: Any, folder: Path) -> None:  # noqa: F811
+    address = servers.start(folder / "pipeline.toml")
+    spy = (
+        "window.sockets = []; const Usual = WebSocket; window.WebSocket = class extends Usual "
+        "{ constructor(...words) { super(...words); window.sockets.push(this); } }"
+    )
+    script = chromium.execute_cdp_cmd("Page.addScriptToEvaluateOnNewDocument", {"source": spy})
+    try:
+        open_page(chromium, address)
+        for number in (2, 3):
+            chromium.execute_script("window.sockets.at(-1).close()")
+            until(chromium, f"return window.sockets.length === {number} && window.sockets.at(-1).readyState === 1", 30)
+            until(chromium, "return document.getElementById('banner').hidden", 30)
+        file = folder / "pipeline.toml"
+        file.write_text(file.read_text(encoding="utf-8") + "\n# by another hand\n", encoding="utf-8")
+        until(chromium, "return document.getElementById('banner').textContent.includes('Another program')", 30)
+        slide(chromium, "friction.coulomb", 700)
+    finally:
+        chromium.execute_cdp_cmd("Page.removeScriptToEvaluateOnNewDocument", script)
 
 
 def test_random_hands_leave_no_error_and_a_valid_file(page: Any, folder: Path) -> None:
