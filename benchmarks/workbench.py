@@ -210,11 +210,16 @@ def until(browser: Any, condition: str, seconds: float = 300.0) -> None:
         time.sleep(0.02)
 
 
-def press(browser: Any, selector: str) -> None:
-    """Press a button that runs a command; wait until the command has ended."""
+def begin(browser: Any, selector: str) -> str:
+    """Press a button that runs a command; return the script that says whether the command has ended."""
     before = (browser.execute_script(STATE).get("command") or {}).get("number", 0)
     browser.execute_script("document.querySelector(arguments[0]).click()", selector)
-    until(browser, f"const c = window.pneucliWorkbench.state().command; return c.number > {before} && !c.running")
+    return f"const c = window.pneucliWorkbench.state().command; return c?.number > {before} && !c.running"
+
+
+def press(browser: Any, selector: str) -> None:
+    """Press a button that runs a command; wait until the command has ended."""
+    until(browser, begin(browser, selector))
 
 
 def slide(browser: Any, parameter: str, step: int) -> None:
@@ -578,9 +583,7 @@ def record(browser: Any, address: str, take: Callable[[int], Any], keep: Callabl
         keep(take(80))
     browser.execute_script("document.getElementById('reset-all').click()")
     for action in ("diagnose", "add-named"):
-        before = (browser.execute_script(STATE).get("command") or {}).get("number", 0)
-        browser.execute_script(f"document.querySelector('[data-action={action}]').click()")
-        ended = f"const c = window.pneucliWorkbench.state().command; return c.number > {before} && !c.running"
+        ended = begin(browser, f"[data-action={action}]")
         running = []
         while not browser.execute_script(ended):
             running.append(take(300))

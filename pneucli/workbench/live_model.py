@@ -249,7 +249,7 @@ class LiveModel:
         experiment = self.experiment(recording)
         if isinstance(source, Line):
             tables, results, rows = self._prediction.tables(source, recording, interval, max_samples)
-            older = {channel: at_rows(table, rows) for channel, table in older.items()}
+            older = {channel: at_rows(table, rows) for channel, table in older.items() if rows[-1] < len(table)}
         else:
             found = source.found[recording]
             experiment, results = found.experiment, found.results

@@ -22,6 +22,8 @@ from pneucli.errors import InputError
 from pneucli.io.artifacts import read_table
 from pneucli.pipeline.manifest import read_manifest
 from pneucli.report.page_elements import Panel, Series
+from pneucli.report.report_data import Table
+from pneucli.report.sections.comparison import channel_panel
 from pneucli.workbench.packing import pack
 from pneucli.workbench.server import listen
 from tests.workbench.conftest import Asked, Session
@@ -52,6 +54,16 @@ def test_panels_are_packed_on_whole_words_with_gaps_as_nan() -> None:
     assert time.tolist() == [0.0, 1.0]
     assert values[0] == 1.5
     assert np.isnan(values[1])
+
+
+@pytest.mark.parametrize(("segments", "gaps"), [(20, 19), (2000, 0)])
+def test_a_curve_has_gaps_at_restarts_where_there_is_room(segments: int, gaps: int) -> None:
+    time = np.arange(100_000) / 1000.0
+    columns = {"measured": np.sin(time), "model": np.cos(time), "residual": np.sin(time) - np.cos(time)}
+    segment = np.arange(time.size) * segments // time.size
+    rows = Table({"time": time, "unit": np.full(time.size, "m"), "segment": segment.astype(float), **columns})
+    _, model = channel_panel("x", rows, None, 1400).series
+    assert np.count_nonzero(np.isnan(model.values)) == gaps
 
 
 def test_the_errors_of_the_page_are_those_of_compare(session: Start) -> None:

@@ -39,6 +39,7 @@ PLACE = 30  # on the page
 MAX_PLOT_SAMPLES = 80_000  # of all plots together: the page stays small enough for a mail
 MIN_CURVE_SAMPLES, MAX_CURVE_SAMPLES = 200, 4000
 MIN_VISIBLE_SHARE = 2e-3  # of a channel's range: half a pixel of a plot; curves that are closer coincide
+MIN_SEGMENT_SAMPLES = 4  # drawn ones between two gaps at restarts: of a curve in more pieces only dots were left
 MAX_UNFOLDED_RECORDINGS = 12  # recordings; a longer table is folded
 
 CAPTION = (
@@ -164,15 +165,16 @@ def channel_panel(channel: str, rows: Table, before: Table | None, max_samples: 
     if before is not None and len(before) == len(rows) and _differ(before, rows):
         models = {"before": before["model"], "after": rows["model"]}
     indices = with_gap_indices(envelope_indices([rows["measured"], rows["residual"]], max_samples), rows["residual"])
+    segment = rows["segment"][indices]
+    if MIN_SEGMENT_SAMPLES * np.count_nonzero(np.diff(segment)) > segment.size:
+        segment = np.zeros_like(segment)
     curves = [Series("measured", "measured", in_display_unit(rows["measured"][indices], unit))]
     for label, values in models.items():
         role = "before" if label == "before" else "model"
         compared = np.where(np.isnan(rows["residual"]), np.nan, values)
         fit = fit_percent(rows["measured"], compared)
         title = label if math.isnan(fit) else f"{label}, fit {format_fit(fit)}"
-        curves.append(
-            Series(title, role, in_display_unit(with_gaps(compared[indices], rows["segment"][indices]), unit))
-        )
+        curves.append(Series(title, role, in_display_unit(with_gaps(compared[indices], segment), unit)))
     starts = rows["time"][np.flatnonzero(np.diff(rows["segment"])) + 1]
     return Panel(channel, unit_symbol(unit), rows["time"][indices], curves, starts.tolist())
 
