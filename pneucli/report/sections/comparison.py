@@ -39,7 +39,7 @@ PLACE = 30  # on the page
 MAX_PLOT_SAMPLES = 80_000  # of all plots together: the page stays small enough for a mail
 MIN_CURVE_SAMPLES, MAX_CURVE_SAMPLES = 200, 4000
 MIN_VISIBLE_SHARE = 2e-3  # of a channel's range: half a pixel of a plot; curves that are closer coincide
-MIN_SEGMENT_SAMPLES = 4  # drawn ones between two gaps at restarts: of a curve in more pieces only dots were left
+MIN_SEGMENT_SAMPLES = 10  # drawn ones between two restarts, each of which leaves one out: else most of a curve is gaps
 MAX_UNFOLDED_RECORDINGS = 12  # recordings; a longer table is folded
 
 CAPTION = (
