@@ -112,6 +112,7 @@
       complain(error);
     } finally {
       asking = false;
+      if (settles) settle();
     }
   }
 
@@ -132,10 +133,12 @@
   }
 
   let settling = 0;
+  let settles = false; // whether values were moved since the last rest
   function settle() {
     clearTimeout(settling);
     settling = setTimeout(() => attempt(async () => {
-      if (asking) return settle(); // the answer to the last move comes first
+      if (asking) return; // the rest begins when the curves of the last move are there
+      settles = false;
       moving = null;
       if (predicted) draw(); // simulated, now that the hand rests
       if (!Object.keys(values).length) return void ($("by-hand").textContent = "");
@@ -388,8 +391,9 @@
       reset.disabled = now === undefined;
       box.classList.toggle("moved", now !== undefined);
       $("reset-all").disabled = !Object.keys(values).length;
+      settles = true;
+      clearTimeout(settling);
       draw();
-      settle();
     };
     slider.addEventListener("input", () => {
       moving = one.name;
