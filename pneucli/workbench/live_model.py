@@ -90,6 +90,7 @@ class LiveModel:
         self._free_runs: dict[str, Experiment] = {}
         self._fitted: dict[tuple[str, bool], Mapping[str, Table]] = {}
         self._prediction = Prediction()
+        self._last_step: tuple[object, Model] | None = None
         self._located: dict[str, dict[str, list[Interval]]] = {}
         for one in compared["channels"]:
             self._noise.setdefault(one["recording"], {})[one["channel"]] = one["noise"]
@@ -130,11 +131,17 @@ class LiveModel:
             if not has_parameter(model, name):
                 raise InputError("the workbench", f'"{name}" is no parameter of this model', code="E091")
         model = with_parameters(model, values) if values else model
-        if wanted.step:
+        return self._stepped(wanted, model, recording) if wanted.step else model
+
+    def _stepped(self, wanted: Variant, model: Model, recording: str) -> Model:
+        """Return the model after one step on a recording; the last one is kept, as all recordings ask for it."""
+        key = wanted.effects, dict(wanted.values), recording
+        kept = self._last_step
+        if kept is None or kept[0] != key:
             experiment = self.experiment(recording)
-            free = [p for p in self._free_parameters(model, [experiment]) if p.name not in values]
-            model = gauss_newton_step(model, experiment, free, self._noise.get(recording, {}))
-        return model
+            free = [p for p in self._free_parameters(model, [experiment]) if p.name not in wanted.values]
+            kept = self._last_step = key, gauss_newton_step(model, experiment, free, self._noise.get(recording, {}))
+        return kept[1]
 
     def _start_of(self, effect: Effect, model: Model) -> dict[str, float]:
         """Return start values of an effect's parameters: what the diagnosis found, else the smallest usual size."""

@@ -18,7 +18,7 @@ from selenium import webdriver
 from selenium.webdriver.common.by import By
 from selenium.webdriver.common.keys import Keys
 
-from benchmarks.workbench import IDLE, LIVE, STATE, press, random_hands, slide, until
+from benchmarks.workbench import IDLE, LIVE, STATE, begin, press, random_hands, slide, until
 from pneucli.config import load
 from pneucli.pipeline.manifest import read_manifest
 from tests.report.test_browser import CHROMIUM, DRIVER, chromium  # noqa: F401 - a fixture
@@ -90,7 +90,10 @@ def test_a_model_fails_is_diagnosed_and_its_error_falls(servers: Servers, chromi
     press(chromium, "[data-action=diagnose]")
     named = chromium.execute_script(STATE)["diagnosis"]["missing"]
     assert named
-    press(chromium, "[data-action=add-named]")
+    ended = begin(chromium, "[data-action=add-named]")
+    until(chromium, "return document.getElementById('ladder').textContent.includes('one step; the fit runs')", 30)
+    until(chromium, ended)
+    until(chromium, "return !document.getElementById('ladder').textContent.includes('one step')", 30)
     after = float(chromium.find_element(By.ID, "error").text)
     assert after < 2.0
     assert load(file).model.effects[-1:] == named[-1:]

@@ -24,6 +24,9 @@ from pneucli.pipeline.manifest import read_manifest
 from pneucli.report.page_elements import Panel, Series
 from pneucli.report.report_data import Table
 from pneucli.report.sections.comparison import channel_panel
+from pneucli.simulate.model import Model
+from pneucli.workbench import live_model
+from pneucli.workbench.one_step import gauss_newton_step
 from pneucli.workbench.packing import pack
 from pneucli.workbench.server import listen
 from tests.workbench.conftest import Asked, Session
@@ -107,6 +110,31 @@ def test_a_value_by_hand_moves_the_curve_and_the_error(session: Start) -> None:
         status, answer = await asked.post("/curves", {"focus": "driven_1", "values": {"friction.none": 1.0}})
         assert status == 400
         assert "friction.none" in answer["error"]
+
+    session(work)
+
+
+def test_one_step_serves_the_curves_and_the_error_over_all_recordings(
+    session: Start, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    steps: list[Model] = []
+
+    def counted(*words: Any) -> Model:
+        steps.append(gauss_newton_step(*words))
+        return steps[-1]
+
+    monkeypatch.setattr(live_model, "gauss_newton_step", counted)
+
+    async def work(asked: Asked) -> None:
+        content = {"focus": "driven_1", "effects": ["stribeck"], "step": True}
+        status, _ = await asked.post("/curves", content)
+        assert status == 200
+        _, found = await asked.post("/error", content)
+        _, plain = await asked.post("/error", content | {"step": False})
+        assert found["train"] != plain["train"]
+        assert len(steps) == 1
+        await asked.post("/error", content | {"focus": "driven_2"})
+        assert len(steps) == 2
 
     session(work)
 

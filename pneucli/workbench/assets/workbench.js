@@ -14,6 +14,7 @@
   let earlier = null; // number of the model of the ladder that is shown as well
   let values = {}; // by hand, by name
   let trial = null; // effects of the model that is shown at once, until its fit has ended
+  let stepped = null; // its error after one step, over all recordings
   let byName = new Map();
   const latencies = []; // ms from a move of a slider to the curves on the screen
   let drawn = 0; // how often curves came onto the screen
@@ -249,14 +250,22 @@
     draw();
   }
 
+  const modelName = (effects) => (effects.length ? `base + ${effects.join(" + ")}` : "base model");
+
   function showLadder() {
     if (!state.ladder.some((one) => one.number === earlier && !one.current)) earlier = null;
     keepFocus($("ladder"), state.ladder.map((one) =>
       element("li", { class: one.current ? "now" : "" }, element("button", { type: "button", "data-key": one.number, "aria-pressed": String(one.number === earlier), disabled: one.current && "disabled",
         onclick: () => { earlier = earlier === one.number ? null : one.number; showLadder(); draw(); } },
-        element("span", { class: "grow" }, one.effects.length ? `base + ${one.effects.join(" + ")}` : "base model", one.current ? " (now)" : ""),
+        element("span", { class: "grow" }, modelName(one.effects), one.current ? " (now)" : ""),
         element("span", { class: "number" }, `${one.text} × noise`),
         bar(one.bar)))));
+    if (trial === null || stepped === null) return;
+    const most = Math.max(stepped, ...state.ladder.map(({ error }) => error.test ?? error.train));
+    $("ladder").append(element("li", { class: "now" }, element("button", { type: "button", disabled: true },
+      element("span", { class: "grow" }, `${modelName(trial)} (one step; the fit runs)`),
+      element("span", { class: "number" }, `${ratio(stepped)} × noise`),
+      bar(stepped > 1 ? Math.log(stepped) / Math.log(most) : 0))));
   }
 
   function bar(share) {
@@ -442,24 +451,31 @@
     showCommand();
   }
 
+  // show a model at once, before its fit has ended
+  async function tryOut(effects) {
+    values = {};
+    trial = effects;
+    stepped = null;
+    if (!state.live) return;
+    draw();
+    const { train, test } = await ask("error", { focus: focus(), values, effects, step: true });
+    if (trial !== effects) return; // the fit has ended
+    stepped = test ?? train;
+    showLadder();
+  }
+
   const change = (one) => attempt(async () => {
     if (state.command?.running) return;
     const present = state.effects.filter((other) => other.in_model).map((other) => other.name);
     await command(one.in_model ? "remove" : "add", [one.name]);
-    values = {};
-    trial = one.in_model ? present.filter((name) => name !== one.name) : [...present, one.name];
-    draw();
+    await tryOut(one.in_model ? present.filter((name) => name !== one.name) : [...present, one.name]);
   });
 
   for (const button of document.querySelectorAll("[data-action]")) {
     const action = button.dataset.action;
     button.addEventListener("click", () => attempt(async () => {
       await command(action);
-      if (action === "add-named") {
-        values = {};
-        trial = [...state.effects.filter((one) => one.in_model).map((one) => one.name), ...state.diagnosis.missing];
-        draw();
-      }
+      if (action === "add-named") await tryOut([...state.effects.filter((one) => one.in_model).map((one) => one.name), ...state.diagnosis.missing]);
     }));
   }
   $("undo").addEventListener("click", () => attempt(() => ask("undo", { version: state.version })));
