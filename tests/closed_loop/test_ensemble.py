@@ -36,6 +36,15 @@ def test_a_rig_is_the_same_each_time_and_without_an_effect_but_for_that() -> Non
     assert less.values == {n: v for n, v in one.values.items() if not n.startswith("valve-lag.")}
 
 
+def test_every_rig_steps_both_ways_and_goes_along_a_sine_that_begins_where_it_is() -> None:
+    stroke, begins = CONTROLLER.values["C_STROKE"], 4 * ensemble.DWELL
+    way = (TEST.scenario.reference - 0.5 * stroke) / (ensemble.AMPLITUDE * stroke)
+    times = [0.0, 0.99 * ensemble.DWELL, 1.01 * ensemble.DWELL, 0.99 * begins]
+    times += [begins + part / ensemble.FREQUENCY for part in (0.0, 0.25, 0.5, 1.0)]
+    found = [way[round(time / CONTROLLER.period)] for time in times]
+    assert found == pytest.approx([1.0, 1.0, -1.0, -1.0, -1.0, 0.0, 1.0, -1.0], abs=1e-3)
+
+
 def test_rigs_spread_as_the_recordings_and_the_regulator_allow() -> None:
     rigs = [ENSEMBLE.draw(0, k) for k in range(300)]
     coulomb = [rig.values["friction.coulomb"] for rig in rigs]

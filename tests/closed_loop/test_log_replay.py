@@ -48,9 +48,11 @@ def recorded(loop: Run, **more: object) -> Recording:
 
 
 def test_a_log_gives_back_the_commands_to_the_last_bit(loop: Run) -> None:
-    found = find_replay(ENGINE, log_on_grid(recorded(loop), CONTROLLER))
+    log = log_on_grid(recorded(loop), CONTROLLER)
+    found = find_replay(ENGINE, log)
     assert found.start_mode == "with"
     assert np.array_equal(found.commands[:, 0], loop.log[:, at.L_U1])
+    assert np.array_equal(logged_loop(MODEL, CONTROLLER, log, found).log[:, at.L_U1], loop.log[:, at.L_U1])
 
 
 def test_a_log_that_begins_while_the_controller_runs_is_replayed_from_its_first_command(loop: Run) -> None:

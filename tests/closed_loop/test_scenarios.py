@@ -62,7 +62,7 @@ def test_a_hold_stays() -> None:
 
 def test_loads_and_drops_have_their_time() -> None:
     load = {"load": "-50 N", "load_from": "2 s", "load_to": "3 s"}
-    found = scene(name="both", reference="hold", supply_drop="1 bar", supply_from="1.5 s", **load)
+    found = scene(name="both", reference="hold", supply_drop="1 barg", supply_from="1.5 s", **load)
     assert found.name == "both"
     assert found.force[[1999, 2000, 2999, 3000]].tolist() == [0.0, -50.0, -50.0, 0.0]
     assert found.supply[[1499, 1500, 5999]] == pytest.approx([SUPPLY, SUPPLY - 1e5, SUPPLY - 1e5])
