@@ -327,18 +327,23 @@ QUESTIONS = {  # what a reader looks for: the files that answer
 PATIENCE = 5  # wrong files, after which a reader asks somebody
 
 
-def wrong_turns(found: dict[str, Module], question: str, answers: tuple[str, ...]) -> int:
-    """How many files a reader opens in vain who goes by names alone.
-
-    He opens files in the order of how many words of the question, the rarer the more, are in the name of the file
-    (3), the first line of its docstring (2), names of its functions and classes (1), and its folders (1/2).
-    """
-    words = [word.lower().rstrip("s") for word in question.split()]
+def names_to_go_by(found: dict[str, Module]) -> dict[str, list[str]]:
+    """What a reader sees of each file: its name, the first line of its docstring, what it defines, its folders."""
     seen = {}
     for name, module in found.items():
         defined = (n.name for n in ast.walk(module.tree) if isinstance(n, (ast.FunctionDef, ast.ClassDef)))
         first = (ast.get_docstring(module.tree) or "").partition("\n")[0]
         seen[name] = [one.lower() for one in (name.rpartition(".")[2], first, " ".join(defined), name)]
+    return seen
+
+
+def wrong_turns(seen: dict[str, list[str]], question: str, answers: tuple[str, ...]) -> int:
+    """How many files a reader opens in vain who goes by :func:`names_to_go_by` alone.
+
+    He opens files in the order of how many words of the question, the rarer the more, are in the name of the file
+    (3), the first line of its docstring (2), names of its functions and classes (1), and its folders (1/2).
+    """
+    words = [word.lower().rstrip("s") for word in question.split()]
     rarity = {word: math.log(len(seen) / max(1, sum(word in " ".join(one) for one in seen.values()))) for word in words}
 
     def promise(name: str) -> float:
@@ -360,7 +365,7 @@ def words_per_page(root: Path = ROOT) -> dict[str, int]:
 def summary(root: Path = ROOT) -> dict[str, float]:
     """Every figure of the structure by its title."""
     found = modules(root)
-    graph = import_graph(found)
+    graph, names = import_graph(found), names_to_go_by(found)
     lengths = [module.lines for name, module in found.items()]
     bodies = body_lengths(found.values())
     others = {folder: modules(root, folder) for folder in ("tests", "benchmarks")}
@@ -384,7 +389,7 @@ def summary(root: Path = ROOT) -> dict[str, float]:
         "subscripts by a string": string_subscripts(found),
         "public functions of " + ", ".join(DOCUMENTED): len(list(public_functions(found))),
         **{f"docstrings with {part}, %": round(share) for part, share in docstrings(found).items()},
-        "wrong turns of a reader with twelve questions": sum(wrong_turns(found, *one) for one in QUESTIONS.items()),
+        "wrong turns of a reader with twelve questions": sum(wrong_turns(names, *one) for one in QUESTIONS.items()),
         "pages": len(words_per_page(root)),
         "words in pages": sum(words_per_page(root).values()),
     }

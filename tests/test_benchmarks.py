@@ -22,7 +22,7 @@ NEED_GCC = {
     *(("loop", name) for name in loop.TABLES if name not in ("periods", "benefit", "ensemble")),
 }
 SLOW = {("door", ""), ("fleet", ""), ("score", ""), ("loop", "logs"), ("loop", "periods"), ("loop", "benefit"),
-        ("loop", "ensemble"), ("thesis", "friction"), ("thesis", "laws"), ("valve", "maps"),
+        ("loop", "ensemble"), ("thesis", ""), ("thesis", "friction"), ("thesis", "laws"), ("valve", "maps"),
         ("workbench", "speed"), ("workbench", "clicks")}  # fmt: skip
 BENCHMARKS = sorted(path.stem for path in (ROOT / "benchmarks").glob("*.py") if path.stem not in SHARED)
 

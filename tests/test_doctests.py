@@ -123,17 +123,17 @@ def test_most_public_functions_state_all_that_applies() -> None:
 
 
 def test_a_reader_finds_by_names_what_he_looks_for() -> None:
-    found = structure.modules()
+    seen = structure.names_to_go_by(structure.modules())
     turns = {
-        question: structure.wrong_turns(found, question, answers) for question, answers in structure.QUESTIONS.items()
+        question: structure.wrong_turns(seen, question, answers) for question, answers in structure.QUESTIONS.items()
     }
     assert sum(turns.values()) <= 3, turns
 
 
 def test_a_reader_opens_first_what_promises_most() -> None:
     texts = {"pneucli.a.clock": "", "pneucli.b.other": '"""The clock of a flow."""', "pneucli.c.plain": "def f(): ..."}
-    found = {name: structure.Module(name, text, ast.parse(text)) for name, text in texts.items()}
-    assert structure.wrong_turns(found, "clock", ("a.clock",)) == 0
-    assert structure.wrong_turns(found, "clocks", ("b.other",)) == 1
-    assert structure.wrong_turns(found, "flow clock", ("b.other",)) == 0
-    assert structure.wrong_turns(found, "clock", ("gone",)) == structure.PATIENCE
+    seen = structure.names_to_go_by({n: structure.Module(n, text, ast.parse(text)) for n, text in texts.items()})
+    assert structure.wrong_turns(seen, "clock", ("a.clock",)) == 0
+    assert structure.wrong_turns(seen, "clocks", ("b.other",)) == 1
+    assert structure.wrong_turns(seen, "flow clock", ("b.other",)) == 0
+    assert structure.wrong_turns(seen, "clock", ("gone",)) == structure.PATIENCE
