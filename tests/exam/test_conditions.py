@@ -210,6 +210,9 @@ def test_wide_draws_other_conditions_for_each_case_and_records_them(tmp_path):
     assert json.loads(sealed.read_text())["conditions"][0] == "wide"
     planned = list(plan_cases(4, 0, parse("wide"), 2))
     assert len({one.conditions.names for one in planned}) > 1
+    counts = [len(one.conditions.names) - 1 for one in plan_cases(60, 20, parse("wide"), 2)]
+    assert min(counts) <= 2  # what no line says is as usual
+    assert max(counts) >= 6
     for one in planned:
         assert all(parse("+".join(one.conditions.names)).allows(name) for name in one.hidden)
 

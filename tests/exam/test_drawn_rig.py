@@ -119,6 +119,12 @@ def test_sensors_and_vessels_are_of_the_rigs_size() -> None:
     assert case_rig.draw_vessel(double, RNG) == pytest.approx(198e-6 * 6.0)
 
 
+def test_a_wider_rig_has_the_same_commands_and_pressures() -> None:
+    wide = RigScaling(area=3.0).scale_rig(PAR._replace(overlap=0.2))
+    assert (wide.overlap, wide.stroke, wide.supply) == pytest.approx((0.2, PAR.stroke, PAR.supply))
+    assert (wide.piston_area_1, wide.mass) == pytest.approx((3.0 * PAR.piston_area_1, 3.0 * PAR.mass))
+
+
 def test_a_stroke_is_stated_wrong_in_half_of_the_cases() -> None:
     assert case_rig.draw_stated_stroke(0.2, RNG) is None
     assert case_rig.draw_stated_stroke(0.2, OFTEN) == pytest.approx(0.2 * 0.999)

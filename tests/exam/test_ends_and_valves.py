@@ -218,6 +218,11 @@ def test_a_leak_of_the_cylinder_stays_with_the_cylinder():
     assert (alone.leak_area, alone.laminar_conductance, alone.relief_growth) == (1e-8, 1e-12, 1e-13)
 
 
+def test_the_vessel_of_a_valve_test_stands_at_the_valve():
+    hosed = Laboratory("rig", Parameters(line_delay_1=1e-3, line_delay_2=2e-3), Sensors(), vessel_volume=1e-4)
+    assert [(b.line_delay_1, b.line_delay_2) for b in map(hosed.valve_test_rig, (1, 2))] == 2 * [(0.0, 0.0)]
+
+
 @pytest.mark.parametrize(("name", "least"), [("ends", 0.2), ("5/3+ends", 0.2), ("return-spring+ends", 0.4)])
 def test_the_piston_rests_at_its_ends_and_the_truth_has_the_share(tmp_path, name, least):
     truth = generate_case(tmp_path / "case", "axis", [], "", 1.0, 6, parse(name))

@@ -25,6 +25,8 @@ def test_strokes_go_to_and_fro_at_their_speeds_in_turn() -> None:
     assert truth["x"].max() == pytest.approx(0.08, abs=2e-5)
     speeds = np.unique(np.round(truth["v"][np.abs(truth["a"]) < 1e-9], 6))
     assert set(speeds) >= {-0.02, 0.01}
+    gained = np.cumsum(truth["a"])[:-1] / 1000.0
+    assert gained == pytest.approx(truth["v"][1:] - truth["v"][0], abs=2e-3)
     assert truth["x"].size == pytest.approx(1000 * 2 * (4.0 + 2.0 + 2 * REVERSAL_TIME), abs=10)
 
 

@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 from pneucli.exam.rig.gas import GAS_CONSTANT, KAPPA
+from pneucli.exam.rig.hose import SPEED_OF_SOUND
 from pneucli.exam.rig.kernel import (
     MAX_STEP,
     P1,
@@ -22,7 +23,7 @@ from pneucli.exam.rig.kernel import (
     X,
     Z,
 )
-from pneucli.exam.rig.parameters import Parameters
+from pneucli.exam.rig.parameters import ONE_CHAMBER, Parameters
 from pneucli.exam.rig.simulation import Excitation
 
 PAR = Parameters(coulomb=15.0, viscous=50.0, overlap=0.5, exponent=2.0)
@@ -520,6 +521,17 @@ def test_open_and_imposed_chambers_keep_their_pressure(plain: SimpleNamespace) -
     # half a step before the sample
     assert seen["p1"][1:] == pytest.approx(given[1:, 0] - 0.5 * 1e4 * 1e3 * MAX_STEP)
     assert seen["p2"][1:] == pytest.approx(given[1:, 1] - 0.5 * 1e4 * 1e3 * MAX_STEP)
+
+
+def test_the_gas_of_a_hose_is_not_in_its_chamber_as_well(plain: SimpleNamespace) -> None:
+    """Without flow and heat a moving piston makes dp/dt = -kappa p A v / V of what the hose leaves of the chamber."""
+    bore, delay, ds = 2e-3, 1e-3, np.zeros(10)
+    par = PAR._replace(hose_bore=bore, line_delay=delay, heat_conductance=0.0, arrangement=ONE_CHAMBER)
+    plain.state_rates(par, 0.0, state(V=0.1), 1.0, (0.0, 0.0, 0.0, 0.0), 0, ds)
+    chamber_1 = PAR.dead_volume_1 - 0.25 * math.pi * bore**2 * SPEED_OF_SOUND * delay + PAR.piston_area_1 * 0.1
+    chamber_2 = PAR.dead_volume_2 + PAR.piston_area_2 * (PAR.stroke - 0.1)  # which no valve feeds
+    assert ds[P1] == pytest.approx(-KAPPA * 3e5 * PAR.piston_area_1 * 0.1 / chamber_1)
+    assert ds[P2] == pytest.approx(KAPPA * 2.5e5 * PAR.piston_area_2 * 0.1 / chamber_2)
 
 
 def test_a_line_delays_the_flow_by_its_steps(plain: SimpleNamespace) -> None:

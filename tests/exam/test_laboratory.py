@@ -155,6 +155,15 @@ def pipeline(laboratory: Laboratory, *takes: RecordingPlan) -> dict:
     return tomllib.loads(laboratory.pipeline(takes, "raw"))
 
 
+def test_commands_of_a_slower_controller_have_stamps_of_their_own() -> None:
+    take = RecordingPlan("s", "valve", "train", STEP)
+    usual, slow = (
+        pipeline(Laboratory("r", PAR, Sensors(), vessel_volume=1e-4, command_cycle=n), take)["signals"] for n in (1, 5)
+    )
+    stamps = {"time": {"column": "t_cmd [ms]", "unit": "ms"}, "hold": True}
+    assert slow == usual | {"u": usual["u"] | stamps}
+
+
 def test_a_rig_with_everything_says_everything() -> None:
     par = PAR._replace(piston_area_1=8.1e-4, piston_area_2=7.3e-4, dead_volume_1=31e-6, dead_volume_2=32e-6, mass=2.5)
     lab = Laboratory(
