@@ -11,9 +11,6 @@ TABLE is one of
   models; ``--recorded``: from identified ones; ``--unknown``: on rigs with bristles, 5 ms of lag and 0.1 V of play
   that no model knows. An axis is held with at most 50 um at rest (100 with ``--unknown``), 500 um rms, 100 um under
   the load;
-- ``ensemble [EFFECT...]``: axes held, by the rules and with gains from an ensemble, of rigs with one effect that the
-  model knows (told) or not (untold), told but with untold bristles, 5 ms of lag and 0.1 V of play (small) or 10 ms of
-  lag or hose; at the end the probability that the ensemble promised; rigs of ``--seeds``, one effect each;
 - ``acceptance``: what the acceptance test of ``design`` stops, against what the C does on the rig;
 - ``level``: three pressure levels of two valves, set while the C runs, against a load that jumps on;
 - ``logs [EFFECT...]``: the C drives a rig that has changed by one effect; its logs are diagnosed as a user would
@@ -22,7 +19,7 @@ TABLE is one of
 Errors are in um: the largest at rest after steps of 15 % of the stroke and how far the piston moves there, rms on a
 sine of 15 % at 0.5 Hz, the largest at rest under a load, and the time after which that load is rejected to 50 um. The
 load is a tenth of the supply's force; of ``periods`` and ``benefit`` 50 N on 8 cm^2. ``--seeds N`` draws N rigs,
-``--seed`` the first. ``benefit``, ``ensemble`` and ``periods`` run the controller's Python function, compiled with the
+``--seed`` the first. ``benefit`` and ``periods`` run the controller's Python function, compiled with the
 rig; all else needs gcc.
 """
 
@@ -51,7 +48,6 @@ from benchmarks import rigs
 from pneucli import config
 from pneucli.arrays import Array
 from pneucli.caches import compiled
-from pneucli.closed_loop import ensemble
 from pneucli.closed_loop.acceptance import ACCEPTANCE_SCENARIOS, acceptance_criteria
 from pneucli.closed_loop.margins import analyse_margins
 from pneucli.closed_loop.metrics import evaluate_run
@@ -466,18 +462,25 @@ def design(model: Model, par: Parameters, h: float, quantum: float = 1e-6, noise
     return design_cascade(model, wanted, float(np.sqrt(par.ambient * par.supply)) if closed else None)
 
 
-def figures(par: Parameters, c: Controller, quantum: float = 1e-6, noise: float = 400.0) -> list[float]:
-    """Return the figures of one controller on one rig, in the order of ``HEAD``."""
+def figures(
+    par: Parameters, c: Controller, quantum: float = 1e-6, noise: float = 400.0, commissioning: float = 0.0
+) -> list[float]:
+    """Return the figures of one controller on one rig, in the order of ``HEAD``, after ``commissioning`` (s) if any."""
     h = c.period
     time = h * np.arange(round(6.5 / h))
     middle, last = np.full(time.size, 0.5 * par.stroke), round(0.5 / h)
     steps = middle + par.stroke * np.where(time < 0.5, 0.0, np.where(time < 3.5, 0.15, -0.15))
     sine = middle + 0.15 * par.stroke * np.sin(np.pi * np.maximum(time - 0.5, 0.0))
     push = 50.0 * par.piston_area_1 / 8e-4 * ((time >= 1.0) & (time < 4.0))
-    stepped, followed, loaded = (
-        1e6 * (rigs.driven(par, c, r, load, noise, quantum).x - r)
-        for r, load in ((steps, 0.0 * time), (sine, 0.0 * time), (middle, push))
-    )
+    first = round(commissioning / h)
+    mode = np.zeros(first + time.size)
+    mode[round(0.2 / h)] = layout.OPERATING_MODES.index("commission") * (first > 0)
+
+    def error(reference: Array, load: Array) -> Array:
+        whole, loads = (np.concatenate([np.full(first, part[0]), part]) for part in (reference, load))
+        return np.asarray(1e6 * (rigs.driven(par, c, whole, loads, noise, quantum, mode=mode).x[first:] - reference))
+
+    stepped, followed, loaded = error(steps, 0.0 * time), error(sine, 0.0 * time), error(middle, push)
     rests = [stepped[round(3.5 / h) - last : round(3.5 / h)], stepped[-last:]]
     under = [loaded[round(4.0 / h) - last : round(4.0 / h)], loaded[-last:]]
     return [
@@ -537,65 +540,6 @@ def print_benefit(asked: argparse.Namespace) -> None:
         pairs = zip(*(np.median(found, axis=0) for found in rows), strict=True)
         row(name, *(f"{before:.3g} / {after:.3g}" for before, after in pairs), f"{held[0]} / {held[1]}")
     print(f"held: {total[0]} without, {total[1]} with the effect known, of {total[2]}")
-
-
-def print_ensemble(asked: argparse.Namespace) -> None:
-    """Print a row for each rig, and how many axes each design holds, by what it is not told."""
-    names = ["none"] if asked.small else asked.names or list(WORST_EFFECTS)
-    head("rig", "effect", "what", *(f"{name}, rules / ensemble" for name in HEAD), "held")
-    counts: dict[str, list[int]] = {}
-    noisy: dict[str, list[list[float]]] = {}
-    promised: list[float] = []
-    for seed in range(asked.seed, asked.seed + asked.seeds):
-        name = names[seed % len(names)]
-        par, without, known = exact_models(seed, name)
-        untold, probability = ensemble_pair(without, par, asked.small)
-        told = untold if name == "none" else ensemble_pair(known, par, asked.small)[0]
-        promised.append(probability)
-        cases = {"told": (par, told), "untold": (par, untold), "small": (with_unknowns(par), told)}
-        cases["10 ms of lag"] = par._replace(valve_lag=par.valve_lag + 10e-3), told
-        cases["10 ms of hose"] = par._replace(line_delay=par.line_delay + 10e-3), told
-        for what, (actual, pair) in cases.items():
-            found = [figures(actual, controller) for controller in pair]
-            held = [is_held(one, unknown=False) for one in found]
-            swings = [one[1] > 1e3 for one in found]
-            noisy.setdefault(what, []).append([chatters(actual, controller) for controller in pair])
-            total = counts.setdefault(what, [0] * 5)
-            counts[what] = [a + b for a, b in zip(total, [*held, 1, *swings], strict=True)]
-            row(
-                seed, name, what, *(f"{a:.3g} / {b:.3g}" for a, b in zip(*found, strict=True)), f"{held[0]} / {held[1]}"
-            )
-    for what, (rules, own, rigs_, *swings) in counts.items():
-        print(f"{what}: held {rules} by the rules, {own} with the ensemble's gains, of {rigs_};"
-              f" swing by more than 1 mm at rest: {swings[0]}, {swings[1]};"
-              f" chatter: {' / '.join(f'{v:.2g} V' for v in np.median(noisy[what], axis=0))}")  # fmt: skip
-    print(f"promised on the ensemble: {np.mean(promised):.3f}")
-
-
-def chatters(par: Parameters, c: Controller) -> float:
-    """Return the rms in V of the command's chattering while a load comes and goes."""
-    time = c.period * np.arange(round(5.0 / c.period))
-    push = 50.0 * par.piston_area_1 / 8e-4 * ((time >= 1.0) & (time < 3.0))
-    u = rigs.driven(par, c, np.full(time.size, 0.5 * par.stroke), push, 400.0, 1e-6).u
-    return ensemble.chattering(np.asarray(u), c.period)
-
-
-def ensemble_pair(model: Model, par: Parameters, is_small: bool) -> tuple[tuple[Controller, Controller], float]:
-    """Return the controllers by the rules and from the ensemble, and the probability that the latter promises."""
-    closed = par.arrangement == ONE_CHAMBER
-    sealed = float(np.sqrt(par.ambient * par.supply)) if closed else None
-    wanted = Requirements(quantum_x=1e-6, noise_p=400.0, chamber_2="closed" if closed else "valve")
-    rigs_like, setup = ensemble.ensemble_of(model, {}), ClosedLoopSetup(quantum_x=1e-6, noise_p=400.0)
-    usual = design_cascade(model, wanted, sealed)
-    test, family = ensemble.rig_test(usual, wanted), ensemble.family_of(rigs_like)
-    family, count = (family[:2], 2) if is_small else (family, ensemble.SEARCH_RIGS)
-
-    def make(choice: ensemble.Choice) -> Controller:
-        return design_cascade(*ensemble.chosen_requirements(choice, model, wanted), sealed)
-
-    own = make(ensemble.search(rigs_like, make, setup, test, family, count=count))
-    proof = ensemble.prove(own, rigs_like, test, setup, 3 if is_small else 40)
-    return (usual, own), proof.probability
 
 
 def is_held(found: Sequence[float], *, unknown: bool) -> bool:
@@ -744,7 +688,6 @@ TABLES = {
     "precision": print_precision,
     "periods": print_periods,
     "benefit": print_benefit,
-    "ensemble": print_ensemble,
     "acceptance": print_acceptance,
     "level": print_levels,
     "logs": print_logs,

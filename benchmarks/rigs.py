@@ -26,7 +26,7 @@ from pneucli.arrays import Array
 from pneucli.caches import compiled, import_generated
 from pneucli.closed_loop.simulation import ClosedLoopSetup
 from pneucli.config import load
-from pneucli.controller import layout
+from pneucli.controller import codegen, layout
 from pneucli.controller.laws import LAWS
 from pneucli.controller.laws.base import callees_first
 from pneucli.controller.parameters import Controller
@@ -92,7 +92,8 @@ def compiled_loop(law: str) -> Any:
 
 
 def _loop_source(law: str) -> str:
-    functions = callees_first(LAWS[law].step)
+    functions = [f for f in callees_first(codegen.operate) if f.__name__ != codegen.DISPATCH_FUNCTION]
+    functions = list({f.__name__: f for f in [*callees_first(LAWS[law].step), *functions]}.values())
     names = {**vars(layout), **LAWS[law].constants, **{n: v for n, v in vars(gas).items() if isinstance(v, float)}}
     values = [f"{name} = {value!r}" for name, value in names.items() if isinstance(value, int | float)]
     rig = "".join(inspect.getsource(module) for module in (kernel, parameters, simulation))  # numba sees no edit there
@@ -105,12 +106,13 @@ def _loop_source(law: str) -> str:
         f"from {parameters.__name__} import TWO_VALVES",
         f"from {simulation.__name__} import empty_delay_line, limit_opening, step_rig",
     ]
-    compiled_functions: list[Any] = [*functions, _loop]
-    sources = [f"@njit(cache=True, nogil=True)\n{inspect.getsource(one)}" for one in compiled_functions]
-    renamed = f"step = {LAWS[law].step.__name__}"
-    return "\n".join(
-        [f"# {hashlib.sha256(rig.encode()).hexdigest()}", *imports, *values, *sources[:-1], renamed, sources[-1]]
-    )
+    step = LAWS[law].step.__name__
+    dispatch = f"def {codegen.DISPATCH_FUNCTION}(which, x_ref, x, p1, p2, s, c):\n    {step}(x_ref, x, p1, p2, s, c)\n"
+    texts = [inspect.getsource(one) for one in functions]
+    place = next(i for i, one in enumerate(functions) if one.__name__ == step) + 1
+    texts[place:place] = [dispatch]
+    compiled_texts = [f"@njit(cache=True, nogil=True)\n{text}" for text in [*texts, inspect.getsource(_loop)]]
+    return "\n".join([f"# {hashlib.sha256(rig.encode()).hexdigest()}", *imports, *values, *compiled_texts])
 
 
 @dataclass(frozen=True)
@@ -140,7 +142,7 @@ def read(par: Parameters, s: Array, lagged: Array, skewed: Array, row: int, h: f
     )
 
 
-def _loop(par, pushed, c, cs, every, period, reference, load, noise, quantum, is_open, start, out):  # type: ignore[no-untyped-def]
+def _loop(par, pushed, starved, c, cs, every, period, inputs, noise, quantum, is_open, start, out):  # type: ignore[no-untyped-def]
     s, o, work, rest, air = np.zeros(10), np.zeros(2), np.zeros((3, 10)), 1.0, 0.0
     spools, line = np.zeros(6), empty_delay_line(par, MAX_STEP)
     s[X], s[P1], s[P2] = start[0], start[1], start[2]
@@ -148,40 +150,50 @@ def _loop(par, pushed, c, cs, every, period, reference, load, noise, quantum, is
     lagged = np.array([s[P1], s[P2]])
     skewed = np.empty((round(par.pressure_skew / period) + 1, 2))
     skewed[:, 0], skewed[:, 1] = s[P1], s[P2]
-    for k in range(reference.size):
+    for k in range(len(inputs)):
+        reference, load, mode, is_starved = inputs[k, 0], inputs[k, 1], inputs[k, 2], inputs[k, 3]
         out[k, 0] = s[X]
         p1, p2 = read(par, s, lagged, skewed, k, period)
         seen = s[X]
         if quantum > 0.0:
             seen = quantum * math.floor(seen / quantum + 0.5)
-        step(reference[k], seen, p1 + noise[k, 0], p2 + noise[k, 1], cs, c)  # type: ignore[name-defined]  # noqa: F821 - see compiled_loop
+        operate(0, reference, seen + noise[k, 0], p1 + noise[k, 1], p2 + noise[k, 2], 0.0, mode, 0.0, cs, c)  # type: ignore[name-defined]  # noqa: F821 - see compiled_loop
         out[k, 1] = cs[1]
         out[k, 2:] = cs
         o[0] = limit_opening(par, par.command_sign * (cs[1] - par.command_null))
         o[1] = limit_opening(par, cs[2] - par.command_null) if par.arrangement == TWO_VALVES else 0.0
-        loaded = pushed if load[k] != 0.0 else par
+        now = starved if is_starved > 0.5 else pushed if load != 0.0 else par
         for i in range(k * every, (k + 1) * every):
-            rest, q = step_rig(loaded, i, MAX_STEP, o[0], o[1], spools, line, s, rest, is_open, work)
+            rest, q = step_rig(now, i, MAX_STEP, o[0], o[1], spools, line, s, rest, is_open, work)
             air += MAX_STEP * (q[0] + q[2])
     return air
 
 
 def driven(
     par: Parameters, controller: Controller, reference: Array, load: Array, noise: float = 400.0,
-    quantum: float = 1e-6, seed: int = 0, is_open: bool = False,
+    quantum: float = 1e-6, seed: int = 0, is_open: bool = False, *, mode: Array | None = None,
+    starved: Array | None = None, lost: Array | None = None,
 ) -> Trace:  # fmt: skip
-    """Let a controller follow a ``reference`` (m) under a ``load`` (N toward x = 0, one size) on the rig."""
+    """Let a controller follow a ``reference`` (m) under a ``load`` (N toward x = 0, one size) on the rig.
+
+    ``mode`` holds indices of ``layout.OPERATING_MODES``, ``starved`` is 1 where the supply is lost, ``lost`` is NaN
+    where a reading of x, p1, p2 (columns) is missing; each a row a sample.
+    """
     p2 = par.ambient if is_open else math.sqrt(par.ambient * par.supply)
-    x = float(reference[0])
+    x, n = float(reference[0]), reference.size
     pull = par.constant_force + par.spring_stiffness * (x - par.spring_rest)
     p1 = (pull + p2 * par.piston_area_2 + par.ambient * (par.piston_area_1 - par.piston_area_2)) / par.piston_area_1
     pushed = par._replace(constant_force=par.constant_force + float(np.abs(load).max() * np.sign(load.sum())))
     states = np.zeros(layout.FIRST_LAW_STATE + layout.MAX_LAW_STATES)
-    out = np.zeros((reference.size, 2 + states.size))
-    noises = noise * np.random.default_rng(seed).standard_normal((reference.size, 2))
+    out = np.zeros((n, 2 + states.size))
+    noises = np.zeros((n, 3)) if lost is None else lost.copy()
+    noises[:, 1:] += noise * np.random.default_rng(seed).standard_normal((n, 2))
+    none = np.zeros(n)
+    inputs = np.column_stack([reference, load, none if mode is None else mode, none if starved is None else starved])
     air = compiled_loop(controller.law)(
-        par, pushed, controller.vector(), states, round(controller.period / MAX_STEP),
-        controller.period, reference, load, noises, quantum, int(is_open), np.array([x, p1, p2]), out,
+        par, pushed, par._replace(supply=1.02 * par.ambient), controller.vector(), states,
+        round(controller.period / MAX_STEP), controller.period, inputs, noises, quantum, int(is_open),
+        np.array([x, p1, p2]), out,
     )  # fmt: skip
     return Trace(out[:, 0], out[:, 1], air, out[:, 2:])
 

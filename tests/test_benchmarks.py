@@ -19,10 +19,10 @@ SHARED = {"cases", "rigs"}
 TESTED_ELSEWHERE = {("simulate", "kernel")}  # tests/simulate/test_benchmark.py
 NEED_GCC = {
     ("simulate", "fmu"),
-    *(("loop", name) for name in loop.TABLES if name not in ("periods", "benefit", "ensemble")),
+    *(("loop", name) for name in loop.TABLES if name not in ("periods", "benefit")),
 }
 SLOW = {("door", ""), ("fleet", ""), ("score", ""), ("loop", "logs"), ("loop", "periods"), ("loop", "benefit"),
-        ("loop", "ensemble"), ("thesis", ""), ("thesis", "friction"), ("thesis", "laws"), ("valve", "maps"),
+        ("robust", "ensemble"), ("thesis", ""), ("thesis", "friction"), ("thesis", "laws"), ("valve", "maps"),
         ("workbench", "speed"), ("workbench", "clicks")}  # fmt: skip
 BENCHMARKS = sorted(path.stem for path in (ROOT / "benchmarks").glob("*.py") if path.stem not in SHARED)
 

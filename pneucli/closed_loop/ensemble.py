@@ -204,6 +204,13 @@ def score_of(ratios: Array) -> float:
     return float(np.mean(np.maximum(worst, 0.0)) + 1e-2 * np.mean(worst))
 
 
+def measured_times(ensemble: RigEnsemble, model: Model) -> RigEnsemble:
+    """Return the ensemble of a machine whose lags and delays are measured: that of ``model``, with no further ones."""
+    known = {effect.name for effect in model.effects}
+    left = [n for n in ensemble.effects if n not in known and not consists_of_times(catalogue()[n])]
+    return RigEnsemble(model, ensemble.sigma, tuple(left))
+
+
 def family_of(ensemble: RigEnsemble) -> list[Choice]:
     """Return the members of the family, the rules first; a lag that the model knows is planned for anyway."""
     lags = LAGS if spool_lag().name in ensemble.effects else (0.0,)

@@ -20,6 +20,7 @@ from pneucli.simulate.model import Model
 
 Engine = Callable[[Mapping[str, Array], str], Array]  # signals of a log and how it began -> rows (n, L_ROW)
 
+START_MODES = ("with", "before", "commission")
 SMALL_ROUNDING = 0.01  # of what a log rounds away
 NOISE_DRAWS = 8
 PERIOD_TOLERANCE = 0.01  # share by which the periods of log and controller may differ
@@ -82,13 +83,13 @@ def log_on_grid(recording: Recording, controller: Controller) -> ControllerLog:
 def find_replay(engine: Engine, log: ControllerLog) -> Replay:
     """Return the replay of a log that explains the logged commands best.
 
-    Two alternatives each: the controller began with the log, or had run before (then a reset from the first readings
-    and commands); it received a logged supply pressure, or not.
+    Alternatives: the controller began with the log, began a commissioning with it, or had run before (then a reset from
+    the first readings and commands); it received a logged supply pressure, or not.
     """
     alternatives = [log.signals]
     if "p_supply" in log.signals:
         alternatives.append({name: values for name, values in log.signals.items() if name != "p_supply"})
-    found = [Replay(engine(read, began), began, read) for read in alternatives for began in ("with", "before")]
+    found = [Replay(engine(read, began), began, read) for read in alternatives for began in START_MODES]
     return min(found, key=lambda one: float(np.nanmean((one.commands[:, 0] - log["u"]) ** 2)))
 
 

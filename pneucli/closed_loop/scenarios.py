@@ -9,6 +9,7 @@ import numpy as np
 
 from pneucli.arrays import Array
 from pneucli.closed_loop.simulation import Scenario
+from pneucli.controller import layout
 from pneucli.controller.parameters import Controller, nominal_load
 from pneucli.design.reference_limits import chamber_2_pressure
 from pneucli.errors import InputError, UnitError, did_you_mean
@@ -33,6 +34,7 @@ UNITS = {
     "supply_to": "s",
     "lost_from": "s",
     "lost_to": "s",
+    "commission": "s",
 }
 TEXT_KEYS = ("name", "reference", "recording", "lost", "control")
 REFERENCES = ("hold", "steps", "points", "sine", "s-curve", "recorded")
@@ -135,7 +137,11 @@ def _scenario(values: Mapping[str, Any], controller: Controller, recorded: Recor
     supply = c["C_SUPPLY"] - drop * _between(time, values, "supply")
     lost = ((values["lost"], values.get("lost_from", 1.0), values.get("lost_to", 1.05)),) if "lost" in values else ()
     name = values.get("name", values["reference"])
-    return Scenario(name, reference, load, supply, (x, p1, p2), lost, pressed)
+    mode = None
+    if "commission" in values:
+        mode = np.zeros(time.size)
+        mode[(time >= values["commission"]).argmax()] = layout.OPERATING_MODES.index("commission")
+    return Scenario(name, reference, load, supply, (x, p1, p2), lost, pressed, operating_mode=mode)
 
 
 def _sizes(values: Mapping[str, Any], c: Mapping[str, float], pressed: bool) -> dict[str, Any]:

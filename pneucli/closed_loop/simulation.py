@@ -79,12 +79,16 @@ class Scenario:
 
 @dataclass(frozen=True)
 class Run:
-    """A closed-loop run: output of the model ``(n, 9)`` (simulate.layout), log of the controller (L_ROW columns)."""
+    """A closed-loop run: output of the model ``(n, 9)`` (simulate.layout), log of the controller (L_ROW columns).
+
+    ``states`` are those of the controller at the end, by :mod:`pneucli.controller.layout`.
+    """
 
     scenario: Scenario
     time: Array
     model: Array
     log: Array
+    states: Array = field(default_factory=lambda: np.zeros(layout.L_STATES))
 
 
 @cache
@@ -102,7 +106,8 @@ def simulate(model: Model, controller: Controller, scenario: Scenario, setup: Cl
     state = np.concatenate([np.zeros(layout.L_STATES), log.ravel()])
     flags = _flags(controller, scenario.controls_pressure)
     out = _simulate(model, controller, flags, _inputs(scenario), state, setup)
-    return Run(scenario, time, out, state[layout.L_STATES :].reshape(n, layout.L_ROW))
+    states, rows = state[: layout.L_STATES], state[layout.L_STATES :]
+    return Run(scenario, time, out, rows.reshape(n, layout.L_ROW), states)
 
 
 def simulate_open_loop(
@@ -157,10 +162,17 @@ def replay_log(model: Model, controller: Controller, signals: Mapping[str, Array
         model: Any model of the axis.
         controller: The controller that ran.
         signals: x_ref, x (m), p1, p2 and p_supply if measured (Pa), u and u2 (V); NaN for a missing reading.
-        start_mode: ``with`` the first sample, or ``before``: a reset from the first readings and commands; then the
-            observers track the logged commands and converge anew.
+        start_mode: ``with`` the first sample, with a ``commission`` at the first sample, or ``before``: a reset from
+            the first readings and commands; then the observers track the logged commands and converge anew.
 
     """
+    return replay_states(model, controller, signals, start_mode)[1]
+
+
+def replay_states(
+    model: Model, controller: Controller, signals: Mapping[str, Array], start_mode: str
+) -> tuple[Array, Array]:
+    """Return the controller's states (L_STATES,) at the end of :func:`replay_log`, and its log."""
     n = signals["x_ref"].size
     inputs = np.zeros((n, len(at.INPUTS)))
     rows = np.zeros((n, layout.L_ROW))
@@ -168,6 +180,8 @@ def replay_log(model: Model, controller: Controller, signals: Mapping[str, Array
         inputs[:, place] = signals.get(name, np.full(n, np.nan))
     rows[:, layout.L_SUPPLY] = np.nan_to_num(signals.get("p_supply", np.zeros(n)))
     states = np.zeros(layout.L_STATES)
+    if start_mode == "commission":
+        rows[0, layout.L_MODE] = layout.OPERATING_MODES.index("commission")
     if start_mode == "before":
         rows[:, layout.L_MODE] = layout.OPERATING_MODES.index("follow")
         rows[0, layout.L_MODE] = layout.OPERATING_MODES.index("reset")
@@ -178,7 +192,7 @@ def replay_log(model: Model, controller: Controller, signals: Mapping[str, Array
     state, flags = np.concatenate([states, rows.ravel()]), _flags(controller)
     flags[[at.MECHANICS, at.PNEUMATICS]] = 0.0
     _simulate(replace(model, effects=()), controller, flags, inputs, state, ClosedLoopSetup())
-    return state[layout.L_STATES :].reshape(n, layout.L_ROW)
+    return state[: layout.L_STATES], state[layout.L_STATES :].reshape(n, layout.L_ROW)
 
 
 def _settings(controller: Controller, bench: ClosedLoopSetup) -> list[float]:

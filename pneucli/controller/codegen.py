@@ -15,6 +15,7 @@ from functools import cache
 from types import FunctionType
 
 from pneucli.controller import layout
+from pneucli.controller.commissioning import commission, run_commissioning, watch_limit_cycle
 from pneucli.controller.laws import LAWS
 from pneucli.controller.laws.base import callees_first
 from pneucli.controller.layout import *
@@ -98,11 +99,14 @@ def operate(which: int, x_ref, x, p1, p2, supply, duty, level, s, c):
     pause(1.0 if duty == 1.0 else 0.0, s)
     if duty == 3.0:
         reset(x, p1, p2, s[S_U1], s[S_U2], s, c)
+    if duty == 5.0:
+        commission(0.0, 0.0, s, c)
     if s[S_DISABLED] > 0.5:
         close_valves(s, c)
-        return
-    step_law(which, active_reference(x_ref, x, p1, p2, s, c), x, p1, p2, s, c)
-    finish_commands(s, c)
+    elif not run_commissioning(x, p1, p2, s, c):
+        step_law(which, active_reference(x_ref, x, p1, p2, s, c), x, p1, p2, s, c)
+        finish_commands(s, c)
+        watch_limit_cycle(s, c)
 
 
 def control(k, x_ref, x, p1, p2, cs, cp):

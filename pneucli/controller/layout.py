@@ -71,10 +71,45 @@ OPEN_CHAMBER_VOLUME = 1e3  # m^3: an open chamber 2 is modelled as a closed one 
     S_LINE_INDEX,  # index of the latest entry of all delay lines
     S_LEVEL,  # Pa: present reference of the mean pressure; 0: not yet initialised
     S_LEVEL_SET,  # Pa: mean pressure set by the user, 0: as designed
-) = range(63)
+    # of the commissioning (:mod:`pneucli.controller.commissioning`), which a reset keeps
+    S_COMMISSIONING,  # state, see there; and the time in it in s
+    S_COMMISSIONING_TIME,
+    S_TRAVEL_LIMIT,  # m, Pa: limits from where the test began
+    S_PRESSURE_LIMIT,
+    S_START_X,
+    S_START_P1,
+    S_START_P2,
+    S_LOST_COUNT,  # samples without a reading
+    S_RELAY_PRESSURE,  # Pa: filtered pressure that the relay switches by
+    S_RELAY_SIGN,  # 1: the relay fills, -1: it vents; 1: the pressure is in the far half of the band; s since a switch
+    S_RELAY_INSIDE,
+    S_RELAY_TIME,
+    S_RELAY_WIDTH,  # 1: factor on the rate of the relay; and half cycles that are complete
+    S_RELAY_COUNT,
+    S_TIME_OUTSIDE,  # s: sums outside that half, and within it upwards and downwards
+    S_TIME_UP,
+    S_TIME_DOWN,
+    S_RELAY_PEAK,  # Pa: present overshoot of the band, and its sums above and below
+    S_PEAKS_UP,
+    S_PEAKS_DOWN,
+    S_NULL_SHIFT1,  # V: what this test adds to the null commands; and all that tests added to those of the design
+    S_NULL_SHIFT2,
+    S_NULL_FOUND1,
+    S_NULL_FOUND2,
+    S_DELAY_FOUND,  # s: delay from command to pressure, its share that lets the pressure overshoot; 0: not measured
+    S_OVERSHOOT_FOUND,
+    S_GAIN_FOUND,  # 1: rate of the pressure over that of the model
+    S_MEMBER,  # member of the family of gains from 1 on, 0: as designed
+    S_SWING_EDGE,  # m: last turn of a swing at rest, and the farthest position since
+    S_SWING_PEAK,
+    S_SWING_TIME,  # s since that turn
+    S_SWING_COUNT,  # half swings of a limit cycle, the length of the last in m, and its period in s
+    S_SWING_AMPLITUDE,
+    S_SWING_PERIOD,
+) = range(97)
 
 # delay lines (ring buffers) follow: openings in V and expected pressure readings in Pa
-S_OPENING_LINE1, S_OPENING_LINE2, S_PRESSURE_LINE1, S_PRESSURE_LINE2 = (63 + i * DELAY_LINE_SAMPLES for i in range(4))
+S_OPENING_LINE1, S_OPENING_LINE2, S_PRESSURE_LINE1, S_PRESSURE_LINE2 = (97 + i * DELAY_LINE_SAMPLES for i in range(4))
 
 (
     C_PERIOD,  # s
@@ -166,11 +201,18 @@ S_OPENING_LINE1, S_OPENING_LINE2, S_PRESSURE_LINE1, S_PRESSURE_LINE2 = (63 + i *
     C_LEAK_2,
     C_LEAK_12,
     C_LEAK_VALVE,
+    C_RELAY_BAND,  # Pa: half band of the relay test, and the rate of pressure in Pa/s that it asks for
+    C_RELAY_RATE,
+    C_TRAVEL_LIMIT,  # m, Pa: limits of the relay test, where the caller states none
+    C_PRESSURE_LIMIT,
+    C_FAMILY,  # place of the family of gains behind all else, its members, and the parameters that they change
+    C_FAMILY_MEMBERS,
+    C_FAMILY_WIDTH,
     C_STROKE_NODES,  # nodes of each table along the stroke; these follow the inverse tables
     C_TABLE_NODES,  # nodes of each inverse table: commands in V at (i / (nodes - 1))^2 of the largest area,
     # filling and venting chamber 1, then chamber 2
     C_TABLE,
-) = range(92)
+) = range(99)
 
 _DELAY_LINES = ("S_OPENING_LINE1", "S_OPENING_LINE2", "S_PRESSURE_LINE1", "S_PRESSURE_LINE2")
 STATE = (
@@ -194,7 +236,7 @@ FIRST_LAW_PARAMETER = C_TABLE + 4 * TABLE_NODES + len(STROKE_TABLES) * STROKE_NO
 L_LEVEL = 17  # Pa: mean pressure set by the user, 0: as designed
 L_STATES, L_ROW = len(STATE) + MAX_LAW_STATES, 18
 # by L_MODE; "follow": the last commands were those in this row of the log
-OPERATING_MODES = ("run", "hold", "off", "reset", "follow")
+OPERATING_MODES = ("run", "hold", "off", "reset", "follow", "commission")
 
 UNITS = {
     **dict.fromkeys(("C_PERIOD", "C_MOTION_WINDOW", "C_SHAPING_TIME", "C_FRICTION_LEAD"), "s"),
@@ -225,5 +267,7 @@ UNITS = {
     "C_BRAKE_DAMPING": "N s/m",
     **dict.fromkeys(("C_RAMP_GROWTH_RATE", "C_UNLOADING_RATE", "C_CLOSING_RATE"), "1/s"),
     "C_OBS_LOAD": "N/m",
-    "C_FLOW_STEP_MAX": "Pa/s",
+    **dict.fromkeys(("C_FLOW_STEP_MAX", "C_RELAY_RATE"), "Pa/s"),
+    **dict.fromkeys(("C_RELAY_BAND", "C_PRESSURE_LIMIT"), "Pa"),
+    "C_TRAVEL_LIMIT": "m",
 }  # by parameter; parameters without an entry have no unit

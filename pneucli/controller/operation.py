@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import math
 
+from pneucli.controller.commissioning import stop_commissioning
 from pneucli.controller.layout import *
 from pneucli.controller.observers import initialise_state, settle_valves_and_sensors
 from pneucli.controller.plant import clamp, is_plausible, pressure_force, stroke_table
@@ -33,8 +34,10 @@ def set_supply(p, s, c):
 def enable(on, s):
     """Enable the controller, or disable it and shut the valves; on enabling, the next readings reset the state.
 
-    ``on`` is 1 or 0, without a unit.
+    ``on`` is 1 or 0, without a unit. Disabling ends a commissioning.
     """
+    if on < 0.5:
+        stop_commissioning(s)
     if on > 0.5 and s[S_DISABLED] > 0.5:
         s[S_RESET_PHASE] = 2.0
     s[S_DISABLED] = 0.0 if on > 0.5 else 1.0
@@ -77,13 +80,14 @@ def assume_equilibrium(s, c):
 
 
 def clear_state(s):
-    """Clear the state except supply, pressure level, and the requests to disable and to hold."""
+    """Clear the state except supply, pressure level, commissioning, and the requests to disable and to hold."""
     off = s[S_DISABLED]
     paused = s[S_HOLD_REQUEST]
     supply = s[S_SUPPLY]
     level = s[S_LEVEL_SET]
     for i in range(L_STATES):
-        s[i] = 0.0
+        if i < S_COMMISSIONING or i > S_SWING_PERIOD:
+            s[i] = 0.0
     s[S_DISABLED] = off
     s[S_HOLD_REQUEST] = min(paused, 1.0)
     s[S_SUPPLY] = supply

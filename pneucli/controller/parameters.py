@@ -3,15 +3,16 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, replace
 
 import numpy as np
 
 from pneucli.arrays import Array
-from pneucli.controller.layout import PARAMETERS, STROKE_NODES, STROKE_TABLES
+from pneucli.controller.layout import FIRST_LAW_PARAMETER, PARAMETERS, STROKE_NODES, STROKE_TABLES
 
 TABLE_MARKER = "C_TABLE"
+ROUNDING = 1e-3  # relative difference below which members of a family share a number
 
 
 @dataclass(frozen=True)
@@ -27,6 +28,8 @@ class Controller:
         law: Name of the control law (:mod:`pneucli.controller.laws`).
         own: Own parameters and tables of the law, in the order of ``ControlLaw.parameters``.
         along: Tables along the stroke, in the order of ``layout.STROKE_TABLES``.
+        family: Gains that a commissioning chooses from, in rows: the places of the parameters that they change, then of
+            each member delay and overshoot (s) that its relay test shows, and those parameters.
 
     """
 
@@ -38,6 +41,7 @@ class Controller:
     law: str = "best"
     own: tuple[float, ...] = ()
     along: tuple[tuple[float, ...], ...] = ((1.0,) * STROKE_NODES,) * 2 + ((0.0,) * STROKE_NODES,) * 3
+    family: tuple[tuple[float, ...], ...] = ()
 
     @property
     def period(self) -> float:
@@ -47,7 +51,7 @@ class Controller:
     def vector(self) -> Array:
         """Return the parameter array of :func:`pneucli.controller.cascade.cascade_step`."""
         numbers = [self.values[name] for name in PARAMETERS if name != TABLE_MARKER]
-        return np.concatenate([numbers, *self.tables().values(), self.own])
+        return np.concatenate([numbers, *self.tables().values(), self.own, *self.family])
 
     def tables(self) -> dict[str, tuple[float, ...]]:
         """Return the inverse tables and the tables along the stroke by name, in the order of the parameter array."""
@@ -62,6 +66,17 @@ class Controller:
         """Return the same axis and valve under another law."""
         return replace(self.with_values(**values), law=law, own=own)
 
+    def with_family(self, members: Sequence[tuple[float, float, Controller]]) -> Controller:
+        """Return the controller with a family of gains: of each member delay and overshoot (s) in its relay test."""
+        every = [self.values, *(one.values for _, _, one in members)]
+        spread = {n: [values[n] for values in every] for n in PARAMETERS if n in self.values}
+        names = [n for n, v in spread.items() if max(v) - min(v) > ROUNDING * max(map(abs, v))]
+        rows = [(delay, overshoot, *(one.values[n] for n in names)) for delay, overshoot, one in members]
+        about = {"C_FAMILY_MEMBERS": len(members), "C_FAMILY_WIDTH": len(names)}
+        about["C_FAMILY"] = FIRST_LAW_PARAMETER + len(self.own)
+        places = tuple(float(PARAMETERS.index(name)) for name in names)
+        return replace(self.with_values(**{n: float(v) for n, v in about.items()}), family=(places, *rows))
+
     def to_json(self) -> str:
         """Return the controller as JSON; :meth:`from_json` restores it exactly."""
         return json.dumps(asdict(self), indent=1)
@@ -71,7 +86,7 @@ class Controller:
         """Return the controller that :meth:`to_json` wrote."""
         plain = json.loads(text)
         lists = {name: tuple(plain[name]) for name in ("fill", "vent", "fill_2", "vent_2", "own")}
-        return Controller(**{**plain, **lists, "along": tuple(map(tuple, plain["along"]))})
+        return Controller(**{**plain, **lists, **{n: tuple(map(tuple, plain[n])) for n in ("along", "family")}})
 
 
 def nominal_load(c: Mapping[str, float]) -> float:

@@ -31,6 +31,12 @@ DWELL_RATE_FACTOR = 5.0  # rate of the release force over the rate at which a re
 FAST_RAMP_RATIO = 10.0  # time constants of the pressure loop in which the release force rises by a break-away force
 SLOW_RAMP_RATIO = 400.0  # the same near break-away: the rise within the lag of the loop accelerates the freed piston
 MAX_DEADBAND_GAIN = 10.0  # largest dead band over the holding band
+HELD_SHARE = 0.6  # of break-away, by which a relay test pushes the piston
+BAND_SHARE = 0.5  # of that, the half band of the relay
+BAND_NOISE = 6.0  # standard deviations of the pressure's noise in the half band of a relay test
+LONGEST_DELAY = 25e-3  # s: delay at which a relay test pushes so much
+PRESSURE_LIMIT_RATIO = 8.0  # limit of a relay test's pressure over that
+TRAVEL_LIMIT = 0.02  # of the stroke, in a relay test
 PRESSURE_MARGIN = (
     0.01  # of ambient and supply pressure, by which references keep off: what a pressure sensor may be wrong
 )
@@ -91,6 +97,36 @@ def stiction_parameters(
         "C_CLOSING_RATE": CLOSING_RATE,
         "C_BRAKE_DAMPING": values["C_MASS"] * values["C_KD"],
         "C_DEADBAND_GAIN_MAX": MAX_DEADBAND_GAIN,
+    }
+
+
+def relay_parameters(values: Mapping[str, float], requirements: Requirements) -> dict[str, float]:
+    """Return the parameters of the relay test of a commissioning (:mod:`pneucli.controller.commissioning`).
+
+    Args:
+        values: Parameters of the axis by name (SI).
+        requirements: ``noise_p`` in Pa.
+
+    Returns:
+        C_RELAY_BAND, C_PRESSURE_LIMIT (Pa), C_RELAY_RATE (Pa/s), C_TRAVEL_LIMIT (m), and no family of gains.
+
+    >>> axis = {"C_STATIC": 20.0, "C_AREA_1": 8e-4, "C_STROKE": 0.2}
+    >>> found = relay_parameters(axis, Requirements(noise_p=400.0))
+    >>> {name: round(value, 6) for name, value in found.items() if not name.startswith("C_FAMILY")}
+    {'C_RELAY_BAND': 7500.0, 'C_RELAY_RATE': 300000.0, 'C_PRESSURE_LIMIT': 120000.0, 'C_TRAVEL_LIMIT': 0.004}
+    """
+    amplitude = max(
+        HELD_SHARE * values["C_STATIC"] / values["C_AREA_1"], BAND_NOISE / BAND_SHARE * requirements.noise_p
+    )
+    band = max(BAND_SHARE * amplitude, BAND_NOISE * requirements.noise_p)
+    return {
+        "C_RELAY_BAND": band,
+        "C_RELAY_RATE": (amplitude - band) / LONGEST_DELAY,
+        "C_PRESSURE_LIMIT": PRESSURE_LIMIT_RATIO * amplitude,
+        "C_TRAVEL_LIMIT": TRAVEL_LIMIT * values["C_STROKE"],
+        "C_FAMILY": 0.0,
+        "C_FAMILY_MEMBERS": 0.0,
+        "C_FAMILY_WIDTH": 0.0,
     }
 
 
@@ -258,6 +294,7 @@ def design_cascade(model: Model, requirements: Requirements, sealed_pressure: fl
         effect_compensation.bristle_stiffness(model),
         effect_compensation.dwell_strengthening(model),
     )
+    values |= relay_parameters(values, requirements)
     fill, vent, fill_2, vent_2 = (commands for commands, _ in tables)
     if axis["C_MIRRORED"] > 0.5:
         null = model.base_values()["valve.null"]

@@ -31,6 +31,7 @@ def header(controller: Controller, pipeline: str, precision: str = "float64", pr
         PERIOD=repr(controller.period),
         LAW=LAWS[controller.law].title,
         STATES=str(layout.L_STATES),
+        COUNT=str(controller.vector().size),
         VALVES="2" if controller.values["C_TWO_VALVES"] > 0.5 else "1",
         REAL=PRECISIONS[precision].type,
         HASH=controller_hash(controller, precision),
@@ -69,7 +70,11 @@ def _numbers(controller: Controller, real: Real) -> list[str]:
         lines += [f"    /* {title}: V at (i / {len(table) - 1})^2 of the largest area */", *_rows(table, real)]
     names = LAWS[controller.law].parameters
     lines += [f"    {real.number(v)}, /* {n} */" for n, v in zip(names, controller.own, strict=False)]
-    return lines + _rows(controller.own[len(names) :], real)
+    lines += _rows(controller.own[len(names) :], real)
+    for i, row in enumerate(controller.family):
+        title = f"member {i - 1}: delay and overshoot in s, gains" if i else "family: the places of its gains"
+        lines += [f"    /* {title} */", *_rows(row, real)]
+    return lines
 
 
 def _rows(table: tuple[float, ...], real: Real) -> list[str]:

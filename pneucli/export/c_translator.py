@@ -50,13 +50,30 @@ DOUBLE, FLOAT = Real(), Real("float", "f")
 
 def c_functions(functions: Iterable[Callable[..., Any]], real: Real = DOUBLE) -> str:
     """Return the functions as C99, each ``static``, in the order given (callees first)."""
-    return "\n\n".join(c_function(function, real) for function in functions)
+    every = list(functions)
+    changing: set[str] = set()  # functions that change the parameters, themselves or by what they call
+    for tree in map(syntax_tree, every):
+        if any(_changes_parameters(node, changing) for node in ast.walk(tree)):
+            changing.add(tree.name)
+    return "\n\n".join(c_function(f, real, constant=f.__name__ not in changing) for f in every)
 
 
-def c_function(function: Callable[..., Any], real: Real = DOUBLE) -> str:
-    """Return one function as C99. Raises ``ValueError`` for Python that has no counterpart here."""
+def _changes_parameters(node: ast.AST, changing: Collection[str]) -> bool:
+    match node:
+        case ast.Assign(targets=[ast.Subscript(value=ast.Name(id="c"))]):
+            return True
+        case ast.Call(func=ast.Name(id=name)):
+            return name in changing
+    return False
+
+
+def c_function(function: Callable[..., Any], real: Real = DOUBLE, *, constant: bool = True) -> str:
+    """Return one function as C99. Raises ``ValueError`` for Python that has no counterpart here.
+
+    ``constant``: whether it leaves the parameters as they are.
+    """
     tree = syntax_tree(function)
-    arrays = {"s": f"{real.type} *s", "c": f"const {real.type} *c"}
+    arrays = {"s": f"{real.type} *s", "c": f"{'const ' if constant else ''}{real.type} *c"}
     text = summary(tree)
     tree.body = tree.body[1:]
     return f"/* {text} */\n{c_definition(tree, CWriter(real), arrays)}"

@@ -11,6 +11,7 @@ from types import FunctionType
 from typing import Any
 
 from pneucli.controller import layout
+from pneucli.controller.commissioning import commission, run_commissioning, watch_limit_cycle
 from pneucli.controller.laws import LAWS
 from pneucli.controller.laws.base import callees_first
 from pneucli.controller.operation import (
@@ -35,6 +36,9 @@ OPERATION_FUNCTIONS: tuple[Callable[..., Any], ...] = (
     enable,
     pause,
     reset,
+    commission,
+    run_commissioning,
+    watch_limit_cycle,
     active_reference,
     finish_commands,
     close_valves,

@@ -26,22 +26,23 @@ from pneucli.simulate.model import Model
 Columns = Mapping[str, NDArray[Any] | list[str]]
 REPLAY_FILE, REPLAY_ST_FILE = "pneucli_replay.csv", "pneucli_replay_st.csv"
 REPLAY_COLUMNS = ("x_ref", "x", "p1", "p2", "u1", "u2", "supply", "duty", "level")
-REPLAY_DURATION = 60.0
+REPLAY_DURATION, COMMISSIONING_DURATION = 60.0, 8.0  # s, of the minute and of the commissioning behind it
 
 
 def replay_scenario(controller: Controller) -> Scenario:
-    """Return a minute that passes through every branch.
+    """Return a minute that passes through every branch, and a commissioning behind it.
 
     Rest, steps, a sine, loads, drop-outs, what is out of reach; a supply that sags; another pressure level; hold, off,
-    and a start from there.
+    and a start from there. After the commissioning a step, and a second one that is stopped.
     """
     v = controller.values
-    time = np.arange(0.0, REPLAY_DURATION, controller.period)
+    time = np.arange(0.0, REPLAY_DURATION + COMMISSIONING_DURATION, controller.period)
     centre, amplitude = 0.5 * v["C_STROKE"], 0.15 * v["C_STROKE"]
     steps = amplitude * np.sign(np.sin(2 * np.pi * time / 7.0)) * (time > 1.0)
     sine = amplitude * np.sin(2 * np.pi * 0.5 * time)
     out_of_reach = np.where((time > 50.0) & (time < 53.0), 0.98 * v["C_STROKE"] - centre, 0.0)
     offset = np.where(time < 21.0, steps, np.where(time < 40.0, sine, out_of_reach))
+    offset += 0.3 * amplitude * (time > REPLAY_DURATION + 4.0)
     push = 0.1 * v["C_AREA_1"] * (v["C_SUPPLY"] - v["C_AMBIENT"])
     force = push * (np.sign(np.sin(2 * np.pi * time / 11.0)) * ((time > 41.0) & (time < 49.0)) - (time > 55.0))
     lost = (("p1", 9.0, 9.05), ("x", 16.0, 16.02), ("p2", 25.0, 30.0), ("x", 58.0, 58.3))
@@ -50,6 +51,9 @@ def replay_scenario(controller: Controller) -> Scenario:
     duty[(time > 28.3) & (time < 29.2)] = layout.OPERATING_MODES.index("hold")
     duty[(time > 45.0) & (time < 46.0)] = layout.OPERATING_MODES.index("off")
     duty[np.argmax(time >= 34.0)] = layout.OPERATING_MODES.index("reset")
+    for begin in (0.1, COMMISSIONING_DURATION - 1.5):
+        duty[np.argmax(time >= REPLAY_DURATION + begin)] = layout.OPERATING_MODES.index("commission")
+    duty[time > REPLAY_DURATION + COMMISSIONING_DURATION - 0.7] = layout.OPERATING_MODES.index("off")
     level = np.where((time > 22.0) & (time < 27.0), 0.7 * v["C_P_MEAN"] + 0.3 * v["C_P_HIGH"], 0.0)
     start = equilibrium_at(v, centre)
     return Scenario(

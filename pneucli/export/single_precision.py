@@ -59,11 +59,12 @@ def run_in_single_precision(controller: Controller, vectors: Mapping[str, Array]
         for k, row in enumerate(zip(*columns, strict=True)):
             row_32 = tuple(map(np.float32, row))
             before = state.astype(np.float32) if k % COMPARISON_INTERVAL == 0 else None
+            numbers_before = numbers.astype(np.float32) if before is not None else numbers_32
             double(which, *row, state, numbers)
             single(which, *row_32, state_32, numbers_32)
             out[k] = state_32[layout.S_U1], state_32[layout.S_U2]
             if before is not None:
-                single(which, *row_32, before, numbers_32)
+                single(which, *row_32, before, numbers_before)
                 off.append([before[i] - state[i] for i in (layout.S_U1, layout.S_U2)])
     far = np.abs(off).max(axis=1)
     p99 = float(np.percentile(far, 99.0))
@@ -77,6 +78,8 @@ def replay_in_single_precision(controller: Controller, signals: Mapping[str, Arr
     rows, missing = np.zeros((n, layout.L_ROW)), np.full(n, np.nan)
     read = [signals.get(name, missing).astype(np.float32) for name in ("x_ref", "x", "p1", "p2")]
     supply, duty = np.nan_to_num(signals.get("p_supply", np.zeros(n))).astype(np.float32), np.zeros(n, dtype=np.float32)
+    if start == "commission":
+        duty[0] = layout.OPERATING_MODES.index("commission")
     if start == "before":
         duty[0] = layout.OPERATING_MODES.index("reset")
         for place, name in ((layout.S_U1, "u"), (layout.S_U2, "u2")):

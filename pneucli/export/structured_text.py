@@ -59,10 +59,8 @@ def source(controller: Controller, pipeline: str, prefix: str = PREFIX) -> str:
         LAST_NUMBER=str(len(vector) - 1),
         FUNCTIONS=st_functions(controller_functions(controller.law), places | {"L_STATES": layout.L_STATES}, prefix),
         NUMBERS=",\n".join(f"        {row}" for row in rows),
-        OFF=str(layout.S_DISABLED),
-        U1=str(layout.S_U1),
-        U2=str(layout.S_U2),
         STEP=law.step.__name__,
+        **{name: str(i) for i, name in enumerate(layout.STATE)},
     )
 
 

@@ -19,6 +19,7 @@ from pneucli.messages.formatting import (
 )
 from pneucli.quantities import SIGNALS
 
+DELAY_OVERSHOOT = 0.65  # of a delay, above which the pressure overshoots by more than a lag lets it: 0.3 to 0.5
 FIGURES = (
     ("steady_um", "error at rest", "m", 1e-6),
     ("cycle_um", "moves at rest", "m", 1e-6),
@@ -222,6 +223,33 @@ class BeyondFitted:
 
 
 @dataclass(frozen=True)
+class CommissionedMachine:
+    """What a commissioning found (:class:`pneucli.closed_loop.commissioning.Commissioned`), its state in words; SI."""
+
+    state: str
+    null_1: float
+    null_2: float
+    delay: float
+    overshoot: float
+    gain: float
+    member: int
+    swing: float
+    swing_period: float
+
+    @property
+    def sentence(self) -> str:
+        """What the machine is, in a sentence."""
+        if not self.delay:
+            return f"commissioning: {self.state}"
+        kind = "delay, as of a hose" if self.overshoot > DELAY_OVERSHOOT * self.delay else "lag, as of a spool"
+        nulls = " and ".join(format_quantity(v, "V", 2) for v in (self.null_1, self.null_2) if v) or "0 V"
+        delay = format_quantity(1e3 * self.delay, "ms", 2)
+        gains = f"gains of member {self.member}" if self.member else "gains as designed"
+        text = f"{self.state}: null off by {nulls}, {delay} from command to pressure (mostly a {kind})"
+        return f"{text}, the pressure's rate {format_number(self.gain, 2)} of the model's; {gains}"
+
+
+@dataclass(frozen=True)
 class ControllerLog:
     """A log of a running controller: the figures of the loop as predicted and as measured, by name."""
 
@@ -234,6 +262,7 @@ class ControllerLog:
     supply_told: bool
     foretold: Mapping[str, float | None]
     measured: Mapping[str, float | None]
+    commissioned: CommissionedMachine | None = None
 
     @property
     def rows(self) -> Iterator[tuple[str, str, str]]:
@@ -248,7 +277,8 @@ class ControllerLog:
     def sentence(self) -> str:
         """The figures in a sentence."""
         figures = "; ".join(f"{title} {measured} ({predicted} predicted)" for title, predicted, measured in self.rows)
-        return f"{self.recording}, {self.controller}: {figures}"
+        machine = f"; {self.commissioned.sentence}" if self.commissioned else ""
+        return f"{self.recording}, {self.controller}: {figures}{machine}"
 
 
 @dataclass(frozen=True)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import asdict, dataclass, replace
 from functools import partial
 from typing import Any
 
@@ -11,6 +11,7 @@ import numpy as np
 import pyarrow as pa
 
 from pneucli import paths
+from pneucli.closed_loop.commissioning import STATES, commissioned
 from pneucli.closed_loop.log_replay import (
     ControllerLog,
     Engine,
@@ -24,7 +25,7 @@ from pneucli.closed_loop.log_replay import (
     setup_from_recording,
 )
 from pneucli.closed_loop.metrics import evaluate_run
-from pneucli.closed_loop.simulation import ClosedLoopSetup, Run, replay_log
+from pneucli.closed_loop.simulation import ClosedLoopSetup, Run, replay_log, replay_states
 from pneucli.compare import Comparison, compare, find_error_regions, overall_error
 from pneucli.compare.beyond_fitted import beyond_fitted, excess_beyond_fitted
 from pneucli.compare.channel_errors import evaluate_channel
@@ -40,7 +41,7 @@ from pneucli.export.single_precision import replay_in_single_precision
 from pneucli.figure import read, to_json
 from pneucli.identify.valve.flow_bench import FlowComparison
 from pneucli.io.artifacts import TableWriter, schema_of
-from pneucli.messages.compare import Answer, ChannelResult, LackOfFit, ModelAnswer
+from pneucli.messages.compare import Answer, ChannelResult, CommissionedMachine, LackOfFit, ModelAnswer
 from pneucli.messages.compare import ControllerLog as ControllerLogAnswer
 from pneucli.messages.progress import counted
 from pneucli.pipeline.context import Context
@@ -272,7 +273,17 @@ def log_answer(looked: ReplayedLog, model: Model) -> ControllerLogAnswer:
         supply_told="p_supply" in looked.replay.readings,
         foretold=_loop_answer(expected, model, looked),
         measured=_loop_answer(came, model, looked),
+        commissioned=commissioned_machine(looked, model),
     )
+
+
+def commissioned_machine(looked: ReplayedLog, model: Model) -> CommissionedMachine | None:
+    """Return what the commissioning found with which a log begins, from a replay in double precision; None without."""
+    replay, controller = looked.replay, looked.exported.controller
+    if replay.start_mode != "commission":
+        return None
+    found = commissioned(replay_states(model, controller, replay.readings, replay.start_mode)[0])
+    return CommissionedMachine(STATES[found.state], **{n: v for n, v in asdict(found).items() if n != "state"})
 
 
 def _loop_answer(run: Run, model: Model, looked: ReplayedLog) -> Mapping[str, Any]:

@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 
 from pneucli.closed_loop.acceptance import ACCEPTANCE_SCENARIOS, Violation, axis_variants, check_acceptance
+from pneucli.closed_loop.commissioning import member_on_ensemble, with_commissioning
 from pneucli.closed_loop.ensemble import (
     CONFIDENCE,
     FIGURES,
@@ -203,10 +204,19 @@ def _design(context: Context, model: Model, wanted: Requirements, sealed: float 
         warnings.append(f"no PDC: {error.found}")
     data = collect_design_data(controller, unpredicted, wanted, rows, weights, missing)
     made, failed = design_controllers(data)
-    own = None
+    own, setup = None, setup_from_requirements(wanted)
     if wanted.gains == "ensemble":
-        own = design_on_ensemble(context, model, wanted, setup_from_requirements(wanted), sealed)
+        own = design_on_ensemble(context, model, wanted, setup, sealed)
         made[DEFAULT], corners = own.controller, choose_bandwidths(own.model, own.requirements, own.controller.values)
+    context.progress("gains for the commissioning")
+
+    def member(slower: Model) -> Controller:
+        if own is None:
+            return design_cascade(slower, wanted, sealed)
+        return member_on_ensemble(own.ensemble, slower, wanted, sealed, own.test, setup)
+
+    if DEFAULT in made:
+        made[DEFAULT] = with_commissioning(model, made[DEFAULT], member, setup)
     return DesignResult(made, failed, wanted, corners, sectors, rows, matching, weights, warnings, data, own)
 
 

@@ -8,7 +8,7 @@ from functools import partial
 import numpy as np
 import pytest
 
-from pneucli.closed_loop import log_replay
+from pneucli.closed_loop import commissioning, log_replay
 from pneucli.closed_loop.log_replay import (
     ControllerLog,
     find_replay,
@@ -20,13 +20,17 @@ from pneucli.closed_loop.log_replay import (
 from pneucli.closed_loop.metrics import evaluate_run
 from pneucli.closed_loop.simulation import ClosedLoopSetup, Run, replay_log, simulate
 from pneucli.controller import layout as at
+from pneucli.design.cascade_design import design_cascade
 from pneucli.errors import InputError
+from pneucli.export.controller_file import ExportedController
 from pneucli.export.single_precision import replay_in_single_precision
 from pneucli.physics.effects import catalogue
 from pneucli.recording import Recording
+from pneucli.stages.compare import ReplayedLog, commissioned_machine
 from tests.design import axis
 
 MODEL, CONTROLLER = axis.model(), axis.controller()
+LAG, DELAY = commissioning.added_times()
 TIME = 1e-3 * np.arange(3000)
 REFERENCE = np.where(TIME < 0.5, 0.1, np.where(TIME < 1.5, 0.13, 0.13 + 0.02 * np.sin(np.pi * (TIME - 1.5))))
 ENGINE = partial(replay_log, MODEL, CONTROLLER)
@@ -73,6 +77,29 @@ def test_whether_a_logged_supply_was_told_to_the_controller_is_seen_by_its_comma
     found = find_replay(ENGINE, log)
     assert ("p_supply" in found.readings) == told
     assert np.array_equal(found.commands[:, 0], loop.log[:, at.L_U1])
+
+
+@pytest.mark.parametrize(("kind", "said"), [(DELAY, "delay, as of a hose"), (LAG, "lag, as of a spool")])
+def test_a_log_that_begins_with_a_commissioning_tells_what_the_machine_is(kind: tuple[str, str], said: str) -> None:
+    controller = commissioning.with_commissioning(
+        MODEL, CONTROLLER, lambda model: design_cascade(model, axis.REQUIREMENTS, axis.SEALED), axis.BENCH
+    )
+    machine = commissioning.with_time(MODEL, *kind, 10e-3).with_values({"valve.null": 0.3})
+    run = commissioning.run_commissioning(machine, controller, axis.BENCH)
+    first = round(commissioning.BEGIN / controller.period)
+    log = ControllerLog(
+        signals(run, first) | {"x_ref": run.scenario.reference[first:]}, np.arange(run.time.size - first)
+    )
+    found = find_replay(partial(replay_log, MODEL, controller), log)
+    assert found.start_mode == "commission"
+    assert np.array_equal(found.commands[:, 0], run.log[first:, at.L_U1])
+    exported = ExportedController(controller, "float64", "")
+    looked = ReplayedLog(recorded(run), exported, log, partial(replay_log, MODEL, controller), found)
+    machine_found = commissioned_machine(looked, MODEL)
+    assert machine_found is not None
+    assert said in machine_found.sentence
+    assert machine_found.null_1 == pytest.approx(0.3, abs=0.06)
+    assert machine_found.delay == pytest.approx(12e-3, abs=1.2e-3)
 
 
 def test_another_controller_is_told_by_its_commands(loop: Run) -> None:

@@ -33,6 +33,13 @@ def test_steps_go_up_down_and_back_about_the_middle() -> None:
     assert stated[[0, 1000, 2000, 3000]] == pytest.approx([0.08, 0.09, 0.07, 0.08])
 
 
+def test_a_commissioning_begins_when_it_is_asked_for() -> None:
+    found = scene(commission="0.2 s").operating_mode
+    assert list(np.flatnonzero(found)) == [200]
+    assert layout.OPERATING_MODES[int(found[200])] == "commission"
+    assert scene().operating_mode is None
+
+
 def test_a_sine_begins_after_half_a_second() -> None:
     found = scene(reference="sine", frequency="1 Hz", amplitude="20 mm", centre="90 mm", duration="3 s").reference
     assert np.all(found[:501] == 0.09)

@@ -102,6 +102,13 @@ ROUND = {
     "RELEASE_FORCE_MAX": 60.0,
     "BREAKAWAY_MAX": 40.0,
     "DEADBAND_GAIN_MAX": 10.0,
+    "RELAY_BAND": 4e3,
+    "RELAY_RATE": 4e5,
+    "TRAVEL_LIMIT": 4e-3,
+    "PRESSURE_LIMIT": 1e5,
+    "FAMILY": 0.0,
+    "FAMILY_MEMBERS": 0.0,
+    "FAMILY_WIDTH": 0.0,
     "STROKE_NODES": 2.0,
     "TABLE_NODES": float(NODES),
 }

@@ -92,6 +92,7 @@ def test_every_parameter_but_ratios_switches_and_counts_has_a_unit() -> None:
     }
     none = (
         {"C_TABLE_NODES", "C_STROKE_NODES", "C_DECELERATION_RATIO", "C_DEADBAND_GAIN_MAX", "C_PRESSURE_MODE"}
+        | {"C_FAMILY", "C_FAMILY_MEMBERS", "C_FAMILY_WIDTH"}
         | late
         | {
             "C_SCALE_1",

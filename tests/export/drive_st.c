@@ -31,6 +31,7 @@ int main(int argc, char **argv)
         c.X_REF.value = value[0], c.X.value = value[1], c.P1.value = value[2], c.P2.value = value[3];
         c.SUPPLY.value = value[6], c.LEVEL.value = value[8];
         c.ENABLE.value = value[7] != 2.0, c.HOLD.value = value[7] == 1.0, c.TAKE_OVER.value = value[7] == 3.0;
+        c.COMMISSION.value = value[7] == 5.0;
         c.U1_NOW.value = c.U1.value, c.U2_NOW.value = c.U2.value;
         PNEUCLI_CONTROLLER_body__(&c);
         for (i = 0; i < 2; ++i) {

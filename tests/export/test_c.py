@@ -12,10 +12,19 @@ import numpy as np
 import pytest
 from scipy.io import loadmat
 
+from pneucli.closed_loop.commissioning import (
+    Commissioned,
+    added_times,
+    commissioned,
+    run_commissioning,
+    with_commissioning,
+    with_time,
+)
 from pneucli.closed_loop.simulation import ClosedLoopSetup
 from pneucli.controller import layout
 from pneucli.controller.laws import LAWS
 from pneucli.controller.operation import active_reference, finish_commands
+from pneucli.design.cascade_design import design_cascade
 from pneucli.errors import InputError
 from pneucli.export import export_files
 from pneucli.export.c_translator import c_function
@@ -51,12 +60,13 @@ def test_the_controller_is_clean_c99(folder: Path) -> None:
     source, result = folder / "pneucli_controller.c", folder / "c99.o"
     subprocess.run(["gcc", "-std=c99", "-O2", *STRICT, "-c", source, "-o", result], check=True)
     needed = subprocess.run(["nm", "-u", result], check=True, capture_output=True, text=True).stdout
-    assert {word for word in needed.split() if word != "U" and not word.startswith("_")} <= {"sqrt", "fabs"}
+    # gcc makes a loop that copies into memcpy, which it asks of a target without a library too
+    assert {word for word in needed.split() if word != "U" and not word.startswith("_")} <= {"sqrt", "fabs", "memcpy"}
 
 
 def test_over_a_minute_it_gives_the_simulated_commands_to_1e_9_volt(folder: Path) -> None:
     samples, worst, _, mean = replay(build(folder, "-O2"), folder)
-    assert samples == 60_000
+    assert samples == 68_000
     assert worst <= 1e-9
     assert mean < 1e-5  # a hundredth of its period, on any machine that runs this
 
@@ -70,7 +80,7 @@ def test_the_c_of_every_law_gives_its_simulated_commands(law: str, arrangement: 
     model, made = axis.bench_of_laws(arrangement)
     export_files.write_c(tmp_path, made[law], model, axis.BENCH, law)
     samples, worst, _, mean = replay(build(tmp_path, "-O2"), tmp_path)
-    assert samples == 60_000
+    assert samples == 68_000
     assert worst <= 1e-9
     assert mean < 2e-5
 
@@ -145,6 +155,61 @@ def test_the_minute_passes_through_saturation_rest_motion_and_missing_readings(f
     assert np.isnan(table["x"]).any()
     assert np.isnan(table["p1"]).any()
     assert np.isfinite(table["u1"]).all()
+
+
+STATUS = """
+#include "pneucli_controller.h"
+#include <stdio.h>
+#include <stdlib.h>
+
+int main(int argc, char **argv)
+{
+    static pneucli_controller c;
+    pneucli_controller_status found;
+    char line[512];
+    double u[2];
+    FILE *file = fopen(argv[argc - 1], "r");
+    pneucli_controller_init(&c);
+    while (file != NULL && fgets(line, sizeof line, file) != NULL) {
+        double value[5] = {0.0};
+        char *rest = line;
+        int i;
+        for (i = 0; i < 5; ++i) {
+            value[i] = strtod(rest, &rest);
+            rest += *rest == ',';
+        }
+        if (value[4] > 0.0) {
+            pneucli_controller_commission(&c, 5e-3, 1e6);
+        }
+        pneucli_controller_step(&c, value[0], value[1], value[2], value[3], u);
+    }
+    found = pneucli_controller_commissioned(&c);
+    printf("%d %.17g %.17g %.17g %.17g %.17g %d %.17g %.17g\\n", found.state, found.null_1, found.null_2, found.delay,
+           found.overshoot, found.gain, found.member, found.swing, found.swing_period);
+    return 0;
+}
+"""
+
+
+def test_the_c_tells_what_the_commissioning_found(tmp_path: Path) -> None:
+    """On a machine with a hose of 10 ms and a null of 0.2 V, which the design does not know."""
+    made = with_commissioning(
+        MODEL, CONTROLLER, lambda m: design_cascade(m, axis.REQUIREMENTS, axis.SEALED), axis.BENCH
+    )
+    export_files.write_c_source(tmp_path, made, "demo")
+    run = run_commissioning(
+        with_time(MODEL, *added_times()[1], 10e-3).with_values({"valve.null": 0.2}), made, axis.BENCH
+    )
+    read = run.log[:, [layout.L_READ_X, layout.L_READ_P1, layout.L_READ_P2, layout.L_MODE]]
+    np.savetxt(tmp_path / "log.csv", np.column_stack([run.scenario.reference, read]), delimiter=",", fmt="%.17g")
+    (tmp_path / "status.c").write_text(STATUS)
+    sources = [tmp_path / name for name in ("status.c", "pneucli_controller.c")]
+    subprocess.run(["gcc", "-std=c99", *STRICT, *sources, "-lm", "-o", tmp_path / "status"], check=True)
+    done = subprocess.run([tmp_path / "status", tmp_path / "log.csv"], check=True, capture_output=True, text=True)
+    found = Commissioned(*(float(word) for word in done.stdout.split()))  # type: ignore[arg-type]
+    assert found == commissioned(run.states)
+    assert (found.state, found.delay) == pytest.approx((4, 12e-3), rel=0.1)
+    assert found.null_1 == pytest.approx(0.2, abs=0.06)
 
 
 def test_a_wrong_answer_would_be_found(folder: Path) -> None:
@@ -234,7 +299,7 @@ def test_in_single_precision_the_c_calculates_with_floats_alone(single: tuple[Pa
 
 def test_in_single_precision_it_gives_the_commands_that_were_foreseen(single: tuple[Path, dict[str, float]]) -> None:
     samples, worst, _, _ = replay(build(single[0], "-O2"), single[0])
-    assert samples == 15_000
+    assert samples == 17_000
     assert worst <= 1e-9
 
 
@@ -247,8 +312,8 @@ def test_what_single_precision_costs_is_measured(single: tuple[Path, dict[str, f
 
 def test_the_minute_passes_through_hold_off_reset_and_a_supply_that_sags(folder: Path) -> None:
     table = np.genfromtxt(folder / export_files.REPLAY_FILE, delimiter=",", names=True)
-    assert set(table["duty"]) == {0.0, 1.0, 2.0, 3.0}
+    assert set(table["duty"]) == {0.0, 1.0, 2.0, 3.0, 5.0}
     assert np.ptp(table["supply"]) > 5e4
-    assert np.all(table["u1"][table["duty"] == 2.0] == 0.0)
+    assert np.all(table["u1"][:60_000][table["duty"][:60_000] == 2.0] == 0.0)
     reset = int(np.argmax(table["duty"] == 3.0))
     assert table["u1"][reset] == pytest.approx(table["u1"][reset - 1], rel=1e-12)

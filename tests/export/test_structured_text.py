@@ -143,5 +143,5 @@ def test_compiled_it_gives_the_simulated_commands(law: str, arrangement: str, tm
         [tmp_path / "drive", tmp_path / export_files.REPLAY_ST_FILE], check=True, capture_output=True, text=True
     )
     samples, worst = told.stdout.split()
-    assert int(samples) == 60_000
+    assert int(samples) == 68_000
     assert float(worst) <= 1e-9

@@ -19,9 +19,23 @@ extern "C" {
 
 typedef struct {
     @REAL@ state[@STATES@];
+    @REAL@ numbers[@COUNT@]; /* as designed, until a commissioning changes them */
 } pneucli_controller;
 
-/* Forget everything; the next step starts from its readings, at rest. Enabled, not held, supply as designed. */
+/* What a commissioning found. state: 0 as designed; 1 valves shut, 2 and 3 relay tests of valve 1 and 2; 4 commissioned;
+ * 5 slower after a limit cycle, 6 a limit cycle that persists; valves shut after 10 a stop, 11 the limit of travel,
+ * 12 that of pressure, 13 a pressure that does not reverse, 14 a missing reading. */
+typedef struct {
+    int state;
+    @REAL@ null_1, null_2;      /* V, added to the null commands of the design */
+    @REAL@ delay, overshoot;    /* s: delay of the pressure; its share that overshoots: all of a delay, 0.3 of a lag */
+    @REAL@ gain;                /* rate of the pressure over that of the model */
+    int member;                 /* of the family of gains; 0: as designed */
+    @REAL@ swing, swing_period; /* m, s: the last swing at rest beyond twice the tolerance */
+} pneucli_controller_status;
+
+/* Forget everything; the next step starts from its readings, at rest. Enabled, not held, supply as designed.
+ * Call it once before all others. */
 void pneucli_controller_init(pneucli_controller *c);
 
 /* One sample: reference and position in m, pressures absolute in Pa; commands in V. u[1] = 0 where there is one valve.
@@ -44,6 +58,12 @@ void pneucli_controller_hold(pneucli_controller *c, int on);
 /* Start from an axis that rests under the commands u, those of a hand or of another controller: the next step's commands
  * are u, and what is then changed fades in. */
 void pneucli_controller_reset(pneucli_controller *c, @REAL@ x, @REAL@ p1, @REAL@ p2, const @REAL@ u[2]);
+
+/* Find null, delay and gain of the valves with the axis at rest, within limits of travel in m and pressure in Pa from
+ * there (0: as designed), then set the gains. It takes about 2 s, in which x_ref is ignored; disabling stops it. */
+void pneucli_controller_commission(pneucli_controller *c, @REAL@ travel, @REAL@ pressure);
+
+pneucli_controller_status pneucli_controller_commissioned(const pneucli_controller *c);
 
 #ifdef __cplusplus
 }

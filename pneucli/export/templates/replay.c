@@ -1,5 +1,6 @@
 /* Replay a file of test vectors through the controller: x_ref,x,p1,p2,u1,u2,supply,duty,level a line, one header line;
- * the last three may be left out. duty: 0 run, 1 hold, 2 not enabled, 3 reset from these readings and the last commands.
+ * the last three may be left out. duty: 0 run, 1 hold, 2 not enabled, 3 reset from these readings and the last commands,
+ * 5 begin a commissioning.
  *
  *     cc -std=c11 -O2 pneucli_replay.c pneucli_controller.c -lm -o replay && ./replay pneucli_replay.csv
  *
@@ -35,6 +36,9 @@ static void operate(pneucli_controller *c, const double value[9], const @REAL@ u
     pneucli_controller_hold(c, duty == 1);
     if (duty == 3) {
         pneucli_controller_reset(c, (@REAL@)value[1], (@REAL@)value[2], (@REAL@)value[3], u);
+    }
+    if (duty == 5) {
+        pneucli_controller_commission(c, 0, 0);
     }
 }
 
