@@ -18,6 +18,7 @@ from pneucli.design.bandwidths import (
     Bandwidths,
     Timing,
     choose_bandwidths,
+    valve_compensation,
 )
 from pneucli.design.cascade_design import axis_parameters, inverse_table, stiction_parameters
 from pneucli.design.effect_compensation import DwellStrengthening
@@ -88,6 +89,16 @@ def test_a_delay_longer_than_what_is_remembered_counts_whole(name: str, over: fl
     )
 
 
+def test_a_spool_that_lags_is_led_by_what_a_sample_brings_of_its_way() -> None:
+    found = valve_compensation(MODEL, PLAIN, replace(PROMPT, lag=4e-3, led_lag=2e-3, flow_delay=3e-3))
+    assert found["C_SPOOL_SHARE"] == pytest.approx(1.0 - math.exp(-0.25))
+    assert found["C_SPOOL_MEAN_SHARE"] == pytest.approx(1.0 - 4.0 * (1.0 - math.exp(-0.25)))  # over the sample
+    assert found["C_SPOOL_LEAD"] == pytest.approx(1.0 - math.exp(-0.5))
+    assert found["C_FLOW_DELAY"] == pytest.approx(3.0)
+    at_once = valve_compensation(MODEL, PLAIN, PROMPT)
+    assert {at_once[f"C_SPOOL_{name}"] for name in ("SHARE", "MEAN_SHARE", "LEAD")} == {1.0}
+
+
 def test_stated_bandwidths_overrule() -> None:
     both = corners(pressure_bandwidth=20.0, position_bandwidth=3.0)
     assert (both.pressure, both.position) == (pytest.approx(40 * math.pi), pytest.approx(6 * math.pi))
@@ -154,31 +165,33 @@ def test_the_reference_keeps_to_what_the_valve_can_do() -> None:
     assert (stated["C_V_MAX"], stated["C_A_MAX"]) == (0.2, 3.0)
 
 
-def test_the_speed_that_both_directions_reach_keeps_the_pressures_constant() -> None:
+@pytest.mark.parametrize("rod", [0.0, 0.3])
+def test_the_speed_that_both_directions_reach_keeps_the_pressures_constant(rod: float) -> None:
     """At the worst place the slower direction feeds just what the motion takes (2.47), chamber 2's spring included."""
-    speed, rate = reachable_speed_and_gradient(VALUES)
+    known = VALUES | {"C_AREA_2": (1.0 - rod) * VALUES["C_AREA_1"]}
+    speed, rate = reachable_speed_and_gradient(known)
     worst = []
-    for x in np.linspace(0.2, 0.8, 25) * VALUES["C_STROKE"]:
-        p2 = float(chamber_2_pressure(VALUES, np.array([x]))[0])
-        a1, a2 = VALUES["C_AREA_1"], VALUES["C_AREA_2"]
-        p1 = (a2 * p2 + (a1 - a2) * VALUES["C_AMBIENT"]) / a1
-        if not 1.3 * VALUES["C_AMBIENT"] <= p1 <= 0.85 * VALUES["C_SUPPLY"]:
+    for x in np.linspace(0.2, 0.8, 25) * known["C_STROKE"]:
+        p2 = float(chamber_2_pressure(known, np.array([x]))[0])
+        a1, a2 = known["C_AREA_1"], known["C_AREA_2"]
+        p1 = (a2 * p2 + (a1 - a2) * known["C_AMBIENT"]) / a1
+        if not 1.3 * known["C_AMBIENT"] <= p1 <= 0.85 * known["C_SUPPLY"]:
             continue
-        v1, v2 = VALUES["C_DEAD_VOLUME_1"] + a1 * x, VALUES["C_DEAD_VOLUME_2"] + a2 * (VALUES["C_STROKE"] - x)
+        v1, v2 = known["C_DEAD_VOLUME_1"] + a1 * x, known["C_DEAD_VOLUME_2"] + a2 * (known["C_STROKE"] - x)
         most = []
         for up, down, area in (
-            (VALUES["C_SUPPLY"], p1, VALUES["C_AREA_FILL"]), (p1, VALUES["C_AMBIENT"], VALUES["C_AREA_VENT"]),
+            (known["C_SUPPLY"], p1, known["C_AREA_FILL"]), (p1, known["C_AMBIENT"], known["C_AREA_VENT"]),
         ):  # fmt: skip
             share = math.sqrt(
                 1
                 - (
-                    (max(down / up, VALUES["C_CRITICAL_RATIO"]) - VALUES["C_CRITICAL_RATIO"])
-                    / (1 - VALUES["C_CRITICAL_RATIO"])
+                    (max(down / up, known["C_CRITICAL_RATIO"]) - known["C_CRITICAL_RATIO"])
+                    / (1 - known["C_CRITICAL_RATIO"])
                 )
                 ** 2
             )
-            most.append(VALUES["C_GAMMA_R_T"] * VALUES["C_K_GAS"] * 0.484 * share * up * area / v1)
-        taken = VALUES["C_GAMMA"] * (p1 * a1 / v1 + a2 / a1 * p2 * a2 / v2)
+            most.append(known["C_GAMMA_R_T"] * known["C_K_GAS"] * 0.484 * share * up * area / v1)
+        taken = known["C_GAMMA"] * (p1 * a1 / v1 + a2 / a1 * p2 * a2 / v2)
         worst.append((min(most) / taken, min(most)))
     assert speed == pytest.approx(min(s for s, _ in worst))
     assert rate == pytest.approx(min(r for _, r in worst))

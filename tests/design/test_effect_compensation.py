@@ -12,6 +12,7 @@ from pneucli.design.effect_compensation import (
     critical_ratio,
     dead_volumes,
     deceleration_friction_ratio,
+    dwell_strengthening,
     flow_delay,
     has_restoring_force,
     identify_spool,
@@ -55,6 +56,14 @@ def test_a_mass_counts_whatever_the_effect_is_called():
     bare = model().base_values()["rig.moving_mass"]
     assert moving_mass(own) == pytest.approx(bare + 3.0)
     assert moving_mass(with_("extra-mass", mass=3.0)) == moving_mass(own)
+
+
+def test_break_away_grows_with_the_time_at_rest_by_its_gain_at_first_over_its_time_constant():
+    found = dwell_strengthening(with_("dwell-breakaway", gain=0.5, time_constant=2.0))
+    assert found.max_factor == pytest.approx(1.5, rel=0.01)
+    assert found.initial_rate == pytest.approx(0.25, rel=0.01)
+    bare = dwell_strengthening(model())
+    assert (bare.max_factor, bare.initial_rate) == (1.0, 0.0)
 
 
 def test_volumes_are_added_to_their_chamber():
