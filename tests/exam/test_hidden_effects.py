@@ -25,7 +25,7 @@ def recorded(par: Parameters, kind: str) -> dict[str, np.ndarray]:
     if kind == "valve":
         par = par._replace(piston_area_1=0.0, piston_area_2=0.0, dead_volume_1=160e-6)
         return measure(par, QUIET, simulate_rig(par, valve_staircase(par, 0.5, 2.0)), np.random.default_rng(0))
-    reference = two_sine_reference(np.random.default_rng(1), 4000)
+    reference = two_sine_reference(np.random.default_rng(1), 2000)
     return measure(par, QUIET, simulate_rig(par, closed_loop(par, reference, 150.0, 1.8e5)), np.random.default_rng(0))
 
 
