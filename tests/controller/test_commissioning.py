@@ -264,7 +264,7 @@ def test_a_limit_cycle_goes_to_the_next_longer_delay_and_then_gives_up() -> None
 
 
 @pytest.mark.parametrize(
-    "x", [swing(5.0, decay=1.5), swing(5.0, size=9e-6), 0.1 + 1e-3 * np.arange(5000) / 5000, swing(2.2)]
+    "x", [swing(5.0, size=50e-3, decay=3.0), swing(5.0, size=9e-6), 0.1 + 1e-3 * np.arange(5000) / 5000, swing(2.2)]
 )
 def test_what_decays_or_is_small_or_drifts_or_is_short_is_no_limit_cycle(x: np.ndarray) -> None:
     assert watched(x)[0][at.S_COMMISSIONING] == 4.0
