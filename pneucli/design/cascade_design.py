@@ -108,9 +108,10 @@ def relay_parameters(values: Mapping[str, float], requirements: Requirements) ->
         requirements: ``noise_p`` in Pa.
 
     Returns:
-        C_RELAY_BAND, C_PRESSURE_LIMIT (Pa), C_RELAY_RATE (Pa/s), C_TRAVEL_LIMIT (m), and no family of gains.
+        C_RELAY_BAND, C_PRESSURE_LIMIT (Pa), C_RELAY_RATE (Pa/s), C_TRAVEL_LIMIT (m), and no family of gains. One spool
+        lets both pressures drift together, which does not push the piston: half of what there is may be passed.
 
-    >>> axis = {"C_STATIC": 20.0, "C_AREA_1": 8e-4, "C_STROKE": 0.2}
+    >>> axis = {"C_STATIC": 20.0, "C_AREA_1": 8e-4, "C_STROKE": 0.2, "C_MIRRORED": 0.0}
     >>> found = relay_parameters(axis, Requirements(noise_p=400.0))
     >>> {name: round(value, 6) for name, value in found.items() if not name.startswith("C_FAMILY")}
     {'C_RELAY_BAND': 7500.0, 'C_RELAY_RATE': 300000.0, 'C_PRESSURE_LIMIT': 120000.0, 'C_TRAVEL_LIMIT': 0.004}
@@ -122,7 +123,9 @@ def relay_parameters(values: Mapping[str, float], requirements: Requirements) ->
     return {
         "C_RELAY_BAND": band,
         "C_RELAY_RATE": (amplitude - band) / LONGEST_DELAY,
-        "C_PRESSURE_LIMIT": PRESSURE_LIMIT_RATIO * amplitude,
+        "C_PRESSURE_LIMIT": 0.5 * (values["C_SUPPLY"] - values["C_AMBIENT"])
+        if values["C_MIRRORED"] > 0.5
+        else PRESSURE_LIMIT_RATIO * amplitude,
         "C_TRAVEL_LIMIT": TRAVEL_LIMIT * values["C_STROKE"],
         "C_FAMILY": 0.0,
         "C_FAMILY_MEMBERS": 0.0,
