@@ -696,16 +696,9 @@ TABLES = {
 
 def main(arguments: list[str]) -> None:
     """Print one of the tables, or of each a small one."""
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("table", nargs="?", choices=list(TABLES))
-    parser.add_argument("names", nargs="*")
-    parser.add_argument("--seed", type=int, default=1)
-    parser.add_argument("--seeds", type=int, default=1)
-    for option in ("--recorded", "--unknown", "--unknown-controller", "--no-accelerometer", rigs.SMALL):
-        parser.add_argument(option, action="store_true")
-    asked = parser.parse_args(arguments)
-    for name in [asked.table] if asked.table else list(TABLES) if asked.small else []:
-        TABLES[name](asked)
+    rigs.print_rig_tables(
+        TABLES, __doc__, arguments, ("--recorded", "--unknown", "--unknown-controller", "--no-accelerometer")
+    )
 
 
 if __name__ == "__main__":

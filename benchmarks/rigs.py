@@ -9,6 +9,7 @@ identifies is then replaced by the exact model of the rig.
 
 from __future__ import annotations
 
+import argparse
 import hashlib
 import inspect
 import math
@@ -312,3 +313,25 @@ def write_long_recording(folder: Path, kind: str, samples: int) -> None:
         ]
     laboratory.record(folder / "raw", takes, rng)
     (folder / "pipeline.toml").write_text(laboratory.pipeline(takes, "raw"))
+
+
+def print_rig_tables(
+    tables: Mapping[str, Callable[[argparse.Namespace], None]],
+    about: str | None,
+    arguments: Sequence[str],
+    options: Sequence[str] = (),
+) -> None:
+    """Print one of a benchmark's tables of seeded rigs, or of each a small one.
+
+    ``about`` is its help, ``options`` are its own flags.
+    """
+    parser = argparse.ArgumentParser(description=about, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("table", nargs="?", choices=list(tables))
+    parser.add_argument("names", nargs="*")
+    parser.add_argument("--seed", type=int, default=1)
+    parser.add_argument("--seeds", type=int, default=1)
+    for option in (*options, SMALL):
+        parser.add_argument(option, action="store_true")
+    asked = parser.parse_args(arguments)
+    for name in [asked.table] if asked.table else list(tables) if asked.small else []:
+        tables[name](asked)

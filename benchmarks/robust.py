@@ -27,7 +27,7 @@ from scipy.stats import beta
 from benchmarks import rigs
 from benchmarks.loop import WORST_EFFECTS, exact_models, figures, head, is_held, row, with_unknowns
 from pneucli.closed_loop import ensemble
-from pneucli.closed_loop.commissioning import STATES, commissioned, member_on_ensemble, with_commissioning
+from pneucli.closed_loop.commissioning import SHUT, STATES, commissioned, member_on_ensemble, with_commissioning
 from pneucli.closed_loop.simulation import ClosedLoopSetup
 from pneucli.controller import layout
 from pneucli.controller.parameters import Controller
@@ -145,7 +145,6 @@ SURPRISES: dict[str, Callable[[Parameters], Parameters]] = {
 EVENTS = ("load", "stop", "x lost", "p1 lost", "p2 lost", "supply lost")
 LAST = 3.0  # s at the end of a run, in which all is well
 RUNAWAY = 1e-3  # m
-SHUT = 10  # the first of the states of a commissioning in which the valves stay shut
 
 
 @dataclass(frozen=True)
@@ -232,15 +231,7 @@ TABLES = {"ensemble": print_ensemble, "proof": print_proof}
 
 def main(arguments: list[str]) -> None:
     """Print one of the tables, or of each a small one."""
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("table", nargs="?", choices=list(TABLES))
-    parser.add_argument("names", nargs="*")
-    parser.add_argument("--seed", type=int, default=1)
-    parser.add_argument("--seeds", type=int, default=1)
-    parser.add_argument(rigs.SMALL, action="store_true")
-    asked = parser.parse_args(arguments)
-    for name in [asked.table] if asked.table else list(TABLES) if asked.small else []:
-        TABLES[name](asked)
+    rigs.print_rig_tables(TABLES, __doc__, arguments)
 
 
 if __name__ == "__main__":

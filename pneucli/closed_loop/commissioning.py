@@ -53,6 +53,7 @@ STATES = {
     13: "no reversal of the pressure",
     14: "a reading is missing",
 }  # of the state chart of :mod:`pneucli.controller.commissioning`
+SHUT = 10  # the first of those in which the valves stay shut
 
 
 @dataclass(frozen=True)
@@ -84,7 +85,7 @@ class Commissioned:
     @property
     def succeeded(self) -> bool:
         """Whether the relay test ended well."""
-        return self.delay > 0.0 and self.state < 10
+        return self.delay > 0.0 and self.state < SHUT
 
 
 def commissioned(states: Array) -> Commissioned:
