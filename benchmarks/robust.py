@@ -21,11 +21,11 @@ from collections.abc import Callable
 from dataclasses import dataclass, field
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.stats import beta
 
 from benchmarks import rigs
 from benchmarks.loop import WORST_EFFECTS, exact_models, figures, head, is_held, row, with_unknowns
+from pneucli.arrays import Array
 from pneucli.closed_loop import ensemble
 from pneucli.closed_loop.commissioning import SHUT, STATES, commissioned, member_on_ensemble, with_commissioning
 from pneucli.closed_loop.simulation import ClosedLoopSetup
@@ -38,7 +38,6 @@ from pneucli.exam.conditions import parse
 from pneucli.exam.rig.parameters import ONE_CHAMBER, Parameters
 from pneucli.simulate.model import Model
 
-Array = NDArray[np.float64]
 COMMISSIONING = 5.0  # s, before each run
 DESIGNS = ("rules", "ensemble", "commissioned")
 

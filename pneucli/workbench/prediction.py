@@ -8,15 +8,14 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
+from pneucli.arrays import Array, Integers
 from pneucli.compare import ChannelResult, Comparison
 from pneucli.messages.envelope import envelope_indices, with_gap_indices
 from pneucli.quantities import SIGNALS
 from pneucli.report.report_data import Table
 from pneucli.workbench.timeline import Interval, within
 
-Array = NDArray[np.float64]
 MAX_SIMULATED = 3  # simulations that are kept: of long recordings each is large
 MAX_REACH = 30.0  # distances of two simulations, over which the line through them is carried on
 SPARE = 4  # times as many samples as are drawn: the extremes move with the parameter
@@ -103,7 +102,7 @@ class Prediction:
 
     def tables(
         self, line: Line, recording: str, interval: Interval, max_samples: int
-    ) -> tuple[dict[str, Table], tuple[ChannelResult, ...], NDArray[np.int64]]:
+    ) -> tuple[dict[str, Table], tuple[ChannelResult, ...], Integers]:
         """Return a recording's columns by channel, its errors, and the rows of the interval that the columns have.
 
         The errors are those of the predicted curves over all samples of the recording.
@@ -129,7 +128,7 @@ class _Thinned:
     first's residual, of its product with that difference, and of the difference, over all samples.
     """
 
-    rows: NDArray[np.int64]
+    rows: Integers
     channels: Mapping[str, tuple[Table, Array]]
     results: Sequence[ChannelResult]
     squares: Mapping[str, tuple[float, float, float]]
@@ -154,7 +153,7 @@ def _thin(line: Line, recording: str, interval: Interval, max_samples: int) -> _
     return _Thinned(rows, kept, results, squares)
 
 
-def at_rows(table: Table, rows: NDArray[np.int64]) -> Table:
+def at_rows(table: Table, rows: Integers) -> Table:
     """Return some rows of a table whose unit is stated once."""
     return Table({n: v if n == "unit" else np.asarray(v)[rows] for n, v in table.columns.items()})
 
