@@ -119,7 +119,7 @@ def relay_parameters(values: Mapping[str, float], requirements: Requirements) ->
     amplitude = max(
         HELD_SHARE * values["C_STATIC"] / values["C_AREA_1"], BAND_NOISE / BAND_SHARE * requirements.noise_p
     )
-    band = max(BAND_SHARE * amplitude, BAND_NOISE * requirements.noise_p)
+    band = BAND_SHARE * amplitude
     return {
         "C_RELAY_BAND": band,
         "C_RELAY_RATE": (amplitude - band) / LONGEST_DELAY,
