@@ -7,14 +7,16 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from pneucli.arrays import Array
 from pneucli.controller.layout import STROKE_NODES
+from pneucli.physics.effects import catalogue
 from pneucli.physics.gas import orifice_flow
 from pneucli.simulate.model import Model
+from pneucli.simulate.rig_quantities import rig_quantities
 
 MAX_SPEED = 1e3  # m/s, by which friction has fallen
 SETTLING_STEPS = 400  # steps of the valve's answer to a step of the command
@@ -124,18 +126,29 @@ def critical_ratio(model: Model) -> float:
 def breakaway_friction(model: Model) -> tuple[float, float]:
     """Return break-away friction in N, and the speed in m/s at which half of its rise over Coulomb friction remains.
 
-    In (3.6) these are static friction and Stribeck velocity. Without a rise the speed is 1 m/s.
+    In (3.6) these are static friction and Stribeck velocity. Without a rise the speed is the typical one of the effect
+    that makes a rise: the controller learns at which force the piston breaks away, and must not take it for sliding.
     """
     coulomb = model.base_values()["friction.coulomb"]
     rise = model.sum_of_port("dry_rise", coulomb, 0.0)
     if rise <= 0.0:
-        return coulomb, 1.0
+        return coulomb, breakaway_friction(_with_typical_rise(model))[1]
     low, high = 0.0, MAX_SPEED
     while high - low > 1e-9 * high:
         middle = 0.5 * (low + high)
         above = model.sum_of_port("dry_rise", coulomb, middle) > 0.5 * rise
         low, high = (middle, high) if above else (low, middle)
     return coulomb + rise, 0.5 * (low + high)
+
+
+def _with_typical_rise(model: Model) -> Model:
+    """Return a model with the middle one of the typical rises of break-away over sliding friction."""
+    effect = next(e for e in catalogue().values() if "dry_rise" in e.ports)
+    rig = rig_quantities(model)
+    typical = {p.name: p.range_on(rig).typical for p in effect.parameters}
+    sizes = {f"{effect.name}.{name}": starts[len(starts) // 2] for name, starts in typical.items()}
+    others = (e for e in model.effects if e.name != effect.name)
+    return replace(model, effects=(*others, effect)).with_values(sizes)
 
 
 @dataclass(frozen=True)

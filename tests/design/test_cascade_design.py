@@ -315,7 +315,7 @@ def test_what_effects_know_of_the_axis_goes_into_the_controller() -> None:
 def test_without_effects_the_controller_knows_the_base_alone() -> None:
     plain = replace(MODEL, effects=(), values={"friction.coulomb": 15.0, "friction.viscous": 50.0})
     found = axis_parameters(plain, PLAIN, (2e-6, 1e-6, 4e-6, 3e-6), None)
-    assert (found["C_STATIC"], found["C_STRIBECK"], found["C_TWO_VALVES"]) == (15.0, 1.0, 0.0)
+    assert (found["C_STATIC"], found["C_TWO_VALVES"]) == (15.0, 0.0)
     assert found["C_MASS"] == axis.RIG.moving_mass
     assert found["C_CRITICAL_RATIO"] == plain.base_values()["valve.critical_ratio"]
     assert found["C_P_MEAN"] == pytest.approx(math.sqrt(axis.RIG.ambient_pressure * axis.RIG.supply_pressure))

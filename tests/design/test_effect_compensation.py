@@ -24,6 +24,7 @@ from pneucli.design.effect_compensation import (
 from pneucli.physics.declaration import Effect, Parameter
 from pneucli.physics.effects import catalogue
 from pneucli.simulate.model import Model
+from pneucli.simulate.rig_quantities import rig_quantities
 from tests.simulate.synthetic_experiments import model
 
 
@@ -83,7 +84,15 @@ def test_break_away_and_half_speed_are_static_friction_and_stribeck_velocity():
     assert fallen == pytest.approx(0.013, rel=1e-6)
     slow = breakaway_friction(with_("stribeck", static=coulomb + 0.2, velocity=5e-5))[1]
     assert slow == pytest.approx(5e-5, rel=1e-8)
-    assert breakaway_friction(model()) == (coulomb, 1.0)
+
+
+def test_without_a_rise_break_away_is_coulomb_friction_and_falls_by_the_typical_speed():
+    rig = rig_quantities(model())
+    typical = catalogue()["stribeck"].parameters[1].range_on(rig).typical
+    coulomb = model().base_values()["friction.coulomb"]
+    found = (coulomb, pytest.approx(typical[1], rel=1e-6))
+    assert breakaway_friction(model()) == found
+    assert breakaway_friction(with_("stribeck", static=coulomb, velocity=0.5)) == found  # no rise, though declared
 
 
 @pytest.mark.parametrize(
