@@ -8,8 +8,9 @@ from __future__ import annotations
 
 import re
 import unicodedata
+from collections import Counter
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from pneucli.init.survey_types import Column
 from pneucli.io.file_units import read_unit
@@ -21,12 +22,12 @@ from pneucli.units import same_dimension
 NOUNS: dict[str, str] = {
     "time": "t ts time- -time zeit -zeit uhrzeit temps tiempo tempo tijd timestamp clock uhr stamp datetime elapsed "
     "czas tout micros millis tid aika cas ido zaman timp время -时间- -時間- -시간-",
-    "pressure": "p pa pb ps p0 press- -pressure druck -druck druck- pression presion pressione druk cisnienie tryck- "
+    "pressure": "p pa pb ps p0 pres press- psup- ptank- -pressure druck -druck druck- pression presion pressione druk cisnienie tryck- "
     "-tryck trykk- -trykk tryk- -tryk paine- -paine tlak- nyomas- basinc- pressao presiune давлен- -压力- -圧力- "
     "-압력-",
     "force": "f force- -force kraft- -kraft fuerza effort kracht forza load- cell torque -moment moment tau voima sila "
     "ero kuvvet forca forta сила усилие -力-",
-    "position": "x q y s qm qg pos position- -position weg- -weg hub -hub stroke displacement- laser lvdt encoder "
+    "position": "x q y s qm qg pos position- -position travel weg- -weg hub -hub stroke displacement- laser lvdt encoder "
     "angle -winkel winkel- theta phi deplacement course posicion desplazamiento spostamento verplaatsing lage -lage "
     "asema polozenie poloha helyzet konum posicao pozitie positie положен- перемещ- -位置- -位移- -変位- -위치-",
     "velocity": "v vel velocity- speed- geschw- -geschwindigkeit vitesse velocidad velocita omega dq qd xd rpm "
@@ -45,14 +46,15 @@ _COMMANDED = "cmd command- control-"
 _SENSED = ("pressure", "force", "position")
 ANGLES = "angle winkel- -winkel theta phi q"
 SUPPLY = (
-    "s ps supply- -supply source- versorgung- speise- netz- rail- compressor- kompressor- line pump- p0 alimenta- "
+    "s ps sup psup- supply- -supply source- versorgung- speise- netz- rail- compressor- kompressor- line pump- p0 alimenta- "
     "matning- forsyning- syotto- zasilan- napaj- taplal- besleme- voeding- питан- подач- -供- -气源- -공급-"
 )
 UPSTREAM = "up upstream vor inlet in entry eingang primary"
 DOWNSTREAM = "down downstream nach outlet out exit ausgang secondary back"
 DIFFERENCE = "dp delta diff- differ- differenz- -differenz verschil- δ δp d1p Δ"  # of two pressures
 _RESULTS = "error err deviation abweichung fehler residual overshoot rmse std -norm"  # made of what was recorded
-_TANK = "tank- kessel- reservoir- vessel- behalter- accumulator"
+_SPOOL = "spool- valve- -valve ventil- -ventil stem schieber- klappe- tiroir"
+_TANK = "tank- ptank- kessel- reservoir- vessel- behalter- accumulator"
 _REFERENCE = "ref soll- -soll reference- set setpoint- target- desired des goal- qg sollwert demand consigne"
 _FIRST = "1 a pa i one first links left vorn front cap blind bottom boden kolbenseite head extend"
 _SECOND = "2 b pb ii two second rechts right hinten rear rod stange- ring- stangenseite retract"
@@ -86,7 +88,8 @@ _MARKED = re.compile(
     r"^(.*?)\s*\[\s*([^\]]*?)\s*\]\s*$|^(.*?)\s*[(<{]\s*([^\])>}]*)\s*[)>}]\s*$|^(.+?)\s+in\s+(\S+)$|^()in\s+(\S+)$|^(.+?),\s*(\S+)$"
 )
 _SUFFIX = re.compile(r"^(.+)_([^_\s]+)$")
-_NO_NAMES = ("data", "value", "values", "signal")  # last parts of paths that say nothing
+_NO_NAMES = re.compile(r"(?i)data|values?|signal|(?:in|out)\d*")  # last parts of paths that say nothing
+_NOTE = re.compile(r"(?<=.)\s*\((?=[^()]*[:;=,])[^()]*\)\s*$")  # behind a name: "(LGR S/N: 203, SEN S/N: 2)"
 _WORDS_TOO = ("in", "at", "min")  # units that are words of names more often: p_in is no pressure in inches
 _SLASH = re.compile(r"^([^/\[(<]+?)\s*/\s*([^/\d][^/]*)$")  # "p / bar", as standards write it
 
@@ -118,7 +121,13 @@ class ColumnName:
         scaled = by_unit == "command" or (not by_unit and self.unit == "%")
         if scaled and nouns[0] in _SENSED and "command" not in nouns:
             return nouns[0]  # the output of a sensor, whose scale people have to say
+        if by_unit and not scaled and all(word in f"{_FIRST} {_SECOND}".split() for word in self._noun_words(nouns)):
+            return by_unit  # "Chamber A [psia]" is no acceleration
         return "command" if nouns == ["command"] and by_unit not in ("pressure", "position", "flow") else ""
+
+    def _noun_words(self, nouns: Sequence[str]) -> list[str]:
+        """Return the words that mean one of these quantities."""
+        return [one for one in self.words if any(_matches(w, [one]) for kind in nouns for w in NOUNS[kind].split())]
 
 
 def quantity_kind(unit: str) -> str:
@@ -142,6 +151,8 @@ def signal_scores(name: ColumnName) -> Iterator[tuple[str, float]]:
     second = name.has(_SECOND)
     if kind == "pressure":
         yield from ([("p_ref", certainty + 1.0)] if is_reference else _pressure_scores(name, certainty))
+    elif kind == "position" and name.has(_SPOOL):
+        return  # of the valve, not of the piston
     elif kind == "position":
         yield "x_ref" if is_reference else "x", certainty
     elif kind == "command" and nouns:  # volts alone may be any sensor's
@@ -173,7 +184,7 @@ def read_name(column: Column, is_text: bool) -> ColumnName:
     if column.written and not column.unit:
         return ColumnName(_words(f"{stem} {column.written}" if len(column.written) > 1 else stem), "")
     name = ColumnName(_words(stem), column.unit or unit)
-    if not certainty and not column.unit and name.nouns and not name.kind:
+    if not certainty and not column.unit and name.nouns and quantity_kind(unit) not in name.nouns:
         return ColumnName(_words(f"{stem}_{unit}"), "")  # p_s is no pressure in seconds
     return name
 
@@ -190,7 +201,7 @@ def _stem_and_unit(column: str, is_text: bool) -> tuple[str, str, bool]:
 
     The unit is empty where the end of the name is none.
     """
-    name = _VALUE.sub("", _NODE.sub("", column.strip())) or column.strip()
+    name = _VALUE.sub("", _NODE.sub("", _NOTE.sub("", column.strip()))) or column.strip()
     parts = name.split()
     for count in (2, 1):
         unit = " ".join(parts[-count:])
@@ -227,11 +238,27 @@ def _longest_unit(stem: str, unit: str) -> tuple[str, str]:
 
 def _telling_part(name: str) -> str:
     """Return the last part of a path, or the one before where the last is a word such as ``data``."""
+    return (_telling_parts(name) or [name])[-1]
+
+
+def _telling_parts(name: str) -> list[str]:
+    """Return the parts of a path up to the last that tells something."""
     dotted = _DOTTED.fullmatch(name) is not None
     parts = [part for part in re.split(r"\." if dotted else r"/(?![^\[(]*[\])])", name) if part]
-    while len(parts) > 1 and parts[-1].lower() in _NO_NAMES:
+    while len(parts) > 1 and _NO_NAMES.fullmatch(parts[-1]):
         parts.pop()
-    return parts[-1] if parts else name
+    return parts
+
+
+def read_names(columns: Sequence[Column], is_text: bool) -> list[ColumnName]:
+    """Return what the names of columns say; of paths that end alike the part before the end tells them apart."""
+    ends = Counter(_telling_part(one.name) for one in columns)
+    found = []
+    for one in columns:
+        parts = _telling_parts(one.name)
+        alike = len(parts) > 1 and ends[parts[-1]] > 1
+        found.append(read_name(replace(one, name=" ".join(parts[-2:])) if alike else one, is_text))
+    return found
 
 
 def _matches(word: str, words: Sequence[str]) -> bool:

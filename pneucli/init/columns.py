@@ -24,7 +24,7 @@ from pneucli.init.column_names import (
     UPSTREAM,
     ColumnName,
     quantity_kind,
-    read_name,
+    read_names,
     signal_scores,
 )
 from pneucli.init.role_evidence import rivals, role_evidence
@@ -39,6 +39,10 @@ from pneucli.units import is_count, parse_unit, same_dimension
 
 MIN_SWITCHED_SAMPLES, MAX_SWITCHED_LEVELS = 100, 3  # samples of one that was surely read, values of one that was not
 _DEGREES = {"C": "degC", "F": "degF"}  # letters that mean something else where no temperature is measured
+_MEANS, _SPREADS = (
+    ("avg", "ave", "mean"),
+    ("min", "max", "minimum", "maximum", "rms", "std", "stdev", "sd", "sigma", "pp"),
+)
 MOTION = ("v", "a")  # of which a column that never changes tells nothing; an x that does not is a place
 
 
@@ -48,13 +52,13 @@ def guess_columns(surveys: Sequence[Survey]) -> list[Guess]:
     The columns are those of the first file; what only numbers tell, those of all files tell.
     """
     found = surveys[0]
-    names = [read_name(column, found.is_text) for column in found.columns]
+    names = read_names(found.columns, found.is_text)
     clock = _clock(found.columns, names)
     if not any(name.words for name in names):
         return guess_unnamed_columns(surveys, clock)
     taken = {clock: "time"} if clock is not None else {}
     clocks = {column.clock for column in found.columns}
-    still = _constant_columns(surveys, names) | repeated_clocks(found.columns)
+    still = _constant_columns(surveys, names) | repeated_clocks(found.columns) | _statistics(names)
     usable = [n for n in range(len(names)) if found.columns[n].finite_values.size > 1]
     free = [n for n in usable if n not in taken and n not in still and found.columns[n].key not in clocks]
     scores = {(n, signal): score for n in free for signal, score in signal_scores(names[n])}
@@ -90,6 +94,17 @@ def _constant_columns(surveys: Sequence[Survey], names: Sequence[ColumnName]) ->
     return {n for n in still if moving[names[n].kind] and not names[n].has(f"{SUPPLY} {UPSTREAM}")}
 
 
+def _statistics(names: Sequence[ColumnName]) -> set[int]:
+    """Return the columns that say a range or a deviation where another one says the mean of the same channel."""
+    plain = [(tuple(word for word in one.words if word not in _SPREADS + _MEANS), one.unit) for one in names]
+    means = {stem for stem, one in zip(plain, names, strict=True) if not set(one.words) & set(_SPREADS)}
+    return {
+        n
+        for n, (one, stem) in enumerate(zip(names, plain, strict=True))
+        if stem in means and set(one.words) & set(_SPREADS)
+    }
+
+
 def _column_guess(alike: Sequence[Survey], n: int, signal: str, name: ColumnName) -> Guess:
     column = alike[0].columns[n]
     if not signal:
@@ -112,10 +127,12 @@ def _unit_guess(column: Column, signal: str, name: ColumnName, known: Array) -> 
     reference = "absolute" if name.has(ABSOLUTE) else "gauge" if name.has(GAUGE) else ""
     reference = reference if name.kind == "pressure" else ""
     column = replace(column, written=column.written or _counts_in_name(column.name))
+    if signal in ("x", "x_ref") and name.unit == "%":
+        return Guess(column, signal, "%", True, "", "CHECK taken for a share of the stroke")
     if what := _what_to_scale(column, signal, name):
         unit = _SENSED_IN.get(signal[0], SIGNALS[signal].unit)
         return Guess(column, signal, unit, False, reference, f"CHECK the file says {what} in {unit}", scale=np.nan)
-    if signal in ("u", "u2") and name.unit and quantity_kind(name.unit) != "command":
+    if signal in ("u", "u2") and name.unit and not same_dimension(name.unit, SIGNALS[signal].unit):
         return Guess(column, signal, "V", False, "", f"CHECK {name.unit} taken for volts, one for one")
     if name.unit:
         if signal == "flow":
@@ -155,7 +172,7 @@ def _reference_state(unit: str) -> str:
 def _counts_in_name(name: str) -> str:
     """Return the word for counts that a name ends with, such as in ``pos_counts``; empty where there is none."""
     last = re.split(r"[_\s/]", name.strip())[-1]
-    return last if len(last) > 3 and is_count(last) else ""
+    return last if len(last) > 2 and is_count(last) else ""
 
 
 def _clock_guess(found: Survey, column: Column, name: ColumnName) -> Guess:

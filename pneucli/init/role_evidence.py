@@ -20,7 +20,7 @@ MAX_SUPPLY_RANGE = 0.15  # of the largest range of the other pressures, over whi
 MIN_SUPPLY_LEVEL = 0.95  # of the most that another pressure reaches, at which a supply stands
 MIN_STILL_SHARE = 0.6  # of the steps of a command, that are 0: it is set, and shows no noise
 MAX_LEVELS = 0.1  # of its samples, that a command is set to
-SURE, LIKELY = 1.5, 0.8  # what evidence adds to the score of a name
+SURE, LIKELY = 3.0, 0.8  # what evidence adds to the score of a name; "supply" in a name adds 3
 BY_ORDER = "the order of the columns decided"
 RIVAL = 0.05  # of a score, by which another column may fit less and still might be meant
 
@@ -39,7 +39,8 @@ def role_evidence(columns: Sequence[Column], names: Sequence[ColumnName], free: 
     pressures = [n for n in free if names[n].kind == "pressure" and not names[n].has(DIFFERENCE)]
     if not any(names[n].has(SUPPLY) for n in pressures):
         for n in supply_like({n: in_one_unit(columns[n]) for n in pressures}):
-            if not names[n].words or names[n].words[-1] not in ("1", "2", "a", "b"):
+            counted = "pressure" in names[n].nouns and names[n].words[-1] in ("1", "2", "a", "b")  # a chamber's
+            if not counted:
                 why = "CHECK it hardly moves and stands at the top of the other pressures, as a supply does"
                 yield Evidence(n, "p_supply", SURE, why)
     if not any("command" in names[n].nouns for n in free):
