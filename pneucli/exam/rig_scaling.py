@@ -16,6 +16,7 @@ from pneucli.exam.rig.sensors import Sensors
 # exponents of: lengths along the stroke, piston area, gauge pressures, absolute supply, commands
 LENGTH, AREA, PRESSURE, VOLTAGE = (1, 0, 0, 0, 0), (0, 1, 0, 0, 0), (0, 0, 1, 0, 0), (0, 0, 0, 0, 1)
 VOLUME = OPENING = (1, 1, 0, 0, 0)  # an opening fills the volume in the same time
+HOSE_BORE = (0.5, 0.5, 0, 0, 0)  # the volume of a hose, whose delay stays, is a part of the dead volume
 FORCE, STIFFNESS, PER_LENGTH_SQUARED = (0, 1, 1, 0, 0), (-1, 1, 1, 0, 0), (-2, 1, 1, 0, 0)
 MASS = DAMPING = STIFFNESS  # times stay
 PER_LENGTH, OPENING_PER_PRESSURE = (-1, 0, 0, 0, 0), (1, 1, -1, 0, 0)
@@ -32,9 +33,10 @@ DIMENSIONS = {
         (AREA, "piston_area_1 piston_area_2"),
         (
             LENGTH,
-            "stroke hose_bore stribeck_velocity position_from position_to spring_rest cushion_length "
+            "stroke stribeck_velocity position_from position_to spring_rest cushion_length "
             "acceleration_bias pitch load_gap",
         ),
+        (HOSE_BORE, "hose_bore"),
         (VOLUME, "dead_volume_1 dead_volume_2 dead_volume_added_2 dead_volume_added supply_volume"),
         (MASS, "mass extra_mass load_mass"),
         (FORCE, "coulomb static constant_force pitch_force swinging_force"),

@@ -15,6 +15,7 @@ from scipy.integrate import solve_ivp
 from pneucli.exam.hidden_effects import CATALOGUE, UNCATALOGUED
 from pneucli.exam.rig.excitations import closed_loop, stick_slip, two_sine_reference, valve_step
 from pneucli.exam.rig.gas import GAS_CONSTANT, KAPPA
+from pneucli.exam.rig.hose import hose_volume
 from pneucli.exam.rig.kernel import P1, PS, T1, valve_flow
 from pneucli.exam.rig.parameters import TWO_VALVES, Parameters
 from pneucli.exam.rig.sensors import Sensors, measure
@@ -212,6 +213,16 @@ def test_a_patch_of_friction_lies_at_the_same_share_of_the_stroke():
     other = RigScaling.for_target(par, 0.1, None).scale_rig(par)
     shares = [other.position_from / other.stroke, other.position_to / other.stroke]
     assert shares == pytest.approx([0.25, 0.5])
+
+
+@pytest.mark.parametrize("bore", [0.006, 0.2])
+def test_a_hose_of_a_small_rig_leaves_as_large_a_part_of_the_dead_volume(bore):
+    """A hose that held more than the dead volume would leave a chamber of less than nothing."""
+    par = Parameters(line_delay=0.009, hose_bore=0.0035)
+    par = par._replace(dead_volume_1=par.dead_volume_1 + hose_volume(par, 0))
+    other = RigScaling.for_target(par, bore, None).scale_rig(par)
+    shares = [hose_volume(one, 0) / one.dead_volume_1 for one in (par, other)]
+    assert shares[0] == pytest.approx(shares[1])
 
 
 def test_the_supply_pressure_is_that_of_the_condition():
