@@ -9,6 +9,7 @@ from typing import Any
 
 import pytest
 
+from benchmarks import rules
 from pneucli.diagnose.candidate import Candidate, Decision
 from pneucli.diagnose.constraints import error_ratio, raises_held_out_error
 from pneucli.diagnose.data import DiagnosisData, Refit, run_locally
@@ -16,7 +17,6 @@ from pneucli.diagnose.decision import is_complete
 from pneucli.diagnose.hypothesis_tests import ALPHA
 from pneucli.diagnose.score import FittedModel
 from pneucli.diagnose.selection import SelectionPath, final_decisions, select_effects, unsearched_path
-from tests.diagnose import rules
 from tests.diagnose.candidates import StatedErrors, candidate, model_fit
 from tests.diagnose.selection_cases import data_of, named, names_of, selection_cases
 
@@ -58,13 +58,13 @@ def test_the_path_and_the_judgements_agree_with_the_last_model(case: dict[str, A
 
 
 CASE_OF_RULE = {
-    "chance": "an effect that is not significant is not added",
+    "significance": "an effect that is not significant is not added",
     "family of tests": "the family of all hypotheses decides on significance",
-    "at a bound": "an effect at its bound is not added however much it explains",
-    "interval": "an effect whose interval contains its absence is dropped however much it explains",
+    "at-bound": "an effect at its bound is not added however much it explains",
+    "interval-contains-null": "an effect whose interval contains its absence is dropped however much it explains",
     "free-run error": "an effect that raises the free-run error is dropped however probable it is",
     "fewest parameters": "of equals the one with the fewest parameters is added",
-    "most probable": "beside an unmodelled effect the most probable candidate is first",
+    "probable before cheap": "beside an unmodelled effect the most probable candidate is first",
     "past improbable": "two effects are added of which each is improbable without the other",
     "probability": "improbable effects are dropped, the least probable first",
     "dropped": "an effect that raises the free-run error is dropped however probable it is",
@@ -75,14 +75,14 @@ CASE_OF_RULE = {
 
 @pytest.mark.parametrize("rule", CASE_OF_RULE)
 def test_without_a_rule_the_answer_to_its_case_is_another(rule: str) -> None:
-    """The rule acts there, and without it the answer differs."""
-    case, acted = named(CASE_OF_RULE[rule]), set[str]()
+    """The rule speaks there, and without it the answer differs."""
+    case = named(CASE_OF_RULE[rule])
     data = data_of(case)
-    with rules.replaced(rules.watching({rule: rules.RULES[rule]}, acted)):
+    with rules.watched([rule]) as spoke:
         found = select_effects(data, data.model_with([]))
-    assert acted == {rule}
+    assert spoke == {rule}
     assert found.added == case["expected"]["added"]
-    with rules.replaced(rules.RULES[rule].without):
+    with rules.left_out(rule):
         without = select_effects(data, data.model_with([]))
     assert (without.added, reasons(without)) != (found.added, reasons(found))
 
