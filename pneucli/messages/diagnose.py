@@ -132,6 +132,19 @@ class DiscrepancyAnswer:
 
 
 @dataclass(frozen=True)
+class FittedSet:
+    """Effects that were fitted together, and the cost of a reading with them: about 1 where only noise is left."""
+
+    effects: Sequence[str]
+    cost: float
+
+    @property
+    def row(self) -> tuple[str, str]:
+        """The row of a table."""
+        return ", ".join(self.effects) or "model as it is", format_number(self.cost, 4)
+
+
+@dataclass(frozen=True)
 class Shift:
     """A base parameter that the named effects changed; ``plausible``: not to a bound."""
 
@@ -246,6 +259,7 @@ class Answer:
     flow: Mapping[str, Any] | None = optional()
     since: Since | None = optional()
     changes: Sequence[Change] | None = optional()
+    sets: Sequence[FittedSet] = ()
     number: int = 0
     when: str = ""
 
@@ -268,6 +282,11 @@ class Answer:
         if verbose:
             yield ""
             yield from table(("with", "test, × noise", "train, × noise"), [s.row for s in self.ladder], texts=1)
+            if self.sets:
+                yield ""
+                yield from table(
+                    ("fitted together", "cost of a reading (noise: 1)"), [s.row for s in self.sets], texts=1
+                )
             yield from _candidates(self)
             yield from each("limit", map(describe_detection_limit, self.detectable))
 

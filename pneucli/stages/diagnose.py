@@ -65,6 +65,7 @@ from pneucli.stages.changes import compare_with_baseline, fit_all_recordings, wr
 from pneucli.stages.diagnosis_answer import (
     SHAPE_FILE,
     detection_limit,
+    fitted_sets,
     parameter_shift,
     proposed_experiment,
     unexplained_answer,
@@ -236,6 +237,7 @@ def _answer(pipeline: PipelineData, data: DiagnosisData, found: Diagnosis, impos
         ],
         moved=[parameter_shift(one, pipeline) for one in found.parameter_shifts],
         unexplained=None if found.unexplained is None else unexplained_answer(found.unexplained),
+        sets=fitted_sets(found),
         warnings=[]
         if found.unexplained
         else parameter_uncertainty_warnings(found.path.test),  # an unmodelled effect would raise these errors, too

@@ -24,6 +24,7 @@ from pneucli.messages.diagnose import (
     SHAPES,
     Answer,
     DetectionLimit,
+    FittedSet,
     Place,
     Shift,
     Unexplained,
@@ -44,6 +45,7 @@ from pneucli.stages.planned_recordings import planned_recording
 
 SHAPE_BINS = 40
 SHAPE_FILE = "shape.parquet"
+MAX_SETS = 10  # of effects that were fitted together
 MAX_SHAPE_RECORDINGS = 3  # recordings a picture is drawn of
 TEXT_COLUMNS = {"effect", "parameter", "unit", "indistinguishable_from", "reason", "why", "add"} | {
     "recording",
@@ -75,6 +77,12 @@ def detection_limit(one: MinimumDetectableEffect, study: PipelineData) -> Detect
     title = parameter.title or parameter.name
     text = detection_limit_sentence(one.effect.title, title, size, unit, parameter.null, phrases)
     return DetectionLimit(one.effect.name, parameter.name, size, unit, one.typical, places, text)
+
+
+def fitted_sets(found: Diagnosis) -> list[FittedSet]:
+    """Return the sets of effects that leave least, of all that were fitted."""
+    best = sorted((one.visited for one in found.sets), key=lambda visited: visited.cost)
+    return [FittedSet(visited.effects, visited.cost) for visited in best[:MAX_SETS]]
 
 
 def parameter_shift(one: ParameterShift, study: PipelineData) -> Shift:
