@@ -13,9 +13,11 @@ from pneucli.arrays import Array
 from pneucli.errors import InputError
 from pneucli.exam import like
 from pneucli.exam.cases import EXAM_FILE, SEALED_FOLDER
+from pneucli.exam.grades import Like, WrittenLike
 from pneucli.exam.grading import graded_cases
 from pneucli.exam.rig.parameters import FIVE_THREE, ONE_CHAMBER, TWO_VALVES, Parameters
 from pneucli.exam.rig.sensors import Sensors
+from pneucli.figure import to_json
 from pneucli.io.artifacts import write_text
 from pneucli.pipeline.context import NO_PROGRESS, Context, Progress
 from pneucli.pipeline.manifest import program_digest
@@ -39,7 +41,7 @@ def write(
     nulls: int = 20,
     seed: int = 1,
     progress: Progress = NO_PROGRESS,
-) -> dict[str, Any]:
+) -> WrittenLike:
     """Identify ``pipeline``, write an exam of a rig like it, and return the answer.
 
     Raises InputError where the pipeline is at fault, or the exam cannot imitate its kind of rig.
@@ -57,8 +59,7 @@ def write(
         "effects_known": list(bench.effects),
     }
     names = like.write_like(directory, bench, sizes, repeats, nulls, seed, about)
-    return {"schema": "pneucli/exam-written/1", "directory": str(directory), "like": opened.name, "seed": seed,
-            "sizes": list(sizes), "cases": names}  # fmt: skip
+    return WrittenLike("pneucli/exam-written/1", str(directory), opened.name, seed, list(sizes), names)
 
 
 def exam_rig(study: PipelineData, model: Model) -> like.UserRig:
@@ -175,16 +176,13 @@ def read_result_page(answers: Path) -> str:
     return (answers / RESULT_PAGE).read_text(encoding="utf-8").rstrip()
 
 
-def write_result(directory: Path, answers: Path) -> dict[str, Any] | None:
+def write_result(directory: Path, answers: Path) -> Like | None:
     """Write ``like.md`` and ``like.json`` next to the grades; return None where the exam imitates no user's rig."""
     sealed = directory / SEALED_FOLDER / EXAM_FILE
     asked: Mapping[str, Any] = json.loads(sealed.read_text(encoding="utf-8")) if sealed.exists() else {}
     if "like" not in asked:
         return None
-    found = like.summarize(graded_cases(directory, answers)) | {"like": asked["like"]}
-    for name, text in (
-        (RESULT_PAGE, like.to_markdown(found, asked["sizes"])),
-        (RESULT_FILE, json.dumps(found, indent=1) + "\n"),
-    ):
-        write_text(answers / name, text)
+    found = like.summarize(graded_cases(directory, answers), asked["like"])
+    write_text(answers / RESULT_PAGE, found.page(asked["sizes"]))
+    write_text(answers / RESULT_FILE, json.dumps(to_json(found), indent=1) + "\n")
     return found

@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 import math
 from collections import Counter
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from itertools import pairwise
 from pathlib import Path
 from typing import Any
@@ -16,13 +16,14 @@ from scipy.stats import binomtest
 from pneucli.errors import InputError
 from pneucli.exam.cases import EXAM_FILE, SEALED_FOLDER
 from pneucli.exam.graded_case import GradedCase
+from pneucli.exam.grades import Bin, ConditionCounts, Confusion, Grades, Reliability, RunTimes, Share, Spread
 
 BIN_EDGES = (0.0, 0.1, 0.3, 0.5, 0.7, 0.9, 1.0)
 MIN_PROBABILITY = 1e-3  # exams have some hundred cases: they cannot check a smaller one
 SECONDS_FILE = "seconds.json"
 
 
-def reliability(graded: Sequence[GradedCase]) -> dict[str, Any] | None:
+def reliability(graded: Sequence[GradedCase]) -> Reliability | None:
     """Return a reliability table, the Brier score and the mean logarithmic score of all fitted effects.
 
     None where no answer states a probability.
@@ -39,34 +40,21 @@ def reliability(graded: Sequence[GradedCase]) -> dict[str, Any] | None:
         in_bin = [(p, true) for p, true in stated if low <= p < high or p == high == 1.0]
         if in_bin:
             present = sum(true for _, true in in_bin)
-            bins.append(
-                {"from": low, "to": high, "stated": _mean([p for p, _ in in_bin]), "there": present, "of": len(in_bin)}
-            )
+            bins.append(Bin(low, high, _mean([p for p, _ in in_bin]), present, len(in_bin)))
     bounded = [(min(max(p, MIN_PROBABILITY), 1.0 - MIN_PROBABILITY), true) for p, true in stated]
-    return {
-        "bins": bins,
-        "brier": _mean([(p - true) ** 2 for p, true in stated]),
-        "log": _mean([-math.log(p if true else 1.0 - p) for p, true in bounded]),
-        "of": len(stated),
-    }
-
-
-def reliability_table(result: dict[str, Any] | None) -> list[str]:
-    """Return the reliability table as Markdown lines; none where no probability was stated."""
-    if result is None:
-        return []
-    lines = ["", f"Probabilities: Brier score {result['brier']:.3f}, log score {result['log']:.3f}, of {result['of']}"]
-    lines += ["", "| stated | mean | there | of |", "| --- | ---: | ---: | ---: |"]
-    return lines + [
-        f"| {b['from']:g} to {b['to']:g} | {b['stated']:.2f} | {b['there']} | {b['of']} |" for b in result["bins"]
-    ]
+    return Reliability(
+        bins,
+        brier=_mean([(p - true) ** 2 for p, true in stated]),
+        log=_mean([-math.log(p if true else 1.0 - p) for p, true in bounded]),
+        of=len(stated),
+    )
 
 
 def _mean(values: Sequence[float]) -> float:
     return sum(values) / len(values)
 
 
-def grade(directory: Path, answers: Path) -> dict[str, Any]:
+def grade(directory: Path, answers: Path) -> Grades:
     """Grade ``answers/CASE.json`` against the sealed truths (or ``CASE/truth.json``) below ``directory``.
 
     A share is given as right, of, share and its exact 95 % interval (Clopper and Pearson), for the exam and for each
@@ -75,22 +63,23 @@ def grade(directory: Path, answers: Path) -> dict[str, Any]:
     """
     graded = graded_cases(directory, answers)
     sealed = directory / SEALED_FOLDER / EXAM_FILE
-    return {
-        "exam": json.loads(sealed.read_text(encoding="utf-8")) if sealed.exists() else None,
-        "answered_by": sorted({str(g.answer["program"]) for g in graded if "program" in g.answer}),
-        **report(graded),
-    }
+    exam = json.loads(sealed.read_text(encoding="utf-8")) if sealed.exists() else None
+    return report(graded, exam, sorted({str(g.answer["program"]) for g in graded if "program" in g.answer}))
 
 
-def report(graded: Sequence[GradedCase]) -> dict[str, Any]:
+def report(
+    graded: Sequence[GradedCase], exam: Mapping[str, Any] | None = None, answered_by: Sequence[str] = ()
+) -> Grades:
     """Count all cases and those of each condition, and make the confusion matrix."""
     groups = {name: [g for g in graded if name in g.conditions] for each in graded for name in each.conditions}
-    return {
-        "schema": "pneucli/exam/1",
+    return Grades(
+        exam=exam,
+        answered_by=answered_by,
+        schema="pneucli/exam/1",
         **_counts(graded),
-        "conditions": [{"condition": name, **_counts(cases)} for name, cases in sorted(groups.items())],
-        "confusion": _confusion(graded),
-    }
+        conditions=[ConditionCounts(condition=name, **_counts(cases)) for name, cases in sorted(groups.items())],
+        confusion=_confusion(graded),
+    )
 
 
 def graded_cases(directory: Path, answers: Path) -> list[GradedCase]:
@@ -177,32 +166,32 @@ def _answer(path: Path) -> dict[str, Any]:
     return answer
 
 
-def _summary(values: Sequence[float | None]) -> dict[str, float] | None:
+def _summary(values: Sequence[float | None]) -> Spread | None:
     there = [value for value in values if value is not None]
-    return {"median": float(np.median(there)), "largest": float(max(there))} if there else None
+    return Spread(float(np.median(there)), float(max(there))) if there else None
 
 
-def _run_times(graded: Sequence[GradedCase]) -> dict[str, Any] | None:
+def _run_times(graded: Sequence[GradedCase]) -> RunTimes | None:
     """Return the median and the maximum of the processor seconds; None where the answers have none."""
     noted = {g.case: g.seconds for g in graded if g.seconds is not None}
     if not noted:
         return None
     slowest = max(noted, key=noted.__getitem__)
-    return {"median": float(np.median(list(noted.values()))), "slowest": noted[slowest], "case": slowest}
+    return RunTimes(float(np.median(list(noted.values()))), noted[slowest], slowest)
 
 
-def _share_correct(cases: Sequence[GradedCase], is_right: Callable[[GradedCase], bool]) -> dict[str, Any]:
+def _share_correct(cases: Sequence[GradedCase], is_right: Callable[[GradedCase], bool]) -> Share:
     return proportion(sum(is_right(case) for case in cases), len(cases))
 
 
-def proportion(right: int, of: int) -> dict[str, Any]:
+def proportion(right: int, of: int) -> Share:
     """Return a share with its exact 95 % interval; None for both of no cases."""
     if not of:
-        return {"right": 0, "of": 0, "share": None, "ci95": None}
+        return Share(0, 0, None, None)
     interval = binomtest(right, of).proportion_ci(0.95, method="exact")
-    return {"right": right, "of": of, "share": right / of, "ci95": [float(interval.low), float(interval.high)]}
+    return Share(right, of, right / of, [float(interval.low), float(interval.high)])
 
 
-def _confusion(graded: Sequence[GradedCase]) -> list[dict[str, Any]]:
+def _confusion(graded: Sequence[GradedCase]) -> list[Confusion]:
     counts = Counter((g.truth_label, g.answer_label) for g in graded)
-    return [{"hidden": hidden, "answered": label, "cases": n} for (hidden, label), n in sorted(counts.items())]
+    return [Confusion(hidden, label, n) for (hidden, label), n in sorted(counts.items())]

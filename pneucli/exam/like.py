@@ -18,6 +18,7 @@ from pneucli.arrays import Array
 from pneucli.exam.cases import EXAM_FILE, require_empty, seal
 from pneucli.exam.conditions import Kind
 from pneucli.exam.graded_case import GradedCase
+from pneucli.exam.grades import EffectSizes, Like, OfSize
 from pneucli.exam.grading import proportion
 from pneucli.exam.hidden_effects import CATALOGUE, HiddenEffect
 from pneucli.exam.laboratory import Laboratory, RecordingPlan
@@ -148,57 +149,31 @@ def excitation_for(rig: UserRig, recording: UserRecording) -> Excitation:
     return replace(loop, chamber_2_open=recording.chamber_2_open, pressure_2=pressure_2)
 
 
-def summarize(graded: Sequence[GradedCase]) -> dict[str, Any]:
+def summarize(graded: Sequence[GradedCase], like: str = "") -> Like:
     """Return by effect and size how often it was named (or in the answer's set), the smallest such size, and alarms."""
-    effects = sorted({name for g in graded for name in g.hidden})
-    rows = [{"effect": name, "sizes": list(_by_size(graded, name))} for name in effects]
+    effects = {name: list(_by_size(graded, name)) for name in sorted({name for g in graded for name in g.hidden})}
     nulls = [g for g in graded if g.is_null]
-    alarms = sum(bool(g.missing) for g in nulls)
-    return {
-        "schema": SCHEMA,
-        "effects": [row | {"named_from": _smallest_named_size(row["sizes"])} for row in rows],
-        "nulls": len(nulls),
-        "false_alarms": alarms,
-        "false_alarms_ci95": proportion(alarms, len(nulls))["ci95"],
-    }
+    alarms = proportion(sum(bool(g.missing) for g in nulls), len(nulls))
+    rows = [EffectSizes(name, sizes, _smallest_named_size(sizes)) for name, sizes in effects.items()]
+    return Like(SCHEMA, rows, len(nulls), alarms.right, alarms.ci95, like)
 
 
-def _by_size(graded: Sequence[GradedCase], name: str) -> Iterator[dict[str, Any]]:
+def _by_size(graded: Sequence[GradedCase], name: str) -> Iterator[OfSize]:
     mine = [g for g in graded if g.hidden == {name}]
     for size in sorted({float(g.truth["size"]) for g in mine}):
         cases = [g for g in mine if float(g.truth["size"]) == size]
-        named = sum(name in g.answer_set for g in cases)
         others = sorted({other for g in cases for other in g.missing - {name}})
-        found = proportion(named, len(cases))
-        yield {"size": size, "cases": len(cases), "named": named, "share": found["share"],
-               "ci95": found["ci95"], "named_instead": others}  # fmt: skip
+        found = proportion(sum(name in g.answer_set for g in cases), len(cases))
+        assert found.share is not None
+        assert found.ci95 is not None
+        yield OfSize(size, len(cases), found.right, found.share, found.ci95, others)
 
 
-def _smallest_named_size(sizes: Any) -> float | None:
+def _smallest_named_size(sizes: Sequence[OfSize]) -> float | None:
     """Return the smallest size from which an effect is named in 90 % of the cases; None where there is none."""
     found = None
-    for one in reversed(list(sizes)):
-        if one["share"] < MIN_NAMED_SHARE:
+    for one in reversed(sizes):
+        if one.share < MIN_NAMED_SHARE:
             break
-        found = one["size"]
+        found = one.size
     return found
-
-
-def to_markdown(found: Mapping[str, Any], sizes: Sequence[float]) -> str:
-    """Return a page of Markdown: the sizes from which effects are named, effects named instead, false alarms."""
-    head = "| effect | named from | " + " | ".join(f"× {s:g}" for s in sizes) + " | named instead |"
-    lines = [
-        "# What this bench can tell",
-        "",
-        "Sizes are in units of the usual (docs: exam). A cell: named, of cases.",
-        "",
-    ]
-    lines += [head, "| --- | --- |" + " --- |" * (len(sizes) + 1)]
-    for row in found["effects"]:
-        cells = {one["size"]: f"{one['named']} of {one['cases']}" for one in row["sizes"]}
-        others = sorted({name for one in row["sizes"] for name in one["named_instead"]})
-        smallest = "never" if row["named_from"] is None else f"× {row['named_from']:g}"
-        middle = " | ".join(cells.get(s, "") for s in sizes)
-        lines.append(f"| {row['effect']} | {smallest} | {middle} | {', '.join(others)} |")
-    lines += ["", f"Nothing hidden: {found['false_alarms']} of {found['nulls']} named something."]
-    return "\n".join(lines) + "\n"

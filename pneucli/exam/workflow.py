@@ -16,27 +16,17 @@ from pneucli.errors import InputError
 from pneucli.exam.cases import write_exam
 from pneucli.exam.conditions import USUAL
 from pneucli.exam.graded_case import GradedCase
-from pneucli.exam.grading import SECONDS_FILE, graded_cases, reliability_table
+from pneucli.exam.grades import Answered, Grades, Written
+from pneucli.exam.grading import SECONDS_FILE, graded_cases
 from pneucli.exam.grading import grade as grade_answers
 from pneucli.executors.dask_cluster import engine_from
 from pneucli.executors.engine import run_jobs
+from pneucli.figure import to_json
 from pneucli.io.artifacts import Provenance, TableWriter, schema_of, write_text
 from pneucli.pipeline.context import NO_PROGRESS, Progress
 from pneucli.pipeline.manifest import program_digest, program_versions
 from pneucli.pipeline.runner import open_pipeline
 from pneucli.stages.pipeline_file import load_pipeline_file
-
-SHORT_TITLES = {
-    "verdict right": "verdict",
-    "true effects in the answer": "in the answer",
-    "exactly the true effects": "exactly",
-    "clean nulls named nothing": "clean nulls",
-    "messy nulls named nothing": "messy nulls",
-    "unknown flagged": "unknown",
-    "parameters within 15 %": "parameters",
-    "intervals that hold the truth": "intervals",
-}
-__all__ = ["answer", "grade", "to_markdown", "write"]
 
 Job = tuple[str, str, str]  # the pipeline file, the folder of the answers, the name of the case
 ANSWERS = "answers"
@@ -53,48 +43,6 @@ COLUMN_UNITS = {
     "error_after": "1",
     "seconds": "s",
 }
-
-
-def to_markdown(result: dict[str, Any]) -> str:
-    """Return the grades, also by condition, the failures by cause and the confusion matrix as Markdown tables."""
-    lines = [f"{result['cases']} cases, {len(result['unanswered'])} without an answer", "", *_seed_origin(result)]
-    lines += ["| what | right | of | share | 95 % interval |", "| --- | ---: | ---: | ---: | --- |"]
-    for what, share in result["shares"].items():
-        if share["of"]:
-            low, high = share["ci95"]
-            lines.append(
-                f"| {what} | {share['right']} | {share['of']} | {share['share']:.0%} | {low:.0%} to {high:.0%} |"
-            )
-    lines += [
-        *_sizes(result),
-        *reliability_table(result["calibration"]),
-        *_conditions(result["conditions"]),
-        *_failures(result),
-    ]
-    lines += ["", "| hidden | answered | cases |", "| --- | --- | ---: |"]
-    lines += [f"| {row['hidden']} | {row['answered']} | {row['cases']} |" for row in result["confusion"]]
-    return "\n".join(lines) + "\n"
-
-
-def measure_rows(result: dict[str, Any]) -> list[dict[str, Any]]:
-    """Return a row for each condition (``all``: the whole exam) and measure: value, counts, interval and unit."""
-    table = []
-    for group in [{"condition": "all", **result}, *result["conditions"]]:
-        for what, share in group["shares"].items():
-            low, high = share["ci95"] or (None, None)
-            counts = {"right": share["right"], "of": share["of"], "ci_low": low, "ci_high": high}
-            table.append(_row(group, what, share["share"], "1", **counts))
-        for what, key, unit in (
-            ("set size", "set_size", "1"),
-            ("error after", "error_after", "1"),
-            ("processor time", "seconds", "s"),
-        ):
-            for kind in ("median", "slowest" if key == "seconds" else "largest"):
-                value = group[key][kind] if group[key] else None
-                table.append(_row(group, f"{what}, {kind}", value, unit, of=group["cases"]))
-        for cause, count in group["failures"].items():
-            table.append(_row(group, f"failure: {cause}", float(count), "1", right=count, of=group["cases"]))
-    return table
 
 
 def case_rows(graded: Sequence[GradedCase]) -> list[dict[str, Any]]:
@@ -115,67 +63,6 @@ def case_rows(graded: Sequence[GradedCase]) -> list[dict[str, Any]]:
     ]
 
 
-def _row(group: dict[str, Any], what: str, value: float | None, unit: str, **counts: Any) -> dict[str, Any]:
-    usual = {"right": None, "of": 0, "ci_low": None, "ci_high": None}
-    return {"condition": group["condition"], "what": what, "value": value, "unit": unit, **(usual | counts)}
-
-
-def _seed_origin(result: dict[str, Any]) -> list[str]:
-    """Say where the seed came from, so whether anybody could have tuned the program to the cases."""
-    about = result["exam"]
-    if about is None:
-        return []
-    if about["seed_from"] == "given":
-        origin = "chosen by who wrote the exam."
-    elif result["answered_by"] in ([], [about["program"]]):
-        origin = "from the hash of the program that answers: nobody can have looked."
-    else:
-        origin = "from the hash of another program than the one that answered: the cases may have been seen."
-    return [f"Seed {about['seed']}, {origin} Program: {about.get('program', 'not stated')}", ""]
-
-
-def _sizes(result: dict[str, Any]) -> list[str]:
-    lines = []
-    if sizes := result["set_size"]:
-        median, largest = sizes["median"], sizes["largest"]
-        lines.append(
-            f"Effects in one answer that it does not tell apart: {median:.0f} (median), {largest:.0f} (largest)"
-        )
-    if errors := result["error_after"]:
-        median, largest = errors["median"], errors["largest"]
-        lines.append(f"Error after, over the noise floor: {median:.2f} (median), {largest:.2f} (largest)")
-    if taken := result["seconds"]:
-        median, slowest = taken["median"], taken["slowest"]
-        lines.append(f"Processor seconds a case: {median:.0f} (median), {slowest:.0f} ({taken['case']}, slowest)")
-    return [text for line in lines for text in ("", line)]
-
-
-def _conditions(groups: Sequence[dict[str, Any]]) -> list[str]:
-    """Return a row for each condition; shares as right/of."""
-    head = ["condition", "cases", *SHORT_TITLES.values(), "set", "error", "seconds"]
-    lines = ["", "| " + " | ".join(head) + " |", "| --- |" + " ---: |" * (len(head) - 1)]
-    for group in groups:
-        shares = [group["shares"][what] for what in SHORT_TITLES]
-        cells = [group["condition"], str(group["cases"])]
-        cells += [f"{share['right']}/{share['of']}" if share["of"] else "" for share in shares]
-        cells += [f"{group['set_size']['median']:.0f}" if group["set_size"] else ""]
-        cells += [f"{group['error_after']['median']:.2f}" if group["error_after"] else ""]
-        cells += [f"{group['seconds']['median']:.0f}" if group["seconds"] else ""]
-        lines.append("| " + " | ".join(cells) + " |")
-    return lines
-
-
-def _failures(result: dict[str, Any]) -> list[str]:
-    """Count the failures by cause and condition."""
-    if not result["failures"]:
-        return []
-    lines = ["", "| failure | cases | under |", "| --- | ---: | --- |"]
-    for cause, count in sorted(result["failures"].items(), key=lambda pair: -pair[1]):
-        under = [f"{g['condition']} {g['failures'][cause]}" for g in result["conditions"] if cause in g["failures"]]
-        lines.append(f"| {cause} | {count} | {', '.join(under)} |")
-    return lines
-
-
 def write(
     directory: Path,
     cases: int = 60,
@@ -183,7 +70,7 @@ def write(
     size: float = 1.0,
     seed: int | None = None,
     conditions: Sequence[str] = (USUAL,),
-) -> dict[str, Any]:
+) -> Written:
     """Write an exam into an empty or new folder; the truth is sealed in its hidden folder.
 
     For each of the ``conditions``, ``cases`` rigs hide effects of ``size`` times the usual, and ``nulls`` are healthy.
@@ -194,15 +81,9 @@ def write(
     about = {"seed_from": "program" if seed is None else "given", "program": program}
     seed = seed_from_program(program) if seed is None else seed
     names = write_exam(directory, cases, nulls, size, seed, conditions, about)
-    return {
-        "schema": "pneucli/exam-written/1",
-        "directory": str(directory),
-        "size": size,
-        "seed": seed,
-        **about,
-        "conditions": list(conditions),
-        "cases": names,
-    }
+    return Written(
+        "pneucli/exam-written/1", str(directory), size, seed, **about, conditions=list(conditions), cases=names
+    )
 
 
 def seed_from_program(program: str) -> int:
@@ -210,7 +91,7 @@ def seed_from_program(program: str) -> int:
     return int(hashlib.sha256(program.encode()).hexdigest()[:8], 16)
 
 
-def answer(directory: Path, progress: Progress = NO_PROGRESS, executor: str | None = None) -> dict[str, Any]:
+def answer(directory: Path, progress: Progress = NO_PROGRESS, executor: str | None = None) -> Answered:
     """Diagnose every ``CASE/pipeline.toml`` that has no ``answers/CASE.json`` yet, and store the seconds of each.
 
     A case that fails gets the verdict ``failed`` and the error as its answer; delete that file to repeat it. Raises
@@ -229,12 +110,12 @@ def answer(directory: Path, progress: Progress = NO_PROGRESS, executor: str | No
     given = {case: _read(answers / f"{case}.json") for case in cases}
     noted = {case: content["seconds"] for case, content in given.items() if "seconds" in content}
     _write(answers / SECONDS_FILE, _read(answers / SECONDS_FILE) | noted)
-    return {
-        "schema": "pneucli/exam-answered/1",
-        "answered": [case for case, content in given.items() if content.get("verdict") != FAILED],
-        "failed": {case: content["error"] for case, content in given.items() if content.get("verdict") == FAILED},
-        "seconds": _read(answers / SECONDS_FILE),
-    }
+    return Answered(
+        schema="pneucli/exam-answered/1",
+        answered=[case for case, content in given.items() if content.get("verdict") != FAILED],
+        failed={case: content["error"] for case, content in given.items() if content.get("verdict") == FAILED},
+        seconds=_read(answers / SECONDS_FILE),
+    )
 
 
 def _answer_all(open_jobs: deque[Job], executor: str | None, progress: Progress) -> None:
@@ -271,7 +152,7 @@ def _failed(error: BaseException) -> dict[str, Any]:
     return {"verdict": FAILED, "missing": [], "error": f"{type(error).__name__}: {error}"}
 
 
-def grade(directory: Path, answers: Path | None = None) -> dict[str, Any]:
+def grade(directory: Path, answers: Path | None = None) -> Grades:
     """Grade ``answers/CASE.json`` (default: the exam's folder ``answers``) into ``grades.json`` and ``grades.md``.
 
     ``grades.parquet`` has a row for each condition and measure, ``cases.parquet`` one for each case.
@@ -279,10 +160,10 @@ def grade(directory: Path, answers: Path | None = None) -> dict[str, Any]:
     """
     answers = answers or directory / ANSWERS
     result = grade_answers(directory, answers)
-    _write(answers / GRADES, result)
-    write_text(answers / SUMMARY, to_markdown(result))
-    made_of = Provenance(parameters={"exam": result["exam"], "answered_by": result["answered_by"]})
-    _write_rows(answers / GRADES_TABLE, measure_rows(result), "pneucli/exam-grades/1", made_of)
+    _write(answers / GRADES, to_json(result))
+    write_text(answers / SUMMARY, result.page)
+    made_of = Provenance(parameters={"exam": result.exam, "answered_by": result.answered_by})
+    _write_rows(answers / GRADES_TABLE, result.rows, "pneucli/exam-grades/1", made_of)
     _write_rows(answers / CASES_TABLE, case_rows(graded_cases(directory, answers)), "pneucli/exam-cases/1", made_of)
     return result
 

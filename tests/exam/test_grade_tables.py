@@ -7,7 +7,9 @@ from typing import Any
 
 import pytest
 
-from pneucli.exam.workflow import SHORT_TITLES, case_rows, measure_rows, to_markdown
+from pneucli.exam.grades import SHORT_TITLES, Grades
+from pneucli.exam.workflow import case_rows
+from pneucli.figure import read
 
 NOTHING = {"right": 0, "of": 0, "share": None, "ci95": None}
 
@@ -77,12 +79,12 @@ Probabilities: Brier score 0.124, log score 0.500, of 4
 
 
 def test_the_report_of_three_cases() -> None:
-    assert to_markdown(RESULT) == TOLD
+    assert read(Grades, RESULT).page == TOLD
 
 
 def test_without_failures_there_is_no_sentence_about_them() -> None:
     clean = RESULT | {"failures": {}, "set_size": None, "error_after": None, "seconds": None, "calibration": None}
-    told = to_markdown(clean)
+    told = read(Grades, clean).page
     assert "failure" not in told
     assert "Effects in one" not in told
     assert "Error after" not in told
@@ -105,14 +107,15 @@ def test_without_failures_there_is_no_sentence_about_them() -> None:
 )
 def test_the_grades_state_the_origin_of_the_seed(source: str, by: list[str], words: str) -> None:
     about = {"seed": 7, "seed_from": source, "program": "p1"}
-    first, _, line, blank, *_ = to_markdown(RESULT | {"exam": about, "answered_by": by}).splitlines()
+    first, _, line, blank, *_ = read(Grades, RESULT | {"exam": about, "answered_by": by}).page.splitlines()
     assert (first, line, blank) == ("3 cases, 1 without an answer", f"Seed 7, {words} Program: p1", "")
     del about["program"]
-    assert to_markdown(RESULT | {"exam": about | {"seed_from": "given"}}).splitlines()[2].endswith("not stated")
+    given = read(Grades, RESULT | {"exam": about | {"seed_from": "given"}})
+    assert given.page.splitlines()[2].endswith("not stated")
 
 
 def test_rows_have_every_measure_of_every_condition() -> None:
-    found = measure_rows(RESULT)
+    found = read(Grades, RESULT).rows
     table = {(row["condition"], row["what"]): row for row in found}
     assert len(table) == len(found)
     assert {row["condition"] for row in found} == {"all", "usual", "messy"}

@@ -10,8 +10,9 @@ import pytest
 
 from pneucli.errors import InputError
 from pneucli.exam.graded_case import GradedCase
+from pneucli.exam.grades import Grades, Share
 from pneucli.exam.grading import grade
-from pneucli.exam.workflow import to_markdown
+from pneucli.figure import to_json
 
 
 def truth(hidden: dict[str, dict[str, float]], outside: str | None = None) -> dict[str, Any]:
@@ -121,7 +122,7 @@ def test_the_final_error_is_that_of_the_last_step_preferably_held_out(ladder: An
 # --- a whole exam
 
 
-def written(folder: Path, cases: dict[str, tuple[dict[str, Any], dict[str, Any] | None]]) -> dict[str, Any]:
+def written(folder: Path, cases: dict[str, tuple[dict[str, Any], dict[str, Any] | None]]) -> Grades:
     """The grades of cases by name, each a truth and an answer (None: there is none)."""
     (folder / ".sealed").mkdir()
     answers = folder / "given"
@@ -151,7 +152,7 @@ CASES: dict[str, tuple[dict[str, Any], dict[str, Any] | None]] = {
 
 def test_every_share_counts_its_own_cases(tmp_path: Path) -> None:
     result = written(tmp_path, CASES)
-    counted = {what: (s["right"], s["of"]) for what, s in result["shares"].items()}
+    counted = {what: (s.right, s.of) for what, s in result.shares.items()}
     assert counted == {
         "verdict right": (6, 8),
         "true effects in the answer": (3, 4),
@@ -171,21 +172,21 @@ def test_every_share_counts_its_own_cases(tmp_path: Path) -> None:
         "true effects named with 0.9 or more": (0, 4),  # no answer says how sure it is
         "unknown flagged in its subsystem, over its signal": (1, 2),  # these truths do not say where it is
     }
-    assert result["calibration"] is None
-    assert result["shares"]["exactly the true effects"]["share"] == 0.5
-    assert (result["schema"], result["cases"], result["unanswered"]) == ("pneucli/exam/1", 8, ["h"])
+    assert result.calibration is None
+    assert result.shares["exactly the true effects"].share == 0.5
+    assert (result.schema, result.cases, result.unanswered) == ("pneucli/exam/1", 8, ["h"])
 
 
 def test_the_final_error_counts_only_exact_answers(tmp_path: Path) -> None:
-    assert written(tmp_path, CASES)["error_after"] == {"median": pytest.approx(1.3), "largest": 1.5}
+    assert to_json(written(tmp_path, CASES).error_after) == {"median": pytest.approx(1.3), "largest": 1.5}
 
 
 def test_an_exam_without_known_effects_has_no_share_of_them_and_no_error(tmp_path: Path) -> None:
     result = written(tmp_path, {"d": CASES["d"]})
-    assert result["shares"]["true effects in the answer"] == {"right": 0, "of": 0, "share": None, "ci95": None}
-    assert result["error_after"] is None
-    assert result["seconds"] is None
-    text = to_markdown(result)
+    assert result.shares["true effects in the answer"] == Share(0, 0, None, None)
+    assert result.error_after is None
+    assert result.seconds is None
+    text = result.page
     assert "true effects" not in text
     assert "Error after" not in text
     assert "Seconds" not in text
@@ -193,13 +194,13 @@ def test_an_exam_without_known_effects_has_no_share_of_them_and_no_error(tmp_pat
 
 def test_the_exact_interval_of_three_in_four(tmp_path: Path) -> None:
     """Clopper and Pearson, from the binomial sums: P(X >= 3 | low) = P(X <= 3 | high) = 2.5 %."""
-    low, high = written(tmp_path, CASES)["shares"]["true effects in the answer"]["ci95"]
+    low, high = written(tmp_path, CASES).shares["true effects in the answer"].ci95 or ()
     assert 4 * low**3 * (1 - low) + low**4 == pytest.approx(0.025, rel=1e-6)
     assert 1 - high**4 == pytest.approx(0.025, rel=1e-6)
 
 
 def test_the_confusion_matrix_counts_pairs_in_order(tmp_path: Path) -> None:
-    assert written(tmp_path, CASES)["confusion"] == [
+    assert to_json(written(tmp_path, CASES).confusion) == [
         {"hidden": "backlash", "answered": "stribeck", "cases": 1},
         {"hidden": "backlash", "answered": "unexplained", "cases": 1},
         {"hidden": "chamber-leak", "answered": "chamber-leak", "cases": 2},

@@ -7,8 +7,8 @@ from typing import Any
 import pytest
 
 from pneucli.exam.graded_case import GradedCase
+from pneucli.exam.grades import Counts, Spread
 from pneucli.exam.grading import report
-from pneucli.exam.workflow import measure_rows, to_markdown
 
 LEAK = {"chamber-leak": {"area": 1.0}}
 
@@ -99,11 +99,11 @@ def test_the_report_of_each_condition_counts_its_own_cases():
         case(verdict="inconclusive"),
     ]
     result = report(graded)
-    of = {group["condition"]: group for group in result["conditions"]}
-    assert [of["usual"]["cases"], of["messy"]["cases"], result["cases"]] == [3, 2, 5]
+    of = {one.condition: one for one in result.conditions}
+    assert [of["usual"].cases, of["messy"].cases, result.cases] == [3, 2, 5]
 
-    def count(group: dict[str, Any], what: str) -> tuple[int, int]:
-        return group["shares"][what]["right"], group["shares"][what]["of"]
+    def count(group: Counts, what: str) -> tuple[int, int]:
+        return group.shares[what].right, group.shares[what].of
 
     assert count(of["usual"], "exactly the true effects") == (1, 1)
     assert count(of["messy"], "exactly the true effects") == (0, 1)
@@ -111,13 +111,13 @@ def test_the_report_of_each_condition_counts_its_own_cases():
     assert count(result, "messy nulls named nothing") == (1, 1)
     assert count(result, "inconclusive") == (1, 5)
     assert count(result, "named with 0.9 or more, and true") == (1, 2)
-    assert of["usual"]["set_size"] == {"median": 3.0, "largest": 3.0}
-    assert of["messy"]["failures"] == {"missed: another named": 1}
-    page = to_markdown(result | {"exam": None, "answered_by": []})
+    assert of["usual"].set_size == Spread(3.0, 3.0)
+    assert of["messy"].failures == {"missed: another named": 1}
+    page = result.page
     row = next(line for line in page.splitlines() if line.startswith("| usual |"))
     assert [cell.strip() for cell in row.split("|")][1:6] == ["usual", "3", "2/3", "1/1", "1/1"]
     assert "| missed: another named | 1 | messy 1 |" in page
-    sizes = [r for r in measure_rows(result) if r["what"] == "set size, median" and r["condition"] == "usual"]
+    sizes = [r for r in result.rows if r["what"] == "set size, median" and r["condition"] == "usual"]
     assert [(r["value"], r["unit"]) for r in sizes] == [(3.0, "1")]
 
 

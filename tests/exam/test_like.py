@@ -18,7 +18,6 @@ from pneucli.exam.like import (
     UserRig,
     excitation_for,
     summarize,
-    to_markdown,
     with_hidden_effect,
     write_like,
 )
@@ -78,10 +77,10 @@ def case(name: str, size: float, *missing: str) -> GradedCase:
 def test_the_smallest_named_size_is_named_in_nine_of_ten_cases() -> None:
     small = [case("stribeck", 0.1, "stribeck"), case("stribeck", 0.1, "presliding")]
     found = summarize([*small, *[case("stribeck", 1.0, "stribeck")] * 3, case("", 0.0), case("", 0.0, "dead-volume")])
-    (row,) = found["effects"]
-    assert (row["named_from"], [s["share"] for s in row["sizes"]]) == (1.0, [0.5, 1.0])
-    assert (found["false_alarms"], found["nulls"]) == (1, 2)
-    text = to_markdown(found, (0.1, 1.0))
+    (row,) = found.effects
+    assert (row.named_from, [s.share for s in row.sizes]) == (1.0, [0.5, 1.0])
+    assert (found.false_alarms, found.nulls) == (1, 2)
+    text = found.page((0.1, 1.0))
     assert "| stribeck | × 1 | 1 of 2 | 3 of 3 | presliding |" in text
     assert "1 of 2 named something" in text
-    assert summarize([case("stribeck", 1.0)])["effects"][0]["named_from"] is None
+    assert summarize([case("stribeck", 1.0)]).effects[0].named_from is None

@@ -9,7 +9,7 @@ from typing import Any
 import pytest
 
 from pneucli.exam.graded_case import GradedCase
-from pneucli.exam.grading import reliability, reliability_table
+from pneucli.exam.grading import reliability
 
 
 def stating(*stated: tuple[float, bool]) -> Any:
@@ -29,25 +29,24 @@ def graded(hidden: list[str], missing: list[str], *candidates: dict[str, Any]) -
 def test_scores_are_the_mean_square_and_the_mean_logarithm() -> None:
     found = reliability([stating((0.8, True), (0.6, False)), stating((0.0, True))])
     assert found is not None
-    assert found["of"] == 3
-    assert found["brier"] == pytest.approx((0.04 + 0.36 + 1.0) / 3)
-    assert found["log"] == pytest.approx(-(math.log(0.8) + math.log(0.4) + math.log(1e-3)) / 3)  # no surer than 1e-3
+    assert found.of == 3
+    assert found.brier == pytest.approx((0.04 + 0.36 + 1.0) / 3)
+    assert found.log == pytest.approx(-(math.log(0.8) + math.log(0.4) + math.log(1e-3)) / 3)  # no surer than 1e-3
 
 
 def test_probabilities_are_gathered_by_what_was_stated() -> None:
     """A bin has its lower edge; 1 is in the last one. Empty bins are left out."""
     found = reliability([stating((0.5, True), (0.68, False), (0.7, True), (1.0, True), (1.3, True))])
     assert found is not None
-    assert [(b["from"], b["to"], b["there"], b["of"]) for b in found["bins"]] == [
+    assert [(b.from_, b.to, b.there, b.of) for b in found.bins] == [
         (0.5, 0.7, 1, 2), (0.7, 0.9, 1, 1), (0.9, 1.0, 2, 2),
     ]  # fmt: skip
-    assert [b["stated"] for b in found["bins"]] == pytest.approx([0.59, 0.7, 1.0])
-    assert "| 0.5 to 0.7 | 0.59 | 1 | 2 |" in reliability_table(found)
+    assert [b.stated for b in found.bins] == pytest.approx([0.59, 0.7, 1.0])
+    assert "| 0.5 to 0.7 | 0.59 | 1 | 2 |" in found.table
 
 
-def test_without_probabilities_there_is_no_reliability_table() -> None:
+def test_without_probabilities_there_is_no_reliability() -> None:
     assert reliability([stating()]) is None
-    assert reliability_table(None) == []
 
 
 def test_the_probability_of_a_set_counts_as_true_if_one_member_is() -> None:

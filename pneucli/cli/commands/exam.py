@@ -2,14 +2,19 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
-from typing import Annotated, Any
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
 from pneucli.cli import console
 from pneucli.cli.command import Command, How
 from pneucli.cli.options import EXECUTORS
+from pneucli.figure import to_json
+
+if TYPE_CHECKING:
+    from pneucli.exam.grades import Answered, Grades, Written, WrittenLike
 
 
 def _list_conditions(wanted: bool) -> None:
@@ -76,34 +81,30 @@ def _exam(
 ) -> None:
     from pneucli.exam import conditions, from_pipeline, workflow
 
+    result: Answered | Grades | Written | WrittenLike
     if answer:
         with console.progress(how.quiet) as progress:
             result = workflow.answer(directory, progress, executor)
-        text = _answered_message(result)
+        text = result.text
     if grade:
         result = workflow.grade(directory)
-        text = workflow.to_markdown(result).rstrip()
+        text = result.page.rstrip()
         if (like_result := from_pipeline.write_result(directory, directory / workflow.ANSWERS)) is not None:
-            result = result | {"like": like_result}
+            result = replace(result, like=like_result)
             text = f"{text}\n\n{from_pipeline.read_result_page(directory / workflow.ANSWERS)}"
     if like is not None and not (answer or grade):
         with console.progress(how.quiet) as progress:
             result = from_pipeline.write(
                 directory, like, repeats=repeats, nulls=nulls, seed=seed or 1, progress=progress
             )
-        text = f"wrote {len(result['cases'])} cases like {result['like']} into {directory}"
+        text = f"wrote {len(result.cases)} cases like {result.like} into {directory}"
     elif not (answer or grade):
         result = workflow.write(directory, cases, nulls, size, seed, condition or [conditions.USUAL])
-        text = f"wrote {len(result['cases'])} cases into {directory}; to answer them: pneucli exam {directory} --answer"
+        text = f"wrote {len(result.cases)} cases into {directory}; to answer them: pneucli exam {directory} --answer"
     if how.json:
-        console.print_json(result)
+        console.print_json(to_json(result))
     else:
         print(text)
-
-
-def _answered_message(result: dict[str, Any]) -> str:
-    failed = [f"{case} failed: {error}" for case, error in result["failed"].items()]
-    return "\n".join([*failed, f"{len(result['answered'])} cases answered, {len(failed)} failed"])
 
 
 COMMAND = Command(
