@@ -14,7 +14,7 @@ from importlib.resources import files
 from typing import TYPE_CHECKING, Any, Literal
 
 from pneucli.errors import InputError, did_you_mean
-from pneucli.exam.hidden_effects import BY_NAME, CATALOGUE, FRICTION, SIDES, UNCATALOGUED, VALVE
+from pneucli.exam.hidden_effects import ALL_BY_NAME, BY_NAME, CATALOGUE, FRICTION, SIDES, UNCATALOGUED, VALVE
 
 if TYPE_CHECKING:
     import numpy as np
@@ -132,7 +132,8 @@ class Conditions:
 
     def allows(self, effect: str) -> bool:
         """Whether the effect may be hidden under these conditions."""
-        return effect not in self.excluded
+        under = ALL_BY_NAME[effect].under
+        return effect not in self.excluded and (not under or bool(getattr(self, under)))
 
     def allows_small(self, effect: str) -> bool:
         """Whether this disturbance may act as well."""

@@ -37,6 +37,7 @@ class HiddenEffect:
         inverse: Whether the effect is null at infinity.
         part: Of an effect outside the catalogue: where it acts (force, flow or sensor).
         variable: Of an effect outside the catalogue: the signal of which it is a function.
+        under: The field of the conditions without which it does not show; "" where it always does.
 
     """
 
@@ -48,6 +49,7 @@ class HiddenEffect:
     inverse: bool = False
     part: str = ""
     variable: str = ""
+    under: str = ""
 
     def apply(self, par: Parameters, size: float, rng: np.random.Generator) -> Parameters:
         """Return the rig with this effect of the given size."""
@@ -124,7 +126,7 @@ def _declared(name: str, row: dict[str, Any]) -> HiddenEffect:
         draw = globals()[f"draw_{row['draw']}"]
     fields = {key: (field, 1.0) if isinstance(field, str) else tuple(field)
               for key, field in row.get("parameters", {}).items()}  # fmt: skip
-    about = {key: row[key] for key in ("inverse", "part", "variable") if key in row}
+    about = {key: row[key] for key in ("inverse", "part", "variable", "under") if key in row}
     return HiddenEffect(name, tuple(row.get("rigs", ALL_RIGS)), fields, row.get("null", {}), draw, **about)
 
 

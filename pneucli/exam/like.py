@@ -84,7 +84,7 @@ def write_like(
     Raises InputError where the folder is not empty.
     """
     require_empty(directory)
-    shown = [e for e in CATALOGUE if set(e.kinds) & set(rig.kinds) and e.name not in rig.effects]
+    shown = [e for e in CATALOGUE if set(e.kinds) & set(rig.kinds) and e.name not in rig.effects and not e.under]
     plan: list[tuple[HiddenEffect | None, float]] = [(e, size) for e in shown for size in sizes for _ in range(repeats)]
     plan += [(None, 0.0)] * nulls
     asked = {"sizes": list(sizes), "repeats": repeats, "nulls": nulls, "seed": seed}

@@ -104,4 +104,5 @@ PORTS: dict[str, Port] = {
     "sensor_delay": Port(
         (), "sum", "pressure sensor", "s by which p1 and p2 are recorded later than the other channels", memory=True
     ),
+    "force_delay": Port((), "sum", "mechanics", "s by which a force is recorded later than the motion", memory=True),
 }

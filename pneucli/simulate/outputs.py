@@ -9,6 +9,7 @@ import numpy as np
 from pneucli.arrays import Array
 from pneucli.simulate import layout as at
 from pneucli.simulate.experiment import Experiment
+from pneucli.simulate.force_clock import force_delay, recorded_late, with_force_in_time
 from pneucli.simulate.imposed_motion import motion_inputs, standstill_speed
 from pneucli.simulate.model import Model
 from pneucli.simulate.run import base_vector, kernel_for, read_only, simulate, with_p2
@@ -63,7 +64,8 @@ def required_force(model: Model, experiment: Experiment, noise: Mapping[str, Arr
     on = kernel.effect_switches(experiment.active_effects(model.effects))
     driven = "force" in experiment.recording
     kernel.functions.run_imposed(read_only(experiment.time), inputs, a, still, driven, base, th, on, out)
-    return out
+    delay = force_delay(model, experiment)
+    return recorded_late(experiment, out, inputs[:, at.IN_V], delay) if delay else out
 
 
 def accelerometer_offset(model: Model, experiment: Experiment) -> float:
@@ -121,4 +123,4 @@ def _force_residual(model: Model, e: Experiment, inputs: Array) -> Array:
     values, on = kernel.effect_vector(model.effect_values()), kernel.effect_switches(e.active_effects(model.effects))
     still = standstill_speed(e, inputs[:, at.IN_V])
     kernel.functions.run_imposed(read_only(e.time), inputs, a, still, True, base_vector(model, e), values, on, out)
-    return out - inputs[:, at.IN_FORCE]
+    return out - with_force_in_time(model, e, inputs)[:, at.IN_FORCE]

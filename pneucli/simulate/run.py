@@ -15,6 +15,7 @@ from pneucli.physics.effects import catalogue_with_sides, with_catalogue
 from pneucli.simulate import layout as at
 from pneucli.simulate.build import Kernel, build
 from pneucli.simulate.experiment import OUTPUT_COLUMNS, Experiment
+from pneucli.simulate.force_clock import with_force_in_time
 from pneucli.simulate.model import Model
 from pneucli.simulate.temperature_sensor import temperature_reading
 
@@ -173,7 +174,7 @@ def kernel_arguments(kernel: Kernel, model: Model, experiment: Experiment, input
     """
     return (
         read_only(experiment.time),
-        inputs,
+        with_force_in_time(model, experiment, inputs),
         experiment.restarts,
         base_vector(model, experiment),
         kernel.effect_vector(model.effect_values()),

@@ -8,10 +8,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from pneucli.exam.cases import generate_case
+from pneucli.exam.cases import generate_case, plan_cases
 from pneucli.exam.conditions import parse
 from pneucli.exam.rig.imposed_motion import REVERSAL_TIME, MotionMachine, simulate_imposed_motion
 from pneucli.exam.rig.parameters import Parameters
+from pneucli.exam.rig.sensors import Sensors, measure
 from pneucli.notebook.run import open_pipeline_of
 from tests.exam.written import rows
 
@@ -83,3 +84,23 @@ def test_the_noise_of_a_force_that_jumps_with_the_direction_is_that_of_its_senso
     force = np.array([float(line.split(",")[3]) for line in text if line[0].isdigit()])
     white = 1.4826 * np.median(np.abs(np.diff(force))) / np.sqrt(2.0)
     assert recording["noise"]["force"]["rms"] == pytest.approx(white, rel=0.15)
+
+
+def test_a_late_sensor_records_the_force_of_an_earlier_time() -> None:
+    rng, quiet = np.random.default_rng, Sensors(pressure=0.0, acceleration=0.0)
+    truth = simulate_imposed_motion(PAR, MACHINE, 1000.0)
+    late, early = (measure(PAR._replace(force_skew=s), quiet, truth, rng(0))["force"] for s in (0.02, -0.02))
+    assert late[100:] == pytest.approx(truth["force"][80:-20])
+    assert early[:-100] == pytest.approx(truth["force"][20:-80])
+
+
+def test_a_force_is_recorded_late_only_where_one_is_recorded_and_its_jumps_are_seen() -> None:
+    allowed = {
+        name
+        for name in ("usual", "imposed", "imposed+messy", "constant-speed", "wide")
+        if parse(name).allows("force-skew")
+    }
+    assert allowed == {"imposed", "imposed+messy"}
+    hidden = {name for case in plan_cases(60, 0, parse("usual"), 3) for name in case.hidden}
+    assert "force-skew" not in hidden
+    assert "force-skew" in {name for case in plan_cases(60, 0, parse("imposed"), 3) for name in case.hidden}

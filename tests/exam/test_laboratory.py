@@ -280,6 +280,7 @@ ABOUT = {  # centres of what is drawn within 25 %, of either sign where "+-"
     "pressure-lag": {"pressure_lag": 0.012},
     "acceleration-bias": {"acceleration_bias": 0.4},
     "time-skew": {"pressure_skew": 0.012},
+    "force-skew": {"force_skew": 0.02},
     "dry friction falls over the first seconds": {"running_in": 0.4},
     "viscous friction falls while warming up": {"warming": 0.55},
     "force periodic over position": {"pitch_force": 9.0, "pitch": 0.02},
@@ -300,7 +301,7 @@ ABOUT = {  # centres of what is drawn within 25 %, of either sign where "+-"
 }
 EITHER_SIGN = {
     "asymmetry", "viscous_asymmetry", "constant_force", "pressure_offset", "acceleration_bias", "gain_drift",
-    "pressure_curvature",
+    "pressure_curvature", "force_skew",
 }  # fmt: skip
 BETWEEN = {  # least and most
     "stribeck": {"static": (1.6 * 15.0, 2.1 * 15.0), "stribeck_velocity": (0.01, 0.025)},

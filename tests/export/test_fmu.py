@@ -323,10 +323,11 @@ def test_a_long_communication_step_is_divided(slave: Slave) -> None:
     assert long == pytest.approx(slave.get("p1"), rel=1e-3)
 
 
-def test_an_effect_of_the_recorder_is_refused() -> None:
+@pytest.mark.parametrize("name", ["time-skew", "force-skew"])
+def test_an_effect_of_the_recorder_is_refused(name: str) -> None:
     experiment = make_experiment("axis", TIME, {"u": U})
-    with pytest.raises(InputError, match="time-skew") as raised:
-        plant_of("bench", model(["time-skew"], {"time-skew.delay": 1e-3}), [experiment], {}, WHERE)
+    with pytest.raises(InputError, match=name) as raised:
+        plant_of("bench", model([name], {f"{name}.delay": 1e-3}), [experiment], {}, WHERE)
     assert "pneucli remove" in raised.value.mend
 
 

@@ -91,6 +91,16 @@ def test_faults_of_pressure_sensors_are_removed(values: dict[str, float], distor
     assert true["p2"][inner] == pytest.approx(p2[inner], rel=2e-4)
 
 
+def test_a_force_is_put_back_to_when_it_acted() -> None:
+    time = 1e-3 * np.arange(2000)
+    read = {"force": np.sin(2 * np.pi * (time - 0.006)), "p1": np.full(2000, 3e5)}
+    true = NonFrictionForces(model({"force-skew.delay": 0.006})).corrected_readings(time, read)
+    assert true["force"][:-10] == pytest.approx(np.sin(2 * np.pi * time)[:-10], abs=1e-4)
+    assert np.array_equal(true["p1"], read["p1"])
+    without = {"p1": read["p1"]}
+    assert set(NonFrictionForces(model({"force-skew.delay": 0.006})).corrected_readings(time, without)) == {"p1"}
+
+
 def test_a_mass_of_the_model_moves_with_the_rigs() -> None:
     heavy = BENCH._replace(extra_mass=0.5)
     found = identify_friction(runs(heavy), model({"extra-mass.mass": 0.5}))

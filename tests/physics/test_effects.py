@@ -55,6 +55,7 @@ def runs(effect: Effect) -> Iterator[Experiment]:
     candidates = [
         make_experiment("valve", TIME, {**pneumatic, "p1": 2e5}),
         make_experiment("friction", TIME, {"p1": FILL, "p2": 3e5}),
+        make_experiment("friction", TIME, {"p1": 3e5, "p2": 3e5, "force": 40.0 * np.sin(50.0 * TIME)}),
         make_experiment("axis", TIME, pneumatic),
         make_experiment("axis", TIME, {**pneumatic, "u2": -U}, "valve", restarts=(0, 333)),
     ]

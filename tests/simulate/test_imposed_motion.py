@@ -6,11 +6,14 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from scipy.integrate import cumulative_trapezoid
 
 from pneucli.compare.channel_errors import compare
 from pneucli.compare.expected_error import expected_rms
+from pneucli.identify.estimation.model_fit import fit_model
 from pneucli.identify.residuals import ImposedMotion
 from pneucli.noise import NoiseModel
+from pneucli.physics.effects import catalogue
 from pneucli.recording import Recording, Rig
 from pneucli.simulate.experiment import Experiment
 from pneucli.simulate.imposed_motion import detect_reversals
@@ -24,13 +27,24 @@ COULOMB, NOISE = 20.0, 0.5  # N
 TRUE = Model(RIG, (), {"friction.coulomb": COULOMB, "friction.viscous": 0.0})
 PERIOD = 0.01  # s
 TIME = PERIOD * np.arange(800)
-SPEED = np.interp((TIME + 0.004) % 4.0, [0.0, 0.5, 1.5, 2.0, 2.5, 3.5, 4.0], [0.0, 0.05, 0.05, 0.0, -0.1, -0.1, 0.0])
 
 
-def driven(low_pass: float | None = None) -> Experiment:
-    """A piston that a machine moves to and fro, faster one way; it slows to its turn and leaves it at another rate."""
-    rng, x = np.random.default_rng(3), np.cumsum(SPEED) * PERIOD
-    force = COULOMB * np.sign(SPEED) + 2.0 * np.gradient(SPEED, PERIOD) + rng.normal(scale=NOISE, size=TIME.size)
+def speed_at(time: np.ndarray, cycle: float) -> np.ndarray:
+    knots = cycle * np.array([0.0, 0.125, 0.375, 0.5, 0.625, 0.875, 1.0])
+    return np.interp((time + 0.004) % cycle, knots, [0.0, 0.05, 0.05, 0.0, -0.1, -0.1, 0.0])
+
+
+SPEED = speed_at(TIME, 4.0)
+
+
+def driven(low_pass: float | None = None, late: float = 0.0, cycle: float = 4.0) -> Experiment:
+    """A piston that a machine moves to and fro, faster one way; it slows to its turn and leaves it at another rate.
+
+    The force is recorded late (s); a cycle (s) that is no number of samples turns anywhere between two.
+    """
+    rng, speed = np.random.default_rng(3), speed_at(TIME - late, cycle)
+    x = cumulative_trapezoid(speed_at(TIME, cycle), TIME, initial=0.0)
+    force = COULOMB * np.sign(speed) + 2.0 * np.gradient(speed, PERIOD) + rng.normal(scale=NOISE, size=TIME.size)
     noise = {"x": NoiseModel(2e-6), "force": NoiseModel(NOISE)}
     signals = {"x": x + rng.normal(scale=2e-6, size=TIME.size), "force": force}
     recording = Recording("given", "friction", "train", TIME, signals, noise, "open", "motion")
@@ -122,3 +136,33 @@ def test_a_rest_tells_nothing_of_dry_friction() -> None:
     stuck = prepare(replace(e.recording, signals=rested), RIG, None)
     assert np.flatnonzero(detect_reversals(stuck)).tolist() == list(range(300, 400))
     assert np.max(np.abs(ImposedMotion(stuck).residual(TRUE)["force"][300:400])) == 0.0
+
+
+LATE = catalogue()["force-skew"]
+
+
+@pytest.mark.parametrize("late", [0.037, -0.022])
+def test_a_force_that_is_recorded_late_or_early_is_found_to_a_part_of_a_sample(late: float) -> None:
+    e = driven(late=late, cycle=0.973)
+    (without,) = compare(TRUE, e).results
+    assert without.ratio_to_noise > 5.0
+    found = fit_model(TRUE, [ImposedMotion(e)], [LATE])["force-skew.delay"]
+    assert found.value == pytest.approx(late, abs=0.1 * PERIOD)
+    assert found.ci95[0] <= late <= found.ci95[1]
+    (with_it,) = compare(replace(TRUE, effects=(LATE,), values={**TRUE.values, "force-skew.delay": late}), e).results
+    assert with_it.ratio_to_noise < 1.2
+
+
+def test_what_is_compared_beside_a_late_turn_is_continuous_in_the_delay() -> None:
+    """A jump of 40 N from one sample to the next would stop a fit at each half of a period."""
+    e = driven()
+    forces = [
+        required_force(replace(TRUE, effects=(LATE,), values={**TRUE.values, "force-skew.delay": delay}), e)
+        for delay in np.arange(0.02, 0.04, 1e-4)
+    ]
+    assert np.max(np.abs(np.diff(forces, axis=0))) < 0.1 * COULOMB
+
+
+def test_an_imposed_motion_needs_the_same_force_where_that_is_recorded_in_time() -> None:
+    in_time = replace(TRUE, effects=(LATE,), values={**TRUE.values, "force-skew.delay": 0.0})
+    assert np.array_equal(required_force(in_time, driven()), required_force(TRUE, driven()))

@@ -158,3 +158,15 @@ def test_a_late_pressure_shows_only_beside_a_command_or_a_motion():
         [True, True, True],
         [True, True, True],
     ]
+
+
+def test_a_late_recorded_force_drives_the_piston_when_it_acted():
+    """With the force 20 ms late the piston starts 20 ms late, but for a model that knows it."""
+    acted = 40.0 * (TIME > 0.3) - 60.0 * (TIME > 0.6)
+    read = 40.0 * (TIME > 0.32) - 60.0 * (TIME > 0.62)
+    true = run(model(), make_experiment("friction", TIME, {"force": acted}))
+    late = model(["force-skew"], {"force-skew.delay": 0.02})
+    told, untold = (run(one, make_experiment("friction", TIME, {"force": read})) for one in (late, model()))
+    moved = np.ptp(true[:, at.X])
+    assert np.abs(told[:, at.X] - true[:, at.X]).max() < 0.01 * moved
+    assert np.abs(untold[:, at.X] - true[:, at.X]).max() > 0.1 * moved

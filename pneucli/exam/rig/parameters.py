@@ -82,6 +82,7 @@ class Parameters(NamedTuple):
     pressure_lag: float = 0.0
     acceleration_bias: float = 0.0
     pressure_skew: float = 0.0
+    force_skew: float = 0.0  # s by which the force is recorded later than all else
     pressure_offset_2: float = 0.0
     pressure_scale_1: float = 1.0  # of one sensor alone, in addition to both
     pressure_scale_2: float = 1.0

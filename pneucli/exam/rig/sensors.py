@@ -69,7 +69,9 @@ def measure(par: Parameters, sensors: Sensors, truth: dict[str, Array], rng: np.
         seen[name] = shown + _pressure_noise(sensors, u.size, rng)
     seen["a"] = a + par.acceleration_bias + sensors.acceleration * rng.standard_normal(u.size)
     if "force" in truth:
-        seen["force"] = truth["force"][sampled] + sensors.force * rng.standard_normal(u.size)
+        time = np.arange(truth["force"].size) / sensors.sensor_rate
+        late = np.interp(time - par.force_skew, time, truth["force"])
+        seen["force"] = late[sampled] + sensors.force * rng.standard_normal(u.size)
     seen["x"] = seen["x"] + par.position_curvature * x * (par.stroke - x)
     return _quantized(par, sensors, _with_drift_and_outliers(sensors, seen, rng))
 

@@ -22,7 +22,9 @@ from pneucli.simulate.run import area_tables, base_vector
 Interval = tuple[float, float]
 
 FAR = 1e9  # m: an end of the stroke that is nowhere; C has no literal for infinity
-REFUSED_PORTS = {"sensor_delay": "it delays the recorder's channels against each other, not the plant"}
+REFUSED_PORTS = dict.fromkeys(
+    ("sensor_delay", "force_delay"), "it delays the recorder's channels against each other, not the plant"
+)
 
 
 @dataclass(frozen=True)

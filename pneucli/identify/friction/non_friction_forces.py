@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from pneucli.arrays import Array
 from pneucli.simulate import layout as at
 from pneucli.simulate.build import Kernel
+from pneucli.simulate.force_clock import shifted
 from pneucli.simulate.model import Model
 from pneucli.simulate.run import kernel_for, read_only
 
@@ -38,13 +39,16 @@ class NonFrictionForces:
         return self.model.sum_of_port("mass")
 
     def corrected_readings(self, time: Array, readings: Mapping[str, Array]) -> dict[str, Array]:
-        """Return readings, each (n,), with the faults of the sensors of p1 and p2 removed."""
+        """Return readings, each (n,), with the faults of the sensors of p1, p2 and force removed."""
         inputs = np.full((time.size, len(at.INPUTS)), self.model.rig.ambient_pressure)
         columns = {"p1": at.IN_P1, "p2": at.IN_P2}
         for name in columns.keys() & readings.keys():
             inputs[:, columns[name]] = readings[name]
         self._kernel.functions.run_true_pressures(read_only(time), inputs, *self._vectors)
-        return {n: inputs[:, columns[n]] if n in columns else y for n, y in readings.items()}
+        delay, late = self.model.sum_of_port("force_delay"), ("force",) if "force" in readings else ()
+        return {n: inputs[:, columns[n]] if n in columns else y for n, y in readings.items()} | {
+            n: shifted(time, readings[n], delay) for n in late if delay
+        }
 
     def forces(self, x: Array, v: Array) -> Array:
         """Return the effects' forces toward +x in N, shape (n,), at positions in m and velocities in m/s."""

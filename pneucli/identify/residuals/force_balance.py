@@ -19,6 +19,7 @@ from pneucli.identify.residuals.chambers import ChamberPressures
 from pneucli.physics.declaration import Effect
 from pneucli.physics.ports import Balance
 from pneucli.simulate import layout as at
+from pneucli.simulate.force_clock import with_force_in_time
 from pneucli.simulate.model import Model
 from pneucli.simulate.motion_smoother import input_errors, smooth_motion, unrounded_readings
 from pneucli.simulate.noise_draws import cache_draws
@@ -198,7 +199,7 @@ class ForceBalance(ResidualModel):
         out, gap, width = np.zeros((3, e.time.size))
         kernel.functions.run_balance(
             read_only(e.time),
-            self.with_modelled_inputs(model, inputs),
+            with_force_in_time(model, e, self.with_modelled_inputs(model, inputs)),
             read_only(a),
             removed_force,
             breakaway,

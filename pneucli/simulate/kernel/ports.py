@@ -141,5 +141,9 @@ def sensor_delay(th, on):
     return 0.0
 
 
+def force_delay(th, on):
+    return 0.0
+
+
 def scalars(base, th, on):
     return base, th, on
