@@ -56,7 +56,6 @@ PARTS = (
 )  # in the order of the text
 ENTRY_POINTS = (
     "run",
-    "advance",  # called twice, and too long to be inlined twice
     "run_imposed",
     "run_balance",
     "run_table_friction",
@@ -64,6 +63,8 @@ ENTRY_POINTS = (
     "run_true_pressures",
     "run_gradient",
 )
+
+CALLED = ("advance",)  # twice, and too long to be inlined twice
 
 # the kernel of dual numbers: a recording whose motion is given, from what its gas depends on
 DUAL_PARTS = (arrays, valve, hose, chamber, sensors, step, run)
@@ -213,7 +214,7 @@ def source(
         physics,
     ]
     text = "\n\n".join(texts)
-    return _decorated(text, ENTRY_POINTS) if compiled else text
+    return _decorated(text, ENTRY_POINTS, CALLED) if compiled else text
 
 
 def _dual_source(effects: Sequence[Effect]) -> str:
@@ -233,10 +234,10 @@ def _dual_source(effects: Sequence[Effect]) -> str:
     rules = hashlib.sha256(inspect.getsource(dual).encode()).hexdigest()
     imports = f"# {rules}\nfrom pneucli.simulate.dual import ROW, as_duals, slopes_between, value_of\n"
     text = imports + source(effects, compiled=False, parts=DUAL_PARTS) + DUAL_TEXT + scalars
-    return _decorated(text, entries=("run_duals",), called=("advance",))
+    return _decorated(text, ("run_duals",), CALLED)
 
 
-def _decorated(text: str, entries: Collection[str], called: Collection[str] = ()) -> str:
+def _decorated(text: str, entries: Collection[str], called: Collection[str]) -> str:
     return re.sub(
         r"^def (\w+).*?(?=^def |\Z)", partial(_decorate, entries, called), text, flags=re.MULTILINE | re.DOTALL
     )
