@@ -55,7 +55,7 @@ def sniff(raw: RawFile) -> SniffedLayout:
         lines.pop()
     found = max(
         (_DelimitedTable(lines, mark, raw.skip_rows) for mark in ([raw.delimiter] if raw.delimiter else DELIMITERS)),
-        key=lambda table: (table.score, table.width),
+        key=lambda table: (table.score, table.delimiter != " ", table.width),  # a blank also parts date and time
     )
     if not found.score:
         wanted, mend = "rows of numbers", "say --skip-rows, --delimiter or --decimal, or export it as CSV"
@@ -93,7 +93,7 @@ class _DelimitedTable:
     """The lines of a text, cut by one delimiter."""
 
     def __init__(self, lines: Sequence[str], delimiter: str, skip: int) -> None:
-        self._lines, self._skip, self._delimiter = lines, skip, delimiter
+        self._lines, self._skip, self.delimiter = lines, skip, delimiter
         cut = TextLayout("", delimiter, "", 0, ())
         self._rows = [() if _is_skipped(line) else tuple(cut.split(line)) for line in lines]
         tail = [row for row in self._rows[max(skip, len(lines) // 2) :] if row] or [r for r in self._rows[skip:] if r]
@@ -138,12 +138,12 @@ class _DelimitedTable:
         names = names or self._names_in_comment(start)
         titles, own = self._channel_table(above, names)
         units = units or own
-        return SniffedLayout(direct, skip, self._delimiter, names, units, self._thousands(), titles)
+        return SniffedLayout(direct, skip, self.delimiter, names, units, self._thousands(), titles)
 
     def _header(self, above: list[int]) -> tuple[tuple[str, ...], tuple[str, ...], int | None]:
         """Return names, units and the names' line: those above the rows that are as wide as they are."""
         wide = [n for n in above if len(self._rows[n]) in (self.width, self.width + 1)]
-        if self._delimiter == " " and not wide and above:
+        if self.delimiter == " " and not wide and above:
             return self._names_in_columns(self._lines[above[-1]]), (), None
         keyed = [n for n in wide if _TITLES.fullmatch(self._rows[n][0]) or _UNITS.fullmatch(self._rows[n][0])]
         others = [n for n in wide if n not in keyed]  # the keyed ones are lines of a table of channels
@@ -208,7 +208,7 @@ class _DelimitedTable:
     def _names_in_comment(self, start: int) -> tuple[str, ...]:
         """Return the names in a comment right above the rows, as numpy and gnuplot write them."""
         comments = [line.lstrip(" \t#%") for line in self._lines[:start] if _is_comment(line)]
-        cut = TextLayout("", self._delimiter, "", 0, ())
+        cut = TextLayout("", self.delimiter, "", 0, ())
         fitting = [fields for fields in map(cut.split, comments) if len(fields) == self.width]
         return tuple(fitting[-1]) if fitting and not any(map(is_value, fitting[-1])) else ()
 

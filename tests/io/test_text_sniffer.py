@@ -55,6 +55,10 @@ TEXTS = {
         "t [s]\tu\tp\n" + "1\t\t2\n" * ROWS + "t [s]\tu\tp\n" + "1\t\t2\n" * 5 + "1\t5\t2\n",
         SniffedLayout(True, 0, "\t", ("t [s]", "u", "p"), (), {}),
     ),
+    "date and time parted by a blank, between tabs": (
+        "Stamp\tAxis.Pos [mm]\tp\n" + "".join(f"2026-03-04 10:12:{n:02d}.000\t{n}.5\t3\n" for n in range(ROWS)),
+        SniffedLayout(True, 0, "\t", ("Stamp", "Axis.Pos [mm]", "p"), (), {}),
+    ),
     "a column of words": (
         "t,state\n" + "".join(f"{n},on\n" for n in range(ROWS)),
         SniffedLayout(True, 0, ",", ("t", "state"), (), {}),
@@ -71,6 +75,7 @@ def test_a_table_is_found(tmp_path: Path, way: str) -> None:
 
 NO_NUMBERS = ("a column of words", "dots between thousands", "dots between thousands, decimal commas")
 HEADER_LINES = {
+    "date and time parted by a blank, between tabs": 1,
     **{"a header": 1, "decimal commas": 1, "a title and two rows of header": 3, "names in a comment": 1},
     **{"a preamble as wide as the table": 8, "a third row of header": 3, "text after a comma": 1},
     **{"a command on change, and the header again": 2, "columns of fixed width": 1},
