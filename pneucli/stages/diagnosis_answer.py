@@ -28,13 +28,15 @@ from pneucli.messages.diagnose import (
     Place,
     Shift,
     Unexplained,
-    detecting_experiment,
     detection_limit_sentence,
-    discrepancy_experiment,
     discrepancy_kind_text,
+    location_phrase,
+)
+from pneucli.messages.plan import (
+    detecting_experiment,
+    discrepancy_experiment,
     discriminating_manoeuvre,
     distinguishing_experiment,
-    location_phrase,
 )
 from pneucli.physics.declaration import Effect
 from pneucli.plan.rivals import most_discriminating_manoeuvre
