@@ -397,6 +397,10 @@ def reason_sentence(candidate: CandidateAnswer, missing: Sequence[str], held_out
     """Return why a candidate is named or not."""
     if not candidate.supported:
         text = f"{candidate.title}. {REJECTION_REASONS[candidate.reason]}"
+        named = [name for name in missing if name not in candidate.beside]
+        if candidate.reason == "explained-by-unknown" and named:  # it was judged without those, and may explain much
+            others = f"{join_names(named)}, or an effect outside the catalogue"
+            text = f"{candidate.title}. It probably only resembles {others}."
         alike = join_names(candidate.indistinguishable_from)
         return f"{text} These recordings cannot distinguish it from {alike}." if alike else text
     if candidate.effect not in missing:
@@ -590,15 +594,22 @@ def impossible_data_sentence(findings: Sequence[str]) -> str:
 
 
 def detection_limit_sentence(
-    title: str, parameter: str, size: float | None, unit: str, null: float | str | None, where: Sequence[str] = ()
+    title: str,
+    parameter: str,
+    size: float | None,
+    unit: str,
+    null: float | str | None,
+    where: Sequence[str] = (),
+    beside: Sequence[str] = (),
 ) -> str:
     """Return from which size on an effect is detectable; None: at no plausible size.
 
     ``null`` is that of the parameter, at which the effect is absent; ``where`` has the values of parameters that say
-    where, when or how fast the effect acts.
+    where, when or how fast the effect acts; ``beside`` names the effects without which it showed.
     """
     if size is None:
-        return f"{title}: these recordings cannot detect it at any plausible size"
+        others = f"beside {join_names(beside)} " if beside else ""
+        return f"{title}: {others}these recordings cannot detect it at any plausible size"
     limit = f"{format_quantity(size, unit, 2, trimmed=True)} ({'; '.join([parameter, *where])})"
     if null == 0.0:
         return f"{title}: detectable above {limit}"

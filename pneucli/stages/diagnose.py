@@ -64,7 +64,7 @@ from pneucli.stages.answer_parts import (
 from pneucli.stages.changes import compare_with_baseline, fit_all_recordings, write_baseline
 from pneucli.stages.diagnosis_answer import (
     SHAPE_FILE,
-    detection_limit,
+    detection_limits,
     fitted_sets,
     parameter_shift,
     proposed_experiment,
@@ -230,7 +230,7 @@ def _answer(pipeline: PipelineData, data: DiagnosisData, found: Diagnosis, impos
         beyond_fitted=beyond,
         error_within_fitted=within,
         next_experiment=proposed_experiment(data, found),
-        detectable=[detection_limit(d, pipeline) for d in found.detectable],
+        detectable=detection_limits(found, pipeline),
         discrepancy=[
             DiscrepancyAnswer(d.subsystem, d.channel, d.size, d.time_constant, d.over, d.share)
             for d in found.discrepancies

@@ -16,6 +16,7 @@ from pneucli.diagnose.discrepancy import UnexplainedResidual
 from pneucli.diagnose.score import FittedModel
 from pneucli.diagnose.set_evidence import VisitedSet
 from pneucli.figure import Figure
+from pneucli.identify.estimation.parameters import null_value
 from pneucli.identify.residuals import ResidualModel
 from pneucli.io.artifacts import Tables
 from pneucli.messages.diagnose import (
@@ -41,6 +42,7 @@ from pneucli.messages.plan import (
 from pneucli.physics.declaration import Effect
 from pneucli.plan.rivals import most_discriminating_manoeuvre
 from pneucli.quantities import SIGNALS
+from pneucli.simulate.model import Model
 from pneucli.stages.answer_parts import vessel_scale
 from pneucli.stages.pipeline_data import PipelineData
 from pneucli.stages.planned_recordings import planned_recording
@@ -69,15 +71,31 @@ def unexplained_answer(one: UnexplainedResidual) -> Unexplained:
     return Unexplained(*of, character, law, one.share, one.other_signals)
 
 
-def detection_limit(one: MinimumDetectableEffect, study: PipelineData) -> DetectionLimit:
-    """Return the entry about the detection limit of an effect."""
-    parameter = one.parameter
-    factor, unit = vessel_scale(f"{one.effect.name}.{parameter.name}", parameter.unit, study)
-    size = factor * one.size if one.plausible else None
+def detection_limits(found: Diagnosis, study: PipelineData) -> list[DetectionLimit]:
+    """Return the entries about the detection limits of the effects that the last model lacks."""
+    fitted = {d.effect.name: d.candidate.full.model for d in found.decisions if d.candidate}
+    return [detection_limit(one, study, found.missing, fitted.get(one.effect.name)) for one in found.detectable]
+
+
+def detection_limit(
+    one: MinimumDetectableEffect, study: PipelineData, missing: Sequence[str] = (), fitted: Model | None = None
+) -> DetectionLimit:
+    """Return the entry about the detection limit of an effect beside the ``missing`` ones.
+
+    ``fitted`` is the model in which the effect was fitted in the search: what showed there is not called undetectable,
+    but for what these recordings say of it beside the others.
+    """
+    parameter, name = one.parameter, f"{one.effect.name}.{one.parameter.name}"
+    factor, unit = vessel_scale(name, parameter.unit, study)
+    null = None if fitted is None else null_value(parameter, fitted)
+    exceeded = fitted is not None and null is not None and abs(fitted.values[name] - null) >= one.size
+    size = factor * one.size if one.plausible or exceeded else None
     places = [Place(p.name, value, p.unit) for p, value in one.where.items()]
     phrases = [location_phrase(p.title or p.name, value, p.unit) for p, value in one.where.items()]
     title = parameter.title or parameter.name
-    text = detection_limit_sentence(one.effect.title, title, size, unit, parameter.null, phrases)
+    text = detection_limit_sentence(
+        one.effect.title, title, size, unit, parameter.null, phrases, missing if fitted else ()
+    )
     return DetectionLimit(one.effect.name, parameter.name, size, unit, one.typical, places, text)
 
 

@@ -351,6 +351,24 @@ def sentence(one: visible.MinimumDetectableEffect) -> str:
     return detection_limit(one, vessel).would_show
 
 
+def test_what_was_fitted_is_undetectable_beside_the_named_effects_only() -> None:
+    """20 N is 1.7 typical sizes; its error beside the named effects is five of them, or as large as the fit's."""
+    vessel: Any = SimpleNamespace(rig=SimpleNamespace(vessel_volume=1e-3))
+    fitted = model(["constant-force"], {"constant-force.force": -20.0})
+    unseen, seen = (size_of("constant-force", ({"force": 12.0}, error)) for error in (5.0, 0.4))
+    beside = detection_limit(unseen, vessel, ["friction-asymmetry"], fitted)
+    assert (beside.size, unseen.size) == (None, pytest.approx(240.0))
+    assert beside.would_show.partition(": ")[2] == (
+        "beside friction-asymmetry these recordings cannot detect it at any plausible size"
+    )
+    assert detection_limit(unseen, vessel, ["friction-asymmetry"]).would_show.partition(": ")[2] == (
+        "these recordings cannot detect it at any plausible size"
+    )
+    assert detection_limit(replace(seen, plausible=False), vessel, [], fitted).size == pytest.approx(19.2)
+    small = model(["constant-force"], {"constant-force.force": -19.0})
+    assert detection_limit(replace(seen, plausible=False), vessel, [], small).size is None
+
+
 def test_a_limit_is_per_volume_of_a_vessel_of_unknown_volume(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(answer_parts, "only_ratio_identifiable", lambda study: study == "unknown")
     found = size_of("chamber-leak", ({"area": 1e-8}, 0.01))

@@ -84,3 +84,12 @@ def test_chance_is_stated_only_where_it_decided(reason: str) -> None:
     candidate = read(CandidateAnswer, refused | {"supported": False, "indistinguishable_from": []})
     text = reason_sentence(candidate, [], "apart", "It creeps.")
     assert ("chance" in text) == (reason == "not-significant")
+
+
+def test_what_explains_much_without_a_named_effect_is_not_said_to_explain_little() -> None:
+    refused = {"effect": "leak", "title": "Leak", "error_before": 9.4, "error_after": 1.05, "supported": False}
+    candidate = read(CandidateAnswer, refused | {"reason": "explained-by-unknown", "indistinguishable_from": []})
+    text = reason_sentence(candidate, ["stribeck"], "apart")
+    assert text == "Leak. It probably only resembles stribeck, or an effect outside the catalogue."
+    beside = reason_sentence(replace(candidate, beside=["stribeck"]), ["stribeck"], "apart")
+    assert beside == f"Leak. {REJECTION_REASONS['explained-by-unknown']}"
