@@ -12,6 +12,7 @@ import numpy as np
 from scipy.special import betainccinv
 
 from pneucli.arrays import Array
+from pneucli.plausibility.blocks import Blocks, resolved_blocks
 from pneucli.recording import Calibration, Recording, Rig
 
 MIN_BLOCKS = 8  # blocks
@@ -97,8 +98,19 @@ class RigCheck:
             own = Calibration(PRESSURE_ZERO * max(highest, self.rig.supply_pressure or 0.0), PRESSURE_GAIN)
         return math.hypot(noise, own.zero, own.gain * (pressure - self.rig.ambient_pressure))
 
+    def blocks(self, recording: Recording, signal: str, order: int) -> Blocks | None:
+        """Return :func:`resolved_blocks`, found once for all checks."""
+        key = (recording.name, signal, order)
+        if key not in self._blocks:
+            self._blocks[key] = resolved_blocks(recording, signal, order)
+        return self._blocks[key]
+
     @cached_property
     def _rests(self) -> dict[tuple[str, str], bool]:
+        return {}
+
+    @cached_property
+    def _blocks(self) -> dict[tuple[str, str, int], Blocks | None]:
         return {}
 
 

@@ -17,6 +17,7 @@ from pneucli.errors import InputError
 from pneucli.io.recordings import load_recordings
 from pneucli.messages import look as messages
 from pneucli.messages.envelope import envelope_indices, with_gap_indices
+from pneucli.messages.ingest import repair_location
 from pneucli.messages.init import Answer as Seen
 from pneucli.messages.look import Answer, Rest, Signal
 from pneucli.pipeline.context import Context
@@ -60,7 +61,7 @@ def look_at(raw: Sequence[Path], **stated: Any) -> Answer:
     return replace(
         answer,
         recordings=[_recording(one) for one in own],
-        repairs=[f"{one['recording']}, {one['signal']}: {one['message']}" for one in read["repairs"]],
+        repairs=[f"{repair_location(one)}: {one['message']}" for one in read["repairs"]],
         doubts=list(dict.fromkeys([*waiting, *doubts])),
     )
 

@@ -8,8 +8,8 @@ from scipy.signal import lfilter
 
 from pneucli.noise import NoiseModel
 from pneucli.plausibility.blocks import Blocks, fit_linear, resolved_blocks
-from pneucli.plausibility.rig_check import is_inactive
-from pneucli.recording import Recording
+from pneucli.plausibility.rig_check import RigCheck, is_inactive
+from pneucli.recording import Recording, Rig
 
 RNG = np.random.default_rng(0)
 T = np.cumsum(RNG.uniform(0.8e-3, 1.2e-3, 3000))
@@ -40,6 +40,13 @@ def test_blocks_are_as_short_as_the_noise_allows() -> None:
         resolved_blocks(recorded(noise, x=x + noise * RNG.standard_normal(T.size)), "x", 2) for noise in (1e-7, 1e-4)
     ]
     assert [cut and cut.width for cut in widths] == [6, 48]
+
+
+def test_blocks_are_cut_once_for_all_checks() -> None:
+    one = recorded(x=0.1 * np.sin(6 * T))
+    check = RigCheck([one], Rig(), {})
+    assert check.blocks(one, "x", 2) is check.blocks(one, "x", 2)
+    assert check.blocks(one, "x", 2) is not check.blocks(one, "x", 1)
 
 
 def test_what_does_not_stand_clear_of_its_noise_has_no_blocks() -> None:

@@ -11,7 +11,7 @@ from pneucli.arrays import Array, Mask
 from pneucli.messages.formatting import format_plain, format_quantity, format_signal
 from pneucli.physics.gas import critical_ratio_of
 from pneucli.physics.vectorised import flow_functions
-from pneucli.plausibility.blocks import FOLDS, Blocks, fit_linear, prediction_errors, resolved_blocks
+from pneucli.plausibility.blocks import FOLDS, Blocks, fit_linear, prediction_errors
 from pneucli.plausibility.detectors.base import Detector
 from pneucli.plausibility.detectors.resting_pressure import pressure_loop, resting_pressure
 from pneucli.plausibility.rig_check import (
@@ -83,7 +83,7 @@ def _check(rig_check: RigCheck) -> Iterator[Finding]:
 
 
 def _chamber_flow(one: Recording, bench: RigCheck) -> ChamberFlow | None:
-    cut = resolved_blocks(one, "p1", 1)
+    cut = bench.blocks(one, "p1", 1)
     if cut is None:
         return None
     rig, slope, p = bench.rig, cut.slope("p1"), cut.mean("p1", 1)

@@ -10,7 +10,7 @@ import numpy as np
 
 from pneucli.arrays import Array
 from pneucli.messages.formatting import format_plain, format_quantity, format_signal
-from pneucli.plausibility.blocks import fit_linear, resolved_blocks
+from pneucli.plausibility.blocks import fit_linear
 from pneucli.plausibility.detectors.base import Detector
 from pneucli.plausibility.detectors.readings import absolute_finding, gauge_finding
 from pneucli.plausibility.rig_check import (
@@ -66,7 +66,7 @@ def _check(rig_check: RigCheck) -> Iterator[Finding]:
 
 def _force_balance(one: Recording, bench: RigCheck) -> ForceBalance | None:
     """Fit mass and friction; pressures may read a scale too much, and they may be late (:data:`LAG`)."""
-    cut = resolved_blocks(one, "x", 2)
+    cut = bench.blocks(one, "x", 2)
     driving = [name for name in ("p1", "p2", "force") if name in one]
     if cut is None:
         return None
@@ -148,7 +148,7 @@ class ClosedChamber:
     def from_recording(cls, one: Recording, bench: RigCheck) -> ClosedChamber | None:
         """Return it, or None where chamber 2 is not closed, its volume is not stated, or p2 or x rests."""
         is_usable = one.chamber_2 == "closed" and "p1" in one and bench.active_signals(one, "p2")
-        cut = resolved_blocks(one, "x", 1) if is_usable else None
+        cut = bench.blocks(one, "x", 1) if is_usable else None
         volume = None if cut is None else bench.volume(2, cut.mean("x"))
         if cut is None or volume is None or not np.all(volume > 0):
             return None

@@ -7,7 +7,7 @@ from collections.abc import Iterator
 import numpy as np
 
 from pneucli.messages.formatting import format_plain, format_signal
-from pneucli.plausibility.blocks import Blocks, fit_linear, resolved_blocks
+from pneucli.plausibility.blocks import Blocks, fit_linear
 from pneucli.plausibility.detectors.base import Detector
 from pneucli.plausibility.rig_check import (
     MIN_DOUBT,
@@ -34,7 +34,7 @@ def _check(rig_check: RigCheck) -> Iterator[Finding]:
         yield from _stroke(one, rig_check)
         yield from [*_speed(one)] or _jumps(one)
         for signal, order in (("v", 1), ("a", 2)):
-            if signal in one and (found := resolved_blocks(one, "x", order)):
+            if signal in one and (found := rig_check.blocks(one, "x", order)):
                 yield from _derivative(one, signal, order, found)
     yield from _motionless(moved, rig_check)
 
