@@ -52,6 +52,7 @@ class Sheet:
     write: str = "csv"
     delimiter: str = ","
     decimals: int = 5
+    encoding: str = "utf-8"
     ways: list[str] = field(default_factory=list)
 
     def cells(self, role: str) -> list[str]:
@@ -177,9 +178,9 @@ def _scores(sheet: Sheet) -> None:
 # ---- ways of names
 
 
-def _called(u: str, supply: str, p1: str, time: str = "") -> Callable[[Sheet], None]:
+def _called(u: str, supply: str, p1: str, time: str = "", encoding: str = "utf-8") -> Callable[[Sheet], None]:
     def way(sheet: Sheet) -> None:
-        sheet.names = {"u": u, "p_supply": supply, "p1": p1}
+        sheet.names, sheet.encoding = {"u": u, "p_supply": supply, "p1": p1}, encoding
         if time and list(sheet.clock) == ["Time [s]"]:
             sheet.clock = {f"{time} [s]": sheet.clock["Time [s]"]}
 
@@ -218,6 +219,11 @@ def _header_again(sheet: Sheet) -> None:
     sheet.write = "again"
 
 
+def _blocks_of_runs(sheet: Sheet) -> None:
+    _two_runs(sheet)
+    sheet.write = "blocks"
+
+
 def _repeats(sheet: Sheet) -> None:
     again = {**sheet.values, "p1": sheet.values["p1"] + NOISE * sheet.rng.standard_normal(sheet.time.size)}
     sheet.runs.append(again)
@@ -247,6 +253,11 @@ NAMES: dict[str, Callable[[Sheet], None]] = {
     "Russian": _called("напряжение", "давление питания", "давление 1", "время"),
     "Chinese": _called("控制电压", "供气压力", "压力1", "时间"),
     "by number": _called("CH1", "CH3", "CH2"),
+    "Chinese of old": _called("控制电压", "供气压力", "压力1", "时间", "gbk"),
+    "Japanese of old": _called("電圧指令", "供給圧力", "圧力1", "時間", "cp932"),
+    "inputs": _called("ACH1", "ACH2", "ACH3"),
+    "run together": _called("Uvalve", "Psup", "Ptank"),
+    "topics": _called("/valve/command/data", "/pressure/supply/fluid_pressure", "/pressure/tank/fluid_pressure"),
     "dotted": _called("Plc.GVL.u", "Plc.GVL.pSupply", "Plc.GVL.p1"),
 }
 LAYOUTS: dict[str, Callable[[Sheet], None]] = {
@@ -257,10 +268,11 @@ LAYOUTS: dict[str, Callable[[Sheet], None]] = {
     **{kind: _written(kind) for kind in ("long with status", "json long", "marks", "words", "infinity")},
     **{"unit in cells": _unit_in_cells, "unit that changes": _unit_that_changes, "semicolons": _semicolons},
     **{"stamps by channel": _stamps_by_channel, "serial monitor": _serial_monitor, "repeats": _repeats},
-    **{"runs by number": _runs_by_number, "header again": _header_again},
+    **{"runs by number": _runs_by_number, "header again": _header_again, "blocks": _blocks_of_runs},
+    **{"spreads": _written("spreads"), "keyed": _written("keyed")},
 }
 WAYS = CLOCKS | UNITS | NAMES | LAYOUTS
-OWN_CLOCK = {"runs by number", "header again"}  # which write another clock
+OWN_CLOCK = {"runs by number", "header again", "blocks"}  # which write another clock
 NO_NAMES = {"serial monitor"}  # which write none
 
 
@@ -382,6 +394,33 @@ def _again(page: Page) -> str:
     return page.text(page.header)
 
 
+def _blocks(page: Page) -> str:
+    half, mark = len(page.rows) // 2, page.sheet.delimiter
+    heads = [
+        [[f"Data Acquisition {n}", "", "Time:", "", f"{12 * n}", "s"], ["Station: bench"], page.header] for n in (1, 2)
+    ]
+    return _joined(mark, [*heads[0], *page.rows[:half], [], *heads[1], *page.rows[half:]])
+
+
+def _spreads(page: Page) -> str:
+    names = [f"{name} {kind}" for name in page.bare[page.first :] for kind in ("AVE", "MIN", "MAX")]
+    units = [f" [{unit}]" if unit else "" for unit in page.units[page.first :] for _ in range(3)]
+    page.rows = [
+        [
+            *row[: page.first],
+            *(f"{float(text) + more:.5f}" for text in row[page.first :] for more in (0.0, -0.02, 0.02)),
+        ]
+        for row in page.rows
+    ]
+    return page.text([*page.header[: page.first], *(a + b for a, b in zip(names, units, strict=True))])
+
+
+def _keyed(page: Page) -> str:
+    keys = [re.sub(r"\W+", "_", name).strip("_") for name in page.header]
+    page.rows = [[f"{key}:{text}" for key, text in zip(keys, row, strict=True)] for row in page.rows]
+    return page.text(["logger ready"])
+
+
 def _side_by_side(page: Page) -> str:
     sheet = page.sheet
     other = Sheet(sheet.time, sheet.runs[1], [], sheet.rng, units=sheet.units, decimals=sheet.decimals).cells("p1")
@@ -397,6 +436,7 @@ WRITERS: dict[str, Callable[[Page], str]] = {
     **{"transposed table": _transposed_table, "marks": _with_texts(" -"), "words": _with_texts("BURNOUT")},
     **{"infinity": _with_texts("∞"), "cells": _cells, "ranging": _cells, "stamped": _stamped, "arrow": _arrow},
     **{"long": _long, "long with status": _long, "numbered": _numbered, "again": _again, "repeats": _side_by_side},
+    **{"blocks": _blocks, "spreads": _spreads, "keyed": _keyed},
 }
 
 
@@ -426,7 +466,7 @@ def write(sheet: Sheet, folder: Path) -> Path:
         path.write_text("\n".join(json.dumps({"topic": f"rig/{a}", "timestamp": b, "payload": c}) for a, b, c in rows))
         return path
     path = folder / "run.csv"
-    path.write_text(WRITERS[sheet.write](Page.of(sheet)), encoding="utf-8")
+    path.write_text(WRITERS[sheet.write](Page.of(sheet)), encoding=sheet.encoding)
     return path
 
 

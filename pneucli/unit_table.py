@@ -254,9 +254,9 @@ NAMES = {
     **{"volt": "V", "newton": "N", "second": "s", "minute": "min", "hour": "h", "hr": "h", "day": "d"},
     **{"foot": "ft", "feet": "ft", "inche": "in", "degree": "deg", "radian": "rad", "celsius": "degC"},
     **{"centigrade": "degC", "fahrenheit": "degF", "kelvin": "K", "pascal": "Pa", "meter": "m", "metre": "m"},
-    **{"gram": "g", "ampere": "A", "amp": "A", "hertz": "Hz", "litre": "l", "liter": "l", "percent": "%"},
+    **{"gram": "g", "ampere": "A", "amp": "A", "hertz": "Hz", "litre": "l", "liter": "l", "percent": "%", "pct": "%"},
     **{"revolution": "rev", "joule": "J", "watt": "W", "ohm": "Ohm", "pound": "lb", "newtonmeter": "Nm", "bar": "bar"},
-    **{"sekunde": "s", "millimeter": "mm", "micron": "um"},
+    **{"sekunde": "s", "millimeter": "mm", "micron": "um", "vdc": "V", "秒": "s", "毫秒": "ms"},
 }
 _PREFIX_NAMES = {
     **{"nano": "n", "micro": "u", "milli": "m", "centi": "c", "deci": "d", "hecto": "h", "kilo": "k", "mega": "M"},

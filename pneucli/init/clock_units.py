@@ -122,6 +122,12 @@ def _date_votes(values: Array, period: float) -> Iterator[Vote]:
         yield "d", "the rate is one of recordings"
 
 
+def counts_millionths_of_days(values: Array) -> bool:
+    """Return whether stamps are days of this century since 1900 times a million, in parts, and no milliseconds."""
+    low, high = (1e6 * day for day in DAYS[0])
+    return bool(values.size and low < values[0] < high and np.any(values != np.floor(values)))
+
+
 def _second_clock_votes(column: Column, columns: Sequence[Column]) -> Iterator[Vote]:
     """Yield the unit in which this clock goes as fast as another one whose unit is known, or the only possible."""
     own = column.values

@@ -22,23 +22,24 @@ from pneucli.units import same_dimension
 NOUNS: dict[str, str] = {
     "time": "t ts time- -time zeit -zeit uhrzeit temps tiempo tempo tijd timestamp clock uhr stamp datetime elapsed "
     "czas tout micros millis tid aika cas ido zaman timp время -时间- -時間- -시간-",
-    "pressure": "p pa pb ps p0 pres press- psup- ptank- -pressure druck -druck druck- pression presion pressione druk cisnienie tryck- "
-    "-tryck trykk- -trykk tryk- -tryk paine- -paine tlak- nyomas- basinc- pressao presiune давлен- -压力- -圧力- "
-    "-압력-",
+    "pressure": "p pa pb ps p0 pt pit pres press- psup- ptank- -pressure druck -druck druck- pression "
+    "presion pressione druk cisnienie tryck- -tryck trykk- -trykk tryk- -tryk paine- -paine tlak- nyomas- "
+    "basinc- pressao presiune давлен- -压力- -圧力- -압력-",
     "force": "f force- -force kraft- -kraft fuerza effort kracht forza load- cell torque -moment moment tau voima sila "
     "ero kuvvet forca forta сила усилие -力-",
-    "position": "x q y s qm qg pos position- -position travel weg- -weg hub -hub stroke displacement- laser lvdt encoder "
-    "angle -winkel winkel- theta phi deplacement course posicion desplazamiento spostamento verplaatsing lage -lage "
-    "asema polozenie poloha helyzet konum posicao pozitie positie положен- перемещ- -位置- -位移- -変位- -위치-",
+    "position": "x q y s qm qg pos position- -position travel weg- -weg hub -hub stroke displacement- laser "
+    "lvdt encoder angle -winkel winkel- theta phi deplacement course posicion desplazamiento "
+    "spostamento verplaatsing lage -lage asema polozenie poloha helyzet konum posicao pozitie "
+    "positie положен- перемещ- -位置- -位移- -変位- -위치-",
     "velocity": "v vel velocity- speed- geschw- -geschwindigkeit vitesse velocidad velocita omega dq qd xd rpm "
     "hastighet- nopeus predkosc rychlost sebesseg hiz velocidade snelheid скорост- -速度- -속도-",
     "acceleration": "a acc accel- -beschleunigung beschleunigung- acceleracion aceleracion ускорен- -加速度-",
     "temperature": "temp temperature- -temperature temperatur- -temperatur temperatura temperature lampotila темпер- "
     "-温度- -온도-",
-    "command": "u cmd command- valve- -valve ventil- -ventil voltage spannung stell- control- duty pwm vanne valvula "
-    "ansteuer- drive- volt input pump- relay- solenoid- magnet- switch- dac ao styr- spanning spenning ohjaus- sterow- "
-    "rizen- vezerl- kumanda- comando mando stuur- napiecie napeti управл- напряж- -电压- -電圧- -전압- -阀- -弁- "
-    "-指令-",
+    "command": "u op cmd command- valve- -valve ventil- -ventil voltage spannung stell- control- duty pwm vanne "
+    "valvula ansteuer- drive- volt input pump- relay- solenoid- magnet- switch- dac ao styr- spanning spenning ohjaus- "
+    "sterow- rizen- vezerl- kumanda- comando mando stuur- napiecie napeti управл- напряж- -电压- -電圧- -전압- -阀- "
+    "-弁- -指令-",
     "flow": "flow- -flow durchfluss- volumenstrom massenstrom mdot debit caudal portata flode- virtaus- vazao расход- "
     "-流量- -유량-",
 }
@@ -46,8 +47,8 @@ _COMMANDED = "cmd command- control-"
 _SENSED = ("pressure", "force", "position")
 ANGLES = "angle winkel- -winkel theta phi q"
 SUPPLY = (
-    "s ps sup psup- supply- -supply source- versorgung- speise- netz- rail- compressor- kompressor- line pump- p0 alimenta- "
-    "matning- forsyning- syotto- zasilan- napaj- taplal- besleme- voeding- питан- подач- -供- -气源- -공급-"
+    "s ps sup psup- supply- -supply source- versorgung- speise- netz- rail- compressor- kompressor- line pump- p0 "
+    "alimenta- matning- forsyning- syotto- zasilan- napaj- taplal- besleme- voeding- питан- подач- -供- -气源- -공급-"
 )
 UPSTREAM = "up upstream vor inlet in entry eingang primary"
 DOWNSTREAM = "down downstream nach outlet out exit ausgang secondary back"
@@ -55,10 +56,14 @@ DIFFERENCE = "dp delta diff- differ- differenz- -differenz verschil- δ δp d1p 
 _RESULTS = "error err deviation abweichung fehler residual overshoot rmse std -norm"  # made of what was recorded
 _SPOOL = "spool- valve- -valve ventil- -ventil stem schieber- klappe- tiroir"
 _TANK = "tank- ptank- kessel- reservoir- vessel- behalter- accumulator"
-_REFERENCE = "ref soll- -soll reference- set setpoint- target- desired des goal- qg sollwert demand consigne"
-_FIRST = "1 a pa i one first links left vorn front cap blind bottom boden kolbenseite head extend"
-_SECOND = "2 b pb ii two second rechts right hinten rear rod stange- ring- stangenseite retract"
-_DERIVED = "filt- smooth- mean avg average glatt- est- calc- model- sim- raw adc"  # made of another column
+_REFERENCE = "ref soll- -soll reference- set setpoint- sp target- desired des goal- qg sollwert demand consigne"
+_FIRST = "1 a pa i one first links left vorn front cap blind bottom boden kolbenseite head extend -无杆-"
+_SECOND = "2 b pb ii two second rechts right hinten rear rod stange- ring- stangenseite retract -有杆-"
+_PLAIN_READINGS, _MEANS = "raw adc", "mean avg ave average"
+_DERIVED = "filt- smooth- glatt- est- calc- model- sim-"  # made of another column
+_SPREADS = "min max minimum maximum rms std stdev sd sigma pp"
+_COUNTED = "count counts cnt cnts cts ticks inc incs pulses digits lsb"
+_AMBIENT = "amb ambient- baro- atm atmos- umgebung- luftdruck- ambiant- ambiente"
 ABSOLUTE, GAUGE = "abs absolut absolute", "gauge rel relativ relative uberdruck"
 
 _KINDS = {
@@ -144,9 +149,9 @@ def quantity_kind(unit: str) -> str:
 def signal_scores(name: ColumnName) -> Iterator[tuple[str, float]]:
     """Yield the signals that a name may mean, and how well it fits."""
     kind, nouns = name.kind, name.nouns
-    if name.has(_RESULTS):
+    if name.has(_RESULTS) or (kind == "pressure" and name.has(_AMBIENT)):
         return
-    certainty = 1.0 + bool(nouns) - 0.5 * name.has(_DERIVED)
+    certainty = 1.0 + bool(nouns) - 0.5 * name.has(f"{_DERIVED} {_MEANS} {_PLAIN_READINGS} {_COUNTED}")
     is_reference = name.has(_REFERENCE) or ("command" in nouns and kind != "command" and name.has(_COMMANDED))
     second = name.has(_SECOND)
     if kind == "pressure":
@@ -189,6 +194,19 @@ def read_name(column: Column, is_text: bool) -> ColumnName:
     return name
 
 
+def variants(names: Sequence[ColumnName]) -> set[int]:
+    """Return the columns of a channel that another one has as it was read: filtered ones, and ranges of a mean."""
+    kinds = ("", _MEANS, _PLAIN_READINGS, _DERIVED, _SPREADS)
+    found: dict[object, list[tuple[int, int]]] = {}
+    for n, name in enumerate(names):
+        at = [
+            max(k for k, own in enumerate(kinds) if k == 0 or ColumnName((word,), "").has(own)) for word in name.words
+        ]
+        stem = tuple(word for word, k in zip(name.words, at, strict=True) if not k)
+        found.setdefault((stem, name.unit), []).append((max(at, default=0), n))
+    return {n for same in found.values() for kind, n in same if kind and (kind, n) != min(same)}
+
+
 def _words(stem: str) -> tuple[str, ...]:
     plain = unicodedata.normalize("NFKD", stem.translate(_PLAIN))
     plain = "".join(letter for letter in plain if not unicodedata.combining(letter))
@@ -212,7 +230,9 @@ def _stem_and_unit(column: str, is_text: bool) -> tuple[str, str, bool]:
             stem, unit = (part for part in match.groups() if part is not None)
             stem, unit = _longest_unit(stem, unit) if pattern is _SUFFIX else (stem, unit)
             if is_unit(unit) and not unit.isdigit():
-                certainty = pattern is not _SUFFIX or unit == "V" or (len(unit) > 1 and unit.lower() not in _WORDS_TOO)
+                certainty = (
+                    pattern is not _SUFFIX or unit in ("V", "%") or (len(unit) > 1 and unit.lower() not in _WORDS_TOO)
+                )
                 return stem, unit, certainty
             if pattern is _MARKED:
                 return stem if read_unit(unit).unit or len(unit) < 2 else f"{stem} {unit}", "", True

@@ -14,7 +14,7 @@ import numpy as np
 
 from pneucli.arrays import Array
 from pneucli.init.clock_columns import is_increasing, repeated_clocks
-from pneucli.init.clock_units import guess_clock_unit
+from pneucli.init.clock_units import counts_millionths_of_days, guess_clock_unit
 from pneucli.init.column_names import (
     ABSOLUTE,
     ANGLES,
@@ -26,6 +26,7 @@ from pneucli.init.column_names import (
     quantity_kind,
     read_names,
     signal_scores,
+    variants,
 )
 from pneucli.init.role_evidence import rivals, role_evidence
 from pneucli.init.survey_types import Column, Guess, Survey
@@ -39,10 +40,7 @@ from pneucli.units import is_count, parse_unit, same_dimension
 
 MIN_SWITCHED_SAMPLES, MAX_SWITCHED_LEVELS = 100, 3  # samples of one that was surely read, values of one that was not
 _DEGREES = {"C": "degC", "F": "degF"}  # letters that mean something else where no temperature is measured
-_MEANS, _SPREADS = (
-    ("avg", "ave", "mean"),
-    ("min", "max", "minimum", "maximum", "rms", "std", "stdev", "sd", "sigma", "pp"),
-)
+SET = ("u", "u2", "x_ref", "p_ref", "p_supply")  # signals that may change between a few values
 MOTION = ("v", "a")  # of which a column that never changes tells nothing; an x that does not is a place
 
 
@@ -54,14 +52,16 @@ def guess_columns(surveys: Sequence[Survey]) -> list[Guess]:
     found = surveys[0]
     names = read_names(found.columns, found.is_text)
     clock = _clock(found.columns, names)
-    if not any(name.words for name in names):
+    if not any(name.words for name in names) or _differ_by_number(found.columns, names, clock):
         return guess_unnamed_columns(surveys, clock)
     taken = {clock: "time"} if clock is not None else {}
     clocks = {column.clock for column in found.columns}
-    still = _constant_columns(surveys, names) | repeated_clocks(found.columns) | _statistics(names)
+    still = _constant_columns(surveys, names) | repeated_clocks(found.columns) | variants(names)
     usable = [n for n in range(len(names)) if found.columns[n].finite_values.size > 1]
     free = [n for n in usable if n not in taken and n not in still and found.columns[n].key not in clocks]
-    scores = {(n, signal): score for n in free for signal, score in signal_scores(names[n])}
+    switched = {n for n in free if _is_switched(found.columns[n])}
+    named = ((n, *own) for n in free for own in signal_scores(names[n]))
+    scores = {(n, signal): score for n, signal, score in named if signal in SET or n not in switched}
     seen = [*role_evidence(found.columns, names, free)]
     for one in seen:
         scores[one.position, one.signal] = scores.get((one.position, one.signal), 0.0) + one.weight
@@ -71,15 +71,19 @@ def guess_columns(surveys: Sequence[Survey]) -> list[Guess]:
     why = rivals(taken, scores, found.columns)
     why |= {one.position: one.why for one in seen if taken.get(one.position) == one.signal}
     taken = {n: one for n, one in taken.items() if one not in MOTION or np.ptp(found.columns[n].finite_values) > 0}
-    taken = {
-        n: given for n, given in taken.items() if given in ("u", "u2", "time") or not _is_switched(found.columns[n])
-    }
-    _assign_single_pressure(taken)
+    why |= _assign_single_pressure(taken)
     guesses = [_column_guess(surveys, n, taken.get(n, ""), names[n]) for n in range(len(names))]
     return [
         replace(one, note="; ".join(filter(None, (why[n], one.note)))) if n in why and one.signal else one
         for n, one in enumerate(guesses)
     ]
+
+
+def _differ_by_number(columns: Sequence[Column], names: Sequence[ColumnName], clock: int | None) -> bool:
+    """Return whether all names but the clock's are one and a number, and say neither quantity nor unit."""
+    rest = [n for n in range(len(columns)) if n != clock]
+    stems = {re.sub(r"\d+", "", columns[n].name) for n in rest}
+    return len(rest) > 1 and len(stems) == 1 and not any(names[n].nouns or names[n].unit for n in rest)
 
 
 def _constant_columns(surveys: Sequence[Survey], names: Sequence[ColumnName]) -> set[int]:
@@ -92,17 +96,6 @@ def _constant_columns(surveys: Sequence[Survey], names: Sequence[ColumnName]) ->
         moving[name.kind] = moving.get(name.kind, False) or changes
         still |= set() if changes else {n}
     return {n for n in still if moving[names[n].kind] and not names[n].has(f"{SUPPLY} {UPSTREAM}")}
-
-
-def _statistics(names: Sequence[ColumnName]) -> set[int]:
-    """Return the columns that say a range or a deviation where another one says the mean of the same channel."""
-    plain = [(tuple(word for word in one.words if word not in _SPREADS + _MEANS), one.unit) for one in names]
-    means = {stem for stem, one in zip(plain, names, strict=True) if not set(one.words) & set(_SPREADS)}
-    return {
-        n
-        for n, (one, stem) in enumerate(zip(names, plain, strict=True))
-        if stem in means and set(one.words) & set(_SPREADS)
-    }
 
 
 def _column_guess(alike: Sequence[Survey], n: int, signal: str, name: ColumnName) -> Guess:
@@ -127,8 +120,6 @@ def _unit_guess(column: Column, signal: str, name: ColumnName, known: Array) -> 
     reference = "absolute" if name.has(ABSOLUTE) else "gauge" if name.has(GAUGE) else ""
     reference = reference if name.kind == "pressure" else ""
     column = replace(column, written=column.written or _counts_in_name(column.name))
-    if signal in ("x", "x_ref") and name.unit == "%":
-        return Guess(column, signal, "%", True, "", "CHECK taken for a share of the stroke")
     if what := _what_to_scale(column, signal, name):
         unit = _SENSED_IN.get(signal[0], SIGNALS[signal].unit)
         return Guess(column, signal, unit, False, reference, f"CHECK the file says {what} in {unit}", scale=np.nan)
@@ -138,6 +129,7 @@ def _unit_guess(column: Column, signal: str, name: ColumnName, known: Array) -> 
         if signal == "flow":
             return Guess(column, signal, name.unit, True, "", _reference_state(name.unit), scale=column.scale)
         doubt = f"CHECK the file writes {column.written}: larger or smaller by that factor" if column.written else ""
+        doubt = "CHECK taken for a share of the stroke" if name.unit == "%" else doubt
         return Guess(column, signal, name.unit, True, reference, doubt, scale=column.scale)
     if signal == "temperature" and column.written in _DEGREES:
         return Guess(column, signal, _DEGREES[column.written], True)
@@ -155,7 +147,8 @@ def _what_to_scale(column: Column, signal: str, name: ColumnName) -> str:
     """Return what people have to say of a column in counts, volts, milliamperes or percent of a sensor; else empty."""
     if column.written and is_count(column.written):
         return f"{column.written}, which is no unit: what one count is"
-    scaled = signal not in ("u", "u2", "time") and (name.unit == "%" or quantity_kind(name.unit) == "command")
+    is_share = name.unit == "%" and signal not in ("x", "x_ref")
+    scaled = signal not in ("u", "u2", "time") and (is_share or quantity_kind(name.unit) == "command")
     return f"{name.unit}, of a sensor: add offset, and what one {name.unit} is" if scaled else ""
 
 
@@ -180,6 +173,8 @@ def _clock_guess(found: Survey, column: Column, name: ColumnName) -> Guess:
         guess = _clock_guess(found, replace(column, values=column.values[::-1]), name)
         note = "CHECK the newest row stands first: sort the rows by time, the oldest first, before they are read"
         return replace(guess, column=column, note="; ".join(filter(None, (note, guess.note))))
+    if name.unit == "ms" and counts_millionths_of_days(column.finite_values):
+        return Guess(column, "time", "d", False, "", "CHECK millionths of a day, as WinCC writes Time_ms", scale=1e-6)
     if name.unit and same_dimension(name.unit, "s"):
         note = "CHECK the sum of the steps" if column.computed and "cumsum" in str(column.key) else ""
         return Guess(column, "time", name.unit, True, "", note, scale=column.scale)
@@ -221,9 +216,16 @@ def _clock(columns: Sequence[Column], names: Sequence[ColumnName]) -> int | None
     labview = [n for n in rising if names[n].words == ("x", "value")]
     index = [n for n in rising if names[n].words[-1:] == ("index",) and not _counts_rows(columns[n])]
     nameless = [n for n in rising if not names[n].words]
+    even = [n for n in rising if not names[n].unit and _goes_on_evenly(columns[n])]
     falling = [n for n, one in enumerate(columns) if one.where is None and is_increasing(-one.finite_values)]
     falling = [n for n in falling if names[n].has(NOUNS["time"]) and quantity_kind(names[n].unit) in ("time", "")]
-    return next(iter([*first, *labview, *index, *nameless, *falling]), None)
+    return next(iter([*first, *labview, *index, *nameless, *even, *falling]), None)
+
+
+def _goes_on_evenly(column: Column) -> bool:
+    """Return whether a column rises by the same each row, and counts no rows."""
+    steps = np.diff(column.finite_values)
+    return bool(np.ptp(steps) <= 1e-6 * steps[0]) and not _counts_rows(column)
 
 
 def _counts_rows(column: Column) -> bool:
@@ -239,8 +241,11 @@ def _is_switched(column: Column) -> bool:
     )
 
 
-def _assign_single_pressure(taken: dict[int, str]) -> None:
-    """A pressure that stands alone is that of chamber 1, whatever it is called."""
-    if "p1" not in taken.values():
-        for n in [n for signal in ("p2", "p_supply") for n, given in taken.items() if given == signal][:1]:
+def _assign_single_pressure(taken: dict[int, str]) -> dict[int, str]:
+    """Take a pressure that stands alone for that of chamber 1, whatever it is called; return what is to say of it."""
+    for n in [n for signal in ("p2", "p_supply") for n, given in taken.items() if given == signal][:1]:
+        if "p1" not in taken.values():
+            at_a_piston = taken[n] == "p2" and "x" in taken.values()
             taken[n] = "p1"
+            return {n: "CHECK taken for p1, as no other pressure of a chamber is recorded"} if at_a_piston else {}
+    return {}

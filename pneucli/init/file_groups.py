@@ -11,6 +11,7 @@ from pathlib import Path
 import numpy as np
 
 from pneucli.arrays import Array
+from pneucli.init.clock_columns import is_increasing
 from pneucli.init.clock_units import stated_period
 from pneucli.init.column_names import DOWNSTREAM, UPSTREAM, read_name
 from pneucli.init.columns import guess_columns
@@ -259,7 +260,26 @@ def pressure_references(found: Sequence[FileGroup]) -> dict[str, tuple[str, str]
                 answer = pressure_reference_from_force(columns, kind.raw_numbers("force"), one.unit) or answer
             if one.unit not in references or _certainty(answer) > _certainty(references[one.unit]):
                 references[one.unit] = answer
+    for kind in found:
+        references |= _reference_of_supply(kind, references)
     return references
+
+
+def _reference_of_supply(kind: FileGroup, references: Mapping[str, tuple[str, str]]) -> dict[str, tuple[str, str]]:
+    """Return the reference of a supply in a unit of its own, where it bounds a chamber whose reference is known."""
+    own = [kind.signals.get(name) for name in ("p_supply", "p1")]
+    if own[0] is None or own[1] is None or own[0].unit == own[1].unit or not parse_unit(own[0].unit).factor:
+        return {}
+    custom, known = references[own[0].unit], references[own[1].unit]
+    if _certainty(custom) or not _certainty(known):
+        return {}
+    supply = float(np.median(kind.pooled_values("p_supply"))) - float(np.quantile(kind.pooled_values("p1"), 0.99))
+    off = {one: abs(supply + AMBIENT * ((one == "gauge") - (known[0] == "gauge"))) for one in ("gauge", "absolute")}
+    best = min(off, key=lambda one: off[one])
+    return {own[0].unit: (best, f"CHECK {best}: so p1 comes up to it")} if off[best] < 0.3 * AMBIENT else {}
+
+
+AMBIENT = 1.013e5  # Pa
 
 
 def _certainty(answer: tuple[str, str]) -> int:
@@ -294,10 +314,12 @@ def join_single_signal_files(surveys: Sequence[Survey]) -> FileGroup | None:
 
 
 def _clock_and_reading(one: Survey) -> tuple[Guess, Column] | None:
-    """Return the clock of a file and its only reading; None where it holds anything else."""
+    """Return the clock of a file and its only reading, beside counters, further stamps and what never changes."""
     guesses = guess_columns([one])
     clock = [g for g in guesses if g.signal == "time"]
     rest = [g.column for g in guesses if g.signal != "time"]
+    moving = [one for one in rest if len(rest) > 1 and one.finite_values.size and np.ptp(one.finite_values) > 0]
+    rest = [one for one in moving if not is_increasing(one.finite_values)] or rest
     return (clock[0], rest[0]) if len(clock) == len(rest) == 1 and rest[0].where is None else None
 
 

@@ -38,9 +38,10 @@ def role_evidence(columns: Sequence[Column], names: Sequence[ColumnName], free: 
     """Yield what the numbers of the ``free`` columns say of their roles."""
     pressures = [n for n in free if names[n].kind == "pressure" and not names[n].has(DIFFERENCE)]
     if not any(names[n].has(SUPPLY) for n in pressures):
+        piston = any(names[n].kind in ("position", "velocity") for n in free) and len(pressures) < 3
         for n in supply_like({n: in_one_unit(columns[n]) for n in pressures}):
-            counted = "pressure" in names[n].nouns and names[n].words[-1] in ("1", "2", "a", "b")  # a chamber's
-            if not counted:
+            counted = "pressure" in names[n].nouns and names[n].words[-1] in ("1", "2", "a", "b")
+            if not (counted and piston):  # a chamber's; of a vessel and of a valve's ports the first is the supply
                 why = "CHECK it hardly moves and stands at the top of the other pressures, as a supply does"
                 yield Evidence(n, "p_supply", SURE, why)
     if not any("command" in names[n].nouns for n in free):

@@ -31,6 +31,7 @@ __all__ = ["Column", "Guess", "Survey", "survey_file"]
 
 MAX_SURVEY_ROWS = 200_000  # rows that are looked at
 SPARSE = 0.1  # of the rows of the longest clock: fewer are those of a command that is logged on change
+MIN_PAUSE = 100  # samples between two runs that have a header each
 MAX_TEXTS = 3  # texts of a column that are shown
 
 
@@ -72,7 +73,8 @@ def _survey_text(raw: RawFile) -> Survey:
     bare = replace(stated, delimiter=raw.delimiter)
     plain = raw.delimiter is None and _same_table(bare, reader)
     columns, unused, runs = _shaped(reader, columns, labels)
-    parts = reader.header_lines + 1 if reader.header_lines and _starts_anew(columns) and not runs else 0
+    anew = bool(reader.header_lines) and _starts_anew(columns, reader.header_lines)
+    parts = reader.header_lines + 1 if anew and not runs else 0
     return Survey(bare if plain else stated, True, columns, stated_numbers(raw, found), unused, parts, runs)
 
 
@@ -121,10 +123,12 @@ def _counted(key: str, texts: ColumnValues) -> str:
     return f'"{key}": texts, {listed}' + ", ..." * (len(often) > MAX_TEXTS)
 
 
-def _starts_anew(columns: Sequence[Column]) -> bool:
-    """Return whether a clock goes back where the header stands again."""
-    clocks = [one.finite_values for one in columns if is_increasing(one.finite_values)]
-    return any(bool(np.any(np.diff(CounterClock().unwrap(values)) < 0)) for values in clocks[:1])
+def _starts_anew(columns: Sequence[Column], headers: int) -> bool:
+    """Return whether a clock goes back where the header stands again, or pauses as often as it does."""
+    clock = next((one.finite_values for one in columns if is_increasing(one.finite_values)), np.empty(0))
+    steps = np.diff(CounterClock().unwrap(clock)) if clock.size else clock
+    pauses = np.count_nonzero(steps > MIN_PAUSE * np.median(steps)) if steps.size else 0
+    return bool(np.any(steps < 0)) or pauses == headers
 
 
 def _same_table(raw: RawFile, reader: DelimitedReader) -> bool:

@@ -22,7 +22,9 @@ MAX_LABELS = 30  # channels of a long table
 MAX_RUNS = 200  # runs in one table
 MIN_REPEATED_STAMPS = 0.2  # of the rows of a long table whose channels were sampled together
 MIN_NAMED = 0.5  # of the labels, that name a quantity
-_VALUE = re.compile(r"(?i)value|val|payload|reading|data|y|wert|valeur|valor|_value|numeric_value")
+_VALUE = re.compile(
+    r"(?i)(?:var|tag|signal|raw)?[\s_]?value|val|payload|reading|data|y|wert|valeur|valor|_value|numeric_value"
+)
 _LABEL = re.compile(
     r"(?i)topic|tag|name|node|channel|signal|variable|sensor|metric|field|item|point|label|_measurement"
 )
@@ -52,8 +54,9 @@ def long_table(columns: Sequence[Column], labels: Labels) -> list[Column]:
     if not stamps or not (len(values) == 1 or len(named) == 1):
         return []
     value = named[0] if len(named) == 1 else values[0]
-    clock = min(stamps, key=lambda one: (bool(_SERVER.search(one.name)), not _SOURCE.search(one.name)))
-    fitting = [key for key, texts in labels.items() if _parts_channels(texts, clock.values)]
+    stamps.sort(key=lambda one: (bool(_SERVER.search(one.name)), not _SOURCE.search(one.name)))
+    parted = ([key for key, own in labels.items() if _parts_channels(own, one.values)] for one in stamps)
+    clock, fitting = next(((one, keys) for one, keys in zip(stamps, parted, strict=True) if keys), (stamps[0], []))
     if not fitting:
         return []
     key = max(fitting, key=lambda name: (bool(_LABEL.search(name)), -len(set(labels[name]))))

@@ -29,7 +29,8 @@ def guess_unnamed_columns(surveys: Sequence[Survey], clock: int | None) -> list[
     columns = surveys[0].columns
     twins = _copied_columns(surveys)
     filled = [n for n in range(len(columns)) if all(one.columns[n].finite_values.size for one in surveys)]
-    own = [n for n in filled if n not in twins and n != clock]
+    parts = [] if clock is None else re.findall(r"`(.+?)`", str(columns[clock].key))  # of a clock that is computed
+    own = [n for n in filled if n not in twins and n != clock and str(columns[n].key) not in parts]
     medians = {n: np.array([np.median(one.columns[n].finite_values) for one in surveys]) for n in own}
     found = {} if clock is None else {clock: ("time", *_clock_unit(surveys[0], clock))}
     found |= _driven_vessel(surveys[0], own) or _pressure(surveys, medians)
@@ -49,7 +50,7 @@ def guess_unnamed_columns(surveys: Sequence[Survey], clock: int | None) -> list[
 
 def _driven_vessel(found: Survey, own: Sequence[int]) -> dict[int, tuple[str, str, str]]:
     """Return command, supply and pressure of a vessel: what is set, what bounds the others, and what is between."""
-    columns = {n: found.columns[n] for n in own}
+    columns = {n: found.columns[n] for n in own if np.ptp(found.columns[n].finite_values) > 0}
     commands = [n for n, one in columns.items() if looks_set(one.values)]
     others = {n: one.values for n, one in columns.items() if n not in commands}
     supply = supply_like(others)

@@ -17,7 +17,7 @@ _DATE = r"\d{1,4}[-./]\d{1,2}[-./]\d{1,4}|\d{1,2}[- ][A-Za-z]{3,9}\.?[- ]\d{2,4}
 _DAY = rf"(?P<day>{_DATE})"
 _PATTERN = (
     rf"^\s*(?:{_DAY}(?:[T,]|\s)\s*)?"
-    r"(?:(?P<hour>\d{1,2}):(?P<minute>\d{2})(?::(?P<second>\d{2}(?:[.,:]\d+)?))?|"
+    r"(?:(?P<hour>\d{1,2}):(?P<minute>\d{2})(?::(?P<second>\d{2}(?:[.,:;]\d+)?))?|"
     r"(?P<minutes>\d{1,2}):(?P<seconds>\d{2}[.,]\d+))\s*(?P<half>[AaPp]\.?[Mm]\.?)?"
     r"\s*(?P<zone>Z|UTC|GMT|[+-]\d{2}(?::?\d{2})?)?\s*$"
 )
@@ -170,7 +170,7 @@ def _offset(text: str | None) -> float | None:
 
 
 def _number(texts: Any) -> ColumnValues:
-    plain = pc.replace_substring_regex(texts, "[,:]", ".")
+    plain = pc.replace_substring_regex(texts, "[,:;]", ".")
     numbers = pc.if_else(pc.equal(plain, ""), pa.scalar(None, pa.string()), plain)
     return np.asarray(numbers.cast(pa.float64()).to_numpy(zero_copy_only=False), dtype=np.float64)
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Callable, Iterator, Sequence
 from datetime import datetime
-from itertools import islice
+from itertools import chain, islice
 from typing import Any, Literal
 
 import numpy as np
@@ -17,7 +17,7 @@ from pneucli.io import arrow_compute as pc
 from pneucli.io.column_reader import counted_words, words_message
 from pneucli.io.date_parsing import CalendarClock
 from pneucli.io.raw_file import NO_CLOCKS, ColumnRequest, ColumnValues, RawFile, Repair
-from pneucli.io.text_layout import NULL_TEXTS, TextLayout, detect_layout, is_value
+from pneucli.io.text_layout import MAX_LINES_ABOVE, NULL_TEXTS, TextLayout, detect_layout, is_value, lines_above
 from pneucli.io.text_stream import NormalizedTextStream
 from pneucli.units import Dimension, Unit, parse_unit
 
@@ -193,12 +193,17 @@ class DelimitedReader:
         """Yield line number (from 1) and text of every data row."""
         last = None if self._look.lines is None else self._look.skip + self._look.lines
         with self._raw.path.open(encoding=self._look.encoding, errors="replace", newline=self._look.line_end) as file:
-            for number, line in enumerate(islice(file, last), 1):
-                plain = line.strip()
-                if number <= self._look.skip or not plain or plain[0] == "#" or plain in self._look.repeated:
-                    continue
-                if not self._event(plain):
-                    yield number, line.rstrip("\r\n")
+            header, waiting = (*self._look.repeated, "")[0], list[tuple[int, str]]()
+            for number, line in enumerate(chain(islice(file, last), [None])):
+                plain = "" if line is None else line.strip()
+                if header and plain == header:
+                    above = lines_above([text for _, text in waiting], header, self._look.delimiter)
+                    del waiting[len(waiting) - above :]
+                elif line is not None and number >= self._look.skip and plain and plain[0] != "#":
+                    waiting += [(number + 1, line.rstrip("\r\n"))] * (plain not in self._look.repeated)
+                ready = waiting if line is None else waiting[:-MAX_LINES_ABOVE]
+                yield from (row for row in ready if not self._event(row[1].strip()))
+                del waiting[: len(ready)]
 
     def _tail(self) -> list[str]:
         """Return the last rows, as far as they stand in the last bytes of the file."""

@@ -6,10 +6,12 @@ import codecs
 import csv
 import re
 import string
-from collections.abc import Callable, Mapping
+from collections import deque
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from itertools import zip_longest
 from pathlib import Path
+from typing import AnyStr
 
 from pneucli.errors import InputError, UnitError
 from pneucli.io.date_parsing import has_date, is_date, is_date_or_time
@@ -17,6 +19,9 @@ from pneucli.io.raw_file import RawFile
 from pneucli.units import parse_unit
 
 HEAD_BYTES = 1 << 18
+MIN_EASTERN_SHARE = 0.7  # of the letters, that are usual ones of an Eastern code page
+_EASTERN_WORD = re.compile("[\u3040-\u30ff\u4e00-\u9fff\uff66-\uff9f]+")
+MAX_LINES_ABOVE = 40  # of a block that has a header of its own
 NULL_TEXTS = (
     *("", "-", "--", "NaN", "nan", "NAN", "-nan", "n/a", "N/A", "NA", "null", "NULL", "None", "#N/A", "#NV"),
     *("1.#QNAN", "-1.#IND", "---", "----", "#VALUE!", "#DIV/0!", "#REF!", "#NUM!"),
@@ -27,6 +32,8 @@ _POINTS_BETWEEN_THOUSANDS = re.compile(r"[+-]?\d{1,3}(?:\.\d{3})+,\d+")
 _CELL = re.compile(r"([+-]?(?:\d[\d.,]*|[.,]\d+)(?:[eE][+-]?\d+)?)\s*([^\d\s.,+-].*)")  # a number and its unit
 ARROW = r"^([\d:.,]+)\s*->\s*"  # between a stamp and what a serial monitor shows after it
 _ARROW = re.compile(ARROW)
+KEY = r"(?:^|(?<=[,;\t ]))[A-Za-z_]\w*[ ]?[:=][ ]?(?=[-+]?\.?\d)"  # of a cell that says what it holds, as in "p1:1.02"
+_KEY = re.compile(KEY)
 _BRACKETS = re.compile(r"^[\[(<{]\s*(.*?)\s*[\])>}]$")
 _DELIMITERS = ("\t", ";", ",", " ")
 _BLANK_NAMES = (" ", r"\s+", "whitespace")  # as some programs call blanks
@@ -41,7 +48,7 @@ class TextLayout:
     day, with or without their dates, ``dates`` those of dates alone, ``labels`` those of other text;
     ``dated_stamps`` are those of ``stamps`` that have their dates. ``repeated`` are the lines of the header, which may
     stand again among the rows; ``lines`` is how many lines after ``skip`` are read, all where it is None. ``cells``
-    has the unit of columns in whose cells a unit stands behind each number.
+    has the unit of columns in whose cells a unit stands behind each number; ``keyed``: each cell says its name.
     """
 
     encoding: str
@@ -58,11 +65,13 @@ class TextLayout:
     repeated: tuple[str, ...] = ()
     lines: int | None = None
     cells: Mapping[int, str] = field(default_factory=dict)
+    keyed: bool = False
 
     def split(self, line: str) -> list[str]:
         """Return the fields of one line, without blanks around them; an arrow behind a stamp parts fields too."""
         if "->" in line:
             line = _ARROW.sub(rf"\1{self.delimiter}", line)
+        line = _KEY.sub("", line) if self.keyed else line
         if self.delimiter == " ":
             return line.split()
         try:
@@ -70,6 +79,21 @@ class TextLayout:
         except csv.Error:  # quotes left open, fields without end
             fields = line.split(self.delimiter)
         return [field.strip() for field in fields]
+
+
+def keys_of(lines: Sequence[str], delimiter: str) -> tuple[str, ...]:
+    """Return the names that all cells of rows say, the same in each row; nothing where a cell says none.
+
+    >>> keys_of(["t:0,p1:1.02", "t:1,p1:1.03"], ","), keys_of(["t:0,1.02", "t:1,1.03"], ",")
+    (('t', 'p1'), ())
+    """
+    plain = TextLayout("", delimiter, "", 0, ())
+    rows = {
+        tuple(re.split(r"\s?[:=]", field)[0] if _KEY.match(field) else "" for field in plain.split(line))
+        for line in lines
+    }
+    names = rows.pop() if len(rows) == 1 else ()
+    return names if all(names) and len(names) > 1 else ()
 
 
 def detect_layout(raw: RawFile) -> TextLayout:
@@ -99,7 +123,8 @@ def detect_layout(raw: RawFile) -> TextLayout:
     sample = [lines[n] for n in rows[:20]]
     delimiter = raw.delimiter or _delimiter(sample[raw.header :], sample[0])
     delimiter = " " if delimiter in _BLANK_NAMES else delimiter
-    plain = TextLayout(encoding, delimiter, ".", rows[raw.header], (), line_end=line_end)
+    keys = () if raw.header else keys_of(sample, delimiter)
+    plain = TextLayout(encoding, delimiter, ".", rows[raw.header], keys, line_end=line_end, keyed=bool(keys))
     layout = _with_names(raw, plain, [plain.split(line) for line in sample], rows)
     if raw.header:
         header = [lines[rows[0]], *([lines[rows[1]]] if layout.units else [])]
@@ -114,23 +139,39 @@ def _part(raw: RawFile, look: TextLayout) -> TextLayout:
     """
     header = look.repeated[0] if look.repeated else ""
     with raw.path.open(encoding=look.encoding, errors="replace", newline=look.line_end) as file:
-        at = [number for number, line in enumerate(file, 1) if line.strip() == header]
-        file.seek(0)
-        total = sum(1 for _ in file)
+        at, ends, recent, total = list[int](), list[int](), deque[str](maxlen=MAX_LINES_ABOVE), 0
+        for total, line in enumerate(file, 1):
+            if line.strip() == header:
+                at.append(total)
+                ends.append(total - 1 - lines_above(recent, header, look.delimiter))
+            recent.append(line)
     if not at or not 1 <= (raw.part or 0) <= len(at):
         found = f"part {raw.part} is asked for, and the header stands {len(at)} times in the file"
         raise InputError(f"{raw.path}, key part", found, f"1 to {len(at)}", "change part", code="E047")
     number = raw.part or 1
     begin = at[number - 1] + len(look.repeated) - 1
-    end = at[number] - 1 if number < len(at) else total
+    end = ends[number] if number < len(at) else total
     return replace(look, skip=begin, lines=end - begin)
+
+
+def lines_above(lines: Sequence[AnyStr], header: AnyStr, delimiter: AnyStr) -> int:
+    """Return how many of the last lines belong to a header that stands again below them: words, of another width."""
+    mark = delimiter.strip(" " if isinstance(delimiter, str) else b" ") or None  # None: blanks
+    width, found = len(header.split(mark)), 0
+    while found < min(len(lines), MAX_LINES_ABOVE):
+        line = lines[-1 - found].strip()
+        if line and (not line[:1].isalpha() or len(line.split(mark)) == width):
+            break
+        found += 1
+    return found
 
 
 def _with_names(raw: RawFile, plain: TextLayout, sample: list[list[str]], rows: list[int]) -> TextLayout:
     first = sample[raw.header]
     units = raw.header and len(rows) > 2 and not any(map(is_value, first)) and any(map(is_value, sample[2]))
     body = sample[raw.header + units :]
-    names = sample[0] if raw.header else [str(number + 1) for number in range(len(first))]
+    numbers = [str(number + 1) for number in range(len(first))]
+    names = sample[0] if raw.header else list(plain.names) or numbers
     if raw.header and len(body[0]) == len(names) + 1 and not body[0][-1]:
         names = [*names, ""]  # every row ends with a delimiter, the header does not
     if raw.header and names[-1].lower() == "comment" and {len(row) for row in body} == {len(names) - 1}:
@@ -207,7 +248,7 @@ def _check_marks(raw: RawFile) -> None:
 
 
 def _is_number(field: str) -> bool:
-    return bool(re.fullmatch(r"[+-]?[\d.,]*\d[\d.,]*(?:[eE][+-]?\d+)?|nan|NaN|[+-]?inf|[+-]?∞", field))
+    return bool(re.fullmatch(r"[+-]?[\d.,'’]*\d[\d.,'’]*(?:[eE][+-]?\d+)?|nan|NaN|[+-]?inf|[+-]?∞", field))
 
 
 def detect_encoding(path: Path, head: bytes) -> str:
@@ -233,8 +274,22 @@ def detect_encoding(path: Path, head: bytes) -> str:
     try:
         codecs.getincrementaldecoder("utf-8")().decode(head)
     except UnicodeDecodeError:
-        return "cp1252"
+        return _legacy_encoding(head)
     return "utf-8"
+
+
+def _legacy_encoding(head: bytes) -> str:
+    """Return the encoding of a text that is no UTF-8, by where the bytes of its letters lie in each code page."""
+    runs = re.findall(rb"[\x80-\xff]+", head)
+    leads = b"".join(run[::2] for run in runs)
+    usual = sum(0xA1 <= byte < 0xA4 or 0xB0 <= byte < 0xD8 for byte in leads)
+    if all(len(run) % 2 == 0 and min(run) > 0xA0 for run in runs) and usual > MIN_EASTERN_SHARE * len(leads):
+        return "euc_kr" if max(leads) <= 0xC8 else "gb18030"  # Hangul, or the usual Chinese characters
+    if any(len(run) > 3 and min(run) >= 0xC0 for run in runs):
+        return "cp1251"  # words of letters alone: Cyrillic
+    words = _EASTERN_WORD.findall(head.decode("cp932", "replace"))
+    eastern = sum(len(word) for word in words if len(word) > 1) > MIN_EASTERN_SHARE * sum(map(len, words))
+    return "cp932" if eastern else "cp1252"  # in Western words such letters stand alone
 
 
 def text_of(path: Path) -> str:

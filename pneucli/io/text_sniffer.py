@@ -13,15 +13,27 @@ from itertools import pairwise
 
 from pneucli.errors import InputError, UnitError
 from pneucli.io.raw_file import RawFile
-from pneucli.io.text_layout import HEAD_BYTES, NULL_TEXTS, TextLayout, decode_head, detect_encoding, is_cell, is_value
+from pneucli.io.text_layout import (
+    HEAD_BYTES,
+    NULL_TEXTS,
+    TextLayout,
+    decode_head,
+    detect_encoding,
+    is_cell,
+    is_value,
+    keys_of,
+)
 from pneucli.units import is_count, parse_scaled_unit, parse_unit, same_dimension
 
 MAX_LINES = 2000  # lines that are looked at
 DELIMITERS = ("\t", ";", ",", " ", "|")
 MAX_HEADER_LINES = 4  # lines of a header that are looked at for units
 MIN_TABLE_ROWS = 3  # rows in a row that a table begins with
+MIN_SIDE = 10  # columns a line, of a table that lies on its side
 MIN_VALUE_SHARE = 0.8  # share of the rows that tells what a column is
-_THOUSANDS = re.compile(r"[+-]?\d{1,3}(?:(?:([.,])\d{3}){2,}|(?:([.,])\d{3})+(?!\2)[.,]\d+)")
+_THOUSANDS = re.compile(
+    r"[+-]?\d{1,3}(?:(?:([.,])\d{3}){2,}|(?:([.,])\d{3})+(?!\2)[.,]\d+|(?:(['’])\d{3})+(?:[.,]\d+)?)"
+)
 _MAX_COLUMNS = 1000  # columns
 
 
@@ -57,6 +69,11 @@ def sniff(raw: RawFile) -> SniffedLayout:
         (_DelimitedTable(lines, mark, raw.skip_rows) for mark in ([raw.delimiter] if raw.delimiter else DELIMITERS)),
         key=lambda table: (table.score, table.delimiter != " ", table.width),  # a blank also parts date and time
     )
+    if found.lies_on_its_side:
+        where, told = f"{raw.path}, line 1", f"{found.width} columns, and a channel in each line"
+        raise InputError(
+            where, told, "a row for each sample", "transpose the table, or export it in columns", code="E041"
+        )
     if not found.score:
         wanted, mend = "rows of numbers", "say --skip-rows, --delimiter or --decimal, or export it as CSV"
         raise InputError(str(raw.path), "no table of numbers", wanted, mend, code="E041")
@@ -94,7 +111,9 @@ class _DelimitedTable:
 
     def __init__(self, lines: Sequence[str], delimiter: str, skip: int) -> None:
         self._lines, self._skip, self.delimiter = lines, skip, delimiter
-        cut = TextLayout("", delimiter, "", 0, ())
+        last = [line for line in lines if not _is_skipped(line)][-MIN_TABLE_ROWS:]
+        self._keys = keys_of(last, delimiter)
+        cut = TextLayout("", delimiter, "", 0, (), keyed=bool(self._keys))
         self._rows = [() if _is_skipped(line) else tuple(cut.split(line)) for line in lines]
         tail = [row for row in self._rows[max(skip, len(lines) // 2) :] if row] or [r for r in self._rows[skip:] if r]
         tail = [row for row in tail if any(map(is_cell, row))] or tail  # not the header, where it stands again
@@ -109,6 +128,13 @@ class _DelimitedTable:
         self.score = (
             usual * cells * single if self._numeric and self.start is not None and self.width < _MAX_COLUMNS else 0
         )
+
+    @property
+    def lies_on_its_side(self) -> bool:
+        """Whether each line has a name in front, and the samples of one channel."""
+        rows = [row for row in self._rows if row and len(row) == self.width]
+        named = rows and not any(is_cell(row[0]) for row in rows) and len({row[0] for row in rows}) == len(rows)
+        return bool(named) and self.width > MIN_SIDE * len(rows) and all(is_cell(row[-1]) for row in rows)
 
     def _is_row(self, row: tuple[str, ...]) -> bool:
         if len(row) != self.width or not self._numeric:
@@ -128,6 +154,8 @@ class _DelimitedTable:
 
     def describe(self, header: bool) -> SniffedLayout:
         start = self.start or 0
+        if self._keys:
+            return SniffedLayout(False, start, self.delimiter, self._keys, (), self._thousands())
         above = [n for n in range(self._skip, start) if self._lines[n].strip() and not _is_comment(self._lines[n])]
         names, units, at = self._header(above) if header else ((), (), None)
         direct = at is not None and len([n for n in above if n > at]) == bool(
@@ -137,12 +165,14 @@ class _DelimitedTable:
         skip = 0 if direct and not [n for n in above if n < skip] else skip
         names = names or self._names_in_comment(start)
         titles, own = self._channel_table(above, names)
-        units = units or own
+        titles = titles or self._other_lines(above, names)
+        units = tuple(text.strip("[](){}<> ") for text in units or own)
         return SniffedLayout(direct, skip, self.delimiter, names, units, self._thousands(), titles)
 
     def _header(self, above: list[int]) -> tuple[tuple[str, ...], tuple[str, ...], int | None]:
         """Return names, units and the names' line: those above the rows that are as wide as they are."""
-        wide = [n for n in above if len(self._rows[n]) in (self.width, self.width + 1)]
+        ends = range(self.width - (not self._there[-1]), self.width + 2)  # a row may end with a delimiter alone
+        wide = [n for n in above if len(self._rows[n]) in ends]
         if self.delimiter == " " and not wide and above:
             return self._names_in_columns(self._lines[above[-1]]), (), None
         keyed = [n for n in wide if _TITLES.fullmatch(self._rows[n][0]) or _UNITS.fullmatch(self._rows[n][0])]
@@ -182,21 +212,43 @@ class _DelimitedTable:
 
     def _channel_table(self, above: list[int], names: tuple[str, ...]) -> tuple[tuple[str, ...], tuple[str, ...]]:
         """Return what lines above the table call its columns, and their units: a line a channel, or a line of names."""
-        titles, units = dict[str, str](), dict[str, str]()
+        titles, units = dict[int, str](), dict[int, str]()
         lines = [self._rows[n] for n in above if self._rows[n][: self.width] != names and len(self._rows[n]) > 1]
         channels = [n for n, row in enumerate(lines) if row[0] in names and row[0]]
         if len({lines[n][0] for n in channels}) > 1:
             heading = lines[channels[0] - 1] if channels[0] else ()
             title = next((n for n, text in enumerate(heading) if n and _TITLES.search(text)), 1)
             for row in (lines[n] for n in channels):
-                titles.setdefault(row[0], row[title] if title < len(row) else "")
-                units.setdefault(row[0], next((text for text in reversed(row[1:]) if is_unit(text)), ""))
-        for row in (row for row in lines if len(row) in (self.width, self.width + 1)):
+                titles.setdefault(names.index(row[0]), row[title] if title < len(row) else "")
+                units.setdefault(names.index(row[0]), next((text for text in reversed(row[1:]) if is_unit(text)), ""))
+        lengths = Counter(len(row) for row in lines)
+        for row in lines:
             found = titles if _TITLES.fullmatch(row[0]) else units if _UNITS.fullmatch(row[0]) else {}
-            for name, text in zip(names if self._stands_apart(row) else names[1:], row[1:], strict=False):
-                found.setdefault(name, text)
+            tabled = 2 < len(row) < self.width and lengths[len(row)] > 1  # the rows have further columns behind
+            if tabled or len(row) in (self.width, self.width + 1):
+                for place, text in enumerate(row[1:], 0 if self._stands_apart(row) else 1):
+                    found.setdefault(place, text)
+        named = {n: f"{text} {names[n]}" if [*titles.values()].count(text) > 1 else text for n, text in titles.items()}
+        width = range(len(names))
         tell = any(titles.values()), any(units.values())
-        return tuple(titles.get(name, "") for name in names) * tell[0], tuple(units.get(n, "") for n in names) * tell[1]
+        return tuple(named.get(n, "") for n in width) * tell[0], tuple(units.get(n, "") for n in width) * tell[1]
+
+    def _other_lines(self, above: list[int], names: tuple[str, ...]) -> tuple[str, ...]:
+        """Return the names where the line of names has none for a column, or the same one again, and another line has.
+
+        A name above several columns stands above the first of them.
+        """
+        wide = [self._rows[n] for n in above if len(self._rows[n]) == self.width == len(names)]
+        others = [row for row in wide if row != names and not _are_units(row)]
+        texts = [next((row[n] for row in others if row[n] and not is_value(row[n])), "") for n in range(len(names))]
+        own = [name or text for name, text in zip(names, texts, strict=True)]
+        groups, below = sorted((names, tuple(texts)), key=lambda line: len(set(line)), reverse=True)
+        if names and len(set(below) - {""}) <= len(names) // 2 and "" in groups and all(below):
+            spread = list[str]()
+            for text in groups:
+                spread.append(text or spread[-1] if spread else text)
+            own = [f"{text} {name}".strip() for text, name in zip(spread, below, strict=True)]
+        return tuple(own) if tuple(own) != names else ()
 
     def _names_in_columns(self, line: str) -> tuple[str, ...]:
         """Return the names in a header of columns of fixed width, in which names and units are apart by one blank."""
@@ -215,7 +267,12 @@ class _DelimitedTable:
     def _thousands(self) -> dict[int, str]:
         """Return the columns that have more than one mark in a number."""
         hits = {n: [_THOUSANDS.fullmatch(row[n]) for row in self._tail] for n in range(self.width)}
-        return {n: hit[1] or hit[2] for n, column in hits.items() for hit in [next(filter(None, column), None)] if hit}
+        return {
+            n: hit[1] or hit[2] or hit[3]
+            for n, column in hits.items()
+            for hit in [next(filter(None, column), None)]
+            if hit
+        }
 
 
 _TITLES = re.compile(

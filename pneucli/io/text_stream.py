@@ -8,12 +8,13 @@ import re
 from pathlib import Path
 
 from pneucli.errors import InputError
-from pneucli.io.text_layout import ARROW, HEAD_BYTES, TextLayout
+from pneucli.io.text_layout import ARROW, HEAD_BYTES, KEY, TextLayout, lines_above
 
 MAX_LINE_BYTES = 16 << 20  # bytes of a line
 _COMMENT = re.compile(rb"^[ \t]*#[^\n]*\n?", re.MULTILINE)
 _BLANKS = re.compile(rb"[ \t]+")
 _ARROW = re.compile(ARROW.encode(), re.MULTILINE)
+_KEY = re.compile(KEY.encode(), re.MULTILINE)
 _EDGES = re.compile(rb"^[ \t]+|[ \t]+(?=\r?$)", re.MULTILINE)
 
 
@@ -36,6 +37,7 @@ class NormalizedTextStream(io.RawIOBase):
         self._delimiter = look.delimiter.encode()
         self._padding = re.compile(rb" *%b *" % re.escape(self._delimiter))
         self._line_end = look.line_end.encode()
+        self._keyed = look.keyed
         self._skip = look.skip
         self._left = look.lines
         self._repeated = [line.encode() for line in look.repeated]
@@ -89,6 +91,8 @@ class NormalizedTextStream(io.RawIOBase):
             self.comment_lines += comments
         if b"->" in block:
             block = _ARROW.sub(rb"\1%b" % (b"\t" if self._blanks else self._delimiter), block)
+        if self._keyed:
+            block = _KEY.sub(b"", block)
         if self._blanks:
             return _BLANKS.sub(b"\t", _EDGES.sub(b"", block))
         padded = b" " + self._delimiter in block or self._delimiter + b" " in block
@@ -101,10 +105,14 @@ class NormalizedTextStream(io.RawIOBase):
         return b"".join(lines)
 
     def _without_headers(self, block: bytes) -> bytes:
-        """Return a block without the lines of the header that stand again in it."""
-        lines = block.splitlines(keepends=True)
-        kept = [line for line in lines if line.strip() not in self._repeated]
-        self.header_lines += sum(line.strip() == self._repeated[0] for line in lines)
+        """Return a block without the lines of the header that stand again in it, and without those right above them."""
+        kept: list[bytes] = []
+        for line in block.splitlines(keepends=True):
+            if line.strip() not in self._repeated:
+                kept.append(line)
+            elif line.strip() == self._repeated[0]:
+                self.header_lines += 1
+                del kept[len(kept) - lines_above(kept, self._repeated[0], self._delimiter) :]
         return b"".join(kept)
 
     def close(self) -> None:

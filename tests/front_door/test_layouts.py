@@ -1,5 +1,6 @@
 """How recorders lay out their files: headers, stamps, runs, cells, roles: each is right, marked or refused in words."""
 
+import json
 from pathlib import Path
 from typing import Any
 
@@ -19,6 +20,7 @@ from pneucli.init.units import pressure_reference
 from pneucli.io.formats import open_raw
 from pneucli.io.open_signals import open_signals
 from pneucli.io.raw_file import Channel, ColumnRequest, RawFile
+from pneucli.io.text_layout import detect_encoding
 from pneucli.stages import init
 
 RNG = np.random.default_rng(68)
@@ -358,3 +360,150 @@ def test_a_line_that_lacks_readings_among_the_rows_is_refused(tmp_path: Path) ->
     rows = [f"{n / 100},{n},1\n" for n in range(60)]
     with pytest.raises(InputError, match="line 33"):
         read(written(tmp_path, "".join(["t,p1,state\n", *rows[:30], "0.30,TRIGGER\n", "0.31,1\n", *rows[30:]])))
+
+
+# ---- what strangers brought
+
+
+@pytest.mark.parametrize(
+    ("encoding", "header"),
+    [
+        ("gbk", "时间(秒),阀控制电压（V）,气源压力(MPa)"),
+        ("cp932", "番号,日付 時間,電圧指令,圧力"),
+        ("cp932", "ｽﾄﾛｰｸ,圧力"),
+        ("euc_kr", "시간,제어전압,공급압력"),
+        ("cp1251", "время;напряжение;давление"),
+        ("cp1252", "Prüfstand für Größe [µm];Temp [°C];Kräfte – „Zylinder“"),
+        ("cp1252", "Pression côté tige été"),
+    ],
+)
+def test_an_old_code_page_is_recognised(encoding: str, header: str) -> None:
+    found = detect_encoding(Path("a.csv"), f"{header}\n0,1,2\n".encode(encoding))
+    assert f"{header}\n".encode(encoding).decode(found) == f"{header}\n"
+
+
+@pytest.mark.parametrize(
+    ("header", "first", "second"),
+    [
+        ("Time (s),Valve (V),Supply (psig),Chamber A (psia),Chamber B (psig)", "psia", "psig"),
+        ("t [s],/v/cmd/data,/p/supply/fluid_pressure,/p/head/fluid_pressure,/p/rod/fluid_pressure", "head", "rod"),
+    ],
+)
+def test_letters_of_chambers_and_parts_of_paths_tell_the_roles(
+    header: str, first: str, second: str, tmp_path: Path
+) -> None:
+    t = 0.01 * np.arange(400)
+    values = np.column_stack([t, np.sin(t), 87 + 0 * t, 60 + 9 * np.sin(3 * t), 40 - 9 * np.sin(3 * t)])
+    rows = "\n".join(",".join(f"{one:.4f}" for one in row) for row in values)
+    found = guessed(written(tmp_path, f"{header}\n{rows}\n"))
+    assert "upply" in found["p_supply"]
+    assert first in found["p1"]
+    assert second in found["p2"]
+
+
+AXIS = {"t [s]": "t", "u [V]": "u", "x [mm]": "x"}
+
+
+@pytest.mark.parametrize(
+    ("columns", "wanted"),
+    [
+        (AXIS | {"p1 [bar]": "s", "p2 [bar]": "b", "p4 [bar]": "a"}, {"p_supply": "p1 [bar]", "p1": "p4 [bar]"}),
+        ({"t [s]": "t", "u [V]": "u", "p1 [bar]": "s", "p2 [bar]": "a"}, {"p_supply": "p1 [bar]", "p1": "p2 [bar]"}),
+        (AXIS | {"p1 [bar]": "s", "p2 [bar]": "b"}, {"p1": "p1 [bar]", "p2": "p2 [bar]"}),
+        (
+            {"t [s]": "t", "u [V]": "u", "p_supply [bar]": "s", "p_amb [bar]": "o", "p_tank [bar]": "a"},
+            {"p1": "p_tank [bar]"},
+        ),
+        (AXIS | {"p1_filt [bar]": "a", "p1_raw [bar]": "a", "p2 [bar]": "b"}, {"p1": "p1_raw [bar]", "p2": "p2 [bar]"}),
+        (
+            {"t [s]": "t", "OP [V]": "u", "SP [mm]": "r", "PV [mm]": "x", "PT1 [bar]": "a"},
+            {"x": "PV [mm]", "x_ref": "SP [mm]"},
+        ),
+        (AXIS | {"encoder [counts]": "x", "p1 [bar]": "a"}, {"x": "x [mm]"}),
+    ],
+    ids=["ports", "up and down", "chambers", "ambient", "filtered", "loop", "counts"],
+)
+def test_all_columns_together_tell_a_role(columns: dict[str, str], wanted: dict[str, str], tmp_path: Path) -> None:
+    t = 0.01 * np.arange(500)
+    values = {"t": t, "u": np.sin(t), "x": 50 + 9 * np.sin(2 * t), "r": np.where(np.sin(2 * t) > 0, 60.0, 40.0)}
+    values |= {"s": 6 + 0.001 * np.cos(99 * t), "o": 1.01 + 0.001 * (np.arange(500) % 3)}
+    values |= {"a": 3 + 2 * np.sin(3 * t), "b": 4 - 2 * np.sin(3 * t)}
+    rows = "\n".join(
+        ",".join(f"{one:.4f}" for one in row) for row in np.column_stack([values[v] for v in columns.values()])
+    )
+    found = guessed(written(tmp_path, f"{','.join(columns)}\n{rows}\n"))
+    assert wanted.items() <= found.items()
+
+
+def test_a_supply_in_another_unit_has_the_reference_of_the_chamber_that_it_bounds(tmp_path: Path) -> None:
+    t = 0.01 * np.arange(500)
+    p1 = 7.0 - 5.98 * np.exp(-np.maximum(t - 1, 0))
+    rows = "\n".join(
+        f"{a:.2f},{b:g},{0.7 + 1e-5 * (n % 3):.5f},{c:.4f}"
+        for n, (a, b, c) in enumerate(zip(t, t > 1, p1, strict=True))
+    )
+    answer = init.create(tmp_path / "rig", [written(tmp_path, f"t [s],u [V],Supply pressure [MPa],p1 [bar]\n{rows}\n")])
+    (supply,) = [one for one in answer.columns if one.signal == "p_supply"]
+    assert "absolute: so p1 comes up to it" in supply.why
+
+
+def test_the_only_pressure_at_a_piston_is_doubted_where_it_is_called_the_second(tmp_path: Path) -> None:
+    rows = "\n".join(f"{0.01 * n:.2f},{n % 70},{3 + n % 50 / 20}" for n in range(300))
+    answer = init.create(tmp_path / "rig", [written(tmp_path, f"t [s],x [mm],pB [bar]\n{rows}\n")])
+    (one,) = [one for one in answer.columns if one.signal == "p1"]
+    assert "CHECK taken for p1" in one.why
+
+
+def test_a_travel_in_percent_is_a_share_of_the_stroke_and_that_of_a_spool_is_none(tmp_path: Path) -> None:
+    t = 0.01 * np.arange(400)
+    rows = "\n".join(f"{at:.2f},{50 + 20 * np.sin(at):.3f},{5 + np.sin(3 * at):.3f},{3 * np.cos(at):.3f}" for at in t)
+    path = written(tmp_path, f"t [s],Travel [%],p1 [bar],Valve travel [mm]\n{rows}\n")
+    answer = init.create(tmp_path / "rig", [path])
+    (travel,) = [one for one in answer.columns if one.signal == "x"]
+    assert (travel.column, travel.unit) == ("Travel [%]", "%")
+    assert "CHECK" in travel.why
+
+
+def test_a_topic_a_file_is_one_recording_of_all(tmp_path: Path) -> None:
+    t = 0.01 * np.arange(400)
+    signals = {
+        "valve_cmd": 5 * np.sign(np.sin(3 * t)),
+        "p_supply": 7e5 + 0 * t + np.cos(900 * t),
+        "p1": 4e5 + 2e5 * np.sin(t),
+    }
+    for name, values in signals.items():
+        rows = [f"{1773216902 * 10**9 + 10**7 * n},{n},{v:.3f},0.0" for n, v in enumerate(values)]
+        written(tmp_path, "\n".join(["%time,field.header.seq,field.data,field.variance", *rows]), f"{name}.csv")
+    answer = init.create(tmp_path / "rig", sorted(tmp_path.glob("*.csv")))
+    assert {one.signal for one in answer.columns if one.signal} == {"time", "u", "p_supply", "p1"}
+    assert (tmp_path / "rig" / "pipeline.toml").read_text(encoding="utf-8").count("[[recordings]]") == 1
+
+
+def test_a_table_on_its_side_is_refused_in_one_line(tmp_path: Path) -> None:
+    rows = [",".join([name, *(f"{0.01 * n:.2f}" for n in range(80))]) for name in ("t [s]", "u [V]", "p1 [bar]")]
+    with pytest.raises(InputError, match="a channel in each line"):
+        init.create(tmp_path / "rig", [written(tmp_path, "\n".join(rows) + "\n")])
+
+
+@pytest.mark.parametrize("form", ["influx", "grafana"])
+def test_tables_within_json_are_found(form: str, tmp_path: Path) -> None:
+    t, u, p = 1000.0 * np.arange(50), np.sign(np.sin(np.arange(50))), 2 + np.sin(0.1 * np.arange(50))
+    series = {"columns": ["time", "valve_V", "p1_bar"], "values": np.column_stack([t, u, p]).tolist()}
+    names = {"valve_V": u, "p1_bar": p}
+    targets = [{"target": name, "datapoints": np.column_stack([v, t]).tolist()} for name, v in names.items()]
+    whole = {"results": [{"statement_id": 0, "series": [series]}]} if form == "influx" else targets
+    found = guessed(written(tmp_path, json.dumps(whole), "a.json"))
+    assert {found["u"], found["p1"]} == {"valve_V", "p1_bar"}
+
+
+def test_a_block_s_own_head_is_no_row(tmp_path: Path) -> None:
+    block = "Data Acquisition {0}\t\t\tTime:\t{0}\tSec\nStation: a\nTime\tP1\ns\tbar\n"
+    rows = ["".join(f"{start + 0.01 * n:.2f}\t{n % 7}.5\n" for n in range(60)) for start in (10, 500)]
+    path = written(tmp_path, "".join(block.format(n) + own + "\n" for n, own in enumerate(rows)))
+    init.create(tmp_path / "rig", [path])
+    assert (tmp_path / "rig" / "pipeline.toml").read_text(encoding="utf-8").count("part = ") == 2
+    raw = RawFile(path, {}, skip_rows=2, delimiter="\t")
+    reader = open_raw(raw)
+    (values,) = next(iter(reader.batches([ColumnRequest(0)])))
+    assert values.size == 120
+    assert reader.locate(60) == f"{path}, line 70"

@@ -225,9 +225,144 @@ def mitsubishi(rows: Rows) -> str:
     return lines(*head, rows=body)
 
 
+def hioki_8402(rows: Rows) -> str:
+    """LR8402, appendix 4 of its manual: the table of channels is narrower than the rows, which end with an event."""
+    head = (
+        '"File name","AUTO0001.CSV","V 1.00a"',
+        '"CH","A 1- 1","A 1- 2","A 1- 3","ALM-1","ALM-SOURCE-1"',
+        '"Mode","Voltage","Voltage","Voltage","Alarm","Alarm Source"',
+        '"Comment","U valve","P supply","P1","",""',
+        '"Time","1-1[V]","1-2[bar]","1-3[bar]","ALM-1","ALM-SOURCE-1","Event",',
+    )
+    return lines(*head, rows=[f'{t:.9E}, {u:.5E}, {s:.5E}, {p:.5E},0,"",0,' for t, u, s, p in rows])
+
+
+def yokogawa_gx(rows: Rows) -> str:
+    """GX20, app. 6 of its manual: tags, units and kinds above the rows, the least and the most of each interval."""
+    head = (
+        "Model,GX20,,,,,,",
+        "Ch,,0001,0001,0002,0002,0003,0003",
+        "Tag,,U valve,U valve,P supply,P supply,P tank,P tank",
+        "Unit,,V,V,bar,bar,bar,bar",
+        "Kind,,Min,Max,Min,Max,Min,Max",
+    )
+    body = [
+        f"26/03/11 09:15:{2 + n // 100:02},{10 * (n % 100):03},{u},{u},{s:.4f},{s + 0.01:.4f},{p:.4f},{p + 0.01:.4f}"
+        for n, (_, u, s, p) in enumerate(rows)
+    ]
+    return lines(*head, rows=body)
+
+
+def dewesoft(rows: Rows) -> str:
+    """Dewesoft X, "Export reduced data": mean, least and most of each channel in columns."""
+    names = [f"{name}/{kind} ({unit})" for name, unit in CHANNELS for kind in ("AVE", "MIN", "MAX")]
+    head = ("Data info", "Sample rate: 1000", "", "\t".join(["Time (s)", *names]))
+    each = [[t, *(v + d for v in values for d in (0.0, -0.02, 0.02))] for t, *values in rows]
+    return lines(*head, rows=["\t".join(f"{value:.5f}" for value in row) for row in each])
+
+
+CHANNELS = (("U", "V"), ("Psup", "bar"), ("Ptank", "bar"))
+
+
+def campbell(rows: Rows) -> str:
+    """CR1000, TOA5: four lines of heads, the last of them how values are reduced."""
+    head = (
+        '"TOA5","CR1000","CR1000","4711","CR1000.Std.32","CPU:tank.CR1","8999","Fast"',
+        '"TIMESTAMP","RECORD","Valve_Avg","PSup_Avg","PTank_Avg","Batt_V_Min"',
+        '"TS","RN","V","bar","bar","Volts"',
+        '"","","Avg","Avg","Avg","Min"',
+    )
+    return lines(
+        *head, rows=[f'"2026-03-11 09:15:{2 + t:05.2f}",{n},{u},{s},{p},12.6' for n, (t, u, s, p) in enumerate(rows)]
+    )
+
+
+def hobo(rows: Rows) -> str:
+    """HOBOware, "Export table data": units behind commas, serial numbers of logger and sensor behind the names."""
+    names = [f'"{name}, {unit} (LGR S/N: 20345, SEN S/N: {n})"' for n, (name, unit) in enumerate(HOBO)]
+    head = ('"Plot Title: tank"', ",".join(['"#"', '"Date Time, GMT+01:00"', *names, '"End Of File (LGR S/N: 20345)"']))
+    return lines(
+        *head, rows=[f"{n},03/11/26 09:15:{2 + t:05.2f} AM,{u},{s},{p}," for n, (t, u, s, p) in enumerate(rows)]
+    )
+
+
+HOBO = (("Voltage", "V"), ("Supply Pres", "bar"), ("Tank Pres", "bar"))
+
+
+def benchlink(rows: Rows) -> str:
+    """BenchLink Data Logger 3: numbers of channels in the names, an alarm beside each, a colon before milliseconds."""
+    names = [f"{101 + n} <{name}> ({unit})\tAlarm {101 + n}" for n, (name, unit) in enumerate(BENCHLINK)]
+    body = [
+        f"{n}\t03/11/2026 09:15:{2 + n // 100:02}:{10 * (n % 100):03}\t{u:.4f}\t0\t{s:.5f}\t0\t{p:.5f}\t0"
+        for n, (_, u, s, p) in enumerate(rows)
+    ]
+    return lines("Owner:\tLab", "Scan Control:", "\t".join(["Scan", "Time", *names]), rows=body)
+
+
+BENCHLINK = (("Valve", "VDC"), ("P supply", "BAR"), ("P1", "BAR"))
+
+
+def wincc(rows: Rows) -> str:
+    """WinCC Comfort, "Format of logs": Time_ms has days since 1900 times a million, and a row says that it stopped."""
+    body = []
+    for n, (t, *values) in enumerate(rows):
+        stamp = f"{1e6 * (46092 + (9 * 3600 + 902 + t) / 86400):.6f}".replace(".", ",")
+        texts = [f"{value:.5f}".replace(".", ",") for value in values]
+        tags = zip(("DB_Ventil", "DB_Versorgungsdruck", "DB_Druck_1"), texts, strict=True)
+        body += [f'"{tag}";"11.03.2026 09:15:{2 + n // 100:02}";{text};1;{stamp}' for tag, text in tags]
+    head = '"VarName";"TimeString";"VarValue";"Validity";"Time_ms"'
+    return lines(head, rows=[*body, f'"$RT_OFF$";"11.03.2026 09:15:09";0;2;{stamp}'])
+
+
+def codesys_trace(rows: Rows) -> str:
+    """Automation Builder, "Trace in ASCII file": a column "Cycle" has the milliseconds."""
+    head = ("CODESYS Trace", "D:\\PROJECTS\\TANK.PRO", "Cycle PLC_PRG.rValve PLC_PRG.rPSupply PLC_PRG.rPTank")
+    return lines(*head, rows=[f"{1000 * t:.0f} {u:.4f} {s:.5f} {p:.5f}" for t, u, s, p in rows])
+
+
+def serial_plotter(rows: Rows) -> str:
+    """Arduino's serial plotter: each cell says its name."""
+    return lines("ready", rows=[f"t_ms:{1000 * t:.0f},U:{u:.3f},Psup:{s:.5f},P1:{p:.5f}" for t, u, s, p in rows])
+
+
+def pi_datalink(rows: Rows) -> str:
+    """PI DataLink, "Compressed data": a tag above each pair of stamp and value."""
+    head = ("Rig:Valve.PV,,Rig:Supply_P.PV,,Rig:Tank_P.PV,", "Time,Value,Time,Value,Time,Value")
+    stamps = [f"11-Mar-26 09:15:{2 + t:06.3f}" for t, *_ in rows]
+    body = zip(stamps, rows, strict=True)
+    return lines(*head, rows=[f"{at},{u:.3f},{at},{s:.5f},{at},{p:.5f}" for at, (_, u, s, p) in body])
+
+
+def rockwell_trend(rows: Rows) -> str:
+    """Studio 5000, "Trend": a word in front of each line, a semicolon before milliseconds, tags of transmitters."""
+    head = (
+        '"Header:","Trend File"',
+        '"Sample Period:","10 ms"',
+        "",
+        '"Header","Date","Time","Program:Main.Valve_Cmd","Program:Main.Supply_PT","Program:Main.Tank_PT"',
+    )
+    stamps = [f'"11/03/2026","09:15:{2 + n // 100:02};{10 * (n % 100):03}"' for n in range(COUNT)]
+    return lines(*head, rows=[f'"Data",{at},{u},{s},{p}' for at, (_, u, s, p) in zip(stamps, rows, strict=True)])
+
+
+def ros2_echo(rows: Rows) -> str:
+    """``ros2 topic echo --csv``: no names, whole seconds and nanoseconds apart."""
+    stamps = [f"{1773216902 + n // 100},{10_000_000 * (n % 100)}" for n in range(COUNT)]
+    return lines(rows=[f"{at},rig,{u},{s},{p},0.0" for at, (_, u, s, p) in zip(stamps, rows, strict=True)], end="\n")
+
+
+def swiss_export(rows: Rows) -> str:
+    """Excel in Switzerland: an apostrophe between thousands."""
+    texts = (f"{1e3 * t:.0f};{1e3 * u:.0f};{1e3 * s:,.2f};{1e3 * p:,.2f}" for t, u, s, p in rows)
+    head = "Zeit [ms];Ventil [mV];Versorgung [mbar];Druck 1 [mbar]"
+    return lines(head, rows=[text.replace(",", "'") for text in texts])
+
+
 RECORDERS: dict[Callable[[Rows], str], float] = {  # with the period that is read, 0 where people have to state it
     **dict.fromkeys((hioki_memory_hicorder, hioki_hilogger, hioki_8807, yokogawa_dlm, picoscope), 0.01),
     **dict.fromkeys((twin_builder, rohde_schwarz, druck, labview, step_7, mitsubishi), 0.01),
+    **dict.fromkeys((hioki_8402, yokogawa_gx, dewesoft, campbell, hobo, benchlink, wincc), 0.01),
+    **dict.fromkeys((codesys_trace, serial_plotter, pi_datalink, rockwell_trend, ros2_echo, swiss_export), 0.01),
     **{sapphire: 1.0, panasonic: 0.0, motion_scope: 0.0, indramotion: 0.0},
 }
 
@@ -237,7 +372,7 @@ def test_a_recorder_s_layout_is_read_without_a_line_by_hand(
     recorder: Callable[[Rows], str], period: float, tmp_path: Path
 ) -> None:
     rows = tank()
-    encoding = "utf-16" if recorder is mitsubishi else "utf-8"
+    encoding = "utf-16" if recorder in (mitsubishi, benchlink) else "utf-8"
     (tmp_path / "step.csv").write_text(recorder(rows), encoding=encoding, newline="")
     init.create(tmp_path / "rig", [tmp_path / "step.csv"])
     pipeline = tmp_path / "rig" / "pipeline.toml"
@@ -248,7 +383,7 @@ def test_a_recorder_s_layout_is_read_without_a_line_by_hand(
     (tmp_path / "out").mkdir()
     ingest.run(Context(pipeline, load(pipeline), tmp_path / "out", tmp_path))
     read = pq.read_table(tmp_path / "out" / "signals.parquet").to_pydict()
-    assert np.median(np.diff(read["time"])) == pytest.approx(period or 0.01, abs=1e-9)
+    assert np.median(np.diff(read["time"])) == pytest.approx(period or 0.01, abs=1e-6)
     for name, place, one in (("u", 1, 1.0), ("p_supply", 2, 1e5), ("p1", 3, 1e5)):
         true, found = np.array([row[place] for row in rows]), np.array(read[name], dtype=float)
         known = np.isfinite(found)

@@ -43,7 +43,14 @@ def _columns(path: Path) -> dict[str, ColumnValues]:
         whole = json.loads(text)
     except json.JSONDecodeError:
         whole = _lines(path, text)
-    rows = whole if isinstance(whole, list) else _rows_by_position(whole) or _rows(whole)
+    tables = list(_tables(whole))
+    rows: Any
+    if len(tables) == 1:
+        rows = dict(zip(tables[0][1], map(list, zip(*tables[0][2], strict=True)), strict=True))
+    elif tables:
+        rows = [{"channel": name, **dict(zip(names, row, strict=True))} for name, names, own in tables for row in own]
+    else:
+        rows = whole if isinstance(whole, list) else _rows(whole)
     if isinstance(rows, Mapping):
         return {name: _vector(values) for name, values in rows.items() if _is_column(values)}
     flat = [dict(_leaves(row, "")) for row in rows if isinstance(row, Mapping)]
@@ -52,16 +59,23 @@ def _columns(path: Path) -> dict[str, ColumnValues]:
     return {name: _vector(values) for name, values in read.items() if _is_column(values)}
 
 
-def _rows_by_position(whole: Mapping[str, Any]) -> dict[str, list[Any]] | None:
-    """Return lists by name of rows that are lists, with the names beside them, as pandas splits a frame."""
-    names, rows = whole.get("columns"), whole.get("data")
-    if not isinstance(names, list) or not isinstance(rows, list) or not rows:
-        return None
-    if not all(isinstance(row, list) and len(row) == len(names) for row in rows):
-        return None
-    index = whole.get("index")
-    by_name = {str(name): list(values) for name, values in zip(names, zip(*rows, strict=True), strict=True)}
-    return {**({"index": index} if isinstance(index, list) else {}), **by_name}
+def _tables(node: Any) -> Iterator[tuple[str, list[str], list[list[Any]]]]:
+    """Yield name, names of columns and rows of each table whose rows are lists, as pandas, InfluxDB and Grafana do."""
+    if isinstance(node, list):
+        for one in node:
+            yield from _tables(one) if isinstance(one, Mapping) else ()
+    elif isinstance(node, Mapping):
+        names, rows = node.get("columns"), node.get("data", node.get("values"))
+        if isinstance(node.get("datapoints"), list):
+            names, rows = ["value", "timestamp"], node["datapoints"]
+        if isinstance(names, list) and isinstance(rows, list) and rows:
+            if isinstance(index := node.get("index"), list) and len(index) == len(rows):
+                names, rows = ["index", *names], [[n, *row] for n, row in zip(index, rows, strict=True)]
+            if all(isinstance(row, list) and len(row) == len(names) for row in rows):
+                yield str(node.get("target", node.get("name", ""))), [str(name) for name in names], rows
+                return
+        for one in node.values():
+            yield from _tables(one)
 
 
 def _lines(path: Path, text: str) -> list[Any]:
