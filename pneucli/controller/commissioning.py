@@ -20,7 +20,8 @@ State chart (S_COMMISSIONING)::
       -> 5  a limit cycle at rest
     5 SLOWER   the member of the family for the next longer delay, each time
       -> 6  a limit cycle with the longest
-    6 CYCLING  nothing further is changed
+    6 CYCLING  the dead band is half of the swing until the reference moves
+    a limit cycle slower than what the loop does is one of a piston that sticks between: the dead band alone is widened
     valves shut, gains and nulls unchanged, until the controller is disabled (then 0, or 4 after an earlier success):
     10 STOPPED      disabled while the test ran           11 TRAVEL     the piston reached its limit
     12 PRESSURE     a pressure reached its limit          13 SILENT     no reversal of the pressure
@@ -35,6 +36,7 @@ import math
 
 from pneucli.controller.layout import *
 from pneucli.controller.plant import clamp, drive_mirrored_valve, is_plausible, valve_command, valve_command_2
+from pneucli.controller.standstill import widen_dead_band
 from pneucli.controller.valve_dynamics import (
     chamber_volume_1,
     chamber_volume_2,
@@ -350,8 +352,8 @@ def run_commissioning(x, p1, p2, s, c):
 def watch_limit_cycle(s, c):
     """Watch for a limit cycle at a resting reference after a commissioning; back off to the next member of the family.
 
-    Ten half swings of more than twice the tolerance, none below half of the one before, are one; those of the first
-    second at rest do not count.
+    Four half swings of more than twice the tolerance, none below half of the one before, are one: a load that comes
+    and goes makes three, a loop with a damping of 0.2 halves each. Those of the first second at rest do not count.
     """
     if s[S_COMMISSIONING] < 3.5:
         return
@@ -366,13 +368,19 @@ def watch_limit_cycle(s, c):
         s[S_SWING_PEAK] = s[S_X]
     if math.fabs(s[S_X] - s[S_SWING_PEAK]) > 4.0 * c[C_HOLDING_BAND]:
         count_half_swing(s)
-        if s[S_SWING_COUNT] > 9.5 and s[S_COMMISSIONING] < 5.5:
+        if s[S_SWING_COUNT] > 3.5:
             back_off(s, c)
 
 
 def back_off(s, c):
-    """Go to the next member of the family where its delay is longer, else give up."""
+    """Go to the next member of the family where its delay is longer; without one, or where none can help, hold wide.
+
+    A loop swings at about its corner or faster; at less than half of that the piston sticks between two jumps.
+    """
     s[S_SWING_COUNT] = 0.0
+    if s[S_COMMISSIONING] > 5.5 or s[S_SWING_PERIOD] * c[C_SECTOR_1] > 12.6:  # 4 pi
+        widen_dead_band(s[S_SWING_AMPLITUDE], s, c)
+        return
     enter(6.0, s)
     if s[S_MEMBER] > 0.5 and s[S_MEMBER] + 0.5 < c[C_FAMILY_MEMBERS]:
         row: int = int(member_row(s[S_MEMBER], c))

@@ -24,7 +24,8 @@ State chart (state variable in brackets; "at rest": the reference has rested for
         else slower than C_CLOSING_RATE x error: integrate the error
       BRAKING  the timer runs down
         -> RAMP      at its end adapt_after_overshoot: a jump past the reference that half the ramp rate did not
-                     shorten by 30 % widens the dead band to half that jump
+                     shorten by 30 % widens the dead band by up to a half, toward half that jump, or to it where the
+                     error was turned round rather than reduced
     elastic piston [S_ELASTIC = 1]: drive_elastic_piston and braking_force
       entered  at rest, excursion > 2 C_HOLDING_BAND under a peak force < 0.5 Coulomb friction (detect_motion)
       left     excursion or error > C_PRESLIDING_DISTANCE (loop gain back to 1)
@@ -158,14 +159,23 @@ def stopping_distance(s, c):
     return distance
 
 
+def widen_dead_band(swing, s, c):
+    """Widen the dead band to half of a ``swing`` (m) about a resting reference: the piston stays where it is."""
+    s[S_DEADBAND_GAIN] = max(s[S_DEADBAND_GAIN], 0.5 * swing / c[C_HOLDING_BAND])
+
+
 def adapt_after_overshoot(error, s, c):
-    """Widen the dead band to half of a jump past the reference that half the ramp rate did not shorten."""
+    """Widen the dead band toward half of a jump past the reference that half the ramp rate did not shorten."""
     if s[S_BRAKING_TIME] <= 0.0 or s[S_BRAKING_TIME] > c[C_PERIOD]:
         return
     jump = math.fabs(s[S_X] - s[S_BREAKAWAY_POSITION])
     if s[S_RAMP_GAIN] < 0.5 and jump > math.fabs(error) and jump > 0.7 * s[S_LAST_JUMP]:
+        if math.fabs(error) > 0.4 * jump:  # as far past the reference as it was before it: this goes on for ever
+            widen_dead_band(jump, s, c)
         s[S_DEADBAND_GAIN] = clamp(
-            0.5 * jump / c[C_HOLDING_BAND], s[S_DEADBAND_GAIN], min(1.5 * s[S_DEADBAND_GAIN], c[C_DEADBAND_GAIN_MAX])
+            0.5 * jump / c[C_HOLDING_BAND],
+            s[S_DEADBAND_GAIN],
+            max(s[S_DEADBAND_GAIN], min(1.5 * s[S_DEADBAND_GAIN], c[C_DEADBAND_GAIN_MAX])),
         )
     s[S_LAST_JUMP] = jump
 

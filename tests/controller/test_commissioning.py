@@ -249,22 +249,36 @@ def watched(x: np.ndarray, members: tuple[float, ...] = (2e-3, 5e-3, 4e-3)) -> t
     return s, c
 
 
-def swing(seconds: float, size: float = 100e-6, decay: float = 0.0) -> np.ndarray:
+def swing(seconds: float, size: float = 100e-6, decay: float = 0.0, frequency: float = 2.0) -> np.ndarray:
     time = 1e-3 * np.arange(round(1e3 * seconds))
-    return 0.1 + size * np.exp(-decay * time) * np.sin(2 * np.pi * 2.0 * time)
+    return 0.1 + size * np.exp(-decay * time) * np.sin(2 * np.pi * frequency * time)
 
 
-def test_a_limit_cycle_goes_to_the_next_longer_delay_and_then_gives_up() -> None:
-    s, c = watched(swing(3.0))
+def test_a_limit_cycle_goes_to_the_next_longer_delay_and_then_holds_within_it() -> None:
+    s, c = watched(swing(1.0))
     assert (s[at.S_COMMISSIONING], s[at.S_MEMBER], c[at.C_KP]) == (5.0, 2.0, 5.0)
     assert s[at.S_SWING_AMPLITUDE] == pytest.approx(200e-6, rel=0.02)
     assert s[at.S_SWING_PERIOD] == pytest.approx(0.5, rel=0.02)
     s, c = watched(swing(12.0))  # the third is for a shorter delay
     assert (s[at.S_COMMISSIONING], s[at.S_MEMBER], c[at.C_KP]) == (6.0, 2.0, 5.0)
+    assert s[at.S_DEADBAND_GAIN] * c[at.C_HOLDING_BAND] == pytest.approx(100e-6, rel=0.02)
+
+
+def test_a_swing_slower_than_the_loop_is_one_that_sticks_and_is_held_within() -> None:
+    s, c = watched(swing(12.0, frequency=0.4))
+    assert (s[at.S_COMMISSIONING], s[at.S_MEMBER], c[at.C_KP]) == (4.0, 1.0, settings()[at.C_KP])
+    assert s[at.S_DEADBAND_GAIN] * c[at.C_HOLDING_BAND] == pytest.approx(100e-6, rel=0.02)
+
+
+TIME = 1e-3 * np.arange(5000)
+LOADED_ONCE = 0.1 + sum(
+    size * np.where(after > 0.0, np.exp(-4.0 * after) * np.cos(8.0 * after), 0.0)
+    for size, after in ((1e-3, TIME - 1.0), (-1e-3, TIME - 3.0))
+)
 
 
 @pytest.mark.parametrize(
-    "x", [swing(5.0, size=50e-3, decay=3.0), swing(5.0, size=9e-6), 0.1 + 1e-3 * np.arange(5000) / 5000, swing(2.2)]
+    "x", [swing(5.0, size=50e-3, decay=3.0), swing(5.0, size=9e-6), 0.1 + 1e-3 * TIME / 5.0, swing(0.85), LOADED_ONCE]
 )
 def test_what_decays_or_is_small_or_drifts_or_is_short_is_no_limit_cycle(x: np.ndarray) -> None:
     assert watched(x)[0][at.S_COMMISSIONING] == 4.0
