@@ -55,6 +55,10 @@ from pneucli.stages.absent_columns import Opened, absence_notes, absent_column_f
 from pneucli.stages.flow_units import flow_unit, flow_unit_assumptions
 from pneucli.units import factor_and_offset, parse_unit_as
 
+UNMEASURED_PRESSURE = (
+    "record p1: commands and motion alone do not tell the valve from friction, and nothing is identified from them; "
+    'where a force on the piston was recorded, experiment = "friction" gives friction and mass without a pressure'
+)
 SPOOL_VALVE_HINT = '; where one valve drives both chambers, say [rig.valve] arrangement = "5/3"'
 MIN_PERIOD, MAX_PERIOD = 1e-9, 1e6  # s, of a sampling period
 FLOW_UNIT = SIGNALS["flow"].unit
@@ -206,6 +210,7 @@ def recorded_signals(recording: Opened) -> tuple[list[str], set[str]]:
         found = f'no column "{asked.column or asked.expression}" for {name}' if asked else f"{name} is not described"
         columns = ", ".join(f'"{column}"' for column in file.names[:30])
         mend = f'describe it in [signals], or state a constant, {name} = "... {SIGNALS[name].unit}"'
+        mend = UNMEASURED_PRESSURE if name == "p1" and EXPERIMENT_KINDS[table.experiment].valve else mend
         mend += SPOOL_VALVE_HINT if name == "u2" else ""
         others = [n for n in EXPERIMENT_KINDS[table.experiment].motion_signals if n != name]
         either = f"{name} (or {', '.join(others)})" if name == "x" and others else name

@@ -190,6 +190,21 @@ def test_what_the_stage_cannot_use_is_refused(two: Path, tmp_path: Path, old: st
 DRIVEN = PIPELINE.replace('experiment = "friction"', 'experiment = "axis"\nu = "1 V"').replace('"open"', '"valve"')
 
 
+@pytest.mark.parametrize(("kind", "held"), [("valve", False), ("friction", True)])
+def test_a_driven_rig_without_a_pressure_is_told_what_is_possible(
+    two: Path, tmp_path: Path, kind: str, held: bool
+) -> None:
+    """A constant pressure is one that a regulator holds; behind a valve it would be no experiment."""
+    left_out = ("p1 =", "x =") if kind == "valve" else ("p1 =",)
+    text = "".join(line for line in PIPELINE.splitlines(keepends=True) if not line.startswith(left_out))
+    first, other = text.split("[[recordings]]")[1:]
+    two.write_text(text.partition("[[recordings]]")[0] + "[[recordings]]" + (first if kind == "valve" else other))
+    with pytest.raises(InputError, match="p1 is not described") as raised:
+        ingested(two, tmp_path / "ingest")
+    assert ("state a constant" in raised.value.mend) == held
+    assert raised.value.mend.startswith("record p1: commands and motion alone do not tell the valve") != held
+
+
 @pytest.mark.parametrize("stated", ["", '[rig.valve]\narrangement = "two"\n'])
 def test_of_two_valves_both_commands_are_needed(two: Path, tmp_path: Path, stated: str) -> None:
     two.write_text(DRIVEN.replace("[signals]", stated + "[signals]"))
