@@ -68,8 +68,10 @@ def plan_cases(cases: int, nulls: int, conditions: Conditions, seed: int) -> Ite
 
 
 def _effect_names(effects: Sequence[HiddenEffect], conditions: Conditions, rng: np.random.Generator) -> Iterator[str]:
+    usual, last = ([effect.name for effect in effects if bool(effect.under) == late] for late in (False, True))
     while True:
-        order = [effects[i].name for i in rng.permutation(len(effects))]
+        # what shows under some conditions only comes last: the others are drawn alike under all conditions
+        order = [usual[i] for i in rng.permutation(len(usual))] + last
         yield from (name for name in order if conditions.allows(name) and _kinds([name], conditions))
 
 

@@ -8,6 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from pneucli.exam import cases
 from pneucli.exam.cases import generate_case, plan_cases
 from pneucli.exam.conditions import parse
 from pneucli.exam.rig.imposed_motion import REVERSAL_TIME, MotionMachine, simulate_imposed_motion
@@ -104,3 +105,11 @@ def test_a_force_is_recorded_late_only_where_one_is_recorded_and_its_jumps_are_s
     hidden = {name for case in plan_cases(60, 0, parse("usual"), 3) for name in case.hidden}
     assert "force-skew" not in hidden
     assert "force-skew" in {name for case in plan_cases(60, 0, parse("imposed"), 3) for name in case.hidden}
+
+
+def test_other_conditions_draw_what_they_would_without_it(monkeypatch: pytest.MonkeyPatch) -> None:
+    """An exam's cases under its other conditions stay those that an earlier program wrote."""
+    names = ("usual", "both-sides", "5/3", "wide")
+    with_it = [list(plan_cases(40, 5, parse(name), 7)) for name in names]
+    monkeypatch.setattr(cases, "CATALOGUE", tuple(one for one in cases.CATALOGUE if not one.under))
+    assert [list(plan_cases(40, 5, parse(name), 7)) for name in names] == with_it
