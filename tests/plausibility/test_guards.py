@@ -9,7 +9,7 @@ import pytest
 from .worlds import FIXTURES, SHARED, at_rate, read, world_pipelines
 
 WORLDS = {world: paths for world, paths in world_pipelines().items() if world != "fixtures"}
-EVERY = 3  # of each world; the others in "make test-all", and in benchmarks.guards
+EVERY = 6  # of each world; the others in "make test-all", and in benchmarks.guards
 PATHS = [
     pytest.param(path, id=f"{path.parent.name}-{path.stem}", marks=[pytest.mark.slow] if number % EVERY else [])
     for paths in WORLDS.values()
