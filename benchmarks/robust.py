@@ -27,7 +27,7 @@ from benchmarks import rigs
 from benchmarks.loop import WORST_EFFECTS, exact_models, figures, head, is_held, row, with_unknowns
 from pneucli.arrays import Array
 from pneucli.closed_loop import ensemble
-from pneucli.closed_loop.commissioning import SHUT, STATES, commissioned, member_on_ensemble, with_commissioning
+from pneucli.closed_loop.commissioning import SHUT, commissioned, member_on_ensemble, with_commissioning
 from pneucli.closed_loop.simulation import ClosedLoopSetup
 from pneucli.controller import layout
 from pneucli.controller.parameters import Controller
@@ -213,10 +213,10 @@ def print_proof(asked: argparse.Namespace) -> None:
                     last = trace.x[-round(1.0 / h) :]
                     error, moves = float(np.abs(last - run.reference[-1]).max()), float(np.ptp(last))
                     state = commissioned(trace.states[-1]).state
-                    is_bad = not max(error if state < SHUT else 0.0, moves) < RUNAWAY
+                    is_bad = not max(error if state not in SHUT else 0.0, moves) < RUNAWAY
                     runs.setdefault((surprise, is_commissioned), []).append(is_bad)
                     if is_commissioned:
-                        ends[STATES[state]] = ends.get(STATES[state], 0) + 1
+                        ends[state] = ends.get(state, 0) + 1
                     if is_bad or asked.small:
                         row(seed, condition, h, quantum, surprise, event, is_commissioned, 1e6 * error, 1e6 * moves)
         row(seed, condition, h, quantum, "all so far", "", "", sum(map(len, runs.values())), str(ends))

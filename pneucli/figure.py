@@ -7,7 +7,7 @@ are null; a null is NaN where the type is ``float``.
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import MISSING, Field, dataclass, field, fields, is_dataclass
 from functools import cache
 from types import NoneType
@@ -15,7 +15,7 @@ from typing import Any, TypeVar, get_args, get_origin, get_type_hints
 
 T = TypeVar("T")
 INTERVAL_UNITS = dict.fromkeys(("value", "ci_low", "ci_high"), "see column unit")
-_OPTIONAL, _LAYOUT = {"optional": True}, "layout"
+_OPTIONAL, _LAYOUT, _FLAT = {"optional": True}, "layout", "flat"
 
 
 @dataclass(frozen=True)
@@ -37,13 +37,13 @@ class Figure:
 
     @property
     def answer(self) -> dict[str, Any]:
-        """The figure in a JSON answer; an end that is not finite is null.
+        """The figure in a JSON answer; what is not finite is null.
 
         >>> Figure(2.0, 1.0, math.inf, "N").answer
         {'value': 2.0, 'unit': 'N', 'ci95': [1.0, None]}
         """
-        ends = [float(end) if math.isfinite(end) else None for end in (self.low, self.high)]
-        return {"value": float(self.value), "unit": self.unit, "ci95": ends}
+        value, *ends = (float(one) if math.isfinite(one) else None for one in (self.value, self.low, self.high))
+        return {"value": value, "unit": self.unit, "ci95": ends}
 
     @property
     def columns(self) -> dict[str, Any]:
@@ -70,6 +70,15 @@ def laid_out(keys: str) -> dict[str, list[str]]:
     return {_LAYOUT: keys.split()}
 
 
+def flat(keys: str) -> dict[str, dict[str, str]]:
+    """Return the metadata of a field whose figure's keys stand among those of its owner, in this order.
+
+    >>> flat("after:value unit ci95")
+    {'flat': {'after': 'value', 'unit': 'unit', 'ci95': 'ci95'}}
+    """
+    return {_FLAT: {(pair := key.partition(":"))[0]: pair[2] or key for key in keys.split()}}
+
+
 def to_json(one: Any) -> Any:
     """Return an answer, or a part of one, as JSON has it.
 
@@ -79,13 +88,19 @@ def to_json(one: Any) -> Any:
     if isinstance(one, Figure):
         return one.answer
     if is_dataclass(one):
-        pairs = ((f, getattr(one, f.name)) for f in fields(one))
-        return {_key(f): _field_json(f, value) for f, value in pairs if value is not None or f.metadata != _OPTIONAL}
+        return {key: value for f in fields(one) for key, value in _entries(f, getattr(one, f.name))}
     if isinstance(one, Mapping):
         return {key: to_json(value) for key, value in one.items()}
     if isinstance(one, Sequence) and not isinstance(one, str):
         return [to_json(value) for value in one]
     return None if isinstance(one, float) and not math.isfinite(one) else one
+
+
+def _entries(one: Field[Any], value: Any) -> Iterator[tuple[str, Any]]:
+    if _FLAT in one.metadata:
+        yield from ((key, value.answer[entry]) for key, entry in one.metadata[_FLAT].items())
+    elif value is not None or one.metadata != _OPTIONAL:
+        yield _key(one), _field_json(one, value)
 
 
 def _field_json(one: Field[Any], value: Any) -> Any:
@@ -112,6 +127,8 @@ def _key(one: Field[Any]) -> str:
 
 
 def _read_field(one: Field[Any], kind: Any, content: Mapping[str, Any]) -> Any:
+    if _FLAT in one.metadata:
+        return _read(kind, {entry: content.get(key) for key, entry in one.metadata[_FLAT].items()})
     if _key(one) in content:
         return _read(kind, content[_key(one)])
     return _empty(kind) if one.default is MISSING else one.default
@@ -126,7 +143,8 @@ def _read(kind: Any, content: Any) -> Any:
     if kind is Figure:
         low, high = content.get("ci95") or (None, None)
         ends = (-math.inf if low is None else low, math.inf if high is None else high)
-        return Figure(content["value"], *ends, content.get("unit", ""), content.get("determined", True))
+        value, unit = _read(float, content.get("value")), content.get("unit") or ""
+        return Figure(value, *ends, unit, content.get("determined", True))
     if is_dataclass(kind):
         return read(kind, content)  # type: ignore[arg-type]
     if get_origin(kind) is Mapping:

@@ -9,7 +9,7 @@ from dataclasses import dataclass, field
 
 import pytest
 
-from pneucli.figure import Figure, laid_out, optional, read, to_json
+from pneucli.figure import Figure, flat, laid_out, optional, read, to_json
 
 
 @dataclass(frozen=True)
@@ -32,6 +32,7 @@ class Whole:
     first: Part | None
     rows: Sequence[Sequence[float]]
     held: Figure = field(metadata=laid_out("value ci95 determined"))
+    force: Figure = field(metadata=flat("force:value ci95 unit"))
 
 
 WHOLE = Whole(
@@ -43,11 +44,13 @@ WHOLE = Whole(
     None,
     [[1.0]],
     Figure(0.5, 0.4, 0.6, "", determined=False),
+    Figure(5.0, -math.inf, 6.0, "N"),
 )
 JSON = {
     "name": "a", "error": None, "limit": None, "parts": [{"from": 1.0}, {"from": 2.0, "note": "b"}],
     "sizes": {"m": {"value": 2.0, "unit": "kg", "ci95": [1.0, None]}}, "first": None, "rows": [[1.0]],
     "held": {"value": 0.5, "ci95": [0.4, 0.6], "determined": False},
+    "force": 5.0, "ci95": [None, 6.0], "unit": "N",
 }  # fmt: skip
 
 
@@ -61,7 +64,7 @@ def test_what_was_written_is_read() -> None:
     assert math.isnan(found.error)  # a null of a number that is always there
     assert found.limit is None
     assert (found.parts, found.sizes, found.first, found.rows) == (WHOLE.parts, WHOLE.sizes, None, [[1.0]])
-    assert found.held == WHOLE.held
+    assert (found.held, found.force) == (WHOLE.held, WHOLE.force)
 
 
 def test_a_key_that_an_older_program_did_not_write_is_empty() -> None:

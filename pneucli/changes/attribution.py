@@ -16,6 +16,7 @@ from pneucli.changes.baseline import Baseline
 from pneucli.changes.comparison import ALARM_RATE, UNEXPLAINED, Comparison, HypothesisTest
 from pneucli.changes.repeatability import NO_DRIFT, Repeatability
 from pneucli.changes.selection import ChangeSelection, Hypotheses
+from pneucli.figure import Figure
 from pneucli.identify.estimation.fit import Fit
 from pneucli.identify.estimation.parameters import null_value
 from pneucli.identify.residuals import ResidualModel
@@ -71,7 +72,7 @@ def _unexplained(level: HypothesisTest, confidence: float) -> Change:
     """Return a change of the residual in units of noise that no hypothesis explains."""
     half_width = Z95 * level.error
     after, low, high = (float(np.exp(0.5 * (level.size + e))) for e in (0.0, -half_width, half_width))
-    return Change(UNEXPLAINED, None, 1.0, after, "1", (low, high), confidence, confidence)
+    return Change(UNEXPLAINED, None, 1.0, Figure(after, low, high, "1"), confidence, confidence)
 
 
 def _change(selection: ChangeSelection, selected: Hypotheses, position: int, p_value: float, family: int) -> Change:
@@ -90,8 +91,7 @@ def _change(selection: ChangeSelection, selected: Hypotheses, position: int, p_v
     effect = selection.effects[hypothesis.name].in_model_with(fitted.model.effects)
     leading = next((p for p in effect.parameters if p.null is not None), effect.parameters[0])
     estimate, before = fitted[f"{effect.name}.{leading.name}"], null_value(leading, fitted.model)
-    described = (estimate.name, effect.name, before, estimate.value, estimate.unit, estimate.open_interval)
-    return Change(*described, confidence, confidence_alone, equivalents)
+    return Change(estimate.name, effect.name, before, estimate.figure, confidence, confidence_alone, equivalents)
 
 
 def _parameter_change(
@@ -108,7 +108,8 @@ def _parameter_change(
     after, low, high = (float(np.exp(e)) if one.logarithmic else float(e) for e in ends)
     group, _, _ = hypothesis.name.partition(".")
     effect = None if group in {"friction", "rig", "valve", "valve_2"} else group
-    return Change(hypothesis.name, effect, before, after, unit, (low, high), confidence, confidence_alone, equivalents)
+    found = Figure(after, low, high, unit)
+    return Change(hypothesis.name, effect, before, found, confidence, confidence_alone, equivalents)
 
 
 def _detectable_changes(

@@ -7,7 +7,7 @@ the controller reads on that model, simulated, is what a machine must read to ge
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import cache
 
 import numpy as np
@@ -31,6 +31,7 @@ from pneucli.controller.parameters import Controller
 from pneucli.design.cascade_design import design_cascade
 from pneucli.design.requirements import Requirements
 from pneucli.executors.engine import map_in_threads, thread_count
+from pneucli.messages.compare import Commissioned
 from pneucli.physics.declaration import consists_of_times
 from pneucli.physics.effects import catalogue
 from pneucli.simulate.model import Model
@@ -53,46 +54,14 @@ STATES = {
     13: "no reversal of the pressure",
     14: "a reading is missing",
 }  # of the state chart of :mod:`pneucli.controller.commissioning`
-SHUT = 10  # the first of those in which the valves stay shut
-
-
-@dataclass(frozen=True)
-class Commissioned:
-    """What a commissioning found: its state, and where it ended well the figures of the machine.
-
-    Attributes:
-        state: State of the chart.
-        null_1: What was added to the null command of valve 1 in V.
-        null_2: Likewise of valve 2.
-        delay: Delay from command to pressure in s.
-        overshoot: Its share that overshoots in s: all of a pure delay, about a third of a lag.
-        gain: Rate of the pressure over that of the model.
-        member: Number of the member of the family, 0: as designed.
-        swing: Length of the last swing at rest in m.
-        swing_period: Its period in s.
-    """
-
-    state: int
-    null_1: float
-    null_2: float
-    delay: float
-    overshoot: float
-    gain: float
-    member: int
-    swing: float
-    swing_period: float
-
-    @property
-    def succeeded(self) -> bool:
-        """Whether the relay test ended well."""
-        return self.delay > 0.0 and self.state < SHUT
+SHUT = {words for number, words in STATES.items() if number >= 10}  # those in which the valves stay shut
 
 
 def commissioned(states: Array) -> Commissioned:
     """Return what the states of a controller (:mod:`pneucli.controller.layout`) tell of its commissioning."""
     s = [float(value) for value in states]
     return Commissioned(
-        state=int(s[layout.S_COMMISSIONING]),
+        state=STATES[int(s[layout.S_COMMISSIONING])],
         null_1=s[layout.S_NULL_FOUND1],
         null_2=s[layout.S_NULL_FOUND2],
         delay=s[layout.S_DELAY_FOUND],
@@ -152,7 +121,9 @@ def with_commissioning(
         return commissioned(run_commissioning(slower, controller, setup).states)
 
     found = map_in_threads(tested, models, thread_count())
-    ended = [(slower, one) for slower, one in zip(models, found, strict=True) if one.succeeded]
+    ended = [
+        (slower, one) for slower, one in zip(models, found, strict=True) if one.delay > 0.0 and one.state not in SHUT
+    ]
     return controller.with_family([(one.delay, one.overshoot, make(slower)) for slower, one in ended])
 
 

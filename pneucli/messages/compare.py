@@ -223,8 +223,20 @@ class BeyondFitted:
 
 
 @dataclass(frozen=True)
-class CommissionedMachine:
-    """What a commissioning found (:class:`pneucli.closed_loop.commissioning.Commissioned`), its state in words; SI."""
+class Commissioned:
+    """What a commissioning found: its state, and where it ended well the figures of the machine.
+
+    Attributes:
+        state: State of the chart in words.
+        null_1: What was added to the null command of valve 1 in V.
+        null_2: Likewise of valve 2.
+        delay: Delay from command to pressure in s.
+        overshoot: Its share that overshoots in s: all of a pure delay, about a third of a lag.
+        gain: Rate of the pressure over that of the model.
+        member: Number of the member of the family, 0: as designed.
+        swing: Length of the last swing at rest in m.
+        swing_period: Its period in s.
+    """
 
     state: str
     null_1: float
@@ -262,7 +274,7 @@ class ControllerLog:
     supply_told: bool
     foretold: Mapping[str, float | None]
     measured: Mapping[str, float | None]
-    commissioned: CommissionedMachine | None = None
+    commissioned: Commissioned | None = None
 
     @property
     def rows(self) -> Iterator[tuple[str, str, str]]:

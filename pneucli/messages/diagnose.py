@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any
 
-from pneucli.figure import Figure, optional
+from pneucli.figure import Figure, flat, optional
 from pneucli.messages import each, labelled, table
 from pneucli.messages.compare import (
     BeyondFitted,
@@ -22,7 +22,7 @@ from pneucli.messages.compare import (
     free_run_sentence,
 )
 from pneucli.messages.formatting import (
-    format_interval,
+    format_figure,
     format_noise_ratio,
     format_number,
     format_parameters,
@@ -172,7 +172,7 @@ class Unexplained:
 class Change:
     """One change since an earlier diagnosis, by the name of its parameter; ``effect`` where it belongs to one.
 
-    ``ci95`` is that of ``after``; an end is None where the search ended there. ``confidence`` is one minus the
+    An end of ``after`` is not finite where the search ended there. ``confidence`` is one minus the
     probability that a healthy repeat looks as changed in any quantity, ``confidence_alone`` that of this change among
     those that it is ``indistinguishable_from``, which explain the change equally well.
     """
@@ -180,9 +180,7 @@ class Change:
     name: str
     effect: str | None
     before: float | None
-    after: float | None
-    unit: str
-    ci95: Sequence[float | None] | None
+    after: Figure = field(metadata=flat("after:value unit ci95"))
     confidence: float
     confidence_alone: float
     indistinguishable_from: Sequence[str] = ()
@@ -190,8 +188,8 @@ class Change:
     @property
     def text(self) -> str:
         """The change with its interval, its false-alarm probability, and its equivalents."""
-        before = "nothing" if self.before is None else format_quantity(self.before, self.unit, 3)
-        after = "–" if self.ci95 is None else format_interval(self.after, self.unit, self.ci95)
+        before = "nothing" if self.before is None else format_quantity(self.before, self.after.unit, 3)
+        after = format_figure(self.after)
         equivalents = f", or {join_names(self.indistinguishable_from)}" if self.indistinguishable_from else ""
         chance = format_number(max(1.0 - self.confidence, 1e-12), 1)
         return f"{self.name}{equivalents} changed from {before} to {after} (chance of a false alarm {chance})"

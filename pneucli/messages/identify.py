@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any
 
-from pneucli.figure import Figure, optional
+from pneucli.figure import Figure, flat, optional
 from pneucli.messages import each, labelled, table
 from pneucli.messages.compare import LeftOut, ModelAnswer
 from pneucli.messages.flow import Flow, format_conductance
@@ -100,24 +100,20 @@ class Valve:
 
 @dataclass(frozen=True)
 class KineticLevel:
-    """The kinetic friction of a recording in ``unit``, at its pressures (Pa) and speed (m/s)."""
+    """The kinetic friction of a recording, at its pressures (Pa) and speed (m/s)."""
 
     recording: str
     pressures: Mapping[str, float]
     speed: float
-    friction: float
-    ci95: Sequence[float]
-    unit: str
+    friction: Figure = field(metadata=flat("friction:value ci95 unit"))
 
 
 @dataclass(frozen=True)
 class BreakAway:
-    """The forces at which the piston broke away in a recording, so many times."""
+    """The forces (N) at which the piston broke away in a recording, so many times: the median and both ends."""
 
     recording: str
-    value: float
-    unit: str
-    ci95: Sequence[float | None]
+    force: Figure = field(metadata=flat("value unit ci95"))
     least: float
     most: float
     count: int
@@ -125,7 +121,7 @@ class BreakAway:
 
 @dataclass(frozen=True)
 class OverPressure:
-    """Kinetic friction as a line over p1 above ambient."""
+    """Kinetic friction as a line over p1 above ambient: N at ambient pressure, and N/Pa."""
 
     at_ambient: Figure
     slope: Figure
@@ -163,8 +159,8 @@ class Friction:
         for name in {**kinetic, **broken}:
             level, away = kinetic.get(name), broken.get(name)
             p1 = level.pressures.get("p1") if level else None
-            sliding = format_interval(level.friction, level.unit, level.ci95) if level else "–"
-            held = f"{format_interval(away.value, away.unit, away.ci95)} ({away.count} ×)" if away else "–"
+            sliding = format_figure(level.friction) if level else "–"
+            held = f"{format_figure(away.force)} ({away.count} ×)" if away else "–"
             rows.append((name, format_quantity(p1, "Pa", 3), sliding, held))
         return rows
 

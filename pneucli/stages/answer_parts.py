@@ -80,11 +80,7 @@ def assumed_values(study: PipelineData, names: set[str]) -> list[Assumption]:
 
 def figures_of(estimates: Sequence[Estimate]) -> dict[str, Figure]:
     """Return the parameters by name; an open end of an interval is not finite."""
-    found = {}
-    for e in estimates:
-        low, high = e.open_interval
-        found[e.name] = Figure(e.value, -math.inf if low is None else low, math.inf if high is None else high, e.unit)
-    return found
+    return {e.name: e.figure for e in estimates}
 
 
 def only_ratio_identifiable(study: PipelineData) -> bool:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import asdict, dataclass, replace
+from dataclasses import dataclass, replace
 from functools import partial
 from typing import Any
 
@@ -11,7 +11,7 @@ import numpy as np
 import pyarrow as pa
 
 from pneucli import paths
-from pneucli.closed_loop.commissioning import STATES, commissioned
+from pneucli.closed_loop.commissioning import commissioned
 from pneucli.closed_loop.log_replay import (
     ControllerLog,
     Engine,
@@ -41,7 +41,7 @@ from pneucli.export.single_precision import replay_in_single_precision
 from pneucli.figure import read, to_json
 from pneucli.identify.valve.flow_bench import FlowComparison
 from pneucli.io.artifacts import TableWriter, schema_of
-from pneucli.messages.compare import Answer, ChannelResult, CommissionedMachine, LackOfFit, ModelAnswer
+from pneucli.messages.compare import Answer, ChannelResult, Commissioned, LackOfFit, ModelAnswer
 from pneucli.messages.compare import ControllerLog as ControllerLogAnswer
 from pneucli.messages.progress import counted
 from pneucli.pipeline.context import Context
@@ -277,13 +277,12 @@ def log_answer(looked: ReplayedLog, model: Model) -> ControllerLogAnswer:
     )
 
 
-def commissioned_machine(looked: ReplayedLog, model: Model) -> CommissionedMachine | None:
+def commissioned_machine(looked: ReplayedLog, model: Model) -> Commissioned | None:
     """Return what the commissioning found with which a log begins, from a replay in double precision; None without."""
     replay, controller = looked.replay, looked.exported.controller
     if replay.start_mode != "commission":
         return None
-    found = commissioned(replay_states(model, controller, replay.readings, replay.start_mode)[0])
-    return CommissionedMachine(STATES[found.state], **{n: v for n, v in asdict(found).items() if n != "state"})
+    return commissioned(replay_states(model, controller, replay.readings, replay.start_mode)[0])
 
 
 def _loop_answer(run: Run, model: Model, looked: ReplayedLog) -> Mapping[str, Any]:

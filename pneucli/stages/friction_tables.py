@@ -11,7 +11,7 @@ from pneucli.figure import INTERVAL_UNITS, named
 from pneucli.identify.friction.identification import FrictionIdentification
 from pneucli.identify.friction.stick_slip import StickSlip
 from pneucli.io.artifacts import Tables
-from pneucli.messages.identify import BreakAway, Friction, KineticLevel, OverPressure, Repeats
+from pneucli.messages.identify import Friction, KineticLevel, Repeats
 
 MODEL_POINTS = 401
 DEVIATION_KEYS = "model recording use channel rmsd noise unit percent"
@@ -19,7 +19,7 @@ DEVIATION_KEYS = "model recording use channel rmsd noise unit percent"
 
 def friction_answer(friction: FrictionIdentification) -> Friction:
     """Return what the answer holds of friction."""
-    line, domain = friction.pressure_dependence, friction.domain
+    domain = friction.domain
     return Friction(
         warnings=[one.text for one in friction.warnings],
         taken_out=friction.removed_effects,
@@ -29,15 +29,9 @@ def friction_answer(friction: FrictionIdentification) -> Friction:
             "eta": {"value": domain.eta, "unit": "s/m"},
         },
         models=[{"model": m.name, "lacks": friction.unmodelled_effects[m.name]} for m in friction.models],
-        kinetic=[
-            KineticLevel(k.recording, k.pressures, k.speed, k.friction.value, [k.friction.low, k.friction.high], "N")
-            for k in friction.kinetic
-        ],
-        breakaway=[
-            BreakAway(b.recording, **b.force.answer, least=b.minimum, most=b.maximum, count=int(b.count))
-            for b in friction.break_aways
-        ],
-        over_pressure=None if line is None else OverPressure(line.at_ambient, line.slope),
+        kinetic=[KineticLevel(k.recording, k.pressures, k.speed, k.friction) for k in friction.kinetic],
+        breakaway=friction.break_aways,
+        over_pressure=friction.pressure_dependence,
         repeats=[Repeats(r.recordings, r.friction, "N", r.spread) for r in friction.repeatability],
         deviations=[named(d, DEVIATION_KEYS) for d in friction.deviations],
     )

@@ -57,7 +57,7 @@ def test_a_free_piston_breaks_away_at_the_force_that_it_held_last() -> None:
     drive = np.concatenate([np.linspace(0, 8, 20), np.full(20, 5.0), np.linspace(5, -10, 20), np.full(20, -5.0)])
     found = break_away(motion(v, drive, imposed=False))
     assert found is not None
-    assert (found.count, found.minimum, found.maximum) == (2, pytest.approx(8.0, abs=0.5), pytest.approx(10.0, abs=1.0))
+    assert (found.count, found.least, found.most) == (2, pytest.approx(8.0, abs=0.5), pytest.approx(10.0, abs=1.0))
 
 
 @pytest.mark.parametrize("imposed", [False, True])
@@ -68,7 +68,7 @@ def test_leaving_a_stop_is_no_break_away(imposed: bool) -> None:
     pull = np.linspace(0, 18, 20), np.full(100, 5.0), np.linspace(5, -10, 20), np.full(100, -5.0)
     found = break_away(motion(v, np.concatenate(pull), imposed=imposed, contact=np.arange(v.size) < 20))
     assert found is not None
-    assert found.maximum == pytest.approx(10.0, abs=1.0)
+    assert found.most == pytest.approx(10.0, abs=1.0)
 
 
 def test_a_machine_finds_the_break_away_at_the_start_of_its_stroke() -> None:
@@ -80,7 +80,7 @@ def test_a_machine_finds_the_break_away_at_the_start_of_its_stroke() -> None:
     drive = np.concatenate([np.zeros(10), pull, np.zeros(10), -late, np.zeros(10)])
     found = break_away(motion(v, drive, imposed=True))
     assert found is not None
-    assert (found.count, found.minimum, found.maximum) == (2, 7.0, 9.0)
+    assert (found.count, found.least, found.most) == (2, 7.0, 9.0)
 
 
 def test_a_fault_of_the_position_of_a_few_samples_makes_no_second_stroke() -> None:
@@ -91,7 +91,7 @@ def test_a_fault_of_the_position_of_a_few_samples_makes_no_second_stroke() -> No
     drive = np.where(np.arange(v.size) < 110, 5.0, -7.0)
     found = break_away(motion(v, drive, imposed=True))
     assert found is not None
-    assert (found.count, found.minimum, found.maximum) == (2, 5.0, 7.0)
+    assert (found.count, found.least, found.most) == (2, 5.0, 7.0)
 
 
 def test_what_a_machine_accelerates_is_no_friction_that_breaks_away() -> None:

@@ -7,6 +7,7 @@ precision.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property, partial
@@ -16,6 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pneucli.arrays import Array
+from pneucli.figure import Figure
 from pneucli.identify.estimation.blocks import copy_nonzero, group_scores, residual_slices
 from pneucli.identify.estimation.least_squares import Approximation, minimise, pseudo_inverse, undetermined_coordinates
 from pneucli.identify.estimation.objective import LeastSquaresProblem
@@ -56,10 +58,11 @@ class Estimate:
     open_end: Literal["lower", "upper"] | None = None
 
     @property
-    def open_interval(self) -> tuple[float | None, float | None]:
-        """The interval as answers state it: None for an open end, since the parameter is at least, or at most, that."""
+    def figure(self) -> Figure:
+        """The value as answers state it: an open end is infinite, since the parameter is at least, or at most, that."""
         low, high = self.ci95
-        return None if self.open_end == "lower" else low, None if self.open_end == "upper" else high
+        ends = (-math.inf if self.open_end == "lower" else low, math.inf if self.open_end == "upper" else high)
+        return Figure(self.value, *ends, self.unit)
 
 
 @dataclass(frozen=True)

@@ -25,6 +25,7 @@ from pneucli.identify.friction.warnings import (
     unmodelled_effects,
 )
 from pneucli.messages.findings import Finding
+from pneucli.messages.identify import BreakAway, OverPressure
 from pneucli.quantities import Z95
 from pneucli.recording import Recording
 from pneucli.simulate.model import Model
@@ -35,25 +36,6 @@ MAX_PRESSURE_DIFFERENCE = 0.1  # of the gauge pressure, within which recordings 
 MAX_SPEED_DIFFERENCE = 0.3  # of the speed, within which kinetic friction changes little
 BREAKAWAY_STROKE_RATIO = 0.2  # of a stroke: the part that contains its break-away
 MIN_LEVELS = 3  # of pressure, from which a line has a standard error
-
-
-@dataclass(frozen=True)
-class BreakAway:
-    """The break-away force (N) of one recording: median over ``count`` break-aways, smallest and largest."""
-
-    recording: str
-    force: Figure
-    minimum: float
-    maximum: float
-    count: int
-
-
-@dataclass(frozen=True)
-class PressureDependence:
-    """Kinetic friction over the gauge pressure of chamber 1: N at ambient pressure, and N/Pa."""
-
-    at_ambient: Figure
-    slope: Figure
 
 
 @dataclass(frozen=True)
@@ -119,7 +101,7 @@ def _strokes(motion: Motion) -> list[tuple[float, int, int]]:
     return [one for one in strokes if one[2] - one[1] >= MIN_REST_SAMPLES / BREAKAWAY_STROKE_RATIO]
 
 
-def pressure_dependence(levels: Sequence[KineticFriction], ambient: float) -> PressureDependence | None:
+def pressure_dependence(levels: Sequence[KineticFriction], ambient: float) -> OverPressure | None:
     """Fit a line to the kinetic friction of recordings over pressure.
 
     Args:
@@ -138,7 +120,7 @@ def pressure_dependence(levels: Sequence[KineticFriction], ambient: float) -> Pr
     coefficients, squares, *_ = np.linalg.lstsq(design, force, rcond=None)
     errors = np.sqrt(np.diag(np.linalg.inv(design.T @ design)) * float(np.sum(squares)) / (p.size - 2))
     (at_ambient, slope), (e0, e1) = coefficients.tolist(), errors.tolist()
-    return PressureDependence(
+    return OverPressure(
         Figure(at_ambient, at_ambient - Z95 * e0, at_ambient + Z95 * e0, "N"),
         Figure(1e-5 * slope, 1e-5 * (slope - Z95 * e1), 1e-5 * (slope + Z95 * e1), "N/Pa"),
     )
@@ -208,7 +190,7 @@ class FrictionIdentification:
     replays: tuple[StickSlipReplay, ...]
     kinetic: tuple[KineticFriction, ...]
     break_aways: tuple[BreakAway, ...]
-    pressure_dependence: PressureDependence | None
+    pressure_dependence: OverPressure | None
     repeatability: tuple[Repeatability, ...]
     removed_effects: tuple[str, ...]
     unmodelled_effects: Mapping[ModelName, tuple[str, ...]]
