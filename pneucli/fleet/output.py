@@ -17,9 +17,10 @@ from jinja2 import Environment, PackageLoader, StrictUndefined
 from markupsafe import Markup
 
 from pneucli.config import FleetConfig
+from pneucli.figure import read
 from pneucli.fleet.dataset import Trend
 from pneucli.io.artifacts import write_text
-from pneucli.messages.fleet import repeatability_sentence
+from pneucli.messages.fleet import Answer
 from pneucli.pipeline.checks import CheckResult, evaluate
 from pneucli.report.report_data import Check
 from pneucli.report.summaries import to_junit
@@ -41,7 +42,7 @@ def to_html(answer: Mapping[str, Any], results: Sequence[Mapping[str, Any]], tre
     data = json.dumps(page_data(answer, results, trends), separators=(",", ":"), allow_nan=False)
     return environment.get_template("fleet.html.j2").render(
         answer=answer,
-        repeating=repeatability_sentence(answer),
+        repeating=read(Answer, answer).repeats,
         style=_asset("fleet.css"),
         script=script,
         policy=_policy(script),

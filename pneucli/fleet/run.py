@@ -21,6 +21,7 @@ from pneucli.document import read_toml
 from pneucli.errors import InputError
 from pneucli.executors.dask_cluster import engine_from
 from pneucli.executors.engine import Engine, Outcome, run_jobs
+from pneucli.figure import read, to_json
 from pneucli.fleet import row as fleet_row
 from pneucli.fleet.dataset import COLUMNS, PART_FILE, TRENDS, Trend, parameter_trends, write_datasets, write_trends
 from pneucli.fleet.row import Job, ProgramMismatchError
@@ -36,7 +37,7 @@ from pneucli.fleet.table import FleetRow, read_rows
 from pneucli.io.artifacts import Provenance, sha256_of
 from pneucli.io.remote_files import is_remote
 from pneucli.io.result_store import mirror_folder, store_at
-from pneucli.messages.fleet import progress_text
+from pneucli.messages.fleet import Answer, Failures, HealthySpread, RigChanges, progress_text
 from pneucli.pipeline import folders
 from pneucli.pipeline.context import NO_PROGRESS, Progress
 from pneucli.pipeline.manifest import program_versions
@@ -46,36 +47,36 @@ Result = Mapping[str, Any]
 
 
 def fleet_answer(
-    settings: FleetTable, results: Sequence[Result], trends: Sequence[Trend], done: int, out: str
-) -> dict[str, Any]:
+    settings: FleetTable, results: Sequence[Result], trends: Sequence[Trend], done: int, out: str, seconds: float
+) -> Answer:
     """Return the answer that ``--json`` prints: counts, the rigs that changed, the failures by cause.
 
-    ``done`` is the number of rows that this run processed, ``out`` the store of the results.
+    ``done`` is the number of rows that this run processed in so many seconds, ``out`` the store of the results.
     """
     failures = Counter(str(r["cause"]) for r in results if r["failure"] is not None)
-    changed = [{"rig": r["rig"], "date": r["date"], "since": r["since"], "changes": r["changes"]}
-               for r in results if r["changes"]]  # fmt: skip
-    return {
-        "schema": "pneucli/fleet/1",
-        "fleet": settings.name,
-        "rigs": len({r["rig"] for r in results}),
-        "rows": len(results),
-        "done": done,
-        "unchanged": len(results) - done,
-        "failed": sum(failures.values()),
-        "changed": len({c["rig"] for c in changed}),
-        "alarm_rate": settings.alarm_rate,
-        "repeatability": repeatability(settings.healthy, results),
-        "verdicts": dict(Counter(r["verdict"] for r in results if r["verdict"])),
-        "missing": dict(Counter(name for r in results for name in r["missing"]).most_common()),
-        "changes": sorted(changed, key=lambda c: -max(one["confidence"] for one in c["changes"])),
-        "failures": [{"cause": cause, "rows": n} for cause, n in failures.most_common()],
-        "breaks": sum(bool(t.change_points) for t in trends),
-        "out": out,
-    }
+    changed = [read(RigChanges, r) for r in results if r["changes"]]
+    return Answer(
+        schema="pneucli/fleet/1",
+        fleet=settings.name,
+        rigs=len({r["rig"] for r in results}),
+        rows=len(results),
+        done=done,
+        unchanged=len(results) - done,
+        failed=sum(failures.values()),
+        changed=len({c.rig for c in changed}),
+        alarm_rate=settings.alarm_rate,
+        repeatability=repeatability(settings.healthy, results),
+        verdicts=Counter(r["verdict"] for r in results if r["verdict"]),
+        missing=dict(Counter(name for r in results for name in r["missing"]).most_common()),
+        changes=sorted(changed, key=lambda c: -max(one.confidence for one in c.changes)),
+        failures=[Failures(cause, n) for cause, n in failures.most_common()],
+        breaks=sum(bool(t.change_points) for t in trends),
+        out=out,
+        seconds=round(seconds, 2),
+    )
 
 
-def repeatability(dates: int, results: Sequence[Result]) -> dict[str, Any] | None:
+def repeatability(dates: int, results: Sequence[Result]) -> HealthySpread | None:
     """Return the relative spread of each parameter between healthy dates, the median over the rigs."""
     last = {r["rig"]: r for r in results if r.get("repeatability")}
     spreads: dict[str, list[float]] = {}
@@ -84,7 +85,7 @@ def repeatability(dates: int, results: Sequence[Result]) -> dict[str, Any] | Non
             if value := r["parameters"].get(name, {}).get("value"):
                 spreads.setdefault(name, []).append(one["value"] / abs(value))
     parameters = {name: round(median(values), 5) for name, values in spreads.items()}
-    return {"rigs": len(last), "dates": dates, "parameters": parameters} if last else None
+    return HealthySpread(len(last), dates, parameters) if last else None
 
 
 def parameter_records(results: Sequence[Result]) -> Iterator[tuple[str, str, str, str, float, float]]:
@@ -298,9 +299,8 @@ def _write_results(fleet: Fleet, seconds: float) -> dict[str, Any]:
 
     results, trends = fleet.results_in_table_order(), fleet.trends()
     made_of = Provenance({"table": sha256_of(fleet.table), "template": sha256_of(fleet.template)}, _settings(fleet))
-    answer = fleet_answer(fleet.config.fleet, results, trends, fleet.updated_count, str(fleet.store)) | {
-        "seconds": round(seconds, 2)
-    }
+    found = fleet_answer(fleet.config.fleet, results, trends, fleet.updated_count, str(fleet.store), seconds)
+    answer: dict[str, Any] = to_json(found)
     with fleet.output_folder() as out:
         write_datasets(out, results, made_of)
         write_trends(out / TRENDS, trends, made_of)

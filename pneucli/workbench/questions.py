@@ -3,20 +3,23 @@
 from __future__ import annotations
 
 import asyncio
-from collections.abc import Awaitable, Callable
+import json
+import struct
+from collections.abc import Awaitable, Callable, Mapping, Sequence
 from contextlib import suppress
 from functools import partial
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 from aiohttp import web
 
 from pneucli.compare import ChannelResult, overall_error
 from pneucli.errors import InputError
 from pneucli.io.artifacts import atomic_path
+from pneucli.report.page_elements import Panel
 from pneucli.workbench.bench import DROPPED
 from pneucli.workbench.lifetime import Workbench
-from pneucli.workbench.packing import pack
 from pneucli.workbench.requests import interval_of, json_body, number, text_of, unreadable, variant_of
 
 MAX_SAMPLES = 40_000  # of a panel: ten times those of a wide screen
@@ -193,3 +196,28 @@ async def _receive(request: web.Request, target: Path) -> None:
             if size > MAX_DROP:
                 raise InputError("the file", "more than 2 GB", "a smaller one", "name it in the pipeline", code="E003")
             file.write(part)
+
+
+def pack(panels: Sequence[Panel], head: Mapping[str, Any]) -> bytes:
+    """Return panels in binary: the length of the head, the head as JSON, then each array in single precision.
+
+    The arrays of a panel are its time, from its start, and its curves; NaN is a gap.
+    """
+    described, arrays = [], []
+    for panel in panels:
+        start = float(panel.time[0]) if panel.time.size else 0.0
+        series = [{"label": one.label, "role": one.role} for one in panel.series]
+        described.append(
+            {
+                "title": panel.title,
+                "unit": panel.unit,
+                "start": start,
+                "restarts": list(panel.restarts),
+                "samples": int(panel.time.size),
+                "series": series,
+            }
+        )
+        arrays += [panel.time - start, *(one.values for one in panel.series)]
+    text = json.dumps({**head, "panels": described}, allow_nan=False).encode()
+    text += b" " * (-len(text) % 4)
+    return struct.pack("<I", len(text)) + text + b"".join(np.asarray(one, dtype="<f4").tobytes() for one in arrays)
