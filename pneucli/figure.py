@@ -70,8 +70,10 @@ def laid_out(keys: str) -> dict[str, list[str]]:
     return {_LAYOUT: keys.split()}
 
 
-def flat(keys: str) -> dict[str, dict[str, str]]:
-    """Return the metadata of a field whose figure's keys stand among those of its owner, in this order.
+def flat(keys: str = "") -> dict[str, dict[str, str]]:
+    """Return the metadata of a field whose keys stand among those of its owner; of a figure ``keys``, in this order.
+
+    A part of an answer that is None has none.
 
     >>> flat("after:value unit ci95")
     {'flat': {'after': 'value', 'unit': 'unit', 'ci95': 'ci95'}}
@@ -97,8 +99,10 @@ def to_json(one: Any) -> Any:
 
 
 def _entries(one: Field[Any], value: Any) -> Iterator[tuple[str, Any]]:
-    if _FLAT in one.metadata:
+    if _FLAT in one.metadata and isinstance(value, Figure):
         yield from ((key, value.answer[entry]) for key, entry in one.metadata[_FLAT].items())
+    elif _FLAT in one.metadata:
+        yield from to_json(value or {}).items()
     elif value is not None or one.metadata != _OPTIONAL:
         yield _key(one), _field_json(one, value)
 
@@ -128,7 +132,9 @@ def _key(one: Field[Any]) -> str:
 
 def _read_field(one: Field[Any], kind: Any, content: Mapping[str, Any]) -> Any:
     if _FLAT in one.metadata:
-        return _read(kind, {entry: content.get(key) for key, entry in one.metadata[_FLAT].items()})
+        keys = one.metadata[_FLAT] or {_key(f): _key(f) for f in fields(get_args(kind)[0])}
+        there = {entry: content[key] for key, entry in keys.items() if key in content}
+        return _read(kind, there if there or kind is Figure else None)
     if _key(one) in content:
         return _read(kind, content[_key(one)])
     return _empty(kind) if one.default is MISSING else one.default

@@ -72,7 +72,7 @@ def test_a_key_that_an_older_program_did_not_write_is_empty() -> None:
     assert (found.name, found.limit, found.parts, found.sizes, found.first) == ("a", None, [], {}, None)
 
 
-@pytest.mark.parametrize("stage", ["identify", "compare", "diagnose", "plan", "leak", "fleet"])
+@pytest.mark.parametrize("stage", ["identify", "compare", "diagnose", "plan", "leak", "fleet", "export"])
 def test_the_answer_of_each_command_survives_its_json(stage: str) -> None:
     answer = importlib.import_module(f"pneucli.messages.{stage}").Answer
     written = to_json(read(answer, {}))

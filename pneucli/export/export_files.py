@@ -21,6 +21,7 @@ from pneucli.export import c_source, controller_file, structured_text
 from pneucli.export.controller_program import PREFIX, named
 from pneucli.export.single_precision import run_in_single_precision
 from pneucli.io.artifacts import atomic_path, write_text
+from pneucli.messages.export import PrecisionCost
 from pneucli.simulate.model import Model
 
 Columns = Mapping[str, NDArray[Any] | list[str]]
@@ -98,19 +99,18 @@ def write_c(
     pipeline: str,
     precision: str = "float64",
     prefix: str = PREFIX,
-) -> dict[str, float]:
+) -> PrecisionCost | None:
     """Write header, source, test vectors and the program that replays them, all named with the prefix.
 
     The vectors hold what this precision commands. Return by how much samples differ from those in double
-    precision; nothing where that is what it has.
+    precision; None where that is what it has.
     """
     write_c_source(folder, controller, pipeline, precision, prefix)
     write_text(folder / named(c_source.REPLAY_FILE, prefix), c_source.replay_program(precision, prefix))
-    vectors, found = replay_vectors(run_replay(controller, model, bench)), {}
+    vectors, found = replay_vectors(run_replay(controller, model, bench)), None
     if precision == "float32":
-        single = run_in_single_precision(controller, vectors)
-        found = single.difference()
-        vectors |= {"u1": single.commands[:, 0], "u2": single.commands[:, 1]}
+        commands, found = run_in_single_precision(controller, vectors)
+        vectors |= {"u1": commands[:, 0], "u2": commands[:, 1]}
     write_csv(folder / named(REPLAY_FILE, prefix), vectors)
     return found
 

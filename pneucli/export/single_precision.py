@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
 from types import FunctionType, SimpleNamespace
 from typing import Any
 
@@ -20,6 +19,7 @@ from pneucli.controller.laws import LAWS
 from pneucli.controller.laws.base import callees_first
 from pneucli.controller.parameters import Controller
 from pneucli.export.controller_program import controller_functions
+from pneucli.messages.export import PrecisionCost
 
 SINGLE_PRECISION_MATH = SimpleNamespace(
     sqrt=lambda value: np.float32(math.sqrt(value)), fabs=lambda value: np.float32(abs(value)), isfinite=math.isfinite
@@ -29,26 +29,12 @@ SINGLE_PRECISION_MATH = SimpleNamespace(
 COMPARISON_INTERVAL = 10  # samples, of those at which the difference is taken
 
 
-@dataclass(frozen=True)
-class SinglePrecisionRun:
-    """The commands in V in single precision, shape (n, 2), and by how much single samples differ from double ones.
+def run_in_single_precision(controller: Controller, vectors: Mapping[str, Array]) -> tuple[Array, PrecisionCost]:
+    """Return what the controller answers to the readings of a replay file, by its columns, each of shape (n,).
 
-    Each of these samples starts from the same state: left to itself a replay drifts, as no axis answers. ``rms_v`` is
-    that of 99 in 100; ``largest_v`` is of a sample in which a decision, such as that to hold, falls one sample apart.
+    The commands in V in single precision have shape (n, 2). The samples that are compared with double precision start
+    from the same state: left to itself a replay drifts, as no axis answers.
     """
-
-    commands: Array
-    rms_v: float
-    p99_v: float
-    largest_v: float
-
-    def difference(self) -> dict[str, float]:
-        """Return the three figures by name."""
-        return {"rms_v": self.rms_v, "p99_v": self.p99_v, "largest_v": self.largest_v}
-
-
-def run_in_single_precision(controller: Controller, vectors: Mapping[str, Array]) -> SinglePrecisionRun:
-    """Return what the controller answers to the readings of a replay file, by its columns, each of shape (n,)."""
     single, which = _single_precision_functions(controller.law)["operate"], list(LAWS).index(controller.law)
     double: Callable[..., None] = codegen.operate
     numbers, state = controller.vector(), np.zeros(layout.L_STATES)
@@ -68,7 +54,7 @@ def run_in_single_precision(controller: Controller, vectors: Mapping[str, Array]
                 off.append([before[i] - state[i] for i in (layout.S_U1, layout.S_U2)])
     far = np.abs(off).max(axis=1)
     p99 = float(np.percentile(far, 99.0))
-    return SinglePrecisionRun(out, float(np.sqrt(np.mean(far[far <= p99] ** 2))), p99, float(far.max()))
+    return out, PrecisionCost(float(np.sqrt(np.mean(far[far <= p99] ** 2))), p99, float(far.max()))
 
 
 def replay_in_single_precision(controller: Controller, signals: Mapping[str, Array], start: str) -> Array:

@@ -13,7 +13,9 @@ from pneucli.export import export_files
 from pneucli.export.controller_program import PREFIX, controller_hash
 from pneucli.export.fmu.package import write_fmu
 from pneucli.export.fmu.plant import Interval, plant_of, require_valve
+from pneucli.figure import to_json
 from pneucli.io.artifacts import read_table
+from pneucli.messages.export import Answer, ExportedController, PlantAnswer, PrecisionCost
 from pneucli.messages.progress import counted
 from pneucli.pipeline.context import Context, NotApplicable
 from pneucli.simulate.model import Model
@@ -42,18 +44,19 @@ TABLES = (
 def run(context: Context) -> dict[str, Any]:
     """Write what was asked for (``options["to"]``, by default all of the controller); return the files' names."""
     wanted = context.options.get("to") or TARGETS
-    answer: dict[str, Any] = {"schema": "pneucli/export/1", "pipeline": context.config.name}
-    if of_controller := [target for target in wanted if target != PLANT_TARGET]:
-        answer |= _export_controller(context, of_controller)
+    of_controller, plant = [target for target in wanted if target != PLANT_TARGET], None
+    exported = _export_controller(context, of_controller) if of_controller else None
     if PLANT_TARGET in wanted:
         context.progress("compiling the plant")
         study = PipelineData(context)
         model = load_model(context.artifacts / "identify", study.rig, study.effects)
-        answer["plant"] = export_plant(context, study, model)
-    return answer | {"files": sorted(path.name for path in context.out.iterdir() if not path.name.startswith("."))}
+        plant = export_plant(context, study, model)
+    files = sorted(path.name for path in context.out.iterdir() if not path.name.startswith("."))
+    answer: dict[str, Any] = to_json(Answer("pneucli/export/1", context.config.name, exported, plant, files))
+    return answer
 
 
-def _export_controller(context: Context, wanted: Sequence[str]) -> dict[str, Any]:
+def _export_controller(context: Context, wanted: Sequence[str]) -> ExportedController:
     """Write the controller and the maps; raises NotApplicable where no controller was designed."""
     if "design" not in context.answers:
         found = "no controller to export, since there is no axis to control"
@@ -64,7 +67,7 @@ def _export_controller(context: Context, wanted: Sequence[str]) -> dict[str, Any
     controller = load_controller(context.artifacts / "design", find_law(name, "--controller").name)
     precision = context.options.get("precision", "float64")
     prefix = context.options.get("prefix", PREFIX)
-    difference: dict[str, float] = {}
+    difference: PrecisionCost | None = None
     for i, target in enumerate(wanted):
         context.progress(counted(f"writing {target}", i, len(wanted)))
         if target in ("c", "st"):
@@ -80,13 +83,9 @@ def _export_controller(context: Context, wanted: Sequence[str]) -> dict[str, Any
     precision = precision if "c" in wanted else "float64"
     if {"c", "st"} & set(wanted):
         export_files.write_replay(context.out, controller, context.config.name, precision)
-    return {
-        "controller": controller.law,
-        "period_s": controller.period,
-        "hash": controller_hash(controller, precision),
-        "precision": precision,
-        "difference_from_float64": difference or None,
-    }
+    return ExportedController(
+        controller.law, controller.period, controller_hash(controller, precision), precision, difference
+    )
 
 
 def _tables(artifacts: Path) -> dict[str, export_files.Columns]:
@@ -105,7 +104,7 @@ def _write_tables(out: Path, target: str, controller: Controller, tables: dict[s
         export_files.write_csv(out / f"{name}.csv", table)
 
 
-def export_plant(context: Context, study: PipelineData, model: Model) -> dict[str, Any]:
+def export_plant(context: Context, study: PipelineData, model: Model) -> PlantAnswer:
     """Write the FMU; return what an importer finds in it."""
     require_recordings_over_time(study)
     where = f"{context.path}, key model.effects"

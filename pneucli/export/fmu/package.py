@@ -22,6 +22,7 @@ from pneucli.export.fmu.plant import Plant
 from pneucli.export.fmu.plant_source import plant_functions
 from pneucli.export.fmu.variables import Variable, c_tables, variables_of
 from pneucli.io.artifacts import atomic_path
+from pneucli.messages.export import PlantAnswer
 from pneucli.simulate import layout as at
 from pneucli.units import parse_unit
 from pneucli.version import __version__
@@ -141,7 +142,7 @@ def _unit(text: str) -> Unit:
     return Unit(name=text, baseUnit=BaseUnit(m=m, kg=kg, s=s, K=K, A=A, factor=unit.factor, offset=unit.offset))
 
 
-def write_fmu(folder: Path, plant: Plant, where: str, fmi: str = "3.0") -> dict[str, object]:
+def write_fmu(folder: Path, plant: Plant, where: str, fmi: str = "3.0") -> PlantAnswer:
     """Write ``pneucli_plant.fmu``.
 
     Args:
@@ -151,8 +152,7 @@ def write_fmu(folder: Path, plant: Plant, where: str, fmi: str = "3.0") -> dict[
         fmi: Version of the standard, ``3.0`` or ``2.0``.
 
     Returns:
-        What an importer finds: version, inputs, outputs, parameters (name, unit, value, ci95), effects, platforms of
-        its binaries (none where no C compiler is installed; the sources are there).
+        What an importer finds.
 
     Raises:
         InputError: FMPy is not installed, or an effect has Python without a counterpart in C.
@@ -174,19 +174,19 @@ def write_fmu(folder: Path, plant: Plant, where: str, fmi: str = "3.0") -> dict[
         binaries = _compile(root, Path(name) / "build")
         with atomic_path(folder / FILE_NAME) as temporary:
             _archive(root, temporary)
-    return {
-        "fmi": fmi,
-        "inputs": [v.name for v in variables if v.kind == "input"],
-        "outputs": [v.name for v in variables if v.kind == "output"],
-        "parameters": {
+    return PlantAnswer(
+        fmi,
+        inputs=[v.name for v in variables if v.kind == "input"],
+        outputs=[v.name for v in variables if v.kind == "output"],
+        parameters={
             v.name: {"value": v.start, "unit": v.unit, "ci95": None if v.interval is None else list(v.interval)}
             for v in variables
             if v.kind == "parameter"
         },
-        "effects": [effect.name for effect in plant.effects],
-        "binaries": binaries,
-        "max_step_s": plant.max_step,
-    }
+        effects=[effect.name for effect in plant.effects],
+        binaries=binaries,
+        max_step_s=plant.max_step,
+    )
 
 
 def _write_descriptions(root: Path, about: ModelDescription) -> None:
