@@ -5,6 +5,8 @@ TABLE is one of
 - ``ensemble``: axes held, by the rules, with gains from an ensemble, and with these after a commissioning, of rigs with
   one effect that the model knows (told) or not (untold), told but with untold bristles, 5 ms of lag and 0.1 V of play
   (small), 10 ms of lag or of hose; at the end the probability that the ensemble promised;
+- ``promise``: the probability that an ensemble promises, against the share of further rigs of the model, and of the
+  exam's with the same untold effects, that hold;
 - ``proof``: rigs that no design saw, of all arrangements, at 0.5 to 5 ms, encoders of 1 to 50 um, with 10 ms of lag
   or of hose, break-away or a null untold, commissioned or not, under what happens in a plant: loads on and off,
   emergency stops, a sensor lost, the supply lost. A loop runs away where the piston, once all is well again for 3 s,
@@ -19,6 +21,7 @@ import argparse
 import sys
 from collections.abc import Callable
 from dataclasses import dataclass, field
+from time import perf_counter
 
 import numpy as np
 from scipy.stats import beta
@@ -35,6 +38,7 @@ from pneucli.design.cascade_design import design_cascade
 from pneucli.design.requirements import Requirements
 from pneucli.exam.cases import prepare_case
 from pneucli.exam.conditions import parse
+from pneucli.exam.hidden_effects import BY_NAME
 from pneucli.exam.rig.parameters import ONE_CHAMBER, Parameters
 from pneucli.simulate.model import Model
 
@@ -102,8 +106,23 @@ def chatters(par: Parameters, c: Controller, is_commissioned: bool = False) -> f
     return ensemble.chattering(np.asarray(u[time >= 0.0]), c.period)
 
 
-def designs(model: Model, par: Parameters, is_small: bool) -> tuple[tuple[Controller, Controller], float]:
-    """Return the controllers by the rules and from the ensemble, and the probability that the latter promises."""
+@dataclass(frozen=True)
+class Searched:
+    """Controllers by the rules and from the ensemble, and what the search of the latter was made with."""
+
+    usual: Controller
+    own: Controller
+    rigs_like: ensemble.RigEnsemble
+    test: ensemble.RigTest
+    setup: ClosedLoopSetup
+
+    def proof(self, count: int) -> ensemble.Proof:
+        """What the controller from the ensemble does on ``count`` fresh rigs of the model."""
+        return ensemble.prove(self.own, self.rigs_like, self.test, self.setup, count, explained=False)
+
+
+def searched(model: Model, par: Parameters, is_small: bool) -> Searched:
+    """Design by the rules and on the ensemble of a model."""
     wanted, sealed = requirements(par)
     rigs_like, setup = ensemble.ensemble_of(model, {}), ClosedLoopSetup(quantum_x=1e-6, noise_p=400.0)
     usual = design_cascade(model, wanted, sealed)
@@ -113,14 +132,59 @@ def designs(model: Model, par: Parameters, is_small: bool) -> tuple[tuple[Contro
     def make(choice: ensemble.Choice) -> Controller:
         return design_cascade(*ensemble.chosen_requirements(choice, model, wanted), sealed)
 
+    own = make(ensemble.search(rigs_like, make, setup, test, family, count=count))
+    return Searched(usual, own, rigs_like, test, setup)
+
+
+def designs(model: Model, par: Parameters, is_small: bool) -> tuple[tuple[Controller, Controller], float]:
+    """Return the controllers by the rules and from the ensemble, and the probability that the latter promises."""
+    (wanted, sealed), found = requirements(par), searched(model, par, is_small)
+
     def member(slower: Model) -> Controller:
         if is_small:
             return design_cascade(slower, wanted, sealed)
-        return member_on_ensemble(rigs_like, slower, wanted, sealed, test, setup)
+        return member_on_ensemble(found.rigs_like, slower, wanted, sealed, found.test, found.setup)
 
-    own = make(ensemble.search(rigs_like, make, setup, test, family, count=count))
-    proof = ensemble.prove(own, rigs_like, test, setup, 3 if is_small else 40, explained=False)
-    return (usual, with_commissioning(model, own, member, setup)), proof.probability
+    made = with_commissioning(model, found.own, member, found.setup)
+    return (found.usual, made), found.proof(3 if is_small else 40).probability
+
+
+def print_promise(asked: argparse.Namespace) -> None:
+    """Print a row for each rig: what its ensemble promises and what held, on the model's rigs and on the exam's."""
+    head("rig", "design, s", "promised", "held, model", "held, exam", "over rest, motion, load, chattering",
+         "chattering, V, rules / ensemble")  # fmt: skip
+    count, total = (2, 3) if asked.small else (40, ensemble.PROOF_RIGS), np.zeros(3)
+    for seed in range(asked.seed, asked.seed + asked.seeds):
+        par, model, _ = exact_models(seed, "none")
+        start = perf_counter()
+        found = searched(model, par, asked.small)
+        proof, spent = found.proof(count[1]), perf_counter() - start
+        on_exam = np.array([_on_exam(found, par, k) for k in range(count[0])])
+        held = int(np.sum(on_exam.max(axis=1) <= 1.0))
+        total += np.array([proof.probability, proof.held / count[1], held / count[0]])
+        row(seed, round(spent), f"{proof.probability:.2f}", f"{proof.held} of {count[1]}", f"{held} of {count[0]}",
+            " ".join(str(n) for n in np.sum(on_exam > 1.0, axis=0)),
+            " / ".join(f"{chatters(par, c):.2g}" for c in (found.usual, found.own)))  # fmt: skip
+    row("mean", "", *(f"{share:.2f}" for share in total / asked.seeds), "", "")
+
+
+def _on_exam(found: Searched, par: Parameters, k: int) -> Array:
+    """Return the figures over their limits on the exam's own rig k with what the ensemble draws for its rigs."""
+    drawn = found.rigs_like.draw(ensemble.PROOF_SEED + 1, k)
+    base, most = drawn.base_values(), np.array([par.command_range])
+    scale = float((drawn.valve(most) / found.rigs_like.model.valve(most))[0])
+    fields = {
+        BY_NAME[name].fields[key][0]: BY_NAME[name].fields[key][1] * drawn.values[f"{name}.{key}"]
+        for name in found.rigs_like.effects
+        for key in BY_NAME[name].fields
+    }
+    actual = par._replace(
+        supply=base["rig.supply_pressure"], mass=base["rig.moving_mass"], dead_volume_1=base["rig.dead_volume_1"],
+        dead_volume_2=base["rig.dead_volume_2"], effective_area=scale * par.effective_area, **fields,
+    )  # fmt: skip
+    scenario = found.test.scenario
+    run = rigs.driven(actual, found.own, scenario.reference, -scenario.force, seed=k)
+    return found.test.judged(run.x, run.u)
 
 
 def requirements(par: Parameters, period: float = 1e-3, quantum: float = 1e-6) -> tuple[Requirements, float | None]:
@@ -226,7 +290,7 @@ def print_proof(asked: argparse.Namespace) -> None:
     print("commissionings ended as:", ", ".join(f"{state} {n}" for state, n in ends.items()))
 
 
-TABLES = {"ensemble": print_ensemble, "proof": print_proof}
+TABLES = {"ensemble": print_ensemble, "promise": print_promise, "proof": print_proof}
 
 
 def main(arguments: list[str]) -> None:

@@ -96,15 +96,25 @@ class RigTest:
     period: float
 
     def ratios(self, model: Model, controller: Controller, setup: ClosedLoopSetup, seed: int) -> Array:
-        """Return the figures of a run over their limits, shape (4,); motion and chattering are rms."""
+        """Return the figures of a run over their limits, shape (4,)."""
         supplied = self.scenario.supplied_by(model, controller)
         run = simulate(model, controller, supplied, setup, seed)
-        error = np.abs(np.nan_to_num(self.scenario.reference - run.model[:, at.X], nan=np.inf))
+        return self.judged(run.model[:, at.X], run.log[:, layout.L_U1])
+
+    def judged(self, x: Array, u: Array) -> Array:
+        """Return the figures of a run over their limits, shape (4,); motion and chattering are rms.
+
+        Args:
+            x: Position in m, shape (samples,).
+            u: Command in V, shape (samples,).
+        """
+        error = np.abs(np.nan_to_num(self.scenario.reference - x, nan=np.inf))
         ends = [round(i * DWELL / self.period) for i in range(1, 5)]
         rests = [float(error[end - round(JUDGED / self.period) : end].max()) for end in ends]
         moving = error[ends[-1] + round(1.0 / self.period) :]
-        fast = chattering(run.log[:, layout.L_U1], self.period)
-        found = np.array([max(rests[:2]), math.sqrt(float(np.mean(moving**2))), max(rests[2:]), fast])
+        found = np.array([
+            max(rests[:2]), math.sqrt(float(np.mean(moving**2))), max(rests[2:]), chattering(u, self.period)
+        ])  # fmt: skip
         return np.asarray(np.minimum(found / np.array(self.limits), WORST_RATIO))
 
 
