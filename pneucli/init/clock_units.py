@@ -122,10 +122,19 @@ def _date_votes(values: Array, period: float) -> Iterator[Vote]:
         yield "d", "the rate is one of recordings"
 
 
-def counts_millionths_of_days(values: Array) -> bool:
-    """Return whether stamps are days of this century since 1900 times a million, in parts, and no milliseconds."""
-    low, high = (1e6 * day for day in DAYS[0])
-    return bool(values.size and low < values[0] < high and np.any(values != np.floor(values)))
+def epoch_counter(values: Array) -> tuple[str, float, str] | None:
+    """Return unit, scale and name of stamps that count dates of this century in steps of their own; else None."""
+    first = float(values[0]) if values.size else 0.0
+    parts = bool(np.any(values != np.floor(values)))
+    found = (row for row in _COUNTERS if row[0] < first < row[1] and (row[2] or parts))
+    return next((row[3:] for row in found), None)
+
+
+_COUNTERS = (  # first and last stamp, whether in whole numbers, unit, scale, what it is
+    (1e6 * DAYS[0][0], 1e6 * DAYS[0][1], False, "d", 1e-6, "millionths of a day, as WinCC writes Time_ms"),
+    (1.26e17, 1.46e17, True, "ns", 100.0, "100 ns since 1601, as Windows and TwinCAT count"),
+    (6.3e17, 6.5e17, True, "ns", 100.0, "100 ns since the year 1, as .NET counts"),
+)
 
 
 def _second_clock_votes(column: Column, columns: Sequence[Column]) -> Iterator[Vote]:

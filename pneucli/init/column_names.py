@@ -20,8 +20,8 @@ from pneucli.units import same_dimension
 # whole words; with a hyphen behind or before them the beginnings or ends of words, with both the middles of words, as
 # in languages that write no blanks; most telling first, without accents
 NOUNS: dict[str, str] = {
-    "time": "t ts time- -time zeit -zeit uhrzeit temps tiempo tempo tijd timestamp clock uhr stamp datetime elapsed "
-    "czas tout micros millis tid aika cas ido zaman timp время -时间- -時間- -시간-",
+    "time": "t ts time- -time zeit -zeit uhrzeit temps tiempo tempo tijd timestamp clock uhr stamp datetime "
+    "elapsed filetime czas tout micros millis tid aika cas ido zaman timp время -时间- -時間- -시간-",
     "pressure": "p pa pb ps p0 pt pit pres press- psup- ptank- -pressure druck -druck druck- pression "
     "presion pressione druk cisnienie tryck- -tryck trykk- -trykk tryk- -tryk paine- -paine tlak- nyomas- "
     "basinc- pressao presiune давлен- -压力- -圧力- -압력-",
@@ -242,7 +242,8 @@ def _stem_and_unit(column: str, is_text: bool) -> tuple[str, str, bool]:
 def _stands_behind_a_blank(text: str) -> bool:
     """Return whether the end of a name is a unit and no word: "v mm/s", "Q l/min ANR"; not "Pressure A", "Loop PV"."""
     is_word = len(text) < 2 or text.isupper() or text.lower() in _WORDS_TOO
-    return text[0].isalpha() and not is_word and ("/" in text or " " not in text) and is_unit(text)
+    whole = text.count("(") == text.count(")") and text.count("[") == text.count("]")
+    return text[0].isalpha() and whole and not is_word and ("/" in text or " " not in text) and is_unit(text)
 
 
 def _longest_unit(stem: str, unit: str) -> tuple[str, str]:

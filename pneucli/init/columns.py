@@ -14,7 +14,7 @@ import numpy as np
 
 from pneucli.arrays import Array
 from pneucli.init.clock_columns import is_increasing, repeated_clocks
-from pneucli.init.clock_units import counts_millionths_of_days, guess_clock_unit
+from pneucli.init.clock_units import epoch_counter, guess_clock_unit
 from pneucli.init.column_names import (
     ABSOLUTE,
     ANGLES,
@@ -41,6 +41,7 @@ from pneucli.units import is_count, parse_unit, same_dimension
 MIN_SWITCHED_SAMPLES, MAX_SWITCHED_LEVELS = 100, 3  # samples of one that was surely read, values of one that was not
 _DEGREES = {"C": "degC", "F": "degF"}  # letters that mean something else where no temperature is measured
 SET = ("u", "u2", "x_ref", "p_ref", "p_supply")  # signals that may change between a few values
+ONLY_PRESSURE = "taken for p1, as no other pressure is recorded"
 MOTION = ("v", "a")  # of which a column that never changes tells nothing; an x that does not is a place
 
 
@@ -71,7 +72,7 @@ def guess_columns(surveys: Sequence[Survey]) -> list[Guess]:
     why = rivals(taken, scores, found.columns)
     why |= {one.position: one.why for one in seen if taken.get(one.position) == one.signal}
     taken = {n: one for n, one in taken.items() if one not in MOTION or np.ptp(found.columns[n].finite_values) > 0}
-    why |= _assign_single_pressure(taken)
+    why |= _assign_single_pressure(taken, names)
     guesses = [_column_guess(surveys, n, taken.get(n, ""), names[n]) for n in range(len(names))]
     return [
         replace(one, note="; ".join(filter(None, (why[n], one.note)))) if n in why and one.signal else one
@@ -173,8 +174,9 @@ def _clock_guess(found: Survey, column: Column, name: ColumnName) -> Guess:
         guess = _clock_guess(found, replace(column, values=column.values[::-1]), name)
         note = "CHECK the newest row stands first: sort the rows by time, the oldest first, before they are read"
         return replace(guess, column=column, note="; ".join(filter(None, (note, guess.note))))
-    if name.unit == "ms" and counts_millionths_of_days(column.finite_values):
-        return Guess(column, "time", "d", False, "", "CHECK millionths of a day, as WinCC writes Time_ms", scale=1e-6)
+    if name.unit in ("", "ms") and (counter := epoch_counter(column.finite_values)):
+        unit, scale, what = counter
+        return Guess(column, "time", unit, False, "", f"CHECK {what}", scale=scale)
     if name.unit and same_dimension(name.unit, "s"):
         note = "CHECK the sum of the steps" if column.computed and "cumsum" in str(column.key) else ""
         return Guess(column, "time", name.unit, True, "", note, scale=column.scale)
@@ -225,7 +227,7 @@ def _clock(columns: Sequence[Column], names: Sequence[ColumnName]) -> int | None
 def _goes_on_evenly(column: Column) -> bool:
     """Return whether a column rises by the same each row, and counts no rows."""
     steps = np.diff(column.finite_values)
-    return bool(np.ptp(steps) <= 1e-6 * steps[0]) and not _counts_rows(column)
+    return bool(np.ptp(steps) <= 0.01 * steps[0]) and not _counts_rows(column)
 
 
 def _counts_rows(column: Column) -> bool:
@@ -241,11 +243,11 @@ def _is_switched(column: Column) -> bool:
     )
 
 
-def _assign_single_pressure(taken: dict[int, str]) -> dict[int, str]:
+def _assign_single_pressure(taken: dict[int, str], names: Sequence[ColumnName]) -> dict[int, str]:
     """Take a pressure that stands alone for that of chamber 1, whatever it is called; return what is to say of it."""
     for n in [n for signal in ("p2", "p_supply") for n, given in taken.items() if given == signal][:1]:
         if "p1" not in taken.values():
-            at_a_piston = taken[n] == "p2" and "x" in taken.values()
+            doubtful = names[n].has(SUPPLY) if taken[n] == "p_supply" else "x" in taken.values()
             taken[n] = "p1"
-            return {n: "CHECK taken for p1, as no other pressure of a chamber is recorded"} if at_a_piston else {}
+            return {n: f"CHECK {ONLY_PRESSURE}"} if doubtful else {}
     return {}

@@ -14,7 +14,7 @@ from pneucli.arrays import Array
 from pneucli.init.clock_columns import is_increasing
 from pneucli.init.clock_units import stated_period
 from pneucli.init.column_names import DOWNSTREAM, UPSTREAM, read_name
-from pneucli.init.columns import guess_columns
+from pneucli.init.columns import ONLY_PRESSURE, guess_columns
 from pneucli.init.role_evidence import BY_ORDER
 from pneucli.init.survey_types import Column, Guess, Survey
 from pneucli.init.units import pressure_reference, pressure_reference_from_force, to_si
@@ -287,40 +287,50 @@ def _certainty(answer: tuple[str, str]) -> int:
     return 2 if not answer[1].startswith("CHECK") else 1 if "which is ambient pressure" in answer[1] else 0
 
 
-def join_single_signal_files(surveys: Sequence[Survey]) -> FileGroup | None:
-    """Return one kind for all files, if each holds a clock and one reading, no two of them the same signal.
+def join_files_of_one_recording(surveys: Sequence[Survey]) -> FileGroup | None:
+    """Return one kind for all files, if each holds a clock and readings, no two of them the same signal.
 
-    A reading is called what its column is called, or its file where all columns are called alike.
+    Either each holds one reading, or one of them holds nothing that makes a recording by itself. A single reading is
+    called what its column is called, or its file where all columns are called alike.
     """
-    pairs = [_clock_and_reading(one) for one in surveys]
+    guesses = [guess_columns([one]) for one in surveys]
+    pairs = [_clock_and_readings(own) for own in guesses]
     if len(surveys) < 2 or None in pairs:
         return None
     found = [pair for pair in pairs if pair is not None]
-    readings = [reading for _, reading in found]
+    owners = [n for n, (_, own) in enumerate(found) for _ in own]
+    readings = [column for _, own in found for column in own]
+    single = len(owners) == len(surveys)
     if len({one.name for one in readings}) < len(readings):
-        stems = zip(surveys, readings, strict=True)
-        readings = [replace(one, name=survey.path.stem) for survey, one in stems]
+        stems = zip(owners, readings, strict=True)
+        readings = [replace(one, name=surveys[n].path.stem) for n, one in stems] if single else []
     clocks = [clock for clock, _ in found]
     together = guess_columns([Survey(surveys[0].raw, surveys[0].is_text, [clocks[0].column, *readings], {})])[1:]
     signals = [one.signal for one in together]
-    if "" in signals or len(set(signals)) < len(signals) or not _overlap_in_time(clocks):
+    by_file: list[dict[str, Guess]] = [{"time": clock} for clock in clocks]
+    for n, one, column in zip(owners, together, (own for _, each in found for own in each), strict=False):
+        by_file[n] |= {one.signal: replace(one, column=column)}
+    alone = [any(g.signal in _RECORDED and ONLY_PRESSURE not in g.note for g in own) for own in guesses]
+    distinct = "" not in signals and len(set(signals)) == len(owners)
+    if not distinct or not (single or not all(alone)) or not _overlap_in_time(clocks):
         return None
     kinds = [
-        FileGroup([survey], survey.path.as_posix(), (), {"time": clock, one.signal: replace(one, column=column)}, ())
-        for survey, (clock, column), one in zip(surveys, found, together, strict=True)
+        FileGroup([survey], survey.path.as_posix(), (), own, ()) for survey, own in zip(surveys, by_file, strict=True)
     ]
     kinds.sort(key=lambda kind: [*SIGNALS].index([*kind.guesses_by_signal][1]))
     return replace(kinds[0], further_files=kinds[1:])
 
 
-def _clock_and_reading(one: Survey) -> tuple[Guess, Column] | None:
-    """Return the clock of a file and its only reading, beside counters, further stamps and what never changes."""
-    guesses = guess_columns([one])
+_RECORDED = {"p1", "p2", "x", "force", "flow"}  # of which a recording has one
+
+
+def _clock_and_readings(guesses: Sequence[Guess]) -> tuple[Guess, list[Column]] | None:
+    """Return the clock of a file and its readings, beside counters, further stamps and what never changes."""
     clock = [g for g in guesses if g.signal == "time"]
     rest = [g.column for g in guesses if g.signal != "time"]
     moving = [one for one in rest if len(rest) > 1 and one.finite_values.size and np.ptp(one.finite_values) > 0]
     rest = [one for one in moving if not is_increasing(one.finite_values)] or rest
-    return (clock[0], rest[0]) if len(clock) == len(rest) == 1 and rest[0].where is None else None
+    return (clock[0], rest) if len(clock) == 1 and rest and all(one.where is None for one in rest) else None
 
 
 def _overlap_in_time(clocks: Sequence[Guess]) -> bool:

@@ -137,7 +137,7 @@ def _key(key: ColumnKey) -> str:
 def _value_range(kind: FileGroup, one: Guess) -> str:
     each = kind.raw_numbers(one.signal)
     if one.signal == "time":
-        factor = parse_unit(one.unit).factor
+        factor = parse_unit(one.unit).factor * one.scale
         steps = np.concatenate([np.diff(values) for values in each])
         steps = steps[steps > 0]
         if not steps.size:

@@ -19,7 +19,7 @@ _PATTERN = (
     rf"^\s*(?:{_DAY}(?:[T,]|\s)\s*)?"
     r"(?:(?P<hour>\d{1,2}):(?P<minute>\d{2})(?::(?P<second>\d{2}(?:[.,:;]\d+)?))?|"
     r"(?P<minutes>\d{1,2}):(?P<seconds>\d{2}[.,]\d+))\s*(?P<half>[AaPp]\.?[Mm]\.?)?"
-    r"\s*(?P<zone>Z|UTC|GMT|[+-]\d{2}(?::?\d{2})?)?\s*$"
+    r"\s*(?P<zone>Z|[A-Z]{3,4}|[+-]\d{2}(?::?\d{2})?)?\s*$"
 )
 _STAMP = re.compile(_PATTERN)
 _FIELDS = ("day", "hour", "minute", "second", "minutes", "seconds", "half", "zone")
@@ -160,11 +160,9 @@ QUARTER_HOUR = 900.0  # s, of which all zones are multiples
 
 
 def _offset(text: str | None) -> float | None:
-    """Return an offset from UTC in s; None where none is written."""
-    if not text:
-        return None
-    if not text[1:].replace(":", "").isdigit():
-        return 0.0  # Z, UTC
+    """Return an offset from UTC in s; None where none is written, or a zone's name alone, such as CET."""
+    if not text or text[0].isalpha():
+        return 0.0 if text in ("Z", "UTC", "GMT") else None
     hours, minutes = text[1:3], text[3:].strip(":") or "0"
     return (-1.0 if text[0] == "-" else 1.0) * (3600.0 * int(hours) + 60.0 * int(minutes))
 

@@ -166,7 +166,9 @@ class _DelimitedTable:
         names = names or self._names_in_comment(start)
         titles, own = self._channel_table(above, names)
         titles = titles or self._other_lines(above, names)
-        units = tuple(text.strip("[](){}<> ") for text in units or own)
+        wide = (self._rows[n] for n in above if len(self._rows[n]) == self.width and n != at)
+        units = units or own or next((row for row in wide if _are_units(row)), ())
+        units = tuple(text.strip("[](){}<> ") for text in units)
         return SniffedLayout(direct, skip, self.delimiter, names, units, self._thousands(), titles)
 
     def _header(self, above: list[int]) -> tuple[tuple[str, ...], tuple[str, ...], int | None]:
@@ -190,6 +192,8 @@ class _DelimitedTable:
                 return self._rows[names][: self.width], self._rows[units][: self.width], names
         last = next((n for n in reversed(wide) if self._has_value(n)), -1)
         most = max((n for n in wide[-MAX_HEADER_LINES:] if n > last), key=lambda n: (self._distinct(n), n))
+        if self._rows[most][0] in _MARKS and len(self._rows[most]) > self.width:
+            return self._rows[most][1:], (), None
         return self._rows[most][: self.width], (), most
 
     def _keyed(self, lines: list[int], key: re.Pattern[str]) -> tuple[str, ...]:
@@ -275,6 +279,7 @@ class _DelimitedTable:
         }
 
 
+_MARKS = ("%", ";", "//", "!")  # in front of a line of names, apart by a blank
 _TITLES = re.compile(
     r"(?i)(?:channel |signal |trace)?names?|signals?|labels?|titles?|comments?|descriptions?|tags?|bezeichnung|"
     r"kanalname"

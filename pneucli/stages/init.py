@@ -21,7 +21,7 @@ from pneucli.init.file_groups import (
     FileGroup,
     column_values,
     group_files,
-    join_single_signal_files,
+    join_files_of_one_recording,
     natural_sort_key,
     pressure_references,
 )
@@ -64,7 +64,7 @@ def create(directory: Path, raw: Sequence[Path] = (), *, parts: Sequence[Compone
             "export them as CSV",
             code="E041",
         )
-    together = join_single_signal_files(surveys)
+    together = join_files_of_one_recording(surveys)
     found = _recordings([together] if together else group_files(surveys), left)
     content = _from_raw(directory, found) if raw else _example(directory)
     content = "\n".join([content, *(f"# left out: {one}" for one in left)]) + "\n" * bool(left)

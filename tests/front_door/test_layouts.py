@@ -1,6 +1,7 @@
 """How recorders lay out their files: headers, stamps, runs, cells, roles: each is right, marked or refused in words."""
 
 import json
+import re
 from pathlib import Path
 from typing import Any
 
@@ -507,3 +508,79 @@ def test_a_block_s_own_head_is_no_row(tmp_path: Path) -> None:
     (values,) = next(iter(reader.batches([ColumnRequest(0)])))
     assert values.size == 120
     assert reader.locate(60) == f"{path}, line 70"
+
+
+def stamped(values: dict[str, np.ndarray], start: int) -> str:
+    """Return a table with stamps of a calendar, from a second on."""
+    rows = zip(*values.values(), strict=True)
+    body = "\n".join(
+        f"2026-03-11 09:15:{start + n // 100:02}.{n % 100:02}0 CET,{','.join(f'{one:.4f}' for one in row)}"
+        for n, row in enumerate(rows)
+    )
+    return f"Timestamp,{','.join(values)}\n{body}\n"
+
+
+def test_a_file_of_the_supply_alone_belongs_to_the_recording_of_the_other_file(tmp_path: Path) -> None:
+    t = 0.01 * np.arange(600)
+    supply = {"Supply [bar(a)]": 7 + 0.001 * np.cos(99 * t)}
+    tank = {"Valve [V]": np.sign(np.sin(2 * t)), "Tank [bar(a)]": 4 + np.sin(t)}
+    files = [
+        written(tmp_path, stamped(supply, 2), "supply.csv"),
+        written(tmp_path, stamped({name: own[100:] for name, own in tank.items()}, 3), "tank.csv"),
+    ]
+    answer = init.create(tmp_path / "rig", files)
+    found = {one.signal: one.column for one in answer.columns if one.signal not in ("", "time")}
+    assert found == {"p_supply": "Supply [bar(a)]", "u": "Valve [V]", "p1": "Tank [bar(a)]"}
+    text = (tmp_path / "rig" / "pipeline.toml").read_text(encoding="utf-8")
+    assert (text.count("[[recordings]]"), text.count("[[recordings.more]]")) == (1, 1)
+
+
+def test_a_supply_alone_is_doubted_as_a_chamber_and_runs_stay_apart(tmp_path: Path) -> None:
+    t = 0.01 * np.arange(600)
+    alone = written(tmp_path, stamped({"Supply [bar(a)]": 7 + 0.1 * np.cos(9 * t)}, 2), "supply.csv")
+    (one,) = [one for one in init.create(tmp_path / "one", [alone]).columns if one.signal == "p1"]
+    assert "CHECK taken for p1" in one.why
+    axis = {"Valve [V]": np.sin(t), "p1 [bar]": 4 + np.sin(t), "x [mm]": 9 * np.sin(t)}
+    tank = {"u [V]": np.sin(t), "Tank [bar]": 4 + np.sin(t)}
+    files = [written(tmp_path, stamped(own, 2), f"{n}.csv") for n, own in enumerate((axis, tank))]
+    init.create(tmp_path / "two", files)
+    assert (tmp_path / "two" / "pipeline.toml").read_text(encoding="utf-8").count("[[recordings]]") == 2
+
+
+@pytest.mark.parametrize(
+    ("first", "step", "unit"),
+    [
+        (134_176_905_020_000_000, 100_000, "ns"),
+        (639_087_000_000_000_000, 100_000, "ns"),
+        (46_092_385_439.8, 0.115740741, "d"),
+    ],
+    ids=["FILETIME", ".NET", "WinCC"],
+)
+def test_a_counter_since_an_epoch_of_its_own_is_recognised(
+    first: float, step: float, unit: str, tmp_path: Path
+) -> None:
+    rows = "\n".join(f"{first + step * n:.6f},{n % 50 / 10},{3 + n % 70 / 30}" for n in range(300))
+    answer = init.create(tmp_path / "rig", [written(tmp_path, f"Time_ms,u [V],p1 [bar]\n{rows}\n")])
+    (clock,) = [one for one in answer.columns if one.signal == "time"]
+    assert clock.unit == unit
+    assert "CHECK" in clock.why
+    (line,) = re.findall(r"time = .*", (tmp_path / "rig" / "pipeline.toml").read_text(encoding="utf-8"))
+    assert "# 100 Hz, up to 2.99 s" in line
+
+
+def test_names_behind_a_percent_sign_are_names(tmp_path: Path) -> None:
+    rows = "\n".join(f" {0.01 * n:.2f} {n % 50 / 10} {3 + n % 70 / 30:.3f}" for n in range(300))
+    found = init.create(tmp_path / "rig", [written(tmp_path, f"% by octave\n% t u p1\n{rows}\n", "a.txt")]).columns
+    assert {one.signal for one in found if one.signal} == {"time", "u", "p1"}
+
+
+@pytest.mark.parametrize("head", ["s;V;bar\nZeit;Ventil;Druck", "Zeit (x1 s);Ventil (V);Druck (bar)"])
+def test_a_line_of_units_above_the_names_and_a_factor_in_brackets_are_read_or_doubted(
+    head: str, tmp_path: Path
+) -> None:
+    rows = "\n".join(f"{0.01 * n:.2f};{n % 50 / 10};{3 + n % 70 / 30:.3f}" for n in range(300))
+    answer = init.create(tmp_path / "rig", [written(tmp_path, f"{head}\n{rows}\n")])
+    found = {one.signal: one for one in answer.columns if one.signal}
+    assert (found["u"].unit, found["p1"].unit) == ("V", "bar")
+    assert "no unit is stated" not in found["p1"].why
+    assert found["time"].unit == "s"
