@@ -142,8 +142,12 @@ def breakaway_friction(model: Model) -> tuple[float, float]:
 
 
 def _with_typical_rise(model: Model) -> Model:
-    """Return a model with the middle one of the typical rises of break-away over sliding friction."""
+    """Return a model with the middle one of the typical rises of break-away over sliding friction.
+
+    The speed by which a rise has fallen does not depend on its size: without Coulomb friction that of 1 N.
+    """
     effect = next(e for e in catalogue().values() if "dry_rise" in e.ports)
+    model = model.with_values({"friction.coulomb": model.base_values()["friction.coulomb"] or 1.0})
     rig = rig_quantities(model)
     typical = {p.name: p.range_on(rig).typical for p in effect.parameters}
     sizes = {f"{effect.name}.{name}": starts[len(starts) // 2] for name, starts in typical.items()}

@@ -93,6 +93,8 @@ def test_without_a_rise_break_away_is_coulomb_friction_and_falls_by_the_typical_
     found = (coulomb, pytest.approx(typical[1], rel=1e-6))
     assert breakaway_friction(model()) == found
     assert breakaway_friction(with_("stribeck", static=coulomb, velocity=0.5)) == found  # no rise, though declared
+    smooth = replace(model(), values={**model().values, "friction.coulomb": 0.0})
+    assert breakaway_friction(smooth) == (0.0, found[1])
 
 
 @pytest.mark.parametrize(
