@@ -83,9 +83,9 @@ def test_gains_from_an_ensemble_are_chosen_compared_and_promised(
     demo: Demo, designed: Demo, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, on_the_model_alone: None
 ) -> None:
     for name, value in (("LAGS", (0.0, 5e-3)), ("PRESSURE_SHARES", (1.0, 0.5)), ("POSITION_SHARES", (1.4,)),
-                        ("SEARCH_RIGS", 5)):  # fmt: skip
+                        ("SEARCH_RIGS", 5), ("SCREENING_RIGS", 2)):  # fmt: skip
         monkeypatch.setattr(ensemble, name, value)
-    for name, value in (("PROOF_RIGS", 8), ("LAW_RIGS", 8), ("LAW_SEARCH_RIGS", 2)):
+    for name, value in (("PROOF_RIGS", 6), ("LAW_RIGS", 6), ("LAW_SEARCH_RIGS", 2)):
         monkeypatch.setattr(design, name, value)
     monkeypatch.setattr(design, "compare_weight_types", lambda *_: [])  # for a law that is not asked for
     monkeypatch.setattr(control_laws, "COMPONENTS", ())
@@ -96,7 +96,7 @@ def test_gains_from_an_ensemble_are_chosen_compared_and_promised(
     known_as_declared("design", answer)
     rows = answer["ensemble"]["laws"]
     assert set(rows) == {"best", "best, by the rules", "pid", "pid, ensemble"}
-    assert all(row["rigs"] == 8 and 0.0 <= row["probability"] <= row["held"] / 8 for row in rows.values())
+    assert all(row["rigs"] == 6 and 0.0 <= row["probability"] <= row["held"] / 6 for row in rows.values())
     chosen_lag = answer["ensemble"]["spool_lag"]["value"]
     assert (load_controller(tmp_path, "best").values["C_SPOOL_SHARE"] < 1.0) == (chosen_lag > 0.0)
     assert load_controller(tmp_path, "best") != load_controller(designed[0] / "design", "best")
