@@ -29,10 +29,12 @@ def model_with_stated(
         return model
     from pneucli.physics.effects import catalogue  # noqa: PLC0415 - it takes a moment, and few files need it
 
-    places = {p.stated: f"{effect.name}.{p.name}" for effect in catalogue().values() for p in effect.parameters}
+    parameters = [(p, f"{effect.name}.{p.name}") for effect in catalogue().values() for p in effect.parameters]
+    places = {p.stated: name for p, name in parameters}
+    of_candidates = {name for p, name in parameters if p.refines}  # they describe an effect that may be absent
     stated = {places[word]: value for word, value in known.items()}
     deviations = {places[word]: tolerances[word] for word in known if word in tolerances}
-    names = list(dict.fromkeys(name.partition(".")[0] for name in stated))
+    names = list(dict.fromkeys(name.partition(".")[0] for name in stated if name not in of_candidates))
     own = {
         name: ParameterTable(start=value, sigma=deviations[name]) if name in deviations else ParameterTable(fixed=value)
         for name, value in stated.items()
@@ -54,7 +56,9 @@ def _stated(
         if cylinder.angle is not None:
             if cylinder.moving_mass is None:
                 raise ValueError("angle tells how the weight acts, and no moving_mass is stated; wanted it as well")
-            yield "weight", cylinder.moving_mass * STANDARD_GRAVITY * math.sin(cylinder.angle)
+            gravity = STANDARD_GRAVITY * math.sin(cylinder.angle)
+            yield "weight", cylinder.moving_mass * gravity
+            yield "gravity along the axis", gravity
     lags = {one.lag for name, one in signals.present().items() if name in ("p1", "p2") and one.lag is not None}
     if len(lags) > 1:
         raise ValueError("p1 and p2 state different lags; wanted one for both")

@@ -58,10 +58,18 @@ class PipelineData:
 
     @cached_property
     def _parameter_priors(self) -> dict[str, ParameterPrior]:
-        """What the file says of the model's parameters; those of an effect that is not in the model wait for it."""
+        """What the file says of the model's parameters; those of an effect that is not in the model wait for it.
+
+        A fixed value that refines an effect counts: the diagnosis fits the effect with it.
+        """
         there = {e.name for e in self.effects} | {"friction", "rig", "valve", "valve_2"}
-        priors = parameter_priors(self.context.config, self.available_effects)
-        return {name: one for name, one in priors.items() if name.partition(".")[0] in there}
+        effects = self.available_effects
+        refining = {f"{e.name}.{p.name}" for e in effects.values() for p in e.parameters if p.refines}
+        return {
+            name: one
+            for name, one in parameter_priors(self.context.config, effects).items()
+            if name.partition(".")[0] in there or (name in refining and one.fixed is not None)
+        }
 
     @property
     def recordings(self) -> list[Recording]:

@@ -232,7 +232,7 @@ def _refined_starts(fitted: Fit, effect: Effect, parameter: Parameter, quantitie
     law with the parameter, in which its size may be larger: it starts at no less than the smallest typical one.
     """
     name, model, unrefined = f"{effect.name}.{parameter.name}", fitted.model, parameter.value_unrefined
-    if unrefined is None or name in {*model.values, *model.rig.priors}:
+    if unrefined is None or parameter.stated or name in {*model.values, *model.rig.priors}:
         return []
     size = parameter.range_on(quantities)
     if size.lower <= unrefined:
