@@ -182,7 +182,6 @@ RULES: Mapping[str, Rule] = {
     "negligible excess": Rule("equivalence.indistinguishable", not_inferior_only),
     "probable before cheap": Rule("selection._most_probable", of_best_fit),
     "raising twin last": Rule("selection._first_of", calls("selection._most_probable")),
-    "raising effect first": Rule("selection._raises_error", gives(False)),
     "no rise beyond noise": Rule("selection._without_rise", gives_argument(1)),
     "both chambers": Rule("selection._with_whole_effects", gives_argument(2)),
     "dropped again": Rule("selection._with_dropped_again", gives_argument(1)),

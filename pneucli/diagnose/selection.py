@@ -10,7 +10,6 @@ from itertools import pairwise
 from pneucli.diagnose.adequacy import LackOfFit
 from pneucli.diagnose.candidate import Candidate, Decision, Reason, supported_candidates
 from pneucli.diagnose.constraints import (
-    IMPOSSIBLE,
     MIN_ERROR_RISE,
     error_ratio,
     raises_error_beyond_noise,
@@ -210,7 +209,7 @@ def _without_improbable(
     data: DiagnosisData, path: Sequence[FittedModel], last: FittedModel
 ) -> tuple[FittedModel, dict[str, Judgement], list[Judgement]]:
     """Drop the least probable effect, again and again, until all are probable: a proxy of an unmodelled effect takes
-    cost from the others. One that raises the free-run error goes first, so that its twins are judged without it.
+    cost from the others.
     """
     refused, known = list[Judgement](), {frozenset(one.effect_names): one for one in path}
     while added := [data.effects[name] for name in last.effect_names if name not in path[0].effect_names]:
@@ -226,7 +225,7 @@ def _without_improbable(
         refusable = [i for i, j in enumerate(judged) if not j.decision.supported]
         if not refusable:
             return last, {j.decision.effect.name: j for j in judged}, refused
-        worst = min(refusable, key=lambda i: (not _raises_error(judged[i]), judged[i].probability, reduced[i].cost))
+        worst = min(refusable, key=lambda i: (judged[i].probability, reduced[i].cost))
         refused.append(judged[worst])
         if before[worst] is None and reduced[worst].cost >= CONVERGED_COST_RATIO * last.cost:
             (last,) = data.run_refits(data, [Refit("converge", reduced[worst], added[worst])])
@@ -244,17 +243,13 @@ def _without_rise(data: DiagnosisData, judged: Judgement, reduced: FittedModel, 
     return replace(judged, decision=replace(decision, reason="raises-error"))
 
 
-def _raises_error(judgement: Judgement) -> bool:
-    return judgement.decision.reason == "raises-error"
-
-
 def _with_dropped_again(data: DiagnosisData, last: FittedModel, dropped: Sequence[Judgement]) -> FittedModel:
     """Return the model with the most probable of the dropped effects added again, itself where none is probable.
 
     Of two effects that explain the same the one that is dropped first may be the true one, and the other, which then
-    seemed more probable, impossible alone.
+    seemed more probable, be refused by a constraint.
     """
-    if not dropped or dropped[-1].decision.reason not in IMPOSSIBLE:
+    if not dropped or dropped[-1].decision.reason in IMPROBABLE:
         return last
     effects = [j.decision.effect for j in dropped[:-1]]  # the last one was judged in the model with it alone
     candidates = data.refit_with(last, [e for e in effects if data.has_initial_guess(last, e)])
