@@ -166,8 +166,6 @@ RULES: Mapping[str, Rule] = {
         gives((1.0, 1.0, 1.0)),
         ("constraints.violated_constraint", "selection._without_rise"),
     ),
-    "stretch of the whole stroke": Rule("validity.contains_all_positions", gives(False), TESTS),
-    "parameter at its least value": Rule("validity.unresolved_parameters", gives([]), TESTS),
     "collinear and needless": Rule("evidence.replaced_base_parameters", with_constant("MIN_COLLINEARITY", 2.0)),
     "alike": Rule("evidence._are_alike", gives(False), ("evidence.replaced_base_parameters",)),
     "probability": Rule("decision.judge", with_constant("MIN_NAMED_PROBABILITY", 0.0)),
@@ -183,7 +181,6 @@ RULES: Mapping[str, Rule] = {
     "probable before cheap": Rule("selection._most_probable", of_best_fit),
     "raising twin last": Rule("selection._first_of", calls("selection._most_probable")),
     "no rise beyond noise": Rule("selection._without_rise", gives_argument(1)),
-    "both chambers": Rule("selection._with_whole_effects", gives_argument(2)),
     "dropped again": Rule("selection._with_dropped_again", gives_argument(1)),
     "screen by gain": Rule("screening.score_test_screen", with_constant("MAX_BY_GAIN", 0)),
     "screen by share": Rule("screening.score_test_screen", with_constant("MIN_RELATIVE_SHARE", 0.0)),
@@ -378,7 +375,7 @@ def main(arguments: Sequence[str]) -> int:
         return diagnose_watched(arguments)
     asked = parsed(arguments)
     cases = cases_of(["fixtures"], [])[:1] if asked.small else cases_of(asked.worlds, asked.exam)
-    rules = ["both chambers"] if asked.small else asked.rule or list(RULES)
+    rules = ["dropped again"] if asked.small else asked.rule or list(RULES)
     kept = asked.kept / source_digest(ROOT / "pneucli")
     results: dict[str, dict[str, list[str]]] = {name: {} for name in rules}
     with ThreadPoolExecutor(asked.jobs) as pool:

@@ -17,11 +17,9 @@ from pneucli.diagnose.free_run_error import held_out_error
 from pneucli.diagnose.score import FittedModel
 from pneucli.diagnose.validity import (
     below_resolution,
-    contains_all_positions,
     end_locations,
     has_unmeasured_force,
     refuted_by_reading,
-    unresolved_parameters,
 )
 from pneucli.identify.estimation.fit import Fit
 from pneucli.identify.estimation.parameters import absent_value
@@ -44,11 +42,10 @@ IMPOSSIBLE: tuple[Reason, ...] = (
 def violations_of_estimate(data: DiagnosisData, candidate: Candidate) -> list[Violation]:
     """Return the constraints on the fitted values themselves, in the order in which they count."""
     ends = end_locations(candidate)
-    at_bound = "bound" in ends or bool(unresolved_parameters(candidate))
     fails = (
         bool(ends) and set(ends) == {"null"},
         bool(candidate.replaces),
-        at_bound or contains_all_positions(candidate, data.train),
+        "bound" in ends,
         below_resolution(data.train, candidate),
         refuted_by_reading(candidate.full.model, candidate.effect, data.train),
     )

@@ -197,7 +197,7 @@ def _probable_effects(
 
     The second result has the judgement of each effect that stays, the third those of the dropped ones.
     """
-    last, judgements, dropped = _without_improbable(data, path, _with_whole_effects(data, path[0], path[-1]))
+    last, judgements, dropped = _without_improbable(data, path, path[-1])
     again = _with_dropped_again(data, last, dropped)
     if again is not last:
         last, judgements, dropped_then = _without_improbable(data, path, again)
@@ -257,26 +257,6 @@ def _with_dropped_again(data: DiagnosisData, last: FittedModel, dropped: Sequenc
     judged = [(judge(data, term, constrained=True), term.candidate.full) for term in terms]
     probable = [(j.probability, full) for j, full in judged if j.decision.supported]
     return max(probable, key=operator.itemgetter(0), default=(0.0, last))[1]
-
-
-def _with_whole_effects(data: DiagnosisData, base: FittedModel, last: FittedModel) -> FittedModel:
-    """Return the model with an effect of both chambers in place of the same at each.
-
-    It replaces them where the data cannot tell: two equal hoses are one delay, with a parameter fewer.
-    """
-    added = [data.effects[name] for name in last.effect_names if name not in base.effect_names]
-    for first in (e for e in added if e.side == 1):
-        name = first.name.removesuffix(":1")
-        second = next((e for e in added if e.name == f"{name}:2"), None)
-        if second is None or name not in data.effects:
-            continue
-        (without_first,) = data.refit_without(last, [first])
-        (reduced,) = data.refit_without(without_first, [second])
-        whole = data.refit_to_convergence(data.refit_with(reduced, [data.effects[name]]))
-        pair = Term(data.candidate(reduced, last, data.effects[name]), tuple(whole))
-        if pair.equivalents(data, complete=is_complete(data, last)):
-            last = whole[0].full
-    return last
 
 
 def _nested_models(

@@ -54,38 +54,6 @@ def end_locations(candidate: Candidate) -> list[EndLocation]:
     ]
 
 
-def unresolved_parameters(candidate: Candidate) -> list[str]:
-    """Return the parameters without a null that ended at the smallest plausible value.
-
-    They say where, when or how fast the effect acts: at a Stribeck velocity below every speed of the recordings any
-    friction fits. A bound of 0 is physical, and so is a largest value, as of the conductance of an isothermal gas.
-    """
-    model, effect = candidate.full.model, candidate.effect
-    parameters = effect.in_model_with(model.effects).parameters
-    names = {f"{effect.name}.{p.name}" for p in parameters if p.null is None and not p.step}
-    lower = {f.name: f.lower for f in candidate.full.fit.free if f.name in names and f.lower > 0.0}
-    return [e.name for e in candidate.full.fit.estimates if e.name in lower and e.value <= lower[e.name] * (1.0 + 1e-6)]
-
-
-def contains_all_positions(candidate: Candidate, residual_models: Sequence[ResidualModel]) -> bool:
-    """Whether a stretch of the stroke ended with no motion outside, by more than the step of its edges.
-
-    Nothing tells it from friction along the whole stroke, which the model has without it.
-    """
-    names = {f"{candidate.effect.name}.{p.name}" for p in candidate.effect.parameters if p.step}
-    if len(names) < 2:
-        return False
-    step = max((f.step * f.scale for f in candidate.full.fit.free if f.name in names), default=0.0)
-    edges = [e.value for e in candidate.full.fit.estimates if e.name in names]
-    ranges = [one.experiment.signal_ranges for one in residual_models if isinstance(one, ForceBalance)]
-    moved = [one for one in ranges if one.high > one.low]
-    return (
-        bool(moved)
-        and bool(edges)
-        and all(one.low >= min(edges) - step and one.high <= max(edges) + step for one in moved)
-    )
-
-
 def at_any_bound(candidate: Candidate) -> bool:
     """Whether any parameter of the effect ended at a bound."""
     return any(e.at_bound and e.name.startswith(f"{candidate.effect.name}.") for e in candidate.full.fit.estimates)

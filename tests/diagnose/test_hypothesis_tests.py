@@ -44,13 +44,6 @@ def test_an_effect_at_a_bound_is_refused_whatever_its_p_value(p_value: float):
     assert reason("friction-hysteresis", ends={"drop": (0.95, True)}, p_value=p_value) == "at-bound"
 
 
-@pytest.mark.parametrize("p_value", [1e-12, 0.7])
-def test_an_end_of_the_range_of_a_parameter_without_null_refuses_the_effect(p_value: float):
-    """A dwell of the shortest time constant is an instant growth, whatever its gain."""
-    ends = {"gain": (0.5, False), "time_constant": (1e-3, True)}
-    assert reason("dwell-breakaway", ends=ends, p_value=p_value) == "at-bound"
-
-
 @pytest.mark.parametrize(("p_value", "said"), [(0.7, "at-bound"), (1e-9, "supported")])
 def test_a_physical_bound_of_0_counts_only_without_significance(p_value: float, said: str):
     """Bristles without damping are bristles; they are none where chance explains them as well."""

@@ -69,7 +69,6 @@ CASE_OF_RULE = {
     "probability": "improbable effects are dropped, the least probable first",
     "dropped": "an effect that raises the free-run error is dropped however probable it is",
     "dropped again": "what was dropped beside an impossible effect is tried again without it",
-    "both chambers": "two equal effects at the chambers are one effect of both",
 }
 
 

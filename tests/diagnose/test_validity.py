@@ -10,16 +10,12 @@ import numpy as np
 import pytest
 
 from pneucli.diagnose.validity import (
-    contains_all_positions,
     refuted_by_reading,
     rests_at_ambient,
-    unresolved_parameters,
 )
-from pneucli.identify.residuals import ChamberPressures, ForceBalance
 from pneucli.noise.model import NoiseModel
 from pneucli.physics.effects import catalogue
 from pneucli.simulate.experiment import Experiment
-from tests.diagnose.candidates import candidate
 from tests.simulate.synthetic_experiments import RIG, make_experiment, model
 
 AMBIENT = RIG.ambient_pressure
@@ -120,52 +116,3 @@ def test_samples_that_were_not_read_are_no_level() -> None:
     assert rests_at_ambient(recorded(p1=holes), "p1")
     assert not rests_at_ambient(recorded(p1=np.full(TIME.size, np.nan)), "p1")
     assert not rests_at_ambient(recorded(p1=VENTED), "p2")
-
-
-# --- where an estimate ended
-
-
-@pytest.mark.parametrize(
-    ("effect", "ends", "at_end"),
-    [
-        ("stribeck", {"static": (20.0, False), "velocity": (1e-4, True)}, ["stribeck.velocity"]),
-        ("stribeck", {"static": (20.0, True), "velocity": (0.01, False)}, []),  # it has a null: end_locations tells
-        ("presliding", {"stiffness": (2e4, False), "damping": (0.0, True)}, []),  # no damping is physical
-        ("position-friction", {"from": (-0.02, True), "to": (0.22, True), "gain": (1.0, False)}, []),  # whole stroke
-        ("constant-force", {"force": (800.0, True)}, []),
-    ],
-)
-def test_a_parameter_at_its_smallest_plausible_value_is_not_resolved(
-    effect: str, ends: dict[str, tuple[float, bool]], at_end: list[str]
-) -> None:
-    """It says where, when or how fast an effect acts: below what the recordings resolve the fit would go on."""
-    assert unresolved_parameters(candidate(effect, ends=ends)) == at_end
-
-
-@pytest.mark.parametrize(
-    ("start", "end", "everywhere"),
-    [
-        (0.0, 0.2, True),
-        (0.0009, 0.1991, True),  # no more than the step of an edge inside, 1 mm
-        (0.0, 0.18, False),  # friction of the last 20 mm tells
-        (0.02, 0.2, False),
-    ],
-)
-def test_a_stretch_of_all_positions_is_friction_along_the_stroke(start: float, end: float, everywhere: bool) -> None:
-    tried = candidate("position-friction", ends={"from": (start, False), "to": (end, False), "gain": (-0.8, False)})
-    for one in tried.full.fit.free:
-        one.step, one.scale = 0.005, 0.2  # type: ignore[misc]
-    strokes = make_experiment(
-        "friction",
-        TIME,
-        {"x": 0.1 - 0.1 * np.cos(2 * np.pi * TIME / TIME[-1]), "v": np.sin(2 * np.pi * TIME / TIME[-1])},
-    )
-    assert contains_all_positions(tried, [ForceBalance(strokes)]) == everywhere
-    assert not contains_all_positions(tried, [ChamberPressures(strokes)])  # that says nothing of where friction acts
-
-
-def test_a_parameter_at_its_largest_value_may_be_physical() -> None:
-    """A gas that exchanges heat without limit is isothermal."""
-    tried = candidate("heat-transfer", ends={"conductance": (50.0, True)})
-    tried.full.fit.free[0].lower = 1e-3
-    assert unresolved_parameters(tried) == []
