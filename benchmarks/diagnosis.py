@@ -194,7 +194,7 @@ FEATURES = {
 WORLDS = ("rigs-plc", "rigs-seal", "rigs-bench", "real")  # of the score
 HARD_CONSTRAINTS = frozenset(
     {"interval-contains-null", "vanishes", "at-bound", "below-resolution", "contradicted-by-reading", "cannot-show",
-     "raises-error", "varies-with-horizon"}
+     "raises-error"}
 )  # fmt: skip
 
 

@@ -153,7 +153,7 @@ def drop_none(_: Function) -> Function:
 
 
 OF_ESTIMATE = ("vanishes", "replaces-base-parameter", "at-bound", "below-resolution", "contradicted-by-reading")
-OF_MODEL = ("cannot-show", "interval-contains-null", "not-significant", "raises-error", "varies-with-horizon")
+OF_MODEL = ("cannot-show", "interval-contains-null", "not-significant", "raises-error")
 RULES: Mapping[str, Rule] = {
     **{one: Rule("constraints.violations_of_estimate", without_violation(one), TESTS) for one in OF_ESTIMATE},
     **{one: Rule("constraints._violations", without_violation(one), TESTS[1:]) for one in OF_MODEL},

@@ -22,7 +22,6 @@ Reason = Literal[
     "below-resolution",  # the sampling cannot distinguish the fitted time from zero
     "not-significant",  # not significant in the family of all hypotheses
     "interval-contains-null",  # the 95 % interval contains the value at which the effect is absent
-    "varies-with-horizon",  # the fitted time changes where the model restarts half as often
     "immaterial",  # only noise is left, and the reduction is too small to make the effect probable
     "raises-error",  # the free-run error of the comparison rises with the effect
     "needless",  # it passed by itself, and adds nothing to the selected effects

@@ -23,10 +23,9 @@ from pneucli.diagnose.validity import (
 )
 from pneucli.identify.estimation.fit import Fit
 from pneucli.identify.estimation.parameters import absent_value
-from pneucli.physics.declaration import Effect, Parameter, consists_of_times
+from pneucli.physics.declaration import Effect, Parameter
 
 MIN_ERROR_RISE = 1.005  # ratio of free-run errors: the smallest that three digits show
-MAX_HORIZON_SHIFT = 0.2  # of a time, by which the second horizon may change it; and no more than its interval
 
 Violation = tuple[bool, Reason]
 # reasons of an estimate that is impossible, however much the effect explains, in the order in which they count
@@ -78,14 +77,10 @@ def _violations(data: DiagnosisData, candidate: Candidate, *, measured_exclusive
     yield has_unmeasured_force(data.train, effect), "cannot-show"
     yield from violations_of_estimate(data, candidate)
     if has_null(candidate.full.fit, effect):
-        fitted = data.with_intervals(candidate.full)
-        yield interval_contains_null(fitted, effect), "interval-contains-null"
+        yield interval_contains_null(data.with_intervals(candidate.full), effect), "interval-contains-null"
     else:
         yield not score_gain(candidate.reduced.costs, candidate.full.costs).significant, "not-significant"
-        fitted = candidate.full.fit
     yield not measured_exclusively and raises_held_out_error(data, candidate.reduced, candidate.full), "raises-error"
-    timed = consists_of_times(effect)
-    yield timed and varies_with_horizon(fitted, effect, data.with_longer_horizon(candidate.full)), "varies-with-horizon"
 
 
 def _parameters_with_null(fitted: Fit, effect: Effect) -> list[tuple[str, Parameter]]:
@@ -174,24 +169,3 @@ def error_ratio(data: DiagnosisData, reduced: FittedModel, full: FittedModel) ->
         return 1.0
     before, after = held_out_error(errors(reduced.model)), held_out_error(errors(full.model))
     return after / before if before and after is not None else 1.0
-
-
-def varies_with_horizon(fitted: Fit, effect: Effect, again: Fit | None) -> bool:
-    """Whether a delay or time constant changes by more than its interval where the horizon is doubled.
-
-    A delay of the rig does not depend on how often the model restarts. A time that only shortens what is predicted
-    grows with the horizon.
-
-    Args:
-        fitted: The fit with the effect and its intervals.
-        effect: The effect, whose main parameters are all times with a null of 0 s.
-        again: The fit of the same model with the longer horizon; None where nothing restarts.
-    """
-    if again is None:
-        return False
-    for name in (f"{effect.name}.{p.name}" for p in effect.main_parameters):
-        before, low, high = fitted[name].value, *fitted[name].ci95
-        shift = abs(again[name].value - before)
-        if shift > MAX_HORIZON_SHIFT * abs(before) and shift > 0.5 * (high - low):
-            return True
-    return False

@@ -32,9 +32,9 @@ from pneucli.diagnose.set_evidence import VisitedSet
 from pneucli.diagnose.spline_regression import SplineRegression
 from pneucli.experiments import Part
 from pneucli.identify.estimation.blocks import block_labels
-from pneucli.identify.estimation.fit import Fit, StoppingRule, fit, without_data
+from pneucli.identify.estimation.fit import Fit, StoppingRule, without_data
 from pneucli.identify.estimation.intervals import with_intervals
-from pneucli.identify.estimation.model_fit import fit_with_effect, fit_without, free_parameters, refit
+from pneucli.identify.estimation.model_fit import fit_with_effect, fit_without, refit
 from pneucli.identify.estimation.score_test import ScoreTest, initial_guesses, score_tests
 from pneucli.identify.residuals import ResidualModel
 from pneucli.memory import filed, release_filed
@@ -68,7 +68,6 @@ RANKING_EFFORT = StoppingRule(
     12, 5e-3
 )  # of a first fit, which only ranks candidates: its cost is exact to half a percent
 CONVERGED_COST_RATIO = 1.05  # times the lowest cost: models within it are refitted to convergence before the comparison
-HORIZON_FACTOR = 2.0  # of the second horizon, at which a time is estimated again
 PRESSURE_SENSOR_SIDES = frozenset(
     {"pressure sensor"}
 )  # the balance in which faults of a pressure sensor act; they need a recorded pressure
@@ -187,13 +186,6 @@ class DiagnosisData:
             release_filed()
         return self._fits_with_intervals[fitted]
 
-    def with_longer_horizon(self, fitted: FittedModel) -> Fit | None:
-        """Return the fit of a model to recordings that restart half as often; None where none restarts."""
-        known = self._fits_with_longer_horizon
-        if fitted not in known:
-            known[fitted] = fit_with_longer_horizon(fitted.model, self.train)
-        return known[fitted]
-
     def without_derivatives(self, decision: Decision) -> Decision:
         """Return a decision whose candidate keeps its parameters, with their intervals where it passed, and no
         derivatives.
@@ -209,10 +201,6 @@ class DiagnosisData:
 
     @cached_property
     def _fits_with_intervals(self) -> WeakKeyDictionary[FittedModel, Fit]:
-        return WeakKeyDictionary()
-
-    @cached_property
-    def _fits_with_longer_horizon(self) -> WeakKeyDictionary[FittedModel, Fit | None]:
         return WeakKeyDictionary()
 
     @cached_property
@@ -336,20 +324,3 @@ def lack_of_fit(data: DiagnosisData, fitted: FittedModel) -> LackOfFitByUse:
             held_out_lack_of_fit(fitted.fit, data.held_out),
         )
     return data.lack_of_fit_cache[fitted]
-
-
-def fit_with_longer_horizon(model: Model, residual_models: Sequence[ResidualModel]) -> Fit | None:
-    """Fit a model to recordings that restart half as often; None where none restarts."""
-    doubled = [with_longer_horizon(one, HORIZON_FACTOR) for one in residual_models]
-    if all(new is old for new, old in zip(doubled, residual_models, strict=True)):
-        return None
-    return without_data(fit(model, doubled, free_parameters(model, doubled), stopping=RANKING_EFFORT))
-
-
-def with_longer_horizon(residual_model: ResidualModel, factor: float) -> ResidualModel:
-    """Return a residual model restarted less often; the same one where it is not simulated or never restarted."""
-    e = residual_model.experiment
-    if not residual_model.is_simulated or e.restarts.size < 2:
-        return residual_model
-    horizon = float(np.median(np.diff(e.time[e.restarts])))
-    return replace(residual_model, experiment=e.with_restarts(factor * horizon))

@@ -375,10 +375,6 @@ REJECTION_REASONS = {
     "below-resolution": "The fitted time is too short for the sampling.",
     "not-significant": "The improvement is no larger than chance.",
     "interval-contains-null": "The 95 % interval of its size contains the value at which it is absent.",
-    "varies-with-horizon": (
-        "Its time changes where the model restarts half as often: it shortens what is predicted, and no part of the "
-        "rig is late."
-    ),
     "immaterial": "It explains too little of the error, is too small or too uncertain to be probably present.",
     "raises-error": "It improves a subsystem, but raises the error of the whole model.",
     "needless": "It helps by itself, but adds nothing to the effects that were selected.",

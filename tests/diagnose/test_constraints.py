@@ -10,15 +10,13 @@ import numpy as np
 import pytest
 
 from pneucli.diagnose import constraints
-from pneucli.diagnose import data as data_module
 from pneucli.diagnose.constraints import (
     interval_contains_null,
     raises_error_beyond_noise,
     raises_held_out_error,
-    varies_with_horizon,
     violated_constraint,
 )
-from pneucli.diagnose.data import DiagnosisData, fit_with_longer_horizon, with_longer_horizon
+from pneucli.diagnose.data import DiagnosisData
 from pneucli.diagnose.score import ErrorsByUse
 from pneucli.diagnose.validity import has_unmeasured_force
 from pneucli.identify.estimation.fit import Fit, fit
@@ -130,11 +128,9 @@ def test_an_unmeasured_force_names_no_effect(unseen: bool) -> None:
 def passing(monkeypatch: pytest.MonkeyPatch) -> None:
     """Every constraint holds but the one under test."""
     monkeypatch.setattr(constraints, "has_unmeasured_force", lambda residual_models, effect: False)
-    monkeypatch.setattr(DiagnosisData, "with_longer_horizon", lambda self, fitted: None)
     monkeypatch.setattr(constraints, "refuted_by_reading", lambda one, effect, residual_models: False)
     monkeypatch.setattr(DiagnosisData, "with_intervals", lambda self, fitted: fitted.fit)
     monkeypatch.setattr(constraints, "interval_contains_null", lambda fitted, effect: False)
-    monkeypatch.setattr(constraints, "varies_with_horizon", lambda fitted, effect, again: False)
 
 
 def test_each_constraint_has_its_reason(monkeypatch: pytest.MonkeyPatch, passing: None) -> None:
@@ -147,8 +143,6 @@ def test_each_constraint_has_its_reason(monkeypatch: pytest.MonkeyPatch, passing
         violated_constraint(diagnosis_data(), candidate("valve-lag", ends={"time_constant": (0.01, True)}))
         == "at-bound"
     )
-    monkeypatch.setattr(constraints, "varies_with_horizon", lambda fitted, effect, again: True)
-    assert violated_constraint(diagnosis_data(), tried) == "varies-with-horizon"
     monkeypatch.setattr(constraints, "interval_contains_null", lambda fitted, effect: True)
     assert violated_constraint(diagnosis_data(), tried) == "interval-contains-null"
     monkeypatch.setattr(constraints, "has_unmeasured_force", lambda residual_models, effect: True)
@@ -185,45 +179,6 @@ def fitted_time(residual_model: ResidualModel, name: str, start: float) -> Fit:
     parameter = "delay" if name == "time-skew" else "time_constant"
     begun = model([name], {f"{name}.{parameter}": start})
     return with_intervals(fit(begun, [residual_model], free_parameters(begun, [residual_model])), [residual_model])
-
-
-@pytest.mark.parametrize("name", ["time-skew", "pressure-lag"])
-def test_a_true_time_is_that_of_any_horizon(name: str) -> None:
-    residual_model = late(name, DELAY, 0.3)
-    found = fitted_time(residual_model, name, 0.01)
-    parameter = "delay" if name == "time-skew" else "time_constant"
-    assert found[f"{name}.{parameter}"].value == pytest.approx(DELAY, rel=0.05)
-    again = fit_with_longer_horizon(found.model, [residual_model])
-    assert again is not None
-    assert again[f"{name}.{parameter}"].value == pytest.approx(DELAY, rel=0.05)
-    assert not varies_with_horizon(found, catalogue()[name], again)
-
-
-def test_a_time_that_grows_with_the_horizon_is_none_and_is_fitted_once(monkeypatch: pytest.MonkeyPatch) -> None:
-    """A time of a twentieth of the horizon, whatever the horizon."""
-    residual_model = late("time-skew", DELAY, 0.3)
-    found = fitted_time(residual_model, "time-skew", 0.01)
-    share = found["time-skew.delay"].value / 0.3
-
-    fits = list[Any]()
-
-    def grown(start: object, models: Any, free: object, *, stopping: object) -> Any:
-        seconds = share * float(np.median(np.diff(models[0].experiment.time[models[0].experiment.restarts])))
-        fits.append({"time-skew.delay": SimpleNamespace(value=seconds)})
-        return fits[-1]
-
-    monkeypatch.setattr(data_module, "fit", grown)
-    monkeypatch.setattr(data_module, "without_data", lambda found: found)
-    given, tried = diagnosis_data(), candidate("time-skew").full
-    given = replace(given, train=[residual_model])
-    again = given.with_longer_horizon(tried)
-    assert varies_with_horizon(found, catalogue()["time-skew"], again)
-    assert given.with_longer_horizon(tried) is again is fits[0]  # of each effect of a model, and fitted once
-    assert len(fits) == 1
-    once = replace(residual_model, experiment=residual_model.experiment.with_restarts(None))
-    assert with_longer_horizon(once, 2.0) is once
-    assert fit_with_longer_horizon(found.model, [once]) is None
-    assert not varies_with_horizon(found, catalogue()["time-skew"], None)
 
 
 @pytest.mark.parametrize("name", ["time-skew", "pressure-lag"])
