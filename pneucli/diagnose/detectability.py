@@ -34,11 +34,27 @@ class MinimumDetectableEffect:
     where: Mapping[Parameter, float] = field(default_factory=dict)
 
 
-def minimum_detectable_effects(data: DiagnosisData, fitted: FittedModel) -> list[MinimumDetectableEffect]:
-    """Return the minimum detectable size of every observable effect that the model lacks."""
+def minimum_detectable_effects(
+    data: DiagnosisData, fitted: FittedModel, *, complete: bool = True
+) -> list[MinimumDetectableEffect]:
+    """Return the minimum detectable size of every observable effect that the model lacks.
+
+    Where more than noise is left (not ``complete``) the standard errors are larger by as much as model error widens
+    the intervals of the fitted parameters: a named effect has to stand beyond these.
+    """
     absent = data.absent_effects(fitted.model)
     tests_by_effect = {e.name: tests for e, tests in data.signatures_of(fitted, absent)}
-    return [_minimum_detectable_effect(effect, tests_by_effect.get(effect.name, []), fitted) for effect in absent]
+    sigma = MDE_SIGMA * (1.0 if complete else _error_inflation(data, fitted))
+    return [
+        _minimum_detectable_effect(effect, tests_by_effect.get(effect.name, []), fitted, sigma) for effect in absent
+    ]
+
+
+def _error_inflation(data: DiagnosisData, fitted: FittedModel) -> float:
+    """Return how much model error widens the intervals of a model's parameters: the median ratio, at least 1."""
+    by_blocks, of_intervals = (np.diagonal(f.covariance) for f in (fitted.fit, data.with_intervals(fitted)))
+    known = (by_blocks > 0.0) & np.isfinite(of_intervals)
+    return max(float(np.sqrt(np.median(of_intervals[known] / by_blocks[known]))), 1.0) if known.any() else 1.0
 
 
 def undetectable_effects(data: DiagnosisData, sizes: Sequence[MinimumDetectableEffect]) -> list[Decision]:
@@ -47,8 +63,10 @@ def undetectable_effects(data: DiagnosisData, sizes: Sequence[MinimumDetectableE
     return [Decision(e, "cannot-show") for e in [*(d.effect for d in sizes if not d.plausible), *insensitive]]
 
 
-def _minimum_detectable_effect(effect: Effect, tests: list[ScoreTest], fitted: FittedModel) -> MinimumDetectableEffect:
-    """Return the detectable size: the typical value nearest to the null, scaled by its standard error."""
+def _minimum_detectable_effect(
+    effect: Effect, tests: list[ScoreTest], fitted: FittedModel, sigma: float
+) -> MinimumDetectableEffect:
+    """Return the detectable size: the typical value nearest to the null, scaled by ``sigma`` standard errors."""
     effect = effect.in_model_with(fitted.model.effects)
     leading = next((p for p in effect.parameters if p.null is not None), effect.parameters[0])
     name = f"{effect.name}.{leading.name}"
@@ -60,7 +78,7 @@ def _minimum_detectable_effect(effect: Effect, tests: list[ScoreTest], fitted: F
     where = {
         p: best.values[f"{effect.name}.{p.name}"] for p in effect.main_parameters if p.null is None and p is not leading
     }
-    relative_size = MDE_SIGMA * best.step_error
+    relative_size = sigma * best.step_error
     if null is None:
         detectable = relative_size < 1.0
         return MinimumDetectableEffect(

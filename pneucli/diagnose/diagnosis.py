@@ -89,7 +89,7 @@ def diagnose(data: DiagnosisData, base: Fit) -> Diagnosis:
         for name, term in path.terms.items()
     }
     equal_decisions = [Decision(c.effect, "supported", c) for name in path.added for c in equivalents[name]]
-    sizes = minimum_detectable_effects(data, path.last)
+    sizes = minimum_detectable_effects(data, path.last, complete=not unexplained)
     decisions = _first_decision_each(
         [
             *(path.judgements[name].decision for name in path.added),

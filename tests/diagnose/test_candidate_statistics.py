@@ -342,7 +342,7 @@ def size_of(name: str, *found: tuple[dict[str, float], float]) -> visible.Minimu
         for values, e in found
     ]
     known: Any = SimpleNamespace(model=model([name], {}))
-    return visible._minimum_detectable_effect(catalogue()[name], signatures, known)
+    return visible._minimum_detectable_effect(catalogue()[name], signatures, known, visible.MDE_SIGMA)
 
 
 def sentence(one: visible.MinimumDetectableEffect) -> str:
@@ -436,9 +436,13 @@ def test_every_effect_that_the_model_lacks_and_can_show_has_a_size(monkeypatch: 
 
     monkeypatch.setattr(data_module, "score_tests", found_for)
     ready = diagnosis_data(train=[seen("constant-force", "stribeck", "extra-mass")], effects=effects)
-    fit: Any = SimpleNamespace(model=model(["extra-mass"]))
+    fit: Any = SimpleNamespace(model=model(["extra-mass"]), covariance=np.eye(3))
     has = FittedModel(fit, *[np.zeros(0)] * 4)
     found = visible.minimum_detectable_effects(ready, has)
     assert [d.effect.name for d in found] == ["constant-force", "stribeck"]
     assert [d.size for d in found] == pytest.approx([4.0, 4 * 0.1 * 8.0])
     assert [d.parameter.name for d in found] == ["force", "static"]
+    wide: Any = SimpleNamespace(covariance=9.0 * np.eye(3))  # with the variance that model error causes
+    monkeypatch.setattr(data_module.DiagnosisData, "with_intervals", lambda self, fitted: wide)
+    found = visible.minimum_detectable_effects(ready, has, complete=False)
+    assert [d.size for d in found] == pytest.approx([12.0, 12 * 0.1 * 8.0])
