@@ -65,11 +65,6 @@ def gives_argument(index: int) -> Replaced:
     return lambda _: lambda *args, **_named: args[index]
 
 
-def calls(name: str) -> Replaced:
-    """Replace a function by another one of the same arguments."""
-    return lambda _: function_of(name)
-
-
 def with_constant(name: str, value: float) -> Replaced:
     """Replace a function by the same one with another value of a constant of its module."""
 
@@ -179,7 +174,6 @@ RULES: Mapping[str, Rule] = {
     "sensor fault last": Rule("equivalence._is_sensor_fault", gives(False), ("equivalence.best_candidate",)),
     "negligible excess": Rule("equivalence.indistinguishable", not_inferior_only),
     "probable before cheap": Rule("selection._most_probable", of_best_fit),
-    "raising twin last": Rule("selection._first_of", calls("selection._most_probable")),
     "no rise beyond noise": Rule("selection._without_rise", gives_argument(1)),
     "dropped again": Rule("selection._with_dropped_again", gives_argument(1)),
     "screen by gain": Rule("screening.score_test_screen", with_constant("MAX_BY_GAIN", 0)),

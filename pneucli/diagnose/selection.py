@@ -133,7 +133,7 @@ def _next_round(data: DiagnosisData, fitted: FittedModel) -> tuple[FittedModel |
     candidates = supported_candidates(decisions)
     if is_complete(data, fitted):
         candidates = [c for c in candidates if judge(data, Term(c, ())).decision.supported]
-    return _first_of(data, candidates).full if candidates else None, decisions
+    return _most_probable(data, candidates).full if candidates else None, decisions
 
 
 def _without_derivatives(data: DiagnosisData, decisions: Decisions, earlier: Sequence[Decisions]) -> Decisions:
@@ -145,21 +145,6 @@ def _without_derivatives(data: DiagnosisData, decisions: Decisions, earlier: Seq
     reported = {d.effect.name for each in earlier for d in each if d.candidate is not None}
     new = [d for d in decisions if d.supported or d.effect.name not in reported]
     return [d if d.supported and not earlier else data.without_derivatives(d) for d in new]
-
-
-def _first_of(data: DiagnosisData, candidates: Sequence[Candidate]) -> Candidate:
-    """Return the most probable candidate that does not raise the free-run error, or else the most probable one.
-
-    A twin that lowers it comes before one that raises it; where all do, the effect that lowers it may need another one.
-    """
-    best = chosen = _most_probable(data, candidates)
-    remaining = list(candidates)
-    while raises_held_out_error(data, chosen.reduced, chosen.full):
-        remaining.remove(chosen)
-        if not remaining:
-            return best
-        chosen = _most_probable(data, remaining)
-    return chosen
 
 
 def _most_probable(data: DiagnosisData, candidates: Sequence[Candidate]) -> Candidate:
