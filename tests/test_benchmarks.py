@@ -22,8 +22,8 @@ NEED_GCC = {
     *(("loop", name) for name in loop.TABLES if name not in ("periods", "benefit")),
 }
 SLOW = {("door", ""), ("fleet", ""), ("score", ""), ("loop", "logs"), ("loop", "periods"), ("loop", "benefit"),
-        ("robust", "ensemble"), ("robust", "proof"), ("thesis", ""), ("thesis", "friction"), ("thesis", "laws"),
-        ("valve", "maps"),
+        ("robust", "ensemble"), ("robust", "promise"), ("robust", "proof"), ("thesis", ""),
+        ("thesis", "friction"), ("thesis", "laws"), ("valve", "maps"),
         ("workbench", "speed"), ("workbench", "clicks")}  # fmt: skip
 BENCHMARKS = sorted(path.stem for path in (ROOT / "benchmarks").glob("*.py") if path.stem not in SHARED)
 

@@ -142,7 +142,8 @@ def test_a_lag_is_told_from_a_delay(arrangement: str) -> None:
 def test_it_stays_within_the_limits(arrangement: str, kind: tuple[str, str], size: float, null: float) -> None:
     model, c = family(arrangement)
     run = driven(with_time(model, *kind, size).with_values({"valve.null": null}), c)
-    travel, pressure = moved(run, ended(run))
+    steps_at = int(np.argmax(STEPS[0] != STEPS))  # a loop that backs off at rest counts its time anew
+    travel, pressure = moved(run, min(ended(run), steps_at))
     assert travel < c.values["C_TRAVEL_LIMIT"]
     assert pressure < c.values["C_PRESSURE_LIMIT"]
 

@@ -11,7 +11,7 @@ from pneucli.identify.estimation.fit import Estimate
 from pneucli.identify.estimation.model_fit import fit_model
 from pneucli.identify.guesses.base_model import guess_base_model
 from pneucli.identify.residuals import residual_models
-from pneucli.messages.formatting import format_interval
+from pneucli.messages.formatting import format_figure
 from pneucli.noise import NoiseModel
 from pneucli.physics.effects import catalogue
 from pneucli.recording import Recording, Rig
@@ -87,7 +87,7 @@ def test_a_dead_time_of_half_a_response_time_is_found() -> None:
     views = residual_models(ready, whiten_initial_state=True)
     found = fit_model(guess_base_model(ready, rig), views, [catalogue()["time-skew"]])["time-skew.delay"]
     assert found.value == pytest.approx(0.06, abs=4e-3)
-    assert found.open_interval == found.ci95
+    assert (found.figure.low, found.figure.high) == found.ci95
 
 
 def friction_by_pressure(coulomb: float) -> tuple[Estimate, Estimate]:
@@ -109,4 +109,4 @@ def test_friction_may_be_by_pressure_for_the_most() -> None:
 def test_friction_by_pressure_alone_grows_by_at_least_the_bound() -> None:
     """Any larger ratio describes these recordings as well or better."""
     _, gain = friction_by_pressure(0.0)
-    assert format_interval(gain.value, gain.unit, gain.open_interval).startswith("at least")
+    assert format_figure(gain.figure).startswith("at least")

@@ -19,7 +19,7 @@ from pneucli.identify.estimation.model_fit import Similar
 from pneucli.identify.estimation.objective import LeastSquaresProblem
 from pneucli.identify.estimation.parameters import FreeParameter, base_parameters, with_prior_knowledge
 from pneucli.identify.residuals import ChamberPressures, ForceBalance, FreeRun, ImposedMotion
-from pneucli.messages.formatting import format_figure, format_interval
+from pneucli.messages.formatting import format_figure
 from pneucli.recording import ParameterPrior
 from pneucli.simulate.model import parameter_value
 from pneucli.simulate.valve_forms.area import ValveArea
@@ -143,7 +143,7 @@ def test_an_estimate_at_the_end_of_the_search_is_at_least_or_at_most_that(
     """15 N are fitted between other bounds."""
     free = replace(COULOMB, start=15.0, lower=bounds[0], upper=bounds[1])
     found = fitted(replace(free, lower_is_limit=limits[0], upper_is_limit=limits[1]))["friction.coulomb"]
-    assert format_interval(found.value, found.unit, found.open_interval) == shown
+    assert format_figure(found.figure) == shown
 
 
 @settings(max_examples=40, deadline=None)
@@ -164,7 +164,7 @@ def test_an_answer_at_a_bound_of_the_search_says_so(truth: float, lower: float, 
 def test_sizes_of_zero_and_estimates_between_the_bounds_have_closed_intervals() -> None:
     zero = fitted(replace(COULOMB, start=1.0, upper=1e3), views=[Line(coulomb=-5.0)])
     for one in (zero["friction.coulomb"], fitted(COULOMB)["friction.coulomb"]):
-        assert one.open_interval == one.ci95
+        assert (one.figure.low, one.figure.high) == one.ci95
 
 
 def test_what_is_known_of_a_parameter_limits_it() -> None:
