@@ -8,7 +8,10 @@ the names of both are judged by what is true. A rule whose removal makes nothing
     python -m benchmarks.rules --rule NAME      of the rules this one alone (repeatable)
     python -m benchmarks.rules --count          only where each speaks: diagnose nothing again
 
-Answers are kept below ``build/rules`` by the digest of the program.
+Answers are kept below ``build/rules`` by the digest of the program. The exams of docs/development/experiments.md are
+``pneucli exam FOLDER --cases C --nulls N --seed 8810##`` with these seeds, counts and conditions: 01 14+6 usual; 02 8+3
+usual ``--size 0.3333``; 03 10+4 messy; 04 14+4 wide; 05 5+2 rate-200Hz; 06 4+2 imposed+messy; 07 5+2 two-valves; 08 6+2
+both-sides; 09 4+1 hose; 10 3+0 no-p2, constant-speed, hanging-load, return-spring.
 """
 
 from __future__ import annotations
