@@ -140,8 +140,8 @@ def up_to_improbable(forward: Function) -> Function:
 def drop_none(_: Function) -> Function:
     """Replace the dropping of effects by judgements of all."""
 
-    def kept(data: Any, path: Sequence[Any], last: Any) -> Any:
-        judge, term, found = function_of("decision.judge"), function_of("equivalence.Term"), {}
+    def kept(data: Any, path: Sequence[Any]) -> Any:
+        judge, term, found, last = function_of("decision.judge"), function_of("equivalence.Term"), {}, path[-1]
         for effect in added_effects(path[0], last):
             (reduced,) = data.refit_without(last, [effect])
             found[effect.name] = judge(data, term(data.candidate(reduced, last, effect), ()), constrained=True)
@@ -178,7 +178,6 @@ RULES: Mapping[str, Rule] = {
     "negligible excess": Rule("equivalence.indistinguishable", not_inferior_only),
     "probable before cheap": Rule("selection._most_probable", of_best_fit),
     "no rise beyond noise": Rule("selection._without_rise", gives_argument(1)),
-    "dropped again": Rule("selection._with_dropped_again", gives_argument(1)),
     "screen by gain": Rule("screening.score_test_screen", with_constant("MAX_BY_GAIN", 0)),
     "screen by share": Rule("screening.score_test_screen", with_constant("MIN_RELATIVE_SHARE", 0.0)),
     "screen by chi-square": Rule("screening.score_test_screen", with_constant("MIN_CHI2", 0.0)),
@@ -372,7 +371,7 @@ def main(arguments: Sequence[str]) -> int:
         return diagnose_watched(arguments)
     asked = parsed(arguments)
     cases = cases_of(["fixtures"], [])[:1] if asked.small else cases_of(asked.worlds, asked.exam)
-    rules = ["dropped again"] if asked.small else asked.rule or list(RULES)
+    rules = ["dropped"] if asked.small else asked.rule or list(RULES)
     kept = asked.kept / source_digest(ROOT / "pneucli")
     results: dict[str, dict[str, list[str]]] = {name: {} for name in rules}
     with ThreadPoolExecutor(asked.jobs) as pool:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import operator
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import pairwise
@@ -65,7 +64,7 @@ class SelectionPath:
 def select_effects(data: DiagnosisData, base: FittedModel) -> SelectionPath:
     """Select the effects that explain the lack of fit of ``base``."""
     path, rounds = _forward(data, base)
-    last, judgements, refused = _probable_effects(data, path)
+    last, judgements, refused = _without_improbable(data, path)
     models, unguessable = _nested_models(data, base, last, path)
     last = models[-1]
     terms = _terms(data, base, last, rounds[0], judgements)
@@ -175,28 +174,17 @@ def _alternatives(
     return tuple(c.full for c in candidates if set(c.reduced.effect_names) == names)
 
 
-def _probable_effects(
-    data: DiagnosisData, path: Sequence[FittedModel]
-) -> tuple[FittedModel, dict[str, Judgement], list[Judgement]]:
-    """Return the model in which every added effect is probable given the others, and the judgements.
-
-    The second result has the judgement of each effect that stays, the third those of the dropped ones.
-    """
-    last, judgements, dropped = _without_improbable(data, path, path[-1])
-    again = _with_dropped_again(data, last, dropped)
-    if again is not last:
-        last, judgements, dropped_then = _without_improbable(data, path, again)
-        dropped = [j for j in [*dropped_then, *dropped] if j.decision.effect.name not in judgements]
-    return last, judgements, dropped
-
-
 def _without_improbable(
-    data: DiagnosisData, path: Sequence[FittedModel], last: FittedModel
+    data: DiagnosisData, path: Sequence[FittedModel]
 ) -> tuple[FittedModel, dict[str, Judgement], list[Judgement]]:
     """Drop the least probable effect, again and again, until all are probable: a proxy of an unmodelled effect takes
     cost from the others.
+
+    Returns:
+        The model in which every added effect is probable given the others, the judgement of each that stays, and those
+        of the dropped ones.
     """
-    refused, known = list[Judgement](), {frozenset(one.effect_names): one for one in path}
+    last, refused, known = path[-1], list[Judgement](), {frozenset(one.effect_names): one for one in path}
     while added := [data.effects[name] for name in last.effect_names if name not in path[0].effect_names]:
         before = [known.get(frozenset(last.effect_names) - {effect.name}) for effect in added]
         refits = iter(data.refit_without(last, [e for e, one in zip(added, before, strict=True) if one is None]))
@@ -226,22 +214,6 @@ def _without_rise(data: DiagnosisData, judged: Judgement, reduced: FittedModel, 
     if not raises_error_beyond_noise(data, reduced, full) or Term(decision.candidate, ()).is_measured_exclusively(data):
         return judged
     return replace(judged, decision=replace(decision, reason="raises-error"))
-
-
-def _with_dropped_again(data: DiagnosisData, last: FittedModel, dropped: Sequence[Judgement]) -> FittedModel:
-    """Return the model with the most probable of the dropped effects added again, itself where none is probable.
-
-    Of two effects that explain the same the one that is dropped first may be the true one, and the other, which then
-    seemed more probable, be refused by a constraint.
-    """
-    if not dropped or dropped[-1].decision.reason in IMPROBABLE:
-        return last
-    effects = [j.decision.effect for j in dropped[:-1]]  # the last one was judged in the model with it alone
-    candidates = data.refit_with(last, [e for e in effects if data.has_initial_guess(last, e)])
-    terms = [Term(c, ()) for c in data.refit_to_convergence(candidates)]
-    judged = [(judge(data, term, constrained=True), term.candidate.full) for term in terms]
-    probable = [(j.probability, full) for j, full in judged if j.decision.supported]
-    return max(probable, key=operator.itemgetter(0), default=(0.0, last))[1]
 
 
 def _nested_models(

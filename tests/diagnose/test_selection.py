@@ -68,7 +68,6 @@ CASE_OF_RULE = {
     "past improbable": "two effects are added of which each is improbable without the other",
     "probability": "improbable effects are dropped, the least probable first",
     "dropped": "an effect that raises the free-run error is dropped however probable it is",
-    "dropped again": "what was dropped beside an impossible effect is tried again without it",
 }
 
 
