@@ -12,6 +12,7 @@ from weakref import WeakKeyDictionary
 import numpy as np
 from numpy.typing import NDArray
 
+from pneucli.arrays import Array
 from pneucli.compare.goodness_of_fit import GoodnessOfFit
 from pneucli.diagnose.adequacy import LackOfFit, held_out_lack_of_fit, lack_of_fit_by_channel
 from pneucli.diagnose.candidate import Candidate, Decision
@@ -185,6 +186,12 @@ class DiagnosisData:
             self._fits_with_intervals[fitted] = with_intervals(fitted.fit, self.train)
             release_filed()
         return self._fits_with_intervals[fitted]
+
+    def contrast_variances(self, fitted: FittedModel, contrasts: Array) -> tuple[Array, Array]:
+        """Return the variances of contrasts (m, k) of a fit's coordinates (m,): by blocks, and with model error."""
+        fits = fitted.fit, self.with_intervals(fitted)
+        by_blocks, of_intervals = (np.einsum("ij,jk,ik->i", contrasts, f.covariance, contrasts) for f in fits)
+        return by_blocks, of_intervals
 
     def without_derivatives(self, decision: Decision) -> Decision:
         """Return a decision whose candidate keeps its parameters, with their intervals where it passed, and no

@@ -83,8 +83,6 @@ def _significance_and_size(data: DiagnosisData, fitted: FittedModel, effect: Eff
     own = null_contrast(fitted.fit, effect)
     rows = np.eye(len(fitted.fit.free))[[f.name.startswith(f"{effect.name}.") for f in fitted.fit.free]]
     rows = rows if own is None else own.contrast
-    by_blocks, of_intervals = (
-        np.einsum("ij,jk,ik->i", rows, f.covariance, rows) for f in (fitted.fit, data.with_intervals(fitted))
-    )
+    by_blocks, of_intervals = data.contrast_variances(fitted, rows)
     inflation = float(np.mean(of_intervals / by_blocks)) if np.all(by_blocks > 0.0) and len(rows) else 1.0
     return significance(fitted.fit, effect, data.train) / math.sqrt(inflation), size

@@ -52,7 +52,7 @@ def minimum_detectable_effects(
 
 def _error_inflation(data: DiagnosisData, fitted: FittedModel) -> float:
     """Return how much model error widens the intervals of a model's parameters: the median ratio, at least 1."""
-    by_blocks, of_intervals = (np.diagonal(f.covariance) for f in (fitted.fit, data.with_intervals(fitted)))
+    by_blocks, of_intervals = data.contrast_variances(fitted, np.eye(len(fitted.fit.covariance)))
     known = (by_blocks > 0.0) & np.isfinite(of_intervals)
     return max(float(np.sqrt(np.median(of_intervals[known] / by_blocks[known]))), 1.0) if known.any() else 1.0
 

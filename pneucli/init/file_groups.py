@@ -21,6 +21,7 @@ from pneucli.init.units import pressure_reference, pressure_reference_from_force
 from pneucli.io.clock_repairs import continuous_stamps
 from pneucli.paths import archive_members
 from pneucli.quantities import SIGNALS
+from pneucli.unit_table import STANDARD_ATMOSPHERE
 from pneucli.units import parse_unit, same_dimension
 
 MAX_ROWS = 5000  # a person or a bench sets each row; more rows are a recording over time whose clock is missing
@@ -274,12 +275,12 @@ def _reference_of_supply(kind: FileGroup, references: Mapping[str, tuple[str, st
     if _certainty(custom) or not _certainty(known):
         return {}
     supply = float(np.median(kind.pooled_values("p_supply"))) - float(np.quantile(kind.pooled_values("p1"), 0.99))
-    off = {one: abs(supply + AMBIENT * ((one == "gauge") - (known[0] == "gauge"))) for one in ("gauge", "absolute")}
+    off = {
+        one: abs(supply + STANDARD_ATMOSPHERE * ((one == "gauge") - (known[0] == "gauge")))
+        for one in ("gauge", "absolute")
+    }
     best = min(off, key=lambda one: off[one])
-    return {own[0].unit: (best, f"CHECK {best}: so p1 comes up to it")} if off[best] < 0.3 * AMBIENT else {}
-
-
-AMBIENT = 1.013e5  # Pa
+    return {own[0].unit: (best, f"CHECK {best}: so p1 comes up to it")} if off[best] < 0.3 * STANDARD_ATMOSPHERE else {}
 
 
 def _certainty(answer: tuple[str, str]) -> int:

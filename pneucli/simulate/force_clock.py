@@ -44,8 +44,8 @@ def recorded_late(experiment: Experiment, force: Array, v: Array, delay: float) 
     """Return the force that an imposed motion needs as its sensor records it.
 
     Dry friction jumps where the motion turns, which may be a sampling period early or late. Closer to the turn than
-    that, the reading itself stands in for a share of the force, all of it at the turn: what is compared is a continuous
-    function of the delay. It stands in for all of it where the motion of that time was not recorded.
+    that, the reading itself replaces a share of the force, all of it at the turn: what is compared is a continuous
+    function of the delay. It replaces all of it where the motion of that time was not recorded.
 
     Args:
         experiment: An experiment with an imposed motion and a recorded force.

@@ -45,10 +45,10 @@ class NonFrictionForces:
         for name in columns.keys() & readings.keys():
             inputs[:, columns[name]] = readings[name]
         self._kernel.functions.run_true_pressures(read_only(time), inputs, *self._vectors)
-        delay, late = self.model.sum_of_port("force_delay"), ("force",) if "force" in readings else ()
-        return {n: inputs[:, columns[n]] if n in columns else y for n, y in readings.items()} | {
-            n: shifted(time, readings[n], delay) for n in late if delay
-        }
+        corrected = {n: inputs[:, columns[n]] if n in columns else y for n, y in readings.items()}
+        if "force" in corrected and (delay := self.model.sum_of_port("force_delay")):
+            corrected["force"] = shifted(time, corrected["force"], delay)
+        return corrected
 
     def forces(self, x: Array, v: Array) -> Array:
         """Return the effects' forces toward +x in N, shape (n,), at positions in m and velocities in m/s."""
