@@ -17,6 +17,7 @@ AMBIENT_RANGE = (0.94e5, 1.06e5)  # Pa, of laboratories up to some 600 m
 MIN_ABSOLUTE_PRESSURE = 0.5e5  # Pa, absolute, that no chamber of a rig has
 MIN_PRESSURE_CHANGE = 0.3e5  # Pa, by which a pressure moves that has come from ambient
 REST_SHARE = 0.02  # share of the samples that a rest has at least
+DIP_SHARE = 0.005  # share of the samples that a chamber is lowest for a moment at most, as its piston starts fast
 LOWEST_GAUGE = -1.013e5  # Pa: below it no gas is left
 
 
@@ -79,12 +80,15 @@ def pressure_reference(columns: Sequence[Array], unit: str, stated: str) -> tupl
             "absolute",
             f"absolute: it rests at {format_signal(rest, 'p1', 4)}, which is ambient pressure, and moves from there",
         )
-    moves = any(float(np.ptp(values)) >= MIN_PRESSURE_CHANGE for values in pascals if values.size)
-    if moves and AMBIENT_RANGE[0] <= least <= AMBIENT_RANGE[1]:  # by chance a gauge pressure seldom ends there
+    moved = [values for values in pascals if values.size and float(np.ptp(values)) >= MIN_PRESSURE_CHANGE]
+    ambient = any(
+        min(values[0], values[-1], float(np.quantile(values, DIP_SHARE))) <= AMBIENT_RANGE[1] for values in moved
+    )
+    if ambient and least >= AMBIENT_RANGE[0]:  # it begins, ends or stays there; a moving chamber may pass by chance
         return "absolute", f"CHECK absolute: where it is lowest it is {lowest}, which is ambient pressure"
     guess = "absolute" if parsed.factor == 1.0 else "gauge"
     usual = "pascals are mostly absolute" if guess == "absolute" else "sensors are mostly gauge"
-    return guess, f"CHECK {guess}: it never reads ambient pressure (least {lowest}); {usual}"
+    return guess, f"CHECK {guess}: it never stays at ambient pressure (least {lowest}); {usual}"
 
 
 def pressure_reference_from_force(

@@ -328,6 +328,13 @@ def test_a_vessel_that_is_vented_in_between_tells_absolute(lowest: float) -> Non
     assert (reference, "where it is lowest" in why) == (("absolute", True) if lowest == 1.01e5 else ("gauge", False))
 
 
+def test_a_pressure_that_passes_ambient_pressure_for_a_moment_is_not_taken_for_absolute() -> None:
+    dip = np.exp(-(((np.arange(2000) - 700) / 10) ** 2))  # a piston that starts fast, and no vented chamber
+    pascals = 1.02e5 + 2e5 * (1.0 - dip) + 300 * RNG.random(2000)
+    reference, why = pressure_reference([pascals * 1e-5], "bar", "")
+    assert (reference, why.partition(":")[0]) == ("gauge", "CHECK gauge")
+
+
 def test_what_stands_beside_the_values_of_a_long_table_is_counted(tmp_path: Path) -> None:
     rows = "".join(f"{n / 100},{tag},{n % 7},{192 if n % 50 else 0}\n" for n in range(200) for tag in ("u", "p1"))
     answer = init.create(tmp_path / "rig", [written(tmp_path, f"ts,tag,val,quality\n{rows}")])

@@ -135,7 +135,7 @@ GAUGE = {
         "absolute",
         "it rests at 1.01",
     ),
-    "never at ambient pressure": (5 + np.sin(T), "gauge", "CHECK gauge: it never reads ambient pressure"),
+    "never at ambient pressure": (5 + np.sin(T), "gauge", "CHECK gauge: it never stays at ambient pressure"),
     "steady at one bar": (1 + 0.01 * np.sin(T), "gauge", "CHECK gauge"),
 }
 
