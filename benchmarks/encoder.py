@@ -92,9 +92,10 @@ def row(drive: Callable[[np.random.Generator, Array], Array], sensor: tuple[floa
         min((y for y, _ in local), key=lambda y: rms(y - v)),
         min((y for _, y in local), key=lambda y: rms(y - a)),
     )
+    drawn = [smoother.draw_error(smoother.sigma * rng.standard_normal(x.size))[1:] for _ in range(20)]
     covered = [
         float(np.mean(np.abs(f - y) < 1.96 * d))
-        for f, y, d in zip((v_found, a_found), (v, a), smoother.deviations.T[1:], strict=True)
+        for f, y, d in zip((v_found, a_found), (v, a), np.sqrt(np.mean(np.square(drawn), axis=0)), strict=True)
     ]
     cells = [drive.__name__, f"{1e3 * period:g} ms, {1e6 * step:g} um"]
     cells += [f"{1e3 * rms(y - v):.2f}" for y in (v_found, v_even, v_local)]

@@ -8,6 +8,10 @@ piston breaks away, stops or strikes an end, and falls where the piston rests.
 The mean given the readings errs independently of itself (Berkson error), so a regression on it has no bias toward
 zero, as one on differentiated readings has.
 
+A piston moves more smoothly than such a process: its mean errs by little more than the noise that passes the smoother,
+where the process' own covariance says five times as much power of the acceleration. What the smoother finds in its own
+residual tells how rough the motion is.
+
 References: G. Wahba, J. R. Stat. Soc. B 40 (1978); G. Bierman, IEEE Trans. Autom. Control 18 (1973);
 S. Koopman and N. Shephard, Biometrika 79 (1992), for the score; H. Zhou et al., J. Comput. Graph. Stat. 28 (2019),
 for the multiplicative update of a variance component.
@@ -43,6 +47,8 @@ ROUNDING_UPDATES = 2  # each is a fit of its own, and the first ones bring most 
 MIN_PROBABILITY = 1e-12  # of an interval far from the path, where the position is at its nearer end
 DEVIATION_FACTORS = (10.0**0.5, 10.0)  # of the stated deviation: the likelihood may have a valley between two of them
 MIN_GAIN = 0.01  # of the log likelihood a sample: below, the intensity begins to follow the noise
+ROUGHNESS_DRAWS = 4  # of noise and of the jerk's process, for what either leaves in a residual
+ROUGHNESS_PRIOR_COUNT = 30.0  # samples of the whole recording's roughness that count in addition to those of a window
 
 
 @dataclass(frozen=True)
@@ -52,7 +58,8 @@ class PositionSmoother:
     ``time`` in s, ``sigma`` the standard deviation of the sensor's noise in m, ``intensity`` (n - 1,) that of the
     jerk between two samples in units of the noise and the period: a diffusion in sigma^2 / period^5. ``rounding`` is
     the standard deviation in m of what quantisation adds: a rest has one and the same. ``correction`` (n,) in m
-    belongs on the readings that it was fitted to before they are smoothed.
+    belongs on the readings that it was fitted to before they are smoothed. ``roughness`` (n,) is the power of what the
+    smoother misses of the motion, over that of the jerk's process.
     """
 
     time: Array
@@ -60,6 +67,7 @@ class PositionSmoother:
     intensity: Array
     rounding: float = 0.0
     correction: Array | float = 0.0
+    roughness: Array | float = 1.0
 
     @cached_property
     def period(self) -> float:
@@ -86,25 +94,49 @@ class PositionSmoother:
         return x_smooth + x[0], v.copy(), a.copy()
 
     @cached_property
-    def deviations(self) -> Array:
-        """Standard deviations of position, velocity and acceleration by sample, shape (n, 3), SI."""
+    def _variances(self) -> Array:
+        """Variances of the states (n, 3) given the readings, by the process, in units of noise and period."""
         _, covariance, gain, variance, _, _ = kalman_filter(np.zeros(self.time.size), self._steps, self.intensity)
         nothing = np.zeros((self.time.size, 3))
-        spread = smoothed_variances(self._steps, self.intensity, covariance, gain, variance, nothing)[0]
-        spread[:, 0] += (self.rounding / self.sigma) ** 2
-        return np.asarray(np.sqrt(spread) * self._units)
+        return smoothed_variances(self._steps, self.intensity, covariance, gain, variance, nothing)[0]
 
     def draw_error(self, noise: Array) -> tuple[Array, Array, Array]:
         """Return one draw of the errors of position, velocity and acceleration, each (n,), SI.
 
-        A path of the jerk's process is drawn, read with the sensor's ``noise`` (n,) in m, and smoothed; the noise
-        seeds the path, so that one reading has one error.
+        A path of the jerk's process is drawn and smoothed, and what is missed of it, as far as the motion is as rough,
+        adds to the sensor's ``noise`` (n,) in m that passes the smoother; the noise seeds the path, so that one reading
+        has one error.
         Source: J. Durbin and S. Koopman, Biometrika 89 (2002).
         """
-        rng = np.random.default_rng(np.frombuffer(noise[:8].tobytes(), dtype=np.uint32))
-        path = jerk_path(self._steps, self.intensity, rng.standard_normal((self.time.size - 1, 3)))
-        x, v, a = ((self._smoothed(path[:, 0] + noise / self.sigma) - path) * self._units).T
-        return x.copy(), v.copy(), a.copy()
+        path = self._draw_path(np.random.default_rng(np.frombuffer(noise[:8].tobytes(), dtype=np.uint32)))
+        missed = np.sqrt(self.roughness) * (self._smoothed(path[:, 0]) - path).T
+        x, v, a = (self._smoothed(noise / self.sigma) * self._units).T + missed * self._units[:, None]
+        return x, v, a
+
+    def with_roughness(self, x: Array) -> PositionSmoother:
+        """Return the smoother with the roughness of the motion in readings (n,), in m, that it was fitted to.
+
+        The residual is smoothed once more: what then appears is the noise's part, which is known, and the motion's,
+        over what it would be of the process: first in all of the recording, then near each sample, in windows as of the
+        intensity.
+        """
+        rng, n = np.random.default_rng(0), self.time.size
+
+        def found_again(z: Array) -> Array:
+            return np.asarray(self._smoothed(z - self._smoothed(z)[:, 0])[:, 2] ** 2)
+
+        found = found_again((x + self.correction - x[0]) / self.sigma)
+        of_noise = np.mean([found_again(rng.standard_normal(n)) for _ in range(ROUGHNESS_DRAWS)], axis=0)
+        of_path = np.mean([found_again(self._draw_path(rng)[:, 0]) for _ in range(ROUGHNESS_DRAWS)], axis=0)
+        motion, expected = (found - of_noise) / self._variances[:, 2], of_path / self._variances[:, 2]
+        prior, whole = ROUGHNESS_PRIOR_COUNT * float(expected.mean()), max(float(motion.sum() / expected.sum()), 0.0)
+        intensity = np.append(self.intensity, self.intensity[-1])
+        near, awaited = _near_each_sample(motion, intensity), _near_each_sample(expected, intensity)
+        return replace(self, roughness=np.maximum((near + prior * whole) / (awaited + prior), 0.0))
+
+    def _draw_path(self, rng: np.random.Generator) -> Array:
+        """Return states (n, 3) of the jerk's process, in units of noise and period."""
+        return jerk_path(self._steps, self.intensity, rng.standard_normal((self.time.size - 1, 3)))
 
     def _smoothed(self, z: Array) -> Array:
         """Return the states (n, 3), from readings z (n,), all in units of noise and period."""
@@ -156,7 +188,7 @@ def fit_position_smoother(time: Array, x: Array, noise: NoiseModel) -> PositionS
     for _ in range(ROUNDING_UPDATES if smoother.rounding > noise.white else 0):
         correction = _mean_in_interval(smoother(x + smoother.correction)[0] - x, 0.5 * noise.step, even.sigma)
         smoother = replace(_with_likely_intensity(even, x + correction), correction=correction)
-    return smoother
+    return smoother.with_roughness(x)
 
 
 def _mean_in_interval(centre: Array, half: float, sigma: float) -> Array:
@@ -250,7 +282,7 @@ def _whole(values: Array, intensity: Array) -> Array:
 
 
 def _near_each_sample(values: Array, intensity: Array) -> Array:
-    """Return the sum of values (n - 1,) in the window of each sample."""
+    """Return the sum of values (n,) in the window of each sample, at an intensity (n,)."""
     half = np.maximum(np.rint(WINDOW_MEMORIES * intensity ** (-1 / 6)), MIN_WINDOW).astype(np.int64)
     at, total = np.arange(intensity.size), np.concatenate([[0.0], np.cumsum(values)])
     return np.asarray(total[np.minimum(at + half + 1, at.size)] - total[np.maximum(at - half, 0)])
