@@ -51,27 +51,25 @@ def violations_of_estimate(data: DiagnosisData, candidate: Candidate) -> list[Vi
     return list(zip(fails, IMPOSSIBLE, strict=True))
 
 
-def violated_constraint(
-    data: DiagnosisData, candidate: Candidate, *, measured_exclusively: bool = False
-) -> Reason | None:
+def violated_constraint(data: DiagnosisData, candidate: Candidate, *, error_may_rise: bool = False) -> Reason | None:
     """Return the reason why an effect must not be named; None where it may be.
 
     Args:
         data: The data of the diagnosis.
         candidate: The step to the model with all effects, from the same one without this effect.
-        measured_exclusively: Whether channels of its own measure the effect. Another missing effect may have
-            compensated for it, so the free-run error may rise.
+        error_may_rise: Whether the free-run error may rise: where channels of its own measure the effect, another
+            missing effect may have compensated for it.
 
     Returns:
         The reason of the first violated constraint.
     """
     return next(
-        (reason for fails, reason in _violations(data, candidate, measured_exclusively=measured_exclusively) if fails),
+        (reason for fails, reason in _violations(data, candidate, error_may_rise=error_may_rise) if fails),
         None,
     )
 
 
-def _violations(data: DiagnosisData, candidate: Candidate, *, measured_exclusively: bool) -> Iterator[Violation]:
+def _violations(data: DiagnosisData, candidate: Candidate, *, error_may_rise: bool) -> Iterator[Violation]:
     """Yield each constraint with its reason, the cheap ones first."""
     effect = candidate.effect
     yield has_unmeasured_force(data.train, effect), "cannot-show"
@@ -80,7 +78,7 @@ def _violations(data: DiagnosisData, candidate: Candidate, *, measured_exclusive
         yield interval_contains_null(data.with_intervals(candidate.full), effect), "interval-contains-null"
     else:
         yield not score_gain(candidate.reduced.costs, candidate.full.costs).significant, "not-significant"
-    yield not measured_exclusively and raises_held_out_error(data, candidate.reduced, candidate.full), "raises-error"
+    yield not error_may_rise and raises_held_out_error(data, candidate.reduced, candidate.full), "raises-error"
 
 
 def _parameters_with_null(fitted: Fit, effect: Effect) -> list[tuple[str, Parameter]]:

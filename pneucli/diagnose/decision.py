@@ -29,11 +29,11 @@ class Judgement:
     probability: float
 
 
-def judge(data: DiagnosisData, term: Term, *, constrained: bool = False) -> Judgement:
+def judge(data: DiagnosisData, term: Term, *, constrained: bool = False, error_may_rise: bool = False) -> Judgement:
     """Judge an effect in the model that a term leads to.
 
     An effect that is more probably absent is refused; ``constrained``: so is one that violates a hard constraint
-    (:mod:`pneucli.diagnose.constraints`).
+    (:mod:`pneucli.diagnose.constraints`), the last of which does not count where ``error_may_rise``.
     """
     candidate = term.candidate
     complete = is_complete(data, candidate.full)
@@ -41,7 +41,8 @@ def judge(data: DiagnosisData, term: Term, *, constrained: bool = False) -> Judg
     p = probability(evidence)
     violated = None
     if constrained:
-        violated = violated_constraint(data, candidate, measured_exclusively=term.is_measured_exclusively(data))
+        may_rise = error_may_rise or term.is_measured_exclusively(data)
+        violated = violated_constraint(data, candidate, error_may_rise=may_rise)
     improbable: Reason = "immaterial" if complete else "explained-by-unknown"
     reason = violated or ("supported" if p >= MIN_NAMED_PROBABILITY else improbable)
     return Judgement(Decision(candidate.effect, reason, candidate), evidence, p)

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import pairwise
+from typing import NamedTuple
 
 from pneucli.diagnose.adequacy import LackOfFit
 from pneucli.diagnose.candidate import Candidate, Decision, Reason, supported_candidates
@@ -26,6 +27,16 @@ MAX_EFFECTS = 4
 NO_RISE = (False, MIN_ERROR_RISE)
 # reasons that leave open whether an effect is there in a small amount
 IMPROBABLE: tuple[Reason, ...] = ("needless", "immaterial", "explained-by-unknown")
+
+
+class Kept(NamedTuple):
+    """The model in which every added effect is probable given the others, the judgement of each, and those of the
+    dropped ones.
+    """
+
+    last: FittedModel
+    judgements: Mapping[str, Judgement]
+    refused: Sequence[Judgement]
 
 
 @dataclass(frozen=True)
@@ -174,37 +185,57 @@ def _alternatives(
     return tuple(c.full for c in candidates if set(c.reduced.effect_names) == names)
 
 
-def _without_improbable(
-    data: DiagnosisData, path: Sequence[FittedModel]
-) -> tuple[FittedModel, dict[str, Judgement], list[Judgement]]:
-    """Drop the least probable effect, again and again, until all are probable: a proxy of an unmodelled effect takes
-    cost from the others.
+def _without_improbable(data: DiagnosisData, path: Sequence[FittedModel]) -> Kept:
+    """Drop improbable effects, and those that raise the error unless the model that is left then errs more.
 
-    Returns:
-        The model in which every added effect is probable given the others, the judgement of each that stays, and those
-        of the dropped ones.
+    Each of several effects may raise the error, or make another one do so, while all together lower it.
     """
-    last, refused, known = path[-1], list[Judgement](), {frozenset(one.effect_names): one for one in path}
+    known = {frozenset(one.effect_names): one for one in path}
+    kept = _dropped(data, path, known, error_may_rise=False)
+    if all(j.decision.reason != "raises-error" for j in kept.refused):
+        return kept
+    lenient = _dropped(data, path, known, error_may_rise=True)
+    return lenient if error_ratio(data, kept.last, lenient.last) < 1.0 else kept
+
+
+def _dropped(
+    data: DiagnosisData,
+    path: Sequence[FittedModel],
+    known: dict[frozenset[str], FittedModel],
+    *,
+    error_may_rise: bool,
+) -> Kept:
+    """Drop the least probable effect, again and again, until all are probable: a proxy of an unmodelled effect takes
+    cost from the others. ``known`` are fits by the names of their effects, to which others are added.
+    """
+    last, refused = path[-1], list[Judgement]()
     while added := [data.effects[name] for name in last.effect_names if name not in path[0].effect_names]:
-        before = [known.get(frozenset(last.effect_names) - {effect.name}) for effect in added]
-        refits = iter(data.refit_without(last, [e for e, one in zip(added, before, strict=True) if one is None]))
-        reduced = [one or next(refits) for one in before]
+        names = [frozenset(last.effect_names) - {effect.name} for effect in added]
+        unknown = [(key, effect) for key, effect in zip(names, added, strict=True) if key not in known]
+        refits = data.refit_without(last, [effect for _, effect in unknown])
+        known.update({key: one for (key, _), one in zip(unknown, refits, strict=True)})
         judged = [
-            judge(data, Term(data.candidate(one, last, effect), ()), constrained=True)
-            for one, effect in zip(reduced, added, strict=True)
+            judge(
+                data,
+                Term(data.candidate(known[key], last, effect), ()),
+                constrained=True,
+                error_may_rise=error_may_rise,
+            )
+            for key, effect in zip(names, added, strict=True)
         ]
-        if all(j.decision.supported for j in judged):
-            judged = [_without_rise(data, j, before, last) for j, before in zip(judged, reduced, strict=True)]
+        if not error_may_rise and all(j.decision.supported for j in judged):
+            judged = [_without_rise(data, j, known[key], last) for j, key in zip(judged, names, strict=True)]
         refusable = [i for i, j in enumerate(judged) if not j.decision.supported]
         if not refusable:
-            return last, {j.decision.effect.name: j for j in judged}, refused
-        worst = min(refusable, key=lambda i: (judged[i].probability, reduced[i].cost))
+            return Kept(last, {j.decision.effect.name: j for j in judged}, refused)
+        worst = min(refusable, key=lambda i: (judged[i].probability, known[names[i]].cost))
         refused.append(judged[worst])
-        if before[worst] is None and reduced[worst].cost >= CONVERGED_COST_RATIO * last.cost:
-            (last,) = data.run_refits(data, [Refit("converge", reduced[worst], added[worst])])
-        else:
-            last = reduced[worst]
-    return last, {}, refused
+        refitted, reduced = names[worst] in {key for key, _ in unknown}, known[names[worst]]
+        if refitted and reduced.cost >= CONVERGED_COST_RATIO * last.cost:
+            (reduced,) = data.run_refits(data, [Refit("converge", reduced, added[worst])])
+            known[names[worst]] = reduced
+        last = reduced
+    return Kept(last, {}, refused)
 
 
 def _without_rise(data: DiagnosisData, judged: Judgement, reduced: FittedModel, full: FittedModel) -> Judgement:

@@ -138,7 +138,7 @@ def test_each_constraint_has_its_reason(monkeypatch: pytest.MonkeyPatch, passing
     worse = diagnosis_data([(tried.reduced, 10.0, 10.0), (tried.full, 5.0, 20.0)])
     assert violated_constraint(diagnosis_data(), tried) is None
     assert violated_constraint(worse, tried) == "raises-error"
-    assert violated_constraint(worse, tried, measured_exclusively=True) is None
+    assert violated_constraint(worse, tried, error_may_rise=True) is None
     assert (
         violated_constraint(diagnosis_data(), candidate("valve-lag", ends={"time_constant": (0.01, True)}))
         == "at-bound"
