@@ -10,7 +10,7 @@ from typing import Any
 from tests.diagnose.synthetic_data import Facts, SyntheticData, effect, synthetic_data
 
 PATH = Path(__file__).with_suffix(".toml")
-KEYS = {"name", "why", "given", "excess", "effects", "together", "expected"}
+KEYS = {"name", "why", "given", "excess", "effects", "together", "errors", "expected"}
 EFFECT_KEYS = {
     *(
         "explains",
@@ -55,6 +55,7 @@ def data_of(case: dict[str, Any], **more: Any) -> SyntheticData:
         interval=of("interval"),
         raises_error=frozenset(of("raises_error")),
         raises_error_without=of("raises_error_without"),
+        errors={frozenset(names.split()): error for names, error in case.get("errors", {}).items()},
         needs=of("needs"),
     )
     effects = [

@@ -61,6 +61,7 @@ class Facts:
         interval: Factor on the standard errors of an effect's interval.
         raises_error: Effects that raise the free-run error tenfold.
         raises_error_without: The effect without which an effect does.
+        errors: The free-run error of sets of effects, where it is another one than by what they explain.
         needs: The effect without which an effect has no size to start from.
     """
 
@@ -72,6 +73,7 @@ class Facts:
     interval: Mapping[str, float] = field(default_factory=dict)
     raises_error: frozenset[str] = frozenset()
     raises_error_without: Mapping[str, str] = field(default_factory=dict)
+    errors: Mapping[frozenset[str], float] = field(default_factory=dict)
     needs: Mapping[str, str] = field(default_factory=dict)
 
     def share(self, names: Sequence[str]) -> float:
@@ -180,7 +182,8 @@ def synthetic_data(effects: Sequence[Effect], facts: Facts, **more: Any) -> Synt
         names = [e.name for e in model.effects]
         alone = {name for name, other in facts.raises_error_without.items() if other not in names}
         raised = 10.0 ** len((facts.raises_error | alone).intersection(names))
-        return {"train": raised * float(np.sqrt(facts.variance(names))), "test": None}
+        usual = raised * float(np.sqrt(facts.variance(names)))
+        return {"train": facts.errors.get(frozenset(names), usual), "test": None}
 
     given = {"free_run_errors": StatedErrors(error), "facts": facts, **more}
     return SyntheticData([RESIDUAL_MODEL], [], {e.name: e for e in effects}, **given)
