@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from pneucli.diagnose.candidate import Decision
+from pneucli.diagnose.candidate import Candidate, Decision
 from pneucli.diagnose.data import CONVERGED_COST_RATIO, DiagnosisData, ScreenedEffect
 from pneucli.diagnose.hypothesis_tests import apply_tests
 from pneucli.diagnose.score import FittedModel
@@ -44,12 +44,31 @@ def screen_and_refit(
     screened_in = score_test_screen(
         data, fitted, [(e, s) for e, s in data.ranked_signatures(fitted) if e.name not in excluded]
     )
+    decided = _refit_and_test(data, fitted, screened_in, reference)
+    known = {*excluded, *(d.effect.name for d in decided)}
+    return decided + [Decision(e, "not-promising") for e in data.absent_effects(fitted.model) if e.name not in known]
+
+
+def refit_twins(data: DiagnosisData, full: FittedModel, candidate: Candidate, tried: Decisions) -> Decisions:
+    """Decide on the twins of a candidate's effect, by its declaration, that ``tried`` has not refitted in its place.
+
+    They look like it, so what else is missing may hide them from a screen. ``full`` is the model they compete with.
+    """
+    refitted = {d.effect.name for d in tried if d.candidate is not None}
+    twins = [
+        (e, s)
+        for e, s in data.ranked_signatures(candidate.reduced)
+        if e.name.partition(":")[0] in candidate.effect.twins and e.name not in refitted and s[0].gain > MIN_CHI2
+    ]
+    return _refit_and_test(data, candidate.reduced, twins, full)
+
+
+def _refit_and_test(
+    data: DiagnosisData, fitted: FittedModel, screened_in: Sequence[ScreenedEffect], reference: FittedModel | None
+) -> Decisions:
     candidates = data.refit_with(fitted, [effect for effect, _ in screened_in], [tests for _, tests in screened_in])
     rivals = [*(c.full for c in candidates), *([reference] if reference else [])]
     cost_limit = CONVERGED_COST_RATIO * min((rival.cost for rival in rivals), default=0.0)
     converged = data.refit_to_convergence([c for c in candidates if c.full.cost < cost_limit])
     refitted = {c.effect.name: c for c in [*candidates, *converged]}
-    others = [
-        Decision(e, "not-promising") for e in data.absent_effects(fitted.model) if e.name not in {*excluded, *refitted}
-    ]
-    return apply_tests(data, sorted(refitted.values(), key=lambda c: c.full.cost)) + others
+    return apply_tests(data, sorted(refitted.values(), key=lambda c: c.full.cost))

@@ -19,7 +19,7 @@ from pneucli.diagnose.data import CONVERGED_COST_RATIO, DiagnosisData, Refit, la
 from pneucli.diagnose.decision import Judgement, is_complete, judge, log_odds_among_equivalents
 from pneucli.diagnose.equivalence import Term, best_candidate, not_inferior
 from pneucli.diagnose.score import FittedModel
-from pneucli.diagnose.screening import Decisions, screen_and_refit
+from pneucli.diagnose.screening import Decisions, refit_twins, screen_and_refit
 from pneucli.memory import release_free_memory
 from pneucli.physics.declaration import Effect
 
@@ -294,6 +294,7 @@ def _terms(
         candidate = judgements[name].decision.candidate
         assert candidate is not None
         decisions = first_round if len(names) == 1 else screen_and_refit(data, candidate.reduced, [name], last)
-        rivals = tuple(c for c in supported_candidates(decisions) if c.effect.name != name)
+        twins = refit_twins(data, last, candidate, decisions)
+        rivals = tuple(c for c in supported_candidates([*decisions, *twins]) if c.effect.name != name)
         terms[name] = Term(candidate, rivals)
     return terms
