@@ -12,7 +12,7 @@ import typer
 
 from pneucli.cli import console
 from pneucli.cli.options import File, Json, Out, Quiet, Verbose, open_pipeline_file
-from pneucli.figure import to_json
+from pneucli.figure import read, to_json
 from pneucli.pipeline.graph import STAGES
 
 if TYPE_CHECKING:
@@ -156,13 +156,15 @@ def fails_acceptance(done: Mapping[str, Done]) -> bool:
     from pneucli.messages import design
 
     designed = done["design"].manifest.answer if "design" in done else None
-    return design.fails_acceptance((designed or {}).get("gate"))
+    return design.fails_acceptance(read(design.Answer, designed or {}).gate)
 
 
 def print_findings(done: Mapping[str, Done], left_out: Sequence[Mapping[str, str | None]] = ()) -> None:
     """Print what is odd or cannot be true of the recordings, which could have changed the answer of any stage."""
     from pneucli.messages import ingest
+    from pneucli.messages.compare import LeftOut
 
     if "ingest" in done and (answer := done["ingest"].manifest.answer):
-        for line in ingest.plausibility_lines(answer, left_out):
+        excused = [read(LeftOut, one) for one in left_out]
+        for line in read(ingest.Answer, answer).plausibility_lines(excused):
             console.print_text(line)

@@ -26,6 +26,7 @@ from pneucli.controller.parameters import Controller
 from pneucli.errors import InputError, did_you_mean
 from pneucli.executors.engine import Engine, run_jobs
 from pneucli.io.artifacts import write_text
+from pneucli.messages.simulate import SuccessRate
 from pneucli.physics.declaration import Effect
 from pneucli.physics.effects import catalogue_with_sides
 from pneucli.quantities import Z95
@@ -210,19 +211,6 @@ def run_study(
         write_text(paths[outcome.job], json.dumps(outcome.result))
         progress(f"{done} of {len(first)} chunks", done / len(first))
     return [row for k in first for row in json.loads(paths[k].read_text(encoding="utf-8"))]
-
-
-@dataclass(frozen=True)
-class SuccessRate:
-    """Runs with one effect ("": none, "all": any) in which a check passed, and the worst of them."""
-
-    check: str
-    limit: float
-    effect: str
-    held: int
-    runs: int
-    worst: float
-    worst_run: int
 
 
 def success_rates(rows: Sequence[Mapping[str, Any]], checks: Mapping[str, float]) -> list[SuccessRate]:

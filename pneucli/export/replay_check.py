@@ -5,28 +5,19 @@ from __future__ import annotations
 import shutil
 import subprocess
 import tempfile
-from dataclasses import dataclass
 from pathlib import Path
 
 from pneucli.closed_loop.simulation import ClosedLoopSetup
 from pneucli.controller.parameters import Controller
 from pneucli.export import c_source
 from pneucli.export.export_files import REPLAY_FILE, write_c
+from pneucli.messages.simulate import ReplayCheck
 from pneucli.simulate.model import Model
 
 COMPILERS = ("cc", "gcc", "clang")  # the first that is found compiles
 COMPILE_OPTIONS = ("-std=c11", "-O2")  # of docs/export.md
 MAX_DIFFERENCE = 1e-9  # V: the limit of pneucli_replay.c
 COMPILE_TIMEOUT, REPLAY_TIMEOUT = 120.0, 120.0  # s
-
-
-@dataclass(frozen=True)
-class ReplayCheck:
-    """The largest difference in V of a command of the C from the simulation; None with the reason without one."""
-
-    difference_v: float | None
-    samples: int = 0
-    reason: str = ""
 
 
 def replay_exported_c(controller: Controller, model: Model, setup: ClosedLoopSetup, pipeline: str) -> ReplayCheck:

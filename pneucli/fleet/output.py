@@ -17,7 +17,7 @@ from jinja2 import Environment, PackageLoader, StrictUndefined
 from markupsafe import Markup
 
 from pneucli.config import FleetConfig
-from pneucli.figure import read
+from pneucli.figure import to_json
 from pneucli.fleet.dataset import Trend
 from pneucli.io.artifacts import write_text
 from pneucli.messages.fleet import Answer
@@ -33,7 +33,7 @@ PREFIX = "pneucli_fleet"
 PAGE, JUNIT, METRICS, ANSWER = "report.html", "junit.xml", "metrics.txt", "fleet.json"
 
 
-def to_html(answer: Mapping[str, Any], results: Sequence[Mapping[str, Any]], trends: Sequence[Trend]) -> str:
+def to_html(answer: Answer, results: Sequence[Mapping[str, Any]], trends: Sequence[Trend]) -> str:
     """Return the page: changed rigs, missing effects over the fleet, trends, failures by cause."""
     environment = Environment(
         loader=PackageLoader("pneucli.fleet", "assets"), autoescape=True, undefined=StrictUndefined, trim_blocks=True
@@ -42,7 +42,6 @@ def to_html(answer: Mapping[str, Any], results: Sequence[Mapping[str, Any]], tre
     data = json.dumps(page_data(answer, results, trends), separators=(",", ":"), allow_nan=False)
     return environment.get_template("fleet.html.j2").render(
         answer=answer,
-        repeating=read(Answer, answer).repeats,
         style=_asset("fleet.css"),
         script=script,
         policy=_policy(script),
@@ -60,9 +59,7 @@ def _policy(script: str) -> str:
     return f"default-src 'none'; {own}; base-uri 'none'; form-action 'none'"
 
 
-def page_data(
-    answer: Mapping[str, Any], results: Sequence[Mapping[str, Any]], trends: Sequence[Trend]
-) -> dict[str, Any]:
+def page_data(answer: Answer, results: Sequence[Mapping[str, Any]], trends: Sequence[Trend]) -> dict[str, Any]:
     """Return the page's data: a list for each rig, the most changed first, with texts by their number."""
     by_rig: dict[str, list[Mapping[str, Any]]] = {}
     for one in sorted(results, key=lambda r: str(r["date"])):
@@ -76,8 +73,8 @@ def page_data(
     )
     rows = [_rig(rig, by_rig[rig], texts, trends_by_rig.get(rig, [])) for rig in ranked]
     panels = _trend_panels(ranked, trends_by_rig, texts)  # before the list of texts, to which it adds
-    return {"rigs": rows, "words": list(texts), "trends": panels, "failures": answer["failures"],
-            "missing": answer["missing"], "changes": _rigs_by_change(results)}  # fmt: skip
+    return {"rigs": rows, "words": list(texts), "trends": panels, "failures": to_json(answer.failures),
+            "missing": answer.missing, "changes": _rigs_by_change(results)}  # fmt: skip
 
 
 def _rigs_by_change(results: Sequence[Mapping[str, Any]]) -> dict[str, int]:
@@ -156,23 +153,23 @@ def _trend_panels(
     return out
 
 
-def to_openmetrics(answer: Mapping[str, Any], results: Sequence[Mapping[str, Any]]) -> str:
+def to_openmetrics(answer: Answer, results: Sequence[Mapping[str, Any]]) -> str:
     """Return gauges by fleet: rigs, rows by verdict, rigs changed by name, failures by cause, seconds."""
     return "\n".join([*_lines(answer, results), "# EOF", ""])
 
 
-def _lines(answer: Mapping[str, Any], results: Sequence[Mapping[str, Any]]) -> Iterator[str]:
-    fleet = answer["fleet"]
+def _lines(answer: Answer, results: Sequence[Mapping[str, Any]]) -> Iterator[str]:
+    fleet = answer.fleet
     plain = {"rigs": "Rigs in the table.", "rows": "Rows in the table: a rig at a date.", "failed": "Rows that failed.",
              "changed": "Rigs in which something changed.", "done": "Rows that were done in the last run."}  # fmt: skip
     for name, about in plain.items():
-        yield from _gauge(name, about, [({"fleet": fleet}, answer[name])])
+        yield from _gauge(name, about, [({"fleet": fleet}, getattr(answer, name))])
     latest = {r["rig"]: r for r in sorted(results, key=lambda r: str(r["date"]))}.values()
     verdicts = Counter(r["verdict"] or "failed" for r in latest)
     yield from _gauge("verdict", "Rigs by the verdict at their last date.", _by(fleet, "verdict", verdicts))
     changes = Counter(one["name"] for r in latest for one in r["changes"])
     yield from _gauge("change", "Rigs by what changed in them, at their last date.", _by(fleet, "name", changes))
-    causes = {one["cause"]: one["rows"] for one in answer["failures"]}
+    causes = {one.cause: one.rows for one in answer.failures}
     yield from _gauge("failure", "Rows that failed, by cause.", _by(fleet, "cause", causes))
     for name, about in {"seconds": "Seconds", "core_seconds": "Processor seconds"}.items():
         busy = sum(float(r.get(name) or 0.0) for r in results)
@@ -198,19 +195,21 @@ def _escaped(text: str) -> str:
 def write_outputs(
     out: Path,
     config: FleetConfig,
-    answer: Mapping[str, Any],
+    answer: Answer,
     results: Sequence[Mapping[str, Any]],
     trends: Sequence[Trend],
-) -> None:
-    """Write these files and the answer into the folder ``out``, each file atomically."""
+) -> dict[str, Any]:
+    """Write these files and the answer into the folder ``out``, each file atomically; return the answer as JSON."""
+    stated: dict[str, Any] = to_json(answer)
     texts = {
         PAGE: to_html(answer, results, trends),
-        JUNIT: to_junit(config.fleet.name, [*map(_of_row, results), *map(_of_check, evaluate_checks(config, answer))]),
+        JUNIT: to_junit(config.fleet.name, [*map(_of_row, results), *map(_of_check, evaluate_checks(config, stated))]),
         METRICS: to_openmetrics(answer, results),
-        ANSWER: json.dumps(answer, indent=1, allow_nan=False) + "\n",
+        ANSWER: json.dumps(stated, indent=1, allow_nan=False) + "\n",
     }
     for name, text in texts.items():
         write_text(out / name, text)
+    return stated
 
 
 def evaluate_checks(config: FleetConfig, answer: Mapping[str, Any]) -> list[CheckResult]:

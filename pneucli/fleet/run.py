@@ -21,7 +21,7 @@ from pneucli.document import read_toml
 from pneucli.errors import InputError
 from pneucli.executors.dask_cluster import engine_from
 from pneucli.executors.engine import Engine, Outcome, run_jobs
-from pneucli.figure import read, to_json
+from pneucli.figure import read
 from pneucli.fleet import row as fleet_row
 from pneucli.fleet.dataset import COLUMNS, PART_FILE, TRENDS, Trend, parameter_trends, write_datasets, write_trends
 from pneucli.fleet.row import Job, ProgramMismatchError
@@ -300,12 +300,10 @@ def _write_results(fleet: Fleet, seconds: float) -> dict[str, Any]:
     results, trends = fleet.results_in_table_order(), fleet.trends()
     made_of = Provenance({"table": sha256_of(fleet.table), "template": sha256_of(fleet.template)}, _settings(fleet))
     found = fleet_answer(fleet.config.fleet, results, trends, fleet.updated_count, str(fleet.store), seconds)
-    answer: dict[str, Any] = to_json(found)
     with fleet.output_folder() as out:
         write_datasets(out, results, made_of)
         write_trends(out / TRENDS, trends, made_of)
-        write_outputs(out, fleet.config, answer, results, trends)
-    return answer
+        return write_outputs(out, fleet.config, found, results, trends)
 
 
 def _settings(fleet: Fleet) -> dict[str, Any]:

@@ -21,10 +21,8 @@ LABEL_WIDTH = 9  # of the word that a line starts with
 
 def render(stage: str, answer: Mapping[str, Any], file: str, *, verbose: bool = False) -> str:
     """Return a stage's answer as text; ``file`` is the pipeline file as the user typed it, for the commands."""
-    module = importlib.import_module(f"{__name__}.{stage}")
-    if hasattr(module, "lines"):
-        return "\n".join(module.lines(answer, file, verbose))
-    return "\n".join(read(module.Answer, answer).lines(file, verbose))
+    kind = importlib.import_module(f"{__name__}.{stage}").Answer
+    return "\n".join(read(kind, answer).lines(file, verbose))
 
 
 def labelled(label: str, text: str) -> Iterator[str]:
@@ -45,11 +43,6 @@ def table(head: Sequence[str], rows: Sequence[Sequence[str]], texts: int) -> Ite
     for row in [head, *rows]:
         cells = [c.ljust(w) if i < texts else c.rjust(w) for i, (c, w) in enumerate(zip(row, widths, strict=True))]
         yield "  ".join(cells).rstrip()
-
-
-def warnings(answer: Mapping[str, Any]) -> Iterator[str]:
-    """Yield the warnings of a stage."""
-    yield from each("warning", answer.get("warnings", []))
 
 
 def each(label: str, texts: Iterable[str]) -> Iterator[str]:

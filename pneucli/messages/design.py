@@ -1,12 +1,13 @@
-"""How the controller was designed: its corners and sectors, the bench of laws, the margins, and the gate."""
+"""The answer of ``design``: corners and sectors, the bench of laws, the margins, and the gate."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
 from typing import Any
 
-from pneucli.messages import each, labelled, table, warnings
+from pneucli.messages import each, labelled, table
 from pneucli.messages.formatting import (
     format_noise_ratio,
     format_number,
@@ -15,8 +16,8 @@ from pneucli.messages.formatting import (
     format_quantity,
     join_names,
 )
+from pneucli.messages.simulate import Figures
 
-Row = Mapping[str, Any]
 CAUSES = {
     "": "",
     "travel-time": "the valve is too small: {distance} take at least {time}",
@@ -44,15 +45,14 @@ UNITS = {
 """Factor on the SI value and shown unit of each quantity of a cause."""
 
 
-Answer = Mapping[str, Any]
 LOOP_TITLES = {
     "command": "at the command",
     "command 2": "at the second command",
     "position": "at the position's reading",
 }
 MARGIN_TITLES = ("loop cut", "upper gain margin", "lower gain margin", "phase margin", "delay margin", "modulus margin")
-Figures = Mapping[str, Mapping[str, float | None]]  # by scenario
-Cases = Mapping[str, Figures]  # by controller
+Scenarios = Mapping[str, Figures]  # by their names
+Cases = Mapping[str, Scenarios]  # by controller
 LAW_TITLES = (
     "at rest, µm",
     "moves there, µm",
@@ -70,77 +70,370 @@ LAW_LEGEND = (
 )
 
 
-def lines(answer: Mapping[str, Any], file: str, verbose: bool) -> Iterator[str]:
-    """Yield the corners of the cascade, what the theory says of the axis, warnings, and what to do next."""
-    corners = [
-        f"{name.replace('_', ' ')} {format_number(c['value'], 3)} rad/s" for name, c in answer["corners"].items()
-    ]
-    yield from labelled(
-        "found", f"a cascade at {format_plain(1e3 * answer['requirements']['period'])} ms: {', '.join(corners)}"
-    )
-    for name, s in answer["sector"].items():
-        yield from labelled("sector", describe_sector(name, s))
-    if verbose:
-        for name, m in answer["matching"].items():
-            yield from labelled("match", f"{name} system: {describe_matching(m)}")
-        for t in answer["lmi"]["types"]:
-            yield from labelled("PDC", f"weights {t['weight_type']}: {describe_decay_rate(t)}")
-    if answer["compare"]:
-        yield ""
-        yield from table(
-            ("controller", *LAW_TITLES),
-            list(law_rows(answer["compare"], answer["tolerance_um"])),
-            texts=1,
+@dataclass(frozen=True)
+class Quantity:
+    """A value in its unit."""
+
+    value: float
+    unit: str
+
+
+@dataclass(frozen=True)
+class SectorAnswer:
+    """A sliding sector (:class:`pneucli.design.sliding_sector.SlidingSector`), and why it is not followed, if so."""
+
+    a_1: float
+    a_2: float
+    lambda_1: float
+    lambda_2: float
+    mass: float
+    period: float
+    speed_floor: float
+    eta: float
+    steepness: float
+    remark: str
+
+    @property
+    def text(self) -> str:
+        """Its lines, and the speed down to which it resolves friction."""
+        slopes = f"λ {format_number(self.lambda_1, 3)} and {format_number(self.lambda_2, 3)} 1/s"
+        steep = "; too steep for the sample time, so the law takes the sector of [design] eta" if self.remark else ""
+        return f"{slopes}, friction resolved down to {format_quantity(self.speed_floor, 'm/s', 2)}{steep}"
+
+
+@dataclass(frozen=True)
+class Matching:
+    """Whether the matching condition holds; ``broken_by`` has the states on which each disturbance acts."""
+
+    holds: bool
+    broken_by: Mapping[str, Sequence[str]]
+
+    @property
+    def text(self) -> str:
+        """Whether it holds, or what breaks it."""
+        broken = "; ".join(f"{name} acts on {', '.join(states)}" for name, states in self.broken_by.items())
+        return "the matching condition holds" if self.holds else f"the matching condition does not hold: {broken}"
+
+
+@dataclass(frozen=True)
+class DecayRate:
+    """The decay rate that a PDC reaches with weights of a type; None where there is none, as ``status`` says."""
+
+    weight_type: str
+    rate: float | None
+    unit: str
+    status: str
+    verified: bool
+
+    @property
+    def text(self) -> str:
+        """The rate, or why there is none."""
+        if self.rate is None:
+            return f"none: {self.status.splitlines()[0]}"
+        verified = "verified" if self.verified else "not verified"
+        return f"decay rate {format_quantity(self.rate, '1/s', 3)}, {verified}"
+
+
+@dataclass(frozen=True)
+class MatrixInequalities:
+    """PDC by type of weight; ``vertex_loops`` are poles of the ``best`` (real, imaginary) in 1/s, by vertex."""
+
+    best: str | None
+    types: Sequence[DecayRate]
+    vertex_loops: Sequence[Sequence[Sequence[float]]]
+
+
+@dataclass(frozen=True)
+class WorstMargins:
+    """The smallest margins of one loop, units as in ``Margins``; None where there is no limit."""
+
+    gain_up: float | None
+    gain_down: float | None
+    phase: float
+    delay: float | None
+    modulus: float
+
+
+@dataclass(frozen=True)
+class MarginPoint:
+    """The margins of one loop at a place (m) and a speed (m/s); None where there is no limit."""
+
+    loop: str
+    x: float
+    speed: float
+    stable: bool
+    gain_up: float | None
+    gain_down: float | None
+    phase: float | None
+    delay: float | None
+    modulus: float | None
+    crossover: float | None
+
+
+@dataclass(frozen=True)
+class Poles:
+    """The slowest poles (real, imaginary) of the loop at a place (m) and a speed (m/s)."""
+
+    x: float
+    speed: float
+    unit: str
+    poles: Sequence[Sequence[float]]
+
+
+@dataclass(frozen=True)
+class StickingPoint:
+    """A place (m) at which the piston does not slide steadily in a direction."""
+
+    x: float
+    direction: float
+
+
+@dataclass(frozen=True)
+class Margins:
+    """The margins of each loop at each operating point, and the smallest ones by loop."""
+
+    points: Sequence[MarginPoint]
+    worst: Mapping[str, WorstMargins]
+    poles: Sequence[Poles]
+    stable: bool
+    stuck: Sequence[StickingPoint]
+    left_out: Sequence[str]
+    overlap: Quantity
+    units: Mapping[str, str]
+
+    @property
+    def lines(self) -> Iterator[str]:
+        """A sentence a loop."""
+        for loop, worst in self.worst.items():
+            _, rise, fall, phase, later, _ = margin_row(loop, worst)
+            yield f"{LOOP_TITLES[loop]}: gain {rise} or {fall}, phase {phase}, {later} later"
+
+    @property
+    def doubts(self) -> Iterator[str]:
+        """What is to be warned of: a loop that grows, or a piston that does not slide."""
+        grows = sorted({format_quantity(p.x, "m", 3) for p in self.points if not p.stable})
+        if grows:
+            yield f"the loop is not stable for small signals at {join_names(grows)}"
+        if self.stuck:
+            where = join_names(sorted({format_quantity(p.x, "m", 3) for p in self.stuck}))
+            yield f"the piston does not slide steadily at {where} at any slow speed, so it has no margin there"
+
+    @property
+    def validity(self) -> str:
+        """To what the margins apply, in a sentence or two."""
+        speeds = [abs(p.speed) for p in self.points]
+        if not speeds:
+            return "Nothing slid steadily: there are no margins."
+        text = f"Small signals about a piston that slides at {format_quantity(min(speeds), 'm/s', 2)}"
+        text += f" to {format_quantity(max(speeds), 'm/s', 2)}" if max(speeds) > 1.01 * min(speeds) else ""
+        text += "; a piston that sticks does not follow small signals: see the closed-loop scenarios."
+        if self.overlap.value > 0.0:
+            overlap = format_quantity(self.overlap.value, "V", 2)
+            text += f" Nor does the valve within its overlap of {overlap}, over which the inverse map jumps."
+        if self.left_out:
+            text += f" Left out, as small signals are lost in it: {join_names([t.lower() for t in self.left_out])}."
+        return text
+
+
+@dataclass(frozen=True)
+class MissedRequirement:
+    """A requirement that is not met: the worst figure (None: never), where, the share of draws, and the cause."""
+
+    demand: str
+    limit: float
+    found: float | None
+    unit: str
+    axis: str
+    scenario: str
+    share: float
+    cause: str
+
+    @property
+    def sentence(self) -> str:
+        """What is asked and found, where, and why."""
+        found = "never" if self.found is None else format_quantity(self.found, self.unit, 3)
+        asked = f"{found} where {format_quantity(self.limit, self.unit, 3)} is asked"
+        text = f"{self.demand.replace('_', ' ')}: {asked} ({self.axis}, {self.scenario})"
+        return text + (f": {self.cause}" if self.cause else "")
+
+
+@dataclass(frozen=True)
+class Demand:
+    """A requirement and its limit."""
+
+    demand: str
+    limit: float
+    unit: str
+
+
+@dataclass(frozen=True)
+class Gate:
+    """Whether the controller meets every requirement on ``axes``; a ``strict`` one fails like a check.
+
+    ``model_error`` is the model's, over the noise.
+    """
+
+    passed: bool
+    strict: bool
+    missed: Sequence[MissedRequirement]
+    asked: Sequence[Demand]
+    axes: int
+    model_error: float | None
+    model_error_limit: float
+
+    @property
+    def verdict(self) -> str:
+        """In one line, whether every requirement is met."""
+        asked = ", ".join(f"{d.demand.replace('_', ' ')} {format_quantity(d.limit, d.unit, 3)}" for d in self.asked)
+        if not self.missed:
+            return f"met on the model, at the ends of its intervals and on draws ({self.axes} axes): {asked}"
+        return f"{len(self.missed)} of {len(self.asked)} requirements are not met"
+
+    @property
+    def violations(self) -> Iterator[str]:
+        """A sentence for each requirement that is not met, and one where the model is far from its data."""
+        yield from (one.sentence for one in self.missed)
+        if self.model_error is not None and self.model_error > self.model_error_limit:
+            yield (
+                f"the model is {format_noise_ratio(self.model_error)} × noise from its data: what is designed for it "
+                "need not hold on the machine"
+            )
+
+
+@dataclass(frozen=True)
+class Held:
+    """The rigs that one controller holds, and its figures over their limits: the worst and the median."""
+
+    rigs: int
+    held: int
+    probability: float
+    worst: Figures
+    median: Figures
+
+    @property
+    def row(self) -> tuple[str, ...]:
+        """Rigs that it holds, and each figure, median and worst."""
+        cells = (f"{_times(self.median[n])}; {_times(self.worst[n])}" for n in ENSEMBLE_FIGURES)
+        return f"{self.held} of {self.rigs}", *cells
+
+
+@dataclass(frozen=True)
+class Ensemble:
+    """What the gains promise on rigs that differ as the recordings allow, and have ``effects`` that the model lacks.
+
+    ``rescued`` are the rigs that fail but for an effect; that of the ``limiting`` one is excluded by ``separate``.
+    """
+
+    effects: Sequence[str]
+    spool_lag: Quantity
+    confidence: float
+    limits: Mapping[str, Quantity]
+    laws: Mapping[str, Held]
+    limiting: str | None
+    rescued: Mapping[str, int]
+    separate: str | None
+
+    @property
+    def promise(self) -> Iterator[str]:
+        """The promise of ``best``, and which untold effect limits it."""
+        own = self.laws["best"]
+        asked = ", ".join(
+            f"{format_quantity(self.limits[name].value, self.limits[name].unit, 2)} {where}"
+            for name, where in ENSEMBLE_FIGURES.items()
         )
-    if rigs := answer.get("ensemble"):
-        yield ""
-        yield from table(ENSEMBLE_TITLES, list(ensemble_rows(rigs)), texts=1)
-    for name, why in answer["not_made"].items():
-        yield from labelled("lacks", f"{name}: {why}")
-    if verbose and answer["ablation"]:
-        yield ""
-        rows = list(law_rows(answer["ablation"], answer["tolerance_um"]))
-        yield from table(("cascade without", *LAW_TITLES), rows, texts=1)
-    yield from margins_and_acceptance(answer, verbose)
-    yield from warnings(answer)
-    yield from labelled("do", f"pneucli simulate {file}")
+        probability, sure = format_percent(own.probability), format_percent(self.confidence)
+        yield (
+            f"holds {asked} on {own.held} of {own.rigs} rigs that the search did not see: on a rig like yours with "
+            f"a probability of at least {probability} (confidence {sure})"
+        )
+        if self.effects:
+            lacks = join_names(self.effects)
+            yield f"these rigs differ as the recordings allow, and have {lacks}, which the model lacks"
+        if self.limiting:
+            yield (
+                f"{self.limiting} limits it: {self.rescued[self.limiting]} of the {own.rigs - own.held} rigs that fail "
+                f"hold without it. To exclude or to identify it: {self.separate}"
+            )
+
+    @property
+    def rows(self) -> Iterator[tuple[str, ...]]:
+        """A row a controller: rigs that it holds, and its figures over their limits, median and worst."""
+        yield from ((name, *held.row) for name, held in self.laws.items())
 
 
-def margins_and_acceptance(answer: Mapping[str, Any], verbose: bool) -> Iterator[str]:
-    """Yield the margins of the loop, and what the gate found."""
-    if (found := answer.get("margins")) and found["points"]:
-        yield from each("margins", [*margin_lines(found), *([validity_note(found)] if verbose else [])])
-        yield from each("warning", stability_warnings(found))
-    if rigs := answer.get("ensemble"):
-        yield from each("rigs", promise(rigs))
-    if held := answer.get("gate"):
-        yield from labelled("gate", acceptance_verdict(held))
-        for doubt in violations(held):
-            yield from labelled("misses" if held["strict"] else "warning", doubt)
+@dataclass(frozen=True)
+class Answer:
+    """How the controller was designed; ``requirements`` and ``surface`` are rows in SI."""
 
+    schema: str
+    pipeline: str
+    requirements: Mapping[str, Any]
+    corners: Mapping[str, Quantity]
+    sector: Mapping[str, SectorAnswer]
+    matching: Mapping[str, Matching]
+    surface: Sequence[Mapping[str, Any]]
+    lmi: MatrixInequalities
+    controllers: Mapping[str, str]
+    not_made: Mapping[str, str]
+    tolerance_um: float
+    compare: Cases
+    without_map: Cases
+    ablation: Cases
+    variants: Cases
+    warnings: Sequence[str]
+    margins: Margins | None
+    gate: Gate | None
+    ensemble: Ensemble | None
 
-def describe_sector(name: str, found: Mapping[str, Any]) -> str:
-    """Return one sliding sector: its lines, and the speed down to which it resolves friction."""
-    slopes = f"λ {format_number(found['lambda_1'], 3)} and {format_number(found['lambda_2'], 3)} 1/s"
-    steep = (
-        "; too steep for the sample time, so the law takes the sector of [design] eta" if found.get("remark") else ""
-    )
-    return f"{name}: {slopes}, friction resolved down to {format_quantity(found['speed_floor'], 'm/s', 2)}{steep}"
+    def lines(self, file: str, verbose: bool) -> Iterator[str]:
+        """Yield the corners of the cascade, what the theory says of the axis, warnings, and what to do next."""
+        corners = [f"{n.replace('_', ' ')} {format_number(c.value, 3)} rad/s" for n, c in self.corners.items()]
+        period = format_plain(1e3 * self.requirements["period"])
+        yield from labelled("found", f"a cascade at {period} ms: {', '.join(corners)}")
+        yield from each("sector", (f"{name}: {one.text}" for name, one in self.sector.items()))
+        if verbose:
+            yield from each("match", (f"{name} system: {one.text}" for name, one in self.matching.items()))
+            yield from each("PDC", (f"weights {one.weight_type}: {one.text}" for one in self.lmi.types))
+        yield from self._laws("controller", self.compare)
+        if self.ensemble:
+            yield ""
+            yield from table(ENSEMBLE_TITLES, list(self.ensemble.rows), texts=1)
+        yield from each("lacks", (f"{name}: {why}" for name, why in self.not_made.items()))
+        if verbose:
+            yield from self._laws("cascade without", self.ablation)
+        yield from self._margins_and_acceptance(verbose)
+        yield from each("warning", self.warnings)
+        yield from labelled("do", f"pneucli simulate {file}")
 
+    def _laws(self, title: str, cases: Cases) -> Iterator[str]:
+        if cases:
+            yield ""
+            yield from table((title, *LAW_TITLES), list(law_rows(cases, self.tolerance_um)), texts=1)
 
-def describe_matching(found: Mapping[str, Any]) -> str:
-    """Return whether the matching condition holds, or what breaks it."""
-    broken = "; ".join(f"{name} acts on {', '.join(states)}" for name, states in found["broken_by"].items())
-    return "the matching condition holds" if found["holds"] else f"the matching condition does not hold: {broken}"
+    def _margins_and_acceptance(self, verbose: bool) -> Iterator[str]:
+        """Yield the margins of the loop, and what the gate found."""
+        if (found := self.margins) and found.points:
+            yield from each("margins", [*found.lines, *([found.validity] if verbose else [])])
+            yield from each("warning", found.doubts)
+        if self.ensemble:
+            yield from each("rigs", self.ensemble.promise)
+        if held := self.gate:
+            yield from labelled("gate", held.verdict)
+            yield from each("misses" if held.strict else "warning", held.violations)
 
-
-def describe_decay_rate(found: Mapping[str, Any]) -> str:
-    """Return the decay rate that a PDC reaches, or why there is none."""
-    if found["rate"] is None:
-        return f"none: {found['status'].splitlines()[0]}"
-    return (
-        f"decay rate {format_quantity(found['rate'], '1/s', 3)}, {'verified' if found['verified'] else 'not verified'}"
-    )
+    @property
+    def comparison(self) -> str:
+        """In one sentence, which laws hold the tolerance at rest, and how far off the others stay."""
+        tolerance, cases = self.tolerance_um, self.compare
+        if not tolerance > 0.0 or len(cases) < 2:
+            return ""
+        off = {name: worst_value(figures, "steady_um") for name, figures in cases.items()}
+        hold = [name for name, figures in cases.items() if rest_verdict(figures, tolerance) == "holds"]
+        others = sorted((um, name) for name, um in off.items() if name not in hold and um is not None)
+        named = join_names([f"“{name}”" for name in hold]) or "none"
+        text = f"of {len(cases)} laws {named} {'holds' if len(hold) < 2 else 'hold'} it"
+        runner_up = f"; next is “{others[0][1]}”, {_length(others[0][0])} off" if others else ""
+        return f"{text[:1].upper()}{text[1:]}{runner_up}."
 
 
 def cause_text(code: str, quantities: Mapping[str, float]) -> str:
@@ -155,85 +448,18 @@ def cause_text(code: str, quantities: Mapping[str, float]) -> str:
     )
 
 
-def acceptance_verdict(acceptance: Row) -> str:
-    """Return in one line whether every requirement is met."""
-    asked = ", ".join(
-        f"{d['demand'].replace('_', ' ')} {format_quantity(d['limit'], d['unit'], 3)}" for d in acceptance["asked"]
-    )
-    if not acceptance["missed"]:
-        return f"met on the model, at the ends of its intervals and on draws ({acceptance['axes']} axes): {asked}"
-    return f"{len(acceptance['missed'])} of {len(acceptance['asked'])} requirements are not met"
-
-
-def violations(acceptance: Row) -> Iterator[str]:
-    """Yield a sentence for each requirement that is not met, and one where the model is far from its data."""
-    for one in acceptance["missed"]:
-        found = "never" if one["found"] is None else format_quantity(one["found"], one["unit"], 3)
-        text = (
-            f"{one['demand'].replace('_', ' ')}: {found} where {format_quantity(one['limit'], one['unit'], 3)} is asked"
-        )
-        text += f" ({one['axis']}, {one['scenario']})"
-        yield text + (f": {one['cause']}" if one["cause"] else "")
-    error = acceptance["model_error"]
-    if error is not None and error > acceptance["model_error_limit"]:
-        yield (
-            f"the model is {format_noise_ratio(error)} × noise from its data: what is designed for it need not hold on "
-            "the machine"
-        )
-
-
-def fails_acceptance(acceptance: Row | None) -> bool:
+def fails_acceptance(gate: Gate | None) -> bool:
     """Whether an unmet requirement fails like a check."""
-    return bool(acceptance and acceptance["strict"] and not acceptance["passed"])
+    return bool(gate and gate.strict and not gate.passed)
 
 
-def margin_row(loop: str, worst: Answer) -> tuple[str, ...]:
+def margin_row(loop: str, worst: WorstMargins) -> tuple[str, ...]:
     """Return the smallest margins of one loop as texts, in the order of MARGIN_TITLES."""
-    rise = "× any" if worst["gain_up"] is None else f"× {format_number(worst['gain_up'], 3)}"
-    fall = "× any" if not worst["gain_down"] else f"× {format_number(worst['gain_down'], 2)}"
-    later = "any" if worst["delay"] is None else f"{format_number(1e3 * worst['delay'], 2)} ms"
-    return (
-        LOOP_TITLES[loop],
-        rise,
-        fall,
-        f"{format_number(math.degrees(worst['phase']), 2)}°",
-        later,
-        format_number(worst["modulus"], 2),
-    )
-
-
-def margin_lines(answer: Answer) -> Iterator[str]:
-    """Yield a sentence a loop, and what small signals do not tell."""
-    for loop, worst in answer["worst"].items():
-        _, rise, fall, phase, later, _ = margin_row(loop, worst)
-        yield f"{LOOP_TITLES[loop]}: gain {rise} or {fall}, phase {phase}, {later} later"
-
-
-def stability_warnings(answer: Answer) -> Iterator[str]:
-    """Yield what is to be warned of: a loop that grows, or a piston that does not slide."""
-    grows = sorted({format_quantity(p["x"], "m", 3) for p in answer["points"] if not p["stable"]})
-    if grows:
-        yield f"the loop is not stable for small signals at {join_names(grows)}"
-    if answer["stuck"]:
-        places = sorted({format_quantity(p["x"], "m", 3) for p in answer["stuck"]})
-        where = join_names(places)
-        yield f"the piston does not slide steadily at {where} at any slow speed, so it has no margin there"
-
-
-def validity_note(answer: Answer) -> str:
-    """Return to what the margins apply, in a sentence or two."""
-    speeds = [abs(p["speed"]) for p in answer["points"]]
-    if not speeds:
-        return "Nothing slid steadily: there are no margins."
-    text = f"Small signals about a piston that slides at {format_quantity(min(speeds), 'm/s', 2)}"
-    text += f" to {format_quantity(max(speeds), 'm/s', 2)}" if max(speeds) > 1.01 * min(speeds) else ""
-    text += "; a piston that sticks does not follow small signals: see the closed-loop scenarios."
-    if (width := answer["overlap"]["value"]) > 0.0:
-        overlap = format_quantity(width, "V", 2)
-        text += f" Nor does the valve within its overlap of {overlap}, over which the inverse map jumps."
-    if answer["left_out"]:
-        text += f" Left out, as small signals are lost in it: {join_names([t.lower() for t in answer['left_out']])}."
-    return text
+    rise = "× any" if worst.gain_up is None else f"× {format_number(worst.gain_up, 3)}"
+    fall = "× any" if not worst.gain_down else f"× {format_number(worst.gain_down, 2)}"
+    later = "any" if worst.delay is None else f"{format_number(1e3 * worst.delay, 2)} ms"
+    phase = f"{format_number(math.degrees(worst.phase), 2)}°"
+    return LOOP_TITLES[loop], rise, fall, phase, later, format_number(worst.modulus, 2)
 
 
 def observer_at_bound(law: str, observer: str, scenario: str, share: float, limit: float) -> str:
@@ -269,38 +495,24 @@ def law_rows(cases: Cases, tolerance_um: float) -> Iterator[list[str]]:
         ]
 
 
-def _sliding(figures: Figures) -> str:
+def _sliding(figures: Scenarios) -> str:
     """Return the least share of samples in sliding, of both observers over all scenarios."""
     shares = [f.get(key) for f in figures.values() for key in ("sliding_load", "sliding_flow")]
     finite = [share for share in shares if share is not None]
     return f"{100.0 * min(finite):.0f} %" if finite else "–"
 
 
-def worst_value(figures: Figures, key: str) -> float | None:
+def worst_value(figures: Scenarios, key: str) -> float | None:
     """Return the largest value of a figure over all scenarios; None where none shows it."""
     return max((f[key] for f in figures.values() if f[key] is not None), default=None)  # type: ignore[type-var]
 
 
-def rest_verdict(figures: Figures, tolerance_um: float) -> str:
+def rest_verdict(figures: Scenarios, tolerance_um: float) -> str:
     """Return what becomes of the piston at rest: held, off the reference, moving."""
     off, moved = (worst_value(figures, key) or 0.0 for key in ("steady_um", "cycle_um"))
     faults = [f"stays up to {_length(off)} off"] if off > tolerance_um else []
     faults += [f"moves by {_length(moved)} at rest"] if moved > tolerance_um else []
     return ", ".join(faults) or "holds"
-
-
-def comparison_sentence(answer: Mapping[str, Any]) -> str:
-    """Return in one sentence which laws hold the tolerance at rest, and how far off the others stay."""
-    tolerance, cases = answer.get("tolerance_um"), answer.get("compare") or {}
-    if not tolerance or len(cases) < 2:
-        return ""
-    off = {name: worst_value(figures, "steady_um") for name, figures in cases.items()}
-    hold = [name for name, figures in cases.items() if rest_verdict(figures, tolerance) == "holds"]
-    others = sorted((um, name) for name, um in off.items() if name not in hold and um is not None)
-    named = join_names([f"“{name}”" for name in hold]) or "none"
-    text = f"of {len(cases)} laws {named} {'holds' if len(hold) < 2 else 'hold'} it"
-    runner_up = f"; next is “{others[0][1]}”, {_length(others[0][0])} off" if others else ""
-    return f"{text[:1].upper()}{text[1:]}{runner_up}."
 
 
 def _length(um: float) -> str:
@@ -321,36 +533,6 @@ ENSEMBLE_FIGURES = {
     "load": "under a load",
     "chattering": "rms of chattering",
 }
-
-
-def promise(found: Mapping[str, Any]) -> Iterator[str]:
-    """Yield the promise of ``best``, and which untold effect limits it."""
-    own, limits = found["laws"]["best"], found["limits"]
-    asked = ", ".join(
-        f"{format_quantity(limits[name]['value'], limits[name]['unit'], 2)} {where}"
-        for name, where in ENSEMBLE_FIGURES.items()
-    )
-    probability, sure = format_percent(own["probability"]), format_percent(found["confidence"])
-    yield (
-        f"holds {asked} on {own['held']} of {own['rigs']} rigs that the search did not see: on a rig like yours with "
-        f"a probability of at least {probability} (confidence {sure})"
-    )
-    if found["effects"]:
-        lacks = join_names(found["effects"])
-        yield f"these rigs differ as the recordings allow, and have {lacks}, which the model lacks"
-    if found["limiting"]:
-        failed = own["rigs"] - own["held"]
-        yield (
-            f"{found['limiting']} limits it: {found['rescued'][found['limiting']]} of the {failed} rigs that fail hold "
-            f"without it. To exclude or to identify it: {found['separate']}"
-        )
-
-
-def ensemble_rows(found: Mapping[str, Any]) -> Iterator[tuple[str, ...]]:
-    """Yield a row a controller: rigs that it holds, and its figures over their limits, median and worst."""
-    for name, row in found["laws"].items():
-        cells = (f"{_times(row['median'][n])}; {_times(row['worst'][n])}" for n in ENSEMBLE_FIGURES)
-        yield name, f"{row['held']} of {row['rigs']}", *cells
 
 
 def _times(ratio: float | None) -> str:

@@ -31,6 +31,7 @@ from pneucli.messages.formatting import (
     format_signal,
     join_names,
 )
+from pneucli.messages.ingest import Implausible
 from pneucli.quantities import signal_title
 
 VALIDATION_PHRASES = {
@@ -250,7 +251,7 @@ class Answer:
     warnings: Sequence[str]
     sentence: str = ""
     thinned: Mapping[str, int] | None = None
-    plausibility: Sequence[Mapping[str, Any]] = ()
+    plausibility: Sequence[Implausible] = ()
     contradicted: Sequence[LeftOut] = ()
     parameters: Mapping[str, Figure] | None = None
     flow: Mapping[str, Any] | None = optional()

@@ -1,84 +1,185 @@
-"""What was read, and what had to be repaired."""
+"""The answer of ``ingest``: what was read, what had to be repaired, and what cannot be true of it."""
 
 from __future__ import annotations
 
 import statistics
 from collections.abc import Iterator, Mapping, Sequence
-from typing import Any
+from dataclasses import dataclass, field
+from typing import Literal
 
-from pneucli.messages import each, labelled, table, warnings
+from pneucli.figure import flat
+from pneucli.messages import each, labelled, table
+from pneucli.messages.compare import LeftOut
 from pneucli.messages.formatting import format_plain
 from pneucli.quantities import display_unit
 from pneucli.units import parse_unit
 
-Look = Mapping[str, Any]
+Weight = Literal["contradiction", "doubt"]
+LOSSES = "no_stamp duplicate backward truncated outside other_channel joined no_overlap"
 
 
-def lines(answer: Mapping[str, Any], file: str, verbose: bool) -> Iterator[str]:
-    """Yield the number of recordings, each of them, and all repairs."""
-    recordings = answer["recordings"]
-    uses = [sum(one["use"] == use for one in recordings) for use in ("train", "test")]
-    yield from labelled("read", f"{len(recordings)} recordings, {uses[0]} to fit and {uses[1]} to test")
-    rows = [
-        (one["name"], one["experiment"], one["use"], f"{one['samples']}", " ".join(one["signals"]))
-        for one in recordings
-    ]
-    yield from table(("recording", "experiment", "use", "samples", "signals"), rows, texts=5)
-    if "looks" in answer:
-        yield ""
-        yield from signal_summary_table(answer["looks"], {one["name"]: one["experiment"] for one in recordings})
-        yield ""
-    yield from each("left out", answer.get("left_out", []))
-    repairs = [f"{repair_location(one)}: {one['message']}" for one in answer["repairs"]]
-    for text in repairs:
-        if text not in answer["warnings"]:  # which say the weightier ones
-            yield from labelled("repair", text)
-    yield from warnings(answer)
-    yield from labelled("do", f"pneucli compare {file}")
+@dataclass(frozen=True)
+class NoiseAnswer:
+    """The noise of a signal."""
+
+    rms: float
+    unit: str
 
 
-def repair_location(repair: Mapping[str, Any]) -> str:
-    """Return where something was repaired: the recording, and the signal where it is one."""
-    return ", ".join(filter(None, (repair["recording"], repair["signal"])))
+@dataclass(frozen=True)
+class Recording:
+    """A recording as it was read; ``losses`` are rows that did not become samples, by the reason in ``LOSSES``.
 
-
-def plausibility_lines(answer: Mapping[str, Any], left_out: Sequence[Mapping[str, str | None]] = ()) -> Iterator[str]:
-    """Yield the findings in an answer of ``ingest``: conflicts first; nothing where there are none.
-
-    ``left_out`` has the recordings, or their signals, that a stage does not use for theirs.
+    ``period`` and the ends of its time are in s, ``added_mass`` in kg.
     """
-    groups: dict[str, list[Mapping[str, Any]]] = {"left out": [], "conflict": [], "doubt": []}
-    for one in answer.get("plausibility", []):
-        is_left_out = any(one["recording"] == p["recording"] and p["signal"] in (None, one["signal"]) for p in left_out)
-        groups["doubt" if one["weight"] == "doubt" else "left out" if is_left_out else "conflict"].append(one)
-    for label, group in groups.items():
-        for text in implausibility_sentences(group):
-            yield from labelled(label, text)
+
+    name: str
+    experiment: str
+    use: str
+    chamber_2: str
+    imposed: str
+    valve_shut: bool
+    chamber: int
+    added_mass: float
+    file: str
+    sha256: str
+    rows_read: int
+    samples: int
+    losses: Mapping[str, int] = field(metadata=flat(LOSSES))
+    period: float
+    signals: Sequence[str]
+    from_: float
+    to: float
+    noise: Mapping[str, NoiseAnswer]
 
 
-def implausibility_sentences(findings: Sequence[Mapping[str, Any]]) -> list[str]:
+@dataclass(frozen=True)
+class Repair:
+    """What was mended or noticed in a recording: in which signal, what kind, how often, and in words."""
+
+    recording: str
+    signal: str
+    kind: str
+    count: int
+    message: str
+
+    @property
+    def text(self) -> str:
+        """The recording, the signal where it is one, and what was repaired."""
+        return f"{', '.join(filter(None, (self.recording, self.signal)))}: {self.message}"
+
+
+@dataclass(frozen=True)
+class SignalSummary:
+    """One signal in its SI ``unit``: ``rate`` in samples per second, ``missing`` as share of the recording's time.
+
+    ``speed`` is the change per second that 1 % of the steps exceed, so that one spike does not stand for all. What too
+    few samples cannot tell is None.
+    """
+
+    unit: str
+    least: float
+    median: float
+    most: float
+    noise: float | None
+    rate: float | None
+    speed: float | None
+    missing: float
+
+
+@dataclass(frozen=True)
+class Implausible:
+    """What is odd, or cannot be true, in one signal of one recording.
+
+    Attributes:
+        check: Name of the check.
+        signal: Name of the signal.
+        recording: Name of the recording.
+        found: The evidence with its numbers.
+        mend: The edit of the pipeline file that would mend it.
+        excess: How far outside it is, in units of its own standard uncertainty; of what is counted, the count.
+        share: Share of the data over which it is.
+        weight: ``contradiction`` where what is recorded and what is stated cannot both hold by physics, else ``doubt``.
+    """
+
+    check: str
+    signal: str
+    recording: str
+    found: str
+    mend: str
+    excess: float
+    share: float = 1.0
+    weight: Weight = "doubt"
+
+
+@dataclass(frozen=True)
+class Answer:
+    """What was read: recordings, what was left out and repaired, signals at a glance, and what is odd in them."""
+
+    schema: str
+    pipeline: str
+    recordings: Sequence[Recording]
+    left_out: Sequence[str]
+    repairs: Sequence[Repair]
+    warnings: Sequence[str]
+    looks: Mapping[str, Mapping[str, SignalSummary]]
+    plausibility: Sequence[Implausible]
+    findings: Mapping[str, int]
+
+    def lines(self, file: str, verbose: bool) -> Iterator[str]:
+        """Yield the number of recordings, each of them, and all repairs."""
+        uses = [sum(one.use == use for one in self.recordings) for use in ("train", "test")]
+        yield from labelled("read", f"{len(self.recordings)} recordings, {uses[0]} to fit and {uses[1]} to test")
+        rows = [(one.name, one.experiment, one.use, f"{one.samples}", " ".join(one.signals)) for one in self.recordings]
+        yield from table(("recording", "experiment", "use", "samples", "signals"), rows, texts=5)
+        if self.looks:
+            yield ""
+            yield from signal_summary_table(self.looks, {one.name: one.experiment for one in self.recordings})
+            yield ""
+        yield from each("left out", self.left_out)
+        # the weightier repairs are warnings, too
+        yield from each("repair", (one.text for one in self.repairs if one.text not in self.warnings))
+        yield from each("warning", self.warnings)
+        yield from labelled("do", f"pneucli compare {file}")
+
+    def plausibility_lines(self, left_out: Sequence[LeftOut] = ()) -> Iterator[str]:
+        """Yield the findings: conflicts first; nothing where there are none.
+
+        ``left_out`` has the recordings, or their signals, that a stage does not use for theirs.
+        """
+        groups: dict[str, list[Implausible]] = {"left out": [], "conflict": [], "doubt": []}
+        for one in self.plausibility:
+            is_left_out = any(one.recording == p.recording and p.signal in (None, one.signal) for p in left_out)
+            groups["doubt" if one.weight == "doubt" else "left out" if is_left_out else "conflict"].append(one)
+        for label, group in groups.items():
+            yield from each(label, implausibility_sentences(group))
+
+
+def implausibility_sentences(findings: Sequence[Implausible]) -> list[str]:
     """Return one sentence for each check, signal and weight, with the recordings that it was found in.
 
     The first recording speaks for all of them: its numbers are shown.
     """
-    groups: dict[tuple[str, ...], list[Mapping[str, Any]]] = {}
+    groups: dict[tuple[str, ...], list[Implausible]] = {}
     for one in findings:
-        groups.setdefault((one["check"], one["signal"], one["weight"]), []).append(one)
+        groups.setdefault((one.check, one.signal, one.weight), []).append(one)
     return [_sentence(group) for group in groups.values()]
 
 
-def _sentence(group: Sequence[Mapping[str, Any]]) -> str:
-    first, names = group[0], list(dict.fromkeys(one["recording"] for one in group))
+def _sentence(group: Sequence[Implausible]) -> str:
+    first, names = group[0], list(dict.fromkeys(one.recording for one in group))
     others = f" and {len(names) - 1} more" if len(names) > 1 else ""
-    return f"{names[0]}{others}, {first['found']}; {first['mend']}"
+    return f"{names[0]}{others}, {first.found}; {first.mend}"
 
 
-def signal_summary_table(summaries: Mapping[str, Mapping[str, Look]], experiments: Mapping[str, str]) -> Iterator[str]:
+def signal_summary_table(
+    summaries: Mapping[str, Mapping[str, SignalSummary]], experiments: Mapping[str, str]
+) -> Iterator[str]:
     """Yield a table: a row a signal of an experiment, over all its recordings.
 
     ``summaries`` maps recordings and signals to what ``ingest`` saw, ``experiments`` recordings to their experiment.
     """
-    rows: dict[tuple[str, str], list[Look]] = {}
+    rows: dict[tuple[str, str], list[SignalSummary]] = {}
     for recording, signals in summaries.items():
         for signal, one in signals.items():
             rows.setdefault((experiments[recording], signal), []).append(one)
@@ -86,11 +187,11 @@ def signal_summary_table(summaries: Mapping[str, Mapping[str, Look]], experiment
     return table(head, [_row(*key, seen) for key, seen in rows.items()], texts=2)
 
 
-def _row(experiment: str, signal: str, seen: Sequence[Look]) -> tuple[str, ...]:
-    unit = display_unit(signal, seen[0]["unit"])
+def _row(experiment: str, signal: str, seen: Sequence[SignalSummary]) -> tuple[str, ...]:
+    unit = display_unit(signal, seen[0].unit)
     factor, offset = parse_unit(unit).factor, parse_unit(unit).offset
-    values = (min(s["least"] for s in seen), statistics.median(s["median"] for s in seen), max(s["most"] for s in seen))
-    noise, rate = ([s[key] for s in seen if s[key] is not None] for key in ("noise", "rate"))
+    values = (min(s.least for s in seen), statistics.median(s.median for s in seen), max(s.most for s in seen))
+    noise, rate = [s.noise for s in seen if s.noise is not None], [s.rate for s in seen if s.rate is not None]
     return (
         *(experiment, signal),
         *(f"{format_plain((value - offset) / factor, 4)}" for value in values),

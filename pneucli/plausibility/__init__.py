@@ -14,7 +14,7 @@ import numpy as np
 
 from pneucli.plausibility.detectors import detectors
 from pneucli.plausibility.rig_check import Finding, RigCheck, is_inactive
-from pneucli.plausibility.signal_summary import SignalSummary, summarize_signal, without_empty_signals
+from pneucli.plausibility.signal_summary import summarize_signal, without_empty_signals
 from pneucli.quantities import COMMANDS
 from pneucli.recording import Calibration, Recording, Rig
 
@@ -48,7 +48,7 @@ def _for_one_recording(one: Finding) -> str:
     )
 
 
-__all__ = ["Finding", "SignalSummary", "findings", "summarize_signal", "without_empty_signals"]
+__all__ = ["Finding", "findings", "summarize_signal", "without_empty_signals"]
 
 THREADS = 2  # checks side by side: numpy lets others run while it sums over a long recording
 

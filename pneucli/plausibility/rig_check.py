@@ -6,18 +6,17 @@ import math
 from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
-from typing import Literal
 
 import numpy as np
 from scipy.special import betainccinv
 
 from pneucli.arrays import Array
+from pneucli.messages.ingest import Implausible, Weight
 from pneucli.plausibility.blocks import Blocks, resolved_blocks
 from pneucli.recording import Calibration, Recording, Rig
 
 MIN_BLOCKS = 8  # blocks
 FALSE_ALARM_PROBABILITY = 1e-6  # that white noise seems to move, at one width of blocks
-Weight = Literal["contradiction", "doubt"]
 
 # standard uncertainties by which something is outside: of 10 jackknifed stretches, Student's t with 9 degrees of
 # freedom exceeds the first in 1 of 130 and the second in 1 of 10,000
@@ -115,28 +114,8 @@ class RigCheck:
 
 
 @dataclass(frozen=True)
-class Finding:
-    """What is odd, or cannot be true, in one signal of one recording.
-
-    Attributes:
-        check: Name of the check.
-        signal: Name of the signal.
-        recording: Name of the recording.
-        found: The evidence with its numbers.
-        mend: The edit of the pipeline file that would mend it.
-        excess: How far outside it is, in units of its own standard uncertainty; of what is counted, the count.
-        share: Share of the data over which it is.
-        weight: ``contradiction`` where what is recorded and what is stated cannot both hold by physics, else ``doubt``.
-    """
-
-    check: str
-    signal: str
-    recording: str
-    found: str
-    mend: str
-    excess: float
-    share: float = 1.0
-    weight: Weight = "doubt"
+class Finding(Implausible):
+    """What a check finds, which it tells where :meth:`judged` yields it."""
 
     def judged(self, *, physics: bool = False) -> Iterator[Finding]:
         """Yield the finding where it is far enough outside; with ``physics`` it may be a contradiction.

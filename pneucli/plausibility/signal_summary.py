@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 
+from pneucli.messages.ingest import SignalSummary
 from pneucli.quantities import SIGNALS
 from pneucli.recording import Recording
 
@@ -13,24 +14,6 @@ GAP_PERIODS = 2.5  # of a signal's own sampling period: two samples may lie two 
 PERIOD_PERCENTILE = (
     10.0  # percentile of the steps between samples: the period of a clock of which most stamps were lost
 )
-
-
-@dataclass(frozen=True)
-class SignalSummary:
-    """One signal in its SI ``unit``: ``rate`` in samples per second, ``missing_share`` of the recording's time.
-
-    ``speed`` is the change per second that 1 % of the steps exceed, so that one spike does not stand for all. What too
-    few samples cannot tell is None.
-    """
-
-    unit: str
-    least: float
-    median: float
-    most: float
-    noise: float | None
-    rate: float | None
-    speed: float | None
-    missing: float
 
 
 def summarize_signal(recording: Recording, signal: str) -> SignalSummary:

@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Mapping
-from typing import Any
+from collections.abc import Iterable, Iterator
 
+from pneucli.messages.ingest import Implausible
 from pneucli.plausibility.rig_check import Finding
 
 # by kind of repair: what would mend the recording, or say how it is to be read
@@ -25,39 +25,38 @@ _MENDS = {
 REPAIRS = frozenset(_MENDS)  # checks of these names say how a recording was read
 GAPS = frozenset({"missing", "motionless", "sampling", "samples"})  # less than could have been recorded, nothing false
 DERIVATIVES = frozenset({"v", "a"})  # follow from x: a dead one is left out alone
-FindingAnswer = Mapping[str, Any]
 
 
-def contradictions(findings: Iterable[FindingAnswer]) -> list[FindingAnswer]:
+def contradictions(findings: Iterable[Implausible]) -> list[Implausible]:
     """Return the findings that stop what depends on their recording, of the answer of ``ingest``.
 
-    >>> contradictions([{"check": "speed", "weight": "doubt"}])
+    >>> contradictions([Implausible("speed", "x", "run", "x jumps", "check it", 4.0)])
     []
     """
-    return [one for one in findings if one["weight"] == "contradiction"]
+    return [one for one in findings if one.weight == "contradiction"]
 
 
-def contradicted_parts(findings: Iterable[FindingAnswer]) -> list[tuple[str, str | None]]:
+def contradicted_parts(findings: Iterable[Implausible]) -> list[tuple[str, str | None]]:
     """Return what contradictions leave out: pairs of recording and signal, which is None for all of its signals.
 
-    >>> contradicted_parts([{"check": "silent", "signal": "a", "recording": "run", "weight": "contradiction"}])
+    >>> contradicted_parts([Implausible("silent", "a", "run", "a stays", "leave it out", 7.0, weight="contradiction")])
     [('run', 'a')]
     """
     found = contradictions(findings)
-    dead = {(one["recording"], one["signal"] if _is_dead_derivative(one) else None) for one in found}
+    dead = {(one.recording, one.signal if _is_dead_derivative(one) else None) for one in found}
     return sorted(dead, key=lambda part: (part[0], part[1] or ""))
 
 
-def _is_dead_derivative(finding: FindingAnswer) -> bool:
-    return finding["check"] == "silent" and finding["signal"] in DERIVATIVES
+def _is_dead_derivative(finding: Implausible) -> bool:
+    return finding.check == "silent" and finding.signal in DERIVATIVES
 
 
-def rank(finding: FindingAnswer) -> int:
+def rank(finding: Implausible) -> int:
     """Return the place of a finding: contradictions, doubts that could change an answer, and what only notes a loss.
 
     The last say how a recording was read or what it lacks.
     """
-    return 0 if finding["weight"] == "contradiction" else 1 if finding["check"] not in REPAIRS | GAPS else 2
+    return 0 if finding.weight == "contradiction" else 1 if finding.check not in REPAIRS | GAPS else 2
 
 
 def repair_findings(repairs: Iterable[tuple[str, str, str, str, int, float]]) -> Iterator[Finding]:

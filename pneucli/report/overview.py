@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from pneucli.arrays import Array
 from pneucli.compare.error_regions import error_concentration
-from pneucli.messages import compare, design, diagnose, history, simulate
+from pneucli.messages import compare, design, diagnose, history, ingest, simulate
 from pneucli.messages.compare import Answer, ChannelResult, evaluation_error
 from pneucli.messages.diagnose import selected_step
 from pneucli.messages.envelope import envelope_indices, with_gap_indices
@@ -30,7 +30,6 @@ from pneucli.messages.formatting import (
     in_display_unit,
     join_names,
 )
-from pneucli.messages.ingest import implausibility_sentences
 from pneucli.quantities import SIGNALS
 from pneucli.report.figure import BLUE, GREY, ORANGE, render, with_gaps
 from pneucli.report.report_data import ReportData, Table
@@ -102,7 +101,7 @@ def overview(material: ReportData) -> Overview:
 
 def _headline(material: ReportData) -> str:
     """Return rig, date, model and recordings in one line."""
-    compared, recordings = material.read(compare.Answer), material.answer("ingest").get("recordings", [])
+    compared, recordings = material.read(compare.Answer), material.read(ingest.Answer).recordings
     parts = [material.rig]
     if compared.when:
         parts.append(f"compared on {compared.when[:10]}")
@@ -110,7 +109,7 @@ def _headline(material: ReportData) -> str:
         effects = join_names(compared.model.effects)
         parts.append(f"base model{f' with {effects}' if effects else ''}")
     if recordings:
-        tests = sum(r["use"] == "test" for r in recordings)
+        tests = sum(one.use == "test" for one in recordings)
         parts.append(f"{len(recordings)} recordings, {tests} held out")
     return " · ".join(filter(None, parts))
 
@@ -171,19 +170,19 @@ def _missing(material: ReportData) -> Tile | None:
 
 def _controller(material: ReportData) -> Tile | None:
     """Return the accuracy of the controller on the identified model, and the scenarios in which it fails."""
-    answer = material.answer("simulate")
-    if "closed_loop" not in answer:
+    answer = material.read(simulate.Answer)
+    if answer.closed_loop is None:
         return None
-    rest, *others = simulate.worst_metrics(answer) or ["nothing measured"]
-    failed = simulate.failed_scenarios(answer)
+    rest, *others = answer.worst_metrics or ["nothing measured"]
+    failed = answer.failed_scenarios
     large, _, tolerance = rest.partition(" (")
     text = f"Simulated, {join_names([tolerance.rstrip(')'), *others])}." if tolerance else "Simulated."
-    if comparison := design.comparison_sentence(material.answer("design")):
+    if comparison := material.read(design.Answer).comparison:
         text += f" {comparison}"
     if failed:
         text += f" Fails: {join_names(failed)}."
     tone = "good"
-    if harmful := simulate.harmful_effects(answer):
+    if harmful := answer.harmful_effects:
         tone = ""
         text += f" Not robust against {join_names(harmful)} if the design does not include it."
     return Tile("The controller", large, text, "bad" if failed else tone)
@@ -234,7 +233,7 @@ def _next_command(material: ReportData) -> str:
     answer = material.read(diagnose.Answer)
     if not material.answer("diagnose"):
         return f"Next: pneucli diagnose {material.file}" if material.answer("compare") else ""
-    if answer.verdict == "adequate" and "closed_loop" in material.answer("simulate"):
+    if answer.verdict == "adequate" and material.read(simulate.Answer).closed_loop is not None:
         return f"Next: pneucli export {material.file} --to c"
     if answer.next_experiment and not answer.missing and not answer.impossible:
         purpose, colon, _ = answer.next_experiment.partition(":")
@@ -256,7 +255,7 @@ def _checks(material: ReportData) -> str:
 def _first_doubt(material: ReportData) -> str:
     """Return the first implausible finding that the verdict does not state already, and the number of others."""
     stated = material.answer("diagnose").get("impossible", [])
-    found = implausibility_sentences(material.answer("ingest").get("plausibility", []))
+    found = ingest.implausibility_sentences(material.read(ingest.Answer).plausibility)
     first, *more = [*(one for one in found if one not in stated), ""]
     others = f" {len(more) - 1} more under Measurements." if len(more) > 1 else ""
     return f"Doubtful: {first}.{others}" if first else ""

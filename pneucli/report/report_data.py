@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from pneucli.experiments import EXPERIMENT_KINDS
 from pneucli.figure import read
-from pneucli.messages import compare, diagnose
+from pneucli.messages import compare, diagnose, ingest
 from pneucli.messages.history import Model
 
 T = TypeVar("T")
@@ -121,8 +121,7 @@ class ReportData:
     @property
     def steady_recordings(self) -> set[str]:
         """The recordings of steady benches, whose rows have no clock."""
-        recordings = self.answer("ingest").get("recordings", [])
-        return {r["name"] for r in recordings if EXPERIMENT_KINDS[r["experiment"]].steady}
+        return {one.name for one in self.read(ingest.Answer).recordings if EXPERIMENT_KINDS[one.experiment].steady}
 
     def table(self, name: str) -> Table:
         """Return a table, empty where there is none."""

@@ -12,6 +12,7 @@ from pneucli.arrays import Array
 from pneucli.errors import InputError, UnitError, did_you_mean
 from pneucli.experiments import EXPERIMENT_KINDS, ExperimentName
 from pneucli.messages.formatting import format_plain
+from pneucli.messages.simulate import SimulatedChannel
 from pneucli.noise import NoiseModel
 from pneucli.quantities import SIGNALS
 from pneucli.recording import Recording, Rig
@@ -54,30 +55,25 @@ class OpenLoopRun:
     modelled: Mapping[str, Array]
     measured: Mapping[str, Array]
 
-    def metrics(self) -> list[dict[str, Any]]:
+    def metrics(self) -> list[SimulatedChannel]:
         """Return lowest, highest and last value of each channel, and RMSD and fit where it was measured."""
         return [self._metrics(channel) for channel in self.modelled]
 
-    def _metrics(self, channel: str) -> dict[str, Any]:
+    def _metrics(self, channel: str) -> SimulatedChannel:
         values = self.modelled[channel]
-        metrics: dict[str, Any] = {
-            "channel": channel,
-            "unit": SIGNALS[channel].unit,
-            "from": float(values.min()),
-            "to": float(values.max()),
-            "end": float(values[-1]),
-        }
-        return metrics | self._against_measurement(channel)
+        least, most, end = float(values.min()), float(values.max()), float(values[-1])
+        return SimulatedChannel(channel, SIGNALS[channel].unit, least, most, end, *self._error(channel))
 
-    def _against_measurement(self, channel: str) -> dict[str, float | None]:
+    def _error(self, channel: str) -> tuple[float | None, float | None]:
+        """Return RMSD and fit in per cent."""
         if channel not in self.measured:
-            return {"rmsd": None, "fit_percent": None}
+            return None, None
         error = self.measured[channel] - self.modelled[channel]
         valid = np.isfinite(error)
         y = self.measured[channel][valid]
         spread = float(np.linalg.norm(y - y.mean()))
         fit = 100 * (1 - float(np.linalg.norm(error[valid])) / spread) if spread else None
-        return {"rmsd": float(np.sqrt(np.mean(error[valid] ** 2))), "fit_percent": fit}
+        return float(np.sqrt(np.mean(error[valid] ** 2))), fit
 
 
 def default_free_runs(model: Model, experiments: Sequence[Experiment]) -> list[OpenLoopRun]:

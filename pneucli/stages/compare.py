@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import asdict, dataclass, replace
 from functools import partial
 from typing import Any
 
@@ -55,7 +55,6 @@ from pneucli.stages.answer_parts import (
     lack_of_fit,
     purpose_of,
 )
-from pneucli.stages.control_laws import metrics_answer
 from pneucli.stages.flow_bench import compare_flow_recordings, flow_results, write_flow_residuals
 from pneucli.stages.model_file import load_drawn_models, load_model
 from pneucli.stages.pipeline_data import PipelineData
@@ -286,7 +285,7 @@ def commissioned_machine(looked: ReplayedLog, model: Model) -> Commissioned | No
 
 
 def _loop_answer(run: Run, model: Model, looked: ReplayedLog) -> Mapping[str, Any]:
-    return metrics_answer(evaluate_run(run, model, looked.exported.controller)) | mean_estimates(run)
+    return asdict(evaluate_run(run, model, looked.exported.controller)) | mean_estimates(run)
 
 
 def mean_estimates(run: Run) -> dict[str, float]:

@@ -26,7 +26,7 @@ from pneucli.controller.parameters import Controller
 from pneucli.design.requirements import Requirements
 from pneucli.errors import InputError
 from pneucli.io.artifacts import Tables
-from pneucli.messages.design import observer_at_bound
+from pneucli.messages.design import Cases, observer_at_bound
 from pneucli.pipeline.context import Context
 from pneucli.recording import Recording
 from pneucli.simulate import layout as at
@@ -110,23 +110,9 @@ def observer_warnings(found: LawComparison) -> list[str]:
     return warnings
 
 
-def comparison_answer(found: LawComparison) -> dict[str, Any]:
-    """Return the figures by controller and scenario; null where one is not shown or without bound."""
-    return {
-        "compare": _metrics_by_law(found.laws),
-        "without_map": _metrics_by_law(found.without_inverse_map),
-        "ablation": _metrics_by_law(found.ablation),
-        "variants": _metrics_by_law(found.variants),
-    }
-
-
-def _metrics_by_law(found: RunsByLaw) -> dict[str, Any]:
-    return {name: {s: metrics_answer(m) for s, (_, m) in by.items()} for name, by in found.items()}
-
-
-def metrics_answer(found: Metrics) -> dict[str, float | None]:
-    """Return figures as JSON has them: null where a scenario does not show one, or it is without bound."""
-    return {n: v if math.isfinite(v) else None for n, v in asdict(found).items()}
+def metrics_by_law(found: RunsByLaw) -> Cases:
+    """Return the figures by controller and scenario; not finite where one is not shown or without bound."""
+    return {name: {s: asdict(m) for s, (_, m) in by.items()} for name, by in found.items()}
 
 
 def load_controller(folder: Path, name: str) -> Controller:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, astuple, dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -54,9 +54,28 @@ from pneucli.design.requirements import Requirements, read_requirements
 from pneucli.design.sliding import axis_systems, unmatched_disturbances
 from pneucli.design.sliding_sector import SlidingSector, limit_slope, sector_from_vertices
 from pneucli.errors import InputError
+from pneucli.figure import named, to_json
 from pneucli.io.artifacts import Tables, read_table, write_text
 from pneucli.messages.compare import BAD_ERROR_RATIO, evaluation_error
-from pneucli.messages.design import cause_text
+from pneucli.messages.design import (
+    Answer,
+    DecayRate,
+    Demand,
+    Ensemble,
+    Gate,
+    Held,
+    MarginPoint,
+    Margins,
+    Matching,
+    MatrixInequalities,
+    MissedRequirement,
+    Poles,
+    Quantity,
+    SectorAnswer,
+    StickingPoint,
+    WorstMargins,
+    cause_text,
+)
 from pneucli.messages.progress import counted
 from pneucli.physics.effects import catalogue
 from pneucli.pipeline.context import Context, NotApplicable
@@ -67,7 +86,7 @@ from pneucli.stages.control_laws import (
     LawComparison,
     closed_loop_scenarios,
     compare_controllers,
-    comparison_answer,
+    metrics_by_law,
     observer_warnings,
     setup_from_requirements,
     write_comparison,
@@ -132,7 +151,10 @@ def run(context: Context) -> dict[str, Any]:
     rigs = None
     if (own := designed.on_ensemble) is not None:
         rigs = ensemble_answer(context, own, chosen, designed.data, setup)
-    return _answer(study, designed, found) | {"margins": margins, "gate": held, "ensemble": rigs}
+    answer: dict[str, Any] = to_json(
+        replace(_answer(study, designed, found), margins=margins, gate=held, ensemble=rigs)
+    )
+    return answer
 
 
 def _require_controllers(designed: DesignResult, names: Sequence[str], context: Context) -> None:
@@ -274,42 +296,49 @@ def _write(tables: Tables, designed: DesignResult) -> None:
         write_weight_studies(tables, designed.weight_studies)
 
 
-def _answer(study: PipelineData, designed: DesignResult, found: LawComparison) -> dict[str, Any]:
-    lmi = [
-        {
-            "weight_type": w.weight_type,
-            "rate": w.pdc.rate if w.pdc else None,
-            "unit": "1/s",
-            "status": w.pdc.status if w.pdc else w.failure,
-            "verified": bool(w.pdc and w.pdc.verified),
-        }
+def _answer(study: PipelineData, designed: DesignResult, found: LawComparison) -> Answer:
+    return Answer(
+        schema="pneucli/design/1",
+        pipeline=study.context.config.name,
+        requirements=asdict(designed.requirements),
+        corners={n: Quantity(v, "1/s") for n, v in asdict(designed.corners).items()},
+        sector={
+            n: SectorAnswer(**asdict(s), eta=s.eta, steepness=s.steepness, remark=s.warning)
+            for n, s in designed.sectors.items()
+        },
+        matching={n: Matching(not broken, broken) for n, broken in designed.matching.items()},
+        surface=designed.surfaces,
+        lmi=_matrix_inequalities(designed),
+        controllers={name: LAWS[name].title for name in designed.controllers},
+        not_made=designed.not_designed,
+        tolerance_um=2e6 * designed.selected.values["C_HOLDING_BAND"],
+        compare=metrics_by_law(found.laws),
+        without_map=metrics_by_law(found.without_inverse_map),
+        ablation=metrics_by_law(found.ablation),
+        variants=metrics_by_law(found.variants),
+        warnings=designed.warnings,
+        margins=None,
+        gate=None,
+        ensemble=None,
+    )
+
+
+def _matrix_inequalities(designed: DesignResult) -> MatrixInequalities:
+    rates = [
+        DecayRate(
+            w.weight_type,
+            w.pdc.rate if w.pdc else None,
+            "1/s",
+            w.pdc.status if w.pdc else w.failure,
+            bool(w.pdc and w.pdc.verified),
+        )
         for w in designed.weight_studies
     ]
     feasible = [w for w in designed.weight_studies if w.pdc]
     best = max(feasible, key=lambda w: w.pdc.rate if w.pdc else 0.0, default=None)
     loops = best.pdc.vertex_poles if best is not None and best.pdc is not None else np.zeros((0, 0))
-    return {
-        "schema": "pneucli/design/1",
-        "pipeline": study.context.config.name,
-        "requirements": asdict(designed.requirements),
-        "corners": {n: {"value": v, "unit": "1/s"} for n, v in asdict(designed.corners).items()},
-        "sector": {
-            n: asdict(s) | {"eta": s.eta, "steepness": s.steepness, "remark": s.warning}
-            for n, s in designed.sectors.items()
-        },
-        "matching": {n: {"holds": not broken, "broken_by": broken} for n, broken in designed.matching.items()},
-        "surface": designed.surfaces,
-        "lmi": {
-            "best": best.weight_type if best is not None else None,
-            "types": lmi,
-            "vertex_loops": [[[pole.real, pole.imag] for pole in loop] for loop in loops.tolist()],
-        },
-        "controllers": {name: LAWS[name].title for name in designed.controllers},
-        "not_made": designed.not_designed,
-        "tolerance_um": 2e6 * designed.selected.values["C_HOLDING_BAND"],
-        **comparison_answer(found),
-        "warnings": designed.warnings,
-    }
+    poles = [[[pole.real, pole.imag] for pole in loop] for loop in loops.tolist()]
+    return MatrixInequalities(best.weight_type if best is not None else None, rates, poles)
 
 
 def write_sectors(tables: Tables, rows: Mapping[str, SlidingSector]) -> None:
@@ -354,7 +383,7 @@ WORST_OF_MARGIN = {"gain_up": min, "gain_down": max, "phase": min, "delay": min,
 
 def acceptance_answer(
     context: Context, model: Model, controller: Controller, requirements: Requirements, setup: ClosedLoopSetup
-) -> dict[str, Any]:
+) -> Gate:
     """Run the gate; return its part of the answer of ``design``."""
     sized = parameter_intervals(context.artifacts)
     axes = list(axis_variants(model, sized, sigma_from_intervals(sized, model)))
@@ -365,23 +394,22 @@ def acceptance_answer(
 
     found = check_acceptance(controller, requirements, scenarios, setup, axes, progress)
     error = model_error(context.answers)
-    missed = [violation_answer(one) for one in found.violations]
-    return {
-        "passed": not missed and not (error is not None and error > BAD_ERROR_RATIO),
-        "strict": requirements.strict,
-        "missed": missed,
-        "asked": [{"demand": d.name, "limit": d.limit, "unit": d.unit} for d in found.criteria],
-        "axes": found.axis_count,
-        "model_error": error,
-        "model_error_limit": BAD_ERROR_RATIO,
-    }
+    missed = [missed_requirement(one) for one in found.violations]
+    return Gate(
+        passed=not missed and not (error is not None and error > BAD_ERROR_RATIO),
+        strict=requirements.strict,
+        missed=missed,
+        asked=[Demand(d.name, d.limit, d.unit) for d in found.criteria],
+        axes=found.axis_count,
+        model_error=error,
+        model_error_limit=BAD_ERROR_RATIO,
+    )
 
 
-def violation_answer(one: Violation) -> dict[str, Any]:
+def missed_requirement(one: Violation) -> MissedRequirement:
     """Return the entry about a violation, its cause in words."""
-    entry = {n: None if isinstance(v, float) and not math.isfinite(v) else v for n, v in asdict(one).items()}
-    del entry["quantities"]
-    return entry | {"cause": cause_text(one.cause, one.quantities)}
+    told = named(one, "demand limit found unit axis scenario share")
+    return MissedRequirement(**told, cause=cause_text(one.cause, one.quantities))
 
 
 def model_error(answers: Mapping[str, Mapping[str, Any]]) -> float | None:
@@ -396,45 +424,37 @@ def margins_answer(
     setup: ClosedLoopSetup,
     bandwidth: float,
     tables: Tables,
-) -> dict[str, Any]:
+) -> Margins:
     """Return the margins as a part of the answer of ``design``; write ``margins.parquet``. ``bandwidth`` in rad/s."""
     context.progress("margins of the loop")
     found = analyse_margins(model, controller, setup, bandwidth)
     _write_margins(tables, found.cuts)
     points = [_point(cut, found) for cut in found.cuts]
-    width = controller.fill[0] - controller.vent[0]
-    return {
-        "points": points,
-        "worst": {
-            loop: _worst([p for p in points if p["loop"] == loop]) for loop in dict.fromkeys(c.loop for c in found.cuts)
+    return Margins(
+        points=points,
+        worst={
+            loop: _worst([p for p in points if p.loop == loop]) for loop in dict.fromkeys(c.loop for c in found.cuts)
         },
-        "poles": [
-            {"x": x, "speed": speed, "unit": "1/s", "poles": [[p.real, p.imag] for p in poles[:MAX_POLES].tolist()]}
+        poles=[
+            Poles(x, speed, "1/s", [[p.real, p.imag] for p in poles[:MAX_POLES].tolist()])
             for (x, speed), poles in found.poles.items()
         ],
-        "stable": bool(found.poles) and not any(found.is_unstable(point) for point in found.poles),
-        "stuck": [{"x": x, "direction": way} for x, way in found.sticking_points],
-        "left_out": list(found.excluded_effects),
-        "overlap": {"value": width, "unit": "V"},
-        "units": MARGIN_UNITS,
-    }
+        stable=bool(found.poles) and not any(found.is_unstable(point) for point in found.poles),
+        stuck=[StickingPoint(x, way) for x, way in found.sticking_points],
+        left_out=found.excluded_effects,
+        overlap=Quantity(controller.fill[0] - controller.vent[0], "V"),
+        units=MARGIN_UNITS,
+    )
 
 
-def _point(cut: LoopCut, found: MarginAnalysis) -> dict[str, Any]:
-    numbers = {n: v if math.isfinite(v) else None for n, v in asdict(cut.margins).items()}
-    return {
-        "loop": cut.loop,
-        "x": cut.x,
-        "speed": cut.speed,
-        "stable": not found.is_unstable((cut.x, cut.speed)),
-        **numbers,
-    }
+def _point(cut: LoopCut, found: MarginAnalysis) -> MarginPoint:
+    return MarginPoint(cut.loop, cut.x, cut.speed, not found.is_unstable((cut.x, cut.speed)), *astuple(cut.margins))
 
 
-def _worst(points: Sequence[dict[str, Any]]) -> dict[str, float | None]:
-    """Return of each margin the smallest one; null where there is no limit."""
-    finite = {n: [p[n] for p in points if p[n] is not None] for n in WORST_OF_MARGIN}
-    return {n: worst(finite[n]) if finite[n] else None for n, worst in WORST_OF_MARGIN.items()}
+def _worst(points: Sequence[MarginPoint]) -> WorstMargins:
+    """Return of each margin the smallest one; not finite where there is no limit."""
+    finite = {n: [v for p in points if math.isfinite(v := getattr(p, n))] for n in WORST_OF_MARGIN}
+    return WorstMargins(**{n: worst(finite[n], default=math.nan) for n, worst in WORST_OF_MARGIN.items()})
 
 
 def _write_margins(tables: Tables, cuts: Sequence[LoopCut]) -> None:
@@ -485,7 +505,7 @@ def design_on_ensemble(
 
 def ensemble_answer(
     context: Context, found: EnsembleDesign, laws: Mapping[str, Controller], data: DesignData, setup: ClosedLoopSetup
-) -> dict[str, Any]:
+) -> Ensemble:
     """Return what the chosen gains promise, and what every law does on fresh rigs, as it is stated and as chosen."""
     promise = prove(found.controller, found.ensemble, found.test, setup, PROOF_RIGS)
     rows = {DEFAULT: _proof_row(promise), f"{DEFAULT}, by the rules": _law_row(found, data.cascade, setup)}
@@ -495,19 +515,16 @@ def ensemble_answer(
         rows[name] = _law_row(found, laws[name], setup)
         rows[f"{name}, ensemble"] = _law_row(found, _law_on_ensemble(name, found, data, setup), setup)
     limiting = promise.limiting
-    return {
-        "effects": list(found.ensemble.effects),
-        "spool_lag": {"value": found.choice.lag, "unit": "s"},
-        "confidence": CONFIDENCE,
-        "limits": {
-            name: {"value": limit, "unit": unit}
-            for (name, unit), limit in zip(FIGURES.items(), found.test.limits, strict=True)
-        },
-        "laws": rows,
-        "limiting": limiting or None,
-        "rescued": dict(promise.rescued),
-        "separate": catalogue()[limiting].separate if limiting else None,
-    }
+    return Ensemble(
+        effects=list(found.ensemble.effects),
+        spool_lag=Quantity(found.choice.lag, "s"),
+        confidence=CONFIDENCE,
+        limits={n: Quantity(limit, unit) for (n, unit), limit in zip(FIGURES.items(), found.test.limits, strict=True)},
+        laws=rows,
+        limiting=limiting or None,
+        rescued=promise.rescued,
+        separate=catalogue()[limiting].separate if limiting else None,
+    )
 
 
 def _law_on_ensemble(name: str, found: EnsembleDesign, data: DesignData, setup: ClosedLoopSetup) -> Controller:
@@ -520,17 +537,14 @@ def _law_on_ensemble(name: str, found: EnsembleDesign, data: DesignData, setup: 
     return make(search(found.ensemble, make, setup, found.test, family, count=LAW_SEARCH_RIGS))
 
 
-def _law_row(found: EnsembleDesign, controller: Controller, setup: ClosedLoopSetup) -> dict[str, Any]:
+def _law_row(found: EnsembleDesign, controller: Controller, setup: ClosedLoopSetup) -> Held:
     return _proof_row(prove(controller, found.ensemble, found.test, setup, LAW_RIGS, explained=False))
 
 
-def _proof_row(proof: Proof) -> dict[str, Any]:
+def _proof_row(proof: Proof) -> Held:
     """Return one controller's rigs, those that it holds, and its figures over their limits, worst and median."""
-    worst, median = proof.ratios.max(axis=0), np.median(proof.ratios, axis=0)
-    return {
-        "rigs": len(proof.ratios),
-        "held": proof.held,
-        "probability": proof.probability,
-        "worst": {n: float(v) if math.isfinite(v) else None for n, v in zip(FIGURES, worst, strict=True)},
-        "median": {n: float(v) for n, v in zip(FIGURES, median, strict=True)},
-    }
+    worst, median = (
+        dict(zip(FIGURES, of.tolist(), strict=True))
+        for of in (proof.ratios.max(axis=0), np.median(proof.ratios, axis=0))
+    )
+    return Held(len(proof.ratios), proof.held, proof.probability, worst, median)

@@ -117,7 +117,7 @@ def run(context: Context) -> dict[str, Any]:
         found,
         warnings=[*warnings, *found.warnings],
         thinned=subsampling,
-        plausibility=context.answers["ingest"]["plausibility"],
+        plausibility=pipeline.ingested.plausibility,
         contradicted=pipeline.contradicted,
         parameters=_without_replaced_intervals(parameters, found.candidates),
         flow=_flow_answer(pipeline),

@@ -176,14 +176,14 @@ class _Search:
             "unexplained": None,
             "thinned": None,
             "warnings": [tell("flow-function-of-simulations"), *([] if held_out else [tell("no-held-out")])],
-            "plausibility": context.answers["ingest"]["plausibility"],
+            "plausibility": to_json(study.ingested.plausibility),
             "contradicted": to_json(study.contradicted),
             "parameters": {},
         }
 
     def _impossible(self) -> list[str]:
         names = {one.name for one in self._study.flow_recordings}
-        return implausibility_sentences([one for one in self._study.impossible if one["recording"] in names])
+        return implausibility_sentences([one for one in self._study.impossible if one.recording in names])
 
     def _verdict(self, missing: Sequence[str], left: str, *, impossible: bool, known: bool) -> str:
         if impossible or not (known or left):

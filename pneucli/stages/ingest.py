@@ -6,7 +6,7 @@ import json
 from collections import Counter
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import Future, ThreadPoolExecutor
-from dataclasses import asdict, dataclass, field, replace
+from dataclasses import astuple, dataclass, field, fields, replace
 from pathlib import Path
 from typing import Any, get_args
 
@@ -24,6 +24,7 @@ from pneucli.config import (
 )
 from pneucli.errors import InputError
 from pneucli.experiments import EXPERIMENT_KINDS
+from pneucli.figure import to_json
 from pneucli.gases import AIR
 from pneucli.io.artifacts import Provenance, TableWriter, sha256_of, write_table
 from pneucli.io.cleaning import Cleaner
@@ -42,12 +43,12 @@ from pneucli.io.signal_reader import SignalReader
 from pneucli.io.steady_rows import RowChecks
 from pneucli.io.timestamp_order import LOSS_MESSAGES
 from pneucli.messages.formatting import format_plain
-from pneucli.messages.ingest import repair_location
+from pneucli.messages.ingest import Answer, Implausible, NoiseAnswer, Recording, SignalSummary, Weight
+from pneucli.messages.ingest import Repair as RepairAnswer
 from pneucli.noise import NoiseModel, detect_jumps, estimate_noise, jump_free_segments, pool_noise
 from pneucli.paths import file_on_disk
 from pneucli.pipeline.context import Context, Progress
 from pneucli.plausibility import findings, summarize_signal, without_empty_signals
-from pneucli.plausibility.rig_check import Weight
 from pneucli.plausibility.weights import rank, repair_findings
 from pneucli.quantities import SIGNALS
 from pneucli.recording import Rig
@@ -62,6 +63,7 @@ UNMEASURED_PRESSURE = (
 SPOOL_VALVE_HINT = '; where one valve drives both chambers, say [rig.valve] arrangement = "5/3"'
 MIN_PERIOD, MAX_PERIOD = 1e-9, 1e6  # s, of a sampling period
 FLOW_UNIT = SIGNALS["flow"].unit
+NOT_IN_TABLE = ("signals", "from", "to", "noise")  # of a recording, whose other keys are columns
 WARNING_REPAIRS = (
     *("frozen", "saturated", "plateau", "spike", "gap", "no-stamp", "backward", "duplicate", "truncated"),
     *("vacuum", "cut-number", "empty", "reader", "unit"),
@@ -95,18 +97,17 @@ def run(context: Context) -> dict[str, Any]:
             writer.add_inputs(about)
     pool_noise_by_sensor(done)
     write_tables(context.out, done, about)
-    return _answer(config, done, absence_notes(config, recordings)) | inspect_signals(context, done)
+    answer: dict[str, Any] = to_json(_answer(context, done, absence_notes(config, recordings)))
+    return answer
 
 
 def _progress_at(progress: Progress, fraction: float) -> Callable[[str], None]:
     return lambda message: progress(message, fraction)
 
 
-def _dropped_rows_message(one: dict[str, Any]) -> str:
-    kinds = ", ".join(
-        f"{one[loss_column(kind)]} {words}" for kind, words in LOSS_MESSAGES.items() if one[loss_column(kind)]
-    )
-    return f"{one['name']}: of {one['rows_read']} rows {one['samples']} became samples: {kinds}"
+def _dropped_rows_message(one: IngestedRecording) -> str:
+    kinds = ", ".join(f"{one.losses[kind]} {words}" for kind, words in LOSS_MESSAGES.items() if one.losses[kind])
+    return f"{one.source.name}: of {one.rows} rows {one.samples} became samples: {kinds}"
 
 
 def open_recording(source: RecordingSource, config: PipelineConfig) -> Opened:
@@ -296,27 +297,51 @@ def _require_usable(one: IngestedRecording) -> None:
     one.repairs += [Repair(name, "empty", one.samples, "has no value in any row; left out") for name in one.empty]
 
 
-def _answer(config: PipelineConfig, done: list[IngestedRecording], absent: Sequence[str]) -> dict[str, Any]:
-    repairs = [{"recording": one.source.name, **asdict(repair)} for one in done for repair in one.repairs]
-    warnings = [f"{repair_location(r)}: {r['message']}" for r in repairs if r["kind"] in WARNING_REPAIRS]
-    warnings += [f"{one.what}; to say otherwise: {one.instead}" for one in flow_unit_assumptions(config)]
-    return {
-        "schema": "pneucli/ingest/1",
-        "pipeline": config.name,
-        "recordings": [_recording_answer(one) for one in done],
-        "left_out": [
-            *(_dropped_rows_message(row) for row in map(recording_row, done) if row["rows_read"] != row["samples"]),
-            *absent,
-        ],
-        "repairs": repairs,
-        "warnings": warnings,
-    }
+def _answer(context: Context, done: list[IngestedRecording], absent: Sequence[str]) -> Answer:
+    repairs = _repairs(done)
+    warnings = [one.text for one in repairs if one.kind in WARNING_REPAIRS]
+    warnings += [f"{one.what}; to say otherwise: {one.instead}" for one in flow_unit_assumptions(context.config)]
+    looks, found = _inspect_signals(context, done)
+    counts = Counter(one.weight for one in found)
+    return Answer(
+        schema="pneucli/ingest/1",
+        pipeline=context.config.name,
+        recordings=[_recording_answer(one) for one in done],
+        left_out=[*(_dropped_rows_message(one) for one in done if one.rows != one.samples), *absent],
+        repairs=repairs,
+        warnings=warnings,
+        looks=looks,
+        plausibility=found,
+        findings={f"{weight}s": counts[weight] for weight in get_args(Weight)},
+    )
 
 
-def _recording_answer(one: IngestedRecording) -> dict[str, Any]:
-    noise = {name: {"rms": model.rms, "unit": SIGNALS[name].unit} for name, model in one.noise.items()}
-    more = {"signals": one.signals, "from": one.start, "to": one.end, "noise": noise}
-    return {**recording_row(one), **more}
+def _repairs(done: list[IngestedRecording]) -> list[RepairAnswer]:
+    return [RepairAnswer(one.source.name, *astuple(repair)) for one in done for repair in one.repairs]
+
+
+def _recording_answer(one: IngestedRecording) -> Recording:
+    table = one.source.table
+    return Recording(
+        name=one.source.name,
+        experiment=table.experiment,
+        use=table.use,
+        chamber_2=table.chamber_2 or "",
+        imposed=table.imposed or "",
+        valve_shut=table.valve == "shut",
+        chamber=table.chamber,
+        added_mass=table.added_mass or 0.0,
+        file=str(one.source.path),
+        sha256=one.sha256,
+        rows_read=one.rows,
+        samples=one.samples,
+        losses={loss_column(kind): one.losses[kind] for kind in LOSS_MESSAGES},
+        period=one.period,
+        signals=one.signals,
+        from_=one.start,
+        to=one.end,
+        noise={name: NoiseAnswer(model.rms, SIGNALS[name].unit) for name, model in one.noise.items()},
+    )
 
 
 UNKNOWN = (np.nan, np.nan)  # interval of a noise that is stated
@@ -416,39 +441,17 @@ def pool_noise_by_sensor(done: list[IngestedRecording]) -> None:
 
 def write_tables(out: Path, done: list[IngestedRecording], about: Provenance) -> None:
     """Write all tables but the signals."""
-    recordings = [recording_row(one) for one in done]
-    columns = {key: [row[key] for row in recordings] for key in recordings[0]}
+    rows: list[dict[str, Any]] = [to_json(_recording_answer(one)) for one in done]
+    columns = {key: [row[key] for row in rows] for key in rows[0] if key not in NOT_IN_TABLE}
     units = {"period": "s", "chamber": "1", "added_mass": "kg"} | dict.fromkeys(
         ("rows_read", "samples", *map(loss_column, LOSS_MESSAGES)), "1"
     )
     write_table(out / RECORDINGS_FILE, columns, units=units, schema="pneucli/ingest/recordings/1", provenance=about)
     _write_noise(out, done, about)
-    repairs = [(one.source.name, r.signal, r.kind, r.count, r.message) for one in done for r in one.repairs]
-    names = ("recording", "signal", "kind", "count", "message")
-    listed = dict(zip(names, zip(*repairs, strict=True), strict=True)) if repairs else dict.fromkeys(names, ())
-    table = {name: np.array(values, np.int64) if name == "count" else list(values) for name, values in listed.items()}
+    repairs = _repairs(done)
+    listed = {one.name: [getattr(repair, one.name) for repair in repairs] for one in fields(RepairAnswer)}
+    table = listed | {"count": np.array(listed["count"], np.int64)}
     write_table(out / REPAIRS_FILE, table, units={"count": "1"}, schema="pneucli/ingest/repairs/1", provenance=about)
-
-
-def recording_row(one: IngestedRecording) -> dict[str, Any]:
-    """Return a recording's row of ``recordings.parquet``."""
-    table = one.source.table
-    return {
-        "name": one.source.name,
-        "experiment": table.experiment,
-        "use": table.use,
-        "chamber_2": table.chamber_2 or "",
-        "imposed": table.imposed or "",
-        "valve_shut": table.valve == "shut",
-        "chamber": table.chamber,
-        "added_mass": table.added_mass or 0.0,
-        "file": str(one.source.path),
-        "sha256": one.sha256,
-        "rows_read": one.rows,
-        "samples": one.samples,
-        **{loss_column(kind): one.losses[kind] for kind in LOSS_MESSAGES},
-        "period": one.period,
-    }
 
 
 def _write_noise(out: Path, done: list[IngestedRecording], about: Provenance) -> None:
@@ -475,10 +478,12 @@ def loss_column(kind: str) -> str:
     return kind.replace("-", "_")
 
 
-def inspect_signals(context: Context, done: Sequence[IngestedRecording]) -> dict[str, Any]:
-    """Return ``looks``, ``plausibility`` and the counts of its ``findings``, of the answer.
+def _inspect_signals(
+    context: Context, done: Sequence[IngestedRecording]
+) -> tuple[dict[str, dict[str, SignalSummary]], list[Implausible]]:
+    """Return what signals look like, and what is odd or cannot be true of them.
 
-    What signals look like, what is odd or cannot be true of them, and what was repaired that bears on what they say.
+    The latter with what was repaired that bears on what they say.
     """
     context.progress("looking at what was read")
     recordings = load_recordings(context.out)
@@ -494,11 +499,5 @@ def inspect_signals(context: Context, done: Sequence[IngestedRecording]) -> dict
             for one in recordings
         }
         odd = findings(recordings, context.config.to_rig(), stated, context.config.calibrations)
-        found = sorted(map(asdict, [*odd, *repair_findings(repairs)]), key=rank)
-    looks = {name: {n: asdict(summary.result()) for n, summary in own.items()} for name, own in summaries.items()}
-    counts = Counter(one["weight"] for one in found)
-    return {
-        "looks": looks,
-        "plausibility": found,
-        "findings": {f"{weight}s": counts[weight] for weight in get_args(Weight)},
-    }
+    looks = {name: {n: summary.result() for n, summary in own.items()} for name, own in summaries.items()}
+    return looks, sorted([*odd, *repair_findings(repairs)], key=rank)

@@ -14,10 +14,11 @@ import numpy as np
 from pneucli.arrays import Array
 from pneucli.config import load
 from pneucli.errors import InputError
+from pneucli.figure import read
 from pneucli.io.recordings import load_recordings
 from pneucli.messages import look as messages
 from pneucli.messages.envelope import envelope_indices, with_gap_indices
-from pneucli.messages.ingest import repair_location
+from pneucli.messages.ingest import Answer as Ingested
 from pneucli.messages.init import Answer as Seen
 from pneucli.messages.look import Answer, Rest, Signal
 from pneucli.pipeline.context import Context
@@ -53,15 +54,15 @@ def look_at(raw: Sequence[Path], **stated: Any) -> Answer:
         seen, waiting = write_pipeline(folder, raw, **stated)
         answer = Answer(SCHEMA, seen.recordings, seen.columns, seen.left_out, seen.cannot, [], [], [])
         try:
-            read, own, _ = read_pipeline(folder / init.NAME, folder)
+            ingested, own, _ = read_pipeline(folder / init.NAME, folder)
         except InputError as error:
             reason = f"{error.found}; {error.mend}" if error.mend else error.found
             return replace(answer, doubts=[*waiting, f"not read: {reason.replace(str(folder), '').strip()}"])
-    doubts = [f"{one['recording']}: {one['found']}; {one['mend']}" for one in read["plausibility"]]
+    doubts = [f"{one.recording}: {one.found}; {one.mend}" for one in ingested.plausibility]
     return replace(
         answer,
         recordings=[_recording(one) for one in own],
-        repairs=[f"{repair_location(one)}: {one['message']}" for one in read["repairs"]],
+        repairs=[one.text for one in ingested.repairs],
         doubts=list(dict.fromkeys([*waiting, *doubts])),
     )
 
@@ -74,14 +75,14 @@ def write_pipeline(folder: Path, raw: Sequence[Path], **stated: Any) -> tuple[Se
     return seen, waiting
 
 
-def read_pipeline(pipeline: Path, folder: Path) -> tuple[dict[str, Any], list[Recording], Rig]:
+def read_pipeline(pipeline: Path, folder: Path) -> tuple[Ingested, list[Recording], Rig]:
     """Return the answer of ``ingest``, the recordings and the rig of a pipeline file; its artifacts go to ``folder``.
 
     Raises InputError as ``ingest`` does.
     """
     context = Context(pipeline, load(pipeline), folder / "ingest", folder)
-    read = ingest.run(context)
-    return read, load_recordings(context.out), context.config.to_rig()
+    ingested = read(Ingested, ingest.run(context))
+    return ingested, load_recordings(context.out), context.config.to_rig()
 
 
 def _without_waiting(text: str) -> tuple[str, list[str]]:

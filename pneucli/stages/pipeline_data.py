@@ -13,13 +13,14 @@ from pneucli.compare.horizon import MIN_HORIZON_SAMPLES, default_horizon
 from pneucli.config import join_faults, plugin_files
 from pneucli.diagnose.subsample import subsample
 from pneucli.errors import InputError, did_you_mean
-from pneucli.figure import to_json
+from pneucli.figure import read, to_json
 from pneucli.identify.guesses.command_timing import with_common_command_range, with_intersample_commands
 from pneucli.identify.guesses.null_command import with_identified_null
 from pneucli.identify.residuals import ResidualModel, residual_models
 from pneucli.io.artifacts import Provenance, Tables, sha256_of
 from pneucli.io.recordings import load_recordings
 from pneucli.memory import release_free_memory
+from pneucli.messages import ingest
 from pneucli.messages.compare import LeftOut
 from pneucli.messages.formatting import format_plain
 from pneucli.messages.progress import counted
@@ -28,7 +29,7 @@ from pneucli.physics.effects import all_effects, select_effects
 from pneucli.pipeline.context import Context
 from pneucli.pipeline.manifest import digest
 from pneucli.plausibility.required_inputs import RequiredInput, required_inputs
-from pneucli.plausibility.weights import FindingAnswer, contradicted_parts, contradictions
+from pneucli.plausibility.weights import contradicted_parts, contradictions
 from pneucli.recording import ParameterPrior, Recording, Rig
 from pneucli.simulate.end_stops import with_end_stops
 from pneucli.simulate.experiment import Experiment
@@ -100,10 +101,14 @@ class PipelineData:
         return over_time, steady, horizon
 
     @cached_property
-    def contradictions(self) -> list[FindingAnswer]:
+    def ingested(self) -> ingest.Answer:
+        """The answer of ``ingest``."""
+        return read(ingest.Answer, self.context.answers.get("ingest", {}))
+
+    @cached_property
+    def contradictions(self) -> list[ingest.Implausible]:
         """The findings of ``ingest`` that leave recordings or signals out; none with ``--force``."""
-        found = self.context.answers.get("ingest", {}).get("plausibility", [])
-        return [] if self.context.options.get("force", False) else contradictions(found)
+        return [] if self.context.options.get("force", False) else contradictions(self.ingested.plausibility)
 
     def _kept(self, recordings: list[Recording]) -> list[Recording]:
         """Return the recordings that nothing contradicts; all of them where none of these would be left to fit."""
@@ -112,7 +117,7 @@ class PipelineData:
         return kept if any(one.use == "train" for one in kept) else recordings
 
     @property
-    def impossible(self) -> list[FindingAnswer]:
+    def impossible(self) -> list[ingest.Implausible]:
         """The contradictions in recordings that are used because no others are left."""
         used = {(one.name, None) for one in chain(self.recordings, self.flow_recordings)}
         return [one for one in self.contradictions if used.intersection(contradicted_parts([one]))]
@@ -132,8 +137,7 @@ class PipelineData:
     def subsampling(self) -> dict[str, int] | None:
         """The numbers of all samples and of those that are used; None where all are used."""
         names = {one.name for one in self.recordings}
-        listed = self.context.answers["ingest"]["recordings"]
-        samples = sum(int(r["samples"]) for r in listed if r["name"] in names)
+        samples = sum(one.samples for one in self.ingested.recordings if one.name in names)
         used = sum(one.time.size for one in self.recordings)
         return {"samples": samples, "used": used} if used < samples else None
 
@@ -197,7 +201,7 @@ class PipelineData:
     def data_digest(self) -> str:
         """Digest of what an error is an error of: the raw files, how they are read and used, and the horizon."""
         config, document = self.context.config, self.context.config.document
-        files = [(r["name"], r["use"], r["sha256"]) for r in self.context.answers["ingest"]["recordings"]]
+        files = [(one.name, one.use, one.sha256) for one in self.ingested.recordings]
         recordings = [{k: v for k, v in table.items() if k != "file"} for table in document.get("recordings", [])]
         read = (
             files,

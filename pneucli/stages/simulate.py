@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Mapping, Sequence
-from dataclasses import asdict
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -17,7 +16,9 @@ from pneucli.controller.parameters import Controller
 from pneucli.executors.dask_cluster import engine_from
 from pneucli.experiments import EXPERIMENT_KINDS
 from pneucli.export.replay_check import replay_exported_c
+from pneucli.figure import to_json
 from pneucli.messages.formatting import format_plain
+from pneucli.messages.simulate import Answer, CheckRate, OpenLoop, Robustness, SuccessRate
 from pneucli.pipeline.context import Context
 from pneucli.pipeline.manifest import program_versions
 from pneucli.quantities import SIGNALS
@@ -27,7 +28,7 @@ from pneucli.stages.control_laws import (
     closed_loop_scenarios,
     closed_loop_setup,
     load_controller,
-    metrics_answer,
+    metrics_by_law,
     selected_controller,
     unit_from_name,
     write_runs,
@@ -52,12 +53,11 @@ def run(context: Context) -> dict[str, Any]:
     require_recordings_over_time(study)
     runs = _open_loop_runs(study)
     _write(study, runs)
-    return {
-        "schema": "pneucli/simulate/1",
-        "pipeline": context.config.name,
-        "open_loop": [{"scenario": r.scenario, "channels": r.metrics()} for r in runs],
-        **simulate_closed_loop(study),
-    }
+    open_loop = [OpenLoop(r.scenario, r.metrics()) for r in runs]
+    answer: dict[str, Any] = to_json(
+        with_closed_loop(study, Answer("pneucli/simulate/1", context.config.name, open_loop))
+    )
+    return answer
 
 
 def _open_loop_runs(study: PipelineData) -> list[OpenLoopRun]:
@@ -92,37 +92,40 @@ def _write(study: PipelineData, runs: Sequence[OpenLoopRun]) -> None:
     )
 
 
-def simulate_closed_loop(study: PipelineData) -> dict[str, Any]:
-    """Run the closed-loop scenarios of the pipeline file, or the default ones; write their files, return their part
-    of the answer. Nothing where no controller was designed.
+def with_closed_loop(study: PipelineData, answer: Answer) -> Answer:
+    """Return an answer with the closed-loop scenarios of the pipeline file, or the default ones; write their files.
+
+    Where no controller was designed it stays as it is.
     """
     context = study.context
     if "design" not in context.answers:
-        return {}
+        return answer
     folder, designed = context.artifacts / "design", context.answers["design"]
     controller, bench = selected_controller(folder, designed), closed_loop_setup(designed)
     model = load_model(context.artifacts / "identify", study.rig, study.effects)
     tables = context.config.scenarios
-    answer: dict[str, Any] = {}
     if scenarios := closed_loop_scenarios(context, study.recordings, controller):
         pair = {"compensated": controller, "pid_alone": load_controller(folder, "pid")}
         found = compare_laws(model, pair, scenarios, bench)
         runs = {(kind, name): one for kind, by in found.items() for name, (one, _) in by.items()}
         write_runs(study.tables("simulate", "identify/model.parquet", "design/gains.parquet"), "closed_loop", runs)
-        metrics = {kind: {name: metrics_answer(m) for name, (_, m) in by.items()} for kind, by in found.items()}
-        answer["closed_loop"], answer["pid_alone"] = metrics["compensated"], metrics["pid_alone"]
-        answer["tolerance_um"] = REST_TOLERANCE_RATIO * 1e6 * controller.values["C_HOLDING_BAND"]
-        replayed = replay_exported_c(controller, model, bench, context.config.name)
-        answer["exported_c"] = asdict(replayed)
+        metrics = metrics_by_law(found)
+        answer = replace(
+            answer,
+            closed_loop=metrics["compensated"],
+            pid_alone=metrics["pid_alone"],
+            tolerance_um=REST_TOLERANCE_RATIO * 1e6 * controller.values["C_HOLDING_BAND"],
+            exported_c=replay_exported_c(controller, model, bench, context.config.name),
+        )
     studies = [t for t in tables if t.get("kind") == "monte-carlo"] or ([] if tables else [{}])
     for table in studies:
-        answer["robust"] = _monte_carlo_study(study, model, controller, bench, table)
+        answer = replace(answer, robust=_monte_carlo_study(study, model, controller, bench, table))
     return answer
 
 
 def _monte_carlo_study(
     study: PipelineData, model: Model, controller: Controller, bench: ClosedLoopSetup, table: Mapping[str, Any]
-) -> dict[str, Any]:
+) -> Robustness:
     """Run a Monte Carlo study, write its rows and rates, and return its part of the answer."""
     context = study.context
     wanted = robustness.read_settings(table, f"{context.path}, key scenarios")
@@ -147,28 +150,13 @@ def _monte_carlo_study(
         rows = robustness.run_study(asked, engine, context.artifacts / ".robust", context.progress)
     rates = robustness.success_rates(rows, wanted.checks)
     _write_monte_carlo(study, rows, rates)
-    return {
-        "runs": asked.runs,
-        "seed": asked.seed,
-        "checks": {
-            r.check: {
-                "limit": r.limit,
-                "held": r.held,
-                "runs": r.runs,
-                "share": r.held / r.runs,
-                "worst": r.worst if math.isfinite(r.worst) else None,
-                "worst_run": r.worst_run,
-            }
-            for r in rates
-            if r.effect == "all"
-        },
-        "by_effect": [asdict(r) | {"worst": r.worst if math.isfinite(r.worst) else None} for r in rates],
+    checks = {
+        r.check: CheckRate(r.limit, r.held, r.runs, r.share, r.worst, r.worst_run) for r in rates if r.effect == "all"
     }
+    return Robustness(asked.runs, asked.seed, checks, rates)
 
 
-def _write_monte_carlo(
-    study: PipelineData, rows: Sequence[Mapping[str, Any]], rates: Sequence[robustness.SuccessRate]
-) -> None:
+def _write_monte_carlo(study: PipelineData, rows: Sequence[Mapping[str, Any]], rates: Sequence[SuccessRate]) -> None:
     figures = [n for n, v in rows[0].items() if isinstance(v, float)]
     tables = study.tables("simulate", "identify/model.parquet", "design/gains.parquet")
     tables.write(
@@ -182,14 +170,13 @@ def _write_monte_carlo(
         },
         {"run": "1"} | {n: unit_from_name(n) for n in figures},
     )
-    plain = [asdict(r) for r in rates]
     numbers = ("limit", "held", "runs", "worst", "worst_run")
     tables.write(
         "robust_rates",
         {
-            "check": [r["check"] for r in plain],
-            "effect": [r["effect"] for r in plain],
-            **{n: np.array([r[n] for r in plain], dtype=np.float64) for n in numbers},
+            "check": [r.check for r in rates],
+            "effect": [r.effect for r in rates],
+            **{n: np.array([getattr(r, n) for r in rates], dtype=np.float64) for n in numbers},
         },
         dict.fromkeys(("held", "runs", "worst_run"), "1") | dict.fromkeys(("limit", "worst"), "the figure's"),
     )

@@ -14,6 +14,7 @@ from pneucli.controller.parameters import Controller
 from pneucli.design.cascade_design import design_cascade
 from pneucli.design.control_laws import controller_for
 from pneucli.design.requirements import Requirements
+from pneucli.figure import read
 from pneucli.messages import design as messages
 from pneucli.physics.effects import catalogue
 from tests.design import axis
@@ -138,7 +139,7 @@ def test_the_promise_is_too_high_in_at_most_one_case_in_twenty(true: float) -> N
 def test_the_message_says_probability_and_what_to_record() -> None:
     row = {"rigs": 100, "held": 96, "probability": 0.911, "worst": dict.fromkeys(ensemble.FIGURES),
            "median": dict.fromkeys(ensemble.FIGURES, 0.2)}  # fmt: skip
-    found = {
+    answer = {
         "laws": {"best": row},
         "limits": {n: {"value": v, "unit": u} for (n, u), v in zip(ensemble.FIGURES.items(), TEST.limits, strict=True)},
         "confidence": 0.95,
@@ -147,9 +148,10 @@ def test_the_message_says_probability_and_what_to_record() -> None:
         "rescued": {"valve-lag": 3, "line-delay": 0},
         "separate": catalogue()["valve-lag"].separate,
     }
-    first, _, last = messages.promise(found)
+    found = read(messages.Ensemble, answer)
+    first, _, last = found.promise
     assert "96 of 100" in first
     assert "at least 91 %" in first
     assert "3 of the 4 rigs" in last
     assert catalogue()["valve-lag"].separate in last
-    assert next(iter(messages.ensemble_rows(found)))[:2] == ("best", "96 of 100")
+    assert next(found.rows)[:2] == ("best", "96 of 100")

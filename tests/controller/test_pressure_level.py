@@ -15,6 +15,7 @@ from pneucli.controller import layout as at
 from pneucli.controller import pressure_level
 from pneucli.design.air_spring import level_for_stiffness, stiffness_per_pressure
 from pneucli.design.cascade_design import design_cascade
+from pneucli.figure import read
 from pneucli.messages import design as words
 from pneucli.simulate import layout as out
 from tests.controller.test_cascade import of, settings, state
@@ -132,7 +133,7 @@ def test_what_cannot_be_had_is_said_with_its_cause(
     assert all(why in words.cause_text(m.cause, m.quantities) for m in found.violations)
     assert [d.name for d in found.criteria][2:] == list(stated)
     rows = [m.__dict__ for m in found.violations]
-    told = list(words.violations({"missed": rows, "model_error": None, "model_error_limit": 2.0}))
+    told = list(read(words.Gate, {"missed": rows, "model_error": None, "model_error_limit": 2.0}).violations)
     assert len(told) == len(rows)
 
 

@@ -4,13 +4,16 @@ from __future__ import annotations
 
 import json
 import re
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
 import pytest
 
+from pneucli.figure import read
 from pneucli.fleet.dataset import Trend
 from pneucli.fleet.output import page_data, to_html, to_openmetrics
+from pneucli.messages.fleet import Answer
 
 RNG = np.random.default_rng(1)
 CHANGE = {"name": "piston-leak.area", "effect": "piston-leak", "before": 0.0, "after": 5.2e-8, "unit": "m^2"}
@@ -33,7 +36,7 @@ def row(number: int, day: int, changed: bool, failed: bool) -> dict[str, Any]:
     }
 
 
-def fleet(rigs: int, dates: int) -> tuple[dict[str, Any], list[dict[str, Any]], list[Trend]]:
+def fleet(rigs: int, dates: int) -> tuple[Answer, list[dict[str, Any]], list[Trend]]:
     results = [
         row(n, d, d == dates and n % 20 == 0, d == dates and n % 50 == 1)
         for n in range(rigs)
@@ -48,7 +51,7 @@ def fleet(rigs: int, dates: int) -> tuple[dict[str, Any], list[dict[str, Any]], 
     failures = [{"cause": f"kind {k}", "rows": 5} for k in range(7)]
     answer = {"fleet": "plant", "rigs": rigs, "rows": len(results), "changed": 1, "failed": 7, "breaks": 0, "done": 0,
               "alarm_rate": 1e-3, "repeatability": None, "failures": failures, "missing": {"stribeck": 9}}  # fmt: skip
-    return answer, results, trends
+    return read(Answer, answer), results, trends
 
 
 def test_ten_thousand_rigs_at_thirty_dates_fit_into_five_megabytes() -> None:
@@ -94,13 +97,13 @@ def test_a_trend_states_parameter_unit_and_dates() -> None:
 @pytest.mark.parametrize("name", ["</script><script>alert(1)</script>", '"><img src=x>'])
 def test_a_name_cannot_break_out_of_the_page(name: str) -> None:
     answer, results, trends = fleet(1, 1)
-    page = to_html(answer | {"fleet": name}, [results[0] | {"rig": name}], trends)
+    page = to_html(replace(answer, fleet=name), [results[0] | {"rig": name}], trends)
     assert name not in page
     assert data(page)["rigs"][0][0] == name
 
 
 def test_labels_of_metrics_are_escaped() -> None:
     answer, results, _ = fleet(1, 1)
-    text = to_openmetrics(answer | {"fleet": 'a"b\nc'}, results)
+    text = to_openmetrics(replace(answer, fleet='a"b\nc'), results)
     assert 'fleet="a\\"b\\nc"' in text
     assert text.endswith("# EOF\n")

@@ -11,9 +11,9 @@ import pytest
 
 from pneucli import messages
 from pneucli.config import load
-from pneucli.messages.ingest import implausibility_sentences
+from pneucli.figure import read
+from pneucli.messages.ingest import Answer, SignalSummary, implausibility_sentences
 from pneucli.pipeline.context import Context
-from pneucli.plausibility import SignalSummary
 from pneucli.stages import ingest
 from tests.plausibility.faulty_data_sets import BASES, EXPLAINED, P1, PS, SETS, Rig, T, U, looked_at, told
 
@@ -65,7 +65,7 @@ def test_people_read_the_table_of_signals_and_what_is_implausible(tmp_path: Path
     assert answer["looks"]["driven_1"]["x"].keys() == vars(SignalSummary("m", *[0.0] * 7)).keys()
     text = messages.render("ingest", answer, "p.toml").splitlines()
     assert [line.split()[-3:-1] for line in text if line.split()[:2] == ["friction", "p2"]] == [["bar", "1000"]]
-    first, second = implausibility_sentences(answer["plausibility"])
+    first, second = implausibility_sentences(read(Answer, answer).plausibility)
     assert first.startswith("stickslip_2, p2 rests at 0 bar in an open chamber: gauge?")
     assert second.startswith("driven_1 and 1 more, p2 of the closed chamber lacks ambient pressure at")
     assert first.endswith('; write reference = "gauge" in [signals] p2')

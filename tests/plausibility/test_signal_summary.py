@@ -52,7 +52,7 @@ def test_a_single_sample_has_no_rate_and_no_noise_without_a_model() -> None:
 
 
 def test_the_table_is_in_peoples_units_over_all_recordings_of_an_experiment() -> None:
-    first, second = ({"p1": vars(summarize_signal(recorded(p1=p + 0 * T), "p1"))} for p in (1e5, 7e5))
+    first, second = ({"p1": summarize_signal(recorded(p1=p + 0 * T), "p1")} for p in (1e5, 7e5))
     head, row = signal_summary_table({"a": first, "b": second}, {"a": "valve", "b": "valve"})
     assert head.split() == ["experiment", "signal", "least", "median", "most", "noise", "unit", "rate"]
     assert row.split() == ["valve", "p1", "1", "4", "7", "0.004", "bar", "1000", "Hz"]
@@ -67,8 +67,6 @@ def test_values_are_shown_as_people_write_them(value: float, signal: str, text: 
 
 
 def test_in_words_there_is_one_line_for_each_check_and_signal() -> None:
-    found = [
-        vars(Finding("reference", "p2", name, "p2 rests at 0.01 bar", "write it", 9.0)) for name in ("a", "b", "c")
-    ]
-    told = implausibility_sentences([*found, vars(Finding("silent", "p1", "a", "p1 stays", "check it", 4.0))])
+    found = [Finding("reference", "p2", name, "p2 rests at 0.01 bar", "write it", 9.0) for name in ("a", "b", "c")]
+    told = implausibility_sentences([*found, Finding("silent", "p1", "a", "p1 stays", "check it", 4.0)])
     assert told == ["a and 2 more, p2 rests at 0.01 bar; write it", "a, p1 stays; check it"]

@@ -106,8 +106,7 @@ def test_the_next_step_is_one_line(answer: dict[str, Any], line: str) -> None:
 
 
 def test_a_bench_without_an_axis_has_no_card_of_a_controller() -> None:
-    material: Any = SimpleNamespace(answer={"simulate": {"open_loop": []}}.get)
-    assert overview._controller(material) is None
+    assert overview._controller(ReportData("rig", {"simulate": {"open_loop": []}})) is None
 
 
 def test_maps_may_go_over_the_difference_of_the_pressures() -> None:

@@ -47,14 +47,14 @@ def test_where_nothing_else_is_left_to_fit_all_are_used_and_called_impossible(tm
     pipeline = pipeline_of(MM_AS_M, tmp_path)
     assert len(pipeline.recordings) == 3
     assert left_out(pipeline) == []
-    assert {one["recording"] for one in pipeline.impossible} == {"stickslip_2", "driven_1", "driven_2"}
+    assert {one.recording for one in pipeline.impossible} == {"stickslip_2", "driven_1", "driven_2"}
 
 
 @pytest.mark.parametrize("options", [{}, {"force": True}])
 def test_force_and_doubts_leave_nothing_out(options: dict[str, Any], tmp_path: Path) -> None:
     mistake = held(P2, 2.0, "driven_1") if options else held(X, 100.0, "driven_2")
     pipeline = pipeline_of(mistake, tmp_path, **options)
-    found = pipeline.context.answers["ingest"]["plausibility"]
+    found = pipeline.ingested.plausibility
     assert found
     assert bool(contradictions(found)) == bool(options)
     assert len(pipeline.recordings) == 3

@@ -16,7 +16,9 @@ from pneucli.closed_loop.law_comparison import COMPONENTS
 from pneucli.config import load
 from pneucli.controller.laws import LAWS
 from pneucli.errors import InputError
+from pneucli.figure import to_json
 from pneucli.io.artifacts import read_metadata, read_table
+from pneucli.messages.simulate import Answer
 from pneucli.pipeline.context import Context, NotApplicable
 from pneucli.stages import control_laws, design, export, simulate
 from pneucli.stages.control_laws import load_controller, selected_controller
@@ -141,7 +143,8 @@ def test_the_closed_loop_on_the_identified_model_does_what_issue_and_checks_ask(
         + more.format("load", "hold") + 'load = "-50 N"\nload_to = "3.5 s"\n'
         + '\n[[scenarios]]\nkind = "monte-carlo"\nruns = 4\n',
     )  # fmt: skip
-    answer = simulate.simulate_closed_loop(PipelineData(context_of(designed, "simulate", path)))
+    study = PipelineData(context_of(designed, "simulate", path))
+    answer = to_json(simulate.with_closed_loop(study, Answer("", "demo", [])))
     known_as_declared("simulate", answer)
     json.dumps(answer, allow_nan=False)
     loop, alone = answer["closed_loop"], answer["pid_alone"]
@@ -152,7 +155,7 @@ def test_the_closed_loop_on_the_identified_model_does_what_issue_and_checks_ask(
     assert answer["robust"]["runs"] == 4
     signals = read_table(designed[0] / "simulate" / "closed_loop.parquet")
     assert set(signals["controller"]) == {"compensated", "pid_alone"}
-    told = messages.render("simulate", {"open_loop": [], **answer}, "demo.toml", verbose=True)
+    told = messages.render("simulate", answer, "demo.toml", verbose=True)
     assert told.startswith("holds    ")
     assert "closed loop, " in told
 

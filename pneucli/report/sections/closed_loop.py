@@ -10,8 +10,7 @@ import numpy as np
 from matplotlib.ticker import NullLocator, ScalarFormatter
 from numpy.typing import NDArray
 
-from pneucli.messages import design
-from pneucli.messages.design import describe_decay_rate, describe_matching, describe_sector
+from pneucli.messages import design, simulate
 from pneucli.messages.envelope import envelope_indices
 from pneucli.messages.formatting import format_number, in_display_unit
 from pneucli.messages.simulate import METRIC_TITLES
@@ -36,7 +35,6 @@ from pneucli.report.sections.checks import grid as checks_grid
 PLACE = 90  # on the page
 COLOURS = {"command": ORANGE, "command 2": GREEN, "position": BLUE}
 PLANE_HALF_WIDTH = 2.5  # of the plane to either side of -1
-Answer = Mapping[str, Any]
 MAX_SAMPLES = 800  # samples of a curve
 MICROMETRES_PER_METRE = 1e6
 LINEAR_RANGE = 10.0  # um; smaller errors have a linear scale, larger ones a logarithmic one
@@ -45,23 +43,23 @@ COMPENSATED, UNCOMPENSATED = "with compensation", "PIDs only"
 COMPANION_FIGURES = {"rise_s": "overshoot_um", "settling_s": "overshoot_um", "recovery_s": "peak_um"}
 
 
-def margin_parts(answer: Mapping[str, Any], table: Table) -> list[Part]:
+def margin_parts(answer: design.Margins | None, table: Table) -> list[Part]:
     """Return the margins of a design; nothing where there are none."""
-    if not answer or not answer["points"]:
+    if answer is None or not answer.points:
         return []
-    margins = (design.margin_row(loop, worst) for loop, worst in answer["worst"].items())
+    margins = (design.margin_row(loop, worst) for loop, worst in answer.worst.items())
     rows: list[Row] = [[title, *map(Cell, figures)] for title, *figures in margins]
     caption = "The smallest margins over the stroke and both directions, one loop cut, the others closed."
-    doubts: list[Part] = [Note(f"{doubt}.", "warning") for doubt in design.stability_warnings(answer)]
+    doubts: list[Part] = [Note(f"{doubt}.", "warning") for doubt in answer.doubts]
     return [
         Grid(caption, design.MARGIN_TITLES, rows),
         *doubts,
         *figures([_nyquist(answer, table)]),
-        Note(design.validity_note(answer)),
+        Note(answer.validity),
     ]
 
 
-def _nyquist(answer: Mapping[str, Any], table: Table) -> Drawing:
+def _nyquist(answer: design.Margins, table: Table) -> Drawing:
     caption = (
         "The return ratios L (Nyquist). At −1 the loop would oscillate; the shaded circle has the smallest distance "
         "from it as radius, a dot on the unit circle is the smallest phase margin."
@@ -69,7 +67,7 @@ def _nyquist(answer: Mapping[str, Any], table: Table) -> Drawing:
     with drawing(caption, "real part of L", "imaginary part of L", height=4.2) as one:
         axes, turn = one.axes, np.linspace(0.0, 2.0 * math.pi, 200)
         axes.plot(np.cos(turn), np.sin(turn), color=GREY, linewidth=0.7, linestyle=":")
-        radius = min(w["modulus"] for w in answer["worst"].values())
+        radius = min(w.modulus for w in answer.worst.values())
         axes.fill(-1.0 + radius * np.cos(turn), radius * np.sin(turn), color=GREY, alpha=0.25, linewidth=0)
         axes.plot(-1.0, 0.0, "+", color="#d00000", markersize=9, markeredgewidth=1.6)
         named = set()
@@ -77,8 +75,8 @@ def _nyquist(answer: Mapping[str, Any], table: Table) -> Drawing:
             label = None if loop in named else design.LOOP_TITLES[loop]
             axes.plot(rows["real"], rows["imaginary"], color=COLOURS[loop], linewidth=0.9, alpha=0.8, label=label)
             named.add(loop)
-        for loop, worst in answer["worst"].items():
-            axes.plot(-math.cos(worst["phase"]), -math.sin(worst["phase"]), "o", color=COLOURS[loop], markersize=4)
+        for loop, worst in answer.worst.items():
+            axes.plot(-math.cos(worst.phase), -math.sin(worst.phase), "o", color=COLOURS[loop], markersize=4)
         axes.set_xlim(-1.0 - PLANE_HALF_WIDTH, -1.0 + PLANE_HALF_WIDTH)
         shown = table["imaginary"][np.hypot(table["real"] + 1.0, table["imaginary"]) < PLANE_HALF_WIDTH]
         axes.set_ylim(np.min(shown, initial=-1.0) - 0.15, np.max(shown, initial=1.0) + 0.15)
@@ -89,17 +87,17 @@ def _nyquist(answer: Mapping[str, Any], table: Table) -> Drawing:
 
 def section(material: ReportData) -> Section | None:
     """Return design and closed-loop scenarios; absent where no controller was designed."""
-    design, answer = material.answer("design"), material.answer("simulate")
-    if not design:
+    if not material.answer("design"):
         return None
+    designed, simulated = material.read(design.Answer), material.read(simulate.Answer)
     parts = warning_notes(material, "design")
     if own := [check for check in material.checks if check.path.split(".")[0] in ("design", "simulate")]:
         parts.append(checks_grid(own, "The checks of the pipeline file on design and simulation."))
     tolerance = _tolerance(material.table("design/gains"))
-    parts.append(_design(design, tolerance))
-    parts += margin_parts(design.get("margins", {}), material.table("design/margins"))
-    if "closed_loop" in answer:
-        parts.append(_figures(answer["closed_loop"], answer["pid_alone"]))
+    parts.append(_design(designed, tolerance))
+    parts += margin_parts(designed.margins, material.table("design/margins"))
+    if simulated.closed_loop and simulated.pid_alone:
+        parts.append(_figures(simulated.closed_loop, simulated.pid_alone))
     parts += _scenarios(material.table("simulate/closed_loop"), tolerance)
     lead = (
         "The designed controller moves the identified model, whose sensors have the identified noise and resolution. "
@@ -113,34 +111,36 @@ def _tolerance(gains: Table) -> float:
     return 2.0 * float(gains.where(name="C_HOLDING_BAND")["value"][0])
 
 
-def _design(answer: Answer, tolerance: float) -> Grid:
-    period = answer["requirements"]["period"]
+def _design(answer: design.Answer, tolerance: float) -> Grid:
+    period = answer.requirements["period"]
     rows = [("sample time", f"{format_number(1e3 * period, 3)} ms"), ("tolerance at rest", _um(tolerance))]
     rows += [
-        (f"corner: {name.replace('_', ' ')}", f"{format_number(c['value'], 3)} rad/s")
-        for name, c in answer["corners"].items()
+        (f"corner: {name.replace('_', ' ')}", f"{format_number(c.value, 3)} rad/s")
+        for name, c in answer.corners.items()
     ]
-    rows += [("sliding sector", describe_sector(name, s)) for name, s in answer["sector"].items()]
-    rows += [(f"{name} system", describe_matching(m)) for name, m in answer["matching"].items()]
-    rows += [(f"PDC, weights {t['weight_type']}", describe_decay_rate(t)) for t in answer["lmi"]["types"]]
+    rows += [("sliding sector", f"{name}: {one.text}") for name, one in answer.sector.items()]
+    rows += [(f"{name} system", one.text) for name, one in answer.matching.items()]
+    rows += [(f"PDC, weights {one.weight_type}", one.text) for one in answer.lmi.types]
     return Grid("Design", ("quantity", "value"), rows, folded=True)
 
 
-def _figures(compensated: Answer, pid_only: Answer) -> Grid:
+def _figures(compensated: design.Scenarios, pid_only: design.Scenarios) -> Grid:
     names = [n for n in next(iter(compensated.values()), {}) if any(_shows(f, n) for f in compensated.values())]
-    rows = [[METRIC_TITLES.get(n, n), *(Cell(_both(f, pid_only[s], n)) for s, f in compensated.items())] for n in names]
+    rows: list[Row] = [
+        [METRIC_TITLES.get(n, n), *(Cell(_both(f, pid_only[s], n)) for s, f in compensated.items())] for n in names
+    ]
     caption = (
         f"Results of each scenario: {COMPENSATED} / {UNCOMPENSATED}; ∞: not reached before the reference moves on."
     )
     return Grid(caption, ("figure", *compensated), rows)
 
 
-def _shows(found: Answer, name: str) -> bool:
+def _shows(found: simulate.Figures, name: str) -> bool:
     """Return whether a run has a figure, bounded or not."""
     return found[name] is not None or found.get(COMPANION_FIGURES.get(name, "")) is not None
 
 
-def _both(compensated: Answer, pid_only: Answer, name: str) -> str:
+def _both(compensated: simulate.Figures, pid_only: simulate.Figures, name: str) -> str:
     texts = [format_bounded(found[name]) if _shows(found, name) else "–" for found in (compensated, pid_only)]
     return "–" if texts == ["–", "–"] else " / ".join(texts)
 

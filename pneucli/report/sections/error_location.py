@@ -5,14 +5,13 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from itertools import combinations
-from typing import Any
 
 import numpy as np
 from matplotlib.colors import LogNorm
 from matplotlib.ticker import FuncFormatter, NullFormatter
 
 from pneucli.arrays import Array
-from pneucli.messages import compare
+from pneucli.messages import compare, ingest
 from pneucli.messages.formatting import (
     axis_title,
     format_number,
@@ -94,7 +93,7 @@ def _events(events: Sequence[Sequence[compare.Region]]) -> Grid:
 def _clouds(material: ReportData, answer: compare.Answer, table: Table) -> dict[tuple[str, str], StateSamples]:
     """Return a model's residuals by experiment and channel, all recordings of it together."""
     noise = {c.key: c.noise for c in answer.channels if c.noise > 0.0}
-    kind = {r["name"]: _kind(r) for r in material.answer("ingest").get("recordings", [])}
+    kind = {one.name: _kind(one) for one in material.read(ingest.Answer).recordings}
     signals = {name: rows for (name,), rows in material.table("ingest/signals").groups("recording")}
     residuals = dict(table.groups("recording", "channel"))
     pooled: dict[tuple[str, str], list[tuple[Array, dict[str, Array]]]] = {}
@@ -110,8 +109,8 @@ def _clouds(material: ReportData, answer: compare.Answer, table: Table) -> dict[
     return {key: _cloud(*key, parts) for key, parts in pooled.items()}
 
 
-def _kind(recording: Mapping[str, Any]) -> str:
-    return f"{recording['experiment']}{' (imposed motion)' if recording.get('imposed') else ''}"
+def _kind(recording: ingest.Recording) -> str:
+    return f"{recording.experiment}{' (imposed motion)' if recording.imposed else ''}"
 
 
 def _cloud(experiment: str, channel: str, parts: list[tuple[Array, dict[str, Array]]]) -> StateSamples:

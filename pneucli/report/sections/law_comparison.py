@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
-from typing import Any
 
 import numpy as np
 from matplotlib.ticker import NullLocator, ScalarFormatter
@@ -12,9 +11,9 @@ from pneucli.messages.design import (
     ENSEMBLE_TITLES,
     LAW_LEGEND,
     LAW_TITLES,
-    ensemble_rows,
+    Answer,
+    Cases,
     law_rows,
-    promise,
     shortcomings,
 )
 from pneucli.messages.envelope import envelope_indices
@@ -24,34 +23,33 @@ from pneucli.report.report_data import ReportData, Table
 from pneucli.report.sections.closed_loop import format_bounded
 
 PLACE = 110  # on the page
-Answer = Mapping[str, Any]
 MAX_SAMPLES = 800  # samples of a curve
 MICROMETRES_PER_METRE = 1e6
 
 
 def section(material: ReportData) -> Section | None:
     """Return the comparison of control laws; absent where no controller was designed."""
-    design = material.answer("design")
-    if not design.get("compare"):
+    design = material.read(Answer)
+    if not design.compare:
         return None
     signals = material.table("design/comparison_signals")
-    tolerance = design["tolerance_um"]
-    parts: list[Part] = [_grid("Results of each controller", design["compare"], tolerance)]
-    if poor := shortcomings(design["compare"], tolerance):
+    tolerance = design.tolerance_um
+    parts: list[Part] = [_grid("Results of each controller", design.compare, tolerance)]
+    if poor := shortcomings(design.compare, tolerance):
         parts.append(Note(f"With set-valued friction at rest {'; '.join(poor)}."))
-    parts += [Note(f"Not designed: {name}: {why}.", "warning") for name, why in design["not_made"].items()]
-    if rigs := design.get("ensemble"):
-        parts += [Note(line) for line in promise(rigs)]
-        rows: list[Row] = [[name, *map(Cell, figures)] for name, *figures in ensemble_rows(rigs)]
+    parts += [Note(f"Not designed: {name}: {why}.", "warning") for name, why in design.not_made.items()]
+    if rigs := design.ensemble:
+        parts += [Note(line) for line in rigs.promise]
+        rows: list[Row] = [[name, *map(Cell, figures)] for name, *figures in rigs.rows]
         caption = "Figures over their limits on the rigs of the ensemble, median; worst"
         parts.append(Grid(f"{caption}: 1 × is the limit.", ENSEMBLE_TITLES, rows))
-    if design["ablation"]:
-        parts.append(_grid("Results of best without one component, otherwise unchanged", design["ablation"], tolerance))
-    if design.get("variants"):
-        parts.append(_grid("Choices of a law that [design] does not select", design["variants"], tolerance))
-    parts.append(_grid("The same controllers without the inverse of the valve's map", design["without_map"], tolerance))
+    if design.ablation:
+        parts.append(_grid("Results of best without one component, otherwise unchanged", design.ablation, tolerance))
+    if design.variants:
+        parts.append(_grid("Choices of a law that [design] does not select", design.variants, tolerance))
+    parts.append(_grid("The same controllers without the inverse of the valve's map", design.without_map, tolerance))
     parts += _pressure_control(design)
-    parts.append(_titles(design["controllers"]))
+    parts.append(_titles(design.controllers))
     if len(signals):
         parts += figures([*_errors(signals)])
     lead = (
@@ -61,16 +59,16 @@ def section(material: ReportData) -> Section | None:
     return Section("bench", "Comparison of controllers", lead, parts, folded=True)
 
 
-def _grid(caption: str, cases: Answer, tolerance: float) -> Grid:
+def _grid(caption: str, cases: Cases, tolerance: float) -> Grid:
     rows: list[Row] = [[name, *map(Cell, figures), verdict] for name, *figures, verdict in law_rows(cases, tolerance)]
     return Grid(f"{caption}: {LAW_LEGEND}.", ("controller", *LAW_TITLES), rows)
 
 
 def _pressure_control(design: Answer) -> Iterator[Grid]:
     """Yield settling time and error of pressure control, with and without the inverse valve map."""
-    rows = []
-    for name, by_scenario in design["compare"].items():
-        bare = design["without_map"].get(f"{name}, no map", {})
+    rows: list[Row] = []
+    for name, by_scenario in design.compare.items():
+        bare = design.without_map.get(f"{name}, no map", {})
         for scenario, mapped in by_scenario.items():
             if mapped.get("pressure_rest_pa") is not None:
                 pair = (mapped, bare.get(scenario, {}))

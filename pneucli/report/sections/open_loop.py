@@ -6,6 +6,7 @@ import numpy as np
 
 from pneucli.messages.envelope import envelope_indices
 from pneucli.messages.formatting import format_fit, format_quantity, in_display_unit, unit_symbol
+from pneucli.messages.simulate import Answer
 from pneucli.report.page_elements import (
     MAX_UNFOLDED_ROWS,
     ZOOM_HINT,
@@ -14,6 +15,7 @@ from pneucli.report.page_elements import (
     Panel,
     Part,
     PlotRun,
+    Row,
     Section,
     Series,
     ZoomPlot,
@@ -30,18 +32,17 @@ def section(material: ReportData) -> Section | None:
     if not len(table):
         return None
     parts: list[Part] = [_zoom(table)]
-    scenarios = material.answer("simulate").get("open_loop", [])
-    rows = [
+    rows: list[Row] = [
         [
-            one["scenario"],
-            m["channel"],
-            Cell(f"{format_quantity(m['from'], m['unit'], 3)} – {format_quantity(m['to'], m['unit'], 3)}"),
-            Cell(format_quantity(m["end"], m["unit"], 3)),
-            Cell(format_quantity(m["rmsd"], m["unit"], 3)),
-            Cell(format_fit(m["fit_percent"])),
+            one.scenario,
+            m.channel,
+            Cell(f"{format_quantity(m.from_, m.unit, 3)} – {format_quantity(m.to, m.unit, 3)}"),
+            Cell(format_quantity(m.end, m.unit, 3)),
+            Cell(format_quantity(m.rmsd, m.unit, 3)),
+            Cell(format_fit(m.fit_percent)),
         ]
-        for one in scenarios
-        for m in one["channels"]
+        for one in material.read(Answer).open_loop
+        for m in one.channels
     ]
     if rows:
         head = ("scenario", "channel", "range", "at the end", "RMSD from the recording", "fit")

@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Sequence
 from pathlib import PurePath
-from typing import Any
 
 from pneucli.messages.formatting import format_number, format_plain, format_quantity
-from pneucli.messages.ingest import implausibility_sentences
-from pneucli.report.page_elements import MAX_UNFOLDED_ROWS, Cell, Grid, Note, Part, Section, warning_notes
+from pneucli.messages.ingest import Answer, NoiseAnswer, Recording, Repair, implausibility_sentences
+from pneucli.report.page_elements import MAX_UNFOLDED_ROWS, Cell, Grid, Note, Part, Row, Section, warning_notes
 from pneucli.report.report_data import ReportData
 
 PLACE = 140  # on the page
@@ -16,45 +15,38 @@ PLACE = 140  # on the page
 
 def section(material: ReportData) -> Section | None:
     """Return the recordings and repairs; absent where nothing was ingested."""
-    answer = material.answer("ingest")
-    if not answer:
+    if not material.answer("ingest"):
         return None
-    recordings = answer["recordings"]
+    answer = material.read(Answer)
+    recordings = answer.recordings
     parts: list[Part] = [
-        *_doubts(answer),
+        *(Note(f"{doubt}.", "warning") for doubt in implausibility_sentences(answer.plausibility)),
         *warning_notes(material, "ingest"),
         _recordings(recordings, material),
         _noise(recordings),
     ]
-    if answer.get("repairs"):
-        parts.append(_repairs(answer["repairs"]))
-    uses = [sum(r["use"] == use for r in recordings) for use in ("train", "test")]
+    if answer.repairs:
+        parts.append(_repairs(answer.repairs))
+    uses = [sum(r.use == use for r in recordings) for use in ("train", "test")]
     lead = f"{len(recordings)} recordings: {uses[0]} for training, {uses[1]} for testing."
     return Section("measured", "Measurements", lead, parts, folded=True)
 
 
-def _doubts(answer: Mapping[str, Any]) -> list[Note]:
-    return [Note(f"{doubt}.", "warning") for doubt in implausibility_sentences(answer.get("plausibility", []))]
-
-
-def _span(recording: Mapping[str, Any]) -> str:
-    return f"{format_number(recording['from'])} – {format_number(recording['to'])} s"
-
-
-def _recordings(recordings: list[Mapping[str, Any]], material: ReportData) -> Grid:
+def _recordings(recordings: Sequence[Recording], material: ReportData) -> Grid:
     head = ("recording", "experiment", "use", "chamber 2", "signals", "samples", "rate", "from – to", "file", "SHA-256")
-    rows = [
+    steady = material.steady_recordings
+    rows: list[Row] = [
         [
-            r["name"],
-            r["experiment"] + (", imposed motion" if r["imposed"] else ""),
-            r["use"],
-            r["chamber_2"] or "–",
-            ", ".join(name for name in r["signals"] if name != "time"),
-            Cell(f"{r['samples']}"),
-            Cell("–" if r["name"] in material.steady_recordings else f"{format_plain(1 / r['period'], 6)} Hz"),
-            Cell("rows" if r["name"] in material.steady_recordings else _span(r)),
-            PurePath(r["file"]).name,
-            r["sha256"][:10],
+            r.name,
+            r.experiment + (", imposed motion" if r.imposed else ""),
+            r.use,
+            r.chamber_2 or "–",
+            ", ".join(name for name in r.signals if name != "time"),
+            Cell(f"{r.samples}"),
+            Cell("–" if r.name in steady else f"{format_plain(1 / r.period, 6)} Hz"),
+            Cell("rows" if r.name in steady else f"{format_number(r.from_)} – {format_number(r.to)} s"),
+            PurePath(r.file).name,
+            r.sha256[:10],
         ]
         for r in recordings
     ]
@@ -63,25 +55,17 @@ def _recordings(recordings: list[Mapping[str, Any]], material: ReportData) -> Gr
     )
 
 
-def _noise(recordings: list[Mapping[str, Any]]) -> Grid:
-    names = list(dict.fromkeys(name for r in recordings for name in r["noise"]))
-    rows = [[r["name"], *(_rms(r["noise"].get(name)) for name in names)] for r in recordings]
+def _noise(recordings: Sequence[Recording]) -> Grid:
+    names = list(dict.fromkeys(name for r in recordings for name in r.noise))
+    rows: list[Row] = [[r.name, *(_rms(r.noise.get(name)) for name in names)] for r in recordings]
     caption = "Noise of each sensor, rms: stated in the pipeline file, or estimated from the recordings."
     return Grid(caption, ("recording", *names), rows, folded=True)
 
 
-def _rms(noise: Mapping[str, Any] | None) -> Cell:
-    return Cell("–" if noise is None else format_quantity(noise["rms"], noise["unit"], 2))
+def _rms(noise: NoiseAnswer | None) -> Cell:
+    return Cell("–" if noise is None else format_quantity(noise.rms, noise.unit, 2))
 
 
-def _repairs(repairs: list[Mapping[str, Any]]) -> Grid:
-    rows = [
-        [
-            r["recording"],
-            r["signal"],
-            Cell(f"{r['count']}"),
-            r["message"],
-        ]
-        for r in repairs
-    ]
+def _repairs(repairs: Sequence[Repair]) -> Grid:
+    rows: list[Row] = [[r.recording, r.signal, Cell(f"{r.count}"), r.message] for r in repairs]
     return Grid("Repairs while reading.", ("recording", "signal", "samples", "repair"), rows, folded=len(rows) > 8)

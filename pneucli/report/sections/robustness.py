@@ -3,34 +3,33 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
-from typing import Any
 
 import numpy as np
 
 from pneucli.messages.formatting import format_plain
-from pneucli.messages.simulate import METRIC_TITLES
+from pneucli.messages.simulate import METRIC_TITLES, Answer, CheckRate, SuccessRate
 from pneucli.report.page_elements import Cell, Grid, Note, Part, Row, Section
 from pneucli.report.report_data import ReportData, Table
 from pneucli.report.sections.closed_loop import format_bounded
 
 PLACE = 120  # on the page
-Answer = Mapping[str, Any]
+Rates = Mapping[tuple[str, str], SuccessRate]  # by effect and check
 RESIDUAL_ERROR_FIGURES = ("steady_um", "tracking_rms_um", "recovery_s", "load_error")
 BASE = {"all": "all runs", "": "none"}  # rows that belong to no effect
 
 
 def section(material: ReportData) -> Section | None:
     """Return the Monte Carlo study by effect; absent where none was run."""
-    answer = material.answer("simulate").get("robust")
-    if not answer:
+    answer = material.read(Answer).robust
+    if answer is None:
         return None
-    rates = {(r["effect"], r["check"]): r for r in answer["by_effect"]}
-    checks = answer["checks"]
+    rates = {(r.effect, r.check): r for r in answer.by_effect}
+    checks = answer.checks
     effects = sorted({effect for effect, _ in rates}, key=lambda e: (e != "all", e != "", _share(rates, e, checks), e))
     lead = (
-        f"The same controller on {answer['runs']} axes that differ from the model: parameters drawn from their "
+        f"The same controller on {answer.runs} axes that differ from the model: parameters drawn from their "
         "intervals, the rig's values from tolerances, and in turn one effect that the design does not include, of "
-        f"plausible size (seed {answer['seed']})."
+        f"plausible size (seed {answer.seed})."
     )
     harmful = [e for e in effects if e in BASE or _share(rates, e, checks) < 1.0]
     parts: list[Part] = [_rates(rates, checks, harmful)]
@@ -40,8 +39,8 @@ def section(material: ReportData) -> Section | None:
     return Section("robustness", "Robustness", lead, parts, folded=True)
 
 
-def _rates(rates: Mapping[tuple[str, str], Answer], checks: Mapping[str, Answer], effects: Sequence[str]) -> Grid:
-    head = ("effect", *(f"{METRIC_TITLES.get(c, c)} ≤ {format_plain(v['limit'])}" for c, v in checks.items()))
+def _rates(rates: Rates, checks: Mapping[str, CheckRate], effects: Sequence[str]) -> Grid:
+    head = ("effect", *(f"{METRIC_TITLES.get(c, c)} ≤ {format_plain(v.limit)}" for c, v in checks.items()))
     rows: list[Row] = [[BASE.get(e, e), *(_pass_rate(rates.get((e, c))) for c in checks)] for e in effects]
     caption = (
         "Number of runs in which each check held, over all scenarios, and the worst value. The most harmful effects "
@@ -50,16 +49,16 @@ def _rates(rates: Mapping[tuple[str, str], Answer], checks: Mapping[str, Answer]
     return Grid(caption, head, rows)
 
 
-def _share(rates: Mapping[tuple[str, str], Answer], effect: str, checks: Iterable[str]) -> float:
+def _share(rates: Rates, effect: str, checks: Iterable[str]) -> float:
     mine = [rates[effect, check] for check in checks if (effect, check) in rates]
-    return float(sum(r["held"] for r in mine) / sum(r["runs"] for r in mine))
+    return sum(r.held for r in mine) / sum(r.runs for r in mine)
 
 
-def _pass_rate(rate: Answer | None) -> Cell:
+def _pass_rate(rate: SuccessRate | None) -> Cell:
     if rate is None:
         return Cell("–")
-    held, runs = int(rate["held"]), int(rate["runs"])
-    return Cell(f"{held} of {runs}; {format_bounded(rate['worst'])}", tone="" if held == runs else "bad")
+    text = f"{rate.held} of {rate.runs}; {format_bounded(rate.worst)}"
+    return Cell(text, tone="" if rate.held == rate.runs else "bad")
 
 
 def _residual_errors(runs: Table, effects: Sequence[str]) -> list[Grid]:

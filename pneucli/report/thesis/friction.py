@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
-from typing import Any
 
 import numpy as np
 from matplotlib.axes import Axes
 
 from pneucli.arrays import Array
+from pneucli.messages.design import Answer, SectorAnswer
 from pneucli.messages.envelope import envelope_indices
 from pneucli.messages.formatting import format_plain
 from pneucli.physics.vectorised import stribeck_friction
@@ -95,7 +95,7 @@ def _branches(branches: Mapping[str, Mapping[str, float]]) -> Figure:
 
 def sliding_sectors(material: ReportData) -> Iterator[Figure]:
     """Yield figures 5.1, 6.20 and 8.6: the sector of the law, and the trajectory of its steps in it."""
-    sector = material.answer("design").get("sector", {}).get("design")
+    sector = material.read(Answer).sector.get("design")
     signals = material.table("design/comparison_signals")
     if sector is None or not len(signals):
         return
@@ -104,12 +104,12 @@ def sliding_sectors(material: ReportData) -> Iterator[Figure]:
         yield _trajectory(sector, rows)
 
 
-def _trajectory(sector: Mapping[str, Any], rows: Table) -> Figure:
+def _trajectory(sector: SectorAnswer, rows: Table) -> Figure:
     x1 = 1e3 * (rows["x"] - rows["x_shaped"])
     x2 = 1e3 * (rows["v"] - np.gradient(rows["x_shaped"], rows["time"]))
     edge, top = (MARGIN * float(np.max(np.abs(values))) for values in (x1, x2))
     line = np.array([-edge, edge])
-    lower, upper = -sector["lambda_1"] * line, -sector["lambda_2"] * line
+    lower, upper = -sector.lambda_1 * line, -sector.lambda_2 * line
     kept = envelope_indices([x1, x2], MAX_SAMPLES)
 
     def regions(axes: Axes) -> None:
@@ -120,8 +120,8 @@ def _trajectory(sector: Mapping[str, Any], rows: Table) -> Figure:
 
     caption = (
         "Figures 5.1, 6.20 and 8.6: the sliding sector (5.11-5.14) between lines of slope "
-        f"{format_plain(sector['lambda_1'], 3)} and {format_plain(sector['lambda_2'], 3)} 1/s "
-        f"(eta {format_plain(sector['eta'], 3)} s/m), regions R1 (M acts "
+        f"{format_plain(sector.lambda_1, 3)} and {format_plain(sector.lambda_2, 3)} 1/s "
+        f"(eta {format_plain(sector.eta, 3)} s/m), regions R1 (M acts "
         "against +x), R2 (M acts toward +x) and R3 (the sector), and the trajectory of the law in the scenario steps."
     )
     return chart(
