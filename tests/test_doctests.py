@@ -116,14 +116,20 @@ def test_a_source_may_stand_at_the_module() -> None:
     assert parts(body, "Thesis 7.4.")["source"]
 
 
-def test_most_public_functions_state_all_that_applies() -> None:
-    shares = structure.docstrings(structure.modules())
+@pytest.fixture(scope="module")
+def program() -> dict[str, structure.Module]:
+    """The modules of the program, parsed."""
+    return structure.modules()
+
+
+def test_most_public_functions_state_all_that_applies(program: dict[str, structure.Module]) -> None:
+    shares = structure.docstrings(program)
     assert shares["all that applies"] >= 90
     assert shares["errors"] == shares["doctest"] == 100
 
 
-def test_a_reader_finds_by_names_what_he_looks_for() -> None:
-    seen = structure.names_to_go_by(structure.modules())
+def test_a_reader_finds_by_names_what_he_looks_for(program: dict[str, structure.Module]) -> None:
+    seen = structure.names_to_go_by(program)
     turns = {
         question: structure.wrong_turns(seen, question, answers) for question, answers in structure.QUESTIONS.items()
     }

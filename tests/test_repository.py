@@ -20,6 +20,7 @@ PACKAGE = ROOT / "pneucli"
 TEXT = {".py", ".md", ".toml", ".html", ".js", ".css", ".yml", ".yaml", ".c", ".h", ".j2", ".sh", ""}
 HOOK = ROOT / ".githooks" / "commit-msg"
 WHOLE = {"kernel/run.py", "kernel/balance.py"}  # compiled as one function, whose loop must not call out of itself
+Program = dict[Path, tuple[str, ast.Module]]
 MODULES = sorted(path for path in PACKAGE.rglob("*.py") if "/".join(path.parts[-2:]) not in WHOLE)
 
 
@@ -37,8 +38,14 @@ def packages() -> set[str]:
     return {path.parent.name for path in PACKAGE.glob("*/__init__.py")}
 
 
-def functions(path: Path) -> Iterator[ast.FunctionDef]:
-    tree = ast.parse(path.read_text(encoding="utf-8"))
+@pytest.fixture(scope="module")
+def program() -> Program:
+    """Text and syntax tree of every module."""
+    texts = {path: path.read_text(encoding="utf-8") for path in MODULES}
+    return {path: (text, ast.parse(text)) for path, text in texts.items()}
+
+
+def functions(tree: ast.Module) -> Iterator[ast.FunctionDef]:
     return (node for node in ast.walk(tree) if isinstance(node, ast.FunctionDef))
 
 
@@ -60,11 +67,10 @@ def test_no_file_names_a_path_of_one_machine() -> None:
     assert not found, "\n".join(found)
 
 
-def code_lines(path: Path) -> int:
+def code_lines(text: str, tree: ast.Module) -> int:
     """Lines of a module without its docstrings, which specify and may be as long as that takes."""
-    text = path.read_text(encoding="utf-8")
     kinds = (ast.Module, ast.ClassDef, ast.FunctionDef)
-    nodes = (node for node in ast.walk(ast.parse(text)) if isinstance(node, kinds) and ast.get_docstring(node))
+    nodes = (node for node in ast.walk(tree) if isinstance(node, kinds) and ast.get_docstring(node))
     docstrings = sum((node.body[0].end_lineno or 0) - node.body[0].lineno + 1 for node in nodes)
     return len(text.splitlines()) - docstrings
 
@@ -72,22 +78,22 @@ def code_lines(path: Path) -> int:
 MAX_LINES = 600  # what a command answers, its types and its words, is one module
 
 
-def test_modules_are_short() -> None:
-    lengths = {path: code_lines(path) for path in MODULES}
+def test_modules_are_short(program: Program) -> None:
+    lengths = {path: code_lines(*of) for path, of in program.items()}
     long = [f"{path.relative_to(ROOT)}: {lines} lines" for path, lines in lengths.items() if lines > MAX_LINES]
     assert not long, "\n".join(long)
 
 
-def test_functions_are_short_and_half_of_them_have_at_most_eight_lines() -> None:
-    lengths = {f"{path.relative_to(ROOT)}: {f.name}": body_lines(f) for path in MODULES for f in functions(path)}
+def test_functions_are_short_and_half_of_them_have_at_most_eight_lines(program: Program) -> None:
+    found = {f"{path.relative_to(ROOT)}: {f.name}": f for path, (_, tree) in program.items() for f in functions(tree)}
+    lengths = {name: body_lines(function) for name, function in found.items()}
     assert statistics.median(lengths.values()) <= 8
     long = [f"{name}: {lines} lines" for name, lines in lengths.items() if lines > 45]
     assert not long, "\n".join(long)
 
 
-def string_literals(path: Path) -> Iterator[tuple[int, str]]:
+def string_literals(tree: ast.Module) -> Iterator[tuple[int, str]]:
     """Line and value of each string in the code of a module; docstrings are no code."""
-    tree = ast.parse(path.read_text(encoding="utf-8"))
     documented = (ast.Module, ast.ClassDef, ast.FunctionDef)
     docs = {
         id(node.body[0].value) for node in ast.walk(tree) if isinstance(node, documented) and ast.get_docstring(node)
@@ -97,7 +103,7 @@ def string_literals(path: Path) -> Iterator[tuple[int, str]]:
             yield node.lineno, node.value
 
 
-def test_no_effect_of_the_catalogue_is_named_outside_it_and_the_exam() -> None:
+def test_no_effect_of_the_catalogue_is_named_outside_it_and_the_exam(program: Program) -> None:
     """What is true of one effect alone stands in its declaration, so that a user's own effect is treated alike.
 
     Help texts show the use of real names.
@@ -107,19 +113,17 @@ def test_no_effect_of_the_catalogue_is_named_outside_it_and_the_exam() -> None:
     named = re.compile(rf"(?<![\w-])(?:{names})(?![\w-])")
     found = [
         f"{path.relative_to(ROOT)}:{line}: {text[:60]}"
-        for path in MODULES
+        for path, (_, tree) in program.items()
         if not path.relative_to(PACKAGE).as_posix().startswith(apart)
-        for line, text in string_literals(path)
+        for line, text in string_literals(tree)
         if named.search(text)
     ]
     assert not found, "\n".join(found)
 
 
-def test_the_normal_quantile_of_95_percent_intervals_is_written_once() -> None:
+def test_the_normal_quantile_of_95_percent_intervals_is_written_once(program: Program) -> None:
     quantile = re.compile(r"1\.9599|1\.96\b|ppf\(0\.975\)")
-    found = [
-        path.relative_to(PACKAGE).as_posix() for path in MODULES if quantile.search(path.read_text(encoding="utf-8"))
-    ]
+    found = [path.relative_to(PACKAGE).as_posix() for path, (text, _) in program.items() if quantile.search(text)]
     assert found == ["quantities.py"]
 
 

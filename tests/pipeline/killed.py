@@ -36,7 +36,7 @@ def survives(file: Path, operation: int) -> bool:
     if child == 0:
         pipeline = toy(file)
         kill_at(operation, pipeline.artifacts)
-        pipeline.update(["page"])
+        pipeline.update(["model"])
         os._exit(0)
     return os.waitpid(child, 0)[1] == 0
 
@@ -45,17 +45,17 @@ def main(folder: Path) -> int:
     """Return at how many operations the run was killed; asserts the rules after each."""
     toys.PACE = 0.0
     file = new(folder)
-    toy(file).update(["page"])
+    toy(file).update(["model"])
     artifacts, raw = toy(file).artifacts, file.parent / "raw" / "a.csv"
     operation = 0
     while True:
         operation += 1
-        raw.write_text(f"{operation:03}")  # all stages are stale, of a new generation
+        raw.write_text(f"{operation:03}")  # both stages are stale, of a new generation
         survived = survives(file, operation)
-        for name in ("raw", "model", "judge", "page"):
+        for name in ("raw", "model"):
             there = artifacts / name if (artifacts / name).exists() else artifacts / f".{name}.old"
             assert is_whole(there), f"{there} is half-written after a kill at operation {operation}"
-        assert generations({n: d for n, d in toy(file).update(["page"]).items() if n != "plan"}) == {
+        assert generations({n: d for n, d in toy(file).update(["model"]).items() if n != "plan"}) == {
             f"{operation:03}0"
         }, "the next run did not continue"
         assert not list(artifacts.glob(".*.new")) + list(artifacts.glob(".*.old")), "leftovers"

@@ -39,7 +39,7 @@ def test_killed_at_every_operation_on_files(tmp_path: Path) -> None:
         cwd=ROOT, capture_output=True, text=True, check=False,
     )  # fmt: skip
     assert result.returncode == 0, result.stderr
-    assert int(result.stdout) > 40  # 4 stages of 5 files, a manifest and a swap each: else the hook saw nothing
+    assert int(result.stdout) > 20  # 2 stages of 5 files, a manifest and a swap each: else the hook saw nothing
 
 
 def test_killed_at_random_moments(tmp_path: Path) -> None:

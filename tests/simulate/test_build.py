@@ -17,7 +17,7 @@ from pneucli.simulate import layout as at
 from pneucli.simulate.build import ENTRY_POINTS, Kernel, build
 from pneucli.simulate.experiment import Experiment
 from pneucli.simulate.model import Model
-from pneucli.simulate.run import area_tables, base_vector, effects_by_name, kernel_for, run
+from pneucli.simulate.run import effects_by_name, kernel_arguments, kernel_for, run
 
 from .synthetic_experiments import RIG, held_commands, make_experiment, model, time_grid, typical_values
 
@@ -55,24 +55,11 @@ def whole() -> Model:
     return model(list(catalogue()), typical_values(effects) | {"rig.vessel_volume": 1e-3})
 
 
-def run_in(kernel: Kernel, which: Model, experiment: Experiment, **changes: np.ndarray) -> np.ndarray:
-    """As pneucli.simulate.run.run, in a given kernel; ``changes`` replace its arguments."""
+def run_in(kernel: Kernel, which: Model, experiment: Experiment, cp: tuple[float, float] = (0.0, 0.0)) -> np.ndarray:
+    """As pneucli.simulate.run.run, in a given kernel, ``cp`` being what its ``control`` is told."""
     out = np.zeros((experiment.time.size, at.OUTPUTS))
-    given = {"flags": experiment.flags, "cp": np.zeros(2)} | changes
-    kernel.run(
-        experiment.time,
-        experiment.inputs,
-        experiment.restarts,
-        base_vector(which, experiment),
-        kernel.effect_vector(which.effect_values()),
-        kernel.effect_switches(experiment.active_effects(which.effects)),
-        given["flags"],
-        *area_tables(which, experiment),
-        experiment.max_step,
-        np.zeros(1),
-        given["cp"],
-        out,
-    )
+    arguments = kernel_arguments(kernel, which, experiment, experiment.inputs)
+    kernel.run(*arguments, np.zeros(1), np.array(cp), out)
     return out
 
 
@@ -87,7 +74,8 @@ def test_the_compiled_catalogue_agrees_with_plain_python_of_a_models_own_effects
 
 @pytest.mark.parametrize("kind", RUNS)
 def test_with_every_effect_off_the_full_kernel_equals_the_bare_one(kind: str) -> None:
-    assert np.array_equal(run_in(build(()), bare(), RUNS[kind]()), run(bare(), RUNS[kind]()))
+    full, none = (build(of, compiled=False) for of in (tuple(catalogue().values()), ()))
+    assert np.array_equal(run_in(none, bare(), RUNS[kind]()), run_in(full, bare(), RUNS[kind]()))
 
 
 @pytest.mark.parametrize("kind", RUNS)
@@ -134,7 +122,7 @@ def test_python_reaches_no_compiled_function_but_the_entry_points() -> None:
 def test_the_controller_in_the_loop_sees_the_sample_and_its_command_is_held() -> None:
     experiment = make_experiment("axis", TIME, {"u": 0.11})  # the reference stands where the command would
     experiment.flags[at.LOOP] = 1.0
-    out = run_in(kernel_for(()), model(), experiment, cp=np.array([60.0, 0.4]))
+    out = run_in(kernel_for(()), model(), experiment, cp=(60.0, 0.4))
     assert out[:, at.U] == pytest.approx(np.clip(60.0 * (0.11 - out[:, at.X]), -0.4, 0.4))
     held = make_experiment("axis", TIME, {"u": out[:, at.U]})
     assert np.array_equal(run(model(), held)[:, at.X], out[:, at.X])
