@@ -35,8 +35,8 @@ import subprocess
 import sys
 import tempfile
 from collections import Counter
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, fields
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -49,6 +49,7 @@ from pneucli import config
 from pneucli.arrays import Array
 from pneucli.caches import compiled
 from pneucli.closed_loop.acceptance import ACCEPTANCE_SCENARIOS, acceptance_criteria
+from pneucli.closed_loop.commissioning import STATES
 from pneucli.closed_loop.margins import analyse_margins
 from pneucli.closed_loop.metrics import evaluate_run
 from pneucli.closed_loop.scenarios import read_scenarios
@@ -68,6 +69,7 @@ from pneucli.exam.rig.kernel import MAX_STEP, P1, P2, PS, T1, T2, XL, V, X, moti
 from pneucli.exam.rig.parameters import ONE_CHAMBER, TWO_VALVES, Parameters
 from pneucli.exam.rig.sensors import Sensors
 from pneucli.exam.rig.simulation import LOOP_PERIOD, empty_delay_line, limit_opening, step_rig
+from pneucli.messages.compare import Commissioned
 from pneucli.physics.effects import catalogue, select_effects
 from pneucli.recording import Rig
 from pneucli.simulate import layout as at
@@ -142,6 +144,12 @@ class Exported:
         real = ctypes.c_float if "float state" in (folder / "pneucli_controller.h").read_text() else ctypes.c_double
         self._step, self._u = code.pneucli_controller_step, (real * 2)()
         self._step.argtypes = [ctypes.c_void_p, *4 * [real], ctypes.POINTER(real)]
+        self._code, self._real = code, real
+        whole = ("state", "member")
+        words = [(f.name, ctypes.c_int if f.name in whole else real) for f in fields(Commissioned)]
+        code.pneucli_controller_commissioned.restype = type("Status", (ctypes.Structure,), {"_fields_": words})
+        code.pneucli_controller_commissioned.argtypes = [ctypes.c_void_p]
+        code.pneucli_controller_commission.argtypes = [ctypes.c_void_p, real, real]
         code.pneucli_controller_init(self._state)
         if level is not None:
             code.pneucli_controller_set_level.argtypes = [ctypes.c_void_p, real]
@@ -151,9 +159,34 @@ class Exported:
         self._step(self._state, x_ref, x, p1, p2, self._u)
         return self._u[0], self._u[1]
 
+    def enable(self, on: bool) -> None:
+        """Enable the controller, or disable it."""
+        self._code.pneucli_controller_enable(self._state, int(on))
+
+    def commission(self) -> None:
+        """Begin a commissioning within the limits of the design."""
+        self._code.pneucli_controller_commission(self._state, 0.0, 0.0)
+
+    def commissioned(self) -> Commissioned:
+        """Return what the commissioning found."""
+        found = self._code.pneucli_controller_commissioned(self._state)
+        state, *others = (getattr(found, f.name) for f in fields(Commissioned))
+        return Commissioned(STATES[state], *others)
+
+    def numbers(self, count: int) -> Array:
+        """Return the parameters as they are now, of which there are ``count``."""
+        values = np.frombuffer(self._state.raw, self._real)
+        return values[layout.L_STATES : layout.L_STATES + count]
+
+
+Control = Callable[[float, float, float, float], tuple[float, float]]  # x_ref, x, p1, p2 -> commands in V
+
 
 class Trace(NamedTuple):
-    """What a loop did, one value a sample: true position (m), command (V), readings of x, p1, p2, a; air (kg)."""
+    """What a loop did, one value a sample: true position (m), command (V), readings of x, p1, p2, a; air (kg).
+
+    ``chambers`` has the true pressures p1, p2 (Pa), shape (n, 2).
+    """
 
     x: Array
     u: Array
@@ -161,13 +194,14 @@ class Trace(NamedTuple):
     read: Array
     supply: Array
     a: Array
+    chambers: Array
 
 
 def driven(
-    par: Parameters, sensors: Sensors, control: Exported, reference: Array, load: Array, *, is_open: bool = False,
-    h: float = LOOP_PERIOD, seed: int = 0,
+    par: Parameters, sensors: Sensors, control: Control, reference: Array, load: Array, *, is_open: bool = False,
+    h: float = LOOP_PERIOD, seed: int = 0, starved: Array | None = None,
 ) -> Trace:  # fmt: skip
-    """Let the controller follow a ``reference`` (m) under a ``load`` (N), called every ``h`` s."""
+    """Let the controller follow a ``reference`` (m) under a ``load`` (N), every ``h`` s; ``starved``: no supply."""
     s, o, work, rest = np.zeros(10), np.zeros(2), np.zeros((3, 10)), 1.0
     spools, line, steps = np.zeros(6), empty_delay_line(par, MAX_STEP), round(h / MAX_STEP)
     s[X] = s[XL] = reference[0]
@@ -178,18 +212,20 @@ def driven(
     s[T1] = s[T2] = par.temperature
     s[PS] = par.supply
     sensed, n = Sensed(par, sensors, h, s, seed), reference.size
-    x, u, supply, a, read, air = *(np.zeros(n) for _ in range(4)), np.zeros((n, 3)), 0.0
+    x, u, supply, a, read, gas, air = *(np.zeros(n) for _ in range(4)), np.zeros((n, 3)), np.zeros((n, 2)), 0.0
     rng = np.random.default_rng([seed, 1])
     for k in range(n):
-        x[k], supply[k], read[k] = s[X], s[PS], sensed(s)
+        x[k], supply[k], read[k], gas[k] = s[X], s[PS], sensed(s), (s[P1], s[P2])
         u[k], second = control(reference[k], *read[k])
         o[0] = limit_opening(par, par.command_sign * (u[k] - par.command_null))
         o[1] = limit_opening(par, second - par.command_null) if par.arrangement == TWO_VALVES else 0.0
         loaded = par._replace(constant_force=par.constant_force + load[k])
+        if starved is not None:
+            loaded = rigs.supplied(loaded._replace(supply=1.02 * par.ambient if starved[k] else par.supply), s)
         rest, used, moved = period(loaded, k * steps, steps, s, o, spools, line, int(is_open), rest, work)
         air += used
         a[min(k + 1, n - 1)] = moved
-    return Trace(x, u, air, read, supply, a + sensors.acceleration * rng.standard_normal(n))
+    return Trace(x, u, air, read, supply, a + sensors.acceleration * rng.standard_normal(n), gas)
 
 
 def told(folder: Path, *command: str, pipeline: str = "pipeline.toml", out: str = "out") -> dict[str, Any]:

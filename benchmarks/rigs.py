@@ -102,7 +102,7 @@ def _loop_source(law: str) -> str:
         "import math",
         "import numpy as np",
         "from numba import njit",
-        "from benchmarks.rigs import read",
+        "from benchmarks.rigs import read, supplied",
         f"from {kernel.__name__} import MAX_STEP, P1, P2, PS, T1, T2, XL, X",
         f"from {parameters.__name__} import TWO_VALVES",
         f"from {simulation.__name__} import empty_delay_line, limit_opening, step_rig",
@@ -143,6 +143,14 @@ def read(par: Parameters, s: Array, lagged: Array, skewed: Array, row: int, h: f
     )
 
 
+@compiled()
+def supplied(par: Parameters, s: Array) -> Parameters:
+    """Return a rig after its supply pressure is that of its parameters, where no volume delays it."""
+    if par.supply_volume == 0.0:
+        s[PS] = par.supply
+    return par
+
+
 def _loop(par, pushed, starved, c, cs, every, period, inputs, noise, quantum, is_open, start, out):  # type: ignore[no-untyped-def]
     s, o, work, rest, air = np.zeros(10), np.zeros(2), np.zeros((3, 10)), 1.0, 0.0
     spools, line = np.zeros(6), empty_delay_line(par, MAX_STEP)
@@ -160,10 +168,10 @@ def _loop(par, pushed, starved, c, cs, every, period, inputs, noise, quantum, is
             seen = quantum * math.floor(seen / quantum + 0.5)
         operate(0, reference, seen + noise[k, 0], p1 + noise[k, 1], p2 + noise[k, 2], 0.0, mode, 0.0, cs, c)  # type: ignore[name-defined]  # noqa: F821 - see compiled_loop
         out[k, 1] = cs[1]
-        out[k, 2:] = cs
+        out[k, 2:] = cs[: len(out[k]) - 2]
         o[0] = limit_opening(par, par.command_sign * (cs[1] - par.command_null))
         o[1] = limit_opening(par, cs[2] - par.command_null) if par.arrangement == TWO_VALVES else 0.0
-        now = starved if is_starved > 0.5 else pushed if load != 0.0 else par
+        now = supplied(starved if is_starved > 0.5 else pushed if load != 0.0 else par, s)
         for i in range(k * every, (k + 1) * every):
             rest, q = step_rig(now, i, MAX_STEP, o[0], o[1], spools, line, s, rest, is_open, work)
             air += MAX_STEP * (q[0] + q[2])
@@ -173,12 +181,12 @@ def _loop(par, pushed, starved, c, cs, every, period, inputs, noise, quantum, is
 def driven(
     par: Parameters, controller: Controller, reference: Array, load: Array, noise: float = 400.0,
     quantum: float = 1e-6, seed: int = 0, is_open: bool = False, *, mode: Array | None = None,
-    starved: Array | None = None, lost: Array | None = None,
+    starved: Array | None = None, lost: Array | None = None, keeps_states: bool = True,
 ) -> Trace:  # fmt: skip
     """Let a controller follow a ``reference`` (m) under a ``load`` (N toward x = 0, one size) on the rig.
 
     ``mode`` holds indices of ``layout.OPERATING_MODES``, ``starved`` is 1 where the supply is lost, ``lost`` is NaN
-    where a reading of x, p1, p2 (columns) is missing; each a row a sample.
+    where a reading of x, p1, p2 (columns) is missing; each a row a sample. States are kept of each sample, or the last.
     """
     p2 = par.ambient if is_open else math.sqrt(par.ambient * par.supply)
     x, n = float(reference[0]), reference.size
@@ -186,7 +194,7 @@ def driven(
     p1 = (pull + p2 * par.piston_area_2 + par.ambient * (par.piston_area_1 - par.piston_area_2)) / par.piston_area_1
     pushed = par._replace(constant_force=par.constant_force + float(np.abs(load).max() * np.sign(load.sum())))
     states = np.zeros(layout.FIRST_LAW_STATE + layout.MAX_LAW_STATES)
-    out = np.zeros((n, 2 + states.size))
+    out = np.zeros((n, 2 + states.size * keeps_states))
     noises = np.zeros((n, 3)) if lost is None else lost.copy()
     noises[:, 1:] += noise * np.random.default_rng(seed).standard_normal((n, 2))
     none = np.zeros(n)
@@ -196,7 +204,7 @@ def driven(
         round(controller.period / MAX_STEP), controller.period, inputs, noises, quantum, int(is_open),
         np.array([x, p1, p2]), out,
     )  # fmt: skip
-    return Trace(out[:, 0], out[:, 1], air, out[:, 2:])
+    return Trace(out[:, 0], out[:, 1], air, out[:, 2:] if keeps_states else states[np.newaxis])
 
 
 SMALL = "--small"

@@ -11,7 +11,7 @@ from pathlib import Path
 
 import pytest
 
-from benchmarks import loop
+from benchmarks import loop, robust
 from benchmarks.cost import IMPORTS, KERNELS, PHASES, REST, Sampler
 
 ROOT = Path(__file__).parents[1]
@@ -19,10 +19,11 @@ SHARED = {"cases", "rigs"}
 TESTED_ELSEWHERE = {("simulate", "kernel")}  # tests/simulate/test_benchmark.py
 NEED_GCC = {
     ("simulate", "fmu"),
+    ("robust", "faults"),
     *(("loop", name) for name in loop.TABLES if name not in ("periods", "benefit")),
 }
 SLOW = {("door", ""), ("fleet", ""), ("score", ""), ("loop", "logs"), ("loop", "periods"), ("loop", "benefit"),
-        ("robust", "ensemble"), ("robust", "promise"), ("robust", "proof"), ("thesis", ""),
+        *(("robust", name) for name in robust.TABLES), ("thesis", ""),
         ("thesis", "friction"), ("thesis", "laws"), ("valve", "maps"),
         ("workbench", "speed"), ("workbench", "clicks")}  # fmt: skip
 BENCHMARKS = sorted(path.stem for path in (ROOT / "benchmarks").glob("*.py") if path.stem not in SHARED)

@@ -53,6 +53,9 @@ STATES = {
     12: "limit of pressure",
     13: "no reversal of the pressure",
     14: "a reading is missing",
+    15: "a reading is too noisy",
+    16: "the pressure goes against the command",
+    17: "the pressure's rate is not the model's",
 }  # of the state chart of :mod:`pneucli.controller.commissioning`
 SHUT = {words for number, words in STATES.items() if number >= 10}  # those in which the valves stay shut
 

@@ -9,7 +9,7 @@ State chart (S_COMMISSIONING)::
     0 as designed
       -> 1  commission
     1 SHUT     the valves are shut for 0.3 s; then the limits count from here
-      -> 2  all readings are there
+      -> 2  all readings are there, with little noise
     2 RELAY 1  the relay fills and vents chamber 1 (a 5/3 spool: also chamber 2 the other way)
       no reversal: twice the rate, up to 8 times
       -> 3  after 10 to 22 half cycles with two valves, else -> 4
@@ -25,7 +25,9 @@ State chart (S_COMMISSIONING)::
     valves shut, gains and nulls unchanged, until the controller is disabled (then 0, or 4 after an earlier success):
     10 STOPPED      disabled while the test ran           11 TRAVEL     the piston reached its limit
     12 PRESSURE     a pressure reached its limit          13 SILENT     no reversal of the pressure
-    14 SENSOR LOST  a reading is missing
+    14 SENSOR LOST  a reading is missing                  15 NOISY      a reading is too noisy
+    16 AGAINST      as 11 to 13, where the pressure went the other way than the relay drives it
+    17 OTHER        the pressure changes at less than half, or more than twice, the rate of the model
 """
 # mypy: disable-error-code="no-untyped-def, no-untyped-call"
 # ruff: noqa: F403, F405, ANN
@@ -56,13 +58,17 @@ def commission(travel, pressure, s, c):
     s[S_LOST_COUNT] = 0.0
     s[S_NULL_SHIFT1] = 0.0
     s[S_NULL_SHIFT2] = 0.0
+    s[S_RELAY_TIME] = 0.0
     enter(1.0, s)
 
 
 def enter(state, s):
-    """Enter a state of the chart (no unit)."""
+    """Enter a state of the chart (no unit); a fault forgets what a first valve's test found."""
     s[S_COMMISSIONING] = state
     s[S_COMMISSIONING_TIME] = 0.0
+    if state > 9.5:
+        s[S_NULL_SHIFT1] = 0.0
+        s[S_NULL_SHIFT2] = 0.0
 
 
 def stop_commissioning(s):
@@ -155,10 +161,49 @@ def within_limits(x, p1, p2, s, c):
     if s[S_COMMISSIONING] < 1.5:
         return True
     if math.fabs(x - s[S_START_X]) > 0.5 * s[S_TRAVEL_LIMIT]:
-        enter(11.0, s)
-    if max(math.fabs(p1 - s[S_START_P1]), math.fabs(p2 - s[S_START_P2])) > 0.8 * s[S_PRESSURE_LIMIT]:
-        enter(12.0, s)
+        give_up(11.0, p1, p2, s, c)
+    elif max(math.fabs(p1 - s[S_START_P1]), math.fabs(p2 - s[S_START_P2])) > 0.8 * s[S_PRESSURE_LIMIT]:
+        give_up(12.0, p1, p2, s, c)
     return s[S_COMMISSIONING] < 9.5
+
+
+def relay_progress(p1, p2, s, c):
+    """Return by how much in Pa the pressure is from its start toward where the relay drives it, from p1, p2 (Pa)."""
+    return s[S_RELAY_SIGN] * (relay_reading(p1, p2, s, c) - relay_reading(s[S_START_P1], s[S_START_P2], s, c))
+
+
+def give_up(state, p1, p2, s, c):
+    """Enter the state of a fault, or that of a pressure (p1, p2 in Pa) that went the wrong way by more than the band.
+
+    Once back from a reversal (``S_RELAY_INSIDE``) it can be there by a valve that is reversed or stuck, or without air.
+    """
+    progress = relay_progress(p1, p2, s, c)
+    enter(state, s)
+    if s[S_RELAY_INSIDE] > 0.5 and progress < -c[C_RELAY_BAND]:
+        enter(16.0, s)
+
+
+def settle(x, p1, p2, s, c):
+    """Run a sample with the valves shut: the readings x (m), p1, p2 (Pa) become the start, unless they are too noisy.
+
+    Over the last 0.2 s of 0.3 s the rms of the steps must be below the tolerance for x, and below the relay's band over
+    3.5 for the pressures: more noise takes more from the delay, 1.2 ms, than half of what lies between two members of
+    the family. Noise of x turns back from sample to sample, a piston that moves by a null that is off does not.
+    """
+    step = x - s[S_START_X]
+    change = 3.5 * max(math.fabs(p1 - s[S_START_P1]), math.fabs(p2 - s[S_START_P2])) / c[C_RELAY_BAND]
+    noise = max(-0.5 * step * s[S_START_STEP] / (c[C_HOLDING_BAND] * c[C_HOLDING_BAND]), change * change)
+    if s[S_COMMISSIONING_TIME] > 0.1:
+        s[S_RELAY_TIME] += c[C_PERIOD] * min(noise, 9.0)
+    s[S_START_STEP] = step
+    s[S_START_X] = x
+    s[S_START_P1] = p1
+    s[S_START_P2] = p2
+    if s[S_COMMISSIONING_TIME] > 0.3:
+        if s[S_RELAY_TIME] > 0.2:
+            enter(15.0, s)
+        else:
+            begin_relay(2.0, p1, p2, s, c)
 
 
 def advance_relay(p1, p2, s, c):
@@ -196,7 +241,9 @@ def advance_relay(p1, p2, s, c):
         s[S_RELAY_WIDTH] *= 2.0
         begin_counting(s)
         if s[S_RELAY_WIDTH] > 8.5:
-            enter(13.0, s)
+            give_up(13.0, p1, p2, s, c)
+    elif s[S_COMMISSIONING_TIME] > 4.0:  # ten half cycles of 0.25 s, after three that were too slow
+        give_up(17.0, p1, p2, s, c)
 
 
 def relay_is_complete(s):
@@ -226,11 +273,11 @@ def null_shift(s, c):
 
 
 def evaluate_relay(s, c):
-    """Evaluate a relay test, without its first two half cycles: null, delay, overshoot, gain.
+    """Evaluate a relay test, without its first two half cycles: null, delay, overshoot; return the gain.
 
     The slopes are those of the second half of the band, past which a lag has decayed. A pressure that reverses after a
     delay L is before it for L (2 + q + 1 / q) + T_up + T_down in a cycle, q = T_down / T_up. The longer delay of two
-    valves counts.
+    valves counts; of the gains the first.
     """
     cycles = 0.5 * (s[S_RELAY_COUNT] - 2.0)
     up = max(s[S_TIME_UP] / cycles, c[C_PERIOD])
@@ -238,16 +285,18 @@ def evaluate_relay(s, c):
     delay = (s[S_TIME_OUTSIDE] / cycles - up - down) / (2.0 + down / up + up / down)
     overshoot = 0.5 * (s[S_PEAKS_UP] / cycles * up + s[S_PEAKS_DOWN] / cycles * down) / c[C_RELAY_BAND]
     shift = null_shift(s, c)
+    gain = c[C_RELAY_BAND] / up / max(relay_gradient(relay_command(1.0, s, c) - shift, s, c), 1.0)
     if s[S_COMMISSIONING] > 2.5:
         s[S_NULL_SHIFT2] = shift
     else:
         s[S_NULL_SHIFT1] = shift
-        s[S_DELAY_FOUND] = 0.0
-        s[S_OVERSHOOT_FOUND] = 0.0
-        s[S_GAIN_FOUND] = c[C_RELAY_BAND] / up / max(relay_gradient(relay_command(1.0, s, c) - shift, s, c), 1.0)
-    if delay > s[S_DELAY_FOUND]:
-        s[S_DELAY_FOUND] = delay
-        s[S_OVERSHOOT_FOUND] = overshoot
+        s[S_DELAY_TESTED] = 0.0
+        s[S_OVERSHOOT_TESTED] = 0.0
+        s[S_GAIN_TESTED] = gain
+    if delay > s[S_DELAY_TESTED]:
+        s[S_DELAY_TESTED] = delay
+        s[S_OVERSHOOT_TESTED] = overshoot
+    return gain
 
 
 def shift_table(shift, table: int, c):
@@ -306,10 +355,16 @@ def set_member(member, s, c):
 
 def finish_relay(p1, p2, s, c):
     """End the relay test of a valve: begin that of the other, or apply what was found, from p1, p2 (Pa)."""
-    evaluate_relay(s, c)
+    gain = evaluate_relay(s, c)
+    if gain < 0.5 or gain > 2.0:
+        enter(17.0, s)
+        return
     if s[S_COMMISSIONING] < 2.5 and c[C_TWO_VALVES] > 0.5:
         begin_relay(3.0, p1, p2, s, c)
         return
+    s[S_DELAY_FOUND] = s[S_DELAY_TESTED]
+    s[S_OVERSHOOT_FOUND] = s[S_OVERSHOOT_TESTED]
+    s[S_GAIN_FOUND] = s[S_GAIN_TESTED]
     set_nulls(s, c)
     set_member(nearest_member(s, c), s, c)
     enter(4.0, s)
@@ -326,17 +381,10 @@ def run_commissioning(x, p1, p2, s, c):
     if s[S_COMMISSIONING] < 0.5 or s[S_COMMISSIONING] > 3.5:
         return False
     if not within_limits(x, p1, p2, s, c):
-        if s[S_COMMISSIONING] > 9.5:
-            s[S_NULL_SHIFT1] = 0.0
-            s[S_NULL_SHIFT2] = 0.0
         shut_valves(s, c)
         return True
     if s[S_COMMISSIONING] < 1.5:
-        s[S_START_X] = x
-        s[S_START_P1] = p1
-        s[S_START_P2] = p2
-        if s[S_COMMISSIONING_TIME] > 0.3:
-            begin_relay(2.0, p1, p2, s, c)
+        settle(x, p1, p2, s, c)
     else:
         advance_relay(p1, p2, s, c)
         if relay_is_complete(s):

@@ -77,6 +77,7 @@ OPEN_CHAMBER_VOLUME = 1e3  # m^3: an open chamber 2 is modelled as a closed one 
     S_TRAVEL_LIMIT,  # m, Pa: limits from where the test began
     S_PRESSURE_LIMIT,
     S_START_X,
+    S_START_STEP,  # m: the last step of the readings of x with the valves shut
     S_START_P1,
     S_START_P2,
     S_LOST_COUNT,  # samples without a reading
@@ -92,6 +93,9 @@ OPEN_CHAMBER_VOLUME = 1e3  # m^3: an open chamber 2 is modelled as a closed one 
     S_RELAY_PEAK,  # Pa: present overshoot of the band, and its sums above and below
     S_PEAKS_UP,
     S_PEAKS_DOWN,
+    S_DELAY_TESTED,  # s, s, 1: of the valves so far, as what is found once all are tested
+    S_OVERSHOOT_TESTED,
+    S_GAIN_TESTED,
     S_NULL_SHIFT1,  # V: what this test adds to the null commands; and all that tests added to those of the design
     S_NULL_SHIFT2,
     S_NULL_FOUND1,
@@ -106,10 +110,10 @@ OPEN_CHAMBER_VOLUME = 1e3  # m^3: an open chamber 2 is modelled as a closed one 
     S_SWING_COUNT,  # half swings of a limit cycle, the length of the last in m, and its period in s
     S_SWING_AMPLITUDE,
     S_SWING_PERIOD,
-) = range(97)
+) = range(101)
 
 # delay lines (ring buffers) follow: openings in V and expected pressure readings in Pa
-S_OPENING_LINE1, S_OPENING_LINE2, S_PRESSURE_LINE1, S_PRESSURE_LINE2 = (97 + i * DELAY_LINE_SAMPLES for i in range(4))
+S_OPENING_LINE1, S_OPENING_LINE2, S_PRESSURE_LINE1, S_PRESSURE_LINE2 = (101 + i * DELAY_LINE_SAMPLES for i in range(4))
 
 (
     C_PERIOD,  # s

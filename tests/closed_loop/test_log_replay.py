@@ -20,12 +20,15 @@ from pneucli.closed_loop.log_replay import (
 from pneucli.closed_loop.metrics import evaluate_run
 from pneucli.closed_loop.simulation import ClosedLoopSetup, Run, replay_log, simulate
 from pneucli.controller import layout as at
+from pneucli.controller.parameters import Controller
 from pneucli.design.cascade_design import design_cascade
 from pneucli.errors import InputError
 from pneucli.export.controller_file import ExportedController
 from pneucli.export.single_precision import replay_in_single_precision
+from pneucli.messages.compare import Commissioned
 from pneucli.physics.effects import catalogue
 from pneucli.recording import Recording
+from pneucli.simulate.model import Model
 from pneucli.stages.compare import ReplayedLog, commissioned_machine
 from tests.design import axis
 
@@ -79,12 +82,15 @@ def test_whether_a_logged_supply_was_told_to_the_controller_is_seen_by_its_comma
     assert np.array_equal(found.commands[:, 0], loop.log[:, at.L_U1])
 
 
-@pytest.mark.parametrize(("kind", "said"), [(DELAY, "delay, as of a hose"), (LAG, "lag, as of a spool")])
-def test_a_log_that_begins_with_a_commissioning_tells_what_the_machine_is(kind: tuple[str, str], said: str) -> None:
-    controller = commissioning.with_commissioning(
+@pytest.fixture(scope="module")
+def commissioning_controller() -> Controller:
+    return commissioning.with_commissioning(
         MODEL, CONTROLLER, lambda model: design_cascade(model, axis.REQUIREMENTS, axis.SEALED), axis.BENCH
     )
-    machine = commissioning.with_time(MODEL, *kind, 10e-3).with_values({"valve.null": 0.3})
+
+
+def machine_of_log(machine: Model, controller: Controller) -> Commissioned:
+    """What is read back from a log that begins with the commissioning of a machine, whose commands it gives back."""
     run = commissioning.run_commissioning(machine, controller, axis.BENCH)
     first = round(commissioning.BEGIN / controller.period)
     log = ControllerLog(
@@ -97,9 +103,23 @@ def test_a_log_that_begins_with_a_commissioning_tells_what_the_machine_is(kind: 
     looked = ReplayedLog(recorded(run), exported, log, partial(replay_log, MODEL, controller), found)
     machine_found = commissioned_machine(looked, MODEL)
     assert machine_found is not None
-    assert said in machine_found.sentence
-    assert machine_found.null_1 == pytest.approx(0.3, abs=0.06)
-    assert machine_found.delay == pytest.approx(12e-3, abs=1.2e-3)
+    return machine_found
+
+
+@pytest.mark.parametrize(("kind", "said"), [(DELAY, "delay, as of a hose"), (LAG, "lag, as of a spool")])
+def test_a_log_that_begins_with_a_commissioning_tells_what_the_machine_is(
+    kind: tuple[str, str], said: str, commissioning_controller: Controller
+) -> None:
+    slow = commissioning.with_time(MODEL, *kind, 10e-3).with_values({"valve.null": 0.3})
+    machine = machine_of_log(slow, commissioning_controller)
+    assert said in machine.sentence
+    assert machine.null_1 == pytest.approx(0.3, abs=0.06)
+    assert machine.delay == pytest.approx(12e-3, abs=1.2e-3)
+
+
+def test_a_log_of_a_commissioning_that_failed_tells_why(commissioning_controller: Controller) -> None:
+    stuck = replace(MODEL, valve=MODEL.valve.scaled(1e-6))
+    assert machine_of_log(stuck, commissioning_controller).sentence == "commissioning: no reversal of the pressure"
 
 
 def test_another_controller_is_told_by_its_commands(loop: Run) -> None:

@@ -10,7 +10,7 @@ import pytest
 
 from pneucli.closed_loop import commissioning as runs
 from pneucli.closed_loop.commissioning import Commissioned, commissioned, with_time
-from pneucli.closed_loop.simulation import Run, simulate
+from pneucli.closed_loop.simulation import ClosedLoopSetup, Run, simulate
 from pneucli.controller import commissioning as chart
 from pneucli.controller import layout as at
 from pneucli.controller import operation
@@ -37,11 +37,19 @@ def family(arrangement: str = "one-chamber") -> tuple[Model, Controller]:
     )
 
 
-def driven(model: Model, c: Controller, *, begun: bool = True, seed: int = 0, **more: object) -> Run:
+def driven(
+    model: Model,
+    c: Controller,
+    *,
+    begun: bool = True,
+    seed: int = 0,
+    setup: ClosedLoopSetup = axis.BENCH,
+    **more: object,
+) -> Run:
     mode = np.zeros(SAMPLES)
     mode[BEGUN] = at.OPERATING_MODES.index("commission") * begun
     scenario = axis.scenario(c, STEPS, **({"operating_mode": mode} | more))
-    return simulate(model, c, scenario, axis.BENCH, seed)
+    return simulate(model, c, scenario, setup, seed)
 
 
 def error_at_rest(run: Run) -> float:
@@ -178,6 +186,15 @@ def test_a_valve_that_does_not_move_is_named() -> None:
     model, c = family()
     stuck = replace(model, valve=model.valve.scaled(1e-6))
     in_state(driven(stuck, c), 13, c)
+
+
+@pytest.mark.parametrize(
+    ("noise", "names"), [({"noise_x": 20e-6}, 15), ({"noise_p": 2e3}, 15), ({"noise_p": 600.0}, 4)]
+)
+def test_noise_beyond_what_the_test_can_bear_is_named(noise: dict[str, float], names: int) -> None:
+    model, c = family()
+    found = commissioned(driven(model, c, setup=replace(axis.BENCH, **noise)).states)
+    assert found.state == runs.STATES[names]
 
 
 @pytest.mark.parametrize("reading", ["x", "p1", "p2"])

@@ -24,7 +24,8 @@ typedef struct {
 
 /* What a commissioning found. state: 0 as designed; 1 valves shut, 2 and 3 relay tests of valve 1 and 2; 4 commissioned;
  * 5 slower after a limit cycle, 6 a limit cycle that persists; valves shut after 10 a stop, 11 the limit of travel,
- * 12 that of pressure, 13 a pressure that does not reverse, 14 a missing reading. */
+ * 12 that of pressure, 13 a pressure that does not reverse, 14 a missing reading, 15 a reading that is
+ * too noisy, 16 a pressure that went against the command, 17 one whose rate is not half to twice the model's. */
 typedef struct {
     int state;
     @REAL@ null_1, null_2;      /* V, added to the null commands of the design */
