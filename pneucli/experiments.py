@@ -10,9 +10,21 @@ from dataclasses import dataclass
 from typing import Literal
 
 ExperimentName = Literal["valve", "friction", "axis", "closed-loop", "flow"]
-Part = Literal["gas", "chamber", "chamber 2", "cylinder", "supply", "line", "line 2", "valve", "linear valve", "sensor"]
+Part = Literal[
+    "gas",
+    "chamber",
+    "chamber 2",
+    "cylinder",
+    "supply",
+    "line",
+    "line 2",
+    "valve",
+    "linear valve",
+    "switching valve",
+    "sensor",
+]
 
-PNEUMATIC_PARTS: frozenset[Part] = frozenset({"gas", "line", "valve", "linear valve", "supply"})
+PNEUMATIC_PARTS: frozenset[Part] = frozenset({"gas", "line", "valve", "linear valve", "switching valve", "supply"})
 
 
 @dataclass(frozen=True)

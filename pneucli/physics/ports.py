@@ -43,6 +43,12 @@ class Port:
 
 PORTS: dict[str, Port] = {
     "command": Port(("u", "s", "h"), "state", "gas", "V: the command that the opening follows; h is the step in s"),
+    "switched": Port(
+        ("position", "s", "h"),
+        "state",
+        "gas",
+        "1: position of a switching valve, filling 1, venting -1",
+    ),
     "critical_ratio": Port(("b",), "chain", "gas", "1: critical ratio of the valve's flow function"),
     "leak_area": Port((), "sum", "gas", "m^2: open from supply to outlet and from outlet to exhaust at every command"),
     "leak_1_ambient": Port(("p1", "p_amb", "k"), "sum", "gas", "kg/s out of chamber 1"),

@@ -26,6 +26,7 @@ from pneucli.simulate.outputs import simulate_outputs
 from pneucli.simulate.restarts import restart_samples
 from pneucli.simulate.rig_quantities import rig_quantities
 from pneucli.simulate.valve_forms.area import ValveArea
+from pneucli.simulate.valve_forms.switching import SwitchingValve
 
 # the rig of fixtures/demo, which is of the size of the thesis's cylinder
 CYLINDER = Rig(
@@ -39,6 +40,7 @@ CYLINDER = Rig(
 )
 VESSEL = replace(CYLINDER, piston_area_1=None, piston_area_2=None, stroke=None, moving_mass=None)
 VALVE = ValveArea((-10.0, -5.0, 5.0, 10.0), (1.8e-6, 0.8e-6, 0.8e-6, 1.8e-6))
+SWITCHING = SwitchingValve(1.8e-6, 1.8e-6, 10.0)
 VALUES = {"friction.coulomb": 14.0, "friction.viscous": 45.0, "rig.vessel_volume": 160e-6}
 TIME: Array = np.arange(4001, dtype=np.float64) * 1e-3
 HORIZON = 0.5  # s, the default of the comparison
@@ -117,7 +119,7 @@ def _experiment(kind: Any, signals: dict[str, Array], rig: Rig = CYLINDER) -> Ex
 
 def _with_and_without(effect: Effect, experiment: Experiment) -> tuple[Experiment, dict[str, Array]]:
     """Return the experiment as recorded on a rig with the effect, and the channels of the model without it."""
-    base = Model(experiment.rig, (), VALUES, VALVE)
+    base = Model(experiment.rig, (), VALUES, SWITCHING if effect.part == "switching valve" else VALVE)
     facts = rig_quantities(replace(base, rig=CYLINDER))
     values = {f"{effect.name}.{p.name}": p.range_on(facts).typical[len(p.typical) // 2] for p in effect.parameters}
     true = simulate_outputs(replace(base, effects=(effect,), values=VALUES | values), experiment)

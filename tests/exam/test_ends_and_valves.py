@@ -131,6 +131,15 @@ def test_a_switching_valve_is_open_or_shut():
     assert np.array_equal(half, full)  # its amplifier knows no half
 
 
+def test_a_switching_valve_opens_and_closes_late_by_its_own_times():
+    par = RIG._replace(switching=1.0, command_range=24.0, piston_area_1=0.0, dead_volume_1=160e-6)
+    slow = par._replace(opening_time=0.02, closing_time=0.03)
+    pulse = np.repeat([0.0, 24.0, 0.0, 24.0, 0.0], [50, 30, 100, 15, 100])
+    filled, late = (np.diff(simulate_rig(one, Excitation(pulse, pressure_1=2e5))["p1"]) > 0.0 for one in (par, slow))
+    assert np.flatnonzero(filled[:150])[[0, -1]].tolist() == [50, 79]
+    assert np.flatnonzero(late)[[0, -1]].tolist() == [70, 109]  # the second pulse is too short for its coil
+
+
 @pytest.mark.parametrize("arrangement", [FIVE_THREE, TWO_VALVES])
 def test_the_bench_of_chamber_2_has_the_edges_of_chamber_2(arrangement):
     par = RIG._replace(arrangement=arrangement, coulomb=1e4)

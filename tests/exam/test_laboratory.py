@@ -266,6 +266,7 @@ ABOUT = {  # centres of what is drawn within 25 %, of either sign where "+-"
     "line-delay": {"line_delay": 0.011},
     "valve-deadband": {"overlap": 0.5},
     "valve-lag": {"valve_lag": 0.018},
+    "switching-time": {"opening_time": 0.02, "closing_time": 0.03},
     "valve-hysteresis": {"valve_half_width": 0.2},
     "valve-leak": {"valve_leak_area": 3e-8},
     "critical-ratio": {"critical_ratio": 0.2},

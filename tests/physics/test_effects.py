@@ -62,9 +62,13 @@ def runs(effect: Effect) -> Iterator[Experiment]:
     return (e for e in candidates if e.active_effects((effect,)))
 
 
-def simulated(effect: Effect | None, values: dict[str, float], experiment: Experiment) -> np.ndarray:
-    names = [effect.name] if effect else []
-    return run(model(names, VESSEL_VOLUME | values), experiment)
+def simulated(effect: Effect, values: dict[str, float], experiment: Experiment) -> np.ndarray:
+    return run(model([effect.name], VESSEL_VOLUME | values), experiment)
+
+
+def absent(effect: Effect, experiment: Experiment) -> np.ndarray:
+    """The same rig without the effect."""
+    return run(replace(model([effect.name], VESSEL_VOLUME), effects=()), experiment)
 
 
 def nulls(effect: Effect) -> dict[str, float]:
@@ -174,7 +178,7 @@ def test_twins_are_effects_of_the_catalogue_and_others_than_the_effect() -> None
 )
 def test_at_null_the_effect_is_absent(effect: Effect) -> None:
     for experiment in runs(effect):
-        with_it, without = simulated(effect, nulls(effect), experiment), simulated(None, {}, experiment)
+        with_it, without = simulated(effect, nulls(effect), experiment), absent(effect, experiment)
         assert with_it == pytest.approx(without, rel=1e-12, abs=1e-15)
 
 
@@ -240,7 +244,7 @@ def test_effects_without_a_finite_null_vanish_at_the_end_of_their_bounds(name: s
     upper = next(p.range_on(FACTS).upper for p in effect.parameters if p.name == value)
     for experiment in runs(effect):
         near = simulated(effect, typical_values([effect]) | {f"{name}.{value}": upper}, experiment)
-        without = simulated(None, {}, experiment)
+        without = absent(effect, experiment)
         if name == "heat-transfer":
             assert np.abs(near[:, at.GAS_T] - RIG.gas_temperature).max() < 10.0
         else:
@@ -254,7 +258,7 @@ def test_typical_values_have_an_influence(effect: Effect) -> None:
     """Somewhere the effect changes what is compared, by more than rounding."""
     changes = []
     for experiment in runs(effect):
-        out, without = simulated(effect, typical_values([effect]), experiment), simulated(None, {}, experiment)
+        out, without = simulated(effect, typical_values([effect]), experiment), absent(effect, experiment)
         shown = [at.X, at.A, at.R1, at.R2, at.GAS_T]
         changes.append(np.abs(out - without)[:, shown].max(axis=0) / np.array([1e-6, 1e-3, 1.0, 1.0, 1e-3]))
     assert np.max(changes) > 1.0

@@ -14,6 +14,7 @@ from pneucli.simulate.experiment import Experiment
 from pneucli.simulate.model import Model
 from pneucli.simulate.rig_quantities import rig_quantities
 from pneucli.simulate.valve_forms.area import ValveArea
+from pneucli.simulate.valve_forms.switching import SwitchingValve
 
 # of the size of the thesis's cylinder; no test depends on these very numbers
 RIG = Rig(
@@ -29,13 +30,16 @@ RIG = Rig(
 FRICTION = {"friction.coulomb": 14.0, "friction.viscous": 45.0}
 # straight lines through knots that stand on the kernel's table of 5 mV, so that both read the same areas
 VALVE = ValveArea((-10.0, -5.0, 5.0, 10.0), (1.8e-6, 0.9e-6, 0.9e-6, 1.8e-6))
+SWITCHING = SwitchingValve(1.8e-6, 1.8e-6, 10.0)
 STRIBECK = {"stribeck.static": 22.0, "stribeck.velocity": 0.015}
 BALANCED = {"x": 0.1, "v": 0.0, "p1": 3e5, "p2": 101_300.0 + (3e5 - 101_300.0) * 8.04 / 7.0}
 
 
 def model(names: Sequence[str] = (), values: dict[str, float] | None = None, rig: Rig = RIG) -> Model:
-    """A model with named effects of the catalogue."""
-    return Model(rig, tuple(catalogue()[n] for n in names), FRICTION | (values or {}), VALVE)
+    """A model with named effects of the catalogue; its valve is a switching one where an effect is of such a valve."""
+    effects = tuple(catalogue()[n] for n in names)
+    valve = SWITCHING if any(e.part == "switching valve" for e in effects) else VALVE
+    return Model(rig, effects, FRICTION | (values or {}), valve)
 
 
 def typical_values(effects: Sequence[Effect], rig: Rig = RIG) -> dict[str, float]:

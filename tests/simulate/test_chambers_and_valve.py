@@ -175,6 +175,41 @@ def test_a_spool_lags_exponentially(lag: float) -> None:
     assert np.abs(p - exact).max() < 1e-3 * CHOKED * lag
 
 
+def switched(*levels: float, each: float = 0.1, opening: float, closing: float) -> np.ndarray:
+    """Reading of p1 behind a switching valve over 0.4 s of these commands, in s of its choked flow above the first."""
+    u = held_commands(TIME, levels, each)
+    p = charged({"switching-time.open": opening, "switching-time.close": closing}, u)
+    return (p - p[0]) / (CHOKED / AREA * 1.8e-6)
+
+
+@settings(max_examples=20, deadline=None)
+@given(opening=st.floats(0.0, 0.09), closing=st.floats(0.0, 0.09))
+def test_a_switching_valve_opens_and_closes_after_a_time_of_its_own(opening: float, closing: float) -> None:
+    filled = switched(0.0, 2.0, 0.0, 0.0, opening=opening, closing=closing)
+    assert filled == pytest.approx(np.clip(TIME - 0.1 - opening, 0.0, 0.1 + closing - opening), abs=2e-5)
+
+
+def test_a_command_that_is_shorter_than_the_dead_time_of_a_switching_valve_has_no_effect() -> None:
+    pulses = (0.0, 5.0, 0.0, 5.0, 0.0, 0.0)
+    assert np.ptp(switched(*pulses, each=0.02, opening=0.021, closing=0.03)) < 1e-6
+    pauses = (0.0, 5.0, 5.0, 0.0, 5.0, 0.0, 5.0, 0.0, 0.0)
+    held = switched(*pauses, each=0.02, opening=0.019, closing=0.021)
+    assert held == pytest.approx(np.clip(TIME - 0.02 - 0.019, 0.0, 0.12 + 0.002), abs=2e-5)
+
+
+def test_both_chambers_feel_one_spool_at_the_same_time() -> None:
+    """A 5/2 valve with a spring: its coil takes 12 ms to shift it one way, the spring 27 ms to bring it back."""
+    u = held_commands(TIME, (-5.0, 5.0, -5.0, -5.0), 0.1)
+    e = make_experiment("axis", TIME, {"u": u, "p1": 3e5, "p2": 3e5}, chamber_2="valve")
+    e.flags[at.MECHANICS], e.flags[at.CHAMBER_2], e.flags[at.INITIAL_U], e.flags[at.INITIAL_U2] = 0.0, 3.0, -5.0, 5.0
+    out = run(model(["switching-time"], {"switching-time.open": 0.012, "switching-time.close": 0.027}), e)
+    for column, sign in ((at.P1, 1.0), (at.P2, -1.0)):
+        slope = sign * np.diff(out[:, column])
+        rising = np.flatnonzero((slope[:-1] > 0.0) & (slope[1:] > 0.0))
+        assert TIME[rising[0]] == pytest.approx(0.112, abs=1e-3)
+        assert TIME[rising[-1]] == pytest.approx(0.225, abs=2e-3)
+
+
 @settings(max_examples=20, deadline=None)
 @given(half=st.floats(0.01, 1.0))
 def test_play_delays_the_opening_by_its_half_width(half: float) -> None:

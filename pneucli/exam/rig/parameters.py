@@ -44,6 +44,8 @@ class Parameters(NamedTuple):
     line_delay: float = 0.0
     hose_bore: float = 0.0  # m, of each hose, whose length is that of line_delay; 0: it only delays the flow
     valve_lag: float = 0.0
+    opening_time: float = 0.0  # s, of a switching valve: from its command until it opens
+    closing_time: float = 0.0
     valve_half_width: float = 0.0
     valve_leak_area: float = 0.0
     critical_ratio: float = 0.528

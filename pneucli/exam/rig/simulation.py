@@ -142,6 +142,21 @@ def _spool(par: Parameters, h: float, u: float, aim: float, spool: float, openin
 
 
 @compiled()
+def _switched(par: Parameters, h: float, o: float, coil: Array) -> float:
+    """Return the opening (V) of a switching valve whose command is o (V) for a step.
+
+    ``coil`` (2,) has its opening (V) and the time (s) for which the command has asked for another one.
+    """
+    energised = o > coil[0] if o * coil[0] < 0.0 else o != 0.0
+    late = par.opening_time if energised else par.closing_time
+    if o == coil[0] or coil[1] >= late - 0.5 * h:
+        coil[0], coil[1] = o, 0.0
+    else:
+        coil[1] += h
+    return float(coil[0])
+
+
+@compiled()
 def empty_delay_line(par: Parameters, step: float) -> Array:
     """Return an empty delay line for the flows (kg/s) in the hoses: as many steps as the longest delays, and this.
 
@@ -245,6 +260,7 @@ def _simulate_rows(
     s[T1], s[T2], s[PS] = par.temperature, par.temperature, par.supply
     spools, line = np.zeros(6), empty_delay_line(par, step)
     o, o2, rest, q = 0.0, 0.0, 0.0, (0.0, 0.0, 0.0, 0.0)
+    coils = np.zeros((2, 2))
     for i in range(steps):
         k, t = i // hold, i * step
         if i % (hold * cycle) == 0:
@@ -257,7 +273,10 @@ def _simulate_rows(
             rows[i // every] = _row(par, o, o2, t, s, rest, q, held, work)
         if imposed.size:
             s[P1 : P2 + 1 : 2] = _interpolated(imposed, k, (i % hold + 0.5) / hold)
-        rest, q = step_rig(par, i, step, o, o2, spools, line, s, rest, held, work)
+        opening, opening_2 = o, o2
+        if par.switching > 0.0:
+            opening, opening_2 = _switched(par, step, o, coils[0]), _switched(par, step, o2, coils[1])
+        rest, q = step_rig(par, i, step, opening, opening_2, spools, line, s, rest, held, work)
     return rows
 
 

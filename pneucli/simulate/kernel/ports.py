@@ -5,6 +5,14 @@ def command(u, h, s, th, on):
     return u
 
 
+def switched(position, h, s, th, on):
+    return position
+
+
+def has_switched(on):
+    return False
+
+
 def critical_ratio(b, th, on):
     return b
 

@@ -12,11 +12,13 @@ from pneucli.simulate.kernel.ports import (
     command,
     critical_ratio,
     force,
+    has_switched,
     leak_1_2,
     leak_1_ambient,
     leak_2_ambient,
     leak_area,
     supply,
+    switched,
 )
 from pneucli.simulate.kernel.valve import valve_flow
 from pneucli.simulate.layout import (
@@ -28,6 +30,7 @@ from pneucli.simulate.layout import (
     GAMMA,
     GAS,
     LOWER_END,
+    MIRRORED,
     OPEN,
     STROKE,
     SUPPLY,
@@ -99,6 +102,13 @@ def piston_acceleration(x, v, z, rest, dv, p1, p2, driven, m, stiffness, base, t
     return acceleration(v, z, push, dv, rest, x, m, p1, p2, stiffness, base, th, on)
 
 
+def side_of(opening):
+    """Return 1.0 where a valve fills, -1.0 where it vents, else 0.0."""
+    if opening > 0.0:
+        return 1.0
+    return -1.0 if opening < 0.0 else 0.0
+
+
 def valve_step(
     u, u2, p1, p2, p_line, stated, shut, chamber_2: int, q_supply, h, k1, k2, k_gas, u_max, areas, areas_2,
     s1, s2, s_supply, base, th, on,
@@ -137,12 +147,21 @@ def valve_step(
         p_line = base[SUPPLY]
     p_line = supply(p_line, base[SUPPLY], q_supply, base[GAMMA] * base[GAS] * base[TEMP], h, s_supply, th, on)
     q_in = q_out = more_in = more_out = 0.0
+    place, share, share_2 = 0.0, 1.0, 1.0
     if not shut:
         opening = command(u, h, s1, th, on)
-        q_in, q_out = valve_flow(opening, p1, p_line, base[AMBIENT], b, leak, k1, k_gas, u_max, areas)
+        if has_switched(on):
+            place = switched(side_of(opening), h, s1, th, on)
+            opening, share = side_of(place) * u_max, abs(place)
+        q_in, q_out = valve_flow(opening, p1, p_line, base[AMBIENT], b, leak, k1, k_gas, u_max, areas, share)
     if chamber_2 not in (OPEN, CLOSED):
         opening_2 = command(u2, h, s2, th, on)
-        more_in, more_out = valve_flow(opening_2, p2, p_line, base[AMBIENT], b, leak, k2, k_gas, u_max, areas_2)
+        if has_switched(on):
+            place = -place if chamber_2 == MIRRORED else switched(side_of(opening_2), h, s2, th, on)
+            opening_2, share_2 = side_of(place) * u_max, abs(place)
+        more_in, more_out = valve_flow(
+            opening_2, p2, p_line, base[AMBIENT], b, leak, k2, k_gas, u_max, areas_2, share_2
+        )
     return q_in, q_out, more_in, more_out
 
 

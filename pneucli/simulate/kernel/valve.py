@@ -58,7 +58,7 @@ def unit_flow(opening, p, p_s, p_amb, b, k, k_gas):
     return 0.0, orifice_flow(p, p_amb, b, k, k_gas)
 
 
-def valve_flow(opening, p, p_s, p_amb, b, leak, k, k_gas, u_max, areas):
+def valve_flow(opening, p, p_s, p_amb, b, leak, k, k_gas, u_max, areas, share=1.0):
     """Return the flows of a valve from supply to outlet and from outlet to exhaust.
 
     Args:
@@ -72,6 +72,7 @@ def valve_flow(opening, p, p_s, p_amb, b, leak, k, k_gas, u_max, areas):
         k_gas: Flow constant of the supply's gas in s/m.
         u_max: Largest opening in V.
         areas: Areas in m^2 over openings of -u_max..u_max.
+        share: Share of that area: of a switching valve that is open for a part of the step.
 
     Returns:
         Both mass flows in kg/s.
@@ -79,7 +80,7 @@ def valve_flow(opening, p, p_s, p_amb, b, leak, k, k_gas, u_max, areas):
     References:
         Thesis 2.46.
     """
-    area = effective_area(opening, u_max, areas)
+    area = share * effective_area(opening, u_max, areas)
     fill = leak
     vent = leak
     if opening > 0.0:

@@ -59,7 +59,8 @@ class ValveArea:
     overlap_vent: float = 0.0
     label: str = "valve"
     form: ClassVar[Literal["map", "linear", "switching"]] = "map"
-    covers: ClassVar[frozenset[Part]] = frozenset({"linear valve"})  # parts whose effects are part of the map
+    # parts whose effects are in the map, or act on another valve
+    covers: ClassVar[frozenset[Part]] = frozenset({"linear valve", "switching valve"})
 
     def __call__(self, u: Array) -> Array:
         """Return the effective area in m^2 at commands u in V, of their shape."""
