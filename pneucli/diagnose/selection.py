@@ -214,17 +214,16 @@ def _dropped(
         unknown = [(key, effect) for key, effect in zip(names, added, strict=True) if key not in known]
         refits = data.refit_without(last, [effect for _, effect in unknown])
         known.update({key: one for (key, _), one in zip(unknown, refits, strict=True)})
-        judged = [
-            judge(
-                data,
-                Term(data.candidate(known[key], last, effect), ()),
-                constrained=True,
-                error_may_rise=error_may_rise,
-            )
-            for key, effect in zip(names, added, strict=True)
-        ]
-        if not error_may_rise and all(j.decision.supported for j in judged):
-            judged = [_without_rise(data, j, known[key], last) for j, key in zip(judged, names, strict=True)]
+        terms = [Term(data.candidate(known[key], last, one), ()) for key, one in zip(names, added, strict=True)]
+        judged = [judge(data, term) for term in terms]
+        # the least probable one that may not stay goes, whatever is found of the others: that asks for their free runs
+        for i in sorted(range(len(terms)), key=lambda i: (judged[i].probability, known[names[i]].cost)):
+            judged[i] = judge(data, terms[i], constrained=True, error_may_rise=error_may_rise)
+            if not judged[i].decision.supported:
+                break
+        else:
+            if not error_may_rise:
+                judged = [_without_rise(data, j, known[key], last) for j, key in zip(judged, names, strict=True)]
         refusable = [i for i, j in enumerate(judged) if not j.decision.supported]
         if not refusable:
             return Kept(last, {j.decision.effect.name: j for j in judged}, refused)
