@@ -21,10 +21,12 @@ from pneucli.diagnose.validity import (
     has_unmeasured_force,
     refuted_by_reading,
 )
+from pneucli.distributions import chi_square_tail
 from pneucli.identify.estimation.fit import Fit
 from pneucli.identify.estimation.parameters import absent_value
 from pneucli.physics.declaration import Effect, Parameter
 
+SIGNIFICANCE = 0.05  # of a test of all parameters at once, as the intervals of each have 95 %
 MIN_ERROR_RISE = 1.005  # ratio of free-run errors: the smallest that three digits show
 
 Violation = tuple[bool, Reason]
@@ -51,12 +53,16 @@ def violations_of_estimate(data: DiagnosisData, candidate: Candidate) -> list[Vi
     return list(zip(fails, IMPOSSIBLE, strict=True))
 
 
-def violated_constraint(data: DiagnosisData, candidate: Candidate, *, error_may_rise: bool = False) -> Reason | None:
+def violated_constraint(
+    data: DiagnosisData, candidate: Candidate, *, distance: float = 0.0, error_may_rise: bool = False
+) -> Reason | None:
     """Return the reason why an effect must not be named; None where it may be.
 
     Args:
         data: The data of the diagnosis.
         candidate: The step to the model with all effects, from the same one without this effect.
+        distance: Of the effect from its absence over its standard error. Of several parameters each may be as if the
+            effect were absent, and not all at once: a gain that is uncertain because a time constant is.
         error_may_rise: Whether the free-run error may rise: where channels of its own measure the effect, another
             missing effect may have compensated for it.
 
@@ -64,18 +70,23 @@ def violated_constraint(data: DiagnosisData, candidate: Candidate, *, error_may_
         The reason of the first violated constraint.
     """
     return next(
-        (reason for fails, reason in _violations(data, candidate, error_may_rise=error_may_rise) if fails),
+        (reason for fails, reason in _violations(data, candidate, distance, error_may_rise=error_may_rise) if fails),
         None,
     )
 
 
-def _violations(data: DiagnosisData, candidate: Candidate, *, error_may_rise: bool) -> Iterator[Violation]:
+def _violations(
+    data: DiagnosisData, candidate: Candidate, distance: float, *, error_may_rise: bool
+) -> Iterator[Violation]:
     """Yield each constraint with its reason, the cheap ones first."""
     effect = candidate.effect
     yield has_unmeasured_force(data.train, effect), "cannot-show"
     yield from violations_of_estimate(data, candidate)
     if has_null(candidate.full.fit, effect):
-        yield interval_contains_null(data.with_intervals(candidate.full), effect), "interval-contains-null"
+        count = sum(f.name.startswith(f"{effect.name}.") for f in candidate.full.fit.free)
+        shown = count > 1 and chi_square_tail(distance**2, count) < SIGNIFICANCE
+        contains = not shown and interval_contains_null(data.with_intervals(candidate.full), effect)
+        yield contains, "interval-contains-null"
     else:
         yield not score_gain(candidate.reduced.costs, candidate.full.costs).significant, "not-significant"
     yield not error_may_rise and raises_held_out_error(data, candidate.reduced, candidate.full), "raises-error"

@@ -42,7 +42,7 @@ def judge(data: DiagnosisData, term: Term, *, constrained: bool = False, error_m
     violated = None
     if constrained:
         may_rise = error_may_rise or term.is_measured_exclusively(data)
-        violated = violated_constraint(data, candidate, error_may_rise=may_rise)
+        violated = violated_constraint(data, candidate, distance=evidence.significance, error_may_rise=may_rise)
     improbable: Reason = "immaterial" if complete else "explained-by-unknown"
     reason = violated or ("supported" if p >= MIN_NAMED_PROBABILITY else improbable)
     return Judgement(Decision(candidate.effect, reason, candidate), evidence, p)
