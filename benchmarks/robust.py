@@ -18,7 +18,7 @@ TABLE is one of
 - ``published``: what Zhu and Barth measured (International Journal of Fluid Power 11, 2010, 43-55: sliding-mode force
   control with adapted friction; steps and sines of 60 mm), beside ``best``, gains by the rules / from an ensemble, on
   simulated cylinders that can make these motions. The abstract tells the errors and the rise; bore, mass, friction and
-  valve are ours, so several.
+  valve are ours, so several; NAME picks one by its number.
 
 The limits are those of ``python -m benchmarks.loop benefit``. ``--seeds N`` draws N rigs, ``--seed`` the first.
 """
@@ -535,7 +535,7 @@ def print_published(asked: argparse.Namespace) -> None:
     """Print what the paper states, then a row for each cylinder and what the controllers are not told."""
     head("bore, mm", "mass, kg", "untold", "rise, s", "at rest, um", "0.5 Hz, um", "1 Hz, um", "chattering, V")
     row("published", "", "friction, payload", *PUBLISHED, "")
-    for bore, mass in CYLINDERS[: 1 if asked.small else None]:
+    for bore, mass in [CYLINDERS[int(i)] for i in asked.names] or CYLINDERS[: 1 if asked.small else None]:
         par = published_rig(bore, mass)
         wanted, sealed = requirements(par, quantum=5e-6)
         wanted = replace(wanted, max_speed=0.5, max_acceleration=5.0)
