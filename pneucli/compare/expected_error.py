@@ -13,6 +13,7 @@ import numpy as np
 
 from pneucli.arrays import Array, Mask
 from pneucli.distributions import chi_square_tail, chi_square_upper_quantile
+from pneucli.executors.engine import map_in_threads, simulations_at_once
 from pneucli.simulate.experiment import Experiment
 from pneucli.simulate.model import Model
 from pneucli.simulate.noise_propagation import NOISE_SEED, iterate_deviations
@@ -170,15 +171,17 @@ def expected_errors(
     Args:
         model: The model.
         experiments: Experiments.
-        progress: Called with the number of each experiment.
+        progress: Called with the number of each experiment, from the thread that simulates it.
 
     Returns:
         The errors, in order.
     """
-    own = []
-    for i, experiment in enumerate(experiments):
+
+    def expected(i: int) -> ExpectedError:
         progress(i)
-        own.append(expected_error(model, experiment))
+        return expected_error(model, experiments[i])
+
+    own = map_in_threads(expected, range(len(experiments)), simulations_at_once([e.time for e in experiments]))
     kinds = [(e.recording.experiment, e.recording.imposed) for e in experiments]
     out = []
     for kind, one in zip(kinds, own, strict=True):

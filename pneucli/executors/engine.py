@@ -6,7 +6,7 @@ import multiprocessing
 import os
 import threading
 from collections import deque
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence, Sized
 from concurrent.futures import (
     FIRST_COMPLETED,
     BrokenExecutor,
@@ -68,6 +68,8 @@ if hasattr(os, "register_at_fork"):
 
 # the environment variable with the number of threads for the simulations of one process
 THREADS_VARIABLE = "PNEUCLI_THREADS"
+SIMULATION_MEMORY = 256 << 20  # bytes of all simulations that run at once
+BYTES_PER_SAMPLE = 200  # of one simulation
 WORKER_DEATH_ERRORS: tuple[type[BaseException], ...] = (BrokenExecutor,)  # raised by a job whose worker died
 JOBS_PER_SLOT = 2  # submitted jobs for each running one: a worker that is done has the next one at hand
 MAX_ATTEMPTS = 3  # deaths of a job's worker, while no other job runs, until the job is given up
@@ -80,6 +82,12 @@ def thread_count() -> int:
     if (stated := os.environ.get(THREADS_VARIABLE, "")).isdigit() and int(stated) > 0:
         return int(stated)
     return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
+
+
+def simulations_at_once(recordings: Sequence[Sized]) -> int:
+    """Return how many simulations of recordings run at once: one a core, fewer for very long recordings."""
+    longest = max(map(len, recordings), default=1)
+    return max(min(SIMULATION_MEMORY // (BYTES_PER_SAMPLE * longest), thread_count()), 1)
 
 
 class Engine:

@@ -12,7 +12,8 @@ import pytest
 from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
-from pneucli.identify.estimation import model_fit, objective
+from pneucli.executors import engine
+from pneucli.identify.estimation import model_fit
 from pneucli.identify.estimation.blocks import block_labels, copy_nonzero, group_scores, residual_slices
 from pneucli.identify.estimation.fit import Fit, fit, merge_partial_fit
 from pneucli.identify.estimation.model_fit import Similar
@@ -351,7 +352,7 @@ def test_residuals_are_computed_once_for_the_same_coordinates() -> None:
 
 
 def test_long_recordings_are_simulated_one_at_a_time(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(objective, "thread_count", lambda: 8)
+    monkeypatch.setattr(engine, "thread_count", lambda: 8)
     p = problem(COULOMB)
     assert p.max_parallel == 8
     for samples, together in ((10**7, 1), (400_000, 3), (10**5, 8)):

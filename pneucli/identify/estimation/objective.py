@@ -11,15 +11,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pneucli.arrays import Array
-from pneucli.executors.engine import map_in_threads, thread_count
+from pneucli.executors.engine import map_in_threads, simulations_at_once
 from pneucli.identify.estimation.blocks import block_labels, channel_slices, residual_counts, residual_slices
 from pneucli.identify.estimation.parameters import DIFFERENCE_STEP, FreeParameter
 from pneucli.identify.residuals import ResidualModel
 from pneucli.simulate.derivatives import Directions
 from pneucli.simulate.model import Model, with_parameters
 
-SIMULATION_MEMORY = 256 << 20  # bytes of all simulations that run at once
-BYTES_PER_SAMPLE = 200  # of one simulation
 POWER_LAW_SIGMA = 0.02  # of the logarithm of the area: prior departure of a valve from a power law between knots
 
 
@@ -54,9 +52,8 @@ class LeastSquaresProblem:
 
     @property
     def max_parallel(self) -> int:
-        """How many simulations run at once: one a core, fewer for very long recordings."""
-        longest = max((one.experiment.time.size for one in self.residual_models), default=1)
-        return int(np.clip(SIMULATION_MEMORY // (BYTES_PER_SAMPLE * longest), 1, thread_count()))
+        """How many simulations run at once."""
+        return simulations_at_once([one.experiment.time for one in self.residual_models])
 
     @property
     def data_size(self) -> int:
