@@ -166,7 +166,7 @@ def closed_loop(
     switches, gains = flags(), np.array([GAIN, LIMIT])
 
     def run() -> Array:
-        kernel.run(clock, given, starts, base, th, on, switches, AREAS, AREAS, step, np.zeros(1), gains, out)
+        kernel.run(clock, given, starts, base, th, on, switches, AREAS, AREAS, step, step, np.zeros(1), gains, out)
         return out
 
     return run
@@ -180,11 +180,11 @@ def imposed_motion(kernel: Kernel, samples: int) -> Callable[[], None]:
 
 def derivatives(kernel: Kernel, samples: int) -> Callable[[], None]:
     """The same with the derivatives by as many parameters as a dual number holds."""
-    time, given, starts, base, th, on, switches, areas, areas_2, step = imposed_inputs(kernel, samples)
+    time, given, starts, base, th, on, switches, areas, areas_2, *steps = imposed_inputs(kernel, samples)
     rows, out = [as_rows(numbers) for numbers in (base, th)], np.zeros((samples, at.D_OUTPUTS, 1 + LANES))
     slopes, places = np.repeat(areas[:, None], LANES, axis=1), np.arange(LANES)
     return lambda: kernel.run_duals(
-        time, given, starts, *rows, on, switches, areas, areas_2, step, slopes, slopes, places, out
+        time, given, starts, *rows, on, switches, areas, areas_2, *steps, slopes, slopes, places, out
     )
 
 
@@ -196,7 +196,7 @@ def imposed_inputs(kernel: Kernel, samples: int) -> tuple[Any, ...]:
     switches[[at.MECHANICS, at.LOOP]], switches[at.CHAMBER_2] = 0.0, at.VALVE_2
     starts = np.arange(0, samples, 500)
     off = kernel.effect_vector({}), kernel.effect_switches(())
-    return TIME[:samples], given, starts, BASE, *off, switches, AREAS, AREAS, 2 * STEP
+    return TIME[:samples], given, starts, BASE, *off, switches, AREAS, AREAS, 2 * STEP, 2 * STEP
 
 
 def positions(kernel: Kernel, samples: int, step: float = STEP) -> Array:
@@ -211,7 +211,7 @@ def creep(kernel: Kernel, samples: int) -> float:
     th, on = kernel.effect_vector({}), kernel.effect_switches(())
     starts = np.zeros(1, dtype=np.int64)
     clock = TIME[:samples]
-    kernel.run(clock, given, starts, BASE, th, on, switches, AREAS, AREAS, STEP, np.zeros(1), np.zeros(2), out)
+    kernel.run(clock, given, starts, BASE, th, on, switches, AREAS, AREAS, STEP, STEP, np.zeros(1), np.zeros(2), out)
     return float(np.ptp(out[:, at.X]))
 
 

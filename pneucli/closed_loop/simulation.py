@@ -147,7 +147,7 @@ def _simulate(
         kernel.effect_switches([e.name for e in model.effects]),
         flags,
         *(read_only(valve.table(controller.values["C_U_MAX"])) for valve in (model.valve, model.chamber_2_valve)),
-        max_motion_step(model.rig, controller.period),
+        *2 * (max_motion_step(model.rig, controller.period),),
         state,
         np.concatenate([controller.vector(), _settings(controller, bench)]),
         out,

@@ -73,7 +73,7 @@ def _run_kernel(manoeuvre: Manoeuvre, model: Model) -> Outcome:
         kernel.effect_switches([e.name for e in model.effects if e.part in parts]),
         _flags(manoeuvre),
         *(read_only(valve.table(bench.command_range)) for valve in valves),
-        _max_step(bench),
+        *2 * (_max_step(bench),),
         np.zeros(1),
         np.array([gain, abs(bench.rig.valve_null) + bench.command_range]),
         out,

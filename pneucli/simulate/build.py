@@ -96,11 +96,13 @@ def effective_area(u, u_max, areas):
     return table[i] + w * (table[i + 1] - table[i]) + slopes_between(slopes, i, value_of(w), places)
 
 
-def run_duals(time, inputs, restarts, base, th, on, flags, areas, areas_2, h_max, slopes, slopes_2, places, out):
+def run_duals(
+    time, inputs, restarts, base, th, on, flags, areas, areas_2, h_max, h_given, slopes, slopes_2, places, out
+):
     nothing = np.zeros(2)
     run(
         time, inputs, restarts, as_duals(base), as_duals(th), on, flags, (areas, slopes, places),
-        (areas_2, slopes_2, places), h_max, nothing, nothing, as_duals(out),
+        (areas_2, slopes_2, places), h_max, h_given, nothing, nothing, as_duals(out),
     )
 
 

@@ -125,7 +125,7 @@ def derivatives(
         derivative stands at the place of its parameter, after the value. The next one overwrites it.
     """
     kernel, model = kernel_for(directions.model.effects), directions.model
-    time, inputs, restarts, base, th, on, flags, *areas, h_max = kernel_arguments(
+    time, inputs, restarts, base, th, on, flags, *areas, h_max, h_given = kernel_arguments(
         kernel, model, experiment, experiment.inputs
     )
     largest = experiment.flags[at.U_MAX]
@@ -137,7 +137,7 @@ def derivatives(
             numbers[:, 1 : 1 + len(part)] = own[:, part]
         places = np.resize(part, LANES)
         out = _scratch(experiment.time.size)
-        kernel.run_duals(time, inputs, restarts, *rows, on, flags, *areas, h_max, *slopes, places, out)
+        kernel.run_duals(time, inputs, restarts, *rows, on, flags, *areas, h_max, h_given, *slopes, places, out)
         _read_temperature(directions, experiment, part, out)
         yield part, out
 

@@ -18,7 +18,7 @@ from pneucli.recording import Recording, Rig
 from pneucli.simulate import layout as at
 from pneucli.simulate.end_detection import POSITION_SCATTER_SIGMA, contact_side
 from pneucli.simulate.imposed_motion import MotionInputs, detect_reversals, motion_inputs, smooth_acceleration
-from pneucli.simulate.kernel_settings import max_filling_step, max_motion_step
+from pneucli.simulate.kernel_settings import GIVEN_MOTION_STEPS, max_filling_step, max_motion_step
 from pneucli.simulate.local_polynomials import LocalPolynomialSmoother, choose_windows
 from pneucli.simulate.motion_smoother import MotionSmoother, input_errors, missed_speed
 from pneucli.simulate.noise_draws import cache_draws, draw_sensor_noise
@@ -185,6 +185,13 @@ class Experiment:
         if self.flags[at.MECHANICS] > 0.0 or not filled:
             return max_motion_step(self.rig, self.recording.period)
         return min(self._filling_step(p) for p in filled)
+
+    @cached_property
+    def max_given_step(self) -> float:
+        """Longest step of the kernel in s with the measured motion, before a run with a longest step of its own."""
+        if self.flags[at.MECHANICS] == 0.0:
+            return self.max_step
+        return max(self.max_step, min(GIVEN_MOTION_STEPS * self.max_step, self.without_mechanics().max_step))
 
     def _filling_step(self, name: str) -> float:
         smoother = self.smoothers.get(name)

@@ -161,7 +161,7 @@ def _outputs(kernel: Kernel, arguments: tuple[Any, ...]) -> Array:
 
 
 def kernel_arguments(kernel: Kernel, model: Model, experiment: Experiment, inputs: Array) -> tuple[Any, ...]:
-    """Return the arguments with which every simulation of a recording by a kernel begins: time to longest step.
+    """Return the arguments with which every simulation of a recording by a kernel begins: time to longest steps.
 
     Args:
         kernel: The kernel of the model's effects.
@@ -182,6 +182,7 @@ def kernel_arguments(kernel: Kernel, model: Model, experiment: Experiment, input
         experiment.flags,
         *map(read_only, area_tables(model, experiment)),
         experiment.max_step,
+        experiment.max_given_step,
     )
 
 

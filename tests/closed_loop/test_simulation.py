@@ -151,7 +151,7 @@ def test_the_compiled_loop_is_the_python_text() -> None:
             times, simulation._inputs(scene), np.zeros(1, dtype=np.int64), base, kernel.effect_vector({}),
             kernel.effect_switches(()), flags,
             *(read_only(valve.table(flags[at.U_MAX])) for valve in (MODEL.valve, MODEL.chamber_2_valve)),
-            max_motion_step(MODEL.rig, CONTROLLER.period), state, cp, out,
+            *2 * (max_motion_step(MODEL.rig, CONTROLLER.period),), state, cp, out,
         )  # fmt: skip
         outs.append(out)
     assert np.allclose(outs[0], outs[1], rtol=1e-9, atol=1e-12)

@@ -102,14 +102,17 @@ def middles(restarts):
     return halfway
 
 
-def run(time, inputs, restarts, base_values, th_values, on_values, flags, areas, areas_2, h_max, cs, cp, out):
+def run(
+    time, inputs, restarts, base_values, th_values, on_values, flags, areas, areas_2, h_max, h_given, cs, cp, out
+):  # fmt: skip
     """Simulate one recording.
 
     Arrays have the layout of :mod:`pneucli.simulate.layout`. States without a sensor continue over a restart.
 
     No model takes a pressure from a reading after its restart. Where sensors lag or come late, the pressure at a
     restart is what the sensor reads there plus the change that it does not show yet. That change is the model's own: a
-    first pass, with the measured motion, restarts halfway between the restarts and predicts it.
+    first pass, with the measured motion and the steps that suffice for it, restarts halfway between the restarts and
+    predicts it.
 
     Args:
         time: Time stamps in s, shape (n,).
@@ -122,6 +125,7 @@ def run(time, inputs, restarts, base_values, th_values, on_values, flags, areas,
         areas: Areas in m^2 of chamber 1 over openings of -U_MAX..U_MAX.
         areas_2: The same of chamber 2.
         h_max: Longest step in s.
+        h_given: The same with the measured motion.
         cs: State of the controller.
         cp: Parameters of the controller.
         out: Filled with the output, shape (n, 10).
@@ -138,7 +142,7 @@ def run(time, inputs, restarts, base_values, th_values, on_values, flags, areas,
         imposed = flags.copy()
         imposed[MECHANICS] = 0.0
         advance(
-            time, inputs, true, middles(restarts), base_values, th_values, on_values, imposed, areas, areas_2, h_max,
+            time, inputs, true, middles(restarts), base_values, th_values, on_values, imposed, areas, areas_2, h_given,
             cs, cp, out,  # which the second pass overwrites
         )  # fmt: skip
         add_unread_change(out, restarts, base, th, on, true)
