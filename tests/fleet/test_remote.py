@@ -112,7 +112,7 @@ def test_a_store_mirrors_a_folder_and_keeps_foreign_files(store: str, tmp_path: 
 
 
 def test_a_remote_store_gets_the_same_files_and_resumes(store: str, tmp_path: Path) -> None:
-    write_fleet(tmp_path, rigs=2, dates=2, changed=0.5, seed=4)
+    write_fleet(tmp_path, rigs=1, dates=2, changed=1.0, seed=4)
     with (tmp_path / FLEET_FILE).open("a", encoding="utf-8") as file:
         file.write('reports = "none"\n')
     config, url = load_fleet(tmp_path / FLEET_FILE), store.format("plant")
@@ -121,13 +121,13 @@ def test_a_remote_store_gets_the_same_files_and_resumes(store: str, tmp_path: Pa
     assert {k: v for k, v in here.items() if k not in different} == {
         k: v for k, v in there.items() if k not in different
     }
-    assert (there["done"], again["done"]) == (4, 0)
+    assert (there["done"], again["done"]) == (2, 0)
     assert "endpoint" not in there["out"]
     names = {p.relative_to(tmp_path / "out").as_posix() for p in (tmp_path / "out").rglob("*") if p.is_file()}
     assert store_at(url).names("") == names - {".lock"}
     system, path = fs.FileSystem.from_uri(url)
     read = ds.dataset(f"{path}/changes", filesystem=system, partitioning="hive").to_table().to_pylist()
-    assert [one["rig"] for one in read] == [one["rig"] for one in here["changes"]]
+    assert [one["rig"] for one in read] == [one["rig"] for one in here["changes"]] != []
 
 
 def test_a_store_that_refuses_is_an_input_error(tmp_path: Path) -> None:

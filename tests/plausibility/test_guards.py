@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from functools import cache
 from pathlib import Path
 
 import pytest
@@ -16,17 +17,18 @@ PATHS = [
     for number, path in enumerate(paths)
 ]
 SMALL = [path for path in FIXTURES if path.parent.name != "demo"]
+fixture = cache(read)  # each at several rates
 
 
 @pytest.mark.parametrize("path", FIXTURES, ids=lambda path: path.parent.name)
 def test_nothing_is_found_in_the_fixtures(path: Path) -> None:
-    assert read(path).alarms() == {}
+    assert fixture(path).alarms() == {}
 
 
 @pytest.mark.parametrize("rate", [100.0, 3e3])
 @pytest.mark.parametrize("path", SMALL, ids=lambda path: path.parent.name)
 def test_nothing_is_found_in_the_fixtures_at_another_rate(path: Path, rate: float) -> None:
-    assert at_rate(read(path), rate).alarms() == {}
+    assert at_rate(fixture(path), rate).alarms() == {}
 
 
 @pytest.mark.real

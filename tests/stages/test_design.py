@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-from functools import partial
 from itertools import islice
 from pathlib import Path
 from typing import Any
@@ -11,7 +10,7 @@ from typing import Any
 import pytest
 
 from pneucli import messages
-from pneucli.closed_loop import ensemble
+from pneucli.closed_loop import commissioning, ensemble
 from pneucli.closed_loop.law_comparison import COMPONENTS
 from pneucli.config import load
 from pneucli.controller.laws import LAWS
@@ -27,6 +26,8 @@ from tests.stages.chain import known_as_declared
 from tests.stages.conftest import DEMO
 
 Demo = tuple[Path, dict[str, Any]]
+SCENARIOS = ("steps", "sine", "load", "pressure")  # in which the laws are compared
+AXES = 5  # of the gate: the model, and two parameters at both ends
 
 
 def context_of(demo: Demo, stage: str, path: Path = DEMO, **more: Any) -> Context:
@@ -35,19 +36,24 @@ def context_of(demo: Demo, stage: str, path: Path = DEMO, **more: Any) -> Contex
     return Context(path, load(path), folder, demo[0], answers=demo[1], **more)
 
 
+def ask_less(patch: pytest.MonkeyPatch, axes: int) -> None:
+    """Compare the laws in few scenarios, and hold the gate on few axes: what it does on all is tested where it is."""
+    scenarios, variants = design.closed_loop_scenarios, design.axis_variants
+    patch.setattr(design, "closed_loop_scenarios", lambda *of: [s for s in scenarios(*of) if s.name in SCENARIOS])
+    patch.setattr(design, "axis_variants", lambda *of: islice(variants(*of), axes))
+
+
 @pytest.fixture(scope="module")
 def designed(demo: Demo) -> Demo:
     with pytest.MonkeyPatch.context() as few:
-        few.setattr(design, "axis_variants", partial(design.axis_variants, draws=10))
+        ask_less(few, AXES)
         answer = design.run(context_of(demo, "design"))
     return demo[0], demo[1] | {"design": answer}
 
 
 @pytest.fixture
 def on_the_model_alone(monkeypatch: pytest.MonkeyPatch) -> None:
-    """The gate on one axis: what it does on all is tested where the whole design is."""
-    every = design.axis_variants
-    monkeypatch.setattr(design, "axis_variants", lambda *of: islice(every(*of), 1))
+    ask_less(monkeypatch, axes=1)
 
 
 def edited(tmp_path: Path, more: str) -> Path:
@@ -67,6 +73,7 @@ def test_the_design_says_what_it_chose_and_what_does_not_hold(designed: Demo) ->
     assert "too steep" in answer["sector"]["vertices"]["remark"]
     assert answer["sector"]["design"]["steepness"] <= 0.2
     assert answer["sector"]["design"]["eta"] < answer["sector"]["vertices"]["eta"]
+    assert answer["gate"]["axes"] == AXES
     assert "decay rate" in messages.render("design", answer, "demo.toml", verbose=True)
 
 
@@ -87,6 +94,8 @@ def test_gains_from_an_ensemble_are_chosen_compared_and_promised(
     for name, value in (("LAGS", (0.0, 5e-3)), ("PRESSURE_SHARES", (1.0, 0.5)), ("POSITION_SHARES", (1.4,)),
                         ("SEARCH_RIGS", 5), ("SCREENING_RIGS", 2)):  # fmt: skip
         monkeypatch.setattr(ensemble, name, value)
+    for name, value in (("ADDED", commissioning.ADDED[:1]), ("POSITION_SHARES", (1.4,)), ("MEMBER_RIGS", 2)):
+        monkeypatch.setattr(commissioning, name, value)
     for name, value in (("PROOF_RIGS", 6), ("LAW_RIGS", 6), ("LAW_SEARCH_RIGS", 2)):
         monkeypatch.setattr(design, name, value)
     monkeypatch.setattr(design, "compare_weight_types", lambda *_: [])  # for a law that is not asked for

@@ -52,11 +52,14 @@ class Servers:
             one.communicate(timeout=30)
 
 
-@pytest.fixture
-def servers() -> Iterator[Servers]:
+def served() -> Iterator[Servers]:
     found = Servers()
     yield found
     found.end()
+
+
+servers = pytest.fixture(served)
+lasting = pytest.fixture(served, scope="module")  # for tests that change nothing but their page
 
 
 def open_page(browser: webdriver.Chrome, address: str, width: int = 1400) -> None:
@@ -119,9 +122,23 @@ def test_a_model_fails_is_diagnosed_and_its_error_falls(servers: Servers, chromi
     assert errors_of(chromium) == []
 
 
+@pytest.fixture(scope="module")
+def address(lasting: Servers, compared: Path, tmp_path_factory: pytest.TempPathFactory) -> str:
+    """A workbench on a copy of the small run."""
+    copy = shutil.copytree(compared, tmp_path_factory.mktemp("shown") / "bench")
+    return lasting.start(copy / "pipeline.toml")
+
+
 @pytest.fixture
-def page(servers: Servers, chromium: Any, folder: Path) -> Any:  # noqa: F811
-    """The page of the small run."""
+def page(address: str, chromium: Any) -> Any:  # noqa: F811
+    """The page of the small run, loaded anew."""
+    open_page(chromium, address)
+    return chromium
+
+
+@pytest.fixture
+def own_page(servers: Servers, chromium: Any, folder: Path) -> Any:  # noqa: F811
+    """The page of a workbench of the test's own."""
     open_page(chromium, servers.start(folder / "pipeline.toml"))
     return chromium
 
@@ -158,7 +175,7 @@ def test_a_value_is_typed_with_its_unit(page: Any) -> None:
     assert typed.get_attribute("aria-invalid") == "true"
 
 
-def test_the_page_is_found_accessible_and_fits_a_telephone(page: Any, servers: Servers, folder: Path) -> None:
+def test_the_page_is_found_accessible_and_fits_a_telephone(page: Any) -> None:
     axe = pytest.importorskip("axe_playwright_python")
     script = next(Path(axe.__file__).parent.rglob("axe.min.js")).read_text(encoding="utf-8")
     page.execute_script("document.querySelectorAll('details').forEach((one) => (one.open = true))")
@@ -214,15 +231,15 @@ def test_one_axis_of_time_zooms_over_all_recordings(page: Any) -> None:
     assert errors_of(page) == []
 
 
-def test_a_command_shows_its_line_and_progress_and_is_cancelled(page: Any) -> None:
-    page.find_element(By.CSS_SELECTOR, "[data-action=diagnose]").click()
-    until(page, "return document.getElementById('progress').textContent.includes('diagnose')", 60)
-    assert page.find_element(By.ID, "line").text == "pneucli diagnose pipeline.toml"
-    assert page.find_element(By.ID, "bar").is_displayed()
-    page.find_element(By.ID, "cancel").click()
-    until(page, "return document.getElementById('progress').textContent.startsWith('Cancelled')", 30)
-    assert not page.find_element(By.ID, "cancel").is_displayed()
-    assert errors_of(page) == []
+def test_a_command_shows_its_line_and_progress_and_is_cancelled(own_page: Any) -> None:
+    own_page.find_element(By.CSS_SELECTOR, "[data-action=diagnose]").click()
+    until(own_page, "return document.getElementById('progress').textContent.includes('diagnose')", 60)
+    assert own_page.find_element(By.ID, "line").text == "pneucli diagnose pipeline.toml"
+    assert own_page.find_element(By.ID, "bar").is_displayed()
+    own_page.find_element(By.ID, "cancel").click()
+    until(own_page, "return document.getElementById('progress').textContent.startsWith('Cancelled')", 30)
+    assert not own_page.find_element(By.ID, "cancel").is_displayed()
+    assert errors_of(own_page) == []
 
 
 DROP = (
@@ -231,19 +248,19 @@ DROP = (
 )
 
 
-def test_a_new_recording_goes_through_look_and_init(page: Any, folder: Path, tmp_path: Path) -> None:
+def test_a_new_recording_goes_through_look_and_init(own_page: Any, folder: Path, tmp_path: Path) -> None:
     new = tmp_path / "chosen.csv"
     new.write_bytes((folder / "driven_1.csv").read_bytes())
-    page.find_element(By.ID, "file").send_keys(str(new))
-    until(page, "return document.getElementById('text').textContent.includes('chosen.csv')", 60)
-    page.execute_script(DROP, new.read_text(encoding="utf-8"), "another.csv")
-    until(page, "return document.getElementById('init').textContent.includes('another.csv')", 60)
-    until(page, "return document.getElementById('text').textContent.includes('another.csv')", 60)
-    assert "pneucli look" in page.find_element(By.ID, "line").text
-    assert "another.csv" in page.find_element(By.ID, "text").text
-    press(page, "#init")
+    own_page.find_element(By.ID, "file").send_keys(str(new))
+    until(own_page, "return document.getElementById('text').textContent.includes('chosen.csv')", 60)
+    own_page.execute_script(DROP, new.read_text(encoding="utf-8"), "another.csv")
+    until(own_page, "return document.getElementById('init').textContent.includes('another.csv')", 60)
+    until(own_page, "return document.getElementById('text').textContent.includes('another.csv')", 60)
+    assert "pneucli look" in own_page.find_element(By.ID, "line").text
+    assert "another.csv" in own_page.find_element(By.ID, "text").text
+    press(own_page, "#init")
     assert (folder / "dropped" / "another" / "pipeline.toml").is_file()
-    assert errors_of(page) == []
+    assert errors_of(own_page) == []
 
 
 def test_a_page_of_an_ended_workbench_says_so(servers: Servers, chromium: Any, folder: Path) -> None:  # noqa: F811
@@ -276,5 +293,5 @@ def test_a_page_whose_connection_broke_listens_again(servers: Servers, chromium:
         chromium.execute_cdp_cmd("Page.removeScriptToEvaluateOnNewDocument", script)
 
 
-def test_random_hands_leave_no_error_and_a_valid_file(page: Any, folder: Path) -> None:
-    assert random_hands(page, folder / "pipeline.toml", HANDS) == []
+def test_random_hands_leave_no_error_and_a_valid_file(own_page: Any, folder: Path) -> None:
+    assert random_hands(own_page, folder / "pipeline.toml", HANDS) == []
