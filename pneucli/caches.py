@@ -72,6 +72,15 @@ def compiled(**options: Any) -> Callable[[Function], Function]:
     return decorate
 
 
+def part(function: Function) -> Function:
+    """Compile a function that only compiled ones call; called from Python it would end the process.
+
+    Without the wrappers for Python, and without a place of its own in the cache, what calls it compiles sooner.
+    """
+    made = njit(no_cpython_wrapper=True, no_cfunc_wrapper=True)(function)  # type: ignore[call-overload]
+    return cast("Function", made)
+
+
 def with_cache_fallback(function: Any) -> Any:
     """Make a compiled function ignore a damaged cache and a cache that cannot be written."""
     disk_cache = function._cache
