@@ -392,6 +392,8 @@ def reason_sentence(candidate: CandidateAnswer, missing: Sequence[str], held_out
     """Return why a candidate is named or not."""
     if not candidate.supported:
         text = f"{candidate.title}. {REJECTION_REASONS[candidate.reason]}"
+        if candidate.reason == "at-bound" and candidate.parameters:
+            text = f"{text[:-1]}: {format_parameters(candidate.parameters)}."
         named = [name for name in missing if name not in candidate.beside]
         if candidate.reason == "explained-by-unknown" and named:  # it was judged without those, and may explain much
             others = f"{join_names(named)}, or an effect outside the catalogue"
