@@ -18,7 +18,7 @@ FULL_PERIOD_STEP = 0.5e-3  # s: a shorter sampling period may be one step
 SHOWN_FILLING = 0.5  # of the highest pressure: a recording that spans as much shows how fast the chamber fills,
 SHOWN_FILLING_STEP = 1e-3  # s, and there a longer one errs by at most 0.03 of the noise (docs/development/internals.md)
 STEPS_PER_PERIOD = 4.0  # of a sampling period, where the rig's mass, stroke or supply is unknown
-GIVEN_MOTION_STEPS = 8.0  # of a moving piston, where the motion is measured: errs by a tenth of what those steps err
+GIVEN_MOTION_STEPS = 8.0  # of a moving piston, where the motion is measured: errs by less than those steps
 FILLING_RATE_QUANTILE = 0.99  # of the samples: higher rates are noise or last an instant
 
 
