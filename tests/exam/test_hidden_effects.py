@@ -37,7 +37,7 @@ def change(one: dict[str, np.ndarray], other: dict[str, np.ndarray]) -> float:
 
 @pytest.mark.parametrize("effect", SCALED, ids=lambda e: e.name)
 def test_an_effect_is_visible_at_full_size_and_not_at_almost_none(effect):
-    par = Parameters(overlap=0.0 if effect.name == "valve-deadband" else 0.2)
+    par = Parameters(overlap=0.0 if effect.name == "valve-deadband" else 0.2, switching=effect.name == "switching-time")
     for kind in set(effect.kinds) - {"friction"}:
         without = recorded(par, kind)
         assert change(recorded(effect.apply(par, 1.0, np.random.default_rng(2)), kind), without) > 5.0
