@@ -190,11 +190,11 @@ def _without_improbable(data: DiagnosisData, path: Sequence[FittedModel]) -> Kep
 
     Each of several effects may raise the error, or make another one do so, while all together lower it.
     """
-    known = {frozenset(one.effect_names): one for one in path}
-    kept = _dropped(data, path, known, error_may_rise=False)
+    known, first_fits = {frozenset(one.effect_names): one for one in path}, set[frozenset[str]]()
+    kept = _dropped(data, path, known, first_fits, error_may_rise=False)
     if all(j.decision.reason != "raises-error" for j in kept.refused):
         return kept
-    lenient = _dropped(data, path, known, error_may_rise=True)
+    lenient = _dropped(data, path, known, first_fits, error_may_rise=True)
     return lenient if error_ratio(data, kept.last, lenient.last) < 1.0 else kept
 
 
@@ -202,11 +202,13 @@ def _dropped(
     data: DiagnosisData,
     path: Sequence[FittedModel],
     known: dict[frozenset[str], FittedModel],
+    first_fits: set[frozenset[str]],
     *,
     error_may_rise: bool,
 ) -> Kept:
     """Drop the least probable effect, again and again, until all are probable: a proxy of an unmodelled effect takes
-    cost from the others. ``known`` are fits by the names of their effects, to which others are added.
+    cost from the others. ``known`` are fits by the names of their effects, to which others are added; those that only
+    rank are among ``first_fits``.
     """
     last, refused = path[-1], list[Judgement]()
     while added := [data.effects[name] for name in last.effect_names if name not in path[0].effect_names]:
@@ -214,6 +216,7 @@ def _dropped(
         unknown = [(key, effect) for key, effect in zip(names, added, strict=True) if key not in known]
         refits = data.refit_without(last, [effect for _, effect in unknown])
         known.update({key: one for (key, _), one in zip(unknown, refits, strict=True)})
+        first_fits.update(key for key, _ in unknown)
         terms = [Term(data.candidate(known[key], last, one), ()) for key, one in zip(names, added, strict=True)]
         judged = [judge(data, term) for term in terms]
         # the least probable one that may not stay goes, whatever is found of the others: that asks for their free runs
@@ -229,10 +232,11 @@ def _dropped(
             return Kept(last, {j.decision.effect.name: j for j in judged}, refused)
         worst = min(refusable, key=lambda i: (judged[i].probability, known[names[i]].cost))
         refused.append(judged[worst])
-        refitted, reduced = names[worst] in {key for key, _ in unknown}, known[names[worst]]
-        if refitted and reduced.cost >= CONVERGED_COST_RATIO * last.cost:
+        reduced = known[names[worst]]
+        if names[worst] in first_fits and reduced.cost >= CONVERGED_COST_RATIO * last.cost:
             (reduced,) = data.run_refits(data, [Refit("converge", reduced, added[worst])])
             known[names[worst]] = reduced
+            first_fits.remove(names[worst])
         last = reduced
     return Kept(last, {}, refused)
 
