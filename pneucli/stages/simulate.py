@@ -19,6 +19,7 @@ from pneucli.export.replay_check import replay_exported_c
 from pneucli.figure import to_json
 from pneucli.messages.formatting import format_plain
 from pneucli.messages.simulate import Answer, CheckRate, OpenLoop, Robustness, SuccessRate
+from pneucli.physics.declaration import Effect
 from pneucli.pipeline.context import Context
 from pneucli.pipeline.manifest import program_versions
 from pneucli.quantities import SIGNALS
@@ -123,6 +124,19 @@ def with_closed_loop(study: PipelineData, answer: Answer) -> Answer:
     return answer
 
 
+def effects_to_draw(study: PipelineData, model: Model) -> tuple[Effect, ...]:
+    """Return the effects of the catalogue that the axis of a model may have beside its own, each for both chambers."""
+    active, parts = (
+        {e.name for e in model.effects},
+        EXPERIMENT_KINDS["axis"].parts(vessel_is_chamber=False, supply_recorded=False),
+    )
+    if model.valve.form != "switching":
+        parts -= {"switching valve"}  # no other one has its coils
+    return tuple(
+        e for e in study.available_effects.values() if e.name not in active and e.side is None and e.part in parts
+    )
+
+
 def _monte_carlo_study(
     study: PipelineData, model: Model, controller: Controller, bench: ClosedLoopSetup, table: Mapping[str, Any]
 ) -> Robustness:
@@ -130,16 +144,8 @@ def _monte_carlo_study(
     context = study.context
     wanted = robustness.read_settings(table, f"{context.path}, key scenarios")
     intervals = parameter_intervals(context.artifacts)
-    active = {e.name for e in model.effects}
-    effects = tuple(
-        e
-        for e in study.available_effects.values()
-        if e.name not in active
-        and e.side is None
-        and e.part in EXPERIMENT_KINDS["axis"].parts(vessel_is_chamber=False, supply_recorded=False)
-    )
     axes = robustness.AxisDistribution(
-        model, robustness.sigma_from_intervals(intervals, model), wanted.tolerances, effects
+        model, robustness.sigma_from_intervals(intervals, model), wanted.tolerances, effects_to_draw(study, model)
     )
     scenarios: tuple[Scenario, ...] = tuple(
         s for s in read_scenarios([], controller, "") if s.name in MONTE_CARLO_SCENARIOS

@@ -21,6 +21,7 @@ from pneucli.messages.simulate import Answer
 from pneucli.pipeline.context import Context, NotApplicable
 from pneucli.stages import control_laws, design, export, simulate
 from pneucli.stages.control_laws import load_controller, selected_controller
+from pneucli.stages.model_file import load_model
 from pneucli.stages.pipeline_data import PipelineData
 from tests.stages.chain import known_as_declared
 from tests.stages.conftest import DEMO
@@ -167,6 +168,14 @@ def test_the_closed_loop_on_the_identified_model_does_what_issue_and_checks_ask(
     told = messages.render("simulate", answer, "demo.toml", verbose=True)
     assert told.startswith("holds    ")
     assert "closed loop, " in told
+
+
+def test_a_study_draws_no_effect_of_a_valve_that_the_rig_has_not(designed: Demo) -> None:
+    study = PipelineData(context_of(designed, "simulate"))
+    model = load_model(designed[0] / "identify", study.rig, study.effects)
+    drawn = {e.name for e in simulate.effects_to_draw(study, model)}
+    assert {"valve-lag", "valve-deadband", "line-delay"} <= drawn
+    assert not {"switching-time", "chamber-leak:2"} & drawn
 
 
 def test_every_law_stands_on_the_bench_with_and_without_the_map(designed: Demo) -> None:
