@@ -168,9 +168,11 @@ def binned_shape(variable: str, values: Array, residual: Array, blocks: NDArray[
     bin_index = bins_of(values, BINS)
     if bin_index.max(initial=0) == 0:
         return None
-    keys, inverse = np.unique(bin_index * (int(blocks.max()) + 1) + blocks, return_inverse=True)
-    bins = keys // (int(blocks.max()) + 1)
-    sums, counts = np.bincount(inverse, residual), np.bincount(inverse)
+    cells = int(blocks.max()) + 1
+    keys = bin_index * cells + blocks
+    counts = np.bincount(keys)
+    filled = np.flatnonzero(counts)
+    bins, sums, counts = filled // cells, np.bincount(keys, residual)[filled], counts[filled]
     total = np.bincount(bins, counts)
     means = np.bincount(bins, sums) / np.maximum(total, 1)
     scatter = np.bincount(bins, (sums - counts * means[bins]) ** 2)
@@ -194,7 +196,9 @@ def _p_value(ratios: Array, freedom: Array) -> float:
 
 def bins_of(values: Array, max_bins: int) -> NDArray[np.int64]:
     """Return the bin of each value: one a level where these are few, else ``max_bins`` of equally many values."""
-    levels = np.unique(values)
+    levels = np.unique(values[: max_bins**2])  # of a signal with more levels these show enough, without sorting it
+    if levels.size <= max_bins:
+        levels = np.unique(values)
     edges = levels[1:] if levels.size <= max_bins else np.unique(np.quantile(values, np.arange(1, max_bins) / max_bins))
     return np.searchsorted(edges, values, side="right").astype(np.int64)
 

@@ -279,6 +279,7 @@ def _prefix(effect: Effect) -> str:
     return re.sub(r"\W", "_", effect.name)
 
 
+@cache
 def _equations(effect: Effect) -> str:
     """Return the effect's port functions and helpers, under unique names."""
     return effect_source(effect, _prefix(effect)) + "\n"

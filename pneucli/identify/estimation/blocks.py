@@ -5,7 +5,7 @@ Source: docs/method.md, intervals; K.-Y. Liang, S. L. Zeger, Biometrika 73 (1986
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from itertools import pairwise
 from typing import NamedTuple
 
@@ -17,7 +17,7 @@ from pneucli.identify.residuals import ResidualModel
 
 MIN_BLOCK_LENGTH = 0.25  # s, longer than the residuals' memory
 MAX_BLOCKS = 40  # of one recording
-ROWS_PER_CHUNK = 1 << 13  # rows of derivatives that are copied at once: all of them may be most of the memory
+ROWS_PER_CHUNK = 1 << 11  # rows of derivatives that are copied at once: all of them may be most of the memory
 
 
 def block_labels(residual_models: Sequence[ResidualModel]) -> NDArray[np.int64]:
@@ -122,15 +122,14 @@ def group_sums(jacobian: Array, residual: Array, groupings: Sequence[NDArray[np.
     """
     k = jacobian.shape[1]
     sums = [np.zeros((int(labels.max()) + 1, k + 1, k + 1)) for labels in groupings]
-    for i in range(0, len(residual), ROWS_PER_CHUNK):
-        rows = slice(i, i + ROWS_PER_CHUNK)
-        part = np.column_stack([jacobian[rows], residual[rows]])  # in the order of rows, which are taken below
+    for rows, columns, part in _chunks(jacobian, residual):
+        places = np.ix_([*columns, k], [*columns, k])
         for labels, out in zip(groupings, sums, strict=True):
             order = np.argsort(labels[rows], kind="stable")
             own = labels[rows][order]
             starts = np.flatnonzero(np.diff(own, prepend=-1))
             for label, group in zip(own[starts], np.split(part[order], starts[1:]), strict=True):
-                out[label] += group.T @ group
+                out[label][places] += group.T @ group
     return [GroupSums(out[:, :k, k], out[:, :k, :k]) for out in sums]
 
 
@@ -148,7 +147,22 @@ def weighted_curvature(jacobian: Array, weights: Array) -> Array:
     [[101.0]]
     """
     out = np.zeros((jacobian.shape[1], jacobian.shape[1]))
-    for i in range(0, len(weights), ROWS_PER_CHUNK):
-        part = jacobian[i : i + ROWS_PER_CHUNK] * weights[i : i + ROWS_PER_CHUNK, None]
-        out += part.T @ part
+    for rows, columns, part in _chunks(jacobian, weights):
+        weighted = part[:, :-1] * weights[rows, None]
+        out[np.ix_(columns, columns)] += weighted.T @ weighted
     return out
+
+
+def _chunks(jacobian: Array, residual: Array) -> Iterator[tuple[slice, list[int], Array]]:
+    """Yield some rows at a time of derivatives (N, k), those columns that are not zero there, and last the residuals.
+
+    A residual depends on the parameters of its own subsystem alone, a third of all. The parts are in the order of rows.
+    """
+    for first in range(0, len(residual), ROWS_PER_CHUNK):
+        rows = slice(first, min(first + ROWS_PER_CHUNK, len(residual)))
+        columns = [j for j in range(jacobian.shape[1]) if jacobian[rows, j].any()]
+        part = np.empty((rows.stop - first, len(columns) + 1))
+        for place, j in enumerate(columns):
+            part[:, place] = jacobian[rows, j]
+        part[:, -1] = residual[rows]
+        yield rows, columns, part
