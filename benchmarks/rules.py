@@ -130,9 +130,9 @@ def up_to_improbable(forward: Function) -> Function:
     """Replace the search by one that ends where it would add an improbable effect."""
 
     def ended(data: Any, base: Any) -> Any:
-        path, rounds = forward(data, base)
+        path, rounds, unpromising = forward(data, base)
         kept = probable_steps(data, path)
-        return path[: kept + 1], rounds[: kept + 1]
+        return path[: kept + 1], rounds[: kept + 1], unpromising if kept == len(path) - 1 else []
 
     return ended
 
@@ -171,6 +171,9 @@ RULES: Mapping[str, Rule] = {
         "selection._forward",
         up_to_improbable,
         speaks=lambda found, data, _: probable_steps(data, found[0]) < len(found[0]) - 1,
+    ),
+    "promising": Rule(
+        "selection._forward", with_constant("MIN_PROMISING", 0.0), speaks=lambda found, *_: bool(found[2])
     ),
     "dropped": Rule("selection._without_improbable", drop_none, speaks=lambda found, *_: bool(found[2])),
     "fewest parameters": Rule("equivalence.best_candidate", lowest_cost),

@@ -24,6 +24,7 @@ from pneucli.memory import release_free_memory
 from pneucli.physics.declaration import Effect
 
 MAX_EFFECTS = 4
+MIN_PROMISING = 0.05  # probability of one of four effects that explain all together, at a third of its typical size
 NO_RISE = (False, MIN_ERROR_RISE)
 # reasons that leave open whether an effect is there in a small amount
 IMPROBABLE: tuple[Reason, ...] = ("needless", "immaterial", "explained-by-unknown")
@@ -74,8 +75,9 @@ class SelectionPath:
 
 def select_effects(data: DiagnosisData, base: FittedModel) -> SelectionPath:
     """Select the effects that explain the lack of fit of ``base``."""
-    path, rounds = _forward(data, base)
-    last, judgements, refused = _without_improbable(data, path)
+    path, rounds, unpromising = _forward(data, base)
+    last, judgements, dropped_ones = _without_improbable(data, path)
+    refused = [*unpromising, *dropped_ones]
     models, unguessable = _nested_models(data, base, last, path)
     last = models[-1]
     terms = _terms(data, base, last, rounds[0], judgements)
@@ -120,11 +122,12 @@ def final_decisions(
     return tuple(found.values())
 
 
-def _forward(data: DiagnosisData, base: FittedModel) -> tuple[list[FittedModel], list[Decisions]]:
-    """Return the path of added effects from ``base``, and the decisions of each round.
+def _forward(data: DiagnosisData, base: FittedModel) -> tuple[list[FittedModel], list[Decisions], list[Judgement]]:
+    """Return the path of added effects from ``base``, the decisions of each round, and the judgement of an effect that
+    ends the path.
 
     While an unmodelled effect remains, the search goes on past improbable ones: where several effects are missing, each
-    may look improbable until the others are there.
+    may look improbable until the others are there. It ends at one that is less probable than ``MIN_PROMISING``.
     """
     path, rounds = [base], list[Decisions]()
     while len(path) <= MAX_EFFECTS:
@@ -133,17 +136,22 @@ def _forward(data: DiagnosisData, base: FittedModel) -> tuple[list[FittedModel],
         release_free_memory()
         if best is None:
             break
-        path.append(best)
-    return path, rounds
+        if judge(data, best).probability < MIN_PROMISING:
+            return path, rounds, [judge(data, Term(best.candidate, ()), constrained=True)]
+        path.append(best.candidate.full)
+    return path, rounds, []
 
 
-def _next_round(data: DiagnosisData, fitted: FittedModel) -> tuple[FittedModel | None, Decisions]:
-    """Return the model with the most probable effect added, None where none passes, and what is decided on all."""
+def _next_round(data: DiagnosisData, fitted: FittedModel) -> tuple[Term | None, Decisions]:
+    """Return the most probable effect with its rivals, None where none passes, and what is decided on all."""
     decisions = screen_and_refit(data, fitted)
     candidates = supported_candidates(decisions)
     if is_complete(data, fitted):
         candidates = [c for c in candidates if judge(data, Term(c, ())).decision.supported]
-    return _most_probable(data, candidates).full if candidates else None, decisions
+    if not candidates:
+        return None, decisions
+    best = _most_probable(data, candidates)
+    return Term(best, tuple(c for c in candidates if c is not best)), decisions
 
 
 def _without_derivatives(data: DiagnosisData, decisions: Decisions, earlier: Sequence[Decisions]) -> Decisions:

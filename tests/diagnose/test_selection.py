@@ -66,6 +66,7 @@ CASE_OF_RULE = {
     "fewest parameters": "of equals the one with the fewest parameters is added",
     "probable before cheap": "beside an unmodelled effect the most probable candidate is first",
     "past improbable": "two effects are added of which each is improbable without the other",
+    "promising": "effects of which each alone promises nothing are not found",
     "probability": "improbable effects are dropped, the least probable first",
     "dropped": "an effect that raises the free-run error is dropped however probable it is",
 }
