@@ -137,7 +137,7 @@ def _forward(data: DiagnosisData, base: FittedModel) -> tuple[list[FittedModel],
         if best is None:
             break
         if judge(data, best).probability < MIN_PROMISING:
-            return path, rounds, [judge(data, Term(best.candidate, ()), constrained=True)]
+            return path, rounds, [judge(data, Term(best.candidate, ()), constrained=True, error_may_rise=True)]
         path.append(best.candidate.full)
     return path, rounds, []
 
@@ -178,6 +178,8 @@ def _most_probable(data: DiagnosisData, candidates: Sequence[Candidate]) -> Cand
     terms = [Term(c, tuple(other for other in candidates if other is not c)) for c in ranked]
     best = max(terms, key=lambda term: judge(data, term).probability)
     equivalents = [best.candidate, *best.equivalents(data, complete=False)]
+    if len(equivalents) == 1:  # else it would ask for free runs
+        return best.candidate
     top = max(equivalents, key=lambda c: log_odds_among_equivalents(data, c))
     return best_candidate([c for c in equivalents if not_inferior(c.full, top.full) and not_inferior(top.full, c.full)])
 
