@@ -279,7 +279,8 @@ def charge_rows(draws: int) -> Iterator[tuple[str, float, tuple[float, float], t
             evenly = c * np.random.default_rng(4).uniform(low, high, draws) * errors
             ends = float(np.quantile(evenly, 0.025)), float(np.quantile(evenly, 0.975))
             assert budget.propagated is not None
-            yield f"{name}, C = {c:g}", c, budget.interval, at_bounds, coverage(budget.interval, states)
+            known = budget.figure.low, budget.figure.high
+            yield f"{name}, C = {c:g}", c, known, at_bounds, coverage(known, states)
             yield f"{name}, C = {c:g}, evenly", c, budget.propagated, ends, coverage(budget.propagated, states)
 
 
@@ -300,7 +301,8 @@ def steady_rows(draws: int) -> Iterator[tuple[str, float, tuple[float, float], t
     drawn = drawn_characteristics(bench, draws)
     for i, one in enumerate(bench.budgets[:3]):
         low, high = np.quantile(drawn[:, i], [0.025, 0.975])
-        yield one.name, one.value, one.interval, (float(low), float(high)), coverage(one.interval, [drawn[:, i]])
+        value, known = one.figure.value, (one.figure.low, one.figure.high)
+        yield one.name, value, known, (float(low), float(high)), coverage(known, [drawn[:, i]])
 
 
 def recorded_test(c: float, heat_transfer: float, seed: int = 1) -> Recording:

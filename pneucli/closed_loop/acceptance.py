@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -20,6 +20,7 @@ from pneucli.controller.parameters import Controller, nominal_load
 from pneucli.design.air_spring import stiffness_per_pressure, unmet_requirements
 from pneucli.design.reference_limits import chamber_2_pressure, reachable_speed_and_gradient
 from pneucli.design.requirements import Requirements
+from pneucli.messages.design import MissedRequirement, cause_text
 from pneucli.physics.gas import PSI_MAX
 from pneucli.simulate.model import Model
 
@@ -129,29 +130,10 @@ class Criterion:
 
 
 @dataclass(frozen=True)
-class Violation:
-    """A violated criterion: worst figure, axis and scenario of it, and the cause ("": unknown).
-
-    ``share``: share of the draws that violate it. The cause is a code with its quantities in SI units;
-    :mod:`pneucli.messages.design` words it.
-    """
-
-    demand: str
-    limit: float
-    found: float
-    unit: str
-    axis: str
-    scenario: str
-    share: float
-    cause: str
-    quantities: Mapping[str, float] = field(default_factory=dict)
-
-
-@dataclass(frozen=True)
 class AcceptanceResult:
     """Result of the acceptance test: violations, all criteria, and the number of axes."""
 
-    violations: tuple[Violation, ...]
+    violations: tuple[MissedRequirement, ...]
     criteria: tuple[Criterion, ...]
     axis_count: int
 
@@ -229,11 +211,8 @@ def check_acceptance(
             rows.append((name, scenario.name, {d.name: d.figure(figures) for d in asked}))
     missed = [_violation(demand, rows, controller, requirements, scenarios) for demand in asked]
     spring = unmet_requirements(requirements, controller.values, min_air_stiffness(controller.values))
-    missed += [
-        Violation(u.name, u.limit, u.found, u.unit, NOMINAL_AXIS, "the enclosed gas", 0.0, u.cause) for u in spring
-    ]
     return AcceptanceResult(
-        tuple(one for one in missed if one is not None), (*asked, *gas_spring_criteria(requirements)), len(axes)
+        (*(one for one in missed if one is not None), *spring), (*asked, *gas_spring_criteria(requirements)), len(axes)
     )
 
 
@@ -243,7 +222,7 @@ def _violation(
     controller: Controller,
     wanted: Requirements,
     scenarios: Sequence[Scenario],
-) -> Violation | None:
+) -> MissedRequirement | None:
     """Return the violation of a criterion, or None."""
     drawn = [demand.is_violated(figures[demand.name]) for axis, _, figures in rows if axis == DRAWN_AXIS]
     per_draw = np.reshape(drawn, (-1, len(scenarios))).any(axis=1) if drawn else np.zeros(1, dtype=bool)
@@ -257,6 +236,5 @@ def _violation(
         return None
     sign = -1.0 if demand.at_least else 1.0
     axis, scenario, figures = max(counted, key=lambda r: (r[0] == NOMINAL_AXIS, sign * r[2][demand.name]))
-    cause, quantities = limiting_cause(demand.name, demand.limit, controller, wanted, scenarios)
-    found = figures[demand.name]
-    return Violation(demand.name, demand.limit, found, demand.unit, axis, scenario, share, cause, quantities)
+    cause = cause_text(*limiting_cause(demand.name, demand.limit, controller, wanted, scenarios))
+    return MissedRequirement(demand.name, demand.limit, figures[demand.name], demand.unit, axis, scenario, share, cause)

@@ -8,27 +8,17 @@ slowly for a reference. A chamber without a valve keeps its sealed gas, or is at
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import NamedTuple
 
 import numpy as np
 
 from pneucli.arrays import Array
 from pneucli.controller.layout import OPEN_CHAMBER_VOLUME
 from pneucli.design.requirements import Requirements
+from pneucli.messages.design import MissedRequirement, cause_text
 
 Values = Mapping[str, float]
 
 STROKE_FRACTIONS = np.linspace(0.2, 0.8, 25)  # of the stroke
-
-
-class UnmetRequirement(NamedTuple):
-    """A requirement on the gas spring that is not met: limit and reached value in ``unit``, and the cause's code."""
-
-    name: str
-    limit: float
-    found: float
-    unit: str
-    cause: str
 
 
 def stiffness_per_pressure(c: Values, x: Array) -> tuple[Array, Array]:
@@ -126,7 +116,7 @@ def level_settings(requirements: Requirements, c: Values) -> dict[str, float]:
     return found | {"C_P_MEAN": float(np.clip(mean, c["C_P_LOW"], c["C_P_HIGH"]))}
 
 
-def unmet_requirements(requirements: Requirements, c: Values, min_stiffness: float) -> list[UnmetRequirement]:
+def unmet_requirements(requirements: Requirements, c: Values, min_stiffness: float) -> list[MissedRequirement]:
     """Return the unmet requirements on level and stiffness.
 
     Args:
@@ -134,13 +124,13 @@ def unmet_requirements(requirements: Requirements, c: Values, min_stiffness: flo
         c: Parameters of the designed controller by name (SI).
         min_stiffness: Smallest stiffness of the enclosed gas along the stroke in N/m, where its level cannot be set.
     """
-    found = []
+    at, found = ("the model", "the enclosed gas", 0.0, cause_text(_cause(c), {})), []
     if requirements.pressure_level is not None and abs(requirements.pressure_level - c["C_P_MEAN"]) > 1.0:
-        found.append(UnmetRequirement("pressure_level", requirements.pressure_level, c["C_P_MEAN"], "Pa", _cause(c)))
+        found.append(MissedRequirement("pressure_level", requirements.pressure_level, c["C_P_MEAN"], "Pa", *at))
     if requirements.air_stiffness is not None:
         have = min_stiffness if c["C_TWO_VALVES"] < 0.5 else float(np.min(_settable_stiffness(c)))
         if have < (1.0 - 1e-6) * requirements.air_stiffness:
-            found.append(UnmetRequirement("air_stiffness", requirements.air_stiffness, have, "N/m", _cause(c)))
+            found.append(MissedRequirement("air_stiffness", requirements.air_stiffness, have, "N/m", *at))
     return found
 
 

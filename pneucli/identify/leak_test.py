@@ -16,6 +16,7 @@ from scipy.ndimage import median_filter
 from scipy.optimize import OptimizeResult, least_squares
 
 from pneucli.arrays import Array
+from pneucli.figure import Figure
 from pneucli.identify.leaking_vessel import leak_share, vessel_pressure
 from pneucli.noise import NORMAL_MAD
 from pneucli.noise.estimate import quantisation_step
@@ -58,7 +59,6 @@ class LeakFit:
         start: Time in s at which the fit begins.
         pressure: Pressure in Pa there, at which ``rate`` holds.
         rate: Loss of pressure in Pa/s at the wall's temperature; negative where pressure moves away from ambient.
-        interval: Its 95 % interval.
         drift: Half of the interval's width that an unknown drift of the wall makes, Pa/s.
         laminar: Share of the laminar part in the pressure drop there.
         law: ``laminar``, ``orifice``, ``between`` or ``cannot tell``.
@@ -70,8 +70,7 @@ class LeakFit:
 
     start: float
     pressure: float
-    rate: float
-    interval: tuple[float, float]
+    rate: Figure
     drift: float
     laminar: float
     law: str
@@ -242,8 +241,9 @@ class _Test:
         return LeakFit(
             start=self.start,
             pressure=self.reference,
-            rate=float(best.theta[1]) * self.reference,
-            interval=(float(low) * self.reference, float(high) * self.reference),
+            rate=Figure(
+                float(best.theta[1]) * self.reference, float(low) * self.reference, float(high) * self.reference
+            ),
             drift=self.reference * math.sqrt(CHI_95 * max(best.deviation**2 - best.own**2, 0.0)),
             laminar=best.share,
             law=self._law(nodes, (low, high)),

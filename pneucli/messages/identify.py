@@ -289,11 +289,9 @@ class Source:
 class BudgetAnswer:
     """The uncertainty budget of one result (GUM): its combined and its expanded (k = 2) uncertainty."""
 
-    value: float
-    unit: str
+    figure: Figure = field(metadata=flat("value unit interval:ci95"))
     combined: float
     expanded: float
-    interval: Sequence[float]
     propagated: Sequence[float] | None
     calibration_not_stated: Sequence[str]
     sources: Sequence[Source]
@@ -306,7 +304,7 @@ class BudgetAnswer:
     def sentence(self, name: str) -> str:
         """Return how well the result is known, and from where its uncertainty comes."""
         at = f" at {name.partition('(')[2].rstrip(')')}" if "(" in name else ""
-        text = f"C{at} is known to ± {format_number(100.0 * self.expanded / self.value, 2)} % (k = 2)"
+        text = f"C{at} is known to ± {format_number(100.0 * self.expanded / self.figure.value, 2)} % (k = 2)"
         certain = [one for one in self.sources if not one.bound]
         variance = sum(one.contribution**2 for one in certain)
         if variance > 0.0:
@@ -385,4 +383,4 @@ class Answer:
 def largest_conductance(budgets: Mapping[str, BudgetAnswer]) -> tuple[str, BudgetAnswer] | None:
     """Return name and budget of the largest C; None without one."""
     named = [(name, one) for name, one in budgets.items() if "sonic_conductance" in name]
-    return max(named, key=lambda item: item[1].value, default=None)
+    return max(named, key=lambda item: item[1].figure.value, default=None)

@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from pneucli.closed_loop.acceptance import ACCEPTANCE_SCENARIOS, Violation, axis_variants, check_acceptance
+from pneucli.closed_loop.acceptance import ACCEPTANCE_SCENARIOS, axis_variants, check_acceptance
 from pneucli.closed_loop.commissioning import member_on_ensemble, with_commissioning
 from pneucli.closed_loop.ensemble import (
     CONFIDENCE,
@@ -54,7 +54,7 @@ from pneucli.design.requirements import Requirements, read_requirements
 from pneucli.design.sliding import axis_systems, unmatched_disturbances
 from pneucli.design.sliding_sector import SlidingSector, limit_slope, sector_from_vertices
 from pneucli.errors import InputError
-from pneucli.figure import named, to_json
+from pneucli.figure import to_json
 from pneucli.io.artifacts import Tables, read_table, write_text
 from pneucli.messages.compare import BAD_ERROR_RATIO, evaluation_error
 from pneucli.messages.design import (
@@ -68,13 +68,11 @@ from pneucli.messages.design import (
     Margins,
     Matching,
     MatrixInequalities,
-    MissedRequirement,
     Poles,
     Quantity,
     SectorAnswer,
     StickingPoint,
     WorstMargins,
-    cause_text,
 )
 from pneucli.messages.progress import counted
 from pneucli.physics.effects import catalogue
@@ -394,22 +392,15 @@ def acceptance_answer(
 
     found = check_acceptance(controller, requirements, scenarios, setup, axes, progress)
     error = model_error(context.answers)
-    missed = [missed_requirement(one) for one in found.violations]
     return Gate(
-        passed=not missed and not (error is not None and error > BAD_ERROR_RATIO),
+        passed=not found.violations and not (error is not None and error > BAD_ERROR_RATIO),
         strict=requirements.strict,
-        missed=missed,
+        missed=found.violations,
         asked=[Demand(d.name, d.limit, d.unit) for d in found.criteria],
         axes=found.axis_count,
         model_error=error,
         model_error_limit=BAD_ERROR_RATIO,
     )
-
-
-def missed_requirement(one: Violation) -> MissedRequirement:
-    """Return the entry about a violation, its cause in words."""
-    told = named(one, "demand limit found unit axis scenario share")
-    return MissedRequirement(**told, cause=cause_text(one.cause, one.quantities))
 
 
 def model_error(answers: Mapping[str, Mapping[str, Any]]) -> float | None:

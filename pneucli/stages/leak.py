@@ -187,7 +187,7 @@ def _rates(fit: LeakFit, rig: Rig, volume: float | None) -> dict[str, Any]:
     Out of a vessel above ambient, and into one below, it counts as positive.
     """
     sign = 1.0 if fit.pressure >= rig.ambient_pressure else -1.0
-    rate, ends = sign * fit.rate, sorted(sign * end for end in fit.interval)
+    rate, ends = sign * fit.rate.value, sorted((sign * fit.rate.low, sign * fit.rate.high))
     high, low = max(fit.pressure, rig.ambient_pressure), min(fit.pressure, rig.ambient_pressure)
     choked = flow_constant(rig.gas_constant, rig.gas_temperature, rig.heat_capacity_ratio)
     flux = orifice_flow(high, low, critical_ratio_of(rig.heat_capacity_ratio), choked, choked)

@@ -72,13 +72,14 @@ def write_budgets(budgets: Sequence[Budget], tables: Tables) -> None:
     tables.write_rows(
         "uncertainty_budget",
         [
-            named(budget, "name unit")
+            {"name": budget.name, "unit": budget.figure.unit}
             | named(one, "source")
             | {"type": one.kind, "uncertainty_unit": one.unit, "bound": one.bound}
             | named(one, "uncertainty sensitivity contribution")
             | {"share": budget.share(one)}
-            | named(budget, "value combined expanded")
-            | dict(zip(("ci_low", "ci_high"), budget.interval, strict=True))
+            | {"value": budget.figure.value}
+            | named(budget, "combined expanded")
+            | {"ci_low": budget.figure.low, "ci_high": budget.figure.high}
             for budget, one in rows
         ],
         {
@@ -97,7 +98,7 @@ def budgets_answer(budgets: Sequence[Budget]) -> Uncertainty:
 
 def _budget(budget: Budget) -> BudgetAnswer:
     return BudgetAnswer(
-        **named(budget, "value unit combined expanded interval propagated"),
+        **named(budget, "figure combined expanded propagated"),
         calibration_not_stated=budget.not_stated,
         sources=[
             Source(one.source, one.kind, share=budget.share(one), **named(one, SOURCE_KEYS))

@@ -253,7 +253,7 @@ def test_every_parameter_begins_within_the_range_that_the_description_states(axi
     described = {v.name: v for v in fmpy.read_model_description(str(axis.path)).modelVariables}
     assert (described["rig.stroke"].min, described["valve.critical_ratio"].max) == (repr(sys.float_info.min), "1.0")
     for v in variables_of(axis.plant):
-        assert v.kind != "parameter" or v.low <= (v.start or 0.0) <= v.high, v.name
+        assert v.kind != "parameter" or v.lowest <= (v.start or 0.0) <= v.highest, v.name
 
 
 @pytest.fixture(scope="module")

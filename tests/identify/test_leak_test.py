@@ -44,9 +44,9 @@ def fitted(time: Array, p: Array, drift: float = 0.02) -> LeakFit:
 @pytest.mark.parametrize("rate", [20.0, 1500.0])
 def test_the_interval_holds_the_true_rate_and_is_narrow(rate: float, law: str) -> None:
     found = fitted(*decay(rate, law))
-    low, high = (end * rate / found.rate for end in found.interval)
+    low, high = (end * rate / found.rate.value for end in (found.rate.low, found.rate.high))
     at_first = rate * ((found.pressure**2 - AMBIENT**2) / (7e5**2 - AMBIENT**2)) ** (1.0 if law == "laminar" else 0.5)
-    assert found.interval[0] <= at_first <= found.interval[1]
+    assert not found.rate.excludes(at_first)
     assert high - low < 0.3 * rate + 5.0
 
 
@@ -54,7 +54,7 @@ def test_a_warm_gas_is_no_leak() -> None:
     time, p = decay(0.0, warmed=12.0)
     assert p[0] - p[-1] > 2.5e4
     found = fitted(time, p)
-    assert found.interval[0] <= 0.0 <= found.interval[1] < 20.0
+    assert found.rate.low <= 0.0 <= found.rate.high < 20.0
     assert found.warmed == pytest.approx(12.0, rel=0.2)
     assert found.law == "cannot tell"
 
@@ -70,15 +70,15 @@ def test_a_short_decay_tells_no_law() -> None:
 
 def test_an_unknown_drift_of_the_wall_widens_the_interval() -> None:
     time, p = decay(20.0, seconds=60.0)
-    narrow, wide = fitted(time, p, 0.01), fitted(time, p, 0.5)
+    narrow, wide = fitted(time, p, 0.01).rate, fitted(time, p, 0.5)
     drifted = 1.96 * 0.5 / WALL * 7e5 / 60.0
     assert wide.drift == pytest.approx(drifted, rel=0.1)
-    assert wide.interval[1] - wide.interval[0] > 1.7 * drifted > 3.0 * (narrow.interval[1] - narrow.interval[0])
+    assert wide.rate.high - wide.rate.low > 1.7 * drifted > 3.0 * (narrow.high - narrow.low)
 
 
 def test_a_vacuum_leaks_inward() -> None:
     found = fitted(*decay(-100.0, first=2e4, noise=10.0))
-    assert found.interval[0] < -99.5 < found.interval[1] < -90.0
+    assert found.rate.low < -99.5 < found.rate.high < -90.0
 
 
 def test_the_shut_stretch_is_what_falls_by_itself() -> None:

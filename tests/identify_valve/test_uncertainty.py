@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 
 from benchmarks import valve
+from pneucli.figure import Figure
 from pneucli.identify.guesses.base_model import PLACEHOLDER_VOLUME
 from pneucli.identify.valve import charge_budget
 from pneucli.identify.valve.charge_budget import Vessel, conductance_factor
@@ -47,8 +48,12 @@ def budget_of(valve: Any, measurement: Measurement = NOTHING_STATED, *, fitted_v
     return charge_budget.budget_of_conductance(valve, valve.iso[0], measurement, fitted_volume=fitted_volume)
 
 
+def interval(budget: Budget) -> tuple[float, float]:
+    return budget.figure.low, budget.figure.high
+
+
 def relative(budget: Budget) -> dict[str, float]:
-    return {one.source: one.contribution / budget.value for one in budget.contributions}
+    return {one.source: one.contribution / budget.figure.value for one in budget.contributions}
 
 
 def test_a_charge_test_without_any_statement_has_scatter_volume_temperature_and_thermal_state() -> None:
@@ -66,7 +71,7 @@ def test_a_charge_test_without_any_statement_has_scatter_volume_temperature_and_
     (factors,) = [one.factors for one in budget.contributions if one.bound]
     assert factors is not None
     assert thermal * np.sqrt(12.0) == pytest.approx(factors[1] - factors[0])
-    assert budget.interval == pytest.approx(positive_interval(C, budget.combined / C, factors))
+    assert interval(budget) == pytest.approx(positive_interval(C, budget.combined / C, factors))
     assert budget.not_stated == ("p1", "p_supply")
 
 
@@ -125,8 +130,8 @@ def test_an_area_that_the_curves_hardly_show_has_a_finite_budget() -> None:
     valve = charge_valve()
     valve.iso = (replace(valve.iso[0], C=Characteristic(C, 1e-205 * C, 1e200 * C)),)
     budget = budget_of(valve)
-    assert np.isfinite([budget.combined, *budget.interval, *(budget.share(one) for one in budget.contributions)]).all()
-    assert budget.interval[1] >= 0.99e200 * C
+    assert np.isfinite([budget.combined, *interval(budget), *(budget.share(one) for one in budget.contributions)]).all()
+    assert budget.figure.high >= 0.99e200 * C
 
 
 @pytest.mark.parametrize(("ends", "known"), [((0.9, 1.1), True), ((1.0, 1.0), False), ((0.9, np.inf), False)])
@@ -137,7 +142,7 @@ def test_an_area_at_its_bound_has_no_budget(ends: tuple[float, float], known: bo
 def test_a_model_with_heat_transfer_leaves_no_thermal_state_open() -> None:
     budget = budget_of(charge_valve(names=("heat-transfer",), values={"heat-transfer.conductance": 0.5}))
     assert "thermal state" not in relative(budget)
-    assert budget.interval[1] == pytest.approx(C * np.exp(budget.expanded / C))
+    assert budget.figure.high == pytest.approx(C * np.exp(budget.expanded / C))
 
 
 def test_a_volume_that_was_identified_counts_once() -> None:
@@ -165,7 +170,7 @@ def test_calibrations_act_where_the_equation_has_them(u: float, expected: dict[s
 
 def test_shares_of_all_sources_are_the_whole() -> None:
     parts = tuple(Contribution(name, "B", 1.0, "1", s) for name, s in (("a", 3.0), ("b", -4.0)))
-    budget = Budget("y", 1.0, "1", parts, (0.0, 2.0))
+    budget = Budget("y", Figure(1.0, 0.0, 2.0, "1"), parts)
     assert (budget.combined, budget.expanded) == (5.0, 10.0)
     assert [budget.share(one) for one in parts] == [pytest.approx(0.36), pytest.approx(0.64)]
 
@@ -212,7 +217,7 @@ def test_the_interval_of_a_path_is_that_of_its_budget() -> None:
     bench = steady(Measurement({"flow": Calibration(gain=0.02)}))
     (path,) = bench.paths
     for figure, budget in zip((path.C, path.b, path.m), bench.budgets, strict=True):
-        assert (figure.low, figure.high) == budget.interval
+        assert (figure.low, figure.high) == interval(budget)
     c = bench.budgets[0]
     assert path.C.high - path.C.value == pytest.approx(c.expanded, rel=0.03)
     assert path.C.high > 1.04 * path.C.value

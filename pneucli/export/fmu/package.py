@@ -128,8 +128,8 @@ def _variable(one: Variable, real: str) -> ModelVariable:
         unit=one.unit,
         description=one.description,
         start=None if one.start is None else repr(one.start),
-        min=repr(one.low) if math.isfinite(one.low) else None,
-        max=repr(one.high) if math.isfinite(one.high) else None,
+        min=repr(one.lowest) if math.isfinite(one.lowest) else None,
+        max=repr(one.highest) if math.isfinite(one.highest) else None,
     )
 
 
@@ -179,7 +179,7 @@ def write_fmu(folder: Path, plant: Plant, where: str, fmi: str = "3.0") -> Plant
         inputs=[v.name for v in variables if v.kind == "input"],
         outputs=[v.name for v in variables if v.kind == "output"],
         parameters={
-            v.name: {"value": v.start, "unit": v.unit, "ci95": None if v.interval is None else list(v.interval)}
+            v.name: {"value": v.start, "unit": v.unit, "ci95": v.identified.answer["ci95"] if v.identified else None}
             for v in variables
             if v.kind == "parameter"
         },

@@ -13,6 +13,7 @@ from typing import Literal
 import numpy as np
 
 from pneucli.export.fmu.plant import Plant
+from pneucli.figure import Figure
 from pneucli.physics.declaration import Parameter
 from pneucli.quantities import PISTON_AREA_UNITS, axis_unit
 from pneucli.simulate import layout as at
@@ -33,9 +34,9 @@ OF_CYLINDER = ("x", "v", "a", "p2", "chamber_2.p")
 
 @dataclass(frozen=True)
 class Variable:
-    """A variable of the FMU; ``start`` is None for an output, ``interval`` where it is not identified.
+    """A variable of the FMU; ``start`` is None for an output, ``identified`` for what is not identified.
 
-    A parameter outside ``low`` to ``high`` is refused.
+    A parameter outside ``lowest`` to ``highest`` is refused.
     """
 
     name: str
@@ -44,17 +45,16 @@ class Variable:
     unit: str
     title: str
     start: float | None = None
-    interval: tuple[float, float] | None = None
-    low: float = -math.inf
-    high: float = math.inf
+    identified: Figure | None = None
+    lowest: float = -math.inf
+    highest: float = math.inf
 
     @property
     def description(self) -> str:
         """The meaning, and the interval of what was identified."""
-        if self.interval is None:
+        if (one := self.identified) is None:
             return self.title
-        low, high = self.interval
-        return f"{self.title}; identified, 95 % interval {low:.6g} to {high:.6g}"
+        return f"{self.title}; identified, 95 % interval {one.low:.6g} to {one.high:.6g}"
 
 
 def variables_of(plant: Plant) -> list[Variable]:
@@ -82,7 +82,8 @@ def all_values(plant: Plant) -> list[Variable]:
         named.append((f"valve.area_factor_{i}", "1", title, 1.0, RANGES["not negative"]))
     return [
         Variable(
-            *(name, FIRST_VALUE + i, "parameter", unit, title, value, plant.intervals.get(name)),
+            *(name, FIRST_VALUE + i, "parameter", unit, title, value),
+            Figure(value, *plant.intervals[name], unit) if name in plant.intervals else None,
             *(min(low, value), max(high, value)),  # what the rig states is within its range
         )
         for i, (name, unit, title, value, (low, high)) in enumerate(named)
@@ -152,8 +153,8 @@ def c_tables(plant: Plant) -> str:
     names = "\n".join(f'    "{v.name}",' for v in values)
     parts = [
         _array("VALUES", [float(v.start or 0.0) for v in values]),
-        _array("LOWEST", np.clip([v.low for v in values], -sys.float_info.max, sys.float_info.max)),
-        _array("HIGHEST", np.clip([v.high for v in values], -sys.float_info.max, sys.float_info.max)),
+        _array("LOWEST", np.clip([v.lowest for v in values], -sys.float_info.max, sys.float_info.max)),
+        _array("HIGHEST", np.clip([v.highest for v in values], -sys.float_info.max, sys.float_info.max)),
         f"static const char *const NAMES[{len(values)}] = {{\n{names}\n}};",
         _array("INPUTS", inputs),
         _array("FLAGS", plant.flags),

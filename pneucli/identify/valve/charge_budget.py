@@ -9,6 +9,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from pneucli.arrays import Array
+from pneucli.figure import Figure
 from pneucli.identify.estimation.fit import Estimate
 from pneucli.identify.valve.iso6358 import Characteristic, IsoConductance, thermal_state_is_known
 from pneucli.identify.valve.result import ValveIdentification, known_vessel_volume
@@ -78,7 +79,8 @@ def with_budgets(
     for one in valve.iso:
         if _has_interval(one.C):
             budgets.append(budget_of_conductance(valve, one, measurement, fitted_volume=fitted_volume))
-            one = replace(one, C=Characteristic(one.C.value, *budgets[-1].interval))  # noqa: PLW2901
+            known = budgets[-1].figure
+            one = replace(one, C=Characteristic(known.value, known.low, known.high))  # noqa: PLW2901
         budgets += _budgets_of_curve(valve, one)
         iso.append(one)
     return replace(valve, iso=tuple(iso), budgets=tuple(budgets))
@@ -110,10 +112,8 @@ def budget_of_conductance(
     missing = tuple(s for s in USED_SIGNALS[fills] if s not in measurement.calibrations)
     return Budget(
         f"{valve.label}.sonic_conductance({one.u:+.4g} V)",
-        c.value,
-        UNIT,
+        Figure(c.value, *positive_interval(c.value, rest, factors), UNIT),
         (scatter, *stated, *thermal),
-        positive_interval(c.value, rest, factors),
         missing,
     )
 
@@ -168,7 +168,7 @@ def _budgets_of_curve(valve: ValveIdentification, one: IsoConductance) -> Iterat
         if drift > 0.0:
             sources.append(Contribution("drift of the thermal state", "B", drift, "1", 1.0))
         full_name = f"{valve.label}.{name}_of_curve({one.u:+.4g} V)"
-        yield Budget(full_name, value, "1", tuple(sources), (low, high))
+        yield Budget(full_name, Figure(value, low, high, "1"), tuple(sources))
 
 
 def _thermal_range(vessel: Vessel, conductance: float, *, fills: bool) -> tuple[float, float]:

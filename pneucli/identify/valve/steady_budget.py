@@ -53,7 +53,7 @@ def with_flow_budgets(
         own = _path_budgets(path, bench, measurement, recorded)
         budgets += [replace(one, name=f"valve.{one.name}{label(path)}") for one in own.values()]
         changed = {
-            letter: replace(getattr(path, letter), low=b.interval[0], high=b.interval[1]) for letter, b in own.items()
+            letter: replace(getattr(path, letter), low=b.figure.low, high=b.figure.high) for letter, b in own.items()
         }
         paths.append(replace(path, **changed))
     return replace(bench, paths=tuple(paths), budgets=tuple(budgets))
@@ -76,7 +76,8 @@ def _path_budgets(
         sources = [_scatter(path, i, figure, unit)]
         if figure.determined:  # what the rows do not determine no gauge changes
             sources += [Contribution(s, "B", u, own, change[i] / u) for s, u, own, change in moved if change[i]]
-        found[letter] = Budget(name, figure.value, unit, tuple(sources), _interval(i, figure, sources), missing)
+        known = Figure(figure.value, *_interval(i, figure, sources), unit)
+        found[letter] = Budget(name, known, tuple(sources), missing)
     return found
 
 

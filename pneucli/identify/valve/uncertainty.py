@@ -24,6 +24,7 @@ from typing import Literal
 import numpy as np
 from scipy.special import ndtr
 
+from pneucli.figure import Figure
 from pneucli.recording import Calibration
 
 COVERAGE_FACTOR = 2.0  # k of the expanded uncertainty: 95 % of a normal distribution
@@ -70,18 +71,14 @@ class Budget:
 
     Attributes:
         name: Name of the result, as in ``parameters.parquet``.
-        value: The result.
-        unit: Its unit.
+        figure: What is printed: the value +- the expanded uncertainty, from the lower to the upper bound.
         contributions: Its sources.
-        interval: What is printed: the value +- the expanded uncertainty, from the lower to the upper bound.
         not_stated: Signals whose calibration the pipeline file does not state, so that the budget lacks it.
     """
 
     name: str
-    value: float
-    unit: str
+    figure: Figure
     contributions: tuple[Contribution, ...]
-    interval: tuple[float, float]
     not_stated: tuple[str, ...] = ()
 
     @property
@@ -99,7 +96,7 @@ class Budget:
         """The 95 % interval by JCGM 101 if a bounded source were drawn evenly; None without one."""
         if (bounded := next((one.factors for one in self.contributions if one.factors), None)) is None:
             return None
-        return propagated_interval(self.value, self.combined / self.value, bounded)
+        return propagated_interval(self.figure.value, self.combined / self.figure.value, bounded)
 
     def share(self, one: Contribution) -> float:
         """Return the share of a source in the variance of all sources, bounds included."""

@@ -4,9 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
 
+from pneucli.figure import Figure
 from pneucli.messages.flow import LITRES_PER_BAR
 from pneucli.messages.formatting import (
-    format_interval,
+    format_figure,
     format_number,
     format_percent,
     format_quantity,
@@ -49,7 +50,7 @@ def _sources(name: str, budget: BudgetAnswer) -> Grid:
         ("expanded uncertainty, k = 2", budget.expanded),
     ):
         rows.append([title, "", "", "", _conductance(size), ""])
-    caption = f"Uncertainty budget of the largest conductance, {name} = {_conductance(budget.value)}."
+    caption = f"Uncertainty budget of the largest conductance, {name} = {_conductance(budget.figure.value)}."
     if (factors := budget.thermal_factors) is not None and budget.propagated:
         least, largest = (format_number(factor, 3) for factor in factors)
         low, high = (_conductance(end) for end in budget.propagated)
@@ -64,12 +65,12 @@ def _sources(name: str, budget: BudgetAnswer) -> Grid:
 
 
 def _result(name: str, budget: BudgetAnswer) -> list[str]:
-    factor, unit = (LITRES_PER_BAR, "l/(s bar)") if budget.unit == CONDUCTANCE_UNIT else (1.0, budget.unit)
+    one = budget.figure
+    factor, unit = (LITRES_PER_BAR, "l/(s bar)") if one.unit == CONDUCTANCE_UNIT else (1.0, one.unit)
     main = max(budget.sources, key=lambda one: one.contribution)
-    ends = [factor * end for end in budget.interval]
     return [
         name,
-        format_interval(factor * budget.value, unit, ends),
+        format_figure(Figure(factor * one.value, factor * one.low, factor * one.high, unit)),
         format_quantity(factor * budget.expanded, unit, 2),
         f"{main.source}, {format_percent(main.share)}",
     ]
