@@ -17,8 +17,12 @@ from scipy.signal import savgol_filter
 
 from pneucli.arrays import Array
 from pneucli.noise import NoiseModel
-from pneucli.simulate.jerk_process import kalman_filter
-from pneucli.simulate.position_smoother import PositionSmoother, fit_position_smoother, low_frequency_deviation
+from pneucli.simulate.position_smoother import (
+    PositionSmoother,
+    fit_position_smoother,
+    kalman_filter,
+    low_frequency_deviation,
+)
 
 STEP, DURATION = 2e-5, 16.0  # s
 MASS, COULOMB, VISCOUS = 3.5, 20.0, 40.0

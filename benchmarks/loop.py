@@ -60,8 +60,7 @@ from pneucli.controller.parameters import Controller
 from pneucli.design.air_spring import stiffness_per_pressure
 from pneucli.design.cascade_design import design_cascade
 from pneucli.design.requirements import Requirements
-from pneucli.exam.case_rig import draw_rig
-from pneucli.exam.cases import Case, generate_case, prepare_case
+from pneucli.exam.cases import Case, draw_rig, generate_case, prepare_case
 from pneucli.exam.conditions import Conditions, parse
 from pneucli.exam.hidden_effects import BY_NAME, CATALOGUE
 from pneucli.exam.laboratory import Laboratory

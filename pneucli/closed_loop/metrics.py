@@ -1,7 +1,8 @@
-"""Figures of a closed-loop run, in SI unless the name has a unit."""
+"""Figures of a closed-loop run, in SI unless the name has a unit, and laws side by side by them."""
 
 from __future__ import annotations
 
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from itertools import pairwise
 
@@ -9,7 +10,7 @@ import numpy as np
 
 from pneucli.arrays import Array, Mask
 from pneucli.caches import compiled
-from pneucli.closed_loop.simulation import Run
+from pneucli.closed_loop.simulation import ClosedLoopSetup, Run, Scenario, simulate
 from pneucli.controller import layout
 from pneucli.controller.laws import LAWS
 from pneucli.controller.parameters import Controller
@@ -19,6 +20,16 @@ from pneucli.physics.vectorised import flow_functions
 from pneucli.simulate import layout as at
 from pneucli.simulate.model import Model
 
+# what each component of the cascade brings: the switches of the layout that take it out
+COMPONENTS = {
+    "feed-forward": ("C_FEEDFORWARD",),
+    "estimates": ("C_DISTURBANCE_OBSERVERS",),
+    "hold": ("C_HOLD",),
+    "switching": ("C_SWITCHING",),
+    "inverse map": ("C_INVERSE_MAP",),
+    "all but the map": ("C_FEEDFORWARD", "C_DISTURBANCE_OBSERVERS", "C_HOLD", "C_SWITCHING"),
+}
+NO_COMPONENT = "nothing"
 MIN_SLIDING_SHARE = (
     0.8  # below it, with more than 20 % of the samples at the bound, the estimate is no equivalent value
 )
@@ -282,3 +293,37 @@ def air_consumption(run: Run, model: Model, controller: Controller) -> float:
         area = np.where(opened > 0.0, valve(opened), 0.0)
         total += float(np.sum(area * run.scenario.supply * k * psi)) * float(run.time[1] - run.time[0])
     return total
+
+
+def without_component(controller: Controller, component: str) -> Controller:
+    """Return a controller without one of ``COMPONENTS``, all else equal; ``NO_COMPONENT`` changes nothing."""
+    return controller.with_values(**dict.fromkeys(COMPONENTS.get(component, ()), 0.0))
+
+
+def compare_laws(
+    model: Model, controllers: Mapping[str, Controller], scenarios: Sequence[Scenario], setup: ClosedLoopSetup
+) -> dict[str, dict[str, tuple[Run, Metrics]]]:
+    """Simulate controllers on scenarios.
+
+    Args:
+        model: The axis.
+        controllers: Controllers by name.
+        scenarios: Scenarios of all; a law without pressure loop skips those of pressure control.
+        setup: Noise, quanta and delay of the sensors.
+
+    Returns:
+        Runs with their figures, by name of the controller and of the scenario.
+
+    """
+    found: dict[str, dict[str, tuple[Run, Metrics]]] = {}
+    for name, controller in controllers.items():
+        able = [s for s in scenarios if LAWS[controller.law].controls_pressure or not s.controls_pressure]
+        runs = [simulate(model, controller, s, setup) for s in able]
+        found[name] = {r.scenario.name: (r, evaluate_run(r, model, controller)) for r in runs}
+    return found
+
+
+def with_and_without_map(controllers: Mapping[str, Controller]) -> dict[str, Controller]:
+    """Return each controller with and without the inverse of the valve's map."""
+    bare = {f"{n}, no map": c.with_values(C_INVERSE_MAP=0.0) for n, c in controllers.items()}
+    return {**controllers, **bare}

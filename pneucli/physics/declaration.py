@@ -59,7 +59,7 @@ class Parameter:
         multiplies: The base parameter whose product with this one acts; the parameter is then a ratio
             (:func:`pneucli.identify.estimation.ratio_interval.ratio_interval`), and its null is 0.
 
-        stated: What a pipeline file may state of it outside ``[model]`` (:mod:`pneucli.config.stated_effects`).
+        stated: What a pipeline file may state of it outside ``[model]`` (:mod:`pneucli.config.pipeline_tables`).
 
     Raises:
         UnitError: A size is neither a number nor a number of a known scale of the right dimension.

@@ -12,7 +12,6 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from pneucli.changes.attribution import attribute_changes
 from pneucli.changes.baseline import Baseline, Coordinate, TypicalEffect, align, fit_baseline
 from pneucli.changes.comparison import ALARM_RATE
 from pneucli.changes.repeatability import (
@@ -24,6 +23,7 @@ from pneucli.changes.repeatability import (
     quantity_names,
     repeat_differences,
 )
+from pneucli.changes.selection import attribute_changes
 from pneucli.config import load
 from pneucli.diagnose.data import DiagnosisData
 from pneucli.diagnose.subsample import MAX_SAMPLES

@@ -10,14 +10,16 @@ from typing import Any
 
 import numpy as np
 
-from pneucli.closed_loop.law_comparison import (
+from pneucli.closed_loop.metrics import (
     COMPONENTS,
+    MIN_SLIDING_SHARE,
     NO_COMPONENT,
+    OBSERVERS,
+    Metrics,
     compare_laws,
     with_and_without_map,
     without_component,
 )
-from pneucli.closed_loop.metrics import MIN_SLIDING_SHARE, OBSERVERS, Metrics
 from pneucli.closed_loop.scenarios import PRESSURE_SUFFIX, read_scenarios
 from pneucli.closed_loop.simulation import ClosedLoopSetup, Run, Scenario
 from pneucli.controller import layout

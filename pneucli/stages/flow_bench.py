@@ -27,7 +27,7 @@ from pneucli.pipeline.context import NotApplicable
 from pneucli.quantities import SIGNALS
 from pneucli.recording import Rig
 from pneucli.stages.answer_parts import assumed_values, measurement_of
-from pneucli.stages.parameter_tables import budgets_answer, write_budgets, write_parameters
+from pneucli.stages.identify_tables import budgets_answer, write_budgets, write_parameters
 from pneucli.stages.pipeline_data import PipelineData
 
 RATIO_PORT, LEAK_PORT = "critical_ratio", "leak_area"  # where effects act that rows of steady flow can show

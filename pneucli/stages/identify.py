@@ -46,11 +46,20 @@ from pneucli.stages.answer_parts import (
     per_vessel_volume,
 )
 from pneucli.stages.flow_bench import flow_answer, flow_bench, flow_parameters, identify_flow_only, write_flow
-from pneucli.stages.friction_tables import friction_answer, write_friction
+from pneucli.stages.identify_tables import (
+    budgets_answer,
+    friction_answer,
+    iso_parameters,
+    valve_answer,
+    valve_findings,
+    write_budgets,
+    write_friction,
+    write_parameter_relations,
+    write_parameters,
+    write_valves,
+)
 from pneucli.stages.model_file import save_drawn_parameters, save_model
-from pneucli.stages.parameter_tables import budgets_answer, write_budgets, write_parameter_relations, write_parameters
 from pneucli.stages.pipeline_data import PipelineData
-from pneucli.stages.valve_tables import iso_parameters, valve_answer, valve_findings, write_valves
 
 MAX_NOISE_RATIO = 2.0  # times a sensor's noise, beyond which a position is said to scatter
 MAX_FIT_SAMPLES = 300_000  # of the fit: its derivatives need 0.4 kB each, and minutes describe a rig as well as hours

@@ -9,7 +9,7 @@ from itertools import chain
 from pathlib import Path
 from typing import Literal
 
-from pneucli.compare.horizon import MIN_HORIZON_SAMPLES, default_horizon
+from pneucli.compare.free_run import MIN_HORIZON_SAMPLES, default_horizon
 from pneucli.config import join_faults, plugin_files
 from pneucli.diagnose.subsample import subsample
 from pneucli.errors import InputError, did_you_mean

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from pneucli.closed_loop import robustness
-from pneucli.closed_loop.law_comparison import compare_laws
+from pneucli.closed_loop.metrics import compare_laws
 from pneucli.closed_loop.scenarios import read_scenarios
 from pneucli.closed_loop.simulation import ClosedLoopSetup, Scenario
 from pneucli.controller.parameters import Controller

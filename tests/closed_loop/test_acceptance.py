@@ -16,7 +16,7 @@ from pneucli.closed_loop.acceptance import (
     check_acceptance,
     limiting_cause,
 )
-from pneucli.closed_loop.law_comparison import without_component
+from pneucli.closed_loop.metrics import without_component
 from pneucli.closed_loop.scenarios import read_scenarios
 from pneucli.messages import design as words
 from tests.design import axis

@@ -8,22 +8,20 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from pneucli.closed_loop import linearisation, simulation
-from pneucli.closed_loop.linearisation import (
+from pneucli.closed_loop import margins, simulation
+from pneucli.closed_loop.margins import (
     DiscreteSystem,
     LinearisedLoop,
-    impulse_response,
-    linearise,
-    realise_impulse_response,
-    without_nonsmooth_effects,
-)
-from pneucli.closed_loop.margins import (
     analyse_margins,
     closed_loop_matrix,
     closed_loop_poles,
     cut_loops,
+    impulse_response,
+    linearise,
+    realise_impulse_response,
     return_ratio,
     stability_margins,
+    without_nonsmooth_effects,
 )
 from pneucli.closed_loop.simulation import simulate
 from pneucli.controller import layout
@@ -87,8 +85,8 @@ def with_effect(name: str, delay: float = 0.0):
 
 def shaken(monkeypatch: pytest.MonkeyPatch, model, controller, bench, corner, one: LinearisedLoop):
     """The simulated loop's answer in x to an impulse on the position's reading, per m."""
-    size, before = 1e-9, math.ceil(linearisation.SETTLING_TIME_CONSTANTS / corner / controller.period)
-    ramp = linearisation._ramp(controller, one.x, one.speed, before, 100)
+    size, before = 1e-9, math.ceil(margins.SETTLING_TIME_CONSTANTS / corner / controller.period)
+    ramp = margins._ramp(controller, one.x, one.speed, before, 100)
     plain = simulate(model, controller, ramp, bench)
     rows = simulation.initial_log
 

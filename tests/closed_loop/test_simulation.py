@@ -7,8 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from pneucli.closed_loop.law_comparison import without_component
-from pneucli.closed_loop.metrics import evaluate_run
+from pneucli.closed_loop.metrics import evaluate_run, without_component
 from pneucli.closed_loop.scenarios import read_scenarios
 from pneucli.closed_loop.simulation import ClosedLoopSetup, closed_loop_kernel, simulate
 from pneucli.controller import layout

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from pneucli.arrays import Array
-from pneucli.compare.horizon import default_horizon
+from pneucli.compare.free_run import default_horizon
 from pneucli.noise import NoiseModel
 from pneucli.recording import Recording
 

@@ -7,8 +7,8 @@ from typing import Any
 import numpy as np
 import pytest
 
-from pneucli.exam import case_rig
-from pneucli.exam.case_rig import draw_variant
+from pneucli.exam import cases
+from pneucli.exam.cases import draw_variant
 from pneucli.exam.conditions import parse
 from pneucli.exam.rig.parameters import FIVE_THREE, TWO_VALVES, Parameters
 from pneucli.exam.rig_scaling import RigScaling
@@ -97,26 +97,26 @@ def test_the_pipeline_file_states_switching_valves() -> None:
 
 
 def test_the_usual_rig_is_drawn_within_these_ranges() -> None:
-    par = case_rig.draw_rig("axis", False, RNG)
+    par = cases.draw_rig("axis", False, RNG)
     area = 5.5e-4 + 0.6 * 6.5e-4
     wanted = {
         "supply": 7.24e5, "piston_area_1": area, "piston_area_2": area, "dead_volume_1": 32e-6, "dead_volume_2": 32e-6,
         "mass": 2.92, "coulomb": 18.8, "viscous": 66.0, "effective_area": 1.82e-6, "overlap": 0.212, "exponent": 1.15,
     }  # fmt: skip
     assert {name: getattr(par, name) for name in wanted} == pytest.approx(wanted)
-    straight = case_rig.draw_rig("axis", True, RNG)
+    straight = cases.draw_rig("axis", True, RNG)
     assert (straight.overlap, straight.exponent) == (0.0, 1.0)
-    assert case_rig.draw_rig("friction", False, RNG).overlap == 0.0
-    assert [case_rig.is_linear(p, "axis") for p in (par, straight)] == [False, True]
-    assert not case_rig.is_linear(straight, "friction")
+    assert cases.draw_rig("friction", False, RNG).overlap == 0.0
+    assert [cases.is_linear(p, "axis") for p in (par, straight)] == [False, True]
+    assert not cases.is_linear(straight, "friction")
 
 
 def test_sensors_and_vessels_are_of_the_rigs_size() -> None:
     double = RigScaling(length=2.0, area=3.0, pressure=4.0)
-    found = case_rig.draw_sensors(parse("rate-500Hz+bits-12+drift+outliers"), double, RNG, RNG)
+    found = cases.draw_sensors(parse("rate-500Hz+bits-12+drift+outliers"), double, RNG, RNG)
     assert (found.rate, found.bits, found.drift, found.outliers) == (500.0, 12, 4.0, 5e-4)
     assert (found.pressure, found.pole, found.hum) == (1000.0, 0.0, 0.0)
-    assert case_rig.draw_vessel(double, RNG) == pytest.approx(198e-6 * 6.0)
+    assert cases.draw_vessel(double, RNG) == pytest.approx(198e-6 * 6.0)
 
 
 def test_a_wider_rig_has_the_same_commands_and_pressures() -> None:
@@ -126,8 +126,8 @@ def test_a_wider_rig_has_the_same_commands_and_pressures() -> None:
 
 
 def test_a_stroke_is_stated_wrong_in_half_of_the_cases() -> None:
-    assert case_rig.draw_stated_stroke(0.2, RNG) is None
-    assert case_rig.draw_stated_stroke(0.2, OFTEN) == pytest.approx(0.2 * 0.999)
+    assert cases.draw_stated_stroke(0.2, RNG) is None
+    assert cases.draw_stated_stroke(0.2, OFTEN) == pytest.approx(0.2 * 0.999)
 
 
 def test_walls_and_the_critical_ratio_are_drawn_and_named_in_the_pipeline_file() -> None:
@@ -149,26 +149,26 @@ def test_a_pump_delivers_about_what_the_valve_would_let_in_and_stalls_below_the_
     par, _ = made("pump")
     assert par.pump_flow == pytest.approx(0.84 * 0.484 * 2e-6 * 7e5 * np.sqrt(2.0 / (287.0 * par.temperature)))
     assert par.pump_stall == pytest.approx(0.94 * 6e5)
-    assert case_rig.draw_stated_stall(par, RNG) == pytest.approx(par.ambient + 1.02 * par.pump_stall)
+    assert cases.draw_stated_stall(par, RNG) == pytest.approx(par.ambient + 1.02 * par.pump_stall)
 
 
 def test_an_encoder_has_one_of_the_steps_of_linear_encoders_whatever_the_size_of_the_rig() -> None:
-    fine = case_rig.draw_sensors(parse("encoder"), RigScaling(length=0.5), RNG, RNG)
+    fine = cases.draw_sensors(parse("encoder"), RigScaling(length=0.5), RNG, RNG)
     assert fine.position_step == pytest.approx(0.2e-6)
     steps = {
-        case_rig.draw_sensors(parse("encoder"), RigScaling(), RNG, np.random.default_rng(k)).position_step
+        cases.draw_sensors(parse("encoder"), RigScaling(), RNG, np.random.default_rng(k)).position_step
         for k in range(30)
     }
-    assert steps == set(case_rig.ENCODER_STEPS)
+    assert steps == set(cases.ENCODER_STEPS)
 
 
 def test_a_bench_tests_the_valve_unless_the_condition_says_that_there_was_none() -> None:
     has = [
-        case_rig.has_bench(PAR, kind, parse(name))
+        cases.has_bench(PAR, kind, parse(name))
         for kind, name in (("axis", "usual"), ("axis", "no-bench-test"), ("friction", "usual"))
     ]
     assert has == [True, False, False]
 
 
 def test_nothing_of_an_arrangement_is_without_a_code() -> None:
-    assert case_rig.ARRANGEMENT_CODES == {"5/3": FIVE_THREE, "two": TWO_VALVES}
+    assert cases.ARRANGEMENT_CODES == {"5/3": FIVE_THREE, "two": TWO_VALVES}

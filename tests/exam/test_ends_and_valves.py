@@ -9,8 +9,7 @@ import numpy as np
 import pytest
 
 from pneucli.errors import InputError
-from pneucli.exam.case_rig import draw_variant
-from pneucli.exam.cases import generate_case
+from pneucli.exam.cases import draw_variant, generate_case
 from pneucli.exam.conditions import parse
 from pneucli.exam.laboratory import Laboratory
 from pneucli.exam.rig.excitations import closed_loop, valve_step

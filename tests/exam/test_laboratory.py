@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from pneucli.errors import InputError
-from pneucli.exam import case_rig, cases
+from pneucli.exam import cases
 from pneucli.exam.hidden_effects import BY_NAME, CATALOGUE, UNCATALOGUED
 from pneucli.exam.laboratory import Laboratory, RecordingPlan
 from pneucli.exam.rig.excitations import closed_loop, stick_slip, two_sine_reference, valve_staircase, valve_step
@@ -399,7 +399,7 @@ BOUNDS = {
 
 
 def test_rigs_differ_within_what_is_usual() -> None:
-    rigs = [case_rig.draw_rig("axis", False, RNG(seed)) for seed in range(200)]
+    rigs = [cases.draw_rig("axis", False, RNG(seed)) for seed in range(200)]
     for field, (low, high) in BOUNDS.items():
         values = [getattr(rig, field) for rig in rigs]
         assert low <= min(values) < low + 0.1 * (high - low), field
@@ -411,7 +411,7 @@ def test_rigs_differ_within_what_is_usual() -> None:
 
 
 def test_half_of_the_benches_hum() -> None:
-    hums = np.array([case_rig._mains_hum(RNG(seed)) for seed in range(200)])
+    hums = np.array([cases._mains_hum(RNG(seed)) for seed in range(200)])
     loud = hums[hums > 0.0]
     assert 0.35 < loud.size / hums.size < 0.65
     assert 140.0 <= loud.min() < 147.0

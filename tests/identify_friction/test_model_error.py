@@ -10,8 +10,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from pneucli.arrays import Array
+from pneucli.identify.friction.kinematics import NonFrictionForces
 from pneucli.identify.friction.model_error import POOLED, SUBSTEPS, model_deviations, simulate_driven
-from pneucli.identify.friction.non_friction_forces import NonFrictionForces
 from pneucli.recording import Rig
 from pneucli.simulate.model import Model
 from tests.identify_friction.synthetic_recordings import FIXTURES, identified

@@ -12,10 +12,8 @@ import numpy as np
 import pytest
 
 from pneucli.exam.rig.parameters import Parameters
-from pneucli.identify.friction.identification import FrictionIdentification, identify_friction
-from pneucli.identify.friction.kinematics import estimate_motion
-from pneucli.identify.friction.non_friction_forces import NonFrictionForces
-from pneucli.identify.friction.warnings import unmodelled_effects
+from pneucli.identify.friction.identification import FrictionIdentification, identify_friction, unmodelled_effects
+from pneucli.identify.friction.kinematics import NonFrictionForces, estimate_motion
 from pneucli.physics.effects import catalogue
 from pneucli.recording import Recording
 from pneucli.simulate.model import Model

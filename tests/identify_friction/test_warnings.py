@@ -10,9 +10,9 @@ import pytest
 
 from pneucli.errors import InputError
 from pneucli.figure import Figure
-from pneucli.identify.friction import identification, warnings
+from pneucli.identify.friction import identification
+from pneucli.identify.friction.identification import level_warnings, model_a_warnings
 from pneucli.identify.friction.regression import UNITS, FrictionFit
-from pneucli.identify.friction.warnings import level_warnings, model_a_warnings
 from pneucli.messages.findings import Finding
 from pneucli.quantities import Z95
 from pneucli.recording import Recording
@@ -75,7 +75,7 @@ def test_static_friction_is_uncertain_with_a_stribeck_velocity_beyond_a_quarter_
 def test_a_misfit_names_the_effects_that_a_cannot_represent_and_the_models_that_can(
     unmodelled: Any, better: list[str]
 ) -> None:
-    limit = warnings.MAX_RESIDUAL_TO_NOISE
+    limit = identification.MAX_RESIDUAL_TO_NOISE
     (misfit,) = warned(fitted(limit + 0.06), unmodelled)
     assert (misfit.code, misfit.values["ratio"]) == ("misfit", limit + 0.06)
     assert (misfit.values["unmodelled"], misfit.values["better"]) == (unmodelled["A"], better)

@@ -8,12 +8,12 @@ from functools import cache
 import numpy as np
 import pytest
 
+from pneucli.identify.valve.model_gradient import QuasiStaticGradient
 from pneucli.noise import NoiseModel
 from pneucli.physics.effects import catalogue
 from pneucli.recording import Recording, Rig
 from pneucli.simulate.model import Model
 from pneucli.simulate.preparation import prepare
-from pneucli.simulate.quasi_static_gradient import QuasiStaticGradient
 from pneucli.simulate.run import simulate
 from pneucli.simulate.valve_forms.area import ValveArea
 from tests.identify_valve.synthetic_tests import identify

@@ -23,7 +23,7 @@ from pneucli.io.artifacts import Provenance, Tables, read_table
 from pneucli.noise import NoiseModel
 from pneucli.recording import Recording, Rig
 from pneucli.simulate.preparation import prepare
-from pneucli.stages.valve_tables import iso_parameters, write_valves
+from pneucli.stages.identify_tables import iso_parameters, write_valves
 from tests.identify_valve.synthetic_tests import (
     AREA,
     COMMANDS,

@@ -23,11 +23,16 @@ from pneucli.identify.valve.maps import (
     inverse_map,
     transient_coverage,
 )
-from pneucli.identify.valve.model_gradient import ModelGradient, has_memory, memory_gradient, whitening_matrix
+from pneucli.identify.valve.model_gradient import (
+    ModelGradient,
+    QuasiStaticGradient,
+    has_memory,
+    memory_gradient,
+    whitening_matrix,
+)
 from pneucli.identify.valve.result import RecordingResidual, ValveIdentification
 from pneucli.identify.valve.transients import Transients
 from pneucli.simulate.model import parameter_value
-from pneucli.simulate.quasi_static_gradient import QuasiStaticGradient
 from pneucli.simulate.run import simulate
 from tests.simulate.synthetic_experiments import held_commands, make_experiment, model, time_grid
 

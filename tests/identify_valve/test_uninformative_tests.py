@@ -22,7 +22,7 @@ from pneucli.simulate.model import Model
 from pneucli.simulate.preparation import prepare
 from pneucli.simulate.run import simulate
 from pneucli.simulate.valve_forms.area import ValveArea
-from pneucli.stages.valve_tables import valve_findings
+from pneucli.stages.identify_tables import valve_findings
 from tests.identify_valve.synthetic_tests import identify
 
 LAW = (1.0, 2.0, 5.0, 10.0)

@@ -11,7 +11,7 @@ import pytest
 
 from pneucli import messages
 from pneucli.closed_loop import commissioning, ensemble
-from pneucli.closed_loop.law_comparison import COMPONENTS
+from pneucli.closed_loop.metrics import COMPONENTS
 from pneucli.config import load
 from pneucli.controller.laws import LAWS
 from pneucli.errors import InputError

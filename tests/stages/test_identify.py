@@ -15,7 +15,7 @@ import pytest
 from pneucli import messages
 from pneucli.io.artifacts import read_metadata, read_table
 from pneucli.stages import identify
-from pneucli.stages.valve_tables import MAX_TRAIN_RESIDUAL, lack_of_fit_findings, valve_findings
+from pneucli.stages.identify_tables import MAX_TRAIN_RESIDUAL, lack_of_fit_findings, valve_findings
 from tests.stages.chain import run_stages
 from tests.stages.conftest import DEMO
 

@@ -36,7 +36,7 @@ FOR_PROGRAMS = {
         "stages/flow_bench.py",
         "stages/diagnosis_answer.py",
     ),  # names of rows
-    *("stages/valve_tables.py", "tp/model.py", "tp/sampling.py", "tp/scattered.py", "tp/weights.py"),
+    *("stages/identify_tables.py", "tp/model.py", "tp/sampling.py", "tp/scattered.py", "tp/weights.py"),
     "messages/formatting.py",
 }
 

@@ -26,7 +26,7 @@ from pneucli.report.report_data import Table
 from pneucli.report.sections.comparison import channel_panel
 from pneucli.simulate.model import Model
 from pneucli.workbench import live_model
-from pneucli.workbench.one_step import gauss_newton_step
+from pneucli.workbench.live_model import gauss_newton_step
 from pneucli.workbench.questions import pack
 from pneucli.workbench.server import listen
 from tests.workbench.conftest import Asked, Session

@@ -16,15 +16,18 @@ from numpy.typing import NDArray
 
 from pneucli.arrays import Array, Mask
 from pneucli.errors import InputError
-from pneucli.identify.friction.non_friction_forces import NonFrictionForces
 from pneucli.noise import NoiseModel, estimate_noise
 from pneucli.recording import Recording, Rig
+from pneucli.simulate import layout as at
+from pneucli.simulate.build import Kernel
 from pneucli.simulate.end_detection import POSITION_SCATTER_SIGMA, Drive, contact_side, detect_ends, end_compliance
+from pneucli.simulate.force_clock import shifted
 from pneucli.simulate.local_polynomials import choose_windows
 from pneucli.simulate.model import Model
 from pneucli.simulate.motion_smoother import least_squares_motion
 from pneucli.simulate.position_smoother import fit_position_smoother
 from pneucli.simulate.preparation import fill_gaps
+from pneucli.simulate.run import kernel_for, read_only
 from pneucli.simulate.velocity_integration import (
     JUMP_ERROR_RATIO,
     integrate_between_rests,
@@ -32,6 +35,10 @@ from pneucli.simulate.velocity_integration import (
     without_constant_position,
 )
 
+REMOVED_BALANCES = {
+    "mechanics",
+    "pressure sensor",
+}  # of ports; an accelerometer's bias is found from the motion itself
 Smoother = Callable[[Array], Array]
 Kinematics = Callable[[Array, Array], tuple[Array, Array]]
 REST_SIGMA = 5.0  # standard deviations of the velocity, below which the piston counts as resting
@@ -342,3 +349,61 @@ def fuse_position_and_acceleration(
     tolerance = dt * (a_noise + JUMP_ERROR_RATIO * np.abs(np.diff(a)))  # m/s a step
     weights = 1.0 / x_noise, 1.0 / tolerance, 2.0 / (tolerance * dt)
     return lambda x, a: least_squares_motion(dt, *weights, x, a)[1:]
+
+
+@dataclass(frozen=True)
+class NonFrictionForces:
+    """The equations of a model's effects at the ports of ``REMOVED_BALANCES``."""
+
+    model: Model
+
+    @property
+    def effect_names(self) -> tuple[str, ...]:
+        """The effects whose forces are removed before friction is identified."""
+        return tuple(e.name for e in self.model.effects if REMOVED_BALANCES & e.balances)
+
+    @property
+    def added_mass(self) -> float:
+        """The mass in kg that effects add to the rig's."""
+        return self.model.sum_of_port("mass")
+
+    def corrected_readings(self, time: Array, readings: Mapping[str, Array]) -> dict[str, Array]:
+        """Return readings, each (n,), with the faults of the sensors of p1, p2 and force removed."""
+        inputs = np.full((time.size, len(at.INPUTS)), self.model.rig.ambient_pressure)
+        columns = {"p1": at.IN_P1, "p2": at.IN_P2}
+        for name in columns.keys() & readings.keys():
+            inputs[:, columns[name]] = readings[name]
+        self._kernel.functions.run_true_pressures(read_only(time), inputs, *self._vectors)
+        corrected = {n: inputs[:, columns[n]] if n in columns else y for n, y in readings.items()}
+        if "force" in corrected and (delay := self.model.sum_of_port("force_delay")):
+            corrected["force"] = shifted(time, corrected["force"], delay)
+        return corrected
+
+    def forces(self, x: Array, v: Array) -> Array:
+        """Return the effects' forces toward +x in N, shape (n,), at positions in m and velocities in m/s."""
+        out = np.zeros(x.size)
+        self._kernel.functions.run_forces(x, v, *self._vectors, out)
+        return out
+
+    def simulate_driven(
+        self, time: Array, drive: Array, x: Array, start: float, mass: float, tables: Array, step: float, parts: int
+    ) -> Array:
+        """Return v (m/s) and a (m/s^2), shape (2, n); see :func:`pneucli.simulate.kernel.table_friction.run_driven`."""
+        out = np.zeros((2, time.size))
+        self._kernel.functions.run_table_friction(
+            time, drive, x, float(start), float(mass), tables, float(step), parts, *self._vectors, out
+        )
+        return out
+
+    @property
+    def _kernel(self) -> Kernel:
+        return kernel_for(self.model.effects)
+
+    @cached_property
+    def _vectors(self) -> tuple[Array, Array, NDArray[np.uint8]]:
+        base = self.model.base_values()
+        return (
+            np.array([base[name] for name in at.BASE_NAMES]),
+            self._kernel.effect_vector(self.model.effect_values()),
+            self._kernel.effect_switches([e.name for e in self.model.effects]),
+        )

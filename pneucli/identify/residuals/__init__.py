@@ -11,14 +11,24 @@ with stick and slip is not. To add a subsystem, write one module and one line in
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import replace
-from typing import Any
+from dataclasses import dataclass, replace
+from typing import Any, ClassVar
 
-from pneucli.identify.residuals.base import ResidualModel
+import numpy as np
+
+from pneucli.arrays import Array
+from pneucli.identify.residuals.base import (
+    DiscrepancyTerm,
+    ResidualModel,
+    bounded_difference,
+    force_discrepancy_terms,
+)
 from pneucli.identify.residuals.chambers import ChamberPressures
 from pneucli.identify.residuals.force_balance import ForceBalance, ForceBalanceInferredP2
-from pneucli.identify.residuals.free_run import FreeRun, ImposedMotion
+from pneucli.physics.ports import Balance
 from pneucli.simulate.experiment import Experiment
+from pneucli.simulate.model import Model
+from pneucli.simulate.outputs import simulate_outputs
 
 __all__ = [
     "ChamberPressures",
@@ -78,3 +88,37 @@ def with_channel_weights(models: Sequence[ResidualModel], weights: Mapping[Any, 
 
     """
     return [replace(model, weights=weights) for model in models] if weights else list(models)
+
+
+@dataclass(frozen=True)
+class FreeRun(ResidualModel):
+    """All channels simulated together, where a subsystem has no signal."""
+
+    title: ClassVar[str] = "the complete simulation"
+    balances: ClassVar[frozenset[Balance]] = frozenset({"gas", "mechanics", "friction", "pressure sensor"})
+    base_groups: ClassVar[frozenset[str]] = frozenset({"rig", "friction", "valve"})
+    predicts_force: ClassVar[bool] = True
+
+    def residual(self, model: Model, errors: Mapping[str, Array] | None = None) -> dict[str, Array]:
+        """Return measured minus model by channel."""
+        modelled = simulate_outputs(model, self.experiment)
+        return {c: bounded_difference(self.measured[c], modelled[c], self.noise[c]) for c in self.channels}
+
+
+@dataclass(frozen=True)
+class ImposedMotion(FreeRun):
+    """The measured force compared with the force that the model needs for the measured motion."""
+
+    title: ClassVar[str] = "mechanics: friction, load or a force on the piston"
+    balances: ClassVar[frozenset[Balance]] = frozenset({"mechanics", "friction", "pressure sensor"})
+    base_groups: ClassVar[frozenset[str]] = frozenset({"rig", "friction"})
+    predicts_force: ClassVar[bool] = False
+    is_simulated: ClassVar[bool] = False
+
+    def discrepancy_terms(self, model: Model, channel: str) -> Sequence[DiscrepancyTerm]:
+        """Return the forms of a missing force or friction."""
+        return force_discrepancy_terms(self.experiment, self.noise[channel])
+
+    def apply_whitening(self, residual: Mapping[str, Array], errors: Mapping[str, Array]) -> dict[str, Array]:
+        """Return the residuals, 0 where the motion does not determine the force, which is not compared there."""
+        return {c: np.where(self.experiment.force_is_determined, r, 0.0) for c, r in residual.items()}

@@ -10,6 +10,7 @@ from dataclasses import dataclass, field, replace
 from functools import cached_property
 
 import numpy as np
+from numpy.typing import NDArray
 
 from pneucli.arrays import Array
 from pneucli.errors import InputError
@@ -20,9 +21,9 @@ from pneucli.simulate import layout as at
 from pneucli.simulate.derivatives import Directions
 from pneucli.simulate.experiment import Experiment
 from pneucli.simulate.model import Model, ValveForm, with_parameters
-from pneucli.simulate.quasi_static_gradient import QuasiStaticGradient
-from pneucli.simulate.run import simulate
+from pneucli.simulate.run import base_vector, kernel_for, simulate
 
+NO_SHAPES = np.zeros((0, 0))
 DIFFERENCE_STEP = 1e-3  # of a coordinate, for finite differences
 PRIOR_WIDENING = 3.0  # times the standard error: the prior width of a parameter in the fit to the curves
 MIN_COORDINATE_ERROR = 1e-3  # of a coordinate: the smallest prior width
@@ -223,3 +224,64 @@ def memory_gradient(model: Model, test: Experiment) -> Array:
     last[test.restarts[test.restarts > 0] - 1] -= 1  # the jump at a restart is no gradient
     rate = rate[np.maximum(last, 0)]
     return np.append(rate, rate[-1])
+
+
+@dataclass(frozen=True)
+class QuasiStaticGradient:
+    """The pressure gradient of a model at held commands, without memory, for the vessel of a valve test."""
+
+    model: Model
+    experiment: Experiment
+
+    def __call__(self, u: Array, p: Array, supply: Array) -> Array:
+        """Return the gradient as the sensor reads it.
+
+        Args:
+            u: Command in V from the null command.
+            p: Pressure in Pa.
+            supply: Supply pressure in Pa; all three of one shape.
+
+        Returns:
+            Gradient in Pa/s, of the same shape.
+
+        References:
+            Thesis 7.4.
+        """
+        return self._run(u, p, supply, NO_SHAPES)[0]
+
+    def area_derivatives(self, u: Array, p: Array, supply: Array, changes: Directions) -> Array:
+        """Return the derivatives of the gradient by parameters of the valve's areas, of this model's changes.
+
+        Args:
+            u: Command in V from the null command.
+            p: Pressure in Pa.
+            supply: Supply pressure in Pa; all three of one shape.
+            changes: The changes of the areas.
+
+        Returns:
+            Pa/s a unit of the parameter, shape ``u.shape + (parameters,)``.
+        """
+        return self._run(u, p, supply, changes.area_slopes(self.experiment.recording.chamber, self._largest))[1]
+
+    def _run(self, u: Array, p: Array, supply: Array, shapes: Array) -> tuple[Array, Array]:
+        out, derivatives = np.empty(u.size), np.empty((u.size, shapes.shape[1]))
+        self._gradient(u.ravel(), p.ravel(), supply.ravel(), *self._fixed, out, shapes, derivatives)
+        return out.reshape(u.shape), derivatives.reshape((*u.shape, shapes.shape[1]))
+
+    @property
+    def _largest(self) -> float:
+        """The largest opening of the table of areas in V."""
+        valve = self.model.valve_of_chamber(self.experiment.recording.chamber)
+        return max(float(self.experiment.flags[at.U_MAX]), *map(abs, valve.commands))
+
+    @cached_property
+    def _fixed(self) -> tuple[Array, Array, NDArray[np.uint8], float, Array]:
+        kernel = kernel_for(self.model.effects)
+        active = kernel.effect_switches(self.experiment.active_effects(self.model.effects))
+        base, th = base_vector(self.model, self.experiment), kernel.effect_vector(self.model.effect_values())
+        valve = self.model.valve_of_chamber(self.experiment.recording.chamber)
+        return base, th, active, self._largest, valve.table(self._largest)
+
+    @cached_property
+    def _gradient(self):  # type: ignore[no-untyped-def]
+        return kernel_for(self.model.effects).functions.run_gradient
