@@ -19,6 +19,7 @@ from pneucli.design.requirements import Requirements
 from pneucli.design.sliding import LinearSystem, surface_by_lq, surface_by_poles
 from pneucli.design.sliding_sector import SlidingSector, eta_for_slope, sector_from_eta
 from pneucli.errors import InputError
+from pneucli.messages.design import SlidingLine
 from pneucli.tp import TPModel
 
 METHODS = {"poles": "pole placement", "lq": "LQ"}  # of finding a sliding surface, by the words of ``[design] surface``
@@ -122,9 +123,7 @@ def designed_sector(cascade: Controller, bandwidths: Bandwidths, requirements: R
     return sector_from_eta(eta, c["C_MASS"], requirements.period, c["C_STATIC"], c["C_VISCOUS"], width)
 
 
-def sliding_surfaces(
-    mechanical: LinearSystem, bandwidths: Bandwidths, requirements: Requirements
-) -> list[dict[str, object]]:
+def sliding_surfaces(mechanical: LinearSystem, bandwidths: Bandwidths, requirements: Requirements) -> list[SlidingLine]:
     """Design the sliding line of the mechanical subsystem by pole placement and by LQ.
 
     Args:
@@ -135,7 +134,7 @@ def sliding_surfaces(
             as its rate.
 
     Returns:
-        One row a method: ``surface`` (2,), ``pole`` and ``slope`` (1/s), and ``taken`` for the selected one.
+        One line a method: ``surface`` (2,), ``pole`` and ``slope`` (1/s), and ``taken`` for the selected one.
 
     References:
         Thesis (5.2); Utkin and Young (1978) for the LQ surface.
@@ -147,14 +146,14 @@ def sliding_surfaces(
         "lq": surface_by_lq(mechanical.A, mechanical.B, np.diag(weights)),
     }
     return [
-        {
-            "system": "mechanical",
-            "method": METHODS[kind],
-            "surface": [float(v) for v in one.S[0]],
-            "pole": float(one.poles[0].real),
-            "slope": float(one.S[0][0] / one.S[0][1]),
-            "taken": kind == requirements.surface,
-        }
+        SlidingLine(
+            "mechanical",
+            METHODS[kind],
+            surface=[float(v) for v in one.S[0]],
+            pole=float(one.poles[0].real),
+            slope=float(one.S[0][0] / one.S[0][1]),
+            taken=kind == requirements.surface,
+        )
         for kind, one in found.items()
     ]
 
@@ -163,7 +162,7 @@ def collect_design_data(
     cascade: Controller,
     bandwidths: Bandwidths,
     requirements: Requirements,
-    surfaces: Sequence[Mapping[str, object]],
+    surfaces: Sequence[SlidingLine],
     weights: Sequence[WeightStudy],
     missing: Mapping[str, str],
 ) -> DesignData:
@@ -173,12 +172,12 @@ def collect_design_data(
         cascade: Controller ``best``.
         bandwidths: Corner frequencies of loops without prediction (rad/s).
         requirements: The table ``[design]``.
-        surfaces: Rows of :func:`sliding_surfaces`.
+        surfaces: The lines of :func:`sliding_surfaces`.
         weights: Studies of the weight types, :func:`pneucli.design.lpv.compare_weight_types`.
         missing: Reasons for empty fields.
 
     """
-    slope = next(float(line["slope"]) for line in surfaces if line["taken"])  # type: ignore[arg-type]
+    slope = next(line.slope for line in surfaces if line.taken)
     verified = [(w.model, w.pdc) for w in weights if w.model is not None and w.pdc is not None and w.pdc.verified]
     fastest = max(verified, key=lambda pair: pair[1].rate, default=None)
     return DesignData(cascade, requirements, bandwidths, slope, fastest, missing)

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+import math
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -12,6 +13,8 @@ import numpy as np
 import pyarrow as pa
 
 from pneucli.arrays import Array
+from pneucli.figure import Figure, to_json
+from pneucli.fleet.row_files import RowResult
 from pneucli.io.artifacts import Provenance, TableWriter, schema_of
 
 MIN_DATES = 3  # two dates show no trend
@@ -63,31 +66,30 @@ UNITS = {
 }
 
 
-def write_datasets(out: Path, results: Sequence[Mapping[str, Any]], provenance: Provenance) -> None:
+def write_datasets(out: Path, results: Sequence[RowResult], provenance: Provenance) -> None:
     """Write the datasets of all rows; remove the dates that the table no longer has."""
     for name in COLUMNS:
-        by_date: dict[str, list[dict[str, Any]]] = {str(r["date"]): [] for r in results}
+        by_date: dict[str, list[dict[str, Any]]] = {r.date: [] for r in results}
         for result in results:
-            by_date[str(result["date"])] += [dict(record) for record in _records(name, result)]
+            by_date[result.date] += _records(name, result)
         for date, records in by_date.items():
             _write(out / name / f"date={quote(date)}" / PART_FILE, name, records, provenance)
         _remove_others(out / name, {f"date={quote(date)}" for date in by_date})
 
 
-def _records(name: str, result: Mapping[str, Any]) -> Iterable[Mapping[str, Any]]:
+def _records(name: str, result: RowResult) -> list[dict[str, Any]]:
     if name == RESULTS:
-        return [{**result, "changed": [c["name"] for c in result["changes"]]}]
+        return [{**to_json(result), "changed": [c.name for c in result.changes]}]
+    own = {"rig": result.rig, "since": result.since}
     if name == PARAMETERS:
-        return [
-            {"rig": result["rig"], "name": n, "value": p["value"], "unit": p["unit"]} | _interval(p)
-            for n, p in result["parameters"].items()
-        ]
-    return [{**c, **_interval(c), "rig": result["rig"], "since": result["since"]} for c in result["changes"]]
+        return [own | {"name": n} | _figure(p) for n, p in result.parameters.items()]
+    return [own | to_json(c) | _figure(c.after) | {"after": _figure(c.after)["value"]} for c in result.changes]
 
 
-def _interval(one: Mapping[str, Any]) -> dict[str, Any]:
-    low, high = one.get("ci95") or (None, None)
-    return {"ci_low": low, "ci_high": high}
+def _figure(one: Figure) -> dict[str, Any]:
+    return {
+        key: value if isinstance(value, str) or math.isfinite(value) else None for key, value in one.columns.items()
+    }
 
 
 def _write(path: Path, name: str, records: Sequence[Mapping[str, Any]], provenance: Provenance) -> None:

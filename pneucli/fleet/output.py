@@ -19,7 +19,9 @@ from markupsafe import Markup
 from pneucli.config import FleetConfig
 from pneucli.figure import to_json
 from pneucli.fleet.dataset import Trend
+from pneucli.fleet.row_files import RowResult
 from pneucli.io.artifacts import write_text
+from pneucli.messages.diagnose import Change
 from pneucli.messages.fleet import Answer
 from pneucli.pipeline.checks import CheckResult, evaluate
 from pneucli.report.report_data import Check
@@ -33,7 +35,7 @@ PREFIX = "pneucli_fleet"
 PAGE, JUNIT, METRICS, ANSWER = "report.html", "junit.xml", "metrics.txt", "fleet.json"
 
 
-def to_html(answer: Answer, results: Sequence[Mapping[str, Any]], trends: Sequence[Trend]) -> str:
+def to_html(answer: Answer, results: Sequence[RowResult], trends: Sequence[Trend]) -> str:
     """Return the page: changed rigs, missing effects over the fleet, trends, failures by cause."""
     environment = Environment(
         loader=PackageLoader("pneucli.fleet", "assets"), autoescape=True, undefined=StrictUndefined, trim_blocks=True
@@ -59,11 +61,11 @@ def _policy(script: str) -> str:
     return f"default-src 'none'; {own}; base-uri 'none'; form-action 'none'"
 
 
-def page_data(answer: Answer, results: Sequence[Mapping[str, Any]], trends: Sequence[Trend]) -> dict[str, Any]:
+def page_data(answer: Answer, results: Sequence[RowResult], trends: Sequence[Trend]) -> dict[str, Any]:
     """Return the page's data: a list for each rig, the most changed first, with texts by their number."""
-    by_rig: dict[str, list[Mapping[str, Any]]] = {}
-    for one in sorted(results, key=lambda r: str(r["date"])):
-        by_rig.setdefault(one["rig"], []).append(one)
+    by_rig: dict[str, list[RowResult]] = {}
+    for one in sorted(results, key=lambda r: r.date):
+        by_rig.setdefault(one.rig, []).append(one)
     texts: dict[str, int] = {}
     trends_by_rig: dict[str, list[Trend]] = {}
     for trend in trends:
@@ -77,17 +79,17 @@ def page_data(answer: Answer, results: Sequence[Mapping[str, Any]], trends: Sequ
             "missing": answer.missing, "changes": _rigs_by_change(results)}  # fmt: skip
 
 
-def _rigs_by_change(results: Sequence[Mapping[str, Any]]) -> dict[str, int]:
+def _rigs_by_change(results: Sequence[RowResult]) -> dict[str, int]:
     counts: dict[str, set[str]] = {}
     for result in results:
-        for one in result["changes"]:
-            counts.setdefault(one["name"], set()).add(result["rig"])
+        for one in result.changes:
+            counts.setdefault(one.name, set()).add(result.rig)
     return {name: len(rigs) for name, rigs in sorted(counts.items(), key=lambda c: -len(c[1]))}
 
 
-def _log_evidence(results: Sequence[Mapping[str, Any]]) -> float:
+def _log_evidence(results: Sequence[RowResult]) -> float:
     """Return -log10 of a rig's smallest p-value, 0 where nothing changed."""
-    p_values = [max(float(r["p_value"] or 0.0), 1e-99) for r in results if r["changes"]]
+    p_values = [max(r.p_value or 0.0, 1e-99) for r in results if r.changes]
     return -math.log10(min(p_values)) if p_values else 0.0
 
 
@@ -95,32 +97,33 @@ def _has_change_point(trends: Sequence[Trend]) -> bool:
     return any(t.change_points for t in trends)
 
 
-def _rig(rig: str, results: Sequence[Mapping[str, Any]], texts: dict[str, int], trends: Sequence[Trend]) -> list[Any]:
+def _rig(rig: str, results: Sequence[RowResult], texts: dict[str, int], trends: Sequence[Trend]) -> list[Any]:
     """Return a rig's row in the order of the columns in fleet.js."""
     last = results[-1]
-    changed = next((r for r in reversed(results) if r["changes"]), None)
-    failure = next((r for r in reversed(results) if r["failure"]), None)
-    report = (changed or last)["report"]
+    changed = next((r for r in reversed(results) if r.changes), None)
+    failure = next((r for r in reversed(results) if r.failure), None)
+    report = (changed or last).report
     return [
         rig,
-        _text_number(last["date"], texts),
+        _text_number(last.date, texts),
         len(results),
-        _text_number(last["verdict"] or "failed", texts),
-        [_text_number(name, texts) for name in last["missing"]],
-        [] if changed is None else [_change(one, texts) for one in changed["changes"]],
+        _text_number(last.verdict or "failed", texts),
+        [_text_number(name, texts) for name in last.missing],
+        [] if changed is None else [_change(one, texts) for one in changed.changes],
         round(_log_evidence(results), 1),
-        None if last["error_test"] is None else float(f"{last['error_test']:.3g}"),
+        None if last.error_test is None else float(f"{last.error_test:.3g}"),
         None
         if failure is None
-        else [_text_number(failure["cause"], texts), str(failure["failure"])[:MAX_FAILURE_CHARACTERS]],
+        else [_text_number(str(failure.cause), texts), str(failure.failure)[:MAX_FAILURE_CHARACTERS]],
         None if report is None else quote(report),
         [_text_number(t.name, texts) for t in trends if t.change_points],
     ]
 
 
-def _change(one: Mapping[str, Any], texts: dict[str, int]) -> list[Any]:
-    numbers = [None if one[key] is None else float(f"{one[key]:.4g}") for key in ("before", "after")]
-    return [_text_number(one["name"], texts), *numbers, _text_number(one["unit"], texts)]
+def _change(one: Change, texts: dict[str, int]) -> list[Any]:
+    sizes = (one.before, one.after.value)
+    numbers = [None if size is None or math.isnan(size) else float(f"{size:.4g}") for size in sizes]
+    return [_text_number(one.name, texts), *numbers, _text_number(one.after.unit, texts)]
 
 
 def _text_number(text: str, texts: dict[str, int]) -> int:
@@ -153,26 +156,26 @@ def _trend_panels(
     return out
 
 
-def to_openmetrics(answer: Answer, results: Sequence[Mapping[str, Any]]) -> str:
+def to_openmetrics(answer: Answer, results: Sequence[RowResult]) -> str:
     """Return gauges by fleet: rigs, rows by verdict, rigs changed by name, failures by cause, seconds."""
     return "\n".join([*_lines(answer, results), "# EOF", ""])
 
 
-def _lines(answer: Answer, results: Sequence[Mapping[str, Any]]) -> Iterator[str]:
+def _lines(answer: Answer, results: Sequence[RowResult]) -> Iterator[str]:
     fleet = answer.fleet
     plain = {"rigs": "Rigs in the table.", "rows": "Rows in the table: a rig at a date.", "failed": "Rows that failed.",
              "changed": "Rigs in which something changed.", "done": "Rows that were done in the last run."}  # fmt: skip
     for name, about in plain.items():
         yield from _gauge(name, about, [({"fleet": fleet}, getattr(answer, name))])
-    latest = {r["rig"]: r for r in sorted(results, key=lambda r: str(r["date"]))}.values()
-    verdicts = Counter(r["verdict"] or "failed" for r in latest)
+    latest = {r.rig: r for r in sorted(results, key=lambda r: r.date)}.values()
+    verdicts = Counter(r.verdict or "failed" for r in latest)
     yield from _gauge("verdict", "Rigs by the verdict at their last date.", _by(fleet, "verdict", verdicts))
-    changes = Counter(one["name"] for r in latest for one in r["changes"])
+    changes = Counter(one.name for r in latest for one in r.changes)
     yield from _gauge("change", "Rigs by what changed in them, at their last date.", _by(fleet, "name", changes))
     causes = {one.cause: one.rows for one in answer.failures}
     yield from _gauge("failure", "Rows that failed, by cause.", _by(fleet, "cause", causes))
     for name, about in {"seconds": "Seconds", "core_seconds": "Processor seconds"}.items():
-        busy = sum(float(r.get(name) or 0.0) for r in results)
+        busy = sum(float(getattr(r, name)) for r in results)
         yield from _gauge(f"worker_{name}", f"{about} that workers took for all rows.", [({"fleet": fleet}, busy)])
 
 
@@ -196,7 +199,7 @@ def write_outputs(
     out: Path,
     config: FleetConfig,
     answer: Answer,
-    results: Sequence[Mapping[str, Any]],
+    results: Sequence[RowResult],
     trends: Sequence[Trend],
 ) -> dict[str, Any]:
     """Write these files and the answer into the folder ``out``, each file atomically; return the answer as JSON."""
@@ -221,10 +224,10 @@ def evaluate_checks(config: FleetConfig, answer: Mapping[str, Any]) -> list[Chec
     return evaluate(tables, {"fleet": answer}, f"{config.path}, [checks]")
 
 
-def _of_row(result: Mapping[str, Any]) -> Check:
-    changed = ", ".join(one["name"] for one in result["changes"])
-    failure = result["failure"] or (f"changed since {result['since']}: {changed}" if changed else "")
-    return Check(f"{result['rig']}.{result['date']}", "unchanged", result["verdict"] or "failed", failure)
+def _of_row(result: RowResult) -> Check:
+    changed = ", ".join(one.name for one in result.changes)
+    failure = result.failure or (f"changed since {result.since}: {changed}" if changed else "")
+    return Check(f"{result.rig}.{result.date}", "unchanged", result.verdict or "failed", failure)
 
 
 def _of_check(result: CheckResult) -> Check:

@@ -14,12 +14,13 @@ import tomlkit
 
 from pneucli.changes.repeatability import RepeatDifferences, VariancePrior
 from pneucli.errors import InputError
+from pneucli.figure import read
 from pneucli.fleet.row_files import (
+    RowResult,
     failure_result,
     raw_file_names,
     read_result,
     result_from_diagnosis,
-    result_header,
     row_folder,
     write_result,
 )
@@ -27,6 +28,7 @@ from pneucli.fleet.table import FleetRow
 from pneucli.io import remote_files
 from pneucli.io.artifacts import sha256_of
 from pneucli.io.result_store import Store, store_at
+from pneucli.messages.diagnose import Answer
 from pneucli.pipeline.graph import STAGES
 from pneucli.pipeline.manifest import MANIFEST_FILE as MANIFEST
 from pneucli.pipeline.manifest import digest, program_digest, program_versions
@@ -132,7 +134,7 @@ def _glob_stamp(name: str) -> str:
         return ""
 
 
-def process_row(job: Job) -> dict[str, Any]:
+def process_row(job: Job) -> RowResult:
     """Process one row, write its result into its folder and return it; an error becomes the row's failure.
 
     Raises ProgramMismatchError where this worker runs another program than the client.
@@ -143,11 +145,14 @@ def process_row(job: Job) -> dict[str, Any]:
         try:
             result = _process(job, Path(scratch))
         except Exception as error:  # one row must not stop the others
-            result = failure_result(job.row, error) | {"stamp": _stamp_or_none(job)}
-    if result.get("same"):
+            result = replace(failure_result(job.row, error), stamp=_stamp_or_none(job))
+    if result.same:
         return result
-    result["seconds"] = round(time.perf_counter() - begun, 3)
-    result["core_seconds"] = round(time.process_time() - used, 3)  # of the process, which runs one row at a time
+    result = replace(
+        result,
+        seconds=round(time.perf_counter() - begun, 3),
+        core_seconds=round(time.process_time() - used, 3),  # of the process, which runs one row at a time
+    )
     write_result(job.store, job.row, result)
     return result
 
@@ -172,29 +177,30 @@ def require_same_program(job: Job) -> None:
         raise ProgramMismatchError("; ".join(differences))
 
 
-def _process(job: Job, scratch: Path) -> dict[str, Any]:
+def _process(job: Job, scratch: Path) -> RowResult:
     if job.row.fault:
         raise InputError(f"line {job.row.line} of the table", job.row.fault, code="E081")
     stamp, (text, hashes) = input_stamp(job), _fetch_inputs(job, scratch)
     key = digest([job.dependencies, hashes])
     former = read_result(job.store, job.row)
-    if former is not None and former.get("key") == key and not former.get("again"):
-        write_result(job.store, job.row, former | {"stamp": stamp})  # only the times of its files changed
-        return former | {"stamp": stamp, "same": True}
+    if former is not None and former.key == key and not former.again:
+        write_result(job.store, job.row, replace(former, stamp=stamp))  # only the times of its files changed
+        return replace(former, stamp=stamp, same=True)
     file = scratch / PIPELINE
     file.write_text(text, encoding="utf-8")
     pipeline = open_pipeline(file, load_pipeline_file, scratch / "artifacts", ROW_STAGES)
-    answer = dict(pipeline.update(["diagnose"], {"diagnose": _options(job, scratch)})["diagnose"].answer)
+    answer = read(Answer, pipeline.update(["diagnose"], {"diagnose": _options(job, scratch)})["diagnose"].answer)
     if job.stated_healthy:
-        answer["changes"] = []
+        answer = replace(answer, changes=[])
     _store_row_files(job, pipeline)
-    result = (
-        result_header(job.row)
-        | result_from_diagnosis(answer)
-        | {"since": job.reference_date, "program": program_digest(), "failure": None}
+    return replace(
+        result_from_diagnosis(job.row, answer),
+        since=job.reference_date,
+        report=_write_report(job, pipeline, changed=bool(answer.changes)),
+        program=program_digest(),
+        stamp=stamp,
+        key=key,
     )
-    result |= {"report": _write_report(job, pipeline, answer), "cause": None, "again": False}
-    return result | {"bad": answer["verdict"] == "inconclusive", "stamp": stamp, "key": key}
 
 
 def _options(job: Job, scratch: Path) -> dict[str, Any]:
@@ -228,9 +234,9 @@ def _store_row_files(job: Job, pipeline: Pipeline) -> None:
         job.store.copy_file(f"{job.folder}/{REFERENCE}/{name}", pipeline.artifacts / "diagnose" / name)
 
 
-def _write_report(job: Job, pipeline: Pipeline, answer: Mapping[str, Any]) -> str | None:
+def _write_report(job: Job, pipeline: Pipeline, *, changed: bool) -> str | None:
     """Make the rig's own report where one is asked for; return its path below the fleet's folder."""
-    if job.reports == "none" or (job.reports == "changed" and not answer.get("changes")):
+    if job.reports == "none" or (job.reports == "changed" and not changed):
         return None
     pipeline.update(["report"])
     job.store.copy_file(f"{job.folder}/{REPORT}", pipeline.artifacts / "report" / REPORT)

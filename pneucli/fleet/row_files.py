@@ -6,6 +6,7 @@ import json
 import os
 import re
 from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 from urllib.parse import quote
@@ -13,26 +14,53 @@ from urllib.parse import quote
 import tomlkit
 
 from pneucli.errors import InputError, did_you_mean, environment_error
+from pneucli.figure import Figure, named, read, to_json
 from pneucli.fleet.table import FleetRow
 from pneucli.io.remote_files import is_remote
 from pneucli.io.result_store import Store
+from pneucli.messages.diagnose import Answer, Change, Repeatability
 
 SCHEMA = "pneucli/fleet-row/1"
 RESULT, ROWS = "row.json", "rows"
-EMPTY_RESULT: dict[str, Any] = {
-    "verdict": None,
-    "missing": [],
-    "error_train": None,
-    "error_test": None,
-    "parameters": {},
-    "changes": [],
-    "p_value": None,
-    "report": None,
-    "failure": None,
-    "cause": None,
-}
 RECORDINGS = "recordings"
 SAFE_CHARACTERS = " +,=@()"  # unchanged in a folder's name, in addition to letters, digits and _.-~
+
+
+@dataclass(frozen=True)
+class RowResult:
+    """What a row came to: what a fleet keeps of its diagnosis, or why it failed.
+
+    ``since`` is the date that it was compared with, ``key`` the digest of its inputs, ``stamp`` one that is had without
+    reading them. ``again``: the next run repeats it; ``bad``: it cannot be a baseline; ``same``: it was there already.
+    """
+
+    schema: str
+    rig: str
+    date: str
+    line: int = 0
+    since: str | None = None
+    verdict: str | None = None
+    missing: Sequence[str] = ()
+    error_train: float | None = None
+    error_test: float | None = None
+    error_after: float | None = None
+    parameters: Mapping[str, Figure] = field(default_factory=dict)
+    changes: Sequence[Change] = ()
+    p_value: float | None = None
+    repeat: Mapping[str, Sequence[float]] | None = None
+    repeatability: Repeatability | None = None
+    sentence: str = ""
+    report: str | None = None
+    failure: str | None = None
+    cause: str | None = None
+    again: bool = False
+    bad: bool = False
+    program: str | None = None
+    stamp: str | None = None
+    key: str | None = None
+    seconds: float = 0.0
+    core_seconds: float = 0.0
+    same: bool = False
 
 
 def folder_name(text: str) -> str:
@@ -125,12 +153,12 @@ def row_folder(row: FleetRow) -> str:
     return f"{ROWS}/{folder_name(row.rig)}/{folder_name(row.date)}"
 
 
-def read_result(store: Store, row: FleetRow) -> dict[str, Any] | None:
+def read_result(store: Store, row: FleetRow) -> RowResult | None:
     """Return the stored result of a row; None where there is none of this version."""
     return parse_result(store.read(f"{row_folder(row)}/{RESULT}"))
 
 
-def read_results(store: Store, rows: Sequence[FleetRow]) -> dict[tuple[str, str], dict[str, Any]]:
+def read_results(store: Store, rows: Sequence[FleetRow]) -> dict[tuple[str, str], RowResult]:
     """Return the stored results of several rows, by rig and date."""
     names = {row.key: f"{row_folder(row)}/{RESULT}" for row in rows if not row.fault}
     content = store.read_all(names.values())
@@ -138,21 +166,21 @@ def read_results(store: Store, rows: Sequence[FleetRow]) -> dict[tuple[str, str]
     return {key: result for key, result in found.items() if result is not None}
 
 
-def parse_result(content: bytes | None) -> dict[str, Any] | None:
+def parse_result(content: bytes | None) -> RowResult | None:
     """Return the result in the content of a row's file; None where another version wrote it."""
     try:
         result: dict[str, Any] = json.loads(content or b"")
     except ValueError:
         return None
-    return result if result.get("schema") == SCHEMA else None
+    return read(RowResult, result) if result.get("schema") == SCHEMA else None
 
 
-def write_result(store: Store, row: FleetRow, result: Mapping[str, Any]) -> None:
+def write_result(store: Store, row: FleetRow, result: RowResult) -> None:
     """Write the result of a row, atomically."""
-    store.write(f"{row_folder(row)}/{RESULT}", json.dumps(result, allow_nan=False))
+    store.write(f"{row_folder(row)}/{RESULT}", json.dumps(to_json(result), allow_nan=False))
 
 
-def failure_result(row: FleetRow, error: BaseException) -> dict[str, Any]:
+def failure_result(row: FleetRow, error: BaseException) -> RowResult:
     """Return the result of a failed row; the next run repeats the row unless its input is at fault."""
     environment = environment_error(error) if isinstance(error, OSError | MemoryError) else None
     reported = environment or error
@@ -162,7 +190,7 @@ def failure_result(row: FleetRow, error: BaseException) -> dict[str, Any]:
         name = type(error).__name__
         text, cause = f"fault of the program: {name}: {error}", failure_cause(name)
     again = not isinstance(error, InputError)
-    return result_header(row) | EMPTY_RESULT | {"failure": text, "cause": cause, "again": again, "bad": True}
+    return RowResult(SCHEMA, row.rig, row.date, row.line, failure=text, cause=cause, again=again, bad=True)
 
 
 def failure_cause(text: str) -> str:
@@ -172,26 +200,19 @@ def failure_cause(text: str) -> str:
     return re.sub(r"[-+]?\d[\d.,e+-]*", "#", text)[:120]
 
 
-def result_header(row: FleetRow) -> dict[str, Any]:
-    """Return the entries that say to which row a result belongs."""
-    return {"schema": SCHEMA, "rig": row.rig, "date": row.date, "line": row.line, "since": None}
-
-
-def result_from_diagnosis(answer: Mapping[str, Any]) -> dict[str, Any]:
+def result_from_diagnosis(row: FleetRow, answer: Answer) -> RowResult:
     """Return the part of a diagnosis that a fleet stores."""
-    last = next((s for s in reversed(answer["ladder"]) if s["add"] in answer["missing"]), answer["ladder"][0])
-    named = {c["effect"]: c for c in answer["candidates"] if c["effect"] in answer["missing"]}
-    effects = {f"{name}.{p}": value for name, c in named.items() for p, value in c["parameters"].items()}
-    return {
-        "verdict": answer["verdict"],
-        "missing": answer["missing"],
-        "error_train": answer["ladder"][0]["error_train"],
-        "error_test": answer["ladder"][0]["error_test"],
-        "error_after": last["error_train"] if last["error_test"] is None else last["error_test"],
-        "parameters": answer["parameters"] | effects,
-        "changes": answer.get("changes", []),
-        "p_value": answer.get("since", {}).get("p_value"),
-        "repeat": answer.get("since", {}).get("repeat"),
-        "repeatability": answer.get("since", {}).get("repeatability"),
-        "sentence": answer["sentence"],
-    }
+    first, since = answer.ladder[0], answer.since
+    last = next((s for s in reversed(answer.ladder) if s.add in answer.missing), first)
+    effects = {f"{c.effect}.{p}": value for c in answer.named for p, value in c.parameters.items()}
+    return RowResult(
+        schema=SCHEMA,
+        **named(row, "rig date line"),
+        **named(answer, "verdict missing sentence"),
+        **named(first, "error_train error_test"),
+        error_after=last.error_train if last.error_test is None else last.error_test,
+        parameters={**(answer.parameters or {}), **effects},
+        changes=answer.changes or (),
+        **({} if since is None else named(since, "p_value repeat repeatability")),
+        bad=answer.verdict == "inconclusive",
+    )

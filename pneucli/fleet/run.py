@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import time
 import tomllib
 from collections import Counter, deque
@@ -21,11 +22,11 @@ from pneucli.document import read_toml
 from pneucli.errors import InputError
 from pneucli.executors.dask_cluster import engine_from
 from pneucli.executors.engine import Engine, Outcome, run_jobs
-from pneucli.figure import read
 from pneucli.fleet import row as fleet_row
 from pneucli.fleet.dataset import COLUMNS, PART_FILE, TRENDS, Trend, parameter_trends, write_datasets, write_trends
 from pneucli.fleet.row import Job, ProgramMismatchError
 from pneucli.fleet.row_files import (
+    RowResult,
     failure_result,
     raw_file_names,
     read_results,
@@ -43,22 +44,20 @@ from pneucli.pipeline.context import NO_PROGRESS, Progress
 from pneucli.pipeline.manifest import program_versions
 from pneucli.quantities import Z95
 
-Result = Mapping[str, Any]
-
 
 def fleet_answer(
-    settings: FleetTable, results: Sequence[Result], trends: Sequence[Trend], done: int, out: str, seconds: float
+    settings: FleetTable, results: Sequence[RowResult], trends: Sequence[Trend], done: int, out: str, seconds: float
 ) -> Answer:
     """Return the answer that ``--json`` prints: counts, the rigs that changed, the failures by cause.
 
     ``done`` is the number of rows that this run processed in so many seconds, ``out`` the store of the results.
     """
-    failures = Counter(str(r["cause"]) for r in results if r["failure"] is not None)
-    changed = [read(RigChanges, r) for r in results if r["changes"]]
+    failures = Counter(str(r.cause) for r in results if r.failure is not None)
+    changed = [RigChanges(r.rig, r.date, r.since or "", r.changes) for r in results if r.changes]
     return Answer(
         schema="pneucli/fleet/1",
         fleet=settings.name,
-        rigs=len({r["rig"] for r in results}),
+        rigs=len({r.rig for r in results}),
         rows=len(results),
         done=done,
         unchanged=len(results) - done,
@@ -66,8 +65,8 @@ def fleet_answer(
         changed=len({c.rig for c in changed}),
         alarm_rate=settings.alarm_rate,
         repeatability=repeatability(settings.healthy, results),
-        verdicts=Counter(r["verdict"] for r in results if r["verdict"]),
-        missing=dict(Counter(name for r in results for name in r["missing"]).most_common()),
+        verdicts=Counter(r.verdict for r in results if r.verdict),
+        missing=dict(Counter(name for r in results for name in r.missing).most_common()),
         changes=sorted(changed, key=lambda c: -max(one.confidence for one in c.changes)),
         failures=[Failures(cause, n) for cause, n in failures.most_common()],
         breaks=sum(bool(t.change_points) for t in trends),
@@ -76,25 +75,24 @@ def fleet_answer(
     )
 
 
-def repeatability(dates: int, results: Sequence[Result]) -> HealthySpread | None:
+def repeatability(dates: int, results: Sequence[RowResult]) -> HealthySpread | None:
     """Return the relative spread of each parameter between healthy dates, the median over the rigs."""
-    last = {r["rig"]: r for r in results if r.get("repeatability")}
+    last = {r.rig: (r, known) for r in results if (known := r.repeatability)}
     spreads: dict[str, list[float]] = {}
-    for r in last.values():
-        for name, one in r["repeatability"]["parameters"].items():
-            if value := r["parameters"].get(name, {}).get("value"):
-                spreads.setdefault(name, []).append(one["value"] / abs(value))
+    for r, known in last.values():
+        for name, one in known.parameters.items():
+            if name in r.parameters and (value := r.parameters[name].value):
+                spreads.setdefault(name, []).append(one.value / abs(value))
     parameters = {name: round(median(values), 5) for name, values in spreads.items()}
     return HealthySpread(len(last), dates, parameters) if last else None
 
 
-def parameter_records(results: Sequence[Result]) -> Iterator[tuple[str, str, str, str, float, float]]:
+def parameter_records(results: Sequence[RowResult]) -> Iterator[tuple[str, str, str, str, float, float]]:
     """Yield each parameter of each row: rig, date, name, unit, value, standard error."""
     for r in results:
-        for name, p in r["parameters"].items():
-            low, high = p["ci95"]
-            if None not in (p["value"], low, high):
-                yield r["rig"], r["date"], name, p["unit"], p["value"], (high - low) / (2.0 * Z95)
+        for name, p in r.parameters.items():
+            if all(map(math.isfinite, (p.value, p.low, p.high))):
+                yield r.rig, r.date, name, p.unit, p.value, (p.high - p.low) / (2.0 * Z95)
 
 
 def run(
@@ -144,8 +142,8 @@ class Fleet:
         columns = dict.fromkeys(name for row in self.rows for name in row.values)
         require_columns(document, columns, keys_at, str(self.table))
         self.program = program_versions()
-        self.previous_results: Mapping[tuple[str, str], Result] = {}
-        self.results: dict[tuple[str, str], Result] = {}
+        self.previous_results: Mapping[tuple[str, str], RowResult] = {}
+        self.results: dict[tuple[str, str], RowResult] = {}
         self.job_queue: deque[Job] = deque()
         self.rigs: dict[str, deque[FleetRow]] = {}
         for row in sorted(self.rows, key=lambda r: (r.rig, r.date)):
@@ -189,19 +187,19 @@ class Fleet:
             else:
                 self._store_result(job, result)
 
-    def _store_result(self, job: Job, result: Result) -> None:
+    def _store_result(self, job: Job, result: RowResult) -> None:
         """Store a result; a rig's first usable one is its baseline."""
         self.results[job.row.key] = result
         self.pending_healthy.discard(job.row.key)
         self.done_count += 1
-        if job.row.rig not in self.reference_rows and not result["bad"]:
+        if job.row.rig not in self.reference_rows and not result.bad:
             self.reference_rows[job.row.rig] = job.row
 
     def _healthy_repeats(self, rig: str) -> tuple[RepeatDifferences, ...]:
         """Return the differences between the healthy dates of a rig and its baseline."""
         first = self.reference_rows.get(rig)
         done = [self.results[key] for key in self.healthy.get(rig, []) if key in self.results]
-        return tuple(r["repeat"] for r in done if first is not None and r["since"] == first.date and r.get("repeat"))
+        return tuple(r.repeat for r in done if first is not None and r.since == first.date and r.repeat)
 
     def _make_job(self, row: FleetRow) -> Job:
         first = self.reference_rows.get(row.rig)
@@ -216,7 +214,7 @@ class Fleet:
             row,
             text,
             reference_date=None if first is None else first.date,
-            reference_key="" if first is None else str(self.results[first.key].get("key")),
+            reference_key="" if first is None else str(self.results[first.key].key),
             alarm_rate=self.config.fleet.alarm_rate,
             reports=self.config.fleet.reports,
             store_reference=first is None,
@@ -236,46 +234,43 @@ class Fleet:
         ]
         return {str(path): sha256_of(path) for path in files if path.is_file()}
 
-    def _cached_result(self, job: Job) -> Result | None:
+    def _cached_result(self, job: Job) -> RowResult | None:
         """Return the stored result of an unchanged row; None for remote files, whose state only a worker asks."""
         if job.row.fault:
-            result = failure_result(
-                job.row, InputError(f"line {job.row.line} of the table", job.row.fault, code="E081")
-            )
-            return result | {"seconds": 0.0}
+            return failure_result(job.row, InputError(f"line {job.row.line} of the table", job.row.fault, code="E081"))
         former = self.previous_results.get(job.row.key)
-        if former is None or former.get("again") or any(map(is_remote, raw_file_names(tomllib.loads(job.text)))):
+        if former is None or former.again or any(map(is_remote, raw_file_names(tomllib.loads(job.text)))):
             return None
-        return former if former.get("stamp") == fleet_row.input_stamp(job) else None
+        return former if former.stamp == fleet_row.input_stamp(job) else None
 
     def process_queue(self, engine: Engine, progress: Progress) -> None:
         """Process the queued rows, and those that become ready while it runs."""
         self._report_progress(progress)
         for outcome in run_jobs(engine, fleet_row.process_row, self.job_queue):
             self._store_result(outcome.job, self._result(outcome))
-            self.updated_count += not self.results[outcome.job.row.key].get("same")
+            self.updated_count += not self.results[outcome.job.row.key].same
             self._schedule_rig(outcome.job.row.rig)
             self._estimate_repeatability_once()
             self._report_progress(progress)
 
     def _report_progress(self, progress: Progress) -> None:
-        failed = sum(r["failure"] is not None for r in self.results.values())
+        failed = sum(r.failure is not None for r in self.results.values())
         progress(progress_text(self.done_count, len(self.rows), failed), self.done_count / len(self.rows))
 
-    def _result(self, outcome: Outcome[Job]) -> Result:
+    def _result(self, outcome: Outcome[Job]) -> RowResult:
         if outcome.error is None:
-            result: Result = outcome.result
+            result: RowResult = outcome.result
             return result
         if isinstance(outcome.error, ProgramMismatchError):
             mend = "install the same on client and workers, then give the same command again"
             raise InputError(
                 "--executor", f"a worker differs: {outcome.error}", "the client's program", mend, code="E080"
             )
-        result = failure_result(outcome.job.row, outcome.error) | {"seconds": 0.0}
+        result = failure_result(outcome.job.row, outcome.error)
         write_result(self.store, outcome.job.row, result)
         return result
 
-    def results_in_table_order(self) -> list[Result]:
+    def results_in_table_order(self) -> list[RowResult]:
         """Return the results in the table's order."""
         return [self.results[row.key] for row in self.rows]
 

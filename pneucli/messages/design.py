@@ -362,8 +362,20 @@ class Ensemble:
 
 
 @dataclass(frozen=True)
+class SlidingLine:
+    """A sliding line of a system: the method that found it, its row S, pole and slope (1/s), whether it is taken."""
+
+    system: str
+    method: str
+    surface: Sequence[float]
+    pole: float
+    slope: float
+    taken: bool
+
+
+@dataclass(frozen=True)
 class Answer:
-    """How the controller was designed; ``requirements`` and ``surface`` are rows in SI."""
+    """How the controller was designed; ``requirements`` are in SI."""
 
     schema: str
     pipeline: str
@@ -371,7 +383,7 @@ class Answer:
     corners: Mapping[str, Quantity]
     sector: Mapping[str, SectorAnswer]
     matching: Mapping[str, Matching]
-    surface: Sequence[Mapping[str, Any]]
+    surface: Sequence[SlidingLine]
     lmi: MatrixInequalities
     controllers: Mapping[str, str]
     not_made: Mapping[str, str]

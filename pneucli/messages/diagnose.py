@@ -21,6 +21,7 @@ from pneucli.messages.compare import (
     excused_segments,
     free_run_sentence,
 )
+from pneucli.messages.design import Quantity
 from pneucli.messages.formatting import (
     format_figure,
     format_noise_ratio,
@@ -207,6 +208,14 @@ class DetectableChange:
 
 
 @dataclass(frozen=True)
+class Repeatability:
+    """The standard deviation of each parameter between the ``dates`` of a healthy rig."""
+
+    dates: int
+    parameters: Mapping[str, Quantity]
+
+
+@dataclass(frozen=True)
 class Since:
     """The comparison with the baseline of an earlier diagnosis."""
 
@@ -215,8 +224,18 @@ class Since:
     p_value: float
     unseen: Sequence[DetectableChange]
     sha256: str
-    repeat: Mapping[str, Any]
-    repeatability: Mapping[str, Any] | None
+    repeat: Mapping[str, Sequence[float]]
+    repeatability: Repeatability | None
+
+
+@dataclass(frozen=True)
+class FlowVerdict:
+    """What the diagnosis of the steady benches of a pipeline says, beside that of its recordings over time."""
+
+    verdict: str
+    missing: Sequence[str]
+    ladder: Sequence[Step]
+    sentence: str
 
 
 @dataclass(frozen=True)
@@ -254,7 +273,7 @@ class Answer:
     plausibility: Sequence[Implausible] = ()
     contradicted: Sequence[LeftOut] = ()
     parameters: Mapping[str, Figure] | None = None
-    flow: Mapping[str, Any] | None = optional()
+    flow: FlowVerdict | None = optional()
     since: Since | None = optional()
     changes: Sequence[Change] | None = optional()
     sets: Sequence[FittedSet] = ()

@@ -32,6 +32,8 @@ from pneucli.identify.estimation.fit import Fit, StoppingRule, fit
 from pneucli.identify.estimation.model_fit import free_parameters
 from pneucli.identify.residuals import ResidualModel
 from pneucli.io.artifacts import read_table, sha256_of, write_table
+from pneucli.messages import diagnose as messages
+from pneucli.messages.design import Quantity
 from pneucli.messages.diagnose import Change, Since
 from pneucli.physics.effects import select_effects
 from pneucli.pipeline import manifest as staleness
@@ -114,16 +116,13 @@ def compare_with_baseline(
 
 def _repeatability(
     repeatability: Repeatability, old: Baseline, repeats: Sequence[RepeatDifferences]
-) -> dict[str, Any] | None:
+) -> messages.Repeatability | None:
     """Return the standard deviation of each parameter from date to date; None without healthy dates."""
     if not repeats:
         return None
     sizes = {c.name: float(np.sqrt(repeatability.variance.get(c.name, 0.0))) for c in old.coordinates}
     own = {c.name: sizes[c.name] * (c.value if c.logarithmic else 1.0) for c in old.coordinates}
-    return {
-        "dates": len(repeats) + 1,
-        "parameters": {c.name: {"value": own[c.name], "unit": c.unit} for c in old.coordinates},
-    }
+    return messages.Repeatability(len(repeats) + 1, {c.name: Quantity(own[c.name], c.unit) for c in old.coordinates})
 
 
 def _baseline_model(pipeline: PipelineData, folder: Path) -> tuple[Model, Baseline]:

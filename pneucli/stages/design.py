@@ -71,6 +71,7 @@ from pneucli.messages.design import (
     Poles,
     Quantity,
     SectorAnswer,
+    SlidingLine,
     StickingPoint,
     WorstMargins,
 )
@@ -102,7 +103,7 @@ class DesignResult:
     requirements: Requirements
     corners: Bandwidths
     sectors: dict[str, SlidingSector]
-    surfaces: list[dict[str, Any]]
+    surfaces: list[SlidingLine]
     matching: dict[str, dict[str, list[str]]]
     weight_studies: list[WeightStudy]
     warnings: list[str]

@@ -38,6 +38,7 @@ from pneucli.messages.diagnose import (
     Answer,
     CandidateAnswer,
     DiscrepancyAnswer,
+    FlowVerdict,
     GivenModel,
     Step,
     reason_sentence,
@@ -150,7 +151,7 @@ def _without_interval(one: Figure) -> Figure:
     return replace(one, low=-math.inf, high=math.inf)
 
 
-def _flow_answer(pipeline: PipelineData) -> dict[str, Any] | None:
+def _flow_answer(pipeline: PipelineData) -> FlowVerdict | None:
     """Return the entry about steady benches; None where the pipeline records none."""
     if not pipeline.flow_recordings:
         return None
@@ -158,7 +159,7 @@ def _flow_answer(pipeline: PipelineData) -> dict[str, Any] | None:
 
     flow = flow_diagnosis(pipeline)
     assert flow is not None
-    return {key: flow[key] for key in ("verdict", "missing", "ladder", "sentence")}
+    return FlowVerdict(flow.verdict, flow.missing, flow.ladder, flow.sentence)
 
 
 def _run_diagnosis(

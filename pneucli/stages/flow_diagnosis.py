@@ -15,9 +15,8 @@ from pneucli.identify.valve.flow_findings import AREA_FINDINGS, bench_findings
 from pneucli.identify.valve.flow_hypotheses import FlowHypothesis, closed_paths, fit_hypothesis, leak_area
 from pneucli.identify.valve.iso6358 import ELLIPSE_SUBSONIC_INDEX
 from pneucli.identify.valve.steady_flow import MIN_GAIN
-from pneucli.messages import diagnose as messages
 from pneucli.messages.compare import GOOD_ERROR_RATIO
-from pneucli.messages.diagnose import impossible_data_sentence
+from pneucli.messages.diagnose import Answer, CandidateAnswer, GivenModel, Step, impossible_data_sentence
 from pneucli.messages.findings import tell
 from pneucli.messages.flow import (
     effect_reason,
@@ -36,11 +35,10 @@ from pneucli.stages.diagnosis_answer import SHAPE_FILE, write_flow_diagnosis
 from pneucli.stages.flow_bench import LEAK_PORT, RATIO_PORT, flow_bench, flow_results
 from pneucli.stages.pipeline_data import PipelineData
 
-Answer = dict[str, Any]
 MAX_ISO_SHARE = 0.9  # of the error with one critical ratio for all openings, that C, b and m of each leave
 
 
-def diagnose_flow_only(study: PipelineData) -> Answer:
+def diagnose_flow_only(study: PipelineData) -> dict[str, Any]:
     """Diagnose a pipeline that records steady benches alone; write the tables, return the answer of ``diagnose``.
 
     Raises InputError where no row can be fitted, or an option needs a recording over time.
@@ -50,9 +48,10 @@ def diagnose_flow_only(study: PipelineData) -> Answer:
         wanted = "recordings over time, whose model a baseline keeps"
         mend = "compare the parameters of both identify answers"
         raise InputError("--since", "rows of a steady bench alone", wanted, mend, code="E071")
-    answer = flow_diagnosis(study)
-    assert answer is not None
-    write_flow_diagnosis(study, read(messages.Answer, answer))
+    found = flow_diagnosis(study)
+    assert found is not None
+    write_flow_diagnosis(study, found)
+    answer: dict[str, Any] = to_json(found)
     return answer | history.record_model(context, answer, SHAPE_FILE)
 
 
@@ -137,49 +136,35 @@ class _Search:
             sentence = impossible_data_sentence(impossible)
         elif verdict == "inconclusive":
             sentence = undetermined_sentence()
-        ladder = [
-            {"add": add, "error_train": e["train"], "error_test": e["test"]}
-            for add, e in zip([None, *self.added], errors, strict=True)
-        ]
+        ladder = [Step(add, e["train"], e["test"]) for add, e in zip([None, *self.added], errors, strict=True)]
         shown = self.path[-1] if missing else self.path[0]
-        return {
-            **self._about(forced=forced),
-            "impossible": impossible,
-            "verdict": verdict,
-            "missing": missing,
-            "ladder": ladder if not impossible else ladder[:1],
-            "candidates": [self._candidate(e, missing) for e in study.available_effects.values() if self._is_open(e)],
-            "unexplained_share": remaining_error_share(errors[0], errors[-1]),
-            "explained_share": removed_error_share(errors[0], errors[-1]),
-            "purpose": to_json(purpose_of(self._results(shown), context.config.compare.tolerance)),
-            "next_experiment": next_rows(
+        held_out = any(one.use == "test" for one in study.flow_recordings)
+        return replace(
+            read(Answer, {}),  # what rows of a bench do not show is empty
+            schema="pneucli/diagnose/1",
+            pipeline=context.config.name,
+            model=GivenModel([e.name for e in study.effects]),
+            data=study.data_digest,
+            held_out="apart" if held_out else "none",
+            excluded=study.excluded_effects,
+            forced=forced,
+            impossible=impossible,
+            verdict=verdict,
+            missing=missing,
+            ladder=ladder if not impossible else ladder[:1],
+            candidates=[self._candidate(e, missing) for e in study.available_effects.values() if self._is_open(e)],
+            unexplained_share=remaining_error_share(errors[0], errors[-1]),
+            explained_share=removed_error_share(errors[0], errors[-1]),
+            purpose=purpose_of(self._results(shown), context.config.compare.tolerance),
+            next_experiment=next_rows(
                 ratio=RATIO_PORT not in self._shown, closed=LEAK_PORT not in self._shown and not known
             ),
-            "sentence": sentence,
-        }
-
-    def _about(self, *, forced: bool) -> Answer:
-        """Return the keys of the answer that do not depend on the verdict."""
-        study, context = self._study, self._study.context
-        held_out = any(one.use == "test" for one in study.flow_recordings)
-        return {
-            "schema": "pneucli/diagnose/1",
-            "pipeline": context.config.name,
-            "model": {"effects": [e.name for e in study.effects]},
-            "data": study.data_digest,
-            "held_out": "apart" if held_out else "none",
-            "excluded": study.excluded_effects,
-            "forced": forced,
-            "detectable": [],
-            "discrepancy": [],
-            "moved": [],
-            "unexplained": None,
-            "thinned": None,
-            "warnings": [tell("flow-function-of-simulations"), *([] if held_out else [tell("no-held-out")])],
-            "plausibility": to_json(study.ingested.plausibility),
-            "contradicted": to_json(study.contradicted),
-            "parameters": {},
-        }
+            warnings=[tell("flow-function-of-simulations"), *([] if held_out else [tell("no-held-out")])],
+            sentence=sentence,
+            plausibility=study.ingested.plausibility,
+            contradicted=study.contradicted,
+            parameters={},
+        )
 
     def _impossible(self) -> list[str]:
         names = {one.name for one in self._study.flow_recordings}
@@ -233,24 +218,20 @@ class _Search:
         value, low, high = (float(one) for one in leak_area(self._bench))
         return value, (low, high)
 
-    def _candidate(self, effect: Effect, missing: Sequence[str]) -> Answer:
+    def _candidate(self, effect: Effect, missing: Sequence[str]) -> CandidateAnswer:
         name, tried = effect.name, self._tried.get(effect.name)
         named = name in missing
         before, after = (None, None) if tried is None else (held_out_error(self.errors(one)) for one in tried)
         first = held_out_error(self.errors(self.path[0]))
         why = f"{effect.title}. A steady bench cannot show it." if tried is None else None
-        return {
-            "effect": name,
-            "title": effect.title,
-            "error_before": first if tried is None else before,
-            "error_after": first if tried is None else after,
-            "parameters": to_json(self._parameters(name)) if named else {},
-            "indistinguishable_from": [],
-            "supported": named,
-            "reason": "supported" if named else "cannot-show" if tried is None else "not-significant",
-            "confidence": None,  # no exam has such rows
-            "confidence_alone": None,
-            "share": None,
-            "evidence": None,
-            "why": why or effect_reason(effect.title, named=named, before=before, after=after),
-        }
+        return replace(
+            read(CandidateAnswer, {}),  # no probability: no exam has such rows
+            effect=name,
+            title=effect.title,
+            error_before=first if tried is None else before,
+            error_after=first if tried is None else after,
+            parameters=self._parameters(name) if named else {},
+            supported=named,
+            reason="supported" if named else "cannot-show" if tried is None else "not-significant",
+            why=why or effect_reason(effect.title, named=named, before=before, after=after),
+        )

@@ -182,5 +182,5 @@ def test_failures_of_one_kind_have_one_cause_and_those_of_the_program_are_tried_
     texts = [f'no file /data/rig-{n}/x.csv, "{n}" rows' for n in (1, 2)]
     assert len({failure_cause(text) for text in texts}) == 1
     row = FleetRow(2, "a", "2026-01-01", {})
-    assert failure_result(row, ZeroDivisionError("x"))["again"]
-    assert not failure_result(row, InputError("a", "b"))["again"]
+    assert failure_result(row, ZeroDivisionError("x")).again
+    assert not failure_result(row, InputError("a", "b")).again

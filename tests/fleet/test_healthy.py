@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections import deque
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -16,7 +17,7 @@ from pneucli.errors import InputError
 from pneucli.executors.engine import ThreadEngine
 from pneucli.fleet import row
 from pneucli.fleet import run as stage
-from pneucli.fleet.row_files import EMPTY_RESULT
+from pneucli.fleet.row_files import RowResult
 from pneucli.pipeline.manifest import read_manifest
 from pneucli.pipeline.runner import open_pipeline
 from pneucli.stages.changes import REFERENCE_FILE, read_baseline
@@ -41,17 +42,11 @@ def done(fleet: stage.Fleet, monkeypatch: pytest.MonkeyPatch, bad: tuple[str, st
     """Do a fleet whose rows say that friction differs by a tenth of its number; return the jobs in their order."""
     jobs: list[row.Job] = []
 
-    def work(job: row.Job) -> dict[str, Any]:
+    def work(job: row.Job) -> RowResult:
         jobs.append(job)
         repeat = {"friction.coulomb": [0.1 * len(jobs), 0.1, 0.1]} if job.reference_date else None
-        base = {
-            **EMPTY_RESULT,
-            "verdict": "adequate",
-            "key": job.row.date,
-            "repeat": repeat,
-            "since": job.reference_date,
-        }
-        return base | {"rig": job.row.rig, "date": job.row.date, "bad": job.row.key == bad}
+        about = RowResult("", job.row.rig, job.row.date, since=job.reference_date, key=job.row.date)
+        return replace(about, verdict="adequate", repeat=repeat, bad=job.row.key == bad)
 
     monkeypatch.setattr(row, "process_row", work)
     engine = ThreadEngine(1)

@@ -13,15 +13,16 @@ import pytest
 from pneucli.figure import read
 from pneucli.fleet.dataset import Trend
 from pneucli.fleet.output import page_data, to_html, to_openmetrics
+from pneucli.fleet.row_files import RowResult
 from pneucli.messages.fleet import Answer
 
 RNG = np.random.default_rng(1)
 CHANGE = {"name": "piston-leak.area", "effect": "piston-leak", "before": 0.0, "after": 5.2e-8, "unit": "m^2"}
 
 
-def row(number: int, day: int, changed: bool, failed: bool) -> dict[str, Any]:
+def row(number: int, day: int, changed: bool, failed: bool) -> RowResult:
     rig = f"axis-{number:05d}"
-    return {
+    stored = {
         "rig": rig,
         "date": f"2026-11-{day:02d}",
         "verdict": None if failed else "unexplained",
@@ -34,9 +35,10 @@ def row(number: int, day: int, changed: bool, failed: bool) -> dict[str, Any]:
         "report": f"rows/{rig}/2026-11-{day:02d}/report.html" if changed else None,
         "seconds": 1.0,
     }
+    return read(RowResult, stored)
 
 
-def fleet(rigs: int, dates: int) -> tuple[Answer, list[dict[str, Any]], list[Trend]]:
+def fleet(rigs: int, dates: int) -> tuple[Answer, list[RowResult], list[Trend]]:
     results = [
         row(n, d, d == dates and n % 20 == 0, d == dates and n % 50 == 1)
         for n in range(rigs)
@@ -97,7 +99,7 @@ def test_a_trend_states_parameter_unit_and_dates() -> None:
 @pytest.mark.parametrize("name", ["</script><script>alert(1)</script>", '"><img src=x>'])
 def test_a_name_cannot_break_out_of_the_page(name: str) -> None:
     answer, results, trends = fleet(1, 1)
-    page = to_html(replace(answer, fleet=name), [results[0] | {"rig": name}], trends)
+    page = to_html(replace(answer, fleet=name), [replace(results[0], rig=name)], trends)
     assert name not in page
     assert data(page)["rigs"][0][0] == name
 

@@ -17,6 +17,7 @@ from pneucli import messages
 from pneucli.diagnose.candidate import Reason
 from pneucli.figure import read
 from pneucli.fleet.row_files import result_from_diagnosis
+from pneucli.fleet.table import FleetRow
 from pneucli.messages import plan, run
 from pneucli.messages.diagnose import REJECTION_REASONS, Answer, CandidateAnswer, reason_sentence, verdict_sentence
 from pneucli.messages.findings import OTHERS, VALVE
@@ -54,7 +55,7 @@ def test_terminal_summary_page_and_fleet_show_the_same_sentence(found: dict[str,
     assert f"found {sentence} " in one_line("\n".join(run.lines({"diagnose": shown}, [], [], "r.html", "a.toml")))
     assert sentence in to_markdown(report)
     assert one_line(text).count(sentence) == 1  # on the first screen; Evidence has the pictures and the rivals
-    assert result_from_diagnosis(shown)["sentence"] == sentence
+    assert result_from_diagnosis(FleetRow(1, "a", "2026-01-01", {}), read(Answer, shown)).sentence == sentence
 
 
 def told_codes() -> set[str]:

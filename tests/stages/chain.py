@@ -27,6 +27,6 @@ def known_as_declared(stage: str, answer: dict[str, Any]) -> None:
     """Hold an answer's keys, and where they are declared the keys below, against what checks may look into."""
     begins = [tuple(begin.split(".")) for begin in STAGES[stage].answer_paths]
     assert answer.keys() - {"schema", "pipeline"} <= {begin[0] for begin in begins}
-    for first, second in (begin for begin in begins if len(begin) == 2 and begin[0] in answer):
+    for first, second in (begin for begin in begins if len(begin) == 2 and answer.get(begin[0]) is not None):
         assert second in answer[first]
         assert answer[first].keys() <= {begin[1] for begin in begins if begin[0] == first}
