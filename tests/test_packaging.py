@@ -18,6 +18,9 @@ from pathlib import Path
 
 import pytest
 
+from pneucli.errors import InputError
+from pneucli.imports import library_of_extra
+
 ROOT = Path(__file__).parents[1]
 PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]
 README = (ROOT / "README.md").read_text(encoding="utf-8")
@@ -33,6 +36,27 @@ def run(*command: str | Path, cwd: Path, shell: bool = False) -> str:
     )
     assert done.returncode == 0, f"{words}\n{done.stdout}\n{done.stderr}"
     return done.stdout
+
+
+EXTRAS = re.findall(
+    r'library_of_extra\(\s*"(\w+)", "(\w+)"',
+    "".join(path.read_text(encoding="utf-8") for path in sorted((ROOT / "pneucli").rglob("*.py"))),
+)
+
+
+@pytest.mark.parametrize(("library", "extra"), sorted(set(EXTRAS)))
+def test_a_missing_library_is_named_with_the_extra_that_installs_it(
+    library: str, extra: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    packages = {"distributed": "dask[distributed]", "cvxpy": "cvxpy-base"}
+    assert any(one.startswith(packages.get(library, library)) for one in PROJECT["optional-dependencies"][extra])
+    monkeypatch.setitem(sys.modules, library, None)
+    with pytest.raises(InputError, match=rf"pip install 'pneucli\[{extra}\]'"):
+        library_of_extra(library, extra, "here")
+
+
+def test_all_extras_that_code_asks_for_are_tried() -> None:
+    assert len(set(EXTRAS)) == 5
 
 
 @pytest.fixture(scope="module")

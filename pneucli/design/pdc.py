@@ -19,6 +19,7 @@ from numpy.typing import NDArray
 
 from pneucli.arrays import Array
 from pneucli.errors import InputError
+from pneucli.imports import library_of_extra
 
 LMI_MARGIN = 1e-6  # of the normalised LMIs, below which an inequality counts as an equality
 RATE_TOLERANCE = 5e-3  # of the decay rate
@@ -147,10 +148,4 @@ def _worst_pole(A: Array, B: Array, F: Array) -> float:
 
 
 def _cvxpy() -> Any:
-    try:
-        import cvxpy  # noqa: PLC0415 - an extra, and slow to import
-    except ImportError as error:
-        raise InputError(
-            "the LMI design", "cvxpy is not installed", "the extra lmi", "pip install 'pneucli[lmi]'", code="E009"
-        ) from error
-    return cvxpy
+    return library_of_extra("cvxpy", "lmi", "the LMI design")  # slow to import

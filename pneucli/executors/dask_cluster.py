@@ -16,6 +16,7 @@ from urllib.parse import urlsplit
 from pneucli.document import read_toml
 from pneucli.errors import InputError
 from pneucli.executors.engine import Engine, ProcessEngine, ThreadEngine, thread_count
+from pneucli.imports import library_of_extra
 
 ANSWER_TIMEOUT = 5.0  # s, for the first answer of a cluster
 START_TIMEOUT = 600.0  # s, for the first worker of a queue
@@ -179,16 +180,7 @@ def _class(name: str, where: str) -> Callable[..., Any]:
 
 
 def _distributed() -> Any:
-    try:
-        return importlib.import_module("distributed")
-    except ImportError as error:
-        raise InputError(
-            "--executor",
-            "dask.distributed is not installed",
-            "the extra cluster",
-            "pip install 'pneucli[cluster]'",
-            code="E009",
-        ) from error
+    return library_of_extra("distributed", "cluster", "--executor", "dask.distributed")
 
 
 def _client(address: str) -> Any:

@@ -11,6 +11,7 @@ from urllib.parse import urlsplit
 from pyarrow import fs
 
 from pneucli.errors import InputError
+from pneucli.imports import library_of_extra
 
 ARROW_SCHEMES = ("s3", "gs", "gcs", "hdfs", "abfs", "abfss", "file")
 BLOCK_BYTES = 1 << 22  # bytes, copied at a time
@@ -72,13 +73,7 @@ def _scheme(url: str) -> str:
 
 
 def _fsspec_filesystem(url: str) -> Any:
-    try:
-        import fsspec  # noqa: PLC0415 - an extra
-    except ImportError as error:
-        raise InputError(
-            url, "fsspec is not installed", "the extra remote", "pip install 'pneucli[remote]'", code="E009"
-        ) from error
-    return fsspec.core.url_to_fs(url)[0]
+    return library_of_extra("fsspec", "remote", url).core.url_to_fs(url)[0]
 
 
 def store_error(url: str, error: Exception, wanted: str = "a file that is there, and may be read") -> InputError:

@@ -16,7 +16,7 @@ BAR_LENGTH = 24  # characters of the longest bar
 
 @dataclass(frozen=True)
 class Model:
-    """A model that was compared: its errors over noise, a digest of the data, when, and whether it is present."""
+    """A model that was compared: its errors over noise, digest of the data, when, whether present, and its number."""
 
     effects: Sequence[str]
     error: Errors
@@ -24,6 +24,7 @@ class Model:
     when: str
     current: bool
     parameters: Mapping[str, Figure]
+    number: int = 0
 
     def added(self, effects: Sequence[str]) -> Mapping[str, Figure]:
         """Return the parameters of these effects; those of a single one without its name."""
@@ -113,6 +114,14 @@ def _table(models: Sequence[Model]) -> Iterator[str]:
 
 def error_bar(error: float | None, largest: float) -> str:
     """Return a bar that is as long as the logarithm of the error; none at 1, the noise floor."""
-    if error is None or error <= 1.0 or largest <= 1.0:
-        return ""
-    return "#" * max(1, round(BAR_LENGTH * math.log(error) / math.log(largest)))
+    share = bar_share(error, largest)
+    return "#" * max(1, round(BAR_LENGTH * share)) if share > 0.0 else ""
+
+
+def bar_share(error: float | None, largest: float) -> float:
+    """Return the length of a bar down to 1, the noise floor, as a share of the longest, on a logarithmic scale.
+
+    >>> bar_share(10.0, 100.0), bar_share(0.9, 100.0)
+    (0.5, 0.0)
+    """
+    return 0.0 if error is None or error <= 1.0 or largest <= 1.0 else math.log(error) / math.log(largest)

@@ -11,9 +11,9 @@ from queue import Queue
 from threading import Thread
 
 from pneucli.errors import InputError
+from pneucli.imports import library_of_extra
 from pneucli.notebook.progress import ignore_message
 from pneucli.pipeline.runner import Pipeline
-from pneucli.workbench import require_aiohttp
 
 FRAME_HEIGHT = 900  # pixels
 
@@ -42,7 +42,7 @@ def open_live_page(pipeline: Pipeline | None, open_pipeline: Callable[[Path, Pat
 
     Raises InputError where there is no pipeline file, or where the extra ``workbench`` is not installed.
     """
-    require_aiohttp()
+    library_of_extra("aiohttp", "workbench", "pneucli workbench")
     if pipeline is None:
         wanted = "a run of a pipeline file: the workbench changes the file and runs its commands"
         raise InputError("workbench", "a folder of artifacts alone", wanted, "open the pipeline file", code="E090")

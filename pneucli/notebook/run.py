@@ -14,7 +14,7 @@ from pneucli.messages.compare import evaluation_error
 from pneucli.messages.formatting import format_noise_ratio, join_names
 from pneucli.notebook.run_data import RunData
 from pneucli.pipeline.graph import STAGES
-from pneucli.pipeline.manifest import MANIFEST_FILE, read_manifest
+from pneucli.pipeline.manifest import MANIFEST_FILE, read_answers
 from pneucli.pipeline.runner import Pipeline, open_pipeline
 
 if TYPE_CHECKING:
@@ -96,7 +96,7 @@ class Run(RunData):
 
 def run_overview(artifacts: Path) -> list[tuple[str, str]]:
     """Return label and text of each line: model, error, verdict, recordings, finished stages, folder."""
-    answers = _answers(artifacts)
+    answers = read_answers(artifacts, STAGES)
     rows = [("folder", str(artifacts))]
     if "compare" in answers:
         compared = answers["compare"]
@@ -111,11 +111,6 @@ def run_overview(artifacts: Path) -> list[tuple[str, str]]:
         rows.append(("recordings", f"{len(names)}: {', '.join(names[:MAX_NAMES])}{more}"))
     rows.append(("stages", join_names(list(answers)) or "none has run"))
     return rows
-
-
-def _answers(artifacts: Path) -> dict[str, dict[str, Any]]:
-    manifests = {name: read_manifest(artifacts / name) for name in STAGES}
-    return {name: dict(one.answer) for name, one in manifests.items() if one is not None and one.answer is not None}
 
 
 def as_text(title: str, rows: Rows) -> str:

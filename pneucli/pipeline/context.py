@@ -12,8 +12,6 @@ from pneucli.errors import InputError
 if TYPE_CHECKING:
     from pneucli.config import PipelineConfig
 
-Answer = dict[str, Any]
-
 
 class Progress:
     """What stages report their progress to; this one shows nothing."""
@@ -69,7 +67,7 @@ class Context:
     out: Path
     artifacts: Path
     progress: Progress = NO_PROGRESS
-    answers: Mapping[str, Answer] = field(default_factory=dict)
+    answers: Mapping[str, dict[str, Any]] = field(default_factory=dict)
     options: Mapping[str, Any] = field(default_factory=dict)
     former: Path | None = None
 

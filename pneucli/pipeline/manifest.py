@@ -18,7 +18,6 @@ from pathlib import Path
 from typing import Any
 
 from pneucli import extensions, paths
-from pneucli.pipeline.context import Answer
 from pneucli.version import __version__
 
 MANIFEST_FILE = "stage.json"
@@ -107,7 +106,7 @@ class Manifest:
     stage: str
     inputs: Inputs
     outputs: Mapping[str, Stamp] = field(default_factory=dict)
-    answer: Answer | None = None
+    answer: dict[str, Any] | None = None
     skipped: Mapping[str, Any] | None = None
     seconds: float = 0.0
 
@@ -131,6 +130,12 @@ def read_manifest(folder: Path) -> Manifest | None:
         return Manifest(**{**content, "inputs": inputs, "outputs": _stamps(content["outputs"])})
     except (OSError, ValueError, KeyError, TypeError):
         return None
+
+
+def read_answers(artifacts: Path, stages: Iterable[str]) -> dict[str, dict[str, Any]]:
+    """Return the answers of those of the stages that have run, whether or not they are up to date."""
+    manifests = {name: read_manifest(artifacts / name) for name in stages}
+    return {name: one.answer for name, one in manifests.items() if one is not None and one.answer is not None}
 
 
 def _stamps(content: Mapping[str, Mapping[str, Any]]) -> dict[str, Stamp]:

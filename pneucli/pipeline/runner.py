@@ -19,7 +19,7 @@ from pneucli.imports import load_on_use, paused_collection
 from pneucli.messages.progress import starting
 from pneucli.pipeline import folders, workload
 from pneucli.pipeline import manifest as staleness
-from pneucli.pipeline.context import NO_PROGRESS, Answer, Context, NotApplicable, Progress, Workload
+from pneucli.pipeline.context import NO_PROGRESS, Context, NotApplicable, Progress, Workload
 from pneucli.pipeline.graph import STAGES, Stage, parents_of, upstream
 from pneucli.pipeline.manifest import Inputs, Manifest, Stamp
 from pneucli.quantities import axis_motion, in_axis_units
@@ -51,7 +51,7 @@ class Done:
     reasons: tuple[str, ...] = ()
 
     @property
-    def answer(self) -> Answer:
+    def answer(self) -> dict[str, Any]:
         """The stage's JSON answer; raises NotApplicable where the stage does not apply to the pipeline."""
         if self.manifest.skipped is not None or self.manifest.answer is None:
             raise NotApplicable(**(self.manifest.skipped or {}))

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
@@ -201,7 +200,10 @@ def selection_path(material: ReportData) -> list[PathStep]:
         error = selected_step(answer).error[use]
         steps.append((f"+ {' + '.join(answer.missing)}", error, True, False))
     most = max([2.0, *(error for _, error, _, _ in steps if error is not None)])
-    return [PathStep(label, format_noise_ratio(error), _length(error, most), *kind) for label, error, *kind in steps]
+    return [
+        PathStep(label, format_noise_ratio(error), history.bar_share(error, most), *kind)
+        for label, error, *kind in steps
+    ]
 
 
 def _labels(models: Sequence[history.Model]) -> Iterator[str]:
@@ -212,11 +214,6 @@ def _labels(models: Sequence[history.Model]) -> Iterator[str]:
         added = [f"+ {n}" for n in after.effects if n not in before.effects]
         removed = [f"− {n}" for n in before.effects if n not in after.effects]
         yield " ".join([*added, *removed]) or "fitted again"
-
-
-def _length(error: float | None, most: float) -> float:
-    """Return the length of a bar on a logarithmic scale that begins at the noise floor."""
-    return 0.0 if error is None or error <= 1.0 else math.log(error) / math.log(most)
 
 
 def _worst_failure(material: ReportData, pictured: str) -> str:

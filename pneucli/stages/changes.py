@@ -175,7 +175,12 @@ def write_missing_baseline(folder: Path) -> None:
         found, mend = f"{path} has changed since that diagnosis", f"run pneucli diagnose {path} first"
         raise InputError(f"--since {folder.parent}", found, "", mend, code="E007")
     context = Context(
-        path, config, folder, folder.parent, answers=_answers(folder.parent), options=manifest.inputs.options
+        path,
+        config,
+        folder,
+        folder.parent,
+        answers=staleness.read_answers(folder.parent, ["ingest"]),
+        options=manifest.inputs.options,
     )
     pipeline = PipelineData(context, max_samples=MAX_SAMPLES)
     model = load_model(folder, pipeline.rig, pipeline.effects)
@@ -197,12 +202,6 @@ def _has_changed(document: Mapping[str, Any], artifacts: Path) -> bool:
         if now != former:
             return True
     return False
-
-
-def _answers(artifacts: Path) -> dict[str, dict[str, Any]]:
-    """Return the answer of ``ingest``, on which the recordings depend."""
-    manifest = staleness.read_manifest(artifacts / "ingest")
-    return {} if manifest is None or manifest.answer is None else {"ingest": manifest.answer}
 
 
 def write_baseline_table(pipeline: PipelineData, baseline: Baseline) -> None:

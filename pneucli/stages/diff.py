@@ -23,7 +23,6 @@ from pneucli.messages.formatting import (
 from pneucli.pipeline import manifest as staleness
 from pneucli.pipeline.manifest import Manifest
 
-Answer = Mapping[str, Any]
 Ends = Sequence[float | None]
 CHANCE = 0.05  # of a 95 % interval to miss
 MIN_ERROR_CHANGE = 0.005  # of an error: what its three digits show
@@ -173,7 +172,7 @@ def read_answers(path: str, folder: Path) -> RunAnswers:
     return RunAnswers(path, read(compare.Answer, compared.answer), own)
 
 
-def _same_basis(folder: Path, diagnosed: Manifest, compared: Answer) -> bool:
+def _same_basis(folder: Path, diagnosed: Manifest, compared: Mapping[str, Any]) -> bool:
     """Return whether a diagnosis belongs to the recordings and the effects of ``compare``."""
     parents = diagnosed.inputs.parents
     now = {name: manifest.inputs.key for name in parents if (manifest := staleness.read_manifest(folder / name))}

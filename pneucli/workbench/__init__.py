@@ -5,19 +5,3 @@ page can end one at any moment as a killed command ends, and a fit never makes a
 is computed here (:mod:`pneucli.workbench.live_model`): the identified model with other values, on recordings that stay
 in memory.
 """
-
-from pneucli.errors import InputError
-
-
-def require_aiohttp() -> None:
-    """Raise InputError where the extra is not installed."""
-    try:
-        import aiohttp  # noqa: F401, PLC0415
-    except ImportError as error:
-        raise InputError(
-            "pneucli workbench",
-            "aiohttp is not installed",
-            "the extra workbench",
-            "pip install 'pneucli[workbench]'",
-            code="E009",
-        ) from error

@@ -14,7 +14,7 @@ from pneucli.config.effect_edit import replace_file, set_fixed
 from pneucli.errors import InputError, UnitError, did_you_mean
 from pneucli.io.artifacts import read_table
 from pneucli.pipeline.context import Context
-from pneucli.pipeline.manifest import MANIFEST_FILE
+from pneucli.pipeline.manifest import MANIFEST_FILE, read_answers
 from pneucli.pipeline.runner import Pipeline
 from pneucli.quantities import axis_motion
 from pneucli.report.effect_figures import effect_figure
@@ -95,7 +95,7 @@ class Bench:
         """Load the identified model anew where it has changed; ``problem`` says why where that fails."""
         try:
             pipeline = self.open_pipeline()
-            answers = state.read_answers(pipeline.artifacts)
+            answers = read_answers(pipeline.artifacts, state.SHOWN_STAGES)
             key = tuple((answers.get(name) or {}).get("when") for name in ("compare", "diagnose"))
             key = (*key, self.version, *self.stamp())
             if key == self._loaded and self.live is not None:
@@ -129,7 +129,7 @@ class Bench:
             config = pipeline.load(pipeline.path)
         except InputError as error:
             return {"version": self.version, "broken": str(error), "command": self._command()}
-        answers = state.read_answers(pipeline.artifacts)
+        answers = read_answers(pipeline.artifacts, state.SHOWN_STAGES)
         with axis_motion(rotary=config.rotary):
             catalogue = self.live.available_effects if self.live else {}
             return {
@@ -137,8 +137,8 @@ class Bench:
                 **state.overview(pipeline, answers),
                 "problem": self.problem,
                 "live": self.live is not None and not self.problem,
-                "effects": state.effects(catalogue, config.model.effects, answers.get("diagnose", {})),
-                "parameters": state.parameters(answers.get("compare", {}), None if self.problem else self.live),
+                "effects": state.effects(catalogue, config.model.effects, answers),
+                "parameters": state.parameters(answers, None if self.problem else self.live),
                 "ladder": state.ladder(pipeline.artifacts),
                 "recordings": state.recordings(answers, self.live.places if self.live and not self.problem else {}),
                 "lines": state.command_lines(self.file.name, None if self.out is None else str(self.out)),
@@ -300,7 +300,7 @@ class Bench:
         pipeline = self.open_pipeline()
         config = pipeline.load(pipeline.path)
         with axis_motion(rotary=config.rotary):
-            answers = state.read_answers(pipeline.artifacts)
+            answers = read_answers(pipeline.artifacts, state.SHOWN_STAGES)
             section = CHAPTERS[name].section(ReportData(pipeline.name, answers, load_tables(pipeline.artifacts)))
         parts = section.parts if section else ()
         return [{"caption": one.caption, "svg": one.svg} for one in parts if isinstance(one, Figure)]

@@ -37,9 +37,9 @@ def _workbench(
     import webbrowser
     from collections.abc import Callable
 
-    from pneucli.workbench import require_aiohttp
+    from pneucli.imports import library_of_extra
 
-    require_aiohttp()
+    library_of_extra("aiohttp", "workbench", "pneucli workbench")
     from pneucli.workbench.guards import LOOPBACK
     from pneucli.workbench.server import listen, serve
 

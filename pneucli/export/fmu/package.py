@@ -21,6 +21,7 @@ from pneucli.export.controller_program import fill_template
 from pneucli.export.fmu.plant import Plant
 from pneucli.export.fmu.plant_source import plant_functions
 from pneucli.export.fmu.variables import Variable, c_tables, variables_of
+from pneucli.imports import library_of_extra
 from pneucli.io.artifacts import atomic_path
 from pneucli.messages.export import PlantAnswer
 from pneucli.simulate import layout as at
@@ -49,11 +50,7 @@ LIBRARIES = {"CMAKE_C_STANDARD_LIBRARIES:STRING": "-lm"}  # elsewhere math.h is 
 
 def require_fmpy() -> None:
     """Raise InputError where FMPy is not installed."""
-    try:
-        import fmpy  # noqa: F401, PLC0415 - an extra
-    except ImportError as error:
-        mend = "pip install 'pneucli[fmu]'"
-        raise InputError("--to fmu", "FMPy is not installed", "the extra fmu", mend, code="E009") from error
+    library_of_extra("fmpy", "fmu", "--to fmu", "FMPy")
 
 
 def token_of(sources: Sequence[str]) -> str:
