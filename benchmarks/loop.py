@@ -497,34 +497,53 @@ def design(model: Model, par: Parameters, h: float, quantum: float = 1e-6, noise
     return design_cascade(model, wanted, float(np.sqrt(par.ambient * par.supply)) if closed else None)
 
 
-def figures(
+@dataclass(frozen=True)
+class BenefitRuns:
+    """Steps, a sine, and a load that comes and goes: errors (um) and commands (V), a value each ``period`` (s)."""
+
+    errors: tuple[Array, Array, Array]
+    commands: tuple[Array, Array, Array]
+    period: float
+
+    def rests(self, values: tuple[Array, Array, Array]) -> list[Array]:
+        """Return the last 0.5 s after each step, before the load goes, and after it, of ``values`` of each run."""
+        (stepped, _, loaded), last = values, round(0.5 / self.period)
+        ends = [(stepped, 3.5), (stepped, 6.5), (loaded, 4.0), (loaded, 6.5)]
+        return [run[round(end / self.period) - last : round(end / self.period)] for run, end in ends]
+
+    def figures(self) -> list[float]:
+        """Return the figures in the order of ``HEAD``."""
+        _, followed, loaded = self.errors
+        largest = [float(np.abs(e).max()) for e in self.rests(self.errors)]
+        return [
+            max(largest[:2]),
+            max(float(np.ptp(e)) for e in self.rests(self.errors)),
+            float(np.sqrt(np.mean(followed[round(1.5 / self.period) :] ** 2))),
+            max(largest[2:]),
+            rejected(loaded[round(1.0 / self.period) : round(4.0 / self.period)], self.period),
+        ]
+
+
+def benefit_runs(
     par: Parameters, c: Controller, quantum: float = 1e-6, noise: float = 400.0, commissioning: float = 0.0
-) -> list[float]:
-    """Return the figures of one controller on one rig, in the order of ``HEAD``, after ``commissioning`` (s) if any."""
+) -> BenefitRuns:
+    """Return the runs of one controller on one rig, each after ``commissioning`` (s) if any."""
     h = c.period
     time = h * np.arange(round(6.5 / h))
-    middle, last = np.full(time.size, 0.5 * par.stroke), round(0.5 / h)
+    middle = np.full(time.size, 0.5 * par.stroke)
     steps = middle + par.stroke * np.where(time < 0.5, 0.0, np.where(time < 3.5, 0.15, -0.15))
     sine = middle + 0.15 * par.stroke * np.sin(np.pi * np.maximum(time - 0.5, 0.0))
     push = 50.0 * par.piston_area_1 / 8e-4 * ((time >= 1.0) & (time < 4.0))
     first = round(commissioning / h)
     mode = np.zeros(first + time.size)
     mode[round(0.2 / h)] = layout.OPERATING_MODES.index("commission") * (first > 0)
-
-    def error(reference: Array, load: Array) -> Array:
+    errors, commands = [], []
+    for reference, load in ((steps, 0.0 * time), (sine, 0.0 * time), (middle, push)):
         whole, loads = (np.concatenate([np.full(first, part[0]), part]) for part in (reference, load))
-        return np.asarray(1e6 * (rigs.driven(par, c, whole, loads, noise, quantum, mode=mode).x[first:] - reference))
-
-    stepped, followed, loaded = error(steps, 0.0 * time), error(sine, 0.0 * time), error(middle, push)
-    rests = [stepped[round(3.5 / h) - last : round(3.5 / h)], stepped[-last:]]
-    under = [loaded[round(4.0 / h) - last : round(4.0 / h)], loaded[-last:]]
-    return [
-        max(float(np.abs(e).max()) for e in rests),
-        max(float(np.ptp(e)) for e in [*rests, *under]),
-        float(np.sqrt(np.mean(followed[round(1.5 / h) :] ** 2))),
-        max(float(np.abs(e).max()) for e in under),
-        rejected(loaded[round(1.0 / h) : round(4.0 / h)], h),
-    ]
+        trace = rigs.driven(par, c, whole, loads, noise, quantum, mode=mode, keeps_states=False)
+        errors.append(1e6 * (trace.x[first:] - reference))
+        commands.append(trace.u[first:])
+    return BenefitRuns((errors[0], errors[1], errors[2]), (commands[0], commands[1], commands[2]), h)
 
 
 def print_periods(asked: argparse.Namespace) -> None:
@@ -542,7 +561,7 @@ def print_periods(asked: argparse.Namespace) -> None:
             cases += [("encoder of 20 um", par, 1e-3, 20e-6)]
         for what, actual, h, quantum in cases:
             controller = design(model, par, h, quantum, rig.sensors.pressure)
-            found = figures(actual, controller, quantum, rig.sensors.pressure)
+            found = benefit_runs(actual, controller, quantum, rig.sensors.pressure).figures()
             setup = ClosedLoopSetup(quantum_x=quantum, noise_p=rig.sensors.pressure)
             corner = float(controller.values["C_KI"] ** (1.0 / 3.0))  # rad/s, of the position loop
             margins = [cut.margins for cut in analyse_margins(model, controller, setup, corner).cuts]
@@ -566,7 +585,7 @@ def print_benefit(asked: argparse.Namespace) -> None:
             actual = with_unknowns(par) if asked.unknown else par
             for found, model in zip(rows, models, strict=True):
                 try:
-                    found.append(figures(actual, design(model, par, 1e-3)))
+                    found.append(benefit_runs(actual, design(model, par, 1e-3)).figures())
                 except Exception as error:  # a design that is impossible, or a loop that diverges, is not held
                     print(name, repr(error)[:200], file=sys.stderr)
                     found.append([np.inf] * len(HEAD))

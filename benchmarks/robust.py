@@ -26,10 +26,12 @@ The limits are those of ``python -m benchmarks.loop benefit``. ``--seeds N`` dra
 from __future__ import annotations
 
 import argparse
+import math
 import sys
 import tempfile
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
+from functools import partial
 from pathlib import Path
 from time import perf_counter
 
@@ -40,9 +42,9 @@ from benchmarks import rigs
 from benchmarks.loop import (
     WORST_EFFECTS,
     Exported,
+    benefit_runs,
     driven,
     exact_models,
-    figures,
     head,
     is_held,
     row,
@@ -51,7 +53,7 @@ from benchmarks.loop import (
 from pneucli.arrays import Array
 from pneucli.closed_loop import ensemble
 from pneucli.closed_loop.commissioning import SHUT, STATES, commissioned, member_on_ensemble, with_commissioning
-from pneucli.closed_loop.simulation import ClosedLoopSetup
+from pneucli.closed_loop.simulation import ClosedLoopSetup, replay_log
 from pneucli.controller import layout
 from pneucli.controller.parameters import Controller
 from pneucli.design.cascade_design import design_cascade
@@ -70,62 +72,75 @@ DESIGNS = ("rules", "ensemble", "commissioned")
 
 @dataclass
 class Count:
-    """What each of the ``DESIGNS`` did on the rigs of a column."""
+    """What each of the ``DESIGNS`` did on the rigs of a column; chattering (V) and variation at rest (V/s) by rig."""
 
-    rigs: int = 0
-    held: list[int] = field(default_factory=lambda: [0, 0, 0])
-    swings: list[int] = field(default_factory=lambda: [0, 0, 0])
+    held: list[list[bool]] = field(default_factory=list)
+    swings: list[list[bool]] = field(default_factory=list)
     chattering: list[list[float]] = field(default_factory=list)
+    variation: list[list[float]] = field(default_factory=list)
 
     def shown(self, i: int) -> str:
-        """What a design held, with the 90 % interval of Clopper and Pearson, and its chattering."""
-        k, n = self.held[i], self.rigs
-        low = beta.ppf(0.05, k, n - k + 1) if k else 0.0
-        high = beta.ppf(0.95, k + 1, n - k) if k < n else 1.0
-        noise = float(np.median(np.array(self.chattering)[:, i]))
-        return f"{k} ({100 * low:.0f} to {100 * high:.0f} %), {self.swings[i]} swing, {noise:.2g} V"
+        """What a design held, with the 95 % interval of Clopper and Pearson, and the medians of its command."""
+        k, n = int(np.sum(np.array(self.held)[:, i])), len(self.held)
+        low = beta.ppf(0.025, k, n - k + 1) if k else 0.0
+        high = beta.ppf(0.975, k + 1, n - k) if k < n else 1.0
+        fast, rest = (float(np.median(np.array(of)[:, i])) for of in (self.chattering, self.variation))
+        swings = int(np.sum(np.array(self.swings)[:, i]))
+        return f"{k} ({100 * low:.0f} to {100 * high:.0f} %), {swings} swing, {fast:.2g} V, {rest:.2g} V/s"
 
 
 def print_ensemble(asked: argparse.Namespace) -> None:
     """Print a row for each rig, and how many axes each design holds, by what it is not told."""
     names = ["none"] if asked.small else asked.names or list(WORST_EFFECTS)
-    head("rig", "effect", "what", "at rest, um", "moves, um", "sine, um rms", "under the load, um", "held")
+    head("rig", "effect", "what", "at rest, um", "moves, um", "sine, um rms", "under the load, um", "held",
+         "chattering, V", "variation at rest, V/s")  # fmt: skip
     counts: dict[str, Count] = {}
-    promised: list[float] = []
+    promised, floors = [], []
     for seed in range(asked.seed, asked.seed + asked.seeds):
         name = names[seed % len(names)]
         par, without, known = exact_models(seed, name)
         untold, probability = designs(without, par, asked.small)
         told = untold if name == "none" else designs(known, par, asked.small)[0]
         promised.append(probability)
+        floors.append([noise_variation(par, without, made) for made in untold])
         cases = {"told": (par, told), "untold": (par, untold), "small": (with_unknowns(par), told)}
         cases["10 ms of lag"] = par._replace(valve_lag=par.valve_lag + 10e-3), told
         cases["10 ms of hose"] = par._replace(line_delay=par.line_delay + 10e-3), told
+        if name == "none":
+            del cases["untold"]
         for what, (actual, (rules, own)) in cases.items():
-            found = [figures(actual, rules), figures(actual, own), figures(actual, own, commissioning=COMMISSIONING)]
-            held = [is_held(one, unknown=False) for one in found]
-            count = counts.setdefault(what, Count())
-            count.rigs += 1
-            count.held = [a + b for a, b in zip(count.held, held, strict=True)]
-            count.swings = [a + (one[1] > 1e3) for a, one in zip(count.swings, found, strict=True)]
-            count.chattering.append([chatters(actual, rules), chatters(actual, own), chatters(actual, own, True)])
+            runs = [benefit_runs(actual, rules), benefit_runs(actual, own)]
+            runs.append(benefit_runs(actual, own, commissioning=COMMISSIONING))
+            found, count = [one.figures() for one in runs], counts.setdefault(what, Count())
+            count.held.append([is_held(one, unknown=False) for one in found])
+            count.swings.append([one[1] > 1e3 for one in found])
+            count.chattering.append([ensemble.chattering(one.commands[2], one.period) for one in runs])
+            count.variation.append(
+                [max(map(partial(variation, period=one.period), one.rests(one.commands))) for one in runs]
+            )
             row(seed, name, what, *(" / ".join(f"{one[i]:.3g}" for one in found) for i in range(4)),
-                " / ".join(map(str, held)))  # fmt: skip
+                *(" / ".join(str(one) if isinstance(one, bool) else f"{one:.2g}" for one in of[-1])
+                  for of in (count.held, count.chattering, count.variation)))  # fmt: skip
     head("the rig has", "rigs", *DESIGNS)
     for what, count in counts.items():
-        row(what, count.rigs, *(count.shown(i) for i in range(3)))
+        row(what, len(count.held), *(count.shown(i) for i in range(3)))
     print(f"promised on the ensemble: {np.mean(promised):.3f}")
+    print("variation of the command by noise alone, V/s:", " / ".join(f"{v:.2g}" for v in np.median(floors, axis=0)))
 
 
-def chatters(par: Parameters, c: Controller, is_commissioned: bool = False) -> float:
-    """Return the rms in V of the command's chattering while a load comes and goes."""
-    first = COMMISSIONING * is_commissioned
-    time = c.period * np.arange(round((first + 5.0) / c.period)) - first
-    push = 50.0 * par.piston_area_1 / 8e-4 * ((time >= 1.0) & (time < 3.0))
-    mode = np.zeros(time.size)
-    mode[round(0.2 / c.period)] = layout.OPERATING_MODES.index("commission") * is_commissioned
-    u = rigs.driven(par, c, np.full(time.size, 0.5 * par.stroke), push, 400.0, 1e-6, mode=mode).u
-    return ensemble.chattering(np.asarray(u[time >= 0.0]), c.period)
+def variation(u: Array, period: float) -> float:
+    """Return the total variation of a command over its time, in V/s."""
+    return float(np.abs(np.diff(u)).sum() / (period * u.size))
+
+
+def noise_variation(par: Parameters, model: Model, c: Controller) -> float:
+    """Return the variation of the command by the noise of the pressures alone, in V/s: the axis stands."""
+    n, p2 = round(2.0 / c.period), math.sqrt(par.ambient * par.supply)
+    p1 = (p2 * par.piston_area_2 + par.ambient * (par.piston_area_1 - par.piston_area_2)) / par.piston_area_1
+    x = np.full(n, 0.5 * par.stroke)
+    noise = 400.0 * np.random.default_rng(0).standard_normal((2, n))
+    u = replay_log(model, c, {"x_ref": x, "x": x, "p1": p1 + noise[0], "p2": p2 + noise[1]}, "with")[:, layout.L_U1]
+    return variation(u[-round(0.5 / c.period) :], c.period)
 
 
 @dataclass(frozen=True)
@@ -176,8 +191,7 @@ def designs(model: Model, par: Parameters, is_small: bool) -> tuple[tuple[Contro
 
 def print_promise(asked: argparse.Namespace) -> None:
     """Print a row for each rig: what its ensemble promises and what held, on the model's rigs and on the exam's."""
-    head("rig", "design, s", "promised", "held, model", "held, exam", "over rest, motion, load, chattering",
-         "chattering, V, rules / ensemble")  # fmt: skip
+    head("rig", "design, s", "promised", "held, model", "held, exam", "over rest, motion, load, chattering")
     count, total = (2, 3) if asked.small else (40, ensemble.PROOF_RIGS), np.zeros(3)
     for seed in range(asked.seed, asked.seed + asked.seeds):
         par, model, _ = exact_models(seed, "none")
@@ -188,9 +202,8 @@ def print_promise(asked: argparse.Namespace) -> None:
         held = int(np.sum(on_exam.max(axis=1) <= 1.0))
         total += np.array([proof.probability, proof.held / count[1], held / count[0]])
         row(seed, round(spent), f"{proof.probability:.2f}", f"{proof.held} of {count[1]}", f"{held} of {count[0]}",
-            " ".join(str(n) for n in np.sum(on_exam > 1.0, axis=0)),
-            " / ".join(f"{chatters(par, c):.2g}" for c in (found.usual, found.own)))  # fmt: skip
-    row("mean", "", *(f"{share:.2f}" for share in total / asked.seeds), "", "")
+            " ".join(str(n) for n in np.sum(on_exam > 1.0, axis=0)))  # fmt: skip
+    row("mean", "", *(f"{share:.2f}" for share in total / asked.seeds), "")
 
 
 def _on_exam(found: Searched, par: Parameters, k: int) -> Array:

@@ -12,6 +12,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
+from heapq import heappop, heappush
 from itertools import product
 
 import numpy as np
@@ -40,6 +41,7 @@ CONFIDENCE = 0.95  # of the promise
 SUPPLY_SPREAD = 0.1  # of the supply pressure, either way
 REST_LIMIT, MOTION_LIMIT, LOAD_LIMIT = 50e-6, 0.5e-3, 100e-6  # m, where [design] states nothing
 WORST_RATIO = 1e3  # over its limit: of a loop that runs away
+BEST_RATIO, MARGIN_WEIGHT = 0.1, 1e-2  # of a score: a wider margin counts no more; weight of the margin over an excess
 FIGURES = {"rest": "m", "motion": "m", "load": "m", "chattering": "V"}  # of a rig, in the order of its ratios
 CHATTERING_LIMIT, CHATTERING_PERIOD = 0.2, 0.02  # of the largest command, rms; s: what is faster is chattering
 DWELL, SINE = 2.0, 2.5  # s, of each stretch of the test, and of its sine
@@ -210,8 +212,8 @@ def score_of(ratios: Array) -> float:
     Args:
         ratios: Figures over their limits, shape (rigs, 4).
     """
-    worst = np.log(np.maximum(ratios.max(axis=1), 1e-3))
-    return float(np.mean(np.maximum(worst, 0.0)) + 1e-2 * np.mean(worst))
+    worst = np.log(np.maximum(ratios.max(axis=1), BEST_RATIO))
+    return float(np.mean(np.maximum(worst, 0.0)) + MARGIN_WEIGHT * np.mean(worst))
 
 
 def measured_times(ensemble: RigEnsemble, model: Model) -> RigEnsemble:
@@ -238,20 +240,58 @@ def search(
 ) -> Choice:
     """Return the member of a family that holds the limits best on the model and ``count`` rigs.
 
-    All of the family runs on the first ``SCREENING_RIGS`` rigs, the better ``KEPT`` on all.
+    All of the family competes on the first ``SCREENING_RIGS`` rigs, the better ``KEPT`` on all.
     """
-    rigs = {0: ensemble.model} | {k: ensemble.draw(SEARCH_SEED, k) for k in range(1, count + 1)}
-    first = dict(list(rigs.items())[:SCREENING_RIGS])
+    rigs = [ensemble.model, *(ensemble.draw(SEARCH_SEED, k) for k in range(1, count + 1))]
+    controllers: dict[int, Controller] = {}
 
-    def scored(choice: Choice, rigs: Mapping[int, Model]) -> Choice:
-        return replace(choice, score=score_of(ratios_on(rigs, test, make(choice), setup)))
+    def ratios(i: int, k: int) -> Array:
+        if i not in controllers:
+            controllers[i] = make(family[i])
+        return test.ratios(rigs[k], controllers[i], setup, k)
 
-    screened = []
-    for i, choice in enumerate(family):
-        progress(i / len(family))
-        screened.append(scored(choice, first))
-    best = sorted(screened, key=lambda choice: choice.score)[: math.ceil(len(family) * KEPT)]
-    return min((scored(choice, rigs) for choice in best), key=lambda choice: choice.score)
+    done: list[list[Array]] = [[] for _ in family]
+    screened = least_scores(done, ratios, min(SCREENING_RIGS, len(rigs)), math.ceil(len(family) * KEPT), progress)
+    kept = [done[i] for i in screened]
+    best = least_scores(kept, lambda i, k: ratios(screened[i], k), len(rigs), 1)[0]
+    return replace(family[screened[best]], score=score_of(np.array(kept[best])))
+
+
+def least_scores(
+    done: list[list[Array]],
+    ratios: Callable[[int, int], Array],
+    rigs: int,
+    wanted: int,
+    progress: Callable[[float], None] = lambda share: None,
+) -> list[int]:
+    """Return the candidates of the ``wanted`` least scores on rigs 0 to ``rigs`` - 1, the least first.
+
+    The candidate with the least bound runs its next rig; its bound is its score if every further rig were held with the
+    best ratio. What is complete with the least bound has the least score; what cannot be among those runs no further.
+
+    Args:
+        done: Figures over their limits of the rigs that each candidate ran, each (4,); extended.
+        ratios: Runs candidate i on rig k.
+        rigs: Number of rigs.
+        wanted: Number of candidates.
+        progress: Told the share of all runs that are done; most need not be.
+    """
+
+    def bound(i: int) -> tuple[float, int]:
+        return score_of(np.vstack([*done[i], np.full((rigs - len(done[i]), len(FIGURES)), BEST_RATIO)])), i
+
+    heap, found, threads = sorted(bound(i) for i in range(len(done))), list[int](), thread_count()
+    while len(found) < wanted:
+        batch: list[int] = []
+        while heap and len(batch) < threads and len(done[heap[0][1]]) < rigs:
+            batch.append(heappop(heap)[1])
+        if not batch:
+            found.append(heappop(heap)[1])
+        progress(sum(map(len, done)) / (rigs * len(done)))
+        for i, ratio in zip(batch, map_in_threads(lambda i: ratios(i, len(done[i])), batch, threads), strict=True):
+            done[i].append(ratio)
+            heappush(heap, bound(i))
+    return found
 
 
 @dataclass(frozen=True)

@@ -8,11 +8,13 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from dataclasses import dataclass, replace
+from functools import lru_cache
 
 import numpy as np
 
 from pneucli.arrays import Array
 from pneucli.controller.layout import STROKE_NODES
+from pneucli.physics.declaration import Effect
 from pneucli.physics.effects import catalogue
 from pneucli.physics.gas import orifice_flow
 from pneucli.simulate.model import Model
@@ -227,18 +229,32 @@ def identify_spool(model: Model) -> SpoolModel:
     The play is half the distance between both directions, the lag the mean delay of the step response.
     """
     largest = max((abs(c) for c in model.valve.commands), default=0.0)
-    up = np.linspace(-largest, largest, SWEEP_STEPS + 1)
-    if not any("command" in effect.ports for effect in model.effects) or largest == 0.0:
+    users = sorted((e for e in model.effects if "command" in e.ports), key=lambda e: (e.order, e.name))
+    if not users or largest == 0.0:
+        up = np.linspace(-largest, largest, SWEEP_STEPS + 1)
         return SpoolModel(0.0, 0.0, up, up)
-    slow = _opening_response(model, np.concatenate([up, up[::-1], up]), SETTLING_TIME)
+    return _identified_spool(largest, tuple((e, tuple(model.effect_parameters(e))) for e in users))
+
+
+SpoolEffects = tuple[tuple[Effect, tuple[float, ...]], ...]  # in the order of the command through them
+
+
+@lru_cache(maxsize=64)  # a design asks thrice, and a search designs hundreds of controllers for a few lags
+def _identified_spool(largest: float, effects: SpoolEffects) -> SpoolModel:
+    """Identify the spool of effects with their parameters, for commands of up to ``largest`` (V) from the null."""
+    up = np.linspace(-largest, largest, SWEEP_STEPS + 1)
+    slow = _opening_response(effects, np.concatenate([up, up[::-1], up]), SETTLING_TIME)
     back, forth = slow[SWEEP_STEPS + 1 : 2 * SWEEP_STEPS + 2][::-1], slow[2 * SWEEP_STEPS + 2 :]
     inner = np.abs(up) < 0.6 * largest
     width = 0.5 * float(np.median((back - forth)[inner])) / _max_slope(up, 0.5 * (back + forth))
     steps = _opening_response(
-        model, np.concatenate([np.full(SETTLING_STEPS, -largest), np.full(SETTLING_STEPS, largest)]), RESPONSE_STEP
+        effects, np.concatenate([np.full(SETTLING_STEPS, -largest), np.full(SETTLING_STEPS, largest)]), RESPONSE_STEP
     )[SETTLING_STEPS:]
     lag = math.fsum(RESPONSE_STEP * (steps[-1] - o) / (steps[-1] - slow[0]) for o in steps)
-    return SpoolModel(max(width, 0.0) if width > 1e-9 * largest else 0.0, max(lag, 0.0), up, 0.5 * (back + forth))
+    middle = 0.5 * (back + forth)
+    for shared in (up, middle):
+        shared.flags.writeable = False
+    return SpoolModel(max(width, 0.0) if width > 1e-9 * largest else 0.0, max(lag, 0.0), up, middle)
 
 
 def _max_slope(u: Array, opening: Array) -> float:
@@ -246,16 +262,13 @@ def _max_slope(u: Array, opening: Array) -> float:
     return float(np.max(np.diff(opening)) / (u[1] - u[0])) or 1.0
 
 
-def _opening_response(model: Model, commands: Array, step: float) -> Array:
+def _opening_response(effects: SpoolEffects, commands: Array, step: float) -> Array:
     """Return the openings in V after each of the ``commands`` (V), each held for ``step`` (s)."""
-    users = sorted((e for e in model.effects if "command" in e.ports), key=lambda e: (e.order, e.name))
-    states, opened = dict.fromkeys((e.name for e in users), float(commands[0])), np.zeros(commands.size)
+    states, opened = [float(commands[0])] * len(effects), np.zeros(commands.size)
     for k, command in enumerate(commands.tolist()):
         u = command
-        for effect in users:
-            u, states[effect.name] = effect.ports["command"](
-                u, states[effect.name], step, *model.effect_parameters(effect)
-            )  # type: ignore[misc]
+        for i, (effect, parameters) in enumerate(effects):
+            u, states[i] = effect.ports["command"](u, states[i], step, *parameters)  # type: ignore[misc]
         opened[k] = u
     return opened
 
