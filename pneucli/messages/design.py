@@ -321,7 +321,8 @@ class Held:
 class Ensemble:
     """What the gains promise on rigs that differ as the recordings allow, and have ``effects`` that the model lacks.
 
-    ``rescued`` are the rigs that fail but for an effect; that of the ``limiting`` one is excluded by ``separate``.
+    Of the rigs that fail, ``explained`` ran without each effect and ``rescued`` then held; ``separate`` excludes the
+    ``limiting`` one.
     """
 
     effects: Sequence[str]
@@ -330,6 +331,7 @@ class Ensemble:
     limits: Mapping[str, Quantity]
     laws: Mapping[str, Held]
     limiting: str | None
+    explained: int
     rescued: Mapping[str, int]
     separate: str | None
 
@@ -351,8 +353,8 @@ class Ensemble:
             yield f"these rigs differ as the recordings allow, and have {lacks}, which the model lacks"
         if self.limiting:
             yield (
-                f"{self.limiting} limits it: {self.rescued[self.limiting]} of the {own.rigs - own.held} rigs that fail "
-                f"hold without it. To exclude or to identify it: {self.separate}"
+                f"{self.limiting} limits it: {self.rescued[self.limiting]} of {self.explained} rigs that fail hold "
+                f"without it. To exclude or to identify it: {self.separate}"
             )
 
     @property

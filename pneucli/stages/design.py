@@ -514,6 +514,7 @@ def ensemble_answer(
         limits={n: Quantity(limit, unit) for (n, unit), limit in zip(FIGURES.items(), found.test.limits, strict=True)},
         laws=rows,
         limiting=limiting or None,
+        explained=promise.explained,
         rescued=promise.rescued,
         separate=catalogue()[limiting].separate if limiting else None,
     )

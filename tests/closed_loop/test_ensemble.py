@@ -135,12 +135,20 @@ def test_the_proof_names_the_effect_that_limits() -> None:
     failed = 12 - proof.held
     assert failed > 0
     assert proof.limiting == "valve-lag"
-    assert proof.rescued["valve-lag"] == failed
+    assert proof.rescued["valve-lag"] == proof.explained == failed
     assert proof.probability < proof.held / 12
 
 
+def test_no_more_rigs_are_explained_than_name_what_limits(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(ensemble, "EXPLAINED_RIGS", 1)
+    slow = RigEnsemble(MODEL, {}, ("valve-lag",))
+    proof = prove(CONTROLLER, slow, TEST, axis.BENCH, rigs=12)
+    assert 12 - proof.held > 1
+    assert (proof.explained, proof.rescued) == (1, {"valve-lag": 1})
+
+
 def test_without_a_failure_nothing_limits() -> None:
-    proof = Proof(np.full((59, 4), 0.5), {"valve-lag": 0})
+    proof = Proof(np.full((59, 4), 0.5), 0, {"valve-lag": 0})
     assert (proof.held, proof.limiting) == (59, "")
     assert proof.probability == pytest.approx(0.95, abs=1e-3)
 
@@ -161,6 +169,7 @@ def test_the_message_says_probability_and_what_to_record() -> None:
         "confidence": 0.95,
         "effects": ["valve-lag", "line-delay"],
         "limiting": "valve-lag",
+        "explained": 4,
         "rescued": {"valve-lag": 3, "line-delay": 0},
         "separate": catalogue()["valve-lag"].separate,
     }
@@ -168,6 +177,6 @@ def test_the_message_says_probability_and_what_to_record() -> None:
     first, _, last = found.promise
     assert "96 of 100" in first
     assert "at least 91 %" in first
-    assert "3 of the 4 rigs" in last
+    assert "3 of 4 rigs" in last
     assert catalogue()["valve-lag"].separate in last
     assert next(found.rows)[:2] == ("best", "96 of 100")
