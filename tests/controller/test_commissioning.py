@@ -188,6 +188,16 @@ def test_a_valve_that_does_not_move_is_named() -> None:
     in_state(driven(stuck, c), 13, c)
 
 
+def test_a_fault_of_the_second_valve_leaves_both_shut_at_the_nulls_of_the_design() -> None:
+    """Its test is complete, and both nulls are found, when the rate tells that the machine is another one."""
+    model, c = family("two")
+    weak = replace(model, valve_2=model.chamber_2_valve.scaled(0.35)).with_values({"valve.null": 0.2})
+    run = driven(weak, c)
+    in_state(run, 17, c)
+    assert np.any(run.log[:, at.L_U2] != run.log[-1, at.L_U2])  # it was tested
+    assert np.all(run.log[-1000:, at.L_U2] == 0.5 * (c.fill_2[0] + c.vent_2[0]))
+
+
 @pytest.mark.parametrize(
     ("noise", "names"), [({"noise_x": 20e-6}, 15), ({"noise_p": 2e3}, 15), ({"noise_p": 600.0}, 4)]
 )
