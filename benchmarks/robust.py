@@ -283,18 +283,9 @@ def plant_run(event: str, par: Parameters, h: float, is_commissioned: bool) -> P
 
 def print_proof(asked: argparse.Namespace) -> None:
     """Print what ran away, a row each, how many runs of a rig, then counts by surprise."""
-    head(
-        "rig",
-        "arrangement",
-        "sample time",
-        "encoder",
-        "surprise",
-        "event",
-        "commissioned",
-        "at the end, um",
-        "moves, um",
-    )
-    runs: dict[tuple[str, bool], list[bool]] = {}
+    head("rig", "arrangement", "sample time", "encoder", "surprise", "event", "commissioned", "at the end, um",
+         "moves, um")  # fmt: skip
+    runs: dict[tuple[str, bool], list[tuple[bool, float]]] = {}
     ends: dict[str, int] = {}
     for seed in range(asked.seed, asked.seed + asked.seeds):
         rng = np.random.default_rng([seed, 11])
@@ -306,20 +297,23 @@ def print_proof(asked: argparse.Namespace) -> None:
                 for is_commissioned in (False, True):
                     actual, run = change(par), plant_run(event, par, h, is_commissioned)
                     trace = rigs.driven(actual, made, run.reference, run.load, 400.0, quantum, seed, mode=run.mode,
-                                        starved=run.starved, lost=run.lost)  # fmt: skip
+                                        starved=run.starved, lost=run.lost, keeps_states=False)  # fmt: skip
                     last = trace.x[-round(1.0 / h) :]
                     error, moves = float(np.abs(last - run.reference[-1]).max()), float(np.ptp(last))
                     state = commissioned(trace.states[-1]).state
                     is_bad = not max(error if state not in SHUT else 0.0, moves) < RUNAWAY
-                    runs.setdefault((surprise, is_commissioned), []).append(is_bad)
+                    now = variation(trace.u[-round(1.0 / h) :], h)
+                    runs.setdefault((surprise, is_commissioned), []).append((is_bad, now))
                     if is_commissioned:
                         ends[state] = ends.get(state, 0) + 1
                     if is_bad or asked.small:
                         row(seed, condition, h, quantum, surprise, event, is_commissioned, 1e6 * error, 1e6 * moves)
         row(seed, condition, h, quantum, "all so far", "", "", sum(map(len, runs.values())), str(ends))
-    head("surprise", "commissioned", "runs", "ran away")
-    for (surprise, is_commissioned), bad in runs.items():
-        row(surprise, is_commissioned, len(bad), sum(bad))
+    head("surprise", "commissioned", "runs", "ran away", "variation at the end, V/s: median, 95 %")
+    for (surprise, is_commissioned), found in runs.items():
+        at_rest = np.quantile([one for _, one in found], [0.5, 0.95])
+        bad = sum(is_bad for is_bad, _ in found)
+        row(surprise, is_commissioned, len(found), bad, "{:.2g}, {:.2g}".format(*at_rest))
     print("commissionings ended as:", ", ".join(f"{state} {n}" for state, n in ends.items()))
 
 
