@@ -135,7 +135,7 @@ EXPERIMENT_KINDS: dict[str, ExperimentKind] = {
             "axis",
             valve=True,
             cylinder=True,
-            needs=("u", "p1", "x"),
+            needs=("u", "x"),
             compared_channels=("p1", "p2", "x", "v", "a"),
             bench="cylinder",
         ),

@@ -26,13 +26,13 @@ EndLocation = Literal["null", "bound", "inside"]
 
 
 def has_unmeasured_force(residual_models: Sequence[ResidualModel], effect: Effect) -> bool:
-    """Whether an effect acts only in force balances that lack the pressure of a chamber.
+    """Whether an effect acts only in force balances of which no reading gives the force of the gas.
 
-    Chamber 2 is shut or driven and p2 was not recorded. Its force is missing from the balance, and an effect such as a
-    spring would replace it.
+    Chamber 2 is shut or driven and p2 was not recorded: its force is missing from the balance, and an effect such as a
+    spring would replace it. Without any pressure the model's errors of flow are forces, as those of most effects.
     """
     sensitive = [model for model in residual_models if model.is_sensitive_to(effect)]
-    return bool(sensitive) and all(lacks_p2(model) for model in sensitive)
+    return bool(sensitive) and all(lacks_p2(model) or model.experiment.lacks_pressures for model in sensitive)
 
 
 def lacks_p2(residual_model: ResidualModel) -> bool:

@@ -41,7 +41,7 @@ def guess_experiment(kind: FileGroup) -> GuessedExperiment:
     has = kind.signals.keys()
     if kind.steady:
         return GuessedExperiment("flow", [*_open_outlet(kind)])
-    if {"x", "u", "p1"} <= has:
+    if {"x", "u"} <= has and ("p1" in has or "force" not in has):
         return GuessedExperiment("axis", [*_chamber_2(kind)])
     if "x" in has:
         return GuessedExperiment("friction", [*_friction(kind)])
@@ -58,6 +58,8 @@ def _chamber_2(kind: FileGroup) -> Iterator[Line]:
         yield "chamber_2", '"closed"', 'CHECK or "open" (to ambient), or "valve"'
     elif "u2" in kind.signals:
         yield "chamber_2", '"valve"', "u2 is recorded"
+    elif not {"p1", "p2"} & kind.signals.keys():
+        yield "chamber_2", '"valve"', 'CHECK no pressure is recorded; or "open" (to ambient), or "closed"'
     elif "p2" not in kind.signals:
         yield "chamber_2", '"closed"', 'CHECK no p2 is recorded; or "open" (to ambient), or "valve"'
     elif np.ptp(kind.pooled_values("p2")) < 0.1 * np.ptp(kind.pooled_values("p1")):
@@ -163,7 +165,7 @@ def rig_tables(
         )
     if lines := [*_valve_keys(groups, experiments)]:
         yield "rig.valve", lines
-    moved = [k for k in groups if "x" in k.signals and {"p1", "p2"} & k.signals.keys()]
+    moved = [k for k in groups if "x" in k.signals and {"p1", "p2", "u"} & k.signals.keys()]
     if moved:
         yield "rig.cylinder", [*_cylinder_keys(moved, bool(axes))]
 
@@ -176,7 +178,7 @@ def _environment_keys(kinds: Sequence[FileGroup], driven: Sequence[FileGroup]) -
 
 
 def _valve_keys(kinds: Sequence[FileGroup], trials: Sequence[GuessedExperiment]) -> Iterator[Line]:
-    driven = [kind for kind in kinds if {"u", "p1"} <= kind.signals.keys() and not kind.steady]
+    driven = [kind for kind in kinds if "u" in kind.signals and {"p1", "x"} & kind.signals.keys() and not kind.steady]
     if any(t.value_of("chamber_2") == "valve" for t in trials):
         two = any("u2" in kind.signals for kind in kinds)
         why = "u2 is recorded" if two else "one command, and both chambers are driven"
@@ -184,8 +186,11 @@ def _valve_keys(kinds: Sequence[FileGroup], trials: Sequence[GuessedExperiment])
     u = np.concatenate([kind.pooled_values("u") for kind in driven] or [np.zeros(1)])
     if np.unique(u).size == 2:
         yield "kind", '"switching"', "the command has two values"
-    elif u.min() >= 0 and any(_falls(values) for kind in driven for values in kind.values_per_file("p1")):
-        yield "null", '"identify"', f"p1 falls, although the command is never below {format_plain(u.min(), 3)}"
+    elif u.min() >= 0:
+        shown = [(kind, "p1" if "p1" in kind.signals else "x") for kind in driven]
+        falling = [name for kind, name in shown if any(_falls(values) for values in kind.values_per_file(name))]
+        for name in falling[:1]:
+            yield "null", '"identify"', f"{name} falls, although the command is never below {format_plain(u.min(), 3)}"
 
 
 def _falls(values: Array) -> bool:
@@ -209,7 +214,9 @@ def _cylinder_keys(moved: Sequence[FileGroup], axes: bool) -> Iterator[Line]:
     )
     if axes:
         yield "stroke", f'"? {length}"', "x = 0 where chamber 1 is smallest"
-        yield "# dead_volume_1", '"? cm^3"', "of chamber 1 at x = 0, its hose included; identified where absent"
+        read = all("p1" in kind.signals for kind in moved)
+        shown = "of chamber 1 at x = 0, its hose included" + ("; identified where absent" if read else "")
+        yield "# dead_volume_1" if read else "dead_volume_1", '"? cm^3"', shown
         known = all("p2" in kind.signals for kind in moved)  # else nothing tells how that gas pushes
         yield "# dead_volume_2" if known else "dead_volume_2", '"? cm^3"', "of chamber 2 at x = stroke"
     yield ("# moment_of_inertia" if rotary else "# moving_mass"), f'"? {mass}"', "identified where absent"

@@ -67,6 +67,12 @@ def limits_of(groups: Sequence[FileGroup]) -> Iterator[str]:
         if kind.steady or kind.signals.keys() & {"p1", "p2", "p_supply", "force"}:
             continue
         names = ", ".join(name for name in kind.signals if name != "time") or "no signal"
+        if {"u", "x"} <= kind.signals.keys():
+            yield (
+                f"{kind.surveys[0].path.name}: {names} and no pressure: friction and one gain of the valve show in "
+                "ratio to supply pressure x piston area, neither a map of the valve nor a leak; record p1 for those"
+            )
+            continue
         yield (
             f"{kind.surveys[0].path.name}: {names} and no pressure: neither the valve's map nor friction can be "
             "identified; record p1 (and p2, p_supply), or the force on the piston beside x"

@@ -83,7 +83,7 @@ def _shared(kinds: Sequence[FileGroup], references: References) -> dict[str, str
         shared["p1"] = (
             'p1 = { column = "?", unit = "bar" }  # no column looks like a pressure or a position: see those below'
         )
-    if any("x" in kind.signals and not kind.signals.keys() & {"p1", "force"} for kind in kinds):
+    if any("x" in kind.signals and not kind.signals.keys() & {"p1", "force", "u"} for kind in kinds):
         shared["force"] = (
             'force = { column = "?", unit = "N" }  # no pressure and no force is recognised: one is needed'
         )

@@ -193,9 +193,13 @@ OTHERS: Mapping[str, Template] = {
     "diagnosis-subsampled": (
         "{used} of {samples} samples are diagnosed: evenly spaced segments of the longest recordings"
     ),
-    "p2-inferred": (
-        "{recordings}: p2 was not recorded and is inferred from the model; its initial value can hide a force like "
+    "pressure-inferred": (
+        "{recordings}: {pressures} not recorded and inferred from the model; an initial value can hide a force like "
         "that of a spring"
+    ),
+    "no-pressure": (
+        "{recordings}: no effect is named from motion alone, since an error of the valve's flow passes for a force; "
+        "record p1"
     ),
     "p2-missing": (
         "{recordings}: chamber 2 is shut or driven and p2 was not recorded: the forces on the piston cannot be "

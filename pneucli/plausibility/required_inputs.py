@@ -57,6 +57,11 @@ def _chamber_2_volume_unobserved(one: Recording, rig: Rig) -> bool:
     return _gas_enclosed_in_chamber_2(one, rig) and "p2" not in one
 
 
+def _chamber_1_volume_unobserved(one: Recording, _: Rig) -> bool:
+    """Whether nothing but its volume tells how gas behind the valve pushes."""
+    return one.kind.axis and "p1" not in one
+
+
 _RIG_KEYS: tuple[tuple[str, str, str, str, AppliesTo], ...] = (
     ("rig.cylinder", "piston_area_1", "the area on which p1 acts", '"8.04 cm^2"', _pressures_act_on_piston),
     (
@@ -65,6 +70,13 @@ _RIG_KEYS: tuple[tuple[str, str, str, str, AppliesTo], ...] = (
         "the stroke, without which chamber 2 has no volume",
         '"200 mm"',
         _gas_enclosed_in_chamber_2,
+    ),
+    (
+        "rig.cylinder",
+        "dead_volume_1",
+        "the volume of chamber 1, which p1 does not show",
+        '"30 cm^3"',
+        _chamber_1_volume_unobserved,
     ),
     (
         "rig.cylinder",
@@ -96,6 +108,16 @@ def _chamber_2_pressure_unknown(one: Recording) -> bool:
     return one.kind.cylinder and not one.kind.valve and "p2" not in one and one.chamber_2 in ("closed", "valve")
 
 
+def without_pressure(recordings: Sequence[Recording]) -> list[Recording]:
+    """Return the recordings of driven pistons that read the pressure of neither chamber."""
+    return [one for one in recordings if one.kind.axis and not {"p1", "p2"} & one.signals.keys()]
+
+
+def tells_valve_map(recordings: Sequence[Recording]) -> bool:
+    """Whether a pressure was read that a valve changes, without which only one gain of the valve shows."""
+    return any(one.kind.valve and not one.valve_shut and {"p1", "p2"} & one.signals.keys() for one in recordings)
+
+
 def _named(recordings: Sequence[Recording]) -> str:
     names = [one.name for one in recordings]
     more = f" and {len(names) - MAX_NAMED_RECORDINGS} more" if len(names) > MAX_NAMED_RECORDINGS else ""
@@ -112,6 +134,16 @@ def assumptions(recordings: Sequence[Recording], rig: Rig) -> Iterator[Assumptio
         yield Assumption(f"chamber 2 is at ambient pressure in {_named(opened)}", "p2 or chamber_2 in [[recordings]]")
     if shut := [one for one in quiet if one.kind.axis and one.chamber_2 != "open"]:
         yield Assumption(f"chamber 2 starts at ambient pressure in {_named(shut)}", "p2 in [signals]")
+    if blind := without_pressure(recordings):
+        yield Assumption(
+            f"the pressures are the model's own in {_named(blind)}: motion tells friction, mass and the valve's area "
+            "only in ratio to supply pressure x piston area as stated, and no leak at all",
+            "p1 in [signals]",
+        )
+        if not tells_valve_map(recordings) and rig.valve_kind == "proportional":
+            yield Assumption(
+                "the valve has one gain for all commands: without a pressure no map shows", "p1 in [signals]"
+            )
     driven = [one for one in recordings if one.kind.axis and one.chamber_2 == "valve" and "u2" in one]
     if driven and "u2" not in rig.arrangement.commands:
         what = f"u alone drives both chambers in {_named(driven)}, and u2 is not used"

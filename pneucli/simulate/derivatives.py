@@ -105,7 +105,7 @@ def differentiable(directions: Directions, experiment: Experiment) -> NDArray[np
         All that the gas depends on where the motion is the measured one and both pressures come from one simulation.
     """
     given = experiment.flags[at.MECHANICS] == 0.0 and experiment.flags[at.PNEUMATICS] > 0.0
-    if not given or experiment.infers_p2 or not kernel_for(directions.model.effects).has_duals:
+    if not given or experiment.inferred_pressures or not kernel_for(directions.model.effects).has_duals:
         return np.zeros(len(directions.steps), dtype=bool)
     return np.asarray(np.logical_not(directions.base_slopes(experiment)[_CONSTANTS].any(axis=0)))
 

@@ -29,7 +29,8 @@ MIN_DIRECTION_SHARE = 0.1  # of the moving samples, in either direction: else a 
 class Drive:
     """What drives the piston of one recording, arrays of shape (n,).
 
-    ``x`` in m, ``v`` in m/s (0 at rest), ``a`` in m/s^2; ``force`` in N is that of pressures and drive toward +x.
+    ``x`` in m, ``v`` in m/s (0 at rest), ``a`` in m/s^2; ``force`` in N is that of pressures and drive toward +x,
+    NaN where it is unknown.
     Smoothing blurs a stop by ``blurred`` samples; noise scatters the readings of one position within ``scatter`` (m).
     """
 
@@ -85,6 +86,8 @@ def detect_ends(drives: Sequence[Drive], stroke: float | None) -> tuple[float, f
         return -np.inf, np.inf
     lowest, highest = float(x.min()), float(x.max())  # of rests: where the piston bounces it goes beyond
     tolerance = max(end_compliance(drives), *(d.scatter for d in drives))
+    if np.isnan(force).any():
+        return _ends_reached((lowest, highest), stroke, tolerance)
     low, high = x <= lowest + tolerance, x >= highest - tolerance
     load, resistance = _load_and_resistance(drives, lowest + tolerance, highest - tolerance)
     push = force - load[0] - load[1] * x
@@ -102,6 +105,16 @@ def detect_ends(drives: Sequence[Drive], stroke: float | None) -> tuple[float, f
         )
     )
     return lowest if at_low else -np.inf, highest if at_high else np.inf
+
+
+def _ends_reached(rests: tuple[float, float], stroke: float | None, tolerance: float) -> tuple[float, float]:
+    """Return the stated ends at which the piston rests: all that shows where no force is known, infinite where none.
+
+    >>> _ends_reached((0.0001, 0.15), 0.2, 0.0005)
+    (0.0001, inf)
+    """
+    at_low, at_high = abs(rests[0]) <= tolerance, stroke is not None and abs(rests[1] - stroke) <= tolerance
+    return rests[0] if at_low and stroke is not None else -np.inf, rests[1] if at_high else np.inf
 
 
 def _load_and_resistance(drives: Sequence[Drive], low: float, high: float) -> tuple[tuple[float, float], float]:

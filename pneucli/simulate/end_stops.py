@@ -41,14 +41,14 @@ def _with_ends(
 
 
 def _drive(e: Experiment) -> Drive:
-    """Return the drive of an experiment, with the pressure that stands for one without a sensor."""
+    """Return the drive of an experiment, with the pressure in place of one without a sensor; NaN without any."""
     v, (area_1, area_2), ambient = e.inputs[:, at.IN_V], e.rig.piston_areas, e.rig.ambient_pressure
     pressures = area_1 * (e.inputs[:, at.IN_P1] - ambient) - area_2 * (e.inputs[:, at.IN_P2] - ambient)
     return Drive(
         x=e.inputs[:, at.IN_X],
         v=v,
         a=np.gradient(v, e.time),
-        force=pressures + e.inputs[:, at.IN_FORCE],
+        force=np.full(v.size, np.nan) if e.lacks_pressures else pressures + e.inputs[:, at.IN_FORCE],
         blurred=max(round(e.smear_time / e.recording.period), 1),
         scatter=e.position_scatter,
     )

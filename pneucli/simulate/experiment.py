@@ -27,6 +27,7 @@ from pneucli.simulate.restarts import restart_samples
 from pneucli.simulate.velocity_integration import IntegratedMotion
 
 OUTPUT_COLUMNS = {"p1": at.R1, "p2": at.R2, "x": at.X, "v": at.V, "a": at.A, "temperature": at.GAS_T, "flow": at.FLOW}
+LEAKS = {"leak_area", "leak_1_ambient", "leak_2_ambient", "leak_1_2"}  # ports of flows beside the valve's
 LATE_READINGS = {"sensor_lag", "sensor_delay"}  # ports at which pressures are only read later
 SMEAR_MEMORY_FACTOR = 3.0  # times the smoother's memory, over which it spreads a stop
 MIN_SEGMENT_SMEARS = 4.0  # times ``smear_time``: in a shorter segment the error of the restart dominates
@@ -135,11 +136,13 @@ class Experiment:
         """Return whether the effect's part takes part, and for a sensor's fault whether that sensor was recorded.
 
         In a shut vessel nothing happens at a known time: a late reading of its pressure is that of an earlier start.
+        Without any pressure a leak is told from the valve's own flow by nothing.
         """
         recorded = self.raw.keys()
         read = not effect.sensors or bool(effect.sensors & recorded)
         is_timed = not (self.vessel and self.recording.valve_shut) or not effect.ports.keys() <= LATE_READINGS
-        return effect.part in self.parts and read and is_timed and effect.needs <= recorded
+        is_told = not (self.lacks_pressures and LEAKS & effect.ports.keys())
+        return effect.part in self.parts and read and is_timed and is_told and effect.needs <= recorded
 
     @property
     def p2_is_unmeasured(self) -> bool:
@@ -147,15 +150,18 @@ class Experiment:
         return self.recording.chamber_2 in ("closed", "valve") and "p2" not in self.raw
 
     @cached_property
-    def infers_p2(self) -> bool:
-        """Whether an unmeasured p2 follows from the model, the motion and the commands."""
-        return (
-            self.p2_is_unmeasured
-            and self.recording.kind.valve
-            and not self.vessel
-            and "x" in self.raw
-            and self.rig.piston_areas[1] > 0.0
-        )
+    def inferred_pressures(self) -> tuple[str, ...]:
+        """The unmeasured pressures that follow from the model, the motion and the commands."""
+        if self.vessel or not self.recording.kind.valve or "x" not in self.raw:
+            return ()
+        acting = ("p1", "p2") if self.recording.chamber_2 in ("closed", "valve") else ("p1",)
+        areas = dict(zip(("p1", "p2"), self.rig.piston_areas, strict=True))
+        return tuple(p for p in acting if p not in self.raw and areas[p] > 0.0)
+
+    @property
+    def lacks_pressures(self) -> bool:
+        """Whether every pressure that acts on the piston is inferred."""
+        return bool(self.inferred_pressures) and not {"p1", "p2"} & self.raw.keys()
 
     @cached_property
     def motion_inputs(self) -> MotionInputs:

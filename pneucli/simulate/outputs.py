@@ -1,4 +1,4 @@
-"""Simulate the channels that are compared, filtered as the comparison filters, and estimate an unmeasured p2."""
+"""Simulate the channels that are compared, filtered as the comparison filters, and estimate unmeasured pressures."""
 
 from __future__ import annotations
 
@@ -12,10 +12,9 @@ from pneucli.simulate.experiment import Experiment
 from pneucli.simulate.force_clock import force_delay, recorded_late, with_force_in_time
 from pneucli.simulate.imposed_motion import motion_inputs, standstill_speed
 from pneucli.simulate.model import Model
-from pneucli.simulate.run import base_vector, kernel_for, read_only, simulate, with_p2
+from pneucli.simulate.run import base_vector, kernel_for, read_only, simulate, with_inferred_pressures
 
-RELATIVE_P2_STEP = 1e-3  # of the start, for a difference quotient
-MIN_DENOMINATOR = 1e-300
+RELATIVE_START_STEP = 1e-3  # of the start, for a difference quotient; and the least start
 
 
 def simulate_outputs(
@@ -34,8 +33,8 @@ def simulate_outputs(
     """
     if experiment.recording.imposed == "motion":
         return {"force": experiment.low_passed(required_force(model, experiment, noise))}
-    if experiment.infers_p2:
-        inputs = with_estimated_p2(model, experiment, experiment.inputs if inputs is None else inputs)
+    if experiment.inferred_pressures:
+        inputs = with_estimated_pressures(model, experiment, experiment.inputs if inputs is None else inputs)
     raw = simulate(model, experiment, inputs)
     return {channel: experiment.low_passed(raw[channel].copy()) for channel in experiment.channels}
 
@@ -85,34 +84,42 @@ def accelerometer_offset(model: Model, experiment: Experiment) -> float:
     return reading
 
 
-def with_estimated_p2(model: Model, experiment: Experiment, inputs: Array) -> Array:
-    """Return inputs with the p2 of the model, started so that the force balance holds best.
+def with_estimated_pressures(model: Model, experiment: Experiment, inputs: Array) -> Array:
+    """Return inputs with the unmeasured pressures of the model, started so that the force balance holds best.
 
-    The start of each segment between gaps minimises the squared residual of the force balance for the measured motion.
-    p2 is linear in its start while the gas is trapped, and nearly so while a valve vents it.
+    The starts of each segment between gaps minimise the squared residual of the force balance for the measured motion,
+    beside a prior as wide as the starts themselves: the motion may tell only one combination of two. A pressure is
+    linear in its start while the gas is trapped, and nearly so while a valve vents it.
 
     Args:
         model: The model.
-        experiment: An experiment without a sensor of p2.
+        experiment: An experiment without a sensor of p1 or p2.
         inputs: Inputs, shape (n, 8).
 
     Returns:
-        Inputs with p2 in Pa, shape (n, 8).
+        Inputs with these pressures in Pa, shape (n, 8).
 
     References:
-        docs/method.md, residual models: force balance with an inferred p2.
+        docs/method.md, residual models: force balance with inferred pressures.
     """
-    e, area_2 = experiment, experiment.rig.piston_areas[1]
-    shifted, estimate = inputs.copy(), with_p2(model, e, inputs)
-    shifted[:, at.IN_P2] *= 1.0 + RELATIVE_P2_STEP
-    sensitivity = (with_p2(model, e, shifted) - estimate)[:, at.IN_P2] / RELATIVE_P2_STEP
-    missing = -_force_residual(model, e, estimate) / area_2
-    begins, moving = e.gap_ends, (inputs[:, at.IN_V] != 0.0) & e.is_free
-    share = np.add.reduceat(sensitivity * missing * moving, begins) / (
-        np.add.reduceat(sensitivity**2 * moving, begins) + MIN_DENOMINATOR
-    )
-    lengths = np.diff(np.append(begins, e.time.size))
-    estimate[:, at.IN_P2] += np.repeat(np.maximum(share, RELATIVE_P2_STEP - 1.0), lengths) * sensitivity
+    e, estimate = experiment, with_inferred_pressures(model, experiment, inputs)
+    gains = dict(zip(("p1", "p2"), e.rig.piston_areas * np.array([1.0, -1.0]), strict=True))
+    columns = {name: at.INPUTS.index(name) for name in e.inferred_pressures}
+    changes = {}
+    for name, column in columns.items():
+        shifted = inputs.copy()
+        shifted[:, column] *= 1.0 + RELATIVE_START_STEP
+        changes[name] = (with_inferred_pressures(model, e, shifted) - estimate) / RELATIVE_START_STEP
+    moving = (inputs[:, at.IN_V] != 0.0) & e.is_free
+    pushes = [moving * sum(gains[n] * change[:, c] for n, c in columns.items()) for change in changes.values()]
+    missing = moving * _force_residual(model, e, estimate)
+    for segment in np.split(np.arange(e.time.size), e.gap_ends[1:]):
+        design = np.array([push[segment] for push in pushes])
+        prior = np.mean(missing[segment] ** 2) * np.eye(len(design))
+        shares = np.linalg.lstsq(design @ design.T + prior, design @ missing[segment])[0]
+        for share, change in zip(np.maximum(shares, RELATIVE_START_STEP - 1.0), changes.values(), strict=True):
+            for column in columns.values():
+                estimate[segment, column] += share * change[segment, column]
     return estimate
 
 

@@ -135,7 +135,7 @@ def substitute_missing_inputs(inputs: Array, recording: Recording, rig: Rig) -> 
 
     Pressures are ambient, the supply pressure is the stated one. p2 of a closed chamber is that of trapped gas, as much
     as the force balance of the moving piston needs; behind a valve p2 holds the piston at the start. Both need p1, x
-    and the areas, the first also the stroke.
+    and the areas, the first also the stroke. Without any pressure p1 of an axis is amid ambient and supply.
 
     Args:
         inputs: Inputs in the kernel's layout, shape (n, 8).
@@ -149,7 +149,14 @@ def substitute_missing_inputs(inputs: Array, recording: Recording, rig: Rig) -> 
     ):
         if name not in recording:
             inputs[:, column] = value
-    if {"p1", "x"} <= recording.signals.keys() and "p2" not in recording and all(rig.piston_areas):
+    if recording.kind.axis and "p1" not in recording:
+        inputs[:, at.IN_P1] = 0.5 * (rig.ambient_pressure + inputs[:, at.IN_SUPPLY].mean())
+    if (
+        "x" in recording
+        and (recording.kind.axis or "p1" in recording)
+        and "p2" not in recording
+        and all(rig.piston_areas)
+    ):
         if recording.chamber_2 == "valve":
             inputs[:, at.IN_P2] = _balancing_p2(inputs, rig)
         elif recording.chamber_2 == "closed" and rig.stroke:

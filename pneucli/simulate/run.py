@@ -80,13 +80,13 @@ def run(model: Model, experiment: Experiment, inputs: Array | None = None) -> Ar
         Thesis 2.47-2.52 (state space), 3.1-3.7 (friction).
     """
     inputs = experiment.inputs if inputs is None else inputs
-    return _run(model, experiment, with_p2(model, experiment, inputs))
+    return _run(model, experiment, with_inferred_pressures(model, experiment, inputs))
 
 
-def with_p2(model: Model, experiment: Experiment, inputs: Array) -> Array:
-    """Return inputs in which an unmeasured p2 is that of the model under the measured motion.
+def with_inferred_pressures(model: Model, experiment: Experiment, inputs: Array) -> Array:
+    """Return inputs in which unmeasured pressures are those of the model under the measured motion.
 
-    p2 starts from its value in ``inputs``, at the first sample and after each gap.
+    They start from their values in ``inputs``, at the first sample and after each gap.
 
     Args:
         model: The model.
@@ -94,12 +94,13 @@ def with_p2(model: Model, experiment: Experiment, inputs: Array) -> Array:
         inputs: Inputs, shape (n, 8).
 
     Returns:
-        Inputs, shape (n, 8); the same array where p2 was measured.
+        Inputs, shape (n, 8); the same array where none is inferred.
     """
-    if not experiment.infers_p2:
+    if not experiment.inferred_pressures:
         return inputs
-    inputs = inputs.copy()
-    inputs[:, at.IN_P2] = _run(model, experiment.with_imposed_motion, inputs)[:, at.R2]
+    inputs, simulated = inputs.copy(), _run(model, experiment.with_imposed_motion, inputs)
+    for name in experiment.inferred_pressures:
+        inputs[:, at.INPUTS.index(name)] = simulated[:, OUTPUT_COLUMNS[name]]
     return inputs
 
 

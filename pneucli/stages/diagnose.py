@@ -31,7 +31,7 @@ from pneucli.identify.estimation.fit import Fit
 from pneucli.identify.estimation.intervals import with_intervals
 from pneucli.identify.estimation.model_fit import fit_model
 from pneucli.identify.guesses.base_model import guess_base_model
-from pneucli.identify.residuals import ForceBalanceInferredP2, ResidualModel
+from pneucli.identify.residuals import ForceBalanceInferredPressure, ResidualModel
 from pneucli.memory import release_free_memory
 from pneucli.messages.diagnose import (
     MIN_TOLD_PROBABILITY,
@@ -178,12 +178,20 @@ def _run_diagnosis(
     return found.path.models[0].model, answer
 
 
-def unmeasured_p2_warnings(residual_models: Sequence[ResidualModel]) -> list[str]:
-    """Return warnings about recordings with a shut or driven chamber 2 whose pressure was not recorded."""
-    inferred = [one.experiment.recording.name for one in residual_models if isinstance(one, ForceBalanceInferredP2)]
+def unmeasured_pressure_warnings(residual_models: Sequence[ResidualModel]) -> list[str]:
+    """Return warnings about recordings of a piston on which a pressure acts that was not recorded."""
+    inferred: dict[tuple[str, ...], list[str]] = {}
+    for one in residual_models:
+        if isinstance(one, ForceBalanceInferredPressure):
+            inferred.setdefault(one.experiment.inferred_pressures, []).append(one.experiment.recording.name)
+    found = [
+        tell("pressure-inferred", recordings=", ".join(names), pressures=" and ".join(which))
+        for which, names in inferred.items()
+    ]
     missing = [one.experiment.recording.name for one in residual_models if lacks_p2(one)]
-    named = (("p2-inferred", inferred), ("p2-missing", missing))
-    return [tell(code, recordings=", ".join(names)) for code, names in named if names]
+    found += [tell("p2-missing", recordings=", ".join(missing))] if missing else []
+    blind = [one.experiment.recording.name for one in residual_models if one.experiment.lacks_pressures]
+    return found + ([tell("no-pressure", recordings=", ".join(blind))] if blind else [])
 
 
 def parameter_uncertainty_warnings(held_out: Sequence[LackOfFit]) -> list[str]:
@@ -196,7 +204,7 @@ def _diagnosis_data(pipeline: PipelineData) -> tuple[DiagnosisData, list[str]]:
     train, test = (pipeline.residual_models(use) for use in ("train", "test"))
     folds = () if test else folds_of(train)
     warnings = [] if test else [tell("cross-validated" if folds else "no-held-out")]
-    warnings += unmeasured_p2_warnings(train)
+    warnings += unmeasured_pressure_warnings(train)
     effects = {n: e for n, e in pipeline.available_effects.items() if n not in pipeline.excluded_effects}
     base_effects = tuple(e.name for e in pipeline.effects)
     progress = pipeline.context.progress

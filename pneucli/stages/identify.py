@@ -17,7 +17,7 @@ from pneucli.identify.estimation.progress import Iteration, report_iterations_to
 from pneucli.identify.friction.identification import FrictionIdentification, identify_friction
 from pneucli.identify.guesses.base_model import guess_base_model
 from pneucli.identify.guesses.chamber_balance import Chamber
-from pneucli.identify.guesses.flow_paths import opening_from_null, valve_driven
+from pneucli.identify.guesses.flow_paths import as_valve_test, valve_driven
 from pneucli.identify.guesses.null_command import drifting_recordings
 from pneucli.identify.residuals import ResidualModel, with_channel_weights
 from pneucli.identify.valve.charge_budget import with_budgets
@@ -228,7 +228,7 @@ def _identify_chamber_valve(
     shown = [
         e
         for e in valve_driven(study.experiments)
-        if e.recording.use == "train" and opening_from_null(e, chamber) is not None
+        if e.recording.use == "train" and as_valve_test(e, chamber) is not None
     ]
     if not shown:
         return None

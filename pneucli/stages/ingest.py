@@ -57,8 +57,8 @@ from pneucli.stages.answer_parts import flow_unit, flow_unit_assumptions
 from pneucli.units import factor_and_offset, parse_unit_as
 
 UNMEASURED_PRESSURE = (
-    "record p1: commands and motion alone do not tell the valve from friction, and nothing is identified from them; "
-    'where a force on the piston was recorded, experiment = "friction" gives friction and mass without a pressure'
+    "record p1: a command alone tells nothing of the valve; "
+    'where a piston moves and x is recorded, experiment = "axis" needs no pressure'
 )
 SPOOL_VALVE_HINT = '; where one valve drives both chambers, say [rig.valve] arrangement = "5/3"'
 MIN_PERIOD, MAX_PERIOD = 1e-9, 1e6  # s, of a sampling period

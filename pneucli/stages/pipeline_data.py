@@ -28,7 +28,7 @@ from pneucli.physics.declaration import Effect
 from pneucli.physics.effects import all_effects, select_effects
 from pneucli.pipeline.context import Context
 from pneucli.pipeline.manifest import digest
-from pneucli.plausibility.required_inputs import RequiredInput, required_inputs
+from pneucli.plausibility.required_inputs import RequiredInput, required_inputs, tells_valve_map, without_pressure
 from pneucli.plausibility.weights import contradicted_parts, contradictions
 from pneucli.recording import ParameterPrior, Recording, Rig
 from pneucli.simulate.end_stops import with_end_stops
@@ -164,8 +164,11 @@ class PipelineData:
 
     @property
     def valve(self) -> Literal["map", "linear", "switching"]:
-        """The form of the model's valve."""
-        return "switching" if self.rig.valve_kind == "switching" else self.context.config.model.valve
+        """The form of the model's valve; a map needs the pressure in a chamber that the valve fills."""
+        if self.rig.valve_kind == "switching":
+            return "switching"
+        blind = without_pressure(self.recordings)
+        return self.context.config.model.valve if not blind or tells_valve_map(self.recordings) else "linear"
 
     @cached_property
     def experiments(self) -> list[Experiment]:

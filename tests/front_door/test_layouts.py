@@ -312,12 +312,17 @@ def test_numbers_that_fill_0_to_1_in_a_unit_or_rest_at_an_end_are_no_scaled_ones
 
 
 def test_what_cannot_be_identified_without_a_pressure_is_said(tmp_path: Path) -> None:
+    """Command and position alone are an axis, whose volumes are asked for."""
     rows = "".join(f"{n / 100},{n // 50 % 3},{100 + 50 * np.sin(n / 30):.3f}\n" for n in range(400))
     answer = init.create(tmp_path / "rig", [written(tmp_path, f"t [s],u [V],x [mm]\n{rows}")])
     assert answer.cannot == [
-        "a.csv: u, x and no pressure: neither the valve's map nor friction can be identified; record p1 (and p2, "
-        "p_supply), or the force on the piston beside x"
+        "a.csv: u, x and no pressure: friction and one gain of the valve show in ratio to supply pressure x piston "
+        "area, neither a map of the valve nor a leak; record p1 for those"
     ]
+    text = (tmp_path / "rig" / "pipeline.toml").read_text()
+    assert 'experiment = "axis"' in text
+    assert 'dead_volume_1 = "? cm^3"' in text
+    assert "force =" not in text
 
 
 @pytest.mark.parametrize("lowest", [0.6e5, 1.01e5, 1.9e5])

@@ -18,7 +18,7 @@ from pneucli.simulate import layout as at
 from pneucli.simulate.end_stops import with_end_stops
 from pneucli.simulate.experiment import Experiment
 from pneucli.simulate.model import Model
-from pneucli.simulate.outputs import with_estimated_p2
+from pneucli.simulate.outputs import with_estimated_pressures
 from pneucli.simulate.preparation import prepare
 from pneucli.simulate.run import run
 from tests.identify.test_arrangements import FIRST, NOISE, SECOND
@@ -157,7 +157,7 @@ def test_p2_is_inferred_from_motion_off_the_ends():
     soft = to_and_fro(stiffness=1e6)
     signals = {name: values for name, values in soft.recording.signals.items() if name != "p2"}
     ready, pushed = pressed(prepare(replace(soft.recording, signals=signals), soft.rig, 0.25))
-    p2, p2_pushed = (with_estimated_p2(TRUE, ready, e.inputs)[:, at.IN_P2] for e in (ready, pushed))
+    p2, p2_pushed = (with_estimated_pressures(TRUE, ready, e.inputs)[:, at.IN_P2] for e in (ready, pushed))
     assert p2_pushed == pytest.approx(p2)
 
 

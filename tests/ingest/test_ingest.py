@@ -202,7 +202,7 @@ def test_a_driven_rig_without_a_pressure_is_told_what_is_possible(
     with pytest.raises(InputError, match="p1 is not described") as raised:
         ingested(two, tmp_path / "ingest")
     assert ("state a constant" in raised.value.mend) == held
-    assert raised.value.mend.startswith("record p1: commands and motion alone do not tell the valve") != held
+    assert raised.value.mend.startswith("record p1: a command alone tells nothing of the valve") != held
 
 
 @pytest.mark.parametrize("stated", ["", '[rig.valve]\narrangement = "two"\n'])

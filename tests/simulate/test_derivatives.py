@@ -230,7 +230,7 @@ def test_an_unmeasured_p2_is_left_to_differences() -> None:
     made = axis()
     recording = replace(made.recording, signals={n: s for n, s in made.recording.signals.items() if n != "p2"})
     hidden = replace(made, recording=recording, raw={n: s for n, s in made.raw.items() if n != "p2"})
-    assert hidden.infers_p2
+    assert hidden.inferred_pressures == ("p2",)
     assert not differentiable(directions_of(with_effects({}), AREAS), hidden).any()
 
 

@@ -8,14 +8,14 @@ import numpy as np
 import pytest
 
 from pneucli.identify.estimation.model_fit import fit_model
-from pneucli.identify.residuals import ForceBalance, ForceBalanceInferredP2, residual_models
+from pneucli.identify.residuals import ForceBalance, ForceBalanceInferredPressure, residual_models
 from pneucli.physics.effects import catalogue
 from pneucli.simulate import layout as at
 from pneucli.simulate.experiment import Experiment
-from pneucli.simulate.outputs import required_force, simulate_outputs, with_estimated_p2
+from pneucli.simulate.outputs import required_force, simulate_outputs, with_estimated_pressures
 from pneucli.simulate.preparation import prepare
-from pneucli.simulate.run import run, with_p2
-from pneucli.stages.diagnose import unmeasured_p2_warnings
+from pneucli.simulate.run import run, with_inferred_pressures
+from pneucli.stages.diagnose import unmeasured_pressure_warnings
 from tests.simulate.synthetic_experiments import BALANCED, RIG, held_commands, make_experiment, model, time_grid
 
 SHUT_IN = float(BALANCED["p2"])  # Pa, in chamber 2 at the start
@@ -42,15 +42,15 @@ def test_only_an_unmeasured_pressure_that_acts_is_inferred(unread: tuple[Experim
     e, p2 = unread
     read = replace(e.recording, signals={**e.recording.signals, "p2": p2})
     still = {n: y for n, y in e.recording.signals.items() if n != "x"}
-    assert e.infers_p2
+    assert e.inferred_pressures == ("p2",)
     of_ends = {c: replace(e, recording=replace(e.recording, chamber_2=c)) for c in ("closed", "valve", "open")}
     assert [one.p2_is_unmeasured for one in of_ends.values()] == [True, True, False]
     assert not prepare(read, e.rig, 0.5).p2_is_unmeasured
-    assert not prepare(read, e.rig, 0.5).infers_p2
-    assert not prepare(replace(e.recording, chamber_2="open"), e.rig, 0.5).infers_p2
-    assert not replace(e, raw=still).infers_p2
-    assert not replace(e, rig=replace(e.rig, piston_area_1=None, piston_area_2=None)).infers_p2
-    assert next(type(v) for v in residual_models([e])) is ForceBalanceInferredP2
+    assert not prepare(read, e.rig, 0.5).inferred_pressures
+    assert not prepare(replace(e.recording, chamber_2="open"), e.rig, 0.5).inferred_pressures
+    assert not replace(e, raw=still).inferred_pressures
+    assert not replace(e, rig=replace(e.rig, piston_area_1=None, piston_area_2=None)).inferred_pressures
+    assert next(type(v) for v in residual_models([e])) is ForceBalanceInferredPressure
     assert next(type(v) for v in residual_models([prepare(read, e.rig, 0.5)])) is ForceBalance
 
 
@@ -61,9 +61,9 @@ def test_the_estimated_p2_follows_from_the_force_balance(unread: tuple[Experimen
     wrong = e.inputs.copy()
     wrong[:, at.IN_P2] = 1.33 * SHUT_IN
     for _ in range(2):  # a valve that lets the gas out is not quite linear in the start
-        wrong = with_estimated_p2(true, e, wrong)
+        wrong = with_estimated_pressures(true, e, wrong)
     assert wrong[0, at.IN_P2] == pytest.approx(SHUT_IN, rel=0.005)
-    assert with_p2(true, e, wrong)[:, at.IN_P2] == pytest.approx(p2, rel=0.005)
+    assert with_inferred_pressures(true, e, wrong)[:, at.IN_P2] == pytest.approx(p2, rel=0.005)
 
 
 def test_the_offset_of_the_accelerometer_is_no_force(unread: tuple[Experiment, np.ndarray]):
@@ -72,8 +72,12 @@ def test_the_offset_of_the_accelerometer_is_no_force(unread: tuple[Experiment, n
     true = TRUE[e.recording.chamber_2]
     biased = model(["constant-force", "acceleration-bias"], {**LOAD, "acceleration-bias.bias": 0.5})
     tilted = replace(e, raw=e.raw | {"a": e.raw["a"] + 0.5})
-    assert with_estimated_p2(biased, tilted, e.inputs) == pytest.approx(with_estimated_p2(true, e, e.inputs))
-    assert with_estimated_p2(true, tilted, e.inputs) != pytest.approx(with_estimated_p2(true, e, e.inputs))
+    assert with_estimated_pressures(biased, tilted, e.inputs) == pytest.approx(
+        with_estimated_pressures(true, e, e.inputs)
+    )
+    assert with_estimated_pressures(true, tilted, e.inputs) != pytest.approx(
+        with_estimated_pressures(true, e, e.inputs)
+    )
     assert required_force(biased, replace(tilted, motion_smoother=None)) == pytest.approx(
         required_force(true, replace(e, motion_smoother=None))
     )
@@ -85,7 +89,7 @@ def test_p2_restarts_after_gaps_only(unread: tuple[Experiment, np.ndarray]):
     torn = replace(e, recording=replace(e.recording, time=later))
     given = e.inputs.copy()
     given[0, at.IN_P2], given[2000, at.IN_P2] = SHUT_IN, 2.0 * p2[2000]
-    inferred = with_p2(TRUE[e.recording.chamber_2], torn, given)[:, at.IN_P2]
+    inferred = with_inferred_pressures(TRUE[e.recording.chamber_2], torn, given)[:, at.IN_P2]
     assert inferred[:2000] == pytest.approx(p2[:2000], rel=0.005)
     assert inferred[2000] == pytest.approx(2.0 * p2[2000])
 
@@ -116,7 +120,7 @@ def test_an_effect_on_the_piston_is_found_without_a_sensor_of_p2(unread: tuple[E
 def test_a_diagnosis_states_where_p2_was_inferred_and_where_not(unread: tuple[Experiment, np.ndarray]):
     e, p2 = unread
     read = prepare(replace(e.recording, signals={**e.recording.signals, "p2": p2}), e.rig, 0.5)
-    assert unmeasured_p2_warnings(residual_models([read])) == []
-    inferred, blind = unmeasured_p2_warnings([*residual_models([e]), ForceBalance(e)])
-    assert inferred.startswith("bench: p2 was not recorded and is inferred from the model")
+    assert unmeasured_pressure_warnings(residual_models([read])) == []
+    inferred, blind = unmeasured_pressure_warnings([*residual_models([e]), ForceBalance(e)])
+    assert inferred.startswith("bench: p2 not recorded and inferred from the model")
     assert "record p2" in blind

@@ -94,6 +94,7 @@ def _all_intervals(active: Sequence[Experiment], rig: Rig) -> list[SampleInterva
         _sample_intervals(path, c)
         for c in chambers
         for path in flow_path_data(active, rig, c, rig.vessel_volume or 1.0)
+        if PRESSURE_SIGNALS[1 if path.experiment.vessel else c][0] in path.experiment.raw
     ]
 
 

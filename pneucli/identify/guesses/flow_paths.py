@@ -134,9 +134,9 @@ def as_valve_test(experiment: Experiment, chamber: Chamber) -> Experiment | None
 
     """
     opening = opening_from_null(experiment, chamber)
-    if opening is None:
-        return None
     name, column = PRESSURE_SIGNALS[1 if experiment.vessel else chamber]
+    if opening is None or name not in experiment.raw:
+        return None
     inputs = experiment.inputs.copy()
     inputs[:, at.IN_U], inputs[:, at.IN_P1] = opening, inputs[:, column]
     signals = dict(experiment.recording.signals)

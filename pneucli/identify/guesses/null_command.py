@@ -88,7 +88,11 @@ def _null_interval(u: Array, flow: Array) -> tuple[float, float] | None:
 
 def _normalised_flows(recordings: Sequence[Recording], rig: Rig) -> dict[str, tuple[Array, Array]]:
     """Return commands (V) and the normalised flow into chamber 1 at all samples, by recording."""
-    experiments = [prepare(recording, rig, None) for recording in recordings if {"u", "p1"} <= recording.signals.keys()]
+    experiments = [
+        prepare(recording, rig, None)
+        for recording in recordings
+        if "u" in recording and ("p1" in recording or recording.kind.axis)
+    ]
     flows = flow_path_data(experiments, rig, 1, UNIT_VOLUME)
     # each recording counts alike
     return {

@@ -2,7 +2,7 @@
 
 ``ChamberPressures`` simulates the pressures with the measured motion, so friction does not matter. ``ForceBalance``
 compares the friction force that measured motion and pressures imply with the set of forces that the model allows, so
-the gas does not matter. ``ForceBalanceInferredP2`` does so with the model's p2 where p2 was not recorded.
+the gas does not matter. ``ForceBalanceInferredPressure`` does so with the model's pressures where none was recorded.
 ``ImposedMotion`` compares the measured force with the force that the model needs for the given motion. ``FreeRun``
 simulates all channels, where a subsystem has no signal. Each residual is smooth in its parameters, which a free run
 with stick and slip is not. To add a subsystem, write one module and one line in :func:`residual_models`.
@@ -24,7 +24,7 @@ from pneucli.identify.residuals.base import (
     force_discrepancy_terms,
 )
 from pneucli.identify.residuals.chambers import ChamberPressures
-from pneucli.identify.residuals.force_balance import ForceBalance, ForceBalanceInferredP2
+from pneucli.identify.residuals.force_balance import ForceBalance, ForceBalanceInferredPressure
 from pneucli.physics.ports import Balance
 from pneucli.simulate.experiment import Experiment
 from pneucli.simulate.model import Model
@@ -33,7 +33,7 @@ from pneucli.simulate.outputs import simulate_outputs
 __all__ = [
     "ChamberPressures",
     "ForceBalance",
-    "ForceBalanceInferredP2",
+    "ForceBalanceInferredPressure",
     "FreeRun",
     "ImposedMotion",
     "ResidualModel",
@@ -71,7 +71,7 @@ def _models_of_recording(e: Experiment, *, whiten_initial_state: bool) -> list[R
     if not e.recording.kind.valve:
         return [ForceBalance(e)]
     return [
-        ForceBalanceInferredP2(e) if e.infers_p2 else ForceBalance(e),
+        ForceBalanceInferredPressure(e) if e.inferred_pressures else ForceBalance(e),
         ChamberPressures(e.without_mechanics(), whiten_initial_state),
     ]
 

@@ -23,7 +23,7 @@ from pneucli.simulate.force_clock import with_force_in_time
 from pneucli.simulate.model import Model
 from pneucli.simulate.motion_smoother import input_errors, smooth_motion, unrounded_readings
 from pneucli.simulate.noise_draws import cache_draws
-from pneucli.simulate.outputs import accelerometer_offset, with_estimated_p2
+from pneucli.simulate.outputs import accelerometer_offset, with_estimated_pressures
 from pneucli.simulate.position_smoother import PositionSmoother
 from pneucli.simulate.run import base_vector, kernel_for, read_only
 
@@ -72,6 +72,9 @@ class ForceBalance(ResidualModel):
         mass = (e.rig.moving_mass or 1.0) + e.recording.added_mass
         share = {"p1": e.rig.piston_areas[0], "p2": e.rig.piston_areas[1], "a": mass, "force": 1.0}
         force_noise = [share[n] * e.noise[n].rms for n in share if n in e.noise]
+        if not force_noise:  # the acceleration is all that was measured, through the position
+            drawn = self._noise_realisation(e.draw_noise(np.random.default_rng(0)))[1][0]
+            force_noise = [mass * float(np.std(drawn - e.acceleration))]
         force = max(float(np.sqrt(np.sum(np.square(force_noise)))), 1e-6)
         return {"force": force} | {c: e.noise[c].rms for c in ("a",) if c in e.noise}
 
@@ -221,19 +224,19 @@ class ForceBalance(ResidualModel):
 
 
 @dataclass(frozen=True)
-class ForceBalanceInferredP2(ForceBalance):
-    """The balance of forces with the p2 that the model of gas and valve gives for the measured motion and commands.
+class ForceBalanceInferredPressure(ForceBalance):
+    """The balance of forces with the pressures that the model of gas and valve gives for measured motion and commands.
 
-    The initial p2 is unknown and is chosen to minimise the remaining force. While the gas stays enclosed it acts like a
-    spring of unknown preload, so that part of such a force cannot be distinguished from it.
+    Initial pressures are unknown and are chosen to minimise the remaining force. While the gas stays enclosed it acts
+    like a spring of unknown preload, so that part of such a force cannot be distinguished from it.
     """
 
     balances: ClassVar[frozenset[Balance]] = ForceBalance.balances | ChamberPressures.balances
     base_groups: ClassVar[frozenset[str]] = ForceBalance.base_groups | ChamberPressures.base_groups
 
     def with_modelled_inputs(self, model: Model, inputs: Array) -> Array:
-        """Return inputs (n, 8) with the model's p2."""
-        return with_estimated_p2(model, self.experiment, inputs)
+        """Return inputs (n, 8) with the model's pressures."""
+        return with_estimated_pressures(model, self.experiment, inputs)
 
 
 def breakaway_velocities(v: Array, smoothed: Array, onset_speed: float, min_samples: int) -> Array:
