@@ -72,6 +72,8 @@ class Bandwidths:
 def loop_timing(model: Model, requirements: Requirements) -> Timing:
     """Return lags and delays of a model; a delay longer than the delay line counts as unmodelled.
 
+    The observers know one delay of the flow: of a switching valve's dead times the shorter one, the rest is unmodelled.
+
     Args:
         model: The identified model; effects with a lag or a delay count.
         requirements: ``period`` and ``delay`` in s.
@@ -82,9 +84,10 @@ def loop_timing(model: Model, requirements: Requirements) -> Timing:
     h, longest = requirements.period, (DELAY_LINE_SAMPLES - 2) * requirements.period
     lag = effect_compensation.identify_spool(model).lag
     lag = lag if lag > 0.02 * h else 0.0
-    flow = effect_compensation.flow_delay(model) + requirements.delay
+    shorter, longer = effect_compensation.dead_times(model)
+    flow = effect_compensation.flow_delay(model) + shorter + requirements.delay
     sensor = effect_compensation.sensor_delay(model)
-    excess = max(flow - longest, 0.0) + max(sensor - longest, 0.0)
+    excess = max(flow - longest, 0.0) + max(sensor - longest, 0.0) + longer - shorter
     unmodelled = excess + DELAY_UNCERTAINTY * (flow + 0.5 * sensor) + UNMODELLED_DELAY
     return Timing(
         lag,

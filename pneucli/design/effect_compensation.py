@@ -210,6 +210,24 @@ def flow_delay(model: Model) -> float:
     return model.sum_of_port("flow_delay") + max(model.sum_of_port(f"flow_delay_{chamber}") for chamber in (1, 2))
 
 
+def dead_times(model: Model) -> tuple[float, float]:
+    """Return the shorter and the longer dead time in s of a switching valve's edges; 0 where it has none.
+
+    Commands to fill and to shut, each held for ``SETTLING_STEPS``: a dead time is the time integral of what is missed.
+    """
+    users = [effect for effect in model.effects if "switched" in effect.ports]
+    found = []
+    for effect in users:
+        position, state, values = 0.0, 0.0, model.effect_parameters(effect)
+        for command in (1.0, 0.0):
+            missed = []
+            for _ in range(SETTLING_STEPS):
+                position, state = effect.ports["switched"](command, state, RESPONSE_STEP, *values)  # type: ignore[misc]
+                missed.append(abs(position - command))
+            found.append(RESPONSE_STEP * math.fsum(missed))
+    return min(found, default=0.0), max(found, default=0.0)
+
+
 @dataclass(frozen=True)
 class SpoolModel:
     """Model between command and opening: a play of ``play_half_width`` (V), then a first-order ``lag`` (s).

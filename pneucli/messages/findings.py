@@ -205,6 +205,10 @@ OTHERS: Mapping[str, Template] = {
         "{recordings}: chamber 2 is shut or driven and p2 was not recorded: the forces on the piston cannot be "
         "distinguished; record p2"
     ),
+    "switching-design": (
+        "the valve is open or shut and has none of the areas that a law asks for: its command would have to be pulses, "
+        "which are not designed. The loops count dead times of up to {longest:2 s}, {between:2 s} of it unpredicted"
+    ),
     "within-uncertainty": (
         "{channel} of recordings that were not fitted errs by {ratio:.2g} times its noise, no more than the "
         "uncertainty of the fitted parameters allows (95 %): record such commands or speeds for the fit, too"

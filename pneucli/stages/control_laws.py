@@ -25,10 +25,12 @@ from pneucli.closed_loop.simulation import ClosedLoopSetup, Run, Scenario
 from pneucli.controller import layout
 from pneucli.controller.laws import DEFAULT
 from pneucli.controller.parameters import Controller
+from pneucli.design.effect_compensation import dead_times
 from pneucli.design.requirements import Requirements
 from pneucli.errors import InputError
 from pneucli.io.artifacts import Tables
 from pneucli.messages.design import Cases, observer_at_bound
+from pneucli.messages.findings import tell
 from pneucli.pipeline.context import Context
 from pneucli.recording import Recording
 from pneucli.simulate import layout as at
@@ -110,6 +112,14 @@ def observer_warnings(found: LawComparison) -> list[str]:
             if finite and (worst := min(finite, key=finite.__getitem__)) and finite[worst] < MIN_SLIDING_SHARE:
                 warnings.append(observer_at_bound(name, observer, worst, 1 - finite[worst], 1 - MIN_SLIDING_SHARE))
     return warnings
+
+
+def valve_warnings(model: Model) -> list[str]:
+    """Return what to say of a valve that has none of the areas that the laws ask for."""
+    if not any(valve.form == "switching" for valve in model.valves):
+        return []
+    shorter, longer = dead_times(model)
+    return [tell("switching-design", longest=longer, between=longer - shorter)]
 
 
 def metrics_by_law(found: RunsByLaw) -> Cases:

@@ -88,6 +88,7 @@ from pneucli.stages.control_laws import (
     metrics_by_law,
     observer_warnings,
     setup_from_requirements,
+    valve_warnings,
     write_comparison,
 )
 from pneucli.stages.model_file import load_model, parameter_intervals
@@ -139,7 +140,7 @@ def run(context: Context) -> dict[str, Any]:
     scenarios = closed_loop_scenarios(context, study.recordings, designed.selected)
     variants = design_variants(designed.data, chosen)
     found = compare_controllers(model, chosen, scenarios, setup_from_requirements(wanted), variants)
-    designed.warnings.extend(observer_warnings(found))
+    designed.warnings.extend(valve_warnings(model) + observer_warnings(found))
     tables = study.tables("design", "identify/model.parquet")
     _write(tables, designed)
     write_comparison(found, tables)

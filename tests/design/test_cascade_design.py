@@ -80,6 +80,14 @@ def test_what_is_not_predicted_of_a_lag_slows_them(name: str, left: float) -> No
     assert late.pressure == pytest.approx(0.7 / (UNMODELLED_DELAY + HELD + left + 0.01 * DELAY_UNCERTAINTY), rel=0.02)
 
 
+def test_of_a_switching_valves_dead_times_the_shorter_one_is_predicted() -> None:
+    """Of 10 and 30 ms the 20 ms between them slow the loops, whichever edge is the slower one."""
+    for opens, shuts in ((0.01, 0.03), (0.03, 0.01)):
+        late = corners(having(**{"switching-time.open": opens, "switching-time.close": shuts}))
+        left = 0.02 + 0.01 * DELAY_UNCERTAINTY
+        assert late.pressure == pytest.approx(0.7 / (UNMODELLED_DELAY + HELD + left))
+
+
 @pytest.mark.parametrize(("name", "over"), [("line-delay.delay", 1.0), ("time-skew.delay", 1.0)])
 def test_a_delay_longer_than_what_is_remembered_counts_whole(name: str, over: float) -> None:
     late, longest = having(**{name: 0.03}), (DELAY_LINE_SAMPLES - 2) * 1e-4

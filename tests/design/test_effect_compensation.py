@@ -10,6 +10,7 @@ import pytest
 from pneucli.design.effect_compensation import (
     breakaway_friction,
     critical_ratio,
+    dead_times,
     dead_volumes,
     deceleration_friction_ratio,
     dwell_strengthening,
@@ -25,6 +26,7 @@ from pneucli.physics.declaration import Effect, Parameter
 from pneucli.physics.effects import catalogue
 from pneucli.simulate.model import Model
 from pneucli.simulate.rig_quantities import rig_quantities
+from pneucli.stages.control_laws import valve_warnings
 from tests.simulate.synthetic_experiments import model
 
 
@@ -130,3 +132,18 @@ def test_hysteresis_is_there_at_any_drop():
     assert deceleration_friction_ratio(model()) == -1.0
     assert deceleration_friction_ratio(with_("friction-hysteresis", drop=0.0)) == 1.0
     assert deceleration_friction_ratio(with_("friction-hysteresis", drop=0.3)) == pytest.approx(0.7)
+
+
+def test_the_dead_times_of_a_switching_valve_are_those_of_its_edges() -> None:
+    """21.4 ms to open and 30.8 ms to close: between two steps, too."""
+    assert dead_times(with_("switching-time", open=0.0214, close=0.0308)) == pytest.approx((0.0214, 0.0308))
+    assert dead_times(with_("switching-time", open=0.0308, close=0.0214)) == pytest.approx((0.0214, 0.0308))
+    assert dead_times(model()) == (0.0, 0.0)
+
+
+def test_a_design_for_a_valve_that_opens_or_shuts_says_that_it_has_no_pulses() -> None:
+    timed = model(["switching-time"], {"switching-time.open": 0.021, "switching-time.close": 0.031})
+    (told,) = valve_warnings(timed)
+    assert "pulses, which are not designed" in told
+    assert "dead times of up to 0.031 s, 0.010 s of it unpredicted" in told
+    assert valve_warnings(model()) == []
