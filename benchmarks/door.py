@@ -31,7 +31,7 @@ from pneucli.stages import ingest, init
 
 RATE, COUNT, SUPPLY, AMBIENT = 100.0, 700, 7.013e5, 1.013e5  # Hz, rows, Pa
 NOISE = 400.0  # Pa
-SITUATIONS = 200  # of a seed
+SITUATIONS = 200  # of a seed: each way once, the rest pairs
 START = datetime.datetime(2026, 3, 11, 9, 15, 2)
 WRONG = "wrong in silence"
 VERDICTS = (WRONG, "fault", "refused", "asked", "marked", "told", "right")
@@ -130,6 +130,19 @@ def _over_midnight(sheet: Sheet) -> None:
     start = datetime.datetime(2026, 3, 11, 23, 59, 58)
     late = [start + datetime.timedelta(seconds=float(t)) for t in sheet.time]
     sheet.clock = {"Uhrzeit": [f"{one:%H:%M:%S.%f}"[:-3] for one in late]}
+
+
+def _stamped_as(form: str, digits: int = 3) -> Callable[[Sheet], None]:
+    def way(sheet: Sheet) -> None:
+        late = START.replace(second=57)
+        texts = (f"{late + datetime.timedelta(seconds=float(t)):{form}}" for t in sheet.time)
+        sheet.clock = {"Stamp": [text[: len(text) - 6 + digits] for text in texts]}
+
+    return way
+
+
+def _durations(sheet: Sheet) -> None:
+    sheet.clock = {"Time": [f"T#{int(t)}s{1e3 * (t % 1.0):.0f}ms" for t in sheet.time]}
 
 
 def _stamps_by_channel(sheet: Sheet) -> None:
@@ -233,7 +246,9 @@ def _repeats(sheet: Sheet) -> None:
 CLOCKS: dict[str, Callable[[Sheet], None]] = {
     **{"milliseconds": _milliseconds, "date, time and part": _date_and_time_and_part},
     **{"hours, minutes, seconds": _hours_minutes_seconds, "zone": _iso_with_zone, "unix ms": _unix_milliseconds},
-    **{"midnight": _over_midnight},
+    **{"midnight": _over_midnight, "durations": _durations, "compact": _stamped_as("%Y%m%dT%H%M%S.%f")},
+    **{"digits of a day": _stamped_as("%H%M%S.%f"), "digits": _stamped_as("%Y%m%d%H%M%S%f")},
+    **{"German month": _stamped_as("%d. März %Y %H:%M:%S.%f")},
 }
 UNITS: dict[str, Callable[[Sheet], None]] = {
     **{unit: _pressures_in(unit, one, 0.0) for unit, one in (("psia", 6894.757293), ("kPa", 1e3), ("mbar", 100.0))},
@@ -269,7 +284,8 @@ LAYOUTS: dict[str, Callable[[Sheet], None]] = {
     **{"unit in cells": _unit_in_cells, "unit that changes": _unit_that_changes, "semicolons": _semicolons},
     **{"stamps by channel": _stamps_by_channel, "serial monitor": _serial_monitor, "repeats": _repeats},
     **{"runs by number": _runs_by_number, "header again": _header_again, "blocks": _blocks_of_runs},
-    **{"spreads": _written("spreads"), "keyed": _written("keyed")},
+    **{kind: _written(kind) for kind in ("spreads", "keyed", "keyed among words", "uncertainty", "Fortran")},
+    **{kind: _written(kind) for kind in ("unit beside", "line protocol", "names by pairs")},
 }
 WAYS = CLOCKS | UNITS | NAMES | LAYOUTS
 OWN_CLOCK = {"runs by number", "header again", "blocks"}  # which write another clock
@@ -421,6 +437,60 @@ def _keyed(page: Page) -> str:
     return page.text(["logger ready"])
 
 
+def _keyed_among_words(page: Page) -> str:
+    keys = [re.sub(r"\W+", "_", name).strip("_") for name in page.bare]
+    stamps = _stamps(page.sheet, "%Y-%m-%d %H:%M:%S.%f")
+    told = (
+        " ".join(f"{key}={text}" for key, text in [*zip(keys, row, strict=True)][page.first :]) for row in page.rows
+    )
+    return "\n".join(f"{stamp[:-3]} INFO {text}" for stamp, text in zip(stamps, told, strict=True)) + "\n"
+
+
+def _line_protocol(page: Page) -> str:
+    keys = [re.sub(r"\W+", "_", name).strip("_") for name in page.header]
+    stamps = (int(1e9 * round(START.timestamp() + t, 3)) for t in page.sheet.time)
+    told = (
+        ",".join(f"{key}={text}" for key, text in [*zip(keys, row, strict=True)][page.first :]) for row in page.rows
+    )
+    return "\n".join(f"rig,bench=3 {text} {stamp}" for stamp, text in zip(stamps, told, strict=True)) + "\n"
+
+
+def _uncertainty(page: Page) -> str:
+    page.rows = [[*row[:-1], f"{row[-1]} ± 0.02"] for row in page.rows]
+    return page.text(page.header)
+
+
+def _fortran(page: Page) -> str:
+    page.rows = [
+        [*row[: page.first], *(f"{float(text):.9E}".replace("E", "D") for text in row[page.first :])]
+        for row in page.rows
+    ]
+    return page.text(page.header)
+
+
+def _unit_beside(page: Page) -> str:
+    units = page.units[page.first :]
+    rows, names = [], [both for name in page.bare[page.first :] for both in (name, f"{name} unit")]
+    for row in page.rows:
+        told = (both for text, unit in zip(row[page.first :], units, strict=True) for both in (text, unit))
+        rows.append([*row[: page.first], *told])
+    page.rows = rows
+    return page.text([*page.header[: page.first], *names])
+
+
+def _names_by_pairs(page: Page) -> str:
+    stamps = [f"{1e3 * t:.0f}" for t in page.sheet.time]
+    heads = [
+        [both for text in texts[page.first :] for both in (key, text)]
+        for key, texts in (("Name", page.bare), ("Unit", page.units))
+    ]
+    page.rows = [
+        [both for text in row[page.first :] for both in (stamp, text)]
+        for stamp, row in zip(stamps, page.rows, strict=True)
+    ]
+    return page.text(["Name", "Scope"], *heads, [])
+
+
 def _side_by_side(page: Page) -> str:
     sheet = page.sheet
     other = Sheet(sheet.time, sheet.runs[1], [], sheet.rng, units=sheet.units, decimals=sheet.decimals).cells("p1")
@@ -436,7 +506,9 @@ WRITERS: dict[str, Callable[[Page], str]] = {
     **{"transposed table": _transposed_table, "marks": _with_texts(" -"), "words": _with_texts("BURNOUT")},
     **{"infinity": _with_texts("∞"), "cells": _cells, "ranging": _cells, "stamped": _stamped, "arrow": _arrow},
     **{"long": _long, "long with status": _long, "numbered": _numbered, "again": _again, "repeats": _side_by_side},
-    **{"blocks": _blocks, "spreads": _spreads, "keyed": _keyed},
+    **{"blocks": _blocks, "spreads": _spreads, "keyed": _keyed, "keyed among words": _keyed_among_words},
+    **{"uncertainty": _uncertainty, "Fortran": _fortran, "unit beside": _unit_beside},
+    **{"line protocol": _line_protocol, "names by pairs": _names_by_pairs},
 }
 
 

@@ -26,7 +26,7 @@ _PARTS = (  # of a time of day in columns of their own: names, and seconds of on
     (re.compile(r"(?i)(?:.*[/_.\s])?(?:m|mins?|minutes?|minuten?)"), 60.0, 60.0),
     (re.compile(r"(?i)(?:.*[/_.\s])?(?:s|secs?|seconds?|sekunden?|secondes?)"), 1.0, 61.0),
 )
-_STEPS = re.compile(r"(?i)d_?t|delta[_ ]?t(?:ime)?|time[_ ]?step|dtime|loop[_ ]?time|(?:sample[_ ]?)?interval")
+_STEPS = re.compile(r"(?i)d_?t|delta[_ ]?t(?:ime)?|time[_ ]?step|dtime|loop[_ ]?time|(?:\w+[_ ])?interval")
 _BARE = re.compile(r"\s*[\[(<{][^\])>}]*[\])>}]\s*$")
 
 
@@ -38,9 +38,14 @@ def is_increasing(values: Array) -> bool:
     return float(np.mean(steps > 0)) > MIN_MOVING or spread_stamps(values) is not values
 
 
+def counts_rows(column: Column) -> bool:
+    """Return whether a column only counts rows, which tells no time."""
+    return bool(np.all(np.diff(column.finite_values) == 1.0))
+
+
 def computed_clocks(columns: Sequence[Column]) -> list[Column]:
     """Return the clock that several columns, or steps of time, make together; nothing where they make none."""
-    return [*_with_fraction(columns), *_of_parts(columns), *_of_steps(columns)][:1]
+    return [*_with_fraction(columns), *_of_parts(columns), *_of_digits(columns), *_of_steps(columns)][:1]
 
 
 def _with_fraction(columns: Sequence[Column]) -> Iterator[Column]:
@@ -97,6 +102,28 @@ def _of_parts(columns: Sequence[Column]) -> Iterator[Column]:
         yield Column(text, "time", "s", values, computed=True)
 
 
+def _of_digits(columns: Sequence[Column]) -> Iterator[Column]:
+    """Yield the time of day of numbers such as 91557.25, for 09:15:57.25: each minute begins 40 after the last."""
+    for one in columns:
+        known = one.finite_values
+        if (
+            one.unit not in ("", "s")
+            or one.where is not None
+            or not known.size
+            or not 0 <= known.min() <= known.max() < 240_000
+        ):
+            continue
+        minutes, hours = np.floor(one.values / 100), np.floor(one.values / 10_000)
+        values = one.values - 40 * minutes - 2400 * hours
+        over = np.diff(minutes[np.isfinite(minutes)]) > 0
+        within = np.all(known % 100 < 60) and np.all(known // 100 % 100 < 60)
+        if within and over.any() and is_increasing(known) and np.all(np.diff(known)[over] >= 40):
+            at = _quoted(one)
+            yield Column(
+                f"{at} - 40 * floor({at} / 100) - 2400 * floor({at} / 10000)", "time", "s", values, computed=True
+            )
+
+
 def _of_steps(columns: Sequence[Column]) -> Iterator[Column]:
     """Yield the sum of a column of time steps, where no column rises like a clock."""
     if any(_is_clock(column) for column in columns):
@@ -107,8 +134,8 @@ def _of_steps(columns: Sequence[Column]) -> Iterator[Column]:
             continue
         spread = float(np.median(np.abs(known - np.median(known))) / np.median(known))
         if spread < MAX_STEP_SPREAD and not is_increasing(known):
-            text = f"cumsum({_quoted(steps)})"
-            yield Column(text, "time", steps.unit, np.cumsum(np.nan_to_num(steps.values)), computed=True)
+            values = np.cumsum(np.nan_to_num(steps.values))
+            yield replace(steps, key=f"cumsum({_quoted(steps)})", name="time", values=values, computed=True)
 
 
 def paired_clocks(columns: Sequence[Column]) -> list[Column]:

@@ -31,7 +31,8 @@ _WORDS = (
 )
 _RATE_NAMES = re.compile(r"(?i)^(?:fs|f_s|fsample|rate|(?:sample|sampling|scan|data)[ _]?(?:rate|frequency|freq))\b")
 _PERIOD_NAMES = re.compile(
-    r"(?i)^(?:ts|t_s|dt|delta_?[tx]|tsample|sample[ _]?time|(?:sampl(?:e|ing)[ _]?)?(?:interval|period))\b"
+    r"(?i)^(?:ts|t_s|dt|delta_?[tx]|tsample|sample[ _]?time|(?:x[ _]?)?increment|"
+    r"(?:sampl(?:e|ing)[ _]?)?(?:interval|period))\b"
 )
 Vote = tuple[str, str]  # unit, and why
 AGREE = 2.0  # things that speak for a unit without a doubt

@@ -172,7 +172,7 @@ def _pressure_scores(name: ColumnName, certainty: float) -> Iterator[tuple[str, 
     if name.has(DIFFERENCE):
         return
     if name.has(SUPPLY):
-        yield "p_supply", certainty + 1.0
+        yield "p_supply", certainty + 2.0  # more than a tank, whatever else it is called
     elif name.has(_TANK):
         yield "p_supply", certainty + 0.6
         yield "p1", certainty
@@ -220,10 +220,12 @@ def _stem_and_unit(column: str, is_text: bool) -> tuple[str, str, bool]:
     The unit is empty where the end of the name is none.
     """
     name = _VALUE.sub("", _NODE.sub("", _NOTE.sub("", column.strip()))) or column.strip()
+    if _DOTTED.fullmatch(name) and _NO_NAMES.fullmatch(name.rpartition(".")[2]):
+        name = _telling_part(name)
     parts = name.split()
     for count in (2, 1):
         unit = " ".join(parts[-count:])
-        if len(parts) > count and parts[-count] != "in" and _stands_behind_a_blank(unit):
+        if len(parts) > count and parts[-count] != "in" and _stands_behind_a_blank(unit, parts[:-count]):
             return " ".join(parts[:-count]).removesuffix(" /").removesuffix(" in"), unit, True
     for pattern in (_SLASH, _MARKED, _SUFFIX) if is_text else (_MARKED, _SUFFIX):
         if match := pattern.match(name):
@@ -239,9 +241,11 @@ def _stem_and_unit(column: str, is_text: bool) -> tuple[str, str, bool]:
     return _telling_part(name), "", True
 
 
-def _stands_behind_a_blank(text: str) -> bool:
-    """Return whether the end of a name is a unit and no word: "v mm/s", "Q l/min ANR"; not "Pressure A", "Loop PV"."""
-    is_word = len(text) < 2 or text.isupper() or text.lower() in _WORDS_TOO
+def _stands_behind_a_blank(text: str, stem: Sequence[str]) -> bool:
+    """Return whether the end of a name is a unit and no word: "v mm/s", "valve V"; not "Pressure A", "Loop PV"."""
+    if len(text) == 1:  # a letter is a unit where the words before it mean what it measures; A counts valves
+        return text != "A" and is_unit(text) and quantity_kind(text) in ColumnName(_words(" ".join(stem)), "").nouns
+    is_word = text.isupper() or text.lower() in _WORDS_TOO
     whole = text.count("(") == text.count(")") and text.count("[") == text.count("]")
     return text[0].isalpha() and whole and not is_word and ("/" in text or " " not in text) and is_unit(text)
 

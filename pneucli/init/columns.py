@@ -13,8 +13,8 @@ from dataclasses import replace
 import numpy as np
 
 from pneucli.arrays import Array
-from pneucli.init.clock_columns import is_increasing, repeated_clocks
-from pneucli.init.clock_units import epoch_counter, guess_clock_unit
+from pneucli.init.clock_columns import counts_rows, is_increasing, repeated_clocks
+from pneucli.init.clock_units import epoch_counter, guess_clock_unit, stated_period
 from pneucli.init.column_names import (
     ABSOLUTE,
     ANGLES,
@@ -52,7 +52,7 @@ def guess_columns(surveys: Sequence[Survey]) -> list[Guess]:
     """
     found = surveys[0]
     names = read_names(found.columns, found.is_text)
-    clock = _clock(found.columns, names)
+    clock = _clock(found.columns, names, is_rated=stated_period(found.scalars) is not None)
     if not any(name.words for name in names) or _differ_by_number(found.columns, names, clock):
         return guess_unnamed_columns(surveys, clock)
     taken = {clock: "time"} if clock is not None else {}
@@ -137,7 +137,7 @@ def _unit_guess(column: Column, signal: str, name: ColumnName, known: Array) -> 
     unit, note = guess_unit(signal, known, angle=name.has(ANGLES))
     if column.written:
         note = f'CHECK the unit "{column.written}" is not known: {note.removeprefix("CHECK no unit is stated: ")}'
-    rests = "rests at ambient" in note
+    rests = "rests at ambient" in note and " or " not in column.written  # of a unit that changes no level tells
     return Guess(column, signal, unit, False, reference, note, ask_unit=bool(column.written) and not rests)
 
 
@@ -203,10 +203,11 @@ def _marks_note(missing: Sequence[float]) -> str:
     return f"{listed} marks no value, as it jumps there and back" if missing else ""
 
 
-def _clock(columns: Sequence[Column], names: Sequence[ColumnName]) -> int | None:
+def _clock(columns: Sequence[Column], names: Sequence[ColumnName], *, is_rated: bool) -> int | None:
     """Return the column that is the clock: one that rises, and is called so, or comes first and is called nothing.
 
     Of several that are called so, one that is computed or says its unit; a clock of single channels is none of all.
+    ``is_rated``: the file says its rate, so that a column which counts rows is no clock.
     """
     rising = [n for n, one in enumerate(columns) if one.where is None and is_increasing(one.finite_values)]
     called = [n for n in rising if names[n].has(NOUNS["time"]) or quantity_kind(names[n].unit) == "time"]
@@ -216,8 +217,8 @@ def _clock(columns: Sequence[Column], names: Sequence[ColumnName]) -> int | None
         [*certain, *called][:1] if columns and any(one.clock is not None for one in columns) else [*certain, *called]
     )
     labview = [n for n in rising if names[n].words == ("x", "value")]
-    index = [n for n in rising if names[n].words[-1:] == ("index",) and not _counts_rows(columns[n])]
-    nameless = [n for n in rising if not names[n].words]
+    index = [n for n in rising if names[n].words[-1:] == ("index",) and not counts_rows(columns[n])]
+    nameless = [n for n in rising if not names[n].words and not (is_rated and counts_rows(columns[n]))]
     even = [n for n in rising if not names[n].unit and _goes_on_evenly(columns[n])]
     falling = [n for n, one in enumerate(columns) if one.where is None and is_increasing(-one.finite_values)]
     falling = [n for n in falling if names[n].has(NOUNS["time"]) and quantity_kind(names[n].unit) in ("time", "")]
@@ -227,12 +228,7 @@ def _clock(columns: Sequence[Column], names: Sequence[ColumnName]) -> int | None
 def _goes_on_evenly(column: Column) -> bool:
     """Return whether a column rises by the same each row, and counts no rows."""
     steps = np.diff(column.finite_values)
-    return bool(np.ptp(steps) <= 0.01 * steps[0]) and not _counts_rows(column)
-
-
-def _counts_rows(column: Column) -> bool:
-    """Return whether a column only counts rows, which tells no time."""
-    return bool(np.all(np.diff(column.finite_values) == 1.0))
+    return bool(np.ptp(steps) <= 0.01 * steps[0]) and not counts_rows(column)
 
 
 def _is_switched(column: Column) -> bool:

@@ -22,7 +22,7 @@ from pneucli.io.file_units import WrittenUnit, read_unit, unit_in_file
 from pneucli.io.formats import is_text, open_raw, unpacked
 from pneucli.io.packed import named_as
 from pneucli.io.raw_file import ColumnKey, ColumnRequest, ColumnValues, RawFile, Reader
-from pneucli.io.text_sniffer import SniffedLayout, apply_sniffed, sniff, stated_numbers
+from pneucli.io.text_sniffer import SniffedLayout, apply_sniffed, is_unit, sniff, stated_numbers
 from pneucli.io.timestamp_order import Table
 from pneucli.paths import file_on_disk
 from pneucli.units import parse_unit, same_dimension
@@ -154,8 +154,17 @@ def _text_columns(reader: DelimitedReader, found: SniffedLayout) -> tuple[list[C
         one = _column(reader, ask.position, key, title or name, values, ask.thousands)
         above = found.units[ask.position] if ask.position < len(found.units) else ""
         columns.append(one if one.unit or not above else _in_unit(one, read_unit(above)))
-    texts = {str(reader.names[ask.position]): values for ask, values in zip(labels, read[len(asks) :], strict=True)}
-    return columns, texts
+    by_place = {ask.position: values for ask, values in zip(labels, read[len(asks) :], strict=True)}
+    columns = [_with_unit_beside(one, by_place.get(ask.position + 1)) for ask, one in zip(asks, columns, strict=True)]
+    return columns, {str(reader.names[place]): values for place, values in by_place.items()}
+
+
+def _with_unit_beside(column: Column, texts: ColumnValues | None) -> Column:
+    """Return a column in the unit that the column behind it holds; one that changes from row to row is asked for."""
+    units = [] if texts is None or column.unit else [*dict.fromkeys(text for text in texts if text)]
+    if not units or not all(map(is_unit, units)):
+        return column
+    return _in_unit(column, read_unit(units[0])) if len(units) == 1 else replace(column, written=" or ".join(units))
 
 
 def _in_unit(column: Column, unit: WrittenUnit) -> Column:

@@ -8,6 +8,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from pneucli.arrays import Array
+from pneucli.init.clock_columns import counts_rows
 from pneucli.init.clock_units import guess_clock_unit
 from pneucli.init.role_evidence import looks_set, supply_like
 from pneucli.init.survey_types import Guess, Survey
@@ -31,6 +32,7 @@ def guess_unnamed_columns(surveys: Sequence[Survey], clock: int | None) -> list[
     filled = [n for n in range(len(columns)) if all(one.columns[n].finite_values.size for one in surveys)]
     parts = [] if clock is None else re.findall(r"`(.+?)`", str(columns[clock].key))  # of a clock that is computed
     own = [n for n in filled if n not in twins and n != clock and str(columns[n].key) not in parts]
+    own = [n for n in own if not counts_rows(columns[n])]
     medians = {n: np.array([np.median(one.columns[n].finite_values) for one in surveys]) for n in own}
     found = {} if clock is None else {clock: ("time", *_clock_unit(surveys[0], clock))}
     found |= _driven_vessel(surveys[0], own) or _pressure(surveys, medians)

@@ -13,7 +13,8 @@ from dateutil import parser
 from pneucli.io import arrow_compute as pc
 from pneucli.io.raw_file import ColumnValues
 
-_DATE = r"\d{1,4}[-./]\d{1,2}[-./]\d{1,4}|\d{1,2}[- ][A-Za-z]{3,9}\.?[- ]\d{2,4}|[A-Za-z]{3,9}\.? \d{1,2},? \d{4}"
+_MONTH = r"[^\s\d.,:;/-]{3,10}\.?"
+_DATE = rf"\d{{1,4}}[-./]\d{{1,2}}[-./]\d{{1,4}}|\d{{1,2}}\.?[- ]{_MONTH}[- ]\d{{2,4}}|{_MONTH} \d{{1,2}},? \d{{4}}"
 _DAY = rf"(?P<day>{_DATE})"
 _PATTERN = (
     rf"^\s*(?:{_DAY}(?:[T,]|\s)\s*)?"
@@ -24,12 +25,51 @@ _PATTERN = (
 _STAMP = re.compile(_PATTERN)
 _FIELDS = ("day", "hour", "minute", "second", "minutes", "seconds", "half", "zone")
 _ONLY_DATE = re.compile(rf"\s*(?:{_DATE})\s*")
+_COMPACT = r"^\s*((?:19|20)\d\d)([01]\d)([0-3]\d)[T_ -]?([0-2]\d):?([0-5]\d):?([0-5]\d)"
+_SPELLINGS = (  # of stamps, and what is read in their place
+    (r"^\s*(?:L?DT|L?TOD|DATE_AND_TIME|TIME_OF_DAY)#", ""),  # IEC 61131-3
+    (r"^(\d{4}-\d{1,2}-\d{1,2})-(\d)", r"\1 \2"),
+    (_COMPACT + r"(\d{3}|\d{6}|\d{9})$", r"\1-\2-\3 \4:\5:\6.\7"),
+    (_COMPACT + r"($|[^\d])", r"\1-\2-\3 \4:\5:\6\7"),
+    (r"^\s*(\d+)(?:\.| days? )(\d\d):(\d\d):(\d\d(?:\.\d+)?)$", r"P\1DT\2H\3M\4S"),  # durations of .NET, pandas
+)
+_SPANS = {"d": 86_400.0, "h": 3600.0, "m": 60.0, "s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9}  # s
+_PARTS = "T?".join(rf"(?:(?P<{unit}>\d+(?:\.\d+)?){unit}_?)?" for unit in _SPANS)
+_SPAN = rf"(?i)^\s*(?:(?:L?T|L?TIME)#|P)(?:{_PARTS})\s*$"  # T#5s10ms of IEC 61131-3, PT5.01S of ISO 8601
+_IS_SPAN = re.compile(_SPAN)
+
+
+_MONTHS = {  # the first letters of months as they are not in English
+    **dict.fromkeys(("jän", "ene", "gen"), "Jan"),
+    **dict.fromkeys(("fév", "fev"), "Feb"),
+    **dict.fromkeys(("mär", "mrz", "mae", "maa", "mrt"), "Mar"),
+    **dict.fromkeys(("avr", "abr"), "Apr"),
+    **dict.fromkeys(("mai", "mei", "maj", "mag"), "May"),
+    **dict.fromkeys(("juin", "giu"), "Jun"),
+    **dict.fromkeys(("juil", "lug"), "Jul"),
+    **dict.fromkeys(("aoû", "aou", "ago"), "Aug"),
+    **dict.fromkeys(("set",), "Sep"),
+    **dict.fromkeys(("okt", "ott"), "Oct"),
+    **dict.fromkeys(("dez", "déc", "dic"), "Dec"),
+}
 SECONDS_PER_DAY, SECONDS_PER_HOUR = 86_400.0, 3600.0  # s
 
 
 def is_date_or_time(text: str) -> bool:
-    """Return whether ``text`` is a time of day, with or without its date."""
-    return ":" in text and bool(_STAMP.match(text))
+    """Return whether ``text`` is a time of day, with or without its date, or a duration as T#5s10ms."""
+    plain = _spelled_out(text)
+    return _STAMP.match(plain) is not None or _is_span(plain)
+
+
+def _is_span(text: str) -> bool:
+    found = _IS_SPAN.match(text)
+    return found is not None and any(found.groups())
+
+
+def _spelled_out(text: str) -> str:
+    for spelling, plain in _SPELLINGS:
+        text = re.sub(spelling, plain, text)
+    return text
 
 
 def is_date(text: str) -> bool:
@@ -44,7 +84,7 @@ def is_date(text: str) -> bool:
 
 def has_date(text: str) -> bool:
     """Return whether ``text`` is a time of day with its date."""
-    found = _STAMP.match(text) if ":" in text else None
+    found = _STAMP.match(_spelled_out(text))
     return bool(found and found["day"])
 
 
@@ -78,6 +118,11 @@ class CalendarClock:
 
         ``texts`` is an array of Arrow. Raises ValueError with the first text that is no stamp.
         """
+        known = next((text for text in texts.to_pylist() if text), "")
+        for spelling, plain in _SPELLINGS if _spelled_out(known) != known else ():
+            texts = pc.replace_substring_regex(texts, spelling, plain)
+        if _is_span(_spelled_out(known)):
+            return _seconds_of_spans(pc.extract_regex(texts, _SPAN))
         parts = pc.extract_regex(texts, _PATTERN)
         lost = pc.and_(pc.is_null(parts), pc.match_substring_regex(texts, r"\d"))  # a word stamps no row
         if pc.any(lost).as_py():
@@ -167,6 +212,12 @@ def _offset(text: str | None) -> float | None:
     return (-1.0 if text[0] == "-" else 1.0) * (3600.0 * int(hours) + 60.0 * int(minutes))
 
 
+def _seconds_of_spans(spans: Any) -> ColumnValues:
+    """Return durations in s, NaN where there is none."""
+    parts = np.array([one * _number(pc.struct_field(spans, unit)) for unit, one in _SPANS.items()])
+    return np.where(np.isfinite(parts).any(axis=0), np.nansum(parts, axis=0), np.nan)
+
+
 def _number(texts: Any) -> ColumnValues:
     plain = pc.replace_substring_regex(texts, "[,:;]", ".")
     numbers = pc.if_else(pc.equal(plain, ""), pa.scalar(None, pa.string()), plain)
@@ -175,6 +226,7 @@ def _number(texts: Any) -> ColumnValues:
 
 def _parse_date(text: str, day_first: bool) -> datetime:
     year_first = re.match(r"\d{4}", text) is not None
+    text = re.sub(r"[^\W\d_]{3,}", lambda m: _MONTHS.get(m[0][:4].lower()) or _MONTHS.get(m[0][:3].lower(), m[0]), text)
     try:
         found: datetime = parser.parse(text, dayfirst=day_first and not year_first, yearfirst=year_first)
     except (parser.ParserError, OverflowError) as error:

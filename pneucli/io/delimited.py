@@ -45,6 +45,7 @@ class DelimitedReader:
         self._words: dict[int, Counter[str]] = {}
         if self._look.units:
             self.repairs.append(Repair("", "units-line", 1, "the line below the header holds no number: units"))
+        self.repairs += [Repair("", "left-out", 1, one.said) for one in self._look.rewritings if one.said]
         self._date_of = _dates_beside(self._look)
         if self._date_of:
             place, date = next(iter(self._date_of.items()))
@@ -174,7 +175,7 @@ class DelimitedReader:
         """Return texts as numbers; words become null and are counted, units behind numbers are taken off."""
         plain = pc.utf8_trim_whitespace(column)
         plain = pc.if_else(pc.is_in(plain, value_set=pa.array(list(NULL_TEXTS))), pa.scalar(None, pa.string()), plain)
-        is_word = pc.invert(pc.match_substring_regex(plain, r"\d|^[+-]?inf$"))
+        is_word = pc.invert(pc.match_substring_regex(plain, r"^[^<>≤≥]*\d|^[+-]?inf$"))  # "<1.0" is no reading
         if words is not None and pc.any(is_word).as_py():
             words.update(plain.filter(is_word).drop_null().to_pylist())
         plain = pc.if_else(is_word, pa.scalar(None, pa.string()), plain)

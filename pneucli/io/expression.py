@@ -15,7 +15,8 @@ from pneucli.io.raw_file import ColumnKey, ColumnValues
 SUM = "cumsum"  # of a column, from the first row on: the clock of a column of time steps
 ROW = "row"  # the number of the row, from 0, where no column is called so
 FUNCTIONS: dict[str, Callable[[ColumnValues], ColumnValues]] = {
-    **{"sqrt": np.sqrt, "sin": np.sin, "cos": np.cos, "tan": np.tan, "abs": np.abs, "exp": np.exp, "log": np.log}
+    **{"sqrt": np.sqrt, "sin": np.sin, "cos": np.cos, "tan": np.tan, "abs": np.abs, "exp": np.exp, "log": np.log},
+    "floor": np.floor,
 }
 POWER = "pow"  # of two numbers, as formulas in files write it
 _OPERATORS: dict[type[ast.AST], Callable[..., ColumnValues]] = {

@@ -16,6 +16,7 @@ from typing import AnyStr
 from pneucli.errors import InputError, UnitError
 from pneucli.io.date_parsing import has_date, is_date, is_date_or_time
 from pneucli.io.raw_file import RawFile
+from pneucli.io.rewritings import KEY, KEYED, Rewriting, rewritings_in
 from pneucli.units import parse_unit
 
 HEAD_BYTES = 1 << 18
@@ -30,10 +31,9 @@ NULL_TEXTS = (
 )
 _POINTS_BETWEEN_THOUSANDS = re.compile(r"[+-]?\d{1,3}(?:\.\d{3})+,\d+")
 _CELL = re.compile(r"([+-]?(?:\d[\d.,]*|[.,]\d+)(?:[eE][+-]?\d+)?)\s*([^\d\s.,+-].*)")  # a number and its unit
-ARROW = r"^([\d:.,]+)\s*->\s*"  # between a stamp and what a serial monitor shows after it
-_ARROW = re.compile(ARROW)
-KEY = r"(?:^|(?<=[,;\t ]))[A-Za-z_]\w*[ ]?[:=][ ]?(?=[-+]?\.?\d)"  # of a cell that says what it holds, as in "p1:1.02"
 _KEY = re.compile(KEY)
+_NUMBER_OF_KEY = re.compile(r"[ ]?[:=][ ]?[-+]?\.?\d")
+MIN_KEYED = 2  # cells of a line that say a name and a number, where others say none
 _BRACKETS = re.compile(r"^[\[(<{]\s*(.*?)\s*[\])>}]$")
 _DELIMITERS = ("\t", ";", ",", " ")
 _BLANK_NAMES = (" ", r"\s+", "whitespace")  # as some programs call blanks
@@ -48,7 +48,7 @@ class TextLayout:
     day, with or without their dates, ``dates`` those of dates alone, ``labels`` those of other text;
     ``dated_stamps`` are those of ``stamps`` that have their dates. ``repeated`` are the lines of the header, which may
     stand again among the rows; ``lines`` is how many lines after ``skip`` are read, all where it is None. ``cells``
-    has the unit of columns in whose cells a unit stands behind each number; ``keyed``: each cell says its name.
+    has the unit of columns in whose cells a unit stands behind each number.
     """
 
     encoding: str
@@ -65,13 +65,12 @@ class TextLayout:
     repeated: tuple[str, ...] = ()
     lines: int | None = None
     cells: Mapping[int, str] = field(default_factory=dict)
-    keyed: bool = False
+    rewritings: tuple[Rewriting, ...] = ()
 
     def split(self, line: str) -> list[str]:
-        """Return the fields of one line, without blanks around them; an arrow behind a stamp parts fields too."""
-        if "->" in line:
-            line = _ARROW.sub(rf"\1{self.delimiter}", line)
-        line = _KEY.sub("", line) if self.keyed else line
+        """Return the fields of one line, without blanks around them."""
+        for pattern, plain in (one.of(self.delimiter) for one in self.rewritings):
+            line = pattern.sub(plain, line)
         if self.delimiter == " ":
             return line.split()
         try:
@@ -81,19 +80,24 @@ class TextLayout:
         return [field.strip() for field in fields]
 
 
-def keys_of(lines: Sequence[str], delimiter: str) -> tuple[str, ...]:
-    """Return the names that all cells of rows say, the same in each row; nothing where a cell says none.
+def with_keys(plain: TextLayout, lines: Sequence[str]) -> TextLayout:
+    """Return a layout with the names that cells of rows say, the same in each row; as it is where they say none.
 
-    >>> keys_of(["t:0,p1:1.02", "t:1,p1:1.03"], ","), keys_of(["t:0,1.02", "t:1,1.03"], ",")
-    (('t', 'p1'), ())
+    >>> with_keys(TextLayout("", ",", "", 0, ()), ["t:0,p1:1.02", "t:1,p1:1.03"]).names
+    ('t', 'p1')
+    >>> with_keys(TextLayout("", " ", "", 0, ()), ["9:15 INFO t=0 p1=1.02", "9:15 INFO t=1 p1=1.03"]).names
+    ('', '', 't', 'p1')
     """
-    plain = TextLayout("", delimiter, "", 0, ())
-    rows = {
-        tuple(re.split(r"\s?[:=]", field)[0] if _KEY.match(field) else "" for field in plain.split(line))
-        for line in lines
-    }
-    names = rows.pop() if len(rows) == 1 else ()
-    return names if all(names) and len(names) > 1 else ()
+    rows, numbers = set(), 0
+    for line in lines:
+        found = [_KEY.match(field) for field in plain.split(line)]
+        keys = [re.split(r"\s?[:=]", one[0])[0] if one else "" for one in found]
+        rows.add(tuple(keys))
+        told = (one and _NUMBER_OF_KEY.match(one.string, len(key)) for one, key in zip(found, keys, strict=True))
+        numbers = sum(map(bool, told))
+    if len(rows) != 1 or numbers < MIN_KEYED:
+        return plain
+    return replace(plain, names=rows.pop(), rewritings=(*plain.rewritings, KEYED))
 
 
 def detect_layout(raw: RawFile) -> TextLayout:
@@ -121,10 +125,11 @@ def detect_layout(raw: RawFile) -> TextLayout:
             f"{raw.path}, line {len(lines)}", found, "rows of numbers", "record it again or leave it out", code="E041"
         )
     sample = [lines[n] for n in rows[:20]]
-    delimiter = raw.delimiter or _delimiter(sample[raw.header :], sample[0])
+    rewritings = rewritings_in(text)
+    delimiter = raw.delimiter or _delimiter(sample[raw.header :], sample[0], rewritings)
     delimiter = " " if delimiter in _BLANK_NAMES else delimiter
-    keys = () if raw.header else keys_of(sample, delimiter)
-    plain = TextLayout(encoding, delimiter, ".", rows[raw.header], keys, line_end=line_end, keyed=bool(keys))
+    plain = TextLayout(encoding, delimiter, ".", rows[raw.header], (), line_end=line_end, rewritings=rewritings)
+    plain = plain if raw.header else with_keys(plain, sample)
     layout = _with_names(raw, plain, [plain.split(line) for line in sample], rows)
     if raw.header:
         header = [lines[rows[0]], *([lines[rows[1]]] if layout.units else [])]
@@ -314,10 +319,10 @@ def decode_head(path: Path, head: bytes, encoding: str) -> str:
         ) from error
 
 
-def _delimiter(body: list[str], header: str) -> str:
+def _delimiter(body: list[str], header: str, rewritings: tuple[Rewriting, ...]) -> str:
     """Return the delimiter that cuts all rows alike, and the header with them; a comma that only cuts digits loses."""
     for delimiter in _DELIMITERS:
-        plain = TextLayout("", delimiter, "", 0, ())
+        plain = TextLayout("", delimiter, "", 0, (), rewritings=rewritings)
         widths = {len(plain.split(line)) for line in body[:-1] or body}
         if len(widths) == 1 and widths.pop() > 1 and (delimiter != " " or "," not in header or body[0] == header):
             return delimiter

@@ -13,6 +13,7 @@ from itertools import pairwise
 
 from pneucli.errors import InputError, UnitError
 from pneucli.io.raw_file import RawFile
+from pneucli.io.rewritings import Rewriting, rewritings_in
 from pneucli.io.text_layout import (
     HEAD_BYTES,
     NULL_TEXTS,
@@ -21,7 +22,7 @@ from pneucli.io.text_layout import (
     detect_encoding,
     is_cell,
     is_value,
-    keys_of,
+    with_keys,
 )
 from pneucli.units import is_count, parse_scaled_unit, parse_unit, same_dimension
 
@@ -65,8 +66,9 @@ def sniff(raw: RawFile) -> SniffedLayout:
     lines = [line.rstrip("\r") for line in text.split("\n" if "\n" in text else "\r")][:MAX_LINES]
     if len(head) == HEAD_BYTES and len(lines) > 1:
         lines.pop()
+    marks, rewritings = [raw.delimiter] if raw.delimiter else DELIMITERS, rewritings_in(text)
     found = max(
-        (_DelimitedTable(lines, mark, raw.skip_rows) for mark in ([raw.delimiter] if raw.delimiter else DELIMITERS)),
+        (_DelimitedTable(lines, mark, raw.skip_rows, rewritings) for mark in marks),
         key=lambda table: (table.score, table.delimiter != " ", table.width),  # a blank also parts date and time
     )
     if found.lies_on_its_side:
@@ -86,10 +88,13 @@ def stated_numbers(raw: RawFile, found: SniffedLayout) -> dict[str, float]:
         head = file.read(HEAD_BYTES)
     text = decode_head(raw.path, head, raw.encoding or detect_encoding(raw.path, head))
     numbers: dict[str, float] = {}
-    for line in text.splitlines()[: max(found.skip_rows, 1) + MAX_PREAMBLE_LINES]:
+    lines = text.splitlines()[: max(found.skip_rows, 1) + MAX_PREAMBLE_LINES]
+    cut = [TextLayout("", found.delimiter, "", 0, ()).split(line) for line in lines[: found.skip_rows]]
+    below = [f"{name}: {value}" for row, under in pairwise(cut) for name, value in zip(row, under, strict=False)]
+    for line in (*lines, *below):
         if match := _STATED_RATE.match(line):
             name, unit = match[1].strip(), (match[2] or match[4] or "").strip()
-            number = float(match[3].replace(",", "."))
+            number = float(match[3].split(",")[0] if found.delimiter == "," else match[3].replace(",", "."))
             wanted = "Hz" if re.search(r"(?i)rate|freq|^fs", name) else "s"
             try:
                 numbers[name] = number * (parse_unit(unit).factor if unit and same_dimension(unit, wanted) else 1.0)
@@ -109,11 +114,11 @@ _STATED_RATE = re.compile(
 class _DelimitedTable:
     """The lines of a text, cut by one delimiter."""
 
-    def __init__(self, lines: Sequence[str], delimiter: str, skip: int) -> None:
+    def __init__(self, lines: Sequence[str], delimiter: str, skip: int, rewritings: tuple[Rewriting, ...]) -> None:
         self._lines, self._skip, self.delimiter = lines, skip, delimiter
         last = [line for line in lines if not _is_skipped(line)][-MIN_TABLE_ROWS:]
-        self._keys = keys_of(last, delimiter)
-        cut = TextLayout("", delimiter, "", 0, (), keyed=bool(self._keys))
+        cut = with_keys(TextLayout("", delimiter, "", 0, (), rewritings=rewritings), last)
+        self._keys = cut.names
         self._rows = [() if _is_skipped(line) else tuple(cut.split(line)) for line in lines]
         tail = [row for row in self._rows[max(skip, len(lines) // 2) :] if row] or [r for r in self._rows[skip:] if r]
         tail = [row for row in tail if any(map(is_cell, row))] or tail  # not the header, where it stands again
@@ -157,7 +162,7 @@ class _DelimitedTable:
         if self._keys:
             return SniffedLayout(False, start, self.delimiter, self._keys, (), self._thousands())
         above = [n for n in range(self._skip, start) if self._lines[n].strip() and not _is_comment(self._lines[n])]
-        names, units, at = self._header(above) if header else ((), (), None)
+        names, units, at = (self._paired(above) or self._header(above)) if header else ((), (), None)
         direct = at is not None and len([n for n in above if n > at]) == bool(
             units
         )  # else names that reading passes over
@@ -196,6 +201,16 @@ class _DelimitedTable:
             return self._rows[most][1:], (), None
         return self._rows[most][: self.width], (), most
 
+    def _paired(self, above: list[int]) -> tuple[tuple[str, ...], tuple[str, ...], None] | None:
+        """Return names and units of columns that follow their stamps, where lines have a key above each stamp."""
+        rows = [self._rows[n] for n in above if len(self._rows[n]) == self.width]
+        paired = {row[0]: row[1::2] for row in rows if self.width > 2 and len({*row[::2]}) == 1}
+        names, units = (next((paired[one] for one in paired if key.fullmatch(one)), ()) for key in (_TITLES, _UNITS))
+        if not names:
+            return None
+        columns = tuple(text for name in names for text in (f"{name} time", name))
+        return columns, tuple(text for unit in units for text in ("", unit)), None
+
     def _keyed(self, lines: list[int], key: re.Pattern[str]) -> tuple[str, ...]:
         """Return what the last line behind a key says of the columns; the key has no column, or an empty one."""
         found = [self._rows[n] for n in lines if key.fullmatch(self._rows[n][0])]
@@ -232,6 +247,7 @@ class _DelimitedTable:
             if tabled or len(row) in (self.width, self.width + 1):
                 for place, text in enumerate(row[1:], 0 if self._stands_apart(row) else 1):
                     found.setdefault(place, text)
+        titles = {n: text for n, text in titles.items() if n < len(names)}
         named = {n: f"{text} {names[n]}" if [*titles.values()].count(text) > 1 else text for n, text in titles.items()}
         width = range(len(names))
         tell = any(titles.values()), any(units.values())
@@ -303,6 +319,9 @@ def is_unit(text: str) -> bool:
 
 def _are_units(fields: Sequence[str]) -> bool:
     """Return whether most of what stands in a line are units; dates, times and nothing have none."""
+    counted = {re.sub(r"\d+$", "", field) for field in fields[1:]}
+    if len(fields) > 2 and len(counted) == 1 and len(set(fields)) == len(fields):
+        return False  # channels by their numbers: K1, K2, K3
     return (
         sum(is_unit(field) or is_count(field.strip("[](){}<> ")) for field in fields)
         >= 0.6 * sum(field not in NULL_TEXTS for field in fields)

@@ -8,13 +8,12 @@ import re
 from pathlib import Path
 
 from pneucli.errors import InputError
-from pneucli.io.text_layout import ARROW, HEAD_BYTES, KEY, TextLayout, lines_above
+from pneucli.io.rewritings import in_bytes
+from pneucli.io.text_layout import HEAD_BYTES, TextLayout, lines_above
 
 MAX_LINE_BYTES = 16 << 20  # bytes of a line
 _COMMENT = re.compile(rb"^[ \t]*#[^\n]*\n?", re.MULTILINE)
 _BLANKS = re.compile(rb"[ \t]+")
-_ARROW = re.compile(ARROW.encode(), re.MULTILINE)
-_KEY = re.compile(KEY.encode(), re.MULTILINE)
 _EDGES = re.compile(rb"^[ \t]+|[ \t]+(?=\r?$)", re.MULTILINE)
 
 
@@ -37,7 +36,7 @@ class NormalizedTextStream(io.RawIOBase):
         self._delimiter = look.delimiter.encode()
         self._padding = re.compile(rb" *%b *" % re.escape(self._delimiter))
         self._line_end = look.line_end.encode()
-        self._keyed = look.keyed
+        self._rewritings = [*in_bytes(look.rewritings, "\t" if self._blanks else look.delimiter)]
         self._skip = look.skip
         self._left = look.lines
         self._repeated = [line.encode() for line in look.repeated]
@@ -89,10 +88,8 @@ class NormalizedTextStream(io.RawIOBase):
         if b"#" in block:
             block, comments = _COMMENT.subn(b"", block)
             self.comment_lines += comments
-        if b"->" in block:
-            block = _ARROW.sub(rb"\1%b" % (b"\t" if self._blanks else self._delimiter), block)
-        if self._keyed:
-            block = _KEY.sub(b"", block)
+        for pattern, plain in self._rewritings:
+            block = pattern.sub(plain, block)
         if self._blanks:
             return _BLANKS.sub(b"\t", _EDGES.sub(b"", block))
         padded = b" " + self._delimiter in block or self._delimiter + b" " in block

@@ -1,9 +1,11 @@
 """``init``: an example that is valid; from raw files a pipeline that says what was seen, and what people must add."""
 
 import tomllib
+from datetime import datetime, timedelta
 from pathlib import Path
 
 import numpy as np
+import pyarrow.parquet as pq
 import pytest
 
 from pneucli.config import load
@@ -60,6 +62,10 @@ NAMES = {
     "Versorgungsdruck, bar": ("p_supply", "bar"),
     "P1 (kPa)": ("p1", "kPa"),
     "pA": ("p1", "bar"),
+    "Tank.Value [bar]": ("p1", "bar"),
+    "pTank_bar.Value": ("p1", "bar"),
+    "valve V": ("u", "V"),
+    "Pressure A": ("p1", "bar"),
     "Kammerdruck": ("p1", "bar"),
     "p_B [bar]": ("p2", "bar"),
     "Pos [mm]": ("x", "mm"),
@@ -93,6 +99,62 @@ def test_a_column_is_guessed_by_the_words_and_the_unit_of_its_name(name: str) ->
     )
     one = guess_columns([found])[-1]
     assert (one.signal, one.unit) == NAMES[name]
+
+
+def clocked(path: Path, top: str, header: str, stamps: list[str]) -> Path:
+    rows = (f"{stamp},{p:.4f},{int(t) % 3}" for stamp, p, t in zip(stamps, 1.0 + np.sin(T) ** 2, T, strict=True))
+    path.write_text(f"{top}{header}p_tank [bar],valve [V]\n" + "\n".join(rows) + "\n", encoding="utf-8")
+    return path
+
+
+START = datetime(2026, 3, 11, 9, 15, 57)
+LATE = [START + timedelta(seconds=float(t)) for t in T]
+CLOCKS = {  # lines above, header and stamps of rows of 10 ms
+    "digits of a time of day": ("", "Time,", [f"{one:%H%M%S.%f}" for one in LATE]),
+    "a date and digits": ("", "Date,Time,", [f"{one:%Y%m%d},{one:%H%M%S.%f}" for one in LATE]),
+    "a count of tens of milliseconds": (
+        ",,V\n",
+        "Time,Obtaining interval (10ms),",
+        [f"{one:%H:%M:%S},{min(n, 1)}" for n, one in enumerate(LATE)],
+    ),
+    "a rate in several columns": ("SampleRate,100,100\n", "", []),
+    "an increment in a column of its own": ("X,CH1,Start,Increment\n0,0,-3,1.0e-2\n", "", []),
+}
+
+
+@pytest.mark.parametrize("way", CLOCKS)
+def test_what_makes_a_clock_is_found(tmp_path: Path, way: str) -> None:
+    top, header, stamps = CLOCKS[way]
+    path = clocked(tmp_path / "a.csv", top, header or "Nr,", stamps or [str(n) for n in range(T.size)])
+    answer = init.create(tmp_path / "p", [path])
+    filled = Path(answer.pipeline).read_text(encoding="utf-8").replace('"? bar"', '"7 bar"').replace('"? l"', '"1 l"')
+    Path(answer.pipeline).write_text(filled, encoding="utf-8")
+    (tmp_path / "out").mkdir()
+    ingest.run(Context(Path(answer.pipeline), load(answer.pipeline), tmp_path / "out", tmp_path))
+    time = pq.read_table(tmp_path / "out" / "signals.parquet").column("time").to_numpy()
+    np.testing.assert_allclose(time - time[0], T, atol=1e-6)
+
+
+UNITS_BESIDE = {"psia": "psia", "bar psia": "?"}
+
+
+@pytest.mark.parametrize("units", UNITS_BESIDE)
+def test_a_column_may_hold_the_unit_of_its_neighbour(tmp_path: Path, units: str) -> None:
+    each = units.split()
+    rows = (f"{t:.2f},{14.7 + 5 * t:.3f},{each[n * len(each) // T.size]}" for n, t in enumerate(T))
+    (tmp_path / "a.csv").write_text("t [s],p_tank,unit\n" + "\n".join(rows) + "\n", encoding="utf-8")
+    answer = init.create(tmp_path / "p", [tmp_path / "a.csv"])
+    assert f'unit = "{UNITS_BESIDE[units]}"' in line(answer, "p1")
+
+
+def test_stamps_before_each_value_are_named_by_pairs(tmp_path: Path) -> None:
+    """As TwinCAT Scope writes them; a line of another width had ended in a fault."""
+    head = "Name,Scope\nName,fValve,Name,fPressureTank\nUnit,V,Unit,bar\n\n"
+    rows = (f"{1e3 * t:.0f},{int(t) % 3},{1e3 * t:.0f},{1 + np.sin(t) ** 2:.4f}" for t in T)
+    (tmp_path / "a.csv").write_text(head + "\n".join(rows) + "\n", encoding="utf-8")
+    answer = init.create(tmp_path / "p", [tmp_path / "a.csv"])
+    assert 'column = 2, unit = "V"' in line(answer, "u")
+    assert 'column = 4, unit = "bar"' in line(answer, "p1")
 
 
 def test_a_pressure_that_stands_alone_is_that_of_chamber_1(tmp_path: Path) -> None:

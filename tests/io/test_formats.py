@@ -56,6 +56,31 @@ TEXTS = {
     "Latin-1": ("t,p,°\n0,1234.5,1\n0.5,2.25,1\n1.5,,1\n".encode("latin-1"), {}),
     "a delimiter at the end of rows": (b"t;p\n0;1234.5;\n0.5;2.25;\n1.5;;\n", {}),
     "no end of line": (b"t,p\n0,1234.5\n0.5,2.25\n1.5,nan", {}),
+    "Fortran's exponents": (
+        b"t  p\n0.0D+00  1.2345D+03\n5.0D-01  2.25D+00\n1.5D+00  nan\n",
+        {},
+    ),
+    "uncertainties": ("t,p\n0,1234.5 ± 0.2\n0.5,2.25±0.2\n1.5,\n".encode(), {}),
+    "no-break thousands": ("t;p\n0;1\u202f234,5\n0,5;2,25\n1,5;\n".encode(), {}),
+    "durations of IEC 61131-3": (b"t,p\nT#0s,1234.5\nT#500ms,2.25\nT#1s_500ms,\n", {}),
+    "durations of ISO 8601": (b"t,p\nPT0S,1234.5\nPT0.5S,2.25\nPT1.5S,\n", {}),
+    "durations with days": (b"t,p\n0 days 00:00:00,1234.5\n0 days 00:00:00.5,2.25\n0 days 00:00:01.5,\n", {}),
+    "compact stamps": (b"t,p\n20260311T235959.5,1234.5\n20260312T000000,2.25\n20260312T000001,\n", {}),
+    "stamps of digits": (b"t,p\n20260311235959500,1234.5\n20260312000000000,2.25\n20260312000001000,\n", {}),
+    "IEC's date and time": (
+        b"t,p\nDT#2026-03-11-23:59:59.5,1234.5\nDT#2026-03-12-00:00:00,2.25\nDT#2026-03-12-00:00:01,\n",
+        {},
+    ),
+    "months in German": (
+        "t;p\n31. März 2026 23:59:59,5;1234,5\n1. Apr. 2026 00:00:00;2,25\n1. Apr. 2026 00:00:01;\n".encode(),
+        {},
+    ),
+    "below the range": (b"t,p\n0,1234.5\n0.5,2.25\n1.5,<1.0\n", {}),
+    "line protocol": (
+        b"rig,bench=3 t=0,p=1234.5 1773220502000000000\nrig,bench=3 t=0.5,p=2.25 1773220502500000000\n"
+        b"rig,bench=3 t=1.5,p=nan 1773220503000000000\n",
+        {"header": False},
+    ),
     "a last line cut off": (b"t,p\n0,1234.5\n0.5,2.25\n1.5,nan\n2.", {}),
 }
 
