@@ -43,6 +43,11 @@ NOUNS: dict[str, str] = {
     "flow": "flow- -flow durchfluss- volumenstrom massenstrom mdot debit caudal portata flode- virtaus- vazao расход- "
     "-流量- -유량-",
 }
+_ALONE = {"position": (("pv",), ("sp",)), "pressure": (("supply",),)}  # names that tell where nothing else is said
+MEANT = {  # by quantity: units that are written for others
+    **{("force", "kg"): "kgf", ("force", "lb"): "lbf", ("velocity", "1/min"): "rpm"},
+}
+_FEEDBACK = "spool- feedback monitor ist actual istwert"  # of a valve's own sensor, which is no command
 _COMMANDED = "cmd command- control-"
 _SENSED = ("pressure", "force", "position")
 ANGLES = "angle winkel- -winkel theta phi q"
@@ -120,7 +125,9 @@ class ColumnName:
         """The quantity, by unit and noun; empty where they contradict each other, or say nothing."""
         nouns, by_unit = self.nouns, quantity_kind(self.unit)
         if not self.unit:
-            return next(iter(nouns), "")
+            return next(iter((*nouns, *(kind for kind, words in _ALONE.items() if self.words in words))), "")
+        if meant := next((noun for noun in nouns if (noun, self.unit) in MEANT), ""):
+            return meant
         if by_unit in nouns or not nouns or by_unit == "flow":  # q is a flow as often as a joint's angle
             return by_unit
         scaled = by_unit == "command" or (not by_unit and self.unit == "%")
@@ -161,8 +168,9 @@ def signal_scores(name: ColumnName) -> Iterator[tuple[str, float]]:
     elif kind == "position":
         yield "x_ref" if is_reference else "x", certainty
     elif kind == "command" and nouns:  # volts alone may be any sensor's
-        yield "u", certainty - second
-        yield "u2", certainty - (not second)
+        read_back = name.has(_FEEDBACK)
+        yield "u", certainty - second - read_back
+        yield from [("u2", certainty - (not second))] * (not read_back)
     elif kind not in ("", "time", "command"):  # volts alone may be any sensor's
         yield {"velocity": "v", "acceleration": "a"}.get(kind, kind), certainty
 

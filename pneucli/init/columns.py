@@ -19,6 +19,7 @@ from pneucli.init.column_names import (
     ABSOLUTE,
     ANGLES,
     GAUGE,
+    MEANT,
     NOUNS,
     SUPPLY,
     UPSTREAM,
@@ -57,7 +58,8 @@ def guess_columns(surveys: Sequence[Survey]) -> list[Guess]:
         return guess_unnamed_columns(surveys, clock)
     taken = {clock: "time"} if clock is not None else {}
     clocks = {column.clock for column in found.columns}
-    still = _constant_columns(surveys, names) | repeated_clocks(found.columns) | variants(names)
+    still = {n for n in _constant_columns(surveys, names) if clock is not None or names[n].kind != "pressure"}
+    still |= repeated_clocks(found.columns) | variants(names)
     usable = [n for n in range(len(names)) if found.columns[n].finite_values.size > 1]
     free = [n for n in usable if n not in taken and n not in still and found.columns[n].key not in clocks]
     switched = {n for n in free if _is_switched(found.columns[n])}
@@ -131,7 +133,9 @@ def _unit_guess(column: Column, signal: str, name: ColumnName, known: Array) -> 
             return Guess(column, signal, name.unit, True, "", _reference_state(name.unit), scale=column.scale)
         doubt = f"CHECK the file writes {column.written}: larger or smaller by that factor" if column.written else ""
         doubt = "CHECK taken for a share of the stroke" if name.unit == "%" else doubt
-        return Guess(column, signal, name.unit, True, reference, doubt, scale=column.scale)
+        meant = MEANT.get((name.kind, name.unit), name.unit)
+        doubt = f"CHECK {name.unit} taken for {meant}" if meant != name.unit else doubt
+        return Guess(column, signal, meant, meant == name.unit, reference, doubt, scale=column.scale)
     if signal == "temperature" and column.written in _DEGREES:
         return Guess(column, signal, _DEGREES[column.written], True)
     unit, note = guess_unit(signal, known, angle=name.has(ANGLES))

@@ -54,7 +54,8 @@ def role_evidence(columns: Sequence[Column], names: Sequence[ColumnName], free: 
 def pressure_behind_valve(columns: Sequence[Column], names: Sequence[ColumnName]) -> list[Column]:
     """Return the pressure behind a valve: the only one that is recorded, less the difference over the valve.
 
-    Nothing where there is no difference, where several pressures are recorded, or in other units.
+    Nothing where there is no difference, where several pressures are recorded, or in other units, or where the
+    difference changes its sign: that of two chambers.
     """
     pressures = [n for n, name in enumerate(names) if name.kind == "pressure" and not columns[n].computed]
     differences = [n for n in pressures if names[n].has(DIFFERENCE)]
@@ -64,8 +65,19 @@ def pressure_behind_valve(columns: Sequence[Column], names: Sequence[ColumnName]
     same = first.unit and less.unit and parse_unit(first.unit).factor == parse_unit(less.unit).factor
     if not same or (first.scale, less.scale) != (1.0, 1.0) or first.where or less.where or first.clock != less.clock:
         return []
+    if not _has_one_sign(less.values):
+        return []
     text = f"`{first.key}` - `{less.key}`"
     return [Column(text, "p1 behind the valve", first.unit, first.values - less.values, computed=True)]
+
+
+def _has_one_sign(difference: Array) -> bool:
+    """Return whether a difference of pressures is that over a valve from one side: noise apart it has one sign."""
+    known = difference[np.isfinite(difference)]
+    return known.size > 0 and float(-known.min()) <= MAX_BACKWARD_DIFFERENCE * float(known.max())
+
+
+MAX_BACKWARD_DIFFERENCE = 0.1  # of the largest difference, that one over a valve may be below 0: noise and overshoot
 
 
 def supply_like(pressures: Mapping[int, Array]) -> list[int]:

@@ -65,6 +65,12 @@ NAMES = {
     "Tank.Value [bar]": ("p1", "bar"),
     "pTank_bar.Value": ("p1", "bar"),
     "valve V": ("u", "V"),
+    "load cell [kg]": ("force", "kgf"),
+    "rpm [1/min]": ("v", "rpm"),
+    "SP": ("x_ref", "m"),
+    "PV": ("x", "m"),
+    "supply": ("p_supply", "bar"),
+    "valve feedback [V]": ("u", "V"),
     "Pressure A": ("p1", "bar"),
     "Kammerdruck": ("p1", "bar"),
     "p_B [bar]": ("p2", "bar"),
@@ -166,6 +172,37 @@ def test_a_pressure_that_stands_alone_is_that_of_chamber_1(tmp_path: Path) -> No
     assert found.column.name == "tank"  # nothing says that it is a pressure
     (found,) = guess_columns([survey_file(RawFile(write(tmp_path / "a.csv", {"t": T, "tank [psi]": 2 + T}), {}))])[1:]
     assert found.signal == "p1"
+
+
+def guessed(**columns: np.ndarray) -> dict[str, str]:
+    """Return what columns of a table are taken for, by what they are called; the unit stands behind a double line."""
+    listed = [
+        Column(*[name.replace("__", " [") + "]" * ("__" in name)] * 2, name.partition("__")[2], own)
+        for name, own in columns.items()
+    ]
+    return {
+        one.signal: str(one.column.key) for one in guess_columns([Survey(RawFile(Path("a"), {}), True, listed, {})])
+    }
+
+
+def test_a_valves_own_sensor_is_no_second_command() -> None:
+    found = guessed(t__s=T, u_cmd__V=np.sign(np.sin(T)), u_spool__V=np.sin(T), p1__bar=3 + np.sin(T))
+    assert found["u"] == "u_cmd [V]"
+    assert "u2" not in found
+
+
+def test_a_difference_of_two_chambers_is_not_that_over_a_valve(tmp_path: Path) -> None:
+    rows = {"t [s]": T, "dp [bar]": 3 * np.sin(T), "ps [bar]": 7 + 0.01 * np.sin(9 * T), "x [mm]": 50 + np.cos(T)}
+    (survey,) = [survey_file(RawFile(write(tmp_path / "a.csv", rows), {}))]
+    assert not [one for one in survey.columns if one.computed]
+    rows["dp [bar]"] = 3 + 2.9 * np.sin(T)
+    survey = survey_file(RawFile(write(tmp_path / "b.csv", rows), {}))
+    assert [one.key for one in survey.columns if one.computed] == ["`ps [bar]` - `dp [bar]`"]
+
+
+def test_a_supply_that_a_bench_holds_still_is_its_supply() -> None:
+    found = guessed(P1__bar=np.full(60, 7.0), P2__bar=np.linspace(6.8, 1.0, 60), Q__SLPM=np.linspace(0.0, 180.0, 60))
+    assert (found["p_supply"], found["p1"]) == ("P1 [bar]", "P2 [bar]")
 
 
 def test_what_has_two_values_is_no_sensor() -> None:
