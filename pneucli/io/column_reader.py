@@ -7,15 +7,16 @@ import re
 from collections import Counter
 from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
-from datetime import UTC, datetime
+from datetime import datetime
 from pathlib import Path
 from typing import Any
 
 import numpy as np
+import pyarrow as pa
 
 from pneucli.errors import InputError
+from pneucli.io.clock import Clock, is_date_or_time, parse_since
 from pneucli.io.damaged_files import library_errors_as_input_errors
-from pneucli.io.date_parsing import CalendarClock, is_date_or_time, parse_since
 from pneucli.io.raw_file import ColumnRequest, ColumnValues, Repair
 
 FetchColumns = Callable[[Sequence[str]], list[ColumnValues]]
@@ -151,19 +152,14 @@ def column_values(column: Any) -> tuple[ColumnValues, datetime | None, Counter[s
     numbers, or where words are as many as numbers.
     """
     array = np.asarray(column).ravel()
+    clock = Clock()
     if array.dtype.kind in "mM":
-        first: dict[int, Any] = {}
-        seconds = seconds_since_first(array, first)
-        start = first[0].astype("datetime64[us]").item() if first else None
-        return seconds, start if isinstance(start, datetime) else None, Counter()
+        return clock.seconds(array), clock.start, Counter()
     if array.dtype.kind not in "OUS":
         return array.astype(np.float64), None, Counter()
     texts = [as_text(value) for value in array]
     known = [text for text in texts if text]
     if known and all(map(is_date_or_time, known[:STAMPS_TRIED])):
-        import pyarrow as pa  # noqa: PLC0415 - brings a second of imports where no text is read
-
-        clock = CalendarClock()
         return clock.seconds(pa.array(texts, pa.string())), clock.start, Counter()
     numbers = np.array([number_in(text) for text in texts], dtype=np.float64)
     words = Counter(text for text, number in zip(texts, numbers, strict=True) if text and np.isnan(number))
@@ -211,25 +207,6 @@ def as_text(value: Any) -> str:
 
 STAMPS_TRIED = 20  # texts of a column that tell whether it holds dates and times
 _NO_NUMBER = frozenset(("", "nan", "none", "null", "-", "--", "n/a", "na"))
-
-
-def utc_datetime(seconds: float) -> datetime | None:
-    """Return a time in s since 1970 as a date; None where it is before 1990, as of a clock that was never set."""
-    return datetime.fromtimestamp(seconds, UTC) if seconds > EARLIEST_DATE else None
-
-
-EARLIEST_DATE = 631_152_000.0  # s since 1970, of the first day of 1990
-
-
-def seconds_since_first(stamps: ColumnValues, first: dict[int, Any], key: int = 0) -> ColumnValues:
-    """Return calendar time or durations as seconds since the first stamp that was seen under ``key``."""
-    if stamps.dtype.kind == "m":
-        return np.asarray(stamps / np.timedelta64(1, "s"), dtype=np.float64)
-    valid = np.flatnonzero(~np.isnat(stamps))
-    if key not in first and valid.size:
-        first[key] = stamps[valid[0]]
-    start = first.get(key, np.datetime64("NaT"))
-    return np.asarray((stamps - start) / np.timedelta64(1, "s"), dtype=np.float64)
 
 
 _CLOCK_WORDS = (

@@ -14,8 +14,8 @@ import pyarrow.csv as pcsv
 
 from pneucli.errors import InputError, UnitError
 from pneucli.io import arrow_compute as pc
+from pneucli.io.clock import Clock
 from pneucli.io.column_reader import counted_words, words_message
-from pneucli.io.date_parsing import CalendarClock
 from pneucli.io.raw_file import NO_CLOCKS, ColumnRequest, ColumnValues, RawFile, Repair
 from pneucli.io.text_layout import MAX_LINES_ABOVE, NULL_TEXTS, TextLayout, detect_layout, is_value, lines_above
 from pneucli.io.text_stream import NormalizedTextStream
@@ -51,7 +51,7 @@ class DelimitedReader:
             place, date = next(iter(self._date_of.items()))
             message = f'the dates of "{self.names[place]}" stand in "{self.names[date]}"'
             self.repairs.append(Repair("time", "date-column", 1, message))
-        self._stamps = {number: CalendarClock() for number in self._look.stamps}
+        self._stamps = {number: Clock() for number in self._look.stamps}
         self.labels = self._look.labels
         self.dates = self._look.dates  # columns of dates alone
         self.stamps = self._look.stamps  # columns of dates and times of day, read in seconds

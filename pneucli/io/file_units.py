@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 from math import isclose
 
 from pneucli.errors import InputError, UnitError
-from pneucli.io.date_parsing import SINCE
+from pneucli.io.clock import SINCE
 from pneucli.io.raw_file import Channel, RawFile, Reader, Repair
 from pneucli.units import factor_and_offset, is_count, parse_scaled_unit, parse_unit, same_dimension
 

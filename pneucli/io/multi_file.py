@@ -14,7 +14,7 @@ import numpy as np
 from pneucli.arrays import Array
 from pneucli.errors import InputError
 from pneucli.io.channel_clocks import align_tables
-from pneucli.io.date_parsing import difference_of_starts
+from pneucli.io.clock import difference_of_starts
 from pneucli.io.raw_file import Repair
 from pneucli.io.signal_reader import Batch, SignalReader, rebatch
 from pneucli.io.timestamp_order import Table, loss_repairs
@@ -109,6 +109,12 @@ class MultiFileRecording:
             return offset
         starts = self._first.reader.start, part.opened.reader.start
         if starts[0] is None or starts[1] is None:
+            if starts != (None, None):
+                bare = path if starts[1] is None else self._first.raw.path
+                message = (
+                    f"{bare.name}: no date says when its clock starts, as the other file's does; both are taken as"
+                )
+                self._found.append(Repair("time", "offset", 1, f"{message} one clock: state offset where they are not"))
             return 0.0
         offset, zone = difference_of_starts(starts[0], starts[1])
         message = f"{path.name}: its clock was moved by {format_plain(offset)} s, as the dates of both files say"

@@ -14,7 +14,7 @@ from pathlib import Path
 from typing import AnyStr
 
 from pneucli.errors import InputError, UnitError
-from pneucli.io.date_parsing import has_date, is_date, is_date_or_time
+from pneucli.io.clock import has_date, is_date, is_date_or_time
 from pneucli.io.raw_file import RawFile
 from pneucli.io.rewritings import KEY, KEYED, Rewriting, rewritings_in
 from pneucli.units import parse_unit

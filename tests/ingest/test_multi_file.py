@@ -98,6 +98,16 @@ def test_dates_tell_the_offset(tmp_path: Path) -> None:
     assert any("moved by 1 s, as the dates" in r["message"] for r in answer["repairs"])
 
 
+def test_a_date_in_one_of_two_files_alone_is_told(tmp_path: Path) -> None:
+    two(tmp_path)
+    assert not [r for r in ingested(tmp_path)[0]["repairs"] if r["kind"] == "offset"]
+    slow = np.arange(100) * 0.02
+    dates = [(datetime(2024, 3, 21, 23, 59, 59) + timedelta(seconds=t)).isoformat(" ", "milliseconds") for t in slow]
+    write(tmp_path / "slow.csv", dates, x=motion(slow))
+    (told,) = [r["message"] for r in ingested(tmp_path)[0]["repairs"] if r["kind"] == "offset"]
+    assert told.startswith("fast.csv: no date says when its clock starts")
+
+
 def test_each_file_of_a_glob_has_its_own_further_file(tmp_path: Path) -> None:
     two(tmp_path)
     for n in (1, 2):

@@ -7,7 +7,7 @@ import pyarrow as pa
 import pytest
 
 from pneucli.errors import InputError
-from pneucli.io.date_parsing import CalendarClock, is_date_or_time
+from pneucli.io.clock import Clock, is_date_or_time
 from pneucli.io.expression import Expression
 from pneucli.io.open_signals import open_signals
 from pneucli.io.raw_file import Channel, RawFile
@@ -64,11 +64,11 @@ STAMPS = {
 def test_dates_and_times_of_day_become_seconds(way: str) -> None:
     texts, expected = STAMPS[way]
     assert all(is_date_or_time(text) for text in texts if text)
-    np.testing.assert_allclose(CalendarClock().seconds(pa.array(texts)), expected)
+    np.testing.assert_allclose(Clock().seconds(pa.array(texts)), expected)
 
 
 def test_stamps_of_later_batches_go_on(tmp_path: Path) -> None:
-    dated, bare = CalendarClock(), CalendarClock()
+    dated, bare = Clock(), Clock()
     assert dated.seconds(pa.array(["03/04/2024 23:59:59"]))[0] == 0
     assert dated.seconds(pa.array(["03/05/2024 00:00:01"]))[0] == 2  # only now it shows that the month is first
     assert bare.seconds(pa.array(["23:59:59"]))[0] == 0

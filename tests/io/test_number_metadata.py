@@ -1,7 +1,7 @@
 """Metadata without which a number means something else: units of stamps, packing, marks of nothing, kinds of clocks."""
 
 import json
-from datetime import UTC, datetime, timedelta
+from datetime import UTC, datetime, timedelta, timezone
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from pneucli.errors import InputError
-from pneucli.io.date_parsing import difference_of_starts
+from pneucli.io.clock import difference_of_starts
 from pneucli.io.formats import open_raw
 from pneucli.io.raw_file import ColumnRequest, RawFile, Reader
 
@@ -333,6 +333,40 @@ def test_every_format_says_when_its_clock_reads_0(tmp_path: Path) -> None:
         assert reader.start.replace(tzinfo=None) == START, kind
         scale = 1e-3 if kind == "nc" else 1.0
         np.testing.assert_allclose(scale * (clock - clock[0]), 0.01 * np.arange(30), atol=1e-9)
+
+
+def test_a_zone_that_a_file_writes_is_taken_off_in_every_format(tmp_path: Path) -> None:
+    import pyarrow as pa
+    import pyarrow.parquet as pq
+    from pyarrow import feather
+
+    utc = START.replace(tzinfo=UTC)
+    local = utc.astimezone(timezone(timedelta(hours=2)))
+    table = pa.table({"time": pa.array([utc, utc], pa.timestamp("us", "Europe/Rome")), "p1": [1.0, 2.0]})
+    pq.write_table(table, tmp_path / "a.parquet")
+    feather.write_feather(table, tmp_path / "a.feather")
+    with h5py.File(tmp_path / "a.nc", "w") as file:
+        file["p1"], file["time"] = [1.0, 2.0], [0.0, 1.0]
+        file["time"].attrs["units"] = f"seconds since {local}"
+    (tmp_path / "a.csv").write_text(f"time,p1\n{local.isoformat()},1\n{local.isoformat()},2\n")
+    (tmp_path / "a.jsonl").write_text("\n".join(json.dumps({"time": local.isoformat(), "p1": n}) for n in range(2)))
+    for path in sorted(tmp_path.iterdir()):
+        reader = opened(path)
+        column(reader, "time")
+        assert reader.start == utc, path.name
+
+
+def test_a_clock_that_was_never_set_has_no_start(tmp_path: Path) -> None:
+    from nptdms import ChannelObject, TdmsWriter
+
+    with TdmsWriter(tmp_path / "a.tdms") as writer:
+        wave = {"wf_start_time": np.datetime64("1904-01-01T00:00:00"), "wf_increment": 0.01}
+        writer.write_segment([ChannelObject("g", "p1", np.arange(3.0), properties=wave)])
+    (tmp_path / "a.csv").write_text("time,p1\n1970-01-01 00:00:05,1\n1970-01-01 00:00:06,2\n")
+    for path in tmp_path.iterdir():
+        reader = opened(path)
+        column(reader, "time")
+        assert reader.start is None, path.name
 
 
 @pytest.mark.parametrize("hours", [-8.0, -3.5, 0.0, 5.75, 12.0])

@@ -16,7 +16,8 @@ from typing import Any
 import numpy as np
 
 from pneucli.errors import InputError
-from pneucli.io.column_reader import EARLIEST_DATE, as_text, column_values, import_extra, words_message
+from pneucli.io.clock import known_start
+from pneucli.io.column_reader import as_text, column_values, import_extra, words_message
 from pneucli.io.damaged_files import check_expanded_size, library_errors_as_input_errors
 from pneucli.io.expression import Expression
 from pneucli.io.formats.base import Format
@@ -38,7 +39,7 @@ class MdfReader:
         self.rows = 0
         self.losses: Counter[str] = Counter()
         with self._open() as file:
-            self.start: datetime | None = _start(file)
+            self.start: datetime | None = known_start(file.header.start_time)
             masters = {(group, file.masters_db[group]) for group in file.masters_db if _has_clock(file, group)}
             found = [(name, where) for name, places in file.channels_db.items() for where in places]
             channels = [(name, where) for name, where in found if where not in masters and _is_signal(file, where)]
@@ -186,12 +187,6 @@ def _holds_text(file: Any, where: _Where) -> bool:
     kind = getattr(channel.conversion, "conversion_type", 0) if channel.conversion is not None else 0
     is_new = getattr(channel.conversion, "id", b"##CC") == b"##CC"
     return bool(is_new and kind >= _TEXTS) or channel.data_type in _STRINGS
-
-
-def _start(file: Any) -> datetime | None:
-    """Return when the masters read 0, in UTC where the file says so; None where it was never set."""
-    start: datetime | None = file.header.start_time
-    return start if start is not None and start.timestamp() > EARLIEST_DATE else None
 
 
 def _unit(channel: Any) -> str:

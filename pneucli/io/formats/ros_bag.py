@@ -7,13 +7,15 @@ from __future__ import annotations
 
 import json
 from collections.abc import Iterator, Mapping, Sequence
+from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from pneucli.errors import InputError
-from pneucli.io.column_reader import ColumnReader, import_extra, utc_datetime
+from pneucli.io.clock import known_start
+from pneucli.io.column_reader import ColumnReader, import_extra
 from pneucli.io.formats.base import Format
 from pneucli.io.raw_file import ColumnValues
 
@@ -106,7 +108,9 @@ def _reader(path: Path, name: str, topics: Mapping[str, list[_Row]], types: Mapp
             columns[column] = np.array([numbers.get(field, np.nan) for *_, numbers in rows])
             clocks[column] = clock
             units[column] = _UNITS.get((types.get(topic, "").rpartition("/")[2], field), "")
-    return ColumnReader.of_columns(path, name, columns, units, clocks, utc_datetime(1e-9 * first))
+    return ColumnReader.of_columns(
+        path, name, columns, units, clocks, known_start(datetime.fromtimestamp(1e-9 * first, UTC))
+    )
 
 
 def _stamps(rows: Sequence[_Row]) -> list[int]:

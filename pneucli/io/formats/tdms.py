@@ -15,6 +15,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from pneucli.errors import InputError, UnitError
+from pneucli.io.clock import known_start
 from pneucli.io.column_reader import ColumnReader, clocks_by_group, import_extra
 from pneucli.io.damaged_files import check_expanded_size
 from pneucli.io.formats.base import Format
@@ -121,7 +122,7 @@ def _columns(
     timings = {name: _timing(channel, stated.get(channel.path, ())) for name, channel in clocked.items()}
     starts = [piece.start for timing in timings.values() for piece in timing.pieces if piece.start is not None]
     first = min(starts, default=None)
-    start = None if first is None else first.astype("datetime64[us]").item().replace(tzinfo=UTC)
+    start = None if first is None else known_start(first.astype("datetime64[us]").item().replace(tzinfo=UTC))
     columns[CLOCK] = _clock(max(timings.values(), key=lambda timing: timing.samples), first)
     if len(set(timings.values())) == 1:
         return columns, {}, start

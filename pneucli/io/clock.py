@@ -1,4 +1,8 @@
-"""Dates and times of day as text -> seconds since the first of them."""
+"""The one clock of all formats: stamps, in whatever a file has them, to seconds since the first, and when that was.
+
+Stamps are texts, times and dates of Arrow, or calendar time of NumPy. What only numbers tell (wraps, coarse steps) is
+in :mod:`pneucli.io.clock_repairs`.
+"""
 
 from __future__ import annotations
 
@@ -88,7 +92,7 @@ def has_date(text: str) -> bool:
     return bool(found and found["day"])
 
 
-class CalendarClock:
+class Clock:
     """Turns the texts of one column into seconds, batch by batch; ``start`` is the first stamp, if it has a date.
 
     Of day and month the one comes first that makes the shorter recording. A clock without dates
@@ -103,21 +107,45 @@ class CalendarClock:
         self._midnights = 0.0
         self._round = SECONDS_PER_DAY  # s, after which a clock without dates begins anew
         self._zone: float | None = None  # s, of the first stamp, where one is written
+        self._stamp: Any = None  # the first one of calendar time
 
     @property
     def start(self) -> datetime | None:
-        """The first stamp, if it has a date; in UTC where its offset from UTC is written, else as it stands."""
-        if not self._day or self._first is None:
+        """When the clock reads 0, if its stamps have dates; in UTC where the file says so, else as it stands."""
+        if self._stamp is not None:
+            found = self._stamp.astype("datetime64[us]").item()
+        elif self._day and self._first is not None:
+            found = _parse_date(self._day, self._day_first is not False)
+            found += timedelta(seconds=self._first - (self._zone or 0.0))
+        else:
             return None
-        found = _parse_date(self._day, self._day_first is not False)
-        found += timedelta(seconds=self._first - (self._zone or 0.0))
-        return found if self._zone is None else found.replace(tzinfo=UTC)
+        return known_start(found if self._zone is None else found.replace(tzinfo=UTC))
 
-    def seconds(self, texts: Any) -> ColumnValues:
-        """Return seconds since the first stamp, NaN where there is none.
+    def seconds(self, stamps: Any) -> ColumnValues:
+        """Return seconds since the first stamp, NaN where there is none; durations and times of day in s.
 
-        ``texts`` is an array of Arrow. Raises ValueError with the first text that is no stamp.
+        ``stamps`` is an array of Arrow, or calendar time or durations of NumPy. Raises ValueError with the first text
+        that is no stamp.
         """
+        if isinstance(stamps, np.ndarray):
+            return self._of_calendar(stamps)
+        if pa.types.is_time(stamps.type):
+            return np.asarray(stamps.cast(pa.time64("ns")).cast(pa.int64()).cast(pa.float64()).to_numpy(False)) * 1e-9
+        if pa.types.is_temporal(stamps.type):
+            self._zone = 0.0 if getattr(stamps.type, "tz", None) else None
+            return self._of_calendar(stamps.to_numpy(zero_copy_only=False))
+        return self._of_texts(stamps)
+
+    def _of_calendar(self, stamps: ColumnValues) -> ColumnValues:
+        if stamps.dtype.kind == "m":
+            return np.asarray(stamps / np.timedelta64(1, "s"), dtype=np.float64)
+        valid = np.flatnonzero(~np.isnat(stamps))
+        if self._stamp is None and valid.size:
+            self._stamp = stamps[valid[0]]
+        first = np.datetime64("NaT") if self._stamp is None else self._stamp
+        return np.asarray((stamps - first) / np.timedelta64(1, "s"), dtype=np.float64)
+
+    def _of_texts(self, texts: Any) -> ColumnValues:
         known = next((text for text in texts.to_pylist() if text), "")
         for spelling, plain in _SPELLINGS if _spelled_out(known) != known else ():
             texts = pc.replace_substring_regex(texts, spelling, plain)
@@ -136,12 +164,12 @@ class CalendarClock:
         within_hour = 60 * _number(field["minutes"]) + _number(field["seconds"])  # as Excel shows 12:34.5
         if np.isfinite(within_hour).any():
             clock, self._round = np.where(np.isfinite(clock), clock, within_hour), SECONDS_PER_HOUR
-        known = np.flatnonzero(np.isfinite(clock))
-        if not known.size:
+        stamped = np.flatnonzero(np.isfinite(clock))
+        if not stamped.size:
             return np.asarray(clock)
         if self._first is None:
-            self._first, self._day = float(clock[known[0]]), field["day"][int(known[0])].as_py() or ""
-        since = self._days(field["day"].dictionary_encode()) if self._day else self._over_midnight(clock, known)
+            self._first, self._day = float(clock[stamped[0]]), field["day"][int(stamped[0])].as_py() or ""
+        since = self._days(field["day"].dictionary_encode()) if self._day else self._over_midnight(clock, stamped)
         return np.asarray(clock - self._first + since - self._zone_change(field["zone"].dictionary_encode()))
 
     def _zone_change(self, zones: Any) -> ColumnValues:
@@ -179,10 +207,23 @@ def parse_since(unit: str) -> datetime | None:
     if found is None:
         return None
     try:
-        date: datetime = parser.parse(found[1])
+        return known_start(parser.parse(found[1]))
     except (parser.ParserError, OverflowError):
         return None
-    return date
+
+
+def known_start(date: datetime | None) -> datetime | None:
+    """Return when a clock reads 0, in UTC where the zone is known; None before 1990, as of a clock that was never set.
+
+    >>> known_start(datetime.fromisoformat("2026-03-11 09:15+01:00")).hour, known_start(datetime(1904, 1, 1))
+    (8, None)
+    """
+    if date is None or date.year < EARLIEST_YEAR:
+        return None
+    return date if date.tzinfo is None else date.astimezone(UTC)
+
+
+EARLIEST_YEAR = 1990
 
 
 SINCE = re.compile(r"(?i)\s+since\s+(.+)$")

@@ -1,0 +1,154 @@
+"""Parquet, Feather and Arrow, in batches; only the wanted columns are read."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from datetime import datetime
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pyarrow as pa
+import pyarrow.parquet as pq
+from pyarrow import feather
+
+from pneucli.errors import InputError
+from pneucli.io.clock import Clock, is_date_or_time
+from pneucli.io.column_reader import is_label_column
+from pneucli.io.damaged_files import check_expanded_size, library_errors_as_input_errors
+from pneucli.io.formats.base import Format
+from pneucli.io.raw_file import NO_CLOCKS, ColumnRequest, ColumnValues, Repair
+
+BATCH_ROWS = 1 << 17
+LABEL_ROWS = 1000  # rows that tell whether a text is a label
+ReadBatches = Callable[[list[str], int], Iterator[Any]]
+
+
+class ArrowReader:
+    """A file of the format ``format`` whose columns Arrow reads; ``read`` yields the named ones, so many rows each."""
+
+    def __init__(self, path: Path, format: str, schema: Any, read: ReadBatches) -> None:
+        self._path, self._format, self._read = path, format, read
+        self.names: Sequence[str] = schema.names
+        file_units = [(field.metadata or {}).get(b"unit", b"").decode(errors="replace") for field in schema]
+        self.units = {number: unit for number, unit in enumerate(file_units) if unit}
+        self.start: datetime | None = None
+        self.repairs: list[Repair] = []
+        self.rows = 0
+        self.clocks = NO_CLOCKS
+        self.clock_names: frozenset[int] = frozenset()
+        self.losses: Counter[str] = Counter()
+        texts = [field.name for field in schema if _is_text(field.type)]
+        first = next(read(texts, LABEL_ROWS), None) if texts and len(set(schema.names)) == len(schema.names) else None
+        known = {name: first.column(name).to_pylist() for name in texts} if first is not None else {}
+        labels = {name for name, own in known.items() if is_label_column(own[:LABEL_ROWS])}
+        self.labels = frozenset(number for number, name in enumerate(self.names) if name in labels)
+
+    def batches(self, asks: Sequence[ColumnRequest]) -> Iterator[list[ColumnValues]]:
+        """Yield the asked columns; time stamps of a calendar become seconds since the first of them."""
+        wanted = [self.names[ask.position] for ask in asks]
+        twice = [name for name in wanted if list(self.names).count(name) > 1]
+        if twice:
+            raise InputError(
+                str(self._path), f'two columns are called "{twice[0]}"', "a name for each", "rename one", code="E042"
+            )
+        clocks = {ask.position: Clock() for ask in asks}
+        parts = self._read(list(dict.fromkeys(wanted)), BATCH_ROWS)
+        while True:
+            with library_errors_as_input_errors(self._path, self._format, self.repairs):
+                batch = next(parts, None)
+            if batch is None:
+                return
+            self.rows += batch.num_rows
+            values = [self._values(batch, name, ask, clocks) for name, ask in zip(wanted, asks, strict=True)]
+            self.start = self.start or next((one.start for one in clocks.values() if one.start), None)
+            yield values
+
+    def locate(self, row: int) -> str:
+        """Return file and row (from 1)."""
+        return f"{self._path}, row {row + 1}"
+
+    def _values(self, batch: Any, name: str, ask: ColumnRequest, clocks: Mapping[int, Clock]) -> ColumnValues:
+        column = batch.column(name)
+        try:
+            if pa.types.is_dictionary(column.type):
+                column = column.dictionary_decode()
+            if ask.text:
+                return np.array([str(value).strip() for value in column.to_pylist()], dtype=object)
+            return _numbers(column, clocks[ask.position])
+        except (pa.ArrowException, UnicodeDecodeError, ValueError) as error:
+            where = f'{self._path}, column "{name}" of {column.type}'
+            raise InputError(
+                where, str(error).splitlines()[0], "numbers", "export it as float64", code="E043"
+            ) from error
+
+
+def _is_text(kind: Any) -> bool:
+    kind = kind.value_type if pa.types.is_dictionary(kind) else kind
+    return bool(pa.types.is_string(kind) or pa.types.is_large_string(kind))
+
+
+def _numbers(column: Any, clock: Clock) -> ColumnValues:
+    """Return a column as float64: numbers, or stamps in s; raises ValueError where texts are neither."""
+    if pa.types.is_temporal(column.type):
+        return clock.seconds(column)
+    if not _is_text(column.type):
+        return np.asarray(column.cast(pa.float64(), safe=False).to_numpy(zero_copy_only=False))
+    column = column.cast(pa.string())
+    known = next((text for text in column.drop_null().to_pylist() if text.strip()), "")
+    if is_date_or_time(known):
+        return clock.seconds(column)
+    try:
+        return np.asarray(column.cast(pa.float64()).to_numpy(zero_copy_only=False))
+    except pa.ArrowInvalid as error:
+        raise ValueError(f'texts, such as "{known}"') from error
+
+
+def open_parquet(path: Path) -> ArrowReader:
+    """List the columns of a Parquet file."""
+    return ArrowReader(path, PARQUET.name, pq.read_schema(path), partial(_read_parquet, path))
+
+
+def _read_parquet(path: Path, names: list[str], rows: int) -> Iterator[Any]:
+    file = pq.ParquetFile(path, page_checksum_verification=True)
+    check_expanded_size(path, _size(file, names))
+    yield from file.iter_batches(rows, columns=names)
+
+
+def _size(file: Any, wanted: Sequence[str]) -> int:
+    """Return how many bytes the wanted columns expand to, by the file's own account."""
+    meta = file.metadata
+    groups = [meta.row_group(number) for number in range(meta.num_row_groups)]
+    columns = [group.column(index) for group in groups for index in range(group.num_columns)]
+    stored = sum(one.total_uncompressed_size for one in columns if one.path_in_schema.split(".")[0] in wanted)
+    return max(int(stored), 8 * int(meta.num_rows) * len(set(wanted)))
+
+
+def open_feather(path: Path) -> ArrowReader:
+    """List the columns of a file of Arrow, or of Feather in either of its versions."""
+    with path.open("rb") as file:
+        is_new = file.read(6) == b"ARROW1"
+    if is_new:
+        with pa.memory_map(str(path)) as source:
+            schema = pa.ipc.open_file(source).schema
+    else:
+        schema = feather.read_table(path, memory_map=True).schema
+    return ArrowReader(path, FEATHER.name, schema, partial(_read_feather, path))
+
+
+def _read_feather(path: Path, names: list[str], rows: int) -> Iterator[Any]:
+    yield from feather.read_table(path, columns=names).to_batches(rows)
+
+
+PARQUET = Format(
+    "Parquet", "Parquet", open_parquet, magic=(b"PAR1",), used="the unit of stamps, durations and fields (`unit`)"
+)
+FEATHER = Format(
+    "Feather",
+    "Feather, Arrow",
+    open_feather,
+    magic=(b"ARROW1", b"FEA1"),
+    used="the unit of stamps, durations and fields (`unit`)",
+)
