@@ -26,24 +26,24 @@ FetchColumns = Callable[[Sequence[str]], list[ColumnValues]]
 class ColumnReader:
     """A file of the format ``format``; ``fetch`` opens it and returns the columns of the given names, no others.
 
-    Columns are arrays of numbers, of calendar time, or of texts; ``labels`` has the positions of texts that are
-    neither numbers nor stamps. ``start`` is when the clock reads 0, where the file says it or once stamps were read.
-    ``own_clocks`` has the column of stamps of each column whose clock the file knows, both by name; the column
-    ``shared_clock`` stands for the clock of whatever column it is read with.
+    Columns are arrays of numbers, of calendar time, or of texts; ``texts`` are those that are neither numbers nor
+    stamps. ``start`` is when the clock reads 0, where the file says it or once stamps were read. ``own_clocks`` has the
+    column of stamps of each column whose clock the file knows; ``shared_clocks`` stand for the clock of whatever column
+    they are read with. All are by name.
     """
 
     path: Path
     format: str
     names: Sequence[str]
     fetch: FetchColumns
-    units: Mapping[int, str] = field(default_factory=dict)
+    own_units: Mapping[str, str] = field(default_factory=dict)
     repairs: list[Repair] = field(default_factory=list)
     rows: int = 0
     losses: Counter[str] = field(default_factory=Counter)
     start: datetime | None = None
     own_clocks: Mapping[str, str] = field(default_factory=dict)
-    shared_clock: str | None = None
-    labels: Collection[int] = frozenset()
+    shared_clocks: Collection[str] = ()
+    texts: Collection[str] = ()
 
     @classmethod
     def of_columns(
@@ -60,18 +60,14 @@ class ColumnReader:
             longest = max(dict.fromkeys(clocks.values()), key=lambda name: columns[name].size)
             columns = {**columns, "time": columns[longest]}
             units = {**units, **({"time": units[longest]} if longest in units else {})}
-        names = list(columns)
-        file_units = {names.index(name): unit for name, unit in units.items() if unit and name in columns}
-        return cls(
-            path,
-            format,
-            names,
-            lambda wanted: [columns[name] for name in wanted],
-            file_units,
-            start=start,
-            own_clocks=clocks,
-            shared_clock="time" if clocks else None,
-        )
+        shared = ("time",) * bool(clocks)
+        own = {"start": start, "own_clocks": clocks, "shared_clocks": shared}
+        return cls(path, format, list(columns), lambda wanted: [columns[name] for name in wanted], units, **own)  # type: ignore[arg-type]
+
+    @property
+    def units(self) -> Mapping[int, str]:
+        """The units that the file itself says, by position (from 0)."""
+        return {n: unit for n, name in enumerate(self.names) if (unit := self.own_units.get(name))}
 
     @property
     def clocks(self) -> Mapping[int, int]:
@@ -83,8 +79,16 @@ class ColumnReader:
 
     @property
     def clock_names(self) -> Collection[int]:
-        """The position of the column that stands for every column's own clock, if there is one."""
-        return [number for number, name in enumerate(self.names) if name == self.shared_clock]
+        """The positions of the columns that stand for every column's own clock."""
+        return self._places(self.shared_clocks)
+
+    @property
+    def labels(self) -> Collection[int]:
+        """The positions of columns of text that is neither numbers nor stamps."""
+        return self._places(self.texts)
+
+    def _places(self, names: Collection[str]) -> Collection[int]:
+        return frozenset(number for number, name in enumerate(self.names) if name in names)
 
     def batches(self, asks: Sequence[ColumnRequest]) -> Iterator[list[ColumnValues]]:
         """Yield all rows at once; raises InputError where the columns differ in length."""

@@ -204,7 +204,7 @@ def test_texts_of_mdf_are_labels_and_refused_as_numbers_in_words(tmp_path: Path)
     texts = {"val_0": 0, "text_0": b"idle", "val_1": 5, "text_1": b"running"}
     reader = converted(tmp_path / "a.mf4", RAW, texts)
     assert list(reader.labels) == [list(reader.names).index("p1")]
-    with pytest.raises(InputError, match=r'channel "p1": texts, such as "idle"'):
+    with pytest.raises(InputError, match=r'column "p1": texts, such as "idle"'):
         column(reader, "p1")
     (found,) = zip(*reader.batches([ColumnRequest(list(reader.names).index("p1"), text=True)]), strict=True)
     assert found[0].tolist()[:2] == ["idle", "running"]

@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-from collections import Counter
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from datetime import datetime
+from dataclasses import dataclass, field
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -16,35 +15,31 @@ from pyarrow import feather
 
 from pneucli.errors import InputError
 from pneucli.io.clock import Clock, is_date_or_time
-from pneucli.io.column_reader import is_label_column
+from pneucli.io.column_reader import ColumnReader, as_text, is_label_column
 from pneucli.io.damaged_files import check_expanded_size, library_errors_as_input_errors
 from pneucli.io.formats.base import Format
-from pneucli.io.raw_file import NO_CLOCKS, ColumnRequest, ColumnValues, Repair
+from pneucli.io.raw_file import ColumnRequest, ColumnValues
 
 BATCH_ROWS = 1 << 17
 LABEL_ROWS = 1000  # rows that tell whether a text is a label
 ReadBatches = Callable[[list[str], int], Iterator[Any]]
 
 
-class ArrowReader:
-    """A file of the format ``format`` whose columns Arrow reads; ``read`` yields the named ones, so many rows each."""
+@dataclass
+class ArrowReader(ColumnReader):
+    """A file whose columns Arrow reads; ``read`` yields the named ones, so many rows each."""
 
-    def __init__(self, path: Path, format: str, schema: Any, read: ReadBatches) -> None:
-        self._path, self._format, self._read = path, format, read
-        self.names: Sequence[str] = schema.names
-        file_units = [(field.metadata or {}).get(b"unit", b"").decode(errors="replace") for field in schema]
-        self.units = {number: unit for number, unit in enumerate(file_units) if unit}
-        self.start: datetime | None = None
-        self.repairs: list[Repair] = []
-        self.rows = 0
-        self.clocks = NO_CLOCKS
-        self.clock_names: frozenset[int] = frozenset()
-        self.losses: Counter[str] = Counter()
+    read: ReadBatches = field(kw_only=True)
+
+    @classmethod
+    def of_schema(cls, path: Path, format: str, schema: Any, read: ReadBatches) -> ArrowReader:
+        """List the columns, with the units that the metadata of their fields say."""
+        own = {field.name: (field.metadata or {}).get(b"unit", b"").decode(errors="replace") for field in schema}
         texts = [field.name for field in schema if _is_text(field.type)]
-        first = next(read(texts, LABEL_ROWS), None) if texts and len(set(schema.names)) == len(schema.names) else None
+        first = next(read(texts, LABEL_ROWS), None) if texts and len(own) == len(schema) else None
         known = {name: first.column(name).to_pylist() for name in texts} if first is not None else {}
-        labels = {name for name, own in known.items() if is_label_column(own[:LABEL_ROWS])}
-        self.labels = frozenset(number for number, name in enumerate(self.names) if name in labels)
+        labels = {name for name, values in known.items() if is_label_column(values[:LABEL_ROWS])}
+        return cls(path, format, schema.names, lambda _: [], own, texts=labels, read=read)
 
     def batches(self, asks: Sequence[ColumnRequest]) -> Iterator[list[ColumnValues]]:
         """Yield the asked columns; time stamps of a calendar become seconds since the first of them."""
@@ -52,34 +47,30 @@ class ArrowReader:
         twice = [name for name in wanted if list(self.names).count(name) > 1]
         if twice:
             raise InputError(
-                str(self._path), f'two columns are called "{twice[0]}"', "a name for each", "rename one", code="E042"
+                str(self.path), f'two columns are called "{twice[0]}"', "a name for each", "rename one", code="E042"
             )
         clocks = {ask.position: Clock() for ask in asks}
-        parts = self._read(list(dict.fromkeys(wanted)), BATCH_ROWS)
+        parts = self.read(list(dict.fromkeys(wanted)), BATCH_ROWS)
         while True:
-            with library_errors_as_input_errors(self._path, self._format, self.repairs):
+            with library_errors_as_input_errors(self.path, self.format, self.repairs):
                 batch = next(parts, None)
             if batch is None:
                 return
             self.rows += batch.num_rows
-            values = [self._values(batch, name, ask, clocks) for name, ask in zip(wanted, asks, strict=True)]
+            values = [self._column(batch, name, ask, clocks) for name, ask in zip(wanted, asks, strict=True)]
             self.start = self.start or next((one.start for one in clocks.values() if one.start), None)
             yield values
 
-    def locate(self, row: int) -> str:
-        """Return file and row (from 1)."""
-        return f"{self._path}, row {row + 1}"
-
-    def _values(self, batch: Any, name: str, ask: ColumnRequest, clocks: Mapping[int, Clock]) -> ColumnValues:
+    def _column(self, batch: Any, name: str, ask: ColumnRequest, clocks: Mapping[int, Clock]) -> ColumnValues:
         column = batch.column(name)
         try:
             if pa.types.is_dictionary(column.type):
                 column = column.dictionary_decode()
             if ask.text:
-                return np.array([str(value).strip() for value in column.to_pylist()], dtype=object)
+                return np.array([as_text(value) for value in column.to_pylist()], dtype=object)
             return _numbers(column, clocks[ask.position])
         except (pa.ArrowException, UnicodeDecodeError, ValueError) as error:
-            where = f'{self._path}, column "{name}" of {column.type}'
+            where = f'{self.path}, column "{name}" of {column.type}'
             raise InputError(
                 where, str(error).splitlines()[0], "numbers", "export it as float64", code="E043"
             ) from error
@@ -108,7 +99,7 @@ def _numbers(column: Any, clock: Clock) -> ColumnValues:
 
 def open_parquet(path: Path) -> ArrowReader:
     """List the columns of a Parquet file."""
-    return ArrowReader(path, PARQUET.name, pq.read_schema(path), partial(_read_parquet, path))
+    return ArrowReader.of_schema(path, PARQUET.name, pq.read_schema(path), partial(_read_parquet, path))
 
 
 def _read_parquet(path: Path, names: list[str], rows: int) -> Iterator[Any]:
@@ -135,7 +126,7 @@ def open_feather(path: Path) -> ArrowReader:
             schema = pa.ipc.open_file(source).schema
     else:
         schema = feather.read_table(path, memory_map=True).schema
-    return ArrowReader(path, FEATHER.name, schema, partial(_read_feather, path))
+    return ArrowReader.of_schema(path, FEATHER.name, schema, partial(_read_feather, path))
 
 
 def _read_feather(path: Path, names: list[str], rows: int) -> Iterator[Any]:

@@ -191,8 +191,7 @@ def open_hdf5(path: Path) -> ColumnReader:
 
     names = list(owner)
     units |= {name: "s" for name, place in owner.items() if place.stamps}
-    file_units = {number: units[name] for number, name in enumerate(names) if units.get(name)}
-    return ColumnReader(path, HDF5.name, names, fetch, file_units, own_clocks=clocks_by_group(names, sizes))
+    return ColumnReader(path, HDF5.name, names, fetch, units, own_clocks=clocks_by_group(names, sizes))
 
 
 def _dataset_columns(name: str, dataset: Any) -> Iterator[tuple[str, Place]]:

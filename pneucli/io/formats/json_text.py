@@ -26,9 +26,8 @@ def open_json(path: Path) -> ColumnReader:
     def fetch(wanted: Sequence[str]) -> list[ColumnValues]:
         return [columns[name] for name in wanted]
 
-    texts = {name for name, values in columns.items() if values.dtype == object}
-    labels = frozenset(n for n, name in enumerate(columns) if name in texts and is_label_column(columns[name]))
-    return ColumnReader(path, JSON.name, list(columns), fetch, labels=labels)
+    texts = {name for name, values in columns.items() if values.dtype == object and is_label_column(values)}
+    return ColumnReader(path, JSON.name, list(columns), fetch, texts=texts)
 
 
 def is_json(head: bytes, _: Path) -> bool:

@@ -149,10 +149,8 @@ def open_mat(path: Path) -> ColumnReader:
         columns = _load(path, list(dict.fromkeys(owner[name] for name in wanted))).columns
         return [columns[name].ravel() for name in wanted]
 
-    names = list(owner)
-    file_units = {names.index(name): unit for name, unit in units.items()}
-    clocks = clocks or clocks_by_group(names, sizes)
-    reader = ColumnReader(path, MATLAB.name, names, fetch, file_units, own_clocks=clocks)
+    clocks = clocks or clocks_by_group(list(owner), sizes)
+    reader = ColumnReader(path, MATLAB.name, list(owner), fetch, units, own_clocks=clocks)
     if objects:
         listed = ", ".join(f'"{name}"' for name in objects[:5])
         message = f"{listed}: objects of MATLAB (timeseries, timetable, Dataset), left out; {SAVE_AS_STRUCT}"

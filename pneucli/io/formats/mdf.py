@@ -9,7 +9,6 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
-from datetime import datetime
 from pathlib import Path
 from typing import Any
 
@@ -17,11 +16,11 @@ import numpy as np
 
 from pneucli.errors import InputError
 from pneucli.io.clock import known_start
-from pneucli.io.column_reader import as_text, column_values, import_extra, words_message
-from pneucli.io.damaged_files import check_expanded_size, library_errors_as_input_errors
+from pneucli.io.column_reader import ColumnReader, import_extra
+from pneucli.io.damaged_files import check_expanded_size
 from pneucli.io.expression import Expression
 from pneucli.io.formats.base import Format
-from pneucli.io.raw_file import ColumnRequest, ColumnValues, Repair
+from pneucli.io.raw_file import ColumnValues
 
 _NO_SYNC, _TIME = 0, 1  # of a channel's synchronisation type (ASAM MDF 4, block CN)
 _Where = tuple[int, int]  # group, channel
@@ -29,109 +28,56 @@ _FORMULA, _RANGES, _TEXTS = 3, 6, 7  # types of conversion; those from the last 
 _STRINGS = range(6, 10)  # types of data of a channel
 
 
-class MdfReader:
-    """An MDF file; the name of any group's master stands for the clock of the group that it is read with."""
+def open_mdf(path: Path) -> ColumnReader:
+    """List the channels; the name of any group's master stands for the clock of the group that it is read with."""
+    with _opened(path) as file:
+        masters = {(group, file.masters_db[group]) for group in file.masters_db if _has_clock(file, group)}
+        found = [(name, where) for name, places in file.channels_db.items() for where in places]
+        channels = [(name, where) for name, where in found if where not in masters and _is_signal(file, where)]
+        often = Counter(name for name, _ in channels)
+        places = {name if often[name] == 1 else f"{where[0]}/{name}": where for name, where in channels}
+        shared = sorted({name for name, where in found if where in masters} - places.keys())
+        units = {name: _unit(file.groups[g].channels[c]) for name, (g, c) in places.items()}
+        texts = [name for name, where in places.items() if _holds_text(file, where)]
+        timed = {name: group for name, (group, _) in places.items() if _has_clock(file, group)}
+        start = known_start(file.header.start_time)
+    groups = {f"clock of group {group}": group for group in sorted(set(timed.values()))}
+    clocks = {name: f"clock of group {group}" for name, group in timed.items()}
 
-    def __init__(self, path: Path) -> None:
-        self._path = path
-        self._mdf = import_extra("asammdf", "mdf", path).MDF
-        self.repairs: list[Repair] = []
-        self.rows = 0
-        self.losses: Counter[str] = Counter()
-        with self._open() as file:
-            self.start: datetime | None = known_start(file.header.start_time)
-            masters = {(group, file.masters_db[group]) for group in file.masters_db if _has_clock(file, group)}
-            found = [(name, where) for name, places in file.channels_db.items() for where in places]
-            channels = [(name, where) for name, where in found if where not in masters and _is_signal(file, where)]
-            clocks = {name for name, where in found if where in masters}
-            often = Counter(name for name, _ in channels)
-            self._where = {name if often[name] == 1 else f"{where[0]}/{name}": where for name, where in channels}
-            units = {name: _unit(file.groups[g].channels[c]) for name, (g, c) in self._where.items()}
-            groups = {g for g, _ in self._where.values() if _has_clock(file, g)}
-            texts = [name for name, place in self._where.items() if _holds_text(file, place)]
-        self._clock_groups = {f"clock of group {group}": group for group in sorted(groups)}
-        shared = sorted(clocks - self._where.keys())
-        self.names: Sequence[str] = [*self._where, *shared, *self._clock_groups]
-        self.units = {number: units[name] for number, name in enumerate(self._where) if units[name]}
-        self.labels = frozenset(number for number, name in enumerate(self._where) if name in texts)
-        self.clock_names = frozenset(range(len(self._where), len(self._where) + len(shared)))
-        place = {group: len(self._where) + len(shared) + n for n, group in enumerate(self._clock_groups.values())}
-        places = enumerate(self._where.values())
-        self.clocks: Mapping[int, int] = {n: place[group] for n, (group, _) in places if group in place}
-
-    def batches(self, requests: Sequence[ColumnRequest]) -> Iterator[list[ColumnValues]]:
-        """Yield all rows of one group at once; raises InputError where the columns are of several."""
-        names = [self.names[request.position] for request in requests]
-        with library_errors_as_input_errors(self._path, MDF.name, self.repairs), self._open() as file:
-            group = self._group(file, names)
-            is_timed = not self._where.keys() >= set(names)
-            if is_timed:
-                self._check_clock(file, group, names)
+    def fetch(wanted: Sequence[str]) -> list[ColumnValues]:
+        with _opened(path) as file:
+            group = _group(path, file, wanted, {name: where[0] for name, where in places.items()} | groups)
+            is_timed = not places.keys() >= set(wanted)
+            if is_timed and not _has_clock(file, group):
+                where, mend = f'{path}, channel "{wanted[0]}"', "name a channel of stamps as time"
+                raise InputError(where, "its group has no clock", "a master channel", mend, code="E045")
             counts = file.groups[group].channel_group
-            check_expanded_size(self._path, counts.cycles_nr * max(counts.samples_byte_nr, 8))
+            check_expanded_size(path, counts.cycles_nr * max(counts.samples_byte_nr, 8))
             time = np.asarray(file.get_master(group), dtype=np.float64) if is_timed else np.empty(0)
-            columns = {
-                name: self._values(file, name, text=request.text)
-                for name, request in zip(names, requests, strict=True)
-                if name in self._where
-            }
-        size = time.size if is_timed else next(iter(columns.values())).size
-        for name, values in columns.items():
-            if values.size != size:
-                where, found = f'{self._path}, channel "{name}"', f"{values.size} values over {size} stamps"
-                raise InputError(where, found, "a value a stamp", "export it again", code="E045")
-        self.rows += size
-        yield [columns.get(name, time) for name in names]
+            return [_recorded(path, file, name, places[name]) if name in places else time for name in wanted]
 
-    def _values(self, file: Any, name: str, *, text: bool) -> ColumnValues:
-        """Return a channel's values, or its texts; NaN where the file itself marks them invalid, or a word stands."""
-        try:
-            found = _recorded(file, self._where[name])
-            if text:
-                return np.array([as_text(value) for value in found], dtype=object)
-            values, _, words = column_values(found)
-        except ValueError as error:
-            where = f'{self._path}, channel "{name}"'
-            raise InputError(
-                where, str(error), "numbers", "export the numbers, or leave it out", code="E043"
-            ) from error
-        if words:
-            self.repairs.append(Repair("", "words", sum(words.values()), words_message(name, words)))
-        return values
+    names, own = [*places, *shared, *groups], {"own_clocks": clocks, "shared_clocks": shared, "texts": texts}
+    return ColumnReader(path, MDF.name, names, fetch, units, start=start, **own)  # type: ignore[arg-type]
 
-    def locate(self, row: int) -> str:
-        """Return file and record (from 1)."""
-        return f"{self._path}, record {row + 1}"
 
-    @contextmanager
-    def _open(self) -> Iterator[Any]:
-        file = self._mdf(self._path)
-        try:
-            yield file
-        finally:
-            file.close()
+@contextmanager
+def _opened(path: Path) -> Iterator[Any]:
+    file = import_extra("asammdf", "mdf", path).MDF(path)
+    try:
+        yield file
+    finally:
+        file.close()
 
-    def _group(self, file: Any, names: Sequence[str]) -> int:
-        """Return the group of the columns; the longest one where only the clock is wanted."""
-        groups = {self._where[name][0] for name in names if name in self._where}
-        groups |= {self._clock_groups[name] for name in names if name in self._clock_groups}
-        if len(groups) > 1:
-            listed = ", ".join(f'"{name}"' for name in names[:10])
-            mend = "read each as a signal of its own, not in one expression"
-            raise InputError(
-                str(self._path), f"{listed} are of several groups", "columns of one clock", mend, code="E042"
-            )
-        if groups:
-            return int(groups.pop())
-        timed = [group for group in file.masters_db if _has_clock(file, group)]
-        return int(max(timed, key=lambda group: file.groups[group].channel_group.cycles_nr))
 
-    def _check_clock(self, file: Any, group: int, names: Sequence[str]) -> None:
-        if not _has_clock(file, group):
-            where = f'{self._path}, channel "{names[0]}"'
-            raise InputError(
-                where, "its group has no clock", "a master channel", "name a channel of stamps as time", code="E045"
-            )
+def _group(path: Path, file: Any, names: Sequence[str], groups: Mapping[str, int]) -> int:
+    """Return the group of the columns; the longest one where only the clock is wanted."""
+    found = {groups[name] for name in names if name in groups}
+    if len(found) > 1:
+        listed = ", ".join(f'"{name}"' for name in names[:10])
+        mend = "read each as a signal of its own, not in one expression"
+        raise InputError(str(path), f"{listed} are of several groups", "columns of one clock", mend, code="E042")
+    timed = [group for group in file.masters_db if _has_clock(file, group)]
+    return found.pop() if found else int(max(timed, key=lambda one: file.groups[one].channel_group.cycles_nr))
 
 
 def _has_clock(file: Any, group: int) -> bool:
@@ -144,15 +90,20 @@ def _has_clock(file: Any, group: int) -> bool:
     return getattr(master, "sync_type", _TIME) in (_NO_SYNC, _TIME)  # MDF 3 knows time alone
 
 
-def _recorded(file: Any, where: _Where) -> ColumnValues:
-    """Return the physical values of a channel, NaN where invalid; raises ValueError where a formula is not known."""
+def _recorded(path: Path, file: Any, name: str, where: _Where) -> ColumnValues:
+    """Return the physical values of a channel, NaN where invalid; raises InputError where a formula is not known."""
     conversion = file.groups[where[0]].channels[where[1]].conversion
     kind = getattr(conversion, "conversion_type", None) if getattr(conversion, "id", b"##CC") == b"##CC" else None
     own = kind in (_FORMULA, _RANGES)
     signal = file.get(group=where[0], index=where[1], ignore_invalidation_bits=True, raw=own)
     values = np.asarray(signal.samples)
     if kind == _FORMULA:
-        values = _by_formula(str(conversion.formula), values.astype(np.float64))
+        try:
+            values = _by_formula(str(conversion.formula), values.astype(np.float64))
+        except ValueError as error:
+            channel = f'{path}, channel "{name}"'
+            mend = "export the numbers, or leave it out"
+            raise InputError(channel, str(error), "numbers", mend, code="E043") from error
     elif kind == _RANGES:
         values = _by_ranges(conversion, values)
     if signal.invalidation_bits is not None:
@@ -201,7 +152,7 @@ def _is_signal(file: Any, where: _Where) -> bool:
 MDF = Format(
     "MDF4",
     "MDF4",
-    MdfReader,
+    open_mdf,
     magic=(b"MDF ",),
     column="a channel; `group/channel` where names repeat; groups with clocks of their own are joined",
     extra="mdf",

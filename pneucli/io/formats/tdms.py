@@ -57,9 +57,7 @@ def open_tdms(path: Path) -> ColumnReader:
         units = {name: str(channel.properties.get("unit_string") or "") for name, channel in channels.items()}
         sizes = {name: len(channel) for name, channel in channels.items()}
     names = list(columns)
-    file_units = {
-        number: units.get(name) or "s" for number, name in enumerate(names) if units.get(name) or name not in units
-    }
+    units |= dict.fromkeys((name for name in names if name not in units), "s")
     clocks = clocks or clocks_by_group(list(channels), sizes)
 
     def fetch(wanted: Sequence[str]) -> list[ColumnValues]:
@@ -71,8 +69,8 @@ def open_tdms(path: Path) -> ColumnReader:
                 _check_scales(path, name, channels.get(name))
             return [np.ravel(columns[name]()) for name in wanted]
 
-    shared = CLOCK if clocks else None
-    return ColumnReader(path, TDMS.name, names, fetch, file_units, start=start, own_clocks=clocks, shared_clock=shared)
+    shared = (CLOCK,) * bool(clocks)
+    return ColumnReader(path, TDMS.name, names, fetch, units, start=start, own_clocks=clocks, shared_clocks=shared)
 
 
 def _check_scales(path: Path, name: str, channel: Any) -> None:
