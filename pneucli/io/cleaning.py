@@ -14,6 +14,7 @@ import numpy as np
 
 from pneucli.arrays import Array, Indices, Mask
 from pneucli.io.raw_file import Repair
+from pneucli.io.signal_repairs import COMMANDS
 from pneucli.io.stuck_channels import StuckChannelDetector
 from pneucli.io.timestamp_order import (
     LOOKAHEAD_ROWS,
@@ -91,7 +92,6 @@ def _largest_step_around(steps: Array, before: Indices, width: int) -> Array:
 Batch = dict[str, Array]
 
 PRESSURES = ("p_supply", "p1", "p2")  # absolute: no gas has less than none
-COMMANDS = ("u", "u2", "x_ref", "p_ref")  # set, not sensed: they may jump and rest as they like
 GAP_PERIODS = 10.0  # sampling periods
 MAX_JITTER = 0.2  # of a sampling period
 MIN_MAGNITUDE = 1e-30  # no sensor tells less from zero, in any SI unit
@@ -213,6 +213,49 @@ _MESSAGES = {
     "vacuum": "{} pressures are 0 bar absolute or less, which no gas has; kept",
     "spike": "{} spikes became NaN",
 }
+
+
+ROW_PERIOD = 1.0  # the "time" of rows without a clock counts rows
+
+
+class RowChecks:
+    """Takes batches of rows as :class:`pneucli.io.cleaning.Cleaner` does; only infinite values are repaired.
+
+    Spikes, stuck sensors, gaps and jitter are properties of a time series: two neighbouring rows of a steady bench may
+    differ by the whole range, or be alike because one setting was measured twice.
+    """
+
+    period = ROW_PERIOD
+
+    def __init__(self) -> None:
+        self.samples = 0
+        self.losses: Counter[str] = Counter()
+        self._counts: Counter[tuple[str, str]] = Counter()
+
+    def push(self, batch: Mapping[str, Array]) -> Batch:
+        """Return the rows, with NaN in place of infinite values."""
+        self.samples += batch["time"].size
+        return {name: values if name == "time" else self._checked(name, values) for name, values in batch.items()}
+
+    def finish(self) -> Batch:
+        """Return the rows that waited: none does."""
+        return {"time": np.zeros(0)}
+
+    def _checked(self, name: str, values: Array) -> Array:
+        infinite = np.abs(values) > MAX_MAGNITUDE
+        self._counts[name, "nan"] += int(np.count_nonzero(np.isnan(values)))
+        self._counts[name, "infinite"] += int(np.count_nonzero(infinite))
+        if name in PRESSURES:
+            self._counts[name, "vacuum"] += int(np.count_nonzero(values <= 0.0))
+        return np.where(infinite, np.nan, values) if infinite.any() else values
+
+    def repairs(self) -> list[Repair]:
+        """Return what was noticed so far."""
+        unfitted = {
+            kind: f"{_MESSAGES[kind].removesuffix('; kept')}; their rows are not fitted" for kind in ("nan", "vacuum")
+        }
+        told = _MESSAGES | unfitted
+        return [Repair(*key, count, told[key[1]].format(count)) for key, count in self._counts.items() if count]
 
 
 class _Clock:

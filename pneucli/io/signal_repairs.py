@@ -64,7 +64,7 @@ def _hold(values: Array) -> tuple[int, int]:
     return (rows, phase) if regular else (1, 0)
 
 
-COMMANDS = ("u", "u2", "x_ref", "p_ref")  # set, not sensed: they hold their value, and may jump
+COMMANDS = ("u", "u2", "x_ref", "p_ref")  # set, not sensed: they hold their value, jump and rest as they like
 POSITIONS = ("x", "x_ref")  # whose counter may roll over
 
 

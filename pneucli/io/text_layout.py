@@ -11,7 +11,7 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from itertools import zip_longest
 from pathlib import Path
-from typing import AnyStr
+from typing import AnyStr, NamedTuple
 
 from pneucli.errors import InputError, UnitError
 from pneucli.io.clock import has_date, is_date, is_date_or_time
@@ -80,6 +80,28 @@ class TextLayout:
         return [field.strip() for field in fields]
 
 
+class Head(NamedTuple):
+    """The beginning of a text: how it is encoded, what ends its lines, and its whole lines."""
+
+    encoding: str
+    text: str
+    line_end: str
+    lines: list[str]
+
+
+def head_of(raw: RawFile) -> Head:
+    """Return the beginning of a text; raises InputError where it is none."""
+    with raw.path.open("rb") as file:
+        head = file.read(HEAD_BYTES)
+    encoding = raw.encoding or detect_encoding(raw.path, head)
+    text = decode_head(raw.path, head, encoding)
+    line_end = "\n" if "\n" in text else "\r"
+    lines = [line.rstrip("\r") for line in text.rstrip("\r\n").split(line_end)]
+    if len(head) == HEAD_BYTES and len(lines) > 1:
+        lines.pop()
+    return Head(encoding, text, line_end, lines)
+
+
 def with_keys(plain: TextLayout, lines: Sequence[str]) -> TextLayout:
     """Return a layout with the names that cells of rows say, the same in each row; as it is where they say none.
 
@@ -105,19 +127,13 @@ def detect_layout(raw: RawFile) -> TextLayout:
 
     Raises InputError where the file is empty, holds no rows, or is not text.
     """
-    with raw.path.open("rb") as file:
-        head = file.read(HEAD_BYTES)
-    if not head.strip():
+    _check_marks(raw)
+    head = head_of(raw)
+    text, lines = head.text, head.lines
+    if not text.strip():
         raise InputError(
             str(raw.path), "the file is empty", "rows of numbers", "record it again or leave it out", code="E041"
         )
-    _check_marks(raw)
-    encoding = raw.encoding or detect_encoding(raw.path, head)
-    text = decode_head(raw.path, head, encoding)
-    line_end = "\n" if "\n" in text else "\r"
-    lines = [line.rstrip("\r") for line in text.rstrip("\r\n").split(line_end)]
-    if len(head) == HEAD_BYTES and len(lines) > 1:
-        lines.pop()
     rows = [n for n, line in enumerate(map(str.lstrip, lines)) if line and line[0] != "#" and n >= raw.skip_rows]
     if len(rows) < 1 + raw.header:
         found = "a header line and no rows" if rows else "no rows"
@@ -128,7 +144,9 @@ def detect_layout(raw: RawFile) -> TextLayout:
     rewritings = rewritings_in(text)
     delimiter = raw.delimiter or _delimiter(sample[raw.header :], sample[0], rewritings)
     delimiter = " " if delimiter in _BLANK_NAMES else delimiter
-    plain = TextLayout(encoding, delimiter, ".", rows[raw.header], (), line_end=line_end, rewritings=rewritings)
+    plain = TextLayout(
+        head.encoding, delimiter, ".", rows[raw.header], (), line_end=head.line_end, rewritings=rewritings
+    )
     plain = plain if raw.header else with_keys(plain, sample)
     layout = _with_names(raw, plain, [plain.split(line) for line in sample], rows)
     if raw.header:

@@ -15,11 +15,9 @@ from pneucli.errors import InputError, UnitError
 from pneucli.io.raw_file import RawFile
 from pneucli.io.rewritings import Rewriting, rewritings_in
 from pneucli.io.text_layout import (
-    HEAD_BYTES,
     NULL_TEXTS,
     TextLayout,
-    decode_head,
-    detect_encoding,
+    head_of,
     is_cell,
     is_value,
     with_keys,
@@ -60,13 +58,9 @@ def sniff(raw: RawFile) -> SniffedLayout:
 
     Raises InputError where no rows of numbers are found.
     """
-    with raw.path.open("rb") as file:
-        head = file.read(HEAD_BYTES)
-    text = decode_head(raw.path, head, raw.encoding or detect_encoding(raw.path, head))
-    lines = [line.rstrip("\r") for line in text.split("\n" if "\n" in text else "\r")][:MAX_LINES]
-    if len(head) == HEAD_BYTES and len(lines) > 1:
-        lines.pop()
-    marks, rewritings = [raw.delimiter] if raw.delimiter else DELIMITERS, rewritings_in(text)
+    head = head_of(raw)
+    lines, rewritings = head.lines[:MAX_LINES], rewritings_in(head.text)
+    marks = [raw.delimiter] if raw.delimiter else DELIMITERS
     found = max(
         (_DelimitedTable(lines, mark, raw.skip_rows, rewritings) for mark in marks),
         key=lambda table: (table.score, table.delimiter != " ", table.width),  # a blank also parts date and time
@@ -84,11 +78,8 @@ def sniff(raw: RawFile) -> SniffedLayout:
 
 def stated_numbers(raw: RawFile, found: SniffedLayout) -> dict[str, float]:
     """Return what the lines above a table say of its sampling rate (Hz) or period (s), by the names that they use."""
-    with raw.path.open("rb") as file:
-        head = file.read(HEAD_BYTES)
-    text = decode_head(raw.path, head, raw.encoding or detect_encoding(raw.path, head))
     numbers: dict[str, float] = {}
-    lines = text.splitlines()[: max(found.skip_rows, 1) + MAX_PREAMBLE_LINES]
+    lines = head_of(raw).lines[: max(found.skip_rows, 1) + MAX_PREAMBLE_LINES]
     cut = [TextLayout("", found.delimiter, "", 0, ()).split(line) for line in lines[: found.skip_rows]]
     below = [f"{name}: {value}" for row, under in pairwise(cut) for name, value in zip(row, under, strict=False)]
     for line in (*lines, *below):

@@ -27,7 +27,7 @@ from pneucli.experiments import EXPERIMENT_KINDS
 from pneucli.figure import to_json
 from pneucli.gases import AIR
 from pneucli.io.artifacts import Provenance, TableWriter, sha256_of, write_table
-from pneucli.io.cleaning import Cleaner
+from pneucli.io.cleaning import Cleaner, RowChecks
 from pneucli.io.multi_file import AdditionalFile, MultiFileRecording
 from pneucli.io.open_signals import open_signals
 from pneucli.io.raw_file import Channel, RawFile, Repair, missing_column
@@ -40,7 +40,6 @@ from pneucli.io.recordings import (
     signals_schema,
 )
 from pneucli.io.signal_reader import SignalReader
-from pneucli.io.steady_rows import RowChecks
 from pneucli.io.timestamp_order import LOSS_MESSAGES
 from pneucli.messages.formatting import format_plain
 from pneucli.messages.ingest import Answer, Implausible, NoiseAnswer, Recording, SignalSummary, Weight

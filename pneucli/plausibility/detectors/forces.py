@@ -12,7 +12,7 @@ from pneucli.arrays import Array
 from pneucli.messages.formatting import format_plain, format_quantity, format_signal
 from pneucli.plausibility.blocks import fit_linear
 from pneucli.plausibility.detectors.base import Detector
-from pneucli.plausibility.detectors.readings import absolute_finding, gauge_finding
+from pneucli.plausibility.detectors.readings import reference_finding
 from pneucli.plausibility.rig_check import (
     AMBIENT_SLIP_SHARE,
     LAG,
@@ -206,10 +206,12 @@ def _closed_reference(one: Recording, offset: float, error: float, middle: float
     by = excess(abs(offset) - AMBIENT_SLIP_SHARE * ambient, error)
     at = format_signal(middle, "p2")
     if offset > 0:
-        yield from gauge_finding(one, "p2", f"p2 of the closed chamber lacks ambient pressure at {at}", by).judged()
+        yield from reference_finding(
+            "gauge", one, "p2", f"p2 of the closed chamber lacks ambient pressure at {at}", by
+        ).judged()
     else:
         found = f"p2 of the closed chamber has ambient pressure twice at {at}"
-        yield from absolute_finding(one, "p2", found, by).judged()
+        yield from reference_finding("absolute", one, "p2", found, by).judged()
 
 
 DETECTOR = Detector(

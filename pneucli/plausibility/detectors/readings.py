@@ -44,16 +44,10 @@ def _check(rig_check: RigCheck) -> Iterator[Finding]:
         yield from _temperature(one, rig_check)
 
 
-def gauge_finding(one: Recording, signal: str, found: str, by: float, share: float = 1.0) -> Finding:
-    """Return the finding that a signal counts from ambient pressure; ``by`` is its excess."""
-    mend = f'write reference = "gauge" in [signals] {signal}'
-    return Finding("reference", signal, one.name, f"{found}: gauge?", mend, by, share)
-
-
-def absolute_finding(one: Recording, signal: str, found: str, by: float, share: float = 1.0) -> Finding:
-    """Return the finding that a signal counts from vacuum; ``by`` is its excess."""
-    mend = f'write reference = "absolute" in [signals] {signal}'
-    return Finding("reference", signal, one.name, f"{found}: absolute?", mend, by, share)
+def reference_finding(is_meant: str, one: Recording, signal: str, found: str, by: float, share: float = 1.0) -> Finding:
+    """Return the finding that a signal counts from ambient pressure ("gauge") or vacuum; ``by`` is its excess."""
+    mend = f'write reference = "{is_meant}" in [signals] {signal}'
+    return Finding("reference", signal, one.name, f"{found}: {is_meant}?", mend, by, share)
 
 
 def _surroundings(bench: RigCheck) -> Iterator[Finding]:
@@ -116,7 +110,7 @@ def _pressure(one: Recording, signal: str, bench: RigCheck) -> Iterator[Finding]
         verb, time = ("goes down to", "") if least < 0.0 else ("is", " or less for a quarter of the time")
         found = f"{signal} {verb} {format_signal(seen, signal)} absolute{time}"
         by = excess(ambient - seen, bench.pressure_error(one, signal, seen))
-        yield from gauge_finding(one, signal, found, by, share).judged()
+        yield from reference_finding("gauge", one, signal, found, by, share).judged()
 
 
 def _open_chamber(one: Recording, middle: float, bench: RigCheck) -> Iterator[Finding]:
@@ -125,9 +119,9 @@ def _open_chamber(one: Recording, middle: float, bench: RigCheck) -> Iterator[Fi
     found = f"p2 rests at {format_signal(shown, 'p2')} in an open chamber"
     share = float(np.nanmean(np.abs(one["p2"] - ambient) > AMBIENT_SLIP_SHARE * ambient))
     if middle < ambient:
-        yield from gauge_finding(one, "p2", found, by, share).judged(physics=True)
+        yield from reference_finding("gauge", one, "p2", found, by, share).judged(physics=True)
     elif middle < (2 + AMBIENT_SLIP_SHARE) * ambient:
-        yield from absolute_finding(one, "p2", found, by, share).judged(physics=True)
+        yield from reference_finding("absolute", one, "p2", found, by, share).judged(physics=True)
     else:
         mend = f'p1 and p2 swapped, or not chamber_2 = "open" in [[recordings]] {one.name}'
         yield from Finding("swapped", "p2", one.name, found, mend, by, share).judged(physics=True)

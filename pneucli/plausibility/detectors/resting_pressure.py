@@ -7,7 +7,7 @@ from collections.abc import Iterator, Sequence
 import numpy as np
 
 from pneucli.messages.formatting import format_signal
-from pneucli.plausibility.detectors.readings import absolute_finding, gauge_finding
+from pneucli.plausibility.detectors.readings import reference_finding
 from pneucli.plausibility.rig_check import (
     AMBIENT_SLIP_SHARE,
     MAX_EXCESS,
@@ -70,9 +70,11 @@ def resting_pressure(one: Recording, bench: RigCheck) -> Iterator[Finding]:
         error, share = bench.pressure_error(one, "p1", level), (rows.stop - rows.start) / one.time.size
         seen = f"p1 rests at {format_signal(level, 'p1')} in a vented chamber"
         if not charged and level < ambient:  # it cannot vent further than to what it vents to
-            yield from gauge_finding(one, "p1", seen, excess(ambient - level, error), share).judged(physics=True)
+            yield from reference_finding("gauge", one, "p1", seen, excess(ambient - level, error), share).judged(
+                physics=True
+            )
         elif not charged and AMBIENT_SLIP_SHARE < level / ambient - 1.0 < 1.0 + AMBIENT_SLIP_SHARE:
-            yield from absolute_finding(one, "p1", seen, excess(level - ambient, error), share).judged()
+            yield from reference_finding("absolute", one, "p1", seen, excess(level - ambient, error), share).judged()
         elif charged and "p_supply" in one:
             yield from _charged(one, level, rows, bench)
 
@@ -87,7 +89,7 @@ def _charged(one: Recording, level: float, rows: slice, bench: RigCheck) -> Iter
         f"that is charged from {format_signal(supply, 'p_supply')}"
     )
     if above > 0.0 and level - supply < (1 + AMBIENT_SLIP_SHARE) * ambient:
-        yield from gauge_finding(one, "p_supply", seen, above, share).judged(physics=True)
+        yield from reference_finding("gauge", one, "p_supply", seen, above, share).judged(physics=True)
         return
     below = excess((supply - ambient) / UNIT_SLIP_FACTOR - (level - ambient), *errors)
     mend = "check column, unit and reference in [signals] p_supply and p1"
