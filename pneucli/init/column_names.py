@@ -133,13 +133,14 @@ class ColumnName:
         scaled = by_unit == "command" or (not by_unit and self.unit == "%")
         if scaled and nouns[0] in _SENSED and "command" not in nouns:
             return nouns[0]  # the output of a sensor, whose scale people have to say
-        if by_unit and not scaled and all(word in f"{_FIRST} {_SECOND}".split() for word in self._noun_words(nouns)):
+        if by_unit and not scaled and all(word in f"{_FIRST} {_SECOND}".split() for word in self.noun_words):
             return by_unit  # "Chamber A [psia]" is no acceleration
         return "command" if nouns == ["command"] and by_unit not in ("pressure", "position", "flow") else ""
 
-    def _noun_words(self, nouns: Sequence[str]) -> list[str]:
-        """Return the words that mean one of these quantities."""
-        return [one for one in self.words if any(_matches(w, [one]) for kind in nouns for w in NOUNS[kind].split())]
+    @property
+    def noun_words(self) -> list[str]:
+        """The words that mean a quantity, but for time."""
+        return [one for one in self.words if ColumnName((one,), "").nouns]
 
 
 def quantity_kind(unit: str) -> str:

@@ -46,9 +46,12 @@ def role_evidence(columns: Sequence[Column], names: Sequence[ColumnName], free: 
                 yield Evidence(n, "p_supply", SURE, why)
     if not any("command" in names[n].nouns for n in free):
         for n in free:
-            nameless = not (names[n].nouns and names[n].kind) and quantity_kind(names[n].unit) in ("", "command")
-            if nameless and looks_set(columns[n].values):
-                yield Evidence(n, "u", LIKELY, "CHECK it is set in steps and shows no noise, as a command does")
+            letters = all(len(word) == 1 for word in names[n].noun_words)
+            volts = quantity_kind(names[n].unit) == "command" and letters  # Y1 is a coil as well as a position
+            nameless = not (names[n].nouns and names[n].kind) and quantity_kind(names[n].unit) == ""
+            if (nameless or volts) and looks_set(columns[n].values):
+                why = "CHECK it is set in steps and shows no noise, as a command does"
+                yield Evidence(n, "u", SURE if volts else LIKELY, why)
 
 
 def pressure_behind_valve(columns: Sequence[Column], names: Sequence[ColumnName]) -> list[Column]:

@@ -133,6 +133,7 @@ LIMITS = {  # in SI, gauge: what no pneumatic rig has, and why
     "temperature": (150.0, 600.0, "no gas of a rig is so cold or hot"),
     **dict.fromkeys(("p1", "p2", "p_supply", "p_ref"), (LOWEST_GAUGE, MAX_PRESSURE, "no pneumatic supply has so much")),
 }
+MIN_SUPPLY = 0.05e5  # Pa: a blower's; below it a point that stands between thousands was read as a decimal one
 
 
 def implausibility(signal: str, unit: str, values: Array) -> str:
@@ -148,6 +149,8 @@ def implausibility(signal: str, unit: str, values: Array) -> str:
     low, high = float(found.min()), float(found.max())
     if signal.startswith("x"):
         low, high = 0.0, high - low
+    if signal == "p_supply" and high < MIN_SUPPLY:
+        return f"CHECK unit and column: {format_plain(high, 3)} Pa at most, no supply has so little; thousands?"
     if limits[0] <= low and high <= limits[1]:
         return ""
     worst = high if high > limits[1] else low

@@ -185,6 +185,8 @@ class DelimitedReader:
         if thousands := ask.thousands or self._raw.thousands:
             plain = pc.replace_substring(plain, thousands, "")
         decimal = ask.decimal or self._look.decimal
+        if decimal == "," and not thousands:
+            plain = pc.replace_substring_regex(plain, r"\.(\d{3})", r"\1")  # no other point stands in such a number
         if decimal not in (".", thousands):
             plain = pc.replace_substring(plain, decimal, ".")
         numbers = plain.cast(pa.float64())

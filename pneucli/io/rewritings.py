@@ -36,6 +36,7 @@ _REWRITINGS = (
     Rewriting(r"^([\d:.,]+)\s*->\s*", r"\1{}"),  # between a stamp and what a serial monitor shows after it
     Rewriting(rf"(?<=\d){_BLANK}(?=\d{{3}}(?!\d))", ""),  # between thousands
     Rewriting(_BLANK, " "),
+    Rewriting("(?<![\\w.])−(?=[\\d.,])", "-"),  # the minus of typography
     Rewriting(r"(?<![\w.])([+-]?(?:\d+(?:\.\d*)?|\.\d+))[dD](?=[+-]\d{1,3}(?![\w.]))", r"\1E"),  # as Fortran writes
     Rewriting(
         r"(?<=[\d.])[ ]?(?:±|\+/-|\+-)[ ]?(?:(?!{})[\d.,eE+-])+",

@@ -29,7 +29,9 @@ NULL_TEXTS = (
     *("OL", "OVER", "OVERFLOW", "OVERLOAD", "UNDER", "ERR", "ERROR", "Error", "BAD", "Bad", "INVALID", "Invalid"),
     *("*" * number for number in range(1, 13)),  # a field too narrow for its number
 )
-_POINTS_BETWEEN_THOUSANDS = re.compile(r"[+-]?\d{1,3}(?:\.\d{3})+,\d+")
+_POINTS_BEFORE_COMMA = re.compile(r"[+-]?\d{1,3}(?:\.\d{3})+,\d+")
+_POINTS_BETWEEN_THOUSANDS = re.compile(r"[+-]?\d{1,3}(?:\.\d{3})+(?:,\d+)?")
+_COMMAS_BETWEEN_THOUSANDS = re.compile(r"[+-]?\d{1,3}(?:,\d{3})+(?:\.\d+)?")
 _CELL = re.compile(r"([+-]?(?:\d[\d.,]*|[.,]\d+)(?:[eE][+-]?\d+)?)\s*([^\d\s.,+-].*)")  # a number and its unit
 _KEY = re.compile(KEY)
 _NUMBER_OF_KEY = re.compile(r"[ ]?[:=][ ]?[-+]?\.?\d")
@@ -348,8 +350,14 @@ def _delimiter(body: list[str], header: str, rewritings: tuple[Rewriting, ...]) 
 
 
 def _decimal(body: list[list[str]]) -> str:
-    """A comma inside a field is the decimal mark where no number has a point, but for those between thousands."""
+    """A comma inside a field is the decimal mark where no number has a point, but for those between thousands.
+
+    A point without a comma behind it is one between thousands where a comma stands that parts none.
+    """
     numbers = [(number_and_unit(field) or (field, ""))[0] for row in body for field in row]
     fields = [field for field in numbers if _is_number(field) and not is_date(field)]
-    points = any("." in field and not _POINTS_BETWEEN_THOUSANDS.fullmatch(field) for field in fields)
-    return "," if any("," in field for field in fields) and not points else "."
+    commas = [field for field in fields if "," in field]
+    is_sure = any(not _COMMAS_BETWEEN_THOUSANDS.fullmatch(field) for field in commas)
+    pattern = _POINTS_BETWEEN_THOUSANDS if is_sure else _POINTS_BEFORE_COMMA
+    points = any("." in field and not pattern.fullmatch(field) for field in fields)
+    return "," if commas and not points else "."

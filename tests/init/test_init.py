@@ -191,6 +191,18 @@ def test_a_valves_own_sensor_is_no_second_command() -> None:
     assert "u2" not in found
 
 
+def test_what_is_set_in_volts_is_a_command_whatever_its_letter() -> None:
+    found = guessed(t__s=T, Y1__V=np.sign(np.sin(3 * T)), B1__bar=3 + np.sin(T), B2__bar=7 + 1e-3 * np.sin(9 * T))
+    assert (found["u"], found["p1"], found["p_supply"]) == ("Y1 [V]", "B1 [bar]", "B2 [bar]")
+
+
+def test_a_supply_of_a_few_hundred_pascals_is_doubted(tmp_path: Path) -> None:
+    rows = {"t [s]": T, "u [V]": np.sign(np.sin(3 * T)), "p_tank [Pa]": 300 + 99 * np.sin(T), "p_supply [Pa]": 701 + T}
+    assert "no supply has so little; thousands?" in line(
+        init.create(tmp_path / "p", [write(tmp_path / "a.csv", rows)]), "p_supply"
+    )
+
+
 def test_a_difference_of_two_chambers_is_not_that_over_a_valve(tmp_path: Path) -> None:
     rows = {"t [s]": T, "dp [bar]": 3 * np.sin(T), "ps [bar]": 7 + 0.01 * np.sin(9 * T), "x [mm]": 50 + np.cos(T)}
     (survey,) = [survey_file(RawFile(write(tmp_path / "a.csv", rows), {}))]

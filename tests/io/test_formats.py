@@ -61,6 +61,7 @@ TEXTS = {
         {},
     ),
     "uncertainties": ("t,p\n0,1234.5 ± 0.2\n0.5,2.25±0.2\n1.5,\n".encode(), {}),
+    "a minus of typography": ("t,p\n−0,1234.5\n0.5,2.25\n1.5,\n".encode(), {}),
     "no-break thousands": ("t;p\n0;1\u202f234,5\n0,5;2,25\n1,5;\n".encode(), {}),
     "durations of IEC 61131-3": (b"t,p\nT#0s,1234.5\nT#500ms,2.25\nT#1s_500ms,\n", {}),
     "durations of ISO 8601": (b"t,p\nPT0S,1234.5\nPT0.5S,2.25\nPT1.5S,\n", {}),
@@ -92,6 +93,15 @@ def test_text_is_read_as_it_was_meant(tmp_path: Path, way: str) -> None:
     signals = read(RawFile(tmp_path / "a.csv", {"time": Channel("t"), "p1": Channel("p")}, **options))
     np.testing.assert_array_equal(signals["time"], EXPECTED[0])
     np.testing.assert_array_equal(signals["p1"], EXPECTED[1])
+
+
+def test_a_point_beside_decimal_commas_stands_between_thousands(tmp_path: Path) -> None:
+    raw = RawFile(tmp_path / "a.csv", {"time": Channel("t"), "p1": Channel("p")})
+    raw.path.write_text("t;p\n0,00;701.428\n0,01;1.699.900\n")
+    np.testing.assert_array_equal(read(raw)["p1"], [701428, 1699900])
+    raw.path.write_text("t;p\n0;1,235\n1;7.013\n")
+    with pytest.raises(InputError, match="1,235"):  # nothing tells which of both parts thousands
+        read(raw)
 
 
 def test_columns_by_number_without_header_and_marks_of_one_column(tmp_path: Path) -> None:
