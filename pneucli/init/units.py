@@ -9,7 +9,7 @@ import numpy as np
 from pneucli.arrays import Array
 from pneucli.messages.formatting import format_plain, format_signal
 from pneucli.plausibility.detectors.motion import MAX_SPEED
-from pneucli.plausibility.detectors.readings import MAX_COMMAND, MAX_FLOW, MAX_PRESSURE, MAX_STROKE
+from pneucli.plausibility.detectors.readings import MAX_COMMAND, MAX_FLOW, MAX_PRESSURE, MAX_STROKE, MIN_SUPPLY
 from pneucli.quantities import SIGNALS
 from pneucli.units import factor_and_offset, parse_unit, same_dimension
 
@@ -133,7 +133,6 @@ LIMITS = {  # in SI, gauge: what no pneumatic rig has, and why
     "temperature": (150.0, 600.0, "no gas of a rig is so cold or hot"),
     **dict.fromkeys(("p1", "p2", "p_supply", "p_ref"), (LOWEST_GAUGE, MAX_PRESSURE, "no pneumatic supply has so much")),
 }
-MIN_SUPPLY = 0.05e5  # Pa: a blower's; below it a point that stands between thousands was read as a decimal one
 
 
 def implausibility(signal: str, unit: str, values: Array) -> str:

@@ -30,6 +30,11 @@ def seen(one: Recording, rig: Rig = CYLINDER) -> dict[tuple[str, str], str]:
     return {(f.check, f.signal): f.found for f in findings([one], rig, {})}
 
 
+def test_a_supply_that_is_off_while_a_chamber_is_vented_is_no_unit() -> None:
+    off = recorded("valve", u=T, p1=SLOW, p_supply=1.02e5 + 0 * T)
+    assert ("unit", "p_supply") not in seen(off, Rig(vessel_volume=1e-3))
+
+
 def closed(x: np.ndarray) -> np.ndarray:
     return np.asarray(3e5 * (1.1e-4 / (3e-5 + 8e-4 * (0.2 - x))) ** 1.4)
 
@@ -45,6 +50,11 @@ def closed(x: np.ndarray) -> np.ndarray:
         (recorded(chamber_2="open", p2=4e5 + 0 * T), ("swapped", "p2"), "4 bar in an open chamber"),
         (recorded(temperature=20 + T), ("unit", "temperature"), "stays between"),
         (recorded(u=200 * T), ("unit", "u"), "792 V, more than"),
+        (
+            recorded("valve", u=T, p1=1.02e5 + 0 * T, p_supply=1.02e5 + 0 * T),
+            ("unit", "p_supply"),
+            "hardly differs from",
+        ),
         (recorded(x=SWING, p1=3e5 + 0 * T), ("silent", "p1"), "the piston moves, and p1 stays at 3 bar"),
         (
             recorded(x=SWING, chamber_2="closed", p1=SLOW, p2=3e5 + 0 * T),

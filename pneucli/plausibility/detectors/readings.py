@@ -12,6 +12,7 @@ from pneucli.plausibility.rig_check import (
     AMBIENT_SLIP_SHARE,
     MIN_DOUBT,
     PRESSURE_GAIN,
+    PRESSURE_ZERO,
     PRESSURES,
     Finding,
     RigCheck,
@@ -21,6 +22,9 @@ from pneucli.quantities import axis_unit
 from pneucli.recording import Recording
 
 MAX_PRESSURE = 50e5  # Pa: compressed air ends at 16 bar, blow moulding at 40 bar
+MIN_SUPPLY = (
+    0.05e5  # Pa above or below ambient: a blower's; less is a unit, or a mark between thousands that was not seen
+)
 MAX_COMMAND = 120.0  # V: extra-low voltage ends there (IEC 61140)
 MAX_FLOW = 6.0  # kg/s: 5 cm^2, the bore of a one-inch port, at 50 bar and 293 K (A p 0.0404 / sqrt(T), choked)
 MAX_STROKE = 12.0  # m: rodless cylinders end at 10 m
@@ -82,6 +86,13 @@ def _beyond_usual(one: Recording, bench: RigCheck) -> Iterator[Finding]:
             yield from Finding(
                 "unit", signal, one.name, found, mend, excess(most / limit - 1.0, PRESSURE_GAIN)
             ).judged()
+    if "p_supply" in one and one.kind.valve and not one.valve_shut:
+        ambient, most = bench.rig.ambient_pressure, float(np.nanmax(one["p_supply"]))
+        found = f"p_supply is {format_signal(most, 'p_supply')} at most, which hardly differs from ambient pressure"
+        furthest = max(float(np.nanmax(np.abs(one[name] - ambient))) for name in PRESSURES if name in one)
+        by = excess(MIN_SUPPLY - furthest, PRESSURE_ZERO * ambient)  # a chamber may be vented into a supply that is off
+        mend = "check column, unit and reference in [signals] p_supply, and thousands where marks part them"
+        yield from Finding("unit", "p_supply", one.name, found, mend, by).judged()
     if "x" in one and stroke is None and axis_unit("m") == "m":  # an angle may turn for ever
         travel = float(np.ptp(np.nanpercentile(one["x"], (0.1, 99.9))))
         longest = format_signal(MAX_STROKE, "x")
@@ -155,7 +166,8 @@ DETECTOR = Detector(
         "swapped": ("p2 of an open chamber stands at several bar", ""),
         "unit": (
             "",
-            "pressures above 50 bar and the stated supply, commands above 120 V, flows above 6 kg/s, x over more "
+            "pressures above 50 bar and the stated supply, a supply within 0.05 bar of ambient, "
+            "commands above 120 V, flows above 6 kg/s, x over more "
             "than 12 m where no stroke is stated, temperatures that air cannot have at these pressures",
         ),
         "rig": ("", "ambient pressure or gas temperature that no laboratory has"),
