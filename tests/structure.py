@@ -256,7 +256,7 @@ def telling(found: dict[str, Module]) -> list[str]:
 
 def dict_annotations(found: dict[str, Module]) -> int:
     """Arguments, results and attributes that are annotated as a mapping of names to anything."""
-    untyped = re.compile(r"\b(dict|Mapping)\[str, Any\]|\bAnswer\b")
+    untyped = re.compile(r"\b(dict|Mapping)\[str, Any\]")
     annotated = (
         getattr(node, slot, None)
         for module in found.values()

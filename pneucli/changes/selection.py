@@ -24,7 +24,7 @@ from pneucli.identify.estimation.model_fit import fit_with_effect
 from pneucli.identify.estimation.parameters import null_value
 from pneucli.identify.estimation.score_test import score_tests
 from pneucli.identify.residuals import ResidualModel
-from pneucli.messages.diagnose import Change, DetectableChange
+from pneucli.messages.changes import Change, DetectableChange
 from pneucli.physics.declaration import Effect
 from pneucli.quantities import Z95
 from pneucli.simulate.model import Model

@@ -1,7 +1,6 @@
 """The pipeline file: read, checked as a whole, and edited without losing comments."""
 
-from pneucli.config.fleet_file import FleetConfig, load_fleet
-from pneucli.config.load import join_faults, keys_at, line_of, load, load_description, validate
+from pneucli.config.load import FleetConfig, join_faults, keys_at, line_of, load, load_description, load_fleet, validate
 from pneucli.config.pipeline_tables import PipelineConfig, RecordingTable
 from pneucli.config.recording_sources import RecordingSource, plugin_files, recording_sources
 from pneucli.config.signal_tables import SignalTable, TextTable, WhereTable

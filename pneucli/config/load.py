@@ -8,12 +8,14 @@ from collections.abc import Iterator, Mapping, Sequence
 from functools import lru_cache
 from itertools import islice
 from pathlib import Path
-from typing import Any, TypeVar, get_args
+from typing import Annotated, Any, Literal, TypeVar, get_args
 
-from pydantic import BaseModel, ValidationError
+from pydantic import BaseModel, Field, PrivateAttr, ValidationError
 from pydantic_core import ErrorDetails
 
 from pneucli.config.pipeline_tables import PipelineConfig, RigDescription
+from pneucli.config.stage_tables import CheckTable
+from pneucli.config.value_types import Name, Table
 from pneucli.document import read_toml
 from pneucli.errors import InputError, UnitError, did_you_mean, printable
 from pneucli.units import MAX_MAGNITUDE, STANDARD_ATMOSPHERE, parse_quantity, same_dimension
@@ -289,3 +291,38 @@ def _with_table_numbers(parts: Sequence[str], counts: dict[tuple[str, ...], int]
         if (count := counts.get(tuple(parts[:depth]))) is not None:
             numbered.append(count)
     return numbered
+
+
+class FleetTable(Table):
+    """``[fleet]``: ``alarm_rate`` is the share of false alarms for each rig and comparison, ``reports`` which rigs get
+    a report of their own, ``healthy`` how many of each rig's first dates are stated to be healthy.
+    """
+
+    name: Name
+    template: Name
+    table: Name
+    alarm_rate: Annotated[float, Field(gt=0.0, le=0.5)] = 1e-3
+    reports: Literal["changed", "all", "none"] = "changed"
+    healthy: Annotated[int, Field(ge=1)] = 1
+
+
+class FleetConfig(Table):
+    """The whole fleet file; ``path`` is where it stands."""
+
+    fleet: FleetTable
+    checks: dict[str, CheckTable] = Field(default_factory=dict)
+
+    _path: Path = PrivateAttr(default=Path("fleet.toml"))
+
+    @property
+    def path(self) -> Path:
+        """The file that was read; relative paths in it start in its folder."""
+        return self._path
+
+
+def load_fleet(path: Path) -> FleetConfig:
+    """Return the checked fleet file; raises InputError that names line and key of every fault."""
+    text, document = read_toml(path)
+    config = validate_as(FleetConfig, path, document, text)
+    config._path = path.absolute()
+    return config

@@ -8,10 +8,17 @@ from typing import NamedTuple, TypeVar
 
 from pneucli.compare import ChannelResult, Comparison, compare, overall_error
 from pneucli.compare.beyond_fitted import excess_beyond_fitted
-from pneucli.compare.excused_segments import SegmentSquares, excused_error
 from pneucli.compare.expected_error import ExpectedError, combined_distribution, expected_errors
 from pneucli.compare.free_run import free_runs, judge_with_free_runs
-from pneucli.compare.goodness_of_fit import GoodnessOfFit, Squares, is_judged, judge_fit, parameter_error_squares
+from pneucli.compare.goodness_of_fit import (
+    GoodnessOfFit,
+    SegmentSquares,
+    Squares,
+    excused_error,
+    is_judged,
+    judge_fit,
+    parameter_error_squares,
+)
 from pneucli.diagnose.score import ErrorsByUse
 from pneucli.identify.estimation.correlation import draw_parameters
 from pneucli.identify.estimation.fit import Fit

@@ -21,7 +21,7 @@ from pneucli.figure import to_json
 from pneucli.fleet.dataset import Trend
 from pneucli.fleet.row_files import RowResult
 from pneucli.io.artifacts import write_text
-from pneucli.messages.diagnose import Change
+from pneucli.messages.changes import Change
 from pneucli.messages.fleet import Answer
 from pneucli.pipeline.checks import CheckResult, evaluate
 from pneucli.report.report_data import Check

@@ -16,6 +16,7 @@ from pneucli.changes.repeatability import RepeatDifferences, VariancePrior
 from pneucli.errors import InputError
 from pneucli.figure import read
 from pneucli.fleet.row_files import (
+    FleetRow,
     RowResult,
     failure_result,
     raw_file_names,
@@ -24,7 +25,6 @@ from pneucli.fleet.row_files import (
     row_folder,
     write_result,
 )
-from pneucli.fleet.table import FleetRow
 from pneucli.io import remote_files
 from pneucli.io.artifacts import sha256_of
 from pneucli.io.result_store import Store, store_at

@@ -17,7 +17,7 @@ from typing import Any
 from pneucli import paths
 from pneucli.changes.repeatability import RepeatDifferences, VariancePrior, pool_priors
 from pneucli.config import FleetConfig, keys_at
-from pneucli.config.fleet_file import FleetTable
+from pneucli.config.load import FleetTable
 from pneucli.document import read_toml
 from pneucli.errors import InputError
 from pneucli.executors.dask_cluster import engine_from
@@ -26,15 +26,16 @@ from pneucli.fleet import row as fleet_row
 from pneucli.fleet.dataset import COLUMNS, PART_FILE, TRENDS, Trend, parameter_trends, write_datasets, write_trends
 from pneucli.fleet.row import Job, ProgramMismatchError
 from pneucli.fleet.row_files import (
+    FleetRow,
     RowResult,
     failure_result,
     raw_file_names,
     read_results,
+    read_rows,
     require_columns,
     row_pipeline,
     write_result,
 )
-from pneucli.fleet.table import FleetRow, read_rows
 from pneucli.io.artifacts import Provenance, sha256_of
 from pneucli.io.remote_files import is_remote
 from pneucli.io.result_store import mirror_folder, store_at

@@ -4,11 +4,12 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from typing import Any
 
-from pneucli.figure import Figure, flat, optional
+from pneucli.figure import Figure, optional
 from pneucli.messages import each, labelled, table
+from pneucli.messages.changes import Change, Since, changes_since_baseline
 from pneucli.messages.compare import (
     BeyondFitted,
     Divergence,
@@ -21,9 +22,7 @@ from pneucli.messages.compare import (
     excused_segments,
     free_run_sentence,
 )
-from pneucli.messages.design import Quantity
 from pneucli.messages.formatting import (
-    format_figure,
     format_noise_ratio,
     format_number,
     format_parameters,
@@ -171,64 +170,6 @@ class Unexplained:
 
 
 @dataclass(frozen=True)
-class Change:
-    """One change since an earlier diagnosis, by the name of its parameter; ``effect`` where it belongs to one.
-
-    An end of ``after`` is not finite where the search ended there. ``confidence`` is one minus the
-    probability that a healthy repeat looks as changed in any quantity, ``confidence_alone`` that of this change among
-    those that it is ``indistinguishable_from``, which explain the change equally well.
-    """
-
-    name: str
-    effect: str | None
-    before: float | None
-    after: Figure = field(metadata=flat("after:value unit ci95"))
-    confidence: float
-    confidence_alone: float
-    indistinguishable_from: Sequence[str] = ()
-
-    @property
-    def text(self) -> str:
-        """The change with its interval, its false-alarm probability, and its equivalents."""
-        before = "nothing" if self.before is None else format_quantity(self.before, self.after.unit, 3)
-        after = format_figure(self.after)
-        equivalents = f", or {join_names(self.indistinguishable_from)}" if self.indistinguishable_from else ""
-        chance = format_number(max(1.0 - self.confidence, 1e-12), 1)
-        return f"{self.name}{equivalents} changed from {before} to {after} (chance of a false alarm {chance})"
-
-
-@dataclass(frozen=True)
-class DetectableChange:
-    """The minimum detectable change of a parameter; ``plausible``: it is within a typical size."""
-
-    name: str
-    size: float
-    unit: str
-    plausible: bool
-
-
-@dataclass(frozen=True)
-class Repeatability:
-    """The standard deviation of each parameter between the ``dates`` of a healthy rig."""
-
-    dates: int
-    parameters: Mapping[str, Quantity]
-
-
-@dataclass(frozen=True)
-class Since:
-    """The comparison with the baseline of an earlier diagnosis."""
-
-    folder: str
-    alarm_rate: float
-    p_value: float
-    unseen: Sequence[DetectableChange]
-    sha256: str
-    repeat: Mapping[str, Sequence[float]]
-    repeatability: Repeatability | None
-
-
-@dataclass(frozen=True)
 class FlowVerdict:
     """What the diagnosis of the steady benches of a pipeline says, beside that of its recordings over time."""
 
@@ -341,18 +282,6 @@ def parameter_shifts(answer: Answer) -> str:
         values = dict.fromkeys(format_quantity(end, m.unit, 3) for end in (m.from_, m.to))
         moved.append(f"{m.parameter} {' → '.join(values)}{'' if m.plausible else ' (at its bound)'}")
     return ", ".join(moved)
-
-
-def changes_since_baseline(changes: Sequence[Change], since: Since) -> str:
-    """Return the changes since the baseline, or the sizes from which a change is detectable."""
-    if changes:
-        return "; ".join(one.text for one in changes)
-    unseen = [one for one in since.unseen if one.plausible]
-    sizes = [f"{one.name} by {format_quantity(one.size, one.unit, 2)}" for one in unseen[:3]]
-    text = f"no change detected in {len(since.unseen)} parameters and effects"
-    text += f"; a change from these sizes on would have been named: {join_names(sizes)}" if sizes else ""
-    unknown = "; the variation from date to date without a change is unknown (--repeat)"
-    return text if since.repeatability else text + unknown
 
 
 def next_step(answer: Answer, file: str, otherwise: str = "run") -> str:

@@ -6,7 +6,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 
 from pneucli.messages import labelled, table
-from pneucli.messages.diagnose import Change
+from pneucli.messages.changes import Change
 from pneucli.messages.formatting import format_number, join_names
 
 MAX_LISTED_RIGS = 10  # rigs that are listed without -v

@@ -32,9 +32,9 @@ from pneucli.identify.estimation.fit import Fit, StoppingRule, fit
 from pneucli.identify.estimation.model_fit import free_parameters
 from pneucli.identify.residuals import ResidualModel
 from pneucli.io.artifacts import read_table, sha256_of, write_table
-from pneucli.messages import diagnose as messages
+from pneucli.messages import changes as messages
+from pneucli.messages.changes import Change, Since
 from pneucli.messages.design import Quantity
-from pneucli.messages.diagnose import Change, Since
 from pneucli.physics.effects import select_effects
 from pneucli.pipeline import manifest as staleness
 from pneucli.pipeline.context import Context

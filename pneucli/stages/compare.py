@@ -29,10 +29,9 @@ from pneucli.closed_loop.simulation import ClosedLoopSetup, Run, replay_log, rep
 from pneucli.compare import Comparison, compare, find_error_regions, overall_error
 from pneucli.compare.beyond_fitted import beyond_fitted, excess_beyond_fitted
 from pneucli.compare.channel_errors import evaluate_channel
-from pneucli.compare.excused_segments import excused_error
 from pneucli.compare.expected_error import ExpectedError, expected_errors
 from pneucli.compare.free_run import free_runs, judge_with_free_runs
-from pneucli.compare.goodness_of_fit import is_judged, judge_fit, parameter_error_squares
+from pneucli.compare.goodness_of_fit import excused_error, is_judged, judge_fit, parameter_error_squares
 from pneucli.compare.residual_correlation import Correlation, residual_correlations
 from pneucli.config import recording_sources
 from pneucli.controller import layout

@@ -17,36 +17,24 @@ N = 2000
 LINE = np.linspace(0.0, 1.0, N)
 
 
-def test_the_region_is_where_the_error_exceeds_its_share() -> None:
-    """Bins of 0.05: all the error lies in three of the twenty."""
-    squared = ((LINE > 0.3) & (LINE < 0.45)).astype(float)
+@pytest.mark.parametrize(
+    ("peaks", "level", "region", "shares"),
+    [
+        ([(0.3, 0.45, 1.0)], 0.0, (0.3, 0.45), (1.0, 0.15)),  # bins of 0.05: all lies in three of the twenty
+        ([(0.2, 0.3, 1.0), (0.35, 0.45, 1.0)], 0.0, (0.2, 0.45), (1.0, 0.25)),  # two that are close are one
+        ([(0.4, 0.5, 9.0)], 1.0, (0.4, 0.5), (0.5, 0.1)),  # a hump above a level: 0.9 of 1.8
+        ([(0.1, 0.15, 1.0), (0.7, 0.8, 2.0)], 0.0, (0.7, 0.8), (0.8, 0.1)),  # one far from a larger one is left out
+    ],
+)
+def test_the_region_is_where_the_error_exceeds_its_share(
+    peaks: list[tuple[float, float, float]], level: float, region: tuple[float, float], shares: tuple[float, float]
+) -> None:
+    x, squared = LINE, np.full(LINE.size, level)
+    for begin, end, height in peaks:
+        squared[(x > begin) & (x < end)] = height
     low, high, error, samples = error_concentration(LINE, squared)  # type: ignore[misc]
-    assert (low, high) == (pytest.approx(0.3), pytest.approx(0.45))
-    assert error == pytest.approx(1.0, abs=0.01)
-    assert samples == pytest.approx(0.15, abs=0.005)
-
-
-def test_two_close_peaks_are_one_region() -> None:
-    squared = np.where(((LINE > 0.2) & (LINE < 0.3)) | ((LINE > 0.35) & (LINE < 0.45)), 1.0, 0.0)
-    low, high, error, samples = error_concentration(LINE, squared)  # type: ignore[misc]
-    assert (low, high) == (pytest.approx(0.2), pytest.approx(0.45))
-    assert (error, samples) == (pytest.approx(1.0, abs=0.01), pytest.approx(0.25, abs=0.005))
-
-
-def test_the_shares_are_those_of_the_region() -> None:
-    """A hump of 9 in a tenth of the samples above a level of 1: 0.9 of 1.8."""
-    squared = np.where((LINE > 0.4) & (LINE < 0.5), 9.0, 1.0)
-    low, high, error, samples = error_concentration(LINE, squared)  # type: ignore[misc]
-    assert (low, high) == (pytest.approx(0.4), pytest.approx(0.5))
-    assert error == pytest.approx(0.5, abs=0.005)
-    assert samples == pytest.approx(0.1, abs=0.002)
-
-
-def test_a_peak_far_from_a_larger_one_is_left_out() -> None:
-    squared = np.where((LINE > 0.1) & (LINE < 0.15), 1.0, np.where((LINE > 0.7) & (LINE < 0.8), 2.0, 0.0))
-    low, high, error, _ = error_concentration(LINE, squared)  # type: ignore[misc]
-    assert (low, high) == (pytest.approx(0.7), pytest.approx(0.8))
-    assert error == pytest.approx(0.8, abs=0.01)
+    assert (low, high) == (pytest.approx(region[0]), pytest.approx(region[1]))
+    assert (error, samples) == (pytest.approx(shares[0], abs=0.01), pytest.approx(shares[1], abs=0.005))
 
 
 @pytest.mark.parametrize(("height", "found"), [(3.2, True), (2.6, False)])

@@ -12,9 +12,17 @@ import pytest
 
 from pneucli.compare import goodness_of_fit
 from pneucli.compare.channel_errors import ChannelResult
-from pneucli.compare.excused_segments import Excused, SegmentSquares, excused_error, excused_segments
 from pneucli.compare.expected_error import ExpectedError, noise_error
-from pneucli.compare.goodness_of_fit import GoodnessOfFit, Squares, judge_fit, parameter_error_squares
+from pneucli.compare.goodness_of_fit import (
+    Excused,
+    GoodnessOfFit,
+    SegmentSquares,
+    Squares,
+    excused_error,
+    excused_segments,
+    judge_fit,
+    parameter_error_squares,
+)
 from pneucli.simulate.model import Model
 from pneucli.simulate.valve_forms.area import ValveArea
 from tests.simulate.synthetic_experiments import FRICTION, RIG

@@ -338,18 +338,12 @@ def test_only_laws_with_an_estimate_are_judged_by_it() -> None:
     assert told["sector"] < 0.05
 
 
-def test_the_sector_rests_within_micrometres() -> None:
-    (steps,) = (s for s in read_scenarios([], MADE["sector"], "") if s.name == "steps")
-    found = evaluate_run(simulate(MODEL, MADE["sector"], steps, axis.BENCH), MODEL, MADE["sector"])
-    assert found.steady_um < 5.0
-    assert found.cycle_um < 5.0
-
-
-def test_the_compensated_law_rests_without_a_limit_cycle() -> None:
-    (steps,) = (s for s in read_scenarios([], MADE["compensated"], "") if s.name == "steps")
-    found = evaluate_run(simulate(MODEL, MADE["compensated"], steps, axis.BENCH), MODEL, MADE["compensated"])
-    assert found.steady_um < 100.0
-    assert found.cycle_um < 10.0
+@pytest.mark.parametrize(("law", "steady", "cycle"), [("sector", 5.0, 5.0), ("compensated", 100.0, 10.0)])
+def test_a_law_rests_within_micrometres_without_a_limit_cycle(law: str, steady: float, cycle: float) -> None:
+    (steps,) = (s for s in read_scenarios([], MADE[law], "") if s.name == "steps")
+    found = evaluate_run(simulate(MODEL, MADE[law], steps, axis.BENCH), MODEL, MADE[law])
+    assert found.steady_um < steady
+    assert found.cycle_um < cycle
 
 
 def test_each_component_is_taken_out_alone() -> None:

@@ -110,23 +110,21 @@ def test_shares_of_equals_sum_to_one(number: int) -> None:
     assert sum(likelihood_shares(leaving(*(scattered(k) for k in range(number))))) == pytest.approx(1.0)
 
 
-def test_one_that_is_better_in_every_block_has_all() -> None:
-    assert likelihood_shares(leaving(scattered(1), scattered(1) - 5.0)) == pytest.approx([0.0, 1.0], abs=1e-3)
+@pytest.mark.parametrize(
+    ("better", "shares", "within"),
+    [(5.0, [0.0, 1.0], 1e-3), (0.0, [0.5, 0.5], 1e-6), (0.01 / BLOCKS, [0.5, 0.5], 0.05)],
+)
+def test_one_that_is_better_in_every_block_has_all_and_equal_ones_share(
+    better: float, shares: list[float], within: float
+) -> None:
+    """A total of a hundredth, of the same sign in every block, is far less than a chi-square of one parameter."""
+    assert likelihood_shares(leaving(scattered(1), scattered(1) - better)) == pytest.approx(shares, abs=within)
 
 
 def test_of_two_that_lead_in_other_blocks_the_better_in_all_has_more() -> None:
     lead = np.where(np.arange(BLOCKS) % 2, 20.0, -20.0)
     one, other = likelihood_shares(leaving(scattered(1), scattered(1) + lead - 2.0))
     assert 0.02 < one < 0.5 < other < 0.98
-
-
-def test_equal_models_have_equal_shares() -> None:
-    assert likelihood_shares(leaving(scattered(1), scattered(1))) == pytest.approx([0.5, 0.5])
-
-
-def test_rounding_errors_do_not_decide_between_equal_models() -> None:
-    """A total of a hundredth, of the same sign in every block: far less than a chi-square of one parameter."""
-    assert likelihood_shares(leaving(scattered(1), scattered(1) - 0.01 / BLOCKS)) == pytest.approx([0.5, 0.5], abs=0.05)
 
 
 def test_the_probability_does_not_depend_on_the_name_of_the_effect() -> None:

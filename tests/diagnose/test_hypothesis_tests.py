@@ -29,26 +29,23 @@ def test_a_candidate_must_lower_the_cost_however_far_its_parameters_are_from_the
     assert reason("friction-asymmetry", ends=INSIDE, cost=cost) == said
 
 
-def test_an_effect_at_its_null_vanishes_whatever_its_p_value():
-    assert reason("chamber-leak", ends={"area": (0.0, True)}, p_value=0.5) == "vanishes"
-
-
-def test_bristles_that_end_as_stiff_as_may_be_are_none():
-    """Their null is infinite: the bound on the way there is as good as absent."""
-    ends = {"stiffness": (1e8, True), "damping": (80.0, False)}
-    assert reason("presliding", ends=ends, p_value=0.5) == "vanishes"
-
-
-@pytest.mark.parametrize("p_value", [1e-12, 0.7])
-def test_an_effect_at_a_bound_is_refused_whatever_its_p_value(p_value: float):
-    assert reason("friction-hysteresis", ends={"drop": (0.95, True)}, p_value=p_value) == "at-bound"
-
-
-@pytest.mark.parametrize(("p_value", "said"), [(0.7, "at-bound"), (1e-9, "supported")])
-def test_a_physical_bound_of_0_counts_only_without_significance(p_value: float, said: str):
-    """Bristles without damping are bristles; they are none where chance explains them as well."""
-    ends = {"stiffness": (2e4, False), "damping": (0.0, True)}
-    assert reason("presliding", ends=ends, p_value=p_value) == said
+@pytest.mark.parametrize(
+    ("effect", "ends", "p_value", "said"),
+    [
+        ("chamber-leak", {"area": (0.0, True)}, 0.5, "vanishes"),
+        # the null of their stiffness is infinite: the bound on the way there is as good as absent
+        ("presliding", {"stiffness": (1e8, True), "damping": (80.0, False)}, 0.5, "vanishes"),
+        ("friction-hysteresis", {"drop": (0.95, True)}, 1e-12, "at-bound"),
+        ("friction-hysteresis", {"drop": (0.95, True)}, 0.7, "at-bound"),
+        # bristles without damping are bristles; they are none where chance explains them as well
+        ("presliding", {"stiffness": (2e4, False), "damping": (0.0, True)}, 0.7, "at-bound"),
+        ("presliding", {"stiffness": (2e4, False), "damping": (0.0, True)}, 1e-9, "supported"),
+    ],
+)
+def test_the_end_of_a_fit_decides_before_its_p_value(
+    effect: str, ends: dict[str, tuple[float, bool]], p_value: float, said: str
+):
+    assert reason(effect, ends=ends, p_value=p_value) == said
 
 
 @pytest.mark.parametrize(("delay", "said"), [(0.4e-3, "below-resolution"), (0.6e-3, "supported")])

@@ -59,14 +59,12 @@ def test_a_third_of_the_size_is_a_third_of_the_way_from_null(effect):
             assert here - null == pytest.approx((there - null) / 3)
 
 
-def test_an_unknown_effect_is_refused_with_the_closest_name(tmp_path):
-    with pytest.raises(InputError, match="stribeck"):
-        generate_case(tmp_path / "case", "axis", ["stribek"], "", 1.0, 1)
-
-
-def test_an_effect_that_is_invisible_on_the_rig_is_refused(tmp_path):
-    with pytest.raises(InputError, match="does not show"):
-        generate_case(tmp_path / "case", "valve", ["stribeck"], "", 1.0, 1)
+@pytest.mark.parametrize(
+    ("kind", "name", "says"), [("axis", "stribek", "stribeck"), ("valve", "stribeck", "does not show")]
+)
+def test_an_effect_that_is_unknown_or_invisible_on_the_rig_is_refused(tmp_path, kind, name, says):
+    with pytest.raises(InputError, match=says):
+        generate_case(tmp_path / "case", kind, [name], "", 1.0, 1)
 
 
 def test_where_friction_falls_with_speed_hysteresis_may_lose_no_more_than_the_rise():

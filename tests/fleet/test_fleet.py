@@ -19,8 +19,7 @@ from pneucli.errors import InputError
 from pneucli.fleet import run as stage
 from pneucli.fleet.output import evaluate_checks
 from pneucli.fleet.row import Job, ProgramMismatchError, require_same_program
-from pneucli.fleet.row_files import failure_cause, failure_result
-from pneucli.fleet.table import FleetRow
+from pneucli.fleet.row_files import FleetRow, failure_cause, failure_result
 
 ADDED = "odd,2026-01-01,,,,,,,none.csv,,,\nodd,soon,,,,,,,,,,\n"
 

@@ -12,8 +12,7 @@ import pytest
 
 from pneucli.config import keys_at
 from pneucli.errors import InputError
-from pneucli.fleet.row_files import folder_name, raw_file_names, require_columns, row_pipeline
-from pneucli.fleet.table import FleetRow, read_rows
+from pneucli.fleet.row_files import FleetRow, folder_name, raw_file_names, read_rows, require_columns, row_pipeline
 
 TEMPLATE = """\
 # the test bench

@@ -16,8 +16,7 @@ import pneucli
 from pneucli import messages
 from pneucli.diagnose.candidate import Reason
 from pneucli.figure import read
-from pneucli.fleet.row_files import result_from_diagnosis
-from pneucli.fleet.table import FleetRow
+from pneucli.fleet.row_files import FleetRow, result_from_diagnosis
 from pneucli.messages import plan, run
 from pneucli.messages.diagnose import REJECTION_REASONS, Answer, CandidateAnswer, reason_sentence, verdict_sentence
 from pneucli.messages.findings import OTHERS, VALVE

@@ -27,7 +27,7 @@ FOR_PROGRAMS = {
     *("init/clock_columns.py", "init/columns.py", "init/components.py", "init/questions.py", "init/writer.py"),  # TOML
     "init/survey.py",  # names of runs
     *("exam/conditions.py", "exam/from_pipeline.py", "exam/laboratory.py", "exam/like.py"),
-    *("exam/grades.py", "executors/dask_cluster.py", "export/fmu/package.py", "export/fmu/variables.py"),
+    *("exam/grades.py", "executors/dask_cluster.py", "export/fmu/package.py", "export/fmu/plant.py"),
     *("fleet/output.py", "io/file_units.py", "stages/plan_take.py", "workbench/bench.py"),
     *(
         "stages/history.py",

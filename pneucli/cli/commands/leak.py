@@ -48,7 +48,7 @@ def _leak(
     answer = leak_test(files, volume=volume, limit=limit, drift=drift)
     if html is not None:
         from pneucli.io.artifacts import write_text
-        from pneucli.report.leak_page import leak_page
+        from pneucli.report.recording_pages import leak_page
 
         write_text(html, leak_page(answer))
         answer = replace(answer, page=str(html))

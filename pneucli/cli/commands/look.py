@@ -23,7 +23,7 @@ def _look(raw: Files, html: Page = None, how: How = How()) -> None:
     answer = look_at(raw)
     if html is not None:
         from pneucli.io.artifacts import write_text
-        from pneucli.report.look_page import look_page
+        from pneucli.report.recording_pages import look_page
 
         write_text(html, look_page(answer))
         answer = replace(answer, page=str(html))
