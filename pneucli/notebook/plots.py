@@ -18,7 +18,7 @@ from pneucli.errors import InputError, did_you_mean
 from pneucli.messages.envelope import envelope_indices
 from pneucli.messages.formatting import format_noise_ratio, format_number, in_display_unit, unit_symbol
 from pneucli.messages.history import Model, effect_changes, models_on_current_data
-from pneucli.notebook.run_data import read_frame, select_rows
+from pneucli.notebook.data_frames import read_frame, select_rows
 from pneucli.quantities import SIGNALS
 from pneucli.report.figure import GREY, PALETTE, with_gaps
 from pneucli.stages import history

@@ -10,7 +10,7 @@ import pytest
 
 import pneucli
 from pneucli.document import read_toml
-from pneucli.notebook.run_data import select_rows
+from pneucli.notebook.data_frames import select_rows
 
 
 @pytest.fixture(scope="module")
