@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -32,6 +33,7 @@ from tests.simulate.synthetic_experiments import (
     model,
     time_grid,
 )
+from tests.stages.chain import run_stages
 
 GAIN = 1.8e-7  # m^2/V
 RIG_5_3 = replace(RIG, valve_arrangement="5/3")
@@ -117,3 +119,46 @@ def test_the_null_command_follows_from_the_motion(blind: list[Experiment]) -> No
     recording = replace(blind[0].recording, signals={**blind[0].recording.signals, "u": blind[0].raw["u"] + 5.0})
     found = with_identified_null([recording], replace(RIG_5_3, null_free=True))
     assert found.valve_null == pytest.approx(5.0, abs=0.5)
+
+
+PIPELINE = """
+[pipeline]
+name = "blind"
+[rig]
+supply_pressure = "7 bar"
+ambient_pressure = "1.013 bar"
+[rig.cylinder]
+piston_area_1 = "8.04 cm^2"
+piston_area_2 = "7.0 cm^2"
+stroke = "200 mm"
+dead_volume_1 = "32 cm^3"
+dead_volume_2 = "30 cm^3"
+moving_mass = "2.2 kg"
+[rig.valve]
+arrangement = "5/3"
+[signals]
+time = { column = "t", unit = "s" }
+u = { column = "u", unit = "V" }
+x = { column = "x", unit = "m" }
+[[recordings]]
+file = "run_*.csv"
+experiment = "axis"
+use = "train"
+chamber_2 = "valve"
+"""
+
+
+def test_a_pipeline_of_command_and_position_alone_is_identified(blind: list[Experiment], tmp_path: Path) -> None:
+    for number, e in enumerate(blind):
+        rows = np.column_stack([e.time, e.raw["u"], e.raw["x"]])
+        np.savetxt(tmp_path / f"run_{number}.csv", rows, delimiter=",", header="t,u,x", comments="")
+    path = tmp_path / "pipeline.toml"
+    path.write_text(PIPELINE)
+    answers = run_stages(path, tmp_path / "out")
+    told = answers["identify"]
+    gain = told["model"]["parameters"]["valve.gain"]
+    assert gain["unit"] == "m^2/V"
+    assert gain["value"] == pytest.approx(GAIN, rel=0.1)
+    assert "valve" not in told
+    assert any("valve-deadband" in one["what"] for one in told["assumed"])
+    assert {one["channel"] for one in answers["compare"]["channels"]} == {"x", "v"}
