@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import pairwise
 from typing import NamedTuple
 
 from pneucli.diagnose.adequacy import LackOfFit
+from pneucli.diagnose.calibration import Evidence, probability
 from pneucli.diagnose.candidate import Candidate, Decision, Reason, supported_candidates
 from pneucli.diagnose.constraints import (
     MIN_ERROR_RISE,
@@ -127,7 +129,7 @@ def _forward(data: DiagnosisData, base: FittedModel) -> tuple[list[FittedModel],
     ends the path.
 
     While an unmodelled effect remains, the search goes on past improbable ones: where several effects are missing, each
-    may look improbable until the others are there. It ends at one that is less probable than ``MIN_PROMISING``.
+    may look improbable until the others are there. It ends at one that promises less than ``MIN_PROMISING``.
     """
     path, rounds = [base], list[Decisions]()
     while len(path) <= MAX_EFFECTS:
@@ -136,10 +138,15 @@ def _forward(data: DiagnosisData, base: FittedModel) -> tuple[list[FittedModel],
         release_free_memory()
         if best is None:
             break
-        if judge(data, best).probability < MIN_PROMISING:
+        if not _promises(judge(data, best).evidence):
             return path, rounds, [judge(data, Term(best.candidate, ()), constrained=True, error_may_rise=True)]
         path.append(best.candidate.full)
     return path, rounds, []
+
+
+def _promises(evidence: Evidence) -> bool:
+    """Return whether an effect may be probable beside others that are still to come, which may narrow its interval."""
+    return probability(evidence._replace(significance=math.inf)) >= MIN_PROMISING
 
 
 def _next_round(data: DiagnosisData, fitted: FittedModel) -> tuple[Term | None, Decisions]:
