@@ -26,7 +26,8 @@ _PARTS = (  # of a time of day in columns of their own: names, and seconds of on
     (re.compile(r"(?i)(?:.*[/_.\s])?(?:m|mins?|minutes?|minuten?)"), 60.0, 60.0),
     (re.compile(r"(?i)(?:.*[/_.\s])?(?:s|secs?|seconds?|sekunden?|secondes?)"), 1.0, 61.0),
 )
-_STEPS = re.compile(r"(?i)d_?t|delta[_ ]?t(?:ime)?|time[_ ]?step|dtime|loop[_ ]?time|(?:\w+[_ ])?interval")
+_STEPS = re.compile(r"(?i)d_?t|delta[_ ]?t(?:ime)?|time[_ ]?step|dtime|loop[_ ]?time|(?:sample[_ ]?)?interval")
+_INTERVAL = re.compile(r"(?i)\w+[_ ]interval")  # of steps only where a unit is written: some count in tens of ms
 _BARE = re.compile(r"\s*[\[(<{][^\])>}]*[\])>}]\s*$")
 
 
@@ -130,7 +131,8 @@ def _of_steps(columns: Sequence[Column]) -> Iterator[Column]:
         return
     for steps in columns:
         known = steps.finite_values
-        if not _is_name(_STEPS, steps) or not known.size or known.min() < 0 or np.median(known) <= 0:
+        called = _is_name(_STEPS, steps) or (steps.unit and _is_name(_INTERVAL, steps))
+        if not called or not known.size or known.min() < 0 or np.median(known) <= 0:
             continue
         spread = float(np.median(np.abs(known - np.median(known))) / np.median(known))
         if spread < MAX_STEP_SPREAD and not is_increasing(known):
