@@ -52,7 +52,7 @@ from pneucli.plausibility.weights import rank, repair_findings
 from pneucli.quantities import SIGNALS
 from pneucli.recording import Rig
 from pneucli.stages.absent_columns import Opened, absence_notes, absent_column_faults
-from pneucli.stages.answer_parts import flow_unit, flow_unit_assumptions
+from pneucli.stages.flow_units import flow_unit, flow_unit_assumptions
 from pneucli.units import factor_and_offset, parse_unit_as
 
 UNMEASURED_PRESSURE = (
