@@ -2,14 +2,17 @@
 
 from __future__ import annotations
 
+import pkgutil
 from functools import cache
-from typing import TYPE_CHECKING, Any
+from importlib import import_module
+from typing import TYPE_CHECKING, Any, TypeVar
 
 from pneucli.errors import InputError
 
 if TYPE_CHECKING:
     from importlib.metadata import EntryPoint
 
+T = TypeVar("T")
 GROUPS = ("pneucli.commands", "pneucli.effects", "pneucli.laws", "pneucli.formats", "pneucli.detectors")
 COMMANDS, EFFECTS, LAWS, FORMATS, DETECTORS = GROUPS
 
@@ -36,6 +39,17 @@ def load(point: EntryPoint) -> Any:
         found = f"{point.value} cannot be loaded: {type(error).__name__}: {error}"
         mend = "repair or uninstall the package that names it"
         raise InputError(f"entry point {point.name} of {point.group}", found, mend=mend, code="E028") from error
+
+
+def declared(package: str, kind: type[T]) -> list[T]:
+    """Return what the files of a package declare of a kind."""
+    files = pkgutil.iter_modules(import_module(package).__path__, f"{package}.")
+    return [one for file in files for one in vars(import_module(file.name)).values() if isinstance(one, kind)]
+
+
+def added(group: str) -> list[Any]:
+    """Return what other packages add to a group; raises InputError where one of them cannot be loaded."""
+    return [load(point) for point in entry_points(group).values()]
 
 
 def versions() -> list[str]:

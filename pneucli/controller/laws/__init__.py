@@ -2,24 +2,16 @@
 
 from __future__ import annotations
 
-import pkgutil
-from collections.abc import Iterable, Iterator
-from importlib import import_module
+from collections.abc import Iterable
 from typing import Any
 
 from pneucli import extensions
 from pneucli.controller.laws.base import ControlLaw
 from pneucli.errors import InputError, did_you_mean
 
-
-def _declared() -> Iterator[ControlLaw]:
-    for one in pkgutil.iter_modules(__path__, f"{__name__}."):
-        yield from (law for law in vars(import_module(one.name)).values() if isinstance(law, ControlLaw))
-    yield from map(extensions.load, extensions.entry_points(extensions.LAWS).values())
-
-
+_FOUND: list[ControlLaw] = [*extensions.declared(__name__, ControlLaw), *extensions.added(extensions.LAWS)]
 # the first is the default; the kernel selects a law by its index
-LAWS: dict[str, ControlLaw] = {law.name: law for law in sorted(_declared(), key=lambda law: law.place)}
+LAWS = {law.name: law for law in sorted(_FOUND, key=lambda law: law.place)}
 DEFAULT = next(iter(LAWS))
 
 

@@ -5,11 +5,9 @@ The first bytes of a file decide which it has. What no format recognises is a te
 
 from __future__ import annotations
 
-import pkgutil
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from dataclasses import replace
 from functools import cache
-from importlib import import_module
 from pathlib import Path
 from typing import cast
 
@@ -29,13 +27,8 @@ HEAD_BYTES = 4096  # by which formats are recognised
 @cache
 def formats() -> tuple[Format, ...]:
     """Return all formats, those of other packages first; raises InputError where one of these cannot be loaded."""
-    return tuple(sorted(_declared(), key=lambda one: one.place))
-
-
-def _declared() -> Iterator[Format]:
-    yield from map(extensions.load, extensions.entry_points(extensions.FORMATS).values())
-    for one in pkgutil.iter_modules(__path__, f"{__name__}."):
-        yield from (found for found in vars(import_module(one.name)).values() if isinstance(found, Format))
+    found = [*extensions.added(extensions.FORMATS), *extensions.declared(__name__, Format)]
+    return tuple(sorted(found, key=lambda one: one.place))
 
 
 def open_raw(raw: RawFile) -> Reader:
