@@ -164,6 +164,11 @@ def widen_dead_band(swing, s, c):
     s[S_DEADBAND_GAIN] = max(s[S_DEADBAND_GAIN], 0.5 * swing / c[C_HOLDING_BAND])
 
 
+def widen_by_half(s, c):
+    """Widen the dead band by half up to its limit; one that is wider, for a swing, stays."""
+    s[S_DEADBAND_GAIN] = max(s[S_DEADBAND_GAIN], min(1.5 * s[S_DEADBAND_GAIN], c[C_DEADBAND_GAIN_MAX]))
+
+
 def adapt_after_overshoot(error, s, c):
     """Widen the dead band toward half of a jump past the reference that half the ramp rate did not shorten."""
     if s[S_BRAKING_TIME] <= 0.0 or s[S_BRAKING_TIME] > c[C_PERIOD]:
@@ -193,7 +198,7 @@ def slow_down_after_overshoot(error, s, c):
     if error * s[S_LAST_SIGN] < 0.0:
         s[S_RAMP_GAIN] = max(0.5 * s[S_RAMP_GAIN], 0.03)
         if s[S_RAMP_GAIN] < 1.0:
-            s[S_DEADBAND_GAIN] = min(1.5 * s[S_DEADBAND_GAIN], c[C_DEADBAND_GAIN_MAX])
+            widen_by_half(s, c)
     s[S_LAST_SIGN] = sign(error)
 
 
@@ -273,7 +278,7 @@ def drive_elastic_piston(error, s, c):
     """
     stopping_error = error - s[S_V] / c[C_CLOSING_RATE]
     if error * s[S_LAST_SIGN] < 0.0:
-        s[S_DEADBAND_GAIN] = min(1.5 * s[S_DEADBAND_GAIN], c[C_DEADBAND_GAIN_MAX])
+        widen_by_half(s, c)
         s[S_FORCE_RAMP] = 0.0
     s[S_LAST_SIGN] = sign(error)
     rate = c[C_MASS] * c[C_KI] * math.fabs(stopping_error)

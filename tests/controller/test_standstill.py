@@ -45,6 +45,15 @@ def test_what_moves_under_a_force_that_friction_surely_holds_is_elastic(
     assert of(stirred(force, way, **given), "ELASTIC") == [told]
 
 
+@pytest.mark.parametrize("elastic", [True, False])
+@pytest.mark.parametrize(("before", "after"), [(2.0, 3.0), (9.0, 10.0), (100.0, 100.0)])
+def test_an_overshoot_never_narrows_a_dead_band(elastic: bool, before: float, after: float) -> None:
+    """Half of a swing may be wider than an overshoot makes it."""
+    s = state(LAST_SIGN=1.0, DEADBAND_GAIN=before, RAMP_GAIN=0.5)
+    (still.drive_elastic_piston if elastic else still.slow_down_after_overshoot)(-2e-5, s, C)
+    assert of(s, "DEADBAND_GAIN") == [after]
+
+
 def test_the_way_counts_from_where_it_last_turned() -> None:
     assert of(stirred(1.0, 3 * REACH, V=-1e-3), "EXCURSION", "PEAK_FORCE") == pytest.approx([-1e-6, 0.0])
 
