@@ -146,9 +146,9 @@ def test_the_line_of_the_relay_is_by_poles_or_by_stated_weights() -> None:
     corners = choose_bandwidths(MODEL, PLAN.requirements, V)
     wanted = replace(PLAN.requirements, surface="lq", surface_weights=(2500.0, 1.0))
     poles, lq = sliding_surfaces(mechanical, corners, wanted)
-    assert (poles["taken"], lq["taken"]) == (False, True)
-    assert poles["slope"] == pytest.approx(corners.position)
-    assert lq["slope"] == pytest.approx(math.sqrt(2500.0))  # x1' = x2: the root of the weights' ratio
+    assert (poles.taken, lq.taken) == (False, True)
+    assert poles.slope == pytest.approx(corners.position)
+    assert lq.slope == pytest.approx(math.sqrt(2500.0))  # x1' = x2: the root of the weights' ratio
 
 
 def test_a_switching_relay_is_the_sign_of_the_reading() -> None:
