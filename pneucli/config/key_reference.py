@@ -19,7 +19,7 @@ from pydantic.fields import FieldInfo
 from pydantic_core import PydanticUndefined
 
 from pneucli.config.pipeline_tables import MoreTable, PipelineTable, RecordingTable
-from pneucli.config.rig_table import CylinderTable, RigTable, ValveTable, VesselTable
+from pneucli.config.rig_table import CylinderTable, RigTable, SourceTable, ValveTable, VesselTable
 from pneucli.config.signal_tables import ClockTable, SignalTable, WhereTable
 from pneucli.config.stage_tables import (
     CheckTable,
@@ -38,6 +38,7 @@ MODELS: dict[str, type[BaseModel]] = {
     "rig": RigTable,
     "rig.vessel": VesselTable,
     "rig.valve": ValveTable,
+    "rig.source": SourceTable,
     "rig.cylinder": CylinderTable,
     "signals.NAME": SignalTable,
     "signals.NAME.where": WhereTable,

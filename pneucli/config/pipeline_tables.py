@@ -11,6 +11,7 @@ from pydantic import (
     Field,
     PrivateAttr,
     ValidationInfo,
+    WithJsonSchema,
     model_validator,
 )
 
@@ -40,16 +41,21 @@ from pneucli.recording import Calibration, Rig, Use
 from pneucli.units import STANDARD_GRAVITY, parse_quantity
 
 PERCENT = "%"
+PROCESS_VALVE_TESTS = ("positioner", "signature")  # experiments of the trade, each one of EXPERIMENT_KINDS
 
 
 def in_words_of_the_bench(document: Any) -> Any:
-    """Return the tables of a pipeline file in which chamber 2 and travel are stated as on a bench.
+    """Return the tables of a pipeline file in which chamber 2, travel and a valve's tests are stated as on a bench.
 
     ``[rig.cylinder] chamber_2 = "ambient"`` is ``chamber_2 = "open"`` of every recording that says nothing else, and
-    ``unit = "%"`` of a position is a share of the stroke. What is at fault is left to the checks that follow.
+    ``unit = "%"`` of a position is a share of the stroke. A ``positioner`` is an axis whose chamber 2 is open, or,
+    where its output is a pressure alone, a test of friction, as is the ``signature`` of a valve. What is at fault is
+    left to the checks that follow.
     """
     cylinder = _table(_table(document, "rig"), "cylinder")
-    changed = dict(document) if isinstance(document, Mapping) else document
+    changed: Any = dict(document) if isinstance(document, Mapping) else document
+    if isinstance(changed, dict) and isinstance(changed.get("recordings"), list):
+        changed["recordings"] = [_of_process_valve(one, _table(changed, "signals")) for one in changed["recordings"]]
     if cylinder.get("chamber_2") == "ambient" and isinstance(changed.get("recordings"), list):
         changed["recordings"] = [_opened(one) for one in changed["recordings"]]
     if (stroke := _stroke(cylinder)) is not None and isinstance(changed.get("signals"), Mapping):
@@ -60,6 +66,14 @@ def in_words_of_the_bench(document: Any) -> Any:
 def _table(document: Any, key: str) -> Mapping[str, Any]:
     found = document.get(key) if isinstance(document, Mapping) else None
     return found if isinstance(found, Mapping) else {}
+
+
+def _of_process_valve(recording: Any, shared: Mapping[str, Any]) -> Any:
+    test = recording.get("experiment") if isinstance(recording, Mapping) else None
+    if test not in PROCESS_VALVE_TESTS:
+        return recording
+    commanded = test == "positioner" and any("u" in one for one in (shared, recording, _table(recording, "signals")))
+    return {"chamber_2": "open", **recording, "experiment": "axis" if commanded else "friction"}
 
 
 def _opened(recording: Any) -> Any:
@@ -113,7 +127,7 @@ class RecordingTable(TextTable):
 
     name: Name | None = None
     file: Name
-    experiment: Experiment
+    experiment: Annotated[Experiment, WithJsonSchema({"enum": [*EXPERIMENT_KINDS, *PROCESS_VALVE_TESTS]})]
     use: Use
     test: Name | list[Name] | None = None
     take: list[SignalName] | None = None
@@ -276,6 +290,18 @@ class PipelineConfig(Table):
             raise ValueError(
                 f'{name} says chamber_2 = "valve", but [rig.valve] has no path to chamber 2; wanted "5/3" or "two"'
             )
+        return self
+
+    @model_validator(mode="after")
+    def _supplied(self) -> PipelineConfig:
+        shared, source = self.signals.present(), self.rig.source.kind
+        for t in self.recordings if source != "regulator" else ():
+            is_read = "p_supply" in t.held_constant or "p_supply" in {*shared, *t.signals.present()}
+            if EXPERIMENT_KINDS[t.experiment].valve and t.valve is None and not is_read:
+                raise ValueError(
+                    f"the pressure behind a source of kind {source} is not constant, and {t.name or t.file} has no "
+                    "p_supply; wanted it recorded, in [signals]: its course then drives the model"
+                )
         return self
 
     @property

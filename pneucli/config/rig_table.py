@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from typing import Annotated, Any, Literal
 
+import numpy as np
 from pydantic import BeforeValidator, Field, model_validator
 
 from pneucli.config.value_types import (
@@ -45,11 +46,33 @@ class ValveTable(Table):
     kind: Literal["proportional", "switching"] = "proportional"
 
 
+class SourceTable(Table):
+    """``[rig.source]``: what fills the valve; behind all but a regulator the pressure must be recorded."""
+
+    kind: Literal["regulator", "pump", "ejector"] = "regulator"
+
+
+def _share_of_travel(travel: Any) -> float:
+    """Return a travel that is stated in percent as a share of the stroke."""
+    number, _, rest = str(travel).partition("%")
+    try:
+        share = float(number) / 100.0
+    except ValueError:
+        share = -1.0
+    if rest.strip() or "%" not in str(travel) or not 0.0 <= share <= 1.0:
+        raise ValueError(f'effective_area states the travel {travel!r}; wanted percent of the stroke, such as "40 %"')
+    return share
+
+
+Travel = Annotated[float, BeforeValidator(_share_of_travel, json_schema_input_type=str)]
+
+
 class CylinderTable(Table):
     """``[rig.cylinder]`` in m^2, m, m^3 and kg; of a rotary axis m^3/rad, rad, m^3 and kg m^2."""
 
     piston_area_1: Area | None = None
     piston_area_2: Area | None = None
+    effective_area: Annotated[list[tuple[Travel, Area]], Field(min_length=2)] | None = None
     stroke: Length | None = None
     dead_volume_1: Volume | None = None
     dead_volume_2: Volume | None = None
@@ -65,6 +88,18 @@ class CylinderTable(Table):
     def _moves_one_way(self) -> CylinderTable:
         if self.moving_mass is not None and self.moment_of_inertia is not None:
             raise ValueError("an axis has a moving_mass or, if it turns, a moment_of_inertia; leave one of them out")
+        return self
+
+    @model_validator(mode="after")
+    def _area_of_diaphragm(self) -> CylinderTable:
+        if self.effective_area is None:
+            return self
+        if self.piston_area_1 is not None:
+            raise ValueError("effective_area is that of piston_area_1; leave one of them out")
+        shares, areas = np.array(sorted(self.effective_area)).T
+        if shares[0] == shares[-1]:
+            raise ValueError("effective_area states one travel alone; wanted areas from 0 % to 100 %")
+        object.__setattr__(self, "piston_area_1", float(np.trapezoid(areas, shares) / (shares[-1] - shares[0])))
         return self
 
 
@@ -84,11 +119,12 @@ class RigTable(Table):
     vessel: VesselTable = VesselTable()
     valve: ValveTable = ValveTable()
     cylinder: CylinderTable = CylinderTable()
+    source: SourceTable = SourceTable()
 
     def stated(self) -> dict[str, Any]:
         """Return what is stated of gas, pressures and cylinder by name, SI; a gas by name has its constants."""
-        plain = self.model_dump(exclude={"vessel", "cylinder", "valve", "gas", "thermal"})
-        of_effects = {"spring", "preload", "bench_range", "angle", "chamber_2"}  # or of the recordings
+        plain = self.model_dump(exclude={"vessel", "cylinder", "valve", "source", "gas", "thermal"})
+        of_effects = {"spring", "preload", "bench_range", "angle", "chamber_2", "effective_area"}  # or of others
         gas, cylinder = GASES[self.gas], self.cylinder.model_dump(exclude={"moment_of_inertia", *of_effects})
         if self.cylinder.moment_of_inertia is not None:
             cylinder["moving_mass"] = self.cylinder.moment_of_inertia

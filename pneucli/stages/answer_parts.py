@@ -65,6 +65,14 @@ def assumed_values(study: PipelineData, names: set[str]) -> list[Assumption]:
         found.append(
             Assumption(f"the gas has {format_signal(rig.gas_temperature, 'temperature', 6)}", "rig.gas_temperature")
         )
+    if (areas := study.context.config.rig.cylinder.effective_area) and rig.piston_area_1:
+        off = max(abs(area / rig.piston_area_1 - 1.0) for _, area in areas)
+        found.append(
+            Assumption(
+                f"the area on which p1 acts is the mean over the travel; the stated ones differ by up to {off:.1%}",
+                "rig.cylinder.effective_area",
+            )
+        )
     unstated = {name for name in names & PIPELINE_KEYS.keys() if getattr(rig, name.removeprefix("rig.")) is None}
     keys = {
         axis_parameter_name(name): axis_parameter_name(PIPELINE_KEYS[name])

@@ -159,3 +159,51 @@ def test_no_reading_is_finer_than_the_stated_resolution(tmp_path: Path) -> None:
 def test_a_valve_test_knows_nothing_of_the_spring(tmp_path: Path) -> None:
     config = stated(tmp_path, ("# cylinder", 'spring = "1200 N/m"'), ('"axis"\nchamber_2 = "open"', '"valve"'))
     assert config.model.effects == []
+
+
+@pytest.mark.parametrize(
+    ("test", "signals", "meant"),
+    [
+        ("positioner", 'u = { column = "OUT", unit = "V" }\n', "axis"),
+        ("positioner", "", "friction"),  # its output is a pressure
+        ("signature", 'u = { column = "OUT", unit = "V" }\n', "friction"),
+    ],
+)
+def test_tests_of_a_process_valve_are_experiments(tmp_path: Path, test: str, signals: str, meant: str) -> None:
+    config = stated(
+        tmp_path, ('"axis"\nchamber_2 = "open"', f'"{test}"'), ("[[recordings]]", f"{signals}[[recordings]]")
+    )
+    (recording,) = config.recordings
+    assert (recording.experiment, recording.chamber_2) == (meant, "open")
+
+
+def test_what_a_pump_delivers_must_be_recorded(tmp_path: Path) -> None:
+    pump = ("# cylinder", '[rig.source]\nkind = "pump"')
+    with pytest.raises(InputError, match=r"source of kind pump is not constant, and run\.csv has no p_supply"):
+        stated(tmp_path, pump)
+    supply = ("[[recordings]]", 'p_supply = { column = "ps", unit = "bar" }\n[[recordings]]')
+    assert stated(tmp_path, pump, supply).rig.source.kind == "pump"
+
+
+def test_a_diaphragms_area_counts_as_its_mean(tmp_path: Path) -> None:
+    areas = '[["0 %", "250 cm^2"], ["50 %", "248 cm^2"], ["100 %", "242 cm^2"]]'
+    config = stated(tmp_path, ('piston_area_1 = "9.5 cm^2"', f"effective_area = {areas}"))
+    assert config.to_rig().piston_area_1 == pytest.approx((249e-4 + 245e-4) / 2.0)
+
+
+@pytest.mark.parametrize(
+    ("areas", "said"),
+    [
+        ('[["0 mm", "250 cm^2"], ["100 %", "242 cm^2"]]', "percent of the stroke"),
+        ('[["0 %", "250 cm^2"], ["120 %", "242 cm^2"]]', "percent of the stroke"),
+        ('[["50 %", "250 cm^2"], ["50 %", "242 cm^2"]]', "one travel alone"),
+    ],
+)
+def test_areas_that_state_no_course_are_refused(tmp_path: Path, areas: str, said: str) -> None:
+    with pytest.raises(InputError, match=said):
+        stated(tmp_path, ('piston_area_1 = "9.5 cm^2"', f"effective_area = {areas}"))
+
+
+def test_an_area_is_stated_once(tmp_path: Path) -> None:
+    with pytest.raises(InputError, match="effective_area is that of piston_area_1"):
+        stated(tmp_path, ("# cylinder", 'effective_area = [["0 %", "9 cm^2"], ["100 %", "10 cm^2"]]'))
