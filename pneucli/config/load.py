@@ -117,6 +117,8 @@ def _has_control_characters(text: str) -> bool:
 
 
 def _where(path: Path, text: str, key: Location) -> str:
+    if not key:  # tables that do not agree
+        return str(path)
     name = ".".join(str(part + 1) if isinstance(part, int) else part for part in key)
     return f"{path}, line {line_of(text, key)}, key {name[:MAX_SHOWN_CHARACTERS]}"
 

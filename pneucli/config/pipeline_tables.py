@@ -300,7 +300,7 @@ class PipelineConfig(Table):
             if EXPERIMENT_KINDS[t.experiment].valve and t.valve is None and not is_read:
                 raise ValueError(
                     f"the pressure behind a source of kind {source} is not constant, and {t.name or t.file} has no "
-                    "p_supply; wanted it recorded, in [signals]: its course then drives the model"
+                    "p_supply; wanted its recorded course in [signals], which then drives the model"
                 )
         return self
 

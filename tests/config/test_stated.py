@@ -179,7 +179,9 @@ def test_tests_of_a_process_valve_are_experiments(tmp_path: Path, test: str, sig
 
 def test_what_a_pump_delivers_must_be_recorded(tmp_path: Path) -> None:
     pump = ("# cylinder", '[rig.source]\nkind = "pump"')
-    with pytest.raises(InputError, match=r"source of kind pump is not constant, and run\.csv has no p_supply"):
+    with pytest.raises(
+        InputError, match=r"axis\.toml: the pressure behind a source of kind pump is not constant, and run\.csv has no"
+    ):
         stated(tmp_path, pump)
     supply = ("[[recordings]]", 'p_supply = { column = "ps", unit = "bar" }\n[[recordings]]')
     assert stated(tmp_path, pump, supply).rig.source.kind == "pump"
