@@ -142,8 +142,8 @@ def assumptions(recordings: Sequence[Recording], rig: Rig) -> Iterator[Assumptio
         )
         if not tells_valve_map(recordings) and rig.valve_kind == "proportional":
             yield Assumption(
-                "the valve has one gain for all commands, since no map shows without a pressure; valve-deadband in "
-                "[model] effects gives it an overlap",
+                "the valve has one gain for all commands, since no map shows without a pressure; an overlap or a dead "
+                "band is an effect to add in [model] effects",
                 "p1 in [signals]",
             )
     driven = [one for one in recordings if one.kind.axis and one.chamber_2 == "valve" and "u2" in one]

@@ -114,13 +114,13 @@ def test_the_printed_error_may_rise_by_chance_alone(
     assert raises_error_beyond_noise(data, tried.reduced, tried.full) == beyond_noise
 
 
-@pytest.mark.parametrize("unseen", [True, False])
-def test_an_unmeasured_force_names_no_effect(unseen: bool) -> None:
-    """Without p2 what a shut chamber 2 does to the piston looks like a spring."""
+@pytest.mark.parametrize(("unseen", "blind"), [(True, False), (False, True), (False, False)])
+def test_an_unmeasured_force_names_no_effect(unseen: bool, blind: bool) -> None:
+    """Without p2 what a shut chamber 2 does to the piston looks like a spring; without a pressure anything does."""
     residual_model = object.__new__(ForceBalance)
-    experiment = SimpleNamespace(p2_is_unmeasured=unseen, can_show=lambda effect: True)
+    experiment = SimpleNamespace(p2_is_unmeasured=unseen, lacks_pressures=blind, can_show=lambda effect: True)
     object.__setattr__(residual_model, "experiment", experiment)
-    assert has_unmeasured_force([residual_model], catalogue()["spring-force"]) == unseen
+    assert has_unmeasured_force([residual_model], catalogue()["spring-force"]) == (unseen or blind)
     assert not has_unmeasured_force([], catalogue()["spring-force"])
 
 

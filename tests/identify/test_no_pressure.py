@@ -160,5 +160,5 @@ def test_a_pipeline_of_command_and_position_alone_is_identified(blind: list[Expe
     assert gain["unit"] == "m^2/V"
     assert gain["value"] == pytest.approx(GAIN, rel=0.1)
     assert "valve" not in told
-    assert any("valve-deadband" in one["what"] for one in told["assumed"])
+    assert any("one gain for all commands" in one["what"] for one in told["assumed"])
     assert {one["channel"] for one in answers["compare"]["channels"]} == {"x", "v"}

@@ -47,12 +47,19 @@ def test_behind_a_valve_p2_starts_at_the_pressure_that_holds_the_piston(moved: n
 
 @pytest.mark.parametrize(
     ("recorded", "chamber_2", "rig"),
-    [({"x"}, "closed", {}), ({"p1"}, "closed", {}), ({"p1", "x"}, "open", {}),
+    [({"p1"}, "closed", {}), ({"p1", "x"}, "open", {}),
      ({"p1", "x"}, "closed", {"stroke": None}),
      ({"p1", "x"}, "closed", {"piston_area_1": None, "piston_area_2": None})],
 )  # fmt: skip
 def test_other_missing_pressures_are_ambient(moved: np.ndarray, recorded: set[str], chamber_2: str, rig: dict):
     assert filled(moved, recorded, chamber_2, **rig)[:, at.IN_P2] == pytest.approx(RIG.ambient_pressure)
+
+
+def test_without_any_pressure_an_axis_starts_amid_ambient_and_supply(moved: np.ndarray):
+    inputs, amid = filled(moved, {"x"}, "valve"), 0.5 * (RIG.ambient_pressure + 7e5)
+    held = RIG.ambient_pressure + RIG.piston_areas[0] / RIG.piston_areas[1] * (amid - RIG.ambient_pressure)
+    assert inputs[:, at.IN_P1] == pytest.approx(amid)
+    assert inputs[:, at.IN_P2] == pytest.approx(held)
 
 
 def test_recorded_signals_are_not_substituted(moved: np.ndarray):
