@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import Annotated, Any, Literal
 
 from pydantic import (
+    BeforeValidator,
     Field,
     PrivateAttr,
     ValidationInfo,
@@ -76,6 +77,16 @@ def _of_process_valve(recording: Any, shared: Mapping[str, Any]) -> Any:
     return {"chamber_2": "open", **recording, "experiment": "axis" if commanded else "friction"}
 
 
+def _over_time(experiment: Any) -> Any:
+    """Return the experiment as it stands; raises ValueError where its rows have no clock that friction needs."""
+    if experiment == "friction-map":
+        raise ValueError(
+            "friction is not identified from rows of v and force without a clock; wanted readings over time of x or v "
+            'and of force or p1, and experiment = "friction"'
+        )
+    return experiment
+
+
 def _opened(recording: Any) -> Any:
     moves = isinstance(recording, Mapping) and recording.get("experiment") in ("axis", "closed-loop")
     return {"chamber_2": "open", **recording} if moves else recording
@@ -127,7 +138,11 @@ class RecordingTable(TextTable):
 
     name: Name | None = None
     file: Name
-    experiment: Annotated[Experiment, WithJsonSchema({"enum": [*EXPERIMENT_KINDS, *PROCESS_VALVE_TESTS]})]
+    experiment: Annotated[
+        Experiment,
+        BeforeValidator(_over_time),
+        WithJsonSchema({"enum": [*EXPERIMENT_KINDS, *PROCESS_VALVE_TESTS]}),
+    ]
     use: Use
     test: Name | list[Name] | None = None
     take: list[SignalName] | None = None

@@ -177,6 +177,14 @@ def test_tests_of_a_process_valve_are_experiments(tmp_path: Path, test: str, sig
     assert (recording.experiment, recording.chamber_2) == (meant, "open")
 
 
+def test_rows_without_a_clock_are_no_test_of_friction(tmp_path: Path) -> None:
+    with pytest.raises(
+        InputError, match=r"key recordings\.1\.experiment: friction is not identified from rows"
+    ) as said:
+        stated(tmp_path, ('"axis"', '"friction-map"'))
+    assert 'experiment = "friction"' in str(said.value)
+
+
 def test_what_a_pump_delivers_must_be_recorded(tmp_path: Path) -> None:
     pump = ("# cylinder", '[rig.source]\nkind = "pump"')
     with pytest.raises(
