@@ -243,6 +243,7 @@ def test_scores_and_curvatures_are_summed_up_in_pieces(monkeypatch: pytest.Monke
     monkeypatch.setattr(blocks, "ROWS_PER_CHUNK", 7)
     rng = np.random.default_rng(8)
     jacobian, weights, labels = rng.standard_normal((50, 3)), rng.standard_normal(50), rng.choice([0, 1, 3], 50)
+    jacobian[:7, 0], jacobian[7:14, 1], jacobian[14:20, 2] = 0.0, 0.0, 0.0  # in a piece, in all or all but its last row
     each = [jacobian[labels == i].T @ jacobian[labels == i] for i in range(4)]
     residual = rng.standard_normal(50)
     scores = [jacobian[labels == i].T @ residual[labels == i] for i in range(4)]
