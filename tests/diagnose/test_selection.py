@@ -127,6 +127,22 @@ def test_an_order_in_which_no_step_raises_the_error_comes_before_one_in_which_ch
     assert all(error_ratio(data, *step) <= 1.0 for step in pairwise(found.models))
 
 
+def test_no_free_runs_are_asked_of_an_effect_that_promises_nothing() -> None:
+    """They take longer than all else that is asked of it."""
+    case = named("the search ends at an effect that promises nothing")
+    data, asked = data_of({**case, "effects": {name: case["effects"][name] for name in "ab"}}), set[str]()
+    shown: Any = data.free_run_errors
+
+    def error(model: Any, reference: Any) -> dict[str, float | None]:
+        asked.update(e.name for e in model.effects)
+        found: dict[str, float | None] = shown.of(model, reference)
+        return found
+
+    data = replace(data, free_run_errors=StatedErrors(error, 1.2))
+    assert select_effects(data, data.model_with([])).added == ["a"]
+    assert asked == {"a"}
+
+
 def test_added_effects_have_the_order_of_the_path() -> None:
     """The last model has its own order where an effect was added to another model of the search."""
     models = (model_fit(), model_fit(["extra-mass"]), model_fit(["pressure-lag", "extra-mass"]))
