@@ -17,6 +17,7 @@ from pneucli.controller.layout import STROKE_NODES
 from pneucli.physics.declaration import Effect
 from pneucli.physics.effects import catalogue
 from pneucli.physics.gas import orifice_flow
+from pneucli.physics.ports import LEAK_PORTS
 from pneucli.simulate.model import Model
 from pneucli.simulate.rig_quantities import rig_quantities
 
@@ -173,9 +174,7 @@ def leak_areas(model: Model) -> LeakAreas:
     high, low = base["rig.supply_pressure"], base["rig.ambient_pressure"]
     k = math.sqrt(2.0 / (base["rig.gas_constant"] * base["rig.gas_temperature"]))
     through = orifice_flow(high, low, critical_ratio(model), k, k)
-    first, second, between = (
-        model.sum_of_port(port, high, low, k) / through for port in ("leak_1_ambient", "leak_2_ambient", "leak_1_2")
-    )
+    first, second, between = (model.sum_of_port(port, high, low, k) / through for port in LEAK_PORTS)
     return LeakAreas(first, second, between, model.sum_of_port("leak_area"))
 
 

@@ -8,6 +8,7 @@ import numpy as np
 
 from pneucli.messages.identify import LeakFlow, PressureLoss
 from pneucli.physics.gas import flow_constant
+from pneucli.physics.ports import LEAK_PORTS
 from pneucli.recording import Rig
 from pneucli.simulate import layout as at
 from pneucli.simulate.experiment import Experiment
@@ -17,7 +18,6 @@ from pneucli.units import parse_unit
 EDGE_RATIO = 0.02  # of a recording: the median over it is the pressure at the start or end
 REFERENCE_VOLUME = 1e-3  # m^3, assumed where the volume is unknown
 FLOW_UNIT = "l/min ANR"
-LEAK_PORTS = ("leak_1_ambient", "leak_2_ambient", "leak_1_2")
 
 
 def pressure_losses(experiments: Sequence[Experiment], rig: Rig) -> Iterator[PressureLoss]:

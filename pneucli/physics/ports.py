@@ -112,3 +112,5 @@ PORTS: dict[str, Port] = {
     ),
     "force_delay": Port((), "sum", "mechanics", "s by which a force is recorded later than the motion", memory=True),
 }
+
+LEAK_PORTS = ("leak_1_ambient", "leak_2_ambient", "leak_1_2")  # out of chamber 1, out of chamber 2, across the piston

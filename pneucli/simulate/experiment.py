@@ -14,6 +14,7 @@ from pneucli.arrays import Array
 from pneucli.experiments import Part
 from pneucli.noise import NoiseModel
 from pneucli.physics.declaration import Effect
+from pneucli.physics.ports import LEAK_PORTS
 from pneucli.recording import Recording, Rig
 from pneucli.simulate import layout as at
 from pneucli.simulate.end_detection import POSITION_SCATTER_SIGMA, contact_side
@@ -27,7 +28,7 @@ from pneucli.simulate.restarts import restart_samples
 from pneucli.simulate.velocity_integration import IntegratedMotion
 
 OUTPUT_COLUMNS = {"p1": at.R1, "p2": at.R2, "x": at.X, "v": at.V, "a": at.A, "temperature": at.GAS_T, "flow": at.FLOW}
-LEAKS = {"leak_area", "leak_1_ambient", "leak_2_ambient", "leak_1_2"}  # ports of flows beside the valve's
+LEAKS = {"leak_area", *LEAK_PORTS}  # ports of flows beside the valve's
 LATE_READINGS = {"sensor_lag", "sensor_delay"}  # ports at which pressures are only read later
 SMEAR_MEMORY_FACTOR = 3.0  # times the smoother's memory, over which it spreads a stop
 MIN_SEGMENT_SMEARS = 4.0  # times ``smear_time``: in a shorter segment the error of the restart dominates
