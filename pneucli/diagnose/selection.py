@@ -157,8 +157,7 @@ def _next_round(data: DiagnosisData, fitted: FittedModel) -> tuple[Term | None, 
         candidates = [c for c in candidates if judge(data, Term(c, ())).decision.supported]
     if not candidates:
         return None, decisions
-    best = _most_probable(data, candidates)
-    return Term(best, tuple(c for c in candidates if c is not best)), decisions
+    return _among(candidates, _most_probable(data, candidates)), decisions
 
 
 def _without_derivatives(data: DiagnosisData, decisions: Decisions, earlier: Sequence[Decisions]) -> Decisions:
@@ -182,13 +181,17 @@ def _most_probable(data: DiagnosisData, candidates: Sequence[Candidate]) -> Cand
     if len(candidates) == 1 or (is_complete(data, first.full) and judge(data, Term(first, ())).decision.supported):
         return first
     ranked = [first, *(c for c in candidates if c is not first)]
-    terms = [Term(c, tuple(other for other in candidates if other is not c)) for c in ranked]
-    best = max(terms, key=lambda term: judge(data, term).probability)
+    best = max((_among(candidates, c) for c in ranked), key=lambda term: judge(data, term).probability)
     equivalents = [best.candidate, *best.equivalents(data, complete=False)]
     if len(equivalents) == 1:  # else it would ask for free runs
         return best.candidate
     top = max(equivalents, key=lambda c: log_odds_among_equivalents(data, c))
     return best_candidate([c for c in equivalents if not_inferior(c.full, top.full) and not_inferior(top.full, c.full)])
+
+
+def _among(candidates: Sequence[Candidate], one: Candidate) -> Term:
+    """Return one of the candidates with the others as its rivals."""
+    return Term(one, tuple(other for other in candidates if other is not one))
 
 
 def _alternatives(

@@ -147,8 +147,8 @@ def weighted_curvature(jacobian: Array, weights: Array) -> Array:
     [[101.0]]
     """
     out = np.zeros((jacobian.shape[1], jacobian.shape[1]))
-    for rows, columns, part in _chunks(jacobian, weights):
-        weighted = part[:, :-1] * weights[rows, None]
+    for _, columns, part in _chunks(jacobian, weights):
+        weighted = part[:, :-1] * part[:, -1:]
         out[np.ix_(columns, columns)] += weighted.T @ weighted
     return out
 
