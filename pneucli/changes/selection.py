@@ -318,7 +318,7 @@ def _change(selection: ChangeSelection, selected: Hypotheses, position: int, p_v
         return _parameter_change(selection.comparison.old, tested, confidence, confidence_alone, equivalents)
     fitted = selection.refit_cost(selected).fit
     effect = selection.effects[hypothesis.name].in_model_with(fitted.model.effects)
-    leading = next((p for p in effect.parameters if p.null is not None), effect.parameters[0])
+    leading = effect.leading_parameter
     estimate, before = fitted[f"{effect.name}.{leading.name}"], null_value(leading, fitted.model)
     return Change(estimate.name, effect.name, before, estimate.figure, confidence, confidence_alone, equivalents)
 
@@ -369,7 +369,7 @@ def _detectable_effect_change(
     effect: Effect, new: Baseline, start: int, model: Model, min_size: float
 ) -> DetectableChange:
     effect = effect.in_model_with(model.effects)
-    leading = next((p for p in effect.parameters if p.null is not None), effect.parameters[0])
+    leading = effect.leading_parameter
     name = f"{effect.name}.{leading.name}"
     value, null = new.typical_effects[start].values[name], null_value(leading, model)
     size = abs(value - null) * min_size if null is not None else value

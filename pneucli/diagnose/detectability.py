@@ -68,7 +68,7 @@ def _minimum_detectable_effect(
 ) -> MinimumDetectableEffect:
     """Return the detectable size: the typical value nearest to the null, scaled by ``sigma`` standard errors."""
     effect = effect.in_model_with(fitted.model.effects)
-    leading = next((p for p in effect.parameters if p.null is not None), effect.parameters[0])
+    leading = effect.leading_parameter
     name = f"{effect.name}.{leading.name}"
     finite = [s for s in tests if not s.direct and np.isfinite(s.step_error) and s.step_error > 0.0]
     if not finite:

@@ -180,6 +180,11 @@ class Effect:
         """The parameters without which the effect is not described."""
         return tuple(p for p in self.parameters if not p.refines)
 
+    @property
+    def leading_parameter(self) -> Parameter:
+        """The parameter that states the size of the effect: the first with a null, else the first."""
+        return next((p for p in self.parameters if p.null is not None), self.parameters[0])
+
     def in_model_with(self, effects: Iterable[Effect]) -> Effect:
         """Return the declaration as it holds in a model with other effects.
 

@@ -24,7 +24,7 @@ from pneucli.identify.estimation.parameters import FreeParameter, null_value
 from pneucli.identify.estimation.score_test import initial_guesses
 from pneucli.identify.residuals import ResidualModel, residual_models
 from pneucli.messages.plan import GOOD_POWER, Power
-from pneucli.physics.declaration import Effect, Parameter, consists_of_times
+from pneucli.physics.declaration import Effect, consists_of_times
 from pneucli.physics.sides import declared_name
 from pneucli.plan.manoeuvre import Manoeuvre, Outcome
 from pneucli.plan.simulation import simulate_manoeuvre, synthetic_recording
@@ -228,7 +228,7 @@ def power_table(expectation: Expectation, information: Array) -> list[Power]:
     best, rows = expectation.model, []
     there = {e.name for e in best.effects}
     for name, model in ((name, model) for name, model in expectation.others.items() if name not in there):
-        p = leading_parameter(model.effects[-1].in_model_with(best.effects))
+        p = model.effects[-1].in_model_with(best.effects).leading_parameter
         value, null = model.values[f"{name}.{p.name}"], null_value(p, best)
         size, over_error = abs(value - (null or 0.0)), expectation.size_over_error(information, name)
         rows.append(Power(name, p.name, size, p.unit, detection_power(over_error), typical=True))
@@ -236,11 +236,6 @@ def power_table(expectation: Expectation, information: Array) -> list[Power]:
             least = SIGMA_80 * size / over_error if over_error > 0.0 else float("inf")
             rows.append(Power(name, p.name, least, p.unit, GOOD_POWER, typical=False))
     return rows
-
-
-def leading_parameter(effect: Effect) -> Parameter:
-    """Return the parameter that states the size of an effect: the first with a null, else the first."""
-    return next((p for p in effect.parameters if p.null is not None), effect.parameters[0])
 
 
 def with_absent_effects(
