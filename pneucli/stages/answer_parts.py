@@ -17,7 +17,7 @@ from pneucli.identify.guesses.base_model import PLACEHOLDER_VOLUME
 from pneucli.identify.leak_rate import leak_flows, pressure_losses
 from pneucli.identify.valve.uncertainty import DEFAULT_TEMPERATURE, Measurement
 from pneucli.messages.compare import ChannelResult, Divergence, ExcessBalance, LackOfFit, Purpose, WorstChannel
-from pneucli.messages.formatting import format_signal
+from pneucli.messages.formatting import format_percent, format_signal
 from pneucli.messages.identify import Assumption, LeakArea, Leaks
 from pneucli.plausibility.required_inputs import assumptions, volumes_to_identify
 from pneucli.quantities import axis_parameter_name
@@ -69,7 +69,7 @@ def assumed_values(study: PipelineData, names: set[str]) -> list[Assumption]:
         off = max(abs(area / rig.piston_area_1 - 1.0) for _, area in areas)
         found.append(
             Assumption(
-                f"the area on which p1 acts is the mean over the travel; the stated ones differ by up to {off:.1%}",
+                f"the area on which p1 acts is the mean over the travel; the stated ones differ by up to {format_percent(off)}",
                 "rig.cylinder.effective_area",
             )
         )
