@@ -69,7 +69,8 @@ def assumed_values(study: PipelineData, names: set[str]) -> list[Assumption]:
         off = max(abs(area / rig.piston_area_1 - 1.0) for _, area in areas)
         found.append(
             Assumption(
-                f"the area on which p1 acts is the mean over the travel; the stated ones differ by up to {format_percent(off)}",
+                "the area on which p1 acts is the mean over the travel; the stated ones differ by up to "
+                f"{format_percent(off)}",
                 "rig.cylinder.effective_area",
             )
         )
