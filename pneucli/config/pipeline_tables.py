@@ -309,9 +309,12 @@ class PipelineConfig(Table):
 
     @model_validator(mode="after")
     def _supplied(self) -> PipelineConfig:
-        shared, source = self.signals.present(), self.rig.source.kind
+        source = self.rig.source.kind
         for t in self.recordings if source != "regulator" else ():
-            is_read = "p_supply" in t.held_constant or "p_supply" in {*shared, *t.signals.present()}
+            known = {
+                name for table in (self.signals, t.signals, *(m.signals for m in t.more)) for name in table.present()
+            }
+            is_read = "p_supply" in t.held_constant or "p_supply" in known.intersection(t.take or known)
             if EXPERIMENT_KINDS[t.experiment].valve and t.valve is None and not is_read:
                 raise ValueError(
                     f"the pressure behind a source of kind {source} is not constant, and {t.name or t.file} has no "

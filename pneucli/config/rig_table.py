@@ -95,7 +95,7 @@ class CylinderTable(Table):
         if self.effective_area is None:
             return self
         if self.piston_area_1 is not None:
-            raise ValueError("effective_area is that of piston_area_1; leave one of them out")
+            raise ValueError("effective_area is that of piston_area_1, and both are stated; wanted one of them")
         shares, areas = np.array(sorted(self.effective_area)).T
         if shares[0] == shares[-1]:
             raise ValueError("effective_area states one travel alone; wanted areas from 0 % to 100 %")

@@ -193,6 +193,10 @@ def test_what_a_pump_delivers_must_be_recorded(tmp_path: Path) -> None:
         stated(tmp_path, pump)
     supply = ("[[recordings]]", 'p_supply = { column = "ps", unit = "bar" }\n[[recordings]]')
     assert stated(tmp_path, pump, supply).rig.source.kind == "pump"
+    with pytest.raises(InputError, match=r"run\.csv has no p_supply"):  # in [signals], and not taken
+        stated(tmp_path, pump, supply, ("# end", 'take = ["p1"]'))
+    further = '[[recordings.more]]\nfile = "s.csv"\nsignals = { p_supply = { column = "ps", unit = "bar" } }'
+    assert stated(tmp_path, pump, ("# end", further)).recordings[0].more
 
 
 def test_a_diaphragms_area_counts_as_its_mean(tmp_path: Path) -> None:
