@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 from pneucli.diagnose.validity import has_unmeasured_force
+from pneucli.errors import InputError
 from pneucli.identify.estimation.intervals import with_intervals
 from pneucli.identify.estimation.model_fit import fit_model
 from pneucli.identify.guesses.base_model import guess_base_model
@@ -80,6 +81,10 @@ def test_no_leak_shows_without_a_pressure(blind: list[Experiment]) -> None:
     can = {name for name, e in catalogue_with_sides().items() if blind[0].can_show(e)}
     assert not {"chamber-leak", "laminar-leak", "opening-leak", "piston-leak", "valve-leak", "pressure-offset"} & can
     assert {"stribeck", "position-friction", "constant-force", "valve-lag", "valve-deadband"} <= can
+    with pytest.raises(InputError, match=r"(?s)piston-leak. changes nothing that can be told.*record the pressures"):
+        fit_model(
+            guess_base_model(blind, RIG_5_3, "linear"), residual_models(blind), [catalogue_with_sides()["piston-leak"]]
+        )
 
 
 def test_no_effect_is_named_from_motion_alone(blind: list[Experiment]) -> None:

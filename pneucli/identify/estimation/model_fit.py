@@ -77,6 +77,9 @@ def _cannot_show(effect: Effect, residual_models: Sequence[ResidualModel]) -> In
     if effect.needs and stands:
         fault = f'"{effect.name}" needs {", ".join(sorted(effect.needs))}, which no training recording has'
         return InputError("key model.effects", fault, wanted, "remove it, or record what it needs", code="E064")
+    if stands:
+        fault = f'"{effect.name}" changes nothing that can be told from the readings of the training recordings'
+        return InputError("key model.effects", fault, wanted, "remove it, or record the pressures", code="E064")
     fault = f'"{effect.name}" acts on a part that no training recording has ({effect.part})'
     return InputError("key model.effects", fault, wanted, "remove it, or record its part", code="E064")
 
