@@ -11,17 +11,13 @@ import hashlib
 import os
 import tempfile
 from pathlib import Path
-from types import SimpleNamespace
 from typing import Any
 
-import numba
 import pytest
 from filelock import FileLock
 from hypothesis import settings
-from numba.core.codegen import JITCodeLibrary
 from numba.core.compiler_lock import global_compiler_lock
 from numba.core.dispatcher import Dispatcher
-from numba.core.typed_passes import BaseNativeLowering
 
 gc.set_threshold(100_000, 50, 100)  # a compiler makes many objects, and few that are garbage
 os.environ.setdefault("PNEUCLI_CACHE", str(Path(tempfile.gettempdir(), f"pneucli-tests-{getpass.getuser()}")))
@@ -41,43 +37,6 @@ def compile_once(function: Any, signature: Any) -> Any:
 if "PYTEST_XDIST_WORKER" in os.environ:
     Dispatcher.compile = compile_once
 
-
-class Part(JITCodeLibrary):
-    """Code that another function contains, which optimizes it and makes it machine code: a third less to compile.
-
-    numba does both for a part alone, too, and again for each function on the way to the one that Python calls. The
-    program leaves it at that, since older versions of numba have no place for a shorter way.
-    """
-
-    def finalize(self) -> None:
-        for library in dict.fromkeys(self._linking_libraries):
-            self._reload_init.update(library._reload_init)
-            self._final_module.link_in(library._get_module_for_linking(), preserve=True)
-        self._finalize_dynamic_globals()
-        self._finalized = True
-
-    def get_pointer_to_function(self, name: str) -> int:
-        self._ensure_finalized()
-        return 0  # it stands in no memory
-
-    @property
-    def codegen(self) -> Any:
-        return SimpleNamespace(set_env=lambda name, env: None)
-
-
-lower_here = BaseNativeLowering.run_pass
-
-
-def lower_parts(lowering: Any, state: Any) -> bool:
-    """Lower a function; one that Python cannot call is a part."""
-    if state.flags.no_cpython_wrapper and state.flags.no_cfunc_wrapper and state.library is None:
-        state.library = Part(state.targetctx.codegen(), state.func_id.func_qualname)
-        state.library.enable_object_caching()
-    return lower_here(lowering, state)
-
-
-if numba.version_info >= (0, 68):
-    BaseNativeLowering.run_pass = lower_parts
 
 # the same examples each time: a run that fails says that something changed
 settings.register_profile("pneucli", derandomize=True, deadline=None, max_examples=25)

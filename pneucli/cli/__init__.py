@@ -5,6 +5,7 @@ The body of a command does the heavy imports, so that ``--help`` answers at once
 
 from __future__ import annotations
 
+import gc
 import io
 import os
 import sys
@@ -32,6 +33,7 @@ def main() -> None:
     A closed pipe on standard output is exit code 0.
     """
     warnings.simplefilter("ignore", RuntimeWarning)  # of intermediate numbers; the results are checked
+    gc.set_threshold(100_000, 50, 100)  # a compiler makes many objects, and few that are garbage
     for stream in (sys.stdout, sys.stderr):
         if isinstance(stream, io.TextIOWrapper):
             stream.reconfigure(errors="replace")  # a terminal without "×" shows "?"

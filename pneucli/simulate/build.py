@@ -207,7 +207,7 @@ def source(
         before, after = re.split(r"^def control\(.*?(?=^def )", physics, flags=re.MULTILINE | re.DOTALL)
         physics = f"{before}{control}\n\n{after}"
     texts = [
-        "import math\n\nimport numpy as np\nfrom numba import njit\n",
+        "import math\n\nimport numpy as np\nfrom numba import njit\n\nfrom pneucli.caches import part\n",
         _constants(),
         _functions(gas) + "\n",
         *(_equations(effect) for effect in effects),
@@ -250,14 +250,12 @@ def _decorate(entries: Collection[str], called: Collection[str], match: re.Match
 
     All functions but the entry points and those ``called`` are inlined, since calls with arrays are expensive.
     Functions that create no array do not count references to arrays (``_nrt=False``), which took a third of the time; a
-    function inherits this setting from its caller without an own one. An inlined function is never called from Python:
-    without the wrappers that numba makes for that, a kernel compiles in half the time.
+    function inherits this setting from its caller without an own one.
     """
     text, name = match[0], match[1]
-    inlined = f"forceinline={name not in called}, no_cpython_wrapper=True, no_cfunc_wrapper=True"
-    how = "cache=True, nogil=True" if name in entries else inlined
+    how = "njit(cache=True, nogil=True" if name in entries else f"part(forceinline={name not in called}"
     makes_arrays = name in (*entries, *called, "run") or re.search(r"\bnp\.|\.copy\(|\bnew_", text) is not None
-    return f"@njit({how}, _nrt={makes_arrays}, error_model='numpy')\n{text}"
+    return f"@{how}, _nrt={makes_arrays}, error_model='numpy')\n{text}"
 
 
 def _constants() -> str:

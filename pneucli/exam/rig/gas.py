@@ -62,7 +62,7 @@ def wall_conductance(par: Parameters, piston_area: float, volume: float) -> floa
     return par.heat_conductance
 
 
-@part
+@part()
 def chamber_rates(
     par: Parameters, p: float, t: float, volume: float, growth: float, q: float, heat: float, conductance: float
 ) -> tuple[float, float]:
@@ -77,19 +77,19 @@ def chamber_rates(
     return dp, t * (dp / p + growth / volume - GAS_CONSTANT * t * q / (p * volume))
 
 
-@part
+@part()
 def relief_leak_area(par: Parameters, p: float, growth: float, opening: float) -> float:
     """Area in m^2 of a leak that opens with the pressure: by ``growth`` (m^2/Pa) above ``opening`` (Pa, gauge)."""
     return growth * max(p - par.ambient - opening, 0.0)
 
 
-@part
+@part()
 def laminar_leak_flow(par: Parameters, p: float, conductance: float) -> float:
     """Mass flow in kg/s through a long narrow gap: laminar, at the mean of the densities of both ends."""
     return conductance * (p - par.ambient) * 0.5 * (p / par.ambient + 1.0)
 
 
-@part
+@part()
 def leaks_1(par: Parameters, p: float, t: float) -> tuple[float, float]:
     """Mass flows in kg/s (ambient to chamber 1, chamber 1 to ambient) of its leaks."""
     area = par.leak_area + relief_leak_area(par, p, par.relief_growth, par.relief_pressure)
@@ -97,7 +97,7 @@ def leaks_1(par: Parameters, p: float, t: float) -> tuple[float, float]:
     return orifice_flow(par.leak_area, par.ambient, par.temperature, p, LEAK_RATIO), lost
 
 
-@part
+@part()
 def leaks_2(par: Parameters, p: float, t: float) -> tuple[float, float]:
     """Mass flows in kg/s (ambient to chamber 2, chamber 2 to ambient) of its leaks."""
     area = par.leak_area_2 + relief_leak_area(par, p, par.relief_growth_2, par.relief_pressure_2)

@@ -23,7 +23,7 @@ def hose_volume(par: Parameters, chamber: int) -> float:
     return 0.25 * math.pi * par.hose_bore**2 * SPEED_OF_SOUND * par.line_delay
 
 
-@part
+@part()
 def flow_through_hose(par: Parameters, h: float, come: float, p: float, pressures: Array, flows: Array) -> float:
     """Advance a hose by h (s); return the mass flow in kg/s into a chamber at p (Pa).
 

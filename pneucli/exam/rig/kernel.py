@@ -34,7 +34,7 @@ X, V, P1, T1, P2, T2, PS, Z, XL, VL = range(10)
 DRIFT_TIME_CONSTANT = 1.5  # s, of drifting disturbances
 
 
-@part
+@part()
 def _edge_area(par: Parameters, opening: float, full: float, overlap: float, exponent: float, t: float) -> float:
     if par.switching > 0.0:
         return math.copysign(full, opening) if abs(opening) > 0.5 * par.command_range else 0.0
@@ -51,7 +51,7 @@ def valve_area(par: Parameters, opening: float, t: float) -> float:
     return _edge_area(par, opening, par.effective_area, par.overlap, par.exponent, t)
 
 
-@part
+@part()
 def valve_area_2(par: Parameters, opening: float, t: float) -> float:
     """Effective area in m^2 of the edges to chamber 2, signed alike."""
     return _edge_area(par, opening, par.effective_area_2, par.overlap_2, par.exponent_2, t)
@@ -68,7 +68,7 @@ def valve_flow(par: Parameters, area: float, t: float, s: Array, chamber: int = 
     return q_in, q_out / (1.0 + par.silencer * q_out)
 
 
-@part
+@part()
 def gas_rates(par: Parameters, s: Array, q: Flows, held: int, ds: Array) -> None:
     """Rates of the gas and the supply; ``held``: 1 keeps chamber 2 at its pressure, 2 keeps both."""
     if held == 2:
@@ -95,14 +95,14 @@ def gas_rates(par: Parameters, s: Array, q: Flows, held: int, ds: Array) -> None
         ds[PS] = KAPPA * GAS_CONSTANT * wall * (feed - q[0] - q[2]) / par.supply_volume
 
 
-@part
+@part()
 def viscous_coefficient(par: Parameters, t: float, v: float) -> float:
     """Viscous friction in N s/m while speeding up."""
     slope = par.viscous * (1.0 + par.viscous_asymmetry * np.sign(v))
     return float(slope * (1.0 - par.warming * (1.0 - math.exp(-t / DRIFT_TIME_CONSTANT))))
 
 
-@part
+@part()
 def dry_friction(par: Parameters, t: float, s: Array, direction: float) -> tuple[float, float]:
     """Dry friction in N while speeding up, and while slowing, less what viscous friction then loses."""
     factor = 1.0 + par.pressure_gain * (s[P1] + s[P2] - 2.0 * par.ambient)
@@ -118,7 +118,7 @@ def dry_friction(par: Parameters, t: float, s: Array, direction: float) -> tuple
     return rising, min(factor * par.coulomb * (1.0 - par.drop) - lost, rising)
 
 
-@part
+@part()
 def coupling_force(par: Parameters, s: Array) -> float:
     """Force in N of a flexibly coupled load on the piston."""
     stretch = s[XL] - s[X]
@@ -136,7 +136,7 @@ def end_stop_force(par: Parameters, x: float, v: float) -> float:
     return 0.0
 
 
-@part
+@part()
 def net_force(par: Parameters, t: float, s: Array) -> float:
     """All forces in N toward +x except the dry friction."""
     v = s[V]
@@ -154,7 +154,7 @@ def net_force(par: Parameters, t: float, s: Array) -> float:
     return float(force - slope * v - par.quadratic_drag * v * abs(v))
 
 
-@part
+@part()
 def acceleration(par: Parameters, t: float, s: Array, mode: float, ds: Array) -> float:
     """Acceleration in m/s^2; ``mode`` is the sign of motion, 0 while stuck. Sets the bristle's rate."""
     force, mass = net_force(par, t, s), par.mass + par.extra_mass
@@ -169,7 +169,7 @@ def acceleration(par: Parameters, t: float, s: Array, mode: float, ds: Array) ->
     return mode * (max(along - rising, 0.0) + min(along - slowing, 0.0)) / mass
 
 
-@part
+@part()
 def state_rates(par: Parameters, t: float, s: Array, mode: float, q: Flows, held: int, ds: Array) -> None:
     """Time derivative of the whole state."""
     gas_rates(par, s, q, held, ds)
@@ -179,7 +179,7 @@ def state_rates(par: Parameters, t: float, s: Array, mode: float, q: Flows, held
         ds[XL], ds[VL] = s[VL], -coupling_force(par, s) / par.load_mass
 
 
-@part
+@part()
 def motion_sign(par: Parameters, t: float, s: Array, rest: float) -> float:
     """Sign of the motion that begins or continues; 0 while the piston sticks."""
     if s[V] != 0.0:

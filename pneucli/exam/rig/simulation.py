@@ -103,7 +103,7 @@ def command_stamps(excitation: Excitation, rate: float) -> tuple[Array, Indices]
     return steps[seen] / (rate * every), samples[seen]
 
 
-@part
+@part()
 def _step(par: Parameters, t: float, h: float, s: Array, mode: float, q: Flows, held: int, work: Array) -> None:
     """Advance ``s`` by one midpoint step of length h (s)."""
     middle, ds = work[0], work[1]
@@ -113,7 +113,7 @@ def _step(par: Parameters, t: float, h: float, s: Array, mode: float, q: Flows, 
     s += h * ds
 
 
-@part
+@part()
 def _advance(par: Parameters, t: float, h: float, s: Array, rest: float, q: Flows, held: int, work: Array) -> float:
     """Advance ``s`` by h (s), in two parts where the piston comes to rest; return the time at rest in s."""
     mode = motion_sign(par, t, s, rest)
@@ -130,7 +130,7 @@ def _advance(par: Parameters, t: float, h: float, s: Array, rest: float, q: Flow
     return rest + h if mode == 0.0 else 0.0
 
 
-@part
+@part()
 def _spool(par: Parameters, h: float, u: float, aim: float, spool: float, opening: float) -> tuple[float, float, float]:
     """Return the spool's target (stiction), its position (lag) and the opening (play), in V after one step."""
     if abs(u - aim) > par.spool_stiction:
@@ -230,7 +230,7 @@ def limit_opening(par: Parameters, opening: float) -> float:
     return min(max(opening, -par.command_range), par.command_range)
 
 
-@part
+@part()
 def _row(
     par: Parameters, o: float, o2: float, t: float, s: Array, rest: float, q: Flows, held: int, work: Array
 ) -> Array:
@@ -280,7 +280,7 @@ def _simulate_rows(
     return rows
 
 
-@part
+@part()
 def _interpolated(imposed: Array, k: int, part: float) -> Array:
     after = min(k + 1, len(imposed) - 1)
     value: Array = imposed[k] * (1.0 - part) + imposed[after] * part

@@ -201,9 +201,12 @@ def _monotone_tangents(x: Array, y: Array) -> Array:
     out = np.zeros(m)
     if m == 1:
         return out
-    h, slope = np.diff(x), np.diff(y) / np.diff(x)
+    h, slope = np.empty(m - 1), np.empty(m - 1)
+    for i in range(m - 1):  # differences of whole arrays take ten times as long to compile
+        h[i] = x[i + 1] - x[i]
+        slope[i] = (y[i + 1] - y[i]) / h[i]
     if m == 2:
-        out[:] = slope[0]
+        out[0] = out[1] = slope[0]
         return out
     for i in range(1, m - 1):
         if slope[i - 1] * slope[i] > 0.0:
