@@ -24,6 +24,7 @@ from pneucli.controller.plant import (
     drive_mirrored_valve,
     dry_friction,
     dry_friction_factor,
+    is_held_for_good,
     limit_gradient_1,
     limit_gradient_2,
     max_pressure_reference,
@@ -117,6 +118,11 @@ def set_pressure_references(force, s, c):
         s[S_INTEGRAL] += sign(lost) * min(math.fabs(lost), math.fabs(s[S_INTEGRAL]))
 
 
+def pressure_gain(s, c):
+    """Return the gain of the pressure loops in 1/s: while the piston is held, one that is stable with 50 ms of lag."""
+    return min(c[C_P_KP], 20.0) if is_held_for_good(s, c) else c[C_P_KP]
+
+
 def valve_stays_shut(error, s, c):
     """Whether a valve stays shut: the piston is held and the pressure error is within its band."""
     return s[S_HOLD] > 0.5 and math.fabs(error) < c[C_PRESSURE_BAND]
@@ -141,7 +147,7 @@ def control_chamber_1(s, c):
     error = s[S_P1_REF] - s[S_PREDICTED_P1]
     if c[C_TWO_VALVES] < 0.5:
         error += c[C_AREA_2] / c[C_AREA_1] * (s[S_PREDICTED_P2] - s[S_P2])
-    wanted = c[C_P_KP] * error - undriven_gradient(s, c)
+    wanted = pressure_gain(s, c) * error - undriven_gradient(s, c)
     if c[C_DISTURBANCE_OBSERVERS] < 0.5:
         wanted += s[S_INTEGRAL1]
     if valve_stays_shut(error, s, c):
@@ -171,7 +177,7 @@ def control_chamber_2(s, c):
     alone = valve_gradient_2(null_command_2(c), p2, volume, s, c) + drift_2(
         x, s[S_PREDICTED_V], s[S_PREDICTED_P1], p2, c
     )
-    wanted = c[C_P_KP] * error - c[C_FEEDFORWARD] * alone - c[C_DISTURBANCE_OBSERVERS] * s[S_FLOW2]
+    wanted = pressure_gain(s, c) * error - c[C_FEEDFORWARD] * alone - c[C_DISTURBANCE_OBSERVERS] * s[S_FLOW2]
     if c[C_DISTURBANCE_OBSERVERS] < 0.5:
         wanted += s[S_INTEGRAL2]
     if valve_stays_shut(error, s, c):

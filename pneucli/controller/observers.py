@@ -114,13 +114,15 @@ def observe_pressures(p1, p2, s, c):
 def observe_motion(x, s, c):
     """Observe motion and load: a piston with set-valued friction, corrected by its innovation (5.18-5.21).
 
-    The load changes by at most C_LOAD_STEP_MAX a sample (M_k of 5.21). While no motion is detected, friction balances
-    any force and the load estimate stays.
+    The load changes by at most C_LOAD_STEP_MAX a sample (M_k of 5.21). At a resting reference, while no motion is
+    detected, friction balances any force and the load estimate stays. Where the reference moves, a piston that sticks
+    under more than the friction of the model has more: the load takes it, as the integral of a PID would.
     """
     h = c[C_PERIOD]
     force = net_force(s[S_X], s[S_P1], s[S_P2], s, c)
     detect_motion(force, s, c)
-    v = speed_after(s[S_X], s[S_V], force, h, s, c) if s[S_MOVING_COUNT] > 0.5 else 0.0
+    driven = s[S_MOVING_COUNT] > 0.5 or s[S_REF_REST_TIME] < 0.05
+    v = speed_after(s[S_X], s[S_V], force, h, s, c) if driven else 0.0
     s[S_X] = clamp(s[S_X] + 0.5 * h * (s[S_V] + v), 0.0, c[C_STROKE])
     s[S_V] = v
     if is_plausible(x, -0.05 * c[C_STROKE], 1.05 * c[C_STROKE]):

@@ -74,6 +74,11 @@ def speed_after(x, v, force, h, s, c):
     return faster if faster * way > 0.0 else 0.0
 
 
+def is_held_for_good(s, c):
+    """Whether the piston is held and has long been at rest."""
+    return s[S_HOLD] > 0.5 and s[S_REST_TIME] > 10.0 * c[C_MOTION_WINDOW]
+
+
 def pressure_force_at(p1, p2, c):
     """Return the force of two pressures on the piston in N."""
     return c[C_AREA_1] * p1 - c[C_AREA_2] * p2 - (c[C_AREA_1] - c[C_AREA_2]) * c[C_AMBIENT]

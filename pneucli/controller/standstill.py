@@ -8,7 +8,8 @@ State chart (state variable in brackets; "at rest": the reference has rested for
       -> HOLD                at rest, |v| < C_V_FLOOR and |error| < C_HOLDING_BAND x dead-band gain
       -> RAMP or ELASTIC     at rest and outside that band, by [S_ELASTIC]
     a bumpless start within 2 C_HOLDING_BAND of the reference begins in HOLD (active_reference in operation.py)
-    HOLD       [S_HOLD = 1] force frozen, valves shut while the pressures stay within C_PRESSURE_BAND
+    HOLD       [S_HOLD = 1] force frozen, valves shut while the pressures stay within C_PRESSURE_BAND, no lead of the
+               spool; after 10 C_MOTION_WINDOW at rest the gain of the pressure loops is at most 20 1/s
       entry: half of the net force is released (rigid piston only), release force 0
       -> TRACKING, RAMP or ELASTIC   |v| >= C_V_FLOOR, the reference moves, or |error| > 1.8 x band (hysteresis)
       after 10 C_MOTION_WINDOW at rest [S_REST_TIME]: ramp gain back to 4
@@ -44,6 +45,7 @@ from pneucli.controller.layout import *
 from pneucli.controller.plant import (
     clamp,
     dry_friction_factor,
+    is_held_for_good,
     max_pressure_reference,
     net_force,
     pressure_force,
@@ -90,10 +92,10 @@ def detect_motion(force, s, c):
 
 
 def load_observable(s):
-    """Whether the residual of the motion is a load: not while elastic seals may carry a piston at rest."""
-    if s[S_MOVING_COUNT] < 0.5:
-        return False
-    return s[S_REF_REST_TIME] < 0.05 or s[S_ELASTIC] < 0.5
+    """Whether the residual of the motion is a load: not while friction or elastic seals may carry a piston at rest."""
+    if s[S_REF_REST_TIME] < 0.05:
+        return True
+    return s[S_MOVING_COUNT] > 0.5 and s[S_ELASTIC] < 0.5
 
 
 def sector_switching_term(error, rate, c):
@@ -175,7 +177,8 @@ def adapt_after_overshoot(error, s, c):
         return
     jump = math.fabs(s[S_X] - s[S_BREAKAWAY_POSITION])
     if s[S_RAMP_GAIN] < 0.5 and jump > math.fabs(error) and jump > 0.7 * s[S_LAST_JUMP]:
-        if math.fabs(error) > 0.4 * jump:  # as far past the reference as it was before it: this goes on for ever
+        # as far past the reference as it was before it, once more: this goes on for ever; a longer one is of a load
+        if math.fabs(error) > 0.4 * jump and jump < 2.0 * s[S_LAST_JUMP]:
             widen_dead_band(jump, s, c)
         s[S_DEADBAND_GAIN] = clamp(
             0.5 * jump / c[C_HOLDING_BAND],
@@ -261,7 +264,7 @@ def update_hold(x_ref, s, c):
         enter_hold(s, c)
     elif not resting or error > 1.8 * band:
         s[S_HOLD] = 0.0
-    elif s[S_REST_TIME] > 10.0 * c[C_MOTION_WINDOW]:  # at rest for good: the next motion has a new cause
+    elif is_held_for_good(s, c):  # the next motion has a new cause
         s[S_RAMP_GAIN] = 4.0
     return s[S_HOLD] > 0.5
 

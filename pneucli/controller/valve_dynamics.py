@@ -142,9 +142,10 @@ def drift_2(x, v, p1, p2, c):
 def compensate_valve_dynamics(u, last, play: int, spool: int, low, high, s, c):
     """Return the command in V, limited to [low, high], that inverts spool and play for the opening u (V).
 
-    A change within the dead band of the play keeps the ``last`` command, so that noise does not cross the play.
+    A change within the dead band of the play keeps the ``last`` command, so that noise does not cross the play. While
+    the piston is held there is no hurry, and the spool is not led.
     """
-    target = s[spool] + c[C_SPOOL_LEAD] * (u - s[spool]) / c[C_SPOOL_SHARE]
+    target = u if s[S_HOLD] > 0.5 else s[spool] + c[C_SPOOL_LEAD] * (u - s[spool]) / c[C_SPOOL_SHARE]
     if math.fabs(target - s[play]) < c[C_PLAY_DEADBAND]:
         return last
     if target > s[play]:

@@ -99,7 +99,8 @@ def test_how_long_it_had_not_stirred_is_kept_for_the_first_sample_in_which_it_do
         ({"REF_REST_TIME": 1.0}, False),
         ({"REF_REST_TIME": 0.0}, True),
         ({"REF_REST_TIME": 1.0, "ELASTIC": 0.0}, True),
-        ({"REF_REST_TIME": 0.0, "MOVING_COUNT": 0.0}, False),
+        ({"REF_REST_TIME": 0.0, "MOVING_COUNT": 0.0}, True),
+        ({"REF_REST_TIME": 1.0, "ELASTIC": 0.0, "MOVING_COUNT": 0.0}, False),
     ],
 )
 def test_an_elastic_piston_near_its_rest_tells_no_load(given: dict[str, float], tells: bool) -> None:
