@@ -280,6 +280,17 @@ def test_what_cannot_be_read_is_named(content: bytes, says: str, tmp_path: Path)
         open_raw(RawFile(tmp_path / "a", {}))
 
 
+@pytest.mark.parametrize("clock", ["[h]:mm:ss", "hh:mm:ss.000"])
+def test_a_clock_in_excel_goes_on_after_24_hours(tmp_path: Path, clock: str) -> None:
+    """Durations have a unit, and hours beyond 24 are no dates of 1900 (findings/excel-stamps.sh)."""
+    hours = [22.5, 23.5, 24.0, 25.5, 49.25]
+    rows = [[hour / 24, 6.0 + hour] for hour in hours]
+    write_workbook(tmp_path / "a.xlsx", [["t", "p1"], *rows], clock)
+    reader = open_raw(RawFile(tmp_path / "a.xlsx", {}))
+    (values,) = zip(*reader.batches([ColumnRequest(0)]), strict=True)
+    np.testing.assert_allclose(np.concatenate(values), [3600 * (hour - hours[0]) for hour in hours], atol=1e-3)
+
+
 def test_a_workbook_without_its_library_names_the_extra(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     import sys
 

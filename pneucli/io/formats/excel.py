@@ -14,6 +14,10 @@ from pneucli.io.formats.base import ZIP_MAGIC, Format
 from pneucli.paths import member_names
 
 
+_DAY_0 = datetime(1899, 12, 31)  # the day on which Excel's clock of hours begins
+_FIRST_STAMP = datetime(1900, 3, 1)  # stamps before are hours beyond 24, which a cell in hh:mm:ss has as a date
+
+
 def _is_workbook(head: bytes, path: Path) -> bool:
     names = member_names(path) if head.startswith(ZIP_MAGIC) else []
     return "content.xml" in names or any(name.startswith("xl/") for name in names)
@@ -44,8 +48,13 @@ def _numeric_rows(rows: Sequence[Sequence[Any]]) -> int:
 def _cell(value: Any) -> str:
     if isinstance(value, float | int) and not isinstance(value, bool):
         return repr(value)
+    stamp = datetime.combine(value, time()) if type(value) is date else value  # midnight comes without its time
+    if isinstance(stamp, datetime) and stamp < _FIRST_STAMP:
+        value = stamp - _DAY_0
     if isinstance(value, timedelta):
-        return repr(value.total_seconds())
+        hours, rest = divmod(value, timedelta(hours=1))
+        minutes, rest = divmod(rest, timedelta(minutes=1))
+        return f"{hours:02d}:{minutes:02d}:{rest.total_seconds():09.6f}"
     if isinstance(value, datetime | date | time):
         return value.isoformat(" ") if isinstance(value, datetime) else value.isoformat()
     return str(value).replace("\t", " ").replace("\n", " ").strip()
