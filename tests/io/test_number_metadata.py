@@ -374,3 +374,15 @@ def test_a_zone_that_one_of_two_files_does_not_write_is_taken_off(hours: float) 
     local = START + timedelta(hours=hours, seconds=0.3)
     assert difference_of_starts(START.replace(tzinfo=UTC), local) == pytest.approx((0.3, 3600 * hours))
     assert difference_of_starts(START, local) == pytest.approx((3600 * hours + 0.3, 0.0))
+
+
+def test_times_of_pytables_are_named(tmp_path: Path) -> None:
+    """Time64Col has a type of HDF5 that NumPy lacks: other columns are read, and alone it is named."""
+    with h5py.File(tmp_path / "a.h5", "w") as file:
+        space = h5py.h5s.create_simple((3,))
+        h5py.h5d.create(file.id, b"t", h5py.h5t.UNIX_D64LE, space)
+    with pytest.raises(InputError, match='"t": a type that NumPy lacks'):
+        opened(tmp_path / "a.h5")
+    with h5py.File(tmp_path / "a.h5", "a") as file:
+        file["p1"] = [6.0, 6.1, 6.2]
+    assert list(opened(tmp_path / "a.h5").names) == ["p1"]

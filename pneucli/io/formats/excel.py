@@ -13,7 +13,6 @@ from pneucli.io.column_reader import import_extra
 from pneucli.io.formats.base import ZIP_MAGIC, Format
 from pneucli.paths import member_names
 
-
 _DAY_0 = datetime(1899, 12, 31)  # the day on which Excel's clock of hours begins
 _FIRST_STAMP = datetime(1900, 3, 1)  # stamps before are hours beyond 24, which a cell in hh:mm:ss has as a date
 

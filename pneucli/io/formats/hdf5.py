@@ -166,10 +166,13 @@ def open_hdf5(path: Path) -> ColumnReader:
     units: dict[str, str] = {}
     sizes: dict[str, int] = {}
     objects: list[str] = []
+    foreign: list[str] = []
     with h5py.File(path, "r") as file:
         for name, node in _nodes(h5py, file):
             if is_matlab_object(node):
                 objects.append(name)
+            elif isinstance(node, h5py.Dataset) and not _kind(node):
+                foreign.append(name)
             elif isinstance(node, h5py.Dataset):
                 found = dict(_dataset_columns(name, node))
                 owner |= found
@@ -182,6 +185,9 @@ def open_hdf5(path: Path) -> ColumnReader:
     if objects and not owner:
         found_there = f'"{objects[0]}": an object of MATLAB (timeseries, timetable, Dataset), which only MATLAB reads'
         raise InputError(str(path), found_there, "vectors, or structs of vectors", SAVE_AS_STRUCT, code="E041")
+    if foreign and not owner:
+        found_there = f'"{foreign[0]}": a type that NumPy lacks, such as the times of PyTables (Time64Col)'
+        raise InputError(str(path), found_there, "numbers", "store the times as Float64Col", code="E041")
 
     def fetch(wanted: Sequence[str]) -> list[ColumnValues]:
         with h5py.File(path, "r") as file:
@@ -192,6 +198,14 @@ def open_hdf5(path: Path) -> ColumnReader:
     names = list(owner)
     units |= {name: "s" for name, place in owner.items() if place.stamps}
     return ColumnReader(path, HDF5.name, names, fetch, units, own_clocks=clocks_by_group(names, sizes))
+
+
+def _kind(dataset: Any) -> str:
+    """Return the letter of a dataset's type in NumPy; empty where it has none."""
+    try:
+        return str(dataset.dtype.kind)
+    except TypeError:
+        return ""
 
 
 def _dataset_columns(name: str, dataset: Any) -> Iterator[tuple[str, Place]]:
@@ -244,7 +258,7 @@ def _nodes(h5py: Any, file: Any) -> Iterator[tuple[str, Any]]:
             yield prefix, node
             continue
         inner = [key for key in node if not key.startswith("#") and _is_own(h5py, node, key)]
-        if any(isinstance(node[key], h5py.Dataset) and node[key].dtype.kind == "O" for key in inner):
+        if any(isinstance(node[key], h5py.Dataset) and _kind(node[key]) == "O" for key in inner):
             yield prefix, node
         waiting += [(f"{prefix}/{key}".lstrip("/"), node[key]) for key in reversed(inner)]
 
