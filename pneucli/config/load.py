@@ -117,7 +117,7 @@ def _has_control_characters(text: str) -> bool:
 
 
 def _where(path: Path, text: str, key: Location) -> str:
-    if not key:  # tables that do not agree
+    if not key:
         return str(path)
     name = ".".join(str(part + 1) if isinstance(part, int) else part for part in key)
     return f"{path}, line {line_of(text, key)}, key {name[:MAX_SHOWN_CHARACTERS]}"
@@ -131,6 +131,20 @@ def _document_key(location: Location, document: Any) -> Location:
         except (KeyError, IndexError, TypeError):
             return tuple(location[: depth + isinstance(document, dict)])
     return tuple(location)
+
+
+def _told_key(location: Location, message: str, text: str, document: Mapping[str, Any]) -> Location:
+    """Return the key below ``location`` that a fault of a table, or between tables, names first; else ``location``.
+
+    Of a key that several recordings have, it is that of the recording that is named.
+    """
+    below = [key for key in _line_numbers(text) if key[: len(location)] == location and len(key) > len(location)]
+    recordings = document.get("recordings", [])
+    told = [n for n, one in enumerate(recordings) if str(one.get("name") or one.get("file")) in message]
+    for word in re.findall(r"(?<![\w./-])(?!a\b)[a-z][\w-]*(?![\w/.-]*[\w/])", message):
+        if named := [key for key in below if key[-1] == word]:
+            return min(named, key=lambda key: key[0] == "recordings" and key[1] not in told)
+    return location
 
 
 def _ambient(document: Mapping[str, Any]) -> float:
@@ -184,8 +198,10 @@ def _fault(
     detail: ErrorDetails,
     model: type[BaseModel],
 ) -> InputError:
-    where = _where(path, text, location)
     kind, value = detail["type"], _abbreviated(detail["input"])
+    where = _where(
+        path, text, _told_key(location, detail["msg"], text, document) if kind == "value_error" else location
+    )
     if kind == "extra_forbidden":
         return InputError(
             where, "unknown key", "", did_you_mean(str(location[-1]), keys_at(location[:-1], model)), code="E021"

@@ -233,13 +233,19 @@ class DelimitedReader:
             raise self._first_fault(asks, "")
         self.rows += 1
         self.losses["truncated"] += 1
-        self.repairs.append(Repair("", "truncated", 1, "the last line is cut off and was left out"))
+        self.repairs.append(Repair("", "truncated", 1, f"line {self._last_line()}, the last, is cut off: left out"))
 
     def _note_unterminated_last_line(self) -> None:
         """Say that the last line has no end, and of its last number that it may be cut off, unless all are as long."""
         decimals = {len(line.rpartition(self._look.decimal)[2]) for line in self._tail()}
         kind, what = ("cut-number", "its last number") if len(decimals) > 1 else ("no-line-end", "what comes after it")
-        self.repairs.append(Repair("", kind, 1, f"the last line has no end: {what} may be cut off; kept"))
+        message = f"line {self._last_line()}, the last, has no end: {what} may be cut off; kept"
+        self.repairs.append(Repair("", kind, 1, message))
+
+    def _last_line(self) -> int:
+        """Return the number of the last line that holds something."""
+        with self._raw.path.open(encoding=self._look.encoding, errors="replace", newline=self._look.line_end) as file:
+            return max(number for number, line in enumerate(file, 1) if line.strip())
 
     def _fields(self, row: str) -> list[str]:
         return row.split() if self._look.delimiter == " " else self._look.split(row.rstrip("\r\n"))

@@ -34,7 +34,8 @@ def open_signals(raw: RawFile) -> SignalReader:
         absent = [key for key, place in columns.get(name, {}).items() if place is None]
         if absent or (name in found and found[name] is None):
             key = absent[0] if absent else raw.channels[name].column
-            raise missing_column(raw.path, name, key, reader.names)
+            taken = [place for place in found.values() if place is not None]
+            raise missing_column(raw.path, name, key, reader.names, taken)
     places = {name: place for name, place in found.items() if place is not None}
     _require_own_columns(raw, places, reader.names)
     reader.repairs += _duplicate_names(reader)

@@ -154,12 +154,22 @@ def column_position(path: Path, signal: str, column: ColumnKey, names: Sequence[
     return None
 
 
-def missing_column(path: Path, signal: str, column: ColumnKey, names: Sequence[str]) -> InputError:
-    """Return the error that says which columns there are instead."""
+def missing_column(
+    path: Path, signal: str, column: ColumnKey, names: Sequence[str], taken: Collection[int] = ()
+) -> InputError:
+    """Return the error that says which columns there are instead; ``taken`` are the positions that signals have."""
     listed = ", ".join(f'"{name}"' for name in names[:30]) or "none"
     if isinstance(column, int):
         return InputError(
             f"{path}, signal {signal}", f"no column {column}", f"1 to {len(names)}", f"columns: {listed}", code="E042"
         )
-    mend = did_you_mean(column, names) if names else "the file has no columns"
+    mend = nearest_column(column, names, taken)
     return InputError(f"{path}, signal {signal}", f'no column "{column}"', f"one of {listed}", mend, code="E042")
+
+
+def nearest_column(column: str, names: Sequence[str], taken: Collection[int]) -> str:
+    """Return which column may be meant: one that no other signal takes, by their positions from 0."""
+    free = [name for place, name in enumerate(names) if place not in taken and name]
+    if not free:
+        return "another signal takes each column of the file" if names else "the file has no columns"
+    return did_you_mean(column, free).replace("known:", "free:")

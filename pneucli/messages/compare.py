@@ -328,6 +328,7 @@ class Answer:
     lack_of_fit: LackOfFit | None
     free_run: Sequence[Divergence]
     closed_loop: Sequence[ControllerLog]
+    without_pressure: Sequence[str] | None = optional()
     number: int = 0
     when: str = ""
 
@@ -343,11 +344,19 @@ class Answer:
             yield from labelled("" if i else "where", describe_event(event))
         for i, log in enumerate(self.closed_loop):
             yield from labelled("" if i else "loop", log.sentence)
-        yield from labelled("do", f"pneucli {next_command(self.lack_of_fit, self.error)} {file}")
+        yield from labelled("do", self.next_step(file))
         if verbose:
             yield ""
             head = ("recording", "use", "channel", "rms error", "of range", "× noise", "99 % below")
             yield from table(head, [c.row for c in test_first(self.channels)], texts=3)
+
+    def next_step(self, file: str) -> str:
+        """Return what to do next; ``diagnose`` names nothing where no recording has a pressure."""
+        blind = set(self.without_pressure or ())
+        all_blind = bool(blind) and {one.recording for one in self.channels} <= blind
+        if all_blind and lacks_something(self.lack_of_fit, self.error):
+            return "record p1: from motion alone diagnose names no effect"
+        return f"pneucli {next_command(self.lack_of_fit, self.error)} {file}"
 
     @property
     def verdict(self) -> str:

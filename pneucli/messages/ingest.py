@@ -140,7 +140,7 @@ class Answer:
         # the weightier repairs are warnings, too
         yield from each("repair", (one.text for one in self.repairs if one.text not in self.warnings))
         yield from each("warning", self.warnings)
-        yield from labelled("do", f"pneucli compare {file}")
+        yield from labelled("do", next_step(self.plausibility, file))
 
     def plausibility_lines(self, left_out: Sequence[LeftOut] = ()) -> Iterator[str]:
         """Yield the findings: conflicts first; nothing where there are none.
@@ -153,6 +153,21 @@ class Answer:
             groups["doubt" if one.weight == "doubt" else "left out" if is_left_out else "conflict"].append(one)
         for label, group in groups.items():
             yield from each(label, implausibility_sentences(group))
+
+
+HOW_READ = ("unit", "reference")  # checks that doubt how the numbers of a signal are read
+
+
+def next_step(findings: Sequence[Implausible], file: str) -> str:
+    """Return what to do next: mend what cannot be true, say how a doubtful signal is read, else compare.
+
+    >>> next_step([Implausible("unit", "p1", "run", "p1 reaches 700 bar", "check unit in [signals] p1", 3.0)], "a.toml")
+    'check unit in [signals] p1, then pneucli ingest a.toml'
+    >>> next_step([], "a.toml")
+    'pneucli compare a.toml'
+    """
+    first = next((one for one in findings if one.weight == "contradiction" or one.check in HOW_READ), None)
+    return f"pneucli compare {file}" if first is None else f"{first.mend}, then pneucli ingest {file}"
 
 
 def implausibility_sentences(findings: Sequence[Implausible]) -> list[str]:

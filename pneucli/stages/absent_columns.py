@@ -6,11 +6,11 @@ from collections.abc import Sequence
 from typing import NamedTuple
 
 from pneucli.config import PipelineConfig, RecordingSource, SignalTable, line_of
-from pneucli.errors import MAX_LISTED, InputError, did_you_mean
+from pneucli.errors import MAX_LISTED, InputError
 from pneucli.experiments import EXPERIMENT_KINDS
 from pneucli.io.expression import ROW, Expression
 from pneucli.io.multi_file import MultiFileRecording
-from pneucli.io.raw_file import ColumnKey, column_position
+from pneucli.io.raw_file import ColumnKey, column_position, nearest_column
 from pneucli.io.signal_reader import SignalReader
 
 
@@ -73,8 +73,11 @@ def _takes(source: RecordingSource, name: str, table: SignalTable) -> bool:
 
 def _missing_keys(table: SignalTable, one: Opened) -> list[ColumnKey]:
     """Return the columns of a signal that a recording's files lack; columns that share a name are not missing."""
-    keys = Expression(table.expression).columns if table.expression is not None else (table.column or 0,)
-    return [key for key in keys if key != ROW and not _is_column(key, one)]
+    return [key for key in _keys(table) if key != ROW and not _is_column(key, one)]
+
+
+def _keys(table: SignalTable) -> Sequence[ColumnKey]:
+    return Expression(table.expression).columns if table.expression is not None else (table.column or 0,)
 
 
 def _is_column(key: ColumnKey, one: Opened) -> bool:
@@ -82,6 +85,14 @@ def _is_column(key: ColumnKey, one: Opened) -> bool:
         return column_position(one.source.path, "", key, one.file.names) is not None
     except InputError:
         return True
+
+
+def _taken(one: Opened) -> set[int]:
+    """Return the positions of the columns that the signals of a recording are read from."""
+    signals = [own for name, own in one.source.signals.items() if name in one.file.positions]
+    keys = [key for own in signals for key in _keys(own)]
+    places = (column_position(one.source.path, "", key, one.file.names) for key in keys)
+    return {place for place in places if place is not None}
 
 
 def _used_signals(source: RecordingSource) -> set[str]:
@@ -98,7 +109,7 @@ def _fault(config: PipelineConfig, name: str, table: SignalTable, lacking: Seque
     line = line_of(config.path.read_text(encoding="utf-8-sig"), ("signals", name, key))
     more = f" and {len(others)} more" if others else ""
     shown = f'"{column}"' if isinstance(column, str) else str(column)
-    nearest = did_you_mean(str(column), first.file.names)
+    nearest = nearest_column(str(column), first.file.names, _taken(first))
     listed = ", ".join(f'"{one}"' for one in first.file.names[:MAX_LISTED])
     allowed = f"where recordings are without {name}: optional = true in [signals] {name}, or take in [[recordings]]"
     return InputError(

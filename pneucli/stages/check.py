@@ -41,13 +41,14 @@ class CheckedSignal:
 
 @dataclass(frozen=True)
 class CheckedRecording:
-    """A recording and its signals."""
+    """A recording and its signals; ``told`` is what was repaired of its file."""
 
     name: str
     file: str
     experiment: str
     use: str
     signals: Sequence[CheckedSignal]
+    told: Sequence[str]
 
 
 @dataclass(frozen=True)
@@ -81,6 +82,7 @@ class Checked:
             for row in one.signals:
                 if row.told:
                     yield from labelled("", f"{row.signal}: {row.told}")
+            yield from each("", one.told)
             yield ""
         for need in self.missing:
             yield from labelled("missing", f"[{need.table}] {need.key} = {need.example}: {need.wanted}")
@@ -102,10 +104,13 @@ def check_pipeline(path: Path) -> Checked:
     """
     config, faults = _loaded(path)
     waiting = {fault.where.rpartition("key ")[2] for fault in faults}
-    sources = _attempt(lambda: recording_sources(config), faults) or []
+    known = _attempt(lambda: recording_sources(config), faults)
+    sources = known or []
     tried = [_attempt(partial(open_recording, source, config), faults) for source in sources]
     opened = [one for one in tried if one is not None]
-    complete = len(opened) == len(sources)  # otherwise a file that is at fault may have what others lack
+    complete = known is not None and len(opened) == len(
+        sources
+    )  # otherwise a file that is at fault may have what others lack
     faults += absent_column_faults(config, opened, complete=complete)
     begun = [found for one in opened if (found := _attempt(partial(_beginning, one), faults)) is not None]
     if not config.model.plugins:  # which would be run to tell the names of their effects
@@ -118,7 +123,7 @@ def check_pipeline(path: Path) -> Checked:
     return Checked(
         schema="pneucli/check/1",
         pipeline=config.name,
-        recordings=[_row(one.source, one.signals) for one in begun],
+        recordings=[_row(one) for one in begun],
         missing=[need for need in needs if f"{need.table}.{need.key}" not in waiting],
         assumed=[*flow_unit_assumptions(config), *(assumptions(recordings, rig) if recordings else [])],
         left_out=absence_notes(config, opened) if complete else [],
@@ -185,6 +190,7 @@ class Beginning(NamedTuple):
     source: RecordingSource
     recording: Recording
     signals: list[CheckedSignal]
+    told: list[str]
 
 
 def _beginning(opened: Opened) -> Beginning:
@@ -211,7 +217,8 @@ def _beginning(opened: Opened) -> Beginning:
         chamber=table.chamber,
         added_mass=table.added_mass or 0.0,
     )
-    return Beginning(source, recording, [_signal(name, source, file) for name in names])
+    told = [one.message for one in file.repairs if not one.signal]
+    return Beginning(source, recording, [_signal(name, source, file) for name in names], told)
 
 
 def _signal(name: str, source: RecordingSource, file: SignalReader | MultiFileRecording) -> CheckedSignal:
@@ -222,5 +229,6 @@ def _signal(name: str, source: RecordingSource, file: SignalReader | MultiFileRe
     return CheckedSignal(name, held, (asked.unit or "") if asked is not None else "", notes)
 
 
-def _row(source: RecordingSource, signals: list[CheckedSignal]) -> CheckedRecording:
-    return CheckedRecording(source.name, str(source.path), source.table.experiment, source.table.use, signals)
+def _row(one: Beginning) -> CheckedRecording:
+    source, table = one.source, one.source.table
+    return CheckedRecording(source.name, str(source.path), table.experiment, table.use, one.signals, one.told)

@@ -86,6 +86,7 @@ def run(context: Context) -> dict[str, Any]:
     results = [*(r for c in comparisons for r in c.results), *flow_results(flows)]
     beyond, within = beyond_fitted(comparisons)
     judged, whole = (None, []) if model is None else _judgement(study, comparisons, expected, model)
+    blind = [c.experiment.recording.name for c in comparisons if c.experiment.lacks_pressures]
     free = {r.key: {key: getattr(r, key) for key in FREE_RUN_KEYS} for r in whole}
     found = Answer(
         schema="pneucli/compare/1",
@@ -102,6 +103,7 @@ def run(context: Context) -> dict[str, Any]:
         error_within_fitted=within,
         lack_of_fit=judged,
         free_run=divergences(whole),
+        without_pressure=blind or None,
         closed_loop=[] if model is None else [log_answer(one, model) for one in looked.values()],
     )
     answer: dict[str, Any] = to_json(found)

@@ -77,7 +77,7 @@ def test_every_column_that_no_file_has_is_a_fault_with_the_one_that_is_like_it(p
     faults = json.loads(result.out)["faults"]
     assert result.code == 2
     assert [one["found"].rpartition(": ")[2] for one in faults] == ['no column "PP"', 'no column "Q"']
-    assert [one["mend"].partition("; ")[0] for one in faults] == ['did you mean "P"?', "known: F, P, X, t"]
+    assert [one["mend"].partition("; ")[0] for one in faults] == ['did you mean "P"?', "free: P"]
     assert faults[0]["where"].endswith("slow.toml, line 8, key signals.p2.column")
 
 
@@ -134,3 +134,24 @@ def test_no_stage_is_run_and_nothing_is_written(pneucli: Command, strokes: Path)
     before = sorted(strokes.parent.rglob("*"))
     pneucli("check", strokes)
     assert sorted(strokes.parent.rglob("*")) == before
+
+
+def test_of_a_file_that_is_gone_check_says_that_alone(pneucli: Command, strokes: Path) -> None:
+    (strokes.parent / "strokes.csv").unlink()
+    answer = json.loads(pneucli("check", strokes, "--json").out)
+    assert [one["found"].partition(" /")[0] for one in answer["faults"]] == ["no file"]
+    assert answer["left_out"] == []
+
+
+def test_check_says_which_line_a_file_is_cut_off_in(pneucli: Command, strokes: Path) -> None:
+    raw = strokes.parent / "strokes.csv"
+    raw.write_text(raw.read_text() + "4.00,3")
+    assert "line 402, the last, is cut off" in " ".join(pneucli("check", strokes).out.split())
+
+
+def test_a_column_that_a_signal_takes_is_not_proposed_to_another(pneucli: Command, strokes: Path) -> None:
+    strokes.write_text(FRICTION.replace("[[recordings]]", 'p1 = { column = "F1", unit = "bar" }\n[[recordings]]'))
+    said = " ".join(pneucli("check", strokes).out.split())
+    assert 'no column "F1"' in said
+    assert 'did you mean "F"' not in said
+    assert "free: P" in said

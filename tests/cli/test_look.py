@@ -49,7 +49,7 @@ def test_the_answer_says_units_rests_and_doubts(pneucli: Command, tank: Path) ->
 
 def test_a_repair_of_no_signal_names_the_recording_alone(pneucli: Command, tank: Path) -> None:
     tank.write_text(tank.read_text(encoding="utf-8") + "12.00,-8,1.0", encoding="utf-8")
-    assert "a tank: the last line is cut off" in pneucli("look", tank, "-v").out
+    assert "a tank: line 1202, the last, is cut off" in pneucli("look", tank, "-v").out
 
 
 def test_one_sample_of_many_shows_in_the_curve(pneucli: Command, tmp_path: Path) -> None:

@@ -133,7 +133,7 @@ def test_environment_variables_lead_to_files(tmp_path: Path, monkeypatch: pytest
         ('name = "step"', 'encoding = "idna"', 15, "no encoding of text"),
         ('name = "step"', 'delimiter = "ab"', 15, "cannot stand between columns"),
         ('name = "step"', 'delimiter = "é"', 15, "cannot stand between columns"),
-        ('name = "step"', 'decimal = ","\ndelimiter = ","', 14, "decimal mark"),
+        ('name = "step"', 'decimal = ","\ndelimiter = ","', 15, "decimal mark"),
         ('[rig.vessel]\nvolume = "160 cm^3"', "[[rig.vessel]]", 6, "wanted: a table"),
         ("[pipeline]", 'compare = ["0.5 s"]\n[pipeline]', 1, "wanted: a table"),
         (

@@ -188,7 +188,8 @@ def test_rows_without_a_clock_are_no_test_of_friction(tmp_path: Path) -> None:
 def test_what_a_pump_delivers_must_be_recorded(tmp_path: Path) -> None:
     pump = ("# cylinder", '[rig.source]\nkind = "pump"')
     with pytest.raises(
-        InputError, match=r"axis\.toml: the pressure behind a source of kind pump is not constant, and run\.csv has no"
+        InputError,
+        match=r"key rig\.source: the pressure behind a source of kind pump is not constant, and run\.csv has no",
     ):
         stated(tmp_path, pump)
     supply = ("[[recordings]]", 'p_supply = { column = "ps", unit = "bar" }\n[[recordings]]')

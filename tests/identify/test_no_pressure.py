@@ -10,11 +10,13 @@ import pytest
 
 from pneucli.diagnose.validity import has_unmeasured_force
 from pneucli.errors import InputError
+from pneucli.figure import read
 from pneucli.identify.estimation.intervals import with_intervals
 from pneucli.identify.estimation.model_fit import fit_model
 from pneucli.identify.guesses.base_model import guess_base_model
 from pneucli.identify.guesses.null_command import with_identified_null
 from pneucli.identify.residuals import ForceBalance, residual_models
+from pneucli.messages.compare import Answer
 from pneucli.physics.effects import catalogue_with_sides
 from pneucli.plausibility.required_inputs import assumptions, tells_valve_map
 from pneucli.recording import Rig
@@ -167,3 +169,7 @@ def test_a_pipeline_of_command_and_position_alone_is_identified(blind: list[Expe
     assert "valve" not in told
     assert any("one gain for all commands" in one["what"] for one in told["assumed"])
     assert {one["channel"] for one in answers["compare"]["channels"]} == {"x", "v"}
+    compared = read(Answer, answers["compare"])
+    assert replace(compared, lack_of_fit=None, error={"train": 9.0}).next_step("p.toml").startswith("record p1")
+    seen = replace(compared, lack_of_fit=None, error={"train": 9.0}, without_pressure=None)
+    assert seen.next_step("p.toml") == "pneucli diagnose p.toml"

@@ -13,7 +13,7 @@ from pneucli.errors import InputError
 from pneucli.io.column_reader import ColumnReader, is_label_column
 from pneucli.io.damaged_files import check_expanded_size
 from pneucli.io.formats.base import Format
-from pneucli.io.raw_file import ColumnValues
+from pneucli.io.raw_file import ColumnValues, Repair
 
 EXPANSION = 8  # bytes in memory for one of the text, at most: numbers of two digits become objects
 
@@ -21,13 +21,14 @@ EXPANSION = 8  # bytes in memory for one of the text, at most: numbers of two di
 def open_json(path: Path) -> ColumnReader:
     """List the columns: numbers, numbers and stamps as texts, and labels."""
     check_expanded_size(path, EXPANSION * path.stat().st_size)
-    columns = _columns(path)
+    repairs: list[Repair] = []
+    columns = _columns(path, repairs)
 
     def fetch(wanted: Sequence[str]) -> list[ColumnValues]:
         return [columns[name] for name in wanted]
 
     texts = {name for name, values in columns.items() if values.dtype == object and is_label_column(values)}
-    return ColumnReader(path, JSON.name, list(columns), fetch, texts=texts)
+    return ColumnReader(path, JSON.name, list(columns), fetch, texts=texts, repairs=repairs)
 
 
 def is_json(head: bytes, _: Path) -> bool:
@@ -36,12 +37,12 @@ def is_json(head: bytes, _: Path) -> bool:
     return start.startswith((b'{"', b'[{"', b"[{}", b"{}"))
 
 
-def _columns(path: Path) -> dict[str, ColumnValues]:
+def _columns(path: Path, repairs: list[Repair]) -> dict[str, ColumnValues]:
     text = path.read_text(encoding="utf-8-sig", errors="replace")
     try:
         whole = json.loads(text)
     except json.JSONDecodeError:
-        whole = _lines(path, text)
+        whole = _lines(path, text, repairs)
     tables = list(_tables(whole))
     rows: Any
     if len(tables) == 1:
@@ -77,7 +78,7 @@ def _tables(node: Any) -> Iterator[tuple[str, list[str], list[list[Any]]]]:
             yield from _tables(one)
 
 
-def _lines(path: Path, text: str) -> list[Any]:
+def _lines(path: Path, text: str, repairs: list[Repair]) -> list[Any]:
     rows = []
     lines = [(number, line) for number, line in enumerate(text.splitlines(), 1) if line.strip()]
     for number, line in lines:
@@ -85,7 +86,8 @@ def _lines(path: Path, text: str) -> list[Any]:
             rows.append(json.loads(line))
         except json.JSONDecodeError as error:
             if number == lines[-1][0] and rows:
-                break  # cut off where the logger stopped
+                repairs.append(Repair("", "truncated", 1, f"line {number}, the last, is cut off: left out"))
+                break
             where = f"{path}, line {number}"
             raise InputError(
                 where, f"no JSON: {error.msg}", "an object a line", "mend the line", code="E044"
