@@ -14,6 +14,7 @@ from pneucli.init.survey_types import Column
 from pneucli.io.clock_repairs import spread_stamps
 
 MIN_INCREASING = 0.98  # of the steps of a clock, that do not go back: a counter may wrap now and then
+MIN_STAMPS = 9  # of a coarse clock that is not called one
 MIN_MOVING = 0.5  # of the steps of a clock that is not coarse, that go on
 MAX_STEP_SPREAD = 0.5  # of its median, that a column of time steps may spread
 SAME_CLOCK = 1e-3  # of its length, that a clock which tells the same time may differ from a line over another
@@ -31,12 +32,16 @@ _INTERVAL = re.compile(r"(?i)\w+[_ ]interval")  # of steps only where a unit is 
 _BARE = re.compile(r"\s*[\[(<{][^\])>}]*[\])>}]\s*$")
 
 
-def is_increasing(values: Array) -> bool:
-    """Return whether numbers go on like the stamps of a clock, also of a coarse one that rows share."""
+def is_increasing(values: Array, *, named: bool = False) -> bool:
+    """Return whether numbers go on like the stamps of a clock, also of a coarse one that rows share.
+
+    What is not ``named`` a clock has to have more such stamps: a command that rises in steps has a few.
+    """
     steps = np.diff(values)
     if not steps.size or float(np.mean(steps >= 0)) <= MIN_INCREASING:
         return False
-    return float(np.mean(steps > 0)) > MIN_MOVING or spread_stamps(values) is not values
+    several = named or np.count_nonzero(steps) > MIN_STAMPS
+    return float(np.mean(steps > 0)) > MIN_MOVING or bool(several and spread_stamps(values) is not values)
 
 
 def counts_rows(column: Column) -> bool:
@@ -186,10 +191,15 @@ def _tells_same(first: Column, other: Column) -> bool:
     return bool(np.abs(b - b[0] - slope * (a - a[0]) - offset).max() < SAME_CLOCK * max(float(np.ptp(b)), 1e-300))
 
 
+def may_be_clock(column: Column) -> bool:
+    """Return whether a column is called like a clock, or is in a unit of time."""
+    if column.unit:
+        return column.unit in ("s", "ms", "us", "ns", "min", "h", "d")
+    return read_name(column, False).has(NOUNS["time"])
+
+
 def _is_clock(column: Column) -> bool:
-    timed = column.unit in ("s", "ms", "us", "ns", "min", "h", "d")
-    named = read_name(column, False).has(NOUNS["time"]) and not column.unit
-    return (named or timed) and column.where is None and is_increasing(column.finite_values)
+    return may_be_clock(column) and column.where is None and is_increasing(column.finite_values, named=True)
 
 
 def _is_name(pattern: re.Pattern[str], column: Column) -> bool:

@@ -31,7 +31,7 @@ _WORDS = (
 )
 _RATE_NAMES = re.compile(r"(?i)^(?:fs|f_s|fsample|rate|(?:sample|sampling|scan|data)[ _]?(?:rate|frequency|freq))\b")
 _PERIOD_NAMES = re.compile(
-    r"(?i)^(?:ts|t_s|dt|delta_?[tx]|tsample|sample[ _]?time|(?:x[ _]?)?increment|"
+    r"(?i)^(?:ts|t_s|dt|delta_?[tx]|tsample|sample[ _]?time|(?:x[ _]?)?increment|h_?resolution|"
     r"(?:sampl(?:e|ing)[ _]?)?(?:interval|period))\b"
 )
 Vote = tuple[str, str]  # unit, and why

@@ -95,7 +95,8 @@ _NODE = re.compile(r"^(?:ns=\d+;)?[sgib]=")  # what OPC UA writes before a name
 _VALUE = re.compile(r"(?i)(?<!^x)[\s_]+value[xy]?$")  # what recorders write behind a name, beside its stamps
 _DOTTED = re.compile(r"[A-Za-z_]\w*(?:\.[A-Za-z_]\w*)+")
 _MARKED = re.compile(
-    r"^(.*?)\s*\[\s*([^\]]*?)\s*\]\s*$|^(.*?)\s*[(<{]\s*([^\])>}]*)\s*[)>}]\s*$|^(.+?)\s+in\s+(\S+)$|^()in\s+(\S+)$|^(.+?),\s*(\S+)$"
+    r"^([^\[(<{]+?),\s*(\S+)$|^(.*?)\s*\[\s*([^\]]*?)\s*\]\s*$|^(.*?)\s*[(<{]\s*([^\])>}]*)\s*[)>}]\s*$|"
+    r"^(.+?)\s+in\s+(\S+)$|^()in\s+(\S+)$"
 )
 _SUFFIX = re.compile(r"^(.+)_([^_\s]+)$")
 _NO_NAMES = re.compile(r"(?i)data|values?|signal|(?:in|out)\d*")  # last parts of paths that say nothing
@@ -207,13 +208,21 @@ def variants(names: Sequence[ColumnName]) -> set[int]:
     """Return the columns of a channel that another one has as it was read: filtered ones, and ranges of a mean."""
     kinds = ("", _MEANS, _PLAIN_READINGS, _DERIVED, _SPREADS)
     found: dict[object, list[tuple[int, int]]] = {}
+    units: dict[object, str] = {}
     for n, name in enumerate(names):
         at = [
             max(k for k, own in enumerate(kinds) if k == 0 or ColumnName((word,), "").has(own)) for word in name.words
         ]
         stem = tuple(word for word, k in zip(name.words, at, strict=True) if not k)
-        found.setdefault((stem, name.unit), []).append((max(at, default=0), n))
+        unit = name.unit or (units.get(stem, "") if name.has(_PLAIN_READINGS) else "")
+        units.setdefault(stem, unit)
+        found.setdefault((stem, unit), []).append((max(at, default=0), n))
     return {n for same in found.values() for kind, n in same if kind and (kind, n) != min(same)}
+
+
+def is_spread(name: ColumnName) -> bool:
+    """Return whether a name ends as the least, the most or the deviation of a channel does, and says what channel."""
+    return len(name.words) > 1 and ColumnName(name.words[-1:], "").has(_SPREADS)
 
 
 def _words(stem: str) -> tuple[str, ...]:

@@ -13,7 +13,7 @@ from dataclasses import replace
 import numpy as np
 
 from pneucli.arrays import Array
-from pneucli.init.clock_columns import counts_rows, is_increasing, repeated_clocks
+from pneucli.init.clock_columns import counts_rows, is_increasing, may_be_clock, repeated_clocks
 from pneucli.init.clock_units import epoch_counter, guess_clock_unit, stated_period
 from pneucli.init.column_names import (
     ABSOLUTE,
@@ -24,6 +24,7 @@ from pneucli.init.column_names import (
     SUPPLY,
     UPSTREAM,
     ColumnName,
+    is_spread,
     quantity_kind,
     read_names,
     signal_scores,
@@ -42,6 +43,7 @@ from pneucli.units import is_count, parse_unit, same_dimension
 MIN_SWITCHED_SAMPLES, MAX_SWITCHED_LEVELS = 100, 3  # samples of one that was surely read, values of one that was not
 _DEGREES = {"C": "degC", "F": "degF"}  # letters that mean something else where no temperature is measured
 SET = ("u", "u2", "x_ref", "p_ref", "p_supply")  # signals that may change between a few values
+SPREAD_ALONE = "CHECK the least or the most of each interval, as its name says, and no reading: export the mean"
 ONLY_PRESSURE = "taken for p1, as no other pressure is recorded"
 MOTION = ("v", "a")  # of which a column that never changes tells nothing; an x that does not is a place
 
@@ -74,6 +76,7 @@ def guess_columns(surveys: Sequence[Survey]) -> list[Guess]:
     why = rivals(taken, scores, found.columns)
     why |= {one.position: one.why for one in seen if taken.get(one.position) == one.signal}
     taken = {n: one for n, one in taken.items() if one not in MOTION or np.ptp(found.columns[n].finite_values) > 0}
+    why |= {n: SPREAD_ALONE for n, one in taken.items() if one != "time" and is_spread(names[n])}
     why |= _assign_single_pressure(taken, names)
     guesses = [_column_guess(surveys, n, taken.get(n, ""), names[n]) for n in range(len(names))]
     return [
@@ -174,10 +177,6 @@ def _counts_in_name(name: str) -> str:
 
 
 def _clock_guess(found: Survey, column: Column, name: ColumnName) -> Guess:
-    if is_increasing(-column.finite_values):
-        guess = _clock_guess(found, replace(column, values=column.values[::-1]), name)
-        note = "CHECK the newest row stands first: sort the rows by time, the oldest first, before they are read"
-        return replace(guess, column=column, note="; ".join(filter(None, (note, guess.note))))
     if name.unit in ("", "ms") and (counter := epoch_counter(column.finite_values)):
         unit, scale, what = counter
         return Guess(column, "time", unit, False, "", f"CHECK {what}", scale=scale)
@@ -213,7 +212,8 @@ def _clock(columns: Sequence[Column], names: Sequence[ColumnName], *, is_rated: 
     Of several that are called so, one that is computed or says its unit; a clock of single channels is none of all.
     ``is_rated``: the file says its rate, so that a column which counts rows is no clock.
     """
-    rising = [n for n, one in enumerate(columns) if one.where is None and is_increasing(one.finite_values)]
+    own = [n for n, one in enumerate(columns) if one.where is None]
+    rising = [n for n in own if is_increasing(columns[n].finite_values, named=may_be_clock(columns[n]))]
     called = [n for n in rising if names[n].has(NOUNS["time"]) or quantity_kind(names[n].unit) == "time"]
     certain = [n for n in called if columns[n].computed or quantity_kind(names[n].unit) == "time"]
     certain = [*(n for n in rising if columns[n].is_clock), *certain]
@@ -224,9 +224,7 @@ def _clock(columns: Sequence[Column], names: Sequence[ColumnName], *, is_rated: 
     index = [n for n in rising if names[n].words[-1:] == ("index",) and not counts_rows(columns[n])]
     nameless = [n for n in rising if not names[n].words and not (is_rated and counts_rows(columns[n]))]
     even = [n for n in rising if not names[n].unit and _goes_on_evenly(columns[n])]
-    falling = [n for n, one in enumerate(columns) if one.where is None and is_increasing(-one.finite_values)]
-    falling = [n for n in falling if names[n].has(NOUNS["time"]) and quantity_kind(names[n].unit) in ("time", "")]
-    return next(iter([*first, *labview, *index, *nameless, *even, *falling]), None)
+    return next(iter([*first, *labview, *index, *nameless, *even]), None)
 
 
 def _goes_on_evenly(column: Column) -> bool:

@@ -10,7 +10,7 @@ import numpy as np
 
 from pneucli.arrays import Array
 from pneucli.errors import InputError
-from pneucli.init.clock_columns import computed_clocks, is_increasing, paired_clocks
+from pneucli.init.clock_columns import computed_clocks, is_increasing, may_be_clock, paired_clocks
 from pneucli.init.column_names import read_name
 from pneucli.init.role_evidence import pressure_behind_valve
 from pneucli.init.survey_types import Column, Guess, Survey
@@ -23,7 +23,7 @@ from pneucli.io.formats import is_text, open_raw, unpacked
 from pneucli.io.packed import named_as
 from pneucli.io.raw_file import ColumnKey, ColumnRequest, ColumnValues, RawFile, Reader
 from pneucli.io.text_sniffer import SniffedLayout, apply_sniffed, is_unit, sniff, stated_numbers
-from pneucli.io.timestamp_order import Table
+from pneucli.io.timestamp_order import NEWEST_FIRST, Table, falls
 from pneucli.paths import file_on_disk
 from pneucli.units import parse_unit, same_dimension
 
@@ -83,6 +83,10 @@ def _shaped(
 ) -> tuple[list[Column], list[str], list[tuple[str, list[Column]]]]:
     """Return the columns of a table as one of signals, what is left out in words, and the columns of each run."""
     words = [one.message for one in reader.repairs if one.kind == "words"]
+    if any(falls(one.values) for one in columns if may_be_clock(one)):
+        columns = [replace(one, values=one.values[::-1]) for one in columns]
+        labels = {key: own[::-1] for key, own in labels.items()}
+        words.append(NEWEST_FIRST)
     if long := long_table(columns, labels):
         by_label = {one.where[0] for one in long if one.where is not None}
         taken = {one.key for one in long}

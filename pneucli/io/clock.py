@@ -33,6 +33,10 @@ _COMPACT = r"^\s*((?:19|20)\d\d)([01]\d)([0-3]\d)[T_ -]?([0-2]\d):?([0-5]\d):?([
 _SPELLINGS = (  # of stamps, and what is read in their place
     (r"^\s*(?:L?DT|L?TOD|DATE_AND_TIME|TIME_OF_DAY)#", ""),  # IEC 61131-3
     (r"^(\d{4}-\d{1,2}-\d{1,2})-(\d)", r"\1 \2"),
+    (r"^'", ""),  # in front of what Excel is not to read
+    (r"^(?:(\d{4}-\d\d-\d\d)[-T ])?(\d\d)\.(\d\d)\.(\d\d\.\d+)$", r"\1 \2:\3:\4"),
+    (r"^[A-Z][a-z]{2},? ([A-Z][a-z]{2}) +(\d{1,2}) (\d\d:\d\d:\d\d(?:\.\d+)?) (\d{4})$", r"\2 \1 \4 \3"),  # of C
+    (r"^(\d+)h ?(\d+)m(?:in)? ?(\d+(?:\.\d+)?)s$", r"PT\1H\2M\3S"),
     (_COMPACT + r"(\d{3}|\d{6}|\d{9})$", r"\1-\2-\3 \4:\5:\6.\7"),
     (_COMPACT + r"($|[^\d])", r"\1-\2-\3 \4:\5:\6\7"),
     (r"^\s*(\d+)(?:\.| days? )(\d\d):(\d\d):(\d\d(?:\.\d+)?)$", r"P\1DT\2H\3M\4S"),  # durations of .NET, pandas

@@ -114,7 +114,7 @@ MAX_WRAP_STEPS = 20.0  # usual steps of the clock, that it may have gone on by w
 MIN_PERIOD_STEPS = 100.0  # usual steps in a period of the counter
 MIN_REPEATED_SHARE = 0.5  # of the stamps that repeat the one before: fewer are single faults of the logger
 MIN_REGULAR_SHARE = 0.8  # of the runs of equal stamps, that are as long as most of them, within a quarter
-MIN_RUNS = 8
+MIN_RUNS, MIN_SHARED_ROWS = 2, 16  # whole runs of equal stamps, and rows in all
 
 
 class CounterClock:
@@ -181,9 +181,10 @@ def spread_repeated_stamps(batches: Iterator[Batch], repairs: list[Repair]) -> I
             rows += ready
             yield {name: values[:ready] for name, values in waiting.items()} | {"time": time}
         waiting = {name: np.concatenate([waiting[name][ready:], batch[name]]) for name in waiting}
-    time, _ = _spread(waiting["time"], None, period)
+    time, period = _spread(waiting["time"], None, period)
     rows += time.size
-    message = f"{rows} rows share their stamps with others, as the clock is coarse; they were spread evenly"
+    message = f"{rows} rows share their stamps with others, as the clock is coarse; they were spread evenly, "
+    message += f"{format_plain(period, 3)} s apart, and each may be off by as much"
     repairs.append(Repair("time", "spread", rows, message))
     yield waiting | {"time": time}
 
@@ -208,7 +209,7 @@ def _shares_evenly(time: Array) -> bool:
 
 def _is_coarse(time: Array) -> bool:
     """Return whether most stamps repeat the one before, and equally many rows share each."""
-    if time.size < 2 * MIN_RUNS or not np.isfinite(time).all() or np.any(np.diff(time) < 0):
+    if time.size < MIN_SHARED_ROWS or not np.isfinite(time).all() or np.any(np.diff(time) < 0):
         return False
     lengths = np.diff(_run_edges(time))[1:-1]
     if lengths.size < MIN_RUNS or np.mean(np.diff(time) == 0) <= MIN_REPEATED_SHARE:
@@ -233,8 +234,11 @@ def _spread(time: Array, following: float | None, period: float) -> tuple[Array,
     stamps = time[edges[:-1]]
     ends = np.append(stamps[1:], np.nan if following is None else following)
     steps = (ends - stamps) / lengths
-    known = steps[np.isfinite(steps) & (steps > 0)]
+    is_first, known = not period, steps[np.isfinite(steps) & (steps > 0)]
     period = float(np.median(known)) if known.size else period
     steps = np.where(np.isfinite(steps) & (steps < MAX_GAP_RATIO * period), steps, period)
     inside = np.arange(time.size) - np.repeat(edges[:-1], lengths)
+    if is_first and lengths.size > 2 and lengths[0] < np.median(lengths):  # the recording begins within this stamp
+        steps[0] = period
+        inside[: lengths[0]] += int(np.median(lengths)) - lengths[0]
     return np.asarray(time + inside * np.repeat(steps, lengths)), period

@@ -12,6 +12,7 @@ from pneucli.io.raw_file import Channel, RawFile, Reader, Repair
 from pneucli.units import factor_and_offset, is_count, parse_scaled_unit, parse_unit, same_dimension
 
 _BRACKETED = re.compile(r"([\[(<])([^\[\](){}<>]*(?:\([^()]*\)[^\[\](){}<>]*)?)[\])>]\s*$")
+_AT_END = re.compile(r"[\s,]([A-Za-z]+\([A-Za-z]+\))$")  # a unit that has brackets of its own: "P1, bar(a)"
 _UNIT_LIKE = re.compile(r"(?=.*[A-Za-zµ°%])[\w\s.,*/^·×²³⁻°%µ-]{1,24}")
 _WORDS = (
     "abs absolute rel relative gauge filt filtered mean avg left right top bottom in out front rear soll ist set "
@@ -41,7 +42,8 @@ class WrittenUnit:
 def unit_in_file(reader: Reader, place: int) -> WrittenUnit | None:
     """Return the unit that a file states for its column; None where it states none."""
     in_name = _BRACKETED.search(reader.names[place])
-    texts = [reader.units.get(place), in_name and in_name[2]]
+    at_end = _AT_END.search(reader.names[place])
+    texts = [reader.units.get(place), at_end and at_end[1], in_name and in_name[2]]
     found = [read_unit(text) for text in texts if text]
     known = next((one for one in found if one.unit), None)
     file_unit = next((one for one in found if _is_stated(one.text, in_name)), None)

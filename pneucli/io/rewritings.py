@@ -38,6 +38,9 @@ _REWRITINGS = (
     Rewriting(_BLANK, " "),
     Rewriting("(?<![\\w.])−(?=[\\d.,])", "-"),  # the minus of typography
     Rewriting(r"(?<![\w.])([+-]?(?:\d+(?:\.\d*)?|\.\d+))[dD](?=[+-]\d{1,3}(?![\w.]))", r"\1E"),  # as Fortran writes
+    Rewriting(r"(?<=[\d.])(?:\*|[ ]?[x×*][ ]?10)\^[({]?([+-]?\d+)[)}]?", r"E\1"),  # 1.5x10^-3, 1.5*^-3
+    Rewriting(r"(?:^|(?<={}))\((\d(?:(?!{})[\d.,])*)\)(?=[ ]*(?:{}|\r?$))", r"-\1"),  # as in accounts
+    Rewriting(r"(?:^|(?<={}))(\d(?:(?!{})[\d.,])*)-(?=[ ]*(?:{}|\r?$))", r"-\1"),  # the sign behind
     Rewriting(
         r"(?<=[\d.])[ ]?(?:±|\+/-|\+-)[ ]?(?:(?!{})[\d.,eE+-])+",
         "",

@@ -25,7 +25,7 @@ from pneucli.io.raw_file import (
     missing_column,
 )
 from pneucli.io.signal_repairs import SignalRepairs, is_held
-from pneucli.io.timestamp_order import Table, loss_repairs
+from pneucli.io.timestamp_order import NEWEST_FIRST, Table, falls, loss_repairs
 
 Batch = dict[str, Array]
 
@@ -119,8 +119,24 @@ class SignalReader:
     def _wide_batches(self) -> Iterator[Batch]:
         names = list(self.positions)
         clock = next((group.clock for group in self._groups().values()), self.positions["time"])
-        for columns in self.reader.batches(self._column_requests(names, clock)):
-            yield self._values(names, columns)
+        read = (self._numbers(names, one) for one in self.reader.batches(self._column_requests(names, clock)))
+        for numbers in self._oldest_first(read):
+            yield {name: self._repaired(name, own) for name, own in numbers.items()}
+
+    def _oldest_first(self, batches: Iterator[Batch]) -> Iterator[Batch]:
+        """Yield the same rows, from the last one up where the stamps of the first ones fall."""
+        first = next(batches, None)
+        if first is None:
+            return
+        if not falls(first["time"]):
+            yield first
+            yield from batches
+            return
+        parts = [first, *batches]
+        whole = {name: np.concatenate([part[name] for part in parts])[::-1] for name in first}
+        self._rows = np.arange(whole["time"].size)[::-1]
+        self._noted.append(Repair("time", "reversed", whole["time"].size, NEWEST_FIRST))
+        yield whole
 
     def _column_requests(self, names: Sequence[str], clock: int | None) -> list[ColumnRequest]:
         """Return the requests for the columns of signals, ``time`` read from ``clock``, and of their expressions."""
@@ -228,6 +244,9 @@ class SignalReader:
             seen = sorted({str(text) for column in labels.values() for text in column[:10_000]})
             found, mend = f'no row where the label is "{where[1]}"', f"labels: {', '.join(seen[:30])}"
             raise InputError(f"{self.raw.path}, signal {names[0]}", found, "", mend, code="E043")
+        if falls(time[rows]):
+            rows = rows[::-1]
+            self._noted.append(Repair("time", "reversed", rows.size, NEWEST_FIRST))
         if not where and self._clocks:
             known = np.flatnonzero(np.isfinite(time))
             rows = rows[: int(known[-1]) + 1 if known.size else 0]

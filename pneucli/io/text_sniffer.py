@@ -20,6 +20,7 @@ from pneucli.io.text_layout import (
     head_of,
     is_cell,
     is_value,
+    number_and_unit,
     with_keys,
 )
 from pneucli.units import is_count, parse_scaled_unit, parse_unit, same_dimension
@@ -97,8 +98,8 @@ def stated_numbers(raw: RawFile, found: SniffedLayout) -> dict[str, float]:
 MAX_PREAMBLE_LINES = 60
 _STATED_RATE = re.compile(
     r'(?i)^[#%;"\s]*((?:sampl\w*|scan|data|acquisition|record\w*)?[ _]?(?:rate|freq\w*|fs|interval|period|dt|increment|'
-    r'time[ _]?step|x[ _]?increment|delta[ _]?[tx]))\s*(?:[\[(]([^\])]*)[\])])?["\s]*[:=,;\t]+\s*"?'
-    r"(\d+(?:[.,]\d+)?(?:[eE][+-]?\d+)?)\s*([A-Za-zµ/]*)"
+    r'time[ _]?step|x[ _]?increment|h[ _]?resolution|delta[ _]?[tx]))\s*(?:[\[(]([^\])]*)[\])])?["\s]*[:=,;\t]+\s*"?'
+    r'(\d+(?:[.,]\d+)?(?:[eE][+-]?\d+)?)"?[\s;,]*"?((?:[A-Za-zµ][A-Za-zµ/]*)?)'
 )
 
 
@@ -314,7 +315,7 @@ def _are_units(fields: Sequence[str]) -> bool:
     if len(fields) > 2 and len(counted) == 1 and len(set(fields)) == len(fields):
         return False  # channels by their numbers: K1, K2, K3
     return (
-        sum(is_unit(field) or is_count(field.strip("[](){}<> ")) for field in fields)
+        sum((is_unit(field) and not number_and_unit(field)) or is_count(field.strip("[](){}<> ")) for field in fields)
         >= 0.6 * sum(field not in NULL_TEXTS for field in fields)
         > 0
     )

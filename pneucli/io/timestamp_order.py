@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from pneucli.arrays import Array, Mask
 from pneucli.errors import InputError
-from pneucli.io.raw_file import Repair
+from pneucli.io.raw_file import ColumnValues, Repair
 from pneucli.messages.formatting import format_plain
 
 RowClasses = NDArray[np.int8]
@@ -33,7 +33,7 @@ LOSS_MESSAGES = {
 }
 ROW_CLASSES = ("kept", "no-stamp", "duplicate", "backward")
 MAX_BACKWARD_ROWS = 3  # rows in a row whose stamps go back
-MIN_FALLING_SHARE = 0.9  # of the first rows, that go back where the newest row stands first
+MIN_FALLING_SHARE, MIN_FALLING_ROWS = 0.98, 4  # steps that go back, and rows, where the newest row stands first
 SUMMER_TIME, SUMMER_TIME_SLACK = 3600.0, 60.0  # s by which a clock goes back in autumn
 LOOKAHEAD_ROWS = 2  # rows that must follow before one is judged
 MAX_MAGNITUDE = 1e30  # no sensor reads more, in any SI unit: an overflow, or the mark of one
@@ -46,6 +46,17 @@ class Table:
     time: Array
     columns: Mapping[str, Array]
     rows: NDArray[np.intp]
+
+
+def falls(time: ColumnValues) -> bool:
+    """Return whether stamps fall from row to row: the newest row stands first."""
+    known = time[np.isfinite(time)]
+    if known.size < MIN_FALLING_ROWS or not known[-1] < known[0]:
+        return False
+    return bool(np.mean(np.diff(known) <= 0) > MIN_FALLING_SHARE)
+
+
+NEWEST_FIRST = "the newest row stands first; the rows were read from the last one up"
 
 
 class TimestampCheck:
@@ -103,10 +114,6 @@ class TimestampCheck:
             mend += "there, else cut the file there, or use skip_rows"
             if abs(longest.before - longest.time - SUMMER_TIME) < SUMMER_TIME_SLACK:
                 mend = "if summer time ends there, write the stamps with their offset from UTC, such as 02:00:00+01:00"
-            elif longest.length > MIN_FALLING_SHARE * time.size:
-                last = format_plain(time[-1], 9)
-                found = f"the time falls from row to row, from {format_plain(longest.before, 9)} s to {last} s"
-                mend = "sort the rows by time, the oldest first"
             raise InputError(self._place(longest.row), found, "rising time stamps", mend, code="E045")
         if same.sum() > 0.5 * same.size > MAX_BACKWARD_ROWS:
             where, found = self._place(first + int(np.argmax(same))), "more than half of the time stamps repeat"

@@ -98,12 +98,25 @@ def test_minutes_and_seconds_go_on_over_the_hour(tmp_path: Path) -> None:
     assert outcome(tmp_path, columns).verdict == "right"
 
 
-def test_the_newest_row_first_is_said_and_refused(tmp_path: Path) -> None:
-    found = outcome(tmp_path, {name: np.asarray(values)[::-1] for name, values in sheet().items()})
-    assert found.verdict == "refused"
-    assert "the time falls from row to row" in found.why
+def test_the_newest_row_first_is_said_and_read_from_the_last_one_up(tmp_path: Path) -> None:
+    command = np.array([f"{u:g}" for u in U], dtype=object)
+    command[1:][np.diff(U) == 0] = ""  # which holds: from the row below it, that is
+    found = outcome(tmp_path, {n: np.asarray(own)[::-1] for n, own in (sheet() | {"U [V]": command}).items()})
+    assert found.verdict == "right"
     text = (tmp_path / "p" / "pipeline.toml").read_text(encoding="utf-8")
-    assert "CHECK the newest row stands first" in text
+    assert "the newest row stands first" in text
+
+
+def test_a_clock_of_whole_seconds_is_spread_over_its_rows_and_said_to_be_uncertain(tmp_path: Path) -> None:
+    whole = np.floor(4.0 * T + 0.37)
+    raw = RawFile(tmp_path / "a.csv", {"time": Channel("t"), "p1": Channel("p")})
+    raw.path.write_text("t,p\n" + "".join(f"{t:.0f},{1 + n / 7:.4f}\n" for n, t in enumerate(whole)), encoding="utf-8")
+    opened = open_signals(raw)
+    (batch,) = opened.batches()
+    steps = np.diff(batch["time"])
+    assert np.ptp(steps) < 0.02 * steps.mean()
+    (told,) = [one.message for one in opened.repairs if one.kind == "spread"]
+    assert "each may be off by as much" in told or "placed on its ticks" in told
 
 
 def test_the_end_of_summer_time_without_offsets_is_refused_with_its_name(tmp_path: Path) -> None:

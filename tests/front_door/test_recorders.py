@@ -363,7 +363,7 @@ RECORDERS: dict[Callable[[Rows], str], float] = {  # with the period that is rea
     **dict.fromkeys((twin_builder, rohde_schwarz, druck, labview, step_7, mitsubishi), 0.01),
     **dict.fromkeys((hioki_8402, yokogawa_gx, dewesoft, campbell, hobo, benchlink, wincc), 0.01),
     **dict.fromkeys((codesys_trace, serial_plotter, pi_datalink, rockwell_trend, ros2_echo, swiss_export), 0.01),
-    **{sapphire: 1.0, panasonic: 0.0, motion_scope: 0.0, indramotion: 0.0},
+    **{sapphire: 1.0, panasonic: 0.01, motion_scope: 0.0, indramotion: 0.0},
 }
 
 
