@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Callable, Iterator, Sequence
+from dataclasses import replace
 from datetime import datetime
 from itertools import chain, islice
 from typing import Any, Literal
@@ -77,9 +78,14 @@ class DelimitedReader:
                         yield [self._values(table, ask) for ask in asks]
         except (pa.ArrowInvalid, UnicodeDecodeError) as error:
             raise self._first_fault(asks, str(error)) from error
+        if stream.second_table:
+            line, text = stream.second_table
+            self._look = replace(self._look, lines=line - 1 - self._look.skip)
+            message = f'what stands below the rows, from line {line} on ("{text[:60]}"), was passed over'
+            self.repairs.append(Repair("", "trailer", 1, message))
         if self._bad:
             self._drop_last_lines(asks)
-        elif not stream.ends_with_newline:
+        elif not stream.second_table and not stream.ends_with_newline:
             self._note_unterminated_last_line()
         for place, words in self._words.items():
             if words:
@@ -136,7 +142,7 @@ class DelimitedReader:
     def _event(self, line: str) -> str:
         """Return the word at the end of a line that is shorter than the others, as of a trigger; else nothing."""
         fields = self._fields(line)
-        is_event = 1 < len(fields) < len(self.names) and not any(map(str.isdigit, fields[-1]))
+        is_event = 1 < len(fields) < len(self.names) and fields[-1][:1].isalpha()
         return fields[-1] if is_event and fields[-1] not in NULL_TEXTS else ""
 
     def _on_bad_row(self, row: Any) -> Literal["skip", "error"]:
@@ -223,13 +229,13 @@ class DelimitedReader:
         Any other odd row is an error.
         """
         last = [self._look.split(line) for line in self._tail()[-len(self._bad) :]]
-        if max(map(len, last)) >= len(self.names) or last != [self._fields(row) for row in self._bad]:
+        if last != [self._fields(row) for row in self._bad]:
             raise self._first_fault(asks, "")
-        if len(last[0]) == 1 and not is_value(last[0][0]):
+        if last[0][0] and not is_value(last[0][0]):
             message = f'{len(last)} lines behind the rows, from "{last[0][0]}" on, were passed over'
             self.repairs.append(Repair("", "trailer", len(last), message))
             return
-        if len(last) > 1:
+        if len(last) > 1 or len(last[0]) >= len(self.names):
             raise self._first_fault(asks, "")
         self.rows += 1
         self.losses["truncated"] += 1

@@ -22,6 +22,7 @@ from pneucli.units import parse_unit
 HEAD_BYTES = 1 << 18
 MIN_EASTERN_SHARE = 0.7  # of the letters, that are usual ones of an Eastern code page
 _EASTERN_WORD = re.compile("[\u3040-\u30ff\u4e00-\u9fff\uff66-\uff9f]+")
+MIN_ROWS_ABOVE = 20  # of a table that ends at a blank line
 MAX_LINES_ABOVE = 40  # of a block that has a header of its own
 NULL_TEXTS = (
     *("", "-", "--", "NaN", "nan", "NAN", "-nan", "n/a", "N/A", "NA", "null", "NULL", "None", "#N/A", "#NV"),
@@ -189,6 +190,32 @@ def lines_above(lines: Sequence[AnyStr], header: AnyStr, delimiter: AnyStr) -> i
             break
         found += 1
     return found
+
+
+def table_end(lines: Sequence[str], split: Callable[[str], list[str]], least: int = MIN_ROWS_ABOVE) -> int | None:
+    """Return at which blank line (from 0) a table ends, as words or another table follow; None where it goes on.
+
+    ``least``: how many rows stand above it. Below a blank line rows may go on, a header may stand again, and a line of
+    words may stand between rows: all that is one table.
+    """
+    for n, line in enumerate(lines):
+        if line.strip() or n < least or not all(_is_row(split(one)) for one in lines[n - least : n]):
+            continue
+        below = [one for one in lines[n + 1 : n + 1 + MAX_LINES_ABOVE] if one.strip()]
+        words = split(below[0]) if below else [""]
+        if not words[0] or is_cell(words[0]) or words[0].startswith("#"):
+            continue
+        earlier = {one.strip() for one in lines[:n]}
+        again = any(one.strip() in earlier and not _is_row(split(one)) for one in below)
+        width = len(split(lines[n - 1]))
+        goes_on = len(words) != width and any(len(own) == width and _is_row(own) for own in map(split, below[1:4]))
+        if not again and not goes_on:
+            return n
+    return None
+
+
+def _is_row(fields: Sequence[str]) -> bool:
+    return bool(fields) and (is_cell(fields[0]) or (not fields[0] and any(map(is_cell, fields))))
 
 
 def _with_names(raw: RawFile, plain: TextLayout, sample: list[list[str]], rows: list[int]) -> TextLayout:

@@ -21,6 +21,7 @@ from pneucli.io.text_layout import (
     is_cell,
     is_value,
     number_and_unit,
+    table_end,
     with_keys,
 )
 from pneucli.units import is_count, parse_scaled_unit, parse_unit, same_dimension
@@ -107,9 +108,11 @@ class _DelimitedTable:
     """The lines of a text, cut by one delimiter."""
 
     def __init__(self, lines: Sequence[str], delimiter: str, skip: int, rewritings: tuple[Rewriting, ...]) -> None:
+        plain = TextLayout("", delimiter, "", 0, (), rewritings=rewritings)
+        lines = lines[: table_end(lines, plain.split)]
         self._lines, self._skip, self.delimiter = lines, skip, delimiter
         last = [line for line in lines if not _is_skipped(line)][-MIN_TABLE_ROWS:]
-        cut = with_keys(TextLayout("", delimiter, "", 0, (), rewritings=rewritings), last)
+        cut = with_keys(plain, last)
         self._keys = cut.names
         self._rows = [() if _is_skipped(line) else tuple(cut.split(line)) for line in lines]
         tail = [row for row in self._rows[max(skip, len(lines) // 2) :] if row] or [r for r in self._rows[skip:] if r]

@@ -9,9 +9,10 @@ from pathlib import Path
 
 from pneucli.errors import InputError
 from pneucli.io.rewritings import in_bytes
-from pneucli.io.text_layout import HEAD_BYTES, TextLayout, lines_above
+from pneucli.io.text_layout import HEAD_BYTES, MIN_ROWS_ABOVE, TextLayout, lines_above, table_end
 
 MAX_LINE_BYTES = 16 << 20  # bytes of a line
+_WORDS_BELOW = re.compile(rb"\n[ \t\r]*\n\s*\"?[A-Za-z\[(*=\x80-\xff]")
 _COMMENT = re.compile(rb"^[ \t]*#[^\n]*\n?", re.MULTILINE)
 _BLANKS = re.compile(rb"[ \t]+")
 _EDGES = re.compile(rb"^[ \t]+|[ \t]+(?=\r?$)", re.MULTILINE)
@@ -23,6 +24,7 @@ class NormalizedTextStream(io.RawIOBase):
     Reads the file once, from the front, in whole lines, so that a file of any size passes through bounded memory.
     ``header_lines`` counts the headers that stand again among the rows and were passed over, ``comment_lines``
     counts the comment lines among the rows; ``ends_with_newline`` says whether the last row had an end of line.
+    ``second_table`` has line (from 1) and text of the first line below the table that belongs to it no more.
     """
 
     def __init__(self, path: Path, look: TextLayout) -> None:
@@ -41,6 +43,8 @@ class NormalizedTextStream(io.RawIOBase):
         self._left = look.lines
         self._repeated = [line.encode() for line in look.repeated]
         self._rest = b""
+        self._split, self._line, self._begun = look.split, 0, False
+        self.second_table: tuple[int, str] | None = None
         self._over = False
         self.comment_lines = 0
         self.header_lines = 0
@@ -79,6 +83,10 @@ class NormalizedTextStream(io.RawIOBase):
         while self._skip and block:
             block = block.partition(b"\n")[2]
             self._skip -= 1
+            self._line += 1
+        if _WORDS_BELOW.search(block):
+            block = self._first_table(block)
+        self._line, self._begun = self._line + block.count(b"\n"), True
         if self._left is not None:
             block = self._within_part(block)
         if not self._decoder and not block.isascii():
@@ -94,6 +102,19 @@ class NormalizedTextStream(io.RawIOBase):
             return _BLANKS.sub(b"\t", _EDGES.sub(b"", block))
         padded = b" " + self._delimiter in block or self._delimiter + b" " in block
         return self._padding.sub(self._delimiter, _EDGES.sub(b"", block)) if padded else block
+
+    def _first_table(self, block: bytes) -> bytes:
+        """Return the lines of a block up to where another table, or words, begin below a blank line."""
+        encoding = "utf-8" if self._decoder else self._encoding
+        lines = block.decode(encoding, "replace").split("\n")
+        above = [line.decode() for line in self._repeated]
+        begins = table_end([*above, *lines], self._split, 1 if self._begun else MIN_ROWS_ABOVE)
+        if begins is None:
+            return block
+        begins -= len(above)
+        at = next(n for n in range(begins, len(lines)) if lines[n].strip())
+        self.second_table, self._over = (self._line + at + 1, lines[at].strip()), True
+        return b"\n".join(block.split(b"\n")[:begins]) + b"\n"
 
     def _within_part(self, block: bytes) -> bytes:
         """Return the lines of a block that belong to the part that is read."""
