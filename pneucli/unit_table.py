@@ -262,8 +262,8 @@ _PREFIX_NAMES = {
     **{"nano": "n", "micro": "u", "milli": "m", "centi": "c", "deci": "d", "hecto": "h", "kilo": "k", "mega": "M"},
 }
 _COUNTS = re.compile(
-    r"(?i)\s*(?:encoder|adc|raw)?[\s_]*"
-    r"(?:counts?|cnts?|cts|incs?|increments?|pulses?|ticks?|digits?|lsbs?|impulses?|inkremente?|adc|raw)\s*"
+    r"(?i)\s*(?:encoder|adc|raw|hex(?:adecimal)?)?[\s_]*"
+    r"(?:counts?|cnts?|cts|incs?|increments?|pulses?|ticks?|digits?|lsbs?|impulses?|inkremente?|adc|raw|hex)\s*"
 )
 _SPELLINGS = (  # patterns of whole units, and how the table has them
     (re.compile(r"(?i)(?:deg(?:ree)?s?\.?|°)\s*([CFK])\b"), lambda m: f"deg{m[1].upper()}"),

@@ -18,12 +18,21 @@ from pneucli.io import arrow_compute as pc
 from pneucli.io.clock import Clock
 from pneucli.io.column_reader import counted_words, words_message
 from pneucli.io.raw_file import NO_CLOCKS, ColumnRequest, ColumnValues, RawFile, Repair
-from pneucli.io.text_layout import MAX_LINES_ABOVE, NULL_TEXTS, TextLayout, detect_layout, is_value, lines_above
+from pneucli.io.text_layout import (
+    MAX_LINES_ABOVE,
+    NULL_TEXTS,
+    TextLayout,
+    detect_layout,
+    hexadecimal_value,
+    is_value,
+    lines_above,
+)
 from pneucli.io.text_stream import NormalizedTextStream
 from pneucli.units import Dimension, Unit, parse_unit
 
 BLOCK_BYTES = 4 << 20
 BLOCK_ROWS = 4096  # read at once in the search for a fault
+HEXADECIMAL = "hexadecimal counts"
 TAIL_BYTES = 1 << 16
 MAX_TRAILER_LINES = 20  # behind the rows
 Row = tuple[int, str, list[str]]  # line number, text, fields
@@ -42,7 +51,7 @@ class DelimitedReader:
         self.clock_names: frozenset[int] = frozenset()
         self.losses: Counter[str] = Counter()
         above = {number: unit for number, unit in enumerate(self._look.units) if unit not in NULL_TEXTS}
-        self.units = {**self._look.cells, **above}
+        self.units = {**self._look.cells, **above, **dict.fromkeys(self._look.hexadecimal, HEXADECIMAL)}
         self._words: dict[int, Counter[str]] = {}
         if self._look.units:
             self.repairs.append(Repair("", "units-line", 1, "the line below the header holds no number: units"))
@@ -137,7 +146,8 @@ class DelimitedReader:
     def _as_text(self, ask: ColumnRequest) -> bool:
         own = ask.decimal is not None and ask.decimal != self._look.decimal
         marked = bool(ask.thousands or self._raw.thousands)
-        return ask.text or own or marked or ask.position in self._stamps or ask.position in self._look.cells
+        read = self._stamps.keys() | self._look.cells.keys() | self._look.hexadecimal
+        return ask.text or own or marked or ask.position in read
 
     def _event(self, line: str) -> str:
         """Return the word at the end of a line that is shorter than the others, as of a trigger; else nothing."""
@@ -181,6 +191,10 @@ class DelimitedReader:
         """Return texts as numbers; words become null and are counted, units behind numbers are taken off."""
         plain = pc.utf8_trim_whitespace(column)
         plain = pc.if_else(pc.is_in(plain, value_set=pa.array(list(NULL_TEXTS))), pa.scalar(None, pa.string()), plain)
+        if ask.position in self._look.hexadecimal:
+            numbers = plain.dictionary_encode()
+            values = [hexadecimal_value(text) for text in numbers.dictionary.to_pylist()]
+            return pc.take(pa.array(values, pa.float64()), numbers.indices)
         is_word = pc.invert(pc.match_substring_regex(plain, r"^[^<>≤≥]*\d|^[+-]?inf$"))  # "<1.0" is no reading
         if words is not None and pc.any(is_word).as_py():
             words.update(plain.filter(is_word).drop_null().to_pylist())

@@ -45,6 +45,8 @@ def unit_in_file(reader: Reader, place: int) -> WrittenUnit | None:
     at_end = _AT_END.search(reader.names[place])
     texts = [reader.units.get(place), at_end and at_end[1], in_name and in_name[2]]
     found = [read_unit(text) for text in texts if text]
+    if reader.units.get(place) and is_count(found[0].text):
+        return found[0]  # whatever the name says, this is no number in its unit
     known = next((one for one in found if one.unit), None)
     file_unit = next((one for one in found if _is_stated(one.text, in_name)), None)
     return known or file_unit

@@ -34,6 +34,8 @@ _POINTS_BEFORE_COMMA = re.compile(r"[+-]?\d{1,3}(?:\.\d{3})+,\d+")
 _POINTS_BETWEEN_THOUSANDS = re.compile(r"[+-]?\d{1,3}(?:\.\d{3})+(?:,\d+)?")
 _COMMAS_BETWEEN_THOUSANDS = re.compile(r"[+-]?\d{1,3}(?:,\d{3})+(?:\.\d+)?")
 _CELL = re.compile(r"([+-]?(?:\d[\d.,]*|[.,]\d+)(?:[eE][+-]?\d+)?)\s*([^\d\s.,+-].*)")  # a number and its unit
+_HEXADECIMAL = re.compile(r"(?i)(?:0x|16#|\$)[\dA-F]+|\d[\dA-F]{3,}h")
+_WORD = re.compile(r"[\dA-F]{4}|[\dA-F]{8}|[\da-f]{4}|[\da-f]{8}")
 _KEY = re.compile(KEY)
 _NUMBER_OF_KEY = re.compile(r"[ ]?[:=][ ]?[-+]?\.?\d")
 MIN_KEYED = 2  # cells of a line that say a name and a number, where others say none
@@ -51,7 +53,8 @@ class TextLayout:
     day, with or without their dates, ``dates`` those of dates alone, ``labels`` those of other text;
     ``dated_stamps`` are those of ``stamps`` that have their dates. ``repeated`` are the lines of the header, which may
     stand again among the rows; ``lines`` is how many lines after ``skip`` are read, all where it is None. ``cells``
-    has the unit of columns in whose cells a unit stands behind each number.
+    has the unit of columns in whose cells a unit stands behind each number; ``hexadecimal`` are those of whole numbers
+    to the base 16.
     """
 
     encoding: str
@@ -68,6 +71,7 @@ class TextLayout:
     repeated: tuple[str, ...] = ()
     lines: int | None = None
     cells: Mapping[int, str] = field(default_factory=dict)
+    hexadecimal: frozenset[int] = frozenset()
     rewritings: tuple[Rewriting, ...] = ()
 
     def split(self, line: str) -> list[str]:
@@ -96,6 +100,7 @@ def head_of(raw: RawFile) -> Head:
     """Return the beginning of a text; raises InputError where it is none."""
     with raw.path.open("rb") as file:
         head = file.read(HEAD_BYTES)
+    head = head.rstrip(b"\0") if len(head) < HEAD_BYTES else head  # room that a recorder kept, and did not fill
     encoding = raw.encoding or detect_encoding(raw.path, head)
     text = decode_head(raw.path, head, encoding)
     line_end = "\n" if "\n" in text else "\r"
@@ -239,7 +244,8 @@ def _with_names(raw: RawFile, plain: TextLayout, sample: list[list[str]], rows: 
     kinds = {"stamps": is_date_or_time, "labels": _is_label, "dates": is_date, "dated_stamps": has_date}
     columns = {kind: _columns_of(body, test, len(names)) for kind, test in kinds.items()}
     cells = _units_in_cells(body, len(names))
-    columns["labels"] = columns["labels"] - cells.keys()
+    columns["hexadecimal"] = _columns_of(body, is_marked_hexadecimal, len(names)) | _bare_hexadecimal(body, len(names))
+    columns["labels"] = columns["labels"] - cells.keys() - columns["hexadecimal"]
     return replace(plain, decimal=decimal, skip=skip, names=tuple(names), units=units_row, cells=cells, **columns)  # type: ignore[arg-type]
 
 
@@ -268,8 +274,31 @@ def number_and_unit(text: str) -> tuple[str, str] | None:
 
 
 def is_cell(field: str) -> bool:
-    """Return whether a field is a value, or a number with its unit."""
-    return is_value(field) or number_and_unit(field) is not None
+    """Return whether a field is a value, or a number with its unit, or to the base 16."""
+    return is_value(field) or number_and_unit(field) is not None or is_marked_hexadecimal(field)
+
+
+def is_marked_hexadecimal(field: str) -> bool:
+    """Return whether a field is a number to the base 16 that says so: 0x1F, 16#1F, 1Fh, $1F."""
+    return _HEXADECIMAL.fullmatch(field) is not None
+
+
+def _bare_hexadecimal(body: list[list[str]], width: int) -> frozenset[int]:
+    """Return the columns of words of 16 or 32 bits without a mark, of which one at least has letters among digits."""
+    words = _columns_of(body, lambda field: _WORD.fullmatch(field) is not None, width)
+    mixed = _columns_of(body, lambda field: not field.isalpha(), width) - _columns_of(body, str.isdigit, width)
+    return words if words & mixed else frozenset()
+
+
+def hexadecimal_value(field: str) -> float:
+    """Return a whole number to the base 16; one of 4 or 8 digits counts below 0 where its first bit is set.
+
+    >>> hexadecimal_value("0x00FF"), hexadecimal_value("16#FFFE"), hexadecimal_value("3FFh")
+    (255.0, -2.0, 1023.0)
+    """
+    digits = re.sub(r"(?i)^(?:0x|16#|\$)|h$", "", field)
+    number, bits = int(digits, 16), 4 * len(digits)
+    return float(number - (1 << bits) if bits in (16, 32) and number >> (bits - 1) else number)
 
 
 def _columns_of(body: list[list[str]], test: Callable[[str], bool], width: int) -> frozenset[int]:

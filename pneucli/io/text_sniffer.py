@@ -177,6 +177,8 @@ class _DelimitedTable:
         wide = [n for n in above if len(self._rows[n]) in ends]
         if self.delimiter == " " and not wide and above:
             return self._names_in_columns(self._lines[above[-1]]), (), None
+        if not wide and above and len(self._rows[above[-1]]) == self.width - 1 and self._counts_rows():
+            return ("", *self._rows[above[-1]]), (), None  # R names rows, and not their column
         keyed = [n for n in wide if _TITLES.fullmatch(self._rows[n][0]) or _UNITS.fullmatch(self._rows[n][0])]
         others = [n for n in wide if n not in keyed]  # the keyed ones are lines of a table of channels
         titles = self._keyed(keyed, _TITLES)
@@ -195,6 +197,11 @@ class _DelimitedTable:
         if self._rows[most][0] in _MARKS and len(self._rows[most]) > self.width:
             return self._rows[most][1:], (), None
         return self._rows[most][: self.width], (), most
+
+    def _counts_rows(self) -> bool:
+        """Return whether the first column counts rows."""
+        first = [row[0] for row in self._tail]
+        return all(map(str.isdigit, first)) and all(int(b) == int(a) + 1 for a, b in pairwise(first))
 
     def _paired(self, above: list[int]) -> tuple[tuple[str, ...], tuple[str, ...], None] | None:
         """Return names and units of columns that follow their stamps, where lines have a key above each stamp."""

@@ -64,7 +64,9 @@ class NormalizedTextStream(io.RawIOBase):
     def _lines(self, size: int) -> bytes:
         block = self._file.read(size)
         self._over = not block
-        if self._decoder:
+        if self._decoder is None:
+            block = block.rstrip(b"\0")
+        else:
             block = self._decoder.decode(block, final=self._over).encode()
         if self._line_end != b"\n":
             block = block.replace(self._line_end, b"\n")
