@@ -10,60 +10,30 @@ many are wrong in silence. ``--small`` takes each way once.
 from __future__ import annotations
 
 import datetime
-import json
 import re
 import sys
 import tempfile
 from collections import Counter
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass, field
 from itertools import combinations
 from pathlib import Path
 
 import numpy as np
 import pyarrow.parquet as pq
 
+from benchmarks.door_pages import FURTHER_LAYOUTS, RATE, START, Sheet, stamps, write
 from pneucli.arrays import Array
 from pneucli.config import load
 from pneucli.errors import InputError
 from pneucli.pipeline.context import Context
 from pneucli.stages import ingest, init
 
-RATE, COUNT, SUPPLY, AMBIENT = 100.0, 700, 7.013e5, 1.013e5  # Hz, rows, Pa
+COUNT, SUPPLY, AMBIENT = 700, 7.013e5, 1.013e5  # rows, Pa
 NOISE = 400.0  # Pa
-SITUATIONS = 200  # of a seed: each way once, the rest pairs
-START = datetime.datetime(2026, 3, 11, 9, 15, 2)
+SITUATIONS = 200  # of a seed: half of them ways by themselves, half pairs
 WRONG = "wrong in silence"
 VERDICTS = (WRONG, "fault", "refused", "asked", "marked", "told", "right")
 FILL_IN = {"bar": "7.013", "l": "0.16", "V": "5"}
-
-
-@dataclass
-class Sheet:
-    """What is written: a clock and columns by role in SI, and how. ``runs`` has the truth of each recording."""
-
-    time: Array
-    values: dict[str, Array]
-    runs: list[dict[str, Array]]
-    rng: np.random.Generator
-    names: dict[str, str] = field(default_factory=lambda: {"u": "U", "p_supply": "P_supply", "p1": "P1"})
-    units: dict[str, tuple[str, float, float]] = field(default_factory=dict)  # by role: unit, SI of one, SI of zero
-    clock: dict[str, list[str]] = field(default_factory=dict)
-    write: str = "csv"
-    delimiter: str = ","
-    decimals: int = 5
-    encoding: str = "utf-8"
-    ways: list[str] = field(default_factory=list)
-
-    def cells(self, role: str) -> list[str]:
-        """Return the numbers of a role as texts, in its unit."""
-        _, one, zero = self.units[role]
-        return [f"{(value - zero) / one:.{self.decimals}f}" for value in self.values[role]]
-
-    def title(self, role: str, form: str = "{} [{}]") -> str:
-        """Return what the header calls a role."""
-        name, unit = self.names[role], self.units[role][0]
-        return form.format(name, unit) if unit else name
 
 
 def tank(rng: np.random.Generator, count: int = COUNT) -> tuple[Array, dict[str, Array]]:
@@ -103,14 +73,10 @@ def _milliseconds(sheet: Sheet) -> None:
     sheet.clock = {"t [ms]": [f"{1e3 * t:.0f}" for t in sheet.time]}
 
 
-def _stamps(sheet: Sheet, form: str) -> list[str]:
-    return [f"{START + datetime.timedelta(seconds=float(t)):{form}}" for t in sheet.time]
-
-
 def _date_and_time_and_part(sheet: Sheet) -> None:
     name, per = [("Millitm", 1e3), ("ms", 1e3), ("Fraction [us]", 1e6), ("hundredths", 1e2)][int(sheet.rng.integers(4))]
     parts = [f"{np.floor((t % 1.0) * per + 1e-6):.0f}" for t in sheet.time]
-    sheet.clock = {"Date": _stamps(sheet, "%m/%d/%Y"), "Time": _stamps(sheet, "%H:%M:%S"), name: parts}
+    sheet.clock = {"Date": stamps(sheet, "%m/%d/%Y"), "Time": stamps(sheet, "%H:%M:%S"), name: parts}
 
 
 def _hours_minutes_seconds(sheet: Sheet) -> None:
@@ -119,7 +85,7 @@ def _hours_minutes_seconds(sheet: Sheet) -> None:
 
 
 def _iso_with_zone(sheet: Sheet) -> None:
-    sheet.clock = {"Timestamp": [f"{text[:-3]}+01:00" for text in _stamps(sheet, "%Y-%m-%dT%H:%M:%S.%f")]}
+    sheet.clock = {"Timestamp": [f"{text[:-3]}+01:00" for text in stamps(sheet, "%Y-%m-%dT%H:%M:%S.%f")]}
 
 
 def _unix_milliseconds(sheet: Sheet) -> None:
@@ -153,6 +119,42 @@ def _serial_monitor(sheet: Sheet) -> None:
     sheet.write = "arrow"
 
 
+def _told_as(name: str, form: str, *, cut: int = -3, late: float = 0.0, end: str = "") -> Callable[[Sheet], None]:
+    """Return the way of one column of stamps, cut to milliseconds; the first of them ``late`` seconds after START."""
+
+    def way(sheet: Sheet) -> None:
+        texts = stamps(sheet, form, START + datetime.timedelta(seconds=late))
+        sheet.clock = {name: [text[:cut] + end if cut else text + end for text in texts]}
+
+    return way
+
+
+def _number_as(name: str, form: str, one: float, first: float = 0.0) -> Callable[[Sheet], None]:
+    """Return the way of a column of numbers, of which ``one`` is a second."""
+
+    def way(sheet: Sheet) -> None:
+        sheet.clock = {name: [form.format(first + one * t) for t in sheet.time]}
+
+    return way
+
+
+def _numbered_rows(name: str, *above: str) -> Callable[[Sheet], None]:
+    def way(sheet: Sheet) -> None:
+        sheet.clock, sheet.above = {name: [str(n + 1) for n in range(sheet.time.size)]}, above
+
+    return way
+
+
+def _seconds_and_nanoseconds(sheet: Sheet) -> None:
+    ticks = [round(1e9 * t / 1e7) * 10_000_000 for t in sheet.time]
+    seconds, parts = [f"{1_773_220_502 + t // 10**9}" for t in ticks], [f"{t % 10**9}" for t in ticks]
+    sheet.clock = {"header.stamp.sec": seconds, "header.stamp.nanosec": parts}
+
+
+def _steps(sheet: Sheet) -> None:
+    sheet.clock = {"dt [ms]": ["0", *["10"] * (sheet.time.size - 1)]}
+
+
 # ---- ways of units and numbers
 
 
@@ -181,6 +183,33 @@ def _scaled(sheet: Sheet) -> None:
     for role in ("p1", "p_supply"):
         low, high = float(sheet.values[role].min()), float(sheet.values[role].max())
         sheet.units[role] = ("", high - low, low)
+
+
+def _sensed_in(unit: str, one: float, zero: float) -> Callable[[Sheet], None]:
+    def way(sheet: Sheet) -> None:
+        sheet.units |= dict.fromkeys(("p1", "p_supply"), (unit, one, zero))
+
+    return way
+
+
+def _commanded_in(unit: str, one: float) -> Callable[[Sheet], None]:
+    def way(sheet: Sheet) -> None:
+        sheet.units["u"] = (unit, one, 0.0)
+
+    return way
+
+
+def _counted(sheet: Sheet) -> None:
+    sheet.units = dict.fromkeys(sheet.units, ("counts", 1e5 / 2764.8, 0.0)) | {"u": ("counts", 1 / 2764.8, 0.0)}
+    sheet.decimals = 0
+
+
+def _hexadecimal(kind: str) -> Callable[[Sheet], None]:
+    def way(sheet: Sheet) -> None:
+        sheet.units = {role: ("", one, zero) for role, (_, one, zero) in sheet.units.items()}
+        sheet.write = kind
+
+    return way
 
 
 def _scores(sheet: Sheet) -> None:
@@ -249,6 +278,24 @@ CLOCKS: dict[str, Callable[[Sheet], None]] = {
     **{"midnight": _over_midnight, "durations": _durations, "compact": _stamped_as("%Y%m%dT%H%M%S.%f")},
     **{"digits of a day": _stamped_as("%H%M%S.%f"), "digits": _stamped_as("%Y%m%d%H%M%S%f")},
     **{"German month": _stamped_as("%d. März %Y %H:%M:%S.%f")},
+    **{"whole seconds": _told_as("Time", "%H:%M:%S", cut=0, late=0.37), "steps": _steps},
+    **{"seconds of a date": _told_as("Stamp", "%Y-%m-%d %H:%M:%S", cut=0, late=0.61)},
+    **{"ctime": _told_as("Time", "%a %b %d %H:%M:%S.%f %Y", cut=0), "points": _told_as("Zeit", "%H.%M.%S.%f")},
+    **{
+        "DB2": _told_as("Stamp", "%Y-%m-%d-%H.%M.%S.%f", cut=0),
+        "half days": _told_as("At", "%m/%d/%Y %I:%M:%S.%f", end=" AM"),
+    },
+    **{"named zone": _told_as("Time", "%Y-%m-%d %H:%M:%S.%f", end=" CET"), "colon": _told_as("Time", "%H:%M:%S:%f")},
+    **{
+        "days of Excel": _number_as("Time", "{:.9f}", 1 / 86_400, 46_092.385439814812),
+        "quoted": _told_as("Time", "'%H:%M:%S.%f"),
+    },
+    **{"minutes": _number_as("t [min]", "{:.7f}", 1 / 60), "hours": _number_as("t [h]", "{:.9f}", 1 / 3600)},
+    **{"trigger": _number_as("Time [s]", "{:.3f}", 1.0, -1.0), "in words": _number_as("Time", "0h 0m {:.3f}s", 1.0)},
+    **{"filetime": _number_as("Time", "{:.0f}", 1e7, 134_177_661_020_000_000), "nanosec": _seconds_and_nanoseconds},
+    "interval above": _numbered_rows("No.", "Sampling interval,10,ms", ""),
+    "rate above": _numbered_rows("Sample", "Sampling Rate [Hz],100"),
+    "resolution above": _numbered_rows("", '"HResolution",1.0E-02'),
 }
 UNITS: dict[str, Callable[[Sheet], None]] = {
     **{unit: _pressures_in(unit, one, 0.0) for unit, one in (("psia", 6894.757293), ("kPa", 1e3), ("mbar", 100.0))},
@@ -256,6 +303,13 @@ UNITS: dict[str, Callable[[Sheet], None]] = {
         unit: _pressures_in(unit, one, AMBIENT)
         for unit, one in (("barg", 1e5), ("psi", 6894.757293), ("mmHg", 133.322))
     },
+    **{
+        unit: _sensed_in(unit, one, 0.0)
+        for unit, one in (("MPa", 1e6), ("hPa", 100.0), ("kgf/cm2", 98_066.5), ("bara", 1e5), ("kPa abs", 1e3))
+    },
+    **{"inHg": _sensed_in("inHg", 3386.389, 0.0), "mA": _sensed_in("mA", 1e6 / 16.0, -4e6 / 16.0)},
+    **{"bar of volts": _sensed_in("V", 1e5, 0.0), "mV": _commanded_in("mV", 1e-3), "percent": _commanded_in("%", 0.1)},
+    **{"counts": _counted, **{kind: _hexadecimal(kind) for kind in ("hexadecimal", "bare hexadecimal")}},
     "no unit": _pressures_in("", 1e5, 0.0),
     "unknown unit": _pressures_in("zorps", 1e5, 0.0),
     "unit at the end of the name": _unit_at_the_end_of_the_name,
@@ -273,6 +327,18 @@ NAMES: dict[str, Callable[[Sheet], None]] = {
     "inputs": _called("ACH1", "ACH2", "ACH3"),
     "run together": _called("Uvalve", "Psup", "Ptank"),
     "topics": _called("/valve/command/data", "/pressure/supply/fluid_pressure", "/pressure/tank/fluid_pressure"),
+    "French": _called("tension vanne", "pression alimentation", "pression 1", "temps"),
+    "Spanish": _called("tensión válvula", "presión suministro", "presión cámara", "tiempo"),
+    "Italian": _called("tensione valvola", "pressione alimentazione", "pressione camera", "tempo"),
+    "Turkish": _called("valf gerilimi", "besleme basıncı", "hazne basıncı", "zaman"),
+    "Korean": _called("밸브 전압", "공급 압력", "탱크 압력", "시간"),
+    "tags": _called("XV-101", "PT-100", "PT-101"),
+    "analogue inputs": _called("AO0", "AI1", "AI0"),
+    "ETAS": _called("u_valve\\ETKC:1", "p_supply\\ETKC:1", "p_vessel\\ETKC:1"),
+    "Simulink": _called("Model/Valve/u:1", "Model/Supply/p:1", "Model/Vessel/p:1"),
+    "dSPACE": _called("Model Root/Valve/u/Out1", "Model Root/Supply/p/Out1", "Model Root/Tank/p/Out1"),
+    "TwinCAT": _called("MAIN.fbAxis.rValveCmd", "MAIN.fbAxis.rPressureSupply", "MAIN.fbAxis.rPressureA"),
+    "numbered and named": _called("Chan 3 - Valve", "Chan 2 - P_sup", "Chan 1 - P1"),
     "dotted": _called("Plc.GVL.u", "Plc.GVL.pSupply", "Plc.GVL.p1"),
 }
 LAYOUTS: dict[str, Callable[[Sheet], None]] = {
@@ -285,261 +351,18 @@ LAYOUTS: dict[str, Callable[[Sheet], None]] = {
     **{"stamps by channel": _stamps_by_channel, "serial monitor": _serial_monitor, "repeats": _repeats},
     **{"runs by number": _runs_by_number, "header again": _header_again, "blocks": _blocks_of_runs},
     **{kind: _written(kind) for kind in ("spreads", "keyed", "keyed among words", "uncertainty", "Fortran")},
-    **{kind: _written(kind) for kind in ("unit beside", "line protocol", "names by pairs")},
+    **{kind: _written(kind) for kind in ("unit beside", "line protocol", "names by pairs", *FURTHER_LAYOUTS)},
 }
 WAYS = CLOCKS | UNITS | NAMES | LAYOUTS
-OWN_CLOCK = {"runs by number", "header again", "blocks"}  # which write another clock
+OWN_CLOCK = {
+    "runs by number",
+    "header again",
+    "blocks",
+    "LabChart",
+    "Yokogawa DL",
+    "PicoScope",
+}  # which write another clock
 NO_NAMES = {"serial monitor"}  # which write none
-
-
-# ---- writers
-
-
-@dataclass
-class Page:
-    """A sheet as a table of texts: names with and without their units, of which the first are the clock's."""
-
-    sheet: Sheet
-    header: list[str]
-    bare: list[str]
-    units: list[str]
-    rows: list[list[str]]
-
-    @classmethod
-    def of(cls, sheet: Sheet) -> Page:
-        """Return the page of a sheet."""
-        roles = list(sheet.values)
-        columns = {**sheet.clock, **{sheet.title(role): sheet.cells(role) for role in roles}}
-        bare = [re.sub(r"\s*\[.*\]", "", name) for name in sheet.clock] + [sheet.names[role] for role in roles]
-        units = [(re.search(r"\[(.*)\]", name) or [""] * 2)[1] for name in sheet.clock]
-        units += [sheet.units[role][0] for role in roles]
-        return cls(sheet, list(columns), bare, units, [list(row) for row in zip(*columns.values(), strict=True)])
-
-    @property
-    def first(self) -> int:
-        """The first column behind the clock."""
-        return len(self.sheet.clock)
-
-    @property
-    def codes(self) -> list[str]:
-        """The columns by the numbers of their channels."""
-        return [*self.bare[: self.first], *(f"CH{n}" for n in range(1, len(self.header) - self.first + 1))]
-
-    def text(self, *lines: Sequence[str], above: Sequence[str] = ()) -> str:
-        """Return lines and rows as text."""
-        mark = self.sheet.delimiter
-        return "\n".join([*above, _joined(mark, [*lines, *self.rows])])
-
-
-def _three_lines(page: Page) -> str:
-    objects = [""] * page.first + ["valve", "hose", "tank"][: len(page.header) - page.first]
-    return page.text(page.bare, page.units, objects)
-
-
-def _value_line(page: Page) -> str:
-    mark = page.sheet.delimiter
-    above = [f"Sample rate:{mark}100 Hz" + mark * (len(page.header) - 2), ""]
-    return page.text(page.header, ["Value"] * len(page.header), above=above)
-
-
-def _channel_table(page: Page) -> str:
-    channels = zip(page.codes[page.first :], page.bare[page.first :], page.units[page.first :], strict=True)
-    table = [[code, f'"{name}"', "10 V", unit] for code, name, unit in channels]
-    return page.text(["Model", "Logger 840"], ["CH", "Signal name", "Range", "Unit"], *table, page.codes)
-
-
-def _transposed_table(page: Page) -> str:
-    names = ["Name", *[""] * (page.first - 1), *page.bare[page.first :]]
-    return page.text(["Model", "Logger 840"], names, ["Unit", *page.units[1:]], page.codes)
-
-
-def _with_texts(text: str) -> Callable[[Page], str]:
-    def written(page: Page) -> str:
-        at = page.header.index(page.sheet.title("p1"))
-        for n in page.sheet.rng.choice(np.arange(50, len(page.rows) - 50), 20, replace=False):
-            page.rows[n][at] = text
-        return page.text(page.header)
-
-    return written
-
-
-def _blanks(page: Page) -> str:
-    page.sheet.delimiter += " "
-    return page.text(page.header)
-
-
-def _cells(page: Page) -> str:
-    ranging = page.sheet.write == "ranging"
-    for row in page.rows:
-        for n, unit in enumerate(page.units[page.first :], page.first):
-            plain_unit = unit.replace("(a)", "") or "bar"
-            small = ranging and plain_unit == "bar" and float(row[n]) < 2.0
-            row[n] = f"{1e3 * float(row[n]):.2f} mbar" if small else f"{row[n]} {plain_unit}"
-    return page.text(page.bare)
-
-
-def _stamped(page: Page) -> str:
-    stamps = [f"{1e6 * t:.0f}" for t in page.sheet.time]
-    header = [name for one in page.header[page.first :] for name in (f"TimeStamp {one}", one)]
-    page.rows = [
-        [text for one in row[page.first :] for text in (stamp, one)]
-        for stamp, row in zip(stamps, page.rows, strict=True)
-    ]
-    return page.text(header)
-
-
-def _arrow(page: Page) -> str:
-    stamps, mark = _stamps(page.sheet, "%H:%M:%S.%f"), page.sheet.delimiter
-    lines = (f"{t[:-3]} -> {mark.join(row[page.first :])}" for t, row in zip(stamps, page.rows, strict=True))
-    return "\n".join(lines) + "\n"
-
-
-def _long(page: Page) -> str:
-    return _joined(page.sheet.delimiter, _long_rows(page.sheet, with_status=page.sheet.write == "long with status"))
-
-
-def _numbered(page: Page) -> str:
-    half = len(page.rows) // 2
-    page.rows = [[str(1 + n // half), *row] for n, row in enumerate(page.rows)]
-    return page.text(["run", *page.header])
-
-
-def _again(page: Page) -> str:
-    half = len(page.rows) // 2
-    page.rows.insert(half, page.header)
-    return page.text(page.header)
-
-
-def _blocks(page: Page) -> str:
-    half, mark = len(page.rows) // 2, page.sheet.delimiter
-    heads = [
-        [[f"Data Acquisition {n}", "", "Time:", "", f"{12 * n}", "s"], ["Station: bench"], page.header] for n in (1, 2)
-    ]
-    return _joined(mark, [*heads[0], *page.rows[:half], [], *heads[1], *page.rows[half:]])
-
-
-def _spreads(page: Page) -> str:
-    names = [f"{name} {kind}" for name in page.bare[page.first :] for kind in ("AVE", "MIN", "MAX")]
-    units = [f" [{unit}]" if unit else "" for unit in page.units[page.first :] for _ in range(3)]
-    page.rows = [
-        [
-            *row[: page.first],
-            *(f"{float(text) + more:.5f}" for text in row[page.first :] for more in (0.0, -0.02, 0.02)),
-        ]
-        for row in page.rows
-    ]
-    return page.text([*page.header[: page.first], *(a + b for a, b in zip(names, units, strict=True))])
-
-
-def _keyed(page: Page) -> str:
-    keys = [re.sub(r"\W+", "_", name).strip("_") for name in page.header]
-    page.rows = [[f"{key}:{text}" for key, text in zip(keys, row, strict=True)] for row in page.rows]
-    return page.text(["logger ready"])
-
-
-def _keyed_among_words(page: Page) -> str:
-    keys = [re.sub(r"\W+", "_", name).strip("_") for name in page.bare]
-    stamps = _stamps(page.sheet, "%Y-%m-%d %H:%M:%S.%f")
-    told = (
-        " ".join(f"{key}={text}" for key, text in [*zip(keys, row, strict=True)][page.first :]) for row in page.rows
-    )
-    return "\n".join(f"{stamp[:-3]} INFO {text}" for stamp, text in zip(stamps, told, strict=True)) + "\n"
-
-
-def _line_protocol(page: Page) -> str:
-    keys = [re.sub(r"\W+", "_", name).strip("_") for name in page.header]
-    stamps = (int(1e9 * round(START.timestamp() + t, 3)) for t in page.sheet.time)
-    told = (
-        ",".join(f"{key}={text}" for key, text in [*zip(keys, row, strict=True)][page.first :]) for row in page.rows
-    )
-    return "\n".join(f"rig,bench=3 {text} {stamp}" for stamp, text in zip(stamps, told, strict=True)) + "\n"
-
-
-def _uncertainty(page: Page) -> str:
-    page.rows = [[*row[:-1], f"{row[-1]} ± 0.02"] for row in page.rows]
-    return page.text(page.header)
-
-
-def _fortran(page: Page) -> str:
-    page.rows = [
-        [*row[: page.first], *(f"{float(text):.9E}".replace("E", "D") for text in row[page.first :])]
-        for row in page.rows
-    ]
-    return page.text(page.header)
-
-
-def _unit_beside(page: Page) -> str:
-    units = page.units[page.first :]
-    rows, names = [], [both for name in page.bare[page.first :] for both in (name, f"{name} unit")]
-    for row in page.rows:
-        told = (both for text, unit in zip(row[page.first :], units, strict=True) for both in (text, unit))
-        rows.append([*row[: page.first], *told])
-    page.rows = rows
-    return page.text([*page.header[: page.first], *names])
-
-
-def _names_by_pairs(page: Page) -> str:
-    stamps = [f"{1e3 * t:.0f}" for t in page.sheet.time]
-    heads = [
-        [both for text in texts[page.first :] for both in (key, text)]
-        for key, texts in (("Name", page.bare), ("Unit", page.units))
-    ]
-    page.rows = [
-        [both for text in row[page.first :] for both in (stamp, text)]
-        for stamp, row in zip(stamps, page.rows, strict=True)
-    ]
-    return page.text(["Name", "Scope"], *heads, [])
-
-
-def _side_by_side(page: Page) -> str:
-    sheet = page.sheet
-    other = Sheet(sheet.time, sheet.runs[1], [], sheet.rng, units=sheet.units, decimals=sheet.decimals).cells("p1")
-    name, unit, at = sheet.names["p1"], sheet.units["p1"][0], page.header.index(sheet.title("p1"))
-    page.header[at] = f"{name} run1 [{unit}]"
-    page.rows = [[*row, text] for row, text in zip(page.rows, other, strict=True)]
-    return page.text([*page.header, f"{name} run2 [{unit}]"])
-
-
-WRITERS: dict[str, Callable[[Page], str]] = {
-    "csv": lambda page: page.text(page.header),
-    **{"three lines": _three_lines, "value line": _value_line, "channel table": _channel_table, "blanks": _blanks},
-    **{"transposed table": _transposed_table, "marks": _with_texts(" -"), "words": _with_texts("BURNOUT")},
-    **{"infinity": _with_texts("∞"), "cells": _cells, "ranging": _cells, "stamped": _stamped, "arrow": _arrow},
-    **{"long": _long, "long with status": _long, "numbered": _numbered, "again": _again, "repeats": _side_by_side},
-    **{"blocks": _blocks, "spreads": _spreads, "keyed": _keyed, "keyed among words": _keyed_among_words},
-    **{"uncertainty": _uncertainty, "Fortran": _fortran, "unit beside": _unit_beside},
-    **{"line protocol": _line_protocol, "names by pairs": _names_by_pairs},
-}
-
-
-def _long_rows(sheet: Sheet, *, with_status: bool) -> Iterator[list[str]]:
-    stamps = _stamps(sheet, "%Y-%m-%dT%H:%M:%S.%f")
-    yield (
-        ["NodeId", "SourceTimestamp", "ServerTimestamp", "Value", "StatusCode"]
-        if with_status
-        else ["tag", "time", "value"]
-    )
-    cells = {role: sheet.cells(role) for role in sheet.values}
-    for n, stamp in enumerate(stamps):
-        for role, own in cells.items():
-            label = f"ns=2;s=Rig.{sheet.title(role)}" if with_status else sheet.title(role)
-            yield [label, stamp, stamp, own[n], "Good"] if with_status else [label, stamp, own[n]]
-
-
-def _joined(mark: str, rows: Sequence[Sequence[str]] | Iterator[Sequence[str]]) -> str:
-    return "\n".join(mark.join(row) for row in rows) + "\n"
-
-
-def write(sheet: Sheet, folder: Path) -> Path:
-    """Write a sheet; return its file."""
-    if sheet.write == "json long":
-        path = folder / "log.jsonl"
-        _, *rows = _long_rows(sheet, with_status=False)
-        path.write_text("\n".join(json.dumps({"topic": f"rig/{a}", "timestamp": b, "payload": c}) for a, b, c in rows))
-        return path
-    path = folder / "run.csv"
-    path.write_text(WRITERS[sheet.write](Page.of(sheet)), encoding=sheet.encoding)
-    return path
 
 
 # ---- verdicts
@@ -609,13 +432,14 @@ def _agrees(time: Array, values: Array, truth: Array, role: str) -> bool:
 
 
 def situations(seed: int, count: int) -> Iterator[Sheet]:
-    """Yield sheets: each way by itself, then pairs of ways of different kinds, until there are as many as asked."""
+    """Yield sheets: ways by themselves, then as many pairs of ways of different kinds."""
     singles: list[tuple[str, ...]] = [(way,) for way in WAYS]
     kinds = (CLOCKS, UNITS, NAMES, LAYOUTS)
     pairs: list[tuple[str, ...]] = [(a, b) for one, other in combinations(kinds, 2) for a in one for b in other]
     pairs = [pair for pair in pairs if not (pair[0] in CLOCKS and pair[1] in OWN_CLOCK)]
-    order = np.random.default_rng([seed, 1]).permutation(len(pairs))
-    chosen = [*singles, *(pairs[n] for n in order)][:count]
+    rng = np.random.default_rng([seed, 1])
+    half = singles if count <= len(singles) else [singles[n] for n in rng.permutation(len(singles))[: count // 2]]
+    chosen = [*half, *(pairs[n] for n in rng.permutation(len(pairs)))][:count]
     for number, ways in enumerate(chosen):
         sheet = plain(np.random.default_rng([seed, 2, number]))
         for way in ways:
