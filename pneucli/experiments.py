@@ -21,10 +21,13 @@ Part = Literal[
     "valve",
     "linear valve",
     "switching valve",
+    "pump",
     "sensor",
 ]
 
-PNEUMATIC_PARTS: frozenset[Part] = frozenset({"gas", "line", "valve", "linear valve", "switching valve", "supply"})
+PNEUMATIC_PARTS: frozenset[Part] = frozenset(
+    {"gas", "line", "valve", "linear valve", "switching valve", "pump", "supply"}
+)
 
 
 @dataclass(frozen=True)
@@ -106,7 +109,7 @@ class ExperimentKind:
         """
         found: set[Part] = {"sensor"}
         if self.valve:
-            found |= PNEUMATIC_PARTS - ({"supply"} if supply_recorded else set())
+            found |= PNEUMATIC_PARTS - ({"supply", "pump"} if supply_recorded else set())
         if self.cylinder:
             found.add("cylinder")
         if self.axis or (self.vessel and vessel_is_chamber):

@@ -117,6 +117,7 @@ class Rig:
         null_free: Whether ``valve_null`` is identified.
         null_range: Range in V in which it lies.
         null_ranges: Ranges in V that recordings with filling and venting show, by recording.
+        source: What fills the valve, or without a valve the chamber.
         axis_recorded: Whether a recording has a cylinder behind a valve.
         priors: Prior knowledge of parameters by name.
     """
@@ -141,6 +142,7 @@ class Rig:
     null_ranges: Mapping[str, tuple[float, float]] = field(default_factory=dict)
     valve_arrangement: ArrangementName = "one-chamber"
     valve_kind: Literal["proportional", "switching"] = "proportional"
+    source: Literal["regulator", "pump", "ejector"] = "regulator"
     axis_recorded: bool = True
     priors: Mapping[str, ParameterPrior] = field(default_factory=dict)
 

@@ -281,6 +281,7 @@ class PipelineConfig(Table):
             null_free=valve.null == "identify",
             valve_arrangement=self.arrangement,
             valve_kind=valve.kind,
+            source=self.rig.source.kind,
             axis_recorded=not self.recordings or any(EXPERIMENT_KINDS[t.experiment].axis for t in self.recordings),
         )
 
@@ -305,21 +306,6 @@ class PipelineConfig(Table):
             raise ValueError(
                 f'{name} says chamber_2 = "valve", but [rig.valve] has no path to chamber 2; wanted "5/3" or "two"'
             )
-        return self
-
-    @model_validator(mode="after")
-    def _supplied(self) -> PipelineConfig:
-        source = self.rig.source.kind
-        for t in self.recordings if source != "regulator" else ():
-            known = {
-                name for table in (self.signals, t.signals, *(m.signals for m in t.more)) for name in table.present()
-            }
-            is_read = "p_supply" in t.held_constant or "p_supply" in known.intersection(t.take or known)
-            if EXPERIMENT_KINDS[t.experiment].valve and t.valve is None and not is_read:
-                raise ValueError(
-                    f"the pressure behind a source of kind {source} is not constant, and {t.name or t.file} has no "
-                    "p_supply; wanted its recorded course in [signals], which then drives the model"
-                )
         return self
 
     @property

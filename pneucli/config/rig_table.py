@@ -47,7 +47,7 @@ class ValveTable(Table):
 
 
 class SourceTable(Table):
-    """``[rig.source]``: what fills the valve; behind all but a regulator the pressure must be recorded."""
+    """``[rig.source]``: what fills the valve, or without a valve the chamber."""
 
     kind: Literal["regulator", "pump", "ejector"] = "regulator"
 

@@ -267,6 +267,7 @@ def prepare_case(
         absent_signals=conditions.absent,
         command_cycle=int(conditions_rng.choice(COMMAND_CYCLES)) if conditions.held else 1,
         supply_start=draw_stated_stall(stated, conditions_rng) if conditions.source == "pump" else None,
+        source=conditions.source if conditions.source_stated else None,
     )
     return Case(
         laboratory,
@@ -360,7 +361,9 @@ def _with_source(par: Parameters, source: str, rng: np.random.Generator) -> Para
     gauge = par.supply - par.ambient
     if source == "pump":
         choked = PSI_MAX * par.effective_area * par.supply * np.sqrt(2.0 / (GAS_CONSTANT * par.temperature))
-        return par._replace(pump_flow=choked * rng.uniform(0.6, 1.0), pump_stall=gauge * rng.uniform(0.85, 1.0))
+        return par._replace(
+            pump_flow=choked * rng.uniform(0.6, 1.0), pump_clearance=1.0 / (gauge * rng.uniform(0.85, 1.0))
+        )
     loop = {"regulated_span": gauge * rng.uniform(0.8, 0.95), "regulated_band": gauge * rng.uniform(0.06, 0.12)}
     return par._replace(valve_lag=rng.uniform(3e-3, 6e-3), **loop)
 
@@ -405,7 +408,8 @@ def draw_stated_rig(
     stated_rig, loads = draw_variant(base, kind, conditions, conditions_rng)
     for name in friction:
         stated_rig = BY_NAME[name].apply(stated_rig, 1.0, rng)
-    return base, stated_rig, (*friction, *loads)
+    pump = ("pump-flow",) if conditions.source_stated and "pump-flow" not in hidden else ()
+    return base, stated_rig, (*friction, *loads, *pump)
 
 
 def is_linear(base: Parameters, kind: str) -> bool:
@@ -426,7 +430,7 @@ def is_supply_recorded(hidden: Sequence[str], conditions: Conditions, rng: np.ra
 
 def draw_stated_stall(par: Parameters, rng: np.random.Generator) -> float:
     """Draw the stall pressure (Pa, absolute) that the data sheet of a pump states."""
-    return par.ambient + par.pump_stall * rng.uniform(0.9, 1.1)
+    return par.ambient + rng.uniform(0.9, 1.1) / par.pump_clearance
 
 
 def draw_sensors(

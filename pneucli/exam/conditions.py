@@ -76,7 +76,9 @@ GROUPS: dict[str, frozenset[str]] = {
     **{name: frozenset(effects) for name, effects in _TABLE["groups"].items()},
     "sides": frozenset(effect.name for effect in CATALOGUE) - frozenset(SIDES),
     # of the chamber, the valve and its supply
-    "no-area": frozenset(e.name for e in CATALOGUE if VALVE[0] in e.kinds and FRICTION[0] not in e.kinds)
+    "no-area": frozenset(
+        e.name for e in CATALOGUE if VALVE[0] in e.kinds and FRICTION[0] not in e.kinds and not e.under
+    )
     | {"piston-leak", "dead-volume", "valve-deadband"}
     | {effect.name for effect in UNCATALOGUED if effect.part == "flow"},
 }
@@ -110,6 +112,7 @@ class Conditions:
     sides: bool = False  # effects of either chamber
     held: bool = False  # the controller holds its command for several milliseconds
     source: str | None = None  # "regulated" or "pump", in place of a valve whose command sets an area
+    source_stated: bool = False  # in the pipeline file
     messy: bool = False  # several disturbances outside the catalogue act as well
     mess: tuple[float, float] = (0.05, 0.25)  # range of their sizes, relative to the usual
     mess_of: frozenset[str] = frozenset()  # the disturbances to draw from; all if empty
@@ -123,7 +126,7 @@ class Conditions:
     @property
     def allows_unexplained(self) -> bool:
         """Whether every case has a disturbance that no effect of the catalogue explains."""
-        return self.messy or self.drift > 0.0 or self.source is not None
+        return self.messy or self.drift > 0.0 or (self.source is not None and not self.source_stated)
 
     @property
     def allows_linear(self) -> bool:

@@ -113,6 +113,7 @@ class Laboratory:
         command_cycle: The controller gives a command in every n-th period of the loop; above 1 its log has a clock of
             its own.
         supply_start: The stall pressure (Pa, absolute) that a pump's data sheet states, in place of a supply pressure.
+        source: What fills the chamber, where the pipeline file states it.
 
     """
 
@@ -129,6 +130,7 @@ class Laboratory:
     absent_signals: frozenset[str] = frozenset()
     command_cycle: int = 1
     supply_start: float | None = None
+    source: str | None = None
 
     def valve_test_rig(self, chamber: Literal[1, 2] = 1) -> Parameters:
         """Return the rig of a valve test: this valve, supply and sensors on the vessel, no leak of the cylinder."""
@@ -211,8 +213,9 @@ class Laboratory:
         dead_volume_2 = par.dead_volume_2 + par.piston_area_2 * (par.stroke - stroke)
         text = f'[rig]\ngas_temperature = "{par.temperature} K"\n'
         text += f'ambient_pressure = "{par.ambient / 1e5:.3f} bar"      # absolute\n'
-        if self.supply_start is None:
-            text += f'supply_pressure = "{par.supply / 1e5:.4f} bar"     # absolute; the regulator\'s setting\n'
+        if self.supply_start is None or self.source is not None:
+            setting = par.supply if self.supply_start is None else self.supply_start
+            text += f'supply_pressure = "{setting / 1e5:.4f} bar"     # absolute; the regulator\'s setting\n'
         if self.has_cylinder:
             text += (
                 f'\n[rig.cylinder]\npiston_area_1 = "{_number(par.piston_area_1 * 1e4, 4)} cm^2"\n'
@@ -224,6 +227,8 @@ class Laboratory:
             )
         if self.vessel_volume is not None:
             text += f'\n[rig.vessel]\nvolume = "{_number(self.vessel_volume * 1e6, 3)} cm^3"\n'
+        if self.source is not None:
+            text += f'\n[rig.source]\nkind = "{self.source}"\n'
         return text + self._valve()
 
     def _valve(self) -> str:
@@ -270,7 +275,7 @@ class Laboratory:
         effects = ", ".join(f'"{effect}"' for effect in self.effects)
         valve = 'valve = "linear"\n' if self.linear_valve else ""
         known = ""
-        if self.supply_start is not None:  # of a pump, from its data sheet
+        if self.supply_start is not None and self.source is None:  # of a pump, from its data sheet
             known = f'\n[model.parameters]\n"rig.supply_pressure" = {{ start = "{self.supply_start / 1e5:.1f} bar" }}\n'
         return f'[model]\neffects = [{effects}]\n{valve}{known}\n[compare]\nhorizon = "{horizon}"\n'
 

@@ -50,7 +50,7 @@ class RecordingProgramme:
     def plans(self, kind: str) -> list[RecordingPlan]:
         """Return all recordings of a rig of that kind; the last of each experiment, or a step, is for testing."""
         takes: list[RecordingPlan] = []
-        if self.conditions.source is not None:
+        if self.conditions.source is not None and not self.conditions.source_stated:
             takes += [RecordingPlan("steady_rows", "flow", "train", self._steady_rows())]
         if self.laboratory.vessel_volume is not None:
             takes += self._valve_tests(1, tested=kind == "valve")

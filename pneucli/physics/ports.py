@@ -50,6 +50,12 @@ PORTS: dict[str, Port] = {
         "1: position of a switching valve, filling 1, venting -1",
     ),
     "critical_ratio": Port(("b",), "chain", "gas", "1: critical ratio of the valve's flow function"),
+    "filling": Port(
+        ("q", "full", "p", "p_amb"),
+        "chain",
+        "gas",
+        "kg/s from the source into a chamber at p; full: the same through the open area at any low pressure",
+    ),
     "leak_area": Port((), "sum", "gas", "m^2: open from supply to outlet and from outlet to exhaust at every command"),
     "leak_1_ambient": Port(("p1", "p_amb", "k"), "sum", "gas", "kg/s out of chamber 1"),
     "leak_2_ambient": Port(("p2", "p_amb", "k"), "sum", "gas", "kg/s out of chamber 2"),

@@ -249,7 +249,7 @@ def with_absent_effects(
         recordings: Residual models of the benches.
     """
     there = {e.name for e in model.effects}
-    absent = [e for e in effects if e.name not in there and e.part not in model.valve.covers]
+    absent = [e for e in effects if e.name not in there and e.part not in model.excluded_parts]
     shown = [e for e in absent if any(m.is_sensitive_to(e) for m in recordings)]
     quantities = rig_quantities(model, [one.experiment for one in recordings])
     starts = [(e, initial_guesses(e, quantities, model.rig.priors)) for e in shown]

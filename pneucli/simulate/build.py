@@ -211,7 +211,7 @@ def source(
         _constants(),
         _functions(gas) + "\n",
         *(_equations(effect) for effect in effects),
-        *(_port(name, effects) for name in [*PORTS, "has_heat", "has_slowing", "has_switched"]),
+        *(_port(name, effects) for name in [*PORTS, "has_heat", "has_slowing", "has_switched", "has_filling"]),
         _scalars(effects),
         physics,
     ]

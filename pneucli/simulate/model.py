@@ -8,6 +8,7 @@ from functools import cached_property
 
 import numpy as np
 
+from pneucli.experiments import Part
 from pneucli.physics.declaration import Effect, Parameter
 from pneucli.physics.gas import critical_ratio_of
 from pneucli.recording import Rig
@@ -49,6 +50,11 @@ class Model:
     def valves(self) -> tuple[ValveForm, ...]:
         """The valves that have parameters."""
         return (self.valve,) if self.valve_2 is None else (self.valve, self.valve_2)
+
+    @property
+    def excluded_parts(self) -> frozenset[Part]:
+        """Parts whose effects cannot be missing: the valve's form contains them, or the rig has no such part."""
+        return self.valve.covers | (frozenset() if self.rig.source == "pump" else frozenset({"pump"}))
 
     def valve_parameters(self) -> dict[str, tuple[float, str]]:
         """Return value and unit of the parameters of the valves by name."""

@@ -98,7 +98,7 @@ def compare_with_baseline(
     folder, rate = Path(options["folder"]), float(options["alarm_rate"])
     model, old = _baseline_model(pipeline, folder)
     residual_models: list[ResidualModel] = [*data.train, *data.held_out]
-    own = replace(data, modelled_parts=model.valve.covers)
+    own = replace(data, modelled_parts=model.excluded_parts)
     fit, new = fit_baseline(model, residual_models, own.absent_effects(model), old.typical_effects)
     whole, (old, new) = old, align(old, new)
     if not old.coordinates:
@@ -186,7 +186,7 @@ def write_missing_baseline(folder: Path) -> None:
     model = load_model(folder, pipeline.rig, pipeline.effects)
     effects = {n: e for n, e in pipeline.available_effects.items() if n not in pipeline.excluded_effects}
     train, held_out = (pipeline.residual_models(use) for use in ("train", "test"))
-    data = DiagnosisData(train, held_out, effects, modelled_parts=model.valve.covers)
+    data = DiagnosisData(train, held_out, effects, modelled_parts=model.excluded_parts)
     residual_models = [*train, *held_out]
     free = free_parameters(model, residual_models)
     write_baseline(pipeline, data, fit(model, residual_models, free, stopping=NO_ITERATION))

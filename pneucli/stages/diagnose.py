@@ -98,7 +98,7 @@ def run(context: Context) -> dict[str, Any]:
     errors = FreeRunErrors(pipeline.experiments)
     data = replace(
         data,
-        modelled_parts=guess.valve.covers,
+        modelled_parts=guess.excluded_parts,
         free_run_errors=errors,
         judge_fit=errors.judge,
         implausible=bool(impossible),

@@ -185,19 +185,9 @@ def test_rows_without_a_clock_are_no_test_of_friction(tmp_path: Path) -> None:
     assert 'experiment = "friction"' in str(said.value)
 
 
-def test_what_a_pump_delivers_must_be_recorded(tmp_path: Path) -> None:
-    pump = ("# cylinder", '[rig.source]\nkind = "pump"')
-    with pytest.raises(
-        InputError,
-        match=r"key rig\.source: the pressure behind a source of kind pump is not constant, and run\.csv has no",
-    ):
-        stated(tmp_path, pump)
-    supply = ("[[recordings]]", 'p_supply = { column = "ps", unit = "bar" }\n[[recordings]]')
-    assert stated(tmp_path, pump, supply).rig.source.kind == "pump"
-    with pytest.raises(InputError, match=r"run\.csv has no p_supply"):  # in [signals], and not taken
-        stated(tmp_path, pump, supply, ("# end", 'take = ["p1"]'))
-    further = '[[recordings.more]]\nfile = "s.csv"\nsignals = { p_supply = { column = "ps", unit = "bar" } }'
-    assert stated(tmp_path, pump, ("# end", further)).recordings[0].more
+def test_a_pump_needs_no_recorded_supply_since_the_command_may_drive_it(tmp_path: Path) -> None:
+    pump = stated(tmp_path, ("# cylinder", '[rig.source]\nkind = "pump"'))
+    assert (pump.rig.source.kind, pump.to_rig().source) == ("pump", "pump")
 
 
 def test_a_diaphragms_area_counts_as_its_mean(tmp_path: Path) -> None:

@@ -70,6 +70,7 @@ MOVED, DRIVEN = ("friction", "axis"), ("valve", "axis")
         ("held-commands", DRIVEN, {"held": True}),
         ("regulated-valve", ("axis",), {"source": "regulated", "null": 5.0, "command": 5.0}),
         ("pump", ("axis",), {"source": "pump"}),
+        ("stated-pump", DRIVEN, {"source": "pump", "source_stated": True}),
         ("messy", None, {"messy": True}),
         ("bits-12", None, {"bits": 12}),
         ("no-acceleration", MOVED, {"absent": frozenset({"a"})}),

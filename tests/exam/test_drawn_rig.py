@@ -148,8 +148,8 @@ def test_a_valve_with_a_pressure_loop_spans_most_of_the_supply() -> None:
 def test_a_pump_delivers_about_what_the_valve_would_let_in_and_stalls_below_the_supply() -> None:
     par, _ = made("pump")
     assert par.pump_flow == pytest.approx(0.84 * 0.484 * 2e-6 * 7e5 * np.sqrt(2.0 / (287.0 * par.temperature)))
-    assert par.pump_stall == pytest.approx(0.94 * 6e5)
-    assert cases.draw_stated_stall(par, RNG) == pytest.approx(par.ambient + 1.02 * par.pump_stall)
+    assert 1.0 / par.pump_clearance == pytest.approx(0.94 * 6e5)
+    assert cases.draw_stated_stall(par, RNG) == pytest.approx(par.ambient + 1.02 / par.pump_clearance)
 
 
 def test_an_encoder_has_one_of_the_steps_of_linear_encoders_whatever_the_size_of_the_rig() -> None:

@@ -228,7 +228,7 @@ def test_convection_warms_each_chamber_by_its_own_walls(plain: SimpleNamespace) 
     assert warmed == pytest.approx([walls[0] * (par.temperature - 290.0), walls[1] * (par.temperature - 300.0)])
 
 
-PUMP = PAR._replace(pump_flow=2e-3, pump_stall=4e5)
+PUMP = PAR._replace(pump_flow=2e-3, pump_clearance=1.0 / 4e5)
 
 
 @pytest.mark.parametrize(
@@ -238,6 +238,14 @@ def test_a_pump_delivers_by_its_speed_and_less_against_pressure(
     plain: SimpleNamespace, volts: float, gauge: float, flow: float
 ) -> None:
     assert plain.pump_flow(PUMP, volts, PUMP.ambient + gauge) == pytest.approx(flow)
+
+
+def test_what_slips_in_a_pump_does_not_go_with_its_speed(plain: SimpleNamespace) -> None:
+    slipping = PUMP._replace(pump_slip=2e-9)
+    for volts in (5.0, 10.0):
+        lost = plain.pump_flow(PUMP, volts, PUMP.ambient + 1e5) - plain.pump_flow(slipping, volts, PUMP.ambient + 1e5)
+        assert lost == pytest.approx(2e-4)
+    assert plain.pump_flow(slipping, 1.0, PUMP.ambient + 1e5) == 0.0
 
 
 LOOP = PAR._replace(command_range=5.0, regulated_span=5e5, regulated_band=0.5e5)

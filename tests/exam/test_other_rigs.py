@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from pneucli.exam.cases import generate_case
+from pneucli.exam.cases import draw_stated_rig, generate_case
 from pneucli.exam.conditions import parse
 from pneucli.exam.graded_case import GradedCase
 from pneucli.exam.hidden_effects import ALL_BY_NAME, SIDES
@@ -157,7 +157,7 @@ def test_a_regulator_gives_what_is_asked_less_a_droop_and_a_pump_what_its_speed_
     assert seen["u"] == pytest.approx(np.repeat([2.5, 5.0, 7.5], 2))
     assert np.all((droop > 0.0) & (droop < 0.4e5))
     assert np.all(droop[1::2] > droop[::2])
-    pump = PAR._replace(pump_flow=1e-3, pump_stall=4e5)
+    pump = PAR._replace(pump_flow=1e-3, pump_clearance=1.0 / 4e5)
     seen = simulate_steady_rows(pump, SteadyRows(np.array([5.0]), np.array([1e-8, 3e-7])))
     assert seen["flow"] == pytest.approx(0.5e-3 * (1.0 - (seen["p1"] - pump.ambient) / 4e5))
     assert np.all(seen["p_supply"] == pump.ambient)
@@ -175,6 +175,18 @@ def test_a_bench_of_such_a_source_has_steady_rows_without_a_clock(tmp_path: Path
     if name == "pump":
         assert "supply_pressure" not in said["rig"]
         assert set(said["model"]["parameters"]) == {"rig.supply_pressure"}
+
+
+def test_a_stated_pump_is_told_with_its_effect_or_hides_it(tmp_path: Path) -> None:
+    for kind in ("valve", "axis"):
+        truth, said = case(tmp_path / kind, kind, "stated-pump")
+        assert (said["rig"]["source"]["kind"], said["model"]["effects"][-1]) == ("pump", "pump-flow")
+        assert all(recording["experiment"] != "flow" for recording in said["recordings"])
+        assert not truth["unexplained_is_right"]
+    hidden = draw_stated_rig(
+        "valve", ["pump-flow"], parse("stated-pump"), np.random.default_rng(1), np.random.default_rng(2)
+    )
+    assert "pump-flow" not in hidden[2]
 
 
 def test_what_the_answer_says_of_stated_effects_and_of_the_command_is_graded() -> None:

@@ -402,9 +402,12 @@ def test_the_sensitivity_to_a_parameter_is_a_central_difference() -> None:
     assert one.standard_error(*at) == pytest.approx(np.sqrt([1.44 + 400.0, 9.0 + 4.0]))
 
 
-def test_the_sensitivity_to_areas_and_overlaps_is_that_of_differences() -> None:
-    """Beside a leak, whose parameter is no area, and at commands beyond all knots."""
-    known, test = quiet(["chamber-leak"], {"chamber-leak.area": 2e-8})
+@pytest.mark.parametrize(
+    "values", [{"chamber-leak.area": 2e-8}, {"pump-flow.slip": 8e-10, "pump-flow.clearance": 0.1}], ids=["leak", "pump"]
+)
+def test_the_sensitivity_to_areas_and_overlaps_is_that_of_differences(values: dict[str, float]) -> None:
+    """Beside a leak or the slip of a pump, whose parameters are no areas, and at commands beyond all knots."""
+    known, test = quiet([next(iter(values)).partition(".")[0]], values)
     known = replace(known, valve=replace(known.valve, overlap_fill=0.3))
     free = free_parameters(known, [ChamberPressures(test)])
     start = np.array([f.to_coordinate(parameter_value(known, f.name)) for f in free])

@@ -183,8 +183,8 @@ def test_at_null_the_effect_is_absent(effect: Effect) -> None:
 
 
 def test_which_effects_are_present_at_their_null() -> None:
-    """Heat transfer always; hysteresis with a Stribeck rise, of which it takes one branch; no other pair."""
-    assert {e.name for e in EFFECTS if not e.nested} == {"heat-transfer"}
+    """Heat transfer and a pump always; hysteresis with a Stribeck rise, of which it takes one branch; no other pair."""
+    assert {e.name for e in EFFECTS if not e.nested} == {"heat-transfer", "pump-flow"}
     pairs = {(e.name, o.name) for e in EFFECTS for o in EFFECTS if e.in_model_with((e, o)) is not e}
     assert pairs == {("friction-hysteresis", "stribeck")}
     known = catalogue()

@@ -210,6 +210,18 @@ def test_both_chambers_feel_one_spool_at_the_same_time() -> None:
         assert TIME[rising[-1]] == pytest.approx(0.225, abs=2e-3)
 
 
+def test_a_pump_fills_to_where_slip_and_clearance_take_all_of_its_flow() -> None:
+    """dp/dt = kappa R T / V (q0 - c p) with c = q0 clearance + slip: an exponential (TIME of 0.3 s from the step)."""
+    full, slip, clearance = CHOKED * VOLUME / (KAPPA * R * T), 2e-9, 0.1e-5
+    loss = full * clearance + slip
+    rate, end = KAPPA * R * T / VOLUME * loss, full / loss
+    p = charged({"pump-flow.slip": slip, "pump-flow.clearance": 1e5 * clearance})
+    since = np.maximum(TIME - 0.1, 0.0)
+    assert p - p[0] == pytest.approx(end * (1.0 - np.exp(-rate * since)), abs=1e-4 * CHOKED)
+    full_vessel = charged({"pump-flow.slip": slip, "pump-flow.clearance": 1e5 * clearance}, p1=101_300.0 + 1.2 * end)
+    assert np.ptp(full_vessel) == 0.0  # its valves let nothing back
+
+
 @settings(max_examples=20, deadline=None)
 @given(half=st.floats(0.01, 1.0))
 def test_play_delays_the_opening_by_its_half_width(half: float) -> None:

@@ -2,11 +2,15 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
+from pneucli.simulate.model import Model
 from pneucli.simulate.valve_forms.area import TABLE_POINTS, ValveArea
 from pneucli.simulate.valve_forms.linear import LinearValve
+from tests.simulate.synthetic_experiments import RIG
 
 VALVE = LinearValve(2e-7, 8.0)
 
@@ -30,3 +34,10 @@ def test_one_parameter_is_read_and_set_by_name():
 def test_a_map_covers_the_overlap_but_a_gain_does_not():
     assert "linear valve" in ValveArea((-1.0, 1.0), (1e-7, 1e-7)).covers
     assert "linear valve" not in VALVE.covers
+
+
+def test_only_a_rig_with_a_pump_can_lack_the_law_of_a_pump():
+    plain = Model(RIG, valve=VALVE)
+    assert "pump" in plain.excluded_parts
+    pumped = replace(plain, rig=replace(RIG, source="pump"))
+    assert pumped.excluded_parts == VALVE.covers

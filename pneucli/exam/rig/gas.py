@@ -28,9 +28,10 @@ def orifice_flow(area: float, p_up: float, t_up: float, p_down: float, ratio: fl
 
 @compiled()
 def pump_flow(par: Parameters, opening: float, p: float) -> float:
-    """Mass flow in kg/s of a pump: its speed goes with the command, its leakage with the pressure that it works on."""
-    stalled = max(1.0 - max(p - par.ambient, 0.0) / par.pump_stall, 0.0)
-    return par.pump_flow * max(opening, 0.0) / par.command_range * stalled
+    """Mass flow in kg/s of a pump: its speed goes with the command, its losses with the pressure that it works on."""
+    above = max(p - par.ambient, 0.0)
+    driven = par.pump_flow * max(opening, 0.0) / par.command_range * (1.0 - par.pump_clearance * above)
+    return max(driven - par.pump_slip * above, 0.0)
 
 
 @compiled()

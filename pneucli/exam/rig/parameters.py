@@ -124,7 +124,8 @@ class Parameters(NamedTuple):
     regulated_span: float = 0.0  # Pa, gauge at the full command of a valve with a pressure loop; 0: no loop
     regulated_band: float = 1e4  # Pa, the error of its loop at which it opens fully
     pump_flow: float = 0.0  # kg/s, of a pump at the full command against ambient pressure; 0: no pump
-    pump_stall: float = 6e5  # Pa, gauge, at which the pump delivers nothing
+    pump_clearance: float = 1.0 / 6e5  # 1/Pa, share of its flow that a pump loses to the pressure
+    pump_slip: float = 0.0  # kg/(s Pa), lost at any speed
     # the ends of the stroke: springs with dampers that push and never pull
     stop_stiffness: float = 5e6  # N/m
     stop_damping: float = 3e3  # N s/m; small: the piston bounces

@@ -59,7 +59,7 @@ def _outlet(par: Parameters, opening: float, throttle: float) -> float:
     def surplus(p: float) -> float:
         return _delivered(par, opening, p) - _throttled(par, throttle, p)
 
-    highest = par.ambient + par.pump_stall if par.pump_flow > 0.0 else par.supply
+    highest = par.ambient + 1.0 / par.pump_clearance if par.pump_flow > 0.0 else par.supply
     return float(brentq(surplus, par.ambient, highest, xtol=1e-3))
 
 

@@ -14,7 +14,7 @@ from pneucli.simulate.kernel.ports import (
     unread_p1,
     volume_1,
 )
-from pneucli.simulate.kernel.valve import table_place, unit_flow, valve_flow
+from pneucli.simulate.kernel.valve import effective_area, table_place, unit_flow, valve_flow
 from pneucli.simulate.layout import AMBIENT, CRITICAL, DEAD_1, EXPONENT, GAMMA, GAS, TEMP, WALL
 
 
@@ -107,12 +107,13 @@ def run_gradient(u, p, p_supply, base_values, th_values, on_values, u_max, areas
         spool[:] = u[i]
         true = unread_p1(p[i], p_amb, th, on)
         opening = command(u[i], 1.0, spool, th, on)
-        q_in, q_out = valve_flow(opening, true, p_supply[i], p_amb, b, leak, k_gas, k_gas, u_max, areas)
+        q_in, q_out = valve_flow(opening, true, p_supply[i], p_amb, b, leak, k_gas, k_gas, u_max, areas, th, on)
         q_out += leak_1_ambient(true, p_amb, k_gas, th, on)
         sensed = 0.5 * (read_p1(true + 1.0, p_amb, th, on) - read_p1(true - 1.0, p_amb, th, on))
         out[i] = sensed * pressure_rate(true, base[TEMP], volume, 0.0, q_in, q_out, 0.0, base)
         if derivatives.shape[1] > 0:
-            fill, vent = unit_flow(opening, true, p_supply[i], p_amb, b, k_gas, k_gas)
+            area = effective_area(opening, u_max, areas)
+            fill, vent = unit_flow(opening, true, p_supply[i], p_amb, b, k_gas, k_gas, area, th, on)
             by_area = sensed * pressure_rate(true, base[TEMP], volume, 0.0, fill, vent, 0.0, base)
             place, w = table_place(opening, u_max, areas.size)
             for j in range(derivatives.shape[1]):

@@ -17,6 +17,14 @@ def critical_ratio(b, th, on):
     return b
 
 
+def filling(q, full, p, p_amb, th, on):
+    return q
+
+
+def has_filling(on):
+    return False
+
+
 def leak_area(th, on):
     return 0.0
 

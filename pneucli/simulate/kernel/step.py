@@ -153,14 +153,14 @@ def valve_step(
         if has_switched(on):
             place = switched(side_of(opening), h, s1, th, on)
             opening, share = side_of(place) * u_max, abs(place)
-        q_in, q_out = valve_flow(opening, p1, p_line, base[AMBIENT], b, leak, k1, k_gas, u_max, areas, share)
+        q_in, q_out = valve_flow(opening, p1, p_line, base[AMBIENT], b, leak, k1, k_gas, u_max, areas, th, on, share)
     if chamber_2 not in (OPEN, CLOSED):
         opening_2 = command(u2, h, s2, th, on)
         if has_switched(on):
             place = -place if chamber_2 == MIRRORED else switched(side_of(opening_2), h, s2, th, on)
             opening_2, share_2 = side_of(place) * u_max, abs(place)
         more_in, more_out = valve_flow(
-            opening_2, p2, p_line, base[AMBIENT], b, leak, k2, k_gas, u_max, areas_2, share_2
+            opening_2, p2, p_line, base[AMBIENT], b, leak, k2, k_gas, u_max, areas_2, th, on, share_2
         )
     return q_in, q_out, more_in, more_out
 

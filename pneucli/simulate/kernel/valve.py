@@ -2,7 +2,8 @@
 
 import math
 
-from pneucli.physics.gas import orifice_flow
+from pneucli.physics.gas import PSI_MAX, orifice_flow
+from pneucli.simulate.kernel.ports import filling, has_filling
 
 
 def effective_area(u, u_max, areas):
@@ -47,18 +48,22 @@ def table_place(u, u_max, size: int):
     return i, place - i
 
 
-def unit_flow(opening, p, p_s, p_amb, b, k, k_gas):
-    """Return the flows of a valve as :func:`valve_flow` does, over the area that depends on the opening.
+def unit_flow(opening, p, p_s, p_amb, b, k, k_gas, area, th, on):
+    """Return the slopes of the flows of :func:`valve_flow` over the area in m^2 that depends on the opening.
 
     Returns:
-        Both mass flows over that area in kg/(s m^2); one of them is 0.
+        Both slopes in kg/(s m^2); one of them is 0.
     """
     if opening > 0.0:
+        if has_filling(on) and area > 0.0:
+            full = area * p_s * k_gas * PSI_MAX
+            q = filling(0.0, full, p, p_amb, th, on)  # where it flows, a line over the area with an offset
+            return (filling(0.0, 2.0 * full, p, p_amb, th, on) - q) / area if q > 0.0 else 0.0, 0.0
         return orifice_flow(p_s, p, b, k_gas, k), 0.0
     return 0.0, orifice_flow(p, p_amb, b, k, k_gas)
 
 
-def valve_flow(opening, p, p_s, p_amb, b, leak, k, k_gas, u_max, areas, share=1.0):
+def valve_flow(opening, p, p_s, p_amb, b, leak, k, k_gas, u_max, areas, th, on, share=1.0):
     """Return the flows of a valve from supply to outlet and from outlet to exhaust.
 
     Args:
@@ -72,6 +77,8 @@ def valve_flow(opening, p, p_s, p_amb, b, leak, k, k_gas, u_max, areas, share=1.
         k_gas: Flow constant of the supply's gas in s/m.
         u_max: Largest opening in V.
         areas: Areas in m^2 over openings of -u_max..u_max.
+        th: Parameters of effects.
+        on: Switches of effects.
         share: Share of that area: of a switching valve that is open for a part of the step.
 
     Returns:
@@ -90,7 +97,7 @@ def valve_flow(opening, p, p_s, p_amb, b, leak, k, k_gas, u_max, areas, share=1.
     q_in = 0.0
     q_out = 0.0
     if fill > 0.0:
-        q_in = fill * orifice_flow(p_s, p, b, k_gas, k)
+        q_in = filling(fill * orifice_flow(p_s, p, b, k_gas, k), fill * p_s * k_gas * PSI_MAX, p, p_amb, th, on)
     if vent > 0.0:
         q_out = vent * orifice_flow(p, p_amb, b, k, k_gas)
     return q_in, q_out
