@@ -357,8 +357,10 @@ def _with_gas(
 
 
 def _with_source(par: Parameters, source: str, rng: np.random.Generator) -> Parameters:
-    """Return the rig with a valve that regulates the pressure, or with a pump, in place of the usual valve."""
+    """Return the rig with a valve that regulates the pressure, with a pump, or with an ejector behind the valve."""
     gauge = par.supply - par.ambient
+    if source == "ejector":
+        return par._replace(supply=par.ambient * rng.uniform(0.15, 0.35))
     if source == "pump":
         choked = PSI_MAX * par.effective_area * par.supply * np.sqrt(2.0 / (GAS_CONSTANT * par.temperature))
         return par._replace(
@@ -389,7 +391,7 @@ def _with_valves(par: Parameters, conditions: Conditions, rng: np.random.Generat
 def _with_end_stops(par: Parameters, rng: np.random.Generator) -> Parameters:
     """Draw ends that the full supply compresses by 0.02 to 0.1 % of the stroke; on half of them the piston bounces."""
     pressed = par.stroke * rng.uniform(2e-4, 1e-3)
-    stiffness = (par.supply - par.ambient) * par.piston_area_1 / pressed
+    stiffness = abs(par.supply - par.ambient) * par.piston_area_1 / pressed
     ratio = rng.uniform(0.05, 0.3) if rng.random() < 0.5 else rng.uniform(0.7, 1.0)
     return par._replace(stop_stiffness=stiffness, stop_damping=2 * ratio * np.sqrt(stiffness * par.mass))
 
@@ -408,7 +410,9 @@ def draw_stated_rig(
     stated_rig, loads = draw_variant(base, kind, conditions, conditions_rng)
     for name in friction:
         stated_rig = BY_NAME[name].apply(stated_rig, 1.0, rng)
-    pump = ("pump-flow",) if conditions.source_stated and "pump-flow" not in hidden else ()
+    pump = (
+        ("pump-flow",) if conditions.source_stated and conditions.source == "pump" and "pump-flow" not in hidden else ()
+    )
     return base, stated_rig, (*friction, *loads, *pump)
 
 

@@ -71,6 +71,7 @@ MOVED, DRIVEN = ("friction", "axis"), ("valve", "axis")
         ("regulated-valve", ("axis",), {"source": "regulated", "null": 5.0, "command": 5.0}),
         ("pump", ("axis",), {"source": "pump"}),
         ("stated-pump", DRIVEN, {"source": "pump", "source_stated": True}),
+        ("ejector", ("valve",), {"source": "ejector", "source_stated": True}),
         ("messy", None, {"messy": True}),
         ("bits-12", None, {"bits": 12}),
         ("no-acceleration", MOVED, {"absent": frozenset({"a"})}),

@@ -177,6 +177,22 @@ def test_a_bench_of_such_a_source_has_steady_rows_without_a_clock(tmp_path: Path
         assert set(said["model"]["parameters"]) == {"rig.supply_pressure"}
 
 
+def test_an_ejector_evacuates_the_vessel_and_ambient_air_fills_it(tmp_path: Path) -> None:
+    """Its suction is proportional to the pressure above its end vacuum, before a vessel of 10 l."""
+    truth, said = case(tmp_path / "case", "valve", "ejector")
+    assert said["rig"]["source"]["kind"] == "ejector"
+    assert float(said["rig"]["supply_pressure"].split()[0]) < 0.4
+    assert not truth["unexplained_is_right"]
+    par = VESSEL._replace(supply=0.3e5, supply_volume=1e-2, regulator_conductance=2e-8)
+    seen = simulate_rig(par, Excitation(np.repeat([10.0, -10.0], 1500), pressure_1=par.ambient))
+    assert seen["p1"].min() < 0.35e5
+    assert seen["p1"][-1] == pytest.approx(par.ambient, rel=1e-3)
+    assert seen["p_supply"][0] == par.supply
+    removed = (par.ambient - seen["p1"][1499]) * par.dead_volume_1  # at constant temperature, per kappa R T
+    settled = par.supply + removed / 1e-2  # before the ejector has removed any of it
+    assert par.supply < seen["p_supply"][1499] < settled
+
+
 def test_a_stated_pump_is_told_with_its_effect_or_hides_it(tmp_path: Path) -> None:
     for kind in ("valve", "axis"):
         truth, said = case(tmp_path / kind, kind, "stated-pump")

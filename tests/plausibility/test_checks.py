@@ -118,6 +118,15 @@ def test_a_vented_chamber_rests_at_ambient_pressure() -> None:
     assert seen(charge(1.02e5, 7e5, start=6e5)) == {}
 
 
+def test_an_ejector_draws_a_chamber_below_ambient_pressure() -> None:
+    """From ambient to 0.25 bar by a command that opens to 0.2 bar, and back: nothing is odd, but on a usual rig."""
+    cycle = np.where(T < 2.0, np.exp(-T / 0.3), 1.0 - np.exp(-(T - 2.0) / 0.3))
+    one = recorded("valve", p1=0.25e5 + 0.763e5 * cycle, u=np.where(T < 2.0, 5.0, -5.0), p_supply=0.2e5 + 0 * T)
+    vessel = Rig(vessel_volume=1e-4)
+    assert seen(one, vessel)
+    assert seen(one, replace(vessel, source="ejector")) == {}
+
+
 def test_a_chamber_is_charged_from_above() -> None:
     rising = recorded("valve", p1=6e5 - 5e5 * np.exp(-T), u=5 + 0 * T, p_supply=2e5 + 0 * T)
     vessel = Rig(vessel_volume=1e-4)

@@ -63,6 +63,9 @@ def valve_flow(par: Parameters, area: float, t: float, s: Array, chamber: int = 
     open_in, open_out = max(area, 0.0) + par.valve_leak_area, max(-area, 0.0) + par.valve_leak_area
     supply = s[PS] + par.ripple * math.sin(2.0 * math.pi * par.ripple_frequency * t)
     p, temperature = s[P1 + 2 * chamber], s[T1 + 2 * chamber]
+    if par.supply < par.ambient:  # an ejector draws, and ambient air fills
+        q_out = orifice_flow(open_in, p, temperature, supply, par.critical_ratio)
+        return orifice_flow(open_out, par.ambient, par.temperature, p, par.critical_ratio), q_out
     q_in = orifice_flow(open_in, supply, par.temperature, p, par.critical_ratio)
     q_out = orifice_flow(open_out, p, temperature, par.ambient, par.critical_ratio)
     return q_in, q_out / (1.0 + par.silencer * q_out)
@@ -91,8 +94,10 @@ def gas_rates(par: Parameters, s: Array, q: Flows, held: int, ds: Array) -> None
         mass_2, walls_2 = gained - given + over - back, wall_conductance(par, par.piston_area_2, volume_2)
         ds[P2], ds[T2] = chamber_rates(par, s[P2], s[T2], volume_2, -par.piston_area_2 * s[V], mass_2, heat_2, walls_2)
     if par.supply_volume > 0.0:
-        feed = par.regulator_conductance * max(par.supply - s[PS], 0.0)
-        ds[PS] = KAPPA * GAS_CONSTANT * wall * (feed - q[0] - q[2]) / par.supply_volume
+        feed = par.regulator_conductance * (par.supply - s[PS])
+        drawn = -q[1] if par.supply < par.ambient else q[0] + q[2]
+        feed = feed if par.supply < par.ambient else max(feed, 0.0)
+        ds[PS] = KAPPA * GAS_CONSTANT * wall * (feed - drawn) / par.supply_volume
 
 
 @part()

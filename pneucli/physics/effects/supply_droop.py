@@ -74,5 +74,8 @@ EFFECT = Effect(
     shows_over="u",
     twins=("critical-ratio",),
     separate="Record the supply pressure at the valve.",
-    source="lumped buffer vessel behind a proportional regulator",
+    source=(
+        "lumped buffer vessel behind a proportional regulator; the line from stall to free flow of a pump before a "
+        "vessel; suction over vacuum of an ejector, whose supply pressure is its end vacuum (data sheets)"
+    ),
 )

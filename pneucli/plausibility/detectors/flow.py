@@ -148,9 +148,12 @@ def _distance_to_go(one: Recording, level: float, bench: RigCheck) -> float:
 
 
 def _supply_below_chamber(flow: ChamberFlow, bench: RigCheck) -> Iterator[Finding]:
-    """What fills a chamber stands above it, as recorded or as stated: gas that flows in comes from somewhere."""
+    """What fills a chamber stands above it, as recorded or as stated: gas that flows in comes from somewhere.
+
+    Where an ejector draws, ambient air fills.
+    """
     one = flow.recording
-    if not flow.fills.any() or not np.isfinite(flow.supply).all():
+    if bench.rig.source == "ejector" or not flow.fills.any() or not np.isfinite(flow.supply).all():
         return
     p, supply = float(np.median(flow.p[flow.fills])), float(np.median(flow.supply[flow.fills]))
     errors = bench.pressure_error(one, "p1", p), bench.pressure_error(one, "p_supply", supply)

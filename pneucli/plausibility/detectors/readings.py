@@ -102,12 +102,12 @@ def _beyond_usual(one: Recording, bench: RigCheck) -> Iterator[Finding]:
 
 
 def _pressure(one: Recording, signal: str, bench: RigCheck) -> Iterator[Finding]:
-    """A chamber behind a valve rests at ambient pressure or above; a closed one may be drawn below it, not below "
-    "0.
+    """A chamber behind a valve rests at ambient pressure or above; a closed one or an ejector's may be drawn below
+    it, not below 0.
     """
     ambient, values = bench.rig.ambient_pressure, one[signal]
     least, quarter, middle = (float(p) for p in np.nanpercentile(values, (1, 25, 50)))
-    is_closed = signal == "p2" and one.chamber_2 == "closed"
+    is_drawn = bench.rig.source == "ejector" or (signal == "p2" and one.chamber_2 == "closed")
     below_vacuum = excess(-least, bench.pressure_error(one, signal, least))
     if signal == "p2" and one.chamber_2 == "open":
         yield from _open_chamber(one, middle, bench)
@@ -116,7 +116,7 @@ def _pressure(one: Recording, signal: str, bench: RigCheck) -> Iterator[Finding]
         mend = f"check unit, offset and reference in [signals] {signal}"
         share = float(np.nanmean(values < 0.0))
         yield from Finding("reference", signal, one.name, found, mend, below_vacuum, share).judged(physics=True)
-    elif least < 0.0 or (quarter < (1 - AMBIENT_SLIP_SHARE) * ambient and not is_closed):
+    elif least < 0.0 or (quarter < (1 - AMBIENT_SLIP_SHARE) * ambient and not is_drawn):
         seen, share = (least, 0.01) if least < 0.0 else (quarter, 0.25)
         verb, time = ("goes down to", "") if least < 0.0 else ("is", " or less for a quarter of the time")
         found = f"{signal} {verb} {format_signal(seen, signal)} absolute{time}"
