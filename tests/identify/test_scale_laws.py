@@ -89,8 +89,9 @@ changes = st.builds(Change, *(st.floats(-1.0, 1.0).map(lambda power: 10.0**power
 def test_bounds_starts_and_steps_scale_by_their_dimension(change: Change) -> None:
     model = Model(RIG, (), FRICTION, VALVE)
     here, there = rig_quantities(model), rig_quantities(change.model(model))
-    # a sensor has its own size, and gravity is that of the earth
-    of_effects = (p for e in catalogue().values() for p in e.parameters if not p.needs and p.name != "gravity")
+    # a sensor and a solenoid have their own size, and gravity is that of the earth
+    scaled = [e for e in catalogue().values() if e.part != "switching valve"]
+    of_effects = (p for e in scaled for p in e.parameters if not p.needs and p.name != "gravity")
     for parameter in [*BASE_PARAMETERS.values(), *of_effects]:
         mine, theirs = parameter.range_on(here), parameter.range_on(there)
         factor = change.of(parameter.unit)
@@ -174,7 +175,7 @@ def piloted(model: Model, effect: Effect | None = None) -> Experiment:
     time, rig = time_grid(2.4), model.rig
     u = held_commands(time, (0.0, 5.0, 0.0, -5.0, 10.0, -10.0, 2.5, -5.0, 0.0, 5.0, -2.5, 0.0), 0.2)
     signals = {"u": u, "x": 0.5 * (rig.stroke or 0.0), **balanced(rig, 0.4)}
-    if effect is None or effect.part != "supply":
+    if effect is None or effect.part not in ("supply", "pump"):
         signals["p_supply"] = rig.supply_pressure or 0.0
     return recorded(model, make_experiment("axis", time, signals, rig=rig))
 

@@ -10,9 +10,12 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from pneucli.identify.estimation.score_test import initial_guesses
+from pneucli.physics.effects import catalogue
 from pneucli.recording import Rig
 from pneucli.simulate import layout as at
 from pneucli.simulate.kernel_settings import max_filling_step, max_motion_step
+from pneucli.simulate.rig_quantities import rig_quantities
 from pneucli.simulate.run import run
 
 from .synthetic_experiments import RIG, held_commands, make_experiment, model, time_grid
@@ -195,6 +198,18 @@ def test_a_command_that_is_shorter_than_the_dead_time_of_a_switching_valve_has_n
     pauses = (0.0, 5.0, 5.0, 0.0, 5.0, 0.0, 5.0, 0.0, 0.0)
     held = switched(*pauses, each=0.02, opening=0.019, closing=0.021)
     assert held == pytest.approx(np.clip(TIME - 0.02 - 0.019, 0.0, 0.12 + 0.002), abs=2e-5)
+
+
+def test_a_start_lets_the_pulses_of_pulse_width_modulation_pass() -> None:
+    """Duties of 30, 50 and 80 % in periods of 20 ms; after longer dead times no pulse of 6 ms opens the valve."""
+    duty = held_commands(TIME, (0.3, 0.5, 0.8, 0.3), 0.1)
+    u = np.where(np.arange(TIME.size) % 20 < 20 * duty, 5.0, 0.0)
+    true = charged({"switching-time.open": 0.0035, "switching-time.close": 0.007}, u)
+    effect, vessel = catalogue()["switching-time"], model(["switching-time"], {"rig.vessel_volume": VOLUME}, VESSEL)
+    starts = initial_guesses(effect, rig_quantities(vessel))
+    left = [float(np.sum((charged(start, u) - true) ** 2)) for start in starts]
+    without = float(np.sum((charged({"switching-time.open": 0.0, "switching-time.close": 0.0}, u) - true) ** 2))
+    assert min(left) < 0.25 * without
 
 
 def test_both_chambers_feel_one_spool_at_the_same_time() -> None:

@@ -48,6 +48,9 @@ def switched(position: float, s: float, h: float, open: float, close: float) -> 
     return before * share + position * (1.0 - share), position
 
 
+# s, of small solenoid valves made for pulses (data sheets: 1 to 8 ms); longer ones let no pulse of theirs pass
+FAST_OPENING, FAST_CLOSING = 0.004, 0.006
+
 EFFECT = Effect(
     name="switching-time",
     title="Dead times of a switching valve",
@@ -59,7 +62,7 @@ EFFECT = Effect(
             0.0,
             0.0,
             "1 horizons",
-            ("0.02 response times", "0.05 response times"),
+            ("0.02 response times", "0.05 response times", FAST_OPENING),
             "from the command until it opens",
         ),
         Parameter(
@@ -68,7 +71,7 @@ EFFECT = Effect(
             0.0,
             0.0,
             "1 horizons",
-            ("0.03 response times", "0.08 response times"),
+            ("0.03 response times", "0.08 response times", FAST_CLOSING),
             "from the command until it closes",
         ),
     ),
