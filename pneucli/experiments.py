@@ -21,12 +21,13 @@ Part = Literal[
     "valve",
     "linear valve",
     "switching valve",
+    "pressure valve",
     "pump",
     "sensor",
 ]
 
 PNEUMATIC_PARTS: frozenset[Part] = frozenset(
-    {"gas", "line", "valve", "linear valve", "switching valve", "pump", "supply"}
+    {"gas", "line", "valve", "linear valve", "switching valve", "pressure valve", "pump", "supply"}
 )
 
 

@@ -141,7 +141,7 @@ class Rig:
     null_range: tuple[float, float] | None = None
     null_ranges: Mapping[str, tuple[float, float]] = field(default_factory=dict)
     valve_arrangement: ArrangementName = "one-chamber"
-    valve_kind: Literal["proportional", "switching"] = "proportional"
+    valve_kind: Literal["proportional", "switching", "pressure"] = "proportional"
     source: Literal["regulator", "pump", "ejector"] = "regulator"
     axis_recorded: bool = True
     priors: Mapping[str, ParameterPrior] = field(default_factory=dict)

@@ -294,7 +294,7 @@ class PipelineConfig(Table):
     def _with_stated_effects(self, info: ValidationInfo) -> PipelineConfig:
         kinds = [EXPERIMENT_KINDS[one.experiment] for one in self.recordings]
         tolerances = (info.context or {}).get("tolerances", {})
-        model = model_with_stated(self.model, self.rig.cylinder, self.signals, kinds, tolerances)
+        model = model_with_stated(self.model, self.rig, self.signals, kinds, tolerances)
         object.__setattr__(self, "model", model)
         return self
 
@@ -324,7 +324,7 @@ class RigDescription(PipelineConfig):
 
 def model_with_stated(
     model: ModelTable,
-    cylinder: CylinderTable,
+    rig: RigTable,
     signals: SignalsTable,
     kinds: Sequence[ExperimentKind],
     tolerances: Mapping[str, float],
@@ -334,8 +334,9 @@ def model_with_stated(
     What ``[model.parameters]`` says of such a parameter counts in place of it; one with a standard deviation in
     ``tolerances`` is identified. Raises ValueError where what is stated needs something that is not.
     """
-    known = dict(_stated(cylinder, signals, kinds))
-    if not known:
+    known = dict(_stated(rig.cylinder, signals, kinds))
+    regulates = rig.valve.kind == "pressure"
+    if not known and not regulates:
         return model
     from pneucli.physics.effects import catalogue  # noqa: PLC0415 - it takes a moment, and few files need it
 
@@ -344,7 +345,8 @@ def model_with_stated(
     of_candidates = {name for p, name in parameters if p.refines}  # they describe an effect that may be absent
     stated = {places[word]: value for word, value in known.items()}
     deviations = {places[word]: tolerances[word] for word in known if word in tolerances}
-    names = list(dict.fromkeys(name.partition(".")[0] for name in stated if name not in of_candidates))
+    loops = [name for name, e in catalogue().items() if regulates and e.part == "pressure valve"]
+    names = [*loops, *dict.fromkeys(name.partition(".")[0] for name in stated if name not in of_candidates)]
     own = {
         name: ParameterTable(start=value, sigma=deviations[name]) if name in deviations else ParameterTable(fixed=value)
         for name, value in stated.items()

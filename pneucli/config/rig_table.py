@@ -43,7 +43,7 @@ class ValveTable(Table):
 
     arrangement: Annotated[Literal["one-chamber", "5/3", "two"], BeforeValidator(_of_ports)] | None = None
     null: Voltage | Literal["identify"] = 0.0
-    kind: Literal["proportional", "switching"] = "proportional"
+    kind: Literal["proportional", "switching", "pressure"] = "proportional"
 
 
 class SourceTable(Table):

@@ -12,7 +12,15 @@ import numpy as np
 
 from pneucli.errors import InputError, did_you_mean
 from pneucli.exam.conditions import USUAL, WIDE, Conditions, draw_conditions, parse
-from pneucli.exam.hidden_effects import ALL_BY_NAME, BY_NAME, CATALOGUE, UNCATALOGUED, HiddenEffect, draw_sides
+from pneucli.exam.hidden_effects import (
+    ALL_BY_NAME,
+    BY_NAME,
+    CATALOGUE,
+    UNCATALOGUED,
+    HiddenEffect,
+    draw_loop,
+    draw_sides,
+)
 from pneucli.exam.laboratory import Laboratory, RecordingPlan
 from pneucli.exam.recording_programme import RecordingProgramme
 from pneucli.exam.rig.gas import GAS_CONSTANT, PSI_MAX, wall_conductance
@@ -24,6 +32,8 @@ from pneucli.exam.rig_scaling import RigScaling
 ARRANGEMENT_CODES = {"5/3": FIVE_THREE, "two": TWO_VALVES}
 COMMAND_CYCLES = (5, 10, 20)  # ms, of programmable controllers
 ENCODER_STEPS = (2e-6, 5e-6, 10e-6, 20e-6)  # m, of linear encoders
+# what a user knows to be there; a pressure loop follows from the kind of the valve
+STATED_BY_SOURCE: dict[str, tuple[str, ...]] = {"pump": ("pump-flow",), "regulated": ("valve-lag",)}
 SEALED_FOLDER = ".sealed"
 EXAM_FILE = "exam.json"  # in the sealed folder: the options, and the origin of the seed
 
@@ -366,7 +376,7 @@ def _with_source(par: Parameters, source: str, rng: np.random.Generator) -> Para
         return par._replace(
             pump_flow=choked * rng.uniform(0.6, 1.0), pump_clearance=1.0 / (gauge * rng.uniform(0.85, 1.0))
         )
-    loop = {"regulated_span": gauge * rng.uniform(0.8, 0.95), "regulated_band": gauge * rng.uniform(0.06, 0.12)}
+    loop = draw_loop(par, rng)
     return par._replace(valve_lag=rng.uniform(3e-3, 6e-3), **loop)
 
 
@@ -410,10 +420,9 @@ def draw_stated_rig(
     stated_rig, loads = draw_variant(base, kind, conditions, conditions_rng)
     for name in friction:
         stated_rig = BY_NAME[name].apply(stated_rig, 1.0, rng)
-    pump = (
-        ("pump-flow",) if conditions.source_stated and conditions.source == "pump" and "pump-flow" not in hidden else ()
-    )
-    return base, stated_rig, (*friction, *loads, *pump)
+    known = STATED_BY_SOURCE.get(conditions.source or "", ()) if conditions.source_stated else ()
+    source = tuple(name for name in known if name not in hidden)
+    return base, stated_rig, (*friction, *loads, *source)
 
 
 def is_linear(base: Parameters, kind: str) -> bool:

@@ -111,6 +111,12 @@ def draw_payload(par: Parameters, rng: np.random.Generator) -> dict[str, float]:
     return {"extra_mass": par.mass * rng.uniform(0.4, 0.8)}
 
 
+def draw_loop(par: Parameters, rng: np.random.Generator) -> dict[str, float]:
+    """Draw the span and the band in Pa of a valve with a pressure loop, shares of the supply above ambient."""
+    gauge = par.supply - par.ambient
+    return {"regulated_span": gauge * rng.uniform(0.8, 0.95), "regulated_band": gauge * rng.uniform(0.06, 0.12)}
+
+
 def draw_scale(_: Parameters, rng: np.random.Generator) -> dict[str, float]:
     """Draw a scale error of the pressure sensors of 4 to 8 %, with either sign."""
     return {"pressure_scale": 1.0 + rng.uniform(0.04, 0.08) * float(rng.choice([-1.0, 1.0]))}

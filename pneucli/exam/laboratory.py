@@ -227,7 +227,7 @@ class Laboratory:
             )
         if self.vessel_volume is not None:
             text += f'\n[rig.vessel]\nvolume = "{_number(self.vessel_volume * 1e6, 3)} cm^3"\n'
-        if self.source is not None:
+        if self.source in ("pump", "ejector"):
             text += f'\n[rig.source]\nkind = "{self.source}"\n'
         return text + self._valve()
 
@@ -237,7 +237,7 @@ class Laboratory:
         lines = {
             "arrangement": {FIVE_THREE: "5/3", TWO_VALVES: "two"}.get(par.arrangement),
             "null": self.stated_null,
-            "kind": "switching" if par.switching else None,
+            "kind": "switching" if par.switching else "pressure" if self.source == "regulated" else None,
         }
         if par.switching and par.arrangement == ONE_CHAMBER:
             lines["arrangement"] = "one-chamber"

@@ -42,6 +42,12 @@ class Port:
 
 
 PORTS: dict[str, Port] = {
+    "demand": Port(
+        ("u", "p", "p_amb"),
+        "chain",
+        "gas",
+        "V: the command of the opening that a loop of the valve makes of u and its p",
+    ),
     "command": Port(("u", "s", "h"), "state", "gas", "V: the command that the opening follows; h is the step in s"),
     "switched": Port(
         ("position", "s", "h"),

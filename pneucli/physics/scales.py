@@ -104,6 +104,8 @@ SCALES = {
               lambda f: f.x_max - f.x_min, lambda f: f.x_min),
         Scale("top speeds", "m/s", "the highest speed seen, else what the open valve allows", lambda f: f.max_speed),
         Scale("supply pressures", "Pa", "above ambient", lambda f: abs(f.supply - f.ambient)),
+        Scale("supply pressures per full command", "Pa/V", "above ambient, over the largest command",
+              lambda f: abs(f.supply - f.ambient) / f.max_command),
         Scale("per supply pressure", "1/Pa", "above ambient", lambda f: 1.0 / abs(f.supply - f.ambient)),
         Scale("chamber volumes", "m^3", "chamber 1 at half stroke, or the vessel", lambda f: f.volume),
         Scale("dead volumes", "m^3", "chamber 1 at x = 0, or the vessel", lambda f: f.dead_volume),

@@ -54,7 +54,11 @@ class Model:
     @property
     def excluded_parts(self) -> frozenset[Part]:
         """Parts whose effects cannot be missing: the valve's form contains them, or the rig has no such part."""
-        return self.valve.covers | (frozenset() if self.rig.source == "pump" else frozenset({"pump"}))
+        lacking: dict[Part, bool] = {
+            "pump": self.rig.source != "pump",
+            "pressure valve": self.rig.valve_kind != "pressure",
+        }
+        return self.valve.covers | {part for part, is_lacking in lacking.items() if is_lacking}
 
     def valve_parameters(self) -> dict[str, tuple[float, str]]:
         """Return value and unit of the parameters of the valves by name."""

@@ -28,7 +28,7 @@ from pneucli.config import load
 from pneucli.diagnose.data import DiagnosisData
 from pneucli.diagnose.subsample import MAX_SAMPLES
 from pneucli.errors import InputError
-from pneucli.identify.estimation.fit import Fit, StoppingRule, fit
+from pneucli.identify.estimation.fit import NO_ITERATION, Fit, fit
 from pneucli.identify.estimation.model_fit import free_parameters
 from pneucli.identify.residuals import ResidualModel
 from pneucli.io.artifacts import read_table, sha256_of, write_table
@@ -44,7 +44,6 @@ from pneucli.stages.model_file import load_model, save_model
 from pneucli.stages.pipeline_data import PipelineData
 
 SOURCE_FILE = "source.json"  # the pipeline file's path from the folder of artifacts
-NO_ITERATION = StoppingRule(0, 0.0)
 REFERENCE_FILE = "reference.parquet"
 SCHEMA = "pneucli/diagnose/reference/1"
 

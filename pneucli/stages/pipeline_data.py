@@ -163,10 +163,10 @@ class PipelineData:
         return select_effects(self.context.config.model.effects, self.available_effects, where)
 
     @property
-    def valve(self) -> Literal["map", "linear", "switching"]:
+    def valve(self) -> Literal["map", "linear", "switching", "pressure"]:
         """The form of the model's valve; a map needs the pressure in a chamber that the valve fills."""
-        if self.rig.valve_kind == "switching":
-            return "switching"
+        if self.rig.valve_kind != "proportional":
+            return self.rig.valve_kind
         blind = without_pressure(self.recordings)
         return self.context.config.model.valve if not blind or tells_valve_map(self.recordings) else "linear"
 

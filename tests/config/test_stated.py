@@ -185,6 +185,12 @@ def test_rows_without_a_clock_are_no_test_of_friction(tmp_path: Path) -> None:
     assert 'experiment = "friction"' in str(said.value)
 
 
+def test_a_valve_that_sets_a_pressure_has_its_loop_in_the_model(tmp_path: Path) -> None:
+    regulating = stated(tmp_path, ("# cylinder", '[rig.valve]\nkind = "pressure"'))
+    assert "pressure-control" in regulating.model.effects
+    assert "pressure-control" not in stated(tmp_path).model.effects
+
+
 def test_a_pump_needs_no_recorded_supply_since_the_command_may_drive_it(tmp_path: Path) -> None:
     pump = stated(tmp_path, ("# cylinder", '[rig.source]\nkind = "pump"'))
     assert (pump.rig.source.kind, pump.to_rig().source) == ("pump", "pump")

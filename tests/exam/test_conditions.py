@@ -71,6 +71,11 @@ MOVED, DRIVEN = ("friction", "axis"), ("valve", "axis")
         ("regulated-valve", ("axis",), {"source": "regulated", "null": 5.0, "command": 5.0}),
         ("pump", ("axis",), {"source": "pump"}),
         ("stated-pump", DRIVEN, {"source": "pump", "source_stated": True}),
+        (
+            "pressure-valve",
+            DRIVEN,
+            {"source": "regulated", "source_stated": True, "null": 5.0, "null_stated": "0 V", "command": 5.0},
+        ),
         ("ejector", ("valve",), {"source": "ejector", "source_stated": True}),
         ("messy", None, {"messy": True}),
         ("bits-12", None, {"bits": 12}),

@@ -177,6 +177,13 @@ def test_a_bench_of_such_a_source_has_steady_rows_without_a_clock(tmp_path: Path
         assert set(said["model"]["parameters"]) == {"rig.supply_pressure"}
 
 
+def test_a_stated_pressure_valve_has_its_kind_and_a_null_at_ambient_pressure(tmp_path: Path) -> None:
+    _, said = case(tmp_path / "case", "valve", "pressure-valve")
+    assert said["rig"]["valve"] == {"null": "0 V", "kind": "pressure"}
+    assert said["model"]["effects"] == ["valve-lag"]
+    assert "source" not in said["rig"]
+
+
 def test_an_ejector_evacuates_the_vessel_and_ambient_air_fills_it(tmp_path: Path) -> None:
     """Its suction is proportional to the pressure above its end vacuum, before a vessel of 10 l."""
     truth, said = case(tmp_path / "case", "valve", "ejector")

@@ -218,7 +218,7 @@ def base_of(rig: Rig) -> Model:
 @pytest.mark.parametrize("effect", [e for e in catalogue().values() if e.name not in SPECIAL], ids=lambda e: e.name)
 def test_an_effect_of_typical_size_is_found_on_small_and_large_rigs(effect: Effect, rig: Rig) -> None:
     base = base_of(rig)
-    if effect.part == "linear valve":
+    if effect.part in ("linear valve", "pressure valve"):
         base = replace(base, valve=LinearValve(0.1 * max(base.valve(np.array([10.0]))), 10.0))
     mechanical = (effect.part == "cylinder" and "leak_1_2" not in effect.ports) or "read_a" in effect.ports
     facts = rig_quantities(base, [driven(base) if mechanical else piloted(base)])

@@ -183,8 +183,8 @@ def test_at_null_the_effect_is_absent(effect: Effect) -> None:
 
 
 def test_which_effects_are_present_at_their_null() -> None:
-    """Heat transfer and a pump always; hysteresis with a Stribeck rise, of which it takes one branch; no other pair."""
-    assert {e.name for e in EFFECTS if not e.nested} == {"heat-transfer", "pump-flow"}
+    """Heat transfer, a pump and a pressure loop always; of a Stribeck rise hysteresis takes one branch."""
+    assert {e.name for e in EFFECTS if not e.nested} == {"heat-transfer", "pressure-control", "pump-flow"}
     pairs = {(e.name, o.name) for e in EFFECTS for o in EFFECTS if e.in_model_with((e, o)) is not e}
     assert pairs == {("friction-hysteresis", "stribeck")}
     known = catalogue()
@@ -197,11 +197,9 @@ def test_which_effects_are_present_at_their_null() -> None:
 @every_effect
 def test_at_null_every_port_is_neutral(effect: Effect) -> None:
     """So beside any other effect nothing changes, but where a port's presence alone does."""
-    if any(p.null is None or p.null == math.inf for p in effect.parameters if p.name in ("conductance", "stiffness")):
-        return  # heat transfer, a stiff regulator, rigid bristles: not absent at a finite value
+    if not effect.nested or any(p.null == math.inf for p in effect.parameters):
+        return  # heat transfer, a pump, a stiff regulator, rigid bristles: not absent at a finite value
     own = [nulls(effect)[f"{effect.name}.{p.name}"] for p in effect.parameters]
-    if any(p.null == math.inf for p in effect.parameters):
-        return
     samples = {"u": 2.0, "s": 2.0, "h": 1e-3, "b": 0.528, "coulomb": FRICTION["friction.coulomb"]}
     for port, function in effect.ports.items():
         arguments = [samples.get(a, 0.1 if a in ("x", "v") else 1.0) for a in PORTS[port].arguments]

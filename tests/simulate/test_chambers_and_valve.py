@@ -225,6 +225,17 @@ def test_both_chambers_feel_one_spool_at_the_same_time() -> None:
         assert TIME[rising[-1]] == pytest.approx(0.225, abs=2e-3)
 
 
+def test_a_pressure_loop_fills_at_its_full_opening_and_rests_at_what_is_asked() -> None:
+    """Of 4 V for 2 bar above ambient the valve opens by 2 V from errors of 2 V on, by the error itself below."""
+    loop = {"pressure-control.span": 0.5e5, "pressure-control.band": 2.0}
+    far = charged(loop | {"pressure-control.span": 2e5})
+    assert far[-1] - far[100] == pytest.approx(0.3 * 0.5 * CHOKED, rel=1e-3)
+    near = charged(loop, volume=2e-5)
+    assert near[-1] == pytest.approx(101_300.0 + 2e5, rel=1e-3)
+    vented = charged(loop, volume=2e-5, p1=5e5)
+    assert vented[-1] == pytest.approx(101_300.0 + 2e5, rel=1e-3)
+
+
 def test_a_pump_fills_to_where_slip_and_clearance_take_all_of_its_flow() -> None:
     """dp/dt = kappa R T / V (q0 - c p) with c = q0 clearance + slip: an exponential (TIME of 0.3 s from the step)."""
     full, slip, clearance = CHOKED * VOLUME / (KAPPA * R * T), 2e-9, 0.1e-5

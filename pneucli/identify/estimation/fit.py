@@ -39,6 +39,7 @@ class StoppingRule(NamedTuple):
 
 
 FULL_CONVERGENCE = StoppingRule(12, 1e-5)
+NO_ITERATION = StoppingRule(0, 0.0)
 
 
 @dataclass(frozen=True)

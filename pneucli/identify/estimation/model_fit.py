@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from pneucli.errors import InputError
 from pneucli.identify.estimation.blocks import residual_counts
 from pneucli.identify.estimation.direct_starts import direct_base_friction
-from pneucli.identify.estimation.fit import FULL_CONVERGENCE, Fit, StoppingRule, fit, merge_partial_fit
+from pneucli.identify.estimation.fit import FULL_CONVERGENCE, NO_ITERATION, Fit, StoppingRule, fit, merge_partial_fit
 from pneucli.identify.estimation.parameters import (
     DIFFERENCE_STEP,
     FreeParameter,
@@ -63,10 +63,12 @@ def fit_model(
             raise _cannot_show(effect, residual_models)
     require_finite(model, residual_models)
     experiments = [one.experiment for one in residual_models]
-    fitted = fit(replace(model, effects=()), residual_models, base_parameters(model, experiments), stopping=stopping)
-    fitted = _with_overlap_reestimated(fitted, residual_models, stopping=stopping)
-    fitted = _with_friction_reestimated(fitted, residual_models, stopping=stopping)
-    for effect in effects:
+    loops = [effect for effect in effects if effect.part == "pressure valve"]
+    first = NO_ITERATION if loops else stopping  # without its loop such a valve would be fitted as hardly open
+    fitted = fit(replace(model, effects=()), residual_models, base_parameters(model, experiments), stopping=first)
+    fitted = _with_overlap_reestimated(fitted, residual_models, stopping=first)
+    fitted = _with_friction_reestimated(fitted, residual_models, stopping=first)
+    for effect in [*loops, *(one for one in effects if one not in loops)]:
         fitted = fit_with_effect(fitted, residual_models, effect, stopping=stopping)
     return fitted
 

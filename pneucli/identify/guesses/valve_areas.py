@@ -18,6 +18,8 @@ MIN_KNOTS, MAX_LEVELS = 3, 40
 SETTLING_RATIO = 0.01  # of the duration of a held command, left out at its start
 MIN_COMMAND_STEP = 0.005  # of the largest command; after a smaller step nothing has to settle
 MIN_HELD_RATIO = 0.005  # of all samples: a command held for longer gets a knot of its own
+OPEN_PERCENTILE = 98.0  # of the areas that a pressure loop opens: beyond it noise at a small flux counts
+LOOP_BAND = 0.1  # of the largest command: the error at which such a loop opens fully, as its effect starts
 DEFAULT_KNOTS = (0.05, 0.1, 0.2, 0.35, 0.5, 0.75, 1.0)  # of the largest command: knots where none is held
 LEVEL_RESOLUTION = 1e-4  # of the largest command: closer commands count as one level
 MIN_KNOT_DISTANCE = 0.2  # of the logarithm of the command: closer commands share a knot
@@ -66,6 +68,15 @@ def guess_gain(flow_paths: Sequence[FlowPathData], label: str) -> LinearValve:
     return LinearValve(gain, _max_opening(flow_paths), label)
 
 
+def _guess_loop(flow_paths: Sequence[FlowPathData], label: str) -> LinearValve:
+    """Guess the area per volt of a pressure loop's error from the largest area that it opens."""
+    command, flow, flux = _settled_samples(flow_paths)
+    filling = (command > 0.0) & (flow > 0.0) & (flux > 0.0)
+    largest = float(np.percentile((flow / flux)[filling], OPEN_PERCENTILE)) if filling.any() else TINY
+    full = _max_opening(flow_paths)
+    return LinearValve(max(largest, TINY) / (LOOP_BAND * full), full, label)
+
+
 def _guess_switching(flow_paths: Sequence[FlowPathData], label: str) -> SwitchingValve:
     """Fit one filling and one venting area to the flow."""
     command, flow, flux = _settled_samples(flow_paths)
@@ -99,6 +110,7 @@ GUESS_BY_VALVE_FORM: dict[str, Callable[[Sequence[FlowPathData], str], ValveForm
     "map": guess_map,
     "linear": guess_gain,
     "switching": _guess_switching,
+    "pressure": _guess_loop,
 }
 
 

@@ -38,7 +38,7 @@ def pressure_loop(vessels: Sequence[Recording], bench: RigCheck) -> Finding | No
         bench: What the checks look at.
     """
     rests = []
-    for one in vessels:
+    for one in vessels if bench.rig.valve_kind != "pressure" else ():
         supply = float(np.nanmedian(one["p_supply"])) if "p_supply" in one else bench.rig.supply_pressure
         if supply is None:
             continue
@@ -66,7 +66,7 @@ def pressure_loop(vessels: Sequence[Recording], bench: RigCheck) -> Finding | No
 def resting_pressure(one: Recording, bench: RigCheck) -> Iterator[Finding]:
     """Where a vessel has been vented it rests at ambient pressure, where it has been charged not above the supply."""
     ambient = bench.rig.ambient_pressure
-    if bench.rig.source == "ejector":  # it rests below ambient pressure
+    if bench.rig.source == "ejector" or bench.rig.valve_kind == "pressure":  # it rests where these hold it
         return
     for charged, level, rows in _resting_levels(one, MIN_PRESSURE_TRAVEL):
         error, share = bench.pressure_error(one, "p1", level), (rows.stop - rows.start) / one.time.size

@@ -6,6 +6,7 @@ from pneucli.physics.gas import flow_constant
 from pneucli.simulate.kernel.ports import (
     command,
     critical_ratio,
+    demand,
     heat,
     leak_1_ambient,
     leak_area,
@@ -104,9 +105,10 @@ def run_gradient(u, p, p_supply, base_values, th_values, on_values, u_max, areas
     b, leak = critical_ratio(base[CRITICAL], th, on), leak_area(th, on)
     spool = np.zeros(on_values.size)
     for i in range(u.size):
-        spool[:] = u[i]
         true = unread_p1(p[i], p_amb, th, on)
-        opening = command(u[i], 1.0, spool, th, on)
+        asked = demand(u[i], true, p_amb, th, on)
+        spool[:] = asked
+        opening = command(asked, 1.0, spool, th, on)
         q_in, q_out = valve_flow(opening, true, p_supply[i], p_amb, b, leak, k_gas, k_gas, u_max, areas, th, on)
         q_out += leak_1_ambient(true, p_amb, k_gas, th, on)
         sensed = 0.5 * (read_p1(true + 1.0, p_amb, th, on) - read_p1(true - 1.0, p_amb, th, on))

@@ -1,6 +1,10 @@
 """The ports without any effect; :mod:`pneucli.simulate.build` puts the effects' equations in their place."""
 
 
+def demand(u, p, p_amb, th, on):
+    return u
+
+
 def command(u, h, s, th, on):
     return u
 

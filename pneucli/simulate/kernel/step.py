@@ -11,6 +11,7 @@ from pneucli.simulate.kernel.friction import acceleration, slide, slide_on_brist
 from pneucli.simulate.kernel.ports import (
     command,
     critical_ratio,
+    demand,
     force,
     has_switched,
     leak_1_2,
@@ -149,13 +150,13 @@ def valve_step(
     q_in = q_out = more_in = more_out = 0.0
     place, share, share_2 = 0.0, 1.0, 1.0
     if not shut:
-        opening = command(u, h, s1, th, on)
+        opening = command(demand(u, p1, base[AMBIENT], th, on), h, s1, th, on)
         if has_switched(on):
             place = switched(side_of(opening), h, s1, th, on)
             opening, share = side_of(place) * u_max, abs(place)
         q_in, q_out = valve_flow(opening, p1, p_line, base[AMBIENT], b, leak, k1, k_gas, u_max, areas, th, on, share)
     if chamber_2 not in (OPEN, CLOSED):
-        opening_2 = command(u2, h, s2, th, on)
+        opening_2 = command(demand(u2, p2, base[AMBIENT], th, on), h, s2, th, on)
         if has_switched(on):
             place = -place if chamber_2 == MIRRORED else switched(side_of(opening_2), h, s2, th, on)
             opening_2, share_2 = side_of(place) * u_max, abs(place)
