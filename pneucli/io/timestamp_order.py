@@ -1,6 +1,6 @@
 """The rows of all formats: which stamps are kept, which rows are left out, and tables over several clocks.
 
-Rows read = samples + the rows of each kind of loss. Rows without a stamp, rows that repeat one (the first is kept) and
+Rows read = samples + the rows of each kind of loss. Rows without a stamp, rows that repeat one (the last is kept) and
 up to three rows in a row that are out of order are left out and counted; a clock that runs back for longer is refused.
 """
 
@@ -23,7 +23,7 @@ RowLocator = Callable[[int], str]  # of a row, counted from 0, in words
 
 LOSS_MESSAGES = {
     "no-stamp": "rows without a time stamp were left out",
-    "duplicate": "rows repeat a time stamp; the first was kept",
+    "duplicate": "rows repeat a time stamp; the last was kept",
     "backward": "isolated rows whose time is out of order were left out",
     "truncated": "rows, the last, are cut off and were left out",
     "outside": "rows lie outside from and to",
@@ -66,6 +66,7 @@ class TimestampCheck:
         self._place = place
         self._row = 0  # that the next batch begins with
         self._highest = -np.inf
+        self._kept = np.nan  # the stamp of the last row that was kept
         self._late: _BackwardRun | None = None  # that goes on where the next batch begins
 
     def classify_rows(self, time: Array, count: int) -> RowClasses:
@@ -78,7 +79,8 @@ class TimestampCheck:
         if not count:
             return classes
         if max(self._highest, -MAX_MAGNITUDE) < time[0] and np.all(time[1:] > time[:-1]) and time[-1] <= MAX_MAGNITUDE:
-            self._highest, self._late = float(time[count - 1]), None
+            self._highest = self._kept = float(time[count - 1])
+            self._late = None
             return classes
         usable = np.abs(time) <= MAX_MAGNITUDE
         time = np.where(usable, time, np.nan)
@@ -88,9 +90,24 @@ class TimestampCheck:
         same, back = inline & (time == before), inline & (time < before)
         self._reject_backward_clock(same[:count], back[:count], before, time, first)
         self._highest = float(highest[count])
-        for kind, mask in (("no-stamp", ~usable), ("duplicate", same), ("backward", back | (usable & ~inline))):
+        repeated = self._repeated(time, inline & ~back, count)
+        for kind, mask in (("no-stamp", ~usable), ("duplicate", repeated), ("backward", back | (usable & ~inline))):
             classes[mask[:count]] = ROW_CLASSES.index(kind)
         return classes
+
+    def _repeated(self, time: Array, taken: Mask, count: int) -> Mask:
+        """Mark the rows of equal stamps but the last: it has the state after an event, such as a command's step."""
+        followed = np.zeros(time.size, dtype=np.bool_)
+        for rows in range(1, LOOKAHEAD_ROWS + 1):
+            followed[:-rows] |= taken[rows:] & (time[rows:] == time[:-rows])
+        last = np.flatnonzero(taken & ~followed)
+        stamps = np.concatenate([[self._kept], time[last]])
+        again = stamps[1:] == stamps[:-1]  # behind rows that run back, too far for a look ahead
+        repeated = taken & followed
+        repeated[last[again]] = True
+        kept = last[~again & (last < count)]
+        self._kept = float(time[kept[-1]]) if kept.size else self._kept
+        return repeated
 
     def _isolated_ahead(self, time: Array) -> Mask:
         """Mark single stamps that run ahead of both stamps after them, which go on from the one before."""

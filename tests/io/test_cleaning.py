@@ -90,7 +90,7 @@ def test_time_stamps_are_put_right_and_counted() -> None:
     bad["time"][400] = np.nan
     cleaned, repairs = clean(bad)
     assert np.all(np.diff(cleaned["time"]) > 0)
-    np.testing.assert_array_equal(cleaned["p1"], np.delete(bad["p1"], [100, 200, 300, 400]))
+    np.testing.assert_array_equal(cleaned["p1"], np.delete(bad["p1"], [99, 200, 300, 400]))
     assert repairs == {("time", "duplicate"): 1, ("time", "backward"): 2, ("time", "no-stamp"): 1}
 
 

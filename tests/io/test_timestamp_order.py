@@ -38,7 +38,7 @@ def test_the_fate_of_a_row_does_not_depend_on_the_batches(
 ) -> None:
     time, expected = GOOD.copy(), ["kept"] * N
     for k in same:
-        time[k], expected[k] = time[k - 1], "duplicate"
+        time[k], expected[k - 1] = time[k - 1], "duplicate"
     for k in back:
         time[k], expected[k] = 0.1 * k - 1.5, "backward"
     for k in ahead:
@@ -46,6 +46,14 @@ def test_the_fate_of_a_row_does_not_depend_on_the_batches(
     for k in blank:
         time[k], expected[k] = (np.nan, np.inf, 1e300)[k % 3], "no-stamp"
     assert fates(time, *cuts) == expected
+
+
+@pytest.mark.parametrize("cut", [(), (3,), (4, 5), (6, 9)])
+def test_of_rows_of_one_stamp_the_state_after_the_event_counts(cut: tuple[int, ...]) -> None:
+    """A log of changes has a command before and after each step: the first would be late (findings/asof-ties.sh)."""
+    time = np.array([0.0, 1, 1, 2, 2, 2, 2, 3, 2.5, 3, 4, 3.6, 3.5, 4])
+    kept = np.flatnonzero(np.array(fates(time, *cut)) == "kept")
+    assert kept.tolist() == [0, 2, 6, 9, 10]
 
 
 @pytest.mark.parametrize("cut", [(), (32,), (31, 33)])
@@ -80,14 +88,14 @@ def test_tables_of_one_clock_are_one_table_stamps_as_they_are() -> None:
 def test_tables_of_several_clocks_are_joined_and_every_row_is_accounted_for() -> None:
     joined, losses = join_tables([table([0, 1, 1, 3], "p"), table([0, 2, np.nan, 3], "x", first=4)], place)
     np.testing.assert_array_equal(joined.time, [0, 1, 2, 3])
-    np.testing.assert_array_equal(joined.columns["p"], [0, 1, np.nan, 3])
+    np.testing.assert_array_equal(joined.columns["p"], [0, 2, np.nan, 3])
     np.testing.assert_array_equal(joined.columns["x"], [0, np.nan, 1, 3])
     assert losses == {"duplicate": 1, "no-stamp": 1, "joined": 2}
     assert joined.time.size + sum(losses.values()) == 8
 
 
 def test_a_row_of_two_tables_is_lost_only_where_both_leave_it_out() -> None:
-    shared = Table(np.array([1.0, 3.0]), {"x": np.zeros(2)}, np.array([1, 3]))  # rows that the other table has too
+    shared = Table(np.array([1.0, 3.0]), {"x": np.zeros(2)}, np.array([2, 3]))  # rows that the other table has too
     joined, losses = join_tables([table([0, 1, 1, 3], "p"), shared], place)
     assert joined.time.size + sum(losses.values()) == 4
     assert losses == {"duplicate": 1}
