@@ -362,7 +362,6 @@ OWN_CLOCK = {
     "Yokogawa DL",
     "PicoScope",
 }  # which write another clock
-NO_NAMES = {"serial monitor"}  # which write none
 
 
 # ---- verdicts
@@ -377,11 +376,7 @@ def verdict(sheet: Sheet, folder: Path) -> tuple[str, str]:
     try:
         answer = init.create(folder / "p", [write(sheet, folder)])
         pipeline = folder / "p" / "pipeline.toml"
-        text = re.sub(
-            r'"\? (\w+)"',
-            lambda m: f'"{FILL_IN[m[1]]} {m[1]}"' if m[1] in FILL_IN else m[0],
-            pipeline.read_text("utf-8"),
-        )
+        text = _filled_in(pipeline.read_text("utf-8"))
         pipeline.write_text(text, encoding="utf-8")
         if re.search(r'"[^"#]*\?[^"]*"', "\n".join(line.split("  #")[0] for line in text.splitlines())):
             return "asked", text

@@ -17,6 +17,7 @@ from pneucli.units import parse_unit, same_dimension
 CLOCK_UNITS = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9}
 SLOW_UNITS = {"min": 60.0, "h": 3600.0, "d": 86_400.0}
 RATES = (0.05, 1e5)  # Hz, of loggers on rigs: from a digitised figure to a fast oscilloscope
+ODD_RATES = (1e-3, 1e7)  # Hz: slower, or faster, the unit is another one
 DURATIONS = (0.05, 1e6)  # s, of recordings: from one step of a valve to a week
 SAME = 0.02  # by which two statements of one rate may differ
 YEARS = (946_684_800.0, 3.0e9)  # s since 1970: from 2000 to 2065; later numbers are those of clocks since 1904
@@ -61,6 +62,15 @@ def guess_clock_unit(column: Column, columns: Sequence[Column], scalars: Mapping
         return best, f"{best}: {why}"
     doubt = f"; {', '.join(others)} is as likely" if others and count[others[0]] == count[best] else ""
     return best, f"CHECK no unit is stated: {rate}, as {why}{doubt}"
+
+
+def unusual_rate(seconds: Array) -> str:
+    """Return a doubt where stamps in s, in a stated unit, give a rate that no recording of a rig has; else nothing."""
+    steps = np.diff(seconds)
+    period = float(np.median(steps[steps > 0])) if np.any(steps > 0) else 1.0
+    if ODD_RATES[0] < 1.0 / period < ODD_RATES[1]:
+        return ""
+    return f"CHECK the unit of the clock: a sample every {format_plain(period, 3)} s"
 
 
 def _weight(why: str) -> float:

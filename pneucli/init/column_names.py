@@ -243,7 +243,8 @@ def _stem_and_unit(column: str, is_text: bool) -> tuple[str, str, bool]:
     parts = name.split()
     for count in (2, 1):
         unit = " ".join(parts[-count:])
-        if len(parts) > count and parts[-count] != "in" and _stands_behind_a_blank(unit, parts[:-count]):
+        is_last = len(parts) > count and parts[-count] != "in" and parts[-count - 1] != "of"  # ms of day
+        if is_last and _stands_behind_a_blank(unit, parts[:-count]):
             return " ".join(parts[:-count]).removesuffix(" /").removesuffix(" in"), unit, True
     for pattern in (_SLASH, _MARKED, _SUFFIX) if is_text else (_MARKED, _SUFFIX):
         if match := pattern.match(name):

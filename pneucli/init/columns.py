@@ -14,7 +14,7 @@ import numpy as np
 
 from pneucli.arrays import Array
 from pneucli.init.clock_columns import counts_rows, is_increasing, may_be_clock, repeated_clocks
-from pneucli.init.clock_units import epoch_counter, guess_clock_unit, stated_period
+from pneucli.init.clock_units import epoch_counter, guess_clock_unit, stated_period, unusual_rate
 from pneucli.init.column_names import (
     ABSOLUTE,
     ANGLES,
@@ -182,6 +182,7 @@ def _clock_guess(found: Survey, column: Column, name: ColumnName) -> Guess:
         return Guess(column, "time", unit, False, "", f"CHECK {what}", scale=scale)
     if name.unit and same_dimension(name.unit, "s"):
         note = "CHECK the sum of the steps" if column.computed and "cumsum" in str(column.key) else ""
+        note = note or unusual_rate(column.finite_values * column.scale * parse_unit(name.unit).factor)
         return Guess(column, "time", name.unit, True, "", note, scale=column.scale)
     unit, note = guess_clock_unit(column, found.columns, found.scalars)
     return Guess(column, "time", unit, False, "", note)

@@ -23,7 +23,7 @@ _DAY = rf"(?P<day>{_DATE})"
 _PATTERN = (
     rf"^\s*(?:{_DAY}(?:[T,]|\s)\s*)?"
     r"(?:(?P<hour>\d{1,2}):(?P<minute>\d{2})(?::(?P<second>\d{2}(?:[.,:;]\d+)?))?|"
-    r"(?P<minutes>\d{1,2}):(?P<seconds>\d{2}[.,]\d+))\s*(?P<half>[AaPp]\.?[Mm]\.?)?"
+    r"(?P<minutes>\d{1,2}):(?P<seconds>\d{2}[.,]\d+))\s*(?P<half>[AaPp]\.? ?[Mm]\.?)?"
     r"\s*(?P<zone>Z|[A-Z]{3,4}|[+-]\d{2}(?::?\d{2})?)?\s*$"
 )
 _STAMP = re.compile(_PATTERN)
@@ -32,7 +32,11 @@ _ONLY_DATE = re.compile(rf"\s*(?:{_DATE})\s*")
 _COMPACT = r"^\s*((?:19|20)\d\d)([01]\d)([0-3]\d)[T_ -]?([0-2]\d):?([0-5]\d):?([0-5]\d)"
 _SPELLINGS = (  # of stamps, and what is read in their place
     (r"^\s*(?:L?DT|L?TOD|DATE_AND_TIME|TIME_OF_DAY)#", ""),  # IEC 61131-3
-    (r"^(\d{4}-\d{1,2}-\d{1,2})-(\d)", r"\1 \2"),
+    (r"^(\d{4})[-_](\d\d)[-_](\d\d)[-_T ](\d\d)[-_](\d\d)[-_](\d\d)[._](\d+)$", r"\1-\2-\3 \4:\5:\6.\7"),
+    (r"^(\d{4}[-/]\d{1,2}[-/]\d{1,2})-(\d)", r"\1 \2"),
+    (r"UTC([+-]\d)", r"\1"),
+    (r"^(.*)(?:上午|午前|오전) ?(.+)$", r"\1\2 AM"),
+    (r"^(.*)(?:下午|午後|오후) ?(.+)$", r"\1\2 PM"),
     (r"^'", ""),  # in front of what Excel is not to read
     (r"^(?:(\d{4}-\d\d-\d\d)[-T ])?(\d\d)\.(\d\d)\.(\d\d\.\d+)$", r"\1 \2:\3:\4"),
     (r"^[A-Z][a-z]{2},? ([A-Z][a-z]{2}) +(\d{1,2}) (\d\d:\d\d:\d\d(?:\.\d+)?) (\d{4})$", r"\2 \1 \4 \3"),  # of C

@@ -175,18 +175,17 @@ class _DelimitedTable:
         """Return names, units and the names' line: those above the rows that are as wide as they are."""
         ends = range(self.width - (not self._there[-1]), self.width + 2)  # a row may end with a delimiter alone
         wide = [n for n in above if len(self._rows[n]) in ends]
-        if self.delimiter == " " and not wide and above:
+        above_rows = self._rows[above[-1]] if above and not wide else ()
+        if len(above_rows) == self.width - 1 and self._counts_rows():
+            return ("", *above_rows), (), None  # R names rows, and not their column
+        if self.delimiter == " " and above_rows:
             return self._names_in_columns(self._lines[above[-1]]), (), None
-        if not wide and above and len(self._rows[above[-1]]) == self.width - 1 and self._counts_rows():
-            return ("", *self._rows[above[-1]]), (), None  # R names rows, and not their column
         keyed = [n for n in wide if _TITLES.fullmatch(self._rows[n][0]) or _UNITS.fullmatch(self._rows[n][0])]
         others = [n for n in wide if n not in keyed]  # the keyed ones are lines of a table of channels
         titles = self._keyed(keyed, _TITLES)
-        if titles and (not others or self._has_value(others[-1])):
-            return titles, self._keyed(keyed, _UNITS), None
         wide = others or wide
-        if not wide or self._has_value(wide[-1]):
-            return (), (), None
+        if (titles and not others) or not wide or self._has_value(wide[-1]):
+            return titles, self._keyed(keyed, _UNITS), None
         for before, units in reversed([*pairwise(wide[-MAX_HEADER_LINES:])]):
             if _are_units(self._rows[units]) and not all(map(is_value, self._rows[before])):
                 texts = [n for n in wide if n <= before and not self._has_value(n)]

@@ -26,7 +26,8 @@ from pneucli.stages import init
 
 RNG = np.random.default_rng(68)
 REFUSED = {"scaled": "refused", "scores": "refused", "unknown unit": "asked"}
-REFUSED |= {"transposed table": "right"}
+REFUSED |= dict.fromkeys(("mA", "bar of volts", "counts", "hexadecimal", "bare hexadecimal"), "asked")  # their scale
+REFUSED |= dict.fromkeys(("percent", "least and most"), "marked")
 MARKED = {
     "mbar",
     "no unit",
