@@ -156,8 +156,7 @@ def spread_repeated_stamps(batches: Iterator[Batch], repairs: list[Repair]) -> I
     """Yield the same rows; those of a coarse clock are spread evenly.
 
     Stamps of an even clock give way to its ticks (:class:`EvenClock`); other stamps that several rows share
-    are spread over these. Which of both is decided by the first batch. The rows of the last stamp of a batch wait for
-    the next one.
+    are spread over these. Which of both is decided by the first batch.
     """
     first = next(batches, None)
     if first is None:
@@ -173,20 +172,14 @@ def spread_repeated_stamps(batches: Iterator[Batch], repairs: list[Repair]) -> I
         yield first
         yield from batches
         return
-    waiting, rows, period = first, 0, 0.0
-    for batch in batches:
-        ready = _last_run(waiting["time"])
-        if ready:
-            time, period = _spread(waiting["time"][:ready], waiting["time"][ready], period)
-            rows += ready
-            yield {name: values[:ready] for name, values in waiting.items()} | {"time": time}
-        waiting = {name: np.concatenate([waiting[name][ready:], batch[name]]) for name in waiting}
-    time, period = _spread(waiting["time"], None, period)
-    rows += time.size
+    parts = [first, *batches]
+    whole = {name: np.concatenate([part[name] for part in parts]) for name in first}
+    whole["time"], period = _spread(whole["time"])
+    rows = whole["time"].size
     message = f"{rows} rows share their stamps with others, as the clock is coarse; they were spread evenly, "
     message += f"{format_plain(period, 3)} s apart, and each may be off by as much"
     repairs.append(Repair("time", "spread", rows, message))
-    yield waiting | {"time": time}
+    yield whole
 
 
 def continuous_stamps(raw: Array) -> Array:
@@ -199,7 +192,7 @@ def spread_stamps(time: Array) -> Array:
     clock = None if _shares_evenly(time) else EvenClock.of(time)
     if clock is not None:
         return clock.place(time)
-    return _spread(time, None, 0.0)[0] if _is_coarse(time) else time
+    return _spread(time)[0] if _is_coarse(time) else time
 
 
 def _shares_evenly(time: Array) -> bool:
@@ -222,23 +215,15 @@ def _run_edges(time: Array) -> Indices:
     return np.concatenate([[0], np.flatnonzero(np.diff(time) != 0) + 1, [time.size]])
 
 
-def _last_run(time: Array) -> int:
-    """Return where the run of the last stamp begins."""
-    return int(_run_edges(time)[-2])
-
-
-def _spread(time: Array, following: float | None, period: float) -> tuple[Array, float]:
-    """Return stamps spread over their rows, and the period; ``following`` is the stamp after them, if one is known."""
+def _spread(time: Array) -> tuple[Array, float]:
+    """Return stamps spread over the rows that share them, and the period of the rows."""
     edges = _run_edges(time)
     lengths = np.diff(edges)
-    stamps = time[edges[:-1]]
-    ends = np.append(stamps[1:], np.nan if following is None else following)
-    steps = (ends - stamps) / lengths
-    is_first, known = not period, steps[np.isfinite(steps) & (steps > 0)]
-    period = float(np.median(known)) if known.size else period
-    steps = np.where(np.isfinite(steps) & (steps < MAX_GAP_RATIO * period), steps, period)
+    steps = np.append(np.diff(time[edges[:-1]]), np.nan) / lengths
+    period = float(np.median(steps[:-1])) if lengths.size > 1 else 0.0
+    steps = np.where(steps < MAX_GAP_RATIO * period, steps, period)
     inside = np.arange(time.size) - np.repeat(edges[:-1], lengths)
-    if is_first and lengths.size > 2 and lengths[0] < np.median(lengths):  # the recording begins within this stamp
+    if lengths.size > 2 and lengths[0] < np.median(lengths):  # the recording begins within this stamp
         steps[0] = period
         inside[: lengths[0]] += int(np.median(lengths)) - lengths[0]
     return np.asarray(time + inside * np.repeat(steps, lengths)), period

@@ -54,6 +54,7 @@ class ColumnReader:
         units: Mapping[str, str],
         clocks: Mapping[str, str],
         start: datetime | None = None,
+        texts: Collection[str] = (),
     ) -> ColumnReader:
         """Return the reader of columns that were read already; units and clocks are by the names of columns."""
         if clocks and "time" not in columns:  # stands for each column's own clock
@@ -61,7 +62,7 @@ class ColumnReader:
             columns = {**columns, "time": columns[longest]}
             units = {**units, **({"time": units[longest]} if longest in units else {})}
         shared = ("time",) * bool(clocks)
-        own = {"start": start, "own_clocks": clocks, "shared_clocks": shared}
+        own = {"start": start, "own_clocks": clocks, "shared_clocks": shared, "texts": texts}
         return cls(path, format, list(columns), lambda wanted: [columns[name] for name in wanted], units, **own)  # type: ignore[arg-type]
 
     @property
@@ -213,22 +214,6 @@ STAMPS_TRIED = 20  # texts of a column that tell whether it holds dates and time
 _NO_NUMBER = frozenset(("", "nan", "none", "null", "-", "--", "n/a", "na"))
 
 
-_CLOCK_WORDS = (
-    "time",
-    "t",
-    "zeit",
-    "timestamp",
-    "timestamps",
-    "stamp",
-    "tout",
-    "temps",
-    "tiempo",
-    "clock",
-    "time_s",
-    "t_s",
-)
-
-
 def clocks_by_group(names: Sequence[str], sizes: Mapping[str, int]) -> dict[str, str]:
     """Return the clock of each column by name: the column of its group that is called like one and is as long.
 
@@ -247,4 +232,6 @@ def clocks_by_group(names: Sequence[str], sizes: Mapping[str, int]) -> dict[str,
     return found if len(set(found.values())) > 1 else {}
 
 
-_CLOCK_NAME = re.compile(rf"(?i)(?:{'|'.join(_CLOCK_WORDS)})\s*(?:[\[(].*[\])])?")
+_CLOCK_NAME = re.compile(
+    r"(?i)(?:time(?:_s)?|t(?:_s)?|zeit|(?:time)?stamps?|tout|temps|tiempo|clock)\s*(?:[\[(].*[\])])?"
+)

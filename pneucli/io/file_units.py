@@ -88,31 +88,10 @@ def with_unit_of_file(raw: RawFile, name: str, channel: Channel, place: int | No
             message = f"the file says {file_unit.text} of {column}; read in {channel.unit}, as stated"
             reader.repairs.append(Repair(name, "unit", 1, message))
         return channel
-    wanted = f"a unit such as {channel.si}"
-    if not file_unit.unit:
-        found = f'the file says "{file_unit.text}" of column {column}, which is no known unit'
-        mend = (
-            'state unit = "...", and scale = ... for what one count is'
-            if is_count(file_unit.text)
-            else 'state unit = "..."'
-        )
-        raise InputError(where, found, wanted, mend, code="E046")
-    if not file_unit.certain:
-        found = (
-            f'the file says "{file_unit.text}" of column {column}, a unit with a factor that may be meant either way'
-        )
-        raise InputError(
-            where,
-            found,
-            wanted,
-            f'state unit = "{file_unit.unit}" and scale = {file_unit.scale:g} (or its inverse)',
-            code="E046",
-        )
-    if not same_dimension(file_unit.unit, channel.si or ""):
-        found = f"the file says {file_unit.text} of column {column}, and no unit is stated"
-        raise InputError(
-            where, found, wanted, f'state unit = "...", with scale if {file_unit.text} is right', code="E046"
-        )
+    if fault := _fault_of_unit(file_unit, channel.si or ""):
+        found, mend = fault
+        told = f'the file says "{file_unit.text}" of column {column}, {found}'
+        raise InputError(where, told, f"a unit such as {channel.si}", f"state {mend}", code="E046")
     factor, offset = factor_and_offset(file_unit.unit, 0.0 if channel.offset else raw.ambient, channel.si)
     reader.repairs.append(Repair(name, "unit-said", 1, f"read in {file_unit.text}, as the file says of {column}"))
     return replace(channel, factor=factor * file_unit.scale, offset=offset + channel.offset)
@@ -121,3 +100,15 @@ def with_unit_of_file(raw: RawFile, name: str, channel: Channel, place: int | No
 def _differ(file_unit: WrittenUnit, stated: str) -> bool:
     factor = parse_unit(file_unit.unit).factor * file_unit.scale
     return same_dimension(file_unit.unit, stated) and not isclose(factor, parse_unit(stated).factor, rel_tol=1e-6)
+
+
+def _fault_of_unit(one: WrittenUnit, si: str) -> tuple[str, str] | None:
+    """Return what is wrong with a unit that a file says of a signal, and what to state; None where it can be used."""
+    if not one.unit:
+        return "which is no known unit", 'unit = "..."' + ", and scale = ... for what one count is" * is_count(one.text)
+    if not one.certain:
+        stated = f'unit = "{one.unit}" and scale = {one.scale:g} (or its inverse)'
+        return "a unit with a factor that may be meant either way", stated
+    if not same_dimension(one.unit, si):
+        return "and no unit is stated", f'unit = "...", with scale if {one.text} is right'
+    return None

@@ -44,7 +44,7 @@ def test_a_unit_in_a_columns_name_counts_too(tmp_path: Path, name: str) -> None:
 
 
 def test_a_unit_that_its_signal_cannot_have_is_refused(tmp_path: Path) -> None:
-    with pytest.raises(InputError, match=r"the file says V of column \"p\""):
+    with pytest.raises(InputError, match=r"the file says \"V\" of column \"p\""):
         signals(tmp_path, "t,p\ns,V\n0,1\n1,2\n", time=Channel("t", si="s"), p1=Channel("p", si="Pa"))
 
 

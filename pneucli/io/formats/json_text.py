@@ -23,12 +23,10 @@ def open_json(path: Path) -> ColumnReader:
     check_expanded_size(path, EXPANSION * path.stat().st_size)
     repairs: list[Repair] = []
     columns = _columns(path, repairs)
-
-    def fetch(wanted: Sequence[str]) -> list[ColumnValues]:
-        return [columns[name] for name in wanted]
-
     texts = {name for name, values in columns.items() if values.dtype == object and is_label_column(values)}
-    return ColumnReader(path, JSON.name, list(columns), fetch, texts=texts, repairs=repairs)
+    reader = ColumnReader.of_columns(path, JSON.name, columns, {}, {}, texts=texts)
+    reader.repairs += repairs
+    return reader
 
 
 def is_json(head: bytes, _: Path) -> bool:
