@@ -69,10 +69,6 @@ def plain(rng: np.random.Generator) -> Sheet:
 # ---- ways of a clock
 
 
-def _milliseconds(sheet: Sheet) -> None:
-    sheet.clock = {"t [ms]": [f"{1e3 * t:.0f}" for t in sheet.time]}
-
-
 def _date_and_time_and_part(sheet: Sheet) -> None:
     name, per = [("Millitm", 1e3), ("ms", 1e3), ("Fraction [us]", 1e6), ("hundredths", 1e2)][int(sheet.rng.integers(4))]
     parts = [f"{np.floor((t % 1.0) * per + 1e-6):.0f}" for t in sheet.time]
@@ -82,41 +78,6 @@ def _date_and_time_and_part(sheet: Sheet) -> None:
 def _hours_minutes_seconds(sheet: Sheet) -> None:
     seconds = [f"{(2.0 + t) % 60:.3f}" for t in sheet.time]
     sheet.clock = {"Hour": ["9"] * sheet.time.size, "Minute": ["15"] * sheet.time.size, "Second": seconds}
-
-
-def _iso_with_zone(sheet: Sheet) -> None:
-    sheet.clock = {"Timestamp": [f"{text[:-3]}+01:00" for text in stamps(sheet, "%Y-%m-%dT%H:%M:%S.%f")]}
-
-
-def _unix_milliseconds(sheet: Sheet) -> None:
-    sheet.clock = {"timestamp": [f"{1.7734e12 + 1e3 * t:.0f}" for t in sheet.time]}
-
-
-def _over_midnight(sheet: Sheet) -> None:
-    start = datetime.datetime(2026, 3, 11, 23, 59, 58)
-    late = [start + datetime.timedelta(seconds=float(t)) for t in sheet.time]
-    sheet.clock = {"Uhrzeit": [f"{one:%H:%M:%S.%f}"[:-3] for one in late]}
-
-
-def _stamped_as(form: str, digits: int = 3) -> Callable[[Sheet], None]:
-    def way(sheet: Sheet) -> None:
-        late = START.replace(second=57)
-        texts = (f"{late + datetime.timedelta(seconds=float(t)):{form}}" for t in sheet.time)
-        sheet.clock = {"Stamp": [text[: len(text) - 6 + digits] for text in texts]}
-
-    return way
-
-
-def _durations(sheet: Sheet) -> None:
-    sheet.clock = {"Time": [f"T#{int(t)}s{1e3 * (t % 1.0):.0f}ms" for t in sheet.time]}
-
-
-def _stamps_by_channel(sheet: Sheet) -> None:
-    sheet.write = "stamped"
-
-
-def _serial_monitor(sheet: Sheet) -> None:
-    sheet.write = "arrow"
 
 
 def _told_as(name: str, form: str, *, cut: int = -3, late: float = 0.0, end: str = "") -> Callable[[Sheet], None]:
@@ -151,6 +112,10 @@ def _seconds_and_nanoseconds(sheet: Sheet) -> None:
     sheet.clock = {"header.stamp.sec": seconds, "header.stamp.nanosec": parts}
 
 
+def _durations(sheet: Sheet) -> None:
+    sheet.clock = {"Time": [f"T#{int(t)}s{1e3 * (t % 1.0):.0f}ms" for t in sheet.time]}
+
+
 def _steps(sheet: Sheet) -> None:
     sheet.clock = {"dt [ms]": ["0", *["10"] * (sheet.time.size - 1)]}
 
@@ -171,25 +136,10 @@ def _unit_at_the_end_of_the_name(sheet: Sheet) -> None:
     sheet.units |= dict.fromkeys(("p1", "p_supply"), ("", 1e5, AMBIENT)) | {"u": ("", 1.0, 0.0)}
 
 
-def _unit_in_cells(sheet: Sheet) -> None:
-    sheet.write = "cells"
-
-
-def _unit_that_changes(sheet: Sheet) -> None:
-    sheet.write = "ranging"
-
-
 def _scaled(sheet: Sheet) -> None:
     for role in ("p1", "p_supply"):
         low, high = float(sheet.values[role].min()), float(sheet.values[role].max())
         sheet.units[role] = ("", high - low, low)
-
-
-def _sensed_in(unit: str, one: float, zero: float) -> Callable[[Sheet], None]:
-    def way(sheet: Sheet) -> None:
-        sheet.units |= dict.fromkeys(("p1", "p_supply"), (unit, one, zero))
-
-    return way
 
 
 def _commanded_in(unit: str, one: float) -> Callable[[Sheet], None]:
@@ -273,11 +223,14 @@ def _repeats(sheet: Sheet) -> None:
 
 
 CLOCKS: dict[str, Callable[[Sheet], None]] = {
-    **{"milliseconds": _milliseconds, "date, time and part": _date_and_time_and_part},
-    **{"hours, minutes, seconds": _hours_minutes_seconds, "zone": _iso_with_zone, "unix ms": _unix_milliseconds},
-    **{"midnight": _over_midnight, "durations": _durations, "compact": _stamped_as("%Y%m%dT%H%M%S.%f")},
-    **{"digits of a day": _stamped_as("%H%M%S.%f"), "digits": _stamped_as("%Y%m%d%H%M%S%f")},
-    **{"German month": _stamped_as("%d. März %Y %H:%M:%S.%f")},
+    **{"milliseconds": _number_as("t [ms]", "{:.0f}", 1e3), "date, time and part": _date_and_time_and_part},
+    **{"hours, minutes, seconds": _hours_minutes_seconds, "zone": _told_as("At", "%Y-%m-%dT%H:%M:%S.%f", end="+01:00")},
+    **{"unix ms": _number_as("timestamp", "{:.0f}", 1e3, 1.7734e12), "durations": _durations},
+    "midnight": _told_as("Uhrzeit", "%H:%M:%S.%f", late=53_096.0),
+    "compact": _told_as("Stamp", "%Y%m%dT%H%M%S.%f", late=55.0),
+    "digits of a day": _told_as("Stamp", "%H%M%S.%f", late=55.0),
+    "digits": _told_as("Stamp", "%Y%m%d%H%M%S%f", late=55.0),
+    "German month": _told_as("Stamp", "%d. März %Y %H:%M:%S.%f", late=55.0),
     **{"whole seconds": _told_as("Time", "%H:%M:%S", cut=0, late=0.37), "steps": _steps},
     **{"seconds of a date": _told_as("Stamp", "%Y-%m-%d %H:%M:%S", cut=0, late=0.61)},
     **{"ctime": _told_as("Time", "%a %b %d %H:%M:%S.%f %Y", cut=0), "points": _told_as("Zeit", "%H.%M.%S.%f")},
@@ -304,11 +257,15 @@ UNITS: dict[str, Callable[[Sheet], None]] = {
         for unit, one in (("barg", 1e5), ("psi", 6894.757293), ("mmHg", 133.322))
     },
     **{
-        unit: _sensed_in(unit, one, 0.0)
+        unit: _pressures_in(unit, one, 0.0)
         for unit, one in (("MPa", 1e6), ("hPa", 100.0), ("kgf/cm2", 98_066.5), ("bara", 1e5), ("kPa abs", 1e3))
     },
-    **{"inHg": _sensed_in("inHg", 3386.389, 0.0), "mA": _sensed_in("mA", 1e6 / 16.0, -4e6 / 16.0)},
-    **{"bar of volts": _sensed_in("V", 1e5, 0.0), "mV": _commanded_in("mV", 1e-3), "percent": _commanded_in("%", 0.1)},
+    **{"inHg": _pressures_in("inHg", 3386.389, 0.0), "mA": _pressures_in("mA", 1e6 / 16.0, -4e6 / 16.0)},
+    **{
+        "bar of volts": _pressures_in("V", 1e5, 0.0),
+        "mV": _commanded_in("mV", 1e-3),
+        "percent": _commanded_in("%", 0.1),
+    },
     **{"counts": _counted, **{kind: _hexadecimal(kind) for kind in ("hexadecimal", "bare hexadecimal")}},
     "no unit": _pressures_in("", 1e5, 0.0),
     "unknown unit": _pressures_in("zorps", 1e5, 0.0),
@@ -347,8 +304,8 @@ LAYOUTS: dict[str, Callable[[Sheet], None]] = {
         for kind in ("three lines", "value line", "channel table", "transposed table", "long", "blanks")
     },
     **{kind: _written(kind) for kind in ("long with status", "json long", "marks", "words", "infinity")},
-    **{"unit in cells": _unit_in_cells, "unit that changes": _unit_that_changes, "semicolons": _semicolons},
-    **{"stamps by channel": _stamps_by_channel, "serial monitor": _serial_monitor, "repeats": _repeats},
+    **{"unit in cells": _written("cells"), "unit that changes": _written("ranging"), "semicolons": _semicolons},
+    **{"stamps by channel": _written("stamped"), "serial monitor": _written("arrow"), "repeats": _repeats},
     **{"runs by number": _runs_by_number, "header again": _header_again, "blocks": _blocks_of_runs},
     **{kind: _written(kind) for kind in ("spreads", "keyed", "keyed among words", "uncertainty", "Fortran")},
     **{kind: _written(kind) for kind in ("unit beside", "line protocol", "names by pairs", *FURTHER_LAYOUTS)},
