@@ -209,6 +209,10 @@ OTHERS: Mapping[str, Template] = {
         "the valve is open or shut and has none of the areas that a law asks for: its command would have to be pulses, "
         "which are not designed. The loops count dead times of up to {longest:2 s}, {between:2 s} of it unpredicted"
     ),
+    "no-area-design": (
+        "the laws ask the valve for an area, which its command does not set ({effects}): what the design says of its "
+        "loops does not hold on this rig"
+    ),
     "within-uncertainty": (
         "{channel} of recordings that were not fitted errs by {ratio:.2g} times its noise, no more than the "
         "uncertainty of the fitted parameters allows (95 %): record such commands or speeds for the fit, too"

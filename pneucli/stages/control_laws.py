@@ -37,6 +37,7 @@ from pneucli.simulate import layout as at
 from pneucli.simulate.model import Model
 
 CONTROLLERS_FOLDER = "controllers"  # a file a law
+NO_AREA = frozenset({"demand", "filling"})  # ports of effects behind which the command sets a pressure or a flow
 MAX_PLOT_SAMPLES = 2000  # samples of a run that are kept for pictures
 MODEL_SIGNALS = {"x": (at.X, "m"), "v": (at.V, "m/s"), "p1": (at.P1, "Pa"), "p2": (at.P2, "Pa")}
 CONTROLLER_SIGNALS = {
@@ -116,10 +117,13 @@ def observer_warnings(found: LawComparison) -> list[str]:
 
 def valve_warnings(model: Model) -> list[str]:
     """Return what to say of a valve that has none of the areas that the laws ask for."""
-    if not any(valve.form == "switching" for valve in model.valves):
-        return []
-    shorter, longer = dead_times(model)
-    return [tell("switching-design", longest=longer, between=longer - shorter)]
+    warnings = []
+    if any(valve.form == "switching" for valve in model.valves):
+        shorter, longer = dead_times(model)
+        warnings.append(tell("switching-design", longest=longer, between=longer - shorter))
+    if others := [effect.name for effect in model.effects if NO_AREA & effect.ports.keys()]:
+        warnings.append(tell("no-area-design", effects=", ".join(others)))
+    return warnings
 
 
 def metrics_by_law(found: RunsByLaw) -> Cases:

@@ -27,7 +27,7 @@ from pneucli.physics.effects import catalogue
 from pneucli.simulate.model import Model
 from pneucli.simulate.rig_quantities import rig_quantities
 from pneucli.stages.control_laws import valve_warnings
-from tests.simulate.synthetic_experiments import model
+from tests.simulate.synthetic_experiments import model, typical_values
 
 
 def with_(name: str, **values: float) -> Model:
@@ -147,3 +147,10 @@ def test_a_design_for_a_valve_that_opens_or_shuts_says_that_it_has_no_pulses() -
     assert "pulses, which are not designed" in told
     assert "dead times of up to 0.031 s, 0.010 s of it unpredicted" in told
     assert valve_warnings(model()) == []
+
+
+@pytest.mark.parametrize("name", ["pressure-control", "pump-flow"])
+def test_a_design_for_a_command_that_sets_no_area_says_that_its_loops_do_not_hold(name: str) -> None:
+    (told,) = valve_warnings(model([name], typical_values([catalogue()[name]])))
+    assert told.startswith("the laws ask the valve for an area, which its command does not set")
+    assert name in told
