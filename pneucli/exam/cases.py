@@ -385,6 +385,8 @@ def _with_valves(par: Parameters, conditions: Conditions, rng: np.random.Generat
     if conditions.null_stated == "identify":
         par = par._replace(command_null=conditions.null + rng.uniform(-0.15, 0.15))
     if conditions.source is not None:
+        # the file of a stated source names no overlap
+        par = par._replace(overlap=0.0) if conditions.source_stated else par
         return _with_source(par, conditions.source, rng)
     if conditions.valve is None:
         return par

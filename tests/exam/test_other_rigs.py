@@ -182,6 +182,8 @@ def test_a_stated_pressure_valve_has_its_kind_and_a_null_at_ambient_pressure(tmp
     assert said["rig"]["valve"] == {"null": "0 V", "kind": "pressure"}
     assert said["model"]["effects"] == ["valve-lag"]
     assert "source" not in said["rig"]
+    drawn = draw_stated_rig("valve", [], parse("pressure-valve"), np.random.default_rng(1), np.random.default_rng(2))
+    assert drawn[1].overlap == 0.0  # which the file would have to name, and an effect would
 
 
 def test_an_ejector_evacuates_the_vessel_and_ambient_air_fills_it(tmp_path: Path) -> None:
