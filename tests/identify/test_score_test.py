@@ -24,6 +24,7 @@ from pneucli.physics.scales import RigQuantities
 from pneucli.simulate.experiment import SignalRanges
 from pneucli.simulate.model import parameter_value, with_effect, with_parameters
 from pneucli.simulate.rig_quantities import rig_quantities
+from pneucli.simulate.valve_forms.area import ValveArea
 from tests.simulate.synthetic_experiments import RIG, make_experiment, model, time_grid
 
 RNG = np.random.default_rng
@@ -79,6 +80,14 @@ def test_base_parameters_are_those_that_the_experiments_can_tell() -> None:
     assert free_names(DRIVEN) == free_names(PUSHED, FILLED) == friction + valve
     assert free_names(SHUT) == []
     assert free_names(PUSHED, moving_mass=None)[:3] == [*friction, "rig.moving_mass"] or RIG.moving_mass is None
+
+
+def test_an_overlap_ends_below_the_smallest_knot_of_its_own_direction() -> None:
+    """A duty that opens nothing has no knot: of pulses shorter than the dead time, say, that fill but vent."""
+    valve = ValveArea((-10.0, -1.5, 3.0, 10.0), (1e-6, 1e-7, 3e-7, 1e-6))
+    found = {f.name: f.upper for f in base_parameters(replace(model(), valve=valve), [FILLED])}
+    assert found["valve.overlap_fill"] == pytest.approx(0.95 * 3.0)
+    assert found["valve.overlap_vent"] == pytest.approx(0.95 * 1.5)
 
 
 def test_areas_are_fitted_as_logarithms_and_friction_from_its_guess() -> None:

@@ -16,7 +16,7 @@ from pneucli.recording import ParameterPrior, Rig
 from pneucli.simulate.experiment import Experiment
 from pneucli.simulate.model import Model, ValveForm, parameter_value
 from pneucli.simulate.rig_quantities import rig_quantities
-from pneucli.simulate.valve_forms.area import MAX_OVERLAP_RATIO
+from pneucli.simulate.valve_forms.area import MAX_OVERLAP_RATIO, OVERLAP_FIELDS
 
 DIFFERENCE_STEP = 1e-4  # of a parameter's scale, for forward differences
 
@@ -168,8 +168,11 @@ def _base_parameter(name: str, start: float, quantities: RigQuantities) -> FreeP
 
 
 def _valve_parameters(valve: ValveForm, quantities: RigQuantities) -> list[FreeParameter]:
-    """Return the valve's free parameters: areas (or a gain) as logarithms, each overlap below the smallest knot."""
-    smallest_command = min((abs(c) for c in valve.commands), default=0.0)
+    """Return the valve's free parameters: areas (or a gain) as logarithms, each overlap below its smallest knot."""
+    smallest = {
+        f"{valve.label}.{name}": min((abs(c) for c in valve.commands if sign * c > 0.0), default=0.0)
+        for name, sign in zip(OVERLAP_FIELDS, (1.0, -1.0), strict=True)
+    }
     area, overlap = (
         BASE_PARAMETERS["valve.effective_area"].range_on(quantities),
         BASE_PARAMETERS["valve.overlap"].range_on(quantities),
@@ -177,8 +180,8 @@ def _valve_parameters(valve: ValveForm, quantities: RigQuantities) -> list[FreeP
     free = []
     for name, (value, unit) in valve.parameters().items():
         if unit == "V":
-            scale = overlap.typical[0] if overlap.typical else smallest_command
-            largest = MAX_OVERLAP_RATIO * smallest_command  # at the smallest command the valve is open
+            scale = overlap.typical[0] if overlap.typical else smallest[name]
+            largest = MAX_OVERLAP_RATIO * smallest[name]  # at the smallest command the valve is open
             one = FreeParameter(name, unit, value, 0.0, largest, scale, prior_sigma=10.0)
             free.append(replace(one, upper_is_limit=True))
         else:
