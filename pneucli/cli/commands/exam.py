@@ -109,7 +109,7 @@ def _exam(
 
 COMMAND = Command(
     _exam,
-    "pneucli exam my-exam --cases 12 --nulls 4 --answer --grade",
+    "pneucli exam my-exam --cases 12 --nulls 4",
     "Sealed cases with hidden effects, answers to them, and the grading of answers.",
     place=210,
 )
