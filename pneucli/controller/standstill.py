@@ -10,7 +10,8 @@ State chart (state variable in brackets; "at rest": the reference has rested for
     a bumpless start within 2 C_HOLDING_BAND of the reference begins in HOLD (active_reference in operation.py)
     HOLD       [S_HOLD = 1] force frozen, valves shut while the pressures stay within C_PRESSURE_BAND, no lead of the
                spool; after 10 C_MOTION_WINDOW at rest the gain of the pressure loops is at most 20 1/s
-      entry: half of the net force is released (rigid piston only), release force 0
+      entry: the load is limited to what friction can hold, half of the net force is released (rigid piston only),
+      release force 0
       -> TRACKING, RAMP or ELASTIC   |v| >= C_V_FLOOR, the reference moves, or |error| > 1.8 x band (hysteresis)
       after 10 C_MOTION_WINDOW at rest [S_REST_TIME]: ramp gain back to 4
     rigid piston [S_ELASTIC = 0]: breakaway_ramp
@@ -246,11 +247,18 @@ def breakaway_ramp(error, s, c):
 
 
 def enter_hold(s, c):
-    """Hold the piston where it sticks; release half of the net force unless the piston is elastic."""
+    """Hold the piston where it sticks; release half of the net force unless the piston is elastic.
+
+    Friction holds it, so that no more than friction is net force: what exceeds it is an error of the load estimate,
+    which would push the piston off once its release force is gone.
+    """
     s[S_HOLD] = 1.0
     s[S_FORCE] = pressure_force(s, c)
     if s[S_ELASTIC] < 0.5:
-        s[S_FORCE] -= 0.5 * net_force(s[S_X], s[S_P1], s[S_P2], s, c)
+        net = net_force(s[S_X], s[S_P1], s[S_P2], s, c)
+        held = clamp(net, -c[C_STATIC], c[C_STATIC])
+        s[S_LOAD] -= net - held
+        s[S_FORCE] -= 0.5 * held
         s[S_RELEASE_FORCE] = 0.0
     s[S_FORCE_RAMP] = 0.0
 

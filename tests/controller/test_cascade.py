@@ -779,9 +779,18 @@ def held(x_ref: float = 0.1, **given: float) -> tuple[bool, np.ndarray]:
 
 
 def test_near_a_resting_reference_it_is_held_and_half_of_its_force_is_loosened() -> None:
-    found, s = held(0.1 + 0.9e-5)
+    found, s = held(0.1 + 0.9e-5, force=10.0)
     assert found
-    assert of(s, "HOLD", "RAMP_GAIN", "RELEASE_FORCE", "FORCE") == pytest.approx([1.0, 1.0, 0.0, 13.0])
+    assert of(s, "HOLD", "RAMP_GAIN", "RELEASE_FORCE", "FORCE") == pytest.approx([1.0, 1.0, 0.0, 10.0 - 7.0])
+
+
+@pytest.mark.parametrize(("load", "kept"), [(-30.0, -26.0), (-50.0, -26.0), (5.0, 5.0)])
+def test_a_piston_that_is_held_has_no_more_net_force_than_friction(load: float, kept: float) -> None:
+    """6 N of the pressures and 20 N of friction: a load of 50 N would have moved it."""
+    s = balanced(6.0, LOAD=load)
+    standstill.enter_hold(s, C)
+    net = 6.0 + kept
+    assert of(s, "LOAD", "FORCE") == pytest.approx([kept, 6.0 - 0.5 * net])
 
 
 def test_only_a_piston_that_rested_for_long_is_set_free_at_the_full_pace_again() -> None:
