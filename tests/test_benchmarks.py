@@ -15,7 +15,7 @@ from benchmarks import loop, robust
 from benchmarks.cost import IMPORTS, KERNELS, PHASES, REST, Sampler
 
 ROOT = Path(__file__).parents[1]
-SHARED = {"cases", "rigs"}
+SHARED = {"cases", "door_pages", "rigs"}
 TESTED_ELSEWHERE = {("simulate", "kernel")}  # tests/simulate/test_benchmark.py
 NEED_GCC = {
     ("simulate", "fmu"),

@@ -93,7 +93,8 @@ def case(folder: Path, names: Sequence[str], kind: str = "axis", chamber_2: str 
 def largest_difference(one: Case) -> float:
     """Of all outputs, relative to the range of each."""
     simulated, result = one.simulated, one.in_fmpy()
-    assert np.ptp(simulated[:, at.X]) > 1e-3 or one.experiment.vessel
+    # a valve that sets a pressure asks for less than what holds the piston
+    assert np.ptp(simulated[:, at.X]) > 1e-3 or one.experiment.vessel or np.ptp(simulated[:, at.P1]) > 1e4
     shown = {name: column for name, column in CHANNELS.items() if name in result.dtype.names}
     return max(
         float(np.abs(result[name] - simulated[:, column]).max()) / max(float(np.ptp(simulated[:, column])), 1e-9)

@@ -36,8 +36,10 @@ def test_a_map_covers_the_overlap_but_a_gain_does_not():
     assert "linear valve" not in VALVE.covers
 
 
-def test_only_a_rig_with_a_pump_can_lack_the_law_of_a_pump():
+def test_only_a_rig_that_has_a_part_can_lack_its_law():
     plain = Model(RIG, valve=VALVE)
-    assert "pump" in plain.excluded_parts
+    assert plain.excluded_parts == VALVE.covers | {"pump", "pressure valve"}
     pumped = replace(plain, rig=replace(RIG, source="pump"))
-    assert pumped.excluded_parts == VALVE.covers
+    assert plain.excluded_parts - pumped.excluded_parts == {"pump"}
+    regulating = replace(plain, rig=replace(RIG, valve_kind="pressure"))
+    assert plain.excluded_parts - regulating.excluded_parts == {"pressure valve"}
