@@ -18,6 +18,7 @@ from pneucli.compare import ChannelResult, Comparison, compare
 from pneucli.compare.error_regions import locator_signals
 from pneucli.errors import InputError, did_you_mean
 from pneucli.identify.estimation.parameters import FreeParameter, base_parameters, effect_parameters
+from pneucli.identify.residuals import residual_models
 from pneucli.messages.formatting import format_fit, format_noise_ratio, format_quantity
 from pneucli.physics.declaration import Effect
 from pneucli.physics.effects import select_effects
@@ -85,7 +86,7 @@ class LiveModel:
             self.experiments = former.experiments
         else:
             self.experiments = {e.recording.name: e for e in data.experiments}
-        self.available_effects = data.available_effects
+        self.available_effects = self._that_can_show(data.available_effects)
         compared = answers["compare"]
         self.where: Sequence[Mapping[str, Any]] = compared["where"]
         self._noise: dict[str, dict[str, float]] = {}
@@ -99,6 +100,16 @@ class LiveModel:
             self._noise.setdefault(one["recording"], {})[one["channel"]] = one["noise"]
         self._suggested = _suggested_values(answers.get("diagnose", {}))
         self._moved = _moved_values(answers.get("diagnose", {}))
+
+    def _that_can_show(self, effects: Mapping[str, Effect]) -> dict[str, Effect]:
+        """Return the effects of the model, and those with which a fit to the training recordings can do something."""
+        views = residual_models([e for e in self.experiments.values() if e.recording.use == "train"])
+        return {
+            name: effect
+            for name, effect in effects.items()
+            if effect in self.model.effects
+            or (effect.part not in self.model.excluded_parts and any(one.is_sensitive_to(effect) for one in views))
+        }
 
     @cached_property
     def free(self) -> dict[str, FreeParameter]:

@@ -184,6 +184,18 @@ def test_all_recordings_stand_on_one_axis_with_gaps_between_them(session: Start)
     session(work)
 
 
+def test_only_effects_that_the_recordings_can_show_are_offered(session: Start) -> None:
+    """A measured force tells friction; a valve it has none of, and leaks change no reading of it."""
+
+    async def work(asked: Asked) -> None:
+        _, state = await asked.get("/state")
+        offered = {one["name"] for one in state["effects"]}
+        assert {"stribeck", "presliding", "friction-asymmetry"} <= offered
+        assert not {"opening-leak", "piston-leak", "pump-flow", "valve-lag"} & offered
+
+    session(work)
+
+
 def test_adding_an_effect_does_what_the_command_does_and_is_undone_to_the_letter(session: Start) -> None:
     async def work(asked: Asked) -> None:
         bench = asked.workbench.bench
