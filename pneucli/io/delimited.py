@@ -95,7 +95,7 @@ class DelimitedReader:
         if self._bad:
             self._drop_last_lines(asks)
         elif not stream.second_table and not stream.ends_with_newline:
-            self._note_unterminated_last_line()
+            self._note_unterminated_last_line(stream.last_line)
         for place, words in self._words.items():
             if words:
                 message = words_message(self.names[place], words)
@@ -255,11 +255,11 @@ class DelimitedReader:
         self.losses["truncated"] += 1
         self.repairs.append(Repair("", "truncated", 1, f"line {self._last_line()}, the last, is cut off: left out"))
 
-    def _note_unterminated_last_line(self) -> None:
+    def _note_unterminated_last_line(self, number: int) -> None:
         """Say that the last line has no end, and of its last number that it may be cut off, unless all are as long."""
         decimals = {len(line.rpartition(self._look.decimal)[2]) for line in self._tail()}
         kind, what = ("cut-number", "its last number") if len(decimals) > 1 else ("no-line-end", "what comes after it")
-        message = f"line {self._last_line()}, the last, has no end: {what} may be cut off; kept"
+        message = f"line {number}, the last, has no end: {what} may be cut off; kept"
         self.repairs.append(Repair("", kind, 1, message))
 
     def _last_line(self) -> int:

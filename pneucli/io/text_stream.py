@@ -61,6 +61,11 @@ class NormalizedTextStream(io.RawIOBase):
                 return block
         return b""
 
+    @property
+    def last_line(self) -> int:
+        """The number, from 1, of the last line that was read."""
+        return self._line + (not self.ends_with_newline)
+
     def _lines(self, size: int) -> bytes:
         block = self._file.read(size)
         self._over = not block
