@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 from pneucli.arrays import Array
 from pneucli.compare import ChannelResult, Comparison, compare
 from pneucli.compare.error_regions import locator_signals
+from pneucli.diagnose.data import DiagnosisData
 from pneucli.errors import InputError, did_you_mean
 from pneucli.identify.estimation.parameters import FreeParameter, base_parameters, effect_parameters
 from pneucli.identify.residuals import residual_models
@@ -103,13 +104,9 @@ class LiveModel:
 
     def _that_can_show(self, effects: Mapping[str, Effect]) -> dict[str, Effect]:
         """Return the effects of the model, and those with which a fit to the training recordings can do something."""
-        views = residual_models([e for e in self.experiments.values() if e.recording.use == "train"])
-        return {
-            name: effect
-            for name, effect in effects.items()
-            if effect in self.model.effects
-            or (effect.part not in self.model.excluded_parts and any(one.is_sensitive_to(effect) for one in views))
-        }
+        train = residual_models([e for e in self.experiments.values() if e.recording.use == "train"])
+        data = DiagnosisData(train, [], effects, modelled_parts=self.model.excluded_parts)
+        return {name: e for name, e in effects.items() if e in self.model.effects or data.is_observable(e)}
 
     @cached_property
     def free(self) -> dict[str, FreeParameter]:
