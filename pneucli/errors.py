@@ -49,13 +49,16 @@ class UnitError(ValueError):
 MAX_LISTED = 40  # names in a message
 
 
-def did_you_mean(word: str, choices: Iterable[str]) -> str:
-    """Return ``'did you mean "x"?'`` for the closest of ``choices``, or the list (of the first) where none is close."""
+def did_you_mean(word: str, choices: Iterable[str], listed: str = "known") -> str:
+    """Return ``'did you mean "x"?'`` for the closest of ``choices``, or the list (of the first) where none is close.
+
+    ``listed`` says what the list has.
+    """
     choices = sorted(choices)
     close = difflib.get_close_matches(word, choices) or difflib.get_close_matches(word.lower(), choices)
     close.sort(key=lambda one: sorted(one) != sorted(word))  # transposed letters first
     more = ", ..." * (len(choices) > MAX_LISTED)
-    return f'did you mean "{close[0]}"?' if close else f"known: {', '.join(choices[:MAX_LISTED])}{more}"
+    return f'did you mean "{close[0]}"?' if close else f"{listed}: {', '.join(choices[:MAX_LISTED])}{more}"
 
 
 _INVISIBLE_CATEGORIES = {

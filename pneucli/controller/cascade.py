@@ -119,7 +119,7 @@ def set_pressure_references(force, s, c):
 
 
 def pressure_gain(s, c):
-    """Return the gain of the pressure loops in 1/s: while the piston is held, one that is stable with 50 ms of lag."""
+    """Return the gain of the pressure loops in 1/s: held for good, damped by half with 50 ms of lag."""
     return min(c[C_P_KP], 20.0) if is_held_for_good(s, c) else c[C_P_KP]
 
 

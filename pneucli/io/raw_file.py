@@ -172,4 +172,4 @@ def nearest_column(column: str, names: Sequence[str], taken: Collection[int]) ->
     free = [name for place, name in enumerate(names) if place not in taken and name]
     if not free:
         return "another signal takes each column of the file" if names else "the file has no columns"
-    return did_you_mean(column, free).replace("known:", "free:")
+    return did_you_mean(column, free, "free")

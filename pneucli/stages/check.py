@@ -108,9 +108,8 @@ def check_pipeline(path: Path) -> Checked:
     sources = known or []
     tried = [_attempt(partial(open_recording, source, config), faults) for source in sources]
     opened = [one for one in tried if one is not None]
-    complete = known is not None and len(opened) == len(
-        sources
-    )  # otherwise a file that is at fault may have what others lack
+    # otherwise a file that is at fault may have what others lack
+    complete = known is not None and len(opened) == len(sources)
     faults += absent_column_faults(config, opened, complete=complete)
     begun = [found for one in opened if (found := _attempt(partial(_beginning, one), faults)) is not None]
     if not config.model.plugins:  # which would be run to tell the names of their effects
