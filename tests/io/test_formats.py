@@ -497,3 +497,13 @@ def test_a_line_without_end_is_refused(tmp_path: Path, monkeypatch: pytest.Monke
     (tmp_path / "a.csv").write_bytes(b"t,p\n0,1\n1,2\n" + b"9" * (2 << 20))
     with pytest.raises(InputError, match="a line of more than"):
         read(RawFile(tmp_path / "a.csv", {"time": Channel("t"), "p1": Channel("p")}))
+
+
+@pytest.mark.parametrize("rows", [5, 40_000])
+@pytest.mark.parametrize("end", ["\n", "\r\n"])
+def test_a_last_line_without_end_is_told_by_its_number(tmp_path: Path, end: str, rows: int) -> None:
+    lines = ["# a comment", "t,p", "", *(f"{k},{k % 7}.5" for k in range(rows))]
+    (tmp_path / "a.csv").write_bytes(end.join(lines).encode())
+    opened = open_signals(RawFile(tmp_path / "a.csv", CHANNELS))
+    assert sum(batch["time"].size for batch in opened.batches()) == rows
+    assert any(f"line {rows + 3}, the last, has no end" in one.message for one in opened.repairs)
