@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from typing import Any
 
 import pytest
@@ -70,4 +71,5 @@ def test_asymmetric_friction_reaches_the_published_error(asymmetric: dict[str, A
     assert viscous * (1 + share) == pytest.approx(FORWARD, rel=0.01)
     assert viscous * (1 - share) == pytest.approx(BACK, rel=0.01)
     low, high = found["friction-asymmetry.asymmetry"]["ci95"]
-    assert low < 0.0 < high
+    # where the fit ends in a direction that no data determine depends on the machine: at a bound that end is open
+    assert (-math.inf if low is None else low) < 0.0 < (math.inf if high is None else high)
