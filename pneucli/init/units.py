@@ -7,8 +7,8 @@ from collections.abc import Sequence
 import numpy as np
 
 from pneucli.arrays import Array
+from pneucli.io.cleaning import MAX_SPEED
 from pneucli.messages.formatting import format_plain, format_signal
-from pneucli.plausibility.detectors.motion import MAX_SPEED
 from pneucli.plausibility.detectors.readings import MAX_COMMAND, MAX_FLOW, MAX_PRESSURE, MAX_STROKE, MIN_SUPPLY
 from pneucli.quantities import SIGNALS
 from pneucli.units import factor_and_offset, parse_unit, same_dimension

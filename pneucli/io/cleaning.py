@@ -26,10 +26,12 @@ from pneucli.io.timestamp_order import (
     loss_repairs,
 )
 from pneucli.messages.formatting import format_plain
+from pneucli.quantities import axis_unit
 
 MARGIN_SAMPLES = 16  # samples on either side that a spike is judged against
 MAX_SPIKE_SAMPLES = 3
 MIN_NOISE_RATIO = 12.0  # times the robust deviation of the whole batch
+MAX_SPEED = 30.0  # m/s: seals last to 3 m/s, impact cylinders reach 10 m/s
 MIN_STEP_RATIO = 8.0  # times the largest step among the neighbours, so that impacts that ring stay
 ROUNDING = 1e-12  # of the largest value: smaller steps come from converting units, not from the sensor
 
@@ -53,6 +55,22 @@ def find_spikes(values: Array, noise: float = 0.0) -> Indices:
         found += [before[is_spike] + offset for offset in range(1, width + 1)]
         before = before[~is_spike]
     return np.unique(np.concatenate(found))
+
+
+def find_stale_start(time: Array, position: Array, noise: float = 0.0) -> Indices:
+    """Return the indices of first positions (n,) in m from which no piston reaches the next one in time.
+
+    A recorder that begins hands out what it last held, or its target: up to three samples, then the sensor. Such a
+    jump within a recording is no repair's matter, since either side may be right.
+    """
+    if position.size < 2 * MARGIN_SAMPLES:
+        return np.empty(0, dtype=np.intp)
+    steps = np.abs(np.diff(position))
+    limit = MIN_NOISE_RATIO * max(_robust_deviation(steps, position), noise)
+    far = steps[:MARGIN_SAMPLES] > np.maximum(MAX_SPEED * np.diff(time[: MARGIN_SAMPLES + 1]), limit)
+    jumps = np.flatnonzero(far)
+    first = jumps[0] + 1 if jumps.size == 1 and jumps[0] < MAX_SPIKE_SAMPLES else 0
+    return np.flatnonzero(np.isfinite(position[:first]))
 
 
 def _robust_deviation(steps: Array, values: Array) -> float:
@@ -153,7 +171,8 @@ class Cleaner:
     def _advance(self, batch: Mapping[str, Array], hold: int) -> Batch:
         rows = {name: _append(self._held.get(name), values) for name, values in batch.items()}
         start, end = self._context, max(self._context, len(rows["time"]) - hold)
-        rows = {name: self._repaired(name, values, start, end) for name, values in rows.items()}
+        time = rows["time"]
+        rows = {name: self._repaired(name, values, time, start, end) for name, values in rows.items()}
         done = {name: values[start:end] for name, values in rows.items()}
         self._clock.update(done["time"])
         self._kept += end - start
@@ -162,7 +181,7 @@ class Cleaner:
         self._context = end - begin
         return done
 
-    def _repaired(self, name: str, values: Array, start: int, end: int) -> Array:
+    def _repaired(self, name: str, values: Array, time: Array, start: int, end: int) -> Array:
         """Return one signal with its rows start..end mended; the same array where nothing is to mend."""
         size = np.abs(values)
         mine = size[start:end]
@@ -177,6 +196,10 @@ class Cleaner:
         values = _with_nan_at(values, infinite)
         if name in COMMANDS:
             return values
+        if name == "x" and not self._kept and axis_unit("m") == "m":
+            stale = find_stale_start(time, finite, self._noise.get(name, 0.0))
+            self._count(name, "stale", stale.size)
+            values = _with_nan_at(values, stale)
         spikes = _indices_within(find_spikes(finite, self._noise.get(name, 0.0)), start, end)
         self._count(name, "spike", spikes.size)
         values = _with_nan_at(values, spikes)
@@ -212,6 +235,7 @@ _MESSAGES = {
     "tiny": "{} values are neither zero nor as large as 1e-30: computed, or damaged; kept",
     "vacuum": "{} pressures are 0 bar absolute or less, which no gas has; kept",
     "spike": "{} spikes became NaN",
+    "stale": "{} first values, from which no piston reaches the next one in time, became NaN",
 }
 
 

@@ -64,7 +64,7 @@ MIN_PERIOD, MAX_PERIOD = 1e-9, 1e6  # s, of a sampling period
 FLOW_UNIT = SIGNALS["flow"].unit
 NOT_IN_TABLE = ("signals", "from", "to", "noise")  # of a recording, whose other keys are columns
 WARNING_REPAIRS = (
-    *("frozen", "saturated", "plateau", "spike", "gap", "no-stamp", "backward", "duplicate", "truncated"),
+    *("frozen", "saturated", "plateau", "spike", "stale", "gap", "no-stamp", "backward", "duplicate", "truncated"),
     *("vacuum", "cut-number", "empty", "reader", "unit"),
     *("mark", "roll-over", "jumps", "held", "spread", "counter", "matlab-object", "header-again", "event", "trailer"),
 )

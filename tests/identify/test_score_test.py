@@ -415,6 +415,19 @@ def test_a_model_without_finite_numbers_is_refused_by_recording_and_channel() ->
         require_finite(model(values={"constant-force.force": 1.0}), [view])  # type: ignore[list-item]
 
 
+def test_a_fit_that_ends_without_finite_numbers_is_refused(monkeypatch: pytest.MonkeyPatch) -> None:
+    """The first guess is finite, and an effect of the pipeline leaves that region: nothing could judge such a fit."""
+    force = catalogue()["constant-force"]
+    lost = with_effect(model(), force, {"constant-force.force": np.nan})
+    monkeypatch.setattr(added, "fit", lambda started, *_, **__: SimpleNamespace(model=started))
+    monkeypatch.setattr(added, "_with_overlap_reestimated", lambda fitted, *_, **__: fitted)
+    monkeypatch.setattr(added, "_with_friction_reestimated", lambda fitted, *_, **__: fitted)
+    monkeypatch.setattr(added, "base_parameters", lambda *_: [])
+    monkeypatch.setattr(added, "fit_with_effect", lambda *_, **__: SimpleNamespace(model=lost))
+    with pytest.raises(InputError, match="no finite x for run 7"):
+        added.fit_model(model(), [View(np.ones(9))], [force])  # type: ignore[list-item]
+
+
 # --- views
 
 

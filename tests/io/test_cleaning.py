@@ -69,6 +69,20 @@ def test_spikes_become_nan_and_nothing_else_does(at: int, width: int, height: fl
     assert repairs == {("p1", "spike"): width}
 
 
+@pytest.mark.parametrize(
+    ("stale", "repaired"),
+    [([-0.045], [0]), ([0.3, 0.3, 0.3], [0, 1, 2]), ([0.3] * 4, []), ([0.02], []), ([0.3, np.nan, 0.3], [0, 2])],
+    ids=["one", "three", "a place", "a fast piston", "across a gap"],
+)
+def test_what_a_recorder_held_before_the_first_position_becomes_nan(stale: list[float], repaired: list[int]) -> None:
+    """A piston does 30 mm in a millisecond at most; where more samples agree, either side may be right."""
+    x = 1e-5 * np.random.default_rng(0).standard_normal(N)
+    x[: len(stale)] = stale
+    cleaned, repairs = clean(signal() | {"x": x})
+    assert np.flatnonzero(np.isnan(cleaned["x"]) & ~np.isnan(x)).tolist() == repaired
+    assert repairs.get(("x", "stale"), 0) == len(repaired)
+
+
 def test_a_command_may_pulse() -> None:
     pulsed = signal()
     pulsed["u"][500] = -10.0

@@ -61,7 +61,7 @@ def fit_model(
     for effect in effects:
         if not any(one.is_sensitive_to(effect) for one in residual_models):
             raise _cannot_show(effect, residual_models)
-    require_finite(model, residual_models)
+    require_finite(replace(model, effects=()), residual_models)
     experiments = [one.experiment for one in residual_models]
     loops = [effect for effect in effects if effect.part == "pressure valve"]
     first = NO_ITERATION if loops else stopping  # without its loop such a valve would be fitted as hardly open
@@ -70,6 +70,7 @@ def fit_model(
     fitted = _with_friction_reestimated(fitted, residual_models, stopping=first)
     for effect in [*loops, *(one for one in effects if one not in loops)]:
         fitted = fit_with_effect(fitted, residual_models, effect, stopping=stopping)
+    require_finite(fitted.model, residual_models)
     return fitted
 
 
@@ -87,7 +88,7 @@ def _cannot_show(effect: Effect, residual_models: Sequence[ResidualModel]) -> In
 
 
 def require_finite(model: Model, residual_models: Sequence[ResidualModel]) -> None:
-    """Check that the first guess of the model gives finite residuals.
+    """Check that a model gives finite residuals.
 
     Args:
         model: The model.
@@ -99,7 +100,7 @@ def require_finite(model: Model, residual_models: Sequence[ResidualModel]) -> No
     """
     for residual_model in residual_models:
         name = residual_model.experiment.recording.name
-        for channel, residual in residual_model.residual(replace(model, effects=())).items():
+        for channel, residual in residual_model.residual(model).items():
             if not np.isfinite(residual).all():
                 fault = f"with the rig as stated the model has no finite {channel} for {name}"
                 wanted = "volumes, areas, pressures and commands that belong to one rig"

@@ -6,6 +6,7 @@ from collections.abc import Iterator
 
 import numpy as np
 
+from pneucli.io.cleaning import MAX_SPEED
 from pneucli.messages.formatting import format_plain, format_signal
 from pneucli.plausibility.blocks import Blocks, fit_linear
 from pneucli.plausibility.detectors.base import Detector
@@ -24,7 +25,6 @@ from pneucli.recording import Recording
 MAX_ZERO_ERROR = 0.05  # of the stroke: x = 0 is set by hand at an end stop; further off it is another zero
 MIN_JUMP_NOISE, MIN_JUMP_STEPS = 20.0, 5.0  # times the noise, and steps of its resolution, of a jump of x
 MAX_JUMPS = 1000  # that are looked at
-MAX_SPEED = 30.0  # m/s: seals last to 3 m/s, impact cylinders reach 10 m/s
 
 
 def _check(rig_check: RigCheck) -> Iterator[Finding]:
