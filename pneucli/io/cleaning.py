@@ -235,7 +235,7 @@ _MESSAGES = {
     "tiny": "{} values are neither zero nor as large as 1e-30: computed, or damaged; kept",
     "vacuum": "{} pressures are 0 bar absolute or less, which no gas has; kept",
     "spike": "{} spikes became NaN",
-    "stale": "{} first values, from which no piston reaches the next one in time, became NaN",
+    "stale": "{} samples at the start became NaN: no piston gets from there to the next position in time",
 }
 
 

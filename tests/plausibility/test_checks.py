@@ -220,6 +220,14 @@ def test_a_stated_supply_wins_over_what_supplies_usually_have() -> None:
     assert seen(one, replace(CYLINDER, supply_pressure=52.7e5)) == {}
 
 
+@pytest.mark.parametrize(("shift", "weight"), [(-0.07, "doubt"), (-0.1, "contradiction"), (0.1, "contradiction")])
+def test_a_position_that_leaves_a_chamber_no_volume_contradicts_the_file(shift: float, weight: str) -> None:
+    """The dead volumes are worth 37.5 mm: what x states beyond them no gas can fill."""
+    (found,) = findings([recorded("axis", "open", x=SWING + shift)], CYLINDER, {})
+    assert (found.check, found.weight) == ("stroke", weight)
+    assert ("less than no volume" in found.found) == (weight == "contradiction")
+
+
 def test_where_x_is_zero_does_not_matter_to_a_force() -> None:
     """A slide over a load cell counts x from the middle; a chamber of an axis has a volume there."""
     assert seen(recorded(x=SWING - 0.1, force=5 * np.sign(np.cos(3 * T)) + 3 * np.cos(3 * T))) == {}

@@ -61,7 +61,12 @@ def _stroke(one: Recording, bench: RigCheck) -> Iterator[Finding]:
         mend = "x = 0 is where chamber 1 is smallest: write offset in [signals] x"
         if high <= MAX_ZERO_ERROR * stroke:
             mend = f"write scale = -1.0 in [signals] x if it grows toward chamber 1; else {mend}"
-        yield from Finding("stroke", "x", one.name, seen, mend, excess(outside, error), share).judged()
+        empty = [n for n, end in ((1, low), (2, high)) if (v := bench.volume(n, end)) is not None and v < 0.0]
+        if empty:
+            seen += f", and chamber {empty[0]} would have less than no volume"
+        yield from Finding("stroke", "x", one.name, seen, mend, excess(outside, error), share).judged(
+            physics=any(empty)
+        )
 
 
 def _speed(one: Recording) -> Iterator[Finding]:
