@@ -116,7 +116,8 @@ def observe_motion(x, s, c):
 
     The load changes by at most C_LOAD_STEP_MAX a sample (M_k of 5.21). At a resting reference, while no motion is
     detected, friction balances any force and the load estimate stays. Where the reference moves, a piston that sticks
-    under more than the friction of the model has more: the load takes it, as the integral of a PID would.
+    under more than the friction of the model has more: the load takes it, as the integral of a PID would. Of an
+    innovation after samples without a reading motion and load get the share of one sample, the position all.
     """
     h = c[C_PERIOD]
     force = net_force(s[S_X], s[S_P1], s[S_P2], s, c)
@@ -126,11 +127,18 @@ def observe_motion(x, s, c):
     s[S_X] = clamp(s[S_X] + 0.5 * h * (s[S_V] + v), 0.0, c[C_STROKE])
     s[S_V] = v
     if is_plausible(x, -0.05 * c[C_STROKE], 1.05 * c[C_STROKE]):
+        fresh = 1.0 / (1.0 + s[S_UNSEEN])
+        away = (1.0 - fresh) * (x - s[S_X])
+        s[S_UNSEEN] = 0.0
+        s[S_ANCHOR] += away
+        s[S_X] += away
         off = x - s[S_X]
         s[S_X] += c[C_OBS_X] * off
         s[S_V] += c[C_OBS_V] * off
         if load_observable(s):
             s[S_LOAD] += clamp(c[C_OBS_LOAD] * off, -c[C_LOAD_STEP_MAX], c[C_LOAD_STEP_MAX])
+    else:
+        s[S_UNSEEN] += 1.0
 
 
 def reset_prediction(s):

@@ -9,9 +9,9 @@ State chart (state variable in brackets; "at rest": the reference has rested for
       -> RAMP or ELASTIC     at rest and outside that band, by [S_ELASTIC]
     a bumpless start within 2 C_HOLDING_BAND of the reference begins in HOLD (active_reference in operation.py)
     HOLD       [S_HOLD = 1] force frozen, valves shut while the pressures stay within C_PRESSURE_BAND, no lead of the
-               spool; after 10 C_MOTION_WINDOW at rest the gain of the pressure loops is at most 20 1/s
+               spool; after 10 C_MOTION_WINDOW at rest in it the gain of the pressure loops is at most 20 1/s
       entry: the load is limited to what friction can hold, half of the net force is released (rigid piston only),
-      release force 0
+      release force 0, the time at rest begins anew
       -> TRACKING, RAMP or ELASTIC   |v| >= C_V_FLOOR, the reference moves, or |error| > 1.8 x band (hysteresis)
       after 10 C_MOTION_WINDOW at rest [S_REST_TIME]: ramp gain back to 4
     rigid piston [S_ELASTIC = 0]: breakaway_ramp
@@ -253,6 +253,7 @@ def enter_hold(s, c):
     which would push the piston off once its release force is gone.
     """
     s[S_HOLD] = 1.0
+    s[S_REST_TIME] = 0.0
     s[S_FORCE] = pressure_force(s, c)
     if s[S_ELASTIC] < 0.5:
         net = net_force(s[S_X], s[S_P1], s[S_P2], s, c)

@@ -497,6 +497,16 @@ def test_a_position_read_corrects_motion_and_load_which_changes_by_no_more_than_
     assert of(s, "X", "V", "LOAD") == pytest.approx([0.1 + 0.5 * off, 100.0 * off, load])
 
 
+def test_a_reading_that_comes_back_tells_where_the_piston_is_not_how_fast_it_came_there() -> None:
+    """Of 10 mm after 99 samples without a reading one sample's share, 0.1 mm, is an innovation of motion and load."""
+    s = balanced(0.0, V=0.0, ANCHOR=0.1)
+    for _ in range(99):
+        moved(s)
+    s = moved(s, 0.11)
+    assert of(s, "X", "V", "ANCHOR") == pytest.approx([0.11 - 0.5e-4, 100.0 * 1e-4, 0.1 + 9.9e-3])
+    assert of(s, "LOAD", "UNSEEN") == [3.0, 0.0]
+
+
 def test_the_load_of_a_piston_that_rests_is_not_told() -> None:
     s = moved(state(MOVING_COUNT=0.0, REF_REST_TIME=1.0), 0.1 + 1e-5)
     assert of(s, "LOAD") == [0.0]
@@ -796,6 +806,7 @@ def test_a_piston_that_is_held_has_no_more_net_force_than_friction(load: float, 
 def test_only_a_piston_that_rested_for_long_is_set_free_at_the_full_pace_again() -> None:
     """Ten times the 20 ms in which a stirring piston is noticed."""
     assert of(held(HOLD=1.0, REST_TIME=0.19)[1], "RAMP_GAIN") == [1.0]
+    assert of(held(HOLD=0.0, REST_TIME=0.21)[1], "HOLD", "RAMP_GAIN", "REST_TIME") == [1.0, 1.0, 0.0]  # it stuck off it
     assert of(held(HOLD=1.0, REST_TIME=0.21)[1], "RAMP_GAIN") == [4.0]
 
 
