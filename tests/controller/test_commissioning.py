@@ -142,6 +142,18 @@ def test_a_lag_is_told_from_a_delay(arrangement: str) -> None:
     assert numbers[1] < 0.5 * numbers[0]
 
 
+@pytest.mark.parametrize(
+    ("kind", "sensor"), [(LAG, ("pressure-lag", "time_constant")), (DELAY, ("time-skew", "delay"))]
+)
+def test_the_relay_cannot_tell_late_sensors_from_a_slow_spool_or_a_hose(
+    kind: tuple[str, str], sensor: tuple[str, str]
+) -> None:
+    model, c = family()
+    found, other = (commissioned(driven(with_time(model, *one, 10e-3), c).states) for one in (kind, sensor))
+    assert other.delay == pytest.approx(found.delay, abs=TIME_ERROR)
+    assert (other.overshoot > 0.5 * other.delay) == (found.overshoot > 0.5 * found.delay) == (kind == DELAY)
+
+
 @pytest.mark.parametrize("arrangement", axis.ARRANGEMENTS)
 @pytest.mark.parametrize(
     ("kind", "size"), [(LAG, 10e-3), (DELAY, 5e-3), (DELAY, 20e-3), (("time-skew", "delay"), 20e-3)]

@@ -95,7 +95,7 @@ def test_gains_from_an_ensemble_are_chosen_compared_and_promised(
     for name, value in (("LAGS", (0.0, 5e-3)), ("PRESSURE_SHARES", (1.0, 0.5)), ("POSITION_SHARES", (1.4,)),
                         ("SEARCH_RIGS", 5), ("SCREENING_RIGS", 2)):  # fmt: skip
         monkeypatch.setattr(ensemble, name, value)
-    for name, value in (("ADDED", commissioning.ADDED[:1]), ("POSITION_SHARES", (1.4,)), ("MEMBER_RIGS", 2)):
+    for name, value in (("ADDED", commissioning.ADDED[:1]), ("MEMBER_SHARES", (1.4,)), ("MEMBER_RIGS", 2)):
         monkeypatch.setattr(commissioning, name, value)
     for name, value in (("PROOF_RIGS", 6), ("LAW_RIGS", 6), ("LAW_SEARCH_RIGS", 2)):
         monkeypatch.setattr(design, name, value)
