@@ -39,8 +39,9 @@ OPEN_CHAMBER_VOLUME = 1e3  # m^3: an open chamber 2 is modelled as a closed one 
     S_RAMP_GAIN,
     S_BRAKING_TIME,  # s: remaining braking time of a freed piston
     S_ELASTIC,  # 1: the piston moved under a force that friction must hold
-    S_EXCURSION,  # m: distance since the last reversal or rest; and the peak force in N along it
+    S_EXCURSION,  # m: distance since the last reversal or rest; N: peak of the force along it, the air's at its begin
     S_PEAK_FORCE,
+    S_FIRST_FORCE,
     S_LOOP_GAIN,  # 1: factor on the position loop, reduced after oscillation on elastic seals
     S_FORCE_RAMP,  # N: rise of the force on an elastic piston since it sticks
     S_DEADBAND_GAIN,  # 1: factor on the holding band, increased after overshoots
@@ -111,10 +112,10 @@ OPEN_CHAMBER_VOLUME = 1e3  # m^3: an open chamber 2 is modelled as a closed one 
     S_SWING_COUNT,  # half swings of a limit cycle, the length of the last in m, and its period in s
     S_SWING_AMPLITUDE,
     S_SWING_PERIOD,
-) = range(102)
+) = range(103)
 
 # delay lines (ring buffers) follow: openings in V and expected pressure readings in Pa
-S_OPENING_LINE1, S_OPENING_LINE2, S_PRESSURE_LINE1, S_PRESSURE_LINE2 = (102 + i * DELAY_LINE_SAMPLES for i in range(4))
+S_OPENING_LINE1, S_OPENING_LINE2, S_PRESSURE_LINE1, S_PRESSURE_LINE2 = (103 + i * DELAY_LINE_SAMPLES for i in range(4))
 
 (
     C_PERIOD,  # s

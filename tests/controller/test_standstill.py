@@ -35,6 +35,8 @@ def stirred(force: float, way: float, **given: float) -> np.ndarray:
         (0.4 * COULOMB, 3 * REACH, {"PEAK_FORCE": 1.1 * COULOMB}, 0.0),  # it was pushed loose before
         (0.4 * COULOMB, 1 * REACH, {}, 0.0),  # noise goes as far
         (0.4 * COULOMB, 3 * REACH, {"REF_REST_TIME": 0.0}, 0.0),  # it shall move
+        (0.4 * COULOMB, 3 * REACH, {"FIRST_FORCE": 0.4 * COULOMB}, 0.0),  # the air pushes no more than before: a load
+        (-0.4 * COULOMB, -3 * REACH, {"V": -1e-3, "LOAD": -0.4 * COULOMB}, 0.0),  # nor does it where the load rises
         (0.4 * COULOMB, 6e-4, {"ELASTIC": 1.0}, 0.0),  # no spring gives way so far
         (0.4 * COULOMB, 3 * REACH, {"ELASTIC": 1.0, "X_SHAPED": 0.101}, 0.0),  # a load took it away
     ],
@@ -146,6 +148,19 @@ def test_held_an_elastic_piston_keeps_its_force() -> None:
     s = balanced(8.0, REF_REST_TIME=1.0, V=0.0, ELASTIC=1.0, RELEASE_FORCE=3.0)
     assert still.update_hold(0.1, s, C)
     assert of(s, "FORCE", "RELEASE_FORCE") == pytest.approx([8.0, 3.0])
+
+
+@pytest.mark.parametrize("load", [-30.0, 30.0])
+def test_a_load_that_pushes_less_far_than_soft_seals_reach_is_seen_at_once(load: float) -> None:
+    """It was taken for elastic seals, under which no load is observed, until it had pushed as far as those reach."""
+    model, requirements = axis.arranged("5/3")
+    model = replace(model, rig=replace(model.rig, stroke=0.45))
+    c, time = design_cascade(model, requirements, axis.SEALED), 1e-3 * np.arange(2500)
+    found = simulate(model, c, axis.scenario(c, np.full(2500, 0.225), np.where(time > 1.0, load, 0.0)), axis.BENCH)
+    off = np.abs(found.model[:, sim.X] - 0.225)
+    assert off.max() < 0.6 * c.values["C_PRESLIDING_DISTANCE"]  # 1.6 mm; it went past all of them
+    assert off[-500:].max() < 10e-6
+    assert of(found.states, "LOAD")[0] == pytest.approx(load, rel=0.1)
 
 
 @pytest.mark.parametrize("known", [False, True])
