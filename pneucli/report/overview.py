@@ -234,8 +234,11 @@ def _next_command(material: ReportData) -> str:
         return f"Next: pneucli export {material.file} --to c"
     if answer.next_experiment and not answer.missing and not answer.impossible:
         purpose, colon, _ = answer.next_experiment.partition(":")
+        is_whole = colon and "(" not in purpose  # a colon in brackets explains a word
         about = (
-            f"{purpose[:1].lower()}{purpose[1:]}, see" if colon and len(purpose) <= MAX_PURPOSE else "the experiment in"
+            f"{purpose[:1].lower()}{purpose[1:]}, see"
+            if is_whole and len(purpose) <= MAX_PURPOSE
+            else "the experiment in"
         )
         return f"Next: {about} the chapter Evidence"
     following = diagnose.next_step(answer, material.file, otherwise="").partition("; or: ")[0]

@@ -97,6 +97,8 @@ def test_a_reason_stands_once_however_many_effects_it_refuses() -> None:
          "Next: pneucli add rig.toml --suggested"),
         ({"missing": [], "verdict": "unexplained", "next_experiment": "To test stribeck: Vent both chambers. Pull."},
          "Next: to test stribeck, see the chapter Evidence"),
+        ({"missing": [], "verdict": "unexplained", "next_experiment": "In force (mechanics: friction). Record p2."},
+         "Next: the experiment in the chapter Evidence"),
         ({"missing": [], "verdict": "adequate", "next_experiment": None}, ""),  # "run" wrote this page
     ],
 )  # fmt: skip
