@@ -363,7 +363,7 @@ def _stated(
     cylinder: CylinderTable, signals: SignalsTable, kinds: Sequence[ExperimentKind]
 ) -> Iterator[tuple[str, float]]:
     """Yield what is stated, in the words of the parameters' ``stated``, with its values in SI."""
-    if any(kind.cylinder for kind in kinds):
+    if not kinds or any(kind.cylinder for kind in kinds):  # without recordings: a rig that a plan is made for
         yield from _spring(cylinder)
         if cylinder.angle is not None:
             if cylinder.moving_mass is None:

@@ -8,8 +8,10 @@ from dataclasses import replace
 import numpy as np
 
 from pneucli.identify.estimation.parameters import FreeParameter
+from pneucli.identify.estimation.score_test import initial_guesses
+from pneucli.identify.guesses.valve_areas import LOOP_BAND
 from pneucli.identify.residuals import ResidualModel, residual_models
-from pneucli.physics.declaration import BASE_PARAMETERS
+from pneucli.physics.declaration import BASE_PARAMETERS, Effect
 from pneucli.physics.scales import RigQuantities
 from pneucli.plan.bench import Bench
 from pneucli.plan.limits import Limits
@@ -17,7 +19,7 @@ from pneucli.plan.manoeuvres import candidate_manoeuvres
 from pneucli.plan.power import Deviation
 from pneucli.plan.simulation import simulate_manoeuvre, synthetic_recording
 from pneucli.recording import Rig
-from pneucli.simulate.model import Model
+from pneucli.simulate.model import Model, with_effect
 from pneucli.simulate.preparation import prepare
 from pneucli.simulate.rig_quantities import rig_quantities
 from pneucli.simulate.valve_forms.area import NO_VALVE, ValveArea
@@ -35,17 +37,27 @@ MODEL_ERROR = Deviation(5.0, 0.1)  # of the best model: the median on messy rigs
 EXTREMES = {"fast valve, little friction": (2.0, 0.3), "slow valve, much friction": (0.5, 3.0)}
 
 
-def typical_model(rig: Rig, benches: Sequence[Bench], valve: str = "map") -> Model:
-    """Return a model of a described rig with typical friction and a typical valve.
+def typical_model(rig: Rig, benches: Sequence[Bench], valve: str = "map", effects: Sequence[Effect] = ()) -> Model:
+    """Return a model of a described rig with typical friction, a typical valve, and effects as stated or typical.
 
     Args:
         rig: The rig.
         benches: Its benches.
-        valve: Form of the valve: "map", "linear" or "switching".
+        valve: Form of the valve: "map", "linear", "switching" or "pressure".
+        effects: What the pipeline file says that the rig has.
 
     Returns:
         The model.
     """
+    model = _base_model(rig, benches, valve)
+    quantities = replace(rig_quantities(model), max_speed=TOP_SPEED)
+    for effect in effects:
+        if starts := initial_guesses(effect, quantities, rig.priors):
+            model = with_effect(model, effect, starts[len(starts) // 2])
+    return model
+
+
+def _base_model(rig: Rig, benches: Sequence[Bench], valve: str) -> Model:
     command = max((bench.command_range for bench in benches), default=1.0)
     area = typical_area(rig)
     values = {} if rig.vessel_volume is None else {"rig.vessel_volume": rig.vessel_volume}
@@ -81,8 +93,8 @@ def typical_area(rig: Rig) -> float:
 
 
 def _valve(form: str, area: float, command: float) -> ValveArea | LinearValve | SwitchingValve:
-    if form == "linear":
-        return LinearValve(area / command, command)
+    if form in ("linear", "pressure"):
+        return LinearValve(area / (command if form == "linear" else LOOP_BAND * command), command)
     if form == "switching":
         return SwitchingValve(area, area, command)
     overlap = OVERLAP_SHARE * command

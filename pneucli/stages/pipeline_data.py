@@ -30,11 +30,11 @@ from pneucli.pipeline.context import Context
 from pneucli.pipeline.manifest import digest
 from pneucli.plausibility.required_inputs import RequiredInput, required_inputs, tells_valve_map, without_pressure
 from pneucli.plausibility.weights import contradicted_parts, contradictions
-from pneucli.recording import ParameterPrior, Recording, Rig
+from pneucli.recording import Recording, Rig
 from pneucli.simulate.end_stops import with_end_stops
 from pneucli.simulate.experiment import Experiment
 from pneucli.simulate.preparation import prepare
-from pneucli.stages.pipeline_file import parameter_priors, with_started_supply
+from pneucli.stages.pipeline_file import priors_in_model, with_started_supply
 
 LONG_RECORDING_HOURS = 1.0  # h of recordings in all: one run of the model through them takes a second and more
 
@@ -55,22 +55,7 @@ class PipelineData:
         config = self.context.config
         rig = with_identified_null(self.recordings, with_started_supply(config.to_rig(), config))
         require_stated(required_inputs([*self.recordings, *self.flow_recordings], rig), self.context.path)
-        return replace(rig, priors=self._parameter_priors)
-
-    @cached_property
-    def _parameter_priors(self) -> dict[str, ParameterPrior]:
-        """What the file says of the model's parameters; those of an effect that is not in the model wait for it.
-
-        A fixed value that refines an effect counts: the diagnosis fits the effect with it.
-        """
-        there = {e.name for e in self.effects} | {"friction", "rig", "valve", "valve_2"}
-        effects = self.available_effects
-        refining = {f"{e.name}.{p.name}" for e in effects.values() for p in e.parameters if p.refines}
-        return {
-            name: one
-            for name, one in parameter_priors(self.context.config, effects).items()
-            if name.partition(".")[0] in there or (name in refining and one.fixed is not None)
-        }
+        return replace(rig, priors=priors_in_model(config, self.effects, self.available_effects))
 
     @property
     def recordings(self) -> list[Recording]:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -61,6 +61,22 @@ def parameter_priors(config: PipelineConfig, effects: Mapping[str, Effect]) -> d
         if name in units and name not in priors
     }
     return priors | stated
+
+
+def priors_in_model(
+    config: PipelineConfig, given: Sequence[Effect], available: Mapping[str, Effect]
+) -> dict[str, ParameterPrior]:
+    """Return what the file says of the model's parameters; those of an effect that is not in the model wait for it.
+
+    A fixed value that refines an effect counts: the diagnosis fits the effect with it.
+    """
+    there = {e.name for e in given} | {"friction", "rig", "valve", "valve_2"}
+    refining = {f"{e.name}.{p.name}" for e in available.values() for p in e.parameters if p.refines}
+    return {
+        name: one
+        for name, one in parameter_priors(config, available).items()
+        if name.partition(".")[0] in there or (name in refining and one.fixed is not None)
+    }
 
 
 def with_started_supply(rig: Rig, config: PipelineConfig) -> Rig:

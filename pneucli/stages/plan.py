@@ -62,6 +62,7 @@ from pneucli.recording import Rig
 from pneucli.report.plan_page import plan_page
 from pneucli.simulate.model import without_effect
 from pneucli.stages.pipeline_data import PipelineData
+from pneucli.stages.pipeline_file import priors_in_model
 from pneucli.stages.planned_recordings import planned_recording, planned_recordings
 
 DEFAULT_MINUTES, FIRST_MINUTES = 3.0, 5.0
@@ -424,14 +425,18 @@ def _best_fit(pipeline: PipelineData, train: Sequence[ResidualModel]) -> Fit:
 def described_rig(context: Context) -> Basis:
     """Return a typical model of a rig that is only described; raises InputError where ``[rig]`` describes no bench."""
     config = context.config
-    rig = _described(context)
+    catalogue = all_effects(plugin_files(config))
+    given = select_effects(config.model.effects, catalogue, f"{context.path}, key model.effects")
+    rig = replace(_described(context), priors=priors_in_model(config, given, catalogue))
     benches = described_benches(rig, config.plan.max_command)
     limits = limits_of(rig, benches, config.plan.model_dump())
-    model = typical_model(rig, benches, "switching" if rig.valve_kind == "switching" else config.model.valve)
+    model = typical_model(
+        rig, benches, config.model.valve if rig.valve_kind == "proportional" else rig.valve_kind, given
+    )
     horizon = AXIS_HORIZON if rig.has_cylinder else VESSEL_HORIZON
     samples = sample_residual_models(benches, limits, model, horizon)
-    free, catalogue = free_parameters(model, samples), all_effects(plugin_files(config)).values()
-    absent = with_absent_effects(model, [e for e in catalogue if e.side is None], samples)
+    free = free_parameters(model, samples)
+    absent = with_absent_effects(model, [e for e in catalogue.values() if e.side is None], samples)
     free = with_typical_spread(free)
     return Basis(
         benches,

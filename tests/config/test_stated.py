@@ -2,7 +2,6 @@
 
 import math
 from pathlib import Path
-from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -13,8 +12,7 @@ from pneucli.identify.estimation.score_test import initial_guesses
 from pneucli.physics.effects import catalogue_with_sides
 from pneucli.physics.scales import RigQuantities
 from pneucli.stages.look import read_pipeline
-from pneucli.stages.pipeline_data import PipelineData
-from pneucli.stages.pipeline_file import parameter_priors
+from pneucli.stages.pipeline_file import parameter_priors, priors_in_model
 
 FILE = """
 [pipeline]
@@ -93,8 +91,8 @@ def test_a_spring_and_the_weight_are_effects_with_known_values(tmp_path: Path) -
 def test_a_payload_on_a_slope_has_its_weight(tmp_path: Path) -> None:
     config = stated(tmp_path, ("# cylinder", 'angle = "30 deg"'))
     assert config.model.effects == ["constant-force"]
-    known = PipelineData(SimpleNamespace(config=config, path=config.path))._parameter_priors  # type: ignore[arg-type]
-    payload = catalogue_with_sides()["extra-mass"]
+    effects = catalogue_with_sides()
+    known, payload = priors_in_model(config, [effects["constant-force"]], effects), effects["extra-mass"]
     guess = initial_guesses(payload, RigQuantities(mass=4.0), known)[0]
     assert guess["extra-mass.gravity"] == pytest.approx(9.80665 * 0.5)
     weight = payload.ports["force"](0.1, 0.0, 0.2, *guess.values())

@@ -98,3 +98,14 @@ def test_commands_about_an_unknown_null_are_refused(tmp_path: Path) -> None:
 def test_a_rig_that_is_not_described_is_refused(tmp_path: Path, removed: str, wanted: str) -> None:
     with pytest.raises(InputError, match=wanted):
         plan.run(context(tmp_path, RIG.replace(removed, "")))
+
+
+def test_a_plan_is_made_for_the_valve_and_the_spring_that_the_file_states(tmp_path: Path) -> None:
+    """A valve with a pressure loop moves another way than a map of areas, and its loop is no effect to be shown."""
+    stated = RIG.replace('null = "5 V"', 'kind = "pressure"\nnull = "0 V"')
+    answer = plan.run(context(tmp_path, stated))
+    assert "pressure-control" not in {p["effect"] for p in answer["power"]}
+    cylinder = '[rig.cylinder]\npiston_area_1 = "9.5 cm^2"\nstroke = "0.2 m"\nmoving_mass = "2 kg"\nspring = "2 N/mm"\n'
+    model = plan.described_rig(context(tmp_path, stated + cylinder)).expectation.model
+    assert {e.name for e in model.effects} == {"pressure-control", "spring-force"}
+    assert model.values["spring-force.stiffness"] == 2000.0
