@@ -7,11 +7,12 @@ import pytest
 
 from pneucli.identify.estimation.objective import LeastSquaresProblem
 from pneucli.identify.estimation.parameters import base_parameters, effect_parameters
-from pneucli.identify.residuals import ChamberPressures, ResidualModel
+from pneucli.identify.residuals import ChamberPressures, ResidualModel, initial_state
 from pneucli.noise import NoiseModel
 from pneucli.physics.effects import catalogue
+from pneucli.simulate.preparation import prepare
 from pneucli.simulate.rig_quantities import rig_quantities
-from tests.simulate.synthetic_experiments import VALVE, held_commands, make_experiment, model, time_grid
+from tests.simulate.synthetic_experiments import RIG, VALVE, held_commands, make_experiment, model, time_grid
 
 TIME = time_grid(1.0)
 
@@ -51,3 +52,14 @@ def test_one_simulation_gives_the_derivatives_of_weighted_and_whitened_residuals
         assert np.linalg.norm(one - other) <= 1e-3 * np.linalg.norm(other)
     assert not at_once[time.size + 50 : time.size + 90].any()
     assert all(np.linalg.norm(column) > 0.0 for column in at_once.T)
+
+
+def test_a_diverging_model_tells_nothing_of_initial_states_and_warns_of_nothing(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """Warnings are errors in tests; without the derivative its cost is infinite, and a fit steps back."""
+    reading = 3e5 + np.random.default_rng(1).normal(scale=400.0, size=TIME.size)
+    e = prepare(make_experiment("valve", TIME, {"u": 1.0, "p_supply": 7e5, "p1": reading}).recording, RIG, 0.5)
+    gone = {name: np.full(TIME.size, np.inf) for name in ("p1", "p2")}
+    monkeypatch.setattr(initial_state, "simulate", lambda *_: gone)
+    assert not np.isfinite(initial_state.initial_state_sensitivity(model(), e, {"p1": 1.0, "p2": 1.0})["p1"]).any()
