@@ -82,9 +82,11 @@ def _reductions(before: Array, after: Array) -> Array:
 
 def effective_degrees_of_freedom(parts: Array) -> float:
     """Return the number of equal normal terms that have the same kurtosis as these: few large terms count as few."""
-    squares = parts**2
-    fourth = float((squares**2).sum())
-    return max(3.0 * float(squares.sum()) ** 2 / fourth - 2.0, 1.0) if fourth > 0.0 else 1.0
+    largest = float(np.max(np.abs(parts), initial=0.0))
+    if not 0.0 < largest < math.inf:
+        return 1.0
+    squares = (parts / largest) ** 2  # only their ratios count, and powers of large ones have no number
+    return float(max(3.0 * squares.sum() ** 2 / (squares**2).sum() - 2.0, 1.0))
 
 
 @dataclass(frozen=True)

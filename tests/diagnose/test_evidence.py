@@ -77,6 +77,8 @@ def test_noise_is_called_certain_as_often_as_its_bound_says():
 def test_equal_parts_count_fully_and_one_large_part_counts_as_one():
     assert effective_degrees_of_freedom(np.random.default_rng(2).normal(size=1000)) == pytest.approx(1000, rel=0.15)
     assert effective_degrees_of_freedom(np.array([1000.0, 1.0, 1.0, 1.0])) == pytest.approx(1.0, abs=0.01)
+    for size in (1e-200, 1.0, 1e200):  # of an effect that the readings hardly show, the parts have any size
+        assert effective_degrees_of_freedom(size * np.array([1.0, -1.0] * 20)) == pytest.approx(118.0)
 
 
 def test_a_larger_family_costs_more():
